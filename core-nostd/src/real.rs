@@ -1,0 +1,111 @@
+//! The one number trait of the physics: `f32`, `f64` and SIMD lanes.
+
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use nalgebra::Scalar;
+
+/// A real number, or a lane group of them, on which the vehicle's equations are written once.
+///
+/// Every operation is correctly rounded IEEE arithmetic in source order (nothing fused, nothing approximate), so
+/// that a lane, a scalar and a microcontroller compute the same bits.
+pub trait Real:
+    Scalar
+    + Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + DivAssign
+{
+    /// The nearest representable value, in every lane.
+    fn from_f64(value: f64) -> Self;
+
+    /// Square root; NaN below zero.
+    #[must_use]
+    fn sqrt(self) -> Self;
+
+    /// Magnitude.
+    #[must_use]
+    fn abs(self) -> Self;
+
+    /// `then` where `self < bound`, `otherwise` elsewhere (also where either is NaN).
+    #[must_use]
+    fn where_less(self, bound: Self, then: Self, otherwise: Self) -> Self;
+
+    /// Zero in every lane.
+    #[inline(always)]
+    #[must_use]
+    fn zero() -> Self {
+        Self::from_f64(0.0)
+    }
+
+    /// One in every lane.
+    #[inline(always)]
+    #[must_use]
+    fn one() -> Self {
+        Self::from_f64(1.0)
+    }
+
+    /// The smaller of both; `other` where `self` is NaN.
+    #[inline(always)]
+    #[must_use]
+    fn at_most(self, other: Self) -> Self {
+        self.where_less(other, self, other)
+    }
+
+    /// The larger of both; `other` where `self` is NaN.
+    #[inline(always)]
+    #[must_use]
+    fn at_least(self, other: Self) -> Self {
+        other.where_less(self, self, other)
+    }
+
+    /// Limited to `[low, high]`; NaN becomes `low`.
+    #[inline(always)]
+    #[must_use]
+    fn limited(self, low: Self, high: Self) -> Self {
+        self.at_least(low).at_most(high)
+    }
+
+    /// Square.
+    #[inline(always)]
+    #[must_use]
+    fn squared(self) -> Self {
+        self * self
+    }
+}
+
+macro_rules! real_for_float {
+    ($float:ty, $sqrt:path, $abs:path) => {
+        impl Real for $float {
+            #[inline(always)]
+            fn from_f64(value: f64) -> Self {
+                value as $float
+            }
+
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                $sqrt(self)
+            }
+
+            #[inline(always)]
+            fn abs(self) -> Self {
+                $abs(self)
+            }
+
+            #[inline(always)]
+            fn where_less(self, bound: Self, then: Self, otherwise: Self) -> Self {
+                if self < bound { then } else { otherwise }
+            }
+        }
+    };
+}
+
+real_for_float!(f32, libm::sqrtf, f32::abs);
+real_for_float!(f64, libm::sqrt, f64::abs);
