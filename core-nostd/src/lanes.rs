@@ -100,7 +100,7 @@ impl<const N: usize> Real for Lanes<N> {
 
     #[inline(always)]
     fn sqrt(self) -> Self {
-        self.map(libm::sqrtf)
+        self.map(Real::sqrt)
     }
 
     #[inline(always)]

@@ -1,9 +1,15 @@
-#![no_std]
-//! Kestrel's core.
+#![cfg_attr(not(feature = "std"), no_std)]
+//! The part of Kestrel that flies on hosts and microcontrollers alike: no allocation, no operating system.
+//!
+//! Read in the order of the data: an [`airframe`] becomes a [`vehicle`], whose [`dynamics`] advance its state;
+//! an [`observation`] of the state goes through a policy, whose [`action`] becomes rotor targets again.
 
+pub mod action;
+pub mod activation;
 pub mod airframe;
 pub mod attitude;
 pub mod dynamics;
 pub mod lanes;
+pub mod observation;
 pub mod real;
 pub mod vehicle;

@@ -107,5 +107,11 @@ macro_rules! real_for_float {
     };
 }
 
+#[cfg(feature = "std")]
+real_for_float!(f32, f32::sqrt, f32::abs);
+#[cfg(feature = "std")]
+real_for_float!(f64, f64::sqrt, f64::abs);
+#[cfg(not(feature = "std"))]
 real_for_float!(f32, libm::sqrtf, f32::abs);
+#[cfg(not(feature = "std"))]
 real_for_float!(f64, libm::sqrt, f64::abs);

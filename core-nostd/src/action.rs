@@ -1,0 +1,127 @@
+//! What a policy commands: action spaces that turn four numbers in \[-1, 1\] into rotor targets.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::airframe::Airframe;
+use crate::real::Real;
+
+/// Values in every action.
+pub const ACTION_LEN: usize = 4;
+
+/// The action spaces; the identifier and its numbers travel in the policy file.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ActionSpace {
+    /// [`RotorSpeeds`].
+    RotorSpeeds(RotorSpeeds),
+    /// [`ThrustBodyRates`] (CTBR).
+    ThrustBodyRates(ThrustBodyRates),
+}
+
+/// One action per rotor: `hover_rotor_speed · (1 + fraction · action)`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RotorSpeeds {
+    /// Speed at which the nominal drone hovers \[rad/s\].
+    pub hover_rotor_speed: f32,
+    /// Greatest rotor speed \[rad/s\].
+    pub rotor_speed_limit: f32,
+    /// Authority around hover, in (0, 1]; the reference system has 0.05.
+    pub fraction: f32,
+}
+
+/// Collective thrust and body rates, tracked by a proportional rate controller with the nominal mixer.
+///
+/// Thrust is `hover thrust · (1 + thrust_fraction · action[0])`; the wanted body rates are `action[1..4]` times
+/// their limits.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThrustBodyRates {
+    /// Squared rotor speed at which the nominal drone hovers \[rad²/s²\].
+    pub hover_speed_squared: f32,
+    /// Squared greatest rotor speed \[rad²/s²\].
+    pub speed_squared_limit: f32,
+    /// Thrust authority around hover, in (0, 1.25] for the Crazyflie.
+    pub thrust_fraction: f32,
+    /// Body rates that a full action asks for \[rad/s\].
+    pub body_rates_limit: [f32; 3],
+    /// Angular acceleration per body-rate error \[1/s\].
+    pub rate_gains: [f32; 3],
+    /// Squared rotor speed per angular acceleration about x, y, z, for each rotor \[rad\].
+    pub mixer: [[f32; 3]; 4],
+}
+
+impl RotorSpeeds {
+    /// Authority of `fraction` around the hover speed of `airframe`.
+    pub fn new(airframe: &Airframe, fraction: f32) -> Self {
+        Self {
+            hover_rotor_speed: airframe.hover_rotor_speed() as f32,
+            rotor_speed_limit: airframe.rotor_speed_limit as f32,
+            fraction,
+        }
+    }
+}
+
+impl ThrustBodyRates {
+    /// A controller for `airframe`, whose torque rows are orthogonal (X and plus layouts).
+    pub fn new(
+        airframe: &Airframe,
+        thrust_fraction: f32,
+        body_rates_limit: [f32; 3],
+        rate_gains: [f32; 3],
+    ) -> Self {
+        let yaw_arm = airframe.torque_coefficient / airframe.thrust_coefficient;
+        let arms = [
+            airframe.rotor_positions.map(|[_, y]| y),
+            airframe.rotor_positions.map(|[x, _]| -x),
+            airframe.rotor_torque_signs.map(|sign| sign * yaw_arm),
+        ];
+        let hover = airframe.hover_rotor_speed();
+        Self {
+            hover_speed_squared: (hover * hover) as f32,
+            speed_squared_limit: (airframe.rotor_speed_limit * airframe.rotor_speed_limit) as f32,
+            thrust_fraction,
+            body_rates_limit,
+            rate_gains,
+            mixer: core::array::from_fn(|rotor| {
+                core::array::from_fn(|axis| {
+                    let lever: f64 = arms[axis].iter().map(|arm| arm * arm).sum();
+                    let per_torque = arms[axis][rotor] / (lever * airframe.thrust_coefficient);
+                    (airframe.inertia[axis] * per_torque) as f32
+                })
+            }),
+        }
+    }
+
+    #[inline(always)]
+    fn rotor_targets<R: Real>(&self, action: [R; ACTION_LEN], body_rates: &Vector3<R>) -> [R; 4] {
+        let real = |value: f32| R::from_f64(f64::from(value));
+        let [thrust, roll, pitch, yaw] = action;
+        let hover = real(self.hover_speed_squared);
+        let collective = hover + hover * real(self.thrust_fraction) * thrust;
+        let wanted = |axis: usize, action: R, rate: R| {
+            (real(self.body_rates_limit[axis]) * action - rate) * real(self.rate_gains[axis])
+        };
+        let acceleration =
+            [wanted(0, roll, body_rates.x), wanted(1, pitch, body_rates.y), wanted(2, yaw, body_rates.z)];
+        self.mixer.map(|[x, y, z]| {
+            let turning = (real(x) * acceleration[0] + real(y) * acceleration[1]) + real(z) * acceleration[2];
+            (collective + turning).limited(R::zero(), real(self.speed_squared_limit)).sqrt()
+        })
+    }
+}
+
+impl ActionSpace {
+    /// Rotor targets \[rad/s\], within zero and the greatest rotor speed, whatever the action (limited to
+    /// \[-1, 1\], NaN to -1) and the body rates \[rad/s\].
+    #[inline(always)]
+    pub fn rotor_targets<R: Real>(&self, action: &[R; ACTION_LEN], body_rates: &Vector3<R>) -> [R; 4] {
+        let action = action.map(|value| value.limited(-R::one(), R::one()));
+        match self {
+            Self::RotorSpeeds(space) => action.map(|value| {
+                let hover = R::from_f64(f64::from(space.hover_rotor_speed));
+                let target = hover + hover * R::from_f64(f64::from(space.fraction)) * value;
+                target.limited(R::zero(), R::from_f64(f64::from(space.rotor_speed_limit)))
+            }),
+            Self::ThrustBodyRates(space) => space.rotor_targets(action, body_rates),
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! What a policy sees: layouts that turn a state into a vector of numbers of order one.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::action::ACTION_LEN;
+use crate::real::Real;
+use crate::vehicle::State;
+
+/// Values in the `pilot` layout.
+pub const PILOT_LEN: usize = 22;
+
+/// More values than any layout has; the size of scratch buffers.
+pub const OBSERVATION_LIMIT: usize = 64;
+
+/// The layouts a policy can be trained on; the identifier and its scales travel in the policy file.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ObservationLayout {
+    /// [`PilotLayout`], version 1.
+    Pilot(PilotLayout),
+}
+
+/// The default layout, 22 values:
+///
+/// | index | value | unit of one |
+/// |---|---|---|
+/// | 0–2 | position minus goal, world; its length is limited to 1 | `position_scale_m` |
+/// | 3–11 | rotation matrix `world_from_body`, row by row | – |
+/// | 12–14 | velocity, world | `velocity_scale` |
+/// | 15–17 | body rates | `body_rates_scale` |
+/// | 18–21 | previous action, limited to \[-1, 1\] | – |
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PilotLayout {
+    /// Distance from the goal that reads as one; farther goals keep their direction only \[m\].
+    pub position_scale_m: f32,
+    /// Speed that reads as one \[m/s\].
+    pub velocity_scale: f32,
+    /// Angular velocity that reads as one \[rad/s\].
+    pub body_rates_scale: f32,
+}
+
+impl ObservationLayout {
+    /// Number of values.
+    #[expect(clippy::len_without_is_empty, reason = "no layout is empty")]
+    pub const fn len(&self) -> usize {
+        match self {
+            Self::Pilot(_) => PILOT_LEN,
+        }
+    }
+
+    /// The observation of `state` on the way to `goal` \[m, world\].
+    #[inline(always)]
+    pub fn encode<R: Real>(
+        &self,
+        state: &State<R>,
+        goal: &Vector3<R>,
+        previous_action: &[R; ACTION_LEN],
+    ) -> [R; PILOT_LEN] {
+        match self {
+            Self::Pilot(layout) => layout.encode(state, goal, previous_action),
+        }
+    }
+}
+
+impl PilotLayout {
+    #[inline(always)]
+    fn encode<R: Real>(
+        &self,
+        state: &State<R>,
+        goal: &Vector3<R>,
+        previous_action: &[R; ACTION_LEN],
+    ) -> [R; PILOT_LEN] {
+        let per_metre = R::from_f64(1.0 / f64::from(self.position_scale_m));
+        let per_speed = R::from_f64(1.0 / f64::from(self.velocity_scale));
+        let per_rate = R::from_f64(1.0 / f64::from(self.body_rates_scale));
+        let [x, y, z] = direction_limited([
+            (state.position.x - goal.x) * per_metre,
+            (state.position.y - goal.y) * per_metre,
+            (state.position.z - goal.z) * per_metre,
+        ]);
+        let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = state.world_from_body.rows();
+        let (velocity, rates) = (&state.velocity, &state.body_rates);
+        let [a, b, c, d] = previous_action.map(|value| value.limited(-R::one(), R::one()));
+        [
+            x,
+            y,
+            z, // position
+            xx,
+            xy,
+            xz,
+            yx,
+            yy,
+            yz,
+            zx,
+            zy,
+            zz, // attitude
+            velocity.x * per_speed,
+            velocity.y * per_speed,
+            velocity.z * per_speed,
+            rates.x * per_rate,
+            rates.y * per_rate,
+            rates.z * per_rate,
+            a,
+            b,
+            c,
+            d,
+        ]
+    }
+}
+
+/// `vector` shortened to length one where it is longer.
+#[inline(always)]
+fn direction_limited<R: Real>([x, y, z]: [R; 3]) -> [R; 3] {
+    let square = (x * x + y * y) + z * z;
+    let scale = R::one() / square.at_least(R::one()).sqrt();
+    [x * scale, y * scale, z * scale]
+}
