@@ -94,7 +94,7 @@ impl ThrustBodyRates {
 
     #[inline(always)]
     fn rotor_targets<R: Real>(&self, action: [R; ACTION_LEN], body_rates: &Vector3<R>) -> [R; 4] {
-        let real = |value: f32| R::from_f64(f64::from(value));
+        let real = R::from_f32;
         let [thrust, roll, pitch, yaw] = action;
         let hover = real(self.hover_speed_squared);
         let collective = hover + hover * real(self.thrust_fraction) * thrust;
@@ -118,9 +118,9 @@ impl ActionSpace {
         let action = action.map(|value| value.limited(-R::one(), R::one()));
         match self {
             Self::RotorSpeeds(space) => action.map(|value| {
-                let hover = R::from_f64(f64::from(space.hover_rotor_speed));
-                let target = hover + hover * R::from_f64(f64::from(space.fraction)) * value;
-                target.limited(R::zero(), R::from_f64(f64::from(space.rotor_speed_limit)))
+                let hover = R::from_f32(space.hover_rotor_speed);
+                let target = hover + hover * R::from_f32(space.fraction) * value;
+                target.limited(R::zero(), R::from_f32(space.rotor_speed_limit))
             }),
             Self::ThrustBodyRates(space) => space.rotor_targets(action, body_rates),
         }

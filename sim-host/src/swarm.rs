@@ -2,8 +2,12 @@
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
-use kestrel_core::vehicle::{State, Vehicle};
+use kestrel_core::dynamics::Integrator::{self, RungeKutta4, SemiImplicitEuler};
+use kestrel_core::vehicle::Ground::{self, Distant, Near};
+use kestrel_core::vehicle::{Air, State, Vehicle};
 use nalgebra::Vector3;
+
+use crate::scenario::Physics;
 
 /// One value per lane.
 pub(crate) type Column<const LANES: usize> = [f32; LANES];
@@ -17,7 +21,7 @@ pub(crate) struct Swarm<const LANES: usize> {
     pub(crate) body_rates: [Column<LANES>; 3],
     pub(crate) rotor_speeds: [Column<LANES>; 4],
     pub(crate) wind: [Column<LANES>; 3],
-    /// The fields of [`Vehicle`] that randomisation touches, in the order of [`Swarm::vehicle`].
+    /// The fields of [`Vehicle`] that randomisation touches, in the order of `Swarm::vehicle`.
     pub(crate) gains: [Column<LANES>; 11],
     nominal: Vehicle<f32>,
 }
@@ -66,7 +70,7 @@ impl<const LANES: usize> Swarm<LANES> {
     }
 
     #[inline(always)]
-    pub(crate) fn vehicle(&self, lane: usize) -> Vehicle<f32> {
+    fn vehicle(&self, nominal: &Vehicle<f32>, lane: usize) -> Vehicle<f32> {
         let [mass, thrust, roll, pitch, yaw, gx, gy, gz, rise, fall, drag] = &self.gains;
         Vehicle {
             inverse_mass: mass[lane],
@@ -76,7 +80,7 @@ impl<const LANES: usize> Swarm<LANES> {
             rotor_rise_rate: rise[lane],
             rotor_fall_rate: fall[lane],
             planar_drag: drag[lane],
-            ..self.nominal
+            ..*nominal
         }
     }
 
@@ -98,9 +102,32 @@ impl<const LANES: usize> Swarm<LANES> {
         set_row(&mut self.gains, lane, values);
     }
 
+    /// Advances every drone by one substep with rotor targets held.
     #[inline(always)]
-    pub(crate) fn wind(&self, lane: usize) -> Vector3<f32> {
-        vector(&self.wind, lane)
+    pub(crate) fn advance(&mut self, physics: &Physics, targets: &[Column<LANES>; 4]) {
+        // The choices are spelled out as constants, so that the loop over lanes has no branch and vectorises.
+        match (physics.integrator, physics.ground) {
+            (SemiImplicitEuler, Distant) => {
+                self.advance_lanes(SemiImplicitEuler, Distant, physics.substep_secs(), targets)
+            }
+            (SemiImplicitEuler, Near) => {
+                self.advance_lanes(SemiImplicitEuler, Near, physics.substep_secs(), targets)
+            }
+            (RungeKutta4, Distant) => self.advance_lanes(RungeKutta4, Distant, physics.substep_secs(), targets),
+            (RungeKutta4, Near) => self.advance_lanes(RungeKutta4, Near, physics.substep_secs(), targets),
+        }
+    }
+
+    #[inline(always)]
+    fn advance_lanes(&mut self, integrator: Integrator, ground: Ground, secs: f32, targets: &[Column<LANES>; 4]) {
+        // A copy, which no store to a column can change: the loop reads it once.
+        let nominal = self.nominal;
+        for lane in 0..LANES {
+            let air = Air { wind: vector(&self.wind, lane), force: Vector3::new(0.0, 0.0, 0.0), ground };
+            let (vehicle, state) = (self.vehicle(&nominal, lane), self.state(lane));
+            let next = integrator.advance(&vehicle, &state, &row(targets, lane), &air, secs);
+            self.set_state(lane, &next);
+        }
     }
 
     /// Every column, for saving and restoring.
