@@ -80,6 +80,7 @@ impl<R: Real> Attitude<R> {
     /// Time derivative of the quaternion under body rates \[rad/s\]: half the product with the pure quaternion
     /// (Diebel 2006, eq. 141).
     #[inline(always)]
+    #[must_use]
     pub fn derivative(&self, body_rates: Vector3<R>) -> Self {
         let half = R::from_f64(0.5);
         let (p, q, r) = (half * body_rates.x, half * body_rates.y, half * body_rates.z);

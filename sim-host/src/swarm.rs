@@ -22,7 +22,7 @@ pub(crate) struct Swarm<const LANES: usize> {
     pub(crate) rotor_speeds: [Column<LANES>; 4],
     pub(crate) wind: [Column<LANES>; 3],
     /// The fields of [`Vehicle`] that randomisation touches, in the order of `Swarm::vehicle`.
-    pub(crate) gains: [Column<LANES>; 11],
+    pub(crate) gains: [Column<LANES>; 12],
     nominal: Vehicle<f32>,
 }
 
@@ -37,7 +37,7 @@ impl<const LANES: usize> Swarm<LANES> {
             body_rates: [nothing; 3],
             rotor_speeds: [nothing; 4],
             wind: [nothing; 3],
-            gains: [nothing; 11],
+            gains: [nothing; 12],
             nominal: Vehicle::new(airframe),
         };
         let nominal = swarm.nominal;
@@ -71,7 +71,7 @@ impl<const LANES: usize> Swarm<LANES> {
 
     #[inline(always)]
     fn vehicle(&self, nominal: &Vehicle<f32>, lane: usize) -> Vehicle<f32> {
-        let [mass, thrust, roll, pitch, yaw, gx, gy, gz, rise, fall, drag] = &self.gains;
+        let [mass, thrust, roll, pitch, yaw, gx, gy, gz, rise, fall, drag, axial] = &self.gains;
         Vehicle {
             inverse_mass: mass[lane],
             thrust_gain: thrust[lane],
@@ -80,6 +80,7 @@ impl<const LANES: usize> Swarm<LANES> {
             rotor_rise_rate: rise[lane],
             rotor_fall_rate: fall[lane],
             planar_drag: drag[lane],
+            extra_axial_drag: axial[lane],
             ..*nominal
         }
     }
@@ -98,6 +99,7 @@ impl<const LANES: usize> Swarm<LANES> {
             vehicle.rotor_rise_rate,
             vehicle.rotor_fall_rate,
             vehicle.planar_drag,
+            vehicle.extra_axial_drag,
         ];
         set_row(&mut self.gains, lane, values);
     }
