@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::block::{Block, Finished, PRIVILEGED_LEN};
 use crate::contact::Hull;
-use crate::outcome::{Episode, Outcome};
+use crate::outcome::{Ending, Episode, Outcome};
 use crate::scenario::{CriticView, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::swarm::{Column, Swarm};
@@ -213,7 +213,7 @@ impl<const LANES: usize> Simulation<LANES> {
         for ((block, rewards), outcomes) in self.blocks.iter().zip(rewards).zip(self.outcomes.chunks_mut(LANES)) {
             rewards.copy_from_slice(&block.rewards[..rewards.len()]);
             for (outcome, code) in outcomes.iter_mut().zip(block.codes) {
-                *outcome = termination::decode(code).map_or(Outcome::Running, |ending| ending.outcome());
+                *outcome = termination::decode(code).map_or(Outcome::Running, Ending::outcome);
             }
         }
     }

@@ -108,15 +108,12 @@ impl<const LANES: usize> Swarm<LANES> {
     #[inline(always)]
     pub(crate) fn advance(&mut self, physics: &Physics, targets: &[Column<LANES>; 4]) {
         // The choices are spelled out as constants, so that the loop over lanes has no branch and vectorises.
+        let secs = physics.substep_secs();
         match (physics.integrator, physics.ground) {
-            (SemiImplicitEuler, Distant) => {
-                self.advance_lanes(SemiImplicitEuler, Distant, physics.substep_secs(), targets)
-            }
-            (SemiImplicitEuler, Near) => {
-                self.advance_lanes(SemiImplicitEuler, Near, physics.substep_secs(), targets)
-            }
-            (RungeKutta4, Distant) => self.advance_lanes(RungeKutta4, Distant, physics.substep_secs(), targets),
-            (RungeKutta4, Near) => self.advance_lanes(RungeKutta4, Near, physics.substep_secs(), targets),
+            (SemiImplicitEuler, Distant) => self.advance_lanes(SemiImplicitEuler, Distant, secs, targets),
+            (SemiImplicitEuler, Near) => self.advance_lanes(SemiImplicitEuler, Near, secs, targets),
+            (RungeKutta4, Distant) => self.advance_lanes(RungeKutta4, Distant, secs, targets),
+            (RungeKutta4, Near) => self.advance_lanes(RungeKutta4, Near, secs, targets),
         }
     }
 
