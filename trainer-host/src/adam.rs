@@ -26,9 +26,9 @@ impl Adam {
         Self { first: vec![0.0; parameters], second: vec![0.0; parameters], steps: 0 }
     }
 
-    /// Number of values it optimises.
+    /// Number of values it optimises; zero when its own state is inconsistent.
     pub fn parameter_count(&self) -> usize {
-        self.first.len()
+        if self.first.len() == self.second.len() { self.first.len() } else { 0 }
     }
 
     /// One descent step along `gradient * gradient_scale`.

@@ -1,6 +1,6 @@
 //! How much better an action turned out than the critic expected.
 
-use kestrel_sim::simulation::Outcome;
+use kestrel_sim::outcome::Outcome;
 
 /// One panel's rollout as columns: `[steps][environments]` each.
 #[derive(Clone, Copy, Debug)]
@@ -53,8 +53,8 @@ pub struct Moments {
 
 impl Moments {
     /// Takes in `values`.
-    pub fn add(&mut self, values: impl IntoIterator<Item = f32>) {
-        for value in values.into_iter().map(f64::from) {
+    pub fn add(&mut self, values: &[f32]) {
+        for value in values.iter().copied().map(f64::from) {
             self.count += 1.0;
             self.sum += value;
             self.squares += value * value;
@@ -147,7 +147,7 @@ mod tests {
     fn normalised_advantages_have_mean_zero_and_unit_spread() {
         let mut advantages = [1.0, 2.0, 3.0, 4.0];
         let mut moments = Moments::default();
-        moments.add(advantages);
+        moments.add(&advantages);
         normalise(&mut advantages, &moments);
         let deviation = 1.0 / libm::sqrtf(1.25);
         for (advantage, expected) in advantages.iter().zip([-1.5, -0.5, 0.5, 1.5]) {
@@ -155,7 +155,7 @@ mod tests {
         }
         let mut flat = [2.0; 3];
         let mut moments = Moments::default();
-        moments.add(flat);
+        moments.add(&flat);
         normalise(&mut flat, &moments);
         assert_eq!(flat, [0.0; 3]);
     }

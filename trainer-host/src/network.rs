@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use dense::Dense;
 use dense::DenseGradient;
-pub(crate) use kernel::{dispatch, dot, sum};
+pub(crate) use kernel::{dispatch, dot};
 use kernel::TanhBackward;
 
 /// Gain of orthogonal weights before a tanh, the choice of CleanRL and Stable-Baselines3.
@@ -32,6 +32,11 @@ impl Mlp {
         widths.extend_from_slice(hidden);
         widths.push(outputs);
         Self { widths }
+    }
+
+    /// Number of inputs, widths of the hidden layers, number of outputs.
+    pub fn widths(&self) -> &[usize] {
+        &self.widths
     }
 
     /// Number of inputs.
