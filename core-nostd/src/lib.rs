@@ -1,4 +1,4 @@
-#![cfg_attr(not(feature = "std"), no_std)]
+#![cfg_attr(not(any(feature = "std", test)), no_std)]
 //! The part of Kestrel that flies on hosts and microcontrollers alike: no allocation, no operating system.
 //!
 //! Read in the order of the data: an [`airframe`] becomes a [`vehicle`], whose [`dynamics`] advance its state;
@@ -11,7 +11,6 @@ pub mod attitude;
 pub mod crc32;
 pub mod dynamics;
 pub mod fixed;
-pub mod lanes;
 pub mod mlp;
 pub mod observation;
 pub mod pilot;

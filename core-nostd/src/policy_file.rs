@@ -59,6 +59,16 @@ enum Network<'a> {
     Fixed16(FixedMlp<'a>),
 }
 
+impl Arithmetic {
+    /// As written in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Float32 => "float32",
+            Self::Fixed16 => "fixed16",
+        }
+    }
+}
+
 impl<'a> PolicyFile<'a> {
     /// The policy in `bytes`, which are the whole file and start on a four-byte boundary of memory.
     ///
@@ -110,6 +120,11 @@ impl<'a> PolicyFile<'a> {
     /// The action in \[-1, 1\] on an encoded observation. Never panics, never returns NaN, whatever the observation.
     pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LEN] {
         self.network.act(observation, scratch)
+    }
+
+    /// Working memory for [`Self::act`], of the same size for every policy.
+    pub const fn scratch(&self) -> Scratch {
+        Scratch::new()
     }
 
     /// How many values of `observation` lie beyond the range of the input format; none for a float policy.

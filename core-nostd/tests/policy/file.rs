@@ -11,7 +11,7 @@ use kestrel_core::policy_file::{
 };
 use proptest::prelude::*;
 
-use crate::support::{Model, golden, metadata, observations, rotor_speeds, seal, thrust_body_rates, write};
+use crate::support::{Model, draft, golden, metadata, observations, rotor_speeds, seal, thrust_body_rates, write};
 
 proptest! {
     #[test]
@@ -108,7 +108,7 @@ fn a_buffer_may_be_longer_than_the_file_but_not_shorter() {
     let model = Model::typical(4);
     let layers = model.layers();
     let golden = golden();
-    let draft = model.draft(&layers, ParameterFormat::Float32, &golden);
+    let draft = draft(&layers, ParameterFormat::Float32, &golden);
     let expected = draft.file_len().unwrap();
     let mut long = vec![7; expected + 9];
     assert_eq!(draft.write(&mut long), Ok(expected));
@@ -169,7 +169,7 @@ fn drafts_that_no_file_can_hold_are_refused() {
     let model = Model::typical(8);
     let layers = model.layers();
     let golden = golden();
-    let valid = model.draft(&layers, ParameterFormat::Float32, &golden);
+    let valid = draft(&layers, ParameterFormat::Float32, &golden);
     let refusal = |draft: PolicyDraft<'_>| draft.file_len().unwrap_err();
     let expected = PILOT_LEN;
     assert_eq!(

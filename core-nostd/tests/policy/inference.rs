@@ -6,7 +6,7 @@ use kestrel_core::observation::PILOT_LEN;
 use kestrel_core::policy_file::{ParameterFormat, PolicyError, PolicyFile, Scratch};
 use proptest::prelude::*;
 
-use crate::support::{Model, golden, observations, write};
+use crate::support::{Model, draft, golden, observations, write};
 
 /// Hidden widths with every remainder of the row blocks and column pairs.
 fn widths() -> impl Strategy<Value = Vec<usize>> {
@@ -158,7 +158,7 @@ fn saturation_is_counted_and_the_value_limited() {
     assert_eq!(format.input_fraction_bits, 13);
     let golden = golden();
     let layers = model.layers();
-    let bytes = write(&model.draft(&layers, ParameterFormat::Fixed16(format), &golden));
+    let bytes = write(&draft(&layers, ParameterFormat::Fixed16(format), &golden));
     let policy = PolicyFile::parse(&bytes).unwrap();
     let mut observation = observations(6, 1, 1.0);
     assert_eq!(policy.saturations(&observation), 0);
@@ -181,7 +181,7 @@ fn formats_are_the_finest_that_cannot_overflow() {
         let mut finer = format;
         finer.weight_fraction_bits[layer] += 1;
         let golden = golden();
-        let draft = model.draft(&layers, ParameterFormat::Fixed16(finer), &golden);
+        let draft = draft(&layers, ParameterFormat::Fixed16(finer), &golden);
         let mut bytes = vec![0; draft.file_len().unwrap()];
         assert_eq!(draft.write(&mut bytes), Err(PolicyError::WeightsTooLarge { layer }));
     }
@@ -196,7 +196,7 @@ fn weights_beyond_any_format_are_refused() {
     assert_eq!(FixedFormat::finest(&broken.layers(), 2.0), Err(PolicyError::WeightsTooLarge { layer: 0 }));
     let layers = broken.layers();
     let golden = golden();
-    let draft = broken.draft(&layers, ParameterFormat::Float32, &golden);
+    let draft = draft(&layers, ParameterFormat::Float32, &golden);
     let mut bytes = vec![0; draft.file_len().unwrap()];
     assert_eq!(draft.write(&mut bytes), Err(PolicyError::NotFinite { layer: 0 }));
 }

@@ -9,14 +9,14 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
-use crate::support::{Model, PILOT, golden, metadata, rotor_speeds, thrust_body_rates, write};
+use crate::support::{Model, PILOT, draft, golden, metadata, rotor_speeds, thrust_body_rates, write};
 
 fn file(action: ActionSpace, fixed: bool) -> Vec<u8> {
     let model = Model::typical(11);
     let layers = model.layers();
     let golden = golden();
     let parameters = if fixed { model.fixed_format() } else { ParameterFormat::Float32 };
-    let mut draft = model.draft(&layers, parameters, &golden);
+    let mut draft = draft(&layers, parameters, &golden);
     draft.metadata = metadata(action);
     write(&draft)
 }

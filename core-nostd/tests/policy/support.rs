@@ -80,25 +80,24 @@ impl Model {
     }
 
     pub(crate) fn float_file(&self) -> Vec<u8> {
-        write(&self.draft(&self.layers(), ParameterFormat::Float32, &golden()))
+        write(&draft(&self.layers(), ParameterFormat::Float32, &golden()))
     }
 
     pub(crate) fn fixed_file(&self) -> Vec<u8> {
-        write(&self.draft(&self.layers(), self.fixed_format(), &golden()))
+        write(&draft(&self.layers(), self.fixed_format(), &golden()))
     }
 
     pub(crate) fn fixed_format(&self) -> ParameterFormat {
         ParameterFormat::Fixed16(FixedFormat::finest(&self.layers(), 2.0).expect("test weights are small"))
     }
+}
 
-    pub(crate) fn draft<'a>(
-        &self,
-        layers: &'a [DenseLayer<'a>],
-        parameters: ParameterFormat,
-        golden_observations: &'a [f32],
-    ) -> PolicyDraft<'a> {
-        PolicyDraft { metadata: metadata(rotor_speeds()), parameters, layers, golden_observations }
-    }
+pub(crate) fn draft<'a>(
+    layers: &'a [DenseLayer<'a>],
+    parameters: ParameterFormat,
+    golden_observations: &'a [f32],
+) -> PolicyDraft<'a> {
+    PolicyDraft { metadata: metadata(rotor_speeds()), parameters, layers, golden_observations }
 }
 
 pub(crate) fn rotor_speeds() -> ActionSpace {
