@@ -1,1 +1,8 @@
-//! Placeholder.
+//! Kestrel's trainer.
+
+pub mod atomic_file;
+pub mod checkpoint;
+pub mod interrupt;
+pub mod progress;
+pub mod run_directory;
+pub mod tensorboard;
