@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::airframe::Airframe;
+use crate::airframe::{Airframe, Layout};
 use crate::real::Real;
 
 /// Values in every action.
@@ -61,18 +61,19 @@ impl RotorSpeeds {
 }
 
 impl ThrustBodyRates {
-    /// A controller for `airframe`, whose torque rows are orthogonal (X and plus layouts).
+    /// A controller for `airframe`; the rotor shares of the three torques are orthogonal in every [`Layout`].
     pub fn new(
         airframe: &Airframe,
         thrust_fraction: f32,
         body_rates_limit: [f32; 3],
         rate_gains: [f32; 3],
     ) -> Self {
+        let positions = airframe.layout.rotor_positions();
         let yaw_arm = airframe.torque_coefficient / airframe.thrust_coefficient;
         let arms = [
-            airframe.rotor_positions.map(|[_, y]| y),
-            airframe.rotor_positions.map(|[x, _]| -x),
-            airframe.rotor_torque_signs.map(|sign| sign * yaw_arm),
+            positions.map(|[_, y]| y),
+            positions.map(|[x, _]| -x),
+            Layout::TORQUE_SIGNS.map(|sign| sign * yaw_arm),
         ];
         let hover = airframe.hover_rotor_speed();
         Self {
@@ -93,7 +94,7 @@ impl ThrustBodyRates {
 
     #[inline(always)]
     fn rotor_targets<R: Real>(&self, action: [R; ACTION_LEN], body_rates: &Vector3<R>) -> [R; 4] {
-        let real = |value: f32| R::from_f64(f64::from(value));
+        let real = R::from_f32;
         let [thrust, roll, pitch, yaw] = action;
         let hover = real(self.hover_speed_squared);
         let collective = hover + hover * real(self.thrust_fraction) * thrust;
@@ -117,9 +118,9 @@ impl ActionSpace {
         let action = action.map(|value| value.limited(-R::one(), R::one()));
         match self {
             Self::RotorSpeeds(space) => action.map(|value| {
-                let hover = R::from_f64(f64::from(space.hover_rotor_speed));
-                let target = hover + hover * R::from_f64(f64::from(space.fraction)) * value;
-                target.limited(R::zero(), R::from_f64(f64::from(space.rotor_speed_limit)))
+                let hover = R::from_f32(space.hover_rotor_speed);
+                let target = hover + hover * R::from_f32(space.fraction) * value;
+                target.limited(R::zero(), R::from_f32(space.rotor_speed_limit))
             }),
             Self::ThrustBodyRates(space) => space.rotor_targets(action, body_rates),
         }

@@ -70,9 +70,9 @@ impl PilotLayout {
         goal: &Vector3<R>,
         previous_action: &[R; ACTION_LEN],
     ) -> [R; PILOT_LEN] {
-        let per_metre = R::from_f64(1.0 / f64::from(self.position_scale_m));
-        let per_speed = R::from_f64(1.0 / f64::from(self.velocity_scale));
-        let per_rate = R::from_f64(1.0 / f64::from(self.body_rates_scale));
+        let per_metre = R::one() / R::from_f32(self.position_scale_m);
+        let per_speed = R::one() / R::from_f32(self.velocity_scale);
+        let per_rate = R::one() / R::from_f32(self.body_rates_scale);
         let [x, y, z] = direction_limited([
             (state.position.x - goal.x) * per_metre,
             (state.position.y - goal.y) * per_metre,
