@@ -2,6 +2,7 @@
 
 pub mod atomic_file;
 pub mod checkpoint;
+pub mod curve;
 pub mod interrupt;
 pub mod progress;
 pub mod run_directory;
