@@ -1,5 +1,6 @@
 //! Kestrel's trainer.
 
+pub mod animation;
 pub mod atomic_file;
 pub mod checkpoint;
 pub mod curve;

@@ -1,4 +1,4 @@
-//! TensorBoard event files: records of protocol buffers, each with a checksum.
+//! `TensorBoard` event files: records of protocol buffers, each with a checksum.
 //!
 //! A record is, little-endian: length (`u64`), masked CRC-32C of the length bytes (`u32`), data, masked CRC-32C of
 //! the data (`u32`). The data is an `Event` (tensorboard/compat/proto/event.proto), of which this writes `wall_time`
@@ -20,7 +20,7 @@ pub struct EventFile {
 
 impl EventFile {
     /// Starts an event file in the directory of a run, which goes on after `steps` environment steps (0 for a new
-    /// run): TensorBoard then forgets the later steps in earlier files of the directory.
+    /// run): `TensorBoard` then forgets the later steps in earlier files of the directory.
     ///
     /// # Errors
     /// The system's reason.
