@@ -1,4 +1,4 @@
-//! All drones of a block, as columns: lane `i` of every column belongs to drone `i`.
+//! Many drones as columns: lane `i` of every column belongs to drone `i`.
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
@@ -6,15 +6,16 @@ use kestrel_core::dynamics::Integrator::{self, RungeKutta4, SemiImplicitEuler};
 use kestrel_core::vehicle::Ground::{self, Distant, Near};
 use kestrel_core::vehicle::{Air, State, Vehicle};
 use nalgebra::Vector3;
+use pulp::{Simd, WithSimd};
 
 use crate::scenario::Physics;
 
 /// One value per lane.
 pub(crate) type Column<const LANES: usize> = [f32; LANES];
 
-/// States and parameters of `LANES` drones.
+/// States and parameters of `LANES` drones that fly in air without bounds.
 #[derive(Clone, Debug)]
-pub(crate) struct Swarm<const LANES: usize> {
+pub struct Swarm<const LANES: usize> {
     pub(crate) position: [Column<LANES>; 3],
     pub(crate) attitude: [Column<LANES>; 4],
     pub(crate) velocity: [Column<LANES>; 3],
@@ -22,13 +23,13 @@ pub(crate) struct Swarm<const LANES: usize> {
     pub(crate) rotor_speeds: [Column<LANES>; 4],
     pub(crate) wind: [Column<LANES>; 3],
     /// The fields of [`Vehicle`] that randomisation touches, in the order of `Swarm::vehicle`.
-    pub(crate) gains: [Column<LANES>; 11],
+    pub(crate) gains: [Column<LANES>; 12],
     nominal: Vehicle<f32>,
 }
 
 impl<const LANES: usize> Swarm<LANES> {
-    /// Nominal drones at rest at the origin.
-    pub(crate) fn new(airframe: &Airframe) -> Self {
+    /// Nominal drones at the origin: level, still, rotors stopped.
+    pub fn new(airframe: &Airframe) -> Self {
         let nothing = [0.0; LANES];
         let mut swarm = Self {
             position: [nothing; 3],
@@ -37,7 +38,7 @@ impl<const LANES: usize> Swarm<LANES> {
             body_rates: [nothing; 3],
             rotor_speeds: [nothing; 4],
             wind: [nothing; 3],
-            gains: [nothing; 11],
+            gains: [nothing; 12],
             nominal: Vehicle::new(airframe),
         };
         let nominal = swarm.nominal;
@@ -47,8 +48,12 @@ impl<const LANES: usize> Swarm<LANES> {
         swarm
     }
 
+    /// The state of the drone in a lane.
+    ///
+    /// # Panics
+    /// When there is no such lane.
     #[inline(always)]
-    pub(crate) fn state(&self, lane: usize) -> State<f32> {
+    pub fn state(&self, lane: usize) -> State<f32> {
         let [w, x, y, z] = &self.attitude;
         State {
             position: vector(&self.position, lane),
@@ -59,8 +64,12 @@ impl<const LANES: usize> Swarm<LANES> {
         }
     }
 
+    /// Replaces the state of the drone in a lane.
+    ///
+    /// # Panics
+    /// When there is no such lane.
     #[inline(always)]
-    pub(crate) fn set_state(&mut self, lane: usize, state: &State<f32>) {
+    pub fn set_state(&mut self, lane: usize, state: &State<f32>) {
         let Attitude { w, x, y, z } = state.world_from_body;
         set_row(&mut self.position, lane, state.position.into());
         set_row(&mut self.attitude, lane, [w, x, y, z]);
@@ -71,7 +80,7 @@ impl<const LANES: usize> Swarm<LANES> {
 
     #[inline(always)]
     fn vehicle(&self, nominal: &Vehicle<f32>, lane: usize) -> Vehicle<f32> {
-        let [mass, thrust, roll, pitch, yaw, gx, gy, gz, rise, fall, drag] = &self.gains;
+        let [mass, thrust, roll, pitch, yaw, gx, gy, gz, rise, fall, drag, axial] = &self.gains;
         Vehicle {
             inverse_mass: mass[lane],
             thrust_gain: thrust[lane],
@@ -80,6 +89,7 @@ impl<const LANES: usize> Swarm<LANES> {
             rotor_rise_rate: rise[lane],
             rotor_fall_rate: fall[lane],
             planar_drag: drag[lane],
+            extra_axial_drag: axial[lane],
             ..*nominal
         }
     }
@@ -98,6 +108,7 @@ impl<const LANES: usize> Swarm<LANES> {
             vehicle.rotor_rise_rate,
             vehicle.rotor_fall_rate,
             vehicle.planar_drag,
+            vehicle.extra_axial_drag,
         ];
         set_row(&mut self.gains, lane, values);
     }
@@ -106,15 +117,12 @@ impl<const LANES: usize> Swarm<LANES> {
     #[inline(always)]
     pub(crate) fn advance(&mut self, physics: &Physics, targets: &[Column<LANES>; 4]) {
         // The choices are spelled out as constants, so that the loop over lanes has no branch and vectorises.
+        let secs = physics.substep_secs();
         match (physics.integrator, physics.ground) {
-            (SemiImplicitEuler, Distant) => {
-                self.advance_lanes(SemiImplicitEuler, Distant, physics.substep_secs(), targets)
-            }
-            (SemiImplicitEuler, Near) => {
-                self.advance_lanes(SemiImplicitEuler, Near, physics.substep_secs(), targets)
-            }
-            (RungeKutta4, Distant) => self.advance_lanes(RungeKutta4, Distant, physics.substep_secs(), targets),
-            (RungeKutta4, Near) => self.advance_lanes(RungeKutta4, Near, physics.substep_secs(), targets),
+            (SemiImplicitEuler, Distant) => self.advance_lanes(SemiImplicitEuler, Distant, secs, targets),
+            (SemiImplicitEuler, Near) => self.advance_lanes(SemiImplicitEuler, Near, secs, targets),
+            (RungeKutta4, Distant) => self.advance_lanes(RungeKutta4, Distant, secs, targets),
+            (RungeKutta4, Near) => self.advance_lanes(RungeKutta4, Near, secs, targets),
         }
     }
 
@@ -140,6 +148,37 @@ impl<const LANES: usize> Swarm<LANES> {
             .chain(&mut self.rotor_speeds)
             .chain(&mut self.wind)
             .chain(&mut self.gains)
+    }
+}
+
+/// Advances each swarm by `steps` substeps with its rotor targets `[4][LANES]` \[rad/s\] held, with the best
+/// instructions of the processor.
+pub fn advance_all<const LANES: usize>(
+    swarms: &mut [Swarm<LANES>],
+    physics: &Physics,
+    targets: &[[f32; LANES]; 4],
+    steps: u32,
+) {
+    pulp::Arch::new().dispatch(AdvanceAll { swarms, physics, targets, steps });
+}
+
+struct AdvanceAll<'a, const LANES: usize> {
+    swarms: &'a mut [Swarm<LANES>],
+    physics: &'a Physics,
+    targets: &'a [Column<LANES>; 4],
+    steps: u32,
+}
+
+impl<const LANES: usize> WithSimd for AdvanceAll<'_, LANES> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for swarm in self.swarms {
+            for _ in 0..self.steps {
+                swarm.advance(self.physics, self.targets);
+            }
+        }
     }
 }
 
