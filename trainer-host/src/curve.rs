@@ -3,7 +3,7 @@
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
 use crate::progress::amount;
 
@@ -35,12 +35,10 @@ const GREEN: RGBColor = RGBColor(0x12, 0x9a, 0x74);
 pub struct CurvePoint {
     /// Environment steps since the run began.
     pub steps: u64,
-    /// Mean return of the episodes that ended in the update; NaN (`null`) when none did.
-    #[serde(deserialize_with = "number_or_nan")]
-    pub episode_return: f32,
-    /// Share of successes among them in \[0, 1\]; NaN (`null`) when none ended.
-    #[serde(deserialize_with = "number_or_nan")]
-    pub success_rate: f32,
+    /// Mean return of the episodes that ended in the update, if any did.
+    pub episode_return: Option<f32>,
+    /// Share of successes among them in \[0, 1\].
+    pub success_rate: Option<f32>,
 }
 
 /// The picture could not be drawn.
@@ -90,13 +88,13 @@ struct Series {
 
 impl Series {
     fn of_returns(points: &[CurvePoint]) -> Self {
-        let points = finite(points, |point| f64::from(point.episode_return));
+        let points = finite(points, |point| point.episode_return);
         let (low, high) = range_with_margin(&points);
         Self { name: "Episode return [reward]", colour: BLUE, points, low, high }
     }
 
     fn of_successes(points: &[CurvePoint]) -> Self {
-        let points = finite(points, |point| 100.0 * f64::from(point.success_rate));
+        let points = finite(points, |point| point.success_rate.map(|share| 100.0 * share));
         Self { name: "Success rate [% of episodes]", colour: GREEN, points, low: 0.0, high: 104.0 }
     }
 
@@ -113,12 +111,8 @@ impl Series {
     }
 }
 
-fn number_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f32, D::Error> {
-    Ok(Option::deserialize(deserializer)?.unwrap_or(f32::NAN))
-}
-
-fn finite(points: &[CurvePoint], value: impl Fn(&CurvePoint) -> f64) -> Vec<(f64, f64)> {
-    let pairs = points.iter().map(|point| (point.steps as f64, value(point)));
+fn finite(points: &[CurvePoint], value: impl Fn(&CurvePoint) -> Option<f32>) -> Vec<(f64, f64)> {
+    let pairs = points.iter().filter_map(|point| Some((point.steps as f64, f64::from(value(point)?))));
     pairs.filter(|(_, value)| value.is_finite()).collect()
 }
 
@@ -218,8 +212,8 @@ mod tests {
     fn points(count: u64) -> Vec<CurvePoint> {
         let point = |index: u64| CurvePoint {
             steps: 40_000 * (index + 1),
-            episode_return: -20.0 + index as f32,
-            success_rate: index as f32 / count as f32,
+            episode_return: Some(-20.0 + index as f32),
+            success_rate: Some(index as f32 / count as f32),
         };
         (0..count).map(point).collect()
     }
@@ -240,18 +234,19 @@ mod tests {
 
     #[test]
     fn a_constant_return_makes_a_picture() {
-        let constant = points(5).into_iter().map(|point| CurvePoint { episode_return: 7.0, ..point });
+        let constant = points(5).into_iter().map(|point| CurvePoint { episode_return: Some(7.0), ..point });
         assert!(is_complete(&learning_curve("constant", &constant.collect::<Vec<_>>()).unwrap()));
     }
 
     #[test]
     fn updates_without_ended_episodes_are_skipped() {
         let mut with_gaps = points(3);
-        let nan = CurvePoint { steps: 1, episode_return: f32::NAN, success_rate: f32::NAN };
-        with_gaps.insert(0, nan);
+        let none = CurvePoint { steps: 1, episode_return: None, success_rate: None };
+        let nan = CurvePoint { steps: 1, episode_return: Some(f32::NAN), success_rate: Some(f32::NAN) };
+        with_gaps.insert(0, none);
         with_gaps.insert(2, nan);
         assert_eq!(learning_curve("gaps", &with_gaps).unwrap(), learning_curve("gaps", &points(3)).unwrap());
-        assert!(is_complete(&learning_curve("nothing", &[nan]).unwrap()));
+        assert!(is_complete(&learning_curve("nothing", &[none, nan]).unwrap()));
     }
 
     #[test]
@@ -278,6 +273,6 @@ mod tests {
     fn rows_of_the_metrics_are_points() {
         let row = r#"{"updates":1,"steps":40,"episode_return":null,"success_rate":0.5,"entropy":5.0}"#;
         let point: CurvePoint = serde_json::from_str(row).unwrap();
-        assert!(point.steps == 40 && point.episode_return.is_nan() && point.success_rate == 0.5);
+        assert_eq!(point, CurvePoint { steps: 40, episode_return: None, success_rate: Some(0.5) });
     }
 }

@@ -51,7 +51,8 @@ impl Interrupt {
     }
 }
 
-#[cfg(all(test, unix))]
+#[cfg(unix)] // the signals are sent with kill
+#[cfg(test)]
 mod tests {
     use std::io::{BufRead, BufReader};
     use std::process::{Child, Command, Stdio};

@@ -16,10 +16,10 @@ const REDRAWS_PER_SECOND: u8 = 5;
 pub struct ProgressReport {
     /// Environment steps since the run began.
     pub steps: u64,
-    /// Mean return of the episodes that ended in the update; NaN when none did.
-    pub episode_return: f32,
-    /// Share of successes among them in \[0, 1\]; NaN when none ended.
-    pub success_rate: f32,
+    /// Mean return of the episodes that ended in the update, if any did.
+    pub episode_return: Option<f32>,
+    /// Share of successes among them in \[0, 1\].
+    pub success_rate: Option<f32>,
 }
 
 /// Shows how far a run is.
@@ -40,8 +40,8 @@ impl Progress {
     pub fn show(&mut self, report: &ProgressReport) {
         match &self.bar {
             Some(bar) => {
-                bar.set_message(results(report));
                 bar.set_position(report.steps);
+                bar.set_message(results(report));
             }
             None => self.write_line_when_due(report),
         }
@@ -136,7 +136,8 @@ fn bar(total: u64, done: u64) -> ProgressBar {
             let _ = out.write_str(&amount(state.per_sec()));
         })
         .with_key("left", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
-            let _ = out.write_str(&clock(state.eta().as_secs_f64()));
+            let known = state.per_sec() > 0.0;
+            let _ = out.write_str(&if known { clock(state.eta().as_secs_f64()) } else { "?".to_owned() });
         });
     let bar = ProgressBar::with_draw_target(Some(total), target).with_style(style).with_position(done);
     bar.reset_eta();
@@ -149,11 +150,11 @@ fn percentage(done: u64, total: u64) -> u64 {
 }
 
 fn results(report: &ProgressReport) -> String {
-    let success_percent = 100.0 * report.success_rate;
-    if report.episode_return.is_finite() {
-        format!("return {:.2}  success {success_percent:.1} %", report.episode_return)
-    } else {
-        "no episode ended yet".to_owned()
+    match (report.episode_return, report.success_rate) {
+        (Some(episode_return), Some(success_rate)) => {
+            format!("return {episode_return:.2}  success {:.1} %", 100.0 * success_rate)
+        }
+        _ => "no episode ended".to_owned(),
     }
 }
 
@@ -175,7 +176,7 @@ mod tests {
     }
 
     fn report(steps: u64) -> ProgressReport {
-        ProgressReport { steps, episode_return: 312.456, success_rate: 0.875 }
+        ProgressReport { steps, episode_return: Some(312.456), success_rate: Some(0.875) }
     }
 
     #[test]
@@ -204,9 +205,9 @@ mod tests {
     }
 
     #[test]
-    fn before_the_first_episode_ends_there_is_no_return() {
-        let none = ProgressReport { steps: 1, episode_return: f32::NAN, success_rate: f32::NAN };
-        assert_eq!(results(&none), "no episode ended yet");
+    fn without_an_ended_episode_there_is_no_return() {
+        let none = ProgressReport { steps: 1, episode_return: None, success_rate: None };
+        assert_eq!(results(&none), "no episode ended");
     }
 
     #[test]

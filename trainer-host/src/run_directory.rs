@@ -325,7 +325,9 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let run = RunDirectory::create(directory.path(), CONFIG).unwrap();
         let litter = [run.path().join(".unfinished-a1"), run.checkpoints().join(".unfinished-b2")];
-        litter.iter().for_each(|path| fs::write(path, "half").unwrap());
+        for path in &litter {
+            fs::write(path, "half").unwrap();
+        }
         drop(run);
         let run = RunDirectory::resume(directory.path()).unwrap();
         assert!(litter.iter().all(|path| !path.exists()));

@@ -96,7 +96,7 @@ impl Placed<'_> {
             Paint { colour: palette::mix(palette::INK, colour, 0.75), opacity: 0.9 },
             Depth::Tested,
         );
-        let direction = if rotor % 2 == 0 { 1.0 } else { -1.0 };
+        let direction = if rotor.is_multiple_of(2) { 1.0 } else { -1.0 };
         let angle = direction * BLADE_STEP * index as f32;
         let blade = [disc.at(angle), disc.at(angle + std::f32::consts::PI)];
         view.rod(blade, 0.003, Paint { colour: palette::INK, opacity: 0.5 }, Depth::Tested);

@@ -125,6 +125,7 @@ fn all_colours() -> Vec<Colour> {
     for rotor in (0..ROTORS).map(|step| thrust(step as f32 / (ROTORS - 1) as f32)) {
         colours.extend(ramp::<FADES>(rotor, FLOOR));
         colours.push(mix(INK, rotor, 0.5));
+        colours.push(mix(mix(FLOOR, GOAL, 0.25), rotor, 0.75));
     }
     colours
 }

@@ -157,7 +157,9 @@ fn what_is_nearer_hides_what_is_farther_in_either_order() {
         if !near_first {
             shapes.reverse();
         }
-        shapes.iter().for_each(|(shape, colour)| canvas.polygon(shape, Paint::opaque(*colour), Depth::Solid));
+        for (shape, colour) in shapes {
+            canvas.polygon(&shape, Paint::opaque(colour), Depth::Solid);
+        }
         assert_eq!(canvas.colours[10 * 40 + 10], RED);
     }
 }

@@ -100,7 +100,9 @@ fn a_run_set_back_forgets_the_future_it_left() {
 fn when_both_are_damaged_the_newest_is_blamed() {
     let (_directory, checkpoints) = checkpoints();
     let paths = [1, 2].map(|updates| checkpoints.save(updates, &model(updates)).unwrap());
-    paths.iter().for_each(|path| fs::write(path, "").unwrap());
+    for path in &paths {
+        fs::write(path, "").unwrap();
+    }
     let error = checkpoints.load_newest::<Model>().unwrap_err().to_string();
     assert_eq!(error, format!("{} is truncated: found 0 bytes, expected 24", paths[1].display()));
 }
