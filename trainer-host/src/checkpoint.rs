@@ -7,12 +7,11 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use kestrel_core::crc32::crc32;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::atomic_file::{FileError, read, replace_atomically};
-
-mod crc32;
 
 /// First bytes of every checkpoint.
 const MAGIC: [u8; 8] = *b"KESTRELC";
@@ -208,7 +207,7 @@ fn encode(state: &impl Serialize) -> Vec<u8> {
     bytes.extend(MAGIC);
     bytes.extend(FORMAT_VERSION.to_le_bytes());
     bytes.extend((payload.len() as u64).to_le_bytes());
-    bytes.extend(crc32::crc32(&payload).to_le_bytes());
+    bytes.extend(crc32(&payload).to_le_bytes());
     bytes.extend(payload);
     bytes
 }
@@ -245,10 +244,8 @@ fn whole_payload<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a [u8], Checkpoin
     if found > expected {
         return Err(CheckpointError::TooLong { path, found, expected });
     }
-    match crc32::crc32(payload) {
-        crc32 if crc32 == expected_crc32 => Ok(payload),
-        found => Err(CheckpointError::Damaged { path, found, expected: expected_crc32 }),
-    }
+    let (found, expected) = (crc32(payload), expected_crc32);
+    if found == expected { Ok(payload) } else { Err(CheckpointError::Damaged { path, found, expected }) }
 }
 
 /// What stands between the magic and the payload.
