@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::airframe::Airframe;
+use crate::airframe::{Airframe, Layout};
 use crate::real::Real;
 
 /// Values in every action.
@@ -61,18 +61,19 @@ impl RotorSpeeds {
 }
 
 impl ThrustBodyRates {
-    /// A controller for `airframe`, whose torque rows are orthogonal (X and plus layouts).
+    /// A controller for `airframe`; the rotor shares of the three torques are orthogonal in every [`Layout`].
     pub fn new(
         airframe: &Airframe,
         thrust_fraction: f32,
         body_rates_limit: [f32; 3],
         rate_gains: [f32; 3],
     ) -> Self {
+        let positions = airframe.layout.rotor_positions();
         let yaw_arm = airframe.torque_coefficient / airframe.thrust_coefficient;
         let arms = [
-            airframe.rotor_positions.map(|[_, y]| y),
-            airframe.rotor_positions.map(|[x, _]| -x),
-            airframe.rotor_torque_signs.map(|sign| sign * yaw_arm),
+            positions.map(|[_, y]| y),
+            positions.map(|[x, _]| -x),
+            Layout::TORQUE_SIGNS.map(|sign| sign * yaw_arm),
         ];
         let hover = airframe.hover_rotor_speed();
         Self {

@@ -13,10 +13,8 @@ pub struct Airframe {
     pub mass: f64,
     /// Principal moments of inertia about body x, y, z \[kg m²\].
     pub inertia: [f64; 3],
-    /// Rotor positions `[x, y]` in the body plane \[m\].
-    pub rotor_positions: [[f64; 2]; 4],
-    /// Sign of each rotor's reaction torque about body z: +1 pushes the nose to the left.
-    pub rotor_torque_signs: [f64; 4],
+    /// Where the rotors are.
+    pub layout: Layout,
     /// Thrust of one rotor per squared speed \[N s²/rad²\].
     pub thrust_coefficient: f64,
     /// Reaction torque of one rotor per squared speed \[N m s²/rad²\].
@@ -39,6 +37,37 @@ pub struct Airframe {
     pub collision_radius: f64,
     /// Height of the collision cylinder, centred on the centre of mass \[m\].
     pub collision_height: f64,
+}
+
+/// Rotors in the body plane, clockwise seen from above; the first and third turn counter-clockwise, so that their
+/// reaction pushes the nose to the right.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Layout {
+    /// Front right, rear right, rear left, front left.
+    Cross {
+        /// Distance of every rotor from the body y axis \[m\].
+        x: f64,
+        /// Distance of every rotor from the body x axis \[m\].
+        y: f64,
+    },
+    /// Front, right, rear, left.
+    Plus {
+        /// Distance of every rotor from the centre \[m\].
+        arm: f64,
+    },
+}
+
+impl Layout {
+    /// Sign of each rotor's reaction torque about body z.
+    pub const TORQUE_SIGNS: [f64; 4] = [-1.0, 1.0, -1.0, 1.0];
+
+    /// Rotor positions `[x, y]`, body \[m\].
+    pub const fn rotor_positions(&self) -> [[f64; 2]; 4] {
+        match *self {
+            Self::Cross { x, y } => [[x, -y], [-x, -y], [-x, y], [x, y]],
+            Self::Plus { arm } => [[arm, 0.0], [0.0, -arm], [-arm, 0.0], [0.0, arm]],
+        }
+    }
 }
 
 /// Rotor drag (Förster 2015), equal along body x and y.
@@ -86,8 +115,7 @@ const fn per_rpm_squared(coefficient: f64) -> f64 {
 pub const CF2X: Airframe = Airframe {
     mass: 0.027,
     inertia: [1.4e-5, 1.4e-5, 2.17e-5],
-    rotor_positions: [[0.028, -0.028], [-0.028, -0.028], [-0.028, 0.028], [0.028, 0.028]],
-    rotor_torque_signs: [-1.0, 1.0, -1.0, 1.0],
+    layout: Layout::Cross { x: 0.028, y: 0.028 },
     thrust_coefficient: per_rpm_squared(3.16e-10),
     torque_coefficient: per_rpm_squared(7.94e-12),
     rotor_speed_limit: 21_702.643_775_251_05 * RADIANS_PER_SECOND_PER_RPM,
@@ -102,8 +130,5 @@ pub const CF2X: Airframe = Airframe {
 };
 
 /// Crazyflie 2.x flying with a plus layout: `cf2p.urdf` of gym-pybullet-drones, rotors clockwise from the front.
-pub const CF2P: Airframe = Airframe {
-    inertia: [2.3951e-5, 2.3951e-5, 3.2347e-5],
-    rotor_positions: [[0.0397, 0.0], [0.0, -0.0397], [-0.0397, 0.0], [0.0, 0.0397]],
-    ..CF2X
-};
+pub const CF2P: Airframe =
+    Airframe { inertia: [2.3951e-5, 2.3951e-5, 3.2347e-5], layout: Layout::Plus { arm: 0.0397 }, ..CF2X };

@@ -49,18 +49,14 @@ impl<R: Real> Attitude<R> {
     /// Body z axis (thrust direction) in the world frame.
     #[inline(always)]
     pub fn body_z(&self) -> Vector3<R> {
-        let two = R::from_f64(2.0);
-        Vector3::new(
-            two * (self.x * self.z + self.w * self.y),
-            two * (self.y * self.z - self.w * self.x),
-            self.up_cosine(),
-        )
+        let (x2, y2) = (self.x + self.x, self.y + self.y);
+        Vector3::new(x2 * self.z + y2 * self.w, y2 * self.z - x2 * self.w, self.up_cosine())
     }
 
     /// Cosine of the tilt: the world z component of the body z axis, 1 level and -1 upside down.
     #[inline(always)]
     pub fn up_cosine(&self) -> R {
-        R::one() - R::from_f64(2.0) * (self.x * self.x + self.y * self.y)
+        R::one() - ((self.x + self.x) * self.x + (self.y + self.y) * self.y)
     }
 
     /// Rotation matrix, rows in the world frame.

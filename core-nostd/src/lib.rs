@@ -9,7 +9,6 @@ pub mod activation;
 pub mod airframe;
 pub mod attitude;
 pub mod dynamics;
-pub mod lanes;
 pub mod observation;
 pub mod real;
 pub mod vehicle;

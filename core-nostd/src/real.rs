@@ -1,14 +1,17 @@
-//! The one number trait of the physics: `f32`, `f64` and SIMD lanes.
+//! The one number trait of the physics.
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 use nalgebra::Scalar;
 
-/// A real number, or a lane group of them, on which the vehicle's equations are written once.
+/// A real number on which the vehicle's equations are written once: `f32` flies, `f64` is the oracle.
 ///
-/// Every operation is correctly rounded IEEE arithmetic in source order (nothing fused, nothing approximate), so
-/// that a lane, a scalar and a microcontroller compute the same bits.
+/// Every operation is correctly rounded IEEE arithmetic in source order (nothing fused, nothing approximate), and
+/// every choice is a select. A plain loop over columns of `f32` therefore becomes SIMD lanes inside functions
+/// compiled for AVX2, AVX-512 or NEON, and a lane, a scalar and a microcontroller compute the same bits. (A number
+/// type that holds an array of lanes was tried: the compiler unrolls it into scalars and runs at a third of the
+/// loop's speed.)
 pub trait Real:
     Scalar
     + Copy
@@ -23,7 +26,7 @@ pub trait Real:
     + MulAssign
     + DivAssign
 {
-    /// The nearest representable value, in every lane.
+    /// The nearest representable value.
     fn from_f64(value: f64) -> Self;
 
     /// Square root; NaN below zero.
@@ -38,14 +41,14 @@ pub trait Real:
     #[must_use]
     fn where_less(self, bound: Self, then: Self, otherwise: Self) -> Self;
 
-    /// Zero in every lane.
+    /// Zero.
     #[inline(always)]
     #[must_use]
     fn zero() -> Self {
         Self::from_f64(0.0)
     }
 
-    /// One in every lane.
+    /// One.
     #[inline(always)]
     #[must_use]
     fn one() -> Self {

@@ -15,7 +15,7 @@
 
 use nalgebra::Vector3;
 
-use crate::airframe::{Airframe, GRAVITY};
+use crate::airframe::{Airframe, GRAVITY, Layout};
 use crate::attitude::Attitude;
 use crate::real::Real;
 
@@ -69,29 +69,29 @@ pub enum Ground {
     Near,
 }
 
-/// An [`Airframe`] ready for arithmetic; the fields that randomisation touches may differ from lane to lane.
+/// An [`Airframe`] ready for arithmetic, with mass and inertia folded into every gain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vehicle<R> {
     /// Reciprocal of the mass \[1/kg\].
     pub inverse_mass: R,
-    /// Principal moments of inertia \[kg m²\].
-    pub inertia: Vector3<R>,
-    /// Their reciprocals \[1/(kg m²)\].
-    pub inverse_inertia: Vector3<R>,
-    /// Thrust of one rotor per squared speed \[N s²/rad²\].
-    pub thrust_coefficient: R,
-    /// Torque about body x, y, z \[m\] that one newton of each rotor's thrust makes.
-    pub torque_arms: [[R; 4]; 3],
+    /// Acceleration per squared rotor speed \[m/rad²\].
+    pub thrust_gain: R,
+    /// Angular acceleration about body x, y, z per squared rotor speed of one rotor, unsigned \[1/rad\].
+    pub turning_gains: Vector3<R>,
+    /// `(J_y − J_z) / J_x` and its cyclic companions.
+    pub gyroscopic: Vector3<R>,
     /// Greatest rotor speed \[rad/s\].
     pub rotor_speed_limit: R,
     /// Reciprocal time constant of a rotor that speeds up \[1/s\].
     pub rotor_rise_rate: R,
     /// Reciprocal time constant of a rotor that slows down \[1/s\].
     pub rotor_fall_rate: R,
-    /// Drag along body x and y per summed rotor speed \[N s²/(m rad)\].
+    /// Deceleration along body x and y per speed and summed rotor speed \[1/rad\].
     pub planar_drag: R,
-    /// What drag along body z adds to [`Self::planar_drag`] \[N s²/(m rad)\].
+    /// What drag along body z adds to [`Self::planar_drag`] \[1/rad\].
     pub extra_axial_drag: R,
+    /// Which rotor turns the body which way.
+    pub layout: Layout,
     /// Squared quarter radius times the ground-effect coefficient \[m²\].
     pub ground_effect: R,
     /// Height below which the ground effect grows no further \[m\].
@@ -99,30 +99,35 @@ pub struct Vehicle<R> {
 }
 
 impl<R: Real> Vehicle<R> {
-    /// The nominal vehicle of an airframe, equal in every lane.
+    /// The vehicle of an airframe.
     #[inline(always)]
     pub fn new(airframe: &Airframe) -> Self {
         let real = R::from_f64;
-        let inertia = airframe.inertia;
-        let yaw_arm = airframe.torque_coefficient / airframe.thrust_coefficient;
+        let [jx, jy, jz] = airframe.inertia;
+        let thrust = airframe.thrust_coefficient;
+        let (arm_x, arm_y) = match airframe.layout {
+            Layout::Cross { x, y } => (x, y),
+            Layout::Plus { arm } => (arm, arm),
+        };
         let quarter_radius = 0.25 * airframe.propeller_radius;
         // The reference limits the height where the added thrust would pass 4/15 of the greatest thrust.
         let floor = quarter_radius * libm::sqrt(15.0 * airframe.ground_effect_coefficient / 4.0);
+        let drag = airframe.drag_coefficients;
         Self {
             inverse_mass: real(1.0 / airframe.mass),
-            inertia: Vector3::new(real(inertia[0]), real(inertia[1]), real(inertia[2])),
-            inverse_inertia: Vector3::new(real(1.0 / inertia[0]), real(1.0 / inertia[1]), real(1.0 / inertia[2])),
-            thrust_coefficient: real(airframe.thrust_coefficient),
-            torque_arms: [
-                airframe.rotor_positions.map(|[_, y]| real(y)),
-                airframe.rotor_positions.map(|[x, _]| real(-x)),
-                airframe.rotor_torque_signs.map(|sign| real(sign * yaw_arm)),
-            ],
+            thrust_gain: real(thrust / airframe.mass),
+            turning_gains: Vector3::new(
+                real(thrust * arm_y / jx),
+                real(thrust * arm_x / jy),
+                real(airframe.torque_coefficient / jz),
+            ),
+            gyroscopic: Vector3::new(real((jy - jz) / jx), real((jz - jx) / jy), real((jx - jy) / jz)),
             rotor_speed_limit: real(airframe.rotor_speed_limit),
             rotor_rise_rate: real(1.0 / airframe.rotor_rise_secs),
             rotor_fall_rate: real(1.0 / airframe.rotor_fall_secs),
-            planar_drag: real(airframe.drag_coefficients.planar),
-            extra_axial_drag: real(airframe.drag_coefficients.axial - airframe.drag_coefficients.planar),
+            planar_drag: real(drag.planar / airframe.mass),
+            extra_axial_drag: real((drag.axial - drag.planar) / airframe.mass),
+            layout: airframe.layout,
             ground_effect: real(airframe.ground_effect_coefficient * quarter_radius * quarter_radius),
             ground_effect_floor: real(floor),
         }
@@ -132,24 +137,27 @@ impl<R: Real> Vehicle<R> {
     #[inline(always)]
     pub fn rotor_accelerations(&self, rotor_speeds: &[R; 4], targets: &[R; 4]) -> [R; 4] {
         core::array::from_fn(|i| {
-            let rate = rotor_speeds[i].where_less(targets[i], self.rotor_rise_rate, self.rotor_fall_rate);
-            (targets[i] - rotor_speeds[i]) * rate
+            let missing = targets[i] - rotor_speeds[i];
+            missing * R::zero().where_less(missing, self.rotor_rise_rate, self.rotor_fall_rate)
         })
     }
 
     /// Linear \[m/s², world\] and angular \[rad/s², body\] acceleration.
     #[inline(always)]
     pub fn accelerations(&self, state: &State<R>, air: &Air<R>) -> (Vector3<R>, Vector3<R>) {
-        let thrusts = self.thrusts(state, air.ground);
-        let thrust = (thrusts[0] + thrusts[1]) + (thrusts[2] + thrusts[3]);
+        let squares = self.squared_speeds(state, air.ground);
         let body_z = state.world_from_body.body_z();
         let drag = self.drag(state, &body_z, air);
+        let along_z = ((squares[0] + squares[1]) + (squares[2] + squares[3])) * self.thrust_gain - drag.axial;
+        let push = |body_z: R, force: R, air_speed: R| {
+            body_z * along_z + (force * self.inverse_mass - drag.planar * air_speed)
+        };
         let linear = Vector3::new(
-            (body_z.x * thrust + (air.force.x - drag.x)) * self.inverse_mass,
-            (body_z.y * thrust + (air.force.y - drag.y)) * self.inverse_mass,
-            (body_z.z * thrust + (air.force.z - drag.z)) * self.inverse_mass - R::from_f64(GRAVITY),
+            push(body_z.x, air.force.x, drag.air_velocity.x),
+            push(body_z.y, air.force.y, drag.air_velocity.y),
+            push(body_z.z, air.force.z, drag.air_velocity.z) - R::from_f64(GRAVITY),
         );
-        (linear, self.angular_acceleration(&state.body_rates, &thrusts))
+        (linear, self.angular_acceleration(&state.body_rates, &squares))
     }
 
     /// Time derivative of the whole state.
@@ -165,61 +173,67 @@ impl<R: Real> Vehicle<R> {
         }
     }
 
-    /// Thrust of each rotor \[N\].
+    /// Squared rotor speeds \[rad²/s²\], raised by the ground effect.
     #[inline(always)]
-    fn thrusts(&self, state: &State<R>, ground: Ground) -> [R; 4] {
-        let thrusts = state.rotor_speeds.map(|speed| self.thrust_coefficient * (speed * speed));
+    fn squared_speeds(&self, state: &State<R>, ground: Ground) -> [R; 4] {
+        let squares = state.rotor_speeds.map(|speed| speed * speed);
         match ground {
-            Ground::Distant => thrusts,
-            Ground::Near => self.cushioned(state, thrusts),
+            Ground::Distant => squares,
+            Ground::Near => self.cushioned(state, squares),
         }
     }
 
-    /// Thrusts with the ground effect of a floor at z = 0, rotor by rotor, none beyond a tilt of 90°.
+    /// The ground effect of a floor at z = 0, rotor by rotor, none beyond a tilt of 90°.
     #[inline(always)]
-    fn cushioned(&self, state: &State<R>, thrusts: [R; 4]) -> [R; 4] {
-        let [_, _, [to_x, to_y, up]] = state.world_from_body.rows();
+    fn cushioned(&self, state: &State<R>, squares: [R; 4]) -> [R; 4] {
+        let [_, _, [from_x, from_y, up]] = state.world_from_body.rows();
+        let positions = self.layout.rotor_positions();
         core::array::from_fn(|i| {
-            // torque_arms hold y and -x of the rotor.
-            let height = state.position.z + (to_y * self.torque_arms[0][i] - to_x * self.torque_arms[1][i]);
-            let height = height.at_least(self.ground_effect_floor);
+            let [x, y] = positions[i].map(R::from_f64);
+            let height = (state.position.z + (from_x * x + from_y * y)).at_least(self.ground_effect_floor);
             let gain = self.ground_effect / (height * height);
-            thrusts[i] + thrusts[i] * up.where_less(R::zero(), R::zero(), gain)
+            squares[i] + squares[i] * up.where_less(R::zero(), R::zero(), gain)
         })
     }
 
-    /// Rotor drag \[N\], world, to be subtracted.
+    /// Rotor drag: its part along body z as a deceleration \[m/s²\], the rest as a rate \[1/s\] on the air velocity.
     #[inline(always)]
-    fn drag(&self, state: &State<R>, body_z: &Vector3<R>, air: &Air<R>) -> Vector3<R> {
+    fn drag(&self, state: &State<R>, body_z: &Vector3<R>, air: &Air<R>) -> Drag<R> {
         let [a, b, c, d] = state.rotor_speeds;
         let summed_speed = (a + b) + (c + d);
-        let wind = &air.wind;
-        let through_air =
-            Vector3::new(state.velocity.x - wind.x, state.velocity.y - wind.y, state.velocity.z - wind.z);
-        let planar = self.planar_drag * summed_speed;
-        let along = body_z.x * through_air.x + body_z.y * through_air.y + body_z.z * through_air.z;
-        let axial = self.extra_axial_drag * summed_speed * along;
-        Vector3::new(
-            planar * through_air.x + axial * body_z.x,
-            planar * through_air.y + axial * body_z.y,
-            planar * through_air.z + axial * body_z.z,
-        )
+        let (velocity, wind) = (&state.velocity, &air.wind);
+        let air_velocity = Vector3::new(velocity.x - wind.x, velocity.y - wind.y, velocity.z - wind.z);
+        let along = (body_z.x * air_velocity.x + body_z.y * air_velocity.y) + body_z.z * air_velocity.z;
+        Drag {
+            planar: self.planar_drag * summed_speed,
+            axial: self.extra_axial_drag * summed_speed * along,
+            air_velocity,
+        }
     }
 
     /// Euler's equation for a diagonal inertia \[rad/s²\].
     #[inline(always)]
-    fn angular_acceleration(&self, rates: &Vector3<R>, thrusts: &[R; 4]) -> Vector3<R> {
-        let torque = |arms: &[R; 4]| {
-            (arms[0] * thrusts[0] + arms[1] * thrusts[1]) + (arms[2] * thrusts[2] + arms[3] * thrusts[3])
+    fn angular_acceleration(&self, rates: &Vector3<R>, squares: &[R; 4]) -> Vector3<R> {
+        let [first, second, third, fourth] = *squares;
+        let (roll, pitch) = match self.layout {
+            Layout::Cross { .. } => ((third + fourth) - (first + second), (second + third) - (first + fourth)),
+            Layout::Plus { .. } => (fourth - second, third - first),
         };
-        let [x, y, z] = &self.torque_arms;
-        let inertia = &self.inertia;
+        let yaw = (second + fourth) - (first + third);
+        let (gain, gyroscopic) = (&self.turning_gains, &self.gyroscopic);
         Vector3::new(
-            (torque(x) + (inertia.y - inertia.z) * (rates.y * rates.z)) * self.inverse_inertia.x,
-            (torque(y) + (inertia.z - inertia.x) * (rates.z * rates.x)) * self.inverse_inertia.y,
-            (torque(z) + (inertia.x - inertia.y) * (rates.x * rates.y)) * self.inverse_inertia.z,
+            roll * gain.x + gyroscopic.x * (rates.y * rates.z),
+            pitch * gain.y + gyroscopic.y * (rates.z * rates.x),
+            yaw * gain.z + gyroscopic.z * (rates.x * rates.y),
         )
     }
+}
+
+/// Rotor drag in the two parts that the model needs.
+struct Drag<R> {
+    planar: R,
+    axial: R,
+    air_velocity: Vector3<R>,
 }
 
 impl<R: Real> Air<R> {

@@ -1,8 +1,18 @@
 //! Kestrel's simulator: many drones in their aviaries, stepped together, the same bits every time.
 //!
-//! Read in the order of the data: a [`scenario`] is what the configuration becomes; a [`seed`] decides what is
-//! random.
+//! Read in the order of the data: a [`config`] file becomes a [`scenario`], which says what is simulated, and a
+//! [`seed`] what is random; a [`simulation`] steps its environments and reports each [`outcome`].
 
+mod block;
 pub mod config;
+mod contact;
+pub mod outcome;
+mod reset;
+mod reward;
 pub mod scenario;
 pub mod seed;
+pub mod simulation;
+mod swarm;
+mod termination;
+
+pub use block::PRIVILEGED_LEN;

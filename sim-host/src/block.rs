@@ -1,0 +1,284 @@
+//! One block of environments: the step as a list of stages over `LANES` lanes.
+
+use kestrel_core::action::ACTION_LEN;
+use kestrel_core::observation::PILOT_LEN;
+use kestrel_core::vehicle::{Air, State};
+use nalgebra::Vector3;
+
+use crate::contact::{self, Hull};
+use crate::outcome::{Ending, Episode};
+use crate::reset::{self, Beginning};
+use crate::reward::StepView;
+use crate::scenario::{CriticView, Scenario, Success};
+use crate::seed::{Purpose, Seed, Stream};
+use crate::swarm::{Column, Swarm, row, set_row};
+use crate::termination::{self, FlightView};
+
+/// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
+/// mass and thrust factors − 1 (2), share of the episode left (1).
+pub const PRIVILEGED_LEN: usize = 10;
+
+/// `LANES` environments that step together.
+#[derive(Clone, Debug)]
+pub(crate) struct Block<const LANES: usize> {
+    pub(crate) swarm: Swarm<LANES>,
+    pub(crate) observations: [Column<LANES>; PILOT_LEN],
+    pub(crate) privileged: [Column<LANES>; PRIVILEGED_LEN],
+    pub(crate) rewards: Column<LANES>,
+    pub(crate) codes: Column<LANES>,
+    factors: [Column<LANES>; 2],
+    previous_actions: [Column<LANES>; ACTION_LEN],
+    distances: Column<LANES>,
+    steps: Column<LANES>,
+    /// Last step at which the drone was outside the radius it must settle in.
+    last_outside: Column<LANES>,
+    totals: Column<LANES>,
+    term_totals: Vec<Column<LANES>>,
+    streams: Vec<Stream>,
+}
+
+/// An environment whose episode ended in this step.
+pub(crate) struct Finished {
+    pub(crate) lane: usize,
+    pub(crate) episode: Episode,
+    pub(crate) observation: [f32; PILOT_LEN],
+    pub(crate) privileged: [f32; PRIVILEGED_LEN],
+}
+
+impl<const LANES: usize> Block<LANES> {
+    /// Environments `first..first + LANES` at the start of their first episodes.
+    pub(crate) fn new(scenario: &Scenario, seed: Seed, purpose: Purpose, first: u32) -> Self {
+        let nothing = [0.0; LANES];
+        let streams = (0..LANES as u32).map(|lane| Stream::new(seed, first + lane, purpose)).collect();
+        let mut block = Self {
+            swarm: Swarm::new(&scenario.airframe),
+            observations: [nothing; PILOT_LEN],
+            privileged: [nothing; PRIVILEGED_LEN],
+            rewards: nothing,
+            codes: nothing,
+            factors: [[1.0; LANES]; 2],
+            previous_actions: [nothing; ACTION_LEN],
+            distances: nothing,
+            steps: nothing,
+            last_outside: nothing,
+            totals: nothing,
+            term_totals: vec![nothing; scenario.rewards.len()],
+            streams,
+        };
+        for lane in 0..LANES {
+            block.reset(scenario, lane);
+        }
+        block
+    }
+
+    /// One control period: everything but the resets.
+    #[inline(always)]
+    pub(crate) fn advance(&mut self, scenario: &Scenario, hull: &Hull, actions: &[Column<LANES>; ACTION_LEN]) {
+        let previous_distances = self.distances;
+        self.fly(scenario, actions);
+        self.measure(scenario);
+        self.judge(scenario, hull);
+        self.reward(scenario, actions, &previous_distances);
+        self.previous_actions = *actions;
+        self.observe(scenario);
+    }
+
+    /// Action to rotor targets, then the substeps.
+    #[inline(always)]
+    fn fly(&mut self, scenario: &Scenario, actions: &[Column<LANES>; ACTION_LEN]) {
+        let physics = &scenario.physics;
+        let secs = physics.control_secs / physics.substeps as f32;
+        for _ in 0..physics.substeps {
+            for lane in 0..LANES {
+                let state = self.swarm.state(lane);
+                let targets = scenario.action.rotor_targets(&row(actions, lane), &state.body_rates);
+                let air = Air {
+                    wind: self.swarm.wind(lane),
+                    force: Vector3::new(0.0, 0.0, 0.0),
+                    ground: physics.ground,
+                };
+                let vehicle = self.swarm.vehicle(lane);
+                let next: State<f32> = physics.integrator.advance(&vehicle, &state, &targets, &air, secs);
+                self.swarm.set_state(lane, &next);
+            }
+        }
+    }
+
+    /// Distance to the goal, and whether the drone has settled.
+    #[inline(always)]
+    fn measure(&mut self, scenario: &Scenario) {
+        let goal = &scenario.aviary.goal;
+        let radius = match scenario.success {
+            Success::Settle { radius_m, .. } => radius_m,
+            Success::Reach { .. } => 0.0,
+        };
+        let [x, y, z] = &self.swarm.position;
+        for lane in 0..LANES {
+            let (dx, dy, dz) = (x[lane] - goal.x, y[lane] - goal.y, z[lane] - goal.z);
+            self.distances[lane] = (dx * dx + dy * dy + dz * dz).sqrt();
+            self.steps[lane] += 1.0;
+            self.last_outside[lane] =
+                if self.distances[lane] < radius { self.last_outside[lane] } else { self.steps[lane] };
+        }
+    }
+
+    #[inline(always)]
+    fn judge(&mut self, scenario: &Scenario, hull: &Hull) {
+        let mut hits = [0.0; LANES];
+        contact::find_hits(&self.swarm, &scenario.aviary, hull, &mut hits);
+        let view = FlightView {
+            swarm: &self.swarm,
+            hits: &hits,
+            distances: &self.distances,
+            steps: &self.steps,
+            episode_steps: scenario.episode_steps() as f32,
+        };
+        termination::find_endings(&view, &scenario.terminations, &scenario.success, &mut self.codes);
+    }
+
+    #[inline(always)]
+    fn reward(
+        &mut self,
+        scenario: &Scenario,
+        actions: &[Column<LANES>; ACTION_LEN],
+        previous_distances: &Column<LANES>,
+    ) {
+        let view = StepView {
+            swarm: &self.swarm,
+            actions,
+            previous_actions: &self.previous_actions,
+            distances: &self.distances,
+            previous_distances,
+            endings: &core::array::from_fn(|lane| termination::decode(self.codes[lane])),
+            successes: &core::array::from_fn(|lane| self.succeeded(scenario, lane)),
+            control_secs: scenario.physics.control_secs,
+        };
+        let mut rewards = [0.0; LANES];
+        let mut values = [0.0; LANES];
+        for (weighted, totals) in scenario.rewards.iter().zip(&mut self.term_totals) {
+            weighted.term.evaluate(&view, weighted.weight, &mut values);
+            add(&mut rewards, &values);
+            add(totals, &values);
+        }
+        add(&mut self.totals, &rewards);
+        self.rewards = rewards;
+    }
+
+    /// Whether the episode in `lane` just ended in success.
+    #[inline(always)]
+    fn succeeded(&self, scenario: &Scenario, lane: usize) -> bool {
+        match (&scenario.success, termination::decode(self.codes[lane])) {
+            (Success::Reach { .. }, ending) => ending == Some(Ending::Success),
+            (Success::Settle { within_secs, .. }, ending) => {
+                let settled = self.last_outside[lane] * scenario.physics.control_secs <= *within_secs;
+                ending == Some(Ending::TimeLimit) && settled
+            }
+        }
+    }
+
+    /// Encodes every lane.
+    #[inline(always)]
+    pub(crate) fn observe(&mut self, scenario: &Scenario) {
+        for lane in 0..LANES {
+            self.observe_lane(scenario, lane);
+        }
+        match scenario.critic {
+            CriticView::Observation => {}
+            CriticView::Privileged => {
+                for lane in 0..LANES {
+                    self.reveal_lane(scenario, lane);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn observe_lane(&mut self, scenario: &Scenario, lane: usize) {
+        let previous_action = row(&self.previous_actions, lane);
+        let observation =
+            scenario.observation.encode(&self.swarm.state(lane), &scenario.aviary.goal, &previous_action);
+        set_row(&mut self.observations, lane, observation);
+    }
+
+    #[inline(always)]
+    fn reveal_lane(&mut self, scenario: &Scenario, lane: usize) {
+        let per_hover = 1.0 / scenario.airframe.hover_rotor_speed() as f32;
+        let [a, b, c, d] = row(&self.swarm.rotor_speeds, lane).map(|speed| speed * per_hover - 1.0);
+        let [x, y, z] = row(&self.swarm.wind, lane);
+        let [mass, thrust] = row(&self.factors, lane);
+        let left = 1.0 - self.steps[lane] / scenario.episode_steps() as f32;
+        set_row(&mut self.privileged, lane, [a, b, c, d, x, y, z, mass - 1.0, thrust - 1.0, left]);
+    }
+
+    /// Takes the ended episodes out and starts the next ones, in lane order.
+    pub(crate) fn restart_ended(&mut self, scenario: &Scenario, first: u32, finished: &mut impl FnMut(Finished)) {
+        for lane in 0..LANES {
+            let Some(ending) = termination::decode(self.codes[lane]) else { continue };
+            finished(Finished {
+                lane,
+                episode: self.episode(scenario, first, lane, ending),
+                observation: row(&self.observations, lane),
+                privileged: row(&self.privileged, lane),
+            });
+            self.reset(scenario, lane);
+        }
+    }
+
+    fn episode(&self, scenario: &Scenario, first: u32, lane: usize, ending: Ending) -> Episode {
+        Episode {
+            environment: first + lane as u32,
+            steps: self.steps[lane] as u32,
+            total_reward: self.totals[lane],
+            success: self.succeeded(scenario, lane),
+            ending,
+            terms: self.term_totals.iter().map(|totals| totals[lane]).collect(),
+        }
+    }
+
+    /// Begins the lane's next episode; its last reward and code stay readable.
+    fn reset(&mut self, scenario: &Scenario, lane: usize) {
+        let beginning = reset::begin(scenario, &mut self.streams[lane]);
+        self.place(scenario, lane, &beginning);
+    }
+
+    fn place(&mut self, scenario: &Scenario, lane: usize, beginning: &Beginning) {
+        self.swarm.set_state(lane, &beginning.state);
+        self.swarm.set_vehicle(lane, &beginning.vehicle);
+        set_row(&mut self.swarm.wind, lane, beginning.wind.into());
+        set_row(&mut self.factors, lane, beginning.factors);
+        set_row(&mut self.previous_actions, lane, [0.0; ACTION_LEN]);
+        self.distances[lane] = (beginning.state.position - scenario.aviary.goal).norm();
+        self.steps[lane] = 0.0;
+        self.last_outside[lane] = 0.0;
+        self.totals[lane] = 0.0;
+        for totals in &mut self.term_totals {
+            totals[lane] = 0.0;
+        }
+        self.observe_lane(scenario, lane);
+        self.reveal_lane(scenario, lane);
+    }
+
+    /// Every column that the next step depends on, for saving and restoring.
+    pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Column<LANES>> {
+        self.swarm
+            .columns_mut()
+            .chain(&mut self.observations)
+            .chain(&mut self.privileged)
+            .chain([&mut self.rewards, &mut self.codes])
+            .chain(&mut self.factors)
+            .chain(&mut self.previous_actions)
+            .chain([&mut self.distances, &mut self.steps, &mut self.last_outside, &mut self.totals])
+            .chain(&mut self.term_totals)
+    }
+
+    pub(crate) fn streams_mut(&mut self) -> &mut [Stream] {
+        &mut self.streams
+    }
+}
+
+#[inline(always)]
+fn add<const LANES: usize>(sum: &mut Column<LANES>, values: &Column<LANES>) {
+    for (sum, value) in sum.iter_mut().zip(values) {
+        *sum += value;
+    }
+}

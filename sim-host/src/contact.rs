@@ -1,0 +1,77 @@
+//! Which drones touch something: the broad phase, lane by lane, on boxes.
+
+use kestrel_core::airframe::Airframe;
+
+use crate::scenario::{Aviary, Cuboid, Floor};
+use crate::swarm::{Column, Swarm};
+
+/// The drone's hull: an upright cylinder as wide as the drone and as high as the drone at its tilt.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hull {
+    radius: f32,
+    half_height: f32,
+}
+
+impl Hull {
+    pub(crate) fn new(airframe: &Airframe) -> Self {
+        Self { radius: airframe.collision_radius as f32, half_height: 0.5 * airframe.collision_height as f32 }
+    }
+
+    /// Half the height of the tilted cylinder \[m\], from the cosine of its tilt.
+    #[inline(always)]
+    fn half_extent(&self, up_cosine: f32) -> f32 {
+        let square = up_cosine * up_cosine;
+        let sine = if square < 1.0 { (1.0 - square).sqrt() } else { 0.0 };
+        self.half_height * up_cosine.abs() + self.radius * sine
+    }
+}
+
+/// Marks with one the lanes whose drone touches a solid or the floor.
+#[inline(always)]
+pub(crate) fn find_hits<const LANES: usize>(
+    swarm: &Swarm<LANES>,
+    aviary: &Aviary,
+    hull: &Hull,
+    hits: &mut Column<LANES>,
+) {
+    let mut extents = [0.0; LANES];
+    for lane in 0..LANES {
+        extents[lane] = hull.half_extent(swarm.state(lane).world_from_body.up_cosine());
+    }
+    *hits = match aviary.floor {
+        Floor::Solid => core::array::from_fn(|lane| f32::from(swarm.position[2][lane] < extents[lane])),
+        Floor::Absent => [0.0; LANES],
+    };
+    for solid in &aviary.solids {
+        add_hits(swarm, solid, hull.radius, &extents, hits);
+    }
+}
+
+#[inline(always)]
+fn add_hits<const LANES: usize>(
+    swarm: &Swarm<LANES>,
+    solid: &Cuboid,
+    radius: f32,
+    extents: &Column<LANES>,
+    hits: &mut Column<LANES>,
+) {
+    let [x, y, z] = &swarm.position;
+    let reach = radius * radius;
+    for lane in 0..LANES {
+        let across = gap(x[lane], solid.low.x, solid.high.x);
+        let beside = gap(y[lane], solid.low.y, solid.high.y);
+        let above = gap(z[lane], solid.low.z, solid.high.z);
+        let near = if across * across + beside * beside < reach { 1.0 } else { 0.0 };
+        let hit = if above < extents[lane] { near } else { 0.0 };
+        hits[lane] = if hits[lane] < hit { hit } else { hits[lane] };
+    }
+}
+
+/// Distance of a coordinate from an interval \[m\].
+#[inline(always)]
+fn gap(value: f32, low: f32, high: f32) -> f32 {
+    let below = low - value;
+    let above = value - high;
+    let outside = if below < above { above } else { below };
+    if outside < 0.0 { 0.0 } else { outside }
+}

@@ -1,0 +1,68 @@
+//! How a step or an episode ends.
+
+use serde::{Deserialize, Serialize};
+
+/// What a step means for the value of the future.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Outcome {
+    /// The episode goes on.
+    Running,
+    /// The task ended it, in success or failure: nothing follows.
+    Terminated,
+    /// The clock ended it: the future still has worth.
+    Truncated,
+}
+
+/// Why an episode ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Ending {
+    /// The goal region was reached.
+    Success,
+    /// The hull touched something.
+    Collision,
+    /// The drone left the bounds, or its state was no longer finite.
+    OutOfBounds,
+    /// It tilted beyond the limit.
+    Tilt,
+    /// It was too far from the goal.
+    Distance,
+    /// The episode's time was over.
+    TimeLimit,
+}
+
+impl Ending {
+    /// What the ending means for the value of the future.
+    pub const fn outcome(self) -> Outcome {
+        match self {
+            Self::TimeLimit => Outcome::Truncated,
+            Self::Success | Self::Collision | Self::OutOfBounds | Self::Tilt | Self::Distance => {
+                Outcome::Terminated
+            }
+        }
+    }
+
+    /// Whether the drone was lost.
+    pub const fn is_failure(self) -> bool {
+        match self {
+            Self::Success | Self::TimeLimit => false,
+            Self::Collision | Self::OutOfBounds | Self::Tilt | Self::Distance => true,
+        }
+    }
+}
+
+/// An episode that ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Episode {
+    /// Index of the environment.
+    pub environment: u32,
+    /// Control periods flown.
+    pub steps: u32,
+    /// Undiscounted return.
+    pub total_reward: f32,
+    /// Whether it was a success by the scenario's rule.
+    pub success: bool,
+    /// Why it ended.
+    pub ending: Ending,
+    /// Undiscounted return of each weighted reward term, in the scenario's order.
+    pub terms: Vec<f32>,
+}

@@ -1,0 +1,302 @@
+//! The façade: many environments stepped by one thread. Threads run several simulations side by side.
+
+use kestrel_core::action::ACTION_LEN;
+use pulp::{Arch, Simd, WithSimd};
+use serde::{Deserialize, Serialize};
+
+use crate::block::{Block, Finished, PRIVILEGED_LEN};
+use crate::contact::Hull;
+use crate::outcome::{Episode, Outcome};
+use crate::scenario::{CriticView, Scenario};
+use crate::seed::{Purpose, Seed, Stream};
+use crate::swarm::{Column, Swarm};
+use crate::termination;
+
+/// Environments that step together, in blocks of `LANES` lanes.
+///
+/// Columns are feature-major: value `f` of environment `e` stands at `f * environments + e`. The bits do not depend
+/// on `LANES`, nor on how environments are divided among simulations: an environment's randomness follows from the
+/// seed and its index.
+#[derive(Clone, Debug)]
+pub struct Simulation<const LANES: usize = 64> {
+    scenario: Scenario,
+    hull: Hull,
+    arch: Arch,
+    first_environment: u32,
+    environments: usize,
+    blocks: Vec<Block<LANES>>,
+    observations: Vec<f32>,
+    privileged: Vec<f32>,
+    rewards: Vec<f32>,
+    outcomes: Vec<Outcome>,
+    final_observations: Vec<f32>,
+    final_privileged: Vec<f32>,
+    episodes: Vec<Episode>,
+}
+
+/// Everything the next step depends on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SimulationState {
+    columns: Vec<f32>,
+    streams: Vec<Stream>,
+    episodes: Vec<Episode>,
+}
+
+impl<const LANES: usize> Simulation<LANES> {
+    /// Environments `first_environment..first_environment + environments` at the start of their first episodes.
+    pub fn new(scenario: &Scenario, seed: Seed, first_environment: u32, environments: usize) -> Self {
+        Self::with_purpose(scenario, seed, Purpose::Reset, first_environment, environments)
+    }
+
+    /// As [`Self::new`], with start states from the streams of another purpose.
+    pub fn with_purpose(
+        scenario: &Scenario,
+        seed: Seed,
+        purpose: Purpose,
+        first_environment: u32,
+        environments: usize,
+    ) -> Self {
+        let firsts = (0..environments.div_ceil(LANES)).map(|block| first_environment + (block * LANES) as u32);
+        let observation_len = scenario.observation.len();
+        let privileged_len = match scenario.critic {
+            CriticView::Observation => 0,
+            CriticView::Privileged => PRIVILEGED_LEN,
+        };
+        let mut simulation = Self {
+            hull: Hull::new(&scenario.airframe),
+            arch: Arch::new(),
+            first_environment,
+            environments,
+            blocks: firsts.map(|first| Block::new(scenario, seed, purpose, first)).collect(),
+            observations: vec![0.0; observation_len * environments],
+            privileged: vec![0.0; privileged_len * environments],
+            rewards: vec![0.0; environments],
+            outcomes: vec![Outcome::Running; environments],
+            final_observations: vec![0.0; observation_len * environments],
+            final_privileged: vec![0.0; privileged_len * environments],
+            episodes: Vec::new(),
+            scenario: scenario.clone(),
+        };
+        simulation.publish();
+        simulation
+    }
+
+    /// Advances every environment by one control period; environments that end start anew.
+    ///
+    /// `actions` is `[ACTION_LEN][environments]`; values are limited to \[-1, 1\], NaN counts as -1.
+    ///
+    /// # Panics
+    /// When `actions` has another length.
+    pub fn step(&mut self, actions: &[f32]) {
+        assert_eq!(actions.len(), ACTION_LEN * self.environments, "actions are [{ACTION_LEN}][environments]");
+        self.arch.dispatch(Advance {
+            scenario: &self.scenario,
+            hull: &self.hull,
+            blocks: &mut self.blocks,
+            actions,
+            environments: self.environments,
+        });
+        self.publish_rewards();
+        self.restart_ended();
+        self.publish();
+    }
+
+    /// Number of environments.
+    pub fn environments(&self) -> usize {
+        self.environments
+    }
+
+    /// The scenario they run.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// Values of an observation.
+    pub fn observation_len(&self) -> usize {
+        self.scenario.observation.len()
+    }
+
+    /// Values that a privileged critic sees beside the observation; zero for other critics.
+    pub fn privileged_len(&self) -> usize {
+        self.privileged.len() / self.environments.max(1)
+    }
+
+    /// Observations after the last step and its resets, `[observation_len][environments]`.
+    pub fn observations(&self) -> &[f32] {
+        &self.observations
+    }
+
+    /// Privileged values after the last step and its resets, `[privileged_len][environments]`.
+    pub fn privileged(&self) -> &[f32] {
+        &self.privileged
+    }
+
+    /// Rewards of the last step, `[environments]`.
+    pub fn rewards(&self) -> &[f32] {
+        &self.rewards
+    }
+
+    /// Outcomes of the last step, `[environments]`.
+    pub fn outcomes(&self) -> &[Outcome] {
+        &self.outcomes
+    }
+
+    /// Observations before the reset, `[observation_len][environments]`; valid where the outcome is not `Running`.
+    pub fn final_observations(&self) -> &[f32] {
+        &self.final_observations
+    }
+
+    /// Privileged values before the reset, `[privileged_len][environments]`; valid as the observations are.
+    pub fn final_privileged(&self) -> &[f32] {
+        &self.final_privileged
+    }
+
+    /// The true state of an environment's drone.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    pub fn state(&self, environment: usize) -> kestrel_core::vehicle::State<f32> {
+        assert!(environment < self.environments, "environment {environment} of {}", self.environments);
+        self.swarm(environment).state(environment % LANES)
+    }
+
+    /// Episodes that ended since the last call, in the order of steps, then environments.
+    pub fn take_episodes(&mut self) -> Vec<Episode> {
+        core::mem::take(&mut self.episodes)
+    }
+
+    /// What [`Self::restore`] needs to go on to the same bits.
+    pub fn save(&self) -> SimulationState {
+        let mut blocks = self.blocks.clone();
+        let mut columns = Vec::new();
+        let mut streams = Vec::new();
+        for block in &mut blocks {
+            for column in block.columns_mut() {
+                columns.extend_from_slice(column);
+            }
+            streams.extend_from_slice(block.streams_mut());
+        }
+        SimulationState { columns, streams, episodes: self.episodes.clone() }
+    }
+
+    /// Returns to a saved state; `false`, and nothing changes, when it belongs to another scenario or size.
+    #[must_use]
+    pub fn restore(&mut self, state: &SimulationState) -> bool {
+        let mut blocks = self.blocks.clone();
+        let columns: usize = blocks.iter_mut().map(|block| block.columns_mut().count()).sum();
+        if state.columns.len() != columns * LANES || state.streams.len() != blocks.len() * LANES {
+            return false;
+        }
+        let mut values = state.columns.chunks_exact(LANES);
+        let mut streams = state.streams.chunks_exact(LANES);
+        for block in &mut blocks {
+            for (column, values) in block.columns_mut().zip(&mut values) {
+                column.copy_from_slice(values);
+            }
+            for (stream, saved) in block.streams_mut().iter_mut().zip(streams.next().unwrap_or_default()) {
+                stream.clone_from(saved);
+            }
+        }
+        self.blocks = blocks;
+        self.episodes.clone_from(&state.episodes);
+        self.publish();
+        true
+    }
+
+    fn swarm(&self, environment: usize) -> &Swarm<LANES> {
+        &self.blocks[environment / LANES].swarm
+    }
+
+    /// Copies rewards and outcomes out of the blocks.
+    fn publish_rewards(&mut self) {
+        let rewards = self.rewards.chunks_mut(LANES);
+        for ((block, rewards), outcomes) in self.blocks.iter().zip(rewards).zip(self.outcomes.chunks_mut(LANES)) {
+            rewards.copy_from_slice(&block.rewards[..rewards.len()]);
+            for (outcome, code) in outcomes.iter_mut().zip(block.codes) {
+                *outcome = termination::decode(code).map_or(Outcome::Running, |ending| ending.outcome());
+            }
+        }
+    }
+
+    /// Records the episodes that ended, with their last observations, and starts the next ones.
+    fn restart_ended(&mut self) {
+        let environments = self.environments;
+        for (index, block) in self.blocks.iter_mut().enumerate() {
+            if block.codes.iter().all(|code| *code == 0.0) {
+                continue;
+            }
+            let first = self.first_environment + (index * LANES) as u32;
+            block.restart_ended(&self.scenario, first, &mut |finished: Finished| {
+                let environment = index * LANES + finished.lane;
+                if environment < environments {
+                    scatter(&mut self.final_observations, environments, environment, &finished.observation);
+                    scatter(&mut self.final_privileged, environments, environment, &finished.privileged);
+                    self.episodes.push(finished.episode);
+                }
+            });
+        }
+    }
+
+    /// Copies the blocks' observations into the columns.
+    fn publish(&mut self) {
+        for (index, block) in self.blocks.iter().enumerate() {
+            gather(&mut self.observations, self.environments, index * LANES, &block.observations);
+            gather(&mut self.privileged, self.environments, index * LANES, &block.privileged);
+        }
+    }
+}
+
+/// The part of a step that runs in lanes, compiled for each instruction set.
+struct Advance<'a, const LANES: usize> {
+    scenario: &'a Scenario,
+    hull: &'a Hull,
+    blocks: &'a mut [Block<LANES>],
+    actions: &'a [f32],
+    environments: usize,
+}
+
+impl<const LANES: usize> WithSimd for Advance<'_, LANES> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for (index, block) in self.blocks.iter_mut().enumerate() {
+            let actions = actions_of_block(self.actions, self.environments, index * LANES);
+            block.advance(self.scenario, self.hull, &actions);
+        }
+    }
+}
+
+/// The block's actions, limited to \[-1, 1\]; lanes beyond the last environment hover.
+#[inline(always)]
+fn actions_of_block<const LANES: usize>(
+    actions: &[f32],
+    environments: usize,
+    first: usize,
+) -> [Column<LANES>; ACTION_LEN] {
+    let mut columns = [[0.0; LANES]; ACTION_LEN];
+    let count = LANES.min(environments - first);
+    for (column, actions) in columns.iter_mut().zip(actions.chunks_exact(environments)) {
+        column[..count].copy_from_slice(&actions[first..first + count]);
+        for value in column {
+            let floored = if *value > -1.0 { *value } else { -1.0 };
+            *value = if floored < 1.0 { floored } else { 1.0 };
+        }
+    }
+    columns
+}
+
+/// Copies block columns to `first..` of each feature's column; `target` may hold fewer features.
+fn gather<const LANES: usize>(target: &mut [f32], environments: usize, first: usize, columns: &[Column<LANES>]) {
+    let count = LANES.min(environments - first);
+    for (target, column) in target.chunks_exact_mut(environments.max(1)).zip(columns) {
+        target[first..first + count].copy_from_slice(&column[..count]);
+    }
+}
+
+/// Writes one environment's values into its place in each feature's column.
+fn scatter(target: &mut [f32], environments: usize, environment: usize, values: &[f32]) {
+    for (column, value) in target.chunks_exact_mut(environments.max(1)).zip(values) {
+        column[environment] = *value;
+    }
+}
