@@ -35,7 +35,7 @@ use crate::scenario::Scenario;
 const EPISODE_SECS: f64 = 8.0;
 
 /// Shorter episodes teach nothing, longer ones are several tasks.
-const EPISODE_LIMITS: Limits = Limits::from(0.1, 600.0, "s");
+pub const EPISODE_LIMITS: Limits = Limits::from(0.1, 600.0, "s");
 
 /// One task: where, with what, from where, for what, until when.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
