@@ -94,7 +94,7 @@ impl ThrustBodyRates {
 
     #[inline(always)]
     fn rotor_targets<R: Real>(&self, action: [R; ACTION_LEN], body_rates: &Vector3<R>) -> [R; 4] {
-        let real = |value: f32| R::from_f64(f64::from(value));
+        let real = R::from_f32;
         let [thrust, roll, pitch, yaw] = action;
         let hover = real(self.hover_speed_squared);
         let collective = hover + hover * real(self.thrust_fraction) * thrust;
@@ -118,11 +118,79 @@ impl ActionSpace {
         let action = action.map(|value| value.limited(-R::one(), R::one()));
         match self {
             Self::RotorSpeeds(space) => action.map(|value| {
-                let hover = R::from_f64(f64::from(space.hover_rotor_speed));
-                let target = hover + hover * R::from_f64(f64::from(space.fraction)) * value;
-                target.limited(R::zero(), R::from_f64(f64::from(space.rotor_speed_limit)))
+                let hover = R::from_f32(space.hover_rotor_speed);
+                let target = hover + hover * R::from_f32(space.fraction) * value;
+                target.limited(R::zero(), R::from_f32(space.rotor_speed_limit))
             }),
             Self::ThrustBodyRates(space) => space.rotor_targets(action, body_rates),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::airframe::CF2X;
+    use crate::attitude::Attitude;
+    use crate::vehicle::{Air, State, Vehicle};
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_zero_action_hovers_in_both_spaces() {
+        let spaces = [
+            ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.05)),
+            ActionSpace::ThrustBodyRates(ThrustBodyRates::new(&CF2X, 1.0, [6.0, 6.0, 3.0], [20.0, 20.0, 10.0])),
+        ];
+        for space in spaces {
+            for target in space.rotor_targets(&[0.0_f64; 4], &Vector3::zeros()) {
+                assert!((target / CF2X.hover_rotor_speed() - 1.0).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn the_reference_action_moves_each_rotor_by_a_twentieth() {
+        let space = ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.05));
+        let targets = space.rotor_targets(&[1.0_f64, -1.0, 2.0, f64::NAN], &Vector3::zeros());
+        let shares = targets.map(|target| target / CF2X.hover_rotor_speed());
+        for (share, expected) in shares.into_iter().zip([1.05, 0.95, 1.05, 0.95]) {
+            assert!((share - expected).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn the_rate_controller_asks_for_the_gain_times_the_error() {
+        let space = ActionSpace::ThrustBodyRates(ThrustBodyRates::new(&CF2X, 1.0, [6.0; 3], [10.0, 10.0, 4.0]));
+        let rates = Vector3::new(0.5, -0.2, 0.1);
+        let state = State {
+            position: Vector3::zeros(),
+            world_from_body: Attitude::level(),
+            velocity: Vector3::zeros(),
+            body_rates: rates,
+            rotor_speeds: space.rotor_targets(&[0.0, 0.1, -0.1, 0.05_f64], &rates),
+        };
+        let (_, turning) = Vehicle::new(&CF2X).accelerations(&state, &Air::still());
+        let gyroscopic = Vehicle::<f64>::new(&CF2X).gyroscopic;
+        let expected = [10.0 * (0.6 - 0.5), 10.0 * (-0.6 + 0.2), 4.0 * (0.3 - 0.1)];
+        let coupling = [rates.y * rates.z, rates.z * rates.x, rates.x * rates.y];
+        for axis in 0..3 {
+            assert!((turning[axis] - expected[axis] - gyroscopic[axis] * coupling[axis]).abs() < 1e-4);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn targets_are_always_in_range(bits in any::<[u32; 7]>()) {
+            let [a, b, c, d, p, q, r] = bits.map(f32::from_bits);
+            let spaces = [
+                ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 1.0)),
+                ActionSpace::ThrustBodyRates(ThrustBodyRates::new(&CF2X, 1.0, [9.0; 3], [20.0; 3])),
+            ];
+            for space in spaces {
+                for target in space.rotor_targets(&[a, b, c, d], &Vector3::new(p, q, r)) {
+                    prop_assert!((0.0..=CF2X.rotor_speed_limit as f32).contains(&target));
+                }
+            }
         }
     }
 }

@@ -80,6 +80,7 @@ impl<R: Real> Attitude<R> {
     /// Time derivative of the quaternion under body rates \[rad/s\]: half the product with the pure quaternion
     /// (Diebel 2006, eq. 141).
     #[inline(always)]
+    #[must_use]
     pub fn derivative(&self, body_rates: Vector3<R>) -> Self {
         let half = R::from_f64(0.5);
         let (p, q, r) = (half * body_rates.x, half * body_rates.y, half * body_rates.z);
@@ -139,5 +140,50 @@ impl Attitude<f64> {
         let pitch = libm::asin((2.0 * (w * y - x * z)).clamp(-1.0, 1.0));
         let yaw = libm::atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
         [roll, pitch, yaw]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quarter_turn_about_z_turns_forward_into_left() {
+        let turn = Attitude::from_axis_angle(Vector3::z(), core::f64::consts::FRAC_PI_2);
+        assert!((turn.rotate(Vector3::x()) - Vector3::y()).norm() < 1e-12);
+        assert!((turn.rotate_inverse(Vector3::y()) - Vector3::x()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn rotation_then_its_inverse_is_nothing() {
+        let axis = Vector3::new(1.0, 2.0, -0.5).normalize();
+        let turn = Attitude::from_axis_angle(axis, 2.1);
+        let vector = Vector3::new(0.3, -0.7, 1.9);
+        assert!((turn.rotate_inverse(turn.rotate(vector)) - vector).norm() < 1e-12);
+        assert!((turn.matrix() * vector - turn.rotate(vector)).norm() < 1e-12);
+        assert!((turn.body_z() - turn.rotate(Vector3::z())).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_derivative_is_the_limit_of_a_small_turn() {
+        let start = Attitude::from_axis_angle(Vector3::new(0.6, 0.0, 0.8), 0.9);
+        let rates = Vector3::new(0.2, -0.4, 0.7);
+        let secs = 1e-6;
+        let turned = start.after(&Attitude::from_axis_angle(rates.normalize(), rates.norm() * secs));
+        let moved = start.advanced(&start.derivative(rates), secs);
+        for (a, b) in [(turned.w, moved.w), (turned.x, moved.x), (turned.y, moved.y), (turned.z, moved.z)] {
+            assert!((a - b).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn angles_come_back() {
+        let yaw = Attitude::from_axis_angle(Vector3::z(), 0.5);
+        let pitch = Attitude::from_axis_angle(Vector3::y(), 0.3);
+        let roll = Attitude::from_axis_angle(Vector3::x(), -0.2);
+        let angles = yaw.after(&pitch.after(&roll)).roll_pitch_yaw();
+        for (angle, expected) in angles.into_iter().zip([-0.2, 0.3, 0.5]) {
+            assert!((angle - expected).abs() < 1e-12);
+        }
     }
 }

@@ -131,3 +131,161 @@ fn renormalized<R: Real>(attitude: &Attitude<R>) -> Attitude<R> {
     let scale = R::from_f64(1.5) - R::from_f64(0.5) * square;
     Attitude { w: w * scale, x: x * scale, y: y * scale, z: z * scale }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::airframe::{Airframe, CF2P, CF2X, GRAVITY};
+    use crate::vehicle::Ground;
+
+    const BOTH: [Integrator; 2] = [Integrator::SemiImplicitEuler, Integrator::RungeKutta4];
+
+    fn at_rest<R: Real>(rotor_speed: f64) -> State<R> {
+        let nothing = Vector3::new(R::zero(), R::zero(), R::zero());
+        State {
+            position: nothing,
+            world_from_body: Attitude::level(),
+            velocity: nothing,
+            body_rates: nothing,
+            rotor_speeds: [R::from_f64(rotor_speed); 4],
+        }
+    }
+
+    fn fly(
+        integrator: Integrator,
+        airframe: &Airframe,
+        start: State<f64>,
+        targets: [f64; 4],
+        dt: f64,
+    ) -> State<f64> {
+        let vehicle = Vehicle::new(airframe);
+        let steps = (1.0 / dt) as usize;
+        (0..steps).fold(start, |state, _| integrator.advance(&vehicle, &state, &targets, &Air::still(), dt))
+    }
+
+    #[test]
+    fn at_hover_speed_nothing_moves() {
+        let hover = CF2X.hover_rotor_speed();
+        for integrator in BOTH {
+            let state = fly(integrator, &CF2X, at_rest(hover), [hover; 4], 0.002);
+            assert!(state.position.norm() < 1e-12 && state.body_rates.norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn without_thrust_the_drone_falls_freely() {
+        let state = fly(Integrator::RungeKutta4, &CF2X, at_rest(0.0), [0.0; 4], 0.002);
+        assert!((state.position.z + 0.5 * GRAVITY).abs() < 1e-9 && (state.velocity.z + GRAVITY).abs() < 1e-9);
+    }
+
+    #[test]
+    fn rotors_follow_their_targets_with_the_time_constant() {
+        let targets = [1000.0, 1000.0, 1000.0, 1000.0];
+        let state = fly(Integrator::RungeKutta4, &CF2X, at_rest(0.0), targets, 0.001);
+        let expected = 1000.0 * (1.0 - libm::exp(-1.0 / CF2X.rotor_rise_secs));
+        assert!((state.rotor_speeds[0] - expected).abs() < 1e-4);
+        let state = fly(Integrator::RungeKutta4, &CF2X, at_rest(1000.0), [0.0; 4], 0.001);
+        assert!((state.rotor_speeds[0] - 1000.0 * libm::exp(-1.0 / CF2X.rotor_fall_secs)).abs() < 1e-4);
+    }
+
+    #[test]
+    fn faster_rotors_turn_the_drone_away_from_their_side() {
+        let hover = CF2X.hover_rotor_speed();
+        let [slow, fast] = [0.99 * hover, 1.01 * hover];
+        // Clockwise from front right: faster left rotors roll to the right (+x), faster rear ones pitch down (+y),
+        // faster second and fourth ones yaw to the left (+z).
+        let cases = [([slow, slow, fast, fast], 0), ([slow, fast, fast, slow], 1), ([slow, fast, slow, fast], 2)];
+        for (targets, axis) in cases {
+            let vehicle = Vehicle::<f64>::new(&CF2X);
+            let state = State { rotor_speeds: targets, ..at_rest(hover) };
+            let (_, turning) = vehicle.accelerations(&state, &Air::still());
+            for other in 0..3 {
+                assert!(if other == axis { turning[other] > 0.1 } else { turning[other].abs() < 1e-9 });
+            }
+        }
+        let vehicle = Vehicle::<f64>::new(&CF2P);
+        let state = State { rotor_speeds: [hover, hover, hover, fast], ..at_rest(hover) };
+        let (_, turning) = vehicle.accelerations(&state, &Air::still());
+        assert!(turning.x > 0.1 && turning.y.abs() < 1e-9);
+    }
+
+    #[test]
+    fn torques_are_forces_times_arms() {
+        let hover = CF2X.hover_rotor_speed();
+        let speeds = [hover, hover, 1.1 * hover, hover];
+        let vehicle = Vehicle::<f64>::new(&CF2X);
+        let (_, turning) = vehicle.accelerations(&State { rotor_speeds: speeds, ..at_rest(hover) }, &Air::still());
+        let thrusts = speeds.map(|speed| CF2X.thrust_coefficient * speed * speed);
+        let positions = CF2X.layout.rotor_positions();
+        let roll: f64 = (0..4).map(|i| positions[i][1] * thrusts[i]).sum();
+        let pitch: f64 = (0..4).map(|i| -positions[i][0] * thrusts[i]).sum();
+        assert!((turning.x - roll / CF2X.inertia[0]).abs() < 1e-9);
+        assert!((turning.y - pitch / CF2X.inertia[1]).abs() < 1e-9);
+    }
+
+    #[test]
+    fn free_rotation_conserves_energy_and_momentum() {
+        let mut start = at_rest::<f64>(0.0);
+        start.body_rates = Vector3::new(3.0, -2.0, 5.0);
+        let airframe = Airframe { inertia: [1.4e-5, 2.4e-5, 3.0e-5], ..CF2X };
+        let inertia = Vector3::from(airframe.inertia);
+        let end = fly(Integrator::RungeKutta4, &airframe, start, [0.0; 4], 0.001);
+        let energy = |state: &State<f64>| state.body_rates.component_mul(&inertia).dot(&state.body_rates);
+        let momentum = |state: &State<f64>| state.world_from_body.rotate(state.body_rates.component_mul(&inertia));
+        assert!((energy(&end) / energy(&start) - 1.0).abs() < 1e-8);
+        assert!((momentum(&end) - momentum(&start)).norm() < 1e-8 * momentum(&start).norm());
+    }
+
+    #[test]
+    fn runge_kutta_converges_with_fourth_order_and_euler_with_first() {
+        let hover = CF2X.hover_rotor_speed();
+        let targets = [1.02 * hover, 1.01 * hover, 1.03 * hover, 1.015 * hover];
+        let error = |integrator, dt| {
+            let exact = fly(Integrator::RungeKutta4, &CF2X, at_rest(hover), targets, 1.0 / 4096.0);
+            (fly(integrator, &CF2X, at_rest(hover), targets, dt).position - exact.position).norm()
+        };
+        let order = |integrator, dt: f64| libm::log2(error(integrator, dt) / error(integrator, dt / 2.0));
+        assert!((order(Integrator::SemiImplicitEuler, 1.0 / 512.0) - 1.0).abs() < 0.2);
+        assert!(order(Integrator::RungeKutta4, 1.0 / 64.0) > 3.5);
+    }
+
+    #[test]
+    fn single_precision_stays_close_to_the_oracle() {
+        let hover = CF2X.hover_rotor_speed();
+        let targets = [1.01 * hover, hover, 1.01 * hover, hover];
+        let exact = fly(Integrator::RungeKutta4, &CF2X, at_rest(hover), targets, 0.002);
+        let vehicle = Vehicle::<f32>::new(&CF2X);
+        let targets = targets.map(|target| target as f32);
+        let state = (0..500).fold(at_rest::<f32>(hover), |state, _| {
+            runge_kutta_4(&vehicle, &state, &targets, &Air::still(), 0.002)
+        });
+        assert!((f64::from(state.position.z) - exact.position.z).abs() < 1e-4);
+        assert!((f64::from(state.body_rates.z) - exact.body_rates.z).abs() < 1e-3);
+    }
+
+    #[test]
+    fn drag_opposes_motion_through_the_air() {
+        let hover = CF2X.hover_rotor_speed();
+        let vehicle = Vehicle::<f64>::new(&CF2X);
+        let moving = State { velocity: Vector3::new(1.0, 0.0, 0.0), ..at_rest(hover) };
+        let (deceleration, _) = vehicle.accelerations(&moving, &Air::still());
+        let expected = 4.0 * hover * CF2X.drag_coefficients.planar / CF2X.mass;
+        assert!((deceleration.x + expected).abs() < 1e-9);
+        let carried = Air { wind: moving.velocity, ..Air::still() };
+        assert!(vehicle.accelerations(&moving, &carried).0.norm() < 1e-9);
+    }
+
+    #[test]
+    fn the_ground_cushions_a_low_drone() {
+        let hover = CF2X.hover_rotor_speed();
+        let vehicle = Vehicle::<f64>::new(&CF2X);
+        let gain = |height: f64| {
+            let state = State { position: Vector3::new(0.0, 0.0, height), ..at_rest(hover) };
+            vehicle.accelerations(&state, &Air { ground: Ground::Near, ..Air::still() }).0.z / GRAVITY
+        };
+        // The reference system's figures at its start height and at its limit.
+        assert!((gain(0.1125) - 0.030_048).abs() < 1e-5);
+        assert!((gain(0.0) - 4.0 / 15.0).abs() < 1e-9);
+        assert!(gain(2.0) < 1e-4);
+    }
+}

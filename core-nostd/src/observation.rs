@@ -70,9 +70,9 @@ impl PilotLayout {
         goal: &Vector3<R>,
         previous_action: &[R; ACTION_LEN],
     ) -> [R; PILOT_LEN] {
-        let per_metre = R::from_f64(1.0 / f64::from(self.position_scale_m));
-        let per_speed = R::from_f64(1.0 / f64::from(self.velocity_scale));
-        let per_rate = R::from_f64(1.0 / f64::from(self.body_rates_scale));
+        let per_metre = R::one() / R::from_f32(self.position_scale_m);
+        let per_speed = R::one() / R::from_f32(self.velocity_scale);
+        let per_rate = R::one() / R::from_f32(self.body_rates_scale);
         let [x, y, z] = direction_limited([
             (state.position.x - goal.x) * per_metre,
             (state.position.y - goal.y) * per_metre,
@@ -114,4 +114,48 @@ fn direction_limited<R: Real>([x, y, z]: [R; 3]) -> [R; 3] {
     let square = (x * x + y * y) + z * z;
     let scale = R::one() / square.at_least(R::one()).sqrt();
     [x * scale, y * scale, z * scale]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::Attitude;
+
+    #[test]
+    fn every_value_stands_in_its_place() {
+        let layout = ObservationLayout::Pilot(PilotLayout {
+            position_scale_m: 2.0,
+            velocity_scale: 4.0,
+            body_rates_scale: 10.0,
+        });
+        let state = State {
+            position: Vector3::new(1.0, 0.0, 1.0),
+            world_from_body: Attitude::level(),
+            velocity: Vector3::new(0.0, 2.0, 0.0),
+            body_rates: Vector3::new(0.0, 0.0, -5.0),
+            rotor_speeds: [0.0; 4],
+        };
+        let observation = layout.encode(&state, &Vector3::new(0.0, 0.0, 1.0), &[0.1, -0.2, 3.0, 0.4]);
+        let expected = [
+            [0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.5, 0.0, 0.0, 0.0, -0.5, 0.1, -0.2, 1.0, 0.4],
+        ]
+        .concat();
+        assert_eq!(observation[..], expected[..]);
+        assert_eq!(layout.len(), observation.len());
+    }
+
+    #[test]
+    fn far_goals_keep_their_direction_only() {
+        let layout = PilotLayout { position_scale_m: 0.5, velocity_scale: 1.0, body_rates_scale: 1.0 };
+        let state = State {
+            position: Vector3::new(30.0, 40.0, 0.0),
+            world_from_body: Attitude::level(),
+            velocity: Vector3::zeros(),
+            body_rates: Vector3::zeros(),
+            rotor_speeds: [0.0_f64; 4],
+        };
+        let observation = layout.encode(&state, &Vector3::zeros(), &[0.0; 4]);
+        assert!((observation[0] - 0.6).abs() < 1e-12 && (observation[1] - 0.8).abs() < 1e-12);
+    }
 }

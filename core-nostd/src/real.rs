@@ -29,6 +29,9 @@ pub trait Real:
     /// The nearest representable value.
     fn from_f64(value: f64) -> Self;
 
+    /// The same value.
+    fn from_f32(value: f32) -> Self;
+
     /// Square root; NaN below zero.
     #[must_use]
     fn sqrt(self) -> Self;
@@ -90,6 +93,11 @@ macro_rules! real_for_float {
             #[inline(always)]
             fn from_f64(value: f64) -> Self {
                 value as $float
+            }
+
+            #[inline(always)]
+            fn from_f32(value: f32) -> Self {
+                <$float>::from(value)
             }
 
             #[inline(always)]

@@ -90,8 +90,10 @@ pub struct Vehicle<R> {
     pub planar_drag: R,
     /// What drag along body z adds to [`Self::planar_drag`] \[1/rad\].
     pub extra_axial_drag: R,
-    /// Which rotor turns the body which way.
-    pub layout: Layout,
+    /// Where the rotors are, body \[m\].
+    pub rotor_positions: [[R; 2]; 4],
+    /// One if all four rotors turn the body about x and y (cross), zero if only two do (plus).
+    pub diagonal: R,
     /// Squared quarter radius times the ground-effect coefficient \[m²\].
     pub ground_effect: R,
     /// Height below which the ground effect grows no further \[m\].
@@ -105,9 +107,9 @@ impl<R: Real> Vehicle<R> {
         let real = R::from_f64;
         let [jx, jy, jz] = airframe.inertia;
         let thrust = airframe.thrust_coefficient;
-        let (arm_x, arm_y) = match airframe.layout {
-            Layout::Cross { x, y } => (x, y),
-            Layout::Plus { arm } => (arm, arm),
+        let (arm_x, arm_y, diagonal) = match airframe.layout {
+            Layout::Cross { x, y } => (x, y, 1.0),
+            Layout::Plus { arm } => (arm, arm, 0.0),
         };
         let quarter_radius = 0.25 * airframe.propeller_radius;
         // The reference limits the height where the added thrust would pass 4/15 of the greatest thrust.
@@ -127,7 +129,8 @@ impl<R: Real> Vehicle<R> {
             rotor_fall_rate: real(1.0 / airframe.rotor_fall_secs),
             planar_drag: real(drag.planar / airframe.mass),
             extra_axial_drag: real((drag.axial - drag.planar) / airframe.mass),
-            layout: airframe.layout,
+            rotor_positions: airframe.layout.rotor_positions().map(|position| position.map(real)),
+            diagonal: real(diagonal),
             ground_effect: real(airframe.ground_effect_coefficient * quarter_radius * quarter_radius),
             ground_effect_floor: real(floor),
         }
@@ -187,9 +190,8 @@ impl<R: Real> Vehicle<R> {
     #[inline(always)]
     fn cushioned(&self, state: &State<R>, squares: [R; 4]) -> [R; 4] {
         let [_, _, [from_x, from_y, up]] = state.world_from_body.rows();
-        let positions = self.layout.rotor_positions();
         core::array::from_fn(|i| {
-            let [x, y] = positions[i].map(R::from_f64);
+            let [x, y] = self.rotor_positions[i];
             let height = (state.position.z + (from_x * x + from_y * y)).at_least(self.ground_effect_floor);
             let gain = self.ground_effect / (height * height);
             squares[i] + squares[i] * up.where_less(R::zero(), R::zero(), gain)
@@ -215,10 +217,8 @@ impl<R: Real> Vehicle<R> {
     #[inline(always)]
     fn angular_acceleration(&self, rates: &Vector3<R>, squares: &[R; 4]) -> Vector3<R> {
         let [first, second, third, fourth] = *squares;
-        let (roll, pitch) = match self.layout {
-            Layout::Cross { .. } => ((third + fourth) - (first + second), (second + third) - (first + fourth)),
-            Layout::Plus { .. } => (fourth - second, third - first),
-        };
+        let roll = (third * self.diagonal + fourth) - (first * self.diagonal + second);
+        let pitch = (second * self.diagonal + third) - (fourth * self.diagonal + first);
         let yaw = (second + fourth) - (first + third);
         let (gain, gyroscopic) = (&self.turning_gains, &self.gyroscopic);
         Vector3::new(

@@ -1,17 +1,15 @@
 //! One block of environments: the step as a list of stages over `LANES` lanes.
 
-use kestrel_core::action::ACTION_LEN;
+use kestrel_core::action::{ACTION_LEN, ActionSpace};
 use kestrel_core::observation::PILOT_LEN;
-use kestrel_core::vehicle::{Air, State};
-use nalgebra::Vector3;
 
 use crate::contact::{self, Hull};
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
-use crate::reward::StepView;
+use crate::reward::{Ends, StepView};
 use crate::scenario::{CriticView, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::swarm::{Column, Swarm, row, set_row};
+use crate::swarm::{Column, Swarm, row, set_row, vector};
 use crate::termination::{self, FlightView};
 
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
@@ -83,25 +81,34 @@ impl<const LANES: usize> Block<LANES> {
         self.observe(scenario);
     }
 
-    /// Action to rotor targets, then the substeps.
+    /// Action to rotor targets, held over the substeps.
     #[inline(always)]
     fn fly(&mut self, scenario: &Scenario, actions: &[Column<LANES>; ACTION_LEN]) {
-        let physics = &scenario.physics;
-        let secs = physics.control_secs / physics.substeps as f32;
-        for _ in 0..physics.substeps {
-            for lane in 0..LANES {
-                let state = self.swarm.state(lane);
-                let targets = scenario.action.rotor_targets(&row(actions, lane), &state.body_rates);
-                let air = Air {
-                    wind: self.swarm.wind(lane),
-                    force: Vector3::new(0.0, 0.0, 0.0),
-                    ground: physics.ground,
-                };
-                let vehicle = self.swarm.vehicle(lane);
-                let next: State<f32> = physics.integrator.advance(&vehicle, &state, &targets, &air, secs);
-                self.swarm.set_state(lane, &next);
+        let targets = self.rotor_targets(&scenario.action, actions);
+        for _ in 0..scenario.physics.substeps {
+            self.swarm.advance(&scenario.physics, &targets);
+        }
+    }
+
+    #[inline(always)]
+    fn rotor_targets(&self, space: &ActionSpace, actions: &[Column<LANES>; ACTION_LEN]) -> [Column<LANES>; 4] {
+        // Matched here rather than in the loop, which then has no branch and vectorises.
+        match *space {
+            ActionSpace::RotorSpeeds(numbers) => self.lane_targets(&ActionSpace::RotorSpeeds(numbers), actions),
+            ActionSpace::ThrustBodyRates(numbers) => {
+                self.lane_targets(&ActionSpace::ThrustBodyRates(numbers), actions)
             }
         }
+    }
+
+    #[inline(always)]
+    fn lane_targets(&self, space: &ActionSpace, actions: &[Column<LANES>; ACTION_LEN]) -> [Column<LANES>; 4] {
+        let mut targets = [[0.0; LANES]; 4];
+        for lane in 0..LANES {
+            let body_rates = vector(&self.swarm.body_rates, lane);
+            set_row(&mut targets, lane, space.rotor_targets(&row(actions, lane), &body_rates));
+        }
+        targets
     }
 
     /// Distance to the goal, and whether the drone has settled.
@@ -143,14 +150,14 @@ impl<const LANES: usize> Block<LANES> {
         actions: &[Column<LANES>; ACTION_LEN],
         previous_distances: &Column<LANES>,
     ) {
+        let ends = self.ends(scenario);
         let view = StepView {
             swarm: &self.swarm,
             actions,
             previous_actions: &self.previous_actions,
             distances: &self.distances,
             previous_distances,
-            endings: &core::array::from_fn(|lane| termination::decode(self.codes[lane])),
-            successes: &core::array::from_fn(|lane| self.succeeded(scenario, lane)),
+            ends: ends.as_ref(),
             control_secs: scenario.physics.control_secs,
         };
         let mut rewards = [0.0; LANES];
@@ -164,8 +171,19 @@ impl<const LANES: usize> Block<LANES> {
         self.rewards = rewards;
     }
 
-    /// Whether the episode in `lane` just ended in success.
+    /// Which lanes ended in success and which in failure; nothing in the usual step, in which none ends.
     #[inline(always)]
+    fn ends(&self, scenario: &Scenario) -> Option<Ends<LANES>> {
+        let ended = self.codes.iter().fold(0.0, |sum, code| sum + code) > 0.0;
+        ended.then(|| Ends {
+            success: core::array::from_fn(|lane| f32::from(self.succeeded(scenario, lane))),
+            failure: core::array::from_fn(|lane| {
+                f32::from(termination::decode(self.codes[lane]).is_some_and(Ending::is_failure))
+            }),
+        })
+    }
+
+    /// Whether the episode in `lane` just ended in success.
     fn succeeded(&self, scenario: &Scenario, lane: usize) -> bool {
         match (&scenario.success, termination::decode(self.codes[lane])) {
             (Success::Reach { .. }, ending) => ending == Some(Ending::Success),

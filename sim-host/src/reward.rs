@@ -1,6 +1,5 @@
 //! What a step is worth: named terms over the lanes of a block.
 
-use crate::outcome::Ending;
 use crate::scenario::RewardTerm;
 use crate::swarm::{Column, Swarm};
 
@@ -11,9 +10,15 @@ pub(crate) struct StepView<'a, const LANES: usize> {
     pub(crate) previous_actions: &'a [Column<LANES>; 4],
     pub(crate) distances: &'a Column<LANES>,
     pub(crate) previous_distances: &'a Column<LANES>,
-    pub(crate) endings: &'a [Option<Ending>; LANES],
-    pub(crate) successes: &'a [bool; LANES],
+    /// Nothing in a step in which no lane ends.
+    pub(crate) ends: Option<&'a Ends<LANES>>,
     pub(crate) control_secs: f32,
+}
+
+/// One where an episode just ended so, zero elsewhere.
+pub(crate) struct Ends<const LANES: usize> {
+    pub(crate) success: Column<LANES>,
+    pub(crate) failure: Column<LANES>,
 }
 
 impl RewardTerm {
@@ -40,8 +45,8 @@ impl RewardTerm {
             Self::Action => each(values, |i| rate * squared_length(view.actions, i)),
             Self::ActionChange => each(values, |i| rate * squared_change(view, i)),
             Self::Progress => each(values, |i| weight * (view.previous_distances[i] - view.distances[i])),
-            Self::Success => each(values, |i| if view.successes[i] { weight } else { 0.0 }),
-            Self::Failure => each(values, |i| if failed(view.endings[i]) { weight } else { 0.0 }),
+            Self::Success => values.clone_from(&once(view.ends.map(|ends| &ends.success), weight)),
+            Self::Failure => values.clone_from(&once(view.ends.map(|ends| &ends.failure), weight)),
         }
     }
 }
@@ -67,6 +72,6 @@ fn squared_change<const LANES: usize>(view: &StepView<'_, LANES>, lane: usize) -
 }
 
 #[inline(always)]
-fn failed(ending: Option<Ending>) -> bool {
-    ending.is_some_and(Ending::is_failure)
+fn once<const LANES: usize>(marks: Option<&Column<LANES>>, weight: f32) -> Column<LANES> {
+    marks.map_or([0.0; LANES], |marks| marks.map(|mark| weight * mark))
 }

@@ -227,6 +227,13 @@ impl RewardTerm {
     }
 }
 
+impl Physics {
+    /// Time of one substep \[s\].
+    pub fn substep_secs(&self) -> f32 {
+        self.control_secs / self.substeps as f32
+    }
+}
+
 impl Scenario {
     /// Control periods after which an episode is cut off.
     pub fn episode_steps(&self) -> u32 {

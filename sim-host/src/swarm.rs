@@ -1,30 +1,35 @@
-//! All drones of a block, as columns: lane `i` of every column belongs to drone `i`.
+//! Many drones as columns: lane `i` of every column belongs to drone `i`.
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
-use kestrel_core::vehicle::{State, Vehicle};
+use kestrel_core::dynamics::Integrator::{self, RungeKutta4, SemiImplicitEuler};
+use kestrel_core::vehicle::Ground::{self, Distant, Near};
+use kestrel_core::vehicle::{Air, State, Vehicle};
 use nalgebra::Vector3;
+use pulp::{Simd, WithSimd};
+
+use crate::scenario::Physics;
 
 /// One value per lane.
 pub(crate) type Column<const LANES: usize> = [f32; LANES];
 
-/// States and parameters of `LANES` drones.
+/// States and parameters of `LANES` drones that fly in air without bounds.
 #[derive(Clone, Debug)]
-pub(crate) struct Swarm<const LANES: usize> {
+pub struct Swarm<const LANES: usize> {
     pub(crate) position: [Column<LANES>; 3],
     pub(crate) attitude: [Column<LANES>; 4],
     pub(crate) velocity: [Column<LANES>; 3],
     pub(crate) body_rates: [Column<LANES>; 3],
     pub(crate) rotor_speeds: [Column<LANES>; 4],
     pub(crate) wind: [Column<LANES>; 3],
-    /// The fields of [`Vehicle`] that randomisation touches, in the order of [`Swarm::vehicle`].
-    pub(crate) gains: [Column<LANES>; 11],
+    /// The fields of [`Vehicle`] that randomisation touches, in the order of `Swarm::vehicle`.
+    pub(crate) gains: [Column<LANES>; 12],
     nominal: Vehicle<f32>,
 }
 
 impl<const LANES: usize> Swarm<LANES> {
-    /// Nominal drones at rest at the origin.
-    pub(crate) fn new(airframe: &Airframe) -> Self {
+    /// Nominal drones at the origin: level, still, rotors stopped.
+    pub fn new(airframe: &Airframe) -> Self {
         let nothing = [0.0; LANES];
         let mut swarm = Self {
             position: [nothing; 3],
@@ -33,7 +38,7 @@ impl<const LANES: usize> Swarm<LANES> {
             body_rates: [nothing; 3],
             rotor_speeds: [nothing; 4],
             wind: [nothing; 3],
-            gains: [nothing; 11],
+            gains: [nothing; 12],
             nominal: Vehicle::new(airframe),
         };
         let nominal = swarm.nominal;
@@ -43,8 +48,12 @@ impl<const LANES: usize> Swarm<LANES> {
         swarm
     }
 
+    /// The state of the drone in a lane.
+    ///
+    /// # Panics
+    /// When there is no such lane.
     #[inline(always)]
-    pub(crate) fn state(&self, lane: usize) -> State<f32> {
+    pub fn state(&self, lane: usize) -> State<f32> {
         let [w, x, y, z] = &self.attitude;
         State {
             position: vector(&self.position, lane),
@@ -55,8 +64,12 @@ impl<const LANES: usize> Swarm<LANES> {
         }
     }
 
+    /// Replaces the state of the drone in a lane.
+    ///
+    /// # Panics
+    /// When there is no such lane.
     #[inline(always)]
-    pub(crate) fn set_state(&mut self, lane: usize, state: &State<f32>) {
+    pub fn set_state(&mut self, lane: usize, state: &State<f32>) {
         let Attitude { w, x, y, z } = state.world_from_body;
         set_row(&mut self.position, lane, state.position.into());
         set_row(&mut self.attitude, lane, [w, x, y, z]);
@@ -66,8 +79,8 @@ impl<const LANES: usize> Swarm<LANES> {
     }
 
     #[inline(always)]
-    pub(crate) fn vehicle(&self, lane: usize) -> Vehicle<f32> {
-        let [mass, thrust, roll, pitch, yaw, gx, gy, gz, rise, fall, drag] = &self.gains;
+    fn vehicle(&self, nominal: &Vehicle<f32>, lane: usize) -> Vehicle<f32> {
+        let [mass, thrust, roll, pitch, yaw, gx, gy, gz, rise, fall, drag, axial] = &self.gains;
         Vehicle {
             inverse_mass: mass[lane],
             thrust_gain: thrust[lane],
@@ -76,7 +89,8 @@ impl<const LANES: usize> Swarm<LANES> {
             rotor_rise_rate: rise[lane],
             rotor_fall_rate: fall[lane],
             planar_drag: drag[lane],
-            ..self.nominal
+            extra_axial_drag: axial[lane],
+            ..*nominal
         }
     }
 
@@ -94,13 +108,34 @@ impl<const LANES: usize> Swarm<LANES> {
             vehicle.rotor_rise_rate,
             vehicle.rotor_fall_rate,
             vehicle.planar_drag,
+            vehicle.extra_axial_drag,
         ];
         set_row(&mut self.gains, lane, values);
     }
 
+    /// Advances every drone by one substep with rotor targets held.
     #[inline(always)]
-    pub(crate) fn wind(&self, lane: usize) -> Vector3<f32> {
-        vector(&self.wind, lane)
+    pub(crate) fn advance(&mut self, physics: &Physics, targets: &[Column<LANES>; 4]) {
+        // The choices are spelled out as constants, so that the loop over lanes has no branch and vectorises.
+        let secs = physics.substep_secs();
+        match (physics.integrator, physics.ground) {
+            (SemiImplicitEuler, Distant) => self.advance_lanes(SemiImplicitEuler, Distant, secs, targets),
+            (SemiImplicitEuler, Near) => self.advance_lanes(SemiImplicitEuler, Near, secs, targets),
+            (RungeKutta4, Distant) => self.advance_lanes(RungeKutta4, Distant, secs, targets),
+            (RungeKutta4, Near) => self.advance_lanes(RungeKutta4, Near, secs, targets),
+        }
+    }
+
+    #[inline(always)]
+    fn advance_lanes(&mut self, integrator: Integrator, ground: Ground, secs: f32, targets: &[Column<LANES>; 4]) {
+        // A copy, which no store to a column can change: the loop reads it once.
+        let nominal = self.nominal;
+        for lane in 0..LANES {
+            let air = Air { wind: vector(&self.wind, lane), force: Vector3::new(0.0, 0.0, 0.0), ground };
+            let (vehicle, state) = (self.vehicle(&nominal, lane), self.state(lane));
+            let next = integrator.advance(&vehicle, &state, &row(targets, lane), &air, secs);
+            self.set_state(lane, &next);
+        }
     }
 
     /// Every column, for saving and restoring.
@@ -113,6 +148,37 @@ impl<const LANES: usize> Swarm<LANES> {
             .chain(&mut self.rotor_speeds)
             .chain(&mut self.wind)
             .chain(&mut self.gains)
+    }
+}
+
+/// Advances each swarm by `steps` substeps with its rotor targets `[4][LANES]` \[rad/s\] held, with the best
+/// instructions of the processor.
+pub fn advance_all<const LANES: usize>(
+    swarms: &mut [Swarm<LANES>],
+    physics: &Physics,
+    targets: &[[f32; LANES]; 4],
+    steps: u32,
+) {
+    pulp::Arch::new().dispatch(AdvanceAll { swarms, physics, targets, steps });
+}
+
+struct AdvanceAll<'a, const LANES: usize> {
+    swarms: &'a mut [Swarm<LANES>],
+    physics: &'a Physics,
+    targets: &'a [Column<LANES>; 4],
+    steps: u32,
+}
+
+impl<const LANES: usize> WithSimd for AdvanceAll<'_, LANES> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for swarm in self.swarms {
+            for _ in 0..self.steps {
+                swarm.advance(self.physics, self.targets);
+            }
+        }
     }
 }
 

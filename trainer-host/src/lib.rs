@@ -1,1 +1,10 @@
 //! Placeholder.
+pub mod actor_critic;
+pub mod adam;
+pub mod advantage;
+pub mod experiment_config;
+pub mod gaussian;
+pub mod network;
+pub mod ppo;
+pub mod rollout;
+pub mod schedule;

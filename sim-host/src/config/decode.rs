@@ -79,7 +79,7 @@ impl de::Error for Fault {
     }
 
     fn missing_field(field: &'static str) -> Self {
-        Self::new(format!("no key `{field}`"), "it, because it has no default")
+        Self::new(format!("no key `{field}`"), "one: it has no default")
     }
 }
 
@@ -87,7 +87,7 @@ impl de::Error for Fault {
 fn one_of(found: &str, known: &[&str]) -> String {
     let nearest = known.iter().map(|name| (edits(found, name), name)).min_by_key(|(distance, _)| *distance);
     let hint = match nearest {
-        Some((distance, name)) if distance <= SUGGESTION_EDITS && distance < name.len() => {
+        Some((distance, name)) if distance <= SUGGESTION_EDITS && 2 * distance <= name.len() => {
             format!(" (did you mean `{name}`?)")
         }
         Some(_) | None => String::new(),
@@ -168,8 +168,19 @@ impl Node {
             Value::Mapping(entries) => Ok(entries),
             Value::Nothing => Ok(&[]),
             Value::Truth(_) | Value::Whole(_) | Value::Number(..) | Value::Text(_) | Value::List(_) => {
-                Err(self.fault(format!("keys out of {}", either(known, "and"))))
+                Err(self.fault(format!("keys: {}", either(known, "and"))))
             }
+        }
+    }
+
+    /// Not exactly one variant; the second of several is the one that is too many.
+    fn not_one_of(&self, variants: &[&str]) -> Fault {
+        let expected = format!("exactly one of {}", either(variants, "or"));
+        match &self.value {
+            Value::Mapping(entries) if entries.len() > 1 => {
+                Fault::new(&self.value, expected).at(&entries[1].place)
+            }
+            _ => self.fault(expected),
         }
     }
 
@@ -274,7 +285,7 @@ impl<'de> Deserializer<'de> for &Node {
             | Value::Whole(_)
             | Value::Number(..)
             | Value::List(_)
-            | Value::Mapping(_) => Err(self.fault(format!("exactly one of {}", either(variants, "or")))),
+            | Value::Mapping(_) => Err(self.not_one_of(variants)),
         }
     }
 

@@ -168,7 +168,7 @@ impl SyntaxFault {
 
     /// What was found and what was expected, in words for people who write configurations.
     fn said(&self) -> (String, &'static str) {
-        match self.error.without_snippet() {
+        match innermost(&self.error) {
             YamlError::DuplicateMappingKey { key: Some(key), .. } => {
                 (format!("the key `{key}` a second time"), "each key once")
             }
@@ -183,9 +183,22 @@ impl SyntaxFault {
             | YamlError::AliasReplayStackDepthExceeded { .. } => {
                 ("too many or too deeply nested values".to_owned(), "a plain configuration")
             }
-            other => (other.to_string(), "YAML"),
+            other => (format!("a syntax error ({})", without_place(&other.to_string())), "valid YAML"),
         }
     }
+}
+
+/// The error behind snippets and aliases.
+fn innermost(error: &YamlError) -> &YamlError {
+    match error.without_snippet() {
+        YamlError::AliasError { error, .. } => innermost(error),
+        other => other,
+    }
+}
+
+/// The parser's message without its ` at line 3, column 4`: the place is said in front.
+fn without_place(message: &str) -> &str {
+    message.split_once(" at line ").map_or(message, |(said, _)| said)
 }
 
 fn parsed(text: &str, source: &Arc<Source>) -> Result<Node, SyntaxFault> {

@@ -4,9 +4,9 @@ use nalgebra::Vector3;
 
 use crate::scenario::Cuboid;
 
-/// Whether `point` is inside or on the surface.
+/// Whether `point` is inside, not on the surface, as the simulation tests it.
 pub(crate) fn contains(cuboid: &Cuboid, point: &Vector3<f32>) -> bool {
-    (0..3).all(|axis| cuboid.low[axis] <= point[axis] && point[axis] <= cuboid.high[axis])
+    (0..3).all(|axis| cuboid.low[axis] < point[axis] && point[axis] < cuboid.high[axis])
 }
 
 /// Whether all of `inner` is inside.

@@ -82,7 +82,7 @@ impl fmt::Display for Value {
             Self::Mapping(entries) if entries.is_empty() => formatter.write_str("no keys"),
             Self::Mapping(entries) => {
                 let keys: Vec<_> = entries.iter().map(|entry| entry.key.as_str()).collect();
-                write!(formatter, "the keys {}", either(&keys, "and"))
+                write!(formatter, "the key{} {}", if keys.len() > 1 { "s" } else { "" }, either(&keys, "and"))
             }
         }
     }

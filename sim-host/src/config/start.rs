@@ -189,16 +189,15 @@ impl Region {
 
     /// Refuses starts nearer than `radius` \[m\] to the floor or a solid.
     fn clear(&self, aviary: &Aviary, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
-        let expected = format!("at least {radius} m, the radius of the drone");
         if aviary.floor == Floor::Solid && self.hull().low.z < radius {
-            let found = format!("starts at {:.3} m above the floor", self.hull().low.z);
-            return Err(field.reject(found, expected));
+            let found = format!("starts as low as {:.3} m", self.hull().low.z);
+            return Err(field.reject(found, format!("at least {radius} m above the floor, the drone's radius")));
         }
         match aviary.solids.iter().find(|solid| self.gap_to(solid) < radius) {
             None => Ok(()),
             Some(solid) => {
-                let found = format!("starts at {:.3} m from {}", self.gap_to(solid).max(0.0), shown(solid));
-                Err(field.reject(found, expected))
+                let found = format!("starts {:.3} m from {}", self.gap_to(solid).max(0.0), shown(solid));
+                Err(field.reject(found, format!("at least {radius} m between, the drone's radius")))
             }
         }
     }

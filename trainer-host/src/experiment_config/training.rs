@@ -5,12 +5,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ppo::PpoSettings;
+use crate::rollout::PANEL;
 use crate::schedule::Schedule;
 
-/// Environments that one thread steps at a time; rollouts and minibatches come in multiples of it.
-const PANEL: u64 = 256;
-
-/// Most transitions of one rollout: at 100 values each they fill 7 GiB.
+/// Most samples of one rollout: at 60 values each they fill 4 GiB.
 const ROLLOUT_LIMIT: u64 = 1 << 24;
 
 /// Widest hidden layer.
@@ -34,7 +32,7 @@ pub struct TrainingConfig {
     pub steps_per_rollout: u64,
     /// Passes over a rollout in one update.
     pub epochs: u64,
-    /// Transitions in one gradient step: a multiple of 256 that divides `environments · steps_per_rollout`.
+    /// Samples in one gradient step: a multiple of 256 that divides `environments · steps_per_rollout`.
     pub minibatch: u64,
     /// Worth of a reward one step later; 0.99 at 100 Hz looks about a second ahead.
     pub discount: f64,
@@ -52,11 +50,15 @@ pub struct TrainingConfig {
     pub gradient_norm_limit: f64,
     /// Natural logarithm of the standard deviation of the first actions.
     pub initial_log_std: f64,
+    /// Lowest natural logarithm of the standard deviation, so that exploration does not die out.
+    pub lowest_log_std: f64,
+    /// Highest natural logarithm of the standard deviation.
+    pub highest_log_std: f64,
     /// Widths of the actor's hidden layers.
     pub actor_hidden: Vec<u64>,
     /// Widths of the critic's hidden layers.
     pub critic_hidden: Vec<u64>,
-    /// KL divergence after which the remaining epochs of an update are skipped.
+    /// An update stops early once its KL divergence exceeds one and a half times this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target_kl: Option<f64>,
     /// Rewards are multiplied by this before learning, so that returns are of order one.
@@ -106,6 +108,8 @@ impl Default for TrainingConfig {
             value_weight: 0.5,
             gradient_norm_limit: 0.5,
             initial_log_std: -0.5,
+            lowest_log_std: -3.0,
+            highest_log_std: 0.5,
             actor_hidden: vec![64, 64],
             critic_hidden: vec![64, 64],
             target_kl: None,
@@ -122,6 +126,9 @@ impl TrainingConfig {
     pub fn check(&self, field: &Field<'_>) -> Result<PpoSettings, ConfigError> {
         self.check_sizes(field)?;
         let number = |key: &str, value: f64, limits: Limits| field.at(key).number(value, &limits);
+        let log_std = Limits::from(self.lowest_log_std, self.highest_log_std, "");
+        let lowest_log_std = number("lowest_log_std", self.lowest_log_std, Limits::from(-10.0, 10.0, ""))?;
+        let highest_log_std = number("highest_log_std", self.highest_log_std, Limits::from(self.lowest_log_std, 10.0, ""))?;
         let target_kl = self.target_kl.map(|target| number("target_kl", target, RATE)).transpose()?;
         Ok(PpoSettings {
             environments: self.environments as usize,
@@ -136,7 +143,9 @@ impl TrainingConfig {
             entropy_weight: number("entropy_weight", self.entropy_weight, UNIT)?,
             value_weight: number("value_weight", self.value_weight, Limits::above(0.0, 100.0, ""))?,
             gradient_norm_limit: number("gradient_norm_limit", self.gradient_norm_limit, Limits::above(0.0, 1e6, ""))?,
-            initial_log_std: number("initial_log_std", self.initial_log_std, Limits::from(-5.0, 2.0, ""))?,
+            initial_log_std: number("initial_log_std", self.initial_log_std, log_std)?,
+            lowest_log_std,
+            highest_log_std,
             actor_hidden: hidden(&self.actor_hidden, &field.at("actor_hidden"))?,
             critic_hidden: hidden(&self.critic_hidden, &field.at("critic_hidden"))?,
             target_kl,
@@ -151,7 +160,7 @@ impl TrainingConfig {
         check_panels(self.minibatch, &field.at("minibatch"))?;
         let rollout = self.environments.saturating_mul(self.steps_per_rollout);
         if rollout > ROLLOUT_LIMIT {
-            let found = format!("a rollout of {rollout} transitions (environments · steps_per_rollout)");
+            let found = format!("a rollout of {rollout} samples (environments · steps_per_rollout)");
             return Err(field.reject(found, format!("at most {ROLLOUT_LIMIT}")));
         }
         if rollout % self.minibatch != 0 {
@@ -167,7 +176,7 @@ impl TrainingConfig {
 }
 
 fn check_panels(value: u64, field: &Field<'_>) -> Result<(), ConfigError> {
-    if value >= PANEL && value.is_multiple_of(PANEL) {
+    if value > 0 && value.is_multiple_of(PANEL as u64) {
         return Ok(());
     }
     Err(field.refuse(value, format!("a multiple of {PANEL}")))

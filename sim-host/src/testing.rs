@@ -1,0 +1,55 @@
+//! A small task for the unit tests of this crate.
+
+use kestrel_core::action::{ActionSpace, RotorSpeeds};
+use kestrel_core::airframe::CF2X;
+use kestrel_core::dynamics::Integrator;
+use kestrel_core::observation::{ObservationLayout, PilotLayout};
+use kestrel_core::vehicle::Ground;
+use nalgebra::Vector3;
+
+use crate::scenario::{
+    Aviary, CriticView, Floor, Physics, Randomisation, RewardTerm, Scenario, Start, StartPosition, Success,
+    Termination, WeightedTerm,
+};
+
+/// Hover one metre above the origin, everything randomised, every kind of dense reward, short episodes.
+pub(crate) fn hover() -> Scenario {
+    let weighted = |term, weight| WeightedTerm { term, weight };
+    Scenario {
+        name: "hover".into(),
+        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), solids: Vec::new(), floor: Floor::Solid },
+        airframe: CF2X,
+        physics: Physics {
+            integrator: Integrator::SemiImplicitEuler,
+            substeps: 2,
+            control_secs: 0.01,
+            ground: Ground::Distant,
+        },
+        action: ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3)),
+        observation: ObservationLayout::Pilot(PilotLayout {
+            position_scale_m: 1.0,
+            velocity_scale: 2.0,
+            body_rates_scale: 10.0,
+        }),
+        critic: CriticView::Privileged,
+        start: Start {
+            position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.5 },
+            tilt_limit: 1.5,
+            speed_limit: 1.0,
+            body_rates_limit: 3.0,
+        },
+        randomisation: Randomisation { mass: 0.1, inertia: 0.1, thrust: 0.1, rotor_lag: 0.3, wind_speed: 0.5 },
+        rewards: vec![
+            weighted(RewardTerm::Alive, 1.0),
+            weighted(RewardTerm::Proximity { scale_m: 0.5 }, 2.0),
+            weighted(RewardTerm::Velocity, -0.1),
+            weighted(RewardTerm::BodyRates, -0.01),
+            weighted(RewardTerm::ActionChange, -0.1),
+            weighted(RewardTerm::Progress, 1.0),
+            weighted(RewardTerm::Failure, -1.0),
+        ],
+        terminations: vec![Termination::Collision, Termination::Distance { limit_m: 1.5 }],
+        episode_secs: 1.0,
+        success: Success::Settle { radius_m: 0.05, within_secs: 4.0 },
+    }
+}
