@@ -13,6 +13,8 @@ mod geometry;
 mod node;
 mod pilot;
 mod start;
+#[cfg(test)]
+mod tests;
 mod vehicle;
 
 use schemars::JsonSchema;

@@ -25,7 +25,8 @@ pub const VERSION: u32 = 1;
 const NAME_LIMIT: usize = 64;
 
 /// Written above every resolved configuration.
-const RESOLVED_HEADER: &str = "# Complete configuration of a run, with overrides applied and every default filled in.\n";
+const RESOLVED_HEADER: &str =
+    "# Complete configuration of a run, with overrides applied and every default filled in.\n";
 
 /// One experiment as users write it.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]

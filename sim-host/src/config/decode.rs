@@ -27,8 +27,8 @@ pub(crate) struct Fault {
 }
 
 impl Fault {
-    fn new(found: impl ToString, expected: impl ToString) -> Self {
-        Self { found: found.to_string(), expected: expected.to_string(), place: None, path: Vec::new() }
+    fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self { found: found.into(), expected: expected.into(), place: None, path: Vec::new() }
     }
 
     /// The innermost place wins.
@@ -37,7 +37,7 @@ impl Fault {
         self
     }
 
-    fn under(mut self, step: impl ToString) -> Self {
+    fn under(mut self, step: &str) -> Self {
         self.path.push(step.to_string());
         self
     }
@@ -59,15 +59,15 @@ impl std::error::Error for Fault {}
 
 impl de::Error for Fault {
     fn custom<T: std::fmt::Display>(message: T) -> Self {
-        Self::new(message, "a valid value")
+        Self::new(message.to_string(), "a valid value")
     }
 
     fn invalid_type(unexpected: Unexpected<'_>, expected: &dyn Expected) -> Self {
-        Self::new(unexpected, expected)
+        Self::new(unexpected.to_string(), expected.to_string())
     }
 
     fn invalid_value(unexpected: Unexpected<'_>, expected: &dyn Expected) -> Self {
-        Self::new(unexpected, expected)
+        Self::new(unexpected.to_string(), expected.to_string())
     }
 
     fn unknown_field(field: &str, known: &'static [&'static str]) -> Self {
@@ -112,8 +112,8 @@ fn edits(from: &str, to: &str) -> usize {
 }
 
 impl Node {
-    fn fault(&self, expected: impl ToString) -> Fault {
-        Fault::new(&self.value, expected).at(&self.place)
+    fn fault(&self, expected: impl Into<String>) -> Fault {
+        Fault::new(self.value.to_string(), expected).at(&self.place)
     }
 
     /// A whole number up to `limit`; `1e6` is one too.
@@ -157,7 +157,7 @@ impl Node {
         Ok(value)
     }
 
-    fn list(&self, expected: impl ToString) -> Result<&[Node], Fault> {
+    fn list(&self, expected: &str) -> Result<&[Node], Fault> {
         let Value::List(items) = &self.value else { return Err(self.fault(expected)) };
         Ok(items)
     }
@@ -176,12 +176,17 @@ impl Node {
     /// Not exactly one variant; the second of several is the one that is too many.
     fn not_one_of(&self, variants: &[&str]) -> Fault {
         let expected = format!("exactly one of {}", either(variants, "or"));
-        match &self.value {
-            Value::Mapping(entries) if entries.len() > 1 => {
-                Fault::new(&self.value, expected).at(&entries[1].place)
-            }
-            _ => self.fault(expected),
-        }
+        let place = match &self.value {
+            Value::Mapping(entries) if entries.len() > 1 => &entries[1].place,
+            Value::Mapping(_)
+            | Value::Nothing
+            | Value::Truth(_)
+            | Value::Whole(_)
+            | Value::Number(..)
+            | Value::Text(_)
+            | Value::List(_) => &self.place,
+        };
+        Fault::new(self.value.to_string(), expected).at(place)
     }
 
     fn visit_items<'de, V: Visitor<'de>>(&self, items: &[Node], visitor: V) -> Result<V::Value, Fault> {
@@ -307,7 +312,7 @@ impl<'de> SeqAccess<'de> for Items<'_> {
         let Some(item) = self.items.get(self.next) else { return Ok(None) };
         let index = self.next;
         self.next += 1;
-        seed.deserialize(item).map(Some).map_err(|fault| fault.at(&item.place).under(index))
+        seed.deserialize(item).map(Some).map_err(|fault| fault.at(&item.place).under(&index.to_string()))
     }
 }
 

@@ -128,7 +128,8 @@ impl TrainingConfig {
         let number = |key: &str, value: f64, limits: Limits| field.at(key).number(value, &limits);
         let log_std = Limits::from(self.lowest_log_std, self.highest_log_std, "");
         let lowest_log_std = number("lowest_log_std", self.lowest_log_std, Limits::from(-10.0, 10.0, ""))?;
-        let highest_log_std = number("highest_log_std", self.highest_log_std, Limits::from(self.lowest_log_std, 10.0, ""))?;
+        let highest_log_std =
+            number("highest_log_std", self.highest_log_std, Limits::from(self.lowest_log_std, 10.0, ""))?;
         let target_kl = self.target_kl.map(|target| number("target_kl", target, RATE)).transpose()?;
         Ok(PpoSettings {
             environments: self.environments as usize,
@@ -142,7 +143,11 @@ impl TrainingConfig {
             learning_rate: self.learning_rate.check(&field.at("learning_rate"))?,
             entropy_weight: number("entropy_weight", self.entropy_weight, UNIT)?,
             value_weight: number("value_weight", self.value_weight, Limits::above(0.0, 100.0, ""))?,
-            gradient_norm_limit: number("gradient_norm_limit", self.gradient_norm_limit, Limits::above(0.0, 1e6, ""))?,
+            gradient_norm_limit: number(
+                "gradient_norm_limit",
+                self.gradient_norm_limit,
+                Limits::above(0.0, 1e6, ""),
+            )?,
             initial_log_std: number("initial_log_std", self.initial_log_std, log_std)?,
             lowest_log_std,
             highest_log_std,
