@@ -7,6 +7,7 @@ pub mod animation;
 pub mod atomic_file;
 pub mod checkpoint;
 pub mod curve;
+pub mod experiment_config;
 pub mod gaussian;
 pub mod interrupt;
 pub mod network;
