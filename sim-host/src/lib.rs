@@ -13,7 +13,7 @@ mod reward;
 pub mod scenario;
 pub mod seed;
 pub mod simulation;
-mod swarm;
+pub mod swarm;
 mod termination;
 #[cfg(test)]
 mod testing;

@@ -1,1 +1,9 @@
 //! Placeholder.
+pub mod actor_critic;
+pub mod adam;
+pub mod advantage;
+pub mod gaussian;
+pub mod network;
+pub mod ppo;
+pub mod rollout;
+pub mod schedule;

@@ -1,0 +1,124 @@
+//! The Adam optimiser.
+
+use pulp::{Simd, WithSimd};
+use serde::{Deserialize, Serialize};
+
+use crate::network::dispatch;
+
+/// Decay of the mean gradient (Kingma and Ba 2015).
+const FIRST_DECAY: f32 = 0.9;
+/// Decay of the mean squared gradient (Kingma and Ba 2015).
+const SECOND_DECAY: f32 = 0.999;
+/// Added to the root, as in CleanRL and Stable-Baselines3: large enough to keep rare gradients from exploding.
+const EPSILON: f32 = 1e-5;
+
+/// Adam with bias correction (Kingma and Ba 2015, algorithm 1) for one slice of parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Adam {
+    first: Vec<f32>,
+    second: Vec<f32>,
+    steps: u32,
+}
+
+impl Adam {
+    /// For `parameters` values.
+    pub fn new(parameters: usize) -> Self {
+        Self { first: vec![0.0; parameters], second: vec![0.0; parameters], steps: 0 }
+    }
+
+    /// Number of values it optimises; zero when its own state is inconsistent.
+    pub fn parameter_count(&self) -> usize {
+        if self.first.len() == self.second.len() { self.first.len() } else { 0 }
+    }
+
+    /// One descent step along `gradient * gradient_scale`.
+    ///
+    /// # Panics
+    /// When the slices are not as long as the optimiser's state.
+    pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], gradient_scale: f32, learning_rate: f32) {
+        assert!(parameters.len() == self.first.len() && gradient.len() == self.first.len(), "one slice, one Adam");
+        self.steps += 1;
+        let correction = |decay: f32| 1.0 - libm::pow(f64::from(decay), f64::from(self.steps));
+        let second_correction = correction(SECOND_DECAY).sqrt();
+        dispatch(Descend {
+            parameters,
+            gradient,
+            first: &mut self.first,
+            second: &mut self.second,
+            gradient_scale,
+            // The corrections of both moments moved into the step size and the epsilon (ibid., section 2).
+            step_size: (f64::from(learning_rate) * second_correction / correction(FIRST_DECAY)) as f32,
+            epsilon: (f64::from(EPSILON) * second_correction) as f32,
+        });
+    }
+}
+
+struct Descend<'a> {
+    parameters: &'a mut [f32],
+    gradient: &'a [f32],
+    first: &'a mut [f32],
+    second: &'a mut [f32],
+    gradient_scale: f32,
+    step_size: f32,
+    epsilon: f32,
+}
+
+impl WithSimd for Descend<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let moments = self.first.iter_mut().zip(self.second);
+        for ((parameter, gradient), (first, second)) in self.parameters.iter_mut().zip(self.gradient).zip(moments) {
+            let gradient = gradient * self.gradient_scale;
+            *first = FIRST_DECAY * *first + (1.0 - FIRST_DECAY) * gradient;
+            *second = SECOND_DECAY * *second + (1.0 - SECOND_DECAY) * gradient * gradient;
+            *parameter -= self.step_size * *first / (second.sqrt() + self.epsilon);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_step_is_the_learning_rate_against_the_sign() {
+        let mut parameters = [1.0, -2.0, 3.0];
+        Adam::new(3).step(&mut parameters, &[10.0, -0.1, 0.0], 1.0, 0.01);
+        assert!((parameters[0] - 0.99).abs() < 1e-6);
+        assert!((parameters[1] + 1.99).abs() < 2e-6);
+        assert_eq!(parameters[2], 3.0);
+    }
+
+    #[test]
+    fn many_steps_follow_the_closed_form_in_f64() {
+        let gradient = |step: u32, index: usize| libm::sin(f64::from(step) * (index as f64 + 0.3));
+        let mut parameters = [0.5_f32; 20];
+        let mut adam = Adam::new(20);
+        for step in 0..100 {
+            let gradients: Vec<f32> = (0..20).map(|index| gradient(step, index) as f32).collect();
+            adam.step(&mut parameters, &gradients, 0.5, 1e-2);
+        }
+        for (index, parameter) in parameters.iter().enumerate() {
+            let expected = reference(|step| 0.5 * gradient(step, index), 100, 0.5, 1e-2);
+            assert!((f64::from(*parameter) - expected).abs() < 2e-5, "{parameter} {expected}");
+        }
+    }
+
+    /// Algorithm 1 of the paper, line by line.
+    fn reference(gradient: impl Fn(u32) -> f64, steps: u32, start: f64, learning_rate: f64) -> f64 {
+        let (first_decay, second_decay, epsilon) = (0.9, 0.999, 1e-5);
+        let (mut parameter, mut first, mut second) = (start, 0.0, 0.0);
+        for step in 0..steps {
+            let gradient = gradient(step);
+            first = first_decay * first + (1.0 - first_decay) * gradient;
+            second = second_decay * second + (1.0 - second_decay) * gradient * gradient;
+            let power = f64::from(step + 1);
+            let corrected_first = first / (1.0 - libm::pow(first_decay, power));
+            let corrected_second = second / (1.0 - libm::pow(second_decay, power));
+            parameter -= learning_rate * corrected_first / (corrected_second.sqrt() + epsilon);
+        }
+        parameter
+    }
+}

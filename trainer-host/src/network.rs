@@ -1,0 +1,194 @@
+//! Multilayer perceptrons over columns of samples: forward, backward, initialisation.
+//!
+//! A tile of samples is feature-major, `[features][columns]`, as the simulation writes its observations: every
+//! layer is then one matrix product without a copy, and everything between the products is a loop over rows.
+
+mod dense;
+mod kernel;
+
+use kestrel_sim::seed::Stream;
+use serde::{Deserialize, Serialize};
+
+pub use dense::Dense;
+use dense::DenseGradient;
+pub(crate) use kernel::{dispatch, dot};
+use kernel::TanhBackward;
+
+/// Gain of orthogonal weights before a tanh, the choice of CleanRL and Stable-Baselines3.
+const HIDDEN_GAIN: f32 = std::f32::consts::SQRT_2;
+
+/// The shape of a multilayer perceptron: tanh after every layer but the last.
+///
+/// Its parameters are one slice: for each layer the weights `[outputs][inputs]`, then the biases `[outputs]`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mlp {
+    widths: Vec<usize>,
+}
+
+impl Mlp {
+    /// `inputs`, then the `hidden` widths, then `outputs`.
+    pub fn new(inputs: usize, hidden: &[usize], outputs: usize) -> Self {
+        let mut widths = vec![inputs];
+        widths.extend_from_slice(hidden);
+        widths.push(outputs);
+        Self { widths }
+    }
+
+    /// Number of inputs, widths of the hidden layers, number of outputs.
+    pub fn widths(&self) -> &[usize] {
+        &self.widths
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.widths[0]
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.widths[self.widths.len() - 1]
+    }
+
+    /// Number of weights and biases.
+    pub fn parameter_count(&self) -> usize {
+        self.widths.windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum()
+    }
+
+    /// Multiply-accumulate operations of one forward pass of one sample.
+    pub fn multiply_accumulates(&self) -> usize {
+        self.widths.windows(2).map(|pair| pair[0] * pair[1]).sum()
+    }
+
+    /// The layers, first to last.
+    pub fn layers<'a>(&self, parameters: &'a [f32]) -> Vec<Dense<'a>> {
+        let mut rest = parameters;
+        let mut take = |count: usize| {
+            let (taken, left) = rest.split_at(count);
+            rest = left;
+            taken
+        };
+        let layer = |pair: &[usize]| Dense {
+            inputs: pair[0],
+            outputs: pair[1],
+            weights: take(pair[0] * pair[1]),
+            biases: take(pair[1]),
+        };
+        self.widths.windows(2).map(layer).collect()
+    }
+
+    fn layer_gradients<'a>(&self, gradient: &'a mut [f32]) -> Vec<DenseGradient<'a>> {
+        let mut rest = gradient;
+        let mut layers = Vec::with_capacity(self.widths.len() - 1);
+        for pair in self.widths.windows(2) {
+            let (weights, left) = rest.split_at_mut(pair[0] * pair[1]);
+            let (biases, left) = left.split_at_mut(pair[1]);
+            layers.push(DenseGradient { weights, biases });
+            rest = left;
+        }
+        layers
+    }
+
+    /// Orthogonal weights (Saxe et al. 2014) and zero biases; the last layer's gain is `head_gain`.
+    pub fn initialise(&self, head_gain: f32, stream: &mut Stream) -> Vec<f32> {
+        let mut parameters = Vec::with_capacity(self.parameter_count());
+        let last = self.widths.len() - 2;
+        for (index, pair) in self.widths.windows(2).enumerate() {
+            let gain = if index == last { head_gain } else { HIDDEN_GAIN };
+            parameters.extend(orthogonal(pair[1], pair[0], gain, stream));
+            parameters.extend(std::iter::repeat_n(0.0, pair[1]));
+        }
+        parameters
+    }
+
+    /// Evaluates a tile; the last entry of the workspace's activations is the network's output.
+    ///
+    /// # Panics
+    /// When `inputs` is not `[inputs][columns]` or the workspace is of another network.
+    pub fn forward<'w>(&self, parameters: &[f32], inputs: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
+        let columns = workspace.columns;
+        let layers = self.layers(parameters);
+        let (head, hidden) = layers.split_last().expect("a network has at least one layer");
+        let mut input = inputs;
+        let (output, activations) = workspace.activations.split_last_mut().expect("one per layer");
+        for (layer, activation) in hidden.iter().zip(activations) {
+            layer.affine_tanh(input, columns, activation);
+            input = activation;
+        }
+        head.affine(input, columns, output);
+        output
+    }
+
+    /// Adds the parameters' gradient of a tile to `gradient`, from the loss gradient of the outputs that the
+    /// caller has written to [`Workspace::output_delta`] after [`Self::forward`] of the same `inputs`.
+    pub fn backward(&self, parameters: &[f32], inputs: &[f32], workspace: &mut Workspace, gradient: &mut [f32]) {
+        let Workspace { columns, activations, deltas } = workspace;
+        let layers = self.layers(parameters);
+        let mut gradients = self.layer_gradients(gradient);
+        for index in (0..layers.len()).rev() {
+            let (below, from) = deltas.split_at_mut(index);
+            let input = if index == 0 { inputs } else { &activations[index - 1] };
+            gradients[index].add(&from[0], input, *columns);
+            if let Some(deltas) = below.last_mut() {
+                layers[index].backward(&from[0], *columns, deltas);
+                dispatch(TanhBackward { deltas, activations: input });
+            }
+        }
+    }
+}
+
+/// What a tile leaves behind on its way through a network, and the loss gradients on the way back.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    columns: usize,
+    /// Per layer `[outputs][columns]`.
+    activations: Vec<Vec<f32>>,
+    /// Per layer, of the sums before the activation function, `[outputs][columns]`.
+    deltas: Vec<Vec<f32>>,
+}
+
+impl Workspace {
+    /// For tiles of `columns` samples.
+    pub fn new(mlp: &Mlp, columns: usize) -> Self {
+        let rows: Vec<Vec<f32>> = mlp.widths[1..].iter().map(|width| vec![0.0; width * columns]).collect();
+        Self { columns, activations: rows.clone(), deltas: rows }
+    }
+
+    /// The network's outputs `[outputs][columns]` and, to be written, the loss gradient of each.
+    pub fn output_delta(&mut self) -> (&[f32], &mut [f32]) {
+        let last = self.activations.len() - 1;
+        (&self.activations[last], &mut self.deltas[last])
+    }
+}
+
+/// A random `[rows][columns]` matrix whose rows (or columns, if those are fewer) are orthogonal with norm `gain`.
+fn orthogonal(rows: usize, columns: usize, gain: f32, stream: &mut Stream) -> Vec<f32> {
+    let (count, length) = (rows.min(columns), rows.max(columns));
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(count);
+    for _ in 0..count {
+        let mut vector: Vec<f64> = (0..length).map(|_| f64::from(stream.normal())).collect();
+        // Twice is enough (Giraud et al. 2005): the second pass removes what rounding left of the first.
+        remove_components(&mut vector, &basis);
+        remove_components(&mut vector, &basis);
+        let norm = inner(&vector, &vector).sqrt();
+        basis.push(vector.iter().map(|value| value / norm).collect());
+    }
+    let entry = |row: usize, column: usize| if rows <= columns { basis[row][column] } else { basis[column][row] };
+    let entries = (0..rows * columns).map(|index| entry(index / columns, index % columns));
+    entries.map(|value| gain * value as f32).collect()
+}
+
+fn remove_components(vector: &mut [f64], basis: &[Vec<f64>]) {
+    for direction in basis {
+        let component = inner(vector, direction);
+        for (value, direction) in vector.iter_mut().zip(direction) {
+            *value -= component * direction;
+        }
+    }
+}
+
+fn inner(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,119 @@
+//! The loss of PPO on a tile of samples, and its gradient with respect to what the networks put out.
+
+use kestrel_core::action::ACTION_LEN;
+use pulp::{Simd, WithSimd};
+
+use crate::gaussian::Gaussian;
+use crate::network::{dispatch, dot};
+use crate::rollout::{PANEL, Tile};
+
+/// Keeps the ratio finite for actions that the new policy finds impossible; far outside any clip range.
+const LOG_RATIO_LIMIT: f32 = 20.0;
+
+/// Sums over samples of what is logged.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct LossSums {
+    pub(crate) samples: f64,
+    pub(crate) policy_loss: f64,
+    pub(crate) value_loss: f64,
+    pub(crate) approx_kl: f64,
+    pub(crate) clipped: f64,
+}
+
+impl LossSums {
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.samples += other.samples;
+        self.policy_loss += other.policy_loss;
+        self.value_loss += other.value_loss;
+        self.approx_kl += other.approx_kl;
+        self.clipped += other.clipped;
+    }
+
+    /// A sum's mean per sample.
+    pub(crate) fn mean(&self, sum: f64) -> f32 {
+        (sum / self.samples.max(1.0)) as f32
+    }
+}
+
+/// The clipped surrogate objective (Schulman et al. 2017, eq. 7) of one tile.
+pub(crate) struct Surrogate<'a> {
+    pub(crate) tile: Tile<'a>,
+    /// The new policy's `[4][PANEL]`.
+    pub(crate) means: &'a [f32],
+    pub(crate) gaussian: &'a Gaussian,
+    pub(crate) clip_range: f32,
+    /// Weight of one sample, the inverse of the minibatch's size.
+    pub(crate) sample_weight: f32,
+}
+
+impl Surrogate<'_> {
+    /// Adds the loss to `sums`, the gradient of `log_std` to `log_std`, and writes that of the means to `deltas`.
+    pub(crate) fn differentiate(
+        &self,
+        deltas: &mut [f32],
+        log_std: &mut [f32],
+        sums: &mut LossSums,
+    ) {
+        let mut log_probs = [0.0; PANEL];
+        self.gaussian.log_probs(self.means, self.tile.actions, &mut log_probs);
+        let mut pulls = [0.0; PANEL];
+        for (index, pull) in pulls.iter_mut().enumerate() {
+            let log_ratio = log_probs[index] - self.tile.log_probs[index];
+            *pull = self.sample_weight * self.pull(log_ratio, self.tile.advantages[index], sums);
+        }
+        dispatch(ThroughDensity { surrogate: self, pulls: &pulls, deltas, log_std });
+    }
+
+    /// The derivative of a sample's loss with respect to the log-density of its action.
+    #[inline(always)]
+    fn pull(&self, log_ratio: f32, advantage: f32, sums: &mut LossSums) -> f32 {
+        let log_ratio = log_ratio.clamp(-LOG_RATIO_LIMIT, LOG_RATIO_LIMIT);
+        let ratio = libm::expf(log_ratio);
+        let clipped = ratio.clamp(1.0 - self.clip_range, 1.0 + self.clip_range);
+        let (gain, clipped_gain) = (ratio * advantage, clipped * advantage);
+        sums.policy_loss -= f64::from(gain.min(clipped_gain));
+        // The unbiased estimate with little variance (Schulman 2020, "k3").
+        sums.approx_kl += f64::from(ratio - 1.0 - log_ratio);
+        sums.clipped += f64::from(u8::from(ratio != clipped));
+        if gain <= clipped_gain { -gain } else { 0.0 }
+    }
+}
+
+/// The chain rule through the Gaussian log-density.
+struct ThroughDensity<'a> {
+    surrogate: &'a Surrogate<'a>,
+    pulls: &'a [f32; PANEL],
+    deltas: &'a mut [f32],
+    log_std: &'a mut [f32],
+}
+
+impl WithSimd for ThroughDensity<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { surrogate, pulls, deltas, log_std } = self;
+        let rows = surrogate.means.chunks_exact(PANEL).zip(surrogate.tile.actions.chunks_exact(PANEL));
+        for (row, (means, actions)) in rows.enumerate().take(ACTION_LEN) {
+            let inverse = 1.0 / surrogate.gaussian.std()[row];
+            let deltas = &mut deltas[row * PANEL..(row + 1) * PANEL];
+            let mut curvatures = [0.0; PANEL];
+            for index in 0..PANEL {
+                let deviation = (actions[index] - means[index]) * inverse;
+                deltas[index] = pulls[index] * deviation * inverse;
+                curvatures[index] = deviation * deviation - 1.0;
+            }
+            log_std[row] += dot(pulls, &curvatures);
+        }
+    }
+}
+
+/// Mean squared error of the critic: adds it to `sums`, and writes its gradient, times `weight`, to `deltas`.
+pub(crate) fn differentiate_value(values: &[f32], returns: &[f32], weight: f32, deltas: &mut [f32], sums: &mut LossSums) {
+    sums.samples += values.len() as f64;
+    for ((delta, value), target) in deltas.iter_mut().zip(values).zip(returns) {
+        let error = value - target;
+        sums.value_loss += f64::from(error * error);
+        *delta = weight * 2.0 * error;
+    }
+}

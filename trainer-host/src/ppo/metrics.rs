@@ -1,0 +1,68 @@
+//! What an update reports, under the names of Stable-Baselines3 and CleanRL.
+
+use kestrel_sim::outcome::Episode;
+use serde::Serialize;
+
+/// One update's figures.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct UpdateMetrics {
+    /// Environment steps since the start of training.
+    pub steps: u64,
+    /// Updates since the start of training.
+    pub updates: u64,
+    /// Negative clipped surrogate, mean over all minibatches.
+    pub policy_loss: f32,
+    /// Mean squared error of the critic, mean over all minibatches.
+    pub value_loss: f32,
+    /// Entropy of the policy after the update [nat].
+    pub entropy: f32,
+    /// Divergence of the policy from that of the rollout [nat], mean over the last epoch.
+    pub approx_kl: f32,
+    /// Share of samples whose ratio left the clip range, mean over all minibatches.
+    pub clip_fraction: f32,
+    /// Share of the returns' variance that the critic foresaw; zero when they have none.
+    pub explained_variance: f32,
+    /// Step size that was used.
+    pub learning_rate: f32,
+    /// Logarithm of the standard deviation, mean over the actions, after the update.
+    pub log_std: f32,
+    /// Length of the gradient before it was limited, mean over all minibatches.
+    pub gradient_norm: f32,
+    /// Episodes that ended during the rollout.
+    pub episodes: u64,
+    /// Mean undiscounted, unscaled return of these episodes.
+    pub episode_return: Option<f32>,
+    /// Mean length of these episodes [steps].
+    pub episode_length: Option<f32>,
+    /// Share of these episodes that succeeded.
+    pub success_rate: Option<f32>,
+    /// Mean return of each reward term in these episodes, in the scenario's order; empty without episodes.
+    pub episode_terms: Vec<f32>,
+    /// Wall time of the rollout [s].
+    pub rollout_secs: f64,
+    /// Wall time of advantages and optimisation [s].
+    pub update_secs: f64,
+}
+
+impl UpdateMetrics {
+    /// Environment steps per second of this update, from its `steps_in_update`.
+    pub fn steps_per_second(&self, steps_in_update: usize) -> f64 {
+        steps_in_update as f64 / (self.rollout_secs + self.update_secs)
+    }
+
+    /// Fills in what the ended episodes say.
+    pub(crate) fn describe(&mut self, episodes: &[Episode]) {
+        self.episodes = episodes.len() as u64;
+        if episodes.is_empty() {
+            return;
+        }
+        let mean = |value: &dyn Fn(&Episode) -> f64| {
+            Some((episodes.iter().map(value).sum::<f64>() / episodes.len() as f64) as f32)
+        };
+        self.episode_return = mean(&|episode| f64::from(episode.total_reward));
+        self.episode_length = mean(&|episode| f64::from(episode.steps));
+        self.success_rate = mean(&|episode| f64::from(u8::from(episode.success)));
+        let terms = 0..episodes[0].terms.len();
+        self.episode_terms = terms.filter_map(|term| mean(&|episode| f64::from(episode.terms[term]))).collect();
+    }
+}

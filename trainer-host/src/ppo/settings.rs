@@ -1,0 +1,163 @@
+//! What a PPO run is made with.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::rollout::PANEL;
+use crate::schedule::Schedule;
+
+/// The hyperparameters of PPO, under the names of the field.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PpoSettings {
+    /// Environments in parallel, a multiple of [`PANEL`].
+    pub environments: usize,
+    /// Steps of every environment between updates.
+    pub steps_per_rollout: usize,
+    /// Environment steps of the whole training; a linear schedule ends there.
+    pub total_steps: u64,
+    /// Passes over each rollout.
+    pub epochs: u32,
+    /// Samples per gradient step, a multiple of [`PANEL`]; the last of an epoch may be smaller.
+    pub minibatch: usize,
+    /// Discount per step, in \[0, 1\].
+    pub discount: f32,
+    /// Trace decay of the advantage estimate, in \[0, 1\].
+    pub gae_lambda: f32,
+    /// How far the probability ratio may leave one before its gain stops counting.
+    pub clip_range: f32,
+    /// Step size of Adam.
+    pub learning_rate: Schedule,
+    /// Weight of the entropy bonus.
+    pub entropy_weight: f32,
+    /// Weight of the mean squared error of the critic.
+    pub value_weight: f32,
+    /// Longest gradient of both networks together; longer ones are scaled down.
+    pub gradient_norm_limit: f32,
+    /// Logarithm of the actions' standard deviation at the start.
+    pub initial_log_std: f32,
+    /// Lowest logarithm of the standard deviation.
+    pub lowest_log_std: f32,
+    /// Highest logarithm of the standard deviation.
+    pub highest_log_std: f32,
+    /// Widths of the actor's hidden layers.
+    pub actor_hidden: Vec<usize>,
+    /// Widths of the critic's hidden layers.
+    pub critic_hidden: Vec<usize>,
+    /// An update stops once a minibatch's `approx_kl` exceeds one and a half times this, as Stable-Baselines3.
+    pub target_kl: Option<f32>,
+    /// Fixed factor on rewards before the critic sees them; the logged returns are unscaled.
+    pub reward_scale: f32,
+}
+
+/// Settings that no training can be made with.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SettingsError {
+    /// Environments and minibatches come in panels.
+    #[error("{name} is {found}, expected a positive multiple of {PANEL}")]
+    NotPanels {
+        /// Which setting.
+        name: &'static str,
+        /// Its value.
+        found: usize,
+    },
+    /// A count that must not be zero.
+    #[error("{name} is 0, expected at least 1")]
+    Zero {
+        /// Which setting.
+        name: &'static str,
+    },
+    /// A number outside its range (or not a number).
+    #[error("{name} is {found}, expected {expected}")]
+    OutOfRange {
+        /// Which setting.
+        name: &'static str,
+        /// Its value.
+        found: f32,
+        /// Its range in words.
+        expected: &'static str,
+    },
+}
+
+impl PpoSettings {
+    /// Samples of one rollout.
+    pub fn batch(&self) -> usize {
+        self.environments * self.steps_per_rollout
+    }
+
+    /// Whether a [`Trainer`](super::Trainer) can be made with these settings.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range, with what was expected.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        self.check_counts()?;
+        self.check_numbers()?;
+        self.check_learning_rate()
+    }
+
+    fn check_counts(&self) -> Result<(), SettingsError> {
+        for (name, found) in [("environments", self.environments), ("minibatch", self.minibatch)] {
+            if found == 0 || found % PANEL != 0 {
+                return Err(SettingsError::NotPanels { name, found });
+            }
+        }
+        let narrowest = |hidden: &[usize]| hidden.iter().copied().min().unwrap_or(1);
+        let counts = [
+            ("steps_per_rollout", self.steps_per_rollout),
+            ("epochs", self.epochs as usize),
+            ("actor_hidden", narrowest(&self.actor_hidden)),
+            ("critic_hidden", narrowest(&self.critic_hidden)),
+        ];
+        match counts.into_iter().find(|(_, count)| *count == 0) {
+            Some((name, _)) => Err(SettingsError::Zero { name }),
+            None => Ok(()),
+        }
+    }
+
+    fn check_numbers(&self) -> Result<(), SettingsError> {
+        within("discount", self.discount, 0.0..=1.0, "0 to 1")?;
+        within("gae_lambda", self.gae_lambda, 0.0..=1.0, "0 to 1")?;
+        positive("clip_range", self.clip_range)?;
+        positive("gradient_norm_limit", self.gradient_norm_limit)?;
+        positive("reward_scale", self.reward_scale)?;
+        not_negative("entropy_weight", self.entropy_weight)?;
+        not_negative("value_weight", self.value_weight)?;
+        // Beyond e^±10 the density of an action leaves the range of f32.
+        within("lowest_log_std", self.lowest_log_std, -10.0..=self.highest_log_std, "-10 to highest_log_std")?;
+        within("highest_log_std", self.highest_log_std, self.lowest_log_std..=10.0, "lowest_log_std to 10")?;
+        let range = self.lowest_log_std..=self.highest_log_std;
+        within("initial_log_std", self.initial_log_std, range, "lowest_log_std to highest_log_std")?;
+        self.target_kl.map_or(Ok(()), |target| positive("target_kl", target))
+    }
+
+    fn check_learning_rate(&self) -> Result<(), SettingsError> {
+        match self.learning_rate {
+            Schedule::Constant(rate) => positive("learning_rate", rate),
+            Schedule::Linear { from, to } => {
+                positive("learning_rate.from", from)?;
+                not_negative("learning_rate.to", to)
+            }
+            Schedule::KlAdaptive { initial, target, low, high } => {
+                positive("learning_rate.low", low)?;
+                positive("learning_rate.target", target)?;
+                within("learning_rate.initial", initial, low..=high, "low to high")
+            }
+        }
+    }
+}
+
+type Checked = Result<(), SettingsError>;
+
+fn within(name: &'static str, found: f32, range: std::ops::RangeInclusive<f32>, expected: &'static str) -> Checked {
+    if found.is_finite() && range.contains(&found) {
+        return Ok(());
+    }
+    Err(SettingsError::OutOfRange { name, found, expected })
+}
+
+fn positive(name: &'static str, found: f32) -> Checked {
+    within(name, found, f32::MIN_POSITIVE..=f32::MAX, "a positive number")
+}
+
+fn not_negative(name: &'static str, found: f32) -> Checked {
+    within(name, found, 0.0..=f32::MAX, "a number of at least 0")
+}

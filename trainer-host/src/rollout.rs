@@ -1,0 +1,289 @@
+//! Panels of environments that fly the policy, and the columns that they leave to the learner.
+
+use kestrel_core::action::ACTION_LEN;
+use kestrel_sim::outcome::{Episode, Outcome};
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::Seed;
+use kestrel_sim::simulation::{Simulation, SimulationState};
+
+use crate::actor_critic::{Actor, Critic};
+use crate::advantage::{Columns, gae};
+use crate::gaussian::Noise;
+use crate::network::Workspace;
+
+/// Environments of a panel, and samples of a tile.
+///
+/// Enough columns for matrix products at full speed, few enough that the activations of a 64-64 network
+/// (2 × 64 kB, as much again backwards) stay in a core's second-level cache.
+pub const PANEL: usize = 256;
+
+/// What a panel needs to know to collect a rollout.
+#[derive(Clone, Copy, Debug)]
+pub struct Collection<'a> {
+    /// Chooses the actions.
+    pub actor: &'a Actor,
+    /// Appraises the observations.
+    pub critic: &'a Critic,
+    /// Steps that every environment has made before.
+    pub first_step: u64,
+    /// Factor on rewards.
+    pub reward_scale: f32,
+    /// Discount per step.
+    pub discount: f32,
+    /// Trace decay of the advantage estimate.
+    pub gae_lambda: f32,
+}
+
+/// [`PANEL`] environments, stepped by one thread through a whole rollout.
+///
+/// No panel waits for another, and none shares anything with another: the number of threads cannot matter.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    simulation: Simulation,
+    noise: Noise,
+    rollout: Rollout,
+    actor_workspace: Workspace,
+    critic_workspace: Workspace,
+    /// Noise of one step `[4][PANEL]`.
+    normals: Vec<f32>,
+    /// Place in the rollout and critic input of every truncated step.
+    truncated: Vec<(usize, Vec<f32>)>,
+}
+
+impl Panel {
+    /// Environments from `first_environment` on, at the start of their first episodes.
+    pub fn new(scenario: &Scenario, seed: Seed, first_environment: u32, steps: usize, networks: (&Actor, &Critic)) -> Self {
+        let simulation = Simulation::new(scenario, seed, first_environment, PANEL);
+        Self {
+            noise: Noise::new(seed, first_environment),
+            rollout: Rollout::new(steps, simulation.observation_len() + simulation.privileged_len()),
+            actor_workspace: Workspace::new(networks.0.mlp(), PANEL),
+            critic_workspace: Workspace::new(networks.1.mlp(), PANEL),
+            normals: vec![0.0; ACTION_LEN * PANEL],
+            truncated: Vec::new(),
+            simulation,
+        }
+    }
+
+    /// Flies the actor through one rollout and estimates its advantages.
+    pub fn collect(&mut self, collection: &Collection<'_>) {
+        for step in 0..self.rollout.steps {
+            self.observe(step);
+            self.act(collection.actor, step, collection.first_step + step as u64);
+            self.appraise(collection.critic, step);
+            self.simulation.step(&self.rollout.actions[actions_of(step)]);
+            self.record(step, collection.reward_scale);
+        }
+        self.appraise_last(collection.critic);
+        self.appraise_truncated(collection.critic);
+        self.rollout.estimate_advantages(collection.discount, collection.gae_lambda);
+    }
+
+    /// What was collected last.
+    pub fn rollout(&self) -> &Rollout {
+        &self.rollout
+    }
+
+    /// As [`Self::rollout`], to normalise its advantages.
+    pub(crate) fn rollout_mut(&mut self) -> &mut Rollout {
+        &mut self.rollout
+    }
+
+    /// Episodes that ended since the last call.
+    pub fn take_episodes(&mut self) -> Vec<Episode> {
+        self.simulation.take_episodes()
+    }
+
+    /// Between rollouts, all of a panel that the next one depends on.
+    pub fn save(&self) -> SimulationState {
+        self.simulation.save()
+    }
+
+    /// Goes on from a saved state; `false` when that belongs to another scenario.
+    #[must_use]
+    pub fn restore(&mut self, state: &SimulationState) -> bool {
+        self.simulation.restore(state)
+    }
+
+    fn observe(&mut self, step: usize) {
+        let input = &mut self.rollout.observations[step * self.rollout.features * PANEL..];
+        write_critic_input(self.simulation.observations(), self.simulation.privileged(), input);
+    }
+
+    fn act(&mut self, actor: &Actor, step: usize, noise_step: u64) {
+        let rollout = &mut self.rollout;
+        let means = actor.means(rollout.actor_input(step, actor), &mut self.actor_workspace);
+        self.noise.fill(noise_step, &mut self.normals);
+        let (actions, gaussian) = (&mut rollout.actions[actions_of(step)], actor.gaussian());
+        gaussian.sample(means, &self.normals, actions);
+        gaussian.log_probs(means, actions, &mut rollout.log_probs[column_of(step)]);
+    }
+
+    fn appraise(&mut self, critic: &Critic, step: usize) {
+        let values = critic.values(self.rollout.critic_input(step), &mut self.critic_workspace);
+        self.rollout.values[column_of(step)].copy_from_slice(values);
+    }
+
+    fn record(&mut self, step: usize, reward_scale: f32) {
+        let rewards = &mut self.rollout.rewards[column_of(step)];
+        for (scaled, reward) in rewards.iter_mut().zip(self.simulation.rewards()) {
+            *scaled = reward * reward_scale;
+        }
+        self.rollout.outcomes[column_of(step)].copy_from_slice(self.simulation.outcomes());
+        for (environment, outcome) in self.simulation.outcomes().iter().enumerate() {
+            if *outcome == Outcome::Truncated {
+                let observation = self.simulation.final_observations().chunks_exact(PANEL);
+                let privileged = self.simulation.final_privileged().chunks_exact(PANEL);
+                let input = observation.chain(privileged).map(|column| column[environment]).collect();
+                self.truncated.push((step * PANEL + environment, input));
+            }
+        }
+    }
+
+    fn appraise_last(&mut self, critic: &Critic) {
+        let mut input = vec![0.0; self.rollout.features * PANEL];
+        write_critic_input(self.simulation.observations(), self.simulation.privileged(), &mut input);
+        self.rollout.last_values.copy_from_slice(critic.values(&input, &mut self.critic_workspace));
+    }
+
+    /// Collected over the rollout, because a tile of one costs as much as a full one.
+    fn appraise_truncated(&mut self, critic: &Critic) {
+        let mut tile = vec![0.0; self.rollout.features * PANEL];
+        for group in self.truncated.chunks(PANEL) {
+            for (column, (_, input)) in group.iter().enumerate() {
+                for (row, value) in tile.chunks_exact_mut(PANEL).zip(input) {
+                    row[column] = *value;
+                }
+            }
+            let values = critic.values(&tile, &mut self.critic_workspace);
+            for ((place, _), value) in group.iter().zip(values) {
+                self.rollout.truncated_values[*place] = *value;
+            }
+        }
+        self.truncated.clear();
+    }
+}
+
+fn write_critic_input(observations: &[f32], privileged: &[f32], input: &mut [f32]) {
+    let (seen, hidden) = input.split_at_mut(observations.len());
+    seen.copy_from_slice(observations);
+    hidden[..privileged.len()].copy_from_slice(privileged);
+}
+
+fn column_of(step: usize) -> std::ops::Range<usize> {
+    step * PANEL..(step + 1) * PANEL
+}
+
+fn actions_of(step: usize) -> std::ops::Range<usize> {
+    step * ACTION_LEN * PANEL..(step + 1) * ACTION_LEN * PANEL
+}
+
+/// Columns of one panel over the steps of a rollout.
+#[derive(Clone, Debug)]
+pub struct Rollout {
+    steps: usize,
+    features: usize,
+    /// `[steps][features][PANEL]`: observation, then privileged values. The actor reads the first rows.
+    observations: Vec<f32>,
+    /// `[steps][4][PANEL]`, not limited to \[-1, 1\].
+    actions: Vec<f32>,
+    log_probs: Vec<f32>,
+    rewards: Vec<f32>,
+    values: Vec<f32>,
+    outcomes: Vec<Outcome>,
+    truncated_values: Vec<f32>,
+    last_values: Vec<f32>,
+    advantages: Vec<f32>,
+    returns: Vec<f32>,
+}
+
+/// The samples of one step of one panel: what a minibatch is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Tile<'a> {
+    /// `[features][PANEL]`: observation, then privileged values.
+    pub observations: &'a [f32],
+    /// `[4][PANEL]`.
+    pub actions: &'a [f32],
+    /// `[PANEL]`, of the actions under the policy that chose them.
+    pub log_probs: &'a [f32],
+    /// `[PANEL]`.
+    pub advantages: &'a [f32],
+    /// `[PANEL]`: what the critic should have said.
+    pub returns: &'a [f32],
+}
+
+impl Rollout {
+    fn new(steps: usize, features: usize) -> Self {
+        let column = || vec![0.0; steps * PANEL];
+        Self {
+            steps,
+            features,
+            observations: vec![0.0; steps * features * PANEL],
+            actions: vec![0.0; steps * ACTION_LEN * PANEL],
+            log_probs: column(),
+            rewards: column(),
+            values: column(),
+            outcomes: vec![Outcome::Running; steps * PANEL],
+            truncated_values: column(),
+            last_values: vec![0.0; PANEL],
+            advantages: column(),
+            returns: column(),
+        }
+    }
+
+    /// The samples of one step.
+    ///
+    /// # Panics
+    /// When the rollout has no such step.
+    pub fn tile(&self, step: usize) -> Tile<'_> {
+        Tile {
+            observations: self.critic_input(step),
+            actions: &self.actions[actions_of(step)],
+            log_probs: &self.log_probs[column_of(step)],
+            advantages: &self.advantages[column_of(step)],
+            returns: &self.returns[column_of(step)],
+        }
+    }
+
+    /// Estimated advantages, `[steps][PANEL]`.
+    pub fn advantages(&self) -> &[f32] {
+        &self.advantages
+    }
+
+    pub(crate) fn advantages_mut(&mut self) -> &mut [f32] {
+        &mut self.advantages
+    }
+
+    /// Advantages plus values, `[steps][PANEL]`.
+    pub fn returns(&self) -> &[f32] {
+        &self.returns
+    }
+
+    /// The critic's values, `[steps][PANEL]`.
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    fn critic_input(&self, step: usize) -> &[f32] {
+        let length = self.features * PANEL;
+        &self.observations[step * length..(step + 1) * length]
+    }
+
+    fn actor_input(&self, step: usize, actor: &Actor) -> &[f32] {
+        &self.critic_input(step)[..actor.mlp().inputs() * PANEL]
+    }
+
+    fn estimate_advantages(&mut self, discount: f32, gae_lambda: f32) {
+        let columns = Columns {
+            rewards: &self.rewards,
+            values: &self.values,
+            outcomes: &self.outcomes,
+            truncated_values: &self.truncated_values,
+            last_values: &self.last_values,
+        };
+        gae(&columns, discount, gae_lambda, &mut self.advantages);
+        for ((target, advantage), value) in self.returns.iter_mut().zip(&self.advantages).zip(&self.values) {
+            *target = advantage + value;
+        }
+    }
+}
