@@ -211,8 +211,8 @@ impl<'a> Autopilot<'a> {
     }
 
     /// Whether the policy reproduces its golden vectors.
-    pub fn healthy(&self) -> bool {
-        self.pilot.policy().self_test().is_ok()
+    pub fn healthy(&mut self) -> bool {
+        self.pilot.self_test().is_ok()
     }
 
     /// Rotor targets \[rad/s\] for the next control period, finite whatever the state.

@@ -138,7 +138,7 @@ impl<'a> MavlinkVehicle<'a> {
         rotor_targets
     }
 
-    fn payload(&self, stream: Stream, state: &State<f32>) -> Payload {
+    fn payload(&mut self, stream: Stream, state: &State<f32>) -> Payload {
         let time_boot_ms = (self.elapsed_secs() * 1e3) as u32;
         match stream {
             Stream::Heartbeat => sent::heartbeat(self.mode()),
