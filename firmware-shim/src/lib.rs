@@ -16,6 +16,8 @@ pub mod link;
 pub mod lockstep;
 pub mod message;
 pub mod plant;
+pub mod policy_bytes;
+pub mod session;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;
