@@ -2,6 +2,7 @@
 pub mod actor_critic;
 pub mod adam;
 pub mod advantage;
+pub mod fly;
 pub mod gaussian;
 pub mod network;
 pub mod ppo;
