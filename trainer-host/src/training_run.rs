@@ -173,7 +173,7 @@ impl TrainingRun {
         let mut scalars = scalars(update);
         scalars.push(("steps_per_second".to_owned(), steps_per_second as f32));
         let terms = self.experiment.scenario.rewards.iter().zip(&update.episode_terms);
-        scalars.extend(terms.map(|(reward, value)| (format!("reward/{}", reward.term.name()), *value)));
+        XX
         let scalars: Vec<(&str, f32)> = scalars.iter().map(|(tag, value)| (tag.as_str(), *value)).collect();
         Ok(self.events.write_scalars(update.steps, &scalars)?)
     }
