@@ -82,10 +82,12 @@ pub fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Experiment,
 
 /// The JSON schema of the experiment file, for editors.
 pub fn schema() -> String {
-    let schema = schemars::schema_for!(ExperimentConfig);
-    let mut text = serde_json::to_string_pretty(&schema).expect("a schema is JSON");
-    text.push('\n');
-    text
+    pretty(&schemars::schema_for!(ExperimentConfig))
+}
+
+fn pretty(schema: &schemars::Schema) -> String {
+    let json = serde_json::to_string_pretty(schema).expect("a schema is JSON");
+    format!("{json}\n")
 }
 
 fn from_document(mut document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {

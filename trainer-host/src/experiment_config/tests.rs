@@ -240,12 +240,11 @@ fn absent_files_and_directories_are_refused() {
 
 #[test]
 fn an_alias_bomb_is_defused() {
-    let mut text = "bomb: &x0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n".to_owned();
-    for level in 1..10 {
-        let aliases = vec![format!("*x{}", level - 1); 10].join(", ");
-        text += &format!("bomb{level}: &x{level} [{aliases}]\n");
-    }
-    let error = trial(&(text + MINIMAL)).unwrap_err().to_string();
+    let level =
+        |level: usize| format!("bomb{level}: &x{level} [{}]\n", vec![format!("*x{}", level - 1); 10].join(", "));
+    let bomb: String = (1..10).map(level).collect();
+    let error =
+        trial(&format!("bomb: &x0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n{bomb}{MINIMAL}")).unwrap_err().to_string();
     assert!(
         error.contains("found too many or too deeply nested values, expected a plain configuration"),
         "{error}"

@@ -168,7 +168,7 @@ impl TrainingConfig {
             let found = format!("a rollout of {rollout} samples (environments · steps_per_rollout)");
             return Err(field.reject(found, format!("at most {ROLLOUT_LIMIT}")));
         }
-        if rollout % self.minibatch != 0 {
+        if !rollout.is_multiple_of(self.minibatch) {
             let expected = format!("a divisor of {rollout}, which is environments · steps_per_rollout");
             return Err(field.at("minibatch").refuse(self.minibatch, expected));
         }
