@@ -220,7 +220,8 @@ fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluati
     let successes = episodes.iter().filter(|episode| episode.success).count();
     let returns: Vec<f64> = episodes.iter().map(|episode| f64::from(episode.total_reward)).collect();
     let mean = returns.iter().sum::<f64>() / count;
-    let variance = returns.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (count - 1.0).max(1.0);
+    let variance =
+        returns.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (count - 1.0).max(1.0);
     let margin = Z_95 * (variance / count).sqrt();
     let steps: f64 = episodes.iter().map(|episode| f64::from(episode.steps)).sum();
     Evaluation {

@@ -75,7 +75,11 @@ pub fn export_policy(
     Ok(report)
 }
 
-fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> Result<Export, ResultsError> {
+/// The policy files of `actor`, in memory, with Q formats calibrated on its flights.
+///
+/// # Errors
+/// When the actor does not fit.
+pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> Result<Export, ResultsError> {
     let Experiment { scenario, evaluation, .. } = experiment;
     let metadata = PolicyMetadata {
         name: &experiment.name,
@@ -100,15 +104,11 @@ pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result
     let [fixed, float] = [directory.policy(), directory.policy_f32()].map(|path| (read(&path), path));
     let (fixed, float) = ((fixed.0?, fixed.1), (float.0?, float.1));
     let (fixed, float) = (parse(&fixed.0, &fixed.1)?, parse(&float.0, &float.1)?);
-    let flyers =
-        [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
+    let flyers = [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
     let scenario = &experiment.evaluation.scenario;
     let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(experiment)));
-    let report = EvaluationReport {
-        name: experiment.name.clone(),
-        seed: experiment.evaluation.seed.0,
-        rows: rows.into(),
-    };
+    let report =
+        EvaluationReport { name: experiment.name.clone(), seed: experiment.evaluation.seed.0, rows: rows.into() };
     write_json(&directory.evaluation_report(), &report)?;
     Ok(report)
 }

@@ -172,8 +172,10 @@ impl TrainingRun {
         self.metrics.append(&row)?;
         let mut scalars = scalars(update);
         scalars.push(("steps_per_second".to_owned(), steps_per_second as f32));
-        let terms = self.experiment.scenario.rewards.iter().zip(&update.episode_terms);
-        XX
+        let terms = self.experiment.scenario.rewards.iter().zip(&update.episode_terms).enumerate();
+        scalars.extend(
+            terms.map(|(index, (reward, value))| (format!("reward/{index}_{}", reward.term.name()), *value)),
+        );
         let scalars: Vec<(&str, f32)> = scalars.iter().map(|(tag, value)| (tag.as_str(), *value)).collect();
         Ok(self.events.write_scalars(update.steps, &scalars)?)
     }
@@ -188,8 +190,7 @@ impl TrainingRun {
 
     fn select(&mut self) {
         let evaluation = &self.experiment.evaluation;
-        let starts =
-            Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: SELECTION_EPISODES };
+        let starts = Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: SELECTION_EPISODES };
         let found = evaluate(&evaluation.scenario, Flyer::Actor(self.trainer.actor()), starts);
         let rank = |evaluation: &Evaluation| (evaluation.success_rate, evaluation.episode_return);
         // Ties go to the later policy, which has been trained for longer.
@@ -238,6 +239,11 @@ impl TrainingRun {
     }
 }
 
+/// The policy with which training of `experiment` begins.
+pub fn untrained_actor(experiment: &Experiment) -> Actor {
+    Trainer::new(&experiment.scenario, &experiment.ppo, experiment.seed).actor().clone()
+}
+
 /// The best policy in the newest checkpoint of a run, and the steps it was trained for.
 ///
 /// # Errors
@@ -253,8 +259,8 @@ pub fn best_policy(directory: &RunDirectory) -> Result<(Actor, u64), TrainingErr
 fn report(update: &UpdateMetrics) -> ProgressReport {
     ProgressReport {
         steps: update.steps,
-        episode_return: update.episode_return.unwrap_or(f32::NAN),
-        success_rate: update.success_rate.unwrap_or(f32::NAN),
+        episode_return: update.episode_return,
+        success_rate: update.success_rate,
     }
 }
 
