@@ -153,11 +153,10 @@ impl PackedLayer<'_> {
 /// Wraps where a sum leaves 32 bits, which the formats of a parsed policy exclude.
 #[inline(never)]
 fn dense(weights: &[u8], bias: &[u8], inputs: &[[i16; COLUMN_GROUP]], sums: &mut [i32]) {
-    let blocks = weights.chunks_exact((GROUP_BYTES * inputs.len()).max(1));
+    let mut groups = weights.as_chunks::<2>().0.as_chunks::<{ ROW_BLOCK * COLUMN_GROUP }>().0.iter();
     let biases = bias.as_chunks::<4>().0.as_chunks::<ROW_BLOCK>().0;
-    for ((block, bias), sums) in blocks.zip(biases).zip(sums.as_chunks_mut::<ROW_BLOCK>().0) {
+    for (bias, sums) in biases.iter().zip(sums.as_chunks_mut::<ROW_BLOCK>().0) {
         let mut block_sums = bias.map(i32::from_le_bytes);
-        let mut groups = block.as_chunks::<2>().0.as_chunks::<{ ROW_BLOCK * COLUMN_GROUP }>().0.iter();
         for inputs in inputs {
             let Some(group) = groups.next() else { break };
             block_sums = with_products(block_sums, group.map(i16::from_le_bytes), *inputs);
