@@ -9,7 +9,7 @@ use crate::network::dispatch;
 const FIRST_DECAY: f32 = 0.9;
 /// Decay of the mean squared gradient (Kingma and Ba 2015).
 const SECOND_DECAY: f32 = 0.999;
-/// Added to the root, as in CleanRL and Stable-Baselines3: large enough to keep rare gradients from exploding.
+/// Added to the root, as in `CleanRL` and Stable-Baselines3: large enough to keep rare gradients from exploding.
 const EPSILON: f32 = 1e-5;
 
 /// Adam with bias correction (Kingma and Ba 2015, algorithm 1) for one slice of parameters.
@@ -69,7 +69,8 @@ impl WithSimd for Descend<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let moments = self.first.iter_mut().zip(self.second);
-        for ((parameter, gradient), (first, second)) in self.parameters.iter_mut().zip(self.gradient).zip(moments) {
+        for ((parameter, gradient), (first, second)) in self.parameters.iter_mut().zip(self.gradient).zip(moments)
+        {
             let gradient = gradient * self.gradient_scale;
             *first = FIRST_DECAY * *first + (1.0 - FIRST_DECAY) * gradient;
             *second = SECOND_DECAY * *second + (1.0 - SECOND_DECAY) * gradient * gradient;

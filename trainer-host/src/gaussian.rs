@@ -43,7 +43,7 @@ impl Gaussian {
 
     /// Log-density of `actions` around `means`, both `[4][columns]`, into `log_probs [columns]`.
     pub fn log_probs(&self, means: &[f32], actions: &[f32], log_probs: &mut [f32]) {
-        dispatch(LogProbs { gaussian: self, means, actions, log_probs });
+        dispatch(Density { gaussian: self, means, actions, log_probs });
     }
 }
 
@@ -61,7 +61,8 @@ impl WithSimd for Sample<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let inputs = self.means.chunks_exact(self.columns).zip(self.noise.chunks_exact(self.columns));
-        for ((row, inputs), std) in self.actions.chunks_exact_mut(self.columns).zip(inputs).zip(self.gaussian.std) {
+        for ((row, inputs), std) in self.actions.chunks_exact_mut(self.columns).zip(inputs).zip(self.gaussian.std)
+        {
             for ((action, mean), noise) in row.iter_mut().zip(inputs.0).zip(inputs.1) {
                 *action = mean + std * noise;
             }
@@ -69,14 +70,14 @@ impl WithSimd for Sample<'_> {
     }
 }
 
-struct LogProbs<'a> {
+struct Density<'a> {
     gaussian: &'a Gaussian,
     means: &'a [f32],
     actions: &'a [f32],
     log_probs: &'a mut [f32],
 }
 
-impl WithSimd for LogProbs<'_> {
+impl WithSimd for Density<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -10,7 +10,8 @@ use crate::network::dispatch;
 const LANES: usize = 16;
 
 /// sin(πx/2) by odd powers of x, Taylor: error below 1e-7 on \[-1, 1\].
-const SINE: [f32; 6] = [1.570_796_3, -0.645_964_1, 0.079_692_63, -0.004_681_754, 1.604_411_8e-4, -3.598_843e-6];
+const SINE: [f32; 6] =
+    [std::f32::consts::FRAC_PI_2, -0.645_964_1, 0.079_692_63, -0.004_681_754, 1.604_411_8e-4, -3.598_843e-6];
 /// cos(πx/2) by even powers of x, Taylor: error below 1e-7 on \[-1, 1\].
 const COSINE: [f32; 7] =
     [1.0, -1.233_700_6, 0.253_669_5, -0.020_863_48, 9.192_602_7e-4, -2.520_204_2e-5, 4.710_874_8e-7];
@@ -144,12 +145,17 @@ mod tests {
 
     #[test]
     fn box_muller_turns_a_radius_by_an_angle() {
-        for (radius_word, angle_word) in [(u32::MAX / 2, 0), (123_456_789, 3_333_333_333), (0, u32::MAX), (7, 1 << 31)] {
+        for (radius_word, angle_word) in
+            [(u32::MAX / 2, 0), (123_456_789, 3_333_333_333), (0, u32::MAX), (7, 1 << 31)]
+        {
             let uniform = (f64::from(radius_word >> 8) + 1.0) / 16_777_216.0;
             let radius = (-2.0 * libm::log(uniform)).sqrt();
             let angle = (f64::from(angle_word >> 8) / 8_388_608.0 - 1.0) * std::f64::consts::PI;
             let [cosine, sine] = box_muller(radius_word, angle_word).map(f64::from);
-            assert!((cosine - radius * libm::cos(angle)).abs() < 3e-6 && (sine - radius * libm::sin(angle)).abs() < 3e-6);
+            assert!(
+                (cosine - radius * libm::cos(angle)).abs() < 3e-6
+                    && (sine - radius * libm::sin(angle)).abs() < 3e-6
+            );
         }
     }
 
