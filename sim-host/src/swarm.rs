@@ -1,4 +1,4 @@
-//! All drones of a block, as columns: lane `i` of every column belongs to drone `i`.
+//! Many drones as columns: lane `i` of every column belongs to drone `i`.
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
@@ -6,15 +6,16 @@ use kestrel_core::dynamics::Integrator::{self, RungeKutta4, SemiImplicitEuler};
 use kestrel_core::vehicle::Ground::{self, Distant, Near};
 use kestrel_core::vehicle::{Air, State, Vehicle};
 use nalgebra::Vector3;
+use pulp::{Simd, WithSimd};
 
 use crate::scenario::Physics;
 
 /// One value per lane.
 pub(crate) type Column<const LANES: usize> = [f32; LANES];
 
-/// States and parameters of `LANES` drones.
+/// States and parameters of `LANES` drones that fly in air without bounds.
 #[derive(Clone, Debug)]
-pub(crate) struct Swarm<const LANES: usize> {
+pub struct Swarm<const LANES: usize> {
     pub(crate) position: [Column<LANES>; 3],
     pub(crate) attitude: [Column<LANES>; 4],
     pub(crate) velocity: [Column<LANES>; 3],
@@ -27,8 +28,8 @@ pub(crate) struct Swarm<const LANES: usize> {
 }
 
 impl<const LANES: usize> Swarm<LANES> {
-    /// Nominal drones at rest at the origin.
-    pub(crate) fn new(airframe: &Airframe) -> Self {
+    /// Nominal drones at the origin: level, still, rotors stopped.
+    pub fn new(airframe: &Airframe) -> Self {
         let nothing = [0.0; LANES];
         let mut swarm = Self {
             position: [nothing; 3],
@@ -47,8 +48,12 @@ impl<const LANES: usize> Swarm<LANES> {
         swarm
     }
 
+    /// The state of the drone in a lane.
+    ///
+    /// # Panics
+    /// When there is no such lane.
     #[inline(always)]
-    pub(crate) fn state(&self, lane: usize) -> State<f32> {
+    pub fn state(&self, lane: usize) -> State<f32> {
         let [w, x, y, z] = &self.attitude;
         State {
             position: vector(&self.position, lane),
@@ -59,8 +64,12 @@ impl<const LANES: usize> Swarm<LANES> {
         }
     }
 
+    /// Replaces the state of the drone in a lane.
+    ///
+    /// # Panics
+    /// When there is no such lane.
     #[inline(always)]
-    pub(crate) fn set_state(&mut self, lane: usize, state: &State<f32>) {
+    pub fn set_state(&mut self, lane: usize, state: &State<f32>) {
         let Attitude { w, x, y, z } = state.world_from_body;
         set_row(&mut self.position, lane, state.position.into());
         set_row(&mut self.attitude, lane, [w, x, y, z]);
@@ -139,6 +148,37 @@ impl<const LANES: usize> Swarm<LANES> {
             .chain(&mut self.rotor_speeds)
             .chain(&mut self.wind)
             .chain(&mut self.gains)
+    }
+}
+
+/// Advances each swarm by `steps` substeps with its rotor targets `[4][LANES]` \[rad/s\] held, with the best
+/// instructions of the processor.
+pub fn advance_all<const LANES: usize>(
+    swarms: &mut [Swarm<LANES>],
+    physics: &Physics,
+    targets: &[[f32; LANES]; 4],
+    steps: u32,
+) {
+    pulp::Arch::new().dispatch(AdvanceAll { swarms, physics, targets, steps });
+}
+
+struct AdvanceAll<'a, const LANES: usize> {
+    swarms: &'a mut [Swarm<LANES>],
+    physics: &'a Physics,
+    targets: &'a [Column<LANES>; 4],
+    steps: u32,
+}
+
+impl<const LANES: usize> WithSimd for AdvanceAll<'_, LANES> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for swarm in self.swarms {
+            for _ in 0..self.steps {
+                swarm.advance(self.physics, self.targets);
+            }
+        }
     }
 }
 

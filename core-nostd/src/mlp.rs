@@ -1,0 +1,218 @@
+//! Multilayer perceptrons in `f32`: hyperbolic tangents between layers, a linear output limited to \[-1, 1\].
+//!
+//! Weights stay where the policy file has them (flash, usually). Each layer is a bias per row, then the weights in
+//! blocks of sixteen rows, then of four (rows are filled up with zeros to a multiple of four), each block column by
+//! column. So one pointer walks through memory, an input serves sixteen rows, and the sums vectorise on hosts
+//! although every row adds its products in the order of the columns: the same bits everywhere.
+
+use heapless::Vec;
+
+use crate::action::ACTION_LEN;
+use crate::activation::tanh;
+use crate::policy_file::PolicyError;
+use crate::real::Real;
+
+/// Most layers of a policy.
+pub const LAYER_LIMIT: usize = 4;
+
+/// Most values in an observation or a hidden layer.
+pub const WIDTH_LIMIT: usize = 128;
+
+/// Rows are stored in multiples of this.
+pub(crate) const ROW_BLOCK: usize = 4;
+
+const WIDE_ROW_BLOCK: usize = 16;
+
+/// Observations are of order one; what lies beyond this is a broken sensor, and is kept from overflowing the sums.
+const INPUT_LIMIT: f32 = 1e4;
+
+/// One dense layer as training has it: `weights` row by row `[outputs][inputs]`, `bias` `[outputs]`.
+#[derive(Clone, Copy, Debug)]
+pub struct DenseLayer<'a> {
+    /// Columns.
+    pub inputs: usize,
+    /// Rows.
+    pub outputs: usize,
+    /// `[outputs][inputs]`, row-major.
+    pub weights: &'a [f32],
+    /// `[outputs]`.
+    pub bias: &'a [f32],
+}
+
+/// A network whose parameters lie in borrowed bytes.
+#[derive(Clone, Debug)]
+pub struct Mlp<'a> {
+    layers: Vec<PackedLayer<'a>, LAYER_LIMIT>,
+}
+
+/// The two ends of a layer; owned by the caller so that neither stack nor time is spent on it.
+#[derive(Clone, Debug)]
+pub struct Scratch {
+    inputs: [f32; WIDTH_LIMIT],
+    outputs: [f32; WIDTH_LIMIT],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct PackedLayer<'a> {
+    inputs: usize,
+    padded_outputs: usize,
+    /// Little-endian `f32`.
+    bias: &'a [u8],
+    /// Little-endian `f32`, in blocks.
+    weights: &'a [u8],
+}
+
+impl Mlp<'_> {
+    /// The action in \[-1, 1\] on `observation`.
+    ///
+    /// A NaN is read as zero, and so are the values that are missing when the observation is too short; infinities
+    /// are limited. Never panics, never returns NaN while the weights are finite.
+    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LEN] {
+        let (mut inputs, mut outputs) = (&mut scratch.inputs, &mut scratch.outputs);
+        let width = self.layers.first().map_or(0, |layer| layer.inputs);
+        read_observation(observation, inputs.get_mut(..width).unwrap_or_default());
+        let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LEN] };
+        for layer in hidden_layers {
+            layer.apply(inputs, outputs);
+            for value in outputs.iter_mut().take(layer.padded_outputs) {
+                *value = tanh(*value);
+            }
+            core::mem::swap(&mut inputs, &mut outputs);
+        }
+        output_layer.apply(inputs, outputs);
+        let mut action = [0.0; ACTION_LEN];
+        for (action, output) in action.iter_mut().zip(outputs.iter()) {
+            *action = output.limited(-1.0, 1.0);
+        }
+        action
+    }
+}
+
+fn read_observation(observation: &[f32], inputs: &mut [f32]) {
+    for (input, value) in inputs.iter_mut().zip(observation.iter().chain(core::iter::repeat(&0.0))) {
+        *input = if value.is_nan() { 0.0 } else { value.limited(-INPUT_LIMIT, INPUT_LIMIT) };
+    }
+}
+
+impl<'a> PackedLayer<'a> {
+    fn apply(&self, inputs: &[f32; WIDTH_LIMIT], outputs: &mut [f32; WIDTH_LIMIT]) {
+        let inputs = inputs.get(..self.inputs).unwrap_or_default();
+        let outputs = outputs.get_mut(..self.padded_outputs).unwrap_or_default();
+        dense(self.weights, self.bias, inputs, outputs);
+    }
+
+    /// Splits the parameters of a layer off `bytes`.
+    fn split(bytes: &'a [u8], inputs: usize, outputs: usize) -> Result<(Self, &'a [u8]), PolicyError> {
+        let expected = layer_bytes(inputs, outputs);
+        let found = bytes.len();
+        let (layer, rest) = bytes.split_at_checked(expected).ok_or(PolicyError::Length { found, expected })?;
+        let padded_outputs = outputs.next_multiple_of(ROW_BLOCK);
+        let (bias, weights) = layer.split_at_checked(4 * padded_outputs).unwrap_or_default();
+        Ok((Self { inputs, padded_outputs, bias, weights }, rest))
+    }
+
+    fn check(&self, layer: usize) -> Result<(), PolicyError> {
+        let finite =
+            |bytes: &[u8]| bytes.as_chunks::<4>().0.iter().all(|&word| f32::from_le_bytes(word).is_finite());
+        let valid = finite(self.bias) && finite(self.weights);
+        valid.then_some(()).ok_or(PolicyError::NotFinite { layer })
+    }
+}
+
+/// `outputs = bias + weights · inputs`.
+#[inline(never)]
+fn dense(weights: &[u8], bias: &[u8], inputs: &[f32], outputs: &mut [f32]) {
+    let wide = outputs.len() - outputs.len() % WIDE_ROW_BLOCK;
+    let (wide_weights, narrow_weights) = weights.split_at_checked(4 * wide * inputs.len()).unwrap_or_default();
+    let (wide_bias, narrow_bias) = bias.split_at_checked(4 * wide).unwrap_or_default();
+    let (wide_outputs, narrow_outputs) = outputs.split_at_mut_checked(wide).unwrap_or_default();
+    row_blocks::<WIDE_ROW_BLOCK>(wide_weights, wide_bias, inputs, wide_outputs);
+    row_blocks::<ROW_BLOCK>(narrow_weights, narrow_bias, inputs, narrow_outputs);
+}
+
+#[inline(always)]
+fn row_blocks<const ROWS: usize>(weights: &[u8], bias: &[u8], inputs: &[f32], outputs: &mut [f32]) {
+    let blocks = weights.chunks_exact((4 * ROWS * inputs.len()).max(1));
+    let biases = bias.as_chunks::<4>().0.as_chunks::<ROWS>().0;
+    for ((block, bias), outputs) in blocks.zip(biases).zip(outputs.as_chunks_mut::<ROWS>().0) {
+        let mut sums = bias.map(f32::from_le_bytes);
+        for (column, input) in block.as_chunks::<4>().0.as_chunks::<ROWS>().0.iter().zip(inputs) {
+            for (sum, weight) in sums.iter_mut().zip(column) {
+                *sum += f32::from_le_bytes(*weight) * input;
+            }
+        }
+        *outputs = sums;
+    }
+}
+
+impl Scratch {
+    /// Contents do not matter: every inference writes before it reads.
+    pub const fn new() -> Self {
+        Self { inputs: [0.0; WIDTH_LIMIT], outputs: [0.0; WIDTH_LIMIT] }
+    }
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Bytes of the parameters of a layer in a policy file.
+pub(crate) const fn layer_bytes(inputs: usize, outputs: usize) -> usize {
+    4 * outputs.next_multiple_of(ROW_BLOCK) * (inputs + 1)
+}
+
+impl<'a> Mlp<'a> {
+    /// A view of `parameters`, the layers between `widths` one after the other.
+    ///
+    /// # Errors
+    /// [`PolicyError::NotFinite`], or [`PolicyError::Length`] where the parameters end too early.
+    pub(crate) fn from_parameters(widths: &[u16], parameters: &'a [u8]) -> Result<Self, PolicyError> {
+        let mut layers = Vec::new();
+        let mut rest = parameters;
+        for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {
+            let (layer, following) = PackedLayer::split(rest, usize::from(inputs), usize::from(outputs))?;
+            layer.check(index)?;
+            layers.push(layer).map_err(|_| PolicyError::LayerCount { found: LAYER_LIMIT + 1 })?;
+            rest = following;
+        }
+        Ok(Self { layers })
+    }
+}
+
+impl DenseLayer<'_> {
+    /// Whether the slices have the lengths that the shape asks for.
+    pub fn is_complete(&self) -> bool {
+        self.weights.len() == self.inputs * self.outputs && self.bias.len() == self.outputs
+    }
+
+    /// A weight; zero beyond the matrix, which is what padding is filled with.
+    pub(crate) fn weight(&self, row: usize, column: usize) -> f32 {
+        if row >= self.outputs || column >= self.inputs {
+            return 0.0;
+        }
+        self.weights.get(row * self.inputs + column).copied().unwrap_or(0.0)
+    }
+
+    /// A bias; zero beyond the rows.
+    pub(crate) fn bias_of(&self, row: usize) -> f32 {
+        self.bias.get(row).copied().unwrap_or(0.0)
+    }
+
+    /// The parameters in the order of the policy file, padding included.
+    pub(crate) fn packed(&self) -> impl Iterator<Item = f32> + '_ {
+        let padded_outputs = self.outputs.next_multiple_of(ROW_BLOCK);
+        let wide = padded_outputs - padded_outputs % WIDE_ROW_BLOCK;
+        let blocks = |rows: core::ops::Range<usize>, height: usize| {
+            rows.step_by(height).flat_map(move |first| {
+                (0..self.inputs)
+                    .flat_map(move |column| (first..first + height).map(move |row| self.weight(row, column)))
+            })
+        };
+        (0..padded_outputs)
+            .map(|row| self.bias_of(row))
+            .chain(blocks(0..wide, WIDE_ROW_BLOCK))
+            .chain(blocks(wide..padded_outputs, ROW_BLOCK))
+    }
+}

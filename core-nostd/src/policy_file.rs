@@ -1,0 +1,229 @@
+//! The policy file: a network, what it sees and commands, and proof that it computes what it did when exported.
+//!
+//! `POLICY_FORMAT.md` in this package is the specification. Nothing is copied when a file is parsed: the weights
+//! are read where they lie, in flash or in a host's buffer.
+
+mod error;
+mod header;
+mod metadata;
+mod writer;
+
+pub use error::PolicyError;
+pub use header::{FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat};
+pub use metadata::{NAME_LIMIT, PolicyMetadata};
+pub use writer::PolicyDraft;
+
+use crate::action::ACTION_LEN;
+use crate::fixed::{self, FixedMlp};
+use crate::mlp::{self, Mlp};
+use header::{Header, Sections};
+use metadata::{action_identifier, layout_identifier};
+
+/// Greatest deviation from a golden action that a float policy may have; fixed point may have none.
+pub const FLOAT_SELF_TEST_TOLERANCE: f32 = 1e-5;
+
+/// What a policy is computed with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arithmetic {
+    /// IEEE single precision.
+    Float32,
+    /// 16-bit integers with 32-bit sums.
+    Fixed16,
+}
+
+/// A policy whose parameters lie in borrowed bytes.
+#[derive(Clone, Debug)]
+pub struct PolicyFile<'a> {
+    header: Header,
+    metadata: PolicyMetadata<'a>,
+    network: Network<'a>,
+    golden: &'a [u8],
+}
+
+/// Working memory of an inference in either arithmetic (1.8 kB); contents do not matter between calls.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    float: mlp::Scratch,
+    fixed: fixed::Scratch,
+}
+
+/// Bytes on a four-byte boundary of memory, for policies compiled into a program:
+/// `static POLICY: Aligned<{ include_bytes!("…").len() }> = Aligned(*include_bytes!("…"));`
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(4))]
+pub struct Aligned<const N: usize>(pub [u8; N]);
+
+#[derive(Clone, Debug)]
+enum Network<'a> {
+    Float32(Mlp<'a>),
+    Fixed16(FixedMlp<'a>),
+}
+
+impl Arithmetic {
+    /// As written in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Float32 => "float32",
+            Self::Fixed16 => "fixed16",
+        }
+    }
+}
+
+impl<'a> PolicyFile<'a> {
+    /// The policy in `bytes`, which are the whole file and start on a four-byte boundary of memory.
+    ///
+    /// # Errors
+    /// A variant per kind of damage; every altered bit and every cut is found.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, PolicyError> {
+        let header = Header::parse(bytes)?;
+        let found = bytes.as_ptr().addr() % 4;
+        if found != 0 {
+            return Err(PolicyError::Misaligned { found });
+        }
+        let Sections { metadata, golden, parameters, .. } = header.sections();
+        let section = |range| bytes.get(range).unwrap_or_default();
+        let metadata = read_metadata(section(metadata), &header)?;
+        let network = Network::from_parameters(&header, section(parameters))?;
+        Ok(Self { metadata, network, golden: section(golden), header })
+    }
+
+    /// Name, observation layout, action space, control period.
+    pub fn metadata(&self) -> &PolicyMetadata<'a> {
+        &self.metadata
+    }
+
+    /// What it is computed with.
+    pub fn arithmetic(&self) -> Arithmetic {
+        self.header.parameters.arithmetic()
+    }
+
+    /// Number format of the parameters.
+    pub fn parameter_format(&self) -> ParameterFormat {
+        self.header.parameters
+    }
+
+    /// Inputs and outputs of each layer.
+    pub fn shapes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.header.shapes()
+    }
+
+    /// Multiplications per inference, padding not counted.
+    pub fn multiply_accumulates(&self) -> usize {
+        self.shapes().map(|(inputs, outputs)| inputs * outputs).sum()
+    }
+
+    /// Bytes of weights and biases, padding included.
+    pub fn parameter_bytes(&self) -> usize {
+        self.header.sections().parameters.len()
+    }
+
+    /// The action in \[-1, 1\] on an encoded observation. Never panics, never returns NaN, whatever the observation.
+    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LEN] {
+        self.network.act(observation, scratch)
+    }
+
+    /// Working memory for [`Self::act`], of the same size for every policy.
+    pub const fn scratch(&self) -> Scratch {
+        Scratch::new()
+    }
+
+    /// How many values of `observation` lie beyond the range of the input format; none for a float policy.
+    pub fn saturations(&self, observation: &[f32]) -> usize {
+        match &self.network {
+            Network::Float32(_) => 0,
+            Network::Fixed16(network) => network.saturations(observation),
+        }
+    }
+
+    /// Computes the golden vectors again: to the bit in fixed point, to [`FLOAT_SELF_TEST_TOLERANCE`] in float.
+    ///
+    /// Puts 1.8 kB of scratch on the stack; [`Self::self_test_with`] does not.
+    ///
+    /// # Errors
+    /// [`PolicyError::SelfTest`] with the first deviation.
+    pub fn self_test(&self) -> Result<(), PolicyError> {
+        self.self_test_with(&mut Scratch::default())
+    }
+
+    /// [`Self::self_test`] in the caller's scratch.
+    ///
+    /// # Errors
+    /// [`PolicyError::SelfTest`] with the first deviation.
+    pub fn self_test_with(&self, scratch: &mut Scratch) -> Result<(), PolicyError> {
+        let tolerance = match self.arithmetic() {
+            Arithmetic::Float32 => FLOAT_SELF_TEST_TOLERANCE,
+            Arithmetic::Fixed16 => 0.0,
+        };
+        let vector_bytes = 4 * (self.header.observation_len() + ACTION_LEN);
+        for (vector, golden) in self.golden.chunks_exact(vector_bytes).enumerate() {
+            let (observation, expected) = read_golden(golden, self.header.observation_len());
+            let action = self.act(&observation, scratch);
+            for (output, (&found, expected)) in action.iter().zip(expected).enumerate() {
+                // Written so that a NaN among the golden values fails.
+                let close = (found - expected).abs() <= tolerance;
+                if !close {
+                    return Err(PolicyError::SelfTest { vector, output, found, expected });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+type Observation = heapless::Vec<f32, { mlp::WIDTH_LIMIT }>;
+
+fn read_golden(bytes: &[u8], observation_len: usize) -> (Observation, [f32; ACTION_LEN]) {
+    let mut values = bytes.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word));
+    let observation = values.by_ref().take(observation_len).collect();
+    (observation, core::array::from_fn(|_| values.next().unwrap_or(f32::NAN)))
+}
+
+fn read_metadata<'a>(bytes: &'a [u8], header: &Header) -> Result<PolicyMetadata<'a>, PolicyError> {
+    let undecodable = PolicyError::Metadata { found: bytes.len() };
+    let (metadata, rest) = postcard::take_from_bytes::<PolicyMetadata<'a>>(bytes).map_err(|_| undecodable)?;
+    if !rest.is_empty() {
+        return Err(undecodable);
+    }
+    check_identifiers(&metadata, header)?;
+    metadata.check()?;
+    Ok(metadata)
+}
+
+fn check_identifiers(metadata: &PolicyMetadata<'_>, header: &Header) -> Result<(), PolicyError> {
+    let pairs = [
+        ("observation layout", layout_identifier(&metadata.observation), header.observation_layout),
+        ("action space", action_identifier(&metadata.action), header.action_space),
+    ];
+    for (field, found, expected) in pairs {
+        if found != expected {
+            return Err(PolicyError::MetadataMismatch { field, found, expected });
+        }
+    }
+    let (found, expected) = (header.observation_len(), metadata.observation.len());
+    if found == expected { Ok(()) } else { Err(PolicyError::ObservationLength { found, expected }) }
+}
+
+impl<'a> Network<'a> {
+    fn from_parameters(header: &Header, parameters: &'a [u8]) -> Result<Self, PolicyError> {
+        match &header.parameters {
+            ParameterFormat::Float32 => Mlp::from_parameters(&header.widths, parameters).map(Self::Float32),
+            ParameterFormat::Fixed16(format) => {
+                FixedMlp::from_parameters(&header.widths, *format, parameters).map(Self::Fixed16)
+            }
+        }
+    }
+
+    fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LEN] {
+        match self {
+            Self::Float32(network) => network.act(observation, &mut scratch.float),
+            Self::Fixed16(network) => network.act(observation, &mut scratch.fixed),
+        }
+    }
+}
+
+impl Scratch {
+    /// Usable as the initial value of a static.
+    pub const fn new() -> Self {
+        Self { float: mlp::Scratch::new(), fixed: fixed::Scratch::new() }
+    }
+}

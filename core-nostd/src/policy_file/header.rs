@@ -1,0 +1,260 @@
+//! The fixed part at the start of a policy file, and where it says that everything else lies.
+
+use core::ops::Range;
+
+use heapless::Vec;
+
+use super::{Arithmetic, PolicyError};
+use crate::action::ACTION_LEN;
+use crate::crc32::crc32;
+use crate::fixed::{self, FixedFormat};
+use crate::mlp::{self, LAYER_LIMIT, WIDTH_LIMIT};
+
+/// The first bytes of every policy file. The first is no text, the line ends show transfers that "correct" them.
+pub const MAGIC: [u8; 8] = *b"\x89KPOL\r\n\x1a";
+
+/// The format version that is written, and the newest that is read.
+pub const FORMAT_VERSION: u16 = 1;
+
+/// Bytes of the header; the metadata follow.
+pub const HEADER_LEN: usize = 40;
+
+/// Most golden vectors.
+pub const GOLDEN_LIMIT: usize = 64;
+
+const CHECKSUM_LEN: usize = 4;
+
+/// Number format of the parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ParameterFormat {
+    /// `f32`.
+    Float32,
+    /// `i16` weights and `i32` biases in these Q formats.
+    Fixed16(FixedFormat),
+}
+
+/// Everything in the header that is not derived from the rest.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Header {
+    pub(crate) parameters: ParameterFormat,
+    pub(crate) observation_layout: u16,
+    pub(crate) action_space: u16,
+    pub(crate) metadata_len: usize,
+    pub(crate) golden_vectors: usize,
+    /// Length of the observation, then the outputs of each layer.
+    pub(crate) widths: Vec<u16, { LAYER_LIMIT + 1 }>,
+}
+
+/// Positions of the sections in the file, each on a multiple of four.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Sections {
+    pub(crate) metadata: Range<usize>,
+    pub(crate) golden: Range<usize>,
+    pub(crate) parameters: Range<usize>,
+    pub(crate) checksum: Range<usize>,
+}
+
+impl ParameterFormat {
+    /// What it is computed with.
+    pub fn arithmetic(self) -> Arithmetic {
+        match self {
+            Self::Float32 => Arithmetic::Float32,
+            Self::Fixed16(_) => Arithmetic::Fixed16,
+        }
+    }
+
+    const fn identifier(self) -> u8 {
+        match self {
+            Self::Float32 => 1,
+            Self::Fixed16(_) => 2,
+        }
+    }
+
+    fn layer_bytes(self, inputs: usize, outputs: usize) -> usize {
+        match self {
+            Self::Float32 => mlp::layer_bytes(inputs, outputs),
+            Self::Fixed16(_) => fixed::layer_bytes(inputs, outputs),
+        }
+    }
+
+    fn fraction_bits(self) -> [u8; LAYER_LIMIT + 1] {
+        let mut bits = [0; LAYER_LIMIT + 1];
+        if let Self::Fixed16(format) = self {
+            bits[0] = format.input_fraction_bits;
+            bits[1..].copy_from_slice(&format.weight_fraction_bits);
+        }
+        bits
+    }
+}
+
+impl Header {
+    /// Reads the header of a file whose length and checksum are right.
+    ///
+    /// # Errors
+    /// The variant of whatever is wrong.
+    pub(crate) fn parse(bytes: &[u8]) -> Result<Self, PolicyError> {
+        check_envelope(bytes)?;
+        let header = Self {
+            parameters: parse_parameter_format(bytes)?,
+            observation_layout: u16_at(bytes, 16),
+            action_space: u16_at(bytes, 18),
+            metadata_len: usize::from(u16_at(bytes, 20)),
+            golden_vectors: usize::from(u16_at(bytes, 22)),
+            widths: parse_widths(bytes)?,
+        };
+        check_unused(bytes, header.widths.len() - 1, header.parameters)?;
+        header.check()?;
+        let expected = header.sections().checksum.end;
+        if bytes.len() != expected {
+            return Err(PolicyError::Length { found: bytes.len(), expected });
+        }
+        Ok(header)
+    }
+
+    /// Refuses identifiers and dimensions that no policy can have.
+    pub(crate) fn check(&self) -> Result<(), PolicyError> {
+        if self.observation_layout != 1 {
+            return Err(PolicyError::ObservationLayout { found: self.observation_layout });
+        }
+        if !(1..=2).contains(&self.action_space) {
+            return Err(PolicyError::ActionSpace { found: self.action_space });
+        }
+        for (layer, width) in self.widths.iter().map(|width| usize::from(*width)).enumerate() {
+            if !(1..=WIDTH_LIMIT).contains(&width) {
+                return Err(PolicyError::Width { layer, found: width });
+            }
+        }
+        let outputs = usize::from(self.widths.last().copied().unwrap_or_default());
+        if outputs != ACTION_LEN {
+            return Err(PolicyError::ActionLength { found: outputs, expected: ACTION_LEN });
+        }
+        if !(1..=GOLDEN_LIMIT).contains(&self.golden_vectors) {
+            let expected = self.observation_len();
+            return Err(PolicyError::GoldenObservations { found: self.golden_vectors * expected, expected });
+        }
+        Ok(())
+    }
+
+    /// Values of an observation.
+    pub(crate) fn observation_len(&self) -> usize {
+        usize::from(self.widths.first().copied().unwrap_or_default())
+    }
+
+    /// Inputs and outputs of each layer.
+    pub(crate) fn shapes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let outputs = self.widths.iter().skip(1);
+        self.widths.iter().zip(outputs).map(|(&inputs, &outputs)| (usize::from(inputs), usize::from(outputs)))
+    }
+
+    pub(crate) fn sections(&self) -> Sections {
+        let golden_len = 4 * self.golden_vectors * (self.observation_len() + ACTION_LEN);
+        let parameters_len: usize =
+            self.shapes().map(|(inputs, outputs)| self.parameters.layer_bytes(inputs, outputs)).sum();
+        let golden = HEADER_LEN + self.metadata_len.next_multiple_of(4);
+        let parameters = golden + golden_len;
+        let checksum = parameters + parameters_len;
+        Sections {
+            metadata: HEADER_LEN..HEADER_LEN + self.metadata_len,
+            golden: golden..parameters,
+            parameters: parameters..checksum,
+            checksum: checksum..checksum + CHECKSUM_LEN,
+        }
+    }
+
+    /// The bytes of the header.
+    pub(crate) fn encode(&self) -> [u8; HEADER_LEN] {
+        let mut bytes = [0; HEADER_LEN];
+        bytes[..8].copy_from_slice(&MAGIC);
+        bytes[8..10].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
+        bytes[10] = self.parameters.identifier();
+        bytes[11] = (self.widths.len().saturating_sub(1)) as u8;
+        bytes[12..16].copy_from_slice(&(self.sections().checksum.end as u32).to_le_bytes());
+        bytes[16..18].copy_from_slice(&self.observation_layout.to_le_bytes());
+        bytes[18..20].copy_from_slice(&self.action_space.to_le_bytes());
+        bytes[20..22].copy_from_slice(&(self.metadata_len as u16).to_le_bytes());
+        bytes[22..24].copy_from_slice(&(self.golden_vectors as u16).to_le_bytes());
+        for (slot, width) in bytes[24..34].as_chunks_mut::<2>().0.iter_mut().zip(&self.widths) {
+            *slot = width.to_le_bytes();
+        }
+        bytes[34..39].copy_from_slice(&self.parameters.fraction_bits());
+        bytes
+    }
+}
+
+/// Magic, version, length and checksum, in this order: the first thing wrong is what the user should hear of.
+fn check_envelope(bytes: &[u8]) -> Result<(), PolicyError> {
+    let truncated = PolicyError::Truncated { found: bytes.len(), expected: HEADER_LEN };
+    let found = *bytes.first_chunk::<8>().ok_or(truncated)?;
+    if found != MAGIC {
+        return Err(PolicyError::Magic { found, expected: MAGIC });
+    }
+    if bytes.len() < HEADER_LEN {
+        return Err(truncated);
+    }
+    let (found, newest) = (u16_at(bytes, 8), FORMAT_VERSION);
+    match found {
+        0 => return Err(PolicyError::Version { found, newest }),
+        FORMAT_VERSION => {}
+        _ => return Err(PolicyError::NewerVersion { found, newest }),
+    }
+    check_length_and_checksum(bytes)
+}
+
+fn check_length_and_checksum(bytes: &[u8]) -> Result<(), PolicyError> {
+    let (found, expected) = (bytes.len(), u32_at(bytes, 12) as usize);
+    if found < expected {
+        return Err(PolicyError::Truncated { found, expected });
+    }
+    if found > expected {
+        return Err(PolicyError::TrailingBytes { found, expected });
+    }
+    let (contents, checksum) = bytes.split_at_checked(found - CHECKSUM_LEN).unwrap_or_default();
+    let (found, expected) = (crc32(contents), u32_at(checksum, 0));
+    if found == expected { Ok(()) } else { Err(PolicyError::Checksum { found, expected }) }
+}
+
+fn parse_parameter_format(bytes: &[u8]) -> Result<ParameterFormat, PolicyError> {
+    match u8_at(bytes, 10) {
+        1 => Ok(ParameterFormat::Float32),
+        2 => Ok(ParameterFormat::Fixed16(FixedFormat {
+            input_fraction_bits: u8_at(bytes, 34),
+            weight_fraction_bits: core::array::from_fn(|layer| u8_at(bytes, 35 + layer)),
+        })),
+        found => Err(PolicyError::Arithmetic { found }),
+    }
+}
+
+fn parse_widths(bytes: &[u8]) -> Result<Vec<u16, { LAYER_LIMIT + 1 }>, PolicyError> {
+    let found = usize::from(u8_at(bytes, 11));
+    if !(1..=LAYER_LIMIT).contains(&found) {
+        return Err(PolicyError::LayerCount { found });
+    }
+    Ok((0..=found).map(|index| u16_at(bytes, 24 + 2 * index)).collect())
+}
+
+/// Refuses anything but zero where nothing is stored, so that a file has one meaning and room to grow.
+fn check_unused(bytes: &[u8], layers: usize, parameters: ParameterFormat) -> Result<(), PolicyError> {
+    let used_bits = match parameters {
+        ParameterFormat::Float32 => 0,
+        ParameterFormat::Fixed16(_) => 1 + layers,
+    };
+    let widths = (1 + layers..=LAYER_LIMIT).map(|index| 24 + 2 * index).map(|at| (at, u16_at(bytes, at)));
+    let bits = (34 + used_bits..HEADER_LEN).map(|at| (at, u16::from(u8_at(bytes, at))));
+    match widths.chain(bits).find(|(_, value)| *value != 0) {
+        Some((offset, found)) => Err(PolicyError::UnusedField { offset, found }),
+        None => Ok(()),
+    }
+}
+
+/// Zero beyond the end, which the check of the length excludes.
+fn u8_at(bytes: &[u8], offset: usize) -> u8 {
+    bytes.get(offset).copied().unwrap_or_default()
+}
+
+fn u16_at(bytes: &[u8], offset: usize) -> u16 {
+    u16::from_le_bytes([u8_at(bytes, offset), u8_at(bytes, offset + 1)])
+}
+
+fn u32_at(bytes: &[u8], offset: usize) -> u32 {
+    u32::from(u16_at(bytes, offset)) | u32::from(u16_at(bytes, offset + 2)) << 16
+}

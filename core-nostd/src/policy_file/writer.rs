@@ -1,0 +1,183 @@
+//! Writing policy files, into the caller's bytes: the one definition of the format beside its reader.
+
+use super::header::{Header, Sections};
+use super::metadata::{action_identifier, layout_identifier};
+use super::{HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, Scratch};
+use crate::action::ACTION_LEN;
+use crate::crc32::crc32;
+use crate::fixed::FixedFormat;
+use crate::mlp::{DenseLayer, LAYER_LIMIT};
+
+/// What goes into a policy file. The golden actions are computed while it is written.
+#[derive(Clone, Copy, Debug)]
+pub struct PolicyDraft<'a> {
+    /// What the firmware must know.
+    pub metadata: PolicyMetadata<'a>,
+    /// How the parameters are stored.
+    pub parameters: ParameterFormat,
+    /// From the observation to the action.
+    pub layers: &'a [DenseLayer<'a>],
+    /// Observations of the golden vectors, one after the other, 1 to [`super::GOLDEN_LIMIT`] of them.
+    pub golden_observations: &'a [f32],
+}
+
+impl PolicyDraft<'_> {
+    /// Bytes of the file.
+    ///
+    /// # Errors
+    /// The variant of whatever no policy file can hold.
+    pub fn file_len(&self) -> Result<usize, PolicyError> {
+        Ok(self.header()?.sections().checksum.end)
+    }
+
+    /// Writes the file to the start of `bytes` and returns its length; the same draft gives the same bytes.
+    ///
+    /// # Errors
+    /// The variant of whatever no policy file can hold, or [`PolicyError::BufferTooSmall`].
+    pub fn write(&self, bytes: &mut [u8]) -> Result<usize, PolicyError> {
+        let header = self.header()?;
+        let sections = header.sections();
+        let (found, expected) = (bytes.len(), sections.checksum.end);
+        let file = bytes.get_mut(..expected).ok_or(PolicyError::BufferTooSmall { found, expected })?;
+        file.fill(0);
+        copy(&header.encode(), section(file, 0..HEADER_LEN));
+        self.write_metadata(section(file, sections.metadata.clone()))?;
+        self.write_parameters(section(file, sections.parameters.clone()))?;
+        self.write_golden(&header, &sections, file)?;
+        let (contents, checksum) = file.split_at_mut_checked(sections.checksum.start).unwrap_or_default();
+        copy(&crc32(contents).to_le_bytes(), checksum);
+        Ok(expected)
+    }
+
+    fn header(&self) -> Result<Header, PolicyError> {
+        self.metadata.check()?;
+        self.check_shapes()?;
+        let expected = self.metadata.observation.len();
+        let found = self.golden_observations.len();
+        if found == 0 || !found.is_multiple_of(expected) {
+            return Err(PolicyError::GoldenObservations { found, expected });
+        }
+        let header = Header {
+            parameters: self.canonical_parameters(),
+            observation_layout: layout_identifier(&self.metadata.observation),
+            action_space: action_identifier(&self.metadata.action),
+            metadata_len: metadata_len(&self.metadata)?,
+            golden_vectors: found / expected,
+            widths: self.widths().map(|width| width.min(usize::from(u16::MAX)) as u16).collect(),
+        };
+        header.check()?;
+        Ok(header)
+    }
+
+    fn widths(&self) -> impl Iterator<Item = usize> + '_ {
+        core::iter::once(self.metadata.observation.len()).chain(self.layers.iter().map(|layer| layer.outputs))
+    }
+
+    fn check_shapes(&self) -> Result<(), PolicyError> {
+        if !(1..=LAYER_LIMIT).contains(&self.layers.len()) {
+            return Err(PolicyError::LayerCount { found: self.layers.len() });
+        }
+        let (found, expected) =
+            (self.layers.first().map_or(0, |layer| layer.inputs), self.metadata.observation.len());
+        if found != expected {
+            return Err(PolicyError::ObservationLength { found, expected });
+        }
+        for (index, (layer, inputs)) in self.layers.iter().zip(self.widths()).enumerate() {
+            if !layer.is_complete() || layer.inputs != inputs {
+                return Err(layer_shape(index, layer, inputs));
+            }
+        }
+        Ok(())
+    }
+
+    /// Fraction bits of layers that do not exist are stored as zero.
+    fn canonical_parameters(&self) -> ParameterFormat {
+        let ParameterFormat::Fixed16(mut format) = self.parameters else { return self.parameters };
+        for bits in format.weight_fraction_bits.iter_mut().skip(self.layers.len()) {
+            *bits = 0;
+        }
+        ParameterFormat::Fixed16(format)
+    }
+
+    fn write_metadata(&self, bytes: &mut [u8]) -> Result<(), PolicyError> {
+        let found = bytes.len();
+        postcard::to_slice(&self.metadata, bytes).map(|_| ()).map_err(|_| PolicyError::Metadata { found })
+    }
+
+    fn write_parameters(&self, mut bytes: &mut [u8]) -> Result<(), PolicyError> {
+        for (index, layer) in self.layers.iter().enumerate() {
+            bytes = match &self.parameters {
+                ParameterFormat::Float32 => copy_words(layer.packed().map(f32::to_le_bytes), bytes),
+                ParameterFormat::Fixed16(format) => write_fixed_layer(layer, *format, index, bytes)?,
+            };
+        }
+        Ok(())
+    }
+
+    /// Writes the observations, and the actions that the network in the file gives for them.
+    fn write_golden(&self, header: &Header, sections: &Sections, file: &mut [u8]) -> Result<(), PolicyError> {
+        let (front, parameters) = file.split_at_mut_checked(sections.parameters.start).unwrap_or_default();
+        let parameters = parameters.get(..sections.parameters.len()).unwrap_or_default();
+        let network = Network::from_parameters(header, parameters)?;
+        let golden = section(front, sections.golden.clone());
+        let observation_len = header.observation_len();
+        let vectors = golden.chunks_exact_mut(4 * (observation_len + ACTION_LEN));
+        let mut scratch = Scratch::new();
+        for (bytes, observation) in vectors.zip(self.golden_observations.chunks_exact(observation_len)) {
+            let actions = copy_words(observation.iter().map(|value| value.to_le_bytes()), bytes);
+            let action = network.act(observation, &mut scratch);
+            copy_words(action.iter().map(|value| value.to_le_bytes()), actions);
+        }
+        Ok(())
+    }
+}
+
+fn write_fixed_layer<'b>(
+    layer: &DenseLayer<'_>,
+    format: FixedFormat,
+    index: usize,
+    bytes: &'b mut [u8],
+) -> Result<&'b mut [u8], PolicyError> {
+    let sum_bits = format.sum_fraction_bits(index)?;
+    let weight_bits = format.weight_fraction_bits.get(index).copied().unwrap_or_default();
+    if !layer.fits(format, index) {
+        return Err(PolicyError::WeightsTooLarge { layer: index });
+    }
+    let rest = copy_words(layer.fixed_biases(sum_bits).map(i32::to_le_bytes), bytes);
+    Ok(copy_words(layer.fixed_weights(weight_bits).map(i16::to_le_bytes), rest))
+}
+
+fn layer_shape(index: usize, layer: &DenseLayer<'_>, inputs: usize) -> PolicyError {
+    let (weights, biases, outputs) = (layer.weights.len(), layer.bias.len(), layer.outputs);
+    PolicyError::LayerShape { layer: index, weights, biases, inputs, outputs }
+}
+
+fn metadata_len(metadata: &PolicyMetadata<'_>) -> Result<usize, PolicyError> {
+    postcard::serialize_with_flavor(metadata, postcard::ser_flavors::Size::default())
+        .map_err(|_| PolicyError::Metadata { found: 0 })
+}
+
+fn section(bytes: &mut [u8], range: core::ops::Range<usize>) -> &mut [u8] {
+    bytes.get_mut(range).unwrap_or_default()
+}
+
+fn copy(source: &[u8], destination: &mut [u8]) {
+    for (slot, byte) in destination.iter_mut().zip(source) {
+        *slot = *byte;
+    }
+}
+
+/// Copies `words` to the start of `bytes` and returns what follows them.
+fn copy_words<const N: usize>(words: impl Iterator<Item = [u8; N]>, bytes: &mut [u8]) -> &mut [u8] {
+    let mut rest = bytes;
+    for word in words {
+        match rest.split_first_chunk_mut::<N>() {
+            Some((slot, following)) => {
+                *slot = word;
+                rest = following;
+            }
+            None => return &mut [],
+        }
+    }
+    rest
+}

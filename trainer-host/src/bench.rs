@@ -1,0 +1,190 @@
+//! `kestrel bench`: how fast each stage is on this machine, in one run, beside what limits it.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use kestrel_core::action::ACTION_LEN;
+use kestrel_core::dynamics::Integrator;
+use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::vehicle::Ground;
+use kestrel_sim::scenario::{Physics, Scenario};
+use kestrel_sim::seed::Seed;
+use kestrel_sim::simulation::Simulation;
+use kestrel_sim::swarm::{Swarm, advance_all};
+
+use crate::actor_critic::Actor;
+use crate::ppo::{PpoSettings, Trainer};
+
+/// Each figure is the best of this many repetitions: on a shared machine the others measure the neighbours.
+const REPETITIONS: usize = 5;
+
+/// One line of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// What is counted.
+    pub what: String,
+    /// How often per second.
+    pub per_second: f64,
+    /// Where we want to be, for one core or both as `what` says.
+    pub aim: f64,
+    /// What keeps it from being faster.
+    pub limit: &'static str,
+}
+
+/// Best rate of `work`, which returns how many items it did, over repetitions of at least `duration`.
+fn best_rate(duration: Duration, mut work: impl FnMut() -> u64) -> f64 {
+    let mut best = 0.0_f64;
+    for _ in 0..REPETITIONS {
+        let start = Instant::now();
+        let mut items = 0;
+        while start.elapsed() < duration {
+            items += work();
+        }
+        best = best.max(items as f64 / start.elapsed().as_secs_f64());
+    }
+    best
+}
+
+/// Steps per second of the vehicle alone on one core, `LANES` drones side by side.
+fn vehicle_rate<const LANES: usize>(scenario: &Scenario, integrator: Integrator, duration: Duration) -> f64 {
+    let physics = Physics { integrator, substeps: 1, control_secs: 0.002, ground: Ground::Distant };
+    // 512 drones: 35 KB, within the second-level cache as a rollout's are.
+    let mut swarms = vec![Swarm::<LANES>::new(&scenario.airframe); 512 / LANES];
+    let targets = [[scenario.airframe.hover_rotor_speed() as f32; LANES]; 4];
+    let rate = best_rate(duration, || {
+        advance_all(&mut swarms, &physics, &targets, 20);
+        512 * 20
+    });
+    // A diverged state would be fast and meaningless.
+    assert!(swarms[0].state(0).position.z.is_finite(), "the benchmark's drones must stay in flight");
+    rate
+}
+
+/// Lines for the vehicle.
+pub fn vehicle(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
+    let line = |what: &str, per_second, aim, limit| Figure { what: what.to_owned(), per_second, aim, limit };
+    let (euler, runge_kutta) = (Integrator::SemiImplicitEuler, Integrator::RungeKutta4);
+    vec![
+        line(
+            "vehicle steps, Euler, one by one, 1 core",
+            vehicle_rate::<1>(scenario, euler, duration),
+            25e6,
+            "the chain of dependent operations",
+        ),
+        line(
+            "vehicle steps, Euler, in lanes, 1 core",
+            vehicle_rate::<64>(scenario, euler, duration),
+            500e6,
+            "loads and stores of 17 states and 15 parameters per step",
+        ),
+        line(
+            "vehicle steps, RK4, one by one, 1 core",
+            vehicle_rate::<1>(scenario, runge_kutta, duration),
+            10e6,
+            "the chain of dependent operations",
+        ),
+        line(
+            "vehicle steps, RK4, in lanes, 1 core",
+            vehicle_rate::<64>(scenario, runge_kutta, duration),
+            150e6,
+            "650 flop per step, 51 live vectors in 16 registers (AVX2)",
+        ),
+    ]
+}
+
+/// Environment steps per second on one core, with observation, reward and reset.
+fn environment_rate(scenario: &Scenario, substeps: u32, duration: Duration) -> f64 {
+    let mut scenario = scenario.clone();
+    scenario.physics.substeps = substeps;
+    let mut simulation = Simulation::<64>::new(&scenario, Seed(0), 0, 256);
+    let actions = vec![0.0; ACTION_LEN * 256];
+    let rate = best_rate(duration, || {
+        for _ in 0..100 {
+            simulation.step(&actions);
+        }
+        simulation.take_episodes();
+        100 * 256
+    });
+    black_box(simulation.rewards());
+    rate
+}
+
+/// Lines for whole environments.
+pub fn environment(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
+    let lines = [
+        (1, 60e6, "memory traffic of observations and rewards, and resets"),
+        (5, 20e6, "five substeps of the vehicle"),
+    ];
+    let figure = |(substeps, aim, limit)| Figure {
+        what: format!("environment steps, {substeps} substep(s), 1 core"),
+        per_second: environment_rate(scenario, substeps, duration),
+        aim,
+        limit,
+    };
+    lines.map(figure).into()
+}
+
+/// Environment steps per second of training, rollout and optimisation, on all cores.
+fn training_rate(scenario: &Scenario, settings: &PpoSettings, epochs: u32, duration: Duration) -> f64 {
+    let settings = PpoSettings { epochs, target_kl: None, ..settings.clone() };
+    let mut trainer = Trainer::new(scenario, &settings, Seed(0));
+    trainer.update();
+    best_rate(duration, || {
+        let before = trainer.steps();
+        trainer.update();
+        trainer.steps() - before
+    })
+}
+
+/// Lines for PPO end to end.
+pub fn training(scenario: &Scenario, settings: &PpoSettings, duration: Duration) -> Vec<Figure> {
+    let lines = [
+        (4, 600e3, "matrix products: 249 kflop per step at 64-64"),
+        (1, 1.8e6, "matrix products: 78 kflop per step at 64-64"),
+    ];
+    let figure = |(epochs, aim, limit)| Figure {
+        what: format!("PPO steps, {epochs} epoch(s), all cores"),
+        per_second: training_rate(scenario, settings, epochs, duration),
+        aim,
+        limit,
+    };
+    lines.map(figure).into()
+}
+
+/// Lines for inference of `actor` and of its exports.
+pub fn inference(actor: &Actor, exports: &[PolicyFile<'_>], duration: Duration) -> Vec<Figure> {
+    let mut figures = vec![Figure {
+        what: "policy inferences, batch of 256, 1 core".into(),
+        per_second: batched_rate(actor, duration),
+        aim: 5e6,
+        limit: "matrix products and 128 hyperbolic tangents",
+    }];
+    figures.extend(exports.iter().map(|policy| Figure {
+        what: format!("policy inferences, {}, alone, 1 core", policy.arithmetic().name()),
+        per_second: lone_rate(policy, duration),
+        aim: 500e3,
+        limit: "written for a microcontroller: one row block at a time",
+    }));
+    figures
+}
+
+fn batched_rate(actor: &Actor, duration: Duration) -> f64 {
+    let observations = vec![0.1; actor.mlp().inputs() * 256];
+    let mut actions = vec![0.0; ACTION_LEN * 256];
+    best_rate(duration, || {
+        actor.act_mean(black_box(&observations), &mut actions);
+        black_box(&actions);
+        256
+    })
+}
+
+fn lone_rate(policy: &PolicyFile<'_>, duration: Duration) -> f64 {
+    let observation = vec![0.1; policy.metadata().observation.len()];
+    let mut scratch = policy.scratch();
+    best_rate(duration, || {
+        for _ in 0..256 {
+            black_box(policy.act(black_box(&observation), &mut scratch));
+        }
+        256
+    })
+}

@@ -1,0 +1,276 @@
+//! How good a policy is: success over many random starts, beside the trivial baselines.
+
+use kestrel_core::action::ACTION_LEN;
+use kestrel_core::observation::OBSERVATION_LIMIT;
+use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::vehicle::State;
+use kestrel_sim::outcome::{Ending, Episode, Outcome};
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::{Purpose, Seed, Stream};
+use kestrel_sim::simulation::Simulation;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::actor_critic::Actor;
+use crate::scripted::ScriptedPilot;
+
+/// Environments that one task flies.
+const PANEL: usize = 128;
+
+/// Who flies.
+#[derive(Clone, Copy, Debug)]
+pub enum Flyer<'a> {
+    /// The trained network's mean action, in the trainer's floating point.
+    Actor(&'a Actor),
+    /// An exported policy, in the arithmetic of its file.
+    Policy(&'a PolicyFile<'a>),
+    /// The zero action: hover thrust, no correction.
+    Nothing,
+    /// Uniform random actions.
+    Random,
+    /// The pilot written by hand.
+    Scripted,
+}
+
+/// From where evaluations fly: the same starts for every flyer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Starts {
+    /// What they follow from.
+    pub seed: Seed,
+    /// Which of the seed's streams: starts that select a policy differ from those that judge it.
+    pub purpose: Purpose,
+    /// How many.
+    pub episodes: usize,
+}
+
+/// What an evaluation found; see [`evaluate`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// Who flew.
+    pub pilot: String,
+    /// Episodes flown, one from each start.
+    pub episodes: usize,
+    /// Share of episodes that were a success.
+    pub success_rate: f64,
+    /// Its 95 % confidence interval (Wilson).
+    pub success_interval: [f64; 2],
+    /// Mean undiscounted return.
+    pub episode_return: f64,
+    /// Its 95 % confidence interval (normal approximation).
+    pub return_interval: [f64; 2],
+    /// Mean length \[s\].
+    pub length_secs: f64,
+    /// How many episodes ended how.
+    pub endings: Vec<(Ending, usize)>,
+}
+
+/// One flight, control period by control period.
+#[derive(Clone, Debug)]
+pub struct FlightPath {
+    /// True states, the start first.
+    pub states: Vec<State<f32>>,
+    /// How it ended.
+    pub episode: Episode,
+}
+
+/// Flies one episode from each of the starts; the bits do not depend on the number of threads.
+pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evaluation {
+    let firsts: Vec<usize> = (0..starts.episodes).step_by(PANEL).collect();
+    let flights = firsts.into_par_iter().flat_map_iter(|first| {
+        let count = PANEL.min(starts.episodes - first);
+        first_episodes(scenario, flyer, starts, first as u32, count)
+    });
+    summarise(flyer.name(), scenario, &flights.collect::<Vec<_>>())
+}
+
+/// Observations `[n][observation_len]` that the actor meets on flights from up to 64 of the starts, every eighth step.
+pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts) -> Vec<f32> {
+    let count = starts.episodes.clamp(1, 64);
+    let mut simulation = starting_at(scenario, starts, 0, count);
+    let mut cockpit = Cockpit::new(scenario, Flyer::Actor(actor), starts.seed, 0);
+    let mut observations = Vec::new();
+    for step in 0..scenario.episode_steps() {
+        if step % 8 == 0 {
+            for environment in 0..count {
+                let columns = simulation.observations().chunks_exact(count);
+                observations.extend(columns.map(|column| column[environment]));
+            }
+        }
+        simulation.step(cockpit.act(&simulation));
+    }
+    observations
+}
+
+/// Flies the episode that [`evaluate`] flies as number `start`, and keeps every state.
+pub fn record(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts, start: u32) -> FlightPath {
+    let mut simulation = starting_at(scenario, starts, start, 1);
+    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, start);
+    let mut states = vec![simulation.state(0)];
+    loop {
+        simulation.step(cockpit.act(&simulation));
+        if let Some(episode) = simulation.take_episodes().pop() {
+            return FlightPath { states, episode };
+        }
+        states.push(simulation.state(0));
+    }
+}
+
+impl Flyer<'_> {
+    /// Name in reports.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Actor(_) => "policy",
+            Self::Policy(policy) => policy.arithmetic().name(),
+            Self::Nothing => "do nothing",
+            Self::Random => "random",
+            Self::Scripted => "scripted pilot",
+        }
+    }
+}
+
+fn starting_at(scenario: &Scenario, starts: Starts, first: u32, count: usize) -> Simulation {
+    Simulation::with_purpose(scenario, starts.seed, starts.purpose, first, count)
+}
+
+/// The first episode of each environment, in their order.
+fn first_episodes(
+    scenario: &Scenario,
+    flyer: Flyer<'_>,
+    starts: Starts,
+    first: u32,
+    count: usize,
+) -> Vec<Episode> {
+    let mut simulation = starting_at(scenario, starts, first, count);
+    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, first);
+    let mut episodes: Vec<Option<Episode>> = vec![None; count];
+    while episodes.iter().any(Option::is_none) {
+        simulation.step(cockpit.act(&simulation));
+        if simulation.outcomes().iter().all(|outcome| *outcome == Outcome::Running) {
+            continue;
+        }
+        for episode in simulation.take_episodes() {
+            let slot = &mut episodes[(episode.environment - first) as usize];
+            slot.get_or_insert(episode);
+        }
+    }
+    episodes.into_iter().flatten().collect()
+}
+
+/// A flyer at work on the environments of one simulation.
+struct Cockpit<'a> {
+    flyer: Flyer<'a>,
+    scripted: ScriptedPilot,
+    noise: Stream,
+    actions: Vec<f32>,
+}
+
+impl<'a> Cockpit<'a> {
+    fn new(scenario: &Scenario, flyer: Flyer<'a>, seed: Seed, first: u32) -> Self {
+        Self {
+            flyer,
+            scripted: ScriptedPilot::new(&scenario.airframe, scenario.action),
+            noise: Stream::new(seed, first, Purpose::Baseline),
+            actions: Vec::new(),
+        }
+    }
+
+    /// Actions `[ACTION_LEN][environments]` for the simulation's present states.
+    fn act(&mut self, simulation: &Simulation) -> &[f32] {
+        self.actions.resize(ACTION_LEN * simulation.environments(), 0.0);
+        match self.flyer {
+            Flyer::Actor(actor) => actor.act_mean(simulation.observations(), &mut self.actions),
+            Flyer::Policy(policy) => act_one_by_one(policy, simulation, &mut self.actions),
+            Flyer::Nothing => {}
+            Flyer::Random => self.actions.fill_with(|| self.noise.between(-1.0, 1.0)),
+            Flyer::Scripted => {
+                let goal = simulation.scenario().aviary.goal;
+                let count = simulation.environments();
+                for environment in 0..count {
+                    let action = self.scripted.act(&simulation.state(environment), &goal);
+                    write_action(&mut self.actions, count, environment, action);
+                }
+            }
+        }
+        &self.actions
+    }
+}
+
+/// The exported policy, with the very inference that the firmware runs.
+fn act_one_by_one(policy: &PolicyFile<'_>, simulation: &Simulation, actions: &mut [f32]) {
+    let count = simulation.environments();
+    let len = simulation.observation_len();
+    let mut scratch = policy.scratch();
+    let mut observation = [0.0; OBSERVATION_LIMIT];
+    for environment in 0..count {
+        for (value, column) in observation.iter_mut().zip(simulation.observations().chunks_exact(count)) {
+            *value = column[environment];
+        }
+        write_action(actions, count, environment, policy.act(&observation[..len], &mut scratch));
+    }
+}
+
+fn write_action(actions: &mut [f32], count: usize, environment: usize, action: [f32; ACTION_LEN]) {
+    for (column, value) in actions.chunks_exact_mut(count).zip(action) {
+        column[environment] = value;
+    }
+}
+
+fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluation {
+    let count = episodes.len().max(1) as f64;
+    let successes = episodes.iter().filter(|episode| episode.success).count();
+    let returns: Vec<f64> = episodes.iter().map(|episode| f64::from(episode.total_reward)).collect();
+    let mean = returns.iter().sum::<f64>() / count;
+    let variance =
+        returns.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (count - 1.0).max(1.0);
+    let margin = Z_95 * (variance / count).sqrt();
+    let steps: f64 = episodes.iter().map(|episode| f64::from(episode.steps)).sum();
+    Evaluation {
+        pilot: pilot.to_owned(),
+        episodes: episodes.len(),
+        success_rate: successes as f64 / count,
+        success_interval: wilson(successes as f64, count),
+        episode_return: mean,
+        return_interval: [mean - margin, mean + margin],
+        length_secs: steps / count * f64::from(scenario.physics.control_secs),
+        endings: endings(episodes),
+    }
+}
+
+/// Two-sided 95 % quantile of the normal distribution.
+const Z_95: f64 = 1.959_964;
+
+/// Score interval of a proportion (Wilson 1927), sound also at 0 and 1.
+fn wilson(successes: f64, count: f64) -> [f64; 2] {
+    let square = Z_95 * Z_95;
+    let share = successes / count;
+    let middle = share + square / (2.0 * count);
+    let reach = Z_95 * (share * (1.0 - share) / count + square / (4.0 * count * count)).sqrt();
+    let scale = 1.0 + square / count;
+    [((middle - reach) / scale).max(0.0), ((middle + reach) / scale).min(1.0)]
+}
+
+fn endings(episodes: &[Episode]) -> Vec<(Ending, usize)> {
+    let kinds = [
+        Ending::Success,
+        Ending::TimeLimit,
+        Ending::Collision,
+        Ending::OutOfBounds,
+        Ending::Tilt,
+        Ending::Distance,
+    ];
+    let count = |kind| episodes.iter().filter(|episode| episode.ending == kind).count();
+    kinds.into_iter().map(|kind| (kind, count(kind))).filter(|(_, count)| *count > 0).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wilson_matches_its_published_example() {
+        // Newcombe 1998, table I: 81 of 263 gives 0.2553 to 0.3662.
+        let [low, high] = wilson(81.0, 263.0);
+        assert!((low - 0.2553).abs() < 1e-4 && (high - 0.3662).abs() < 1e-4);
+        assert!(wilson(0.0, 20.0)[0] == 0.0 && (wilson(0.0, 20.0)[1] - 0.1611).abs() < 1e-4);
+    }
+}
