@@ -61,7 +61,8 @@ impl WithSimd for Sample<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let inputs = self.means.chunks_exact(self.columns).zip(self.noise.chunks_exact(self.columns));
-        for ((row, inputs), std) in self.actions.chunks_exact_mut(self.columns).zip(inputs).zip(self.gaussian.std) {
+        for ((row, inputs), std) in self.actions.chunks_exact_mut(self.columns).zip(inputs).zip(self.gaussian.std)
+        {
             for ((action, mean), noise) in row.iter_mut().zip(inputs.0).zip(inputs.1) {
                 *action = mean + std * noise;
             }

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 
 pub use dense::Dense;
 use dense::DenseGradient;
-pub(crate) use kernel::{dispatch, dot};
 use kernel::TanhBackward;
+pub(crate) use kernel::{dispatch, dot};
 
 /// Gain of orthogonal weights before a tanh, the choice of CleanRL and Stable-Baselines3.
 const HIDDEN_GAIN: f32 = std::f32::consts::SQRT_2;

@@ -163,7 +163,8 @@ impl Trainer {
                 all.add(&sums);
                 this_epoch.add(&sums);
                 metrics.approx_kl = this_epoch.mean(this_epoch.approx_kl);
-                if self.settings.target_kl.is_some_and(|target| sums.mean(sums.approx_kl) > KL_TOLERANCE * target) {
+                if self.settings.target_kl.is_some_and(|target| sums.mean(sums.approx_kl) > KL_TOLERANCE * target)
+                {
                     break 'epochs;
                 }
                 self.descend(norm);

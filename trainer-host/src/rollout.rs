@@ -52,7 +52,13 @@ pub struct Panel {
 
 impl Panel {
     /// Environments from `first_environment` on, at the start of their first episodes.
-    pub fn new(scenario: &Scenario, seed: Seed, first_environment: u32, steps: usize, networks: (&Actor, &Critic)) -> Self {
+    pub fn new(
+        scenario: &Scenario,
+        seed: Seed,
+        first_environment: u32,
+        steps: usize,
+        networks: (&Actor, &Critic),
+    ) -> Self {
         let simulation = Simulation::new(scenario, seed, first_environment, PANEL);
         Self {
             noise: Noise::new(seed, first_environment),

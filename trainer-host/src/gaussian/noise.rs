@@ -144,12 +144,17 @@ mod tests {
 
     #[test]
     fn box_muller_turns_a_radius_by_an_angle() {
-        for (radius_word, angle_word) in [(u32::MAX / 2, 0), (123_456_789, 3_333_333_333), (0, u32::MAX), (7, 1 << 31)] {
+        for (radius_word, angle_word) in
+            [(u32::MAX / 2, 0), (123_456_789, 3_333_333_333), (0, u32::MAX), (7, 1 << 31)]
+        {
             let uniform = (f64::from(radius_word >> 8) + 1.0) / 16_777_216.0;
             let radius = (-2.0 * libm::log(uniform)).sqrt();
             let angle = (f64::from(angle_word >> 8) / 8_388_608.0 - 1.0) * std::f64::consts::PI;
             let [cosine, sine] = box_muller(radius_word, angle_word).map(f64::from);
-            assert!((cosine - radius * libm::cos(angle)).abs() < 3e-6 && (sine - radius * libm::sin(angle)).abs() < 3e-6);
+            assert!(
+                (cosine - radius * libm::cos(angle)).abs() < 3e-6
+                    && (sine - radius * libm::sin(angle)).abs() < 3e-6
+            );
         }
     }
 

@@ -48,12 +48,7 @@ pub(crate) struct Surrogate<'a> {
 
 impl Surrogate<'_> {
     /// Adds the loss to `sums`, the gradient of `log_std` to `log_std`, and writes that of the means to `deltas`.
-    pub(crate) fn differentiate(
-        &self,
-        deltas: &mut [f32],
-        log_std: &mut [f32],
-        sums: &mut LossSums,
-    ) {
+    pub(crate) fn differentiate(&self, deltas: &mut [f32], log_std: &mut [f32], sums: &mut LossSums) {
         let mut log_probs = [0.0; PANEL];
         self.gaussian.log_probs(self.means, self.tile.actions, &mut log_probs);
         let mut pulls = [0.0; PANEL];
@@ -109,7 +104,13 @@ impl WithSimd for ThroughDensity<'_> {
 }
 
 /// Mean squared error of the critic: adds it to `sums`, and writes its gradient, times `weight`, to `deltas`.
-pub(crate) fn differentiate_value(values: &[f32], returns: &[f32], weight: f32, deltas: &mut [f32], sums: &mut LossSums) {
+pub(crate) fn differentiate_value(
+    values: &[f32],
+    returns: &[f32],
+    weight: f32,
+    deltas: &mut [f32],
+    sums: &mut LossSums,
+) {
     sums.samples += values.len() as f64;
     for ((delta, value), target) in deltas.iter_mut().zip(values).zip(returns) {
         let error = value - target;

@@ -147,7 +147,12 @@ impl PpoSettings {
 
 type Checked = Result<(), SettingsError>;
 
-fn within(name: &'static str, found: f32, range: std::ops::RangeInclusive<f32>, expected: &'static str) -> Checked {
+fn within(
+    name: &'static str,
+    found: f32,
+    range: std::ops::RangeInclusive<f32>,
+    expected: &'static str,
+) -> Checked {
     if found.is_finite() && range.contains(&found) {
         return Ok(());
     }

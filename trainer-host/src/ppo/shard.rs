@@ -64,7 +64,13 @@ impl Shard {
     }
 
     /// Adds a tile's part of the minibatch's gradient, without the entropy's, which no sample enters.
-    pub(crate) fn add(&mut self, tile: Tile<'_>, networks: (&Actor, &Critic), settings: &PpoSettings, sample_weight: f32) {
+    pub(crate) fn add(
+        &mut self,
+        tile: Tile<'_>,
+        networks: (&Actor, &Critic),
+        settings: &PpoSettings,
+        sample_weight: f32,
+    ) {
         self.add_policy(tile, networks.0, settings.clip_range, sample_weight);
         self.add_value(tile, networks.1, settings.value_weight * sample_weight);
     }

@@ -101,7 +101,11 @@ impl Trainer {
     ///
     /// # Errors
     /// When the state is of another scenario or of settings of another shape.
-    pub fn restore(scenario: &Scenario, settings: &PpoSettings, state: TrainerState) -> Result<Self, RestoreError> {
+    pub fn restore(
+        scenario: &Scenario,
+        settings: &PpoSettings,
+        state: TrainerState,
+    ) -> Result<Self, RestoreError> {
         settings.check()?;
         let mut trainer = Self::new(scenario, settings, state.seed);
         trainer.check(&state)?;

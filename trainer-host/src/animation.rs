@@ -1,0 +1,121 @@
+//! A flight as an animated GIF: recording, playback, camera, scene, captions, encoding.
+//!
+//! Everything is drawn by this module on the CPU, from nothing but the recording: the same flight gives the same
+//! bytes on every machine.
+
+use kestrel_core::airframe::Airframe;
+use kestrel_core::attitude::Attitude;
+use kestrel_sim::scenario::{Cuboid, Floor};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use canvas::Canvas;
+
+mod camera;
+mod canvas;
+mod caption;
+mod drone;
+mod encode;
+mod font;
+mod palette;
+mod playback;
+mod scene;
+mod tracking;
+mod view;
+
+/// Width and height of the picture \[px\].
+pub const SIZE: [usize; 2] = [480, 360];
+
+/// Height of the strip with the captions, below the scene \[px\].
+const STRIP: usize = 56;
+
+/// One flight, as it was flown.
+#[derive(Clone, Debug)]
+pub struct FlightRecording {
+    /// Shown in the picture: ASCII letters, digits and common signs.
+    pub title: String,
+    /// Time between two frames \[s\].
+    pub control_secs: f32,
+    /// What flies: its rotor positions and propeller radius are drawn to scale.
+    pub airframe: Airframe,
+    /// Where it should go \[m, world\].
+    pub goal: Vector3<f32>,
+    /// Walls and obstacles.
+    pub solids: Vec<Cuboid>,
+    /// Whether there is a floor at z = 0; otherwise a plane below the flight gives orientation.
+    pub floor: Floor,
+    /// The states, one per control period.
+    pub frames: Vec<FlightFrame>,
+}
+
+/// The drone at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlightFrame {
+    /// Position \[m, world\].
+    pub position: Vector3<f32>,
+    /// `world_from_body`.
+    pub attitude: Attitude<f32>,
+    /// Speed of each rotor as a share of its limit, \[0, 1\], in the airframe's order.
+    pub rotor_fractions: [f32; 4],
+}
+
+/// Why a flight cannot be drawn.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum AnimationError {
+    /// Nothing was recorded.
+    #[error("the recording of the flight holds no frames: expected at least one")]
+    Empty,
+    /// The time between frames is no positive number.
+    #[error("the recording of the flight has a control period of {0} s: expected a positive number")]
+    ControlPeriod(f32),
+    /// A number that is none.
+    #[error("frame {0} of the flight holds NaN or infinite numbers: expected finite ones")]
+    NotFinite(usize),
+    /// The GIF encoder failed.
+    #[error("cannot encode the flight as GIF: {0}")]
+    Encoding(String),
+}
+
+/// GIF of the flight: 25 pictures per second of flight, then a pause, then again from the start.
+///
+/// Pictures are drawn in parallel on rayon's current pool.
+///
+/// # Errors
+/// [`AnimationError`] for a recording without frames or with numbers that are none.
+pub fn flight_gif(recording: &FlightRecording) -> Result<Vec<u8>, AnimationError> {
+    check(recording)?;
+    let moments = playback::moments(recording);
+    let scene = scene::Scene::of(recording, &moments);
+    let shots = scene.shots(&moments);
+    let drawn: Vec<_> = shots.par_iter().map(|shot| picture(&scene, shot).quantised()).collect();
+    encode::gif(&drawn).map_err(|error| AnimationError::Encoding(error.to_string()))
+}
+
+fn picture(scene: &scene::Scene<'_>, shot: &scene::Shot<'_>) -> Canvas {
+    let mut canvas = Canvas::new(SIZE, palette::PAPER);
+    scene.draw(shot, &mut canvas);
+    caption::draw(&scene.recording.title, shot.moment, &mut canvas);
+    canvas
+}
+
+fn check(recording: &FlightRecording) -> Result<(), AnimationError> {
+    if recording.frames.is_empty() {
+        return Err(AnimationError::Empty);
+    }
+    if !(recording.control_secs.is_finite() && recording.control_secs > 0.0) {
+        return Err(AnimationError::ControlPeriod(recording.control_secs));
+    }
+    match recording.frames.iter().position(|frame| !is_finite(frame)) {
+        Some(frame) => Err(AnimationError::NotFinite(frame)),
+        None => Ok(()),
+    }
+}
+
+fn is_finite(frame: &FlightFrame) -> bool {
+    let Attitude { w, x, y, z } = frame.attitude;
+    let numbers = [w, x, y, z].into_iter().chain(frame.position.iter().copied()).chain(frame.rotor_fractions);
+    numbers.into_iter().all(f32::is_finite)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,84 @@
+//! What is written into a picture: title, time, distance, speed and the key to the rotor colours.
+
+use super::canvas::{Canvas, Paint};
+use super::palette::{self, Colour};
+use super::playback::Moment;
+use super::{SIZE, STRIP, font};
+
+/// Distance of the text from the picture's borders \[px\].
+const MARGIN: usize = 16;
+
+/// Width of one figure with its name \[px\].
+const FIGURE_WIDTH: usize = 104;
+
+/// Length and thickness of the key to the rotor colours \[px\].
+const KEY: [usize; 2] = [72, 5];
+
+/// A line of text and how it looks.
+struct Text<'a> {
+    letters: &'a str,
+    /// Pixels that one pixel of the typeface becomes.
+    scale: usize,
+    colour: Colour,
+}
+
+/// Writes all captions of a moment.
+pub(super) fn draw(title: &str, moment: &Moment, canvas: &mut Canvas) {
+    heading(title).write([MARGIN, MARGIN], canvas);
+    canvas.rectangle([0, SIZE[1] - STRIP, SIZE[0], STRIP], Paint::opaque(palette::PAPER));
+    canvas.rectangle([0, SIZE[1] - STRIP, SIZE[0], 1], Paint::opaque(palette::GRID));
+    let figures = [
+        ("time", format!("{:.2} s", moment.elapsed_secs)),
+        ("to goal", format!("{:.2} m", moment.distance)),
+        ("speed", format!("{:.2} m/s", moment.speed)),
+    ];
+    let top = SIZE[1] - STRIP + 13;
+    for (index, (name, value)) in figures.iter().enumerate() {
+        let left = MARGIN + index * FIGURE_WIDTH;
+        small(name).write([left, top], canvas);
+        heading(value).write([left, top + 14], canvas);
+    }
+    draw_key([SIZE[0] - MARGIN - KEY[0], top], canvas);
+}
+
+fn draw_key([left, top]: [usize; 2], canvas: &mut Canvas) {
+    small("rotor thrust").write([left, top], canvas);
+    for column in 0..KEY[0] {
+        let colour = palette::thrust(column as f32 / (KEY[0] - 1) as f32);
+        canvas.rectangle([left + column, top + 13, 1, KEY[1]], Paint::opaque(colour));
+    }
+    small("0").write([left, top + 22], canvas);
+    let full = small("100 %");
+    full.write([left + KEY[0] - full.width(), top + 22], canvas);
+}
+
+fn heading(letters: &str) -> Text<'_> {
+    Text { letters, scale: 2, colour: palette::INK }
+}
+
+fn small(letters: &str) -> Text<'_> {
+    Text { letters, scale: 1, colour: palette::MUTED }
+}
+
+impl Text<'_> {
+    fn width(&self) -> usize {
+        (self.letters.chars().count() * (font::WIDTH + font::GAP) - font::GAP) * self.scale
+    }
+
+    fn write(&self, [left, top]: [usize; 2], canvas: &mut Canvas) {
+        for (index, letter) in self.letters.chars().enumerate() {
+            let start = left + index * (font::WIDTH + font::GAP) * self.scale;
+            self.write_letter(letter, [start, top], canvas);
+        }
+    }
+
+    fn write_letter(&self, letter: char, [left, top]: [usize; 2], canvas: &mut Canvas) {
+        for (row, bits) in font::glyph(letter).into_iter().enumerate() {
+            for column in (0..font::WIDTH).filter(|column| bits >> (font::WIDTH - 1 - column) & 1 == 1) {
+                let corner = [left + column * self.scale, top + row * self.scale];
+                let area = [corner[0], corner[1], self.scale, self.scale];
+                canvas.rectangle(area, Paint::opaque(self.colour));
+            }
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Ctrl-C and SIGTERM: the first asks the loop to end after the current update, the second ends at once.
+
+use std::process;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Exit status of a process that a second interrupt ended: 128 + SIGINT, as shells report it.
+const INTERRUPTED: i32 = 130;
+
+/// Whether the user has asked the program to stop; clones share the answer.
+#[derive(Clone, Debug, Default)]
+pub struct Interrupt {
+    requests: Arc<AtomicU32>,
+}
+
+/// Why interrupts cannot be watched.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot watch for Ctrl-C: {0}")]
+pub struct InterruptError(String);
+
+impl Interrupt {
+    /// Watches for Ctrl-C, SIGTERM and SIGHUP from now on.
+    ///
+    /// The first prints `farewell` (what happens next, one line) to standard error; the second ends the process
+    /// with status 130.
+    ///
+    /// # Errors
+    /// When the process already watches, or the system refuses.
+    pub fn watch(farewell: &'static str) -> Result<Self, InterruptError> {
+        let interrupt = Self::default();
+        let handler = interrupt.clone();
+        ctrlc::set_handler(move || handler.react(farewell)).map_err(|error| InterruptError(error.to_string()))?;
+        Ok(interrupt)
+    }
+
+    /// Whether to stop after the current update.
+    pub fn requested(&self) -> bool {
+        self.requests.load(Ordering::Relaxed) > 0
+    }
+
+    /// Asks to stop, as a first Ctrl-C does; returns how often that was asked before.
+    pub fn request(&self) -> u32 {
+        self.requests.fetch_add(1, Ordering::Relaxed)
+    }
+
+    fn react(&self, farewell: &str) {
+        if self.request() > 0 {
+            process::exit(INTERRUPTED);
+        }
+        eprintln!("\n{farewell}");
+    }
+}
+
+#[cfg(unix)] // the signals are sent with kill
+#[cfg(test)]
+mod tests {
+    use std::io::{BufRead, BufReader};
+    use std::process::{Child, Command, Stdio};
+    use std::time::Duration;
+
+    use super::*;
+
+    const ROLE: &str = "KESTREL_INTERRUPT_TEST_CHILD";
+
+    #[test]
+    fn a_request_is_seen_by_every_clone() {
+        let interrupt = Interrupt::default();
+        let seen = interrupt.clone();
+        assert!(!seen.requested());
+        assert_eq!(interrupt.request(), 0);
+        assert!(seen.requested());
+        assert_eq!(interrupt.request(), 1);
+    }
+
+    /// Plays the training loop when the tests below start this binary again; passes at once otherwise.
+    #[test]
+    fn child() {
+        let Ok(role) = std::env::var(ROLE) else { return };
+        let interrupt = Interrupt::watch("stopping after this update").unwrap();
+        assert!(Interrupt::watch("").unwrap_err().to_string().starts_with("cannot watch for Ctrl-C"));
+        eprintln!("ready");
+        while role == "deaf" || !interrupt.requested() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        eprintln!("stopped");
+    }
+
+    fn start(role: &str) -> (Child, impl FnMut(&str)) {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "interrupt::tests::child", "--nocapture"])
+            .env(ROLE, role)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+        let await_line = move |expected: &str| {
+            assert!(lines.by_ref().any(|line| line.unwrap() == expected), "never said {expected:?}");
+        };
+        (child, await_line)
+    }
+
+    fn send(signal: &str, child: &Child) {
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    }
+
+    #[test]
+    fn a_first_interrupt_lets_the_loop_end_by_itself() {
+        for signal in ["-INT", "-TERM"] {
+            let (mut child, mut await_line) = start("obedient");
+            await_line("ready");
+            send(signal, &child);
+            await_line("stopping after this update");
+            await_line("stopped");
+            assert!(child.wait().unwrap().success());
+        }
+    }
+
+    #[test]
+    fn a_second_interrupt_ends_the_process_at_once() {
+        let (mut child, mut await_line) = start("deaf");
+        await_line("ready");
+        send("-INT", &child);
+        await_line("stopping after this update");
+        send("-INT", &child);
+        assert_eq!(child.wait().unwrap().code(), Some(INTERRUPTED));
+    }
+}
