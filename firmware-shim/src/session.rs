@@ -84,7 +84,8 @@ impl<'a> Session<'a> {
         &self.announcement
     }
 
-    /// Flies in `plant` until the time is up or `watch`, which sees every control period, ends the flight.
+    /// Flies in `plant` until the time is up or `watch`, which sees the beginning and the end of every control period, ends the
+    /// flight.
     ///
     /// # Errors
     /// If the socket fails.
@@ -96,7 +97,10 @@ impl<'a> Session<'a> {
         let limit_secs = self.options.for_secs.unwrap_or(f64::INFINITY);
         // Half a period of grace: times are sums of rounded periods.
         let limit_secs = limit_secs - 0.5 * self.vehicle.control_period().as_secs_f64();
-        let mut until = |moment: &Moment| if moment.secs < limit_secs { watch(moment) } else { Next::End };
+        let mut until = |moment: &Moment| {
+            let next = watch(moment);
+            if moment.secs < limit_secs { next } else { Next::End }
+        };
         lockstep::fly(&mut self.vehicle, plant, &mut self.link, self.options.speed, &mut until)?;
         Ok(self.vehicle.counts())
     }

@@ -130,13 +130,13 @@ fn a_busy_port_is_an_error() {
 fn a_flight_ends_when_its_time_is_up() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
     let mut session = Session::open(bytes.policy().unwrap(), &anywhere("--speed max --for-secs 5")).unwrap();
-    let mut periods = 0;
+    let mut moments = 0;
     let mut watch = |_: &Moment| {
-        periods += 1;
+        moments += 1;
         Next::Fly
     };
     session.fly(&mut FlatFloor::new(&CF2X, 0.01), &mut watch).unwrap();
-    assert_eq!(periods, 500);
+    assert_eq!(moments, 501, "both ends of 500 periods");
 }
 
 #[test]
