@@ -178,7 +178,6 @@ impl Difference {
 #[cfg(test)]
 mod tests {
     use kestrel_core::action::{ActionSpace, RotorSpeeds};
-    use kestrel_core::airframe::CF2X;
     use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
     use kestrel_core::policy_file::Arithmetic;
     use kestrel_sim::seed::{Purpose, Seed, Stream};
