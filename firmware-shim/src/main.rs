@@ -1,2 +1,78 @@
-//! Placeholder.
-fn main() {}
+//! `kestrel-shim`: a policy file as a MAVLink vehicle above an endless floor.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::{Parser, ValueEnum};
+use kestrel_core::airframe::{Airframe, CF2P, CF2X};
+use kestrel_shim::lockstep::Next;
+use kestrel_shim::plant::FlatFloor;
+use kestrel_shim::policy_bytes::PolicyBytes;
+use kestrel_shim::session::{Session, SessionOptions};
+
+/// Exit status of everything the user can mend, as of clap's own errors.
+const USER_ERROR: u8 = 2;
+
+/// Fly an exported policy as a MAVLink vehicle
+///
+/// The drone starts at rest on an endless flat floor, in still air, with the nominal dynamics of its airframe; no
+/// simulator is linked in. `kestrel fly` flies the same vehicle in the aviary that its policy was trained in.
+///
+/// Example: kestrel-shim runs/hover/policy.kpol --speed 5
+///
+/// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points
+/// (SET_POSITION_TARGET_LOCAL_NED), land. Exit status: 0 after a flight, 2 if it cannot begin.
+#[derive(Parser)]
+#[command(name = "kestrel-shim", version)]
+struct Arguments {
+    /// Policy file, as `kestrel export` writes it
+    policy: PathBuf,
+
+    /// Airframe that flies
+    #[arg(long, value_enum, default_value_t = AirframeName::Cf2x)]
+    airframe: AirframeName,
+
+    #[command(flatten)]
+    session: SessionOptions,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum AirframeName {
+    /// Crazyflie 2.x, X layout
+    Cf2x,
+    /// Crazyflie 2.x, plus layout
+    Cf2p,
+}
+
+impl AirframeName {
+    const fn airframe(self) -> &'static Airframe {
+        match self {
+            Self::Cf2x => &CF2X,
+            Self::Cf2p => &CF2P,
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    match fly(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(USER_ERROR)
+        }
+    }
+}
+
+fn fly(arguments: &Arguments) -> anyhow::Result<()> {
+    let bytes = PolicyBytes::read(&arguments.policy)?;
+    let policy = bytes.policy().with_context(|| format!("policy {}", arguments.policy.display()))?;
+    let control_secs = policy.metadata().control_period_secs;
+    let mut session = Session::open(policy, &arguments.session)?;
+    let mut output = io::stdout();
+    writeln!(output, "{}", session.announcement()).and_then(|()| output.flush())?;
+    let mut plant = FlatFloor::new(arguments.airframe.airframe(), control_secs);
+    session.fly(&mut plant, &mut |_| Next::Fly)?;
+    Ok(())
+}

@@ -1,10 +1,11 @@
 //! Kestrel's simulator: many drones in their aviaries, stepped together, the same bits every time.
 //!
-//! Read in the order of the data: a [`scenario`] says what is simulated and a [`seed`] what is random; a
-//! [`simulation`] steps its environments and reports each [`outcome`]. A [`flight`] is one drone for software in the
-//! loop.
+//! Read in the order of the data: a [`config`] file becomes a [`scenario`], which says what is simulated, and a
+//! [`seed`] what is random; a [`simulation`] steps its environments and reports each [`outcome`]. A [`flight`] is one
+//! drone for software in the loop.
 
 mod block;
+pub mod config;
 mod contact;
 pub mod flight;
 pub mod outcome;

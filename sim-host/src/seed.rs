@@ -24,6 +24,8 @@ pub enum Purpose {
     Evaluation = 5,
     /// Actions of the random baseline.
     Baseline = 6,
+    /// Start states of the episodes by which training selects its best policy.
+    Selection = 7,
 }
 
 /// One Philox4x32-10 block (Salmon et al. 2011): four random words of a counter under a key.

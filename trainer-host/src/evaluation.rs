@@ -32,6 +32,17 @@ pub enum Flyer<'a> {
     Scripted,
 }
 
+/// From where evaluations fly: the same starts for every flyer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Starts {
+    /// What they follow from.
+    pub seed: Seed,
+    /// Which of the seed's streams: starts that select a policy differ from those that judge it.
+    pub purpose: Purpose,
+    /// How many.
+    pub episodes: usize,
+}
+
 /// What an evaluation found; see [`evaluate`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
@@ -62,21 +73,38 @@ pub struct FlightPath {
     pub episode: Episode,
 }
 
-/// Flies one episode from each of `episodes` random starts. Starts follow from `seed` alone, so every flyer meets
-/// the same ones; the bits do not depend on the number of threads.
-pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, episodes: usize, seed: Seed) -> Evaluation {
-    let firsts: Vec<usize> = (0..episodes).step_by(PANEL).collect();
+/// Flies one episode from each of the starts; the bits do not depend on the number of threads.
+pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evaluation {
+    let firsts: Vec<usize> = (0..starts.episodes).step_by(PANEL).collect();
     let flights = firsts.into_par_iter().flat_map_iter(|first| {
-        let count = PANEL.min(episodes - first);
-        first_episodes(scenario, flyer, seed, first as u32, count)
+        let count = PANEL.min(starts.episodes - first);
+        first_episodes(scenario, flyer, starts, first as u32, count)
     });
     summarise(flyer.name(), scenario, &flights.collect::<Vec<_>>())
 }
 
+/// Observations `[n][observation_len]` that the actor meets on flights from up to 64 of the starts, every eighth step.
+pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts) -> Vec<f32> {
+    let count = starts.episodes.clamp(1, 64);
+    let mut simulation = starting_at(scenario, starts, 0, count);
+    let mut cockpit = Cockpit::new(scenario, Flyer::Actor(actor), starts.seed, 0);
+    let mut observations = Vec::new();
+    for step in 0..scenario.episode_steps() {
+        if step % 8 == 0 {
+            for environment in 0..count {
+                let columns = simulation.observations().chunks_exact(count);
+                observations.extend(columns.map(|column| column[environment]));
+            }
+        }
+        simulation.step(cockpit.act(&simulation));
+    }
+    observations
+}
+
 /// Flies the episode that [`evaluate`] flies as number `start`, and keeps every state.
-pub fn record(scenario: &Scenario, flyer: Flyer<'_>, seed: Seed, start: u32) -> FlightPath {
-    let mut simulation = starting_at(scenario, seed, start, 1);
-    let mut cockpit = Cockpit::new(scenario, flyer, seed, start);
+pub fn record(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts, start: u32) -> FlightPath {
+    let mut simulation = starting_at(scenario, starts, start, 1);
+    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, start);
     let mut states = vec![simulation.state(0)];
     loop {
         simulation.step(cockpit.act(&simulation));
@@ -100,14 +128,20 @@ impl Flyer<'_> {
     }
 }
 
-fn starting_at(scenario: &Scenario, seed: Seed, first: u32, count: usize) -> Simulation {
-    Simulation::with_purpose(scenario, seed, Purpose::Evaluation, first, count)
+fn starting_at(scenario: &Scenario, starts: Starts, first: u32, count: usize) -> Simulation {
+    Simulation::with_purpose(scenario, starts.seed, starts.purpose, first, count)
 }
 
 /// The first episode of each environment, in their order.
-fn first_episodes(scenario: &Scenario, flyer: Flyer<'_>, seed: Seed, first: u32, count: usize) -> Vec<Episode> {
-    let mut simulation = starting_at(scenario, seed, first, count);
-    let mut cockpit = Cockpit::new(scenario, flyer, seed, first);
+fn first_episodes(
+    scenario: &Scenario,
+    flyer: Flyer<'_>,
+    starts: Starts,
+    first: u32,
+    count: usize,
+) -> Vec<Episode> {
+    let mut simulation = starting_at(scenario, starts, first, count);
+    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, first);
     let mut episodes: Vec<Option<Episode>> = vec![None; count];
     while episodes.iter().any(Option::is_none) {
         simulation.step(cockpit.act(&simulation));
@@ -186,7 +220,8 @@ fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluati
     let successes = episodes.iter().filter(|episode| episode.success).count();
     let returns: Vec<f64> = episodes.iter().map(|episode| f64::from(episode.total_reward)).collect();
     let mean = returns.iter().sum::<f64>() / count;
-    let variance = returns.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (count - 1.0).max(1.0);
+    let variance =
+        returns.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (count - 1.0).max(1.0);
     let margin = Z_95 * (variance / count).sqrt();
     let steps: f64 = episodes.iter().map(|episode| f64::from(episode.steps)).sum();
     Evaluation {

@@ -1,18 +1,31 @@
-//! Kestrel's trainer.
+//! Kestrel's trainer: from an experiment file to a flown policy.
+//!
+//! Read in the order of the data: an [`experiment_config`] becomes a [`training_run`] in a [`run_directory`]: a
+//! [`rollout`] of the [`actor_critic`], its [`advantage`]s, the update of [`ppo`]; then an [`evaluation`], the
+//! [`export`] and the pictures of the [`results`]. [`fly`] puts an exported policy behind MAVLink, and [`bench`]
+//! measures every stage.
 
 pub mod actor_critic;
 pub mod adam;
 pub mod advantage;
 pub mod animation;
 pub mod atomic_file;
+pub mod bench;
 pub mod checkpoint;
 pub mod curve;
+pub mod evaluation;
+pub mod experiment_config;
+pub mod export;
+pub mod fly;
 pub mod gaussian;
 pub mod interrupt;
 pub mod network;
 pub mod ppo;
 pub mod progress;
+pub mod results;
 pub mod rollout;
 pub mod run_directory;
 pub mod schedule;
+pub mod scripted;
 pub mod tensorboard;
+pub mod training_run;

@@ -1,2 +1,31 @@
-//! Placeholder.
-fn main() {}
+//! The `kestrel` command line.
+
+mod command;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use command::Command;
+
+/// Train small neural pilots for the Crazyflie, judge them, export them and fly them.
+#[derive(Debug, Parser)]
+#[command(name = "kestrel", version, max_term_width = 100, after_help = command::EXAMPLES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Status of a run that the user stopped: 128 + SIGINT, as shells report it.
+const INTERRUPTED: u8 = 130;
+
+fn main() -> ExitCode {
+    match Arguments::parse().command.run() {
+        Ok(command::Done::Finished) => ExitCode::SUCCESS,
+        Ok(command::Done::Interrupted) => ExitCode::from(INTERRUPTED),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! The goal that the pilot sees: a point that moves toward its target at a limited speed.
+//!
+//! Policies are trained close to their goal. Handed a far set-point at once, one would tilt as far as it ever
+//! learned to and arrive too fast; following a slow point it stays where it was trained.
+
+use nalgebra::Vector3;
+
+/// A point on its way to a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovingGoal {
+    position: Vector3<f32>,
+    target: Vector3<f32>,
+    speed: f32,
+}
+
+impl MovingGoal {
+    /// A goal that rests at a point \[m, world\].
+    pub fn at(position: Vector3<f32>) -> Self {
+        Self { position, target: position, speed: 0.0 }
+    }
+
+    /// Sets out from where it is toward `target` \[m, world\] at `speed` \[m/s\].
+    pub fn head_for(&mut self, target: Vector3<f32>, speed: f32) {
+        *self = Self { position: self.position, target, speed };
+    }
+
+    /// Stays where it is.
+    pub fn stop(&mut self) {
+        *self = Self::at(self.position);
+    }
+
+    /// Moves on for `secs`, unless that would take it farther than `leash_m` from the drone: a drone that cannot
+    /// follow (wind, an obstacle, the floor) is waited for.
+    pub fn advance(&mut self, drone: &Vector3<f32>, leash_m: f32, secs: f32) {
+        let next = self.next(self.speed * secs);
+        let distance = (next - drone).norm();
+        if distance <= leash_m || distance < (self.position - drone).norm() {
+            self.position = next;
+        }
+    }
+
+    /// One step \[m\] closer to the target.
+    fn next(&self, step_m: f32) -> Vector3<f32> {
+        let way = self.target - self.position;
+        let distance = way.norm();
+        if distance <= step_m { self.target } else { self.position + way * (step_m / distance) }
+    }
+
+    /// Where it is \[m, world\].
+    pub fn position(&self) -> Vector3<f32> {
+        self.position
+    }
+
+    /// Where it will come to rest \[m, world\].
+    pub fn target(&self) -> Vector3<f32> {
+        self.target
+    }
+
+    /// Whether it rests.
+    pub fn arrived(&self) -> bool {
+        self.position == self.target
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_moves_at_its_speed_and_stops_on_the_spot() {
+        let mut goal = MovingGoal::at(Vector3::zeros());
+        goal.head_for(Vector3::new(1.0, 0.0, 0.0), 0.5);
+        for step in 1..=100 {
+            goal.advance(&goal.position(), 1.0, 0.01);
+            assert!((goal.position().x - 0.005 * step as f32).abs() < 1e-5);
+        }
+        for _ in 0..101 {
+            goal.advance(&goal.position(), 1.0, 0.01);
+        }
+        assert!(goal.arrived());
+        assert_eq!(goal.position(), Vector3::new(1.0, 0.0, 0.0));
+    }
+
+    #[test]
+    fn it_waits_for_a_drone_that_stays_behind() {
+        let mut goal = MovingGoal::at(Vector3::zeros());
+        goal.head_for(Vector3::new(10.0, 0.0, 0.0), 1.0);
+        for _ in 0..1000 {
+            goal.advance(&Vector3::zeros(), 0.5, 0.01);
+        }
+        assert!((0.48..=0.5).contains(&goal.position().x));
+    }
+
+    #[test]
+    fn it_may_come_back_to_a_drone_beyond_the_leash() {
+        let mut goal = MovingGoal::at(Vector3::new(5.0, 0.0, 0.0));
+        goal.head_for(Vector3::zeros(), 1.0);
+        goal.advance(&Vector3::zeros(), 0.5, 0.01);
+        assert!(goal.position().x < 5.0);
+    }
+
+    #[test]
+    fn stopped_it_rests_where_it_is() {
+        let mut goal = MovingGoal::at(Vector3::zeros());
+        goal.head_for(Vector3::new(1.0, 0.0, 0.0), 1.0);
+        goal.advance(&Vector3::zeros(), 1.0, 0.25);
+        goal.stop();
+        goal.advance(&Vector3::zeros(), 1.0, 0.25);
+        assert_eq!(goal.position(), Vector3::new(0.25, 0.0, 0.0));
+    }
+}

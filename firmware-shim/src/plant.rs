@@ -1,0 +1,129 @@
+//! What a vehicle flies in: a simulation that advances one control period at a time.
+
+use kestrel_core::airframe::Airframe;
+use kestrel_core::attitude::Attitude;
+use kestrel_core::dynamics::Integrator;
+use kestrel_core::vehicle::{Air, Ground, State, Vehicle};
+use nalgebra::Vector3;
+
+/// Longest integration step \[s\]; rotors and body rates of a Crazyflie settle in tens of milliseconds.
+const SUBSTEP_LIMIT_SECS: f32 = 0.0025;
+
+/// One drone and its surroundings, in lockstep with the vehicle that steers it.
+pub trait Plant {
+    /// The true state.
+    fn state(&self) -> &State<f32>;
+
+    /// Advances one control period with rotor targets \[rad/s\] held.
+    fn step(&mut self, rotor_targets: &[f32; 4]);
+}
+
+/// The core's dynamics above an endless floor at z = 0, without wind.
+///
+/// The floor holds what touches it: on it a drone stands level and still, keeping its heading, until its rotors
+/// lift it. It neither bounces, slides nor tips over.
+#[derive(Clone, Debug)]
+pub struct FlatFloor {
+    vehicle: Vehicle<f32>,
+    rest_height: f32,
+    substeps: u32,
+    substep_secs: f32,
+    state: State<f32>,
+}
+
+impl FlatFloor {
+    /// A nominal drone at rest at the origin of the floor, for control periods of `control_secs`.
+    pub fn new(airframe: &Airframe, control_secs: f32) -> Self {
+        let rest_height = (airframe.collision_height / 2.0) as f32;
+        let substeps = (control_secs / SUBSTEP_LIMIT_SECS).ceil().max(1.0) as u32;
+        Self {
+            vehicle: Vehicle::new(airframe),
+            rest_height,
+            substeps,
+            substep_secs: control_secs / substeps as f32,
+            state: State {
+                position: Vector3::new(0.0, 0.0, rest_height),
+                world_from_body: Attitude::level(),
+                velocity: Vector3::zeros(),
+                body_rates: Vector3::zeros(),
+                rotor_speeds: [0.0; 4],
+            },
+        }
+    }
+
+    /// Stands still on the floor.
+    fn rest(&mut self) {
+        self.state.position.z = self.rest_height;
+        self.state.velocity = Vector3::zeros();
+        self.state.body_rates = Vector3::zeros();
+        self.state.world_from_body = upright(&self.state.world_from_body);
+    }
+}
+
+impl Plant for FlatFloor {
+    fn state(&self) -> &State<f32> {
+        &self.state
+    }
+
+    fn step(&mut self, rotor_targets: &[f32; 4]) {
+        let air = Air { ground: Ground::Near, ..Air::still() };
+        for _ in 0..self.substeps {
+            let integrator = Integrator::SemiImplicitEuler;
+            self.state = integrator.advance(&self.vehicle, &self.state, rotor_targets, &air, self.substep_secs);
+            if self.state.position.z <= self.rest_height && self.state.velocity.z <= 0.0 {
+                self.rest();
+            }
+        }
+    }
+}
+
+/// The part of an attitude that turns about the vertical; level where there is none.
+fn upright(attitude: &Attitude<f32>) -> Attitude<f32> {
+    let square = attitude.w * attitude.w + attitude.z * attitude.z;
+    if square < f32::EPSILON {
+        return Attitude::level();
+    }
+    Attitude { w: attitude.w, x: 0.0, y: 0.0, z: attitude.z }.normalized()
+}
+
+#[cfg(test)]
+mod tests {
+    use kestrel_core::airframe::CF2X;
+
+    use super::*;
+
+    #[test]
+    fn it_stands_still_until_the_rotors_carry_it() {
+        let mut plant = FlatFloor::new(&CF2X, 0.01);
+        let start = *plant.state();
+        for _ in 0..100 {
+            plant.step(&[0.0; 4]);
+        }
+        assert_eq!(*plant.state(), start);
+        for _ in 0..100 {
+            plant.step(&[1.1 * CF2X.hover_rotor_speed() as f32; 4]);
+        }
+        assert!(plant.state().position.z > 0.3);
+    }
+
+    #[test]
+    fn what_falls_comes_to_rest_level_with_its_heading() {
+        let mut plant = FlatFloor::new(&CF2X, 0.01);
+        plant.state.position.z = 1.0;
+        plant.state.world_from_body = Attitude { w: 0.8, x: 0.2, y: 0.2, z: 0.5 }.normalized();
+        for _ in 0..100 {
+            plant.step(&[0.0; 4]);
+        }
+        let state = plant.state();
+        assert_eq!(state.velocity, Vector3::zeros());
+        assert_eq!(state.position.z, 0.0125);
+        assert_eq!(state.world_from_body.up_cosine(), 1.0);
+        assert!((state.world_from_body.z / state.world_from_body.w - 0.625).abs() < 1e-3);
+    }
+
+    #[test]
+    fn an_upside_down_drone_ends_upright() {
+        let overturned = Attitude { w: 0.0, x: 1.0, y: 0.0, z: 0.0 };
+        assert_eq!(upright(&overturned), Attitude::level());
+    }
+}

@@ -1,0 +1,119 @@
+//! Which message is due when, in control ticks.
+
+use mavlink::MessageData;
+use mavlink::dialects::common::{
+    ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, LOCAL_POSITION_NED_DATA, SYS_STATUS_DATA,
+};
+
+/// Messages that are sent again and again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stream {
+    /// `HEARTBEAT`, 1 Hz.
+    Heartbeat,
+    /// `SYS_STATUS`, 1 Hz.
+    SysStatus,
+    /// `EXTENDED_SYS_STATE`, 2 Hz.
+    ExtendedSysState,
+    /// `ATTITUDE`, 50 Hz.
+    Attitude,
+    /// `LOCAL_POSITION_NED`, 50 Hz.
+    LocalPosition,
+}
+
+impl Stream {
+    /// All of them, in the order in which they are sent.
+    pub const ALL: [Self; 5] =
+        [Self::Heartbeat, Self::SysStatus, Self::ExtendedSysState, Self::Attitude, Self::LocalPosition];
+
+    /// The stream of a message, if it is one.
+    pub fn of_message(message_id: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|stream| stream.message_id() == message_id)
+    }
+
+    const fn message_id(self) -> u32 {
+        match self {
+            Self::Heartbeat => HEARTBEAT_DATA::ID,
+            Self::SysStatus => SYS_STATUS_DATA::ID,
+            Self::ExtendedSysState => EXTENDED_SYS_STATE_DATA::ID,
+            Self::Attitude => ATTITUDE_DATA::ID,
+            Self::LocalPosition => LOCAL_POSITION_NED_DATA::ID,
+        }
+    }
+
+    const fn default_secs(self) -> f32 {
+        match self {
+            Self::Heartbeat | Self::SysStatus => 1.0,
+            Self::ExtendedSysState => 0.5,
+            Self::Attitude | Self::LocalPosition => 0.02,
+        }
+    }
+}
+
+/// Intervals of the streams; simulated time, so that a run repeats itself.
+#[derive(Clone, Debug)]
+pub struct Schedule {
+    control_secs: f32,
+    intervals_ticks: [Option<u64>; Stream::ALL.len()],
+}
+
+impl Schedule {
+    /// The default intervals, for ticks of `control_secs`.
+    pub fn new(control_secs: f32) -> Self {
+        let mut schedule = Self { control_secs, intervals_ticks: [None; Stream::ALL.len()] };
+        for stream in Stream::ALL {
+            schedule.set_interval(stream, stream.default_secs());
+        }
+        schedule
+    }
+
+    /// Sends a stream every `secs`, at most once per tick; as by default if zero, never if negative or NaN.
+    pub fn set_interval(&mut self, stream: Stream, secs: f32) {
+        let secs = if secs == 0.0 { stream.default_secs() } else { secs };
+        let ticks = (secs / self.control_secs).round().max(1.0) as u64;
+        self.intervals_ticks[stream as usize] = (secs > 0.0).then_some(ticks);
+    }
+
+    /// Whether a stream is due at a tick.
+    pub fn due(&self, stream: Stream, tick: u64) -> bool {
+        self.intervals_ticks[stream as usize].is_some_and(|interval| tick.is_multiple_of(interval))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn in_ten_secs(schedule: &Schedule, stream: Stream) -> usize {
+        (0..1000).filter(|&tick| schedule.due(stream, tick)).count()
+    }
+
+    #[test]
+    fn default_rates_hold_in_simulated_time() {
+        let schedule = Schedule::new(0.01);
+        let counts = Stream::ALL.map(|stream| in_ten_secs(&schedule, stream));
+        assert_eq!(counts, [10, 10, 20, 500, 500]);
+    }
+
+    #[test]
+    fn intervals_are_set_reset_and_switched_off() {
+        let mut schedule = Schedule::new(0.01);
+        let mut count = |secs| {
+            schedule.set_interval(Stream::Attitude, secs);
+            in_ten_secs(&schedule, Stream::Attitude)
+        };
+        assert_eq!(count(0.1), 100);
+        assert_eq!(count(1e-6), 1000, "once per tick at most");
+        assert_eq!(count(-1.0), 0);
+        assert_eq!(count(f32::NAN), 0);
+        assert_eq!(count(0.0), 500);
+        assert_eq!(count(f32::INFINITY), 1, "at the first tick only");
+    }
+
+    #[test]
+    fn streams_are_found_by_their_message() {
+        for stream in Stream::ALL {
+            assert_eq!(Stream::of_message(stream.message_id()), Some(stream));
+        }
+        assert_eq!(Stream::of_message(148), None);
+    }
+}

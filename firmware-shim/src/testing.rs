@@ -1,0 +1,123 @@
+//! Policies for tests that need no training, and the bytes of a peer.
+
+use kestrel_core::action::{ACTION_LEN, ActionSpace, ThrustBodyRates};
+use kestrel_core::airframe::{CF2X, GRAVITY};
+use kestrel_core::crc32::crc32;
+use kestrel_core::mlp::DenseLayer;
+use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
+use kestrel_core::pilot::Pilot;
+use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyFile, PolicyMetadata};
+use mavlink::dialects::common::{
+    COMMAND_LONG_DATA, MavCmd, MavFrame, MavMessage, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA,
+};
+use mavlink::{MavlinkVersion, Message, MessageData};
+
+use crate::frame::{Encoder, Frames, Payload};
+
+/// Rate and tilt limits of the hover policy \[rad/s\].
+const BODY_RATES_LIMIT: f32 = 6.0;
+
+/// A policy file that flies: position and velocity errors to a tilt, tilt errors to body rates, all linear.
+///
+/// Gains by pole placement against the rotors' slowest time constant: every pole faster than 1.3 /s and damped
+/// with at least 0.4.
+pub(crate) fn hover_policy() -> Vec<u8> {
+    let (tilt_gain, per_metre, per_speed) = (3.0, 1.0, 1.6);
+    let (climb_per_metre, climb_per_speed, yaw_gain) = (2.2, 3.0, 1.0);
+    let gravity = GRAVITY as f32;
+    let rate = tilt_gain / BODY_RATES_LIMIT;
+    let mut weights = [[0.0; PILOT_LEN]; ACTION_LEN];
+    let [thrust, roll, pitch, yaw] = &mut weights;
+    (thrust[2], thrust[14]) = (-climb_per_metre / gravity, -climb_per_speed / gravity);
+    (roll[1], roll[13], roll[8]) = (rate * per_metre / gravity, rate * per_speed / gravity, rate);
+    (pitch[0], pitch[12], pitch[5]) = (-rate * per_metre / gravity, -rate * per_speed / gravity, -rate);
+    yaw[6] = -yaw_gain / BODY_RATES_LIMIT;
+    linear_policy(weights.as_flattened())
+}
+
+/// A policy file of one layer.
+fn linear_policy(weights: &[f32]) -> Vec<u8> {
+    let scales = PilotLayout { position_scale_m: 1.0, velocity_scale: 1.0, body_rates_scale: 1.0 };
+    let action = ThrustBodyRates::new(&CF2X, 1.0, [BODY_RATES_LIMIT; 3], [6.0, 6.0, 3.0]);
+    let draft = PolicyDraft {
+        metadata: PolicyMetadata {
+            name: "linear hover",
+            observation: ObservationLayout::Pilot(scales),
+            action: ActionSpace::ThrustBodyRates(action),
+            control_period_secs: 0.01,
+            seed: 0,
+            training_steps: 0,
+        },
+        parameters: ParameterFormat::Float32,
+        layers: &[DenseLayer { inputs: PILOT_LEN, outputs: ACTION_LEN, weights, bias: &[0.0; ACTION_LEN] }],
+        golden_observations: &GOLDEN,
+    };
+    let mut bytes = vec![0; draft.file_len().unwrap()];
+    draft.write(&mut bytes).unwrap();
+    bytes
+}
+
+/// The one golden observation.
+const GOLDEN: [f32; PILOT_LEN] = [0.123; PILOT_LEN];
+
+/// A policy file whose golden action is not what its network computes, with a right checksum.
+pub(crate) fn dishonest_policy() -> Vec<u8> {
+    let mut bytes = hover_policy();
+    let golden = GOLDEN.map(f32::to_le_bytes);
+    let observation = golden.as_flattened();
+    let start = bytes.windows(observation.len()).position(|window| window == observation).unwrap();
+    let action = start + observation.len();
+    bytes[action..action + 4].copy_from_slice(&0.5_f32.to_le_bytes());
+    let end = bytes.len() - 4;
+    let checksum = crc32(&bytes[..end]);
+    bytes[end..].copy_from_slice(&checksum.to_le_bytes());
+    bytes
+}
+
+/// A pilot that lives as long as the test run.
+pub(crate) fn pilot(policy: Vec<u8>) -> Pilot<'static> {
+    Pilot::new(PolicyFile::parse(policy.leak()).unwrap())
+}
+
+/// The bytes in which a ground station (system 255, component 190) sends a message.
+pub(crate) fn datagram<D: MessageData>(message: &D) -> Vec<u8> {
+    Encoder::new(255, 190).encode(&Payload::of(message)).to_vec()
+}
+
+/// A command to system 1.
+pub(crate) fn command_long(command: MavCmd, parameters: [f32; 7]) -> COMMAND_LONG_DATA {
+    let [param1, param2, param3, param4, param5, param6, param7] = parameters;
+    COMMAND_LONG_DATA {
+        param1,
+        param2,
+        param3,
+        param4,
+        param5,
+        param6,
+        param7,
+        command,
+        target_system: 1,
+        target_component: 1,
+        confirmation: 0,
+    }
+}
+
+/// A set-point \[m, NED\] for system 1.
+pub(crate) fn set_point([x, y, z]: [f32; 3]) -> SET_POSITION_TARGET_LOCAL_NED_DATA {
+    SET_POSITION_TARGET_LOCAL_NED_DATA {
+        x,
+        y,
+        z,
+        type_mask: PositionTargetTypemask::from_bits_truncate(0b1101_1111_1000),
+        target_system: 1,
+        target_component: 1,
+        coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED,
+        ..SET_POSITION_TARGET_LOCAL_NED_DATA::default()
+    }
+}
+
+/// The message in the bytes of one frame.
+pub(crate) fn message(bytes: &[u8]) -> MavMessage {
+    let frame = Frames::new(bytes).next().unwrap().unwrap();
+    MavMessage::parse(MavlinkVersion::V2, frame.message_id, frame.payload).unwrap()
+}

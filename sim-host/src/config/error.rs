@@ -1,0 +1,104 @@
+//! What is wrong with a configuration, said once: where, what was found, what was expected.
+
+use std::fmt;
+use std::sync::Arc;
+
+/// Longest line that is quoted in a message \[characters\].
+const EXCERPT_LIMIT: usize = 160;
+
+/// A configuration that cannot be used; the message is complete and meant for people.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be had as text.
+    #[error("{path}: found {found}, expected {expected}")]
+    Unreadable {
+        /// The file as the user named it.
+        path: String,
+        /// What is there instead.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
+    /// The text is not a configuration that makes sense.
+    #[error("{place}: {key}found {found}, expected {expected}{excerpt}", key = prefix(key))]
+    Invalid {
+        /// `file:line:column`, or the override.
+        place: String,
+        /// Dotted path of the key, empty at the top level.
+        key: String,
+        /// What was written.
+        found: String,
+        /// What should have been.
+        expected: String,
+        /// The line in question with a mark below it, or nothing; starts with a line break.
+        excerpt: String,
+    },
+}
+
+fn prefix(key: &str) -> String {
+    if key.is_empty() { String::new() } else { format!("{key}: ") }
+}
+
+impl ConfigError {
+    pub(crate) fn at(place: &Place, key: &str, found: impl fmt::Display, expected: impl fmt::Display) -> Self {
+        Self::Invalid {
+            place: place.to_string(),
+            key: place.source.shown_key(key),
+            found: found.to_string(),
+            expected: expected.to_string(),
+            excerpt: place.excerpt(),
+        }
+    }
+}
+
+/// A text that configuration comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Source {
+    /// A file.
+    File { name: String, text: String },
+    /// `key=value` from the command line.
+    Override { assignment: String, key: String },
+}
+
+impl Source {
+    /// An override already names its key: repeating it would not help.
+    fn shown_key(&self, key: &str) -> String {
+        match self {
+            Self::Override { key: own, .. } if own == key => String::new(),
+            Self::Override { .. } | Self::File { .. } => key.to_owned(),
+        }
+    }
+}
+
+/// A position in a [`Source`]; lines and columns count from one.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Place {
+    pub(crate) source: Arc<Source>,
+    pub(crate) line: usize,
+    pub(crate) column: usize,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &*self.source {
+            Source::File { name, .. } => write!(formatter, "{name}:{}:{}", self.line, self.column),
+            Source::Override { assignment, .. } => write!(formatter, "--set {assignment}"),
+        }
+    }
+}
+
+impl Place {
+    /// The quoted line with a mark below the column; nothing where that would not help.
+    fn excerpt(&self) -> String {
+        let Source::File { text, .. } = &*self.source else { return String::new() };
+        let Some(line) = text.lines().nth(self.line.saturating_sub(1)) else { return String::new() };
+        if line.trim().is_empty() || line.chars().count() > EXCERPT_LIMIT {
+            return String::new();
+        }
+        let line: String = line.chars().map(|each| if each.is_control() { ' ' } else { each }).collect();
+        let number = self.line.to_string();
+        let margin = " ".repeat(number.len());
+        let indent = " ".repeat(self.column.saturating_sub(1));
+        format!("\n  {number} | {}\n  {margin} | {indent}^", line.trim_end())
+    }
+}

@@ -1,0 +1,232 @@
+//! A configuration as a tree in which every value knows where it was written.
+
+use std::fmt;
+use std::sync::Arc;
+
+use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use serde_yaml::{Location, Spanned};
+
+use super::error::{Place, Source};
+
+/// A value and where it was written.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Node {
+    pub(crate) value: Value,
+    pub(crate) place: Place,
+}
+
+/// What YAML can say.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Value {
+    Nothing,
+    Truth(bool),
+    Whole(i128),
+    /// A number with its spelling.
+    Number(f64, String),
+    Text(String),
+    List(Vec<Node>),
+    Mapping(Vec<Entry>),
+}
+
+/// One `key: value` of a mapping.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Entry {
+    pub(crate) key: String,
+    pub(crate) place: Place,
+    pub(crate) node: Node,
+}
+
+impl Node {
+    /// The value below `step`: a key, or an index counted from zero.
+    pub(crate) fn child(&self, step: &str) -> Option<&Self> {
+        match &self.value {
+            Value::Mapping(entries) => entries.iter().find(|entry| entry.key == step).map(|entry| &entry.node),
+            Value::List(items) => items.get(step.parse::<usize>().ok()?),
+            Value::Nothing | Value::Truth(_) | Value::Whole(_) | Value::Number(..) | Value::Text(_) => None,
+        }
+    }
+}
+
+impl Node {
+    /// The same value as if all of it was written at `place`.
+    pub(crate) fn moved_to(self, place: &Place) -> Self {
+        let value = match self.value {
+            Value::List(items) => Value::List(items.into_iter().map(|item| item.moved_to(place)).collect()),
+            Value::Mapping(entries) => {
+                Value::Mapping(entries.into_iter().map(|entry| entry.moved_to(place)).collect())
+            }
+            scalar @ (Value::Nothing | Value::Truth(_) | Value::Whole(_) | Value::Number(..) | Value::Text(_)) => {
+                scalar
+            }
+        };
+        Self { value, place: place.clone() }
+    }
+}
+
+impl Entry {
+    fn moved_to(self, place: &Place) -> Self {
+        Self { key: self.key, place: place.clone(), node: self.node.moved_to(place) }
+    }
+}
+
+/// How a message calls the value.
+impl fmt::Display for Value {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nothing => formatter.write_str("nothing"),
+            Self::Truth(value) => write!(formatter, "{value}"),
+            Self::Whole(value) => write!(formatter, "{value}"),
+            Self::Number(_, text) => formatter.write_str(text),
+            Self::Text(text) => write!(formatter, "the text {}", quoted(text)),
+            Self::List(items) => write!(formatter, "a list of {}", items.len()),
+            Self::Mapping(entries) if entries.is_empty() => formatter.write_str("no keys"),
+            Self::Mapping(entries) => {
+                let keys: Vec<_> = entries.iter().map(|entry| entry.key.as_str()).collect();
+                write!(formatter, "the key{} {}", if keys.len() > 1 { "s" } else { "" }, either(&keys, "and"))
+            }
+        }
+    }
+}
+
+/// Text as a message shows it: in quotes, escaped, not too long.
+fn quoted(text: &str) -> String {
+    const SHOWN: usize = 40;
+    let cut: String = text.chars().take(SHOWN).collect();
+    if cut.len() < text.len() { format!("{cut:?}…") } else { format!("{cut:?}") }
+}
+
+/// `` `a`, `b` or `c` ``, where `or` is the last word between.
+pub(crate) fn either(names: &[&str], or: &str) -> String {
+    let quoted: Vec<_> = names.iter().map(|name| format!("`{name}`")).collect();
+    match quoted.as_slice() {
+        [] => "none".to_owned(),
+        [only] => only.clone(),
+        [others @ .., last] => format!("{} {or} {last}", others.join(", ")),
+    }
+}
+
+/// A node as the parser hands it over.
+pub(crate) struct Parsed(Spanned<Content>);
+
+enum Content {
+    Nothing,
+    Truth(bool),
+    Whole(i128),
+    Number(f64),
+    Text(String),
+    List(Vec<Parsed>),
+    Mapping(Vec<(Spanned<String>, Parsed)>),
+}
+
+impl Parsed {
+    /// The tree, with every place in `source`, whose text is `text`.
+    pub(crate) fn settled(self, source: &Arc<Source>, text: &str) -> Node {
+        let Spanned { value, defined, .. } = self.0;
+        let value = match value {
+            Content::Nothing => Value::Nothing,
+            Content::Truth(truth) => Value::Truth(truth),
+            Content::Whole(whole) => Value::Whole(whole),
+            Content::Number(number) => Value::Number(number, spelling(number, defined, text)),
+            Content::Text(words) => Value::Text(words),
+            Content::List(items) => {
+                Value::List(items.into_iter().map(|item| item.settled(source, text)).collect())
+            }
+            Content::Mapping(pairs) => Value::Mapping(
+                pairs
+                    .into_iter()
+                    .map(|(key, value)| Entry {
+                        place: place(source, key.defined),
+                        key: key.value,
+                        node: value.settled(source, text),
+                    })
+                    .collect(),
+            ),
+        };
+        Node { value, place: place(source, defined) }
+    }
+}
+
+pub(crate) fn place(source: &Arc<Source>, location: Location) -> Place {
+    Place {
+        source: Arc::clone(source),
+        line: location.line().max(1) as usize,
+        column: location.column().max(1) as usize,
+    }
+}
+
+/// The number as its author spelled it, where the parser can tell.
+fn spelling(number: f64, location: Location, text: &str) -> String {
+    let span = location.span();
+    span.byte_offset()
+        .zip(span.byte_len())
+        .and_then(|(start, length)| text.get(start as usize..(start + length) as usize))
+        .map(str::trim)
+        .filter(|spelled| !spelled.is_empty())
+        .map_or_else(|| number.to_string(), str::to_owned)
+}
+
+impl<'de> Deserialize<'de> for Parsed {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Spanned::deserialize(deserializer).map(Self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Content {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(ContentVisitor)
+    }
+}
+
+struct ContentVisitor;
+
+impl<'de> Visitor<'de> for ContentVisitor {
+    type Value = Content;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("a value")
+    }
+
+    fn visit_unit<E: Error>(self) -> Result<Content, E> {
+        Ok(Content::Nothing)
+    }
+
+    fn visit_none<E: Error>(self) -> Result<Content, E> {
+        Ok(Content::Nothing)
+    }
+
+    fn visit_bool<E: Error>(self, value: bool) -> Result<Content, E> {
+        Ok(Content::Truth(value))
+    }
+
+    fn visit_i64<E: Error>(self, value: i64) -> Result<Content, E> {
+        Ok(Content::Whole(value.into()))
+    }
+
+    fn visit_u64<E: Error>(self, value: u64) -> Result<Content, E> {
+        Ok(Content::Whole(value.into()))
+    }
+
+    fn visit_f64<E: Error>(self, value: f64) -> Result<Content, E> {
+        Ok(Content::Number(value))
+    }
+
+    fn visit_str<E: Error>(self, value: &str) -> Result<Content, E> {
+        Ok(Content::Text(value.to_owned()))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut access: A) -> Result<Content, A::Error> {
+        let mut items = Vec::new();
+        while let Some(item) = access.next_element()? {
+            items.push(item);
+        }
+        Ok(Content::List(items))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Content, A::Error> {
+        let mut entries = Vec::new();
+        while let Some(entry) = access.next_entry()? {
+            entries.push(entry);
+        }
+        Ok(Content::Mapping(entries))
+    }
+}

@@ -1,0 +1,210 @@
+//! How episodes begin and what differs between them.
+
+use kestrel_core::airframe::Airframe;
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::aviary::BoxConfig;
+use super::error::ConfigError;
+use super::field::{Field, Limits};
+use super::geometry::{gap, surrounds};
+use crate::scenario::{Aviary, Cuboid, Floor, Randomisation, Start, StartPosition, Termination};
+
+/// Factors `1 ± fraction` stay well above zero.
+const FRACTION: Limits = Limits::from(0.0, 0.9, "");
+const SPEED: Limits = Limits::from(0.0, 20.0, "m/s");
+
+/// Start states: directions and heading are random, magnitudes uniform up to their limits.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StartConfig {
+    /// Where.
+    pub position: StartPositionConfig,
+    /// Greatest tilt.
+    #[serde(default)]
+    pub tilt_limit_deg: f64,
+    /// Greatest speed.
+    #[serde(default)]
+    pub speed_limit_m_per_s: f64,
+    /// Greatest angular velocity.
+    #[serde(default)]
+    pub body_rates_limit_rad_per_s: f64,
+}
+
+/// Where episodes begin.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum StartPositionConfig {
+    /// At a random distance from the goal, in any direction.
+    AroundGoal {
+        /// Least distance.
+        #[serde(default)]
+        nearest_m: f64,
+        /// Greatest distance.
+        farthest_m: f64,
+    },
+    /// Anywhere in a box.
+    Within(BoxConfig),
+}
+
+/// Parameters drawn at each reset, as factors uniform in `1 ± fraction`, and a constant wind.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RandomisationConfig {
+    /// Of the mass.
+    pub mass_fraction: f64,
+    /// Of each moment of inertia.
+    pub inertia_fraction: f64,
+    /// Of the rotors' thrust.
+    pub thrust_fraction: f64,
+    /// Of the time constants of the rotors.
+    pub rotor_lag_fraction: f64,
+    /// Greatest speed of the wind, whose direction is random.
+    pub wind_speed_m_per_s: f64,
+}
+
+impl RandomisationConfig {
+    /// The randomisation.
+    ///
+    /// # Errors
+    /// When a number is out of range.
+    pub fn check(&self, field: &Field<'_>) -> Result<Randomisation, ConfigError> {
+        Ok(Randomisation {
+            mass: field.at("mass_fraction").number(self.mass_fraction, &FRACTION)?,
+            inertia: field.at("inertia_fraction").number(self.inertia_fraction, &FRACTION)?,
+            thrust: field.at("thrust_fraction").number(self.thrust_fraction, &FRACTION)?,
+            rotor_lag: field.at("rotor_lag_fraction").number(self.rotor_lag_fraction, &FRACTION)?,
+            wind_speed: field.at("wind_speed_m_per_s").number(self.wind_speed_m_per_s, &SPEED)?,
+        })
+    }
+}
+
+impl StartConfig {
+    /// The start states, none of which ends its episode at once.
+    ///
+    /// # Errors
+    /// When a number is out of range or a start would meet one of the `terminations`.
+    pub fn check(
+        &self,
+        aviary: &Aviary,
+        airframe: &Airframe,
+        terminations: &[Termination],
+        field: &Field<'_>,
+    ) -> Result<Start, ConfigError> {
+        let tilt = field.at("tilt_limit_deg").number(self.tilt_limit_deg, &Limits::from(0.0, 180.0, "degrees"))?;
+        let rates = Limits::from(0.0, 50.0, "rad/s");
+        let start = Start {
+            position: self.position.check(&field.at("position"))?,
+            tilt_limit: tilt.to_radians(),
+            speed_limit: field.at("speed_limit_m_per_s").number(self.speed_limit_m_per_s, &SPEED)?,
+            body_rates_limit: field
+                .at("body_rates_limit_rad_per_s")
+                .number(self.body_rates_limit_rad_per_s, &rates)?,
+        };
+        for termination in terminations {
+            survives(&start, termination, aviary, airframe, field)?;
+        }
+        Ok(start)
+    }
+}
+
+impl StartPositionConfig {
+    fn check(&self, field: &Field<'_>) -> Result<StartPosition, ConfigError> {
+        match self {
+            Self::AroundGoal { nearest_m, farthest_m } => {
+                let field = field.at("around_goal");
+                let nearest = field.at("nearest_m").number(*nearest_m, &Limits::from(0.0, 100.0, "m"))?;
+                let farthest =
+                    field.at("farthest_m").number(*farthest_m, &Limits::from(*nearest_m, 100.0, "m"))?;
+                Ok(StartPosition::AroundGoal { nearest_m: nearest, farthest_m: farthest })
+            }
+            Self::Within(region) => region.check(&field.at("within")).map(StartPosition::Within),
+        }
+    }
+}
+
+/// Refuses starts that `termination` would end.
+fn survives(
+    start: &Start,
+    termination: &Termination,
+    aviary: &Aviary,
+    airframe: &Airframe,
+    field: &Field<'_>,
+) -> Result<(), ConfigError> {
+    let region = Region { goal: aviary.goal, position: start.position };
+    let position = field.at("position");
+    match termination {
+        Termination::Collision => region.clear(aviary, airframe.collision_radius as f32, &position),
+        Termination::OutOfBounds(bounds) if !surrounds(bounds, &region.hull()) => {
+            Err(position.reject("starts out of bounds", "all of them inside `out_of_bounds` of the terminations"))
+        }
+        Termination::Tilt { limit } if start.tilt_limit >= *limit => {
+            let expected = format!("less than {} degrees, which ends the episode", limit.to_degrees().round());
+            Err(field.at("tilt_limit_deg").refuse(start.tilt_limit.to_degrees(), expected))
+        }
+        Termination::Distance { limit_m } if region.farthest_from_goal() >= *limit_m => {
+            let found = format!("starts up to {:.2} m from the goal", region.farthest_from_goal());
+            Err(position.reject(found, format!("less than {limit_m} m, where the episode ends")))
+        }
+        Termination::OutOfBounds(_) | Termination::Tilt { .. } | Termination::Distance { .. } => Ok(()),
+    }
+}
+
+/// Where starts can be: a ball around the goal or a box.
+struct Region {
+    goal: Vector3<f32>,
+    position: StartPosition,
+}
+
+impl Region {
+    /// The smallest box around all starts.
+    fn hull(&self) -> Cuboid {
+        match self.position {
+            StartPosition::AroundGoal { farthest_m, .. } => {
+                Cuboid { low: self.goal.add_scalar(-farthest_m), high: self.goal.add_scalar(farthest_m) }
+            }
+            StartPosition::Within(region) => region,
+        }
+    }
+
+    fn farthest_from_goal(&self) -> f32 {
+        match self.position {
+            StartPosition::AroundGoal { farthest_m, .. } => farthest_m,
+            StartPosition::Within(Cuboid { low, high }) => {
+                (self.goal - low).abs().sup(&(high - self.goal).abs()).norm()
+            }
+        }
+    }
+
+    /// Least distance between a start and the solid \[m\].
+    fn gap_to(&self, solid: &Cuboid) -> f32 {
+        match self.position {
+            StartPosition::AroundGoal { farthest_m, .. } => {
+                gap(&Cuboid { low: self.goal, high: self.goal }, solid) - farthest_m
+            }
+            StartPosition::Within(region) => gap(&region, solid),
+        }
+    }
+
+    /// Refuses starts nearer than `radius` \[m\] to the floor or a solid.
+    fn clear(&self, aviary: &Aviary, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
+        if aviary.floor == Floor::Solid && self.hull().low.z < radius {
+            let found = format!("starts as low as {:.3} m", self.hull().low.z);
+            return Err(field.reject(found, format!("at least {radius} m above the floor, the drone's radius")));
+        }
+        match aviary.solids.iter().find(|solid| self.gap_to(solid) < radius) {
+            None => Ok(()),
+            Some(solid) => {
+                let found = format!("starts {:.3} m from {}", self.gap_to(solid).max(0.0), shown(solid));
+                Err(field.reject(found, format!("at least {radius} m between, the drone's radius")))
+            }
+        }
+    }
+}
+
+/// A box as messages show it.
+fn shown(solid: &Cuboid) -> String {
+    let Cuboid { low, high } = solid;
+    format!("the solid x {}..{}, y {}..{}, z {}..{}", low.x, high.x, low.y, high.y, low.z, high.z)
+}

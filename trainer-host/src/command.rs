@@ -1,0 +1,66 @@
+//! What the command line can do, one module a command.
+
+mod bench;
+mod completions;
+mod evaluate;
+mod export;
+mod fly;
+mod run;
+mod table;
+mod train;
+
+use anyhow::Result;
+use clap::Subcommand;
+
+/// Shown below the help.
+pub(crate) const EXAMPLES: &str = "\
+Examples:
+  kestrel train configs/hover.yaml                 train, evaluate, export and draw
+  kestrel train configs/hover.yaml --seed 3 --set training.epochs=2
+  kestrel train --resume runs/hover-seed0-1        go on with an interrupted run
+  kestrel fly runs/hover-seed0-1                   a MAVLink vehicle that the policy flies";
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Train a policy; then evaluate, export and draw it
+    Train(train::Arguments),
+    /// Fly a run's policy from many starts, beside the baselines
+    Evaluate(evaluate::Arguments),
+    /// Write a run's best policy as policy files
+    Export(export::Arguments),
+    /// Fly a policy as a MAVLink vehicle in the simulator
+    Fly(fly::Arguments),
+    /// Print the JSON schema of experiment files
+    Schema,
+    /// Measure every stage on this machine
+    Bench(bench::Arguments),
+    /// Print a completion script for a shell
+    Completions(completions::Arguments),
+}
+
+/// How a command ended that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Done {
+    /// It did everything.
+    Finished,
+    /// The user stopped it.
+    Interrupted,
+}
+
+impl Command {
+    pub(crate) fn run(self) -> Result<Done> {
+        match self {
+            Self::Train(arguments) => train::run(&arguments),
+            Self::Evaluate(arguments) => evaluate::run(&arguments),
+            Self::Export(arguments) => export::run(&arguments),
+            Self::Fly(arguments) => fly::run(&arguments),
+            Self::Schema => {
+                print!("{}", kestrel_train::experiment_config::schema());
+                Ok(Done::Finished)
+            }
+            Self::Bench(arguments) => bench::run(&arguments),
+            Self::Completions(arguments) => completions::run(&arguments),
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! `kestrel bench`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Result;
+use kestrel_core::policy_file::PolicyFile;
+use kestrel_train::bench::{self, Figure};
+use kestrel_train::experiment_config;
+use kestrel_train::progress::amount;
+use kestrel_train::results;
+use kestrel_train::training_run::untrained_actor;
+
+use super::Done;
+
+/// Arguments of `kestrel bench`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Experiment file whose scenario and settings are measured
+    #[arg(default_value = "configs/hover.yaml")]
+    config: PathBuf,
+
+    /// Time of each of the five repetitions of a figure
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.5)]
+    secs: f64,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    let experiment = experiment_config::load(&arguments.config, &[])?;
+    let duration = Duration::try_from_secs_f64(arguments.secs)?;
+    let scenario = &experiment.scenario;
+    println!("{:<44} {:>9} {:>9} {:>6}  limited by", "", "per s", "aim", "ratio");
+    print(&bench::vehicle(scenario, duration));
+    print(&bench::environment(scenario, duration));
+    print(&bench::training(scenario, &experiment.ppo, duration));
+    let actor = untrained_actor(&experiment);
+    let export = results::exported(&experiment, &actor, 0)?;
+    let files = [PolicyFile::parse(&export.float_policy)?, PolicyFile::parse(&export.fixed_policy)?];
+    print(&bench::inference(&actor, &files, duration));
+    Ok(Done::Finished)
+}
+
+fn print(figures: &[Figure]) {
+    for figure in figures {
+        println!(
+            "{:<44} {:>9} {:>9} {:>6.2}  {}",
+            figure.what,
+            amount(figure.per_second),
+            amount(figure.aim),
+            figure.per_second / figure.aim,
+            figure.limit
+        );
+    }
+}

@@ -1,0 +1,128 @@
+//! The experiment file: a scenario, how to train on it and how to judge the result.
+
+mod evaluation;
+#[cfg(test)]
+mod tests;
+mod training;
+
+use std::path::Path;
+
+use kestrel_sim::config::{ConfigError, Document, Field, ScenarioConfig};
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::Seed;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use evaluation::{EvaluationConfig, EvaluationSettings};
+pub use training::{ScheduleConfig, TrainingConfig};
+
+use crate::ppo::PpoSettings;
+
+/// Version of the file format that this program reads; a change that breaks old files raises it.
+pub const VERSION: u32 = 1;
+
+/// Longest name; it becomes part of paths.
+const NAME_LIMIT: usize = 64;
+
+/// Written above every resolved configuration.
+const RESOLVED_HEADER: &str =
+    "# Complete configuration of a run, with overrides applied and every default filled in.\n";
+
+/// One experiment as users write it.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentConfig {
+    /// Version of this file format: 1.
+    pub version: u32,
+    /// Short name, which run directories and policies carry: letters, digits, `-` and `_`.
+    pub name: String,
+    /// The task.
+    pub scenario: ScenarioConfig,
+    /// How the policy is trained (PPO).
+    #[serde(default)]
+    pub training: TrainingConfig,
+    /// How the trained policy is judged.
+    #[serde(default)]
+    pub evaluation: EvaluationConfig,
+}
+
+/// One experiment, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Experiment {
+    /// Name for people and paths.
+    pub name: String,
+    /// The task.
+    pub scenario: Scenario,
+    /// How the policy is trained.
+    pub ppo: PpoSettings,
+    /// What all randomness of training follows from.
+    pub seed: Seed,
+    /// How the trained policy is judged.
+    pub evaluation: EvaluationSettings,
+    /// The configuration as YAML with overrides applied and every default filled in; it loads to the same
+    /// experiment.
+    pub resolved_yaml: String,
+}
+
+/// The experiment in the file at `path`, after `overrides` such as `training.epochs=3`.
+///
+/// # Errors
+/// The first thing that is wrong, with its line or override, what was found and what was expected.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    from_document(Document::read(path)?, overrides)
+}
+
+/// The experiment in the YAML `text`, which messages call `name`; otherwise as [`load`].
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    from_document(Document::parse(name, text)?, overrides)
+}
+
+/// The JSON schema of the experiment file, for editors.
+pub fn schema() -> String {
+    pretty(&schemars::schema_for!(ExperimentConfig))
+}
+
+fn pretty(schema: &schemars::Schema) -> String {
+    let json = serde_json::to_string_pretty(schema).expect("a schema is JSON");
+    format!("{json}\n")
+}
+
+fn from_document(mut document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    document.require_version(VERSION)?;
+    for assignment in overrides {
+        document.set(assignment)?;
+    }
+    document.require_version(VERSION)?;
+    document.decode::<ExperimentConfig>()?.check(&document.root())
+}
+
+impl ExperimentConfig {
+    fn check(&self, root: &Field<'_>) -> Result<Experiment, ConfigError> {
+        check_name(&self.name, &root.at("name"))?;
+        let scenario = self.scenario.check(&self.name, &root.at("scenario"))?;
+        Ok(Experiment {
+            name: self.name.clone(),
+            ppo: self.training.check(&root.at("training"))?,
+            seed: Seed(self.training.seed),
+            evaluation: self.evaluation.check(&self.scenario, &scenario, root)?,
+            resolved_yaml: self.resolved(),
+            scenario,
+        })
+    }
+
+    fn resolved(&self) -> String {
+        let yaml = serde_yaml::to_string(self).expect("plain structs of numbers and names are YAML");
+        format!("{RESOLVED_HEADER}{yaml}")
+    }
+}
+
+fn check_name(name: &str, field: &Field<'_>) -> Result<(), ConfigError> {
+    let allowed = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
+    if !name.is_empty() && name.len() <= NAME_LIMIT && name.chars().all(allowed) {
+        return Ok(());
+    }
+    Err(field.refuse(name, format!("1 to {NAME_LIMIT} letters, digits, `-` and `_`")))
+}

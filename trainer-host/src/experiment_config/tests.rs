@@ -1,0 +1,280 @@
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::path::PathBuf;
+
+use kestrel_core::action::ActionSpace;
+use kestrel_sim::scenario::{StartPosition, Success, Termination};
+use proptest::prelude::*;
+
+use super::*;
+use crate::schedule::Schedule;
+
+/// The shortest configuration: everything else has a default.
+const MINIMAL: &str = "\
+version: 1
+name: trial
+scenario:
+  aviary:
+    goal_m: [0, 0, 1]
+  start:
+    position:
+      around_goal: {farthest_m: 0.5}
+    tilt_limit_deg: 10
+  rewards:
+    - proximity: {weight: 1, scale_m: 0.5}
+  terminations:
+    - collision
+  success:
+    settle: {radius_m: 0.05, within_secs: 4}
+";
+
+fn in_repository(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}
+
+fn trial(text: &str) -> Result<Experiment, ConfigError> {
+    parse("trial.yaml", text, &[])
+}
+
+fn example(name: &str) -> Experiment {
+    load(&in_repository(&format!("configs/{name}.yaml")), &[]).unwrap()
+}
+
+/// Compares with a file of the repository, or rewrites it when the environment has `BLESS`.
+fn assert_golden(path: &str, actual: &str) {
+    let path = in_repository(path);
+    if std::env::var_os("BLESS").is_some() {
+        fs::write(&path, actual).unwrap();
+    }
+    let expected = fs::read_to_string(&path).unwrap();
+    assert!(
+        expected == actual,
+        "{} is out of date: run the test with BLESS=1 and look at the change",
+        path.display()
+    );
+}
+
+/// One block of `messages.txt` with the message as it is now.
+fn answered(block: &str) -> String {
+    let request: Vec<&str> = block.lines().filter(|line| !line.starts_with('!')).collect();
+    let with = |mark: &str| -> Vec<&str> { request.iter().filter_map(|line| line.strip_prefix(mark)).collect() };
+    let overrides: Vec<String> = with("--set ").into_iter().map(str::to_owned).collect();
+    let text = match with("- ").as_slice() {
+        [] => MINIMAL.to_owned(),
+        [taken, ..] => {
+            assert_eq!(MINIMAL.matches(taken).count(), 1, "`{taken}` is not in the configuration once");
+            MINIMAL.replace(taken, &with("+ ").join("\n"))
+        }
+    };
+    let error = parse("trial.yaml", &text, &overrides).expect_err(block).to_string();
+    let message: Vec<String> = error.lines().map(|line| format!("! {line}")).collect();
+    format!("{}\n{}", request.join("\n"), message.join("\n"))
+}
+
+#[test]
+fn wrong_configurations_get_their_messages() {
+    const GOLDEN: &str = "trainer-host/src/experiment_config/messages.txt";
+    let golden = fs::read_to_string(in_repository(GOLDEN)).unwrap();
+    let (head, cases) = golden.trim_end().split_once("\n\n").unwrap();
+    let answers: Vec<String> = cases.split("\n\n").map(answered).collect();
+    assert!(answers.len() >= 30, "only {} cases", answers.len());
+    assert_golden(GOLDEN, &format!("{head}\n\n{}\n", answers.join("\n\n")));
+}
+
+#[test]
+fn the_schema_is_the_one_in_the_repository() {
+    assert_golden("configs/schema.json", &schema());
+}
+
+#[test]
+fn every_example_names_the_schema_for_editors() {
+    for name in ["hover", "cross"] {
+        let text = fs::read_to_string(in_repository(&format!("configs/{name}.yaml"))).unwrap();
+        assert!(text.starts_with("# yaml-language-server: $schema=schema.json\n"), "{name}");
+    }
+}
+
+#[test]
+fn a_minimal_file_is_enough() {
+    let experiment = trial(MINIMAL).unwrap();
+    assert_eq!(experiment.name, "trial");
+    assert_eq!(experiment.scenario.episode_steps(), 800);
+    assert_eq!(experiment.evaluation.episodes, 1024);
+    assert_eq!(experiment.evaluation.scenario, experiment.scenario);
+    assert_eq!(experiment.ppo.check(), Ok(()));
+}
+
+#[test]
+fn a_key_with_nothing_below_it_keeps_its_defaults() {
+    let text =
+        MINIMAL.replace("scenario:\n", "training:\nevaluation:\nscenario:\n  physics:\n  action: rotor_speeds\n");
+    let (found, minimal) = (trial(&text).unwrap(), trial(MINIMAL).unwrap());
+    assert_eq!((found.scenario, found.ppo), (minimal.scenario, minimal.ppo));
+}
+
+#[test]
+fn hover_asks_what_the_issue_asks() {
+    let hover = example("hover");
+    let start = hover.evaluation.scenario.start;
+    assert_eq!(start.position, StartPosition::AroundGoal { nearest_m: 0.5, farthest_m: 0.5 });
+    assert_eq!(start.tilt_limit, std::f32::consts::FRAC_PI_2);
+    assert_eq!((start.speed_limit, start.body_rates_limit), (1.0, 3.0));
+    assert_eq!(hover.scenario.success, Success::Settle { radius_m: 0.05, within_secs: 4.0 });
+    assert_eq!(hover.scenario.physics.control_secs, 0.01);
+    let randomisation = hover.scenario.randomisation;
+    assert!(randomisation.mass > 0.0 && randomisation.rotor_lag > 0.0 && randomisation.wind_speed > 0.0);
+    assert_eq!(hover.ppo.check(), Ok(()));
+}
+
+#[test]
+fn cross_has_four_walls_and_a_pad() {
+    let cross = example("cross");
+    assert_eq!(cross.scenario.aviary.solids.len(), 5);
+    assert!(cross.scenario.terminations.contains(&Termination::Collision));
+    let pad = cross.scenario.aviary.solids[4];
+    assert_eq!((pad.low.as_slice(), pad.high.as_slice()), (&[4.0, -1.0, 0.0][..], &[5.0, 1.0, 0.1][..]));
+    assert_eq!(cross.evaluation.episodes, 256);
+    assert_eq!(cross.ppo.check(), Ok(()));
+}
+
+#[test]
+fn a_resolved_configuration_loads_to_the_same_experiment() {
+    let odd = [
+        "scenario.vehicle.mass_kg=0.0301",
+        "training.learning_rate={constant: 3.3e-4}",
+        "training.target_kl=0.017",
+    ]
+    .map(str::to_owned);
+    for name in ["hover", "cross"] {
+        let path = in_repository(&format!("configs/{name}.yaml"));
+        for overrides in [&[][..], &odd[..]] {
+            let experiment = load(&path, overrides).unwrap();
+            assert_eq!(parse("resolved.yaml", &experiment.resolved_yaml, &[]).unwrap(), experiment);
+        }
+    }
+}
+
+#[test]
+fn overrides_change_what_they_name() {
+    let overrides = [
+        "training.epochs=7",
+        "training.total_steps=2e6",
+        "training.actor_hidden=[32, 16]",
+        "training.learning_rate={constant: 3e-4}",
+        "scenario.rewards.0.proximity.weight=5",
+        "scenario.action={thrust_body_rates: {}}",
+        "scenario.critic=privileged",
+        "name=other",
+    ];
+    let experiment = parse("trial.yaml", MINIMAL, &overrides.map(str::to_owned)).unwrap();
+    assert_eq!((experiment.ppo.epochs, experiment.ppo.total_steps), (7, 2_000_000));
+    assert_eq!(experiment.ppo.actor_hidden, [32, 16]);
+    assert_eq!(experiment.ppo.learning_rate, Schedule::Constant(3e-4));
+    assert_eq!(experiment.scenario.rewards[0].weight, 5.0);
+    assert!(matches!(experiment.scenario.action, ActionSpace::ThrustBodyRates(_)));
+    assert_eq!(experiment.scenario.name, "other");
+}
+
+#[test]
+fn anchors_and_merge_keys_work() {
+    let text = MINIMAL.replace("{weight: 1, scale_m: 0.5}", "&one {weight: 1, scale_m: 0.5}")
+        + "  randomisation: &same {mass_fraction: 0.1}\nevaluation:\n  start:\n    position: {around_goal: {farthest_m: 0.2}}\n";
+    assert_eq!(trial(&text).unwrap().scenario.randomisation.mass, 0.1);
+    let merged = MINIMAL.replace(
+        "    - proximity: {weight: 1, scale_m: 0.5}",
+        "    - proximity: &near {weight: 1, scale_m: 0.5}\n    - proximity: {<<: *near, scale_m: 0.1}",
+    );
+    let rewards = trial(&merged).unwrap().scenario.rewards;
+    assert_eq!((rewards[1].weight, rewards[0].weight), (1.0, 1.0));
+    assert_ne!(rewards[0].term, rewards[1].term);
+}
+
+#[test]
+fn foreign_line_ends_and_byte_order_marks_are_fine() {
+    let windows = format!("\u{feff}{}", MINIMAL.replace('\n', "\r\n"));
+    assert_eq!(trial(&windows).unwrap().scenario, trial(MINIMAL).unwrap().scenario);
+}
+
+fn refusal(bytes: &[u8]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("trial.yaml");
+    fs::write(&path, bytes).unwrap();
+    let message = load(&path, &[]).unwrap_err().to_string();
+    message.replace(&path.display().to_string(), "trial.yaml")
+}
+
+#[test]
+fn odd_files_are_refused() {
+    assert_eq!(refusal(b""), "trial.yaml:1:1: found an empty file, expected keys such as `version` and `name`");
+    assert_eq!(
+        refusal(b"# nothing but a comment\n"),
+        "trial.yaml:2:1: found an empty file, expected keys such as `version` and `name`"
+    );
+    assert_eq!(
+        refusal(b"version: 1\nname: \xff\n"),
+        "trial.yaml:2:7: found the byte 0xff, expected text in UTF-8"
+    );
+    assert_eq!(
+        refusal("# long\n".repeat(200_000).as_bytes()),
+        "trial.yaml: found more than 1 MiB, expected a configuration, which is a few KiB long"
+    );
+    assert_eq!(
+        refusal(b"- 1\n"),
+        "trial.yaml:1:1: found a list of 1, expected keys such as `version` and `name`\n  1 | - 1\n    | ^"
+    );
+}
+
+#[test]
+fn absent_files_and_directories_are_refused() {
+    let message = |path: &str| load(Path::new(path), &[]).unwrap_err().to_string();
+    assert_eq!(
+        message("no/such.yaml"),
+        "no/such.yaml: found no such file, expected a configuration, such as configs/hover.yaml"
+    );
+    assert_eq!(
+        message("src"),
+        "src: found a directory, expected a configuration file, such as configs/hover.yaml"
+    );
+}
+
+#[test]
+fn an_alias_bomb_is_defused() {
+    let level =
+        |level: usize| format!("bomb{level}: &x{level} [{}]\n", vec![format!("*x{}", level - 1); 10].join(", "));
+    let bomb: String = (1..10).map(level).collect();
+    let error =
+        trial(&format!("bomb: &x0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n{bomb}{MINIMAL}")).unwrap_err().to_string();
+    assert!(
+        error.contains("found too many or too deeply nested values, expected a plain configuration"),
+        "{error}"
+    );
+}
+
+#[test]
+fn deep_nesting_is_refused() {
+    let error =
+        trial(&format!("deep: {}{}\n{MINIMAL}", "[".repeat(200), "]".repeat(200))).unwrap_err().to_string();
+    assert!(error.contains("found too many or too deeply nested values"), "{error}");
+}
+
+proptest! {
+    /// Whatever happens to a file, the answer is an experiment or one message, never a panic.
+    #[test]
+    fn no_text_panics(position in 0_usize..MINIMAL.len(), length in 0_usize..40, put in "[ -~\n\t*&{}\\[\\]:#'\"|>%@äπ]{0,12}") {
+        let end = (position + length).min(MINIMAL.len());
+        let text = format!("{}{put}{}", &MINIMAL[..position], &MINIMAL[end..]);
+        if let Err(error) = trial(&text) {
+            prop_assert!(error.to_string().starts_with("trial.yaml:"));
+        }
+    }
+
+    #[test]
+    fn no_override_panics(assignment in "[ -~\n]{0,40}", key in "[a-z_.0-9]{0,20}") {
+        for text in [assignment.clone(), format!("{key}={assignment}"), format!("scenario.{key}={assignment}")] {
+            if let Err(error) = parse("trial.yaml", MINIMAL, &[text]) {
+                prop_assert!(!error.to_string().is_empty());
+            }
+        }
+    }
+}

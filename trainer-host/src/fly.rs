@@ -1,0 +1,208 @@
+//! Software in the loop: a policy flies as a MAVLink vehicle in the simulator.
+
+use std::fs::File;
+use std::io::{self, LineWriter, Write};
+use std::path::PathBuf;
+
+use kestrel_core::airframe::CF2X;
+use kestrel_core::policy_file::{PolicyError, PolicyFile};
+use kestrel_core::vehicle::State;
+use kestrel_shim::autopilot::Mode;
+use kestrel_shim::lockstep::{Moment, Next};
+use kestrel_shim::plant::{FlatFloor, Plant};
+use kestrel_shim::policy_bytes::PolicyBytes;
+use kestrel_shim::session::{Session, SessionError, SessionOptions};
+use kestrel_shim::vehicle::Counts;
+use kestrel_sim::flight::Flight;
+use kestrel_sim::scenario::{Scenario, StartPosition};
+use nalgebra::Vector3;
+use serde::Serialize;
+
+/// Control periods of policy and scenario may differ by this share: both are written in decimal somewhere.
+const PERIOD_TOLERANCE: f32 = 1e-5;
+
+/// Options of `kestrel fly`.
+#[derive(Clone, Debug, Default, PartialEq, clap::Args)]
+pub struct FlyOptions {
+    /// How the vehicle meets the world.
+    #[command(flatten)]
+    pub session: SessionOptions,
+
+    /// Write the true state in every control period to this file, one JSON object per line
+    #[arg(long, value_name = "FILE")]
+    pub true_state_log: Option<PathBuf>,
+}
+
+/// Where to fly.
+#[derive(Clone, Copy, Debug)]
+pub enum Place<'a> {
+    /// The aviary and the airframe of a scenario, from the floor below its starts.
+    Scenario(&'a Scenario),
+    /// An endless floor for a Crazyflie, when only the policy is known.
+    FlatFloor,
+}
+
+/// What a flight was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlightSummary {
+    /// Simulated time \[s\].
+    pub secs: f64,
+    /// Where it ended \[m, world\].
+    pub position: Vector3<f32>,
+    /// What the autopilot was doing then.
+    pub mode: Mode,
+    /// Frames and garbage received.
+    pub counts: Counts,
+}
+
+/// Why there is no flight, or why it was cut short.
+#[derive(Debug, thiserror::Error)]
+pub enum FlyError {
+    /// The policy file is damaged or of another version.
+    #[error("the policy file cannot be used: {0}")]
+    Policy(#[from] PolicyError),
+    /// The policy was trained at another pace.
+    #[error(
+        "the policy acts every {found_secs} s, but scenario \"{scenario}\" has a control period of {expected_secs} s"
+    )]
+    ControlPeriod {
+        /// Name of the scenario.
+        scenario: String,
+        /// Of the policy \[s\].
+        found_secs: f32,
+        /// Of the scenario \[s\].
+        expected_secs: f32,
+    },
+    /// The policy fails its self-test, or the network refuses.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The true-state log cannot be written.
+    #[error("cannot write the true-state log {}: {source}", path.display())]
+    Log {
+        /// Of the log.
+        path: PathBuf,
+        /// Reason of the operating system.
+        source: io::Error,
+    },
+}
+
+/// Flies the policy in `policy` until its time is up or `interrupted` says so.
+///
+/// Says on standard output how to connect, and nothing else.
+///
+/// # Errors
+/// Before take-off: a bad policy, a wrong pace, a busy port, a log that cannot be created. Later: a full disk.
+pub fn fly(
+    place: Place,
+    policy: &[u8],
+    options: &FlyOptions,
+    interrupted: &dyn Fn() -> bool,
+) -> Result<FlightSummary, FlyError> {
+    let bytes = PolicyBytes::copy_of(policy);
+    let policy = bytes.policy()?;
+    let mut plant = place.plant(&policy)?;
+    let mut log = TrueStateLog::create(options)?;
+    let mut session = Session::open(policy, &options.session)?;
+    println!("{}", session.announcement());
+    let mut failure = None;
+    let mut last = None;
+    let mut watch = |moment: &Moment| {
+        last = Some((moment.secs, moment.state.position, moment.mode));
+        failure = log.write(moment).err();
+        if failure.is_some() || interrupted() { Next::End } else { Next::Fly }
+    };
+    let counts = session.fly(plant.as_mut(), &mut watch)?;
+    if let Some(failure) = failure {
+        return Err(failure);
+    }
+    let (secs, position, mode) = last.unwrap_or((0.0, plant.state().position, Mode::Disarmed));
+    Ok(FlightSummary { secs, position, mode, counts })
+}
+
+impl Place<'_> {
+    fn plant(&self, policy: &PolicyFile) -> Result<Box<dyn Plant>, FlyError> {
+        let control_secs = policy.metadata().control_period_secs;
+        match self {
+            Self::FlatFloor => Ok(Box::new(FlatFloor::new(&CF2X, control_secs))),
+            Self::Scenario(scenario) => {
+                check_period(scenario, control_secs)?;
+                Ok(Box::new(SimulatedFlight(Flight::new(scenario, launch_site(scenario)))))
+            }
+        }
+    }
+}
+
+fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {
+    let expected_secs = scenario.physics.control_secs;
+    if (found_secs - expected_secs).abs() <= PERIOD_TOLERANCE * expected_secs {
+        return Ok(());
+    }
+    Err(FlyError::ControlPeriod { scenario: scenario.name.clone(), found_secs, expected_secs })
+}
+
+/// On the floor in the middle of where episodes begin.
+fn launch_site(scenario: &Scenario) -> Vector3<f32> {
+    let middle = match scenario.start.position {
+        StartPosition::AroundGoal { .. } => scenario.aviary.goal,
+        StartPosition::Within(region) => (region.low + region.high) * 0.5,
+    };
+    Vector3::new(middle.x, middle.y, 0.0)
+}
+
+/// [`Flight`] as a plant.
+struct SimulatedFlight(Flight);
+
+impl Plant for SimulatedFlight {
+    fn state(&self) -> &State<f32> {
+        self.0.state()
+    }
+
+    fn step(&mut self, rotor_targets: &[f32; 4]) {
+        self.0.step(rotor_targets);
+    }
+}
+
+/// One line of the true-state log.
+#[derive(Serialize)]
+struct LogLine {
+    /// Simulated time \[s\].
+    secs: f64,
+    /// \[m\], world.
+    position: [f32; 3],
+    /// \[m/s\], world.
+    velocity: [f32; 3],
+    armed: bool,
+    mode: &'static str,
+    /// \[rad/s\].
+    rotor_targets: [f32; 4],
+}
+
+/// The true-state log, if one is wanted; whole lines appear in the file as they are written.
+struct TrueStateLog {
+    file: Option<(PathBuf, LineWriter<File>)>,
+}
+
+impl TrueStateLog {
+    fn create(options: &FlyOptions) -> Result<Self, FlyError> {
+        let Some(path) = &options.true_state_log else { return Ok(Self { file: None }) };
+        let file = File::create(path).map_err(|source| FlyError::Log { path: path.clone(), source })?;
+        Ok(Self { file: Some((path.clone(), LineWriter::new(file))) })
+    }
+
+    fn write(&mut self, moment: &Moment) -> Result<(), FlyError> {
+        let Some((path, file)) = &mut self.file else { return Ok(()) };
+        let line = LogLine {
+            secs: moment.secs,
+            position: moment.state.position.into(),
+            velocity: moment.state.velocity.into(),
+            armed: moment.mode.armed(),
+            mode: moment.mode.name(),
+            rotor_targets: moment.rotor_targets,
+        };
+        let written = serde_json::to_writer(&mut *file, &line).map_err(io::Error::from);
+        written.and_then(|()| file.write_all(b"\n")).map_err(|source| FlyError::Log { path: path.clone(), source })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,162 @@
+//! What a run leaves behind: exported policies, an evaluation beside the baselines, a curve and a flight.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use kestrel_core::policy_file::{PolicyError, PolicyFile, PolicyMetadata};
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::Purpose;
+use serde::{Deserialize, Serialize};
+
+use crate::actor_critic::Actor;
+use crate::animation::{AnimationError, FlightFrame, FlightRecording, flight_gif};
+use crate::atomic_file::{FileError, write_atomically};
+use crate::curve::{CurveError, CurvePoint, learning_curve};
+use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, observations_in_flight, record};
+use crate::experiment_config::Experiment;
+use crate::export::{DenseLayer, Export, ExportError, ExportReport, export};
+use crate::run_directory::metrics::read_rows;
+use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
+
+/// `evaluation.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EvaluationReport {
+    /// Name of the experiment.
+    pub name: String,
+    /// What the starts follow from.
+    pub seed: u64,
+    /// The exported policies first, then the baselines.
+    pub rows: Vec<Evaluation>,
+}
+
+/// Why a result cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ResultsError {
+    /// The actor does not fit a policy file.
+    #[error("cannot export the policy: {0}")]
+    Export(#[from] ExportError),
+    /// A policy file is damaged.
+    #[error("{}: {source}", path.display())]
+    Policy {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: PolicyError,
+    },
+    /// The picture of the flight failed.
+    #[error(transparent)]
+    Animation(#[from] AnimationError),
+    /// The learning curve failed.
+    #[error(transparent)]
+    Curve(#[from] CurveError),
+    /// The run directory refuses.
+    #[error(transparent)]
+    Directory(#[from] RunDirectoryError),
+    /// The system refused a file operation.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+/// Writes `policy.kestrel`, `policy-f32.kestrel` and `export.json`.
+///
+/// # Errors
+/// When the actor does not fit, or a file cannot be written.
+pub fn export_policy(
+    experiment: &Experiment,
+    directory: &RunDirectory,
+    actor: &Actor,
+    training_steps: u64,
+) -> Result<ExportReport, ResultsError> {
+    let Export { float_policy, fixed_policy, report } = exported(experiment, actor, training_steps)?;
+    write_atomically(&directory.policy_f32(), &float_policy)?;
+    write_atomically(&directory.policy(), &fixed_policy)?;
+    write_json(&directory.export_report(), &report)?;
+    Ok(report)
+}
+
+/// The policy files of `actor`, in memory, with Q formats calibrated on its flights.
+///
+/// # Errors
+/// When the actor does not fit.
+pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> Result<Export, ResultsError> {
+    let Experiment { scenario, evaluation, .. } = experiment;
+    let metadata = PolicyMetadata {
+        name: &experiment.name,
+        observation: scenario.observation,
+        action: scenario.action,
+        control_period_secs: scenario.physics.control_secs,
+        seed: experiment.seed.0,
+        training_steps,
+    };
+    let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
+    // Ranges come from the starts that selected the policy: those that judge it stay unseen.
+    let starts = Starts { purpose: Purpose::Selection, ..starts(experiment) };
+    let calibration = observations_in_flight(&evaluation.scenario, actor, starts);
+    Ok(export(&layers, &metadata, &calibration)?)
+}
+
+/// Flies the run's exported policies and the baselines, and writes `evaluation.json`.
+///
+/// # Errors
+/// When a policy file is missing or damaged, or the report cannot be written.
+pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result<EvaluationReport, ResultsError> {
+    let [fixed, float] = [directory.policy(), directory.policy_f32()].map(|path| (read(&path), path));
+    let (fixed, float) = ((fixed.0?, fixed.1), (float.0?, float.1));
+    let (fixed, float) = (parse(&fixed.0, &fixed.1)?, parse(&float.0, &float.1)?);
+    let flyers = [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
+    let scenario = &experiment.evaluation.scenario;
+    let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(experiment)));
+    let report =
+        EvaluationReport { name: experiment.name.clone(), seed: experiment.evaluation.seed.0, rows: rows.into() };
+    write_json(&directory.evaluation_report(), &report)?;
+    Ok(report)
+}
+
+/// Draws `learning-curve.svg` and `flight.gif`.
+///
+/// # Errors
+/// When the metrics or the policy are damaged, or a file cannot be written.
+pub fn draw(experiment: &Experiment, directory: &RunDirectory) -> Result<(), ResultsError> {
+    let points: Vec<CurvePoint> = read_rows(&directory.metrics())?;
+    let curve = learning_curve(&directory.name(), &points)?;
+    write_atomically(&directory.learning_curve(), curve.as_bytes())?;
+    let bytes = read(&directory.policy())?;
+    let policy = parse(&bytes, &directory.policy())?;
+    let scenario = &experiment.evaluation.scenario;
+    let path = record(scenario, Flyer::Policy(&policy), starts(experiment), 0);
+    let gif = flight_gif(&recording(&experiment.name, scenario, &path))?;
+    write_atomically(&directory.flight(), &gif)?;
+    Ok(())
+}
+
+fn recording(name: &str, scenario: &Scenario, path: &FlightPath) -> FlightRecording {
+    let per_limit = 1.0 / scenario.airframe.rotor_speed_limit as f32;
+    let frames = path.states.iter().map(|state| FlightFrame {
+        position: state.position,
+        attitude: state.world_from_body,
+        rotor_fractions: state.rotor_speeds.map(|speed| (speed * per_limit).clamp(0.0, 1.0)),
+    });
+    FlightRecording {
+        title: name.to_owned(),
+        control_secs: scenario.physics.control_secs,
+        airframe: scenario.airframe,
+        goal: scenario.aviary.goal,
+        solids: scenario.aviary.solids.clone(),
+        floor: scenario.aviary.floor,
+        frames: frames.collect(),
+    }
+}
+
+fn starts(experiment: &Experiment) -> Starts {
+    let evaluation = &experiment.evaluation;
+    Starts { seed: evaluation.seed, purpose: Purpose::Evaluation, episodes: evaluation.episodes }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, ResultsError> {
+    fs::read(path).map_err(|cause: io::Error| FileError::new("read", path, cause).into())
+}
+
+fn parse<'a>(bytes: &'a [u8], path: &Path) -> Result<PolicyFile<'a>, ResultsError> {
+    PolicyFile::parse(bytes).map_err(|source| ResultsError::Policy { path: path.to_owned(), source })
+}
