@@ -88,7 +88,7 @@ impl Rig {
 
 fn texts(answers: &[MavMessage]) -> Vec<&str> {
     let text = |message| match message {
-        &MavMessage::STATUSTEXT(ref status) => status.text.to_str().ok(),
+        MavMessage::STATUSTEXT(status) => status.text.to_str().ok(),
         _ => None,
     };
     answers.iter().filter_map(text).collect()
