@@ -9,7 +9,7 @@ use crate::network::{Dense, Mlp, Workspace};
 
 /// Gain of the actor's last layer: first actions are near the middle of their range (Andrychowicz et al. 2021).
 const ACTOR_HEAD_GAIN: f32 = 0.01;
-/// Gain of the critic's last layer, as in CleanRL.
+/// Gain of the critic's last layer, as in `CleanRL`.
 const CRITIC_HEAD_GAIN: f32 = 1.0;
 
 /// The policy: a network for the mean action and a logarithm of the standard deviation per action.
@@ -42,7 +42,7 @@ impl Actor {
     /// Logarithm of the standard deviation of each action.
     pub fn log_std(&self) -> [f32; ACTION_LEN] {
         let log_std = &self.parameters[self.mlp.parameter_count()..];
-        log_std.try_into().expect("the parameters end with one per action")
+        std::array::from_fn(|action| log_std[action])
     }
 
     /// The distribution of actions around their means.

@@ -9,7 +9,7 @@ use crate::network::dispatch;
 const FIRST_DECAY: f32 = 0.9;
 /// Decay of the mean squared gradient (Kingma and Ba 2015).
 const SECOND_DECAY: f32 = 0.999;
-/// Added to the root, as in CleanRL and Stable-Baselines3: large enough to keep rare gradients from exploding.
+/// Added to the root, as in `CleanRL` and Stable-Baselines3: large enough to keep rare gradients from exploding.
 const EPSILON: f32 = 1e-5;
 
 /// Adam with bias correction (Kingma and Ba 2015, algorithm 1) for one slice of parameters.

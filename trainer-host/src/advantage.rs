@@ -74,7 +74,7 @@ impl Moments {
 
 /// Subtracts the batch's mean and divides by its standard deviation.
 pub fn normalise(advantages: &mut [f32], moments: &Moments) {
-    // As in CleanRL and Stable-Baselines3: keeps a batch without any spread finite.
+    // As in `CleanRL` and Stable-Baselines3: keeps a batch without any spread finite.
     const SMALLEST_STD: f64 = 1e-8;
     let scale = (1.0 / (moments.variance().sqrt() + SMALLEST_STD)) as f32;
     let mean = moments.mean() as f32;

@@ -43,7 +43,7 @@ impl Gaussian {
 
     /// Log-density of `actions` around `means`, both `[4][columns]`, into `log_probs [columns]`.
     pub fn log_probs(&self, means: &[f32], actions: &[f32], log_probs: &mut [f32]) {
-        dispatch(LogProbs { gaussian: self, means, actions, log_probs });
+        dispatch(Density { gaussian: self, means, actions, log_probs });
     }
 }
 
@@ -70,14 +70,14 @@ impl WithSimd for Sample<'_> {
     }
 }
 
-struct LogProbs<'a> {
+struct Density<'a> {
     gaussian: &'a Gaussian,
     means: &'a [f32],
     actions: &'a [f32],
     log_probs: &'a mut [f32],
 }
 
-impl WithSimd for LogProbs<'_> {
+impl WithSimd for Density<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -14,7 +14,7 @@ use dense::DenseGradient;
 use kernel::TanhBackward;
 pub(crate) use kernel::{dispatch, dot};
 
-/// Gain of orthogonal weights before a tanh, the choice of CleanRL and Stable-Baselines3.
+/// Gain of orthogonal weights before a tanh, the choice of `CleanRL` and Stable-Baselines3.
 const HIDDEN_GAIN: f32 = std::f32::consts::SQRT_2;
 
 /// The shape of a multilayer perceptron: tanh after every layer but the last.

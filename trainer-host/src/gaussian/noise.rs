@@ -10,7 +10,8 @@ use crate::network::dispatch;
 const LANES: usize = 16;
 
 /// sin(πx/2) by odd powers of x, Taylor: error below 1e-7 on \[-1, 1\].
-const SINE: [f32; 6] = [1.570_796_3, -0.645_964_1, 0.079_692_63, -0.004_681_754, 1.604_411_8e-4, -3.598_843e-6];
+const SINE: [f32; 6] =
+    [std::f32::consts::FRAC_PI_2, -0.645_964_1, 0.079_692_63, -0.004_681_754, 1.604_411_8e-4, -3.598_843e-6];
 /// cos(πx/2) by even powers of x, Taylor: error below 1e-7 on \[-1, 1\].
 const COSINE: [f32; 7] =
     [1.0, -1.233_700_6, 0.253_669_5, -0.020_863_48, 9.192_602_7e-4, -2.520_204_2e-5, 4.710_874_8e-7];

@@ -1,4 +1,4 @@
-//! What an update reports, under the names of Stable-Baselines3 and CleanRL.
+//! What an update reports, under the names of Stable-Baselines3 and `CleanRL`.
 
 use kestrel_sim::outcome::Episode;
 use serde::Serialize;

@@ -1,0 +1,134 @@
+//! What users get wrong, each answered once and clearly, with nothing lost.
+
+use std::fs;
+use std::net::UdpSocket;
+use std::path::Path;
+
+use crate::kestrel::{config, kestrel, refusal, train_tiny};
+
+/// The message for `text` as an experiment file.
+fn message_for(text: &str) -> String {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("trial.yaml"), text).unwrap();
+    let message = refusal(&kestrel(place.path(), &["train", "trial.yaml"]));
+    assert!(!place.path().join("runs").exists(), "a refused experiment leaves no run behind");
+    message
+}
+
+fn hover() -> String {
+    fs::read_to_string(config("hover.yaml")).unwrap()
+}
+
+#[test]
+fn wrong_experiments_are_named_with_line_found_and_expected() {
+    let cases = [
+        (hover().replace("tilt_limit_deg", "tilt_limit_degs"), "unknown key `tilt_limit_degs`"),
+        (hover().replace("control_rate_hz: 100", "control_rate_hz: fast"), "the text \"fast\", expected a number"),
+        (hover().replace("airframe: cf2x", "airframe: cf2x\n    mass_kg: -0.027"), "found -0.027"),
+        (hover().replace("mass_fraction: 0.1", "mass_fraction: -0.1"), "found -0.1"),
+        (hover().replace("version: 1", "version: 2"), "found 2, expected `version: 1`"),
+    ];
+    for (text, expected) in cases {
+        let message = message_for(&text);
+        assert!(message.contains("trial.yaml:") && message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn missing_and_empty_files_are_named() {
+    let place = tempfile::tempdir().unwrap();
+    assert!(refusal(&kestrel(place.path(), &["train", "none.yaml"])).contains("none.yaml: found no such file"));
+    assert!(message_for("").contains("trial.yaml"));
+    assert!(refusal(&kestrel(place.path(), &["evaluate", "none"])).contains("none holds no run"));
+    assert!(refusal(&kestrel(place.path(), &["export", "none"])).contains("none holds no run"));
+    assert!(refusal(&kestrel(place.path(), &["train", "--resume", "none"])).contains("none holds no run"));
+    assert!(refusal(&kestrel(place.path(), &["fly", "none.kestrel"])).contains("none.kestrel"));
+}
+
+#[test]
+fn wrong_flags_are_explained() {
+    let place = tempfile::tempdir().unwrap();
+    let hover = config("hover.yaml");
+    let hover = hover.to_str().unwrap();
+    refusal(&kestrel(place.path(), &["train"]));
+    refusal(&kestrel(place.path(), &["train", hover, "--threads", "0"]));
+    refusal(&kestrel(place.path(), &["train", hover, "--seed", "-1"]));
+    assert!(refusal(&kestrel(place.path(), &["tarin"])).contains("train"));
+    let message = refusal(&kestrel(place.path(), &["train", hover, "--set", "training.epochs=foo"]));
+    assert!(message.contains("--set training.epochs=foo"), "{message}");
+}
+
+#[test]
+fn damaged_policies_do_not_fly() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    let whole = fs::read(place.path().join("run/policy.kestrel")).unwrap();
+    let mut flipped = whole.clone();
+    flipped[whole.len() / 2] ^= 0x10;
+    let damaged = [("short", whole[..whole.len() - 5].to_vec()), ("flipped", flipped), ("empty", Vec::new())];
+    for (name, bytes) in damaged {
+        fs::write(place.path().join(name), bytes).unwrap();
+        assert!(refusal(&kestrel(place.path(), &["fly", name, "--for-secs", "1"])).contains(name));
+    }
+    let policy = place.path().join("run/policy.kestrel");
+    fs::write(&policy, &whole[..40]).unwrap();
+    assert!(refusal(&kestrel(place.path(), &["evaluate", "run"])).contains("policy.kestrel"));
+}
+
+/// The newest of a run's checkpoints.
+fn checkpoints(run: &Path) -> Vec<std::path::PathBuf> {
+    let entries = fs::read_dir(run.join("checkpoints")).unwrap();
+    let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    paths
+}
+
+#[test]
+fn damaged_checkpoints_are_refused() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    for path in checkpoints(&place.path().join("run")) {
+        let mut bytes = fs::read(&path).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        fs::write(&path, bytes).unwrap();
+    }
+    let message = refusal(&kestrel(place.path(), &["train", "--resume", "run"]));
+    assert!(message.contains("checkpoints"), "{message}");
+}
+
+#[test]
+fn an_existing_run_is_not_overwritten() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    let before = fs::read(place.path().join("run/metrics.jsonl")).unwrap();
+    assert!(refusal(&train_tiny(place.path(), "run", &[])).contains("already holds a run"));
+    assert!(fs::read(place.path().join("run/metrics.jsonl")).unwrap() == before);
+}
+
+#[test]
+fn a_busy_port_is_named() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let message = refusal(&kestrel(place.path(), &["fly", "run", "--listen", &address, "--for-secs", "1"]));
+    assert!(message.contains(&address), "{message}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_one_error() {
+    let place = tempfile::tempdir().unwrap();
+    let hover = config("hover.yaml");
+    // A limit on the size of files stands in for a disk on which a checkpoint has no room.
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 64; exec '{}' train '{}' --run run --set training.total_steps=65536 \
+         --set training.environments=256 --set training.minibatch=2048",
+        env!("CARGO_BIN_EXE_kestrel"),
+        hover.display()
+    );
+    let output = std::process::Command::new("bash").args(["-c", &script]).current_dir(place.path()).output();
+    assert!(refusal(&output.unwrap()).contains("checkpoints"));
+    assert!(checkpoints(&place.path().join("run")).is_empty(), "no half-written checkpoint stays behind");
+}

@@ -1,0 +1,7 @@
+//! The `kestrel` binary as users meet it.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
+
+mod errors;
+mod kestrel;
+mod runs;

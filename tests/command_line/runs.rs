@@ -1,0 +1,142 @@
+//! Whole runs: what they leave behind, and that threads and interruptions leave no trace.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::kestrel::{TINY, command, config, kestrel, train_tiny};
+
+/// The rows of a run's metrics without what a clock says.
+fn metrics(run: &Path) -> Vec<Value> {
+    let text = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
+    let rows = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    rows.map(|mut row| {
+        let fields = row.as_object_mut().unwrap();
+        fields.retain(|name, _| !name.ends_with("_secs") && name != "steps_per_second");
+        row
+    })
+    .collect()
+}
+
+fn assert_same_run(one: &Path, other: &Path) {
+    assert_eq!(metrics(one), metrics(other));
+    for file in ["policy.kestrel", "policy-f32.kestrel", "evaluation.json", "flight.gif"] {
+        assert!(fs::read(one.join(file)).unwrap() == fs::read(other.join(file)).unwrap(), "{file} differs");
+    }
+}
+
+#[test]
+fn one_command_leaves_the_whole_result() {
+    let place = tempfile::tempdir().unwrap();
+    let output = train_tiny(place.path(), "run", &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let run = place.path().join("run");
+    let expected = [
+        "config.yaml",
+        "metrics.jsonl",
+        "checkpoints",
+        "learning-curve.svg",
+        "policy.kestrel",
+        "policy-f32.kestrel",
+        "export.json",
+        "evaluation.json",
+        "flight.gif",
+    ];
+    for name in expected {
+        assert!(run.join(name).exists(), "{name} is missing");
+    }
+    let names: BTreeSet<_> = fs::read_dir(&run).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(names.iter().any(|name| name.to_string_lossy().starts_with("events.out.tfevents.")));
+    assert_eq!(metrics(&run).len(), 4);
+    let text = String::from_utf8(output.stdout).unwrap();
+    for word in ["multiply-accumulates", "do nothing", "random", "scripted pilot", "flight.gif"] {
+        assert!(text.contains(word), "no {word} in:\n{text}");
+    }
+}
+
+#[test]
+fn the_run_can_be_evaluated_and_exported_again() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    let policy = fs::read(place.path().join("run/policy.kestrel")).unwrap();
+    let report = fs::read(place.path().join("run/evaluation.json")).unwrap();
+    assert!(kestrel(place.path(), &["export", "run"]).status.success());
+    assert!(fs::read(place.path().join("run/policy.kestrel")).unwrap() == policy);
+    assert!(kestrel(place.path(), &["evaluate", "run"]).status.success());
+    assert!(fs::read(place.path().join("run/evaluation.json")).unwrap() == report);
+    assert!(kestrel(place.path(), &["evaluate", "run", "--episodes", "5", "--seed", "9"]).status.success());
+}
+
+#[test]
+fn the_number_of_threads_leaves_no_trace() {
+    let place = tempfile::tempdir().unwrap();
+    for threads in ["1", "2", "7"] {
+        let output = train_tiny(place.path(), threads, &["--threads", threads]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert_same_run(&place.path().join("1"), &place.path().join("2"));
+    assert_same_run(&place.path().join("1"), &place.path().join("7"));
+}
+
+/// Waits until the run has logged an update.
+fn wait_for_update(run: &Path) {
+    let start = Instant::now();
+    while fs::read_to_string(run.join("metrics.jsonl")).unwrap_or_default().lines().count() < 1 {
+        assert!(start.elapsed() < Duration::from_secs(60), "no update within a minute");
+        sleep(Duration::from_millis(5));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_goes_on_to_the_same_bits() {
+    let place = tempfile::tempdir().unwrap();
+    let config = config("hover.yaml");
+    let longer = ["--set", "training.total_steps=81920"];
+    train_tiny(place.path(), "whole", &longer);
+    let arguments = [&["train", config.to_str().unwrap(), "--run", "halves"], &TINY[..], &longer].concat();
+    let mut child = command(place.path()).args(arguments).stdout(Stdio::piped()).spawn().unwrap();
+    let run = place.path().join("halves");
+    wait_for_update(&run);
+    let signal = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(signal.success());
+    let status = child.wait().unwrap();
+    if status.code() == Some(130) {
+        assert!(metrics(&run).len() < 20);
+        let output = kestrel(place.path(), &["train", "--resume", "halves"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    } else {
+        // The signal came after the last update: nothing was left to interrupt.
+        assert!(status.success());
+    }
+    assert_same_run(&place.path().join("whole"), &run);
+}
+
+#[test]
+fn a_finished_run_can_be_resumed_without_harm() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    let policy = fs::read(place.path().join("run/policy.kestrel")).unwrap();
+    assert!(kestrel(place.path(), &["train", "--resume", "run"]).status.success());
+    assert!(fs::read(place.path().join("run/policy.kestrel")).unwrap() == policy);
+    assert_eq!(metrics(&place.path().join("run")).len(), 4);
+}
+
+#[test]
+fn help_schema_and_completions_print() {
+    let place = tempfile::tempdir().unwrap();
+    for arguments in [&["--help"][..], &["train", "--help"], &["schema"], &["completions", "bash"]] {
+        let output = kestrel(place.path(), arguments);
+        assert!(output.status.success() && output.stdout.len() > 300);
+    }
+    let schema = kestrel(place.path(), &["schema"]).stdout;
+    assert!(
+        schema == fs::read(config("schema.json")).unwrap(),
+        "configs/schema.json is not what the program prints"
+    );
+}

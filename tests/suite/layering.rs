@@ -1,0 +1,50 @@
+//! The arrows between the crates, as `cargo metadata` sees them.
+
+use std::collections::BTreeSet;
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Which package may name which of the others.
+const ARROWS: [(&str, &[&str]); 4] = [
+    ("kestrel-core", &[]),
+    ("kestrel-sim", &["kestrel-core"]),
+    ("kestrel-shim", &["kestrel-core"]),
+    ("kestrel-train", &["kestrel-core", "kestrel-sim", "kestrel-shim"]),
+];
+
+fn packages() -> Vec<Value> {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+    let output = Command::new(cargo)
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
+    metadata["packages"].as_array().unwrap().clone()
+}
+
+fn dependencies(package: &Value) -> BTreeSet<String> {
+    let all = package["dependencies"].as_array().unwrap().iter();
+    let shipped = all.filter(|dependency| dependency["kind"].is_null());
+    shipped.map(|dependency| dependency["name"].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn crates_name_only_those_below_them() {
+    let packages = packages();
+    for (name, allowed) in ARROWS {
+        let package = packages.iter().find(|package| package["name"] == name).unwrap();
+        let kestrel = dependencies(package).into_iter().filter(|name| name.starts_with("kestrel-"));
+        let unexpected: Vec<String> = kestrel.filter(|name| !allowed.contains(&name.as_str())).collect();
+        assert!(unexpected.is_empty(), "{name} names {unexpected:?}, which it may not know");
+    }
+}
+
+#[test]
+fn the_core_needs_no_operating_system() {
+    let core = packages().into_iter().find(|package| package["name"] == "kestrel-core").unwrap();
+    let expected = ["heapless", "libm", "nalgebra", "postcard", "serde", "thiserror"].map(String::from);
+    assert!(dependencies(&core).is_subset(&BTreeSet::from(expected)));
+    assert_eq!(core["features"]["default"], Value::Null);
+}

@@ -1,0 +1,6 @@
+//! Suites that look at several crates at once.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
+
+mod layering;
+mod learning;
