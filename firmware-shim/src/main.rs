@@ -22,8 +22,8 @@ const USER_ERROR: u8 = 2;
 ///
 /// Example: kestrel-shim runs/hover-seed0-1/policy.kestrel --speed 5
 ///
-/// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points
-/// (SET_POSITION_TARGET_LOCAL_NED), land. Exit status: 0 after a flight, 2 if it cannot begin.
+/// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points,
+/// land. Exit status: 0 after a flight, 2 if it cannot begin.
 #[derive(Parser)]
 #[command(name = "kestrel-shim", version)]
 struct Arguments {
