@@ -19,12 +19,12 @@ pub enum LinkError {
         address: SocketAddr,
     },
     /// The address cannot be bound.
-    #[error("cannot open UDP address {address}: {source}")]
+    #[error("cannot open UDP address {address}: {reason}")]
     Open {
         /// Wanted address.
         address: SocketAddr,
         /// Reason of the operating system.
-        source: io::Error,
+        reason: io::Error,
     },
     /// The socket fails.
     #[error("cannot receive on the UDP socket: {0}")]
@@ -66,9 +66,9 @@ impl UdpLink {
     /// [`LinkError::Busy`] or [`LinkError::Open`].
     pub fn open(addresses: &Addresses) -> Result<Self, LinkError> {
         let address = addresses.vehicle;
-        let failed = |source: io::Error| match source.kind() {
+        let failed = |reason: io::Error| match reason.kind() {
             ErrorKind::AddrInUse => LinkError::Busy { address },
-            _ => LinkError::Open { address, source },
+            _ => LinkError::Open { address, reason },
         };
         let socket = UdpSocket::bind(address).map_err(failed)?;
         socket.set_nonblocking(true).map_err(failed)?;

@@ -20,10 +20,10 @@ const USER_ERROR: u8 = 2;
 /// The drone starts at rest on an endless flat floor, in still air, with the nominal dynamics of its airframe; no
 /// simulator is linked in. `kestrel fly` flies the same vehicle in the aviary that its policy was trained in.
 ///
-/// Example: kestrel-shim runs/hover/policy.kpol --speed 5
+/// Example: kestrel-shim runs/hover-seed0-1/policy.kestrel --speed 5
 ///
-/// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points
-/// (SET_POSITION_TARGET_LOCAL_NED), land. Exit status: 0 after a flight, 2 if it cannot begin.
+/// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points,
+/// land. Exit status: 0 after a flight, 2 if it cannot begin.
 #[derive(Parser)]
 #[command(name = "kestrel-shim", version)]
 struct Arguments {

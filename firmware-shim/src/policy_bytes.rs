@@ -23,12 +23,12 @@ pub struct PolicyBytes {
 #[derive(Debug, thiserror::Error)]
 pub enum PolicyBytesError {
     /// The file cannot be read.
-    #[error("cannot read policy {}: {source}", path.display())]
+    #[error("cannot read policy {}: {reason}", path.display())]
     Read {
         /// Of the file.
         path: PathBuf,
         /// Reason of the operating system.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The file is far too long.
     #[error("{} is no policy: expected at most {LENGTH_LIMIT} bytes, found {found}", path.display())]
@@ -46,7 +46,7 @@ impl PolicyBytes {
     /// # Errors
     /// If it cannot be read or is far too long; what it holds is checked by [`Self::policy`].
     pub fn read(path: &Path) -> Result<Self, PolicyBytesError> {
-        let failed = |source| PolicyBytesError::Read { path: path.to_owned(), source };
+        let failed = |reason| PolicyBytesError::Read { path: path.to_owned(), reason };
         let found = fs::metadata(path).map_err(failed)?.len();
         if found > LENGTH_LIMIT {
             return Err(PolicyBytesError::Length { path: path.to_owned(), found });

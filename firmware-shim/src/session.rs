@@ -38,12 +38,12 @@ pub struct SessionOptions {
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The policy does not reproduce its golden vectors.
-    #[error("policy \"{name}\" does not compute here what it did when it was exported: {source}")]
+    #[error("policy \"{name}\" does not compute here what it did when it was exported: {reason}")]
     SelfTest {
         /// Of the policy.
         name: String,
         /// The first deviation.
-        source: PolicyError,
+        reason: PolicyError,
     },
     /// No socket.
     #[error(transparent)]
@@ -72,7 +72,7 @@ impl<'a> Session<'a> {
     /// If the policy fails its self-test or the address cannot be had.
     pub fn open(policy: PolicyFile<'a>, options: &SessionOptions) -> Result<Self, SessionError> {
         let name = policy.metadata().name;
-        policy.self_test().map_err(|source| SessionError::SelfTest { name: name.to_owned(), source })?;
+        policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
         let link = UdpLink::open(&Addresses { vehicle: options.listen, ground_station: options.ground_station })?;
         let announcement = announcement(name, link.address()?, options);
         let vehicle = MavlinkVehicle::new(Pilot::new(policy), options.system);

@@ -19,8 +19,8 @@ os.environ["MAVLINK20"] = "1"
 
 from pymavlink import mavutil  # noqa: E402  (reads MAVLINK20 when imported)
 
-SPEED = 5.0
-"""Simulated seconds per second."""
+SPEED = ["--speed", "5"]
+"""Simulated seconds per second, unless the arguments say otherwise."""
 
 OFFSETS = [(0.6, 0.0, 1.0), (0.6, -0.5, 1.4), (-0.4, 0.3, 0.8)]
 """Set-points east and north of the start and above the floor [m]."""
@@ -72,7 +72,12 @@ class TrueState:
         return self.moments
 
     def now(self):
-        return self.read()[-1]
+        """The last moment; the vehicle speaks its first words before it writes its first line."""
+        end = time.monotonic() + 5.0
+        while not self.read():
+            expect(time.monotonic() < end, f"nothing in {self.path}")
+            time.sleep(0.01)
+        return self.moments[-1]
 
     def at(self, secs):
         return min(self.read(), key=lambda moment: abs(moment["secs"] - secs))
@@ -89,7 +94,7 @@ class Vehicle:
             *command,
             *("--listen", self.listen),
             *("--ground-station", self.ground_station),
-            *("--speed", str(SPEED)),
+            *([] if "--speed" in command else SPEED),
         ]
         self.client = mavutil.mavlink_connection(f"udpin:{self.ground_station}", source_system=255)
         log = ["--true-state-log", self.true_state.path]

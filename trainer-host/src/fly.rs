@@ -59,7 +59,7 @@ pub struct FlightSummary {
 #[derive(Debug, thiserror::Error)]
 pub enum FlyError {
     /// The policy file is damaged or of another version.
-    #[error("the policy file cannot be used: {0}")]
+    #[error(transparent)]
     Policy(#[from] PolicyError),
     /// The policy was trained at another pace.
     #[error(
@@ -77,12 +77,12 @@ pub enum FlyError {
     #[error(transparent)]
     Session(#[from] SessionError),
     /// The true-state log cannot be written.
-    #[error("cannot write the true-state log {}: {source}", path.display())]
+    #[error("cannot write the true-state log {}: {reason}", path.display())]
     Log {
         /// Of the log.
         path: PathBuf,
         /// Reason of the operating system.
-        source: io::Error,
+        reason: io::Error,
     },
 }
 
@@ -185,7 +185,7 @@ struct TrueStateLog {
 impl TrueStateLog {
     fn create(options: &FlyOptions) -> Result<Self, FlyError> {
         let Some(path) = &options.true_state_log else { return Ok(Self { file: None }) };
-        let file = File::create(path).map_err(|source| FlyError::Log { path: path.clone(), source })?;
+        let file = File::create(path).map_err(|reason| FlyError::Log { path: path.clone(), reason })?;
         Ok(Self { file: Some((path.clone(), LineWriter::new(file))) })
     }
 
@@ -200,7 +200,7 @@ impl TrueStateLog {
             rotor_targets: moment.rotor_targets,
         };
         let written = serde_json::to_writer(&mut *file, &line).map_err(io::Error::from);
-        written.and_then(|()| file.write_all(b"\n")).map_err(|source| FlyError::Log { path: path.clone(), source })
+        written.and_then(|()| file.write_all(b"\n")).map_err(|reason| FlyError::Log { path: path.clone(), reason })
     }
 }
 

@@ -93,62 +93,32 @@ impl Rig {
 const MODES: [Mode; 7] =
     [Mode::Disarmed, Mode::Armed, Mode::TakingOff, Mode::Holding, Mode::Guided, Mode::Landing, Mode::Landed];
 
-#[test]
-fn every_mode_answers_every_command_as_drawn() {
+/// What becomes of a command in each of [`MODES`].
+type Row = [Result<Mode, Refusal>; 7];
+
+#[rustfmt::skip]
+fn table() -> [(Command, Row); 7] {
     use Mode::{Armed, Disarmed, Guided, Holding, Landed, Landing, TakingOff};
     use Refusal::{InFlight, NotArmed, NotCruising, NotFlying};
+    const AIR: Result<Mode, Refusal> = Err(InFlight);
+    const CRUISE: Result<Mode, Refusal> = Err(NotCruising);
     let go_to = Command::GoTo(Vector3::new(0.0, 0.5, 1.0));
     let take_off = Command::TakeOff { altitude_m: 0.5 };
-    // Outcomes in the order of MODES.
-    let table: [(Command, [Result<Mode, Refusal>; 7]); 7] = [
-        (Command::Arm, [Ok(Armed), Ok(Armed), Ok(TakingOff), Ok(Holding), Ok(Guided), Ok(Landing), Ok(Landed)]),
-        (
-            Command::Disarm,
-            [Ok(Disarmed), Ok(Disarmed), Err(InFlight), Err(InFlight), Err(InFlight), Err(InFlight), Ok(Disarmed)],
-        ),
+    [
+        //                     Disarmed        Armed          TakingOff      Holding      Guided       Landing      Landed
+        (Command::Arm,        [Ok(Armed),      Ok(Armed),     Ok(TakingOff), Ok(Holding), Ok(Guided),  Ok(Landing), Ok(Landed)]),
+        (Command::Disarm,     [Ok(Disarmed),   Ok(Disarmed),  AIR,           AIR,         AIR,         AIR,         Ok(Disarmed)]),
         (Command::StopMotors, [Ok(Disarmed); 7]),
-        (
-            take_off,
-            [
-                Err(NotArmed),
-                Ok(TakingOff),
-                Err(InFlight),
-                Err(InFlight),
-                Err(InFlight),
-                Err(InFlight),
-                Ok(TakingOff),
-            ],
-        ),
-        (
-            go_to,
-            [
-                Err(NotCruising),
-                Err(NotCruising),
-                Err(NotCruising),
-                Ok(Guided),
-                Ok(Guided),
-                Err(NotCruising),
-                Err(NotCruising),
-            ],
-        ),
-        (
-            Command::Pause,
-            [
-                Err(NotCruising),
-                Err(NotCruising),
-                Ok(Holding),
-                Ok(Holding),
-                Ok(Holding),
-                Err(NotCruising),
-                Err(NotCruising),
-            ],
-        ),
-        (
-            Command::Land,
-            [Err(NotFlying), Err(NotFlying), Ok(Landing), Ok(Landing), Ok(Landing), Ok(Landing), Ok(Landed)],
-        ),
-    ];
-    for (command, outcomes) in table {
+        (take_off,            [Err(NotArmed),  Ok(TakingOff), AIR,           AIR,         AIR,         AIR,         Ok(TakingOff)]),
+        (go_to,               [CRUISE,         CRUISE,        CRUISE,        Ok(Guided),  Ok(Guided),  CRUISE,      CRUISE]),
+        (Command::Pause,      [CRUISE,         CRUISE,        Ok(Holding),   Ok(Holding), Ok(Holding), CRUISE,      CRUISE]),
+        (Command::Land,       [Err(NotFlying), Err(NotFlying), Ok(Landing),  Ok(Landing), Ok(Landing), Ok(Landing), Ok(Landed)]),
+    ]
+}
+
+#[test]
+fn every_mode_answers_every_command_as_drawn() {
+    for (command, outcomes) in table() {
         for (mode, outcome) in MODES.into_iter().zip(outcomes) {
             let mut rig = Rig::in_mode(mode);
             assert_eq!(rig.autopilot.mode(), mode);

@@ -87,11 +87,14 @@ impl Rig {
 }
 
 fn texts(answers: &[MavMessage]) -> Vec<&str> {
-    let text = |message| match message {
-        &MavMessage::STATUSTEXT(ref status) => status.text.to_str().ok(),
-        _ => None,
-    };
     answers.iter().filter_map(text).collect()
+}
+
+fn text(message: &MavMessage) -> Option<&str> {
+    match message {
+        MavMessage::STATUSTEXT(status) => status.text.to_str().ok(),
+        _ => None,
+    }
 }
 
 #[test]
