@@ -153,26 +153,31 @@ impl PackedLayer<'_> {
 /// Wraps where a sum leaves 32 bits, which the formats of a parsed policy exclude.
 #[inline(never)]
 fn dense(weights: &[u8], bias: &[u8], inputs: &[[i16; COLUMN_GROUP]], sums: &mut [i32]) {
-    let blocks = weights.chunks_exact((GROUP_BYTES * inputs.len()).max(1));
+    let mut groups = weights.as_chunks::<2>().0.as_chunks::<{ ROW_BLOCK * COLUMN_GROUP }>().0.iter();
     let biases = bias.as_chunks::<4>().0.as_chunks::<ROW_BLOCK>().0;
-    for ((block, bias), sums) in blocks.zip(biases).zip(sums.as_chunks_mut::<ROW_BLOCK>().0) {
+    for (bias, sums) in biases.iter().zip(sums.as_chunks_mut::<ROW_BLOCK>().0) {
         let mut block_sums = bias.map(i32::from_le_bytes);
-        for (group, inputs) in block.as_chunks::<4>().0.as_chunks::<ROW_BLOCK>().0.iter().zip(inputs) {
-            for (sum, weights) in block_sums.iter_mut().zip(group) {
-                *sum = sum.wrapping_add(product_of_pairs(*weights, *inputs));
-            }
+        for inputs in inputs {
+            let Some(group) = groups.next() else { break };
+            block_sums = with_products(block_sums, group.map(i16::from_le_bytes), *inputs);
         }
         *sums = block_sums;
     }
 }
 
-/// Sum of two products, which fits 32 bits because inputs never are -2¹⁵.
+/// Adds one column pair to the sums of a row block.
 #[inline(always)]
-fn product_of_pairs(weights: [u8; 4], inputs: [i16; COLUMN_GROUP]) -> i32 {
-    let [first_low, first_high, second_low, second_high] = weights;
-    let first = i32::from(i16::from_le_bytes([first_low, first_high])) * i32::from(inputs[0]);
-    let second = i32::from(i16::from_le_bytes([second_low, second_high])) * i32::from(inputs[1]);
-    first.wrapping_add(second)
+fn with_products(
+    sums: [i32; ROW_BLOCK],
+    weights: [i16; ROW_BLOCK * COLUMN_GROUP],
+    [first, second]: [i16; COLUMN_GROUP],
+) -> [i32; ROW_BLOCK] {
+    core::array::from_fn(|row| {
+        let products = i32::from(weights[COLUMN_GROUP * row])
+            .wrapping_mul(i32::from(first))
+            .wrapping_add(i32::from(weights[COLUMN_GROUP * row + 1]).wrapping_mul(i32::from(second)));
+        sums[row].wrapping_add(products)
+    })
 }
 
 impl Scratch {

@@ -132,11 +132,12 @@ fn dense(weights: &[u8], bias: &[u8], inputs: &[f32], outputs: &mut [f32]) {
 
 #[inline(always)]
 fn row_blocks<const ROWS: usize>(weights: &[u8], bias: &[u8], inputs: &[f32], outputs: &mut [f32]) {
-    let blocks = weights.chunks_exact((4 * ROWS * inputs.len()).max(1));
+    let mut columns = weights.as_chunks::<4>().0.as_chunks::<ROWS>().0.iter();
     let biases = bias.as_chunks::<4>().0.as_chunks::<ROWS>().0;
-    for ((block, bias), outputs) in blocks.zip(biases).zip(outputs.as_chunks_mut::<ROWS>().0) {
+    for (bias, outputs) in biases.iter().zip(outputs.as_chunks_mut::<ROWS>().0) {
         let mut sums = bias.map(f32::from_le_bytes);
-        for (column, input) in block.as_chunks::<4>().0.as_chunks::<ROWS>().0.iter().zip(inputs) {
+        for input in inputs {
+            let Some(column) = columns.next() else { break };
             for (sum, weight) in sums.iter_mut().zip(column) {
                 *sum += f32::from_le_bytes(*weight) * input;
             }

@@ -15,7 +15,7 @@ pub use writer::PolicyDraft;
 
 use crate::action::ACTION_LEN;
 use crate::fixed::{self, FixedMlp};
-use crate::mlp::{self, Mlp};
+use crate::mlp::{self, Mlp, WIDTH_LIMIT};
 use header::{Header, Sections};
 use metadata::{action_identifier, layout_identifier};
 
@@ -170,11 +170,13 @@ impl<'a> PolicyFile<'a> {
     }
 }
 
-type Observation = heapless::Vec<f32, { mlp::WIDTH_LIMIT }>;
-
-fn read_golden(bytes: &[u8], observation_len: usize) -> (Observation, [f32; ACTION_LEN]) {
+/// The observation, followed by zeros, and the action of a golden vector.
+fn read_golden(bytes: &[u8], observation_len: usize) -> ([f32; WIDTH_LIMIT], [f32; ACTION_LEN]) {
     let mut values = bytes.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word));
-    let observation = values.by_ref().take(observation_len).collect();
+    let mut observation = [0.0; WIDTH_LIMIT];
+    for (slot, value) in observation.iter_mut().zip(values.by_ref().take(observation_len)) {
+        *slot = value;
+    }
     (observation, core::array::from_fn(|_| values.next().unwrap_or(f32::NAN)))
 }
 

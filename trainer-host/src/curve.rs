@@ -102,9 +102,7 @@ impl Series {
     fn smoothed(&self) -> Vec<(f64, f64)> {
         let reach = self.points.len() / 40;
         let mean = |index: usize| {
-            // Near an end the window shrinks on both sides, so that it stays centred.
-            let reach = reach.min(index).min(self.points.len() - 1 - index);
-            let window = &self.points[index - reach..=index + reach];
+            let window = &self.points[index.saturating_sub(reach)..(index + reach + 1).min(self.points.len())];
             window.iter().map(|&(_, value)| value).sum::<f64>() / window.len() as f64
         };
         self.points.iter().enumerate().map(|(index, &(steps, _))| (steps, mean(index))).collect()
@@ -247,6 +245,20 @@ mod tests {
         with_gaps.insert(2, nan);
         assert_eq!(learning_curve("gaps", &with_gaps).unwrap(), learning_curve("gaps", &points(3)).unwrap());
         assert!(is_complete(&learning_curve("nothing", &[none, nan]).unwrap()));
+    }
+
+    #[test]
+    fn the_smooth_curve_follows_a_straight_line_and_calms_a_noisy_one() {
+        let straight = Series::of_returns(&points(400));
+        for (&(_, value), (_, smooth)) in straight.points.iter().zip(straight.smoothed()).skip(10).take(380) {
+            assert!((value - smooth).abs() < 1e-9);
+        }
+        let noisy = points(400).into_iter().enumerate().map(|(index, point)| {
+            let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
+            CurvePoint { episode_return: Some(sign), ..point }
+        });
+        let smoothed = Series::of_returns(&noisy.collect::<Vec<_>>()).smoothed();
+        assert!(smoothed.iter().all(|(_, value)| value.abs() < 0.1));
     }
 
     #[test]

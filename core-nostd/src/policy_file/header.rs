@@ -229,7 +229,17 @@ fn parse_widths(bytes: &[u8]) -> Result<Vec<u16, { LAYER_LIMIT + 1 }>, PolicyErr
     if !(1..=LAYER_LIMIT).contains(&found) {
         return Err(PolicyError::LayerCount { found });
     }
-    Ok((0..=found).map(|index| u16_at(bytes, 24 + 2 * index)).collect())
+    Ok(collected((0..=found).map(|index| u16_at(bytes, 24 + 2 * index))))
+}
+
+/// The first of `widths`, as many as a header holds.
+pub(crate) fn collected(widths: impl Iterator<Item = u16>) -> Vec<u16, { LAYER_LIMIT + 1 }> {
+    let mut collected = Vec::new();
+    for width in widths.take(LAYER_LIMIT + 1) {
+        // Cannot fail, and `collect` would bring a panic into the firmware.
+        let _ = collected.push(width);
+    }
+    collected
 }
 
 /// Refuses anything but zero where nothing is stored, so that a file has one meaning and room to grow.

@@ -1,6 +1,6 @@
 //! Writing policy files, into the caller's bytes: the one definition of the format beside its reader.
 
-use super::header::{Header, Sections};
+use super::header::{Header, Sections, collected};
 use super::metadata::{action_identifier, layout_identifier};
 use super::{HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, Scratch};
 use crate::action::ACTION_LEN;
@@ -63,7 +63,7 @@ impl PolicyDraft<'_> {
             action_space: action_identifier(&self.metadata.action),
             metadata_len: metadata_len(&self.metadata)?,
             golden_vectors: found / expected,
-            widths: self.widths().map(|width| width.min(usize::from(u16::MAX)) as u16).collect(),
+            widths: collected(self.widths().map(|width| width.min(usize::from(u16::MAX)) as u16)),
         };
         header.check()?;
         Ok(header)

@@ -109,7 +109,7 @@ proptest! {
     }
 }
 
-/// Over 32 networks and 64 observations each the largest error was 1.2e-3.
+/// The largest of the 8192 errors is 4.9e-4: rounded weights and activations, not the format, limit it.
 #[test]
 fn fixed_point_stays_close_to_f64_in_networks_of_trained_size() {
     let worst = (0..32)
@@ -118,7 +118,7 @@ fn fixed_point_stays_close_to_f64_in_networks_of_trained_size() {
             largest_error(&model, &model.fixed_file(), &observations(seed, 64, 1.5))
         })
         .fold(0.0, f64::max);
-    assert!(worst < 2e-3, "{worst}");
+    assert!(worst < 1e-3, "{worst}");
 }
 
 #[test]

@@ -36,6 +36,9 @@ const OPACITY: [f32; 2] = [1.0, 0.1];
 /// Share of the way to its new opacity that a solid goes from picture to picture.
 const FADING: f32 = 0.15;
 
+/// Pictures before it must be glass at which a solid begins to fade.
+const FADE_AHEAD: usize = 14;
+
 /// How long the trail takes to fade \[s\], and the share of its colour that stays.
 const TRAIL_FADING: (f32, f32) = (2.5, 0.4);
 
@@ -65,18 +68,11 @@ impl<'a> Scene<'a> {
 
     /// All pictures of the film.
     pub(super) fn shots<'m>(&self, moments: &'m [Moment]) -> Vec<Shot<'m>> {
-        let mut opacities: Option<Vec<f32>> = None;
-        let mut shot = |(index, camera): (usize, Camera)| {
-            let moment = &moments[index];
-            let wanted = self.wanted_opacities(&camera, moment);
-            let faded = match opacities.take() {
-                Some(before) => before.iter().zip(&wanted).map(|(old, new)| old + FADING * (new - old)).collect(),
-                None => wanted,
-            };
-            opacities = Some(faded.clone());
-            Shot { moment, index, camera, opacities: faded }
-        };
-        tracking::cameras(self.recording, moments).into_iter().enumerate().map(&mut shot).collect()
+        let cameras = tracking::cameras(self.recording, moments);
+        let wanted: Vec<_> = cameras.iter().zip(moments).map(|(at, now)| self.wanted_opacities(at, now)).collect();
+        let opacities = faded(&wanted);
+        let shots = moments.iter().zip(cameras).zip(opacities).enumerate();
+        shots.map(|(index, ((moment, camera), opacities))| Shot { moment, index, camera, opacities }).collect()
     }
 
     /// Draws everything but the captions: first what hides other things, then what lets them shine through.
@@ -164,9 +160,30 @@ impl<'a> Scene<'a> {
         if moment.distance < GOAL_IN_SIGHT {
             watched.push(self.recording.goal);
         }
-        let hides = |solid: &Cuboid| watched.iter().any(|&watched| is_crossed(solid, camera.position, watched));
+        // The camera looks down, so what ends below drone and goal hides neither, whatever it hides of the ring.
+        let lowest = position.z.min(self.recording.goal.z);
+        let hides = |solid: &Cuboid| {
+            let crossed = |&watched: &Vector3<f32>| is_crossed(solid, camera.position, watched);
+            solid.high.z > lowest && watched.iter().any(crossed)
+        };
         self.recording.solids.iter().map(|solid| OPACITY[usize::from(hides(solid))]).collect()
     }
+}
+
+/// Opacities that change gently, and early enough: a solid is glass by the time at which it must be.
+fn faded(wanted: &[Vec<f32>]) -> Vec<Vec<f32>> {
+    let least = |now: usize, solid: usize| {
+        let soon = wanted[now..].iter().take(FADE_AHEAD);
+        soon.map(|opacities| opacities[solid]).fold(f32::INFINITY, f32::min)
+    };
+    let mut opacities: Vec<f32> = wanted.first().cloned().unwrap_or_default();
+    let mut fade = |now: usize| {
+        for (solid, opacity) in opacities.iter_mut().enumerate() {
+            *opacity += FADING * (least(now, solid) - *opacity);
+        }
+        opacities.clone()
+    };
+    (0..wanted.len()).map(&mut fade).collect()
 }
 
 fn draw_solid(block: &Block, opacity: f32, view: &mut View<'_>) {

@@ -253,6 +253,18 @@ fn only_solids_before_the_drone_become_glass() {
 }
 
 #[test]
+fn the_pad_under_the_drone_stays_opaque() {
+    let mut flight = recording(0.02);
+    let drone = flight.frames[0].position;
+    flight.goal = drone + Vector3::new(0.2, 0.0, 0.0);
+    let pad = |shift: f32| drone + Vector3::new(shift, shift, -0.1);
+    flight.solids = vec![Cuboid { low: pad(-1.0) - Vector3::z(), high: pad(1.0) }];
+    let moments = playback::moments(&flight);
+    let scene = scene::Scene::of(&flight, &moments);
+    assert_eq!(scene.shots(&moments)[0].opacities, [1.0]);
+}
+
+#[test]
 fn every_letter_differs_from_every_other() {
     let letters: Vec<char> = (' '..='~').collect();
     for (index, &letter) in letters.iter().enumerate() {
