@@ -1,12 +1,15 @@
 //! The autopilot: when motors may turn, and where the policy is to fly.
 //!
 //! ```text
-//!              arm             take off              top reached          set-point
-//!  Disarmed ─────────► Armed ───────────► TakingOff ─────────────► Holding ◄────────► Guided
-//!     ▲ ▲    10 s idle │  ▲                   │         pause         │       pause      │
-//!     │ └──────────────┘  │take off           │ land             land │             land │
-//!     │ 2 s               │(from Landed too)  └───────► Landing ◄─────┴──────────────────┘
-//!     └───────────────────┴── Landed ◄──────────────────┘ at rest
+//!            arm            take off             top reached          set-point
+//!  Disarmed ──────► Armed ────────────► TakingOff ──────────► Holding ──────────► Guided
+//!     ▲  ▲            │                    │  ▲    or pause      │  ◄──────────     │
+//!     │  └────────────┘                    │  │                  │     pause        │
+//!     │    10 s idle                       └──┼──────── land ────┴──────────────────┘
+//!     │                                       │           ▼
+//!     │                              take off │        Landing
+//!     │  2 s                                  │           │ at rest
+//!     └───────────────────────────────────────┴──────── Landed
 //! ```
 //!
 //! Besides, disarming works in every mode without flight, stopping the motors in every mode, and a state that is

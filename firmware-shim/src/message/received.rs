@@ -74,7 +74,7 @@ pub enum SetPointError {
     Position,
     /// NaN or infinite.
     NotFinite,
-    /// Beyond [`COORDINATE_LIMIT_M`] or below the origin's height.
+    /// Beyond a kilometre from the origin, or below its height.
     Outside,
 }
 
