@@ -59,8 +59,8 @@ impl Actor {
         actions.copy_from_slice(self.means(observations, &mut Workspace::new(&self.mlp, columns)));
     }
 
-    /// As [`Self::act_mean`], in a workspace that the caller keeps.
-    pub(crate) fn means<'w>(&self, observations: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
+    /// As [`Self::act_mean`], in a workspace of [`Self::mlp`] that the caller keeps from step to step.
+    pub fn means<'w>(&self, observations: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
         self.mlp.forward(&self.parameters, observations, workspace)
     }
 

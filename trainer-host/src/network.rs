@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub use dense::Dense;
 use dense::DenseGradient;
 use kernel::TanhBackward;
-pub(crate) use kernel::{dispatch, dot};
+pub(crate) use kernel::{dispatch, dot, square};
 
 /// Gain of orthogonal weights before a tanh, the choice of `CleanRL` and Stable-Baselines3.
 const HIDDEN_GAIN: f32 = std::f32::consts::SQRT_2;
@@ -142,7 +142,8 @@ pub struct Workspace {
     columns: usize,
     /// Per layer `[outputs][columns]`.
     activations: Vec<Vec<f32>>,
-    /// Per layer, of the sums before the activation function, `[outputs][columns]`.
+    /// Per layer, of the sums before the activation function, `[outputs][columns]`; empty until the first backward
+    /// pass.
     deltas: Vec<Vec<f32>>,
 }
 
@@ -150,11 +151,14 @@ impl Workspace {
     /// For tiles of `columns` samples.
     pub fn new(mlp: &Mlp, columns: usize) -> Self {
         let rows: Vec<Vec<f32>> = mlp.widths[1..].iter().map(|width| vec![0.0; width * columns]).collect();
-        Self { columns, activations: rows.clone(), deltas: rows }
+        Self { columns, activations: rows, deltas: Vec::new() }
     }
 
     /// The network's outputs `[outputs][columns]` and, to be written, the loss gradient of each.
     pub fn output_delta(&mut self) -> (&[f32], &mut [f32]) {
+        if self.deltas.is_empty() {
+            self.deltas.clone_from(&self.activations);
+        }
         let last = self.activations.len() - 1;
         (&self.activations[last], &mut self.deltas[last])
     }

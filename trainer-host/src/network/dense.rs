@@ -3,9 +3,7 @@
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::kernel::{
-    AddBias, AddBiasTanh, AddRowSums, NarrowOuterProduct, NarrowProduct, NarrowTransposedProduct, dispatch,
-};
+use super::kernel::{AddBias, AddBiasTanh, AddRowSums, NarrowOuterProduct, NarrowProduct, dispatch};
 
 /// Below this many outputs the general matrix product wastes its registers and the narrow kernels win.
 const NARROW: usize = 8;
@@ -38,7 +36,8 @@ impl Dense<'_> {
 
     fn product(&self, inputs: &[f32], columns: usize, outputs: &mut [f32]) {
         if self.outputs < NARROW {
-            return dispatch(NarrowProduct { weights: self.weights, inputs, columns, outputs });
+            let (weights, row_stride, term_stride) = (self.weights, self.inputs, 1);
+            return dispatch(NarrowProduct { weights, row_stride, term_stride, inputs, columns, outputs });
         }
         let weights = MatRef::from_row_major_slice(self.weights, self.outputs, self.inputs);
         let inputs = MatRef::from_row_major_slice(inputs, self.inputs, columns);
@@ -49,7 +48,9 @@ impl Dense<'_> {
     /// The loss gradient of the inputs, `W' d`, from that of the outputs.
     pub(crate) fn backward(&self, deltas: &[f32], columns: usize, inputs: &mut [f32]) {
         if self.outputs < NARROW {
-            return dispatch(NarrowTransposedProduct { weights: self.weights, deltas, columns, inputs });
+            let (weights, row_stride, term_stride) = (self.weights, 1, self.inputs);
+            let (inputs, outputs) = (deltas, inputs);
+            return dispatch(NarrowProduct { weights, row_stride, term_stride, inputs, columns, outputs });
         }
         let weights = MatRef::from_row_major_slice(self.weights, self.outputs, self.inputs);
         let deltas = MatRef::from_row_major_slice(deltas, self.outputs, columns);

@@ -6,11 +6,12 @@
 use kestrel_core::activation::tanh;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Partial sums of a dot product: two AVX registers hide the latency of the additions.
-const PARTIALS: usize = 16;
+/// Partial sums of a dot product: four AVX registers hide the latency of the additions.
+const PARTIALS: usize = 32;
 
-/// Columns that the narrow product keeps in registers.
-const BLOCK: usize = 32;
+/// Rows and columns of the block that the narrow product keeps in eight AVX registers.
+const BLOCK_ROWS: usize = 4;
+const BLOCK_COLUMNS: usize = 16;
 
 /// Runs `kernel` with the widest instruction set of this machine.
 pub(crate) fn dispatch<K: WithSimd>(kernel: K) -> K::Output {
@@ -22,41 +23,56 @@ pub(crate) fn dispatch<K: WithSimd>(kernel: K) -> K::Output {
 /// Columns come in multiples of eight; a shorter remainder is summed last.
 #[inline(always)]
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let ((a_blocks, a_rest), (b_blocks, b_rest)) = (a.as_chunks::<PARTIALS>(), b.as_chunks::<PARTIALS>());
     let mut partials = [0.0_f32; PARTIALS];
-    let (a_blocks, b_blocks) = (a.chunks_exact(PARTIALS), b.chunks_exact(PARTIALS));
-    let rest: f32 = a_blocks.remainder().iter().zip(b_blocks.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a_blocks.zip(b_blocks) {
+    for (a, b) in a_blocks.iter().zip(b_blocks) {
         for lane in 0..PARTIALS {
             partials[lane] += a[lane] * b[lane];
         }
     }
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
     tree_sum(partials) + rest
 }
 
 /// Sum of a row, in the order of [`dot`].
 #[inline(always)]
-pub(crate) fn sum(row: &[f32]) -> f32 {
+fn sum(row: &[f32]) -> f32 {
+    let (blocks, rest) = row.as_chunks::<PARTIALS>();
     let mut partials = [0.0_f32; PARTIALS];
-    let blocks = row.chunks_exact(PARTIALS);
-    let rest: f32 = blocks.remainder().iter().sum();
     for block in blocks {
         for lane in 0..PARTIALS {
             partials[lane] += block[lane];
         }
     }
-    tree_sum(partials) + rest
+    tree_sum(partials) + rest.iter().sum::<f32>()
 }
 
-#[inline(always)]
-fn tree_sum(mut partials: [f32; PARTIALS]) -> f32 {
-    let mut width = PARTIALS / 2;
-    while width > 0 {
-        for lane in 0..width {
-            partials[lane] += partials[lane + width];
-        }
-        width /= 2;
+/// Out of line, because the optimiser otherwise shapes the loops above after this tree: two lanes wide.
+#[inline(never)]
+fn tree_sum(partials: [f32; PARTIALS]) -> f32 {
+    let halved: [f32; PARTIALS / 2] = std::array::from_fn(|lane| partials[lane] + partials[lane + PARTIALS / 2]);
+    let quartered: [f32; PARTIALS / 4] = std::array::from_fn(|lane| halved[lane] + halved[lane + PARTIALS / 4]);
+    let [a, b, c, d]: [f32; PARTIALS / 8] =
+        std::array::from_fn(|lane| quartered[lane] + quartered[lane + PARTIALS / 8]);
+    (a + c) + (b + d)
+}
+
+/// Sum of squares, in the order of [`dot`].
+pub(crate) fn square(row: &[f32]) -> f32 {
+    dispatch(Square { row })
+}
+
+struct Square<'a> {
+    row: &'a [f32],
+}
+
+impl WithSimd for Square<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f32 {
+        dot(self.row, self.row)
     }
-    partials[0]
 }
 
 /// `rows[r][c] = tanh(rows[r][c] + biases[r])`.
@@ -99,7 +115,7 @@ impl WithSimd for AddBias<'_> {
     }
 }
 
-/// The derivative of tanh, from its value: `deltas[i] *= 1 - activations[i]^2`.
+/// The derivative of tanh, from its value: `deltas[r][c] *= 1 - activations[r][c]^2`.
 pub(crate) struct TanhBackward<'a> {
     pub(crate) deltas: &'a mut [f32],
     pub(crate) activations: &'a [f32],
@@ -134,11 +150,14 @@ impl WithSimd for AddRowSums<'_> {
     }
 }
 
-/// `outputs[r][c] = sum over k of weights[r][k] inputs[k][c]` for the few rows of a head.
+/// `outputs[r][c] = sum over k of W[r][k] inputs[k][c]`, for matrices with one short side.
 ///
 /// A general matrix product falls to a quarter of its speed when one side is 4 or 1.
 pub(crate) struct NarrowProduct<'a> {
+    /// `W[r][k]` at `r * row_stride + k * term_stride`.
     pub(crate) weights: &'a [f32],
+    pub(crate) row_stride: usize,
+    pub(crate) term_stride: usize,
     pub(crate) inputs: &'a [f32],
     pub(crate) columns: usize,
     pub(crate) outputs: &'a mut [f32],
@@ -148,59 +167,47 @@ impl WithSimd for NarrowProduct<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Self { weights, inputs, columns, outputs } = self;
-        let width = inputs.len() / columns;
-        for (weights, output) in weights.chunks_exact(width).zip(outputs.chunks_exact_mut(columns)) {
-            let mut blocks = output.chunks_exact_mut(BLOCK);
-            let mut first = 0;
-            for block in &mut blocks {
-                weighted_sum::<BLOCK>(weights, &inputs[first..], columns, block);
-                first += BLOCK;
-            }
-            for (offset, value) in blocks.into_remainder().iter_mut().enumerate() {
-                weighted_sum::<1>(weights, &inputs[first + offset..], columns, std::slice::from_mut(value));
-            }
+    fn with_simd<S: Simd>(mut self, _: S) {
+        let rows = self.outputs.len() / self.columns;
+        let blocked = rows - rows % BLOCK_ROWS;
+        for row in (0..blocked).step_by(BLOCK_ROWS) {
+            self.rows::<BLOCK_ROWS>(row);
+        }
+        for row in blocked..rows {
+            self.rows::<1>(row);
         }
     }
 }
 
-/// `N` columns of one output row, held in registers over all inputs.
-#[inline(always)]
-fn weighted_sum<const N: usize>(weights: &[f32], inputs: &[f32], columns: usize, output: &mut [f32]) {
-    let mut totals = [0.0_f32; N];
-    for (weight, row) in weights.iter().zip(inputs.chunks(columns)) {
-        let row = &row[..N];
-        for lane in 0..N {
-            totals[lane] += weight * row[lane];
-        }
-    }
-    output.copy_from_slice(&totals);
-}
-
-/// `inputs[k][c] = sum over r of weights[r][k] deltas[r][c]`: the narrow product backwards.
-pub(crate) struct NarrowTransposedProduct<'a> {
-    pub(crate) weights: &'a [f32],
-    pub(crate) deltas: &'a [f32],
-    pub(crate) columns: usize,
-    pub(crate) inputs: &'a mut [f32],
-}
-
-impl WithSimd for NarrowTransposedProduct<'_> {
-    type Output = ();
-
+impl NarrowProduct<'_> {
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Self { weights, deltas, columns, inputs } = self;
-        let width = inputs.len() / columns;
-        for (input, row) in inputs.chunks_exact_mut(columns).enumerate() {
-            row.fill(0.0);
-            for (weights, delta) in weights.chunks_exact(width).zip(deltas.chunks_exact(columns)) {
-                let weight = weights[input];
-                for (value, delta) in row.iter_mut().zip(delta) {
-                    *value += weight * delta;
+    fn rows<const ROWS: usize>(&mut self, row: usize) {
+        let blocked = self.columns - self.columns % BLOCK_COLUMNS;
+        for column in (0..blocked).step_by(BLOCK_COLUMNS) {
+            self.block::<ROWS, BLOCK_COLUMNS>(row, column);
+        }
+        for column in blocked..self.columns {
+            self.block::<ROWS, 1>(row, column);
+        }
+    }
+
+    /// A block of the result, held in registers over all terms.
+    #[inline(always)]
+    fn block<const ROWS: usize, const COLUMNS: usize>(&mut self, row: usize, column: usize) {
+        let mut totals = [[0.0_f32; COLUMNS]; ROWS];
+        for (term, input) in self.inputs.chunks_exact(self.columns).enumerate() {
+            let input = &input[column..column + COLUMNS];
+            let weights = &self.weights[row * self.row_stride + term * self.term_stride..];
+            for (offset, totals) in totals.iter_mut().enumerate() {
+                let weight = weights[offset * self.row_stride];
+                for (total, input) in totals.iter_mut().zip(input) {
+                    *total += weight * input;
                 }
             }
+        }
+        for (offset, totals) in totals.iter().enumerate() {
+            let start = (row + offset) * self.columns + column;
+            self.outputs[start..start + COLUMNS].copy_from_slice(totals);
         }
     }
 }

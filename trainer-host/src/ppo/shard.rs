@@ -1,7 +1,7 @@
 //! One part of a minibatch, differentiated by one thread.
 
 use crate::actor_critic::{Actor, Critic};
-use crate::network::Workspace;
+use crate::network::{Workspace, square};
 use crate::rollout::{PANEL, Tile};
 
 use super::loss::{LossSums, Surrogate, differentiate_value};
@@ -33,8 +33,7 @@ impl Gradient {
 
     /// Euclidean length over both networks.
     pub(crate) fn norm(&self) -> f32 {
-        let square = |value: &f32| f64::from(*value) * f64::from(*value);
-        self.actor.iter().chain(&self.critic).map(square).sum::<f64>().sqrt() as f32
+        (square(&self.actor) + square(&self.critic)).sqrt()
     }
 }
 
