@@ -30,6 +30,8 @@ pub(crate) struct Block<const LANES: usize> {
     steps: Column<LANES>,
     /// Last step at which the drone was outside the radius it must settle in.
     last_outside: Column<LANES>,
+    /// One where an episode just ended in success.
+    successes: Column<LANES>,
     totals: Column<LANES>,
     term_totals: Vec<Column<LANES>>,
     streams: Vec<Stream>,
@@ -41,6 +43,21 @@ pub(crate) struct Finished {
     pub(crate) episode: Episode,
     pub(crate) observation: [f32; PILOT_LEN],
     pub(crate) privileged: [f32; PRIVILEGED_LEN],
+}
+
+/// Reciprocals, computed once per step.
+struct PrivilegedScales {
+    per_hover_speed: f32,
+    per_episode_steps: f32,
+}
+
+impl PrivilegedScales {
+    fn of(scenario: &Scenario) -> Self {
+        Self {
+            per_hover_speed: 1.0 / scenario.airframe.hover_rotor_speed() as f32,
+            per_episode_steps: 1.0 / scenario.episode_steps() as f32,
+        }
+    }
 }
 
 impl<const LANES: usize> Block<LANES> {
@@ -59,6 +76,7 @@ impl<const LANES: usize> Block<LANES> {
             distances: nothing,
             steps: nothing,
             last_outside: nothing,
+            successes: nothing,
             totals: nothing,
             term_totals: vec![nothing; scenario.rewards.len()],
             streams,
@@ -157,7 +175,7 @@ impl<const LANES: usize> Block<LANES> {
             previous_actions: &self.previous_actions,
             distances: &self.distances,
             previous_distances,
-            ends: ends.as_ref(),
+            ends: &ends,
             control_secs: scenario.physics.control_secs,
         };
         let mut rewards = [0.0; LANES];
@@ -169,28 +187,27 @@ impl<const LANES: usize> Block<LANES> {
         }
         add(&mut self.totals, &rewards);
         self.rewards = rewards;
+        self.successes = ends.success;
     }
 
-    /// Which lanes ended in success and which in failure; nothing in the usual step, in which none ends.
+    /// Which lanes ended in success and which in failure.
     #[inline(always)]
-    fn ends(&self, scenario: &Scenario) -> Option<Ends<LANES>> {
-        let ended = self.codes.iter().fold(0.0, |sum, code| sum + code) > 0.0;
-        ended.then(|| Ends {
-            success: core::array::from_fn(|lane| f32::from(self.succeeded(scenario, lane))),
-            failure: core::array::from_fn(|lane| {
-                f32::from(termination::decode(self.codes[lane]).is_some_and(Ending::is_failure))
-            }),
-        })
-    }
-
-    /// Whether the episode in `lane` just ended in success.
-    fn succeeded(&self, scenario: &Scenario, lane: usize) -> bool {
-        match (&scenario.success, termination::decode(self.codes[lane])) {
-            (Success::Reach { .. }, ending) => ending == Some(Ending::Success),
-            (Success::Settle { within_secs, .. }, ending) => {
-                let settled = self.last_outside[lane] * scenario.physics.control_secs <= *within_secs;
-                ending == Some(Ending::TimeLimit) && settled
-            }
+    fn ends(&self, scenario: &Scenario) -> Ends<LANES> {
+        let codes = &self.codes;
+        let mark = |marked: bool| if marked { 1.0 } else { 0.0 };
+        Ends {
+            success: match scenario.success {
+                Success::Reach { .. } => {
+                    let success = termination::code(Ending::Success);
+                    core::array::from_fn(|lane| mark(codes[lane] == success))
+                }
+                Success::Settle { within_secs, .. } => {
+                    let (time_limit, secs) = (termination::code(Ending::TimeLimit), scenario.physics.control_secs);
+                    let settled = |lane: usize| self.last_outside[lane] * secs <= within_secs;
+                    core::array::from_fn(|lane| mark((codes[lane] == time_limit) & settled(lane)))
+                }
+            },
+            failure: core::array::from_fn(|lane| mark(termination::is_failure(codes[lane]))),
         }
     }
 
@@ -203,8 +220,9 @@ impl<const LANES: usize> Block<LANES> {
         match scenario.critic {
             CriticView::Observation => {}
             CriticView::Privileged => {
+                let scales = PrivilegedScales::of(scenario);
                 for lane in 0..LANES {
-                    self.reveal_lane(scenario, lane);
+                    self.reveal_lane(&scales, lane);
                 }
             }
         }
@@ -219,12 +237,11 @@ impl<const LANES: usize> Block<LANES> {
     }
 
     #[inline(always)]
-    fn reveal_lane(&mut self, scenario: &Scenario, lane: usize) {
-        let per_hover = 1.0 / scenario.airframe.hover_rotor_speed() as f32;
-        let [a, b, c, d] = row(&self.swarm.rotor_speeds, lane).map(|speed| speed * per_hover - 1.0);
+    fn reveal_lane(&mut self, scales: &PrivilegedScales, lane: usize) {
+        let [a, b, c, d] = row(&self.swarm.rotor_speeds, lane).map(|speed| speed * scales.per_hover_speed - 1.0);
         let [x, y, z] = row(&self.swarm.wind, lane);
         let [mass, thrust] = row(&self.factors, lane);
-        let left = 1.0 - self.steps[lane] / scenario.episode_steps() as f32;
+        let left = 1.0 - self.steps[lane] * scales.per_episode_steps;
         set_row(&mut self.privileged, lane, [a, b, c, d, x, y, z, mass - 1.0, thrust - 1.0, left]);
     }
 
@@ -234,7 +251,7 @@ impl<const LANES: usize> Block<LANES> {
             let Some(ending) = termination::decode(self.codes[lane]) else { continue };
             finished(Finished {
                 lane,
-                episode: self.episode(scenario, first, lane, ending),
+                episode: self.episode(first, lane, ending),
                 observation: row(&self.observations, lane),
                 privileged: row(&self.privileged, lane),
             });
@@ -242,12 +259,12 @@ impl<const LANES: usize> Block<LANES> {
         }
     }
 
-    fn episode(&self, scenario: &Scenario, first: u32, lane: usize, ending: Ending) -> Episode {
+    fn episode(&self, first: u32, lane: usize, ending: Ending) -> Episode {
         Episode {
             environment: first + lane as u32,
             steps: self.steps[lane] as u32,
             total_reward: self.totals[lane],
-            success: self.succeeded(scenario, lane),
+            success: self.successes[lane] > 0.5,
             ending,
             terms: self.term_totals.iter().map(|totals| totals[lane]).collect(),
         }
@@ -273,7 +290,7 @@ impl<const LANES: usize> Block<LANES> {
             totals[lane] = 0.0;
         }
         self.observe_lane(scenario, lane);
-        self.reveal_lane(scenario, lane);
+        self.reveal_lane(&PrivilegedScales::of(scenario), lane);
     }
 
     /// Every column that the next step depends on, for saving and restoring.

@@ -10,8 +10,7 @@ pub(crate) struct StepView<'a, const LANES: usize> {
     pub(crate) previous_actions: &'a [Column<LANES>; 4],
     pub(crate) distances: &'a Column<LANES>,
     pub(crate) previous_distances: &'a Column<LANES>,
-    /// Nothing in a step in which no lane ends.
-    pub(crate) ends: Option<&'a Ends<LANES>>,
+    pub(crate) ends: &'a Ends<LANES>,
     pub(crate) control_secs: f32,
 }
 
@@ -45,8 +44,8 @@ impl RewardTerm {
             Self::Action => each(values, |i| rate * squared_length(view.actions, i)),
             Self::ActionChange => each(values, |i| rate * squared_change(view, i)),
             Self::Progress => each(values, |i| weight * (view.previous_distances[i] - view.distances[i])),
-            Self::Success => values.clone_from(&once(view.ends.map(|ends| &ends.success), weight)),
-            Self::Failure => values.clone_from(&once(view.ends.map(|ends| &ends.failure), weight)),
+            Self::Success => each(values, |i| weight * view.ends.success[i]),
+            Self::Failure => each(values, |i| weight * view.ends.failure[i]),
         }
     }
 }
@@ -69,9 +68,4 @@ fn squared_change<const LANES: usize>(view: &StepView<'_, LANES>, lane: usize) -
         let change = now[lane] - before[lane];
         sum + change * change
     })
-}
-
-#[inline(always)]
-fn once<const LANES: usize>(marks: Option<&Column<LANES>>, weight: f32) -> Column<LANES> {
-    marks.map_or([0.0; LANES], |marks| marks.map(|mark| weight * mark))
 }

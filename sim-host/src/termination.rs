@@ -4,7 +4,7 @@ use crate::outcome::Ending;
 use crate::scenario::{Cuboid, Success, Termination};
 use crate::swarm::{Column, Swarm};
 
-/// Endings as numbers that lanes can compare; zero goes on.
+/// Endings as numbers that lanes can compare, failures first; zero goes on.
 const ENDINGS: [Ending; 6] =
     [Ending::Collision, Ending::OutOfBounds, Ending::Tilt, Ending::Distance, Ending::Success, Ending::TimeLimit];
 
@@ -16,6 +16,12 @@ pub(crate) fn code(ending: Ending) -> f32 {
 /// The ending behind a code.
 pub(crate) fn decode(code: f32) -> Option<Ending> {
     (code as usize).checked_sub(1).and_then(|index| ENDINGS.get(index)).copied()
+}
+
+/// Whether a code is that of a failure.
+#[inline(always)]
+pub(crate) fn is_failure(code: f32) -> bool {
+    (0.5 < code) & (code < 4.5)
 }
 
 /// What the rules look at.
@@ -123,4 +129,19 @@ fn contains<const LANES: usize>(cuboid: &Cuboid, swarm: &Swarm<LANES>, lane: usi
         & (y < cuboid.high.y)
         & (cuboid.low.z < z)
         & (z < cuboid.high.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_the_endings_in_lanes() {
+        assert_eq!(decode(0.0), None);
+        for ending in ENDINGS {
+            assert_eq!(decode(code(ending)), Some(ending));
+            assert_eq!(is_failure(code(ending)), ending.is_failure());
+        }
+        assert!(!is_failure(0.0));
+    }
 }

@@ -92,9 +92,10 @@ pub fn vehicle(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
     ]
 }
 
-/// Environment steps per second on one core, with observation, reward and reset.
+/// Environment steps per second on one core, with observation, reward and reset; episodes last to their time limit,
+/// as a trained policy's do.
 fn environment_rate(scenario: &Scenario, substeps: u32, duration: Duration) -> f64 {
-    let mut scenario = scenario.clone();
+    let mut scenario = Scenario { terminations: Vec::new(), ..scenario.clone() };
     scenario.physics.substeps = substeps;
     let mut simulation = Simulation::<64>::new(&scenario, Seed(0), 0, 256);
     let actions = vec![0.0; ACTION_LEN * 256];
