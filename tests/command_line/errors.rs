@@ -15,18 +15,21 @@ fn message_for(text: &str) -> String {
     message
 }
 
-fn hover() -> String {
-    fs::read_to_string(config("hover.yaml")).unwrap()
+/// `hover.yaml` with `wrong` where it says `right`.
+fn hover_with(right: &str, wrong: &str) -> String {
+    let text = fs::read_to_string(config("hover.yaml")).unwrap();
+    assert!(text.contains(right), "hover.yaml no longer says {right}");
+    text.replace(right, wrong)
 }
 
 #[test]
 fn wrong_experiments_are_named_with_line_found_and_expected() {
     let cases = [
-        (hover().replace("tilt_limit_deg", "tilt_limit_degs"), "unknown key `tilt_limit_degs`"),
-        (hover().replace("control_rate_hz: 100", "control_rate_hz: fast"), "the text \"fast\", expected a number"),
-        (hover().replace("airframe: cf2x", "airframe: cf2x\n    mass_kg: -0.027"), "found -0.027"),
-        (hover().replace("mass_fraction: 0.1", "mass_fraction: -0.1"), "found -0.1"),
-        (hover().replace("version: 1", "version: 2"), "found 2, expected `version: 1`"),
+        (hover_with("tilt_limit_deg", "tilt_limit_degs"), "unknown key `tilt_limit_degs`"),
+        (hover_with("control_rate_hz: 50", "control_rate_hz: fast"), "the text \"fast\", expected a number"),
+        (hover_with("airframe: cf2x", "airframe: cf2x\n    mass_kg: -0.027"), "found -0.027"),
+        (hover_with("mass_fraction: 0.1", "mass_fraction: -0.1"), "found -0.1"),
+        (hover_with("version: 1", "version: 2"), "found 2, expected `version: 1`"),
     ];
     for (text, expected) in cases {
         let message = message_for(&text);

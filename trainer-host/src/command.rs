@@ -55,12 +55,15 @@ impl Command {
             Self::Evaluate(arguments) => evaluate::run(&arguments),
             Self::Export(arguments) => export::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
+            Self::Bench(arguments) => bench::run(&arguments),
             Self::Schema => {
                 print!("{}", kestrel_train::experiment_config::schema());
                 Ok(Done::Finished)
             }
-            Self::Bench(arguments) => bench::run(&arguments),
-            Self::Completions(arguments) => completions::run(&arguments),
+            Self::Completions(arguments) => {
+                completions::print(&arguments);
+                Ok(Done::Finished)
+            }
         }
     }
 }

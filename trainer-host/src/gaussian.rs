@@ -30,7 +30,7 @@ impl Gaussian {
         &self.std
     }
 
-    /// Differential entropy [nat].
+    /// Differential entropy \[nat\].
     pub fn entropy(&self) -> f32 {
         self.log_std.iter().map(|log_std| 0.5 + LOG_NORMALISER + log_std).sum()
     }

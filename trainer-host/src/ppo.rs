@@ -5,7 +5,7 @@
 //! tile are independent of each other and at different moments of their episodes, and a minibatch draws its tiles
 //! from all panels and all steps.
 //!
-//! Every sum has an order that the number of threads does not change: a minibatch is cut into [`SHARDS`] parts,
+//! Every sum has an order that the number of threads does not change: a minibatch is cut into a fixed number of shards,
 //! and their gradients are added in order.
 
 mod loss;

@@ -16,7 +16,7 @@ const RATE_GAINS: [f32; 3] = [22.0, 22.0, 8.0];
 /// Greatest acceleration that the position loop asks for \[m/s²\].
 const ACCELERATION_LIMIT: f32 = 5.0;
 
-/// Geometric tracking control (after Lee, Leok & McClamroch 2010) through the rate controller of the core.
+/// Geometric tracking control (after Lee, Leok and McClamroch 2010) through the rate controller of the core.
 #[derive(Clone, Copy, Debug)]
 pub struct ScriptedPilot {
     action: ActionSpace,
@@ -35,18 +35,19 @@ impl ScriptedPilot {
         let (thrust_share, rates) = track(state, goal);
         match &self.action {
             ActionSpace::RotorSpeeds(space) => {
-                let commands = self.normalised(&self.rates, thrust_share, &rates);
+                let commands = normalised(&self.rates, thrust_share, &rates);
                 let targets = ActionSpace::ThrustBodyRates(self.rates).rotor_targets(&commands, &state.body_rates);
                 targets.map(|target| ((target / space.hover_rotor_speed - 1.0) / space.fraction).clamp(-1.0, 1.0))
             }
-            ActionSpace::ThrustBodyRates(space) => self.normalised(space, thrust_share, &rates),
+            ActionSpace::ThrustBodyRates(space) => normalised(space, thrust_share, &rates),
         }
     }
+}
 
-    fn normalised(&self, space: &ThrustBodyRates, thrust_share: f32, rates: &Vector3<f32>) -> [f32; ACTION_LEN] {
-        let [x, y, z] = core::array::from_fn(|axis| rates[axis] / space.body_rates_limit[axis]);
-        [(thrust_share - 1.0) / space.thrust_fraction, x, y, z].map(|value| value.clamp(-1.0, 1.0))
-    }
+/// Thrust and body rates as an action.
+fn normalised(space: &ThrustBodyRates, thrust_share: f32, rates: &Vector3<f32>) -> [f32; ACTION_LEN] {
+    let [x, y, z] = core::array::from_fn(|axis| rates[axis] / space.body_rates_limit[axis]);
+    [(thrust_share - 1.0) / space.thrust_fraction, x, y, z].map(|value| value.clamp(-1.0, 1.0))
 }
 
 /// Thrust relative to hover and wanted body rates \[rad/s\].

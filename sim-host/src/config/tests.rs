@@ -1,5 +1,3 @@
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use kestrel_core::airframe::CF2X;
 use nalgebra::Vector3;
 use proptest::prelude::*;

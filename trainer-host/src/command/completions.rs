@@ -2,11 +2,8 @@
 
 use std::io;
 
-use anyhow::Result;
 use clap::CommandFactory;
 use clap_complete::Shell;
-
-use super::Done;
 
 /// Arguments of `kestrel completions`.
 #[derive(Debug, clap::Args)]
@@ -15,7 +12,6 @@ pub(crate) struct Arguments {
     shell: Shell,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+pub(crate) fn print(arguments: &Arguments) {
     clap_complete::generate(arguments.shell, &mut crate::Arguments::command(), "kestrel", &mut io::stdout());
-    Ok(Done::Finished)
 }

@@ -70,12 +70,11 @@ fn open(arguments: &Arguments) -> Result<TrainingRun> {
         return Ok(run);
     }
     let experiment = load(arguments)?;
-    let directory = match &arguments.run {
-        Some(path) => RunDirectory::create(path, &experiment.resolved_yaml)?,
-        None => {
-            let stem = format!("{}-seed{}", experiment.name, experiment.seed.0);
-            RunDirectory::create_next("runs".as_ref(), &stem, &experiment.resolved_yaml)?
-        }
+    let directory = if let Some(path) = &arguments.run {
+        RunDirectory::create(path, &experiment.resolved_yaml)?
+    } else {
+        let stem = format!("{}-seed{}", experiment.name, experiment.seed.0);
+        RunDirectory::create_next("runs".as_ref(), &stem, &experiment.resolved_yaml)?
     };
     Ok(TrainingRun::begin(experiment, directory)?)
 }

@@ -14,9 +14,9 @@ pub struct UpdateMetrics {
     pub policy_loss: f32,
     /// Mean squared error of the critic, mean over all minibatches.
     pub value_loss: f32,
-    /// Entropy of the policy after the update [nat].
+    /// Entropy of the policy after the update \[nat\].
     pub entropy: f32,
-    /// Divergence of the policy from that of the rollout [nat], mean over the last epoch.
+    /// Divergence of the policy from that of the rollout \[nat\], mean over the last epoch.
     pub approx_kl: f32,
     /// Share of samples whose ratio left the clip range, mean over all minibatches.
     pub clip_fraction: f32,
@@ -32,15 +32,15 @@ pub struct UpdateMetrics {
     pub episodes: u64,
     /// Mean undiscounted, unscaled return of these episodes.
     pub episode_return: Option<f32>,
-    /// Mean length of these episodes [steps].
+    /// Mean length of these episodes \[steps\].
     pub episode_length: Option<f32>,
     /// Share of these episodes that succeeded.
     pub success_rate: Option<f32>,
     /// Mean return of each reward term in these episodes, in the scenario's order; empty without episodes.
     pub episode_terms: Vec<f32>,
-    /// Wall time of the rollout [s].
+    /// Wall time of the rollout \[s\].
     pub rollout_secs: f64,
-    /// Wall time of advantages and optimisation [s].
+    /// Wall time of advantages and optimisation \[s\].
     pub update_secs: f64,
 }
 
