@@ -2,7 +2,7 @@
 //!
 //! Read in the order of the data: an [`experiment_config`] becomes a [`training_run`] in a [`run_directory`]: a
 //! [`rollout`] of the [`actor_critic`], its [`advantage`]s, the update of [`ppo`]; then an [`evaluation`], the
-//! [`export`] and the pictures of the [`results`]. [`fly`] puts an exported policy behind MAVLink, and [`bench`]
+//! [`export`] and the pictures of the [`results`]. [`fly`] puts an exported policy behind MAVLink, and [`mod@bench`]
 //! measures every stage.
 
 pub mod actor_critic;
