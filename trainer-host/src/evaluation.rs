@@ -87,7 +87,7 @@ pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evalua
 pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts) -> Vec<f32> {
     let count = starts.episodes.clamp(1, 64);
     let mut simulation = starting_at(scenario, starts, 0, count);
-    let mut cockpit = Cockpit::new(scenario, Flyer::Actor(actor), starts.seed, 0);
+    let mut cockpit = Cockpit::new(scenario, Flyer::Actor(actor), starts.seed, 0, count);
     let mut observations = Vec::new();
     for step in 0..scenario.episode_steps() {
         if step % 8 == 0 {
@@ -104,7 +104,7 @@ pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts
 /// Flies the episode that [`evaluate`] flies as number `start`, and keeps every state.
 pub fn record(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts, start: u32) -> FlightPath {
     let mut simulation = starting_at(scenario, starts, start, 1);
-    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, start);
+    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, start, 1);
     let mut states = vec![simulation.state(0)];
     loop {
         simulation.step(cockpit.act(&simulation));
@@ -141,7 +141,7 @@ fn first_episodes(
     count: usize,
 ) -> Vec<Episode> {
     let mut simulation = starting_at(scenario, starts, first, count);
-    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, first);
+    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, first, count);
     let mut episodes: Vec<Option<Episode>> = vec![None; count];
     while episodes.iter().any(Option::is_none) {
         simulation.step(cockpit.act(&simulation));
@@ -159,16 +159,20 @@ fn first_episodes(
 /// A flyer at work on the environments of one simulation.
 struct Cockpit<'a> {
     flyer: Flyer<'a>,
-    scripted: ScriptedPilot,
+    /// One per environment.
+    scripted: Vec<ScriptedPilot>,
     noise: Stream,
     actions: Vec<f32>,
 }
 
 impl<'a> Cockpit<'a> {
-    fn new(scenario: &Scenario, flyer: Flyer<'a>, seed: Seed, first: u32) -> Self {
+    fn new(scenario: &Scenario, flyer: Flyer<'a>, seed: Seed, first: u32, count: usize) -> Self {
         Self {
             flyer,
-            scripted: ScriptedPilot::new(&scenario.airframe, scenario.action),
+            scripted: vec![
+                ScriptedPilot::new(&scenario.airframe, scenario.action, scenario.physics.control_secs);
+                count
+            ],
             noise: Stream::new(seed, first, Purpose::Baseline),
             actions: Vec::new(),
         }
@@ -185,8 +189,11 @@ impl<'a> Cockpit<'a> {
             Flyer::Scripted => {
                 let goal = simulation.scenario().aviary.goal;
                 let count = simulation.environments();
-                for environment in 0..count {
-                    let action = self.scripted.act(&simulation.state(environment), &goal);
+                for (environment, pilot) in self.scripted.iter_mut().enumerate() {
+                    if simulation.outcomes()[environment] != Outcome::Running {
+                        pilot.reset();
+                    }
+                    let action = pilot.act(&simulation.state(environment), &goal);
                     write_action(&mut self.actions, count, environment, action);
                 }
             }
