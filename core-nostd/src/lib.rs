@@ -9,6 +9,7 @@ pub mod activation;
 pub mod airframe;
 pub mod attitude;
 pub mod crc32;
+pub mod downwash;
 pub mod dynamics;
 pub mod fixed;
 pub mod mlp;
