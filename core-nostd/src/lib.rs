@@ -1,8 +1,10 @@
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
 //! The part of Kestrel that flies on hosts and microcontrollers alike: no allocation, no operating system.
 //!
-//! Read in the order of the data: an [`airframe`] becomes a [`vehicle`], whose [`dynamics`] advance its state;
-//! an [`observation`] of the state goes through a policy, whose [`action`] becomes rotor targets again.
+//! Read in the order of the data: an [`airframe`] becomes a [`vehicle`], whose [`dynamics`] advance its state, in air
+//! that may carry the [`downwash`] of others; an [`observation`] of the state goes through a policy, read from a
+//! [`policy_file`] and computed as an [`mlp`] or in [`fixed`] point, whose [`action`] becomes rotor targets again. The
+//! [`pilot`] is all of that in one call.
 
 pub mod action;
 pub mod activation;
