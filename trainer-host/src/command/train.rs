@@ -45,7 +45,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let interrupt = Interrupt::watch("Stopping after this update; Ctrl-C again ends at once.")?;
     let mut run = open(arguments)?;
     let path = run.directory().path().to_owned();
-    println!("{} {} of {} steps", path.display(), run.steps(), run.experiment().ppo.total_steps);
+    println!("Training in {}: {} of {} steps done", path.display(), run.steps(), run.experiment().ppo.total_steps);
     match run.train(&interrupt)? {
         End::Finished => finish(&run),
         End::Interrupted => {
