@@ -13,15 +13,18 @@ const ARROWS: [(&str, &[&str]); 4] = [
     ("kestrel-train", &["kestrel-core", "kestrel-sim", "kestrel-shim"]),
 ];
 
-fn packages() -> Vec<Value> {
+fn metadata() -> Value {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
     let output = Command::new(cargo)
         .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
-    let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
-    metadata["packages"].as_array().unwrap().clone()
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn packages() -> Vec<Value> {
+    metadata()["packages"].as_array().unwrap().clone()
 }
 
 fn dependencies(package: &Value) -> BTreeSet<String> {
@@ -47,4 +50,11 @@ fn the_core_needs_no_operating_system() {
     let expected = ["heapless", "libm", "nalgebra", "postcard", "serde", "thiserror"].map(String::from);
     assert!(dependencies(&core).is_subset(&BTreeSet::from(expected)));
     assert_eq!(core["features"]["default"], Value::Null);
+}
+
+#[test]
+fn cargo_run_means_kestrel() {
+    let metadata = metadata();
+    let members = metadata["workspace_default_members"].as_array().unwrap();
+    assert!(members.len() == 1 && members[0].as_str().unwrap().contains("trainer-host"), "{members:?}");
 }
