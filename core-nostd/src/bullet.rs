@@ -27,6 +27,7 @@ pub use quirks::{
 use crate::airframe::{Airframe, GRAVITY, Layout};
 use crate::attitude::Attitude;
 use crate::real::Real;
+use crate::vector::{cross, length, square};
 use crate::vehicle::State;
 
 /// What acts on a drone; the names are the reference's.
@@ -265,19 +266,4 @@ fn sinc_cosine<R: Real>(angle_squared: R) -> (R, R) {
         cosine = R::one() - angle_squared / R::from_f64(even * (even - 1.0)) * cosine;
     }
     (sinc, cosine)
-}
-
-#[inline(always)]
-fn square<R: Real>(vector: &Vector3<R>) -> R {
-    vector.x * vector.x + vector.y * vector.y + vector.z * vector.z
-}
-
-#[inline(always)]
-fn length<R: Real>(vector: &Vector3<R>) -> R {
-    square(vector).sqrt()
-}
-
-#[inline(always)]
-fn cross<R: Real>(a: &Vector3<R>, b: &Vector3<R>) -> Vector3<R> {
-    Vector3::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 }

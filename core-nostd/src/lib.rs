@@ -2,13 +2,15 @@
 //! The part of Kestrel that flies on hosts and microcontrollers alike: no allocation, no operating system.
 //!
 //! Read in the order of the data: an [`airframe`] becomes a [`vehicle`], whose [`dynamics`] advance its state;
-//! an [`observation`] of the state goes through a policy, whose [`action`] becomes rotor targets again.
+//! an [`observation`] of the state goes through a policy, whose [`action`] becomes rotor targets again. Beside them
+//! stand the reference system's physics, [`bullet`], and its [`controller`]s.
 
 pub mod action;
 pub mod activation;
 pub mod airframe;
 pub mod attitude;
 pub mod bullet;
+pub mod controller;
 pub mod crc32;
 pub mod dynamics;
 pub mod euler;
@@ -18,4 +20,5 @@ pub mod observation;
 pub mod pilot;
 pub mod policy_file;
 pub mod real;
+mod vector;
 pub mod vehicle;

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 
-use super::{Bullet, BulletState, DownwashAxis, DragFrame, DragRotors, GroundQuery, LinkAttitude, cross, square};
+use super::{Bullet, BulletState, DownwashAxis, DragFrame, DragRotors, GroundQuery, LinkAttitude};
 use crate::attitude::Attitude;
 use crate::real::Real;
+use crate::vector::{cross, square};
 
 /// Force \[N\] and torque \[N m\] on the centre of mass, body.
 pub(super) struct Wrench<R> {

@@ -4,6 +4,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod closed_loop;
+mod controllers;
+mod fork;
 mod one_step;
 mod open_loop;
 mod recording;

@@ -26,6 +26,12 @@ pub(crate) fn json(path: &str) -> Value {
     serde_json::from_str(&fs::read_to_string(folder().join(path)).unwrap()).unwrap()
 }
 
+/// The numbers of a JSON list.
+pub(crate) fn numbers<const N: usize>(value: &Value) -> [f64; N] {
+    assert_eq!(value.as_array().unwrap().len(), N);
+    core::array::from_fn(|index| value[index].as_f64().unwrap())
+}
+
 /// The cases of one kind in the index.
 pub(crate) fn cases(kind: &str) -> Vec<Value> {
     let index = json("pybullet/index.json");
