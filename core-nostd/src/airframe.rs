@@ -213,7 +213,7 @@ pub const CF2X: Airframe = Airframe {
 pub const CF2P: Airframe =
     Airframe { inertia: [2.3951e-5, 2.3951e-5, 3.2347e-5], layout: Layout::Plus { arm: 0.0397 }, ..CF2X };
 
-/// AscTec Hummingbird: `hb.urdf` of gym-pybullet-drones before 2023, which knows no drag, ground effect or downwash
+/// `AscTec` Hummingbird: `hb.urdf` of gym-pybullet-drones before 2023, which knows no drag, ground effect or downwash
 /// of it. Rotor speed limit: its thrust-to-weight ratio of 2. The rotors' time constants are the Crazyflie's,
 /// stretched by the ratio of the hover speeds (4477.6 against 14468.4 RPM), for want of a measurement.
 pub const HUMMINGBIRD: Airframe = Airframe {

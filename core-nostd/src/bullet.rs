@@ -1,7 +1,7 @@
 //! The reference system's physics, reproduced: gym-pybullet-drones on Bullet, one drone, one physics step.
 //!
 //! Bullet sees a rigid base with massless links, one per rotor. A step of the multibody modes, with the attitude R
-//! at its start, the links' attitude L (R of the step before) and rotor thrusts Fᵢ = k_f Ωᵢ², is
+//! at its start, the links' attitude L (R of the step before) and rotor thrusts Fᵢ = `k_f` Ωᵢ², is
 //!
 //! ```text
 //! F = L e₃ Σ Fᵢ + ground effect + drag + downwash          (world)
@@ -21,7 +21,7 @@ use nalgebra::Vector3;
 
 pub use quirks::{
     AttitudeUpdate, DownwashAxis, DragFrame, DragRotors, DynAttitude, DynLevers, DynReport, GroundQuery,
-    LinkAttitude, Quirks,
+    LinkAttitude, Quirks, RotorPrecision,
 };
 
 use crate::airframe::{Airframe, GRAVITY, Layout};
@@ -267,3 +267,6 @@ fn sinc_cosine<R: Real>(angle_squared: R) -> (R, R) {
     }
     (sinc, cosine)
 }
+
+#[cfg(test)]
+mod tests;

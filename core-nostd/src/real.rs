@@ -56,6 +56,10 @@ pub trait Real:
     #[must_use]
     fn exp(self) -> Self;
 
+    /// The nearest single-precision number.
+    #[must_use]
+    fn in_single(self) -> Self;
+
     /// `then` where `self < bound`, `otherwise` elsewhere (also where either is NaN).
     #[must_use]
     fn where_less(self, bound: Self, then: Self, otherwise: Self) -> Self;
@@ -144,6 +148,11 @@ macro_rules! real_for_float {
             #[inline]
             fn exp(self) -> Self {
                 $exp(self)
+            }
+
+            #[inline(always)]
+            fn in_single(self) -> Self {
+                <$float>::from(self as f32)
             }
 
             #[inline(always)]

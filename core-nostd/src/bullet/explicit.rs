@@ -39,10 +39,8 @@ impl<R: Real> Bullet<R> {
 
     /// Thrust \[N\] along body z and torque \[N m\], body.
     fn rotor_wrench(&self, rotor_speeds: &[R; 4]) -> (R, Vector3<R>) {
-        let [a, b, c, d] = rotor_speeds.map(|speed| speed * speed);
-        let thrusts = [a, b, c, d].map(|square| square * self.thrust_coefficient);
+        let (thrusts, reaction) = self.loads(rotor_speeds);
         let lever = self.lever(&thrusts);
-        let reaction = self.torque_coefficient * (b - a + (d - c));
         (thrusts[0] + thrusts[1] + thrusts[2] + thrusts[3], Vector3::new(lever.y, -lever.x, reaction))
     }
 

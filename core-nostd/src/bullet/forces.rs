@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{Bullet, BulletState, DownwashAxis, DragFrame, DragRotors, GroundQuery, LinkAttitude};
+use super::{Bullet, BulletState, DownwashAxis, DragFrame, DragRotors, GroundQuery, LinkAttitude, RotorPrecision};
+use crate::airframe::RADIANS_PER_SECOND_PER_RPM;
 use crate::attitude::Attitude;
 use crate::real::Real;
 use crate::vector::{cross, square};
@@ -24,7 +25,8 @@ impl<R: Real> Bullet<R> {
         };
         let mut wrench = self.rotors(current, stale, rotor_speeds);
         if self.mode.has_ground_effect() {
-            wrench = self.cushioned(wrench, drone, rotor_speeds);
+            let cushion = self.ground_effect(drone, rotor_speeds);
+            wrench = Wrench { force: wrench.force + cushion.force, torque: wrench.torque + cushion.torque };
         }
         let links = if self.mode.has_ground_effect() && self.quirks.ground_query == GroundQuery::RefreshesLinks {
             current
@@ -44,11 +46,34 @@ impl<R: Real> Bullet<R> {
     #[inline(always)]
     fn rotors(&self, current: &Attitude<R>, links: &Attitude<R>, rotor_speeds: &[R; 4]) -> Wrench<R> {
         let direction = current.rotate_inverse(links.body_z());
-        let [a, b, c, d] = rotor_speeds.map(|speed| speed * speed);
-        let reaction = self.torque_coefficient * (b - a + (d - c));
-        let thrusts = [a, b, c, d].map(|square| square * self.thrust_coefficient);
+        let (thrusts, reaction) = self.loads(rotor_speeds);
         let lever = self.lever(&thrusts);
         Wrench { force: direction * sum(&thrusts), torque: cross(&lever, &direction) + direction * reaction }
+    }
+
+    /// Thrusts \[N\] and summed reaction torque about body z \[N m\].
+    #[inline(always)]
+    pub(super) fn loads(&self, rotor_speeds: &[R; 4]) -> ([R; 4], R) {
+        match self.quirks.rotor_precision {
+            RotorPrecision::Full => {
+                let [a, b, c, d] = rotor_speeds.map(|speed| speed * speed);
+                let thrusts = [a, b, c, d].map(|square| square * self.thrust_coefficient);
+                (thrusts, self.torque_coefficient * (b - a + (d - c)))
+            }
+            RotorPrecision::Single => self.single_loads(rotor_speeds),
+        }
+    }
+
+    /// The same as numpy computes them from `float32` speeds in RPM.
+    #[inline(always)]
+    fn single_loads(&self, rotor_speeds: &[R; 4]) -> ([R; 4], R) {
+        let per_rpm = R::from_f64(RADIANS_PER_SECOND_PER_RPM);
+        let squares = rotor_speeds.map(|speed| (speed / per_rpm).in_single().squared().in_single());
+        let thrust = (self.thrust_coefficient * per_rpm * per_rpm).in_single();
+        let torque = (self.torque_coefficient * per_rpm * per_rpm).in_single();
+        let [a, b, c, d] = squares.map(|square| (square * torque).in_single());
+        let reaction = (((b - a).in_single() - c).in_single() + d).in_single();
+        (squares.map(|square| (square * thrust).in_single()), reaction)
     }
 
     /// Sum of rotor positions times thrusts \[N m\], body.
@@ -58,9 +83,9 @@ impl<R: Real> Bullet<R> {
         Vector3::new(along(0), along(1), R::zero())
     }
 
-    /// With the ground effect: rotor by rotor from its world height, none once the drone has tipped over.
+    /// The ground effect, rotor by rotor from its world height, none once the drone has tipped over.
     #[inline(always)]
-    fn cushioned(&self, wrench: Wrench<R>, drone: &BulletState<R>, rotor_speeds: &[R; 4]) -> Wrench<R> {
+    fn ground_effect(&self, drone: &BulletState<R>, rotor_speeds: &[R; 4]) -> Wrench<R> {
         let [_, _, [from_x, from_y, up]] = drone.motion.world_from_body.rows();
         // Bullet reports a pitch of exactly 90° from here on (see `EulerAngles`), which fails the reference's test.
         let pole = R::from_f64(0.99999);
@@ -73,8 +98,10 @@ impl<R: Real> Bullet<R> {
             rotor_speeds[i] * rotor_speeds[i] * self.thrust_coefficient * gain
         });
         let lever = self.lever(&thrusts);
-        let force = wrench.force + Vector3::new(R::zero(), R::zero(), sum(&thrusts));
-        Wrench { force, torque: wrench.torque + Vector3::new(lever.y, -lever.x, R::zero()) }
+        Wrench {
+            force: Vector3::new(R::zero(), R::zero(), sum(&thrusts)),
+            torque: Vector3::new(lever.y, -lever.x, R::zero()),
+        }
     }
 
     /// Drag \[N\], world.

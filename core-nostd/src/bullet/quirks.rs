@@ -10,6 +10,8 @@ pub struct Quirks {
     /// not in DYN. Bullet's default is the float literal 0.04; the line of the reference that would clear it is
     /// commented out. Zero turns it off.
     pub damping: f64,
+    /// How exactly thrusts and reaction torques follow from rotor speeds.
+    pub rotor_precision: RotorPrecision,
     /// Which attitude turns thrust, reaction torque, drag and downwash into the world.
     pub link_attitude: LinkAttitude,
     /// What the ground-effect modes do to the links' stale attitude.
@@ -21,7 +23,8 @@ pub struct Quirks {
     /// Along which axis downwash pushes.
     pub downwash_axis: DownwashAxis,
     /// Vertical distance below which downwash grows no further \[m\]. The reference has no such floor (zero): its
-    /// force diverges as (R / 4 dz)² when one drone comes level with another.
+    /// force diverges as (R / 4 dz)² when one drone comes level with another; [`Self::none`] stops at twice the
+    /// height of a Crazyflie.
     pub downwash_nearest: f64,
     /// Horizontal distance from which there is no downwash \[m\].
     pub downwash_reach: f64,
@@ -37,6 +40,17 @@ pub struct Quirks {
     pub dyn_levers: DynLevers,
     /// What DYN reports as world angular velocity.
     pub dyn_report: DynReport,
+}
+
+/// Arithmetic from rotor speed to thrust and reaction torque.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RotorPrecision {
+    /// The number type's own.
+    Full,
+    /// Every operation rounded to `float32`, on speeds in RPM: what numpy 1 makes of the fork when an environment
+    /// receives `float32` actions of the RPM kind (the controllers' rotor speeds are `float64`). It moves body rates by
+    /// 1e-5 rad/s in a second.
+    Single,
 }
 
 /// The attitude that turns forces given in a link's frame.
@@ -132,6 +146,7 @@ impl Quirks {
     pub const fn upstream() -> Self {
         Self {
             damping: 0.04_f32 as f64,
+            rotor_precision: RotorPrecision::Full,
             link_attitude: LinkAttitude::Previous,
             ground_query: GroundQuery::RefreshesLinks,
             drag_frame: DragFrame::ScaledInWorld,
@@ -145,6 +160,28 @@ impl Quirks {
             dyn_attitude: DynAttitude::Quaternion,
             dyn_levers: DynLevers::NominalArm,
             dyn_report: DynReport::PreviousAttitude,
+        }
+    }
+
+    /// None: with rotors at their target speeds, the `clean` physics under semi-implicit Euler (whose ground effect
+    /// raises the reaction torques too).
+    pub const fn none() -> Self {
+        Self {
+            damping: 0.0,
+            rotor_precision: RotorPrecision::Full,
+            link_attitude: LinkAttitude::Current,
+            ground_query: GroundQuery::LeavesLinks,
+            drag_frame: DragFrame::Body,
+            drag_rotors: DragRotors::Current,
+            downwash_axis: DownwashAxis::World,
+            downwash_nearest: 0.05,
+            downwash_reach: f64::INFINITY,
+            rotation_cap: core::f64::consts::PI,
+            velocity_cap: f64::INFINITY,
+            attitude_update: AttitudeUpdate::FirstOrder,
+            dyn_attitude: DynAttitude::Quaternion,
+            dyn_levers: DynLevers::RotorPositions,
+            dyn_report: DynReport::Current,
         }
     }
 

@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 
 use super::{Setpoint, Wrench};
-use crate::airframe::Airframe;
+use crate::airframe::{Airframe, RADIANS_PER_SECOND_PER_RPM};
 use crate::euler::EulerAngles;
 use crate::real::Real;
 use crate::vector::{length, zero};
@@ -27,6 +27,21 @@ const SPEED_SHARE: f64 = 0.03;
 pub fn rotor_speeds<R: Real>(airframe: &Airframe, action: &[R; 4]) -> [R; 4] {
     let hover = R::from_f64(airframe.hover_rotor_speed());
     action.map(|value| hover * (R::one() + R::from_f64(AUTHORITY) * value))
+}
+
+/// As [`rotor_speeds`], with the factor of the hover speed rounded to single precision, as it is upstream, whose
+/// action spaces are `float32`. The difference, 1e-3 RPM, moves a drone by micrometres in seconds.
+pub fn rotor_speeds_in_single(airframe: &Airframe, action: &[f64; 4]) -> [f64; 4] {
+    action.map(|value| airframe.hover_rotor_speed() * f64::from(1.0 + AUTHORITY as f32 * value as f32))
+}
+
+/// As [`rotor_speeds`], with every operation on RPM in single precision, as it is in the fork, whose numpy is older.
+pub fn rotor_speeds_all_in_single(airframe: &Airframe, action: &[f64; 4]) -> [f64; 4] {
+    let hover_rpm = (airframe.hover_rotor_speed() / RADIANS_PER_SECOND_PER_RPM) as f32;
+    action.map(|value| {
+        let rpm = hover_rpm * (1.0 + AUTHORITY as f32 * value as f32);
+        f64::from(rpm) * RADIANS_PER_SECOND_PER_RPM
+    })
 }
 
 /// The same rotor speed \[rad/s\] for all (`ONE_D_RPM`).
@@ -80,14 +95,27 @@ pub fn waypoint<R: Real>(state: &State<R>, target: Vector3<R>) -> Setpoint<R> {
 pub fn velocity<R: Real>(airframe: &Airframe, state: &State<R>, action: &[R; 4]) -> Setpoint<R> {
     let [x, y, z, speed] = *action;
     let along = Vector3::new(x, y, z);
-    let norm = length(&along);
-    let speed = R::from_f64(SPEED_SHARE * airframe.nominal_speed) * speed.abs();
-    let share = R::zero().where_less(norm, speed / norm, R::zero());
-    Setpoint {
-        velocity: along * share,
-        yaw: EulerAngles::of(&state.world_from_body).yaw,
-        ..Setpoint::at(state.position)
-    }
+    Setpoint { velocity: velocity_along(airframe, along, length(&along), speed), ..staying(state) }
+}
+
+/// The position and the yaw of the drone.
+fn staying<R: Real>(state: &State<R>) -> Setpoint<R> {
+    Setpoint { yaw: EulerAngles::of(&state.world_from_body).yaw, ..Setpoint::at(state.position) }
+}
+
+/// The share of the speed limit along a vector of known length \[m/s\]; nothing along no vector.
+fn velocity_along<R: Real>(airframe: &Airframe, along: Vector3<R>, norm: R, share: R) -> Vector3<R> {
+    let speed = R::from_f64(SPEED_SHARE * airframe.nominal_speed) * share.abs();
+    (along / norm * speed).map(|value| R::zero().where_less(norm, value, R::zero()))
+}
+
+/// As [`velocity`], with the velocity in single precision, as it is upstream (see [`rotor_speeds_in_single`]); only
+/// the sum of squares is wider, because `OpenBLAS` adds the products of a short `float32` vector in double.
+pub fn velocity_in_single(airframe: &Airframe, state: &State<f64>, action: &[f64; 4]) -> Setpoint<f64> {
+    let [x, y, z, speed] = action.map(|value| value as f32);
+    let square = [x, y, z].map(|value| f64::from(value * value)).iter().sum::<f64>() as f32;
+    let velocity = velocity_along(airframe, Vector3::new(x, y, z), Real::sqrt(square), speed);
+    Setpoint { velocity: velocity.map(f64::from), ..staying(state) }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Flights of the thesis's fork, one row per control step of five physics steps.
 
 use kestrel_core::airframe::{Airframe, RADIANS_PER_SECOND_PER_RPM, RotorOrder};
-use kestrel_core::bullet::{Bullet, BulletState, Quirks};
+use kestrel_core::bullet::{Bullet, BulletState, Quirks, RotorPrecision};
 use kestrel_core::controller::{Allocation, DslPid, DslPidMemory, command};
 use kestrel_core::euler::EulerAngles;
 use kestrel_core::vehicle::State;
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use serde_json::Value;
 
 use crate::recording::{
-    STEP_SECS, Worst, airframe, deviation, json, largest, mode, numbers, placed, rotor_speeds,
+    STEP_SECS, Table, Worst, airframe, deviation, json, largest, mode, numbers, placed, rotor_speeds,
 };
 
 const SUBSTEPS: usize = 5;
@@ -135,6 +135,55 @@ fn actions_become_the_forks_rotor_speeds() {
     compare_actions(["roll_DYNact_PYB", "dyn_actions"], |_, action| {
         allocation.rotor_speeds(&command::wrench(&airframe, action))
     });
+}
+
+/// Rows before the control step in which the first contact was seen, and before the recording is thinned out.
+fn free_rows(table: &Table) -> usize {
+    let touching = table.rows.iter().position(|row| table.get(row, ["nc"]) != [0.0]);
+    let thinned = (0..table.rows.len()).find(|index| table.get(&table.rows[*index], ["k"]) != [*index as f64]);
+    let all = table.rows.len();
+    touching.map_or(all, |index| index.saturating_sub(1)).min(thinned.unwrap_or(all))
+}
+
+/// Compares one flight of the thesis: states under recorded rotor speeds, and rotor speeds in recorded states.
+fn compare_flight(case: &Value, flights: &mut Worst, commands: &mut Worst) {
+    let airframe = model("cf2x");
+    let name = case["id"].as_str().unwrap();
+    let table = Table::read(&format!("pybullet/thesis/{name}.csv"));
+    let by_rotor = case["act"] == "rpm";
+    let rotor_precision = if by_rotor { RotorPrecision::Single } else { RotorPrecision::Full };
+    let bullet = Bullet::new(&airframe, mode("pyb"), Quirks { rotor_precision, ..Quirks::fork() });
+    let controller = DslPid::new(&airframe);
+    let mut memory = DslPidMemory::new();
+    let [x, y, z] = numbers(&case["init_xyz"][0]);
+    let mut drone = placed(&[x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let mut recorded = drone.motion;
+    for row in &table.rows[..free_rows(&table)] {
+        let action = table.get(row, ["a0", "a1", "a2", "a3"]);
+        let computed = if by_rotor {
+            command::rotor_speeds_all_in_single(&airframe, &action)
+        } else {
+            let setpoint = command::velocity_in_single(&airframe, &recorded, &action);
+            controller.command(&mut memory, &recorded, &setpoint, SUBSTEPS as f64 * STEP_SECS).rotor_speeds
+        };
+        let rpm = table.get(row, ["m0", "m1", "m2", "m3"]);
+        commands.add(name, largest(&computed.map(|speed| speed / RADIANS_PER_SECOND_PER_RPM), &rpm));
+        let speeds = rotor_speeds(rpm);
+        drone = (0..SUBSTEPS).fold(drone, |drone, _| bullet.step(&drone, &speeds, &[], STEP_SECS));
+        recorded = placed(&table.motion(row, "")).motion;
+        flights.add(name, deviation(&drone, &table.motion(row, "")));
+    }
+}
+
+#[test]
+fn flights_through_the_thesis_worlds_are_reproduced_up_to_the_first_contact() {
+    let mut flights = Worst::new("thesis, states under recorded rotor speeds");
+    let mut commands = Worst::new("thesis, rotor speeds [RPM] of actions in recorded states");
+    for case in json("pybullet/thesis/index.json")["cases"].as_array().unwrap() {
+        compare_flight(case, &mut flights, &mut commands);
+    }
+    flights.within(1e-9);
+    commands.within(1e-6);
 }
 
 #[test]

@@ -7,6 +7,7 @@
 mod closed_loop;
 mod controllers;
 mod fork;
+mod learning;
 mod one_step;
 mod open_loop;
 mod recording;

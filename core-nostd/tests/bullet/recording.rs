@@ -84,6 +84,12 @@ impl Table {
         self.header.iter().any(|column| column == name)
     }
 
+    /// Columns named by a letter and a number.
+    pub(crate) fn columns_like(&self, letter: char) -> Vec<usize> {
+        let numbered = |name: &str| name.strip_prefix(letter).is_some_and(|rest| rest.parse::<u8>().is_ok());
+        (0..self.header.len()).filter(|column| numbered(&self.header[*column])).collect()
+    }
+
     pub(crate) fn get<const N: usize>(&self, row: &[f64], names: [&str; N]) -> [f64; N] {
         names.map(|name| row[self.header.iter().position(|column| column == name).unwrap()])
     }
