@@ -1,6 +1,6 @@
 //! What the reference system does that a textbook model does not, one field per quirk.
 //!
-//! Facts 1 to 8 of `tests/golden/README.md` are where each was observed; `Quirks::upstream()` and `Quirks::fork()`
+//! Facts 1 to 9 of `tests/golden/README.md` are where each was observed; `Quirks::upstream()` and `Quirks::fork()`
 //! are the two published systems, and every field can be turned alone.
 
 /// The departures of the `bullet` preset from rigid-body mechanics.
@@ -49,7 +49,7 @@ pub enum RotorPrecision {
     Full,
     /// Every operation rounded to `float32`, on speeds in RPM: what numpy 1 makes of the fork when an environment
     /// receives `float32` actions of the RPM kind (the controllers' rotor speeds are `float64`). It moves body rates by
-    /// 1e-5 rad/s in a second.
+    /// some 1e-6 rad/s in a second.
     Single,
 }
 

@@ -54,6 +54,44 @@ fn without_quirks_it_is_the_clean_physics() {
     }
 }
 
+/// Two steps of a drone under another one.
+fn two_steps(mode: Mode, quirks: Quirks) -> BulletState<f64> {
+    let bullet = Bullet::new(&CF2X, mode, quirks);
+    let mut start = moving([0.0; 4]);
+    start.body_rates *= 10.0;
+    let swarm = [start.position + Vector3::new(0.02, 0.0, 0.04)];
+    let placed = BulletState::placed(start);
+    (0..2).fold(placed, |drone, _| bullet.step(&drone, &speeds(&CF2X), &swarm, STEP_SECS))
+}
+
+#[test]
+fn every_quirk_alone_changes_the_flight() {
+    let (all, none) = (Quirks::upstream(), Quirks::none());
+    let every = Mode::PybGndDragDw;
+    let changed = [
+        (every, Quirks { damping: none.damping, ..all }),
+        (every, Quirks { rotor_precision: RotorPrecision::Single, ..all }),
+        (every, Quirks { link_attitude: none.link_attitude, ..all }),
+        (every, Quirks { ground_query: none.ground_query, ..all }),
+        (every, Quirks { drag_frame: none.drag_frame, ..all }),
+        (every, Quirks { drag_frame: DragFrame::TurnedTwice, ..all }),
+        (every, Quirks { drag_rotors: none.drag_rotors, ..all }),
+        (every, Quirks { downwash_axis: none.downwash_axis, ..all }),
+        (every, Quirks { downwash_nearest: none.downwash_nearest, ..all }),
+        (every, Quirks { downwash_reach: 0.01, ..all }),
+        (every, Quirks { rotation_cap: 0.01, ..all }),
+        (every, Quirks { velocity_cap: 0.5, ..all }),
+        (every, Quirks { attitude_update: none.attitude_update, ..all }),
+        (Mode::Dyn, Quirks { dyn_attitude: DynAttitude::EulerAngles, ..all }),
+        (Mode::Dyn, Quirks { dyn_levers: none.dyn_levers, ..all }),
+        (Mode::Dyn, Quirks { dyn_report: DynReport::MinusOne, ..all }),
+        (Mode::Dyn, Quirks { dyn_report: none.dyn_report, ..all }),
+    ];
+    for (mode, quirks) in changed {
+        assert_ne!(two_steps(mode, quirks), two_steps(mode, all), "{quirks:?}");
+    }
+}
+
 #[test]
 fn single_precision_stays_close_to_double() {
     for mode in MODES {

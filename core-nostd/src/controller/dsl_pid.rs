@@ -101,14 +101,13 @@ impl<R: Real> DslPid<R> {
     ) -> Command<R> {
         let position_error = setpoint.position - state.position;
         let wanted = self.position_loop(memory, state, setpoint, secs);
-        let angles = EulerAngles::of(&state.world_from_body);
         let torque = self.attitude_loop(memory, &state.world_from_body, &wanted, setpoint, secs);
         // The wanted yaw is the third of the intrinsic x-y-z angles, the drone's the one of the z-y-x convention.
         let [forward, left, _] = wanted.axes;
         Command {
             rotor_speeds: self.mixed(wanted.thrust_counts, &torque),
             position_error,
-            yaw_error: (-left.x).atan2(forward.x) - angles.yaw,
+            yaw_error: (-left.x).atan2(forward.x) - memory.last_angles.z,
         }
     }
 
