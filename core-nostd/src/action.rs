@@ -68,7 +68,7 @@ impl ThrustBodyRates {
         body_rates_limit: [f32; 3],
         rate_gains: [f32; 3],
     ) -> Self {
-        let positions = airframe.layout.rotor_positions();
+        let positions = airframe.rotor_positions();
         let yaw_arm = airframe.torque_coefficient / airframe.thrust_coefficient;
         let arms = [
             positions.map(|[_, y]| y),

@@ -6,7 +6,7 @@ pub const GRAVITY: f64 = 9.8;
 /// Radians per second of one revolution per minute.
 pub const RADIANS_PER_SECOND_PER_RPM: f64 = core::f64::consts::TAU / 60.0;
 
-/// What a drone is made of, in SI units; rotors in the Crazyflie's own order (clockwise from front right).
+/// What a drone is made of, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Airframe {
     /// Take-off mass \[kg\].
@@ -15,9 +15,15 @@ pub struct Airframe {
     pub inertia: [f64; 3],
     /// Where the rotors are.
     pub layout: Layout,
+    /// Which way round the rotors are numbered.
+    pub rotor_order: RotorOrder,
+    /// Nominal distance of a rotor from the centre \[m\]. The reference's controllers and its DYN model turn the
+    /// drone by this lever; for the Crazyflie it differs by 0.3 % from [`Self::layout`].
+    pub arm: f64,
     /// Thrust of one rotor per squared speed \[N s²/rad²\].
     pub thrust_coefficient: f64,
-    /// Reaction torque of one rotor per squared speed \[N m s²/rad²\].
+    /// Reaction torque of one rotor per squared speed \[N m s²/rad²\]; negative where the first and third rotor
+    /// turn clockwise.
     pub torque_coefficient: f64,
     /// Greatest speed of a rotor \[rad/s\].
     pub rotor_speed_limit: f64,
@@ -35,12 +41,35 @@ pub struct Airframe {
     pub downwash: Downwash,
     /// Radius of the collision cylinder \[m\].
     pub collision_radius: f64,
-    /// Height of the collision cylinder, centred on the centre of mass \[m\].
+    /// Height of the collision cylinder \[m\].
     pub collision_height: f64,
+    /// Height of the collision cylinder's centre above the centre of mass \[m\].
+    pub collision_offset: f64,
+    /// Speed that the maker states \[m/s\]; the reference's velocity action is a share of it.
+    pub nominal_speed: f64,
 }
 
-/// Rotors in the body plane, clockwise seen from above; the first and third turn counter-clockwise, so that their
-/// reaction pushes the nose to the right.
+/// Which way round the rotors are numbered, seen from above.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RotorOrder {
+    /// As on the Crazyflie, and in gym-pybullet-drones' `cf2x` since August 2025.
+    Clockwise,
+    /// The mirror image: its `cf2p`, `hb` and `racer`, and `cf2x` before that date (the thesis's fork).
+    CounterClockwise,
+}
+
+impl RotorOrder {
+    /// Sign of a rotor's lateral position relative to the clockwise order.
+    pub const fn side(self) -> f64 {
+        match self {
+            Self::Clockwise => 1.0,
+            Self::CounterClockwise => -1.0,
+        }
+    }
+}
+
+/// Rotors in the body plane, named here in [`RotorOrder::Clockwise`]; the first and third turn counter-clockwise,
+/// so that their reaction pushes the nose to the right.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Layout {
     /// Front right, rear right, rear left, front left.
@@ -62,10 +91,21 @@ impl Layout {
     pub const TORQUE_SIGNS: [f64; 4] = [-1.0, 1.0, -1.0, 1.0];
 
     /// Rotor positions `[x, y]`, body \[m\].
-    pub const fn rotor_positions(&self) -> [[f64; 2]; 4] {
+    pub const fn rotor_positions(&self, order: RotorOrder) -> [[f64; 2]; 4] {
+        let side = order.side();
         match *self {
-            Self::Cross { x, y } => [[x, -y], [-x, -y], [-x, y], [x, y]],
-            Self::Plus { arm } => [[arm, 0.0], [0.0, -arm], [-arm, 0.0], [0.0, arm]],
+            Self::Cross { x, y } => [[x, -side * y], [-x, -side * y], [-x, side * y], [x, side * y]],
+            Self::Plus { arm } => [[arm, 0.0], [0.0, -side * arm], [-arm, 0.0], [0.0, side * arm]],
+        }
+    }
+
+    /// The same shape with every rotor `arm` \[m\] from the centre, a cross being square.
+    #[must_use]
+    pub const fn with_arm(&self, arm: f64) -> Self {
+        let half_diagonal = arm * core::f64::consts::FRAC_1_SQRT_2;
+        match self {
+            Self::Cross { .. } => Self::Cross { x: half_diagonal, y: half_diagonal },
+            Self::Plus { .. } => Self::Plus { arm },
         }
     }
 }
@@ -96,6 +136,41 @@ impl Airframe {
         libm::sqrt(self.mass * GRAVITY / (4.0 * self.thrust_coefficient))
     }
 
+    /// Rotor positions `[x, y]` in their order, body \[m\].
+    pub const fn rotor_positions(&self) -> [[f64; 2]; 4] {
+        self.layout.rotor_positions(self.rotor_order)
+    }
+
+    /// The same drone with its rotors numbered the other way round or not.
+    #[must_use]
+    pub const fn numbered(self, rotor_order: RotorOrder) -> Self {
+        Self { rotor_order, ..self }
+    }
+
+    /// Weight \[N\].
+    pub fn weight(&self) -> f64 {
+        self.mass * GRAVITY
+    }
+
+    /// Greatest torque about body x and y as the reference counts it: two rotors of a cross, one of a plus \[N m\].
+    pub fn tilting_torque_limit(&self) -> f64 {
+        let lever = match self.layout {
+            Layout::Cross { .. } => core::f64::consts::SQRT_2 * self.arm,
+            Layout::Plus { .. } => self.arm,
+        };
+        lever * self.thrust_limit() / 4.0
+    }
+
+    /// Greatest torque about body z \[N m\]: two rotors at full speed.
+    pub fn turning_torque_limit(&self) -> f64 {
+        2.0 * self.torque_coefficient.abs() * self.rotor_speed_limit * self.rotor_speed_limit
+    }
+
+    /// Height of the centre of mass in the reference's default start \[m\]: 0.1 m under the collision cylinder.
+    pub fn start_height(&self) -> f64 {
+        self.collision_height / 2.0 - self.collision_offset + 0.1
+    }
+
     /// Thrust of all rotors at full speed \[N\].
     pub fn thrust_limit(&self) -> f64 {
         4.0 * self.thrust_coefficient * self.rotor_speed_limit * self.rotor_speed_limit
@@ -116,6 +191,8 @@ pub const CF2X: Airframe = Airframe {
     mass: 0.027,
     inertia: [1.4e-5, 1.4e-5, 2.17e-5],
     layout: Layout::Cross { x: 0.028, y: 0.028 },
+    rotor_order: RotorOrder::Clockwise,
+    arm: 0.0397,
     thrust_coefficient: per_rpm_squared(3.16e-10),
     torque_coefficient: per_rpm_squared(7.94e-12),
     rotor_speed_limit: 21_702.643_775_251_05 * RADIANS_PER_SECOND_PER_RPM,
@@ -127,8 +204,86 @@ pub const CF2X: Airframe = Airframe {
     downwash: Downwash { strength: 2267.18, width_slope: 0.16, width_offset: -0.11 },
     collision_radius: 0.06,
     collision_height: 0.025,
+    collision_offset: 0.0,
+    nominal_speed: 30.0 / 3.6,
 };
 
-/// Crazyflie 2.x flying with a plus layout: `cf2p.urdf` of gym-pybullet-drones, rotors clockwise from the front.
+/// Crazyflie 2.x flying with a plus layout: `cf2p.urdf` of gym-pybullet-drones, but with the rotors clockwise from
+/// the front (the reference has them the other way round: [`Airframe::numbered`]).
 pub const CF2P: Airframe =
     Airframe { inertia: [2.3951e-5, 2.3951e-5, 3.2347e-5], layout: Layout::Plus { arm: 0.0397 }, ..CF2X };
+
+/// `AscTec` Hummingbird: `hb.urdf` of gym-pybullet-drones before 2023, which knows no drag, ground effect or downwash
+/// of it. Rotor speed limit: its thrust-to-weight ratio of 2. The rotors' time constants are the Crazyflie's,
+/// stretched by the ratio of the hover speeds (4477.6 against 14468.4 RPM), for want of a measurement.
+pub const HUMMINGBIRD: Airframe = Airframe {
+    mass: 0.5,
+    inertia: [0.0023, 0.0023, 0.004],
+    layout: Layout::Plus { arm: 0.175 },
+    rotor_order: RotorOrder::CounterClockwise,
+    arm: 0.175,
+    thrust_coefficient: per_rpm_squared(6.11e-8),
+    torque_coefficient: per_rpm_squared(1.5e-9),
+    rotor_speed_limit: 6_332.313_927_204_475_5 * RADIANS_PER_SECOND_PER_RPM,
+    rotor_rise_secs: 3.231_275 * CF2X.rotor_rise_secs,
+    rotor_fall_secs: 3.231_275 * CF2X.rotor_fall_secs,
+    drag_coefficients: DragCoefficients { planar: 0.0, axial: 0.0 },
+    propeller_radius: 0.0,
+    ground_effect_coefficient: 0.0,
+    downwash: Downwash { strength: 0.0, width_slope: 0.0, width_offset: 1.0 },
+    collision_radius: 0.25,
+    collision_height: 0.15,
+    collision_offset: -0.075,
+    nominal_speed: 50.0 / 3.6,
+};
+
+/// Racing quadrotor of gym-pybullet-drones 2.x: `racer.urdf`; drag, ground effect, downwash and collision numbers are
+/// the Crazyflie's there too, and its rotors turn the other way. Rotor speed limit: its thrust-to-weight ratio of
+/// 4.17. The rotors' time constants are the Crazyflie's, for want of a measurement.
+pub const RACER: Airframe = Airframe {
+    mass: 0.830,
+    inertia: [0.003_113, 0.003_113, 0.003_113],
+    layout: Layout::Cross { x: 0.085, y: 0.0675 },
+    rotor_order: RotorOrder::CounterClockwise,
+    arm: 0.109,
+    thrust_coefficient: per_rpm_squared(8.47e-9),
+    torque_coefficient: -per_rpm_squared(2.13e-11),
+    rotor_speed_limit: 31_640.869_585_066_295 * RADIANS_PER_SECOND_PER_RPM,
+    propeller_radius: 12.7e-2,
+    nominal_speed: 200.0 / 3.6,
+    ..CF2X
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derived_constants_are_the_references() {
+        // Section 1.2 of its fact sheet; RPM are turned into rad/s.
+        let near = |value: f64, expected: f64| (value / expected - 1.0).abs() < 1e-9;
+        assert!(near(CF2X.hover_rotor_speed() / RADIANS_PER_SECOND_PER_RPM, 14_468.429_183_500_699));
+        assert!(near(HUMMINGBIRD.hover_rotor_speed() / RADIANS_PER_SECOND_PER_RPM, 4_477.622_118_528_302));
+        assert!(near(CF2X.thrust_limit(), 0.595_35) && near(HUMMINGBIRD.thrust_limit(), 9.8));
+        assert!(near(RACER.thrust_limit(), 4.17 * RACER.weight()));
+        assert!(near(CF2X.tilting_torque_limit(), 0.008_356_374_040_261_31));
+        assert!(
+            near(CF2P.tilting_torque_limit(), 0.005_908_848_75)
+                && near(HUMMINGBIRD.tilting_torque_limit(), 0.428_75)
+        );
+        assert!(near(CF2X.turning_torque_limit(), 0.007_479_555_379_746_838));
+        assert!(near(CF2X.start_height(), 0.1125) && near(HUMMINGBIRD.start_height(), 0.25));
+    }
+
+    #[test]
+    fn the_other_order_is_the_mirror_image() {
+        for airframe in [CF2X, CF2P] {
+            let mirrored = airframe.numbered(RotorOrder::CounterClockwise);
+            for ([x, y], [mirrored_x, mirrored_y]) in
+                airframe.rotor_positions().into_iter().zip(mirrored.rotor_positions())
+            {
+                assert_eq!([x, -y], [mirrored_x, mirrored_y]);
+            }
+        }
+    }
+}

@@ -216,7 +216,7 @@ mod tests {
         let vehicle = Vehicle::<f64>::new(&CF2X);
         let (_, turning) = vehicle.accelerations(&State { rotor_speeds: speeds, ..at_rest(hover) }, &Air::still());
         let thrusts = speeds.map(|speed| CF2X.thrust_coefficient * speed * speed);
-        let positions = CF2X.layout.rotor_positions();
+        let positions = CF2X.rotor_positions();
         let roll: f64 = (0..4).map(|i| positions[i][1] * thrusts[i]).sum();
         let pitch: f64 = (0..4).map(|i| -positions[i][0] * thrusts[i]).sum();
         assert!((turning.x - roll / CF2X.inertia[0]).abs() < 1e-9);

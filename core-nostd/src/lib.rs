@@ -4,19 +4,24 @@
 //! Read in the order of the data: an [`airframe`] becomes a [`vehicle`], whose [`dynamics`] advance its state, in air
 //! that may carry the [`downwash`] of others; an [`observation`] of the state goes through a policy, read from a
 //! [`policy_file`] and computed as an [`mlp`] or in [`fixed`] point, whose [`action`] becomes rotor targets again. The
-//! [`pilot`] is all of that in one call.
+//! [`pilot`] is all of that in one call. Beside them stand the reference system's physics, [`bullet`], and its
+//! [`controller`]s.
 
 pub mod action;
 pub mod activation;
 pub mod airframe;
 pub mod attitude;
+pub mod bullet;
+pub mod controller;
 pub mod crc32;
 pub mod downwash;
 pub mod dynamics;
+pub mod euler;
 pub mod fixed;
 pub mod mlp;
 pub mod observation;
 pub mod pilot;
 pub mod policy_file;
 pub mod real;
+mod vector;
 pub mod vehicle;

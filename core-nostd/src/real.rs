@@ -7,8 +7,8 @@ use nalgebra::Scalar;
 
 /// A real number on which the vehicle's equations are written once: `f32` flies, `f64` is the oracle.
 ///
-/// Every operation is correctly rounded IEEE arithmetic in source order (nothing fused, nothing approximate), and
-/// every choice is a select. A plain loop over columns of `f32` therefore becomes SIMD lanes inside functions
+/// Every operation is correctly rounded IEEE arithmetic in source order (nothing fused, nothing approximate; the
+/// transcendental functions are `libm`'s everywhere), and every choice is a select. A plain loop over columns of `f32` therefore becomes SIMD lanes inside functions
 /// compiled for AVX2, AVX-512 or NEON, and a lane, a scalar and a microcontroller compute the same bits. (A number
 /// type that holds an array of lanes was tried: the compiler unrolls it into scalars and runs at a third of the
 /// loop's speed.)
@@ -39,6 +39,26 @@ pub trait Real:
     /// Magnitude.
     #[must_use]
     fn abs(self) -> Self;
+
+    /// Sine and cosine of an angle \[rad\].
+    #[must_use]
+    fn sin_cos(self) -> (Self, Self);
+
+    /// Arc sine \[rad\]; NaN beyond ±1.
+    #[must_use]
+    fn asin(self) -> Self;
+
+    /// Angle \[rad\] of the point with ordinate `self` and the given abscissa, in \[-π, π\].
+    #[must_use]
+    fn atan2(self, abscissa: Self) -> Self;
+
+    /// Natural exponential.
+    #[must_use]
+    fn exp(self) -> Self;
+
+    /// The nearest single-precision number.
+    #[must_use]
+    fn in_single(self) -> Self;
 
     /// `then` where `self < bound`, `otherwise` elsewhere (also where either is NaN).
     #[must_use]
@@ -88,7 +108,7 @@ pub trait Real:
 }
 
 macro_rules! real_for_float {
-    ($float:ty, $sqrt:path, $abs:path) => {
+    ($float:ty, $sqrt:path, $abs:path, [$sin_cos:path, $asin:path, $atan2:path, $exp:path]) => {
         impl Real for $float {
             #[inline(always)]
             fn from_f64(value: f64) -> Self {
@@ -110,6 +130,31 @@ macro_rules! real_for_float {
                 $abs(self)
             }
 
+            #[inline]
+            fn sin_cos(self) -> (Self, Self) {
+                $sin_cos(self)
+            }
+
+            #[inline]
+            fn asin(self) -> Self {
+                $asin(self)
+            }
+
+            #[inline]
+            fn atan2(self, abscissa: Self) -> Self {
+                $atan2(self, abscissa)
+            }
+
+            #[inline]
+            fn exp(self) -> Self {
+                $exp(self)
+            }
+
+            #[inline(always)]
+            fn in_single(self) -> Self {
+                <$float>::from(self as f32)
+            }
+
             #[inline(always)]
             fn where_less(self, bound: Self, then: Self, otherwise: Self) -> Self {
                 if self < bound { then } else { otherwise }
@@ -119,10 +164,10 @@ macro_rules! real_for_float {
 }
 
 #[cfg(feature = "std")]
-real_for_float!(f32, f32::sqrt, f32::abs);
+real_for_float!(f32, f32::sqrt, f32::abs, [libm::sincosf, libm::asinf, libm::atan2f, libm::expf]);
 #[cfg(feature = "std")]
-real_for_float!(f64, f64::sqrt, f64::abs);
+real_for_float!(f64, f64::sqrt, f64::abs, [libm::sincos, libm::asin, libm::atan2, libm::exp]);
 #[cfg(not(feature = "std"))]
-real_for_float!(f32, libm::sqrtf, f32::abs);
+real_for_float!(f32, libm::sqrtf, f32::abs, [libm::sincosf, libm::asinf, libm::atan2f, libm::expf]);
 #[cfg(not(feature = "std"))]
-real_for_float!(f64, libm::sqrt, f64::abs);
+real_for_float!(f64, libm::sqrt, f64::abs, [libm::sincos, libm::asin, libm::atan2, libm::exp]);

@@ -76,7 +76,7 @@ pub struct Vehicle<R> {
     pub inverse_mass: R,
     /// Acceleration per squared rotor speed \[m/rad²\].
     pub thrust_gain: R,
-    /// Angular acceleration about body x, y, z per squared rotor speed of one rotor, unsigned \[1/rad\].
+    /// Angular acceleration about body x, y, z per squared rotor speed of one rotor of the clockwise order \[1/rad\].
     pub turning_gains: Vector3<R>,
     /// `(J_y − J_z) / J_x` and its cyclic companions.
     pub gyroscopic: Vector3<R>,
@@ -119,7 +119,7 @@ impl<R: Real> Vehicle<R> {
             inverse_mass: real(1.0 / airframe.mass),
             thrust_gain: real(thrust / airframe.mass),
             turning_gains: Vector3::new(
-                real(thrust * arm_y / jx),
+                real(airframe.rotor_order.side() * (thrust * arm_y / jx)),
                 real(thrust * arm_x / jy),
                 real(airframe.torque_coefficient / jz),
             ),
@@ -129,7 +129,7 @@ impl<R: Real> Vehicle<R> {
             rotor_fall_rate: real(1.0 / airframe.rotor_fall_secs),
             planar_drag: real(drag.planar / airframe.mass),
             extra_axial_drag: real((drag.axial - drag.planar) / airframe.mass),
-            rotor_positions: airframe.layout.rotor_positions().map(|position| position.map(real)),
+            rotor_positions: airframe.rotor_positions().map(|position| position.map(real)),
             diagonal: real(diagonal),
             ground_effect: real(airframe.ground_effect_coefficient * quarter_radius * quarter_radius),
             ground_effect_floor: real(floor),

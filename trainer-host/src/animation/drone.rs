@@ -114,7 +114,7 @@ impl Placed<'_> {
     }
 
     fn rotor_position(&self, rotor: usize) -> [f32; 2] {
-        self.airframe.layout.rotor_positions()[rotor].map(|metres| metres as f32)
+        self.airframe.rotor_positions()[rotor].map(|metres| metres as f32)
     }
 
     fn in_world(&self, in_body: [f32; 3]) -> Vector3<f32> {
