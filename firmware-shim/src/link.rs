@@ -18,6 +18,16 @@ pub enum LinkError {
         /// Wanted address.
         address: SocketAddr,
     },
+    /// A datagram from one address cannot reach the other, or comes back.
+    #[error("UDP address {vehicle} cannot speak to a ground station at {ground_station}: expected {expected}")]
+    Mismatch {
+        /// Of the vehicle.
+        vehicle: SocketAddr,
+        /// Of the ground station.
+        ground_station: SocketAddr,
+        /// What goes together.
+        expected: &'static str,
+    },
     /// The address cannot be bound.
     #[error("cannot open UDP address {address}: {reason}")]
     Open {
@@ -51,6 +61,22 @@ impl Default for Addresses {
     }
 }
 
+impl Addresses {
+    fn check(&self) -> Result<(), LinkError> {
+        let Self { vehicle, ground_station } = *self;
+        let expected = if vehicle.is_ipv4() != ground_station.is_ipv4() {
+            "both IPv4, or both IPv6"
+        } else if ground_station.port() == 0 {
+            "a port of the ground station above 0"
+        } else if vehicle == ground_station {
+            "two different addresses"
+        } else {
+            return Ok(());
+        };
+        Err(LinkError::Mismatch { vehicle, ground_station, expected })
+    }
+}
+
 /// A bound socket and the peers behind it.
 #[derive(Debug)]
 pub struct UdpLink {
@@ -63,8 +89,9 @@ impl UdpLink {
     /// Binds the vehicle's address; port 0 lets the operating system choose.
     ///
     /// # Errors
-    /// [`LinkError::Busy`] or [`LinkError::Open`].
+    /// [`LinkError::Mismatch`], [`LinkError::Busy`] or [`LinkError::Open`].
     pub fn open(addresses: &Addresses) -> Result<Self, LinkError> {
+        addresses.check()?;
         let address = addresses.vehicle;
         let failed = |reason: io::Error| match reason.kind() {
             ErrorKind::AddrInUse => LinkError::Busy { address },
@@ -140,6 +167,21 @@ mod tests {
         assert!(matches!(error, LinkError::Busy { .. }));
         let text = error.to_string();
         assert!(text.contains(&vehicle.to_string()) && text.contains("in use"), "{text}");
+    }
+
+    #[test]
+    fn addresses_that_cannot_speak_to_each_other_are_refused() {
+        let pairs = [
+            ("[::1]:0", "127.0.0.1:14550"),
+            ("127.0.0.1:14550", "127.0.0.1:14550"),
+            ("127.0.0.1:0", "127.0.0.1:0"),
+        ];
+        for (vehicle, ground_station) in pairs {
+            let addresses =
+                Addresses { vehicle: vehicle.parse().unwrap(), ground_station: ground_station.parse().unwrap() };
+            let text = UdpLink::open(&addresses).unwrap_err().to_string();
+            assert!(text.contains(vehicle) && text.contains(ground_station), "{text}");
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! A policy file in memory, on the boundary that [`PolicyFile`] wants.
 
-use std::fs;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use kestrel_core::policy_file::{PolicyError, PolicyFile};
@@ -31,12 +32,10 @@ pub enum PolicyBytesError {
         reason: std::io::Error,
     },
     /// The file is far too long.
-    #[error("{} is no policy: expected at most {LENGTH_LIMIT} bytes, found {found}", path.display())]
+    #[error("{} is no policy: expected at most {LENGTH_LIMIT} bytes, found more", path.display())]
     Length {
         /// Of the file.
         path: PathBuf,
-        /// Bytes.
-        found: u64,
     },
 }
 
@@ -47,11 +46,14 @@ impl PolicyBytes {
     /// If it cannot be read or is far too long; what it holds is checked by [`Self::policy`].
     pub fn read(path: &Path) -> Result<Self, PolicyBytesError> {
         let failed = |reason| PolicyBytesError::Read { path: path.to_owned(), reason };
-        let found = fs::metadata(path).map_err(failed)?.len();
-        if found > LENGTH_LIMIT {
-            return Err(PolicyBytesError::Length { path: path.to_owned(), found });
+        let mut bytes = Vec::new();
+        let file = File::open(path).map_err(failed)?;
+        // Read to one byte beyond the limit: the length of a device or a pipe is not known before.
+        file.take(LENGTH_LIMIT + 1).read_to_end(&mut bytes).map_err(failed)?;
+        if bytes.len() as u64 > LENGTH_LIMIT {
+            return Err(PolicyBytesError::Length { path: path.to_owned() });
         }
-        fs::read(path).map(|bytes| Self::copy_of(&bytes)).map_err(failed)
+        Ok(Self::copy_of(&bytes))
     }
 
     /// Copies bytes to where they can be parsed.
@@ -67,7 +69,12 @@ impl PolicyBytes {
     /// # Errors
     /// What is wrong with the file.
     pub fn policy(&self) -> Result<PolicyFile<'_>, PolicyError> {
-        PolicyFile::parse(&self.buffer[self.start..self.start + self.len])
+        PolicyFile::parse(self.bytes())
+    }
+
+    /// The bytes themselves.
+    pub fn bytes(&self) -> &[u8] {
+        &self.buffer[self.start..self.start + self.len]
     }
 }
 
@@ -83,6 +90,13 @@ mod tests {
             let shifted = [vec![0; shift], policy.clone()].concat();
             assert_eq!(PolicyBytes::copy_of(&shifted[shift..]).policy().unwrap().metadata().name, "linear hover");
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_without_end_is_no_policy() {
+        let error = PolicyBytes::read(Path::new("/dev/zero")).unwrap_err();
+        assert!(matches!(error, PolicyBytesError::Length { .. }), "{error}");
     }
 
     #[test]

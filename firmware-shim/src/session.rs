@@ -26,11 +26,11 @@ pub struct SessionOptions {
     pub system: u8,
 
     /// Simulated seconds per second, 0.01 to 1000, or "max" for as fast as it goes
-    #[arg(long, value_name = "FACTOR", default_value = "1")]
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, default_value = "1")]
     pub speed: Pace,
 
     /// End after so many simulated seconds [default: fly until Ctrl-C]
-    #[arg(long, value_name = "SECONDS", value_parser = positive_secs)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive_secs)]
     pub for_secs: Option<f64>,
 }
 
@@ -84,8 +84,8 @@ impl<'a> Session<'a> {
         &self.announcement
     }
 
-    /// Flies in `plant` until the time is up or `watch`, which sees the beginning and the end of every control period, ends the
-    /// flight.
+    /// Flies in `plant` until the time is up or `watch`, which sees every control period before the plant moves, ends
+    /// the flight.
     ///
     /// # Errors
     /// If the socket fails.

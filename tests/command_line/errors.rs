@@ -4,7 +4,7 @@ use std::fs;
 use std::net::UdpSocket;
 use std::path::Path;
 
-use crate::kestrel::{config, kestrel, refusal, train_tiny};
+use crate::kestrel::{command, config, kestrel, refusal, train_tiny};
 
 /// The message for `text` as an experiment file.
 fn message_for(text: &str) -> String {
@@ -56,6 +56,10 @@ fn wrong_flags_are_explained() {
     refusal(&kestrel(place.path(), &["train"]));
     refusal(&kestrel(place.path(), &["train", hover, "--threads", "0"]));
     refusal(&kestrel(place.path(), &["train", hover, "--seed", "-1"]));
+    for secs in ["0", "-1", "nan", "1e30"] {
+        let message = refusal(&kestrel(place.path(), &["bench", hover, "--secs", secs]));
+        assert!(message.contains("--secs") && message.contains("0.001 to 60"), "{message}");
+    }
     assert!(refusal(&kestrel(place.path(), &["tarin"])).contains("train"));
     let message = refusal(&kestrel(place.path(), &["train", hover, "--set", "training.epochs=foo"]));
     assert!(message.contains("--set training.epochs=foo"), "{message}");
@@ -75,7 +79,9 @@ fn damaged_policies_do_not_fly() {
     }
     let policy = place.path().join("run/policy.kestrel");
     fs::write(&policy, &whole[..40]).unwrap();
-    assert!(refusal(&kestrel(place.path(), &["evaluate", "run"])).contains("policy.kestrel"));
+    let message = refusal(&kestrel(place.path(), &["evaluate", "run"]));
+    assert!(message.contains("policy.kestrel"), "{message}");
+    assert_eq!(message.matches("policy file is").count(), 1, "said once: {message}");
 }
 
 /// The newest of a run's checkpoints.
@@ -98,6 +104,56 @@ fn damaged_checkpoints_are_refused() {
     }
     let message = refusal(&kestrel(place.path(), &["train", "--resume", "run"]));
     assert!(message.contains("checkpoints"), "{message}");
+}
+
+/// Replaces `right` in the configuration of a run.
+fn edit_config(run: &Path, right: &str, wrong: &str) {
+    let path = run.join("config.yaml");
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(text.contains(right), "{text}");
+    fs::write(path, text.replace(right, wrong)).unwrap();
+}
+
+#[test]
+fn a_run_whose_configuration_was_changed_is_refused_once() {
+    let place = tempfile::tempdir().unwrap();
+    let cases = [
+        ("seed: 0", "seed: 5", "resume", "began with seed 0"),
+        ("- 64\n", "- 32\n", "resume", "layers [22, 64, 64, 4]"),
+        ("control_rate_hz: 50", "control_rate_hz: 100", "evaluate", "another control rate"),
+        ("fraction_of_hover: 0.8", "fraction_of_hover: 0.7", "evaluate", "another action"),
+    ];
+    for (index, (right, wrong, command, expected)) in cases.into_iter().enumerate() {
+        let run = format!("run{index}");
+        train_tiny(place.path(), &run, &[]);
+        edit_config(&place.path().join(&run), right, wrong);
+        let arguments = if command == "resume" { vec!["train", "--resume", &run] } else { vec![command, &run] };
+        let message = refusal(&kestrel(place.path(), &arguments));
+        assert_eq!(message.matches(expected).count(), 1, "{message}");
+    }
+}
+
+#[test]
+fn a_run_without_policies_says_how_to_make_them() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    fs::remove_file(place.path().join("run/policy.kestrel")).unwrap();
+    for command in ["evaluate", "fly"] {
+        let message = refusal(&kestrel(place.path(), &[command, "run"]));
+        assert!(message.contains("kestrel export"), "{message}");
+    }
+    assert!(kestrel(place.path(), &["export", "run"]).status.success());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn standard_output_on_a_full_disk_is_one_error() {
+    let place = tempfile::tempdir().unwrap();
+    for arguments in [&["schema"][..], &["completions", "zsh"]] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let output = command(place.path()).args(arguments).stdout(full).output().unwrap();
+        assert!(refusal(&output).contains("standard output"));
+    }
 }
 
 #[test]

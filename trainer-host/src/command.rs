@@ -11,6 +11,7 @@ mod train;
 
 use anyhow::Result;
 use clap::Subcommand;
+use kestrel_train::output::say;
 
 /// Shown below the help.
 pub(crate) const EXAMPLES: &str = "\
@@ -57,11 +58,11 @@ impl Command {
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Bench(arguments) => bench::run(&arguments),
             Self::Schema => {
-                print!("{}", kestrel_train::experiment_config::schema());
+                say(kestrel_train::experiment_config::schema().trim_end())?;
                 Ok(Done::Finished)
             }
             Self::Completions(arguments) => {
-                completions::print(&arguments);
+                completions::print(&arguments)?;
                 Ok(Done::Finished)
             }
         }

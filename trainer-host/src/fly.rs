@@ -18,6 +18,8 @@ use kestrel_sim::scenario::{Scenario, StartPosition};
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use crate::output::{OutputError, say};
+
 /// Control periods of policy and scenario may differ by this share: both are written in decimal somewhere.
 const PERIOD_TOLERANCE: f32 = 1e-5;
 
@@ -76,6 +78,9 @@ pub enum FlyError {
     /// The policy fails its self-test, or the network refuses.
     #[error(transparent)]
     Session(#[from] SessionError),
+    /// Nobody can be told how to connect.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// The true-state log cannot be written.
     #[error("cannot write the true-state log {}: {reason}", path.display())]
     Log {
@@ -103,7 +108,7 @@ pub fn fly(
     let mut plant = place.plant(&policy)?;
     let mut log = TrueStateLog::create(options)?;
     let mut session = Session::open(policy, &options.session)?;
-    println!("{}", session.announcement());
+    say(session.announcement())?;
     let mut failure = None;
     let mut last = None;
     let mut watch = |moment: &Moment| {

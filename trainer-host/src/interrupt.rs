@@ -4,6 +4,8 @@ use std::process;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use crate::output::warn;
+
 /// Exit status of a process that a second interrupt ended: 128 + SIGINT, as shells report it.
 const INTERRUPTED: i32 = 130;
 
@@ -47,7 +49,7 @@ impl Interrupt {
         if self.request() > 0 {
             process::exit(INTERRUPTED);
         }
-        eprintln!("\n{farewell}");
+        warn(format_args!("\n{farewell}"));
     }
 }
 

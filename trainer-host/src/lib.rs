@@ -20,6 +20,7 @@ pub mod fly;
 pub mod gaussian;
 pub mod interrupt;
 pub mod network;
+pub mod output;
 pub mod ppo;
 pub mod progress;
 pub mod results;

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use command::Command;
+use kestrel_train::output::warn;
 
 /// Train small neural pilots for the Crazyflie, judge them, export them and fly them.
 #[derive(Debug, Parser)]
@@ -24,7 +25,7 @@ fn main() -> ExitCode {
         Ok(command::Done::Finished) => ExitCode::SUCCESS,
         Ok(command::Done::Interrupted) => ExitCode::from(INTERRUPTED),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            warn(format_args!("error: {error:#}"));
             ExitCode::from(2)
         }
     }

@@ -34,15 +34,26 @@ pub struct EvaluationReport {
 #[derive(Debug, thiserror::Error)]
 pub enum ResultsError {
     /// The actor does not fit a policy file.
-    #[error("cannot export the policy: {0}")]
+    #[error("cannot export the policy")]
     Export(#[from] ExportError),
     /// A policy file is damaged.
-    #[error("{}: {source}", path.display())]
+    #[error("{}", path.display())]
     Policy {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
         source: PolicyError,
+    },
+    /// A policy was exported before the configuration was changed.
+    #[error(
+        "{} was exported for another {differing} than config.yaml has now: export it anew, or restore config.yaml",
+        path.display()
+    )]
+    OtherTask {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        differing: &'static str,
     },
     /// The picture of the flight failed.
     #[error(transparent)]
@@ -101,16 +112,33 @@ pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> 
 /// # Errors
 /// When a policy file is missing or damaged, or the report cannot be written.
 pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result<EvaluationReport, ResultsError> {
-    let [fixed, float] = [directory.policy(), directory.policy_f32()].map(|path| (read(&path), path));
-    let (fixed, float) = ((fixed.0?, fixed.1), (float.0?, float.1));
-    let (fixed, float) = (parse(&fixed.0, &fixed.1)?, parse(&float.0, &float.1)?);
-    let flyers = [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
     let scenario = &experiment.evaluation.scenario;
+    let (fixed_path, float_path) = (directory.policy(), directory.policy_f32());
+    let (fixed, float) = (read(&fixed_path)?, read(&float_path)?);
+    let (fixed, float) = (parse(&fixed, &fixed_path)?, parse(&float, &float_path)?);
+    refuse_other_task(&fixed, &fixed_path, scenario)?;
+    refuse_other_task(&float, &float_path, scenario)?;
+    let flyers = [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
     let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(experiment)));
     let report =
         EvaluationReport { name: experiment.name.clone(), seed: experiment.evaluation.seed.0, rows: rows.into() };
     write_json(&directory.evaluation_report(), &report)?;
     Ok(report)
+}
+
+/// A policy flown on what it was not trained for would look bad through no fault of its own.
+fn refuse_other_task(policy: &PolicyFile<'_>, path: &Path, scenario: &Scenario) -> Result<(), ResultsError> {
+    let metadata = policy.metadata();
+    let differing = if metadata.observation != scenario.observation {
+        "observation"
+    } else if metadata.action != scenario.action {
+        "action"
+    } else if metadata.control_period_secs != scenario.physics.control_secs {
+        "control rate"
+    } else {
+        return Ok(());
+    };
+    Err(ResultsError::OtherTask { path: path.to_owned(), differing })
 }
 
 /// Draws `learning-curve.svg` and `flight.gif`.

@@ -48,6 +48,9 @@ pub enum RunDirectoryError {
     /// A run was expected and none is there.
     #[error("{} holds no run: expected a directory made by `kestrel train`, found no config.yaml", .0.display())]
     NoRun(PathBuf),
+    /// The run's policies are wanted, and it has exported none yet.
+    #[error("{} holds no exported policy yet: make it with `kestrel export`, or let the training finish", .0.display())]
+    NoPolicy(PathBuf),
     /// Another process trains in the directory.
     #[error("{} is in use by {owner}: wait for it to end, or stop it first", path.display())]
     InUse {
@@ -131,6 +134,15 @@ impl RunDirectory {
     pub fn open(path: &Path) -> Result<Self, RunDirectoryError> {
         let run = Self { path: path.to_owned(), _lock: None };
         if run.config().is_file() { Ok(run) } else { Err(RunDirectoryError::NoRun(path.to_owned())) }
+    }
+
+    /// Whether both exported policies are there.
+    ///
+    /// # Errors
+    /// [`RunDirectoryError::NoPolicy`] when one is not.
+    pub fn require_policies(&self) -> Result<(), RunDirectoryError> {
+        let there = self.policy().exists() && self.policy_f32().exists();
+        if there { Ok(()) } else { Err(RunDirectoryError::NoPolicy(self.path.clone())) }
     }
 
     /// The directory itself.

@@ -86,8 +86,18 @@ pub enum TrainingError {
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// The checkpoint does not fit the configuration beside it.
-    #[error("the checkpoint of the run does not fit its config.yaml: {0}")]
+    #[error("the checkpoint of the run does not fit its config.yaml")]
     Restore(#[from] RestoreError),
+    /// The run began with another seed.
+    #[error(
+        "the run began with seed {found}, but its config.yaml says {expected}: restore it, or begin a new run"
+    )]
+    Seed {
+        /// In the checkpoint.
+        found: u64,
+        /// In the configuration.
+        expected: u64,
+    },
     /// The policy file cannot be written.
     #[error(transparent)]
     Policy(#[from] PolicyError),
@@ -103,7 +113,10 @@ impl TrainingRun {
     /// When files cannot be created.
     pub fn begin(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
         let trainer = Trainer::new(&experiment.scenario, &experiment.ppo, experiment.seed);
-        Self::open(experiment, directory, trainer, None, 0.0)
+        let run = Self::open(experiment, directory, trainer, None, 0.0)?;
+        // A run that is killed in its first seconds can then go on as any other.
+        run.save()?;
+        Ok(run)
     }
 
     /// The run of `directory` from its newest checkpoint; the second value warns when that was not the last written.
@@ -116,6 +129,10 @@ impl TrainingRun {
     ) -> Result<(Self, Option<CheckpointError>), TrainingError> {
         let restored = Checkpoints::in_directory(&directory.checkpoints()).load_newest::<Checkpoint>()?;
         let Checkpoint { trainer, best, training_secs } = restored.state;
+        let (found, expected) = (trainer.seed(), experiment.seed);
+        if found != expected {
+            return Err(TrainingError::Seed { found: found.0, expected: expected.0 });
+        }
         let trainer = Trainer::restore(&experiment.scenario, &experiment.ppo, trainer)?;
         Ok((Self::open(experiment, directory, trainer, best, training_secs)?, restored.warning))
     }
@@ -192,8 +209,8 @@ impl TrainingRun {
         let evaluation = &self.experiment.evaluation;
         let starts = Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: SELECTION_EPISODES };
         let found = evaluate(&evaluation.scenario, Flyer::Actor(self.trainer.actor()), starts);
-        let rank = |evaluation: &Evaluation| (evaluation.success_rate, evaluation.episode_return);
-        // Ties go to the later policy, which has been trained for longer.
+        let rank = |evaluation: &Evaluation| (evaluation.success_rate, evaluation.episode_return.max(f64::MIN));
+        // Ties go to the later policy, which has been trained for longer; a return that is NaN ranks last.
         if self.best.as_ref().is_none_or(|best| rank(&best.evaluation) <= rank(&found)) {
             let actor = self.trainer.actor().clone();
             self.best = Some(BestPolicy { actor, steps: self.trainer.steps(), evaluation: found });
@@ -248,12 +265,13 @@ pub fn untrained_actor(experiment: &Experiment) -> Actor {
 ///
 /// # Errors
 /// When there is no usable checkpoint.
-pub fn best_policy(directory: &RunDirectory) -> Result<(Actor, u64), TrainingError> {
+pub fn best_policy(experiment: &Experiment, directory: &RunDirectory) -> Result<(Actor, u64), TrainingError> {
     let restored = Checkpoints::in_directory(&directory.checkpoints()).load_newest::<Checkpoint>()?;
-    Ok(match restored.state.best {
-        Some(best) => (best.actor, best.steps),
-        None => (restored.state.trainer.actor().clone(), 0),
-    })
+    if let Some(best) = restored.state.best {
+        return Ok((best.actor, best.steps));
+    }
+    let steps = restored.updates * experiment.ppo.batch() as u64;
+    Ok((restored.state.trainer.actor().clone(), steps))
 }
 
 fn report(update: &UpdateMetrics) -> ProgressReport {

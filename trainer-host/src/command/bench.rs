@@ -7,6 +7,7 @@ use anyhow::Result;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_train::bench::{self, Figure};
 use kestrel_train::experiment_config;
+use kestrel_train::output::say;
 use kestrel_train::progress::amount;
 use kestrel_train::results;
 use kestrel_train::training_run::untrained_actor;
@@ -21,34 +22,42 @@ pub(crate) struct Arguments {
     config: PathBuf,
 
     /// Time of each of the five repetitions of a figure
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.5)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = repetition_secs, allow_negative_numbers = true)]
     secs: f64,
+}
+
+fn repetition_secs(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(secs) if (0.001..=60.0).contains(&secs) => Ok(secs),
+        Ok(_) | Err(_) => Err("expected 0.001 to 60 seconds".to_owned()),
+    }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let experiment = experiment_config::load(&arguments.config, &[])?;
-    let duration = Duration::try_from_secs_f64(arguments.secs)?;
+    let duration = Duration::from_secs_f64(arguments.secs);
     let scenario = &experiment.scenario;
-    println!("{:<44} {:>9} {:>9} {:>6}  limited by", "", "per s", "aim", "ratio");
-    print(&bench::vehicle(scenario, duration));
-    print(&bench::environment(scenario, duration));
-    print(&bench::training(scenario, &experiment.ppo, duration));
+    say(format_args!("{:<44} {:>9} {:>9} {:>6}  limited by", "", "per s", "aim", "ratio"))?;
+    print(&bench::vehicle(scenario, duration))?;
+    print(&bench::environment(scenario, duration))?;
+    print(&bench::training(scenario, &experiment.ppo, duration))?;
     let actor = untrained_actor(&experiment);
     let export = results::exported(&experiment, &actor, 0)?;
     let files = [PolicyFile::parse(&export.float_policy)?, PolicyFile::parse(&export.fixed_policy)?];
-    print(&bench::inference(&actor, &files, duration));
+    print(&bench::inference(&actor, &files, duration))?;
     Ok(Done::Finished)
 }
 
-fn print(figures: &[Figure]) {
+fn print(figures: &[Figure]) -> Result<()> {
     for figure in figures {
-        println!(
+        say(format_args!(
             "{:<44} {:>9} {:>9} {:>6.2}  {}",
             figure.what,
             amount(figure.per_second),
             amount(figure.aim),
             figure.per_second / figure.aim,
             figure.limit
-        );
+        ))?;
     }
+    Ok(())
 }

@@ -1,9 +1,9 @@
 //! `kestrel completions`.
 
-use std::io;
-
+use anyhow::Result;
 use clap::CommandFactory;
 use clap_complete::Shell;
+use kestrel_train::output::say;
 
 /// Arguments of `kestrel completions`.
 #[derive(Debug, clap::Args)]
@@ -12,6 +12,8 @@ pub(crate) struct Arguments {
     shell: Shell,
 }
 
-pub(crate) fn print(arguments: &Arguments) {
-    clap_complete::generate(arguments.shell, &mut crate::Arguments::command(), "kestrel", &mut io::stdout());
+pub(crate) fn print(arguments: &Arguments) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(arguments.shell, &mut crate::Arguments::command(), "kestrel", &mut script);
+    Ok(say(String::from_utf8(script)?.trim_end())?)
 }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use kestrel_train::output::say;
 use kestrel_train::results;
 
 use super::{Done, run, table};
@@ -14,11 +15,11 @@ pub(crate) struct Arguments {
     run: PathBuf,
 
     /// Starts to fly from [default: the experiment's]
-    #[arg(long, value_name = "NUMBER")]
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
     episodes: Option<u64>,
 
     /// What the starts follow from [default: the experiment's]
-    #[arg(long, value_name = "NUMBER")]
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
     seed: Option<u64>,
 }
 
@@ -27,8 +28,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let seed = arguments.seed.map(|seed| format!("evaluation.seed={seed}"));
     let overrides: Vec<String> = episodes.into_iter().chain(seed).collect();
     let (directory, experiment) = run::open(&arguments.run, &overrides)?;
+    directory.require_policies()?;
     let report = results::evaluate_run(&experiment, &directory)?;
-    println!("{} starts of seed {}:", experiment.evaluation.episodes, report.seed);
-    print!("{}", table::evaluations(&report.rows));
+    say(table::evaluations(&report))?;
     Ok(Done::Finished)
 }

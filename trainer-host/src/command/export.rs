@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use kestrel_train::output::say;
 use kestrel_train::results;
 use kestrel_train::training_run::best_policy;
 
@@ -17,10 +18,10 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let (directory, experiment) = run::open(&arguments.run, &[])?;
-    let (actor, steps) = best_policy(&directory)?;
+    let (actor, steps) = best_policy(&experiment, &directory)?;
     let report = results::export_policy(&experiment, &directory, &actor, steps)?;
-    println!("{report}\n");
-    println!("{}", directory.policy().display());
-    println!("{}", directory.policy_f32().display());
+    say(format_args!("{report}\n"))?;
+    say(directory.policy().display())?;
+    say(directory.policy_f32().display())?;
     Ok(Done::Finished)
 }

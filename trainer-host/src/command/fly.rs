@@ -1,11 +1,12 @@
 //! `kestrel fly`.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result};
+use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_train::fly::{FlyOptions, Place, fly};
 use kestrel_train::interrupt::Interrupt;
+use kestrel_train::output::say;
 
 use super::{Done, run};
 
@@ -26,20 +27,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let path = &arguments.pilot;
     let summary = if path.is_dir() {
         let (directory, experiment) = run::open(path, &[])?;
-        let policy = read(&directory.policy())?;
-        fly(Place::Scenario(&experiment.scenario), &policy, &arguments.options, &stop)
+        directory.require_policies()?;
+        let policy = PolicyBytes::read(&directory.policy())?;
+        fly(Place::Scenario(&experiment.scenario), policy.bytes(), &arguments.options, &stop)
     } else {
-        fly(Place::FlatFloor, &read(path)?, &arguments.options, &stop)
+        fly(Place::FlatFloor, PolicyBytes::read(path)?.bytes(), &arguments.options, &stop)
     }
     .with_context(|| path.display().to_string())?;
     let position = summary.position;
-    println!(
+    say(format_args!(
         "Flew {:.1} s; ended {:?} at x {:.2}, y {:.2}, z {:.2} m.",
         summary.secs, summary.mode, position.x, position.y, position.z
-    );
+    ))?;
     Ok(Done::Finished)
-}
-
-fn read(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path).with_context(|| format!("cannot read the policy {}", path.display()))
 }

@@ -2,20 +2,22 @@
 
 use kestrel_sim::outcome::Ending;
 use kestrel_train::evaluation::Evaluation;
+use kestrel_train::results::EvaluationReport;
 
-/// The rows of an evaluation, one line each.
-pub(crate) fn evaluations(rows: &[Evaluation]) -> String {
+/// The rows of an evaluation, one line each, below the starts that they flew from.
+pub(crate) fn evaluations(report: &EvaluationReport) -> String {
+    let episodes = report.rows.first().map_or(0, |row| row.episodes);
     let heading = format!(
-        "{:<16} {:>8}  {:<16} {:>9} {:>8}  endings\n",
-        "pilot", "success", "95 % interval", "return", "length"
+        "{episodes} starts of seed {}:\n{:<16} {:>8}  {:<16} {:>9} {:>8}  endings",
+        report.seed, "pilot", "success", "95 % interval", "return", "length"
     );
-    rows.iter().map(line).fold(heading, |text, line| text + &line)
+    report.rows.iter().map(line).fold(heading, |text, line| text + "\n" + &line)
 }
 
 fn line(row: &Evaluation) -> String {
     let [low, high] = row.success_interval.map(|share| 100.0 * share);
     format!(
-        "{:<16} {:>6.1} %  {:<16} {:>9.2} {:>6.2} s  {}\n",
+        "{:<16} {:>6.1} %  {:<16} {:>9.2} {:>6.2} s  {}",
         row.pilot,
         100.0 * row.success_rate,
         format!("{low:.1} to {high:.1} %"),

@@ -1,10 +1,11 @@
 //! `kestrel train`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use kestrel_train::experiment_config::{self, Experiment};
 use kestrel_train::interrupt::Interrupt;
+use kestrel_train::output::{say, warn};
 use kestrel_train::results;
 use kestrel_train::run_directory::RunDirectory;
 use kestrel_train::training_run::{End, TrainingRun};
@@ -23,7 +24,7 @@ pub(crate) struct Arguments {
     resume: Option<PathBuf>,
 
     /// What all randomness follows from; short for --set training.seed=NUMBER
-    #[arg(long, value_name = "NUMBER", conflicts_with = "resume")]
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true, conflicts_with = "resume")]
     seed: Option<u64>,
 
     /// Replace a value of the experiment file, such as training.epochs=2 (repeatable)
@@ -42,19 +43,21 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let threads = arguments.threads.map_or(0, usize::from);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")?;
-    let interrupt = Interrupt::watch("Stopping after this update; Ctrl-C again ends at once.")?;
+    let interrupt = Interrupt::watch("Stopping after the step in progress; Ctrl-C again ends at once.")?;
     let mut run = open(arguments)?;
     let path = run.directory().path().to_owned();
-    println!("Training in {}: {} of {} steps done", path.display(), run.steps(), run.experiment().ppo.total_steps);
+    let experiment = run.experiment();
+    say(format_args!(
+        "Training in {}: {} of {} steps done",
+        path.display(),
+        run.steps(),
+        experiment.ppo.total_steps
+    ))?;
     match run.train(&interrupt)? {
-        End::Finished => finish(&run),
+        End::Finished => finish(&run, &interrupt),
         End::Interrupted => {
-            println!(
-                "Saved after {} steps. Go on with:\n  kestrel train --resume {}",
-                run.steps(),
-                path.display()
-            );
-            Ok(Done::Interrupted)
+            say(format_args!("Saved after {} steps.", run.steps()))?;
+            stopped(&path)
         }
     }
 }
@@ -65,7 +68,7 @@ fn open(arguments: &Arguments) -> Result<TrainingRun> {
         let experiment = experiment_config::load(&directory.config(), &[])?;
         let (run, warning) = TrainingRun::resume(experiment, directory)?;
         if let Some(warning) = warning {
-            eprintln!("warning: {warning}; going on from the checkpoint before it");
+            warn(format_args!("warning: {warning}; going on from the checkpoint before it"));
         }
         return Ok(run);
     }
@@ -86,22 +89,49 @@ fn load(arguments: &Arguments) -> Result<Experiment> {
     Ok(experiment_config::load(path, &overrides)?)
 }
 
-/// Exports, evaluates and draws.
-fn finish(run: &TrainingRun) -> Result<Done> {
+/// Exports, evaluates and draws; between these steps it may be interrupted.
+fn finish(run: &TrainingRun, interrupt: &Interrupt) -> Result<Done> {
     let (experiment, directory) = (run.experiment(), run.directory());
     let (actor, steps) = run.best();
-    println!(
+    say(format_args!(
         "Trained {} steps in {:.1} s; the best policy is that after {steps} steps.\n",
         run.steps(),
         run.training_secs()
-    );
-    println!("{}\n", results::export_policy(experiment, directory, actor, steps)?);
-    let report = results::evaluate_run(experiment, directory)?;
-    println!("{} starts of seed {}:", experiment.evaluation.episodes, report.seed);
-    println!("{}", table::evaluations(&report.rows));
+    ))?;
+    say(format_args!("{}\n", results::export_policy(experiment, directory, actor, steps)?))?;
+    if interrupt.requested() {
+        return stopped(directory.path());
+    }
+    say(format_args!("{}\n", table::evaluations(&results::evaluate_run(experiment, directory)?)))?;
+    if interrupt.requested() {
+        return stopped(directory.path());
+    }
     results::draw(experiment, directory)?;
-    println!("{}", directory.learning_curve().display());
-    println!("{}", directory.flight().display());
-    println!("{}", directory.policy().display());
+    for path in [directory.learning_curve(), directory.flight(), directory.policy()] {
+        say(path.display())?;
+    }
     Ok(Done::Finished)
+}
+
+/// Says how to go on.
+fn stopped(run: &Path) -> Result<Done> {
+    say(format_args!("Go on with:\n  kestrel train --resume {}", quoted(&run.display().to_string())))?;
+    Ok(Done::Interrupted)
+}
+
+/// The text as one word of a shell's command line.
+fn quoted(text: &str) -> String {
+    let plain = |letter: char| letter.is_alphanumeric() || "-_./:@%+,=".contains(letter);
+    if text.chars().all(plain) { text.to_owned() } else { format!("'{}'", text.replace('\'', r"'\''")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_quoted_where_a_shell_would_split_them() {
+        assert_eq!(quoted("runs/hover-seed0-1"), "runs/hover-seed0-1");
+        assert_eq!(quoted("my runs/it's"), r"'my runs/it'\''s'");
+    }
 }

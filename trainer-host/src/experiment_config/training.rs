@@ -11,6 +11,10 @@ use crate::schedule::Schedule;
 /// Most samples of one rollout: at 60 values each they fill 4 GiB.
 const ROLLOUT_LIMIT: u64 = 1 << 24;
 
+/// Most environments, and most samples of a minibatch: every panel of them has a workspace of its own, about 1 MB
+/// with hidden layers of 64.
+const PARALLEL_LIMIT: u64 = 1 << 16;
+
 /// Widest hidden layer.
 const HIDDEN_LIMIT: u64 = 1024;
 
@@ -181,10 +185,10 @@ impl TrainingConfig {
 }
 
 fn check_panels(value: u64, field: &Field<'_>) -> Result<(), ConfigError> {
-    if value > 0 && value.is_multiple_of(PANEL as u64) {
+    if value > 0 && value <= PARALLEL_LIMIT && value.is_multiple_of(PANEL as u64) {
         return Ok(());
     }
-    Err(field.refuse(value, format!("a multiple of {PANEL}")))
+    Err(field.refuse(value, format!("a multiple of {PANEL}, at most {PARALLEL_LIMIT}")))
 }
 
 fn hidden(widths: &[u64], field: &Field<'_>) -> Result<Vec<usize>, ConfigError> {

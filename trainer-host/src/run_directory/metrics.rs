@@ -10,6 +10,9 @@ use serde::de::DeserializeOwned;
 use super::RunDirectoryError;
 use crate::atomic_file::{FileError, write_atomically};
 
+/// What messages show of a row that is none \[characters\].
+const EXCERPT_LEN: usize = 40;
+
 /// The metrics of a run, open for appending.
 #[derive(Debug)]
 pub struct MetricsLog {
@@ -81,10 +84,10 @@ fn read_complete_lines(path: &Path) -> Result<String, FileError> {
 
 fn parse_rows<T: DeserializeOwned>(path: &Path, text: &str) -> Result<Vec<T>, RunDirectoryError> {
     let parse = |(index, line): (usize, &str)| {
-        serde_json::from_str(line).map_err(|cause| RunDirectoryError::Row {
+        serde_json::from_str(line).map_err(|cause: serde_json::Error| RunDirectoryError::Row {
             path: path.to_owned(),
             line: index + 1,
-            found: cause.to_string(),
+            found: format!("{:?} ({cause})", line.chars().take(EXCERPT_LEN).collect::<String>()),
         })
     };
     text.lines().enumerate().map(parse).collect()
