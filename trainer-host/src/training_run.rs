@@ -56,6 +56,8 @@ struct Checkpoint {
     trainer: TrainerState,
     best: Option<BestPolicy>,
     training_secs: f64,
+    /// The resolved configuration.
+    config: String,
 }
 
 /// A row of `metrics.jsonl`.
@@ -98,6 +100,19 @@ pub enum TrainingError {
         /// In the configuration.
         expected: u64,
     },
+    /// The configuration is another than the run's, beside the budget.
+    #[error(
+        "line {line} of config.yaml, defaults filled in, says `{found}`, but the run was trained with `{expected}`: \
+         change it back, or begin a new run"
+    )]
+    Changed {
+        /// In the complete configuration.
+        line: usize,
+        /// Now.
+        found: String,
+        /// In the checkpoint.
+        expected: String,
+    },
     /// The policy file cannot be written.
     #[error(transparent)]
     Policy(#[from] PolicyError),
@@ -128,12 +143,13 @@ impl TrainingRun {
         directory: RunDirectory,
     ) -> Result<(Self, Option<CheckpointError>), TrainingError> {
         let restored = Checkpoints::in_directory(&directory.checkpoints()).load_newest::<Checkpoint>()?;
-        let Checkpoint { trainer, best, training_secs } = restored.state;
+        let Checkpoint { trainer, best, training_secs, config } = restored.state;
         let (found, expected) = (trainer.seed(), experiment.seed);
         if found != expected {
             return Err(TrainingError::Seed { found: found.0, expected: expected.0 });
         }
         let trainer = Trainer::restore(&experiment.scenario, &experiment.ppo, trainer)?;
+        refuse_changes(&config, &experiment.resolved_yaml)?;
         Ok((Self::open(experiment, directory, trainer, best, training_secs)?, restored.warning))
     }
 
@@ -222,6 +238,7 @@ impl TrainingRun {
             trainer: self.trainer.save(),
             best: self.best.clone(),
             training_secs: self.training_secs,
+            config: self.experiment.resolved_yaml.clone(),
         };
         Checkpoints::in_directory(&self.directory.checkpoints()).save(self.trainer.updates(), &checkpoint)?;
         Ok(())
@@ -272,6 +289,19 @@ pub fn best_policy(experiment: &Experiment, directory: &RunDirectory) -> Result<
     }
     let steps = restored.updates * experiment.ppo.batch() as u64;
     Ok((restored.state.trainer.actor().clone(), steps))
+}
+
+/// Refuses a configuration that differs in more than the budget, which may be raised.
+fn refuse_changes(saved: &str, now: &str) -> Result<(), TrainingError> {
+    let lines = saved.lines().count().max(now.lines().count());
+    let padded = |text: &'static str| std::iter::repeat(text);
+    let pairs = now.lines().chain(padded("")).zip(saved.lines().chain(padded("")));
+    let is_budget = |line: &str| line.trim_start().starts_with("total_steps:");
+    let change = pairs.take(lines).enumerate().find(|(_, (now, saved))| now != saved && !is_budget(saved));
+    change.map_or(Ok(()), |(index, (found, expected))| {
+        let [found, expected] = [found, expected].map(|line| line.trim().to_owned());
+        Err(TrainingError::Changed { line: index + 1, found, expected })
+    })
 }
 
 fn report(update: &UpdateMetrics) -> ProgressReport {
