@@ -90,7 +90,7 @@ fn wrong_options_are_refused_in_one_message() {
         ("--system 0", "1..=250"),
         ("--system 251", "1..=250"),
         ("--speed fast", "found \"fast\""),
-        ("--for-secs -1", "unexpected argument"),
+        ("--for-secs -1", "expected a positive number of seconds"),
         ("--for-secs=-1", "expected a positive number of seconds"),
         ("--for-secs nan", "expected a positive number of seconds"),
         ("--listen 14580", "invalid socket address"),
