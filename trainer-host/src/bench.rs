@@ -140,8 +140,8 @@ fn training_rate(scenario: &Scenario, settings: &PpoSettings, epochs: u32, durat
 /// Lines for PPO end to end.
 pub fn training(scenario: &Scenario, settings: &PpoSettings, duration: Duration) -> Vec<Figure> {
     let lines = [
-        (4, 600e3, "matrix products: 249 kflop per step at 64-64"),
-        (1, 1.8e6, "matrix products: 78 kflop per step at 64-64"),
+        (4, 600e3, "matrix products, two thirds of the time, then tanh"),
+        (1, 1.8e6, "matrix products, then tanh and the rollout"),
     ];
     let figure = |(epochs, aim, limit)| Figure {
         what: format!("PPO steps, {epochs} epoch(s), all cores"),
