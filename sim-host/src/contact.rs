@@ -2,8 +2,9 @@
 
 use kestrel_core::airframe::Airframe;
 
-use crate::scenario::{Aviary, Cuboid, Floor};
+use crate::scenario::{Aviary, Cuboid};
 use crate::swarm::{Column, Swarm};
+use crate::world::Floor;
 
 /// The drone's hull: an upright cylinder as wide as the drone and as high as the drone at its tilt.
 #[derive(Clone, Copy, Debug)]
@@ -38,12 +39,12 @@ pub(crate) fn find_hits<const LANES: usize>(
     for lane in 0..LANES {
         extents[lane] = hull.half_extent(swarm.state(lane).world_from_body.up_cosine());
     }
-    *hits = match aviary.floor {
+    *hits = match aviary.world.floor {
         Floor::Solid => core::array::from_fn(|lane| f32::from(swarm.position[2][lane] < extents[lane])),
         Floor::Absent => [0.0; LANES],
     };
-    for solid in &aviary.solids {
-        add_hits(swarm, solid, hull.radius, &extents, hits);
+    for solid in aviary.world.bounds() {
+        add_hits(swarm, &solid, hull.radius, &extents, hits);
     }
 }
 

@@ -100,7 +100,8 @@ impl Flight {
                 && (solid.low.y..=solid.high.y).contains(&position.y)
                 && solid.high.z <= position.z + self.scenario.airframe.collision_radius as f32
         };
-        let tops = self.scenario.aviary.solids.iter().filter(below).map(|solid| solid.high.z);
+        let solids = self.scenario.aviary.world.bounds();
+        let tops = solids.iter().filter(below).map(|solid| solid.high.z);
         tops.fold(0.0, f32::max)
     }
 }
@@ -118,6 +119,7 @@ fn levelled(attitude: &Attitude<f32>) -> Attitude<f32> {
 mod tests {
     use super::*;
     use crate::testing::hover;
+    use crate::world::Solid;
 
     #[test]
     fn a_drone_without_thrust_falls_and_rests_on_the_floor() {
@@ -151,8 +153,8 @@ mod tests {
     #[test]
     fn a_solid_carries_the_drone_that_stands_on_it() {
         let mut scenario = hover();
-        let pad = Cuboid { low: Vector3::new(-1.0, -1.0, 0.0), high: Vector3::new(1.0, 1.0, 0.1) };
-        scenario.aviary.solids.push(pad);
+        let pad = Solid::block("pad", Vector3::new(-1.0, -1.0, 0.0), Vector3::new(1.0, 1.0, 0.1));
+        scenario.aviary.world.solids.push(pad);
         let mut flight = Flight::new(&scenario, Vector3::new(0.0, 0.0, 0.3));
         for _ in 0..100 {
             flight.step(&[0.0; 4]);

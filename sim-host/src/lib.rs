@@ -18,5 +18,6 @@ pub mod swarm;
 mod termination;
 #[cfg(test)]
 mod testing;
+pub mod world;
 
 pub use block::PRIVILEGED_LEN;

@@ -7,6 +7,8 @@ use kestrel_core::observation::ObservationLayout;
 use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
+use crate::world::World;
+
 /// One task: where, with what, from where, for what, until when.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
@@ -56,19 +58,8 @@ pub struct Physics {
 pub struct Aviary {
     /// Where the drone shall go \[m, world\].
     pub goal: Vector3<f32>,
-    /// Walls and obstacles.
-    pub solids: Vec<Cuboid>,
-    /// Whether z = 0 is solid.
-    pub floor: Floor,
-}
-
-/// Whether a floor at z = 0 can be hit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Floor {
-    /// A drone that touches z = 0 collides.
-    Solid,
-    /// Nothing below.
-    Absent,
+    /// What stands there.
+    pub world: World,
 }
 
 /// Axis-aligned box \[m, world\].

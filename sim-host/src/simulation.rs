@@ -304,8 +304,9 @@ fn scatter(target: &mut [f32], environments: usize, environment: usize, values: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::{Cuboid, Floor, StartPosition, Success, Termination};
+    use crate::scenario::{Cuboid, StartPosition, Success, Termination};
     use crate::testing::hover;
+    use crate::world::{Floor, Solid};
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
@@ -397,7 +398,7 @@ mod tests {
     fn the_clock_truncates_and_keeps_the_last_observation() {
         let mut scenario = hover();
         scenario.terminations.clear();
-        scenario.aviary.floor = Floor::Absent;
+        scenario.aviary.world.floor = Floor::Absent;
         scenario.episode_secs = 0.05;
         let mut simulation = Simulation::<64>::new(&scenario, Seed(2), 0, 2);
         for _ in 0..5 {
@@ -418,12 +419,12 @@ mod tests {
         scenario.start.position =
             StartPosition::Within(Cuboid { low: Vector3::new(0.0, 0.0, 1.0), high: Vector3::new(0.0, 0.0, 1.0) });
         scenario.start.speed_limit = 0.0;
-        let wall = |x: f32| Cuboid { low: Vector3::new(x, -1.0, 0.0), high: Vector3::new(x + 0.1, 1.0, 2.0) };
-        scenario.aviary.solids = vec![wall(0.061)];
+        let wall = |x: f64| Solid::block("wall", Vector3::new(x, -1.0, 0.0), Vector3::new(x + 0.1, 1.0, 2.0));
+        scenario.aviary.world.solids = vec![wall(0.061)];
         let mut near = Simulation::<64>::new(&scenario, Seed(2), 0, 1);
         near.step(&[0.0; 4]);
         assert_eq!(near.outcomes(), [Outcome::Running]);
-        scenario.aviary.solids = vec![wall(0.059)];
+        scenario.aviary.world.solids = vec![wall(0.059)];
         let mut touching = Simulation::<64>::new(&scenario, Seed(2), 0, 1);
         touching.step(&[0.0; 4]);
         assert_eq!(touching.outcomes(), [Outcome::Terminated]);

@@ -8,16 +8,17 @@ use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
 use crate::scenario::{
-    Aviary, CriticView, Floor, Physics, Randomisation, RewardTerm, Scenario, Start, StartPosition, Success,
-    Termination, WeightedTerm,
+    Aviary, CriticView, Physics, Randomisation, RewardTerm, Scenario, Start, StartPosition, Success, Termination,
+    WeightedTerm,
 };
+use crate::world::World;
 
 /// Hover one metre above the origin, everything randomised, every kind of dense reward, short episodes.
 pub(crate) fn hover() -> Scenario {
     let weighted = |term, weight| WeightedTerm { term, weight };
     Scenario {
         name: "hover".into(),
-        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), solids: Vec::new(), floor: Floor::Solid },
+        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), world: World::empty() },
         airframe: CF2X,
         physics: Physics {
             integrator: Integrator::SemiImplicitEuler,

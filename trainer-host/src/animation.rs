@@ -5,7 +5,8 @@
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
-use kestrel_sim::scenario::{Cuboid, Floor};
+use kestrel_sim::scenario::Cuboid;
+use kestrel_sim::world::Floor;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 

@@ -170,8 +170,8 @@ fn recording(name: &str, scenario: &Scenario, path: &FlightPath) -> FlightRecord
         control_secs: scenario.physics.control_secs,
         airframe: scenario.airframe,
         goal: scenario.aviary.goal,
-        solids: scenario.aviary.solids.clone(),
-        floor: scenario.aviary.floor,
+        solids: scenario.aviary.world.bounds(),
+        floor: scenario.aviary.world.floor,
         frames: frames.collect(),
     }
 }

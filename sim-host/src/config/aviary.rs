@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::contains;
-use crate::scenario::{Aviary, Cuboid, Floor};
+use crate::scenario::{Aviary, Cuboid};
+use crate::world::{Floor, Solid, World};
 
 /// Most solids; every one is tested in every step.
 const SOLIDS_LIMIT: usize = 256;
@@ -91,7 +92,9 @@ impl AviaryConfig {
             return Err(field.at("goal_m").at(2).refuse(self.goal_m[2], expected));
         }
         let floor = if self.floor { Floor::Solid } else { Floor::Absent };
-        Ok(Aviary { goal, solids, floor })
+        let block = |solid: &Cuboid| Solid::block("solid", solid.low.cast(), solid.high.cast());
+        let solids = solids.iter().map(block).collect();
+        Ok(Aviary { goal, world: World { floor, solids, movables: Vec::new() } })
     }
 }
 

@@ -9,7 +9,8 @@ use super::aviary::BoxConfig;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
-use crate::scenario::{Aviary, Cuboid, Floor, Randomisation, Start, StartPosition, Termination};
+use crate::scenario::{Aviary, Cuboid, Randomisation, Start, StartPosition, Termination};
+use crate::world::Floor;
 
 /// Factors `1 ± fraction` stay well above zero.
 const FRACTION: Limits = Limits::from(0.0, 0.9, "");
@@ -189,11 +190,11 @@ impl Region {
 
     /// Refuses starts nearer than `radius` \[m\] to the floor or a solid.
     fn clear(&self, aviary: &Aviary, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
-        if aviary.floor == Floor::Solid && self.hull().low.z < radius {
+        if aviary.world.floor == Floor::Solid && self.hull().low.z < radius {
             let found = format!("starts as low as {:.3} m", self.hull().low.z);
             return Err(field.reject(found, format!("at least {radius} m above the floor, the drone's radius")));
         }
-        match aviary.solids.iter().find(|solid| self.gap_to(solid) < radius) {
+        match aviary.world.bounds().iter().find(|solid| self.gap_to(solid) < radius) {
             None => Ok(()),
             Some(solid) => {
                 let found = format!("starts {:.3} m from {}", self.gap_to(solid).max(0.0), shown(solid));

@@ -49,7 +49,7 @@ fn what_is_written_becomes_si() {
 
 #[test]
 fn walls_close_the_room_and_leave_its_inside_free() {
-    let walls = scenario(&[]).unwrap().aviary.solids;
+    let walls = scenario(&[]).unwrap().aviary.world.bounds();
     assert_eq!(walls.len(), 4);
     let interior = cuboid([0.0; 3], [4.0, 5.0, 6.0]);
     for wall in &walls {
@@ -95,7 +95,7 @@ fn overrides_reach_into_what_is_not_written_yet() {
     let scenario = checked(&document).unwrap();
     assert_eq!(scenario.randomisation.mass, 0.2);
     assert_eq!(scenario.rewards[1].term, RewardTerm::Alive);
-    assert_eq!(scenario.aviary.floor, crate::scenario::Floor::Absent);
+    assert_eq!(scenario.aviary.world.floor, crate::world::Floor::Absent);
 }
 
 #[test]

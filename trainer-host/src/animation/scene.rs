@@ -1,6 +1,7 @@
 //! The world around the drone: floor, walls, goal, trail and shadow.
 
-use kestrel_sim::scenario::{Cuboid, Floor};
+use kestrel_sim::scenario::Cuboid;
+use kestrel_sim::world::Floor;
 use nalgebra::Vector3;
 
 use super::camera::Camera;

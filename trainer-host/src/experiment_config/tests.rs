@@ -127,9 +127,9 @@ fn hover_is_judged_by_hard_starts_on_drones_that_differ() {
 #[test]
 fn cross_has_four_walls_and_a_pad() {
     let cross = example("cross");
-    assert_eq!(cross.scenario.aviary.solids.len(), 5);
+    assert_eq!(cross.scenario.aviary.world.solids.len(), 5);
     assert!(cross.scenario.terminations.contains(&Termination::Collision));
-    let pad = cross.scenario.aviary.solids[4];
+    let pad = cross.scenario.aviary.world.bounds()[4];
     assert_eq!((pad.low.as_slice(), pad.high.as_slice()), (&[4.0, -1.0, 0.0][..], &[5.0, 1.0, 0.1][..]));
     assert_eq!(cross.evaluation.episodes, 256);
     assert_eq!(cross.ppo.check(), Ok(()));

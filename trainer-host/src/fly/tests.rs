@@ -10,9 +10,8 @@ use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyMetadata};
 use kestrel_core::vehicle::Ground;
 use kestrel_shim::link::LinkError;
 use kestrel_shim::lockstep::Pace;
-use kestrel_sim::scenario::{
-    Aviary, CriticView, Cuboid, Floor, Physics, Randomisation, Start, StartPosition, Success,
-};
+use kestrel_sim::scenario::{Aviary, CriticView, Cuboid, Physics, Randomisation, Start, StartPosition, Success};
+use kestrel_sim::world::World;
 
 use super::*;
 
@@ -53,7 +52,7 @@ fn climber(control_period_secs: f32) -> Vec<u8> {
 fn scenario() -> Scenario {
     Scenario {
         name: "hover".into(),
-        aviary: Aviary { goal: Vector3::new(1.0, 2.0, 1.0), solids: Vec::new(), floor: Floor::Solid },
+        aviary: Aviary { goal: Vector3::new(1.0, 2.0, 1.0), world: World::empty() },
         airframe: CF2X,
         physics: Physics {
             integrator: Integrator::SemiImplicitEuler,

@@ -8,14 +8,15 @@ use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::{ObservationLayout, PilotLayout};
 use kestrel_core::vehicle::Ground;
 use kestrel_sim::scenario::{
-    Aviary, Floor, Physics, Randomisation, RewardTerm, Start, StartPosition, Success, Termination, WeightedTerm,
+    Aviary, Physics, Randomisation, RewardTerm, Start, StartPosition, Success, Termination, WeightedTerm,
 };
+use kestrel_sim::world::World;
 use nalgebra::Vector3;
 
 fn scenario(critic: CriticView) -> Scenario {
     Scenario {
         name: "hover".into(),
-        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), solids: vec![], floor: Floor::Solid },
+        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), world: World::empty() },
         airframe: CF2X,
         physics: Physics {
             integrator: Integrator::SemiImplicitEuler,

@@ -1,0 +1,200 @@
+//! The place a drone flies in: solids as data, static or movable.
+
+use kestrel_core::attitude::Attitude;
+use nalgebra::Vector3;
+
+use crate::scenario::Cuboid;
+
+/// Gap at which the reference reports contact between the drone and a box \[m\] (two margins and a threshold).
+pub const BOX_CONTACT_GAP: f64 = 2.78e-3;
+
+/// Gap at which the reference reports contact with the floor \[m\].
+pub const FLOOR_CONTACT_GAP: f64 = 2.0e-3;
+
+/// Everything in one place that a drone can see or touch, except drones.
+#[derive(Clone, Debug, PartialEq)]
+pub struct World {
+    /// Whether z = 0 is solid.
+    pub floor: Floor,
+    /// Bodies that never move.
+    pub solids: Vec<Solid>,
+    /// Bodies that a drone can push; at the start of every episode they are where their pose says.
+    pub movables: Vec<Movable>,
+}
+
+/// Whether a floor at z = 0 can be hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Floor {
+    /// A drone that touches z = 0 collides.
+    Solid,
+    /// Nothing below.
+    Absent,
+}
+
+/// One convex body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solid {
+    /// What it is, for messages and plans: `pillar`, `couch: seat`.
+    pub name: String,
+    /// Its outline.
+    pub shape: Shape,
+    /// Where its centre is and how it is turned.
+    pub pose: Pose,
+    /// What touching it means.
+    pub role: Role,
+    /// Coulomb friction; the reference multiplies those of both bodies.
+    pub friction: f64,
+    /// Gap at which the `bullet` physics reports contact \[m\]; `clean` reports it at none.
+    pub contact_gap: f64,
+    /// Red, green, blue in \[0, 1\].
+    pub colour: [f32; 3],
+}
+
+/// A body that a drone can push.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Movable {
+    /// Its outline, surface and place at the start.
+    pub solid: Solid,
+    /// \[kg\].
+    pub mass: f64,
+}
+
+/// Outline of a convex body around its own origin.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A box of these half extents \[m\].
+    Cuboid(Vector3<f64>),
+    /// A cylinder about its z axis.
+    Cylinder {
+        /// \[m\].
+        radius: f64,
+        /// \[m\].
+        half_height: f64,
+    },
+    /// The convex hull of these points \[m\], at least four, not in one plane.
+    Hull(Vec<Vector3<f64>>),
+}
+
+/// A place and an orientation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// \[m\], world.
+    pub position: Vector3<f64>,
+    /// Unit quaternion.
+    pub world_from_body: Attitude<f64>,
+}
+
+/// What touching a body means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// A collision.
+    Obstacle,
+    /// A landing.
+    Landing,
+    /// Nothing: it can be seen but not touched.
+    Decoration,
+}
+
+impl World {
+    /// Nothing but a floor.
+    pub fn empty() -> Self {
+        Self { floor: Floor::Solid, solids: Vec::new(), movables: Vec::new() }
+    }
+
+    /// The solids that can be touched.
+    pub fn tangible(&self) -> impl Iterator<Item = &Solid> {
+        self.solids.iter().filter(|solid| solid.role != Role::Decoration)
+    }
+
+    /// Axis-aligned bounds of everything that can be touched, movables where they start, in `f32` for drawing.
+    pub fn bounds(&self) -> Vec<Cuboid> {
+        self.tangible().chain(self.movables.iter().map(|movable| &movable.solid)).map(Solid::bounds).collect()
+    }
+}
+
+impl Solid {
+    /// An axis-aligned grey box from corner to corner \[m, world\].
+    pub fn block(name: &str, low: Vector3<f64>, high: Vector3<f64>) -> Self {
+        Self {
+            name: name.to_owned(),
+            shape: Shape::Cuboid((high - low) / 2.0),
+            pose: Pose::at((low + high) / 2.0),
+            role: Role::Obstacle,
+            friction: 0.5,
+            contact_gap: BOX_CONTACT_GAP,
+            colour: [0.6; 3],
+        }
+    }
+
+    /// Its axis-aligned bounds \[m, world\].
+    pub fn bounds(&self) -> Cuboid {
+        let (low, high) = self.extent();
+        Cuboid { low: low.cast(), high: high.cast() }
+    }
+
+    /// Its lowest and highest coordinates \[m, world\].
+    pub fn extent(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let rows = self.pose.world_from_body.rows();
+        let (low, high) = self.shape.extent_along(&rows);
+        (self.pose.position + low, self.pose.position + high)
+    }
+}
+
+impl Shape {
+    /// Extent along three directions, the rows of a rotation matrix, relative to the shape's origin \[m\].
+    fn extent_along(&self, rows: &[[f64; 3]; 3]) -> (Vector3<f64>, Vector3<f64>) {
+        let directions = rows.map(Vector3::from);
+        match self {
+            Self::Cuboid(half) => {
+                let reach = Vector3::from(directions.map(|direction| direction.abs().dot(half)));
+                (-reach, reach)
+            }
+            Self::Cylinder { radius, half_height } => {
+                let reach = Vector3::from(directions.map(|direction| {
+                    let across = direction.x.hypot(direction.y);
+                    radius * across + half_height * direction.z.abs()
+                }));
+                (-reach, reach)
+            }
+            Self::Hull(points) => {
+                let along = |pick: fn(f64, f64) -> f64| {
+                    let of = |direction: Vector3<f64>| points.iter().map(|p| direction.dot(p)).reduce(pick);
+                    Vector3::from(directions.map(|direction| of(direction).unwrap_or(0.0)))
+                };
+                (along(f64::min), along(f64::max))
+            }
+        }
+    }
+}
+
+impl Pose {
+    /// Upright at a position \[m, world\].
+    pub fn at(position: Vector3<f64>) -> Self {
+        Self { position, world_from_body: Attitude::level() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turned_box_reaches_farther() {
+        let mut solid = Solid::block("box", Vector3::new(0.0, -1.0, -0.5), Vector3::new(2.0, 1.0, 0.5));
+        assert_eq!(solid.extent(), (Vector3::new(0.0, -1.0, -0.5), Vector3::new(2.0, 1.0, 0.5)));
+        solid.pose.world_from_body = Attitude::from_axis_angle(Vector3::z(), core::f64::consts::FRAC_PI_4);
+        let (low, high) = solid.extent();
+        let reach = core::f64::consts::SQRT_2;
+        assert!((high - Vector3::new(1.0 + reach, reach, 0.5)).norm() < 1e-12);
+        assert!((low - Vector3::new(1.0 - reach, -reach, -0.5)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_lying_cylinder_is_as_wide_as_it_was_high() {
+        let mut solid = Solid::block("rod", Vector3::zeros(), Vector3::zeros());
+        solid.shape = Shape::Cylinder { radius: 0.1, half_height: 1.0 };
+        solid.pose.world_from_body = Attitude::from_axis_angle(Vector3::y(), core::f64::consts::FRAC_PI_2);
+        let (_, high) = solid.extent();
+        assert!((high - Vector3::new(1.0, 0.1, 0.1)).norm() < 1e-12);
+    }
+}
