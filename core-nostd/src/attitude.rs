@@ -24,6 +24,12 @@ impl<R: Real> Attitude<R> {
         Self { w: R::one(), x: R::zero(), y: R::zero(), z: R::zero() }
     }
 
+    /// The same attitude in another number type.
+    #[inline(always)]
+    pub fn map<S>(&self, convert: impl Fn(R) -> S) -> Attitude<S> {
+        Attitude { w: convert(self.w), x: convert(self.x), y: convert(self.y), z: convert(self.z) }
+    }
+
     /// The world vector of a body vector.
     #[inline(always)]
     pub fn rotate(&self, in_body: Vector3<R>) -> Vector3<R> {

@@ -156,10 +156,29 @@ impl<R: Real> Bullet<R> {
         swarm: &[Vector3<R>],
         secs: R,
     ) -> BulletState<R> {
+        let position = &drone.motion.position;
+        let downwash = if self.mode.has_downwash() {
+            swarm.iter().fold(R::zero(), |total, other| total + self.downwash(position, other))
+        } else {
+            R::zero()
+        };
+        self.step_under(drone, rotor_speeds, downwash, secs)
+    }
+
+    /// As [`Self::step`] with the summed [`Self::downwash`] of the drones above \[N\].
+    #[inline(always)]
+    #[must_use]
+    pub fn step_under(
+        &self,
+        drone: &BulletState<R>,
+        rotor_speeds: &[R; 4],
+        downwash: R,
+        secs: R,
+    ) -> BulletState<R> {
         match self.mode {
             Mode::Dyn => self.explicit_step(drone, rotor_speeds, secs),
             Mode::Pyb | Mode::PybGnd | Mode::PybDrag | Mode::PybDw | Mode::PybGndDragDw => {
-                self.multibody_step(drone, rotor_speeds, swarm, secs)
+                self.multibody_step(drone, rotor_speeds, downwash, secs)
             }
         }
     }
@@ -169,11 +188,11 @@ impl<R: Real> Bullet<R> {
         &self,
         drone: &BulletState<R>,
         rotor_speeds: &[R; 4],
-        swarm: &[Vector3<R>],
+        downwash: R,
         secs: R,
     ) -> BulletState<R> {
         let State { position, world_from_body, velocity, body_rates, .. } = drone.motion;
-        let wrench = self.wrench(drone, rotor_speeds, swarm);
+        let wrench = self.wrench(drone, rotor_speeds, downwash);
         let gravity = Vector3::new(R::zero(), R::zero(), R::from_f64(GRAVITY));
         let acceleration = world_from_body.rotate(wrench.force) / self.mass - gravity - self.damping(&velocity);
         let turning = self.angular_acceleration(&wrench.torque, &body_rates) - self.damping(&body_rates);

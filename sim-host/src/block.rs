@@ -1,319 +1,371 @@
-//! One block of environments: the step as a list of stages over `LANES` lanes.
+//! One block of environments: the step as a list of stages over `LANES` lanes and all their drones.
 
-use kestrel_core::action::{ACTION_LEN, ActionSpace};
-use kestrel_core::observation::PILOT_LEN;
+use std::sync::Arc;
 
-use crate::contact::{self, Hull};
-use crate::outcome::{Ending, Episode};
-use crate::reset::{self, Beginning};
-use crate::reward::{Ends, StepView};
-use crate::scenario::{CriticView, Scenario, Success};
-use crate::seed::{Purpose, Seed, Stream};
-use crate::swarm::{Column, Swarm, row, set_row, vector};
-use crate::termination::{self, FlightView};
+use kestrel_core::action::{ACTION_LIMIT, Controls};
+use kestrel_core::attitude::Attitude;
+use kestrel_core::bullet::BulletState;
+use kestrel_core::real::Real;
+use nalgebra::Vector3;
 
-/// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
-/// mass and thrust factors − 1 (2), share of the episode left (1).
-pub const PRIVILEGED_LEN: usize = 10;
+use crate::agent::{Agent, Finished};
+use crate::contact::{Arena, ContactSolver, Motion, Touch};
+use crate::scenario::{Clock, Contacts, Preset, Scenario, TeamEnd, TeamRewards};
+use crate::seed::{Purpose, Seed};
+use crate::swarm::{Column, row, set_row, vector};
+use crate::termination;
+use crate::world::Pose;
 
-/// `LANES` environments that step together.
+/// What a step needs beside the block.
+pub(crate) struct Stage<'a, R: Real> {
+    pub(crate) scenario: &'a Scenario,
+    pub(crate) controls: &'a Controls<R>,
+    pub(crate) arena: Option<&'a Arc<Arena>>,
+    pub(crate) control_secs: R,
+}
+
+/// `LANES` environments that step together, with all their drones.
 #[derive(Clone, Debug)]
-pub(crate) struct Block<const LANES: usize> {
-    pub(crate) swarm: Swarm<LANES>,
-    pub(crate) observations: [Column<LANES>; PILOT_LEN],
-    pub(crate) privileged: [Column<LANES>; PRIVILEGED_LEN],
-    pub(crate) rewards: Column<LANES>,
-    pub(crate) codes: Column<LANES>,
-    factors: [Column<LANES>; 2],
-    previous_actions: [Column<LANES>; ACTION_LEN],
-    distances: Column<LANES>,
-    steps: Column<LANES>,
-    /// Last step at which the drone was outside the radius it must settle in.
-    last_outside: Column<LANES>,
-    /// One where an episode just ended in success.
-    successes: Column<LANES>,
-    totals: Column<LANES>,
-    term_totals: Vec<Column<LANES>>,
-    streams: Vec<Stream>,
+pub(crate) struct Block<const LANES: usize, R: Real> {
+    pub(crate) agents: Vec<Agent<LANES, R>>,
+    /// Bodies that drones push, by lane.
+    movables: Vec<Vec<Motion>>,
+    /// Where all drones are.
+    team: Vec<[Column<LANES, R>; 3]>,
+    targets: Vec<[Column<LANES, R>; 4]>,
 }
 
-/// An environment whose episode ended in this step.
-pub(crate) struct Finished {
-    pub(crate) lane: usize,
-    pub(crate) episode: Episode,
-    pub(crate) observation: [f32; PILOT_LEN],
-    pub(crate) privileged: [f32; PRIVILEGED_LEN],
-}
+/// The actions of one agent of a block.
+pub(crate) type Actions<const LANES: usize, R> = [Column<LANES, R>; ACTION_LIMIT];
 
-/// Reciprocals, computed once per step.
-struct PrivilegedScales {
-    per_hover_speed: f32,
-    per_episode_steps: f32,
-}
-
-impl PrivilegedScales {
-    fn of(scenario: &Scenario) -> Self {
-        Self {
-            per_hover_speed: 1.0 / scenario.airframe.hover_rotor_speed() as f32,
-            per_episode_steps: 1.0 / scenario.episode_steps() as f32,
-        }
-    }
-}
-
-impl<const LANES: usize> Block<LANES> {
+impl<const LANES: usize, R: Real> Block<LANES, R> {
     /// Environments `first..first + LANES` at the start of their first episodes.
     pub(crate) fn new(scenario: &Scenario, seed: Seed, purpose: Purpose, first: u32) -> Self {
-        let nothing = [0.0; LANES];
-        let streams = (0..LANES as u32).map(|lane| Stream::new(seed, first + lane, purpose)).collect();
+        let count = scenario.agents.count as usize;
+        let nothing = [R::zero(); LANES];
         let mut block = Self {
-            swarm: Swarm::new(&scenario.airframe),
-            observations: [nothing; PILOT_LEN],
-            privileged: [nothing; PRIVILEGED_LEN],
-            rewards: nothing,
-            codes: nothing,
-            factors: [[1.0; LANES]; 2],
-            previous_actions: [nothing; ACTION_LEN],
-            distances: nothing,
-            steps: nothing,
-            last_outside: nothing,
-            successes: nothing,
-            totals: nothing,
-            term_totals: vec![nothing; scenario.rewards.len()],
-            streams,
+            agents: (0..count).map(|index| Agent::new(scenario, index, seed, purpose, first)).collect(),
+            movables: vec![standing(scenario); LANES],
+            team: vec![[nothing; 3]; count],
+            targets: vec![[nothing; 4]; count],
         };
-        for lane in 0..LANES {
-            block.reset(scenario, lane);
-        }
+        block.locate();
         block
     }
 
     /// One control period: everything but the resets.
     #[inline(always)]
-    pub(crate) fn advance(&mut self, scenario: &Scenario, hull: &Hull, actions: &[Column<LANES>; ACTION_LEN]) {
-        let previous_distances = self.distances;
-        self.fly(scenario, actions);
-        self.measure(scenario);
-        self.judge(scenario, hull);
-        self.reward(scenario, actions, &previous_distances);
-        self.previous_actions = *actions;
-        self.observe(scenario);
-    }
-
-    /// Action to rotor targets, held over the substeps.
-    #[inline(always)]
-    fn fly(&mut self, scenario: &Scenario, actions: &[Column<LANES>; ACTION_LEN]) {
-        let targets = self.rotor_targets(&scenario.action, actions);
-        for _ in 0..scenario.physics.substeps {
-            self.swarm.advance(&scenario.physics, &targets);
+    pub(crate) fn advance(
+        &mut self,
+        stage: &Stage<'_, R>,
+        solver: Option<&mut ContactSolver>,
+        actions: &[Actions<LANES, R>],
+    ) {
+        let scenario = stage.scenario;
+        self.command(stage, actions);
+        self.fly(stage, solver);
+        for (agent, actions) in self.agents.iter_mut().zip(actions) {
+            let previous_distances = *agent.distances();
+            agent.measure(scenario);
+            agent.judge(scenario);
+            agent.reward(scenario, actions, &previous_distances, &self.team);
+        }
+        self.end_together(scenario);
+        self.share(scenario);
+        for (agent, actions) in self.agents.iter_mut().zip(actions) {
+            agent.bank();
+            agent.remember(actions);
+            agent.observe(stage);
         }
     }
 
+    /// Actions to rotor targets, held over the substeps.
     #[inline(always)]
-    fn rotor_targets(&self, space: &ActionSpace, actions: &[Column<LANES>; ACTION_LEN]) -> [Column<LANES>; 4] {
-        // Matched here rather than in the loop, which then has no branch and vectorises.
-        match *space {
-            ActionSpace::RotorSpeeds(numbers) => self.lane_targets(&ActionSpace::RotorSpeeds(numbers), actions),
-            ActionSpace::ThrustBodyRates(numbers) => {
-                self.lane_targets(&ActionSpace::ThrustBodyRates(numbers), actions)
+    fn command(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
+        for ((agent, actions), targets) in self.agents.iter_mut().zip(actions).zip(&mut self.targets) {
+            if stage.scenario.clock == Clock::Published {
+                agent.aim(stage.scenario);
+            }
+            *targets = agent.command(stage, actions);
+        }
+    }
+
+    /// All lanes fly as if nothing stood in their way; those near something do it again, step by step.
+    #[inline(always)]
+    fn fly(&mut self, stage: &Stage<'_, R>, solver: Option<&mut ContactSolver>) {
+        let near = stage.arena.map(|arena| self.near_lanes(stage.scenario, arena)).unwrap_or_default();
+        let starts: Vec<Vec<BulletState<R>>> = near.iter().map(|lane| self.drones(*lane)).collect();
+        let physics = &stage.scenario.physics;
+        for _ in 0..physics.substeps {
+            for (agent, targets) in self.agents.iter_mut().zip(&self.targets) {
+                agent.swarm.advance(physics, targets, &self.team);
+            }
+            if physics.has_downwash() {
+                self.locate();
+            }
+        }
+        for agent in &mut self.agents {
+            agent.touches = [[R::zero(); LANES]; 2];
+        }
+        if let (Some(arena), Some(solver)) = (stage.arena, solver) {
+            for (lane, drones) in near.into_iter().zip(starts) {
+                self.fly_near(stage.scenario, arena, solver, lane, drones);
+            }
+        }
+        self.locate();
+    }
+
+    #[inline(always)]
+    fn locate(&mut self) {
+        for (place, agent) in self.team.iter_mut().zip(&self.agents) {
+            *place = agent.swarm.position;
+        }
+    }
+
+    fn drones(&self, lane: usize) -> Vec<BulletState<R>> {
+        self.agents.iter().map(|agent| agent.swarm.drone(lane)).collect()
+    }
+
+    /// The lanes in which a drone can touch something within the coming control period.
+    #[inline(always)]
+    fn near_lanes(&self, scenario: &Scenario, arena: &Arena) -> Vec<usize> {
+        let secs = scenario.physics.control_secs();
+        let airframe = &scenario.airframe;
+        // Full thrust along gravity, and what Bullet's damping or drag can add is never more.
+        let drift = 0.5 * (airframe.thrust_limit() / airframe.mass + 9.8) as f32 * secs * secs;
+        let reach = arena.reach() + drift;
+        let mut near = [0.0_f32; LANES];
+        for agent in &self.agents {
+            let swarm = &agent.swarm;
+            for lane in 0..LANES {
+                let [x, y, z] = row(&swarm.position, lane).map(Real::to_f32);
+                let [vx, vy, vz] = row(&swarm.velocity, lane).map(Real::to_f32);
+                let speed = (vx * vx + vy * vy + vz * vz).sqrt();
+                let room = arena.clearance(x, y, z) - reach - speed * secs;
+                near[lane] = if room > 0.0 { near[lane] } else { 1.0 };
+            }
+        }
+        self.mark_meetings(2.0 * reach, secs, &mut near);
+        self.mark_movables(reach, secs, &mut near);
+        (0..LANES).filter(|lane| near[*lane] > 0.5).collect()
+    }
+
+    /// Marks lanes in which two drones can meet.
+    #[inline(always)]
+    fn mark_meetings(&self, reach: f32, secs: f32, near: &mut Column<LANES>) {
+        for (index, one) in self.agents.iter().enumerate() {
+            for other in &self.agents[..index] {
+                for lane in 0..LANES {
+                    let [dx, dy, dz] = difference(&one.swarm.position, &other.swarm.position, lane);
+                    let [vx, vy, vz] = difference(&one.swarm.velocity, &other.swarm.velocity, lane);
+                    let travel = reach + (vx * vx + vy * vy + vz * vz).sqrt() * secs;
+                    let close = dx * dx + dy * dy + dz * dz < travel * travel;
+                    near[lane] = if close { 1.0 } else { near[lane] };
+                }
             }
         }
     }
 
-    #[inline(always)]
-    fn lane_targets(&self, space: &ActionSpace, actions: &[Column<LANES>; ACTION_LEN]) -> [Column<LANES>; 4] {
-        let mut targets = [[0.0; LANES]; 4];
-        for lane in 0..LANES {
-            let body_rates = vector(&self.swarm.body_rates, lane);
-            set_row(&mut targets, lane, space.rotor_targets(&row(actions, lane), &body_rates));
-        }
-        targets
-    }
-
-    /// Distance to the goal, and whether the drone has settled.
-    #[inline(always)]
-    fn measure(&mut self, scenario: &Scenario) {
-        let goal = &scenario.aviary.goal;
-        let radius = match scenario.success {
-            Success::Settle { radius_m, .. } => radius_m,
-            Success::Reach { .. } => 0.0,
-        };
-        let [x, y, z] = &self.swarm.position;
-        for lane in 0..LANES {
-            let (dx, dy, dz) = (x[lane] - goal.x, y[lane] - goal.y, z[lane] - goal.z);
-            self.distances[lane] = (dx * dx + dy * dy + dz * dz).sqrt();
-            self.steps[lane] += 1.0;
-            self.last_outside[lane] =
-                if self.distances[lane] < radius { self.last_outside[lane] } else { self.steps[lane] };
+    /// Marks lanes in which a body moves or a drone can push one.
+    fn mark_movables(&self, reach: f32, secs: f32, near: &mut Column<LANES>) {
+        for (lane, movables) in self.movables.iter().enumerate() {
+            for movable in movables {
+                let moves = movable.velocity.norm_squared() + movable.body_rates.norm_squared() > 0.0;
+                let close = self.agents.iter().any(|agent| {
+                    let swarm = &agent.swarm;
+                    let position = vector(&swarm.position, lane).map(Real::to_f64);
+                    let velocity = vector(&swarm.velocity, lane).map(Real::to_f64);
+                    let travel = f64::from(reach) + MOVABLE_REACH + velocity.norm() * f64::from(secs);
+                    (position - movable.pose.position).norm() < travel
+                });
+                if moves || close {
+                    near[lane] = 1.0;
+                }
+            }
         }
     }
 
-    #[inline(always)]
-    fn judge(&mut self, scenario: &Scenario, hull: &Hull) {
-        let mut hits = [0.0; LANES];
-        contact::find_hits(&self.swarm, &scenario.aviary, hull, &mut hits);
-        let view = FlightView {
-            swarm: &self.swarm,
-            hits: &hits,
-            distances: &self.distances,
-            steps: &self.steps,
-            episode_steps: scenario.episode_steps() as f32,
-        };
-        termination::find_endings(&view, &scenario.terminations, &scenario.success, &mut self.codes);
-    }
-
-    #[inline(always)]
-    fn reward(
+    /// Redoes the control period of one lane with contacts, from where its drones were at its start.
+    fn fly_near(
         &mut self,
         scenario: &Scenario,
-        actions: &[Column<LANES>; ACTION_LEN],
-        previous_distances: &Column<LANES>,
+        arena: &Arena,
+        solver: &mut ContactSolver,
+        lane: usize,
+        mut drones: Vec<BulletState<R>>,
     ) {
-        let ends = self.ends(scenario);
-        let view = StepView {
-            swarm: &self.swarm,
-            actions,
-            previous_actions: &self.previous_actions,
-            distances: &self.distances,
-            previous_distances,
-            ends: &ends,
-            control_secs: scenario.physics.control_secs,
-        };
-        let mut rewards = [0.0; LANES];
-        let mut values = [0.0; LANES];
-        for (weighted, totals) in scenario.rewards.iter().zip(&mut self.term_totals) {
-            weighted.term.evaluate(&view, weighted.weight, &mut values);
-            add(&mut rewards, &values);
-            add(totals, &values);
+        let physics = &scenario.physics;
+        let mut touches = Vec::new();
+        for substep in 0..physics.substeps {
+            let last = substep + 1 == physics.substeps;
+            // Bullet reports what its last collision detection saw, which is at the start of the last step.
+            if last && matches!(physics.preset, Preset::Bullet { .. }) {
+                touches = touching(arena, &drones, &self.movables[lane]);
+            }
+            let team: Vec<Vector3<R>> = drones.iter().map(|drone| drone.motion.position).collect();
+            let before: Vec<Motion> = drones.iter().map(motion).collect();
+            for ((drone, agent), targets) in drones.iter_mut().zip(&self.agents).zip(&self.targets) {
+                *drone = agent.swarm.advanced(physics, lane, drone, &row(targets, lane), &team);
+            }
+            if physics.contacts == Contacts::Solved {
+                let movables = &mut self.movables[lane];
+                resolve(solver, &before, &mut drones, movables, physics.substep_secs());
+            }
         }
-        add(&mut self.totals, &rewards);
-        self.rewards = rewards;
-        self.successes = ends.success;
-    }
-
-    /// Which lanes ended in success and which in failure.
-    #[inline(always)]
-    fn ends(&self, scenario: &Scenario) -> Ends<LANES> {
-        let codes = &self.codes;
-        let mark = |marked: bool| if marked { 1.0 } else { 0.0 };
-        Ends {
-            success: match scenario.success {
-                Success::Reach { .. } => {
-                    let success = termination::code(Ending::Success);
-                    core::array::from_fn(|lane| mark(codes[lane] == success))
-                }
-                Success::Settle { within_secs, .. } => {
-                    let (time_limit, secs) = (termination::code(Ending::TimeLimit), scenario.physics.control_secs);
-                    let settled = |lane: usize| self.last_outside[lane] * secs <= within_secs;
-                    core::array::from_fn(|lane| mark((codes[lane] == time_limit) & settled(lane)))
-                }
-            },
-            failure: core::array::from_fn(|lane| mark(termination::is_failure(codes[lane]))),
+        if matches!(physics.preset, Preset::Clean { .. }) {
+            touches = touching(arena, &drones, &self.movables[lane]);
+        }
+        for ((agent, drone), touch) in self.agents.iter_mut().zip(&drones).zip(touches) {
+            agent.swarm.set_drone(lane, drone);
+            let mark = |touched: bool| if touched { R::one() } else { R::zero() };
+            set_row(&mut agent.touches, lane, [mark(touch.obstacle), mark(touch.landing)]);
         }
     }
 
-    /// Encodes every lane.
+    /// Ends the episodes of drones whose teammate's ended.
     #[inline(always)]
-    pub(crate) fn observe(&mut self, scenario: &Scenario) {
+    fn end_together(&mut self, scenario: &Scenario) {
+        if self.agents.len() == 1 || scenario.agents.ends == TeamEnd::Alone {
+            return;
+        }
         for lane in 0..LANES {
-            self.observe_lane(scenario, lane);
-        }
-        match scenario.critic {
-            CriticView::Observation => {}
-            CriticView::Privileged => {
-                let scales = PrivilegedScales::of(scenario);
-                for lane in 0..LANES {
-                    self.reveal_lane(&scales, lane);
+            let Some(first) = self.agents.iter().map(|agent| agent.codes[lane]).find(|code| *code > 0.0) else {
+                continue;
+            };
+            for agent in &mut self.agents {
+                if agent.codes[lane] == 0.0 {
+                    agent.codes[lane] = termination::code_of_teammate(first);
                 }
             }
         }
     }
 
+    /// Pays every drone the sum of all, where they share.
     #[inline(always)]
-    fn observe_lane(&mut self, scenario: &Scenario, lane: usize) {
-        let previous_action = row(&self.previous_actions, lane);
-        let observation =
-            scenario.observation.encode(&self.swarm.state(lane), &scenario.aviary.goal, &previous_action);
-        set_row(&mut self.observations, lane, observation);
-    }
-
-    #[inline(always)]
-    fn reveal_lane(&mut self, scales: &PrivilegedScales, lane: usize) {
-        let [a, b, c, d] = row(&self.swarm.rotor_speeds, lane).map(|speed| speed * scales.per_hover_speed - 1.0);
-        let [x, y, z] = row(&self.swarm.wind, lane);
-        let [mass, thrust] = row(&self.factors, lane);
-        let left = 1.0 - self.steps[lane] * scales.per_episode_steps;
-        set_row(&mut self.privileged, lane, [a, b, c, d, x, y, z, mass - 1.0, thrust - 1.0, left]);
-    }
-
-    /// Takes the ended episodes out and starts the next ones, in lane order.
-    pub(crate) fn restart_ended(&mut self, scenario: &Scenario, first: u32, finished: &mut impl FnMut(Finished)) {
+    fn share(&mut self, scenario: &Scenario) {
+        if self.agents.len() == 1 || scenario.agents.rewards == TeamRewards::Own {
+            return;
+        }
         for lane in 0..LANES {
-            let Some(ending) = termination::decode(self.codes[lane]) else { continue };
-            finished(Finished {
-                lane,
-                episode: self.episode(first, lane, ending),
-                observation: row(&self.observations, lane),
-                privileged: row(&self.privileged, lane),
-            });
-            self.reset(scenario, lane);
+            let sum = self.agents.iter().fold(R::zero(), |sum, agent| sum + agent.rewards[lane]);
+            for agent in &mut self.agents {
+                agent.rewards[lane] = sum;
+            }
         }
     }
 
-    fn episode(&self, first: u32, lane: usize, ending: Ending) -> Episode {
-        Episode {
-            environment: first + lane as u32,
-            steps: self.steps[lane] as u32,
-            total_reward: self.totals[lane],
-            success: self.successes[lane] > 0.5,
-            ending,
-            terms: self.term_totals.iter().map(|totals| totals[lane]).collect(),
+    /// Takes the ended episodes out and starts the next ones, by agent and lane.
+    pub(crate) fn restart_ended(
+        &mut self,
+        scenario: &Scenario,
+        first: u32,
+        finished: &mut impl FnMut(usize, Finished<R>),
+    ) {
+        if scenario.agents.ends == TeamEnd::Together && !scenario.aviary.world.movables.is_empty() {
+            for lane in 0..LANES {
+                if self.agents[0].codes[lane] > 0.0 {
+                    self.movables[lane] = standing(scenario);
+                }
+            }
         }
-    }
-
-    /// Begins the lane's next episode; its last reward and code stay readable.
-    fn reset(&mut self, scenario: &Scenario, lane: usize) {
-        let beginning = reset::begin(scenario, &mut self.streams[lane]);
-        self.place(scenario, lane, &beginning);
-    }
-
-    fn place(&mut self, scenario: &Scenario, lane: usize, beginning: &Beginning) {
-        self.swarm.set_state(lane, &beginning.state);
-        self.swarm.set_vehicle(lane, &beginning.vehicle);
-        set_row(&mut self.swarm.wind, lane, beginning.wind.into());
-        set_row(&mut self.factors, lane, beginning.factors);
-        set_row(&mut self.previous_actions, lane, [0.0; ACTION_LEN]);
-        self.distances[lane] = (beginning.state.position - scenario.aviary.goal).norm();
-        self.steps[lane] = 0.0;
-        self.last_outside[lane] = 0.0;
-        self.totals[lane] = 0.0;
-        for totals in &mut self.term_totals {
-            totals[lane] = 0.0;
+        for (index, agent) in self.agents.iter_mut().enumerate() {
+            agent.restart_ended(scenario, first, &mut |done| finished(index, done));
         }
-        self.observe_lane(scenario, lane);
-        self.reveal_lane(&PrivilegedScales::of(scenario), lane);
+        self.locate();
     }
 
-    /// Every column that the next step depends on, for saving and restoring.
-    pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Column<LANES>> {
-        self.swarm
-            .columns_mut()
-            .chain(&mut self.observations)
-            .chain(&mut self.privileged)
-            .chain([&mut self.rewards, &mut self.codes])
-            .chain(&mut self.factors)
-            .chain(&mut self.previous_actions)
-            .chain([&mut self.distances, &mut self.steps, &mut self.last_outside, &mut self.totals])
-            .chain(&mut self.term_totals)
+    pub(crate) fn movables_mut(&mut self) -> impl Iterator<Item = &mut Motion> {
+        self.movables.iter_mut().flatten()
     }
 
-    pub(crate) fn streams_mut(&mut self) -> &mut [Stream] {
-        &mut self.streams
+    pub(crate) fn locate_all(&mut self) {
+        self.locate();
     }
 }
 
+/// Bodies that can be pushed are no larger than this around their centres \[m\].
+const MOVABLE_REACH: f64 = 0.45;
+
+/// The movable bodies where episodes begin.
+fn standing(scenario: &Scenario) -> Vec<Motion> {
+    let still = Vector3::zeros();
+    let rest = |pose: Pose| Motion { pose, velocity: still, body_rates: still };
+    scenario.aviary.world.movables.iter().map(|movable| rest(movable.solid.pose)).collect()
+}
+
 #[inline(always)]
-fn add<const LANES: usize>(sum: &mut Column<LANES>, values: &Column<LANES>) {
-    for (sum, value) in sum.iter_mut().zip(values) {
-        *sum += value;
+fn difference<const LANES: usize, R: Real>(
+    one: &[Column<LANES, R>; 3],
+    other: &[Column<LANES, R>; 3],
+    lane: usize,
+) -> [f32; 3] {
+    core::array::from_fn(|axis| (one[axis][lane] - other[axis][lane]).to_f32())
+}
+
+/// What each drone touches.
+fn touching<R: Real>(arena: &Arena, drones: &[BulletState<R>], movables: &[Motion]) -> Vec<Touch> {
+    let poses: Vec<Pose> = drones.iter().map(|drone| motion(drone).pose).collect();
+    let mut touches: Vec<Touch> = poses.iter().map(|pose| arena.touch(pose, movables)).collect();
+    for index in 0..poses.len() {
+        for other in 0..index {
+            if arena.drones_touch(&poses[index], &poses[other]) {
+                touches[index].obstacle = true;
+                touches[other].obstacle = true;
+            }
+        }
+    }
+    touches
+}
+
+/// Lets contacts change what free flight made of the drones.
+fn resolve<R: Real>(
+    solver: &mut ContactSolver,
+    before: &[Motion],
+    drones: &mut [BulletState<R>],
+    movables: &mut [Motion],
+    secs: f64,
+) {
+    let free: Vec<Motion> = drones.iter().map(motion).collect();
+    let mut after = free.clone();
+    solver.resolve(before, &mut after, movables, secs);
+    for ((drone, free), after) in drones.iter_mut().zip(&free).zip(&after) {
+        if after != free {
+            let state = &mut drone.motion;
+            state.position = after.pose.position.map(R::from_f64);
+            state.world_from_body = after.pose.world_from_body.map(R::from_f64);
+            state.velocity = after.velocity.map(R::from_f64);
+            state.body_rates = after.body_rates.map(R::from_f64);
+            drone.reported_angular_velocity = state.world_from_body.rotate(state.body_rates);
+        }
+    }
+}
+
+fn motion<R: Real>(drone: &BulletState<R>) -> Motion {
+    let state = &drone.motion;
+    Motion {
+        pose: Pose {
+            position: state.position.map(Real::to_f64),
+            world_from_body: state.world_from_body.map(Real::to_f64),
+        },
+        velocity: state.velocity.map(Real::to_f64),
+        body_rates: state.body_rates.map(Real::to_f64),
+    }
+}
+
+/// Numbers of a [`Motion`].
+pub(crate) const MOTION_LEN: usize = 13;
+
+pub(crate) fn motion_to_array(motion: &Motion) -> [f64; MOTION_LEN] {
+    let (p, v, r) = (motion.pose.position, motion.velocity, motion.body_rates);
+    let q = motion.pose.world_from_body;
+    [p.x, p.y, p.z, q.w, q.x, q.y, q.z, v.x, v.y, v.z, r.x, r.y, r.z]
+}
+
+pub(crate) fn motion_from_array(numbers: &[f64; MOTION_LEN]) -> Motion {
+    let [px, py, pz, w, x, y, z, vx, vy, vz, rx, ry, rz] = *numbers;
+    Motion {
+        pose: Pose { position: Vector3::new(px, py, pz), world_from_body: Attitude { w, x, y, z } },
+        velocity: Vector3::new(vx, vy, vz),
+        body_rates: Vector3::new(rx, ry, rz),
     }
 }

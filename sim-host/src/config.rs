@@ -3,16 +3,20 @@
 //! Each type whose name ends in `Config` mirrors a part of the file: degrees, hertz, units in the keys. Its `check`
 //! returns what the program runs, or says what is wrong on which line. A [`Document`] is the file itself.
 
+mod agents;
+mod area;
 mod aviary;
 mod decode;
 mod document;
-mod episode;
 mod error;
 mod field;
 mod geometry;
 mod node;
+mod physics;
 mod pilot;
+mod reward;
 mod start;
+mod termination;
 #[cfg(test)]
 mod tests;
 mod vehicle;
@@ -20,18 +24,25 @@ mod vehicle;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use agents::{AgentsConfig, GoalsConfig, TeamEndConfig, TeamRewardsConfig};
+pub use area::AreaConfig;
 pub use aviary::{AviaryConfig, BoxConfig, RoomConfig};
 pub use document::Document;
-pub use episode::{RewardConfig, SuccessConfig, TerminationConfig};
 pub use error::ConfigError;
 pub use field::{Field, Limits};
+pub use physics::{
+    BulletConfig, ContactsConfig, DragFrameConfig, DynReportConfig, IntegratorConfig, ModeConfig, PhysicsConfig,
+    QuirksConfig, VersionConfig,
+};
 pub use pilot::{
     ActionConfig, CriticConfig, ObservationConfig, PilotConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
 };
-pub use start::{RandomisationConfig, StartConfig, StartPositionConfig};
-pub use vehicle::{AirframeConfig, IntegratorConfig, PhysicsConfig, VehicleConfig};
+pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
+pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConfig};
+pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
+pub use vehicle::{AirframeConfig, VehicleConfig};
 
-use crate::scenario::Scenario;
+use crate::scenario::{Goals, Preset, Scenario};
 
 /// Default of [`ScenarioConfig::episode_secs`].
 const EPISODE_SECS: f64 = 8.0;
@@ -45,6 +56,12 @@ pub const EPISODE_LIMITS: Limits = Limits::from(0.1, 600.0, "s");
 pub struct ScenarioConfig {
     /// The place: the goal, the floor, walls and obstacles.
     pub aviary: AviaryConfig,
+    /// How the goal differs between drones or moves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goals: Option<GoalsConfig>,
+    /// Who flies there together.
+    #[serde(default)]
+    pub agents: AgentsConfig,
     /// The drone.
     #[serde(default)]
     pub vehicle: VehicleConfig,
@@ -70,9 +87,12 @@ pub struct ScenarioConfig {
     /// What ends an episode in failure.
     #[serde(default)]
     pub terminations: Vec<TerminationConfig>,
-    /// Time after which an episode is cut off, which is no failure.
+    /// Time after which an episode ends, which is no failure.
     #[serde(default = "episode_secs")]
     pub episode_secs: f64,
+    /// How that time is counted and what its end means.
+    #[serde(default)]
+    pub clock: ClockConfig,
     /// What counts as success.
     pub success: SuccessConfig,
 }
@@ -88,19 +108,30 @@ impl ScenarioConfig {
     /// The first value that is out of range or contradicts another.
     pub fn check(&self, name: &str, field: &Field<'_>) -> Result<Scenario, ConfigError> {
         let airframe = self.vehicle.check(&field.at("vehicle"))?;
-        let physics = self.physics.check(&field.at("physics"))?;
+        let agents = self.agents.check(&field.at("agents"))?;
+        let mut physics = self.physics.check(&field.at("physics"))?;
         let action = self.action.check(&airframe, &field.at("action"))?;
         let observation = self.observation.check(&field.at("observation"))?;
         let aviary = self.aviary.check(&airframe, &field.at("aviary"))?;
-        let terminations = TerminationConfig::check_all(&self.terminations, &aviary, &field.at("terminations"))?;
-        let start = self.start.check(&aviary, &airframe, &terminations, &field.at("start"))?;
+        let rate = physics.control_rate_hz;
+        let goals = self.goals.as_ref().map(|goals| goals.check(agents.count, &field.at("goals"))).transpose()?;
+        let terminations =
+            TerminationConfig::check_all(&self.terminations, &aviary, rate, &field.at("terminations"))?;
+        self.physics.settle_contacts(&mut physics, &terminations);
+        let start = self.start.check(&aviary, &airframe, &terminations, agents.count, &field.at("start"))?;
+        self.check_quiet_air(physics.preset, field)?;
+        let (clock, time_limit) = self.clock.check();
         Ok(Scenario {
             name: name.to_owned(),
             critic: self.critic.check(),
             randomisation: self.randomisation.check(&field.at("randomisation"))?,
-            rewards: RewardConfig::check_all(&self.rewards, &field.at("rewards"))?,
+            rewards: RewardConfig::check_all(&self.rewards, rate, &field.at("rewards"))?,
             episode_secs: field.at("episode_secs").number(self.episode_secs, &EPISODE_LIMITS)?,
-            success: self.success.check(&aviary, self.episode_secs, &field.at("success"))?,
+            success: self.success.check(&aviary, self.episode_secs, &terminations, &field.at("success"))?,
+            goals: goals.unwrap_or(Goals::Fixed),
+            agents,
+            clock,
+            time_limit,
             aviary,
             airframe,
             physics,
@@ -109,5 +140,24 @@ impl ScenarioConfig {
             start,
             terminations,
         })
+    }
+
+    /// Refuses randomisation in the reference's physics, which has none.
+    fn check_quiet_air(&self, preset: Preset, field: &Field<'_>) -> Result<(), ConfigError> {
+        let drawn = self.randomisation;
+        let spreads = [
+            ("mass_fraction", drawn.mass_fraction),
+            ("inertia_fraction", drawn.inertia_fraction),
+            ("thrust_fraction", drawn.thrust_fraction),
+            ("rotor_lag_fraction", drawn.rotor_lag_fraction),
+            ("wind_speed_m_per_s", drawn.wind_speed_m_per_s),
+        ];
+        match (preset, spreads.into_iter().find(|(_, spread)| *spread != 0.0)) {
+            (Preset::Bullet { .. }, Some((key, value))) => {
+                let field = field.at("randomisation").at(key);
+                Err(field.refuse(value, "0, because the physics `bullet` is the same in every episode"))
+            }
+            (Preset::Bullet { .. } | Preset::Clean { .. }, _) => Ok(()),
+        }
     }
 }

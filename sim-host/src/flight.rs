@@ -1,10 +1,11 @@
 //! One drone in an aviary, for software in the loop: it rests on the floor, takes off, flies and lands.
 
 use kestrel_core::attitude::Attitude;
-use kestrel_core::vehicle::{Air, State, Vehicle};
+use kestrel_core::dynamics::Integrator;
+use kestrel_core::vehicle::{Air, Ground, State, Vehicle};
 use nalgebra::Vector3;
 
-use crate::scenario::{Cuboid, Scenario};
+use crate::scenario::{Cuboid, Preset, Scenario};
 
 /// Friction of the drone on what it stands on (pybullet's default, the reference system's).
 const FRICTION: f32 = 0.5;
@@ -60,17 +61,22 @@ impl Flight {
 
     /// Simulated time since the beginning \[s\].
     pub fn elapsed_secs(&self) -> f64 {
-        self.periods as f64 * f64::from(self.scenario.physics.control_secs)
+        self.periods as f64 / self.scenario.physics.control_rate_hz
     }
 
     /// Advances one control period with rotor targets \[rad/s\] held.
     pub fn step(&mut self, rotor_targets: &[f32; 4]) {
         let physics = self.scenario.physics;
         let still = Vector3::zeros();
-        let air = Air { wind: still, force: still, ground: physics.ground };
-        let secs = physics.substep_secs();
+        let (integrator, ground) = match physics.preset {
+            Preset::Clean { integrator, ground, .. } => (integrator, ground),
+            // Those who fly behind an autopilot want a drone, not the reference's quirks.
+            Preset::Bullet { .. } => (Integrator::SemiImplicitEuler, Ground::Distant),
+        };
+        let air = Air { wind: still, force: still, ground };
+        let secs = physics.substep_secs() as f32;
         for _ in 0..physics.substeps {
-            self.state = physics.integrator.advance(&self.vehicle, &self.state, rotor_targets, &air, secs);
+            self.state = integrator.advance(&self.vehicle, &self.state, rotor_targets, &air, secs);
             self.land(secs);
         }
         self.periods += 1;

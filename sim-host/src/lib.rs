@@ -4,9 +4,10 @@
 //! [`seed`] what is random; a [`simulation`] steps its environments and reports each [`outcome`]. A [`flight`] is one
 //! drone for software in the loop.
 
+mod agent;
 mod block;
 pub mod config;
-mod contact;
+pub mod contact;
 pub mod flight;
 pub mod outcome;
 mod reset;
@@ -20,4 +21,4 @@ mod termination;
 mod testing;
 pub mod world;
 
-pub use block::PRIVILEGED_LEN;
+pub use agent::PRIVILEGED_LEN;

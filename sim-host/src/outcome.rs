@@ -26,26 +26,42 @@ pub enum Ending {
     Tilt,
     /// It was too far from the goal.
     Distance,
+    /// It stayed away from its station until its fuel was gone.
+    OutOfFuel,
+    /// The rule of the reference that counts its own calls had counted enough.
+    Overdue,
+    /// Another drone of the team ended the episode for all.
+    Teammate,
     /// The episode's time was over.
     TimeLimit,
 }
 
 impl Ending {
-    /// What the ending means for the value of the future.
+    /// What the ending usually means for the value of the future.
     pub const fn outcome(self) -> Outcome {
         match self {
             Self::TimeLimit => Outcome::Truncated,
-            Self::Success | Self::Collision | Self::OutOfBounds | Self::Tilt | Self::Distance => {
-                Outcome::Terminated
-            }
+            Self::Success
+            | Self::Collision
+            | Self::OutOfBounds
+            | Self::Tilt
+            | Self::Distance
+            | Self::OutOfFuel
+            | Self::Overdue
+            | Self::Teammate => Outcome::Terminated,
         }
     }
 
     /// Whether the drone was lost.
     pub const fn is_failure(self) -> bool {
         match self {
-            Self::Success | Self::TimeLimit => false,
-            Self::Collision | Self::OutOfBounds | Self::Tilt | Self::Distance => true,
+            Self::Success | Self::Teammate | Self::TimeLimit => false,
+            Self::Collision
+            | Self::OutOfBounds
+            | Self::Tilt
+            | Self::Distance
+            | Self::OutOfFuel
+            | Self::Overdue => true,
         }
     }
 }
@@ -55,6 +71,8 @@ impl Ending {
 pub struct Episode {
     /// Index of the environment.
     pub environment: u32,
+    /// Index of the drone in its environment.
+    pub agent: u32,
     /// Control periods flown.
     pub steps: u32,
     /// Undiscounted return.

@@ -2,38 +2,68 @@
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
+use kestrel_core::bullet::BulletState;
+use kestrel_core::real::Real;
 use kestrel_core::vehicle::{State, Vehicle};
 use nalgebra::Vector3;
 
-use crate::scenario::{Randomisation, Scenario, Start, StartPosition};
+use crate::scenario::{Place, Preset, Randomisation, Scenario, Start, StartPosition};
 use crate::seed::Stream;
 
 /// What one episode starts from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Beginning {
-    pub(crate) state: State<f32>,
-    pub(crate) vehicle: Vehicle<f32>,
-    pub(crate) wind: Vector3<f32>,
+pub(crate) struct Beginning<R> {
+    pub(crate) drone: BulletState<R>,
+    pub(crate) vehicle: Vehicle<R>,
+    pub(crate) wind: Vector3<R>,
     /// Mass and thrust relative to the nominal ones, for privileged critics.
-    pub(crate) factors: [f32; 2],
+    pub(crate) factors: [R; 2],
 }
 
-/// Draws the next episode of a stream.
-pub(crate) fn begin(scenario: &Scenario, stream: &mut Stream) -> Beginning {
-    let state = start_state(scenario, stream);
-    let (vehicle, factors) = vehicle(&scenario.airframe, &scenario.randomisation, stream);
+/// Draws the next episode of an agent from its stream.
+pub(crate) fn begin<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Stream) -> Beginning<R> {
+    let motion = start_state(scenario, agent, stream);
+    let (airframe, factors) = airframe(&scenario.airframe, &scenario.randomisation, stream);
     let wind = stream.direction() * (scenario.randomisation.wind_speed * stream.uniform());
-    Beginning { state, vehicle, wind, factors }
+    Beginning {
+        drone: BulletState::placed(motion),
+        vehicle: Vehicle::new(&airframe),
+        wind: wind.map(R::from_f32),
+        factors: factors.map(R::from_f32),
+    }
 }
 
-fn start_state(scenario: &Scenario, stream: &mut Stream) -> State<f32> {
+fn start_state<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Stream) -> State<R> {
     let start = &scenario.start;
-    State {
-        position: position(start, &scenario.aviary.goal, stream),
-        world_from_body: attitude(start.tilt_limit, stream),
-        velocity: stream.direction() * (start.speed_limit * stream.uniform()),
-        body_rates: stream.direction() * (start.body_rates_limit * stream.uniform()),
-        rotor_speeds: [scenario.airframe.hover_rotor_speed() as f32; 4],
+    let rotor_speed = match scenario.physics.preset {
+        Preset::Clean { .. } => scenario.airframe.hover_rotor_speed() as f32,
+        // What the reference remembers of rotors are the speeds of the step before, and at a reset there is none.
+        Preset::Bullet { .. } => 0.0,
+    };
+    let position = position(start, &scenario.aviary.goal, stream);
+    let attitude = attitude(start.tilt_limit, stream);
+    let velocity = stream.direction() * (start.speed_limit * stream.uniform());
+    let body_rates = stream.direction() * (start.body_rates_limit * stream.uniform());
+    let mut state = State {
+        position: position.map(R::from_f32),
+        world_from_body: attitude.map(R::from_f32),
+        velocity: velocity.map(R::from_f32),
+        body_rates: body_rates.map(R::from_f32),
+        rotor_speeds: [R::from_f32(rotor_speed); 4],
+    };
+    if let StartPosition::Exactly(places) = &start.position {
+        put(&places[agent], start.tilt_limit, &mut state);
+    }
+    state
+}
+
+/// At the place, with its heading unless starts are tilted.
+fn put<R: Real>(place: &Place, tilt_limit: f32, state: &mut State<R>) {
+    state.position = place.position.map(R::from_f64);
+    if tilt_limit == 0.0 {
+        let (sine, cosine) = libm::sincos(0.5 * place.heading);
+        let zero = R::zero();
+        state.world_from_body = Attitude { w: R::from_f64(cosine), x: zero, y: zero, z: R::from_f64(sine) };
     }
 }
 
@@ -45,6 +75,7 @@ fn position(start: &Start, goal: &Vector3<f32>, stream: &mut Stream) -> Vector3<
         StartPosition::Within(cuboid) => {
             Vector3::from_fn(|axis, _| stream.between(cuboid.low[axis], cuboid.high[axis]))
         }
+        StartPosition::Exactly(_) => Vector3::zeros(),
     }
 }
 
@@ -65,7 +96,7 @@ fn attitude(tilt_limit: f32, stream: &mut Stream) -> Attitude<f32> {
 }
 
 /// The drone of an episode and its mass and thrust factors.
-fn vehicle(airframe: &Airframe, spread: &Randomisation, stream: &mut Stream) -> (Vehicle<f32>, [f32; 2]) {
+fn airframe(airframe: &Airframe, spread: &Randomisation, stream: &mut Stream) -> (Airframe, [f32; 2]) {
     let mut factor = |spread: f32| stream.between(1.0 - spread, 1.0 + spread);
     let (mass, thrust, lag) = (factor(spread.mass), factor(spread.thrust), factor(spread.rotor_lag));
     let inertia = [factor(spread.inertia), factor(spread.inertia), factor(spread.inertia)];
@@ -78,5 +109,5 @@ fn vehicle(airframe: &Airframe, spread: &Randomisation, stream: &mut Stream) -> 
         rotor_fall_secs: airframe.rotor_fall_secs * f64::from(lag),
         ..*airframe
     };
-    (Vehicle::new(&drawn), [mass, thrust])
+    (drawn, [mass, thrust])
 }

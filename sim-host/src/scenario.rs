@@ -2,12 +2,21 @@
 
 use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::Airframe;
+use kestrel_core::bullet::{Mode, Quirks};
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
 use crate::world::World;
+
+mod reward;
+mod termination;
+
+pub use reward::{
+    AgentSet, Area, Component, Field, FrameCount, Growth, Neighbour, RewardTerm, Span, WeightedTerm,
+};
+pub use termination::{EndRule, Success, Termination};
 
 /// One task: where, with what, from where, for what, until when.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +25,10 @@ pub struct Scenario {
     pub name: String,
     /// The place.
     pub aviary: Aviary,
+    /// How the goal moves.
+    pub goals: Goals,
+    /// Who flies there together.
+    pub agents: Agents,
     /// The drone.
     pub airframe: Airframe,
     /// How time advances.
@@ -32,25 +45,138 @@ pub struct Scenario {
     pub randomisation: Randomisation,
     /// What is rewarded.
     pub rewards: Vec<WeightedTerm>,
-    /// What ends an episode in failure.
-    pub terminations: Vec<Termination>,
+    /// What ends an episode before its time.
+    pub terminations: Vec<EndRule>,
     /// Time after which an episode is cut off \[s\].
     pub episode_secs: f32,
+    /// How that time is counted.
+    pub clock: Clock,
+    /// What running out of time means.
+    pub time_limit: TimeLimit,
     /// What counts as success.
     pub success: Success,
 }
 
-/// Integration of the vehicle.
+/// How time advances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Physics {
-    /// Integrator of each substep.
-    pub integrator: Integrator,
+    /// Whose physics.
+    pub preset: Preset,
     /// Substeps in one control period.
     pub substeps: u32,
-    /// Time between two actions \[s\].
-    pub control_secs: f32,
-    /// Whether rotors feel the floor.
-    pub ground: Ground,
+    /// Actions per second \[Hz\].
+    pub control_rate_hz: f64,
+    /// What contacts do.
+    pub contacts: Contacts,
+}
+
+/// Whose physics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Preset {
+    /// The vehicle of the core: quaternion integration, first-order rotors, drag in the body frame.
+    Clean {
+        /// Integrator of each substep.
+        integrator: Integrator,
+        /// Whether rotors feel the floor.
+        ground: Ground,
+        /// Whether drones feel those above them.
+        downwash: Downwash,
+    },
+    /// The reference system's, quirk by quirk.
+    Bullet {
+        /// What acts.
+        mode: Mode,
+        /// What is odd about it.
+        quirks: Quirks,
+    },
+}
+
+/// Whether drones feel the air that those above them push down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Downwash {
+    /// They do.
+    Felt,
+    /// They do not.
+    Absent,
+}
+
+/// What contacts do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Contacts {
+    /// Nothing: drones pass through everything, and no contact is reported.
+    Absent,
+    /// They are reported to rewards and terminations; drones pass through.
+    Reported,
+    /// They are reported, and bodies push each other: resting, sliding, landing.
+    Solved,
+}
+
+/// Who flies together in one environment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Agents {
+    /// Drones in each environment, at least one.
+    pub count: u32,
+    /// What becomes of the others when one's episode ends.
+    pub ends: TeamEnd,
+    /// Whose rewards a drone is paid.
+    pub rewards: TeamRewards,
+}
+
+/// What becomes of the others when one drone's episode ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TeamEnd {
+    /// Their episodes end with it.
+    Together,
+    /// They fly on; the one starts anew.
+    Alone,
+}
+
+/// Whose rewards a drone is paid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TeamRewards {
+    /// Its own.
+    Own,
+    /// The sum over all drones of the environment.
+    Shared,
+}
+
+/// How the goal differs between drones or moves in an episode.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Goals {
+    /// It is [`Aviary::goal`] for all, always.
+    Fixed,
+    /// One point for each drone \[m, world\].
+    PerAgent(Vec<Vector3<f32>>),
+    /// From [`Aviary::goal`] on with this velocity \[m/s, world\].
+    Line(Vector3<f32>),
+    /// [`Aviary::goal`] plus `amplitude · cos(rate · t)`, standing still from `until_secs` on.
+    Wave {
+        /// \[m, world\].
+        amplitude: Vector3<f32>,
+        /// \[rad/s\].
+        rate: f32,
+        /// \[s\].
+        until_secs: f32,
+    },
+}
+
+/// How the time of an episode is counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// The n-th control period ends at n periods; an episode of T seconds has T times the control rate of them.
+    Elapsed,
+    /// As the reference counts: the clock is read before it advances and must exceed the limit, so that an episode has
+    /// two control periods more, and moving goals are one period late.
+    Published,
+}
+
+/// What running out of time means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TimeLimit {
+    /// The future still has worth.
+    Truncates,
+    /// Nothing follows, as in those aviaries of the reference that do not say why an episode ended.
+    Terminates,
 }
 
 /// One place with obstacles.
@@ -81,7 +207,7 @@ pub enum CriticView {
 }
 
 /// Start states: directions and heading uniform, magnitudes uniform up to their limits.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Start {
     /// Where.
     pub position: StartPosition,
@@ -94,7 +220,7 @@ pub struct Start {
 }
 
 /// Where episodes begin.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum StartPosition {
     /// At a distance from the goal, in any direction.
     AroundGoal {
@@ -105,6 +231,17 @@ pub enum StartPosition {
     },
     /// Uniform in a box.
     Within(Cuboid),
+    /// Always there, one place for each drone.
+    Exactly(Vec<Place>),
+}
+
+/// A position and a heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// \[m, world\].
+    pub position: Vector3<f64>,
+    /// About the world z axis, zero facing +x \[rad\].
+    pub heading: f64,
 }
 
 /// Parameters drawn at each reset, as uniform factors `1 ± value`, and a constant wind.
@@ -122,112 +259,76 @@ pub struct Randomisation {
     pub wind_speed: f32,
 }
 
-/// A reward term and its weight.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WeightedTerm {
-    /// What is measured.
-    pub term: RewardTerm,
-    /// What one unit of it is worth; penalties are negative.
-    pub weight: f32,
-}
+impl Physics {
+    /// Time between two actions \[s\].
+    pub fn control_secs(&self) -> f32 {
+        (1.0 / self.control_rate_hz) as f32
+    }
 
-/// What can be rewarded. Terms are rates, multiplied by the control period, unless they say otherwise.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum RewardTerm {
-    /// One.
-    Alive,
-    /// `1 / (1 + (d / scale)²)` of the distance d to the goal.
-    Proximity {
-        /// Distance at which it is one half \[m\].
-        scale_m: f32,
-    },
-    /// Distance to the goal \[m\].
-    Distance,
-    /// Squared speed \[m²/s²\].
-    Velocity,
-    /// Squared angular velocity \[rad²/s²\].
-    BodyRates,
-    /// One minus the cosine of the tilt.
-    Tilt,
-    /// Squared action.
-    Action,
-    /// Squared change of the action since the last step.
-    ActionChange,
-    /// Metres closer to the goal in this step (not a rate).
-    Progress,
-    /// One, once, when the episode ends in success.
-    Success,
-    /// One, once, when the episode ends in failure.
-    Failure,
-}
+    /// Time of one substep \[s\].
+    pub fn substep_secs(&self) -> f64 {
+        1.0 / (self.control_rate_hz * f64::from(self.substeps))
+    }
 
-/// What ends an episode in failure.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Termination {
-    /// The drone's hull touches a solid or the floor.
-    Collision,
-    /// The centre of mass leaves the box.
-    OutOfBounds(Cuboid),
-    /// The tilt exceeds the limit.
-    Tilt {
-        /// \[rad\].
-        limit: f32,
-    },
-    /// The drone is farther from the goal than the limit.
-    Distance {
-        /// \[m\].
-        limit_m: f32,
-    },
-}
-
-/// What counts as success.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Success {
-    /// Within the radius of the goal from the given time to the end of the episode without leaving it.
-    Settle {
-        /// \[m\].
-        radius_m: f32,
-        /// \[s\].
-        within_secs: f32,
-    },
-    /// Inside the region and slower than the limit; ends the episode.
-    Reach {
-        /// Where the centre of mass must be.
-        region: Cuboid,
-        /// \[m/s\].
-        speed_limit: f32,
-    },
-}
-
-impl RewardTerm {
-    /// Name in logs and in the configuration.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Alive => "alive",
-            Self::Proximity { .. } => "proximity",
-            Self::Distance => "distance",
-            Self::Velocity => "velocity",
-            Self::BodyRates => "body_rates",
-            Self::Tilt => "tilt",
-            Self::Action => "action",
-            Self::ActionChange => "action_change",
-            Self::Progress => "progress",
-            Self::Success => "success",
-            Self::Failure => "failure",
+    /// Whether drones of one environment push each other through the air.
+    pub fn has_downwash(&self) -> bool {
+        match self.preset {
+            Preset::Clean { downwash, .. } => downwash == Downwash::Felt,
+            Preset::Bullet { mode, .. } => mode.has_downwash(),
         }
     }
 }
 
-impl Physics {
-    /// Time of one substep \[s\].
-    pub fn substep_secs(&self) -> f32 {
-        self.control_secs / self.substeps as f32
+impl Agents {
+    /// A lone drone.
+    pub const ONE: Self = Self { count: 1, ends: TeamEnd::Together, rewards: TeamRewards::Own };
+}
+
+impl Goals {
+    /// The goal of an agent \[m, world\] after a time \[s\] of its episode; `nominal` is that of the aviary.
+    pub fn at(&self, nominal: &Vector3<f32>, agent: usize, secs: f64) -> Vector3<f64> {
+        let nominal: Vector3<f64> = nominal.cast();
+        match self {
+            Self::Fixed => nominal,
+            Self::PerAgent(goals) => goals[agent].cast(),
+            Self::Line(velocity) => nominal + velocity.cast() * secs,
+            Self::Wave { amplitude, rate, until_secs } => {
+                let phase = f64::from(*rate) * secs.min(f64::from(*until_secs));
+                nominal + amplitude.cast() * libm::cos(phase)
+            }
+        }
+    }
+
+    /// Its velocity \[m/s, world\] then.
+    pub fn velocity_at(&self, secs: f64) -> Vector3<f64> {
+        match self {
+            Self::Fixed | Self::PerAgent(_) => Vector3::zeros(),
+            Self::Line(velocity) => velocity.cast(),
+            Self::Wave { amplitude, rate, until_secs } => {
+                let rate = f64::from(*rate);
+                let moving = if secs < f64::from(*until_secs) { -rate * libm::sin(rate * secs) } else { 0.0 };
+                amplitude.cast() * moving
+            }
+        }
+    }
+
+    /// Whether it moves.
+    pub fn is_moving(&self) -> bool {
+        match self {
+            Self::Fixed | Self::PerAgent(_) => false,
+            Self::Line(_) | Self::Wave { .. } => true,
+        }
     }
 }
 
 impl Scenario {
     /// Control periods after which an episode is cut off.
     pub fn episode_steps(&self) -> u32 {
-        (self.episode_secs / self.physics.control_secs).round().max(1.0) as u32
+        let periods = f64::from(self.episode_secs) * self.physics.control_rate_hz;
+        match self.clock {
+            Clock::Elapsed => periods.round().max(1.0) as u32,
+            // A limit in single precision may stand a hair below the whole number that it means.
+            Clock::Published => (periods + 1e-3).floor() as u32 + 2,
+        }
     }
 }

@@ -65,6 +65,14 @@ impl Stream {
         Self { key, environment, purpose: purpose as u32, block: 0, words: [0; 4], used: 4 }
     }
 
+    /// The stream of one drone of an environment; the first drone's is the environment's.
+    pub fn of_agent(seed: Seed, environment: u32, agent: u32, purpose: Purpose) -> Self {
+        let mut stream = Self::new(seed, environment, purpose);
+        // Purposes are few: their word has room for the drone.
+        stream.purpose |= agent << 8;
+        stream
+    }
+
     /// The next word.
     pub fn next_u32(&mut self) -> u32 {
         if self.used == 4 {

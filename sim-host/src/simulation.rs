@@ -1,48 +1,57 @@
 //! The façade: many environments stepped by one thread. Threads run several simulations side by side.
 
-use kestrel_core::action::ACTION_LEN;
+use std::sync::Arc;
+
+use kestrel_core::action::{ACTION_LIMIT, ActionSpace, CONTROL_MEMORY_LEN, ControlMemory, Controls};
+use kestrel_core::real::Real;
+use kestrel_core::vehicle::State;
 use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
-use crate::block::{Block, Finished, PRIVILEGED_LEN};
-use crate::contact::Hull;
-use crate::outcome::{Ending, Episode, Outcome};
-use crate::scenario::{CriticView, Scenario};
+use crate::agent::{Agent, Finished, PRIVILEGED_LEN};
+use crate::block::{Actions, Block, MOTION_LEN, Stage, motion_from_array, motion_to_array};
+use crate::contact::{Arena, ContactReport, ContactSolver};
+use crate::outcome::{Episode, Outcome};
+use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::swarm::{Column, Swarm};
 use crate::termination;
 
-/// Environments that step together, in blocks of `LANES` lanes.
+/// Environments that step together, in blocks of `LANES` lanes, each with one drone or several.
 ///
-/// Columns are feature-major: value `f` of environment `e` stands at `f * environments + e`. The bits do not depend
-/// on `LANES`, nor on how environments are divided among simulations: an environment's randomness follows from the
-/// seed and its index.
-#[derive(Clone, Debug)]
-pub struct Simulation<const LANES: usize = 64> {
+/// A row is a drone: row `agent · environments + environment`. Columns are feature-major: value `f` of row `r` stands
+/// at `f · rows + r`. The bits do not depend on `LANES`, nor on how environments are divided among simulations: an
+/// environment's randomness follows from the seed and its index. With `f32` lanes it trains; `Simulation<1, f64>` is
+/// the same arithmetic in double precision, for comparison with recordings.
+#[derive(Debug)]
+pub struct Simulation<const LANES: usize = 64, R: Real = f32> {
     scenario: Scenario,
-    hull: Hull,
+    controls: Controls<R>,
+    arena: Option<Arc<Arena>>,
+    solver: Option<ContactSolver>,
     arch: Arch,
     first_environment: u32,
     environments: usize,
-    blocks: Vec<Block<LANES>>,
-    observations: Vec<f32>,
-    privileged: Vec<f32>,
-    rewards: Vec<f32>,
+    blocks: Vec<Block<LANES, R>>,
+    observations: Vec<R>,
+    privileged: Vec<R>,
+    rewards: Vec<R>,
     outcomes: Vec<Outcome>,
-    final_observations: Vec<f32>,
-    final_privileged: Vec<f32>,
+    final_observations: Vec<R>,
+    final_privileged: Vec<R>,
     episodes: Vec<Episode>,
 }
 
 /// Everything the next step depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SimulationState {
-    columns: Vec<f32>,
+pub struct SimulationState<R = f32> {
+    columns: Vec<R>,
+    controls: Vec<R>,
+    movables: Vec<[f64; MOTION_LEN]>,
     streams: Vec<Stream>,
     episodes: Vec<Episode>,
 }
 
-impl<const LANES: usize> Simulation<LANES> {
+impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     /// Environments `first_environment..first_environment + environments` at the start of their first episodes.
     pub fn new(scenario: &Scenario, seed: Seed, first_environment: u32, environments: usize) -> Self {
         Self::with_purpose(scenario, seed, Purpose::Reset, first_environment, environments)
@@ -57,23 +66,31 @@ impl<const LANES: usize> Simulation<LANES> {
         environments: usize,
     ) -> Self {
         let firsts = (0..environments.div_ceil(LANES)).map(|block| first_environment + (block * LANES) as u32);
+        let rows = environments * scenario.agents.count as usize;
         let observation_len = scenario.observation.len();
         let privileged_len = match scenario.critic {
             CriticView::Observation => 0,
             CriticView::Privileged => PRIVILEGED_LEN,
         };
+        let nothing = |len: usize| vec![R::zero(); len * rows];
+        let arena = arena(scenario);
+        let drones = scenario.agents.count as usize;
         let mut simulation = Self {
-            hull: Hull::new(&scenario.airframe),
+            controls: Controls::new(&scenario.action),
+            solver: arena
+                .as_ref()
+                .map(|arena| ContactSolver::new(arena, &scenario.aviary.world, &scenario.airframe, drones)),
+            arena,
             arch: Arch::new(),
             first_environment,
             environments,
             blocks: firsts.map(|first| Block::new(scenario, seed, purpose, first)).collect(),
-            observations: vec![0.0; observation_len * environments],
-            privileged: vec![0.0; privileged_len * environments],
-            rewards: vec![0.0; environments],
-            outcomes: vec![Outcome::Running; environments],
-            final_observations: vec![0.0; observation_len * environments],
-            final_privileged: vec![0.0; privileged_len * environments],
+            observations: nothing(observation_len),
+            privileged: nothing(privileged_len),
+            rewards: nothing(1),
+            outcomes: vec![Outcome::Running; rows],
+            final_observations: nothing(observation_len),
+            final_privileged: nothing(privileged_len),
             episodes: Vec::new(),
             scenario: scenario.clone(),
         };
@@ -81,17 +98,24 @@ impl<const LANES: usize> Simulation<LANES> {
         simulation
     }
 
-    /// Advances every environment by one control period; environments that end start anew.
+    /// Advances every environment by one control period; drones whose episodes end start anew.
     ///
-    /// `actions` is `[ACTION_LEN][environments]`; values are limited to \[-1, 1\], NaN counts as -1.
+    /// `actions` is `[action_len][rows]`. Kestrel's own action spaces limit values to \[-1, 1\] and take NaN for -1;
+    /// those of the reference limit nothing, as it does.
     ///
     /// # Panics
     /// When `actions` has another length.
-    pub fn step(&mut self, actions: &[f32]) {
-        assert_eq!(actions.len(), ACTION_LEN * self.environments, "actions are [{ACTION_LEN}][environments]");
+    pub fn step(&mut self, actions: &[R]) {
+        let len = self.scenario.action.len();
+        assert_eq!(actions.len(), len * self.rows(), "actions are [{len}][rows]");
         self.arch.dispatch(Advance {
-            scenario: &self.scenario,
-            hull: &self.hull,
+            stage: Stage {
+                scenario: &self.scenario,
+                controls: &self.controls,
+                arena: self.arena.as_ref(),
+                control_secs: R::from_f64(1.0 / self.scenario.physics.control_rate_hz),
+            },
+            solver: self.solver.as_mut(),
             blocks: &mut self.blocks,
             actions,
             environments: self.environments,
@@ -106,6 +130,11 @@ impl<const LANES: usize> Simulation<LANES> {
         self.environments
     }
 
+    /// Number of drones in all environments.
+    pub fn rows(&self) -> usize {
+        self.environments * self.scenario.agents.count as usize
+    }
+
     /// The scenario they run.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
@@ -118,119 +147,173 @@ impl<const LANES: usize> Simulation<LANES> {
 
     /// Values that a privileged critic sees beside the observation; zero for other critics.
     pub fn privileged_len(&self) -> usize {
-        self.privileged.len() / self.environments.max(1)
+        self.privileged.len() / self.rows().max(1)
     }
 
-    /// Observations after the last step and its resets, `[observation_len][environments]`.
-    pub fn observations(&self) -> &[f32] {
+    /// Observations after the last step and its resets, `[observation_len][rows]`.
+    pub fn observations(&self) -> &[R] {
         &self.observations
     }
 
-    /// Privileged values after the last step and its resets, `[privileged_len][environments]`.
-    pub fn privileged(&self) -> &[f32] {
+    /// Privileged values after the last step and its resets, `[privileged_len][rows]`.
+    pub fn privileged(&self) -> &[R] {
         &self.privileged
     }
 
-    /// Rewards of the last step, `[environments]`.
-    pub fn rewards(&self) -> &[f32] {
+    /// Rewards of the last step, `[rows]`.
+    pub fn rewards(&self) -> &[R] {
         &self.rewards
     }
 
-    /// Outcomes of the last step, `[environments]`.
+    /// Value of each weighted reward term in the last step of a row, in the scenario's order.
+    ///
+    /// # Panics
+    /// When there is no such row.
+    pub fn terms(&self, row: usize) -> Vec<R> {
+        let (agent, lane) = self.agent(row);
+        agent.term_values.iter().map(|column| column[lane]).collect()
+    }
+
+    /// Outcomes of the last step, `[rows]`.
     pub fn outcomes(&self) -> &[Outcome] {
         &self.outcomes
     }
 
-    /// Observations before the reset, `[observation_len][environments]`; valid where the outcome is not `Running`.
-    pub fn final_observations(&self) -> &[f32] {
+    /// Observations before the reset, `[observation_len][rows]`; valid where the outcome is not `Running`.
+    pub fn final_observations(&self) -> &[R] {
         &self.final_observations
     }
 
-    /// Privileged values before the reset, `[privileged_len][environments]`; valid as the observations are.
-    pub fn final_privileged(&self) -> &[f32] {
+    /// Privileged values before the reset, `[privileged_len][rows]`; valid as the observations are.
+    pub fn final_privileged(&self) -> &[R] {
         &self.final_privileged
     }
 
-    /// The true state of an environment's drone.
+    /// The true state of a drone.
     ///
     /// # Panics
-    /// When there is no such environment.
-    pub fn state(&self, environment: usize) -> kestrel_core::vehicle::State<f32> {
-        assert!(environment < self.environments, "environment {environment} of {}", self.environments);
-        self.swarm(environment).state(environment % LANES)
+    /// When there is no such row.
+    pub fn state(&self, row: usize) -> State<R> {
+        let (agent, lane) = self.agent(row);
+        agent.swarm.state(lane)
     }
 
-    /// Episodes that ended since the last call, in the order of steps, then environments.
+    /// Angular velocity of a drone \[rad/s\], world, as the physics preset reports it.
+    ///
+    /// # Panics
+    /// When there is no such row.
+    pub fn angular_velocity(&self, row: usize) -> nalgebra::Vector3<R> {
+        let (agent, lane) = self.agent(row);
+        agent.angular_velocity(&self.scenario, lane)
+    }
+
+    /// The goal of a drone \[m, world\].
+    ///
+    /// # Panics
+    /// When there is no such row.
+    pub fn goal(&self, row: usize) -> nalgebra::Vector3<R> {
+        let (agent, lane) = self.agent(row);
+        agent.goal(lane)
+    }
+
+    /// Episodes that ended since the last call, in the order of steps, then blocks, agents and environments.
     pub fn take_episodes(&mut self) -> Vec<Episode> {
         core::mem::take(&mut self.episodes)
     }
 
     /// What [`Self::restore`] needs to go on to the same bits.
-    pub fn save(&self) -> SimulationState {
+    pub fn save(&self) -> SimulationState<R> {
         let mut blocks = self.blocks.clone();
-        let mut columns = Vec::new();
-        let mut streams = Vec::new();
+        let mut state = SimulationState {
+            columns: Vec::new(),
+            controls: Vec::new(),
+            movables: Vec::new(),
+            streams: Vec::new(),
+            episodes: self.episodes.clone(),
+        };
         for block in &mut blocks {
-            for column in block.columns_mut() {
-                columns.extend_from_slice(column);
+            for agent in &mut block.agents {
+                agent.columns_mut().for_each(|column| state.columns.extend_from_slice(column));
+                agent.controls_mut().iter().for_each(|memory| state.controls.extend(memory.to_array()));
+                state.streams.extend_from_slice(agent.streams_mut());
             }
-            streams.extend_from_slice(block.streams_mut());
+            state.movables.extend(block.movables_mut().map(|motion| motion_to_array(motion)));
         }
-        SimulationState { columns, streams, episodes: self.episodes.clone() }
+        state
     }
 
     /// Returns to a saved state; `false`, and nothing changes, when it belongs to another scenario or size.
     #[must_use]
-    pub fn restore(&mut self, state: &SimulationState) -> bool {
-        let mut blocks = self.blocks.clone();
-        let columns: usize = blocks.iter_mut().map(|block| block.columns_mut().count()).sum();
-        if state.columns.len() != columns * LANES || state.streams.len() != blocks.len() * LANES {
+    pub fn restore(&mut self, state: &SimulationState<R>) -> bool {
+        let own = self.save();
+        let fits = state.columns.len() == own.columns.len()
+            && state.controls.len() == own.controls.len()
+            && state.streams.len() == own.streams.len()
+            && state.movables.len() == own.movables.len();
+        if !fits {
             return false;
         }
-        let mut values = state.columns.chunks_exact(LANES);
-        let mut streams = state.streams.chunks_exact(LANES);
-        for block in &mut blocks {
-            for (column, values) in block.columns_mut().zip(&mut values) {
-                column.copy_from_slice(values);
+        let mut columns = state.columns.chunks_exact(LANES);
+        let mut controls = state.controls.chunks_exact(CONTROL_MEMORY_LEN);
+        let mut streams = state.streams.iter();
+        let mut movables = state.movables.iter();
+        for block in &mut self.blocks {
+            for agent in &mut block.agents {
+                for (column, values) in agent.columns_mut().zip(&mut columns) {
+                    column.copy_from_slice(values);
+                }
+                for (memory, values) in agent.controls_mut().iter_mut().zip(&mut controls) {
+                    *memory = ControlMemory::from_array(&core::array::from_fn(|index| values[index]));
+                }
+                for (stream, saved) in agent.streams_mut().iter_mut().zip(&mut streams) {
+                    stream.clone_from(saved);
+                }
             }
-            for (stream, saved) in block.streams_mut().iter_mut().zip(streams.next().unwrap_or_default()) {
-                stream.clone_from(saved);
+            for (motion, saved) in block.movables_mut().zip(&mut movables) {
+                *motion = motion_from_array(saved);
             }
+            block.locate_all();
         }
-        self.blocks = blocks;
         self.episodes.clone_from(&state.episodes);
         self.publish();
         true
     }
 
-    fn swarm(&self, environment: usize) -> &Swarm<LANES> {
-        &self.blocks[environment / LANES].swarm
+    fn agent(&self, row: usize) -> (&Agent<LANES, R>, usize) {
+        assert!(row < self.rows(), "row {row} of {}", self.rows());
+        let (agent, environment) = (row / self.environments, row % self.environments);
+        (&self.blocks[environment / LANES].agents[agent], environment % LANES)
     }
 
     /// Copies rewards and outcomes out of the blocks.
     fn publish_rewards(&mut self) {
-        let rewards = self.rewards.chunks_mut(LANES);
-        for ((block, rewards), outcomes) in self.blocks.iter().zip(rewards).zip(self.outcomes.chunks_mut(LANES)) {
-            rewards.copy_from_slice(&block.rewards[..rewards.len()]);
-            for (outcome, code) in outcomes.iter_mut().zip(block.codes) {
-                *outcome = termination::decode(code).map_or(Outcome::Running, Ending::outcome);
+        for (index, block) in self.blocks.iter().enumerate() {
+            for (number, agent) in block.agents.iter().enumerate() {
+                let rows = rows_of_block::<LANES>(self.environments, number, index);
+                let count = rows.len();
+                self.rewards[rows.clone()].copy_from_slice(&agent.rewards[..count]);
+                for (outcome, code) in self.outcomes[rows].iter_mut().zip(agent.codes) {
+                    *outcome = termination::outcome(code);
+                }
             }
         }
     }
 
     /// Records the episodes that ended, with their last observations, and starts the next ones.
     fn restart_ended(&mut self) {
-        let environments = self.environments;
+        let (environments, rows) = (self.environments, self.rows());
         for (index, block) in self.blocks.iter_mut().enumerate() {
-            if block.codes.iter().all(|code| *code == 0.0) {
+            let running = |agent: &Agent<LANES, R>| agent.codes.iter().all(|code| *code == 0.0);
+            if block.agents.iter().all(running) {
                 continue;
             }
             let first = self.first_environment + (index * LANES) as u32;
-            block.restart_ended(&self.scenario, first, &mut |finished: Finished| {
+            block.restart_ended(&self.scenario, first, &mut |agent: usize, finished: Finished<R>| {
                 let environment = index * LANES + finished.lane;
                 if environment < environments {
-                    scatter(&mut self.final_observations, environments, environment, &finished.observation);
-                    scatter(&mut self.final_privileged, environments, environment, &finished.privileged);
+                    let row = agent * environments + environment;
+                    scatter(&mut self.final_observations, rows, row, &finished.observation);
+                    scatter(&mut self.final_privileged, rows, row, &finished.privileged);
                     self.episodes.push(finished.episode);
                 }
             });
@@ -239,237 +322,131 @@ impl<const LANES: usize> Simulation<LANES> {
 
     /// Copies the blocks' observations into the columns.
     fn publish(&mut self) {
+        let all = self.rows();
         for (index, block) in self.blocks.iter().enumerate() {
-            gather(&mut self.observations, self.environments, index * LANES, &block.observations);
-            gather(&mut self.privileged, self.environments, index * LANES, &block.privileged);
+            for (number, agent) in block.agents.iter().enumerate() {
+                let rows = rows_of_block::<LANES>(self.environments, number, index);
+                gather(&mut self.observations, all, rows.clone(), &agent.observations);
+                gather(&mut self.privileged, all, rows, &agent.privileged);
+            }
         }
     }
+}
+
+impl<const LANES: usize, R: Real> Clone for Simulation<LANES, R> {
+    fn clone(&self) -> Self {
+        let drones = self.scenario.agents.count as usize;
+        let (world, airframe) = (&self.scenario.aviary.world, &self.scenario.airframe);
+        Self {
+            scenario: self.scenario.clone(),
+            controls: self.controls,
+            arena: self.arena.clone(),
+            // A solver remembers nothing between steps: a new one is the same.
+            solver: self.arena.as_ref().map(|arena| ContactSolver::new(arena, world, airframe, drones)),
+            arch: self.arch,
+            first_environment: self.first_environment,
+            environments: self.environments,
+            blocks: self.blocks.clone(),
+            observations: self.observations.clone(),
+            privileged: self.privileged.clone(),
+            rewards: self.rewards.clone(),
+            outcomes: self.outcomes.clone(),
+            final_observations: self.final_observations.clone(),
+            final_privileged: self.final_privileged.clone(),
+            episodes: self.episodes.clone(),
+        }
+    }
+}
+
+/// What the drones can touch, unless nothing is touched.
+fn arena(scenario: &Scenario) -> Option<Arc<Arena>> {
+    let report = match scenario.physics.preset {
+        Preset::Clean { .. } => ContactReport::Touch,
+        Preset::Bullet { .. } => ContactReport::Bullet,
+    };
+    match scenario.physics.contacts {
+        Contacts::Absent => None,
+        Contacts::Reported | Contacts::Solved => {
+            Some(Arc::new(Arena::new(&scenario.aviary.world, &scenario.airframe, report)))
+        }
+    }
+}
+
+/// The rows of an agent of a block.
+fn rows_of_block<const LANES: usize>(environments: usize, agent: usize, block: usize) -> core::ops::Range<usize> {
+    let first = block * LANES;
+    let start = agent * environments + first;
+    start..start + LANES.min(environments - first)
 }
 
 /// The part of a step that runs in lanes, compiled for each instruction set.
-struct Advance<'a, const LANES: usize> {
-    scenario: &'a Scenario,
-    hull: &'a Hull,
-    blocks: &'a mut [Block<LANES>],
-    actions: &'a [f32],
+struct Advance<'a, const LANES: usize, R: Real> {
+    stage: Stage<'a, R>,
+    solver: Option<&'a mut ContactSolver>,
+    blocks: &'a mut [Block<LANES, R>],
+    actions: &'a [R],
     environments: usize,
 }
 
-impl<const LANES: usize> WithSimd for Advance<'_, LANES> {
+impl<const LANES: usize, R: Real> WithSimd for Advance<'_, LANES, R> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
+    fn with_simd<S: Simd>(mut self, _simd: S) {
+        let agents = self.stage.scenario.agents.count as usize;
+        let mut actions = vec![[[R::zero(); LANES]; ACTION_LIMIT]; agents];
+        // The reference limits nothing.
+        let limits = !matches!(self.stage.scenario.action, ActionSpace::Published(_));
+        let rows = self.environments * agents;
         for (index, block) in self.blocks.iter_mut().enumerate() {
-            let actions = actions_of_block(self.actions, self.environments, index * LANES);
-            block.advance(self.scenario, self.hull, &actions);
+            for (agent, columns) in actions.iter_mut().enumerate() {
+                let range = rows_of_block::<LANES>(self.environments, agent, index);
+                load_actions(self.actions, rows, range, limits, columns);
+            }
+            block.advance(&self.stage, self.solver.as_deref_mut(), &actions);
         }
     }
 }
 
-/// The block's actions, limited to \[-1, 1\]; lanes beyond the last environment hover.
+/// An agent's actions, limited to \[-1, 1\] where the space limits them; lanes beyond the last environment hover.
 #[inline(always)]
-fn actions_of_block<const LANES: usize>(
-    actions: &[f32],
-    environments: usize,
-    first: usize,
-) -> [Column<LANES>; ACTION_LEN] {
-    let mut columns = [[0.0; LANES]; ACTION_LEN];
-    let count = LANES.min(environments - first);
-    for (column, actions) in columns.iter_mut().zip(actions.chunks_exact(environments)) {
-        column[..count].copy_from_slice(&actions[first..first + count]);
-        for value in column {
-            let floored = if *value > -1.0 { *value } else { -1.0 };
-            *value = if floored < 1.0 { floored } else { 1.0 };
+fn load_actions<const LANES: usize, R: Real>(
+    actions: &[R],
+    rows: usize,
+    range: core::ops::Range<usize>,
+    limits: bool,
+    columns: &mut Actions<LANES, R>,
+) {
+    let count = range.len();
+    for (column, actions) in columns.iter_mut().zip(actions.chunks_exact(rows)) {
+        *column = [R::zero(); LANES];
+        column[..count].copy_from_slice(&actions[range.clone()]);
+        if limits {
+            for value in column {
+                *value = value.limited(-R::one(), R::one());
+            }
         }
     }
-    columns
 }
 
-/// Copies block columns to `first..` of each feature's column; `target` may hold fewer features.
-fn gather<const LANES: usize>(target: &mut [f32], environments: usize, first: usize, columns: &[Column<LANES>]) {
-    let count = LANES.min(environments - first);
-    for (target, column) in target.chunks_exact_mut(environments.max(1)).zip(columns) {
-        target[first..first + count].copy_from_slice(&column[..count]);
+/// Copies block columns to `rows` of each feature's column; `target` may hold fewer features.
+fn gather<const LANES: usize, R: Copy>(
+    target: &mut [R],
+    all: usize,
+    rows: core::ops::Range<usize>,
+    columns: &[[R; LANES]],
+) {
+    for (target, column) in target.chunks_exact_mut(all.max(1)).zip(columns) {
+        target[rows.clone()].copy_from_slice(&column[..rows.len()]);
     }
 }
 
-/// Writes one environment's values into its place in each feature's column.
-fn scatter(target: &mut [f32], environments: usize, environment: usize, values: &[f32]) {
-    for (column, value) in target.chunks_exact_mut(environments.max(1)).zip(values) {
-        column[environment] = *value;
+/// Writes one row's values into its place in each feature's column.
+fn scatter<R: Copy>(target: &mut [R], rows: usize, row: usize, values: &[R]) {
+    for (column, value) in target.chunks_exact_mut(rows.max(1)).zip(values) {
+        column[row] = *value;
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scenario::{Cuboid, StartPosition, Success, Termination};
-    use crate::testing::hover;
-    use crate::world::{Floor, Solid};
-    use nalgebra::Vector3;
-    use proptest::prelude::*;
-
-    fn noise(step: usize, count: usize) -> Vec<f32> {
-        let mut stream = Stream::new(Seed(99), step as u32, Purpose::Actions);
-        (0..count).map(|_| stream.between(-1.2, 1.2)).collect()
-    }
-
-    /// Observations, rewards and episodes of `steps` steps of noise, environment by environment.
-    fn fly<const LANES: usize>(parts: &[(u32, usize)], steps: usize) -> (Vec<Vec<u32>>, Vec<Episode>) {
-        let total: usize = parts.iter().map(|(_, count)| count).sum();
-        let mut traces = vec![Vec::new(); total];
-        let mut episodes = Vec::new();
-        for &(first, count) in parts {
-            let mut simulation = Simulation::<LANES>::new(&hover(), Seed(5), first, count);
-            for step in 0..steps {
-                let all = noise(step, ACTION_LEN * total);
-                let from = first as usize;
-                let actions: Vec<f32> =
-                    all.chunks_exact(total).flat_map(|column| column[from..from + count].to_vec()).collect();
-                simulation.step(&actions);
-                for environment in 0..count {
-                    let trace = &mut traces[from + environment];
-                    trace.push(simulation.rewards()[environment].to_bits());
-                    let values = simulation.observations().chunks_exact(count);
-                    trace.extend(values.map(|column| column[environment].to_bits()));
-                }
-            }
-            episodes.extend(simulation.take_episodes());
-        }
-        episodes.sort_by_key(|episode| episode.environment);
-        (traces, episodes)
-    }
-
-    #[test]
-    fn bits_do_not_depend_on_lanes_or_on_how_environments_are_divided() {
-        let reference = fly::<64>(&[(0, 40)], 150);
-        assert!(reference.1.len() >= 40);
-        assert!(reference == fly::<1>(&[(0, 40)], 150));
-        assert!(reference == fly::<8>(&[(0, 40)], 150));
-        assert!(reference == fly::<16>(&[(0, 11), (11, 29)], 150));
-    }
-
-    #[test]
-    fn a_lane_equals_a_lone_drone_bit_for_bit() {
-        let scenario = hover();
-        let mut simulation = Simulation::<64>::new(&scenario, Seed(1), 0, 3);
-        let mut stream = Stream::new(Seed(1), 2, Purpose::Reset);
-        let beginning = crate::reset::begin(&scenario, &mut stream);
-        let mut state = beginning.state;
-        let air = kestrel_core::vehicle::Air {
-            wind: beginning.wind,
-            force: Vector3::zeros(),
-            ground: scenario.physics.ground,
-        };
-        for step in 0..20 {
-            let actions = noise(step, 12);
-            simulation.step(&actions);
-            let action = [actions[2], actions[5], actions[8], actions[11]];
-            let targets = scenario.action.rotor_targets(&action, &state.body_rates);
-            for _ in 0..scenario.physics.substeps {
-                let secs = scenario.physics.substep_secs();
-                state = scenario.physics.integrator.advance(&beginning.vehicle, &state, &targets, &air, secs);
-            }
-            assert_eq!(simulation.state(2), state);
-        }
-    }
-
-    #[test]
-    fn a_restored_simulation_goes_on_to_the_same_bits() {
-        let mut simulation = Simulation::<64>::new(&hover(), Seed(8), 0, 70);
-        for step in 0..77 {
-            simulation.step(&noise(step, 280));
-        }
-        let saved = simulation.save();
-        let mut other = Simulation::<64>::new(&hover(), Seed(9), 0, 70);
-        assert!(other.restore(&saved));
-        for step in 77..150 {
-            simulation.step(&noise(step, 280));
-            other.step(&noise(step, 280));
-            assert_eq!(simulation.observations(), other.observations());
-            assert_eq!(simulation.rewards(), other.rewards());
-        }
-        assert_eq!(simulation.take_episodes(), other.take_episodes());
-        assert!(!Simulation::<64>::new(&hover(), Seed(9), 0, 7).restore(&saved));
-    }
-
-    #[test]
-    fn the_clock_truncates_and_keeps_the_last_observation() {
-        let mut scenario = hover();
-        scenario.terminations.clear();
-        scenario.aviary.world.floor = Floor::Absent;
-        scenario.episode_secs = 0.05;
-        let mut simulation = Simulation::<64>::new(&scenario, Seed(2), 0, 2);
-        for _ in 0..5 {
-            assert!(simulation.outcomes().iter().all(|outcome| *outcome == Outcome::Running));
-            simulation.step(&[0.3; 8]);
-        }
-        assert_eq!(simulation.outcomes(), [Outcome::Truncated; 2]);
-        // The previous action is the last thing an observation holds; a reset clears it.
-        assert_eq!(simulation.final_observations()[21 * 2], 0.3);
-        assert_eq!(simulation.observations()[21 * 2], 0.0);
-        let episodes = simulation.take_episodes();
-        assert!(episodes.iter().all(|episode| episode.steps == 5));
-    }
-
-    #[test]
-    fn a_drone_that_meets_a_wall_collides() {
-        let mut scenario = hover();
-        scenario.start.position =
-            StartPosition::Within(Cuboid { low: Vector3::new(0.0, 0.0, 1.0), high: Vector3::new(0.0, 0.0, 1.0) });
-        scenario.start.speed_limit = 0.0;
-        let wall = |x: f64| Solid::block("wall", Vector3::new(x, -1.0, 0.0), Vector3::new(x + 0.1, 1.0, 2.0));
-        scenario.aviary.world.solids = vec![wall(0.061)];
-        let mut near = Simulation::<64>::new(&scenario, Seed(2), 0, 1);
-        near.step(&[0.0; 4]);
-        assert_eq!(near.outcomes(), [Outcome::Running]);
-        scenario.aviary.world.solids = vec![wall(0.059)];
-        let mut touching = Simulation::<64>::new(&scenario, Seed(2), 0, 1);
-        touching.step(&[0.0; 4]);
-        assert_eq!(touching.outcomes(), [Outcome::Terminated]);
-        assert_eq!(touching.take_episodes()[0].ending, crate::outcome::Ending::Collision);
-    }
-
-    #[test]
-    fn reaching_the_region_slowly_enough_is_success() {
-        let mut scenario = hover();
-        let everywhere = Cuboid { low: Vector3::repeat(-5.0), high: Vector3::repeat(5.0) };
-        scenario.success = Success::Reach { region: everywhere, speed_limit: 20.0 };
-        let mut simulation = Simulation::<64>::new(&scenario, Seed(2), 0, 1);
-        simulation.step(&[0.0; 4]);
-        assert!(simulation.take_episodes()[0].success);
-        scenario.success = Success::Reach { region: everywhere, speed_limit: 0.0 };
-        let mut simulation = Simulation::<64>::new(&scenario, Seed(2), 0, 1);
-        simulation.step(&[0.0; 4]);
-        assert!(simulation.take_episodes().is_empty());
-    }
-
-    #[test]
-    fn terms_add_up_to_the_return() {
-        let mut simulation = Simulation::<64>::new(&hover(), Seed(3), 0, 16);
-        for step in 0..120 {
-            simulation.step(&noise(step, 64));
-        }
-        for episode in simulation.take_episodes() {
-            let sum: f32 = episode.terms.iter().sum();
-            assert!((sum - episode.total_reward).abs() < 1e-3 * episode.total_reward.abs().max(1.0));
-        }
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(32))]
-        #[test]
-        fn no_action_breaks_an_observation(bits in prop::collection::vec(any::<u32>(), 16), steps in 1_usize..40) {
-            let mut scenario = hover();
-            scenario.terminations = vec![Termination::Distance { limit_m: 50.0 }];
-            let mut simulation = Simulation::<64>::new(&scenario, Seed(4), 0, 4);
-            let actions: Vec<f32> = bits.into_iter().map(f32::from_bits).collect();
-            for _ in 0..steps {
-                simulation.step(&actions);
-                prop_assert!(simulation.observations().iter().all(|value| value.is_finite()));
-                prop_assert!(simulation.rewards().iter().all(|value| value.is_finite()));
-            }
-        }
-    }
-}
+mod tests;

@@ -8,23 +8,30 @@ use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
 use crate::scenario::{
-    Aviary, CriticView, Physics, Randomisation, RewardTerm, Scenario, Start, StartPosition, Success, Termination,
-    WeightedTerm,
+    AgentSet, Agents, Aviary, Clock, Contacts, CriticView, Downwash, EndRule, Goals, Physics, Preset,
+    Randomisation, RewardTerm, Scenario, Start, StartPosition, Success, Termination, TimeLimit, WeightedTerm,
 };
 use crate::world::World;
 
 /// Hover one metre above the origin, everything randomised, every kind of dense reward, short episodes.
 pub(crate) fn hover() -> Scenario {
-    let weighted = |term, weight| WeightedTerm { term, weight };
+    let weighted = |term, weight| WeightedTerm { term, weight, agents: AgentSet::All };
+    let failure = |rule| EndRule { rule, truncates: false };
     Scenario {
         name: "hover".into(),
         aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), world: World::empty() },
         airframe: CF2X,
+        goals: Goals::Fixed,
+        agents: Agents::ONE,
         physics: Physics {
-            integrator: Integrator::SemiImplicitEuler,
+            preset: Preset::Clean {
+                integrator: Integrator::SemiImplicitEuler,
+                ground: Ground::Distant,
+                downwash: Downwash::Absent,
+            },
             substeps: 2,
-            control_secs: 0.01,
-            ground: Ground::Distant,
+            control_rate_hz: 100.0,
+            contacts: Contacts::Reported,
         },
         action: ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3)),
         observation: ObservationLayout::Pilot(PilotLayout {
@@ -49,8 +56,13 @@ pub(crate) fn hover() -> Scenario {
             weighted(RewardTerm::Progress, 1.0),
             weighted(RewardTerm::Failure, -1.0),
         ],
-        terminations: vec![Termination::Collision, Termination::Distance { limit_m: 1.5 }],
+        terminations: vec![
+            failure(Termination::Collision { allowed: None }),
+            failure(Termination::Distance { limit_m: 1.5 }),
+        ],
         episode_secs: 1.0,
+        clock: Clock::Elapsed,
+        time_limit: TimeLimit::Truncates,
         success: Success::Settle { radius_m: 0.05, within_secs: 4.0 },
     }
 }

@@ -17,7 +17,7 @@ pub(super) struct Wrench<R> {
 impl<R: Real> Bullet<R> {
     /// Everything but gravity and damping, in the reference's order.
     #[inline(always)]
-    pub(super) fn wrench(&self, drone: &BulletState<R>, rotor_speeds: &[R; 4], swarm: &[Vector3<R>]) -> Wrench<R> {
+    pub(super) fn wrench(&self, drone: &BulletState<R>, rotor_speeds: &[R; 4], downwash: R) -> Wrench<R> {
         let current = &drone.motion.world_from_body;
         let stale = match self.quirks.link_attitude {
             LinkAttitude::Previous => &drone.link_attitude,
@@ -37,7 +37,7 @@ impl<R: Real> Bullet<R> {
             wrench.force += current.rotate_inverse(self.drag(drone, links, rotor_speeds));
         }
         if self.mode.has_downwash() {
-            wrench.force -= self.downwash_direction(current, links) * self.downwash(&drone.motion.position, swarm);
+            wrench.force -= self.downwash_direction(current, links) * downwash;
         }
         wrench
     }
@@ -130,22 +130,21 @@ impl<R: Real> Bullet<R> {
         })
     }
 
-    /// Downwash of all drones above \[N\]: Gaussian jets that weaken with the square of the depth.
+    /// Downwash \[N\] at a position of a drone at another \[m, world\]: a Gaussian jet that weakens with the square of
+    /// the depth; none beside or above it.
     #[inline(always)]
-    fn downwash(&self, position: &Vector3<R>, swarm: &[Vector3<R>]) -> R {
+    pub fn downwash(&self, position: &Vector3<R>, other: &Vector3<R>) -> R {
         let reach = R::from_f64(self.quirks.downwash_reach);
         let nearest = R::from_f64(self.quirks.downwash_nearest);
-        swarm.iter().fold(R::zero(), |total, other| {
-            let offset = Vector3::new(other.x - position.x, other.y - position.y, R::zero());
-            let above = other.z - position.z;
-            let depth = above.at_least(nearest);
-            let width = self.downwash_slope * depth + self.downwash_offset;
-            let distance_squared = square(&offset);
-            let jet = (R::from_f64(-0.5) * distance_squared / (width * width)).exp();
-            let push = self.downwash_strength / (depth * depth) * jet;
-            let within = distance_squared.where_less(reach * reach, push, R::zero());
-            total + R::zero().where_less(above, within, R::zero())
-        })
+        let offset = Vector3::new(other.x - position.x, other.y - position.y, R::zero());
+        let above = other.z - position.z;
+        let depth = above.at_least(nearest);
+        let width = self.downwash_slope * depth + self.downwash_offset;
+        let distance_squared = square(&offset);
+        let jet = (R::from_f64(-0.5) * distance_squared / (width * width)).exp();
+        let push = self.downwash_strength / (depth * depth) * jet;
+        let within = distance_squared.where_less(reach * reach, push, R::zero());
+        R::zero().where_less(above, within, R::zero())
     }
 }
 

@@ -110,6 +110,14 @@ impl<'a> Field<'a> {
         if limits.allow(value) { Ok(value as f32) } else { Err(self.refuse(value, limits)) }
     }
 
+    /// As [`Self::number`], in double precision.
+    ///
+    /// # Errors
+    /// When it is outside, or not a number.
+    pub fn real(&self, value: f64, limits: &Limits) -> Result<f64, ConfigError> {
+        self.number(value, limits).map(|_| value)
+    }
+
     /// `value` if it is within `limits`.
     ///
     /// # Errors
@@ -136,5 +144,13 @@ impl<'a> Field<'a> {
     /// When a coordinate is not finite or farther than 1 km from the origin.
     pub fn point(&self, values: [f64; 3]) -> Result<Vector3<f32>, ConfigError> {
         self.numbers(values, &Limits::from(-COORDINATE_LIMIT, COORDINATE_LIMIT, "m")).map(Vector3::from)
+    }
+
+    /// As [`Self::point`], in double precision.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn place(&self, values: [f64; 3]) -> Result<Vector3<f64>, ConfigError> {
+        self.point(values).map(|_| Vector3::from(values))
     }
 }

@@ -9,7 +9,7 @@ use super::aviary::BoxConfig;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
-use crate::scenario::{Aviary, Cuboid, Randomisation, Start, StartPosition, Termination};
+use crate::scenario::{Aviary, Cuboid, EndRule, Place, Randomisation, Start, StartPosition, Termination};
 use crate::world::Floor;
 
 /// Factors `1 ± fraction` stay well above zero.
@@ -17,7 +17,7 @@ const FRACTION: Limits = Limits::from(0.0, 0.9, "");
 const SPEED: Limits = Limits::from(0.0, 20.0, "m/s");
 
 /// Start states: directions and heading are random, magnitudes uniform up to their limits.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StartConfig {
     /// Where.
@@ -34,7 +34,7 @@ pub struct StartConfig {
 }
 
 /// Where episodes begin.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum StartPositionConfig {
     /// At a random distance from the goal, in any direction.
@@ -47,6 +47,19 @@ pub enum StartPositionConfig {
     },
     /// Anywhere in a box.
     Within(BoxConfig),
+    /// Always there: one place for each drone.
+    Exactly(Vec<PlaceConfig>),
+}
+
+/// A place to start from.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlaceConfig {
+    /// Of the centre of mass: `[x, y, z]`.
+    pub position_m: [f64; 3],
+    /// Heading, counter-clockwise from +x; drones that start tilted start with any.
+    #[serde(default)]
+    pub heading_deg: f64,
 }
 
 /// Parameters drawn at each reset, as factors uniform in `1 ± fraction`, and a constant wind.
@@ -90,13 +103,14 @@ impl StartConfig {
         &self,
         aviary: &Aviary,
         airframe: &Airframe,
-        terminations: &[Termination],
+        terminations: &[EndRule],
+        drones: u32,
         field: &Field<'_>,
     ) -> Result<Start, ConfigError> {
         let tilt = field.at("tilt_limit_deg").number(self.tilt_limit_deg, &Limits::from(0.0, 180.0, "degrees"))?;
         let rates = Limits::from(0.0, 50.0, "rad/s");
         let start = Start {
-            position: self.position.check(&field.at("position"))?,
+            position: self.position.check(drones, &field.at("position"))?,
             tilt_limit: tilt.to_radians(),
             speed_limit: field.at("speed_limit_m_per_s").number(self.speed_limit_m_per_s, &SPEED)?,
             body_rates_limit: field
@@ -104,14 +118,14 @@ impl StartConfig {
                 .number(self.body_rates_limit_rad_per_s, &rates)?,
         };
         for termination in terminations {
-            survives(&start, termination, aviary, airframe, field)?;
+            survives(&start, &termination.rule, aviary, airframe, field)?;
         }
         Ok(start)
     }
 }
 
 impl StartPositionConfig {
-    fn check(&self, field: &Field<'_>) -> Result<StartPosition, ConfigError> {
+    fn check(&self, drones: u32, field: &Field<'_>) -> Result<StartPosition, ConfigError> {
         match self {
             Self::AroundGoal { nearest_m, farthest_m } => {
                 let field = field.at("around_goal");
@@ -121,7 +135,26 @@ impl StartPositionConfig {
                 Ok(StartPosition::AroundGoal { nearest_m: nearest, farthest_m: farthest })
             }
             Self::Within(region) => region.check(&field.at("within")).map(StartPosition::Within),
+            Self::Exactly(places) => {
+                let field = field.at("exactly");
+                if places.len() != drones as usize {
+                    let found = format!("{} places", places.len());
+                    return Err(field.reject(found, format!("{drones}, one for each drone")));
+                }
+                let place = |(index, place): (usize, &PlaceConfig)| place.check(&field.at(index));
+                places.iter().enumerate().map(place).collect::<Result<_, _>>().map(StartPosition::Exactly)
+            }
         }
+    }
+}
+
+impl PlaceConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Place, ConfigError> {
+        let heading = Limits::from(-360.0, 360.0, "degrees");
+        Ok(Place {
+            position: field.at("position_m").place(self.position_m)?,
+            heading: field.at("heading_deg").real(self.heading_deg, &heading)?.to_radians(),
+        })
     }
 }
 
@@ -133,10 +166,12 @@ fn survives(
     airframe: &Airframe,
     field: &Field<'_>,
 ) -> Result<(), ConfigError> {
-    let region = Region { goal: aviary.goal, position: start.position };
+    let region = Region { goal: aviary.goal, position: start.position.clone() };
     let position = field.at("position");
     match termination {
-        Termination::Collision => region.clear(aviary, airframe.collision_radius as f32, &position),
+        Termination::Collision { allowed: None } => {
+            region.clear(aviary, airframe.collision_radius as f32, &position)
+        }
         Termination::OutOfBounds(bounds) if !surrounds(bounds, &region.hull()) => {
             Err(position.reject("starts out of bounds", "all of them inside `out_of_bounds` of the terminations"))
         }
@@ -148,7 +183,19 @@ fn survives(
             let found = format!("starts up to {:.2} m from the goal", region.farthest_from_goal());
             Err(position.reject(found, format!("less than {limit_m} m, where the episode ends")))
         }
-        Termination::OutOfBounds(_) | Termination::Tilt { .. } | Termination::Distance { .. } => Ok(()),
+        Termination::Collision { .. }
+        | Termination::OutOfBounds(_)
+        | Termination::Tilt { .. }
+        | Termination::RollPitch { .. }
+        | Termination::Distance { .. }
+        | Termination::Landing
+        | Termination::Coverage(_)
+        | Termination::Fuel { .. }
+        | Termination::EleventhStep
+        | Termination::LevelWithin { .. }
+        | Termination::EnterArea(_)
+        | Termination::Hold { .. }
+        | Termination::Arrival { .. } => Ok(()),
     }
 }
 
@@ -161,30 +208,38 @@ struct Region {
 impl Region {
     /// The smallest box around all starts.
     fn hull(&self) -> Cuboid {
-        match self.position {
+        match &self.position {
             StartPosition::AroundGoal { farthest_m, .. } => {
-                Cuboid { low: self.goal.add_scalar(-farthest_m), high: self.goal.add_scalar(farthest_m) }
+                Cuboid { low: self.goal.add_scalar(-farthest_m), high: self.goal.add_scalar(*farthest_m) }
             }
-            StartPosition::Within(region) => region,
+            StartPosition::Within(region) => *region,
+            StartPosition::Exactly(places) => hull_of(places),
         }
     }
 
     fn farthest_from_goal(&self) -> f32 {
-        match self.position {
-            StartPosition::AroundGoal { farthest_m, .. } => farthest_m,
+        match &self.position {
+            StartPosition::AroundGoal { farthest_m, .. } => *farthest_m,
             StartPosition::Within(Cuboid { low, high }) => {
                 (self.goal - low).abs().sup(&(high - self.goal).abs()).norm()
+            }
+            StartPosition::Exactly(places) => {
+                places.iter().map(|place| (place.position.cast() - self.goal).norm()).fold(0.0, f32::max)
             }
         }
     }
 
     /// Least distance between a start and the solid \[m\].
     fn gap_to(&self, solid: &Cuboid) -> f32 {
-        match self.position {
+        match &self.position {
             StartPosition::AroundGoal { farthest_m, .. } => {
                 gap(&Cuboid { low: self.goal, high: self.goal }, solid) - farthest_m
             }
-            StartPosition::Within(region) => gap(&region, solid),
+            StartPosition::Within(region) => gap(region, solid),
+            StartPosition::Exactly(places) => {
+                let at = |place: &Place| Cuboid { low: place.position.cast(), high: place.position.cast() };
+                places.iter().map(|place| gap(&at(place), solid)).fold(f32::INFINITY, f32::min)
+            }
         }
     }
 
@@ -201,6 +256,16 @@ impl Region {
                 Err(field.reject(found, format!("at least {radius} m between, the drone's radius")))
             }
         }
+    }
+}
+
+/// The smallest box around all places.
+fn hull_of(places: &[Place]) -> Cuboid {
+    let positions = || places.iter().map(|place| place.position.cast());
+    let far = Vector3::repeat(f32::INFINITY);
+    Cuboid {
+        low: positions().fold(far, |low, position: Vector3<f32>| low.inf(&position)),
+        high: positions().fold(-far, |high, position: Vector3<f32>| high.sup(&position)),
     }
 }
 

@@ -39,7 +39,7 @@ fn cuboid(low: [f32; 3], high: [f32; 3]) -> Cuboid {
 #[test]
 fn what_is_written_becomes_si() {
     let scenario = scenario(&["physics.control_rate_hz=50", "vehicle.mass_kg=0.03"]).unwrap();
-    assert_eq!(scenario.physics.control_secs, 0.02);
+    assert_eq!(scenario.physics.control_secs(), 0.02);
     assert_eq!(scenario.start.tilt_limit, std::f32::consts::FRAC_PI_2);
     assert_eq!(scenario.airframe.mass, 0.03);
     assert_eq!(scenario.airframe.inertia, CF2X.inertia);

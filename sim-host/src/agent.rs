@@ -1,0 +1,538 @@
+//! One drone of every environment of a block: the stages of a step over `LANES` lanes.
+
+use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Controls, Persistence};
+use kestrel_core::controller::Setpoint;
+use kestrel_core::observation::{
+    OBSERVATION_LIMIT, ObservationLayout, PAPER_LEN, PILOT_LEN, PaperLayout, PilotLayout, Seen,
+};
+use kestrel_core::real::Real;
+use nalgebra::Vector3;
+
+use crate::block::Stage;
+use crate::outcome::{Ending, Episode};
+use crate::reset::{self, Beginning};
+use crate::reward::{Ends, StepView};
+use crate::scenario::{Clock, CriticView, Preset, Scenario, Success};
+use crate::seed::{Purpose, Seed, Stream};
+use crate::swarm::{Column, Swarm, row, set_row, vector};
+use crate::termination::{self, FlightView};
+
+/// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
+/// mass and thrust factors − 1 (2), share of the episode left (1).
+pub const PRIVILEGED_LEN: usize = 10;
+
+/// An agent of `LANES` environments that step together.
+#[derive(Clone, Debug)]
+pub(crate) struct Agent<const LANES: usize, R: Real> {
+    pub(crate) swarm: Swarm<LANES, R>,
+    pub(crate) observations: Vec<Column<LANES, R>>,
+    pub(crate) privileged: [Column<LANES, R>; PRIVILEGED_LEN],
+    pub(crate) rewards: Column<LANES, R>,
+    pub(crate) codes: Column<LANES>,
+    /// One while touching an obstacle, the floor or a drone; one while touching the landing zone.
+    pub(crate) touches: [Column<LANES, R>; 2],
+    /// Each term's value in the last step.
+    pub(crate) term_values: Vec<Column<LANES, R>>,
+    index: usize,
+    factors: [Column<LANES, R>; 2],
+    /// The last actions, oldest first; the last one is the previous action.
+    history: Vec<[Column<LANES, R>; ACTION_LIMIT]>,
+    goal: [Column<LANES, R>; 3],
+    goal_velocity: [Column<LANES, R>; 3],
+    distances: Column<LANES, R>,
+    steps: Column<LANES, R>,
+    /// Last step at which the drone was outside the radius it must settle in.
+    last_outside: Column<LANES, R>,
+    /// Control periods inside the region it must visit.
+    visits: Column<LANES, R>,
+    /// One where an episode just ended in success.
+    successes: Column<LANES, R>,
+    totals: Column<LANES, R>,
+    term_totals: Vec<Column<LANES, R>>,
+    /// What terms and rules remember, in their order.
+    term_memory: Vec<Vec<Column<LANES, R>>>,
+    rule_memory: Vec<Vec<Column<LANES, R>>>,
+    controls: Vec<ControlMemory<R>>,
+    streams: Vec<Stream>,
+    measurements: Vec<Column<LANES, R>>,
+}
+
+/// An agent whose episode ended in this step.
+pub(crate) struct Finished<R> {
+    pub(crate) lane: usize,
+    pub(crate) episode: Episode,
+    pub(crate) observation: Vec<R>,
+    pub(crate) privileged: [R; PRIVILEGED_LEN],
+}
+
+/// Reciprocals, computed once per step.
+struct PrivilegedScales<R> {
+    per_hover_speed: R,
+    per_episode_steps: R,
+}
+
+impl<R: Real> PrivilegedScales<R> {
+    fn of(scenario: &Scenario) -> Self {
+        Self {
+            per_hover_speed: R::from_f32(1.0 / scenario.airframe.hover_rotor_speed() as f32),
+            per_episode_steps: R::from_f32(1.0 / scenario.episode_steps() as f32),
+        }
+    }
+}
+
+impl<const LANES: usize, R: Real> Agent<LANES, R> {
+    /// Agent `index` of environments `first..first + LANES` at the start of their first episodes.
+    pub(crate) fn new(scenario: &Scenario, index: usize, seed: Seed, purpose: Purpose, first: u32) -> Self {
+        let nothing = [R::zero(); LANES];
+        let stream = |lane| Stream::of_agent(seed, first + lane, index as u32, purpose);
+        let columns = |count: usize| vec![nothing; count];
+        let mut agent = Self {
+            swarm: Swarm::new(&scenario.airframe),
+            observations: columns(scenario.observation.len()),
+            privileged: [nothing; PRIVILEGED_LEN],
+            rewards: nothing,
+            codes: [0.0; LANES],
+            touches: [nothing; 2],
+            term_values: columns(scenario.rewards.len()),
+            index,
+            factors: [[R::one(); LANES]; 2],
+            history: vec![[nothing; ACTION_LIMIT]; scenario.observation.history_len().max(1)],
+            goal: [nothing; 3],
+            goal_velocity: [nothing; 3],
+            distances: nothing,
+            steps: nothing,
+            last_outside: nothing,
+            visits: nothing,
+            successes: nothing,
+            totals: nothing,
+            term_totals: columns(scenario.rewards.len()),
+            term_memory: scenario.rewards.iter().map(|term| columns(term.term.memory_len())).collect(),
+            rule_memory: scenario.terminations.iter().map(|rule| columns(rule.rule.memory_len())).collect(),
+            controls: vec![ControlMemory::new(); LANES],
+            streams: (0..LANES as u32).map(stream).collect(),
+            measurements: Vec::new(),
+        };
+        for lane in 0..LANES {
+            agent.reset(scenario, lane);
+        }
+        agent
+    }
+
+    /// Rotor targets of a control period.
+    #[inline(always)]
+    pub(crate) fn command(
+        &mut self,
+        stage: &Stage<'_, R>,
+        actions: &[Column<LANES, R>; ACTION_LIMIT],
+    ) -> [Column<LANES, R>; 4] {
+        // Matched here rather than in the loop, which then has no branch and vectorises.
+        match *stage.controls {
+            Controls::RotorSpeeds(numbers) => self.command_lanes(stage, &Controls::RotorSpeeds(numbers), actions),
+            Controls::ThrustBodyRates(numbers) => {
+                self.command_lanes(stage, &Controls::ThrustBodyRates(numbers), actions)
+            }
+            Controls::Published(_) => self.command_each(stage, actions),
+        }
+    }
+
+    #[inline(always)]
+    fn command_lanes(
+        &mut self,
+        stage: &Stage<'_, R>,
+        controls: &Controls<R>,
+        actions: &[Column<LANES, R>; ACTION_LIMIT],
+    ) -> [Column<LANES, R>; 4] {
+        let mut targets = [[R::zero(); LANES]; 4];
+        let mut memory = ControlMemory::new();
+        let setpoint = Setpoint::at(Vector3::new(R::zero(), R::zero(), R::zero()));
+        for lane in 0..LANES {
+            let action = row(actions, lane);
+            let state = self.swarm.state(lane);
+            let speeds = controls.rotor_targets(&action, &state, &setpoint, &mut memory, stage.control_secs);
+            set_row(&mut targets, lane, speeds);
+        }
+        targets
+    }
+
+    fn command_each(
+        &mut self,
+        stage: &Stage<'_, R>,
+        actions: &[Column<LANES, R>; ACTION_LIMIT],
+    ) -> [Column<LANES, R>; 4] {
+        let mut targets = [[R::zero(); LANES]; 4];
+        for lane in 0..LANES {
+            let setpoint =
+                Setpoint { velocity: vector(&self.goal_velocity, lane), ..Setpoint::at(vector(&self.goal, lane)) };
+            let (action, state) = (row(actions, lane), self.swarm.state(lane));
+            let memory = &mut self.controls[lane];
+            let speeds = stage.controls.rotor_targets(&action, &state, &setpoint, memory, stage.control_secs);
+            set_row(&mut targets, lane, speeds);
+        }
+        targets
+    }
+
+    /// Moves the goals, where they move, to where they are after `steps` control periods.
+    #[inline(always)]
+    pub(crate) fn aim(&mut self, scenario: &Scenario) {
+        if scenario.goals.is_moving() {
+            for lane in 0..LANES {
+                self.aim_lane(scenario, lane);
+            }
+        }
+    }
+
+    fn aim_lane(&mut self, scenario: &Scenario, lane: usize) {
+        let secs = self.steps[lane].to_f64() / scenario.physics.control_rate_hz;
+        let goal = scenario.goals.at(&scenario.aviary.goal, self.index, secs);
+        let velocity = scenario.goals.velocity_at(secs);
+        set_row(&mut self.goal, lane, [goal.x, goal.y, goal.z].map(R::from_f64));
+        set_row(&mut self.goal_velocity, lane, [velocity.x, velocity.y, velocity.z].map(R::from_f64));
+    }
+
+    /// Distance to the goal, and whether the drone has settled or visited.
+    #[inline(always)]
+    pub(crate) fn measure(&mut self, scenario: &Scenario) {
+        for lane in 0..LANES {
+            self.steps[lane] += R::one();
+        }
+        if scenario.clock == Clock::Elapsed {
+            self.aim(scenario);
+        }
+        let [x, y, z] = &self.swarm.position;
+        let [gx, gy, gz] = &self.goal;
+        for lane in 0..LANES {
+            let (dx, dy, dz) = (x[lane] - gx[lane], y[lane] - gy[lane], z[lane] - gz[lane]);
+            self.distances[lane] = (dx * dx + dy * dy + dz * dz).sqrt();
+        }
+        match scenario.success {
+            Success::Settle { radius_m, .. } => {
+                let radius = R::from_f32(radius_m);
+                for lane in 0..LANES {
+                    let (last, now) = (self.last_outside[lane], self.steps[lane]);
+                    self.last_outside[lane] = self.distances[lane].where_less(radius, last, now);
+                }
+            }
+            Success::Visit { region, .. } => {
+                for lane in 0..LANES {
+                    let inside = termination::contains(&region, &self.swarm, lane);
+                    self.visits[lane] += if inside { R::one() } else { R::zero() };
+                }
+            }
+            Success::Reach { .. } | Success::Ending => {}
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn judge(&mut self, scenario: &Scenario) {
+        let view = FlightView {
+            swarm: &self.swarm,
+            touches: &self.touches,
+            distances: &self.distances,
+            steps: &self.steps,
+            episode_steps: R::from_f64(f64::from(scenario.episode_steps())),
+        };
+        termination::find_endings(&view, scenario, &mut self.rule_memory, &mut self.codes);
+    }
+
+    #[inline(always)]
+    pub(crate) fn reward(
+        &mut self,
+        scenario: &Scenario,
+        actions: &[Column<LANES, R>; ACTION_LIMIT],
+        previous_distances: &Column<LANES, R>,
+        team: &[[Column<LANES, R>; 3]],
+    ) {
+        let ends = self.ends(scenario);
+        let view = StepView {
+            swarm: &self.swarm,
+            actions: &actions[..scenario.action.len()],
+            previous_actions: self.history.last().expect("there is a previous action"),
+            distances: &self.distances,
+            previous_distances,
+            touches: &self.touches,
+            steps: &self.steps,
+            ends: &ends,
+            agent: self.index,
+            team,
+            control_secs: R::from_f64(1.0 / scenario.physics.control_rate_hz),
+        };
+        self.rewards = [R::zero(); LANES];
+        for (index, weighted) in scenario.rewards.iter().enumerate() {
+            let values = &mut self.term_values[index];
+            weighted.evaluate(&view, &mut self.term_memory[index], values);
+            add(&mut self.rewards, values);
+            add(&mut self.term_totals[index], values);
+        }
+        self.successes = ends.success;
+    }
+
+    /// Adds the rewards of the step to the episode.
+    #[inline(always)]
+    pub(crate) fn bank(&mut self) {
+        add(&mut self.totals, &self.rewards);
+    }
+
+    /// Which lanes ended in success and which in failure.
+    #[inline(always)]
+    fn ends(&self, scenario: &Scenario) -> Ends<LANES, R> {
+        let codes = &self.codes;
+        let mark = |marked: bool| if marked { R::one() } else { R::zero() };
+        let success = termination::code(Ending::Success);
+        let lost = |lane: usize| (codes[lane] == 0.0) | termination::is_failure(codes[lane]);
+        Ends {
+            success: match scenario.success {
+                Success::Reach { .. } | Success::Ending => {
+                    core::array::from_fn(|lane| mark(codes[lane] == success))
+                }
+                Success::Settle { within_secs, .. } => {
+                    let limit = R::from_f64(f64::from(within_secs) * scenario.physics.control_rate_hz + 1e-3);
+                    let settled = |lane: usize| self.last_outside[lane] <= limit;
+                    core::array::from_fn(|lane| mark(termination::is_time_limit(codes[lane]) & settled(lane)))
+                }
+                Success::Visit { periods, .. } => {
+                    let least = R::from_f64(f64::from(periods));
+                    core::array::from_fn(|lane| mark(!lost(lane) & (self.visits[lane] >= least)))
+                }
+            },
+            failure: core::array::from_fn(|lane| mark(termination::is_failure(codes[lane]))),
+            time_up: core::array::from_fn(|lane| mark(termination::is_time_limit(codes[lane]))),
+        }
+    }
+
+    /// Encodes every lane.
+    #[inline(always)]
+    pub(crate) fn observe(&mut self, stage: &Stage<'_, R>) {
+        let scenario = stage.scenario;
+        match &scenario.observation {
+            ObservationLayout::Pilot(layout) => self.observe_as_pilot(*layout),
+            ObservationLayout::Paper(layout) => self.observe_as_paper(scenario, *layout),
+            ObservationLayout::PilotFor(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
+                for lane in 0..LANES {
+                    self.observe_lane(scenario, lane);
+                }
+            }
+        }
+        match scenario.critic {
+            CriticView::Observation => {}
+            CriticView::Privileged => {
+                let scales = PrivilegedScales::of(scenario);
+                for lane in 0..LANES {
+                    self.reveal_lane(&scales, lane);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn observe_as_pilot(&mut self, layout: PilotLayout) {
+        let Some((columns, _)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() else { return };
+        let [a, b, c, d, ..] = self.history.last().expect("there is a previous action");
+        for lane in 0..LANES {
+            let (state, goal) = (self.swarm.state(lane), vector(&self.goal, lane));
+            let observation = layout.encode(&state, &goal, &[a[lane], b[lane], c[lane], d[lane]]);
+            set_row(columns, lane, observation);
+        }
+    }
+
+    #[inline(always)]
+    fn observe_as_paper(&mut self, scenario: &Scenario, layout: PaperLayout) {
+        for lane in 0..LANES {
+            let (state, goal) = (self.swarm.state(lane), vector(&self.goal, lane));
+            let seen = Seen {
+                state: &state,
+                angular_velocity_in_world: self.angular_velocity(scenario, lane),
+                goal: &goal,
+                history: &[],
+                measurements: &[],
+            };
+            let observation = layout.encode(&seen);
+            if let Some((columns, _)) = self.observations.split_first_chunk_mut::<PAPER_LEN>() {
+                set_row(columns, lane, observation);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn observe_lane(&mut self, scenario: &Scenario, lane: usize) {
+        let mut values = [R::zero(); OBSERVATION_LIMIT];
+        let length = self.observations.len();
+        let mut history = [[R::zero(); ACTION_LIMIT]; OBSERVATION_LIMIT];
+        for (past, columns) in history.iter_mut().zip(&self.history) {
+            *past = row(columns, lane);
+        }
+        let mut measurements = [R::zero(); OBSERVATION_LIMIT];
+        for (value, column) in measurements.iter_mut().zip(&self.measurements) {
+            *value = column[lane];
+        }
+        let state = self.swarm.state(lane);
+        let seen = Seen {
+            state: &state,
+            angular_velocity_in_world: self.angular_velocity(scenario, lane),
+            goal: &vector(&self.goal, lane),
+            history: &history[..self.history.len()],
+            measurements: &measurements[..self.measurements.len()],
+        };
+        scenario.observation.encode(&seen, &mut values[..length]);
+        for (column, value) in self.observations.iter_mut().zip(values) {
+            column[lane] = value;
+        }
+    }
+
+    /// \[rad/s\], world, as the preset reports it.
+    #[inline(always)]
+    pub(crate) fn angular_velocity(&self, scenario: &Scenario, lane: usize) -> Vector3<R> {
+        match scenario.physics.preset {
+            Preset::Clean { .. } => {
+                let state = self.swarm.state(lane);
+                state.world_from_body.rotate(state.body_rates)
+            }
+            Preset::Bullet { .. } => self.swarm.drone(lane).reported_angular_velocity,
+        }
+    }
+
+    #[inline(always)]
+    fn reveal_lane(&mut self, scales: &PrivilegedScales<R>, lane: usize) {
+        let one = R::one();
+        let [a, b, c, d] = row(&self.swarm.rotor_speeds, lane).map(|speed| speed * scales.per_hover_speed - one);
+        let [x, y, z] = row(&self.swarm.wind, lane);
+        let [mass, thrust] = row(&self.factors, lane);
+        let left = one - self.steps[lane] * scales.per_episode_steps;
+        set_row(&mut self.privileged, lane, [a, b, c, d, x, y, z, mass - one, thrust - one, left]);
+    }
+
+    /// Takes the ended episodes out and starts the next ones, in lane order.
+    pub(crate) fn restart_ended(
+        &mut self,
+        scenario: &Scenario,
+        first: u32,
+        finished: &mut impl FnMut(Finished<R>),
+    ) {
+        for lane in 0..LANES {
+            let Some(ending) = termination::decode(self.codes[lane]) else { continue };
+            finished(Finished {
+                lane,
+                episode: self.episode(first, lane, ending),
+                observation: self.observations.iter().map(|column| column[lane]).collect(),
+                privileged: row(&self.privileged, lane),
+            });
+            self.reset(scenario, lane);
+        }
+    }
+
+    fn episode(&self, first: u32, lane: usize, ending: Ending) -> Episode {
+        Episode {
+            environment: first + lane as u32,
+            agent: self.index as u32,
+            steps: self.steps[lane].to_f64() as u32,
+            total_reward: self.totals[lane].to_f64() as f32,
+            success: self.successes[lane].to_f64() > 0.5,
+            ending,
+            terms: self.term_totals.iter().map(|totals| totals[lane].to_f64() as f32).collect(),
+        }
+    }
+
+    /// Begins the lane's next episode; its last reward and code stay readable.
+    fn reset(&mut self, scenario: &Scenario, lane: usize) {
+        let beginning = reset::begin(scenario, self.index, &mut self.streams[lane]);
+        self.place(scenario, lane, &beginning);
+    }
+
+    fn place(&mut self, scenario: &Scenario, lane: usize, beginning: &Beginning<R>) {
+        self.swarm.set_drone(lane, &beginning.drone);
+        self.swarm.set_vehicle(lane, &beginning.vehicle);
+        set_row(&mut self.swarm.wind, lane, beginning.wind.into());
+        set_row(&mut self.factors, lane, beginning.factors);
+        for past in &mut self.history {
+            set_row(past, lane, [R::zero(); ACTION_LIMIT]);
+        }
+        let counts = [&mut self.steps, &mut self.last_outside, &mut self.visits, &mut self.totals];
+        for column in counts.into_iter().chain(&mut self.touches).chain(&mut self.term_totals) {
+            column[lane] = R::zero();
+        }
+        self.forget(scenario, lane);
+        self.aim_lane(scenario, lane);
+        self.distances[lane] = length(&(beginning.drone.motion.position - vector(&self.goal, lane)));
+        self.observe_lane(scenario, lane);
+        self.reveal_lane(&PrivilegedScales::of(scenario), lane);
+    }
+
+    /// What terms, rules and controllers remember of an episode is gone with it.
+    fn forget(&mut self, scenario: &Scenario, lane: usize) {
+        for (weighted, memory) in scenario.rewards.iter().zip(&mut self.term_memory) {
+            if weighted.term.memory_lasts() {
+                continue;
+            }
+            for column in memory {
+                column[lane] = R::from_f64(weighted.term.memory_start());
+            }
+        }
+        for (rule, memory) in scenario.terminations.iter().zip(&mut self.rule_memory) {
+            for column in memory {
+                column[lane] = R::from_f64(rule.rule.memory_start());
+            }
+        }
+        if scenario.action.persistence() == Persistence::ResetEachEpisode {
+            self.controls[lane] = ControlMemory::new();
+        }
+    }
+
+    /// Adds the actions of the step to the history.
+    #[inline(always)]
+    pub(crate) fn remember(&mut self, actions: &[Column<LANES, R>; ACTION_LIMIT]) {
+        self.history.rotate_left(1);
+        if let Some(last) = self.history.last_mut() {
+            *last = *actions;
+        }
+    }
+
+    pub(crate) fn goal(&self, lane: usize) -> Vector3<R> {
+        vector(&self.goal, lane)
+    }
+
+    pub(crate) fn distances(&self) -> &Column<LANES, R> {
+        &self.distances
+    }
+
+    /// Every column that the next step depends on, for saving and restoring.
+    pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Column<LANES, R>> {
+        self.swarm
+            .columns_mut()
+            .chain(&mut self.observations)
+            .chain(&mut self.privileged)
+            .chain([&mut self.rewards])
+            .chain(&mut self.touches)
+            .chain(&mut self.factors)
+            .chain(self.history.iter_mut().flatten())
+            .chain(&mut self.goal)
+            .chain(&mut self.goal_velocity)
+            .chain([
+                &mut self.distances,
+                &mut self.steps,
+                &mut self.last_outside,
+                &mut self.visits,
+                &mut self.totals,
+            ])
+            .chain(&mut self.term_totals)
+            .chain(self.term_memory.iter_mut().flatten())
+            .chain(self.rule_memory.iter_mut().flatten())
+    }
+
+    pub(crate) fn streams_mut(&mut self) -> &mut [Stream] {
+        &mut self.streams
+    }
+
+    pub(crate) fn controls_mut(&mut self) -> &mut [ControlMemory<R>] {
+        &mut self.controls
+    }
+}
+
+fn length<R: Real>(vector: &Vector3<R>) -> R {
+    ((vector.x * vector.x + vector.y * vector.y) + vector.z * vector.z).sqrt()
+}
+
+#[inline(always)]
+fn add<R: Real, const LANES: usize>(sum: &mut Column<LANES, R>, values: &Column<LANES, R>) {
+    for (sum, value) in sum.iter_mut().zip(values) {
+        *sum += *value;
+    }
+}
