@@ -1,21 +1,50 @@
-//! What a policy commands: action spaces that turn four numbers in \[-1, 1\] into rotor targets.
+//! What a policy commands: action spaces that turn a few numbers in \[-1, 1\] into rotor targets.
+
+mod published;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::airframe::{Airframe, Layout};
-use crate::real::Real;
+pub use published::{
+    CONTROL_MEMORY_LEN, ControlMemory, Persistence, PublishedActions, PublishedController, PublishedControls,
+    PublishedKind,
+};
 
-/// Values in every action.
+use crate::airframe::{Airframe, Layout};
+use crate::controller::Setpoint;
+use crate::real::Real;
+use crate::vehicle::State;
+
+/// Values of an action in [`RotorSpeeds`] and [`ThrustBodyRates`].
 pub const ACTION_LEN: usize = 4;
+
+/// Most values in an action; what is beyond a space's own is not read.
+pub const ACTION_LIMIT: usize = 6;
 
 /// The action spaces; the identifier and its numbers travel in the policy file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one per scenario or policy, and no allocator to box it with"
+)]
 pub enum ActionSpace {
     /// [`RotorSpeeds`].
     RotorSpeeds(RotorSpeeds),
     /// [`ThrustBodyRates`] (CTBR).
     ThrustBodyRates(ThrustBodyRates),
+    /// [`PublishedActions`] of the reference system.
+    Published(PublishedActions),
+}
+
+/// An action space ready for arithmetic; built once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Controls<R> {
+    /// [`RotorSpeeds`].
+    RotorSpeeds(RotorSpeeds),
+    /// [`ThrustBodyRates`].
+    ThrustBodyRates(ThrustBodyRates),
+    /// [`PublishedActions`].
+    Published(PublishedControls<R>),
 }
 
 /// One action per rotor: `hover_rotor_speed · (1 + fraction · action)`.
@@ -58,6 +87,18 @@ impl RotorSpeeds {
             fraction,
         }
     }
+
+    /// Rotor targets \[rad/s\], within zero and the greatest rotor speed, whatever the action (limited to
+    /// \[-1, 1\], NaN to -1).
+    #[inline(always)]
+    pub fn rotor_targets<R: Real>(&self, action: &[R; ACTION_LEN]) -> [R; 4] {
+        action.map(|value| {
+            let value = value.limited(-R::one(), R::one());
+            let hover = R::from_f32(self.hover_rotor_speed);
+            let target = hover + hover * R::from_f32(self.fraction) * value;
+            target.limited(R::zero(), R::from_f32(self.rotor_speed_limit))
+        })
+    }
 }
 
 impl ThrustBodyRates {
@@ -92,10 +133,12 @@ impl ThrustBodyRates {
         }
     }
 
+    /// Rotor targets \[rad/s\], within zero and the greatest rotor speed, whatever the action (limited to
+    /// \[-1, 1\], NaN to -1) and the body rates \[rad/s\].
     #[inline(always)]
-    fn rotor_targets<R: Real>(&self, action: [R; ACTION_LEN], body_rates: &Vector3<R>) -> [R; 4] {
+    pub fn rotor_targets<R: Real>(&self, action: &[R; ACTION_LEN], body_rates: &Vector3<R>) -> [R; 4] {
         let real = R::from_f32;
-        let [thrust, roll, pitch, yaw] = action;
+        let [thrust, roll, pitch, yaw] = action.map(|value| value.limited(-R::one(), R::one()));
         let hover = real(self.hover_speed_squared);
         let collective = hover + hover * real(self.thrust_fraction) * thrust;
         let wanted = |axis: usize, action: R, rate: R| {
@@ -111,18 +154,62 @@ impl ThrustBodyRates {
 }
 
 impl ActionSpace {
-    /// Rotor targets \[rad/s\], within zero and the greatest rotor speed, whatever the action (limited to
-    /// \[-1, 1\], NaN to -1) and the body rates \[rad/s\].
-    #[inline(always)]
-    pub fn rotor_targets<R: Real>(&self, action: &[R; ACTION_LEN], body_rates: &Vector3<R>) -> [R; 4] {
-        let action = action.map(|value| value.limited(-R::one(), R::one()));
+    /// Values in an action.
+    #[expect(clippy::len_without_is_empty, reason = "no action is empty")]
+    pub const fn len(&self) -> usize {
         match self {
-            Self::RotorSpeeds(space) => action.map(|value| {
-                let hover = R::from_f32(space.hover_rotor_speed);
-                let target = hover + hover * R::from_f32(space.fraction) * value;
-                target.limited(R::zero(), R::from_f32(space.rotor_speed_limit))
-            }),
-            Self::ThrustBodyRates(space) => space.rotor_targets(action, body_rates),
+            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) => ACTION_LEN,
+            Self::Published(space) => space.kind.len(),
+        }
+    }
+
+    /// As written in configurations.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::RotorSpeeds(_) => "rotor_speeds",
+            Self::ThrustBodyRates(_) => "thrust_body_rates",
+            Self::Published(space) => space.kind.name(),
+        }
+    }
+
+    /// How long the controller behind the space remembers; a space without one does not.
+    pub const fn persistence(&self) -> Persistence {
+        match self {
+            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) => Persistence::ResetEachEpisode,
+            Self::Published(space) => space.persistence,
+        }
+    }
+}
+
+impl<R: Real> Controls<R> {
+    /// The controls of an action space.
+    pub fn new(space: &ActionSpace) -> Self {
+        match space {
+            ActionSpace::RotorSpeeds(space) => Self::RotorSpeeds(*space),
+            ActionSpace::ThrustBodyRates(space) => Self::ThrustBodyRates(*space),
+            ActionSpace::Published(space) => Self::Published(PublishedControls::new(space)),
+        }
+    }
+
+    /// Rotor targets \[rad/s\] for the next `secs`, the time since the last call.
+    ///
+    /// `setpoint` is the task's moving target, which only [`PublishedKind::Tun`] reads. The targets of the reference's
+    /// actions are not limited and are NaN where the state is; those of the other spaces are in range, whatever the
+    /// action and the state.
+    #[inline(always)]
+    pub fn rotor_targets(
+        &self,
+        action: &[R; ACTION_LIMIT],
+        state: &State<R>,
+        setpoint: &Setpoint<R>,
+        memory: &mut ControlMemory<R>,
+        secs: R,
+    ) -> [R; 4] {
+        let [a, b, c, d, _, _] = *action;
+        match self {
+            Self::RotorSpeeds(space) => space.rotor_targets(&[a, b, c, d]),
+            Self::ThrustBodyRates(space) => space.rotor_targets(&[a, b, c, d], &state.body_rates),
+            Self::Published(controls) => controls.rotor_targets(action, state, setpoint, memory, secs),
         }
     }
 }
@@ -132,8 +219,25 @@ mod tests {
     use super::*;
     use crate::airframe::CF2X;
     use crate::attitude::Attitude;
-    use crate::vehicle::{Air, State, Vehicle};
+    use crate::vehicle::{Air, Vehicle};
     use proptest::prelude::*;
+
+    fn turning<R: Real>(body_rates: Vector3<R>) -> State<R> {
+        State {
+            position: crate::vector::zero(),
+            world_from_body: Attitude::level(),
+            velocity: crate::vector::zero(),
+            body_rates,
+            rotor_speeds: [R::zero(); 4],
+        }
+    }
+
+    fn targets<R: Real>(space: &ActionSpace, [a, b, c, d]: [R; 4], body_rates: Vector3<R>) -> [R; 4] {
+        let action = [a, b, c, d, R::from_f64(f64::NAN), R::one()];
+        let setpoint = Setpoint::at(crate::vector::zero());
+        let mut memory = ControlMemory::new();
+        Controls::new(space).rotor_targets(&action, &turning(body_rates), &setpoint, &mut memory, R::one())
+    }
 
     #[test]
     fn a_zero_action_hovers_in_both_spaces() {
@@ -142,7 +246,8 @@ mod tests {
             ActionSpace::ThrustBodyRates(ThrustBodyRates::new(&CF2X, 1.0, [6.0, 6.0, 3.0], [20.0, 20.0, 10.0])),
         ];
         for space in spaces {
-            for target in space.rotor_targets(&[0.0_f64; 4], &Vector3::zeros()) {
+            assert_eq!(space.len(), 4);
+            for target in targets(&space, [0.0_f64; 4], Vector3::zeros()) {
                 assert!((target / CF2X.hover_rotor_speed() - 1.0).abs() < 1e-6);
             }
         }
@@ -151,7 +256,7 @@ mod tests {
     #[test]
     fn the_reference_action_moves_each_rotor_by_a_twentieth() {
         let space = ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.05));
-        let targets = space.rotor_targets(&[1.0_f64, -1.0, 2.0, f64::NAN], &Vector3::zeros());
+        let targets = targets(&space, [1.0_f64, -1.0, 2.0, f64::NAN], Vector3::zeros());
         let shares = targets.map(|target| target / CF2X.hover_rotor_speed());
         for (share, expected) in shares.into_iter().zip([1.05, 0.95, 1.05, 0.95]) {
             assert!((share - expected).abs() < 1e-6);
@@ -160,15 +265,10 @@ mod tests {
 
     #[test]
     fn the_rate_controller_asks_for_the_gain_times_the_error() {
-        let space = ActionSpace::ThrustBodyRates(ThrustBodyRates::new(&CF2X, 1.0, [6.0; 3], [10.0, 10.0, 4.0]));
+        let space = ThrustBodyRates::new(&CF2X, 1.0, [6.0; 3], [10.0, 10.0, 4.0]);
         let rates = Vector3::new(0.5, -0.2, 0.1);
-        let state = State {
-            position: Vector3::zeros(),
-            world_from_body: Attitude::level(),
-            velocity: Vector3::zeros(),
-            body_rates: rates,
-            rotor_speeds: space.rotor_targets(&[0.0, 0.1, -0.1, 0.05_f64], &rates),
-        };
+        let rotor_speeds = space.rotor_targets(&[0.0, 0.1, -0.1, 0.05_f64], &rates);
+        let state = State { rotor_speeds, ..turning(rates) };
         let (_, turning) = Vehicle::new(&CF2X).accelerations(&state, &Air::still());
         let gyroscopic = Vehicle::<f64>::new(&CF2X).gyroscopic;
         let expected = [10.0 * (0.6 - 0.5), 10.0 * (-0.6 + 0.2), 4.0 * (0.3 - 0.1)];
@@ -187,7 +287,7 @@ mod tests {
                 ActionSpace::ThrustBodyRates(ThrustBodyRates::new(&CF2X, 1.0, [9.0; 3], [20.0; 3])),
             ];
             for space in spaces {
-                for target in space.rotor_targets(&[a, b, c, d], &Vector3::new(p, q, r)) {
+                for target in targets(&space, [a, b, c, d], Vector3::new(p, q, r)) {
                     prop_assert!((0.0..=CF2X.rotor_speed_limit as f32).contains(&target));
                 }
             }

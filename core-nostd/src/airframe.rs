@@ -1,5 +1,7 @@
 //! Constants of the airframes, each with its source.
 
+use serde::{Deserialize, Serialize};
+
 /// Standard gravity of the reference system \[m/s²\] (gym-pybullet-drones uses 9.8, not 9.81).
 pub const GRAVITY: f64 = 9.8;
 
@@ -7,7 +9,7 @@ pub const GRAVITY: f64 = 9.8;
 pub const RADIANS_PER_SECOND_PER_RPM: f64 = core::f64::consts::TAU / 60.0;
 
 /// What a drone is made of, in SI units.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Airframe {
     /// Take-off mass \[kg\].
     pub mass: f64,
@@ -50,7 +52,7 @@ pub struct Airframe {
 }
 
 /// Which way round the rotors are numbered, seen from above.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RotorOrder {
     /// As on the Crazyflie, and in gym-pybullet-drones' `cf2x` since August 2025.
     Clockwise,
@@ -70,7 +72,7 @@ impl RotorOrder {
 
 /// Rotors in the body plane, named here in [`RotorOrder::Clockwise`]; the first and third turn counter-clockwise,
 /// so that their reaction pushes the nose to the right.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Layout {
     /// Front right, rear right, rear left, front left.
     Cross {
@@ -111,7 +113,7 @@ impl Layout {
 }
 
 /// Rotor drag (Förster 2015), equal along body x and y.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DragCoefficients {
     /// Along body x and y \[N s²/(m rad)\].
     pub planar: f64,
@@ -120,7 +122,7 @@ pub struct DragCoefficients {
 }
 
 /// Downwash model of gym-pybullet-drones: a Gaussian jet whose strength falls with the square of the distance.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Downwash {
     /// Strength \[N\] at a distance of a quarter propeller radius.
     pub strength: f64,

@@ -20,7 +20,7 @@ mod tanh;
 
 use heapless::Vec;
 
-use crate::action::ACTION_LEN;
+use crate::action::ACTION_LIMIT;
 use crate::mlp::{LAYER_LIMIT, ROW_BLOCK, WIDTH_LIMIT};
 use crate::policy_file::PolicyError;
 use crate::real::Real;
@@ -64,6 +64,8 @@ pub struct FixedFormat {
 #[derive(Clone, Debug)]
 pub struct FixedMlp<'a> {
     layers: Vec<PackedLayer<'a>, LAYER_LIMIT>,
+    /// Values of the action.
+    outputs: usize,
     /// Quantised value of an observation of one.
     input_scale: f32,
     /// Action of an output sum of one.
@@ -90,12 +92,12 @@ struct PackedLayer<'a> {
 }
 
 impl FixedMlp<'_> {
-    /// The action in \[-1, 1\] on `observation`, the same bits on every machine.
+    /// The action in \[-1, 1\] on `observation`, the same bits on every machine; zeros follow it.
     ///
     /// Values beyond the range of the input format saturate; a NaN is read as zero, and so are the values that are
     /// missing when the observation is too short. Never panics.
-    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LEN] {
-        let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LEN] };
+    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
+        let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LIMIT] };
         self.read_observation(observation, &mut scratch.activations);
         for layer in hidden_layers {
             layer.apply(scratch);
@@ -105,8 +107,8 @@ impl FixedMlp<'_> {
             }
         }
         output_layer.apply(scratch);
-        let mut action = [0.0; ACTION_LEN];
-        for (action, sum) in action.iter_mut().zip(&scratch.sums) {
+        let mut action = [0.0; ACTION_LIMIT];
+        for (action, sum) in action.iter_mut().zip(scratch.sums.iter().take(self.outputs)) {
             *action = (*sum as f32 * self.output_scale).limited(-1.0, 1.0);
         }
         action
@@ -232,7 +234,8 @@ impl<'a> FixedMlp<'a> {
         parameters: &'a [u8],
     ) -> Result<Self, PolicyError> {
         let input_scale = (1_u32 << format.input_fraction_bits.min(INPUT_FRACTION_BITS_LIMIT)) as f32;
-        let mut network = Self { layers: Vec::new(), input_scale, output_scale: 1.0 };
+        let outputs = usize::from(widths.last().copied().unwrap_or_default());
+        let mut network = Self { layers: Vec::new(), outputs, input_scale, output_scale: 1.0 };
         let mut rest = parameters;
         for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {
             let bits = format.sum_fraction_bits(index)?;

@@ -7,7 +7,7 @@
 
 use heapless::Vec;
 
-use crate::action::ACTION_LEN;
+use crate::action::ACTION_LIMIT;
 use crate::activation::tanh;
 use crate::policy_file::PolicyError;
 use crate::real::Real;
@@ -43,6 +43,8 @@ pub struct DenseLayer<'a> {
 #[derive(Clone, Debug)]
 pub struct Mlp<'a> {
     layers: Vec<PackedLayer<'a>, LAYER_LIMIT>,
+    /// Values of the action.
+    outputs: usize,
 }
 
 /// The two ends of a layer; owned by the caller so that neither stack nor time is spent on it.
@@ -63,15 +65,15 @@ struct PackedLayer<'a> {
 }
 
 impl Mlp<'_> {
-    /// The action in \[-1, 1\] on `observation`.
+    /// The action in \[-1, 1\] on `observation`; zeros follow it.
     ///
     /// A NaN is read as zero, and so are the values that are missing when the observation is too short; infinities
     /// are limited. Never panics, never returns NaN while the weights are finite.
-    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LEN] {
+    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
         let (mut inputs, mut outputs) = (&mut scratch.inputs, &mut scratch.outputs);
         let width = self.layers.first().map_or(0, |layer| layer.inputs);
         read_observation(observation, inputs.get_mut(..width).unwrap_or_default());
-        let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LEN] };
+        let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LIMIT] };
         for layer in hidden_layers {
             layer.apply(inputs, outputs);
             for value in outputs.iter_mut().take(layer.padded_outputs) {
@@ -80,8 +82,8 @@ impl Mlp<'_> {
             core::mem::swap(&mut inputs, &mut outputs);
         }
         output_layer.apply(inputs, outputs);
-        let mut action = [0.0; ACTION_LEN];
-        for (action, output) in action.iter_mut().zip(outputs.iter()) {
+        let mut action = [0.0; ACTION_LIMIT];
+        for (action, output) in action.iter_mut().zip(outputs.iter().take(self.outputs)) {
             *action = output.limited(-1.0, 1.0);
         }
         action
@@ -178,7 +180,7 @@ impl<'a> Mlp<'a> {
             layers.push(layer).map_err(|_| PolicyError::LayerCount { found: LAYER_LIMIT + 1 })?;
             rest = following;
         }
-        Ok(Self { layers })
+        Ok(Self { layers, outputs: usize::from(widths.last().copied().unwrap_or_default()) })
     }
 }
 

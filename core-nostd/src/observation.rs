@@ -1,42 +1,61 @@
 //! What a policy sees: layouts that turn a state into a vector of numbers of order one.
 
+mod kinematic;
+mod paper;
+mod pilot;
+
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::action::ACTION_LEN;
+pub use kinematic::KinematicLayout;
+pub use paper::{PAPER_LEN, PaperLayout};
+pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout};
+
+use crate::action::ACTION_LIMIT;
 use crate::real::Real;
 use crate::vehicle::State;
 
-/// Values in the `pilot` layout.
-pub const PILOT_LEN: usize = 22;
+/// Most values in an observation: as many as a policy reads.
+pub const OBSERVATION_LIMIT: usize = crate::mlp::WIDTH_LIMIT;
 
-/// More values than any layout has; the size of scratch buffers.
-pub const OBSERVATION_LIMIT: usize = 64;
+/// Most past actions that a layout reads.
+pub const HISTORY_LIMIT: usize = 32;
 
-/// The layouts a policy can be trained on; the identifier and its scales travel in the policy file.
+/// The layouts a policy can be trained on; the identifier and its numbers travel in the policy file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ObservationLayout {
     /// [`PilotLayout`], version 1.
     Pilot(PilotLayout),
+    /// [`PaperLayout`] of the reference.
+    Paper(PaperLayout),
+    /// [`KinematicLayout`] of the reference.
+    Kinematic(KinematicLayout),
+    /// [`MeasuredLayout`]: sensors.
+    Measured(MeasuredLayout),
+    /// [`PilotForLayout`]: the `pilot` layout for an action that has not four values.
+    PilotFor(PilotForLayout),
 }
 
-/// The default layout, 22 values:
-///
-/// | index | value | unit of one |
-/// |---|---|---|
-/// | 0–2 | position minus goal, world; its length is limited to 1 | `position_scale_m` |
-/// | 3–11 | rotation matrix `world_from_body`, row by row | – |
-/// | 12–14 | velocity, world | `velocity_scale` |
-/// | 15–17 | body rates | `body_rates_scale` |
-/// | 18–21 | previous action, limited to \[-1, 1\] | – |
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PilotLayout {
-    /// Distance from the goal that reads as one; farther goals keep their direction only \[m\].
-    pub position_scale_m: f32,
-    /// Speed that reads as one \[m/s\].
-    pub velocity_scale: f32,
-    /// Angular velocity that reads as one \[rad/s\].
-    pub body_rates_scale: f32,
+/// What sensors deliver, in the scenario's order and scales.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MeasuredLayout {
+    /// How many values they deliver.
+    pub len: u8,
+}
+
+/// Everything that some layout shows of one drone.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a, R> {
+    /// Where the drone is and how it moves.
+    pub state: &'a State<R>,
+    /// Angular velocity \[rad/s\], world, as the physics reports it: not what the state has in the reference's DYN.
+    pub angular_velocity_in_world: Vector3<R>,
+    /// Where it should be \[m\], world.
+    pub goal: &'a Vector3<R>,
+    /// Past actions, the oldest first; the last is the previous action.
+    pub history: &'a [[R; ACTION_LIMIT]],
+    /// What its sensors deliver.
+    pub measurements: &'a [R],
 }
 
 impl ObservationLayout {
@@ -45,75 +64,65 @@ impl ObservationLayout {
     pub const fn len(&self) -> usize {
         match self {
             Self::Pilot(_) => PILOT_LEN,
+            Self::Paper(_) => PAPER_LEN,
+            Self::Kinematic(layout) => layout.len(),
+            Self::Measured(layout) => layout.len as usize,
+            Self::PilotFor(layout) => layout.len(),
         }
     }
 
-    /// The observation of `state` on the way to `goal` \[m, world\].
-    #[inline(always)]
-    pub fn encode<R: Real>(
-        &self,
-        state: &State<R>,
-        goal: &Vector3<R>,
-        previous_action: &[R; ACTION_LEN],
-    ) -> [R; PILOT_LEN] {
+    /// As written in configurations.
+    pub const fn name(&self) -> &'static str {
         match self {
-            Self::Pilot(layout) => layout.encode(state, goal, previous_action),
+            Self::Pilot(_) | Self::PilotFor(_) => "pilot",
+            Self::Paper(_) => "paper",
+            Self::Kinematic(_) => "kinematic",
+            Self::Measured(_) => "measured",
+        }
+    }
+
+    /// How many past actions it reads.
+    pub const fn history_len(&self) -> usize {
+        match self {
+            Self::Pilot(_) | Self::PilotFor(_) => 1,
+            Self::Paper(_) | Self::Measured(_) => 0,
+            Self::Kinematic(layout) => layout.past_actions as usize,
+        }
+    }
+
+    /// Writes the observation to the start of `out`, as much as there is room for; what is missing of history and
+    /// measurements reads as zero.
+    #[inline(always)]
+    pub fn encode<R: Real>(&self, seen: &Seen<'_, R>, out: &mut [R]) {
+        let write = |values: &[R], out: &mut [R]| {
+            for (slot, value) in out.iter_mut().zip(values) {
+                *slot = *value;
+            }
+        };
+        match self {
+            Self::Pilot(layout) => {
+                let [a, b, c, d, _, _] = seen.previous_action();
+                write(&layout.encode(seen.state, seen.goal, &[a, b, c, d]), out);
+            }
+            Self::Paper(layout) => write(&layout.encode(seen), out),
+            Self::Kinematic(layout) => layout.encode(seen, out),
+            Self::Measured(layout) => {
+                let values = seen.measurements.iter().copied().chain(core::iter::repeat(R::zero()));
+                for (slot, value) in out.iter_mut().zip(values.take(usize::from(layout.len))) {
+                    *slot = value;
+                }
+            }
+            Self::PilotFor(layout) => layout.encode(seen, out),
         }
     }
 }
 
-impl PilotLayout {
+impl<R: Real> Seen<'_, R> {
+    /// The last action; zero before the first.
     #[inline(always)]
-    fn encode<R: Real>(
-        &self,
-        state: &State<R>,
-        goal: &Vector3<R>,
-        previous_action: &[R; ACTION_LEN],
-    ) -> [R; PILOT_LEN] {
-        let per_metre = R::one() / R::from_f32(self.position_scale_m);
-        let per_speed = R::one() / R::from_f32(self.velocity_scale);
-        let per_rate = R::one() / R::from_f32(self.body_rates_scale);
-        let [x, y, z] = direction_limited([
-            (state.position.x - goal.x) * per_metre,
-            (state.position.y - goal.y) * per_metre,
-            (state.position.z - goal.z) * per_metre,
-        ]);
-        let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = state.world_from_body.rows();
-        let (velocity, rates) = (&state.velocity, &state.body_rates);
-        let [a, b, c, d] = previous_action.map(|value| value.limited(-R::one(), R::one()));
-        [
-            x,
-            y,
-            z, // position
-            xx,
-            xy,
-            xz,
-            yx,
-            yy,
-            yz,
-            zx,
-            zy,
-            zz, // attitude
-            velocity.x * per_speed,
-            velocity.y * per_speed,
-            velocity.z * per_speed,
-            rates.x * per_rate,
-            rates.y * per_rate,
-            rates.z * per_rate,
-            a,
-            b,
-            c,
-            d,
-        ]
+    pub fn previous_action(&self) -> [R; ACTION_LIMIT] {
+        self.history.last().copied().unwrap_or([R::zero(); ACTION_LIMIT])
     }
-}
-
-/// `vector` shortened to length one where it is longer.
-#[inline(always)]
-fn direction_limited<R: Real>([x, y, z]: [R; 3]) -> [R; 3] {
-    let square = (x * x + y * y) + z * z;
-    let scale = R::one() / square.at_least(R::one()).sqrt();
-    [x * scale, y * scale, z * scale]
 }
 
 #[cfg(test)]
@@ -121,41 +130,99 @@ mod tests {
     use super::*;
     use crate::attitude::Attitude;
 
-    #[test]
-    fn every_value_stands_in_its_place() {
-        let layout = ObservationLayout::Pilot(PilotLayout {
-            position_scale_m: 2.0,
-            velocity_scale: 4.0,
-            body_rates_scale: 10.0,
-        });
-        let state = State {
+    const PILOT: PilotLayout = PilotLayout { position_scale_m: 2.0, velocity_scale: 4.0, body_rates_scale: 10.0 };
+
+    fn state() -> State<f64> {
+        State {
             position: Vector3::new(1.0, 0.0, 1.0),
             world_from_body: Attitude::level(),
             velocity: Vector3::new(0.0, 2.0, 0.0),
             body_rates: Vector3::new(0.0, 0.0, -5.0),
             rotor_speeds: [0.0; 4],
+        }
+    }
+
+    /// Past actions, told apart by their values.
+    const HISTORY: [[f64; ACTION_LIMIT]; 3] =
+        [[0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [-0.1, -0.2, -0.3, -0.4, -0.5, -0.6], [0.7, -2.0, 0.9, 1.0, 1.5, 0.0]];
+
+    fn encoded<const N: usize>(layout: &ObservationLayout, history: &[[f64; ACTION_LIMIT]]) -> [f64; N] {
+        let state = state();
+        let seen = Seen {
+            state: &state,
+            angular_velocity_in_world: Vector3::new(0.0, 3.0, -4.0),
+            goal: &Vector3::new(0.0, 0.0, 1.0),
+            history,
+            measurements: &[0.25, -0.5],
         };
-        let observation = layout.encode(&state, &Vector3::new(0.0, 0.0, 1.0), &[0.1, -0.2, 3.0, 0.4]);
-        let expected = [
-            [0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
-            [1.0, 0.0, 0.5, 0.0, 0.0, 0.0, -0.5, 0.1, -0.2, 1.0, 0.4],
-        ]
-        .concat();
-        assert_eq!(observation[..], expected[..]);
-        assert_eq!(layout.len(), observation.len());
+        let mut out = [f64::NAN; OBSERVATION_LIMIT];
+        layout.encode(&seen, &mut out);
+        assert!(out[..layout.len()].iter().all(|value| !value.is_nan()), "every value is written");
+        assert!(out[layout.len()..].iter().all(|value| value.is_nan()), "nothing is written beyond");
+        assert_eq!(layout.len(), N);
+        core::array::from_fn(|index| out[index])
     }
 
     #[test]
-    fn far_goals_keep_their_direction_only() {
-        let layout = PilotLayout { position_scale_m: 0.5, velocity_scale: 1.0, body_rates_scale: 1.0 };
-        let state = State {
-            position: Vector3::new(30.0, 40.0, 0.0),
-            world_from_body: Attitude::level(),
-            velocity: Vector3::zeros(),
-            body_rates: Vector3::zeros(),
-            rotor_speeds: [0.0_f64; 4],
+    fn the_pilot_layout_is_its_own_encoding() {
+        let expected = PILOT.encode(&state(), &Vector3::new(0.0, 0.0, 1.0), &[0.7, -2.0, 0.9, 1.0]);
+        assert_eq!(encoded(&ObservationLayout::Pilot(PILOT), &HISTORY), expected);
+        let rested = PILOT.encode(&state(), &Vector3::new(0.0, 0.0, 1.0), &[0.0; 4]);
+        assert_eq!(encoded(&ObservationLayout::Pilot(PILOT), &[]), rested);
+    }
+
+    #[test]
+    fn the_pilot_layout_takes_actions_of_other_lengths() {
+        let motion = &PILOT.encode(&state(), &Vector3::new(0.0, 0.0, 1.0), &[0.0; 4])[..18];
+        let layout = |action_len| ObservationLayout::PilotFor(PilotForLayout { scales: PILOT, action_len });
+        assert_eq!(encoded::<19>(&layout(1), &HISTORY)[..18], *motion);
+        assert_eq!(encoded::<19>(&layout(1), &HISTORY)[18..], [0.7]);
+        assert_eq!(encoded::<24>(&layout(6), &HISTORY)[18..], [0.7, -1.0, 0.9, 1.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn the_paper_layout_divides_by_the_references_constants() {
+        let layout = ObservationLayout::Paper(PaperLayout::of_episode(10.0));
+        let shares: [f64; PAPER_LEN] = encoded(&layout, &HISTORY);
+        let expected = [1.0 / 30.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 2.0 / 3.0, 0.0, 0.0, 0.6, -0.8];
+        for (share, expected) in shares.into_iter().zip(expected) {
+            assert!((share - expected).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn the_paper_layout_limits_what_the_reference_limits() {
+        let mut state = state();
+        state.position = Vector3::new(-100.0, 100.0, -0.1);
+        state.velocity = Vector3::new(5.0, -7.0, -2.0);
+        let seen = Seen {
+            state: &state,
+            angular_velocity_in_world: Vector3::zeros(),
+            goal: &Vector3::zeros(),
+            history: &[],
+            measurements: &[],
         };
-        let observation = layout.encode(&state, &Vector3::zeros(), &[0.0; 4]);
-        assert!((observation[0] - 0.6).abs() < 1e-12 && (observation[1] - 0.8).abs() < 1e-12);
+        let shares = PaperLayout::of_episode(5.0).encode(&seen);
+        assert_eq!(shares, [-1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0 / 3.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn the_kinematic_layout_shows_the_newest_actions_oldest_first() {
+        let layout = |past_actions| ObservationLayout::Kinematic(KinematicLayout { past_actions, action_len: 3 });
+        let motion = [1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 3.0, -4.0];
+        assert_eq!(encoded(&layout(0), &HISTORY), motion);
+        let two: [f64; 18] = encoded(&layout(2), &HISTORY);
+        assert_eq!(two[..12], motion);
+        assert_eq!(two[12..], [-0.1, -0.2, -0.3, 0.7, -2.0, 0.9]);
+        let four: [f64; 24] = encoded(&layout(4), &HISTORY);
+        assert_eq!(four[12..18], [0.0, 0.0, 0.0, 0.1, 0.2, 0.3]);
+        assert_eq!(layout(4).history_len(), 4);
+    }
+
+    #[test]
+    fn the_measured_layout_passes_measurements_on() {
+        let layout = |len| ObservationLayout::Measured(MeasuredLayout { len });
+        assert_eq!(encoded(&layout(2), &HISTORY), [0.25, -0.5]);
+        assert_eq!(encoded(&layout(3), &HISTORY), [0.25, -0.5, 0.0]);
     }
 }

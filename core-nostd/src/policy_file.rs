@@ -13,7 +13,7 @@ pub use header::{FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterForma
 pub use metadata::{NAME_LIMIT, PolicyMetadata};
 pub use writer::PolicyDraft;
 
-use crate::action::ACTION_LEN;
+use crate::action::ACTION_LIMIT;
 use crate::fixed::{self, FixedMlp};
 use crate::mlp::{self, Mlp, WIDTH_LIMIT};
 use header::{Header, Sections};
@@ -117,8 +117,8 @@ impl<'a> PolicyFile<'a> {
         self.header.sections().parameters.len()
     }
 
-    /// The action in \[-1, 1\] on an encoded observation. Never panics, never returns NaN, whatever the observation.
-    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LEN] {
+    /// The action in \[-1, 1\] on an encoded observation, followed by zeros. Never panics, never returns NaN, whatever the observation.
+    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
         self.network.act(observation, scratch)
     }
 
@@ -154,11 +154,12 @@ impl<'a> PolicyFile<'a> {
             Arithmetic::Float32 => FLOAT_SELF_TEST_TOLERANCE,
             Arithmetic::Fixed16 => 0.0,
         };
-        let vector_bytes = 4 * (self.header.observation_len() + ACTION_LEN);
+        let (observation_len, action_len) = (self.header.observation_len(), self.header.action_len());
+        let vector_bytes = 4 * (observation_len + action_len);
         for (vector, golden) in self.golden.chunks_exact(vector_bytes).enumerate() {
-            let (observation, expected) = read_golden(golden, self.header.observation_len());
+            let (observation, expected) = read_golden(golden, observation_len);
             let action = self.act(&observation, scratch);
-            for (output, (&found, expected)) in action.iter().zip(expected).enumerate() {
+            for (output, (&found, expected)) in action.iter().zip(expected).take(action_len).enumerate() {
                 // Written so that a NaN among the golden values fails.
                 let close = (found - expected).abs() <= tolerance;
                 if !close {
@@ -170,8 +171,8 @@ impl<'a> PolicyFile<'a> {
     }
 }
 
-/// The observation, followed by zeros, and the action of a golden vector.
-fn read_golden(bytes: &[u8], observation_len: usize) -> ([f32; WIDTH_LIMIT], [f32; ACTION_LEN]) {
+/// The observation, followed by zeros, and the action of a golden vector, followed by NaN.
+fn read_golden(bytes: &[u8], observation_len: usize) -> ([f32; WIDTH_LIMIT], [f32; ACTION_LIMIT]) {
     let mut values = bytes.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word));
     let mut observation = [0.0; WIDTH_LIMIT];
     for (slot, value) in observation.iter_mut().zip(values.by_ref().take(observation_len)) {
@@ -202,7 +203,11 @@ fn check_identifiers(metadata: &PolicyMetadata<'_>, header: &Header) -> Result<(
         }
     }
     let (found, expected) = (header.observation_len(), metadata.observation.len());
-    if found == expected { Ok(()) } else { Err(PolicyError::ObservationLength { found, expected }) }
+    if found != expected {
+        return Err(PolicyError::ObservationLength { found, expected });
+    }
+    let (found, expected) = (header.action_len(), metadata.action.len());
+    if found == expected { Ok(()) } else { Err(PolicyError::ActionLength { found, expected }) }
 }
 
 impl<'a> Network<'a> {
@@ -215,7 +220,7 @@ impl<'a> Network<'a> {
         }
     }
 
-    fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LEN] {
+    fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
         match self {
             Self::Float32(network) => network.act(observation, &mut scratch.float),
             Self::Fixed16(network) => network.act(observation, &mut scratch.fixed),

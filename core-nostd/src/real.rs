@@ -14,6 +14,7 @@ use nalgebra::Scalar;
 /// loop's speed.)
 pub trait Real:
     Scalar
+    + PartialOrd
     + Copy
     + Debug
     + Add<Output = Self>
@@ -55,6 +56,18 @@ pub trait Real:
     /// Natural exponential.
     #[must_use]
     fn exp(self) -> Self;
+
+    /// Natural logarithm; NaN below zero.
+    #[must_use]
+    fn ln(self) -> Self;
+
+    /// `self` to the power of `exponent`; NaN for fractional powers of negative numbers.
+    #[must_use]
+    fn powf(self, exponent: Self) -> Self;
+
+    /// The greatest whole number that is not greater.
+    #[must_use]
+    fn floor(self) -> Self;
 
     /// The nearest single-precision number.
     #[must_use]
@@ -99,6 +112,20 @@ pub trait Real:
         self.at_least(low).at_most(high)
     }
 
+    /// Sine of an angle \[rad\].
+    #[inline(always)]
+    #[must_use]
+    fn sin(self) -> Self {
+        self.sin_cos().0
+    }
+
+    /// Cosine of an angle \[rad\].
+    #[inline(always)]
+    #[must_use]
+    fn cos(self) -> Self {
+        self.sin_cos().1
+    }
+
     /// Square.
     #[inline(always)]
     #[must_use]
@@ -108,7 +135,11 @@ pub trait Real:
 }
 
 macro_rules! real_for_float {
-    ($float:ty, $sqrt:path, $abs:path, [$sin_cos:path, $asin:path, $atan2:path, $exp:path]) => {
+    (
+        $float:ty,
+        [$sqrt:path, $floor:path],
+        [$sin_cos:path, $asin:path, $atan2:path, $exp:path, $ln:path, $powf:path]
+    ) => {
         impl Real for $float {
             #[inline(always)]
             fn from_f64(value: f64) -> Self {
@@ -127,7 +158,7 @@ macro_rules! real_for_float {
 
             #[inline(always)]
             fn abs(self) -> Self {
-                $abs(self)
+                <$float>::abs(self)
             }
 
             #[inline]
@@ -150,6 +181,21 @@ macro_rules! real_for_float {
                 $exp(self)
             }
 
+            #[inline]
+            fn ln(self) -> Self {
+                $ln(self)
+            }
+
+            #[inline]
+            fn powf(self, exponent: Self) -> Self {
+                $powf(self, exponent)
+            }
+
+            #[inline(always)]
+            fn floor(self) -> Self {
+                $floor(self)
+            }
+
             #[inline(always)]
             fn in_single(self) -> Self {
                 <$float>::from(self as f32)
@@ -164,10 +210,26 @@ macro_rules! real_for_float {
 }
 
 #[cfg(feature = "std")]
-real_for_float!(f32, f32::sqrt, f32::abs, [libm::sincosf, libm::asinf, libm::atan2f, libm::expf]);
+real_for_float!(
+    f32,
+    [f32::sqrt, f32::floor],
+    [libm::sincosf, libm::asinf, libm::atan2f, libm::expf, libm::logf, libm::powf]
+);
 #[cfg(feature = "std")]
-real_for_float!(f64, f64::sqrt, f64::abs, [libm::sincos, libm::asin, libm::atan2, libm::exp]);
+real_for_float!(
+    f64,
+    [f64::sqrt, f64::floor],
+    [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log, libm::pow]
+);
 #[cfg(not(feature = "std"))]
-real_for_float!(f32, libm::sqrtf, f32::abs, [libm::sincosf, libm::asinf, libm::atan2f, libm::expf]);
+real_for_float!(
+    f32,
+    [libm::sqrtf, libm::floorf],
+    [libm::sincosf, libm::asinf, libm::atan2f, libm::expf, libm::logf, libm::powf]
+);
 #[cfg(not(feature = "std"))]
-real_for_float!(f64, libm::sqrt, f64::abs, [libm::sincos, libm::asin, libm::atan2, libm::exp]);
+real_for_float!(
+    f64,
+    [libm::sqrt, libm::floor],
+    [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log, libm::pow]
+);

@@ -1,7 +1,8 @@
 //! One block of environments: the step as a list of stages over `LANES` lanes.
 
-use kestrel_core::action::{ACTION_LEN, ActionSpace};
-use kestrel_core::observation::PILOT_LEN;
+use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Controls, Persistence};
+use kestrel_core::controller::Setpoint;
+use kestrel_core::observation::{OBSERVATION_LIMIT, ObservationLayout, Seen};
 
 use crate::contact::{self, Hull};
 use crate::outcome::{Ending, Episode};
@@ -9,7 +10,7 @@ use crate::reset::{self, Beginning};
 use crate::reward::{Ends, StepView};
 use crate::scenario::{CriticView, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::swarm::{Column, Swarm, row, set_row, vector};
+use crate::swarm::{Column, Swarm, row, set_row};
 use crate::termination::{self, FlightView};
 
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
@@ -20,12 +21,13 @@ pub const PRIVILEGED_LEN: usize = 10;
 #[derive(Clone, Debug)]
 pub(crate) struct Block<const LANES: usize> {
     pub(crate) swarm: Swarm<LANES>,
-    pub(crate) observations: [Column<LANES>; PILOT_LEN],
+    pub(crate) observations: Vec<Column<LANES>>,
     pub(crate) privileged: [Column<LANES>; PRIVILEGED_LEN],
     pub(crate) rewards: Column<LANES>,
     pub(crate) codes: Column<LANES>,
     factors: [Column<LANES>; 2],
-    previous_actions: [Column<LANES>; ACTION_LEN],
+    memories: [ControlMemory<f32>; LANES],
+    previous_actions: [Column<LANES>; ACTION_LIMIT],
     distances: Column<LANES>,
     steps: Column<LANES>,
     /// Last step at which the drone was outside the radius it must settle in.
@@ -41,7 +43,7 @@ pub(crate) struct Block<const LANES: usize> {
 pub(crate) struct Finished {
     pub(crate) lane: usize,
     pub(crate) episode: Episode,
-    pub(crate) observation: [f32; PILOT_LEN],
+    pub(crate) observation: [f32; OBSERVATION_LIMIT],
     pub(crate) privileged: [f32; PRIVILEGED_LEN],
 }
 
@@ -67,12 +69,13 @@ impl<const LANES: usize> Block<LANES> {
         let streams = (0..LANES as u32).map(|lane| Stream::new(seed, first + lane, purpose)).collect();
         let mut block = Self {
             swarm: Swarm::new(&scenario.airframe),
-            observations: [nothing; PILOT_LEN],
+            observations: vec![nothing; scenario.observation.len()],
             privileged: [nothing; PRIVILEGED_LEN],
             rewards: nothing,
             codes: nothing,
             factors: [[1.0; LANES]; 2],
-            previous_actions: [nothing; ACTION_LEN],
+            memories: [ControlMemory::new(); LANES],
+            previous_actions: [nothing; ACTION_LIMIT],
             distances: nothing,
             steps: nothing,
             last_outside: nothing,
@@ -89,7 +92,7 @@ impl<const LANES: usize> Block<LANES> {
 
     /// One control period: everything but the resets.
     #[inline(always)]
-    pub(crate) fn advance(&mut self, scenario: &Scenario, hull: &Hull, actions: &[Column<LANES>; ACTION_LEN]) {
+    pub(crate) fn advance(&mut self, scenario: &Scenario, hull: &Hull, actions: &[Column<LANES>; ACTION_LIMIT]) {
         let previous_distances = self.distances;
         self.fly(scenario, actions);
         self.measure(scenario);
@@ -101,30 +104,44 @@ impl<const LANES: usize> Block<LANES> {
 
     /// Action to rotor targets, held over the substeps.
     #[inline(always)]
-    fn fly(&mut self, scenario: &Scenario, actions: &[Column<LANES>; ACTION_LEN]) {
-        let targets = self.rotor_targets(&scenario.action, actions);
+    fn fly(&mut self, scenario: &Scenario, actions: &[Column<LANES>; ACTION_LIMIT]) {
+        let targets = self.rotor_targets(scenario, actions);
         for _ in 0..scenario.physics.substeps {
             self.swarm.advance(&scenario.physics, &targets);
         }
     }
 
     #[inline(always)]
-    fn rotor_targets(&self, space: &ActionSpace, actions: &[Column<LANES>; ACTION_LEN]) -> [Column<LANES>; 4] {
+    fn rotor_targets(
+        &mut self,
+        scenario: &Scenario,
+        actions: &[Column<LANES>; ACTION_LIMIT],
+    ) -> [Column<LANES>; 4] {
         // Matched here rather than in the loop, which then has no branch and vectorises.
-        match *space {
-            ActionSpace::RotorSpeeds(numbers) => self.lane_targets(&ActionSpace::RotorSpeeds(numbers), actions),
-            ActionSpace::ThrustBodyRates(numbers) => {
-                self.lane_targets(&ActionSpace::ThrustBodyRates(numbers), actions)
+        match Controls::new(&scenario.action) {
+            Controls::RotorSpeeds(numbers) => {
+                self.lane_targets(scenario, &Controls::RotorSpeeds(numbers), actions)
             }
+            Controls::ThrustBodyRates(numbers) => {
+                self.lane_targets(scenario, &Controls::ThrustBodyRates(numbers), actions)
+            }
+            Controls::Published(controls) => self.lane_targets(scenario, &Controls::Published(controls), actions),
         }
     }
 
     #[inline(always)]
-    fn lane_targets(&self, space: &ActionSpace, actions: &[Column<LANES>; ACTION_LEN]) -> [Column<LANES>; 4] {
+    fn lane_targets(
+        &mut self,
+        scenario: &Scenario,
+        controls: &Controls<f32>,
+        actions: &[Column<LANES>; ACTION_LIMIT],
+    ) -> [Column<LANES>; 4] {
+        let (setpoint, secs) = (Setpoint::at(scenario.aviary.goal), scenario.physics.control_secs);
         let mut targets = [[0.0; LANES]; 4];
         for lane in 0..LANES {
-            let body_rates = vector(&self.swarm.body_rates, lane);
-            set_row(&mut targets, lane, space.rotor_targets(&row(actions, lane), &body_rates));
+            let (action, state) = (row(actions, lane), self.swarm.state(lane));
+            let memory = &mut self.memories[lane];
+            set_row(&mut targets, lane, controls.rotor_targets(&action, &state, &setpoint, memory, secs));
         }
         targets
     }
@@ -165,7 +182,7 @@ impl<const LANES: usize> Block<LANES> {
     fn reward(
         &mut self,
         scenario: &Scenario,
-        actions: &[Column<LANES>; ACTION_LEN],
+        actions: &[Column<LANES>; ACTION_LIMIT],
         previous_distances: &Column<LANES>,
     ) {
         let ends = self.ends(scenario);
@@ -230,10 +247,27 @@ impl<const LANES: usize> Block<LANES> {
 
     #[inline(always)]
     fn observe_lane(&mut self, scenario: &Scenario, lane: usize) {
-        let previous_action = row(&self.previous_actions, lane);
-        let observation =
-            scenario.observation.encode(&self.swarm.state(lane), &scenario.aviary.goal, &previous_action);
-        set_row(&mut self.observations, lane, observation);
+        let (state, goal, previous_action) =
+            (self.swarm.state(lane), &scenario.aviary.goal, row(&self.previous_actions, lane));
+        let mut observation = [0.0; OBSERVATION_LIMIT];
+        if let ObservationLayout::Pilot(layout) = &scenario.observation {
+            let [a, b, c, d, _, _] = previous_action;
+            for (column, value) in self.observations.iter_mut().zip(layout.encode(&state, goal, &[a, b, c, d])) {
+                column[lane] = value;
+            }
+            return;
+        }
+        let seen = Seen {
+            state: &state,
+            angular_velocity_in_world: state.world_from_body.rotate(state.body_rates),
+            goal,
+            history: &[previous_action],
+            measurements: &[],
+        };
+        scenario.observation.encode(&seen, &mut observation);
+        for (column, value) in self.observations.iter_mut().zip(observation) {
+            column[lane] = value;
+        }
     }
 
     #[inline(always)]
@@ -252,7 +286,9 @@ impl<const LANES: usize> Block<LANES> {
             finished(Finished {
                 lane,
                 episode: self.episode(first, lane, ending),
-                observation: row(&self.observations, lane),
+                observation: core::array::from_fn(|feature| {
+                    self.observations.get(feature).map_or(0.0, |column| column[lane])
+                }),
                 privileged: row(&self.privileged, lane),
             });
             self.reset(scenario, lane);
@@ -281,7 +317,10 @@ impl<const LANES: usize> Block<LANES> {
         self.swarm.set_vehicle(lane, &beginning.vehicle);
         set_row(&mut self.swarm.wind, lane, beginning.wind.into());
         set_row(&mut self.factors, lane, beginning.factors);
-        set_row(&mut self.previous_actions, lane, [0.0; ACTION_LEN]);
+        if scenario.action.persistence() == Persistence::ResetEachEpisode {
+            self.memories[lane] = ControlMemory::new();
+        }
+        set_row(&mut self.previous_actions, lane, [0.0; ACTION_LIMIT]);
         self.distances[lane] = (beginning.state.position - scenario.aviary.goal).norm();
         self.steps[lane] = 0.0;
         self.last_outside[lane] = 0.0;

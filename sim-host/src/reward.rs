@@ -1,13 +1,15 @@
 //! What a step is worth: named terms over the lanes of a block.
 
+use kestrel_core::action::ACTION_LIMIT;
+
 use crate::scenario::RewardTerm;
 use crate::swarm::{Column, Swarm};
 
 /// What the terms look at.
 pub(crate) struct StepView<'a, const LANES: usize> {
     pub(crate) swarm: &'a Swarm<LANES>,
-    pub(crate) actions: &'a [Column<LANES>; 4],
-    pub(crate) previous_actions: &'a [Column<LANES>; 4],
+    pub(crate) actions: &'a [Column<LANES>; ACTION_LIMIT],
+    pub(crate) previous_actions: &'a [Column<LANES>; ACTION_LIMIT],
     pub(crate) distances: &'a Column<LANES>,
     pub(crate) previous_distances: &'a Column<LANES>,
     pub(crate) ends: &'a Ends<LANES>,

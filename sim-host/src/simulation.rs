@@ -1,6 +1,6 @@
 //! The façade: many environments stepped by one thread. Threads run several simulations side by side.
 
-use kestrel_core::action::ACTION_LEN;
+use kestrel_core::action::ACTION_LIMIT;
 use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
@@ -83,12 +83,13 @@ impl<const LANES: usize> Simulation<LANES> {
 
     /// Advances every environment by one control period; environments that end start anew.
     ///
-    /// `actions` is `[ACTION_LEN][environments]`; values are limited to \[-1, 1\], NaN counts as -1.
+    /// `actions` is `[action length][environments]`; values are limited to \[-1, 1\], NaN counts as -1.
     ///
     /// # Panics
     /// When `actions` has another length.
     pub fn step(&mut self, actions: &[f32]) {
-        assert_eq!(actions.len(), ACTION_LEN * self.environments, "actions are [{ACTION_LEN}][environments]");
+        let action_len = self.scenario.action.len();
+        assert_eq!(actions.len(), action_len * self.environments, "actions are [{action_len}][environments]");
         self.arch.dispatch(Advance {
             scenario: &self.scenario,
             hull: &self.hull,
@@ -273,8 +274,8 @@ fn actions_of_block<const LANES: usize>(
     actions: &[f32],
     environments: usize,
     first: usize,
-) -> [Column<LANES>; ACTION_LEN] {
-    let mut columns = [[0.0; LANES]; ACTION_LEN];
+) -> [Column<LANES>; ACTION_LIMIT] {
+    let mut columns = [[0.0; LANES]; ACTION_LIMIT];
     let count = LANES.min(environments - first);
     for (column, actions) in columns.iter_mut().zip(actions.chunks_exact(environments)) {
         column[..count].copy_from_slice(&actions[first..first + count]);
@@ -307,6 +308,7 @@ mod tests {
     use crate::scenario::{Cuboid, StartPosition, Success, Termination};
     use crate::testing::hover;
     use crate::world::{Floor, Solid};
+    use kestrel_core::action::ActionSpace;
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
@@ -323,7 +325,7 @@ mod tests {
         for &(first, count) in parts {
             let mut simulation = Simulation::<LANES>::new(&hover(), Seed(5), first, count);
             for step in 0..steps {
-                let all = noise(step, ACTION_LEN * total);
+                let all = noise(step, 4 * total);
                 let from = first as usize;
                 let actions: Vec<f32> =
                     all.chunks_exact(total).flat_map(|column| column[from..from + count].to_vec()).collect();
@@ -366,7 +368,8 @@ mod tests {
             let actions = noise(step, 12);
             simulation.step(&actions);
             let action = [actions[2], actions[5], actions[8], actions[11]];
-            let targets = scenario.action.rotor_targets(&action, &state.body_rates);
+            let ActionSpace::RotorSpeeds(space) = &scenario.action else { unreachable!() };
+            let targets = space.rotor_targets(&action);
             for _ in 0..scenario.physics.substeps {
                 let secs = scenario.physics.substep_secs();
                 state = scenario.physics.integrator.advance(&beginning.vehicle, &state, &targets, &air, secs);

@@ -23,7 +23,7 @@ pub struct Allocation<R> {
     pub scales: [R; 4],
 }
 
-impl<R: Real + PartialOrd> Allocation<R> {
+impl<R: Real> Allocation<R> {
     /// The mixer of an airframe, with the nominal arm as lever.
     pub fn new(airframe: &Airframe) -> Self {
         let positions = airframe.layout.with_arm(1.0).rotor_positions(airframe.rotor_order);

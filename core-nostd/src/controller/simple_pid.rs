@@ -55,7 +55,7 @@ impl<R: Real> Default for SimplePidMemory<R> {
     }
 }
 
-impl<R: Real + PartialOrd> SimplePid<R> {
+impl<R: Real> SimplePid<R> {
     /// The reference's controller, tuned for the Hummingbird.
     pub fn new(airframe: &Airframe) -> Self {
         Self {

@@ -70,13 +70,17 @@ pub enum PolicyError {
         found: u8,
     },
     /// The observation layout has no known identifier.
-    #[error("policy file has observation layout {found}, expected 1 (pilot)")]
+    #[error(
+        "policy file has observation layout {found}, expected 1 (pilot), 2 (paper), 3 (kinematic), 4 (measured) or 5 (pilot for another action)"
+    )]
     ObservationLayout {
         /// Identifier in the file.
         found: u16,
     },
     /// The action space has no known identifier.
-    #[error("policy file has action space {found}, expected 1 (rotor speeds) or 2 (thrust and body rates)")]
+    #[error(
+        "policy file has action space {found}, expected 1 (rotor speeds), 2 (thrust and body rates) or 3 (published)"
+    )]
     ActionSpace {
         /// Identifier in the file.
         found: u16,
@@ -112,7 +116,7 @@ pub enum PolicyError {
         expected: usize,
     },
     /// The last layer does not write an action.
-    #[error("policy writes {found} values, expected the {expected} of an action")]
+    #[error("policy writes {found} values, expected the {expected} of its action space")]
     ActionLength {
         /// Outputs of the last layer.
         found: usize,

@@ -4,6 +4,7 @@ use core::ops::Range;
 
 use heapless::Vec;
 
+use super::metadata::{LAYOUT_COUNT, SPACE_COUNT};
 use super::{Arithmetic, PolicyError};
 use crate::action::ACTION_LEN;
 use crate::crc32::crc32;
@@ -113,10 +114,10 @@ impl Header {
 
     /// Refuses identifiers and dimensions that no policy can have.
     pub(crate) fn check(&self) -> Result<(), PolicyError> {
-        if self.observation_layout != 1 {
+        if !(1..=LAYOUT_COUNT).contains(&self.observation_layout) {
             return Err(PolicyError::ObservationLayout { found: self.observation_layout });
         }
-        if !(1..=2).contains(&self.action_space) {
+        if !(1..=SPACE_COUNT).contains(&self.action_space) {
             return Err(PolicyError::ActionSpace { found: self.action_space });
         }
         for (layer, width) in self.widths.iter().map(|width| usize::from(*width)).enumerate() {
@@ -124,9 +125,10 @@ impl Header {
                 return Err(PolicyError::Width { layer, found: width });
             }
         }
-        let outputs = usize::from(self.widths.last().copied().unwrap_or_default());
-        if outputs != ACTION_LEN {
-            return Err(PolicyError::ActionLength { found: outputs, expected: ACTION_LEN });
+        // The other spaces say in the metadata which of several lengths they have.
+        let found = self.action_len();
+        if self.action_space <= 2 && found != ACTION_LEN {
+            return Err(PolicyError::ActionLength { found, expected: ACTION_LEN });
         }
         if !(1..=GOLDEN_LIMIT).contains(&self.golden_vectors) {
             let expected = self.observation_len();
@@ -140,6 +142,11 @@ impl Header {
         usize::from(self.widths.first().copied().unwrap_or_default())
     }
 
+    /// Values of an action.
+    pub(crate) fn action_len(&self) -> usize {
+        usize::from(self.widths.last().copied().unwrap_or_default())
+    }
+
     /// Inputs and outputs of each layer.
     pub(crate) fn shapes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let outputs = self.widths.iter().skip(1);
@@ -147,7 +154,7 @@ impl Header {
     }
 
     pub(crate) fn sections(&self) -> Sections {
-        let golden_len = 4 * self.golden_vectors * (self.observation_len() + ACTION_LEN);
+        let golden_len = 4 * self.golden_vectors * (self.observation_len() + self.action_len());
         let parameters_len: usize =
             self.shapes().map(|(inputs, outputs)| self.parameters.layer_bytes(inputs, outputs)).sum();
         let golden = HEADER_LEN + self.metadata_len.next_multiple_of(4);

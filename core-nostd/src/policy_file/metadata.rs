@@ -3,11 +3,18 @@
 use serde::{Deserialize, Serialize};
 
 use super::PolicyError;
-use crate::action::ActionSpace;
-use crate::observation::ObservationLayout;
+use crate::action::{ACTION_LEN, ActionSpace, PublishedActions};
+use crate::airframe::{Airframe, Downwash, DragCoefficients, Layout};
+use crate::observation::{HISTORY_LIMIT, ObservationLayout, PilotLayout};
 
 /// Most bytes of a name.
 pub const NAME_LIMIT: usize = 64;
+
+/// Layouts are numbered from one to this.
+pub(crate) const LAYOUT_COUNT: u16 = 5;
+
+/// Action spaces are numbered from one to this.
+pub(crate) const SPACE_COUNT: u16 = 3;
 
 /// The metadata of a policy, in postcard encoding inside the file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,6 +37,10 @@ pub struct PolicyMetadata<'a> {
 pub(crate) const fn layout_identifier(layout: &ObservationLayout) -> u16 {
     match layout {
         ObservationLayout::Pilot(_) => 1,
+        ObservationLayout::Paper(_) => 2,
+        ObservationLayout::Kinematic(_) => 3,
+        ObservationLayout::Measured(_) => 4,
+        ObservationLayout::PilotFor(_) => 5,
     }
 }
 
@@ -38,6 +49,7 @@ pub(crate) const fn action_identifier(space: &ActionSpace) -> u16 {
     match space {
         ActionSpace::RotorSpeeds(_) => 1,
         ActionSpace::ThrustBodyRates(_) => 2,
+        ActionSpace::Published(_) => 3,
     }
 }
 
@@ -48,13 +60,37 @@ impl PolicyMetadata<'_> {
             return Err(PolicyError::Name { found: self.name.len(), expected: NAME_LIMIT });
         }
         positive("control_period_secs", self.control_period_secs)?;
-        check_observation(&self.observation)?;
+        check_observation(&self.observation, self.action.len())?;
         check_action(&self.action)
     }
 }
 
-fn check_observation(layout: &ObservationLayout) -> Result<(), PolicyError> {
-    let ObservationLayout::Pilot(pilot) = layout;
+fn check_observation(layout: &ObservationLayout, action_len: usize) -> Result<(), PolicyError> {
+    match layout {
+        ObservationLayout::Pilot(pilot) => {
+            check_scales(pilot)?;
+            let expected = "four, as many as the layout shows";
+            holds(action_len == ACTION_LEN, "values of an action", action_len, expected)
+        }
+        ObservationLayout::PilotFor(pilot) => {
+            check_scales(&pilot.scales)?;
+            let found = usize::from(pilot.action_len);
+            holds(found == action_len && found != ACTION_LEN, "action_len", found, "that of the action, and not 4")
+        }
+        ObservationLayout::Paper(paper) => {
+            positive("planar_limit_m", paper.planar_limit_m)?;
+            positive("height_limit_m", paper.height_limit_m)
+        }
+        ObservationLayout::Kinematic(kinematic) => {
+            let (past, found) = (usize::from(kinematic.past_actions), usize::from(kinematic.action_len));
+            holds(found == action_len, "action_len", found, "that of the action")?;
+            holds(past <= HISTORY_LIMIT, "past_actions", past, "at most 32")
+        }
+        ObservationLayout::Measured(_) => Ok(()),
+    }
+}
+
+fn check_scales(pilot: &PilotLayout) -> Result<(), PolicyError> {
     positive("position_scale_m", pilot.position_scale_m)?;
     positive("velocity_scale", pilot.velocity_scale)?;
     positive("body_rates_scale", pilot.body_rates_scale)
@@ -74,7 +110,41 @@ fn check_action(space: &ActionSpace) -> Result<(), PolicyError> {
             let numbers = space.body_rates_limit.iter().chain(&space.rate_gains).chain(space.mixer.as_flattened());
             numbers.copied().try_for_each(|number| finite("a controller gain", number))
         }
+        ActionSpace::Published(PublishedActions { airframe, controller, .. }) => {
+            check_airframe(airframe)?;
+            check_airframe(controller.airframe())
+        }
     }
+}
+
+/// What divides must be positive, the rest finite.
+fn check_airframe(airframe: &Airframe) -> Result<(), PolicyError> {
+    let single = |number: f64| number as f32;
+    positive("mass", single(airframe.mass))?;
+    positive("arm", single(airframe.arm))?;
+    positive("thrust_coefficient", single(airframe.thrust_coefficient))?;
+    positive("torque_coefficient", single(airframe.torque_coefficient.abs()))?;
+    positive("rotor_speed_limit", single(airframe.rotor_speed_limit))?;
+    let [x, y] = match airframe.layout {
+        Layout::Cross { x, y } => [x, y],
+        Layout::Plus { arm } => [arm, arm],
+    };
+    let DragCoefficients { planar, axial } = airframe.drag_coefficients;
+    let Downwash { strength, width_slope, width_offset } = airframe.downwash;
+    let [jx, jy, jz] = airframe.inertia;
+    let (rise, fall) = (airframe.rotor_rise_secs, airframe.rotor_fall_secs);
+    let (radius, height) = (airframe.collision_radius, airframe.collision_height);
+    let numbers = [
+        [x, y, rise, fall, planar, axial],
+        [jx, jy, jz, strength, width_slope, width_offset],
+        [radius, height, airframe.collision_offset, airframe.nominal_speed, 0.0, 0.0],
+        [airframe.propeller_radius, airframe.ground_effect_coefficient, 0.0, 0.0, 0.0, 0.0],
+    ];
+    numbers.as_flattened().iter().try_for_each(|number| finite("an airframe number", single(*number)))
+}
+
+fn holds(condition: bool, field: &'static str, found: usize, expected: &'static str) -> Result<(), PolicyError> {
+    condition.then_some(()).ok_or(PolicyError::MetadataValue { field, found: found as f32, expected })
 }
 
 fn positive(field: &'static str, found: f32) -> Result<(), PolicyError> {

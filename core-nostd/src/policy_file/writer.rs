@@ -3,7 +3,6 @@
 use super::header::{Header, Sections, collected};
 use super::metadata::{action_identifier, layout_identifier};
 use super::{HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, Scratch};
-use crate::action::ACTION_LEN;
 use crate::crc32::crc32;
 use crate::fixed::FixedFormat;
 use crate::mlp::{DenseLayer, LAYER_LIMIT};
@@ -82,6 +81,10 @@ impl PolicyDraft<'_> {
         if found != expected {
             return Err(PolicyError::ObservationLength { found, expected });
         }
+        let (found, expected) = (self.layers.last().map_or(0, |layer| layer.outputs), self.metadata.action.len());
+        if found != expected {
+            return Err(PolicyError::ActionLength { found, expected });
+        }
         for (index, (layer, inputs)) in self.layers.iter().zip(self.widths()).enumerate() {
             if !layer.is_complete() || layer.inputs != inputs {
                 return Err(layer_shape(index, layer, inputs));
@@ -121,12 +124,12 @@ impl PolicyDraft<'_> {
         let network = Network::from_parameters(header, parameters)?;
         let golden = section(front, sections.golden.clone());
         let observation_len = header.observation_len();
-        let vectors = golden.chunks_exact_mut(4 * (observation_len + ACTION_LEN));
+        let vectors = golden.chunks_exact_mut(4 * (observation_len + header.action_len()));
         let mut scratch = Scratch::new();
         for (bytes, observation) in vectors.zip(self.golden_observations.chunks_exact(observation_len)) {
             let actions = copy_words(observation.iter().map(|value| value.to_le_bytes()), bytes);
             let action = network.act(observation, &mut scratch);
-            copy_words(action.iter().map(|value| value.to_le_bytes()), actions);
+            copy_words(action.iter().take(header.action_len()).map(|value| value.to_le_bytes()), actions);
         }
         Ok(())
     }

@@ -83,7 +83,7 @@ fn the_format_has_not_moved() {
     });
     let golden_observations = &numbers(2 * PILOT_LEN, 7);
     let parameters = ParameterFormat::Float32;
-    let draft = PolicyDraft { metadata: metadata(action), parameters, layers: &layers, golden_observations };
+    let draft = PolicyDraft { metadata: metadata(&action), parameters, layers: &layers, golden_observations };
     let format = FixedFormat::finest(&layers, 1.0).unwrap();
     let float = write(&draft);
     let fixed = write(&PolicyDraft { parameters: ParameterFormat::Fixed16(format), ..draft });
@@ -205,9 +205,9 @@ fn drafts_that_no_file_can_hold_are_refused() {
         PolicyError::Width { layer: 1, found: 129 }
     );
     let name = "x".repeat(65);
-    let named = PolicyMetadata { name: &name, ..metadata(rotor_speeds()) };
+    let named = PolicyMetadata { name: &name, ..metadata(&rotor_speeds()) };
     assert_eq!(refusal(PolicyDraft { metadata: named, ..valid }), PolicyError::Name { found: 65, expected: 64 });
-    let timeless = PolicyMetadata { control_period_secs: 0.0, ..metadata(rotor_speeds()) };
+    let timeless = PolicyMetadata { control_period_secs: 0.0, ..metadata(&rotor_speeds()) };
     assert!(matches!(
         refusal(PolicyDraft { metadata: timeless, ..valid }),
         PolicyError::MetadataValue { field: "control_period_secs", .. }

@@ -3,6 +3,7 @@
 use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::CF2X;
 use kestrel_core::attitude::Attitude;
+use kestrel_core::observation::ObservationLayout;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{ParameterFormat, PolicyFile, Scratch};
 use kestrel_core::vehicle::State;
@@ -11,7 +12,7 @@ use proptest::prelude::*;
 
 use crate::support::{Model, PILOT, draft, golden, metadata, rotor_speeds, thrust_body_rates, write};
 
-fn file(action: ActionSpace, fixed: bool) -> Vec<u8> {
+fn file(action: &ActionSpace, fixed: bool) -> Vec<u8> {
     let model = Model::typical(11);
     let layers = model.layers();
     let golden = golden();
@@ -57,7 +58,7 @@ proptest! {
         fixed: bool,
         rates: bool,
     ) {
-        let bytes = file(if rates { thrust_body_rates() } else { rotor_speeds() }, fixed);
+        let bytes = file(&if rates { thrust_body_rates() } else { rotor_speeds() }, fixed);
         let mut pilot = Pilot::new(PolicyFile::parse(&bytes).unwrap());
         let goal = Vector3::new(values[17], values[18], values[19]);
         for state in [state_of(&values), hovering(), state_of(&values)] {
@@ -71,22 +72,27 @@ proptest! {
 
 #[test]
 fn a_tick_is_encode_act_and_mix() {
-    let bytes = file(rotor_speeds(), true);
+    let bytes = file(&rotor_speeds(), true);
     let policy = PolicyFile::parse(&bytes).unwrap();
     let mut pilot = Pilot::new(policy.clone());
     let (state, goal) = (hovering(), Vector3::new(0.0, 0.0, 1.0));
+    let (ObservationLayout::Pilot(layout), ActionSpace::RotorSpeeds(space)) = (PILOT, rotor_speeds()) else {
+        unreachable!()
+    };
     let mut previous = [0.0; 4];
     for _ in 0..3 {
         let targets = pilot.tick(&state, &goal);
-        previous = policy.act(&PILOT.encode(&state, &goal, &previous), &mut Scratch::new());
+        let action = policy.act(&layout.encode(&state, &goal, &previous), &mut Scratch::new());
+        previous = [action[0], action[1], action[2], action[3]];
         assert_eq!(pilot.previous_action(), previous);
-        assert_eq!(targets, rotor_speeds().rotor_targets(&previous, &state.body_rates));
+        assert_eq!(action[4..], [0.0; 2]);
+        assert_eq!(targets, space.rotor_targets(&previous));
     }
 }
 
 #[test]
 fn after_a_reset_the_flight_repeats_itself() {
-    let bytes = file(thrust_body_rates(), false);
+    let bytes = file(&thrust_body_rates(), false);
     let mut pilot = Pilot::new(PolicyFile::parse(&bytes).unwrap());
     let goal = Vector3::zeros();
     let first = [pilot.tick(&hovering(), &goal), pilot.tick(&hovering(), &goal)];
@@ -98,10 +104,10 @@ fn after_a_reset_the_flight_repeats_itself() {
 
 #[test]
 fn the_self_test_leaves_the_flight_alone() {
-    let bytes = file(rotor_speeds(), true);
+    let bytes = file(&rotor_speeds(), true);
     let mut pilot = Pilot::new(PolicyFile::parse(&bytes).unwrap());
     pilot.tick(&hovering(), &Vector3::zeros());
-    let before = pilot.previous_action();
+    let before = pilot.previous_action().to_vec();
     assert_eq!(pilot.self_test(), Ok(()));
     assert_eq!(pilot.previous_action(), before);
     assert_eq!(pilot.policy().metadata().name, "hover");

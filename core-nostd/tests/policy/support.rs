@@ -97,7 +97,7 @@ pub(crate) fn draft<'a>(
     parameters: ParameterFormat,
     golden_observations: &'a [f32],
 ) -> PolicyDraft<'a> {
-    PolicyDraft { metadata: metadata(rotor_speeds()), parameters, layers, golden_observations }
+    PolicyDraft { metadata: metadata(&rotor_speeds()), parameters, layers, golden_observations }
 }
 
 pub(crate) fn rotor_speeds() -> ActionSpace {
@@ -108,11 +108,11 @@ pub(crate) fn thrust_body_rates() -> ActionSpace {
     ActionSpace::ThrustBodyRates(ThrustBodyRates::new(&CF2X, 0.8, [10.0, 10.0, 5.0], [40.0, 40.0, 20.0]))
 }
 
-pub(crate) fn metadata(action: ActionSpace) -> PolicyMetadata<'static> {
+pub(crate) fn metadata(action: &ActionSpace) -> PolicyMetadata<'static> {
     PolicyMetadata {
         name: "hover",
         observation: PILOT,
-        action,
+        action: *action,
         control_period_secs: 0.01,
         seed: 7,
         training_steps: 12_000_000,

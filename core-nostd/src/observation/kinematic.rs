@@ -1,0 +1,59 @@
+//! The observation of the reference system since 2023.
+
+use serde::{Deserialize, Serialize};
+
+use super::Seen;
+use crate::action::ACTION_LIMIT;
+use crate::euler::EulerAngles;
+use crate::real::Real;
+
+/// Values before the past actions.
+const MOTION_LEN: usize = 12;
+
+/// Nothing divided, nothing limited, world frame throughout:
+///
+/// | index | value | unit |
+/// |---|---|---|
+/// | 0–2 | position | m |
+/// | 3–5 | roll, pitch, yaw | rad |
+/// | 6–8 | velocity | m/s |
+/// | 9–11 | angular velocity | rad/s |
+/// | 12… | the last actions, the oldest first | – |
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct KinematicLayout {
+    /// How many past actions are seen; the reference shows half a second of them.
+    pub past_actions: u8,
+    /// Values of each.
+    pub action_len: u8,
+}
+
+impl KinematicLayout {
+    /// Number of values.
+    #[expect(clippy::len_without_is_empty, reason = "no layout is empty")]
+    pub const fn len(&self) -> usize {
+        MOTION_LEN + self.past_actions as usize * self.action_len as usize
+    }
+
+    /// Writes the observation to the start of `out`; actions that the history lacks read as zero.
+    #[inline]
+    pub fn encode<R: Real>(&self, seen: &Seen<'_, R>, out: &mut [R]) {
+        let (state, turning) = (seen.state, &seen.angular_velocity_in_world);
+        let [roll, pitch, yaw] = EulerAngles::of(&state.world_from_body).to_array();
+        let (position, velocity) = (&state.position, &state.velocity);
+        let motion = [
+            position.x, position.y, position.z, //
+            roll, pitch, yaw, //
+            velocity.x, velocity.y, velocity.z, //
+            turning.x, turning.y, turning.z,
+        ];
+        let past_actions = usize::from(self.past_actions);
+        let nothing = [R::zero(); ACTION_LIMIT];
+        let missing = past_actions.saturating_sub(seen.history.len());
+        let recent = seen.history.iter().skip(seen.history.len().saturating_sub(past_actions));
+        let actions = core::iter::repeat_n(&nothing, missing).chain(recent);
+        let actions = actions.flat_map(|action| action.iter().take(usize::from(self.action_len)));
+        for (slot, value) in out.iter_mut().zip(motion.iter().chain(actions)) {
+            *slot = *value;
+        }
+    }
+}
