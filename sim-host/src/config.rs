@@ -10,17 +10,21 @@ mod episode;
 mod error;
 mod field;
 mod geometry;
+mod import;
 mod node;
 mod pilot;
+mod schema;
 mod start;
 #[cfg(test)]
 mod tests;
+mod text;
 mod vehicle;
+mod world;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use aviary::{AviaryConfig, BoxConfig, RoomConfig};
+pub use aviary::{AviaryConfig, BoxConfig, Place};
 pub use document::Document;
 pub use episode::{RewardConfig, SuccessConfig, TerminationConfig};
 pub use error::ConfigError;
@@ -28,8 +32,13 @@ pub use field::{Field, Limits};
 pub use pilot::{
     ActionConfig, CriticConfig, ObservationConfig, PilotConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
 };
+pub use schema::schema_of;
 pub use start::{RandomisationConfig, StartConfig, StartPositionConfig};
 pub use vehicle::{AirframeConfig, IntegratorConfig, PhysicsConfig, VehicleConfig};
+pub use world::{
+    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MovableConfig, RoleConfig, RoomConfig, SolidConfig,
+    TurnedBoxConfig,
+};
 
 use crate::scenario::Scenario;
 
