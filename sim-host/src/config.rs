@@ -11,22 +11,26 @@ mod document;
 mod error;
 mod field;
 mod geometry;
+mod import;
 mod node;
 mod physics;
 mod pilot;
 mod reward;
+mod schema;
 mod start;
 mod termination;
 #[cfg(test)]
 mod tests;
+mod text;
 mod vehicle;
+mod world;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use agents::{AgentsConfig, GoalsConfig, TeamEndConfig, TeamRewardsConfig};
 pub use area::AreaConfig;
-pub use aviary::{AviaryConfig, BoxConfig, RoomConfig};
+pub use aviary::{AviaryConfig, BoxConfig, Place};
 pub use document::Document;
 pub use error::ConfigError;
 pub use field::{Field, Limits};
@@ -38,9 +42,14 @@ pub use pilot::{
     ActionConfig, CriticConfig, ObservationConfig, PilotConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
 };
 pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
+pub use schema::schema_of;
 pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConfig};
 pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
 pub use vehicle::{AirframeConfig, VehicleConfig};
+pub use world::{
+    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MovableConfig, RoleConfig, RoomConfig, SolidConfig,
+    TurnedBoxConfig,
+};
 
 use crate::scenario::{Goals, Preset, Scenario};
 

@@ -7,7 +7,7 @@ mod training;
 
 use std::path::Path;
 
-use kestrel_sim::config::{ConfigError, Document, Field, ScenarioConfig};
+use kestrel_sim::config::{ConfigError, Document, Field, ScenarioConfig, schema_of};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
 use schemars::JsonSchema;
@@ -82,12 +82,7 @@ pub fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Experiment,
 
 /// The JSON schema of the experiment file, for editors.
 pub fn schema() -> String {
-    pretty(&schemars::schema_for!(ExperimentConfig))
-}
-
-fn pretty(schema: &schemars::Schema) -> String {
-    let json = serde_json::to_string_pretty(schema).expect("a schema is JSON");
-    format!("{json}\n")
+    schema_of::<ExperimentConfig>()
 }
 
 fn from_document(mut document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {

@@ -1,4 +1,4 @@
-//! The place: goal, floor, walls and obstacles.
+//! The place: goal, floor, walls, obstacles; the schema of a world file and of a task's `aviary`.
 
 use kestrel_core::airframe::Airframe;
 use nalgebra::Vector3;
@@ -6,13 +6,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::ConfigError;
-use super::field::{Field, Limits};
-use super::geometry::contains;
+use super::field::Field;
+use super::geometry::{exact_point, holds};
+use super::world::{FurnitureConfig, MovableConfig, RoomConfig, SolidConfig, pillar};
 use crate::scenario::{Aviary, Cuboid};
-use crate::world::{Floor, Solid, World};
+use crate::world::{Floor, World};
 
-/// Most solids; every one is tested in every step.
-const SOLIDS_LIMIT: usize = 256;
+/// Most solids and movables: contacts look at all of them near a drone.
+const SOLIDS_LIMIT: usize = 1024;
 
 const AXES: [char; 3] = ['x', 'y', 'z'];
 
@@ -20,8 +21,15 @@ const AXES: [char; 3] = ['x', 'y', 'z'];
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AviaryConfig {
-    /// Where the drone shall go: `[x, y, z]`.
-    pub goal_m: [f64; 3],
+    /// What it is, in one line, for lists.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub about: Option<String>,
+    /// Where the drone shall go: `[x, y, z]`. A task needs one, its own or one that it imports.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goal_m: Option<[f64; 3]>,
+    /// Where the reference system starts its drones, for plans; a task's own starts are under `start`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub starts_m: Vec<[f64; 3]>,
     /// Whether z = 0 is solid.
     #[serde(default = "floor")]
     pub floor: bool,
@@ -30,20 +38,22 @@ pub struct AviaryConfig {
     pub room: Option<RoomConfig>,
     /// Obstacles.
     #[serde(default)]
-    pub solids: Vec<BoxConfig>,
-}
-
-/// Four walls around an interior.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RoomConfig {
-    /// Corner of the interior with the smallest coordinates.
-    pub low_m: [f64; 3],
-    /// Corner of the interior with the greatest coordinates; the walls end at its z.
-    pub high_m: [f64; 3],
-    /// Thickness of the walls, which stand outside the interior.
-    #[serde(default = "wall_m")]
-    pub wall_m: f64,
+    pub solids: Vec<SolidConfig>,
+    /// Pillars of the reference system, 0.18 m square and 1 m high, each by its centre: `[x, y]`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pillars: Vec<[f64; 2]>,
+    /// Pieces of furniture, usually imported and placed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub furniture: Vec<FurnitureConfig>,
+    /// Bodies that a drone can push.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub movables: Vec<MovableConfig>,
+    /// Other worlds set into this one at their `at_m`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub worlds: Vec<AviaryConfig>,
+    /// Where its origin lies in the world around it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_m: Option<[f64; 3]>,
 }
 
 /// An axis-aligned box.
@@ -56,72 +66,119 @@ pub struct BoxConfig {
     pub high_m: [f64; 3],
 }
 
+/// A world as its file describes it, checked, with or without a task in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// What it is, in one line; may be empty.
+    pub about: String,
+    /// Where drones shall go \[m, world\]: its own goal, or those of the worlds set into it.
+    pub goals: Vec<Vector3<f64>>,
+    /// Where the reference system starts its drones \[m, world\].
+    pub starts: Vec<Vector3<f64>>,
+    /// What stands there.
+    pub world: World,
+}
+
 fn floor() -> bool {
     true
 }
 
-/// Thicker than the way of a drone in one control period at 10 m/s and 50 Hz.
-fn wall_m() -> f64 {
-    0.2
-}
-
 impl AviaryConfig {
-    /// The place, with the room's walls first among its solids.
+    /// The place of a task, with the room's walls first among its solids.
     ///
     /// # Errors
-    /// When a box is inside out, or a drone of `airframe` cannot be at the goal.
+    /// When a solid is wrong, or a drone of `airframe` cannot be at the goal, or there is none.
     pub fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<Aviary, ConfigError> {
-        let goal = field.at("goal_m").point(self.goal_m)?;
-        let room = self.room.map(|room| room.check(&goal, &field.at("room"))).transpose()?;
-        let mut solids = room.map_or_else(Vec::new, Vec::from);
-        if self.solids.len() > SOLIDS_LIMIT {
-            return Err(field.at("solids").refuse("", format!("a list of at most {SOLIDS_LIMIT}")));
-        }
-        for (index, solid) in self.solids.iter().enumerate() {
-            let field_of_solid = field.at("solids").at(index);
-            let solid = solid.check(&field_of_solid)?;
-            if contains(&solid, &goal) {
-                return Err(field_of_solid.reject("a solid around the goal", "one that leaves `goal_m` free"));
-            }
-            solids.push(solid);
-        }
+        let Place { goals, world, .. } = self.place(field)?;
+        let Some(goal) = goals.first() else {
+            return Err(field.reject("no key `goal_m`", "one: it has no default"));
+        };
         let lowest = airframe.collision_height / 2.0;
-        if self.floor && self.goal_m[2] < lowest {
+        if self.floor && goal.z < lowest {
             let expected =
                 format!("at least {lowest} m, half the drone's height, because there is a floor at z = 0");
-            return Err(field.at("goal_m").at(2).refuse(self.goal_m[2], expected));
+            return Err(field.at("goal_m").at(2).refuse(goal.z, expected));
         }
-        let floor = if self.floor { Floor::Solid } else { Floor::Absent };
-        let block = |solid: &Cuboid| Solid::block("solid", solid.low.cast(), solid.high.cast());
-        let solids = solids.iter().map(block).collect();
-        Ok(Aviary { goal, world: World { floor, solids, movables: Vec::new() } })
+        Ok(Aviary { goal: goal.cast(), world })
+    }
+
+    /// The place, whether or not there is a goal.
+    ///
+    /// # Errors
+    /// When a solid is wrong or around the goal, or there are too many.
+    pub fn place(&self, field: &Field<'_>) -> Result<Place, ConfigError> {
+        let goal = self.goal_m.map(|goal| exact_point(&field.at("goal_m"), goal)).transpose()?;
+        let mut place = Place {
+            about: self.about.clone().unwrap_or_default(),
+            goals: goal.into_iter().collect(),
+            starts: self.starts(field)?,
+            world: self.own_world(goal.as_ref(), field)?,
+        };
+        for (index, inner) in self.worlds.iter().enumerate() {
+            let field = field.at("worlds").at(index);
+            place.take_in(inner.place(&field)?, goal.is_some());
+        }
+        if let Some(at) = self.at_m {
+            place.shift(exact_point(&field.at("at_m"), at)?);
+        }
+        let count = place.world.solids.len() + place.world.movables.len();
+        if count > SOLIDS_LIMIT {
+            return Err(field.reject(format!("{count} solids"), format!("at most {SOLIDS_LIMIT}")));
+        }
+        Ok(place)
+    }
+
+    fn starts(&self, field: &Field<'_>) -> Result<Vec<Vector3<f64>>, ConfigError> {
+        let field = field.at("starts_m");
+        self.starts_m.iter().enumerate().map(|(index, start)| exact_point(&field.at(index), *start)).collect()
+    }
+
+    /// What is written here, without the worlds set into it.
+    fn own_world(&self, goal: Option<&Vector3<f64>>, field: &Field<'_>) -> Result<World, ConfigError> {
+        let mut world = World { floor: if self.floor { Floor::Solid } else { Floor::Absent }, ..World::empty() };
+        if let Some(room) = &self.room {
+            world.solids.extend(room.check(goal, &field.at("room"))?);
+        }
+        for (index, solid) in self.solids.iter().enumerate() {
+            let field = field.at("solids").at(index);
+            let solid = solid.check(&field)?;
+            if goal.is_some_and(|goal| holds(&solid, goal)) {
+                return Err(field.reject("a solid around the goal", "one that leaves `goal_m` free"));
+            }
+            world.solids.push(solid);
+        }
+        for (index, center) in self.pillars.iter().enumerate() {
+            world.solids.push(pillar(*center, &field.at("pillars").at(index))?);
+        }
+        for (index, piece) in self.furniture.iter().enumerate() {
+            world.solids.extend(piece.check(&field.at("furniture").at(index))?);
+        }
+        for (index, movable) in self.movables.iter().enumerate() {
+            world.movables.push(movable.check(&field.at("movables").at(index))?);
+        }
+        Ok(world)
     }
 }
 
-impl RoomConfig {
-    fn check(self, goal: &Vector3<f32>, field: &Field<'_>) -> Result<[Cuboid; 4], ConfigError> {
-        let interior = BoxConfig { low_m: self.low_m, high_m: self.high_m }.check(field)?;
-        let wall = field.at("wall_m").number(self.wall_m, &Limits::from(0.01, 10.0, "m"))?;
-        if !contains(&interior, goal) {
-            return Err(field.reject("a room without the goal", "one with `goal_m` inside"));
+impl Place {
+    /// Adds the contents of `inner`; its goals only where there are none of the outer world.
+    fn take_in(&mut self, inner: Self, has_goal: bool) {
+        if !has_goal {
+            self.goals.extend(inner.goals);
         }
-        Ok(walls(&interior, wall))
+        self.starts.extend(inner.starts);
+        self.world.solids.extend(inner.world.solids);
+        self.world.movables.extend(inner.world.movables);
     }
-}
 
-/// Back, front, right and left wall; the first two close the corners.
-fn walls(interior: &Cuboid, thickness: f32) -> [Cuboid; 4] {
-    let Cuboid { low, high } = *interior;
-    let side = |low_x, low_y, high_x, high_y| Cuboid {
-        low: Vector3::new(low_x, low_y, low.z),
-        high: Vector3::new(high_x, high_y, high.z),
-    };
-    [
-        side(low.x - thickness, low.y - thickness, low.x, high.y + thickness),
-        side(high.x, low.y - thickness, high.x + thickness, high.y + thickness),
-        side(low.x, low.y - thickness, high.x, low.y),
-        side(low.x, high.y, high.x, high.y + thickness),
-    ]
+    fn shift(&mut self, by: Vector3<f64>) {
+        let World { solids, movables, .. } = &mut self.world;
+        let solids = solids.iter_mut().chain(movables.iter_mut().map(|movable| &mut movable.solid));
+        let positions = solids.map(|solid| &mut solid.pose.position);
+        for position in self.goals.iter_mut().chain(&mut self.starts).chain(positions) {
+            *position += by;
+        }
+    }
 }
 
 impl BoxConfig {
@@ -130,10 +187,17 @@ impl BoxConfig {
     /// # Errors
     /// When a coordinate is out of range or `low_m` is not below `high_m`.
     pub fn check(&self, field: &Field<'_>) -> Result<Cuboid, ConfigError> {
-        let low = field.at("low_m").point(self.low_m)?;
-        let high = field.at("high_m").point(self.high_m)?;
-        match (0..3).find(|axis| low[*axis] >= high[*axis]) {
-            None => Ok(Cuboid { low, high }),
+        let (low, high) = self.corners(field)?;
+        Ok(Cuboid { low: low.cast(), high: high.cast() })
+    }
+
+    /// The lowest and the highest corner \[m\].
+    pub(crate) fn corners(&self, field: &Field<'_>) -> Result<(Vector3<f64>, Vector3<f64>), ConfigError> {
+        let low = exact_point(&field.at("low_m"), self.low_m)?;
+        let high = exact_point(&field.at("high_m"), self.high_m)?;
+        // As f32, which contacts are: two corners that differ by less are none.
+        match (0..3).find(|axis| low[*axis] as f32 >= high[*axis] as f32) {
+            None => Ok((low, high)),
             Some(axis) => {
                 let expected = format!("more than {}, the {} of `low_m`", self.low_m[axis], AXES[axis]);
                 Err(field.at("high_m").at(axis).refuse(self.high_m[axis], expected))

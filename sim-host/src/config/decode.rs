@@ -275,22 +275,18 @@ impl<'de> Deserializer<'de> for &Node {
         visitor: V,
     ) -> Result<V::Value, Fault> {
         match &self.value {
-            Value::Text(name) => visitor.visit_enum(Choice {
-                name,
-                name_place: &self.place,
-                content: &Node { value: Value::Nothing, place: self.place.clone() },
-            }),
-            Value::Mapping(entries) if entries.len() == 1 => visitor.visit_enum(Choice {
-                name: &entries[0].key,
-                name_place: &entries[0].place,
-                content: &entries[0].node,
-            }),
-            Value::Nothing
-            | Value::Truth(_)
-            | Value::Whole(_)
-            | Value::Number(..)
-            | Value::List(_)
-            | Value::Mapping(_) => Err(self.not_one_of(variants)),
+            Value::Text(name) => {
+                visitor.visit_enum(Choice { name, name_place: &self.place, content: &Node::nothing(&self.place) })
+            }
+            Value::Mapping(entries) => match chosen(entries) {
+                Some(Entry { key, place, node }) => {
+                    visitor.visit_enum(Choice { name: key, name_place: place, content: node })
+                }
+                None => Err(self.not_one_of(variants)),
+            },
+            Value::Nothing | Value::Truth(_) | Value::Whole(_) | Value::Number(..) | Value::List(_) => {
+                Err(self.not_one_of(variants))
+            }
         }
     }
 
@@ -298,6 +294,13 @@ impl<'de> Deserializer<'de> for &Node {
         i8 i16 i32 i64 i128 u8 u16 u128 f32 char str bytes byte_buf unit unit_struct
         tuple_struct map identifier ignored_any
     }
+}
+
+/// The one variant: the only entry, or the only one that was not covered by another in a file that imports it.
+fn chosen(entries: &[Entry]) -> Option<&Entry> {
+    let nearest = entries.iter().map(|entry| entry.place.depth()).min()?;
+    let mut uncovered = entries.iter().filter(|entry| entry.place.depth() == nearest);
+    uncovered.next().filter(|_| uncovered.next().is_none())
 }
 
 struct Items<'a> {

@@ -1,7 +1,5 @@
 //! A configuration file: read with care, changed by overrides, decoded into a type.
 
-use std::fs::File;
-use std::io::{ErrorKind, Read};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -10,10 +8,9 @@ use serde_yaml::{Error as YamlError, Location, Options};
 
 use super::error::{ConfigError, Place, Source};
 use super::field::Field;
+use super::import::{IMPORT, Imports};
 use super::node::{Entry, Node, Parsed, Value, either, place};
-
-/// Largest configuration file \[bytes\]; the examples have a few thousand.
-const SIZE_LIMIT: u64 = 1 << 20;
+use super::text::{Unreadable, read_text};
 
 /// Deepest nesting; the deepest valid configuration has eight.
 const DEPTH_LIMIT: usize = 48;
@@ -22,36 +19,44 @@ const DEPTH_LIMIT: usize = 48;
 const NODE_LIMIT: usize = 100_000;
 
 /// A parsed configuration in which every value knows its line.
+///
+/// Any mapping may hold `import: PATH`: it then is the mapping of that file, with its own other keys laid over it.
 #[derive(Clone, Debug)]
 pub struct Document {
     root: Node,
+    imports: Imports,
 }
 
 impl Document {
-    /// Reads and parses a YAML file.
+    /// Reads and parses a YAML file and what it imports.
     ///
     /// # Errors
-    /// When there is no such file, it is a directory, larger than 1 MiB, not UTF-8, or not one YAML mapping.
+    /// When a file is not there, a directory, larger than 1 MiB, not UTF-8, or not one YAML mapping; when files import
+    /// each other in a circle, or more than 8 in a chain.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         let name = path.display().to_string();
-        Self::parse(&name, &text_of(path, &name)?)
+        let text = read_text(path).map_err(|fault| refused(&name, &fault))?;
+        Self::parse(&name, &text)
     }
 
-    /// Parses YAML; `name` is what messages call it.
+    /// Parses YAML; `name` is what messages call it, and imports are relative to it as a path.
     ///
     /// # Errors
-    /// When the text is empty or not one YAML mapping with unique keys.
+    /// When the text is empty or not one YAML mapping with unique keys, or an import fails as in [`Self::read`].
     pub fn parse(name: &str, text: &str) -> Result<Self, ConfigError> {
-        let source = Arc::new(Source::File { name: name.to_owned(), text: text.to_owned() });
-        let root = parsed(text, &source).map_err(|fault| fault.in_file(&source))?;
-        let place = root.place.clone();
-        match root.value {
-            Value::Mapping(_) => Ok(Self { root }),
+        let source = Arc::new(Source::File { name: name.to_owned(), text: text.to_owned(), importer: None });
+        let root = parsed(&source).map_err(|fault| fault.in_file(&source))?;
+        match &root.value {
+            Value::Mapping(_) => {
+                let mut imports = Imports::of(Path::new(name));
+                let trail = imports.trail(&[]);
+                Ok(Self { root: imports.expand(root, &trail)?, imports })
+            }
             Value::Nothing => {
-                Err(ConfigError::at(&place, "", "an empty file", "keys such as `version` and `name`"))
+                Err(ConfigError::at(&root.place, "", "an empty file", "keys such as `version` and `name`"))
             }
             other @ (Value::Truth(_) | Value::Whole(_) | Value::Number(..) | Value::Text(_) | Value::List(_)) => {
-                Err(ConfigError::at(&place, "", other, "keys such as `version` and `name`"))
+                Err(ConfigError::at(&root.place, "", other, "keys such as `version` and `name`"))
             }
         }
     }
@@ -77,8 +82,12 @@ impl Document {
 
     /// Applies one override, `training.epochs=3`: a dotted path (list items by index, from zero) and a YAML value.
     ///
+    /// `scenario.aviary.import=PATH` replaces the file that is imported there and keeps what was laid over it; the path
+    /// is relative to the configuration.
+    ///
     /// # Errors
-    /// When the text is not `key=value`, the value is not YAML, or the path leads through something without keys.
+    /// When the text is not `key=value`, the value is not YAML, the path leads through something without keys, or an
+    /// import fails as in [`Self::read`].
     pub fn set(&mut self, assignment: &str) -> Result<(), ConfigError> {
         let (key, value) = assignment.split_once('=').unwrap_or((assignment, ""));
         let key = key.trim();
@@ -95,8 +104,36 @@ impl Document {
         if value.trim().is_empty() {
             return Err(refuse("no value".to_owned()));
         }
-        let node = parsed(value, &source).map_err(|fault| fault.in_override(&place, key))?;
-        replace(&mut self.root, key, node.moved_to(&place))
+        let node = parsed_text(value, &source).map_err(|fault| fault.in_override(&place, key))?.moved_to(&place);
+        let steps: Vec<&str> = key.split('.').collect();
+        if let Some((&IMPORT, mapping)) = steps.split_last() {
+            return self.set_import(mapping, &node);
+        }
+        let node = self.imports.expand(node, &self.imports.trail(&steps))?;
+        *target(&mut self.root, &steps, &place)? = node;
+        Ok(())
+    }
+
+    /// Replaces what the mapping at `steps` imports.
+    fn set_import(&mut self, steps: &[&str], import: &Node) -> Result<(), ConfigError> {
+        let trail = self.imports.trail(steps);
+        let place = &import.place;
+        let mapping = target(&mut self.root, steps, place)?;
+        let empty = Node { value: Value::Mapping(Vec::new()), place: place.clone(), import: None };
+        let written = match (&mapping.value, mapping.import.take()) {
+            (Value::Mapping(_), Some(earlier)) => mapping.clone().without(&earlier).unwrap_or(empty),
+            (Value::Mapping(_), None) => mapping.clone(),
+            (Value::Nothing, _) => empty,
+            (
+                other @ (Value::Truth(_) | Value::Whole(_) | Value::Number(..) | Value::Text(_) | Value::List(_)),
+                _,
+            ) => {
+                let found = format!("{other} at `{}`", steps.join("."));
+                return Err(ConfigError::at(place, &trail.key(), found, "keys, of which one is `import`"));
+            }
+        };
+        *mapping = written.over(self.imports.load(import, &trail)?);
+        Ok(())
     }
 
     /// The whole document as `T`, which need not check values, only their kinds.
@@ -113,49 +150,33 @@ impl Document {
     }
 }
 
-/// The text of the file, however odd the file is.
-fn text_of(path: &Path, name: &str) -> Result<String, ConfigError> {
-    let refuse = |found: &str, expected: &str| ConfigError::Unreadable {
-        path: name.to_owned(),
-        found: found.to_owned(),
-        expected: expected.to_owned(),
+/// The message about a configuration that is no text.
+fn refused(name: &str, fault: &Unreadable) -> ConfigError {
+    let expected = match fault {
+        Unreadable::Missing => "a configuration, such as configs/hover.yaml",
+        Unreadable::Folder => "a configuration file, such as configs/hover.yaml",
+        Unreadable::Long => "a configuration, which is a few KiB long",
+        Unreadable::Broken(_) => "a readable configuration",
+        Unreadable::Bytes { line, column, .. } => {
+            return ConfigError::Invalid {
+                place: format!("{name}:{line}:{column}"),
+                key: String::new(),
+                found: fault.to_string(),
+                expected: "text in UTF-8".to_owned(),
+                excerpt: String::new(),
+            };
+        }
     };
-    let broken = |error: std::io::Error| match error.kind() {
-        ErrorKind::NotFound => refuse("no such file", "a configuration, such as configs/hover.yaml"),
-        _ => refuse(&format!("a file that cannot be read ({error})"), "a readable configuration"),
-    };
-    if path.is_dir() {
-        return Err(refuse("a directory", "a configuration file, such as configs/hover.yaml"));
-    }
-    let mut bytes = Vec::new();
-    File::open(path).and_then(|file| file.take(SIZE_LIMIT + 1).read_to_end(&mut bytes)).map_err(broken)?;
-    if bytes.len() as u64 > SIZE_LIMIT {
-        return Err(refuse("more than 1 MiB", "a configuration, which is a few KiB long"));
-    }
-    String::from_utf8(bytes).map_err(|error| not_text(&error, name))
-}
-
-fn not_text(error: &std::string::FromUtf8Error, name: &str) -> ConfigError {
-    let valid = error.utf8_error().valid_up_to();
-    let before = String::from_utf8_lossy(&error.as_bytes()[..valid]);
-    let line = before.matches('\n').count() + 1;
-    let column = before.chars().rev().take_while(|letter| *letter != '\n').count() + 1;
-    ConfigError::Invalid {
-        place: format!("{name}:{line}:{column}"),
-        key: String::new(),
-        found: format!("the byte 0x{:02x}", error.as_bytes()[valid]),
-        expected: "text in UTF-8".to_owned(),
-        excerpt: String::new(),
-    }
+    ConfigError::Unreadable { path: name.to_owned(), found: fault.to_string(), expected: expected.to_owned() }
 }
 
 /// Text that is not YAML.
-struct SyntaxFault {
+pub(crate) struct SyntaxFault {
     error: Box<YamlError>,
 }
 
 impl SyntaxFault {
-    fn in_file(&self, source: &Arc<Source>) -> ConfigError {
+    pub(crate) fn in_file(&self, source: &Arc<Source>) -> ConfigError {
         let location = self.error.location().unwrap_or(Location::UNKNOWN);
         let (found, expected) = self.said();
         ConfigError::at(&place(source, location), "", found, expected)
@@ -201,7 +222,14 @@ fn without_place(message: &str) -> &str {
     message.split_once(" at line ").map_or(message, |(said, _)| said)
 }
 
-fn parsed(text: &str, source: &Arc<Source>) -> Result<Node, SyntaxFault> {
+/// The tree of a whole source.
+pub(crate) fn parsed(source: &Arc<Source>) -> Result<Node, SyntaxFault> {
+    match &**source {
+        Source::File { text, .. } | Source::Override { assignment: text, .. } => parsed_text(text, source),
+    }
+}
+
+fn parsed_text(text: &str, source: &Arc<Source>) -> Result<Node, SyntaxFault> {
     match serde_yaml::from_str_with_options::<Parsed>(text, options()) {
         Ok(node) => Ok(node.settled(source, text)),
         Err(error) => Err(SyntaxFault { error: Box::new(error) }),
@@ -217,28 +245,24 @@ fn options() -> Options {
     }
 }
 
-/// Puts `node` at `path`, making the mappings on the way that are not there yet.
-fn replace(root: &mut Node, path: &str, node: Node) -> Result<(), ConfigError> {
-    let place = node.place.clone();
+/// The node at `steps`, with the mappings on the way that are not there yet made by whoever writes at `place`.
+fn target<'a>(root: &'a mut Node, steps: &[&str], place: &Place) -> Result<&'a mut Node, ConfigError> {
     let mut target = root;
-    let mut walked = Vec::new();
-    for step in path.split('.') {
-        target = descend(target, step, &place).map_err(|(found, expected)| {
+    for (walked, step) in steps.iter().enumerate() {
+        target = descend(target, step, place).map_err(|(found, expected)| {
             let key =
-                if walked.is_empty() { "the top level".to_owned() } else { format!("`{}`", walked.join(".")) };
-            ConfigError::at(&place, path, format!("{found} at {key}"), expected)
+                if walked == 0 { "the top level".to_owned() } else { format!("`{}`", steps[..walked].join(".")) };
+            ConfigError::at(place, &steps.join("."), format!("{found} at {key}"), expected)
         })?;
-        walked.push(step);
     }
-    *target = node;
-    Ok(())
+    Ok(target)
 }
 
 /// The child at `step`, made if `node` is a mapping or nothing; otherwise what was found and expected.
 fn descend<'a>(node: &'a mut Node, step: &str, place: &Place) -> Result<&'a mut Node, (String, String)> {
     let found = node.value.to_string();
     if node.value == Value::Nothing {
-        *node = Node { value: Value::Mapping(Vec::new()), place: place.clone() };
+        *node = Node { value: Value::Mapping(Vec::new()), place: place.clone(), import: None };
     }
     match &mut node.value {
         Value::Mapping(entries) => Ok(entry(entries, step, place)),
@@ -254,7 +278,7 @@ fn descend<'a>(node: &'a mut Node, step: &str, place: &Place) -> Result<&'a mut 
 
 fn entry<'a>(entries: &'a mut Vec<Entry>, key: &str, place: &Place) -> &'a mut Node {
     let index = entries.iter().position(|entry| entry.key == key).unwrap_or_else(|| {
-        let node = Node { value: Value::Nothing, place: place.clone() };
+        let node = Node::nothing(place);
         entries.push(Entry { key: key.to_owned(), place: place.clone(), node });
         entries.len() - 1
     });

@@ -30,7 +30,8 @@ pub enum ConfigError {
         found: String,
         /// What should have been.
         expected: String,
-        /// The line in question with a mark below it, or nothing; starts with a line break.
+        /// The line in question with a mark below it and the imports that led to it, or nothing; starts with a line
+        /// break.
         excerpt: String,
     },
 }
@@ -46,7 +47,7 @@ impl ConfigError {
             key: place.source.shown_key(key),
             found: found.to_string(),
             expected: expected.to_string(),
-            excerpt: place.excerpt(),
+            excerpt: place.context(),
         }
     }
 }
@@ -54,13 +55,21 @@ impl ConfigError {
 /// A text that configuration comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Source {
-    /// A file.
-    File { name: String, text: String },
+    /// A file, and where the path stands through which it was imported.
+    File { name: String, text: String, importer: Option<Place> },
     /// `key=value` from the command line.
     Override { assignment: String, key: String },
 }
 
 impl Source {
+    /// Where this file was imported, if it was.
+    fn importer(&self) -> Option<&Place> {
+        match self {
+            Self::File { importer, .. } => importer.as_ref(),
+            Self::Override { .. } => None,
+        }
+    }
+
     /// An override already names its key: repeating it would not help.
     fn shown_key(&self, key: &str) -> String {
         match self {
@@ -88,6 +97,27 @@ impl fmt::Display for Place {
 }
 
 impl Place {
+    /// Places of the imports through which the file came, the nearest first.
+    fn importers(&self) -> impl Iterator<Item = &Self> {
+        std::iter::successors(self.source.importer(), |place| place.source.importer())
+    }
+
+    /// How many imports lead to the file.
+    pub(crate) fn depth(&self) -> usize {
+        self.importers().count()
+    }
+
+    /// Whether the file came through the import at `import`.
+    pub(crate) fn came_through(&self, import: &Self) -> bool {
+        let at = |place: &Self| (place.line, place.column);
+        self.importers().any(|place| Arc::ptr_eq(&place.source, &import.source) && at(place) == at(import))
+    }
+
+    /// The quoted line and the chain of imports that led there.
+    fn context(&self) -> String {
+        self.importers().fold(self.excerpt(), |text, place| format!("{text}\n  imported by {place}"))
+    }
+
     /// The quoted line with a mark below the column; nothing where that would not help.
     fn excerpt(&self) -> String {
         let Source::File { text, .. } = &*self.source else { return String::new() };

@@ -1,8 +1,14 @@
-//! Boxes and points, as far as checks need them.
+//! Boxes, solids and points, as far as checks need them.
 
 use nalgebra::Vector3;
+use rapier3d::parry::math::Vec3;
+use rapier3d::parry::query::PointQuery;
+use rapier3d::parry::shape::ConvexPolyhedron;
 
+use super::error::ConfigError;
+use super::field::{Field, Limits};
 use crate::scenario::Cuboid;
+use crate::world::{Shape, Solid};
 
 /// Whether `point` is inside, not on the surface, as the simulation tests it.
 pub(crate) fn contains(cuboid: &Cuboid, point: &Vector3<f32>) -> bool {
@@ -17,4 +23,60 @@ pub(crate) fn surrounds(cuboid: &Cuboid, inner: &Cuboid) -> bool {
 /// Distance between two boxes \[m\], zero where they overlap.
 pub(crate) fn gap(one: &Cuboid, other: &Cuboid) -> f32 {
     (one.low - other.high).sup(&(other.low - one.high)).sup(&Vector3::zeros()).norm()
+}
+
+/// Whether `point` \[m, world\] is inside the solid; points on the surface are not, except those of a hull.
+pub(crate) fn holds(solid: &Solid, point: &Vector3<f64>) -> bool {
+    let local = solid.pose.world_from_body.rotate_inverse(point - solid.pose.position);
+    match &solid.shape {
+        Shape::Cuboid(half) => (0..3).all(|axis| local[axis].abs() < half[axis]),
+        Shape::Cylinder { radius, half_height } => {
+            local.x.hypot(local.y) < *radius && local.z.abs() < *half_height
+        }
+        Shape::Hull(points) => convex(points).is_some_and(|hull| hull.contains_local_point(single(&local))),
+    }
+}
+
+/// The convex hull of points \[m\]; `None` where they span no volume.
+pub(crate) fn convex(points: &[Vector3<f64>]) -> Option<ConvexPolyhedron> {
+    if thickness(points) < 1e-6 {
+        return None;
+    }
+    ConvexPolyhedron::from_convex_hull(&points.iter().map(single).collect::<Vec<_>>())
+}
+
+/// How far points reach out of a plane through three of them that are far apart \[m\].
+fn thickness(points: &[Vector3<f64>]) -> f64 {
+    let Some((first, others)) = points.split_first() else { return 0.0 };
+    let farthest = |measure: &dyn Fn(&Vector3<f64>) -> f64| {
+        let edges = others.iter().map(|point| point - first);
+        edges.max_by(|one, other| measure(one).total_cmp(&measure(other))).unwrap_or_default()
+    };
+    let along = farthest(&|edge| edge.norm());
+    let across = farthest(&|edge| along.cross(edge).norm());
+    let normal = along.cross(&across).try_normalize(0.0).unwrap_or_default();
+    normal.dot(&farthest(&|edge| normal.dot(edge).abs())).abs()
+}
+
+fn single(point: &Vector3<f64>) -> Vec3 {
+    Vec3::new(point.x as f32, point.y as f32, point.z as f32)
+}
+
+/// `value` if it is within `limits`, not rounded.
+pub(crate) fn exact(field: &Field<'_>, value: f64, limits: &Limits) -> Result<f64, ConfigError> {
+    field.number(value, limits).map(|_| value)
+}
+
+/// Three numbers within `limits`, not rounded.
+pub(crate) fn exact_numbers(
+    field: &Field<'_>,
+    values: [f64; 3],
+    limits: &Limits,
+) -> Result<Vector3<f64>, ConfigError> {
+    field.numbers(values, limits).map(|_| values.into())
+}
+
+/// A point \[m\], not rounded.
+pub(crate) fn exact_point(field: &Field<'_>, values: [f64; 3]) -> Result<Vector3<f64>, ConfigError> {
+    field.point(values).map(|_| values.into())
 }

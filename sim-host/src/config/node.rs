@@ -13,6 +13,8 @@ use super::error::{Place, Source};
 pub(crate) struct Node {
     pub(crate) value: Value,
     pub(crate) place: Place,
+    /// Where the path of the file stands that this mapping imports.
+    pub(crate) import: Option<Place>,
 }
 
 /// What YAML can say.
@@ -37,6 +39,11 @@ pub(crate) struct Entry {
 }
 
 impl Node {
+    /// A value that was left out at `place`.
+    pub(crate) fn nothing(place: &Place) -> Self {
+        Self { value: Value::Nothing, place: place.clone(), import: None }
+    }
+
     /// The value below `step`: a key, or an index counted from zero.
     pub(crate) fn child(&self, step: &str) -> Option<&Self> {
         match &self.value {
@@ -59,11 +66,45 @@ impl Node {
                 scalar
             }
         };
-        Self { value, place: place.clone() }
+        Self { value, place: place.clone(), import: None }
+    }
+
+    /// This laid over `base`: mappings merge key by key, everything else replaces.
+    pub(crate) fn over(self, base: Self) -> Self {
+        let (mut below, above) = match (base.value, self.value) {
+            (Value::Mapping(below), Value::Mapping(above)) => (below, above),
+            (_, value) => return Self { value, ..self },
+        };
+        for entry in above {
+            match below.iter().position(|other| other.key == entry.key) {
+                Some(index) => {
+                    let covered = std::mem::replace(&mut below[index].node, Self::nothing(&entry.place));
+                    below[index] = Entry { node: entry.node.over(covered), ..entry };
+                }
+                None => below.push(entry),
+            }
+        }
+        Self { value: Value::Mapping(below), place: self.place, import: self.import.or(base.import) }
+    }
+
+    /// What is left without all that came through the import at `import`.
+    pub(crate) fn without(mut self, import: &Place) -> Option<Self> {
+        let imported = self.place.came_through(import);
+        if let Value::Mapping(entries) = self.value {
+            let entries: Vec<Entry> = entries.into_iter().filter_map(|entry| entry.without(import)).collect();
+            let left = !imported || !entries.is_empty();
+            self.value = Value::Mapping(entries);
+            return left.then_some(self);
+        }
+        (!imported).then_some(self)
     }
 }
 
 impl Entry {
+    fn without(self, import: &Place) -> Option<Self> {
+        Some(Self { node: self.node.without(import)?, ..self })
+    }
+
     fn moved_to(self, place: &Place) -> Self {
         Self { key: self.key, place: place.clone(), node: self.node.moved_to(place) }
     }
@@ -142,7 +183,7 @@ impl Parsed {
                     .collect(),
             ),
         };
-        Node { value, place: place(source, defined) }
+        Node { value, place: place(source, defined), import: None }
     }
 }
 

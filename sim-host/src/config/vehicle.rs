@@ -13,7 +13,6 @@ const MASS_LEAST: f64 = 0.001;
 /// Share of the full thrust that hovering may need, so that there is some left to steer with.
 const HOVER_SHARE: f64 = 0.9;
 
-
 /// The drone.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]

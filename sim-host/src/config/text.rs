@@ -1,0 +1,63 @@
+//! Files as text, however odd they are.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
+use std::path::Path;
+
+/// Largest configuration file \[bytes\]; the examples have a few thousand.
+const SIZE_LIMIT: u64 = 1 << 20;
+
+/// Why a file is no text.
+#[derive(Debug)]
+pub(crate) enum Unreadable {
+    Missing,
+    Folder,
+    /// More than 1 MiB.
+    Long,
+    Broken(io::Error),
+    /// Not UTF-8, from this byte on; line and column count from one.
+    Bytes {
+        line: usize,
+        column: usize,
+        byte: u8,
+    },
+}
+
+/// What a message says was found.
+impl fmt::Display for Unreadable {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Missing => formatter.write_str("no such file"),
+            Self::Folder => formatter.write_str("a directory"),
+            Self::Long => formatter.write_str("more than 1 MiB"),
+            Self::Broken(error) => write!(formatter, "a file that cannot be read ({error})"),
+            Self::Bytes { byte, .. } => write!(formatter, "the byte 0x{byte:02x}"),
+        }
+    }
+}
+
+/// The text of the file at `path`.
+pub(crate) fn read_text(path: &Path) -> Result<String, Unreadable> {
+    if path.is_dir() {
+        return Err(Unreadable::Folder);
+    }
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(SIZE_LIMIT + 1).read_to_end(&mut bytes));
+    read.map_err(|error| match error.kind() {
+        ErrorKind::NotFound => Unreadable::Missing,
+        _ => Unreadable::Broken(error),
+    })?;
+    if bytes.len() as u64 > SIZE_LIMIT {
+        return Err(Unreadable::Long);
+    }
+    String::from_utf8(bytes).map_err(|error| not_text(&error))
+}
+
+fn not_text(error: &std::string::FromUtf8Error) -> Unreadable {
+    let valid = error.utf8_error().valid_up_to();
+    let before = String::from_utf8_lossy(&error.as_bytes()[..valid]);
+    let line = before.matches('\n').count() + 1;
+    let column = before.chars().rev().take_while(|letter| *letter != '\n').count() + 1;
+    Unreadable::Bytes { line, column, byte: error.as_bytes()[valid] }
+}

@@ -1,0 +1,13 @@
+//! What stands in a world, as users write it.
+
+mod furniture;
+mod room;
+mod solid;
+#[cfg(test)]
+mod tests;
+
+pub use furniture::FurnitureConfig;
+pub use room::RoomConfig;
+pub use solid::{ConeConfig, CylinderConfig, HullConfig, MovableConfig, RoleConfig, SolidConfig, TurnedBoxConfig};
+
+pub(crate) use solid::pillar;

@@ -1,0 +1,99 @@
+//! Pieces of furniture: solids in a frame of their own, placed in the world.
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::solid::{RoleConfig, SolidConfig, Surface, SurfaceKeys, turned};
+use crate::config::error::ConfigError;
+use crate::config::field::{Field, Limits};
+use crate::config::geometry::{exact, exact_point};
+use crate::world::{Pose, Shape, Solid};
+
+/// One piece of furniture: its parts, and where they are.
+///
+/// A point p of a part is in the world at `at_m` plus `scale` times p turned by `yaw_deg` about z.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FurnitureConfig {
+    /// What it is, for messages and plans.
+    pub name: String,
+    /// What it is made of, in its own frame.
+    pub parts: Vec<SolidConfig>,
+    /// What touching it means, where a part does not say it; `obstacle` unless it is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub role: Option<RoleConfig>,
+    /// Coulomb friction, where a part does not say it; 0.5 unless it is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f64>,
+    /// Gap at which the reference reports contact, where a part does not say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact_gap_m: Option<f64>,
+    /// Red, green and blue from 0 to 1, where a part does not say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colour: Option<[f64; 3]>,
+    /// Where its origin is: `[x, y, z]`.
+    #[serde(default)]
+    pub at_m: [f64; 3],
+    /// How far it is turned, counter-clockwise seen from above.
+    #[serde(default)]
+    pub yaw_deg: f64,
+    /// How many times larger it is than its parts say.
+    #[serde(default = "scale")]
+    pub scale: f64,
+}
+
+fn scale() -> f64 {
+    1.0
+}
+
+impl FurnitureConfig {
+    /// Its parts in the world, each named after the piece.
+    ///
+    /// # Errors
+    /// When a part is wrong or a number is out of range.
+    pub fn check(&self, field: &Field<'_>) -> Result<Vec<Solid>, ConfigError> {
+        let yaw = exact(&field.at("yaw_deg"), self.yaw_deg, &Limits::from(-360.0, 360.0, "degrees"))?;
+        let placement = Placement {
+            origin: Pose {
+                position: exact_point(&field.at("at_m"), self.at_m)?,
+                world_from_body: turned(Vector3::new(0.0, 0.0, yaw)),
+            },
+            scale: exact(&field.at("scale"), self.scale, &Limits::from(1e-4, 1e4, ""))?,
+        };
+        let Self { role, friction, contact_gap_m, colour, .. } = *self;
+        let surface = Surface::default().with(SurfaceKeys { role, friction, contact_gap_m, colour }, field)?;
+        let field = field.at("parts");
+        let parts = self.parts.iter().enumerate().map(|(index, part)| {
+            let solid = part.check_on(surface, &field.at(index))?;
+            let name =
+                part.name.as_ref().map_or_else(|| self.name.clone(), |part| format!("{}: {part}", self.name));
+            Ok(Solid { name, ..placement.apply(solid) })
+        });
+        parts.collect()
+    }
+}
+
+/// From the frame of a piece into the world.
+struct Placement {
+    origin: Pose,
+    scale: f64,
+}
+
+impl Placement {
+    fn apply(&self, solid: Solid) -> Solid {
+        let Self { origin, scale } = self;
+        let shape = match solid.shape {
+            Shape::Cuboid(half) => Shape::Cuboid(half * *scale),
+            Shape::Cylinder { radius, half_height } => {
+                Shape::Cylinder { radius: radius * scale, half_height: half_height * scale }
+            }
+            Shape::Hull(points) => Shape::Hull(points.into_iter().map(|point| point * *scale).collect()),
+        };
+        let pose = Pose {
+            position: origin.position + origin.world_from_body.rotate(solid.pose.position * *scale),
+            world_from_body: origin.world_from_body.after(&solid.pose.world_from_body),
+        };
+        Solid { shape, pose, ..solid }
+    }
+}
