@@ -352,7 +352,6 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
-    #[inline(always)]
     fn observe_lane(&mut self, scenario: &Scenario, lane: usize) {
         let mut values = [R::zero(); OBSERVATION_LIMIT];
         let length = self.observations.len();

@@ -45,7 +45,9 @@ impl Component {
     }
 
     /// Value of the component in every lane, before its weight.
-    #[inline(always)]
+    ///
+    /// Not inlined into the kernels: a few operations a lane, which need no copy for every instruction set.
+    #[inline(never)]
     pub(super) fn evaluate<const LANES: usize, R: Real>(
         &self,
         view: &StepView<'_, LANES, R>,
