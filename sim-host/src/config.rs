@@ -26,7 +26,8 @@ pub use episode::{RewardConfig, SuccessConfig, TerminationConfig};
 pub use error::ConfigError;
 pub use field::{Field, Limits};
 pub use pilot::{
-    ActionConfig, CriticConfig, ObservationConfig, PilotConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
+    ActionConfig, ControllerConfig, CriticConfig, KinematicConfig, ObservationConfig, PaperConfig, PilotConfig,
+    PrecisionConfig, PublishedConfig, PublishedKindConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
 };
 pub use start::{RandomisationConfig, StartConfig, StartPositionConfig};
 pub use vehicle::{AirframeConfig, IntegratorConfig, PhysicsConfig, VehicleConfig};
@@ -35,6 +36,9 @@ use crate::scenario::Scenario;
 
 /// Default of [`ScenarioConfig::episode_secs`].
 const EPISODE_SECS: f64 = 8.0;
+
+/// Values that a scenario's sensors deliver: it has none yet.
+const MEASURED_LEN: usize = 0;
 
 /// Shorter episodes teach nothing, longer ones are several tasks.
 pub const EPISODE_LIMITS: Limits = Limits::from(0.1, 600.0, "s");
@@ -90,7 +94,7 @@ impl ScenarioConfig {
         let airframe = self.vehicle.check(&field.at("vehicle"))?;
         let physics = self.physics.check(&field.at("physics"))?;
         let action = self.action.check(&airframe, &field.at("action"))?;
-        let observation = self.observation.check(&field.at("observation"))?;
+        let observation = self.observation.check(action.len(), MEASURED_LEN, &field.at("observation"))?;
         let aviary = self.aviary.check(&airframe, &field.at("aviary"))?;
         let terminations = TerminationConfig::check_all(&self.terminations, &aviary, &field.at("terminations"))?;
         let start = self.start.check(&aviary, &airframe, &terminations, &field.at("start"))?;
