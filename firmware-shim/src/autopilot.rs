@@ -15,7 +15,7 @@
 //! Besides, disarming works in every mode without flight, stopping the motors in every mode, and a state that is
 //! not finite for [`BLIND_SECS`] ends in Disarmed. Motors turn in the four modes of flight only.
 
-use kestrel_core::observation::ObservationLayout;
+use kestrel_core::observation::{ObservationLayout, PilotForLayout};
 use kestrel_core::pilot::Pilot;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -179,14 +179,23 @@ impl Mode {
     }
 }
 
+/// How far a goal may run ahead \[m\]: a layout that cuts far goals short must still see all of the way.
+fn leash_m(layout: &ObservationLayout) -> f32 {
+    match layout {
+        ObservationLayout::Pilot(scales) | ObservationLayout::PilotFor(PilotForLayout { scales, .. }) => {
+            LEASH_M.min(scales.position_scale_m)
+        }
+        ObservationLayout::Paper(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => LEASH_M,
+    }
+}
+
 impl<'a> Autopilot<'a> {
     /// A disarmed autopilot that will fly with this pilot.
     pub fn new(pilot: Pilot<'a>) -> Self {
         let metadata = pilot.policy().metadata();
-        let ObservationLayout::Pilot(layout) = metadata.observation;
         Self {
             control_secs: metadata.control_period_secs,
-            leash_m: LEASH_M.min(layout.position_scale_m),
+            leash_m: leash_m(&metadata.observation),
             pilot,
             mode: Mode::Disarmed,
             ticks_in_mode: 0,

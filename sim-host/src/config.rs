@@ -39,7 +39,8 @@ pub use physics::{
     QuirksConfig, VersionConfig,
 };
 pub use pilot::{
-    ActionConfig, CriticConfig, ObservationConfig, PilotConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
+    ActionConfig, ControllerConfig, CriticConfig, KinematicConfig, ObservationConfig, PaperConfig, PilotConfig,
+    PrecisionConfig, PublishedConfig, PublishedKindConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
 };
 pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
 pub use schema::schema_of;
@@ -55,6 +56,9 @@ use crate::scenario::{Goals, Preset, Scenario};
 
 /// Default of [`ScenarioConfig::episode_secs`].
 const EPISODE_SECS: f64 = 8.0;
+
+/// Values that a scenario's sensors deliver: it has none yet.
+const MEASURED_LEN: usize = 0;
 
 /// Shorter episodes teach nothing, longer ones are several tasks.
 pub const EPISODE_LIMITS: Limits = Limits::from(0.1, 600.0, "s");
@@ -120,7 +124,7 @@ impl ScenarioConfig {
         let agents = self.agents.check(&field.at("agents"))?;
         let mut physics = self.physics.check(&field.at("physics"))?;
         let action = self.action.check(&airframe, &field.at("action"))?;
-        let observation = self.observation.check(&field.at("observation"))?;
+        let observation = self.observation.check(action.len(), MEASURED_LEN, &field.at("observation"))?;
         let aviary = self.aviary.check(&airframe, &field.at("aviary"))?;
         let rate = physics.control_rate_hz;
         let goals = self.goals.as_ref().map(|goals| goals.check(agents.count, &field.at("goals"))).transpose()?;

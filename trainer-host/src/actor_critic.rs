@@ -1,6 +1,5 @@
 //! The two networks of PPO.
 
-use kestrel_core::action::ACTION_LEN;
 use kestrel_sim::seed::Stream;
 use serde::{Deserialize, Serialize};
 
@@ -16,16 +15,21 @@ const CRITIC_HEAD_GAIN: f32 = 1.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actor {
     mlp: Mlp,
-    /// The network's, then `log_std [4]`.
+    /// The network's, then `log_std [action length]`.
     parameters: Vec<f32>,
 }
 
 impl Actor {
     /// With random orthogonal weights.
-    pub fn new(observation_len: usize, hidden: &[usize], initial_log_std: f32, stream: &mut Stream) -> Self {
-        let mlp = Mlp::new(observation_len, hidden, ACTION_LEN);
+    pub fn new(
+        (observation_len, action_len): (usize, usize),
+        hidden: &[usize],
+        initial_log_std: f32,
+        stream: &mut Stream,
+    ) -> Self {
+        let mlp = Mlp::new(observation_len, hidden, action_len);
         let mut parameters = mlp.initialise(ACTOR_HEAD_GAIN, stream);
-        parameters.extend([initial_log_std; ACTION_LEN]);
+        parameters.extend(std::iter::repeat_n(initial_log_std, action_len));
         Self { mlp, parameters }
     }
 
@@ -39,10 +43,14 @@ impl Actor {
         self.mlp.layers(&self.parameters)
     }
 
-    /// Logarithm of the standard deviation of each action.
-    pub fn log_std(&self) -> [f32; ACTION_LEN] {
-        let log_std = &self.parameters[self.mlp.parameter_count()..];
-        std::array::from_fn(|action| log_std[action])
+    /// Values of an action.
+    pub fn action_len(&self) -> usize {
+        self.mlp.outputs()
+    }
+
+    /// Logarithm of the standard deviation of each value of an action.
+    pub fn log_std(&self) -> &[f32] {
+        &self.parameters[self.mlp.parameter_count()..]
     }
 
     /// The distribution of actions around their means.
@@ -50,12 +58,12 @@ impl Actor {
         Gaussian::new(self.log_std())
     }
 
-    /// Mean actions `[4][columns]`, not limited to any range, of `observations [observation_len][columns]`.
+    /// Mean actions `[action length][columns]`, not limited to any range, of `observations [observation_len][columns]`.
     ///
     /// # Panics
     /// When the slices are not of these shapes.
     pub fn act_mean(&self, observations: &[f32], actions: &mut [f32]) {
-        let columns = actions.len() / ACTION_LEN;
+        let columns = actions.len() / self.action_len();
         actions.copy_from_slice(self.means(observations, &mut Workspace::new(&self.mlp, columns)));
     }
 
@@ -64,7 +72,7 @@ impl Actor {
         self.mlp.forward(&self.parameters, observations, workspace)
     }
 
-    /// The network's parameters, then `log_std [4]`.
+    /// The network's parameters, then `log_std [action length]`.
     pub(crate) fn parameters(&self) -> &[f32] {
         &self.parameters
     }

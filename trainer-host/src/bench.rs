@@ -3,7 +3,6 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use kestrel_core::action::ACTION_LEN;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_core::vehicle::Ground;
@@ -98,7 +97,7 @@ fn environment_rate(scenario: &Scenario, substeps: u32, duration: Duration) -> f
     let mut scenario = Scenario { terminations: Vec::new(), ..scenario.clone() };
     scenario.physics.substeps = substeps;
     let mut simulation = Simulation::<64>::new(&scenario, Seed(0), 0, 256);
-    let actions = vec![0.0; ACTION_LEN * 256];
+    let actions = vec![0.0; scenario.action.len() * 256];
     let rate = best_rate(duration, || {
         for _ in 0..100 {
             simulation.step(&actions);
@@ -171,7 +170,7 @@ pub fn inference(actor: &Actor, exports: &[PolicyFile<'_>], duration: Duration) 
 
 fn batched_rate(actor: &Actor, duration: Duration) -> f64 {
     let observations = vec![0.1; actor.mlp().inputs() * 256];
-    let mut actions = vec![0.0; ACTION_LEN * 256];
+    let mut actions = vec![0.0; actor.action_len() * 256];
     best_rate(duration, || {
         actor.act_mean(black_box(&observations), &mut actions);
         black_box(&actions);

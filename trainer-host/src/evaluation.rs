@@ -1,6 +1,5 @@
 //! How good a policy is: success over many random starts, beside the trivial baselines.
 
-use kestrel_core::action::ACTION_LEN;
 use kestrel_core::observation::OBSERVATION_LIMIT;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_core::vehicle::State;
@@ -170,7 +169,7 @@ impl<'a> Cockpit<'a> {
         Self {
             flyer,
             scripted: vec![
-                ScriptedPilot::new(&scenario.airframe, scenario.action, scenario.physics.control_secs);
+                ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs);
                 count
             ],
             noise: Stream::new(seed, first, Purpose::Baseline),
@@ -178,9 +177,9 @@ impl<'a> Cockpit<'a> {
         }
     }
 
-    /// Actions `[ACTION_LEN][environments]` for the simulation's present states.
+    /// Actions `[action length][environments]` for the simulation's present states.
     fn act(&mut self, simulation: &Simulation) -> &[f32] {
-        self.actions.resize(ACTION_LEN * simulation.environments(), 0.0);
+        self.actions.resize(simulation.scenario().action.len() * simulation.environments(), 0.0);
         match self.flyer {
             Flyer::Actor(actor) => actor.act_mean(simulation.observations(), &mut self.actions),
             Flyer::Policy(policy) => act_one_by_one(policy, simulation, &mut self.actions),
@@ -194,7 +193,7 @@ impl<'a> Cockpit<'a> {
                         pilot.reset();
                     }
                     let action = pilot.act(&simulation.state(environment), &goal);
-                    write_action(&mut self.actions, count, environment, action);
+                    write_action(&mut self.actions, count, environment, &action);
                 }
             }
         }
@@ -212,13 +211,13 @@ fn act_one_by_one(policy: &PolicyFile<'_>, simulation: &Simulation, actions: &mu
         for (value, column) in observation.iter_mut().zip(simulation.observations().chunks_exact(count)) {
             *value = column[environment];
         }
-        write_action(actions, count, environment, policy.act(&observation[..len], &mut scratch));
+        write_action(actions, count, environment, &policy.act(&observation[..len], &mut scratch));
     }
 }
 
-fn write_action(actions: &mut [f32], count: usize, environment: usize, action: [f32; ACTION_LEN]) {
+fn write_action(actions: &mut [f32], count: usize, environment: usize, action: &[f32]) {
     for (column, value) in actions.chunks_exact_mut(count).zip(action) {
-        column[environment] = value;
+        column[environment] = *value;
     }
 }
 

@@ -2,7 +2,6 @@
 
 mod report;
 
-use kestrel_core::action::ACTION_LEN;
 use kestrel_core::fixed::FixedFormat;
 pub use kestrel_core::mlp::DenseLayer;
 use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata};
@@ -162,7 +161,7 @@ impl Difference {
         let mut scratch = float.scratch();
         let (mut largest, mut sum, mut saturations) = (0.0_f32, 0.0, 0);
         let observations = calibration.chunks_exact(float.metadata().observation.len());
-        let actions = observations.len() * ACTION_LEN;
+        let actions = observations.len() * float.metadata().action.len();
         for observation in observations {
             let wanted = float.act(observation, &mut scratch);
             for (wanted, found) in wanted.into_iter().zip(fixed.act(observation, &mut scratch)) {
@@ -203,7 +202,7 @@ mod tests {
     };
 
     fn actor() -> Actor {
-        Actor::new(PILOT_LEN, &[64, 64], 0.0, &mut Stream::new(Seed(3), 0, Purpose::Weights))
+        Actor::new((PILOT_LEN, 4), &[64, 64], 0.0, &mut Stream::new(Seed(3), 0, Purpose::Weights))
     }
 
     fn calibration(count: usize) -> Vec<f32> {
@@ -236,7 +235,7 @@ mod tests {
         let policy = PolicyFile::parse(&export.float_policy).unwrap();
         let mut scratch = policy.scratch();
         for observation in calibration.chunks_exact(PILOT_LEN) {
-            let mut mean = [0.0; ACTION_LEN];
+            let mut mean = [0.0; 4];
             actor().act_mean(observation, &mut mean);
             for (found, expected) in policy.act(observation, &mut scratch).into_iter().zip(mean) {
                 assert!((found - expected.clamp(-1.0, 1.0)).abs() < 2e-6);

@@ -2,7 +2,7 @@
 
 mod noise;
 
-use kestrel_core::action::ACTION_LEN;
+use kestrel_core::action::ACTION_LIMIT;
 use pulp::{Simd, WithSimd};
 
 use crate::network::dispatch;
@@ -15,33 +15,44 @@ const LOG_NORMALISER: f32 = 0.918_938_5;
 /// Standard deviations of the actions; their logarithms do not depend on the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
-    log_std: [f32; ACTION_LEN],
-    std: [f32; ACTION_LEN],
+    len: usize,
+    /// Zero beyond the length.
+    log_std: [f32; ACTION_LIMIT],
+    std: [f32; ACTION_LIMIT],
 }
 
 impl Gaussian {
-    /// From the logarithms of the standard deviations.
-    pub fn new(log_std: [f32; ACTION_LEN]) -> Self {
-        Self { log_std, std: log_std.map(libm::expf) }
+    /// From the logarithms of the standard deviations, one per value of an action, [`ACTION_LIMIT`] at most.
+    ///
+    /// # Panics
+    /// When there are more.
+    pub fn new(log_std: &[f32]) -> Self {
+        let mut padded = [0.0; ACTION_LIMIT];
+        padded[..log_std.len()].copy_from_slice(log_std);
+        Self { len: log_std.len(), log_std: padded, std: padded.map(libm::expf) }
     }
 
-    /// Standard deviation per action.
-    pub fn std(&self) -> &[f32; ACTION_LEN] {
-        &self.std
+    /// Standard deviation per value of an action.
+    pub fn std(&self) -> &[f32] {
+        &self.std[..self.len]
+    }
+
+    fn log_std(&self) -> &[f32] {
+        &self.log_std[..self.len]
     }
 
     /// Differential entropy \[nat\].
     pub fn entropy(&self) -> f32 {
-        self.log_std.iter().map(|log_std| 0.5 + LOG_NORMALISER + log_std).sum()
+        self.log_std().iter().map(|log_std| 0.5 + LOG_NORMALISER + log_std).sum()
     }
 
-    /// `actions = means + std * noise`, all `[4][columns]`; the result is not limited to any range.
+    /// `actions = means + std * noise`, all `[action length][columns]`; the result is not limited to any range.
     pub fn sample(&self, means: &[f32], noise: &[f32], actions: &mut [f32]) {
-        let columns = means.len() / ACTION_LEN;
+        let columns = means.len() / self.len;
         dispatch(Sample { gaussian: self, means, noise, columns, actions });
     }
 
-    /// Log-density of `actions` around `means`, both `[4][columns]`, into `log_probs [columns]`.
+    /// Log-density of `actions` around `means`, both `[action length][columns]`, into `log_probs [columns]`.
     pub fn log_probs(&self, means: &[f32], actions: &[f32], log_probs: &mut [f32]) {
         dispatch(Density { gaussian: self, means, actions, log_probs });
     }
@@ -83,7 +94,7 @@ impl WithSimd for Density<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let columns = self.log_probs.len();
-        self.log_probs.fill(-self.gaussian.log_std.iter().map(|log_std| log_std + LOG_NORMALISER).sum::<f32>());
+        self.log_probs.fill(-self.gaussian.log_std().iter().map(|log_std| log_std + LOG_NORMALISER).sum::<f32>());
         let rows = self.means.chunks_exact(columns).zip(self.actions.chunks_exact(columns));
         for ((means, actions), std) in rows.zip(self.gaussian.std) {
             let inverse = 1.0 / std;
@@ -106,7 +117,7 @@ mod tests {
         let means: Vec<f32> = (0..32).map(|i| libm::sinf(i as f32)).collect();
         let actions: Vec<f32> = (0..32).map(|i| libm::cosf(i as f32 * 1.7)).collect();
         let mut log_probs = [0.0; 8];
-        Gaussian::new(LOG_STD).log_probs(&means, &actions, &mut log_probs);
+        Gaussian::new(&LOG_STD).log_probs(&means, &actions, &mut log_probs);
         for (column, log_prob) in log_probs.iter().enumerate() {
             let density = |row: usize| {
                 let std = libm::exp(f64::from(LOG_STD[row]));
@@ -125,13 +136,13 @@ mod tests {
             .iter()
             .map(|log_std| f64::from(*log_std) + 0.5 * libm::log(2.0 * std::f64::consts::PI * std::f64::consts::E))
             .sum();
-        assert!((f64::from(Gaussian::new(LOG_STD).entropy()) - expected).abs() < 1e-6);
+        assert!((f64::from(Gaussian::new(&LOG_STD).entropy()) - expected).abs() < 1e-6);
     }
 
     #[test]
     fn a_sample_is_the_mean_plus_scaled_noise() {
         let mut actions = [0.0; 32];
-        let gaussian = Gaussian::new(LOG_STD);
+        let gaussian = Gaussian::new(&LOG_STD);
         gaussian.sample(&[0.25; 32], &[2.0; 32], &mut actions);
         assert_eq!(actions[8], 0.25 + 2.0);
         assert_eq!(actions[31], 0.25 + 2.0 * gaussian.std()[3]);

@@ -16,7 +16,6 @@ mod state;
 
 use std::time::Instant;
 
-use kestrel_core::action::ACTION_LEN;
 use kestrel_sim::PRIVILEGED_LEN;
 use kestrel_sim::outcome::Episode;
 use kestrel_sim::scenario::{CriticView, Scenario};
@@ -72,7 +71,8 @@ impl Trainer {
         let weights = |network| Stream::new(seed, network, Purpose::Weights);
         let observation_len = scenario.observation.len();
         let critic_len = observation_len + privileged_len(scenario.critic);
-        let actor = Actor::new(observation_len, &settings.actor_hidden, settings.initial_log_std, &mut weights(0));
+        let lengths = (observation_len, scenario.action.len());
+        let actor = Actor::new(lengths, &settings.actor_hidden, settings.initial_log_std, &mut weights(0));
         let critic = Critic::new(critic_len, &settings.critic_hidden, &mut weights(1));
         let steps = settings.steps_per_rollout;
         let panel = |first| Panel::new(scenario, seed, first, steps, (&actor, &critic));
@@ -232,7 +232,7 @@ impl Trainer {
         metrics.steps = self.steps();
         metrics.updates = self.updates;
         metrics.entropy = self.actor.gaussian().entropy();
-        metrics.log_std = self.actor.log_std().iter().sum::<f32>() / ACTION_LEN as f32;
+        metrics.log_std = self.actor.log_std().iter().sum::<f32>() / self.actor.action_len() as f32;
         let episodes: Vec<Episode> = self.panels.iter_mut().flat_map(Panel::take_episodes).collect();
         metrics.describe(&episodes);
     }

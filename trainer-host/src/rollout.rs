@@ -1,6 +1,5 @@
 //! Panels of environments that fly the policy, and the columns that they leave to the learner.
 
-use kestrel_core::action::ACTION_LEN;
 use kestrel_sim::outcome::{Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
@@ -44,7 +43,7 @@ pub struct Panel {
     rollout: Rollout,
     actor_workspace: Workspace,
     critic_workspace: Workspace,
-    /// Noise of one step `[4][PANEL]`.
+    /// Noise of one step `[action length][PANEL]`.
     normals: Vec<f32>,
     /// Place in the rollout and critic input of every truncated step.
     truncated: Vec<(usize, Vec<f32>)>,
@@ -60,12 +59,14 @@ impl Panel {
         networks: (&Actor, &Critic),
     ) -> Self {
         let simulation = Simulation::new(scenario, seed, first_environment, PANEL);
+        let features = simulation.observation_len() + simulation.privileged_len();
+        let action_len = scenario.action.len();
         Self {
-            noise: Noise::new(seed, first_environment),
-            rollout: Rollout::new(steps, simulation.observation_len() + simulation.privileged_len()),
+            noise: Noise::new(seed, first_environment, action_len),
+            rollout: Rollout::new(steps, features, action_len),
             actor_workspace: Workspace::new(networks.0.mlp(), PANEL),
             critic_workspace: Workspace::new(networks.1.mlp(), PANEL),
-            normals: vec![0.0; ACTION_LEN * PANEL],
+            normals: vec![0.0; action_len * PANEL],
             truncated: Vec::new(),
             simulation,
         }
@@ -77,7 +78,7 @@ impl Panel {
             self.observe(step);
             self.act(collection.actor, step, collection.first_step + step as u64);
             self.appraise(collection.critic, step);
-            self.simulation.step(&self.rollout.actions[actions_of(step)]);
+            self.simulation.step(self.rollout.actions(step));
             self.record(step, collection.reward_scale);
         }
         self.appraise_last(collection.critic);
@@ -120,7 +121,8 @@ impl Panel {
         let rollout = &mut self.rollout;
         let means = actor.means(rollout.actor_input(step, actor), &mut self.actor_workspace);
         self.noise.fill(noise_step, &mut self.normals);
-        let (actions, gaussian) = (&mut rollout.actions[actions_of(step)], actor.gaussian());
+        let place = rollout.actions_of(step);
+        let (actions, gaussian) = (&mut rollout.actions[place], actor.gaussian());
         gaussian.sample(means, &self.normals, actions);
         gaussian.log_probs(means, actions, &mut rollout.log_probs[column_of(step)]);
     }
@@ -180,18 +182,15 @@ fn column_of(step: usize) -> std::ops::Range<usize> {
     step * PANEL..(step + 1) * PANEL
 }
 
-fn actions_of(step: usize) -> std::ops::Range<usize> {
-    step * ACTION_LEN * PANEL..(step + 1) * ACTION_LEN * PANEL
-}
-
 /// Columns of one panel over the steps of a rollout.
 #[derive(Clone, Debug)]
 pub struct Rollout {
     steps: usize,
     features: usize,
+    action_len: usize,
     /// `[steps][features][PANEL]`: observation, then privileged values. The actor reads the first rows.
     observations: Vec<f32>,
-    /// `[steps][4][PANEL]`, not limited to \[-1, 1\].
+    /// `[steps][action length][PANEL]`, not limited to \[-1, 1\].
     actions: Vec<f32>,
     log_probs: Vec<f32>,
     rewards: Vec<f32>,
@@ -208,7 +207,7 @@ pub struct Rollout {
 pub struct Tile<'a> {
     /// `[features][PANEL]`: observation, then privileged values.
     pub observations: &'a [f32],
-    /// `[4][PANEL]`.
+    /// `[action length][PANEL]`.
     pub actions: &'a [f32],
     /// `[PANEL]`, of the actions under the policy that chose them.
     pub log_probs: &'a [f32],
@@ -219,13 +218,14 @@ pub struct Tile<'a> {
 }
 
 impl Rollout {
-    fn new(steps: usize, features: usize) -> Self {
+    fn new(steps: usize, features: usize, action_len: usize) -> Self {
         let column = || vec![0.0; steps * PANEL];
         Self {
             steps,
             features,
+            action_len,
             observations: vec![0.0; steps * features * PANEL],
-            actions: vec![0.0; steps * ACTION_LEN * PANEL],
+            actions: vec![0.0; steps * action_len * PANEL],
             log_probs: column(),
             rewards: column(),
             values: column(),
@@ -244,7 +244,7 @@ impl Rollout {
     pub fn tile(&self, step: usize) -> Tile<'_> {
         Tile {
             observations: self.critic_input(step),
-            actions: &self.actions[actions_of(step)],
+            actions: self.actions(step),
             log_probs: &self.log_probs[column_of(step)],
             advantages: &self.advantages[column_of(step)],
             returns: &self.returns[column_of(step)],
@@ -268,6 +268,15 @@ impl Rollout {
     /// The critic's values, `[steps][PANEL]`.
     pub fn values(&self) -> &[f32] {
         &self.values
+    }
+
+    fn actions(&self, step: usize) -> &[f32] {
+        &self.actions[self.actions_of(step)]
+    }
+
+    fn actions_of(&self, step: usize) -> std::ops::Range<usize> {
+        let length = self.action_len * PANEL;
+        step * length..(step + 1) * length
     }
 
     fn critic_input(&self, step: usize) -> &[f32] {

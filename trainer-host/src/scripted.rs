@@ -1,7 +1,8 @@
 //! A pilot written by hand: the baseline that a trained policy has to beat.
 
-use kestrel_core::action::{ACTION_LEN, ActionSpace, ThrustBodyRates};
+use kestrel_core::action::{ACTION_LIMIT, ActionSpace, PublishedActions, PublishedKind, ThrustBodyRates};
 use kestrel_core::airframe::{Airframe, GRAVITY};
+use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
@@ -23,6 +24,17 @@ const RATE_GAINS: [f32; 3] = [16.0, 16.0, 6.0];
 /// Greatest acceleration that the position loop asks for \[m/s²\].
 const ACCELERATION_LIMIT: f32 = 5.0;
 
+/// Share of the hover speed that a full action of the reference's changes.
+const PUBLISHED_AUTHORITY: f32 = 0.05;
+/// Of the thrust that this authority allows (10 %), what is left for climbing once turning has its part.
+const PUBLISHED_THRUST_SHARE: f32 = 0.04;
+/// Distance to the next position that a full action of the reference's asks for \[m\].
+const PUBLISHED_OFFSET_M: f32 = 0.1;
+/// Speed per distance from the goal \[1/s\], and the greatest that a velocity action asks for, as a share of the drone's
+/// nominal speed.
+const APPROACH_GAIN: f32 = 1.0;
+const PUBLISHED_SPEED_SHARE: f32 = 0.03;
+
 /// Geometric tracking control (after Lee, Leok and McClamroch 2010) through the rate controller of the core.
 #[derive(Clone, Copy, Debug)]
 pub struct ScriptedPilot {
@@ -35,10 +47,10 @@ pub struct ScriptedPilot {
 
 impl ScriptedPilot {
     /// A pilot for `airframe` that acts through `action` every `control_secs`.
-    pub fn new(airframe: &Airframe, action: ActionSpace, control_secs: f32) -> Self {
+    pub fn new(airframe: &Airframe, action: &ActionSpace, control_secs: f32) -> Self {
         let reserve = airframe.thrust_limit() / (airframe.mass * GRAVITY) - 1.0;
         let rates = ThrustBodyRates::new(airframe, reserve as f32, [6.0, 6.0, 3.0], RATE_GAINS);
-        Self { action, rates, control_secs, integral: Vector3::zeros() }
+        Self { action: *action, rates, control_secs, integral: Vector3::zeros() }
     }
 
     /// Forgets the integral, as at the start of an episode.
@@ -46,8 +58,10 @@ impl ScriptedPilot {
         self.integral = Vector3::zeros();
     }
 
-    /// The action that flies `state` towards `goal` \[m, world\], each value within \[-1, 1\].
-    pub fn act(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LEN] {
+    /// The action that flies `state` towards `goal` \[m, world\], each value within \[-1, 1\], zeros behind the last;
+    /// only as far as the action space lets it: up and down in those of one dimension, nowhere in `tun`, whose
+    /// controller follows the task by itself.
+    pub fn act(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LIMIT] {
         let error = goal - state.position;
         if error.norm() < INTEGRAL_RANGE_M {
             self.integral += error * (INTEGRAL_GAIN * self.control_secs);
@@ -56,17 +70,73 @@ impl ScriptedPilot {
         let (thrust_share, rates) = track(state, &error, &self.integral);
         match &self.action {
             ActionSpace::RotorSpeeds(space) => {
-                let commands = normalised(&self.rates, thrust_share, &rates);
-                let targets = ActionSpace::ThrustBodyRates(self.rates).rotor_targets(&commands, &state.body_rates);
-                targets.map(|target| ((target / space.hover_rotor_speed - 1.0) / space.fraction).clamp(-1.0, 1.0))
+                let targets = self.rotor_targets(state, thrust_share, &rates);
+                action(targets.map(|target| (target / space.hover_rotor_speed - 1.0) / space.fraction))
             }
-            ActionSpace::ThrustBodyRates(space) => normalised(space, thrust_share, &rates),
+            ActionSpace::ThrustBodyRates(space) => action(normalised(space, thrust_share, &rates)),
+            ActionSpace::Published(space) => self.published(space, state, goal),
         }
+    }
+
+    fn published(&self, space: &PublishedActions, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LIMIT] {
+        let error = goal - state.position;
+        let (thrust_share, rates) = track(state, &error, &self.integral);
+        let level = State { world_from_body: Attitude::level(), ..*state };
+        let vertical = |value: f32| Vector3::new(0.0, 0.0, value);
+        let (climb_share, _) = track(&level, &vertical(error.z), &vertical(self.integral.z));
+        match space.kind {
+            PublishedKind::Rpm => {
+                let margin = PUBLISHED_THRUST_SHARE;
+                let gentle = thrust_share.clamp(1.0 - margin, 1.0 + margin);
+                let per_hover = 1.0 / space.airframe.hover_rotor_speed() as f32;
+                let targets = self.rotor_targets(state, gentle, &rates);
+                action(targets.map(|target| (target * per_hover - 1.0) / PUBLISHED_AUTHORITY))
+            }
+            PublishedKind::Dyn => {
+                let [x, y, z] = self.torque_shares(&space.airframe, state, &rates);
+                action([thrust_share - 1.0, x, y, z])
+            }
+            PublishedKind::Pid => action((error / PUBLISHED_OFFSET_M).into()),
+            PublishedKind::Vel => {
+                let limit = PUBLISHED_SPEED_SHARE * space.airframe.nominal_speed as f32;
+                let [x, y, z] = (error / error.norm().max(1e-6)).into();
+                action([x, y, z, error.norm() * APPROACH_GAIN / limit])
+            }
+            PublishedKind::Tun => action([]),
+            PublishedKind::OneDRpm => action([(climb_share.sqrt() - 1.0) / PUBLISHED_AUTHORITY]),
+            PublishedKind::OneDDyn => action([(climb_share - 1.0) / PUBLISHED_AUTHORITY]),
+            PublishedKind::OneDPid => action([error.z / PUBLISHED_OFFSET_M]),
+            PublishedKind::Waypoint => action((*goal).into()),
+        }
+    }
+
+    /// Rotor targets \[rad/s\] for a thrust relative to hover and body rates \[rad/s\].
+    fn rotor_targets(&self, state: &State<f32>, thrust_share: f32, rates: &Vector3<f32>) -> [f32; 4] {
+        self.rates.rotor_targets(&normalised(&self.rates, thrust_share, rates), &state.body_rates)
+    }
+
+    /// Torques as shares of what a full action of the reference's asks for.
+    fn torque_shares(&self, airframe: &Airframe, state: &State<f32>, rates: &Vector3<f32>) -> [f32; 3] {
+        let limits =
+            [airframe.tilting_torque_limit(), airframe.tilting_torque_limit(), airframe.turning_torque_limit()];
+        core::array::from_fn(|axis| {
+            let acceleration = self.rates.rate_gains[axis] * (rates[axis] - state.body_rates[axis]);
+            acceleration * airframe.inertia[axis] as f32 / (PUBLISHED_AUTHORITY * limits[axis] as f32)
+        })
     }
 }
 
+/// An action of these values, limited to \[-1, 1\].
+fn action<const N: usize>(values: [f32; N]) -> [f32; ACTION_LIMIT] {
+    let mut action = [0.0; ACTION_LIMIT];
+    for (slot, value) in action.iter_mut().zip(values) {
+        *slot = value.clamp(-1.0, 1.0);
+    }
+    action
+}
+
 /// Thrust and body rates as an action.
-fn normalised(space: &ThrustBodyRates, thrust_share: f32, rates: &Vector3<f32>) -> [f32; ACTION_LEN] {
+fn normalised(space: &ThrustBodyRates, thrust_share: f32, rates: &Vector3<f32>) -> [f32; 4] {
     let [x, y, z] = core::array::from_fn(|axis| rates[axis] / space.body_rates_limit[axis]);
     [(thrust_share - 1.0) / space.thrust_fraction, x, y, z].map(|value| value.clamp(-1.0, 1.0))
 }
@@ -84,4 +154,85 @@ fn track(state: &State<f32>, error: &Vector3<f32>, integral: &Vector3<f32>) -> (
     let behind = if body_z.dot(&push) < 0.0 { turn.normalize() } else { turn };
     let share = (push.dot(&body_z) / gravity).max(0.0);
     (share, behind * ATTITUDE_GAIN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kestrel_core::action::{ControlMemory, Controls, Persistence, PublishedController, RotorSpeeds};
+    use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
+    use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
+    use kestrel_core::controller::Setpoint;
+    use kestrel_core::controller::command::Precision;
+
+    const CONTROL_SECS: f32 = 1.0 / 48.0;
+
+    /// Where the pilot is after ten seconds of the reference's physics, from a metre above the origin.
+    fn destination(airframe: &Airframe, space: &ActionSpace, goal: Vector3<f32>) -> Vector3<f32> {
+        let bullet = Bullet::<f32>::new(airframe, Mode::Pyb, Quirks::upstream());
+        let (controls, mut memory) = (Controls::new(space), ControlMemory::new());
+        let mut pilot = ScriptedPilot::new(airframe, space, CONTROL_SECS);
+        let mut drone = BulletState::placed(State {
+            position: Vector3::new(0.0, 0.0, 1.0),
+            world_from_body: Attitude::level(),
+            velocity: Vector3::zeros(),
+            body_rates: Vector3::zeros(),
+            rotor_speeds: [0.0; 4],
+        });
+        for _ in 0..480 {
+            let action = pilot.act(&drone.motion, &goal);
+            assert!(action[..space.len()].iter().all(|value| value.abs() <= 1.0), "{action:?}");
+            assert_eq!(action[space.len()..], [0.0; ACTION_LIMIT][space.len()..]);
+            let setpoint = Setpoint::at(goal);
+            let targets = controls.rotor_targets(&action, &drone.motion, &setpoint, &mut memory, CONTROL_SECS);
+            drone = (0..5).fold(drone, |drone, _| bullet.step(&drone, &targets, &[], CONTROL_SECS / 5.0));
+        }
+        drone.motion.position
+    }
+
+    fn published(kind: PublishedKind, airframe: Airframe, controller: PublishedController) -> ActionSpace {
+        ActionSpace::Published(PublishedActions {
+            kind,
+            precision: Precision::Exact,
+            airframe,
+            controller,
+            persistence: Persistence::ResetEachEpisode,
+        })
+    }
+
+    #[test]
+    fn it_arrives_in_every_action_space_that_lets_it() {
+        let goal = Vector3::new(0.4, -0.3, 0.9);
+        let crazyflie = |kind| (CF2X, published(kind, CF2X, PublishedController::Dsl(CF2X)));
+        let hummingbird =
+            |kind| (HUMMINGBIRD, published(kind, HUMMINGBIRD, PublishedController::Simple(HUMMINGBIRD)));
+        let rates = ThrustBodyRates::new(&CF2X, 1.0, [6.0, 6.0, 3.0], RATE_GAINS);
+        let spaces = [
+            (CF2X, ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3))),
+            (CF2X, ActionSpace::ThrustBodyRates(rates)),
+            crazyflie(PublishedKind::Rpm),
+            crazyflie(PublishedKind::Dyn),
+            crazyflie(PublishedKind::Pid),
+            crazyflie(PublishedKind::Vel),
+            crazyflie(PublishedKind::Waypoint),
+            // Its controller follows the task's target by itself.
+            crazyflie(PublishedKind::Tun),
+            hummingbird(PublishedKind::Rpm),
+            hummingbird(PublishedKind::Dyn),
+            hummingbird(PublishedKind::Pid),
+        ];
+        for (airframe, space) in spaces {
+            let missed = (destination(&airframe, &space, goal) - goal).norm();
+            assert!(missed < 0.05, "{}: {missed} m from the goal", space.name());
+        }
+    }
+
+    #[test]
+    fn it_finds_the_height_where_it_can_only_climb() {
+        for kind in [PublishedKind::OneDRpm, PublishedKind::OneDDyn, PublishedKind::OneDPid] {
+            let space = published(kind, CF2X, PublishedController::Dsl(CF2X));
+            let position = destination(&CF2X, &space, Vector3::new(0.4, -0.3, 1.3));
+            assert!((position - Vector3::new(0.0, 0.0, 1.3)).norm() < 0.02, "{}: {position}", kind.name());
+        }
+    }
 }

@@ -1,11 +1,19 @@
 //! What policy and critic see, and what the policy commands.
 
-use kestrel_core::action::{ActionSpace, RotorSpeeds, ThrustBodyRates};
+mod published;
+
+use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates};
 use kestrel_core::airframe::{Airframe, GRAVITY};
-use kestrel_core::observation::{ObservationLayout, PilotLayout};
+use kestrel_core::observation::{
+    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PaperLayout,
+    PilotForLayout, PilotLayout,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use published::{ControllerConfig, PrecisionConfig, PublishedConfig, PublishedKindConfig};
+
+use super::EPISODE_LIMITS;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use crate::scenario::CriticView;
@@ -13,7 +21,7 @@ use crate::scenario::CriticView;
 const FRACTION: Limits = Limits::above(0.0, 1.0, "");
 const BODY_RATES: Limits = Limits::above(0.0, 100.0, "rad/s");
 
-/// What four numbers in -1 to 1 mean.
+/// What a few numbers in -1 to 1 mean.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ActionConfig {
@@ -21,6 +29,8 @@ pub enum ActionConfig {
     RotorSpeeds(RotorSpeedsConfig),
     /// Collective thrust and body rates, which a rate controller tracks.
     ThrustBodyRates(ThrustBodyRatesConfig),
+    /// An action type of gym-pybullet-drones, exactly.
+    Published(PublishedConfig),
 }
 
 /// One speed per rotor, around the one at which the drone hovers.
@@ -48,8 +58,17 @@ pub struct ThrustBodyRatesConfig {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ObservationConfig {
-    /// Position relative to the goal, rotation matrix, velocity, body rates, previous action: 22 values.
+    /// Position relative to the goal, rotation matrix, velocity, body rates, previous action: 22 values where the
+    /// action has four.
     Pilot(PilotConfig),
+    /// The 12 values of gym-pybullet-drones before 2023 and of the thesis: position, angles, velocity, axis of rotation,
+    /// without the goal.
+    Paper(PaperConfig),
+    /// What gym-pybullet-drones shows since 2023: position, angles, velocity, angular velocity, undivided, and the last
+    /// actions.
+    Kinematic(KinematicConfig),
+    /// What the scenario's sensors deliver, and nothing else.
+    Measured,
 }
 
 /// What the `pilot` observation divides by, so that all values are of order one.
@@ -62,6 +81,23 @@ pub struct PilotConfig {
     pub velocity_scale_m_per_s: f64,
     /// Angular velocity that reads as one.
     pub body_rates_scale_rad_per_s: f64,
+}
+
+/// By which the `paper` observation divides.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PaperConfig {
+    /// Three metres per second of this time along x and y, and one along z, read as one. The reference has 5, or 10
+    /// where its episodes last 10 s, 20 or 30.
+    pub episode_secs: f64,
+}
+
+/// What the `kinematic` observation remembers.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct KinematicConfig {
+    /// How many past actions are seen, at most 32. The reference shows half a second of them, 15 at 30 Hz.
+    pub past_actions: u64,
 }
 
 /// What the critic sees while training.
@@ -110,6 +146,18 @@ impl Default for PilotConfig {
     }
 }
 
+impl Default for PaperConfig {
+    fn default() -> Self {
+        Self { episode_secs: 5.0 }
+    }
+}
+
+impl Default for KinematicConfig {
+    fn default() -> Self {
+        Self { past_actions: 15 }
+    }
+}
+
 impl ActionConfig {
     /// The action space around the hover of `airframe`.
     ///
@@ -125,6 +173,7 @@ impl ActionConfig {
             Self::ThrustBodyRates(config) => {
                 config.check(airframe, &field.at("thrust_body_rates")).map(ActionSpace::ThrustBodyRates)
             }
+            Self::Published(config) => Ok(ActionSpace::Published(config.check(airframe))),
         }
     }
 }
@@ -143,19 +192,66 @@ impl ThrustBodyRatesConfig {
 }
 
 impl ObservationConfig {
-    /// The layout.
+    /// The layout beside actions of `action_len` values, with sensors that deliver `measured_len`.
     ///
     /// # Errors
-    /// When a scale is out of range.
-    pub fn check(&self, field: &Field<'_>) -> Result<ObservationLayout, ConfigError> {
-        let Self::Pilot(config) = self;
-        let field = field.at("pilot");
+    /// When a scale is out of range, or there are too many values, or none.
+    pub fn check(
+        &self,
+        action_len: usize,
+        measured_len: usize,
+        field: &Field<'_>,
+    ) -> Result<ObservationLayout, ConfigError> {
+        match self {
+            Self::Pilot(config) => config.check(&field.at("pilot")).map(|scales| pilot_layout(scales, action_len)),
+            Self::Paper(config) => {
+                let secs = field.at("paper").at("episode_secs").number(config.episode_secs, &EPISODE_LIMITS)?;
+                Ok(ObservationLayout::Paper(PaperLayout::of_episode(secs)))
+            }
+            Self::Kinematic(config) => {
+                config.check(action_len, &field.at("kinematic")).map(ObservationLayout::Kinematic)
+            }
+            Self::Measured => measured_layout(measured_len, field).map(ObservationLayout::Measured),
+        }
+    }
+}
+
+fn pilot_layout(scales: PilotLayout, action_len: usize) -> ObservationLayout {
+    match action_len {
+        ACTION_LEN => ObservationLayout::Pilot(scales),
+        _ => ObservationLayout::PilotFor(PilotForLayout { scales, action_len: action_len as u8 }),
+    }
+}
+
+fn measured_layout(len: usize, field: &Field<'_>) -> Result<MeasuredLayout, ConfigError> {
+    match len {
+        0 => Err(field.reject("`measured` without sensors", "at least one of `scenario.sensors`")),
+        1..=OBSERVATION_LIMIT => Ok(MeasuredLayout { len: len as u8 }),
+        _ => {
+            let found = format!("sensors that deliver {len} values");
+            Err(field.reject(found, format!("at most {OBSERVATION_LIMIT}")))
+        }
+    }
+}
+
+impl PilotConfig {
+    fn check(&self, field: &Field<'_>) -> Result<PilotLayout, ConfigError> {
         let scale = |key: &str, value: f64, unit| field.at(key).number(value, &Limits::from(0.01, 1000.0, unit));
-        Ok(ObservationLayout::Pilot(PilotLayout {
-            position_scale_m: scale("position_scale_m", config.position_scale_m, "m")?,
-            velocity_scale: scale("velocity_scale_m_per_s", config.velocity_scale_m_per_s, "m/s")?,
-            body_rates_scale: scale("body_rates_scale_rad_per_s", config.body_rates_scale_rad_per_s, "rad/s")?,
-        }))
+        Ok(PilotLayout {
+            position_scale_m: scale("position_scale_m", self.position_scale_m, "m")?,
+            velocity_scale: scale("velocity_scale_m_per_s", self.velocity_scale_m_per_s, "m/s")?,
+            body_rates_scale: scale("body_rates_scale_rad_per_s", self.body_rates_scale_rad_per_s, "rad/s")?,
+        })
+    }
+}
+
+impl KinematicConfig {
+    fn check(&self, action_len: usize, field: &Field<'_>) -> Result<KinematicLayout, ConfigError> {
+        let layout = |past_actions| KinematicLayout { past_actions, action_len: action_len as u8 };
+        let room = (OBSERVATION_LIMIT - layout(0).len()) / action_len;
+        let limit = room.min(HISTORY_LIMIT) as u64;
+        let past_actions = field.at("past_actions").whole(self.past_actions, 0..=limit)?;
+        Ok(layout(past_actions as u8))
     }
 }
 

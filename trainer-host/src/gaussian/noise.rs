@@ -1,6 +1,5 @@
 //! Standard normal noise for many environments at once, from a counter.
 
-use kestrel_core::action::ACTION_LEN;
 use kestrel_sim::seed::{Purpose, Seed, philox};
 use pulp::{Simd, WithSimd};
 
@@ -8,6 +7,9 @@ use crate::network::dispatch;
 
 /// Environments drawn together, the width of two AVX registers.
 const LANES: usize = 16;
+
+/// Normals from one Philox block.
+const BLOCK_LEN: usize = 4;
 
 /// sin(πx/2) by odd powers of x, Taylor: error below 1e-7 on \[-1, 1\].
 const SINE: [f32; 6] =
@@ -22,21 +24,23 @@ const ROOT_HALF_BITS: u32 = 0x3f35_04f3;
 
 /// Exploration noise of a range of environments, a function of seed, environment and step only.
 ///
-/// One Philox block gives an environment's four normals of a step by two Box–Muller transforms. The uniform
+/// One Philox block gives an environment four normals of a step by two Box–Muller transforms; longer actions take a
+/// second block. The uniform
 /// under the logarithm is a multiple of 2⁻²⁴, so that no normal exceeds 5.77 (a one in 10⁸ event).
 #[derive(Clone, Copy, Debug)]
 pub struct Noise {
     seed: Seed,
     first_environment: u32,
+    action_len: usize,
 }
 
 impl Noise {
-    /// For consecutive environments from `first_environment` on.
-    pub fn new(seed: Seed, first_environment: u32) -> Self {
-        Self { seed, first_environment }
+    /// For consecutive environments from `first_environment` on and actions of `action_len` values.
+    pub fn new(seed: Seed, first_environment: u32, action_len: usize) -> Self {
+        Self { seed, first_environment, action_len }
     }
 
-    /// Fills `noise [4][environments]` with the normals of step number `step`.
+    /// Fills `noise [action length][environments]` with the normals of step number `step`.
     ///
     /// # Panics
     /// When the number of environments is not a multiple of 8.
@@ -56,30 +60,33 @@ impl WithSimd for Fill<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let environments = self.normals.len() / ACTION_LEN;
-        for first in (0..environments).step_by(LANES) {
-            let rows = normals(self.noise.seed, self.noise.first_environment + first as u32, self.step);
-            let count = LANES.min(environments - first);
-            for (row, lanes) in rows.iter().enumerate() {
-                let start = row * environments + first;
-                self.normals[start..start + count].copy_from_slice(&lanes[..count]);
+        let Noise { seed, first_environment, action_len } = self.noise;
+        let environments = self.normals.len() / action_len;
+        for (block, tile) in self.normals.chunks_mut(BLOCK_LEN * environments).enumerate() {
+            for first in (0..environments).step_by(LANES) {
+                let rows = normals(seed, first_environment + first as u32, self.step, block as u32);
+                let count = LANES.min(environments - first);
+                for (row, lanes) in tile.chunks_exact_mut(environments).zip(&rows) {
+                    row[first..first + count].copy_from_slice(&lanes[..count]);
+                }
             }
         }
     }
 }
 
 #[inline(always)]
-fn normals(seed: Seed, environment: u32, step: u64) -> [[f32; LANES]; ACTION_LEN] {
+fn normals(seed: Seed, environment: u32, step: u64, block: u32) -> [[f32; LANES]; BLOCK_LEN] {
     let key = [seed.0 as u32, (seed.0 >> 32) as u32];
-    let mut words = [[0; LANES]; 4];
+    // No run makes 2⁶³ steps: the topmost bit of their number is free.
+    let high = (step >> 32) as u32 | block << 31;
+    let mut words = [[0; LANES]; BLOCK_LEN];
     for lane in 0..LANES {
-        let counter = [step as u32, environment + lane as u32, Purpose::Actions as u32, (step >> 32) as u32];
-        let block = philox(counter, key);
-        for (words, word) in words.iter_mut().zip(block) {
+        let counter = [step as u32, environment + lane as u32, Purpose::Actions as u32, high];
+        for (words, word) in words.iter_mut().zip(philox(counter, key)) {
             words[lane] = word;
         }
     }
-    let mut rows = [[0.0; LANES]; ACTION_LEN];
+    let mut rows = [[0.0; LANES]; BLOCK_LEN];
     for lane in 0..LANES {
         [rows[0][lane], rows[1][lane]] = box_muller(words[0][lane], words[1][lane]);
         [rows[2][lane], rows[3][lane]] = box_muller(words[2][lane], words[3][lane]);
@@ -124,10 +131,10 @@ fn polynomial<const N: usize>(coefficients: &[f32; N], x: f32) -> f32 {
 mod tests {
     use super::*;
 
-    fn draw(environments: usize, steps: u64) -> Vec<f32> {
-        let noise = Noise::new(Seed(11), 64);
-        let mut all = vec![0.0; environments * ACTION_LEN * steps as usize];
-        for (step, tile) in all.chunks_exact_mut(environments * ACTION_LEN).enumerate() {
+    fn draw(action_len: usize, environments: usize, steps: u64) -> Vec<f32> {
+        let noise = Noise::new(Seed(11), 64, action_len);
+        let mut all = vec![0.0; environments * action_len * steps as usize];
+        for (step, tile) in all.chunks_exact_mut(environments * action_len).enumerate() {
             noise.fill(step as u64, tile);
         }
         all
@@ -161,7 +168,7 @@ mod tests {
 
     #[test]
     fn the_moments_are_those_of_a_normal() {
-        let values: Vec<f64> = draw(256, 1000).into_iter().map(f64::from).collect();
+        let values: Vec<f64> = draw(4, 256, 1000).into_iter().map(f64::from).collect();
         let moment = |power: i32| values.iter().map(|value| value.powi(power)).sum::<f64>() / values.len() as f64;
         // Five standard errors of each estimate, n = 1 024 000.
         assert!(moment(1).abs() < 0.005, "mean {}", moment(1));
@@ -172,7 +179,7 @@ mod tests {
 
     #[test]
     fn the_tails_are_those_of_a_normal() {
-        let values = draw(256, 1000);
+        let values = draw(4, 256, 1000);
         for (bound, probability) in [(1.0, 0.317_310_5), (2.0, 0.045_500_3), (3.0, 0.002_699_8), (4.0, 6.334e-5)] {
             let expected = probability * values.len() as f64;
             let beyond = values.iter().filter(|value| value.abs() > bound).count() as f64;
@@ -184,22 +191,32 @@ mod tests {
     #[test]
     fn actions_steps_and_environments_are_uncorrelated() {
         let (environments, steps) = (256, 400);
-        let values = draw(environments, steps);
-        let count = values.len() as f64;
-        for lag in [1, environments, 2 * environments, 4 * environments] {
-            let product = |(a, b): (&f32, &f32)| f64::from(*a) * f64::from(*b);
-            let correlation = values.iter().zip(&values[lag..]).map(product).sum::<f64>() / count;
-            assert!(correlation.abs() < 5.0 / count.sqrt(), "lag {lag}: {correlation}");
+        for action_len in [4, 6] {
+            let values = draw(action_len, environments, steps);
+            let count = values.len() as f64;
+            for lag in [1, environments, 2 * environments, 4 * environments, 6 * environments] {
+                let product = |(a, b): (&f32, &f32)| f64::from(*a) * f64::from(*b);
+                let correlation = values.iter().zip(&values[lag..]).map(product).sum::<f64>() / count;
+                assert!(correlation.abs() < 5.0 / count.sqrt(), "lag {lag}: {correlation}");
+            }
         }
     }
 
     #[test]
     fn an_environment_keeps_its_noise_in_any_panel() {
         let (mut wide, mut narrow) = ([0.0; 4 * 256], [0.0; 4 * 8]);
-        Noise::new(Seed(5), 0).fill(9, &mut wide);
-        Noise::new(Seed(5), 40).fill(9, &mut narrow);
+        Noise::new(Seed(5), 0, 4).fill(9, &mut wide);
+        Noise::new(Seed(5), 40, 4).fill(9, &mut narrow);
         for row in 0..4 {
             assert_eq!(narrow[row * 8..row * 8 + 8], wide[row * 256 + 40..row * 256 + 48]);
+        }
+    }
+
+    #[test]
+    fn a_value_of_an_action_keeps_its_noise_in_actions_of_any_length() {
+        let longest = draw(6, 16, 1);
+        for action_len in 1..6 {
+            assert_eq!(draw(action_len, 16, 1)[..], longest[..16 * action_len]);
         }
     }
 }

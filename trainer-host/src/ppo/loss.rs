@@ -1,6 +1,5 @@
 //! The loss of PPO on a tile of samples, and its gradient with respect to what the networks put out.
 
-use kestrel_core::action::ACTION_LEN;
 use pulp::{Simd, WithSimd};
 
 use crate::gaussian::Gaussian;
@@ -38,7 +37,7 @@ impl LossSums {
 /// The clipped surrogate objective (Schulman et al. 2017, eq. 7) of one tile.
 pub(crate) struct Surrogate<'a> {
     pub(crate) tile: Tile<'a>,
-    /// The new policy's `[4][PANEL]`.
+    /// The new policy's `[action length][PANEL]`.
     pub(crate) means: &'a [f32],
     pub(crate) gaussian: &'a Gaussian,
     pub(crate) clip_range: f32,
@@ -89,7 +88,7 @@ impl WithSimd for ThroughDensity<'_> {
     fn with_simd<S: Simd>(self, _: S) {
         let Self { surrogate, pulls, deltas, log_std } = self;
         let rows = surrogate.means.chunks_exact(PANEL).zip(surrogate.tile.actions.chunks_exact(PANEL));
-        for (row, (means, actions)) in rows.enumerate().take(ACTION_LEN) {
+        for (row, (means, actions)) in rows.enumerate() {
             let inverse = 1.0 / surrogate.gaussian.std()[row];
             let deltas = &mut deltas[row * PANEL..(row + 1) * PANEL];
             let mut curvatures = [0.0; PANEL];

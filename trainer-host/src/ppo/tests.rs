@@ -228,7 +228,7 @@ mod reference {
     impl Batch<'_> {
         /// Clipped surrogate + value error - entropy bonus, from the parameters of actor and critic in one slice.
         pub(super) fn loss(&self, parameters: &[f64]) -> f64 {
-            let (actor, critic) = parameters.split_at(self.actor.parameter_count() + ACTION_LEN);
+            let (actor, critic) = parameters.split_at(self.actor.parameter_count() + self.actor.outputs());
             let (network, log_std) = actor.split_at(self.actor.parameter_count());
             let sample = |index: usize| {
                 let input: Vec<f64> = Self::column(self.tile.observations, index);
@@ -243,7 +243,7 @@ mod reference {
 
         fn surrogate(&self, means: &[f64], log_std: &[f64], index: usize) -> f64 {
             let actions = Self::column(self.tile.actions, index);
-            let log_prob: f64 = (0..ACTION_LEN)
+            let log_prob: f64 = (0..self.actor.outputs())
                 .map(|row| {
                     let deviation = (actions[row] - means[row]) / libm::exp(log_std[row]);
                     -0.5 * deviation * deviation - log_std[row] - 0.5 * libm::log(2.0 * std::f64::consts::PI)
@@ -289,9 +289,9 @@ impl Samples {
     fn new(actor: &Actor, features: usize) -> Self {
         let mut stream = Stream::new(Seed(12), 0, Purpose::Actions);
         let mut normals = |count: usize| -> Vec<f32> { (0..count).map(|_| stream.normal()).collect() };
-        let (observations, actions) = (normals(features * PANEL), normals(ACTION_LEN * PANEL));
+        let (observations, actions) = (normals(features * PANEL), normals(actor.action_len() * PANEL));
         let (advantages, returns, shifts) = (normals(PANEL), normals(PANEL), normals(PANEL));
-        let mut means = vec![0.0; ACTION_LEN * PANEL];
+        let mut means = vec![0.0; actor.action_len() * PANEL];
         actor.act_mean(&observations[..actor.mlp().inputs() * PANEL], &mut means);
         let mut log_probs = vec![0.0; PANEL];
         actor.gaussian().log_probs(&means, &actions, &mut log_probs);
@@ -314,9 +314,15 @@ impl Samples {
 
 #[test]
 fn the_gradient_of_the_whole_loss_is_that_of_finite_differences() {
+    for action_len in [1, 3, 4, 6] {
+        check_gradient(action_len);
+    }
+}
+
+fn check_gradient(action_len: usize) {
     let settings = PpoSettings { entropy_weight: 0.02, ..settings() };
     let mut stream = Stream::new(Seed(13), 0, Purpose::Weights);
-    let mut actor = Actor::new(5, &[8, 8], -0.3, &mut stream);
+    let mut actor = Actor::new((5, action_len), &[8, 8], -0.3, &mut stream);
     for parameter in actor.parameters_mut() {
         *parameter += 0.1 * stream.normal();
     }
@@ -351,7 +357,7 @@ fn the_gradient_of_the_whole_loss_is_that_of_finite_differences() {
 fn the_logged_losses_are_those_of_the_reference() {
     let settings = PpoSettings { entropy_weight: 0.0, ..settings() };
     let mut stream = Stream::new(Seed(14), 0, Purpose::Weights);
-    let (actor, critic) = (Actor::new(5, &[8], -0.3, &mut stream), Critic::new(5, &[8], &mut stream));
+    let (actor, critic) = (Actor::new((5, 4), &[8], -0.3, &mut stream), Critic::new(5, &[8], &mut stream));
     let samples = Samples::new(&actor, 5);
     let mut shard = Shard::new(&actor, &critic);
     shard.add(samples.tile(), (&actor, &critic), &settings, 1.0 / PANEL as f32);
