@@ -1,10 +1,72 @@
-//! Which drones touch something: the broad phase, lane by lane, on boxes.
+//! Who touches what, and what becomes of it.
+//!
+//! An [`Arena`] is a world prepared for one airframe: it says how far away everything is, lane by lane, so that free
+//! flight stays fast, and what a drone touches. What happens to those that touch something is for a solver.
+
+mod arena;
+mod body;
+mod distance_map;
+mod frame;
+mod outline;
+#[cfg(test)]
+mod tests;
+
+use core::ops::BitOrAssign;
 
 use kestrel_core::airframe::Airframe;
+use nalgebra::Vector3;
+
+pub use arena::Arena;
 
 use crate::scenario::{Aviary, Cuboid};
 use crate::swarm::{Column, Swarm};
-use crate::world::Floor;
+use crate::world::{Floor, Pose};
+
+/// Gap from which `clean` calls it a touch \[m\]: bodies rest on a skin of one millimetre, with some play.
+pub(crate) const TOUCH_GAP: f64 = 1.5e-3;
+
+/// When contact is reported.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ContactReport {
+    /// When bodies touch, the skin of a millimetre on which they rest included.
+    Touch,
+    /// As the reference reports it: from a gap on that every body states.
+    Bullet,
+}
+
+/// What a drone touches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Touch {
+    /// A wall, the floor, or anything else that counts as a collision.
+    pub obstacle: bool,
+    /// Something to land on.
+    pub landing: bool,
+}
+
+impl BitOrAssign for Touch {
+    fn bitor_assign(&mut self, other: Self) {
+        self.obstacle |= other.obstacle;
+        self.landing |= other.landing;
+    }
+}
+
+/// A rigid body between two substeps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Of the centre of mass.
+    pub pose: Pose,
+    /// Of the centre of mass \[m/s\], world.
+    pub velocity: Vector3<f64>,
+    /// Angular velocity \[rad/s\], body.
+    pub body_rates: Vector3<f64>,
+}
+
+impl Motion {
+    /// A body that does not move: a movable in this state stays until something comes near.
+    pub fn at_rest(pose: Pose) -> Self {
+        Self { pose, velocity: Vector3::zeros(), body_rates: Vector3::zeros() }
+    }
+}
 
 /// The drone's hull: an upright cylinder as wide as the drone and as high as the drone at its tilt.
 #[derive(Clone, Copy, Debug)]

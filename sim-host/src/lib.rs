@@ -6,7 +6,7 @@
 
 mod block;
 pub mod config;
-mod contact;
+pub mod contact;
 pub mod flight;
 pub mod outcome;
 mod reset;

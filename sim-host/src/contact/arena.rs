@@ -1,0 +1,165 @@
+//! A world prepared for one airframe: who touches what, and how far away everything is.
+
+use kestrel_core::airframe::Airframe;
+use nalgebra::Vector3;
+use rapier3d::parry::bounding_volume::Aabb;
+use rapier3d::parry::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+
+use super::body::Body;
+use super::distance_map::DistanceMap;
+use super::frame::to_vector;
+use super::outline::{CORNERS, MARGIN, Outline, distance, prism_corners};
+use super::{ContactReport, Motion, TOUCH_GAP, Touch};
+use crate::world::{FLOOR_CONTACT_GAP, Floor, Pose, World};
+
+/// Gap at which the reference reports contact between two drones \[m\]: three margins' worth and a threshold.
+const DRONE_CONTACT_GAP: f64 = 3.78e-3;
+
+/// Rounding of coordinates in `f32`, generously \[m\].
+const ROUNDING: f64 = 1e-4;
+
+/// A world prepared for one airframe. Never changes, so that environments can share it.
+#[derive(Clone)]
+pub struct Arena {
+    pub(super) drone: Outline,
+    corners: [[f64; 2]; CORNERS],
+    half_height: f64,
+    pub(super) floor: Floor,
+    floor_gap: f64,
+    drone_gap: f64,
+    pub(super) solids: Vec<Body>,
+    pub(super) movables: Vec<Body>,
+    tree: Bvh,
+    map: Option<DistanceMap>,
+    floor_height: f32,
+    reach: f32,
+}
+
+impl Arena {
+    /// Prepares a world.
+    ///
+    /// # Panics
+    /// If the points of a hull lie in one plane.
+    pub fn new(world: &World, airframe: &Airframe, report: ContactReport) -> Self {
+        let solids: Vec<_> = world.tangible().map(|solid| Body::new(solid, report)).collect();
+        let movables: Vec<_> = world.movables.iter().map(|movable| Body::new(&movable.solid, report)).collect();
+        let (floor_gap, drone_gap) = match report {
+            ContactReport::Touch => (TOUCH_GAP, TOUCH_GAP + MARGIN),
+            ContactReport::Bullet => (FLOOR_CONTACT_GAP, DRONE_CONTACT_GAP),
+        };
+        let drone = Outline::of_drone(airframe);
+        let gaps = solids.iter().chain(&movables).map(|body| body.gap);
+        let reach = drone.radius + gaps.fold(floor_gap.max(drone_gap), f64::max);
+        Self {
+            corners: prism_corners(airframe),
+            half_height: 0.5 * airframe.collision_height,
+            floor: world.floor,
+            floor_gap,
+            drone_gap,
+            tree: tree(&solids),
+            map: DistanceMap::new(&solids),
+            floor_height: match world.floor {
+                Floor::Solid => 0.0,
+                Floor::Absent => f32::NEG_INFINITY,
+            },
+            reach: reach as f32,
+            drone,
+            solids,
+            movables,
+        }
+    }
+
+    /// A lower bound of the distance \[m\] between a point and everything that never moves.
+    ///
+    /// Looked up in a grid, so it is up to two cells too small. A point below the floor is at a negative distance;
+    /// the bound of a point that is not a number means nothing.
+    #[inline(always)]
+    pub fn clearance(&self, x: f32, y: f32, z: f32) -> f32 {
+        let above = z - self.floor_height;
+        match &self.map {
+            Some(map) => map.bound([x, y, z]).min(above),
+            None => above,
+        }
+    }
+
+    /// Radius of the sphere around the centre of mass outside of which the drone touches nothing \[m\].
+    pub fn reach(&self) -> f32 {
+        self.reach
+    }
+
+    /// What the drone touches in this pose, other drones aside; `movables` are where the movables are now.
+    pub fn touch(&self, drone: &Pose, movables: &[Motion]) -> Touch {
+        let hull = self.drone.placed(drone);
+        let mut touch = Touch { obstacle: self.touches_floor(&hull), landing: false };
+        let reach = f64::from(self.reach);
+        for index in self.solids_within(&drone.position, reach) {
+            let body = &self.solids[index];
+            if distance([&self.drone.shape, &body.outline.shape], [&hull, &body.shape_pose]) <= body.gap {
+                touch |= body.touched();
+            }
+        }
+        for (body, motion) in self.movables.iter().zip(movables) {
+            let apart = (motion.pose.position - drone.position).norm() > reach + body.outline.radius;
+            let pose = body.outline.placed(&motion.pose);
+            if !apart && distance([&self.drone.shape, &body.outline.shape], [&hull, &pose]) <= body.gap {
+                touch |= body.touched();
+            }
+        }
+        touch
+    }
+
+    /// Whether two drones touch.
+    pub fn drones_touch(&self, one: &Pose, other: &Pose) -> bool {
+        let apart = (one.position - other.position).norm() > 2.0 * f64::from(self.reach);
+        let [one, other] = [one, other].map(|pose| self.drone.placed(pose));
+        !apart && distance([&self.drone.shape, &self.drone.shape], [&one, &other]) <= self.drone_gap
+    }
+
+    /// Distance \[m\] at which a ray of unit direction meets something that never moves, if within `limit_m`.
+    pub fn raycast(&self, origin: Vector3<f64>, direction: Vector3<f64>, limit_m: f64) -> Option<f64> {
+        let floor = match self.floor {
+            Floor::Solid if direction.z < 0.0 => Some((-origin.z / direction.z).max(0.0)),
+            Floor::Solid | Floor::Absent => None,
+        };
+        let mut nearest = floor.filter(|distance| *distance <= limit_m);
+        for body in &self.solids {
+            let limit = nearest.unwrap_or(limit_m);
+            let to_middle = body.shape_pose.position - origin;
+            let along = to_middle.dot(&direction).clamp(0.0, limit);
+            if (to_middle - direction * along).norm() <= body.outline.radius + ROUNDING {
+                nearest = body.cast_ray(&origin, &direction, limit).or(nearest);
+            }
+        }
+        nearest
+    }
+
+    /// Indices of the solids that a ball may touch.
+    pub(super) fn solids_within(&self, middle: &Vector3<f64>, radius: f64) -> impl Iterator<Item = usize> {
+        let half = Vector3::repeat(radius + ROUNDING);
+        let ball = BvhNode::leaf(Aabb::new(to_vector(&(middle - half)), to_vector(&(middle + half))), 0);
+        self.tree.leaves(move |node| node.intersects(&ball)).map(|leaf| leaf as usize)
+    }
+
+    /// Whether the lowest corner of the drone's hull is near the floor.
+    fn touches_floor(&self, hull: &Pose) -> bool {
+        let [across, beside, up] = hull.world_from_body.rows()[2];
+        let lowest = self.corners.iter().map(|[x, y]| across * x + beside * y).fold(f64::INFINITY, f64::min);
+        let height = hull.position.z + lowest - self.half_height * up.abs();
+        match self.floor {
+            Floor::Solid => height <= self.floor_gap,
+            Floor::Absent => false,
+        }
+    }
+}
+
+fn tree(bodies: &[Body]) -> Bvh {
+    let rounding = Vector3::repeat(ROUNDING);
+    let leaves: Vec<_> = bodies
+        .iter()
+        .map(|body| {
+            let (low, high) = body.extent;
+            Aabb::new(to_vector(&(low - rounding)), to_vector(&(high + rounding)))
+        })
+        .collect();
+    Bvh::from_leaves(BvhBuildStrategy::Binned, &leaves)
+}

@@ -1,0 +1,126 @@
+//! How far the nearest solid is, looked up.
+
+use nalgebra::Vector3;
+
+use super::body::Body;
+
+/// Greatest number of cells: a mebibyte, which stays in the second-level cache.
+const CELL_LIMIT: f64 = 1_048_576.0;
+
+/// Smallest edge of a cell \[m\]: less than a drone's radius gains nothing.
+const SMALLEST_CELL: f64 = 0.03;
+
+/// Space around the solids that is resolved \[m\].
+const RIM: f64 = 0.25;
+
+/// Steps of distance in one cell's edge.
+const STEPS_PER_CELL: f64 = 4.0;
+
+/// Cells along an edge of the blocks that choose among the solids before their cells do.
+const BLOCK: usize = 8;
+
+/// Distance beyond which a block has one bound for all its cells \[m\].
+pub(super) const FAR: f64 = 0.5;
+
+/// Rounding of parry's distances, generously \[m\].
+const ROUNDING: f64 = 1e-4;
+
+/// A grid of lower bounds of the distance to a set of bodies, in steps of a fraction of a cell.
+#[derive(Clone, Debug)]
+pub(super) struct DistanceMap {
+    low: [f32; 3],
+    high: [f32; 3],
+    cells_per_metre: f32,
+    /// Index of the last cell along x, y, z.
+    last: [f32; 3],
+    /// Cells in a row and in a layer.
+    strides: [usize; 2],
+    step: f32,
+    cells: Vec<u8>,
+}
+
+impl DistanceMap {
+    /// `None` if there is nothing to be distant from.
+    pub(super) fn new(bodies: &[Body]) -> Option<Self> {
+        let extents = bodies.iter().map(|body| body.extent);
+        let (low, high) = extents.reduce(|(low, high), (a, b)| (low.inf(&a), high.sup(&b)))?;
+        let rim = Vector3::repeat(RIM);
+        let (low, size) = (low - rim, high - low + 2.0 * rim);
+        let cell = SMALLEST_CELL.max(libm::cbrt(size.product() / CELL_LIMIT));
+        let counts = size.map(|length| libm::ceil(length / cell).max(1.0) as usize);
+        let mut map = Self {
+            low: low.map(|value| value as f32).into(),
+            high: (low + size).map(|value| value as f32).into(),
+            cells_per_metre: (1.0 / cell) as f32,
+            last: counts.map(|count| (count - 1) as f32).into(),
+            strides: [counts.x, counts.x * counts.y],
+            step: (cell / STEPS_PER_CELL) as f32,
+            cells: vec![0; counts.product()],
+        };
+        map.fill(bodies, &low, cell);
+        Some(map)
+    }
+
+    fn fill(&mut self, bodies: &[Body], low: &Vector3<f64>, cell: f64) {
+        let counts = self.last.map(|last| last as usize + 1);
+        let corner = |index: [usize; 3]| low + Vector3::from(index.map(|number| number as f64 * cell));
+        for index in cells_of([0; 3], counts.map(|count| count.div_ceil(BLOCK))) {
+            let first = index.map(|number| number * BLOCK);
+            let half = 0.5 * BLOCK as f64 * cell;
+            let block = nearest(bodies, &(corner(first) + Vector3::repeat(half)), 3.0_f64.sqrt() * half);
+            let end: [usize; 3] = core::array::from_fn(|axis| counts[axis].min(first[axis] + BLOCK));
+            for index in cells_of(first, end) {
+                let middle = corner(index) + Vector3::repeat(0.5 * cell);
+                let bound = match &block {
+                    Block::Far { bound } => *bound,
+                    Block::Near(bodies) => {
+                        let distances = bodies.iter().map(|body| body.distance_to(&middle));
+                        distances.fold(f64::INFINITY, f64::min) - 0.5 * 3.0_f64.sqrt() * cell - ROUNDING
+                    }
+                };
+                let [x, y, z] = index;
+                self.cells[x + y * self.strides[0] + z * self.strides[1]] = (bound / cell * STEPS_PER_CELL) as u8;
+            }
+        }
+    }
+
+    /// A lower bound of the distance \[m\] to the bodies; outside the grid it is the distance to the grid or the
+    /// bound at its rim, for nothing is nearer than from there.
+    #[inline(always)]
+    pub(super) fn bound(&self, point: [f32; 3]) -> f32 {
+        let mut index = 0;
+        let mut outside = 0.0_f32;
+        for (axis, stride) in [1, self.strides[0], self.strides[1]].into_iter().enumerate() {
+            let place = (point[axis] - self.low[axis]) * self.cells_per_metre;
+            index += place.max(0.0).min(self.last[axis]) as usize * stride;
+            outside = outside.max(self.low[axis] - point[axis]).max(point[axis] - self.high[axis]);
+        }
+        outside.max(f32::from(self.cells.get(index).copied().unwrap_or(0)) * self.step)
+    }
+}
+
+/// What bounds the distances of a block of cells.
+enum Block<'a> {
+    /// This, for all of them \[m\].
+    Far { bound: f64 },
+    /// These bodies: one of them is the nearest.
+    Near(Vec<&'a Body>),
+}
+
+fn nearest<'a>(bodies: &'a [Body], middle: &Vector3<f64>, radius: f64) -> Block<'a> {
+    let distances: Vec<f64> = bodies.iter().map(|body| body.distance_to(middle)).collect();
+    let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
+    let bound = least - radius - ROUNDING;
+    if bound > FAR {
+        return Block::Far { bound };
+    }
+    let reach = least + 2.0 * radius + ROUNDING;
+    let near = bodies.iter().zip(distances).filter(|(_, distance)| *distance <= reach);
+    Block::Near(near.map(|(body, _)| body).collect())
+}
+
+/// All indices from `first` to before `end`.
+fn cells_of(first: [usize; 3], end: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    let row = move |y, z| (first[0]..end[0]).map(move |x| [x, y, z]);
+    (first[2]..end[2]).flat_map(move |z| (first[1]..end[1]).flat_map(move |y| row(y, z)))
+}
