@@ -1,13 +1,15 @@
 //! Who touches what, and what becomes of it.
 //!
 //! An [`Arena`] is a world prepared for one airframe: it says how far away everything is, lane by lane, so that free
-//! flight stays fast, and what a drone touches. What happens to those that touch something is for a solver.
+//! flight stays fast, and what a drone touches. A [`ContactSolver`] says what happens to those that touch something.
 
 mod arena;
 mod body;
 mod distance_map;
 mod frame;
+mod group;
 mod outline;
+mod solver;
 #[cfg(test)]
 mod tests;
 
@@ -17,6 +19,7 @@ use kestrel_core::airframe::Airframe;
 use nalgebra::Vector3;
 
 pub use arena::Arena;
+pub use solver::ContactSolver;
 
 use crate::scenario::{Aviary, Cuboid};
 use crate::swarm::{Column, Swarm};
@@ -65,6 +68,16 @@ impl Motion {
     /// A body that does not move: a movable in this state stays until something comes near.
     pub fn at_rest(pose: Pose) -> Self {
         Self { pose, velocity: Vector3::zeros(), body_rates: Vector3::zeros() }
+    }
+
+    /// A body in mid-air, or perhaps leaning on something: a movable in this state is awake.
+    pub fn let_go(pose: Pose) -> Self {
+        Self { velocity: Vector3::new(0.0, 0.0, -1e-6), ..Self::at_rest(pose) }
+    }
+
+    /// Whether it does not move at all.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        self.velocity == Vector3::zeros() && self.body_rates == Vector3::zeros()
     }
 }
 
