@@ -1,7 +1,5 @@
 //! One block of environments: the step as a list of stages over `LANES` lanes and all their drones.
 
-use std::sync::Arc;
-
 use kestrel_core::action::{ACTION_LIMIT, Controls};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::bullet::BulletState;
@@ -10,7 +8,7 @@ use nalgebra::Vector3;
 
 use crate::agent::{Agent, Finished};
 use crate::contact::{Arena, ContactSolver, Motion, Touch};
-use crate::scenario::{Clock, Contacts, Preset, Scenario, TeamEnd, TeamRewards};
+use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards};
 use crate::seed::{Purpose, Seed};
 use crate::swarm::{Column, row, set_row, vector};
 use crate::termination;
@@ -20,7 +18,8 @@ use crate::world::Pose;
 pub(crate) struct Stage<'a, R: Real> {
     pub(crate) scenario: &'a Scenario,
     pub(crate) controls: &'a Controls<R>,
-    pub(crate) arena: Option<&'a Arc<Arena>>,
+    pub(crate) arena: Option<&'a Arena>,
+    pub(crate) solver: Option<&'a ContactSolver>,
     pub(crate) control_secs: R,
 }
 
@@ -55,15 +54,10 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// One control period: everything but the resets.
     #[inline(always)]
-    pub(crate) fn advance(
-        &mut self,
-        stage: &Stage<'_, R>,
-        solver: Option<&mut ContactSolver>,
-        actions: &[Actions<LANES, R>],
-    ) {
+    pub(crate) fn advance(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
         let scenario = stage.scenario;
         self.command(stage, actions);
-        self.fly(stage, solver);
+        self.fly(stage);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
             let previous_distances = *agent.distances();
             agent.measure(scenario);
@@ -92,7 +86,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// All lanes fly as if nothing stood in their way; those near something do it again, step by step.
     #[inline(always)]
-    fn fly(&mut self, stage: &Stage<'_, R>, solver: Option<&mut ContactSolver>) {
+    fn fly(&mut self, stage: &Stage<'_, R>) {
         let near = stage.arena.map(|arena| self.near_lanes(stage.scenario, arena)).unwrap_or_default();
         let starts: Vec<Vec<BulletState<R>>> = near.iter().map(|lane| self.drones(*lane)).collect();
         let physics = &stage.scenario.physics;
@@ -107,9 +101,9 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         for agent in &mut self.agents {
             agent.touches = [[R::zero(); LANES]; 2];
         }
-        if let (Some(arena), Some(solver)) = (stage.arena, solver) {
+        if let Some(arena) = stage.arena {
             for (lane, drones) in near.into_iter().zip(starts) {
-                self.fly_near(stage.scenario, arena, solver, lane, drones);
+                self.fly_near(stage, arena, lane, drones);
             }
         }
         self.locate();
@@ -186,15 +180,8 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     }
 
     /// Redoes the control period of one lane with contacts, from where its drones were at its start.
-    fn fly_near(
-        &mut self,
-        scenario: &Scenario,
-        arena: &Arena,
-        solver: &mut ContactSolver,
-        lane: usize,
-        mut drones: Vec<BulletState<R>>,
-    ) {
-        let physics = &scenario.physics;
+    fn fly_near(&mut self, stage: &Stage<'_, R>, arena: &Arena, lane: usize, mut drones: Vec<BulletState<R>>) {
+        let physics = &stage.scenario.physics;
         let mut touches = Vec::new();
         for substep in 0..physics.substeps {
             let last = substep + 1 == physics.substeps;
@@ -207,7 +194,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             for ((drone, agent), targets) in drones.iter_mut().zip(&self.agents).zip(&self.targets) {
                 *drone = agent.swarm.advanced(physics, lane, drone, &row(targets, lane), &team);
             }
-            if physics.contacts == Contacts::Solved {
+            if let Some(solver) = stage.solver {
                 let movables = &mut self.movables[lane];
                 resolve(solver, &before, &mut drones, movables, physics.substep_secs());
             }
@@ -288,9 +275,7 @@ const MOVABLE_REACH: f64 = 0.45;
 
 /// The movable bodies where episodes begin.
 fn standing(scenario: &Scenario) -> Vec<Motion> {
-    let still = Vector3::zeros();
-    let rest = |pose: Pose| Motion { pose, velocity: still, body_rates: still };
-    scenario.aviary.world.movables.iter().map(|movable| rest(movable.solid.pose)).collect()
+    scenario.aviary.world.movables.iter().map(|movable| Motion::at_rest(movable.solid.pose)).collect()
 }
 
 #[inline(always)]
@@ -319,7 +304,7 @@ fn touching<R: Real>(arena: &Arena, drones: &[BulletState<R>], movables: &[Motio
 
 /// Lets contacts change what free flight made of the drones.
 fn resolve<R: Real>(
-    solver: &mut ContactSolver,
+    solver: &ContactSolver,
     before: &[Motion],
     drones: &mut [BulletState<R>],
     movables: &mut [Motion],

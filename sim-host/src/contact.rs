@@ -1,24 +1,26 @@
 //! Who touches what, and what becomes of it.
 //!
 //! An [`Arena`] is a world prepared for one airframe: it says how far away everything is, lane by lane, so that free
-//! flight stays fast, and what a drone touches. What happens to those that touch something is for a solver.
+//! flight stays fast, and what a drone touches. A [`ContactSolver`] says what happens to those that touch something.
 
 mod arena;
 mod body;
 mod distance_map;
 mod frame;
+mod group;
 mod outline;
+mod solver;
 #[cfg(test)]
 mod tests;
 
 use core::ops::BitOrAssign;
 
-use kestrel_core::airframe::Airframe;
 use nalgebra::Vector3;
 
 pub use arena::Arena;
+pub use solver::ContactSolver;
 
-use crate::world::{Pose, World};
+use crate::world::Pose;
 
 /// Gap from which `clean` calls it a touch \[m\]: bodies rest on a skin of one millimetre, with some play.
 pub(crate) const TOUCH_GAP: f64 = 1.5e-3;
@@ -64,22 +66,14 @@ impl Motion {
     pub fn at_rest(pose: Pose) -> Self {
         Self { pose, velocity: Vector3::zeros(), body_rates: Vector3::zeros() }
     }
-}
 
-pub struct ContactSolver;
-impl ContactSolver {
-    pub fn new(_: &Arena, _: &World, _: &Airframe, _: usize) -> Self {
-        Self
+    /// A body in mid-air, or perhaps leaning on something: a movable in this state is awake.
+    pub fn let_go(pose: Pose) -> Self {
+        Self { velocity: Vector3::new(0.0, 0.0, -1e-6), ..Self::at_rest(pose) }
     }
-    pub fn resolve(&mut self, _: &[Motion], _: &mut [Motion], _: &mut [Motion], _: f64) {}
-}
-impl core::fmt::Debug for ContactSolver {
-    fn fmt(&self, _: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        Ok(())
-    }
-}
-impl core::fmt::Debug for Arena {
-    fn fmt(&self, _: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        Ok(())
+
+    /// Whether it does not move at all.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        self.velocity == Vector3::zeros() && self.body_rates == Vector3::zeros()
     }
 }

@@ -22,12 +22,12 @@ use crate::termination;
 /// at `f · rows + r`. The bits do not depend on `LANES`, nor on how environments are divided among simulations: an
 /// environment's randomness follows from the seed and its index. With `f32` lanes it trains; `Simulation<1, f64>` is
 /// the same arithmetic in double precision, for comparison with recordings.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Simulation<const LANES: usize = 64, R: Real = f32> {
     scenario: Scenario,
     controls: Controls<R>,
     arena: Option<Arc<Arena>>,
-    solver: Option<ContactSolver>,
+    solver: Option<Arc<ContactSolver>>,
     arch: Arch,
     first_environment: u32,
     environments: usize,
@@ -74,12 +74,9 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         };
         let nothing = |len: usize| vec![R::zero(); len * rows];
         let arena = arena(scenario);
-        let drones = scenario.agents.count as usize;
         let mut simulation = Self {
             controls: Controls::new(&scenario.action),
-            solver: arena
-                .as_ref()
-                .map(|arena| ContactSolver::new(arena, &scenario.aviary.world, &scenario.airframe, drones)),
+            solver: solver(scenario, arena.as_deref()),
             arena,
             arch: Arch::new(),
             first_environment,
@@ -112,10 +109,10 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             stage: Stage {
                 scenario: &self.scenario,
                 controls: &self.controls,
-                arena: self.arena.as_ref(),
+                arena: self.arena.as_deref(),
+                solver: self.solver.as_deref(),
                 control_secs: R::from_f64(1.0 / self.scenario.physics.control_rate_hz),
             },
-            solver: self.solver.as_mut(),
             blocks: &mut self.blocks,
             actions,
             environments: self.environments,
@@ -333,31 +330,6 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     }
 }
 
-impl<const LANES: usize, R: Real> Clone for Simulation<LANES, R> {
-    fn clone(&self) -> Self {
-        let drones = self.scenario.agents.count as usize;
-        let (world, airframe) = (&self.scenario.aviary.world, &self.scenario.airframe);
-        Self {
-            scenario: self.scenario.clone(),
-            controls: self.controls,
-            arena: self.arena.clone(),
-            // A solver remembers nothing between steps: a new one is the same.
-            solver: self.arena.as_ref().map(|arena| ContactSolver::new(arena, world, airframe, drones)),
-            arch: self.arch,
-            first_environment: self.first_environment,
-            environments: self.environments,
-            blocks: self.blocks.clone(),
-            observations: self.observations.clone(),
-            privileged: self.privileged.clone(),
-            rewards: self.rewards.clone(),
-            outcomes: self.outcomes.clone(),
-            final_observations: self.final_observations.clone(),
-            final_privileged: self.final_privileged.clone(),
-            episodes: self.episodes.clone(),
-        }
-    }
-}
-
 /// What the drones can touch, unless nothing is touched.
 fn arena(scenario: &Scenario) -> Option<Arc<Arena>> {
     let report = match scenario.physics.preset {
@@ -372,6 +344,16 @@ fn arena(scenario: &Scenario) -> Option<Arc<Arena>> {
     }
 }
 
+/// What contacts do to them, where they do anything.
+fn solver(scenario: &Scenario, arena: Option<&Arena>) -> Option<Arc<ContactSolver>> {
+    match (scenario.physics.contacts, arena) {
+        (Contacts::Solved, Some(arena)) => {
+            Some(Arc::new(ContactSolver::new(arena, &scenario.aviary.world, &scenario.airframe)))
+        }
+        (Contacts::Solved, None) | (Contacts::Absent | Contacts::Reported, _) => None,
+    }
+}
+
 /// The rows of an agent of a block.
 fn rows_of_block<const LANES: usize>(environments: usize, agent: usize, block: usize) -> core::ops::Range<usize> {
     let first = block * LANES;
@@ -382,7 +364,6 @@ fn rows_of_block<const LANES: usize>(environments: usize, agent: usize, block: u
 /// The part of a step that runs in lanes, compiled for each instruction set.
 struct Advance<'a, const LANES: usize, R: Real> {
     stage: Stage<'a, R>,
-    solver: Option<&'a mut ContactSolver>,
     blocks: &'a mut [Block<LANES, R>],
     actions: &'a [R],
     environments: usize,
@@ -392,7 +373,7 @@ impl<const LANES: usize, R: Real> WithSimd for Advance<'_, LANES, R> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, _simd: S) {
+    fn with_simd<S: Simd>(self, _simd: S) {
         let agents = self.stage.scenario.agents.count as usize;
         let mut actions = vec![[[R::zero(); LANES]; ACTION_LIMIT]; agents];
         // The reference limits nothing.
@@ -403,7 +384,7 @@ impl<const LANES: usize, R: Real> WithSimd for Advance<'_, LANES, R> {
                 let range = rows_of_block::<LANES>(self.environments, agent, index);
                 load_actions(self.actions, rows, range, limits, columns);
             }
-            block.advance(&self.stage, self.solver.as_deref_mut(), &actions);
+            block.advance(&self.stage, &actions);
         }
     }
 }

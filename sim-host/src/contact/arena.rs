@@ -1,5 +1,7 @@
 //! A world prepared for one airframe: who touches what, and how far away everything is.
 
+use core::fmt;
+
 use kestrel_core::airframe::Airframe;
 use nalgebra::Vector3;
 use rapier3d::parry::bounding_volume::Aabb;
@@ -33,6 +35,12 @@ pub struct Arena {
     map: Option<DistanceMap>,
     floor_height: f32,
     reach: f32,
+}
+
+impl fmt::Debug for Arena {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Arena").finish_non_exhaustive()
+    }
 }
 
 impl Arena {

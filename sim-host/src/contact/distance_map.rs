@@ -19,6 +19,9 @@ const STEPS_PER_CELL: f64 = 4.0;
 /// Cells along an edge of the blocks that choose among the solids before their cells do.
 const BLOCK: usize = 8;
 
+/// Distance beyond which a block has one bound for all its cells \[m\].
+pub(super) const FAR: f64 = 0.5;
+
 /// Rounding of parry's distances, generously \[m\].
 const ROUNDING: f64 = 1e-4;
 
@@ -64,12 +67,17 @@ impl DistanceMap {
         for index in cells_of([0; 3], counts.map(|count| count.div_ceil(BLOCK))) {
             let first = index.map(|number| number * BLOCK);
             let half = 0.5 * BLOCK as f64 * cell;
-            let near = nearest(bodies, &(corner(first) + Vector3::repeat(half)), 3.0_f64.sqrt() * half);
+            let block = nearest(bodies, &(corner(first) + Vector3::repeat(half)), 3.0_f64.sqrt() * half);
             let end: [usize; 3] = core::array::from_fn(|axis| counts[axis].min(first[axis] + BLOCK));
             for index in cells_of(first, end) {
                 let middle = corner(index) + Vector3::repeat(0.5 * cell);
-                let distance = near.iter().map(|body| body.distance_to(&middle)).fold(f64::INFINITY, f64::min);
-                let bound = distance - 0.5 * 3.0_f64.sqrt() * cell - ROUNDING;
+                let bound = match &block {
+                    Block::Far { bound } => *bound,
+                    Block::Near(bodies) => {
+                        let distances = bodies.iter().map(|body| body.distance_to(&middle));
+                        distances.fold(f64::INFINITY, f64::min) - 0.5 * 3.0_f64.sqrt() * cell - ROUNDING
+                    }
+                };
                 let [x, y, z] = index;
                 self.cells[x + y * self.strides[0] + z * self.strides[1]] = (bound / cell * STEPS_PER_CELL) as u8;
             }
@@ -91,11 +99,24 @@ impl DistanceMap {
     }
 }
 
-/// The bodies that can be the nearest of some point of a ball.
-fn nearest<'a>(bodies: &'a [Body], middle: &Vector3<f64>, radius: f64) -> Vec<&'a Body> {
+/// What bounds the distances of a block of cells.
+enum Block<'a> {
+    /// This, for all of them \[m\].
+    Far { bound: f64 },
+    /// These bodies: one of them is the nearest.
+    Near(Vec<&'a Body>),
+}
+
+fn nearest<'a>(bodies: &'a [Body], middle: &Vector3<f64>, radius: f64) -> Block<'a> {
     let distances: Vec<f64> = bodies.iter().map(|body| body.distance_to(middle)).collect();
-    let reach = distances.iter().copied().fold(f64::INFINITY, f64::min) + 2.0 * radius + ROUNDING;
-    bodies.iter().zip(distances).filter(|(_, distance)| *distance <= reach).map(|(body, _)| body).collect()
+    let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
+    let bound = least - radius - ROUNDING;
+    if bound > FAR {
+        return Block::Far { bound };
+    }
+    let reach = least + 2.0 * radius + ROUNDING;
+    let near = bodies.iter().zip(distances).filter(|(_, distance)| *distance <= reach);
+    Block::Near(near.map(|(body, _)| body).collect())
 }
 
 /// All indices from `first` to before `end`.
