@@ -3,6 +3,7 @@
 //! Each type whose name ends in `Config` mirrors a part of the file: degrees, hertz, units in the keys. Its `check`
 //! returns what the program runs, or says what is wrong on which line. A [`Document`] is the file itself.
 
+mod airframe;
 mod aviary;
 mod decode;
 mod document;
@@ -15,11 +16,16 @@ mod pilot;
 mod start;
 #[cfg(test)]
 mod tests;
+mod urdf;
 mod vehicle;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use airframe::{
+    AirframeConfig, AirframeNumbers, CollisionConfig, DownwashConfig, KnownAirframe, LayoutConfig, RotorNumbering,
+    RotorOrderConfig, read_airframe,
+};
 pub use aviary::{AviaryConfig, BoxConfig, RoomConfig};
 pub use document::Document;
 pub use episode::{RewardConfig, SuccessConfig, TerminationConfig};
@@ -29,7 +35,7 @@ pub use pilot::{
     ActionConfig, CriticConfig, ObservationConfig, PilotConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
 };
 pub use start::{RandomisationConfig, StartConfig, StartPositionConfig};
-pub use vehicle::{AirframeConfig, IntegratorConfig, PhysicsConfig, VehicleConfig};
+pub use vehicle::{IntegratorConfig, PhysicsConfig, VehicleConfig};
 
 use crate::scenario::Scenario;
 

@@ -11,6 +11,7 @@ use serde_yaml::{Error as YamlError, Location, Options};
 use super::error::{ConfigError, Place, Source};
 use super::field::Field;
 use super::node::{Entry, Node, Parsed, Value, either, place};
+use super::urdf;
 
 /// Largest configuration file \[bytes\]; the examples have a few thousand.
 const SIZE_LIMIT: u64 = 1 << 20;
@@ -28,7 +29,7 @@ pub struct Document {
 }
 
 impl Document {
-    /// Reads and parses a YAML file.
+    /// Reads and parses a YAML file, or a URDF file as the airframe in it.
     ///
     /// # Errors
     /// When there is no such file, it is a directory, larger than 1 MiB, not UTF-8, or not one YAML mapping.
@@ -43,7 +44,11 @@ impl Document {
     /// When the text is empty or not one YAML mapping with unique keys.
     pub fn parse(name: &str, text: &str) -> Result<Self, ConfigError> {
         let source = Arc::new(Source::File { name: name.to_owned(), text: text.to_owned() });
-        let root = parsed(text, &source).map_err(|fault| fault.in_file(&source))?;
+        let root = if is_urdf(name) {
+            urdf::tree(&source, text)?
+        } else {
+            parsed(text, &source).map_err(|fault| fault.in_file(&source))?
+        };
         let place = root.place.clone();
         match root.value {
             Value::Mapping(_) => Ok(Self { root }),
@@ -111,6 +116,11 @@ impl Document {
     pub fn root(&self) -> Field<'_> {
         Field::root(&self.root)
     }
+}
+
+/// Whether a file is another form of an airframe's numbers.
+fn is_urdf(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("urdf"))
 }
 
 /// The text of the file, however odd the file is.
