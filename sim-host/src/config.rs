@@ -4,6 +4,7 @@
 //! returns what the program runs, or says what is wrong on which line. A [`Document`] is the file itself.
 
 mod agents;
+mod airframe;
 mod area;
 mod aviary;
 mod decode;
@@ -22,6 +23,7 @@ mod termination;
 #[cfg(test)]
 mod tests;
 mod text;
+mod urdf;
 mod vehicle;
 mod world;
 
@@ -29,6 +31,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use agents::{AgentsConfig, GoalsConfig, TeamEndConfig, TeamRewardsConfig};
+pub use airframe::{
+    AirframeConfig, AirframeNumbers, CollisionConfig, DownwashConfig, KnownAirframe, LayoutConfig, RotorNumbering,
+    RotorOrderConfig, read_airframe,
+};
 pub use area::AreaConfig;
 pub use aviary::{AviaryConfig, BoxConfig, Place};
 pub use document::Document;
@@ -46,7 +52,7 @@ pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
 pub use schema::schema_of;
 pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConfig};
 pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
-pub use vehicle::{AirframeConfig, VehicleConfig};
+pub use vehicle::VehicleConfig;
 pub use world::{
     ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MovableConfig, RoleConfig, RoomConfig, SolidConfig,
     TurnedBoxConfig,

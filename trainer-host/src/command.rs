@@ -8,6 +8,7 @@ mod fly;
 mod run;
 mod table;
 mod train;
+mod verify;
 
 use anyhow::Result;
 use clap::Subcommand;
@@ -32,6 +33,8 @@ pub(crate) enum Command {
     Export(export::Arguments),
     /// Fly a policy as a MAVLink vehicle in the simulator
     Fly(fly::Arguments),
+    /// Compare the simulator with a recording of the reference system
+    Verify(verify::Arguments),
     /// Print the JSON schema of experiment files
     Schema,
     /// Measure every stage on this machine
@@ -45,6 +48,8 @@ pub(crate) enum Command {
 pub(crate) enum Done {
     /// It did everything.
     Finished,
+    /// It did everything, and what it measured is beyond a tolerance.
+    Deviating,
     /// The user stopped it.
     Interrupted,
 }
@@ -56,6 +61,7 @@ impl Command {
             Self::Evaluate(arguments) => evaluate::run(&arguments),
             Self::Export(arguments) => export::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
+            Self::Verify(arguments) => verify::run(&arguments),
             Self::Bench(arguments) => bench::run(&arguments),
             Self::Schema => {
                 say(kestrel_train::experiment_config::schema().trim_end())?;

@@ -30,3 +30,4 @@ pub mod schedule;
 pub mod scripted;
 pub mod tensorboard;
 pub mod training_run;
+pub mod verify;

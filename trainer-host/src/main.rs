@@ -20,9 +20,13 @@ struct Arguments {
 /// Status of a run that the user stopped: 128 + SIGINT, as shells report it.
 const INTERRUPTED: u8 = 130;
 
+/// Status of a comparison beyond its tolerance.
+const DEVIATING: u8 = 1;
+
 fn main() -> ExitCode {
     match Arguments::parse().command.run() {
         Ok(command::Done::Finished) => ExitCode::SUCCESS,
+        Ok(command::Done::Deviating) => ExitCode::from(DEVIATING),
         Ok(command::Done::Interrupted) => ExitCode::from(INTERRUPTED),
         Err(error) => {
             warn(format_args!("error: {error:#}"));

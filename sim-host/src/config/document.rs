@@ -11,6 +11,7 @@ use super::field::Field;
 use super::import::{IMPORT, Imports};
 use super::node::{Entry, Node, Parsed, Value, either, place};
 use super::text::{Unreadable, read_text};
+use super::urdf;
 
 /// Deepest nesting; the deepest valid configuration has eight.
 const DEPTH_LIMIT: usize = 48;
@@ -28,7 +29,7 @@ pub struct Document {
 }
 
 impl Document {
-    /// Reads and parses a YAML file and what it imports.
+    /// Reads and parses a YAML file and what it imports, or a URDF file as the airframe in it.
     ///
     /// # Errors
     /// When a file is not there, a directory, larger than 1 MiB, not UTF-8, or not one YAML mapping; when files import
@@ -45,7 +46,7 @@ impl Document {
     /// When the text is empty or not one YAML mapping with unique keys, or an import fails as in [`Self::read`].
     pub fn parse(name: &str, text: &str) -> Result<Self, ConfigError> {
         let source = Arc::new(Source::File { name: name.to_owned(), text: text.to_owned(), importer: None });
-        let root = parsed(&source).map_err(|fault| fault.in_file(&source))?;
+        let root = tree_of(&source)?;
         match &root.value {
             Value::Mapping(_) => {
                 let mut imports = Imports::of(Path::new(name));
@@ -148,6 +149,18 @@ impl Document {
     pub fn root(&self) -> Field<'_> {
         Field::root(&self.root)
     }
+}
+
+/// The values in a file: URDF is another form of an airframe's numbers.
+pub(super) fn tree_of(source: &Arc<Source>) -> Result<Node, ConfigError> {
+    match &**source {
+        Source::File { name, text, .. } if is_urdf(name) => urdf::tree(source, text),
+        Source::File { .. } | Source::Override { .. } => parsed(source).map_err(|fault| fault.in_file(source)),
+    }
+}
+
+fn is_urdf(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("urdf"))
 }
 
 /// The message about a configuration that is no text.

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use super::document::{SyntaxFault, parsed};
+use super::document::tree_of;
 use super::error::{ConfigError, Place, Source};
 use super::node::{Entry, Node, Value};
 use super::text::{Unreadable, read_text};
@@ -142,7 +142,7 @@ impl Imports {
 
 /// The mapping in an imported text.
 fn mapping(source: &Arc<Source>) -> Result<Node, ConfigError> {
-    let root = parsed(source).map_err(|fault: SyntaxFault| fault.in_file(source))?;
+    let root = tree_of(source)?;
     match &root.value {
         Value::Mapping(_) => Ok(root),
         Value::Nothing => Err(ConfigError::at(&root.place, "", "an empty file", "keys to import")),

@@ -1,0 +1,319 @@
+//! `docs/clean-and-bullet.md`: what each quirk of the reference changes, flown and drawn from the core.
+//!
+//! With `BLESS=1` the tests rewrite the pictures and the table of the page; without it they hold the page to the code.
+
+mod pictures;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use kestrel_core::airframe::{CF2X, RADIANS_PER_SECOND_PER_RPM};
+use kestrel_core::attitude::Attitude;
+use kestrel_core::bullet::{
+    AttitudeUpdate, Bullet, BulletState, DownwashAxis, DragFrame, DragRotors, DynAttitude, DynLevers, DynReport,
+    GroundQuery, LinkAttitude, Mode, Quirks, RotorPrecision,
+};
+use kestrel_core::vehicle::State;
+use nalgebra::Vector3;
+
+/// The reference's rates.
+const STEP_SECS: f64 = 1.0 / 240.0;
+const STEPS_PER_SECOND: usize = 240;
+
+/// Length of the flights of the table \[s\].
+const FLIGHT_SECS: usize = 3;
+
+/// Between these lines of the page stands the table.
+const TABLE_BEGIN: &str = "<!-- measured: BLESS=1 cargo test -p kestrel-tests clean_and_bullet -->\n";
+const TABLE_END: &str = "<!-- end of measured -->\n";
+
+fn docs(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(path)
+}
+
+/// A drone at a height \[m\], upright and at rest, its rotors at hover speed.
+fn hovering(height: f64) -> State<f64> {
+    State {
+        position: Vector3::new(0.0, 0.0, height),
+        world_from_body: Attitude::level(),
+        velocity: Vector3::zeros(),
+        body_rates: Vector3::zeros(),
+        rotor_speeds: [CF2X.hover_rotor_speed(); 4],
+    }
+}
+
+/// Rotor speeds \[rad/s\] around hover that roll the drone to one side and back, then pitch it: a doublet of 150 RPM
+/// for a twentieth of a second each way.
+fn doublets(step: usize) -> [f64; 4] {
+    let push = match step / 12 {
+        2 => [-1.0, -1.0, 1.0, 1.0],
+        3 => [1.0, 1.0, -1.0, -1.0],
+        8 => [-1.0, 1.0, 1.0, -1.0],
+        9 => [1.0, -1.0, -1.0, 1.0],
+        _ => [0.0; 4],
+    };
+    push.map(|sign: f64| CF2X.hover_rotor_speed() + sign * 150.0 * RADIANS_PER_SECOND_PER_RPM)
+}
+
+/// The states of a flight, one a physics step, the start first.
+fn flight(
+    bullet: &Bullet<f64>,
+    start: State<f64>,
+    other: Option<Vector3<f64>>,
+    steps: usize,
+    rotor_speeds: impl Fn(usize) -> [f64; 4],
+) -> Vec<BulletState<f64>> {
+    let mut drone = BulletState::placed(start);
+    let swarm: Vec<Vector3<f64>> = other.into_iter().collect();
+    let mut states = vec![drone];
+    for step in 0..steps {
+        drone = bullet.step(&drone, &rotor_speeds(step), &swarm, STEP_SECS);
+        states.push(drone);
+    }
+    states
+}
+
+/// One row of the table: a quirk, the flight that shows it, and what to fly it without.
+struct Case {
+    field: &'static str,
+    reference: &'static str,
+    clean: &'static str,
+    shown_by: &'static str,
+    mode: Mode,
+    with: Quirks,
+    without: Quirks,
+    start: State<f64>,
+    other: Option<Vector3<f64>>,
+    rotor_speeds: fn(usize) -> [f64; 4],
+}
+
+impl Case {
+    /// The doublets in free air under one quirk of upstream.
+    fn new(field: &'static str, [reference, clean]: [&'static str; 2], without: Quirks) -> Self {
+        Self {
+            field,
+            reference,
+            clean,
+            shown_by: "doublets",
+            mode: Mode::Pyb,
+            with: Quirks::upstream(),
+            without,
+            start: hovering(40.0),
+            other: None,
+            rotor_speeds: doublets,
+        }
+    }
+
+    /// Distance \[m\], angle \[deg\] and difference of the reported angular velocities \[rad/s\] between the flights
+    /// with and without the quirk, at the end.
+    fn difference(&self) -> [f64; 3] {
+        let steps = FLIGHT_SECS * STEPS_PER_SECOND;
+        let end = |quirks| {
+            let bullet = Bullet::new(&CF2X, self.mode, quirks);
+            let states = flight(&bullet, self.start, self.other, steps, self.rotor_speeds);
+            states[steps]
+        };
+        let (with, without) = (end(self.with), end(self.without));
+        [
+            (with.motion.position - without.motion.position).norm(),
+            angle_between(&with.motion.world_from_body, &without.motion.world_from_body).to_degrees(),
+            (with.reported_angular_velocity - without.reported_angular_velocity).norm(),
+        ]
+    }
+
+    fn row(&self) -> String {
+        let [metres, degrees, rates] = self.difference();
+        let Self { field, reference, clean, shown_by, .. } = self;
+        format!(
+            "| `{field}` | {reference} | {clean} | {shown_by} | {} | {} | {} |\n",
+            length(metres),
+            figure(degrees, "°"),
+            figure(rates, " rad/s")
+        )
+    }
+}
+
+/// \[rad\].
+fn angle_between(one: &Attitude<f64>, other: &Attitude<f64>) -> f64 {
+    let vector = [
+        one.w * other.x - one.x * other.w - one.y * other.z + one.z * other.y,
+        one.w * other.y - one.y * other.w - one.z * other.x + one.x * other.z,
+        one.w * other.z - one.z * other.w - one.x * other.y + one.y * other.x,
+    ];
+    2.0 * vector.iter().map(|part| part * part).sum::<f64>().sqrt().min(1.0).asin()
+}
+
+/// A length in a unit that suits it.
+fn length(metres: f64) -> String {
+    match metres {
+        small if small < 1e-9 => "0".to_owned(),
+        small if small < 1e-3 => figure(small * 1e6, " µm"),
+        middle if middle < 1.0 => figure(middle * 100.0, " cm"),
+        large => figure(large, " m"),
+    }
+}
+
+/// Two significant digits, or zero; rounding of the platform's mathematics must not reach the page.
+fn figure(value: f64, unit: &str) -> String {
+    match value.abs() {
+        small if small < 1e-6 => "0".to_owned(),
+        small if small < 1e-2 => format!("{value:.0e}{unit}"),
+        middle if middle < 1.0 => format!("{value:.2}{unit}"),
+        middle if middle < 10.0 => format!("{value:.1}{unit}"),
+        large => format!("{:.0}{unit}", if large < 100.0 { value } else { (value / 10.0).round() * 10.0 }),
+    }
+}
+
+/// Every field of [`Quirks`]; the compiler refuses to forget one.
+fn cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks {
+        damping,
+        rotor_precision,
+        link_attitude,
+        ground_query,
+        drag_frame,
+        drag_rotors,
+        downwash_axis,
+        downwash_nearest,
+        downwash_reach,
+        rotation_cap,
+        velocity_cap,
+        attitude_update,
+        dyn_attitude,
+        dyn_levers,
+        dyn_report,
+    } = Quirks::none();
+    let tilted = State { world_from_body: Attitude::from_axis_angle(Vector3::x(), 0.5), ..hovering(40.0) };
+    let gliding = State { velocity: Vector3::new(2.0, 1.0, 0.0), ..tilted };
+    let spinning = |rate| State { body_rates: Vector3::new(0.0, 0.0, rate), ..tilted };
+    let precise = Quirks { rotor_precision: RotorPrecision::Single, ..upstream };
+    let case = Case::new;
+    vec![
+        case("damping", ["0.04", "0"], Quirks { damping, ..upstream }),
+        Case {
+            with: precise,
+            ..case(
+                "rotor_precision",
+                ["`Single` (fork, RPM actions)", "`Full`"],
+                Quirks { rotor_precision, ..precise },
+            )
+        },
+        case("link_attitude", ["`Previous`", "`Current`"], Quirks { link_attitude, ..upstream }),
+        Case {
+            mode: Mode::PybGndDragDw,
+            shown_by: "doublets, all effects",
+            ..case("ground_query", ["`RefreshesLinks`", "`LeavesLinks`"], Quirks { ground_query, ..upstream })
+        },
+        Case {
+            mode: Mode::PybDrag,
+            start: gliding,
+            shown_by: "doublets at 2.2 m/s, rolled 29°",
+            ..case("drag_frame", ["`ScaledInWorld`", "`Body`"], Quirks { drag_frame, ..upstream })
+        },
+        Case {
+            mode: Mode::PybDrag,
+            start: gliding,
+            shown_by: "the same",
+            with: Quirks { drag_frame: DragFrame::TurnedTwice, ..upstream },
+            ..case("drag_frame", ["`TurnedTwice` (fork)", "`Body`"], Quirks { drag_frame, ..upstream })
+        },
+        Case {
+            mode: Mode::PybDrag,
+            start: gliding,
+            shown_by: "the same",
+            ..case("drag_rotors", ["`Previous`", "`Current`"], Quirks { drag_rotors, ..upstream })
+        },
+        Case {
+            mode: Mode::PybDw,
+            start: tilted,
+            other: Some(Vector3::new(0.0, 0.0, 41.0)),
+            shown_by: "rolled 29° under another drone, 1 m",
+            rotor_speeds: |_| [CF2X.hover_rotor_speed(); 4],
+            ..case("downwash_axis", ["`Body`", "`World`"], Quirks { downwash_axis, ..upstream })
+        },
+        Case {
+            mode: Mode::PybDw,
+            other: Some(Vector3::new(0.05, 0.0, 40.02)),
+            shown_by: "2 cm below another drone",
+            ..case("downwash_nearest", ["0", "0.05 m"], Quirks { downwash_nearest, ..upstream })
+        },
+        Case {
+            mode: Mode::PybDw,
+            other: Some(Vector3::new(10.5, 0.0, 70.0)),
+            shown_by: "10.5 m beside and 30 m below another drone",
+            ..case("downwash_reach", ["10 m", "none"], Quirks { downwash_reach, ..upstream })
+        },
+        Case {
+            start: spinning(60.0),
+            shown_by: "doublets at 60 rad/s of yaw",
+            ..case("attitude_update", ["`ExponentialMap`", "`FirstOrder`"], Quirks { attitude_update, ..upstream })
+        },
+        Case {
+            start: spinning(99.0),
+            shown_by: "doublets at 99 rad/s of yaw (0.41 rad a step)",
+            ..case("rotation_cap", ["π/4", "π"], Quirks { rotation_cap, ..upstream })
+        },
+        Case {
+            start: spinning(120.0),
+            shown_by: "doublets at 120 rad/s of yaw",
+            ..case("velocity_cap", ["100 m/s, 100 rad/s", "none"], Quirks { velocity_cap, ..upstream })
+        },
+        Case {
+            mode: Mode::Dyn,
+            start: spinning(1.0),
+            with: Quirks { dyn_attitude: DynAttitude::EulerAngles, ..upstream },
+            shown_by: "doublets, rolled 29°, yawing at 1 rad/s",
+            ..case("dyn_attitude", ["`EulerAngles` (fork)", "`Quaternion`"], Quirks { dyn_attitude, ..upstream })
+        },
+        Case {
+            mode: Mode::Dyn,
+            ..case("dyn_levers", ["`NominalArm`", "`RotorPositions`"], Quirks { dyn_levers, ..upstream })
+        },
+        Case {
+            mode: Mode::Dyn,
+            start: spinning(1.0),
+            shown_by: "doublets, rolled 29°, yawing at 1 rad/s",
+            ..case("dyn_report", ["`PreviousAttitude`", "`Current`"], Quirks { dyn_report, ..upstream })
+        },
+        Case {
+            mode: Mode::Dyn,
+            start: spinning(1.0),
+            shown_by: "the same",
+            with: Quirks { dyn_report: DynReport::MinusOne, ..upstream },
+            ..case("dyn_report", ["`MinusOne` (fork)", "`Current`"], Quirks { dyn_report, ..upstream })
+        },
+    ]
+}
+
+fn table() -> String {
+    let head = "| field of `Quirks` | reference | clean | shown by | position | attitude | reported spin |\n\
+                |---|---|---|---|---|---|---|\n";
+    cases().iter().map(Case::row).fold(head.to_owned(), |text, row| text + &row)
+}
+
+/// Compares with a file of `docs`, or rewrites it when the environment has `BLESS`.
+fn assert_blessed(path: &Path, text: &str) {
+    if std::env::var_os("BLESS").is_some() {
+        fs::write(path, text).unwrap();
+    }
+    let committed = fs::read_to_string(path).unwrap();
+    assert!(committed == text, "{} is out of date: BLESS=1 and look at the change", path.display());
+}
+
+#[test]
+fn the_page_says_what_the_code_measures() {
+    let path = docs("clean-and-bullet.md");
+    let page = fs::read_to_string(&path).unwrap();
+    let (before, rest) = page.split_once(TABLE_BEGIN).unwrap();
+    let (_, after) = rest.split_once(TABLE_END).unwrap();
+    assert_blessed(&path, &format!("{before}{TABLE_BEGIN}\n{}\n{TABLE_END}{after}", table()));
+}
+
+#[test]
+fn the_pictures_show_what_the_code_flies() {
+    for (name, panels) in pictures::all() {
+        assert!(fs::read_to_string(docs("clean-and-bullet.md")).unwrap().contains(name), "{name} is on the page");
+        assert_blessed(&docs("pictures").join(name), &crate::plot::picture(&panels));
+    }
+}

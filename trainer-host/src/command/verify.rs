@@ -1,0 +1,39 @@
+//! `kestrel verify`.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use kestrel_train::output::say;
+use kestrel_train::verify::{Models, Tolerances, verify};
+
+use super::Done;
+
+/// Arguments of `kestrel verify`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Folder with a recording: index.json and the tables that it names, or physics_golden.json
+    recording: PathBuf,
+
+    /// Greatest error that passes of a kind (`closed_loop.rpm`) or a group of them (`closed_loop`)
+    #[arg(long, value_name = "KIND=X", value_parser = tolerance)]
+    tolerance: Vec<(String, f64)>,
+}
+
+fn tolerance(text: &str) -> Result<(String, f64), String> {
+    let (kind, value) = text.split_once('=').ok_or("expected KIND=X, such as open_loop=1e-8")?;
+    Tolerances::default().set(kind, 0.0)?;
+    match value.parse() {
+        Ok(value) if value >= 0.0 => Ok((kind.to_owned(), value)),
+        Ok(_) | Err(_) => Err("expected a number, zero or more, after `=`".to_owned()),
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    let mut tolerances = Tolerances::default();
+    for (kind, value) in &arguments.tolerance {
+        tolerances.set(kind, *value).map_err(anyhow::Error::msg)?;
+    }
+    let report = verify(&arguments.recording, &Models::default(), tolerances)?;
+    say(&report)?;
+    Ok(if report.passed() { Done::Finished } else { Done::Deviating })
+}

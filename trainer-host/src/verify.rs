@@ -1,0 +1,127 @@
+//! Recordings of the reference system against this program's physics, controllers and tasks.
+//!
+//! A recording is a folder with an `index.json` and the tables that it names, as `tests/golden/README.md` describes;
+//! [`verify`] flies each case in `f64` and keeps the worst deviation of each [`Kind`].
+
+mod closed_loop;
+mod error;
+mod file;
+mod fork;
+mod index;
+mod learning;
+mod model;
+mod motion;
+mod one_step;
+mod open_loop;
+mod report;
+mod table;
+#[cfg(test)]
+mod tests;
+mod thesis;
+mod unit;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+pub use error::RecordingError;
+pub use learning::{ActionKind as LearningAction, LearningEpisode, LearningStep};
+pub use model::{Models, Physics};
+pub use motion::{Clock, Logged};
+pub use open_loop::{Command, Run, Sample, StaticBox};
+pub use report::{Finding, Kind, Report, Tolerances};
+pub use thesis::{ActionKind as ThesisAction, ThesisEpisode, ThesisStep};
+
+use index::Json;
+use report::Ledger;
+
+/// Compares everything that a folder holds: `index.json` with its tables, `unit`, `thesis` and `physics_golden.json`,
+/// in it or in its folders `pybullet` and `fork`.
+///
+/// # Errors
+/// The first file that is missing, malformed or contradicts another; or when there is nothing to compare.
+pub fn verify(folder: &Path, models: &Models, tolerances: Tolerances) -> Result<Report, RecordingError> {
+    let places: Vec<Place> = [folder.to_owned(), folder.join("pybullet"), folder.join("fork")]
+        .into_iter()
+        .map(Place::of)
+        .filter(|place| !place.is_empty())
+        .collect();
+    if places.is_empty() {
+        return Err(no_recording(folder));
+    }
+    let mut ledger = Ledger::new(tolerances);
+    for place in &places {
+        place.compare(models, &mut ledger)?;
+    }
+    let report = ledger.into_report();
+    if report.rows() > 0 {
+        return Ok(report);
+    }
+    Err(RecordingError::about(folder, "nothing that can be compared", "cases with rows"))
+}
+
+fn no_recording(folder: &Path) -> RecordingError {
+    let found = if folder.is_dir() { "no recording" } else { "no folder" };
+    RecordingError::about(folder, found, "a folder with index.json, unit, thesis or physics_golden.json")
+}
+
+/// What a folder holds.
+struct Place {
+    folder: PathBuf,
+    index: bool,
+    unit: bool,
+    thesis: bool,
+    golden: bool,
+}
+
+impl Place {
+    fn of(folder: PathBuf) -> Self {
+        let holds = |name: &str| folder.join(name).exists();
+        Self {
+            index: holds("index.json"),
+            unit: holds("unit"),
+            thesis: holds("thesis"),
+            golden: holds("physics_golden.json"),
+            folder,
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        !(self.index || self.unit || self.thesis || self.golden)
+    }
+
+    fn compare(&self, models: &Models, ledger: &mut Ledger) -> Result<(), RecordingError> {
+        if self.index {
+            compare_cases(&self.folder, models, ledger)?;
+        }
+        if self.unit {
+            unit::compare(&self.folder.join("unit"), models, ledger)?;
+        }
+        if self.thesis {
+            thesis::compare(&self.folder.join("thesis"), models, ledger)?;
+        }
+        if self.golden {
+            fork::compare(&self.folder.join("physics_golden.json"), models, ledger)?;
+        }
+        Ok(())
+    }
+}
+
+fn compare_cases(folder: &Path, models: &Models, ledger: &mut Ledger) -> Result<(), RecordingError> {
+    let index = Json::read(&folder.join("index.json"))?;
+    let mut left_out: BTreeMap<String, usize> = BTreeMap::new();
+    for case in index.cases()? {
+        match case.kind.as_deref() {
+            Some("one_step") => one_step::compare(folder, &case, models, ledger)?,
+            Some("open_loop") => open_loop::compare(folder, &case, models, ledger)?,
+            Some("closed_loop") => closed_loop::compare(folder, &case, models, ledger)?,
+            Some("rl") => learning::compare(folder, &case, models, ledger)?,
+            Some(other) => *left_out.entry(other.to_owned()).or_default() += 1,
+            None => return Err(case.part.refuse("no key `kind`", "one, such as `open_loop`")),
+        }
+    }
+    for (kind, cases) in left_out {
+        let why = if kind == "camera" { "there is no camera yet" } else { "the kind is not known" };
+        ledger.note(format!("{cases} cases of kind {kind} are not compared: {why}"));
+    }
+    Ok(())
+}

@@ -1,0 +1,248 @@
+//! The thesis's fork: single steps, and episodes of its environments.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use kestrel_core::airframe::Airframe;
+use kestrel_core::bullet::{Bullet, Mode, Quirks, RotorPrecision};
+use kestrel_core::controller::{DslPid, DslPidMemory, command};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::error::RecordingError;
+use super::index::{Case, Json};
+use super::model::{Models, Physics, Publisher};
+use super::motion::{Clock, Logged, flown, largest, rotor_speeds, rpm};
+use super::one_step::worst_row;
+use super::report::{Kind, Ledger, Worst};
+use super::table::{RPM, Row, Table};
+
+/// The drone of the thesis.
+const MODEL: &str = "cf2x";
+
+/// The fork's physics step \[s\] in its single steps.
+const STEP_SECS: f64 = 1.0 / 240.0;
+
+#[derive(Deserialize)]
+struct Settings {
+    env: String,
+    act: ActionKind,
+    init_xyz: Vec<[f64; 3]>,
+    freq: u64,
+    aggregate_phy_steps: u64,
+    first_done_step: Option<usize>,
+    #[serde(default)]
+    env_kwargs: Value,
+}
+
+/// What the numbers of an action mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActionKind {
+    /// Rotor speeds around hover.
+    Rpm,
+    /// Direction and speed.
+    Vel,
+}
+
+/// A recorded episode of one drone under PYB.
+#[derive(Clone, Debug)]
+pub struct ThesisEpisode {
+    /// Its name.
+    pub id: String,
+    /// `long` or `room`.
+    pub environment: String,
+    /// What was commanded.
+    pub action: ActionKind,
+    /// The drone.
+    pub airframe: Airframe,
+    /// Its rates.
+    pub clock: Clock,
+    /// Where it starts, level and at rest \[m, world\].
+    pub start: [f64; 3],
+    /// First control step that ended the episode.
+    pub first_done_step: Option<usize>,
+    /// What the environment was made with: difficulty, bounds, components of reward and termination.
+    pub settings: Value,
+    /// Names of [`ThesisStep::components`].
+    pub components: Vec<String>,
+    /// In the order of time; long hovers leave steps out.
+    pub steps: Vec<ThesisStep>,
+}
+
+/// One control step and the state after it.
+#[derive(Clone, Debug)]
+pub struct ThesisStep {
+    /// Its line, for messages.
+    pub row: String,
+    /// Counted from zero.
+    pub control_step: usize,
+    /// As the policy gave it.
+    pub action: [f64; 4],
+    /// Sum of the components.
+    pub reward: f64,
+    /// Whether the episode is over.
+    pub done: bool,
+    /// Whether only because its time is.
+    pub time_limit: bool,
+    /// Each component of the reward.
+    pub components: Vec<f64>,
+    /// The paper's 12 numbers.
+    pub observation: Vec<f64>,
+    /// Afterwards.
+    pub motion: Logged,
+    /// Held during the step \[RPM\].
+    pub rpm: [f64; 4],
+    /// Contact points.
+    pub contacts: usize,
+}
+
+/// Compares the folder `thesis`.
+pub(super) fn compare(folder: &Path, models: &Models, ledger: &mut Ledger) -> Result<(), RecordingError> {
+    for path in single_steps(folder)? {
+        compare_single_steps(&path, models, ledger)?;
+    }
+    let index = folder.join("index.json");
+    if !index.exists() {
+        return Ok(());
+    }
+    for case in Json::read(&index)?.cases()? {
+        let episode = ThesisEpisode::read(folder, &case, models)?;
+        ledger.add(Kind::ThesisRpm, &episode.id, episode.worst_command());
+        ledger.add(Kind::ThesisStates, &episode.id, episode.worst_state());
+    }
+    Ok(())
+}
+
+/// The files `one_step_MODEL_PHYSICS.csv`, by name.
+fn single_steps(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
+    let broken =
+        |error| RecordingError::about(folder, format_args!("a folder that cannot be read ({error})"), "one");
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(folder).map_err(broken)? {
+        let path = entry.map_err(broken)?.path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if name.starts_with("one_step_") && path.extension().is_some_and(|extension| extension == "csv") {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+fn compare_single_steps(path: &Path, models: &Models, ledger: &mut Ledger) -> Result<(), RecordingError> {
+    let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+    let settings = name.strip_prefix("one_step_").unwrap_or_default();
+    let known = Physics::ALL.into_iter().find_map(|physics| {
+        let model = settings.strip_suffix(physics.name())?.strip_suffix('_')?;
+        Some((models.find(model, Publisher::Fork)?, physics))
+    });
+    let (airframe, physics) = known.ok_or_else(|| {
+        RecordingError::about(
+            path,
+            format_args!("the name {name}"),
+            "one_step_MODEL_PHYSICS with names that are known",
+        )
+    })?;
+    let bullet = Bullet::new(&airframe, physics.mode(), Quirks::fork());
+    ledger.add(Kind::ThesisOneStep, settings, worst_row(&Table::read(path)?, &bullet, STEP_SECS)?);
+    Ok(())
+}
+
+impl ThesisEpisode {
+    /// Reads a case and its table.
+    ///
+    /// # Errors
+    /// When something is missing or contradicts the index.
+    pub(super) fn read(folder: &Path, case: &Case<'_>, models: &Models) -> Result<Self, RecordingError> {
+        let settings: Settings = case.part.decode()?;
+        let control = settings.freq.checked_div(settings.aggregate_phy_steps).unwrap_or(0);
+        let [start] = settings.init_xyz[..] else {
+            return Err(case.part.refuse(format_args!("{} starts", settings.init_xyz.len()), "one"));
+        };
+        let airframe = models.find(MODEL, Publisher::Fork).expect("the thesis's drone is known");
+        let table = Table::read(&folder.join(format!("{}.csv", case.id)))?;
+        Ok(Self {
+            id: case.id.clone(),
+            environment: settings.env,
+            action: settings.act,
+            airframe,
+            clock: case.part.clock(settings.freq, control)?,
+            start,
+            first_done_step: settings.first_done_step,
+            settings: settings.env_kwargs,
+            components: table.prefixed("r_").into_iter().map(|(_, name)| name.to_owned()).collect(),
+            steps: steps(&table)?,
+        })
+    }
+
+    /// Steps before the control step in which the first contact was seen, and before steps are left out.
+    fn free_steps(&self) -> &[ThesisStep] {
+        let touching = self.steps.iter().position(|step| step.contacts > 0);
+        let thinned = self.steps.iter().enumerate().position(|(index, step)| step.control_step != index);
+        let all = self.steps.len();
+        let free = touching.map_or(all, |index| index.saturating_sub(1)).min(thinned.unwrap_or(all));
+        &self.steps[..free]
+    }
+
+    fn worst_command(&self) -> Worst {
+        let controller = DslPid::new(&self.airframe);
+        let mut memory = DslPidMemory::new();
+        let mut state = Logged::at_rest(self.start).placed().motion;
+        let mut worst = Worst::default();
+        for step in self.free_steps() {
+            let speeds = match self.action {
+                ActionKind::Rpm => command::rotor_speeds_all_in_single(&self.airframe, &step.action),
+                ActionKind::Vel => {
+                    let setpoint = command::velocity_in_single(&self.airframe, &state, &step.action);
+                    controller.command(&mut memory, &state, &setpoint, self.clock.control_secs()).rotor_speeds
+                }
+            };
+            worst.add(largest(&rpm(speeds), &step.rpm), &step.row);
+            state = step.motion.placed().motion;
+        }
+        worst
+    }
+
+    fn worst_state(&self) -> Worst {
+        // numpy 1 keeps rotor speeds, and with them thrusts, in the precision of the action.
+        let rotor_precision = match self.action {
+            ActionKind::Rpm => RotorPrecision::Single,
+            ActionKind::Vel => RotorPrecision::Full,
+        };
+        let bullet = Bullet::new(&self.airframe, Mode::Pyb, Quirks { rotor_precision, ..Quirks::fork() });
+        let mut drone = Logged::at_rest(self.start).placed();
+        let mut worst = Worst::default();
+        for step in self.free_steps() {
+            let speeds = rotor_speeds(step.rpm);
+            let Some(after) = flown(&bullet, &self.airframe, &self.clock, drone, &speeds) else { break };
+            worst.add(step.motion.deviation(&after), &step.row);
+            drone = after;
+        }
+        worst
+    }
+}
+
+fn steps(table: &Table) -> Result<Vec<ThesisStep>, RecordingError> {
+    let [k, reward, done, time_limit, contacts] = table.columns(["k", "reward", "done", "time_limit", "nc"])?;
+    let action = table.columns(["a0", "a1", "a2", "a3"])?;
+    let (motion, rpm) = (table.motion("")?, table.columns(RPM)?);
+    let components: Vec<usize> = table.prefixed("r_").into_iter().map(|(column, _)| column).collect();
+    let observation = table.numbered("vec");
+    let of_row = |row: &Row| {
+        Ok(ThesisStep {
+            row: row.name(),
+            control_step: table.whole(row, k)?,
+            action: table.given(row, &action)?,
+            reward: row.pick(&[reward])[0],
+            done: table.truth(row, done)?,
+            time_limit: table.truth(row, time_limit)?,
+            components: row.list(&components),
+            observation: row.list(&observation),
+            motion: row.motion(&motion),
+            rpm: table.given(row, &rpm)?,
+            contacts: table.whole(row, contacts)?,
+        })
+    };
+    table.rows().iter().map(of_row).collect()
+}
