@@ -12,6 +12,7 @@ mod field;
 mod geometry;
 mod node;
 mod pilot;
+mod sensor;
 mod start;
 #[cfg(test)]
 mod tests;
@@ -27,6 +28,10 @@ pub use error::ConfigError;
 pub use field::{Field, Limits};
 pub use pilot::{
     ActionConfig, CriticConfig, ObservationConfig, PilotConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
+};
+pub use sensor::{
+    AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GyroscopeConfig, ImuConfig,
+    RangeConfig, SensorConfig,
 };
 pub use start::{RandomisationConfig, StartConfig, StartPositionConfig};
 pub use vehicle::{AirframeConfig, IntegratorConfig, PhysicsConfig, VehicleConfig};
