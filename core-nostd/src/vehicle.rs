@@ -34,6 +34,20 @@ pub struct State<R> {
     pub rotor_speeds: [R; 4],
 }
 
+impl<R: Real> State<R> {
+    /// The same state in another number type.
+    #[inline(always)]
+    pub fn map<S: Real>(&self, convert: impl Fn(R) -> S + Copy) -> State<S> {
+        State {
+            position: self.position.map(convert),
+            world_from_body: self.world_from_body.map(convert),
+            velocity: self.velocity.map(convert),
+            body_rates: self.body_rates.map(convert),
+            rotor_speeds: self.rotor_speeds.map(convert),
+        }
+    }
+}
+
 /// Time derivative of a [`State`].
 #[derive(Clone, Copy, Debug)]
 pub struct Derivative<R> {

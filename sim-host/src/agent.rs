@@ -9,11 +9,13 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use crate::block::Stage;
+use crate::contact::Arena;
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
 use crate::reward::{Ends, StepView};
 use crate::scenario::{Clock, CriticView, Preset, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
+use crate::sensor::{SensorMemory, Truth, specific_force};
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 use crate::termination::{self, FlightView};
 
@@ -54,7 +56,10 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     rule_memory: Vec<Vec<Column<LANES, R>>>,
     controls: Vec<ControlMemory<R>>,
     streams: Vec<Stream>,
+    sensors: Vec<SensorMemory>,
     measurements: Vec<Column<LANES, R>>,
+    /// Velocity at the last reading of the sensors.
+    read_velocity: [Column<LANES, R>; 3],
 }
 
 /// An agent whose episode ended in this step.
@@ -82,7 +87,13 @@ impl<R: Real> PrivilegedScales<R> {
 
 impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Agent `index` of environments `first..first + LANES` at the start of their first episodes.
-    pub(crate) fn new(scenario: &Scenario, index: usize, seed: Seed, purpose: Purpose, first: u32) -> Self {
+    pub(crate) fn new(
+        scenario: &Scenario,
+        arena: Option<&Arena>,
+        index: usize,
+        (seed, purpose): (Seed, Purpose),
+        first: u32,
+    ) -> Self {
         let nothing = [R::zero(); LANES];
         let stream = |lane| Stream::of_agent(seed, first + lane, index as u32, purpose);
         let columns = |count: usize| vec![nothing; count];
@@ -110,10 +121,15 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             rule_memory: scenario.terminations.iter().map(|rule| columns(rule.rule.memory_len())).collect(),
             controls: vec![ControlMemory::new(); LANES],
             streams: (0..LANES as u32).map(stream).collect(),
-            measurements: Vec::new(),
+            sensors: Vec::new(),
+            measurements: columns(scenario.sensors.len()),
+            read_velocity: [nothing; 3],
         };
+        if !scenario.sensors.is_empty() {
+            agent.sensors = agent.streams.iter_mut().map(|stream| scenario.sensors.begin(stream)).collect();
+        }
         for lane in 0..LANES {
-            agent.reset(scenario, lane);
+            agent.reset(scenario, arena, lane);
         }
         agent
     }
@@ -308,6 +324,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             ObservationLayout::Paper(layout) => self.observe_as_paper(scenario, *layout),
             ObservationLayout::PilotFor(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
                 for lane in 0..LANES {
+                    self.sense_lane(scenario, stage.arena, lane);
                     self.observe_lane(scenario, lane);
                 }
             }
@@ -377,6 +394,27 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
+    /// Reads the sensors, where there are any.
+    fn sense_lane(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
+        let Some(memory) = self.sensors.get_mut(lane) else { return };
+        let state = self.swarm.state(lane).map(Real::to_f64);
+        let before = vector(&self.read_velocity, lane).map(Real::to_f64);
+        let secs = 1.0 / scenario.physics.control_rate_hz;
+        let cast = |origin, direction, limit| arena.and_then(|arena| arena.raycast(origin, direction, limit));
+        let truth = Truth {
+            state: &state,
+            specific_force_in_body: specific_force(&before, &state, secs),
+            raycast: arena.is_some().then_some(&cast),
+        };
+        let mut values = [0.0; OBSERVATION_LIMIT];
+        let values = &mut values[..scenario.sensors.len()];
+        scenario.sensors.read(memory, &truth, &mut self.streams[lane], values);
+        for (column, value) in self.measurements.iter_mut().zip(values) {
+            column[lane] = R::from_f32(*value);
+        }
+        set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
+    }
+
     /// \[rad/s\], world, as the preset reports it.
     #[inline(always)]
     pub(crate) fn angular_velocity(&self, scenario: &Scenario, lane: usize) -> Vector3<R> {
@@ -403,6 +441,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     pub(crate) fn restart_ended(
         &mut self,
         scenario: &Scenario,
+        arena: Option<&Arena>,
         first: u32,
         finished: &mut impl FnMut(Finished<R>),
     ) {
@@ -414,7 +453,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
                 observation: self.observations.iter().map(|column| column[lane]).collect(),
                 privileged: row(&self.privileged, lane),
             });
-            self.reset(scenario, lane);
+            self.reset(scenario, arena, lane);
         }
     }
 
@@ -431,9 +470,16 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     }
 
     /// Begins the lane's next episode; its last reward and code stay readable.
-    fn reset(&mut self, scenario: &Scenario, lane: usize) {
+    fn reset(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
         let beginning = reset::begin(scenario, self.index, &mut self.streams[lane]);
         self.place(scenario, lane, &beginning);
+        if let Some(memory) = self.sensors.get_mut(lane) {
+            *memory = scenario.sensors.begin(&mut self.streams[lane]);
+            set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
+            self.sense_lane(scenario, arena, lane);
+        }
+        self.observe_lane(scenario, lane);
+        self.reveal_lane(&PrivilegedScales::of(scenario), lane);
     }
 
     fn place(&mut self, scenario: &Scenario, lane: usize, beginning: &Beginning<R>) {
@@ -451,8 +497,6 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         self.forget(scenario, lane);
         self.aim_lane(scenario, lane);
         self.distances[lane] = length(&(beginning.drone.motion.position - vector(&self.goal, lane)));
-        self.observe_lane(scenario, lane);
-        self.reveal_lane(&PrivilegedScales::of(scenario), lane);
     }
 
     /// What terms, rules and controllers remember of an episode is gone with it.
@@ -512,12 +556,18 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
                 &mut self.totals,
             ])
             .chain(&mut self.term_totals)
+            .chain(&mut self.measurements)
+            .chain(&mut self.read_velocity)
             .chain(self.term_memory.iter_mut().flatten())
             .chain(self.rule_memory.iter_mut().flatten())
     }
 
     pub(crate) fn streams_mut(&mut self) -> &mut [Stream] {
         &mut self.streams
+    }
+
+    pub(crate) fn sensors_mut(&mut self) -> &mut [SensorMemory] {
+        &mut self.sensors
     }
 
     pub(crate) fn controls_mut(&mut self) -> &mut [ControlMemory<R>] {

@@ -39,11 +39,11 @@ pub(crate) type Actions<const LANES: usize, R> = [Column<LANES, R>; ACTION_LIMIT
 
 impl<const LANES: usize, R: Real> Block<LANES, R> {
     /// Environments `first..first + LANES` at the start of their first episodes.
-    pub(crate) fn new(scenario: &Scenario, seed: Seed, purpose: Purpose, first: u32) -> Self {
+    pub(crate) fn new(scenario: &Scenario, arena: Option<&Arena>, source: (Seed, Purpose), first: u32) -> Self {
         let count = scenario.agents.count as usize;
         let nothing = [R::zero(); LANES];
         let mut block = Self {
-            agents: (0..count).map(|index| Agent::new(scenario, index, seed, purpose, first)).collect(),
+            agents: (0..count).map(|index| Agent::new(scenario, arena, index, source, first)).collect(),
             movables: vec![standing(scenario); LANES],
             team: vec![[nothing; 3]; count],
             targets: vec![[nothing; 4]; count],
@@ -245,6 +245,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     pub(crate) fn restart_ended(
         &mut self,
         scenario: &Scenario,
+        arena: Option<&Arena>,
         first: u32,
         finished: &mut impl FnMut(usize, Finished<R>),
     ) {
@@ -256,7 +257,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             }
         }
         for (index, agent) in self.agents.iter_mut().enumerate() {
-            agent.restart_ended(scenario, first, &mut |done| finished(index, done));
+            agent.restart_ended(scenario, arena, first, &mut |done| finished(index, done));
         }
         self.locate();
     }

@@ -18,6 +18,7 @@ mod physics;
 mod pilot;
 mod reward;
 mod schema;
+mod sensor;
 mod start;
 mod termination;
 #[cfg(test)]
@@ -50,6 +51,10 @@ pub use pilot::{
 };
 pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
 pub use schema::schema_of;
+pub use sensor::{
+    AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GyroscopeConfig, ImuConfig,
+    RangeConfig, SensorConfig,
+};
 pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConfig};
 pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
 pub use vehicle::VehicleConfig;
@@ -62,9 +67,6 @@ use crate::scenario::{Goals, Preset, Scenario};
 
 /// Default of [`ScenarioConfig::episode_secs`].
 const EPISODE_SECS: f64 = 8.0;
-
-/// Values that a scenario's sensors deliver: it has none yet.
-const MEASURED_LEN: usize = 0;
 
 /// Shorter episodes teach nothing, longer ones are several tasks.
 pub const EPISODE_LIMITS: Limits = Limits::from(0.1, 600.0, "s");
@@ -90,6 +92,9 @@ pub struct ScenarioConfig {
     /// What the policy commands.
     #[serde(default)]
     pub action: ActionConfig,
+    /// What the drone measures, for the observation `measured`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sensors: Vec<SensorConfig>,
     /// What the policy sees.
     #[serde(default)]
     pub observation: ObservationConfig,
@@ -130,7 +135,8 @@ impl ScenarioConfig {
         let agents = self.agents.check(&field.at("agents"))?;
         let mut physics = self.physics.check(&field.at("physics"))?;
         let action = self.action.check(&airframe, &field.at("action"))?;
-        let observation = self.observation.check(action.len(), MEASURED_LEN, &field.at("observation"))?;
+        let sensors = SensorConfig::check_all(&self.sensors, 1.0 / physics.control_rate_hz, &field.at("sensors"))?;
+        let observation = self.observation.check(action.len(), sensors.len(), &field.at("observation"))?;
         let aviary = self.aviary.check(&airframe, &field.at("aviary"))?;
         let rate = physics.control_rate_hz;
         let goals = self.goals.as_ref().map(|goals| goals.check(agents.count, &field.at("goals"))).transpose()?;
@@ -149,6 +155,7 @@ impl ScenarioConfig {
             success: self.success.check(&aviary, self.episode_secs, &terminations, &field.at("success"))?,
             goals: goals.unwrap_or(Goals::Fixed),
             agents,
+            sensors,
             clock,
             time_limit,
             aviary,

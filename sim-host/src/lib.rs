@@ -14,6 +14,7 @@ mod reset;
 mod reward;
 pub mod scenario;
 pub mod seed;
+pub mod sensor;
 pub mod simulation;
 pub mod swarm;
 mod termination;

@@ -8,6 +8,7 @@ use kestrel_core::observation::ObservationLayout;
 use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
+use crate::sensor::SensorSuite;
 use crate::world::World;
 
 mod reward;
@@ -35,6 +36,8 @@ pub struct Scenario {
     pub physics: Physics,
     /// What the policy commands.
     pub action: ActionSpace,
+    /// What the drone measures, where the policy sees measurements.
+    pub sensors: SensorSuite,
     /// What the policy sees.
     pub observation: ObservationLayout,
     /// What the critic sees.

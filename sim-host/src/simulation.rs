@@ -14,6 +14,7 @@ use crate::contact::{Arena, ContactReport, ContactSolver};
 use crate::outcome::{Episode, Outcome};
 use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
+use crate::sensor::SensorMemory;
 use crate::termination;
 
 /// Environments that step together, in blocks of `LANES` lanes, each with one drone or several.
@@ -47,6 +48,7 @@ pub struct SimulationState<R = f32> {
     columns: Vec<R>,
     controls: Vec<R>,
     movables: Vec<[f64; MOTION_LEN]>,
+    sensors: Vec<SensorMemory>,
     streams: Vec<Stream>,
     episodes: Vec<Episode>,
 }
@@ -77,11 +79,10 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         let mut simulation = Self {
             controls: Controls::new(&scenario.action),
             solver: solver(scenario, arena.as_deref()),
-            arena,
             arch: Arch::new(),
             first_environment,
             environments,
-            blocks: firsts.map(|first| Block::new(scenario, seed, purpose, first)).collect(),
+            blocks: firsts.map(|first| Block::new(scenario, arena.as_deref(), (seed, purpose), first)).collect(),
             observations: nothing(observation_len),
             privileged: nothing(privileged_len),
             rewards: nothing(1),
@@ -90,6 +91,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             final_privileged: nothing(privileged_len),
             episodes: Vec::new(),
             scenario: scenario.clone(),
+            arena,
         };
         simulation.publish();
         simulation
@@ -225,6 +227,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             columns: Vec::new(),
             controls: Vec::new(),
             movables: Vec::new(),
+            sensors: Vec::new(),
             streams: Vec::new(),
             episodes: self.episodes.clone(),
         };
@@ -232,6 +235,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             for agent in &mut block.agents {
                 agent.columns_mut().for_each(|column| state.columns.extend_from_slice(column));
                 agent.controls_mut().iter().for_each(|memory| state.controls.extend(memory.to_array()));
+                state.sensors.extend_from_slice(agent.sensors_mut());
                 state.streams.extend_from_slice(agent.streams_mut());
             }
             state.movables.extend(block.movables_mut().map(|motion| motion_to_array(motion)));
@@ -245,6 +249,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         let own = self.save();
         let fits = state.columns.len() == own.columns.len()
             && state.controls.len() == own.controls.len()
+            && state.sensors.len() == own.sensors.len()
             && state.streams.len() == own.streams.len()
             && state.movables.len() == own.movables.len();
         if !fits {
@@ -252,6 +257,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         }
         let mut columns = state.columns.chunks_exact(LANES);
         let mut controls = state.controls.chunks_exact(CONTROL_MEMORY_LEN);
+        let mut sensors = state.sensors.iter();
         let mut streams = state.streams.iter();
         let mut movables = state.movables.iter();
         for block in &mut self.blocks {
@@ -261,6 +267,9 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 }
                 for (memory, values) in agent.controls_mut().iter_mut().zip(&mut controls) {
                     *memory = ControlMemory::from_array(&core::array::from_fn(|index| values[index]));
+                }
+                for (memory, saved) in agent.sensors_mut().iter_mut().zip(&mut sensors) {
+                    memory.clone_from(saved);
                 }
                 for (stream, saved) in agent.streams_mut().iter_mut().zip(&mut streams) {
                     stream.clone_from(saved);
@@ -305,15 +314,20 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 continue;
             }
             let first = self.first_environment + (index * LANES) as u32;
-            block.restart_ended(&self.scenario, first, &mut |agent: usize, finished: Finished<R>| {
-                let environment = index * LANES + finished.lane;
-                if environment < environments {
-                    let row = agent * environments + environment;
-                    scatter(&mut self.final_observations, rows, row, &finished.observation);
-                    scatter(&mut self.final_privileged, rows, row, &finished.privileged);
-                    self.episodes.push(finished.episode);
-                }
-            });
+            block.restart_ended(
+                &self.scenario,
+                self.arena.as_deref(),
+                first,
+                &mut |agent: usize, finished: Finished<R>| {
+                    let environment = index * LANES + finished.lane;
+                    if environment < environments {
+                        let row = agent * environments + environment;
+                        scatter(&mut self.final_observations, rows, row, &finished.observation);
+                        scatter(&mut self.final_privileged, rows, row, &finished.privileged);
+                        self.episodes.push(finished.episode);
+                    }
+                },
+            );
         }
     }
 

@@ -11,6 +11,7 @@ use crate::scenario::{
     AgentSet, Agents, Aviary, Clock, Contacts, CriticView, Downwash, EndRule, Goals, Physics, Preset,
     Randomisation, RewardTerm, Scenario, Start, StartPosition, Success, Termination, TimeLimit, WeightedTerm,
 };
+use crate::sensor::SensorSuite;
 use crate::world::World;
 
 /// Hover one metre above the origin, everything randomised, every kind of dense reward, short episodes.
@@ -34,6 +35,7 @@ pub(crate) fn hover() -> Scenario {
             contacts: Contacts::Reported,
         },
         action: ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3)),
+        sensors: SensorSuite::new(Vec::new(), 0.01),
         observation: ObservationLayout::Pilot(PilotLayout {
             position_scale_m: 1.0,
             velocity_scale: 2.0,

@@ -1,0 +1,94 @@
+use super::*;
+use crate::config::Document;
+
+/// A file with nothing but sensors.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Equipment {
+    sensors: Vec<SensorConfig>,
+}
+
+const ALL: &str = "sensors: [imu: {}, flow: {}, range: {}, barometer: {}]";
+
+fn suite(text: &str) -> Result<SensorSuite, ConfigError> {
+    let document = Document::parse("trial.yaml", text)?;
+    let equipment: Equipment = document.decode()?;
+    SensorConfig::check_all(&equipment.sensors, 0.01, &document.root().at("sensors"))
+}
+
+fn message(text: &str) -> String {
+    let error = suite(text).unwrap_err().to_string();
+    error.lines().next().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn a_fully_equipped_crazyflie_measures_fifteen_values() {
+    let suite = suite(ALL).unwrap();
+    assert_eq!(suite.len(), 6 + 3 + 5 + 1);
+    let signals: Vec<_> = suite.instruments().iter().map(|instrument| instrument.signal).collect();
+    assert_eq!(signals[..2], [Signal::BodyRates, Signal::SpecificForce]);
+    assert_eq!(signals[3], Signal::Distance { direction: Direction::Down, limit: 4.0 });
+    assert_eq!(signals[8], Signal::Distance { direction: Direction::Up, limit: 4.0 });
+    assert_eq!(signals[9], Signal::Height);
+}
+
+#[test]
+fn data_sheets_become_si() {
+    let suite = suite(ALL).unwrap();
+    let near = |value: f64, expected: f64| (value / expected - 1.0).abs() < 1e-3;
+    let gyroscope = &suite.instruments()[0];
+    // 0.014 °/s/√Hz in 88.9 Hz is 0.132 °/s.
+    assert!(matches!(gyroscope.noise, Noise::Constant(deviation) if near(deviation, 2.3034e-3)));
+    assert!(near(gyroscope.limits[1], 34.907) && near(gyroscope.resolution, 1.0647e-3));
+    let accelerometer = &suite.instruments()[1];
+    // 175 µg/√Hz in 33.3 Hz is 1.01 mg.
+    assert!(matches!(accelerometer.noise, Noise::Constant(deviation) if near(deviation, 9.9066e-3)));
+    assert!(near(accelerometer.bias.constant, 0.196_133) && accelerometer.unit == GRAVITY);
+}
+
+#[test]
+fn a_rangers_noise_is_the_firmwares() {
+    let suite = suite(ALL).unwrap();
+    let Noise::Growing { near, onset, growth } = suite.instruments()[3].noise else { panic!("it grows") };
+    assert_eq!((near, onset), (0.0025, 2.5));
+    // zranger2.c: expCoeff = log(expStdB / expStdA) / (expPointB - expPointA).
+    assert!((growth - (0.2_f64 / 0.0025).ln() / 1.5).abs() < 1e-12);
+}
+
+#[test]
+fn a_perfect_instrument_can_be_written() {
+    let perfect = "sensors: [range: {directions: [down], beam: {noise_m: 0, noise_at_limit_m: 0, bias_m: 0, \\
+                   resolution_m: 0, latency_secs: 0, rate_hz: 10000}}]";
+    let suite = suite(&perfect.replace("\\\n", "")).unwrap();
+    let instrument = &suite.instruments()[0];
+    assert_eq!((instrument.noise, instrument.resolution), (Noise::Constant(0.0), 0.0));
+}
+
+#[test]
+fn what_is_wrong_is_said_with_its_place() {
+    let table = [
+        ("sensors: [sonar: {}]", "found `sonar`, expected `imu`, `flow`, `range` or `barometer`"),
+        ("sensors: [imu: {gyro: {}}]", "found the unknown key `gyro`, expected `gyroscope` or `accelerometer`"),
+        ("sensors: [barometer: {rate_hz: 0}]", "found 0, expected a number from 0.1 to 10000 Hz"),
+        ("sensors: [barometer: {noise_m: -1}]", "found -1, expected a number from 0 to 1000"),
+        ("sensors: [flow: {height: {drop_out: 1}}]", "found 1, expected a number from 0 to 0.99"),
+        ("sensors: [imu: {gyroscope: {latency_secs: 2}}]", "found 2, expected a number from 0 to 1 s"),
+        ("sensors: [imu: {accelerometer: {limit_g: 0}}]", "found 0, expected a number above 0, at most 1000 g"),
+        ("sensors: [range: {directions: []}]", "found no directions, expected at least one, such as `front`"),
+        (
+            "sensors: [range: {directions: [up, front, up]}]",
+            "sensors.0.range.directions.2: found a direction a second time, expected each direction once",
+        ),
+        ("sensors: [range: {directions: [north]}]", "expected `front`, `back`, `left`, `right`, `up` or `down`"),
+    ];
+    for (text, expected) in table {
+        let found = message(text);
+        assert!(found.starts_with("trial.yaml:1:") && found.contains(expected), "{text}\n{found}");
+    }
+}
+
+#[test]
+fn more_values_than_a_policy_sees_are_refused() {
+    let many = format!("sensors: [{}]", ["imu: {}"; OBSERVATION_LIMIT / 6 + 1].join(", "));
+    assert!(message(&many).contains("sensors that measure"), "{}", message(&many));
+}

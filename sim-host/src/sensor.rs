@@ -1,0 +1,103 @@
+//! What a real drone measures: true states made late, noisy, biased, coarse and rare.
+//!
+//! A [`SensorSuite`] is the drone's equipment, checked; a [`SensorMemory`] is what one drone's instruments remember
+//! (bias, the sample that is held, samples on their way). Every control period one [`SensorSuite::read`] turns the
+//! [`Truth`] into the values a policy sees, all of order one. [`signal`] says what each instrument would deliver if
+//! it was perfect, [`instrument`] how it falls short.
+
+pub mod instrument;
+pub mod signal;
+#[cfg(test)]
+mod tests;
+
+use kestrel_core::airframe::GRAVITY;
+use kestrel_core::vehicle::State;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::seed::Stream;
+use instrument::{Instrument, InstrumentMemory};
+
+/// Distance \[m\] from an origin along a unit direction (both world) to the nearest thing within a limit \[m\].
+pub type Raycast<'a> = &'a dyn Fn(Vector3<f64>, Vector3<f64>, f64) -> Option<f64>;
+
+/// A drone and its surroundings as they are.
+#[derive(Clone, Copy)]
+pub struct Truth<'a> {
+    /// Where the drone is and how it moves.
+    pub state: &'a State<f64>,
+    /// What an accelerometer at the centre of mass feels \[m/s²\], body: acceleration without gravity.
+    pub specific_force_in_body: Vector3<f64>,
+    /// What rays hit; without it there is only a floor at z = 0.
+    pub raycast: Option<Raycast<'a>>,
+}
+
+/// The instruments of a drone, in the order of their values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorSuite {
+    instruments: Vec<Instrument>,
+    /// Time between two readings \[s\].
+    control_secs: f64,
+}
+
+/// What the instruments of one drone remember from reading to reading, within an episode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SensorMemory {
+    /// Readings so far.
+    readings: u64,
+    instruments: Vec<InstrumentMemory>,
+}
+
+impl SensorSuite {
+    /// These instruments, read every `control_secs` \[s\].
+    pub fn new(instruments: Vec<Instrument>, control_secs: f64) -> Self {
+        Self { instruments, control_secs }
+    }
+
+    /// The instruments, in the order of their values.
+    pub fn instruments(&self) -> &[Instrument] {
+        &self.instruments
+    }
+
+    /// Whether there is no instrument.
+    pub fn is_empty(&self) -> bool {
+        self.instruments.is_empty()
+    }
+
+    /// Number of values of a reading.
+    pub fn len(&self) -> usize {
+        self.instruments.iter().map(|instrument| instrument.signal.width()).sum()
+    }
+
+    /// Instruments as an episode finds them: biases and the instants of their samples are drawn from `stream`.
+    pub fn begin(&self, stream: &mut Stream) -> SensorMemory {
+        let begin = |instrument: &Instrument| InstrumentMemory::begin(instrument, stream);
+        SensorMemory { readings: 0, instruments: self.instruments.iter().map(begin).collect() }
+    }
+
+    /// Reads all instruments once, one control period after the last time; `out` has [`Self::len`] values.
+    ///
+    /// The first reading of an episode finds instruments that have been running: their first sample is already there.
+    ///
+    /// # Panics
+    /// When `out` has another length or `memory` is of another suite.
+    pub fn read(&self, memory: &mut SensorMemory, truth: &Truth<'_>, stream: &mut Stream, out: &mut [f32]) {
+        assert_eq!(out.len(), self.len(), "a reading has as many values as its suite");
+        assert_eq!(memory.instruments.len(), self.instruments.len(), "a memory belongs to its suite");
+        let mut values = out.iter_mut();
+        for (instrument, memory_of_it) in self.instruments.iter().zip(&mut memory.instruments) {
+            memory_of_it.advance(instrument, memory.readings, self.control_secs, truth, stream);
+            for (held, value) in memory_of_it.held().iter().zip(values.by_ref().take(instrument.signal.width())) {
+                *value = (held / instrument.unit) as f32;
+            }
+        }
+        memory.readings += 1;
+    }
+}
+
+/// What an accelerometer feels on average while the velocity \[m/s, world\] changes from `before` to that of `after`,
+/// in `secs` \[s\], whatever did it: rotors, air, or something hit; in the body frame of `after`.
+pub fn specific_force(before: &Vector3<f64>, after: &State<f64>, secs: f64) -> Vector3<f64> {
+    let in_world = (after.velocity - before) / secs + Vector3::new(0.0, 0.0, GRAVITY);
+    after.world_from_body.rotate_inverse(in_world)
+}
