@@ -9,6 +9,7 @@ pub mod config;
 mod contact;
 pub mod flight;
 pub mod outcome;
+pub mod outline;
 mod reset;
 mod reward;
 pub mod scenario;

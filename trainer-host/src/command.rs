@@ -5,6 +5,7 @@ mod completions;
 mod evaluate;
 mod export;
 mod fly;
+mod replay;
 mod run;
 mod table;
 mod train;
@@ -32,6 +33,8 @@ pub(crate) enum Command {
     Export(export::Arguments),
     /// Fly a policy as a MAVLink vehicle in the simulator
     Fly(fly::Arguments),
+    /// Draw a recorded episode
+    Replay(replay::Arguments),
     /// Print the JSON schema of experiment files
     Schema,
     /// Measure every stage on this machine
@@ -56,6 +59,7 @@ impl Command {
             Self::Evaluate(arguments) => evaluate::run(&arguments),
             Self::Export(arguments) => export::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
+            Self::Replay(arguments) => replay::run(&arguments),
             Self::Bench(arguments) => bench::run(&arguments),
             Self::Schema => {
                 say(kestrel_train::experiment_config::schema().trim_end())?;
