@@ -10,6 +10,7 @@ pub mod config;
 pub mod contact;
 pub mod flight;
 pub mod outcome;
+pub mod outline;
 mod reset;
 mod reward;
 pub mod scenario;

@@ -263,6 +263,12 @@ pub struct Randomisation {
 }
 
 impl Physics {
+    /// Kestrel's own physics without ground effect and downwash; contacts are reported.
+    pub fn clean(integrator: Integrator, substeps: u32, control_rate_hz: f64) -> Self {
+        let preset = Preset::Clean { integrator, ground: Ground::Distant, downwash: Downwash::Absent };
+        Self { preset, substeps, control_rate_hz, contacts: Contacts::Reported }
+    }
+
     /// Time between two actions \[s\].
     pub fn control_secs(&self) -> f32 {
         (1.0 / self.control_rate_hz) as f32

@@ -54,6 +54,11 @@ impl SensorSuite {
         Self { instruments, control_secs }
     }
 
+    /// No instruments.
+    pub fn none() -> Self {
+        Self::new(Vec::new(), 1.0)
+    }
+
     /// The instruments, in the order of their values.
     pub fn instruments(&self) -> &[Instrument] {
         &self.instruments

@@ -4,38 +4,26 @@ use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::airframe::CF2X;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::{ObservationLayout, PilotLayout};
-use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
 use crate::scenario::{
-    AgentSet, Agents, Aviary, Clock, Contacts, CriticView, Downwash, EndRule, Goals, Physics, Preset,
-    Randomisation, RewardTerm, Scenario, Start, StartPosition, Success, Termination, TimeLimit, WeightedTerm,
+    Agents, Aviary, Clock, CriticView, EndRule, Goals, Physics, Randomisation, RewardTerm, Scenario, Start,
+    StartPosition, Success, Termination, TimeLimit, WeightedTerm,
 };
 use crate::sensor::SensorSuite;
 use crate::world::World;
 
 /// Hover one metre above the origin, everything randomised, every kind of dense reward, short episodes.
 pub(crate) fn hover() -> Scenario {
-    let weighted = |term, weight| WeightedTerm { term, weight, agents: AgentSet::All };
-    let failure = |rule| EndRule { rule, truncates: false };
     Scenario {
         name: "hover".into(),
         aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), world: World::empty() },
         airframe: CF2X,
         goals: Goals::Fixed,
         agents: Agents::ONE,
-        physics: Physics {
-            preset: Preset::Clean {
-                integrator: Integrator::SemiImplicitEuler,
-                ground: Ground::Distant,
-                downwash: Downwash::Absent,
-            },
-            substeps: 2,
-            control_rate_hz: 100.0,
-            contacts: Contacts::Reported,
-        },
+        physics: Physics::clean(Integrator::SemiImplicitEuler, 2, 100.0),
         action: ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3)),
-        sensors: SensorSuite::new(Vec::new(), 0.01),
+        sensors: SensorSuite::none(),
         observation: ObservationLayout::Pilot(PilotLayout {
             position_scale_m: 1.0,
             velocity_scale: 2.0,
@@ -50,17 +38,17 @@ pub(crate) fn hover() -> Scenario {
         },
         randomisation: Randomisation { mass: 0.1, inertia: 0.1, thrust: 0.1, rotor_lag: 0.3, wind_speed: 0.5 },
         rewards: vec![
-            weighted(RewardTerm::Alive, 1.0),
-            weighted(RewardTerm::Proximity { scale_m: 0.5 }, 2.0),
-            weighted(RewardTerm::Velocity, -0.1),
-            weighted(RewardTerm::BodyRates, -0.01),
-            weighted(RewardTerm::ActionChange, -0.1),
-            weighted(RewardTerm::Progress, 1.0),
-            weighted(RewardTerm::Failure, -1.0),
+            WeightedTerm::new(RewardTerm::Alive, 1.0),
+            WeightedTerm::new(RewardTerm::Proximity { scale_m: 0.5 }, 2.0),
+            WeightedTerm::new(RewardTerm::Velocity, -0.1),
+            WeightedTerm::new(RewardTerm::BodyRates, -0.01),
+            WeightedTerm::new(RewardTerm::ActionChange, -0.1),
+            WeightedTerm::new(RewardTerm::Progress, 1.0),
+            WeightedTerm::new(RewardTerm::Failure, -1.0),
         ],
         terminations: vec![
-            failure(Termination::Collision { allowed: None }),
-            failure(Termination::Distance { limit_m: 1.5 }),
+            EndRule::terminal(Termination::COLLISION),
+            EndRule::terminal(Termination::Distance { limit_m: 1.5 }),
         ],
         episode_secs: 1.0,
         clock: Clock::Elapsed,

@@ -1,11 +1,11 @@
-//! A flight as an animated GIF: recording, playback, camera, scene, captions, encoding.
+//! A flight of one or several drones as an animated GIF: recording, playback, camera, scene, captions, encoding.
 //!
 //! Everything is drawn by this module on the CPU, from nothing but the recording: the same flight gives the same
 //! bytes on every machine.
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
-use kestrel_sim::scenario::Cuboid;
+use kestrel_sim::outline::Outline;
 use kestrel_sim::world::Floor;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -39,25 +39,50 @@ pub struct FlightRecording {
     pub control_secs: f32,
     /// What flies: its rotor positions and propeller radius are drawn to scale.
     pub airframe: Airframe,
-    /// Where it should go \[m, world\].
-    pub goal: Vector3<f32>,
-    /// Walls and obstacles.
-    pub solids: Vec<Cuboid>,
+    /// The drones, at least one; they begin together.
+    pub drones: Vec<DroneFlight>,
+    /// Walls and obstacles where they stand \[m, world\].
+    pub solids: Vec<Outline>,
+    /// Obstacles that move.
+    pub movables: Vec<MovingSolid>,
     /// Whether there is a floor at z = 0; otherwise a plane below the flight gives orientation.
     pub floor: Floor,
-    /// The states, one per control period.
+}
+
+/// What one drone did.
+#[derive(Clone, Debug)]
+pub struct DroneFlight {
+    /// Where it should go \[m, world\].
+    pub goal: Vector3<f32>,
+    /// The states, one per control period, at least one; after the last the drone is shown where it ended.
     pub frames: Vec<FlightFrame>,
 }
 
 /// The drone at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightFrame {
-    /// Position \[m, world\].
+    /// Where it is.
+    pub placement: Placement,
+    /// Speed of each rotor as a share of its limit, \[0, 1\], in the airframe's order.
+    pub rotor_fractions: [f32; 4],
+}
+
+/// A solid that is not always in the same place.
+#[derive(Clone, Debug)]
+pub struct MovingSolid {
+    /// Its surface around its own origin \[m\].
+    pub outline: Outline,
+    /// Where it is, one per control period, at least one; after the last it stays there.
+    pub placements: Vec<Placement>,
+}
+
+/// A place and an orientation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// \[m, world\].
     pub position: Vector3<f32>,
     /// `world_from_body`.
     pub attitude: Attitude<f32>,
-    /// Speed of each rotor as a share of its limit, \[0, 1\], in the airframe's order.
-    pub rotor_fractions: [f32; 4],
 }
 
 /// Why a flight cannot be drawn.
@@ -70,8 +95,13 @@ pub enum AnimationError {
     #[error("the recording of the flight has a control period of {0} s: expected a positive number")]
     ControlPeriod(f32),
     /// A number that is none.
-    #[error("frame {0} of the flight holds NaN or infinite numbers: expected finite ones")]
-    NotFinite(usize),
+    #[error("frame {frame} of drone {drone} holds NaN or infinite numbers: expected finite ones")]
+    NotFinite {
+        /// Counted from zero.
+        drone: usize,
+        /// Counted from zero.
+        frame: usize,
+    },
     /// The GIF encoder failed.
     #[error("cannot encode the flight as GIF: {0}")]
     Encoding(String),
@@ -100,21 +130,24 @@ fn picture(scene: &scene::Scene<'_>, shot: &scene::Shot<'_>) -> Canvas {
 }
 
 fn check(recording: &FlightRecording) -> Result<(), AnimationError> {
-    if recording.frames.is_empty() {
+    let drones = &recording.drones;
+    if drones.is_empty() || drones.iter().any(|flight| flight.frames.is_empty()) {
         return Err(AnimationError::Empty);
     }
     if !(recording.control_secs.is_finite() && recording.control_secs > 0.0) {
         return Err(AnimationError::ControlPeriod(recording.control_secs));
     }
-    match recording.frames.iter().position(|frame| !is_finite(frame)) {
-        Some(frame) => Err(AnimationError::NotFinite(frame)),
-        None => Ok(()),
+    for (drone, flight) in drones.iter().enumerate() {
+        if let Some(frame) = flight.frames.iter().position(|frame| !is_finite(frame)) {
+            return Err(AnimationError::NotFinite { drone, frame });
+        }
     }
+    Ok(())
 }
 
 fn is_finite(frame: &FlightFrame) -> bool {
-    let Attitude { w, x, y, z } = frame.attitude;
-    let numbers = [w, x, y, z].into_iter().chain(frame.position.iter().copied()).chain(frame.rotor_fractions);
+    let Placement { position, attitude: Attitude { w, x, y, z } } = frame.placement;
+    let numbers = [w, x, y, z].into_iter().chain(position.iter().copied()).chain(frame.rotor_fractions);
     numbers.into_iter().all(f32::is_finite)
 }
 

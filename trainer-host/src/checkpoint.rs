@@ -1,26 +1,19 @@
 //! Checkpoints: all that a run needs to go on, in files that are whole or refused.
 //!
-//! A file is, little-endian: magic (8 bytes), format version (`u32`), payload length (`u64`), CRC-32 of the payload
-//! (`u32`), payload (postcard). Numbers and nothing else decide what is newest, never the clock.
+//! Each is a [sealed file](crate::sealed_file). Numbers and nothing else decide what is newest, never the clock.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use kestrel_core::crc32::crc32;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::atomic_file::{FileError, read, replace_atomically};
+use crate::atomic_file::{FileError, replace_atomically};
+use crate::sealed_file::{Kind, SealError};
 
-/// First bytes of every checkpoint.
-const MAGIC: [u8; 8] = *b"KESTRELC";
-
-/// Version of the layout described above; changes when old files cannot be read any more.
-pub const FORMAT_VERSION: u32 = 1;
-
-/// Magic, version, length, CRC-32.
-const HEADER_LEN: usize = 8 + 4 + 8 + 4;
+/// What every checkpoint is.
+const KIND: Kind = Kind { noun: "checkpoint", magic: *b"KESTRELC", version: 1 };
 
 /// Checkpoints that are kept: the newest and, in case it is damaged later, the one before.
 const KEPT: usize = 2;
@@ -34,63 +27,9 @@ pub enum CheckpointError {
     /// There is none yet.
     #[error("{} holds no checkpoint: the run ended before its first one, start it anew", .0.display())]
     None(PathBuf),
-    /// The file ends too early.
-    #[error("{} is truncated: found {found} bytes, expected {expected}", path.display())]
-    Truncated {
-        /// The file.
-        path: PathBuf,
-        /// Bytes in the file.
-        found: u64,
-        /// Bytes a whole file has, or its header alone where that is cut.
-        expected: u64,
-    },
-    /// The file goes on after its end.
-    #[error("{} is too long: found {found} bytes, expected {expected}", path.display())]
-    TooLong {
-        /// The file.
-        path: PathBuf,
-        /// Bytes in the file.
-        found: u64,
-        /// Bytes announced by the header.
-        expected: u64,
-    },
-    /// Not a checkpoint at all.
-    #[error("{} is no checkpoint: it begins with {found:?}, expected {:?}", path.display(), MAGIC.escape_ascii().to_string())]
-    Magic {
-        /// The file.
-        path: PathBuf,
-        /// Its first bytes, escaped.
-        found: String,
-    },
-    /// Written in a format that this program does not know.
-    #[error(
-        "{} has checkpoint format {found}, expected {FORMAT_VERSION}: use the version of kestrel that wrote it",
-        path.display()
-    )]
-    Version {
-        /// The file.
-        path: PathBuf,
-        /// Its format version.
-        found: u32,
-    },
-    /// Bits have changed since it was written.
-    #[error("{} is damaged: found CRC-32 {found:08x}, expected {expected:08x}", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// CRC-32 of the payload as it is.
-        found: u32,
-        /// CRC-32 of the payload when it was written.
-        expected: u32,
-    },
-    /// Whole, but of something else.
-    #[error("{} holds other content than expected ({cause}): it was written by a different version of kestrel", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What the decoder says.
-        cause: String,
-    },
+    /// The file is no whole checkpoint, or cannot be read.
+    #[error(transparent)]
+    Sealed(#[from] SealError),
     /// The system refused a file operation.
     #[error(transparent)]
     File(#[from] FileError),
@@ -132,7 +71,7 @@ impl Checkpoints {
     /// # Panics
     /// When `state` cannot be serialised by postcard, such as a sequence of unknown length.
     pub fn save(&self, updates: u64, state: &impl Serialize) -> Result<PathBuf, CheckpointError> {
-        let bytes = encode(state);
+        let bytes = KIND.encode(state);
         self.save_through(updates, |file| file.write_all(&bytes))
     }
 
@@ -196,71 +135,9 @@ impl Checkpoints {
 /// Reads one checkpoint.
 ///
 /// # Errors
-/// A variant of [`CheckpointError`] for each way in which a file can be none.
+/// A variant of [`SealError`] for each way in which a file can be none.
 pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, CheckpointError> {
-    decode(path, &read(path)?)
-}
-
-fn encode(state: &impl Serialize) -> Vec<u8> {
-    let payload = postcard::to_allocvec(state).expect("states are plain data");
-    let mut bytes = Vec::with_capacity(HEADER_LEN + payload.len());
-    bytes.extend(MAGIC);
-    bytes.extend(FORMAT_VERSION.to_le_bytes());
-    bytes.extend((payload.len() as u64).to_le_bytes());
-    bytes.extend(crc32(&payload).to_le_bytes());
-    bytes.extend(payload);
-    bytes
-}
-
-fn decode<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T, CheckpointError> {
-    let payload = whole_payload(path, bytes)?;
-    let content = |cause: String| CheckpointError::Content { path: path.to_owned(), cause };
-    match postcard::take_from_bytes(payload) {
-        Ok((state, [])) => Ok(state),
-        Ok((_, rest)) => Err(content(format!("{} bytes too many", rest.len()))),
-        Err(cause) => Err(content(cause.to_string())),
-    }
-}
-
-/// Takes the payload out of a file that is what it says it is.
-fn whole_payload<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a [u8], CheckpointError> {
-    let path = path.to_owned();
-    if !bytes.starts_with(&MAGIC[..bytes.len().min(MAGIC.len())]) {
-        let found = bytes[..MAGIC.len().min(bytes.len())].escape_ascii().to_string();
-        return Err(CheckpointError::Magic { path, found });
-    }
-    let found = bytes.len() as u64;
-    let Some((header, payload)) = bytes.split_first_chunk::<HEADER_LEN>() else {
-        return Err(CheckpointError::Truncated { path, found, expected: HEADER_LEN as u64 });
-    };
-    let Header { version, payload_len, crc32: expected_crc32 } = Header::parse(header);
-    if version != FORMAT_VERSION {
-        return Err(CheckpointError::Version { path, found: version });
-    }
-    let expected = payload_len.saturating_add(HEADER_LEN as u64);
-    if found < expected {
-        return Err(CheckpointError::Truncated { path, found, expected });
-    }
-    if found > expected {
-        return Err(CheckpointError::TooLong { path, found, expected });
-    }
-    let (found, expected) = (crc32(payload), expected_crc32);
-    if found == expected { Ok(payload) } else { Err(CheckpointError::Damaged { path, found, expected }) }
-}
-
-/// What stands between the magic and the payload.
-struct Header {
-    version: u32,
-    payload_len: u64,
-    crc32: u32,
-}
-
-impl Header {
-    fn parse(header: &[u8; HEADER_LEN]) -> Self {
-        let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
-        let payload_len = u64::from(word(12)) | u64::from(word(16)) << 32;
-        Self { version: word(8), payload_len, crc32: word(20) }
-    }
+    Ok(KIND.read(path)?)
 }
 
 #[cfg(test)]

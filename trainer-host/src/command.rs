@@ -5,6 +5,7 @@ mod completions;
 mod evaluate;
 mod export;
 mod fly;
+mod replay;
 mod run;
 mod table;
 mod train;
@@ -35,6 +36,8 @@ pub(crate) enum Command {
     Fly(fly::Arguments),
     /// Compare the simulator with a recording of the reference system
     Verify(verify::Arguments),
+    /// Draw a recorded episode
+    Replay(replay::Arguments),
     /// Print the JSON schema of experiment files
     Schema,
     /// Measure every stage on this machine
@@ -62,6 +65,7 @@ impl Command {
             Self::Export(arguments) => export::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Verify(arguments) => verify::run(&arguments),
+            Self::Replay(arguments) => replay::run(&arguments),
             Self::Bench(arguments) => bench::run(&arguments),
             Self::Schema => {
                 say(kestrel_train::experiment_config::schema().trim_end())?;

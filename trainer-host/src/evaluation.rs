@@ -169,7 +169,11 @@ impl<'a> Cockpit<'a> {
         Self {
             flyer,
             scripted: vec![
-                ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs);
+                ScriptedPilot::new(
+                    &scenario.airframe,
+                    &scenario.action,
+                    scenario.physics.control_secs()
+                );
                 count
             ],
             noise: Stream::new(seed, first, Purpose::Baseline),
@@ -237,7 +241,7 @@ fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluati
         success_interval: wilson(successes as f64, count),
         episode_return: mean,
         return_interval: [mean - margin, mean + margin],
-        length_secs: steps / count * f64::from(scenario.physics.control_secs),
+        length_secs: steps / count * f64::from(scenario.physics.control_secs()),
         endings: endings(episodes),
     }
 }

@@ -138,7 +138,7 @@ impl Place<'_> {
 }
 
 fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {
-    let expected_secs = scenario.physics.control_secs;
+    let expected_secs = scenario.physics.control_secs();
     if (found_secs - expected_secs).abs() <= PERIOD_TOLERANCE * expected_secs {
         return Ok(());
     }
@@ -147,9 +147,10 @@ fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {
 
 /// On the floor in the middle of where episodes begin.
 fn launch_site(scenario: &Scenario) -> Vector3<f32> {
-    let middle = match scenario.start.position {
+    let middle = match &scenario.start.position {
         StartPosition::AroundGoal { .. } => scenario.aviary.goal,
         StartPosition::Within(region) => (region.low + region.high) * 0.5,
+        StartPosition::Exactly(places) => places[0].position.cast(),
     };
     Vector3::new(middle.x, middle.y, 0.0)
 }

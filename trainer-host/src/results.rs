@@ -5,12 +5,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use kestrel_core::policy_file::{PolicyError, PolicyFile, PolicyMetadata};
+use kestrel_sim::outline::Outline;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Purpose;
 use serde::{Deserialize, Serialize};
 
 use crate::actor_critic::Actor;
-use crate::animation::{AnimationError, FlightFrame, FlightRecording, flight_gif};
+use crate::animation::{AnimationError, DroneFlight, FlightFrame, FlightRecording, Placement, flight_gif};
 use crate::atomic_file::{FileError, write_atomically};
 use crate::curve::{CurveError, CurvePoint, learning_curve};
 use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, observations_in_flight, record};
@@ -96,7 +97,7 @@ pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> 
         name: &experiment.name,
         observation: scenario.observation,
         action: scenario.action,
-        control_period_secs: scenario.physics.control_secs,
+        control_period_secs: scenario.physics.control_secs(),
         seed: experiment.seed.0,
         training_steps,
     };
@@ -133,7 +134,7 @@ fn refuse_other_task(policy: &PolicyFile<'_>, path: &Path, scenario: &Scenario) 
         "observation"
     } else if metadata.action != scenario.action {
         "action"
-    } else if metadata.control_period_secs != scenario.physics.control_secs {
+    } else if metadata.control_period_secs != scenario.physics.control_secs() {
         "control rate"
     } else {
         return Ok(());
@@ -161,18 +162,17 @@ pub fn draw(experiment: &Experiment, directory: &RunDirectory) -> Result<(), Res
 fn recording(name: &str, scenario: &Scenario, path: &FlightPath) -> FlightRecording {
     let per_limit = 1.0 / scenario.airframe.rotor_speed_limit as f32;
     let frames = path.states.iter().map(|state| FlightFrame {
-        position: state.position,
-        attitude: state.world_from_body,
+        placement: Placement { position: state.position, attitude: state.world_from_body },
         rotor_fractions: state.rotor_speeds.map(|speed| (speed * per_limit).clamp(0.0, 1.0)),
     });
     FlightRecording {
         title: name.to_owned(),
-        control_secs: scenario.physics.control_secs,
+        control_secs: scenario.physics.control_secs(),
         airframe: scenario.airframe,
-        goal: scenario.aviary.goal,
-        solids: scenario.aviary.world.bounds(),
+        drones: vec![DroneFlight { goal: scenario.aviary.goal, frames: frames.collect() }],
+        solids: scenario.aviary.world.solids.iter().map(Outline::placed).collect(),
+        movables: Vec::new(),
         floor: scenario.aviary.world.floor,
-        frames: frames.collect(),
     }
 }
 

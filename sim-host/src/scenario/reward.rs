@@ -259,6 +259,13 @@ pub struct Field {
     pub rounds_towards_zero: bool,
 }
 
+impl WeightedTerm {
+    /// A term that all drones are paid.
+    pub const fn new(term: RewardTerm, weight: f64) -> Self {
+        Self { term, weight, agents: AgentSet::All }
+    }
+}
+
 impl RewardTerm {
     /// Name in logs and in the configuration.
     pub const fn name(&self) -> &'static str {

@@ -107,7 +107,17 @@ pub enum Success {
     Ending,
 }
 
+impl EndRule {
+    /// A rule whose end is terminal.
+    pub const fn terminal(rule: Termination) -> Self {
+        Self { rule, truncates: false }
+    }
+}
+
 impl Termination {
+    /// Touching anything is a collision.
+    pub const COLLISION: Self = Self::Collision { allowed: None };
+
     /// Whether it ends an episode in success.
     pub const fn is_success(&self) -> bool {
         match self {

@@ -27,11 +27,7 @@ pub(super) fn draw(title: &str, moment: &Moment, canvas: &mut Canvas) {
     heading(title).write([MARGIN, MARGIN], canvas);
     canvas.rectangle([0, SIZE[1] - STRIP, SIZE[0], STRIP], Paint::opaque(palette::PAPER));
     canvas.rectangle([0, SIZE[1] - STRIP, SIZE[0], 1], Paint::opaque(palette::GRID));
-    let figures = [
-        ("time", format!("{:.2} s", moment.elapsed_secs)),
-        ("to goal", format!("{:.2} m", moment.distance)),
-        ("speed", format!("{:.2} m/s", moment.speed)),
-    ];
+    let figures = figures(moment);
     let top = SIZE[1] - STRIP + 13;
     for (index, (name, value)) in figures.iter().enumerate() {
         let left = MARGIN + index * FIGURE_WIDTH;
@@ -39,6 +35,23 @@ pub(super) fn draw(title: &str, moment: &Moment, canvas: &mut Canvas) {
         heading(value).write([left, top + 14], canvas);
     }
     draw_key([SIZE[0] - MARGIN - KEY[0], top], canvas);
+}
+
+/// The figures and their names: those of the drone, or what matters most about several.
+fn figures(moment: &Moment) -> [(&'static str, String); 3] {
+    let time = ("time", format!("{:.2} s", moment.elapsed_secs));
+    if let [drone] = moment.drones[..] {
+        let distance = ("to goal", format!("{:.2} m", drone.distance));
+        return [time, distance, ("speed", format!("{:.2} m/s", drone.speed))];
+    }
+    let farthest = moment.drones.iter().map(|drone| drone.distance).fold(0.0, f32::max);
+    let positions = moment.drones.iter().map(|drone| drone.frame.placement.position);
+    let pairs = positions
+        .clone()
+        .enumerate()
+        .flat_map(|(index, one)| positions.clone().take(index).map(move |other| (one - other).norm()));
+    let closest = pairs.fold(f32::INFINITY, f32::min);
+    [time, ("to goal, at most", format!("{farthest:.2} m")), ("closest pair", format!("{closest:.2} m"))]
 }
 
 fn draw_key([left, top]: [usize; 2], canvas: &mut Canvas) {

@@ -20,12 +20,12 @@ const THRUST_LINE: f32 = 0.055;
 /// Angle by which the drawn blades turn from picture to picture \[rad\]: enough to be seen as spinning.
 const BLADE_STEP: f32 = 0.9;
 
-/// Draws the drone in the picture of that `index`.
-pub(super) fn draw(frame: &FlightFrame, airframe: &Airframe, index: usize, view: &mut View<'_>) {
+/// Draws the drone, `flown` pictures after its start.
+pub(super) fn draw(frame: &FlightFrame, airframe: &Airframe, flown: usize, view: &mut View<'_>) {
     let drone = Placed { frame, airframe };
     drone.draw_frame(view);
     drone.draw_body(view);
-    drone.draw_rotors(index, view);
+    drone.draw_rotors(flown, view);
 }
 
 /// Draws the drone's shadow on a level surface at `height` \[m\].
@@ -33,7 +33,7 @@ pub(super) fn draw_shadow(frame: &FlightFrame, airframe: &Airframe, height: f32,
     let drone = Placed { frame, airframe };
     let flat = |point: Vector3<f32>| Vector3::new(point.x, point.y, height);
     // The higher the drone, the paler its shadow.
-    let paleness = 1.0 + 1.5 * (frame.position.z - height).max(0.0);
+    let paleness = 1.0 + 1.5 * (frame.placement.position.z - height).max(0.0);
     let shade = |opacity: f32| Paint { colour: palette::SHADOW, opacity: opacity / paleness };
     for rotor in 0..4 {
         view.fill(&drone.rotor(rotor).corners().map(flat), shade(0.6), Depth::Tested);
@@ -75,17 +75,17 @@ impl Placed<'_> {
     }
 
     /// Rotors are glass: the farthest first.
-    fn draw_rotors(&self, index: usize, view: &mut View<'_>) {
+    fn draw_rotors(&self, flown: usize, view: &mut View<'_>) {
         let eye = view.camera.position;
         let distance = |rotor: usize| (self.hub(rotor) - eye).norm();
         let mut rotors = [0, 1, 2, 3];
         rotors.sort_by(|&a, &b| distance(b).total_cmp(&distance(a)));
         for rotor in rotors {
-            self.draw_rotor(rotor, index, view);
+            self.draw_rotor(rotor, flown, view);
         }
     }
 
-    fn draw_rotor(&self, rotor: usize, index: usize, view: &mut View<'_>) {
+    fn draw_rotor(&self, rotor: usize, flown: usize, view: &mut View<'_>) {
         let disc = self.rotor(rotor);
         let fraction = self.frame.rotor_fractions[rotor];
         let colour = palette::thrust(fraction * fraction); // thrust grows with the square of the speed
@@ -97,7 +97,7 @@ impl Placed<'_> {
             Depth::Tested,
         );
         let direction = if rotor.is_multiple_of(2) { 1.0 } else { -1.0 };
-        let angle = direction * BLADE_STEP * index as f32;
+        let angle = direction * BLADE_STEP * flown as f32;
         let blade = [disc.at(angle), disc.at(angle + std::f32::consts::PI)];
         view.rod(blade, 0.003, Paint { colour: palette::INK, opacity: 0.5 }, Depth::Tested);
     }
@@ -118,10 +118,10 @@ impl Placed<'_> {
     }
 
     fn in_world(&self, in_body: [f32; 3]) -> Vector3<f32> {
-        self.frame.position + self.rotated(in_body)
+        self.frame.placement.position + self.rotated(in_body)
     }
 
     fn rotated(&self, in_body: [f32; 3]) -> Vector3<f32> {
-        self.frame.attitude.rotate(Vector3::from(in_body))
+        self.frame.placement.attitude.rotate(Vector3::from(in_body))
     }
 }

@@ -19,8 +19,9 @@ pub(super) const FACES: [Colour; 3] = [rgb(0xb3_c0cf), rgb(0xc4_cfdb), rgb(0xd8_
 pub(super) const EDGE: Colour = rgb(0x7f_90a4);
 /// The goal.
 pub(super) const GOAL: Colour = rgb(0x86_42d6);
-/// Where the drone has been.
-pub(super) const TRAIL: Colour = rgb(0xf0_7f2e);
+/// Where drones have been: the first, the second and so on, then from the beginning.
+const TRAILS: [Colour; 6] =
+    [rgb(0xf0_7f2e), rgb(0x1c_8fd6), rgb(0x2e_a043), rgb(0xd6_3384), rgb(0xa6_7c00), rgb(0x00_99a8)];
 /// The drone's frame, and figures.
 pub(super) const INK: Colour = rgb(0x1f_2933);
 /// The drone's nose.
@@ -36,6 +37,9 @@ const DRAWN: [Colour; 6] = [PAPER, FLOOR, GRID, FACES[0], FACES[1], FACES[2]];
 /// Steps in which a colour of the foreground fades into one of the background.
 const FADES: usize = 4;
 
+/// Steps in which the trails of all drones but the first fade.
+const TRAIL_FADES: usize = 2;
+
 /// Steps from ink to paper.
 const GREYS: usize = 12;
 
@@ -44,6 +48,11 @@ const ROTORS: usize = 11;
 
 /// Index of the colour that leaves a pixel as it was in the picture before: 7 bits, for short codes.
 pub(super) const UNCHANGED: u8 = 127;
+
+/// Colour of the trail of a drone, counted from zero.
+pub(super) fn trail(drone: usize) -> Colour {
+    TRAILS[drone % TRAILS.len()]
+}
 
 /// Colour of a rotor at a share of its full thrust in \[0, 1\].
 pub(super) fn thrust(share: f32) -> Colour {
@@ -120,8 +129,9 @@ fn all_colours() -> Vec<Colour> {
     colours.extend([mix(PAPER, FLOOR, 0.5), mix(PAPER, GRID, 0.5), mix(FLOOR, GRID, 0.5)]);
     colours.extend(ramp::<GREYS>(INK, PAPER));
     for background in [FLOOR, FACES[1]] {
-        colours.extend([GOAL, TRAIL, NOSE, EDGE].iter().flat_map(|&colour| ramp::<FADES>(colour, background)));
+        colours.extend([GOAL, TRAILS[0], NOSE, EDGE].iter().flat_map(|&colour| ramp::<FADES>(colour, background)));
     }
+    colours.extend(TRAILS[1..].iter().flat_map(|&trail| ramp::<TRAIL_FADES>(trail, FLOOR)));
     for rotor in (0..ROTORS).map(|step| thrust(step as f32 / (ROTORS - 1) as f32)) {
         colours.extend(ramp::<FADES>(rotor, FLOOR));
         colours.push(mix(INK, rotor, 0.5));

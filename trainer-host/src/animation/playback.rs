@@ -3,59 +3,113 @@
 use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
 
-use super::{FlightFrame, FlightRecording};
+use super::{DroneFlight, FlightFrame, FlightRecording, MovingSolid, Placement};
 
 /// Time between two pictures \[s\]: 25 per second, a whole number of the hundredths that GIF counts in.
 pub(super) const PICTURE_SECS: f32 = 0.04;
 
 /// What one picture shows.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Moment {
     /// Time since the first frame \[s\].
     pub(super) elapsed_secs: f32,
-    /// The drone, between two frames of the recording.
+    /// The drones, between two frames of the recording.
+    pub(super) drones: Vec<DroneMoment>,
+    /// Where the moving solids are.
+    pub(super) movables: Vec<Placement>,
+}
+
+/// One drone in one picture.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DroneMoment {
+    /// Between two frames of the recording.
     pub(super) frame: FlightFrame,
     /// Distance to the goal \[m\].
     pub(super) distance: f32,
     /// Speed \[m/s\].
     pub(super) speed: f32,
+    /// Pictures since its start, up to its end: after that its blades stand still.
+    pub(super) flown: usize,
 }
 
-/// One moment per picture, from the first frame of the recording to the last.
+/// A time between two frames: the one before it, counted from zero, and the share of the way to the next.
+#[derive(Clone, Copy)]
+struct Instant {
+    before: usize,
+    share: f32,
+}
+
+/// One moment per picture, from the first frame of the recording to the last of the longest flight.
 pub(super) fn moments(recording: &FlightRecording) -> Vec<Moment> {
-    let length_secs = (recording.frames.len() - 1) as f32 * recording.control_secs;
-    let count = (length_secs / PICTURE_SECS + 1e-3) as usize + 1;
-    (0..count).map(|index| moment(recording, index as f32 * PICTURE_SECS)).collect()
+    let frames = recording.drones.iter().map(|flight| flight.frames.len()).max().unwrap_or(1);
+    (0..pictures(frames, recording.control_secs)).map(|index| moment(recording, index)).collect()
 }
 
-fn moment(recording: &FlightRecording, elapsed_secs: f32) -> Moment {
-    let frames = &recording.frames;
+/// Pictures that show a number of frames.
+fn pictures(frames: usize, control_secs: f32) -> usize {
+    let length_secs = (frames - 1) as f32 * control_secs;
+    (length_secs / PICTURE_SECS + 1e-3) as usize + 1
+}
+
+fn moment(recording: &FlightRecording, index: usize) -> Moment {
+    let elapsed_secs = index as f32 * PICTURE_SECS;
     let place = elapsed_secs / recording.control_secs;
-    let before = (place as usize).min(frames.len() - 1);
-    let after = (before + 1).min(frames.len() - 1);
-    let frame = between(&frames[before], &frames[after], (place - before as f32).clamp(0.0, 1.0));
-    let (first, last) = (after.saturating_sub(1), after);
-    let moved: Vector3<f32> = frames[last].position - frames[first].position;
+    let now = Instant { before: place as usize, share: place - (place as usize) as f32 };
+    let drone = |flight| drone_moment(flight, now, index, recording.control_secs);
     Moment {
         elapsed_secs,
-        frame,
-        distance: (frame.position - recording.goal).norm(),
-        speed: moved.norm() / recording.control_secs,
+        drones: recording.drones.iter().map(drone).collect(),
+        movables: recording.movables.iter().map(|solid| placement(solid, now)).collect(),
     }
 }
 
-fn between(before: &FlightFrame, after: &FlightFrame, share: f32) -> FlightFrame {
-    let mix = |from: f32, to: f32| from + (to - from) * share;
-    let (from, to) = (before.attitude, nearest_sign(&before.attitude, after.attitude));
-    let attitude =
-        Attitude { w: mix(from.w, to.w), x: mix(from.x, to.x), y: mix(from.y, to.y), z: mix(from.z, to.z) };
-    let rotor_fractions =
-        std::array::from_fn(|rotor| mix(before.rotor_fractions[rotor], after.rotor_fractions[rotor]));
-    FlightFrame {
-        position: before.position.lerp(&after.position, share),
-        attitude: attitude.normalized(),
-        rotor_fractions,
+fn drone_moment(flight: &DroneFlight, now: Instant, index: usize, control_secs: f32) -> DroneMoment {
+    let frames = &flight.frames;
+    let [before, after] = now.neighbours(frames);
+    let frame = FlightFrame {
+        placement: between(&before.placement, &after.placement, now.share),
+        rotor_fractions: std::array::from_fn(|rotor| {
+            mix(before.rotor_fractions[rotor], after.rotor_fractions[rotor], now.share)
+        }),
+    };
+    // In the last picture there is no way to go; its speed is that of the way there.
+    let last = (now.before + 1).min(frames.len() - 1);
+    let moved = frames[last].placement.position - frames[last.saturating_sub(1)].placement.position;
+    let landed = now.before >= frames.len();
+    DroneMoment {
+        frame,
+        distance: (frame.placement.position - flight.goal).norm(),
+        speed: if landed { 0.0 } else { moved.norm() / control_secs },
+        flown: index.min(pictures(frames.len(), control_secs)),
     }
+}
+
+fn placement(solid: &MovingSolid, now: Instant) -> Placement {
+    let [before, after] = now.neighbours(&solid.placements);
+    between(before, after, now.share)
+}
+
+impl Instant {
+    /// The items on either side; beyond the end both are the last.
+    fn neighbours<T>(self, items: &[T]) -> [&T; 2] {
+        [self.before, self.before + 1].map(|index| &items[index.min(items.len() - 1)])
+    }
+}
+
+fn between(before: &Placement, after: &Placement, share: f32) -> Placement {
+    let (from, to) = (before.attitude, nearest_sign(&before.attitude, after.attitude));
+    let attitude = Attitude {
+        w: mix(from.w, to.w, share),
+        x: mix(from.x, to.x, share),
+        y: mix(from.y, to.y, share),
+        z: mix(from.z, to.z, share),
+    };
+    let position: Vector3<f32> = before.position.lerp(&after.position, share);
+    Placement { position, attitude: attitude.normalized() }
+}
+
+fn mix(from: f32, to: f32, share: f32) -> f32 {
+    from + (to - from) * share
 }
 
 /// Of the two quaternions of one attitude, the one on the near side.

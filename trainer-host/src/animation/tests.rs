@@ -1,4 +1,5 @@
 use kestrel_core::airframe::CF2X;
+use kestrel_sim::world::{Shape, Solid};
 use proptest::prelude::*;
 
 use super::camera::Camera;
@@ -14,20 +15,53 @@ fn recording(secs: f32) -> FlightRecording {
         let share = libm::expf(-2.0 * index as f32 * 0.01);
         let (sine, cosine) = libm::sincosf(0.5 * share);
         FlightFrame {
-            position: Vector3::new(-0.4 * share, 0.3 * share * share, 1.0 + 0.2 * share),
-            attitude: Attitude { w: cosine, x: 0.0, y: sine, z: 0.0 },
+            placement: Placement {
+                position: Vector3::new(-0.4 * share, 0.3 * share * share, 1.0 + 0.2 * share),
+                attitude: Attitude { w: cosine, x: 0.0, y: sine, z: 0.0 },
+            },
             rotor_fractions: [0.667 + 0.3 * share, 0.667, 0.667 - 0.3 * share, 0.667],
         }
     };
+    let frames = (0..=(secs * 100.0) as usize).map(frame).collect();
     FlightRecording {
         title: "hover-seed0-1".to_owned(),
         control_secs: 0.01,
         airframe: CF2X,
-        goal: Vector3::new(0.0, 0.0, 1.0),
-        solids: vec![Cuboid { low: Vector3::new(0.5, -0.1, 0.0), high: Vector3::new(0.7, 0.1, 1.0) }],
+        drones: vec![DroneFlight { goal: Vector3::new(0.0, 0.0, 1.0), frames }],
+        solids: vec![cuboid(Vector3::new(0.5, -0.1, 0.0), Vector3::new(0.7, 0.1, 1.0))],
+        movables: Vec::new(),
         floor: Floor::Solid,
-        frames: (0..=(secs * 100.0) as usize).map(frame).collect(),
     }
+}
+
+/// Three of them side by side, the second half as long, and a box that slides.
+fn formation(secs: f32) -> FlightRecording {
+    let mut flight = recording(secs);
+    let aside = |drone: &DroneFlight, metres: f32| {
+        let mut drone = drone.clone();
+        drone.goal.y += metres;
+        drone.frames.iter_mut().for_each(|frame| frame.placement.position.y += metres);
+        drone
+    };
+    let first = flight.drones[0].clone();
+    flight.drones.extend([aside(&first, 0.5), aside(&first, 1.1)]);
+    let half = flight.drones[1].frames.len() / 2;
+    flight.drones[1].frames.truncate(half);
+    let slide = |index: usize| Placement {
+        position: Vector3::new(-0.5, 0.01 * index as f32, 0.1),
+        attitude: Attitude::level(),
+    };
+    let outline = Outline::of(&Shape::Cylinder { radius: 0.1, half_height: 0.1 });
+    flight.movables.push(MovingSolid { outline, placements: (0..30).map(slide).collect() });
+    flight
+}
+
+fn cuboid(low: Vector3<f32>, high: Vector3<f32>) -> Outline {
+    Outline::placed(&Solid::block("box", low.cast(), high.cast()))
+}
+
+fn alone(flight: &mut FlightRecording) -> &mut DroneFlight {
+    &mut flight.drones[0]
 }
 
 fn decoded(bytes: &[u8]) -> (gif::Decoder<&[u8]>, Vec<gif::Frame<'static>>) {
@@ -102,31 +136,78 @@ fn a_film_is_small() {
 #[test]
 fn any_flight_can_be_drawn() {
     let whole = recording(0.1);
-    let one = FlightRecording { frames: whole.frames[..1].to_vec(), ..whole.clone() };
+    let changed = |whole: &FlightRecording, change: &dyn Fn(&mut DroneFlight)| {
+        let mut flight = whole.clone();
+        change(alone(&mut flight));
+        flight
+    };
+    let one = changed(&whole, &|drone| drone.frames.truncate(1));
     let no_floor = FlightRecording { floor: Floor::Absent, solids: vec![], ..one.clone() };
-    let straight_above = FlightRecording { goal: one.frames[0].position + Vector3::z(), ..one.clone() };
-    let at_goal = FlightRecording { goal: one.frames[0].position, ..one.clone() };
+    let straight_above = changed(&one, &|drone| drone.goal = drone.frames[0].placement.position + Vector3::z());
+    let at_goal = changed(&one, &|drone| drone.goal = drone.frames[0].placement.position);
     let slow_control = FlightRecording { control_secs: 0.5, ..whole.clone() };
     let strange_title = FlightRecording { title: "schön ".repeat(40), ..one.clone() };
-    for (flight, pictures) in
-        [(one, 1), (no_floor, 1), (straight_above, 1), (at_goal, 1), (slow_control, 126), (strange_title, 1)]
-    {
+    let many = FlightRecording { drones: vec![one.drones[0].clone(); 40], ..one.clone() };
+    let flights = [
+        (one, 1),
+        (no_floor, 1),
+        (straight_above, 1),
+        (at_goal, 1),
+        (slow_control, 126),
+        (strange_title, 1),
+        (formation(0.1), 3),
+        (many, 1),
+    ];
+    for (flight, pictures) in flights {
         assert_eq!(decoded(&flight_gif(&flight).unwrap()).1.len(), pictures);
+    }
+}
+
+#[test]
+fn a_film_lasts_as_long_as_its_longest_flight_and_drones_stay_where_they_ended() {
+    let flight = formation(0.8);
+    let moments = playback::moments(&flight);
+    assert_eq!(moments.len(), 21);
+    let second = &flight.drones[1].frames;
+    let [during, after] = [5, 15].map(|picture: usize| moments[picture].drones[1]);
+    assert!(during.speed > 0.0 && during.flown == 5);
+    assert_eq!(after.frame.placement.position, second.last().unwrap().placement.position);
+    assert!(after.speed == 0.0 && after.flown < 15);
+    // The box stops after 30 frames, 0.29 m from where it was.
+    assert!((moments[20].movables[0].position.y - 0.29).abs() < 1e-6);
+}
+
+#[test]
+fn the_camera_keeps_all_drones_in_the_picture() {
+    let mut flight = formation(1.0);
+    flight.drones[2].goal.y += 20.0;
+    flight.drones[2].frames.iter_mut().for_each(|frame| frame.placement.position.y += 20.0);
+    let moments = playback::moments(&flight);
+    for (camera, moment) in tracking::cameras(&flight, &moments).iter().zip(&moments) {
+        for drone in &moment.drones {
+            let seen = camera.project(&[drone.frame.placement.position])[0];
+            let inside =
+                (0.0..SIZE[0] as f32).contains(&seen.x) && (0.0..(SIZE[1] - STRIP) as f32).contains(&seen.y);
+            assert!(inside, "{seen:?} at {} s", moment.elapsed_secs);
+        }
     }
 }
 
 #[test]
 fn a_recording_that_is_none_is_refused() {
     let whole = recording(0.1);
-    let empty = FlightRecording { frames: vec![], ..whole.clone() };
+    let mut empty = formation(0.1);
+    empty.drones[1].frames.clear();
     assert_eq!(flight_gif(&empty), Err(AnimationError::Empty));
-    let timeless = FlightRecording { control_secs: 0.0, ..whole.clone() };
+    let deserted = FlightRecording { drones: vec![], ..whole.clone() };
+    assert_eq!(flight_gif(&deserted), Err(AnimationError::Empty));
+    let timeless = FlightRecording { control_secs: 0.0, ..whole };
     assert_eq!(flight_gif(&timeless), Err(AnimationError::ControlPeriod(0.0)));
-    let mut broken = whole;
-    broken.frames[3].position.z = f32::NAN;
-    assert_eq!(flight_gif(&broken), Err(AnimationError::NotFinite(3)));
+    let mut broken = formation(0.1);
+    broken.drones[2].frames[3].placement.position.z = f32::NAN;
+    assert_eq!(flight_gif(&broken), Err(AnimationError::NotFinite { drone: 2, frame: 3 }));
     let message = flight_gif(&broken).unwrap_err().to_string();
-    assert_eq!(message, "frame 3 of the flight holds NaN or infinite numbers: expected finite ones");
+    assert_eq!(message, "frame 3 of drone 2 holds NaN or infinite numbers: expected finite ones");
 }
 
 #[test]
@@ -221,47 +302,60 @@ fn nothing_behind_the_camera_is_seen() {
 fn between_two_frames_lies_their_middle() {
     let mut flight = recording(0.1);
     flight.control_secs = 0.08;
-    let middle = playback::moments(&flight)[1];
-    let expected = flight.frames[0].position.lerp(&flight.frames[1].position, 0.5);
-    assert!((middle.frame.position - expected).norm() < 1e-6);
-    let speed = (flight.frames[1].position - flight.frames[0].position).norm() / 0.08;
-    assert!((middle.speed - speed).abs() < 1e-4);
+    let middle = playback::moments(&flight)[1].drones[0];
+    let [first, second] = [0, 1].map(|frame: usize| flight.drones[0].frames[frame].placement.position);
+    assert!((middle.frame.placement.position - first.lerp(&second, 0.5)).norm() < 1e-6);
+    assert!((middle.speed - (second - first).norm() / 0.08).abs() < 1e-4);
 }
 
 #[test]
 fn a_quaternion_that_changes_sign_turns_nothing() {
     let mut flight = recording(0.02);
-    let Attitude { w, x, y, z } = flight.frames[0].attitude;
-    flight.frames[1].attitude = Attitude { w: -w, x: -x, y: -y, z: -z };
     flight.control_secs = 0.08;
-    let middle = playback::moments(&flight)[1].frame.attitude;
+    let frames = &mut alone(&mut flight).frames;
+    let Attitude { w, x, y, z } = frames[0].placement.attitude;
+    frames[1].placement.attitude = Attitude { w: -w, x: -x, y: -y, z: -z };
+    let middle = playback::moments(&flight)[1].drones[0].frame.placement.attitude;
     assert!((middle.w - w).abs() < 1e-6 && (middle.y - y).abs() < 1e-6);
 }
 
+fn first_opacities(flight: &FlightRecording) -> Vec<f32> {
+    let moments = playback::moments(flight);
+    let scene = scene::Scene::of(flight, &moments);
+    scene.shots(&moments)[0].solids.iter().map(|solid| solid.opacity).collect()
+}
+
 #[test]
-fn only_solids_before_the_drone_become_glass() {
+fn only_solids_before_a_drone_become_glass() {
     let mut flight = recording(0.02);
     // Everything lies between the camera and the drone, or beyond the drone, or aside.
     let heading = Vector3::new(0.4, -0.3, 0.0).normalize();
-    let drone = flight.frames[0].position;
-    let cube = |middle: Vector3<f32>| Cuboid { low: middle.add_scalar(-0.05), high: middle.add_scalar(0.05) };
+    let drone = flight.drones[0].frames[0].placement.position;
+    let cube = |middle: Vector3<f32>| cuboid(middle.add_scalar(-0.05), middle.add_scalar(0.05));
     let moments = playback::moments(&flight);
     let eye = tracking::cameras(&flight, &moments)[0].position;
     flight.solids = vec![cube(drone.lerp(&eye, 0.5)), cube(drone + heading * 1.5), cube(eye - heading * 2.0)];
-    let scene = scene::Scene::of(&flight, &moments);
-    assert_eq!(scene.shots(&moments)[0].opacities, [0.1, 1.0, 1.0]);
+    assert_eq!(first_opacities(&flight), [0.1, 1.0, 1.0]);
 }
 
 #[test]
 fn the_pad_under_the_drone_stays_opaque() {
     let mut flight = recording(0.02);
-    let drone = flight.frames[0].position;
-    flight.goal = drone + Vector3::new(0.2, 0.0, 0.0);
+    let drone = flight.drones[0].frames[0].placement.position;
+    alone(&mut flight).goal = drone + Vector3::new(0.2, 0.0, 0.0);
     let pad = |shift: f32| drone + Vector3::new(shift, shift, -0.1);
-    flight.solids = vec![Cuboid { low: pad(-1.0) - Vector3::z(), high: pad(1.0) }];
-    let moments = playback::moments(&flight);
-    let scene = scene::Scene::of(&flight, &moments);
-    assert_eq!(scene.shots(&moments)[0].opacities, [1.0]);
+    flight.solids = vec![cuboid(pad(-1.0) - Vector3::z(), pad(1.0))];
+    assert_eq!(first_opacities(&flight), [1.0]);
+}
+
+#[test]
+fn drones_side_by_side_have_trails_of_their_own_colour() {
+    let colours: Vec<_> = (0..6).map(|drone| palette::nearest(palette::trail(drone))).collect();
+    let mut different = colours.clone();
+    different.sort_unstable();
+    different.dedup();
+    assert_eq!(different.len(), 6, "{colours:?}");
+    assert_eq!(palette::trail(7), palette::trail(1));
 }
 
 #[test]

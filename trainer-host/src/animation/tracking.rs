@@ -1,15 +1,15 @@
-//! Where the camera goes: with the drone, but calmly, and closer as the drone comes closer to its goal.
+//! Where the camera goes: with the drones, but calmly, and closer as they come closer to their goals.
 
 use nalgebra::Vector3;
 
 use super::FlightRecording;
 use super::camera::Camera;
-use super::playback::Moment;
+use super::playback::{DroneMoment, Moment};
 
 /// Farthest that the camera looks ahead of the drone, towards the goal \[m\].
 const LOOK_AHEAD: f32 = 0.4;
 
-/// Least and greatest radius of what must be in the picture \[m\].
+/// Least and greatest radius of what must be in the picture around one drone \[m\].
 const RADII: [f32; 2] = [0.2, 0.6];
 
 /// Space around drone and goal \[m\].
@@ -29,7 +29,8 @@ const CALMNESS: usize = 36;
 
 /// The cameras of all pictures.
 pub(super) fn cameras(recording: &FlightRecording, moments: &[Moment]) -> Vec<Camera> {
-    let wanted: Vec<_> = moments.iter().map(|moment| focus_and_radius(moment, recording.goal)).collect();
+    let goals: Vec<_> = recording.drones.iter().map(|flight| flight.goal).collect();
+    let wanted: Vec<_> = moments.iter().map(|moment| around_all(&moment.drones, &goals)).collect();
     let heading = heading(recording);
     let camera = |index: usize| {
         let [x, y, z, radius] = calm(&wanted, index);
@@ -41,12 +42,21 @@ pub(super) fn cameras(recording: &FlightRecording, moments: &[Moment]) -> Vec<Ca
     (0..moments.len()).map(camera).collect()
 }
 
-/// Where to look and how much must be seen, as `[x, y, z, radius]`.
-fn focus_and_radius(moment: &Moment, goal: Vector3<f32>) -> [f32; 4] {
-    let share = (LOOK_AHEAD / moment.distance.max(1e-6)).min(0.5);
-    let focus = moment.frame.position.lerp(&goal, share);
-    let radius = (0.5 * moment.distance + AROUND).clamp(RADII[0], RADII[1]);
+/// Where to look and how much must be seen, as `[x, y, z, radius]`: a ball around what each drone alone needs.
+fn around_all(drones: &[DroneMoment], goals: &[Vector3<f32>]) -> [f32; 4] {
+    let balls: Vec<_> = drones.iter().zip(goals).map(|(drone, goal)| around_one(drone, *goal)).collect();
+    let nothing = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
+    let (low, high) = balls.iter().fold(nothing, |(low, high), (focus, _)| (low.inf(focus), high.sup(focus)));
+    let focus = low + (high - low) * 0.5;
+    let reach = |(ball, radius): &(Vector3<f32>, f32)| (ball - focus).norm() + radius;
+    let radius = balls.iter().map(reach).fold(0.0, f32::max);
     [focus.x, focus.y, focus.z, radius]
+}
+
+fn around_one(drone: &DroneMoment, goal: Vector3<f32>) -> (Vector3<f32>, f32) {
+    let share = (LOOK_AHEAD / drone.distance.max(1e-6)).min(0.5);
+    let focus = drone.frame.placement.position.lerp(&goal, share);
+    (focus, (0.5 * drone.distance + AROUND).clamp(RADII[0], RADII[1]))
 }
 
 /// Weighted mean of the neighbourhood, later pictures included: the camera knows the film.
@@ -62,9 +72,10 @@ fn calm(wanted: &[[f32; 4]], index: usize) -> [f32; 4] {
     sum.map(|sum| sum / weights)
 }
 
-/// Direction of the way from start to goal \[rad\]; a way straight up has none and counts as along x.
+/// Direction of the ways from start to goal, all together \[rad\]; if that is straight up, or none, along x.
 fn heading(recording: &FlightRecording) -> f32 {
-    let way = recording.goal - recording.frames[0].position;
+    let ways = recording.drones.iter().map(|flight| flight.goal - flight.frames[0].placement.position);
+    let way = ways.sum::<Vector3<f32>>() / recording.drones.len() as f32;
     if way.xy().norm() < 0.05 { 0.0 } else { libm::atan2f(way.y, way.x) }
 }
 

@@ -58,15 +58,6 @@ impl Block {
         seen.map(|(axis, middle)| (axis, self.face(axis, middle))).collect()
     }
 
-    /// All twelve edges.
-    pub(super) fn edges(&self) -> Vec<[Vector3<f32>; 2]> {
-        let of_axis = |axis: usize| {
-            let along = self.halves[axis];
-            self.face(axis, self.centre).map(|middle| [middle - along, middle + along])
-        };
-        (0..3).flat_map(of_axis).collect()
-    }
-
     fn face(&self, axis: usize, middle: Vector3<f32>) -> [Vector3<f32>; 4] {
         let (u, v) = (self.halves[(axis + 1) % 3], self.halves[(axis + 2) % 3]);
         [middle - u - v, middle + u - v, middle + u + v, middle - u + v]

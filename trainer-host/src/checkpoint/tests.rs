@@ -1,5 +1,3 @@
-use proptest::prelude::*;
-
 use super::*;
 
 #[derive(Debug, PartialEq, Serialize, serde::Deserialize)]
@@ -16,10 +14,6 @@ fn checkpoints() -> (tempfile::TempDir, Checkpoints) {
     let directory = tempfile::tempdir().unwrap();
     let checkpoints = Checkpoints::in_directory(directory.path());
     (directory, checkpoints)
-}
-
-fn decoded(bytes: &[u8]) -> Result<Model, String> {
-    decode(Path::new("x.checkpoint"), bytes).map_err(|error| error.to_string())
 }
 
 /// A disk with room for so many bytes.
@@ -120,7 +114,7 @@ fn a_disk_that_fills_up_leaves_the_old_checkpoints_and_one_error() {
     let (directory, checkpoints) = checkpoints();
     checkpoints.save(1, &model(1)).unwrap();
     checkpoints.save(2, &model(2)).unwrap();
-    let bytes = encode(&model(3));
+    let bytes = KIND.encode(&model(3));
     for room in 0..bytes.len() {
         let fill = |file: &mut File| SmallDisk { file, room }.write_all(&bytes);
         let error = checkpoints.save_through(3, fill).unwrap_err().to_string();
@@ -130,60 +124,4 @@ fn a_disk_that_fills_up_leaves_the_old_checkpoints_and_one_error() {
     assert_eq!(checkpoints.saved().unwrap(), [1, 2]);
     assert_eq!(checkpoints.load_newest::<Model>().unwrap().state, model(2));
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 2, "no half files are left");
-}
-
-#[test]
-fn every_length_but_the_whole_is_refused() {
-    let bytes = encode(&model(3));
-    for length in 0..bytes.len() {
-        let error = decoded(&bytes[..length]).unwrap_err();
-        let expected = if length < HEADER_LEN { HEADER_LEN } else { bytes.len() };
-        assert_eq!(error, format!("x.checkpoint is truncated: found {length} bytes, expected {expected}"));
-    }
-    let longer = [&bytes[..], b"\0"].concat();
-    let (found, expected) = (longer.len(), bytes.len());
-    assert_eq!(
-        decoded(&longer).unwrap_err(),
-        format!("x.checkpoint is too long: found {found} bytes, expected {expected}")
-    );
-}
-
-#[test]
-fn other_files_are_recognised_by_their_beginning() {
-    assert_eq!(
-        decoded(b"GIF89a and so on").unwrap_err(),
-        r#"x.checkpoint is no checkpoint: it begins with "GIF89a a", expected "KESTRELC""#
-    );
-}
-
-#[test]
-fn a_newer_format_is_named() {
-    let mut bytes = encode(&model(3));
-    bytes[8] = 2;
-    assert_eq!(
-        decoded(&bytes).unwrap_err(),
-        "x.checkpoint has checkpoint format 2, expected 1: use the version of kestrel that wrote it"
-    );
-}
-
-#[test]
-fn other_content_is_refused() {
-    let shorter = decoded(&encode(&vec![1.0_f32])).unwrap_err();
-    assert!(shorter.starts_with("x.checkpoint holds other content than expected ("), "{shorter}");
-    let longer = decoded(&encode(&(model(3), 1_u8))).unwrap_err();
-    assert!(longer.starts_with("x.checkpoint holds other content than expected (1 bytes too many)"), "{longer}");
-}
-
-proptest! {
-    #[test]
-    fn no_flipped_bit_goes_unnoticed(bit in 0..8 * encode(&model(3)).len()) {
-        let mut bytes = encode(&model(3));
-        bytes[bit / 8] ^= 1 << (bit % 8);
-        prop_assert!(decoded(&bytes).is_err());
-    }
-
-    #[test]
-    fn no_garbage_is_taken_for_a_checkpoint(bytes: Vec<u8>) {
-        prop_assert!(decoded(&bytes).is_err());
-    }
 }

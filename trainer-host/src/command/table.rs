@@ -35,6 +35,9 @@ fn endings(endings: &[(Ending, usize)]) -> String {
             Ending::OutOfBounds => "out of bounds",
             Ending::Tilt => "tilt",
             Ending::Distance => "too far",
+            Ending::OutOfFuel => "out of fuel",
+            Ending::Overdue => "overdue",
+            Ending::Teammate => "teammate ended",
             Ending::TimeLimit => "time limit",
         };
         format!("{count} {name}")

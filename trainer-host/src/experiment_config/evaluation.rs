@@ -54,12 +54,13 @@ impl EvaluationConfig {
         let episodes = field.at("episodes").whole(self.episodes, 1..=1_000_000)?;
         let mut scenario = scenario.clone();
         if let Some(start) = &self.start {
-            let Scenario { aviary, airframe, terminations, .. } = &scenario;
-            scenario.start = start.check(aviary, airframe, terminations, &field.at("start"))?;
+            let Scenario { aviary, airframe, terminations, agents, .. } = &scenario;
+            scenario.start = start.check(aviary, airframe, terminations, agents.count, &field.at("start"))?;
         }
         if let Some(secs) = self.episode_secs {
             scenario.episode_secs = field.at("episode_secs").number(secs, &EPISODE_LIMITS)?;
-            written.success.check(&scenario.aviary, secs, &root.at("scenario").at("success"))?;
+            let success = root.at("scenario").at("success");
+            written.success.check(&scenario.aviary, secs, &scenario.terminations, &success)?;
         }
         Ok(EvaluationSettings { episodes: episodes as usize, seed: Seed(self.seed), scenario })
     }

@@ -2,7 +2,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use kestrel_core::action::ActionSpace;
-use kestrel_sim::scenario::{StartPosition, Success, Termination};
+use kestrel_sim::scenario::{EndRule, StartPosition, Success, Termination};
 use proptest::prelude::*;
 
 use super::*;
@@ -128,7 +128,7 @@ fn hover_is_judged_by_hard_starts_on_drones_that_differ() {
 fn cross_has_four_walls_and_a_pad() {
     let cross = example("cross");
     assert_eq!(cross.scenario.aviary.world.solids.len(), 5);
-    assert!(cross.scenario.terminations.contains(&Termination::Collision));
+    assert!(cross.scenario.terminations.contains(&EndRule::terminal(Termination::COLLISION)));
     let pad = cross.scenario.aviary.world.bounds()[4];
     assert_eq!((pad.low.as_slice(), pad.high.as_slice()), (&[4.0, -1.0, 0.0][..], &[5.0, 1.0, 0.1][..]));
     assert_eq!(cross.evaluation.episodes, 256);

@@ -7,10 +7,13 @@ use kestrel_core::dynamics::Integrator;
 use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyMetadata};
-use kestrel_core::vehicle::Ground;
 use kestrel_shim::link::LinkError;
 use kestrel_shim::lockstep::Pace;
-use kestrel_sim::scenario::{Aviary, CriticView, Cuboid, Physics, Randomisation, Start, StartPosition, Success};
+use kestrel_sim::scenario::{
+    Agents, Aviary, Clock, CriticView, Cuboid, Goals, Physics, Randomisation, Start, StartPosition, Success,
+    TimeLimit,
+};
+use kestrel_sim::sensor::SensorSuite;
 use kestrel_sim::world::World;
 
 use super::*;
@@ -54,12 +57,12 @@ fn scenario() -> Scenario {
         name: "hover".into(),
         aviary: Aviary { goal: Vector3::new(1.0, 2.0, 1.0), world: World::empty() },
         airframe: CF2X,
-        physics: Physics {
-            integrator: Integrator::SemiImplicitEuler,
-            substeps: 2,
-            control_secs: 0.01,
-            ground: Ground::Distant,
-        },
+        physics: Physics::clean(Integrator::SemiImplicitEuler, 2, 100.0),
+        goals: Goals::Fixed,
+        agents: Agents::ONE,
+        sensors: SensorSuite::none(),
+        clock: Clock::Elapsed,
+        time_limit: TimeLimit::Truncates,
         action: action(),
         observation: LAYOUT,
         critic: CriticView::Observation,

@@ -6,10 +6,11 @@ use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::airframe::CF2X;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::{ObservationLayout, PilotLayout};
-use kestrel_core::vehicle::Ground;
 use kestrel_sim::scenario::{
-    Aviary, Physics, Randomisation, RewardTerm, Start, StartPosition, Success, Termination, WeightedTerm,
+    Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
+    Termination, TimeLimit, WeightedTerm,
 };
+use kestrel_sim::sensor::SensorSuite;
 use kestrel_sim::world::World;
 use nalgebra::Vector3;
 
@@ -18,12 +19,12 @@ fn scenario(critic: CriticView) -> Scenario {
         name: "hover".into(),
         aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), world: World::empty() },
         airframe: CF2X,
-        physics: Physics {
-            integrator: Integrator::SemiImplicitEuler,
-            substeps: 1,
-            control_secs: 0.02,
-            ground: Ground::Distant,
-        },
+        physics: Physics::clean(Integrator::SemiImplicitEuler, 1, 50.0),
+        goals: Goals::Fixed,
+        agents: Agents::ONE,
+        sensors: SensorSuite::none(),
+        clock: Clock::Elapsed,
+        time_limit: TimeLimit::Truncates,
         action: ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3)),
         observation: ObservationLayout::Pilot(PilotLayout {
             position_scale_m: 1.0,
@@ -38,11 +39,11 @@ fn scenario(critic: CriticView) -> Scenario {
             body_rates_limit: 1.0,
         },
         randomisation: Randomisation { mass: 0.1, inertia: 0.1, thrust: 0.1, rotor_lag: 0.1, wind_speed: 0.1 },
-        rewards: vec![
-            WeightedTerm { term: RewardTerm::Alive, weight: 1.0 },
-            WeightedTerm { term: RewardTerm::Distance, weight: -1.0 },
+        rewards: vec![WeightedTerm::new(RewardTerm::Alive, 1.0), WeightedTerm::new(RewardTerm::Distance, -1.0)],
+        terminations: vec![
+            EndRule::terminal(Termination::COLLISION),
+            EndRule::terminal(Termination::Tilt { limit: 1.0 }),
         ],
-        terminations: vec![Termination::Collision, Termination::Tilt { limit: 1.0 }],
         // Short, so that a rollout sees truncations too.
         episode_secs: 0.4,
         success: Success::Settle { radius_m: 0.3, within_secs: 0.2 },
