@@ -5,10 +5,14 @@
 
 mod arena;
 mod body;
+mod bullet;
 mod distance_map;
 mod frame;
 mod group;
+mod impulses;
+mod manifold;
 mod outline;
+mod rapier;
 mod solver;
 #[cfg(test)]
 mod tests;
@@ -18,6 +22,7 @@ use core::ops::BitOrAssign;
 use nalgebra::Vector3;
 
 pub use arena::Arena;
+pub use manifold::ContactMemory;
 pub use solver::ContactSolver;
 
 use crate::world::Pose;

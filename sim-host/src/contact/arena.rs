@@ -10,12 +10,13 @@ use rapier3d::parry::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 use super::body::Body;
 use super::distance_map::DistanceMap;
 use super::frame::to_vector;
-use super::outline::{CORNERS, MARGIN, Outline, distance, prism_corners};
+use super::outline::{MARGIN, Outline, distance};
 use super::{ContactReport, Motion, TOUCH_GAP, Touch};
-use crate::world::{FLOOR_CONTACT_GAP, Floor, Pose, World};
+use crate::world::{Floor, Pose, World};
 
-/// Gap at which the reference reports contact between two drones \[m\]: three margins' worth and a threshold.
-const DRONE_CONTACT_GAP: f64 = 3.78e-3;
+/// Bullet keeps a contact until it opens by this share of the smaller body's radius
+/// (`gContactBreakingThreshold`).
+pub(super) const BREAKING_SHARE: f64 = 0.02;
 
 /// Rounding of coordinates in `f32`, generously \[m\].
 const ROUNDING: f64 = 1e-4;
@@ -24,8 +25,11 @@ const ROUNDING: f64 = 1e-4;
 #[derive(Clone)]
 pub struct Arena {
     pub(super) drone: Outline,
-    corners: [[f64; 2]; CORNERS],
-    half_height: f64,
+    /// Half extents of the box that Bullet keeps around the drone's hull: two margins more than the hull \[m\].
+    bounds: Vector3<f64>,
+    /// Gap at which Bullet lets go of a contact of the drone \[m\].
+    pub(super) breaking: f64,
+    pub(super) report: ContactReport,
     pub(super) floor: Floor,
     floor_gap: f64,
     drone_gap: f64,
@@ -51,16 +55,22 @@ impl Arena {
     pub fn new(world: &World, airframe: &Airframe, report: ContactReport) -> Self {
         let solids: Vec<_> = world.tangible().map(|solid| Body::new(solid, report)).collect();
         let movables: Vec<_> = world.movables.iter().map(|movable| Body::new(&movable.solid, report)).collect();
-        let (floor_gap, drone_gap) = match report {
-            ContactReport::Touch => (TOUCH_GAP, TOUCH_GAP + MARGIN),
-            ContactReport::Bullet => (FLOOR_CONTACT_GAP, DRONE_CONTACT_GAP),
-        };
         let drone = Outline::of_drone(airframe);
+        let bounds =
+            Vector3::new(airframe.collision_radius, airframe.collision_radius, 0.5 * airframe.collision_height)
+                .add_scalar(2.0 * MARGIN);
+        let breaking = BREAKING_SHARE * (bounds.norm() + airframe.collision_offset.abs());
+        let floor_gap = match report {
+            ContactReport::Touch => TOUCH_GAP,
+            ContactReport::Bullet => MARGIN + breaking,
+        };
+        let drone_gap = floor_gap + MARGIN;
         let gaps = solids.iter().chain(&movables).map(|body| body.gap);
         let reach = drone.radius + gaps.fold(floor_gap.max(drone_gap), f64::max);
         Self {
-            corners: prism_corners(airframe),
-            half_height: 0.5 * airframe.collision_height,
+            bounds,
+            breaking,
+            report,
             floor: world.floor,
             floor_gap,
             drone_gap,
@@ -150,13 +160,17 @@ impl Arena {
 
     /// Whether the lowest corner of the drone's hull is near the floor.
     fn touches_floor(&self, hull: &Pose) -> bool {
-        let [across, beside, up] = hull.world_from_body.rows()[2];
-        let lowest = self.corners.iter().map(|[x, y]| across * x + beside * y).fold(f64::INFINITY, f64::min);
-        let height = hull.position.z + lowest - self.half_height * up.abs();
         match self.floor {
-            Floor::Solid => height <= self.floor_gap,
+            Floor::Solid => self.is_floor_pending(hull) && self.drone.lowest(hull).z <= self.floor_gap,
             Floor::Absent => false,
         }
+    }
+
+    /// Whether the box around the drone's hull meets the floor: only then Bullet looks for contact. It matters when
+    /// the drone is level; the gap at which contact is reported then is two margins.
+    pub(super) fn is_floor_pending(&self, hull: &Pose) -> bool {
+        let up = Vector3::from(hull.world_from_body.rows()[2]).abs();
+        hull.position.z - up.dot(&self.bounds) <= 0.0
     }
 }
 

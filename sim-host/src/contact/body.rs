@@ -12,7 +12,9 @@ use crate::world::{Pose, Role, Solid};
 #[derive(Clone)]
 pub(super) struct Body {
     pub(super) outline: Outline,
-    /// Of the outline's shape in the world; where the body starts if it can move.
+    /// Where it is, or starts if it can move.
+    pub(super) pose: Pose,
+    /// Of the outline's shape there.
     pub(super) shape_pose: Pose,
     /// Lowest and highest coordinates there \[m, world\].
     pub(super) extent: (Vector3<f64>, Vector3<f64>),
@@ -35,6 +37,7 @@ impl Body {
             },
             friction: solid.friction,
             role: solid.role,
+            pose: solid.pose,
             outline,
         }
     }

@@ -1,7 +1,7 @@
 //! Poses, composed in `f64`, and their way into parry's `f32`.
 
 use kestrel_core::attitude::Attitude;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use rapier3d::math as small;
 
 use crate::world::Pose;
@@ -42,6 +42,10 @@ pub(super) fn to_rotation(turn: &Attitude<f64>) -> small::Rotation {
 pub(super) fn from_rotation(turn: small::Rotation) -> Attitude<f64> {
     let [x, y, z, w] = turn.to_array().map(f64::from);
     Attitude { w, x, y, z }
+}
+
+pub(super) fn to_matrix(matrix: &Matrix3<f64>) -> small::Matrix {
+    small::Matrix::from_cols_array(&core::array::from_fn(|index| matrix[index] as f32))
 }
 
 pub(super) fn to_pose(pose: &Pose) -> small::Pose {

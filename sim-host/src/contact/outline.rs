@@ -4,7 +4,7 @@ use core::f64::consts::{FRAC_PI_2, TAU};
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use rapier3d::geometry::SharedShape;
 use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher as _};
 
@@ -12,7 +12,7 @@ use super::frame::{compose, relative, to_pose, to_vector};
 use crate::world::{Pose, Shape};
 
 /// Corners of one face of the drone's prism, as many as PyBullet gives a URDF cylinder.
-pub(super) const CORNERS: usize = 32;
+const CORNERS: usize = 32;
 
 /// Thickness of the skin around the drone's prism on which it rests \[m\]: PyBullet's margin of a URDF shape.
 pub(super) const MARGIN: f64 = 1e-3;
@@ -23,8 +23,22 @@ pub(super) struct Outline {
     pub(super) shape: SharedShape,
     /// Of the shape in the body.
     pub(super) pose: Pose,
+    /// The same shape in `f64`, for what is farthest in a direction.
+    extremes: Extremes,
     /// Of the sphere around the body's origin that holds the shape \[m\].
     pub(super) radius: f64,
+}
+
+/// What can be farthest in a direction.
+#[derive(Clone)]
+enum Extremes {
+    Cuboid(Vector3<f64>),
+    /// About y, as parry's.
+    Cylinder {
+        radius: f64,
+        half_height: f64,
+    },
+    Corners(Vec<Vector3<f64>>),
 }
 
 impl Outline {
@@ -36,17 +50,24 @@ impl Outline {
         match shape {
             Shape::Cuboid(half) => {
                 let [x, y, z] = [half.x as f32, half.y as f32, half.z as f32];
-                Self { shape: SharedShape::cuboid(x, y, z), pose: Pose::at(Vector3::zeros()), radius: half.norm() }
+                Self {
+                    shape: SharedShape::cuboid(x, y, z),
+                    pose: Pose::at(Vector3::zeros()),
+                    extremes: Extremes::Cuboid(*half),
+                    radius: half.norm(),
+                }
             }
             // parry's cylinders stand on y.
             Shape::Cylinder { radius, half_height } => Self {
                 shape: SharedShape::cylinder(*half_height as f32, *radius as f32),
                 pose: upright(Vector3::zeros()),
+                extremes: Extremes::Cylinder { radius: *radius, half_height: *half_height },
                 radius: radius.hypot(*half_height),
             },
             Shape::Hull(points) => Self {
                 shape: convex_hull(points),
                 pose: Pose::at(Vector3::zeros()),
+                extremes: Extremes::Corners(points.clone()),
                 radius: points.iter().map(Vector3::norm).fold(0.0, f64::max),
             },
         }
@@ -55,16 +76,56 @@ impl Outline {
     /// The drone's hull as Bullet has it: the convex hull of a prism inscribed in the URDF's cylinder.
     pub(super) fn of_drone(airframe: &Airframe) -> Self {
         let half_height = 0.5 * airframe.collision_height;
-        let corners: Vec<_> = [-half_height, half_height]
-            .into_iter()
-            .flat_map(|height| prism_corners(airframe).map(move |[x, y]| Vector3::new(x, y, height)))
+        let radius = airframe.collision_radius;
+        // In Bullet's order, from the left on: the first of equals is the one that touches.
+        let corners: Vec<_> = (0..CORNERS)
+            .map(|corner| libm::sincos(TAU * corner as f64 / CORNERS as f64))
+            .flat_map(|(sine, cosine)| {
+                [half_height, -half_height].map(|height| Vector3::new(radius * sine, radius * cosine, height))
+            })
             .collect();
         let middle = Vector3::new(0.0, 0.0, airframe.collision_offset);
         Self {
             shape: convex_hull(&corners),
             pose: Pose::at(middle),
-            radius: airframe.collision_radius.hypot(half_height + airframe.collision_offset.abs()),
+            extremes: Extremes::Corners(corners),
+            radius: radius.hypot(half_height + airframe.collision_offset.abs()),
         }
+    }
+
+    /// The point that is farthest in a direction, both in the frame of the shape; the first of several.
+    fn farthest(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+        match &self.extremes {
+            Extremes::Cuboid(half) => half.zip_map(direction, f64::copysign),
+            Extremes::Cylinder { radius, half_height } => {
+                let across = direction.x.hypot(direction.z);
+                let scale = if across > 0.0 { radius / across } else { 0.0 };
+                Vector3::new(direction.x * scale, half_height.copysign(direction.y), direction.z * scale)
+            }
+            Extremes::Corners(corners) => {
+                let mut farthest = corners[0];
+                for corner in corners {
+                    if corner.dot(direction) > farthest.dot(direction) {
+                        farthest = *corner;
+                    }
+                }
+                farthest
+            }
+        }
+    }
+
+    /// Its lowest point when the shape has this pose, world.
+    pub(super) fn lowest(&self, shape_pose: &Pose) -> Vector3<f64> {
+        let down = shape_pose.world_from_body.rotate_inverse(-Vector3::z());
+        compose(shape_pose, &Pose::at(self.farthest(&down))).position
+    }
+
+    /// Moments of inertia about the body's origin, per mass \[m²\], body.
+    pub(super) fn inertia_per_mass(&self) -> Matrix3<f64> {
+        let mass = self.shape.mass_properties(1.0);
+        let columns = mass.reconstruct_inertia_matrix().to_cols_array().map(f64::from);
+        let turn = self.pose.world_from_body.matrix();
+        turn * Matrix3::from_column_slice(&columns) * turn.transpose() / f64::from(mass.mass())
     }
 
     /// The shape's pose when the body has this one.
@@ -76,14 +137,6 @@ impl Outline {
 /// An upright cylinder of parry's.
 pub(super) fn upright(position: Vector3<f64>) -> Pose {
     Pose { position, world_from_body: Attitude::from_axis_angle(Vector3::x(), FRAC_PI_2) }
-}
-
-/// Corners `[x, y]` of the drone's prism, the first to the left \[m, body\].
-pub(super) fn prism_corners(airframe: &Airframe) -> [[f64; 2]; CORNERS] {
-    core::array::from_fn(|corner| {
-        let (sine, cosine) = libm::sincos(TAU * corner as f64 / CORNERS as f64);
-        [airframe.collision_radius * sine, airframe.collision_radius * cosine]
-    })
 }
 
 fn convex_hull(points: &[Vector3<f64>]) -> SharedShape {

@@ -1,40 +1,36 @@
-//! What becomes of bodies that touch: who is near whom, and rapier's answer for each group.
+//! What becomes of bodies that touch: who is near whom, and the answer for each group.
+
+use core::mem;
 
 use core::fmt;
 
 use kestrel_core::airframe::Airframe;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use rapier3d::geometry::SharedShape;
 
-use super::group::Group;
+use super::group::{Group, Member};
 use super::outline::{MARGIN, upright};
-use super::{Arena, Motion};
+use super::{Arena, ContactMemory, ContactReport, Motion, bullet, rapier};
 use crate::world::{Floor, Pose, World};
 
-/// Finds what contacts do to drones and movables. It remembers nothing from call to call.
+/// Finds what contacts do to drones and movables: by rapier, or as Bullet does if the arena reports as Bullet does.
 #[derive(Clone)]
 pub struct ContactSolver {
     pub(super) arena: Arena,
-    pub(super) drone: DroneBody,
-    /// Of the movables \[kg\].
-    pub(super) masses: Vec<f64>,
-}
-
-/// A drone as rapier sees it.
-#[derive(Clone)]
-pub(super) struct DroneBody {
-    pub(super) mass: f64,
-    pub(super) inertia: Vector3<f64>,
-    /// The cylinder around the prism: of a face with many corners parry uses four neighbours only.
+    pub(super) drone: Inertia,
+    /// The cylinder around the drone's prism: of a face with many corners rapier uses four neighbours only.
     pub(super) hull: SharedShape,
     pub(super) hull_pose: Pose,
+    pub(super) movables: Vec<Inertia>,
 }
 
-/// A body that takes part, by its index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Member {
-    Drone(usize),
-    Movable(usize),
+/// How a body resists; its origin is its centre of mass.
+#[derive(Clone, Copy)]
+pub(super) struct Inertia {
+    /// \[kg\].
+    pub(super) mass: f64,
+    /// Moments of inertia \[kg m²\], body.
+    pub(super) moments: Matrix3<f64>,
 }
 
 /// The space that a body may sweep in a substep.
@@ -54,15 +50,16 @@ impl ContactSolver {
     /// Prepares for the arena of this world and airframe.
     pub fn new(arena: &Arena, world: &World, airframe: &Airframe) -> Self {
         let half_height = 0.5 * airframe.collision_height;
+        let inertia = |mass: f64, moments: Matrix3<f64>| Inertia { mass, moments };
+        let movables = world.movables.iter().zip(&arena.movables);
         Self {
             arena: arena.clone(),
-            drone: DroneBody {
-                mass: airframe.mass,
-                inertia: airframe.inertia.into(),
-                hull: SharedShape::cylinder(half_height as f32, airframe.collision_radius as f32),
-                hull_pose: upright(Vector3::new(0.0, 0.0, airframe.collision_offset)),
-            },
-            masses: world.movables.iter().map(|movable| movable.mass).collect(),
+            drone: inertia(airframe.mass, Matrix3::from_diagonal(&airframe.inertia.into())),
+            hull: SharedShape::cylinder(half_height as f32, airframe.collision_radius as f32),
+            hull_pose: upright(Vector3::new(0.0, 0.0, airframe.collision_offset)),
+            movables: movables
+                .map(|(movable, body)| inertia(movable.mass, body.outline.inertia_per_mass() * movable.mass))
+                .collect(),
         }
     }
 
@@ -71,59 +68,64 @@ impl ContactSolver {
     /// `before` are the drones at its start, `after` what free flight makes of them, gravity, rotors and air
     /// included. A drone that nothing pushes keeps `after` to the bit; the others get what contacts make of it.
     /// Movables feel gravity here and move in place; those at rest sleep until something that moves comes near.
+    /// `memory` belongs to the environment; only the `bullet` physics writes into it.
     ///
     /// # Panics
     /// If there are not as many drones before as after, or not as many movables as in the world.
-    pub fn resolve(&self, before: &[Motion], after: &mut [Motion], movables: &mut [Motion], secs: f64) {
+    pub fn resolve(
+        &self,
+        before: &[Motion],
+        after: &mut [Motion],
+        movables: &mut [Motion],
+        memory: &mut ContactMemory,
+        secs: f64,
+    ) {
         assert_eq!(before.len(), after.len());
-        assert_eq!(movables.len(), self.masses.len());
+        assert_eq!(movables.len(), self.movables.len());
         let balls = self.balls(before, after, movables, secs);
-        for members in neighbours(&balls) {
-            let awake = members.iter().any(|ball| is_awake(ball.member, movables));
-            let solids = self.solids_near(&members);
-            let floor = self.floor_near(&members);
-            if awake && (members.len() > 1 || floor || !solids.is_empty()) {
-                let members = members.iter().map(|ball| ball.member).collect();
-                Group { solver: self, members, solids, floor, secs }.resolve(before, after, movables);
+        let mut known = mem::take(memory);
+        for balls in neighbours(&balls) {
+            let members = balls.iter().map(|ball| ball.member).collect();
+            let group = Group::new(self, members, self.near(&balls), secs);
+            if group.is_asleep(movables) {
+                memory.keep(&mut known, &group);
+            } else if !group.is_free() {
+                let starts = group.starts(before, after, movables);
+                let ends = match self.arena.report {
+                    ContactReport::Touch => rapier::step(&group, &starts),
+                    ContactReport::Bullet => bullet::step(&group, &starts, &mut known, memory),
+                };
+                group.finish(&starts, &ends, after, movables);
             }
         }
     }
 
     fn balls(&self, before: &[Motion], after: &[Motion], movables: &[Motion], secs: f64) -> Vec<Ball> {
-        let drones = before.iter().zip(after).enumerate().map(|(index, (start, end))| Ball {
-            member: Member::Drone(index),
-            middle: start.pose.position,
-            radius: self.arena.drone.radius + MARGIN + end.velocity.norm() * secs,
-        });
-        let movables = movables.iter().zip(&self.arena.movables).enumerate().map(|(index, (motion, body))| Ball {
-            member: Member::Movable(index),
+        let ball = |member, motion: &Motion, speed: f64, radius: f64| Ball {
+            member,
             middle: motion.pose.position,
-            radius: body.outline.radius + MARGIN + motion.velocity.norm() * secs,
+            radius: radius + 2.0 * MARGIN + speed * secs,
+        };
+        let drones = before.iter().zip(after).enumerate().map(|(index, (start, end))| {
+            ball(Member::Drone(index), start, end.velocity.norm(), self.arena.drone.radius)
+        });
+        let movables = movables.iter().zip(&self.arena.movables).enumerate().map(|(index, (motion, body))| {
+            ball(Member::Movable(index), motion, motion.velocity.norm(), body.outline.radius)
         });
         drones.chain(movables).collect()
     }
 
-    fn solids_near(&self, members: &[&Ball]) -> Vec<usize> {
-        let near = members.iter().flat_map(|ball| self.arena.solids_within(&ball.middle, ball.radius));
-        let mut near: Vec<usize> = near.collect();
-        near.sort_unstable();
-        near.dedup();
-        near
-    }
-
-    fn floor_near(&self, members: &[&Ball]) -> bool {
-        match self.arena.floor {
-            Floor::Solid => members.iter().any(|ball| ball.middle.z <= ball.radius),
+    /// What cannot move near the balls: indices of solids, and whether the floor is.
+    fn near(&self, balls: &[&Ball]) -> (Vec<usize>, bool) {
+        let solids = balls.iter().flat_map(|ball| self.arena.solids_within(&ball.middle, ball.radius));
+        let mut solids: Vec<usize> = solids.collect();
+        solids.sort_unstable();
+        solids.dedup();
+        let floor = match self.arena.floor {
+            Floor::Solid => balls.iter().any(|ball| ball.middle.z <= ball.radius),
             Floor::Absent => false,
-        }
-    }
-}
-
-/// Whether a body moves by itself.
-fn is_awake(member: Member, movables: &[Motion]) -> bool {
-    match member {
-        Member::Drone(_) => true,
-        Member::Movable(index) => !movables[index].is_at_rest(),
+        };
+        (solids, floor)
     }
 }
 
@@ -131,10 +133,10 @@ fn is_awake(member: Member, movables: &[Motion]) -> bool {
 fn neighbours(balls: &[Ball]) -> Vec<Vec<&Ball>> {
     let mut groups: Vec<Vec<&Ball>> = Vec::new();
     for ball in balls {
-        let touches = |other: &&Ball| (other.middle - ball.middle).norm() <= other.radius + ball.radius;
-        let (touched, mut apart): (Vec<_>, Vec<_>) =
-            groups.into_iter().partition(|group: &Vec<&Ball>| group.iter().any(touches));
-        let mut merged = touched.concat();
+        let meets = |other: &&Ball| (other.middle - ball.middle).norm() <= other.radius + ball.radius;
+        let (met, mut apart): (Vec<_>, Vec<_>) =
+            groups.into_iter().partition(|group: &Vec<&Ball>| group.iter().any(meets));
+        let mut merged = met.concat();
         merged.push(ball);
         apart.push(merged);
         groups = apart;
