@@ -1,10 +1,13 @@
 //! The place: goal, floor, walls, obstacles; the schema of a world file and of a task's `aviary`.
 
+use std::path::Path;
+
 use kestrel_core::airframe::Airframe;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::document::Document;
 use super::error::ConfigError;
 use super::field::Field;
 use super::geometry::{exact_point, holds};
@@ -161,6 +164,15 @@ impl AviaryConfig {
 }
 
 impl Place {
+    /// The world in the file at `path`.
+    ///
+    /// # Errors
+    /// What is wrong with the file or one that it imports.
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let document = Document::read(path)?;
+        document.decode::<AviaryConfig>()?.place(&document.root())
+    }
+
     /// Adds the contents of `inner`; its goals only where there are none of the outer world.
     fn take_in(&mut self, inner: Self, has_goal: bool) {
         if !has_goal {
