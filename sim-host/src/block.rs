@@ -7,7 +7,7 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use crate::agent::{Agent, Finished};
-use crate::contact::{Arena, ContactSolver, Motion, Touch};
+use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Touch};
 use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards};
 use crate::seed::{Purpose, Seed};
 use crate::swarm::{Column, row, set_row, vector};
@@ -29,6 +29,8 @@ pub(crate) struct Block<const LANES: usize, R: Real> {
     pub(crate) agents: Vec<Agent<LANES, R>>,
     /// Bodies that drones push, by lane.
     movables: Vec<Vec<Motion>>,
+    /// Where bodies touched, by lane.
+    contacts: Vec<ContactMemory>,
     /// Where all drones are.
     team: Vec<[Column<LANES, R>; 3]>,
     targets: Vec<[Column<LANES, R>; 4]>,
@@ -45,6 +47,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let mut block = Self {
             agents: (0..count).map(|index| Agent::new(scenario, arena, index, source, first)).collect(),
             movables: vec![standing(scenario); LANES],
+            contacts: vec![ContactMemory::default(); LANES],
             team: vec![[nothing; 3]; count],
             targets: vec![[nothing; 4]; count],
         };
@@ -195,8 +198,8 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
                 *drone = agent.swarm.advanced(physics, lane, drone, &row(targets, lane), &team);
             }
             if let Some(solver) = stage.solver {
-                let movables = &mut self.movables[lane];
-                resolve(solver, &before, &mut drones, movables, physics.substep_secs());
+                let bodies = (&mut self.movables[lane], &mut self.contacts[lane]);
+                resolve(solver, &before, &mut drones, bodies, physics.substep_secs());
             }
         }
         if matches!(physics.preset, Preset::Clean { .. }) {
@@ -249,9 +252,10 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         first: u32,
         finished: &mut impl FnMut(usize, Finished<R>),
     ) {
-        if scenario.agents.ends == TeamEnd::Together && !scenario.aviary.world.movables.is_empty() {
-            for lane in 0..LANES {
-                if self.agents[0].codes[lane] > 0.0 {
+        for lane in 0..LANES {
+            if self.agents[0].codes[lane] > 0.0 {
+                self.contacts[lane] = ContactMemory::default();
+                if scenario.agents.ends == TeamEnd::Together {
                     self.movables[lane] = standing(scenario);
                 }
             }
@@ -260,6 +264,10 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.restart_ended(scenario, arena, first, &mut |done| finished(index, done));
         }
         self.locate();
+    }
+
+    pub(crate) fn contacts_mut(&mut self) -> &mut [ContactMemory] {
+        &mut self.contacts
     }
 
     pub(crate) fn movables_mut(&mut self) -> impl Iterator<Item = &mut Motion> {
@@ -308,12 +316,12 @@ fn resolve<R: Real>(
     solver: &ContactSolver,
     before: &[Motion],
     drones: &mut [BulletState<R>],
-    movables: &mut [Motion],
+    (movables, memory): (&mut Vec<Motion>, &mut ContactMemory),
     secs: f64,
 ) {
     let free: Vec<Motion> = drones.iter().map(motion).collect();
     let mut after = free.clone();
-    solver.resolve(before, &mut after, movables, secs);
+    solver.resolve(before, &mut after, movables, memory, secs);
     for ((drone, free), after) in drones.iter_mut().zip(&free).zip(&after) {
         if after != free {
             let state = &mut drone.motion;

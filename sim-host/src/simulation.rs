@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::agent::{Agent, Finished, PRIVILEGED_LEN};
 use crate::block::{Actions, Block, MOTION_LEN, Stage, motion_from_array, motion_to_array};
-use crate::contact::{Arena, ContactReport, ContactSolver};
+use crate::contact::{Arena, ContactMemory, ContactReport, ContactSolver};
 use crate::outcome::{Episode, Outcome};
 use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
@@ -48,6 +48,7 @@ pub struct SimulationState<R = f32> {
     columns: Vec<R>,
     controls: Vec<R>,
     movables: Vec<[f64; MOTION_LEN]>,
+    contacts: Vec<ContactMemory>,
     sensors: Vec<SensorMemory>,
     streams: Vec<Stream>,
     episodes: Vec<Episode>,
@@ -227,6 +228,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             columns: Vec::new(),
             controls: Vec::new(),
             movables: Vec::new(),
+            contacts: Vec::new(),
             sensors: Vec::new(),
             streams: Vec::new(),
             episodes: self.episodes.clone(),
@@ -238,6 +240,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 state.sensors.extend_from_slice(agent.sensors_mut());
                 state.streams.extend_from_slice(agent.streams_mut());
             }
+            state.contacts.extend_from_slice(block.contacts_mut());
             state.movables.extend(block.movables_mut().map(|motion| motion_to_array(motion)));
         }
         state
@@ -251,6 +254,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             && state.controls.len() == own.controls.len()
             && state.sensors.len() == own.sensors.len()
             && state.streams.len() == own.streams.len()
+            && state.contacts.len() == own.contacts.len()
             && state.movables.len() == own.movables.len();
         if !fits {
             return false;
@@ -260,6 +264,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         let mut sensors = state.sensors.iter();
         let mut streams = state.streams.iter();
         let mut movables = state.movables.iter();
+        let mut contacts = state.contacts.iter();
         for block in &mut self.blocks {
             for agent in &mut block.agents {
                 for (column, values) in agent.columns_mut().zip(&mut columns) {
@@ -274,6 +279,9 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 for (stream, saved) in agent.streams_mut().iter_mut().zip(&mut streams) {
                     stream.clone_from(saved);
                 }
+            }
+            for (memory, saved) in block.contacts_mut().iter_mut().zip(&mut contacts) {
+                memory.clone_from(saved);
             }
             for (motion, saved) in block.movables_mut().zip(&mut movables) {
                 *motion = motion_from_array(saved);

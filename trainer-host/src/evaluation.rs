@@ -2,6 +2,7 @@
 
 use kestrel_core::observation::OBSERVATION_LIMIT;
 use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
 use kestrel_sim::outcome::{Ending, Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
@@ -61,6 +62,9 @@ pub struct Evaluation {
     pub length_secs: f64,
     /// How many episodes ended how.
     pub endings: Vec<(Ending, usize)>,
+    /// Mean return of each weighted reward term, in the scenario's order.
+    #[serde(default)]
+    pub terms: Vec<f64>,
 }
 
 /// One flight, control period by control period.
@@ -77,7 +81,16 @@ pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evalua
     let firsts: Vec<usize> = (0..starts.episodes).step_by(PANEL).collect();
     let flights = firsts.into_par_iter().flat_map_iter(|first| {
         let count = PANEL.min(starts.episodes - first);
-        first_episodes(scenario, flyer, starts, first as u32, count)
+        first_episodes(starting_at(scenario, starts, first as u32, count), flyer, starts, first as u32)
+    });
+    summarise(flyer.name(), scenario, &flights.collect::<Vec<_>>())
+}
+
+/// As [`evaluate`], in double precision and one environment at a time: what a comparison with a recording needs.
+pub fn evaluate_exactly(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evaluation {
+    let flights = (0..starts.episodes as u32).into_par_iter().flat_map_iter(|first| {
+        let simulation = Simulation::<1, f64>::with_purpose(scenario, starts.seed, starts.purpose, first, 1);
+        first_episodes(simulation, flyer, starts, first)
     });
     summarise(flyer.name(), scenario, &flights.collect::<Vec<_>>())
 }
@@ -86,7 +99,7 @@ pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evalua
 pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts) -> Vec<f32> {
     let count = starts.episodes.clamp(1, 64);
     let mut simulation = starting_at(scenario, starts, 0, count);
-    let mut cockpit = Cockpit::new(scenario, Flyer::Actor(actor), starts.seed, 0, count);
+    let mut cockpit = Cockpit::new(&simulation, Flyer::Actor(actor), starts.seed, 0);
     let mut observations = Vec::new();
     for step in 0..scenario.episode_steps() {
         if step % 8 == 0 {
@@ -103,7 +116,7 @@ pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts
 /// Flies the episode that [`evaluate`] flies as number `start`, and keeps every state.
 pub fn record(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts, start: u32) -> FlightPath {
     let mut simulation = starting_at(scenario, starts, start, 1);
-    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, start, 1);
+    let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, start);
     let mut states = vec![simulation.state(0)];
     loop {
         simulation.step(cockpit.act(&simulation));
@@ -131,24 +144,23 @@ fn starting_at(scenario: &Scenario, starts: Starts, first: u32, count: usize) ->
     Simulation::with_purpose(scenario, starts.seed, starts.purpose, first, count)
 }
 
-/// The first episode of each environment, in their order.
-fn first_episodes(
-    scenario: &Scenario,
+/// The first episode of each drone, agent by agent and by environment.
+fn first_episodes<const LANES: usize, R: Real>(
+    mut simulation: Simulation<LANES, R>,
     flyer: Flyer<'_>,
     starts: Starts,
     first: u32,
-    count: usize,
 ) -> Vec<Episode> {
-    let mut simulation = starting_at(scenario, starts, first, count);
-    let mut cockpit = Cockpit::new(scenario, flyer, starts.seed, first, count);
-    let mut episodes: Vec<Option<Episode>> = vec![None; count];
+    let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, first);
+    let mut episodes: Vec<Option<Episode>> = vec![None; simulation.rows()];
     while episodes.iter().any(Option::is_none) {
         simulation.step(cockpit.act(&simulation));
         if simulation.outcomes().iter().all(|outcome| *outcome == Outcome::Running) {
             continue;
         }
         for episode in simulation.take_episodes() {
-            let slot = &mut episodes[(episode.environment - first) as usize];
+            let environment = (episode.environment - first) as usize;
+            let slot = &mut episodes[episode.agent as usize * simulation.environments() + environment];
             slot.get_or_insert(episode);
         }
     }
@@ -156,66 +168,83 @@ fn first_episodes(
 }
 
 /// A flyer at work on the environments of one simulation.
-struct Cockpit<'a> {
+struct Cockpit<'a, R> {
     flyer: Flyer<'a>,
-    /// One per environment.
+    /// One per drone.
     scripted: Vec<ScriptedPilot>,
     noise: Stream,
+    observations: Vec<f32>,
     actions: Vec<f32>,
+    converted: Vec<R>,
 }
 
-impl<'a> Cockpit<'a> {
-    fn new(scenario: &Scenario, flyer: Flyer<'a>, seed: Seed, first: u32, count: usize) -> Self {
+impl<'a, R: Real> Cockpit<'a, R> {
+    fn new<const LANES: usize>(
+        simulation: &Simulation<LANES, R>,
+        flyer: Flyer<'a>,
+        seed: Seed,
+        first: u32,
+    ) -> Self {
+        let scenario = simulation.scenario();
+        let pilot = ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs());
         Self {
             flyer,
-            scripted: vec![
-                ScriptedPilot::new(
-                    &scenario.airframe,
-                    &scenario.action,
-                    scenario.physics.control_secs()
-                );
-                count
-            ],
+            scripted: vec![pilot; simulation.rows()],
             noise: Stream::new(seed, first, Purpose::Baseline),
-            actions: Vec::new(),
+            observations: Vec::new(),
+            actions: vec![0.0; scenario.action.len() * simulation.rows()],
+            converted: Vec::new(),
         }
     }
 
-    /// Actions `[action length][environments]` for the simulation's present states.
-    fn act(&mut self, simulation: &Simulation) -> &[f32] {
-        self.actions.resize(simulation.scenario().action.len() * simulation.environments(), 0.0);
+    /// Actions `[action length][rows]` for the simulation's present states.
+    fn act<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) -> &[R] {
         match self.flyer {
-            Flyer::Actor(actor) => actor.act_mean(simulation.observations(), &mut self.actions),
-            Flyer::Policy(policy) => act_one_by_one(policy, simulation, &mut self.actions),
+            Flyer::Actor(actor) => {
+                self.observe(simulation);
+                actor.act_mean(&self.observations, &mut self.actions);
+            }
+            Flyer::Policy(policy) => {
+                self.observe(simulation);
+                act_one_by_one(policy, &self.observations, simulation.rows(), &mut self.actions);
+            }
             Flyer::Nothing => {}
             Flyer::Random => self.actions.fill_with(|| self.noise.between(-1.0, 1.0)),
-            Flyer::Scripted => {
-                let goal = simulation.scenario().aviary.goal;
-                let count = simulation.environments();
-                for (environment, pilot) in self.scripted.iter_mut().enumerate() {
-                    if simulation.outcomes()[environment] != Outcome::Running {
-                        pilot.reset();
-                    }
-                    let action = pilot.act(&simulation.state(environment), &goal);
-                    write_action(&mut self.actions, count, environment, &action);
-                }
-            }
+            Flyer::Scripted => self.follow_script(simulation),
         }
-        &self.actions
+        self.converted.clear();
+        self.converted.extend(self.actions.iter().map(|action| R::from_f32(*action)));
+        &self.converted
+    }
+
+    fn observe<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) {
+        self.observations.clear();
+        self.observations.extend(simulation.observations().iter().map(|value| value.to_f32()));
+    }
+
+    fn follow_script<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) {
+        let rows = simulation.rows();
+        for (row, pilot) in self.scripted.iter_mut().enumerate() {
+            if simulation.outcomes()[row] != Outcome::Running {
+                pilot.reset();
+            }
+            let goal = simulation.goal(row).map(Real::to_f32);
+            let action = pilot.act(&simulation.state(row).map(Real::to_f32), &goal);
+            write_action(&mut self.actions, rows, row, &action);
+        }
     }
 }
 
 /// The exported policy, with the very inference that the firmware runs.
-fn act_one_by_one(policy: &PolicyFile<'_>, simulation: &Simulation, actions: &mut [f32]) {
-    let count = simulation.environments();
-    let len = simulation.observation_len();
+fn act_one_by_one(policy: &PolicyFile<'_>, observations: &[f32], rows: usize, actions: &mut [f32]) {
+    let len = observations.len() / rows;
     let mut scratch = policy.scratch();
     let mut observation = [0.0; OBSERVATION_LIMIT];
-    for environment in 0..count {
-        for (value, column) in observation.iter_mut().zip(simulation.observations().chunks_exact(count)) {
-            *value = column[environment];
+    for row in 0..rows {
+        for (value, column) in observation.iter_mut().zip(observations.chunks_exact(rows)) {
+            *value = column[row];
         }
-        write_action(actions, count, environment, &policy.act(&observation[..len], &mut scratch));
+        write_action(actions, rows, row, &policy.act(&observation[..len], &mut scratch));
     }
 }
 
@@ -243,6 +272,9 @@ fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluati
         return_interval: [mean - margin, mean + margin],
         length_secs: steps / count * f64::from(scenario.physics.control_secs()),
         endings: endings(episodes),
+        terms: (0..scenario.rewards.len())
+            .map(|term| episodes.iter().map(|episode| f64::from(episode.terms[term])).sum::<f64>() / count)
+            .collect(),
     }
 }
 
@@ -267,6 +299,9 @@ fn endings(episodes: &[Episode]) -> Vec<(Ending, usize)> {
         Ending::OutOfBounds,
         Ending::Tilt,
         Ending::Distance,
+        Ending::OutOfFuel,
+        Ending::Overdue,
+        Ending::Teammate,
     ];
     let count = |kind| episodes.iter().filter(|episode| episode.ending == kind).count();
     kinds.into_iter().map(|kind| (kind, count(kind))).filter(|(_, count)| *count > 0).collect()
