@@ -49,6 +49,19 @@ fn missing_and_empty_files_are_named() {
 }
 
 #[test]
+fn what_is_no_recording_is_not_replayed() {
+    let place = tempfile::tempdir().unwrap();
+    let missing = refusal(&kestrel(place.path(), &["replay", "none.recording"]));
+    assert!(missing.contains("cannot read none.recording"), "{missing}");
+    fs::write(place.path().join("other.recording"), "GIF89a and so on").unwrap();
+    let other = refusal(&kestrel(place.path(), &["replay", "other.recording"]));
+    assert!(other.contains("other.recording is no recording: it begins with \"GIF89a a\""), "{other}");
+    let itself = refusal(&kestrel(place.path(), &["replay", "other.recording", "--output", "other.recording"]));
+    assert!(itself.contains("is the recording itself"), "{itself}");
+    assert!(!place.path().join("other.gif").exists());
+}
+
+#[test]
 fn wrong_flags_are_explained() {
     let place = tempfile::tempdir().unwrap();
     let hover = config("hover.yaml");

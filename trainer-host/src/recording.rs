@@ -113,7 +113,7 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        source: ConfigError,
+        source: Box<ConfigError>,
     },
     /// The system refused a file operation.
     #[error(transparent)]
@@ -147,7 +147,7 @@ impl Recording {
     pub fn experiment(&self, path: &Path) -> Result<Experiment, RecordingError> {
         let name = format!("{}: config", path.display());
         let parsed = experiment_config::parse(&name, &self.config, &[]);
-        parsed.map_err(|source| RecordingError::Config { path: path.to_owned(), source })
+        parsed.map_err(|source| RecordingError::Config { path: path.to_owned(), source: Box::new(source) })
     }
 
     /// What is needed to draw it, in the world of `experiment`.
@@ -233,8 +233,8 @@ impl Track {
     }
 
     /// Says how it ended.
-    pub fn finish(&mut self, ending: impl ToString, success: bool) {
-        self.ending = ending.to_string();
+    pub fn finish(&mut self, ending: &str, success: bool) {
+        ending.clone_into(&mut self.ending);
         self.success = success;
     }
 

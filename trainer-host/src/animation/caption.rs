@@ -51,7 +51,7 @@ fn figures(moment: &Moment) -> [(&'static str, String); 3] {
         .enumerate()
         .flat_map(|(index, one)| positions.clone().take(index).map(move |other| (one - other).norm()));
     let closest = pairs.fold(f32::INFINITY, f32::min);
-    [time, ("to goal, at most", format!("{farthest:.2} m")), ("closest pair", format!("{closest:.2} m"))]
+    [time, ("farthest to go", format!("{farthest:.2} m")), ("closest pair", format!("{closest:.2} m"))]
 }
 
 fn draw_key([left, top]: [usize; 2], canvas: &mut Canvas) {

@@ -37,6 +37,9 @@ const GOAL_IN_SIGHT: f32 = 1.0;
 /// Opacity of solids beside the drones and of solids in front of one.
 const OPACITY: [f32; 2] = [1.0, 0.1];
 
+/// How often opaque faces are painted: where two of them meet, one coat lets a thin line shine through.
+const COATS: usize = 2;
+
 /// Share of the way to its new opacity that a solid goes from picture to picture.
 const FADING: f32 = 0.15;
 
@@ -122,7 +125,7 @@ impl<'a> Scene<'a> {
     pub(super) fn draw(&self, shot: &Shot<'_>, canvas: &mut Canvas) {
         let mut view = View { camera: &shot.camera, canvas };
         self.draw_floor(&mut view);
-        self.draw_solids(shot, &mut view, |opacity| opacity > 0.95);
+        draw_solids(&shot.solids, &mut view, |opacity| opacity > 0.95);
         for drone in &shot.moment.drones {
             self.draw_shadow(shot, drone, &mut view);
         }
@@ -133,7 +136,7 @@ impl<'a> Scene<'a> {
             draw_trail(&trail[..=shot.index], palette::trail(index), &mut view);
         }
         self.draw_drones(shot, &mut view);
-        self.draw_solids(shot, &mut view, |opacity| opacity <= 0.95);
+        draw_solids(&shot.solids, &mut view, |opacity| opacity <= 0.95);
     }
 
     /// Draws the farthest drone first: rotors are glass.
@@ -164,16 +167,6 @@ impl<'a> Scene<'a> {
         }
         for y in grid_lines(low.y, high.y) {
             view.line([corner(low.x, y), corner(high.x, y)], 1.0, line, Depth::Above);
-        }
-    }
-
-    /// Draws the solids whose opacity is `chosen`, the farthest first.
-    fn draw_solids(&self, shot: &Shot<'_>, view: &mut View<'_>, chosen: impl Fn(f32) -> bool) {
-        let distance = |solid: &Placed<'_>| (middle(&solid.bounds) - shot.camera.position).norm();
-        let mut solids: Vec<_> = shot.solids.iter().filter(|solid| chosen(solid.opacity)).collect();
-        solids.sort_by(|a, b| distance(b).total_cmp(&distance(a)));
-        for solid in solids {
-            draw_solid(solid, view);
         }
     }
 
@@ -271,10 +264,21 @@ fn faded(wanted: &[Vec<f32>]) -> Vec<Vec<f32>> {
     (0..wanted.len()).map(&mut fade).collect()
 }
 
+/// Draws the solids whose opacity is `chosen`, the farthest first.
+fn draw_solids(solids: &[Placed<'_>], view: &mut View<'_>, chosen: impl Fn(f32) -> bool) {
+    let eye = view.camera.position;
+    let distance = |solid: &Placed<'_>| (middle(&solid.bounds) - eye).norm();
+    let mut solids: Vec<_> = solids.iter().filter(|solid| chosen(solid.opacity)).collect();
+    solids.sort_by(|a, b| distance(b).total_cmp(&distance(a)));
+    for solid in solids {
+        draw_solid(solid, view);
+    }
+}
+
 fn draw_solid(solid: &Placed<'_>, view: &mut View<'_>) {
     let opacity = solid.opacity;
-    let depth = if opacity > 0.95 { Depth::Solid } else { Depth::Tested };
-    for face in &solid.outline.faces {
+    let (depth, coats) = if opacity > 0.95 { (Depth::Solid, COATS) } else { (Depth::Tested, 1) };
+    for face in (0..coats).flat_map(|_| &solid.outline.faces) {
         let normal = (face[1] - face[0]).cross(&(face[2] - face[0]));
         if normal.dot(&(view.camera.position - face[0])) > 0.0 {
             view.fill(face, Paint { colour: palette::FACES[normal.iamax()], opacity }, depth);
