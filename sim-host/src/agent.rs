@@ -200,7 +200,12 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     fn aim_lane(&mut self, scenario: &Scenario, lane: usize) {
         let secs = self.steps[lane].to_f64() / scenario.physics.control_rate_hz;
         let goal = scenario.goals.at(&scenario.aviary.goal, self.index, secs);
-        let velocity = scenario.goals.velocity_at(secs);
+        // The reference takes differences of the points that it has passed.
+        let lag_secs = match scenario.clock {
+            Clock::Elapsed => 0.0,
+            Clock::Published => 1.0 / scenario.physics.control_rate_hz,
+        };
+        let velocity = scenario.goals.velocity_at(secs, lag_secs);
         set_row(&mut self.goal, lane, [goal.x, goal.y, goal.z].map(R::from_f64));
         set_row(&mut self.goal_velocity, lane, [velocity.x, velocity.y, velocity.z].map(R::from_f64));
     }

@@ -308,15 +308,19 @@ impl Goals {
         }
     }
 
-    /// Its velocity \[m/s, world\] then.
-    pub fn velocity_at(&self, secs: f64) -> Vector3<f64> {
+    /// Its velocity \[m/s, world\] on average over the `lag_secs` before then, or then where that is zero.
+    pub fn velocity_at(&self, secs: f64, lag_secs: f64) -> Vector3<f64> {
+        let wave = |amplitude: &Vector3<f32>, along: f64| amplitude.cast::<f64>() * along;
         match self {
             Self::Fixed | Self::PerAgent(_) => Vector3::zeros(),
             Self::Line(velocity) => velocity.cast(),
             Self::Wave { amplitude, rate, until_secs } => {
-                let rate = f64::from(*rate);
-                let moving = if secs < f64::from(*until_secs) { -rate * libm::sin(rate * secs) } else { 0.0 };
-                amplitude.cast() * moving
+                let (rate, until) = (f64::from(*rate), f64::from(*until_secs));
+                let phase = |secs: f64| libm::cos(rate * secs.clamp(0.0, until));
+                if lag_secs > 0.0 {
+                    return wave(amplitude, (phase(secs) - phase(secs - lag_secs)) / lag_secs);
+                }
+                wave(amplitude, if secs < until { -rate * libm::sin(rate * secs) } else { 0.0 })
             }
         }
     }

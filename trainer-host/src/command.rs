@@ -1,5 +1,6 @@
 //! What the command line can do, one module a command.
 
+mod baseline;
 mod bench;
 mod completions;
 mod evaluate;
@@ -30,6 +31,8 @@ pub(crate) enum Command {
     Train(train::Arguments),
     /// Fly a run's policy from many starts, beside the baselines
     Evaluate(evaluate::Arguments),
+    /// Fly a task without a policy: doing nothing, at random, by a script
+    Baseline(baseline::Arguments),
     /// Write a run's best policy as policy files
     Export(export::Arguments),
     /// Fly a policy as a MAVLink vehicle in the simulator
@@ -62,6 +65,7 @@ impl Command {
         match self {
             Self::Train(arguments) => train::run(&arguments),
             Self::Evaluate(arguments) => evaluate::run(&arguments),
+            Self::Baseline(arguments) => baseline::run(&arguments),
             Self::Export(arguments) => export::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Verify(arguments) => verify::run(&arguments),

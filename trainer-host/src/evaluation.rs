@@ -60,6 +60,9 @@ pub struct Evaluation {
     pub return_interval: [f64; 2],
     /// Mean length \[s\].
     pub length_secs: f64,
+    /// Mean length in control periods.
+    #[serde(default)]
+    pub steps: f64,
     /// How many episodes ended how.
     pub endings: Vec<(Ending, usize)>,
     /// Mean return of each weighted reward term, in the scenario's order.
@@ -270,7 +273,8 @@ fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluati
         success_interval: wilson(successes as f64, count),
         episode_return: mean,
         return_interval: [mean - margin, mean + margin],
-        length_secs: steps / count * f64::from(scenario.physics.control_secs()),
+        length_secs: steps / count / scenario.physics.control_rate_hz,
+        steps: steps / count,
         endings: endings(episodes),
         terms: (0..scenario.rewards.len())
             .map(|term| episodes.iter().map(|episode| f64::from(episode.terms[term])).sum::<f64>() / count)

@@ -6,23 +6,37 @@ use kestrel_train::results::EvaluationReport;
 
 /// The rows of an evaluation, one line each, below the starts that they flew from.
 pub(crate) fn evaluations(report: &EvaluationReport) -> String {
-    let episodes = report.rows.first().map_or(0, |row| row.episodes);
-    let heading = format!(
-        "{episodes} starts of seed {}:\n{:<16} {:>8}  {:<16} {:>9} {:>8}  endings",
-        report.seed, "pilot", "success", "95 % interval", "return", "length"
-    );
-    report.rows.iter().map(line).fold(heading, |text, line| text + "\n" + &line)
+    rows(&format!("{} starts of seed {}:", episodes(&report.rows), report.seed), &report.rows, 2)
 }
 
-fn line(row: &Evaluation) -> String {
+/// The baselines of a task, one line each.
+pub(crate) fn baselines(name: &str, seed: u64, baselines: &[Evaluation]) -> String {
+    rows(&format!("{name}, {} episodes of seed {seed}:", episodes(baselines)), baselines, 4)
+}
+
+fn episodes(rows: &[Evaluation]) -> usize {
+    rows.first().map_or(0, |row| row.episodes)
+}
+
+/// `digits` are those of the return.
+fn rows(title: &str, rows: &[Evaluation], digits: usize) -> String {
+    let heading = format!(
+        "{title}\n{:<16} {:>8}  {:<16} {:>11} {:>9} {:>7}  endings",
+        "pilot", "success", "95 % interval", "return", "length", "steps"
+    );
+    rows.iter().map(|row| line(row, digits)).fold(heading, |text, line| text + "\n" + &line)
+}
+
+fn line(row: &Evaluation, digits: usize) -> String {
     let [low, high] = row.success_interval.map(|share| 100.0 * share);
     format!(
-        "{:<16} {:>6.1} %  {:<16} {:>9.2} {:>6.2} s  {}",
+        "{:<16} {:>6.1} %  {:<16} {:>11.digits$} {:>7.2} s {:>7.1}  {}",
         row.pilot,
         100.0 * row.success_rate,
         format!("{low:.1} to {high:.1} %"),
         row.episode_return,
         row.length_secs,
+        row.steps,
         endings(&row.endings)
     )
 }

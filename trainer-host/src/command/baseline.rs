@@ -1,0 +1,62 @@
+//! `kestrel baseline`.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, ensure};
+use kestrel_sim::seed::{Purpose, Seed};
+use kestrel_train::evaluation::{Evaluation, Flyer, Starts, evaluate_exactly};
+use kestrel_train::experiment_config::{self, Experiment};
+use kestrel_train::output::say;
+
+use super::{Done, table};
+
+/// Most episodes of each pilot.
+const EPISODES_LIMIT: usize = 100_000;
+
+/// Arguments of `kestrel baseline`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Experiment file
+    config: PathBuf,
+
+    /// Episodes of each pilot
+    #[arg(long, value_name = "NUMBER", default_value_t = 20, allow_negative_numbers = true)]
+    episodes: usize,
+
+    /// What starts and random actions follow from
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, allow_negative_numbers = true)]
+    seed: u64,
+
+    /// Change a value of the configuration, such as `scenario.episode_secs=5`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    let episodes = arguments.episodes;
+    ensure!(
+        (1..=EPISODES_LIMIT).contains(&episodes),
+        "found --episodes {episodes}, expected a number from 1 to {EPISODES_LIMIT}"
+    );
+    let experiment = experiment_config::load(&arguments.config, &arguments.overrides)?;
+    let starts = Starts { seed: Seed(arguments.seed), purpose: Purpose::Evaluation, episodes };
+    let rows = [Flyer::Nothing, Flyer::Random, Flyer::Scripted]
+        .map(|flyer| evaluate_exactly(&experiment.evaluation.scenario, flyer, starts));
+    say(table::baselines(&experiment.name, arguments.seed, &rows))?;
+    say(terms(&experiment, &rows))?;
+    Ok(Done::Finished)
+}
+
+/// What each reward term paid, one line each.
+fn terms(experiment: &Experiment, rows: &[Evaluation]) -> String {
+    let rewards = &experiment.evaluation.scenario.rewards;
+    let heading = format!("\n{:<20}", "mean return of");
+    let mut text = rows.iter().fold(heading, |text, row| text + &format!(" {:>16}", row.pilot));
+    for (index, weighted) in rewards.iter().enumerate() {
+        text += &format!("\n{:<20}", weighted.term.name());
+        for row in rows {
+            text += &format!(" {:>16.4}", row.terms[index]);
+        }
+    }
+    text
+}
