@@ -131,7 +131,7 @@ fn observations_are_upstreams() {
                     _ if past > rows.len() => continue,
                     _ => placed(&table.motion(&rows[past - 1], "")),
                 };
-                let recorded = &observed[1 + drone * layout.len()..1 + (drone + 1) * layout.len()];
+                let recorded = &observed[1 + drone * layout.len()..][..layout.len()];
                 compare_observation((name, layout), &state, &actions[..past], recorded, &mut worst);
             }
         }
