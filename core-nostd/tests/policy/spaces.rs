@@ -4,15 +4,18 @@ use kestrel_core::action::{
     ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, PublishedActions, PublishedController,
     PublishedKind,
 };
-use kestrel_core::airframe::{Airframe, CF2X, HUMMINGBIRD};
+use kestrel_core::airframe::{Airframe, CF2X, Downwash, DragCoefficients, HUMMINGBIRD, Layout, RotorOrder};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::controller::Setpoint;
 use kestrel_core::controller::command::Precision;
+use kestrel_core::crc32::crc32;
 use kestrel_core::observation::{
     KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PaperLayout, PilotForLayout, Seen,
 };
 use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, Scratch};
+use kestrel_core::policy_file::{
+    HEADER_LEN, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, Scratch,
+};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -215,6 +218,49 @@ fn airframes_that_cannot_fly_are_refused() {
             space.airframe = CF2X;
         }
     }
+}
+
+/// Metadata from small integers; a change of the checksums asks for a new number of the layout or of the space.
+#[test]
+fn the_references_metadata_have_not_moved() {
+    let airframe = Airframe {
+        mass: 1.0,
+        inertia: [2.0, 3.0, 4.0],
+        layout: Layout::Cross { x: 5.0, y: 6.0 },
+        rotor_order: RotorOrder::CounterClockwise,
+        arm: 7.0,
+        thrust_coefficient: 8.0,
+        torque_coefficient: -9.0,
+        rotor_speed_limit: 10.0,
+        rotor_rise_secs: 11.0,
+        rotor_fall_secs: 12.0,
+        drag_coefficients: DragCoefficients { planar: 13.0, axial: 14.0 },
+        propeller_radius: 15.0,
+        ground_effect_coefficient: 16.0,
+        downwash: Downwash { strength: 17.0, width_slope: 18.0, width_offset: 19.0 },
+        collision_radius: 20.0,
+        collision_height: 21.0,
+        collision_offset: 22.0,
+        nominal_speed: 23.0,
+    };
+    let action = ActionSpace::Published(PublishedActions {
+        kind: PublishedKind::Tun,
+        precision: Precision::AllSingle,
+        airframe,
+        controller: PublishedController::Simple(airframe),
+        persistence: Persistence::Persist,
+    });
+    let found: Vec<(usize, u32)> = layouts(6)
+        .into_iter()
+        .map(|observation| {
+            let bytes = written(&PolicyMetadata { observation, ..metadata(&action) }, false).unwrap();
+            let len = usize::from(u16::from_le_bytes([bytes[20], bytes[21]]));
+            (len, crc32(&bytes[HEADER_LEN..HEADER_LEN + len]))
+        })
+        .collect();
+    let recorded =
+        [(406, 0xE9AD_EE34), (401, 0x6B3F_E947), (395, 0x6911_A969), (395, 0x2D8C_0AB9), (394, 0x7D4D_EC9B)];
+    assert_eq!(found, recorded);
 }
 
 proptest! {
