@@ -81,6 +81,14 @@ impl ObservationLayout {
         }
     }
 
+    /// Whether it shows where the drone should be: only such a policy can be told where to fly.
+    pub const fn shows_goal(&self) -> bool {
+        match self {
+            Self::Pilot(_) | Self::PilotFor(_) => true,
+            Self::Paper(_) | Self::Kinematic(_) | Self::Measured(_) => false,
+        }
+    }
+
     /// How many past actions it reads.
     pub const fn history_len(&self) -> usize {
         match self {

@@ -45,6 +45,16 @@ pub enum SessionError {
         /// The first deviation.
         reason: PolicyError,
     },
+    /// The policy flies to where it was trained to fly, or sees what no MAVLink peer sends.
+    #[error(
+        "policy \"{name}\" has the observation `{observation}`, which does not show where to fly: a vehicle that takes commands needs one trained with `pilot`"
+    )]
+    GoalUnseen {
+        /// Of the policy.
+        name: String,
+        /// Name of its layout.
+        observation: &'static str,
+    },
     /// No socket.
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -69,9 +79,13 @@ impl<'a> Session<'a> {
     /// Tests the policy and binds the vehicle's address.
     ///
     /// # Errors
-    /// If the policy fails its self-test or the address cannot be had.
+    /// If the policy fails its self-test or sees no goal, or the address cannot be had.
     pub fn open(policy: PolicyFile<'a>, options: &SessionOptions) -> Result<Self, SessionError> {
         let name = policy.metadata().name;
+        let layout = policy.metadata().observation;
+        if !layout.shows_goal() {
+            return Err(SessionError::GoalUnseen { name: name.to_owned(), observation: layout.name() });
+        }
         policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
         let link = UdpLink::open(&Addresses { vehicle: options.listen, ground_station: options.ground_station })?;
         let announcement = announcement(name, link.address()?, options);

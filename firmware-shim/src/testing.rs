@@ -4,7 +4,7 @@ use kestrel_core::action::{ACTION_LEN, ActionSpace, ThrustBodyRates};
 use kestrel_core::airframe::{CF2X, GRAVITY};
 use kestrel_core::crc32::crc32;
 use kestrel_core::mlp::DenseLayer;
-use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
+use kestrel_core::observation::{MeasuredLayout, ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyFile, PolicyMetadata};
 use mavlink::dialects::common::{
@@ -32,17 +32,23 @@ pub(crate) fn hover_policy() -> Vec<u8> {
     (roll[1], roll[13], roll[8]) = (rate * per_metre / gravity, rate * per_speed / gravity, rate);
     (pitch[0], pitch[12], pitch[5]) = (-rate * per_metre / gravity, -rate * per_speed / gravity, -rate);
     yaw[6] = -yaw_gain / BODY_RATES_LIMIT;
-    linear_policy(weights.as_flattened())
+    let scales = PilotLayout { position_scale_m: 1.0, velocity_scale: 1.0, body_rates_scale: 1.0 };
+    linear_policy(ObservationLayout::Pilot(scales), weights.as_flattened())
+}
+
+/// A policy file whose observation shows no goal.
+pub(crate) fn blind_policy() -> Vec<u8> {
+    let layout = ObservationLayout::Measured(MeasuredLayout { len: PILOT_LEN as u8 });
+    linear_policy(layout, &[0.0; PILOT_LEN * ACTION_LEN])
 }
 
 /// A policy file of one layer.
-fn linear_policy(weights: &[f32]) -> Vec<u8> {
-    let scales = PilotLayout { position_scale_m: 1.0, velocity_scale: 1.0, body_rates_scale: 1.0 };
+fn linear_policy(observation: ObservationLayout, weights: &[f32]) -> Vec<u8> {
     let action = ThrustBodyRates::new(&CF2X, 1.0, [BODY_RATES_LIMIT; 3], [6.0, 6.0, 3.0]);
     let draft = PolicyDraft {
         metadata: PolicyMetadata {
             name: "linear hover",
-            observation: ObservationLayout::Pilot(scales),
+            observation,
             action: ActionSpace::ThrustBodyRates(action),
             control_period_secs: 0.01,
             seed: 0,

@@ -86,7 +86,9 @@ fn check_observation(layout: &ObservationLayout, action_len: usize) -> Result<()
             holds(found == action_len, "action_len", found, "that of the action")?;
             holds(past <= HISTORY_LIMIT, "past_actions", past, "at most 32")
         }
-        ObservationLayout::Measured(_) => Ok(()),
+        ObservationLayout::Measured(measured) => {
+            holds(measured.len > 0, "len", usize::from(measured.len), "at least 1")
+        }
     }
 }
 

@@ -1,9 +1,15 @@
 //! Flights of the thesis's fork, one row per control step of five physics steps.
 
+use kestrel_core::action::{
+    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, PublishedActions, PublishedController,
+    PublishedKind,
+};
 use kestrel_core::airframe::{Airframe, RADIANS_PER_SECOND_PER_RPM, RotorOrder};
 use kestrel_core::bullet::{Bullet, BulletState, Quirks, RotorPrecision};
-use kestrel_core::controller::{Allocation, DslPid, DslPidMemory, command};
+use kestrel_core::controller::Setpoint;
+use kestrel_core::controller::command::{self, Precision};
 use kestrel_core::euler::EulerAngles;
+use kestrel_core::observation::{PAPER_LEN, PaperLayout, Seen};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -99,42 +105,48 @@ fn the_upper_drone_pushes_the_lower_one_down() {
     worst.within(1e-9);
 }
 
-/// Rotor speeds \[RPM\] that `act` makes of each recorded state and action, against the recorded ones.
-fn compare_actions<const N: usize>(
-    [flight, actions]: [&str; 2],
-    mut act: impl FnMut(&State<f64>, &[f64; N]) -> [f64; 4],
-) {
-    let golden = json("fork/physics_golden.json");
-    let mut worst = Worst::new("fork/physics_golden, rotor speeds [RPM] of actions in recorded states");
-    let states = golden[flight]["state16"].as_array().unwrap();
-    for ((state, action), rpm) in
-        states.iter().zip(golden[actions].as_array().unwrap()).zip(golden[flight]["rpm"].as_array().unwrap())
-    {
-        let speeds = act(&placed(&logged(state).0).motion, &numbers(action));
-        let computed = speeds.map(|speed| speed / RADIANS_PER_SECOND_PER_RPM);
-        worst.add(flight, largest(&computed, &numbers::<4>(rpm)));
-    }
-    worst.within(1e-9);
+/// What the fork makes of actions on a Crazyflie.
+fn controls(kind: PublishedKind, precision: Precision) -> Controls<f64> {
+    let airframe = model("cf2x");
+    Controls::new(&ActionSpace::Published(PublishedActions {
+        kind,
+        precision,
+        airframe,
+        controller: PublishedController::Dsl(airframe),
+        persistence: Persistence::Persist,
+    }))
+}
+
+/// Rotor speeds \[RPM\] that become of an action.
+fn act(controls: &Controls<f64>, memory: &mut ControlMemory<f64>, state: &State<f64>, values: &[f64]) -> [f64; 4] {
+    let mut action = [0.0; ACTION_LIMIT];
+    action[..values.len()].copy_from_slice(values);
+    let (setpoint, secs) = (Setpoint::at(Vector3::zeros()), SUBSTEPS as f64 * STEP_SECS);
+    let speeds = controls.rotor_targets(&action, state, &setpoint, memory, secs);
+    speeds.map(|speed| speed / RADIANS_PER_SECOND_PER_RPM)
 }
 
 #[test]
 fn actions_become_the_forks_rotor_speeds() {
-    let airframe = model("cf2x");
-    let controller = DslPid::new(&airframe);
-    let secs = SUBSTEPS as f64 * STEP_SECS;
-    let mut memory = DslPidMemory::new();
-    compare_actions(["roll_PID_PYB", "pid_actions"], |state, action| {
-        controller.command(&mut memory, state, &command::offset(state, action), secs).rotor_speeds
-    });
-    let mut memory = DslPidMemory::new();
-    compare_actions(["roll_VEL_PYB", "vel_actions"], |state, action| {
-        let setpoint = command::velocity(&airframe, state, action);
-        controller.command(&mut memory, state, &setpoint, secs).rotor_speeds
-    });
-    let allocation = Allocation::new(&airframe);
-    compare_actions(["roll_DYNact_PYB", "dyn_actions"], |_, action| {
-        allocation.rotor_speeds(&command::wrench(&airframe, action))
-    });
+    let golden = json("fork/physics_golden.json");
+    let mut worst = Worst::new("fork/physics_golden, rotor speeds [RPM] of actions in recorded states");
+    for (kind, flight, actions) in [
+        (PublishedKind::Pid, "roll_PID_PYB", "pid_actions"),
+        (PublishedKind::Vel, "roll_VEL_PYB", "vel_actions"),
+        (PublishedKind::Dyn, "roll_DYNact_PYB", "dyn_actions"),
+    ] {
+        let (controls, mut memory) = (controls(kind, Precision::Exact), ControlMemory::new());
+        let recorded = |key: &str| golden[flight][key].as_array().unwrap();
+        let actions = golden[actions].as_array().unwrap();
+        for ((state, action), rpm) in recorded("state16").iter().zip(actions).zip(recorded("rpm")) {
+            let action: Vec<f64> =
+                action.as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect();
+            assert_eq!(action.len(), kind.len());
+            let found = act(&controls, &mut memory, &placed(&logged(state).0).motion, &action);
+            worst.add(flight, largest(&found, &numbers::<4>(rpm)));
+        }
+    }
+    worst.within(1e-9);
 }
 
 /// Rows before the control step in which the first contact was seen, and before the recording is thinned out.
@@ -153,21 +165,15 @@ fn compare_flight(case: &Value, flights: &mut Worst, commands: &mut Worst) {
     let by_rotor = case["act"] == "rpm";
     let rotor_precision = if by_rotor { RotorPrecision::Single } else { RotorPrecision::Full };
     let bullet = Bullet::new(&airframe, mode("pyb"), Quirks { rotor_precision, ..Quirks::fork() });
-    let controller = DslPid::new(&airframe);
-    let mut memory = DslPidMemory::new();
+    let kind = if by_rotor { PublishedKind::Rpm } else { PublishedKind::Vel };
+    let (controls, mut memory) = (controls(kind, Precision::AllSingle), ControlMemory::new());
     let [x, y, z] = numbers(&case["init_xyz"][0]);
     let mut drone = placed(&[x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let mut recorded = drone.motion;
     for row in &table.rows[..free_rows(&table)] {
         let action = table.get(row, ["a0", "a1", "a2", "a3"]);
-        let computed = if by_rotor {
-            command::rotor_speeds_all_in_single(&airframe, &action)
-        } else {
-            let setpoint = command::velocity_in_single(&airframe, &recorded, &action);
-            controller.command(&mut memory, &recorded, &setpoint, SUBSTEPS as f64 * STEP_SECS).rotor_speeds
-        };
         let rpm = table.get(row, ["m0", "m1", "m2", "m3"]);
-        commands.add(name, largest(&computed.map(|speed| speed / RADIANS_PER_SECOND_PER_RPM), &rpm));
+        commands.add(name, largest(&act(&controls, &mut memory, &recorded, &action), &rpm));
         let speeds = rotor_speeds(rpm);
         drone = (0..SUBSTEPS).fold(drone, |drone, _| bullet.step(&drone, &speeds, &[], STEP_SECS));
         recorded = placed(&table.motion(row, "")).motion;
@@ -184,6 +190,40 @@ fn flights_through_the_thesis_worlds_are_reproduced_up_to_the_first_contact() {
     }
     flights.within(1e-9);
     commands.within(1e-6);
+}
+
+/// Length of the episodes of a world \[s\], from which its observations are scaled.
+fn episode_secs(world: &str) -> f32 {
+    match world {
+        "long" => 20.0,
+        "room" => 10.0,
+        other => panic!("unknown world {other}"),
+    }
+}
+
+#[test]
+fn observations_are_the_thesiss() {
+    let mut worst = Worst::new("thesis, observations of recorded states");
+    for case in json("pybullet/thesis/index.json")["cases"].as_array().unwrap() {
+        let name = case["id"].as_str().unwrap();
+        let layout = PaperLayout::of_episode(episode_secs(case["env"].as_str().unwrap()));
+        let table = Table::read(&format!("pybullet/thesis/{name}.csv"));
+        for row in &table.rows {
+            let drone = placed(&table.motion(row, ""));
+            let seen = Seen {
+                state: &drone.motion,
+                angular_velocity_in_world: drone.reported_angular_velocity,
+                goal: &Vector3::zeros(),
+                history: &[],
+                measurements: &[],
+            };
+            let recorded: [f64; PAPER_LEN] =
+                core::array::from_fn(|index| table.get(row, [format!("vec{index}").as_str()])[0]);
+            worst.add(name, largest(&layout.encode(&seen), &recorded));
+        }
+    }
+    // They were recorded in single precision.
+    worst.within(1e-7);
 }
 
 #[test]

@@ -1,9 +1,14 @@
 //! Flights of upstream's learning environments: their actions, and the physics under what became of them.
 
+use kestrel_core::action::{
+    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, PublishedActions, PublishedController,
+    PublishedKind,
+};
 use kestrel_core::airframe::{CF2X, RADIANS_PER_SECOND_PER_RPM};
 use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
-use kestrel_core::controller::{DslPid, DslPidMemory, command};
-use kestrel_core::vehicle::State;
+use kestrel_core::controller::Setpoint;
+use kestrel_core::controller::command::Precision;
+use kestrel_core::observation::{KinematicLayout, OBSERVATION_LIMIT, ObservationLayout, Seen};
 use nalgebra::Vector3;
 use serde_json::Value;
 
@@ -33,17 +38,31 @@ fn tracks(case: &Value) -> (Table, Vec<Vec<Vec<f64>>>) {
     (table, tracks)
 }
 
-/// Rotor speeds \[rad/s\] of an action.
-fn act(kind: &str, memory: &mut DslPidMemory<f64>, state: &State<f64>, action: &[f64]) -> [f64; 4] {
-    let setpoint = match kind {
-        "rpm" => return command::rotor_speeds_in_single(&CF2X, &action.try_into().unwrap()),
-        "one_d_rpm" => return command::rotor_speeds_in_single(&CF2X, &[action[0]; 4]),
-        "pid" => command::waypoint(state, [action[0], action[1], action[2]].into()),
-        "one_d_pid" => command::vertical_offset(state, action[0]),
-        "vel" => command::velocity_in_single(&CF2X, state, &action.try_into().unwrap()),
-        other => panic!("unknown action {other}"),
-    };
-    DslPid::new(&CF2X).command(memory, state, &setpoint, CONTROL_SECS).rotor_speeds
+/// The action space of a recording.
+fn space(kind: &str) -> ActionSpace {
+    ActionSpace::Published(PublishedActions {
+        kind: match kind {
+            "rpm" => PublishedKind::Rpm,
+            "one_d_rpm" => PublishedKind::OneDRpm,
+            "pid" => PublishedKind::Waypoint,
+            "one_d_pid" => PublishedKind::OneDPid,
+            "vel" => PublishedKind::Vel,
+            other => panic!("unknown action {other}"),
+        },
+        precision: Precision::Single,
+        airframe: CF2X,
+        controller: PublishedController::Dsl(CF2X),
+        persistence: Persistence::Persist,
+    })
+}
+
+/// The action in a row, in the place of one of any length.
+fn action(table: &Table, row: &[f64]) -> [f64; ACTION_LIMIT] {
+    let mut action = [0.0; ACTION_LIMIT];
+    for (slot, column) in action.iter_mut().zip(table.columns_like('a')) {
+        *slot = row[column];
+    }
+    action
 }
 
 #[test]
@@ -51,13 +70,16 @@ fn actions_become_upstreams_rotor_speeds() {
     let mut worst = Worst::new("rl, rotor speeds [RPM] of actions in recorded states");
     for case in cases("rl") {
         let (table, tracks) = tracks(&case);
-        let actions = table.columns_like('a');
+        let space = space(case["act"].as_str().unwrap());
+        assert_eq!(table.columns_like('a').len(), space.len());
+        let controls = Controls::new(&space);
         for (drone, rows) in tracks.iter().enumerate() {
-            let mut memory = DslPidMemory::new();
+            let mut memory = ControlMemory::new();
             let mut state = start(drone).motion;
             for row in rows {
-                let action: Vec<f64> = actions.iter().map(|column| row[*column]).collect();
-                let speeds = act(case["act"].as_str().unwrap(), &mut memory, &state, &action);
+                let setpoint = Setpoint::at(Vector3::zeros());
+                let action = action(&table, row);
+                let speeds = controls.rotor_targets(&action, &state, &setpoint, &mut memory, CONTROL_SECS);
                 let rpm = speeds.map(|speed| speed / RADIANS_PER_SECOND_PER_RPM);
                 worst.add(case["id"].as_str().unwrap(), largest(&rpm, &table.get(row, RPM)));
                 state = placed(&table.motion(row, "")).motion;
@@ -65,6 +87,56 @@ fn actions_become_upstreams_rotor_speeds() {
         }
     }
     worst.within(1e-6);
+}
+
+/// Compares a drone's observation with the recorded ones of a control step, one drone after the other.
+fn compare_observation(
+    (name, layout): (&str, ObservationLayout),
+    drone: &BulletState<f64>,
+    history: &[[f64; ACTION_LIMIT]],
+    recorded: &[f64],
+    worst: &mut Worst,
+) {
+    let seen = Seen {
+        state: &drone.motion,
+        angular_velocity_in_world: drone.reported_angular_velocity,
+        goal: &Vector3::zeros(),
+        history,
+        measurements: &[],
+    };
+    let mut observation = [f64::NAN; OBSERVATION_LIMIT];
+    layout.encode(&seen, &mut observation);
+    // They were recorded in single precision.
+    let scaled = |(found, expected): (&f64, &f64)| (found - expected).abs() / expected.abs().max(1.0);
+    assert_eq!(recorded.len(), layout.len());
+    worst.add(name, observation.iter().zip(recorded).map(scaled).fold(0.0, f64::max));
+}
+
+#[test]
+fn observations_are_upstreams() {
+    let mut worst = Worst::new("rl, observations of recorded states and actions");
+    for case in cases("rl") {
+        let (table, tracks) = tracks(&case);
+        let name = case["id"].as_str().unwrap();
+        let action_len = table.columns_like('a').len() as u8;
+        let layout = ObservationLayout::Kinematic(KinematicLayout { past_actions: 15, action_len });
+        let observations = Table::read(&format!("pybullet/rl/{name}.obs.csv"));
+        for (drone, rows) in tracks.iter().enumerate() {
+            let actions: Vec<_> = rows.iter().map(|row| action(&table, row)).collect();
+            for observed in &observations.rows {
+                let [k] = observations.get(observed, ["k"]);
+                let past = (k + 1.0) as usize;
+                let state = match past {
+                    0 => start(drone),
+                    _ if past > rows.len() => continue,
+                    _ => placed(&table.motion(&rows[past - 1], "")),
+                };
+                let recorded = &observed[1 + drone * layout.len()..][..layout.len()];
+                compare_observation((name, layout), &state, &actions[..past], recorded, &mut worst);
+            }
+        }
+    }
+    worst.within(1e-7);
 }
 
 /// Rows before two drones come near enough to touch: their hulls, and a centimetre.

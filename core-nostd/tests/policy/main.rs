@@ -6,4 +6,5 @@ mod damage;
 mod file;
 mod inference;
 mod pilot;
+mod spaces;
 mod support;

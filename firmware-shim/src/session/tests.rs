@@ -11,7 +11,7 @@ use crate::autopilot::Mode;
 use crate::link::DATAGRAM_LIMIT;
 use crate::plant::FlatFloor;
 use crate::policy_bytes::PolicyBytes;
-use crate::testing::{command_long, datagram, dishonest_policy, hover_policy, message, set_point};
+use crate::testing::{blind_policy, command_long, datagram, dishonest_policy, hover_policy, message, set_point};
 
 const PARAMETERS_OPEN: [f32; 7] = [f32::NAN; 7];
 
@@ -115,6 +115,17 @@ fn a_policy_that_fails_its_self_test_does_not_take_the_air() {
     let bytes = PolicyBytes::copy_of(&dishonest_policy());
     let error = Session::open(bytes.policy().unwrap(), &anywhere("")).err().unwrap();
     assert!(matches!(error, SessionError::SelfTest { .. }), "{error}");
+}
+
+#[test]
+fn a_policy_that_sees_no_goal_takes_no_commands() {
+    let bytes = PolicyBytes::copy_of(&blind_policy());
+    let error = Session::open(bytes.policy().unwrap(), &anywhere("")).err().unwrap();
+    assert_eq!(
+        error.to_string(),
+        "policy \"linear hover\" has the observation `measured`, which does not show where to fly: a vehicle that \
+         takes commands needs one trained with `pilot`"
+    );
 }
 
 #[test]

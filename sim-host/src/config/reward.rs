@@ -29,6 +29,9 @@ pub enum RewardConfig {
         weight: f64,
         /// Distance at which it is one half.
         scale_m: f64,
+        /// Which drones are paid.
+        #[serde(default)]
+        agents: AgentSetConfig,
     },
     /// Distance to the goal in metres.
     Distance {

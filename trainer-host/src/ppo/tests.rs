@@ -1,11 +1,18 @@
 use super::*;
+use crate::evaluation::{Flyer, Starts, evaluate, observations_in_flight};
+use crate::export::export;
 use crate::network::Mlp;
 use crate::rollout::Tile;
 use crate::schedule::Schedule;
-use kestrel_core::action::{ActionSpace, RotorSpeeds};
+use kestrel_core::action::{
+    ActionSpace, Persistence, PublishedActions, PublishedController, PublishedKind, RotorSpeeds,
+};
 use kestrel_core::airframe::CF2X;
+use kestrel_core::controller::command::Precision;
 use kestrel_core::dynamics::Integrator;
-use kestrel_core::observation::{ObservationLayout, PilotLayout};
+use kestrel_core::mlp::DenseLayer;
+use kestrel_core::observation::{KinematicLayout, ObservationLayout, PaperLayout, PilotForLayout, PilotLayout};
+use kestrel_core::policy_file::{PolicyFile, PolicyMetadata};
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
     Termination, TimeLimit, WeightedTerm,
@@ -369,4 +376,52 @@ fn the_logged_losses_are_those_of_the_reference() {
     let found = (shard.sums.policy_loss + 0.5 * shard.sums.value_loss) / shard.sums.samples;
     assert!((found - expected).abs() < 1e-5, "{found}, not {expected}");
     assert!(shard.sums.approx_kl > 0.0);
+}
+
+/// The hover task with one of the reference's actions.
+fn published(kind: PublishedKind, observation: ObservationLayout) -> Scenario {
+    let action = ActionSpace::Published(PublishedActions {
+        kind,
+        precision: Precision::Exact,
+        airframe: CF2X,
+        controller: PublishedController::Dsl(CF2X),
+        persistence: Persistence::ResetEachEpisode,
+    });
+    Scenario { action, observation, ..scenario(CriticView::Observation) }
+}
+
+#[test]
+fn actions_and_observations_of_any_length_train_export_and_fly() {
+    let scales = PilotLayout { position_scale_m: 1.0, velocity_scale: 2.0, body_rates_scale: 10.0 };
+    let cases = [
+        (PublishedKind::OneDRpm, ObservationLayout::PilotFor(PilotForLayout { scales, action_len: 1 })),
+        (PublishedKind::Pid, ObservationLayout::Kinematic(KinematicLayout { past_actions: 15, action_len: 3 })),
+        (PublishedKind::Rpm, ObservationLayout::Paper(PaperLayout::of_episode(5.0))),
+        (PublishedKind::Tun, ObservationLayout::PilotFor(PilotForLayout { scales, action_len: 6 })),
+    ];
+    for (kind, observation) in cases {
+        let scenario = published(kind, observation);
+        let mut trainer = Trainer::new(&scenario, &settings(), Seed(3));
+        let before = trainer.actor().parameters().to_vec();
+        assert_eq!(trainer.actor().log_std().len(), kind.len());
+        let metrics = trainer.update();
+        assert!(metrics.approx_kl.is_finite() && metrics.policy_loss.is_finite(), "{metrics:?}");
+        assert!(trainer.actor().parameters().iter().zip(&before).all(|(now, before)| now != before));
+        let starts = Starts { seed: Seed(4), purpose: Purpose::Evaluation, episodes: 8 };
+        let metadata = PolicyMetadata {
+            name: kind.name(),
+            observation,
+            action: scenario.action,
+            control_period_secs: scenario.physics.control_secs,
+            seed: 3,
+            training_steps: trainer.steps(),
+        };
+        let layers: Vec<DenseLayer<'_>> = trainer.actor().layers().into_iter().map(DenseLayer::from).collect();
+        let calibration = observations_in_flight(&scenario, trainer.actor(), starts);
+        let exported = export(&layers, &metadata, &calibration).expect("it fits");
+        let policy = PolicyFile::parse(&exported.float_policy).expect("it was written");
+        let [trained, flown] = [Flyer::Actor(trainer.actor()), Flyer::Policy(&policy)]
+            .map(|flyer| evaluate(&scenario, flyer, starts).episode_return);
+        assert!((trained - flown).abs() < 1e-3 * trained.abs().max(1.0), "{trained}, exported {flown}");
+    }
 }

@@ -58,7 +58,9 @@ impl RewardConfig {
         let field = field.at(name);
         let weight = field.at("weight").real(weight, &WEIGHT)?;
         let agents = match self {
-            Self::SquaredDistance { agents, .. } | Self::HeightDifference { agents, .. } => agents.check(),
+            Self::Proximity { agents, .. }
+            | Self::SquaredDistance { agents, .. }
+            | Self::HeightDifference { agents, .. } => agents.check(),
             _ => AgentSet::All,
         };
         Ok(WeightedTerm { term: self.term(control_rate_hz, &field)?, weight, agents })
