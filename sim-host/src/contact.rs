@@ -12,6 +12,7 @@ mod group;
 mod impulses;
 mod manifold;
 mod outline;
+mod penetration;
 mod rapier;
 mod solver;
 #[cfg(test)]

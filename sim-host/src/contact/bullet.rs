@@ -12,6 +12,7 @@ use super::group::{End, Group, Member};
 use super::impulses::{self, Meeting, Mobile};
 use super::manifold::{ContactMemory, Found, Party};
 use super::outline::{MARGIN, Outline};
+use super::penetration;
 use super::solver::Inertia;
 use crate::world::Pose;
 
@@ -33,8 +34,7 @@ struct Side<'a> {
     /// Index among the members, if it can move.
     member: Option<usize>,
     pose: Pose,
-    /// `None` is the floor.
-    outline: Option<&'a Outline>,
+    outline: &'a Outline,
     /// Skin around the outline \[m\].
     margin: f64,
     friction: f64,
@@ -81,7 +81,7 @@ impl Group<'_> {
     /// All points at which members touch anything.
     fn meetings(&self, starts: &[Motion], known: &mut ContactMemory, memory: &mut ContactMemory) -> Vec<Meeting> {
         let sides: Vec<Side<'_>> = (0..starts.len()).map(|index| self.side(index, &starts[index])).collect();
-        let floor = self.floor.then(floor);
+        let floor = self.floor.then(|| self.ground());
         let solids: Vec<Side<'_>> = self.solids.iter().map(|index| self.solid(*index)).collect();
         let mut meetings = Vec::new();
         for (index, side) in sides.iter().enumerate() {
@@ -89,7 +89,7 @@ impl Group<'_> {
             let pairs = floor.iter().map(|floor| [floor, side]);
             let pairs = pairs.chain(solids.iter().chain(&sides[index + 1..]).map(|other| [side, other]));
             for pair in pairs {
-                let mut manifold = known.take(pair.each_ref().map(|side| side.party));
+                let mut manifold = known.take(pair.map(|side| side.party));
                 let poses = pair.map(|side| &side.pose);
                 manifold.update(self.find(pair), poses, pair[0].breaking.min(pair[1].breaking));
                 meetings.extend(manifold.points.iter().map(|point| Meeting {
@@ -116,7 +116,7 @@ impl Group<'_> {
                 (&body.outline, 0.0, body.friction, breaking)
             }
         };
-        Side { party, member: Some(index), pose: start.pose, outline: Some(outline), margin, friction, breaking }
+        Side { party, member: Some(index), pose: start.pose, outline, margin, friction, breaking }
     }
 
     fn solid(&self, index: usize) -> Side<'_> {
@@ -125,49 +125,59 @@ impl Group<'_> {
             party: Party::Solid(index as u32),
             member: None,
             pose: body.pose,
-            outline: Some(&body.outline),
+            outline: &body.outline,
             margin: 0.0,
             friction: body.friction,
             breaking: BREAKING_SHARE * body.outline.radius,
         }
     }
 
+    fn ground(&self) -> Side<'_> {
+        Side {
+            party: Party::Floor,
+            member: None,
+            pose: Pose::at(Vector3::zeros()),
+            outline: &self.solver.arena.ground,
+            margin: 0.0,
+            friction: FLOOR_FRICTION,
+            breaking: f64::INFINITY,
+        }
+    }
+
     /// The deepest contact of a pair.
-    fn find(&self, [first, second]: [&Side<'_>; 2]) -> Option<Found> {
-        let second_outline = second.outline?;
-        let second_shape = second_outline.placed(&second.pose);
-        let Some(first_outline) = first.outline else {
-            let is_drone = matches!(second.party, Party::Drone(_));
-            let pending = !is_drone || self.solver.arena.is_floor_pending(&second_shape);
-            return pending.then(|| on_floor(second_outline, &second_shape, second.margin));
+    fn find(&self, pair: [&Side<'_>; 2]) -> Option<Found> {
+        let outlines = pair.map(|side| side.outline);
+        let shapes = pair.map(|side| side.outline.placed(&side.pose));
+        let found = match pair.map(|side| side.party) {
+            [Party::Floor, Party::Drone(_)] if !self.solver.arena.is_floor_pending(&shapes[1]) => return None,
+            [Party::Floor, _] => on_floor(pair[1].outline, &shapes[1], pair[1].margin),
+            _ => beside(pair, &shapes)?,
         };
-        let first_shape = first_outline.placed(&first.pose);
-        let between = to_pose(&relative(&first_shape, &second_shape));
-        let margin = first.margin + second.margin;
-        let reach = (margin + first.breaking.min(second.breaking)) as f32;
-        let contact = DefaultQueryDispatcher
-            .contact(&between, &*first_outline.shape.0, &*second_outline.shape.0, reach)
-            .ok()??;
-        let normal = -first_shape.world_from_body.rotate(from_vector(contact.normal1));
-        let on_second = compose(&second_shape, &Pose::at(from_vector(contact.point2))).position;
-        Some(Found {
-            on_second: on_second + normal * second.margin,
-            normal,
-            distance: f64::from(contact.dist) - margin,
-        })
+        if found.distance >= -2.0 * MARGIN {
+            return Some(found);
+        }
+        // The cores overlap: this is where Bullet looks for the way out.
+        let exit = penetration::exit(outlines, shapes.each_ref());
+        Some(exit.map_or(found, |exit| Found {
+            on_second: exit.on_second,
+            normal: exit.normal,
+            distance: -exit.depth,
+        }))
     }
 }
 
-fn floor() -> Side<'static> {
-    Side {
-        party: Party::Floor,
-        member: None,
-        pose: Pose::at(Vector3::zeros()),
-        outline: None,
-        margin: 0.0,
-        friction: FLOOR_FRICTION,
-        breaking: f64::INFINITY,
-    }
+/// The nearest points of two bodies beside each other.
+fn beside([first, second]: [&Side<'_>; 2], shapes: &[Pose; 2]) -> Option<Found> {
+    let between = to_pose(&relative(&shapes[0], &shapes[1]));
+    let margin = first.margin + second.margin;
+    let reach = (margin + first.breaking.min(second.breaking)) as f32;
+    let contact = DefaultQueryDispatcher
+        .contact(&between, &*first.outline.shape.0, &*second.outline.shape.0, reach)
+        .ok()??;
+    let normal = -shapes[0].world_from_body.rotate(from_vector(contact.normal1));
+    let on_second = compose(&shapes[1], &Pose::at(from_vector(contact.point2))).position;
+    let on_second = on_second + normal * second.margin;
+    Some(Found { on_second, normal, distance: f64::from(contact.dist) - margin })
 }
 
 /// The lowest point of an outline above or in the floor.
