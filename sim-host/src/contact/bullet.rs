@@ -91,7 +91,12 @@ impl Group<'_> {
             for pair in pairs {
                 let mut manifold = known.take(pair.map(|side| side.party));
                 let poses = pair.map(|side| &side.pose);
-                manifold.update(self.find(pair), poses, pair[0].breaking.min(pair[1].breaking));
+                let breaking = pair[0].breaking.min(pair[1].breaking);
+                if let Party::Floor = pair[0].party {
+                    // The floor is a compound shape, of which Bullet refreshes the contacts twice.
+                    manifold.refresh(poses, breaking);
+                }
+                manifold.update(self.find(pair), poses, breaking);
                 meetings.extend(manifold.points.iter().map(|point| Meeting {
                     bodies: pair.map(|side| side.member),
                     places: point.places(poses),
