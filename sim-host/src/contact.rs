@@ -14,6 +14,7 @@ mod manifold;
 mod outline;
 mod penetration;
 mod rapier;
+mod separation;
 mod solver;
 #[cfg(test)]
 mod tests;

@@ -3,16 +3,14 @@
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
 use nalgebra::{Matrix3, Vector3};
-use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher as _};
 
 use super::Motion;
 use super::arena::BREAKING_SHARE;
-use super::frame::{compose, from_vector, relative, to_pose};
 use super::group::{End, Group, Member};
 use super::impulses::{self, Meeting, Mobile};
 use super::manifold::{ContactMemory, Found, Party};
 use super::outline::{MARGIN, Outline};
-use super::penetration;
+use super::{penetration, separation};
 use super::solver::Inertia;
 use crate::world::Pose;
 
@@ -28,6 +26,9 @@ const DAMPING: f64 = 0.04_f32 as f64;
 /// Greatest rotation in one substep \[rad\].
 const ROTATION_CAP: f64 = core::f64::consts::FRAC_PI_4;
 
+/// Distance of two cores below which they overlap for Bullet \[m\].
+const OVERLAP: f64 = 1e-12;
+
 /// One body of a pair.
 struct Side<'a> {
     party: Party,
@@ -35,8 +36,6 @@ struct Side<'a> {
     member: Option<usize>,
     pose: Pose,
     outline: &'a Outline,
-    /// Skin around the outline \[m\].
-    margin: f64,
     friction: f64,
     /// Gap at which contacts are let go \[m\].
     breaking: f64,
@@ -113,15 +112,15 @@ impl Group<'_> {
     fn side(&self, index: usize, start: &Motion) -> Side<'_> {
         let arena = &self.solver.arena;
         let party = Party::from(self.members[index]);
-        let (outline, margin, friction, breaking) = match self.members[index] {
-            Member::Drone(_) => (&arena.drone, MARGIN, DRONE_FRICTION, arena.breaking),
+        let (outline, friction, breaking) = match self.members[index] {
+            Member::Drone(_) => (&arena.drone, DRONE_FRICTION, arena.breaking),
             Member::Movable(movable) => {
                 let body = &arena.movables[movable];
                 let breaking = BREAKING_SHARE * body.outline.radius;
-                (&body.outline, 0.0, body.friction, breaking)
+                (&body.outline, body.friction, breaking)
             }
         };
-        Side { party, member: Some(index), pose: start.pose, outline, margin, friction, breaking }
+        Side { party, member: Some(index), pose: start.pose, outline, friction, breaking }
     }
 
     fn solid(&self, index: usize) -> Side<'_> {
@@ -131,7 +130,6 @@ impl Group<'_> {
             member: None,
             pose: body.pose,
             outline: &body.outline,
-            margin: 0.0,
             friction: body.friction,
             breaking: BREAKING_SHARE * body.outline.radius,
         }
@@ -143,7 +141,6 @@ impl Group<'_> {
             member: None,
             pose: Pose::at(Vector3::zeros()),
             outline: &self.solver.arena.ground,
-            margin: 0.0,
             friction: FLOOR_FRICTION,
             breaking: f64::INFINITY,
         }
@@ -153,43 +150,28 @@ impl Group<'_> {
     fn find(&self, pair: [&Side<'_>; 2]) -> Option<Found> {
         let outlines = pair.map(|side| side.outline);
         let shapes = pair.map(|side| side.outline.placed(&side.pose));
-        let found = match pair.map(|side| side.party) {
-            [Party::Floor, Party::Drone(_)] if !self.solver.arena.is_floor_pending(&shapes[1]) => return None,
-            [Party::Floor, _] => on_floor(pair[1].outline, &shapes[1], pair[1].margin),
-            _ => beside(pair, &shapes)?,
-        };
-        if found.distance >= -2.0 * MARGIN {
-            return Some(found);
+        if let [Party::Floor, Party::Drone(_)] = pair.map(|side| side.party)
+            && !self.solver.arena.is_floor_pending(&shapes[1])
+        {
+            return None;
         }
-        // The cores overlap: this is where Bullet looks for the way out.
-        let exit = penetration::exit(outlines, shapes.each_ref());
-        Some(exit.map_or(found, |exit| Found {
+        let shapes = shapes.each_ref();
+        let reach = 2.0 * MARGIN + pair[0].breaking.min(pair[1].breaking);
+        let apart = separation::nearest(outlines, shapes, reach).map(|nearest| Found {
+            on_second: nearest.on_second + nearest.normal * MARGIN,
+            normal: nearest.normal,
+            distance: nearest.distance - 2.0 * MARGIN,
+        });
+        if apart.is_some_and(|found| found.distance > OVERLAP - 2.0 * MARGIN) {
+            return apart;
+        }
+        let inside = penetration::exit(outlines, shapes).map(|exit| Found {
             on_second: exit.on_second,
             normal: exit.normal,
             distance: -exit.depth,
-        }))
+        });
+        inside.or(apart)
     }
-}
-
-/// The nearest points of two bodies beside each other.
-fn beside([first, second]: [&Side<'_>; 2], shapes: &[Pose; 2]) -> Option<Found> {
-    let between = to_pose(&relative(&shapes[0], &shapes[1]));
-    let margin = first.margin + second.margin;
-    let reach = (margin + first.breaking.min(second.breaking)) as f32;
-    let contact = DefaultQueryDispatcher
-        .contact(&between, &*first.outline.shape.0, &*second.outline.shape.0, reach)
-        .ok()??;
-    let normal = -shapes[0].world_from_body.rotate(from_vector(contact.normal1));
-    let on_second = compose(&shapes[1], &Pose::at(from_vector(contact.point2))).position;
-    let on_second = on_second + normal * second.margin;
-    Some(Found { on_second, normal, distance: f64::from(contact.dist) - margin })
-}
-
-/// The lowest point of an outline above or in the floor.
-fn on_floor(outline: &Outline, shape_pose: &Pose, margin: f64) -> Found {
-    let normal = -Vector3::z();
-    let on_second = outline.lowest(shape_pose) + normal * margin;
-    Found { on_second, normal, distance: on_second.z }
 }
 
 /// A movable's velocities after a substep of free fall.

@@ -115,16 +115,21 @@ impl Outline {
         }
     }
 
-    /// The farthest point as Bullet has it: a box is smaller by the margin and rounded with it, everything else is
-    /// rounded beyond its surface. The direction is of length one.
-    pub(super) fn farthest_rounded(&self, direction: &Vector3<f64>) -> Vector3<f64> {
-        let core = match &self.extremes {
+    /// The farthest point of the core that Bullet rounds by the margin: of a box or a cylinder what is inside by the
+    /// margin, of a hull all of it. The direction is in the frame of the shape.
+    pub(super) fn farthest_of_core(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+        match &self.extremes {
             Extremes::Cuboid(half) => {
                 half.zip_map(direction, |half, along| if along >= 0.0 { half - MARGIN } else { MARGIN - half })
             }
-            Extremes::Cylinder { .. } | Extremes::Corners(_) => self.farthest(direction),
-        };
-        core + direction * MARGIN
+            Extremes::Cylinder { .. } => {
+                let surface = self.farthest(direction);
+                let across = surface.x.hypot(surface.z);
+                let scale = if across > 0.0 { (across - MARGIN) / across } else { 0.0 };
+                Vector3::new(surface.x * scale, surface.y - MARGIN.copysign(surface.y), surface.z * scale)
+            }
+            Extremes::Corners(_) => self.farthest(direction),
+        }
     }
 
     /// Its lowest point when the shape has this pose, world.

@@ -10,7 +10,7 @@ mod simplex;
 use nalgebra::Vector3;
 
 use super::frame::{compose, inverse, relative};
-use super::outline::Outline;
+use super::outline::{MARGIN, Outline};
 use crate::world::Pose;
 
 /// Two rounded shapes, seen from the first.
@@ -64,11 +64,16 @@ impl Overlap<'_> {
     fn farthest(&self, direction: &Vector3<f64>) -> Vertex {
         let direction = direction / direction.norm();
         let opposite = inverse(&self.second.world_from_body).rotate(-direction);
-        let on_second = compose(&self.second, &Pose::at(self.outlines[1].farthest_rounded(&opposite))).position;
+        let on_second = compose(&self.second, &Pose::at(self.rounded(1, &opposite))).position;
         Vertex { direction, point: self.on_first(&direction) - on_second }
     }
 
     fn on_first(&self, direction: &Vector3<f64>) -> Vector3<f64> {
-        self.outlines[0].farthest_rounded(direction)
+        self.rounded(0, direction)
+    }
+
+    /// The farthest point of one of the shapes in its own frame.
+    fn rounded(&self, side: usize, direction: &Vector3<f64>) -> Vector3<f64> {
+        self.outlines[side].farthest_of_core(direction) + direction * MARGIN
     }
 }
