@@ -39,6 +39,10 @@ struct Vertex {
 
 /// The way out of an overlap of two shapes with these poses; `None` if the shapes barely meet.
 pub(super) fn exit(outlines: [&Outline; 2], poses: [&Pose; 2]) -> Option<Exit> {
+    // Around the middle, as Bullet has it: rounding decides between faces of equal depth.
+    let middle = (poses[0].position + poses[1].position) * 0.5;
+    let poses = poses.map(|pose| Pose { position: pose.position - middle, ..*pose });
+    let poses = poses.each_ref();
     let overlap = Overlap { outlines, second: relative(poses[0], poses[1]) };
     let apart = poses[1].position - poses[0].position;
     let guess = apart.try_normalize(0.0).unwrap_or_else(Vector3::x);
@@ -53,7 +57,7 @@ pub(super) fn exit(outlines: [&Outline; 2], poses: [&Pose; 2]) -> Option<Exit> {
     }
     let on_second = on_first - face.normal * face.depth;
     Some(Exit {
-        on_second: compose(poses[0], &Pose::at(on_second)).position,
+        on_second: compose(poses[0], &Pose::at(on_second)).position + middle,
         normal: -poses[0].world_from_body.rotate(face.normal),
         depth: face.depth,
     })
