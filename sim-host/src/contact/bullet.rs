@@ -10,8 +10,8 @@ use super::group::{End, Group, Member};
 use super::impulses::{self, Meeting, Mobile};
 use super::manifold::{ContactMemory, Found, Party};
 use super::outline::{MARGIN, Outline};
-use super::{penetration, separation};
 use super::solver::Inertia;
+use super::{penetration, separation};
 use crate::world::Pose;
 
 /// Friction of a drone: what PyBullet gives a body that states none.
