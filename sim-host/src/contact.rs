@@ -12,7 +12,9 @@ mod group;
 mod impulses;
 mod manifold;
 mod outline;
+mod penetration;
 mod rapier;
+mod separation;
 mod solver;
 #[cfg(test)]
 mod tests;

@@ -3,16 +3,15 @@
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
 use nalgebra::{Matrix3, Vector3};
-use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher as _};
 
 use super::Motion;
 use super::arena::BREAKING_SHARE;
-use super::frame::{compose, from_vector, relative, to_pose};
 use super::group::{End, Group, Member};
 use super::impulses::{self, Meeting, Mobile};
 use super::manifold::{ContactMemory, Found, Party};
 use super::outline::{MARGIN, Outline};
 use super::solver::Inertia;
+use super::{penetration, separation};
 use crate::world::Pose;
 
 /// Friction of a drone: what PyBullet gives a body that states none.
@@ -27,16 +26,16 @@ const DAMPING: f64 = 0.04_f32 as f64;
 /// Greatest rotation in one substep \[rad\].
 const ROTATION_CAP: f64 = core::f64::consts::FRAC_PI_4;
 
+/// Distance of two cores below which they overlap for Bullet \[m\].
+const OVERLAP: f64 = 1e-12;
+
 /// One body of a pair.
 struct Side<'a> {
     party: Party,
     /// Index among the members, if it can move.
     member: Option<usize>,
     pose: Pose,
-    /// `None` is the floor.
-    outline: Option<&'a Outline>,
-    /// Skin around the outline \[m\].
-    margin: f64,
+    outline: &'a Outline,
     friction: f64,
     /// Gap at which contacts are let go \[m\].
     breaking: f64,
@@ -81,7 +80,7 @@ impl Group<'_> {
     /// All points at which members touch anything.
     fn meetings(&self, starts: &[Motion], known: &mut ContactMemory, memory: &mut ContactMemory) -> Vec<Meeting> {
         let sides: Vec<Side<'_>> = (0..starts.len()).map(|index| self.side(index, &starts[index])).collect();
-        let floor = self.floor.then(floor);
+        let floor = self.floor.then(|| self.ground());
         let solids: Vec<Side<'_>> = self.solids.iter().map(|index| self.solid(*index)).collect();
         let mut meetings = Vec::new();
         for (index, side) in sides.iter().enumerate() {
@@ -89,9 +88,14 @@ impl Group<'_> {
             let pairs = floor.iter().map(|floor| [floor, side]);
             let pairs = pairs.chain(solids.iter().chain(&sides[index + 1..]).map(|other| [side, other]));
             for pair in pairs {
-                let mut manifold = known.take(pair.each_ref().map(|side| side.party));
+                let mut manifold = known.take(pair.map(|side| side.party));
                 let poses = pair.map(|side| &side.pose);
-                manifold.update(self.find(pair), poses, pair[0].breaking.min(pair[1].breaking));
+                let breaking = pair[0].breaking.min(pair[1].breaking);
+                if let Party::Floor = pair[0].party {
+                    // The floor is a compound shape, of which Bullet refreshes the contacts twice.
+                    manifold.refresh(poses, breaking);
+                }
+                manifold.update(self.find(pair), poses, breaking);
                 meetings.extend(manifold.points.iter().map(|point| Meeting {
                     bodies: pair.map(|side| side.member),
                     places: point.places(poses),
@@ -108,15 +112,15 @@ impl Group<'_> {
     fn side(&self, index: usize, start: &Motion) -> Side<'_> {
         let arena = &self.solver.arena;
         let party = Party::from(self.members[index]);
-        let (outline, margin, friction, breaking) = match self.members[index] {
-            Member::Drone(_) => (&arena.drone, MARGIN, DRONE_FRICTION, arena.breaking),
+        let (outline, friction, breaking) = match self.members[index] {
+            Member::Drone(_) => (&arena.drone, DRONE_FRICTION, arena.breaking),
             Member::Movable(movable) => {
                 let body = &arena.movables[movable];
                 let breaking = BREAKING_SHARE * body.outline.radius;
-                (&body.outline, 0.0, body.friction, breaking)
+                (&body.outline, body.friction, breaking)
             }
         };
-        Side { party, member: Some(index), pose: start.pose, outline: Some(outline), margin, friction, breaking }
+        Side { party, member: Some(index), pose: start.pose, outline, friction, breaking }
     }
 
     fn solid(&self, index: usize) -> Side<'_> {
@@ -125,56 +129,49 @@ impl Group<'_> {
             party: Party::Solid(index as u32),
             member: None,
             pose: body.pose,
-            outline: Some(&body.outline),
-            margin: 0.0,
+            outline: &body.outline,
             friction: body.friction,
             breaking: BREAKING_SHARE * body.outline.radius,
         }
     }
 
+    fn ground(&self) -> Side<'_> {
+        Side {
+            party: Party::Floor,
+            member: None,
+            pose: Pose::at(Vector3::zeros()),
+            outline: &self.solver.arena.ground,
+            friction: FLOOR_FRICTION,
+            breaking: f64::INFINITY,
+        }
+    }
+
     /// The deepest contact of a pair.
-    fn find(&self, [first, second]: [&Side<'_>; 2]) -> Option<Found> {
-        let second_outline = second.outline?;
-        let second_shape = second_outline.placed(&second.pose);
-        let Some(first_outline) = first.outline else {
-            let is_drone = matches!(second.party, Party::Drone(_));
-            let pending = !is_drone || self.solver.arena.is_floor_pending(&second_shape);
-            return pending.then(|| on_floor(second_outline, &second_shape, second.margin));
-        };
-        let first_shape = first_outline.placed(&first.pose);
-        let between = to_pose(&relative(&first_shape, &second_shape));
-        let margin = first.margin + second.margin;
-        let reach = (margin + first.breaking.min(second.breaking)) as f32;
-        let contact = DefaultQueryDispatcher
-            .contact(&between, &*first_outline.shape.0, &*second_outline.shape.0, reach)
-            .ok()??;
-        let normal = -first_shape.world_from_body.rotate(from_vector(contact.normal1));
-        let on_second = compose(&second_shape, &Pose::at(from_vector(contact.point2))).position;
-        Some(Found {
-            on_second: on_second + normal * second.margin,
-            normal,
-            distance: f64::from(contact.dist) - margin,
-        })
+    fn find(&self, pair: [&Side<'_>; 2]) -> Option<Found> {
+        let outlines = pair.map(|side| side.outline);
+        let shapes = pair.map(|side| side.outline.placed(&side.pose));
+        if let [Party::Floor, Party::Drone(_)] = pair.map(|side| side.party)
+            && !self.solver.arena.is_floor_pending(&shapes[1])
+        {
+            return None;
+        }
+        let shapes = shapes.each_ref();
+        let reach = 2.0 * MARGIN + pair[0].breaking.min(pair[1].breaking);
+        let apart = separation::nearest(outlines, shapes, reach).map(|nearest| Found {
+            on_second: nearest.on_second + nearest.normal * MARGIN,
+            normal: nearest.normal,
+            distance: nearest.distance - 2.0 * MARGIN,
+        });
+        if apart.is_some_and(|found| found.distance > OVERLAP - 2.0 * MARGIN) {
+            return apart;
+        }
+        let inside = penetration::exit(outlines, shapes).map(|exit| Found {
+            on_second: exit.on_second,
+            normal: exit.normal,
+            distance: -exit.depth,
+        });
+        inside.or(apart)
     }
-}
-
-fn floor() -> Side<'static> {
-    Side {
-        party: Party::Floor,
-        member: None,
-        pose: Pose::at(Vector3::zeros()),
-        outline: None,
-        margin: 0.0,
-        friction: FLOOR_FRICTION,
-        breaking: f64::INFINITY,
-    }
-}
-
-/// The lowest point of an outline above or in the floor.
-fn on_floor(outline: &Outline, shape_pose: &Pose, margin: f64) -> Found {
-    let normal = -Vector3::z();
-    let on_second = outline.lowest(shape_pose) + normal * margin;
-    Found { on_second, normal, distance: on_second.z }
 }
 
 /// A movable's velocities after a substep of free fall.

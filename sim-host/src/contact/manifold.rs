@@ -89,7 +89,7 @@ impl ContactMemory {
 }
 
 impl Manifold {
-    /// Adds what was found, and lets go of points that came apart by more than `breaking` \[m\].
+    /// Adds what was found, and refreshes.
     pub(super) fn update(&mut self, found: Option<Found>, poses: [&Pose; 2], breaking: f64) {
         if let Some(found) = found.filter(|found| found.distance <= breaking) {
             let point = Point::new(&found, poses);
@@ -102,11 +102,14 @@ impl Manifold {
                 }
             }
         }
-        for point in &mut self.points {
-            point.distance = point.separation(poses).0;
-        }
+        self.refresh(poses, breaking);
+    }
+
+    /// Lets the points follow the bodies, and lets go of those that came apart by more than `breaking` \[m\].
+    pub(super) fn refresh(&mut self, poses: [&Pose; 2], breaking: f64) {
         for index in (0..self.points.len()).rev() {
             let (distance, drift) = self.points[index].separation(poses);
+            self.points[index].distance = distance;
             if distance > breaking || drift > breaking {
                 self.points.swap_remove(index);
             }

@@ -14,6 +14,9 @@ use crate::world::{Pose, Shape};
 /// Corners of one face of the drone's prism, as many as PyBullet gives a URDF cylinder.
 const CORNERS: usize = 32;
 
+/// Steps across a hull on the grid of `btConvexHullComputer`.
+const HULL_GRID: f64 = 10_216.0;
+
 /// Thickness of the skin around the drone's prism on which it rests \[m\]: PyBullet's margin of a URDF shape.
 pub(super) const MARGIN: f64 = 1e-3;
 
@@ -75,22 +78,20 @@ impl Outline {
 
     /// The drone's hull as Bullet has it: the convex hull of a prism inscribed in the URDF's cylinder.
     pub(super) fn of_drone(airframe: &Airframe) -> Self {
-        let half_height = 0.5 * airframe.collision_height;
-        let radius = airframe.collision_radius;
-        // In Bullet's order, from the left on: the first of equals is the one that touches.
-        let corners: Vec<_> = (0..CORNERS)
-            .map(|corner| libm::sincos(TAU * corner as f64 / CORNERS as f64))
-            .flat_map(|(sine, cosine)| {
-                [half_height, -half_height].map(|height| Vector3::new(radius * sine, radius * cosine, height))
-            })
-            .collect();
-        let middle = Vector3::new(0.0, 0.0, airframe.collision_offset);
+        let corners = prism(airframe.collision_radius, 0.5 * airframe.collision_height);
+        let offset = airframe.collision_offset;
         Self {
             shape: convex_hull(&corners),
-            pose: Pose::at(middle),
+            pose: Pose::at(Vector3::new(0.0, 0.0, offset)),
             extremes: Extremes::Corners(corners),
-            radius: radius.hypot(half_height + airframe.collision_offset.abs()),
+            radius: airframe.collision_radius.hypot(0.5 * airframe.collision_height + offset.abs()),
         }
+    }
+
+    /// `plane.urdf` as Bullet has it.
+    pub(super) fn of_floor() -> Self {
+        let below = Pose::at(Vector3::new(0.0, 0.0, -5.0));
+        Self { pose: below, ..Self::of_shape(&Shape::Cuboid(Vector3::new(100.0, 100.0, 5.0))) }
     }
 
     /// The point that is farthest in a direction, both in the frame of the shape; the first of several.
@@ -111,6 +112,23 @@ impl Outline {
                 }
                 farthest
             }
+        }
+    }
+
+    /// The farthest point of the core that Bullet rounds by the margin: of a box or a cylinder what is inside by the
+    /// margin, of a hull all of it. The direction is in the frame of the shape.
+    pub(super) fn farthest_of_core(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+        match &self.extremes {
+            Extremes::Cuboid(half) => {
+                half.zip_map(direction, |half, along| if along >= 0.0 { half - MARGIN } else { MARGIN - half })
+            }
+            Extremes::Cylinder { .. } => {
+                let surface = self.farthest(direction);
+                let across = surface.x.hypot(surface.z);
+                let scale = if across > 0.0 { (across - MARGIN) / across } else { 0.0 };
+                Vector3::new(surface.x * scale, surface.y - MARGIN.copysign(surface.y), surface.z * scale)
+            }
+            Extremes::Corners(_) => self.farthest(direction),
         }
     }
 
@@ -137,6 +155,25 @@ impl Outline {
 /// An upright cylinder of parry's.
 pub(super) fn upright(position: Vector3<f64>) -> Pose {
     Pose { position, world_from_body: Attitude::from_axis_angle(Vector3::x(), FRAC_PI_2) }
+}
+
+/// Corners of the prism in the order of PyBullet's hull, of which the first of equals is the one that touches: from
+/// the left on to both sides, and `btConvexHullComputer` rounds them towards zero on a grid.
+fn prism(radius: f64, half_height: f64) -> Vec<Vector3<f64>> {
+    let step = 2.0 * radius / HULL_GRID;
+    let on_grid = |value: f64| libm::trunc(value * (1.0 / step)) * step;
+    let around: Vec<[f64; 2]> = (0..CORNERS)
+        .map(|place| if place % 2 == 1 { place.div_ceil(2) } else { (CORNERS - place / 2) % CORNERS })
+        .map(|corner| libm::sincos(TAU * corner as f64 / CORNERS as f64))
+        .map(|(sine, cosine)| [on_grid(radius * sine), on_grid(radius * cosine)])
+        .collect();
+    let at = |place: usize, height: f64| Vector3::new(around[place][0], around[place][1], height);
+    let mut corners = vec![at(0, half_height)];
+    for place in 0..CORNERS - 1 {
+        corners.extend([at(place + 1, half_height), at(place, -half_height)]);
+    }
+    corners.push(at(CORNERS - 1, -half_height));
+    corners
 }
 
 fn convex_hull(points: &[Vector3<f64>]) -> SharedShape {
