@@ -3,6 +3,8 @@
 //! The pictures in `tests/golden/fork/depth` are 48 rows of 64 depths along the optical axis \[m\], of a camera 39.7 mm
 //! above a drone at the start, facing +x, 60 degrees wide and high.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
+
 use std::fs;
 use std::path::Path;
 
@@ -77,8 +79,9 @@ fn picture(world: &World, start: Vector3<f64>) -> Vec<f32> {
     let eye = start + EYE_HEIGHT * Vector3::z();
     let half_width = 30_f64.to_radians().tan();
     let pixel = |row: usize, column: usize| {
-        let across = 2.0 * (column as f64 + 0.5) / COLUMNS as f64 - 1.0;
-        let down = 2.0 * (row as f64 + 0.5) / ROWS as f64 - 1.0;
+        // TinyRenderer samples at the left and lower ends of its pixels.
+        let across = 2.0 * column as f64 / COLUMNS as f64 - 1.0;
+        let down = 2.0 * (row as f64 + 1.0) / ROWS as f64 - 1.0;
         let direction = Vector3::new(1.0, -across * half_width, -down * half_width);
         let floor = if direction.z < 0.0 { (-eye.z / direction.z) as f32 } else { BACKGROUND };
         targets.iter().filter_map(|target| target.distance(eye, direction)).fold(floor, f32::min)
@@ -94,40 +97,24 @@ fn share_of_differences(recording: &str, world: &str) -> f64 {
     assert_eq!(seen.len(), recorded.len());
     let pairs: Vec<_> = seen.iter().zip(&recorded).filter(|(_, recorded)| **recorded > OWN_PROPELLERS).collect();
     let differs = |seen: f32, recorded: f32| (seen - recorded).abs() > (0.01 * recorded).max(0.01);
-    if std::env::var_os("SHOW").is_some() {
-        for row in 0..ROWS {
-            let line: String = (0..COLUMNS)
-                .map(|column| {
-                    let index = row * COLUMNS + column;
-                    if recorded[index] < OWN_PROPELLERS {
-                        '.'
-                    } else if differs(seen[index], recorded[index]) {
-                        if seen[index] < recorded[index] { 'n' } else { 'f' }
-                    } else {
-                        ' '
-                    }
-                })
-                .collect();
-            println!("{line}|");
-        }
-    }
     pairs.iter().filter(|(seen, recorded)| differs(**seen, **recorded)).count() as f64 / pairs.len() as f64
 }
 
 #[test]
 fn the_camera_of_the_reference_saw_these_worlds() {
+    // What is left: cushions and knobs, whose boxes are fuller than they are, and a pixel here and there on an edge.
     let cases = [
         ("cross0", "incremental-cross-0", 0.0),
         ("cross1", "incremental-cross-1", 0.0),
         ("cross6", "incremental-cross-6", 0.0),
         ("cross16", "harder-cross-16", 0.0),
-        ("room0", "room-0", 0.0),
-        ("room1", "room-1", 0.0),
-        ("room2", "room-2", 0.0),
+        ("room0", "room-0", 0.08),
+        ("room1", "room-1", 0.008),
+        ("room2", "room-2", 0.008),
     ];
     for (recording, world, limit) in cases {
         let share = share_of_differences(recording, world);
         println!("{world}: {:.2} % of the pixels differ", 100.0 * share);
-        let _ = limit;
+        assert!(share <= limit, "{world}: {share} of the pixels differ, at most {limit} should");
     }
 }
