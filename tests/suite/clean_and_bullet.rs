@@ -10,8 +10,7 @@ use std::path::{Path, PathBuf};
 use kestrel_core::airframe::{CF2X, RADIANS_PER_SECOND_PER_RPM};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::bullet::{
-    AttitudeUpdate, Bullet, BulletState, DownwashAxis, DragFrame, DragRotors, DynAttitude, DynLevers, DynReport,
-    GroundQuery, LinkAttitude, Mode, Quirks, RotorPrecision,
+    Bullet, BulletState, DragFrame, DynAttitude, DynReport, LinkAttitude, Mode, Quirks, RotorPrecision,
 };
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -53,6 +52,19 @@ fn doublets(step: usize) -> [f64; 4] {
         _ => [0.0; 4],
     };
     push.map(|sign: f64| CF2X.hover_rotor_speed() + sign * 150.0 * RADIANS_PER_SECOND_PER_RPM)
+}
+
+/// Rotor speeds \[rad/s\] drawn anew 48 times a second from hover ± `fraction`, the same in every run.
+fn rough(step: usize, fraction: f64) -> [f64; 4] {
+    core::array::from_fn(|rotor| {
+        // SplitMix64 of the draw's number.
+        let mut bits = (4 * (step / 5) + rotor + 1) as u64;
+        bits = bits.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let share = ((bits ^ (bits >> 31)) >> 11) as f64 / (1_u64 << 53) as f64;
+        CF2X.hover_rotor_speed() * (1.0 + fraction * (2.0 * share - 1.0))
+    })
 }
 
 /// The states of a flight, one a physics step, the start first.
@@ -104,20 +116,24 @@ impl Case {
         }
     }
 
-    /// Distance \[m\], angle \[deg\] and difference of the reported angular velocities \[rad/s\] between the flights
-    /// with and without the quirk, at the end.
+    /// Between the flights with and without the quirk: distance \[m\] and angle \[deg\] at the end, and the greatest
+    /// difference of the reported angular velocities \[rad/s\].
     fn difference(&self) -> [f64; 3] {
         let steps = FLIGHT_SECS * STEPS_PER_SECOND;
-        let end = |quirks| {
+        let fly = |quirks| {
             let bullet = Bullet::new(&CF2X, self.mode, quirks);
-            let states = flight(&bullet, self.start, self.other, steps, self.rotor_speeds);
-            states[steps]
+            flight(&bullet, self.start, self.other, steps, self.rotor_speeds)
         };
-        let (with, without) = (end(self.with), end(self.without));
+        let (with, without) = (fly(self.with), fly(self.without));
+        let spins = with
+            .iter()
+            .zip(&without)
+            .map(|(one, other)| (one.reported_angular_velocity - other.reported_angular_velocity).norm());
+        let (end, other_end) = (with[steps].motion, without[steps].motion);
         [
-            (with.motion.position - without.motion.position).norm(),
-            angle_between(&with.motion.world_from_body, &without.motion.world_from_body).to_degrees(),
-            (with.reported_angular_velocity - without.reported_angular_velocity).norm(),
+            (end.position - other_end.position).norm(),
+            angle_between(&end.world_from_body, &other_end.world_from_body).to_degrees(),
+            spins.fold(0.0, f64::max),
         ]
     }
 
@@ -201,6 +217,11 @@ fn cases() -> Vec<Case> {
         },
         case("link_attitude", ["`Previous`", "`Current`"], Quirks { link_attitude, ..upstream }),
         Case {
+            shown_by: "random rotor speeds, ± 20 %",
+            rotor_speeds: |step| rough(step, 0.2),
+            ..case("link_attitude", ["`Previous`", "`Current`"], Quirks { link_attitude, ..upstream })
+        },
+        Case {
             mode: Mode::PybGndDragDw,
             shown_by: "doublets, all effects",
             ..case("ground_query", ["`RefreshesLinks`", "`LeavesLinks`"], Quirks { ground_query, ..upstream })
@@ -220,8 +241,8 @@ fn cases() -> Vec<Case> {
         },
         Case {
             mode: Mode::PybDrag,
-            start: gliding,
-            shown_by: "the same",
+            start: State { rotor_speeds: [0.0; 4], ..gliding },
+            shown_by: "the same, rotors forgotten by a reset",
             ..case("drag_rotors", ["`Previous`", "`Current`"], Quirks { drag_rotors, ..upstream })
         },
         Case {
@@ -287,7 +308,7 @@ fn cases() -> Vec<Case> {
 }
 
 fn table() -> String {
-    let head = "| field of `Quirks` | reference | clean | shown by | position | attitude | reported spin |\n\
+    let head = "| field of `Quirks` | reference | clean | shown by | position | attitude | spin |\n\
                 |---|---|---|---|---|---|---|\n";
     cases().iter().map(Case::row).fold(head.to_owned(), |text, row| text + &row)
 }
