@@ -180,131 +180,172 @@ fn figure(value: f64, unit: &str) -> String {
     }
 }
 
-/// Every field of [`Quirks`]; the compiler refuses to forget one.
-fn cases() -> Vec<Case> {
-    let upstream = Quirks::upstream();
+/// The fields' names; the pattern refuses to forget one.
+fn fields() -> [&'static str; 15] {
     let Quirks {
-        damping,
-        rotor_precision,
-        link_attitude,
-        ground_query,
-        drag_frame,
-        drag_rotors,
-        downwash_axis,
-        downwash_nearest,
-        downwash_reach,
-        rotation_cap,
-        velocity_cap,
-        attitude_update,
-        dyn_attitude,
-        dyn_levers,
-        dyn_report,
+        damping: _,
+        rotor_precision: _,
+        link_attitude: _,
+        ground_query: _,
+        drag_frame: _,
+        drag_rotors: _,
+        downwash_axis: _,
+        downwash_nearest: _,
+        downwash_reach: _,
+        rotation_cap: _,
+        velocity_cap: _,
+        attitude_update: _,
+        dyn_attitude: _,
+        dyn_levers: _,
+        dyn_report: _,
     } = Quirks::none();
-    let tilted = State { world_from_body: Attitude::from_axis_angle(Vector3::x(), 0.5), ..hovering(40.0) };
-    let gliding = State { velocity: Vector3::new(2.0, 1.0, 0.0), ..tilted };
-    let spinning = |rate| State { body_rates: Vector3::new(0.0, 0.0, rate), ..tilted };
-    let precise = Quirks { rotor_precision: RotorPrecision::Single, ..upstream };
-    let case = Case::new;
+    [
+        "damping",
+        "rotor_precision",
+        "link_attitude",
+        "ground_query",
+        "drag_frame",
+        "drag_rotors",
+        "downwash_axis",
+        "downwash_nearest",
+        "downwash_reach",
+        "rotation_cap",
+        "velocity_cap",
+        "attitude_update",
+        "dyn_attitude",
+        "dyn_levers",
+        "dyn_report",
+    ]
+}
+
+/// Rolled by 29°.
+fn rolled() -> State<f64> {
+    State { world_from_body: Attitude::from_axis_angle(Vector3::x(), 0.5), ..hovering(40.0) }
+}
+
+/// Rolled, and yawing at a rate \[rad/s\].
+fn yawing(rate: f64) -> State<f64> {
+    State { body_rates: Vector3::new(0.0, 0.0, rate), ..rolled() }
+}
+
+/// Rotors and the links that carry their forces.
+fn rotor_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { damping, rotor_precision, link_attitude, ground_query, .. } = Quirks::none();
+    let single = Quirks { rotor_precision: RotorPrecision::Single, ..upstream };
+    let late = || Case::new("link_attitude", ["`Previous`", "`Current`"], Quirks { link_attitude, ..upstream });
     vec![
-        case("damping", ["0.04", "0"], Quirks { damping, ..upstream }),
+        Case::new("damping", ["0.04", "0"], Quirks { damping, ..upstream }),
         Case {
-            with: precise,
-            ..case(
+            with: single,
+            ..Case::new(
                 "rotor_precision",
                 ["`Single` (fork, RPM actions)", "`Full`"],
-                Quirks { rotor_precision, ..precise },
+                Quirks { rotor_precision, ..single },
             )
         },
-        case("link_attitude", ["`Previous`", "`Current`"], Quirks { link_attitude, ..upstream }),
-        Case {
-            shown_by: "random rotor speeds, ± 20 %",
-            rotor_speeds: |step| rough(step, 0.2),
-            ..case("link_attitude", ["`Previous`", "`Current`"], Quirks { link_attitude, ..upstream })
-        },
+        late(),
+        Case { shown_by: "random rotor speeds, ± 20 %", rotor_speeds: |step| rough(step, 0.2), ..late() },
         Case {
             mode: Mode::PybGndDragDw,
             shown_by: "doublets, all effects",
-            ..case("ground_query", ["`RefreshesLinks`", "`LeavesLinks`"], Quirks { ground_query, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDrag,
-            start: gliding,
-            shown_by: "doublets at 2.2 m/s, rolled 29°",
-            ..case("drag_frame", ["`ScaledInWorld`", "`Body`"], Quirks { drag_frame, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDrag,
-            start: gliding,
-            shown_by: "the same",
-            with: Quirks { drag_frame: DragFrame::TurnedTwice, ..upstream },
-            ..case("drag_frame", ["`TurnedTwice` (fork)", "`Body`"], Quirks { drag_frame, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDrag,
-            start: State { rotor_speeds: [0.0; 4], ..gliding },
-            shown_by: "the same, rotors forgotten by a reset",
-            ..case("drag_rotors", ["`Previous`", "`Current`"], Quirks { drag_rotors, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDw,
-            start: tilted,
-            other: Some(Vector3::new(0.0, 0.0, 41.0)),
-            shown_by: "rolled 29° under another drone, 1 m",
-            rotor_speeds: |_| [CF2X.hover_rotor_speed(); 4],
-            ..case("downwash_axis", ["`Body`", "`World`"], Quirks { downwash_axis, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDw,
-            other: Some(Vector3::new(0.05, 0.0, 40.02)),
-            shown_by: "2 cm below another drone",
-            ..case("downwash_nearest", ["0", "0.05 m"], Quirks { downwash_nearest, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDw,
-            other: Some(Vector3::new(10.5, 0.0, 70.0)),
-            shown_by: "10.5 m beside and 30 m below another drone",
-            ..case("downwash_reach", ["10 m", "none"], Quirks { downwash_reach, ..upstream })
-        },
-        Case {
-            start: spinning(60.0),
-            shown_by: "doublets at 60 rad/s of yaw",
-            ..case("attitude_update", ["`ExponentialMap`", "`FirstOrder`"], Quirks { attitude_update, ..upstream })
-        },
-        Case {
-            start: spinning(99.0),
-            shown_by: "doublets at 99 rad/s of yaw (0.41 rad a step)",
-            ..case("rotation_cap", ["π/4", "π"], Quirks { rotation_cap, ..upstream })
-        },
-        Case {
-            start: spinning(120.0),
-            shown_by: "doublets at 120 rad/s of yaw",
-            ..case("velocity_cap", ["100 m/s, 100 rad/s", "none"], Quirks { velocity_cap, ..upstream })
-        },
-        Case {
-            mode: Mode::Dyn,
-            start: spinning(1.0),
-            with: Quirks { dyn_attitude: DynAttitude::EulerAngles, ..upstream },
-            shown_by: "doublets, rolled 29°, yawing at 1 rad/s",
-            ..case("dyn_attitude", ["`EulerAngles` (fork)", "`Quaternion`"], Quirks { dyn_attitude, ..upstream })
-        },
-        Case {
-            mode: Mode::Dyn,
-            ..case("dyn_levers", ["`NominalArm`", "`RotorPositions`"], Quirks { dyn_levers, ..upstream })
-        },
-        Case {
-            mode: Mode::Dyn,
-            start: spinning(1.0),
-            shown_by: "doublets, rolled 29°, yawing at 1 rad/s",
-            ..case("dyn_report", ["`PreviousAttitude`", "`Current`"], Quirks { dyn_report, ..upstream })
-        },
-        Case {
-            mode: Mode::Dyn,
-            start: spinning(1.0),
-            shown_by: "the same",
-            with: Quirks { dyn_report: DynReport::MinusOne, ..upstream },
-            ..case("dyn_report", ["`MinusOne` (fork)", "`Current`"], Quirks { dyn_report, ..upstream })
+            ..Case::new("ground_query", ["`RefreshesLinks`", "`LeavesLinks`"], Quirks { ground_query, ..upstream })
         },
     ]
+}
+
+/// Drag, in a glide.
+fn drag_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { drag_frame, drag_rotors, .. } = Quirks::none();
+    let gliding = State { velocity: Vector3::new(2.0, 1.0, 0.0), ..rolled() };
+    let glide = |case| Case { mode: Mode::PybDrag, start: gliding, shown_by: "the same", ..case };
+    let framed =
+        |reference| glide(Case::new("drag_frame", [reference, "`Body`"], Quirks { drag_frame, ..upstream }));
+    vec![
+        Case { shown_by: "doublets at 2.2 m/s, rolled 29°", ..framed("`ScaledInWorld`") },
+        Case { with: Quirks { drag_frame: DragFrame::TurnedTwice, ..upstream }, ..framed("`TurnedTwice` (fork)") },
+        Case {
+            start: State { rotor_speeds: [0.0; 4], ..gliding },
+            shown_by: "the same, rotors forgotten by a reset",
+            ..glide(Case::new("drag_rotors", ["`Previous`", "`Current`"], Quirks { drag_rotors, ..upstream }))
+        },
+    ]
+}
+
+/// Another drone above.
+fn downwash_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { downwash_axis, downwash_nearest, downwash_reach, .. } = Quirks::none();
+    let under = |x, z, case| Case { mode: Mode::PybDw, other: Some(Vector3::new(x, 0.0, 40.0 + z)), ..case };
+    let axis = Case::new("downwash_axis", ["`Body`", "`World`"], Quirks { downwash_axis, ..upstream });
+    let nearest = Case::new("downwash_nearest", ["0", "0.05 m"], Quirks { downwash_nearest, ..upstream });
+    let reach = Case::new("downwash_reach", ["10 m", "none"], Quirks { downwash_reach, ..upstream });
+    vec![
+        Case {
+            start: rolled(),
+            shown_by: "rolled 29° under another drone, 1 m",
+            rotor_speeds: |_| [CF2X.hover_rotor_speed(); 4],
+            ..under(0.0, 1.0, axis)
+        },
+        Case { shown_by: "2 cm below another drone", ..under(0.05, 0.02, nearest) },
+        Case { shown_by: "10.5 m beside and 30 m below another drone", ..under(10.5, 30.0, reach) },
+    ]
+}
+
+/// Fast rotation.
+fn turning_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { rotation_cap, velocity_cap, attitude_update, .. } = Quirks::none();
+    let exponential = ["`ExponentialMap`", "`FirstOrder`"];
+    let capped = ["100 m/s, 100 rad/s", "none"];
+    vec![
+        Case {
+            start: yawing(60.0),
+            shown_by: "doublets at 60 rad/s of yaw",
+            ..Case::new("attitude_update", exponential, Quirks { attitude_update, ..upstream })
+        },
+        Case {
+            start: yawing(99.0),
+            shown_by: "doublets at 99 rad/s of yaw (0.41 rad a step)",
+            ..Case::new("rotation_cap", ["π/4", "π"], Quirks { rotation_cap, ..upstream })
+        },
+        Case {
+            start: yawing(120.0),
+            shown_by: "doublets at 120 rad/s of yaw",
+            ..Case::new("velocity_cap", capped, Quirks { velocity_cap, ..upstream })
+        },
+    ]
+}
+
+/// The explicit model.
+fn dyn_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { dyn_attitude, dyn_levers, dyn_report, .. } = Quirks::none();
+    let explicit = |case| Case { mode: Mode::Dyn, ..case };
+    let leaning = |case| Case { start: yawing(1.0), shown_by: "doublets, rolled 29°, yawing at 1 rad/s", ..case };
+    let levers = ["`NominalArm`", "`RotorPositions`"];
+    let reported = |reference| {
+        leaning(explicit(Case::new("dyn_report", [reference, "`Current`"], Quirks { dyn_report, ..upstream })))
+    };
+    let integrated = ["`EulerAngles` (fork)", "`Quaternion`"];
+    vec![
+        Case {
+            with: Quirks { dyn_attitude: DynAttitude::EulerAngles, ..upstream },
+            ..leaning(explicit(Case::new("dyn_attitude", integrated, Quirks { dyn_attitude, ..upstream })))
+        },
+        explicit(Case::new("dyn_levers", levers, Quirks { dyn_levers, ..upstream })),
+        reported("`PreviousAttitude`"),
+        Case {
+            shown_by: "the same",
+            with: Quirks { dyn_report: DynReport::MinusOne, ..upstream },
+            ..reported("`MinusOne` (fork)")
+        },
+    ]
+}
+
+fn cases() -> Vec<Case> {
+    [rotor_cases(), drag_cases(), downwash_cases(), turning_cases(), dyn_cases()].into_iter().flatten().collect()
 }
 
 fn table() -> String {
@@ -323,9 +364,19 @@ fn assert_blessed(path: &Path, text: &str) {
 }
 
 #[test]
+fn every_quirk_has_a_row() {
+    let cases = cases();
+    let rows = |field: &&str| !cases.iter().any(|case| case.field == *field);
+    assert_eq!(fields().into_iter().find(rows), None);
+}
+
+#[test]
 fn the_page_says_what_the_code_measures() {
     let path = docs("clean-and-bullet.md");
     let page = fs::read_to_string(&path).unwrap();
+    for (name, _) in pictures::all() {
+        assert!(page.contains(name), "{name} is on the page");
+    }
     let (before, rest) = page.split_once(TABLE_BEGIN).unwrap();
     let (_, after) = rest.split_once(TABLE_END).unwrap();
     assert_blessed(&path, &format!("{before}{TABLE_BEGIN}\n{}\n{TABLE_END}{after}", table()));
@@ -334,7 +385,6 @@ fn the_page_says_what_the_code_measures() {
 #[test]
 fn the_pictures_show_what_the_code_flies() {
     for (name, panels) in pictures::all() {
-        assert!(fs::read_to_string(docs("clean-and-bullet.md")).unwrap().contains(name), "{name} is on the page");
         assert_blessed(&docs("pictures").join(name), &crate::plot::picture(&panels));
     }
 }

@@ -18,7 +18,7 @@ const MASS_LEAST: f64 = 0.001;
 const STEPS_PER_SECOND_LEAST: f64 = 50.0;
 
 /// The drone.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct VehicleConfig {
     /// Which drone.

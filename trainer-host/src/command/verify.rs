@@ -12,7 +12,7 @@ use super::Done;
 /// Arguments of `kestrel verify`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Folder with a recording: index.json and the tables that it names, or physics_golden.json
+    /// Folder with a recording: index.json and the tables that it names, or `physics_golden.json`
     recording: PathBuf,
 
     /// Greatest error that passes of a kind (`closed_loop.rpm`) or a group of them (`closed_loop`)
