@@ -5,3 +5,4 @@
 mod errors;
 mod kestrel;
 mod runs;
+mod verify;

@@ -10,8 +10,7 @@ use std::path::{Path, PathBuf};
 use kestrel_core::airframe::{CF2X, RADIANS_PER_SECOND_PER_RPM};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::bullet::{
-    AttitudeUpdate, Bullet, BulletState, DownwashAxis, DragFrame, DragRotors, DynAttitude, DynLevers, DynReport,
-    GroundQuery, LinkAttitude, Mode, Quirks, RotorPrecision,
+    Bullet, BulletState, DragFrame, DynAttitude, DynReport, LinkAttitude, Mode, Quirks, RotorPrecision,
 };
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -53,6 +52,19 @@ fn doublets(step: usize) -> [f64; 4] {
         _ => [0.0; 4],
     };
     push.map(|sign: f64| CF2X.hover_rotor_speed() + sign * 150.0 * RADIANS_PER_SECOND_PER_RPM)
+}
+
+/// Rotor speeds \[rad/s\] drawn anew 48 times a second from hover ± `fraction`, the same in every run.
+fn rough(step: usize, fraction: f64) -> [f64; 4] {
+    core::array::from_fn(|rotor| {
+        // SplitMix64 of the draw's number.
+        let mut bits = (4 * (step / 5) + rotor + 1) as u64;
+        bits = bits.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let share = ((bits ^ (bits >> 31)) >> 11) as f64 / (1_u64 << 53) as f64;
+        CF2X.hover_rotor_speed() * (1.0 + fraction * (2.0 * share - 1.0))
+    })
 }
 
 /// The states of a flight, one a physics step, the start first.
@@ -104,20 +116,24 @@ impl Case {
         }
     }
 
-    /// Distance \[m\], angle \[deg\] and difference of the reported angular velocities \[rad/s\] between the flights
-    /// with and without the quirk, at the end.
+    /// Between the flights with and without the quirk: distance \[m\] and angle \[deg\] at the end, and the greatest
+    /// difference of the reported angular velocities \[rad/s\].
     fn difference(&self) -> [f64; 3] {
         let steps = FLIGHT_SECS * STEPS_PER_SECOND;
-        let end = |quirks| {
+        let fly = |quirks| {
             let bullet = Bullet::new(&CF2X, self.mode, quirks);
-            let states = flight(&bullet, self.start, self.other, steps, self.rotor_speeds);
-            states[steps]
+            flight(&bullet, self.start, self.other, steps, self.rotor_speeds)
         };
-        let (with, without) = (end(self.with), end(self.without));
+        let (with, without) = (fly(self.with), fly(self.without));
+        let spins = with
+            .iter()
+            .zip(&without)
+            .map(|(one, other)| (one.reported_angular_velocity - other.reported_angular_velocity).norm());
+        let (end, other_end) = (with[steps].motion, without[steps].motion);
         [
-            (with.motion.position - without.motion.position).norm(),
-            angle_between(&with.motion.world_from_body, &without.motion.world_from_body).to_degrees(),
-            (with.reported_angular_velocity - without.reported_angular_velocity).norm(),
+            (end.position - other_end.position).norm(),
+            angle_between(&end.world_from_body, &other_end.world_from_body).to_degrees(),
+            spins.fold(0.0, f64::max),
         ]
     }
 
@@ -164,130 +180,176 @@ fn figure(value: f64, unit: &str) -> String {
     }
 }
 
-/// Every field of [`Quirks`]; the compiler refuses to forget one.
-fn cases() -> Vec<Case> {
-    let upstream = Quirks::upstream();
+/// The fields' names; the pattern refuses to forget one.
+fn fields() -> [&'static str; 15] {
     let Quirks {
-        damping,
-        rotor_precision,
-        link_attitude,
-        ground_query,
-        drag_frame,
-        drag_rotors,
-        downwash_axis,
-        downwash_nearest,
-        downwash_reach,
-        rotation_cap,
-        velocity_cap,
-        attitude_update,
-        dyn_attitude,
-        dyn_levers,
-        dyn_report,
+        damping: _,
+        rotor_precision: _,
+        link_attitude: _,
+        ground_query: _,
+        drag_frame: _,
+        drag_rotors: _,
+        downwash_axis: _,
+        downwash_nearest: _,
+        downwash_reach: _,
+        rotation_cap: _,
+        velocity_cap: _,
+        attitude_update: _,
+        dyn_attitude: _,
+        dyn_levers: _,
+        dyn_report: _,
     } = Quirks::none();
-    let tilted = State { world_from_body: Attitude::from_axis_angle(Vector3::x(), 0.5), ..hovering(40.0) };
-    let gliding = State { velocity: Vector3::new(2.0, 1.0, 0.0), ..tilted };
-    let spinning = |rate| State { body_rates: Vector3::new(0.0, 0.0, rate), ..tilted };
-    let precise = Quirks { rotor_precision: RotorPrecision::Single, ..upstream };
-    let case = Case::new;
+    [
+        "damping",
+        "rotor_precision",
+        "link_attitude",
+        "ground_query",
+        "drag_frame",
+        "drag_rotors",
+        "downwash_axis",
+        "downwash_nearest",
+        "downwash_reach",
+        "rotation_cap",
+        "velocity_cap",
+        "attitude_update",
+        "dyn_attitude",
+        "dyn_levers",
+        "dyn_report",
+    ]
+}
+
+/// Rolled by 29°.
+fn rolled() -> State<f64> {
+    State { world_from_body: Attitude::from_axis_angle(Vector3::x(), 0.5), ..hovering(40.0) }
+}
+
+/// Rolled, and yawing at a rate \[rad/s\].
+fn yawing(rate: f64) -> State<f64> {
+    State { body_rates: Vector3::new(0.0, 0.0, rate), ..rolled() }
+}
+
+/// Rotors and the links that carry their forces.
+fn rotor_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { damping, rotor_precision, link_attitude, ground_query, .. } = Quirks::none();
+    let single = Quirks { rotor_precision: RotorPrecision::Single, ..upstream };
+    let late = || Case::new("link_attitude", ["`Previous`", "`Current`"], Quirks { link_attitude, ..upstream });
     vec![
-        case("damping", ["0.04", "0"], Quirks { damping, ..upstream }),
+        Case::new("damping", ["0.04", "0"], Quirks { damping, ..upstream }),
         Case {
-            with: precise,
-            ..case(
+            with: single,
+            ..Case::new(
                 "rotor_precision",
                 ["`Single` (fork, RPM actions)", "`Full`"],
-                Quirks { rotor_precision, ..precise },
+                Quirks { rotor_precision, ..single },
             )
         },
-        case("link_attitude", ["`Previous`", "`Current`"], Quirks { link_attitude, ..upstream }),
+        late(),
+        Case { shown_by: "random rotor speeds, ± 20 %", rotor_speeds: |step| rough(step, 0.2), ..late() },
         Case {
             mode: Mode::PybGndDragDw,
             shown_by: "doublets, all effects",
-            ..case("ground_query", ["`RefreshesLinks`", "`LeavesLinks`"], Quirks { ground_query, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDrag,
-            start: gliding,
-            shown_by: "doublets at 2.2 m/s, rolled 29°",
-            ..case("drag_frame", ["`ScaledInWorld`", "`Body`"], Quirks { drag_frame, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDrag,
-            start: gliding,
-            shown_by: "the same",
-            with: Quirks { drag_frame: DragFrame::TurnedTwice, ..upstream },
-            ..case("drag_frame", ["`TurnedTwice` (fork)", "`Body`"], Quirks { drag_frame, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDrag,
-            start: gliding,
-            shown_by: "the same",
-            ..case("drag_rotors", ["`Previous`", "`Current`"], Quirks { drag_rotors, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDw,
-            start: tilted,
-            other: Some(Vector3::new(0.0, 0.0, 41.0)),
-            shown_by: "rolled 29° under another drone, 1 m",
-            rotor_speeds: |_| [CF2X.hover_rotor_speed(); 4],
-            ..case("downwash_axis", ["`Body`", "`World`"], Quirks { downwash_axis, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDw,
-            other: Some(Vector3::new(0.05, 0.0, 40.02)),
-            shown_by: "2 cm below another drone",
-            ..case("downwash_nearest", ["0", "0.05 m"], Quirks { downwash_nearest, ..upstream })
-        },
-        Case {
-            mode: Mode::PybDw,
-            other: Some(Vector3::new(10.5, 0.0, 70.0)),
-            shown_by: "10.5 m beside and 30 m below another drone",
-            ..case("downwash_reach", ["10 m", "none"], Quirks { downwash_reach, ..upstream })
-        },
-        Case {
-            start: spinning(60.0),
-            shown_by: "doublets at 60 rad/s of yaw",
-            ..case("attitude_update", ["`ExponentialMap`", "`FirstOrder`"], Quirks { attitude_update, ..upstream })
-        },
-        Case {
-            start: spinning(99.0),
-            shown_by: "doublets at 99 rad/s of yaw (0.41 rad a step)",
-            ..case("rotation_cap", ["π/4", "π"], Quirks { rotation_cap, ..upstream })
-        },
-        Case {
-            start: spinning(120.0),
-            shown_by: "doublets at 120 rad/s of yaw",
-            ..case("velocity_cap", ["100 m/s, 100 rad/s", "none"], Quirks { velocity_cap, ..upstream })
-        },
-        Case {
-            mode: Mode::Dyn,
-            start: spinning(1.0),
-            with: Quirks { dyn_attitude: DynAttitude::EulerAngles, ..upstream },
-            shown_by: "doublets, rolled 29°, yawing at 1 rad/s",
-            ..case("dyn_attitude", ["`EulerAngles` (fork)", "`Quaternion`"], Quirks { dyn_attitude, ..upstream })
-        },
-        Case {
-            mode: Mode::Dyn,
-            ..case("dyn_levers", ["`NominalArm`", "`RotorPositions`"], Quirks { dyn_levers, ..upstream })
-        },
-        Case {
-            mode: Mode::Dyn,
-            start: spinning(1.0),
-            shown_by: "doublets, rolled 29°, yawing at 1 rad/s",
-            ..case("dyn_report", ["`PreviousAttitude`", "`Current`"], Quirks { dyn_report, ..upstream })
-        },
-        Case {
-            mode: Mode::Dyn,
-            start: spinning(1.0),
-            shown_by: "the same",
-            with: Quirks { dyn_report: DynReport::MinusOne, ..upstream },
-            ..case("dyn_report", ["`MinusOne` (fork)", "`Current`"], Quirks { dyn_report, ..upstream })
+            ..Case::new("ground_query", ["`RefreshesLinks`", "`LeavesLinks`"], Quirks { ground_query, ..upstream })
         },
     ]
 }
 
+/// Drag, in a glide.
+fn drag_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { drag_frame, drag_rotors, .. } = Quirks::none();
+    let gliding = State { velocity: Vector3::new(2.0, 1.0, 0.0), ..rolled() };
+    let glide = |case| Case { mode: Mode::PybDrag, start: gliding, shown_by: "the same", ..case };
+    let framed =
+        |reference| glide(Case::new("drag_frame", [reference, "`Body`"], Quirks { drag_frame, ..upstream }));
+    vec![
+        Case { shown_by: "doublets at 2.2 m/s, rolled 29°", ..framed("`ScaledInWorld`") },
+        Case { with: Quirks { drag_frame: DragFrame::TurnedTwice, ..upstream }, ..framed("`TurnedTwice` (fork)") },
+        Case {
+            start: State { rotor_speeds: [0.0; 4], ..gliding },
+            shown_by: "the same, rotors forgotten by a reset",
+            ..glide(Case::new("drag_rotors", ["`Previous`", "`Current`"], Quirks { drag_rotors, ..upstream }))
+        },
+    ]
+}
+
+/// Another drone above.
+fn downwash_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { downwash_axis, downwash_nearest, downwash_reach, .. } = Quirks::none();
+    let under = |x, z, case| Case { mode: Mode::PybDw, other: Some(Vector3::new(x, 0.0, 40.0 + z)), ..case };
+    let axis = Case::new("downwash_axis", ["`Body`", "`World`"], Quirks { downwash_axis, ..upstream });
+    let nearest = Case::new("downwash_nearest", ["0", "0.05 m"], Quirks { downwash_nearest, ..upstream });
+    let reach = Case::new("downwash_reach", ["10 m", "none"], Quirks { downwash_reach, ..upstream });
+    vec![
+        Case {
+            start: rolled(),
+            shown_by: "rolled 29° under another drone, 1 m",
+            rotor_speeds: |_| [CF2X.hover_rotor_speed(); 4],
+            ..under(0.0, 1.0, axis)
+        },
+        Case { shown_by: "2 cm below another drone", ..under(0.05, 0.02, nearest) },
+        Case { shown_by: "10.5 m beside and 30 m below another drone", ..under(10.5, 30.0, reach) },
+    ]
+}
+
+/// Fast rotation.
+fn turning_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { rotation_cap, velocity_cap, attitude_update, .. } = Quirks::none();
+    let exponential = ["`ExponentialMap`", "`FirstOrder`"];
+    let capped = ["100 m/s, 100 rad/s", "none"];
+    vec![
+        Case {
+            start: yawing(60.0),
+            shown_by: "doublets at 60 rad/s of yaw",
+            ..Case::new("attitude_update", exponential, Quirks { attitude_update, ..upstream })
+        },
+        Case {
+            start: yawing(99.0),
+            shown_by: "doublets at 99 rad/s of yaw (0.41 rad a step)",
+            ..Case::new("rotation_cap", ["π/4", "π"], Quirks { rotation_cap, ..upstream })
+        },
+        Case {
+            start: yawing(120.0),
+            shown_by: "doublets at 120 rad/s of yaw",
+            ..Case::new("velocity_cap", capped, Quirks { velocity_cap, ..upstream })
+        },
+    ]
+}
+
+/// The explicit model.
+fn dyn_cases() -> Vec<Case> {
+    let upstream = Quirks::upstream();
+    let Quirks { dyn_attitude, dyn_levers, dyn_report, .. } = Quirks::none();
+    let explicit = |case| Case { mode: Mode::Dyn, ..case };
+    let leaning = |case| Case { start: yawing(1.0), shown_by: "doublets, rolled 29°, yawing at 1 rad/s", ..case };
+    let levers = ["`NominalArm`", "`RotorPositions`"];
+    let reported = |reference| {
+        leaning(explicit(Case::new("dyn_report", [reference, "`Current`"], Quirks { dyn_report, ..upstream })))
+    };
+    let integrated = ["`EulerAngles` (fork)", "`Quaternion`"];
+    vec![
+        Case {
+            with: Quirks { dyn_attitude: DynAttitude::EulerAngles, ..upstream },
+            ..leaning(explicit(Case::new("dyn_attitude", integrated, Quirks { dyn_attitude, ..upstream })))
+        },
+        explicit(Case::new("dyn_levers", levers, Quirks { dyn_levers, ..upstream })),
+        reported("`PreviousAttitude`"),
+        Case {
+            shown_by: "the same",
+            with: Quirks { dyn_report: DynReport::MinusOne, ..upstream },
+            ..reported("`MinusOne` (fork)")
+        },
+    ]
+}
+
+fn cases() -> Vec<Case> {
+    [rotor_cases(), drag_cases(), downwash_cases(), turning_cases(), dyn_cases()].into_iter().flatten().collect()
+}
+
 fn table() -> String {
-    let head = "| field of `Quirks` | reference | clean | shown by | position | attitude | reported spin |\n\
+    let head = "| field of `Quirks` | reference | clean | shown by | position | attitude | spin |\n\
                 |---|---|---|---|---|---|---|\n";
     cases().iter().map(Case::row).fold(head.to_owned(), |text, row| text + &row)
 }
@@ -302,9 +364,19 @@ fn assert_blessed(path: &Path, text: &str) {
 }
 
 #[test]
+fn every_quirk_has_a_row() {
+    let cases = cases();
+    let rows = |field: &&str| !cases.iter().any(|case| case.field == *field);
+    assert_eq!(fields().into_iter().find(rows), None);
+}
+
+#[test]
 fn the_page_says_what_the_code_measures() {
     let path = docs("clean-and-bullet.md");
     let page = fs::read_to_string(&path).unwrap();
+    for (name, _) in pictures::all() {
+        assert!(page.contains(name), "{name} is on the page");
+    }
     let (before, rest) = page.split_once(TABLE_BEGIN).unwrap();
     let (_, after) = rest.split_once(TABLE_END).unwrap();
     assert_blessed(&path, &format!("{before}{TABLE_BEGIN}\n{}\n{TABLE_END}{after}", table()));
@@ -313,7 +385,6 @@ fn the_page_says_what_the_code_measures() {
 #[test]
 fn the_pictures_show_what_the_code_flies() {
     for (name, panels) in pictures::all() {
-        assert!(fs::read_to_string(docs("clean-and-bullet.md")).unwrap().contains(name), "{name} is on the page");
         assert_blessed(&docs("pictures").join(name), &crate::plot::picture(&panels));
     }
 }

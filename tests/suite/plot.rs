@@ -3,16 +3,16 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-/// Width and height of a picture \[px\].
-const SIZE: (u32, u32) = (1440, 600);
+/// Width and height of a picture \[px\]; coordinates are whole pixels, so it is drawn large.
+const SIZE: (u32, u32) = (2880, 1200);
 
 /// Height of the legend above the axes \[px\], and of one of its lines.
-const LEGEND_HEIGHT: u32 = 128;
-const LEGEND_STEP: i32 = 30;
+const LEGEND_HEIGHT: u32 = 256;
+const LEGEND_STEP: i32 = 60;
 
 /// Space for the numbers left of a panel and below it \[px\].
-const LEFT_LABELS: u32 = 110;
-const BELOW_LABELS: u32 = 74;
+const LEFT_LABELS: u32 = 220;
+const BELOW_LABELS: u32 = 148;
 
 const FONT: &str = "Helvetica Neue, Helvetica, Arial, sans-serif";
 const INK: RGBColor = RGBColor(0x1f, 0x29, 0x33);
@@ -59,9 +59,9 @@ impl Role {
     /// Later lines lie over earlier ones: they are thinner, so that equal ones both show.
     const fn width(self) -> u32 {
         match self {
-            Self::Clean => 7,
-            Self::Upstream => 4,
-            Self::Fork => 2,
+            Self::Clean => 14,
+            Self::Upstream => 8,
+            Self::Fork => 4,
         }
     }
 }
@@ -85,23 +85,23 @@ fn font(size: u32, colour: &RGBColor) -> TextStyle<'_> {
 }
 
 fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) {
-    let bold = FontDesc::new(FontFamily::Name(FONT), 25.0, FontStyle::Bold).color(&INK);
-    area.draw(&Text::new(panel.title, (LEFT_LABELS as i32, 14), bold)).unwrap();
+    let bold = FontDesc::new(FontFamily::Name(FONT), 50.0, FontStyle::Bold).color(&INK);
+    area.draw(&Text::new(panel.title, (LEFT_LABELS as i32, 28), bold)).unwrap();
     for (index, line) in panel.lines.iter().enumerate() {
-        let y = 50 + LEGEND_STEP * index as i32;
+        let y = 100 + LEGEND_STEP * index as i32;
         let x = LEFT_LABELS as i32;
         let colour = line.role.colour();
-        area.draw(&PathElement::new([(x, y + 9), (x + 34, y + 9)], colour.stroke_width(line.role.width())))
+        area.draw(&PathElement::new([(x, y + 18), (x + 68, y + 18)], colour.stroke_width(line.role.width())))
             .unwrap();
-        area.draw(&Text::new(line.name.as_str(), (x + 46, y), font(21, &INK))).unwrap();
+        area.draw(&Text::new(line.name.as_str(), (x + 92, y), font(42, &INK))).unwrap();
     }
     let points = || panel.lines.iter().flat_map(|line| &line.points);
     let ((left, right), (low, high)) =
         (range(points().map(|point| point.0), 0.0), range(points().map(|p| p.1), 0.06));
     let mut chart = ChartBuilder::on(area)
-        .margin_right(44)
-        .margin_top(LEGEND_HEIGHT + 14)
-        .margin_bottom(6)
+        .margin_right(88)
+        .margin_top(LEGEND_HEIGHT + 28)
+        .margin_bottom(12)
         .x_label_area_size(BELOW_LABELS)
         .y_label_area_size(LEFT_LABELS)
         .build_cartesian_2d(left..right, low..high)
@@ -113,11 +113,11 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) {
         .max_light_lines(0)
         .x_labels(7)
         .y_labels(6)
-        .set_all_tick_mark_size(10)
+        .set_all_tick_mark_size(20)
         .x_label_formatter(&|value| short(*value))
         .y_label_formatter(&|value| short(*value))
-        .label_style(font(20, &MUTED))
-        .axis_desc_style(font(20, &MUTED))
+        .label_style(font(40, &MUTED))
+        .axis_desc_style(font(40, &MUTED))
         .x_desc(panel.across)
         .draw()
         .unwrap();

@@ -24,7 +24,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub use error::RecordingError;
-pub use learning::{ActionKind as LearningAction, LearningEpisode, LearningStep};
+pub use learning::{ActionKind as LearningAction, LearningEpisode, LearningObservation, LearningStep};
 pub use model::{Models, Physics};
 pub use motion::{Clock, Logged};
 pub use open_loop::{Command, Run, Sample, StaticBox};
@@ -42,7 +42,7 @@ use report::Ledger;
 pub fn verify(folder: &Path, models: &Models, tolerances: Tolerances) -> Result<Report, RecordingError> {
     let places: Vec<Place> = [folder.to_owned(), folder.join("pybullet"), folder.join("fork")]
         .into_iter()
-        .map(Place::of)
+        .map(Place)
         .filter(|place| !place.is_empty())
         .collect();
     if places.is_empty() {
@@ -64,50 +64,41 @@ fn no_recording(folder: &Path) -> RecordingError {
     RecordingError::about(folder, found, "a folder with index.json, unit, thesis or physics_golden.json")
 }
 
-/// What a folder holds.
-struct Place {
-    folder: PathBuf,
-    index: bool,
-    unit: bool,
-    thesis: bool,
-    golden: bool,
-}
+/// A folder, and what it may hold.
+struct Place(PathBuf);
+
+/// Files and folders of a recording.
+const PARTS: [&str; 4] = ["index.json", "unit", "thesis", "physics_golden.json"];
 
 impl Place {
-    fn of(folder: PathBuf) -> Self {
-        let holds = |name: &str| folder.join(name).exists();
-        Self {
-            index: holds("index.json"),
-            unit: holds("unit"),
-            thesis: holds("thesis"),
-            golden: holds("physics_golden.json"),
-            folder,
-        }
+    fn part(&self, name: &str) -> Option<PathBuf> {
+        Some(self.0.join(name)).filter(|path| path.exists())
     }
 
     fn is_empty(&self) -> bool {
-        !(self.index || self.unit || self.thesis || self.golden)
+        PARTS.iter().all(|name| self.part(name).is_none())
     }
 
     fn compare(&self, models: &Models, ledger: &mut Ledger) -> Result<(), RecordingError> {
-        if self.index {
-            compare_cases(&self.folder, models, ledger)?;
+        let [index, unit, thesis, golden] = PARTS.map(|name| self.part(name));
+        if let Some(path) = index {
+            compare_cases(&self.0, &path, models, ledger)?;
         }
-        if self.unit {
-            unit::compare(&self.folder.join("unit"), models, ledger)?;
+        if let Some(folder) = unit {
+            unit::compare(&folder, models, ledger)?;
         }
-        if self.thesis {
-            thesis::compare(&self.folder.join("thesis"), models, ledger)?;
+        if let Some(folder) = thesis {
+            thesis::compare(&folder, models, ledger)?;
         }
-        if self.golden {
-            fork::compare(&self.folder.join("physics_golden.json"), models, ledger)?;
+        if let Some(path) = golden {
+            fork::compare(&path, models, ledger)?;
         }
         Ok(())
     }
 }
 
-fn compare_cases(folder: &Path, models: &Models, ledger: &mut Ledger) -> Result<(), RecordingError> {
-    let index = Json::read(&folder.join("index.json"))?;
+fn compare_cases(folder: &Path, index: &Path, models: &Models, ledger: &mut Ledger) -> Result<(), RecordingError> {
+    let index = Json::read(index)?;
     let mut left_out: BTreeMap<String, usize> = BTreeMap::new();
     for case in index.cases()? {
         match case.kind.as_deref() {

@@ -26,12 +26,12 @@ const TORQUE_LEVER_LIMIT: f64 = 1.0;
 const PER_RPM_SQUARED: f64 = RADIANS_PER_SECOND_PER_RPM * RADIANS_PER_SECOND_PER_RPM;
 
 /// A drone, by name or in numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum AirframeConfig {
     /// A known one.
     Known(KnownAirframe),
     /// Another one, in numbers.
-    Custom(AirframeNumbers),
+    Custom(Box<AirframeNumbers>),
 }
 
 /// The known drones.
@@ -425,7 +425,7 @@ impl<'de> Visitor<'de> for NameOrNumbers {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, numbers: A) -> Result<AirframeConfig, A::Error> {
-        AirframeNumbers::deserialize(MapAccessDeserializer::new(numbers)).map(AirframeConfig::Custom)
+        Box::deserialize(MapAccessDeserializer::new(numbers)).map(AirframeConfig::Custom)
     }
 }
 

@@ -123,7 +123,7 @@ impl<'a> Reader<'a> {
     fn collision(&self, base: Element<'a>) -> Result<Node, ConfigError> {
         let collision = self.child(base, "collision")?;
         let cylinder = self.child(self.child(collision, "geometry")?, "cylinder")?;
-        let (offset, place) = match self.optional_child(collision, "origin") {
+        let (offset, place) = match first_child(collision, "origin") {
             Some(origin) => self.origin(origin)?,
             None => ([0.0; 3], self.place(collision.0.range().start)),
         };
@@ -171,10 +171,10 @@ impl<'a> Reader<'a> {
     fn rotor(&self, robot: Element<'a>, index: usize) -> Result<([f64; 2], Place), ConfigError> {
         let name = format!("prop{index}_link");
         let link = self.link(robot, &name)?;
-        let inertial = self.optional_child(link, "inertial").and_then(|it| self.optional_child(it, "origin"));
+        let inertial = first_child(link, "inertial").and_then(|it| first_child(it, "origin"));
         let mut sum = [0.0; 3];
         let mut place = self.place(link.0.range().start);
-        for origin in [self.joint_origin(robot, &name), inertial].into_iter().flatten() {
+        for origin in [joint_origin(robot, &name), inertial].into_iter().flatten() {
             let (offset, at) = self.origin(origin)?;
             place = at;
             for (total, part) in sum.iter_mut().zip(offset) {
@@ -193,16 +193,6 @@ impl<'a> Reader<'a> {
         Ok(([x, y], place))
     }
 
-    /// The origin of the joint that carries a link.
-    fn joint_origin(&self, robot: Element<'a>, link: &str) -> Option<Element<'a>> {
-        let carries = |joint: &Element<'a>| {
-            let child = self.optional_child(*joint, "child");
-            child.and_then(|child| child.0.attribute("link")) == Some(link)
-        };
-        let joint = children(robot, "joint").find(carries)?;
-        self.optional_child(joint, "origin")
-    }
-
     /// A translation \[m\]; there must be no rotation.
     fn origin(&self, origin: Element<'a>) -> Result<([f64; 3], Place), ConfigError> {
         let (xyz, place) = self.triple(origin, "xyz")?;
@@ -217,7 +207,7 @@ impl<'a> Reader<'a> {
 
     /// Refuses a centre of mass beside the origin of the base.
     fn at_centre(&self, inertial: Element<'a>) -> Result<(), ConfigError> {
-        let Some(origin) = self.optional_child(inertial, "origin") else { return Ok(()) };
+        let Some(origin) = first_child(inertial, "origin") else { return Ok(()) };
         let (xyz, place) = self.origin(origin)?;
         if xyz == [0.0; 3] {
             return Ok(());
@@ -246,23 +236,17 @@ impl<'a> Reader<'a> {
     }
 
     fn attribute(&self, element: Element<'a>, name: &str) -> Result<(Attribute<'a, 'a>, Place), ConfigError> {
-        match element.0.attributes().find(|attribute| attribute.name() == name) {
-            Some(attribute) => Ok((attribute, self.place(attribute.range_value().start))),
-            None => {
-                let tag = element.0.tag_name().name();
-                Err(self.refuse(element, format_args!("<{tag}> without `{name}`"), FORM))
-            }
-        }
-    }
-
-    fn child(&self, parent: Element<'a>, name: &str) -> Result<Element<'a>, ConfigError> {
-        self.optional_child(parent, name).ok_or_else(|| {
-            self.refuse(parent, format_args!("<{}> without <{name}>", parent.0.tag_name().name()), FORM)
+        let named = element.0.attributes().find(|attribute| attribute.name() == name);
+        named.map(|attribute| (attribute, self.place(attribute.range_value().start))).ok_or_else(|| {
+            let tag = element.0.tag_name().name();
+            self.refuse(element, format_args!("<{tag}> without `{name}`"), FORM)
         })
     }
 
-    fn optional_child(&self, parent: Element<'a>, name: &str) -> Option<Element<'a>> {
-        children(parent, name).next()
+    fn child(&self, parent: Element<'a>, name: &str) -> Result<Element<'a>, ConfigError> {
+        first_child(parent, name).ok_or_else(|| {
+            self.refuse(parent, format_args!("<{}> without <{name}>", parent.0.tag_name().name()), FORM)
+        })
     }
 
     fn link(&self, robot: Element<'a>, name: &str) -> Result<Element<'a>, ConfigError> {
@@ -279,6 +263,20 @@ impl<'a> Reader<'a> {
         let position = self.xml.text_pos_at(offset);
         Place { source: Arc::clone(self.source), line: position.row as usize, column: position.col as usize }
     }
+}
+
+/// The origin of the joint that carries a link.
+fn joint_origin<'a>(robot: Element<'a>, link: &str) -> Option<Element<'a>> {
+    let carries = |joint: &Element<'a>| {
+        let child = first_child(*joint, "child");
+        child.and_then(|child| child.0.attribute("link")) == Some(link)
+    };
+    let joint = children(robot, "joint").find(carries)?;
+    first_child(joint, "origin")
+}
+
+fn first_child<'a>(parent: Element<'a>, name: &str) -> Option<Element<'a>> {
+    children(parent, name).next()
 }
 
 fn children<'a>(parent: Element<'a>, name: &str) -> impl Iterator<Item = Element<'a>> {

@@ -12,7 +12,7 @@ use super::field::{Field, Limits};
 const MASS_LEAST: f64 = 0.001;
 
 /// The drone.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct VehicleConfig {
     /// Which drone.

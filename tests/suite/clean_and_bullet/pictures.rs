@@ -53,31 +53,36 @@ fn damping() -> [Panel; 2] {
     ]
 }
 
+/// A flight with random rotor speeds of hover ± `fraction`.
+fn rough_flight(link_attitude: LinkAttitude, fraction: f64) -> Vec<BulletState<f64>> {
+    let bullet = Bullet::new(&CF2X, Mode::Pyb, Quirks { link_attitude, ..Quirks::upstream() });
+    flight(&bullet, hovering(0.0), None, FLIGHT_SECS * STEPS_PER_SECOND, |step| rough(step, fraction))
+}
+
 fn attitude_lag() -> [Panel; 2] {
-    let current = Quirks { link_attitude: LinkAttitude::Current, ..Quirks::upstream() };
-    let fly = |quirks, start| {
-        flight(&Bullet::new(&CF2X, Mode::Pyb, quirks), start, None, FLIGHT_SECS * STEPS_PER_SECOND, doublets)
-    };
-    let sideways = |quirks| over_time(&fly(quirks, hovering(0.0)), |drone| drone.motion.position.y);
-    let tumbling = |quirks| {
-        let start = State { body_rates: Vector3::new(10.0, 0.0, 0.0), ..hovering(0.0) };
-        over_time(&fly(quirks, start)[..=STEPS_PER_SECOND], |drone| drone.motion.body_rates.x)
+    let rolling =
+        |link_attitude| over_time(&rough_flight(link_attitude, 0.2), |drone| drone.reported_angular_velocity.x);
+    let apart = |fraction| {
+        let lagging = rough_flight(LinkAttitude::Previous, fraction);
+        let current = rough_flight(LinkAttitude::Current, fraction);
+        let distance = |index: usize| (lagging[index].motion.position - current[index].motion.position).norm();
+        (0..lagging.len()).step_by(6).map(|step| (step as f64 * STEP_SECS, 100.0 * distance(step))).collect()
     };
     [
         Panel {
-            title: "Roll and pitch doublet: sideways [m]",
+            title: "Random rotor speeds: angular velocity x [rad/s]",
             across: "time [s]",
             lines: vec![
-                line("without the lag", Role::Clean, sideways(current)),
-                line("bullet: forces one step late", Role::Upstream, sideways(Quirks::upstream())),
+                line("without the lag, ± 20 % of hover", Role::Clean, rolling(LinkAttitude::Current)),
+                line("bullet: forces one step late", Role::Upstream, rolling(LinkAttitude::Previous)),
             ],
         },
         Panel {
-            title: "Rolling at 10 rad/s: roll rate [rad/s]",
+            title: "Distance between the flights [cm]",
             across: "time [s]",
             lines: vec![
-                line("without the lag", Role::Clean, tumbling(current)),
-                line("bullet: forces one step late", Role::Upstream, tumbling(Quirks::upstream())),
+                line("± 20 % of hover", Role::Upstream, apart(0.2)),
+                line("± 5 % of hover", Role::Fork, apart(0.05)),
             ],
         },
     ]
@@ -145,13 +150,14 @@ fn euler_integration() -> [Panel; 2] {
     let fly = |quirks| {
         flight(&Bullet::new(&CF2X, Mode::Dyn, quirks), start, None, 480, |_| [CF2X.hover_rotor_speed(); 4])
     };
-    let tilt = |quirks| {
-        over_time(&fly(quirks), |drone| drone.motion.world_from_body.up_cosine().min(1.0).acos().to_degrees())
+    let path = |quirks| {
+        let places = fly(quirks);
+        places.iter().step_by(6).map(|drone| (drone.motion.position.x, drone.motion.position.y)).collect()
     };
-    let heading = |quirks: Quirks| {
+    let leaning = |quirks| {
         over_time(&fly(quirks), |drone| {
-            let [forward, left, _] = drone.motion.world_from_body.rows();
-            left[0].atan2(forward[0]).to_degrees()
+            let up = drone.motion.world_from_body.body_z();
+            up.y.atan2(up.x).to_degrees()
         })
     };
     let lines = |of: &dyn Fn(Quirks) -> Vec<(f64, f64)>| {
@@ -161,7 +167,7 @@ fn euler_integration() -> [Panel; 2] {
         ]
     };
     [
-        Panel { title: "Rolled 30°, yawing at 2 rad/s: tilt [degrees]", across: "time [s]", lines: lines(&tilt) },
-        Panel { title: "… and heading [degrees]", across: "time [s]", lines: lines(&heading) },
+        Panel { title: "Rolled 30°, yawing at 2 rad/s: path, y [m]", across: "x [m]", lines: lines(&path) },
+        Panel { title: "Where the thrust leans [degrees from +x]", across: "time [s]", lines: lines(&leaning) },
     ]
 }

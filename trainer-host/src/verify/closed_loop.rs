@@ -68,9 +68,9 @@ pub(super) fn compare(
     ledger: &mut Ledger,
 ) -> Result<(), RecordingError> {
     let flight = Flight::read(folder, case, models)?;
-    ledger.add(Kind::ClosedLoopRpm, &case.id, flight.worst_command());
-    ledger.add(Kind::ClosedLoopStates, &case.id, flight.worst_state());
-    ledger.add(Kind::ClosedLoopFlight, &case.id, flight.worst_of_flight());
+    ledger.add(Kind::ClosedLoopRpm, &case.id, &flight.worst_command());
+    ledger.add(Kind::ClosedLoopStates, &case.id, &flight.worst_state());
+    ledger.add(Kind::ClosedLoopFlight, &case.id, &flight.worst_of_flight());
     Ok(())
 }
 

@@ -38,5 +38,5 @@ fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> RecordingError {
 
 /// The line, counted from one, that holds the byte at `offset`.
 pub(super) fn line_of(bytes: &[u8], offset: usize) -> usize {
-    bytes[..offset].iter().filter(|byte| **byte == b'\n').count() + 1
+    bytes[..offset].split(|byte| *byte == b'\n').count()
 }

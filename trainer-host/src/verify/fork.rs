@@ -63,11 +63,11 @@ pub(super) fn compare(path: &Path, models: &Models, ledger: &mut Ledger) -> Resu
         if part.text().starts_with('{') {
             compare_flight(part, &parts, models, ledger)?;
         } else if name.starts_with("dslpid") {
-            ledger.add(Kind::ForkDslPid, name, dsl_pid_calls(part, models)?);
+            ledger.add(Kind::ForkDslPid, name, &dsl_pid_calls(part, models)?);
         } else if name.starts_with("simplepid") {
-            ledger.add(Kind::ForkSimplePid, name, simple_pid_calls(part)?);
+            ledger.add(Kind::ForkSimplePid, name, &simple_pid_calls(part)?);
         } else if name == "downwash_2drones_PYB_DW" {
-            ledger.add(Kind::ForkStates, name, downwash(part, models)?);
+            ledger.add(Kind::ForkStates, name, &downwash(part, models)?);
         } else if part.text().starts_with('[') && !holds_actions(name) {
             ledger.note(format!("{}: `{name}` is not known, not compared", path.display()));
         }
@@ -107,7 +107,7 @@ fn compare_flight(
         let found = format!("{} states and {} rotor speeds", flight.state16.len(), flight.rpm.len());
         return Err(part.refuse(found, "a start and one of each per control step"));
     }
-    ledger.add(Kind::ForkStates, part.name(), flight.worst_state(&airframe, physics, &clock));
+    ledger.add(Kind::ForkStates, part.name(), &flight.worst_state(&airframe, physics, &clock));
     let words: Vec<String> = part.name().split('_').map(str::to_lowercase).collect();
     let action = words.get(1).and_then(|word| ActionList::named(word));
     if let Some((action, list)) = action.and_then(|action| Some((action, parts.get(action.list())?))) {
@@ -116,7 +116,7 @@ fn compare_flight(
             return Err(list.refuse(format_args!("an action of {} numbers", wrong.len()), action.len()));
         }
         let worst = flight.worst_command(&airframe, &clock, action, &actions);
-        ledger.add(Kind::ForkRpm, part.name(), worst);
+        ledger.add(Kind::ForkRpm, part.name(), &worst);
     }
     Ok(())
 }

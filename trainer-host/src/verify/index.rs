@@ -142,7 +142,8 @@ impl<'a> Part<'a> {
     /// # Errors
     /// When the physics does not run a whole number of times per control step.
     pub(super) fn clock(&self, physics: u64, control: u64) -> Result<Clock, RecordingError> {
-        if control == 0 || physics > FREQUENCY_LIMIT || physics % control.max(1) != 0 || physics < control {
+        let whole = control > 0 && physics >= control && physics.is_multiple_of(control);
+        if !whole || physics > FREQUENCY_LIMIT {
             let found = format!("{physics} physics and {control} control steps per second");
             return Err(self.refuse(found, "a whole number of physics steps per control step, at most 1 MHz"));
         }

@@ -69,8 +69,17 @@ pub struct LearningEpisode {
     pub first_done_step: Option<usize>,
     /// Control steps, each with all drones.
     pub steps: Vec<Vec<LearningStep>>,
-    /// Observations of all drones, one after the other, after some control steps; none is the reset.
-    pub observations: Vec<(Option<usize>, Vec<f64>)>,
+    /// After some control steps.
+    pub observations: Vec<LearningObservation>,
+}
+
+/// What all drones observe at one time.
+#[derive(Clone, Debug)]
+pub struct LearningObservation {
+    /// The control step that it follows; none is the reset.
+    pub after: Option<usize>,
+    /// Drone by drone: 12 kinematic values, then the past actions, oldest first.
+    pub values: Vec<f64>,
 }
 
 /// One drone's part in a control step, and the state after it.
@@ -102,8 +111,8 @@ pub(super) fn compare(
     let episode = LearningEpisode::read(folder, case, models)?;
     // Upstream gives the controller of `cf2x` to every drone.
     let controlled = models.find(MODEL, Publisher::Upstream).unwrap_or(episode.airframe);
-    ledger.add(Kind::RlRpm, &episode.id, episode.worst_command(&DslPid::new(&controlled)));
-    ledger.add(Kind::RlStates, &episode.id, episode.worst_state());
+    ledger.add(Kind::RlRpm, &episode.id, &episode.worst_command(&DslPid::new(&controlled)));
+    ledger.add(Kind::RlStates, &episode.id, &episode.worst_state());
     Ok(())
 }
 
@@ -268,14 +277,14 @@ fn steps(table: &Table, action: ActionKind, drones: usize) -> Result<Vec<Vec<Lea
 }
 
 /// Observations by the control step that they follow.
-fn observed(table: &Table) -> Result<Vec<(Option<usize>, Vec<f64>)>, RecordingError> {
+fn observed(table: &Table) -> Result<Vec<LearningObservation>, RecordingError> {
     let step = table.column("k")?;
     let values = table.numbered("o");
     let mut observed = Vec::new();
     for row in table.rows() {
         let reset = row.pick(&[step]) == [-1.0];
         let after = if reset { None } else { Some(table.whole(row, step)?) };
-        observed.push((after, row.list(&values)));
+        observed.push(LearningObservation { after, values: row.list(&values) });
     }
     Ok(observed)
 }

@@ -40,7 +40,7 @@ pub(super) fn compare(
         return Err(case.part.refuse(format_args!("{} rows", table.rows().len()), rows));
     }
     let bullet = Bullet::new(&airframe, settings.physics.mode(), Quirks::upstream());
-    ledger.add(Kind::OneStep, &case.id, worst_row(&table, &bullet, clock.step_secs)?);
+    ledger.add(Kind::OneStep, &case.id, &worst_row(&table, &bullet, clock.step_secs)?);
     Ok(())
 }
 

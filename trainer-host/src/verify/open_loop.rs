@@ -95,7 +95,7 @@ pub(super) fn compare(
     ledger: &mut Ledger,
 ) -> Result<(), RecordingError> {
     let run = Run::read(folder, case, models)?;
-    ledger.add(Kind::OpenLoop, &run.id, run.worst_free_step());
+    ledger.add(Kind::OpenLoop, &run.id, &run.worst_free_step());
     Ok(())
 }
 

@@ -238,7 +238,7 @@ impl Ledger {
     }
 
     /// One more case.
-    pub(super) fn add(&mut self, kind: Kind, case: &str, worst: Worst) {
+    pub(super) fn add(&mut self, kind: Kind, case: &str, worst: &Worst) {
         let tolerance = self.tolerances.of(kind);
         let empty = || Finding { kind, cases: 0, rows: 0, error: 0.0, worst: String::new(), tolerance };
         let finding = self.findings.entry(kind).or_insert_with(empty);

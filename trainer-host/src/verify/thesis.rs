@@ -108,8 +108,8 @@ pub(super) fn compare(folder: &Path, models: &Models, ledger: &mut Ledger) -> Re
     }
     for case in Json::read(&index)?.cases()? {
         let episode = ThesisEpisode::read(folder, &case, models)?;
-        ledger.add(Kind::ThesisRpm, &episode.id, episode.worst_command());
-        ledger.add(Kind::ThesisStates, &episode.id, episode.worst_state());
+        ledger.add(Kind::ThesisRpm, &episode.id, &episode.worst_command());
+        ledger.add(Kind::ThesisStates, &episode.id, &episode.worst_state());
     }
     Ok(())
 }
@@ -145,7 +145,7 @@ fn compare_single_steps(path: &Path, models: &Models, ledger: &mut Ledger) -> Re
         )
     })?;
     let bullet = Bullet::new(&airframe, physics.mode(), Quirks::fork());
-    ledger.add(Kind::ThesisOneStep, settings, worst_row(&Table::read(path)?, &bullet, STEP_SECS)?);
+    ledger.add(Kind::ThesisOneStep, settings, &worst_row(&Table::read(path)?, &bullet, STEP_SECS)?);
     Ok(())
 }
 

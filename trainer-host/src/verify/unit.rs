@@ -22,10 +22,10 @@ use super::table::{Columns, RPM, Row, Table};
 pub(super) fn compare(folder: &Path, models: &Models, ledger: &mut Ledger) -> Result<(), RecordingError> {
     let file = |name: &str| Some(folder.join(name)).filter(|path| path.exists());
     if let Some(path) = file("attitude.csv") {
-        ledger.add(Kind::UnitAttitude, "attitude.csv", attitudes(&Table::read(&path)?)?);
+        ledger.add(Kind::UnitAttitude, "attitude.csv", &attitudes(&Table::read(&path)?)?);
     }
     if let Some(path) = file("dslpid_calls.csv") {
-        ledger.add(Kind::UnitDslPid, "dslpid_calls.csv", dsl_pid_calls(&Table::read(&path)?, models)?);
+        ledger.add(Kind::UnitDslPid, "dslpid_calls.csv", &dsl_pid_calls(&Table::read(&path)?, models)?);
     }
     if let Some(path) = file("constants.json") {
         constants(&Json::read(&path)?, models, ledger)?;
@@ -204,7 +204,7 @@ fn diagonal([x, y, z]: [f64; 3]) -> Vec<f64> {
 fn constants(json: &Json, models: &Models, ledger: &mut Ledger) -> Result<(), RecordingError> {
     for (name, part) in json.whole().entries()? {
         match models.find(&name, Publisher::Upstream) {
-            Some(airframe) => ledger.add(Kind::UnitConstants, &name, worst_constant(&part, &airframe)?),
+            Some(airframe) => ledger.add(Kind::UnitConstants, &name, &worst_constant(&part, &airframe)?),
             None => ledger.note(format!("unit/constants.json: {name} is no model, not compared")),
         }
     }

@@ -171,10 +171,10 @@ fn the_rotors_of_a_urdf_say_their_layout_and_order() {
 #[test]
 fn wrong_urdf_files_are_named_with_their_lines() {
     let cases = [
-        ("<robot", "<rabbit", "bad.urdf:12:1: found a syntax error (expected 'rabbit' tag, not 'robot'"),
-        ("kf=\"3.16e-10\"", "kf=\"much\"", "bad.urdf:3:35: kf: found \"much\", expected a number"),
+        ("<robot", "<rabbit", "bad.urdf:16:1: found a syntax error (expected 'rabbit' tag, not 'robot'"),
+        ("kf=\"3.16e-10\"", "kf=\"much\"", "bad.urdf:3:32: kf: found \"much\", expected a number"),
         ("kf=\"3.16e-10\" ", "", "bad.urdf:3:3: found <properties> without `kf`, expected a URDF in"),
-        ("mass value=\"0.027\"", "mass value=\"-1\"", "bad.urdf:7:57: mass_kg: found -1"),
+        ("mass value=\"0.027\"", "mass value=\"-1\"", "bad.urdf:7:61: mass_kg: found -1, expected"),
         ("ixy=\"0.0\"", "ixy=\"1e-7\"", "expected 0: body axes that are the principal axes"),
         ("prop3_link", "prop4_link", "bad.urdf:2:1: found no link `prop3_link`"),
         ("cylinder radius=\".06\" length=\".025\"", "sphere radius=\".06\"", "<geometry> without <cylinder>"),
