@@ -412,7 +412,7 @@ fn actions_and_observations_of_any_length_train_export_and_fly() {
             name: kind.name(),
             observation,
             action: scenario.action,
-            control_period_secs: scenario.physics.control_secs,
+            control_period_secs: scenario.physics.control_secs(),
             seed: 3,
             training_steps: trainer.steps(),
         };
