@@ -1,5 +1,6 @@
 //! What the command line can do, one module a command.
 
+mod aviary;
 mod bench;
 mod completions;
 mod evaluate;
@@ -32,6 +33,8 @@ pub(crate) enum Command {
     Export(export::Arguments),
     /// Fly a policy as a MAVLink vehicle in the simulator
     Fly(fly::Arguments),
+    /// List the aviaries and draw their plans
+    Aviary(aviary::Arguments),
     /// Print the JSON schema of experiment files
     Schema,
     /// Measure every stage on this machine
@@ -56,6 +59,7 @@ impl Command {
             Self::Evaluate(arguments) => evaluate::run(&arguments),
             Self::Export(arguments) => export::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
+            Self::Aviary(arguments) => aviary::run(&arguments),
             Self::Bench(arguments) => bench::run(&arguments),
             Self::Schema => {
                 say(kestrel_train::experiment_config::schema().trim_end())?;
