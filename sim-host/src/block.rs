@@ -270,6 +270,10 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         &mut self.contacts
     }
 
+    pub(crate) fn movables(&self, lane: usize) -> &[Motion] {
+        &self.movables[lane]
+    }
+
     pub(crate) fn movables_mut(&mut self) -> impl Iterator<Item = &mut Motion> {
         self.movables.iter_mut().flatten()
     }

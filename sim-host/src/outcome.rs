@@ -37,6 +37,21 @@ pub enum Ending {
 }
 
 impl Ending {
+    /// As in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Success => "goal reached",
+            Self::Collision => "collision",
+            Self::OutOfBounds => "out of bounds",
+            Self::Tilt => "tilt",
+            Self::Distance => "too far",
+            Self::OutOfFuel => "out of fuel",
+            Self::Overdue => "overdue",
+            Self::Teammate => "teammate ended",
+            Self::TimeLimit => "time limit",
+        }
+    }
+
     /// What the ending usually means for the value of the future.
     pub const fn outcome(self) -> Outcome {
         match self {

@@ -16,6 +16,7 @@ use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
 use crate::termination;
+use crate::world::Pose;
 
 /// Environments that step together, in blocks of `LANES` lanes, each with one drone or several.
 ///
@@ -214,6 +215,15 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     pub fn goal(&self, row: usize) -> nalgebra::Vector3<R> {
         let (agent, lane) = self.agent(row);
         agent.goal(lane)
+    }
+
+    /// Where an environment's movable bodies are, in the order of the world.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    pub fn movables(&self, environment: usize) -> Vec<Pose> {
+        assert!(environment < self.environments, "environment {environment} of {}", self.environments);
+        self.blocks[environment / LANES].movables(environment % LANES).iter().map(|motion| motion.pose).collect()
     }
 
     /// Episodes that ended since the last call, in the order of steps, then blocks, agents and environments.

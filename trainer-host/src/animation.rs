@@ -17,7 +17,7 @@ mod canvas;
 mod caption;
 mod drone;
 mod encode;
-mod font;
+pub(crate) mod font;
 mod palette;
 mod playback;
 mod scene;

@@ -1,6 +1,7 @@
 //! What the command line can do, one module a command.
 
 mod baseline;
+mod aviary;
 mod bench;
 mod completions;
 mod evaluate;
@@ -41,6 +42,8 @@ pub(crate) enum Command {
     Verify(verify::Arguments),
     /// Draw a recorded episode
     Replay(replay::Arguments),
+    /// List the aviaries and draw their plans
+    Aviary(aviary::Arguments),
     /// Print the JSON schema of experiment files
     Schema,
     /// Measure every stage on this machine
@@ -70,6 +73,7 @@ impl Command {
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Verify(arguments) => verify::run(&arguments),
             Self::Replay(arguments) => replay::run(&arguments),
+            Self::Aviary(arguments) => aviary::run(&arguments),
             Self::Bench(arguments) => bench::run(&arguments),
             Self::Schema => {
                 say(kestrel_train::experiment_config::schema().trim_end())?;

@@ -171,7 +171,7 @@ fn first_episodes<const LANES: usize, R: Real>(
 }
 
 /// A flyer at work on the environments of one simulation.
-struct Cockpit<'a, R> {
+pub(crate) struct Cockpit<'a, R> {
     flyer: Flyer<'a>,
     /// One per drone.
     scripted: Vec<ScriptedPilot>,
@@ -182,7 +182,7 @@ struct Cockpit<'a, R> {
 }
 
 impl<'a, R: Real> Cockpit<'a, R> {
-    fn new<const LANES: usize>(
+    pub(crate) fn new<const LANES: usize>(
         simulation: &Simulation<LANES, R>,
         flyer: Flyer<'a>,
         seed: Seed,
@@ -201,7 +201,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
     }
 
     /// Actions `[action length][rows]` for the simulation's present states.
-    fn act<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) -> &[R] {
+    pub(crate) fn act<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) -> &[R] {
         match self.flyer {
             Flyer::Actor(actor) => {
                 self.observe(simulation);

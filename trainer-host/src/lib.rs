@@ -21,6 +21,7 @@ pub mod gaussian;
 pub mod interrupt;
 pub mod network;
 pub mod output;
+pub mod plan;
 pub mod ppo;
 pub mod progress;
 pub mod recording;

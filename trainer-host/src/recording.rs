@@ -19,9 +19,12 @@ use crate::atomic_file::{FileError, write_atomically};
 use crate::experiment_config::{self, Experiment};
 use crate::sealed_file::{Kind, SealError};
 
+mod flown;
 mod table;
 #[cfg(test)]
 mod tests;
+
+pub use flown::fly;
 
 /// What every recording is.
 const KIND: Kind = Kind { noun: "recording", magic: *b"KESTRELR", version: 1 };

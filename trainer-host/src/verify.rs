@@ -15,6 +15,7 @@ mod one_step;
 mod open_loop;
 mod report;
 mod table;
+mod task;
 #[cfg(test)]
 mod tests;
 mod thesis;

@@ -62,6 +62,11 @@ impl Document {
         }
     }
 
+    /// Whether it has this key at its top level.
+    pub fn holds(&self, key: &str) -> bool {
+        self.root.child(key).is_some()
+    }
+
     /// Refuses a file made for another version of the program; the file says so in its key `version`.
     ///
     /// # Errors

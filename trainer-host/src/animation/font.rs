@@ -1,16 +1,16 @@
 //! A typeface of 5 × 7 pixels, drawn for Kestrel.
 
 /// Columns of a glyph \[px\].
-pub(super) const WIDTH: usize = 5;
+pub(crate) const WIDTH: usize = 5;
 
 /// Rows of a glyph \[px\], one more below for descenders.
-pub(super) const HEIGHT: usize = 8;
+pub(crate) const HEIGHT: usize = 8;
 
 /// Space between two glyphs \[px\].
-pub(super) const GAP: usize = 1;
+pub(crate) const GAP: usize = 1;
 
 /// Rows of a letter from top to bottom; its leftmost pixel is bit 4. Letters without a glyph are a hollow box.
-pub(super) fn glyph(letter: char) -> [u8; HEIGHT] {
+pub(crate) fn glyph(letter: char) -> [u8; HEIGHT] {
     const UNKNOWN: [u8; HEIGHT] = [0x1f, 0x11, 0x11, 0x11, 0x11, 0x11, 0x1f, 0];
     let index = (letter as usize).checked_sub(' ' as usize);
     index.and_then(|index| GLYPHS.get(index)).copied().unwrap_or(UNKNOWN)

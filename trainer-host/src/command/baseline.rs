@@ -7,6 +7,7 @@ use kestrel_sim::seed::{Purpose, Seed};
 use kestrel_train::evaluation::{Evaluation, Flyer, Starts, evaluate_exactly};
 use kestrel_train::experiment_config::{self, Experiment};
 use kestrel_train::output::say;
+use kestrel_train::recording;
 
 use super::{Done, table};
 
@@ -30,6 +31,35 @@ pub(crate) struct Arguments {
     /// Change a value of the configuration, such as `scenario.episode_secs=5`
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
+
+    /// Keep the first episode of a pilot in this file, for `kestrel replay`
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+
+    /// Whose episode to keep
+    #[arg(long, value_enum, default_value_t = Pilot::Scripted, requires = "record")]
+    pilot: Pilot,
+}
+
+/// Who flies without a policy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Pilot {
+    /// Does nothing
+    Nothing,
+    /// Acts at random
+    Random,
+    /// Flies to the goal by hand-written rules
+    Scripted,
+}
+
+impl Pilot {
+    fn flyer(self) -> Flyer<'static> {
+        match self {
+            Self::Nothing => Flyer::Nothing,
+            Self::Random => Flyer::Random,
+            Self::Scripted => Flyer::Scripted,
+        }
+    }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -44,6 +74,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         .map(|flyer| evaluate_exactly(&experiment.evaluation.scenario, flyer, starts));
     say(table::baselines(&experiment.name, arguments.seed, &rows))?;
     say(terms(&experiment, &rows))?;
+    if let Some(path) = &arguments.record {
+        recording::fly(&experiment, arguments.pilot.flyer(), starts, 0).write(path)?;
+        say(format_args!("\nRecorded: kestrel replay {}", path.display()))?;
+    }
     Ok(Done::Finished)
 }
 

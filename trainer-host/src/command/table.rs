@@ -42,19 +42,6 @@ fn line(row: &Evaluation, digits: usize) -> String {
 }
 
 fn endings(endings: &[(Ending, usize)]) -> String {
-    let words = endings.iter().map(|(ending, count)| {
-        let name = match ending {
-            Ending::Success => "goal reached",
-            Ending::Collision => "collision",
-            Ending::OutOfBounds => "out of bounds",
-            Ending::Tilt => "tilt",
-            Ending::Distance => "too far",
-            Ending::OutOfFuel => "out of fuel",
-            Ending::Overdue => "overdue",
-            Ending::Teammate => "teammate ended",
-            Ending::TimeLimit => "time limit",
-        };
-        format!("{count} {name}")
-    });
+    let words = endings.iter().map(|(ending, count)| format!("{count} {}", ending.name()));
     words.collect::<Vec<_>>().join(", ")
 }

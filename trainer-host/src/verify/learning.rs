@@ -15,6 +15,7 @@ use super::model::{Models, Physics, Publisher};
 use super::motion::{Clock, Logged, apart, free_of_floor, largest, rotor_speeds, rpm};
 use super::report::{Kind, Ledger, Worst};
 use super::table::{RPM, Table};
+use super::task::{Flown, Recorded, scenario};
 
 /// The drone of a recording that names none.
 const MODEL: &str = "cf2x";
@@ -113,6 +114,10 @@ pub(super) fn compare(
     let controlled = models.find(MODEL, Publisher::Upstream).unwrap_or(episode.airframe);
     ledger.add(Kind::RlRpm, &episode.id, &episode.worst_command(&DslPid::new(&controlled)));
     ledger.add(Kind::RlStates, &episode.id, &episode.worst_state());
+    match episode.task() {
+        Some(text) => ledger.add(Kind::RlTask, &episode.id, &episode.worst_task(&text)?),
+        None => ledger.note(format!("the task {} of {} is not known", episode.environment, episode.id)),
+    }
     Ok(())
 }
 
@@ -122,6 +127,17 @@ impl ActionKind {
             Self::Rpm | Self::Vel => 4,
             Self::Pid => 3,
             Self::OneDRpm | Self::OneDPid => 1,
+        }
+    }
+
+    /// The same in a configuration.
+    const fn published(self) -> &'static str {
+        match self {
+            Self::Rpm => "rpm",
+            Self::Pid => "waypoint",
+            Self::Vel => "vel",
+            Self::OneDRpm => "one_d_rpm",
+            Self::OneDPid => "one_d_pid",
         }
     }
 
@@ -172,6 +188,81 @@ impl LearningEpisode {
             steps: steps(&Table::read(&file(".csv"))?, settings.act, settings.num_drones)?,
             observations: if observations.exists() { observed(&Table::read(&observations)?)? } else { Vec::new() },
         })
+    }
+
+    /// The task as YAML, if it is one of upstream's under plain PYB.
+    fn task(&self) -> Option<String> {
+        let bound = match self.environment.as_str() {
+            "HoverAviary" => 1.5,
+            "MultiHoverAviary" => 2.0,
+            _ => return None,
+        };
+        if self.physics != Physics::Pyb {
+            return None;
+        }
+        let rate = 1.0 / self.clock.control_secs();
+        let drones = self.starts.len();
+        let place = |start: &[f64; 3]| format!("{{ position_m: {start:?} }}");
+        let goal = |(drone, start): (usize, &[f64; 3])| match self.environment.as_str() {
+            "HoverAviary" => [0.0, 0.0, 1.0],
+            _ => [start[0], start[1], start[2] + 1.0 / (drone + 1) as f64],
+        };
+        let places: Vec<String> = self.starts.iter().map(place).collect();
+        let goals: Vec<[f64; 3]> = self.starts.iter().enumerate().map(goal).collect();
+        Some(format!(
+            "aviary: {{ goal_m: {:?} }}
+agents: {{ count: {drones}, rewards: shared }}
+goals: {{ per_agent: {{ points_m: {goals:?} }} }}
+vehicle: {{ airframe: cf2x, rotor_order: upstream }}
+physics: {{ substeps: {}, control_rate_hz: {rate}, bullet: {{ mode: pyb, version: upstream }} }}
+action: {{ published: {{ kind: {}, precision: single }} }}
+observation: {{ kinematic: {{ past_actions: {} }} }}
+critic: observation
+episode_secs: 8
+clock: {{ as_published: true }}
+start: {{ position: {{ exactly: [{}] }} }}
+rewards: [quartic_distance: {{ weight: 1 }}]
+terminations:
+  - cut_out_of_bounds: {{ low_m: [-{bound}, -{bound}, -1000], high_m: [{bound}, {bound}, 2] }}
+  - roll_pitch: {{ limit_deg: {}, truncates: true }}
+success: {{ settle: {{ radius_m: 0.1, within_secs: 6 }} }}
+",
+            goals[0],
+            self.clock.substeps,
+            self.action.published(),
+            (rate / 2.0).floor(),
+            places.join(", "),
+            0.4_f64.to_degrees(),
+        ))
+    }
+
+    /// Until the episode is over; the recording goes on beyond that.
+    fn worst_task(&self, text: &str) -> Result<Worst, RecordingError> {
+        let mut worst = Worst::default();
+        let mut flown = Flown::new(&scenario(&self.id, text)?);
+        let observed = |after: Option<usize>| {
+            let found = self.observations.iter().find(|observation| observation.after == after);
+            found.map_or(&[][..], |observation| &observation.values)
+        };
+        if !observed(None).is_empty() {
+            flown.compare_start(observed(None), &mut worst);
+        }
+        for (index, step) in self.steps.iter().enumerate() {
+            let recorded = Recorded {
+                row: &step[0].row,
+                actions: step.iter().map(|drone| &drone.action[..]).collect(),
+                reward: step[0].reward,
+                components: &[],
+                done: step[0].terminated || step[0].truncated,
+                truncated: Some(step[0].truncated),
+                observation: observed(Some(index)),
+                compared: true,
+            };
+            if !flown.step(&recorded, &mut worst) {
+                break;
+            }
+        }
+        Ok(worst)
     }
 
     fn start(&self) -> Vec<BulletState<f64>> {

@@ -26,12 +26,16 @@ pub enum Kind {
     RlRpm,
     /// Their states under recorded rotor speeds.
     RlStates,
+    /// Their rewards, endings and observations, flown by the simulator; a wrong ending is infinitely wrong.
+    RlTask,
     /// State after one physics step of the thesis's fork.
     ThesisOneStep,
     /// Rotor speeds \[RPM\] of actions in recorded states of the thesis's environments.
     ThesisRpm,
     /// Their states under recorded rotor speeds.
     ThesisStates,
+    /// Their rewards component by component, endings and observations, flown by the simulator.
+    ThesisTask,
     /// States under recorded rotor speeds in the fork's golden file.
     ForkStates,
     /// Rotor speeds \[RPM\] of actions in its recorded states.
@@ -44,7 +48,7 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 19] = [
         Self::OneStep,
         Self::OpenLoop,
         Self::ClosedLoopRpm,
@@ -55,9 +59,11 @@ impl Kind {
         Self::UnitConstants,
         Self::RlRpm,
         Self::RlStates,
+        Self::RlTask,
         Self::ThesisOneStep,
         Self::ThesisRpm,
         Self::ThesisStates,
+        Self::ThesisTask,
         Self::ForkStates,
         Self::ForkRpm,
         Self::ForkDslPid,
@@ -77,9 +83,11 @@ impl Kind {
             Self::UnitConstants => "unit.constants",
             Self::RlRpm => "rl.rpm",
             Self::RlStates => "rl.states",
+            Self::RlTask => "rl.task",
             Self::ThesisOneStep => "thesis.one_step",
             Self::ThesisRpm => "thesis.rpm",
             Self::ThesisStates => "thesis.states",
+            Self::ThesisTask => "thesis.task",
             Self::ForkStates => "fork.states",
             Self::ForkRpm => "fork.rpm",
             Self::ForkDslPid => "fork.dslpid_calls",
@@ -90,7 +98,12 @@ impl Kind {
     /// Greatest error that passes: rounding grows to some 1e-11 over these flights, and a controller amplifies it.
     pub const fn default_tolerance(self) -> f64 {
         match self {
-            Self::ClosedLoopRpm | Self::ClosedLoopFlight | Self::RlRpm | Self::ThesisRpm => 1e-6,
+            Self::ClosedLoopRpm
+            | Self::ClosedLoopFlight
+            | Self::RlRpm
+            | Self::RlTask
+            | Self::ThesisRpm
+            | Self::ThesisTask => 1e-6,
             Self::OneStep
             | Self::OpenLoop
             | Self::ClosedLoopStates

@@ -16,6 +16,7 @@ use super::motion::{Clock, Logged, flown, largest, rotor_speeds, rpm};
 use super::one_step::worst_row;
 use super::report::{Kind, Ledger, Worst};
 use super::table::{RPM, Row, Table};
+use super::task::{Components, Flown, Recorded, scenario, worlds};
 
 /// The drone of the thesis.
 const MODEL: &str = "cf2x";
@@ -110,6 +111,13 @@ pub(super) fn compare(folder: &Path, models: &Models, ledger: &mut Ledger) -> Re
         let episode = ThesisEpisode::read(folder, &case, models)?;
         ledger.add(Kind::ThesisRpm, &episode.id, &episode.worst_command());
         ledger.add(Kind::ThesisStates, &episode.id, &episode.worst_state());
+        match worlds() {
+            Some(worlds) => match episode.task(&worlds)? {
+                Some(text) => ledger.add(Kind::ThesisTask, &episode.id, &episode.worst_task(&text)?),
+                None => ledger.note(format!("the aviary {} of {} is not known", episode.environment, episode.id)),
+            },
+            None => ledger.note(format!("the task of {} needs the folder assets/worlds", episode.id)),
+        }
     }
     Ok(())
 }
@@ -183,6 +191,76 @@ impl ThesisEpisode {
         let all = self.steps.len();
         let free = touching.map_or(all, |index| index.saturating_sub(1)).min(thinned.unwrap_or(all));
         &self.steps[..free]
+    }
+
+    /// The task as YAML, if its aviary is known.
+    fn task(&self, worlds: &Path) -> Result<Option<String>, RecordingError> {
+        let difficulty = self.settings["difficulty"].as_u64().unwrap_or(0);
+        let forced = [format!("collision_outside: {{ allowed: {{ x_m: [11, 12], y_m: [-1, 1] }} }}")];
+        let (world, secs, forced): (String, u32, &[String]) = match self.environment.as_str() {
+            "long" => (format!("long-cross-{difficulty}-as-published"), 20, &forced),
+            "room" if difficulty == 2 => ("room-2-as-published".to_owned(), 10, &[]),
+            "room" => (format!("room-{difficulty}"), 10, &[]),
+            _ => return Ok(None),
+        };
+        let forced: Vec<&str> = forced.iter().map(String::as_str).collect();
+        let components = Components::of(&self.id);
+        let single = self.action == ActionKind::Rpm;
+        let (kind, precision) = if single { ("rpm", "all_single") } else { ("vel", "single") };
+        Ok(Some(format!(
+            "aviary: {{ import: {:?}, goal_m: [6.5, 0, 0.75] }}
+vehicle: {{ airframe: cf2x, rotor_order: fork }}
+physics:
+  substeps: {}
+  control_rate_hz: {}
+  bullet: {{ mode: pyb, version: fork, quirks: {{ single_precision_rotors: {single} }} }}
+action: {{ published: {{ kind: {kind}, precision: {precision}, controller: own }} }}
+observation: {{ paper: {{ episode_secs: {secs} }} }}
+critic: observation
+episode_secs: {secs}
+clock: {{ as_published: true }}
+start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
+{}{}success: {{ settle: {{ radius_m: 0.1, within_secs: 6 }} }}
+",
+            worlds.join(format!("{world}.yaml")),
+            self.clock.substeps,
+            1.0 / self.clock.control_secs(),
+            self.start,
+            components.rewards(&self.settings, &self.components)?,
+            components.terminations(&self.settings, &forced)?,
+        )))
+    }
+
+    /// Until the episode is over; the recording goes on beyond that. Of steps that it leaves out the actions are those
+    /// of the step before.
+    fn worst_task(&self, text: &str) -> Result<Worst, RecordingError> {
+        let mut worst = Worst::default();
+        let mut flown = Flown::new(&scenario(&self.id, text)?);
+        let mut control_step = 0;
+        let mut action = [0.0; 4];
+        for step in &self.steps {
+            let compared = |control_step| control_step == step.control_step;
+            while control_step <= step.control_step {
+                if compared(control_step) {
+                    action = step.action;
+                }
+                let recorded = Recorded {
+                    row: &step.row,
+                    actions: vec![&action],
+                    reward: step.reward,
+                    components: &step.components,
+                    done: step.done,
+                    truncated: Some(step.time_limit),
+                    observation: &step.observation,
+                    compared: compared(control_step),
+                };
+                if !flown.step(&recorded, &mut worst) {
+                    return Ok(worst);
+                }
+                control_step += 1;
+            }
+        }
+        Ok(worst)
     }
 
     fn worst_command(&self) -> Worst {

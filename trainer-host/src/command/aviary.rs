@@ -1,0 +1,100 @@
+//! `kestrel aviary`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Subcommand;
+use kestrel_train::atomic_file::write_atomically;
+use kestrel_train::output::{say, warn};
+use kestrel_train::plan::{Drawing, Subject, find, in_folders, plan, sheet};
+
+use super::Done;
+
+/// Arguments of `kestrel aviary`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// List the aviaries: world files and the experiments' own
+    List {
+        /// Folders to look in [default: configs and assets/worlds]
+        folders: Vec<PathBuf>,
+    },
+    /// Draw an aviary from above and from the side; several become a contact sheet
+    Show {
+        /// World or experiment files, or their names, such as room-0
+        #[arg(required = true)]
+        aviaries: Vec<String>,
+
+        /// Where to write the picture, as .svg or .png
+        #[arg(long, short, value_name = "FILE")]
+        output: PathBuf,
+
+        /// Replace a value, such as goal_m=[1,0,1] (repeatable)
+        #[arg(long, value_name = "KEY=VALUE")]
+        set: Vec<String>,
+    },
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    match &arguments.action {
+        Action::List { folders } => list(folders),
+        Action::Show { aviaries, output, set } => show(aviaries, output, set),
+    }
+}
+
+fn list(folders: &[PathBuf]) -> Result<Done> {
+    if let Some(folder) = folders.iter().find(|folder| !folder.is_dir()) {
+        bail!("{}: found no folder, expected one with YAML files", folder.display());
+    }
+    let paths = in_folders(folders);
+    if paths.is_empty() {
+        bail!("found no YAML files, expected some in configs or assets/worlds, or in a folder that is named");
+    }
+    say(format_args!("{:<34} {:>6} {:>8}  {:<24} what", "aviary", "solids", "movables", "size"))?;
+    let mut broken = 0;
+    for path in &paths {
+        match Subject::read(path, &[]) {
+            Ok(subject) => say(row(&subject))?,
+            Err(error) => {
+                warn(format_args!("error: {error}"));
+                broken += 1;
+            }
+        }
+    }
+    if broken > 0 {
+        bail!("{broken} of {} files are not aviaries", paths.len());
+    }
+    Ok(Done::Finished)
+}
+
+fn row(subject: &Subject) -> String {
+    let size = subject.solid_extent().map_or_else(String::new, |(low, high)| {
+        let size = high - low;
+        format!("{:.2} x {:.2} x {:.2} m", size.x, size.y, size.z)
+    });
+    let (solids, movables) = (subject.world.solids.len(), subject.world.movables.len());
+    format!("{:<34} {solids:>6} {movables:>8}  {size:<24} {}", subject.name, subject.about)
+}
+
+fn show(aviaries: &[String], output: &Path, overrides: &[String]) -> Result<Done> {
+    let subjects = aviaries.iter().map(|name| Ok(Subject::read(&find(name)?, overrides)?));
+    let subjects: Vec<Subject> = subjects.collect::<Result<_>>()?;
+    let drawing = if let [only] = subjects.as_slice() { plan(only) } else { sheet(&subjects) };
+    write_atomically(output, &encoded(&drawing, output)?)?;
+    say(output.display())?;
+    Ok(Done::Finished)
+}
+
+/// The picture in the format that the file's name asks for.
+fn encoded(drawing: &Drawing, output: &Path) -> Result<Vec<u8>> {
+    match output.extension().and_then(|ending| ending.to_str()) {
+        Some("svg") => Ok(drawing.svg().into_bytes()),
+        Some("png") => drawing.png().with_context(|| format!("cannot write {}", output.display())),
+        Some(_) | None => bail!("{}: found another ending, expected .svg or .png", output.display()),
+    }
+}

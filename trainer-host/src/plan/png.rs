@@ -1,0 +1,103 @@
+//! A drawing as pixels.
+
+use tiny_skia::{FillRule, Paint, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, Transform};
+
+use super::drawing::{Anchor, Colour, Dashed, Drawing, Mark, Pen, Text};
+use crate::animation::font;
+
+/// Greatest width or height \[px\].
+const SIZE_LIMIT: f64 = 16_384.0;
+
+/// The drawing cannot become pixels.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot draw the picture: {0}")]
+pub struct PngError(String);
+
+impl Drawing {
+    /// The drawing as a PNG file, a pixel a pixel.
+    ///
+    /// # Errors
+    /// When the drawing is empty or larger than 16384 pixels, or the encoder fails.
+    pub fn png(&self) -> Result<Vec<u8>, PngError> {
+        let [width, height] = [self.width, self.height].map(f64::ceil);
+        let fits = (1.0..=SIZE_LIMIT).contains(&width) && (1.0..=SIZE_LIMIT).contains(&height);
+        let pixels = fits.then(|| Pixmap::new(width as u32, height as u32)).flatten();
+        let mut pixels = pixels.ok_or_else(|| PngError(format!("found a size of {width} x {height} pixels")))?;
+        pixels.fill(tiny_skia::Color::WHITE);
+        for mark in &self.marks {
+            draw(&mut pixels, mark);
+        }
+        pixels.encode_png().map_err(|error| PngError(error.to_string()))
+    }
+}
+
+fn draw(pixels: &mut Pixmap, mark: &Mark) {
+    let mut path = PathBuilder::new();
+    match mark {
+        Mark::Polygon { corners, fill, edge } => {
+            for (index, [x, y]) in corners.iter().enumerate() {
+                if index == 0 { path.move_to(*x as f32, *y as f32) } else { path.line_to(*x as f32, *y as f32) }
+            }
+            path.close();
+            draw_path(pixels, path, *fill, *edge);
+        }
+        Mark::Line { ends: [[x1, y1], [x2, y2]], pen } => {
+            path.move_to(*x1 as f32, *y1 as f32);
+            path.line_to(*x2 as f32, *y2 as f32);
+            draw_path(pixels, path, None, Some(*pen));
+        }
+        Mark::Disc { centre: [x, y], radius, fill, edge } => {
+            path.push_circle(*x as f32, *y as f32, *radius as f32);
+            draw_path(pixels, path, *fill, *edge);
+        }
+        Mark::Text(text) => draw_text(pixels, text),
+    }
+}
+
+fn draw_path(pixels: &mut Pixmap, path: PathBuilder, fill: Option<(Colour, f64)>, edge: Option<Pen>) {
+    let Some(path) = path.finish() else { return };
+    if let Some((colour, opacity)) = fill {
+        let paint = paint(colour, opacity);
+        pixels.fill_path(&path, &paint, FillRule::Winding, Transform::identity(), None);
+    }
+    if let Some(pen) = edge {
+        let dash = match pen.dashed {
+            Dashed::Solid => None,
+            Dashed::Dashes => StrokeDash::new(vec![4.0, 3.0], 0.0),
+        };
+        let stroke = Stroke { width: pen.width as f32, dash, ..Stroke::default() };
+        pixels.stroke_path(&path, &paint(pen.colour, 1.0), &stroke, Transform::identity(), None);
+    }
+}
+
+fn paint(Colour([red, green, blue]): Colour, opacity: f64) -> Paint<'static> {
+    let mut paint = Paint::default();
+    paint.set_color_rgba8(red, green, blue, (opacity * 255.0).round() as u8);
+    paint
+}
+
+/// Letters of the animations' typeface, a square for each of their pixels.
+fn draw_text(pixels: &mut Pixmap, text: &Text) {
+    let dot = (text.size / 9.0) as f32;
+    let advance = dot * (font::WIDTH + font::GAP) as f32;
+    let width = advance * text.words.chars().count() as f32;
+    let left = text.at[0] as f32
+        - match text.anchor {
+            Anchor::Start => 0.0,
+            Anchor::Middle => width / 2.0,
+            Anchor::End => width,
+        };
+    // The last row of a glyph is for descenders.
+    let top = text.at[1] as f32 - dot * (font::HEIGHT - 1) as f32;
+    let paint = paint(text.colour, 1.0);
+    for (index, letter) in text.words.chars().enumerate() {
+        for (row, bits) in font::glyph(letter).into_iter().enumerate() {
+            for column in (0..font::WIDTH).filter(|column| bits >> (font::WIDTH - 1 - column) & 1 == 1) {
+                let x = left + index as f32 * advance + dot * column as f32;
+                if let Some(square) = Rect::from_xywh(x, top + dot * row as f32, dot, dot) {
+                    pixels.fill_rect(square, &paint, Transform::identity(), None);
+                }
+            }
+        }
+    }
+}

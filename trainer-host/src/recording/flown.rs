@@ -1,0 +1,58 @@
+//! A recording of an episode that is flown for it.
+
+use kestrel_core::real::Real;
+use kestrel_sim::outcome::Episode;
+use kestrel_sim::simulation::Simulation;
+
+use super::{Placed, Recording, Track};
+use crate::evaluation::{Cockpit, Flyer, Starts};
+use crate::experiment_config::Experiment;
+
+/// Flies the episode that an evaluation flies as number `start`, in double precision, and keeps everything.
+pub fn fly(experiment: &Experiment, flyer: Flyer<'_>, starts: Starts, start: u32) -> Recording {
+    let scenario = &experiment.evaluation.scenario;
+    let mut simulation = Simulation::<1, f64>::with_purpose(scenario, starts.seed, starts.purpose, start, 1);
+    let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, start);
+    let goal = |simulation: &Simulation<1, f64>, row| simulation.goal(row).map(Real::to_f64).into();
+    let mut drones: Vec<Track> =
+        (0..simulation.rows()).map(|row| Track::starting(goal(&simulation, row), &simulation.state(row))).collect();
+    let mut movables = vec![placed(&simulation)];
+    let mut flying = vec![true; drones.len()];
+    while flying.contains(&true) {
+        let actions = cockpit.act(&simulation).to_vec();
+        simulation.step(&actions);
+        let ended = simulation.take_episodes();
+        for (row, track) in drones.iter_mut().enumerate().filter(|(row, _)| flying[*row]) {
+            let action: Vec<f64> = actions.iter().skip(row).step_by(flying.len()).copied().collect();
+            let end = ended.iter().find(|episode| episode.agent as usize == row);
+            let after = end.is_none().then(|| simulation.state(row));
+            track.push(&action, &simulation.terms(row), after.as_ref());
+            if let Some(episode) = end {
+                finish(track, episode);
+            }
+        }
+        for episode in &ended {
+            flying[episode.agent as usize] = false;
+        }
+        if flying.contains(&true) {
+            movables.push(placed(&simulation));
+        }
+    }
+    Recording {
+        pilot: flyer.name().to_owned(),
+        config: experiment.resolved_yaml.clone(),
+        seed: starts.seed.0,
+        start,
+        components: scenario.rewards.iter().map(|weighted| weighted.term.name().to_owned()).collect(),
+        drones,
+        movables: if scenario.aviary.world.movables.is_empty() { Vec::new() } else { movables },
+    }
+}
+
+fn placed(simulation: &Simulation<1, f64>) -> Vec<Placed> {
+    simulation.movables(0).iter().map(Placed::of).collect()
+}
+
+fn finish(track: &mut Track, episode: &Episode) {
+    track.finish(episode.ending.name(), episode.success);
+}
