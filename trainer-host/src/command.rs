@@ -1,7 +1,7 @@
 //! What the command line can do, one module a command.
 
-mod baseline;
 mod aviary;
+mod baseline;
 mod bench;
 mod completions;
 mod evaluate;

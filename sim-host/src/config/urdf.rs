@@ -116,7 +116,7 @@ impl<'a> Reader<'a> {
         let moments = ["ixx", "iyy", "izz"].map(|name| self.number(inertia, name).map(Number::node));
         let [x, y, z] = moments;
         let place = self.place(inertia.0.range().start);
-        Ok(Node { value: Value::List(vec![x?, y?, z?]), place, import: None })
+        Ok(node(Value::List(vec![x?, y?, z?]), &place))
     }
 
     /// The upright cylinder of the base.
@@ -147,7 +147,7 @@ impl<'a> Reader<'a> {
             rotors.push(self.rotor(robot, index)?);
         }
         let first = rotors[0].1.clone();
-        let text = |word: &str| Node { value: Value::Text(word.to_owned()), place: first.clone(), import: None };
+        let text = |word: &str| node(Value::Text(word.to_owned()), &first);
         let number = |value: f64| Number { value, place: first.clone() }.node();
         let [x, y] = rotors[0].0.map(f64::abs);
         for (word, side) in [("clockwise", 1.0), ("counter_clockwise", -1.0)] {
@@ -294,13 +294,17 @@ fn agree(rotors: &[([f64; 2], Place)], layout: &[[f64; 2]; 4]) -> bool {
     })
 }
 
+fn node(value: Value, place: &Place) -> Node {
+    Node { value, place: place.clone(), import: None }
+}
+
 fn mapping(place: &Place, entries: Vec<(&str, Node)>) -> Node {
     let entry = |(key, node): (&str, Node)| Entry { key: key.to_owned(), place: node.place.clone(), node };
-    Node { value: Value::Mapping(entries.into_iter().map(entry).collect()), place: place.clone(), import: None }
+    node(Value::Mapping(entries.into_iter().map(entry).collect()), place)
 }
 
 impl Number {
     fn node(self) -> Node {
-        Node { value: Value::Number(self.value, self.value.to_string()), place: self.place, import: None }
+        node(Value::Number(self.value, self.value.to_string()), &self.place)
     }
 }

@@ -109,21 +109,23 @@ impl Subject {
     }
 
     fn of_scenario(name: String, scenario: &Scenario) -> Self {
-        let goal: Vector3<f64> = scenario.aviary.goal.cast();
-        let region = match scenario.start.position {
-            StartPosition::Within(region) => region,
-            StartPosition::AroundGoal { farthest_m, .. } => Cuboid {
-                low: scenario.aviary.goal.add_scalar(-farthest_m),
-                high: scenario.aviary.goal.add_scalar(farthest_m),
-            },
+        let drones = 0..scenario.agents.count as usize;
+        let (starts, region) = match &scenario.start.position {
+            StartPosition::Within(region) => (Vec::new(), Some(*region)),
+            StartPosition::AroundGoal { farthest_m, .. } => {
+                let goal = scenario.aviary.goal;
+                let region = Cuboid { low: goal.add_scalar(-farthest_m), high: goal.add_scalar(*farthest_m) };
+                (Vec::new(), Some(region))
+            }
+            StartPosition::Exactly(places) => (places.iter().map(|place| place.position).collect(), None),
         };
         Self {
             name,
             about: format!("the aviary of the experiment {}, with the starts of its evaluation", scenario.name),
             world: scenario.aviary.world.clone(),
-            goals: vec![goal],
-            starts: Vec::new(),
-            start_region: Some(region),
+            goals: drones.map(|drone| scenario.goals.at(&scenario.aviary.goal, drone, 0.0)).collect(),
+            starts,
+            start_region: region,
         }
     }
 

@@ -14,8 +14,9 @@ pub fn fly(experiment: &Experiment, flyer: Flyer<'_>, starts: Starts, start: u32
     let mut simulation = Simulation::<1, f64>::with_purpose(scenario, starts.seed, starts.purpose, start, 1);
     let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, start);
     let goal = |simulation: &Simulation<1, f64>, row| simulation.goal(row).map(Real::to_f64).into();
-    let mut drones: Vec<Track> =
-        (0..simulation.rows()).map(|row| Track::starting(goal(&simulation, row), &simulation.state(row))).collect();
+    let mut drones: Vec<Track> = (0..simulation.rows())
+        .map(|row| Track::starting(goal(&simulation, row), &simulation.state(row)))
+        .collect();
     let mut movables = vec![placed(&simulation)];
     let mut flying = vec![true; drones.len()];
     while flying.contains(&true) {

@@ -96,6 +96,9 @@ pub(super) fn compare(
 ) -> Result<(), RecordingError> {
     let run = Run::read(folder, case, models)?;
     ledger.add(Kind::OpenLoop, &run.id, &run.worst_free_step());
+    if run.last_step() < run.steps {
+        ledger.note(format!("open_loop: {} ends at step {} of {}", run.id, run.last_step(), run.steps));
+    }
     Ok(())
 }
 
@@ -153,10 +156,15 @@ impl Run {
         worst
     }
 
+    /// The last recorded step.
+    fn last_step(&self) -> usize {
+        self.record.keys().next_back().copied().unwrap_or(0)
+    }
+
     /// Steps before the first contact: contacts are recorded once a control step, so its first steps count as well
     /// as touching.
     fn free_steps(&self) -> usize {
-        let last = self.record.keys().next_back().copied().unwrap_or(0).min(self.steps);
+        let last = self.last_step().min(self.steps);
         let before = |contact: usize| contact.saturating_sub(self.clock.substeps);
         let stated = self.first_contact_step.map_or(last, before);
         let touching = |(_, samples): &(&usize, &Vec<Sample>)| samples.iter().any(|each| each.contacts[0] > 0.0);

@@ -135,7 +135,8 @@ impl<'a> Components<'a> {
 
     fn reward(&self, name: &str, settings: &Value) -> Result<String, RecordingError> {
         let weight = settings["scale"].as_f64();
-        let scaled = |rest: String| Ok(format!("{} }}", rest.replace("WEIGHT", &weight.unwrap_or(0.0).to_string())));
+        let scaled =
+            |rest: String| Ok(format!("{} }}", rest.replace("WEIGHT", &weight.unwrap_or(0.0).to_string())));
         let zone = || self.list(name, &settings["landing_zone_xyz"]);
         let bounds = || self.bounds(name, &settings["bounds"]);
         match name {
@@ -164,18 +165,14 @@ impl<'a> Components<'a> {
                 "safe_delta_distance: {{ weight: WEIGHT, landing_zone_m: {}, as_published: true",
                 zone()?
             )),
-            "DistanceReward" => {
-                scaled(format!("distance_root: {{ weight: WEIGHT, landing_zone_m: {}", zone()?))
-            }
+            "DistanceReward" => scaled(format!("distance_root: {{ weight: WEIGHT, landing_zone_m: {}", zone()?)),
             "LandingRewardV2" => {
                 scaled(format!("landing_v2: {{ weight: WEIGHT, landing_zone_m: {}, as_published: true", zone()?))
             }
             "SlowdownReward" => {
                 let near = settings["slowdown_dist"].as_f64().unwrap_or(1.0);
                 let zone = zone()?;
-                scaled(format!(
-                    "slowdown: {{ weight: WEIGHT, landing_zone_m: {zone}, slowdown_distance_m: {near}"
-                ))
+                scaled(format!("slowdown: {{ weight: WEIGHT, landing_zone_m: {zone}, slowdown_distance_m: {near}"))
             }
             other => Err(self.refuse(format_args!("the reward {other}"), "one of the fork's that is known")),
         }
