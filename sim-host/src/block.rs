@@ -55,11 +55,10 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         block
     }
 
-    /// One control period: everything but the resets.
+    /// One control period, commanded before: everything but the resets.
     #[inline(always)]
     pub(crate) fn advance(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
         let scenario = stage.scenario;
-        self.command(stage, actions);
         self.fly(stage);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
             let previous_distances = *agent.distances();
@@ -78,12 +77,24 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// Actions to rotor targets, held over the substeps.
     #[inline(always)]
-    fn command(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
+    pub(crate) fn command(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
         for ((agent, actions), targets) in self.agents.iter_mut().zip(actions).zip(&mut self.targets) {
             if stage.scenario.clock == Clock::Published {
                 agent.aim(stage.scenario);
             }
             *targets = agent.command(stage, actions);
+        }
+    }
+
+    /// Rotor targets of each agent, lane by lane, instead of commanded ones.
+    pub(crate) fn command_directly<'a>(&mut self, speeds: impl Fn(usize) -> &'a [[R; 4]])
+    where
+        R: 'a,
+    {
+        for (agent, targets) in self.targets.iter_mut().enumerate() {
+            for (lane, speeds) in speeds(agent).iter().enumerate() {
+                set_row(targets, lane, *speeds);
+            }
         }
     }
 

@@ -107,6 +107,20 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     /// # Panics
     /// When `actions` has another length.
     pub fn step(&mut self, actions: &[R]) {
+        self.advance(actions, None);
+    }
+
+    /// As [`Self::step`], with these rotor speeds \[rad/s\], one set for each row, instead of those that the actions
+    /// ask for: a recorded flight, whose controller would amplify every rounding.
+    ///
+    /// # Panics
+    /// When a length is wrong.
+    pub fn step_with_rotor_speeds(&mut self, actions: &[R], rotor_speeds: &[[R; 4]]) {
+        assert_eq!(rotor_speeds.len(), self.rows(), "rotor speeds are [rows][4]");
+        self.advance(actions, Some(rotor_speeds));
+    }
+
+    fn advance(&mut self, actions: &[R], rotor_speeds: Option<&[[R; 4]]>) {
         let len = self.scenario.action.len();
         assert_eq!(actions.len(), len * self.rows(), "actions are [{len}][rows]");
         self.arch.dispatch(Advance {
@@ -119,6 +133,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             },
             blocks: &mut self.blocks,
             actions,
+            rotor_speeds,
             environments: self.environments,
         });
         self.publish_rewards();
@@ -398,6 +413,7 @@ struct Advance<'a, const LANES: usize, R: Real> {
     stage: Stage<'a, R>,
     blocks: &'a mut [Block<LANES, R>],
     actions: &'a [R],
+    rotor_speeds: Option<&'a [[R; 4]]>,
     environments: usize,
 }
 
@@ -415,6 +431,11 @@ impl<const LANES: usize, R: Real> WithSimd for Advance<'_, LANES, R> {
             for (agent, columns) in actions.iter_mut().enumerate() {
                 let range = rows_of_block::<LANES>(self.environments, agent, index);
                 load_actions(self.actions, rows, range, limits, columns);
+            }
+            block.command(&self.stage, &actions);
+            if let Some(rotor_speeds) = self.rotor_speeds {
+                let row = |agent| rows_of_block::<LANES>(self.environments, agent, index);
+                block.command_directly(|agent| &rotor_speeds[row(agent)]);
             }
             block.advance(&self.stage, &actions);
         }

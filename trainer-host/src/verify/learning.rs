@@ -251,6 +251,7 @@ success: {{ settle: {{ radius_m: 0.1, within_secs: 6 }} }}
             let recorded = Recorded {
                 row: &step[0].row,
                 actions: step.iter().map(|drone| &drone.action[..]).collect(),
+                rpm: step.iter().map(|drone| drone.rpm).collect(),
                 reward: step[0].reward,
                 components: &[],
                 done: step[0].terminated || step[0].truncated,

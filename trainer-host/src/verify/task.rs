@@ -11,7 +11,7 @@ use kestrel_sim::simulation::Simulation;
 use serde_json::Value;
 
 use super::error::RecordingError;
-use super::motion::largest;
+use super::motion::{largest, rotor_speeds};
 use super::report::Worst;
 
 /// What the reference says about one control step of all drones of an environment.
@@ -20,6 +20,8 @@ pub(super) struct Recorded<'a> {
     pub(super) row: &'a str,
     /// Of each drone.
     pub(super) actions: Vec<&'a [f64]>,
+    /// Of each drone, held during the step \[RPM\]: a flight under its own controller would amplify every rounding.
+    pub(super) rpm: Vec<[f64; 4]>,
     /// Of each drone.
     pub(super) reward: f64,
     /// Of the first drone; may be empty.
@@ -57,7 +59,8 @@ impl Flown {
         for index in 0..len {
             self.actions.extend(recorded.actions.iter().map(|action| action[index]));
         }
-        self.simulation.step(&self.actions);
+        let speeds: Vec<[f64; 4]> = recorded.rpm.iter().map(|rpm| rotor_speeds(*rpm)).collect();
+        self.simulation.step_with_rotor_speeds(&self.actions, &speeds);
         let outcome = self.simulation.outcomes()[0];
         if recorded.compared {
             worst.add(self.deviation(recorded, rows, outcome), recorded.row);

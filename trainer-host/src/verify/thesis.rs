@@ -237,21 +237,23 @@ start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
         let mut worst = Worst::default();
         let mut flown = Flown::new(&scenario(&self.id, text)?);
         let mut control_step = 0;
-        let mut action = [0.0; 4];
+        let (mut action, mut rpm) = ([0.0; 4], [0.0; 4]);
         for step in &self.steps {
             let compared = |control_step| control_step == step.control_step;
             while control_step <= step.control_step {
                 if compared(control_step) {
-                    action = step.action;
+                    (action, rpm) = (step.action, step.rpm);
                 }
                 let recorded = Recorded {
                     row: &step.row,
                     actions: vec![&action],
+                    rpm: vec![rpm],
                     reward: step.reward,
                     components: &step.components,
                     done: step.done,
                     truncated: Some(step.time_limit),
-                    observation: &step.observation,
+                    // In contact the solver's iterations are in it.
+                    observation: if step.contacts > 0 { &[] } else { &step.observation },
                     compared: compared(control_step),
                 };
                 if !flown.step(&recorded, &mut worst) {
