@@ -15,7 +15,7 @@ const SCALE_LIMIT: f64 = 240.0;
 const GAP: f64 = 78.0;
 
 /// A solid that covers this share of the side view is a wall in front of everything: only its edge is drawn.
-const CURTAIN: f64 = 0.7;
+const CURTAIN: f64 = 0.56;
 
 const START: Colour = Colour([0x2f, 0x6f, 0xde]);
 const GOAL: Colour = Colour([0xc4, 0x2a, 0x8b]);
@@ -198,7 +198,7 @@ impl Frame {
         let (low, high) = solid.extent();
         let size = self.direction.project(high - low);
         let area = (self.high[0] - self.low[0]) * (self.high[1] - self.low[1]);
-        size[0] * size[1] > CURTAIN * area * 0.8
+        size[0] * size[1] > CURTAIN * area
     }
 
     /// Starts, goals and where starts are random.
