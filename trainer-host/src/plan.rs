@@ -20,8 +20,11 @@ pub use png::PngError;
 pub use sheet::sheet;
 pub use subject::{Subject, SubjectError, find, in_folders};
 
-/// Width of a plan \[px\].
-const WIDTH: f64 = 1200.0;
+/// Greatest width of a plan \[px\].
+const WIDTH_LIMIT: f64 = 1200.0;
+
+/// Least width, for the heading and the legend \[px\].
+const WIDTH_LEAST: f64 = 800.0;
 
 /// Space left of the views, for the numbers of the y and z axes \[px\].
 const LEFT: f64 = 76.0;
@@ -40,7 +43,8 @@ const MUTED: Colour = Colour([0x6b, 0x76, 0x83]);
 
 /// The plan of one aviary, from above and from the side, with dimensions, start, goal and a scale.
 pub fn plan(subject: &Subject) -> Drawing {
-    let mut drawing = Drawing::new(WIDTH, 0.0);
+    let views = Views::fitting(subject, [WIDTH_LIMIT - LEFT - RIGHT, HEIGHT_LIMIT]);
+    let mut drawing = Drawing::new((LEFT + views.width() + RIGHT).max(WIDTH_LEAST), 0.0);
     let heading = |words: &str, top: f64, size: f64| Text {
         at: [LEFT, top],
         words: words.to_owned(),
@@ -51,7 +55,6 @@ pub fn plan(subject: &Subject) -> Drawing {
     drawing.text(heading(&subject.name, 50.0, 28.0));
     drawing.text(heading(&subject.about, 76.0, 16.0));
     drawing.text(heading(&subject.summary(), 100.0, 16.0));
-    let views = Views::fitting(subject, [WIDTH - LEFT - RIGHT, HEIGHT_LIMIT]);
     let bottom = views.draw(&mut drawing, subject, [LEFT, TOP], Detail::Full);
     let bottom = view::legend(&mut drawing, subject, [LEFT, bottom + 40.0], views.scale());
     drawing.extend_to(bottom + 24.0);

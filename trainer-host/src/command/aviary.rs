@@ -34,7 +34,7 @@ enum Action {
         #[arg(long, short, value_name = "FILE")]
         output: PathBuf,
 
-        /// Replace a value, such as goal_m=[1,0,1] (repeatable)
+        /// Replace a value, such as floor=false (repeatable)
         #[arg(long, value_name = "KEY=VALUE")]
         set: Vec<String>,
     },

@@ -15,7 +15,7 @@ const SCALE_LIMIT: f64 = 240.0;
 const GAP: f64 = 78.0;
 
 /// A solid that covers this share of the side view is a wall in front of everything: only its edge is drawn.
-const CURTAIN: f64 = 0.7;
+const CURTAIN: f64 = 0.56;
 
 const START: Colour = Colour([0x2f, 0x6f, 0xde]);
 const GOAL: Colour = Colour([0xc4, 0x2a, 0x8b]);
@@ -198,7 +198,7 @@ impl Frame {
         let (low, high) = solid.extent();
         let size = self.direction.project(high - low);
         let area = (self.high[0] - self.low[0]) * (self.high[1] - self.low[1]);
-        size[0] * size[1] > CURTAIN * area * 0.8
+        size[0] * size[1] > CURTAIN * area
     }
 
     /// Starts, goals and where starts are random.
@@ -233,8 +233,8 @@ impl Frame {
         }
         let words = |axis: usize| format!("{} m", short(high[axis] - low[axis]));
         let label = |at: [f64; 2], words: String, anchor| Text { at, words, size: 14.0, colour: INK, anchor };
-        drawing.text(label([(left + right) / 2.0, above - 6.0], words(0), Anchor::Middle));
-        drawing.text(label([beside + 8.0, (bottom + top) / 2.0 + 5.0], words(1), Anchor::Start));
+        drawing.text(label([f64::midpoint(left, right), above - 6.0], words(0), Anchor::Middle));
+        drawing.text(label([beside + 8.0, f64::midpoint(bottom, top) + 5.0], words(1), Anchor::Start));
     }
 
     /// The name of each piece of furniture.
@@ -245,6 +245,11 @@ impl Frame {
                 continue;
             };
             let [x, y] = self.place(self.direction.project((low + high) / 2.0));
+            let covered = subject.goals.iter().any(|goal| {
+                let [goal_x, goal_y] = self.place(self.direction.project(*goal));
+                (goal_x - x).abs() < 60.0 && (goal_y - y).abs() < 18.0
+            });
+            let y = if covered { y + 24.0 } else { y };
             let text =
                 Text { at: [x, y + 4.5], words: name.to_owned(), size: 13.0, colour: INK, anchor: Anchor::Middle };
             let half = 0.5 * 0.58 * text.size * name.chars().count() as f64 + 3.0;
