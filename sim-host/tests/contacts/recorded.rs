@@ -7,7 +7,7 @@ use kestrel_core::airframe::{Airframe, CF2P, CF2X, RADIANS_PER_SECOND_PER_RPM, R
 use kestrel_core::attitude::Attitude;
 use kestrel_core::bullet::{BulletState, Mode};
 use kestrel_core::vehicle::State;
-use kestrel_sim::contact::ContactReport;
+use kestrel_sim::contact::{Arena, ContactReport};
 use kestrel_sim::world::{Pose, Shape, Solid, World};
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -181,6 +181,28 @@ fn falls_and_collisions_end_as_recorded() {
         compared += 1;
     }
     assert!(compared > 0);
+}
+
+#[test]
+fn contact_is_reported_in_the_steps_in_which_it_was_recorded() {
+    let index = json("pybullet/index.json");
+    let touching = |case: &&Value| case["category"] == "drop" || case["category"] == "wall";
+    let mut compared = 0;
+    for case in index["cases"].as_array().unwrap().iter().filter(touching) {
+        let arena = Arena::new(&world(case), &settings(case).0, ContactReport::Bullet);
+        let name = case["id"].as_str().unwrap();
+        let recorded = rows(&format!("pybullet/open_loop/{name}.state.csv"));
+        // Contact is found where the drone is at the start of a step.
+        for rows in recorded.windows(2).filter(|rows| rows[1][0] - rows[0][0] == 1.0) {
+            let before = state(&rows[0][2..15]);
+            let pose = Pose { position: before.position, world_from_body: before.world_from_body };
+            let touching = arena.touch(&pose, &[]).obstacle;
+            assert_eq!(touching, rows[1][15] > 0.0, "{name}: step {}", rows[1][0]);
+            compared += 1;
+        }
+    }
+    println!("contact reported as recorded in {compared} steps");
+    assert!(compared > 500);
 }
 
 #[test]
