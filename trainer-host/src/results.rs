@@ -127,6 +127,18 @@ pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result
     Ok(report)
 }
 
+/// The first episode that [`evaluate_run`] flies with the fixed-point policy, again and kept, in double precision.
+///
+/// # Errors
+/// When the policy is damaged or of another task.
+pub fn record_run(experiment: &Experiment, directory: &RunDirectory) -> Result<Recording, ResultsError> {
+    let path = directory.policy();
+    let bytes = read(&path)?;
+    let policy = parse(&bytes, &path)?;
+    refuse_other_task(&policy, &path, &experiment.evaluation.scenario)?;
+    Ok(recording::fly(experiment, Flyer::Policy(&policy), starts(experiment), 0))
+}
+
 /// A policy flown on what it was not trained for would look bad through no fault of its own.
 fn refuse_other_task(policy: &PolicyFile<'_>, path: &Path, scenario: &Scenario) -> Result<(), ResultsError> {
     let metadata = policy.metadata();
