@@ -17,6 +17,7 @@ use crate::curve::{CurveError, CurvePoint, learning_curve};
 use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, observations_in_flight, record};
 use crate::experiment_config::Experiment;
 use crate::export::{DenseLayer, Export, ExportError, ExportReport, export};
+use crate::recording::{self, Recording};
 use crate::run_directory::metrics::read_rows;
 use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
 
