@@ -1,6 +1,7 @@
 //! One block of environments: the step as a list of stages over `LANES` lanes and all their drones.
 
 use kestrel_core::action::{ACTION_LIMIT, Controls};
+use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::bullet::BulletState;
 use kestrel_core::real::Real;
@@ -138,10 +139,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     #[inline(always)]
     fn near_lanes(&self, scenario: &Scenario, arena: &Arena) -> Vec<usize> {
         let secs = scenario.physics.control_secs();
-        let airframe = &scenario.airframe;
-        // Full thrust along gravity, and what Bullet's damping or drag can add is never more.
-        let drift = 0.5 * (airframe.thrust_limit() / airframe.mass + 9.8) as f32 * secs * secs;
-        let reach = arena.reach() + drift;
+        let reach = arena.reach() + 0.5 * greatest_acceleration(scenario) * secs * secs;
         let mut near = [0.0_f32; LANES];
         for agent in &self.agents {
             let swarm = &agent.swarm;
@@ -296,6 +294,14 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
 /// Bodies that can be pushed are no larger than this around their centres \[m\].
 const MOVABLE_REACH: f64 = 0.45;
+
+/// Full thrust along gravity \[m/s²\], of the lightest and strongest drone that an episode can have; what drag or
+/// Bullet's damping can add is never more.
+fn greatest_acceleration(scenario: &Scenario) -> f32 {
+    let (airframe, spread) = (&scenario.airframe, &scenario.randomisation);
+    let drawn = f64::from((1.0 + spread.thrust) / (1.0 - spread.mass));
+    (drawn * airframe.thrust_limit() / airframe.mass + GRAVITY) as f32
+}
 
 /// The movable bodies where episodes begin.
 fn standing(scenario: &Scenario) -> Vec<Motion> {

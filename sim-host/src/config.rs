@@ -132,18 +132,21 @@ impl ScenarioConfig {
     /// The first value that is out of range or contradicts another.
     pub fn check(&self, name: &str, field: &Field<'_>) -> Result<Scenario, ConfigError> {
         let airframe = self.vehicle.check(&field.at("vehicle"))?;
-        let agents = self.agents.check(&field.at("agents"))?;
         let mut physics = self.physics.check(&field.at("physics"))?;
         let action = self.action.check(&airframe, &field.at("action"))?;
         let sensors = SensorConfig::check_all(&self.sensors, 1.0 / physics.control_rate_hz, &field.at("sensors"))?;
         let observation = self.observation.check(action.len(), sensors.len(), &field.at("observation"))?;
         let aviary = self.aviary.check(&airframe, &field.at("aviary"))?;
+        let agents = self.agents.check(&aviary.world, &field.at("agents"))?;
         let rate = physics.control_rate_hz;
-        let goals = self.goals.as_ref().map(|goals| goals.check(agents.count, &field.at("goals"))).transpose()?;
+        let goals = self.goals.as_ref();
+        let goals = goals.map(|goals| goals.check(agents.count, &aviary.world, &field.at("goals"))).transpose()?;
         let terminations =
             TerminationConfig::check_all(&self.terminations, &aviary, rate, &field.at("terminations"))?;
         self.physics.settle_contacts(&mut physics, &terminations);
-        let start = self.start.check(&aviary, &airframe, &terminations, agents.count, &field.at("start"))?;
+        let goals = goals.unwrap_or(Goals::Fixed);
+        let first_goals = goals.first(&aviary.goal, agents.count);
+        let start = self.start.check(&aviary, &airframe, &terminations, &first_goals, &field.at("start"))?;
         self.check_quiet_air(physics.preset, field)?;
         let (clock, time_limit) = self.clock.check();
         Ok(Scenario {
@@ -153,7 +156,7 @@ impl ScenarioConfig {
             rewards: RewardConfig::check_all(&self.rewards, rate, &field.at("rewards"))?,
             episode_secs: field.at("episode_secs").number(self.episode_secs, &EPISODE_LIMITS)?,
             success: self.success.check(&aviary, self.episode_secs, &terminations, &field.at("success"))?,
-            goals: goals.unwrap_or(Goals::Fixed),
+            goals,
             agents,
             sensors,
             clock,

@@ -40,7 +40,8 @@ fn start_state<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Stream) 
         // What the reference remembers of rotors are the speeds of the step before, and at a reset there is none.
         Preset::Bullet { .. } => 0.0,
     };
-    let position = position(start, &scenario.aviary.goal, stream);
+    let goal = scenario.goals.at(&scenario.aviary.goal, agent, 0.0).cast();
+    let position = position(start, &goal, stream);
     let attitude = attitude(start.tilt_limit, stream);
     let velocity = stream.direction() * (start.speed_limit * stream.uniform());
     let body_rates = stream.direction() * (start.body_rates_limit * stream.uniform());

@@ -1,6 +1,8 @@
 //! What a step is worth: named terms over the lanes of a block.
 
 mod component;
+#[cfg(test)]
+mod tests;
 
 use kestrel_core::real::Real;
 

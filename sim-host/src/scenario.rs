@@ -149,17 +149,17 @@ pub enum Goals {
     /// It is [`Aviary::goal`] for all, always.
     Fixed,
     /// One point for each drone \[m, world\].
-    PerAgent(Vec<Vector3<f32>>),
+    PerAgent(Vec<Vector3<f64>>),
     /// From [`Aviary::goal`] on with this velocity \[m/s, world\].
-    Line(Vector3<f32>),
+    Line(Vector3<f64>),
     /// [`Aviary::goal`] plus `amplitude · cos(rate · t)`, standing still from `until_secs` on.
     Wave {
         /// \[m, world\].
-        amplitude: Vector3<f32>,
+        amplitude: Vector3<f64>,
         /// \[rad/s\].
-        rate: f32,
+        rate: f64,
         /// \[s\].
-        until_secs: f32,
+        until_secs: f64,
     },
 }
 
@@ -299,28 +299,30 @@ impl Goals {
         let nominal: Vector3<f64> = nominal.cast();
         match self {
             Self::Fixed => nominal,
-            Self::PerAgent(goals) => goals[agent].cast(),
-            Self::Line(velocity) => nominal + velocity.cast() * secs,
+            Self::PerAgent(goals) => goals[agent],
+            Self::Line(velocity) => nominal + velocity * secs,
             Self::Wave { amplitude, rate, until_secs } => {
-                let phase = f64::from(*rate) * secs.min(f64::from(*until_secs));
-                nominal + amplitude.cast() * libm::cos(phase)
+                nominal + amplitude * libm::cos(rate * secs.min(*until_secs))
             }
         }
     }
 
+    /// Where the goals of all drones of an environment are at the start \[m, world\].
+    pub fn first(&self, nominal: &Vector3<f32>, drones: u32) -> Vec<Vector3<f32>> {
+        (0..drones as usize).map(|agent| self.at(nominal, agent, 0.0).cast()).collect()
+    }
+
     /// Its velocity \[m/s, world\] on average over the `lag_secs` before then, or then where that is zero.
     pub fn velocity_at(&self, secs: f64, lag_secs: f64) -> Vector3<f64> {
-        let wave = |amplitude: &Vector3<f32>, along: f64| amplitude.cast::<f64>() * along;
         match self {
             Self::Fixed | Self::PerAgent(_) => Vector3::zeros(),
-            Self::Line(velocity) => velocity.cast(),
+            Self::Line(velocity) => *velocity,
             Self::Wave { amplitude, rate, until_secs } => {
-                let (rate, until) = (f64::from(*rate), f64::from(*until_secs));
-                let phase = |secs: f64| libm::cos(rate * secs.clamp(0.0, until));
+                let phase = |secs: f64| libm::cos(rate * secs.clamp(0.0, *until_secs));
                 if lag_secs > 0.0 {
-                    return wave(amplitude, (phase(secs) - phase(secs - lag_secs)) / lag_secs);
+                    return amplitude * ((phase(secs) - phase(secs - lag_secs)) / lag_secs);
                 }
-                wave(amplitude, if secs < until { -rate * libm::sin(rate * secs) } else { 0.0 })
+                amplitude * if secs < *until_secs { -rate * libm::sin(rate * secs) } else { 0.0 }
             }
         }
     }

@@ -167,7 +167,7 @@ fn mark_ends<const LANES: usize, R: Real>(
         Termination::Collision { allowed: Some(area) } => {
             mark(codes, end, |lane| (view.touches[0][lane] < half) | area.contains(swarm, lane));
         }
-        Termination::OutOfBounds(bounds) => mark(codes, end, |lane| contains(bounds, swarm, lane)),
+        Termination::OutOfBounds(bounds) => mark(codes, end, |lane| stays_in(bounds, swarm, lane)),
         Termination::Tilt { limit } => {
             let least = R::from_f32(libm::cosf(*limit));
             mark(codes, end, |lane| least < swarm.state(lane).world_from_body.up_cosine());
@@ -306,27 +306,13 @@ pub(crate) fn contains<const LANES: usize, R: Real>(
     (low.x < x) & (x < high.x) & (low.y < y) & (y < high.y) & (low.z < z) & (z < high.z)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn codes_are_the_endings_in_lanes() {
-        assert_eq!(decode(0.0), None);
-        for ending in ENDINGS {
-            assert_eq!(decode(code(ending)), Some(ending));
-            assert_eq!(decode(code(ending) + UNUSUAL), Some(ending));
-            assert_eq!(is_failure(code(ending)), ending.is_failure());
-            assert_eq!(outcome(code(ending)), ending.outcome());
-            assert_ne!(outcome(code(ending) + UNUSUAL), ending.outcome());
-            assert_eq!(is_time_limit(code(ending)), ending == Ending::TimeLimit);
-        }
-        assert!(!is_failure(0.0) && !is_time_limit(0.0) && outcome(0.0) == Outcome::Running);
-    }
-
-    #[test]
-    fn a_teammate_is_cut_off_when_the_other_was() {
-        assert_eq!(outcome(code_of_teammate(code(Ending::Collision))), Outcome::Terminated);
-        assert_eq!(outcome(code_of_teammate(code(Ending::OutOfBounds) + UNUSUAL)), Outcome::Truncated);
-    }
+/// Within the box, its surface included: the reference's bounds end what is beyond them.
+#[inline(always)]
+fn stays_in<const LANES: usize, R: Real>(cuboid: &Cuboid, swarm: &Swarm<LANES, R>, lane: usize) -> bool {
+    let [x, y, z] = [swarm.position[0][lane], swarm.position[1][lane], swarm.position[2][lane]];
+    let (low, high) = (cuboid.low.map(R::from_f32), cuboid.high.map(R::from_f32));
+    (low.x <= x) & (x <= high.x) & (low.y <= y) & (y <= high.y) & (low.z <= z) & (z <= high.z)
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,13 +4,25 @@ use std::path::Path;
 
 use kestrel_sim::seed::Purpose;
 use kestrel_train::evaluation::{Evaluation, Flyer, Starts, evaluate};
-use kestrel_train::experiment_config::{Experiment, load};
+use kestrel_train::experiment_config::{Experiment, load_to_train};
 use kestrel_train::ppo::Trainer;
 
 fn hover(overrides: &[&str]) -> Experiment {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hover.yaml");
+    experiment("hover.yaml", overrides)
+}
+
+fn experiment(file: &str, overrides: &[&str]) -> Experiment {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs").join(file);
     let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
-    load(&path, &overrides).unwrap()
+    load_to_train(&path, &overrides).unwrap()
+}
+
+fn trained(experiment: &Experiment) -> Trainer {
+    let mut trainer = Trainer::new(&experiment.scenario, &experiment.ppo, experiment.seed);
+    while trainer.steps() < experiment.ppo.total_steps {
+        trainer.update();
+    }
+    trainer
 }
 
 fn fly(experiment: &Experiment, flyer: Flyer<'_>) -> Evaluation {
@@ -33,13 +45,30 @@ fn the_scripted_pilot_survives_where_doing_nothing_and_chance_do_not() {
 fn a_short_training_beats_the_trivial_baselines() {
     let experiment =
         hover(&["training.environments=256", "training.minibatch=2048", "training.total_steps=524288"]);
-    let mut trainer = Trainer::new(&experiment.scenario, &experiment.ppo, experiment.seed);
-    while trainer.steps() < experiment.ppo.total_steps {
-        trainer.update();
-    }
+    let trainer = trained(&experiment);
     let trained = fly(&experiment, Flyer::Actor(trainer.actor()));
     assert!(trained.length_secs > 2.0 * fly(&experiment, Flyer::Nothing).length_secs, "{trained:?}");
     assert!(trained.length_secs > 2.0 * fly(&experiment, Flyer::Random).length_secs, "{trained:?}");
+}
+
+#[test]
+fn two_drones_learn_one_policy_for_two_places() {
+    let overrides = [
+        "training.environments=256",
+        "training.minibatch=2048",
+        "training.total_steps=393216",
+        "scenario.start.position={around_goal: {farthest_m: 0.15}}",
+        "scenario.start.tilt_limit_deg=10",
+    ];
+    let experiment = experiment("aviaries/multi-hover.yaml", &overrides);
+    let trainer = trained(&experiment);
+    let trained = fly(&experiment, Flyer::Actor(trainer.actor()));
+    // From each start fly both.
+    assert_eq!(trained.episodes, 256);
+    for other in [Flyer::Nothing, Flyer::Random] {
+        let untrained = fly(&experiment, other);
+        assert!(trained.return_interval[0] > untrained.return_interval[1], "{trained:?}\n{untrained:?}");
+    }
 }
 
 #[test]

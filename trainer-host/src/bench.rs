@@ -95,14 +95,14 @@ pub fn vehicle(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
 fn environment_rate(scenario: &Scenario, substeps: u32, duration: Duration) -> f64 {
     let mut scenario = Scenario { terminations: Vec::new(), ..scenario.clone() };
     scenario.physics.substeps = substeps;
-    let mut simulation = Simulation::<64>::new(&scenario, Seed(0), 0, 256);
-    let actions = vec![0.0; scenario.action.len() * 256];
+    let mut simulation = Simulation::<64>::new(&scenario, Seed(0), 0, 256 / scenario.agents.count as usize);
+    let actions = vec![0.0; scenario.action.len() * simulation.rows()];
     let rate = best_rate(duration, || {
         for _ in 0..100 {
             simulation.step(&actions);
         }
         simulation.take_episodes();
-        100 * 256
+        100 * simulation.rows() as u64
     });
     black_box(simulation.rewards());
     rate

@@ -48,7 +48,7 @@ pub struct Starts {
 pub struct Evaluation {
     /// Who flew.
     pub pilot: String,
-    /// Episodes flown, one from each start.
+    /// Episodes flown, one from each start by every drone.
     pub episodes: usize,
     /// Share of episodes that were a success.
     pub success_rate: f64,
@@ -98,7 +98,8 @@ pub fn evaluate_exactly(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -
     summarise(flyer.name(), scenario, &flights.collect::<Vec<_>>())
 }
 
-/// Observations `[n][observation_len]` that the actor meets on flights from up to 64 of the starts, every eighth step.
+/// Observations `[n][observation_len]` that the actor meets on flights from up to 64 of the starts, every eighth step, by
+/// every drone.
 pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts) -> Vec<f32> {
     let count = starts.episodes.clamp(1, 64);
     let mut simulation = starting_at(scenario, starts, 0, count);
@@ -106,9 +107,9 @@ pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts
     let mut observations = Vec::new();
     for step in 0..scenario.episode_steps() {
         if step % 8 == 0 {
-            for environment in 0..count {
-                let columns = simulation.observations().chunks_exact(count);
-                observations.extend(columns.map(|column| column[environment]));
+            for row in 0..simulation.rows() {
+                let columns = simulation.observations().chunks_exact(simulation.rows());
+                observations.extend(columns.map(|column| column[row]));
             }
         }
         simulation.step(cockpit.act(&simulation));
@@ -116,14 +117,14 @@ pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts
     observations
 }
 
-/// Flies the episode that [`evaluate`] flies as number `start`, and keeps every state.
+/// Flies the episode that [`evaluate`] flies as number `start`, and keeps every state of the first drone.
 pub fn record(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts, start: u32) -> FlightPath {
     let mut simulation = starting_at(scenario, starts, start, 1);
     let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, start);
     let mut states = vec![simulation.state(0)];
     loop {
         simulation.step(cockpit.act(&simulation));
-        if let Some(episode) = simulation.take_episodes().pop() {
+        if let Some(episode) = simulation.take_episodes().into_iter().find(|episode| episode.agent == 0) {
             return FlightPath { states, episode };
         }
         states.push(simulation.state(0));

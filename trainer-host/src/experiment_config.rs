@@ -17,6 +17,7 @@ pub use evaluation::{EvaluationConfig, EvaluationSettings};
 pub use training::{ScheduleConfig, TrainingConfig};
 
 use crate::ppo::PpoSettings;
+use crate::rollout::{PANEL, is_trainable};
 
 /// Version of the file format that this program reads; a change that breaks old files raises it.
 pub const VERSION: u32 = 1;
@@ -72,6 +73,17 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError
     from_document(Document::read(path)?, overrides)
 }
 
+/// As [`load`], for training, which not every experiment is fit for.
+///
+/// # Errors
+/// As [`load`], and when the drones of an environment do not divide a panel.
+pub fn load_to_train(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    let document = with_overrides(Document::read(path)?, overrides)?;
+    let experiment = checked(&document)?;
+    refuse_untrainable(&experiment.scenario, &document.root().at("scenario"))?;
+    Ok(experiment)
+}
+
 /// The experiment in the YAML `text`, which messages call `name`; otherwise as [`load`].
 ///
 /// # Errors
@@ -85,13 +97,30 @@ pub fn schema() -> String {
     schema_of::<ExperimentConfig>()
 }
 
-fn from_document(mut document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
+fn from_document(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    checked(&with_overrides(document, overrides)?)
+}
+
+fn with_overrides(mut document: Document, overrides: &[String]) -> Result<Document, ConfigError> {
     document.require_version(VERSION)?;
     for assignment in overrides {
         document.set(assignment)?;
     }
     document.require_version(VERSION)?;
+    Ok(document)
+}
+
+fn checked(document: &Document) -> Result<Experiment, ConfigError> {
     document.decode::<ExperimentConfig>()?.check(&document.root())
+}
+
+fn refuse_untrainable(scenario: &Scenario, field: &Field<'_>) -> Result<(), ConfigError> {
+    let drones = scenario.agents.count;
+    if is_trainable(drones) {
+        return Ok(());
+    }
+    let expected = format!("1, 2, 4 or another divisor of {PANEL}: so many drones train side by side");
+    Err(field.at("agents").at("count").refuse(drones, expected))
 }
 
 impl ExperimentConfig {

@@ -1,6 +1,6 @@
 //! Proximal policy optimisation (Schulman et al. 2017), with the details of Huang et al. 2022.
 //!
-//! A minibatch is a random set of *tiles*: the [`PANEL`] environments of one panel at one step. Nothing is
+//! A minibatch is a random set of *tiles*: the [`PANEL`] drones of one panel at one step. Nothing is
 //! gathered, a tile is read where the rollout wrote it. That is as good as single samples: the environments of a
 //! tile are independent of each other and at different moments of their episodes, and a minibatch draws its tiles
 //! from all panels and all steps.
@@ -65,7 +65,7 @@ impl Trainer {
     /// A run at its beginning.
     ///
     /// # Panics
-    /// When the settings fail [`PpoSettings::check`].
+    /// When the settings fail [`PpoSettings::check`], or the drones of an environment do not divide [`PANEL`].
     pub fn new(scenario: &Scenario, settings: &PpoSettings, seed: Seed) -> Self {
         settings.check().expect("settings are checked where they are read");
         let weights = |network| Stream::new(seed, network, Purpose::Weights);

@@ -182,7 +182,10 @@ fn recording(name: &str, scenario: &Scenario, path: &FlightPath) -> FlightRecord
         title: name.to_owned(),
         control_secs: scenario.physics.control_secs(),
         airframe: scenario.airframe,
-        drones: vec![DroneFlight { goal: scenario.aviary.goal, frames: frames.collect() }],
+        drones: vec![DroneFlight {
+            goal: scenario.goals.at(&scenario.aviary.goal, 0, 0.0).cast(),
+            frames: frames.collect(),
+        }],
         solids: scenario.aviary.world.solids.iter().map(Outline::placed).collect(),
         movables: Vec::new(),
         floor: scenario.aviary.world.floor,

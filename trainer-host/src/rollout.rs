@@ -1,4 +1,4 @@
-//! Panels of environments that fly the policy, and the columns that they leave to the learner.
+//! Panels of drones that fly the policy, and the columns that they leave to the learner.
 
 use kestrel_sim::outcome::{Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
@@ -10,11 +10,16 @@ use crate::advantage::{Columns, gae};
 use crate::gaussian::Noise;
 use crate::network::Workspace;
 
-/// Environments of a panel, and samples of a tile.
+/// Drones of a panel, and samples of a tile.
 ///
 /// Enough columns for matrix products at full speed, few enough that the activations of a 64-64 network
 /// (2 × 64 kB, as much again backwards) stay in a core's second-level cache.
 pub const PANEL: usize = 256;
+
+/// Whether panels can be made of environments with so many drones.
+pub(crate) fn is_trainable(drones: u32) -> bool {
+    PANEL.is_multiple_of(drones as usize)
+}
 
 /// What a panel needs to know to collect a rollout.
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +28,7 @@ pub struct Collection<'a> {
     pub actor: &'a Actor,
     /// Appraises the observations.
     pub critic: &'a Critic,
-    /// Steps that every environment has made before.
+    /// Steps that every drone has made before.
     pub first_step: u64,
     /// Factor on rewards.
     pub reward_scale: f32,
@@ -33,7 +38,8 @@ pub struct Collection<'a> {
     pub gae_lambda: f32,
 }
 
-/// [`PANEL`] environments, stepped by one thread through a whole rollout.
+/// Environments of [`PANEL`] drones in all, stepped by one thread through a whole rollout; several drones of an
+/// environment share the policy.
 ///
 /// No panel waits for another, and none shares anything with another: the number of threads cannot matter.
 #[derive(Clone, Debug)]
@@ -50,19 +56,24 @@ pub struct Panel {
 }
 
 impl Panel {
-    /// Environments from `first_environment` on, at the start of their first episodes.
+    /// Environments at the start of their first episodes; the first `first_row` drones of the run are in panels before.
+    ///
+    /// # Panics
+    /// When the drones of an environment do not divide [`PANEL`].
     pub fn new(
         scenario: &Scenario,
         seed: Seed,
-        first_environment: u32,
+        first_row: u32,
         steps: usize,
         networks: (&Actor, &Critic),
     ) -> Self {
-        let simulation = Simulation::new(scenario, seed, first_environment, PANEL);
+        let drones = scenario.agents.count;
+        assert!(is_trainable(drones), "{drones} drones in an environment do not divide {PANEL}");
+        let simulation = Simulation::new(scenario, seed, first_row / drones, PANEL / drones as usize);
         let features = simulation.observation_len() + simulation.privileged_len();
         let action_len = scenario.action.len();
         Self {
-            noise: Noise::new(seed, first_environment, action_len),
+            noise: Noise::new(seed, first_row, action_len),
             rollout: Rollout::new(steps, features, action_len),
             actor_workspace: Workspace::new(networks.0.mlp(), PANEL),
             critic_workspace: Workspace::new(networks.1.mlp(), PANEL),
@@ -138,12 +149,12 @@ impl Panel {
             *scaled = reward * reward_scale;
         }
         self.rollout.outcomes[column_of(step)].copy_from_slice(self.simulation.outcomes());
-        for (environment, outcome) in self.simulation.outcomes().iter().enumerate() {
+        for (row, outcome) in self.simulation.outcomes().iter().enumerate() {
             if *outcome == Outcome::Truncated {
                 let observation = self.simulation.final_observations().chunks_exact(PANEL);
                 let privileged = self.simulation.final_privileged().chunks_exact(PANEL);
-                let input = observation.chain(privileged).map(|column| column[environment]).collect();
-                self.truncated.push((step * PANEL + environment, input));
+                let input = observation.chain(privileged).map(|column| column[row]).collect();
+                self.truncated.push((step * PANEL + row, input));
             }
         }
     }

@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ConfigError;
 use super::field::{Field, Limits};
+use super::geometry::holds;
 use crate::scenario::{Agents, Goals, TeamEnd, TeamRewards};
+use crate::world::{Floor, World};
 
 /// Most drones in one environment; every one is tested against every other.
 const DRONES_LIMIT: u64 = 256;
@@ -80,17 +82,24 @@ impl Default for AgentsConfig {
 }
 
 impl AgentsConfig {
-    /// The drones.
+    /// The drones that fly in `world`.
     ///
     /// # Errors
-    /// When there are none or too many.
-    pub fn check(&self, field: &Field<'_>) -> Result<Agents, ConfigError> {
+    /// When there are none or too many, or they would leave its bodies lying about for good.
+    pub fn check(&self, world: &World, field: &Field<'_>) -> Result<Agents, ConfigError> {
+        let count = field.at("count").whole(self.count, 1..=DRONES_LIMIT)? as u32;
+        let ends = match self.ends {
+            // What starts anew with all drones starts anew with the only one.
+            TeamEndConfig::Alone if count > 1 => TeamEnd::Alone,
+            TeamEndConfig::Together | TeamEndConfig::Alone => TeamEnd::Together,
+        };
+        if ends == TeamEnd::Alone && !world.movables.is_empty() {
+            let expected = "`together`: bodies that can be pushed stand up again when the episodes of all end";
+            return Err(field.at("ends").reject("`alone` in a world with movables", expected));
+        }
         Ok(Agents {
-            count: field.at("count").whole(self.count, 1..=DRONES_LIMIT)? as u32,
-            ends: match self.ends {
-                TeamEndConfig::Together => TeamEnd::Together,
-                TeamEndConfig::Alone => TeamEnd::Alone,
-            },
+            count,
+            ends,
             rewards: match self.rewards {
                 TeamRewardsConfig::Own => TeamRewards::Own,
                 TeamRewardsConfig::Shared => TeamRewards::Shared,
@@ -100,11 +109,11 @@ impl AgentsConfig {
 }
 
 impl GoalsConfig {
-    /// The goals of `drones` drones.
+    /// The goals of `drones` drones in a world.
     ///
     /// # Errors
-    /// When a number is out of range or there is not one point for each drone.
-    pub fn check(&self, drones: u32, field: &Field<'_>) -> Result<Goals, ConfigError> {
+    /// When a number is out of range, there is not one point for each drone, or no drone can be at one.
+    pub fn check(&self, drones: u32, world: &World, field: &Field<'_>) -> Result<Goals, ConfigError> {
         match self {
             Self::PerAgent { points_m } => {
                 let field = field.at("per_agent").at("points_m");
@@ -112,23 +121,35 @@ impl GoalsConfig {
                     let found = format!("{} points", points_m.len());
                     return Err(field.reject(found, format!("{drones}, one for each drone")));
                 }
-                let point = |(index, point): (usize, &[f64; 3])| field.at(index).point(*point);
+                let point = |(index, point): (usize, &[f64; 3])| free_point(*point, world, &field.at(index));
                 points_m.iter().enumerate().map(point).collect::<Result<_, _>>().map(Goals::PerAgent)
             }
             Self::Line { velocity_m_per_s } => {
                 let field = field.at("line").at("velocity_m_per_s");
-                field.numbers(*velocity_m_per_s, &SPEED).map(Vector3::from).map(Goals::Line)
+                field.reals(*velocity_m_per_s, &SPEED).map(Goals::Line)
             }
             Self::Wave { amplitude_m, rate_rad_per_s, until_secs } => {
                 let field = field.at("wave");
                 Ok(Goals::Wave {
-                    amplitude: field.at("amplitude_m").numbers(*amplitude_m, &LENGTH).map(Vector3::from)?,
+                    amplitude: field.at("amplitude_m").reals(*amplitude_m, &LENGTH)?,
                     rate: field
                         .at("rate_rad_per_s")
-                        .number(*rate_rad_per_s, &Limits::from(-100.0, 100.0, "rad/s"))?,
-                    until_secs: field.at("until_secs").number(*until_secs, &Limits::from(0.0, 600.0, "s"))?,
+                        .real(*rate_rad_per_s, &Limits::from(-100.0, 100.0, "rad/s"))?,
+                    until_secs: field.at("until_secs").real(*until_secs, &Limits::from(0.0, 600.0, "s"))?,
                 })
             }
         }
+    }
+}
+
+/// A point above the floor and outside of solids.
+fn free_point(point: [f64; 3], world: &World, field: &Field<'_>) -> Result<Vector3<f64>, ConfigError> {
+    let point = field.place(point)?;
+    if world.floor == Floor::Solid && point.z <= 0.0 {
+        return Err(field.at(2).refuse(point.z, "more than 0, because there is a floor at z = 0"));
+    }
+    match world.solids.iter().find(|solid| holds(solid, &point)) {
+        Some(_) => Err(field.reject("a goal in a solid", "one that a drone can be at")),
+        None => Ok(point),
     }
 }

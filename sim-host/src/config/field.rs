@@ -138,6 +138,14 @@ impl<'a> Field<'a> {
         Ok([self.at(0).number(x, limits)?, self.at(1).number(y, limits)?, self.at(2).number(z, limits)?])
     }
 
+    /// As [`Self::numbers`], in double precision.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn reals(&self, values: [f64; 3], limits: &Limits) -> Result<Vector3<f64>, ConfigError> {
+        self.numbers(values, limits).map(|_| values.into())
+    }
+
     /// A point \[m, world\].
     ///
     /// # Errors

@@ -95,7 +95,7 @@ impl RandomisationConfig {
 }
 
 impl StartConfig {
-    /// The start states, none of which ends its episode at once.
+    /// The start states, none of which ends its episode at once; `goals` has the first goal of each drone \[m, world\].
     ///
     /// # Errors
     /// When a number is out of range or a start would meet one of the `terminations`.
@@ -104,28 +104,29 @@ impl StartConfig {
         aviary: &Aviary,
         airframe: &Airframe,
         terminations: &[EndRule],
-        drones: u32,
+        goals: &[Vector3<f32>],
         field: &Field<'_>,
     ) -> Result<Start, ConfigError> {
         let tilt = field.at("tilt_limit_deg").number(self.tilt_limit_deg, &Limits::from(0.0, 180.0, "degrees"))?;
         let rates = Limits::from(0.0, 50.0, "rad/s");
         let start = Start {
-            position: self.position.check(drones, &field.at("position"))?,
+            position: self.position.check(goals.len(), &field.at("position"))?,
             tilt_limit: tilt.to_radians(),
             speed_limit: field.at("speed_limit_m_per_s").number(self.speed_limit_m_per_s, &SPEED)?,
             body_rates_limit: field
                 .at("body_rates_limit_rad_per_s")
                 .number(self.body_rates_limit_rad_per_s, &rates)?,
         };
+        let region = Region { goals, position: &start.position };
         for termination in terminations {
-            survives(&start, &termination.rule, aviary, airframe, field)?;
+            survives(&start, &termination.rule, &region, (aviary, airframe), field)?;
         }
         Ok(start)
     }
 }
 
 impl StartPositionConfig {
-    fn check(&self, drones: u32, field: &Field<'_>) -> Result<StartPosition, ConfigError> {
+    fn check(&self, drones: usize, field: &Field<'_>) -> Result<StartPosition, ConfigError> {
         match self {
             Self::AroundGoal { nearest_m, farthest_m } => {
                 let field = field.at("around_goal");
@@ -137,7 +138,7 @@ impl StartPositionConfig {
             Self::Within(region) => region.check(&field.at("within")).map(StartPosition::Within),
             Self::Exactly(places) => {
                 let field = field.at("exactly");
-                if places.len() != drones as usize {
+                if places.len() != drones {
                     let found = format!("{} places", places.len());
                     return Err(field.reject(found, format!("{drones}, one for each drone")));
                 }
@@ -162,11 +163,10 @@ impl PlaceConfig {
 fn survives(
     start: &Start,
     termination: &Termination,
-    aviary: &Aviary,
-    airframe: &Airframe,
+    region: &Region<'_>,
+    (aviary, airframe): (&Aviary, &Airframe),
     field: &Field<'_>,
 ) -> Result<(), ConfigError> {
-    let region = Region { goal: aviary.goal, position: start.position.clone() };
     let position = field.at("position");
     match termination {
         Termination::Collision { allowed: None } => {
@@ -199,48 +199,66 @@ fn survives(
     }
 }
 
-/// Where starts can be: a ball around the goal or a box.
-struct Region {
-    goal: Vector3<f32>,
-    position: StartPosition,
+/// Where starts can be: balls around the drones' goals, a box or places.
+struct Region<'a> {
+    goals: &'a [Vector3<f32>],
+    position: &'a StartPosition,
 }
 
-impl Region {
+impl Region<'_> {
     /// The smallest box around all starts.
     fn hull(&self) -> Cuboid {
-        match &self.position {
+        match self.position {
             StartPosition::AroundGoal { farthest_m, .. } => {
-                Cuboid { low: self.goal.add_scalar(-farthest_m), high: self.goal.add_scalar(*farthest_m) }
+                let Cuboid { low, high } = hull_of(self.goals.iter().copied());
+                Cuboid { low: low.add_scalar(-farthest_m), high: high.add_scalar(*farthest_m) }
             }
             StartPosition::Within(region) => *region,
-            StartPosition::Exactly(places) => hull_of(places),
+            StartPosition::Exactly(places) => hull_of(places.iter().map(|place| place.position.cast())),
         }
     }
 
+    /// Greatest distance between a start and the goal of its drone \[m\].
     fn farthest_from_goal(&self) -> f32 {
-        match &self.position {
-            StartPosition::AroundGoal { farthest_m, .. } => *farthest_m,
+        let distances: Vec<f32> = match self.position {
+            StartPosition::AroundGoal { farthest_m, .. } => vec![*farthest_m],
             StartPosition::Within(Cuboid { low, high }) => {
-                (self.goal - low).abs().sup(&(high - self.goal).abs()).norm()
+                self.goals.iter().map(|goal| (goal - low).abs().sup(&(high - goal).abs()).norm()).collect()
             }
             StartPosition::Exactly(places) => {
-                places.iter().map(|place| (place.position.cast() - self.goal).norm()).fold(0.0, f32::max)
+                let pairs = places.iter().zip(self.goals);
+                pairs.map(|(place, goal)| (place.position.cast() - goal).norm()).collect()
             }
-        }
+        };
+        distances.into_iter().fold(0.0, f32::max)
     }
 
     /// Least distance between a start and the solid \[m\].
     fn gap_to(&self, solid: &Cuboid) -> f32 {
-        match &self.position {
+        let to_point = |point: Vector3<f32>| gap(&Cuboid { low: point, high: point }, solid);
+        match self.position {
             StartPosition::AroundGoal { farthest_m, .. } => {
-                gap(&Cuboid { low: self.goal, high: self.goal }, solid) - farthest_m
+                self.goals.iter().map(|goal| to_point(*goal) - farthest_m).fold(f32::INFINITY, f32::min)
             }
             StartPosition::Within(region) => gap(region, solid),
             StartPosition::Exactly(places) => {
-                let at = |place: &Place| Cuboid { low: place.position.cast(), high: place.position.cast() };
-                places.iter().map(|place| gap(&at(place), solid)).fold(f32::INFINITY, f32::min)
+                places.iter().map(|place| to_point(place.position.cast())).fold(f32::INFINITY, f32::min)
             }
         }
+    }
+
+    /// Refuses places of drones that touch each other.
+    fn apart(&self, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
+        let StartPosition::Exactly(places) = self.position else { return Ok(()) };
+        for (index, place) in places.iter().enumerate() {
+            let distance = |other: &Place| (place.position - other.position).norm() as f32;
+            if let Some(other) = places[..index].iter().position(|other| distance(other) < 2.0 * radius) {
+                let found = format!("a start {:.3} m from that of drone {other}", distance(&places[other]));
+                let expected = format!("at least {} m between, twice the drone's radius", 2.0 * radius);
+                return Err(field.at("exactly").at(index).reject(found, expected));
+            }
+        }
+        Ok(())
     }
 
     /// Refuses starts nearer than `radius` \[m\] to the floor or a solid.
@@ -250,7 +268,7 @@ impl Region {
             return Err(field.reject(found, format!("at least {radius} m above the floor, the drone's radius")));
         }
         match aviary.world.bounds().iter().find(|solid| self.gap_to(solid) < radius) {
-            None => Ok(()),
+            None => self.apart(radius, field),
             Some(solid) => {
                 let found = format!("starts {:.3} m from {}", self.gap_to(solid).max(0.0), shown(solid));
                 Err(field.reject(found, format!("at least {radius} m between, the drone's radius")))
@@ -259,13 +277,12 @@ impl Region {
     }
 }
 
-/// The smallest box around all places.
-fn hull_of(places: &[Place]) -> Cuboid {
-    let positions = || places.iter().map(|place| place.position.cast());
+/// The smallest box around all points.
+fn hull_of(points: impl Iterator<Item = Vector3<f32>> + Clone) -> Cuboid {
     let far = Vector3::repeat(f32::INFINITY);
     Cuboid {
-        low: positions().fold(far, |low, position: Vector3<f32>| low.inf(&position)),
-        high: positions().fold(-far, |high, position: Vector3<f32>| high.sup(&position)),
+        low: points.clone().fold(far, |low, point| low.inf(&point)),
+        high: points.fold(-far, |high, point| high.sup(&point)),
     }
 }
 

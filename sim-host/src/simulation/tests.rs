@@ -1,13 +1,24 @@
 //! The façade as a whole: determinism, resets, outcomes.
 
+mod determinism;
+mod team;
+
 use kestrel_core::action::{ACTION_LEN, ActionSpace};
 
 use super::*;
+use crate::config::{Document, ScenarioConfig};
 use crate::scenario::{Cuboid, EndRule, Preset, StartPosition, Success, Termination};
 use crate::testing::hover;
 use crate::world::{Floor, Solid};
 use nalgebra::Vector3;
 use proptest::prelude::*;
+
+/// The scenario of a YAML text.
+fn scenario(yaml: &str) -> Scenario {
+    let document = Document::parse("trial.yaml", yaml).unwrap();
+    let config: ScenarioConfig = document.decode().unwrap();
+    config.check("trial", &document.root()).unwrap()
+}
 
 fn noise(step: usize, count: usize) -> Vec<f32> {
     let mut stream = Stream::new(Seed(99), step as u32, Purpose::Actions);

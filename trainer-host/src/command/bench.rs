@@ -34,7 +34,7 @@ fn repetition_secs(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let experiment = experiment_config::load(&arguments.config, &[])?;
+    let experiment = experiment_config::load_to_train(&arguments.config, &[])?;
     let duration = Duration::from_secs_f64(arguments.secs);
     let scenario = &experiment.scenario;
     say(format_args!("{:<44} {:>9} {:>9} {:>6}  limited by", "", "per s", "aim", "ratio"))?;

@@ -65,7 +65,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 fn open(arguments: &Arguments) -> Result<TrainingRun> {
     if let Some(path) = &arguments.resume {
         let directory = RunDirectory::resume(path)?;
-        let experiment = experiment_config::load(&directory.config(), &[])?;
+        let experiment = experiment_config::load_to_train(&directory.config(), &[])?;
         let (run, warning) = TrainingRun::resume(experiment, directory)?;
         if let Some(warning) = warning {
             warn(format_args!("warning: {warning}; going on from the checkpoint before it"));
@@ -86,7 +86,7 @@ fn load(arguments: &Arguments) -> Result<Experiment> {
     let path = arguments.config.as_deref().context("an experiment file is needed, such as configs/hover.yaml")?;
     let seed = arguments.seed.map(|seed| format!("training.seed={seed}"));
     let overrides: Vec<String> = arguments.set.iter().cloned().chain(seed).collect();
-    Ok(experiment_config::load(path, &overrides)?)
+    Ok(experiment_config::load_to_train(path, &overrides)?)
 }
 
 /// Exports, evaluates and draws; between these steps it may be interrupted.

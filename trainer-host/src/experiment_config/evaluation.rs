@@ -54,8 +54,9 @@ impl EvaluationConfig {
         let episodes = field.at("episodes").whole(self.episodes, 1..=1_000_000)?;
         let mut scenario = scenario.clone();
         if let Some(start) = &self.start {
-            let Scenario { aviary, airframe, terminations, agents, .. } = &scenario;
-            scenario.start = start.check(aviary, airframe, terminations, agents.count, &field.at("start"))?;
+            let Scenario { aviary, airframe, terminations, agents, goals, .. } = &scenario;
+            let goals = goals.first(&aviary.goal, agents.count);
+            scenario.start = start.check(aviary, airframe, terminations, &goals, &field.at("start"))?;
         }
         if let Some(secs) = self.episode_secs {
             scenario.episode_secs = field.at("episode_secs").number(secs, &EPISODE_LIMITS)?;

@@ -28,11 +28,11 @@ const RATE: Limits = Limits::above(0.0, 1.0, "");
 pub struct TrainingConfig {
     /// What all randomness of training follows from.
     pub seed: u64,
-    /// Steps of all environments together after which training ends.
+    /// Steps of all drones together after which training ends.
     pub total_steps: u64,
-    /// Environments that fly at the same time: a multiple of 256.
+    /// Environments that fly at the same time: a multiple of 256. Where several drones share one, drones in all.
     pub environments: u64,
-    /// Steps of each environment between two updates.
+    /// Steps of each drone between two updates.
     pub steps_per_rollout: u64,
     /// Passes over a rollout in one update.
     pub epochs: u64,

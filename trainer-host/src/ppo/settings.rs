@@ -9,9 +9,9 @@ use crate::schedule::Schedule;
 /// The hyperparameters of PPO, under the names of the field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PpoSettings {
-    /// Environments in parallel, a multiple of [`PANEL`].
+    /// Environments in parallel, a multiple of [`PANEL`]; where several drones share one, drones.
     pub environments: usize,
-    /// Steps of every environment between updates.
+    /// Steps of every drone between updates.
     pub steps_per_rollout: usize,
     /// Environment steps of the whole training; a linear schedule ends there.
     pub total_steps: u64,

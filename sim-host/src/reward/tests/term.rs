@@ -1,0 +1,59 @@
+//! The terms that are rates, or paid once.
+
+use super::*;
+
+#[test]
+fn rates_are_paid_by_the_second() {
+    assert_near(Trial::of("alive: { weight: 3 }").pay(), 3.0 / 48.0);
+    assert_near(Trial::of("distance: { weight: -2 }").from_goal(1.5), -3.0 / 48.0);
+    let mut proximity = Trial::of("proximity: { weight: 4, scale_m: 0.5 }");
+    assert_all_near(&[0.0, 0.5, 1.0].map(|d| proximity.from_goal(d)), &[4.0, 2.0, 0.8].map(|v| v / 48.0));
+    assert_near(Trial::of("velocity: { weight: 1 }").moving([1.0, -2.0, 3.0]), 14.0 / 48.0);
+}
+
+#[test]
+fn body_rates_tilt_and_actions_cost_their_squares() {
+    let mut rates = Trial::of("body_rates: { weight: -1 }");
+    rates.swarm.body_rates = [[2.0], [1.0], [-1.0]];
+    assert_near(rates.pay(), -6.0 / 48.0);
+    let mut tilt = Trial::of("tilt: { weight: 1 }");
+    assert_near(tilt.turned(turn(ROLL, core::f64::consts::FRAC_PI_3)), 0.5 / 48.0);
+    assert_near(tilt.turned(turn(YAW, 2.0)), 0.0);
+    let mut action = Trial::of("action: { weight: 1 }");
+    action.action = [0.5, -0.5, 1.0, 0.0];
+    assert_near(action.pay(), 1.5 / 48.0);
+    let mut change = Trial::of("action_change: { weight: 1 }");
+    (change.action, change.previous_action) = ([1.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.5]);
+    assert_near(change.pay(), 4.25 / 48.0);
+}
+
+#[test]
+fn progress_shaping_and_endings_are_paid_as_they_are() {
+    let mut progress = Trial::of("progress: { weight: 2 }");
+    (progress.previous_distance, progress.distance) = (1.0, 0.75);
+    assert_near(progress.pay(), 0.5);
+    let mut shaping = Trial::of("shaping: { weight: 1, discount: 0.5 }");
+    (shaping.previous_distance, shaping.distance) = (1.0, 0.75);
+    assert_near(shaping.pay(), 0.625);
+    let mut success = Trial::of("success: { weight: 10 }");
+    let mut failure = Trial::of("failure: { weight: -5 }");
+    assert_all_near(&[success.pay(), failure.pay()], &[0.0, 0.0]);
+    (success.ends.success, failure.ends.failure) = ([1.0], [1.0]);
+    assert_all_near(&[success.pay(), failure.pay()], &[10.0, -5.0]);
+}
+
+#[test]
+fn only_those_who_are_named_are_paid() {
+    let paid = |agents: &str| {
+        let mut trial = Trial::of(&format!("squared_distance: {{ weight: 1, agents: {agents} }}"));
+        trial.team = vec![[[0.0]; 3]; 3];
+        trial.distance = 1.0;
+        [0, 1, 2].map(|agent| {
+            trial.agent = agent;
+            trial.pay()
+        })
+    };
+    assert_eq!(paid("all"), [-1.0; 3]);
+    assert_eq!(paid("first"), [-1.0, 0.0, 0.0]);
+    assert_eq!(paid("others"), [0.0, -1.0, -1.0]);
+}

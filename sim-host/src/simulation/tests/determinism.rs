@@ -1,0 +1,221 @@
+//! The same bits from any number of lanes, any division and any point of resumption, whatever is simulated.
+
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::outcome::Ending::{self, Collision, Teammate, TimeLimit};
+
+/// Environments of a test, more than a block of eight.
+const ENVIRONMENTS: usize = 11;
+
+/// Bits of every step, by environment, and all episodes.
+#[derive(Debug, Default, PartialEq)]
+struct Flights {
+    traces: BTreeMap<u32, Vec<u64>>,
+    episodes: Vec<Episode>,
+}
+
+/// Noise that depends on nothing but step, environment, drone and value, `[action_len][rows]`.
+fn actions_of(scenario: &Scenario, first: u32, count: usize, step: usize) -> Vec<f32> {
+    let drones = scenario.agents.count as usize;
+    let mut actions = vec![0.0; scenario.action.len() * drones * count];
+    for environment in 0..count {
+        for drone in 0..drones {
+            let mut stream =
+                Stream::of_agent(Seed(step as u64), first + environment as u32, drone as u32, Purpose::Actions);
+            for column in actions.chunks_exact_mut(drones * count) {
+                column[drone * count + environment] = stream.between(-1.0, 1.0);
+            }
+        }
+    }
+    actions
+}
+
+impl Flights {
+    /// Appends what a step left.
+    fn add<const LANES: usize>(&mut self, simulation: &mut Simulation<LANES>, first: u32) {
+        let (rows, count) = (simulation.rows(), simulation.environments());
+        for row in 0..rows {
+            let trace = self.traces.entry(first + (row % count) as u32).or_default();
+            trace.push(u64::from(simulation.rewards()[row].to_bits()));
+            trace.push(simulation.outcomes()[row] as u64);
+            let columns = [simulation.observations(), simulation.privileged()].map(|all| all.chunks_exact(rows));
+            trace.extend(columns.into_iter().flatten().map(|column| u64::from(column[row].to_bits())));
+        }
+        for environment in 0..count {
+            let bits = simulation.movables(environment).into_iter().flat_map(|pose| {
+                let q = pose.world_from_body;
+                let [x, y, z] = pose.position.into();
+                [x, y, z, q.w, q.x, q.y, q.z].map(f64::to_bits)
+            });
+            self.traces.entry(first + environment as u32).or_default().extend(bits);
+        }
+        self.episodes.extend(simulation.take_episodes());
+    }
+
+    /// Episodes in an order that does not depend on blocks.
+    fn sorted(mut self) -> Self {
+        self.episodes.sort_by_key(|episode| (episode.environment, episode.agent));
+        self
+    }
+}
+
+fn fly<const LANES: usize>(scenario: &Scenario, parts: &[(u32, usize)], steps: usize) -> Flights {
+    let mut flights = Flights::default();
+    for &(first, count) in parts {
+        let mut simulation = Simulation::<LANES>::new(scenario, Seed(5), first, count);
+        for step in 0..steps {
+            simulation.step(&actions_of(scenario, first, count, step));
+            flights.add(&mut simulation, first);
+        }
+    }
+    flights.sorted()
+}
+
+/// As [`fly`], through a saved state that is read back into a simulation of another past.
+fn fly_in_two<const LANES: usize>(scenario: &Scenario, steps: usize) -> Flights {
+    let mut flights = Flights::default();
+    let mut simulation = Simulation::<LANES>::new(scenario, Seed(5), 0, ENVIRONMENTS);
+    for step in 0..steps {
+        if step == steps / 2 {
+            let saved = simulation.save();
+            let mut other = Simulation::<LANES>::new(scenario, Seed(77), 0, ENVIRONMENTS);
+            for past in 0..5 {
+                other.step(&actions_of(scenario, 40, ENVIRONMENTS, past));
+            }
+            assert!(other.restore(&saved));
+            simulation = other;
+        }
+        simulation.step(&actions_of(scenario, 0, ENVIRONMENTS, step));
+        flights.add(&mut simulation, 0);
+    }
+    flights.sorted()
+}
+
+/// Holds a scenario to its bits; some of its episodes must end by each of `endings`.
+fn assert_deterministic(yaml: &str, steps: usize, endings: &[Ending]) {
+    let scenario = scenario(yaml);
+    let reference = fly::<64>(&scenario, &[(0, ENVIRONMENTS)], steps);
+    for ending in endings {
+        assert!(reference.episodes.iter().any(|episode| episode.ending == *ending), "no {}", ending.name());
+    }
+    assert!(reference == fly::<1>(&scenario, &[(0, ENVIRONMENTS)], steps), "one lane");
+    assert!(reference == fly::<8>(&scenario, &[(0, ENVIRONMENTS)], steps), "eight lanes");
+    assert!(reference == fly::<8>(&scenario, &[(0, 3), (3, 1), (4, 7)], steps), "divided");
+    assert!(reference == fly_in_two::<64>(&scenario, steps), "restored, 64 lanes");
+    assert!(reference == fly_in_two::<1>(&scenario, steps), "restored, one lane");
+}
+
+/// Three drones in a small room fly into each other's downwash, each other and the walls.
+const CROWD: &str = "
+aviary: { goal_m: [0, 0, 1], room: { low_m: [-0.5, -0.5, 0], high_m: [0.5, 0.5, 2] } }
+agents: { count: 3 }
+physics: { downwash: true, ground_effect: true, substeps: 2, control_rate_hz: 50 }
+randomisation: { mass_fraction: 0.1, wind_speed_m_per_s: 1 }
+start: { position: { within: { low_m: [-0.3, -0.3, 0.3], high_m: [0.3, 0.3, 1.5] } }, speed_limit_m_per_s: 1 }
+rewards: [ proximity: { weight: 1, scale_m: 0.5 }, no_collision: { weight: 1 }, meeting: { weight: 1 } ]
+episode_secs: 0.6
+success: { settle: { radius_m: 0.5, within_secs: 0.3 } }
+";
+
+#[test]
+fn several_drones_with_downwash_and_reported_contacts() {
+    let together = format!("{CROWD}terminations: [ collision ]");
+    assert_deterministic(&together, 60, &[Collision, Teammate]);
+    let alone = together.replace("count: 3", "count: 3, ends: alone, rewards: shared");
+    assert_deterministic(&alone, 60, &[Collision, TimeLimit]);
+}
+
+#[test]
+fn several_drones_that_push_each_other() {
+    assert_deterministic(CROWD, 60, &[TimeLimit]);
+}
+
+/// Drones fall on a stack of bricks and push them about.
+const BRICKS: &str = "
+aviary:
+  goal_m: [0, 0, 0.5]
+  movables:
+    - { box: { center_m: [0, 0, 0.05], size_m: [0.1, 0.1, 0.1] }, mass_kg: 0.02 }
+    - { box: { center_m: [0, 0.02, 0.15], size_m: [0.1, 0.1, 0.1] }, mass_kg: 0.02 }
+    - { cylinder: { center_m: [0.2, 0, 0.05], radius_m: 0.04, height_m: 0.1 }, mass_kg: 0.01 }
+physics: { substeps: 4, control_rate_hz: 50 }
+start: { position: { within: { low_m: [-0.1, -0.1, 0.25], high_m: [0.1, 0.1, 0.4] } }, speed_limit_m_per_s: 2 }
+rewards: [ no_collision: { weight: 1 } ]
+episode_secs: 0.6
+success: { settle: { radius_m: 0.5, within_secs: 0.3 } }
+";
+
+#[test]
+fn drones_that_push_bricks() {
+    assert_deterministic(BRICKS, 60, &[TimeLimit]);
+    let bullet = BRICKS.replace("substeps: 4, ", "bullet: { mode: pyb }, substeps: 5, ");
+    assert_deterministic(&bullet, 60, &[TimeLimit]);
+}
+
+#[test]
+fn bricks_fall_again_in_every_episode() {
+    let scenario = scenario(BRICKS);
+    let mut simulation = Simulation::<8>::new(&scenario, Seed(1), 0, 3);
+    let standing = simulation.movables(0);
+    for step in 0..29 {
+        simulation.step(&actions_of(&scenario, 0, 3, step));
+    }
+    assert!((0..3).any(|environment| simulation.movables(environment) != standing));
+    simulation.step(&actions_of(&scenario, 0, 3, 29));
+    assert!((0..3).all(|environment| simulation.movables(environment) == standing));
+}
+
+/// Two drones under the reference's physics with everything on, near the floor and each other.
+const BULLET: &str = "
+aviary: { goal_m: [0, 0, 1], solids: [ { low_m: [0.3, -1, 0], high_m: [0.4, 1, 1] } ] }
+agents: { count: 2, ends: alone }
+physics: { substeps: 5, control_rate_hz: 48, bullet: { mode: pyb_gnd_drag_dw, version: VERSION } }
+action: { published: { kind: KIND } }
+observation: { paper: { episode_secs: 5 } }
+critic: observation
+start: { position: { within: { low_m: [-0.2, -0.2, 0.1], high_m: [0.2, 0.2, 0.5] } }, speed_limit_m_per_s: 1 }
+rewards: [ squared_distance: { weight: 1 }, increase_x_v2: { weight: 1 }, field_coverage: { weight: 1 } ]
+episode_secs: 0.5
+clock: { as_published: true }
+success: { settle: { radius_m: 0.5, within_secs: 0.3 } }
+";
+
+#[test]
+fn the_reference_s_physics_in_every_action_space() {
+    let kinds = ["rpm", "dyn", "pid", "vel", "tun", "one_d_rpm", "one_d_dyn", "one_d_pid", "waypoint"];
+    for (index, kind) in kinds.into_iter().enumerate() {
+        let version = ["fork", "upstream", "sound"][index % 3];
+        assert_deterministic(&BULLET.replace("VERSION", version).replace("KIND", kind), 55, &[TimeLimit]);
+    }
+}
+
+#[test]
+fn controllers_that_remember_the_episode_before() {
+    let kept = BULLET.replace("VERSION", "fork").replace("kind: KIND", "kind: pid, controllers_persist: true");
+    assert_deterministic(&kept, 55, &[TimeLimit]);
+    let dyn_ = kept.replace("pyb_gnd_drag_dw", "dyn");
+    assert_deterministic(&dyn_, 55, &[TimeLimit]);
+}
+
+/// A drone that sees what its sensors say, and past actions in another.
+const SENSORS: &str = "
+aviary: { goal_m: [0, 0, 1], room: { low_m: [-1, -1, 0], high_m: [1, 1, 2] } }
+agents: { count: 2 }
+physics: { control_rate_hz: 100 }
+action: { published: { kind: vel } }
+sensors: [ imu, flow, range: { directions: [front, up, left] }, barometer ]
+observation: measured
+start: { position: { within: { low_m: [-0.5, -0.5, 0.5], high_m: [0.5, 0.5, 1.5] } }, tilt_limit_deg: 30 }
+rewards: [ proximity: { weight: 1, scale_m: 0.5 } ]
+terminations: [ collision ]
+episode_secs: 0.4
+success: { settle: { radius_m: 0.5, within_secs: 0.3 } }
+";
+
+#[test]
+fn sensors_and_past_actions() {
+    assert_deterministic(SENSORS, 90, &[TimeLimit]);
+    let past = SENSORS.replace("observation: measured", "observation: { kinematic: { past_actions: 5 } }");
+    assert_deterministic(&past, 90, &[TimeLimit]);
+}

@@ -1,0 +1,214 @@
+//! Several drones in an environment, moving goals, and the clocks that move them.
+
+use super::*;
+use crate::outcome::Ending;
+
+/// Drones that hang in the air at these places \[m\], each with its own physics and a goal of its own.
+fn hanging(places: &[[f64; 3]], more: &str) -> Scenario {
+    let places: Vec<String> = places.iter().map(|place| format!("{{ position_m: {place:?} }}")).collect();
+    scenario(&format!(
+        "aviary: {{ goal_m: [0, 0, 1] }}
+start: {{ position: {{ exactly: [ {} ] }} }}
+physics: {{ control_rate_hz: 50 }}
+critic: observation
+success: {{ settle: {{ radius_m: 0.5, within_secs: 0.1 }} }}
+{more}
+",
+        places.join(", ")
+    ))
+}
+
+/// Flies steps of the zero action and returns rewards and outcomes of each.
+fn steps(simulation: &mut Simulation<1, f64>, count: usize) -> Vec<(Vec<f64>, Vec<Outcome>)> {
+    let actions = vec![0.0; simulation.scenario().action.len() * simulation.rows()];
+    let step = |_| {
+        simulation.step(&actions);
+        (simulation.rewards().to_vec(), simulation.outcomes().to_vec())
+    };
+    (0..count).map(step).collect()
+}
+
+const THREE: [[f64; 3]; 3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 2.0, 1.0]];
+
+/// The third of three drones is out of bounds from the start.
+fn third_is_lost(agents: &str) -> Simulation<1, f64> {
+    let agents = format!("agents: {{ count: 3, {agents} }}");
+    let more = format!("{agents}\nrewards: [ distance: {{ weight: 50 }} ]\nepisode_secs: 0.2");
+    let mut scenario = hanging(&THREE, &more);
+    // A configuration that said so would be refused.
+    scenario.terminations = vec![EndRule::terminal(Termination::Distance { limit_m: 1.5 })];
+    Simulation::new(&scenario, Seed(0), 0, 1)
+}
+
+#[test]
+fn a_team_that_ends_together_ends_with_the_first_of_it() {
+    let mut simulation = third_is_lost("ends: together");
+    let flown = steps(&mut simulation, 2);
+    assert_eq!(flown[0].1, [Outcome::Terminated; 3]);
+    let episodes = simulation.take_episodes();
+    let ends: Vec<_> = episodes.iter().map(|episode| (episode.agent, episode.steps, episode.ending)).collect();
+    let one = [(0, 1, Ending::Teammate), (1, 1, Ending::Teammate), (2, 1, Ending::Distance)];
+    assert_eq!(ends, [one, one].concat());
+}
+
+#[test]
+fn a_team_that_ends_alone_flies_on() {
+    let mut simulation = third_is_lost("ends: alone");
+    let flown = steps(&mut simulation, 10);
+    use Outcome::{Running, Terminated, Truncated};
+    assert!(flown[..9].iter().all(|(_, outcomes)| outcomes[..] == [Running, Running, Terminated]));
+    assert_eq!(flown[9].1, [Truncated, Truncated, Terminated]);
+    let episodes = simulation.take_episodes();
+    assert_eq!(episodes.iter().filter(|episode| episode.agent == 2 && episode.steps == 1).count(), 10);
+    assert!(
+        episodes
+            .iter()
+            .filter(|episode| episode.agent < 2)
+            .all(|episode| { (episode.steps, episode.ending) == (10, Ending::TimeLimit) })
+    );
+}
+
+#[test]
+fn drones_are_paid_their_own_or_the_sum() {
+    let own = steps(&mut third_is_lost("rewards: own"), 1).remove(0).0;
+    assert!(own.iter().zip([0.0, 1.0, 2.0]).all(|(paid, worth)| (paid - worth).abs() < 1e-9), "{own:?}");
+    let mut sharing = third_is_lost("rewards: shared");
+    let shared = steps(&mut sharing, 1).remove(0).0;
+    assert_eq!(shared, [own.iter().sum::<f64>(); 3]);
+    // What an episode is worth is what was paid; its terms stay each drone's own.
+    for (episode, own) in sharing.take_episodes().iter().zip(own) {
+        assert_eq!((episode.total_reward, episode.terms[0]), (shared[0] as f32, own as f32));
+    }
+}
+
+#[test]
+fn rows_are_agents_and_then_environments() {
+    let scenario = hanging(&THREE, "agents: { count: 3 }\nrewards: [ alive: { weight: 1 } ]");
+    let simulation = Simulation::<8, f64>::new(&scenario, Seed(0), 0, 5);
+    assert_eq!((simulation.rows(), simulation.environments()), (15, 5));
+    for row in 0..15 {
+        assert_eq!(simulation.state(row).position.y, (row / 5) as f64);
+    }
+}
+
+#[test]
+fn every_drone_has_its_goal() {
+    let scenario = hanging(
+        &THREE,
+        "agents: { count: 3 }
+rewards: [ squared_distance: { weight: 1 } ]
+goals: { per_agent: { points_m: [[0, 0, 1.5], [1, 1, 1], [0, 2, 3]] } }",
+    );
+    let mut simulation = Simulation::<1, f64>::new(&scenario, Seed(0), 0, 1);
+    assert_eq!(simulation.goal(1), Vector3::new(1.0, 1.0, 1.0));
+    let paid = steps(&mut simulation, 1).remove(0).0;
+    assert!(paid.iter().zip([-0.25, -1.0, -4.0]).all(|(paid, worth)| (paid - worth).abs() < 1e-9), "{paid:?}");
+}
+
+#[test]
+fn starts_around_the_goal_are_around_each_drone_s_own() {
+    let mut scenario = hanging(
+        &THREE,
+        "agents: { count: 3 }
+rewards: [ alive: { weight: 1 } ]
+goals: { per_agent: { points_m: [[0, 0, 1.5], [9, 1, 1], [0, 20, 3]] } }",
+    );
+    scenario.start.position = StartPosition::AroundGoal { nearest_m: 0.1, farthest_m: 0.5 };
+    let simulation = Simulation::<8, f64>::new(&scenario, Seed(0), 0, 4);
+    for row in 0..12 {
+        let distance = (simulation.state(row).position - simulation.goal(row)).norm();
+        assert!((0.0999..0.5001).contains(&distance), "row {row}: {distance} m");
+    }
+}
+
+const LINE: &str = "goals: { line: { velocity_m_per_s: [0, -0.5, 0.25] } }";
+const WAVE: &str = "goals: { wave: { amplitude_m: [0, 2, 0], rate_rad_per_s: 3, until_secs: 0.1 } }";
+
+/// Goals after none, one, two … steps.
+fn goals(goals: &str, clock: &str, count: usize) -> Vec<[f64; 3]> {
+    let more = format!("{goals}\n{clock}\nrewards: [ squared_distance: {{ weight: 1 }} ]");
+    let mut simulation = Simulation::<1, f64>::new(&hanging(&THREE[..1], &more), Seed(0), 0, 1);
+    let mut found = vec![simulation.goal(0).into()];
+    for _ in 0..count {
+        let rewards = steps(&mut simulation, 1).remove(0).0;
+        let goal = simulation.goal(0);
+        assert!((rewards[0] + (simulation.state(0).position - goal).norm_squared()).abs() < 1e-12);
+        found.push(goal.into());
+    }
+    found
+}
+
+#[test]
+fn a_goal_moves_with_the_clock_and_one_period_late_as_published() {
+    let on_line = |periods: f64| [0.0, -0.01 * periods, 1.0 + 0.005 * periods];
+    assert_all_near(&goals(LINE, "", 3), &[0.0, 1.0, 2.0, 3.0].map(on_line));
+    assert_all_near(&goals(LINE, "clock: { as_published: true }", 3), &[0.0, 0.0, 1.0, 2.0].map(on_line));
+}
+
+#[test]
+fn a_wave_stops_when_it_is_told() {
+    let at = |secs: f64| [0.0, 2.0 * (3.0 * secs).cos(), 1.0];
+    let elapsed = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.1, 0.1].map(at);
+    assert_all_near(&goals(WAVE, "", 7), &elapsed);
+    let published = [0.0, 0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.1].map(at);
+    assert_all_near(&goals(WAVE, "clock: { as_published: true }", 7), &published);
+}
+
+#[test]
+fn goals_have_the_velocity_of_their_path() {
+    let goals = hanging(&THREE[..1], &format!("{WAVE}\nrewards: [ alive: {{ weight: 1 }} ]")).goals;
+    let along = |secs: f64, lag_secs: f64| goals.velocity_at(secs, lag_secs).y;
+    assert!((along(0.05, 0.0) + 6.0 * 0.15_f64.sin()).abs() < 1e-9);
+    // The average over the period before; at the start of time and after its end there is none.
+    let average = 2.0 * (0.15_f64.cos() - 0.09_f64.cos()) / 0.02;
+    assert!((along(0.05, 0.02) - average).abs() < 1e-7);
+    assert_eq!((along(0.0, 0.02), along(0.2, 0.02), along(0.2, 0.0)), (0.0, 0.0, 0.0));
+    let line = hanging(&THREE[..1], &format!("{LINE}\nrewards: [ alive: {{ weight: 1 }} ]")).goals;
+    assert_eq!(line.velocity_at(3.0, 0.0), Vector3::new(0.0, -0.5, 0.25));
+}
+
+#[track_caller]
+fn assert_all_near(found: &[[f64; 3]], expected: &[[f64; 3]]) {
+    assert_eq!(found.len(), expected.len());
+    for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
+        assert!((found - expected).abs() < 1e-7, "found {found}, expected {expected}");
+    }
+}
+
+/// Success in the last step of an episode, by each rule that does not end one.
+#[test]
+fn settling_and_visiting_are_judged_at_the_end() {
+    let success = |more: &str| {
+        let mut scenario = hanging(
+            &[[0.0, 0.0, 1.0]],
+            &format!("rewards: [ alive: {{ weight: 1 }} ]\nepisode_secs: 0.2\n{more}"),
+        );
+        if let Success::Settle { within_secs, .. } = &mut scenario.success {
+            *within_secs = 0.1;
+        }
+        let mut simulation = Simulation::<1, f64>::new(&scenario, Seed(0), 0, 1);
+        steps(&mut simulation, 10);
+        let episode = simulation.take_episodes().remove(0);
+        assert_eq!(episode.ending, Ending::TimeLimit);
+        episode.success
+    };
+    assert!(success(""));
+    // The goal leaves the drone behind in the last two steps; the drone settled before.
+    assert!(!success("goals: { line: { velocity_m_per_s: [2.9, 0, 0] } }"));
+    assert!(success("goals: { line: { velocity_m_per_s: [2.4, 0, 0] } }"));
+}
+
+#[test]
+fn a_visit_needs_its_periods() {
+    let visited = |periods: u32, high: f32| {
+        let mut scenario = hanging(&[[0.0, 0.0, 1.0]], "rewards: [ success: { weight: 7 } ]\nepisode_secs: 0.2");
+        let region = Cuboid { low: Vector3::repeat(-1.0), high: Vector3::repeat(high) };
+        scenario.success = Success::Visit { region, periods };
+        let mut simulation = Simulation::<1, f64>::new(&scenario, Seed(0), 0, 1);
+        let paid: f64 = steps(&mut simulation, 10).iter().map(|(rewards, _)| rewards[0]).sum();
+        (simulation.take_episodes()[0].success, paid)
+    };
+    assert_eq!(visited(10, 1.1), (true, 7.0));
+    assert_eq!(visited(11, 1.1), (false, 0.0));
+    assert_eq!(visited(1, 0.9), (false, 0.0));
+}
