@@ -6,3 +6,4 @@ mod clean_and_bullet;
 mod layering;
 mod learning;
 mod plot;
+mod tune;
