@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use crate::experiment_config;
 
 /// Where aviaries are looked for by name.
-const FOLDERS: [&str; 2] = ["configs", "assets/worlds"];
+const FOLDERS: [&str; 3] = ["configs", "assets/worlds", "configs/aviaries"];
 
 /// Air around what is drawn \[m\].
 const MARGIN: f64 = 0.25;
