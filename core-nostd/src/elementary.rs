@@ -31,7 +31,13 @@ pub(crate) fn atan2(ordinate: f32, abscissa: f32) -> f32 {
     let (short, long) = if steep { (width, height) } else { (height, width) };
     let ratio = short / if long == 0.0 { 1.0 } else { long };
     let behind = abscissa.is_sign_negative();
-    let quarters = if steep { 1.0 } else if behind { 2.0 } else { 0.0 };
+    let quarters = if steep {
+        1.0
+    } else if behind {
+        2.0
+    } else {
+        0.0
+    };
     let acute = atan_of_share(ratio);
     let turn = if steep == behind { acute } else { -acute };
     let angle = quarters * FRAC_PI_2 + (turn + quarters * FRAC_PI_2_REST);

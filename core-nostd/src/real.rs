@@ -226,11 +226,7 @@ real_for_float!(
     [libm::sincosf, elementary::asin, elementary::atan2, elementary::exp, elementary::ln]
 );
 #[cfg(feature = "std")]
-real_for_float!(
-    f64,
-    [f64::sqrt, f64::floor],
-    [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log]
-);
+real_for_float!(f64, [f64::sqrt, f64::floor], [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log]);
 #[cfg(not(feature = "std"))]
 real_for_float!(
     f32,
@@ -238,8 +234,4 @@ real_for_float!(
     [libm::sincosf, elementary::asin, elementary::atan2, elementary::exp, elementary::ln]
 );
 #[cfg(not(feature = "std"))]
-real_for_float!(
-    f64,
-    [libm::sqrt, libm::floor],
-    [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log]
-);
+real_for_float!(f64, [libm::sqrt, libm::floor], [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log]);

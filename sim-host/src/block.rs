@@ -183,7 +183,8 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     fn lanes_that_may_touch(&self, scenario: &Scenario, arena: &Arena) -> Column<LANES> {
         let secs = scenario.physics.control_secs();
         let reach = arena.reach() + 0.5 * greatest_acceleration(scenario) * secs * secs;
-        let travels: Vec<Column<LANES>> = self.agents.iter().map(|agent| reaches(&agent.swarm, reach, secs)).collect();
+        let travels: Vec<Column<LANES>> =
+            self.agents.iter().map(|agent| reaches(&agent.swarm, reach, secs)).collect();
         let travel = |agent: usize, lane: usize| travels[agent][lane];
         let mut near = [0.0; LANES];
         self.mark_near(arena, &mut near, travel);

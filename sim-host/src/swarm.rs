@@ -69,7 +69,9 @@ impl<R: Real> Mechanics<R> {
     ) {
         match self.law {
             Law::Clean { jet: None, .. } => {}
-            Law::Clean { jet: Some(jet), .. } => push_lower(team, pushes, |lower, upper| jet.push(&(lower - upper))),
+            Law::Clean { jet: Some(jet), .. } => {
+                push_lower(team, pushes, |lower, upper| jet.push(&(lower - upper)))
+            }
             Law::Bullet(bullet) if bullet.mode.has_downwash() => {
                 push_lower(team, pushes, |lower, upper| bullet.downwash(lower, upper));
             }
@@ -94,7 +96,9 @@ fn push_lower<const LANES: usize, R: Real>(
                 let (here, there) = (vector(one, lane), vector(other, lane));
                 let zero = R::zero();
                 let above = |then: R, otherwise: R| here.z.where_less(there.z, then, otherwise);
-                let turned = |low: &Vector3<R>, high: &Vector3<R>| Vector3::new(above(low.x, high.x), above(low.y, high.y), above(low.z, high.z));
+                let turned = |low: &Vector3<R>, high: &Vector3<R>| {
+                    Vector3::new(above(low.x, high.x), above(low.y, high.y), above(low.z, high.z))
+                };
                 let force = push(&turned(&here, &there), &turned(&there, &here));
                 own[lane] += above(force, zero);
                 others[lane] += above(zero, force);
@@ -223,7 +227,8 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
         // The choices are spelled out as constants, so that the loop over lanes has no branch and vectorises.
         match &mechanics.law {
             Law::Clean { integrator, ground, .. } => {
-                let mut clean = |integrator, ground| self.advance_clean(integrator, ground, secs, targets, downwash);
+                let mut clean =
+                    |integrator, ground| self.advance_clean(integrator, ground, secs, targets, downwash);
                 match (integrator, ground) {
                     (SemiImplicitEuler, Distant) => clean(SemiImplicitEuler, Distant),
                     (SemiImplicitEuler, Near) => clean(SemiImplicitEuler, Near),
@@ -232,7 +237,9 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
                 }
             }
             Law::Bullet(bullet) => {
-                let mut known = |mode, quirks| self.advance_bullet(&Bullet { mode, quirks, ..*bullet }, secs, targets, downwash);
+                let mut known = |mode, quirks| {
+                    self.advance_bullet(&Bullet { mode, quirks, ..*bullet }, secs, targets, downwash)
+                };
                 match bullet.mode {
                     Mode::Pyb if bullet.quirks == Quirks::fork() => known(Mode::Pyb, Quirks::fork()),
                     Mode::Pyb if bullet.quirks == Quirks::upstream() => known(Mode::Pyb, Quirks::upstream()),
