@@ -279,10 +279,10 @@ fn levers(airframe: &Airframe, mode: Mode, quirks: &Quirks) -> [[f64; 2]; 4] {
 fn sinc_cosine<R: Real>(angle_squared: R) -> (R, R) {
     let mut sinc = R::one();
     let mut cosine = R::one();
-    for term in (1..=10).rev() {
-        let even = f64::from(2 * term);
-        sinc = R::one() - angle_squared / R::from_f64(even * (even + 1.0)) * sinc;
-        cosine = R::one() - angle_squared / R::from_f64(even * (even - 1.0)) * cosine;
+    for term in 0..10 {
+        let even = f64::from(2 * (10 - term));
+        sinc = R::one() - angle_squared * R::from_f64(1.0 / (even * (even + 1.0))) * sinc;
+        cosine = R::one() - angle_squared * R::from_f64(1.0 / (even * (even - 1.0))) * cosine;
     }
     (sinc, cosine)
 }

@@ -35,6 +35,14 @@ pub struct Swarm<const LANES: usize, R: Real = f32> {
     nominal: Vehicle<R>,
 }
 
+/// What stays the same for a substep.
+struct Held<'a, const LANES: usize, R> {
+    targets: &'a [Column<LANES, R>; 4],
+    /// \[N\].
+    downwash: &'a Column<LANES, R>,
+    secs: R,
+}
+
 /// How an airframe advances by a substep: the physics, ready for arithmetic.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mechanics<R> {
@@ -223,66 +231,55 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
         targets: &[Column<LANES, R>; 4],
         downwash: &Column<LANES, R>,
     ) {
-        let secs = mechanics.secs;
+        let held = Held { targets, downwash, secs: mechanics.secs };
         // The choices are spelled out as constants, so that the loop over lanes has no branch and vectorises.
-        match &mechanics.law {
-            Law::Clean { integrator, ground, .. } => {
-                let mut clean =
-                    |integrator, ground| self.advance_clean(integrator, ground, secs, targets, downwash);
-                match (integrator, ground) {
-                    (SemiImplicitEuler, Distant) => clean(SemiImplicitEuler, Distant),
-                    (SemiImplicitEuler, Near) => clean(SemiImplicitEuler, Near),
-                    (RungeKutta4, Distant) => clean(RungeKutta4, Distant),
-                    (RungeKutta4, Near) => clean(RungeKutta4, Near),
-                }
-            }
+        match mechanics.law {
+            Law::Clean { integrator, ground, .. } => match (integrator, ground) {
+                (SemiImplicitEuler, Distant) => self.advance_clean(SemiImplicitEuler, Distant, &held),
+                (SemiImplicitEuler, Near) => self.advance_clean(SemiImplicitEuler, Near, &held),
+                (RungeKutta4, Distant) => self.advance_clean(RungeKutta4, Distant, &held),
+                (RungeKutta4, Near) => self.advance_clean(RungeKutta4, Near, &held),
+            },
             Law::Bullet(bullet) => {
-                let mut known = |mode, quirks| {
-                    self.advance_bullet(&Bullet { mode, quirks, ..*bullet }, secs, targets, downwash)
-                };
-                match bullet.mode {
-                    Mode::Pyb if bullet.quirks == Quirks::fork() => known(Mode::Pyb, Quirks::fork()),
-                    Mode::Pyb if bullet.quirks == Quirks::upstream() => known(Mode::Pyb, Quirks::upstream()),
-                    Mode::PybDw if bullet.quirks == Quirks::fork() => known(Mode::PybDw, Quirks::fork()),
-                    Mode::PybDw if bullet.quirks == Quirks::upstream() => known(Mode::PybDw, Quirks::upstream()),
-                    mode => known(mode, bullet.quirks),
+                let (fork, upstream) = (Quirks::fork(), Quirks::upstream());
+                match (bullet.mode, bullet.quirks) {
+                    (Mode::Pyb, quirks) if quirks == fork => {
+                        self.advance_bullet(&Bullet { mode: Mode::Pyb, quirks: fork, ..bullet }, &held);
+                    }
+                    (Mode::Pyb, quirks) if quirks == upstream => {
+                        self.advance_bullet(&Bullet { mode: Mode::Pyb, quirks: upstream, ..bullet }, &held);
+                    }
+                    (Mode::PybDw, quirks) if quirks == fork => {
+                        self.advance_bullet(&Bullet { mode: Mode::PybDw, quirks: fork, ..bullet }, &held);
+                    }
+                    (Mode::PybDw, quirks) if quirks == upstream => {
+                        self.advance_bullet(&Bullet { mode: Mode::PybDw, quirks: upstream, ..bullet }, &held);
+                    }
+                    (_, _) => self.advance_bullet(&bullet, &held),
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn advance_clean(
-        &mut self,
-        integrator: Integrator,
-        ground: Ground,
-        secs: R,
-        targets: &[Column<LANES, R>; 4],
-        downwash: &Column<LANES, R>,
-    ) {
+    fn advance_clean(&mut self, integrator: Integrator, ground: Ground, held: &Held<'_, LANES, R>) {
         // A copy, which no store to a column can change: the loop reads it once.
-        let nominal = self.nominal;
+        let (nominal, secs) = (self.nominal, held.secs);
         for lane in 0..LANES {
-            let force = Vector3::new(R::zero(), R::zero(), -downwash[lane]);
+            let force = Vector3::new(R::zero(), R::zero(), -held.downwash[lane]);
             let air = Air { wind: vector(&self.wind, lane), force, ground };
             let (vehicle, state) = (self.vehicle(&nominal, lane), self.state(lane));
-            let next = integrator.advance(&vehicle, &state, &row(targets, lane), &air, secs);
+            let next = integrator.advance(&vehicle, &state, &row(held.targets, lane), &air, secs);
             self.set_state(lane, &next);
         }
     }
 
     #[inline(always)]
-    fn advance_bullet(
-        &mut self,
-        bullet: &Bullet<R>,
-        secs: R,
-        targets: &[Column<LANES, R>; 4],
-        downwash: &Column<LANES, R>,
-    ) {
-        let bullet = *bullet;
+    fn advance_bullet(&mut self, bullet: &Bullet<R>, held: &Held<'_, LANES, R>) {
+        let (bullet, secs) = (*bullet, held.secs);
         for lane in 0..LANES {
-            let next = bullet.step_under(&self.drone(lane), &row(targets, lane), downwash[lane], secs);
-            self.set_drone(lane, &next);
+            let (drone, targets) = (self.drone(lane), row(held.targets, lane));
+            self.set_drone(lane, &bullet.step_under(&drone, &targets, held.downwash[lane], secs));
         }
     }
 
