@@ -152,7 +152,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             }
         }
         self.mark_meetings(2.0 * reach, secs, &mut near);
-        self.mark_movables(reach, secs, &mut near);
+        self.mark_movables(scenario, reach, secs, &mut near);
         (0..LANES).filter(|lane| near[*lane] > 0.5).collect()
     }
 
@@ -173,15 +173,17 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     }
 
     /// Marks lanes in which a body moves or a drone can push one.
-    fn mark_movables(&self, reach: f32, secs: f32, near: &mut Column<LANES>) {
+    fn mark_movables(&self, scenario: &Scenario, reach: f32, secs: f32, near: &mut Column<LANES>) {
+        let reaches: Vec<f64> =
+            scenario.aviary.world.movables.iter().map(|body| body.solid.shape.reach()).collect();
         for (lane, movables) in self.movables.iter().enumerate() {
-            for movable in movables {
+            for (movable, own_reach) in movables.iter().zip(&reaches) {
                 let moves = movable.velocity.norm_squared() + movable.body_rates.norm_squared() > 0.0;
                 let close = self.agents.iter().any(|agent| {
                     let swarm = &agent.swarm;
                     let position = vector(&swarm.position, lane).map(Real::to_f64);
                     let velocity = vector(&swarm.velocity, lane).map(Real::to_f64);
-                    let travel = f64::from(reach) + MOVABLE_REACH + velocity.norm() * f64::from(secs);
+                    let travel = f64::from(reach) + own_reach + velocity.norm() * f64::from(secs);
                     (position - movable.pose.position).norm() < travel
                 });
                 if moves || close {
@@ -291,9 +293,6 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         self.locate();
     }
 }
-
-/// Bodies that can be pushed are no larger than this around their centres \[m\].
-const MOVABLE_REACH: f64 = 0.45;
 
 /// Full thrust along gravity \[m/s²\], of the lightest and strongest drone that an episode can have; what drag or
 /// Bullet's damping can add is never more.
