@@ -19,6 +19,7 @@ pub struct EulerAngles<R> {
 
 impl<R: Real> EulerAngles<R> {
     /// The angles of a unit quaternion (`getEulerFromQuaternion` of `PyBullet`).
+    #[inline(always)]
     pub fn of(attitude: &Attitude<R>) -> Self {
         let Attitude { w, x, y, z } = *attitude;
         let two = R::from_f64(2.0);

@@ -16,6 +16,7 @@ pub mod controller;
 pub mod crc32;
 pub mod downwash;
 pub mod dynamics;
+mod elementary;
 pub mod euler;
 pub mod fixed;
 pub mod mlp;

@@ -5,13 +5,16 @@ use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAss
 
 use nalgebra::Scalar;
 
+use crate::elementary;
+
 /// A real number on which the vehicle's equations are written once: `f32` flies, `f64` is the oracle.
 ///
-/// Every operation is correctly rounded IEEE arithmetic in source order (nothing fused, nothing approximate; the
-/// transcendental functions are `libm`'s everywhere), and every choice is a select. A plain loop over columns of `f32` therefore becomes SIMD lanes inside functions
-/// compiled for AVX2, AVX-512 or NEON, and a lane, a scalar and a microcontroller compute the same bits. (A number
-/// type that holds an array of lanes was tried: the compiler unrolls it into scalars and runs at a third of the
-/// loop's speed.)
+/// Every operation is correctly rounded IEEE arithmetic in source order, nothing fused, and every choice is a select.
+/// The transcendental functions of `f64` and `sin_cos` are `libm`'s everywhere; those of `f32` are polynomials that
+/// differ from them by three units in the last place at most. A plain loop over columns of `f32` therefore becomes
+/// SIMD lanes inside functions compiled for AVX2, AVX-512 or NEON, and a lane, a scalar and a microcontroller compute
+/// the same bits. (A number type that holds an array of lanes was tried: the compiler unrolls it into scalars and runs
+/// at a third of the loop's speed.)
 pub trait Real:
     Scalar
     + PartialOrd
@@ -66,10 +69,6 @@ pub trait Real:
     /// Natural logarithm; NaN below zero.
     #[must_use]
     fn ln(self) -> Self;
-
-    /// `self` to the power of `exponent`; NaN for fractional powers of negative numbers.
-    #[must_use]
-    fn powf(self, exponent: Self) -> Self;
 
     /// The greatest whole number that is not greater.
     #[must_use]
@@ -144,7 +143,7 @@ macro_rules! real_for_float {
     (
         $float:ty,
         [$sqrt:path, $floor:path],
-        [$sin_cos:path, $asin:path, $atan2:path, $exp:path, $ln:path, $powf:path]
+        [$sin_cos:path, $asin:path, $atan2:path, $exp:path, $ln:path]
     ) => {
         impl Real for $float {
             #[inline(always)]
@@ -172,29 +171,24 @@ macro_rules! real_for_float {
                 $sin_cos(self)
             }
 
-            #[inline]
+            #[inline(always)]
             fn asin(self) -> Self {
                 $asin(self)
             }
 
-            #[inline]
+            #[inline(always)]
             fn atan2(self, abscissa: Self) -> Self {
                 $atan2(self, abscissa)
             }
 
-            #[inline]
+            #[inline(always)]
             fn exp(self) -> Self {
                 $exp(self)
             }
 
-            #[inline]
+            #[inline(always)]
             fn ln(self) -> Self {
                 $ln(self)
-            }
-
-            #[inline]
-            fn powf(self, exponent: Self) -> Self {
-                $powf(self, exponent)
             }
 
             #[inline(always)]
@@ -229,23 +223,15 @@ macro_rules! real_for_float {
 real_for_float!(
     f32,
     [f32::sqrt, f32::floor],
-    [libm::sincosf, libm::asinf, libm::atan2f, libm::expf, libm::logf, libm::powf]
+    [libm::sincosf, elementary::asin, elementary::atan2, elementary::exp, elementary::ln]
 );
 #[cfg(feature = "std")]
-real_for_float!(
-    f64,
-    [f64::sqrt, f64::floor],
-    [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log, libm::pow]
-);
+real_for_float!(f64, [f64::sqrt, f64::floor], [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log]);
 #[cfg(not(feature = "std"))]
 real_for_float!(
     f32,
     [libm::sqrtf, libm::floorf],
-    [libm::sincosf, libm::asinf, libm::atan2f, libm::expf, libm::logf, libm::powf]
+    [libm::sincosf, elementary::asin, elementary::atan2, elementary::exp, elementary::ln]
 );
 #[cfg(not(feature = "std"))]
-real_for_float!(
-    f64,
-    [libm::sqrt, libm::floor],
-    [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log, libm::pow]
-);
+real_for_float!(f64, [libm::sqrt, libm::floor], [libm::sincos, libm::asin, libm::atan2, libm::exp, libm::log]);

@@ -2,6 +2,7 @@
 
 use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Controls, Persistence};
 use kestrel_core::controller::Setpoint;
+use kestrel_core::controller::command::{Hover, Precision};
 use kestrel_core::observation::{
     OBSERVATION_LIMIT, ObservationLayout, PAPER_LEN, PILOT_LEN, PaperLayout, PilotLayout, Seen,
 };
@@ -147,7 +148,10 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             Controls::ThrustBodyRates(numbers) => {
                 self.command_lanes(stage, &Controls::ThrustBodyRates(numbers), actions)
             }
-            Controls::Published(_) => self.command_each(stage, actions),
+            Controls::Published(published) => match published.rpm() {
+                Some((hover, precision)) => command_around(&hover, precision, actions),
+                None => self.command_each(stage, actions),
+            },
         }
     }
 
@@ -358,19 +362,12 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     #[inline(always)]
     fn observe_as_paper(&mut self, scenario: &Scenario, layout: PaperLayout) {
-        for lane in 0..LANES {
-            let (state, goal) = (self.swarm.state(lane), vector(&self.goal, lane));
-            let seen = Seen {
-                state: &state,
-                angular_velocity_in_world: self.angular_velocity(scenario, lane),
-                goal: &goal,
-                history: &[],
-                measurements: &[],
-            };
-            let observation = layout.encode(&seen);
-            if let Some((columns, _)) = self.observations.split_first_chunk_mut::<PAPER_LEN>() {
-                set_row(columns, lane, observation);
-            }
+        let Some((columns, _)) = self.observations.split_first_chunk_mut::<PAPER_LEN>() else { return };
+        let (swarm, goal) = (&self.swarm, &self.goal);
+        // Matched here rather than in the loop, which then has no branch and vectorises.
+        match scenario.physics.preset {
+            Preset::Clean { .. } => encode_lanes(columns, layout, swarm, goal, turning),
+            Preset::Bullet { .. } => encode_lanes(columns, layout, swarm, goal, Swarm::reported),
         }
     }
 
@@ -424,11 +421,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     #[inline(always)]
     pub(crate) fn angular_velocity(&self, scenario: &Scenario, lane: usize) -> Vector3<R> {
         match scenario.physics.preset {
-            Preset::Clean { .. } => {
-                let state = self.swarm.state(lane);
-                state.world_from_body.rotate(state.body_rates)
-            }
-            Preset::Bullet { .. } => self.swarm.drone(lane).reported_angular_velocity,
+            Preset::Clean { .. } => turning(&self.swarm, lane),
+            Preset::Bullet { .. } => self.swarm.reported(lane),
         }
     }
 
@@ -527,7 +521,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Adds the actions of the step to the history.
     #[inline(always)]
     pub(crate) fn remember(&mut self, actions: &[Column<LANES, R>; ACTION_LIMIT]) {
-        self.history.rotate_left(1);
+        if self.history.len() > 1 {
+            self.history.rotate_left(1);
+        }
         if let Some(last) = self.history.last_mut() {
             *last = *actions;
         }
@@ -577,6 +573,45 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     pub(crate) fn controls_mut(&mut self) -> &mut [ControlMemory<R>] {
         &mut self.controls
+    }
+}
+
+/// Rotor targets of actions around hover.
+#[inline(always)]
+fn command_around<const LANES: usize, R: Real>(
+    hover: &Hover<R>,
+    precision: Precision,
+    actions: &[Column<LANES, R>; ACTION_LIMIT],
+) -> [Column<LANES, R>; 4] {
+    core::array::from_fn(|rotor| actions[rotor].map(|value| hover.rotor_speed(precision, value)))
+}
+
+/// Angular velocity \[rad/s\], world.
+#[inline(always)]
+fn turning<const LANES: usize, R: Real>(swarm: &Swarm<LANES, R>, lane: usize) -> Vector3<R> {
+    let state = swarm.state(lane);
+    state.world_from_body.rotate(state.body_rates)
+}
+
+/// Encodes every lane in the `paper` layout.
+#[inline(always)]
+fn encode_lanes<const LANES: usize, R: Real>(
+    columns: &mut [Column<LANES, R>; PAPER_LEN],
+    layout: PaperLayout,
+    swarm: &Swarm<LANES, R>,
+    goal: &[Column<LANES, R>; 3],
+    turning: impl Fn(&Swarm<LANES, R>, usize) -> Vector3<R>,
+) {
+    for lane in 0..LANES {
+        let (state, goal) = (swarm.state(lane), vector(goal, lane));
+        let seen = Seen {
+            state: &state,
+            angular_velocity_in_world: turning(swarm, lane),
+            goal: &goal,
+            history: &[],
+            measurements: &[],
+        };
+        set_row(columns, lane, layout.encode(&seen));
     }
 }
 

@@ -11,7 +11,7 @@ use crate::agent::{Agent, Finished};
 use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Touch};
 use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards};
 use crate::seed::{Purpose, Seed};
-use crate::swarm::{Column, row, set_row, vector};
+use crate::swarm::{Column, Mechanics, Swarm, one_lane, row, set_row, vector};
 use crate::termination;
 use crate::world::Pose;
 
@@ -19,6 +19,7 @@ use crate::world::Pose;
 pub(crate) struct Stage<'a, R: Real> {
     pub(crate) scenario: &'a Scenario,
     pub(crate) controls: &'a Controls<R>,
+    pub(crate) mechanics: &'a Mechanics<R>,
     pub(crate) arena: Option<&'a Arena>,
     pub(crate) solver: Option<&'a ContactSolver>,
     pub(crate) control_secs: R,
@@ -30,11 +31,15 @@ pub(crate) struct Block<const LANES: usize, R: Real> {
     pub(crate) agents: Vec<Agent<LANES, R>>,
     /// Bodies that drones push, by lane.
     movables: Vec<Vec<Motion>>,
+    /// How far each of them reaches from its centre \[m\].
+    movable_reaches: Vec<f64>,
     /// Where bodies touched, by lane.
     contacts: Vec<ContactMemory>,
     /// Where all drones are.
     team: Vec<[Column<LANES, R>; 3]>,
     targets: Vec<[Column<LANES, R>; 4]>,
+    /// What the air of the others pushes each drone down with \[N\].
+    pushes: Vec<Column<LANES, R>>,
 }
 
 /// The actions of one agent of a block.
@@ -48,9 +53,11 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let mut block = Self {
             agents: (0..count).map(|index| Agent::new(scenario, arena, index, source, first)).collect(),
             movables: vec![standing(scenario); LANES],
+            movable_reaches: scenario.aviary.world.movables.iter().map(|body| body.solid.shape.reach()).collect(),
             contacts: vec![ContactMemory::default(); LANES],
             team: vec![[nothing; 3]; count],
             targets: vec![[nothing; 4]; count],
+            pushes: vec![nothing; count],
         };
         block.locate();
         block
@@ -99,29 +106,45 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
     }
 
-    /// All lanes fly as if nothing stood in their way; those near something do it again, step by step.
+    /// A control period of flight, with what touches what.
     #[inline(always)]
     fn fly(&mut self, stage: &Stage<'_, R>) {
-        let near = stage.arena.map(|arena| self.near_lanes(stage.scenario, arena)).unwrap_or_default();
-        let starts: Vec<Vec<BulletState<R>>> = near.iter().map(|lane| self.drones(*lane)).collect();
-        let physics = &stage.scenario.physics;
-        for _ in 0..physics.substeps {
-            for (agent, targets) in self.agents.iter_mut().zip(&self.targets) {
-                agent.swarm.advance(physics, targets, &self.team);
-            }
-            if physics.has_downwash() {
-                self.locate();
-            }
-        }
         for agent in &mut self.agents {
             agent.touches = [[R::zero(); LANES]; 2];
         }
-        if let Some(arena) = stage.arena {
-            for (lane, drones) in near.into_iter().zip(starts) {
-                self.fly_near(stage, arena, lane, drones);
+        let substeps = stage.scenario.physics.substeps;
+        match (stage.arena, stage.solver) {
+            (None, _) => self.fly_freely(stage, substeps),
+            (Some(arena), None) => {
+                let before = substeps - u32::from(reports_early(stage.scenario));
+                self.fly_freely(stage, before);
+                self.report(arena);
+                self.fly_freely(stage, substeps - before);
+            }
+            (Some(arena), Some(solver)) => {
+                let near = self.lanes_that_may_touch(stage.scenario, arena);
+                let flocks: Vec<Flock<R>> = lanes_of(&near).map(|lane| self.flock(lane)).collect();
+                self.fly_freely(stage, substeps);
+                for (lane, flock) in lanes_of(&near).zip(flocks) {
+                    self.fly_touching(stage, (arena, solver), lane, flock);
+                }
             }
         }
         self.locate();
+    }
+
+    /// Some substeps of all lanes as if nothing stood in their way.
+    #[inline(always)]
+    fn fly_freely(&mut self, stage: &Stage<'_, R>, substeps: u32) {
+        for _ in 0..substeps {
+            if stage.scenario.physics.has_downwash() {
+                self.locate();
+                stage.mechanics.push_down(&self.team, &mut self.pushes);
+            }
+            for ((agent, targets), push) in self.agents.iter_mut().zip(&self.targets).zip(&self.pushes) {
+                agent.swarm.advance(stage.mechanics, targets, push);
+            }
+        }
     }
 
     #[inline(always)]
@@ -131,40 +154,68 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
     }
 
-    fn drones(&self, lane: usize) -> Vec<BulletState<R>> {
-        self.agents.iter().map(|agent| agent.swarm.drone(lane)).collect()
+    /// The drones of one lane.
+    fn flock(&self, lane: usize) -> Flock<R> {
+        self.agents.iter().map(|agent| agent.swarm.alone(lane)).collect()
     }
 
-    /// The lanes in which a drone can touch something within the coming control period.
+    /// Marks what touches something where it is now; nothing is pushed by it.
     #[inline(always)]
-    fn near_lanes(&self, scenario: &Scenario, arena: &Arena) -> Vec<usize> {
+    fn report(&mut self, arena: &Arena) {
+        let mut near = [0.0; LANES];
+        let reach = arena.reach();
+        self.mark_near(arena, &mut near, |_, _| reach);
+        self.mark_meetings(&mut near, |_, _| reach);
+        self.mark_movables(&mut near, |_, _| reach);
+        for lane in lanes_of(&near) {
+            let drones: Vec<Motion> = self.agents.iter().map(|agent| motion(&agent.swarm.drone(lane))).collect();
+            let touches = touching(arena, &drones, &self.movables[lane]);
+            self.mark_touches(lane, &touches);
+        }
+    }
+
+    fn mark_touches(&mut self, lane: usize, touches: &[Touch]) {
+        let mark = |touched: bool| if touched { R::one() } else { R::zero() };
+        for (agent, touch) in self.agents.iter_mut().zip(touches) {
+            set_row(&mut agent.touches, lane, [mark(touch.obstacle), mark(touch.landing)]);
+        }
+    }
+
+    /// One in lanes in which a drone can touch something within the coming control period.
+    #[inline(always)]
+    fn lanes_that_may_touch(&self, scenario: &Scenario, arena: &Arena) -> Column<LANES> {
         let secs = scenario.physics.control_secs();
         let reach = arena.reach() + 0.5 * greatest_acceleration(scenario) * secs * secs;
-        let mut near = [0.0_f32; LANES];
-        for agent in &self.agents {
-            let swarm = &agent.swarm;
+        let travels: Vec<Column<LANES>> =
+            self.agents.iter().map(|agent| reaches(&agent.swarm, reach, secs)).collect();
+        let travel = |agent: usize, lane: usize| travels[agent][lane];
+        let mut near = [0.0; LANES];
+        self.mark_near(arena, &mut near, travel);
+        self.mark_meetings(&mut near, travel);
+        self.mark_movables(&mut near, travel);
+        near
+    }
+
+    /// Marks lanes in which a drone is within a distance of something that never moves.
+    #[inline(always)]
+    fn mark_near(&self, arena: &Arena, near: &mut Column<LANES>, reach: impl Fn(usize, usize) -> f32) {
+        for (index, agent) in self.agents.iter().enumerate() {
             for lane in 0..LANES {
-                let [x, y, z] = row(&swarm.position, lane).map(Real::to_f32);
-                let [vx, vy, vz] = row(&swarm.velocity, lane).map(Real::to_f32);
-                let speed = (vx * vx + vy * vy + vz * vz).sqrt();
-                let room = arena.clearance(x, y, z) - reach - speed * secs;
+                let [x, y, z] = row(&agent.swarm.position, lane).map(Real::to_f32);
+                let room = arena.clearance(x, y, z) - reach(index, lane);
                 near[lane] = if room > 0.0 { near[lane] } else { 1.0 };
             }
         }
-        self.mark_meetings(2.0 * reach, secs, &mut near);
-        self.mark_movables(scenario, reach, secs, &mut near);
-        (0..LANES).filter(|lane| near[*lane] > 0.5).collect()
     }
 
-    /// Marks lanes in which two drones can meet.
+    /// Marks lanes in which two drones are within the sum of their distances.
     #[inline(always)]
-    fn mark_meetings(&self, reach: f32, secs: f32, near: &mut Column<LANES>) {
+    fn mark_meetings(&self, near: &mut Column<LANES>, reach: impl Fn(usize, usize) -> f32) {
         for (index, one) in self.agents.iter().enumerate() {
-            for other in &self.agents[..index] {
+            for (number, other) in self.agents[..index].iter().enumerate() {
                 for lane in 0..LANES {
                     let [dx, dy, dz] = difference(&one.swarm.position, &other.swarm.position, lane);
-                    let [vx, vy, vz] = difference(&one.swarm.velocity, &other.swarm.velocity, lane);
-                    let travel = reach + (vx * vx + vy * vy + vz * vz).sqrt() * secs;
+                    let travel = reach(index, lane) + reach(number, lane);
                     let close = dx * dx + dy * dy + dz * dz < travel * travel;
                     near[lane] = if close { 1.0 } else { near[lane] };
                 }
@@ -173,18 +224,13 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     }
 
     /// Marks lanes in which a body moves or a drone can push one.
-    fn mark_movables(&self, scenario: &Scenario, reach: f32, secs: f32, near: &mut Column<LANES>) {
-        let reaches: Vec<f64> =
-            scenario.aviary.world.movables.iter().map(|body| body.solid.shape.reach()).collect();
+    fn mark_movables(&self, near: &mut Column<LANES>, reach: impl Fn(usize, usize) -> f32) {
         for (lane, movables) in self.movables.iter().enumerate() {
-            for (movable, own_reach) in movables.iter().zip(&reaches) {
+            for (movable, own_reach) in movables.iter().zip(&self.movable_reaches) {
                 let moves = movable.velocity.norm_squared() + movable.body_rates.norm_squared() > 0.0;
-                let close = self.agents.iter().any(|agent| {
-                    let swarm = &agent.swarm;
-                    let position = vector(&swarm.position, lane).map(Real::to_f64);
-                    let velocity = vector(&swarm.velocity, lane).map(Real::to_f64);
-                    let travel = f64::from(reach) + own_reach + velocity.norm() * f64::from(secs);
-                    (position - movable.pose.position).norm() < travel
+                let close = self.agents.iter().enumerate().any(|(index, agent)| {
+                    let position = vector(&agent.swarm.position, lane).map(Real::to_f64);
+                    (position - movable.pose.position).norm() < f64::from(reach(index, lane)) + own_reach
                 });
                 if moves || close {
                     near[lane] = 1.0;
@@ -194,33 +240,39 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     }
 
     /// Redoes the control period of one lane with contacts, from where its drones were at its start.
-    fn fly_near(&mut self, stage: &Stage<'_, R>, arena: &Arena, lane: usize, mut drones: Vec<BulletState<R>>) {
+    fn fly_touching(
+        &mut self,
+        stage: &Stage<'_, R>,
+        (arena, solver): (&Arena, &ContactSolver),
+        lane: usize,
+        mut flock: Flock<R>,
+    ) {
         let physics = &stage.scenario.physics;
         let mut touches = Vec::new();
+        let mut pushes = vec![[R::zero()]; flock.len()];
         for substep in 0..physics.substeps {
-            let last = substep + 1 == physics.substeps;
-            // Bullet reports what its last collision detection saw, which is at the start of the last step.
-            if last && matches!(physics.preset, Preset::Bullet { .. }) {
-                touches = touching(arena, &drones, &self.movables[lane]);
+            let before: Vec<Motion> = flock.iter().map(|drone| motion(&drone.drone(0))).collect();
+            if substep + 1 == physics.substeps && reports_early(stage.scenario) {
+                touches = touching(arena, &before, &self.movables[lane]);
             }
-            let team: Vec<Vector3<R>> = drones.iter().map(|drone| drone.motion.position).collect();
-            let before: Vec<Motion> = drones.iter().map(motion).collect();
-            for ((drone, agent), targets) in drones.iter_mut().zip(&self.agents).zip(&self.targets) {
-                *drone = agent.swarm.advanced(physics, lane, drone, &row(targets, lane), &team);
+            if physics.has_downwash() {
+                let team: Vec<[Column<1, R>; 3]> = flock.iter().map(|drone| drone.position).collect();
+                stage.mechanics.push_down(&team, &mut pushes);
             }
-            if let Some(solver) = stage.solver {
-                let bodies = (&mut self.movables[lane], &mut self.contacts[lane]);
-                resolve(solver, &before, &mut drones, bodies, physics.substep_secs());
+            for ((drone, targets), push) in flock.iter_mut().zip(&self.targets).zip(&pushes) {
+                drone.advance(stage.mechanics, &one_lane(targets, lane), push);
             }
+            let bodies = (&mut self.movables[lane], &mut self.contacts[lane]);
+            resolve(solver, &before, &mut flock, bodies, physics.substep_secs());
         }
-        if matches!(physics.preset, Preset::Clean { .. }) {
+        if !reports_early(stage.scenario) {
+            let drones: Vec<Motion> = flock.iter().map(|drone| motion(&drone.drone(0))).collect();
             touches = touching(arena, &drones, &self.movables[lane]);
         }
-        for ((agent, drone), touch) in self.agents.iter_mut().zip(&drones).zip(touches) {
-            agent.swarm.set_drone(lane, drone);
-            let mark = |touched: bool| if touched { R::one() } else { R::zero() };
-            set_row(&mut agent.touches, lane, [mark(touch.obstacle), mark(touch.landing)]);
+        for (agent, drone) in self.agents.iter_mut().zip(&flock) {
+            agent.swarm.set_drone(lane, &drone.drone(0));
         }
+        self.mark_touches(lane, &touches);
     }
 
     /// Ends the episodes of drones whose teammate's ended.
@@ -316,15 +368,39 @@ fn difference<const LANES: usize, R: Real>(
     core::array::from_fn(|axis| (one[axis][lane] - other[axis][lane]).to_f32())
 }
 
+/// The drones of one environment, one by one.
+type Flock<R> = Vec<Swarm<1, R>>;
+
+/// Whether contact is reported as it was at the start of the last substep: Bullet reports what its last collision
+/// detection saw.
+fn reports_early(scenario: &Scenario) -> bool {
+    matches!(scenario.physics.preset, Preset::Bullet { .. })
+}
+
+/// The marked lanes.
+fn lanes_of<const LANES: usize>(marks: &Column<LANES>) -> impl Iterator<Item = usize> {
+    let any = marks.iter().fold(0.0_f32, |any, mark| any.max(*mark)) > 0.5;
+    let lanes = if any { 0..LANES } else { 0..0 };
+    lanes.filter(|lane| marks[*lane] > 0.5)
+}
+
+/// How far each drone comes within some time, `reach` included \[m\].
+#[inline(always)]
+fn reaches<const LANES: usize, R: Real>(swarm: &Swarm<LANES, R>, reach: f32, secs: f32) -> Column<LANES> {
+    core::array::from_fn(|lane| {
+        let [x, y, z] = row(&swarm.velocity, lane).map(Real::to_f32);
+        reach + Real::sqrt(x * x + y * y + z * z) * secs
+    })
+}
+
 /// What each drone touches.
-fn touching<R: Real>(arena: &Arena, drones: &[BulletState<R>], movables: &[Motion]) -> Vec<Touch> {
-    let poses: Vec<Pose> = drones.iter().map(|drone| motion(drone).pose).collect();
-    let mut touches: Vec<Touch> = poses.iter().map(|pose| arena.touch(pose, movables)).collect();
-    for index in 0..poses.len() {
-        for other in 0..index {
-            if arena.drones_touch(&poses[index], &poses[other]) {
+fn touching(arena: &Arena, drones: &[Motion], movables: &[Motion]) -> Vec<Touch> {
+    let mut touches: Vec<Touch> = drones.iter().map(|drone| arena.touch(&drone.pose, movables)).collect();
+    for (index, drone) in drones.iter().enumerate() {
+        for (number, other) in drones[..index].iter().enumerate() {
+            if arena.drones_touch(&drone.pose, &other.pose) {
                 touches[index].obstacle = true;
-                touches[other].obstacle = true;
+                touches[number].obstacle = true;
             }
         }
     }
@@ -335,21 +411,23 @@ fn touching<R: Real>(arena: &Arena, drones: &[BulletState<R>], movables: &[Motio
 fn resolve<R: Real>(
     solver: &ContactSolver,
     before: &[Motion],
-    drones: &mut [BulletState<R>],
+    flock: &mut Flock<R>,
     (movables, memory): (&mut Vec<Motion>, &mut ContactMemory),
     secs: f64,
 ) {
-    let free: Vec<Motion> = drones.iter().map(motion).collect();
+    let free: Vec<Motion> = flock.iter().map(|drone| motion(&drone.drone(0))).collect();
     let mut after = free.clone();
     solver.resolve(before, &mut after, movables, memory, secs);
-    for ((drone, free), after) in drones.iter_mut().zip(&free).zip(&after) {
+    for ((lone, free), after) in flock.iter_mut().zip(&free).zip(&after) {
         if after != free {
+            let mut drone = lone.drone(0);
             let state = &mut drone.motion;
             state.position = after.pose.position.map(R::from_f64);
             state.world_from_body = after.pose.world_from_body.map(R::from_f64);
             state.velocity = after.velocity.map(R::from_f64);
             state.body_rates = after.body_rates.map(R::from_f64);
             drone.reported_angular_velocity = state.world_from_body.rotate(state.body_rates);
+            lone.set_drone(0, &drone);
         }
     }
 }

@@ -79,6 +79,11 @@ impl Motion {
         Self { velocity: Vector3::new(0.0, 0.0, -1e-6), ..Self::at_rest(pose) }
     }
 
+    /// Angular velocity \[rad/s\], world.
+    pub(crate) fn angular_velocity(&self) -> Vector3<f64> {
+        self.pose.world_from_body.rotate(self.body_rates)
+    }
+
     /// Whether it does not move at all.
     pub(crate) fn is_at_rest(&self) -> bool {
         self.velocity == Vector3::zeros() && self.body_rates == Vector3::zeros()

@@ -187,6 +187,9 @@ pub enum TimeLimit {
 pub struct Aviary {
     /// Where the drone shall go \[m, world\].
     pub goal: Vector3<f32>,
+    /// Points to fly through on the way to the goal \[m, world\], for each drone; the last list holds for
+    /// all further ones. Nothing in the simulation reads them: they are for pilots who know the place.
+    pub routes: Vec<Vec<Vector3<f32>>>,
     /// What stands there.
     pub world: World,
 }
@@ -312,15 +315,17 @@ impl Goals {
         (0..drones as usize).map(|agent| self.at(nominal, agent, 0.0).cast()).collect()
     }
 
-    /// Its velocity \[m/s, world\] on average over the `lag_secs` before then, or then where that is zero.
+    /// Its velocity \[m/s, world\] on average over the `lag_secs` before then, or then where that is zero. The average of
+    /// a wave that has come to rest is that of its last motion: the reference's target velocity never ends.
     pub fn velocity_at(&self, secs: f64, lag_secs: f64) -> Vector3<f64> {
         match self {
             Self::Fixed | Self::PerAgent(_) => Vector3::zeros(),
             Self::Line(velocity) => *velocity,
             Self::Wave { amplitude, rate, until_secs } => {
-                let phase = |secs: f64| libm::cos(rate * secs.clamp(0.0, *until_secs));
                 if lag_secs > 0.0 {
-                    return amplitude * ((phase(secs) - phase(secs - lag_secs)) / lag_secs);
+                    let last = secs.min(*until_secs);
+                    let phase = |secs: f64| libm::cos(rate * secs.max(0.0));
+                    return amplitude * ((phase(last) - phase(last - lag_secs)) / lag_secs);
                 }
                 amplitude * if secs < *until_secs { -rate * libm::sin(rate * secs) } else { 0.0 }
             }
@@ -332,6 +337,16 @@ impl Goals {
         match self {
             Self::Fixed | Self::PerAgent(_) => false,
             Self::Line(_) | Self::Wave { .. } => true,
+        }
+    }
+}
+
+impl Aviary {
+    /// Points to fly through on an agent's way to its goal \[m, world\]; none where nothing stands between.
+    pub fn route(&self, agent: usize) -> &[Vector3<f32>] {
+        match self.routes.get(agent) {
+            Some(route) => route,
+            None => self.routes.last().map_or(&[], Vec::as_slice),
         }
     }
 }

@@ -15,6 +15,7 @@ use crate::outcome::{Episode, Outcome};
 use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
+use crate::swarm::Mechanics;
 use crate::termination;
 use crate::world::Pose;
 
@@ -28,6 +29,7 @@ use crate::world::Pose;
 pub struct Simulation<const LANES: usize = 64, R: Real = f32> {
     scenario: Scenario,
     controls: Controls<R>,
+    mechanics: Mechanics<R>,
     arena: Option<Arc<Arena>>,
     solver: Option<Arc<ContactSolver>>,
     arch: Arch,
@@ -80,6 +82,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         let arena = arena(scenario);
         let mut simulation = Self {
             controls: Controls::new(&scenario.action),
+            mechanics: Mechanics::new(&scenario.physics, &scenario.airframe),
             solver: solver(scenario, arena.as_deref()),
             arch: Arch::new(),
             first_environment,
@@ -127,6 +130,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             stage: Stage {
                 scenario: &self.scenario,
                 controls: &self.controls,
+                mechanics: &self.mechanics,
                 arena: self.arena.as_deref(),
                 solver: self.solver.as_deref(),
                 control_secs: R::from_f64(1.0 / self.scenario.physics.control_rate_hz),

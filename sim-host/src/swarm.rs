@@ -3,7 +3,7 @@
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
-use kestrel_core::downwash::downwash_force;
+use kestrel_core::downwash::Jet;
 use kestrel_core::dynamics::Integrator::{self, RungeKutta4, SemiImplicitEuler};
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::Ground::{self, Distant, Near};
@@ -11,7 +11,7 @@ use kestrel_core::vehicle::{Air, State, Vehicle};
 use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use crate::scenario::{Physics, Preset};
+use crate::scenario::{Downwash, Physics, Preset};
 
 /// One value per lane.
 pub(crate) type Column<const LANES: usize, R = f32> = [R; LANES];
@@ -31,10 +31,80 @@ pub struct Swarm<const LANES: usize, R: Real = f32> {
     link_attitude: [Column<LANES, R>; 4],
     /// Angular velocity as the `bullet` preset reports it \[rad/s\], world.
     reported: [Column<LANES, R>; 3],
-    /// Push of the drones above \[N\]: the downward force.
-    downwash: Column<LANES, R>,
     airframe: Airframe,
     nominal: Vehicle<R>,
+}
+
+/// How an airframe advances by a substep: the physics, ready for arithmetic.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Mechanics<R> {
+    law: Law<R>,
+    secs: R,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Law<R> {
+    Clean { integrator: Integrator, ground: Ground, jet: Option<Jet<R>> },
+    Bullet(Bullet<R>),
+}
+
+impl<R: Real> Mechanics<R> {
+    pub(crate) fn new(physics: &Physics, airframe: &Airframe) -> Self {
+        let law = match physics.preset {
+            Preset::Clean { integrator, ground, downwash } => {
+                let jet = (downwash == Downwash::Felt).then(|| Jet::new(airframe));
+                Law::Clean { integrator, ground, jet }
+            }
+            Preset::Bullet { mode, quirks } => Law::Bullet(Bullet::new(airframe, mode, quirks)),
+        };
+        Self { law, secs: R::from_f64(physics.substep_secs()) }
+    }
+
+    /// Downward push \[N\] of the air of the drones above on each drone of a team; `team` are their positions.
+    #[inline(always)]
+    pub(crate) fn push_down<const LANES: usize>(
+        &self,
+        team: &[[Column<LANES, R>; 3]],
+        pushes: &mut [Column<LANES, R>],
+    ) {
+        match self.law {
+            Law::Clean { jet: None, .. } => {}
+            Law::Clean { jet: Some(jet), .. } => {
+                push_lower(team, pushes, |lower, upper| jet.push(&(lower - upper)))
+            }
+            Law::Bullet(bullet) if bullet.mode.has_downwash() => {
+                push_lower(team, pushes, |lower, upper| bullet.downwash(lower, upper));
+            }
+            Law::Bullet(_) => {}
+        }
+    }
+}
+
+/// Sums for each drone what those above it push with; of two drones at most one is pushed.
+#[inline(always)]
+fn push_lower<const LANES: usize, R: Real>(
+    team: &[[Column<LANES, R>; 3]],
+    pushes: &mut [Column<LANES, R>],
+    push: impl Fn(&Vector3<R>, &Vector3<R>) -> R,
+) {
+    pushes.fill([R::zero(); LANES]);
+    for (index, one) in team.iter().enumerate() {
+        let (others, rest) = pushes.split_at_mut(index);
+        let own = &mut rest[0];
+        for (other, others) in team.iter().zip(others) {
+            for lane in 0..LANES {
+                let (here, there) = (vector(one, lane), vector(other, lane));
+                let zero = R::zero();
+                let above = |then: R, otherwise: R| here.z.where_less(there.z, then, otherwise);
+                let turned = |low: &Vector3<R>, high: &Vector3<R>| {
+                    Vector3::new(above(low.x, high.x), above(low.y, high.y), above(low.z, high.z))
+                };
+                let force = push(&turned(&here, &there), &turned(&there, &here));
+                own[lane] += above(force, zero);
+                others[lane] += above(zero, force);
+            }
+        }
+    }
 }
 
 impl<const LANES: usize, R: Real> Swarm<LANES, R> {
@@ -52,7 +122,6 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             gains: [nothing; 12],
             link_attitude: level,
             reported: [nothing; 3],
-            downwash: nothing,
             airframe: *airframe,
             nominal: Vehicle::new(airframe),
         };
@@ -145,48 +214,57 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
         set_row(&mut self.gains, lane, values);
     }
 
-    /// Advances every drone by one substep with rotor targets held; with downwash, `team` are the positions of all
-    /// drones of the same environments at its start.
+    /// Advances every drone by one substep with rotor targets held, under what the drones above push down with
+    /// \[N\].
     #[inline(always)]
     pub(crate) fn advance(
         &mut self,
-        physics: &Physics,
+        mechanics: &Mechanics<R>,
         targets: &[Column<LANES, R>; 4],
-        team: &[[Column<LANES, R>; 3]],
+        downwash: &Column<LANES, R>,
     ) {
-        let secs = R::from_f64(physics.substep_secs());
-        if physics.has_downwash() {
-            self.feel_downwash(physics, team);
-        }
+        let secs = mechanics.secs;
         // The choices are spelled out as constants, so that the loop over lanes has no branch and vectorises.
-        match physics.preset {
-            Preset::Clean { integrator, ground, .. } => match (integrator, ground) {
-                (SemiImplicitEuler, Distant) => self.advance_clean(SemiImplicitEuler, Distant, secs, targets),
-                (SemiImplicitEuler, Near) => self.advance_clean(SemiImplicitEuler, Near, secs, targets),
-                (RungeKutta4, Distant) => self.advance_clean(RungeKutta4, Distant, secs, targets),
-                (RungeKutta4, Near) => self.advance_clean(RungeKutta4, Near, secs, targets),
-            },
-            Preset::Bullet { mode, quirks } => {
-                let bullet = Bullet::new(&self.airframe, mode, quirks);
-                if mode == Mode::Pyb && quirks == Quirks::fork() {
-                    let bullet = Bullet { mode: Mode::Pyb, quirks: Quirks::fork(), ..bullet };
-                    self.advance_bullet(&bullet, secs, targets);
-                } else if mode == Mode::Pyb && quirks == Quirks::upstream() {
-                    let bullet = Bullet { mode: Mode::Pyb, quirks: Quirks::upstream(), ..bullet };
-                    self.advance_bullet(&bullet, secs, targets);
-                } else {
-                    self.advance_bullet(&bullet, secs, targets);
+        match &mechanics.law {
+            Law::Clean { integrator, ground, .. } => {
+                let mut clean =
+                    |integrator, ground| self.advance_clean(integrator, ground, secs, targets, downwash);
+                match (integrator, ground) {
+                    (SemiImplicitEuler, Distant) => clean(SemiImplicitEuler, Distant),
+                    (SemiImplicitEuler, Near) => clean(SemiImplicitEuler, Near),
+                    (RungeKutta4, Distant) => clean(RungeKutta4, Distant),
+                    (RungeKutta4, Near) => clean(RungeKutta4, Near),
+                }
+            }
+            Law::Bullet(bullet) => {
+                let mut known = |mode, quirks| {
+                    self.advance_bullet(&Bullet { mode, quirks, ..*bullet }, secs, targets, downwash)
+                };
+                match bullet.mode {
+                    Mode::Pyb if bullet.quirks == Quirks::fork() => known(Mode::Pyb, Quirks::fork()),
+                    Mode::Pyb if bullet.quirks == Quirks::upstream() => known(Mode::Pyb, Quirks::upstream()),
+                    Mode::PybDw if bullet.quirks == Quirks::fork() => known(Mode::PybDw, Quirks::fork()),
+                    Mode::PybDw if bullet.quirks == Quirks::upstream() => known(Mode::PybDw, Quirks::upstream()),
+                    mode => known(mode, bullet.quirks),
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn advance_clean(&mut self, integrator: Integrator, ground: Ground, secs: R, targets: &[Column<LANES, R>; 4]) {
+    fn advance_clean(
+        &mut self,
+        integrator: Integrator,
+        ground: Ground,
+        secs: R,
+        targets: &[Column<LANES, R>; 4],
+        downwash: &Column<LANES, R>,
+    ) {
         // A copy, which no store to a column can change: the loop reads it once.
         let nominal = self.nominal;
         for lane in 0..LANES {
-            let air = self.air(ground, lane);
+            let force = Vector3::new(R::zero(), R::zero(), -downwash[lane]);
+            let air = Air { wind: vector(&self.wind, lane), force, ground };
             let (vehicle, state) = (self.vehicle(&nominal, lane), self.state(lane));
             let next = integrator.advance(&vehicle, &state, &row(targets, lane), &air, secs);
             self.set_state(lane, &next);
@@ -194,66 +272,41 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
     }
 
     #[inline(always)]
-    fn advance_bullet(&mut self, bullet: &Bullet<R>, secs: R, targets: &[Column<LANES, R>; 4]) {
+    fn advance_bullet(
+        &mut self,
+        bullet: &Bullet<R>,
+        secs: R,
+        targets: &[Column<LANES, R>; 4],
+        downwash: &Column<LANES, R>,
+    ) {
         let bullet = *bullet;
         for lane in 0..LANES {
-            let next = bullet.step_under(&self.drone(lane), &row(targets, lane), self.downwash[lane], secs);
+            let next = bullet.step_under(&self.drone(lane), &row(targets, lane), downwash[lane], secs);
             self.set_drone(lane, &next);
         }
     }
 
-    #[inline(always)]
-    fn air(&self, ground: Ground, lane: usize) -> Air<R> {
-        let zero = R::zero();
-        Air { wind: vector(&self.wind, lane), force: Vector3::new(zero, zero, -self.downwash[lane]), ground }
-    }
-
-    /// Sums what the drones above push down with.
-    #[inline(always)]
-    fn feel_downwash(&mut self, physics: &Physics, team: &[[Column<LANES, R>; 3]]) {
-        let airframe = self.airframe;
-        let [x, y, z] = self.position;
-        let mut push = [R::zero(); LANES];
-        match physics.preset {
-            Preset::Clean { .. } => {
-                for [ox, oy, oz] in team {
-                    for lane in 0..LANES {
-                        let offset = Vector3::new(x[lane] - ox[lane], y[lane] - oy[lane], z[lane] - oz[lane]);
-                        push[lane] -= downwash_force(&airframe, &offset).z;
-                    }
-                }
-            }
-            Preset::Bullet { mode, quirks } => {
-                let bullet = Bullet::new(&airframe, mode, quirks);
-                for [ox, oy, oz] in team {
-                    for lane in 0..LANES {
-                        let position = Vector3::new(x[lane], y[lane], z[lane]);
-                        let other = Vector3::new(ox[lane], oy[lane], oz[lane]);
-                        push[lane] += bullet.downwash(&position, &other);
-                    }
-                }
-            }
+    /// The drone in a lane by itself, which advances to the same bits.
+    pub(crate) fn alone(&self, lane: usize) -> Swarm<1, R> {
+        Swarm {
+            position: one_lane(&self.position, lane),
+            attitude: one_lane(&self.attitude, lane),
+            velocity: one_lane(&self.velocity, lane),
+            body_rates: one_lane(&self.body_rates, lane),
+            rotor_speeds: one_lane(&self.rotor_speeds, lane),
+            wind: one_lane(&self.wind, lane),
+            gains: one_lane(&self.gains, lane),
+            link_attitude: one_lane(&self.link_attitude, lane),
+            reported: one_lane(&self.reported, lane),
+            airframe: self.airframe,
+            nominal: self.nominal,
         }
-        self.downwash = push;
     }
 
-    /// One substep of the drone that stands at `drone` in a lane, the same as [`Self::advance`] makes; `team` are the
-    /// positions of all drones of its environment.
-    pub(crate) fn advanced(
-        &self,
-        physics: &Physics,
-        lane: usize,
-        drone: &BulletState<R>,
-        targets: &[R; 4],
-        team: &[Vector3<R>],
-    ) -> BulletState<R> {
-        let mut lone = Swarm::<1, R>::new(&self.airframe);
-        lone.set_drone(0, drone);
-        lone.gains = self.gains.map(|column| [column[lane]]);
-        lone.wind = self.wind.map(|column| [column[lane]]);
-        let team: Vec<[Column<1, R>; 3]> = team.iter().map(|place| [[place.x], [place.y], [place.z]]).collect();
-        lone.advance(physics, &targets.map(|target| [target]), &team);
-        lone.drone(0)
+    /// Angular velocity \[rad/s\], world, as the `bullet` preset reports it.
+    #[inline(always)]
+    pub(crate) fn reported(&self, lane: usize) -> Vector3<R> {
+        vector(&self.reported, lane)
     }
 
     /// Every column, for saving and restoring.
@@ -279,12 +332,14 @@ pub fn advance_all<const LANES: usize>(
     targets: &[[f32; LANES]; 4],
     steps: u32,
 ) {
-    pulp::Arch::new().dispatch(AdvanceAll { swarms, physics, targets, steps });
+    let Some(swarm) = swarms.first() else { return };
+    let mechanics = Mechanics::new(physics, &swarm.airframe);
+    pulp::Arch::new().dispatch(AdvanceAll { swarms, mechanics, targets, steps });
 }
 
 struct AdvanceAll<'a, const LANES: usize> {
     swarms: &'a mut [Swarm<LANES>],
-    physics: &'a Physics,
+    mechanics: Mechanics<f32>,
     targets: &'a [Column<LANES>; 4],
     steps: u32,
 }
@@ -296,7 +351,7 @@ impl<const LANES: usize> WithSimd for AdvanceAll<'_, LANES> {
     fn with_simd<S: Simd>(self, _simd: S) {
         for swarm in self.swarms {
             for _ in 0..self.steps {
-                swarm.advance(self.physics, self.targets, &[]);
+                swarm.advance(&self.mechanics, self.targets, &[0.0; LANES]);
             }
         }
     }
@@ -309,6 +364,15 @@ pub(crate) fn row<R: Copy, const LANES: usize, const N: usize>(
     lane: usize,
 ) -> [R; N] {
     core::array::from_fn(|i| columns[i][lane])
+}
+
+/// One lane of columns as columns.
+#[inline(always)]
+pub(crate) fn one_lane<R: Copy, const LANES: usize, const N: usize>(
+    columns: &[Column<LANES, R>; N],
+    lane: usize,
+) -> [Column<1, R>; N] {
+    row(columns, lane).map(|value| [value])
 }
 
 /// Writes the values of one lane.

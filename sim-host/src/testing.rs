@@ -17,7 +17,7 @@ use crate::world::World;
 pub(crate) fn hover() -> Scenario {
     Scenario {
         name: "hover".into(),
-        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), world: World::empty() },
+        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), routes: Vec::new(), world: World::empty() },
         airframe: CF2X,
         goals: Goals::Fixed,
         agents: Agents::ONE,

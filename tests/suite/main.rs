@@ -7,3 +7,4 @@ mod goldens;
 mod layering;
 mod learning;
 mod plot;
+mod tune;

@@ -193,7 +193,9 @@ impl<'a, R: Real> Cockpit<'a, R> {
         let pilot = ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs());
         Self {
             flyer,
-            scripted: vec![pilot; simulation.rows()],
+            scripted: (0..simulation.rows())
+                .map(|row| pilot.clone().along(scenario.aviary.route(row / simulation.environments())))
+                .collect(),
             noise: Stream::new(seed, first, Purpose::Baseline),
             observations: Vec::new(),
             actions: vec![0.0; scenario.action.len() * simulation.rows()],

@@ -17,6 +17,7 @@ use crate::curve::{CurveError, CurvePoint, learning_curve};
 use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, observations_in_flight, record};
 use crate::experiment_config::Experiment;
 use crate::export::{DenseLayer, Export, ExportError, ExportReport, export};
+use crate::recording::{self, Recording};
 use crate::run_directory::metrics::read_rows;
 use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
 
@@ -125,6 +126,18 @@ pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result
         EvaluationReport { name: experiment.name.clone(), seed: experiment.evaluation.seed.0, rows: rows.into() };
     write_json(&directory.evaluation_report(), &report)?;
     Ok(report)
+}
+
+/// The first episode that [`evaluate_run`] flies with the fixed-point policy, again and kept, in double precision.
+///
+/// # Errors
+/// When the policy is damaged or of another task.
+pub fn record_run(experiment: &Experiment, directory: &RunDirectory) -> Result<Recording, ResultsError> {
+    let path = directory.policy();
+    let bytes = read(&path)?;
+    let policy = parse(&bytes, &path)?;
+    refuse_other_task(&policy, &path, &experiment.evaluation.scenario)?;
+    Ok(recording::fly(experiment, Flyer::Policy(&policy), starts(experiment), 0))
 }
 
 /// A policy flown on what it was not trained for would look bad through no fault of its own.

@@ -17,6 +17,8 @@ const INTEGRAL_LIMIT: f32 = 3.0;
 const INTEGRAL_RANGE_M: f32 = 0.3;
 /// Farther goals pull no harder than this \[m\], which limits the speed to 1.1 m/s.
 const LEASH_M: f32 = 0.8;
+/// A point of a route counts as passed this close to it \[m\]: by then the drone is slow enough to turn on the spot.
+const PASSING_M: f32 = 0.15;
 /// Body rate per attitude error \[1/s\].
 const ATTITUDE_GAIN: f32 = 6.0;
 /// Angular acceleration per body-rate error \[1/s\], as in the example experiments.
@@ -36,13 +38,26 @@ const APPROACH_GAIN: f32 = 1.0;
 const PUBLISHED_SPEED_SHARE: f32 = 0.03;
 
 /// Geometric tracking control (after Lee, Leok and McClamroch 2010) through the rate controller of the core.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct ScriptedPilot {
     action: ActionSpace,
     rates: ThrustBodyRates,
     control_secs: f32,
     /// Acceleration \[m/s²\] that the integral of the error asks for, world.
     integral: Vector3<f32>,
+    /// Points to fly through \[m, world\].
+    route: Vec<Vector3<f32>>,
+    /// How many of them it has passed.
+    passed: usize,
+    /// Where the present leg began \[m, world\]; nowhere before the first action.
+    departure: Option<Vector3<f32>>,
+}
+
+/// What to fly towards \[m, world\].
+struct Aim {
+    target: Vector3<f32>,
+    /// From the drone to where it should be by now: what the integral counts.
+    drift: Vector3<f32>,
 }
 
 impl ScriptedPilot {
@@ -50,21 +65,32 @@ impl ScriptedPilot {
     pub fn new(airframe: &Airframe, action: &ActionSpace, control_secs: f32) -> Self {
         let reserve = airframe.thrust_limit() / (airframe.mass * GRAVITY) - 1.0;
         let rates = ThrustBodyRates::new(airframe, reserve as f32, [6.0, 6.0, 3.0], RATE_GAINS);
-        Self { action: *action, rates, control_secs, integral: Vector3::zeros() }
+        let (integral, route) = (Vector3::zeros(), Vec::new());
+        Self { action: *action, rates, control_secs, integral, route, passed: 0, departure: None }
     }
 
-    /// Forgets the integral, as at the start of an episode.
+    /// The same pilot, who flies through these points \[m, world\] before he flies to a goal.
+    #[must_use]
+    pub fn along(mut self, route: &[Vector3<f32>]) -> Self {
+        self.route = route.to_vec();
+        self
+    }
+
+    /// Forgets the integral and the way already flown, as at the start of an episode.
     pub fn reset(&mut self) {
         self.integral = Vector3::zeros();
+        self.passed = 0;
+        self.departure = None;
     }
 
-    /// The action that flies `state` towards `goal` \[m, world\], each value within \[-1, 1\], zeros behind the last;
-    /// only as far as the action space lets it: up and down in those of one dimension, nowhere in `tun`, whose
+    /// The action that flies `state` along the route and towards `goal` \[m, world\], each value within \[-1, 1\], zeros
+    /// behind the last; only as far as the action space lets it: up and down in those of one dimension, nowhere in `tun`, whose
     /// controller follows the task by itself.
     pub fn act(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LIMIT] {
-        let error = goal - state.position;
-        if error.norm() < INTEGRAL_RANGE_M {
-            self.integral += error * (INTEGRAL_GAIN * self.control_secs);
+        let Aim { target, drift } = self.aim(&state.position, goal);
+        let error = target - state.position;
+        if drift.norm() < INTEGRAL_RANGE_M {
+            self.integral += drift * (INTEGRAL_GAIN * self.control_secs);
             self.integral *= INTEGRAL_LIMIT / self.integral.norm().max(INTEGRAL_LIMIT);
         }
         let (thrust_share, rates) = track(state, &error, &self.integral);
@@ -74,8 +100,30 @@ impl ScriptedPilot {
                 action(targets.map(|target| (target / space.hover_rotor_speed - 1.0) / space.fraction))
             }
             ActionSpace::ThrustBodyRates(space) => action(normalised(space, thrust_share, &rates)),
-            ActionSpace::Published(space) => self.published(space, state, goal),
+            ActionSpace::Published(space) => self.published(space, state, &target),
         }
+    }
+
+    /// The goal itself without a route; otherwise a point ahead on the straight line to the next point, so that the
+    /// drone passes between obstacles where the route does.
+    fn aim(&mut self, position: &Vector3<f32>, goal: &Vector3<f32>) -> Aim {
+        if self.route.is_empty() {
+            return Aim { target: *goal, drift: goal - position };
+        }
+        let mut departure = *self.departure.get_or_insert(*position);
+        while let Some(point) = self.route.get(self.passed).filter(|point| (*point - position).norm() < PASSING_M)
+        {
+            departure = *point;
+            self.departure = Some(departure);
+            self.passed += 1;
+        }
+        let end = self.route.get(self.passed).unwrap_or(goal);
+        let length = (end - departure).norm();
+        let direction = (end - departure) / length.max(1e-6);
+        let along = (position - departure).dot(&direction);
+        let line = |along: f32| departure + direction * along.clamp(0.0, length);
+        let foot = if (end - position).norm() < INTEGRAL_RANGE_M { *end } else { line(along) };
+        Aim { target: line(along + LEASH_M), drift: foot - position }
     }
 
     fn published(&self, space: &PublishedActions, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LIMIT] {

@@ -163,6 +163,12 @@ impl<R: Real> PublishedControls<R> {
         }
     }
 
+    /// Around which speed the values of an action of [`PublishedKind::Rpm`] lie, which needs neither state nor memory;
+    /// `None` of any other kind.
+    pub fn rpm(&self) -> Option<(Hover<R>, Precision)> {
+        (self.kind == PublishedKind::Rpm).then_some((self.hover, self.precision))
+    }
+
     /// As [`super::Controls::rotor_targets`].
     #[inline]
     pub fn rotor_targets(

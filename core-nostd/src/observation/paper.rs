@@ -43,7 +43,7 @@ impl PaperLayout {
     }
 
     /// The observation; it reads state and angular velocity.
-    #[inline]
+    #[inline(always)]
     pub fn encode<R: Real>(&self, seen: &Seen<'_, R>) -> [R; PAPER_LEN] {
         let State { position, velocity, .. } = seen.state;
         let [planar, height] = [self.planar_limit_m, self.height_limit_m].map(R::from_f32);

@@ -33,6 +33,10 @@ pub struct AviaryConfig {
     /// Where the reference system starts its drones, for plans; a task's own starts are under `start`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub starts_m: Vec<[f64; 3]>,
+    /// A way from the start to the goal around what stands between: points `[x, y, z]` to fly through, for the scripted
+    /// pilot and for plans.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub route_m: Vec<[f64; 3]>,
     /// Whether z = 0 is solid.
     #[serde(default = "floor")]
     pub floor: bool,
@@ -78,6 +82,9 @@ pub struct Place {
     pub goals: Vec<Vector3<f64>>,
     /// Where the reference system starts its drones \[m, world\].
     pub starts: Vec<Vector3<f64>>,
+    /// Points to fly through on the way to each goal \[m, world\]: its own route, or those of the worlds set into it; a
+    /// route may be empty.
+    pub routes: Vec<Vec<Vector3<f64>>>,
     /// What stands there.
     pub world: World,
 }
@@ -92,7 +99,7 @@ impl AviaryConfig {
     /// # Errors
     /// When a solid is wrong, or a drone of `airframe` cannot be at the goal, or there is none.
     pub fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<Aviary, ConfigError> {
-        let Place { goals, world, .. } = self.place(field)?;
+        let Place { goals, routes, world, .. } = self.place(field)?;
         let Some(goal) = goals.first() else {
             return Err(field.reject("no key `goal_m`", "one: it has no default"));
         };
@@ -102,7 +109,8 @@ impl AviaryConfig {
                 format!("at least {lowest} m, half the drone's height, because there is a floor at z = 0");
             return Err(field.at("goal_m").at(2).refuse(goal.z, expected));
         }
-        Ok(Aviary { goal: goal.cast(), world })
+        let cast = |route: &Vec<Vector3<f64>>| route.iter().map(|point| point.cast()).collect();
+        Ok(Aviary { goal: goal.cast(), routes: routes.iter().map(cast).collect(), world })
     }
 
     /// The place, whether or not there is a goal.
@@ -111,16 +119,20 @@ impl AviaryConfig {
     /// When a solid is wrong or around the goal, or there are too many.
     pub fn place(&self, field: &Field<'_>) -> Result<Place, ConfigError> {
         let goal = self.goal_m.map(|goal| exact_point(&field.at("goal_m"), goal)).transpose()?;
+        let world = self.own_world(goal.as_ref(), field)?;
+        let route = points(&field.at("route_m"), &self.route_m)?;
         let mut place = Place {
             about: self.about.clone().unwrap_or_default(),
             goals: goal.into_iter().collect(),
-            starts: self.starts(field)?,
-            world: self.own_world(goal.as_ref(), field)?,
+            starts: points(&field.at("starts_m"), &self.starts_m)?,
+            routes: if route.is_empty() { Vec::new() } else { vec![route] },
+            world,
         };
         for (index, inner) in self.worlds.iter().enumerate() {
             let field = field.at("worlds").at(index);
-            place.take_in(inner.place(&field)?, goal.is_some());
+            place.take_in(inner.place(&field)?, self);
         }
+        self.refuse_blocked_route(&place, field)?;
         if let Some(at) = self.at_m {
             place.shift(exact_point(&field.at("at_m"), at)?);
         }
@@ -131,9 +143,17 @@ impl AviaryConfig {
         Ok(place)
     }
 
-    fn starts(&self, field: &Field<'_>) -> Result<Vec<Vector3<f64>>, ConfigError> {
-        let field = field.at("starts_m");
-        self.starts_m.iter().enumerate().map(|(index, start)| exact_point(&field.at(index), *start)).collect()
+    /// Refuses points of its own route that are inside a solid.
+    fn refuse_blocked_route(&self, place: &Place, field: &Field<'_>) -> Result<(), ConfigError> {
+        let Some(route) = place.routes.first().filter(|_| !self.route_m.is_empty()) else { return Ok(()) };
+        let blocked = |point: &Vector3<f64>| place.world.solids.iter().any(|solid| holds(solid, point));
+        match route.iter().position(blocked) {
+            None => Ok(()),
+            Some(index) => {
+                let found = format!("{:?}, inside a solid", self.route_m[index]);
+                Err(field.at("route_m").at(index).reject(found, "a point to fly through"))
+            }
+        }
     }
 
     /// What is written here, without the worlds set into it.
@@ -173,10 +193,14 @@ impl Place {
         document.decode::<AviaryConfig>()?.place(&document.root())
     }
 
-    /// Adds the contents of `inner`; its goals only where there are none of the outer world.
-    fn take_in(&mut self, inner: Self, has_goal: bool) {
-        if !has_goal {
+    /// Adds the contents of `inner`; its goals and its routes only where the outer world has none of its own.
+    fn take_in(&mut self, inner: Self, outer: &AviaryConfig) {
+        if outer.goal_m.is_none() {
             self.goals.extend(inner.goals);
+        }
+        if outer.route_m.is_empty() {
+            let none = if inner.routes.is_empty() { vec![Vec::new()] } else { Vec::new() };
+            self.routes.extend(inner.routes.into_iter().chain(none));
         }
         self.starts.extend(inner.starts);
         self.world.solids.extend(inner.world.solids);
@@ -187,10 +211,15 @@ impl Place {
         let World { solids, movables, .. } = &mut self.world;
         let solids = solids.iter_mut().chain(movables.iter_mut().map(|movable| &mut movable.solid));
         let positions = solids.map(|solid| &mut solid.pose.position);
-        for position in self.goals.iter_mut().chain(&mut self.starts).chain(positions) {
+        let points = self.goals.iter_mut().chain(&mut self.starts).chain(self.routes.iter_mut().flatten());
+        for position in points.chain(positions) {
             *position += by;
         }
     }
+}
+
+fn points(field: &Field<'_>, points: &[[f64; 3]]) -> Result<Vec<Vector3<f64>>, ConfigError> {
+    points.iter().enumerate().map(|(index, point)| exact_point(&field.at(index), *point)).collect()
 }
 
 impl BoxConfig {

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use rapier3d::parry::query::Ray;
 
-use super::frame::{relative, to_vector};
+use super::frame::to_vector;
 use super::outline::Outline;
 use super::{ContactReport, TOUCH_GAP, Touch};
 use crate::world::{Pose, Role, Solid};
@@ -53,13 +53,17 @@ impl Body {
 
     /// Distance of a point \[m\], zero inside.
     pub(super) fn distance_to(&self, point: &Vector3<f64>) -> f64 {
-        let local = relative(&self.shape_pose, &Pose::at(*point)).position;
-        f64::from(self.outline.shape.distance_to_local_point(to_vector(&local), true))
+        f64::from(self.outline.shape.distance_to_local_point(to_vector(&self.seen_from(point)), true))
+    }
+
+    /// A point in the frame of the shape.
+    fn seen_from(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.shape_pose.world_from_body.rotate_inverse(point - self.shape_pose.position)
     }
 
     /// Distance at which a ray of unit direction meets it, if within `limit` \[m\].
     pub(super) fn cast_ray(&self, origin: &Vector3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<f64> {
-        let local = relative(&self.shape_pose, &Pose::at(*origin)).position;
+        let local = self.seen_from(origin);
         let along = self.shape_pose.world_from_body.rotate_inverse(*direction);
         let ray = Ray::new(to_vector(&local), to_vector(&along));
         self.outline.shape.cast_local_ray(&ray, limit as f32, true).map(f64::from)

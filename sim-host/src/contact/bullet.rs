@@ -1,4 +1,7 @@
 //! A group's substep as Bullet makes it: contact points that are kept, impulses one after the other.
+//!
+//! What this module and those below it do, and in which order, is what Bullet 3.27's source does (© Erwin Coumans and
+//! contributors, zlib licence), rewritten: a flight that touches something stays within rounding of the reference's.
 
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
@@ -6,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Motion;
 use super::arena::BREAKING_SHARE;
-use super::group::{End, Group, Member};
+use super::group::{End, Group, Member, Start};
 use super::impulses::{self, Meeting, Mobile};
 use super::manifold::{ContactMemory, Found, Party};
 use super::outline::{MARGIN, Outline};
@@ -14,7 +17,7 @@ use super::solver::Inertia;
 use super::{penetration, separation};
 use crate::world::Pose;
 
-/// Friction of a drone: what PyBullet gives a body that states none.
+/// Friction of a drone: what the reference gives a body that states none.
 pub(super) const DRONE_FRICTION: f64 = 0.5;
 
 /// Friction of the floor, as in `plane.urdf`.
@@ -44,7 +47,7 @@ struct Side<'a> {
 /// Steps the group; what contacts there are moves from one memory to the other.
 pub(super) fn step(
     group: &Group<'_>,
-    starts: &[Motion],
+    starts: &[Start],
     known: &mut ContactMemory,
     memory: &mut ContactMemory,
 ) -> Vec<End> {
@@ -53,19 +56,21 @@ pub(super) fn step(
     let meetings = group.meetings(starts, known, memory);
     let pushed = impulses::resolve(&mut mobiles, &meetings, group.secs);
     let ends = mobiles.iter().zip(starts).zip(pushed);
-    ends.map(|((mobile, start), pushed)| End { motion: moved(mobile, start, group.secs), pushed }).collect()
+    ends.map(|((mobile, start), pushed)| End { motion: moved(mobile, &start.motion.pose, group.secs), pushed })
+        .collect()
 }
 
 impl Group<'_> {
-    fn mobile(&self, member: Member, start: &Motion) -> Mobile {
+    fn mobile(&self, member: Member, start: &Start) -> Mobile {
         let Inertia { mass, moments } = match member {
             Member::Drone(_) => self.solver.drone,
             Member::Movable(index) => self.solver.movables[index],
         };
         let inverse = moments.try_inverse().unwrap_or_else(Matrix3::zeros);
-        let Motion { pose, velocity, body_rates } = match member {
-            Member::Drone(_) => *start,
-            Member::Movable(_) => falling(start, &moments, &inverse, self.secs),
+        let pose = start.motion.pose;
+        let Motion { velocity, body_rates, .. } = match member {
+            Member::Drone(_) => start.free,
+            Member::Movable(_) => falling(&start.free, &moments, &inverse, self.secs),
         };
         let turn = pose.world_from_body.matrix();
         Mobile {
@@ -78,8 +83,9 @@ impl Group<'_> {
     }
 
     /// All points at which members touch anything.
-    fn meetings(&self, starts: &[Motion], known: &mut ContactMemory, memory: &mut ContactMemory) -> Vec<Meeting> {
-        let sides: Vec<Side<'_>> = (0..starts.len()).map(|index| self.side(index, &starts[index])).collect();
+    fn meetings(&self, starts: &[Start], known: &mut ContactMemory, memory: &mut ContactMemory) -> Vec<Meeting> {
+        let sides: Vec<Side<'_>> =
+            (0..starts.len()).map(|index| self.side(index, &starts[index].motion)).collect();
         let floor = self.floor.then(|| self.ground());
         let solids: Vec<Side<'_>> = self.solids.iter().map(|index| self.solid(*index)).collect();
         let mut meetings = Vec::new();
@@ -188,13 +194,13 @@ fn falling(start: &Motion, moments: &Matrix3<f64>, inverse: &Matrix3<f64>, secs:
 }
 
 /// Where the new velocities take a body.
-fn moved(mobile: &Mobile, start: &Motion, secs: f64) -> Motion {
+fn moved(mobile: &Mobile, start: &Pose, secs: f64) -> Motion {
     let angle = (mobile.angular_velocity.norm() * secs).min(ROTATION_CAP);
     let axis = mobile.angular_velocity.try_normalize(0.0).unwrap_or_else(Vector3::x);
     let turn = Attitude::from_axis_angle(axis, angle);
-    let world_from_body = turn.after(&start.pose.world_from_body).normalized();
+    let world_from_body = turn.after(&start.world_from_body).normalized();
     Motion {
-        pose: Pose { position: start.pose.position + mobile.velocity * secs, world_from_body },
+        pose: Pose { position: start.position + mobile.velocity * secs, world_from_body },
         velocity: mobile.velocity,
         body_rates: world_from_body.rotate_inverse(mobile.angular_velocity),
     }

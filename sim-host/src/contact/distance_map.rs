@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 
 use super::body::Body;
 
-/// Greatest number of cells: a mebibyte, which stays in the second-level cache.
-const CELL_LIMIT: f64 = 1_048_576.0;
+/// Greatest number of cells: half a mebibyte, which stays in the second-level cache.
+const CELL_LIMIT: f64 = 524_288.0;
 
 /// Smallest edge of a cell \[m\]: less than a drone's radius gains nothing.
 const SMALLEST_CELL: f64 = 0.03;
@@ -29,12 +29,14 @@ const ROUNDING: f64 = 1e-4;
 #[derive(Clone, Debug)]
 pub(super) struct DistanceMap {
     low: [f32; 3],
+    /// Of the first cell.
+    middle_of_first: [f32; 3],
     high: [f32; 3],
     cells_per_metre: f32,
     /// Index of the last cell along x, y, z.
     last: [f32; 3],
-    /// Cells in a row and in a layer.
-    strides: [usize; 2],
+    /// Cells from one to the next along x, y, z.
+    strides: [f32; 3],
     step: f32,
     cells: Vec<u8>,
 }
@@ -50,10 +52,11 @@ impl DistanceMap {
         let counts = size.map(|length| libm::ceil(length / cell).max(1.0) as usize);
         let mut map = Self {
             low: low.map(|value| value as f32).into(),
+            middle_of_first: low.map(|value| (value + 0.5 * cell) as f32).into(),
             high: (low + size).map(|value| value as f32).into(),
             cells_per_metre: (1.0 / cell) as f32,
             last: counts.map(|count| (count - 1) as f32).into(),
-            strides: [counts.x, counts.x * counts.y],
+            strides: [1.0, counts.x as f32, (counts.x * counts.y) as f32],
             step: (cell / STEPS_PER_CELL) as f32,
             cells: vec![0; counts.product()],
         };
@@ -79,7 +82,7 @@ impl DistanceMap {
                     }
                 };
                 let [x, y, z] = index;
-                self.cells[x + y * self.strides[0] + z * self.strides[1]] = (bound / cell * STEPS_PER_CELL) as u8;
+                self.cells[x + counts[0] * (y + counts[1] * z)] = (bound / cell * STEPS_PER_CELL) as u8;
             }
         }
     }
@@ -88,15 +91,22 @@ impl DistanceMap {
     /// bound at its rim, for nothing is nearer than from there.
     #[inline(always)]
     pub(super) fn bound(&self, point: [f32; 3]) -> f32 {
-        let mut index = 0;
+        let mut index = 0.0;
         let mut outside = 0.0_f32;
-        for (axis, stride) in [1, self.strides[0], self.strides[1]].into_iter().enumerate() {
-            let place = (point[axis] - self.low[axis]) * self.cells_per_metre;
-            index += place.max(0.0).min(self.last[axis]) as usize * stride;
+        for axis in 0..3 {
+            let place = (point[axis] - self.middle_of_first[axis]) * self.cells_per_metre;
+            index += nearest_whole(place.max(0.0).min(self.last[axis])) * self.strides[axis];
             outside = outside.max(self.low[axis] - point[axis]).max(point[axis] - self.high[axis]);
         }
-        outside.max(f32::from(self.cells.get(index).copied().unwrap_or(0)) * self.step)
+        outside.max(f32::from(self.cells.get(index as usize).copied().unwrap_or(0)) * self.step)
     }
+}
+
+/// The nearest whole number, of numbers from 0 to a million: conversions to integers and back take longer.
+#[inline(always)]
+fn nearest_whole(value: f32) -> f32 {
+    const WHOLE: f32 = 8_388_608.0;
+    (value + WHOLE) - WHOLE
 }
 
 /// What bounds the distances of a block of cells.

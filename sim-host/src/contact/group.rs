@@ -25,6 +25,13 @@ pub(super) struct Group<'a> {
     pub(super) secs: f64,
 }
 
+/// A member at the start of the substep.
+pub(super) struct Start {
+    pub(super) motion: Motion,
+    /// Velocities at the end of the substep if nothing were near; those of a movable do not feel gravity yet.
+    pub(super) free: Motion,
+}
+
 /// What becomes of a member.
 pub(super) struct End {
     pub(super) motion: Motion,
@@ -55,23 +62,23 @@ impl<'a> Group<'a> {
         matches!(self.members[..], [Member::Drone(_)]) && self.solids.is_empty() && !self.floor
     }
 
-    /// Where each member is at the start of the substep; drones with the velocities that free flight ends with.
-    pub(super) fn starts(&self, before: &[Motion], after: &[Motion], movables: &[Motion]) -> Vec<Motion> {
+    /// The members at the start of the substep.
+    pub(super) fn starts(&self, before: &[Motion], after: &[Motion], movables: &[Motion]) -> Vec<Start> {
         let start = |member: &Member| match *member {
-            Member::Drone(index) => Motion { pose: before[index].pose, ..after[index] },
-            Member::Movable(index) => movables[index],
+            Member::Drone(index) => Start { motion: before[index], free: after[index] },
+            Member::Movable(index) => Start { motion: movables[index], free: movables[index] },
         };
         self.members.iter().map(start).collect()
     }
 
     /// Moves the members; drones that nothing pushed stay as they are.
-    pub(super) fn finish(&self, starts: &[Motion], ends: &[End], after: &mut [Motion], movables: &mut [Motion]) {
+    pub(super) fn finish(&self, starts: &[Start], ends: &[End], after: &mut [Motion], movables: &mut [Motion]) {
         let tired = self.members.iter().zip(ends).all(|(member, end)| is_tired(*member, end));
         for ((member, start), end) in self.members.iter().zip(starts).zip(ends) {
             match *member {
                 Member::Drone(index) if end.pushed => after[index] = end.motion,
                 Member::Drone(_) => {}
-                Member::Movable(index) if tired => movables[index] = Motion::at_rest(start.pose),
+                Member::Movable(index) if tired => movables[index] = Motion::at_rest(start.motion.pose),
                 Member::Movable(index) => movables[index] = end.motion,
             }
         }

@@ -1,8 +1,8 @@
 //! Impulses that keep bodies apart, found one after the other as Bullet does.
 //!
 //! Projected Gauss–Seidel over the contact points: a normal impulse each, which also pushes overlapping bodies apart
-//! (so that a fast impact ends with a small rebound), and two of friction within Coulomb's cone. (`btMultiBody-`
-//! `ConstraintSolver` with the parameters of PyBullet's `PhysicsServerCommandProcessor`, Bullet 3.25.)
+//! (so that a fast impact ends with a small rebound), and two of friction within Coulomb's cone. (`btMultiBodyConstraintSolver` with
+//! the parameters of `PhysicsServerCommandProcessor`.)
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -2,7 +2,7 @@
 //!
 //! Bullet finds one point of a pair of convex bodies in a step, the deepest, and keeps up to four of them while they
 //! stay where they are: a drone that lands flat touches with one corner first. (`btPersistentManifold`,
-//! `btConvexConvexAlgorithm`, Bullet 3.25.)
+//! `btConvexConvexAlgorithm`.)
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

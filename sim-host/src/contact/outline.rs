@@ -11,13 +11,13 @@ use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher as _};
 use super::frame::{compose, relative, to_pose, to_vector};
 use crate::world::{Pose, Shape};
 
-/// Corners of one face of the drone's prism, as many as PyBullet gives a URDF cylinder.
+/// Corners of one face of the drone's prism, as many as the reference gives a URDF cylinder.
 const CORNERS: usize = 32;
 
 /// Steps across a hull on the grid of `btConvexHullComputer`.
 const HULL_GRID: f64 = 10_216.0;
 
-/// Thickness of the skin around the drone's prism on which it rests \[m\]: PyBullet's margin of a URDF shape.
+/// Thickness of the skin around the drone's prism on which it rests \[m\]: the reference's margin of a URDF shape.
 pub(super) const MARGIN: f64 = 1e-3;
 
 /// A convex shape in the frame of the body that carries it.
@@ -104,10 +104,11 @@ impl Outline {
                 Vector3::new(direction.x * scale, half_height.copysign(direction.y), direction.z * scale)
             }
             Extremes::Corners(corners) => {
-                let mut farthest = corners[0];
+                let (mut farthest, mut most) = (corners[0], f64::NEG_INFINITY);
                 for corner in corners {
-                    if corner.dot(direction) > farthest.dot(direction) {
-                        farthest = *corner;
+                    let along = corner.dot(direction);
+                    if along > most {
+                        (farthest, most) = (*corner, along);
                     }
                 }
                 farthest
@@ -157,7 +158,7 @@ pub(super) fn upright(position: Vector3<f64>) -> Pose {
     Pose { position, world_from_body: Attitude::from_axis_angle(Vector3::x(), FRAC_PI_2) }
 }
 
-/// Corners of the prism in the order of PyBullet's hull, of which the first of equals is the one that touches: from
+/// Corners of the prism in the order of the reference's hull, of which the first of equals is the one that touches: from
 /// the left on to both sides, and `btConvexHullComputer` rounds them towards zero on a grid.
 fn prism(radius: f64, half_height: f64) -> Vec<Vector3<f64>> {
     let step = 2.0 * radius / HULL_GRID;

@@ -1,7 +1,6 @@
 //! How deep two rounded shapes overlap, and where.
 //!
-//! The expanding polytope algorithm (van den Bergen 2001) as Bullet runs it (`btGjkEpa2`, Bullet 3.25, by Nathanael
-//! Presson), step by step and with its tolerances: of the many points at which a flat drone overlaps a flat floor it
+//! The expanding polytope algorithm (van den Bergen 2001) as Bullet runs it (`btGjkEpa2`, by Nathanael Presson), step by step and with its tolerances: of the many points at which a flat drone overlaps a flat floor it
 //! returns one, and which one decides how the drone bounces.
 
 mod polytope;

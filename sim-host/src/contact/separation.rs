@@ -1,7 +1,7 @@
 //! The nearest points of two shapes that do not overlap.
 //!
 //! Gilbert, Johnson and Keerthi's algorithm with Ericson's sub-simplex tests (Real-Time Collision Detection, 5.1) in
-//! the steps of Bullet (`btGjkPairDetector`, `btVoronoiSimplexSolver`, Bullet 3.25), in `f64`: where a flat drone
+//! the steps of Bullet (`btGjkPairDetector`, `btVoronoiSimplexSolver`), in `f64`: where a flat drone
 //! meets a flat wall, many points are the nearest, and it matters which ones.
 
 use nalgebra::Vector3;

@@ -96,7 +96,7 @@ impl Component {
                 let exponent = R::from_f64(0.4);
                 each(values, |i| {
                     let share = Span::Spatial.distance(swarm, target, i) / reach;
-                    (one - share.powf(exponent)).limited(zero, one)
+                    (one - (exponent * share.ln()).exp()).limited(zero, one)
                 });
             }
             Self::DropAltitude { target, start_distance } => {

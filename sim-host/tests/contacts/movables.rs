@@ -1,6 +1,6 @@
 //! Boxes that a drone can push, in both physics.
 
-use kestrel_core::airframe::CF2X;
+use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
 use kestrel_core::bullet::Mode;
 use kestrel_sim::contact::{ContactReport, Touch};
 use kestrel_sim::world::{Movable, Solid, World};
@@ -27,15 +27,21 @@ fn gate() -> World {
 fn the_gate_stands_by_itself_and_falls_when_hit() {
     for report in [ContactReport::Touch, ContactReport::Bullet] {
         let far = level([0.0, 3.0, 1.0], [0.0; 3]);
-        let mut flight = Flight::new(&gate(), &CF2X, Mode::Pyb, report, vec![far]);
-        let hover = [CF2X.hover_rotor_speed(); 4];
+        let mut flight = Flight::new(&gate(), &HUMMINGBIRD, Mode::Pyb, report, vec![far]);
+        let hover = [HUMMINGBIRD.hover_rotor_speed(); 4];
         for _ in 0..720 {
             flight.step(&hover);
         }
         let top = flight.movables[20].pose.position;
-        println!("{report:?}: after 3 s the architrave is at {:.1} mm", 1e3 * top.z);
-        assert!((top - Vector3::new(0.0, -1.0, 0.525)).norm() < 5e-3, "{report:?}: {top}");
-        flight.drones = vec![level([0.3, -0.7, 0.45], [0.0, -3.0, 0.0])];
+        let sway = (top - Vector3::new(0.0, -1.0, 0.525)).norm();
+        println!("{report:?}: after 3 s the architrave is {:.1} mm from where it was", 1e3 * sway);
+        // In the reference the gate sways by 25 mm.
+        let limit = match report {
+            ContactReport::Touch => 1e-3,
+            ContactReport::Bullet => 0.05,
+        };
+        assert!(sway < limit, "{report:?}: {top}");
+        flight.drones = vec![level([0.3, -0.4, 0.45], [0.0, -3.0, 0.0])];
         let mut touched = Touch::default();
         for _ in 0..480 {
             flight.step(&hover);

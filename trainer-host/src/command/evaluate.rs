@@ -21,6 +21,10 @@ pub(crate) struct Arguments {
     /// What the starts follow from [default: the experiment's]
     #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
     seed: Option<u64>,
+
+    /// Keep the policy's first episode in this file, for `kestrel replay`
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -31,5 +35,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     directory.require_policies()?;
     let report = results::evaluate_run(&experiment, &directory)?;
     say(table::evaluations(&report))?;
+    if let Some(path) = &arguments.record {
+        results::record_run(&experiment, &directory)?.write(path)?;
+        say(format_args!("\nRecorded: kestrel replay {}", path.display()))?;
+    }
     Ok(Done::Finished)
 }

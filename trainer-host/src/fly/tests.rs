@@ -55,7 +55,7 @@ fn climber(control_period_secs: f32) -> Vec<u8> {
 fn scenario() -> Scenario {
     Scenario {
         name: "hover".into(),
-        aviary: Aviary { goal: Vector3::new(1.0, 2.0, 1.0), world: World::empty() },
+        aviary: Aviary { goal: Vector3::new(1.0, 2.0, 1.0), routes: Vec::new(), world: World::empty() },
         airframe: CF2X,
         physics: Physics::clean(Integrator::SemiImplicitEuler, 2, 100.0),
         goals: Goals::Fixed,

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use crate::experiment_config;
 
 /// Where aviaries are looked for by name.
-const FOLDERS: [&str; 2] = ["configs", "assets/worlds"];
+const FOLDERS: [&str; 3] = ["configs", "assets/worlds", "configs/aviaries"];
 
 /// Air around what is drawn \[m\].
 const MARGIN: f64 = 0.25;
@@ -32,6 +32,8 @@ pub struct Subject {
     pub goals: Vec<Vector3<f64>>,
     /// Where drones start \[m, world\].
     pub starts: Vec<Vector3<f64>>,
+    /// Points on the way to each goal \[m, world\]; there may be fewer routes than goals, and empty ones.
+    pub routes: Vec<Vec<Vector3<f64>>>,
     /// The box of random starts, of an experiment.
     pub start_region: Option<Cuboid>,
 }
@@ -104,12 +106,14 @@ impl Subject {
         for assignment in overrides {
             document.set(assignment)?;
         }
-        let Place { about, goals, starts, world } = document.decode::<AviaryConfig>()?.place(&document.root())?;
-        Ok(Self { name: stem(path), about, world, goals, starts, start_region: None })
+        let Place { about, goals, starts, routes, world } =
+            document.decode::<AviaryConfig>()?.place(&document.root())?;
+        Ok(Self { name: stem(path), about, world, goals, starts, routes, start_region: None })
     }
 
     fn of_scenario(name: String, scenario: &Scenario) -> Self {
         let drones = 0..scenario.agents.count as usize;
+        let route = |drone: usize| scenario.aviary.route(drone).iter().map(|point| point.cast()).collect();
         let (starts, region) = match &scenario.start.position {
             StartPosition::Within(region) => (Vec::new(), Some(*region)),
             StartPosition::AroundGoal { farthest_m, .. } => {
@@ -123,6 +127,7 @@ impl Subject {
             name,
             about: format!("the aviary of the experiment {}, with the starts of its evaluation", scenario.name),
             world: scenario.aviary.world.clone(),
+            routes: drones.clone().map(route).collect(),
             goals: drones.map(|drone| scenario.goals.at(&scenario.aviary.goal, drone, 0.0)).collect(),
             starts,
             start_region: region,

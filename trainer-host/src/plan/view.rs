@@ -201,12 +201,24 @@ impl Frame {
         size[0] * size[1] > CURTAIN * area
     }
 
-    /// Starts, goals and where starts are random.
+    /// Starts, goals, the ways between them and where starts are random.
     fn draw_points(&self, drawing: &mut Drawing, subject: &Subject, size: f64) {
         if let Some(region) = subject.start_region {
             let [low, high] = [region.low, region.high].map(|corner| self.direction.project(corner.cast()));
             let corners = [low, [high[0], low[1]], high, [low[0], high[1]]].map(|corner| self.place(corner));
             drawing.polygon(corners.to_vec(), Some((START, 0.12)), Some(Pen::dashes(START, 1.5)));
+        }
+        for (index, route) in subject.routes.iter().enumerate().filter(|(_, route)| !route.is_empty()) {
+            let (start, goal) = (subject.starts.get(index), subject.goals.get(index));
+            let points: Vec<[f64; 2]> = start
+                .into_iter()
+                .chain(route)
+                .chain(goal)
+                .map(|point| self.place(self.direction.project(*point)))
+                .collect();
+            for leg in points.windows(2) {
+                drawing.line([leg[0], leg[1]], Pen::dashes(GOAL, 1.6 * size));
+            }
         }
         for goal in &subject.goals {
             draw_goal(drawing, self.place(self.direction.project(*goal)), size);
@@ -308,6 +320,10 @@ pub(super) fn legend(drawing: &mut Drawing, subject: &Subject, [left, top]: [f64
     }
     draw_goal(drawing, [x, top], 1.0);
     x = words(drawing, x + 18.0, "goal");
+    if subject.routes.iter().any(|route| !route.is_empty()) {
+        drawing.line([[x - 8.0, top], [x + 14.0, top]], Pen::dashes(GOAL, 1.6));
+        x = words(drawing, x + 22.0, "a way around");
+    }
     let roles = |role: Role| subject.world.solids.iter().any(|solid| solid.role == role);
     if roles(Role::Landing) {
         x = swatch(drawing, [x, top], None, Pen::solid(LANDING, 2.2));

@@ -24,7 +24,7 @@ use nalgebra::Vector3;
 fn scenario(critic: CriticView) -> Scenario {
     Scenario {
         name: "hover".into(),
-        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), world: World::empty() },
+        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), routes: Vec::new(), world: World::empty() },
         airframe: CF2X,
         physics: Physics::clean(Integrator::SemiImplicitEuler, 1, 50.0),
         goals: Goals::Fixed,

@@ -197,6 +197,7 @@ impl Polytope {
 }
 
 /// Which faces become part of a polytope.
+#[derive(Clone, Copy)]
 enum Keep {
     Always,
     IfOutward,
