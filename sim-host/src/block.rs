@@ -31,6 +31,8 @@ pub(crate) struct Block<const LANES: usize, R: Real> {
     pub(crate) agents: Vec<Agent<LANES, R>>,
     /// Bodies that drones push, by lane.
     movables: Vec<Vec<Motion>>,
+    /// How far each of them reaches from its centre \[m\].
+    movable_reaches: Vec<f64>,
     /// Where bodies touched, by lane.
     contacts: Vec<ContactMemory>,
     /// Where all drones are.
@@ -51,6 +53,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let mut block = Self {
             agents: (0..count).map(|index| Agent::new(scenario, arena, index, source, first)).collect(),
             movables: vec![standing(scenario); LANES],
+            movable_reaches: scenario.aviary.world.movables.iter().map(|body| body.solid.shape.reach()).collect(),
             contacts: vec![ContactMemory::default(); LANES],
             team: vec![[nothing; 3]; count],
             targets: vec![[nothing; 4]; count],
@@ -223,11 +226,11 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     /// Marks lanes in which a body moves or a drone can push one.
     fn mark_movables(&self, near: &mut Column<LANES>, reach: impl Fn(usize, usize) -> f32) {
         for (lane, movables) in self.movables.iter().enumerate() {
-            for movable in movables {
+            for (movable, own_reach) in movables.iter().zip(&self.movable_reaches) {
                 let moves = movable.velocity.norm_squared() + movable.body_rates.norm_squared() > 0.0;
                 let close = self.agents.iter().enumerate().any(|(index, agent)| {
                     let position = vector(&agent.swarm.position, lane).map(Real::to_f64);
-                    (position - movable.pose.position).norm() < f64::from(reach(index, lane)) + MOVABLE_REACH
+                    (position - movable.pose.position).norm() < f64::from(reach(index, lane)) + own_reach
                 });
                 if moves || close {
                     near[lane] = 1.0;
@@ -342,9 +345,6 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         self.locate();
     }
 }
-
-/// Bodies that can be pushed are no larger than this around their centres \[m\].
-const MOVABLE_REACH: f64 = 0.45;
 
 /// Full thrust along gravity \[m/s²\], of the lightest and strongest drone that an episode can have; what drag or
 /// Bullet's damping can add is never more.

@@ -141,6 +141,15 @@ impl Solid {
 }
 
 impl Shape {
+    /// Distance of its farthest point from its origin \[m\].
+    pub fn reach(&self) -> f64 {
+        match self {
+            Self::Cuboid(half) => half.norm(),
+            Self::Cylinder { radius, half_height } => radius.hypot(*half_height),
+            Self::Hull(points) => points.iter().map(Vector3::norm).fold(0.0, f64::max),
+        }
+    }
+
     /// Extent along three directions, the rows of a rotation matrix, relative to the shape's origin \[m\].
     fn extent_along(&self, rows: &[[f64; 3]; 3]) -> (Vector3<f64>, Vector3<f64>) {
         let directions = rows.map(Vector3::from);

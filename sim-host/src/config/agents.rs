@@ -118,8 +118,7 @@ impl GoalsConfig {
             Self::PerAgent { points_m } => {
                 let field = field.at("per_agent").at("points_m");
                 if points_m.len() != drones as usize {
-                    let found = format!("{} points", points_m.len());
-                    return Err(field.reject(found, format!("{drones}, one for each drone")));
+                    return Err(field.refuse("", format!("a list of {drones}, one for each drone")));
                 }
                 let point = |(index, point): (usize, &[f64; 3])| free_point(*point, world, &field.at(index));
                 points_m.iter().enumerate().map(point).collect::<Result<_, _>>().map(Goals::PerAgent)

@@ -113,7 +113,8 @@ impl Imports {
                 let place = Place { source: Arc::new(source), line, column };
                 ConfigError::at(&place, "", format!("the byte 0x{byte:02x}"), "text in UTF-8")
             }
-            other @ (Unreadable::Missing | Unreadable::Folder | Unreadable::Long | Unreadable::Broken(_)) => {
+            Unreadable::Long => refuse(format!("{} ({name})", Unreadable::Long), "a file of a few KiB"),
+            other @ (Unreadable::Missing | Unreadable::Folder | Unreadable::Broken(_)) => {
                 refuse(format!("{other} ({name})"), EXPECTED)
             }
         })?;

@@ -249,8 +249,8 @@ impl PhysicsConfig {
             ("downwash", self.downwash),
         ];
         if let Some((key, _)) = own.into_iter().find(|(_, chosen)| *chosen) {
-            let expected = "no such key beside `bullet`, whose mode says what acts";
-            return Err(field.at(key).reject("a choice of Kestrel's own physics", expected));
+            let expected = format!("no `{key}` beside `bullet`, whose mode says what acts");
+            return Err(field.at(key).refuse("", expected));
         }
         bullet.check(&field.at("bullet"))
     }

@@ -139,8 +139,7 @@ impl StartPositionConfig {
             Self::Exactly(places) => {
                 let field = field.at("exactly");
                 if places.len() != drones {
-                    let found = format!("{} places", places.len());
-                    return Err(field.reject(found, format!("{drones}, one for each drone")));
+                    return Err(field.refuse("", format!("a list of {drones}, one for each drone")));
                 }
                 let place = |(index, place): (usize, &PlaceConfig)| place.check(&field.at(index));
                 places.iter().enumerate().map(place).collect::<Result<_, _>>().map(StartPosition::Exactly)

@@ -139,6 +139,31 @@ fn a_drone_that_meets_a_wall_collides() {
     assert_eq!(touching.take_episodes()[0].ending, crate::outcome::Ending::Collision);
 }
 
+/// A door, as high as a room: what the drone flies against is far from its centre.
+#[test]
+fn a_drone_that_meets_a_large_movable_collides() {
+    let flight = |height: f64| {
+        let mut scenario = scenario(&format!(
+            "aviary:
+  goal_m: [0, 0, 1]
+  movables: [ {{ box: {{ center_m: [0.5, 0, {}], size_m: [0.02, 0.5, {height}] }}, mass_kg: 5 }} ]
+start: {{ position: {{ exactly: [ {{ position_m: [0, 0, 2.5] }} ] }} }}
+rewards: [ alive: {{ weight: 1 }} ]
+terminations: [ collision ]
+success: {{ settle: {{ radius_m: 1, within_secs: 1 }} }}",
+            0.5 * height
+        ));
+        // A configuration that said so would be refused.
+        let StartPosition::Exactly(places) = &mut scenario.start.position else { panic!("it is a place") };
+        places[0].position.x = 0.44;
+        let mut simulation = Simulation::<64>::new(&scenario, Seed(2), 0, 1);
+        simulation.step(&[0.0; 4]);
+        simulation.outcomes()[0]
+    };
+    assert_eq!(flight(2.4), Outcome::Running);
+    assert_eq!(flight(3.0), Outcome::Terminated);
+}
+
 #[test]
 fn reaching_the_region_slowly_enough_is_success() {
     let mut scenario = hover();

@@ -65,9 +65,34 @@ fn answered(block: &str) -> String {
             MINIMAL.replace(taken, &with("+ ").join("\n"))
         }
     };
-    let error = parse("trial.yaml", &text, &overrides).expect_err(block).to_string();
-    let message: Vec<String> = error.lines().map(|line| format!("! {line}")).collect();
+    let refused = if with("@ ").is_empty() {
+        parse("trial.yaml", &text, &overrides).err().map(|error| error.to_string())
+    } else {
+        refused_beside(&request, &text, &overrides)
+    };
+    let message = refused.unwrap_or_else(|| "accepted".to_owned());
+    let message: Vec<String> = message.lines().map(|line| format!("! {line}")).collect();
     format!("{}\n{}", request.join("\n"), message.join("\n"))
+}
+
+/// The message about `text` in a folder with the files of the request; it calls the folder nothing.
+fn refused_beside(request: &[&str], text: &str, overrides: &[String]) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("trial.yaml");
+    fs::write(&path, text).unwrap();
+    let mut lines = request.iter().peekable();
+    while let Some(line) = lines.next() {
+        let Some(file) = line.strip_prefix("@ ") else { continue };
+        let (name, times) = file.split_once(' ').unwrap_or((file, "1 times"));
+        let times: usize = times.strip_suffix(" times").unwrap().parse().unwrap();
+        let mut content = String::new();
+        while let Some(line) = lines.next_if(|line| line.starts_with('|')) {
+            content += &format!("{}\n", line.strip_prefix("| ").unwrap_or_default());
+        }
+        fs::write(folder.path().join(name), content.repeat(times)).unwrap();
+    }
+    let error = load(&path, overrides).err()?;
+    Some(error.to_string().replace(&format!("{}/", folder.path().display()), ""))
 }
 
 #[test]
@@ -76,8 +101,17 @@ fn wrong_configurations_get_their_messages() {
     let golden = fs::read_to_string(in_repository(GOLDEN)).unwrap();
     let (head, cases) = golden.trim_end().split_once("\n\n").unwrap();
     let answers: Vec<String> = cases.split("\n\n").map(answered).collect();
-    assert!(answers.len() >= 30, "only {} cases", answers.len());
+    assert!(answers.len() >= 200, "only {} cases", answers.len());
     assert_golden(GOLDEN, &format!("{head}\n\n{}\n", answers.join("\n\n")));
+    // Every message says where, what was found and what was expected.
+    for answer in &answers {
+        let (_, message) = answer.split_once("! ").unwrap();
+        let place = message.split(": ").next().unwrap();
+        let numbered = place.split_once(".yaml:").or(place.split_once(".urdf:"));
+        let located = numbered.is_some_and(|(_, place)| place.starts_with(|letter: char| letter.is_ascii_digit()));
+        assert!(located || place.starts_with("--set "), "{answer}");
+        assert!(message.contains("found ") && message.contains(", expected "), "{answer}");
+    }
 }
 
 #[test]
@@ -191,6 +225,25 @@ fn anchors_and_merge_keys_work() {
 fn foreign_line_ends_and_byte_order_marks_are_fine() {
     let windows = format!("\u{feff}{}", MINIMAL.replace('\n', "\r\n"));
     assert_eq!(trial(&windows).unwrap().scenario, trial(MINIMAL).unwrap().scenario);
+}
+
+#[test]
+fn what_cannot_be_trained_is_refused_before_it_begins() {
+    let path = in_repository("configs/aviaries/multi-hover.yaml");
+    assert!(load_to_train(&path, &[]).is_ok());
+    let overrides = [
+        "scenario.agents.count=3",
+        "scenario.goals={line: {velocity_m_per_s: [0, 0, 0.1]}}",
+        "scenario.start.position={within: {low_m: [0, 0, 0.5], high_m: [1, 1, 1]}}",
+    ]
+    .map(str::to_owned);
+    let flown = load(&path, &overrides).unwrap();
+    assert_eq!(flown.scenario.agents.count, 3);
+    assert_eq!(
+        load_to_train(&path, &overrides).unwrap_err().to_string(),
+        "--set scenario.agents.count=3: found 3, expected 1, 2, 4 or another divisor of 256: so many drones train \
+         side by side"
+    );
 }
 
 fn refusal(bytes: &[u8]) -> String {
