@@ -4,6 +4,7 @@
 //! [`verify`] flies each case in `f64` and keeps the worst deviation of each [`Kind`].
 
 mod closed_loop;
+mod contact;
 mod error;
 mod file;
 mod fork;

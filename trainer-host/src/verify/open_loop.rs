@@ -1,4 +1,4 @@
-//! Runs with recorded rotor speeds, up to their first contact.
+//! Runs with recorded rotor speeds, up to their first contact; what comes of it is compared by [`super::contact`].
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,6 +8,7 @@ use kestrel_core::bullet::{Bullet, BulletState, Quirks};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
+use super::contact;
 use super::error::RecordingError;
 use super::index::Case;
 use super::model::{Models, Physics};
@@ -96,6 +97,7 @@ pub(super) fn compare(
 ) -> Result<(), RecordingError> {
     let run = Run::read(folder, case, models)?;
     ledger.add(Kind::OpenLoop, &run.id, &run.worst_free_step());
+    contact::compare(&run, ledger);
     if run.last_step() < run.steps {
         ledger.note(format!("open_loop: {} ends at step {} of {}", run.id, run.last_step(), run.steps));
     }
@@ -138,16 +140,10 @@ impl Run {
     fn worst_free_step(&self) -> Worst {
         let bullet = Bullet::new(&self.airframe, self.physics.mode(), Quirks::upstream());
         let mut drones = self.start();
-        let mut speeds = vec![[0.0; 4]; drones.len()];
-        let mut commands = self.commands.iter().peekable();
+        let mut commands = self.commands();
         let mut worst = Worst::default();
         for step in 0..self.free_steps() {
-            while let Some(command) =
-                commands.next_if(|command| command.control_step * self.clock.substeps <= step)
-            {
-                speeds[command.drone] = command.rotor_speeds;
-            }
-            advance(&bullet, &mut drones, &speeds, self.clock.step_secs);
+            advance(&bullet, &mut drones, commands.at(step), self.clock.step_secs);
             if let Some(samples) = self.record.get(&(step + 1)) {
                 let error = drones.iter().zip(samples).map(|(drone, sample)| sample.deviation(drone));
                 worst.add(error.fold(0.0, f64::max), format_args!("step {}", step + 1));
@@ -156,8 +152,14 @@ impl Run {
         worst
     }
 
+    /// The commands from the start on.
+    pub(super) fn commands(&self) -> Commands<'_> {
+        let speeds = vec![[0.0; 4]; self.record[&0].len()];
+        Commands { coming: &self.commands, substeps: self.clock.substeps, speeds }
+    }
+
     /// The last recorded step.
-    fn last_step(&self) -> usize {
+    pub(super) fn last_step(&self) -> usize {
         self.record.keys().next_back().copied().unwrap_or(0)
     }
 
@@ -166,15 +168,40 @@ impl Run {
     fn free_steps(&self) -> usize {
         let last = self.last_step().min(self.steps);
         let before = |contact: usize| contact.saturating_sub(self.clock.substeps);
-        let stated = self.first_contact_step.map_or(last, before);
+        self.first_contact().map_or(last, before).min(last)
+    }
+
+    /// The first step with a contact, as stated or as recorded.
+    pub(super) fn first_contact(&self) -> Option<usize> {
         let touching = |(_, samples): &(&usize, &Vec<Sample>)| samples.iter().any(|each| each.contacts[0] > 0.0);
-        let seen = self.record.iter().find(touching).map_or(last, |(step, _)| before(*step));
-        stated.min(seen).min(last)
+        let seen = self.record.iter().find(touching).map(|(step, _)| *step);
+        self.first_contact_step.into_iter().chain(seen).min()
+    }
+}
+
+/// The rotor speeds of a run, step by step.
+pub(super) struct Commands<'a> {
+    coming: &'a [Command],
+    substeps: usize,
+    speeds: Vec<[f64; 4]>,
+}
+
+impl Commands<'_> {
+    /// Of all drones in a physics step \[rad/s\]; steps may only grow from call to call.
+    pub(super) fn at(&mut self, step: usize) -> &[[f64; 4]] {
+        while let Some((command, rest)) = self.coming.split_first() {
+            if command.control_step * self.substeps > step {
+                break;
+            }
+            self.speeds[command.drone] = command.rotor_speeds;
+            self.coming = rest;
+        }
+        &self.speeds
     }
 }
 
 impl Sample {
-    fn placed(&self) -> BulletState<f64> {
+    pub(super) fn placed(&self) -> BulletState<f64> {
         let mut drone = self.motion.placed();
         if let Some(body_rates) = self.body_rates {
             drone.motion.body_rates = Vector3::from(body_rates);
@@ -189,7 +216,7 @@ impl Sample {
 }
 
 /// One physics step of the whole swarm.
-fn advance(bullet: &Bullet<f64>, drones: &mut [BulletState<f64>], speeds: &[[f64; 4]], step_secs: f64) {
+pub(super) fn advance(bullet: &Bullet<f64>, drones: &mut [BulletState<f64>], speeds: &[[f64; 4]], step_secs: f64) {
     let swarm: Vec<Vector3<f64>> = drones.iter().map(|drone| drone.motion.position).collect();
     for (drone, speeds) in drones.iter_mut().zip(speeds) {
         *drone = bullet.step(drone, speeds, &swarm, step_secs);

@@ -10,6 +10,14 @@ pub enum Kind {
     OneStep,
     /// States under recorded rotor speeds.
     OpenLoop,
+    /// Where a drone that fell or hit something comes to rest \[m\].
+    ContactRest,
+    /// Faces of the boxes on whose wrong side it ends.
+    ContactSide,
+    /// Speed of its rebound, relative.
+    ContactRebound,
+    /// Time from the first contact until it rests, relative.
+    ContactTimeToRest,
     /// Rotor speeds \[RPM\] that the controller commands in recorded states.
     ClosedLoopRpm,
     /// States under recorded rotor speeds.
@@ -48,9 +56,13 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 23] = [
         Self::OneStep,
         Self::OpenLoop,
+        Self::ContactRest,
+        Self::ContactSide,
+        Self::ContactRebound,
+        Self::ContactTimeToRest,
         Self::ClosedLoopRpm,
         Self::ClosedLoopStates,
         Self::ClosedLoopFlight,
@@ -75,6 +87,10 @@ impl Kind {
         match self {
             Self::OneStep => "one_step",
             Self::OpenLoop => "open_loop",
+            Self::ContactRest => "contact.rest",
+            Self::ContactSide => "contact.side",
+            Self::ContactRebound => "contact.rebound",
+            Self::ContactTimeToRest => "contact.time_to_rest",
             Self::ClosedLoopRpm => "closed_loop.rpm",
             Self::ClosedLoopStates => "closed_loop.states",
             Self::ClosedLoopFlight => "closed_loop.flight",
@@ -95,9 +111,14 @@ impl Kind {
         }
     }
 
-    /// Greatest error that passes: rounding grows to some 1e-11 over these flights, and a controller amplifies it.
+    /// Greatest error that passes: rounding grows to some 1e-11 over these flights, and a controller amplifies it; in
+    /// contact the order of a solver's iterations has its part.
     pub const fn default_tolerance(self) -> f64 {
         match self {
+            Self::ContactRest => 1e-3,
+            Self::ContactSide => 0.0,
+            Self::ContactRebound => 0.1,
+            Self::ContactTimeToRest => 0.2,
             Self::ClosedLoopRpm
             | Self::ClosedLoopFlight
             | Self::RlRpm
