@@ -61,6 +61,7 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     measurements: Vec<Column<LANES, R>>,
     /// Velocity at the last reading of the sensors.
     read_velocity: [Column<LANES, R>; 3],
+    scales: PrivilegedScales<R>,
 }
 
 /// An agent whose episode ended in this step.
@@ -71,7 +72,8 @@ pub(crate) struct Finished<R> {
     pub(crate) privileged: [R; PRIVILEGED_LEN],
 }
 
-/// Reciprocals, computed once per step.
+/// Reciprocals, computed once.
+#[derive(Clone, Copy, Debug)]
 struct PrivilegedScales<R> {
     per_hover_speed: R,
     per_episode_steps: R,
@@ -125,6 +127,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             sensors: Vec::new(),
             measurements: columns(scenario.sensors.len()),
             read_velocity: [nothing; 3],
+            scales: PrivilegedScales::of(scenario),
         };
         if !scenario.sensors.is_empty() {
             agent.sensors = agent.streams.iter_mut().map(|stream| scenario.sensors.begin(stream)).collect();
@@ -141,16 +144,19 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         &mut self,
         stage: &Stage<'_, R>,
         actions: &[Column<LANES, R>; ACTION_LIMIT],
-    ) -> [Column<LANES, R>; 4] {
+        targets: &mut [Column<LANES, R>; 4],
+    ) {
         // Matched here rather than in the loop, which then has no branch and vectorises.
         match *stage.controls {
-            Controls::RotorSpeeds(numbers) => self.command_lanes(stage, &Controls::RotorSpeeds(numbers), actions),
+            Controls::RotorSpeeds(numbers) => {
+                self.command_lanes(stage, &Controls::RotorSpeeds(numbers), actions, targets);
+            }
             Controls::ThrustBodyRates(numbers) => {
-                self.command_lanes(stage, &Controls::ThrustBodyRates(numbers), actions)
+                self.command_lanes(stage, &Controls::ThrustBodyRates(numbers), actions, targets);
             }
             Controls::Published(published) => match published.rpm() {
-                Some((hover, precision)) => command_around(&hover, precision, actions),
-                None => self.command_each(stage, actions),
+                Some((hover, precision)) => command_around(&hover, precision, actions, targets),
+                None => self.command_each(stage, actions, targets),
             },
         }
     }
@@ -161,34 +167,32 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         stage: &Stage<'_, R>,
         controls: &Controls<R>,
         actions: &[Column<LANES, R>; ACTION_LIMIT],
-    ) -> [Column<LANES, R>; 4] {
-        let mut targets = [[R::zero(); LANES]; 4];
+        targets: &mut [Column<LANES, R>; 4],
+    ) {
         let mut memory = ControlMemory::new();
         let setpoint = Setpoint::at(Vector3::new(R::zero(), R::zero(), R::zero()));
         for lane in 0..LANES {
             let action = row(actions, lane);
             let state = self.swarm.state(lane);
             let speeds = controls.rotor_targets(&action, &state, &setpoint, &mut memory, stage.control_secs);
-            set_row(&mut targets, lane, speeds);
+            set_row(targets, lane, speeds);
         }
-        targets
     }
 
     fn command_each(
         &mut self,
         stage: &Stage<'_, R>,
         actions: &[Column<LANES, R>; ACTION_LIMIT],
-    ) -> [Column<LANES, R>; 4] {
-        let mut targets = [[R::zero(); LANES]; 4];
+        targets: &mut [Column<LANES, R>; 4],
+    ) {
         for lane in 0..LANES {
             let setpoint =
                 Setpoint { velocity: vector(&self.goal_velocity, lane), ..Setpoint::at(vector(&self.goal, lane)) };
             let (action, state) = (row(actions, lane), self.swarm.state(lane));
             let memory = &mut self.controls[lane];
             let speeds = stage.controls.rotor_targets(&action, &state, &setpoint, memory, stage.control_secs);
-            set_row(&mut targets, lane, speeds);
+            set_row(targets, lane, speeds);
         }
-        targets
     }
 
     /// Moves the goals, where they move, to where they are after `steps` control periods.
@@ -263,14 +267,14 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     pub(crate) fn reward(
         &mut self,
         scenario: &Scenario,
-        actions: &[Column<LANES, R>; ACTION_LIMIT],
+        actions: &[Column<LANES, R>],
         previous_distances: &Column<LANES, R>,
         team: &[[Column<LANES, R>; 3]],
     ) {
         let ends = self.ends(scenario);
         let view = StepView {
             swarm: &self.swarm,
-            actions: &actions[..scenario.action.len()],
+            actions,
             previous_actions: self.history.last().expect("there is a previous action"),
             distances: &self.distances,
             previous_distances,
@@ -341,7 +345,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         match scenario.critic {
             CriticView::Observation => {}
             CriticView::Privileged => {
-                let scales = PrivilegedScales::of(scenario);
+                let scales = self.scales;
                 for lane in 0..LANES {
                     self.reveal_lane(&scales, lane);
                 }
@@ -478,7 +482,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             self.sense_lane(scenario, arena, lane);
         }
         self.observe_lane(scenario, lane);
-        self.reveal_lane(&PrivilegedScales::of(scenario), lane);
+        let scales = self.scales;
+        self.reveal_lane(&scales, lane);
     }
 
     fn place(&mut self, scenario: &Scenario, lane: usize, beginning: &Beginning<R>) {
@@ -518,15 +523,20 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
-    /// Adds the actions of the step to the history.
+    /// Adds the actions of the step to the history; an action space always fills the same columns.
     #[inline(always)]
-    pub(crate) fn remember(&mut self, actions: &[Column<LANES, R>; ACTION_LIMIT]) {
+    pub(crate) fn remember(&mut self, actions: &[Column<LANES, R>]) {
         if self.history.len() > 1 {
             self.history.rotate_left(1);
         }
         if let Some(last) = self.history.last_mut() {
-            *last = *actions;
+            last[..actions.len()].copy_from_slice(actions);
         }
+    }
+
+    /// Whether no lane's episode just ended.
+    pub(crate) fn is_running(&self) -> bool {
+        self.codes.iter().fold(true, |running, code| running & (*code == 0.0))
     }
 
     pub(crate) fn goal(&self, lane: usize) -> Vector3<R> {
@@ -582,8 +592,13 @@ fn command_around<const LANES: usize, R: Real>(
     hover: &Hover<R>,
     precision: Precision,
     actions: &[Column<LANES, R>; ACTION_LIMIT],
-) -> [Column<LANES, R>; 4] {
-    core::array::from_fn(|rotor| actions[rotor].map(|value| hover.rotor_speed(precision, value)))
+    targets: &mut [Column<LANES, R>; 4],
+) {
+    for (targets, actions) in targets.iter_mut().zip(actions) {
+        for (target, action) in targets.iter_mut().zip(actions) {
+            *target = hover.rotor_speed(precision, *action);
+        }
+    }
 }
 
 /// Angular velocity \[rad/s\], world.

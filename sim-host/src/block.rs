@@ -68,17 +68,18 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     pub(crate) fn advance(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
         let scenario = stage.scenario;
         self.fly(stage);
+        let len = scenario.action.len();
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
             let previous_distances = *agent.distances();
             agent.measure(scenario);
             agent.judge(scenario);
-            agent.reward(scenario, actions, &previous_distances, &self.team);
+            agent.reward(scenario, &actions[..len], &previous_distances, &self.team);
         }
         self.end_together(scenario);
         self.share(scenario);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
             agent.bank();
-            agent.remember(actions);
+            agent.remember(&actions[..len]);
             agent.observe(stage);
         }
     }
@@ -90,7 +91,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             if stage.scenario.clock == Clock::Published {
                 agent.aim(stage.scenario);
             }
-            *targets = agent.command(stage, actions);
+            agent.command(stage, actions, targets);
         }
     }
 
@@ -113,7 +114,8 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.touches = [[R::zero(); LANES]; 2];
         }
         let substeps = stage.scenario.physics.substeps;
-        match (stage.arena, stage.solver) {
+        let lonely = self.agents.len() == 1;
+        match (stage.arena.filter(|arena| !(lonely && arena.is_empty())), stage.solver) {
             (None, _) => self.fly_freely(stage, substeps),
             (Some(arena), None) => {
                 let before = substeps - u32::from(reports_early(stage.scenario));
@@ -200,9 +202,9 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     #[inline(always)]
     fn mark_near(&self, arena: &Arena, near: &mut Column<LANES>, reach: impl Fn(usize, usize) -> f32) {
         for (index, agent) in self.agents.iter().enumerate() {
+            let clearances = arena.clearances(&agent.swarm.position.each_ref().map(|axis| axis.map(Real::to_f32)));
             for lane in 0..LANES {
-                let [x, y, z] = row(&agent.swarm.position, lane).map(Real::to_f32);
-                let room = arena.clearance(x, y, z) - reach(index, lane);
+                let room = clearances[lane] - reach(index, lane);
                 near[lane] = if room > 0.0 { near[lane] } else { 1.0 };
             }
         }
@@ -225,6 +227,9 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// Marks lanes in which a body moves or a drone can push one.
     fn mark_movables(&self, near: &mut Column<LANES>, reach: impl Fn(usize, usize) -> f32) {
+        if self.movables[0].is_empty() {
+            return;
+        }
         for (lane, movables) in self.movables.iter().enumerate() {
             for (movable, own_reach) in movables.iter().zip(&self.movable_reaches) {
                 let moves = movable.velocity.norm_squared() + movable.body_rates.norm_squared() > 0.0;
@@ -395,10 +400,17 @@ fn reaches<const LANES: usize, R: Real>(swarm: &Swarm<LANES, R>, reach: f32, sec
 
 /// What each drone touches.
 fn touching(arena: &Arena, drones: &[Motion], movables: &[Motion]) -> Vec<Touch> {
-    let mut touches: Vec<Touch> = drones.iter().map(|drone| arena.touch(&drone.pose, movables)).collect();
+    let reach = f64::from(arena.reach());
+    let touch = |drone: &Motion| {
+        let [x, y, z] = drone.pose.position.map(|value| value as f32).into();
+        let apart = movables.is_empty() && arena.clearance(x, y, z) > arena.reach();
+        if apart { Touch::default() } else { arena.touch(&drone.pose, movables) }
+    };
+    let mut touches: Vec<Touch> = drones.iter().map(touch).collect();
     for (index, drone) in drones.iter().enumerate() {
         for (number, other) in drones[..index].iter().enumerate() {
-            if arena.drones_touch(&drone.pose, &other.pose) {
+            let apart = (drone.pose.position - other.pose.position).norm_squared() > 4.0 * reach * reach;
+            if !apart && arena.drones_touch(&drone.pose, &other.pose) {
                 touches[index].obstacle = true;
                 touches[number].obstacle = true;
             }

@@ -335,7 +335,12 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 let rows = rows_of_block::<LANES>(self.environments, number, index);
                 let count = rows.len();
                 self.rewards[rows.clone()].copy_from_slice(&agent.rewards[..count]);
-                for (outcome, code) in self.outcomes[rows].iter_mut().zip(agent.codes) {
+                let outcomes = &mut self.outcomes[rows];
+                outcomes.fill(Outcome::Running);
+                if agent.is_running() {
+                    continue;
+                }
+                for (outcome, code) in outcomes.iter_mut().zip(agent.codes) {
                     *outcome = termination::outcome(code);
                 }
             }
@@ -346,8 +351,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     fn restart_ended(&mut self) {
         let (environments, rows) = (self.environments, self.rows());
         for (index, block) in self.blocks.iter_mut().enumerate() {
-            let running = |agent: &Agent<LANES, R>| agent.codes.iter().all(|code| *code == 0.0);
-            if block.agents.iter().all(running) {
+            if block.agents.iter().all(Agent::is_running) {
                 continue;
             }
             let first = self.first_environment + (index * LANES) as u32;

@@ -102,6 +102,24 @@ impl Arena {
         }
     }
 
+    /// As [`Self::clearance`] for the points of many lanes, `[axis][lane]`.
+    #[inline(always)]
+    pub fn clearances<const LANES: usize>(&self, points: &[[f32; LANES]; 3]) -> [f32; LANES] {
+        let above = points[2].map(|z| z - self.floor_height);
+        match &self.map {
+            Some(map) => {
+                let bounds = map.bounds(points);
+                core::array::from_fn(|lane| bounds[lane].min(above[lane]))
+            }
+            None => above,
+        }
+    }
+
+    /// Whether there is nothing at all to touch.
+    pub fn is_empty(&self) -> bool {
+        self.floor == Floor::Absent && self.solids.is_empty() && self.movables.is_empty()
+    }
+
     /// Radius of the sphere around the centre of mass outside of which the drone touches nothing \[m\].
     pub fn reach(&self) -> f32 {
         self.reach

@@ -91,14 +91,40 @@ impl DistanceMap {
     /// bound at its rim, for nothing is nearer than from there.
     #[inline(always)]
     pub(super) fn bound(&self, point: [f32; 3]) -> f32 {
-        let mut index = 0.0;
+        let (cell, outside) = self.place(point);
+        outside.max(self.bound_in(cell))
+    }
+
+    /// As [`Self::bound`] for the points of many lanes, `[axis][lane]`.
+    #[inline(always)]
+    pub(super) fn bounds<const LANES: usize>(&self, points: &[[f32; LANES]; 3]) -> [f32; LANES] {
+        let mut cells = [0; LANES];
+        let mut bounds = [0.0; LANES];
+        // In lanes; what is looked up is not.
+        for lane in 0..LANES {
+            (cells[lane], bounds[lane]) = self.place(points.each_ref().map(|axis| axis[lane]));
+        }
+        let found: [f32; LANES] = core::array::from_fn(|lane| self.bound_in(cells[lane]));
+        core::array::from_fn(|lane| bounds[lane].max(found[lane]))
+    }
+
+    /// The cell nearest to a point, and how far outside the grid the point is \[m\].
+    #[inline(always)]
+    fn place(&self, point: [f32; 3]) -> (i32, f32) {
+        let mut cell = 0.0;
         let mut outside = 0.0_f32;
         for axis in 0..3 {
             let place = (point[axis] - self.middle_of_first[axis]) * self.cells_per_metre;
-            index += nearest_whole(place.max(0.0).min(self.last[axis])) * self.strides[axis];
+            // Whole numbers up to 2²⁴ are exact.
+            cell += nearest_whole(place.max(0.0).min(self.last[axis])) * self.strides[axis];
             outside = outside.max(self.low[axis] - point[axis]).max(point[axis] - self.high[axis]);
         }
-        outside.max(f32::from(self.cells.get(index as usize).copied().unwrap_or(0)) * self.step)
+        (cell as i32, outside)
+    }
+
+    #[inline(always)]
+    fn bound_in(&self, cell: i32) -> f32 {
+        f32::from(self.cells.get(cell as usize).copied().unwrap_or(0)) * self.step
     }
 }
 
