@@ -79,7 +79,7 @@ impl Component {
                         values[i] = one;
                     } else {
                         let nearer = if distance - before < -least { one } else { -one };
-                        values[i] = if before == before { nearer } else { zero };
+                        values[i] = if is_unset(before) { zero } else { nearer };
                         memory[0][i] = distance;
                     }
                 }
@@ -296,10 +296,11 @@ fn safe_delta<const LANES: usize, R: Real>(
     let arrived = R::from_f64(0.099);
     for i in 0..LANES {
         let distance = Span::Spatial.distance(view.swarm, target, i);
-        let unset = reference[i] != reference[i];
+        let unset = is_unset(reference[i]);
         let nearer = delta < reference[i] - distance;
-        values[i] = if (distance < arrived) | nearer { R::one() } else { R::zero() };
-        reference[i] = if (unset | nearer) & !(distance < arrived) { distance } else { reference[i] };
+        let there = distance < arrived;
+        values[i] = if there | nearer { R::one() } else { R::zero() };
+        reference[i] = if (unset | nearer) & !there { distance } else { reference[i] };
     }
 }
 
@@ -368,7 +369,7 @@ fn waypoints<const LANES: usize, R: Real>(
     values: &mut Column<LANES, R>,
 ) {
     for i in 0..LANES {
-        let unset = memory[0][i] != memory[0][i];
+        let unset = is_unset(memory[0][i]);
         let next = if unset { 0 } else { memory[0][i].to_f64() as usize };
         let distance = Span::Spatial.distance(view.swarm, &points[next], i);
         let first = if unset { distance } else { memory[1][i] };
@@ -391,7 +392,7 @@ fn increase_x<const LANES: usize, R: Real>(
     for i in 0..LANES {
         let x = view.swarm.position[0][i];
         let farther = greatest[i] + delta < x;
-        let unset = !begins_there & (greatest[i] != greatest[i]);
+        let unset = !begins_there & is_unset(greatest[i]);
         values[i] = if farther { R::one() } else { R::zero() };
         greatest[i] = if farther | unset { x } else { greatest[i] };
     }
@@ -420,6 +421,12 @@ fn land_vision<const LANES: usize, R: Real>(
             R::one() / distance
         };
     }
+}
+
+/// Whether a column remembers nothing yet.
+#[inline(always)]
+fn is_unset<R: Real>(value: R) -> bool {
+    value.to_f64().is_nan()
 }
 
 #[inline(always)]

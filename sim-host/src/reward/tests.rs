@@ -83,7 +83,7 @@ impl Trial {
         self.pay()
     }
 
-    fn from_goal(&mut self, distance: f64) -> f64 {
+    fn away(&mut self, distance: f64) -> f64 {
         self.distance = distance;
         self.pay()
     }

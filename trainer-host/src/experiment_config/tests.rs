@@ -87,7 +87,8 @@ fn refused_beside(request: &[&str], text: &str, overrides: &[String]) -> Option<
         let times: usize = times.strip_suffix(" times").unwrap().parse().unwrap();
         let mut content = String::new();
         while let Some(line) = lines.next_if(|line| line.starts_with('|')) {
-            content += &format!("{}\n", line.strip_prefix("| ").unwrap_or_default());
+            content.push_str(line.strip_prefix("| ").unwrap_or_default());
+            content.push('\n');
         }
         fs::write(folder.path().join(name), content.repeat(times)).unwrap();
     }

@@ -100,10 +100,10 @@ fn safe_distance_pays_for_being_in_the_room() {
 fn dropping_pays_near_the_target() {
     let mut drop = Trial::of("drop_altitude: { weight: 1, landing_zone_m: [0, 0, 0], start_distance_m: 1 }");
     let places = [
-        [1.0, 0.0, 1.0],      // not yet
-        [0.9, 0.0, 2.0],      // first
-        [0.9, 0.0, 2.0],      // level
-        [0.9, 0.0, 2.000001], // within 1e-6, nearly
+        [1.0, 0.0, 1.0],       // not yet
+        [0.9, 0.0, 2.0],       // first
+        [0.9, 0.0, 2.0],       // level
+        [0.9, 0.0, 2.000_001], // within 1e-6, nearly
         [0.9, 0.0, 1.5],
         [0.9, 0.0, 1.6],
         [2.0, 0.0, 1.5],
@@ -239,9 +239,9 @@ fn going_along_x_pays() {
 
 #[test]
 fn hovering_and_climbing_pay_by_the_goal_and_the_height() {
-    assert_near(Trial::of("squared_distance: { weight: 10 }").from_goal(0.5), -2.5);
+    assert_near(Trial::of("squared_distance: { weight: 10 }").away(0.5), -2.5);
     let mut quartic = Trial::of("quartic_distance: { weight: 1 }");
-    assert_all_near(&[0.0, 1.0, 2.0].map(|d| quartic.from_goal(d)), &[2.0, 1.0, 0.0]);
+    assert_all_near(&[0.0, 1.0, 2.0].map(|d| quartic.away(d)), &[2.0, 1.0, 0.0]);
     let mut climb = Trial::of("climb: { weight: 1 }");
     let places = [0.019, 0.02, 0.1125, 0.5].map(|z| [0.0, 0.0, z]);
     assert_all_near(&climb.along(&places), &[-5.0, -5.0, -1.0 / 1.125, -0.2]);

@@ -5,9 +5,9 @@ use super::*;
 #[test]
 fn rates_are_paid_by_the_second() {
     assert_near(Trial::of("alive: { weight: 3 }").pay(), 3.0 / 48.0);
-    assert_near(Trial::of("distance: { weight: -2 }").from_goal(1.5), -3.0 / 48.0);
+    assert_near(Trial::of("distance: { weight: -2 }").away(1.5), -3.0 / 48.0);
     let mut proximity = Trial::of("proximity: { weight: 4, scale_m: 0.5 }");
-    assert_all_near(&[0.0, 0.5, 1.0].map(|d| proximity.from_goal(d)), &[4.0, 2.0, 0.8].map(|v| v / 48.0));
+    assert_all_near(&[0.0, 0.5, 1.0].map(|d| proximity.away(d)), &[4.0, 2.0, 0.8].map(|v| v / 48.0));
     assert_near(Trial::of("velocity: { weight: 1 }").moving([1.0, -2.0, 3.0]), 14.0 / 48.0);
 }
 

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::outcome::Ending;
+use crate::outcome::Outcome::{Running, Terminated, Truncated};
 
 /// Drones that hang in the air at these places \[m\], each with its own physics and a goal of its own.
 fn hanging(places: &[[f64; 3]], more: &str) -> Scenario {
@@ -55,7 +56,6 @@ fn a_team_that_ends_together_ends_with_the_first_of_it() {
 fn a_team_that_ends_alone_flies_on() {
     let mut simulation = third_is_lost("ends: alone");
     let flown = steps(&mut simulation, 10);
-    use Outcome::{Running, Terminated, Truncated};
     assert!(flown[..9].iter().all(|(_, outcomes)| outcomes[..] == [Running, Running, Terminated]));
     assert_eq!(flown[9].1, [Truncated, Truncated, Terminated]);
     let episodes = simulation.take_episodes();
