@@ -53,7 +53,9 @@ fn list(folders: &[PathBuf]) -> Result<Done> {
     }
     let paths = in_folders(folders);
     if paths.is_empty() {
-        bail!("found no YAML files, expected some in configs, assets/worlds or configs/aviaries, or in a folder that is named");
+        bail!(
+            "found no YAML files, expected some in configs, assets/worlds or configs/aviaries, or in a folder that is named"
+        );
     }
     say(format_args!("{:<34} {:>6} {:>8}  {:<24} what", "aviary", "solids", "movables", "size"))?;
     let mut broken = 0;

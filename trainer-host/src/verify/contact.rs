@@ -52,7 +52,9 @@ pub(super) fn compare(run: &Run, ledger: &mut Ledger) {
     let recorded = run.record.iter().map(|(step, samples)| (*step, samples.iter().map(|each| each.placed())));
     let recorded = tracks(recorded.map(|(step, drones)| (step, drones.collect())));
     for (drone, (recorded, computed)) in recorded.iter().zip(&computed).enumerate() {
-        let (Some(expected), Some(found)) = (outcome(recorded, contact), outcome(computed, contact)) else { continue };
+        let (Some(expected), Some(found)) = (outcome(recorded, contact), outcome(computed, contact)) else {
+            continue;
+        };
         let row = format!("drone {drone}");
         let mut add = |kind, error| {
             let mut worst = Worst::default();
@@ -87,7 +89,8 @@ fn wrong_sides(world: &World, found: &Vector3<f64>, expected: &Vector3<f64>) -> 
     let side = |solid: &Solid, point: &Vector3<f64>| {
         let local = solid.pose.world_from_body.rotate_inverse(point - solid.pose.position);
         let Shape::Cuboid(half) = &solid.shape else { return [false; 6] };
-        [0, 1, 2, 3, 4, 5].map(|face| if face < 3 { local[face] < -half[face] } else { local[face - 3] > half[face - 3] })
+        [0, 1, 2, 3, 4, 5]
+            .map(|face| if face < 3 { local[face] < -half[face] } else { local[face - 3] > half[face - 3] })
     };
     let differing = |solid: &Solid| {
         let pairs = side(solid, found).into_iter().zip(side(solid, expected));
