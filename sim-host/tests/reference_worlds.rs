@@ -5,8 +5,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use kestrel_core::airframe::CF2X;
 use kestrel_sim::config::{AviaryConfig, FurnitureConfig, Place, schema_of};
-use kestrel_sim::world::{Floor, Role, Solid};
+use kestrel_sim::contact::{Arena, ContactReport, Motion};
+use kestrel_sim::world::{Floor, Pose, Role, Solid};
 use nalgebra::Vector3;
 
 /// Walls of the maze as the reference's mesh has them \[m\]: `x0 x1 y0 y1`, all from z = 0 to 1.5.
@@ -363,4 +365,36 @@ fn each_of_several_drones_has_its_own_cross() {
     // Difficulties 1 to 5 have 1, 2, 3, 4 and 6 pillars.
     assert_eq!((count(&place.world.solids), place.world.solids.len()), (16, 16 + 6 * 5));
     assert_eq!(world("multi-cross-2").starts.len(), 2);
+}
+
+/// Room that a route leaves around the drone's hull, left, right and along it \[m\]; among the 25 pillars of Cross 3
+/// there is no more.
+const ROOM: f64 = 0.04;
+
+#[test]
+fn routes_lead_past_everything() {
+    let mut routes = 0;
+    for name in names("worlds") {
+        let place = world(&name);
+        let arena = Arena::new(&place.world, &CF2X, ContactReport::Touch);
+        let standing: Vec<Motion> =
+            place.world.movables.iter().map(|movable| Motion::at_rest(movable.solid.pose)).collect();
+        for route in &place.routes {
+            for leg in route.windows(2) {
+                let steps = ((leg[1] - leg[0]).norm() / 0.02).ceil();
+                for step in 0..=steps as u32 {
+                    let point = leg[0].lerp(&leg[1], f64::from(step) / steps);
+                    let aside = [[0.0, 0.0], [ROOM, 0.0], [-ROOM, 0.0], [0.0, ROOM], [0.0, -ROOM]];
+                    let touched = aside.into_iter().find(|[x, y]| {
+                        let pose = Pose::at(point + Vector3::new(*x, *y, 0.0));
+                        let touch = arena.touch(&pose, &standing);
+                        touch.obstacle || touch.landing
+                    });
+                    assert_eq!(touched, None, "{name}: the route at {point}");
+                }
+                routes += 1;
+            }
+        }
+    }
+    assert!(routes > 30, "{routes} legs");
 }

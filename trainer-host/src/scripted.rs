@@ -280,6 +280,25 @@ mod tests {
     }
 
     #[test]
+    fn it_stays_on_its_route() {
+        let space = published(PublishedKind::Pid, CF2X, PublishedController::Dsl(CF2X));
+        let corner = Vector3::new(1.0, 0.0, 1.0);
+        let mut pilot = ScriptedPilot::new(&CF2X, &space, CONTROL_SECS).along(&[corner]);
+        let goal = Vector3::new(1.0, 1.0, 1.0);
+        let mut aim = |x: f32, y: f32| pilot.aim(&Vector3::new(x, y, 1.0), &goal).target;
+        assert_eq!(aim(0.0, 0.0), Vector3::new(LEASH_M, 0.0, 1.0));
+        // Pushed aside, it returns to the line.
+        assert_eq!(aim(0.1, 0.3), Vector3::new(0.1 + LEASH_M, 0.0, 1.0));
+        assert_eq!(aim(0.8, 0.0), corner);
+        // At the corner it turns, and does not turn back.
+        assert_eq!(aim(0.9, 0.0), Vector3::new(1.0, LEASH_M, 1.0));
+        assert_eq!(aim(0.7, 0.1), Vector3::new(1.0, 0.1 + LEASH_M, 1.0));
+        pilot.reset();
+        let again = pilot.aim(&Vector3::new(0.5, 0.0, 1.0), &goal).target;
+        assert_eq!(again, corner);
+    }
+
+    #[test]
     fn it_finds_the_height_where_it_can_only_climb() {
         for kind in [PublishedKind::OneDRpm, PublishedKind::OneDDyn, PublishedKind::OneDPid] {
             let space = published(kind, CF2X, PublishedController::Dsl(CF2X));

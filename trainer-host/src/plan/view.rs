@@ -208,23 +208,23 @@ impl Frame {
             let corners = [low, [high[0], low[1]], high, [low[0], high[1]]].map(|corner| self.place(corner));
             drawing.polygon(corners.to_vec(), Some((START, 0.12)), Some(Pen::dashes(START, 1.5)));
         }
-        for (index, route) in subject.routes.iter().enumerate().filter(|(_, route)| !route.is_empty()) {
-            let (start, goal) = (subject.starts.get(index), subject.goals.get(index));
-            let points: Vec<[f64; 2]> = start
-                .into_iter()
-                .chain(route)
-                .chain(goal)
-                .map(|point| self.place(self.direction.project(*point)))
-                .collect();
-            for leg in points.windows(2) {
-                drawing.line([leg[0], leg[1]], Pen::dashes(GOAL, 1.6 * size));
-            }
-        }
+        self.draw_routes(drawing, subject, size);
         for goal in &subject.goals {
             draw_goal(drawing, self.place(self.direction.project(*goal)), size);
         }
         for start in &subject.starts {
             draw_start(drawing, self.place(self.direction.project(*start)), size);
+        }
+    }
+
+    /// From each start along the route to the goal.
+    fn draw_routes(&self, drawing: &mut Drawing, subject: &Subject, size: f64) {
+        for (index, route) in subject.routes.iter().enumerate().filter(|(_, route)| !route.is_empty()) {
+            let points = subject.starts.get(index).into_iter().chain(route).chain(subject.goals.get(index));
+            let points: Vec<[f64; 2]> = points.map(|point| self.place(self.direction.project(*point))).collect();
+            for leg in points.windows(2) {
+                drawing.line([leg[0], leg[1]], Pen::dashes(GOAL, 1.6 * size));
+            }
         }
     }
 

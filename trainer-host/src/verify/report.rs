@@ -44,6 +44,8 @@ pub enum Kind {
     ThesisStates,
     /// Their rewards component by component, endings and observations, flown by the simulator.
     ThesisTask,
+    /// The same, but for observations, in steps in which the drone touches something.
+    ThesisContact,
     /// States under recorded rotor speeds in the fork's golden file.
     ForkStates,
     /// Rotor speeds \[RPM\] of actions in its recorded states.
@@ -56,7 +58,7 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::OneStep,
         Self::OpenLoop,
         Self::ContactRest,
@@ -76,6 +78,7 @@ impl Kind {
         Self::ThesisRpm,
         Self::ThesisStates,
         Self::ThesisTask,
+        Self::ThesisContact,
         Self::ForkStates,
         Self::ForkRpm,
         Self::ForkDslPid,
@@ -104,6 +107,7 @@ impl Kind {
             Self::ThesisRpm => "thesis.rpm",
             Self::ThesisStates => "thesis.states",
             Self::ThesisTask => "thesis.task",
+            Self::ThesisContact => "thesis.contact",
             Self::ForkStates => "fork.states",
             Self::ForkRpm => "fork.rpm",
             Self::ForkDslPid => "fork.dslpid_calls",
@@ -112,13 +116,14 @@ impl Kind {
     }
 
     /// Greatest error that passes: rounding grows to some 1e-11 over these flights, and a controller amplifies it; in
-    /// contact the order of a solver's iterations has its part.
+    /// contact the order of a solver's iterations and a tenth of a millimetre of a tilted wall have their part.
     pub const fn default_tolerance(self) -> f64 {
         match self {
             Self::ContactRest => 1e-3,
             Self::ContactSide => 0.0,
             Self::ContactRebound => 0.1,
             Self::ContactTimeToRest => 0.2,
+            Self::ThesisContact => 1e-4,
             Self::ClosedLoopRpm
             | Self::ClosedLoopFlight
             | Self::RlRpm
@@ -183,6 +188,11 @@ pub(super) struct Worst {
 }
 
 impl Worst {
+    /// Whether there was no row.
+    pub(super) fn is_empty(&self) -> bool {
+        self.rows == 0
+    }
+
     /// One more row, which messages call `row`.
     pub(super) fn add(&mut self, error: f64, row: impl fmt::Display) {
         self.rows += 1;

@@ -113,7 +113,13 @@ pub(super) fn compare(folder: &Path, models: &Models, ledger: &mut Ledger) -> Re
         ledger.add(Kind::ThesisStates, &episode.id, &episode.worst_state());
         match worlds() {
             Some(worlds) => match episode.task(&worlds)? {
-                Some(text) => ledger.add(Kind::ThesisTask, &episode.id, &episode.worst_task(&text)?),
+                Some(text) => {
+                    let [free, touching] = episode.worst_task(&text)?;
+                    ledger.add(Kind::ThesisTask, &episode.id, &free);
+                    if !touching.is_empty() {
+                        ledger.add(Kind::ThesisContact, &episode.id, &touching);
+                    }
+                }
                 None => ledger.note(format!("the aviary {} of {} is not known", episode.environment, episode.id)),
             },
             None => ledger.note(format!("the task of {} needs the folder assets/worlds", episode.id)),
@@ -233,9 +239,9 @@ start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
     }
 
     /// Until the episode is over; the recording goes on beyond that. Of steps that it leaves out the actions are those
-    /// of the step before.
-    fn worst_task(&self, text: &str) -> Result<Worst, RecordingError> {
-        let mut worst = Worst::default();
+    /// of the step before. Steps without and with contact are judged apart.
+    fn worst_task(&self, text: &str) -> Result<[Worst; 2], RecordingError> {
+        let mut worst = [Worst::default(), Worst::default()];
         let mut flown = Flown::new(&scenario(&self.id, text)?);
         let mut control_step = 0;
         let (mut action, mut rpm) = ([0.0; 4], [0.0; 4]);
@@ -253,10 +259,11 @@ start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
                     components: &step.components,
                     done: step.done,
                     truncated: Some(step.time_limit),
-                    observation: &step.observation,
+                    // An impact multiplies what little the walls are off.
+                    observation: if step.contacts > 0 { &[] } else { &step.observation },
                     compared: compared(control_step),
                 };
-                if !flown.step(&recorded, &mut worst) {
+                if !flown.step(&recorded, &mut worst[usize::from(step.contacts > 0)]) {
                     return Ok(worst);
                 }
                 control_step += 1;
