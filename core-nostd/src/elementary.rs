@@ -67,11 +67,11 @@ pub(crate) fn asin(sine: f32) -> f32 {
     // Beyond 30° from the half angle, whose sine is the root of (1 − x) / 2. The fit is within 5e-9.
     let coefficients = [0.166_667_54, 0.074_952_416, 0.045_477_11, 0.024_147_562, 0.042_218_62];
     let magnitude = sine.abs();
-    let steep = !(magnitude < 0.5);
-    let square = if steep { 0.5 * (1.0 - magnitude) } else { magnitude * magnitude };
-    let base = if steep { Real::sqrt(square) } else { magnitude };
+    let flat = magnitude < 0.5;
+    let square = if flat { magnitude * magnitude } else { 0.5 * (1.0 - magnitude) };
+    let base = if flat { magnitude } else { Real::sqrt(square) };
     let angle = base + base * (square * polynomial(square, coefficients));
-    let angle = if steep { FRAC_PI_2 - (2.0 * angle - FRAC_PI_2_REST) } else { angle };
+    let angle = if flat { angle } else { FRAC_PI_2 - (2.0 * angle - FRAC_PI_2_REST) };
     angle.copysign(sine)
 }
 
@@ -79,7 +79,7 @@ pub(crate) fn asin(sine: f32) -> f32 {
 #[inline(always)]
 pub(crate) fn exp(x: f32) -> f32 {
     // 2ⁿ eʳ with |r| ≤ ln 2 / 2; the fit is within 3.2e-9.
-    let coefficients = [0.5, 0.166_665_19, 0.041_666_206, 0.008_368_889, 0.001_395_047_6];
+    let coefficients = [0.5, 0.166_665_2, 0.041_666_206, 0.008_368_889, 0.001_395_047_6];
     let shifted = x * LOG2_E + ROUNDER;
     let whole = shifted - ROUNDER;
     let rest = (x - whole * LN_2_HIGH) - whole * LN_2_LOW;
@@ -95,7 +95,7 @@ pub(crate) fn exp(x: f32) -> f32 {
 pub(crate) fn ln(x: f32) -> f32 {
     // n ln 2 + ln (1 + f) with √½ ≤ 1 + f < √2; the fit is within 5.9e-9.
     let coefficients = [
-        0.333_333_32,
+        0.333_333_3,
         -0.250_008_2,
         0.200_012_26,
         -0.166_233_58,

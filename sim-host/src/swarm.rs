@@ -76,14 +76,13 @@ impl<R: Real> Mechanics<R> {
         pushes: &mut [Column<LANES, R>],
     ) {
         match self.law {
-            Law::Clean { jet: None, .. } => {}
             Law::Clean { jet: Some(jet), .. } => {
-                push_lower(team, pushes, |lower, upper| jet.push(&(lower - upper)))
+                push_lower(team, pushes, |lower, upper| jet.push(&(lower - upper)));
             }
             Law::Bullet(bullet) if bullet.mode.has_downwash() => {
                 push_lower(team, pushes, |lower, upper| bullet.downwash(lower, upper));
             }
-            Law::Bullet(_) => {}
+            Law::Clean { jet: None, .. } | Law::Bullet(_) => {}
         }
     }
 }

@@ -131,6 +131,20 @@ impl Component {
                 let limit = R::from_f64(*limit);
                 each(values, |i| limit.where_less(length(&vector(&swarm.velocity, i)), -one, zero));
             }
+            task => task.evaluate_task(view, memory, values),
+        }
+    }
+
+    /// As [`Self::evaluate`], of those that belong to a task rather than to a target.
+    fn evaluate_task<const LANES: usize, R: Real>(
+        &self,
+        view: &StepView<'_, LANES, R>,
+        memory: &mut [Column<LANES, R>],
+        values: &mut Column<LANES, R>,
+    ) {
+        let swarm = view.swarm;
+        let (zero, one) = (R::zero(), R::one());
+        match self {
             Self::TouchLandingZone => *values = view.touches[1],
             Self::Waypoints(points) => waypoints(view, points, memory, values),
             Self::EnterArea(area) => each(values, |i| if area.contains(swarm, i) { one } else { zero }),
@@ -173,6 +187,7 @@ impl Component {
                     -((way.x * way.x + way.y * way.y) + way.z * way.z)
                 });
             }
+            _ => *values = [zero; LANES],
         }
     }
 }

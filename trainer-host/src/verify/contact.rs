@@ -49,7 +49,8 @@ pub(super) fn compare(run: &Run, ledger: &mut Ledger) {
     let Some(contact) = run.first_contact().filter(|contact| meant && *contact > 0) else { return };
     let world = world(&run.boxes);
     let computed = flown(run, &world);
-    let recorded = run.record.iter().map(|(step, samples)| (*step, samples.iter().map(|each| each.placed())));
+    let recorded =
+        run.record.iter().map(|(step, samples)| (*step, samples.iter().map(super::open_loop::Sample::placed)));
     let recorded = tracks(recorded.map(|(step, drones)| (step, drones.collect())));
     for (drone, (recorded, computed)) in recorded.iter().zip(&computed).enumerate() {
         let (Some(expected), Some(found)) = (outcome(recorded, contact), outcome(computed, contact)) else {

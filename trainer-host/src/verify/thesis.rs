@@ -202,19 +202,18 @@ impl ThesisEpisode {
     /// The task as YAML, if its aviary is known.
     fn task(&self, worlds: &Path) -> Result<Option<String>, RecordingError> {
         let difficulty = self.settings["difficulty"].as_u64().unwrap_or(0);
-        let forced = [format!("collision_outside: {{ allowed: {{ x_m: [11, 12], y_m: [-1, 1] }} }}")];
-        let (world, secs, forced): (String, u32, &[String]) = match self.environment.as_str() {
+        let forced = ["collision_outside: { allowed: { x_m: [11, 12], y_m: [-1, 1] } }"];
+        let (world, secs, forced): (String, u32, &[&str]) = match self.environment.as_str() {
             "long" => (format!("long-cross-{difficulty}-as-published"), 20, &forced),
             "room" if difficulty == 2 => ("room-2-as-published".to_owned(), 10, &[]),
             "room" => (format!("room-{difficulty}"), 10, &[]),
             _ => return Ok(None),
         };
-        let forced: Vec<&str> = forced.iter().map(String::as_str).collect();
         let components = Components::of(&self.id);
         let single = self.action == ActionKind::Rpm;
         let (kind, precision) = if single { ("rpm", "all_single") } else { ("vel", "single") };
         Ok(Some(format!(
-            "aviary: {{ import: {:?}, goal_m: [6.5, 0, 0.75] }}
+            "aviary: {{ import: \"{}\", goal_m: [6.5, 0, 0.75] }}
 vehicle: {{ airframe: cf2x, rotor_order: fork }}
 physics:
   substeps: {}
@@ -229,12 +228,12 @@ clock: {{ as_published: true }}
 start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
 {}{}success: {{ settle: {{ radius_m: 0.1, within_secs: 6 }} }}
 ",
-            worlds.join(format!("{world}.yaml")),
+            worlds.join(format!("{world}.yaml")).display(),
             self.clock.substeps,
             1.0 / self.clock.control_secs(),
             self.start,
             components.rewards(&self.settings, &self.components)?,
-            components.terminations(&self.settings, &forced)?,
+            components.terminations(&self.settings, forced)?,
         )))
     }
 
