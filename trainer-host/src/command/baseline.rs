@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
+use kestrel_sim::scenario::WeightedTerm;
 use kestrel_sim::seed::{Purpose, Seed};
 use kestrel_train::evaluation::{Evaluation, Flyer, Starts, evaluate_exactly};
 use kestrel_train::experiment_config::{self, Experiment};
@@ -84,13 +85,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 /// What each reward term paid, one line each.
 fn terms(experiment: &Experiment, rows: &[Evaluation]) -> String {
     let rewards = &experiment.evaluation.scenario.rewards;
-    let heading = format!("\n{:<20}", "mean return of");
-    let mut text = rows.iter().fold(heading, |text, row| text + &format!(" {:>16}", row.pilot));
-    for (index, weighted) in rewards.iter().enumerate() {
-        text += &format!("\n{:<20}", weighted.term.name());
-        for row in rows {
-            text += &format!(" {:>16.4}", row.terms[index]);
-        }
-    }
-    text
+    let pilots: String = rows.iter().map(|row| format!(" {:>16}", row.pilot)).collect();
+    let line = |(index, weighted): (usize, &WeightedTerm)| {
+        let returns: String = rows.iter().map(|row| format!(" {:>16.4}", row.terms[index])).collect();
+        format!("\n{:<20}{returns}", weighted.term.name())
+    };
+    let lines: String = rewards.iter().enumerate().map(line).collect();
+    format!("\n{:<20}{pilots}{lines}", "mean return of")
 }
