@@ -85,11 +85,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 /// What each reward term paid, one line each.
 fn terms(experiment: &Experiment, rows: &[Evaluation]) -> String {
     let rewards = &experiment.evaluation.scenario.rewards;
-    let pilots: String = rows.iter().map(|row| format!(" {:>16}", row.pilot)).collect();
+    let joined = |values: Vec<String>| values.concat();
+    let pilots = joined(rows.iter().map(|row| format!(" {:>16}", row.pilot)).collect());
     let line = |(index, weighted): (usize, &WeightedTerm)| {
-        let returns: String = rows.iter().map(|row| format!(" {:>16.4}", row.terms[index])).collect();
+        let returns = joined(rows.iter().map(|row| format!(" {:>16.4}", row.terms[index])).collect());
         format!("\n{:<20}{returns}", weighted.term.name())
     };
-    let lines: String = rewards.iter().enumerate().map(line).collect();
+    let lines = joined(rewards.iter().enumerate().map(line).collect());
     format!("\n{:<20}{pilots}{lines}", "mean return of")
 }
