@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_sim::scenario::{Physics, Scenario};
-use kestrel_sim::seed::Seed;
+use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::simulation::Simulation;
 use kestrel_sim::swarm::{Swarm, advance_all};
 
@@ -15,6 +15,9 @@ use crate::ppo::{PpoSettings, Trainer};
 
 /// Each figure is the best of this many repetitions: on a shared machine the others measure the neighbours.
 const REPETITIONS: usize = 5;
+
+/// Random actions that repeat; an odd number, so that no drone sees a period of its own.
+const NOISE_STEPS: usize = 101;
 
 /// One line of the table.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,6 +124,72 @@ pub fn environment(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
         limit,
     };
     lines.map(figure).into()
+}
+
+/// One step of Bullet's 240 Hz for one action.
+const ONE_SUBSTEP: [&str; 2] = ["scenario.physics.substeps=1", "scenario.physics.control_rate_hz=240"];
+
+/// An aviary whose steps are counted under the actions of an untrained policy, with everything that it ends and touches.
+#[derive(Clone, Copy, Debug)]
+pub struct Aviary {
+    /// File in the folder of aviaries.
+    pub file: &'static str,
+    /// What is set otherwise than in the file.
+    pub overrides: &'static [&'static str],
+    what: &'static str,
+    aim: f64,
+    limit: &'static str,
+}
+
+/// The reference's tasks as published: Bullet's physics, 12-number observation, contacts that push.
+pub const AVIARIES: [Aviary; 4] = [
+    Aviary {
+        file: "incremental-cross-0-as-published.yaml",
+        overrides: &ONE_SUBSTEP,
+        what: "paper steps, free room, 1 core",
+        aim: 20e6,
+        limit: "angles of the observation, lanes at walls fly one by one",
+    },
+    Aviary {
+        file: "incremental-cross-6-as-published.yaml",
+        overrides: &ONE_SUBSTEP,
+        what: "paper steps, 9 pillars, 1 core",
+        aim: 15e6,
+        limit: "as above",
+    },
+    Aviary {
+        file: "room-0-as-published.yaml",
+        overrides: &[],
+        what: "paper steps, room 0, 5 substeps, 1 core",
+        aim: 8e6,
+        limit: "five substeps, nearest points of the landing zone",
+    },
+    Aviary {
+        file: "swarm.yaml",
+        overrides: &[],
+        what: "drone steps, 64 with downwash, 1 core",
+        aim: 1e6,
+        limit: "2,016 pairs of drones in each of five substeps",
+    },
+];
+
+/// Steps per second of one core in an aviary; each drone's step counts.
+pub fn aviary(aviary: &Aviary, scenario: &Scenario, duration: Duration) -> Figure {
+    let environments = if scenario.agents.count == 1 { 256 } else { 64 };
+    let mut simulation = Simulation::<64>::new(scenario, Seed(0), 0, environments);
+    let mut noise = Stream::new(Seed(0), 0, Purpose::Baseline);
+    let len = scenario.action.len() * simulation.rows();
+    let actions: Vec<Vec<f32>> =
+        (0..NOISE_STEPS).map(|_| (0..len).map(|_| noise.between(-1.0, 1.0)).collect()).collect();
+    let per_second = best_rate(duration, || {
+        for actions in &actions {
+            simulation.step(actions);
+        }
+        simulation.take_episodes();
+        (NOISE_STEPS * simulation.rows()) as u64
+    });
+    black_box(simulation.rewards());
+    Figure { what: aviary.what.to_owned(), per_second, aim: aviary.aim, limit: aviary.limit }
 }
 
 /// Environment steps per second of training, rollout and optimisation, on all cores.

@@ -21,6 +21,10 @@ pub(crate) struct Arguments {
     #[arg(default_value = "configs/hover.yaml")]
     config: PathBuf,
 
+    /// Folder of the reference's tasks, some of which are measured
+    #[arg(long, value_name = "FOLDER", default_value = "configs/aviaries")]
+    aviaries: PathBuf,
+
     /// Time of each of the five repetitions of a figure
     #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = repetition_secs, allow_negative_numbers = true)]
     secs: f64,
@@ -40,6 +44,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     say(format_args!("{:<44} {:>9} {:>9} {:>6}  limited by", "", "per s", "aim", "ratio"))?;
     print(&bench::vehicle(scenario, duration))?;
     print(&bench::environment(scenario, duration))?;
+    for aviary in &bench::AVIARIES {
+        let overrides: Vec<String> = aviary.overrides.iter().map(|&set| set.to_owned()).collect();
+        let task = experiment_config::load(&arguments.aviaries.join(aviary.file), &overrides)?;
+        print(&[bench::aviary(aviary, &task.scenario, duration)])?;
+    }
     print(&bench::training(scenario, &experiment.ppo, duration))?;
     let actor = untrained_actor(&experiment);
     let export = results::exported(&experiment, &actor, 0)?;
