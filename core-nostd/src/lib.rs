@@ -5,11 +5,12 @@
 //! that may carry the [`downwash`] of others; an [`observation`] of the state goes through a policy, read from a
 //! [`policy_file`] and computed as an [`mlp`] or in [`fixed`] point, whose [`action`] becomes rotor targets again. The
 //! [`pilot`] is all of that in one call. Beside them stand the reference system's physics, [`bullet`], and its
-//! [`controller`]s.
+//! [`controller`]s, and an [`anchor`] that keeps what a policy knows while it learns something else.
 
 pub mod action;
 pub mod activation;
 pub mod airframe;
+pub mod anchor;
 pub mod attitude;
 pub mod bullet;
 pub mod controller;
