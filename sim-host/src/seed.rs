@@ -26,6 +26,8 @@ pub enum Purpose {
     Baseline = 6,
     /// Start states of the episodes by which training selects its best policy.
     Selection = 7,
+    /// States of a task that are kept when it is over.
+    Coreset = 8,
 }
 
 /// One Philox4x32-10 block (Salmon et al. 2011): four random words of a counter under a key.

@@ -18,7 +18,7 @@ fn experiment(file: &str, overrides: &[&str]) -> Experiment {
 }
 
 fn trained(experiment: &Experiment) -> Trainer {
-    let mut trainer = Trainer::new(&experiment.scenario, &experiment.ppo, experiment.seed);
+    let mut trainer = Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, experiment.seed);
     while trainer.steps() < experiment.ppo.total_steps {
         trainer.update();
     }

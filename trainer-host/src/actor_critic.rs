@@ -3,6 +3,7 @@
 use kestrel_sim::seed::Stream;
 use serde::{Deserialize, Serialize};
 
+use crate::advantage::Moments;
 use crate::gaussian::Gaussian;
 use crate::network::{Dense, Mlp, Workspace};
 
@@ -89,19 +90,20 @@ impl Actor {
     }
 }
 
-/// The value function: a network with one output.
+/// The value function: a network with one output, a head, for each task, and the scale of each task's returns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Critic {
     mlp: Mlp,
     parameters: Vec<f32>,
+    scales: Vec<ValueScale>,
 }
 
 impl Critic {
     /// With random orthogonal weights; `input_len` is the observation's length plus the privileged values'.
-    pub fn new(input_len: usize, hidden: &[usize], stream: &mut Stream) -> Self {
-        let mlp = Mlp::new(input_len, hidden, 1);
+    pub fn new(input_len: usize, hidden: &[usize], tasks: usize, stream: &mut Stream) -> Self {
+        let mlp = Mlp::new(input_len, hidden, tasks);
         let parameters = mlp.initialise(CRITIC_HEAD_GAIN, stream);
-        Self { mlp, parameters }
+        Self { mlp, parameters, scales: vec![ValueScale::default(); tasks] }
     }
 
     /// Shape of the network.
@@ -109,9 +111,37 @@ impl Critic {
         &self.mlp
     }
 
-    /// Values `[columns]` of `inputs [input_len][columns]`.
-    pub(crate) fn values<'w>(&self, inputs: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
-        self.mlp.forward(&self.parameters, inputs, workspace)
+    /// Writes the values `[columns]` of `inputs [input_len][columns]` in a task.
+    pub(crate) fn appraise(&self, inputs: &[f32], task: usize, workspace: &mut Workspace, values: &mut [f32]) {
+        let heads = self.mlp.forward(&self.parameters, inputs, workspace);
+        let ValueScale { mean, std, .. } = self.scales[task];
+        let columns = values.len();
+        for (value, head) in values.iter_mut().zip(&heads[task * columns..(task + 1) * columns]) {
+            *value = head * std + mean;
+        }
+    }
+
+    /// The scale of a task's returns.
+    pub(crate) fn scale(&self, task: usize) -> &ValueScale {
+        &self.scales[task]
+    }
+
+    /// Takes the returns of a rollout into a task's scale and rewrites its head, so that its values stay the same:
+    /// PopArt (van Hasselt et al. 2016, eq. 9).
+    pub(crate) fn rescale(&mut self, task: usize, returns: &Moments) {
+        let old = self.scales[task];
+        let new = old.after(returns);
+        let width = self.mlp.widths()[self.mlp.widths().len() - 2];
+        let heads = self.mlp.outputs();
+        let (weights, biases) = {
+            let from = self.parameters.len() - heads * (width + 1);
+            self.parameters[from..].split_at_mut(heads * width)
+        };
+        for weight in &mut weights[task * width..(task + 1) * width] {
+            *weight *= old.std / new.std;
+        }
+        biases[task] = (old.std * biases[task] + old.mean - new.mean) / new.std;
+        self.scales[task] = new;
     }
 
     pub(crate) fn parameters(&self) -> &[f32] {
@@ -120,5 +150,71 @@ impl Critic {
 
     pub(crate) fn parameters_mut(&mut self) -> &mut [f32] {
         &mut self.parameters
+    }
+}
+
+/// Mean and spread of a task's returns, by which its head of the critic is scaled; mean 0 and spread 1 until the first
+/// [`Critic::rescale`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ValueScale {
+    pub(crate) mean: f32,
+    pub(crate) std: f32,
+    /// Running means of the returns and of their squares, and how much of them has been seen, in \[0, 1).
+    first: f64,
+    second: f64,
+    seen: f64,
+}
+
+impl Default for ValueScale {
+    fn default() -> Self {
+        Self { mean: 0.0, std: 1.0, first: 0.0, second: 0.0, seen: 0.0 }
+    }
+}
+
+impl ValueScale {
+    /// Share of a new rollout in the running means: a memory of about ten rollouts.
+    const SHARE: f64 = 0.1;
+    /// Smallest spread: a task whose returns are all the same keeps finite values.
+    const SMALLEST_STD: f64 = 1e-4;
+
+    fn after(&self, returns: &Moments) -> Self {
+        let mix = |old: f64, new: f64| old + Self::SHARE * (new - old);
+        let square = returns.variance() + returns.mean() * returns.mean();
+        let (first, second) = (mix(self.first, returns.mean()), mix(self.second, square));
+        let seen = mix(self.seen, 1.0);
+        // As Adam does, the means are corrected for having begun at zero.
+        let mean = first / seen;
+        let std = (second / seen - mean * mean).max(0.0).sqrt().max(Self::SMALLEST_STD);
+        Self { mean: mean as f32, std: std as f32, first, second, seen }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kestrel_sim::seed::{Purpose, Seed};
+
+    #[test]
+    fn rescaling_a_head_leaves_every_value_as_it_was() {
+        let mut stream = Stream::new(Seed(1), 0, Purpose::Weights);
+        let mut critic = Critic::new(5, &[8, 7], 3, &mut stream);
+        let inputs: Vec<f32> = (0..5 * 4).map(|_| stream.normal()).collect();
+        let mut workspace = Workspace::new(critic.mlp(), 4);
+        let mut values = |critic: &Critic, task| {
+            let mut values = [0.0; 4];
+            critic.appraise(&inputs, task, &mut workspace, &mut values);
+            values
+        };
+        let before: Vec<[f32; 4]> = (0..3).map(|task| values(&critic, task)).collect();
+        let mut returns = Moments::default();
+        returns.add(&[10.0, 30.0, 20.0]);
+        critic.rescale(1, &returns);
+        let ValueScale { mean, std, .. } = *critic.scale(1);
+        assert!((mean - 20.0).abs() < 1e-4 && (std - (200.0_f32 / 3.0).sqrt()).abs() < 1e-4, "{mean} {std}");
+        for (task, before) in before.iter().enumerate() {
+            for (now, before) in values(&critic, task).iter().zip(before) {
+                assert!((now - before).abs() < 1e-4, "task {task}: {now}, before {before}");
+            }
+        }
     }
 }

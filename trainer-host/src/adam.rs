@@ -26,6 +26,24 @@ impl Adam {
         Self { first: vec![0.0; parameters], second: vec![0.0; parameters], steps: 0 }
     }
 
+    /// The mean of several states of the same age and size; the steps of the first.
+    ///
+    /// # Panics
+    /// When there is none, or sizes differ.
+    pub fn mean(states: &[Self]) -> Self {
+        let mean = |moment: fn(&Self) -> &Vec<f32>| {
+            let mut sum = vec![0.0; states[0].first.len()];
+            for state in states {
+                assert_eq!(moment(state).len(), sum.len(), "optimisers of one shape have a mean");
+                for (sum, value) in sum.iter_mut().zip(moment(state)) {
+                    *sum += value / states.len() as f32;
+                }
+            }
+            sum
+        };
+        Self { first: mean(|state| &state.first), second: mean(|state| &state.second), steps: states[0].steps }
+    }
+
     /// Number of values it optimises; zero when its own state is inconsistent.
     pub fn parameter_count(&self) -> usize {
         if self.first.len() == self.second.len() { self.first.len() } else { 0 }

@@ -195,7 +195,7 @@ pub fn aviary(aviary: &Aviary, scenario: &Scenario, duration: Duration) -> Figur
 /// Environment steps per second of training, rollout and optimisation, on all cores.
 fn training_rate(scenario: &Scenario, settings: &PpoSettings, epochs: u32, duration: Duration) -> f64 {
     let settings = PpoSettings { epochs, target_kl: None, ..settings.clone() };
-    let mut trainer = Trainer::new(scenario, &settings, Seed(0));
+    let mut trainer = Trainer::new(std::slice::from_ref(scenario), &settings, Seed(0));
     trainer.update();
     best_rate(duration, || {
         let before = trainer.steps();

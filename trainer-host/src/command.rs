@@ -9,6 +9,7 @@ mod export;
 mod fly;
 mod replay;
 mod run;
+mod study;
 mod table;
 mod train;
 mod verify;
@@ -42,6 +43,8 @@ pub(crate) enum Command {
     Verify(verify::Arguments),
     /// Draw a recorded episode
     Replay(replay::Arguments),
+    /// Run a study of many trainings, and report it
+    Study(study::Arguments),
     /// List the aviaries and draw their plans
     Aviary(aviary::Arguments),
     /// Print the JSON schema of experiment files
@@ -73,6 +76,7 @@ impl Command {
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Verify(arguments) => verify::run(&arguments),
             Self::Replay(arguments) => replay::run(&arguments),
+            Self::Study(arguments) => study::run(&arguments),
             Self::Aviary(arguments) => aviary::run(&arguments),
             Self::Bench(arguments) => bench::run(&arguments),
             Self::Schema => {

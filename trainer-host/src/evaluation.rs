@@ -81,12 +81,17 @@ pub struct FlightPath {
 
 /// Flies one episode from each of the starts; the bits do not depend on the number of threads.
 pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evaluation {
+    summarise(flyer.name(), scenario, &fly_episodes(scenario, flyer, starts))
+}
+
+/// As [`evaluate`]: the episodes themselves, one from each start by every drone.
+pub fn fly_episodes(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Vec<Episode> {
     let firsts: Vec<usize> = (0..starts.episodes).step_by(PANEL).collect();
     let flights = firsts.into_par_iter().flat_map_iter(|first| {
         let count = PANEL.min(starts.episodes - first);
         first_episodes(starting_at(scenario, starts, first as u32, count), flyer, starts, first as u32)
     });
-    summarise(flyer.name(), scenario, &flights.collect::<Vec<_>>())
+    flights.collect()
 }
 
 /// As [`evaluate`], in double precision and one environment at a time: what a comparison with a recording needs.

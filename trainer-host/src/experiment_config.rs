@@ -124,7 +124,11 @@ fn refuse_untrainable(scenario: &Scenario, field: &Field<'_>) -> Result<(), Conf
 }
 
 impl ExperimentConfig {
-    fn check(&self, root: &Field<'_>) -> Result<Experiment, ConfigError> {
+    /// The experiment at `root`, checked.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub(crate) fn check(&self, root: &Field<'_>) -> Result<Experiment, ConfigError> {
         check_name(&self.name, &root.at("name"))?;
         let scenario = self.scenario.check(&self.name, &root.at("scenario"))?;
         Ok(Experiment {
@@ -143,7 +147,7 @@ impl ExperimentConfig {
     }
 }
 
-fn check_name(name: &str, field: &Field<'_>) -> Result<(), ConfigError> {
+pub(crate) fn check_name(name: &str, field: &Field<'_>) -> Result<(), ConfigError> {
     let allowed = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
     if !name.is_empty() && name.len() <= NAME_LIMIT && name.chars().all(allowed) {
         return Ok(());

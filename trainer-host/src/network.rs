@@ -121,13 +121,44 @@ impl Mlp {
     /// Adds the parameters' gradient of a tile to `gradient`, from the loss gradient of the outputs that the
     /// caller has written to [`Workspace::output_delta`] after [`Self::forward`] of the same `inputs`.
     pub fn backward(&self, parameters: &[f32], inputs: &[f32], workspace: &mut Workspace, gradient: &mut [f32]) {
+        self.backward_into(parameters, inputs, workspace, gradient, |layer, deltas, inputs, columns| {
+            layer.add(deltas, inputs, columns);
+        });
+    }
+
+    /// As [`Self::backward`], but adds up what `size` makes of each sample's own gradient: with squares the diagonal
+    /// of the sum of outer products, with absolute values the sum of sensitivities.
+    ///
+    /// `size(a b)` must be `size(a) size(b)`, because the gradient of a weight is the product of a delta and an input.
+    pub(crate) fn backward_sizes(
+        &self,
+        parameters: &[f32],
+        inputs: &[f32],
+        workspace: &mut Workspace,
+        size: fn(f32) -> f32,
+        sizes: &mut [f32],
+    ) {
+        let sized = |values: &[f32]| values.iter().copied().map(size).collect::<Vec<f32>>();
+        self.backward_into(parameters, inputs, workspace, sizes, |layer, deltas, inputs, columns| {
+            layer.add(&sized(deltas), &sized(inputs), columns);
+        });
+    }
+
+    fn backward_into(
+        &self,
+        parameters: &[f32],
+        inputs: &[f32],
+        workspace: &mut Workspace,
+        gradient: &mut [f32],
+        add: impl Fn(&mut DenseGradient<'_>, &[f32], &[f32], usize),
+    ) {
         let Workspace { columns, activations, deltas } = workspace;
         let layers = self.layers(parameters);
         let mut gradients = self.layer_gradients(gradient);
         for index in (0..layers.len()).rev() {
             let (below, from) = deltas.split_at_mut(index);
             let input = if index == 0 { inputs } else { &activations[index - 1] };
-            gradients[index].add(&from[0], input, *columns);
+            add(&mut gradients[index], &from[0], input, *columns);
             if let Some(deltas) = below.last_mut() {
                 layers[index].backward(&from[0], *columns, deltas);
                 dispatch(TanhBackward { deltas, activations: input });

@@ -21,15 +21,18 @@ use kestrel_sim::outcome::Episode;
 use kestrel_sim::scenario::{CriticView, Scenario};
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 pub use crate::actor_critic::{Actor, Critic};
 use crate::adam::Adam;
 use crate::advantage::{Moments, normalise};
-use crate::rollout::{Collection, PANEL, Panel};
+use crate::consolidation::{Consolidator, Ended};
+use crate::rollout::{Collection, PANEL, Panel, Rollout};
 use loss::LossSums;
 pub use metrics::UpdateMetrics;
-pub use settings::{PpoSettings, SettingsError};
-use shard::{Gradient, Shard};
+pub use settings::{PpoSettings, SettingsError, ValueScaling};
+pub(crate) use shard::Gradient;
+use shard::Shard;
 pub use state::{RestoreError, TrainerState};
 
 /// Parts of a minibatch: enough for the cores of a workstation, few enough that adding them up costs nothing.
@@ -54,6 +57,24 @@ pub struct Trainer {
     gradient: Gradient,
 }
 
+/// Whether something of an earlier task is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Kept {
+    /// The next task begins with it.
+    Inherited,
+    /// The next task begins afresh.
+    Reset,
+}
+
+/// What a task begins with that an earlier one has learned.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Heritage {
+    actor: Actor,
+    log_std: Kept,
+    /// Critic, and the optimisers of both networks.
+    learner: Option<(Critic, Adam, Adam)>,
+}
+
 /// One step of one panel.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
@@ -62,20 +83,28 @@ struct Sample {
 }
 
 impl Trainer {
-    /// A run at its beginning.
+    /// A run at its beginning, of one task or of several that one policy learns together: panel after panel of
+    /// environments is dealt to them in turn.
     ///
     /// # Panics
-    /// When the settings fail [`PpoSettings::check`], or the drones of an environment do not divide [`PANEL`].
-    pub fn new(scenario: &Scenario, settings: &PpoSettings, seed: Seed) -> Self {
+    /// When the settings fail [`PpoSettings::check`], the drones of an environment do not divide [`PANEL`], there are
+    /// fewer panels than tasks, or the tasks differ in what policy or critic see or command.
+    pub fn new(tasks: &[Scenario], settings: &PpoSettings, seed: Seed) -> Self {
         settings.check().expect("settings are checked where they are read");
+        assert!(settings.environments / PANEL >= tasks.len(), "every task needs a panel");
+        let scenario = &tasks[0];
+        assert!(tasks.iter().all(|task| shape(task) == shape(scenario)), "one policy needs one layout");
         let weights = |network| Stream::new(seed, network, Purpose::Weights);
         let observation_len = scenario.observation.len();
         let critic_len = observation_len + privileged_len(scenario.critic);
         let lengths = (observation_len, scenario.action.len());
         let actor = Actor::new(lengths, &settings.actor_hidden, settings.initial_log_std, &mut weights(0));
-        let critic = Critic::new(critic_len, &settings.critic_hidden, &mut weights(1));
+        let critic = Critic::new(critic_len, &settings.critic_hidden, tasks.len(), &mut weights(1));
         let steps = settings.steps_per_rollout;
-        let panel = |first| Panel::new(scenario, seed, first, steps, (&actor, &critic));
+        let panel = |(index, first): (usize, u32)| {
+            let task = index % tasks.len();
+            Panel::new((task, &tasks[task]), seed, first, steps, (&actor, &critic))
+        };
         Self {
             settings: settings.clone(),
             seed,
@@ -83,7 +112,7 @@ impl Trainer {
             critic_optimiser: Adam::new(critic.parameters().len()),
             learning_rate: settings.learning_rate.initial(),
             updates: 0,
-            panels: (0..settings.environments as u32).step_by(PANEL).map(panel).collect(),
+            panels: (0..settings.environments as u32).step_by(PANEL).enumerate().map(panel).collect(),
             shards: vec![Shard::new(&actor, &critic); SHARDS],
             gradient: Gradient::new(&actor, &critic),
             actor,
@@ -94,12 +123,17 @@ impl Trainer {
     /// One rollout and the optimisation on it. The bits do not depend on the number of threads of the current
     /// rayon pool.
     pub fn update(&mut self) -> UpdateMetrics {
+        self.update_with(&mut Consolidator::None)
+    }
+
+    /// As [`Self::update`], held back by what earlier tasks left behind.
+    pub fn update_with(&mut self, memory: &mut Consolidator) -> UpdateMetrics {
         let start = Instant::now();
         self.collect();
         let rollout_secs = start.elapsed().as_secs_f64();
         let mut metrics = UpdateMetrics { learning_rate: self.learning_rate, rollout_secs, ..Default::default() };
         metrics.explained_variance = self.normalise_advantages();
-        self.optimise(&mut metrics);
+        self.optimise(memory, &mut metrics);
         self.advance(&mut metrics);
         metrics.update_secs = start.elapsed().as_secs_f64() - rollout_secs;
         metrics
@@ -120,9 +154,27 @@ impl Trainer {
         &self.actor
     }
 
+    /// The policy, to be replaced by another of its shape.
+    pub(crate) fn actor_mut(&mut self) -> &mut Actor {
+        &mut self.actor
+    }
+
+    pub(crate) fn actor_optimiser(&self) -> &Adam {
+        &self.actor_optimiser
+    }
+
+    pub(crate) fn actor_optimiser_mut(&mut self) -> &mut Adam {
+        &mut self.actor_optimiser
+    }
+
     /// The value function.
     pub fn critic(&self) -> &Critic {
         &self.critic
+    }
+
+    /// Number of tasks.
+    fn tasks(&self) -> usize {
+        self.critic.mlp().outputs()
     }
 
     /// Every panel flies the policy for a rollout.
@@ -138,26 +190,41 @@ impl Trainer {
         self.panels.par_iter_mut().for_each(|panel| panel.collect(&collection));
     }
 
-    /// Gives the advantages of the whole batch mean zero and unit spread; returns the explained variance.
+    /// Gives the advantages of each task mean zero and unit spread, so that no task drowns the others; returns the
+    /// explained variance, the mean over the tasks.
     fn normalise_advantages(&mut self) -> f32 {
-        let (mut advantages, mut returns) = (Moments::default(), Moments::default());
+        let mut moments = vec![(Moments::default(), Moments::default()); self.tasks()];
         for panel in &self.panels {
+            let (advantages, returns) = &mut moments[panel.rollout().task()];
             advantages.add(panel.rollout().advantages());
             returns.add(panel.rollout().returns());
         }
-        self.panels.par_iter_mut().for_each(|panel| normalise(panel.rollout_mut().advantages_mut(), &advantages));
+        self.panels.par_iter_mut().for_each(|panel| {
+            let rollout = panel.rollout_mut();
+            let (advantages, _) = &moments[rollout.task()];
+            normalise(rollout.advantages_mut(), advantages);
+        });
+        if self.settings.value_scale == ValueScaling::PopArt {
+            for (task, (_, returns)) in moments.iter().enumerate() {
+                self.critic.rescale(task, returns);
+            }
+        }
         // An advantage is what its return has beyond the critic's value.
-        let unexplained = advantages.variance() / returns.variance();
-        if returns.variance() > 0.0 { (1.0 - unexplained) as f32 } else { 0.0 }
+        let explained = |(advantages, returns): &(Moments, Moments)| match returns.variance() {
+            variance if variance > 0.0 => 1.0 - advantages.variance() / variance,
+            _ => 0.0,
+        };
+        (moments.iter().map(explained).sum::<f64>() / moments.len() as f64) as f32
     }
 
     /// Several epochs of minibatches: gradient, then Adam.
-    fn optimise(&mut self, metrics: &mut UpdateMetrics) {
+    fn optimise(&mut self, memory: &mut Consolidator, metrics: &mut UpdateMetrics) {
         let (mut all, mut norms, mut minibatches) = (LossSums::default(), 0.0, 0_u32);
         'epochs: for epoch in 0..self.settings.epochs {
             let mut this_epoch = LossSums::default();
             for minibatch in self.shuffled(epoch).chunks(self.settings.minibatch / PANEL) {
                 let sums = self.differentiate(minibatch);
+                memory.add_gradient((&self.actor, &self.critic), &mut self.gradient);
                 let norm = self.gradient.norm();
                 (norms, minibatches) = (norms + norm, minibatches + 1);
                 all.add(&sums);
@@ -167,9 +234,11 @@ impl Trainer {
                 {
                     break 'epochs;
                 }
-                self.descend(norm);
+                let scale = self.descend(norm);
+                memory.after_step((&mut self.actor, &self.gradient), scale, self.learning_rate);
             }
         }
+        memory.after_update(&self.actor);
         metrics.gradient_norm = norms / minibatches.max(1) as f32;
         metrics.policy_loss = all.mean(all.policy_loss);
         metrics.value_loss = all.mean(all.value_loss);
@@ -214,14 +283,70 @@ impl Trainer {
         sums
     }
 
-    /// One Adam step along the gradient, shortened to the limit.
-    fn descend(&mut self, gradient_norm: f32) {
+    /// One Adam step along the gradient, shortened to the limit; returns the factor by which it was.
+    fn descend(&mut self, gradient_norm: f32) -> f32 {
         // As in PyTorch: the small number keeps a vanished gradient finite.
         let scale = (self.settings.gradient_norm_limit / (gradient_norm + 1e-6)).min(1.0);
         let rate = self.learning_rate;
         self.actor_optimiser.step(self.actor.parameters_mut(), &self.gradient.actor, scale, rate);
         self.critic_optimiser.step(self.critic.parameters_mut(), &self.gradient.critic, scale, rate);
         self.actor.limit_log_std(self.settings.lowest_log_std, self.settings.highest_log_std);
+        scale
+    }
+
+    /// Flies the policy once more and lets `memory` take in what must not be forgotten of the task that ends.
+    pub fn consolidate(&mut self, memory: &mut Consolidator) {
+        self.ended(|ended| memory.consolidate(ended));
+    }
+
+    /// Flies the policy once more and shows the task at its end.
+    pub fn ended<T>(&mut self, show: impl FnOnce(&Ended<'_>) -> T) -> T {
+        self.collect();
+        self.normalise_advantages();
+        let all = self.shuffled(0);
+        // Nothing has moved since the rollout: every ratio is one, so that this is the policy gradient itself.
+        self.differentiate(&all);
+        let rollouts: Vec<&Rollout> = self.panels.iter().map(Panel::rollout).collect();
+        show(&Ended {
+            actor: &self.actor,
+            critic: &self.critic,
+            gradient: &self.gradient.actor,
+            rollouts: &rollouts,
+            seed: self.seed,
+        })
+    }
+
+    /// Begins with a policy, and what else is kept, of an earlier task.
+    ///
+    /// # Panics
+    /// When it is of another shape.
+    pub fn inherit(&mut self, earlier: &Heritage) {
+        assert_eq!(earlier.actor.mlp(), self.actor.mlp(), "a policy is inherited by one of its shape");
+        let log_std = self.actor.log_std().to_vec();
+        self.actor.clone_from(&earlier.actor);
+        if earlier.log_std == Kept::Reset {
+            let from = self.actor.mlp().parameter_count();
+            self.actor.parameters_mut()[from..].copy_from_slice(&log_std);
+        }
+        if let Some((critic, actor_optimiser, critic_optimiser)) = &earlier.learner {
+            assert_eq!(critic.mlp(), self.critic.mlp(), "a critic is inherited by one of its shape");
+            self.critic.clone_from(critic);
+            self.actor_optimiser.clone_from(actor_optimiser);
+            self.critic_optimiser.clone_from(critic_optimiser);
+        }
+    }
+
+    /// What a later task may begin with.
+    pub fn heritage(&self, log_std: Kept, learner: Kept) -> Heritage {
+        let state = || (self.critic.clone(), self.actor_optimiser.clone(), self.critic_optimiser.clone());
+        Heritage {
+            actor: self.actor.clone(),
+            log_std,
+            learner: match learner {
+                Kept::Inherited => Some(state()),
+                Kept::Reset => None,
+            },
+        }
     }
 
     /// Counts the update, moves the learning rate and reports the rest.
@@ -236,6 +361,11 @@ impl Trainer {
         let episodes: Vec<Episode> = self.panels.iter_mut().flat_map(Panel::take_episodes).collect();
         metrics.describe(&episodes);
     }
+}
+
+/// Values of an observation, of an action, and of what the critic sees beside.
+fn shape(scenario: &Scenario) -> [usize; 3] {
+    [scenario.observation.len(), scenario.action.len(), privileged_len(scenario.critic)]
 }
 
 /// Number of values that the critic sees beside the observation.

@@ -38,12 +38,17 @@ impl Progress {
 
     /// Shows the state after an update.
     pub fn show(&mut self, report: &ProgressReport) {
+        self.show_steps(report.steps, || results(report));
+    }
+
+    /// Shows how many steps are done and a `message`.
+    pub fn show_steps(&mut self, steps: u64, message: impl Fn() -> String) {
         match &self.bar {
             Some(bar) => {
-                bar.set_position(report.steps);
-                bar.set_message(results(report));
+                bar.set_position(steps);
+                bar.set_message(message());
             }
-            None => self.write_line_when_due(report),
+            None => self.write_line_when_due(steps, message),
         }
     }
 
@@ -63,8 +68,8 @@ impl Progress {
         }
     }
 
-    fn write_line_when_due(&mut self, report: &ProgressReport) {
-        if let Some(line) = self.lines.line_when_due(report, self.lines.started.elapsed()) {
+    fn write_line_when_due(&mut self, steps: u64, message: impl Fn() -> String) {
+        if let Some(line) = self.lines.line_when_due(steps, message, self.lines.started.elapsed()) {
             // Nobody to read the log any more is no reason to end the training.
             let _ = writeln!(io::stderr(), "{line}");
         }
@@ -81,26 +86,25 @@ struct Lines {
 }
 
 impl Lines {
-    fn line_when_due(&mut self, report: &ProgressReport, elapsed: Duration) -> Option<String> {
-        let complete = report.steps >= self.total;
+    fn line_when_due(&mut self, steps: u64, message: impl Fn() -> String, elapsed: Duration) -> Option<String> {
+        let complete = steps >= self.total;
         let due = self.last.is_none_or(|last| elapsed >= last + LINE_INTERVAL);
         (due || complete).then(|| {
             self.last = Some(elapsed);
-            self.line(report, elapsed)
+            self.line(steps, &message(), elapsed)
         })
     }
 
-    fn line(&self, report: &ProgressReport, elapsed: Duration) -> String {
-        let per_second = report.steps.saturating_sub(self.began_at) as f64 / elapsed.as_secs_f64().max(1e-3);
-        let secs_left = self.total.saturating_sub(report.steps) as f64 / per_second.max(1e-9);
+    fn line(&self, steps: u64, message: &str, elapsed: Duration) -> String {
+        let per_second = steps.saturating_sub(self.began_at) as f64 / elapsed.as_secs_f64().max(1e-3);
+        let secs_left = self.total.saturating_sub(steps) as f64 / per_second.max(1e-9);
         format!(
-            "{:>3} %  {} of {} steps  {} steps/s  {} left  {}",
-            percentage(report.steps, self.total),
-            amount(report.steps as f64),
+            "{:>3} %  {} of {} steps  {} steps/s  {} left  {message}",
+            percentage(steps, self.total),
+            amount(steps as f64),
             amount(self.total as f64),
             amount(per_second),
             clock(secs_left),
-            results(report),
         )
     }
 }
@@ -182,21 +186,21 @@ mod tests {
     #[test]
     fn a_line_tells_share_speed_time_left_and_results() {
         assert_eq!(
-            lines(2_000_000, 0).line(&report(500_000), 2 * SECOND),
+            lines(2_000_000, 0).line(500_000, &results(&report(500_000)), 2 * SECOND),
             " 25 %  500 k of 2.00 M steps  250 k steps/s  0:06 left  return 312.46  success 87.5 %"
         );
     }
 
     #[test]
     fn steps_of_an_earlier_session_do_not_count_as_speed() {
-        let line = lines(2_000_000, 1_000_000).line(&report(1_500_000), 5 * SECOND);
+        let line = lines(2_000_000, 1_000_000).line(1_500_000, "", 5 * SECOND);
         assert!(line.contains(" 100 k steps/s  0:05 left"), "{line}");
     }
 
     #[test]
     fn lines_are_seconds_apart_but_the_last_one_always_comes() {
         let mut lines = lines(1000, 0);
-        let mut due = |steps, millis| lines.line_when_due(&report(steps), Duration::from_millis(millis)).is_some();
+        let mut due = |steps, millis| lines.line_when_due(steps, String::new, Duration::from_millis(millis)).is_some();
         assert!(due(1, 10));
         assert!(!due(2, 20) && !due(3, 5000));
         assert!(due(4, 5010));

@@ -61,7 +61,7 @@ impl Panel {
     /// # Panics
     /// When the drones of an environment do not divide [`PANEL`].
     pub fn new(
-        scenario: &Scenario,
+        (task, scenario): (usize, &Scenario),
         seed: Seed,
         first_row: u32,
         steps: usize,
@@ -74,7 +74,7 @@ impl Panel {
         let action_len = scenario.action.len();
         Self {
             noise: Noise::new(seed, first_row, action_len),
-            rollout: Rollout::new(steps, features, action_len),
+            rollout: Rollout::new(task, steps, (features, action_len)),
             actor_workspace: Workspace::new(networks.0.mlp(), PANEL),
             critic_workspace: Workspace::new(networks.1.mlp(), PANEL),
             normals: vec![0.0; action_len * PANEL],
@@ -139,8 +139,9 @@ impl Panel {
     }
 
     fn appraise(&mut self, critic: &Critic, step: usize) {
-        let values = critic.values(self.rollout.critic_input(step), &mut self.critic_workspace);
-        self.rollout.values[column_of(step)].copy_from_slice(values);
+        let mut values = [0.0; PANEL];
+        critic.appraise(self.rollout.critic_input(step), self.rollout.task, &mut self.critic_workspace, &mut values);
+        self.rollout.values[column_of(step)].copy_from_slice(&values);
     }
 
     fn record(&mut self, step: usize, reward_scale: f32) {
@@ -162,7 +163,7 @@ impl Panel {
     fn appraise_last(&mut self, critic: &Critic) {
         let mut input = vec![0.0; self.rollout.features * PANEL];
         write_critic_input(self.simulation.observations(), self.simulation.privileged(), &mut input);
-        self.rollout.last_values.copy_from_slice(critic.values(&input, &mut self.critic_workspace));
+        critic.appraise(&input, self.rollout.task, &mut self.critic_workspace, &mut self.rollout.last_values);
     }
 
     /// Collected over the rollout, because a tile of one costs as much as a full one.
@@ -174,9 +175,10 @@ impl Panel {
                     row[column] = *value;
                 }
             }
-            let values = critic.values(&tile, &mut self.critic_workspace);
+            let mut values = [0.0; PANEL];
+            critic.appraise(&tile, self.rollout.task, &mut self.critic_workspace, &mut values);
             for ((place, _), value) in group.iter().zip(values) {
-                self.rollout.truncated_values[*place] = *value;
+                self.rollout.truncated_values[*place] = value;
             }
         }
         self.truncated.clear();
@@ -196,6 +198,7 @@ fn column_of(step: usize) -> std::ops::Range<usize> {
 /// Columns of one panel over the steps of a rollout.
 #[derive(Clone, Debug)]
 pub struct Rollout {
+    task: usize,
     steps: usize,
     features: usize,
     action_len: usize,
@@ -216,6 +219,8 @@ pub struct Rollout {
 /// The samples of one step of one panel: what a minibatch is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Tile<'a> {
+    /// Index of its task among those of the run.
+    pub task: usize,
     /// `[features][PANEL]`: observation, then privileged values.
     pub observations: &'a [f32],
     /// `[action length][PANEL]`.
@@ -229,9 +234,10 @@ pub struct Tile<'a> {
 }
 
 impl Rollout {
-    fn new(steps: usize, features: usize, action_len: usize) -> Self {
+    fn new(task: usize, steps: usize, (features, action_len): (usize, usize)) -> Self {
         let column = || vec![0.0; steps * PANEL];
         Self {
+            task,
             steps,
             features,
             action_len,
@@ -248,12 +254,23 @@ impl Rollout {
         }
     }
 
+    /// Index of its task among those of the run.
+    pub fn task(&self) -> usize {
+        self.task
+    }
+
+    /// Number of steps.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
     /// The samples of one step.
     ///
     /// # Panics
     /// When the rollout has no such step.
     pub fn tile(&self, step: usize) -> Tile<'_> {
         Tile {
+            task: self.task,
             observations: self.critic_input(step),
             actions: self.actions(step),
             log_probs: &self.log_probs[column_of(step)],

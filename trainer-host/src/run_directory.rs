@@ -10,7 +10,7 @@ use crate::atomic_file::{FileError, remove_unfinished, write_atomically};
 
 pub mod metrics;
 
-mod lock;
+pub(crate) mod lock;
 
 /// A directory that holds one training run.
 ///

@@ -127,7 +127,7 @@ impl TrainingRun {
     /// # Errors
     /// When files cannot be created.
     pub fn begin(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
-        let trainer = Trainer::new(&experiment.scenario, &experiment.ppo, experiment.seed);
+        let trainer = Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, experiment.seed);
         let run = Self::open(experiment, directory, trainer, None, 0.0)?;
         // A run that is killed in its first seconds can then go on as any other.
         run.save()?;
@@ -148,7 +148,7 @@ impl TrainingRun {
         if found != expected {
             return Err(TrainingError::Seed { found: found.0, expected: expected.0 });
         }
-        let trainer = Trainer::restore(&experiment.scenario, &experiment.ppo, trainer)?;
+        let trainer = Trainer::restore(std::slice::from_ref(&experiment.scenario), &experiment.ppo, trainer)?;
         refuse_changes(&config, &experiment.resolved_yaml)?;
         Ok((Self::open(experiment, directory, trainer, best, training_secs)?, restored.warning))
     }
@@ -275,7 +275,7 @@ impl TrainingRun {
 
 /// The policy with which training of `experiment` begins.
 pub fn untrained_actor(experiment: &Experiment) -> Actor {
-    Trainer::new(&experiment.scenario, &experiment.ppo, experiment.seed).actor().clone()
+    Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, experiment.seed).actor().clone()
 }
 
 /// The best policy in the newest checkpoint of a run, and the steps it was trained for.

@@ -4,7 +4,7 @@ use kestrel_sim::config::{ConfigError, Field, Limits};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::ppo::PpoSettings;
+use crate::ppo::{PpoSettings, ValueScaling};
 use crate::rollout::PANEL;
 use crate::schedule::Schedule;
 
@@ -65,8 +65,20 @@ pub struct TrainingConfig {
     /// An update stops early once its KL divergence exceeds one and a half times this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target_kl: Option<f64>,
+    /// In which unit the critic learns returns.
+    pub value_scale: ValueScaleConfig,
     /// Rewards are multiplied by this before learning, so that returns are of order one.
     pub reward_scale: f64,
+}
+
+/// In which unit the critic learns returns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ValueScaleConfig {
+    /// That of the scaled rewards.
+    Fixed,
+    /// The spread of each task's returns, tracked (`PopArt`): for tasks whose returns differ in size.
+    Popart,
 }
 
 /// A learning rate over the course of training.
@@ -117,6 +129,7 @@ impl Default for TrainingConfig {
             actor_hidden: vec![64, 64],
             critic_hidden: vec![64, 64],
             target_kl: None,
+            value_scale: ValueScaleConfig::Fixed,
             reward_scale: 1.0,
         }
     }
@@ -158,6 +171,10 @@ impl TrainingConfig {
             actor_hidden: hidden(&self.actor_hidden, &field.at("actor_hidden"))?,
             critic_hidden: hidden(&self.critic_hidden, &field.at("critic_hidden"))?,
             target_kl,
+            value_scale: match self.value_scale {
+                ValueScaleConfig::Fixed => ValueScaling::Fixed,
+                ValueScaleConfig::Popart => ValueScaling::PopArt,
+            },
             reward_scale: number("reward_scale", self.reward_scale, Limits::above(0.0, 1e6, ""))?,
         })
     }

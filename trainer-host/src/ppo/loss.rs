@@ -2,6 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
+use crate::actor_critic::ValueScale;
 use crate::gaussian::Gaussian;
 use crate::network::{dispatch, dot};
 use crate::rollout::{PANEL, Tile};
@@ -102,17 +103,18 @@ impl WithSimd for ThroughDensity<'_> {
     }
 }
 
-/// Mean squared error of the critic: adds it to `sums`, and writes its gradient, times `weight`, to `deltas`.
+/// Mean squared error of the critic's `heads`, in units of the returns' spread: adds it to `sums`, and writes its
+/// gradient, times `weight`, to `deltas`.
 pub(crate) fn differentiate_value(
-    values: &[f32],
-    returns: &[f32],
+    heads: &[f32],
+    (returns, scale): (&[f32], &ValueScale),
     weight: f32,
     deltas: &mut [f32],
     sums: &mut LossSums,
 ) {
-    sums.samples += values.len() as f64;
-    for ((delta, value), target) in deltas.iter_mut().zip(values).zip(returns) {
-        let error = value - target;
+    sums.samples += heads.len() as f64;
+    for ((delta, head), target) in deltas.iter_mut().zip(heads).zip(returns) {
+        let error = head - (target - scale.mean) / scale.std;
         sums.value_loss += f64::from(error * error);
         *delta = weight * 2.0 * error;
     }

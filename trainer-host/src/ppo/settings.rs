@@ -45,8 +45,20 @@ pub struct PpoSettings {
     pub critic_hidden: Vec<usize>,
     /// An update stops once a minibatch's `approx_kl` exceeds one and a half times this, as Stable-Baselines3.
     pub target_kl: Option<f32>,
+    /// In which unit the critic learns returns.
+    pub value_scale: ValueScaling,
     /// Fixed factor on rewards before the critic sees them; the logged returns are unscaled.
     pub reward_scale: f32,
+}
+
+/// In which unit the critic learns returns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ValueScaling {
+    /// That of the rewards.
+    #[default]
+    Fixed,
+    /// The spread of each task's returns, tracked (`PopArt`, van Hasselt et al. 2016).
+    PopArt,
 }
 
 /// Settings that no training can be made with.

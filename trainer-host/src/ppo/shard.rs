@@ -89,8 +89,17 @@ impl Shard {
     fn add_value(&mut self, tile: Tile<'_>, critic: &Critic, weight: f32) {
         let (parameters, mlp) = (critic.parameters(), critic.mlp());
         mlp.forward(parameters, tile.observations, &mut self.critic_workspace);
-        let (values, deltas) = self.critic_workspace.output_delta();
-        differentiate_value(values, tile.returns, weight, deltas, &mut self.sums);
+        let (heads, deltas) = self.critic_workspace.output_delta();
+        let head = tile.task * PANEL..(tile.task + 1) * PANEL;
+        deltas.fill(0.0);
+        let scale = critic.scale(tile.task);
+        differentiate_value(
+            &heads[head.clone()],
+            (tile.returns, scale),
+            weight,
+            &mut deltas[head],
+            &mut self.sums,
+        );
         mlp.backward(parameters, tile.observations, &mut self.critic_workspace, &mut self.gradient.critic);
     }
 }

@@ -10,7 +10,7 @@ use super::{Actor, Critic, PpoSettings, SettingsError, Trainer};
 use crate::adam::Adam;
 use crate::rollout::Panel;
 
-/// Everything that a run needs to go on to the same bits, beside its scenario and settings.
+/// Everything that a run needs to go on to the same bits, beside its scenarios and settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainerState {
     seed: Seed,
@@ -100,18 +100,19 @@ impl Trainer {
     /// Goes on with a saved run, to the bits that it would have come to without the interruption.
     ///
     /// # Errors
-    /// When the state is of another scenario or of settings of another shape.
+    /// When the state is of other scenarios or of settings of another shape.
     pub fn restore(
-        scenario: &Scenario,
+        tasks: &[Scenario],
         settings: &PpoSettings,
         state: TrainerState,
     ) -> Result<Self, RestoreError> {
         settings.check()?;
-        let mut trainer = Self::new(scenario, settings, state.seed);
+        let mut trainer = Self::new(tasks, settings, state.seed);
         trainer.check(&state)?;
         for (panel, saved) in trainer.panels.iter_mut().zip(&state.panels) {
             if !panel.restore(saved) {
-                return Err(RestoreError::Scenario { scenario: scenario.name.clone() });
+                let scenario = tasks[panel.rollout().task()].name.clone();
+                return Err(RestoreError::Scenario { scenario });
             }
         }
         trainer.actor = state.actor;

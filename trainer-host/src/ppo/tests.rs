@@ -77,6 +77,7 @@ fn settings() -> PpoSettings {
         actor_hidden: vec![16, 16],
         critic_hidden: vec![16],
         target_kl: None,
+        value_scale: ValueScaling::Fixed,
         reward_scale: 0.5,
     }
 }
@@ -84,7 +85,7 @@ fn settings() -> PpoSettings {
 fn on_threads(threads: usize, updates: u32, critic: CriticView) -> TrainerState {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
     pool.install(|| {
-        let mut trainer = Trainer::new(&scenario(critic), &settings(), Seed(5));
+        let mut trainer = Trainer::new(&[scenario(critic)], &settings(), Seed(5));
         for _ in 0..updates {
             trainer.update();
         }
@@ -110,7 +111,7 @@ fn pairs() -> Scenario {
 
 #[test]
 fn several_drones_fill_a_panel_together() {
-    let networks = Trainer::new(&pairs(), &settings(), Seed(5));
+    let networks = Trainer::new(&[pairs()], &settings(), Seed(5));
     let mut panels = networks.panels.clone();
     let collection = Collection {
         actor: networks.actor(),
@@ -137,9 +138,9 @@ fn runs_of_several_drones_resume_to_the_same_bits_on_any_number_of_threads() {
     let on_threads = |threads: usize, parts: [u32; 2]| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| {
-            let mut trainer = Trainer::new(&pairs(), &settings(), Seed(5));
+            let mut trainer = Trainer::new(&[pairs()], &settings(), Seed(5));
             (0..parts[0]).for_each(|_| drop(trainer.update()));
-            let mut trainer = Trainer::restore(&pairs(), &settings(), trainer.save()).expect("it is the same run");
+            let mut trainer = Trainer::restore(&[pairs()], &settings(), trainer.save()).expect("it is the same run");
             (0..parts[1]).for_each(|_| drop(trainer.update()));
             trainer.save()
         })
@@ -152,7 +153,7 @@ fn runs_of_several_drones_resume_to_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn a_policy_of_several_drones_is_exported_from_what_all_of_them_see() {
     let scenario = pairs();
-    let trainer = Trainer::new(&scenario, &settings(), Seed(5));
+    let trainer = Trainer::new(&[scenario.clone()], &settings(), Seed(5));
     let starts = Starts { seed: Seed(1), purpose: Purpose::Evaluation, episodes: 3 };
     let seen = observations_in_flight(&scenario, trainer.actor(), starts);
     let flights = scenario.episode_steps().div_ceil(8) as usize;
@@ -166,11 +167,11 @@ fn a_policy_of_several_drones_is_exported_from_what_all_of_them_see() {
 #[test]
 fn a_resumed_run_comes_to_the_same_bits() {
     let (scenario, settings) = (scenario(CriticView::Observation), settings());
-    let mut straight = Trainer::new(&scenario, &settings, Seed(6));
+    let mut straight = Trainer::new(&[scenario.clone()], &settings, Seed(6));
     (0..2).for_each(|_| drop(straight.update()));
     let bytes = postcard::to_allocvec(&straight.save()).expect("a state serialises");
     let state = postcard::from_bytes(&bytes).expect("and back");
-    let mut resumed = Trainer::restore(&scenario, &settings, state).expect("it is the same run");
+    let mut resumed = Trainer::restore(&[scenario], &settings, state).expect("it is the same run");
     assert_eq!(resumed.updates(), 2);
     for _ in 0..2 {
         let (expected, found) = (straight.update(), resumed.update());
@@ -182,7 +183,7 @@ fn a_resumed_run_comes_to_the_same_bits() {
 
 #[test]
 fn other_seeds_are_other_runs() {
-    let first = |seed| Trainer::new(&scenario(CriticView::Observation), &settings(), Seed(seed)).save();
+    let first = |seed| Trainer::new(&[scenario(CriticView::Observation)], &settings(), Seed(seed)).save();
     assert_eq!(first(1), first(1));
     assert_ne!(first(1).actor(), first(2).actor());
 }
@@ -190,9 +191,9 @@ fn other_seeds_are_other_runs() {
 #[test]
 fn a_state_of_another_run_is_refused() {
     let (flown, asked) = (scenario(CriticView::Observation), settings());
-    let state = Trainer::new(&flown, &asked, Seed(7)).save();
+    let state = Trainer::new(&[flown.clone()], &asked, Seed(7)).save();
     let refuse = |scenario: &Scenario, settings: &PpoSettings, state: &TrainerState| {
-        Trainer::restore(scenario, settings, state.clone()).expect_err("it must be refused").to_string()
+        Trainer::restore(std::slice::from_ref(scenario), settings, state.clone()).expect_err("it must be refused").to_string()
     };
     let more = PpoSettings { environments: 4 * PANEL, ..asked.clone() };
     assert_eq!(
@@ -236,7 +237,7 @@ fn settings_out_of_range_are_named() {
 
 #[test]
 fn a_shuffle_keeps_every_sample_and_differs_between_epochs() {
-    let trainer = Trainer::new(&scenario(CriticView::Observation), &settings(), Seed(8));
+    let trainer = Trainer::new(&[scenario(CriticView::Observation)], &settings(), Seed(8));
     let flat = |epoch| -> Vec<usize> {
         trainer.shuffled(epoch).iter().map(|sample| sample.panel * 12 + sample.step).collect()
     };
@@ -249,7 +250,7 @@ fn a_shuffle_keeps_every_sample_and_differs_between_epochs() {
 #[test]
 fn nothing_has_moved_before_the_first_step() {
     let unmoving = PpoSettings { minibatch: 36 * PANEL, epochs: 1, ..settings() };
-    let metrics = Trainer::new(&scenario(CriticView::Observation), &unmoving, Seed(9)).update();
+    let metrics = Trainer::new(&[scenario(CriticView::Observation)], &unmoving, Seed(9)).update();
     assert_eq!((metrics.approx_kl, metrics.clip_fraction), (0.0, 0.0));
     // Normalised advantages sum to nothing.
     assert!(metrics.policy_loss.abs() < 1e-5);
@@ -258,7 +259,7 @@ fn nothing_has_moved_before_the_first_step() {
 #[test]
 fn a_target_divergence_stops_the_update() {
     let strict = PpoSettings { target_kl: Some(1e-9), learning_rate: Schedule::Constant(1e-2), ..settings() };
-    let mut trainer = Trainer::new(&scenario(CriticView::Observation), &strict, Seed(10));
+    let mut trainer = Trainer::new(&[scenario(CriticView::Observation)], &strict, Seed(10));
     trainer.update();
     // Adam's first step is nearly the learning rate; there was no second.
     for log_std in trainer.actor().log_std() {
@@ -279,7 +280,7 @@ fn a_policy_learns_to_stay_up() {
         ..settings()
     };
     let scenario = Scenario { episode_secs: 2.0, ..scenario(CriticView::Observation) };
-    let mut trainer = Trainer::new(&scenario, &settings, Seed(11));
+    let mut trainer = Trainer::new(&[scenario], &settings, Seed(11));
     let lengths: Vec<f32> = (0..60).filter_map(|_| trainer.update().episode_length).collect();
     let mean = |lengths: &[f32]| lengths.iter().sum::<f32>() / lengths.len() as f32;
     let (before, after) = (mean(&lengths[..10]), mean(&lengths[lengths.len() - 10..]));
@@ -375,6 +376,7 @@ impl Samples {
 
     fn tile(&self) -> Tile<'_> {
         Tile {
+            task: 0,
             observations: &self.observations,
             actions: &self.actions,
             log_probs: &self.log_probs,
@@ -398,7 +400,7 @@ fn check_gradient(action_len: usize) {
     for parameter in actor.parameters_mut() {
         *parameter += 0.1 * stream.normal();
     }
-    let critic = Critic::new(7, &[9], &mut stream);
+    let critic = Critic::new(7, &[9], 1, &mut stream);
     let samples = Samples::new(&actor, 7);
     let mut shard = Shard::new(&actor, &critic);
     shard.add(samples.tile(), (&actor, &critic), &settings, 1.0 / PANEL as f32);
@@ -429,7 +431,7 @@ fn check_gradient(action_len: usize) {
 fn the_logged_losses_are_those_of_the_reference() {
     let settings = PpoSettings { entropy_weight: 0.0, ..settings() };
     let mut stream = Stream::new(Seed(14), 0, Purpose::Weights);
-    let (actor, critic) = (Actor::new((5, 4), &[8], -0.3, &mut stream), Critic::new(5, &[8], &mut stream));
+    let (actor, critic) = (Actor::new((5, 4), &[8], -0.3, &mut stream), Critic::new(5, &[8], 1, &mut stream));
     let samples = Samples::new(&actor, 5);
     let mut shard = Shard::new(&actor, &critic);
     shard.add(samples.tile(), (&actor, &critic), &settings, 1.0 / PANEL as f32);
@@ -465,7 +467,7 @@ fn actions_and_observations_of_any_length_train_export_and_fly() {
     ];
     for (kind, observation) in cases {
         let scenario = published(kind, observation);
-        let mut trainer = Trainer::new(&scenario, &settings(), Seed(3));
+        let mut trainer = Trainer::new(&[scenario.clone()], &settings(), Seed(3));
         assert_eq!(trainer.actor().log_std().len(), kind.len());
         let metrics = trainer.update();
         assert!(metrics.approx_kl.is_finite() && metrics.policy_loss.is_finite(), "{metrics:?}");

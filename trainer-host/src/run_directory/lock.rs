@@ -16,13 +16,13 @@ pub(super) const FILE_NAME: &str = ".lock";
 /// The system itself lets go of the lock when the owner ends, however it ends, so that a lock is never stale: not
 /// after a crash, and not when the owner's process number belongs to another process by now.
 #[derive(Debug)]
-pub(super) struct RunLock {
+pub(crate) struct RunLock {
     _file: File,
 }
 
 impl RunLock {
     /// Locks the directory at `path` until the lock is dropped.
-    pub(super) fn acquire(path: &Path) -> Result<Self, RunDirectoryError> {
+    pub(crate) fn acquire(path: &Path) -> Result<Self, RunDirectoryError> {
         let lock = path.join(FILE_NAME);
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);

@@ -1,0 +1,250 @@
+//! One running anchor: a center that the policy is pulled to, each parameter as strongly as earlier tasks need it.
+//!
+//! After task `l` the objective keeps of it the quadratic `gᵀ(θ − θ_l) − ½ (θ − θ_l)ᵀ H (θ − θ_l)`. All those of earlier
+//! tasks add up to one, `− ½ (θ − c)ᵀ S (θ − c)` with `S = Σ H` and a center `c`, whatever their number: that is the
+//! whole state. With the gradients `g` kept, `c` is the newest policy (corrected IL-SOAR, which is online EWC); without
+//! them it is the weighted mean of all (EWC, with its double counting).
+
+use kestrel_core::anchor::Anchor;
+use serde::{Deserialize, Serialize};
+
+use super::curvature::{fisher, sensitivity};
+use super::Ended;
+use crate::actor_critic::Actor;
+
+/// Added to each normalised curvature: parameters that a task does not use at all stay a little where they are.
+const DAMPING: f32 = 0.01;
+
+/// Greatest strength that a budget may come to.
+const STRENGTH_LIMIT: f32 = 1e4;
+
+/// How an anchor is made and how it pulls.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AnchoredSettings {
+    /// `H`.
+    pub curvature: Curvature,
+    /// `g`.
+    pub gradient: GradientTerm,
+    /// How the pull reaches the policy.
+    pub coupling: Coupling,
+    /// How strong it is.
+    pub strength: Strength,
+    /// Share of the importance of all earlier tasks that is kept when another is added; 1 for corrected IL-SOAR.
+    pub decay: f32,
+}
+
+/// What stands for the curvature of a task's objective.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Curvature {
+    /// The same for all parameters.
+    Identity,
+    /// Diagonal of the policy's Fisher information, divided by its mean.
+    Fisher,
+    /// Sensitivity of the squared length of the action (MAS), divided by its mean.
+    Sensitivity,
+}
+
+/// What is kept of the gradient of a task's objective at its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum GradientTerm {
+    /// Nothing.
+    Absent,
+    /// As measured on a rollout of its own.
+    Measured,
+    /// The force that balances the anchor's own pull, as at a stationary point: the center moves to the newest policy.
+    Balance,
+}
+
+/// How the pull reaches the policy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Coupling {
+    /// Added to the gradient, before that is shortened and Adam scales it.
+    Gradient,
+    /// As an implicit step after Adam's.
+    Proximal,
+}
+
+/// How strong the pull is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Strength {
+    /// This factor.
+    Fixed(f32),
+    /// As much as keeps the predicted divergence from what was learned within so much per earlier task \[nat\].
+    Budget(f32),
+}
+
+/// The anchor of all tasks so far.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Anchored {
+    settings: AnchoredSettings,
+    /// Of the network's parameters, without those of the standard deviation.
+    center: Vec<f32>,
+    importance: Importance,
+    tasks: u32,
+    strength: f32,
+    /// Mean curvature of the tasks, by which theirs were divided \[nat\].
+    unit: f32,
+}
+
+/// `S`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum Importance {
+    /// The same for all.
+    Uniform(f32),
+    /// One each.
+    Diagonal(Vec<f32>),
+}
+
+impl Anchored {
+    pub(super) fn new(settings: &AnchoredSettings, actor: &Actor) -> Self {
+        let parameters = actor.mlp().parameter_count();
+        Self {
+            settings: *settings,
+            center: vec![0.0; parameters],
+            importance: match settings.curvature {
+                Curvature::Identity => Importance::Uniform(0.0),
+                Curvature::Fisher | Curvature::Sensitivity => Importance::Diagonal(vec![0.0; parameters]),
+            },
+            tasks: 0,
+            strength: match settings.strength {
+                Strength::Fixed(strength) => strength,
+                Strength::Budget(_) => 1.0,
+            },
+            unit: 0.0,
+        }
+    }
+
+    pub(super) fn stored_bytes(&self) -> usize {
+        let importance = match &self.importance {
+            Importance::Uniform(_) => 1,
+            Importance::Diagonal(values) => values.len(),
+        };
+        // Beside them the number of tasks, the strength and the unit.
+        4 * (self.center.len() + importance + 3)
+    }
+
+    /// Strength of the pull at present.
+    pub fn strength(&self) -> f32 {
+        self.strength
+    }
+
+    /// Divergence \[nat\] from what was learned that the quadratic predicts for a policy, over all earlier tasks.
+    pub fn divergence(&mut self, actor: &Actor) -> f32 {
+        let parameters = &actor.parameters()[..self.center.len()];
+        let quadratic = match &mut self.importance {
+            Importance::Uniform(each) => {
+                let distances = parameters.iter().zip(&self.center).map(|(now, center)| now - center);
+                0.5 * *each * distances.map(|distance| distance * distance).sum::<f32>()
+            }
+            Importance::Diagonal(importance) => {
+                Anchor { center: &mut self.center, importance }.divergence(parameters)
+            }
+        };
+        self.unit * quadratic
+    }
+
+    pub(super) fn add_gradient(&mut self, actor: &Actor, gradient: &mut [f32]) {
+        if self.tasks == 0 || self.settings.coupling != Coupling::Gradient {
+            return;
+        }
+        let count = self.center.len();
+        let (parameters, gradient) = (&actor.parameters()[..count], &mut gradient[..count]);
+        match &mut self.importance {
+            Importance::Uniform(each) => {
+                let pull = self.strength * *each;
+                for ((gradient, now), center) in gradient.iter_mut().zip(parameters).zip(&self.center) {
+                    *gradient += pull * (now - center);
+                }
+            }
+            Importance::Diagonal(importance) => {
+                Anchor { center: &mut self.center, importance }.add_gradient(parameters, self.strength, gradient);
+            }
+        }
+    }
+
+    pub(super) fn after_step(&mut self, actor: &mut Actor, learning_rate: f32) {
+        if self.tasks == 0 || self.settings.coupling != Coupling::Proximal {
+            return;
+        }
+        let parameters = &mut actor.parameters_mut()[..self.center.len()];
+        let rate = learning_rate * self.strength;
+        match &mut self.importance {
+            Importance::Uniform(each) => {
+                let share = rate * *each / (1.0 + rate * *each);
+                for (now, center) in parameters.iter_mut().zip(&self.center) {
+                    *now += share * (center - *now);
+                }
+            }
+            Importance::Diagonal(importance) => {
+                Anchor { center: &mut self.center, importance }.pull(parameters, rate);
+            }
+        }
+    }
+
+    /// Dual ascent on the budget: the strength grows while the predicted divergence is above it, and shrinks below.
+    pub(super) fn after_update(&mut self, actor: &Actor) {
+        // A tenth per update at most: slower than the policy moves, so that both settle.
+        const RATE: f32 = 0.1;
+        let Strength::Budget(nats) = self.settings.strength else { return };
+        if self.tasks > 0 {
+            let excess = self.divergence(actor) / (nats * self.tasks as f32) - 1.0;
+            let factor = libm::expf(RATE * excess.clamp(-1.0, 1.0));
+            self.strength = (self.strength * factor).clamp(1.0 / STRENGTH_LIMIT, STRENGTH_LIMIT);
+        }
+    }
+
+    pub(super) fn consolidate(&mut self, ended: &Ended<'_>) {
+        let information = fisher(ended.actor, ended.rollouts);
+        self.tasks += 1;
+        self.unit += (mean(&information) - self.unit) / self.tasks as f32;
+        let lean = self.lean(ended);
+        let parameters = &ended.actor.parameters()[..self.center.len()];
+        let decay = self.settings.decay;
+        match &mut self.importance {
+            Importance::Uniform(each) => {
+                *each = decay * *each + 1.0;
+                let share = match self.settings.gradient {
+                    GradientTerm::Balance => 1.0,
+                    GradientTerm::Absent | GradientTerm::Measured => 1.0 / *each,
+                };
+                for ((center, now), lean) in self.center.iter_mut().zip(parameters).zip(lean) {
+                    *center += share * (now - *center) + lean / *each;
+                }
+            }
+            Importance::Diagonal(importance) => {
+                let curvature = normalised(match self.settings.curvature {
+                    Curvature::Sensitivity => sensitivity(ended.actor, ended.rollouts),
+                    Curvature::Fisher | Curvature::Identity => information,
+                });
+                let mut anchor = Anchor { center: &mut self.center, importance };
+                match self.settings.gradient {
+                    GradientTerm::Balance => anchor.consolidate_at(parameters, &curvature, decay),
+                    GradientTerm::Absent | GradientTerm::Measured => {
+                        anchor.consolidate(parameters, &curvature, decay);
+                        anchor.lean(&lean);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The measured gradient of the objective, in units of the pull; zero where it is not kept.
+    fn lean(&self, ended: &Ended<'_>) -> Vec<f32> {
+        let kept = match self.settings.gradient {
+            GradientTerm::Measured => 1.0,
+            GradientTerm::Absent | GradientTerm::Balance => 0.0,
+        };
+        // What is measured is the gradient of a loss, which points away from what the task wants.
+        ended.gradient[..self.center.len()].iter().map(|value| -kept * value / self.strength).collect()
+    }
+}
+
+/// Divided by its mean, so that no task weighs more because its policy is steeper, and damped.
+fn normalised(curvature: Vec<f32>) -> Vec<f32> {
+    let mean = mean(&curvature).max(f32::MIN_POSITIVE);
+    curvature.into_iter().map(|value| value / mean + DAMPING).collect()
+}
+
+fn mean(values: &[f32]) -> f32 {
+    values.iter().sum::<f32>() / values.len() as f32
+}
