@@ -60,6 +60,11 @@ impl Durations {
         Self { sorted }
     }
 
+    /// All of several lists.
+    pub fn merged(lists: &[&Self]) -> Self {
+        Self::new(lists.iter().flat_map(|list| list.sorted.iter().map(|(duration, unit)| (*unit, *duration))))
+    }
+
     /// Number of runs.
     pub fn len(&self) -> usize {
         self.sorted.len()
