@@ -128,17 +128,15 @@ impl Findings<'_> {
         let tasks = &self.data.manifest.tasks;
         let headings = tasks.iter().map(|task| task.name.clone()).chain(["average".to_owned()]);
         let headings: Vec<String> = std::iter::once("method".to_owned()).chain(headings).collect();
-        let [mut success, mut returns, mut lengths] = [(); 3].map(|()| Table::new(&headings));
+        let [mut success, mut returns] = [(); 2].map(|()| Table::new(&headings));
+        let mut lengths = Table::new(&headings[..headings.len() - 1]);
         for (method, found) in self.methods() {
-            let row = |cells: Vec<String>, average: String| {
-                std::iter::once(method.label.clone()).chain(cells).chain([average]).collect::<Vec<_>>()
-            };
-            let cells = found.tasks.iter().map(|task| percent_estimate(task.success)).collect();
-            success.row(row(cells, percent_estimate(found.mean)));
-            let cells = found.tasks.iter().map(|task| number_estimate(task.episode_return)).collect();
-            returns.row(row(cells, number_estimate(found.episode_return)));
-            let cells: Vec<String> = found.tasks.iter().map(|task| number_estimate(task.length_secs)).collect();
-            lengths.row(row(cells, NONE.to_owned()));
+            let label = || std::iter::once(method.label.clone());
+            let cells = found.tasks.iter().map(|task| percent_estimate(task.success));
+            success.row(label().chain(cells).chain([percent_estimate(found.mean)]));
+            let cells = found.tasks.iter().map(|task| number_estimate(task.episode_return));
+            returns.row(label().chain(cells).chain([number_estimate(found.episode_return)]));
+            lengths.row(label().chain(found.tasks.iter().map(|task| number_estimate(task.length_secs))));
         }
         format!(
             "## Task by task\n\nSuccess after the last task:\n\n{}\nReturn of the same flights: a reward can pay more for \

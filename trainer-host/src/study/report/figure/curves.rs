@@ -16,9 +16,10 @@ const PLACES: usize = 80;
 /// Space left of the panels, for the methods' labels \[px\].
 const LABELS: f64 = 190.0;
 
-/// Height of a panel, and the space between two \[px\].
+/// Height of a panel, and the space beside and below it \[px\].
 const HEIGHT: f64 = 112.0;
 const GAP: f64 = 22.0;
+const BELOW: f64 = 34.0;
 
 /// A row per method with curves, a column per task. Joint training has one panel for all tasks.
 pub(super) fn draw(data: &StudyData) -> Option<Drawing> {
@@ -51,7 +52,7 @@ impl Grid<'_> {
     }
 
     fn top(&self, row: usize) -> f64 {
-        TOP + 46.0 + row as f64 * (HEIGHT + GAP)
+        TOP + 46.0 + row as f64 * (HEIGHT + BELOW)
     }
 
     fn draw_headings(&self, drawing: &mut Drawing) {
@@ -59,11 +60,11 @@ impl Grid<'_> {
             let at = [self.left(column), self.top(0) - 14.0];
             drawing.text(Text { at, words: task.name.clone(), size: 15.0, colour: INK, anchor: Anchor::Start });
         }
-        let at = [self.left(self.data.manifest.tasks.len()) - GAP, self.top(self.rows) + 22.0];
+        let at = [self.left(self.data.manifest.tasks.len()) - GAP, self.top(self.rows) + 10.0];
         let words = "environment steps of the stage".to_owned();
         drawing.text(Text { at, words, size: 14.0, colour: MUTED, anchor: Anchor::End });
         let (start, words) = (self.left(0) - width_of("100 %", 13.0), "- - -  experts' median");
-        let at = [start.max(MARGIN), self.top(self.rows) + 22.0];
+        let at = [start.max(MARGIN), self.top(self.rows) + 10.0];
         if self.experts().is_some() {
             drawing.text(Text { at, words: words.to_owned(), size: 14.0, colour: MUTED, anchor: Anchor::Start });
         }

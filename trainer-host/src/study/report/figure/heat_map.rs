@@ -69,10 +69,11 @@ impl Matrix<'_> {
             let words = self.stage_name(stage);
             drawing.text(Text { at, words, size: SMALL, colour: MUTED, anchor: Anchor::End });
             for (column, estimate) in row.iter().enumerate() {
-                self.draw_cell(drawing, [column, stage], *estimate, top);
+                self.draw_cell(drawing, column, *estimate, top);
             }
             top += self.cell[1];
         }
+        self.draw_staircases(drawing, top);
         top
     }
 
@@ -91,6 +92,16 @@ impl Matrix<'_> {
         }
     }
 
+    /// Above each task and stage that it was trained in, when tasks follow each other; the last row ends at `bottom`.
+    fn draw_staircases(&self, drawing: &mut Drawing, bottom: f64) {
+        if self.data.manifest.methods[self.method].kind == MethodKind::Sequential {
+            let stages = self.summary.columns.len();
+            for stage in 1..=stages {
+                self.draw_staircase(drawing, stage, bottom - (stages + 1 - stage) as f64 * self.cell[1]);
+            }
+        }
+    }
+
     fn stage_name(&self, stage: usize) -> String {
         match (self.data.manifest.methods[self.method].kind, stage) {
             (_, 0) => "untrained".to_owned(),
@@ -100,7 +111,7 @@ impl Matrix<'_> {
         }
     }
 
-    fn draw_cell(&self, drawing: &mut Drawing, [column, stage]: [usize; 2], estimate: Option<Estimate>, top: f64) {
+    fn draw_cell(&self, drawing: &mut Drawing, column: usize, estimate: Option<Estimate>, top: f64) {
         let left = self.corner[0] + STAGES + column as f64 * self.cell[0];
         let [right, bottom] = [left + self.cell[0], top + self.cell[1]];
         let corners = vec![[left, top], [right, top], [right, bottom], [left, bottom]];
@@ -111,10 +122,13 @@ impl Matrix<'_> {
         let colour = value.map_or(MUTED, on_shade);
         let at = [0.5 * (left + right), 0.5 * (top + bottom) + 5.5];
         drawing.text(Text { at, words, size: 16.0, colour, anchor: Anchor::Middle });
-        let sequential = self.data.manifest.methods[self.method].kind == MethodKind::Sequential;
-        if sequential && stage == column + 1 {
-            drawing.line([[left, bottom], [right, bottom]], Pen::solid(INK, 2.0));
-            drawing.line([[right, top], [right, bottom]], Pen::solid(INK, 2.0));
-        }
+    }
+
+    /// Between the tasks that were trained before and those to come.
+    fn draw_staircase(&self, drawing: &mut Drawing, stage: usize, top: f64) {
+        let [left, right] = [stage - 1, stage].map(|edge| self.corner[0] + STAGES + edge as f64 * self.cell[0]);
+        let bottom = top + self.cell[1];
+        let pen = Pen::solid(INK, 2.0);
+        drawing.path(vec![[left, top], [right, top], [right, bottom]], pen);
     }
 }

@@ -43,11 +43,12 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
     };
     panel.draw_axes(&mut drawing);
     panel.name_axes(&mut drawing, ["bytes kept from task to task", "final success, with 95 % interval"]);
-    draw_frontier(&mut drawing, &panel, &points);
+    let frontier = frontier(&panel, &points);
+    drawing.path(frontier.clone(), Pen::dashes(MUTED, 1.5));
     for point in &points {
         draw_point(&mut drawing, &panel, point);
     }
-    draw_labels(&mut drawing, &panel, &points);
+    draw_labels(&mut drawing, &panel, &points, &frontier);
     drawing.extend_to(panel.bottom() + 60.0);
     (!points.is_empty()).then_some(drawing)
 }
@@ -100,8 +101,8 @@ fn draw_point(drawing: &mut Drawing, panel: &Panel, point: &Point<'_>) {
     drawing.disc(panel.at([x, point.success]), POINT, Some((fill, 1.0)), Some(Pen::solid(colour, 2.5)));
 }
 
-/// The best success of sequences for at most so many bytes.
-fn draw_frontier(drawing: &mut Drawing, panel: &Panel, points: &[Point<'_>]) {
+/// The best success of sequences for at most so many bytes, as corners \[px\].
+fn frontier(panel: &Panel, points: &[Point<'_>]) -> Vec<[f64; 2]> {
     let mut sequences: Vec<&Point<'_>> = points.iter().filter(|point| point.sequential).collect();
     sequences.sort_by(|first, second| {
         first.stored_bytes.cmp(&second.stored_bytes).then(second.success.total_cmp(&first.success))
@@ -117,14 +118,14 @@ fn draw_frontier(drawing: &mut Drawing, panel: &Panel, points: &[Point<'_>]) {
     }
     if let Some([_, best]) = corners.last().copied() {
         corners.push([panel.x.high, best]);
-        panel.path(drawing, corners, Pen::dashes(MUTED, 1.5));
     }
+    corners.into_iter().map(|corner| panel.at(corner)).collect()
 }
 
 /// Each label at the first place beside its point where nothing stands yet.
-fn draw_labels(drawing: &mut Drawing, panel: &Panel, points: &[Point<'_>]) {
+fn draw_labels(drawing: &mut Drawing, panel: &Panel, points: &[Point<'_>], frontier: &[[f64; 2]]) {
     let centre = |point: &Point<'_>| panel.at([place(point.stored_bytes, panel.x.low + 1.3), point.success]);
-    let mut taken: Vec<Taken> = Vec::new();
+    let mut taken: Vec<Taken> = frontier.windows(2).map(|side| around(side[0], side[1])).collect();
     for point in points {
         let [x, y] = centre(point);
         taken.push([x - POINT, y - POINT, x + POINT, y + POINT]);
@@ -142,8 +143,9 @@ fn draw_labels(drawing: &mut Drawing, panel: &Panel, points: &[Point<'_>]) {
             let nearest = if left > x { left - 2.0 } else { right + 2.0 };
             drawing.line([[x, y], [nearest, middle]], Pen::solid(GRID, 1.5));
         }
+        let (edge, anchor) = if left > x { (left, Anchor::Start) } else { (right, Anchor::End) };
         let words = point.label.to_owned();
-        drawing.text(Text { at: [left, middle + 5.0], words, size: LABEL, colour: INK, anchor: Anchor::Start });
+        drawing.text(Text { at: [edge, middle + 5.0], words, size: LABEL, colour: INK, anchor });
         taken.push(area);
     }
 }
@@ -164,6 +166,11 @@ fn label_area(panel: &Panel, [x, y]: [f64; 2], width: f64, taken: &[Taken]) -> T
         inside && taken.iter().all(|other| !overlap(area, other))
     };
     candidates.into_iter().find(fits).unwrap_or_else(|| beside(sides[0], 0.0))
+}
+
+/// The upright or level line between two points, with its width.
+fn around([x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) -> Taken {
+    [x1.min(x2) - 1.0, y1.min(y2) - 1.0, x1.max(x2) + 1.0, y1.max(y2) + 1.0]
 }
 
 fn overlap(first: &Taken, second: &Taken) -> bool {
