@@ -189,7 +189,7 @@ fn draw_series(chart: &mut Chart<'_, '_>, series: &Series) -> Result<(), CurveEr
 }
 
 /// A number as short as it can be read on an axis: `0`, `-0.25`, `40`, `1.5 k`, `2 M`.
-fn with_unit(value: f64) -> String {
+pub(crate) fn with_unit(value: f64) -> String {
     let (scaled, unit) = match value.abs() {
         size if size < 1e3 => (value, ""),
         size if size < 1e6 => (value / 1e3, " k"),

@@ -2,21 +2,17 @@
 //!
 //! A [`Subject`] is what is drawn; [`plan()`] lays one out, [`sheet()`] many beside each other. Both make a [`Drawing`].
 
-mod drawing;
 mod outline;
-mod png;
 mod sheet;
 mod subject;
-mod svg;
 #[cfg(test)]
 mod tests;
 mod view;
 
-use drawing::{Anchor, Colour, Text};
+use crate::drawing::{Anchor, Colour, Text};
 use view::{Detail, Views};
 
-pub use drawing::Drawing;
-pub use png::PngError;
+pub use crate::drawing::{Drawing, PngError};
 pub use sheet::sheet;
 pub use subject::{Subject, SubjectError, find, in_folders};
 

@@ -200,7 +200,8 @@ mod tests {
     #[test]
     fn lines_are_seconds_apart_but_the_last_one_always_comes() {
         let mut lines = lines(1000, 0);
-        let mut due = |steps, millis| lines.line_when_due(steps, String::new, Duration::from_millis(millis)).is_some();
+        let mut due =
+            |steps, millis| lines.line_when_due(steps, String::new, Duration::from_millis(millis)).is_some();
         assert!(due(1, 10));
         assert!(!due(2, 20) && !due(3, 5000));
         assert!(due(4, 5010));

@@ -140,7 +140,12 @@ impl Panel {
 
     fn appraise(&mut self, critic: &Critic, step: usize) {
         let mut values = [0.0; PANEL];
-        critic.appraise(self.rollout.critic_input(step), self.rollout.task, &mut self.critic_workspace, &mut values);
+        critic.appraise(
+            self.rollout.critic_input(step),
+            self.rollout.task,
+            &mut self.critic_workspace,
+            &mut values,
+        );
         self.rollout.values[column_of(step)].copy_from_slice(&values);
     }
 
@@ -252,6 +257,13 @@ impl Rollout {
             advantages: column(),
             returns: column(),
         }
+    }
+
+    /// A rollout of nothing but these observations `[steps][features][PANEL]`.
+    #[cfg(test)]
+    pub(crate) fn of_observations(observations: Vec<f32>, features: usize, action_len: usize) -> Self {
+        let steps = observations.len() / (features * PANEL);
+        Self { observations, ..Self::new(0, steps, (features, action_len)) }
     }
 
     /// Index of its task among those of the run.

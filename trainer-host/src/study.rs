@@ -1,12 +1,13 @@
 //! A study: methods × orders of tasks × seeds, run over all cores, interrupted and resumed at will, and reported.
 //!
-//! [`config`] reads the file, [`runner`] hands out jobs, a [`job`] learns its tasks stage by stage and leaves rows,
-//! and the report is made of nothing but these.
+//! [`config`] reads the file, [`runner`] hands out jobs, a [`job`] learns its tasks stage by stage and leaves the
+//! [`rows`] of its flights in the study's directory; [`data`] loads what is there, and the [`report`] says what it means.
 
 pub mod config;
 pub mod data;
 pub mod job;
 pub mod procedure;
+pub mod report;
 pub mod rows;
 pub mod runner;
 pub mod sharing;

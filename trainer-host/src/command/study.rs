@@ -6,8 +6,9 @@ use std::thread::available_parallelism;
 use anyhow::Result;
 use kestrel_train::interrupt::Interrupt;
 use kestrel_train::output::say;
-use kestrel_train::study::config;
+use kestrel_train::study::data::StudyData;
 use kestrel_train::study::runner::StudyRun;
+use kestrel_train::study::{config, report};
 use kestrel_train::training_run::End;
 
 use super::Done;
@@ -52,7 +53,7 @@ struct RunArguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     match &arguments.action {
         Action::Run(arguments) => run_study(arguments),
-        Action::Report { directory } => report(directory),
+        Action::Report { directory } => report_on(directory),
     }
 }
 
@@ -65,7 +66,7 @@ fn run_study(arguments: &RunArguments) -> Result<Done> {
     let run = StudyRun::open(&study, &directory)?;
     say(format_args!("Running {} jobs in {}", study.jobs().len(), directory.display()))?;
     match run.run(threads, &interrupt)? {
-        End::Finished => report(&directory),
+        End::Finished => report_on(&directory),
         End::Interrupted => {
             say("Saved. The same command goes on.")?;
             Ok(Done::Interrupted)
@@ -73,7 +74,10 @@ fn run_study(arguments: &RunArguments) -> Result<Done> {
     }
 }
 
-fn report(directory: &Path) -> Result<Done> {
-    say(directory.display())?;
+fn report_on(directory: &Path) -> Result<Done> {
+    let data = StudyData::load(directory)?;
+    report::write(directory, &data)?;
+    say(report::headline(&data))?;
+    say(directory.join("report.md").display())?;
     Ok(Done::Finished)
 }

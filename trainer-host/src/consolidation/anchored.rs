@@ -8,8 +8,8 @@
 use kestrel_core::anchor::Anchor;
 use serde::{Deserialize, Serialize};
 
-use super::curvature::{fisher, sensitivity};
 use super::Ended;
+use super::curvature::{fisher, sensitivity};
 use crate::actor_critic::Actor;
 
 /// Added to each normalised curvature: parameters that a task does not use at all stay a little where they are.

@@ -1,9 +1,9 @@
 //! Many aviaries beside each other.
 
-use super::drawing::{Anchor, Drawing, Text};
 use super::subject::Subject;
 use super::view::{Detail, Views};
 use super::{INK, MUTED};
+use crate::drawing::{Anchor, Drawing, Text};
 
 /// Columns of the sheet.
 const COLUMNS: usize = 4;

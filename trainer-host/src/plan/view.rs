@@ -3,10 +3,10 @@
 use kestrel_sim::world::{Floor, Role, Solid};
 use nalgebra::Vector3;
 
-use super::drawing::{Anchor, Colour, Drawing, Pen, Text};
 use super::outline::{Direction, outline};
 use super::subject::{Subject, short};
 use super::{INK, MUTED};
+use crate::drawing::{Anchor, Colour, Drawing, Pen, Text};
 
 /// Greatest scale \[px/m\]: an empty aviary needs no more.
 const SCALE_LIMIT: f64 = 240.0;

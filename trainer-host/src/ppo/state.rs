@@ -101,11 +101,7 @@ impl Trainer {
     ///
     /// # Errors
     /// When the state is of other scenarios or of settings of another shape.
-    pub fn restore(
-        tasks: &[Scenario],
-        settings: &PpoSettings,
-        state: TrainerState,
-    ) -> Result<Self, RestoreError> {
+    pub fn restore(tasks: &[Scenario], settings: &PpoSettings, state: TrainerState) -> Result<Self, RestoreError> {
         settings.check()?;
         let mut trainer = Self::new(tasks, settings, state.seed);
         trainer.check(&state)?;

@@ -140,7 +140,8 @@ fn runs_of_several_drones_resume_to_the_same_bits_on_any_number_of_threads() {
         pool.install(|| {
             let mut trainer = Trainer::new(&[pairs()], &settings(), Seed(5));
             (0..parts[0]).for_each(|_| drop(trainer.update()));
-            let mut trainer = Trainer::restore(&[pairs()], &settings(), trainer.save()).expect("it is the same run");
+            let mut trainer =
+                Trainer::restore(&[pairs()], &settings(), trainer.save()).expect("it is the same run");
             (0..parts[1]).for_each(|_| drop(trainer.update()));
             trainer.save()
         })
@@ -193,7 +194,9 @@ fn a_state_of_another_run_is_refused() {
     let (flown, asked) = (scenario(CriticView::Observation), settings());
     let state = Trainer::new(&[flown.clone()], &asked, Seed(7)).save();
     let refuse = |scenario: &Scenario, settings: &PpoSettings, state: &TrainerState| {
-        Trainer::restore(std::slice::from_ref(scenario), settings, state.clone()).expect_err("it must be refused").to_string()
+        Trainer::restore(std::slice::from_ref(scenario), settings, state.clone())
+            .expect_err("it must be refused")
+            .to_string()
     };
     let more = PpoSettings { environments: 4 * PANEL, ..asked.clone() };
     assert_eq!(

@@ -29,7 +29,8 @@ const JOB_LIMIT: u64 = 100_000;
 const ALL_ORDERS_LIMIT: usize = 5;
 
 /// Written above every resolved study.
-const RESOLVED_HEADER: &str = "# Complete description of a study, with every import resolved and every default filled in.\n";
+const RESOLVED_HEADER: &str =
+    "# Complete description of a study, with every import resolved and every default filled in.\n";
 
 /// One study as users write it.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -215,7 +216,9 @@ impl StudyConfig {
             let drones = task.scenario.agents.count;
             if !is_trainable(drones) {
                 let agents = field.at("scenario").at("agents");
-                return Err(agents.at("count").refuse(drones, "a divisor of 256: so many drones train side by side"));
+                return Err(agents
+                    .at("count")
+                    .refuse(drones, "a divisor of 256: so many drones train side by side"));
             }
             if let Some(first) = tasks.first() {
                 refuse_other_layout(first, &task, &field)?;
@@ -272,7 +275,8 @@ impl OrdersConfig {
         match self {
             Self::Listed => Ok(vec![(0..tasks.len()).collect()]),
             Self::All if tasks.len() > ALL_ORDERS_LIMIT => {
-                let expected = format!("`all` for up to {ALL_ORDERS_LIMIT} tasks, `listed` or `these` for {}", tasks.len());
+                let expected =
+                    format!("`all` for up to {ALL_ORDERS_LIMIT} tasks, `listed` or `these` for {}", tasks.len());
                 Err(field.refuse("all", expected))
             }
             Self::All => Ok(permutations(tasks.len())),

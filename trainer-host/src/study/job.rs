@@ -278,8 +278,7 @@ impl<'a> JobRun<'a> {
     /// Flies every task of the study and notes every flight.
     fn judge(&mut self, stage: usize, actor: &Actor) {
         let evaluation = &self.study.evaluation;
-        let starts =
-            Starts { seed: evaluation.seed, purpose: Purpose::Evaluation, episodes: evaluation.episodes };
+        let starts = Starts { seed: evaluation.seed, purpose: Purpose::Evaluation, episodes: evaluation.episodes };
         let mut rows = mem::take(&mut self.progress.rows);
         for (task, experiment) in self.study.tasks.iter().enumerate() {
             let scenario = &experiment.evaluation.scenario;

@@ -262,7 +262,8 @@ fn refuse_changes(path: &Path, now: &str) -> Result<(), RunError> {
     let longest = saved.lines().count().max(now.lines().count());
     let padded = |text: &'static str| std::iter::repeat(text);
     let pairs = saved.lines().chain(padded("")).zip(now.lines().chain(padded(""))).take(longest);
-    let change = pairs.enumerate().find(|(_, (saved, now))| saved != now && !(may_differ(saved) && may_differ(now)));
+    let change =
+        pairs.enumerate().find(|(_, (saved, now))| saved != now && !(may_differ(saved) && may_differ(now)));
     change.map_or(Ok(()), |(index, (found, expected))| {
         let [found, expected] = [found, expected].map(|line| line.trim().to_owned());
         Err(RunError::Changed { path: path.to_owned(), line: index + 1, found, expected })
@@ -323,8 +324,7 @@ fn published(table: &super::config::PublishedTable) -> Published {
 
 /// What trivial pilots achieve in each task.
 fn baselines(study: &Study) -> Vec<Baseline> {
-    let starts =
-        Starts { seed: study.evaluation.seed, purpose: Purpose::Evaluation, episodes: BASELINE_EPISODES };
+    let starts = Starts { seed: study.evaluation.seed, purpose: Purpose::Evaluation, episodes: BASELINE_EPISODES };
     let fly = |task: &crate::experiment_config::Experiment| {
         [Flyer::Nothing, Flyer::Random, Flyer::Scripted].map(|flyer| {
             let found = evaluate(&task.evaluation.scenario, flyer, starts);

@@ -142,7 +142,12 @@ impl PolicySharing {
     ///
     /// # Errors
     /// When a learner's state is of another task or of settings of another shape.
-    pub fn restore(&mut self, settings: &PpoSettings, tasks: &[Scenario], state: SharingState) -> Result<(), RestoreError> {
+    pub fn restore(
+        &mut self,
+        settings: &PpoSettings,
+        tasks: &[Scenario],
+        state: SharingState,
+    ) -> Result<(), RestoreError> {
         for ((learner, task), state) in self.learners.iter_mut().zip(tasks).zip(state.learners) {
             *learner = Trainer::restore(std::slice::from_ref(task), settings, state)?;
         }
@@ -184,7 +189,9 @@ mod tests {
     use kestrel_sim::seed::{Purpose, Stream};
 
     fn actors() -> Vec<Actor> {
-        (0..2).map(|seed| Actor::new((3, 2), &[4], seed as f32, &mut Stream::new(Seed(seed), 0, Purpose::Weights))).collect()
+        (0..2)
+            .map(|seed| Actor::new((3, 2), &[4], seed as f32, &mut Stream::new(Seed(seed), 0, Purpose::Weights)))
+            .collect()
     }
 
     #[test]
@@ -205,7 +212,8 @@ mod tests {
         // Weights [4][3], biases [4], weights [2][4], biases [2], logarithms of standard deviations [2].
         let first = [0..3, 12..13, 16..20, 24..25, 26..27];
         for index in 0..shared.len() {
-            let expected = if first.iter().any(|row| row.contains(&index)) { &average } else { actors[0].parameters() };
+            let expected =
+                if first.iter().any(|row| row.contains(&index)) { &average } else { actors[0].parameters() };
             assert_eq!(shared[index], expected[index], "{index}");
         }
     }

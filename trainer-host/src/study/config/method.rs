@@ -322,11 +322,8 @@ impl SequentialConfig {
             KeptConfig::Inherited => Kept::Inherited,
             KeptConfig::Reset => Kept::Reset,
         };
-        let inheritance = Inheritance {
-            policy: kept(self.policy),
-            log_std: kept(self.log_std),
-            learner: kept(self.learner),
-        };
+        let inheritance =
+            Inheritance { policy: kept(self.policy), log_std: kept(self.log_std), learner: kept(self.learner) };
         Ok(Procedure::Sequential { consolidator, inheritance })
     }
 }

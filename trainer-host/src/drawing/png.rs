@@ -2,7 +2,7 @@
 
 use tiny_skia::{FillRule, Paint, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, Transform};
 
-use super::drawing::{Anchor, Colour, Dashed, Drawing, Mark, Pen, Text};
+use super::{Anchor, Colour, Dashed, Drawing, Mark, Pen, Text};
 use crate::animation::font;
 
 /// Greatest width or height \[px\].
@@ -35,9 +35,7 @@ fn draw(pixels: &mut Pixmap, mark: &Mark) {
     let mut path = PathBuilder::new();
     match mark {
         Mark::Polygon { corners, fill, edge } => {
-            for (index, [x, y]) in corners.iter().enumerate() {
-                if index == 0 { path.move_to(*x as f32, *y as f32) } else { path.line_to(*x as f32, *y as f32) }
-            }
+            connect(&mut path, corners);
             path.close();
             draw_path(pixels, path, *fill, *edge);
         }
@@ -46,11 +44,21 @@ fn draw(pixels: &mut Pixmap, mark: &Mark) {
             path.line_to(*x2 as f32, *y2 as f32);
             draw_path(pixels, path, None, Some(*pen));
         }
+        Mark::Path { points, pen } => {
+            connect(&mut path, points);
+            draw_path(pixels, path, None, Some(*pen));
+        }
         Mark::Disc { centre: [x, y], radius, fill, edge } => {
             path.push_circle(*x as f32, *y as f32, *radius as f32);
             draw_path(pixels, path, *fill, *edge);
         }
         Mark::Text(text) => draw_text(pixels, text),
+    }
+}
+
+fn connect(path: &mut PathBuilder, points: &[[f64; 2]]) {
+    for (index, [x, y]) in points.iter().enumerate() {
+        if index == 0 { path.move_to(*x as f32, *y as f32) } else { path.line_to(*x as f32, *y as f32) }
     }
 }
 

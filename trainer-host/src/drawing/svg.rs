@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::drawing::{Anchor, Colour, Dashed, Drawing, Mark, Pen, Text};
+use super::{Anchor, Colour, Dashed, Drawing, Mark, Pen, Text};
 
 const FONT: &str = "Helvetica Neue, Helvetica, Arial, sans-serif";
 
@@ -25,13 +25,18 @@ impl Drawing {
 fn element(mark: &Mark) -> String {
     match mark {
         Mark::Polygon { corners, fill, edge } => {
-            let points: Vec<String> =
-                corners.iter().map(|[x, y]| format!("{},{}", number(*x), number(*y))).collect();
-            format!("<polygon points=\"{}\"{}/>", points.join(" "), style(*fill, *edge))
+            format!("<polygon points=\"{}\"{}/>", pairs(corners), style(*fill, *edge))
         }
         Mark::Line { ends: [[x1, y1], [x2, y2]], pen } => {
             let [x1, y1, x2, y2] = [x1, y1, x2, y2].map(|value| number(*value));
             format!("<line x1=\"{x1}\" y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\"{}/>", stroke(pen))
+        }
+        Mark::Path { points, pen } => {
+            format!(
+                "<polyline points=\"{}\" fill=\"none\" stroke-linejoin=\"round\"{}/>",
+                pairs(points),
+                stroke(pen)
+            )
         }
         Mark::Disc { centre: [x, y], radius, fill, edge } => {
             let [x, y, radius] = [x, y, radius].map(|value| number(*value));
@@ -39,6 +44,10 @@ fn element(mark: &Mark) -> String {
         }
         Mark::Text(text) => words(text),
     }
+}
+
+fn pairs(points: &[[f64; 2]]) -> String {
+    points.iter().map(|[x, y]| format!("{},{}", number(*x), number(*y))).collect::<Vec<_>>().join(" ")
 }
 
 fn style(fill: Option<(Colour, f64)>, edge: Option<Pen>) -> String {

@@ -1,0 +1,231 @@
+use super::*;
+use crate::actor_critic::{Actor, Critic};
+use crate::rollout::PANEL;
+use kestrel_sim::seed::{Purpose, Stream};
+
+const INPUTS: usize = 5;
+const OUTPUTS: usize = 3;
+
+fn networks() -> (Actor, Critic) {
+    let mut stream = Stream::new(Seed(1), 0, Purpose::Weights);
+    let mut actor = Actor::new((INPUTS, OUTPUTS), &[6], -0.7, &mut stream);
+    actor.parameters_mut().iter_mut().for_each(|parameter| *parameter += 0.2 * stream.normal());
+    (actor, Critic::new(INPUTS, &[4], 1, &mut stream))
+}
+
+/// A rollout of random observations.
+fn rollout() -> Rollout {
+    let mut stream = Stream::new(Seed(2), 0, Purpose::Actions);
+    Rollout::of_observations((0..2 * INPUTS * PANEL).map(|_| stream.normal()).collect(), INPUTS, OUTPUTS)
+}
+
+/// A policy somewhere else.
+fn moved(actor: &Actor, distance: f32, seed: u64) -> Actor {
+    let mut stream = Stream::new(Seed(seed), 0, Purpose::Weights);
+    let mut other = actor.clone();
+    other.parameters_mut().iter_mut().for_each(|parameter| *parameter += distance * stream.normal());
+    other
+}
+
+fn end(memory: &mut Consolidator, actor: &Actor, critic: &Critic, rollout: &Rollout) {
+    let gradient = vec![0.01; actor.parameters().len()];
+    memory.consolidate(&Ended { actor, critic, gradient: &gradient, rollouts: &[rollout], seed: Seed(3) });
+}
+
+fn pull(memory: &mut Consolidator, actor: &Actor, critic: &Critic) -> Vec<f32> {
+    let mut gradient = Gradient::new(actor, critic);
+    memory.add_gradient((actor, critic), &mut gradient);
+    gradient.actor
+}
+
+/// Divergence of the mean actions \[nat\] at the reference spread, over all samples of a rollout.
+fn divergence(one: &Actor, other: &Actor, rollout: &Rollout) -> f64 {
+    let mut sum = 0.0;
+    for step in 0..rollout.steps() {
+        let tile = rollout.tile(step);
+        let mut means = [vec![0.0; OUTPUTS * PANEL], vec![0.0; OUTPUTS * PANEL]];
+        one.act_mean(tile.observations, &mut means[0]);
+        other.act_mean(tile.observations, &mut means[1]);
+        let squares = means[0].iter().zip(&means[1]).map(|(a, b)| f64::from(a - b) * f64::from(a - b));
+        sum += squares.sum::<f64>();
+    }
+    0.5 * sum / (rollout.steps() * PANEL) as f64 / f64::from(REFERENCE_STD * REFERENCE_STD)
+}
+
+fn anchored(curvature: Curvature, gradient: GradientTerm) -> ConsolidatorSettings {
+    let (coupling, strength) = (Coupling::Gradient, Strength::Fixed(2.0));
+    ConsolidatorSettings::Anchored(AnchoredSettings { curvature, gradient, coupling, strength, decay: 1.0 })
+}
+
+fn every_kind() -> Vec<ConsolidatorSettings> {
+    let published =
+        |rule| ConsolidatorSettings::Published(PublishedSettings { rule, gradient_weight: 0.1, curvature: 0.1 });
+    vec![
+        ConsolidatorSettings::None,
+        anchored(Curvature::Identity, GradientTerm::Measured),
+        anchored(Curvature::Fisher, GradientTerm::Balance),
+        anchored(Curvature::Sensitivity, GradientTerm::Absent),
+        published(PublishedRule::Literal),
+        published(PublishedRule::Absolute),
+        published(PublishedRule::Head),
+        ConsolidatorSettings::PathIntegral(PathIntegralSettings { strength: 1.0 }),
+        ConsolidatorSettings::Coreset(CoresetSettings { bytes: Some(4096), strength: 1.0 }),
+    ]
+}
+
+#[test]
+fn the_fisher_information_is_the_curvature_of_the_divergence() {
+    let ((actor, _), rollout) = (networks(), rollout());
+    let information = curvature::fisher(&actor, &[&rollout]);
+    for index in (0..information.len()).step_by(7) {
+        let step = 1e-3_f32;
+        let mut shifted = actor.clone();
+        shifted.parameters_mut()[index] += step;
+        let expected = 2.0 * divergence(&shifted, &actor, &rollout) / f64::from(step * step);
+        let found = f64::from(information[index]);
+        assert!((found - expected).abs() < 2e-2 * expected.max(1e-3), "{index}: {found}, not {expected}");
+    }
+}
+
+#[test]
+fn no_memory_grows_with_the_number_of_tasks_and_none_pulls_before_the_first() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    for settings in every_kind() {
+        let mut memory = settings.begin(&actor, &critic);
+        assert!(pull(&mut memory, &actor, &critic).iter().all(|value| *value == 0.0), "{settings:?}");
+        end(&mut memory, &actor, &critic, &rollout);
+        let bytes = memory.stored_bytes();
+        for seed in 0..6 {
+            end(&mut memory, &moved(&actor, 0.1, seed), &critic, &rollout);
+            assert!(memory.stored_bytes() <= bytes, "{settings:?}");
+        }
+    }
+}
+
+#[test]
+fn the_bytes_are_those_of_two_vectors_or_one() {
+    let (actor, critic) = networks();
+    let parameters = actor.mlp().parameter_count();
+    let bytes = |settings: &ConsolidatorSettings| settings.begin(&actor, &critic).stored_bytes();
+    assert_eq!(bytes(&anchored(Curvature::Fisher, GradientTerm::Balance)), 8 * parameters + 12);
+    assert_eq!(bytes(&anchored(Curvature::Identity, GradientTerm::Balance)), 4 * parameters + 16);
+}
+
+#[test]
+fn a_policy_that_has_moved_is_pulled_back_by_sound_methods_and_pushed_away_by_the_published_sign() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    for settings in every_kind() {
+        let mut memory = settings.begin(&actor, &critic);
+        // The path matters to synaptic intelligence: one step that lowered the loss.
+        let stepped = moved(&actor, 0.05, 8);
+        let mut gradient = Gradient::new(&actor, &critic);
+        for ((gradient, now), before) in
+            gradient.actor.iter_mut().zip(stepped.parameters()).zip(actor.parameters())
+        {
+            *gradient = before - now;
+        }
+        memory.add_gradient((&actor, &critic), &mut gradient);
+        memory.after_step((&mut stepped.clone(), &Gradient::new(&actor, &critic)), 1.0, 1e-3);
+        end(&mut memory, &stepped, &critic, &rollout);
+        let other = moved(&stepped, 0.3, 9);
+        let gradient = pull(&mut memory, &other, &critic);
+        let distance = other.parameters().iter().zip(stepped.parameters()).map(|(now, then)| now - then);
+        let along: f32 = gradient.iter().zip(distance).map(|(pull, distance)| pull * distance).sum();
+        match settings {
+            ConsolidatorSettings::None => assert_eq!(along, 0.0),
+            ConsolidatorSettings::Published(PublishedSettings { rule: PublishedRule::Absolute, .. }) => {}
+            ConsolidatorSettings::Published(_) => assert!(along < 0.0, "{settings:?} repels: {along}"),
+            _ => assert!(along > 0.0, "{settings:?} attracts: {along}"),
+        }
+    }
+}
+
+#[test]
+fn a_coreset_pulls_along_the_divergence_on_its_states() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    let mut memory = ConsolidatorSettings::Coreset(CoresetSettings { bytes: Some(1 << 20), strength: 1.0 })
+        .begin(&actor, &critic);
+    end(&mut memory, &actor, &critic, &rollout);
+    let other = moved(&actor, 0.2, 4);
+    let gradient = pull(&mut memory, &other, &critic);
+    // A set this large is nearly the whole rollout: descending the pull lowers the divergence from what was done.
+    let mut descended = other.clone();
+    for (parameter, gradient) in descended.parameters_mut().iter_mut().zip(&gradient) {
+        *parameter -= 1e-3 * gradient;
+    }
+    let squared: f64 = gradient.iter().map(|value| f64::from(value * value)).sum();
+    let drop = divergence(&other, &actor, &rollout) - divergence(&descended, &actor, &rollout);
+    assert!((drop / (1e-3 * squared) - 1.0).abs() < 0.1, "{drop}, predicted {}", 1e-3 * squared);
+}
+
+#[test]
+fn with_its_gradient_kept_the_anchor_is_at_the_newest_policy() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    for curvature in [Curvature::Identity, Curvature::Fisher] {
+        let mut memory = anchored(curvature, GradientTerm::Balance).begin(&actor, &critic);
+        for seed in 0..3 {
+            let newest = moved(&actor, 0.2, seed);
+            end(&mut memory, &newest, &critic, &rollout);
+            assert!(pull(&mut memory, &newest, &critic).iter().all(|value| value.abs() < 1e-6), "{curvature:?}");
+        }
+    }
+}
+
+#[test]
+fn a_budget_raises_the_strength_while_it_is_exceeded_and_lowers_it_below() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    let settings = AnchoredSettings {
+        curvature: Curvature::Fisher,
+        gradient: GradientTerm::Balance,
+        coupling: Coupling::Proximal,
+        strength: Strength::Budget(0.1),
+        decay: 1.0,
+    };
+    let mut memory = ConsolidatorSettings::Anchored(settings).begin(&actor, &critic);
+    end(&mut memory, &actor, &critic, &rollout);
+    let strength_after = |memory: &mut Consolidator, actor: &Actor| {
+        memory.after_update(actor);
+        let Consolidator::Anchored(anchored) = memory else { panic!("it is an anchor") };
+        (anchored.strength(), anchored.divergence(actor))
+    };
+    let (far, divergence) = strength_after(&mut memory, &moved(&actor, 0.5, 1));
+    assert!(far > 1.0 && divergence > 0.1, "{far} at {divergence} nat");
+    let (near, divergence) = strength_after(&mut memory, &actor);
+    assert!(near < far && divergence == 0.0, "{near} at {divergence} nat");
+    let mut pulled = moved(&actor, 0.5, 1);
+    let before = strength_after(&mut memory, &pulled).1;
+    memory.after_step((&mut pulled, &Gradient::new(&actor, &critic)), 1.0, 0.1);
+    assert!(strength_after(&mut memory, &pulled).1 < before);
+}
+
+#[test]
+fn the_published_means_are_none() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    let settings = PublishedSettings { rule: PublishedRule::Head, gradient_weight: 0.0, curvature: 1.0 };
+    let mut memory = ConsolidatorSettings::Published(settings).begin(&actor, &critic);
+    let policies: Vec<Actor> = (0..3).map(|seed| moved(&actor, 0.2, seed)).collect();
+    policies.iter().for_each(|policy| end(&mut memory, policy, &critic, &rollout));
+    // After three tasks the anchor is ⅓ θ₁ + ⅔ θ₂ + θ₃: its weights sum to two.
+    let gradient = pull(&mut memory, &actor, &critic);
+    for index in 0..actor.parameters().len() {
+        let [one, two, three] = [0, 1, 2].map(|task: usize| policies[task].parameters()[index]);
+        let expected = one / 3.0 + two * 2.0 / 3.0 + three - actor.parameters()[index];
+        assert!((gradient[index] - expected).abs() < 1e-5, "{index}: {}, not {expected}", gradient[index]);
+    }
+}
+
+#[test]
+fn distillation_teaches_a_policy_what_another_does_without_forgetting() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    let settings = CoresetSettings { bytes: Some(1 << 20), strength: 1.0 };
+    let mut coreset = Coreset::new(&settings, &actor);
+    let gradient = vec![0.0; actor.parameters().len()];
+    let rollouts = [&rollout];
+    let ended = |actor| Ended { actor, critic: &critic, gradient: &gradient, rollouts: &rollouts, seed: Seed(5) };
+    coreset.consolidate(&ended(&actor));
+    let mut keeper = moved(&actor, 0.3, 6);
+    let before = divergence(&keeper, &actor, &rollout);
+    distil(&mut keeper, &ended(&actor), &coreset, &DistillationSettings { steps: 300, learning_rate: 1e-2 });
+    let after = divergence(&keeper, &actor, &rollout);
+    assert!(after < 0.02 * before, "{before} nat before, {after} after");
+}

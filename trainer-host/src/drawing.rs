@@ -1,0 +1,119 @@
+//! Flat pictures: marks on paper, which become SVG or pixels.
+
+mod png;
+mod svg;
+
+pub use png::PngError;
+
+/// Red, green, blue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Colour(pub(crate) [u8; 3]);
+
+/// A picture of flat marks, in order from the lowest to the topmost; x to the right, y down \[px\].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawing {
+    pub(crate) width: f64,
+    pub(crate) height: f64,
+    pub(crate) marks: Vec<Mark>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Mark {
+    Polygon {
+        corners: Vec<[f64; 2]>,
+        fill: Option<(Colour, f64)>,
+        edge: Option<Pen>,
+    },
+    Line {
+        ends: [[f64; 2]; 2],
+        pen: Pen,
+    },
+    /// An open line through several points.
+    Path {
+        points: Vec<[f64; 2]>,
+        pen: Pen,
+    },
+    Disc {
+        centre: [f64; 2],
+        radius: f64,
+        fill: Option<(Colour, f64)>,
+        edge: Option<Pen>,
+    },
+    Text(Text),
+}
+
+/// How a line is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Pen {
+    pub(crate) colour: Colour,
+    /// \[px\].
+    pub(crate) width: f64,
+    pub(crate) dashed: Dashed,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Dashed {
+    Solid,
+    Dashes,
+}
+
+/// One line of words.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Text {
+    /// Where its baseline is.
+    pub(crate) at: [f64; 2],
+    pub(crate) words: String,
+    /// Height of the letters with their descenders \[px\].
+    pub(crate) size: f64,
+    pub(crate) colour: Colour,
+    pub(crate) anchor: Anchor,
+}
+
+/// Which point of a text is where it is put.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+impl Pen {
+    pub(crate) const fn solid(colour: Colour, width: f64) -> Self {
+        Self { colour, width, dashed: Dashed::Solid }
+    }
+
+    pub(crate) const fn dashes(colour: Colour, width: f64) -> Self {
+        Self { colour, width, dashed: Dashed::Dashes }
+    }
+}
+
+impl Drawing {
+    pub(crate) fn new(width: f64, height: f64) -> Self {
+        Self { width, height, marks: Vec::new() }
+    }
+
+    /// Makes it at least this high \[px\].
+    pub(crate) fn extend_to(&mut self, height: f64) {
+        self.height = self.height.max(height);
+    }
+
+    pub(crate) fn polygon(&mut self, corners: Vec<[f64; 2]>, fill: Option<(Colour, f64)>, edge: Option<Pen>) {
+        self.marks.push(Mark::Polygon { corners, fill, edge });
+    }
+
+    pub(crate) fn line(&mut self, ends: [[f64; 2]; 2], pen: Pen) {
+        self.marks.push(Mark::Line { ends, pen });
+    }
+
+    pub(crate) fn path(&mut self, points: Vec<[f64; 2]>, pen: Pen) {
+        self.marks.push(Mark::Path { points, pen });
+    }
+
+    pub(crate) fn disc(&mut self, centre: [f64; 2], radius: f64, fill: Option<(Colour, f64)>, edge: Option<Pen>) {
+        self.marks.push(Mark::Disc { centre, radius, fill, edge });
+    }
+
+    pub(crate) fn text(&mut self, text: Text) {
+        self.marks.push(Mark::Text(text));
+    }
+}
