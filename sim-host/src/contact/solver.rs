@@ -82,11 +82,8 @@ impl ContactSolver {
     ) {
         assert_eq!(before.len(), after.len());
         assert_eq!(movables.len(), self.movables.len());
-        let mut known = mem::take(memory);
-        if self.is_far_from_all(before, after, secs) {
-            return;
-        }
         let balls = self.balls(before, after, movables, secs);
+        let mut known = mem::take(memory);
         for balls in neighbours(&balls) {
             let members = balls.iter().map(|ball| ball.member).collect();
             let group = Group::new(self, members, self.near(&balls), secs);
@@ -101,15 +98,6 @@ impl ContactSolver {
                 group.finish(&starts, &ends, after, movables);
             }
         }
-    }
-
-    /// Whether a lone drone, where nothing else moves, is too far from all solids to touch one: a look-up, where the
-    /// search for neighbours would find the same.
-    fn is_far_from_all(&self, before: &[Motion], after: &[Motion], secs: f64) -> bool {
-        let ([start], [end], []) = (before, after, self.movables.as_slice()) else { return false };
-        let [x, y, z] = start.pose.position.map(|value| value as f32).into();
-        let radius = self.arena.drone.radius + 2.0 * MARGIN + end.velocity.norm() * secs;
-        f64::from(self.arena.clearance(x, y, z)) > radius
     }
 
     fn balls(&self, before: &[Motion], after: &[Motion], movables: &[Motion], secs: f64) -> Vec<Ball> {
