@@ -121,7 +121,7 @@ pub fn read_episodes(
     manifest: &StudyManifest,
     job: &Job,
 ) -> Result<Vec<EpisodeRow>, StudyError> {
-    let table = Table::read(job.rows_path(directory), EPISODE_HEADER)?;
+    let table = Table::read(&job.rows_path(directory), EPISODE_HEADER)?;
     let stages = kind(manifest, job).stages(manifest.orders[job.order].len());
     let mut rows = Vec::new();
     let mut sequence = Sequence::default();
@@ -148,7 +148,7 @@ pub fn read_episodes(
 /// # Errors
 /// When the file is unreadable, or a row is wrong or out of order.
 pub fn read_curve(directory: &Path, manifest: &StudyManifest, job: &Job) -> Result<Vec<CurveRow>, StudyError> {
-    let table = Table::read(job.curve_path(directory), CURVE_HEADER)?;
+    let table = Table::read(&job.curve_path(directory), CURVE_HEADER)?;
     let stages = kind(manifest, job).stages(manifest.orders[job.order].len());
     let mut rows: Vec<CurveRow> = Vec::new();
     for mut line in table.lines() {
@@ -180,9 +180,9 @@ struct Table {
 }
 
 impl Table {
-    fn read(path: PathBuf, header: &str) -> Result<Self, StudyError> {
-        let bytes = read(&path)?;
-        let table = |text: String| Self { path: path.clone(), text };
+    fn read(path: &Path, header: &str) -> Result<Self, StudyError> {
+        let bytes = read(path)?;
+        let table = |text: String| Self { path: path.to_owned(), text };
         let Ok(text) = String::from_utf8(bytes) else {
             return Err(table(String::new()).wrong(1, "file", "bytes that are no text", "CSV in UTF-8"));
         };

@@ -70,7 +70,7 @@ fn forward_transfer_is_the_area_above_the_experts_curve() {
     // 0 and 2 come first once, task 1 never.
     let experts = 0.505 * 0.975;
     let transfer = |area: f64| (0.915 * area - experts) / (1.0 - experts);
-    let expected = (2.0 * transfer((0.505 + 0.76) / 2.0) + transfer(0.76)) / 3.0;
+    let expected = (2.0 * transfer(f64::midpoint(0.505, 0.76)) + transfer(0.76)) / 3.0;
     let found = row(&text, "Retention and transfer", "fine-tuning")[5].clone();
     assert_eq!(value(&found), format!("{expected:.2}"));
 }

@@ -25,7 +25,7 @@ pub(super) fn colour(method: usize) -> Colour {
 
 /// Line of a method.
 pub(super) fn pen(method: usize, width: f64) -> Pen {
-    let dashed = if method / COLOURS.len() % 2 == 0 { Dashed::Solid } else { Dashed::Dashes };
+    let dashed = if (method / COLOURS.len()).is_multiple_of(2) { Dashed::Solid } else { Dashed::Dashes };
     Pen { colour: colour(method), width, dashed }
 }
 
