@@ -20,7 +20,7 @@ const CURVE_HEADER: &str = "method,order,seed,stage,steps,success_rate,episode_r
 pub struct Job {
     /// The method's name.
     pub method: String,
-    /// Which of the study's orders.
+    /// Which of the study's orders, from 0.
     pub order: usize,
     /// What everything random in it follows from.
     pub seed: u64,
@@ -31,7 +31,7 @@ pub struct Job {
 pub struct EpisodeRow {
     /// 0 before training, i after the i-th stage.
     pub stage: usize,
-    /// Which of the study's tasks.
+    /// Which of the study's tasks, from 0; the file has its name.
     pub task: usize,
     /// Number of the start, from 0.
     pub episode: u32,

@@ -157,7 +157,7 @@ fn missing_jobs_are_said_and_left_out() {
     };
     let (directory, text) = report_of(&manifest, gone);
     assert!(text.contains(
-        "**This study is incomplete:** 4 of 24 jobs have not left their rows yet (`none`, order 1, seed 2; "
+        "**This study is incomplete:** 4 of 24 jobs have not left their rows yet (`rows/none/0-2.csv`, "
     ));
     let none = row(&text, "After the last task", "fine-tuning");
     assert_eq!([none[1].as_str(), &none[2], value(&none[3])], ["4", "2", "70.5 %"]);
