@@ -117,3 +117,32 @@ impl Drawing {
         self.marks.push(Mark::Text(text));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RED: Colour = Colour([0xc0, 0, 0]);
+
+    fn with_path(pen: Pen) -> Drawing {
+        let mut drawing = Drawing::new(40.0, 20.0);
+        drawing.path(vec![[5.0, 10.0], [20.0, 2.5], [35.0, 10.0]], pen);
+        drawing
+    }
+
+    #[test]
+    fn a_path_is_one_open_line() {
+        let svg = with_path(Pen::dashes(RED, 2.0)).svg();
+        let expected = "<polyline points=\"5,10 20,2.5 35,10\" fill=\"none\" stroke-linejoin=\"round\" \
+                        stroke=\"#c00000\" stroke-width=\"2\" stroke-dasharray=\"4 3\"/>";
+        assert!(svg.contains(expected), "{svg}");
+    }
+
+    #[test]
+    fn a_path_leaves_pixels() {
+        let blank = Drawing::new(40.0, 20.0).png().unwrap();
+        let [solid, dashed] =
+            [Pen::solid(RED, 2.0), Pen::dashes(RED, 2.0)].map(|pen| with_path(pen).png().unwrap());
+        assert!(solid != blank && dashed != blank && solid != dashed);
+    }
+}

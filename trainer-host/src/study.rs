@@ -2,6 +2,15 @@
 //!
 //! [`config`] reads the file, [`runner`] hands out jobs, a [`job`] learns its tasks stage by stage and leaves the
 //! [`rows`] of its flights in the study's directory; [`data`] loads what is there, and the [`report`] says what it means.
+//!
+//! ```text
+//! study.yaml                     the study, every import resolved
+//! study.json                     for readers: tasks, orders, methods with their bytes, seeds, baselines
+//! rows/METHOD/ORDER-SEED.csv     every test flight of a job, after each of its stages
+//! curves/METHOD/ORDER-SEED.csv   success while it trained
+//! unfinished/METHOD-ORDER-SEED   checkpoints of jobs in progress
+//! report.md, report/*.svg        what it means
+//! ```
 
 pub mod config;
 pub mod data;

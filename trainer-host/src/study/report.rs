@@ -16,12 +16,12 @@ mod threshold;
 use std::fs;
 use std::path::Path;
 
-use super::data::{StudyData, StudyError};
+use super::data::{Method, StudyData, StudyError};
 use crate::atomic_file::{FileError, write_atomically};
 use figure::{Figure, figures};
 use findings::Findings;
 use notation::{bytes, hundredths_estimate, percent_estimate};
-use summary::Summary;
+use summary::{MethodSummary, Summary};
 
 /// What stands for findings when there are none.
 const NONE_YET: &str = "No job has finished yet.";
@@ -52,26 +52,32 @@ pub fn headline(data: &StudyData) -> String {
     let summary = Summary::new(data);
     let labels = data.manifest.methods.iter().map(|method| method.label.chars().count());
     let width = labels.max().unwrap_or(0).max("method".len());
-    let mut text = format!(
-        "{}: success after the last task, 95 % intervals over seeds\n{:<width$}  {:>5}  {:<22} {:<22} {:<22} {:<20} {:>9}\n",
-        data.manifest.name, "method", "runs", "mean", "interquartile mean", "worst task", "forgetting", "stored"
-    );
-    for (method, found) in data.manifest.methods.iter().zip(&summary.methods) {
-        text += &format!(
-            "{:<width$}  {:>5}  {:<22} {:<22} {:<22} {:<20} {:>9}\n",
-            method.label,
-            found.runs,
-            percent_estimate(found.mean),
-            percent_estimate(found.interquartile_mean),
-            percent_estimate(found.worst),
-            hundredths_estimate(found.forgetting),
-            bytes(method.stored_bytes)
-        );
+    let mut lines = vec![
+        format!("{}: success after the last task, 95 % intervals over seeds", data.manifest.name),
+        format!(
+            "{:<width$}  {:>5}  {:<22} {:<22} {:<22} {:<20} {:>9}",
+            "method", "runs", "mean", "interquartile mean", "worst task", "forgetting", "stored"
+        ),
+    ];
+    let methods = data.manifest.methods.iter().zip(&summary.methods);
+    lines.extend(methods.map(|(method, found)| headline_row(method, found, width)));
+    if !data.missing.is_empty() {
+        lines.push(format!("{} of {} jobs are missing", data.missing.len(), data.manifest.jobs().len()));
     }
-    match data.missing.len() {
-        0 => text,
-        missing => text + &format!("{missing} of {} jobs are missing\n", data.manifest.jobs().len()),
-    }
+    lines.join("\n") + "\n"
+}
+
+fn headline_row(method: &Method, found: &MethodSummary, width: usize) -> String {
+    format!(
+        "{:<width$}  {:>5}  {:<22} {:<22} {:<22} {:<20} {:>9}",
+        method.label,
+        found.runs,
+        percent_estimate(found.mean),
+        percent_estimate(found.interquartile_mean),
+        percent_estimate(found.worst),
+        hundredths_estimate(found.forgetting),
+        bytes(method.stored_bytes)
+    )
 }
 
 fn text(findings: &Findings<'_>) -> String {

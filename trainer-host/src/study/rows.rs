@@ -22,7 +22,7 @@ const CURVE_HEADER: &str = "method,order,seed,stage,steps,success_rate,episode_r
 pub struct Job {
     /// The method's name.
     pub method: String,
-    /// Which of the study's orders.
+    /// Which of the study's orders, from 0.
     pub order: usize,
     /// What everything random in it follows from.
     pub seed: u64,
@@ -33,7 +33,7 @@ pub struct Job {
 pub struct EpisodeRow {
     /// 0 before training, i after the i-th stage.
     pub stage: usize,
-    /// Which of the study's tasks.
+    /// Which of the study's tasks, from 0; the file has its name.
     pub task: usize,
     /// Number of the start, from 0.
     pub episode: u32,
@@ -123,7 +123,7 @@ pub fn read_episodes(
     manifest: &StudyManifest,
     job: &Job,
 ) -> Result<Vec<EpisodeRow>, StudyError> {
-    let table = Table::read(job.rows_path(directory), EPISODE_HEADER)?;
+    let table = Table::read(&job.rows_path(directory), EPISODE_HEADER)?;
     let stages = kind(manifest, job).stages(manifest.orders[job.order].len());
     let mut rows = Vec::new();
     let mut sequence = Sequence::default();
@@ -150,7 +150,7 @@ pub fn read_episodes(
 /// # Errors
 /// When the file is unreadable, or a row is wrong or out of order.
 pub fn read_curve(directory: &Path, manifest: &StudyManifest, job: &Job) -> Result<Vec<CurveRow>, StudyError> {
-    let table = Table::read(job.curve_path(directory), CURVE_HEADER)?;
+    let table = Table::read(&job.curve_path(directory), CURVE_HEADER)?;
     let stages = kind(manifest, job).stages(manifest.orders[job.order].len());
     let mut rows: Vec<CurveRow> = Vec::new();
     for mut line in table.lines() {
@@ -182,9 +182,9 @@ struct Table {
 }
 
 impl Table {
-    fn read(path: PathBuf, header: &str) -> Result<Self, StudyError> {
-        let bytes = read(&path)?;
-        let table = |text: String| Self { path: path.clone(), text };
+    fn read(path: &Path, header: &str) -> Result<Self, StudyError> {
+        let bytes = read(path)?;
+        let table = |text: String| Self { path: path.to_owned(), text };
         let Ok(text) = String::from_utf8(bytes) else {
             return Err(table(String::new()).wrong(1, "file", "bytes that are no text", "CSV in UTF-8"));
         };

@@ -186,7 +186,12 @@ impl StudyManifest {
     pub fn save(&self, directory: &Path) -> Result<(), StudyError> {
         let path = directory.join(FILE);
         self.check(&path)?;
-        let mut text = serde_json::to_string_pretty(self).expect("a study has only names and finite numbers");
+        let json = |error: serde_json::Error| StudyError::Json {
+            path: path.clone(),
+            line: error.line(),
+            message: error.to_string(),
+        };
+        let mut text = serde_json::to_string_pretty(self).map_err(json)?;
         text.push('\n');
         Ok(write_atomically(&path, text.as_bytes())?)
     }
@@ -224,13 +229,12 @@ impl StudyManifest {
     }
 
     fn check(&self, path: &Path) -> Result<(), StudyError> {
-        let wrong = |field: String, found: String, expected: &str| {
-            Err(StudyError::Manifest { path: path.to_owned(), field, found, expected: expected.to_owned() })
-        };
-        for (field, found, expected) in self.contradictions() {
-            return wrong(field, found, expected);
+        match self.contradictions().into_iter().next() {
+            None => Ok(()),
+            Some((field, found, expected)) => {
+                Err(StudyError::Manifest { path: path.to_owned(), field, found, expected: expected.to_owned() })
+            }
         }
-        Ok(())
     }
 
     /// Field, found and expected of everything that is wrong.

@@ -314,7 +314,7 @@ impl Findings<'_> {
             let averages = [number_estimate(found.episode_return), percent_estimate(found.mean)];
             ours.row(std::iter::once(method.label.clone()).chain(returns).chain(averages));
         }
-        let notes: String = published.notes.iter().map(|note| format!("* {note}\n")).collect();
+        let notes: String = published.notes.iter().map(|note| ["* ", note, "\n"].concat()).collect();
         format!(
             "## Beside the published table\n\n{}\n\n{}\nThis study's returns after the last task, with 95 % intervals:\n\n{}\n{notes}",
             published.title,

@@ -106,19 +106,19 @@ fn decimal(value: f64, digits: usize) -> String {
 mod tests {
     use super::*;
 
-    fn estimate(value: f64, low: f64, high: f64) -> Option<Estimate> {
-        Some(Estimate { value, interval: Some([low, high]), units: 8 })
+    fn estimate(value: f64, low: f64, high: f64) -> Estimate {
+        Estimate { value, interval: Some([low, high]), units: 8 }
     }
 
     #[test]
     fn estimates_show_their_interval_in_the_same_unit() {
-        assert_eq!(percent_estimate(estimate(0.984, 0.979, 0.988)), "98.4 % [97.9, 98.8]");
-        assert_eq!(hundredths_estimate(estimate(-0.25, -0.3, 0.0)), "−25.0 [−30.0, 0.0]");
-        assert_eq!(number_estimate(estimate(87.9, -1.0, 102.34)), "87.9 [−1.0, 102.3]");
-        assert_eq!(number_estimate(estimate(0.5, 0.25, 0.75)), "0.500 [0.250, 0.750]");
-        assert_eq!(steps_estimate(estimate(312_000.0, 298_000.0, 330_000.0)), "312.0 k [298.0, 330.0]");
-        assert_eq!(steps_estimate(estimate(900_000.0, 8e5, 1e6)), "0.90 M [0.80, 1.00]");
-        assert_eq!(ratio_estimate(estimate(0.955, 0.9, 1.0)), "0.95 [0.90, 1.00]");
+        assert_eq!(percent_estimate(Some(estimate(0.984, 0.979, 0.988))), "98.4 % [97.9, 98.8]");
+        assert_eq!(hundredths_estimate(Some(estimate(-0.25, -0.3, 0.0))), "−25.0 [−30.0, 0.0]");
+        assert_eq!(number_estimate(Some(estimate(87.9, -1.0, 102.34))), "87.9 [−1.0, 102.3]");
+        assert_eq!(number_estimate(Some(estimate(0.5, 0.25, 0.75))), "0.500 [0.250, 0.750]");
+        assert_eq!(steps_estimate(Some(estimate(312_000.0, 298_000.0, 330_000.0))), "312.0 k [298.0, 330.0]");
+        assert_eq!(steps_estimate(Some(estimate(900_000.0, 8e5, 1e6))), "0.90 M [0.80, 1.00]");
+        assert_eq!(ratio_estimate(Some(estimate(0.955, 0.9, 1.0))), "0.95 [0.90, 1.00]");
     }
 
     #[test]
@@ -131,8 +131,8 @@ mod tests {
     #[test]
     fn numbers_are_short() {
         assert_eq!(
-            [0.0, 0.0301, 3.14159, 87.9, 1234.5, -0.00001].map(number),
-            ["0.000", "0.030", "3.14", "87.9", "1234", "0.000"]
+            [0.0, 0.0301, 2.34567, 87.9, 1234.5, -0.00001].map(number),
+            ["0.000", "0.030", "2.35", "87.9", "1234", "0.000"]
         );
         assert_eq!([0, 999, 45_120, 5_942_600].map(bytes), ["0 B", "999 B", "45.1 kB", "5.94 MB"]);
         assert_eq!([Some(0.0004), Some(0.0341), Some(1.0)].map(p_value), ["< 0.001", "0.034", "1.000"]);

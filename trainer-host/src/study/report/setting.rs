@@ -1,5 +1,7 @@
 //! What was run.
 
+use std::path::Path;
+
 use super::notation::{NONE, bytes, number, percent, seeds};
 use super::table::Table;
 use crate::progress::amount;
@@ -16,7 +18,7 @@ pub(super) fn missing(data: &StudyData) -> String {
         return String::new();
     }
     let all = data.manifest.jobs().len();
-    let name = |job: &Job| format!("`{}`, order {}, seed {}", job.method, job.order + 1, job.seed);
+    let name = |job: &Job| format!("`{}`", job.rows_path(Path::new("")).display());
     let mut named: Vec<String> = data.missing.iter().take(NAMED_JOBS).map(name).collect();
     if data.missing.len() > NAMED_JOBS {
         named.push(format!("and {} more", data.missing.len() - NAMED_JOBS));
@@ -25,7 +27,7 @@ pub(super) fn missing(data: &StudyData) -> String {
         "> **This study is incomplete:** {} of {all} jobs have not left their rows yet ({}). Every number below is \
          about the others.\n",
         data.missing.len(),
-        named.join("; ")
+        named.join(", ")
     )
 }
 

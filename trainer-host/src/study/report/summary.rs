@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::score::{Score, area_under_curve};
 use crate::statistics::bootstrap::{Estimate, REPETITIONS, Resamples};
 use crate::statistics::sample::Sample;
-use crate::study::data::{MethodKind, Run, StudyData};
+use crate::study::data::{Cell, MethodKind, Run, StudyData};
 
 /// What the resamples follow from: a report of the same rows is the same to the bit.
 const SEED: u64 = 2021;
@@ -152,7 +152,7 @@ impl Estimator<'_> {
     }
 
     fn task(&self, method: usize, task: usize) -> TaskSummary {
-        let of = |value: fn(&crate::study::data::Cell) -> f64| {
+        let of = |value: fn(&Cell) -> f64| {
             let runs = self.data.runs_of(method);
             let values = runs.filter_map(|run| Some((run.seed, value(self.data.final_cell(run, task)?))));
             let sample = Sample::new(values);

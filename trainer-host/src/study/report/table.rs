@@ -11,7 +11,7 @@ impl Table {
         let mut table = Self { columns: 0, text: String::new() };
         table.columns = table.push(headings);
         let rule = vec!["---:"; table.columns.saturating_sub(1)];
-        table.text += &format!("|---|{}|\n", rule.join("|"));
+        table.text.extend(["|---|", &rule.join("|"), "|\n"]);
         table
     }
 
@@ -31,7 +31,7 @@ impl Table {
     /// Returns the number of cells.
     fn push<S: AsRef<str>>(&mut self, cells: impl IntoIterator<Item = S>) -> usize {
         let cells: Vec<String> = cells.into_iter().map(|cell| escaped(cell.as_ref())).collect();
-        self.text += &format!("| {} |\n", cells.join(" | "));
+        self.text.extend(["| ", &cells.join(" | "), " |\n"]);
         cells.len()
     }
 }

@@ -70,7 +70,7 @@ fn forward_transfer_is_the_area_above_the_experts_curve() {
     // 0 and 2 come first once, task 1 never.
     let experts = 0.505 * 0.975;
     let transfer = |area: f64| (0.915 * area - experts) / (1.0 - experts);
-    let expected = (2.0 * transfer((0.505 + 0.76) / 2.0) + transfer(0.76)) / 3.0;
+    let expected = (2.0 * transfer(f64::midpoint(0.505, 0.76)) + transfer(0.76)) / 3.0;
     let found = row(&text, "Retention and transfer", "fine-tuning")[5].clone();
     assert_eq!(value(&found), format!("{expected:.2}"));
 }
@@ -157,7 +157,7 @@ fn missing_jobs_are_said_and_left_out() {
     };
     let (directory, text) = report_of(&manifest, gone);
     assert!(text.contains(
-        "**This study is incomplete:** 4 of 24 jobs have not left their rows yet (`none`, order 1, seed 2; "
+        "**This study is incomplete:** 4 of 24 jobs have not left their rows yet (`rows/none/0-2.csv`, "
     ));
     let none = row(&text, "After the last task", "fine-tuning");
     assert_eq!([none[1].as_str(), &none[2], value(&none[3])], ["4", "2", "70.5 %"]);

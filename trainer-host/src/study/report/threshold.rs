@@ -55,8 +55,8 @@ fn learning(data: &StudyData, summary: &Summary, method: usize) -> Option<Learni
     let budget = data.manifest.steps_per_stage as f64;
     let by_task = tasks.iter().map(|durations| learning_summary(summary, &[durations], budget)).collect();
     let overall = learning_summary(summary, &watched, budget);
-    let found = !watched.is_empty();
-    found.then(|| Learning { method, overall, by_task, tasks, test: None, corrected: None })
+    let any = !watched.is_empty();
+    any.then_some(Learning { method, overall, by_task, tasks, test: None, corrected: None })
 }
 
 fn learning_summary(summary: &Summary, tasks: &[&Durations], budget: f64) -> LearningSummary {

@@ -18,7 +18,7 @@ const LABELS: f64 = 190.0;
 
 /// Height of a panel, and the space beside and below it \[px\].
 const HEIGHT: f64 = 112.0;
-const GAP: f64 = 22.0;
+const GAP: f64 = 30.0;
 const BELOW: f64 = 34.0;
 
 /// A row per method with curves, a column per task. Joint training has one panel for all tasks.
@@ -36,7 +36,7 @@ pub(super) fn draw(data: &StudyData) -> Option<Drawing> {
     for (row, &method) in methods.iter().enumerate() {
         grid.draw_row(&mut drawing, row, method);
     }
-    drawing.extend_to(grid.top(methods.len()) + 48.0);
+    drawing.extend_to(Grid::top(methods.len()) + 48.0);
     (!methods.is_empty()).then_some(drawing)
 }
 
@@ -51,20 +51,20 @@ impl Grid<'_> {
         MARGIN + LABELS + 44.0 + column as f64 * (self.width + GAP)
     }
 
-    fn top(&self, row: usize) -> f64 {
+    fn top(row: usize) -> f64 {
         TOP + 46.0 + row as f64 * (HEIGHT + BELOW)
     }
 
     fn draw_headings(&self, drawing: &mut Drawing) {
         for (column, task) in self.data.manifest.tasks.iter().enumerate() {
-            let at = [self.left(column), self.top(0) - 14.0];
+            let at = [self.left(column), Self::top(0) - 14.0];
             drawing.text(Text { at, words: task.name.clone(), size: 15.0, colour: INK, anchor: Anchor::Start });
         }
-        let at = [self.left(self.data.manifest.tasks.len()) - GAP, self.top(self.rows) + 10.0];
+        let at = [self.left(self.data.manifest.tasks.len()) - GAP, Self::top(self.rows) + 10.0];
         let words = "environment steps of the stage".to_owned();
         drawing.text(Text { at, words, size: 14.0, colour: MUTED, anchor: Anchor::End });
         let (start, words) = (self.left(0) - width_of("100 %", 13.0), "- - -  experts' median");
-        let at = [start.max(MARGIN), self.top(self.rows) + 10.0];
+        let at = [start.max(MARGIN), Self::top(self.rows) + 10.0];
         if self.experts().is_some() {
             drawing.text(Text { at, words: words.to_owned(), size: 14.0, colour: MUTED, anchor: Anchor::Start });
         }
@@ -73,7 +73,7 @@ impl Grid<'_> {
     fn draw_row(&self, drawing: &mut Drawing, row: usize, method: usize) {
         let label = &self.data.manifest.methods[method].label;
         for (line, words) in wrapped(label, LABELS - 10.0, 15.0).into_iter().take(4).enumerate() {
-            let at = [MARGIN, self.top(row) + 18.0 + 19.0 * line as f64];
+            let at = [MARGIN, Self::top(row) + 18.0 + 19.0 * line as f64];
             drawing.text(Text { at, words, size: 15.0, colour: INK, anchor: Anchor::Start });
         }
         if self.data.manifest.methods[method].kind == MethodKind::Joint {
@@ -115,7 +115,7 @@ impl Grid<'_> {
         let shares = Axis::shares(0.5);
         Panel {
             left: self.left(column),
-            top: self.top(row),
+            top: Self::top(row),
             width: self.width,
             height: HEIGHT,
             x: if row + 1 == self.rows { steps } else { steps.silent() },

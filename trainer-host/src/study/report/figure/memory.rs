@@ -4,9 +4,10 @@ use super::panel::{Axis, Panel};
 use super::style::{GRID, INK, MUTED, PAPER, colour};
 use super::{MARGIN, TOP, titled, width_of};
 use crate::drawing::{Anchor, Drawing, Pen, Text};
-use crate::study::data::{MethodKind, StudyData};
+use crate::statistics::bootstrap::Estimate;
+use crate::study::data::{Method, MethodKind, StudyData};
 use crate::study::report::notation::bytes;
-use crate::study::report::summary::Summary;
+use crate::study::report::summary::{MethodSummary, Summary};
 
 const LABEL: f64 = 14.0;
 
@@ -55,18 +56,13 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
 
 fn points<'a>(data: &'a StudyData, summary: &Summary) -> Vec<Point<'a>> {
     let methods = data.manifest.methods.iter().zip(&summary.methods).enumerate();
-    let point = |(method, (about, found)): (usize, (&'a crate::study::data::Method, &_))| {
-        let found: &crate::study::report::summary::MethodSummary = found;
-        Some(Point {
-            method,
-            label: &about.label,
-            sequential: about.kind == MethodKind::Sequential,
-            stored_bytes: about.stored_bytes,
-            success: found.mean?.value,
-            interval: found.mean?.interval,
-        })
-    };
-    methods.filter_map(point).collect()
+    methods.filter_map(|(method, (about, found))| point(method, about, found)).collect()
+}
+
+fn point<'a>(method: usize, about: &'a Method, found: &MethodSummary) -> Option<Point<'a>> {
+    let Estimate { value: success, interval, .. } = found.mean?;
+    let sequential = about.kind == MethodKind::Sequential;
+    Some(Point { method, label: &about.label, sequential, stored_bytes: about.stored_bytes, success, interval })
 }
 
 /// Where a number of bytes stands: its logarithm, and nothing at all a decade left of the fewest.

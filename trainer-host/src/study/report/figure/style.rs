@@ -18,15 +18,15 @@ const COLOURS: [Colour; 7] = [
     Colour([0x1f, 0x29, 0x33]),
 ];
 
-/// Colour of a method; they recur after seven, dashed.
+/// Colour of a method; they recur after seven.
 pub(super) fn colour(method: usize) -> Colour {
     COLOURS[method % COLOURS.len()]
 }
 
-/// Line of a method.
+/// Line of a method: solid for the first seven, dashed for the next, then the same at half the width.
 pub(super) fn pen(method: usize, width: f64) -> Pen {
-    let dashed = if method / COLOURS.len() % 2 == 0 { Dashed::Solid } else { Dashed::Dashes };
-    Pen { colour: colour(method), width, dashed }
+    let dashed = if (method / COLOURS.len()).is_multiple_of(2) { Dashed::Solid } else { Dashed::Dashes };
+    Pen { colour: colour(method), width: width / (1 + method / (2 * COLOURS.len())) as f64, dashed }
 }
 
 /// From white at 0 to dark blue at 1: one hue, told apart by lightness.
