@@ -154,6 +154,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             Controls::ThrustBodyRates(numbers) => {
                 self.command_lanes(stage, &Controls::ThrustBodyRates(numbers), actions, targets);
             }
+            Controls::Velocities(numbers) => {
+                self.command_lanes(stage, &Controls::Velocities(numbers), actions, targets);
+            }
             Controls::Published(published) => match published.rpm() {
                 Some((hover, precision)) => command_around(&hover, precision, actions, targets),
                 None => self.command_each(stage, actions, targets),

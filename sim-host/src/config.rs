@@ -51,6 +51,7 @@ pub use physics::{
 pub use pilot::{
     ActionConfig, ControllerConfig, CriticConfig, KinematicConfig, ObservationConfig, PaperConfig, PilotConfig,
     PrecisionConfig, PublishedConfig, PublishedKindConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
+    VelocityConfig,
 };
 pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
 pub use schema::schema_of;
@@ -152,7 +153,7 @@ impl ScenarioConfig {
         let first_goals = goals.first(&aviary.goal, agents.count);
         let start = self.start.check(&aviary, &airframe, &terminations, &first_goals, &field.at("start"))?;
         self.check_quiet_air(physics.preset, field)?;
-        let ways = Arc::new(ways(&aviary, &airframe, &terminations));
+        let ways = ways_of(&aviary, &airframe, &terminations);
         self.check_ways(&goals, field)?;
         let (clock, time_limit) = self.clock.check();
         Ok(Scenario {
@@ -210,7 +211,7 @@ impl ScenarioConfig {
 }
 
 /// The ways to the goal inside the bounds of the terminations, or where there are none within reach of what stands there.
-fn ways(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> WayMap {
+fn ways_of(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> Arc<WayMap> {
     let bounds = terminations.iter().find_map(|rule| match &rule.rule {
         Termination::OutOfBounds(bounds) => Some(*bounds),
         _ => None,
@@ -218,5 +219,5 @@ fn ways(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> WayMa
     let around_goal = Cuboid { low: aviary.goal.add_scalar(-1.0), high: aviary.goal.add_scalar(1.0) };
     let all = |whole: Cuboid, part: Cuboid| Cuboid { low: whole.low.inf(&part.low), high: whole.high.sup(&part.high) };
     let bounds = bounds.unwrap_or_else(|| aviary.world.bounds().into_iter().fold(around_goal, all));
-    WayMap::new(&aviary.world, &aviary.goal, bounds, airframe.collision_radius)
+    WayMap::shared(&aviary.world, &aviary.goal, bounds, airframe.collision_radius)
 }

@@ -394,11 +394,8 @@ fn arena(scenario: &Scenario) -> Option<Arc<Arena>> {
     match scenario.physics.contacts {
         Contacts::Absent => None,
         Contacts::Reported | Contacts::Solved => {
-            let arena = Arena::new(&scenario.aviary.world, &scenario.airframe, report);
-            Some(Arc::new(match scenario.sensors.scan() {
-                Some(scan) => arena.with_scan(&scenario.aviary.world, scan),
-                None => arena,
-            }))
+            let (world, airframe) = (&scenario.aviary.world, &scenario.airframe);
+            Some(Arena::shared(world, airframe, report, scenario.sensors.scan()))
         }
     }
 }

@@ -150,6 +150,7 @@ fn launch_site(scenario: &Scenario) -> Vector3<f32> {
     let middle = match &scenario.start.position {
         StartPosition::AroundGoal { .. } => scenario.aviary.goal,
         StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => (region.low + region.high) * 0.5,
+        StartPosition::AlongWay(starts) => (starts.space.region.low + starts.space.region.high) * 0.5,
         StartPosition::Exactly(places) => places[0].position.cast(),
     };
     Vector3::new(middle.x, middle.y, 0.0)

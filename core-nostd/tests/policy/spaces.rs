@@ -2,7 +2,7 @@
 
 use kestrel_core::action::{
     ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, PublishedActions, PublishedController,
-    PublishedKind,
+    PublishedKind, Velocities,
 };
 use kestrel_core::airframe::{Airframe, CF2X, Downwash, DragCoefficients, HUMMINGBIRD, Layout, RotorOrder};
 use kestrel_core::attitude::Attitude;
@@ -42,7 +42,12 @@ fn hummingbird() -> ActionSpace {
 fn spaces() -> Vec<ActionSpace> {
     let published =
         PublishedKind::ALL.map(|kind| ActionSpace::Published(published(kind, Persistence::ResetEachEpisode)));
-    [vec![rotor_speeds(), thrust_body_rates(), hummingbird()], published.to_vec()].concat()
+    [vec![rotor_speeds(), thrust_body_rates(), velocities(), hummingbird()], published.to_vec()].concat()
+}
+
+fn velocities() -> ActionSpace {
+    let ActionSpace::ThrustBodyRates(rates) = thrust_body_rates() else { unreachable!() };
+    ActionSpace::Velocities(Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 8.0 })
 }
 
 /// Every layout that goes with actions of a length.
@@ -111,7 +116,7 @@ impl Expected {
         let (setpoint, secs) = (Setpoint::at(*goal), metadata.control_period_secs);
         let targets = self.controls.rotor_targets(&action, state, &setpoint, &mut self.memory, secs);
         match &metadata.action {
-            ActionSpace::RotorSpeeds(_) | ActionSpace::ThrustBodyRates(_) => targets,
+            ActionSpace::RotorSpeeds(_) | ActionSpace::ThrustBodyRates(_) | ActionSpace::Velocities(_) => targets,
             // The reference commands what no rotor can do: the Hummingbird's first step asks for ten times its limit.
             ActionSpace::Published(space) => {
                 targets.map(|target| target.min(space.airframe.rotor_speed_limit as f32))

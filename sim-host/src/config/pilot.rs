@@ -2,7 +2,7 @@
 
 mod published;
 
-use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates};
+use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{
     HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN,
@@ -29,6 +29,8 @@ pub enum ActionConfig {
     RotorSpeeds(RotorSpeedsConfig),
     /// Collective thrust and body rates, which a rate controller tracks.
     ThrustBodyRates(ThrustBodyRatesConfig),
+    /// Velocity in the world and yaw rate, which a controller flies.
+    Velocity(VelocityConfig),
     /// An action type of gym-pybullet-drones, exactly.
     Published(PublishedConfig),
 }
@@ -52,6 +54,20 @@ pub struct ThrustBodyRatesConfig {
     pub body_rates_limit_rad_per_s: [f64; 3],
     /// Angular acceleration per error of the body rates. Above 10 the rotors' lag of 0.1 s makes them overshoot.
     pub rate_gains_per_s: [f64; 3],
+}
+
+/// Velocity along the world's axes and yaw rate: a policy that commands it need not learn to balance.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct VelocityConfig {
+    /// Velocity along each axis that a full action asks for.
+    pub speed_limit_m_per_s: f64,
+    /// Acceleration per velocity error.
+    pub velocity_gain_per_s: f64,
+    /// Body rate per sine of the angle between the thrust and where it should point.
+    pub attitude_gain_per_s: f64,
+    /// What carries it out; of its limits the last is the yaw rate that a full action asks for.
+    pub rates: ThrustBodyRatesConfig,
 }
 
 /// What the policy sees.
@@ -136,6 +152,19 @@ impl Default for ThrustBodyRatesConfig {
     }
 }
 
+impl Default for VelocityConfig {
+    /// Two metres per second are what the Crazyflie's firmware flies with its Flow deck. The gains are those with which a
+    /// step of the velocity overshoots by less than a tenth.
+    fn default() -> Self {
+        let rates = ThrustBodyRatesConfig {
+            fraction_of_hover: 1.0,
+            body_rates_limit_rad_per_s: [8.0, 8.0, 3.0],
+            rate_gains_per_s: [16.0, 16.0, 6.0],
+        };
+        Self { speed_limit_m_per_s: 2.0, velocity_gain_per_s: 3.0, attitude_gain_per_s: 8.0, rates }
+    }
+}
+
 impl Default for ObservationConfig {
     fn default() -> Self {
         Self::Pilot(PilotConfig::default())
@@ -175,6 +204,7 @@ impl ActionConfig {
             Self::ThrustBodyRates(config) => {
                 config.check(airframe, &field.at("thrust_body_rates")).map(ActionSpace::ThrustBodyRates)
             }
+            Self::Velocity(config) => config.check(airframe, &field.at("velocity")).map(ActionSpace::Velocities),
             Self::Published(config) => Ok(ActionSpace::Published(config.check(airframe))),
         }
     }
@@ -190,6 +220,20 @@ impl ThrustBodyRatesConfig {
             field.at("body_rates_limit_rad_per_s").numbers(self.body_rates_limit_rad_per_s, &BODY_RATES)?,
             field.at("rate_gains_per_s").numbers(self.rate_gains_per_s, &Limits::above(0.0, 100.0, "1/s"))?,
         ))
+    }
+}
+
+impl VelocityConfig {
+    fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<Velocities, ConfigError> {
+        let gain = |key: &str, value: f64| field.at(key).number(value, &Limits::above(0.0, 100.0, "1/s"));
+        Ok(Velocities {
+            rates: self.rates.check(airframe, &field.at("rates"))?,
+            speed_limit: field
+                .at("speed_limit_m_per_s")
+                .number(self.speed_limit_m_per_s, &Limits::above(0.0, 20.0, "m/s"))?,
+            velocity_gain: gain("velocity_gain_per_s", self.velocity_gain_per_s)?,
+            attitude_gain: gain("attitude_gain_per_s", self.attitude_gain_per_s)?,
+        })
     }
 }
 

@@ -9,7 +9,8 @@ use super::aviary::BoxConfig;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
-use crate::scenario::{Aviary, Cuboid, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination};
+use super::ways_of;
+use crate::scenario::{WayStarts, Aviary, Cuboid, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination};
 use crate::world::Floor;
 
 /// Factors `1 ± fraction` stay well above zero.
@@ -57,6 +58,18 @@ pub enum StartPositionConfig {
         high_m: [f64; 3],
         /// Least distance between the drone's centre and everything.
         clearance_m: f64,
+    },
+    /// On the shortest free way from a box to the goal, as `advance` knows it, or in the box: a reverse curriculum. Judge
+    /// the policy from the box alone (`evaluation.start`).
+    AlongWay {
+        /// The task's own starts.
+        from: BoxConfig,
+        /// Greatest distance of a start from the way, along each axis.
+        spread_m: f64,
+        /// Least distance between the drone's centre and everything.
+        clearance_m: f64,
+        /// Share of the starts in the box.
+        box_share: f64,
     },
     /// Always there: one place for each drone.
     Exactly(Vec<PlaceConfig>),
@@ -121,7 +134,7 @@ impl StartConfig {
         let tilt = field.at("tilt_limit_deg").number(self.tilt_limit_deg, &Limits::from(0.0, 180.0, "degrees"))?;
         let rates = Limits::from(0.0, 50.0, "rad/s");
         let start = Start {
-            position: self.position.check(aviary, goals.len(), &field.at("position"))?,
+            position: self.position.check((aviary, airframe), terminations, goals.len(), &field.at("position"))?,
             tilt_limit: tilt.to_radians(),
             speed_limit: field.at("speed_limit_m_per_s").number(self.speed_limit_m_per_s, &SPEED)?,
             body_rates_limit: field
@@ -137,7 +150,13 @@ impl StartConfig {
 }
 
 impl StartPositionConfig {
-    fn check(&self, aviary: &Aviary, drones: usize, field: &Field<'_>) -> Result<StartPosition, ConfigError> {
+    fn check(
+        &self,
+        (aviary, airframe): (&Aviary, &Airframe),
+        terminations: &[EndRule],
+        drones: usize,
+        field: &Field<'_>,
+    ) -> Result<StartPosition, ConfigError> {
         match self {
             Self::AroundGoal { nearest_m, farthest_m } => {
                 let field = field.at("around_goal");
@@ -152,6 +171,16 @@ impl StartPositionConfig {
                 let region = BoxConfig { low_m: *low_m, high_m: *high_m }.check(&field)?;
                 let clearance = field.at("clearance_m").number(*clearance_m, &Limits::above(0.0, 100.0, "m"))?;
                 free_space(aviary, region, clearance, &field).map(StartPosition::FreeWithin)
+            }
+            Self::AlongWay { from, spread_m, clearance_m, box_share } => {
+                let field = field.at("along_way");
+                let region = from.check(&field.at("from"))?;
+                let clearance = field.at("clearance_m").number(*clearance_m, &Limits::above(0.0, 100.0, "m"))?;
+                let spread = field.at("spread_m").number(*spread_m, &Limits::from(0.0, 100.0, "m"))?;
+                let share = field.at("box_share").number(*box_share, &Limits::from(0.0, 1.0, ""))?;
+                let space = free_space(aviary, region, clearance, &field)?;
+                let ways = ways_of(aviary, airframe, terminations);
+                Ok(StartPosition::AlongWay(WayStarts::new(space, spread, share, ways)))
             }
             Self::Exactly(places) => {
                 let field = field.at("exactly");
@@ -253,6 +282,7 @@ impl Region<'_> {
                 Cuboid { low: low.add_scalar(-farthest_m), high: high.add_scalar(*farthest_m) }
             }
             StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => *region,
+            StartPosition::AlongWay(starts) => starts.space.region,
             StartPosition::Exactly(places) => hull_of(places.iter().map(|place| place.position.cast())),
         }
     }
@@ -262,7 +292,8 @@ impl Region<'_> {
         let distances: Vec<f32> = match self.position {
             StartPosition::AroundGoal { farthest_m, .. } => vec![*farthest_m],
             StartPosition::Within(Cuboid { low, high })
-            | StartPosition::FreeWithin(FreeSpace { region: Cuboid { low, high }, .. }) => {
+            | StartPosition::FreeWithin(FreeSpace { region: Cuboid { low, high }, .. })
+            | StartPosition::AlongWay(WayStarts { space: FreeSpace { region: Cuboid { low, high }, .. }, .. }) => {
                 self.goals.iter().map(|goal| (goal - low).abs().sup(&(high - goal).abs()).norm()).collect()
             }
             StartPosition::Exactly(places) => {
@@ -281,6 +312,7 @@ impl Region<'_> {
                 self.goals.iter().map(|goal| to_point(*goal) - farthest_m).fold(f32::INFINITY, f32::min)
             }
             StartPosition::Within(region) => gap(region, solid),
+            StartPosition::AlongWay(starts) => gap(&starts.space.region, solid).min(starts.space.clearance_m),
             StartPosition::FreeWithin(space) => space.clearance_m,
             StartPosition::Exactly(places) => {
                 places.iter().map(|place| to_point(place.position.cast())).fold(f32::INFINITY, f32::min)

@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use nalgebra::Vector3;
 
@@ -53,13 +53,16 @@ struct Site {
 /// A length at every node of a grid of which the goal is one.
 #[derive(Clone, Debug)]
 struct Lengths {
+    grid: Grid,
     first: [f32; 3],
     per_spacing: f32,
     /// Index of the last cell, the space between two nodes, along x, y, z.
     last: [f32; 3],
-    counts: [usize; 3],
     metres: Vec<f32>,
 }
+
+/// The maps that somebody has.
+static MADE: Mutex<Vec<Weak<WayMap>>> = Mutex::new(Vec::new());
 
 impl PartialEq for WayMap {
     fn eq(&self, other: &Self) -> bool {
@@ -72,6 +75,25 @@ impl WayMap {
     pub fn new(world: &World, goal: &Vector3<f32>, bounds: Cuboid, radius: f64) -> Self {
         let solids = world.tangible().filter(|solid| solid.role == Role::Obstacle).cloned().collect();
         Self { site: Site { solids, goal: goal.cast(), bounds, radius }, lengths: OnceLock::new() }
+    }
+
+    /// As [`Self::new`]; the same map for everybody who asks while somebody has it.
+    pub fn shared(world: &World, goal: &Vector3<f32>, bounds: Cuboid, radius: f64) -> Arc<Self> {
+        let wanted = Self::new(world, goal, bounds, radius);
+        // A panic elsewhere leaves the list as it was: it is only ever changed as a whole.
+        let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        made.retain(|map| map.strong_count() > 0);
+        let known = made.iter().filter_map(Weak::upgrade).find(|map| **map == wanted);
+        known.unwrap_or_else(|| {
+            let map = Arc::new(wanted);
+            made.push(Arc::downgrade(&map));
+            map
+        })
+    }
+
+    /// Points along the shortest way from a point to the goal \[m, world\], one for each node on it.
+    pub fn way_from(&self, point: [f32; 3]) -> Vec<Vector3<f32>> {
+        self.lengths.get_or_init(|| Lengths::new(&self.site)).way_from(point)
     }
 
     /// Length of the shortest way from a point \[m\]; outside the bounds that from their nearest point.
@@ -97,8 +119,28 @@ impl Lengths {
             first: first.map(|value| value as f32).into(),
             per_spacing: (1.0 / spacing) as f32,
             last: counts.map(|count| count as f32 - 2.0),
-            counts,
+            grid,
             metres,
+        }
+    }
+
+    /// From node to nearest neighbour, downhill.
+    fn way_from(&self, point: [f32; 3]) -> Vec<Vector3<f32>> {
+        let nearest = |axis: usize| {
+            let place = ((point[axis] - self.first[axis]) * self.per_spacing).round();
+            place.max(0.0).min(self.last[axis] + 1.0) as usize
+        };
+        let mut index = self.grid.index([nearest(0), nearest(1), nearest(2)]);
+        let (steps, mut way) = (steps(), Vec::new());
+        loop {
+            let node = self.grid.node(index);
+            way.push(self.grid.point(node).cast());
+            let neighbours = steps.iter().filter_map(|(offset, _)| self.grid.beside(node, *offset));
+            let shortest = neighbours.min_by(|one, other| self.metres[*one].total_cmp(&self.metres[*other]));
+            match shortest.filter(|next| self.metres[*next] < self.metres[index]) {
+                Some(next) => index = next,
+                None => return way,
+            }
         }
     }
 
@@ -113,7 +155,7 @@ impl Lengths {
             let whole = place.floor().min(self.last[axis]);
             (cell[axis], share[axis]) = (whole as usize, place - whole);
         }
-        let [nx, ny, _] = self.counts;
+        let [nx, ny, _] = self.grid.counts;
         let base = cell[0] + nx * (cell[1] + ny * cell[2]);
         let along_x = |offset: usize| mix(self.metres[base + offset], self.metres[base + offset + 1], share[0]);
         let along_y = |offset: usize| mix(along_x(offset), along_x(offset + nx), share[1]);
@@ -126,6 +168,7 @@ fn mix(one: f32, other: f32, share: f32) -> f32 {
 }
 
 /// Where the nodes are.
+#[derive(Clone, Copy, Debug)]
 struct Grid {
     first: Vector3<f64>,
     spacing: f64,
@@ -184,7 +227,7 @@ fn clearance(bodies: &[&Body], site: &Site, point: &Vector3<f64>, limit: f64) ->
     let (low, high): (Vector3<f64>, Vector3<f64>) = (site.bounds.low.cast(), site.bounds.high.cast());
     let mut least = limit.min((point - low).min()).min((high - point).min());
     for body in bodies {
-        if gap(&(*point, *point), &body.extent) < least {
+        if body.distance_to_extent(point) < least {
             least = least.min(body.distance_to(point));
         }
     }

@@ -118,6 +118,7 @@ impl Subject {
             StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => {
                 (Vec::new(), Some(*region))
             }
+            StartPosition::AlongWay(starts) => (Vec::new(), Some(starts.space.region)),
             StartPosition::AroundGoal { farthest_m, .. } => {
                 let goal = scenario.aviary.goal;
                 let region = Cuboid { low: goal.add_scalar(-farthest_m), high: goal.add_scalar(*farthest_m) };
