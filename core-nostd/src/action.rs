@@ -1,6 +1,7 @@
 //! What a policy commands: action spaces that turn a few numbers in \[-1, 1\] into rotor targets.
 
 mod published;
+mod velocity;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -9,13 +10,14 @@ pub use published::{
     CONTROL_MEMORY_LEN, ControlMemory, Persistence, PublishedActions, PublishedController, PublishedControls,
     PublishedKind,
 };
+pub use velocity::Velocities;
 
 use crate::airframe::{Airframe, Layout};
 use crate::controller::Setpoint;
 use crate::real::Real;
 use crate::vehicle::State;
 
-/// Values of an action in [`RotorSpeeds`] and [`ThrustBodyRates`].
+/// Values of an action in [`RotorSpeeds`], [`ThrustBodyRates`] and [`Velocities`].
 pub const ACTION_LEN: usize = 4;
 
 /// Most values in an action; what is beyond a space's own is not read.
@@ -34,6 +36,8 @@ pub enum ActionSpace {
     ThrustBodyRates(ThrustBodyRates),
     /// [`PublishedActions`] of the reference system.
     Published(PublishedActions),
+    /// [`Velocities`].
+    Velocities(Velocities),
 }
 
 /// An action space ready for arithmetic; built once.
@@ -45,6 +49,8 @@ pub enum Controls<R> {
     ThrustBodyRates(ThrustBodyRates),
     /// [`PublishedActions`].
     Published(PublishedControls<R>),
+    /// [`Velocities`].
+    Velocities(Velocities),
 }
 
 /// One action per rotor: `hover_rotor_speed · (1 + fraction · action)`.
@@ -158,7 +164,7 @@ impl ActionSpace {
     #[expect(clippy::len_without_is_empty, reason = "no action is empty")]
     pub const fn len(&self) -> usize {
         match self {
-            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) => ACTION_LEN,
+            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) => ACTION_LEN,
             Self::Published(space) => space.kind.len(),
         }
     }
@@ -169,13 +175,14 @@ impl ActionSpace {
             Self::RotorSpeeds(_) => "rotor_speeds",
             Self::ThrustBodyRates(_) => "thrust_body_rates",
             Self::Published(space) => space.kind.name(),
+            Self::Velocities(_) => "velocity",
         }
     }
 
     /// How long the controller behind the space remembers; a space without one does not.
     pub const fn persistence(&self) -> Persistence {
         match self {
-            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) => Persistence::ResetEachEpisode,
+            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) => Persistence::ResetEachEpisode,
             Self::Published(space) => space.persistence,
         }
     }
@@ -188,6 +195,7 @@ impl<R: Real> Controls<R> {
             ActionSpace::RotorSpeeds(space) => Self::RotorSpeeds(*space),
             ActionSpace::ThrustBodyRates(space) => Self::ThrustBodyRates(*space),
             ActionSpace::Published(space) => Self::Published(PublishedControls::new(space)),
+            ActionSpace::Velocities(space) => Self::Velocities(*space),
         }
     }
 
@@ -210,6 +218,7 @@ impl<R: Real> Controls<R> {
             Self::RotorSpeeds(space) => space.rotor_targets(&[a, b, c, d]),
             Self::ThrustBodyRates(space) => space.rotor_targets(&[a, b, c, d], &state.body_rates),
             Self::Published(controls) => controls.rotor_targets(action, state, setpoint, memory, secs),
+            Self::Velocities(space) => space.rotor_targets(&[a, b, c, d], state),
         }
     }
 }

@@ -84,7 +84,7 @@ impl<'a> Pilot<'a> {
     /// The reference's actions know no limit; rotors do.
     fn within_limits(&self, targets: [f32; 4]) -> [f32; 4] {
         match &self.policy.metadata().action {
-            ActionSpace::RotorSpeeds(_) | ActionSpace::ThrustBodyRates(_) => targets,
+            ActionSpace::RotorSpeeds(_) | ActionSpace::ThrustBodyRates(_) | ActionSpace::Velocities(_) => targets,
             ActionSpace::Published(space) => {
                 targets.map(|target| target.limited(0.0, space.airframe.rotor_speed_limit as f32))
             }

@@ -7,8 +7,11 @@ use kestrel_core::real::Real;
 use kestrel_core::vehicle::{State, Vehicle};
 use nalgebra::Vector3;
 
-use crate::scenario::{Place, Preset, Randomisation, Scenario, Start, StartPosition};
+use crate::scenario::{Cuboid, FreeSpace, Place, Preset, Randomisation, Scenario, Start, StartPosition, WayStarts};
 use crate::seed::Stream;
+
+/// Draws of a position before the search for a free one ends: in a box that is one tenth free it fails once in 10¹¹ times.
+const DRAWS: u32 = 256;
 
 /// What one episode starts from.
 #[derive(Clone, Copy, Debug)]
@@ -76,8 +79,32 @@ fn position(start: &Start, goal: &Vector3<f32>, stream: &mut Stream) -> Vector3<
         StartPosition::Within(cuboid) => {
             Vector3::from_fn(|axis, _| stream.between(cuboid.low[axis], cuboid.high[axis]))
         }
+        StartPosition::FreeWithin(space) => free_position(space, stream),
+        StartPosition::AlongWay(starts) => position_on_way(starts, stream),
         StartPosition::Exactly(_) => Vector3::zeros(),
     }
+}
+
+/// Uniform in the free part of a box; where that is very small, the place that is known to be free.
+fn free_position(space: &FreeSpace, stream: &mut Stream) -> Vector3<f32> {
+    let Cuboid { low, high } = &space.region;
+    let mut draws = (0..DRAWS).map(|_| Vector3::from_fn(|axis, _| stream.between(low[axis], high[axis])));
+    draws.find(|point| space.holds(point)).unwrap_or(space.refuge)
+}
+
+/// In the box, or around a point of a way from there.
+fn position_on_way(starts: &WayStarts, stream: &mut Stream) -> Vector3<f32> {
+    let Cuboid { low, high } = starts.space.region;
+    let at_start = Vector3::from_fn(|axis, _| stream.between(low[axis], high[axis]));
+    if stream.uniform() < starts.box_share {
+        return at_start;
+    }
+    let (points, spread) = (starts.points(), starts.spread_m);
+    let draw = |_| {
+        let place = (stream.uniform() * points.len() as f32) as usize;
+        points[place.min(points.len() - 1)] + Vector3::from_fn(|_, _| stream.between(-spread, spread))
+    };
+    (0..DRAWS).map(draw).find(|point| starts.space.holds(point)).unwrap_or(at_start)
 }
 
 /// Any heading, then a tilt of uniform size about a uniform horizontal axis.

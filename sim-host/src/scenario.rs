@@ -1,5 +1,7 @@
 //! The task a simulation runs: checked values in SI units. What users write lives in the configuration.
 
+use std::sync::{Arc, OnceLock};
+
 use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::Airframe;
 use kestrel_core::bullet::{Mode, Quirks};
@@ -8,6 +10,7 @@ use kestrel_core::observation::ObservationLayout;
 use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
+use crate::contact::WayMap;
 use crate::sensor::SensorSuite;
 use crate::world::World;
 
@@ -237,8 +240,39 @@ pub enum StartPosition {
     },
     /// Uniform in a box.
     Within(Cuboid),
+    /// Uniform where a box is free.
+    FreeWithin(FreeSpace),
+    /// On the way from a box to the goal.
+    AlongWay(WayStarts),
     /// Always there, one place for each drone.
     Exactly(Vec<Place>),
+}
+
+/// The part of a box that is far enough from everything.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeSpace {
+    /// The box.
+    pub region: Cuboid,
+    /// Least distance of a start \[m\] to the obstacles.
+    pub clearance_m: f32,
+    /// Axis-aligned bounds of what stands there.
+    pub obstacles: Vec<Cuboid>,
+    /// A point that is free.
+    pub refuge: Vector3<f32>,
+}
+
+/// Starts in a box, and around points of the shortest ways from it to the goal.
+#[derive(Clone, Debug)]
+pub struct WayStarts {
+    /// The box, whose points all count as free, and what is free around the way.
+    pub space: FreeSpace,
+    /// Greatest distance of a start from a point of a way, along each axis \[m\].
+    pub spread_m: f32,
+    /// Share of the starts in the box.
+    pub box_share: f32,
+    /// The ways.
+    pub ways: Arc<WayMap>,
+    points: OnceLock<Vec<Vector3<f32>>>,
 }
 
 /// A position and a heading.
@@ -338,6 +372,38 @@ impl Goals {
             Self::Fixed | Self::PerAgent(_) => false,
             Self::Line(_) | Self::Wave { .. } => true,
         }
+    }
+}
+
+impl FreeSpace {
+    /// Whether a point \[m, world\] is far enough from everything.
+    pub fn holds(&self, point: &Vector3<f32>) -> bool {
+        let limit = self.clearance_m * self.clearance_m;
+        self.obstacles.iter().all(|Cuboid { low, high }| (point - point.sup(low).inf(high)).norm_squared() >= limit)
+    }
+}
+
+impl WayStarts {
+    /// Starts in and on the way from the region of `space`.
+    pub fn new(space: FreeSpace, spread_m: f32, box_share: f32, ways: Arc<WayMap>) -> Self {
+        Self { space, spread_m, box_share, ways, points: OnceLock::new() }
+    }
+
+    /// Points of the ways from the corners of the box and its middle, at least one \[m, world\].
+    pub fn points(&self) -> &[Vector3<f32>] {
+        self.points.get_or_init(|| {
+            let Cuboid { low, high } = self.space.region;
+            let corner = |number: usize| Vector3::from_fn(|axis, _| [low, high][number >> axis & 1][axis]);
+            let origins = (0..8).map(corner).chain([(low + high) * 0.5]);
+            origins.flat_map(|origin| self.ways.way_from(origin.into())).collect()
+        })
+    }
+}
+
+impl PartialEq for WayStarts {
+    fn eq(&self, other: &Self) -> bool {
+        let numbers = |starts: &Self| (starts.spread_m, starts.box_share);
+        numbers(self) == numbers(other) && self.space == other.space && self.ways == other.ways
     }
 }
 

@@ -394,7 +394,8 @@ fn arena(scenario: &Scenario) -> Option<Arc<Arena>> {
     match scenario.physics.contacts {
         Contacts::Absent => None,
         Contacts::Reported | Contacts::Solved => {
-            Some(Arc::new(Arena::new(&scenario.aviary.world, &scenario.airframe, report)))
+            let (world, airframe) = (&scenario.aviary.world, &scenario.airframe);
+            Some(Arena::shared(world, airframe, report, scenario.sensors.scan()))
         }
     }
 }

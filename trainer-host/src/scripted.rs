@@ -100,6 +100,10 @@ impl ScriptedPilot {
                 action(targets.map(|target| (target / space.hover_rotor_speed - 1.0) / space.fraction))
             }
             ActionSpace::ThrustBodyRates(space) => action(normalised(space, thrust_share, &rates)),
+            ActionSpace::Velocities(space) => {
+                let wish = pull(&error) * POSITION_GAIN + self.integral;
+                action((wish / (VELOCITY_GAIN * space.speed_limit)).into())
+            }
             ActionSpace::Published(space) => self.published(space, state, &target),
         }
     }
@@ -189,11 +193,15 @@ fn normalised(space: &ThrustBodyRates, thrust_share: f32, rates: &Vector3<f32>) 
     [(thrust_share - 1.0) / space.thrust_fraction, x, y, z].map(|value| value.clamp(-1.0, 1.0))
 }
 
+/// The part of a distance that is heeded \[m\].
+fn pull(error: &Vector3<f32>) -> Vector3<f32> {
+    error * (LEASH_M / error.norm().max(LEASH_M))
+}
+
 /// Thrust relative to hover and wanted body rates \[rad/s\].
 fn track(state: &State<f32>, error: &Vector3<f32>, integral: &Vector3<f32>) -> (f32, Vector3<f32>) {
     let gravity = GRAVITY as f32;
-    let pull = error * (LEASH_M / error.norm().max(LEASH_M));
-    let wish = pull * POSITION_GAIN - state.velocity * VELOCITY_GAIN;
+    let wish = pull(error) * POSITION_GAIN - state.velocity * VELOCITY_GAIN;
     let wish = wish * (ACCELERATION_LIMIT / wish.norm().max(ACCELERATION_LIMIT));
     let push = wish + integral + Vector3::new(0.0, 0.0, gravity);
     let body_z = state.world_from_body.body_z();
@@ -207,7 +215,7 @@ fn track(state: &State<f32>, error: &Vector3<f32>, integral: &Vector3<f32>) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kestrel_core::action::{ControlMemory, Controls, Persistence, PublishedController, RotorSpeeds};
+    use kestrel_core::action::{ControlMemory, Controls, Persistence, PublishedController, RotorSpeeds, Velocities};
     use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
     use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
     use kestrel_core::controller::Setpoint;
@@ -258,9 +266,11 @@ mod tests {
         let hummingbird =
             |kind| (HUMMINGBIRD, published(kind, HUMMINGBIRD, PublishedController::Simple(HUMMINGBIRD)));
         let rates = ThrustBodyRates::new(&CF2X, 1.0, [6.0, 6.0, 3.0], RATE_GAINS);
+        let velocities = Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 8.0 };
         let spaces = [
             (CF2X, ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3))),
             (CF2X, ActionSpace::ThrustBodyRates(rates)),
+            (CF2X, ActionSpace::Velocities(velocities)),
             crazyflie(PublishedKind::Rpm),
             crazyflie(PublishedKind::Dyn),
             crazyflie(PublishedKind::Pid),

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::PolicyError;
-use crate::action::{ACTION_LEN, ActionSpace, PublishedActions};
+use crate::action::{ACTION_LEN, ActionSpace, PublishedActions, ThrustBodyRates};
 use crate::airframe::{Airframe, Downwash, DragCoefficients, Layout};
 use crate::observation::{HISTORY_LIMIT, ObservationLayout, PilotLayout};
 
@@ -11,10 +11,10 @@ use crate::observation::{HISTORY_LIMIT, ObservationLayout, PilotLayout};
 pub const NAME_LIMIT: usize = 64;
 
 /// Layouts are numbered from one to this.
-pub(crate) const LAYOUT_COUNT: u16 = 5;
+pub(crate) const LAYOUT_COUNT: u16 = 6;
 
 /// Action spaces are numbered from one to this.
-pub(crate) const SPACE_COUNT: u16 = 3;
+pub(crate) const SPACE_COUNT: u16 = 4;
 
 /// The metadata of a policy, in postcard encoding inside the file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +41,7 @@ pub(crate) const fn layout_identifier(layout: &ObservationLayout) -> u16 {
         ObservationLayout::Kinematic(_) => 3,
         ObservationLayout::Measured(_) => 4,
         ObservationLayout::PilotFor(_) => 5,
+        ObservationLayout::PilotMeasured(_) => 6,
     }
 }
 
@@ -50,6 +51,7 @@ pub(crate) const fn action_identifier(space: &ActionSpace) -> u16 {
         ActionSpace::RotorSpeeds(_) => 1,
         ActionSpace::ThrustBodyRates(_) => 2,
         ActionSpace::Published(_) => 3,
+        ActionSpace::Velocities(_) => 4,
     }
 }
 
@@ -76,6 +78,12 @@ fn check_observation(layout: &ObservationLayout, action_len: usize) -> Result<()
             check_scales(&pilot.scales)?;
             let found = usize::from(pilot.action_len);
             holds(found == action_len && found != ACTION_LEN, "action_len", found, "that of the action, and not 4")
+        }
+        ObservationLayout::PilotMeasured(pilot) => {
+            check_scales(&pilot.scales)?;
+            let expected = "four, as many as the layout shows";
+            holds(action_len == ACTION_LEN, "values of an action", action_len, expected)?;
+            holds(pilot.measured_len > 0, "measured_len", usize::from(pilot.measured_len), "at least 1")
         }
         ObservationLayout::Paper(paper) => {
             positive("planar_limit_m", paper.planar_limit_m)?;
@@ -105,18 +113,27 @@ fn check_action(space: &ActionSpace) -> Result<(), PolicyError> {
             positive("rotor_speed_limit", space.rotor_speed_limit)?;
             positive("fraction", space.fraction)
         }
-        ActionSpace::ThrustBodyRates(space) => {
-            positive("hover_speed_squared", space.hover_speed_squared)?;
-            positive("speed_squared_limit", space.speed_squared_limit)?;
-            positive("thrust_fraction", space.thrust_fraction)?;
-            let numbers = space.body_rates_limit.iter().chain(&space.rate_gains).chain(space.mixer.as_flattened());
-            numbers.copied().try_for_each(|number| finite("a controller gain", number))
+        ActionSpace::ThrustBodyRates(space) => check_rates(space),
+        ActionSpace::Velocities(space) => {
+            check_rates(&space.rates)?;
+            space.rates.body_rates_limit.into_iter().try_for_each(|limit| positive("body_rates_limit", limit))?;
+            positive("speed_limit", space.speed_limit)?;
+            positive("velocity_gain", space.velocity_gain)?;
+            positive("attitude_gain", space.attitude_gain)
         }
         ActionSpace::Published(PublishedActions { airframe, controller, .. }) => {
             check_airframe(airframe)?;
             check_airframe(controller.airframe())
         }
     }
+}
+
+fn check_rates(space: &ThrustBodyRates) -> Result<(), PolicyError> {
+    positive("hover_speed_squared", space.hover_speed_squared)?;
+    positive("speed_squared_limit", space.speed_squared_limit)?;
+    positive("thrust_fraction", space.thrust_fraction)?;
+    let numbers = space.body_rates_limit.iter().chain(&space.rate_gains).chain(space.mixer.as_flattened());
+    numbers.copied().try_for_each(|number| finite("a controller gain", number))
 }
 
 /// What divides must be positive, the rest finite.

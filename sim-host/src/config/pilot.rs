@@ -2,11 +2,11 @@
 
 mod published;
 
-use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates};
+use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{
-    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PaperLayout,
-    PilotForLayout, PilotLayout,
+    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN,
+    PaperLayout, PilotForLayout, PilotLayout, PilotMeasuredLayout,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -29,6 +29,8 @@ pub enum ActionConfig {
     RotorSpeeds(RotorSpeedsConfig),
     /// Collective thrust and body rates, which a rate controller tracks.
     ThrustBodyRates(ThrustBodyRatesConfig),
+    /// Velocity in the world and yaw rate, which a controller flies.
+    Velocity(VelocityConfig),
     /// An action type of gym-pybullet-drones, exactly.
     Published(PublishedConfig),
 }
@@ -54,6 +56,20 @@ pub struct ThrustBodyRatesConfig {
     pub rate_gains_per_s: [f64; 3],
 }
 
+/// Velocity along the world's axes and yaw rate: a policy that commands it need not learn to balance.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct VelocityConfig {
+    /// Velocity along each axis that a full action asks for.
+    pub speed_limit_m_per_s: f64,
+    /// Acceleration per velocity error.
+    pub velocity_gain_per_s: f64,
+    /// Body rate per sine of the angle between the thrust and where it should point.
+    pub attitude_gain_per_s: f64,
+    /// What carries it out; of its limits the last is the yaw rate that a full action asks for.
+    pub rates: ThrustBodyRatesConfig,
+}
+
 /// What the policy sees.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -69,6 +85,8 @@ pub enum ObservationConfig {
     Kinematic(KinematicConfig),
     /// What the scenario's sensors deliver, and nothing else.
     Measured,
+    /// The `pilot` observation, then what the sensors deliver.
+    PilotMeasured(PilotConfig),
 }
 
 /// What the `pilot` observation divides by, so that all values are of order one.
@@ -134,6 +152,19 @@ impl Default for ThrustBodyRatesConfig {
     }
 }
 
+impl Default for VelocityConfig {
+    /// Two metres per second are what the Crazyflie's firmware flies with its Flow deck. The gains are those with which a
+    /// step of the velocity overshoots by less than a tenth.
+    fn default() -> Self {
+        let rates = ThrustBodyRatesConfig {
+            fraction_of_hover: 1.0,
+            body_rates_limit_rad_per_s: [8.0, 8.0, 3.0],
+            rate_gains_per_s: [16.0, 16.0, 6.0],
+        };
+        Self { speed_limit_m_per_s: 2.0, velocity_gain_per_s: 3.0, attitude_gain_per_s: 8.0, rates }
+    }
+}
+
 impl Default for ObservationConfig {
     fn default() -> Self {
         Self::Pilot(PilotConfig::default())
@@ -173,6 +204,7 @@ impl ActionConfig {
             Self::ThrustBodyRates(config) => {
                 config.check(airframe, &field.at("thrust_body_rates")).map(ActionSpace::ThrustBodyRates)
             }
+            Self::Velocity(config) => config.check(airframe, &field.at("velocity")).map(ActionSpace::Velocities),
             Self::Published(config) => Ok(ActionSpace::Published(config.check(airframe))),
         }
     }
@@ -188,6 +220,20 @@ impl ThrustBodyRatesConfig {
             field.at("body_rates_limit_rad_per_s").numbers(self.body_rates_limit_rad_per_s, &BODY_RATES)?,
             field.at("rate_gains_per_s").numbers(self.rate_gains_per_s, &Limits::above(0.0, 100.0, "1/s"))?,
         ))
+    }
+}
+
+impl VelocityConfig {
+    fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<Velocities, ConfigError> {
+        let gain = |key: &str, value: f64| field.at(key).number(value, &Limits::above(0.0, 100.0, "1/s"));
+        Ok(Velocities {
+            rates: self.rates.check(airframe, &field.at("rates"))?,
+            speed_limit: field
+                .at("speed_limit_m_per_s")
+                .number(self.speed_limit_m_per_s, &Limits::above(0.0, 20.0, "m/s"))?,
+            velocity_gain: gain("velocity_gain_per_s", self.velocity_gain_per_s)?,
+            attitude_gain: gain("attitude_gain_per_s", self.attitude_gain_per_s)?,
+        })
     }
 }
 
@@ -211,6 +257,10 @@ impl ObservationConfig {
             Self::Kinematic(config) => {
                 config.check(action_len, &field.at("kinematic")).map(ObservationLayout::Kinematic)
             }
+            Self::PilotMeasured(config) => {
+                let field = field.at("pilot_measured");
+                pilot_measured_layout(config.check(&field)?, action_len, measured_len, &field)
+            }
             Self::Measured => measured_layout(measured_len, field).map(ObservationLayout::Measured),
         }
     }
@@ -221,6 +271,24 @@ fn pilot_layout(scales: PilotLayout, action_len: usize) -> ObservationLayout {
         ACTION_LEN => ObservationLayout::Pilot(scales),
         _ => ObservationLayout::PilotFor(PilotForLayout { scales, action_len: action_len as u8 }),
     }
+}
+
+fn pilot_measured_layout(
+    scales: PilotLayout,
+    action_len: usize,
+    measured_len: usize,
+    field: &Field<'_>,
+) -> Result<ObservationLayout, ConfigError> {
+    let most = OBSERVATION_LIMIT - PILOT_LEN;
+    if !(1..=most).contains(&measured_len) {
+        let expected = format!("1 to {most} of `scenario.sensors`");
+        return Err(field.reject(format!("sensors that deliver {measured_len} values"), expected));
+    }
+    if action_len != ACTION_LEN {
+        let expected = format!("an action of {ACTION_LEN} values");
+        return Err(field.reject(format!("`pilot_measured` beside an action of {action_len} values"), expected));
+    }
+    Ok(ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, measured_len: measured_len as u8 }))
 }
 
 fn measured_layout(len: usize, field: &Field<'_>) -> Result<MeasuredLayout, ConfigError> {

@@ -1,6 +1,7 @@
 //! A world prepared for one airframe: who touches what, and how far away everything is.
 
 use core::fmt;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use kestrel_core::airframe::Airframe;
 use nalgebra::Vector3;
@@ -11,7 +12,9 @@ use super::body::Body;
 use super::distance_map::DistanceMap;
 use super::frame::to_vector;
 use super::outline::{MARGIN, Outline, distance};
+use super::scanner::Scanner;
 use super::{ContactReport, Motion, TOUCH_GAP, Touch};
+use crate::sensor::{BEAM_LIMIT, Scan};
 use crate::world::{Floor, Pose, World};
 
 /// Bullet keeps a contact until it opens by this share of the smaller body's radius
@@ -38,9 +41,22 @@ pub struct Arena {
     pub(super) movables: Vec<Body>,
     tree: Bvh,
     map: Option<DistanceMap>,
+    scanner: Option<Scanner>,
     floor_height: f32,
     reach: f32,
 }
+
+/// What an arena is made from.
+#[derive(PartialEq)]
+struct Order {
+    world: World,
+    airframe: Airframe,
+    report: ContactReport,
+    scan: Option<Scan>,
+}
+
+/// The arenas that somebody has.
+static MADE: Mutex<Vec<(Order, Weak<Arena>)>> = Mutex::new(Vec::new());
 
 impl fmt::Debug for Arena {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -78,6 +94,7 @@ impl Arena {
             drone_gap,
             tree: tree(&solids),
             map: DistanceMap::new(&solids),
+            scanner: None,
             floor_height: match world.floor {
                 Floor::Solid => 0.0,
                 Floor::Absent => f32::NEG_INFINITY,
@@ -86,6 +103,45 @@ impl Arena {
             drone,
             solids,
             movables,
+        }
+    }
+
+    /// As [`Self::new`], with the beams of a scan; the same arena for everybody who asks while somebody has it, for a
+    /// training run makes many simulations of one place.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn shared(world: &World, airframe: &Airframe, report: ContactReport, scan: Option<&Scan>) -> Arc<Self> {
+        let wanted = Order { world: world.clone(), airframe: *airframe, report, scan: scan.cloned() };
+        // A panic elsewhere leaves the list as it was: it is only ever changed as a whole.
+        let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        made.retain(|(_, arena)| arena.strong_count() > 0);
+        let known = made.iter().find(|(order, _)| *order == wanted).and_then(|(_, arena)| arena.upgrade());
+        known.unwrap_or_else(|| {
+            let arena = Self::new(world, airframe, report);
+            let arena = Arc::new(match scan {
+                Some(scan) => arena.with_scan(world, scan),
+                None => arena,
+            });
+            made.push((wanted, Arc::downgrade(&arena)));
+            arena
+        })
+    }
+
+    /// The same arena, prepared for the beams of a scan; `world` is the one it was made from.
+    #[must_use]
+    pub fn with_scan(self, world: &World, scan: &Scan) -> Self {
+        Self { scanner: Some(Scanner::new(world, scan)), ..self }
+    }
+
+    /// How near the nearest thing that never moves is along each beam: one at the point, zero at the scan's limit and
+    /// beyond, and without a scan.
+    #[inline(always)]
+    pub fn nearness(&self, point: [f32; 3]) -> [f32; BEAM_LIMIT] {
+        // A closure would not be compiled for the instruction set of the kernel around it.
+        match &self.scanner {
+            Some(scanner) => scanner.nearness(point),
+            None => [0.0; BEAM_LIMIT],
         }
     }
 

@@ -77,8 +77,7 @@ impl DistanceMap {
                 let bound = match &block {
                     Block::Far { bound } => *bound,
                     Block::Near(bodies) => {
-                        let distances = bodies.iter().map(|body| body.distance_to(&middle));
-                        distances.fold(f64::INFINITY, f64::min) - 0.5 * 3.0_f64.sqrt() * cell - ROUNDING
+                        least_distance(bodies.iter().copied(), &middle) - 0.5 * 3.0_f64.sqrt() * cell - ROUNDING
                     }
                 };
                 let [x, y, z] = index;
@@ -144,15 +143,21 @@ enum Block<'a> {
 }
 
 fn nearest<'a>(bodies: &'a [Body], middle: &Vector3<f64>, radius: f64) -> Block<'a> {
-    let distances: Vec<f64> = bodies.iter().map(|body| body.distance_to(middle)).collect();
-    let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
+    let least = least_distance(bodies, middle);
     let bound = least - radius - ROUNDING;
     if bound > FAR {
         return Block::Far { bound };
     }
     let reach = least + 2.0 * radius + ROUNDING;
-    let near = bodies.iter().zip(distances).filter(|(_, distance)| *distance <= reach);
-    Block::Near(near.map(|(body, _)| body).collect())
+    Block::Near(bodies.iter().filter(|body| body.distance_to_extent(middle) <= reach).collect())
+}
+
+/// Distance of a point to the nearest body \[m\]; bodies whose boxes are farther are not asked.
+fn least_distance<'a>(bodies: impl IntoIterator<Item = &'a Body>, point: &Vector3<f64>) -> f64 {
+    bodies.into_iter().fold(f64::INFINITY, |least, body| {
+        // parry's distances are rounded to `f32`, so a box may seem farther than what it holds.
+        if body.distance_to_extent(point) - ROUNDING > least { least } else { least.min(body.distance_to(point)) }
+    })
 }
 
 /// All indices from `first` to before `end`.
