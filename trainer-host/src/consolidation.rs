@@ -135,14 +135,6 @@ impl Consolidator {
         }
     }
 
-    /// After the last minibatch of an update.
-    pub(crate) fn after_update(&mut self, actor: &Actor) {
-        match self {
-            Self::Anchored(anchored) => anchored.after_update(actor),
-            Self::None | Self::Published(_) | Self::PathIntegral(_) | Self::Coreset(_) => {}
-        }
-    }
-
     /// Takes in what must not be forgotten of a task.
     pub(crate) fn consolidate(&mut self, ended: &Ended<'_>) {
         match self {

@@ -238,7 +238,6 @@ impl Trainer {
                 memory.after_step((&mut self.actor, &self.gradient), scale, self.learning_rate);
             }
         }
-        memory.after_update(&self.actor);
         metrics.gradient_norm = norms / minibatches.max(1) as f32;
         metrics.policy_loss = all.mean(all.policy_loss);
         metrics.value_loss = all.mean(all.value_loss);

@@ -15,8 +15,8 @@ use crate::actor_critic::Actor;
 /// Added to each normalised curvature: parameters that a task does not use at all stay a little where they are.
 const DAMPING: f32 = 0.01;
 
-/// Greatest strength that a budget may come to.
-const STRENGTH_LIMIT: f32 = 1e4;
+/// Greatest strength that a budget comes to.
+const STRENGTH_LIMIT: f32 = 1e2;
 
 /// How an anchor is made and how it pulls.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -147,6 +147,7 @@ impl Anchored {
         if self.tasks == 0 || self.settings.coupling != Coupling::Gradient {
             return;
         }
+        self.tighten(actor);
         let count = self.center.len();
         let (parameters, gradient) = (&actor.parameters()[..count], &mut gradient[..count]);
         match &mut self.importance {
@@ -166,6 +167,7 @@ impl Anchored {
         if self.tasks == 0 || self.settings.coupling != Coupling::Proximal {
             return;
         }
+        self.tighten(actor);
         let parameters = &mut actor.parameters_mut()[..self.center.len()];
         let rate = learning_rate * self.strength;
         match &mut self.importance {
@@ -181,15 +183,12 @@ impl Anchored {
         }
     }
 
-    /// Dual ascent on the budget: the strength grows while the predicted divergence is above it, and shrinks below.
-    pub(super) fn after_update(&mut self, actor: &Actor) {
-        // A tenth per update at most: slower than the policy moves, so that both settle.
-        const RATE: f32 = 0.1;
-        let Strength::Budget(nats) = self.settings.strength else { return };
-        if self.tasks > 0 {
-            let excess = self.divergence(actor) / (nats * self.tasks as f32) - 1.0;
-            let factor = libm::expf(RATE * excess.clamp(-1.0, 1.0));
-            self.strength = (self.strength * factor).clamp(1.0 / STRENGTH_LIMIT, STRENGTH_LIMIT);
+    /// With a budget the pull is as strong as the square of the share of it that the policy has used: hardly felt far
+    /// below, and as strong as the curvature itself at its end. It needs no memory and no rate.
+    fn tighten(&mut self, actor: &Actor) {
+        if let Strength::Budget(nats) = self.settings.strength {
+            let used = self.divergence(actor) / (nats * self.tasks as f32);
+            self.strength = (used * used).min(STRENGTH_LIMIT);
         }
     }
 
@@ -235,7 +234,8 @@ impl Anchored {
             GradientTerm::Absent | GradientTerm::Balance => 0.0,
         };
         // What is measured is the gradient of a loss, which points away from what the task wants.
-        ended.gradient[..self.center.len()].iter().map(|value| -kept * value / self.strength).collect()
+        let share = -kept / self.strength.max(1.0 / STRENGTH_LIMIT);
+        ended.gradient[..self.center.len()].iter().map(|value| share * value).collect()
     }
 }
 

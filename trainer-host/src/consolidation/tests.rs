@@ -172,7 +172,7 @@ fn with_its_gradient_kept_the_anchor_is_at_the_newest_policy() {
 }
 
 #[test]
-fn a_budget_raises_the_strength_while_it_is_exceeded_and_lowers_it_below() {
+fn a_budget_pulls_the_harder_the_more_of_it_is_used() {
     let ((actor, critic), rollout) = (networks(), rollout());
     let settings = AnchoredSettings {
         curvature: Curvature::Fisher,
@@ -183,19 +183,17 @@ fn a_budget_raises_the_strength_while_it_is_exceeded_and_lowers_it_below() {
     };
     let mut memory = ConsolidatorSettings::Anchored(settings).begin(&actor, &critic);
     end(&mut memory, &actor, &critic, &rollout);
-    let strength_after = |memory: &mut Consolidator, actor: &Actor| {
-        memory.after_update(actor);
-        let Consolidator::Anchored(anchored) = memory else { panic!("it is an anchor") };
-        (anchored.strength(), anchored.divergence(actor))
+    let mut step = |distance: f32| {
+        let mut pulled = moved(&actor, distance, 1);
+        let Consolidator::Anchored(anchored) = &mut memory else { panic!("it is an anchor") };
+        let before = anchored.divergence(&pulled);
+        anchored.after_step(&mut pulled, 0.1);
+        let expected = (before / 0.1) * (before / 0.1);
+        assert!((anchored.strength() - expected.min(100.0)).abs() < 1e-5 * expected.max(1.0), "{expected}");
+        anchored.divergence(&pulled) / before
     };
-    let (far, divergence) = strength_after(&mut memory, &moved(&actor, 0.5, 1));
-    assert!(far > 1.0 && divergence > 0.1, "{far} at {divergence} nat");
-    let (near, divergence) = strength_after(&mut memory, &actor);
-    assert!(near < far && divergence == 0.0, "{near} at {divergence} nat");
-    let mut pulled = moved(&actor, 0.5, 1);
-    let before = strength_after(&mut memory, &pulled).1;
-    memory.after_step((&mut pulled, &Gradient::new(&actor, &critic)), 1.0, 0.1);
-    assert!(strength_after(&mut memory, &pulled).1 < before);
+    let (near, far) = (step(0.01), step(0.2));
+    assert!(far < near && near <= 1.0, "{near} of the divergence is left near the center, {far} far from it");
 }
 
 #[test]

@@ -165,7 +165,7 @@ pub enum CouplingConfig {
 pub enum StrengthConfig {
     /// This factor, on curvatures whose mean is one.
     Fixed(f64),
-    /// As much as keeps the predicted divergence within so much per earlier task \[nat\].
+    /// The square of the share used of this much predicted divergence per earlier task \[nat\].
     BudgetNats(f64),
 }
 
