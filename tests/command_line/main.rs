@@ -6,4 +6,5 @@ mod aviary;
 mod errors;
 mod kestrel;
 mod runs;
+mod study;
 mod verify;

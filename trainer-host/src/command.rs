@@ -9,6 +9,8 @@ mod export;
 mod fly;
 mod replay;
 mod run;
+mod schema;
+mod search;
 mod study;
 mod table;
 mod train;
@@ -16,7 +18,6 @@ mod verify;
 
 use anyhow::Result;
 use clap::Subcommand;
-use kestrel_train::output::say;
 
 /// Shown below the help.
 pub(crate) const EXAMPLES: &str = "\
@@ -45,10 +46,12 @@ pub(crate) enum Command {
     Replay(replay::Arguments),
     /// Run a study of many trainings, and report it
     Study(study::Arguments),
+    /// Search settings with which a study does best
+    Search(search::Arguments),
     /// List the aviaries and draw their plans
     Aviary(aviary::Arguments),
-    /// Print the JSON schema of experiment files
-    Schema,
+    /// Print the JSON schema of experiment, study or search files
+    Schema(schema::Arguments),
     /// Measure every stage on this machine
     Bench(bench::Arguments),
     /// Print a completion script for a shell
@@ -77,12 +80,10 @@ impl Command {
             Self::Verify(arguments) => verify::run(&arguments),
             Self::Replay(arguments) => replay::run(&arguments),
             Self::Study(arguments) => study::run(&arguments),
+            Self::Search(arguments) => search::run(&arguments),
             Self::Aviary(arguments) => aviary::run(&arguments),
             Self::Bench(arguments) => bench::run(&arguments),
-            Self::Schema => {
-                say(kestrel_train::experiment_config::schema().trim_end())?;
-                Ok(Done::Finished)
-            }
+            Self::Schema(arguments) => schema::print(&arguments),
             Self::Completions(arguments) => {
                 completions::print(&arguments)?;
                 Ok(Done::Finished)

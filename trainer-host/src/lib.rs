@@ -2,7 +2,7 @@
 //!
 //! Read in the order of the data: an [`experiment_config`] becomes a [`training_run`] in a [`run_directory`]: a
 //! [`rollout`] of the [`actor_critic`], its [`advantage`]s, the update of [`ppo`]; then an [`evaluation`], the
-//! [`export`] and the pictures of the [`results`]. [`fly`] puts an exported policy behind MAVLink, and [`mod@bench`]
+//! [`export`] and the pictures of the [`results`]. A [`study`] is many trainings and a [`search`] many studies. [`fly`] puts an exported policy behind MAVLink, and [`mod@bench`]
 //! measures every stage.
 
 pub mod actor_critic;
@@ -20,6 +20,8 @@ pub mod experiment_config;
 pub mod export;
 pub mod fly;
 pub mod gaussian;
+#[cfg(test)]
+pub(crate) mod golden;
 pub mod interrupt;
 pub mod network;
 pub mod output;
@@ -33,6 +35,7 @@ pub mod run_directory;
 pub mod schedule;
 pub mod scripted;
 pub mod sealed_file;
+pub mod search;
 pub mod statistics;
 pub mod study;
 pub mod tensorboard;

@@ -1,7 +1,8 @@
 //! A study: methods × orders of tasks × seeds, run over all cores, interrupted and resumed at will, and reported.
 //!
-//! [`config`] reads the file, [`runner`] hands out jobs, a [`job`] learns its tasks stage by stage and leaves the
-//! [`rows`] of its flights in the study's directory; [`data`] loads what is there, and the [`report`] says what it means.
+//! [`config`] reads the file, the [`runner`] hands out jobs, a [`job`] learns its tasks stage by stage and leaves the
+//! [`rows`] of its flights in the study's [`directory`]; [`data`] loads what is there, and the [`report`] says what it
+//! means.
 //!
 //! ```text
 //! study.yaml                     the study, every import resolved
@@ -14,6 +15,7 @@
 
 pub mod config;
 pub mod data;
+pub mod directory;
 pub mod job;
 pub mod procedure;
 pub mod report;

@@ -7,8 +7,9 @@ use anyhow::Result;
 use kestrel_train::interrupt::Interrupt;
 use kestrel_train::output::say;
 use kestrel_train::study::data::StudyData;
-use kestrel_train::study::runner::StudyRun;
-use kestrel_train::study::{config, report};
+use kestrel_train::study::data::StudyError;
+use kestrel_train::study::directory::StudyDirectory;
+use kestrel_train::study::{config, report, runner};
 use kestrel_train::training_run::End;
 
 use super::Done;
@@ -60,12 +61,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 fn run_study(arguments: &RunArguments) -> Result<Done> {
     let study = config::load(&arguments.config, &arguments.set)?;
     let directory = arguments.directory.clone().unwrap_or_else(|| Path::new("studies").join(&study.name));
-    let cores = available_parallelism().map_or(1, usize::from);
-    let threads = arguments.threads.map_or(cores, usize::from);
     let interrupt = Interrupt::watch("Stopping after the updates in progress; Ctrl-C again ends at once.")?;
-    let run = StudyRun::open(&study, &directory)?;
-    say(format_args!("Running {} jobs in {}", study.jobs().len(), directory.display()))?;
-    match run.run(threads, &interrupt)? {
+    let study_directory = StudyDirectory::open(&study, &directory)?;
+    let jobs = study.jobs();
+    let left = jobs.iter().filter(|job| !study_directory.is_done(**job)).count();
+    say(format_args!("{left} of {} jobs are left to run in {}", jobs.len(), directory.display()))?;
+    match runner::run(&[study_directory], threads(arguments.threads), &interrupt)? {
         End::Finished => report_on(&directory),
         End::Interrupted => {
             say("Saved. The same command goes on.")?;
@@ -74,10 +75,26 @@ fn run_study(arguments: &RunArguments) -> Result<Done> {
     }
 }
 
+/// As many as the user says, or as there are cores.
+pub(super) fn threads(asked: Option<u16>) -> usize {
+    asked.map_or_else(|| available_parallelism().map_or(1, usize::from), usize::from)
+}
+
 fn report_on(directory: &Path) -> Result<Done> {
-    let data = StudyData::load(directory)?;
+    let data = StudyData::load(directory).map_err(advised)?;
     report::write(directory, &data)?;
     say(report::headline(&data))?;
     say(directory.join("report.md").display())?;
     Ok(Done::Finished)
+}
+
+/// Rows that somebody has changed can be had again.
+fn advised(error: StudyError) -> anyhow::Error {
+    match &error {
+        StudyError::Row { path, .. } => {
+            let advice = format!("; remove {} and run the study again to get it back", path.display());
+            anyhow::anyhow!("{error}{advice}")
+        }
+        StudyError::File(_) | StudyError::Json { .. } | StudyError::Manifest { .. } => error.into(),
+    }
 }

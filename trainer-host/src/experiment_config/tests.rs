@@ -1,11 +1,11 @@
 use std::fs;
-use std::path::PathBuf;
 
 use kestrel_core::action::ActionSpace;
 use kestrel_sim::scenario::{EndRule, StartPosition, Success, Termination};
 use proptest::prelude::*;
 
 use super::*;
+use crate::golden::{Messages, assert_golden, in_repository};
 use crate::schedule::Schedule;
 
 /// The shortest configuration: everything else has a default.
@@ -27,10 +27,6 @@ scenario:
     settle: {radius_m: 0.05, within_secs: 4}
 ";
 
-fn in_repository(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
-}
-
 fn trial(text: &str) -> Result<Experiment, ConfigError> {
     parse("trial.yaml", text, &[])
 }
@@ -39,80 +35,11 @@ fn example(name: &str) -> Experiment {
     load(&in_repository(&format!("configs/{name}.yaml")), &[]).unwrap()
 }
 
-/// Compares with a file of the repository, or rewrites it when the environment has `BLESS`.
-fn assert_golden(path: &str, actual: &str) {
-    let path = in_repository(path);
-    if std::env::var_os("BLESS").is_some() {
-        fs::write(&path, actual).unwrap();
-    }
-    let expected = fs::read_to_string(&path).unwrap();
-    assert!(
-        expected == actual,
-        "{} is out of date: run the test with BLESS=1 and look at the change",
-        path.display()
-    );
-}
-
-/// One block of `messages.txt` with the message as it is now.
-fn answered(block: &str) -> String {
-    let request: Vec<&str> = block.lines().filter(|line| !line.starts_with('!')).collect();
-    let with = |mark: &str| -> Vec<&str> { request.iter().filter_map(|line| line.strip_prefix(mark)).collect() };
-    let overrides: Vec<String> = with("--set ").into_iter().map(str::to_owned).collect();
-    let text = match with("- ").as_slice() {
-        [] => MINIMAL.to_owned(),
-        [taken, ..] => {
-            assert_eq!(MINIMAL.matches(taken).count(), 1, "`{taken}` is not in the configuration once");
-            MINIMAL.replace(taken, &with("+ ").join("\n"))
-        }
-    };
-    let refused = if with("@ ").is_empty() {
-        parse("trial.yaml", &text, &overrides).err().map(|error| error.to_string())
-    } else {
-        refused_beside(&request, &text, &overrides)
-    };
-    let message = refused.unwrap_or_else(|| "accepted".to_owned());
-    let message: Vec<String> = message.lines().map(|line| format!("! {line}")).collect();
-    format!("{}\n{}", request.join("\n"), message.join("\n"))
-}
-
-/// The message about `text` in a folder with the files of the request; it calls the folder nothing.
-fn refused_beside(request: &[&str], text: &str, overrides: &[String]) -> Option<String> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("trial.yaml");
-    fs::write(&path, text).unwrap();
-    let mut lines = request.iter().peekable();
-    while let Some(line) = lines.next() {
-        let Some(file) = line.strip_prefix("@ ") else { continue };
-        let (name, times) = file.split_once(' ').unwrap_or((file, "1 times"));
-        let times: usize = times.strip_suffix(" times").unwrap().parse().unwrap();
-        let mut content = String::new();
-        while let Some(line) = lines.next_if(|line| line.starts_with('|')) {
-            content.push_str(line.strip_prefix("| ").unwrap_or_default());
-            content.push('\n');
-        }
-        fs::write(folder.path().join(name), content.repeat(times)).unwrap();
-    }
-    let error = load(&path, overrides).err()?;
-    Some(error.to_string().replace(&format!("{}/", folder.path().display()), ""))
-}
-
 #[test]
 fn wrong_configurations_get_their_messages() {
-    const GOLDEN: &str = "trainer-host/src/experiment_config/messages.txt";
-    let golden = fs::read_to_string(in_repository(GOLDEN)).unwrap();
-    let (head, cases) = golden.trim_end().split_once("\n\n").unwrap();
-    let answers: Vec<String> = cases.split("\n\n").map(answered).collect();
-    assert!(answers.len() >= 200, "only {} cases", answers.len());
-    assert_golden(GOLDEN, &format!("{head}\n\n{}\n", answers.join("\n\n")));
-    // Every message says where, what was found and what was expected.
-    for answer in &answers {
-        let (_, message) = answer.split_once("! ").unwrap();
-        let place = message.split(": ").next().unwrap();
-        let numbered = place.split_once(".yaml:").or(place.split_once(".urdf:"));
-        let located = numbered.is_some_and(|(_, place)| place.starts_with(|letter: char| letter.is_ascii_digit()));
-        assert!(located || place.starts_with("--set "), "{answer}");
-        assert!(message.contains("found ") && message.contains(", expected "), "{answer}");
-    }
+    let check = |document, overrides: &[String]| from_document(document, overrides).map(drop);
+    let messages = Messages { minimal: MINIMAL, check };
+    messages.assert_golden("trainer-host/src/experiment_config/messages.txt", 200);
 }
 
 #[test]

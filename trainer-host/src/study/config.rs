@@ -1,6 +1,8 @@
 //! The study file: which tasks, in which orders, learned by which methods, how often.
 
 mod method;
+#[cfg(test)]
+pub(crate) mod tests;
 
 use std::path::Path;
 
@@ -161,7 +163,10 @@ pub struct StudyEvaluation {
 /// # Errors
 /// The first thing that is wrong, with its line or override, what was found and what was expected.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Study, ConfigError> {
-    let mut document = Document::read(path)?;
+    from_document(Document::read(path)?, overrides)
+}
+
+fn from_document(mut document: Document, overrides: &[String]) -> Result<Study, ConfigError> {
     document.require_version(VERSION)?;
     for assignment in overrides {
         document.set(assignment)?;
@@ -176,7 +181,11 @@ pub fn schema() -> String {
 }
 
 impl StudyConfig {
-    fn check(&self, root: &Field<'_>) -> Result<Study, ConfigError> {
+    /// The study at `root`, checked.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub(crate) fn check(&self, root: &Field<'_>) -> Result<Study, ConfigError> {
         check_name(&self.name, &root.at("name"))?;
         let tasks = self.check_tasks(&root.at("tasks"))?;
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
@@ -197,7 +206,7 @@ impl StudyConfig {
             training,
             evaluation: self.evaluation.check(&root.at("evaluation"))?,
             methods,
-            published: self.published.clone(),
+            published: self.check_published(&root.at("published"))?,
             resolved_yaml: self.resolved(),
         })
     }
@@ -244,6 +253,16 @@ impl StudyConfig {
         Ok(methods)
     }
 
+    fn check_published(&self, field: &Field<'_>) -> Result<Option<PublishedTable>, ConfigError> {
+        let Some(table) = &self.published else { return Ok(None) };
+        let columns = table.columns.len();
+        for (index, row) in table.rows.iter().enumerate().filter(|(_, row)| row.cells.len() != columns) {
+            let expected = format!("{columns}: one for each column");
+            return Err(field.at("rows").at(index).at("cells").refuse(row.cells.len(), expected));
+        }
+        Ok(Some(table.clone()))
+    }
+
     fn resolved(&self) -> String {
         let yaml = serde_yaml::to_string(self).expect("plain structs of numbers and names are YAML");
         format!("{RESOLVED_HEADER}{yaml}")
@@ -285,7 +304,12 @@ impl OrdersConfig {
                 if orders.is_empty() {
                     return Err(field.refuse("", "at least one order"));
                 }
-                let order = |(index, names): (usize, &Vec<String>)| order_of(names, tasks, &field.at(index));
+                let order = |(index, names): (usize, &Vec<String>)| {
+                    if orders[..index].contains(names) {
+                        return Err(field.at(index).reject(names.join(", ") + " again", "each order once"));
+                    }
+                    order_of(names, tasks, &field.at(index))
+                };
                 orders.iter().enumerate().map(order).collect()
             }
         }

@@ -365,3 +365,6 @@ fn stage_seed(seed: Seed, stage: usize) -> Seed {
     let [low, high, ..] = philox([stage as u32, 0, 0, 0], [seed.0 as u32, (seed.0 >> 32) as u32]);
     Seed(u64::from(high) << 32 | u64::from(low))
 }
+
+#[cfg(test)]
+mod tests;

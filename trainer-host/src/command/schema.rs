@@ -1,0 +1,35 @@
+//! `kestrel schema`.
+
+use anyhow::Result;
+use kestrel_train::output::say;
+use kestrel_train::{experiment_config, search, study};
+
+use super::Done;
+
+/// Arguments of `kestrel schema`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Kind of file
+    #[arg(value_enum, default_value_t = Kind::Experiment)]
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Kind {
+    /// What `kestrel train` reads
+    Experiment,
+    /// What `kestrel study` reads
+    Study,
+    /// What `kestrel search` reads
+    Search,
+}
+
+pub(crate) fn print(arguments: &Arguments) -> Result<Done> {
+    let schema = match arguments.kind {
+        Kind::Experiment => experiment_config::schema(),
+        Kind::Study => study::config::schema(),
+        Kind::Search => search::config::schema(),
+    };
+    say(schema.trim_end())?;
+    Ok(Done::Finished)
+}

@@ -1,0 +1,81 @@
+//! `kestrel search`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use kestrel_train::interrupt::Interrupt;
+use kestrel_train::output::{say, warn};
+use kestrel_train::search::runner::{CONFIG, SearchRun};
+use kestrel_train::search::{Search, config, log, report};
+use kestrel_train::training_run::End;
+
+use super::Done;
+use super::study::threads;
+
+/// Arguments of `kestrel search`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Run a search over all cores, or go on with it, and write its report
+    Run(RunArguments),
+    /// Write the report of a search, finished or not
+    Report {
+        /// Directory of the search
+        #[arg(value_name = "SEARCH")]
+        directory: PathBuf,
+    },
+}
+
+#[derive(Debug, clap::Args)]
+struct RunArguments {
+    /// Search file, such as configs/searches/anchor-strength.yaml
+    config: PathBuf,
+
+    /// Replace a value of the search file, such as trials=8 (repeatable)
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+
+    /// Directory of the search [default: searches/NAME]
+    #[arg(long, value_name = "DIRECTORY")]
+    directory: Option<PathBuf>,
+
+    /// Threads to use; the results do not depend on it [default: all cores]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    match &arguments.action {
+        Action::Run(arguments) => run_search(arguments),
+        Action::Report { directory } => report_on(directory, &config::load(&directory.join(CONFIG), &[])?),
+    }
+}
+
+fn run_search(arguments: &RunArguments) -> Result<Done> {
+    let search = config::load(&arguments.config, &arguments.set)?;
+    let directory = arguments.directory.clone().unwrap_or_else(|| Path::new("searches").join(&search.name));
+    let interrupt = Interrupt::watch("Stopping after the updates in progress; Ctrl-C again ends at once.")?;
+    let run = SearchRun::open(&search, &directory)?;
+    say(format_args!("Searching in {}: {} trials", directory.display(), search.trials))?;
+    let tell = |trials: &[_]| warn(report::headline(&search, trials));
+    match run.run(threads(arguments.threads), &interrupt, tell)? {
+        End::Finished => report_on(&directory, &search),
+        End::Interrupted => {
+            say("Saved. The same command goes on.")?;
+            Ok(Done::Interrupted)
+        }
+    }
+}
+
+fn report_on(directory: &Path, search: &Search) -> Result<Done> {
+    let trials = log::load(directory, search)?;
+    report::write(directory, search, &trials)?;
+    say(report::headline(search, &trials))?;
+    say(directory.join("report.md").display())?;
+    Ok(Done::Finished)
+}

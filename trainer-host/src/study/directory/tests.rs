@@ -1,0 +1,143 @@
+use std::fs;
+
+use super::*;
+use crate::study::config::tests::tiny;
+
+const JOB: JobId = JobId { seed: 0, order: 0, method: 0 };
+
+/// A study's directory with checkpoints of its first job after one and two updates.
+fn with_checkpoints(study: &Study, path: &Path) -> Vec<PathBuf> {
+    let directory = StudyDirectory::open_trial(study, path).unwrap();
+    let mut run = directory.open_job(JOB).unwrap();
+    for _ in 0..2 {
+        run.advance();
+        directory.save_job(JOB, &run).unwrap();
+    }
+    let mut checkpoints = entries(&directory.checkpoints(JOB)).unwrap();
+    checkpoints.sort();
+    assert_eq!(checkpoints.len(), 2);
+    checkpoints
+}
+
+fn damage(path: &Path) {
+    let mut bytes = fs::read(path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(path, bytes).unwrap();
+}
+
+fn refusal(study: &Study, path: &Path) -> String {
+    StudyDirectory::open_trial(study, path).unwrap_err().to_string().replace(&path.display().to_string(), "study")
+}
+
+#[test]
+fn a_damaged_checkpoint_costs_only_time() {
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[]);
+    let checkpoints = with_checkpoints(&study, place.path());
+    let directory = StudyDirectory::open_trial(&study, place.path()).unwrap();
+    let steps = || directory.open_job(JOB).unwrap().steps();
+    let after_two = steps();
+    damage(&checkpoints[1]);
+    let after_one = steps();
+    assert!(0 < after_one && after_one < after_two, "{after_one} {after_two}");
+    damage(&checkpoints[0]);
+    assert_eq!(steps(), 0);
+    fs::write(&checkpoints[1], b"").unwrap();
+    assert_eq!(steps(), 0);
+}
+
+#[test]
+fn a_checkpoint_of_another_version_is_kept_and_named() {
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[]);
+    let checkpoints = with_checkpoints(&study, place.path());
+    for path in &checkpoints {
+        let mut bytes = fs::read(path).unwrap();
+        bytes[8] = 77;
+        fs::write(path, bytes).unwrap();
+    }
+    let directory = StudyDirectory::open_trial(&study, place.path()).unwrap();
+    let error = directory.open_job(JOB).unwrap_err().to_string();
+    assert!(error.contains("has checkpoint format 77, expected") && error.contains("; or remove "), "{error}");
+    assert!(checkpoints.iter().all(|path| path.exists()));
+}
+
+#[test]
+fn what_a_killed_process_leaves_is_no_obstacle_and_goes() {
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[]);
+    // Killed as it began: nothing but a lock and a half-written study.
+    fs::write(place.path().join(".lock"), "1").unwrap();
+    fs::write(place.path().join(".unfinished-a"), "vers").unwrap();
+    with_checkpoints(&study, place.path());
+    // Killed between the rows and the removal of the checkpoints.
+    let rows = place.path().join("rows/plain");
+    fs::create_dir_all(&rows).unwrap();
+    fs::write(rows.join("0-0.csv"), "").unwrap();
+    fs::write(rows.join(".unfinished-b"), "method,or").unwrap();
+    let directory = StudyDirectory::open_trial(&study, place.path()).unwrap();
+    assert!(directory.is_done(JOB));
+    let left: Vec<String> = entries(place.path())
+        .unwrap()
+        .iter()
+        .map(|path| path.file_name().unwrap().to_string_lossy().into_owned())
+        .filter(|name| name != ".lock")
+        .collect();
+    assert!(
+        left.len() == 3 && left.iter().all(|name| ["rows", "study.json", "study.yaml"].contains(&name.as_str())),
+        "{left:?}"
+    );
+    assert_eq!(entries(&rows).unwrap().len(), 1);
+}
+
+#[test]
+fn a_study_killed_between_its_two_files_goes_on() {
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[]);
+    drop(StudyDirectory::open_trial(&study, place.path()).unwrap());
+    fs::remove_file(place.path().join("study.json")).unwrap();
+    drop(StudyDirectory::open_trial(&study, place.path()).unwrap());
+    assert!(place.path().join("study.json").exists());
+}
+
+#[test]
+fn only_the_number_of_seeds_may_change() {
+    let place = tempfile::tempdir().unwrap();
+    drop(StudyDirectory::open_trial(&tiny(&[]), place.path()).unwrap());
+    drop(StudyDirectory::open_trial(&tiny(&["seeds.count=5"]), place.path()).unwrap());
+    let other_team =
+        refusal(&tiny(&["tasks.0.scenario.agents.count=2", "tasks.1.scenario.agents.count=2"]), place.path());
+    assert!(other_team.contains("found `count: 1`, expected `count: 2` as the study now says"), "{other_team}");
+    let other_seed = refusal(&tiny(&["seeds.first=3"]), place.path());
+    assert!(other_seed.contains("found `first: 0`, expected `first: 3`"), "{other_seed}");
+    assert!(other_seed.starts_with("study/study.yaml:"), "{other_seed}");
+    let added = refusal(&tiny(&["methods.0.training={epochs: 3}"]), place.path());
+    assert!(added.contains("expected `training:"), "{added}");
+}
+
+#[test]
+fn other_directories_are_left_alone() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("thesis.tex"), "").unwrap();
+    assert_eq!(refusal(&tiny(&[]), place.path()), "study is not empty and holds no study: choose a new directory");
+    assert_eq!(entries(place.path()).unwrap().len(), 1, "not even a lock is left there");
+}
+
+#[test]
+fn a_second_process_is_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[]);
+    let _first = StudyDirectory::open_trial(&study, place.path()).unwrap();
+    assert!(refusal(&study, place.path()).starts_with("study is in use by process "));
+}
+
+#[test]
+fn a_damaged_manifest_is_named() {
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[]);
+    drop(StudyDirectory::open_trial(&study, place.path()).unwrap());
+    fs::write(place.path().join("study.json"), "{\n\"name\": 3}").unwrap();
+    let error = refusal(&study, place.path());
+    assert!(error.starts_with("study/study.json:2: "), "{error}");
+}

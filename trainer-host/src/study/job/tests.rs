@@ -1,0 +1,128 @@
+use super::*;
+use crate::study::config::tests::tiny;
+
+const JOB: JobId = JobId { seed: 0, order: 0, method: 0 };
+
+/// Every way to learn several tasks, each with something to remember.
+const PROCEDURES: [&str; 18] = [
+    "sequential: {}",
+    "sequential: {policy: reset}",
+    "sequential: {log_std: inherited, learner: inherited}",
+    "sequential: {consolidator: {anchor: {strength: {fixed: 1}}}}",
+    "sequential: {consolidator: {anchor: {strength: {budget_nats: 0.1}, coupling: proximal}}}",
+    "sequential: {consolidator: {anchor: {strength: {fixed: 1}, gradient: measured, curvature: sensitivity}}}",
+    "sequential: {consolidator: {anchor: {strength: {fixed: 1}, gradient: absent, curvature: identity, decay: 0.5}}}",
+    "sequential: {consolidator: {published: {rule: literal, gradient_weight: 1, curvature: 1}}}",
+    "sequential: {consolidator: {published: {rule: absolute, gradient_weight: 1, curvature: 1}}}",
+    "sequential: {consolidator: {published: {rule: head, gradient_weight: 1, curvature: 1}}}",
+    "sequential: {consolidator: {synaptic_intelligence: {strength: 1}}}",
+    "sequential: {consolidator: {coreset: {bytes: 4096}}}",
+    "joint: {}",
+    "sharing: {every_updates: 2}",
+    "sharing: {every_updates: 1, optimiser: own, log_std: own}",
+    "sharing: {every_updates: 1, merge: first_row, optimiser: reset}",
+    "experts: {}",
+    "distil: {bytes: 4096, steps: 7}",
+];
+
+fn learning(procedure: &str, more: &[&str]) -> Study {
+    let method = format!("methods.0.learn={{{procedure}}}");
+    tiny(&[&[method.as_str()], more].concat())
+}
+
+fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
+}
+
+fn uninterrupted(study: &Study) -> JobResult {
+    let mut run = JobRun::begin(study, JOB);
+    while !run.is_finished() {
+        run.advance();
+    }
+    run.into_result()
+}
+
+/// Saved, written, read and restored before every update and at the end.
+fn interrupted(study: &Study) -> JobResult {
+    let mut run = JobRun::begin(study, JOB);
+    let mut last = 0;
+    loop {
+        let state = run.save();
+        let read: JobState = postcard::from_bytes(&postcard::to_allocvec(&state).unwrap()).unwrap();
+        assert!(read == state, "a state is read as it was written");
+        run = JobRun::restore(study, JOB, read).unwrap();
+        assert!(run.save() == state, "what was restored is what was saved");
+        if run.is_finished() {
+            return run.into_result();
+        }
+        run.advance();
+        assert!(run.steps() > last && run.steps() <= study.steps_of(JOB), "steps only rise");
+        last = run.steps();
+    }
+}
+
+#[test]
+fn interruptions_and_threads_leave_no_trace_in_any_procedure() {
+    for procedure in PROCEDURES {
+        let study = learning(procedure, &[]);
+        let whole = on_threads(1, || uninterrupted(&study));
+        let halves = on_threads(3, || interrupted(&study));
+        assert!(halves == whole, "{procedure}");
+    }
+}
+
+#[test]
+fn a_stage_that_ends_early_is_restored_too() {
+    // Every flight is good enough.
+    let study =
+        learning("sequential: {}", &["evaluation.stop_at_success=0.000001", "evaluation.flights_per_stage=1"]);
+    assert!(interrupted(&study) == uninterrupted(&study));
+}
+
+#[test]
+fn every_stage_leaves_flights_of_every_task_and_its_share_of_the_curve() {
+    let study = learning("sequential: {}", &[]);
+    let result = uninterrupted(&study);
+    let episodes = study.evaluation.episodes;
+    let groups: Vec<(usize, usize)> =
+        result.rows.chunks(episodes).map(|rows| (rows[0].stage, rows[0].task)).collect();
+    assert_eq!(groups, [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)]);
+    let curve: Vec<(usize, u64)> = result.curve.iter().map(|row| (row.stage, row.steps)).collect();
+    assert_eq!(curve, [(1, 4096), (1, 8192), (2, 4096), (2, 8192)]);
+}
+
+#[test]
+fn orders_of_different_length_train_what_they_name() {
+    let study = learning("sequential: {}", &["orders={these: [[high]]}"]);
+    let result = uninterrupted(&study);
+    assert_eq!(result.rows.last().unwrap().stage, 1);
+    assert!(interrupted(&study) == result);
+}
+
+#[test]
+fn all_methods_begin_alike() {
+    let first = |procedure: &str| {
+        let run = JobRun::begin(&learning(procedure, &[]), JOB).save();
+        run.progress.rows
+    };
+    assert!(first("sequential: {}") == first("experts: {}"));
+    assert!(first("sequential: {}") == first("sharing: {every_updates: 1}"));
+}
+
+#[test]
+fn a_state_of_another_procedure_is_refused() {
+    let saved = JobRun::begin(&learning("sharing: {every_updates: 1}", &[]), JOB).save();
+    assert!(JobRun::restore(&learning("sequential: {}", &[]), JOB, saved).is_err());
+}
+
+#[test]
+fn memory_is_what_each_procedure_keeps() {
+    let bytes = |procedure: &str| {
+        let result = uninterrupted(&learning(procedure, &[]));
+        (result.stored_bytes / result.parameters / 4, result.training_bytes / result.parameters / 4)
+    };
+    assert_eq!(bytes("sequential: {}"), (0, 0));
+    assert_eq!(bytes("joint: {}"), (0, 0));
+    assert_eq!(bytes("experts: {}"), (1, 1));
+    assert_eq!(bytes("sharing: {every_updates: 2}"), (0, 2));
+}
