@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 pub use kinematic::KinematicLayout;
 pub use paper::{PAPER_LEN, PaperLayout};
-pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout};
+pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout, PilotMeasuredLayout};
 
 use crate::action::ACTION_LIMIT;
 use crate::real::Real;
@@ -34,6 +34,8 @@ pub enum ObservationLayout {
     Measured(MeasuredLayout),
     /// [`PilotForLayout`]: the `pilot` layout for an action that has not four values.
     PilotFor(PilotForLayout),
+    /// [`PilotMeasuredLayout`]: the `pilot` layout, then sensors.
+    PilotMeasured(PilotMeasuredLayout),
 }
 
 /// What sensors deliver, in the scenario's order and scales.
@@ -68,6 +70,7 @@ impl ObservationLayout {
             Self::Kinematic(layout) => layout.len(),
             Self::Measured(layout) => layout.len as usize,
             Self::PilotFor(layout) => layout.len(),
+            Self::PilotMeasured(layout) => layout.len(),
         }
     }
 
@@ -78,13 +81,14 @@ impl ObservationLayout {
             Self::Paper(_) => "paper",
             Self::Kinematic(_) => "kinematic",
             Self::Measured(_) => "measured",
+            Self::PilotMeasured(_) => "pilot_measured",
         }
     }
 
     /// Whether it shows where the drone should be: only such a policy can be told where to fly.
     pub const fn shows_goal(&self) -> bool {
         match self {
-            Self::Pilot(_) | Self::PilotFor(_) => true,
+            Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) => true,
             Self::Paper(_) | Self::Kinematic(_) | Self::Measured(_) => false,
         }
     }
@@ -92,7 +96,7 @@ impl ObservationLayout {
     /// How many past actions it reads.
     pub const fn history_len(&self) -> usize {
         match self {
-            Self::Pilot(_) | Self::PilotFor(_) => 1,
+            Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) => 1,
             Self::Paper(_) | Self::Measured(_) => 0,
             Self::Kinematic(layout) => layout.past_actions as usize,
         }
@@ -121,6 +125,7 @@ impl ObservationLayout {
                 }
             }
             Self::PilotFor(layout) => layout.encode(seen, out),
+            Self::PilotMeasured(layout) => layout.encode(seen, out),
         }
     }
 }
@@ -225,6 +230,19 @@ mod tests {
         let four: [f64; 24] = encoded(&layout(4), &HISTORY);
         assert_eq!(four[12..18], [0.0, 0.0, 0.0, 0.1, 0.2, 0.3]);
         assert_eq!(layout(4).history_len(), 4);
+    }
+
+    #[test]
+    fn the_pilot_measured_layout_is_the_pilots_and_then_the_sensors() {
+        let pilot: [f64; PILOT_LEN] = encoded(&ObservationLayout::Pilot(PILOT), &HISTORY);
+        let layout = |measured_len| {
+            ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales: PILOT, measured_len })
+        };
+        let both: [f64; PILOT_LEN + 3] = encoded(&layout(3), &HISTORY);
+        assert_eq!(both[..PILOT_LEN], pilot);
+        assert_eq!(both[PILOT_LEN..], [0.25, -0.5, 0.0]);
+        let one: [f64; PILOT_LEN + 1] = encoded(&layout(1), &HISTORY);
+        assert_eq!(one[PILOT_LEN..], [0.25]);
     }
 
     #[test]

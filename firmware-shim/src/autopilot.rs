@@ -15,7 +15,7 @@
 //! Besides, disarming works in every mode without flight, stopping the motors in every mode, and a state that is
 //! not finite for [`BLIND_SECS`] ends in Disarmed. Motors turn in the four modes of flight only.
 
-use kestrel_core::observation::{ObservationLayout, PilotForLayout};
+use kestrel_core::observation::{ObservationLayout, PilotForLayout, PilotMeasuredLayout};
 use kestrel_core::pilot::Pilot;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -182,7 +182,9 @@ impl Mode {
 /// How far a goal may run ahead \[m\]: a layout that cuts far goals short must still see all of the way.
 fn leash_m(layout: &ObservationLayout) -> f32 {
     match layout {
-        ObservationLayout::Pilot(scales) | ObservationLayout::PilotFor(PilotForLayout { scales, .. }) => {
+        ObservationLayout::Pilot(scales)
+        | ObservationLayout::PilotFor(PilotForLayout { scales, .. })
+        | ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, .. }) => {
             LEASH_M.min(scales.position_scale_m)
         }
         ObservationLayout::Paper(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => LEASH_M,

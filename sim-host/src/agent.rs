@@ -129,7 +129,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             read_velocity: [nothing; 3],
             scales: PrivilegedScales::of(scenario),
         };
-        if !scenario.sensors.is_empty() {
+        if !scenario.sensors.instruments().is_empty() {
             agent.sensors = agent.streams.iter_mut().map(|stream| scenario.sensors.begin(stream)).collect();
         }
         for lane in 0..LANES {
@@ -338,7 +338,18 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             ObservationLayout::PilotFor(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
                 for lane in 0..LANES {
                     self.sense_lane(scenario, stage.arena, lane);
+                    self.scan_lane(scenario, stage.arena, lane);
                     self.observe_lane(scenario, lane);
+                }
+            }
+            ObservationLayout::PilotMeasured(layout) => {
+                for lane in 0..LANES {
+                    self.sense_lane(scenario, stage.arena, lane);
+                    self.scan_lane(scenario, stage.arena, lane);
+                }
+                self.observe_as_pilot(layout.scales);
+                if let Some((_, columns)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() {
+                    columns.copy_from_slice(&self.measurements);
                 }
             }
         }
@@ -413,12 +424,23 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             raycast: arena.is_some().then_some(&cast),
         };
         let mut values = [0.0; OBSERVATION_LIMIT];
-        let values = &mut values[..scenario.sensors.len()];
+        let values = &mut values[..scenario.sensors.instruments_len()];
         scenario.sensors.read(memory, &truth, &mut self.streams[lane], values);
         for (column, value) in self.measurements.iter_mut().zip(values) {
             column[lane] = R::from_f32(*value);
         }
         set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
+    }
+
+    /// Casts the beams of the scan, where there is one.
+    #[inline(always)]
+    fn scan_lane(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
+        let (Some(scan), Some(arena)) = (scenario.sensors.scan(), arena) else { return };
+        let nearness = arena.nearness(row(&self.swarm.position, lane).map(Real::to_f32));
+        let columns = self.measurements.iter_mut().skip(scenario.sensors.instruments_len()).take(scan.len());
+        for (column, value) in columns.zip(nearness) {
+            column[lane] = R::from_f32(value);
+        }
     }
 
     /// \[rad/s\], world, as the preset reports it.
@@ -481,6 +503,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
             self.sense_lane(scenario, arena, lane);
         }
+        self.scan_lane(scenario, arena, lane);
         self.observe_lane(scenario, lane);
         let scales = self.scales;
         self.reveal_lane(&scales, lane);

@@ -28,6 +28,9 @@ mod urdf;
 mod vehicle;
 mod world;
 
+use std::sync::Arc;
+
+use kestrel_core::airframe::Airframe;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -53,7 +56,7 @@ pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
 pub use schema::schema_of;
 pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GyroscopeConfig, ImuConfig,
-    RangeConfig, SensorConfig,
+    RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,
 };
 pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConfig};
 pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
@@ -63,7 +66,8 @@ pub use world::{
     TurnedBoxConfig,
 };
 
-use crate::scenario::{Goals, Preset, Scenario};
+use crate::contact::WayMap;
+use crate::scenario::{Aviary, Cuboid, EndRule, Goals, Preset, Scenario, Termination};
 
 /// Default of [`ScenarioConfig::episode_secs`].
 const EPISODE_SECS: f64 = 8.0;
@@ -148,12 +152,14 @@ impl ScenarioConfig {
         let first_goals = goals.first(&aviary.goal, agents.count);
         let start = self.start.check(&aviary, &airframe, &terminations, &first_goals, &field.at("start"))?;
         self.check_quiet_air(physics.preset, field)?;
+        let ways = Arc::new(ways(&aviary, &airframe, &terminations));
+        self.check_ways(&goals, field)?;
         let (clock, time_limit) = self.clock.check();
         Ok(Scenario {
             name: name.to_owned(),
             critic: self.critic.check(),
             randomisation: self.randomisation.check(&field.at("randomisation"))?,
-            rewards: RewardConfig::check_all(&self.rewards, rate, &field.at("rewards"))?,
+            rewards: RewardConfig::check_all(&self.rewards, rate, &ways, &field.at("rewards"))?,
             episode_secs: field.at("episode_secs").number(self.episode_secs, &EPISODE_LIMITS)?,
             success: self.success.check(&aviary, self.episode_secs, &terminations, &field.at("success"))?,
             goals,
@@ -169,6 +175,18 @@ impl ScenarioConfig {
             start,
             terminations,
         })
+    }
+
+    /// Refuses `advance` towards a goal that is not one place.
+    fn check_ways(&self, goals: &Goals, field: &Field<'_>) -> Result<(), ConfigError> {
+        let advance = |reward: &RewardConfig| matches!(reward, RewardConfig::Advance { .. });
+        match (goals, self.rewards.iter().position(advance)) {
+            (Goals::PerAgent(_) | Goals::Line(_) | Goals::Wave { .. }, Some(index)) => {
+                let field = field.at("rewards").at(index).at("advance");
+                Err(field.reject("`advance` beside `goals`", "`progress`: ways lead to one goal that stands still"))
+            }
+            (_, _) => Ok(()),
+        }
     }
 
     /// Refuses randomisation in the reference's physics, which has none.
@@ -189,4 +207,16 @@ impl ScenarioConfig {
             (Preset::Bullet { .. } | Preset::Clean { .. }, _) => Ok(()),
         }
     }
+}
+
+/// The ways to the goal inside the bounds of the terminations, or where there are none within reach of what stands there.
+fn ways(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> WayMap {
+    let bounds = terminations.iter().find_map(|rule| match &rule.rule {
+        Termination::OutOfBounds(bounds) => Some(*bounds),
+        _ => None,
+    });
+    let around_goal = Cuboid { low: aviary.goal.add_scalar(-1.0), high: aviary.goal.add_scalar(1.0) };
+    let all = |whole: Cuboid, part: Cuboid| Cuboid { low: whole.low.inf(&part.low), high: whole.high.sup(&part.high) };
+    let bounds = bounds.unwrap_or_else(|| aviary.world.bounds().into_iter().fold(around_goal, all));
+    WayMap::new(&aviary.world, &aviary.goal, bounds, airframe.collision_radius)
 }

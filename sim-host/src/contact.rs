@@ -14,10 +14,12 @@ mod manifold;
 mod outline;
 mod penetration;
 mod rapier;
+mod scanner;
 mod separation;
 mod solver;
 #[cfg(test)]
 mod tests;
+mod way_map;
 
 use core::ops::BitOrAssign;
 
@@ -26,6 +28,7 @@ use nalgebra::Vector3;
 pub use arena::Arena;
 pub use manifold::ContactMemory;
 pub use solver::ContactSolver;
+pub use way_map::WayMap;
 
 use crate::world::Pose;
 

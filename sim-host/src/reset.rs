@@ -7,8 +7,11 @@ use kestrel_core::real::Real;
 use kestrel_core::vehicle::{State, Vehicle};
 use nalgebra::Vector3;
 
-use crate::scenario::{Place, Preset, Randomisation, Scenario, Start, StartPosition};
+use crate::scenario::{Cuboid, FreeSpace, Place, Preset, Randomisation, Scenario, Start, StartPosition};
 use crate::seed::Stream;
+
+/// Draws of a position before the search for a free one ends: in a box that is one tenth free it fails once in 10¹¹ times.
+const DRAWS: u32 = 256;
 
 /// What one episode starts from.
 #[derive(Clone, Copy, Debug)]
@@ -76,8 +79,16 @@ fn position(start: &Start, goal: &Vector3<f32>, stream: &mut Stream) -> Vector3<
         StartPosition::Within(cuboid) => {
             Vector3::from_fn(|axis, _| stream.between(cuboid.low[axis], cuboid.high[axis]))
         }
+        StartPosition::FreeWithin(space) => free_position(space, stream),
         StartPosition::Exactly(_) => Vector3::zeros(),
     }
+}
+
+/// Uniform in the free part of a box; where that is very small, the place that is known to be free.
+fn free_position(space: &FreeSpace, stream: &mut Stream) -> Vector3<f32> {
+    let Cuboid { low, high } = &space.region;
+    let mut draws = (0..DRAWS).map(|_| Vector3::from_fn(|axis, _| stream.between(low[axis], high[axis])));
+    draws.find(|point| space.holds(point)).unwrap_or(space.refuge)
 }
 
 /// Any heading, then a tilt of uniform size about a uniform horizontal axis.

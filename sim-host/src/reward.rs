@@ -6,8 +6,9 @@ mod tests;
 
 use kestrel_core::real::Real;
 
+use crate::contact::WayMap;
 use crate::scenario::{AgentSet, RewardTerm, WeightedTerm};
-use crate::swarm::{Column, Swarm};
+use crate::swarm::{Column, Swarm, row};
 
 /// What the terms look at.
 pub(crate) struct StepView<'a, const LANES: usize, R: Real> {
@@ -77,6 +78,7 @@ impl WeightedTerm {
             RewardTerm::Progress => {
                 each(values, |i| weight * (view.previous_distances[i] - view.distances[i]));
             }
+            RewardTerm::Advance(ways) => advance(view, ways, weight, &mut memory[0], values),
             RewardTerm::Shaping { discount } => {
                 let discount = R::from_f32(*discount);
                 each(values, |i| weight * (view.previous_distances[i] - discount * view.distances[i]));
@@ -96,6 +98,7 @@ impl RewardTerm {
     pub(crate) fn memory_len(&self) -> usize {
         match self {
             Self::Component(component) => component.memory_len(),
+            Self::Advance(_) => 1,
             Self::Alive
             | Self::Proximity { .. }
             | Self::Distance
@@ -109,6 +112,25 @@ impl RewardTerm {
             | Self::Success
             | Self::Failure => 0,
         }
+    }
+}
+
+/// Metres that the way became shorter; none in the first step, before which it is not known.
+///
+/// Not inlined into the kernels: it is looked up, lane by lane.
+#[inline(never)]
+fn advance<const LANES: usize, R: Real>(
+    view: &StepView<'_, LANES, R>,
+    ways: &WayMap,
+    weight: R,
+    before: &mut Column<LANES, R>,
+    values: &mut Column<LANES, R>,
+) {
+    for lane in 0..LANES {
+        let length = R::from_f32(ways.length(row(&view.swarm.position, lane).map(Real::to_f32)));
+        let gained = if component::is_unset(before[lane]) { R::zero() } else { before[lane] - length };
+        values[lane] = weight * gained;
+        before[lane] = length;
     }
 }
 

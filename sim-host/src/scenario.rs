@@ -237,8 +237,23 @@ pub enum StartPosition {
     },
     /// Uniform in a box.
     Within(Cuboid),
+    /// Uniform where a box is free.
+    FreeWithin(FreeSpace),
     /// Always there, one place for each drone.
     Exactly(Vec<Place>),
+}
+
+/// The part of a box that is far enough from everything.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeSpace {
+    /// The box.
+    pub region: Cuboid,
+    /// Least distance of a start \[m\] to the obstacles.
+    pub clearance_m: f32,
+    /// Axis-aligned bounds of what stands there.
+    pub obstacles: Vec<Cuboid>,
+    /// A point that is free.
+    pub refuge: Vector3<f32>,
 }
 
 /// A position and a heading.
@@ -338,6 +353,14 @@ impl Goals {
             Self::Fixed | Self::PerAgent(_) => false,
             Self::Line(_) | Self::Wave { .. } => true,
         }
+    }
+}
+
+impl FreeSpace {
+    /// Whether a point \[m, world\] is far enough from everything.
+    pub fn holds(&self, point: &Vector3<f32>) -> bool {
+        let limit = self.clearance_m * self.clearance_m;
+        self.obstacles.iter().all(|Cuboid { low, high }| (point - point.sup(low).inf(high)).norm_squared() >= limit)
     }
 }
 

@@ -6,6 +6,7 @@
 //! it was perfect, [`instrument`] how it falls short.
 
 pub mod instrument;
+mod scan;
 pub mod signal;
 #[cfg(test)]
 mod tests;
@@ -17,6 +18,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::seed::Stream;
 use instrument::{Instrument, InstrumentMemory};
+
+pub use scan::{BEAM_LIMIT, Scan, ScanRing};
 
 /// Distance \[m\] from an origin along a unit direction (both world) to the nearest thing within a limit \[m\].
 pub type Raycast<'a> = &'a dyn Fn(Vector3<f64>, Vector3<f64>, f64) -> Option<f64>;
@@ -36,6 +39,7 @@ pub struct Truth<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorSuite {
     instruments: Vec<Instrument>,
+    scan: Option<Scan>,
     /// Time between two readings \[s\].
     control_secs: f64,
 }
@@ -51,7 +55,13 @@ pub struct SensorMemory {
 impl SensorSuite {
     /// These instruments, read every `control_secs` \[s\].
     pub fn new(instruments: Vec<Instrument>, control_secs: f64) -> Self {
-        Self { instruments, control_secs }
+        Self { instruments, scan: None, control_secs }
+    }
+
+    /// The same with a scan, whose values are the last.
+    #[must_use]
+    pub fn with_scan(self, scan: Option<Scan>) -> Self {
+        Self { scan, ..self }
     }
 
     /// No instruments.
@@ -64,13 +74,23 @@ impl SensorSuite {
         &self.instruments
     }
 
-    /// Whether there is no instrument.
-    pub fn is_empty(&self) -> bool {
-        self.instruments.is_empty()
+    /// The scan, whose beams a simulation casts all at once.
+    pub fn scan(&self) -> Option<&Scan> {
+        self.scan.as_ref()
     }
 
-    /// Number of values of a reading.
+    /// Whether nothing is measured.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of values of a reading, those of the scan included.
     pub fn len(&self) -> usize {
+        self.instruments_len() + self.scan.as_ref().map_or(0, Scan::len)
+    }
+
+    /// Number of values that [`Self::read`] writes.
+    pub fn instruments_len(&self) -> usize {
         self.instruments.iter().map(|instrument| instrument.signal.width()).sum()
     }
 
@@ -80,14 +100,15 @@ impl SensorSuite {
         SensorMemory { readings: 0, instruments: self.instruments.iter().map(begin).collect() }
     }
 
-    /// Reads all instruments once, one control period after the last time; `out` has [`Self::len`] values.
+    /// Reads all instruments once, one control period after the last time; `out` has [`Self::instruments_len`]
+    /// values.
     ///
     /// The first reading of an episode finds instruments that have been running: their first sample is already there.
     ///
     /// # Panics
     /// When `out` has another length or `memory` is of another suite.
     pub fn read(&self, memory: &mut SensorMemory, truth: &Truth<'_>, stream: &mut Stream, out: &mut [f32]) {
-        assert_eq!(out.len(), self.len(), "a reading has as many values as its suite");
+        assert_eq!(out.len(), self.instruments_len(), "a reading has as many values as its suite");
         assert_eq!(memory.instruments.len(), self.instruments.len(), "a memory belongs to its suite");
         let mut values = out.iter_mut();
         for (instrument, memory_of_it) in self.instruments.iter().zip(&mut memory.instruments) {

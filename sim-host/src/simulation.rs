@@ -394,7 +394,11 @@ fn arena(scenario: &Scenario) -> Option<Arc<Arena>> {
     match scenario.physics.contacts {
         Contacts::Absent => None,
         Contacts::Reported | Contacts::Solved => {
-            Some(Arc::new(Arena::new(&scenario.aviary.world, &scenario.airframe, report)))
+            let arena = Arena::new(&scenario.aviary.world, &scenario.airframe, report);
+            Some(Arc::new(match scenario.sensors.scan() {
+                Some(scan) => arena.with_scan(&scenario.aviary.world, scan),
+                None => arena,
+            }))
         }
     }
 }

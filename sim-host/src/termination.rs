@@ -124,6 +124,7 @@ impl Termination {
             | Self::LevelWithin { .. }
             | Self::EnterArea(_)
             | Self::Hold { .. }
+            | Self::Rest { .. }
             | Self::Arrival { .. } => Ending::Success,
         }
     }
@@ -132,7 +133,7 @@ impl Termination {
     pub(crate) fn memory_len(&self) -> usize {
         match self {
             Self::Coverage(field) => field.len(),
-            Self::Fuel { .. } | Self::Hold { .. } => 1,
+            Self::Fuel { .. } | Self::Hold { .. } | Self::Rest { .. } => 1,
             Self::Collision { .. }
             | Self::OutOfBounds(_)
             | Self::Tilt { .. }
@@ -206,6 +207,18 @@ fn mark_ends<const LANES: usize, R: Real>(
                 let slow = velocity.x * velocity.x + velocity.y * velocity.y + velocity.z * velocity.z < limit;
                 let held = slow & (view.distances[lane] < radius);
                 memory[0][lane] += if held { R::one() } else { R::zero() };
+            }
+            let enough = R::from_f64(f64::from(*periods) - 0.5);
+            mark(codes, end, |lane| memory[0][lane] < enough);
+        }
+        Termination::Rest { speed_limit, tilt_limit, periods } => {
+            let (limit, least) = (R::from_f32(speed_limit * speed_limit), R::from_f32(libm::cosf(*tilt_limit)));
+            for lane in 0..LANES {
+                let velocity = vector(&swarm.velocity, lane);
+                let slow = velocity.x * velocity.x + velocity.y * velocity.y + velocity.z * velocity.z < limit;
+                let upright = least < swarm.state(lane).world_from_body.up_cosine();
+                let rests = slow & upright & (half < view.touches[1][lane]);
+                memory[0][lane] = if rests { memory[0][lane] + R::one() } else { R::zero() };
             }
             let enough = R::from_f64(f64::from(*periods) - 0.5);
             mark(codes, end, |lane| memory[0][lane] < enough);

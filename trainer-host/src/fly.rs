@@ -14,7 +14,7 @@ use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
 use kestrel_shim::vehicle::Counts;
 use kestrel_sim::flight::Flight;
-use kestrel_sim::scenario::{Scenario, StartPosition};
+use kestrel_sim::scenario::{FreeSpace, Scenario, StartPosition};
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -149,7 +149,7 @@ fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {
 fn launch_site(scenario: &Scenario) -> Vector3<f32> {
     let middle = match &scenario.start.position {
         StartPosition::AroundGoal { .. } => scenario.aviary.goal,
-        StartPosition::Within(region) => (region.low + region.high) * 0.5,
+        StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => (region.low + region.high) * 0.5,
         StartPosition::Exactly(places) => places[0].position.cast(),
     };
     Vector3::new(middle.x, middle.y, 0.0)

@@ -115,6 +115,35 @@ impl PilotForLayout {
     }
 }
 
+/// The `pilot` layout, then what the sensors deliver, in the scenario's order and scales.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PilotMeasuredLayout {
+    /// What reads as one.
+    pub scales: PilotLayout,
+    /// How many values the sensors deliver.
+    pub measured_len: u8,
+}
+
+impl PilotMeasuredLayout {
+    /// Number of values.
+    #[expect(clippy::len_without_is_empty, reason = "no layout is empty")]
+    pub const fn len(&self) -> usize {
+        PILOT_LEN + self.measured_len as usize
+    }
+
+    /// Writes the observation to the start of `out`; measurements that are missing read as zero.
+    #[inline(always)]
+    pub fn encode<R: Real>(&self, seen: &Seen<'_, R>, out: &mut [R]) {
+        let [a, b, c, d, _, _] = seen.previous_action();
+        let pilot = self.scales.encode(seen.state, seen.goal, &[a, b, c, d]);
+        let measured = seen.measurements.iter().copied().chain(core::iter::repeat(R::zero()));
+        let values = pilot.into_iter().chain(measured.take(usize::from(self.measured_len)));
+        for (slot, value) in out.iter_mut().zip(values) {
+            *slot = value;
+        }
+    }
+}
+
 /// `vector` shortened to length one where it is longer.
 #[inline(always)]
 fn direction_limited<R: Real>([x, y, z]: [R; 3]) -> [R; 3] {

@@ -11,7 +11,7 @@ use crate::observation::{HISTORY_LIMIT, ObservationLayout, PilotLayout};
 pub const NAME_LIMIT: usize = 64;
 
 /// Layouts are numbered from one to this.
-pub(crate) const LAYOUT_COUNT: u16 = 5;
+pub(crate) const LAYOUT_COUNT: u16 = 6;
 
 /// Action spaces are numbered from one to this.
 pub(crate) const SPACE_COUNT: u16 = 3;
@@ -41,6 +41,7 @@ pub(crate) const fn layout_identifier(layout: &ObservationLayout) -> u16 {
         ObservationLayout::Kinematic(_) => 3,
         ObservationLayout::Measured(_) => 4,
         ObservationLayout::PilotFor(_) => 5,
+        ObservationLayout::PilotMeasured(_) => 6,
     }
 }
 
@@ -76,6 +77,12 @@ fn check_observation(layout: &ObservationLayout, action_len: usize) -> Result<()
             check_scales(&pilot.scales)?;
             let found = usize::from(pilot.action_len);
             holds(found == action_len && found != ACTION_LEN, "action_len", found, "that of the action, and not 4")
+        }
+        ObservationLayout::PilotMeasured(pilot) => {
+            check_scales(&pilot.scales)?;
+            let expected = "four, as many as the layout shows";
+            holds(action_len == ACTION_LEN, "values of an action", action_len, expected)?;
+            holds(pilot.measured_len > 0, "measured_len", usize::from(pilot.measured_len), "at least 1")
         }
         ObservationLayout::Paper(paper) => {
             positive("planar_limit_m", paper.planar_limit_m)?;

@@ -10,7 +10,8 @@ use kestrel_core::controller::Setpoint;
 use kestrel_core::controller::command::Precision;
 use kestrel_core::crc32::crc32;
 use kestrel_core::observation::{
-    KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PaperLayout, PilotForLayout, Seen,
+    KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PaperLayout, PilotForLayout,
+    PilotMeasuredLayout, Seen,
 };
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{
@@ -47,13 +48,18 @@ fn spaces() -> Vec<ActionSpace> {
 /// Every layout that goes with actions of a length.
 fn layouts(action_len: u8) -> Vec<ObservationLayout> {
     let ObservationLayout::Pilot(scales) = PILOT else { unreachable!() };
-    vec![
-        if action_len == 4 { PILOT } else { ObservationLayout::PilotFor(PilotForLayout { scales, action_len }) },
+    let of_pilot = if action_len == 4 {
+        vec![PILOT, ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, measured_len: 11 })]
+    } else {
+        vec![ObservationLayout::PilotFor(PilotForLayout { scales, action_len })]
+    };
+    let others = vec![
         ObservationLayout::Paper(PaperLayout::of_episode(10.0)),
         ObservationLayout::Kinematic(KinematicLayout { past_actions: 0, action_len }),
         ObservationLayout::Kinematic(KinematicLayout { past_actions: 15, action_len }),
         ObservationLayout::Measured(MeasuredLayout { len: 11 }),
-    ]
+    ];
+    [of_pilot, others].concat()
 }
 
 /// The file of a random policy, or why there is none.
@@ -157,12 +163,16 @@ fn lengths_that_contradict_each_other_are_refused() {
     let one = ActionSpace::Published(published(PublishedKind::OneDRpm, Persistence::Persist));
     let ObservationLayout::Pilot(scales) = PILOT else { unreachable!() };
     let pilot_for = |action_len| ObservationLayout::PilotFor(PilotForLayout { scales, action_len });
+    let pilot_measured =
+        |measured_len| ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, measured_len });
     let kinematic =
         |past_actions, action_len| ObservationLayout::Kinematic(KinematicLayout { past_actions, action_len });
     let refused = [
         (PILOT, &one, "values of an action"),
         (pilot_for(4), &rotors, "action_len"),
         (pilot_for(3), &rotors, "action_len"),
+        (pilot_measured(0), &rotors, "measured_len"),
+        (pilot_measured(2), &one, "values of an action"),
         (kinematic(2, 3), &rotors, "action_len"),
         (kinematic(33, 1), &one, "past_actions"),
         (ObservationLayout::Measured(MeasuredLayout { len: 0 }), &rotors, "len"),

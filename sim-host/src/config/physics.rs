@@ -225,9 +225,10 @@ impl PhysicsConfig {
     /// Leaves contacts unsolved where touching anything ends the episode, unless the file says otherwise.
     pub(crate) fn settle_contacts(&self, physics: &mut Physics, terminations: &[EndRule]) {
         let ends = |rule: &EndRule| matches!(rule.rule, Termination::Collision { allowed: None });
+        let rests = |rule: &EndRule| matches!(rule.rule, Termination::Rest { .. });
         if matches!(physics.preset, Preset::Bullet { mode: Mode::Dyn, .. }) {
             physics.contacts = Contacts::Absent;
-        } else if self.contacts.is_none() && terminations.iter().any(ends) {
+        } else if self.contacts.is_none() && terminations.iter().any(ends) && !terminations.iter().any(rests) {
             physics.contacts = Contacts::Reported;
         }
     }

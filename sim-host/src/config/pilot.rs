@@ -5,8 +5,8 @@ mod published;
 use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates};
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{
-    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PaperLayout,
-    PilotForLayout, PilotLayout,
+    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN,
+    PaperLayout, PilotForLayout, PilotLayout, PilotMeasuredLayout,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -69,6 +69,8 @@ pub enum ObservationConfig {
     Kinematic(KinematicConfig),
     /// What the scenario's sensors deliver, and nothing else.
     Measured,
+    /// The `pilot` observation, then what the sensors deliver.
+    PilotMeasured(PilotConfig),
 }
 
 /// What the `pilot` observation divides by, so that all values are of order one.
@@ -211,6 +213,10 @@ impl ObservationConfig {
             Self::Kinematic(config) => {
                 config.check(action_len, &field.at("kinematic")).map(ObservationLayout::Kinematic)
             }
+            Self::PilotMeasured(config) => {
+                let field = field.at("pilot_measured");
+                pilot_measured_layout(config.check(&field)?, action_len, measured_len, &field)
+            }
             Self::Measured => measured_layout(measured_len, field).map(ObservationLayout::Measured),
         }
     }
@@ -221,6 +227,24 @@ fn pilot_layout(scales: PilotLayout, action_len: usize) -> ObservationLayout {
         ACTION_LEN => ObservationLayout::Pilot(scales),
         _ => ObservationLayout::PilotFor(PilotForLayout { scales, action_len: action_len as u8 }),
     }
+}
+
+fn pilot_measured_layout(
+    scales: PilotLayout,
+    action_len: usize,
+    measured_len: usize,
+    field: &Field<'_>,
+) -> Result<ObservationLayout, ConfigError> {
+    let most = OBSERVATION_LIMIT - PILOT_LEN;
+    if !(1..=most).contains(&measured_len) {
+        let expected = format!("1 to {most} of `scenario.sensors`");
+        return Err(field.reject(format!("sensors that deliver {measured_len} values"), expected));
+    }
+    if action_len != ACTION_LEN {
+        let expected = format!("an action of {ACTION_LEN} values");
+        return Err(field.reject(format!("`pilot_measured` beside an action of {action_len} values"), expected));
+    }
+    Ok(ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, measured_len: measured_len as u8 }))
 }
 
 fn measured_layout(len: usize, field: &Field<'_>) -> Result<MeasuredLayout, ConfigError> {

@@ -68,6 +68,13 @@ pub enum RewardConfig {
         /// What one unit is worth.
         weight: f64,
     },
+    /// Metres by which the shortest free way to the goal became shorter in this step. Ways lead around what stands in the
+    /// way and keep off it: a metre right beside something counts as three. Before an obstacle `progress` pays for
+    /// flying into it, and this for flying around it.
+    Advance {
+        /// What one unit is worth.
+        weight: f64,
+    },
     /// Potential-based shaping by the distance to the goal in metres: `d − discount · d′`. It changes no optimal policy.
     Shaping {
         /// What one unit is worth.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ConfigError;
 use super::field::{Field, Limits};
-use crate::sensor::SensorSuite;
+use crate::sensor::{BEAM_LIMIT, Scan, ScanRing, SensorSuite};
 use crate::sensor::instrument::{Bias, Instrument, Noise, Sampling};
 use crate::sensor::signal::{Direction, Signal};
 
@@ -37,6 +37,9 @@ pub enum SensorConfig {
     Range(RangeConfig),
     /// Height above z = 0 (1 value, in metres): the BMP388.
     Barometer(BarometerConfig),
+    /// How near the nearest thing is along beams that keep their directions in the world (1 value each, from 0 at the
+    /// limit to 1): an ideal lidar behind an attitude estimate, fast enough to train with. The last sensor, once.
+    Scan(ScanConfig),
 }
 
 /// Inertial measurement unit at the centre of mass.
@@ -174,6 +177,27 @@ pub struct BeamConfig {
     pub drop_out: f64,
 }
 
+/// Beams that keep their directions in the world, without noise or delay.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ScanConfig {
+    /// The beams, in the order of their values; 16 at most in all.
+    pub rings: Vec<ScanRingConfig>,
+    /// Nothing farther is seen.
+    pub limit_m: f64,
+}
+
+/// Beams of one elevation, evenly spaced from +x on, counter-clockwise.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ScanRingConfig {
+    /// Above the horizon: 90 is up, -90 down.
+    #[serde(default)]
+    pub elevation_deg: f64,
+    /// How many.
+    pub beams: u64,
+}
+
 /// Barometer; the wash of rotors is not modelled.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -264,6 +288,13 @@ impl Default for BeamConfig {
     }
 }
 
+impl Default for ScanConfig {
+    /// Sixteen level beams, which see two metres far: a pillar of 18 cm cannot hide between them within 46 cm.
+    fn default() -> Self {
+        Self { rings: vec![ScanRingConfig { elevation_deg: 0.0, beams: 16 }], limit_m: 2.0 }
+    }
+}
+
 impl Default for BarometerConfig {
     fn default() -> Self {
         Self {
@@ -288,7 +319,7 @@ impl SensorConfig {
         for (index, sensor) in sensors.iter().enumerate() {
             instruments.extend(sensor.check(&field.at(index))?);
         }
-        let suite = SensorSuite::new(instruments, control_secs);
+        let suite = SensorSuite::new(instruments, control_secs).with_scan(Self::check_scan(sensors, field)?);
         if suite.len() > OBSERVATION_LIMIT {
             let expected = format!("at most {OBSERVATION_LIMIT}, the most that a policy sees");
             return Err(field.reject(format!("sensors that measure {} values", suite.len()), expected));
@@ -296,8 +327,19 @@ impl SensorConfig {
         Ok(suite)
     }
 
+    /// The scan, if there is one.
+    fn check_scan(sensors: &[Self], field: &Field<'_>) -> Result<Option<Scan>, ConfigError> {
+        let Some(index) = sensors.iter().position(|sensor| matches!(sensor, Self::Scan(_))) else { return Ok(None) };
+        let Some((Self::Scan(scan), [])) = sensors[index..].split_first() else {
+            return Err(field.at(index).reject("a `scan` before other sensors", "one `scan`, as the last of them"));
+        };
+        scan.check(&field.at(index).at("scan")).map(Some)
+    }
+
+    /// The instruments of this part; a scan is none.
     fn check(&self, field: &Field<'_>) -> Result<Vec<Instrument>, ConfigError> {
         match self {
+            Self::Scan(_) => Ok(Vec::new()),
             Self::Imu(imu) => {
                 let field = field.at("imu");
                 let gyroscope = imu.gyroscope.check(&field.at("gyroscope"))?;
@@ -426,6 +468,31 @@ fn growing(near: f64, far: f64, limit: f64) -> Noise {
     }
     let onset = NOISE_ONSET * limit;
     Noise::Growing { near, onset, growth: libm::log(far / near) / (limit - onset) }
+}
+
+impl ScanConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Scan, ConfigError> {
+        let rings = field.at("rings");
+        let beams = self.rings.iter().fold(0, |sum: u64, ring| sum.saturating_add(ring.beams));
+        if !(1..=BEAM_LIMIT as u64).contains(&beams) {
+            return Err(rings.reject(format!("{beams} beams"), format!("1 to {BEAM_LIMIT}")));
+        }
+        let ring = |(index, ring): (usize, &ScanRingConfig)| ring.check(&rings.at(index));
+        Ok(Scan {
+            rings: self.rings.iter().enumerate().map(ring).collect::<Result<_, _>>()?,
+            limit: field.at("limit_m").number(self.limit_m, &Limits::from(0.1, 1000.0, "m"))?,
+        })
+    }
+}
+
+impl ScanRingConfig {
+    fn check(&self, field: &Field<'_>) -> Result<ScanRing, ConfigError> {
+        let elevation = Limits::from(-90.0, 90.0, "degrees");
+        Ok(ScanRing {
+            elevation: field.at("elevation_deg").real(self.elevation_deg, &elevation)?.to_radians(),
+            beams: field.at("beams").whole(self.beams, 1..=BEAM_LIMIT as u64)? as usize,
+        })
+    }
 }
 
 impl BarometerConfig {

@@ -9,7 +9,7 @@ use super::aviary::BoxConfig;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
-use crate::scenario::{Aviary, Cuboid, EndRule, Place, Randomisation, Start, StartPosition, Termination};
+use crate::scenario::{Aviary, Cuboid, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination};
 use crate::world::Floor;
 
 /// Factors `1 ± fraction` stay well above zero.
@@ -47,6 +47,17 @@ pub enum StartPositionConfig {
     },
     /// Anywhere in a box.
     Within(BoxConfig),
+    /// Anywhere in a box that is far enough from everything that stands there. In training it shows a learner the whole
+    /// way from its first episode on, also behind obstacles; judge the policy from the task's own start
+    /// (`evaluation.start`).
+    FreeWithin {
+        /// Corner of the box with the smallest coordinates: `[x, y, z]`.
+        low_m: [f64; 3],
+        /// Corner with the greatest coordinates: `[x, y, z]`.
+        high_m: [f64; 3],
+        /// Least distance between the drone's centre and everything.
+        clearance_m: f64,
+    },
     /// Always there: one place for each drone.
     Exactly(Vec<PlaceConfig>),
 }
@@ -110,7 +121,7 @@ impl StartConfig {
         let tilt = field.at("tilt_limit_deg").number(self.tilt_limit_deg, &Limits::from(0.0, 180.0, "degrees"))?;
         let rates = Limits::from(0.0, 50.0, "rad/s");
         let start = Start {
-            position: self.position.check(goals.len(), &field.at("position"))?,
+            position: self.position.check(aviary, goals.len(), &field.at("position"))?,
             tilt_limit: tilt.to_radians(),
             speed_limit: field.at("speed_limit_m_per_s").number(self.speed_limit_m_per_s, &SPEED)?,
             body_rates_limit: field
@@ -126,7 +137,7 @@ impl StartConfig {
 }
 
 impl StartPositionConfig {
-    fn check(&self, drones: usize, field: &Field<'_>) -> Result<StartPosition, ConfigError> {
+    fn check(&self, aviary: &Aviary, drones: usize, field: &Field<'_>) -> Result<StartPosition, ConfigError> {
         match self {
             Self::AroundGoal { nearest_m, farthest_m } => {
                 let field = field.at("around_goal");
@@ -136,6 +147,12 @@ impl StartPositionConfig {
                 Ok(StartPosition::AroundGoal { nearest_m: nearest, farthest_m: farthest })
             }
             Self::Within(region) => region.check(&field.at("within")).map(StartPosition::Within),
+            Self::FreeWithin { low_m, high_m, clearance_m } => {
+                let field = field.at("free_within");
+                let region = BoxConfig { low_m: *low_m, high_m: *high_m }.check(&field)?;
+                let clearance = field.at("clearance_m").number(*clearance_m, &Limits::above(0.0, 100.0, "m"))?;
+                free_space(aviary, region, clearance, &field).map(StartPosition::FreeWithin)
+            }
             Self::Exactly(places) => {
                 let field = field.at("exactly");
                 if places.len() != drones {
@@ -144,6 +161,28 @@ impl StartPositionConfig {
                 let place = |(index, place): (usize, &PlaceConfig)| place.check(&field.at(index));
                 places.iter().enumerate().map(place).collect::<Result<_, _>>().map(StartPosition::Exactly)
             }
+        }
+    }
+}
+
+/// The part of the region that is free, which must have a point on a lattice of 32 points along each edge.
+fn free_space(aviary: &Aviary, region: Cuboid, clearance_m: f32, field: &Field<'_>) -> Result<FreeSpace, ConfigError> {
+    let mut obstacles = aviary.world.bounds();
+    if aviary.world.floor == Floor::Solid {
+        let far = 1.0e6;
+        obstacles.push(Cuboid { low: Vector3::repeat(-far), high: Vector3::new(far, far, 0.0) });
+    }
+    let space = FreeSpace { region, clearance_m, obstacles, refuge: region.low };
+    let number = |index: u32, axis: u32| (index >> (5 * axis) & 31) as f32 / 31.0;
+    let point = |index: u32| {
+        let Cuboid { low, high } = space.region;
+        Vector3::from_fn(|axis, _| low[axis] + (high[axis] - low[axis]) * number(index, axis as u32))
+    };
+    match (0..1 << 15).map(point).find(|point| space.holds(point)) {
+        Some(refuge) => Ok(FreeSpace { refuge, ..space }),
+        None => {
+            let found = format!("a box without a point {clearance_m} m from everything");
+            Err(field.reject(found, "one that is partly free"))
         }
     }
 }
@@ -194,6 +233,7 @@ fn survives(
         | Termination::LevelWithin { .. }
         | Termination::EnterArea(_)
         | Termination::Hold { .. }
+        | Termination::Rest { .. }
         | Termination::Arrival { .. } => Ok(()),
     }
 }
@@ -212,7 +252,7 @@ impl Region<'_> {
                 let Cuboid { low, high } = hull_of(self.goals.iter().copied());
                 Cuboid { low: low.add_scalar(-farthest_m), high: high.add_scalar(*farthest_m) }
             }
-            StartPosition::Within(region) => *region,
+            StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => *region,
             StartPosition::Exactly(places) => hull_of(places.iter().map(|place| place.position.cast())),
         }
     }
@@ -221,7 +261,8 @@ impl Region<'_> {
     fn farthest_from_goal(&self) -> f32 {
         let distances: Vec<f32> = match self.position {
             StartPosition::AroundGoal { farthest_m, .. } => vec![*farthest_m],
-            StartPosition::Within(Cuboid { low, high }) => {
+            StartPosition::Within(Cuboid { low, high })
+            | StartPosition::FreeWithin(FreeSpace { region: Cuboid { low, high }, .. }) => {
                 self.goals.iter().map(|goal| (goal - low).abs().sup(&(high - goal).abs()).norm()).collect()
             }
             StartPosition::Exactly(places) => {
@@ -240,6 +281,7 @@ impl Region<'_> {
                 self.goals.iter().map(|goal| to_point(*goal) - farthest_m).fold(f32::INFINITY, f32::min)
             }
             StartPosition::Within(region) => gap(region, solid),
+            StartPosition::FreeWithin(space) => space.clearance_m,
             StartPosition::Exactly(places) => {
                 places.iter().map(|place| to_point(place.position.cast())).fold(f32::INFINITY, f32::min)
             }
@@ -262,6 +304,9 @@ impl Region<'_> {
 
     /// Refuses starts nearer than `radius` \[m\] to the floor or a solid.
     fn clear(&self, aviary: &Aviary, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
+        if let StartPosition::FreeWithin(space) = self.position {
+            return free_enough(space, radius, field);
+        }
         if aviary.world.floor == Floor::Solid && self.hull().low.z < radius {
             let found = format!("starts as low as {:.3} m", self.hull().low.z);
             return Err(field.reject(found, format!("at least {radius} m above the floor, the drone's radius")));
@@ -274,6 +319,15 @@ impl Region<'_> {
             }
         }
     }
+}
+
+/// Refuses starts that may be nearer than `radius` \[m\] to something.
+fn free_enough(space: &FreeSpace, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
+    if space.clearance_m >= radius {
+        return Ok(());
+    }
+    let expected = format!("at least {radius} m, the drone's radius");
+    Err(field.at("free_within").at("clearance_m").refuse(space.clearance_m, expected))
 }
 
 /// The smallest box around all points.

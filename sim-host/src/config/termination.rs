@@ -94,6 +94,16 @@ pub enum TerminationConfig {
         #[serde(default)]
         as_published: bool,
     },
+    /// At rest on the landing zone without a break: touching it, slow, upright: success. It takes contacts that are
+    /// solved, or drones fall through.
+    Rest {
+        /// Greatest speed that counts.
+        speed_limit_m_per_s: f64,
+        /// Greatest tilt that counts.
+        tilt_limit_deg: f64,
+        /// For how long.
+        rest_secs: f64,
+    },
     /// Near the goal and slow for long enough: success.
     Hold {
         /// How near.
@@ -235,6 +245,16 @@ impl TerminationConfig {
                 region: region.check(&field.at("exit").at("region"))?,
                 roll_limit: if *as_published { PUBLISHED_ROLL } else { f64::INFINITY },
             },
+            Self::Rest { speed_limit_m_per_s, tilt_limit_deg, rest_secs } => {
+                let field = field.at("rest");
+                let tilt = field.at("tilt_limit_deg").number(*tilt_limit_deg, &Limits::above(0.0, 90.0, "degrees"))?;
+                let secs = field.at("rest_secs").real(*rest_secs, &Limits::above(0.0, 600.0, "s"))?;
+                Termination::Rest {
+                    speed_limit: field.at("speed_limit_m_per_s").number(*speed_limit_m_per_s, &SPEED)?,
+                    tilt_limit: tilt.to_radians(),
+                    periods: (secs * control_rate_hz).round().max(1.0) as u32,
+                }
+            }
             Self::Hold { radius_m, speed_limit_m_per_s, periods } => {
                 let field = field.at("hold");
                 Termination::Hold {

@@ -11,7 +11,9 @@ use super::body::Body;
 use super::distance_map::DistanceMap;
 use super::frame::to_vector;
 use super::outline::{MARGIN, Outline, distance};
+use super::scanner::Scanner;
 use super::{ContactReport, Motion, TOUCH_GAP, Touch};
+use crate::sensor::{BEAM_LIMIT, Scan};
 use crate::world::{Floor, Pose, World};
 
 /// Bullet keeps a contact until it opens by this share of the smaller body's radius
@@ -38,6 +40,7 @@ pub struct Arena {
     pub(super) movables: Vec<Body>,
     tree: Bvh,
     map: Option<DistanceMap>,
+    scanner: Option<Scanner>,
     floor_height: f32,
     reach: f32,
 }
@@ -78,6 +81,7 @@ impl Arena {
             drone_gap,
             tree: tree(&solids),
             map: DistanceMap::new(&solids),
+            scanner: None,
             floor_height: match world.floor {
                 Floor::Solid => 0.0,
                 Floor::Absent => f32::NEG_INFINITY,
@@ -87,6 +91,19 @@ impl Arena {
             solids,
             movables,
         }
+    }
+
+    /// The same arena, prepared for the beams of a scan; `world` is the one it was made from.
+    #[must_use]
+    pub fn with_scan(self, world: &World, scan: &Scan) -> Self {
+        Self { scanner: Some(Scanner::new(world, scan)), ..self }
+    }
+
+    /// How near the nearest thing that never moves is along each beam: one at the point, zero at the scan's limit and
+    /// beyond, and without a scan.
+    #[inline(always)]
+    pub fn nearness(&self, point: [f32; 3]) -> [f32; BEAM_LIMIT] {
+        self.scanner.as_ref().map_or([0.0; BEAM_LIMIT], |scanner| scanner.nearness(point))
     }
 
     /// A lower bound of the distance \[m\] between a point and everything that never moves.

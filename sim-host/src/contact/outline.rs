@@ -177,7 +177,7 @@ fn prism(radius: f64, half_height: f64) -> Vec<Vector3<f64>> {
     corners
 }
 
-fn convex_hull(points: &[Vector3<f64>]) -> SharedShape {
+pub(super) fn convex_hull(points: &[Vector3<f64>]) -> SharedShape {
     let points: Vec<_> = points.iter().map(to_vector).collect();
     SharedShape::convex_hull(&points).expect("a hull has four points that are not in one plane")
 }

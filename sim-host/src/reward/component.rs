@@ -202,7 +202,8 @@ impl RewardTerm {
                 | Component::DropAltitude { .. }
                 | Component::Waypoints(_)
                 | Component::IncreaseXStride { from: None, .. },
-            ) => f64::NAN,
+            )
+            | Self::Advance(_) => f64::NAN,
             Self::Component(Component::IncreaseXStride { from: Some(x), .. }) => *x,
             _ => 0.0,
         }
@@ -440,7 +441,7 @@ fn land_vision<const LANES: usize, R: Real>(
 
 /// Whether a column remembers nothing yet.
 #[inline(always)]
-fn is_unset<R: Real>(value: R) -> bool {
+pub(super) fn is_unset<R: Real>(value: R) -> bool {
     value.to_f64().is_nan()
 }
 

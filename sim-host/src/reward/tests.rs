@@ -3,6 +3,8 @@
 mod component;
 mod term;
 
+use std::sync::Arc;
+
 use kestrel_core::airframe::CF2X;
 use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
@@ -10,9 +12,18 @@ use serde::Deserialize;
 
 use super::*;
 use crate::config::{Document, RewardConfig};
+use crate::scenario::Cuboid;
+use crate::world::{Solid, World};
 
 /// Control rate of the trials \[Hz\], the reference's.
 const RATE_HZ: f64 = 48.0;
+
+/// Ways to the origin, around a wall of 2 m by 1 m at x = 1 that leaves a passage below y = -1.
+fn ways() -> WayMap {
+    let wall = Solid::block("wall", Vector3::new(1.0, -1.0, -2.0), Vector3::new(1.1, 2.0, 2.0));
+    let bounds = Cuboid { low: Vector3::repeat(-2.0), high: Vector3::repeat(2.0) };
+    WayMap::new(&World { solids: vec![wall], ..World::empty() }, &Vector3::zeros(), bounds, 0.06)
+}
 
 /// The term of a line of YAML.
 fn term(yaml: &str) -> WeightedTerm {
@@ -22,7 +33,8 @@ fn term(yaml: &str) -> WeightedTerm {
     }
     let document = Document::parse("trial.yaml", &format!("rewards: [ {yaml} ]")).unwrap();
     let rewards: Rewards = document.decode().unwrap();
-    RewardConfig::check_all(&rewards.rewards, RATE_HZ, &document.root().at("rewards")).unwrap().remove(0)
+    let field = document.root().at("rewards");
+    RewardConfig::check_all(&rewards.rewards, RATE_HZ, &Arc::new(ways()), &field).unwrap().remove(0)
 }
 
 /// A term and the drone that it looks at, step by step; what it remembers stays.

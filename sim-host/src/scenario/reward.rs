@@ -1,8 +1,11 @@
 //! What can be rewarded.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 
 use super::Cuboid;
+use crate::contact::WayMap;
 
 /// A reward term and its weight.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,6 +53,8 @@ pub enum RewardTerm {
     ActionChange,
     /// Metres closer to the goal in this step (not a rate).
     Progress,
+    /// Metres by which the shortest free way to the goal became shorter in this step (not a rate).
+    Advance(Arc<WayMap>),
     /// Potential-based shaping (Ng, Harada & Russell 1999): `discount · Φ(s′) − Φ(s)` with Φ the negative distance to
     /// the goal \[m\] (not a rate). It changes no optimal policy.
     Shaping {
@@ -279,6 +284,7 @@ impl RewardTerm {
             Self::Action => "action",
             Self::ActionChange => "action_change",
             Self::Progress => "progress",
+            Self::Advance(_) => "advance",
             Self::Shaping { .. } => "shaping",
             Self::Success => "success",
             Self::Failure => "failure",

@@ -72,6 +72,15 @@ pub enum Termination {
         /// In all, not in a row.
         periods: u32,
     },
+    /// At rest on what it should land on: touching it, slow and upright for this many control periods in a row: success.
+    Rest {
+        /// \[m/s\].
+        speed_limit: f32,
+        /// \[rad\].
+        tilt_limit: f32,
+        /// Without a break.
+        periods: u32,
+    },
     /// Nearer to the goal than this: success.
     Arrival {
         /// \[m\].
@@ -126,6 +135,7 @@ impl Termination {
             | Self::LevelWithin { .. }
             | Self::EnterArea(_)
             | Self::Hold { .. }
+            | Self::Rest { .. }
             | Self::Arrival { .. } => true,
             Self::Collision { .. }
             | Self::OutOfBounds(_)

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use kestrel_sim::config::{AviaryConfig, ConfigError, Document, Place};
-use kestrel_sim::scenario::{Cuboid, Scenario, StartPosition};
+use kestrel_sim::scenario::{Cuboid, FreeSpace, Scenario, StartPosition};
 use kestrel_sim::world::{Solid, World};
 use nalgebra::Vector3;
 
@@ -115,7 +115,9 @@ impl Subject {
         let drones = 0..scenario.agents.count as usize;
         let route = |drone: usize| scenario.aviary.route(drone).iter().map(|point| point.cast()).collect();
         let (starts, region) = match &scenario.start.position {
-            StartPosition::Within(region) => (Vec::new(), Some(*region)),
+            StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => {
+                (Vec::new(), Some(*region))
+            }
             StartPosition::AroundGoal { farthest_m, .. } => {
                 let goal = scenario.aviary.goal;
                 let region = Cuboid { low: goal.add_scalar(-farthest_m), high: goal.add_scalar(*farthest_m) };

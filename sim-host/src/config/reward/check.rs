@@ -1,11 +1,14 @@
 //! From reward terms as users write them to those that run.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 
 use super::{AgentSetConfig, NeighbourConfig, RewardConfig};
 use crate::config::area::AreaConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
+use crate::contact::WayMap;
 use crate::scenario::{
     AgentSet, Component, Field as Cells, FrameCount, Growth, Neighbour, RewardTerm, Span, WeightedTerm,
 };
@@ -38,22 +41,24 @@ const PUBLISHED_LEAST_X: f64 = -1000.0;
 pub(crate) const PUBLISHED_ROLL: f64 = 0.1;
 
 impl RewardConfig {
-    /// The reward terms, at least one; `control_rate_hz` turns times into control periods.
+    /// The reward terms, at least one; `control_rate_hz` turns times into control periods, `ways` lead to the goal.
     ///
     /// # Errors
     /// When the list is empty or too long, or a number is out of range.
     pub fn check_all(
         rewards: &[Self],
         control_rate_hz: f64,
+        ways: &Arc<WayMap>,
         field: &Field<'_>,
     ) -> Result<Vec<WeightedTerm>, ConfigError> {
         if rewards.is_empty() || rewards.len() > REWARDS_LIMIT {
             return Err(field.refuse("", format!("a list of 1 to {REWARDS_LIMIT}")));
         }
-        rewards.iter().enumerate().map(|(index, reward)| reward.check(control_rate_hz, &field.at(index))).collect()
+        let check = |(index, reward): (usize, &Self)| reward.check(control_rate_hz, ways, &field.at(index));
+        rewards.iter().enumerate().map(check).collect()
     }
 
-    fn check(&self, control_rate_hz: f64, field: &Field<'_>) -> Result<WeightedTerm, ConfigError> {
+    fn check(&self, control_rate_hz: f64, ways: &Arc<WayMap>, field: &Field<'_>) -> Result<WeightedTerm, ConfigError> {
         let (name, weight) = self.name_and_weight();
         let field = field.at(name);
         let weight = field.at("weight").real(weight, &WEIGHT)?;
@@ -63,7 +68,11 @@ impl RewardConfig {
             | Self::HeightDifference { agents, .. } => agents.check(),
             _ => AgentSet::All,
         };
-        Ok(WeightedTerm { term: self.term(control_rate_hz, &field)?, weight, agents })
+        let term = match self {
+            Self::Advance { .. } => RewardTerm::Advance(Arc::clone(ways)),
+            other => other.term(control_rate_hz, &field)?,
+        };
+        Ok(WeightedTerm { term, weight, agents })
     }
 
     /// Key in the file, and the weight written there.
@@ -77,6 +86,7 @@ impl RewardConfig {
             Self::Action { weight, .. } => ("action", *weight),
             Self::ActionChange { weight, .. } => ("action_change", *weight),
             Self::Progress { weight, .. } => ("progress", *weight),
+            Self::Advance { weight, .. } => ("advance", *weight),
             Self::Success { weight, .. } => ("success", *weight),
             Self::Failure { weight, .. } => ("failure", *weight),
             Self::Proximity { weight, .. } => ("proximity", *weight),

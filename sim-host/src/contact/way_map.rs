@@ -1,0 +1,241 @@
+//! How long the shortest free way to the goal is, from everywhere: a reward that leads around what stands between.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::sync::OnceLock;
+
+use nalgebra::Vector3;
+
+use super::ContactReport;
+use super::body::Body;
+use crate::scenario::Cuboid;
+use crate::world::{Role, Solid, World};
+
+/// Least distance between two nodes \[m\]: a third of the narrowest passage that a Crazyflie gets through.
+const SPACING: f64 = 0.05;
+
+/// Most nodes; farther apart in greater worlds.
+const NODE_LIMIT: f64 = 600_000.0;
+
+/// Kept between the hull and everything \[m\].
+const MARGIN: f64 = 0.01;
+
+/// A metre at this distance from everything, or farther, is a metre \[m\].
+const COMFORT: f64 = 0.3;
+
+/// What a metre right beside something adds to itself. A way that keeps half a COMFORT away is worth a detour of half
+/// its length, as a learner that still wobbles would find.
+const CROWDING: f64 = 2.0;
+
+/// What a metre through something counts: more than any way around it.
+const BLOCKED: f64 = 40.0;
+
+/// Lengths of the shortest ways to a goal, computed when they are first asked for.
+///
+/// A metre counts more near walls, so that ways keep to the middle, and very much more through them, so that there is
+/// a way from everywhere. What is there to land on does not count as being in the way.
+#[derive(Clone, Debug)]
+pub struct WayMap {
+    site: Site,
+    lengths: OnceLock<Lengths>,
+}
+
+/// What ways depend on.
+#[derive(Clone, Debug, PartialEq)]
+struct Site {
+    solids: Vec<Solid>,
+    goal: Vector3<f64>,
+    bounds: Cuboid,
+    /// Of the drone's hull \[m\].
+    radius: f64,
+}
+
+/// A length at every node of a grid of which the goal is one.
+#[derive(Clone, Debug)]
+struct Lengths {
+    first: [f32; 3],
+    per_spacing: f32,
+    /// Index of the last cell, the space between two nodes, along x, y, z.
+    last: [f32; 3],
+    counts: [usize; 3],
+    metres: Vec<f32>,
+}
+
+impl PartialEq for WayMap {
+    fn eq(&self, other: &Self) -> bool {
+        self.site == other.site
+    }
+}
+
+impl WayMap {
+    /// Ways of a drone with a hull of this radius \[m\] within `bounds`, in which the goal \[m, world\] is.
+    pub fn new(world: &World, goal: &Vector3<f32>, bounds: Cuboid, radius: f64) -> Self {
+        let solids = world.tangible().filter(|solid| solid.role == Role::Obstacle).cloned().collect();
+        Self { site: Site { solids, goal: goal.cast(), bounds, radius }, lengths: OnceLock::new() }
+    }
+
+    /// Length of the shortest way from a point \[m\]; outside the bounds that from their nearest point.
+    pub fn length(&self, point: [f32; 3]) -> f32 {
+        self.lengths.get_or_init(|| Lengths::new(&self.site)).at(point)
+    }
+}
+
+impl Lengths {
+    fn new(site: &Site) -> Self {
+        let low: Vector3<f64> = site.bounds.low.cast();
+        let high: Vector3<f64> = site.bounds.high.cast();
+        let spacing = SPACING.max(libm::cbrt((high - low).product() / NODE_LIMIT));
+        // One node beyond the bounds on every side, so that a point inside has eight around it.
+        let before = (site.goal - low).map(|metres| libm::ceil(metres / spacing).max(1.0));
+        let behind = (high - site.goal).map(|metres| libm::ceil(metres / spacing).max(1.0));
+        let first = site.goal - before * spacing;
+        let counts: [usize; 3] = (before + behind).map(|cells| cells as usize + 1).into();
+        let grid = Grid { first, spacing, counts };
+        let goal = grid.index(before.map(|cells| cells as usize).into());
+        let metres = shortest(&grid, &costs(&grid, site), goal);
+        Self {
+            first: first.map(|value| value as f32).into(),
+            per_spacing: (1.0 / spacing) as f32,
+            last: counts.map(|count| count as f32 - 2.0),
+            counts,
+            metres,
+        }
+    }
+
+    /// Linear between the eight nodes around a point.
+    fn at(&self, point: [f32; 3]) -> f32 {
+        let mut cell = [0_usize; 3];
+        let mut share = [0.0_f32; 3];
+        for axis in 0..3 {
+            let place = (point[axis] - self.first[axis]) * self.per_spacing;
+            // A coordinate that is not a number is taken for the first.
+            let place = place.max(0.0).min(self.last[axis] + 1.0);
+            let whole = place.floor().min(self.last[axis]);
+            (cell[axis], share[axis]) = (whole as usize, place - whole);
+        }
+        let [nx, ny, _] = self.counts;
+        let base = cell[0] + nx * (cell[1] + ny * cell[2]);
+        let along_x = |offset: usize| mix(self.metres[base + offset], self.metres[base + offset + 1], share[0]);
+        let along_y = |offset: usize| mix(along_x(offset), along_x(offset + nx), share[1]);
+        mix(along_y(0), along_y(nx * ny), share[2])
+    }
+}
+
+fn mix(one: f32, other: f32, share: f32) -> f32 {
+    one + (other - one) * share
+}
+
+/// Where the nodes are.
+struct Grid {
+    first: Vector3<f64>,
+    spacing: f64,
+    counts: [usize; 3],
+}
+
+impl Grid {
+    fn len(&self) -> usize {
+        self.counts.iter().product()
+    }
+
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        x + self.counts[0] * (y + self.counts[1] * z)
+    }
+
+    fn node(&self, index: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.counts;
+        [index % nx, index / nx % ny, index / (nx * ny)]
+    }
+
+    fn point(&self, node: [usize; 3]) -> Vector3<f64> {
+        self.first + Vector3::from(node.map(|number| number as f64)) * self.spacing
+    }
+
+    /// The node at an offset, unless it is beyond the border.
+    fn beside(&self, node: [usize; 3], offset: [isize; 3]) -> Option<usize> {
+        let mut found = node;
+        for axis in 0..3 {
+            found[axis] = node[axis].checked_add_signed(offset[axis]).filter(|at| *at < self.counts[axis])?;
+        }
+        Some(self.index(found))
+    }
+}
+
+/// What a metre counts at every node.
+fn costs(grid: &Grid, site: &Site) -> Vec<f64> {
+    let bodies: Vec<Body> = site.solids.iter().map(|solid| Body::new(solid, ContactReport::Touch)).collect();
+    let closed = site.radius + MARGIN;
+    let [nx, ny, nz] = grid.counts;
+    let mut costs = Vec::with_capacity(grid.len());
+    for z in 0..nz {
+        for y in 0..ny {
+            let row = (grid.point([0, y, z]), grid.point([nx - 1, y, z]));
+            let near: Vec<&Body> = bodies.iter().filter(|body| gap(&row, &body.extent) < closed + COMFORT).collect();
+            for x in 0..nx {
+                let clearance = clearance(&near, site, &grid.point([x, y, z]), closed + COMFORT);
+                costs.push(cost(clearance - closed));
+            }
+        }
+    }
+    costs
+}
+
+/// Distance of a point to the nearest body or border \[m\], as far as it is less than `limit`.
+fn clearance(bodies: &[&Body], site: &Site, point: &Vector3<f64>, limit: f64) -> f64 {
+    let (low, high): (Vector3<f64>, Vector3<f64>) = (site.bounds.low.cast(), site.bounds.high.cast());
+    let mut least = limit.min((point - low).min()).min((high - point).min());
+    for body in bodies {
+        if gap(&(*point, *point), &body.extent) < least {
+            least = least.min(body.distance_to(point));
+        }
+    }
+    least
+}
+
+/// Distance between two boxes \[m\], zero where they overlap.
+fn gap((low, high): &(Vector3<f64>, Vector3<f64>), (other_low, other_high): &(Vector3<f64>, Vector3<f64>)) -> f64 {
+    (low - other_high).sup(&(other_low - high)).sup(&Vector3::zeros()).norm()
+}
+
+/// What a metre counts at this distance between hull and everything \[m\].
+fn cost(room: f64) -> f64 {
+    if room < 0.0 {
+        return BLOCKED;
+    }
+    let crowded = (1.0 - room / COMFORT).max(0.0);
+    1.0 + CROWDING * crowded * crowded
+}
+
+/// Shortest ways from all nodes to one (Dijkstra 1959), each step to one of 26 neighbours; \[m\], weighted.
+fn shortest(grid: &Grid, costs: &[f64], goal: usize) -> Vec<f32> {
+    let mut metres = vec![f32::INFINITY; grid.len()];
+    metres[goal] = 0.0;
+    let steps = steps();
+    // Lengths are not negative, so that their bits have their order; equal ones go by index.
+    let mut open = BinaryHeap::from([Reverse((0_u32, goal))]);
+    while let Some(Reverse((bits, index))) = open.pop() {
+        if bits > metres[index].to_bits() {
+            continue;
+        }
+        let node = grid.node(index);
+        for (offset, length) in &steps {
+            let Some(next) = grid.beside(node, *offset) else { continue };
+            let step = length * grid.spacing * 0.5 * (costs[index] + costs[next]);
+            let found = metres[index] + step as f32;
+            if found < metres[next] {
+                metres[next] = found;
+                open.push(Reverse((found.to_bits(), next)));
+            }
+        }
+    }
+    metres
+}
+
+/// The 26 offsets to neighbours and their lengths.
+fn steps() -> Vec<([isize; 3], f64)> {
+    let range = || -1_isize..=1;
+    let offsets = range().flat_map(move |x| range().flat_map(move |y| range().map(move |z| [x, y, z])));
+    offsets
+        .filter(|offset| *offset != [0; 3])
+        .map(|offset| (offset, libm::sqrt(offset.iter().map(|part| (part * part) as f64).sum())))
+        .collect()
+}
