@@ -18,7 +18,7 @@ use kestrel_core::observation::{KinematicLayout, ObservationLayout, PaperLayout,
 use kestrel_core::policy_file::{PolicyFile, PolicyMetadata};
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
-    TeamEnd, TeamRewards, Termination, TimeLimit, WeightedTerm,
+    TeamEnd, TeamRewards, TeamSuccess, Termination, TimeLimit, WeightedTerm,
 };
 use kestrel_sim::sensor::SensorSuite;
 use kestrel_sim::world::World;
