@@ -43,13 +43,15 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     goal: [Column<LANES, R>; 3],
     goal_velocity: [Column<LANES, R>; 3],
     distances: Column<LANES, R>,
+    /// Those of the step before.
+    previous_distances: Column<LANES, R>,
     steps: Column<LANES, R>,
     /// Last step at which the drone was outside the radius it must settle in.
     last_outside: Column<LANES, R>,
     /// Control periods inside the region it must visit.
     visits: Column<LANES, R>,
-    /// One where an episode just ended in success.
-    successes: Column<LANES, R>,
+    /// Where an episode just ended, and how.
+    pub(crate) ends: Ends<LANES, R>,
     totals: Column<LANES, R>,
     term_totals: Vec<Column<LANES, R>>,
     /// What terms and rules remember, in their order.
@@ -114,10 +116,11 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             goal: [nothing; 3],
             goal_velocity: [nothing; 3],
             distances: nothing,
+            previous_distances: nothing,
             steps: nothing,
             last_outside: nothing,
             visits: nothing,
-            successes: nothing,
+            ends: Ends { success: nothing, failure: nothing, time_up: nothing },
             totals: nothing,
             term_totals: columns(scenario.rewards.len()),
             term_memory: scenario.rewards.iter().map(|term| columns(term.term.memory_len())).collect(),
@@ -230,6 +233,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         if scenario.clock == Clock::Elapsed {
             self.aim(scenario);
         }
+        self.previous_distances = self.distances;
         let [x, y, z] = &self.swarm.position;
         let [gx, gy, gz] = &self.goal;
         for lane in 0..LANES {
@@ -264,6 +268,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             episode_steps: R::from_f64(f64::from(scenario.episode_steps())),
         };
         termination::find_endings(&view, scenario, &mut self.rule_memory, &mut self.codes);
+        self.ends = self.find_ends(scenario);
     }
 
     #[inline(always)]
@@ -271,19 +276,17 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         &mut self,
         scenario: &Scenario,
         actions: &[Column<LANES, R>],
-        previous_distances: &Column<LANES, R>,
         team: &[[Column<LANES, R>; 3]],
     ) {
-        let ends = self.ends(scenario);
         let view = StepView {
             swarm: &self.swarm,
             actions,
             previous_actions: self.history.last().expect("there is a previous action"),
             distances: &self.distances,
-            previous_distances,
+            previous_distances: &self.previous_distances,
             touches: &self.touches,
             steps: &self.steps,
-            ends: &ends,
+            ends: &self.ends,
             agent: self.index,
             team,
             control_secs: R::from_f64(1.0 / scenario.physics.control_rate_hz),
@@ -295,7 +298,6 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             add(&mut self.rewards, values);
             add(&mut self.term_totals[index], values);
         }
-        self.successes = ends.success;
     }
 
     /// Adds the rewards of the step to the episode.
@@ -306,7 +308,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Which lanes ended in success and which in failure.
     #[inline(always)]
-    fn ends(&self, scenario: &Scenario) -> Ends<LANES, R> {
+    fn find_ends(&self, scenario: &Scenario) -> Ends<LANES, R> {
         let codes = &self.codes;
         let mark = |marked: bool| if marked { R::one() } else { R::zero() };
         let success = termination::code(Ending::Success);
@@ -389,7 +391,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
-    fn observe_lane(&mut self, scenario: &Scenario, lane: usize) {
+    pub(crate) fn observe_lane(&mut self, scenario: &Scenario, lane: usize) {
         let mut values = [R::zero(); OBSERVATION_LIMIT];
         let length = self.observations.len();
         let mut history = [[R::zero(); ACTION_LIMIT]; OBSERVATION_LIMIT];
@@ -465,6 +467,14 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         set_row(&mut self.privileged, lane, [a, b, c, d, x, y, z, mass - one, thrust - one, left]);
     }
 
+    /// Takes in what it measures of its team mates in a lane, `[values]`.
+    pub(crate) fn notice(&mut self, lane: usize, values: &[R]) {
+        let first = self.measurements.len() - values.len();
+        for (column, value) in self.measurements[first..].iter_mut().zip(values) {
+            column[lane] = *value;
+        }
+    }
+
     /// Takes the ended episodes out and starts the next ones, in lane order.
     pub(crate) fn restart_ended(
         &mut self,
@@ -491,7 +501,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             agent: self.index as u32,
             steps: self.steps[lane].to_f64() as u32,
             total_reward: self.totals[lane].to_f64() as f32,
-            success: self.successes[lane].to_f64() > 0.5,
+            success: self.ends.success[lane].to_f64() > 0.5,
             ending,
             terms: self.term_totals.iter().map(|totals| totals[lane].to_f64() as f32).collect(),
         }
@@ -567,10 +577,6 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     pub(crate) fn goal(&self, lane: usize) -> Vector3<R> {
         vector(&self.goal, lane)
-    }
-
-    pub(crate) fn distances(&self) -> &Column<LANES, R> {
-        &self.distances
     }
 
     /// Every column that the next step depends on, for saving and restoring.

@@ -1,5 +1,7 @@
 //! One block of environments: the step as a list of stages over `LANES` lanes and all their drones.
 
+use core::ops::Range;
+
 use kestrel_core::action::{ACTION_LIMIT, Controls};
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
@@ -9,8 +11,9 @@ use nalgebra::Vector3;
 
 use crate::agent::{Agent, Finished};
 use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Touch};
-use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards};
+use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards, TeamSuccess};
 use crate::seed::{Purpose, Seed};
+use crate::sensor::Course;
 use crate::swarm::{Column, Mechanics, Swarm, one_lane, row, set_row, vector};
 use crate::termination;
 use crate::world::Pose;
@@ -60,6 +63,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             pushes: vec![nothing; count],
         };
         block.locate();
+        (0..LANES).for_each(|lane| block.show_restarted(scenario, lane));
         block
     }
 
@@ -69,14 +73,17 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let scenario = stage.scenario;
         self.fly(stage);
         let len = scenario.action.len();
-        for (agent, actions) in self.agents.iter_mut().zip(actions) {
-            let previous_distances = *agent.distances();
+        for agent in &mut self.agents {
             agent.measure(scenario);
             agent.judge(scenario);
-            agent.reward(scenario, &actions[..len], &previous_distances, &self.team);
+        }
+        self.succeed_together(scenario);
+        for (agent, actions) in self.agents.iter_mut().zip(actions) {
+            agent.reward(scenario, &actions[..len], &self.team);
         }
         self.end_together(scenario);
         self.share(scenario);
+        self.look_around(scenario, 0..LANES);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
             agent.bank();
             agent.remember(&actions[..len]);
@@ -298,6 +305,44 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
     }
 
+    /// Takes the success of a drone back where not all succeed, if all have to.
+    #[inline(always)]
+    fn succeed_together(&mut self, scenario: &Scenario) {
+        if self.agents.len() == 1 || scenario.agents.success == TeamSuccess::Own {
+            return;
+        }
+        for lane in 0..LANES {
+            let all = self.agents.iter().fold(R::one(), |all, agent| all * agent.ends.success[lane]);
+            for agent in &mut self.agents {
+                agent.ends.success[lane] = all;
+            }
+        }
+    }
+
+    /// Shows drones the nearest of their team in these lanes, where they measure them.
+    fn look_around(&mut self, scenario: &Scenario, lanes: Range<usize>) {
+        let Some(mates) = scenario.sensors.mates() else { return };
+        let mut values = vec![R::zero(); mates.len()];
+        for lane in lanes {
+            let course = |agent: &Agent<LANES, R>| -> Course<R> {
+                (vector(&agent.swarm.position, lane), vector(&agent.swarm.velocity, lane))
+            };
+            let team: Vec<Course<R>> = self.agents.iter().map(course).collect();
+            for (index, agent) in self.agents.iter_mut().enumerate() {
+                mates.read(index, &team, &mut values);
+                agent.notice(lane, &values);
+            }
+        }
+    }
+
+    /// Shows all drones of a lane where those are that began anew.
+    fn show_restarted(&mut self, scenario: &Scenario, lane: usize) {
+        if scenario.sensors.mates().is_some() {
+            self.look_around(scenario, lane..lane + 1);
+            self.agents.iter_mut().for_each(|agent| agent.observe_lane(scenario, lane));
+        }
+    }
+
     /// Pays every drone the sum of all, where they share.
     #[inline(always)]
     fn share(&mut self, scenario: &Scenario) {
@@ -332,6 +377,11 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.restart_ended(scenario, arena, first, &mut |done| finished(index, done));
         }
         self.locate();
+        for lane in 0..LANES {
+            if self.agents.iter().any(|agent| agent.codes[lane] > 0.0) {
+                self.show_restarted(scenario, lane);
+            }
+        }
     }
 
     pub(crate) fn contacts_mut(&mut self) -> &mut [ContactMemory] {

@@ -34,7 +34,7 @@ use kestrel_core::airframe::Airframe;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use agents::{AgentsConfig, GoalsConfig, TeamEndConfig, TeamRewardsConfig};
+pub use agents::{AgentsConfig, GoalsConfig, TeamEndConfig, TeamRewardsConfig, TeamSuccessConfig};
 pub use airframe::{
     AirframeConfig, AirframeNumbers, CollisionConfig, DownwashConfig, KnownAirframe, LayoutConfig, RotorNumbering,
     RotorOrderConfig, read_airframe,
@@ -57,7 +57,7 @@ pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
 pub use schema::schema_of;
 pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GyroscopeConfig, ImuConfig,
-    RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,
+    MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,
 };
 pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConfig};
 pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
@@ -97,7 +97,7 @@ pub struct ScenarioConfig {
     /// What the policy commands.
     #[serde(default)]
     pub action: ActionConfig,
-    /// What the drone measures, for the observation `measured`.
+    /// What the drone measures, for the observations `measured` and `pilot_measured`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sensors: Vec<SensorConfig>,
     /// What the policy sees.
@@ -143,6 +143,7 @@ impl ScenarioConfig {
         let observation = self.observation.check(action.len(), sensors.len(), &field.at("observation"))?;
         let aviary = self.aviary.check(&airframe, &field.at("aviary"))?;
         let agents = self.agents.check(&aviary.world, &field.at("agents"))?;
+        self.check_team(agents.count, field)?;
         let rate = physics.control_rate_hz;
         let goals = self.goals.as_ref();
         let goals = goals.map(|goals| goals.check(agents.count, &aviary.world, &field.at("goals"))).transpose()?;
@@ -176,6 +177,23 @@ impl ScenarioConfig {
             start,
             terminations,
         })
+    }
+
+    /// Refuses a sensor that sees more team mates than there are, and a success of all that ends the episode of the first.
+    fn check_team(&self, drones: u32, field: &Field<'_>) -> Result<(), ConfigError> {
+        if let Some(SensorConfig::Mates(mates)) = self.sensors.last()
+            && mates.nearest >= u64::from(drones)
+        {
+            let field = field.at("sensors").at(self.sensors.len() - 1).at("mates").at("nearest");
+            return Err(field.refuse(mates.nearest, format!("fewer than the {drones} drones of `agents`")));
+        }
+        match (self.agents.success, &self.success) {
+            (TeamSuccessConfig::Own, _) | (_, SuccessConfig::Settle { .. } | SuccessConfig::Visit { .. }) => Ok(()),
+            (TeamSuccessConfig::All, _) => {
+                let found = "`all` beside a success that ends the episode of the first";
+                Err(field.at("agents").at("success").reject(found, "`settle` or `visit` under `success`, or `own`"))
+            }
+        }
     }
 
     /// Refuses `advance` towards a goal that is not one place.

@@ -56,14 +56,17 @@ fn start_state<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Stream) 
         rotor_speeds: [R::from_f32(rotor_speed); 4],
     };
     if let StartPosition::Exactly(places) = &start.position {
-        put(&places[agent], start.tilt_limit, &mut state);
+        put(&places[agent], start.tilt_limit, stream, &mut state);
     }
     state
 }
 
-/// At the place, with its heading unless starts are tilted.
-fn put<R: Real>(place: &Place, tilt_limit: f32, state: &mut State<R>) {
+/// At the place or near it, with its heading unless starts are tilted.
+fn put<R: Real>(place: &Place, tilt_limit: f32, stream: &mut Stream, state: &mut State<R>) {
     state.position = place.position.map(R::from_f64);
+    if place.spread > 0.0 {
+        state.position += (stream.direction() * (place.spread * stream.uniform())).map(R::from_f32);
+    }
     if tilt_limit == 0.0 {
         let (sine, cosine) = libm::sincos(0.5 * place.heading);
         let zero = R::zero();

@@ -30,6 +30,7 @@ pub(crate) struct StepView<'a, const LANES: usize, R: Real> {
 }
 
 /// One where an episode just ended so, zero elsewhere.
+#[derive(Clone, Debug)]
 pub(crate) struct Ends<const LANES: usize, R> {
     pub(crate) success: Column<LANES, R>,
     pub(crate) failure: Column<LANES, R>,

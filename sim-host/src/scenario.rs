@@ -126,6 +126,8 @@ pub struct Agents {
     pub ends: TeamEnd,
     /// Whose rewards a drone is paid.
     pub rewards: TeamRewards,
+    /// Who has to succeed.
+    pub success: TeamSuccess,
 }
 
 /// What becomes of the others when one drone's episode ends.
@@ -144,6 +146,15 @@ pub enum TeamRewards {
     Own,
     /// The sum over all drones of the environment.
     Shared,
+}
+
+/// Who has to succeed for a drone's episode to be a success.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TeamSuccess {
+    /// The drone itself.
+    Own,
+    /// All drones of the environment at once.
+    All,
 }
 
 /// How the goal differs between drones or moves in an episode.
@@ -244,7 +255,7 @@ pub enum StartPosition {
     FreeWithin(FreeSpace),
     /// On the way from a box to the goal.
     AlongWay(WayStarts),
-    /// Always there, one place for each drone.
+    /// Always there, or nearby, one place for each drone.
     Exactly(Vec<Place>),
 }
 
@@ -282,6 +293,8 @@ pub struct Place {
     pub position: Vector3<f64>,
     /// About the world z axis, zero facing +x \[rad\].
     pub heading: f64,
+    /// Starts are drawn from the ball of this radius around the position \[m\].
+    pub spread: f32,
 }
 
 /// Parameters drawn at each reset, as uniform factors `1 ± value`, and a constant wind.
@@ -327,7 +340,7 @@ impl Physics {
 
 impl Agents {
     /// A lone drone.
-    pub const ONE: Self = Self { count: 1, ends: TeamEnd::Together, rewards: TeamRewards::Own };
+    pub const ONE: Self = Self { count: 1, ends: TeamEnd::Together, rewards: TeamRewards::Own, success: TeamSuccess::Own };
 }
 
 impl Goals {

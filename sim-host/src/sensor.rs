@@ -6,6 +6,7 @@
 //! it was perfect, [`instrument`] how it falls short.
 
 pub mod instrument;
+mod mates;
 mod scan;
 pub mod signal;
 #[cfg(test)]
@@ -19,6 +20,8 @@ use serde::{Deserialize, Serialize};
 use crate::seed::Stream;
 use instrument::{Instrument, InstrumentMemory};
 
+pub use mates::Mates;
+pub(crate) use mates::Course;
 pub use scan::{BEAM_LIMIT, Scan, ScanRing};
 
 /// Distance \[m\] from an origin along a unit direction (both world) to the nearest thing within a limit \[m\].
@@ -40,6 +43,7 @@ pub struct Truth<'a> {
 pub struct SensorSuite {
     instruments: Vec<Instrument>,
     scan: Option<Scan>,
+    mates: Option<Mates>,
     /// Time between two readings \[s\].
     control_secs: f64,
 }
@@ -55,13 +59,19 @@ pub struct SensorMemory {
 impl SensorSuite {
     /// These instruments, read every `control_secs` \[s\].
     pub fn new(instruments: Vec<Instrument>, control_secs: f64) -> Self {
-        Self { instruments, scan: None, control_secs }
+        Self { instruments, scan: None, mates: None, control_secs }
     }
 
-    /// The same with a scan, whose values are the last.
+    /// The same with a scan, whose values follow those of the instruments.
     #[must_use]
     pub fn with_scan(self, scan: Option<Scan>) -> Self {
         Self { scan, ..self }
+    }
+
+    /// The same with an eye on team mates, whose values are the last.
+    #[must_use]
+    pub fn with_mates(self, mates: Option<Mates>) -> Self {
+        Self { mates, ..self }
     }
 
     /// No instruments.
@@ -79,14 +89,19 @@ impl SensorSuite {
         self.scan.as_ref()
     }
 
+    /// Which team mates are seen; a simulation knows where they are.
+    pub fn mates(&self) -> Option<&Mates> {
+        self.mates.as_ref()
+    }
+
     /// Whether nothing is measured.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Number of values of a reading, those of the scan included.
+    /// Number of values of a reading, those of scan and mates included.
     pub fn len(&self) -> usize {
-        self.instruments_len() + self.scan.as_ref().map_or(0, Scan::len)
+        self.instruments_len() + self.scan.as_ref().map_or(0, Scan::len) + self.mates.as_ref().map_or(0, Mates::len)
     }
 
     /// Number of values that [`Self::read`] writes.

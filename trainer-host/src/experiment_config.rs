@@ -17,7 +17,7 @@ pub use evaluation::{EvaluationConfig, EvaluationSettings};
 pub use training::{ScheduleConfig, TrainingConfig};
 
 use crate::ppo::PpoSettings;
-use crate::rollout::{PANEL, is_trainable};
+use crate::rollout::panel_rows;
 
 /// Version of the file format that this program reads; a change that breaks old files raises it.
 pub const VERSION: u32 = 1;
@@ -76,11 +76,12 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError
 /// As [`load`], for training, which not every experiment is fit for.
 ///
 /// # Errors
-/// As [`load`], and when the drones of an environment do not divide a panel.
+/// As [`load`], and when the drones do not fill the panels that train.
 pub fn load_to_train(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError> {
     let document = with_overrides(Document::read(path)?, overrides)?;
     let experiment = checked(&document)?;
-    refuse_untrainable(&experiment.scenario, &document.root().at("scenario"))?;
+    let tasks = std::slice::from_ref(&experiment.scenario);
+    refuse_broken_panels(tasks, experiment.ppo.environments, &document.root().at("training"))?;
     Ok(experiment)
 }
 
@@ -114,13 +115,20 @@ fn checked(document: &Document) -> Result<Experiment, ConfigError> {
     document.decode::<ExperimentConfig>()?.check(&document.root())
 }
 
-fn refuse_untrainable(scenario: &Scenario, field: &Field<'_>) -> Result<(), ConfigError> {
-    let drones = scenario.agents.count;
-    if is_trainable(drones) {
+/// Refuses a number of drones of which teams and tiles do not make whole panels.
+pub(crate) fn refuse_broken_panels(
+    tasks: &[Scenario],
+    environments: usize,
+    training: &Field<'_>,
+) -> Result<(), ConfigError> {
+    let rows = panel_rows(tasks);
+    if environments.is_multiple_of(rows) {
         return Ok(());
     }
-    let expected = format!("1, 2, 4 or another divisor of {PANEL}: so many drones train side by side");
-    Err(field.at("agents").at("count").refuse(drones, expected))
+    let teams: Vec<String> = tasks.iter().map(|task| task.agents.count.to_string()).collect();
+    let expected =
+        format!("a multiple of {rows}: that many drones train side by side in teams of {}", teams.join(", "));
+    Err(training.at("environments").refuse(environments, expected))
 }
 
 impl ExperimentConfig {

@@ -1,9 +1,19 @@
 //! Proximal policy optimisation (Schulman et al. 2017), with the details of Huang et al. 2022.
 //!
-//! A minibatch is a random set of *tiles*: the [`PANEL`] drones of one panel at one step. Nothing is
+//! A minibatch is a random set of *tiles*: [`PANEL`] drones of one panel at one step. Nothing is
 //! gathered, a tile is read where the rollout wrote it. That is as good as single samples: the environments of a
 //! tile are independent of each other and at different moments of their episodes, and a minibatch draws its tiles
 //! from all panels and all steps.
+//!
+//! Several drones of one environment train one policy together, each from what it sees itself (IPPO with shared
+//! parameters). With [`CriticScope::Team`] their critic reads what all of them see; with [`ValueScaling::PopArt`]
+//! beside, that is MAPPO (Yu et al. 2022). Only the actor flies, so that nothing changes for the drones.
+//!
+//! Simpler methods are settings of this one. In the first gradient step of an update every ratio of probabilities is
+//! one, whatever it is clipped to, and the surrogate's gradient is that of −A log π: with one epoch of one minibatch
+//! there is no other step, which is synchronous advantage actor-critic (A2C, Mnih et al. 2016; Huang et al. 2022
+//! "A2C is a special case of PPO"), and with `gae_lambda` 1 beside, returns take the place of estimates: REINFORCE
+//! with the critic for a baseline (Williams 1992). `configs/parts/a2c.yaml` and `reinforce.yaml` are these.
 //!
 //! Every sum has an order that the number of threads does not change: a minibatch is cut into a fixed number of shards,
 //! and their gradients are added in order.
@@ -27,7 +37,8 @@ pub use crate::actor_critic::{Actor, Critic};
 use crate::adam::Adam;
 use crate::advantage::{Moments, normalise};
 use crate::consolidation::{Consolidator, Ended};
-use crate::rollout::{Collection, PANEL, Panel, Rollout};
+pub use crate::rollout::CriticScope;
+use crate::rollout::{Collection, PANEL, Panel, PanelRows, Rollout, panel_rows};
 use loss::LossSums;
 pub use metrics::UpdateMetrics;
 pub use settings::{PpoSettings, SettingsError, ValueScaling};
@@ -75,11 +86,11 @@ pub struct Heritage {
     learner: Option<(Critic, Adam, Adam)>,
 }
 
-/// One step of one panel.
+/// One tile of one panel.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     panel: usize,
-    step: usize,
+    tile: usize,
 }
 
 impl Trainer {
@@ -87,23 +98,31 @@ impl Trainer {
     /// environments is dealt to them in turn.
     ///
     /// # Panics
-    /// When the settings fail [`PpoSettings::check`], the drones of an environment do not divide [`PANEL`], there are
-    /// fewer panels than tasks, or the tasks differ in what policy or critic see or command.
+    /// When the settings fail [`PpoSettings::check`], their drones do not fill panels of [`panel_rows`], there are fewer
+    /// panels than tasks, or the tasks differ in what policy or critic see or command.
     pub fn new(tasks: &[Scenario], settings: &PpoSettings, seed: Seed) -> Self {
         settings.check().expect("settings are checked where they are read");
-        assert!(settings.environments / PANEL >= tasks.len(), "every task needs a panel");
-        let scenario = &tasks[0];
-        assert!(tasks.iter().all(|task| shape(task) == shape(scenario)), "one policy needs one layout");
+        let (scope, rows) = (settings.critic_scope, panel_rows(tasks));
+        assert!(
+            settings.environments.is_multiple_of(rows),
+            "{} drones fill no panels of {rows}",
+            settings.environments
+        );
+        assert!(settings.environments / rows >= tasks.len(), "every task needs a panel");
+        assert!(
+            tasks.iter().all(|task| shape(task, scope) == shape(&tasks[0], scope)),
+            "one policy needs one layout"
+        );
         let weights = |network| Stream::new(seed, network, Purpose::Weights);
-        let observation_len = scenario.observation.len();
-        let critic_len = observation_len + privileged_len(scenario.critic);
-        let lengths = (observation_len, scenario.action.len());
+        let [observation_len, action_len, critic_len] = shape(&tasks[0], scope);
+        let lengths = (observation_len, action_len);
         let actor = Actor::new(lengths, &settings.actor_hidden, settings.initial_log_std, &mut weights(0));
         let critic = Critic::new(critic_len, &settings.critic_hidden, tasks.len(), &mut weights(1));
-        let steps = settings.steps_per_rollout;
-        let panel = |(index, first): (usize, u32)| {
+        let panel = |index: usize| {
             let task = index % tasks.len();
-            Panel::new((task, &tasks[task]), seed, first, steps, (&actor, &critic))
+            let drones = PanelRows { first: (index * rows) as u32, count: rows };
+            let rollout = (settings.steps_per_rollout, scope);
+            Panel::new((task, &tasks[task]), seed, drones, rollout, (&actor, &critic))
         };
         Self {
             settings: settings.clone(),
@@ -112,7 +131,7 @@ impl Trainer {
             critic_optimiser: Adam::new(critic.parameters().len()),
             learning_rate: settings.learning_rate.initial(),
             updates: 0,
-            panels: (0..settings.environments as u32).step_by(PANEL).enumerate().map(panel).collect(),
+            panels: (0..settings.environments / rows).map(panel).collect(),
             shards: vec![Shard::new(&actor, &critic); SHARDS],
             gradient: Gradient::new(&actor, &critic),
             actor,
@@ -246,9 +265,9 @@ impl Trainer {
 
     /// All samples of the rollout in random order.
     fn shuffled(&self, epoch: u32) -> Vec<Sample> {
-        let steps = self.settings.steps_per_rollout;
-        let samples = (0..self.panels.len()).flat_map(|panel| (0..steps).map(move |step| Sample { panel, step }));
-        let mut samples: Vec<Sample> = samples.collect();
+        let tiles =
+            |(panel, flown): (usize, &Panel)| (0..flown.rollout().tiles()).map(move |tile| Sample { panel, tile });
+        let mut samples: Vec<Sample> = self.panels.iter().enumerate().flat_map(tiles).collect();
         let pass = self.updates * u64::from(self.settings.epochs) + u64::from(epoch);
         let mut stream = Stream::new(self.seed, pass as u32, Purpose::Shuffle);
         for last in (1..samples.len()).rev() {
@@ -265,7 +284,7 @@ impl Trainer {
             shard.clear();
             let part = index * minibatch.len() / SHARDS..(index + 1) * minibatch.len() / SHARDS;
             for sample in &minibatch[part] {
-                let tile = panels[sample.panel].rollout().tile(sample.step);
+                let tile = panels[sample.panel].rollout().tile(sample.tile);
                 shard.add(tile, (actor, critic), settings, sample_weight);
             }
         });
@@ -362,12 +381,14 @@ impl Trainer {
     }
 }
 
-/// Values of an observation, of an action, and of what the critic sees beside.
-fn shape(scenario: &Scenario) -> [usize; 3] {
-    [scenario.observation.len(), scenario.action.len(), privileged_len(scenario.critic)]
+/// Values of an observation, of an action, and of what the critic reads.
+fn shape(scenario: &Scenario, scope: CriticScope) -> [usize; 3] {
+    let observation_len = scenario.observation.len();
+    let critic_len = scope.drones(scenario.agents.count) * (observation_len + privileged_len(scenario.critic));
+    [observation_len, scenario.action.len(), critic_len]
 }
 
-/// Number of values that the critic sees beside the observation.
+/// Number of values that the critic sees beside the observation of a drone.
 fn privileged_len(critic: CriticView) -> usize {
     match critic {
         CriticView::Observation => 0,

@@ -1,5 +1,7 @@
 //! Panels of drones that fly the policy, and the columns that they leave to the learner.
 
+mod critic_input;
+
 use kestrel_sim::outcome::{Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
@@ -9,16 +11,27 @@ use crate::actor_critic::{Actor, Critic};
 use crate::advantage::{Columns, gae};
 use crate::gaussian::Noise;
 use crate::network::Workspace;
+use critic_input::CriticInput;
+pub use critic_input::CriticScope;
 
-/// Drones of a panel, and samples of a tile.
+/// Samples of a tile, and drones of a panel unless their team does not divide it.
 ///
 /// Enough columns for matrix products at full speed, few enough that the activations of a 64-64 network
 /// (2 × 64 kB, as much again backwards) stay in a core's second-level cache.
 pub const PANEL: usize = 256;
 
-/// Whether panels can be made of environments with so many drones.
-pub(crate) fn is_trainable(drones: u32) -> bool {
-    PANEL.is_multiple_of(drones as usize)
+/// Drones of each panel of a run: the least multiple of [`PANEL`] into which the teams of all its tasks fit without a
+/// rest, [`PANEL`] itself for teams of 1, 2, 4, …
+pub fn panel_rows(tasks: &[Scenario]) -> usize {
+    tasks
+        .iter()
+        .map(|task| task.agents.count as usize)
+        .fold(PANEL, |rows, team| rows / common_divisor(rows, team) * team)
+}
+
+/// The greatest (Euclid).
+fn common_divisor(one: usize, other: usize) -> usize {
+    if other == 0 { one } else { common_divisor(other, one % other) }
 }
 
 /// What a panel needs to know to collect a rollout.
@@ -38,47 +51,64 @@ pub struct Collection<'a> {
     pub gae_lambda: f32,
 }
 
-/// Environments of [`PANEL`] drones in all, stepped by one thread through a whole rollout; several drones of an
-/// environment share the policy.
+/// Environments of some [`panel_rows`] drones in all, stepped by one thread through a whole rollout; several drones of
+/// an environment share the policy.
 ///
 /// No panel waits for another, and none shares anything with another: the number of threads cannot matter.
 #[derive(Clone, Debug)]
 pub struct Panel {
     simulation: Simulation,
-    noise: Noise,
+    critic_input: CriticInput,
+    /// Of each tile of a step.
+    noises: Vec<Noise>,
     rollout: Rollout,
     actor_workspace: Workspace,
     critic_workspace: Workspace,
-    /// Noise of one step `[action length][PANEL]`.
+    /// Noise of one tile `[action length][PANEL]`.
     normals: Vec<f32>,
+    /// Actions of one step `[action length][rows]`.
+    commands: Vec<f32>,
     /// Place in the rollout and critic input of every truncated step.
     truncated: Vec<(usize, Vec<f32>)>,
 }
 
+/// The drones of a panel among all drones of a run.
+#[derive(Clone, Copy, Debug)]
+pub struct PanelRows {
+    /// Drones in panels before.
+    pub first: u32,
+    /// Drones of this panel, as [`panel_rows`] says.
+    pub count: usize,
+}
+
 impl Panel {
-    /// Environments at the start of their first episodes; the first `first_row` drones of the run are in panels before.
+    /// Environments at the start of their first episodes, which fly and appraise rollouts of so many `steps`.
     ///
     /// # Panics
-    /// When the drones of an environment do not divide [`PANEL`].
+    /// When the drones do not fill tiles and environments.
     pub fn new(
         (task, scenario): (usize, &Scenario),
         seed: Seed,
-        first_row: u32,
-        steps: usize,
+        rows: PanelRows,
+        (steps, scope): (usize, CriticScope),
         networks: (&Actor, &Critic),
     ) -> Self {
-        let drones = scenario.agents.count;
-        assert!(is_trainable(drones), "{drones} drones in an environment do not divide {PANEL}");
-        let simulation = Simulation::new(scenario, seed, first_row / drones, PANEL / drones as usize);
-        let features = simulation.observation_len() + simulation.privileged_len();
+        let (team, count) = (scenario.agents.count, rows.count);
+        let fits = count.is_multiple_of(PANEL) && count.is_multiple_of(team as usize);
+        assert!(fits, "{count} drones in tiles of {PANEL} and teams of {team}");
+        let simulation = Simulation::new(scenario, seed, rows.first / team, count / team as usize);
+        let critic_input = CriticInput::new(&simulation, scope);
         let action_len = scenario.action.len();
+        let firsts = (rows.first..rows.first + count as u32).step_by(PANEL);
         Self {
-            noise: Noise::new(seed, first_row, action_len),
-            rollout: Rollout::new(task, steps, (features, action_len)),
+            noises: firsts.map(|first| Noise::new(seed, first, action_len)).collect(),
+            rollout: Rollout::new(task, (steps, count), (critic_input.len(&simulation), action_len)),
             actor_workspace: Workspace::new(networks.0.mlp(), PANEL),
             critic_workspace: Workspace::new(networks.1.mlp(), PANEL),
             normals: vec![0.0; action_len * PANEL],
+            commands: vec![0.0; action_len * count],
             truncated: Vec::new(),
+            critic_input,
             simulation,
         }
     }
@@ -86,10 +116,13 @@ impl Panel {
     /// Flies the actor through one rollout and estimates its advantages.
     pub fn collect(&mut self, collection: &Collection<'_>) {
         for step in 0..self.rollout.steps {
-            self.observe(step);
-            self.act(collection.actor, step, collection.first_step + step as u64);
-            self.appraise(collection.critic, step);
-            self.simulation.step(self.rollout.actions(step));
+            for part in 0..self.noises.len() {
+                let tile = step * self.noises.len() + part;
+                self.observe(tile, part);
+                self.act(collection.actor, tile, (part, collection.first_step + step as u64));
+                self.appraise(collection.critic, tile);
+            }
+            self.simulation.step(&self.commands);
             self.record(step, collection.reward_scale);
         }
         self.appraise_last(collection.critic);
@@ -123,52 +156,53 @@ impl Panel {
         self.simulation.restore(state)
     }
 
-    fn observe(&mut self, step: usize) {
-        let input = &mut self.rollout.observations[step * self.rollout.features * PANEL..];
-        write_critic_input(self.simulation.observations(), self.simulation.privileged(), input);
+    /// What the drones of part of a step see, into a tile of the rollout.
+    fn observe(&mut self, tile: usize, part: usize) {
+        let place = self.rollout.inputs_of(tile);
+        self.critic_input.write(&self.simulation, part * PANEL, &mut self.rollout.observations[place]);
     }
 
-    fn act(&mut self, actor: &Actor, step: usize, noise_step: u64) {
+    fn act(&mut self, actor: &Actor, tile: usize, (part, noise_step): (usize, u64)) {
         let rollout = &mut self.rollout;
-        let means = actor.means(rollout.actor_input(step, actor), &mut self.actor_workspace);
-        self.noise.fill(noise_step, &mut self.normals);
-        let place = rollout.actions_of(step);
+        let means = actor.means(rollout.actor_input(tile, actor), &mut self.actor_workspace);
+        self.noises[part].fill(noise_step, &mut self.normals);
+        let place = rollout.actions_of(tile);
         let (actions, gaussian) = (&mut rollout.actions[place], actor.gaussian());
         gaussian.sample(means, &self.normals, actions);
-        gaussian.log_probs(means, actions, &mut rollout.log_probs[column_of(step)]);
+        gaussian.log_probs(means, actions, &mut rollout.log_probs[column_of(tile)]);
+        let commands = self.commands.chunks_exact_mut(rollout.rows);
+        for (command, action) in commands.zip(actions.chunks_exact(PANEL)) {
+            command[column_of(part)].copy_from_slice(action);
+        }
     }
 
-    fn appraise(&mut self, critic: &Critic, step: usize) {
-        let mut values = [0.0; PANEL];
-        critic.appraise(
-            self.rollout.critic_input(step),
-            self.rollout.task,
-            &mut self.critic_workspace,
-            &mut values,
-        );
-        self.rollout.values[column_of(step)].copy_from_slice(&values);
+    fn appraise(&mut self, critic: &Critic, tile: usize) {
+        let place = self.rollout.inputs_of(tile);
+        let Rollout { task, observations, values, .. } = &mut self.rollout;
+        critic.appraise(&observations[place], *task, &mut self.critic_workspace, &mut values[column_of(tile)]);
     }
 
     fn record(&mut self, step: usize, reward_scale: f32) {
-        let rewards = &mut self.rollout.rewards[column_of(step)];
-        for (scaled, reward) in rewards.iter_mut().zip(self.simulation.rewards()) {
+        let rows = self.rollout.rows;
+        let column = step * rows..(step + 1) * rows;
+        for (scaled, reward) in self.rollout.rewards[column.clone()].iter_mut().zip(self.simulation.rewards()) {
             *scaled = reward * reward_scale;
         }
-        self.rollout.outcomes[column_of(step)].copy_from_slice(self.simulation.outcomes());
+        self.rollout.outcomes[column].copy_from_slice(self.simulation.outcomes());
         for (row, outcome) in self.simulation.outcomes().iter().enumerate() {
             if *outcome == Outcome::Truncated {
-                let observation = self.simulation.final_observations().chunks_exact(PANEL);
-                let privileged = self.simulation.final_privileged().chunks_exact(PANEL);
-                let input = observation.chain(privileged).map(|column| column[row]).collect();
-                self.truncated.push((step * PANEL + row, input));
+                let input = self.critic_input.at_end(&self.simulation, row);
+                self.truncated.push((step * rows + row, input));
             }
         }
     }
 
     fn appraise_last(&mut self, critic: &Critic) {
         let mut input = vec![0.0; self.rollout.features * PANEL];
-        write_critic_input(self.simulation.observations(), self.simulation.privileged(), &mut input);
-        critic.appraise(&input, self.rollout.task, &mut self.critic_workspace, &mut self.rollout.last_values);
+        for (part, values) in self.rollout.last_values.chunks_exact_mut(PANEL).enumerate() {
+            self.critic_input.write(&self.simulation, part * PANEL, &mut input);
+            critic.appraise(&input, self.rollout.task, &mut self.critic_workspace, values);
+        }
     }
 
     /// Collected over the rollout, because a tile of one costs as much as a full one.
@@ -190,26 +224,24 @@ impl Panel {
     }
 }
 
-fn write_critic_input(observations: &[f32], privileged: &[f32], input: &mut [f32]) {
-    let (seen, hidden) = input.split_at_mut(observations.len());
-    seen.copy_from_slice(observations);
-    hidden[..privileged.len()].copy_from_slice(privileged);
+/// The samples of a tile in a column of values.
+fn column_of(tile: usize) -> std::ops::Range<usize> {
+    tile * PANEL..(tile + 1) * PANEL
 }
 
-fn column_of(step: usize) -> std::ops::Range<usize> {
-    step * PANEL..(step + 1) * PANEL
-}
-
-/// Columns of one panel over the steps of a rollout.
+/// Columns of one panel over the steps of a rollout: `[steps][rows]`, which is `[tiles][PANEL]`.
 #[derive(Clone, Debug)]
 pub struct Rollout {
     task: usize,
     steps: usize,
+    /// Drones.
+    rows: usize,
     features: usize,
     action_len: usize,
-    /// `[steps][features][PANEL]`: observation, then privileged values. The actor reads the first rows.
+    /// `[tiles][features][PANEL]`: observation, privileged values, then those of team mates. The actor reads the
+    /// observation.
     observations: Vec<f32>,
-    /// `[steps][action length][PANEL]`, not limited to \[-1, 1\].
+    /// `[tiles][action length][PANEL]`, not limited to \[-1, 1\].
     actions: Vec<f32>,
     log_probs: Vec<f32>,
     rewards: Vec<f32>,
@@ -221,12 +253,12 @@ pub struct Rollout {
     returns: Vec<f32>,
 }
 
-/// The samples of one step of one panel: what a minibatch is made of.
+/// [`PANEL`] samples of one step of one panel: what a minibatch is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Tile<'a> {
     /// Index of its task among those of the run.
     pub task: usize,
-    /// `[features][PANEL]`: observation, then privileged values.
+    /// `[features][PANEL]`: observation, privileged values, then those of team mates where the critic reads them.
     pub observations: &'a [f32],
     /// `[action length][PANEL]`.
     pub actions: &'a [f32],
@@ -239,31 +271,32 @@ pub struct Tile<'a> {
 }
 
 impl Rollout {
-    fn new(task: usize, steps: usize, (features, action_len): (usize, usize)) -> Self {
-        let column = || vec![0.0; steps * PANEL];
+    fn new(task: usize, (steps, rows): (usize, usize), (features, action_len): (usize, usize)) -> Self {
+        let column = || vec![0.0; steps * rows];
         Self {
             task,
             steps,
+            rows,
             features,
             action_len,
-            observations: vec![0.0; steps * features * PANEL],
-            actions: vec![0.0; steps * action_len * PANEL],
+            observations: vec![0.0; steps * features * rows],
+            actions: vec![0.0; steps * action_len * rows],
             log_probs: column(),
             rewards: column(),
             values: column(),
-            outcomes: vec![Outcome::Running; steps * PANEL],
+            outcomes: vec![Outcome::Running; steps * rows],
             truncated_values: column(),
-            last_values: vec![0.0; PANEL],
+            last_values: vec![0.0; rows],
             advantages: column(),
             returns: column(),
         }
     }
 
-    /// A rollout of nothing but these observations `[steps][features][PANEL]`.
+    /// A rollout of [`PANEL`] drones and nothing but these observations `[steps][features][PANEL]`.
     #[cfg(test)]
     pub(crate) fn of_observations(observations: Vec<f32>, features: usize, action_len: usize) -> Self {
         let steps = observations.len() / (features * PANEL);
-        Self { observations, ..Self::new(0, steps, (features, action_len)) }
+        Self { observations, ..Self::new(0, (steps, PANEL), (features, action_len)) }
     }
 
     /// Index of its task among those of the run.
@@ -271,27 +304,27 @@ impl Rollout {
         self.task
     }
 
-    /// Number of steps.
-    pub fn steps(&self) -> usize {
-        self.steps
+    /// Number of tiles.
+    pub fn tiles(&self) -> usize {
+        self.steps * self.rows / PANEL
     }
 
-    /// The samples of one step.
+    /// Some samples, those of a step together.
     ///
     /// # Panics
-    /// When the rollout has no such step.
-    pub fn tile(&self, step: usize) -> Tile<'_> {
+    /// When the rollout has no such tile.
+    pub fn tile(&self, index: usize) -> Tile<'_> {
         Tile {
             task: self.task,
-            observations: self.critic_input(step),
-            actions: self.actions(step),
-            log_probs: &self.log_probs[column_of(step)],
-            advantages: &self.advantages[column_of(step)],
-            returns: &self.returns[column_of(step)],
+            observations: &self.observations[self.inputs_of(index)],
+            actions: &self.actions[self.actions_of(index)],
+            log_probs: &self.log_probs[column_of(index)],
+            advantages: &self.advantages[column_of(index)],
+            returns: &self.returns[column_of(index)],
         }
     }
 
-    /// Estimated advantages, `[steps][PANEL]`.
+    /// Estimated advantages, `[steps][rows]`.
     pub fn advantages(&self) -> &[f32] {
         &self.advantages
     }
@@ -300,32 +333,28 @@ impl Rollout {
         &mut self.advantages
     }
 
-    /// Advantages plus values, `[steps][PANEL]`.
+    /// Advantages plus values, `[steps][rows]`.
     pub fn returns(&self) -> &[f32] {
         &self.returns
     }
 
-    /// The critic's values, `[steps][PANEL]`.
+    /// The critic's values, `[steps][rows]`.
     pub fn values(&self) -> &[f32] {
         &self.values
     }
 
-    fn actions(&self, step: usize) -> &[f32] {
-        &self.actions[self.actions_of(step)]
-    }
-
-    fn actions_of(&self, step: usize) -> std::ops::Range<usize> {
+    fn actions_of(&self, tile: usize) -> std::ops::Range<usize> {
         let length = self.action_len * PANEL;
-        step * length..(step + 1) * length
+        tile * length..(tile + 1) * length
     }
 
-    fn critic_input(&self, step: usize) -> &[f32] {
+    fn inputs_of(&self, tile: usize) -> std::ops::Range<usize> {
         let length = self.features * PANEL;
-        &self.observations[step * length..(step + 1) * length]
+        tile * length..(tile + 1) * length
     }
 
-    fn actor_input(&self, step: usize, actor: &Actor) -> &[f32] {
-        &self.critic_input(step)[..actor.mlp().inputs() * PANEL]
+    fn actor_input(&self, tile: usize, actor: &Actor) -> &[f32] {
+        &self.observations[self.inputs_of(tile)][..actor.mlp().inputs() * PANEL]
     }
 
     fn estimate_advantages(&mut self, discount: f32, gae_lambda: f32) {

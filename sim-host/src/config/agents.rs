@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::holds;
-use crate::scenario::{Agents, Goals, TeamEnd, TeamRewards};
+use crate::scenario::{Agents, Goals, TeamEnd, TeamRewards, TeamSuccess};
 use crate::world::{Floor, World};
 
 /// Most drones in one environment; every one is tested against every other.
@@ -26,6 +26,8 @@ pub struct AgentsConfig {
     pub ends: TeamEndConfig,
     /// Whose rewards a drone is paid.
     pub rewards: TeamRewardsConfig,
+    /// Who has to succeed.
+    pub success: TeamSuccessConfig,
 }
 
 /// What becomes of the others when one drone's episode ends.
@@ -48,6 +50,17 @@ pub enum TeamRewardsConfig {
     Own,
     /// The sum over all drones of the environment.
     Shared,
+}
+
+/// Who has to succeed for a drone's episode to be a success.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TeamSuccessConfig {
+    /// The drone itself.
+    #[default]
+    Own,
+    /// All drones of the environment.
+    All,
 }
 
 /// How the goal differs between drones or moves in an episode; without it, it is the aviary's `goal_m` for all.
@@ -77,7 +90,7 @@ pub enum GoalsConfig {
 
 impl Default for AgentsConfig {
     fn default() -> Self {
-        Self { count: 1, ends: TeamEndConfig::Together, rewards: TeamRewardsConfig::Own }
+        Self { count: 1, ends: TeamEndConfig::Together, rewards: TeamRewardsConfig::Own, success: TeamSuccessConfig::Own }
     }
 }
 
@@ -103,6 +116,10 @@ impl AgentsConfig {
             rewards: match self.rewards {
                 TeamRewardsConfig::Own => TeamRewards::Own,
                 TeamRewardsConfig::Shared => TeamRewards::Shared,
+            },
+            success: match self.success {
+                TeamSuccessConfig::Own => TeamSuccess::Own,
+                TeamSuccessConfig::All => TeamSuccess::All,
             },
         })
     }

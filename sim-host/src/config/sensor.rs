@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ConfigError;
 use super::field::{Field, Limits};
-use crate::sensor::{BEAM_LIMIT, Scan, ScanRing, SensorSuite};
 use crate::sensor::instrument::{Bias, Instrument, Noise, Sampling};
 use crate::sensor::signal::{Direction, Signal};
+use crate::sensor::{BEAM_LIMIT, Mates, Scan, ScanRing, SensorSuite};
 
 /// Noise bandwidth of a second-order Butterworth low-pass filter over its cut-off frequency: π / (2 √2).
 const NOISE_BANDWIDTH: f64 = 1.110_720_734_539_591_5;
@@ -24,6 +24,9 @@ const NOISE_ONSET: f64 = 0.625;
 /// metre above the ground). The accelerometer's is the weight, that of distances and heights a metre.
 const BODY_RATES_UNIT: f64 = 10.0;
 const FLOW_UNIT: f64 = 2.0;
+
+/// Most mates that a drone sees: more than a policy reads with anything else beside.
+const MATES_LIMIT: u64 = 16;
 
 /// One part of the drone's equipment.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -40,6 +43,21 @@ pub enum SensorConfig {
     /// How near the nearest thing is along beams that keep their directions in the world (1 value each, from 0 at the
     /// limit to 1): an ideal lidar behind an attitude estimate, fast enough to train with. The last sensor, once.
     Scan(ScanConfig),
+    /// The nearest drones of the team, the nearest first, without noise or delay: where each is from here (3 values,
+    /// world) and how it moves past (3 values, world). The last sensor, once.
+    Mates(MatesConfig),
+}
+
+/// Which drones of the team are seen.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MatesConfig {
+    /// How many, fewer than there are drones.
+    pub nearest: u64,
+    /// Distance that reads as one; of farther mates only the direction is seen.
+    pub position_scale_m: f64,
+    /// Speed that reads as one.
+    pub velocity_scale_m_per_s: f64,
 }
 
 /// Inertial measurement unit at the centre of mass.
@@ -315,11 +333,15 @@ impl SensorConfig {
     /// # Errors
     /// When a number is out of range, a ranger has no direction or one twice, or there are too many values.
     pub fn check_all(sensors: &[Self], control_secs: f64, field: &Field<'_>) -> Result<SensorSuite, ConfigError> {
+        let (mates, sensors) = match sensors.split_last() {
+            Some((Self::Mates(mates), others)) => (Some(mates.check(&field.at(others.len()).at("mates"))?), others),
+            _ => (None, sensors),
+        };
         let mut instruments = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {
             instruments.extend(sensor.check(&field.at(index))?);
         }
-        let suite = SensorSuite::new(instruments, control_secs).with_scan(Self::check_scan(sensors, field)?);
+        let suite = SensorSuite::new(instruments, control_secs).with_scan(Self::check_scan(sensors, field)?).with_mates(mates);
         if suite.len() > OBSERVATION_LIMIT {
             let expected = format!("at most {OBSERVATION_LIMIT}, the most that a policy sees");
             return Err(field.reject(format!("sensors that measure {} values", suite.len()), expected));
@@ -340,6 +362,7 @@ impl SensorConfig {
     fn check(&self, field: &Field<'_>) -> Result<Vec<Instrument>, ConfigError> {
         match self {
             Self::Scan(_) => Ok(Vec::new()),
+            Self::Mates(_) => Err(field.reject("`mates` before other sensors", "one `mates`, as the last of them")),
             Self::Imu(imu) => {
                 let field = field.at("imu");
                 let gyroscope = imu.gyroscope.check(&field.at("gyroscope"))?;
@@ -468,6 +491,17 @@ fn growing(near: f64, far: f64, limit: f64) -> Noise {
     }
     let onset = NOISE_ONSET * limit;
     Noise::Growing { near, onset, growth: libm::log(far / near) / (limit - onset) }
+}
+
+impl MatesConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Mates, ConfigError> {
+        let scale = |key: &str, value: f64, unit| field.at(key).number(value, &Limits::from(0.01, 1000.0, unit));
+        Ok(Mates {
+            nearest: field.at("nearest").whole(self.nearest, 1..=MATES_LIMIT)? as usize,
+            position_scale_m: scale("position_scale_m", self.position_scale_m, "m")?,
+            velocity_scale: scale("velocity_scale_m_per_s", self.velocity_scale_m_per_s, "m/s")?,
+        })
+    }
 }
 
 impl ScanConfig {

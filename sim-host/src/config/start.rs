@@ -71,7 +71,7 @@ pub enum StartPositionConfig {
         /// Share of the starts in the box.
         box_share: f64,
     },
-    /// Always there: one place for each drone.
+    /// Always there, or nearby: one place for each drone.
     Exactly(Vec<PlaceConfig>),
 }
 
@@ -84,6 +84,9 @@ pub struct PlaceConfig {
     /// Heading, counter-clockwise from +x; drones that start tilted start with any.
     #[serde(default)]
     pub heading_deg: f64,
+    /// Greatest distance of a start from there, in any direction.
+    #[serde(default)]
+    pub spread_m: f64,
 }
 
 /// Parameters drawn at each reset, as factors uniform in `1 ± fraction`, and a constant wind.
@@ -222,6 +225,7 @@ impl PlaceConfig {
         Ok(Place {
             position: field.at("position_m").place(self.position_m)?,
             heading: field.at("heading_deg").real(self.heading_deg, &heading)?.to_radians(),
+            spread: field.at("spread_m").number(self.spread_m, &Limits::from(0.0, 100.0, "m"))?,
         })
     }
 }
@@ -283,7 +287,10 @@ impl Region<'_> {
             }
             StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => *region,
             StartPosition::AlongWay(starts) => starts.space.region,
-            StartPosition::Exactly(places) => hull_of(places.iter().map(|place| place.position.cast())),
+            StartPosition::Exactly(places) => {
+                let corner = |place: &Place, side: f32| place.position.cast().add_scalar(side * place.spread);
+                hull_of(places.iter().flat_map(|place| [corner(place, -1.0), corner(place, 1.0)]))
+            }
         }
     }
 
@@ -298,7 +305,7 @@ impl Region<'_> {
             }
             StartPosition::Exactly(places) => {
                 let pairs = places.iter().zip(self.goals);
-                pairs.map(|(place, goal)| (place.position.cast() - goal).norm()).collect()
+                pairs.map(|(place, goal)| (place.position.cast() - goal).norm() + place.spread).collect()
             }
         };
         distances.into_iter().fold(0.0, f32::max)
@@ -315,7 +322,8 @@ impl Region<'_> {
             StartPosition::AlongWay(starts) => gap(&starts.space.region, solid).min(starts.space.clearance_m),
             StartPosition::FreeWithin(space) => space.clearance_m,
             StartPosition::Exactly(places) => {
-                places.iter().map(|place| to_point(place.position.cast())).fold(f32::INFINITY, f32::min)
+                let gaps = places.iter().map(|place| to_point(place.position.cast()) - place.spread);
+                gaps.fold(f32::INFINITY, f32::min)
             }
         }
     }
@@ -324,7 +332,9 @@ impl Region<'_> {
     fn apart(&self, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
         let StartPosition::Exactly(places) = self.position else { return Ok(()) };
         for (index, place) in places.iter().enumerate() {
-            let distance = |other: &Place| (place.position - other.position).norm() as f32;
+            let distance = |other: &Place| {
+                (place.position - other.position).norm() as f32 - place.spread - other.spread
+            };
             if let Some(other) = places[..index].iter().position(|other| distance(other) < 2.0 * radius) {
                 let found = format!("a start {:.3} m from that of drone {other}", distance(&places[other]));
                 let expected = format!("at least {} m between, twice the drone's radius", 2.0 * radius);

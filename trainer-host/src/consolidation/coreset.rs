@@ -70,7 +70,7 @@ pub(super) fn draw_states(ended: &Ended<'_>, count: usize) -> Vec<Vec<f32>> {
     let mut stream = Stream::new(ended.seed, 0, Purpose::Coreset);
     let mut draw = || {
         let rollout = ended.rollouts[stream.below(ended.rollouts.len() as u32) as usize];
-        let tile = rollout.tile(stream.below(rollout.steps() as u32) as usize);
+        let tile = rollout.tile(stream.below(rollout.tiles() as u32) as usize);
         let column = stream.below(PANEL as u32) as usize;
         let observation = tile.observations.chunks_exact(PANEL).take(inputs).map(|row| row[column]);
         let mut state: Vec<f32> = observation.collect();

@@ -41,10 +41,10 @@ pub(super) fn sensitivity(actor: &Actor, rollouts: &[&Rollout]) -> Vec<f32> {
 
 /// Runs the network on evenly spread tiles of the rollouts; returns the number of samples.
 fn for_each_tile(actor: &Actor, rollouts: &[&Rollout], mut visit: impl FnMut(&[f32], &mut Workspace)) -> usize {
-    let tiles: usize = rollouts.iter().map(|rollout| rollout.steps()).sum();
+    let tiles: usize = rollouts.iter().map(|rollout| rollout.tiles()).sum();
     let stride = (tiles * PANEL).div_ceil(SAMPLES).max(1);
     let mut workspace = Workspace::new(actor.mlp(), PANEL);
-    let all = rollouts.iter().flat_map(|rollout| (0..rollout.steps()).map(move |step| rollout.tile(step)));
+    let all = rollouts.iter().flat_map(|rollout| (0..rollout.tiles()).map(move |tile| rollout.tile(tile)));
     let mut visited = 0;
     for tile in all.step_by(stride) {
         let inputs = &tile.observations[..actor.mlp().inputs() * PANEL];

@@ -41,15 +41,15 @@ fn pull(memory: &mut Consolidator, actor: &Actor, critic: &Critic) -> Vec<f32> {
 /// Divergence of the mean actions \[nat\] at the reference spread, over all samples of a rollout.
 fn divergence(one: &Actor, other: &Actor, rollout: &Rollout) -> f64 {
     let mut sum = 0.0;
-    for step in 0..rollout.steps() {
-        let tile = rollout.tile(step);
+    for index in 0..rollout.tiles() {
+        let tile = rollout.tile(index);
         let mut means = [vec![0.0; OUTPUTS * PANEL], vec![0.0; OUTPUTS * PANEL]];
         one.act_mean(tile.observations, &mut means[0]);
         other.act_mean(tile.observations, &mut means[1]);
         let squares = means[0].iter().zip(&means[1]).map(|(a, b)| f64::from(a - b) * f64::from(a - b));
         sum += squares.sum::<f64>();
     }
-    0.5 * sum / (rollout.steps() * PANEL) as f64 / f64::from(REFERENCE_STD * REFERENCE_STD)
+    0.5 * sum / (rollout.tiles() * PANEL) as f64 / f64::from(REFERENCE_STD * REFERENCE_STD)
 }
 
 fn anchored(curvature: Curvature, gradient: GradientTerm) -> ConsolidatorSettings {

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::golden::{Messages, assert_golden, in_repository};
+use crate::ppo::CriticScope;
 use crate::schedule::Schedule;
 
 /// The shortest configuration: everything else has a default.
@@ -168,10 +169,36 @@ fn what_cannot_be_trained_is_refused_before_it_begins() {
     let flown = load(&path, &overrides).unwrap();
     assert_eq!(flown.scenario.agents.count, 3);
     assert_eq!(
-        load_to_train(&path, &overrides).unwrap_err().to_string(),
-        "--set scenario.agents.count=3: found 3, expected 1, 2, 4 or another divisor of 256: so many drones train \
-         side by side"
+        load_to_train(&path, &[&overrides[..], &["training.environments=1024".to_owned()]].concat())
+            .unwrap_err()
+            .to_string(),
+        "--set training.environments=1024: found 1024, expected a multiple of 768: that many drones train side by \
+         side in teams of 3"
     );
+    let fitting = [&overrides[..], &["training.environments=768".to_owned()]].concat();
+    assert_eq!(load_to_train(&path, &fitting).unwrap().ppo.environments, 768);
+}
+
+#[test]
+fn a_crossing_team_is_ready_to_train() {
+    let path = in_repository("configs/aviaries/crossing-3.yaml");
+    let crossing = load_to_train(&path, &[]).unwrap();
+    assert_eq!(crossing.ppo.critic_scope, CriticScope::Own);
+    // Pilot, and position and velocity of two mates.
+    assert_eq!(crossing.scenario.observation.len(), 22 + 12);
+    let mappo = ["training.critic_scope=team", "training.value_scale=popart"].map(str::to_owned);
+    assert_eq!(load_to_train(&path, &mappo).unwrap().ppo.critic_scope, CriticScope::Team);
+}
+
+#[test]
+fn actor_critic_and_reinforce_make_one_step_of_each_rollout() {
+    for (part, gae_lambda) in [("a2c", 0.95), ("reinforce", 1.0)] {
+        let path = in_repository(&format!("configs/parts/{part}.yaml"));
+        let import = format!("training: {{ import: {} }}\n", path.display());
+        let ppo = trial(&format!("{MINIMAL}{import}")).unwrap().ppo;
+        assert_eq!((ppo.epochs, ppo.minibatch, ppo.gae_lambda), (1, ppo.batch(), gae_lambda), "{part}");
+        assert_eq!((ppo.entropy_weight, ppo.target_kl), (0.0, None), "{part}");
+    }
 }
 
 fn refusal(bytes: &[u8]) -> String {

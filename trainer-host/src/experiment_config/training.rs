@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ppo::{PpoSettings, ValueScaling};
-use crate::rollout::PANEL;
+use crate::rollout::{CriticScope, PANEL};
 use crate::schedule::Schedule;
 
 /// Most samples of one rollout: at 60 values each they fill 4 GiB.
@@ -30,7 +30,8 @@ pub struct TrainingConfig {
     pub seed: u64,
     /// Steps of all drones together after which training ends.
     pub total_steps: u64,
-    /// Environments that fly at the same time: a multiple of 256. Where several drones share one, drones in all.
+    /// Environments that fly at the same time: a multiple of 256. Where several drones share one, drones in all, and also
+    /// a multiple of what divides evenly into 256 and into teams: 768 for teams of 3.
     pub environments: u64,
     /// Steps of each drone between two updates.
     pub steps_per_rollout: u64,
@@ -65,10 +66,23 @@ pub struct TrainingConfig {
     /// An update stops early once its KL divergence exceeds one and a half times this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target_kl: Option<f64>,
+    /// Whose observations the critic reads, where several drones fly together.
+    pub critic_scope: CriticScopeConfig,
     /// In which unit the critic learns returns.
     pub value_scale: ValueScaleConfig,
     /// Rewards are multiplied by this before learning, so that returns are of order one.
     pub reward_scale: f64,
+}
+
+/// Whose observations the critic reads. The policy reads the drone's own in any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CriticScopeConfig {
+    /// The drone's own (IPPO).
+    #[default]
+    Own,
+    /// Its own, then those of its team mates (MAPPO's centralised critic).
+    Team,
 }
 
 /// In which unit the critic learns returns.
@@ -129,6 +143,7 @@ impl Default for TrainingConfig {
             actor_hidden: vec![64, 64],
             critic_hidden: vec![64, 64],
             target_kl: None,
+            critic_scope: CriticScopeConfig::Own,
             value_scale: ValueScaleConfig::Fixed,
             reward_scale: 1.0,
         }
@@ -171,6 +186,10 @@ impl TrainingConfig {
             actor_hidden: hidden(&self.actor_hidden, &field.at("actor_hidden"))?,
             critic_hidden: hidden(&self.critic_hidden, &field.at("critic_hidden"))?,
             target_kl,
+            critic_scope: match self.critic_scope {
+                CriticScopeConfig::Own => CriticScope::Own,
+                CriticScopeConfig::Team => CriticScope::Team,
+            },
             value_scale: match self.value_scale {
                 ValueScaleConfig::Fixed => ValueScaling::Fixed,
                 ValueScaleConfig::Popart => ValueScaling::PopArt,

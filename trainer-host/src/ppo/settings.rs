@@ -3,13 +3,14 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::rollout::PANEL;
+use crate::rollout::{CriticScope, PANEL};
 use crate::schedule::Schedule;
 
 /// The hyperparameters of PPO, under the names of the field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PpoSettings {
-    /// Environments in parallel, a multiple of [`PANEL`]; where several drones share one, drones.
+    /// Environments in parallel, a multiple of [`PANEL`]; where several drones share one, drones, which must fill panels
+    /// of [`panel_rows`](crate::rollout::panel_rows).
     pub environments: usize,
     /// Steps of every drone between updates.
     pub steps_per_rollout: usize,
@@ -45,6 +46,8 @@ pub struct PpoSettings {
     pub critic_hidden: Vec<usize>,
     /// An update stops once a minibatch's `approx_kl` exceeds one and a half times this, as Stable-Baselines3.
     pub target_kl: Option<f32>,
+    /// Whose observations the critic reads.
+    pub critic_scope: CriticScope,
     /// In which unit the critic learns returns.
     pub value_scale: ValueScaling,
     /// Fixed factor on rewards before the critic sees them; the logged returns are unscaled.

@@ -1,3 +1,6 @@
+mod special_cases;
+mod teams;
+
 use super::*;
 use crate::evaluation::{Flyer, Starts, evaluate, observations_in_flight};
 use crate::export::export;
@@ -15,7 +18,7 @@ use kestrel_core::observation::{KinematicLayout, ObservationLayout, PaperLayout,
 use kestrel_core::policy_file::{PolicyFile, PolicyMetadata};
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
-    TeamEnd, TeamRewards, Termination, TimeLimit, WeightedTerm,
+    TeamEnd, TeamRewards, TeamSuccess, Termination, TimeLimit, WeightedTerm,
 };
 use kestrel_sim::sensor::SensorSuite;
 use kestrel_sim::world::World;
@@ -77,6 +80,7 @@ fn settings() -> PpoSettings {
         actor_hidden: vec![16, 16],
         critic_hidden: vec![16],
         target_kl: None,
+        critic_scope: CriticScope::Own,
         value_scale: ValueScaling::Fixed,
         reward_scale: 0.5,
     }
@@ -98,71 +102,6 @@ fn the_number_of_threads_does_not_change_a_bit() {
     let reference = on_threads(1, 3, CriticView::Privileged);
     assert_eq!(reference, on_threads(2, 3, CriticView::Privileged));
     assert_eq!(reference, on_threads(7, 3, CriticView::Privileged));
-}
-
-/// Pairs of drones with goals of their own, whose episodes end alone.
-fn pairs() -> Scenario {
-    Scenario {
-        agents: Agents { count: 2, ends: TeamEnd::Alone, rewards: TeamRewards::Shared },
-        goals: Goals::PerAgent(vec![Vector3::new(0.0, 0.0, 1.0), Vector3::new(2.0, 0.0, 1.0)]),
-        ..scenario(CriticView::Privileged)
-    }
-}
-
-#[test]
-fn several_drones_fill_a_panel_together() {
-    let networks = Trainer::new(&[pairs()], &settings(), Seed(5));
-    let mut panels = networks.panels.clone();
-    let collection = Collection {
-        actor: networks.actor(),
-        critic: networks.critic(),
-        first_step: 0,
-        reward_scale: 1.0,
-        discount: 0.98,
-        gae_lambda: 0.95,
-    };
-    let mut flown: Vec<(u32, u32)> = Vec::new();
-    for panel in &mut panels {
-        panel.collect(&collection);
-        panel.collect(&Collection { first_step: 12, ..collection });
-        flown.extend(panel.take_episodes().iter().map(|episode| (episode.environment, episode.agent)));
-    }
-    // Three panels of 256 drones are 384 environments, in each of which both drones fly.
-    flown.sort_unstable();
-    flown.dedup();
-    assert!(flown.into_iter().eq((0..384).flat_map(|environment| [(environment, 0), (environment, 1)])));
-}
-
-#[test]
-fn runs_of_several_drones_resume_to_the_same_bits_on_any_number_of_threads() {
-    let on_threads = |threads: usize, parts: [u32; 2]| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| {
-            let mut trainer = Trainer::new(&[pairs()], &settings(), Seed(5));
-            (0..parts[0]).for_each(|_| drop(trainer.update()));
-            let mut trainer =
-                Trainer::restore(&[pairs()], &settings(), trainer.save()).expect("it is the same run");
-            (0..parts[1]).for_each(|_| drop(trainer.update()));
-            trainer.save()
-        })
-    };
-    let reference = on_threads(1, [3, 0]);
-    assert_eq!(reference, on_threads(2, [1, 2]));
-    assert_eq!(reference, on_threads(7, [2, 1]));
-}
-
-#[test]
-fn a_policy_of_several_drones_is_exported_from_what_all_of_them_see() {
-    let scenario = pairs();
-    let trainer = Trainer::new(&[scenario.clone()], &settings(), Seed(5));
-    let starts = Starts { seed: Seed(1), purpose: Purpose::Evaluation, episodes: 3 };
-    let seen = observations_in_flight(&scenario, trainer.actor(), starts);
-    let flights = scenario.episode_steps().div_ceil(8) as usize;
-    assert_eq!(seen.len(), flights * 6 * 22);
-    // All begin within 0.3 m of the goal of their own.
-    for observation in seen.chunks_exact(22).take(6) {
-        assert!(observation[..3].iter().map(|value| value * value).sum::<f32>() < 0.09 + 1e-5, "{observation:?}");
-    }
 }
 
 #[test]
@@ -242,7 +181,7 @@ fn settings_out_of_range_are_named() {
 fn a_shuffle_keeps_every_sample_and_differs_between_epochs() {
     let trainer = Trainer::new(&[scenario(CriticView::Observation)], &settings(), Seed(8));
     let flat = |epoch| -> Vec<usize> {
-        trainer.shuffled(epoch).iter().map(|sample| sample.panel * 12 + sample.step).collect()
+        trainer.shuffled(epoch).iter().map(|sample| sample.panel * 12 + sample.tile).collect()
     };
     let mut sorted = flat(0);
     assert_ne!(sorted, flat(1));

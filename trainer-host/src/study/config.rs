@@ -7,6 +7,7 @@ pub(crate) mod tests;
 use std::path::Path;
 
 use kestrel_sim::config::{ConfigError, Document, Field, Limits, schema_of};
+use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,8 +19,8 @@ pub use method::{
 
 use super::Study;
 use super::procedure::Method;
-use crate::experiment_config::{Experiment, ExperimentConfig, TrainingConfig, check_name};
-use crate::rollout::is_trainable;
+use crate::experiment_config::{Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_panels};
+use crate::ppo::PpoSettings;
 
 /// Version of the file format that this program reads.
 pub const VERSION: u32 = 1;
@@ -190,7 +191,8 @@ impl StudyConfig {
         let tasks = self.check_tasks(&root.at("tasks"))?;
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
         let training = self.training.check(&root.at("training"))?;
-        let methods = self.check_methods(&root.at("methods"), tasks.len())?;
+        refuse_other_teams(&tasks, &training, &root.at("training"))?;
+        let methods = self.check_methods(&root.at("methods"), &tasks)?;
         let count = root.at("seeds").at("count").whole(self.seeds.count, 1..=10_000)?;
         let jobs = count * (methods.len() * orders.len()) as u64;
         if jobs > JOB_LIMIT {
@@ -222,13 +224,6 @@ impl StudyConfig {
             if tasks.iter().any(|other| other.name == task.name) {
                 return Err(field.at("name").refuse(&task.name, "a name that no other task has"));
             }
-            let drones = task.scenario.agents.count;
-            if !is_trainable(drones) {
-                let agents = field.at("scenario").at("agents");
-                return Err(agents
-                    .at("count")
-                    .refuse(drones, "a divisor of 256: so many drones train side by side"));
-            }
             if let Some(first) = tasks.first() {
                 refuse_other_layout(first, &task, &field)?;
             }
@@ -237,7 +232,7 @@ impl StudyConfig {
         Ok(tasks)
     }
 
-    fn check_methods(&self, field: &Field<'_>, tasks: usize) -> Result<Vec<Method>, ConfigError> {
+    fn check_methods(&self, field: &Field<'_>, tasks: &[Experiment]) -> Result<Vec<Method>, ConfigError> {
         if self.methods.is_empty() {
             return Err(field.refuse("", "at least one method"));
         }
@@ -248,7 +243,11 @@ impl StudyConfig {
             if methods.iter().any(|other| other.name == method.name) {
                 return Err(field.at("name").refuse(&method.name, "a name that no other method has"));
             }
-            methods.push(method.check(&field, tasks)?);
+            let checked = method.check(&field, tasks.len())?;
+            if let Some(training) = &checked.training {
+                refuse_other_teams(tasks, training, &field.at("training"))?;
+            }
+            methods.push(checked);
         }
         Ok(methods)
     }
@@ -286,6 +285,22 @@ fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>)
         return Err(field.at("critic").reject("another critic", expected("critic")));
     }
     Ok(())
+}
+
+/// Refuses tasks whose teams this training cannot have side by side.
+fn refuse_other_teams(tasks: &[Experiment], training: &PpoSettings, field: &Field<'_>) -> Result<(), ConfigError> {
+    let scenarios: Vec<Scenario> = tasks.iter().map(|task| task.scenario.clone()).collect();
+    refuse_broken_panels(&scenarios, training.environments, field)?;
+    let read = |scenario: &Scenario| training.critic_scope.drones(scenario.agents.count);
+    match scenarios.iter().find(|scenario| read(scenario) != read(&scenarios[0])) {
+        None => Ok(()),
+        Some(other) => {
+            let found = format!("`team` beside teams of {} and {}", scenarios[0].agents.count, other.agents.count);
+            Err(field
+                .at("critic_scope")
+                .reject(found, "`own`, or tasks of equally many drones: one critic reads them all"))
+        }
+    }
 }
 
 impl OrdersConfig {

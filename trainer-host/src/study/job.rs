@@ -14,7 +14,7 @@ use crate::actor_critic::Actor;
 use crate::consolidation::{Consolidator, ConsolidatorSettings, distil};
 use crate::evaluation::{Flyer, Starts, fly_episodes};
 use crate::ppo::{Heritage, Kept, PpoSettings, RestoreError, Trainer, TrainerState};
-use crate::rollout::PANEL;
+use crate::rollout::panel_rows;
 
 /// A job between two updates.
 #[derive(Clone, Debug)]
@@ -346,9 +346,10 @@ fn stage_settings(study: &Study, id: JobId) -> PpoSettings {
     let tasks = study.orders[id.order].len();
     match study.methods[id.method].procedure {
         Procedure::Joint => {
-            let panels = (settings.environments / PANEL).div_ceil(tasks).max(1) * tasks;
+            let rows = panel_rows(&stage_tasks(study, id, 0));
+            let panels = (settings.environments / rows).div_ceil(tasks).max(1) * tasks;
             let total_steps = settings.total_steps * tasks as u64;
-            PpoSettings { environments: panels * PANEL, total_steps, ..settings }
+            PpoSettings { environments: panels * rows, total_steps, ..settings }
         }
         Procedure::Sequential { .. }
         | Procedure::Sharing { .. }

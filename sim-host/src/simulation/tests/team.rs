@@ -213,3 +213,89 @@ fn a_visit_needs_its_periods() {
     assert_eq!(visited(11, 1.1), (false, 0.0));
     assert_eq!(visited(1, 0.9), (false, 0.0));
 }
+
+#[test]
+fn a_success_of_all_takes_all() {
+    // The third is too far from the goal; the others are near it.
+    let places = [[0.0, 0.0, 1.0], [0.0, 0.4, 1.0], [0.0, 3.0, 1.0]];
+    let successes = |success: &str, places: &[[f64; 3]]| -> Vec<bool> {
+        let agents = format!("agents: {{ count: {}, success: {success} }}", places.len());
+        let paid = "rewards: [ success: { weight: 2 } ]";
+        let scenario = hanging(places, &format!("{agents}\n{paid}\nepisode_secs: 0.1"));
+        let mut simulation = Simulation::<1, f64>::new(&scenario, Seed(0), 0, 1);
+        let flown = steps(&mut simulation, 5);
+        let episodes = simulation.take_episodes();
+        let successes: Vec<bool> = episodes.iter().map(|episode| episode.success).collect();
+        let paid: Vec<bool> = flown[4].0.iter().map(|reward| *reward == 2.0).collect();
+        assert_eq!(successes, paid);
+        successes
+    };
+    assert_eq!(successes("own", &places), [true, true, false]);
+    assert_eq!(successes("all", &places), [false; 3]);
+    assert_eq!(successes("all", &places[..2]), [true; 2]);
+}
+
+/// Drones that start near their places and see the nearer of their two mates.
+fn seeing(ends: &str) -> Scenario {
+    let place = |y: usize| format!("{{ position_m: [0, {y}, 1], spread_m: 0.2 }}");
+    scenario(&format!(
+        "aviary: {{ goal_m: [0, 0, 1] }}
+agents: {{ count: 3, ends: {ends} }}
+start: {{ position: {{ exactly: [ {}, {}, {} ] }}, tilt_limit_deg: 20, speed_limit_m_per_s: 1 }}
+sensors: [ mates: {{ nearest: 1, position_scale_m: 0.5, velocity_scale_m_per_s: 2 }} ]
+observation: {{ pilot_measured: {{}} }}
+rewards: [ alive: {{ weight: 1 }} ]
+terminations: [ collision, distance: {{ limit_m: 3 }}, tilt: {{ limit_deg: 40 }} ]
+episode_secs: 0.3
+success: {{ settle: {{ radius_m: 0.5, within_secs: 0.1 }} }}",
+        place(0),
+        place(1),
+        place(2)
+    ))
+}
+
+#[test]
+fn drones_see_their_nearest_mate_where_it_is_now_even_when_one_began_anew() {
+    for ends in ["together", "alone"] {
+        let mut simulation = Simulation::<4>::new(&seeing(ends), Seed(3), 0, 7);
+        let mut ended = 0;
+        for step in 0..60 {
+            for row in 0..21 {
+                check_nearest(&simulation, row);
+            }
+            simulation.step(&noise(step, ACTION_LEN * 21));
+            ended += simulation.outcomes().iter().filter(|outcome| **outcome != Running).count();
+        }
+        assert!(ended > 21, "{ended} episodes ended");
+    }
+}
+
+fn check_nearest(simulation: &Simulation<4>, row: usize) {
+    let own = simulation.state(row);
+    let mates = [7, 14].map(|rows| simulation.state((row + rows) % 21));
+    let offsets = mates.map(|mate| mate.position - own.position);
+    let nearest = usize::from(offsets[1].norm() < offsets[0].norm());
+    let offset = offsets[nearest] / 0.5;
+    let expected = [offset / offset.norm().max(1.0), (mates[nearest].velocity - own.velocity) / 2.0];
+    let expected: Vec<f32> = expected.iter().flat_map(|part| part.iter().copied()).collect();
+    let seen = simulation.observations().chunks_exact(21).skip(22).map(|column| column[row]);
+    for (seen, expected) in seen.zip(expected) {
+        assert!((seen - expected).abs() < 1e-5, "row {row}: {seen}, not {expected}");
+    }
+}
+
+#[test]
+fn bits_of_drones_that_see_each_other_do_not_depend_on_lanes() {
+    fn trace<const LANES: usize>() -> Vec<u32> {
+        let mut simulation = Simulation::<LANES>::new(&seeing("alone"), Seed(3), 0, 7);
+        let mut trace = Vec::new();
+        for step in 0..40 {
+            simulation.step(&noise(step, ACTION_LEN * 21));
+            let state = simulation.save();
+            assert!(simulation.restore(&state));
+            trace.extend(simulation.observations().iter().map(|value| value.to_bits()));
+        }
+        trace
+    }
+    assert_eq!(trace::<1>(), trace::<8>());
+}
