@@ -215,7 +215,9 @@ fn track(state: &State<f32>, error: &Vector3<f32>, integral: &Vector3<f32>) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kestrel_core::action::{ControlMemory, Controls, Persistence, PublishedController, RotorSpeeds, Velocities};
+    use kestrel_core::action::{
+        ControlMemory, Controls, Persistence, PublishedController, RotorSpeeds, Velocities,
+    };
     use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
     use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
     use kestrel_core::controller::Setpoint;

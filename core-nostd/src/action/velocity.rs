@@ -102,7 +102,8 @@ mod tests {
             for _ in 0..100 {
                 let targets = space().rotor_targets(&[0.5, -0.25, 0.1, 0.0], &state);
                 for _ in 0..4 {
-                    state = Integrator::SemiImplicitEuler.advance(&vehicle, &state, &targets, &Air::still(), 0.005);
+                    state =
+                        Integrator::SemiImplicitEuler.advance(&vehicle, &state, &targets, &Air::still(), 0.005);
                 }
             }
             let missed = (state.velocity - Vector3::new(1.0, -0.5, 0.2)).norm();

@@ -5,8 +5,8 @@ mod published;
 use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{
-    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN,
-    PaperLayout, PilotForLayout, PilotLayout, PilotMeasuredLayout,
+    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN, PaperLayout,
+    PilotForLayout, PilotLayout, PilotMeasuredLayout,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ConfigError;
 use super::field::{Field, Limits};
-use crate::sensor::{BEAM_LIMIT, Scan, ScanRing, SensorSuite};
 use crate::sensor::instrument::{Bias, Instrument, Noise, Sampling};
 use crate::sensor::signal::{Direction, Signal};
+use crate::sensor::{BEAM_LIMIT, Scan, ScanRing, SensorSuite};
 
 /// Noise bandwidth of a second-order Butterworth low-pass filter over its cut-off frequency: π / (2 √2).
 const NOISE_BANDWIDTH: f64 = 1.110_720_734_539_591_5;
@@ -329,9 +329,13 @@ impl SensorConfig {
 
     /// The scan, if there is one.
     fn check_scan(sensors: &[Self], field: &Field<'_>) -> Result<Option<Scan>, ConfigError> {
-        let Some(index) = sensors.iter().position(|sensor| matches!(sensor, Self::Scan(_))) else { return Ok(None) };
+        let Some(index) = sensors.iter().position(|sensor| matches!(sensor, Self::Scan(_))) else {
+            return Ok(None);
+        };
         let Some((Self::Scan(scan), [])) = sensors[index..].split_first() else {
-            return Err(field.at(index).reject("a `scan` before other sensors", "one `scan`, as the last of them"));
+            return Err(field
+                .at(index)
+                .reject("a `scan` before other sensors", "one `scan`, as the last of them"));
         };
         scan.check(&field.at(index).at("scan")).map(Some)
     }
