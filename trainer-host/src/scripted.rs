@@ -268,7 +268,7 @@ mod tests {
         let hummingbird =
             |kind| (HUMMINGBIRD, published(kind, HUMMINGBIRD, PublishedController::Simple(HUMMINGBIRD)));
         let rates = ThrustBodyRates::new(&CF2X, 1.0, [6.0, 6.0, 3.0], RATE_GAINS);
-        let velocities = Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 8.0 };
+        let velocities = Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 5.0 };
         let spaces = [
             (CF2X, ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3))),
             (CF2X, ActionSpace::ThrustBodyRates(rates)),

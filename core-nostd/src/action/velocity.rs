@@ -72,7 +72,7 @@ mod tests {
             rates: ThrustBodyRates::new(&CF2X, 1.0, [8.0, 8.0, 3.0], [16.0, 16.0, 6.0]),
             speed_limit: 2.0,
             velocity_gain: 3.0,
-            attitude_gain: 8.0,
+            attitude_gain: 5.0,
         }
     }
 

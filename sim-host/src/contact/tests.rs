@@ -185,8 +185,9 @@ fn a_scan_sees_what_single_rays_see() {
 #[test]
 fn a_scan_goes_from_one_at_the_drone_to_zero_at_its_limit() {
     let arena = arena(ContactReport::Touch).with_scan(&world(), &scan());
-    let nearness = arena.nearness([0.0, 0.0, 1.0]);
-    assert!((nearness[0] - 0.75).abs() < 1e-6, "the wall is a metre away: {}", nearness[0]);
+    let nearness = arena.nearness([0.5, 0.0, 1.0]);
+    assert!((nearness[0] - 0.875).abs() < 1e-6, "the wall is half a metre away: {}", nearness[0]);
+    assert!((nearness[6] - 0.875).abs() < 1e-6, "what cannot be touched is seen: {}", nearness[6]);
     assert_eq!(nearness[12], 0.0, "above is nothing");
     assert!((nearness[13] - 0.75).abs() < 1e-6, "the floor is a metre below: {}", nearness[13]);
     assert_eq!(arena.nearness([1.1, 0.0, 1.0])[..12], [1.0; 12], "inside the wall");

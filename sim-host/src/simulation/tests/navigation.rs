@@ -22,7 +22,8 @@ success: {{ visit: {{ region: {{ low_m: [1, -1, 0], high_m: [2, 1, 1] }} }} }}"
     ))
 }
 
-const ANYWHERE: &str = "{ free_within: { low_m: [-1, -1, 0], high_m: [2, 1, 1], clearance_m: 0.1 } }";
+const ANYWHERE: &str =
+    "{ free_within: { low_m: [-0.99, -0.99, 0.01], high_m: [1.99, 0.99, 0.99], clearance_m: 0.1 } }";
 const ON_THE_WAY: &str = "{ along_way: { from: { low_m: [-0.6, -0.1, 0.4], high_m: [-0.4, 0.1, 0.6] }, spread_m: 0.1, \
                           clearance_m: 0.1, box_share: 0.25 } }";
 
