@@ -93,6 +93,15 @@ impl ObservationLayout {
         }
     }
 
+    /// How many values of sensors it shows.
+    pub const fn measured_len(&self) -> usize {
+        match self {
+            Self::Measured(layout) => layout.len as usize,
+            Self::PilotMeasured(layout) => layout.measured_len as usize,
+            Self::Pilot(_) | Self::PilotFor(_) | Self::Paper(_) | Self::Kinematic(_) => 0,
+        }
+    }
+
     /// How many past actions it reads.
     pub const fn history_len(&self) -> usize {
         match self {
@@ -235,9 +244,8 @@ mod tests {
     #[test]
     fn the_pilot_measured_layout_is_the_pilots_and_then_the_sensors() {
         let pilot: [f64; PILOT_LEN] = encoded(&ObservationLayout::Pilot(PILOT), &HISTORY);
-        let layout = |measured_len| {
-            ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales: PILOT, measured_len })
-        };
+        let layout =
+            |measured_len| ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales: PILOT, measured_len });
         let both: [f64; PILOT_LEN + 3] = encoded(&layout(3), &HISTORY);
         assert_eq!(both[..PILOT_LEN], pilot);
         assert_eq!(both[PILOT_LEN..], [0.25, -0.5, 0.0]);

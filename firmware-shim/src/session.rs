@@ -55,6 +55,16 @@ pub enum SessionError {
         /// Name of its layout.
         observation: &'static str,
     },
+    /// The policy needs sensors that the vehicle has not.
+    #[error(
+        "policy \"{name}\" has the observation `{observation}`, which shows what sensors measure: this vehicle has none and needs one trained with `pilot`"
+    )]
+    SensorsMissing {
+        /// Of the policy.
+        name: String,
+        /// Name of its layout.
+        observation: &'static str,
+    },
     /// No socket.
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -79,12 +89,15 @@ impl<'a> Session<'a> {
     /// Tests the policy and binds the vehicle's address.
     ///
     /// # Errors
-    /// If the policy fails its self-test or sees no goal, or the address cannot be had.
+    /// If the policy fails its self-test, sees no goal or needs sensors, or the address cannot be had.
     pub fn open(policy: PolicyFile<'a>, options: &SessionOptions) -> Result<Self, SessionError> {
         let name = policy.metadata().name;
         let layout = policy.metadata().observation;
         if !layout.shows_goal() {
             return Err(SessionError::GoalUnseen { name: name.to_owned(), observation: layout.name() });
+        }
+        if layout.measured_len() > 0 {
+            return Err(SessionError::SensorsMissing { name: name.to_owned(), observation: layout.name() });
         }
         policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
         let link = UdpLink::open(&Addresses { vehicle: options.listen, ground_station: options.ground_station })?;

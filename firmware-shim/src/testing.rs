@@ -4,7 +4,7 @@ use kestrel_core::action::{ACTION_LEN, ActionSpace, ThrustBodyRates};
 use kestrel_core::airframe::{CF2X, GRAVITY};
 use kestrel_core::crc32::crc32;
 use kestrel_core::mlp::DenseLayer;
-use kestrel_core::observation::{MeasuredLayout, ObservationLayout, PILOT_LEN, PilotLayout};
+use kestrel_core::observation::{MeasuredLayout, ObservationLayout, PILOT_LEN, PilotLayout, PilotMeasuredLayout};
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyFile, PolicyMetadata};
 use mavlink::dialects::common::{
@@ -42,6 +42,13 @@ pub(crate) fn blind_policy() -> Vec<u8> {
     linear_policy(layout, &[0.0; PILOT_LEN * ACTION_LEN])
 }
 
+/// A policy file whose observation shows a goal, and a value of a sensor.
+pub(crate) fn sensing_policy() -> Vec<u8> {
+    let scales = PilotLayout { position_scale_m: 1.0, velocity_scale: 1.0, body_rates_scale: 1.0 };
+    let layout = ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, measured_len: 1 });
+    linear_policy(layout, &[0.0; (PILOT_LEN + 1) * ACTION_LEN])
+}
+
 /// A policy file of one layer.
 fn linear_policy(observation: ObservationLayout, weights: &[f32]) -> Vec<u8> {
     let action = ThrustBodyRates::new(&CF2X, 1.0, [BODY_RATES_LIMIT; 3], [6.0, 6.0, 3.0]);
@@ -55,21 +62,26 @@ fn linear_policy(observation: ObservationLayout, weights: &[f32]) -> Vec<u8> {
             training_steps: 0,
         },
         parameters: ParameterFormat::Float32,
-        layers: &[DenseLayer { inputs: PILOT_LEN, outputs: ACTION_LEN, weights, bias: &[0.0; ACTION_LEN] }],
-        golden_observations: &GOLDEN,
+        layers: &[DenseLayer {
+            inputs: observation.len(),
+            outputs: ACTION_LEN,
+            weights,
+            bias: &[0.0; ACTION_LEN],
+        }],
+        golden_observations: &vec![GOLDEN_VALUE; observation.len()],
     };
     let mut bytes = vec![0; draft.file_len().unwrap()];
     draft.write(&mut bytes).unwrap();
     bytes
 }
 
-/// The one golden observation.
-const GOLDEN: [f32; PILOT_LEN] = [0.123; PILOT_LEN];
+/// What the one golden observation consists of.
+const GOLDEN_VALUE: f32 = 0.123;
 
 /// A policy file whose golden action is not what its network computes, with a right checksum.
 pub(crate) fn dishonest_policy() -> Vec<u8> {
     let mut bytes = hover_policy();
-    let golden = GOLDEN.map(f32::to_le_bytes);
+    let golden = [GOLDEN_VALUE; PILOT_LEN].map(f32::to_le_bytes);
     let observation = golden.as_flattened();
     let start = bytes.windows(observation.len()).position(|window| window == observation).unwrap();
     let action = start + observation.len();

@@ -202,7 +202,8 @@ impl ScenarioConfig {
         match (goals, self.rewards.iter().position(advance)) {
             (Goals::PerAgent(_) | Goals::Line(_) | Goals::Wave { .. }, Some(index)) => {
                 let field = field.at("rewards").at(index).at("advance");
-                Err(field.reject("`advance` beside `goals`", "`progress`: ways lead to one goal that stands still"))
+                Err(field
+                    .reject("`advance` beside `goals`", "`progress`: ways lead to one goal that stands still"))
             }
             (_, _) => Ok(()),
         }
@@ -235,7 +236,8 @@ fn ways_of(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> Ar
         _ => None,
     });
     let around_goal = Cuboid { low: aviary.goal.add_scalar(-1.0), high: aviary.goal.add_scalar(1.0) };
-    let all = |whole: Cuboid, part: Cuboid| Cuboid { low: whole.low.inf(&part.low), high: whole.high.sup(&part.high) };
+    let all =
+        |whole: Cuboid, part: Cuboid| Cuboid { low: whole.low.inf(&part.low), high: whole.high.sup(&part.high) };
     let bounds = bounds.unwrap_or_else(|| aviary.world.bounds().into_iter().fold(around_goal, all));
     WayMap::shared(&aviary.world, &aviary.goal, bounds, airframe.collision_radius)
 }

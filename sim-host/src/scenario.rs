@@ -392,7 +392,9 @@ impl FreeSpace {
     /// Whether a point \[m, world\] is far enough from everything.
     pub fn holds(&self, point: &Vector3<f32>) -> bool {
         let limit = self.clearance_m * self.clearance_m;
-        self.obstacles.iter().all(|Cuboid { low, high }| (point - point.sup(low).inf(high)).norm_squared() >= limit)
+        self.obstacles
+            .iter()
+            .all(|Cuboid { low, high }| (point - point.sup(low).inf(high)).norm_squared() >= limit)
     }
 }
 

@@ -149,7 +149,9 @@ fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {
 fn launch_site(scenario: &Scenario) -> Vector3<f32> {
     let middle = match &scenario.start.position {
         StartPosition::AroundGoal { .. } => scenario.aviary.goal,
-        StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => (region.low + region.high) * 0.5,
+        StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => {
+            (region.low + region.high) * 0.5
+        }
         StartPosition::AlongWay(starts) => (starts.space.region.low + starts.space.region.high) * 0.5,
         StartPosition::Exactly(places) => places[0].position.cast(),
     };

@@ -215,7 +215,9 @@ fn track(state: &State<f32>, error: &Vector3<f32>, integral: &Vector3<f32>) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kestrel_core::action::{ControlMemory, Controls, Persistence, PublishedController, RotorSpeeds, Velocities};
+    use kestrel_core::action::{
+        ControlMemory, Controls, Persistence, PublishedController, RotorSpeeds, Velocities,
+    };
     use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
     use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
     use kestrel_core::controller::Setpoint;
@@ -266,7 +268,7 @@ mod tests {
         let hummingbird =
             |kind| (HUMMINGBIRD, published(kind, HUMMINGBIRD, PublishedController::Simple(HUMMINGBIRD)));
         let rates = ThrustBodyRates::new(&CF2X, 1.0, [6.0, 6.0, 3.0], RATE_GAINS);
-        let velocities = Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 8.0 };
+        let velocities = Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 5.0 };
         let spaces = [
             (CF2X, ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3))),
             (CF2X, ActionSpace::ThrustBodyRates(rates)),

@@ -72,7 +72,7 @@ mod tests {
             rates: ThrustBodyRates::new(&CF2X, 1.0, [8.0, 8.0, 3.0], [16.0, 16.0, 6.0]),
             speed_limit: 2.0,
             velocity_gain: 3.0,
-            attitude_gain: 8.0,
+            attitude_gain: 5.0,
         }
     }
 
@@ -102,7 +102,8 @@ mod tests {
             for _ in 0..100 {
                 let targets = space().rotor_targets(&[0.5, -0.25, 0.1, 0.0], &state);
                 for _ in 0..4 {
-                    state = Integrator::SemiImplicitEuler.advance(&vehicle, &state, &targets, &Air::still(), 0.005);
+                    state =
+                        Integrator::SemiImplicitEuler.advance(&vehicle, &state, &targets, &Air::still(), 0.005);
                 }
             }
             let missed = (state.velocity - Vector3::new(1.0, -0.5, 0.2)).norm();

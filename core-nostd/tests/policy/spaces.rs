@@ -47,7 +47,7 @@ fn spaces() -> Vec<ActionSpace> {
 
 fn velocities() -> ActionSpace {
     let ActionSpace::ThrustBodyRates(rates) = thrust_body_rates() else { unreachable!() };
-    ActionSpace::Velocities(Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 8.0 })
+    ActionSpace::Velocities(Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 5.0 })
 }
 
 /// Every layout that goes with actions of a length.

@@ -11,7 +11,9 @@ use crate::autopilot::Mode;
 use crate::link::DATAGRAM_LIMIT;
 use crate::plant::FlatFloor;
 use crate::policy_bytes::PolicyBytes;
-use crate::testing::{blind_policy, command_long, datagram, dishonest_policy, hover_policy, message, set_point};
+use crate::testing::{
+    blind_policy, command_long, datagram, dishonest_policy, hover_policy, message, sensing_policy, set_point,
+};
 
 const PARAMETERS_OPEN: [f32; 7] = [f32::NAN; 7];
 
@@ -126,6 +128,13 @@ fn a_policy_that_sees_no_goal_takes_no_commands() {
         "policy \"linear hover\" has the observation `measured`, which does not show where to fly: a vehicle that \
          takes commands needs one trained with `pilot`"
     );
+}
+
+#[test]
+fn a_policy_that_needs_sensors_does_not_fly_without() {
+    let bytes = PolicyBytes::copy_of(&sensing_policy());
+    let error = Session::open(bytes.policy().unwrap(), &anywhere("")).err().unwrap();
+    assert!(matches!(error, SessionError::SensorsMissing { observation: "pilot_measured", .. }), "{error}");
 }
 
 #[test]

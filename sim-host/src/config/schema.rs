@@ -80,8 +80,8 @@ mod tests {
         assert!(schema["properties"][IMPORT].is_object());
         assert_eq!(schema["anyOf"], json!([{"required": ["position"]}, {"required": [IMPORT]}]));
         let choices = schema["$defs"]["StartPositionConfig"]["oneOf"].as_array().unwrap();
-        assert_eq!(choices.len(), 4);
-        assert_eq!(choices[3]["required"], json!([IMPORT]));
+        assert_eq!(choices.len(), 6);
+        assert_eq!(choices[5]["required"], json!([IMPORT]));
         let around = &choices[0]["properties"]["around_goal"];
         assert!(around["properties"][IMPORT].is_object() && choices[0]["properties"][IMPORT].is_null());
         let world: Value = serde_json::from_str(&schema_of::<AviaryConfig>()).unwrap();

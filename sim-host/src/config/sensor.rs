@@ -351,9 +351,13 @@ impl SensorConfig {
 
     /// The scan, if there is one.
     fn check_scan(sensors: &[Self], field: &Field<'_>) -> Result<Option<Scan>, ConfigError> {
-        let Some(index) = sensors.iter().position(|sensor| matches!(sensor, Self::Scan(_))) else { return Ok(None) };
+        let Some(index) = sensors.iter().position(|sensor| matches!(sensor, Self::Scan(_))) else {
+            return Ok(None);
+        };
         let Some((Self::Scan(scan), [])) = sensors[index..].split_first() else {
-            return Err(field.at(index).reject("a `scan` before other sensors", "one `scan`, as the last of them"));
+            return Err(field
+                .at(index)
+                .reject("a `scan` before other sensors", "one `scan`, as the last of them"));
         };
         scan.check(&field.at(index).at("scan")).map(Some)
     }

@@ -10,7 +10,9 @@ use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
 use super::ways_of;
-use crate::scenario::{WayStarts, Aviary, Cuboid, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination};
+use crate::scenario::{
+    Aviary, Cuboid, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination, WayStarts,
+};
 use crate::world::Floor;
 
 /// Factors `1 ± fraction` stay well above zero.
@@ -198,7 +200,12 @@ impl StartPositionConfig {
 }
 
 /// The part of the region that is free, which must have a point on a lattice of 32 points along each edge.
-fn free_space(aviary: &Aviary, region: Cuboid, clearance_m: f32, field: &Field<'_>) -> Result<FreeSpace, ConfigError> {
+fn free_space(
+    aviary: &Aviary,
+    region: Cuboid,
+    clearance_m: f32,
+    field: &Field<'_>,
+) -> Result<FreeSpace, ConfigError> {
     let mut obstacles = aviary.world.bounds();
     if aviary.world.floor == Floor::Solid {
         let far = 1.0e6;
@@ -300,9 +307,9 @@ impl Region<'_> {
             StartPosition::AroundGoal { farthest_m, .. } => vec![*farthest_m],
             StartPosition::Within(Cuboid { low, high })
             | StartPosition::FreeWithin(FreeSpace { region: Cuboid { low, high }, .. })
-            | StartPosition::AlongWay(WayStarts { space: FreeSpace { region: Cuboid { low, high }, .. }, .. }) => {
-                self.goals.iter().map(|goal| (goal - low).abs().sup(&(high - goal).abs()).norm()).collect()
-            }
+            | StartPosition::AlongWay(WayStarts {
+                space: FreeSpace { region: Cuboid { low, high }, .. }, ..
+            }) => self.goals.iter().map(|goal| (goal - low).abs().sup(&(high - goal).abs()).norm()).collect(),
             StartPosition::Exactly(places) => {
                 let pairs = places.iter().zip(self.goals);
                 pairs.map(|(place, goal)| (place.position.cast() - goal).norm() + place.spread).collect()

@@ -247,7 +247,8 @@ impl TerminationConfig {
             },
             Self::Rest { speed_limit_m_per_s, tilt_limit_deg, rest_secs } => {
                 let field = field.at("rest");
-                let tilt = field.at("tilt_limit_deg").number(*tilt_limit_deg, &Limits::above(0.0, 90.0, "degrees"))?;
+                let tilt =
+                    field.at("tilt_limit_deg").number(*tilt_limit_deg, &Limits::above(0.0, 90.0, "degrees"))?;
                 let secs = field.at("rest_secs").real(*rest_secs, &Limits::above(0.0, 600.0, "s"))?;
                 Termination::Rest {
                     speed_limit: field.at("speed_limit_m_per_s").number(*speed_limit_m_per_s, &SPEED)?,

@@ -218,7 +218,8 @@ fn local_planes(shape: &Shape) -> Vec<(Vector3<f64>, f64, f64)> {
             for normal in face_normals(points) {
                 if planes.iter().all(|(other, ..)| other.cross(&normal).norm() > 1e-4) {
                     let along = points.iter().map(|point| point.dot(&normal));
-                    let (low, high) = (along.clone().fold(f64::INFINITY, f64::min), along.fold(-f64::INFINITY, f64::max));
+                    let (low, high) =
+                        (along.clone().fold(f64::INFINITY, f64::min), along.fold(-f64::INFINITY, f64::max));
                     planes.push((normal, low, high));
                 }
             }

@@ -5,7 +5,9 @@ use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
 
 use super::distance_map::FAR;
-use super::{Arena, ContactReport, Motion, Touch};
+use super::{Arena, ContactReport, Motion, Touch, WayMap};
+use crate::scenario::Cuboid;
+use crate::sensor::{BEAM_LIMIT, Scan, ScanRing};
 use crate::world::{Floor, Movable, Pose, Role, Shape, Solid, World};
 
 const OBSTACLE: Touch = Touch { obstacle: true, landing: false };
@@ -149,4 +151,95 @@ fn a_ray_ends_at_the_first_thing_it_meets() {
     assert!(near(arena.raycast(origin, Vector3::new(0.6, 0.0, -0.8), 4.0), 1.25));
     assert_eq!(arena.raycast(origin, Vector3::z(), 4.0), None);
     assert_eq!(arena.raycast(origin, Vector3::x(), 0.9), None);
+}
+
+/// Sixteen beams of every kind that see four metres far.
+fn scan() -> Scan {
+    let rings = [(0.0, 12), (0.5 * core::f64::consts::PI, 1), (-0.5 * core::f64::consts::PI, 1), (-0.3, 2)];
+    let rings = rings.map(|(elevation, beams)| ScanRing { elevation, beams });
+    Scan { rings: rings.to_vec(), limit: 4.0 }
+}
+
+#[test]
+fn a_scan_sees_what_single_rays_see() {
+    // A single ray knows nothing of what can be seen but not touched.
+    let mut world = world();
+    world.solids.retain(|solid| solid.role != Role::Decoration);
+    let (scan, plain) = (scan(), Arena::new(&world, &CF2X, ContactReport::Touch));
+    let arena = plain.clone().with_scan(&world, &scan);
+    let mut met = 0;
+    for origin in points().filter(|point| point.z > 0.05) {
+        let nearness = arena.nearness(origin.map(|value| value as f32).into());
+        for (nearness, direction) in nearness.into_iter().zip(scan.directions()) {
+            let found = f64::from(1.0 - nearness) * 4.0;
+            let expected = plain.raycast(origin, direction, 4.0).unwrap_or(4.0);
+            // A prism of 24 sides stands for the rod, so that a beam along its surface may meet it or not.
+            let grazes = (origin + direction * found.min(expected) - Vector3::new(-2.0, 0.0, 1.0)).norm() < 1.2;
+            assert!((found - expected).abs() < 1e-3 || grazes, "{found} m, expected {expected} m from {origin}");
+            met += usize::from(found < 3.99);
+        }
+    }
+    assert!(met > 5000, "{met} beams meet something");
+}
+
+#[test]
+fn a_scan_goes_from_one_at_the_drone_to_zero_at_its_limit() {
+    let arena = arena(ContactReport::Touch).with_scan(&world(), &scan());
+    let nearness = arena.nearness([0.5, 0.0, 1.0]);
+    assert!((nearness[0] - 0.875).abs() < 1e-6, "the wall is half a metre away: {}", nearness[0]);
+    assert!((nearness[6] - 0.875).abs() < 1e-6, "what cannot be touched is seen: {}", nearness[6]);
+    assert_eq!(nearness[12], 0.0, "above is nothing");
+    assert!((nearness[13] - 0.75).abs() < 1e-6, "the floor is a metre below: {}", nearness[13]);
+    assert_eq!(arena.nearness([1.1, 0.0, 1.0])[..12], [1.0; 12], "inside the wall");
+    assert_eq!(arena.nearness([500.0, 0.0, 100.0]), [0.0; BEAM_LIMIT]);
+    assert!(arena.nearness([f32::NAN; 3]).iter().all(|value| (0.0..=1.0).contains(value)));
+}
+
+/// A wall of 4 m by 3 m between x = 1 and 1.1 with a passage at y above 1, and the goal behind it.
+fn ways() -> WayMap {
+    let wall = Solid::block("wall", Vector3::new(1.0, -2.0, 0.0), Vector3::new(1.1, 1.0, 2.0));
+    let bounds = Cuboid { low: Vector3::new(-2.0, -2.0, 0.0), high: Vector3::new(3.0, 2.0, 2.0) };
+    let world = World { solids: vec![wall], ..World::empty() };
+    WayMap::new(&world, &Vector3::new(2.0, 0.0, 1.0), bounds, CF2X.collision_radius)
+}
+
+#[test]
+fn a_way_in_the_open_is_as_long_as_it_is() {
+    let ways = ways();
+    assert_eq!(ways.length([2.0, 0.0, 1.0]), 0.0);
+    assert!((ways.length([2.0, 1.0, 1.0]) - 1.0).abs() < 1e-4);
+    assert!((ways.length([2.0, 0.0, 1.25]) - 0.25).abs() < 1e-4);
+    // The lattice knows 26 directions, of which none is more than 8 % longer than the crow's.
+    let oblique = ways.length([1.6, 0.7, 0.8]);
+    assert!((0.83..0.83 * 1.15).contains(&oblique), "{oblique}");
+}
+
+#[test]
+fn a_way_leads_around_a_wall_and_not_through_it() {
+    let ways = ways();
+    // Through the passage it is 2 · √(1 + 1.3²) at least, straight through the wall 2 m.
+    let length = ways.length([0.0, 0.0, 1.0]);
+    assert!((3.2..4.6).contains(&length), "{length}");
+    let way = ways.way_from([0.0, 0.0, 1.0]);
+    assert!((way.last().unwrap() - Vector3::new(2.0, 0.0, 1.0)).norm() < 1e-5);
+    assert!(way.iter().all(|point| !(0.94..1.16).contains(&point.x) || point.y > 1.06), "{way:?}");
+    let lengths: Vec<f32> = way.iter().map(|point| ways.length((*point).into())).collect();
+    assert!(lengths.windows(2).all(|pair| pair[1] < pair[0] + 1e-5), "{lengths:?}");
+}
+
+#[test]
+fn a_way_from_beyond_the_bounds_or_nowhere_is_finite() {
+    let ways = ways();
+    assert!(ways.length([1.05, 0.0, 1.0]) > ways.length([0.9, 0.0, 1.0]), "inside the wall it is longer");
+    for point in [[50.0, -50.0, -50.0], [f32::NAN; 3], [f32::INFINITY, f32::NEG_INFINITY, 0.0]] {
+        assert!(ways.length(point).is_finite());
+    }
+}
+
+#[test]
+fn equal_places_share_an_arena_while_somebody_has_it() {
+    let shared = |scan: Option<&Scan>| Arena::shared(&world(), &CF2X, ContactReport::Touch, scan);
+    let (one, other) = (shared(None), shared(None));
+    assert!(std::sync::Arc::ptr_eq(&one, &other));
+    assert!(!std::sync::Arc::ptr_eq(&one, &shared(Some(&scan()))));
 }

@@ -212,7 +212,8 @@ fn costs(grid: &Grid, site: &Site) -> Vec<f64> {
     for z in 0..nz {
         for y in 0..ny {
             let row = (grid.point([0, y, z]), grid.point([nx - 1, y, z]));
-            let near: Vec<&Body> = bodies.iter().filter(|body| gap(&row, &body.extent) < closed + COMFORT).collect();
+            let near: Vec<&Body> =
+                bodies.iter().filter(|body| gap(&row, &body.extent) < closed + COMFORT).collect();
             for x in 0..nx {
                 let clearance = clearance(&near, site, &grid.point([x, y, z]), closed + COMFORT);
                 costs.push(cost(clearance - closed));

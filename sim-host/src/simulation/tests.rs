@@ -1,6 +1,7 @@
 //! The façade as a whole: determinism, resets, outcomes.
 
 mod determinism;
+mod navigation;
 mod team;
 
 use kestrel_core::action::{ACTION_LEN, ActionSpace};

@@ -258,6 +258,24 @@ fn the_exit_asks_for_a_level_drone_as_published() {
 }
 
 #[test]
+fn resting_counts_what_is_slow_upright_and_touching_without_a_break() {
+    // A fifteenth of a second is three periods of 48 Hz.
+    let mut trial = Trial::of("rest: { speed_limit_m_per_s: 0.05, tilt_limit_deg: 15, rest_secs: 0.0625 }");
+    let mut rest = |speed: f64, angle: f64, touching: f64| {
+        (trial.touches, trial.swarm.velocity) = ([[0.0], [touching]], [[0.0], [speed], [0.0]]);
+        trial.turned(PITCH, angle)
+    };
+    let (upright, tilted) = (0.26, 0.27);
+    let broken = [(0.06, upright, 1.0), (0.0, tilted, 1.0), (0.0, upright, 0.0)];
+    for (speed, angle, touching) in broken {
+        assert_eq!([rest(0.04, upright, 1.0), rest(0.04, upright, 1.0)], [None, None]);
+        assert_eq!(rest(speed, angle, touching), None);
+    }
+    assert_eq!([rest(0.0, 0.0, 1.0), rest(0.0, 0.0, 1.0)], [None, None]);
+    assert_eq!(rest(0.04, upright, 1.0), Some(Ending::Success));
+}
+
+#[test]
 fn holding_counts_slow_periods_near_the_goal() {
     let mut hold = Trial::of("hold: { radius_m: 0.1, speed_limit_m_per_s: 0.5, periods: 3 }");
     let mut step = |distance: f64, speed: f64| {

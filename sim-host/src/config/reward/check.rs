@@ -58,7 +58,12 @@ impl RewardConfig {
         rewards.iter().enumerate().map(check).collect()
     }
 
-    fn check(&self, control_rate_hz: f64, ways: &Arc<WayMap>, field: &Field<'_>) -> Result<WeightedTerm, ConfigError> {
+    fn check(
+        &self,
+        control_rate_hz: f64,
+        ways: &Arc<WayMap>,
+        field: &Field<'_>,
+    ) -> Result<WeightedTerm, ConfigError> {
         let (name, weight) = self.name_and_weight();
         let field = field.at(name);
         let weight = field.at("weight").real(weight, &WEIGHT)?;

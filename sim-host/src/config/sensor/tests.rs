@@ -1,3 +1,5 @@
+use nalgebra::Vector3;
+
 use super::*;
 use crate::config::Document;
 
@@ -67,7 +69,7 @@ fn a_perfect_instrument_can_be_written() {
 #[test]
 fn what_is_wrong_is_said_with_its_place() {
     let table = [
-        ("sensors: [sonar: {}]", "found `sonar`, expected `imu`, `flow`, `range` or `barometer`"),
+        ("sensors: [sonar: {}]", "found `sonar`, expected `imu`, `flow`, `range`, `barometer` or `scan`"),
         ("sensors: [imu: {gyro: {}}]", "found the unknown key `gyro`, expected `gyroscope` or `accelerometer`"),
         ("sensors: [barometer: {rate_hz: 0}]", "found 0, expected a number from 0.1 to 10000 Hz"),
         ("sensors: [barometer: {noise_m: -1}]", "found -1, expected a number from 0 to 1000"),
@@ -91,4 +93,31 @@ fn what_is_wrong_is_said_with_its_place() {
 fn more_values_than_a_policy_sees_are_refused() {
     let many = format!("sensors: [{}]", ["imu: {}"; OBSERVATION_LIMIT / 6 + 1].join(", "));
     assert!(message(&many).contains("sensors that measure"), "{}", message(&many));
+}
+
+#[test]
+fn a_scan_is_the_last_sensor_and_adds_its_beams() {
+    let equipped =
+        suite("sensors: [imu: {}, scan: {rings: [{beams: 8}, {elevation_deg: 90, beams: 1}]}]").unwrap();
+    assert_eq!((equipped.instruments_len(), equipped.len()), (6, 15));
+    let directions = equipped.scan().unwrap().directions();
+    assert!((directions[2] - Vector3::y()).norm() < 1e-12 && (directions[8] - Vector3::z()).norm() < 1e-12);
+    assert_eq!(suite("sensors: [scan: {}]").unwrap().len(), 16);
+    let cases = [
+        (
+            "sensors: [scan: {}, imu: {}]",
+            "trial.yaml:1:11: sensors.0: found a `scan` before other sensors, expected one `scan`, as the last of them",
+        ),
+        (
+            "sensors: [scan: {rings: [{beams: 16}, {beams: 1}]}]",
+            "trial.yaml:1:25: sensors.0.scan.rings: found 17 beams, expected 1 to 16",
+        ),
+        (
+            "sensors: [scan: {limit_m: 0}]",
+            "trial.yaml:1:27: sensors.0.scan.limit_m: found 0, expected a number from 0.1 to 1000 m",
+        ),
+    ];
+    for (text, expected) in cases {
+        assert_eq!(message(text), expected);
+    }
 }

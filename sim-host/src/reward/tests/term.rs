@@ -28,6 +28,20 @@ fn body_rates_tilt_and_actions_cost_their_squares() {
 }
 
 #[test]
+fn advance_pays_for_the_way_around_a_wall() {
+    let mut advance = Trial::of("advance: { weight: 2 }");
+    assert_near(advance.at(0.0, 0.5, 0.0), 0.0);
+    assert!((advance.at(0.0, 0.25, 0.0) - 0.5).abs() < 1e-3);
+    assert!((advance.at(0.0, 0.5, 0.0) + 0.5).abs() < 1e-3);
+    // Behind the wall it pays for flying away from the goal, towards the passage, as far as that is the way.
+    advance.at(1.5, 0.0, 0.0);
+    assert!(advance.at(1.5, -0.5, 0.0) > 0.5);
+    let mut progress = Trial::of("progress: { weight: 2 }");
+    (progress.previous_distance, progress.distance) = (1.5, 1.5_f64.hypot(0.5));
+    assert!(progress.pay() < 0.0);
+}
+
+#[test]
 fn progress_shaping_and_endings_are_paid_as_they_are() {
     let mut progress = Trial::of("progress: { weight: 2 }");
     (progress.previous_distance, progress.distance) = (1.0, 0.75);

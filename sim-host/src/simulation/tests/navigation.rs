@@ -1,0 +1,150 @@
+//! Flights past obstacles: scans, starts where it is free, landings that last.
+
+use super::*;
+use crate::outcome::Ending;
+use crate::scenario::Start;
+
+/// A room with a wall across, which leaves a passage at y above 0.4, and starts on its near side.
+fn behind_a_wall(position: &str) -> Scenario {
+    scenario(&format!(
+        "aviary:
+  goal_m: [1.5, 0, 0.5]
+  room: {{ low_m: [-1, -1, 0], high_m: [2, 1, 1], wall_m: 0.1 }}
+  solids: [ {{ low_m: [0.5, -1, 0], high_m: [0.6, 0.4, 1] }} ]
+action: {{ velocity: {{}} }}
+sensors: [ barometer: {{ noise_m: 0, bias_m: 0, latency_secs: 0 }}, scan: {{ rings: [ {{ beams: 4 }} ], limit_m: 1 }} ]
+observation: {{ pilot_measured: {{}} }}
+start: {{ position: {position} }}
+rewards: [ advance: {{ weight: 1 }} ]
+terminations: [ collision, out_of_bounds: {{ low_m: [-1, -1, 0], high_m: [2, 1, 1] }} ]
+episode_secs: 1
+success: {{ visit: {{ region: {{ low_m: [1, -1, 0], high_m: [2, 1, 1] }} }} }}"
+    ))
+}
+
+const ANYWHERE: &str =
+    "{ free_within: { low_m: [-0.99, -0.99, 0.01], high_m: [1.99, 0.99, 0.99], clearance_m: 0.1 } }";
+const ON_THE_WAY: &str = "{ along_way: { from: { low_m: [-0.6, -0.1, 0.4], high_m: [-0.4, 0.1, 0.6] }, spread_m: 0.1, \
+                          clearance_m: 0.1, box_share: 0.25 } }";
+
+fn starts(position: &str) -> Vec<Vector3<f32>> {
+    let simulation = Simulation::<64>::new(&behind_a_wall(position), Seed(4), 0, 512);
+    (0..512).map(|row| simulation.state(row).position).collect()
+}
+
+fn is_free(point: &Vector3<f32>) -> bool {
+    let inside = (point - Vector3::new(0.5, 0.0, 0.5)).abs();
+    let in_wall = (0.4..0.7).contains(&point.x) && point.y < 0.5;
+    !in_wall && inside.x <= 1.4 && inside.y <= 0.9 && point.z >= 0.1
+}
+
+#[test]
+fn starts_anywhere_are_everywhere_where_it_is_free() {
+    let starts = starts(ANYWHERE);
+    assert!(starts.iter().all(is_free));
+    let share = |part: fn(&Vector3<f32>) -> bool| starts.iter().filter(|start| part(start)).count();
+    assert!(share(|start| start.x < 0.4) > 150 && share(|start| start.x > 0.7) > 150);
+    assert!(share(|start| (0.4..0.7).contains(&start.x)) > 10, "some are in the passage");
+}
+
+#[test]
+fn starts_along_the_way_are_on_both_sides_and_in_the_passage() {
+    let starts = starts(ON_THE_WAY);
+    let in_box = |start: &&Vector3<f32>| (*start - Vector3::new(-0.5, 0.0, 0.5)).abs().max() <= 0.1;
+    assert!(starts.iter().all(|start| is_free(start) || in_box(&start)));
+    assert!(starts.iter().filter(in_box).count() > 128);
+    assert!(starts.iter().filter(|start| start.x > 0.7).count() > 64);
+    assert!(starts.iter().filter(|start| (0.4..0.7).contains(&start.x)).count() > 16);
+}
+
+#[test]
+fn starts_without_room_are_refused() {
+    let refused = |position: &str, terminations: &str| {
+        let text = format!(
+            "aviary: {{ goal_m: [0, 0, 1] }}\nstart: {{ position: {position} }}\nrewards: [ alive: {{ weight: 1 }} ]
+terminations: [ {terminations} ]\nsuccess: {{ settle: {{ radius_m: 1, within_secs: 1 }} }}"
+        );
+        let document = Document::parse("trial.yaml", &text).unwrap();
+        let config: ScenarioConfig = document.decode().unwrap();
+        let error = config.check("trial", &document.root()).unwrap_err().to_string();
+        error.lines().next().unwrap_or_default().to_owned()
+    };
+    assert_eq!(
+        refused("{ free_within: { low_m: [0, 0, 0], high_m: [1, 1, 1], clearance_m: 2 } }", ""),
+        "trial.yaml:2:35: start.position.free_within: found a box without a point 2 m from everything, expected one \
+         that is partly free"
+    );
+    assert_eq!(
+        refused("{ free_within: { low_m: [0, 0, 0], high_m: [1, 1, 1], clearance_m: 0.05 } }", "collision"),
+        "trial.yaml:2:87: start.position.free_within.clearance_m: found 0.05, expected at least 0.06 m, the drone's \
+         radius"
+    );
+}
+
+#[test]
+fn the_observation_ends_with_what_the_beams_see() {
+    let scenario = behind_a_wall(ANYWHERE);
+    let mut simulation = Simulation::<64>::new(&scenario, Seed(4), 0, 64);
+    let arena = crate::contact::Arena::shared(
+        &scenario.aviary.world,
+        &scenario.airframe,
+        ContactReport::Touch,
+        scenario.sensors.scan(),
+    );
+    for step in 0..20 {
+        let rows = simulation.rows();
+        for row in 0..rows {
+            let value = |index: usize| simulation.observations()[index * rows + row];
+            let position = simulation.state(row).position;
+            let nearness = arena.nearness(position.into());
+            assert_eq!(
+                [value(23), value(24), value(25), value(26)],
+                nearness[..4],
+                "at {position} in step {step}"
+            );
+            assert!((value(22) - position.z).abs() < 0.02, "the barometer stands before them");
+        }
+        simulation.step(&noise(step, 4 * rows));
+    }
+}
+
+/// Observations and rewards of flights of noise.
+fn trace<const LANES: usize>(scenario: &Scenario) -> Vec<f32> {
+    let mut simulation = Simulation::<LANES>::new(scenario, Seed(6), 0, 24);
+    let mut trace = Vec::new();
+    for step in 0..80 {
+        simulation.step(&noise(step, 96));
+        trace.extend_from_slice(simulation.observations());
+        trace.extend_from_slice(simulation.rewards());
+    }
+    trace
+}
+
+#[test]
+fn the_bits_of_a_scan_do_not_depend_on_lanes() {
+    let scenario = behind_a_wall(ON_THE_WAY);
+    assert!(trace::<64>(&scenario) == trace::<1>(&scenario));
+}
+
+#[test]
+fn a_drone_that_sinks_onto_the_pad_and_stays_there_has_landed() {
+    let landing = |rules: &str| {
+        let mut scenario = scenario(&format!(
+            "aviary: {{ goal_m: [0, 0, 0.14], solids: [ {{ low_m: [-0.2, -0.2, 0], high_m: [0.2, 0.2, 0.125], role: landing }} ] }}
+action: {{ velocity: {{}} }}
+start: {{ position: {{ exactly: [ {{ position_m: [0, 0, 0.3] }} ] }} }}
+rewards: [ success: {{ weight: 1 }} ]
+terminations: [ {rules}, collision ]
+episode_secs: 4
+success: ending"
+        ));
+        scenario.start = Start { tilt_limit: 0.0, ..scenario.start };
+        let mut simulation = Simulation::<64>::new(&scenario, Seed(2), 0, 1);
+        (0..400).for_each(|_| simulation.step(&[0.0, 0.0, -0.2, 0.0]));
+        simulation.take_episodes().remove(0)
+    };
+    let touched = landing("landing");
+    let rested = landing("rest: { speed_limit_m_per_s: 0.05, tilt_limit_deg: 15, rest_secs: 1 }");
+    assert_eq!((touched.ending, rested.ending), (Ending::Success, Ending::Success));
+    assert!(rested.steps >= touched.steps + 99, "{} steps after {}", rested.steps, touched.steps);
+}
