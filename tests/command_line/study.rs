@@ -68,7 +68,7 @@ fn finish(place: &Path, directory: &str, threads: &str) {
 }
 
 /// Every file below `folder`, with its content.
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+pub(crate) fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(next) = folders.pop() {
@@ -85,7 +85,7 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 /// Rows, curves and the report are the same bits; nothing else lies about.
-fn assert_same_study(one: &Path, other: &Path) {
+pub(crate) fn assert_same_study(one: &Path, other: &Path) {
     let (one, other) = (files(one), files(other));
     assert!(one.keys().eq(other.keys()), "{:?}\n{:?}", one.keys(), other.keys());
     for (path, content) in one.iter().filter(|(path, _)| path.as_os_str() != ".lock") {
@@ -228,7 +228,7 @@ fn a_full_disk_is_one_error_and_costs_nothing() {
 }
 
 #[test]
-fn schemas_print() {
+fn the_schema_prints() {
     let place = tempfile::tempdir().unwrap();
     let schema = kestrel(place.path(), &["schema", "study"]).stdout;
     let kept = fs::read(crate::kestrel::config("studies/schema.json")).unwrap();
