@@ -7,7 +7,7 @@ use std::thread::sleep;
 use std::time::Instant;
 
 use crate::kestrel::{command, config, kestrel, refusal};
-use crate::study::{assert_same_study, files};
+use crate::study::assert_same_study;
 
 /// Six trials of a moment each, of which half get a second seed.
 const SEARCH: &str = "\
@@ -55,13 +55,6 @@ fn finish(place: &Path, directory: &str) {
     assert!(text.contains("--set 'training.clip_range=") && text.contains("report.md"), "{text}");
 }
 
-/// Locks name the processes that held them.
-fn remove_locks(folder: &Path) {
-    for lock in files(folder).into_keys().filter(|path| path.ends_with(".lock")) {
-        fs::remove_file(folder.join(lock)).unwrap();
-    }
-}
-
 #[cfg(unix)]
 #[test]
 fn a_search_that_is_stopped_and_killed_ends_with_the_same_trials() {
@@ -84,9 +77,6 @@ fn a_search_that_is_stopped_and_killed_ends_with_the_same_trials() {
         assert!(matches!(status.code(), None | Some(0 | 130)), "{status}");
     }
     finish(place.path(), "search");
-    for folder in ["whole", "search"] {
-        remove_locks(&place.path().join(folder));
-    }
     assert_same_study(&place.path().join("whole"), &place.path().join("search"));
 }
 

@@ -117,7 +117,7 @@ impl Draws {
         }
         let word = self.words[self.used];
         self.used += 1;
-        (u64::from(word) * count as u64 >> 32) as usize
+        ((u64::from(word) * count as u64) >> 32) as usize
     }
 }
 

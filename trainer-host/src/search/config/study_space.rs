@@ -93,7 +93,7 @@ impl ValuesConfig {
                 Ok(Values::Whole { low, high: *high })
             }
             Self::Choice(options) => {
-                let texts: Vec<String> = options.iter().map(ToString::to_string).collect();
+                let texts: Vec<String> = options.iter().map(written).collect();
                 let field = field.at("choice");
                 for (index, text) in texts.iter().enumerate() {
                     if texts[..index].contains(text) {
@@ -107,6 +107,16 @@ impl ValuesConfig {
                 }
             }
         }
+    }
+}
+
+/// An option as YAML on one line: JSON is that, and a text needs no quotes where it is read as the same text.
+fn written(option: &serde_json::Value) -> String {
+    match option.as_str() {
+        Some(text) if serde_yaml::from_str::<serde_json::Value>(text).is_ok_and(|read| read == *option) => {
+            text.to_owned()
+        }
+        _ => option.to_string(),
     }
 }
 
