@@ -6,5 +6,6 @@ mod aviary;
 mod errors;
 mod kestrel;
 mod runs;
+mod search;
 mod study;
 mod verify;

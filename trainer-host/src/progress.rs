@@ -97,14 +97,14 @@ impl Lines {
 
     fn line(&self, steps: u64, message: &str, elapsed: Duration) -> String {
         let per_second = steps.saturating_sub(self.began_at) as f64 / elapsed.as_secs_f64().max(1e-3);
-        let secs_left = self.total.saturating_sub(steps) as f64 / per_second.max(1e-9);
+        let secs_left = self.total.saturating_sub(steps) as f64 / per_second;
+        let left = if per_second > 0.0 { clock(secs_left) } else { "?".to_owned() };
         format!(
-            "{:>3} %  {} of {} steps  {} steps/s  {} left  {message}",
+            "{:>3} %  {} of {} steps  {} steps/s  {left} left  {message}",
             percentage(steps, self.total),
             amount(steps as f64),
             amount(self.total as f64),
             amount(per_second),
-            clock(secs_left),
         )
     }
 }
@@ -195,6 +195,12 @@ mod tests {
     fn steps_of_an_earlier_session_do_not_count_as_speed() {
         let line = lines(2_000_000, 1_000_000).line(1_500_000, "", 5 * SECOND);
         assert!(line.contains(" 100 k steps/s  0:05 left"), "{line}");
+    }
+
+    #[test]
+    fn before_the_first_step_nobody_knows_the_time_left() {
+        let line = lines(2_000_000, 1_000_000).line(1_000_000, "", SECOND);
+        assert!(line.contains(" 0 steps/s  ? left"), "{line}");
     }
 
     #[test]

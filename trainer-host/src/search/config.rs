@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::halving::rung_seeds;
 use super::objective::Objective;
 use super::sampler::Algorithm;
+use super::space::Dimension;
 use super::{Search, Trial};
 use crate::experiment_config::check_name;
 use crate::study::Study;
@@ -221,10 +222,19 @@ impl Search {
     /// # Errors
     /// When the study does not take the values.
     pub fn study(&self, point: &[f64], seeds: u64) -> Result<Study, ConfigError> {
+        self.study_with(self.space.iter().zip(point.iter().copied()), seeds)
+    }
+
+    /// As [`Self::study`], with values of some dimensions; the others are as the file says.
+    fn study_with<'a>(
+        &self,
+        places: impl IntoIterator<Item = (&'a Dimension, f64)>,
+        seeds: u64,
+    ) -> Result<Study, ConfigError> {
         let mut document = self.document.clone();
         document.set(&format!("study.seeds={{first: {}, count: {seeds}}}", self.first_seed))?;
-        for (dimension, place) in self.space.iter().zip(point) {
-            document.set(&format!("study.{}={}", dimension.key, dimension.value(*place)))?;
+        for (dimension, place) in places {
+            document.set(&format!("study.{}={}", dimension.key, dimension.value(place)))?;
         }
         document.decode::<SearchConfig>()?.study.check(&document.root().at("study"))
     }

@@ -64,7 +64,8 @@ fn settings(search: &Search, trial: &Trial) -> String {
 }
 
 fn text(search: &Search, trials: &[Trial]) -> String {
-    let head = format!("# {}\n\n{}\n", search.name, search.about);
+    let about = if search.about.is_empty() { String::new() } else { format!("\n{}\n", search.about) };
+    let head = format!("# {}\n{about}", search.name);
     let ranked = ranked(trials);
     let Some(best) = ranked.first() else { return head + "\nNo trial has finished yet.\n" };
     let seeds = best.seeds;

@@ -93,7 +93,7 @@ impl ValuesConfig {
                 Ok(Values::Whole { low, high: *high })
             }
             Self::Choice(options) => {
-                let texts: Vec<String> = options.iter().map(ToString::to_string).collect();
+                let texts: Vec<String> = options.iter().map(written).collect();
                 let field = field.at("choice");
                 for (index, text) in texts.iter().enumerate() {
                     if texts[..index].contains(text) {
@@ -110,6 +110,16 @@ impl ValuesConfig {
     }
 }
 
+/// An option as YAML on one line: JSON is that, and a text needs no quotes where it is read as the same text.
+fn written(option: &serde_json::Value) -> String {
+    match option.as_str() {
+        Some(text) if serde_yaml::from_str::<serde_json::Value>(text).is_ok_and(|read| read == *option) => {
+            text.to_owned()
+        }
+        _ => option.to_string(),
+    }
+}
+
 impl RangeConfig {
     fn check(&self, field: &Field<'_>, limits: &Limits) -> Result<(f64, f64), ConfigError> {
         let low = field.at("low").real(self.low, limits)?;
@@ -121,30 +131,26 @@ impl RangeConfig {
     }
 }
 
-/// Refuses values that the study does not take: the ends of every range and every option, all else in the middle.
+/// Refuses values that the study does not take: the ends of every range and every option alone, and the middle of all.
 pub(super) fn check_values(search: &Search, field: &Field<'_>) -> Result<(), ConfigError> {
-    let middle = vec![0.5; search.space.len()];
-    for (index, dimension) in search.space.iter().enumerate() {
+    for dimension in &search.space {
         let places = match dimension.options() {
             None => vec![0.0, 1.0],
             Some(count) => (0..count).map(|option| (option as f64 + 0.5) / count as f64).collect(),
         };
         for place in places {
-            let mut point = middle.clone();
-            point[index] = place;
-            if let Err(error) = search.study(&point, 1) {
-                return Err(of_the_space(error, &dimension.value(place), &field.at(&dimension.key)));
-            }
+            let study = search.study_with([(dimension, place)], 1);
+            study.map_err(|error| of_the_space(error, &field.at(&dimension.key)))?;
         }
     }
-    Ok(())
+    let together = search.study(&vec![0.5; search.space.len()], 1);
+    together.map(drop).map_err(|error| of_the_space(error, field))
 }
 
 /// What a study says about a value, said about the dimension that it comes from.
-fn of_the_space(error: ConfigError, value: &str, field: &Field<'_>) -> ConfigError {
+fn of_the_space(error: ConfigError, field: &Field<'_>) -> ConfigError {
     match error {
-        ConfigError::Invalid { found, expected, .. } if found == value => field.reject(found, expected),
-        ConfigError::Invalid { found, expected, .. } => field.reject(format!("{found} with {value}"), expected),
+        ConfigError::Invalid { found, expected, .. } => field.reject(found, expected),
         unreadable @ ConfigError::Unreadable { .. } => unreadable,
     }
 }

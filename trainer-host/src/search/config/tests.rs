@@ -96,7 +96,7 @@ fn a_point_is_the_study_with_its_values() {
     let search = search(&[]);
     let keys: Vec<&str> = search.space.iter().map(|dimension| dimension.key.as_str()).collect();
     assert_eq!(keys[3], "training.epochs");
-    assert_eq!(search.space[0].values, Values::Choice(vec!["\"fisher\"".to_owned(), "\"identity\"".to_owned()]));
+    assert_eq!(search.space[0].values, Values::Choice(["fisher", "identity"].map(str::to_owned).to_vec()));
     let study = search.study(&[0.75, 0.5, 1.0, 0.5], 1).unwrap();
     assert_eq!((study.training.clip_range, study.training.epochs), (0.4, 2));
     let expected =
@@ -107,6 +107,24 @@ fn a_point_is_the_study_with_its_values() {
 /// The minimal study alone, after an override.
 fn load_study(assignment: &str) -> Study {
     search(&[&format!("study.{assignment}")]).study(&[0.75, 0.5, 1.0, 0.5], 1).unwrap()
+}
+
+#[test]
+fn options_are_anything_and_stay_what_they_are() {
+    let given = "space={name: {choice: [word, \"true\", \"7\", \"a: b\"]}}";
+    let texts = [("word", "word"), ("\"true\"", "true"), ("\"7\"", "7"), ("\"a: b\"", "a: b")];
+    let Values::Choice(options) = &document_space(given)[0].values else { panic!("a choice") };
+    for (option, (written, text)) in options.iter().zip(texts) {
+        assert_eq!(option, written);
+        assert_eq!(serde_yaml::from_str::<String>(option).unwrap(), text);
+    }
+}
+
+/// The space of the minimal search after an override, whatever the study says about its values.
+fn document_space(assignment: &str) -> Vec<Dimension> {
+    let mut document = Document::parse("trial.yaml", MINIMAL).unwrap();
+    document.set(assignment).unwrap();
+    document.decode::<SearchConfig>().unwrap().space.check(&document.root().at("space")).unwrap()
 }
 
 #[test]

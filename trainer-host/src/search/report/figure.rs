@@ -81,6 +81,9 @@ pub(super) fn settings(search: &Search, trials: &[Trial]) -> Drawing {
             None => vec![0.0, 0.25, 0.5, 0.75, 1.0],
             Some(count) => (0..count).map(|option| (option as f64 + 0.5) / count as f64).collect(),
         };
+        // Where values are few, several shares are those of one.
+        let mut shares: Vec<f64> = shares.into_iter().map(|share| dimension.settled(share)).collect();
+        shares.dedup();
         let ticks: Vec<(f64, String)> =
             shares.into_iter().map(|share| (share, shortened(&dimension.value(share)))).collect();
         panel.draw(&mut drawing, &dimension.key, &ticks);
