@@ -187,10 +187,15 @@ impl ScenarioConfig {
             return Err(field.refuse(mates.nearest, format!("fewer than the {drones} drones of `agents`")));
         }
         match (self.agents.success, &self.success) {
-            (TeamSuccessConfig::Own, _) | (_, SuccessConfig::Settle { .. } | SuccessConfig::Visit { .. }) => Ok(()),
+            (TeamSuccessConfig::Own, _) | (_, SuccessConfig::Settle { .. } | SuccessConfig::Visit { .. }) => {
+                Ok(())
+            }
             (TeamSuccessConfig::All, _) => {
                 let found = "`all` beside a success that ends the episode of the first";
-                Err(field.at("agents").at("success").reject(found, "`settle` or `visit` under `success`, or `own`"))
+                Err(field
+                    .at("agents")
+                    .at("success")
+                    .reject(found, "`settle` or `visit` under `success`, or `own`"))
             }
         }
     }
@@ -201,7 +206,8 @@ impl ScenarioConfig {
         match (goals, self.rewards.iter().position(advance)) {
             (Goals::PerAgent(_) | Goals::Line(_) | Goals::Wave { .. }, Some(index)) => {
                 let field = field.at("rewards").at(index).at("advance");
-                Err(field.reject("`advance` beside `goals`", "`progress`: ways lead to one goal that stands still"))
+                Err(field
+                    .reject("`advance` beside `goals`", "`progress`: ways lead to one goal that stands still"))
             }
             (_, _) => Ok(()),
         }
@@ -234,7 +240,8 @@ fn ways(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> WayMa
         _ => None,
     });
     let around_goal = Cuboid { low: aviary.goal.add_scalar(-1.0), high: aviary.goal.add_scalar(1.0) };
-    let all = |whole: Cuboid, part: Cuboid| Cuboid { low: whole.low.inf(&part.low), high: whole.high.sup(&part.high) };
+    let all =
+        |whole: Cuboid, part: Cuboid| Cuboid { low: whole.low.inf(&part.low), high: whole.high.sup(&part.high) };
     let bounds = bounds.unwrap_or_else(|| aviary.world.bounds().into_iter().fold(around_goal, all));
     WayMap::new(&aviary.world, &aviary.goal, bounds, airframe.collision_radius)
 }

@@ -321,7 +321,8 @@ impl Physics {
 
 impl Agents {
     /// A lone drone.
-    pub const ONE: Self = Self { count: 1, ends: TeamEnd::Together, rewards: TeamRewards::Own, success: TeamSuccess::Own };
+    pub const ONE: Self =
+        Self { count: 1, ends: TeamEnd::Together, rewards: TeamRewards::Own, success: TeamSuccess::Own };
 }
 
 impl Goals {
@@ -373,7 +374,9 @@ impl FreeSpace {
     /// Whether a point \[m, world\] is far enough from everything.
     pub fn holds(&self, point: &Vector3<f32>) -> bool {
         let limit = self.clearance_m * self.clearance_m;
-        self.obstacles.iter().all(|Cuboid { low, high }| (point - point.sup(low).inf(high)).norm_squared() >= limit)
+        self.obstacles
+            .iter()
+            .all(|Cuboid { low, high }| (point - point.sup(low).inf(high)).norm_squared() >= limit)
     }
 }
 

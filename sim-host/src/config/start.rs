@@ -9,7 +9,9 @@ use super::aviary::BoxConfig;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
-use crate::scenario::{Aviary, Cuboid, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination};
+use crate::scenario::{
+    Aviary, Cuboid, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination,
+};
 use crate::world::Floor;
 
 /// Factors `1 ± fraction` stay well above zero.
@@ -169,7 +171,12 @@ impl StartPositionConfig {
 }
 
 /// The part of the region that is free, which must have a point on a lattice of 32 points along each edge.
-fn free_space(aviary: &Aviary, region: Cuboid, clearance_m: f32, field: &Field<'_>) -> Result<FreeSpace, ConfigError> {
+fn free_space(
+    aviary: &Aviary,
+    region: Cuboid,
+    clearance_m: f32,
+    field: &Field<'_>,
+) -> Result<FreeSpace, ConfigError> {
     let mut obstacles = aviary.world.bounds();
     if aviary.world.floor == Floor::Solid {
         let far = 1.0e6;
@@ -300,9 +307,8 @@ impl Region<'_> {
     fn apart(&self, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
         let StartPosition::Exactly(places) = self.position else { return Ok(()) };
         for (index, place) in places.iter().enumerate() {
-            let distance = |other: &Place| {
-                (place.position - other.position).norm() as f32 - place.spread - other.spread
-            };
+            let distance =
+                |other: &Place| (place.position - other.position).norm() as f32 - place.spread - other.spread;
             if let Some(other) = places[..index].iter().position(|other| distance(other) < 2.0 * radius) {
                 let found = format!("a start {:.3} m from that of drone {other}", distance(&places[other]));
                 let expected = format!("at least {} m between, twice the drone's radius", 2.0 * radius);

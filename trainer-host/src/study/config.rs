@@ -1,6 +1,8 @@
 //! The study file: which tasks, in which orders, learned by which methods, how often.
 
 mod method;
+#[cfg(test)]
+mod tests;
 
 use std::path::Path;
 
