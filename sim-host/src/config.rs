@@ -188,10 +188,15 @@ impl ScenarioConfig {
             return Err(field.refuse(mates.nearest, format!("fewer than the {drones} drones of `agents`")));
         }
         match (self.agents.success, &self.success) {
-            (TeamSuccessConfig::Own, _) | (_, SuccessConfig::Settle { .. } | SuccessConfig::Visit { .. }) => Ok(()),
+            (TeamSuccessConfig::Own, _) | (_, SuccessConfig::Settle { .. } | SuccessConfig::Visit { .. }) => {
+                Ok(())
+            }
             (TeamSuccessConfig::All, _) => {
                 let found = "`all` beside a success that ends the episode of the first";
-                Err(field.at("agents").at("success").reject(found, "`settle` or `visit` under `success`, or `own`"))
+                Err(field
+                    .at("agents")
+                    .at("success")
+                    .reject(found, "`settle` or `visit` under `success`, or `own`"))
             }
         }
     }

@@ -340,7 +340,8 @@ impl Physics {
 
 impl Agents {
     /// A lone drone.
-    pub const ONE: Self = Self { count: 1, ends: TeamEnd::Together, rewards: TeamRewards::Own, success: TeamSuccess::Own };
+    pub const ONE: Self =
+        Self { count: 1, ends: TeamEnd::Together, rewards: TeamRewards::Own, success: TeamSuccess::Own };
 }
 
 impl Goals {

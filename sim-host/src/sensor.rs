@@ -20,8 +20,8 @@ use serde::{Deserialize, Serialize};
 use crate::seed::Stream;
 use instrument::{Instrument, InstrumentMemory};
 
-pub use mates::Mates;
 pub(crate) use mates::Course;
+pub use mates::Mates;
 pub use scan::{BEAM_LIMIT, Scan, ScanRing};
 
 /// Distance \[m\] from an origin along a unit direction (both world) to the nearest thing within a limit \[m\].
@@ -101,7 +101,9 @@ impl SensorSuite {
 
     /// Number of values of a reading, those of scan and mates included.
     pub fn len(&self) -> usize {
-        self.instruments_len() + self.scan.as_ref().map_or(0, Scan::len) + self.mates.as_ref().map_or(0, Mates::len)
+        self.instruments_len()
+            + self.scan.as_ref().map_or(0, Scan::len)
+            + self.mates.as_ref().map_or(0, Mates::len)
     }
 
     /// Number of values that [`Self::read`] writes.

@@ -90,7 +90,12 @@ pub enum GoalsConfig {
 
 impl Default for AgentsConfig {
     fn default() -> Self {
-        Self { count: 1, ends: TeamEndConfig::Together, rewards: TeamRewardsConfig::Own, success: TeamSuccessConfig::Own }
+        Self {
+            count: 1,
+            ends: TeamEndConfig::Together,
+            rewards: TeamRewardsConfig::Own,
+            success: TeamSuccessConfig::Own,
+        }
     }
 }
 

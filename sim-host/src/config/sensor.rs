@@ -334,14 +334,18 @@ impl SensorConfig {
     /// When a number is out of range, a ranger has no direction or one twice, or there are too many values.
     pub fn check_all(sensors: &[Self], control_secs: f64, field: &Field<'_>) -> Result<SensorSuite, ConfigError> {
         let (mates, sensors) = match sensors.split_last() {
-            Some((Self::Mates(mates), others)) => (Some(mates.check(&field.at(others.len()).at("mates"))?), others),
+            Some((Self::Mates(mates), others)) => {
+                (Some(mates.check(&field.at(others.len()).at("mates"))?), others)
+            }
             _ => (None, sensors),
         };
         let mut instruments = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {
             instruments.extend(sensor.check(&field.at(index))?);
         }
-        let suite = SensorSuite::new(instruments, control_secs).with_scan(Self::check_scan(sensors, field)?).with_mates(mates);
+        let suite = SensorSuite::new(instruments, control_secs)
+            .with_scan(Self::check_scan(sensors, field)?)
+            .with_mates(mates);
         if suite.len() > OBSERVATION_LIMIT {
             let expected = format!("at most {OBSERVATION_LIMIT}, the most that a policy sees");
             return Err(field.reject(format!("sensors that measure {} values", suite.len()), expected));
@@ -366,7 +370,9 @@ impl SensorConfig {
     fn check(&self, field: &Field<'_>) -> Result<Vec<Instrument>, ConfigError> {
         match self {
             Self::Scan(_) => Ok(Vec::new()),
-            Self::Mates(_) => Err(field.reject("`mates` before other sensors", "one `mates`, as the last of them")),
+            Self::Mates(_) => {
+                Err(field.reject("`mates` before other sensors", "one `mates`, as the last of them"))
+            }
             Self::Imu(imu) => {
                 let field = field.at("imu");
                 let gyroscope = imu.gyroscope.check(&field.at("gyroscope"))?;

@@ -339,9 +339,8 @@ impl Region<'_> {
     fn apart(&self, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
         let StartPosition::Exactly(places) = self.position else { return Ok(()) };
         for (index, place) in places.iter().enumerate() {
-            let distance = |other: &Place| {
-                (place.position - other.position).norm() as f32 - place.spread - other.spread
-            };
+            let distance =
+                |other: &Place| (place.position - other.position).norm() as f32 - place.spread - other.spread;
             if let Some(other) = places[..index].iter().position(|other| distance(other) < 2.0 * radius) {
                 let found = format!("a start {:.3} m from that of drone {other}", distance(&places[other]));
                 let expected = format!("at least {} m between, twice the drone's radius", 2.0 * radius);

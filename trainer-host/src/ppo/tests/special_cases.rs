@@ -61,7 +61,8 @@ fn policy_gradient(trainer: &Trainer) -> Vec<f64> {
                 let input = column(tile.observations, index);
                 let (advantage, actions) = (f64::from(tile.advantages[index]), column(tile.actions, index));
                 let means = actor.forward(&input[..trainer.actor.mlp().inputs()]);
-                let deviations: Vec<f64> = (0..std.len()).map(|row| (actions[row] - means[row]) / std[row]).collect();
+                let deviations: Vec<f64> =
+                    (0..std.len()).map(|row| (actions[row] - means[row]) / std[row]).collect();
                 // ∂ log π / ∂ mean = deviation / σ, ∂ log π / ∂ log σ = deviation² − 1.
                 actor.backward((0..std.len()).map(|row| -advantage * deviations[row] / std[row]).collect());
                 for (sum, deviation) in log_std.iter_mut().zip(&deviations) {
@@ -100,7 +101,12 @@ impl Network {
 
     fn new(mlp: &Mlp, parameters: &[f32]) -> Self {
         let parameters: Vec<f64> = parameters.iter().copied().map(f64::from).collect();
-        Self { widths: mlp.widths().to_vec(), gradient: vec![0.0; parameters.len()], parameters, values: Vec::new() }
+        Self {
+            widths: mlp.widths().to_vec(),
+            gradient: vec![0.0; parameters.len()],
+            parameters,
+            values: Vec::new(),
+        }
     }
 
     fn forward(&mut self, input: &[f64]) -> Vec<f64> {

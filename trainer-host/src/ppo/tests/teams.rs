@@ -96,7 +96,11 @@ fn a_team_critic_reads_the_drone_itself_then_its_mates_in_a_circle() {
             &tile.observations[mate * own * PANEL..(mate + 1) * own * PANEL]
         };
         for (agent, mate) in [(0, 1), (0, 2), (1, 1), (1, 2), (2, 1), (2, 2)] {
-            assert_eq!(block(agent, mate), block((agent + mate) % 3, 0), "step {step}, drone {agent}, mate {mate}");
+            assert_eq!(
+                block(agent, mate),
+                block((agent + mate) % 3, 0),
+                "step {step}, drone {agent}, mate {mate}"
+            );
         }
     }
 }

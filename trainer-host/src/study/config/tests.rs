@@ -2,6 +2,7 @@ use kestrel_sim::seed::Seed;
 
 use super::*;
 use crate::golden::{Messages, assert_golden, in_repository};
+use crate::ppo::{CriticScope, ValueScaling};
 use crate::study::JobId;
 
 /// The shortest study: everything else has a default.
@@ -86,6 +87,27 @@ fn every_study_of_the_repository_is_sound_and_names_the_schema() {
 }
 
 #[test]
+fn the_study_of_teams_differs_in_the_critic_only() {
+    let study = load(&in_repository("configs/studies/mappo.yaml"), &[]).expect("it is in the repository");
+    let critic = |method: usize| {
+        let training = study.training_of(method);
+        (study.methods[method].name.as_str(), training.critic_scope, training.value_scale)
+    };
+    let expected = [
+        ("ippo", CriticScope::Own, ValueScaling::Fixed),
+        ("ippo-popart", CriticScope::Own, ValueScaling::PopArt),
+        ("mappo", CriticScope::Team, ValueScaling::PopArt),
+    ];
+    assert_eq!([0, 1, 2].map(critic), expected);
+    let plain = study.training_of(0);
+    for method in 1..3 {
+        let (critic_scope, value_scale) = (plain.critic_scope, plain.value_scale);
+        let alike = PpoSettings { critic_scope, value_scale, ..study.training_of(method).clone() };
+        assert_eq!(&alike, plain);
+    }
+}
+
+#[test]
 fn a_minimal_study_has_its_defaults() {
     let study = study(MINIMAL, &[]).unwrap();
     assert_eq!((study.orders.clone(), study.seeds.len(), study.seeds[15]), (vec![vec![0, 1]], 16, Seed(15)));
@@ -117,4 +139,23 @@ fn who_knows_no_order_learns_the_first_alone() {
     let found = study(MINIMAL, &["orders=all", "seeds.count=2", "methods.0.learn={joint: {}}"]).unwrap();
     let jobs: Vec<JobId> = found.jobs();
     assert_eq!(jobs, [0, 1].map(|seed| JobId { seed, order: 0, method: 0 }));
+}
+
+#[test]
+fn a_critic_of_teams_reads_teams_of_one_size() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("study.yaml");
+    let task = |name: &str| in_repository(&format!("configs/aviaries/{name}.yaml")).display().to_string();
+    let text = format!(
+        "version: 1\nname: trial\ntasks: [ {{ import: {} }}, {{ import: {} }} ]\n\
+         methods: [ {{ name: joint, learn: {{ joint: {{}} }}, training: {{ critic_scope: team }} }} ]\n",
+        task("multi-hover"),
+        task("hover")
+    );
+    std::fs::write(&path, text).expect("it can be written");
+    let message = load(&path, &[]).expect_err("it must be refused").to_string();
+    let expected = "found `team` beside teams of 2 and 1, expected `own`, or tasks of equally many drones: one critic \
+                    reads them all";
+    assert!(message.contains(expected), "{message}");
+    assert!(load(&path, &["methods.0.training.critic_scope=own".to_owned()]).is_ok());
 }
