@@ -37,15 +37,17 @@ pub enum LogError {
 /// # Errors
 /// The system's reason.
 pub fn write(directory: &Path, search: &Search, trials: &[Trial]) -> Result<(), FileError> {
-    let mut text = header(search) + "\n";
-    for trial in trials {
+    let line = |trial: &Trial| {
         let Trial { number, rungs, seeds, objective, .. } = trial;
-        let values = search.values(trial).into_iter().map(|value| field(&value));
-        text += &format!("{number},{rungs},{seeds},{objective}");
-        text.extend(values.map(|value| format!(",{value}")));
-        text.push('\n');
-    }
-    write_atomically(&directory.join(FILE), text.as_bytes())
+        let fields = [number.to_string(), rungs.to_string(), seeds.to_string(), objective.to_string()];
+        fields
+            .into_iter()
+            .chain(search.values(trial).iter().map(|value| field(value)))
+            .collect::<Vec<_>>()
+            .join(",")
+    };
+    let lines: Vec<String> = std::iter::once(header(search)).chain(trials.iter().map(line)).collect();
+    write_atomically(&directory.join(FILE), (lines.join("\n") + "\n").as_bytes())
 }
 
 /// Reads all trials.

@@ -88,14 +88,19 @@ fn text(search: &Search, trials: &[Trial]) -> String {
 }
 
 fn table(search: &Search, ranked: &[&Trial]) -> String {
-    let keys: String = search.space.iter().map(|dimension| format!(" `{}` |", dimension.key)).collect();
-    let rule: String = search.space.iter().map(|_| "---|").collect();
-    let mut table = format!("| trial | {} | seeds |{keys}\n|---:|---:|---:|{rule}\n", search.objective.name());
-    for trial in ranked.iter().take(SHOWN) {
-        let values: String = search.values(trial).iter().map(|value| format!(" {value} |")).collect();
-        table += &format!("| {} | {:.4} | {} |{values}\n", trial.number, trial.objective, trial.seeds);
-    }
-    table
+    let keys = search.space.iter().map(|dimension| format!("`{}`", dimension.key));
+    let names = ["trial", search.objective.name(), "seeds"].map(str::to_owned);
+    let heading = row(names.into_iter().chain(keys));
+    let rule = row(vec!["---".to_owned(); 3 + search.space.len()]);
+    let line = |trial: &&Trial| {
+        let found = [trial.number.to_string(), format!("{:.4}", trial.objective), trial.seeds.to_string()];
+        row(found.into_iter().chain(search.values(trial)))
+    };
+    [heading, rule].into_iter().chain(ranked.iter().take(SHOWN).map(line)).collect()
+}
+
+fn row(cells: impl IntoIterator<Item = String>) -> String {
+    format!("| {} |\n", cells.into_iter().collect::<Vec<_>>().join(" | "))
 }
 
 fn notes(search: &Search) -> String {

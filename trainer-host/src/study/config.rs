@@ -255,11 +255,13 @@ impl StudyConfig {
     fn check_published(&self, field: &Field<'_>) -> Result<Option<PublishedTable>, ConfigError> {
         let Some(table) = &self.published else { return Ok(None) };
         let columns = table.columns.len();
-        for (index, row) in table.rows.iter().enumerate().filter(|(_, row)| row.cells.len() != columns) {
-            let expected = format!("{columns}: one for each column");
-            return Err(field.at("rows").at(index).at("cells").refuse(row.cells.len(), expected));
+        match table.rows.iter().enumerate().find(|(_, row)| row.cells.len() != columns) {
+            None => Ok(Some(table.clone())),
+            Some((index, row)) => {
+                let expected = format!("{columns}: one for each column");
+                Err(field.at("rows").at(index).at("cells").refuse(row.cells.len(), expected))
+            }
         }
-        Ok(Some(table.clone()))
     }
 
     fn resolved(&self) -> String {

@@ -56,7 +56,7 @@ pub struct JobState {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 enum LearnerState {
-    One(TrainerState),
+    One(Box<TrainerState>),
     Many(SharingState),
 }
 
@@ -115,7 +115,7 @@ impl<'a> JobRun<'a> {
         let settings = stage_settings(study, id);
         match (&mut fresh, state.learner) {
             (Learner::One(trainer), LearnerState::One(saved)) => {
-                **trainer = Trainer::restore(&tasks, &settings, saved)?;
+                **trainer = Trainer::restore(&tasks, &settings, *saved)?;
             }
             (Learner::Many(sharing), LearnerState::Many(saved)) => sharing.restore(&settings, &tasks, saved)?,
             (Learner::One(_), LearnerState::Many(_)) | (Learner::Many(_), LearnerState::One(_)) => {
@@ -128,7 +128,7 @@ impl<'a> JobRun<'a> {
     /// What [`Self::restore`] goes on from.
     pub fn save(&self) -> JobState {
         let learner = match &self.learner {
-            Learner::One(trainer) => LearnerState::One(trainer.save()),
+            Learner::One(trainer) => LearnerState::One(Box::new(trainer.save())),
             Learner::Many(sharing) => LearnerState::Many(sharing.save()),
         };
         JobState { learner, progress: self.progress.clone() }

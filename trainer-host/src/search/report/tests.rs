@@ -31,7 +31,7 @@ fn a_report_names_the_best_settings_and_draws_every_one() {
         "{text}"
     );
     assert!(text.contains("  --set 'training.epochs=2'"), "{text}");
-    assert_eq!(text.matches("\n| ").count(), 1 + SHOWN, "{text}");
+    assert_eq!(text.matches("\n| ").count(), 2 + SHOWN, "{text}");
     let svg = fs::read_to_string(place.path().join("report/settings.svg")).unwrap();
     assert!(search.space.iter().all(|dimension| svg.contains(&dimension.key)));
     assert_eq!(svg.matches("<circle").count(), 12 * search.space.len());
@@ -46,7 +46,7 @@ fn the_settings_of_the_headline_are_a_study_that_loads() {
     let headline = headline(&search, &trials);
     let values: Vec<&str> = headline.lines().filter_map(|line| line.trim().strip_prefix("--set '")).collect();
     assert_eq!(values.len(), search.space.len(), "{headline}");
-    assert!(values.iter().all(|value| value.contains("=") && value.trim_end_matches(" \\").ends_with('\'')));
+    assert!(values.iter().all(|value| value.contains('=') && value.trim_end_matches(" \\").ends_with('\'')));
 }
 
 #[test]
