@@ -148,32 +148,3 @@ fn the_scope_of_the_critic_changes_no_flight_before_the_first_update() {
     };
     assert_eq!(flown(&settings()), flown(&mappo()));
 }
-
-/// What a critic makes of rewards for the nearness of all three, with returns as they were.
-fn explained_variance(critic_scope: CriticScope) -> f32 {
-    let scenario = Scenario {
-        critic: CriticView::Observation,
-        rewards: vec![WeightedTerm::new(RewardTerm::Distance, -10.0)],
-        terminations: Vec::new(),
-        ..team(3)
-    };
-    let settings = PpoSettings {
-        critic_scope,
-        steps_per_rollout: 20,
-        minibatch: 6 * PANEL,
-        epochs: 8,
-        gae_lambda: 1.0,
-        discount: 0.8,
-        critic_hidden: vec![64],
-        learning_rate: Schedule::Constant(1e-3),
-        ..settings()
-    };
-    let mut trainer = Trainer::new(&[scenario], &settings, Seed(9));
-    (0..30).map(|_| trainer.update().explained_variance).last().expect("there are updates")
-}
-
-#[test]
-fn a_team_critic_explains_shared_rewards_better_than_one_drones() {
-    let [own, team] = [CriticScope::Own, CriticScope::Team].map(explained_variance);
-    assert!(team > own + 0.2, "it explains {team} of the variance, one drone's {own}");
-}
