@@ -217,13 +217,11 @@ fn free_space(
         let Cuboid { low, high } = space.region;
         Vector3::from_fn(|axis, _| low[axis] + (high[axis] - low[axis]) * number(index, axis as u32))
     };
-    match (0..1 << 15).map(point).find(|point| space.holds(point)) {
-        Some(refuge) => Ok(FreeSpace { refuge, ..space }),
-        None => {
-            let found = format!("a box without a point {clearance_m} m from everything");
-            Err(field.reject(found, "one that is partly free"))
-        }
-    }
+    let Some(refuge) = (0..1 << 15).map(point).find(|point| space.holds(point)) else {
+        let found = format!("a box without a point {clearance_m} m from everything");
+        return Err(field.reject(found, "one that is partly free"));
+    };
+    Ok(FreeSpace { refuge, ..space })
 }
 
 impl PlaceConfig {

@@ -8,6 +8,7 @@
 use core::f64::consts::PI;
 
 use nalgebra::Vector3;
+use rapier3d::parry::shape::ConvexPolyhedron;
 
 use super::outline::convex_hull;
 use crate::sensor::{BEAM_LIMIT, Scan};
@@ -231,6 +232,6 @@ fn local_planes(shape: &Shape) -> Vec<(Vector3<f64>, f64, f64)> {
 /// Outward unit normals of the faces of a hull.
 fn face_normals(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let hull = convex_hull(points);
-    let faces = hull.as_convex_polyhedron().map(|polyhedron| polyhedron.faces()).unwrap_or_default();
+    let faces = hull.as_convex_polyhedron().map(ConvexPolyhedron::faces).unwrap_or_default();
     faces.iter().map(|face| Vector3::new(face.normal.x, face.normal.y, face.normal.z).cast().normalize()).collect()
 }
