@@ -144,9 +144,10 @@ impl FixedAnchor<'_> {
 /// `from`, and `share` of the way to `target` rounded to whole units: down, after the dither was added.
 #[inline(always)]
 fn moved(from: i16, target: i16, share: u32, dither: u32) -> i16 {
-    let way = i64::from(target) - i64::from(from);
-    let step = (way * i64::from(share) + i64::from(dither)) >> FRACTION_BITS;
-    (i64::from(from) + step) as i16
+    // 18 by 26 bits with their signs: one multiplication of a Cortex-M4.
+    let way = i32::from(target) - i32::from(from);
+    let step = (i64::from(way) * i64::from(share as i32) + i64::from(dither)) >> FRACTION_BITS;
+    (i32::from(from) + step as i32) as i16
 }
 
 /// `decay · S + H` in 2⁻²⁴, below 2⁴¹.
