@@ -22,6 +22,8 @@ mod mean;
 
 pub use mean::MeanAnchor;
 
+use crate::real::Real;
+
 /// Greatest `rate · S`; beyond 2²³ the share of a pull would round to one.
 const ODDS_LIMIT: f32 = (1_u32 << 23) as f32;
 
@@ -138,14 +140,14 @@ impl Anchor<'_> {
 /// [`pull`](Anchor::pull) goes. Both are finite and at least 0.
 #[inline(always)]
 pub fn share(importance: f32, rate: f32) -> f32 {
-    let odds = (rate * importance).min(ODDS_LIMIT);
+    let odds = (rate * importance).at_most(ODDS_LIMIT);
     odds / (1.0 + odds)
 }
 
 /// Limited to what is finite, so that no sum of tasks makes a center that is not a number.
 #[inline(always)]
 fn accumulated(importance: f32, curvature: f32, decay: f32) -> f32 {
-    (decay * importance + curvature).min(f32::MAX)
+    (decay * importance + curvature).at_most(f32::MAX)
 }
 
 #[inline(always)]

@@ -5,15 +5,22 @@
 //! | center | `i16` | that of the parameters: 2⁻ʷ, where `w` is the layer's fraction bits ([`FixedFormat`]) |
 //! | importance | `u8` | logarithm in steps of ⅛ octave: 0 is none, `code` is `2^((code − 129) / 8)`, 2⁻¹⁶ to 2^15¾ |
 //!
-//! Everything else (rate, decay, gains, shares) is a [`Fraction`], in 2⁻²⁴. Nothing here depends on `w`: a center only
-//! meets parameters of its own layer. Importance is a number of the order of one when each task's curvature is
-//! normalised to the mean one; the nearest code is within 4.4 % (2^(1/16)).
+//! Everything else (rate, decay, gains, shares) is in 2⁻²⁴, as a [`Fraction`]. Nothing here depends on `w`: a center
+//! only meets parameters of its own layer. (A policy file has biases in 2⁻⁽ʷ⁺ˣ⁾; who learns keeps them in 2⁻ʷ beside
+//! the weights, and shifts them by `x` for inference.) Importances are of the order of one where the curvature of each
+//! task is divided by its mean; the nearest code is within 4.4 %, half a step (4.6 % below 2⁻¹⁵, where a unit counts).
 //!
-//! A parameter moves by whole units 2⁻ʷ, and most pulls are less than one. Rounding to the nearest would lose all of
-//! those, and importance would stop to grow at the 23rd task, as 1/23 is less than half a step of the code. So both are
-//! rounded down after a dither from \[0, 1) was added that walks by the golden ratio from call to call: over any run
-//! of calls the sum of what is rounded is within about one unit of the exact sum, and without any randomness. A move
-//! never passes its center, so no result leaves 16 bits.
+//! A parameter moves by whole units 2⁻ʷ, and most pulls are less than one. Rounded to the nearest, those would all be
+//! lost (a parameter 10,000 units from its center stays up to 8,800 units behind), and importance would stop to grow
+//! at the 23rd equal task, 1/23 being less than half a step of the code. So both are rounded down after a dither in
+//! \[0, 1) was added that goes around by the golden ratio from call to call. Measured over 10⁵ calls: the way of a
+//! parameter stays within about ten units of the exact one and within one at its end (rms), where random dither errs
+//! by 140 and 14. A move never passes its center, so no result leaves 16 bits.
+//!
+//! Over 300 steps of an optimiser against the anchor, 5,640 weights in 2⁻¹⁵ end within 3e-4 (rms 6e-5) of floating
+//! point; returning freely from 0.05 away within 8e-4 (rms 1.6e-4), which is the rounding of the importance. After
+//! 1,000 tasks of which each has other curvatures, the importance is right within a quarter of an octave (rms, and 3 %
+//! on average), the center within 5e-4 (rms) where the tasks' ends are 0.03 (rms) apart.
 //!
 //! [`FixedFormat`]: crate::fixed::FixedFormat
 
@@ -127,18 +134,20 @@ impl FixedAnchor<'_> {
         limited
     }
 
+    // Without the lengths in the message, whose formatting a firmware would have to carry.
     fn check(&self, length: usize) {
-        assert_eq!(self.center.len(), self.importance.len(), "a center and an importance per parameter");
-        assert_eq!(length, self.center.len(), "one value per parameter of the anchor");
+        assert!(self.center.len() == self.importance.len(), "a center and an importance per parameter");
+        assert!(self.center.len() == length, "one value per parameter of the anchor");
     }
 }
 
 /// `from`, and `share` of the way to `target` rounded to whole units: down, after the dither was added.
 #[inline(always)]
 fn moved(from: i16, target: i16, share: u32, dither: u32) -> i16 {
-    let way = i64::from(target) - i64::from(from);
-    let step = (way * i64::from(share) + i64::from(dither)) >> FRACTION_BITS;
-    (i64::from(from) + step) as i16
+    // 18 by 26 bits with their signs: one multiplication of a Cortex-M4.
+    let way = i32::from(target) - i32::from(from);
+    let step = (i64::from(way) * i64::from(share as i32) + i64::from(dither)) >> FRACTION_BITS;
+    (i32::from(from) + step as i32) as i16
 }
 
 /// `decay · S + H` in 2⁻²⁴, below 2⁴¹.
