@@ -56,6 +56,8 @@ fn for_each_tile(actor: &Actor, rollouts: &[&Rollout], mut visit: impl FnMut(&[f
 }
 
 fn scaled(mut values: Vec<f32>, factor: f32) -> Vec<f32> {
-    values.iter_mut().for_each(|value| *value *= factor);
+    for value in &mut values {
+        *value *= factor;
+    }
     values
 }

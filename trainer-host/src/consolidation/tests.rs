@@ -202,7 +202,9 @@ fn the_published_means_are_none() {
     let settings = PublishedSettings { rule: PublishedRule::Head, gradient_weight: 0.0, curvature: 1.0 };
     let mut memory = ConsolidatorSettings::Published(settings).begin(&actor, &critic);
     let policies: Vec<Actor> = (0..3).map(|seed| moved(&actor, 0.2, seed)).collect();
-    policies.iter().for_each(|policy| end(&mut memory, policy, &critic, &rollout));
+    for policy in &policies {
+        end(&mut memory, policy, &critic, &rollout);
+    }
     // After three tasks the anchor is ⅓ θ₁ + ⅔ θ₂ + θ₃: its weights sum to two.
     let gradient = pull(&mut memory, &actor, &critic);
     for index in 0..actor.parameters().len() {

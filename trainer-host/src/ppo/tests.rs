@@ -107,7 +107,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
 #[test]
 fn a_resumed_run_comes_to_the_same_bits() {
     let (scenario, settings) = (scenario(CriticView::Observation), settings());
-    let mut straight = Trainer::new(&[scenario.clone()], &settings, Seed(6));
+    let mut straight = Trainer::new(std::slice::from_ref(&scenario), &settings, Seed(6));
     (0..2).for_each(|_| drop(straight.update()));
     let bytes = postcard::to_allocvec(&straight.save()).expect("a state serialises");
     let state = postcard::from_bytes(&bytes).expect("and back");
@@ -131,7 +131,7 @@ fn other_seeds_are_other_runs() {
 #[test]
 fn a_state_of_another_run_is_refused() {
     let (flown, asked) = (scenario(CriticView::Observation), settings());
-    let state = Trainer::new(&[flown.clone()], &asked, Seed(7)).save();
+    let state = Trainer::new(std::slice::from_ref(&flown), &asked, Seed(7)).save();
     let refuse = |scenario: &Scenario, settings: &PpoSettings, state: &TrainerState| {
         Trainer::restore(std::slice::from_ref(scenario), settings, state.clone())
             .expect_err("it must be refused")
@@ -409,7 +409,7 @@ fn actions_and_observations_of_any_length_train_export_and_fly() {
     ];
     for (kind, observation) in cases {
         let scenario = published(kind, observation);
-        let mut trainer = Trainer::new(&[scenario.clone()], &settings(), Seed(3));
+        let mut trainer = Trainer::new(std::slice::from_ref(&scenario), &settings(), Seed(3));
         assert_eq!(trainer.actor().log_std().len(), kind.len());
         let metrics = trainer.update();
         assert!(metrics.approx_kl.is_finite() && metrics.policy_loss.is_finite(), "{metrics:?}");

@@ -79,7 +79,9 @@ impl PolicySharing {
         let learner = |(task, seed): (&Scenario, &Seed)| Trainer::new(std::slice::from_ref(task), settings, *seed);
         let mut learners: Vec<Trainer> = tasks.iter().zip(seeds).map(learner).collect();
         let first = learners[0].heritage(Kept::Inherited, Kept::Reset);
-        learners.iter_mut().for_each(|learner| learner.inherit(&first));
+        for learner in &mut learners {
+            learner.inherit(&first);
+        }
         Self { learners, every_updates, merge }
     }
 

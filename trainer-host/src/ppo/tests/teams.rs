@@ -71,7 +71,7 @@ fn runs_of_several_drones_resume_to_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn a_policy_of_several_drones_is_exported_from_what_all_of_them_see() {
     let scenario = team(2);
-    let trainer = Trainer::new(&[scenario.clone()], &settings(), Seed(5));
+    let trainer = Trainer::new(std::slice::from_ref(&scenario), &settings(), Seed(5));
     let starts = Starts { seed: Seed(1), purpose: Purpose::Evaluation, episodes: 3 };
     let seen = observations_in_flight(&scenario, trainer.actor(), starts);
     let flights = scenario.episode_steps().div_ceil(8) as usize;
