@@ -221,12 +221,12 @@ fn a_success_of_all_takes_all() {
     let successes = |success: &str, places: &[[f64; 3]]| -> Vec<bool> {
         let agents = format!("agents: {{ count: {}, success: {success} }}", places.len());
         let paid = "rewards: [ success: { weight: 2 } ]";
-        let scenario = hanging(places, &format!("{agents}\n{paid}\nepisode_secs: 0.1"));
+        let scenario = hanging(places, &format!("{agents}\n{paid}\nepisode_secs: 0.2"));
         let mut simulation = Simulation::<1, f64>::new(&scenario, Seed(0), 0, 1);
-        let flown = steps(&mut simulation, 5);
+        let flown = steps(&mut simulation, 10);
         let episodes = simulation.take_episodes();
         let successes: Vec<bool> = episodes.iter().map(|episode| episode.success).collect();
-        let paid: Vec<bool> = flown[4].0.iter().map(|reward| *reward == 2.0).collect();
+        let paid: Vec<bool> = flown[9].0.iter().map(|reward| *reward == 2.0).collect();
         assert_eq!(successes, paid);
         successes
     };
