@@ -1,9 +1,8 @@
 //! What keeps a policy from forgetting earlier tasks while it learns another.
 //!
-//! Between tasks a [`Consolidator`] takes in what must not be forgotten ([`Consolidator::consolidate`]); during the
-//! next task it adds its pull to the gradient of every minibatch ([`Consolidator::add_gradient`]) or moves the policy
-//! after the step ([`Consolidator::after_step`]). What it keeps does not grow with the number of tasks, and it says how
-//! many bytes that is.
+//! Between tasks a [`Consolidator`] takes in what must not be forgotten (`consolidate`); during the next task it adds
+//! its pull to the gradient of every minibatch (`add_gradient`) or moves the policy after the step (`after_step`). What
+//! it keeps does not grow with the number of tasks, and it says how many bytes that is.
 
 mod anchored;
 mod coreset;
