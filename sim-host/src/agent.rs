@@ -1,22 +1,19 @@
 //! One drone of every environment of a block: the stages of a step over `LANES` lanes.
 
-use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Controls, Persistence};
-use kestrel_core::controller::Setpoint;
-use kestrel_core::controller::command::{Hover, Precision};
-use kestrel_core::observation::{
-    OBSERVATION_LIMIT, ObservationLayout, PAPER_LEN, PILOT_LEN, PaperLayout, PilotLayout, Seen,
-};
+mod commanding;
+mod observing;
+
+use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Persistence};
 use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
-use crate::block::Stage;
 use crate::contact::Arena;
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
 use crate::reward::{Ends, StepView};
-use crate::scenario::{Clock, CriticView, Preset, Scenario, Success};
+use crate::scenario::{Clock, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::sensor::{SensorMemory, Truth, specific_force};
+use crate::sensor::SensorMemory;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 use crate::termination::{self, FlightView};
 
@@ -141,89 +138,6 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         agent
     }
 
-    /// Rotor targets of a control period.
-    #[inline(always)]
-    pub(crate) fn command(
-        &mut self,
-        stage: &Stage<'_, R>,
-        actions: &[Column<LANES, R>; ACTION_LIMIT],
-        targets: &mut [Column<LANES, R>; 4],
-    ) {
-        // Matched here rather than in the loop, which then has no branch and vectorises.
-        match *stage.controls {
-            Controls::RotorSpeeds(numbers) => {
-                self.command_lanes(stage, &Controls::RotorSpeeds(numbers), actions, targets);
-            }
-            Controls::ThrustBodyRates(numbers) => {
-                self.command_lanes(stage, &Controls::ThrustBodyRates(numbers), actions, targets);
-            }
-            Controls::Velocities(numbers) => {
-                self.command_lanes(stage, &Controls::Velocities(numbers), actions, targets);
-            }
-            Controls::Published(published) => match published.rpm() {
-                Some((hover, precision)) => command_around(&hover, precision, actions, targets),
-                None => self.command_each(stage, actions, targets),
-            },
-        }
-    }
-
-    #[inline(always)]
-    fn command_lanes(
-        &mut self,
-        stage: &Stage<'_, R>,
-        controls: &Controls<R>,
-        actions: &[Column<LANES, R>; ACTION_LIMIT],
-        targets: &mut [Column<LANES, R>; 4],
-    ) {
-        let mut memory = ControlMemory::new();
-        let setpoint = Setpoint::at(Vector3::new(R::zero(), R::zero(), R::zero()));
-        for lane in 0..LANES {
-            let action = row(actions, lane);
-            let state = self.swarm.state(lane);
-            let speeds = controls.rotor_targets(&action, &state, &setpoint, &mut memory, stage.control_secs);
-            set_row(targets, lane, speeds);
-        }
-    }
-
-    fn command_each(
-        &mut self,
-        stage: &Stage<'_, R>,
-        actions: &[Column<LANES, R>; ACTION_LIMIT],
-        targets: &mut [Column<LANES, R>; 4],
-    ) {
-        for lane in 0..LANES {
-            let setpoint =
-                Setpoint { velocity: vector(&self.goal_velocity, lane), ..Setpoint::at(vector(&self.goal, lane)) };
-            let (action, state) = (row(actions, lane), self.swarm.state(lane));
-            let memory = &mut self.controls[lane];
-            let speeds = stage.controls.rotor_targets(&action, &state, &setpoint, memory, stage.control_secs);
-            set_row(targets, lane, speeds);
-        }
-    }
-
-    /// Moves the goals, where they move, to where they are after `steps` control periods.
-    #[inline(always)]
-    pub(crate) fn aim(&mut self, scenario: &Scenario) {
-        if scenario.goals.is_moving() {
-            for lane in 0..LANES {
-                self.aim_lane(scenario, lane);
-            }
-        }
-    }
-
-    fn aim_lane(&mut self, scenario: &Scenario, lane: usize) {
-        let secs = self.steps[lane].to_f64() / scenario.physics.control_rate_hz;
-        let goal = scenario.goals.at(&scenario.aviary.goal, self.index, secs);
-        // The reference takes differences of the points that it has passed.
-        let lag_secs = match scenario.clock {
-            Clock::Elapsed => 0.0,
-            Clock::Published => 1.0 / scenario.physics.control_rate_hz,
-        };
-        let velocity = scenario.goals.velocity_at(secs, lag_secs);
-        set_row(&mut self.goal, lane, [goal.x, goal.y, goal.z].map(R::from_f64));
-        set_row(&mut self.goal_velocity, lane, [velocity.x, velocity.y, velocity.z].map(R::from_f64));
-    }
-
     /// Distance to the goal, and whether the drone has settled or visited.
     #[inline(always)]
     pub(crate) fn measure(&mut self, scenario: &Scenario) {
@@ -330,148 +244,6 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             },
             failure: core::array::from_fn(|lane| mark(termination::is_failure(codes[lane]))),
             time_up: core::array::from_fn(|lane| mark(termination::is_time_limit(codes[lane]))),
-        }
-    }
-
-    /// Encodes every lane.
-    #[inline(always)]
-    pub(crate) fn observe(&mut self, stage: &Stage<'_, R>) {
-        let scenario = stage.scenario;
-        match &scenario.observation {
-            ObservationLayout::Pilot(layout) => self.observe_as_pilot(*layout),
-            ObservationLayout::Paper(layout) => self.observe_as_paper(scenario, *layout),
-            ObservationLayout::PilotFor(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
-                for lane in 0..LANES {
-                    self.sense_lane(scenario, stage.arena, lane);
-                    self.scan_lane(scenario, stage.arena, lane);
-                    self.observe_lane(scenario, lane);
-                }
-            }
-            ObservationLayout::PilotMeasured(layout) => {
-                for lane in 0..LANES {
-                    self.sense_lane(scenario, stage.arena, lane);
-                    self.scan_lane(scenario, stage.arena, lane);
-                }
-                self.observe_as_pilot(layout.scales);
-                if let Some((_, columns)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() {
-                    columns.copy_from_slice(&self.measurements);
-                }
-            }
-        }
-        match scenario.critic {
-            CriticView::Observation => {}
-            CriticView::Privileged => {
-                let scales = self.scales;
-                for lane in 0..LANES {
-                    self.reveal_lane(&scales, lane);
-                }
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn observe_as_pilot(&mut self, layout: PilotLayout) {
-        let Some((columns, _)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() else { return };
-        let [a, b, c, d, ..] = self.history.last().expect("there is a previous action");
-        for lane in 0..LANES {
-            let (state, goal) = (self.swarm.state(lane), vector(&self.goal, lane));
-            let observation = layout.encode(&state, &goal, &[a[lane], b[lane], c[lane], d[lane]]);
-            set_row(columns, lane, observation);
-        }
-    }
-
-    #[inline(always)]
-    fn observe_as_paper(&mut self, scenario: &Scenario, layout: PaperLayout) {
-        let Some((columns, _)) = self.observations.split_first_chunk_mut::<PAPER_LEN>() else { return };
-        let (swarm, goal) = (&self.swarm, &self.goal);
-        // Matched here rather than in the loop, which then has no branch and vectorises.
-        match scenario.physics.preset {
-            Preset::Clean { .. } => encode_lanes(columns, layout, swarm, goal, turning),
-            Preset::Bullet { .. } => encode_lanes(columns, layout, swarm, goal, Swarm::reported),
-        }
-    }
-
-    pub(crate) fn observe_lane(&mut self, scenario: &Scenario, lane: usize) {
-        let mut values = [R::zero(); OBSERVATION_LIMIT];
-        let length = self.observations.len();
-        let mut history = [[R::zero(); ACTION_LIMIT]; OBSERVATION_LIMIT];
-        for (past, columns) in history.iter_mut().zip(&self.history) {
-            *past = row(columns, lane);
-        }
-        let mut measurements = [R::zero(); OBSERVATION_LIMIT];
-        for (value, column) in measurements.iter_mut().zip(&self.measurements) {
-            *value = column[lane];
-        }
-        let state = self.swarm.state(lane);
-        let seen = Seen {
-            state: &state,
-            angular_velocity_in_world: self.angular_velocity(scenario, lane),
-            goal: &vector(&self.goal, lane),
-            history: &history[..self.history.len()],
-            measurements: &measurements[..self.measurements.len()],
-        };
-        scenario.observation.encode(&seen, &mut values[..length]);
-        for (column, value) in self.observations.iter_mut().zip(values) {
-            column[lane] = value;
-        }
-    }
-
-    /// Reads the sensors, where there are any.
-    fn sense_lane(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
-        let Some(memory) = self.sensors.get_mut(lane) else { return };
-        let state = self.swarm.state(lane).map(Real::to_f64);
-        let before = vector(&self.read_velocity, lane).map(Real::to_f64);
-        let secs = 1.0 / scenario.physics.control_rate_hz;
-        let cast = |origin, direction, limit| arena.and_then(|arena| arena.raycast(origin, direction, limit));
-        let truth = Truth {
-            state: &state,
-            specific_force_in_body: specific_force(&before, &state, secs),
-            raycast: arena.is_some().then_some(&cast),
-        };
-        let mut values = [0.0; OBSERVATION_LIMIT];
-        let values = &mut values[..scenario.sensors.instruments_len()];
-        scenario.sensors.read(memory, &truth, &mut self.streams[lane], values);
-        for (column, value) in self.measurements.iter_mut().zip(values) {
-            column[lane] = R::from_f32(*value);
-        }
-        set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
-    }
-
-    /// Casts the beams of the scan, where there is one.
-    #[inline(always)]
-    fn scan_lane(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
-        let (Some(scan), Some(arena)) = (scenario.sensors.scan(), arena) else { return };
-        let nearness = arena.nearness(row(&self.swarm.position, lane).map(Real::to_f32));
-        let columns = self.measurements.iter_mut().skip(scenario.sensors.instruments_len()).take(scan.len());
-        for (column, value) in columns.zip(nearness) {
-            column[lane] = R::from_f32(value);
-        }
-    }
-
-    /// \[rad/s\], world, as the preset reports it.
-    #[inline(always)]
-    pub(crate) fn angular_velocity(&self, scenario: &Scenario, lane: usize) -> Vector3<R> {
-        match scenario.physics.preset {
-            Preset::Clean { .. } => turning(&self.swarm, lane),
-            Preset::Bullet { .. } => self.swarm.reported(lane),
-        }
-    }
-
-    #[inline(always)]
-    fn reveal_lane(&mut self, scales: &PrivilegedScales<R>, lane: usize) {
-        let one = R::one();
-        let [a, b, c, d] = row(&self.swarm.rotor_speeds, lane).map(|speed| speed * scales.per_hover_speed - one);
-        let [x, y, z] = row(&self.swarm.wind, lane);
-        let [mass, thrust] = row(&self.factors, lane);
-        let left = one - self.steps[lane] * scales.per_episode_steps;
-        set_row(&mut self.privileged, lane, [a, b, c, d, x, y, z, mass - one, thrust - one, left]);
-    }
-
-    /// Takes in what it measures of its team mates in a lane, `[values]`.
-    pub(crate) fn notice(&mut self, lane: usize, values: &[R]) {
-        let first = self.measurements.len() - values.len();
-        for (column, value) in self.measurements[first..].iter_mut().zip(values) {
-            column[lane] = *value;
         }
     }
 
@@ -615,50 +387,6 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     pub(crate) fn controls_mut(&mut self) -> &mut [ControlMemory<R>] {
         &mut self.controls
-    }
-}
-
-/// Rotor targets of actions around hover.
-#[inline(always)]
-fn command_around<const LANES: usize, R: Real>(
-    hover: &Hover<R>,
-    precision: Precision,
-    actions: &[Column<LANES, R>; ACTION_LIMIT],
-    targets: &mut [Column<LANES, R>; 4],
-) {
-    for (targets, actions) in targets.iter_mut().zip(actions) {
-        for (target, action) in targets.iter_mut().zip(actions) {
-            *target = hover.rotor_speed(precision, *action);
-        }
-    }
-}
-
-/// Angular velocity \[rad/s\], world.
-#[inline(always)]
-fn turning<const LANES: usize, R: Real>(swarm: &Swarm<LANES, R>, lane: usize) -> Vector3<R> {
-    let state = swarm.state(lane);
-    state.world_from_body.rotate(state.body_rates)
-}
-
-/// Encodes every lane in the `paper` layout.
-#[inline(always)]
-fn encode_lanes<const LANES: usize, R: Real>(
-    columns: &mut [Column<LANES, R>; PAPER_LEN],
-    layout: PaperLayout,
-    swarm: &Swarm<LANES, R>,
-    goal: &[Column<LANES, R>; 3],
-    turning: impl Fn(&Swarm<LANES, R>, usize) -> Vector3<R>,
-) {
-    for lane in 0..LANES {
-        let (state, goal) = (swarm.state(lane), vector(goal, lane));
-        let seen = Seen {
-            state: &state,
-            angular_velocity_in_world: turning(swarm, lane),
-            goal: &goal,
-            history: &[],
-            measurements: &[],
-        };
-        set_row(columns, lane, layout.encode(&seen));
     }
 }
 

@@ -1,0 +1,112 @@
+//! Actions to rotor targets, and where an agent shall go meanwhile.
+
+use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Controls};
+use kestrel_core::controller::Setpoint;
+use kestrel_core::controller::command::{Hover, Precision};
+use kestrel_core::real::Real;
+use nalgebra::Vector3;
+
+use super::Agent;
+use crate::block::Stage;
+use crate::scenario::{Clock, Scenario};
+use crate::swarm::{Column, row, set_row, vector};
+
+impl<const LANES: usize, R: Real> Agent<LANES, R> {
+    /// Rotor targets of a control period.
+    #[inline(always)]
+    pub(crate) fn command(
+        &mut self,
+        stage: &Stage<'_, R>,
+        actions: &[Column<LANES, R>; ACTION_LIMIT],
+        targets: &mut [Column<LANES, R>; 4],
+    ) {
+        // Matched here rather than in the loop, which then has no branch and vectorises.
+        match *stage.controls {
+            Controls::RotorSpeeds(numbers) => {
+                self.command_lanes(stage, &Controls::RotorSpeeds(numbers), actions, targets);
+            }
+            Controls::ThrustBodyRates(numbers) => {
+                self.command_lanes(stage, &Controls::ThrustBodyRates(numbers), actions, targets);
+            }
+            Controls::Velocities(numbers) => {
+                self.command_lanes(stage, &Controls::Velocities(numbers), actions, targets);
+            }
+            Controls::Published(published) => match published.rpm() {
+                Some((hover, precision)) => command_around(&hover, precision, actions, targets),
+                None => self.command_each(stage, actions, targets),
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn command_lanes(
+        &mut self,
+        stage: &Stage<'_, R>,
+        controls: &Controls<R>,
+        actions: &[Column<LANES, R>; ACTION_LIMIT],
+        targets: &mut [Column<LANES, R>; 4],
+    ) {
+        let mut memory = ControlMemory::new();
+        let setpoint = Setpoint::at(Vector3::new(R::zero(), R::zero(), R::zero()));
+        for lane in 0..LANES {
+            let action = row(actions, lane);
+            let state = self.swarm.state(lane);
+            let speeds = controls.rotor_targets(&action, &state, &setpoint, &mut memory, stage.control_secs);
+            set_row(targets, lane, speeds);
+        }
+    }
+
+    fn command_each(
+        &mut self,
+        stage: &Stage<'_, R>,
+        actions: &[Column<LANES, R>; ACTION_LIMIT],
+        targets: &mut [Column<LANES, R>; 4],
+    ) {
+        for lane in 0..LANES {
+            let setpoint =
+                Setpoint { velocity: vector(&self.goal_velocity, lane), ..Setpoint::at(vector(&self.goal, lane)) };
+            let (action, state) = (row(actions, lane), self.swarm.state(lane));
+            let memory = &mut self.controls[lane];
+            let speeds = stage.controls.rotor_targets(&action, &state, &setpoint, memory, stage.control_secs);
+            set_row(targets, lane, speeds);
+        }
+    }
+
+    /// Moves the goals, where they move, to where they are after `steps` control periods.
+    #[inline(always)]
+    pub(crate) fn aim(&mut self, scenario: &Scenario) {
+        if scenario.goals.is_moving() {
+            for lane in 0..LANES {
+                self.aim_lane(scenario, lane);
+            }
+        }
+    }
+
+    pub(super) fn aim_lane(&mut self, scenario: &Scenario, lane: usize) {
+        let secs = self.steps[lane].to_f64() / scenario.physics.control_rate_hz;
+        let goal = scenario.goals.at(&scenario.aviary.goal, self.index, secs);
+        // The reference takes differences of the points that it has passed.
+        let lag_secs = match scenario.clock {
+            Clock::Elapsed => 0.0,
+            Clock::Published => 1.0 / scenario.physics.control_rate_hz,
+        };
+        let velocity = scenario.goals.velocity_at(secs, lag_secs);
+        set_row(&mut self.goal, lane, [goal.x, goal.y, goal.z].map(R::from_f64));
+        set_row(&mut self.goal_velocity, lane, [velocity.x, velocity.y, velocity.z].map(R::from_f64));
+    }
+}
+
+/// Rotor targets of actions around hover.
+#[inline(always)]
+fn command_around<const LANES: usize, R: Real>(
+    hover: &Hover<R>,
+    precision: Precision,
+    actions: &[Column<LANES, R>; ACTION_LIMIT],
+    targets: &mut [Column<LANES, R>; 4],
+) {
+    for (targets, actions) in targets.iter_mut().zip(actions) {
+        for (target, action) in targets.iter_mut().zip(actions) {
+            *target = hover.rotor_speed(precision, *action);
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! What an agent senses and sees, and what its critic sees beside.
+
+use kestrel_core::action::ACTION_LIMIT;
+use kestrel_core::observation::{
+    OBSERVATION_LIMIT, ObservationLayout, PAPER_LEN, PILOT_LEN, PaperLayout, PilotLayout, Seen,
+};
+use kestrel_core::real::Real;
+use nalgebra::Vector3;
+
+use super::{Agent, PrivilegedScales};
+use crate::block::Stage;
+use crate::contact::Arena;
+use crate::scenario::{CriticView, Preset, Scenario};
+use crate::sensor::{Truth, specific_force};
+use crate::swarm::{Column, Swarm, row, set_row, vector};
+
+impl<const LANES: usize, R: Real> Agent<LANES, R> {
+    /// Encodes every lane.
+    #[inline(always)]
+    pub(crate) fn observe(&mut self, stage: &Stage<'_, R>) {
+        let scenario = stage.scenario;
+        match &scenario.observation {
+            ObservationLayout::Pilot(layout) => self.observe_as_pilot(*layout),
+            ObservationLayout::Paper(layout) => self.observe_as_paper(scenario, *layout),
+            ObservationLayout::PilotFor(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
+                for lane in 0..LANES {
+                    self.sense_lane(scenario, stage.arena, lane);
+                    self.scan_lane(scenario, stage.arena, lane);
+                    self.observe_lane(scenario, lane);
+                }
+            }
+            ObservationLayout::PilotMeasured(layout) => {
+                for lane in 0..LANES {
+                    self.sense_lane(scenario, stage.arena, lane);
+                    self.scan_lane(scenario, stage.arena, lane);
+                }
+                self.observe_as_pilot(layout.scales);
+                if let Some((_, columns)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() {
+                    columns.copy_from_slice(&self.measurements);
+                }
+            }
+        }
+        match scenario.critic {
+            CriticView::Observation => {}
+            CriticView::Privileged => {
+                let scales = self.scales;
+                for lane in 0..LANES {
+                    self.reveal_lane(&scales, lane);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn observe_as_pilot(&mut self, layout: PilotLayout) {
+        let Some((columns, _)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() else { return };
+        let [a, b, c, d, ..] = self.history.last().expect("there is a previous action");
+        for lane in 0..LANES {
+            let (state, goal) = (self.swarm.state(lane), vector(&self.goal, lane));
+            let observation = layout.encode(&state, &goal, &[a[lane], b[lane], c[lane], d[lane]]);
+            set_row(columns, lane, observation);
+        }
+    }
+
+    #[inline(always)]
+    fn observe_as_paper(&mut self, scenario: &Scenario, layout: PaperLayout) {
+        let Some((columns, _)) = self.observations.split_first_chunk_mut::<PAPER_LEN>() else { return };
+        let (swarm, goal) = (&self.swarm, &self.goal);
+        // Matched here rather than in the loop, which then has no branch and vectorises.
+        match scenario.physics.preset {
+            Preset::Clean { .. } => encode_lanes(columns, layout, swarm, goal, turning),
+            Preset::Bullet { .. } => encode_lanes(columns, layout, swarm, goal, Swarm::reported),
+        }
+    }
+
+    pub(crate) fn observe_lane(&mut self, scenario: &Scenario, lane: usize) {
+        let mut values = [R::zero(); OBSERVATION_LIMIT];
+        let length = self.observations.len();
+        let mut history = [[R::zero(); ACTION_LIMIT]; OBSERVATION_LIMIT];
+        for (past, columns) in history.iter_mut().zip(&self.history) {
+            *past = row(columns, lane);
+        }
+        let mut measurements = [R::zero(); OBSERVATION_LIMIT];
+        for (value, column) in measurements.iter_mut().zip(&self.measurements) {
+            *value = column[lane];
+        }
+        let state = self.swarm.state(lane);
+        let seen = Seen {
+            state: &state,
+            angular_velocity_in_world: self.angular_velocity(scenario, lane),
+            goal: &vector(&self.goal, lane),
+            history: &history[..self.history.len()],
+            measurements: &measurements[..self.measurements.len()],
+        };
+        scenario.observation.encode(&seen, &mut values[..length]);
+        for (column, value) in self.observations.iter_mut().zip(values) {
+            column[lane] = value;
+        }
+    }
+
+    /// Reads the sensors, where there are any.
+    pub(super) fn sense_lane(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
+        let Some(memory) = self.sensors.get_mut(lane) else { return };
+        let state = self.swarm.state(lane).map(Real::to_f64);
+        let before = vector(&self.read_velocity, lane).map(Real::to_f64);
+        let secs = 1.0 / scenario.physics.control_rate_hz;
+        let cast = |origin, direction, limit| arena.and_then(|arena| arena.raycast(origin, direction, limit));
+        let truth = Truth {
+            state: &state,
+            specific_force_in_body: specific_force(&before, &state, secs),
+            raycast: arena.is_some().then_some(&cast),
+        };
+        let mut values = [0.0; OBSERVATION_LIMIT];
+        let values = &mut values[..scenario.sensors.instruments_len()];
+        scenario.sensors.read(memory, &truth, &mut self.streams[lane], values);
+        for (column, value) in self.measurements.iter_mut().zip(values) {
+            column[lane] = R::from_f32(*value);
+        }
+        set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
+    }
+
+    /// Casts the beams of the scan, where there is one.
+    #[inline(always)]
+    pub(super) fn scan_lane(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
+        let (Some(scan), Some(arena)) = (scenario.sensors.scan(), arena) else { return };
+        let nearness = arena.nearness(row(&self.swarm.position, lane).map(Real::to_f32));
+        let columns = self.measurements.iter_mut().skip(scenario.sensors.instruments_len()).take(scan.len());
+        for (column, value) in columns.zip(nearness) {
+            column[lane] = R::from_f32(value);
+        }
+    }
+
+    /// \[rad/s\], world, as the preset reports it.
+    #[inline(always)]
+    pub(crate) fn angular_velocity(&self, scenario: &Scenario, lane: usize) -> Vector3<R> {
+        match scenario.physics.preset {
+            Preset::Clean { .. } => turning(&self.swarm, lane),
+            Preset::Bullet { .. } => self.swarm.reported(lane),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn reveal_lane(&mut self, scales: &PrivilegedScales<R>, lane: usize) {
+        let one = R::one();
+        let [a, b, c, d] = row(&self.swarm.rotor_speeds, lane).map(|speed| speed * scales.per_hover_speed - one);
+        let [x, y, z] = row(&self.swarm.wind, lane);
+        let [mass, thrust] = row(&self.factors, lane);
+        let left = one - self.steps[lane] * scales.per_episode_steps;
+        set_row(&mut self.privileged, lane, [a, b, c, d, x, y, z, mass - one, thrust - one, left]);
+    }
+
+    /// Takes in what it measures of its team mates in a lane, `[values]`.
+    pub(crate) fn notice(&mut self, lane: usize, values: &[R]) {
+        let first = self.measurements.len() - values.len();
+        for (column, value) in self.measurements[first..].iter_mut().zip(values) {
+            column[lane] = *value;
+        }
+    }
+}
+
+/// Angular velocity \[rad/s\], world.
+#[inline(always)]
+fn turning<const LANES: usize, R: Real>(swarm: &Swarm<LANES, R>, lane: usize) -> Vector3<R> {
+    let state = swarm.state(lane);
+    state.world_from_body.rotate(state.body_rates)
+}
+
+/// Encodes every lane in the `paper` layout.
+#[inline(always)]
+fn encode_lanes<const LANES: usize, R: Real>(
+    columns: &mut [Column<LANES, R>; PAPER_LEN],
+    layout: PaperLayout,
+    swarm: &Swarm<LANES, R>,
+    goal: &[Column<LANES, R>; 3],
+    turning: impl Fn(&Swarm<LANES, R>, usize) -> Vector3<R>,
+) {
+    for lane in 0..LANES {
+        let (state, goal) = (swarm.state(lane), vector(goal, lane));
+        let seen = Seen {
+            state: &state,
+            angular_velocity_in_world: turning(swarm, lane),
+            goal: &goal,
+            history: &[],
+            measurements: &[],
+        };
+        set_row(columns, lane, layout.encode(&seen));
+    }
+}
