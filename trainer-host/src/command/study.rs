@@ -81,6 +81,10 @@ pub(super) fn threads(asked: Option<u16>) -> usize {
 }
 
 fn report_on(directory: &Path) -> Result<Done> {
+    if !directory.join("study.json").is_file() {
+        let expected = "expected a directory made by `kestrel study run`, found no study.json";
+        anyhow::bail!("{} holds no study: {expected}", directory.display());
+    }
     let data = StudyData::load(directory).map_err(advised)?;
     report::write(directory, &data)?;
     say(report::headline(&data))?;
