@@ -12,7 +12,9 @@ fn behind_a_wall(position: &str) -> Scenario {
   room: {{ low_m: [-1, -1, 0], high_m: [2, 1, 1], wall_m: 0.1 }}
   solids: [ {{ low_m: [0.5, -1, 0], high_m: [0.6, 0.4, 1] }} ]
 action: {{ velocity: {{}} }}
-sensors: [ barometer: {{ noise_m: 0, bias_m: 0, bias_walk_m_per_sqrt_s: 0, latency_secs: 0, rate_hz: 1000 }}, scan: {{ rings: [ {{ beams: 4 }} ], limit_m: 1 }} ]
+sensors:
+  - barometer: {{ noise_m: 0, bias_m: 0, bias_walk_m_per_sqrt_s: 0, latency_secs: 0, rate_hz: 1000 }}
+  - scan: {{ rings: [ {{ beams: 4 }} ], limit_m: 1 }}
 observation: {{ pilot_measured: {{}} }}
 start: {{ position: {position} }}
 rewards: [ advance: {{ weight: 1 }} ]
@@ -103,7 +105,10 @@ fn the_observation_ends_with_what_the_beams_see() {
                 "at {position} in step {step}"
             );
             let height = value(22);
-            assert!((height - position.z).abs() < 0.02, "the barometer stands before them: {height} m at {position}");
+            assert!(
+                (height - position.z).abs() < 0.02,
+                "the barometer stands before them: {height} m at {position}"
+            );
         }
         simulation.step(&noise(step, 4 * rows));
     }
