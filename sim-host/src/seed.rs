@@ -28,6 +28,8 @@ pub enum Purpose {
     Selection = 7,
     /// States of a task that are kept when it is over.
     Coreset = 8,
+    /// What stands where in a generated room.
+    Furnishing = 9,
 }
 
 /// One Philox4x32-10 block (Salmon et al. 2011): four random words of a counter under a key.

@@ -10,6 +10,7 @@ pub mod adam;
 pub mod advantage;
 pub mod animation;
 pub mod atomic_file;
+pub mod aviary_generator;
 pub mod bench;
 pub mod checkpoint;
 pub mod consolidation;
@@ -19,6 +20,7 @@ pub mod evaluation;
 pub mod experiment_config;
 pub mod export;
 pub mod fly;
+pub mod free_route;
 pub mod gaussian;
 #[cfg(test)]
 pub(crate) mod golden;

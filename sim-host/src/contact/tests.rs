@@ -228,6 +228,22 @@ fn a_way_leads_around_a_wall_and_not_through_it() {
 }
 
 #[test]
+fn a_way_is_free_only_where_there_is_a_passage() {
+    let bounds = Cuboid { low: Vector3::new(-2.0, -2.0, 0.0), high: Vector3::new(3.0, 2.0, 2.0) };
+    let ways = |gap: f64, radius: f64| {
+        let wall = Solid::block("wall", Vector3::new(1.0, -2.0, 0.0), Vector3::new(1.1, 2.0 - gap, 2.0));
+        let world = World { solids: vec![wall], ..World::empty() };
+        WayMap::new(&world, &Vector3::new(2.0, 0.0, 1.0), bounds, radius)
+    };
+    let start = [0.0, 0.0, 1.0];
+    assert_eq!(ways(1.0, 0.2).free_way_from(start), Some(ways(1.0, 0.2).way_from(start)));
+    for blocked in [ways(0.0, 0.2), ways(0.35, 0.2), ways(1.0, 0.6)] {
+        assert_eq!(blocked.free_way_from(start), None);
+    }
+    assert!(ways(0.5, 0.2).free_way_from([1.05, 0.0, 1.0]).is_none(), "inside the wall");
+}
+
+#[test]
 fn a_way_from_beyond_the_bounds_or_nowhere_is_finite() {
     let ways = ways();
     assert!(ways.length([1.05, 0.0, 1.0]) > ways.length([0.9, 0.0, 1.0]), "inside the wall it is longer");

@@ -30,6 +30,9 @@ const CROWDING: f64 = 2.0;
 /// What a metre through something counts: more than any way around it.
 const BLOCKED: f64 = 40.0;
 
+/// Rounding of what a metre counts, generously.
+const ROUNDING: f32 = 0.1;
+
 /// Lengths of the shortest ways to a goal, computed when they are first asked for.
 ///
 /// A metre counts more near walls, so that ways keep to the middle, and very much more through them, so that there is
@@ -94,6 +97,18 @@ impl WayMap {
     /// Points along the shortest way from a point to the goal \[m, world\], one for each node on it.
     pub fn way_from(&self, point: [f32; 3]) -> Vec<Vector3<f32>> {
         self.lengths.get_or_init(|| Lengths::new(&self.site)).way_from(point)
+    }
+
+    /// As [`Self::way_from`], unless that way leads through something.
+    pub fn free_way_from(&self, point: [f32; 3]) -> Option<Vec<Vector3<f32>>> {
+        let way = self.way_from(point);
+        // A free metre counts at most this much, and a step into or out of something many times more.
+        let limit = 1.0 + CROWDING as f32 + ROUNDING;
+        let drop = |one: &Vector3<f32>, other: &Vector3<f32>| {
+            self.length((*one).into()) - self.length((*other).into())
+        };
+        let free = way.windows(2).all(|leg| drop(&leg[0], &leg[1]) <= limit * (leg[1] - leg[0]).norm());
+        free.then_some(way)
     }
 
     /// Length of the shortest way from a point \[m\]; outside the bounds that from their nearest point.

@@ -1,5 +1,7 @@
 //! `kestrel aviary`.
 
+mod generate;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -38,12 +40,15 @@ enum Action {
         #[arg(long, value_name = "KEY=VALUE")]
         set: Vec<String>,
     },
+    /// Make random rooms: world files, and a task for each
+    Generate(generate::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     match &arguments.action {
         Action::List { folders } => list(folders),
         Action::Show { aviaries, output, set } => show(aviaries, output, set),
+        Action::Generate(arguments) => generate::run(arguments),
     }
 }
 
@@ -98,5 +103,15 @@ fn encoded(drawing: &Drawing, output: &Path) -> Result<Vec<u8>> {
         Some("svg") => Ok(drawing.svg().into_bytes()),
         Some("png") => drawing.png().with_context(|| format!("cannot write {}", output.display())),
         Some(_) | None => bail!("{}: found another ending, expected .svg or .png", output.display()),
+    }
+}
+
+/// Refuses to write over files.
+fn refuse_existing(paths: impl IntoIterator<Item = PathBuf>) -> Result<()> {
+    match paths.into_iter().find(|path| path.exists()) {
+        None => Ok(()),
+        Some(path) => {
+            bail!("{}: found a file, expected none: --replace writes over it, or choose another name", path.display())
+        }
     }
 }

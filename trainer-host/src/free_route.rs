@@ -1,0 +1,126 @@
+//! A route around what stands between: few points to fly through, each leg straight and free.
+//!
+//! The shortest free way ([`WayMap`]) has a point every 5 cm; a pilot that nearly stops at each wants few.
+
+use kestrel_core::airframe::{Airframe, CF2X};
+use kestrel_sim::contact::{Arena, ContactReport, WayMap};
+use kestrel_sim::scenario::Cuboid;
+use kestrel_sim::world::{Pose, World};
+use nalgebra::Vector3;
+
+/// Between two poses of the probe on a leg \[m\].
+const PROBE_STEP_M: f64 = 0.05;
+
+/// What a leg keeps of the way's clearance, for it may cut the corners of the way.
+const LEG_SHARE: f64 = 0.8;
+
+/// From where to where, and what is in between.
+#[derive(Clone, Copy, Debug)]
+pub struct Passage<'a> {
+    /// What stands there. What there is to land on is not in the way.
+    pub world: &'a World,
+    /// Where one may fly \[m, world\].
+    pub bounds: Cuboid,
+    /// Where flights start \[m, world\].
+    pub starts: Cuboid,
+    /// Where they go \[m, world\].
+    pub goal: Vector3<f32>,
+    /// Least distance between the way and everything else \[m\].
+    pub clearance_m: f64,
+}
+
+impl Passage<'_> {
+    /// Points to fly through on the shortest free way \[m, world\], in centimetres, without the start and the goal: none
+    /// where every start sees the goal. `None` where no way is free.
+    ///
+    /// Legs keep four fifths of the clearance, with edges where the ball around a drone has none.
+    pub fn route(&self) -> Option<Vec<Vector3<f64>>> {
+        let middle = (self.starts.low + self.starts.high) / 2.0;
+        let ways = WayMap::new(self.world, &self.goal, self.bounds, self.clearance_m);
+        let way: Vec<Vector3<f64>> =
+            ways.free_way_from(middle.into())?.iter().map(|point| rounded(point.cast())).collect();
+        let probe = Probe::new(self.world, self.clearance_m * LEG_SHARE);
+        let mut route = Vec::new();
+        let mut from = corners(&self.starts);
+        let mut passed = 0;
+        loop {
+            let seen = |end: &Vector3<f64>| from.iter().all(|begin| probe.is_free(begin, end));
+            if seen(&self.goal.cast()) {
+                return Some(route);
+            }
+            passed = (passed + 1..way.len()).rev().find(|index| seen(&way[*index]))?;
+            route.push(way[passed]);
+            from = vec![way[passed]];
+        }
+    }
+}
+
+/// A body as large as the clearance, which is led along a leg.
+struct Probe(Arena);
+
+impl Probe {
+    fn new(world: &World, radius: f64) -> Self {
+        let airframe =
+            Airframe { collision_radius: radius, collision_height: 2.0 * radius, collision_offset: 0.0, ..CF2X };
+        Self(Arena::new(world, &airframe, ContactReport::Touch))
+    }
+
+    /// Whether the leg touches nothing but what there is to land on.
+    fn is_free(&self, begin: &Vector3<f64>, end: &Vector3<f64>) -> bool {
+        let steps = ((end - begin).norm() / PROBE_STEP_M).ceil().max(1.0);
+        (0..=steps as usize).all(|step| {
+            let point = begin + (end - begin) * (step as f64 / steps);
+            !self.0.touch(&Pose::at(point), &[]).obstacle
+        })
+    }
+}
+
+fn corners(region: &Cuboid) -> Vec<Vector3<f64>> {
+    let ends: [Vector3<f64>; 2] = [region.low.cast(), region.high.cast()];
+    let corner = |index: usize| Vector3::from_fn(|axis, _| ends[index >> axis & 1][axis]);
+    (0..8).map(corner).collect()
+}
+
+/// In centimetres; −0 is 0.
+pub(crate) fn rounded(point: Vector3<f64>) -> Vector3<f64> {
+    point.map(|metres| (metres * 100.0).round() / 100.0 + 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kestrel_sim::world::Solid;
+
+    /// A room of 4 m with a wall across at x = 0, from the right up to `left_end` \[m\].
+    fn route(left_end: f64) -> Option<Vec<Vector3<f64>>> {
+        let wall = Solid::block("wall", Vector3::new(-0.05, -1.0, 0.0), Vector3::new(0.05, left_end, 1.5));
+        let world = World { solids: vec![wall], ..World::empty() };
+        let passage = Passage {
+            world: &world,
+            bounds: Cuboid { low: Vector3::new(-2.0, -1.0, 0.0), high: Vector3::new(2.0, 1.0, 1.5) },
+            starts: Cuboid { low: Vector3::new(-1.6, -0.2, 0.4), high: Vector3::new(-1.4, 0.2, 0.6) },
+            goal: Vector3::new(1.5, 0.0, 0.7),
+            clearance_m: 0.2,
+        };
+        passage.route()
+    }
+
+    #[test]
+    fn where_nothing_stands_between_there_are_no_points() {
+        assert_eq!(route(-0.9), Some(Vec::new()));
+    }
+
+    #[test]
+    fn it_leads_around_the_end_of_a_wall() {
+        let route = route(0.3).unwrap();
+        assert!((1..=3).contains(&route.len()), "{route:?}");
+        let at_wall = route.iter().map(|point| point.y).fold(f64::MIN, f64::max);
+        assert!((0.4..0.8).contains(&at_wall), "{route:?}");
+        assert!(route.iter().all(|point| *point == rounded(*point)));
+    }
+
+    #[test]
+    fn a_passage_too_narrow_is_none() {
+        assert_eq!(route(0.7), None);
+    }
+}
