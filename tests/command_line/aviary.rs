@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::kestrel::{config, kestrel, refusal};
+use crate::kestrel::{config, kestrel, refusal, train_tiny};
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -66,4 +66,81 @@ fn a_wrong_world_is_blamed_on_its_own_file() {
         "{message}"
     );
     assert!(message.contains("\n  imported by trial.yaml:16:13\n"), "{message}");
+}
+
+/// Arguments that make one room with few pieces.
+fn generation<'a>(folders: &'a [String; 2], more: &[&'a str]) -> Vec<&'a str> {
+    let [furniture, base] = folders;
+    let parts =
+        ["aviary", "generate", "--worlds", "worlds", "--tasks", "tasks", "--furniture", furniture, "--base", base];
+    [&parts[..], more].concat()
+}
+
+fn folders() -> [String; 2] {
+    ["assets/furniture", "configs/aviaries/parts/room.yaml"]
+        .map(|path| repository().join(path).display().to_string())
+}
+
+#[test]
+fn random_rooms_are_written_and_flown() {
+    let (place, folders) = (tempfile::tempdir().unwrap(), folders());
+    let arguments = generation(&folders, &["--name", "trial", "--count", "1", "--pieces", "5"]);
+    let made = kestrel(place.path(), &arguments);
+    assert!(made.status.success(), "{made:?}");
+    let [task, world] = ["tasks/trial-00.yaml", "worlds/trial-00.yaml"];
+    assert_eq!(String::from_utf8(made.stdout).unwrap().trim(), task);
+    let text = fs::read_to_string(place.path().join(world)).unwrap();
+    assert!(text.starts_with("# Written by: kestrel aviary generate --name trial --count 1 --seed 0 --pieces 5 "));
+    let flown = kestrel(place.path(), &["baseline", task, "--episodes", "4"]);
+    let report = String::from_utf8(flown.stdout).unwrap();
+    assert!(flown.status.success() && report.contains("scripted pilot    100.0 %"), "{report}");
+
+    let message = refusal(&kestrel(place.path(), &arguments));
+    assert!(
+        message.contains("tasks/trial-00.yaml: found a file")
+            || message.contains("worlds/trial-00.yaml: found a file"),
+        "{message}"
+    );
+    assert!(message.contains("--replace"), "{message}");
+    let again = kestrel(place.path(), &[&arguments[..], &["--replace"]].concat());
+    assert!(again.status.success());
+    assert!(fs::read_to_string(place.path().join(world)).unwrap() == text);
+}
+
+#[test]
+fn rooms_that_cannot_be_made_are_refused_and_leave_nothing() {
+    let (place, folders) = (tempfile::tempdir().unwrap(), folders());
+    let message = |more: &[&str]| refusal(&kestrel(place.path(), &generation(&folders, more)));
+    assert!(
+        message(&["--name", "a", "--count", "0"]).contains("found --count 0, expected a number from 1 to 1000")
+    );
+    assert!(message(&["--name", "a", "--pieces", "1000"]).contains("found --pieces 1000"));
+    assert!(message(&["--name", "a b"]).contains("name: found the text \"a b-00\", expected 1 to 64 letters"));
+    let lost = ["none".to_owned(), folders[1].clone()];
+    let lost = refusal(&kestrel(place.path(), &generation(&lost, &["--name", "a"])));
+    assert!(lost.contains("--furniture none: found no folder"), "{lost}");
+    assert_eq!(fs::read_dir(place.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_pillar_is_refused_where_it_makes_no_sense() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    let cross = config("aviaries/incremental-cross-0.yaml").display().to_string();
+    let hover = config("aviaries/hover.yaml").display().to_string();
+    let obstruct = |task: &str, more: &[&str]| {
+        let arguments = ["aviary", "obstruct", "run", "--task", task, "-o", "next.yaml", "--world", "world.yaml"];
+        refusal(&kestrel(place.path(), &[&arguments[..], more].concat()))
+    };
+    let other = obstruct(&cross, &[]);
+    assert!(other.contains("run/policy.kestrel: found a policy for another observation"), "{other}");
+    assert!(obstruct(&cross, &["--flights", "0"]).contains("found --flights 0, expected a number from 1"));
+    assert!(obstruct("none.yaml", &[]).contains("none.yaml: found no such file"));
+    assert!(obstruct("run/config.yaml", &[]).contains("run/config.yaml: found no world file"));
+    let failing = obstruct(&hover, &["--flights", "4"]);
+    assert!(failing.contains("found ") && failing.contains("expected"), "{failing}");
+    fs::write(place.path().join("next.yaml"), "mine\n").unwrap();
+    assert!(obstruct(&cross, &[]).contains("next.yaml: found a file, expected none: --replace"));
+    assert_eq!(fs::read_to_string(place.path().join("next.yaml")).unwrap(), "mine\n");
+    assert!(!place.path().join("world.yaml").exists());
 }

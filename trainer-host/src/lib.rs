@@ -26,6 +26,7 @@ pub mod gaussian;
 pub(crate) mod golden;
 pub mod interrupt;
 pub mod network;
+pub mod obstruction;
 pub mod output;
 pub mod plan;
 pub mod ppo;

@@ -41,9 +41,11 @@ fn written_rooms_are_read_as_tasks_that_can_be_flown() {
             fs::write(path, text).unwrap();
         }
     }
-    assert_eq!(rooms.iter().map(|files| files.task.0.clone()).collect::<Vec<_>>(), [0, 1].map(|k| order.paths(k)[1].clone()));
-    let tasks: Vec<_> =
-        rooms.iter().map(|files| experiment_config::load(&files.task.0, &[]).unwrap()).collect();
+    assert_eq!(
+        rooms.iter().map(|files| files.task.0.clone()).collect::<Vec<_>>(),
+        [0, 1].map(|k| order.paths(k)[1].clone())
+    );
+    let tasks: Vec<_> = rooms.iter().map(|files| experiment_config::load(&files.task.0, &[]).unwrap()).collect();
     for (task, name) in tasks.iter().zip(["trial-00", "trial-01"]) {
         let scenario = &task.evaluation.scenario;
         assert_eq!(task.name, name);
@@ -72,12 +74,17 @@ fn pieces_stand_apart_in_the_room_and_leave_starts_and_table_free() {
     let folder = in_repository("assets/furniture");
     for room in draws(20, 12) {
         let world = room.world(&folder).unwrap();
-        let (walls, inside): (Vec<_>, Vec<_>) = world.solids.iter().partition(|solid| solid.name.ends_with("wall"));
+        let (walls, inside): (Vec<_>, Vec<_>) =
+            world.solids.iter().partition(|solid| solid.name.ends_with("wall"));
         assert_eq!(walls.len(), 4);
         let (low, high) = (ROOM.low.cast::<f64>(), ROOM.high.cast::<f64>());
         for solid in &inside {
             let extent = solid.extent();
-            assert!((0..2).all(|axis| extent.0[axis] > low[axis] && extent.1[axis] < high[axis]), "{}", solid.name);
+            assert!(
+                (0..2).all(|axis| extent.0[axis] > low[axis] && extent.1[axis] < high[axis]),
+                "{}",
+                solid.name
+            );
         }
         let table = |solid: &&&Solid| solid.name.starts_with("goal table");
         let landing = inside.iter().find(|solid| solid.role == Role::Landing).unwrap();
@@ -93,7 +100,8 @@ fn pieces_stand_apart_in_the_room_and_leave_starts_and_table_free() {
 #[test]
 fn draws_differ_in_every_respect() {
     let rooms = draws(20, 12);
-    let all = |of: fn(&Kind) -> bool| rooms.iter().flat_map(|room| &room.pieces).filter(|piece| of(&piece.kind)).count();
+    let all =
+        |of: fn(&Kind) -> bool| rooms.iter().flat_map(|room| &room.pieces).filter(|piece| of(&piece.kind)).count();
     assert!(all(|kind| *kind == Kind::Table) == 20);
     assert!(all(|kind| *kind == Kind::Pillar) > 10);
     assert!(all(|kind| matches!(kind, Kind::Partition { .. })) > 10);
@@ -109,7 +117,7 @@ fn wrong_parts_are_named() {
     let furniture = message(Order { furniture: place.path().to_owned(), ..order(&place) });
     assert!(furniture.contains(".yaml)") && furniture.contains("found no such file"), "{furniture}");
     let name = message(Order { name: "my room".to_owned(), ..order(&place) });
-    assert!(name.contains("name: found \"my room-00\", expected 1 to 64 letters"), "{name}");
+    assert!(name.contains("name: found the text \"my room-00\", expected 1 to 64 letters"), "{name}");
     let base = message(Order { base: place.path().join("none.yaml"), ..order(&place) });
     assert!(base.contains("import: found no such file"), "{base}");
 }

@@ -1,6 +1,7 @@
 //! `kestrel aviary`.
 
 mod generate;
+mod obstruct;
 
 use std::path::{Path, PathBuf};
 
@@ -42,6 +43,8 @@ enum Action {
     },
     /// Make random rooms: world files, and a task for each
     Generate(generate::Arguments),
+    /// Put a pillar where a policy flies: the next task of a curriculum
+    Obstruct(obstruct::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -49,6 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         Action::List { folders } => list(folders),
         Action::Show { aviaries, output, set } => show(aviaries, output, set),
         Action::Generate(arguments) => generate::run(arguments),
+        Action::Obstruct(arguments) => obstruct::run(arguments),
     }
 }
 
@@ -111,7 +115,10 @@ fn refuse_existing(paths: impl IntoIterator<Item = PathBuf>) -> Result<()> {
     match paths.into_iter().find(|path| path.exists()) {
         None => Ok(()),
         Some(path) => {
-            bail!("{}: found a file, expected none: --replace writes over it, or choose another name", path.display())
+            bail!(
+                "{}: found a file, expected none: --replace writes over it, or choose another name",
+                path.display()
+            )
         }
     }
 }
