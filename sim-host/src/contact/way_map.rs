@@ -104,9 +104,8 @@ impl WayMap {
         let way = self.way_from(point);
         // A free metre counts at most this much, and a step into or out of something many times more.
         let limit = 1.0 + CROWDING as f32 + ROUNDING;
-        let drop = |one: &Vector3<f32>, other: &Vector3<f32>| {
-            self.length((*one).into()) - self.length((*other).into())
-        };
+        let drop =
+            |one: &Vector3<f32>, other: &Vector3<f32>| self.length((*one).into()) - self.length((*other).into());
         let free = way.windows(2).all(|leg| drop(&leg[0], &leg[1]) <= limit * (leg[1] - leg[0]).norm());
         free.then_some(way)
     }
