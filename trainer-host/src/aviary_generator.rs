@@ -32,8 +32,8 @@ const STARTS: Cuboid = Cuboid { low: vector![-0.7, -0.3, 0.4], high: vector![-0.
 /// Least distance between the way to the table and everything else \[m\]: a Crazyflie's hull has a radius of 0.06 m.
 pub const CLEARANCE_M: f64 = 0.2;
 
-/// Draws before a room is given up; of a dozen pieces about one room in four is kept.
-const DRAWS: u32 = 100;
+/// Draws before a room is given up; twenty rooms of fourteen pieces take about two each.
+const DRAWS: u32 = 30;
 
 /// Flights of the scripted pilot that accept a room, and the least share of successes.
 const FLIGHTS: usize = 32;
@@ -94,9 +94,10 @@ pub enum GeneratorError {
     },
 }
 
-/// What is wrong with a draw.
+/// Whether a draw is kept, or what is wrong with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Refusal {
+enum Verdict {
+    Kept,
     Blocked,
     Straight,
     Missed,
@@ -130,27 +131,27 @@ fn make(order: &Order, index: usize) -> Result<Files, GeneratorError> {
     for _ in 0..DRAWS {
         let mut room = workshop.draw(&mut stream)?;
         match settle(order, &name, &mut room)? {
-            Ok(()) => return Ok(written(order, index, &room)),
-            Err(Refusal::Blocked) => blocked += 1,
-            Err(Refusal::Straight) => straight += 1,
-            Err(Refusal::Missed) => missed += 1,
+            Verdict::Kept => return Ok(written(order, index, &room)),
+            Verdict::Blocked => blocked += 1,
+            Verdict::Straight => straight += 1,
+            Verdict::Missed => missed += 1,
         }
     }
     Err(GeneratorError::Crowded { name, blocked, straight, missed })
 }
 
-/// Gives the room its route, unless it is refused.
-fn settle(order: &Order, name: &str, room: &mut Room) -> Result<Result<(), Refusal>, ConfigError> {
+/// Gives the room its route, if it has one, and judges it.
+fn settle(order: &Order, name: &str, room: &mut Room) -> Result<Verdict, ConfigError> {
     let world = room.world(&order.furniture)?;
     let goal = Vector3::from(room.goal).cast();
     let passage = Passage { world: &world, bounds: ROOM, starts: STARTS, goal, clearance_m: CLEARANCE_M };
-    let Some(route) = passage.route() else { return Ok(Err(Refusal::Blocked)) };
+    let Some(route) = passage.route() else { return Ok(Verdict::Blocked) };
     if route.is_empty() {
-        return Ok(Err(Refusal::Straight));
+        return Ok(Verdict::Straight);
     }
     room.route = route.into_iter().map(Into::into).collect();
     let flown = scripted_success(order, name, room)? >= SUCCESS_RATE;
-    Ok(if flown { Ok(()) } else { Err(Refusal::Missed) })
+    Ok(if flown { Verdict::Kept } else { Verdict::Missed })
 }
 
 /// Share of flights that the scripted pilot finishes, in the task as it will be.

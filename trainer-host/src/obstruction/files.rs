@@ -97,8 +97,8 @@ impl Sequel<'_> {
             .collect();
         let route: Vec<String> = spot.route.iter().map(|&at| point(&at.into())).collect();
         format!(
-            "# Written by: {command}\n#\n# The last pillar stands where {} flights passed.\n\nimport: {}\nabout: {name}, a \
-             room with {} pillars, each where a policy flew\nroute_m: [{}]\npillars: [\n{}]\n",
+            "# Written by: {command}\n#\n# The last pillar stands where {} flights passed.\n\nimport: {}\nabout: {} \
+             pillars, the last where a policy flew ({name})\nroute_m: [{}]\npillars: [\n{}]\n",
             spot.passing,
             relative(folder(self.world), former_world),
             all.len(),
