@@ -77,7 +77,7 @@ impl Probe {
 
 fn corners(region: &Cuboid) -> Vec<Vector3<f64>> {
     let ends: [Vector3<f64>; 2] = [region.low.cast(), region.high.cast()];
-    let corner = |index: usize| Vector3::from_fn(|axis, _| ends[index >> axis & 1][axis]);
+    let corner = |index: usize| Vector3::from_fn(|axis, _| ends[(index >> axis) & 1][axis]);
     (0..8).map(corner).collect()
 }
 
