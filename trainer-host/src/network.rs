@@ -1,18 +1,21 @@
 //! Multilayer perceptrons over columns of samples: forward, backward, initialisation.
 //!
-//! A tile of samples is feature-major, `[features][columns]`, as the simulation writes its observations: every
-//! layer is then one matrix product without a copy, and everything between the products is a loop over rows.
+//! A tile of samples enters and leaves feature by feature, `[features][columns]`, as the simulation writes its
+//! observations; between the layers it lies sample by sample.
 
+mod aligned;
+mod batch;
 mod dense;
 mod kernel;
 
 use kestrel_sim::seed::Stream;
 use serde::{Deserialize, Serialize};
 
+use aligned::Aligned;
+use batch::Batch;
 pub use dense::Dense;
 use dense::DenseGradient;
-use kernel::TanhBackward;
-pub(crate) use kernel::{dispatch, dot, square};
+pub(crate) use kernel::{Accumulate, dispatch, dot, square};
 
 /// Gain of orthogonal weights before a tanh, the choice of `CleanRL` and Stable-Baselines3.
 const HIDDEN_GAIN: f32 = std::f32::consts::SQRT_2;
@@ -100,29 +103,29 @@ impl Mlp {
         parameters
     }
 
-    /// Evaluates a tile; the last entry of the workspace's activations is the network's output.
+    /// Evaluates a tile, `inputs [inputs][columns]`, and returns the network's outputs `[outputs][columns]`.
     ///
     /// # Panics
-    /// When `inputs` is not `[inputs][columns]` or the workspace is of another network.
+    /// When `inputs` is not of this shape or the workspace is of another network.
     pub fn forward<'w>(&self, parameters: &[f32], inputs: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
-        let columns = workspace.columns;
+        let Workspace { columns, transposed, activations, outputs, .. } = workspace;
+        assert_eq!(inputs.len(), self.inputs() * *columns, "a tile has a row for each input");
         let layers = self.layers(parameters);
         let (head, hidden) = layers.split_last().expect("a network has at least one layer");
-        let mut input = inputs;
-        let (output, activations) = workspace.activations.split_last_mut().expect("one per layer");
-        for (layer, activation) in hidden.iter().zip(activations) {
-            layer.affine_tanh(input, columns, activation);
-            input = activation;
+        let mut input = Batch::by_feature(inputs, *columns);
+        for ((layer, activation), transposed) in hidden.iter().zip(activations).zip(transposed) {
+            layer.affine_tanh(input, transposed, activation);
+            input = Batch::by_sample(activation, *columns);
         }
-        head.affine(input, columns, output);
-        output
+        head.affine(input, outputs);
+        outputs
     }
 
     /// Adds the parameters' gradient of a tile to `gradient`, from the loss gradient of the outputs that the
     /// caller has written to [`Workspace::output_delta`] after [`Self::forward`] of the same `inputs`.
     pub fn backward(&self, parameters: &[f32], inputs: &[f32], workspace: &mut Workspace, gradient: &mut [f32]) {
-        self.backward_into(parameters, inputs, workspace, gradient, |layer, deltas, inputs, columns| {
-            layer.add(deltas, inputs, columns);
+        self.backward_into(parameters, inputs, workspace, gradient, |layer, deltas, inputs| {
+            layer.add(deltas, inputs);
         });
     }
 
@@ -138,9 +141,9 @@ impl Mlp {
         size: fn(f32) -> f32,
         sizes: &mut [f32],
     ) {
-        let sized = |values: &[f32]| values.iter().copied().map(size).collect::<Vec<f32>>();
-        self.backward_into(parameters, inputs, workspace, sizes, |layer, deltas, inputs, columns| {
-            layer.add(&sized(deltas), &sized(inputs), columns);
+        let sized = |batch: Batch<'_>| batch.values.iter().copied().map(size).collect::<Vec<f32>>();
+        self.backward_into(parameters, inputs, workspace, sizes, |layer, deltas, inputs| {
+            layer.add(Batch { values: &sized(deltas), ..deltas }, Batch { values: &sized(inputs), ..inputs });
         });
     }
 
@@ -150,19 +153,24 @@ impl Mlp {
         inputs: &[f32],
         workspace: &mut Workspace,
         gradient: &mut [f32],
-        add: impl Fn(&mut DenseGradient<'_>, &[f32], &[f32], usize),
+        add: impl Fn(&mut DenseGradient<'_>, Batch<'_>, Batch<'_>),
     ) {
-        let Workspace { columns, activations, deltas } = workspace;
+        let Workspace { columns, activations, deltas, output_deltas, .. } = workspace;
+        let columns = *columns;
         let layers = self.layers(parameters);
         let mut gradients = self.layer_gradients(gradient);
         for index in (0..layers.len()).rev() {
             let (below, from) = deltas.split_at_mut(index);
-            let input = if index == 0 { inputs } else { &activations[index - 1] };
-            add(&mut gradients[index], &from[0], input, *columns);
-            if let Some(deltas) = below.last_mut() {
-                layers[index].backward(&from[0], *columns, deltas);
-                dispatch(TanhBackward { deltas, activations: input });
-            }
+            let from = match from.first() {
+                Some(deltas) => Batch::by_sample(deltas, columns),
+                None => Batch::by_feature(output_deltas, columns),
+            };
+            let Some(below) = below.last_mut() else {
+                return add(&mut gradients[0], from, Batch::by_feature(inputs, columns));
+            };
+            let activations = &activations[index - 1];
+            add(&mut gradients[index], from, Batch::by_sample(activations, columns));
+            layers[index].backward(from, activations, below);
         }
     }
 }
@@ -171,27 +179,40 @@ impl Mlp {
 #[derive(Clone, Debug)]
 pub struct Workspace {
     columns: usize,
-    /// Per layer `[outputs][columns]`.
-    activations: Vec<Vec<f32>>,
-    /// Per layer, of the sums before the activation function, `[outputs][columns]`; empty until the first backward
-    /// pass.
-    deltas: Vec<Vec<f32>>,
+    /// Per hidden layer its weights, `[inputs][outputs]`.
+    transposed: Vec<Aligned>,
+    /// Per hidden layer `[columns][outputs]`.
+    activations: Vec<Aligned>,
+    /// `[outputs][columns]`.
+    outputs: Vec<f32>,
+    /// Per hidden layer, of the sums before the activation function, `[columns][outputs]`; empty until the first
+    /// backward pass.
+    deltas: Vec<Aligned>,
+    /// `[outputs][columns]`, empty until the first backward pass.
+    output_deltas: Vec<f32>,
 }
 
 impl Workspace {
     /// For tiles of `columns` samples.
     pub fn new(mlp: &Mlp, columns: usize) -> Self {
-        let rows: Vec<Vec<f32>> = mlp.widths[1..].iter().map(|width| vec![0.0; width * columns]).collect();
-        Self { columns, activations: rows, deltas: Vec::new() }
+        let hidden = &mlp.widths[..mlp.widths.len() - 1];
+        Self {
+            columns,
+            transposed: hidden.windows(2).map(|pair| Aligned::zeros(pair[0] * pair[1])).collect(),
+            activations: hidden[1..].iter().map(|width| Aligned::zeros(width * columns)).collect(),
+            outputs: vec![0.0; mlp.outputs() * columns],
+            deltas: Vec::new(),
+            output_deltas: Vec::new(),
+        }
     }
 
     /// The network's outputs `[outputs][columns]` and, to be written, the loss gradient of each.
     pub fn output_delta(&mut self) -> (&[f32], &mut [f32]) {
-        if self.deltas.is_empty() {
+        if self.output_deltas.is_empty() {
             self.deltas.clone_from(&self.activations);
+            self.output_deltas.clone_from(&self.outputs);
         }
-        let last = self.activations.len() - 1;
-        (&self.activations[last], &mut self.deltas[last])
+        (&self.outputs, &mut self.output_deltas)
     }
 }
 

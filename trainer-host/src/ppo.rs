@@ -18,6 +18,7 @@
 //! Every sum has an order that the number of threads does not change: a minibatch is cut into a fixed number of shards,
 //! and their gradients are added in order.
 
+mod desk;
 mod loss;
 mod metrics;
 mod settings;
@@ -39,6 +40,7 @@ use crate::advantage::{Moments, normalise};
 use crate::consolidation::{Consolidator, Ended};
 pub use crate::rollout::CriticScope;
 use crate::rollout::{Collection, PANEL, Panel, PanelRows, Rollout, panel_rows};
+use desk::Desks;
 use loss::LossSums;
 pub use metrics::UpdateMetrics;
 pub use settings::{PpoSettings, SettingsError, ValueScaling};
@@ -65,6 +67,7 @@ pub struct Trainer {
     updates: u64,
     panels: Vec<Panel>,
     shards: Vec<Shard>,
+    desks: Desks,
     gradient: Gradient,
 }
 
@@ -133,6 +136,7 @@ impl Trainer {
             updates: 0,
             panels: (0..settings.environments / rows).map(panel).collect(),
             shards: vec![Shard::new(&actor, &critic); SHARDS],
+            desks: Desks::default(),
             gradient: Gradient::new(&actor, &critic),
             actor,
             critic,
@@ -278,14 +282,16 @@ impl Trainer {
 
     /// The gradient of a minibatch's loss: clipped surrogate, value error and entropy.
     fn differentiate(&mut self, minibatch: &[Sample]) -> LossSums {
-        let Self { settings, panels, shards, actor, critic, gradient, .. } = self;
+        let Self { settings, panels, shards, desks, actor, critic, gradient, .. } = self;
+        desks.provide(actor, critic);
         let sample_weight = 1.0 / (minibatch.len() * PANEL) as f32;
         shards.par_iter_mut().enumerate().for_each(|(index, shard)| {
+            let mut desk = desks.mine();
             shard.clear();
             let part = index * minibatch.len() / SHARDS..(index + 1) * minibatch.len() / SHARDS;
             for sample in &minibatch[part] {
                 let tile = panels[sample.panel].rollout().tile(sample.tile);
-                shard.add(tile, (actor, critic), settings, sample_weight);
+                desk.add(shard, tile, (actor, critic), settings, sample_weight);
             }
         });
         gradient.clear();

@@ -1,12 +1,11 @@
-//! One fully connected layer over columns of samples.
+//! One fully connected layer over the samples of a tile.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
+use super::aligned::Aligned;
+use super::batch::{Batch, Order, transpose, transposed};
+use super::kernel::{AddRowSums, Finish, Head, Left, Product, Start, dispatch};
 
-use super::kernel::{AddBias, AddBiasTanh, AddRowSums, NarrowOuterProduct, NarrowProduct, dispatch};
-
-/// Below this many outputs the general matrix product wastes its registers and the narrow kernels win.
-const NARROW: usize = 8;
+/// Samples whose gradient is added up at a time: 64 wide layers then fit into the first-level cache.
+const GRADIENT_SAMPLES: usize = 64;
 
 /// The weights of one layer inside a network's parameters.
 #[derive(Clone, Copy, Debug)]
@@ -22,40 +21,52 @@ pub struct Dense<'a> {
 }
 
 impl Dense<'_> {
-    /// `W x + b` for every column of `inputs [inputs][columns]`, into `outputs [outputs][columns]`.
-    pub(crate) fn affine(&self, inputs: &[f32], columns: usize, outputs: &mut [f32]) {
-        self.product(inputs, columns, outputs);
-        dispatch(AddBias { rows: outputs, biases: self.biases, columns });
+    /// `tanh(W x + b)` of every sample, into `outputs [columns][outputs]`; `transposed` is overwritten by `W'`.
+    pub(crate) fn affine_tanh(&self, inputs: Batch<'_>, transposed: &mut [f32], outputs: &mut [f32]) {
+        transpose(self.weights, self.inputs, transposed);
+        dispatch(Product {
+            left: inputs.samples(),
+            right: transposed,
+            result: outputs,
+            width: self.outputs,
+            start: Start::Row(self.biases),
+            finish: Finish::Tanh,
+        });
     }
 
-    /// `tanh(W x + b)`, shapes as in [`Self::affine`].
-    pub(crate) fn affine_tanh(&self, inputs: &[f32], columns: usize, outputs: &mut [f32]) {
-        self.product(inputs, columns, outputs);
-        dispatch(AddBiasTanh { rows: outputs, biases: self.biases, columns });
-    }
-
-    fn product(&self, inputs: &[f32], columns: usize, outputs: &mut [f32]) {
-        if self.outputs < NARROW {
-            let (weights, row_stride, term_stride) = (self.weights, self.inputs, 1);
-            return dispatch(NarrowProduct { weights, row_stride, term_stride, inputs, columns, outputs });
+    /// `W x + b` of every sample, into `outputs [outputs][columns]`.
+    pub(crate) fn affine(&self, inputs: Batch<'_>, outputs: &mut [f32]) {
+        if inputs.order == Order::BySample {
+            let inputs = inputs.values;
+            return dispatch(Head { weights: self.weights, biases: self.biases, inputs, outputs });
         }
-        let weights = MatRef::from_row_major_slice(self.weights, self.outputs, self.inputs);
-        let inputs = MatRef::from_row_major_slice(inputs, self.inputs, columns);
-        let outputs = MatMut::from_row_major_slice_mut(outputs, self.outputs, columns);
-        matmul(outputs, Accum::Replace, weights, inputs, 1.0, Par::Seq);
+        for (row, bias) in outputs.chunks_exact_mut(inputs.columns).zip(self.biases) {
+            row.fill(*bias);
+        }
+        dispatch(Product {
+            left: Left::ByRow(self.weights, self.inputs),
+            right: inputs.values,
+            result: outputs,
+            width: inputs.columns,
+            start: Start::Result,
+            finish: Finish::Sum,
+        });
     }
 
-    /// The loss gradient of the inputs, `W' d`, from that of the outputs.
-    pub(crate) fn backward(&self, deltas: &[f32], columns: usize, inputs: &mut [f32]) {
-        if self.outputs < NARROW {
-            let (weights, row_stride, term_stride) = (self.weights, 1, self.inputs);
-            let (inputs, outputs) = (deltas, inputs);
-            return dispatch(NarrowProduct { weights, row_stride, term_stride, inputs, columns, outputs });
-        }
-        let weights = MatRef::from_row_major_slice(self.weights, self.outputs, self.inputs);
-        let deltas = MatRef::from_row_major_slice(deltas, self.outputs, columns);
-        let inputs = MatMut::from_row_major_slice_mut(inputs, self.inputs, columns);
-        matmul(inputs, Accum::Replace, weights.transpose(), deltas, 1.0, Par::Seq);
+    /// The loss gradient of what the layer below summed up, `W' d` times the derivative of tanh, from that of the
+    /// outputs; `activations` and `below` are `[columns][inputs]`.
+    pub(crate) fn backward(&self, deltas: Batch<'_>, activations: &[f32], below: &mut [f32]) {
+        // Among the parameters they begin anywhere, and each of their vectors is loaded as often as there are samples.
+        let mut weights = Aligned::zeros(self.weights.len());
+        weights.copy_from_slice(self.weights);
+        dispatch(Product {
+            left: deltas.samples(),
+            right: &weights,
+            result: below,
+            width: self.inputs,
+            start: Start::Zero,
+            finish: Finish::TanhDerivative(activations),
+        });
     }
 }
 
@@ -66,17 +77,56 @@ pub(crate) struct DenseGradient<'a> {
 }
 
 impl DenseGradient<'_> {
-    /// Adds the gradient over all columns: `d x'` to the weights, the row sums of `d` to the biases.
-    pub(crate) fn add(&mut self, deltas: &[f32], inputs: &[f32], columns: usize) {
-        dispatch(AddRowSums { rows: deltas, columns, sums: self.biases });
-        let gradient = &mut *self.weights;
-        let (rows, width) = (self.biases.len(), inputs.len() / columns);
-        if rows < NARROW {
-            return dispatch(NarrowOuterProduct { deltas, inputs, columns, gradient });
+    /// Adds the gradient over all samples: `d x'` to the weights, the sums of `d` to the biases.
+    pub(crate) fn add(&mut self, deltas: Batch<'_>, inputs: Batch<'_>) {
+        self.add_sums(deltas);
+        match (deltas.order, inputs.order) {
+            (_, Order::BySample) => add_products(inputs, self.weights, |sample| deltas.features_from(sample)),
+            (Order::BySample, Order::ByFeature) => self.add_transposed(deltas, inputs),
+            (Order::ByFeature, Order::ByFeature) => {
+                let inputs = transposed(inputs.values, deltas.columns);
+                let inputs = Batch::by_sample(&inputs, deltas.columns);
+                add_products(inputs, self.weights, |sample| deltas.features_from(sample));
+            }
         }
-        let deltas = MatRef::from_row_major_slice(deltas, rows, columns);
-        let inputs = MatRef::from_row_major_slice(inputs, width, columns);
-        let gradient = MatMut::from_row_major_slice_mut(gradient, rows, width);
-        matmul(gradient, Accum::Add, deltas, inputs.transpose(), 1.0, Par::Seq);
+    }
+
+    /// By way of `x d'`, because only the deltas lie sample by sample.
+    fn add_transposed(&mut self, deltas: Batch<'_>, inputs: Batch<'_>) {
+        let mut products = Aligned::zeros(self.weights.len());
+        add_products(deltas, &mut products, |sample| inputs.features_from(sample));
+        for (input, row) in products.chunks_exact(self.biases.len()).enumerate() {
+            for (weight, sum) in self.weights[input..].iter_mut().step_by(inputs.features()).zip(row) {
+                *weight += sum;
+            }
+        }
+    }
+
+    fn add_sums(&mut self, deltas: Batch<'_>) {
+        match deltas.order {
+            Order::ByFeature => {
+                dispatch(AddRowSums { rows: deltas.values, columns: deltas.columns, sums: self.biases });
+            }
+            // A row of ones times the deltas.
+            Order::BySample => {
+                add_products(deltas, self.biases, |_| Left::ByRow(&[1.0; GRADIENT_SAMPLES], GRADIENT_SAMPLES));
+            }
+        }
+    }
+}
+
+/// `sums[i][j] += sum over the samples c of left[i][c] right[c][j]`, where `right` lies sample by sample and `left`
+/// gives its rows from a sample on.
+fn add_products<'a>(right: Batch<'_>, sums: &mut [f32], left: impl Fn(usize) -> Left<'a>) {
+    let width = right.features();
+    for (part, right) in right.values.chunks(GRADIENT_SAMPLES * width).enumerate() {
+        dispatch(Product {
+            left: left(part * GRADIENT_SAMPLES),
+            right,
+            result: sums,
+            width,
+            start: Start::Result,
+            finish: Finish::Sum,
+        });
     }
 }

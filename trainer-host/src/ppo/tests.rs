@@ -345,7 +345,8 @@ fn check_gradient(action_len: usize) {
     let critic = Critic::new(7, &[9], 1, &mut stream);
     let samples = Samples::new(&actor, 7);
     let mut shard = Shard::new(&actor, &critic);
-    shard.add(samples.tile(), (&actor, &critic), &settings, 1.0 / PANEL as f32);
+    let mut desk = desk::Desk::new(&actor, &critic);
+    desk.add(&mut shard, samples.tile(), (&actor, &critic), &settings, 1.0 / PANEL as f32);
     assert!(shard.sums.clipped > 0.3 * PANEL as f64 && shard.sums.clipped < 0.7 * PANEL as f64);
     let log_std = actor.mlp().parameter_count();
     shard.gradient.actor[log_std..].iter_mut().for_each(|gradient| *gradient -= settings.entropy_weight);
@@ -376,7 +377,8 @@ fn the_logged_losses_are_those_of_the_reference() {
     let (actor, critic) = (Actor::new((5, 4), &[8], -0.3, &mut stream), Critic::new(5, &[8], 1, &mut stream));
     let samples = Samples::new(&actor, 5);
     let mut shard = Shard::new(&actor, &critic);
-    shard.add(samples.tile(), (&actor, &critic), &settings, 1.0 / PANEL as f32);
+    let mut desk = desk::Desk::new(&actor, &critic);
+    desk.add(&mut shard, samples.tile(), (&actor, &critic), &settings, 1.0 / PANEL as f32);
     let parameters: Vec<f64> =
         actor.parameters().iter().chain(critic.parameters()).copied().map(f64::from).collect();
     let (actor, critic) = (actor.mlp().clone(), critic.mlp().clone());
