@@ -8,6 +8,7 @@ mod anchored;
 mod coreset;
 mod curvature;
 mod distillation;
+mod kronecker;
 mod path_integral;
 mod published;
 #[cfg(test)]

@@ -12,7 +12,7 @@ use kestrel_sim::seed::Stream;
 use serde::{Deserialize, Serialize};
 
 use aligned::Aligned;
-use batch::Batch;
+pub(crate) use batch::Batch;
 pub use dense::Dense;
 use dense::DenseGradient;
 pub(crate) use kernel::{Accumulate, dispatch, dot, square};
@@ -124,8 +124,9 @@ impl Mlp {
     /// Adds the parameters' gradient of a tile to `gradient`, from the loss gradient of the outputs that the
     /// caller has written to [`Workspace::output_delta`] after [`Self::forward`] of the same `inputs`.
     pub fn backward(&self, parameters: &[f32], inputs: &[f32], workspace: &mut Workspace, gradient: &mut [f32]) {
-        self.backward_into(parameters, inputs, workspace, gradient, |layer, deltas, inputs| {
-            layer.add(deltas, inputs);
+        let mut gradients = self.layer_gradients(gradient);
+        self.backward_layers(parameters, inputs, workspace, |index, deltas, inputs| {
+            gradients[index].add(deltas, inputs);
         });
     }
 
@@ -142,23 +143,24 @@ impl Mlp {
         sizes: &mut [f32],
     ) {
         let sized = |batch: Batch<'_>| batch.values.iter().copied().map(size).collect::<Vec<f32>>();
-        self.backward_into(parameters, inputs, workspace, sizes, |layer, deltas, inputs| {
-            layer.add(Batch { values: &sized(deltas), ..deltas }, Batch { values: &sized(inputs), ..inputs });
+        let mut sizes = self.layer_gradients(sizes);
+        self.backward_layers(parameters, inputs, workspace, |index, deltas, inputs| {
+            sizes[index]
+                .add(Batch { values: &sized(deltas), ..deltas }, Batch { values: &sized(inputs), ..inputs });
         });
     }
 
-    fn backward_into(
+    /// As [`Self::backward`], but only shows each layer, last to first: its index, its deltas and its inputs.
+    pub(crate) fn backward_layers(
         &self,
         parameters: &[f32],
         inputs: &[f32],
         workspace: &mut Workspace,
-        gradient: &mut [f32],
-        add: impl Fn(&mut DenseGradient<'_>, Batch<'_>, Batch<'_>),
+        mut visit: impl FnMut(usize, Batch<'_>, Batch<'_>),
     ) {
         let Workspace { columns, activations, deltas, output_deltas, .. } = workspace;
         let columns = *columns;
         let layers = self.layers(parameters);
-        let mut gradients = self.layer_gradients(gradient);
         for index in (0..layers.len()).rev() {
             let (below, from) = deltas.split_at_mut(index);
             let from = match from.first() {
@@ -166,10 +168,10 @@ impl Mlp {
                 None => Batch::by_feature(output_deltas, columns),
             };
             let Some(below) = below.last_mut() else {
-                return add(&mut gradients[0], from, Batch::by_feature(inputs, columns));
+                return visit(0, from, Batch::by_feature(inputs, columns));
             };
             let activations = &activations[index - 1];
-            add(&mut gradients[index], from, Batch::by_sample(activations, columns));
+            visit(index, from, Batch::by_sample(activations, columns));
             layers[index].backward(from, activations, below);
         }
     }

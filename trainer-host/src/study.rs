@@ -27,6 +27,7 @@ use kestrel_sim::seed::Seed;
 
 use crate::experiment_config::Experiment;
 use crate::ppo::PpoSettings;
+use config::claim::Claim;
 use config::{PublishedTable, StudyEvaluation};
 use procedure::Method;
 
@@ -51,6 +52,8 @@ pub struct Study {
     pub methods: Vec<Method>,
     /// A table from elsewhere.
     pub published: Option<PublishedTable>,
+    /// What it is expected to show.
+    pub claims: Vec<Claim>,
     /// The study as YAML with every import resolved and every default filled in.
     pub resolved_yaml: String,
 }

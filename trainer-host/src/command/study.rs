@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
 use anyhow::Result;
+use kestrel_train::atomic_file::write_atomically;
 use kestrel_train::interrupt::Interrupt;
 use kestrel_train::output::say;
 use kestrel_train::study::data::StudyData;
@@ -31,6 +32,16 @@ enum Action {
         #[arg(value_name = "STUDY")]
         directory: PathBuf,
     },
+    /// Write one page about several studies, finished or not
+    Results {
+        /// Directories of the studies, in the order of the page
+        #[arg(value_name = "STUDY", required = true)]
+        directories: Vec<PathBuf>,
+
+        /// The page, in Markdown
+        #[arg(long, short, value_name = "FILE")]
+        output: PathBuf,
+    },
 }
 
 #[derive(Debug, clap::Args)]
@@ -55,6 +66,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     match &arguments.action {
         Action::Run(arguments) => run_study(arguments),
         Action::Report { directory } => report_on(directory),
+        Action::Results { directories, output } => results(directories, output),
     }
 }
 
@@ -80,12 +92,23 @@ pub(super) fn threads(asked: Option<u16>) -> usize {
     asked.map_or_else(|| available_parallelism().map_or(1, usize::from), usize::from)
 }
 
-fn report_on(directory: &Path) -> Result<Done> {
+fn results(directories: &[PathBuf], output: &Path) -> Result<Done> {
+    let studies = directories.iter().map(|directory| load(directory)).collect::<Result<Vec<_>>>()?;
+    write_atomically(output, report::page(&studies).as_bytes())?;
+    say(output.display())?;
+    Ok(Done::Finished)
+}
+
+fn load(directory: &Path) -> Result<StudyData> {
     if !directory.join("study.json").is_file() {
         let expected = "expected a directory made by `kestrel study run`, found no study.json";
         anyhow::bail!("{} holds no study: {expected}", directory.display());
     }
-    let data = StudyData::load(directory).map_err(advised)?;
+    StudyData::load(directory).map_err(advised)
+}
+
+fn report_on(directory: &Path) -> Result<Done> {
+    let data = load(directory)?;
     report::write(directory, &data)?;
     say(report::headline(&data))?;
     say(directory.join("report.md").display())?;

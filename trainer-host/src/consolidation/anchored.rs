@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Ended;
 use super::curvature::{fisher, sensitivity};
+use super::kronecker::Kronecker;
 use crate::actor_critic::Actor;
+use crate::network::dot;
 
 /// Added to each normalised curvature: parameters that a task does not use at all stay a little where they are.
 const DAMPING: f32 = 0.01;
@@ -42,6 +44,10 @@ pub enum Curvature {
     Fisher,
     /// Sensitivity of the squared length of the action (MAS), divided by its mean.
     Sensitivity,
+    /// The policy's Fisher information with what holds between the weights of a layer, divided by the mean of its diagonal.
+    ///
+    /// Couples by the gradient and keeps the newest policy for a center.
+    Kronecker,
 }
 
 /// What is kept of the gradient of a task's objective at its end.
@@ -93,6 +99,8 @@ enum Importance {
     Uniform(f32),
     /// One each.
     Diagonal(Vec<f32>),
+    /// A matrix per layer.
+    Kronecker(Kronecker),
 }
 
 impl Anchored {
@@ -104,6 +112,7 @@ impl Anchored {
             importance: match settings.curvature {
                 Curvature::Identity => Importance::Uniform(0.0),
                 Curvature::Fisher | Curvature::Sensitivity => Importance::Diagonal(vec![0.0; parameters]),
+                Curvature::Kronecker => Importance::Kronecker(Kronecker::new(actor.mlp())),
             },
             tasks: 0,
             strength: match settings.strength {
@@ -118,6 +127,7 @@ impl Anchored {
         let importance = match &self.importance {
             Importance::Uniform(_) => 1,
             Importance::Diagonal(values) => values.len(),
+            Importance::Kronecker(layers) => layers.len(),
         };
         // Beside them the number of tasks, the strength and the unit.
         4 * (self.center.len() + importance + 3)
@@ -138,6 +148,10 @@ impl Anchored {
             }
             Importance::Diagonal(importance) => {
                 Anchor { center: &mut self.center, importance }.divergence(parameters)
+            }
+            Importance::Kronecker(layers) => {
+                let away = displacement(parameters, &self.center);
+                0.5 * dot(&away, &layers.times(&away))
             }
         };
         self.unit * quadratic
@@ -160,6 +174,12 @@ impl Anchored {
             Importance::Diagonal(importance) => {
                 Anchor { center: &mut self.center, importance }.add_gradient(parameters, self.strength, gradient);
             }
+            Importance::Kronecker(layers) => {
+                let force = layers.times(&displacement(parameters, &self.center));
+                for (gradient, force) in gradient.iter_mut().zip(force) {
+                    *gradient += self.strength * force;
+                }
+            }
         }
     }
 
@@ -180,6 +200,7 @@ impl Anchored {
             Importance::Diagonal(importance) => {
                 Anchor { center: &mut self.center, importance }.pull(parameters, rate);
             }
+            Importance::Kronecker(_) => unreachable!("its settings couple it by the gradient"),
         }
     }
 
@@ -193,8 +214,16 @@ impl Anchored {
     }
 
     pub(super) fn consolidate(&mut self, ended: &Ended<'_>) {
-        let information = fisher(ended.actor, ended.rollouts);
         self.tasks += 1;
+        if let Importance::Kronecker(layers) = &mut self.importance {
+            let newest = Kronecker::measured(ended.actor, ended.rollouts);
+            self.unit += (newest.mean() - self.unit) / self.tasks as f32;
+            layers.add(&newest, self.tasks, self.settings.decay);
+            let count = self.center.len();
+            self.center.copy_from_slice(&ended.actor.parameters()[..count]);
+            return;
+        }
+        let information = fisher(ended.actor, ended.rollouts);
         self.unit += (mean(&information) - self.unit) / self.tasks as f32;
         let lean = self.lean(ended);
         let parameters = &ended.actor.parameters()[..self.center.len()];
@@ -213,7 +242,7 @@ impl Anchored {
             Importance::Diagonal(importance) => {
                 let curvature = normalised(match self.settings.curvature {
                     Curvature::Sensitivity => sensitivity(ended.actor, ended.rollouts),
-                    Curvature::Fisher | Curvature::Identity => information,
+                    Curvature::Fisher | Curvature::Identity | Curvature::Kronecker => information,
                 });
                 let mut anchor = Anchor { center: &mut self.center, importance };
                 match self.settings.gradient {
@@ -224,6 +253,7 @@ impl Anchored {
                     }
                 }
             }
+            Importance::Kronecker(_) => {}
         }
     }
 
@@ -243,6 +273,10 @@ impl Anchored {
 fn normalised(curvature: Vec<f32>) -> Vec<f32> {
     let mean = mean(&curvature).max(f32::MIN_POSITIVE);
     curvature.into_iter().map(|value| value / mean + DAMPING).collect()
+}
+
+fn displacement(now: &[f32], center: &[f32]) -> Vec<f32> {
+    now.iter().zip(center).map(|(now, center)| now - center).collect()
 }
 
 fn mean(values: &[f32]) -> f32 {

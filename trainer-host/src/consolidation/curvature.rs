@@ -40,7 +40,11 @@ pub(super) fn sensitivity(actor: &Actor, rollouts: &[&Rollout]) -> Vec<f32> {
 }
 
 /// Runs the network on evenly spread tiles of the rollouts; returns the number of samples.
-fn for_each_tile(actor: &Actor, rollouts: &[&Rollout], mut visit: impl FnMut(&[f32], &mut Workspace)) -> usize {
+pub(super) fn for_each_tile(
+    actor: &Actor,
+    rollouts: &[&Rollout],
+    mut visit: impl FnMut(&[f32], &mut Workspace),
+) -> usize {
     let tiles: usize = rollouts.iter().map(|rollout| rollout.tiles()).sum();
     let stride = (tiles * PANEL).div_ceil(SAMPLES).max(1);
     let mut workspace = Workspace::new(actor.mlp(), PANEL);

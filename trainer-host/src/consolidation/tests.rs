@@ -65,6 +65,7 @@ fn every_kind() -> Vec<ConsolidatorSettings> {
         anchored(Curvature::Identity, GradientTerm::Measured),
         anchored(Curvature::Fisher, GradientTerm::Balance),
         anchored(Curvature::Sensitivity, GradientTerm::Absent),
+        anchored(Curvature::Kronecker, GradientTerm::Balance),
         published(PublishedRule::Literal),
         published(PublishedRule::Absolute),
         published(PublishedRule::Head),
@@ -109,6 +110,32 @@ fn the_bytes_are_those_of_two_vectors_or_one() {
     let bytes = |settings: &ConsolidatorSettings| settings.begin(&actor, &critic).stored_bytes();
     assert_eq!(bytes(&anchored(Curvature::Fisher, GradientTerm::Balance)), 8 * parameters + 12);
     assert_eq!(bytes(&anchored(Curvature::Identity, GradientTerm::Balance)), 4 * parameters + 16);
+    // Layers 5-6 and 6-3, each with a one beside its inputs.
+    let matrices = (6 * 6 + 6 * 6) + (7 * 7 + 3 * 3);
+    assert_eq!(bytes(&anchored(Curvature::Kronecker, GradientTerm::Balance)), 4 * (parameters + matrices) + 12);
+}
+
+/// Divergence that an anchor predicts for a policy, and the true one.
+fn predicted_and_true(actor: &Actor, curvature: Curvature, distance: f32) -> (f64, f64) {
+    let ((_, critic), rollout) = (networks(), rollout());
+    let mut memory = anchored(curvature, GradientTerm::Balance).begin(actor, &critic);
+    end(&mut memory, actor, &critic, &rollout);
+    let other = moved(actor, distance, 12);
+    let Consolidator::Anchored(anchored) = &mut memory else { panic!("it is an anchor") };
+    (f64::from(anchored.divergence(&other)), divergence(&other, actor, &rollout))
+}
+
+#[test]
+fn factors_predict_the_divergence_exactly_for_a_layer_and_better_than_a_diagonal_for_two() {
+    let single = Actor::new((INPUTS, OUTPUTS), &[], -0.7, &mut Stream::new(Seed(4), 0, Purpose::Weights));
+    let (predicted, found) = predicted_and_true(&single, Curvature::Kronecker, 0.3);
+    assert!((predicted / found - 1.0).abs() < 1e-4, "{predicted}, not {found}");
+    let ((actor, _), mut errors) = (networks(), [0.0; 2]);
+    for (error, curvature) in errors.iter_mut().zip([Curvature::Kronecker, Curvature::Fisher]) {
+        let (predicted, found) = predicted_and_true(&actor, curvature, 0.03);
+        *error = (predicted / found).ln().abs();
+    }
+    assert!(errors[0] < errors[1] && errors[0] < 0.2, "{errors:?}");
 }
 
 #[test]
@@ -161,7 +188,7 @@ fn a_coreset_pulls_along_the_divergence_on_its_states() {
 #[test]
 fn with_its_gradient_kept_the_anchor_is_at_the_newest_policy() {
     let ((actor, critic), rollout) = (networks(), rollout());
-    for curvature in [Curvature::Identity, Curvature::Fisher] {
+    for curvature in [Curvature::Identity, Curvature::Fisher, Curvature::Kronecker] {
         let mut memory = anchored(curvature, GradientTerm::Balance).begin(&actor, &critic);
         for seed in 0..3 {
             let newest = moved(&actor, 0.2, seed);

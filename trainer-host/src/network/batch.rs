@@ -1,5 +1,7 @@
 //! Values of a tile of samples, in one of two orders.
 
+use std::borrow::Cow;
+
 use super::kernel::Left;
 
 /// Which values lie side by side.
@@ -34,6 +36,14 @@ impl<'a> Batch<'a> {
     /// Number of values per sample.
     pub(crate) fn features(&self) -> usize {
         self.values.len() / self.columns
+    }
+
+    /// Its values, `[columns][features]`.
+    pub(crate) fn by_sample_values(&self) -> Cow<'a, [f32]> {
+        match self.order {
+            Order::ByFeature => transposed(self.values, self.columns).into(),
+            Order::BySample => self.values.into(),
+        }
     }
 
     /// As a left factor with a row per sample.

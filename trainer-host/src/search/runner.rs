@@ -63,7 +63,7 @@ impl<'a> SearchRun<'a> {
         }
         let lock = RunLock::acquire(directory).map_err(RunError::from)?;
         if !is_new {
-            refuse_changes(&config, &search.resolved_yaml, &["trials"])?;
+            refuse_changes(&config, &search.resolved_yaml, &[&["trials"]])?;
         }
         remove_unfinished(directory)?;
         write_atomically(&config, search.resolved_yaml.as_bytes())?;

@@ -1,5 +1,6 @@
 //! The study file: which tasks, in which orders, learned by which methods, how often.
 
+pub mod claim;
 mod method;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -19,6 +20,8 @@ pub use method::{
 
 use super::Study;
 use super::procedure::Method;
+use claim::Claim;
+
 use crate::experiment_config::{Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_panels};
 use crate::ppo::PpoSettings;
 
@@ -65,6 +68,9 @@ pub struct StudyConfig {
     /// Numbers from elsewhere that the report shows beside ours.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<PublishedTable>,
+    /// What is expected of the results; the report says of each whether it holds.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub claims: Vec<Claim>,
 }
 
 /// In which orders tasks are learned.
@@ -209,6 +215,7 @@ impl StudyConfig {
             evaluation: self.evaluation.check(&root.at("evaluation"))?,
             methods,
             published: self.check_published(&root.at("published"))?,
+            claims: self.check_claims(&root.at("claims"))?,
             resolved_yaml: self.resolved(),
         })
     }
@@ -262,6 +269,14 @@ impl StudyConfig {
                 Err(field.at("rows").at(index).at("cells").refuse(row.cells.len(), expected))
             }
         }
+    }
+
+    fn check_claims(&self, field: &Field<'_>) -> Result<Vec<Claim>, ConfigError> {
+        let methods: Vec<&str> = self.methods.iter().map(|method| method.name.as_str()).collect();
+        for (index, claim) in self.claims.iter().enumerate() {
+            claim.check(&methods, &field.at(index))?;
+        }
+        Ok(self.claims.clone())
     }
 
     fn resolved(&self) -> String {

@@ -30,6 +30,9 @@ const CONFIG: &str = "study.yaml";
 /// Folder of the checkpoints, a folder a job.
 const UNFINISHED: &str = "unfinished";
 
+/// What may change while a study runs: how many seeds, and what is said and claimed about it.
+const FREE: &[&[&str]] = &[&["seeds", "count"], &["about"], &["claims"], &["published"]];
+
 /// Why a study cannot be run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
@@ -116,7 +119,7 @@ impl<'a> StudyDirectory<'a> {
         }
         let lock = RunLock::acquire(path)?;
         if !is_new {
-            refuse_changes(&config, &study.resolved_yaml, &["seeds", "count"])?;
+            refuse_changes(&config, &study.resolved_yaml, FREE)?;
         }
         let known = path.join("study.json").exists().then(|| StudyManifest::load(path)).transpose()?;
         // The study first: a directory that has nothing else yet is still recognised as its own.
@@ -290,40 +293,43 @@ pub(crate) fn is_empty(directory: &Path) -> Result<bool, FileError> {
     Ok(entries(directory)?.iter().all(begun))
 }
 
-/// Refuses another configuration than that in the file at `path`; only the number at the key `free` may differ.
-pub(crate) fn refuse_changes(path: &Path, now: &str, free: &[&str]) -> Result<(), RunError> {
+/// Refuses another configuration than that in the file at `path`; only what is at the keys `free` may differ.
+pub(crate) fn refuse_changes(path: &Path, now: &str, free: &[&[&str]]) -> Result<(), RunError> {
     let bytes = read(path)?;
     let saved = String::from_utf8_lossy(&bytes);
     let (saved, now) = (fixed_lines(&saved, free), fixed_lines(now, free));
-    let line =
-        |lines: &[String], index: usize| lines.get(index).map_or(String::new(), |line| line.trim().to_owned());
+    let text = |line: Option<&(usize, &str)>| line.map_or(String::new(), |(_, line)| line.trim().to_owned());
     let mut indices = 0..saved.len().max(now.len());
-    match indices.find(|&index| saved.get(index) != now.get(index)) {
+    let is_changed = |index: &usize| saved.get(*index).map(|line| line.1) != now.get(*index).map(|line| line.1);
+    match indices.find(is_changed) {
         None => Ok(()),
         Some(index) => Err(RunError::Changed {
             path: path.to_owned(),
-            line: index + 1,
-            found: line(&saved, index),
-            expected: line(&now, index),
+            line: saved.get(index).map_or(saved.len() + 1, |(number, _)| *number),
+            found: text(saved.get(index)),
+            expected: text(now.get(index)),
         }),
     }
 }
 
-/// The lines of resolved YAML without the value at the key `free`, which is a top-level key or one below such a key.
-fn fixed_lines(yaml: &str, free: &[&str]) -> Vec<String> {
+/// The lines of resolved YAML with their numbers, without those of the keys `free`: top-level keys with all that is
+/// below them, or keys right below one.
+fn fixed_lines<'a>(yaml: &'a str, free: &[&[&str]]) -> Vec<(usize, &'a str)> {
     let mut section = "";
     let mut lines = Vec::new();
-    for line in yaml.lines() {
+    for (index, line) in yaml.lines().enumerate() {
         let key = line.split(':').next().unwrap_or_default();
         if !key.starts_with([' ', '-', '#']) {
             section = key;
         }
-        let is_free = match *free {
-            [top] => key == top,
+        let is_free = free.iter().any(|path| match **path {
+            [top] => section == top,
             [top, inner] => section == top && key.strip_prefix("  ") == Some(inner),
             _ => false,
-        };
-        lines.push(if is_free { format!("{key}:") } else { line.to_owned() });
+        });
+        if !is_free {
+            lines.push((index + 1, line));
+        }
     }
     lines
 }

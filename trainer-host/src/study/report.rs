@@ -1,10 +1,12 @@
 //! What a study found, for readers who know nothing else of it: `report.md` and its pictures.
 
+mod claims;
 mod comparison;
 mod definitions;
 mod figure;
 mod findings;
 mod notation;
+mod page;
 mod score;
 mod setting;
 mod summary;
@@ -21,6 +23,7 @@ use crate::atomic_file::{FileError, write_atomically};
 use figure::{Figure, figures};
 use findings::Findings;
 use notation::{bytes, hundredths_estimate, percent_estimate};
+pub use page::page;
 use summary::{MethodSummary, Summary};
 
 /// What stands for findings when there are none.
@@ -85,6 +88,7 @@ fn text(findings: &Findings<'_>) -> String {
     let sections = [
         format!("# {}\n\n{}\n", data.manifest.name, data.manifest.about),
         findings.in_short(),
+        findings.claims(),
         setting::missing(data),
         setting::tasks(data),
         setting::methods(data),

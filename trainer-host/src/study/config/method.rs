@@ -133,6 +133,9 @@ pub enum CurvatureConfig {
     Fisher,
     /// Sensitivity of the squared length of the action (MAS).
     Sensitivity,
+    /// The policy's Fisher information with what holds between the weights of a layer (K-FAC); needs `gradient: balance`
+    /// and `coupling: gradient`.
+    Kronecker,
 }
 
 /// What is kept of the gradient of a task's objective at its end.
@@ -383,11 +386,20 @@ fn bytes(config: Option<u64>, field: &Field<'_>) -> Result<Option<usize>, Config
 
 impl AnchorConfig {
     fn check(&self, field: &Field<'_>) -> Result<AnchoredSettings, ConfigError> {
+        if self.curvature == CurvatureConfig::Kronecker {
+            if self.gradient != GradientTermConfig::Balance {
+                return Err(field.at("gradient").reject("another term", "balance, with the curvature kronecker"));
+            }
+            if self.coupling != CouplingConfig::Gradient {
+                return Err(field.at("coupling").reject("proximal", "gradient, with the curvature kronecker"));
+            }
+        }
         Ok(AnchoredSettings {
             curvature: match self.curvature {
                 CurvatureConfig::Identity => Curvature::Identity,
                 CurvatureConfig::Fisher => Curvature::Fisher,
                 CurvatureConfig::Sensitivity => Curvature::Sensitivity,
+                CurvatureConfig::Kronecker => Curvature::Kronecker,
             },
             gradient: match self.gradient {
                 GradientTermConfig::Absent => GradientTerm::Absent,

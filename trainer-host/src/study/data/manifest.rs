@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::StudyError;
 use crate::atomic_file::{read, write_atomically};
+use crate::study::config::claim::Claim;
 use crate::study::rows::Job;
 
 /// Name of the file in the study's directory.
@@ -37,6 +38,9 @@ pub struct StudyManifest {
     /// A published table to be shown beside the study's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<Published>,
+    /// What it is expected to show.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub claims: Vec<Claim>,
 }
 
 /// One task.
@@ -249,6 +253,11 @@ impl StudyManifest {
         }
         if !(0.0..=1.0).contains(&self.success_threshold) {
             wrong.push(("success_threshold".to_owned(), self.success_threshold.to_string(), "0 to 1"));
+        }
+        for (index, claim) in self.claims.iter().enumerate() {
+            for name in claim.methods().filter(|name| self.method(name).is_none()) {
+                wrong.push((format!("claims[{index}]"), format!("`{name}`"), "the name of a method"));
+            }
         }
         for row in self.published.iter().flat_map(|published| &published.rows) {
             if Some(row.values.len()) != self.published.as_ref().map(|published| published.columns.len()) {

@@ -35,6 +35,7 @@ pub(crate) fn manifest(seeds: u64) -> StudyManifest {
         baselines: baselines(&["room-0", "room-1", "room-2"]),
         success_threshold: 0.8,
         published: Some(published()),
+        claims: Vec::new(),
     }
 }
 

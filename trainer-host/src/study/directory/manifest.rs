@@ -35,6 +35,7 @@ pub(super) fn of(study: &Study, known: Option<StudyManifest>, baselines: Baselin
         steps_per_stage: study.training.total_steps,
         success_threshold: study.evaluation.stop_at_success.unwrap_or(SUCCESS_THRESHOLD),
         published: study.published.as_ref().map(published),
+        claims: study.claims.clone(),
         baselines: match (known, baselines) {
             (Some(known), _) => known.baselines,
             (None, Baselines::Flown) => study.tasks.iter().flat_map(|task| flown(study, task)).collect(),

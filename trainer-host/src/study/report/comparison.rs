@@ -41,14 +41,20 @@ pub(super) fn comparisons(data: &StudyData, summary: &Summary, reference: usize)
 fn compare(data: &StudyData, summary: &Summary, method: usize, reference: usize) -> Comparison {
     let (mine, theirs) = (final_success(data, method), final_success(data, reference));
     let units = mine.units().min(theirs.units());
-    let difference = |counts: &[u16]| Some(mine.mean(counts)? - theirs.mean(counts)?);
     Comparison {
         method,
         improvement: improvement(data, summary, method, reference),
-        difference: summary.resamples.estimate(units, difference),
+        difference: difference(data, summary, method, reference),
         p: sign_flip_p(&differences(data, &mine, &theirs), SEED).filter(|_| units > 1),
         corrected: None,
     }
+}
+
+/// Mean final success of `method` less that of `other`, paired by seed.
+pub(super) fn difference(data: &StudyData, summary: &Summary, method: usize, other: usize) -> Option<Estimate> {
+    let (mine, theirs) = (final_success(data, method), final_success(data, other));
+    let units = mine.units().min(theirs.units());
+    summary.resamples.estimate(units, |counts| Some(mine.mean(counts)? - theirs.mean(counts)?))
 }
 
 fn improvement(data: &StudyData, summary: &Summary, method: usize, reference: usize) -> Option<Estimate> {

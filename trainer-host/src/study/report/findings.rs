@@ -125,26 +125,44 @@ impl Findings<'_> {
 
     /// Success beside return, task by task.
     pub(super) fn tasks(&self) -> String {
+        let success = self.success_by_task();
         let tasks = &self.data.manifest.tasks;
         let headings = tasks.iter().map(|task| task.name.clone()).chain(["average".to_owned()]);
         let headings: Vec<String> = std::iter::once("method".to_owned()).chain(headings).collect();
-        let [mut success, mut returns] = [(); 2].map(|()| Table::new(&headings));
+        let mut returns = Table::new(&headings);
         let mut lengths = Table::new(&headings[..headings.len() - 1]);
         for (method, found) in self.methods() {
             let label = || std::iter::once(method.label.clone());
-            let cells = found.tasks.iter().map(|task| percent_estimate(task.success));
-            success.row(label().chain(cells).chain([percent_estimate(found.mean)]));
             let cells = found.tasks.iter().map(|task| number_estimate(task.episode_return));
             returns.row(label().chain(cells).chain([number_estimate(found.episode_return)]));
             lengths.row(label().chain(found.tasks.iter().map(|task| number_estimate(task.length_secs))));
         }
         format!(
-            "## Task by task\n\nSuccess after the last task:\n\n{}\nReturn of the same flights: a reward can pay more for \
-             hovering than for arriving, so read it beside the success.\n\n{}\nMean length of the same flights [s]:\n\n{}",
-            success.text(),
+            "{success}\nReturn of the same flights: a reward can pay more for hovering than for arriving, so read it beside the \
+             success.\n\n{}\nMean length of the same flights [s]:\n\n{}",
             returns.text(),
             lengths.text()
         )
+    }
+
+    pub(super) fn success_by_task(&self) -> String {
+        let tasks = self.data.manifest.tasks.iter().map(|task| task.name.as_str());
+        let mut table = Table::new(["method"].into_iter().chain(tasks).chain(["average"]));
+        for (method, found) in self.methods() {
+            let cells = found.tasks.iter().map(|task| percent_estimate(task.success));
+            table.row([method.label.clone()].into_iter().chain(cells).chain([percent_estimate(found.mean)]));
+        }
+        format!("## Task by task\n\nSuccess after the last task:\n\n{}", table.text())
+    }
+
+    /// Whether a method learned one task after the other.
+    pub(super) fn is_sequential(&self) -> bool {
+        self.methods().any(|(method, _)| method.kind == MethodKind::Sequential)
+    }
+
+    /// Whether steps until the threshold were counted.
+    pub(super) fn has_thresholds(&self) -> bool {
+        !self.learnings.is_empty()
     }
 
     pub(super) fn matrices(&self) -> String {
