@@ -161,7 +161,7 @@ fn passes(flight: &[Vector3<f64>], spot: &Vector2<f64>) -> bool {
 
 /// A flight from above, at equal shares of its length.
 fn evenly(flight: &[Vector3<f64>]) -> Vec<Vector2<f64>> {
-    let points: Vec<Vector2<f64>> = flight.iter().map(|point| point.xy()).collect();
+    let points: Vec<Vector2<f64>> = flight.iter().map(Vector3::xy).collect();
     let mut flown = vec![0.0];
     for pair in points.windows(2) {
         flown.push(flown[flown.len() - 1] + (pair[1] - pair[0]).norm());

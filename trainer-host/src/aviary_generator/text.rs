@@ -86,8 +86,8 @@ pub(super) fn contents(room: &Room, folder: &str) -> String {
 /// The keys that say what stands there.
 pub(super) fn furnishing(pieces: &[Piece], folder: &str) -> String {
     let lines = |key: &str, of: &dyn Fn(&Piece) -> Option<String>| {
-        let entries: String = pieces.iter().filter_map(of).map(|entry| format!("  - {entry}\n")).collect();
-        if entries.is_empty() { entries } else { format!("{key}:\n{entries}") }
+        let entries: Vec<String> = pieces.iter().filter_map(of).map(|entry| format!("  - {entry}\n")).collect();
+        if entries.is_empty() { String::new() } else { format!("{key}:\n{}", entries.concat()) }
     };
     let furniture = lines("furniture", &|piece| imported(piece, folder));
     let partitions = lines("solids", &partition);
