@@ -15,6 +15,13 @@ use crate::actor_critic::Actor;
 use crate::network::{Batch, Mlp};
 use crate::rollout::{PANEL, Rollout};
 
+/// Share of their mean that is added to the diagonals. Without, a policy slides along what costs nothing to the first
+/// order until the higher orders cost it everything: after a second furnished room 0.001 nat were predicted and 0.5 to 2
+/// found. Sensitivities need much of it, because a unit that the action does not depend on today may matter once other
+/// weights have moved; what inputs never excite stays free.
+const OUTGOING_DAMPING: f32 = 1.0;
+const INCOMING_DAMPING: f32 = 0.01;
+
 /// What all tasks so far need of every layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Kronecker {
@@ -89,8 +96,8 @@ impl Kronecker {
         let unit = newest.mean().max(f32::MIN_POSITIVE);
         let share = 1.0 / tasks as f32;
         for (sum, newest) in self.layers.iter_mut().zip(&newest.layers) {
-            sum.incoming.blend(decay, &newest.incoming, 1.0);
-            sum.outgoing.blend(1.0 - share, &newest.outgoing.levelled(level()), share / unit);
+            sum.incoming.blend(decay, &newest.incoming.levelled(INCOMING_DAMPING), 1.0);
+            sum.outgoing.blend(1.0 - share, &newest.outgoing.levelled(OUTGOING_DAMPING), share / unit);
         }
     }
 
@@ -175,8 +182,4 @@ impl Square {
         let sum = MatMut::from_row_major_slice_mut(&mut self.values, self.size, self.size);
         matmul(sum, Accum::Add, samples.transpose(), samples, 1.0, Par::Seq);
     }
-}
-
-fn level() -> f32 {
-    std::env::var("KLEVEL").ok().and_then(|text| text.parse().ok()).unwrap_or(1.0)
 }
