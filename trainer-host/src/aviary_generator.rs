@@ -120,7 +120,10 @@ impl Order {
 /// # Errors
 /// When a part is wrong, or a room cannot be made.
 pub fn generate(order: &Order) -> Result<Vec<Files>, GeneratorError> {
-    (0..order.count).into_par_iter().map(|index| make(order, index)).collect()
+    let rooms: Vec<Result<Files, GeneratorError>> =
+        (0..order.count).into_par_iter().map(|index| make(order, index)).collect();
+    // The first room's error, not that of the first thread.
+    rooms.into_iter().collect()
 }
 
 fn make(order: &Order, index: usize) -> Result<Files, GeneratorError> {
