@@ -1,8 +1,8 @@
 //! Rooms that nobody has seen: furniture, pillars and partitions at random places, with a free way to a table.
 //!
-//! A [`draw`](room) that is refused is drawn anew, so that every room can be flown: it has a way that keeps its distance
+//! A draw that is refused is drawn anew, so that every room can be flown: it has a way that keeps its distance
 //! ([`crate::free_route`]), which is not straight, and the scripted pilot flies it. What is written are a world file and a
-//! task that imports it ([`text`]), which nothing distinguishes from those written by hand.
+//! task that imports it, which nothing distinguishes from those written by hand.
 
 mod room;
 #[cfg(test)]

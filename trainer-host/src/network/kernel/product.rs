@@ -81,13 +81,13 @@ impl Product<'_> {
                     std::array::from_fn(|offset| &values[(row + offset) * stride..][..terms]);
                 let factors =
                     (0..terms).map(|term| std::array::from_fn::<_, ROWS, _>(|offset| &rows[offset][term]));
-                self.columns(simd, row, factors);
+                self.columns(simd, row, &factors);
             }
             Left::ByTerm(values, stride) => {
                 let factors = values
                     .chunks(stride)
                     .map(|values| std::array::from_fn::<_, ROWS, _>(|offset| &values[row..row + ROWS][offset]));
-                self.columns(simd, row, factors);
+                self.columns(simd, row, &factors);
             }
         }
     }
@@ -98,7 +98,7 @@ impl Product<'_> {
         &mut self,
         simd: S,
         row: usize,
-        factors: impl Iterator<Item = [&'f f32; ROWS]> + Clone,
+        factors: &(impl Iterator<Item = [&'f f32; ROWS]> + Clone),
     ) {
         let mut column = 0;
         if S::REGISTER_COUNT >= 32 {
