@@ -88,7 +88,7 @@ pub fn vehicle(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
             "vehicle steps, RK4, in lanes, 1 core",
             vehicle_rate::<64>(scenario, runge_kutta, duration),
             150e6,
-            "650 flop per step, 51 live vectors in 16 registers (AVX2)",
+            "650 flop per step, 51 live vectors in 32 registers or 16",
         ),
     ]
 }
@@ -207,7 +207,7 @@ fn training_rate(scenario: &Scenario, settings: &PpoSettings, epochs: u32, durat
 /// Lines for PPO end to end.
 pub fn training(scenario: &Scenario, settings: &PpoSettings, duration: Duration) -> Vec<Figure> {
     let lines = [
-        (4, 600e3, "matrix products, two thirds of the time, then tanh"),
+        (4, 600e3, "matrix products, then tanh, exp and Adam"),
         (1, 1.8e6, "matrix products, then tanh and the rollout"),
     ];
     let figure = |(epochs, aim, limit)| Figure {
