@@ -169,6 +169,25 @@ fn more_seeds_are_added_and_any_other_change_is_refused() {
         assert!(message.contains("study/study.yaml:") && message.contains("as the study now says"), "{message}");
     }
     assert!(before == files(&place.path().join("study")), "a refusal changes nothing");
+    let said =
+        ["--set", "about=said anew", "--set", "claims=[{claim: solved, method: plain, expected: {at_least: 0.9}}]"];
+    let again = kestrel(place.path(), &[&RUN[..], &said].concat());
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    let report = std::fs::read_to_string(place.path().join("study/report.md")).unwrap();
+    assert!(report.contains("said anew") && report.contains("| solved | `plain`: "), "{report}");
+}
+
+#[test]
+fn studies_make_a_page_and_other_folders_are_refused() {
+    let place = place();
+    finish(place.path(), "study", "2");
+    let page = place.path().join("RESULTS.md");
+    let results = |folder: &str| kestrel(place.path(), &["study", "results", "study", folder, "-o", "RESULTS.md"]);
+    let message = refusal(&results("nowhere"));
+    assert!(message.contains("nowhere holds no study"), "{message}");
+    assert!(!page.exists(), "nothing is half-written");
+    assert!(results("study").status.success());
+    assert!(std::fs::read_to_string(page).unwrap().starts_with("# Results\n"));
 }
 
 #[test]

@@ -142,17 +142,24 @@ pub fn record_run(experiment: &Experiment, directory: &RunDirectory) -> Result<R
 
 /// A policy flown on what it was not trained for would look bad through no fault of its own.
 fn refuse_other_task(policy: &PolicyFile<'_>, path: &Path, scenario: &Scenario) -> Result<(), ResultsError> {
+    match differing(policy, scenario) {
+        None => Ok(()),
+        Some(differing) => Err(ResultsError::OtherTask { path: path.to_owned(), differing }),
+    }
+}
+
+/// In what a policy differs from one that was trained for a scenario.
+pub fn differing(policy: &PolicyFile<'_>, scenario: &Scenario) -> Option<&'static str> {
     let metadata = policy.metadata();
-    let differing = if metadata.observation != scenario.observation {
-        "observation"
+    if metadata.observation != scenario.observation {
+        Some("observation")
     } else if metadata.action != scenario.action {
-        "action"
+        Some("action")
     } else if metadata.control_period_secs != scenario.physics.control_secs() {
-        "control rate"
+        Some("control rate")
     } else {
-        return Ok(());
-    };
-    Err(ResultsError::OtherTask { path: path.to_owned(), differing })
+        None
+    }
 }
 
 /// Draws `learning-curve.svg` and `flight.gif`.

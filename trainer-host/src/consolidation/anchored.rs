@@ -215,46 +215,48 @@ impl Anchored {
 
     pub(super) fn consolidate(&mut self, ended: &Ended<'_>) {
         self.tasks += 1;
-        if let Importance::Kronecker(layers) = &mut self.importance {
-            let newest = Kronecker::measured(ended.actor, ended.rollouts);
-            self.unit += (newest.mean() - self.unit) / self.tasks as f32;
-            layers.add(&newest, self.tasks, self.settings.decay);
-            let count = self.center.len();
-            self.center.copy_from_slice(&ended.actor.parameters()[..count]);
-            return;
-        }
-        let information = fisher(ended.actor, ended.rollouts);
-        self.unit += (mean(&information) - self.unit) / self.tasks as f32;
         let lean = self.lean(ended);
         let parameters = &ended.actor.parameters()[..self.center.len()];
-        let decay = self.settings.decay;
-        match &mut self.importance {
+        let AnchoredSettings { curvature, gradient, decay, .. } = self.settings;
+        let newest = match &mut self.importance {
             Importance::Uniform(each) => {
                 *each = decay * *each + 1.0;
-                let share = match self.settings.gradient {
+                let share = match gradient {
                     GradientTerm::Balance => 1.0,
                     GradientTerm::Absent | GradientTerm::Measured => 1.0 / *each,
                 };
                 for ((center, now), lean) in self.center.iter_mut().zip(parameters).zip(lean) {
                     *center += share * (now - *center) + lean / *each;
                 }
+                mean(&fisher(ended.actor, ended.rollouts))
             }
             Importance::Diagonal(importance) => {
-                let curvature = normalised(match self.settings.curvature {
-                    Curvature::Sensitivity => sensitivity(ended.actor, ended.rollouts),
-                    Curvature::Fisher | Curvature::Identity | Curvature::Kronecker => information,
+                let information = fisher(ended.actor, ended.rollouts);
+                let newest = mean(&information);
+                let is_sensitivity = curvature == Curvature::Sensitivity;
+                let curvature = normalised(if is_sensitivity {
+                    sensitivity(ended.actor, ended.rollouts)
+                } else {
+                    information
                 });
                 let mut anchor = Anchor { center: &mut self.center, importance };
-                match self.settings.gradient {
+                match gradient {
                     GradientTerm::Balance => anchor.consolidate_at(parameters, &curvature, decay),
                     GradientTerm::Absent | GradientTerm::Measured => {
                         anchor.consolidate(parameters, &curvature, decay);
                         anchor.lean(&lean);
                     }
                 }
+                newest
             }
-            Importance::Kronecker(_) => {}
-        }
+            Importance::Kronecker(layers) => {
+                let information = Kronecker::measured(ended.actor, ended.rollouts);
+                layers.add(&information, self.tasks, decay);
+                self.center.copy_from_slice(parameters);
+                information.mean()
+            }
+        };
+        self.unit += (newest - self.unit) / self.tasks as f32;
     }
 
     /// The measured gradient of the objective, in units of the pull; zero where it is not kept.

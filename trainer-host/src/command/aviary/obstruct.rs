@@ -13,6 +13,7 @@ use kestrel_train::experiment_config;
 use kestrel_train::obstruction::files::{Former, Sequel};
 use kestrel_train::obstruction::{Spot, Traffic};
 use kestrel_train::output::say;
+use kestrel_train::results::differing;
 use kestrel_train::run_directory::RunDirectory;
 
 use crate::command::Done;
@@ -117,17 +118,12 @@ impl Arguments {
 
 /// Refuses a policy that was trained for something else.
 fn require_fit(policy: &PolicyFile<'_>, scenario: &Scenario) -> Result<()> {
-    let metadata = policy.metadata();
-    let differing = if metadata.observation != scenario.observation {
-        "observation"
-    } else if metadata.action != scenario.action {
-        "action"
-    } else if metadata.control_period_secs != scenario.physics.control_secs() {
-        "control rate"
-    } else {
-        return Ok(());
-    };
-    bail!("found a policy for another {differing}, expected one trained for --task or one like it")
+    match differing(policy, scenario) {
+        None => Ok(()),
+        Some(differing) => {
+            bail!("found a policy for another {differing}, expected one trained for --task or one like it")
+        }
+    }
 }
 
 fn write(path: &Path, text: &str) -> Result<()> {
