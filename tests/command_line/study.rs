@@ -169,8 +169,12 @@ fn more_seeds_are_added_and_any_other_change_is_refused() {
         assert!(message.contains("study/study.yaml:") && message.contains("as the study now says"), "{message}");
     }
     assert!(before == files(&place.path().join("study")), "a refusal changes nothing");
-    let said =
-        ["--set", "about=said anew", "--set", "claims=[{claim: solved, method: plain, expected: {at_least: 0.9}}]"];
+    let said = [
+        "--set",
+        "about=said anew",
+        "--set",
+        "claims=[{claim: solved, method: plain, expected: {at_least: 0.9}}]",
+    ];
     let again = kestrel(place.path(), &[&RUN[..], &said].concat());
     assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
     let report = std::fs::read_to_string(place.path().join("study/report.md")).unwrap();

@@ -1,10 +1,11 @@
 //! `kestrel study`.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
 use anyhow::Result;
-use kestrel_train::atomic_file::write_atomically;
+use kestrel_train::atomic_file::{FileError, write_atomically};
 use kestrel_train::interrupt::Interrupt;
 use kestrel_train::output::say;
 use kestrel_train::study::data::StudyData;
@@ -41,6 +42,10 @@ enum Action {
         /// The page, in Markdown
         #[arg(long, short, value_name = "FILE")]
         output: PathBuf,
+
+        /// Folder for pictures of the page, from where the page is [default: no pictures]
+        #[arg(long, value_name = "FOLDER")]
+        pictures: Option<String>,
     },
 }
 
@@ -66,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     match &arguments.action {
         Action::Run(arguments) => run_study(arguments),
         Action::Report { directory } => report_on(directory),
-        Action::Results { directories, output } => results(directories, output),
+        Action::Results { directories, output, pictures } => results(directories, output, pictures.as_deref()),
     }
 }
 
@@ -92,9 +97,17 @@ pub(super) fn threads(asked: Option<u16>) -> usize {
     asked.map_or_else(|| available_parallelism().map_or(1, usize::from), usize::from)
 }
 
-fn results(directories: &[PathBuf], output: &Path) -> Result<Done> {
+fn results(directories: &[PathBuf], output: &Path, pictures: Option<&str>) -> Result<Done> {
     let studies = directories.iter().map(|directory| load(directory)).collect::<Result<Vec<_>>>()?;
-    write_atomically(output, report::page(&studies).as_bytes())?;
+    let page = report::page(&studies, pictures);
+    if let Some(folder) = pictures {
+        let folder = output.parent().unwrap_or(Path::new("")).join(folder);
+        fs::create_dir_all(&folder).map_err(|cause| FileError::new("create", &folder, cause))?;
+        for (name, picture) in &page.pictures {
+            write_atomically(&folder.join(name), picture.as_bytes())?;
+        }
+    }
+    write_atomically(output, page.text.as_bytes())?;
     say(output.display())?;
     Ok(Done::Finished)
 }

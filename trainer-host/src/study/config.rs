@@ -114,7 +114,7 @@ pub struct StudyEvaluationConfig {
     pub flights_per_stage: u64,
     /// Episodes of such a flight.
     pub flight_episodes: u64,
-    /// A stage ends early once a flight's success rate is at least this.
+    /// A stage ends early once the success rate of such a flight is at least this, in the worst of the stage's tasks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_at_success: Option<f64>,
 }
@@ -161,7 +161,7 @@ pub struct StudyEvaluation {
     pub flights_per_stage: u64,
     /// Episodes of such a flight.
     pub flight_episodes: usize,
-    /// A stage ends early once a flight's success rate is at least this.
+    /// A stage ends early once the success rate of such a flight is at least this, in the worst of the stage's tasks.
     pub stop_at_success: Option<f64>,
 }
 

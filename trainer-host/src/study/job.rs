@@ -217,23 +217,23 @@ impl<'a> JobRun<'a> {
         let actor = self.learner.actor();
         let starts =
             Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: evaluation.flight_episodes };
-        let (mut successes, mut total, mut count) = (0.0, 0.0, 0.0);
+        let (mut successes, mut total, mut count, mut worst) = (0, 0.0, 0, f64::INFINITY);
         for task in stage_indices(self.study, self.id, self.progress.stage) {
             let scenario = &self.study.tasks[task].evaluation.scenario;
-            for episode in fly_episodes(scenario, Flyer::Actor(&actor), starts) {
-                successes += f64::from(u8::from(episode.success));
-                total += f64::from(episode.total_reward);
-                count += 1.0;
-            }
+            let flights = fly_episodes(scenario, Flyer::Actor(&actor), starts);
+            let good = flights.iter().filter(|flight| flight.success).count();
+            worst = worst.min(good as f64 / flights.len() as f64);
+            successes += good;
+            count += flights.len();
+            total += flights.iter().map(|flight| f64::from(flight.total_reward)).sum::<f64>();
         }
-        let success_rate = successes / count;
         self.progress.curve.push(CurveRow {
             stage: self.progress.stage + 1,
             steps,
-            success_rate: success_rate as f32,
-            episode_return: (total / count) as f32,
+            success_rate: (successes as f64 / count as f64) as f32,
+            episode_return: (total / count as f64) as f32,
         });
-        evaluation.stop_at_success.is_some_and(|stop| success_rate >= stop)
+        evaluation.stop_at_success.is_some_and(|stop| worst >= stop)
     }
 
     fn end_stage(&mut self) {

@@ -23,7 +23,7 @@ use crate::atomic_file::{FileError, write_atomically};
 use figure::{Figure, figures};
 use findings::Findings;
 use notation::{bytes, hundredths_estimate, percent_estimate};
-pub use page::page;
+pub use page::{Page, page};
 use summary::{MethodSummary, Summary};
 
 /// What stands for findings when there are none.
@@ -46,7 +46,8 @@ pub fn write(directory: &Path, data: &StudyData) -> Result<(), StudyError> {
         write_atomically(&folder.join(file), drawing.svg().as_bytes())?;
     }
     let pictures = figures.iter().map(|figure| figure.file).collect();
-    let findings = Findings { data, summary: &summary, learnings: &learnings, pictures };
+    let prefix = format!("{PICTURES}/");
+    let findings = Findings { data, summary: &summary, learnings: &learnings, pictures, prefix: &prefix };
     Ok(write_atomically(&directory.join("report.md"), text(&findings).as_bytes())?)
 }
 

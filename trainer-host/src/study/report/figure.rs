@@ -8,6 +8,7 @@ mod legend;
 mod memory;
 mod panel;
 mod profile;
+mod so_far;
 mod style;
 
 use super::summary::Summary;
@@ -35,6 +36,7 @@ pub(super) fn figures(data: &StudyData, summary: &Summary, learnings: &[Learning
         ("final.svg", finals::draw(data, summary)),
         ("matrix.svg", heat_map::draw(data, summary)),
         ("profile.svg", profile::draw(data, summary)),
+        ("so-far.svg", so_far::draw(data, summary)),
         ("curves.svg", curves::draw(data)),
         ("memory.svg", memory::draw(data, summary)),
         ("threshold.svg", learning::draw(data, summary, learnings)),

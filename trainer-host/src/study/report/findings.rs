@@ -1,5 +1,6 @@
 //! What was found, section by section.
 
+use super::NONE_YET;
 use super::comparison::{Comparison, comparisons};
 use super::notation::{
     NONE, bytes, hundredths_estimate, number_estimate, p_value, percent, percent_estimate, ratio_estimate,
@@ -8,12 +9,14 @@ use super::notation::{
 use super::summary::{MethodSummary, Summary};
 use super::table::Table;
 use super::threshold::{Learning, LearningSummary};
-use super::{NONE_YET, PICTURES};
 use crate::progress::amount;
 use crate::study::data::{Method, MethodKind, PublishedValue, StudyData};
 
 /// The method that changes nothing, when a study has it: a second reference beside the first method.
 const PLAIN: &str = "none";
+
+/// Stages that a table has room for, besides the first.
+const STAGES_SHOWN: usize = 5;
 
 /// Everything that the sections draw on.
 pub(super) struct Findings<'a> {
@@ -22,6 +25,8 @@ pub(super) struct Findings<'a> {
     pub(super) learnings: &'a [Learning],
     /// Files of the pictures that were drawn.
     pub(super) pictures: Vec<&'static str>,
+    /// What stands before their names in a link.
+    pub(super) prefix: &'a str,
 }
 
 impl Findings<'_> {
@@ -36,7 +41,7 @@ impl Findings<'_> {
 
     fn picture(&self, file: &str, about: &str) -> String {
         let drawn = self.pictures.contains(&file);
-        if drawn { format!("![{about}]({PICTURES}/{file})\n\n") } else { String::new() }
+        if drawn { format!("![{about}]({}{file})\n\n", self.prefix) } else { String::new() }
     }
 
     /// The best sequence beside the reference and the upper bounds.
@@ -116,11 +121,29 @@ impl Findings<'_> {
                 percent_estimate(found.of_experts),
             ]);
         }
+        let picture = self.picture("so-far.svg", "Success in the tasks so far");
         format!(
             "## Retention and transfer\n\nForgetting and transfers are in percentage points of success, forward transfer is a \
-             ratio; the [definitions](#definitions) say what each is. Sequences alone have them.\n\n{}",
-            table.text()
+             ratio; the [definitions](#definitions) say what each is. Sequences alone have them.\n\n{}{}{picture}",
+            table.text(),
+            self.so_far()
         )
+        .trim_end()
+        .to_owned()
+            + "\n"
+    }
+
+    /// How success falls as tasks are added, at no more than [`STAGES_SHOWN`] stages.
+    fn so_far(&self) -> String {
+        let count = self.summary.columns.len();
+        let stages: Vec<usize> = (1..=count).filter(|stage| stage_is_shown(*stage, count)).collect();
+        let after = |stage: &usize| if *stage == 1 { "1 task".to_owned() } else { format!("{stage} tasks") };
+        let mut table = Table::new(std::iter::once("method".to_owned()).chain(stages.iter().map(after)));
+        for (method, found) in self.methods().filter(|(_, found)| !found.so_far.is_empty()) {
+            let cells = stages.iter().map(|stage| percent_estimate(found.so_far[stage - 1]));
+            table.row(std::iter::once(method.label.clone()).chain(cells));
+        }
+        format!("\nSuccess in the tasks learned so far:\n\n{}\n", table.text())
     }
 
     /// Success beside return, task by task.
@@ -273,12 +296,31 @@ impl Findings<'_> {
             "{heading}\n\n{}Training steps of a stage until its test flights first reach {threshold}. A stage that never does \
              is censored at its end; it is not left out. The restricted mean counts it with the whole budget of {} steps. p is \
              that of a log-rank test against **{}**, task by task.\n\n{}\nMean steps within the budget, task by task (share \
-             that got there):\n\n{}",
+             that got there):\n\n{}{}",
             self.picture("threshold.svg", "Steps until the threshold"),
             amount(self.data.manifest.steps_per_stage as f64),
             self.label(first.method),
             self.threshold_table(),
-            self.threshold_table_by_task()
+            self.threshold_table_by_task(),
+            self.multiples()
+        )
+    }
+
+    /// Who is how much slower than the first method; nothing when there is only one.
+    fn multiples(&self) -> String {
+        let Some((first, others)) = self.learnings.split_first().filter(|(_, others)| !others.is_empty()) else {
+            return String::new();
+        };
+        let tasks = self.data.manifest.tasks.iter().map(|task| task.name.as_str());
+        let mut table = Table::new(std::iter::once("method").chain(tasks));
+        for learning in others {
+            let cells = learning.multiples.iter().map(|multiple| ratio_estimate(*multiple));
+            table.row(std::iter::once(self.label(learning.method).to_owned()).chain(cells));
+        }
+        format!(
+            "\nThe same means as multiples of those of **{}** (above 1: it is the faster):\n\n{}",
+            self.label(first.method),
+            table.text()
         )
     }
 
@@ -340,6 +382,11 @@ impl Findings<'_> {
             ours.text()
         )
     }
+}
+
+/// The first stage, the last, and others evenly between.
+fn stage_is_shown(stage: usize, count: usize) -> bool {
+    stage == 1 || (count - stage).is_multiple_of(count.div_ceil(STAGES_SHOWN).max(1))
 }
 
 fn mean(found: &MethodSummary) -> f64 {

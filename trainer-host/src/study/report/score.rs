@@ -53,6 +53,12 @@ impl<'a> Score<'a> {
         self.mean_over(0..self.last_stage()?, |task, trained| self.success(trained, task))
     }
 
+    /// Mean success after a stage of a sequence in the tasks trained until then.
+    pub(super) fn so_far(self, stage: usize) -> Option<f64> {
+        let learned = self.last_stage().filter(|last| stage <= *last).map(|_| stage)?;
+        self.mean_over(0..learned, |task, _| self.success(stage, task))
+    }
+
     /// Stages of a sequence; none for other kinds.
     fn last_stage(self) -> Option<usize> {
         let sequential = self.data.manifest.methods[self.run.method].kind == MethodKind::Sequential;

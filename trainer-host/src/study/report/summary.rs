@@ -46,6 +46,8 @@ pub(super) struct MethodSummary {
     pub(super) of_experts: Option<Estimate>,
     /// By task, at the end.
     pub(super) tasks: Vec<TaskSummary>,
+    /// Success in the tasks trained so far, after the first, the second and so on; empty unless it is a sequence.
+    pub(super) so_far: Vec<Option<Estimate>>,
     /// `[stage][column]`, success.
     pub(super) matrix: Vec<Vec<Option<Estimate>>>,
 }
@@ -141,6 +143,7 @@ impl Estimator<'_> {
             joint_gap: self.ratio(method, MethodKind::Joint).map(one_less),
             of_experts: self.ratio(method, MethodKind::Experts),
             tasks: (0..self.data.manifest.tasks.len()).map(|task| self.task(method, task)).collect(),
+            so_far: self.so_far(method),
             matrix: self.matrix(method),
         }
     }
@@ -163,6 +166,14 @@ impl Estimator<'_> {
             episode_return: of(|cell| cell.episode_return),
             length_secs: of(|cell| cell.length_secs),
         }
+    }
+
+    fn so_far(&self, method: usize) -> Vec<Option<Estimate>> {
+        let stages = match self.data.manifest.methods[method].kind {
+            MethodKind::Sequential => self.columns.len(),
+            MethodKind::Joint | MethodKind::Experts => 0,
+        };
+        (1..=stages).map(|stage| self.mean_of_runs(method, &|score| score.so_far(stage))).collect()
     }
 
     fn matrix(&self, method: usize) -> Vec<Vec<Option<Estimate>>> {

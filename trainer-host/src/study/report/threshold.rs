@@ -14,6 +14,8 @@ pub(super) struct Learning {
     pub(super) tasks: Vec<Durations>,
     pub(super) overall: LearningSummary,
     pub(super) by_task: Vec<LearningSummary>,
+    /// By task: its restricted mean as a multiple of that of the first method with curves.
+    pub(super) multiples: Vec<Option<Estimate>>,
     /// Against the first method that has curves, task by task; none for that method itself.
     pub(super) test: Option<LogRank>,
     /// Its p-value, corrected for the number of methods (Holm).
@@ -38,8 +40,11 @@ pub(super) fn learnings(data: &StudyData, summary: &Summary) -> Vec<Learning> {
     let methods = (0..data.manifest.methods.len()).filter(by_task);
     let mut learnings: Vec<Learning> = methods.filter_map(|method| learning(data, summary, method)).collect();
     let Some((first, others)) = learnings.split_first_mut() else { return learnings };
+    let budget = data.manifest.steps_per_stage as f64;
     for other in others.iter_mut() {
         other.test = log_rank(other.tasks.iter().zip(&first.tasks));
+        let pairs = other.tasks.iter().zip(&first.tasks);
+        other.multiples = pairs.map(|(mine, theirs)| multiple(summary, mine, theirs, budget)).collect();
     }
     let mut tested: Vec<&mut Learning> = others.iter_mut().filter(|other| other.test.is_some()).collect();
     let p_values: Vec<f64> = tested.iter().filter_map(|other| Some(other.test?.p)).collect();
@@ -56,7 +61,7 @@ fn learning(data: &StudyData, summary: &Summary, method: usize) -> Option<Learni
     let by_task = tasks.iter().map(|durations| learning_summary(summary, &[durations], budget)).collect();
     let overall = learning_summary(summary, &watched, budget);
     let any = !watched.is_empty();
-    any.then_some(Learning { method, overall, by_task, tasks, test: None, corrected: None })
+    any.then_some(Learning { method, overall, by_task, tasks, multiples: Vec::new(), test: None, corrected: None })
 }
 
 fn learning_summary(summary: &Summary, tasks: &[&Durations], budget: f64) -> LearningSummary {
@@ -75,6 +80,15 @@ fn learning_summary(summary: &Summary, tasks: &[&Durations], budget: f64) -> Lea
         median: together.curve(&summary.few.once()).and_then(|curve| curve.median()),
         restricted_mean: summary.few.estimate(units, restricted_mean),
     }
+}
+
+/// How many times the steps of another method are needed, both counted within the budget.
+fn multiple(summary: &Summary, mine: &Durations, theirs: &Durations, budget: f64) -> Option<Estimate> {
+    let ratio = |counts: &[u16]| {
+        let reference = theirs.curve(counts)?.restricted_mean(budget);
+        (reference > 0.0).then_some(mine.curve(counts)?.restricted_mean(budget) / reference)
+    };
+    summary.few.estimate(mine.units().min(theirs.units()), ratio)
 }
 
 fn durations(data: &StudyData, method: usize, task: usize) -> Durations {
