@@ -30,6 +30,8 @@ pub enum Purpose {
     Coreset = 8,
     /// What stands where in a generated room.
     Furnishing = 9,
+    /// States like those of earlier tasks, and the model that they are drawn from.
+    Rehearsal = 10,
 }
 
 /// One Philox4x32-10 block (Salmon et al. 2011): four random words of a counter under a key.

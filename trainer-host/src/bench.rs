@@ -12,7 +12,8 @@ use kestrel_sim::swarm::{Swarm, advance_all};
 
 use crate::actor_critic::Actor;
 use crate::consolidation::{
-    AnchoredSettings, ConsolidatorSettings, CoresetSettings, Coupling, Curvature, GradientTerm, Strength,
+    ActionAnchorSettings, AnchoredSettings, ConsolidatorSettings, CoresetSettings, Coupling, Curvature,
+    GradientTerm, Strength,
 };
 use crate::ppo::{PpoSettings, Trainer};
 
@@ -179,10 +180,11 @@ pub const AVIARIES: [Aviary; 4] = [
 /// Least share of the speed of training that what keeps an earlier task should leave.
 const HELD_SHARE: f64 = 0.9;
 
-/// What keeps an earlier task: two anchors and a coreset.
-const MEMORIES: [(&str, ConsolidatorSettings); 3] = [
+/// What keeps an earlier task: three anchors and a coreset.
+const MEMORIES: [(&str, ConsolidatorSettings); 4] = [
     ("diagonal anchor", anchor(Curvature::Fisher)),
     ("factored anchor", anchor(Curvature::Kronecker)),
+    ("anchor in actions", ConsolidatorSettings::ActionAnchor(ActionAnchorSettings { parts: 32, strength: 0.3 })),
     ("coreset", ConsolidatorSettings::Coreset(CoresetSettings { bytes: None, strength: 1.0 })),
 ];
 

@@ -4,6 +4,7 @@
 //! its pull to the gradient of every minibatch (`add_gradient`) or moves the policy after the step (`after_step`). What
 //! it keeps does not grow with the number of tasks, and it says how many bytes that is.
 
+mod action_anchor;
 mod anchored;
 mod coreset;
 mod curvature;
@@ -11,12 +12,14 @@ mod distillation;
 mod kronecker;
 mod path_integral;
 mod published;
+mod state_model;
 #[cfg(test)]
 mod tests;
 
 use kestrel_sim::seed::Seed;
 use serde::{Deserialize, Serialize};
 
+pub use action_anchor::{ActionAnchor, ActionAnchorSettings};
 pub use anchored::{Anchored, AnchoredSettings, Coupling, Curvature, GradientTerm, Strength};
 pub use coreset::{Coreset, CoresetSettings};
 pub use distillation::{DistillationSettings, distil};
@@ -38,6 +41,8 @@ pub enum Consolidator {
     None,
     /// One running anchor with a curvature: corrected IL-SOAR, online EWC, MAS, L2.
     Anchored(Anchored),
+    /// The same with its second order in the actions.
+    ActionAnchor(ActionAnchor),
     /// IL-SOAR as the thesis and its code wrote it.
     Published(Published),
     /// Synaptic intelligence.
@@ -53,6 +58,8 @@ pub enum ConsolidatorSettings {
     None,
     /// [`Consolidator::Anchored`].
     Anchored(AnchoredSettings),
+    /// [`Consolidator::ActionAnchor`].
+    ActionAnchor(ActionAnchorSettings),
     /// [`Consolidator::Published`].
     Published(PublishedSettings),
     /// [`Consolidator::PathIntegral`].
@@ -82,6 +89,7 @@ impl ConsolidatorSettings {
         match self {
             Self::None => Consolidator::None,
             Self::Anchored(settings) => Consolidator::Anchored(Anchored::new(settings, actor)),
+            Self::ActionAnchor(settings) => Consolidator::ActionAnchor(ActionAnchor::new(settings, actor)),
             Self::Published(settings) => Consolidator::Published(Published::new(settings, actor, critic)),
             Self::PathIntegral(settings) => Consolidator::PathIntegral(PathIntegral::new(settings, actor)),
             Self::Coreset(settings) => Consolidator::Coreset(Coreset::new(settings, actor)),
@@ -95,6 +103,7 @@ impl Consolidator {
         match self {
             Self::None => 0,
             Self::Anchored(anchored) => anchored.stored_bytes(),
+            Self::ActionAnchor(anchor) => anchor.stored_bytes(),
             Self::Published(published) => published.stored_bytes(),
             Self::PathIntegral(path) => path.stored_bytes(),
             Self::Coreset(coreset) => coreset.stored_bytes(),
@@ -105,6 +114,7 @@ impl Consolidator {
     pub fn training_bytes(&self) -> usize {
         match self {
             Self::PathIntegral(path) => path.training_bytes(),
+            Self::ActionAnchor(anchor) => anchor.training_bytes(),
             Self::None | Self::Anchored(_) | Self::Published(_) | Self::Coreset(_) => self.stored_bytes(),
         }
     }
@@ -114,6 +124,7 @@ impl Consolidator {
         match self {
             Self::None => {}
             Self::Anchored(anchored) => anchored.add_gradient(actor, &mut gradient.actor),
+            Self::ActionAnchor(anchor) => anchor.add_gradient(actor, &mut gradient.actor),
             Self::Published(published) => published.add_gradient(actor, critic, gradient),
             Self::PathIntegral(path) => path.add_gradient(actor, &mut gradient.actor),
             Self::Coreset(coreset) => coreset.add_gradient(actor, &mut gradient.actor),
@@ -128,7 +139,7 @@ impl Consolidator {
         learning_rate: f32,
     ) {
         match self {
-            Self::None | Self::Coreset(_) => {}
+            Self::None | Self::ActionAnchor(_) | Self::Coreset(_) => {}
             Self::Anchored(anchored) => anchored.after_step(actor, learning_rate),
             Self::Published(published) => published.after_step(gradient, scale),
             Self::PathIntegral(path) => path.after_step(actor),
@@ -140,6 +151,7 @@ impl Consolidator {
         match self {
             Self::None => {}
             Self::Anchored(anchored) => anchored.consolidate(ended),
+            Self::ActionAnchor(anchor) => anchor.consolidate(ended),
             Self::Published(published) => published.consolidate(ended),
             Self::PathIntegral(path) => path.consolidate(ended),
             Self::Coreset(coreset) => coreset.consolidate(ended),

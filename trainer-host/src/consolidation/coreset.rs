@@ -84,7 +84,7 @@ pub(super) fn draw_states(ended: &Ended<'_>, count: usize) -> Vec<Vec<f32>> {
 
 /// Adds the gradient of `weight · Σ ½ ‖μ − μ_old‖² / σ²` over states that are an observation and a mean action each.
 pub(super) fn clone_behaviour(actor: &Actor, states: &[&[f32]], weight: f32, gradient: &mut [f32]) {
-    let (inputs, outputs) = (actor.mlp().inputs(), actor.action_len());
+    let inputs = actor.mlp().inputs();
     let mut workspace = Workspace::new(actor.mlp(), PANEL);
     let mut tile = vec![0.0; inputs * PANEL];
     let weight = weight / (REFERENCE_STD * REFERENCE_STD);
@@ -94,16 +94,27 @@ pub(super) fn clone_behaviour(actor: &Actor, states: &[&[f32]], weight: f32, gra
                 tile[row * PANEL + column] = *value;
             }
         }
-        actor.mlp().forward(actor.parameters(), &tile, &mut workspace);
-        let (means, deltas) = workspace.output_delta();
-        deltas.fill(0.0);
-        for (column, state) in group.iter().enumerate() {
-            for row in 0..outputs {
-                let place = row * PANEL + column;
-                deltas[place] = weight * (means[place] - state[inputs + row]);
-            }
-        }
-        let network = &mut gradient[..actor.mlp().parameter_count()];
-        actor.mlp().backward(actor.parameters(), &tile, &mut workspace, network);
+        let wanted = |place: usize| group.get(place % PANEL).map(|state| state[inputs + place / PANEL]);
+        imitate(actor, &tile, wanted, weight, gradient, &mut workspace);
     }
+}
+
+/// Adds the gradient of `weight · Σ ½ (μ − wanted)²` over a tile of states; where nothing is wanted, none.
+///
+/// `wanted` is by places of the tile of actions, `[actions][PANEL]`.
+pub(super) fn imitate(
+    actor: &Actor,
+    tile: &[f32],
+    wanted: impl Fn(usize) -> Option<f32>,
+    weight: f32,
+    gradient: &mut [f32],
+    workspace: &mut Workspace,
+) {
+    actor.mlp().forward(actor.parameters(), tile, workspace);
+    let (means, deltas) = workspace.output_delta();
+    for (place, (delta, mean)) in deltas.iter_mut().zip(means).enumerate() {
+        *delta = wanted(place).map_or(0.0, |wanted| weight * (mean - wanted));
+    }
+    let network = &mut gradient[..actor.mlp().parameter_count()];
+    actor.mlp().backward(actor.parameters(), tile, workspace, network);
 }

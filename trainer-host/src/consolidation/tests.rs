@@ -66,6 +66,7 @@ fn every_kind() -> Vec<ConsolidatorSettings> {
         anchored(Curvature::Fisher, GradientTerm::Balance),
         anchored(Curvature::Sensitivity, GradientTerm::Absent),
         anchored(Curvature::Kronecker, GradientTerm::Balance),
+        ConsolidatorSettings::ActionAnchor(ActionAnchorSettings { parts: 4, strength: 1.0 }),
         published(PublishedRule::Literal),
         published(PublishedRule::Absolute),
         published(PublishedRule::Head),
@@ -169,21 +170,52 @@ fn a_policy_that_has_moved_is_pulled_back_by_sound_methods_and_pushed_away_by_th
 }
 
 #[test]
-fn a_coreset_pulls_along_the_divergence_on_its_states() {
+fn states_pull_along_the_divergence_however_far_the_policy_is() {
     let ((actor, critic), rollout) = (networks(), rollout());
-    let mut memory = ConsolidatorSettings::Coreset(CoresetSettings { bytes: Some(1 << 20), strength: 1.0 })
-        .begin(&actor, &critic);
-    end(&mut memory, &actor, &critic, &rollout);
-    let other = moved(&actor, 0.2, 4);
-    let gradient = pull(&mut memory, &other, &critic);
-    // A set this large is nearly the whole rollout: descending the pull lowers the divergence from what was done.
-    let mut descended = other.clone();
-    for (parameter, gradient) in descended.parameters_mut().iter_mut().zip(&gradient) {
-        *parameter -= 1e-3 * gradient;
+    let coreset = ConsolidatorSettings::Coreset(CoresetSettings { bytes: Some(1 << 20), strength: 1.0 });
+    let anchor = ConsolidatorSettings::ActionAnchor(ActionAnchorSettings { parts: 4, strength: 1.0 });
+    // A set this large is nearly the whole rollout; draws from a model are states like it.
+    for (settings, tolerance) in [(coreset, 0.1), (anchor, 0.2)] {
+        let mut memory = settings.begin(&actor, &critic);
+        end(&mut memory, &actor, &critic, &rollout);
+        for distance in [0.02, 0.2, 1.0] {
+            let other = moved(&actor, distance, 4);
+            let gradient = pull(&mut memory, &other, &critic);
+            let mut descended = other.clone();
+            for (parameter, gradient) in descended.parameters_mut().iter_mut().zip(&gradient) {
+                *parameter -= 1e-3 * gradient;
+            }
+            let squared: f64 = gradient.iter().map(|value| f64::from(value * value)).sum();
+            let drop = divergence(&other, &actor, &rollout) - divergence(&descended, &actor, &rollout);
+            let share = drop / (1e-3 * squared);
+            assert!((share - 1.0).abs() < tolerance, "{settings:?} at {distance}: {share} of the predicted drop");
+        }
     }
-    let squared: f64 = gradient.iter().map(|value| f64::from(value * value)).sum();
-    let drop = divergence(&other, &actor, &rollout) - divergence(&descended, &actor, &rollout);
-    assert!((drop / (1e-3 * squared) - 1.0).abs() < 0.1, "{drop}, predicted {}", 1e-3 * squared);
+}
+
+#[test]
+fn an_anchor_in_the_actions_counts_every_task_and_goes_on_where_it_was() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    let mut memory = ConsolidatorSettings::ActionAnchor(ActionAnchorSettings { parts: 4, strength: 1.0 })
+        .begin(&actor, &critic);
+    let other = moved(&actor, 0.2, 4);
+    let mut sizes = [0.0_f32; 2];
+    for size in &mut sizes {
+        end(&mut memory, &actor, &critic, &rollout);
+        let pulls: Vec<Vec<f32>> = (0..70).map(|_| pull(&mut memory, &other, &critic)).collect();
+        assert_ne!(pulls[0], pulls[1], "other states");
+        assert_eq!(pulls[0], pulls[4], "the same four tiles again");
+        assert_ne!(pulls[0], pulls[64], "after sixteen times, others");
+        *size = pulls.iter().map(|pull| crate::network::dot(pull, pull).sqrt()).sum();
+    }
+    assert!((sizes[1] / sizes[0] - 2.0).abs() < 0.2, "{sizes:?}");
+    let bytes = postcard::to_allocvec(&memory).unwrap();
+    let mut read: Consolidator = postcard::from_bytes(&bytes).unwrap();
+    assert_eq!(read, memory);
+    for _ in 0..70 {
+        assert_eq!(pull(&mut read, &other, &critic), pull(&mut memory, &other, &critic));
+    }
+    assert_eq!(read.training_bytes(), memory.training_bytes());
 }
 
 #[test]

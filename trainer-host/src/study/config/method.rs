@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::consolidation::{
-    AnchoredSettings, ConsolidatorSettings, CoresetSettings, Coupling, Curvature, DistillationSettings,
-    GradientTerm, PathIntegralSettings, PublishedRule, PublishedSettings, Strength,
+    ActionAnchorSettings, AnchoredSettings, ConsolidatorSettings, CoresetSettings, Coupling, Curvature,
+    DistillationSettings, GradientTerm, PathIntegralSettings, PublishedRule, PublishedSettings, Strength,
 };
 use crate::experiment_config::TrainingConfig;
 use crate::ppo::Kept;
@@ -87,6 +87,8 @@ pub enum ConsolidatorConfig {
     None,
     /// One running anchor: corrected IL-SOAR, online EWC, MAS, L2.
     Anchor(AnchorConfig),
+    /// Corrected IL-SOAR with its second order in the actions, where it is exact, over a model of the states.
+    ActionAnchor(ActionAnchorConfig),
     /// IL-SOAR as the thesis and its code wrote it.
     Published(PublishedConfig),
     /// Synaptic intelligence.
@@ -120,6 +122,22 @@ pub struct AnchorConfig {
 
 fn one() -> f64 {
     1.0
+}
+
+/// One running anchor with its second order in the actions.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ActionAnchorConfig {
+    /// Normal distributions that stand for the states of earlier tasks.
+    #[serde(default = "parts")]
+    pub parts: u64,
+    /// Factor on the mean divergence over the states of each earlier task.
+    #[serde(default = "one")]
+    pub strength: f64,
+}
+
+fn parts() -> u64 {
+    32
 }
 
 /// What stands for the curvature of a task's objective.
@@ -362,6 +380,12 @@ impl ConsolidatorConfig {
         match self {
             Self::None => Ok(ConsolidatorSettings::None),
             Self::Anchor(config) => Ok(ConsolidatorSettings::Anchored(config.check(&field.at("anchor"))?)),
+            Self::ActionAnchor(config) => {
+                let field = field.at("action_anchor");
+                let parts = field.at("parts").whole(config.parts, 1..=256)? as usize;
+                let strength = field.at("strength").number(config.strength, &STRENGTH)?;
+                Ok(ConsolidatorSettings::ActionAnchor(ActionAnchorSettings { parts, strength }))
+            }
             Self::Published(config) => Ok(ConsolidatorSettings::Published(config.check(&field.at("published"))?)),
             Self::SynapticIntelligence { strength } => {
                 let field = field.at("synaptic_intelligence").at("strength");
