@@ -9,47 +9,8 @@ use std::time::{Duration, Instant};
 
 use crate::kestrel::{command, kestrel, refusal};
 
-/// Two tasks, four methods and two seeds, in a second or so.
-const STUDY: &str = "\
-version: 1
-name: tiny
-tasks:
-  - version: 1
-    name: low
-    scenario: &scenario
-      aviary:
-        goal_m: [0, 0, 1]
-      start:
-        position:
-          around_goal: {farthest_m: 0.5}
-        tilt_limit_deg: 10
-      rewards:
-        - proximity: {weight: 1, scale_m: 0.5}
-      terminations:
-        - collision
-      success:
-        settle: {radius_m: 0.05, within_secs: 4}
-  - version: 1
-    name: high
-    scenario: *scenario
-seeds: {count: 2}
-training:
-  environments: 256
-  steps_per_rollout: 32
-  minibatch: 1024
-  total_steps: 81920
-  epochs: 2
-evaluation: {episodes: 5, flights_per_stage: 3, flight_episodes: 4}
-methods:
-  - name: plain
-    learn: {sequential: {}}
-  - name: anchor
-    learn: {sequential: {consolidator: {anchor: {strength: {fixed: 1}}}}}
-  - name: joint
-    learn: {joint: {}}
-  - name: sharing
-    learn: {sharing: {every_updates: 2}}
-";
+/// Two tasks, four methods and two seeds.
+const STUDY: &str = include_str!("tiny-study.yaml");
 
 /// A place with the study file.
 fn place() -> tempfile::TempDir {

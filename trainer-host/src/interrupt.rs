@@ -35,6 +35,14 @@ impl Interrupt {
         Ok(interrupt)
     }
 
+    /// Ctrl-C, SIGTERM and SIGHUP are left to another process, which tells this one to end.
+    ///
+    /// # Errors
+    /// When the process already watches, or the system refuses.
+    pub fn leave_to_others() -> Result<(), InterruptError> {
+        ctrlc::set_handler(|| ()).map_err(|error| InterruptError(error.to_string()))
+    }
+
     /// Whether to stop after the current update.
     pub fn requested(&self) -> bool {
         self.requests.load(Ordering::Relaxed) > 0

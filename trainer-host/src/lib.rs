@@ -31,6 +31,7 @@ pub mod output;
 pub mod plan;
 pub mod ppo;
 pub mod progress;
+pub mod ranks;
 pub mod recording;
 pub mod results;
 pub mod rollout;

@@ -16,8 +16,9 @@
 //! with the critic for a baseline (Williams 1992). `configs/parts/a2c.yaml` and `reinforce.yaml` are these.
 //!
 //! Every sum has an order that the number of threads does not change: a minibatch is cut into a fixed number of shards,
-//! and their gradients are added in order.
+//! and their gradients are added in order. Several processes share panels and shards, to the same bits ([`crate::ranks`]).
 
+mod common;
 mod desk;
 mod loss;
 mod metrics;
@@ -25,10 +26,10 @@ mod settings;
 mod shard;
 mod state;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use kestrel_sim::PRIVILEGED_LEN;
-use kestrel_sim::outcome::Episode;
 use kestrel_sim::scenario::{CriticView, Scenario};
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use rayon::prelude::*;
@@ -38,6 +39,7 @@ pub use crate::actor_critic::{Actor, Critic};
 use crate::adam::Adam;
 use crate::advantage::{Moments, normalise};
 use crate::consolidation::{Consolidator, Ended};
+use crate::ranks::{self, Ranks};
 pub use crate::rollout::CriticScope;
 use crate::rollout::{Collection, PANEL, Panel, PanelRows, Rollout, panel_rows};
 use desk::Desks;
@@ -69,6 +71,7 @@ pub struct Trainer {
     shards: Vec<Shard>,
     desks: Desks,
     gradient: Gradient,
+    ranks: Arc<dyn Ranks>,
 }
 
 /// Whether something of an earlier task is kept.
@@ -138,6 +141,7 @@ impl Trainer {
             shards: vec![Shard::new(&actor, &critic); SHARDS],
             desks: Desks::default(),
             gradient: Gradient::new(&actor, &critic),
+            ranks: ranks::alone(),
             actor,
             critic,
         }
@@ -210,7 +214,9 @@ impl Trainer {
             discount: self.settings.discount,
             gae_lambda: self.settings.gae_lambda,
         };
-        self.panels.par_iter_mut().for_each(|panel| panel.collect(&collection));
+        let mine = ranks::part(&self.ranks, self.panels.len());
+        self.panels[mine].par_iter_mut().for_each(|panel| panel.collect(&collection));
+        self.share_rollouts();
     }
 
     /// Gives the advantages of each task mean zero and unit spread, so that no task drowns the others; returns the
@@ -282,10 +288,11 @@ impl Trainer {
 
     /// The gradient of a minibatch's loss: clipped surrogate, value error and entropy.
     fn differentiate(&mut self, minibatch: &[Sample]) -> LossSums {
-        let Self { settings, panels, shards, desks, actor, critic, gradient, .. } = self;
+        let mine = ranks::part(&self.ranks, SHARDS);
+        let Self { settings, panels, shards, desks, actor, critic, .. } = self;
         desks.provide(actor, critic);
         let sample_weight = 1.0 / (minibatch.len() * PANEL) as f32;
-        shards.par_iter_mut().enumerate().for_each(|(index, shard)| {
+        shards[mine.clone()].par_iter_mut().zip(mine).for_each(|(shard, index)| {
             let mut desk = desks.mine();
             shard.clear();
             let part = index * minibatch.len() / SHARDS..(index + 1) * minibatch.len() / SHARDS;
@@ -294,6 +301,8 @@ impl Trainer {
                 desk.add(shard, tile, (actor, critic), settings, sample_weight);
             }
         });
+        self.share_shards();
+        let Self { shards, actor, gradient, settings, .. } = self;
         gradient.clear();
         let mut sums = LossSums::default();
         for shard in shards {
@@ -382,8 +391,7 @@ impl Trainer {
         metrics.updates = self.updates;
         metrics.entropy = self.actor.gaussian().entropy();
         metrics.log_std = self.actor.log_std().iter().sum::<f32>() / self.actor.action_len() as f32;
-        let episodes: Vec<Episode> = self.panels.iter_mut().flat_map(Panel::take_episodes).collect();
-        metrics.describe(&episodes);
+        metrics.describe(&self.take_episodes());
     }
 }
 

@@ -343,6 +343,12 @@ impl Rollout {
         &self.values
     }
 
+    /// All that a learner reads of it.
+    pub(crate) fn columns_mut(&mut self) -> [&mut [f32]; 6] {
+        let Self { observations, actions, log_probs, values, advantages, returns, .. } = self;
+        [observations, actions, log_probs, values, advantages, returns].map(Vec::as_mut_slice)
+    }
+
     fn actions_of(&self, tile: usize) -> std::ops::Range<usize> {
         let length = self.action_len * PANEL;
         tile * length..(tile + 1) * length

@@ -158,7 +158,12 @@ impl RunDirectory {
 
     /// The resolved configuration.
     pub fn config(&self) -> PathBuf {
-        self.path.join("config.yaml")
+        Self::config_in(&self.path)
+    }
+
+    /// The resolved configuration of the run in a directory, whoever has that open.
+    pub fn config_in(directory: &Path) -> PathBuf {
+        directory.join("config.yaml")
     }
 
     /// One JSON object per update.

@@ -24,6 +24,7 @@ pub mod runner;
 pub mod sharing;
 
 use kestrel_sim::seed::Seed;
+use serde::{Deserialize, Serialize};
 
 use crate::experiment_config::Experiment;
 use crate::ppo::PpoSettings;
@@ -59,7 +60,7 @@ pub struct Study {
 }
 
 /// One method learning one order from one seed; indices into the study.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct JobId {
     /// Index of the seed.
     pub seed: usize,

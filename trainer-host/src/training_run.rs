@@ -1,5 +1,6 @@
 //! A training run: updates, measurements and checkpoints, until the budget is spent or the user stops it.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use kestrel_core::policy_file::PolicyError;
@@ -14,6 +15,7 @@ use crate::experiment_config::Experiment;
 use crate::interrupt::Interrupt;
 use crate::ppo::{RestoreError, Trainer, TrainerState, UpdateMetrics};
 use crate::progress::{Progress, ProgressReport};
+use crate::ranks::{self, Order, Ranks, UnequalShares};
 use crate::run_directory::metrics::MetricsLog;
 use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::tensorboard::EventFile;
@@ -113,6 +115,9 @@ pub enum TrainingError {
         /// In the checkpoint.
         expected: String,
     },
+    /// Too many processes.
+    #[error(transparent)]
+    Ranks(#[from] UnequalShares),
     /// The policy file cannot be written.
     #[error(transparent)]
     Policy(#[from] PolicyError),
@@ -165,6 +170,17 @@ impl TrainingRun {
         Ok(Self { experiment, directory, trainer, best, training_secs, metrics, events })
     }
 
+    /// From now on shares the work with all ranks, of which this is the first; the others [`follow`].
+    ///
+    /// # Errors
+    /// When the work cannot be dealt to so many.
+    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), TrainingError> {
+        let state = self.trainer.save();
+        self.trainer.work_with(ranks)?;
+        ranks::order(ranks, &Order::Begin(Box::new(state)));
+        Ok(())
+    }
+
     /// Trains until the budget is spent or `interrupt` asks to stop, and leaves a checkpoint either way.
     ///
     /// # Errors
@@ -190,6 +206,7 @@ impl TrainingRun {
     fn update(&mut self) -> Result<UpdateMetrics, TrainingError> {
         let start = Instant::now();
         let steps_before = self.trainer.steps();
+        ranks::order::<()>(self.trainer.ranks(), &Order::Update);
         let update = self.trainer.update();
         if self.selection_is_due() {
             self.select();
@@ -234,6 +251,7 @@ impl TrainingRun {
     }
 
     fn save(&self) -> Result<(), TrainingError> {
+        ranks::order::<()>(self.trainer.ranks(), &Order::Save);
         let checkpoint = Checkpoint {
             trainer: self.trainer.save(),
             best: self.best.clone(),
@@ -269,6 +287,25 @@ impl TrainingRun {
         match &self.best {
             Some(best) => (&best.actor, best.steps),
             None => (self.trainer.actor(), self.trainer.steps()),
+        }
+    }
+}
+
+/// Does what the first rank says, until that ends the run.
+///
+/// # Errors
+/// When the experiment is not that of the first rank.
+pub fn follow(experiment: &Experiment, ranks: &Arc<dyn Ranks>) -> Result<(), TrainingError> {
+    let mut trainer = None;
+    loop {
+        match (ranks::hear::<TrainerState>(ranks), &mut trainer) {
+            (Order::Begin(state), begun) => {
+                let tasks = std::slice::from_ref(&experiment.scenario);
+                begun.insert(Trainer::restore(tasks, &experiment.ppo, *state)?).work_with(ranks)?;
+            }
+            (Order::Update, Some(trainer)) => drop(trainer.update()),
+            (Order::Save, Some(trainer)) => drop(trainer.save()),
+            (Order::Update | Order::Save, None) | (Order::End, _) => return Ok(()),
         }
     }
 }

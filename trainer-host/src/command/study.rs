@@ -2,16 +2,18 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::thread::available_parallelism;
 
 use anyhow::Result;
 use kestrel_train::atomic_file::{FileError, write_atomically};
 use kestrel_train::interrupt::Interrupt;
 use kestrel_train::output::say;
+use kestrel_train::ranks::{self, Ranks};
 use kestrel_train::study::data::StudyData;
 use kestrel_train::study::data::StudyError;
 use kestrel_train::study::directory::StudyDirectory;
-use kestrel_train::study::{config, report, runner};
+use kestrel_train::study::{Study, config, report, runner};
 use kestrel_train::training_run::End;
 
 use super::Done;
@@ -76,14 +78,29 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 }
 
 fn run_study(arguments: &RunArguments) -> Result<Done> {
+    let membership = ranks::join()?;
+    let ranks = &membership.ranks;
     let study = config::load(&arguments.config, &arguments.set)?;
+    if ranks.rank() > 0 {
+        Interrupt::leave_to_others()?;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads(arguments.threads)).build()?;
+        pool.install(|| runner::follow(&study, ranks))?;
+        return Ok(Done::Finished);
+    }
+    let done = lead(arguments, &study, ranks);
+    ranks::end(ranks);
+    done
+}
+
+/// Runs a study as the first of the ranks, or as the only one.
+fn lead(arguments: &RunArguments, study: &Study, ranks: &Arc<dyn Ranks>) -> Result<Done> {
     let directory = arguments.directory.clone().unwrap_or_else(|| Path::new("studies").join(&study.name));
     let interrupt = Interrupt::watch("Stopping after the updates in progress; Ctrl-C again ends at once.")?;
-    let study_directory = StudyDirectory::open(&study, &directory)?;
+    let study_directory = StudyDirectory::open(study, &directory)?;
     let jobs = study.jobs();
     let left = jobs.iter().filter(|job| !study_directory.is_done(**job)).count();
     say(format_args!("{left} of {} jobs are left to run in {}", jobs.len(), directory.display()))?;
-    match runner::run(&[study_directory], threads(arguments.threads), &interrupt)? {
+    match runner::run(&[study_directory], threads(arguments.threads), &interrupt, ranks)? {
         End::Finished => report_on(&directory),
         End::Interrupted => {
             say("Saved. The same command goes on.")?;

@@ -1,14 +1,16 @@
 //! `kestrel train`.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use kestrel_train::experiment_config::{self, Experiment};
 use kestrel_train::interrupt::Interrupt;
 use kestrel_train::output::{say, warn};
+use kestrel_train::ranks::{self, Ranks};
 use kestrel_train::results;
 use kestrel_train::run_directory::RunDirectory;
-use kestrel_train::training_run::{End, TrainingRun};
+use kestrel_train::training_run::{self, End, TrainingRun};
 
 use super::{Done, table};
 
@@ -43,8 +45,23 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let threads = arguments.threads.map_or(0, usize::from);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")?;
+    let membership = ranks::join()?;
+    let ranks = &membership.ranks;
+    if ranks.rank() > 0 {
+        Interrupt::leave_to_others()?;
+        training_run::follow(&experiment(arguments)?, ranks)?;
+        return Ok(Done::Finished);
+    }
+    let done = lead(arguments, ranks);
+    ranks::end(ranks);
+    done
+}
+
+/// Trains as the first of the ranks, or as the only one.
+fn lead(arguments: &Arguments, ranks: &Arc<dyn Ranks>) -> Result<Done> {
     let interrupt = Interrupt::watch("Stopping after the step in progress; Ctrl-C again ends at once.")?;
     let mut run = open(arguments)?;
+    run.work_with(ranks)?;
     let path = run.directory().path().to_owned();
     let experiment = run.experiment();
     say(format_args!(
@@ -80,6 +97,14 @@ fn open(arguments: &Arguments) -> Result<TrainingRun> {
         RunDirectory::create_next("runs".as_ref(), &stem, &experiment.resolved_yaml)?
     };
     Ok(TrainingRun::begin(experiment, directory)?)
+}
+
+/// What is run.
+fn experiment(arguments: &Arguments) -> Result<Experiment> {
+    match &arguments.resume {
+        Some(path) => Ok(experiment_config::load_to_train(&RunDirectory::config_in(path), &[])?),
+        None => load(arguments),
+    }
 }
 
 fn load(arguments: &Arguments) -> Result<Experiment> {

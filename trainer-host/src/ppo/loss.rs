@@ -1,6 +1,7 @@
 //! The loss of PPO on a tile of samples, and its gradient with respect to what the networks put out.
 
 use pulp::{Simd, WithSimd};
+use serde::{Deserialize, Serialize};
 
 use crate::actor_critic::ValueScale;
 use crate::gaussian::Gaussian;
@@ -11,7 +12,7 @@ use crate::rollout::{PANEL, Tile};
 const LOG_RATIO_LIMIT: f32 = 20.0;
 
 /// Sums over samples of what is logged.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LossSums {
     pub(crate) samples: f64,
     pub(crate) policy_loss: f64,

@@ -8,7 +8,6 @@ use thiserror::Error;
 
 use super::{Actor, Critic, PpoSettings, SettingsError, Trainer};
 use crate::adam::Adam;
-use crate::rollout::Panel;
 
 /// Everything that a run needs to go on to the same bits, beside its scenarios and settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,7 +82,7 @@ impl TrainerState {
 }
 
 impl Trainer {
-    /// The run between two updates.
+    /// The run between two updates; all its ranks save at once.
     pub fn save(&self) -> TrainerState {
         TrainerState {
             seed: self.seed,
@@ -93,7 +92,7 @@ impl Trainer {
             critic_optimiser: self.critic_optimiser.clone(),
             learning_rate: self.learning_rate,
             updates: self.updates,
-            panels: self.panels.iter().map(Panel::save).collect(),
+            panels: self.simulations(),
         }
     }
 

@@ -1,3 +1,4 @@
+mod common;
 mod special_cases;
 mod teams;
 

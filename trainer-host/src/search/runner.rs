@@ -11,6 +11,7 @@ use super::log;
 use super::{Search, Trial, halving};
 use crate::atomic_file::{FileError, remove_unfinished, write_atomically};
 use crate::interrupt::Interrupt;
+use crate::ranks;
 use crate::run_directory::lock::RunLock;
 use crate::study::Study;
 use crate::study::data::{StudyData, StudyError};
@@ -142,7 +143,7 @@ impl<'a> SearchRun<'a> {
         if directories.iter().all(is_done) {
             return Ok(End::Finished);
         }
-        Ok(runner::run(&directories, threads, interrupt)?)
+        Ok(runner::run(&directories, threads, interrupt, &ranks::alone())?)
     }
 
     /// Where a trial is.

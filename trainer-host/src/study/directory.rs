@@ -20,6 +20,7 @@ use crate::atomic_file::{FileError, read, remove_unfinished, replace_atomically,
 use crate::checkpoint::{CheckpointError, Checkpoints};
 use crate::output::warn;
 use crate::ppo::RestoreError;
+use crate::ranks::UnequalShares;
 use crate::run_directory::RunDirectoryError;
 use crate::run_directory::lock::RunLock;
 use crate::sealed_file::SealError;
@@ -57,6 +58,9 @@ pub enum RunError {
     /// A manifest or rows.
     #[error(transparent)]
     Study(#[from] StudyError),
+    /// Too many processes.
+    #[error(transparent)]
+    Ranks(#[from] UnequalShares),
     /// A checkpoint cannot be written.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),

@@ -1,6 +1,7 @@
 //! One job: a method learns the tasks of an order, stage by stage, and flies all of them after each.
 
 use std::mem;
+use std::sync::Arc;
 
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed, philox};
@@ -14,6 +15,7 @@ use crate::actor_critic::Actor;
 use crate::consolidation::{Consolidator, ConsolidatorSettings, distil};
 use crate::evaluation::{Flyer, Starts, fly_episodes};
 use crate::ppo::{Heritage, Kept, PpoSettings, RestoreError, Trainer, TrainerState};
+use crate::ranks::{self, Ranks, UnequalShares};
 use crate::rollout::panel_rows;
 
 /// A job between two updates.
@@ -23,6 +25,7 @@ pub struct JobRun<'a> {
     id: JobId,
     learner: Learner,
     progress: JobProgress,
+    ranks: Arc<dyn Ranks>,
 }
 
 /// What a job has come to, beside its learner.
@@ -100,7 +103,7 @@ impl<'a> JobRun<'a> {
             rows: Vec::new(),
             curve: Vec::new(),
         };
-        let mut run = Self { study, id, learner, progress };
+        let mut run = Self { study, id, learner, progress, ranks: ranks::alone() };
         run.judge(0, &actor);
         run
     }
@@ -122,10 +125,19 @@ impl<'a> JobRun<'a> {
                 return Err(RestoreError::Scenario { scenario: study.name.clone() });
             }
         }
-        Ok(Self { study, id, learner: fresh, progress: state.progress })
+        Ok(Self { study, id, learner: fresh, progress: state.progress, ranks: ranks::alone() })
     }
 
-    /// What [`Self::restore`] goes on from.
+    /// From now on several processes share the work of this job; each of them has it.
+    ///
+    /// # Errors
+    /// When it cannot be dealt to so many equally.
+    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
+        self.ranks = Arc::clone(ranks);
+        self.learner.work_with(ranks)
+    }
+
+    /// What [`Self::restore`] goes on from; all its ranks save at once.
     pub fn save(&self) -> JobState {
         let learner = match &self.learner {
             Learner::One(trainer) => LearnerState::One(Box::new(trainer.save())),
@@ -267,6 +279,7 @@ impl<'a> JobRun<'a> {
 
     fn begin_stage(&mut self) {
         self.learner = learner(self.study, self.id, self.progress.stage);
+        self.learner.work_with(&self.ranks).expect("stages differ in their tasks, not in what is dealt");
         let Procedure::Sequential { inheritance, .. } = self.procedure() else { return };
         if let (Learner::One(trainer), Some(heritage), Kept::Inherited) =
             (&mut self.learner, &self.progress.heritage, inheritance.policy)
@@ -301,6 +314,13 @@ impl Learner {
         match self {
             Self::One(trainer) => trainer.actor().clone(),
             Self::Many(sharing) => sharing.actor(),
+        }
+    }
+
+    fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
+        match self {
+            Self::One(trainer) => trainer.work_with(ranks),
+            Self::Many(sharing) => sharing.work_with(ranks),
         }
     }
 

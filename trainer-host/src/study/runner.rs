@@ -2,16 +2,20 @@
 //!
 //! A worker is a thread with a pool of its own; each takes the next job when it is done with one. What a finished job
 //! leaves is written at once, whole or not at all; of an unfinished one there is a checkpoint. Nothing is kept of jobs
-//! that are done, so that memory does not grow with their number.
+//! that are done, so that memory does not grow with their number. With several ranks there is one worker, whose jobs all
+//! ranks do together.
 
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use super::JobId;
 use super::directory::{RunError, StudyDirectory, lock};
+use super::job::{JobRun, JobState};
+use super::{JobId, Study};
 use crate::interrupt::Interrupt;
+use crate::ppo::RestoreError;
 use crate::progress::Progress;
+use crate::ranks::{self, Order, Ranks, UnequalShares};
 use crate::training_run::End;
 
 /// Time between checkpoints of a job; a kill costs no more.
@@ -26,6 +30,7 @@ struct Shared<'a> {
     meter: Mutex<Meter>,
     failure: Mutex<Option<RunError>>,
     interrupt: &'a Interrupt,
+    ranks: &'a Arc<dyn Ranks>,
 }
 
 /// How far all jobs are together.
@@ -45,13 +50,18 @@ impl Meter {
     }
 }
 
-/// Runs what is left of all studies.
+/// Runs what is left of all studies, as the first of the ranks; with several, the others [`follow`] the only study.
 ///
 /// # Errors
 /// The first thing that went wrong; all finished jobs and all checkpoints are kept.
-pub fn run(directories: &[StudyDirectory<'_>], threads: usize, interrupt: &Interrupt) -> Result<End, RunError> {
-    let shared = shared(directories, interrupt);
-    let workers = threads.min(shared.pending.len()).max(1);
+pub fn run(
+    directories: &[StudyDirectory<'_>],
+    threads: usize,
+    interrupt: &Interrupt,
+    ranks: &Arc<dyn Ranks>,
+) -> Result<End, RunError> {
+    let shared = shared(directories, interrupt, ranks);
+    let workers = if ranks.size() > 1 { 1 } else { threads.min(shared.pending.len()).max(1) };
     std::thread::scope(|scope| -> Result<(), RunError> {
         for worker in 0..workers {
             // Where there are fewer jobs than cores, a job has several.
@@ -71,7 +81,11 @@ pub fn run(directories: &[StudyDirectory<'_>], threads: usize, interrupt: &Inter
     }
 }
 
-fn shared<'a>(directories: &'a [StudyDirectory<'a>], interrupt: &'a Interrupt) -> Shared<'a> {
+fn shared<'a>(
+    directories: &'a [StudyDirectory<'a>],
+    interrupt: &'a Interrupt,
+    ranks: &'a Arc<dyn Ranks>,
+) -> Shared<'a> {
     let (mut pending, mut steps, mut total, mut jobs) = (Vec::new(), 0, 0, 0);
     for (index, directory) in directories.iter().enumerate() {
         for id in directory.study().jobs() {
@@ -93,6 +107,7 @@ fn shared<'a>(directories: &'a [StudyDirectory<'a>], interrupt: &'a Interrupt) -
         meter: Mutex::new(meter),
         failure: Mutex::new(None),
         interrupt,
+        ranks,
     }
 }
 
@@ -113,13 +128,22 @@ fn work(shared: &Shared<'_>) {
 
 fn work_on(directory: &StudyDirectory<'_>, id: JobId, shared: &Shared<'_>) -> Result<(), RunError> {
     let mut run = directory.open_job(id)?;
+    if shared.ranks.size() > 1 {
+        ranks::order(shared.ranks, &Order::Begin(Box::new((id, run.save()))));
+        run.work_with(shared.ranks)?;
+    }
+    let save = |run: &JobRun<'_>| {
+        ranks::order::<()>(shared.ranks, &Order::Save);
+        directory.save_job(id, run)
+    };
     let mut saved_at = Instant::now();
     let mut known = run.steps();
     lock(&shared.meter).advance(known);
     while !run.is_finished() {
         if shared.must_stop() {
-            return directory.save_job(id, &run);
+            return save(&run);
         }
+        ranks::order::<()>(shared.ranks, &Order::Update);
         run.advance();
         if run.is_finished() {
             break;
@@ -127,7 +151,7 @@ fn work_on(directory: &StudyDirectory<'_>, id: JobId, shared: &Shared<'_>) -> Re
         lock(&shared.meter).advance(run.steps() - known);
         known = run.steps();
         if saved_at.elapsed() > CHECKPOINT_INTERVAL {
-            directory.save_job(id, &run)?;
+            save(&run)?;
             saved_at = Instant::now();
         }
     }
@@ -137,6 +161,36 @@ fn work_on(directory: &StudyDirectory<'_>, id: JobId, shared: &Shared<'_>) -> Re
     meter.jobs_done += 1;
     meter.advance(rest);
     Ok(())
+}
+
+/// Does what the first rank says, until that ends the run.
+///
+/// # Errors
+/// When the study is not that of the first rank, or cannot be dealt to so many ranks.
+pub fn follow(study: &Study, ranks: &Arc<dyn Ranks>) -> Result<(), FollowError> {
+    let mut job: Option<JobRun<'_>> = None;
+    loop {
+        match (ranks::hear::<(JobId, JobState)>(ranks), &mut job) {
+            (Order::Begin(begun), job) => {
+                let (id, state) = *begun;
+                job.insert(JobRun::restore(study, id, state)?).work_with(ranks)?;
+            }
+            (Order::Update, Some(job)) => job.advance(),
+            (Order::Save, Some(job)) => drop(job.save()),
+            (Order::Update | Order::Save, None) | (Order::End, _) => return Ok(()),
+        }
+    }
+}
+
+/// Why a rank cannot do what the first one does.
+#[derive(Debug, thiserror::Error)]
+pub enum FollowError {
+    /// It has another study.
+    #[error(transparent)]
+    Restore(#[from] RestoreError),
+    /// There are too many of them.
+    #[error(transparent)]
+    Ranks(#[from] UnequalShares),
 }
 
 #[cfg(test)]

@@ -3,12 +3,15 @@
 //! The thesis calls this MAPPO; it is federated averaging (McMahan et al. 2017) of PPO. Its script averaged the first
 //! row of every tensor only and took all else, the optimiser included, from the first task.
 
+use std::sync::Arc;
+
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
 use serde::{Deserialize, Serialize};
 
 use crate::actor_critic::Actor;
 use crate::ppo::{Kept, PpoSettings, RestoreError, Trainer, TrainerState, UpdateMetrics};
+use crate::ranks::{Ranks, UnequalShares};
 
 /// What an average is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +86,14 @@ impl PolicySharing {
             learner.inherit(&first);
         }
         Self { learners, every_updates, merge }
+    }
+
+    /// From now on several processes share the work of every learner; each of them has all.
+    ///
+    /// # Errors
+    /// When it cannot be dealt to so many equally.
+    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
+        self.learners.iter_mut().try_for_each(|learner| learner.work_with(ranks))
     }
 
     /// One update of every learner; then, when it is time, the average.

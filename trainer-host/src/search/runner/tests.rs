@@ -57,7 +57,7 @@ fn a_worse_trial_never_gets_more_seeds_than_a_better_one_of_its_batch() {
     let early = |trial: &Trial| {
         let (study, path) = (search.study(&trial.point, 1).unwrap(), place.path().join("early"));
         let directory = [StudyDirectory::open_trial(&study, &path.join(trial.number.to_string())).unwrap()];
-        runner::run(&directory, 2, &Interrupt::default()).unwrap();
+        runner::run(&directory, 2, &Interrupt::default(), &ranks::alone()).unwrap();
         search.objective.of(&study, &StudyData::load(directory[0].path()).unwrap())
     };
     let (climbed, stayed): (Vec<&Trial>, Vec<&Trial>) = trials[..4].iter().partition(|trial| trial.rungs == 2);

@@ -2,6 +2,7 @@ use std::fs;
 use std::path::Path;
 
 use super::*;
+use crate::ranks::threads::run_as;
 use crate::study::Study;
 use crate::study::config::tests::tiny;
 use crate::study::data::StudyData;
@@ -11,7 +12,7 @@ const METHODS: &str = "methods=[{name: plain, learn: {sequential: {}}}, {name: j
 /// Runs a study in a directory to its end.
 fn finish(study: &Study, path: &Path, threads: usize) {
     let directory = StudyDirectory::open(study, path).unwrap();
-    assert_eq!(run(&[directory], threads, &Interrupt::default()).unwrap(), End::Finished);
+    assert_eq!(run(&[directory], threads, &Interrupt::default(), &ranks::alone()).unwrap(), End::Finished);
 }
 
 /// Every file of rows and curves.
@@ -37,7 +38,7 @@ fn several_studies_are_run_together_to_what_each_is_alone() {
         .enumerate()
         .map(|(index, study)| StudyDirectory::open_trial(study, &place.path().join(index.to_string())).unwrap())
         .collect();
-    run(&together, 3, &Interrupt::default()).unwrap();
+    run(&together, 3, &Interrupt::default(), &ranks::alone()).unwrap();
     for (index, study) in studies.iter().enumerate() {
         let alone = place.path().join(format!("alone-{index}"));
         finish(study, &alone, 1);
@@ -52,9 +53,9 @@ fn a_run_that_was_asked_to_stop_does_nothing_and_goes_on_later() {
     let interrupt = Interrupt::default();
     interrupt.request();
     let directory = [StudyDirectory::open(&study, place.path()).unwrap()];
-    assert_eq!(run(&directory, 2, &interrupt).unwrap(), End::Interrupted);
+    assert_eq!(run(&directory, 2, &interrupt, &ranks::alone()).unwrap(), End::Interrupted);
     assert!(!place.path().join("rows").exists());
-    assert_eq!(run(&directory, 2, &Interrupt::default()).unwrap(), End::Finished);
+    assert_eq!(run(&directory, 2, &Interrupt::default(), &ranks::alone()).unwrap(), End::Finished);
     assert!(!place.path().join("unfinished").exists(), "checkpoints of finished jobs are gone");
     assert_eq!(StudyData::load(place.path()).unwrap().missing, []);
 }
@@ -72,5 +73,33 @@ fn more_seeds_add_rows_and_leave_those_that_are_there() {
     assert_eq!(after, found(&many));
     for file in ["study.json", "study.yaml"] {
         assert_eq!(fs::read(few.join(file)).unwrap(), fs::read(many.join(file)).unwrap(), "{file}");
+    }
+}
+
+#[test]
+fn any_number_of_ranks_leaves_the_same_study() {
+    let methods = "methods=[{name: plain, learn: {sequential: {consolidator: {anchor: {strength: {fixed: 1}}}}}}, \
+                   {name: joint, learn: {sharing: {every_updates: 1}}}]";
+    let study = tiny(&[methods, "training.environments=1024", "training.total_steps=65536"]);
+    let place = tempfile::tempdir().unwrap();
+    let path = |size: usize| place.path().join(size.to_string());
+    finish(&study, &path(1), 2);
+    for size in [2, 4] {
+        run_as(size, |ranks| {
+            if ranks.rank() > 0 {
+                return follow(&study, &ranks).unwrap();
+            }
+            // Stopped in the middle, then on to the end.
+            for interrupted in [true, false] {
+                let interrupt = Interrupt::default();
+                let directory = [StudyDirectory::open(&study, &path(size)).unwrap()];
+                if interrupted {
+                    interrupt.request();
+                }
+                run(&directory, 1, &interrupt, &ranks).unwrap();
+            }
+            ranks::end(&ranks);
+        });
+        assert_eq!(found(&path(size)), found(&path(1)), "{size} ranks");
     }
 }

@@ -1,0 +1,79 @@
+#!/usr/bin/env bash
+# One, two and four processes under MPI leave the same files: a training run, and a study with an anchor and policy sharing.
+#
+#   tests/mpi.sh
+#
+# Installs Open MPI and libclang where they are missing and this is root. Ends with "N passed, N failed".
+set -uo pipefail
+cd "$(dirname "$0")/.."
+
+if ! command -v mpirun mpicc >/dev/null || ! compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null; then
+  [ "$(id -u)" -eq 0 ] || {
+    echo "MPI is missing: install libopenmpi-dev, openmpi-bin and libclang-dev"
+    exit 1
+  }
+  apt-get update -q && apt-get install -q -y --no-install-recommends libopenmpi-dev openmpi-bin libclang-dev || exit 1
+fi
+cargo build -q -p kestrel-train || exit 1
+cp target/debug/kestrel target/kestrel-without-mpi
+cargo build -q -p kestrel-train --features mpi || exit 1
+cp target/debug/kestrel target/kestrel-with-mpi
+
+place=$(mktemp -d)
+trap 'rm -rf "$place"' EXIT
+passed=0
+failed=0
+
+# Tests run as root in containers and with more ranks than cores.
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+ranks() { # NUMBER PROGRAM ARGUMENTS...
+  local number=$1
+  shift
+  mpirun --oversubscribe --mca btl self,vader -n "$number" "$@"
+}
+
+check() { # NAME COMMAND...
+  local name=$1
+  shift
+  if "$@" >"$place/log" 2>&1; then
+    echo "ok: $name"
+    passed=$((passed + 1))
+  else
+    cat "$place/log"
+    echo "FAILED: $name"
+    failed=$((failed + 1))
+  fi
+}
+
+train() { # FOLDER LAUNCHER...: trains in $place/FOLDER
+  local folder=$1
+  shift
+  "$@" train configs/hover.yaml --run "$place/$folder" --threads 1 --set training.total_steps=131072 \
+    --set evaluation.episodes=16
+}
+
+study() { # FOLDER LAUNCHER...
+  local folder=$1
+  shift
+  "$@" study run tests/command_line/tiny-study.yaml --directory "$place/$folder" --threads 1 \
+    --set training.environments=1024 --set seeds.count=1
+}
+
+check "a run of one process" train run-0 target/kestrel-without-mpi
+check "a study of one process" study study-0 target/kestrel-without-mpi
+for number in 1 2 4; do
+  check "a run of $number ranks" train "run-$number" ranks "$number" target/kestrel-with-mpi
+  check "its policy is the same" cmp "$place/run-0/policy.kestrel" "$place/run-$number/policy.kestrel"
+  check "a study of $number ranks" study "study-$number" ranks "$number" target/kestrel-with-mpi
+  check "its rows are the same" diff -r "$place/study-0/rows" "$place/study-$number/rows"
+done
+says() { # WORDS COMMAND...: fails, and says this
+  local words=$1
+  shift
+  ! "$@" >"$place/said" 2>&1 && grep -q "$words" "$place/said"
+}
+check "three ranks are refused" says "3 ranks cannot share" train run-3 ranks 3 target/kestrel-with-mpi
+check "a program without MPI refuses" says "was built without MPI" train run-n ranks 2 target/kestrel-without-mpi
+
+echo "$passed passed, $failed failed"
+[ "$failed" -eq 0 ]
