@@ -6,6 +6,7 @@
 
 mod agent;
 mod block;
+pub mod camera;
 pub mod config;
 pub mod contact;
 pub mod flight;

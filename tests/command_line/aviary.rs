@@ -144,3 +144,23 @@ fn a_pillar_is_refused_where_it_makes_no_sense() {
     assert_eq!(fs::read_to_string(place.path().join("next.yaml")).unwrap(), "mine\n");
     assert!(!place.path().join("world.yaml").exists());
 }
+
+#[test]
+fn what_a_drone_sees_at_its_start_is_drawn() {
+    let place = tempfile::tempdir().unwrap();
+    let task = config("aviaries/harder-cross-16.yaml");
+    let task = task.to_str().unwrap();
+    let small = ["--columns", "60", "--rows", "40", "--output", "view.png"];
+    let drawn = kestrel(place.path(), &[&["render", task][..], &small].concat());
+    assert!(drawn.status.success(), "{}", String::from_utf8_lossy(&drawn.stderr));
+    let file = fs::read(place.path().join("view.png")).unwrap();
+    assert_eq!(file[16..24], [0, 0, 0, 196, 0, 0, 0, 40], "three pictures and the space between");
+    for (flag, value) in [("--columns", "0"), ("--rows", "5000"), ("--view-angle", "180"), ("--view-angle", "nan")]
+    {
+        let message = refusal(&kestrel(place.path(), &["render", task, "-o", "no.png", flag, value]));
+        assert!(message.contains(flag), "{message}");
+    }
+    let nowhere = refusal(&kestrel(place.path(), &["render", task, "-o", "none/view.png"]));
+    assert!(nowhere.contains("none/view.png"), "{nowhere}");
+    assert!(!place.path().join("no.png").exists());
+}

@@ -1,14 +1,18 @@
 //! `kestrel bench`: how fast each stage is on this machine, in one run, beside what limits it.
 
+use std::f64::consts::TAU;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::policy_file::PolicyFile;
+use kestrel_sim::camera::{Camera, Canvas, Image, Scene, View};
 use kestrel_sim::scenario::{Physics, Scenario};
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::simulation::Simulation;
 use kestrel_sim::swarm::{Swarm, advance_all};
+use kestrel_sim::world::Solid;
+use nalgebra::Vector3;
 
 use crate::actor_critic::Actor;
 use crate::consolidation::{
@@ -176,6 +180,61 @@ pub const AVIARIES: [Aviary; 4] = [
         limit: "2,016 pairs of drones in each of five substeps",
     },
 ];
+
+/// A world that cameras look at.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight {
+    /// File of a task in the folder of aviaries.
+    pub file: &'static str,
+    what: &'static str,
+    aim: f64,
+    limit: &'static str,
+}
+
+/// Images of 64×48 pixels with colour, depth and labels.
+pub const SIGHTS: [Sight; 3] = [
+    Sight {
+        file: "incremental-cross-6.yaml",
+        what: "pillars",
+        aim: 55e3,
+        limit: "planes and roots per pixel, then a look-up and a division for each",
+    },
+    Sight { file: "stream/stream-00.yaml", what: "random room", aim: 40e3, limit: "as above" },
+    Sight { file: "room-0.yaml", what: "room 0", aim: 20e3, limit: "as above" },
+];
+
+/// Views that are looked along in turn.
+const VIEWS: usize = 64;
+
+/// Images per second of one core, from all over a world and in all directions.
+pub fn sight(sight: &Sight, scenario: &Scenario, duration: Duration) -> Figure {
+    let world = &scenario.aviary.world;
+    let bounds = world.solids.iter().map(Solid::extent);
+    let (low, high) = bounds.reduce(|(a, b), (c, d)| (a.inf(&c), b.sup(&d))).unwrap_or_default();
+    let mut stream = Stream::new(Seed(0), 0, Purpose::Baseline);
+    let mut share = || f64::from(stream.between(0.1, 0.9));
+    let views: Vec<View> = (0..VIEWS)
+        .map(|_| {
+            let eye = Vector3::new(
+                low.x + share() * (high.x - low.x),
+                low.y + share() * (high.y - low.y),
+                0.2 + share(),
+            );
+            let (sine, cosine) = (TAU * share()).sin_cos();
+            View::towards(eye, eye + Vector3::new(cosine, sine, 0.1 * (share() - 0.5)), Vector3::z())
+        })
+        .collect();
+    let (scene, mut canvas, mut image) = (Scene::new(world), Canvas::default(), Image::default());
+    let per_second = best_rate(duration, || {
+        for view in &views {
+            scene.render_into(&Camera::PAPER, view, &mut canvas, &mut image);
+            black_box(&image);
+        }
+        VIEWS as u64
+    });
+    let what = format!("images, {}, {} bodies, 1 core", sight.what, world.solids.len());
+    Figure { what, per_second, aim: sight.aim, limit: sight.limit }
+}
 
 /// Least share of the speed of training that what keeps an earlier task should leave.
 const HELD_SHARE: f64 = 0.9;

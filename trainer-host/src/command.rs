@@ -7,6 +7,7 @@ mod completions;
 mod evaluate;
 mod export;
 mod fly;
+mod render;
 mod replay;
 mod run;
 mod schema;
@@ -42,6 +43,8 @@ pub(crate) enum Command {
     Fly(fly::Arguments),
     /// Compare the simulator with a recording of the reference system
     Verify(verify::Arguments),
+    /// Draw what a drone sees at its start: colour, depth, labels
+    Render(render::Arguments),
     /// Draw a recorded episode
     Replay(replay::Arguments),
     /// Run a study of many trainings, and report it
@@ -78,6 +81,7 @@ impl Command {
             Self::Export(arguments) => export::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Verify(arguments) => verify::run(&arguments),
+            Self::Render(arguments) => render::run(&arguments),
             Self::Replay(arguments) => replay::run(&arguments),
             Self::Study(arguments) => study::run(&arguments),
             Self::Search(arguments) => search::run(&arguments),

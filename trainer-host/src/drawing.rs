@@ -3,7 +3,7 @@
 mod png;
 mod svg;
 
-pub use png::PngError;
+pub use png::{PngError, png_of_pixels};
 
 /// Red, green, blue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -230,7 +230,7 @@ fn local_planes(shape: &Shape) -> Vec<(Vector3<f64>, f64, f64)> {
 }
 
 /// Outward unit normals of the faces of a hull.
-fn face_normals(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+pub(crate) fn face_normals(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let hull = convex_hull(points);
     let faces = hull.as_convex_polyhedron().map(ConvexPolyhedron::faces).unwrap_or_default();
     faces.iter().map(|face| Vector3::new(face.normal.x, face.normal.y, face.normal.z).cast().normalize()).collect()

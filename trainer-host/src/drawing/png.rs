@@ -31,6 +31,20 @@ impl Drawing {
     }
 }
 
+/// A PNG file of so many columns and rows of red, green and blue.
+///
+/// # Errors
+/// When there are none, or more than 16384 of either, or the encoder fails.
+pub fn png_of_pixels([columns, rows]: [usize; 2], colours: &[[u8; 3]]) -> Result<Vec<u8>, PngError> {
+    let fits = [columns, rows].iter().all(|size| (1..=SIZE_LIMIT as usize).contains(size));
+    let pixels = fits.then(|| Pixmap::new(columns as u32, rows as u32)).flatten();
+    let mut pixels = pixels.ok_or_else(|| PngError(format!("found a size of {columns} x {rows} pixels")))?;
+    for (pixel, [red, green, blue]) in pixels.pixels_mut().iter_mut().zip(colours) {
+        *pixel = tiny_skia::ColorU8::from_rgba(*red, *green, *blue, u8::MAX).premultiply();
+    }
+    pixels.encode_png().map_err(|error| PngError(error.to_string()))
+}
+
 fn draw(pixels: &mut Pixmap, mark: &Mark) {
     let mut path = PathBuilder::new();
     match mark {

@@ -1,0 +1,118 @@
+use kestrel_core::airframe::CF2X;
+use kestrel_core::attitude::Attitude;
+
+use super::*;
+use crate::contact::{Arena, ContactReport};
+use crate::seed::{Purpose, Seed, Stream};
+use crate::world::{Role, Shape, Solid, World};
+
+/// A world of solids of every shape, strewn about and turned at random.
+fn strewn(seed: u64, count: usize) -> World {
+    let mut stream = Stream::new(Seed(seed), 0, Purpose::Furnishing);
+    let solids = (0..count).map(|index| {
+        let mut between = |low: f32, high: f32| f64::from(stream.between(low, high));
+        let mut solid = Solid::block("thing", Vector3::repeat(-0.1), Vector3::repeat(0.1));
+        solid.shape = match index % 3 {
+            0 => Shape::Cuboid(Vector3::new(between(0.05, 0.4), between(0.05, 0.4), between(0.05, 0.4))),
+            1 => Shape::Cylinder { radius: between(0.05, 0.3), half_height: between(0.05, 0.5) },
+            _ => {
+                let corner = |_| Vector3::new(between(-0.4, 0.4), between(-0.4, 0.4), between(-0.4, 0.4));
+                Shape::Hull((0..12).map(corner).collect())
+            }
+        };
+        let axis = stream.direction().cast::<f64>();
+        let (sine, cosine) = f64::from(stream.between(0.0, 3.0)).sin_cos();
+        solid.pose.world_from_body = Attitude { w: cosine, x: sine * axis.x, y: sine * axis.y, z: sine * axis.z };
+        let mut between = |low: f32, high: f32| f64::from(stream.between(low, high));
+        solid.pose.position = Vector3::new(between(1.0, 4.0), between(-1.5, 1.5), between(0.3, 2.0));
+        solid.role = Role::Obstacle;
+        solid
+    });
+    World { solids: solids.collect(), ..World::empty() }
+}
+
+fn ahead() -> View {
+    View::towards(Vector3::new(-0.5, 0.1, 1.0), Vector3::new(2.0, 0.0, 0.9), Vector3::z())
+}
+
+/// Direction of a pixel's ray, one along the optical axis.
+fn ray(camera: &Camera, view: &View, column: usize, row: usize) -> Vector3<f64> {
+    let share = |place: usize, within: f64, size: usize| 2.0 * (place as f64 + within) / size as f64 - 1.0;
+    view.forward
+        + view.right * (camera.tangents[0] * share(column, camera.sample[0], camera.columns))
+        + view.down * (camera.tangents[1] * share(row, camera.sample[1], camera.rows))
+}
+
+#[test]
+fn every_pixel_is_where_a_ray_meets_the_world() {
+    let camera = Camera { columns: 53, rows: 31, far_m: 50.0, ..Camera::PAPER };
+    let (mut pixels, mut off) = (0, 0);
+    for seed in 0..8 {
+        let world = strewn(seed, 12);
+        let arena = Arena::new(&world, &CF2X, ContactReport::Touch);
+        let image = Scene::new(&world).render(&camera, &ahead());
+        for row in 0..camera.rows {
+            for column in 0..camera.columns {
+                let ray = ray(&camera, &ahead(), column, row);
+                let found = arena.raycast(ahead().eye, ray.normalize(), camera.far_m * ray.norm());
+                let expected = found.map_or(camera.far_m, |distance| distance / ray.norm()) as f32;
+                let depth = image.depths[row * camera.columns + column];
+                pixels += 1;
+                off += i32::from((depth - expected).abs() > 1e-3 * expected);
+                let label = image.labels[row * camera.columns + column];
+                assert_eq!(label == NOTHING, depth >= camera.far_m as f32);
+            }
+        }
+    }
+    // A ray along an edge may take either side.
+    assert!(off < pixels / 2000, "{off} of {pixels} pixels are elsewhere");
+}
+
+#[test]
+fn labels_name_the_nearest_thing() {
+    let near = Solid::block("near", Vector3::new(1.0, -0.2, 0.8), Vector3::new(1.2, 0.2, 1.2));
+    let far = Solid::block("far", Vector3::new(3.0, -2.0, 0.0), Vector3::new(3.1, 2.0, 1.6));
+    let world = World { solids: vec![far, near], ..World::empty() };
+    let image = Scene::new(&world)
+        .render(&Camera::PAPER, &View::towards(Vector3::z(), Vector3::new(1.0, 0.0, 1.0), Vector3::z()));
+    let at = |column: usize, row: usize| (image.labels[row * 64 + column], image.depths[row * 64 + column]);
+    assert_eq!(at(32, 24), (FIRST_SOLID + 1, 1.0));
+    assert_eq!(at(2, 24).0, FIRST_SOLID);
+    assert_eq!(at(32, 47).0, FLOOR);
+    assert_eq!(at(32, 0), (NOTHING, 1000.0));
+}
+
+#[test]
+fn what_holds_the_eye_or_is_behind_it_or_nearer_than_near_is_not_drawn() {
+    let around = Solid::block("around", Vector3::new(-1.0, -1.0, 0.0), Vector3::new(1.0, 1.0, 2.0));
+    let behind = Solid::block("behind", Vector3::new(-3.0, -1.0, 0.0), Vector3::new(-2.0, 1.0, 2.0));
+    let brushed = Solid::block("brushed", Vector3::new(0.02, -1.0, 0.0), Vector3::new(0.5, 1.0, 2.0));
+    for solid in [around, behind, brushed] {
+        let world = World { solids: vec![solid], floor: crate::world::Floor::Absent, ..World::empty() };
+        let view = View::towards(Vector3::new(0.0, 0.0, 1.0), Vector3::new(1.0, 0.0, 1.0), Vector3::z());
+        let image = Scene::new(&world).render(&Camera::PAPER, &view);
+        assert!(image.labels.iter().all(|label| *label == NOTHING), "{:?}", world.solids[0].name);
+    }
+}
+
+#[test]
+fn memory_is_used_again_for_images_of_any_size() {
+    let scene = Scene::new(&strewn(3, 9));
+    let (mut canvas, mut image) = Default::default();
+    for (columns, rows) in [(64, 48), (7, 3), (33, 50), (1, 1)] {
+        let camera = Camera { columns, rows, ..Camera::PAPER };
+        scene.render_into(&camera, &ahead(), &mut canvas, &mut image);
+        assert_eq!(image, scene.render(&camera, &ahead()));
+        assert_eq!(image.colours.len(), columns * rows);
+    }
+}
+
+#[test]
+fn a_tilted_drone_does_not_tilt_the_image_of_the_reference() {
+    let roll = Attitude { w: 0.25_f64.cos(), x: 0.25_f64.sin(), y: 0.0, z: 0.0 };
+    let pose = Pose { position: Vector3::new(1.0, 2.0, 3.0), world_from_body: roll };
+    let view = View::paper(&pose, 0.0397);
+    assert!((view.right - Vector3::new(0.0, -1.0, 0.0)).norm() < 1e-4);
+    assert!((view.down - Vector3::new(0.0, 0.0, -1.0)).norm() < 1e-4);
+    assert_eq!(view.eye, Vector3::new(1.0, 2.0, 3.0397));
+}
