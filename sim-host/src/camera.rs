@@ -25,7 +25,7 @@ pub const NOTHING: u16 = 0;
 /// Label of a pixel that shows the floor.
 pub const FLOOR: u16 = 1;
 
-/// Label of a pixel that shows the first solid of the world; those of the others follow.
+/// Label of a pixel that shows the first solid of the world; those of the others follow, then those of its movables.
 pub const FIRST_SOLID: u16 = 2;
 
 /// A pinhole camera.
@@ -65,7 +65,7 @@ pub struct Image {
     pub columns: usize,
     /// Along the optical axis \[m\]; the camera's greatest where nothing is.
     pub depths: Vec<f32>,
-    /// [`NOTHING`], [`FLOOR`], or [`FIRST_SOLID`] plus the index of a solid of the world.
+    /// [`NOTHING`], [`FLOOR`], or [`FIRST_SOLID`] plus the index of a solid of the world, movables behind.
     pub labels: Vec<u16>,
     /// Red, green, blue.
     pub colours: Vec<[u8; 3]>,

@@ -27,7 +27,7 @@ use nalgebra::Vector3;
 
 pub use arena::Arena;
 pub use manifold::ContactMemory;
-pub(crate) use scanner::face_normals;
+pub(crate) use outline::face_normals;
 pub use solver::ContactSolver;
 pub use way_map::WayMap;
 

@@ -152,7 +152,12 @@ fn studies_make_a_page_and_other_folders_are_refused() {
     assert!(message.contains("nowhere holds no study"), "{message}");
     assert!(!page.exists(), "nothing is half-written");
     assert!(results("study").status.success());
-    assert!(std::fs::read_to_string(page).unwrap().starts_with("# Results\n"));
+    assert!(std::fs::read_to_string(&page).unwrap().starts_with("# Results\n"));
+    assert!(!place.path().join("pictures").exists());
+    let drawn = ["study", "results", "study", "study", "-o", "RESULTS.md", "--pictures", "pictures/of-studies"];
+    assert!(kestrel(place.path(), &drawn).status.success());
+    assert!(place.path().join("pictures/of-studies/tiny-final.svg").is_file());
+    assert!(std::fs::read_to_string(page).unwrap().contains("](pictures/of-studies/tiny-final.svg)"));
 }
 
 #[test]

@@ -18,8 +18,8 @@
 //! Every sum has an order that the number of threads does not change: a minibatch is cut into a fixed number of shards,
 //! and their gradients are added in order. Several processes share panels and shards, to the same bits ([`crate::ranks`]).
 
-mod common;
 mod desk;
+mod distributed;
 mod loss;
 mod metrics;
 mod settings;

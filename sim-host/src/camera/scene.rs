@@ -78,6 +78,9 @@ struct Round {
 
 impl Scene {
     /// Prepares a world; its movables stand where they start.
+    ///
+    /// # Panics
+    /// When it has more bodies than there are labels, 65,533.
     pub fn new(world: &World) -> Self {
         let nothing = Look { label: NOTHING, colour: BACKGROUND, round: None };
         let floor = Look { label: FLOOR, colour: BACKGROUND, round: None };
@@ -88,6 +91,8 @@ impl Scene {
             surfaces: vec![nothing, floor],
             floor: FLOOR_COLOURS.map(|colour| shaded(colour, &up)),
         };
+        let bodies = world.solids.len() + world.movables.len();
+        assert!(bodies <= usize::from(u16::MAX - FIRST_SOLID), "{bodies} bodies have no labels");
         let movables = world.movables.iter().map(|movable| &movable.solid);
         for (label, solid) in (FIRST_SOLID..).zip(world.solids.iter().chain(movables)) {
             scene.add(solid, label);

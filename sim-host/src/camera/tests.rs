@@ -83,6 +83,30 @@ fn labels_name_the_nearest_thing() {
 }
 
 #[test]
+fn colours_are_those_of_the_reference_under_its_light() {
+    // A green pillar's side away from the light is (15, 106, 15) there. A red wall towards -x is (183, 73, 73) in the
+    // shadow that the reference finds everywhere (0.6 + 0.8 · 0.35 · 0.432); without it, 0.6 + 0.35 · 0.432.
+    let mut wall = Solid::block("wall", Vector3::new(3.0, 0.2, 0.0), Vector3::new(3.1, 2.0, 2.0));
+    wall.colour = [1.0, 0.4, 0.4];
+    let mut pillar = wall.clone();
+    pillar.shape = Shape::Cylinder { radius: 0.3, half_height: 1.0 };
+    pillar.pose.position = Vector3::new(-3.0, -1.0, 1.0);
+    pillar.colour = [0.1, 0.7, 0.1];
+    let scene = Scene::new(&World { solids: vec![wall, pillar], ..World::empty() });
+    let eye = Vector3::new(0.5, 0.5, 1.0);
+    let colour = |target: Vector3<f64>| {
+        let camera = Camera { columns: 1, rows: 1, sample: [0.5; 2], ..Camera::PAPER };
+        scene.render(&camera, &View::towards(eye, target, Vector3::z())).colours[0]
+    };
+    assert_eq!(colour(Vector3::new(3.0, 1.0, 1.0)), [191, 76, 76]);
+    assert_eq!(colour(Vector3::new(0.5, 0.4, 3.0)), [255, 255, 255], "the sky");
+    let [even, odd] = [Vector3::new(1.5, 1.5, 0.0), Vector3::new(1.5, 0.5, 0.0)].map(colour);
+    assert_eq!((even, odd), ([230, 230, 230], [156, 179, 215]));
+    let [red, green, blue] = colour(Vector3::new(-3.0, -1.0, 1.0));
+    assert!(red == blue && (15..=16).contains(&red) && (106..=112).contains(&green), "{red} {green} {blue}");
+}
+
+#[test]
 fn what_holds_the_eye_or_is_behind_it_or_nearer_than_near_is_not_drawn() {
     let around = Solid::block("around", Vector3::new(-1.0, -1.0, 0.0), Vector3::new(1.0, 1.0, 2.0));
     let behind = Solid::block("behind", Vector3::new(-3.0, -1.0, 0.0), Vector3::new(-2.0, 1.0, 2.0));

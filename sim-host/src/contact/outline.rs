@@ -7,6 +7,7 @@ use kestrel_core::attitude::Attitude;
 use nalgebra::{Matrix3, Vector3};
 use rapier3d::geometry::SharedShape;
 use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher as _};
+use rapier3d::parry::shape::ConvexPolyhedron;
 
 use super::frame::{compose, relative, to_pose, to_vector};
 use crate::world::{Pose, Shape};
@@ -180,6 +181,13 @@ fn prism(radius: f64, half_height: f64) -> Vec<Vector3<f64>> {
 pub(super) fn convex_hull(points: &[Vector3<f64>]) -> SharedShape {
     let points: Vec<_> = points.iter().map(to_vector).collect();
     SharedShape::convex_hull(&points).expect("a hull has four points that are not in one plane")
+}
+
+/// Outward unit normals of the faces of a hull.
+pub(crate) fn face_normals(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let hull = convex_hull(points);
+    let faces = hull.as_convex_polyhedron().map(ConvexPolyhedron::faces).unwrap_or_default();
+    faces.iter().map(|face| Vector3::new(face.normal.x, face.normal.y, face.normal.z).cast().normalize()).collect()
 }
 
 /// Distance between two shapes \[m\], zero where they overlap.

@@ -8,9 +8,8 @@
 use core::f64::consts::PI;
 
 use nalgebra::Vector3;
-use rapier3d::parry::shape::ConvexPolyhedron;
 
-use super::outline::convex_hull;
+use super::outline::face_normals;
 use crate::sensor::{BEAM_LIMIT, Scan};
 use crate::world::{Floor, Shape, Solid, World};
 
@@ -227,11 +226,4 @@ fn local_planes(shape: &Shape) -> Vec<(Vector3<f64>, f64, f64)> {
             planes
         }
     }
-}
-
-/// Outward unit normals of the faces of a hull.
-pub(crate) fn face_normals(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let hull = convex_hull(points);
-    let faces = hull.as_convex_polyhedron().map(ConvexPolyhedron::faces).unwrap_or_default();
-    faces.iter().map(|face| Vector3::new(face.normal.x, face.normal.y, face.normal.z).cast().normalize()).collect()
 }

@@ -40,6 +40,7 @@ pub struct ActionAnchor {
     /// Of the network's parameters, without those of the standard deviation.
     center: Vec<f32>,
     inputs: usize,
+    actions: usize,
     /// None before the first task.
     states: Option<StateModel>,
     tasks: u32,
@@ -73,6 +74,7 @@ impl ActionAnchor {
             settings: *settings,
             center: vec![0.0; actor.mlp().parameter_count()],
             inputs: actor.mlp().inputs(),
+            actions: actor.action_len(),
             states: None,
             tasks: 0,
             seed: Seed(0),
@@ -87,8 +89,13 @@ impl ActionAnchor {
     }
 
     pub(super) fn training_bytes(&self) -> usize {
-        let lessons = self.lessons.iter().map(|lesson| lesson.states.len() + lesson.actions.len());
-        self.stored_bytes() + 4 * lessons.sum::<usize>()
+        self.stored_bytes() + 4 * TILES as usize * PANEL * (self.inputs + self.actions)
+    }
+
+    /// Bytes of what is drawn at present.
+    #[cfg(test)]
+    pub(super) fn lesson_bytes(&self) -> usize {
+        self.lessons.iter().map(|lesson| 4 * (lesson.states.len() + lesson.actions.len())).sum()
     }
 
     /// Gradient of `strength · Σ E ½ ‖μ − μ_c‖² / σ²`, a sum over the earlier tasks; the expectation is over a tile of

@@ -1,4 +1,4 @@
-mod common;
+mod distributed;
 mod special_cases;
 mod teams;
 

@@ -4,7 +4,7 @@ use crate::study::config::tests::tiny;
 const JOB: JobId = JobId { seed: 0, order: 0, method: 0 };
 
 /// Every way to learn several tasks, each with something to remember.
-const PROCEDURES: [&str; 18] = [
+const PROCEDURES: [&str; 20] = [
     "sequential: {}",
     "sequential: {policy: reset}",
     "sequential: {log_std: inherited, learner: inherited}",
@@ -12,6 +12,8 @@ const PROCEDURES: [&str; 18] = [
     "sequential: {consolidator: {anchor: {strength: {budget_nats: 0.1}, coupling: proximal}}}",
     "sequential: {consolidator: {anchor: {strength: {fixed: 1}, gradient: measured, curvature: sensitivity}}}",
     "sequential: {consolidator: {anchor: {strength: {fixed: 1}, gradient: absent, curvature: identity, decay: 0.5}}}",
+    "sequential: {consolidator: {anchor: {strength: {fixed: 1}, curvature: kronecker}}}",
+    "sequential: {consolidator: {action_anchor: {parts: 4}}}",
     "sequential: {consolidator: {published: {rule: literal, gradient_weight: 1, curvature: 1}}}",
     "sequential: {consolidator: {published: {rule: absolute, gradient_weight: 1, curvature: 1}}}",
     "sequential: {consolidator: {published: {rule: head, gradient_weight: 1, curvature: 1}}}",
@@ -77,6 +79,28 @@ fn a_stage_that_ends_early_is_restored_too() {
     let study =
         learning("sequential: {}", &["evaluation.stop_at_success=0.000001", "evaluation.flights_per_stage=1"]);
     assert!(interrupted(&study) == uninterrupted(&study));
+}
+
+#[test]
+fn a_joint_stage_ends_when_the_worst_of_its_tasks_is_good_enough() {
+    let last = |more: &[String]| {
+        let more: Vec<&str> = more.iter().map(String::as_str).collect();
+        let stop = ["evaluation.stop_at_success=0.000001", "evaluation.flight_episodes=16"];
+        let result = uninterrupted(&learning("joint: {}", &[&stop[..], &more].concat()));
+        (result.curve.last().unwrap().steps, result.curve.last().unwrap().success_rate > 0.0)
+    };
+    // Every flight of such a task is a success.
+    let easy = |task: usize| {
+        let success = "visit: {region: {low_m: [-9, -9, -9], high_m: [9, 9, 9]}}";
+        [
+            format!("tasks.{task}.scenario.success={{{success}}}"),
+            format!("tasks.{task}.scenario.terminations=[distance: {{limit_m: 1000}}]"),
+        ]
+    };
+    let (low, high) = (easy(0), easy(1));
+    assert_eq!(last(&[low.clone(), high].concat()), (8192, true));
+    // The other task is never solved, and the mean of both is above the threshold.
+    assert_eq!(last(&low), (16384, true));
 }
 
 #[test]

@@ -15,7 +15,7 @@ Every number here is computed from the flights of the studies in `configs/studie
 
 ```sh
 kestrel study run configs/studies/NAME.yaml     # for each of them: rows of flights
-kestrel study results STUDY... --output FILE    # this page
+kestrel study results STUDY... --output FILE    # this page; --pictures FOLDER draws its pictures
 ```
 
 Intervals are 95 % bootstrap intervals over seeds. A claim is written in the study's file; it *holds* when its whole interval is
