@@ -123,7 +123,7 @@ impl<'a> PackedLayer<'a> {
 
 /// `outputs = bias + weights · inputs`.
 #[inline(never)]
-fn dense(weights: &[u8], bias: &[u8], inputs: &[f32], outputs: &mut [f32]) {
+pub(crate) fn dense(weights: &[u8], bias: &[u8], inputs: &[f32], outputs: &mut [f32]) {
     let wide = outputs.len() - outputs.len() % WIDE_ROW_BLOCK;
     let (wide_weights, narrow_weights) = weights.split_at_checked(4 * wide * inputs.len()).unwrap_or_default();
     let (wide_bias, narrow_bias) = bias.split_at_checked(4 * wide).unwrap_or_default();

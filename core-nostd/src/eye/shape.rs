@@ -1,0 +1,315 @@
+//! What an eye looks like: the image, its convolutions, the features, and what follows from them.
+
+use super::EyeError;
+
+/// Most convolutions of an eye.
+pub const CONVOLUTION_LIMIT: usize = 4;
+
+/// Most stages: the convolutions, then the dense layer.
+pub const STAGE_LIMIT: usize = CONVOLUTION_LIMIT + 1;
+
+/// Most rows or columns of an image.
+pub const SIDE_LIMIT: u16 = 1024;
+
+/// Most channels of an image and most filters of a convolution.
+pub const CHANNEL_LIMIT: u16 = 256;
+
+/// Most features.
+pub const FEATURE_LIMIT: u16 = 512;
+
+/// Most products of one sum: with them, 8-bit codes and 8-bit weights cannot leave 32 bits.
+pub const TERM_LIMIT: usize = 1 << 16;
+
+/// Largest side of a kernel and largest stride.
+pub const KERNEL_LIMIT: u16 = 255;
+
+/// Filters are stored in multiples of this.
+pub(super) const FILTER_BLOCK: usize = crate::mlp::ROW_BLOCK;
+
+/// Terms of a fixed-point sum are stored in multiples of this.
+pub(super) const TERM_GROUP: usize = 4;
+
+/// An image, or activations: interleaved, `[rows][columns][channels]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Volume {
+    /// From top to bottom.
+    pub rows: u16,
+    /// From left to right.
+    pub columns: u16,
+    /// Colours of a pixel, or filters that looked at it.
+    pub channels: u16,
+}
+
+/// A convolution without padding, followed by a rectifier.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Convolution {
+    /// Channels of its output, 1 to [`CHANNEL_LIMIT`].
+    pub filters: u16,
+    /// Rows and columns of a filter, 1 to [`KERNEL_LIMIT`].
+    pub kernel: u16,
+    /// Rows and columns between two places of a filter, 1 to [`KERNEL_LIMIT`].
+    pub stride: u16,
+}
+
+/// A layer with weights. The dense layer is a convolution whose kernel is all of its input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stage {
+    /// What it reads.
+    pub input: Volume,
+    /// Rows of a filter.
+    pub kernel_rows: u16,
+    /// Columns of a filter.
+    pub kernel_columns: u16,
+    /// Rows and columns between two places of a filter.
+    pub stride: u16,
+    /// What it writes; the channels are the filters.
+    pub output: Volume,
+}
+
+/// The shape of an eye.
+///
+/// Its parameters are one slice: for each stage the weights `[filters][kernel row][kernel column][channel]`, then the
+/// biases `[filters]`; the last stage is the dense layer, `[features][flattened]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EyeShape {
+    /// Zero beyond the last.
+    stages: [Stage; STAGE_LIMIT],
+    count: usize,
+}
+
+impl Volume {
+    /// Number of values.
+    #[expect(clippy::len_without_is_empty, reason = "no volume of an eye is empty")]
+    pub const fn len(&self) -> usize {
+        self.rows as usize * self.columns as usize * self.channels as usize
+    }
+}
+
+impl Stage {
+    /// Products in one sum: the length of a filter.
+    pub const fn terms(&self) -> usize {
+        self.kernel_rows as usize * self.kernel_columns as usize * self.input.channels as usize
+    }
+
+    /// Filters, which are the rows of the matrix of weights.
+    pub const fn filters(&self) -> usize {
+        self.output.channels as usize
+    }
+
+    /// Multiplications for one image, padding not counted.
+    pub const fn multiply_accumulates(&self) -> usize {
+        self.output.len() * self.terms()
+    }
+
+    /// Number of weights and biases.
+    pub const fn parameter_count(&self) -> usize {
+        self.filters() * (self.terms() + 1)
+    }
+
+    /// Bytes of the stage in a policy file, in `f32`.
+    pub const fn float_bytes(&self) -> usize {
+        crate::mlp::layer_bytes(self.terms(), self.filters())
+    }
+
+    /// Bytes of the stage in a policy file, in 8-bit weights: a bias and a multiplier per filter, then the weights.
+    pub const fn fixed_bytes(&self) -> usize {
+        let padded_terms = self.terms().next_multiple_of(TERM_GROUP);
+        self.filters().next_multiple_of(FILTER_BLOCK) * (size_of::<i32>() + size_of::<i32>() + padded_terms)
+    }
+
+    /// Values that the activations take while they are written: every pixel is written with all filters of a block,
+    /// and the next one over what is too much.
+    const fn buffer_len(&self) -> usize {
+        let before_last = self.output.len().saturating_sub(self.filters());
+        (before_last + self.filters().next_multiple_of(FILTER_BLOCK)).next_multiple_of(TERM_GROUP)
+    }
+
+    const fn of(input: Volume, convolution: Convolution) -> Self {
+        let Convolution { filters, kernel, stride } = convolution;
+        let output = Volume {
+            rows: (input.rows - kernel) / stride + 1,
+            columns: (input.columns - kernel) / stride + 1,
+            channels: filters,
+        };
+        Self { input, kernel_rows: kernel, kernel_columns: kernel, stride, output }
+    }
+
+    const fn dense(input: Volume, features: u16) -> Self {
+        let output = Volume { rows: 1, columns: 1, channels: features };
+        Self { input, kernel_rows: input.rows, kernel_columns: input.columns, stride: 1, output }
+    }
+}
+
+impl EyeShape {
+    /// An eye for `image`, with `convolutions` and then a dense layer of `features`.
+    ///
+    /// # Errors
+    /// The variant of [`EyeError`] that says what is too small, too large or does not fit.
+    pub const fn new(image: Volume, convolutions: &[Convolution], features: u16) -> Result<Self, EyeError> {
+        let Volume { rows, columns, channels } = image;
+        if rows == 0 || rows > SIDE_LIMIT || columns == 0 || columns > SIDE_LIMIT {
+            return Err(EyeError::ImageShape { rows, columns, channels });
+        }
+        if channels == 0 || channels > CHANNEL_LIMIT {
+            return Err(EyeError::ImageShape { rows, columns, channels });
+        }
+        if convolutions.is_empty() || convolutions.len() > CONVOLUTION_LIMIT {
+            return Err(EyeError::ConvolutionCount { found: convolutions.len() });
+        }
+        if features == 0 || features > FEATURE_LIMIT {
+            return Err(EyeError::FeatureCount { found: features });
+        }
+        let empty = Volume { rows: 0, columns: 0, channels: 0 };
+        let absent = Stage { input: empty, kernel_rows: 0, kernel_columns: 0, stride: 0, output: empty };
+        let mut shape = Self { stages: [absent; STAGE_LIMIT], count: convolutions.len() + 1 };
+        let mut input = image;
+        let mut index = 0;
+        while index < CONVOLUTION_LIMIT && index < convolutions.len() {
+            match checked(index, input, convolutions[index]) {
+                Ok(stage) => shape.stages[index] = stage,
+                Err(error) => return Err(error),
+            }
+            input = shape.stages[index].output;
+            index += 1;
+        }
+        if input.len() > TERM_LIMIT {
+            return Err(EyeError::Terms { stage: index, found: input.len() });
+        }
+        shape.stages[index] = Stage::dense(input, features);
+        Ok(shape)
+    }
+
+    /// The convolutions, then the dense layer.
+    pub fn stages(&self) -> &[Stage] {
+        self.stages.get(..self.count).unwrap_or_default()
+    }
+
+    /// What it looks at: bytes, of which 255 is one.
+    pub const fn image(&self) -> Volume {
+        self.stages[0].input
+    }
+
+    /// The convolutions, first to last.
+    pub fn convolutions(&self) -> impl Iterator<Item = Convolution> + '_ {
+        let stages = self.stages.iter().take(self.count.saturating_sub(1));
+        stages.map(|stage| Convolution {
+            filters: stage.output.channels,
+            kernel: stage.kernel_rows,
+            stride: stage.stride,
+        })
+    }
+
+    /// Number of features.
+    pub fn features(&self) -> usize {
+        self.stages().last().map_or(0, Stage::filters)
+    }
+
+    /// Number of weights and biases.
+    pub const fn parameter_count(&self) -> usize {
+        let mut count = 0;
+        let mut index = 0;
+        while index < STAGE_LIMIT {
+            count += self.stages[index].parameter_count();
+            index += 1;
+        }
+        count
+    }
+
+    /// Multiplications for one image, padding not counted.
+    pub const fn multiply_accumulates(&self) -> usize {
+        let mut count = 0;
+        let mut index = 0;
+        while index < STAGE_LIMIT {
+            count += self.stages[index].multiply_accumulates();
+            index += 1;
+        }
+        count
+    }
+
+    /// Bytes of the parameters in a policy file, in `f32`.
+    pub const fn float_bytes(&self) -> usize {
+        let mut bytes = 0;
+        let mut index = 0;
+        while index < STAGE_LIMIT {
+            bytes += self.stages[index].float_bytes();
+            index += 1;
+        }
+        bytes
+    }
+
+    /// Bytes of the parameters in a policy file, in 8-bit weights.
+    pub const fn fixed_bytes(&self) -> usize {
+        let mut bytes = 0;
+        let mut index = 0;
+        while index < STAGE_LIMIT {
+            bytes += self.stages[index].fixed_bytes();
+            index += 1;
+        }
+        bytes
+    }
+
+    /// Values of working memory, `f32` in float and `i16` in fixed point: what one filter looks at, then two buffers
+    /// that stages read and write in turn.
+    pub const fn scratch_len(&self) -> usize {
+        self.patch_len() + self.buffer_len(0) + self.buffer_len(1)
+    }
+
+    /// Values of the longest filter of a convolution, which are gathered so that they lie side by side.
+    pub(super) const fn patch_len(&self) -> usize {
+        let mut longest = 0;
+        let mut index = 0;
+        // The last stage is dense: its input lies side by side.
+        while index < STAGE_LIMIT && index + 1 < self.count {
+            longest = larger(longest, self.stages[index].terms().next_multiple_of(TERM_GROUP));
+            index += 1;
+        }
+        longest
+    }
+
+    /// Values of the buffer that stages number `first`, `first` + 2, … write.
+    pub(super) const fn buffer_len(&self, first: usize) -> usize {
+        let mut longest = 0;
+        let mut index = first;
+        while index < STAGE_LIMIT {
+            longest = larger(longest, self.stages[index].buffer_len());
+            index += 2;
+        }
+        longest
+    }
+
+    pub(super) fn check_lengths(&self, image: usize, scratch: usize, features: usize) -> Result<(), EyeError> {
+        if image != self.image().len() {
+            return Err(EyeError::ImageLength { found: image, expected: self.image().len() });
+        }
+        if scratch < self.scratch_len() {
+            return Err(EyeError::ScratchLength { found: scratch, expected: self.scratch_len() });
+        }
+        if features != self.features() {
+            return Err(EyeError::FeatureLength { found: features, expected: self.features() });
+        }
+        Ok(())
+    }
+}
+
+const fn checked(stage: usize, input: Volume, convolution: Convolution) -> Result<Stage, EyeError> {
+    let Convolution { filters, kernel, stride } = convolution;
+    if filters == 0 || filters > CHANNEL_LIMIT {
+        return Err(EyeError::FilterCount { stage, found: filters });
+    }
+    if stride == 0 || stride > KERNEL_LIMIT {
+        return Err(EyeError::Stride { stage, found: stride });
+    }
+    let side = if input.rows < input.columns { input.rows } else { input.columns };
+    if kernel == 0 || kernel > KERNEL_LIMIT || kernel > side {
+        return Err(EyeError::Kernel { stage, found: kernel, side });
+    }
+    let checked = Stage::of(input, convolution);
+    if checked.terms() > TERM_LIMIT {
+        return Err(EyeError::Terms { stage, found: checked.terms() });
+    }
+    Ok(checked)
+}
+
+const fn larger(a: usize, b: usize) -> usize {
+    if a > b { a } else { b }
+}
