@@ -179,20 +179,20 @@ impl<'a> Layer<'a> {
 #[inline(never)]
 fn dense(layer: &Layer<'_>, terms: &[[i16; TERM_GROUP]], output: &mut [i16]) {
     let limit = i32::from(layer.limit);
-    let mut weights = layer.weights.as_chunks::<TERM_GROUP>().0.as_chunks::<FILTER_BLOCK>().0.iter();
+    let mut weights = layer.weights.as_chunks::<TERM_GROUP>().0.as_chunks::<FILTER_BLOCK>().0;
     let biases = layer.bias.as_chunks::<4>().0.as_chunks::<FILTER_BLOCK>().0;
     let multipliers = layer.multipliers.as_chunks::<4>().0.as_chunks::<FILTER_BLOCK>().0;
     let outputs = output.as_chunks_mut::<FILTER_BLOCK>().0;
     for ((bias, multipliers), outputs) in biases.iter().zip(multipliers).zip(outputs) {
+        let (block, following) = weights.split_at_checked(terms.len()).unwrap_or_default();
+        weights = following;
         let mut sums = bias.map(i32::from_le_bytes);
-        // One iterator over all weights: zipped from the left, it would lose a group at the end of each row block.
-        for terms in terms {
-            let Some(group) = weights.next() else { break };
+        for (group, terms) in block.iter().zip(terms) {
             sums = with_products(sums, group, *terms);
         }
         for ((output, sum), multiplier) in outputs.iter_mut().zip(sums).zip(multipliers) {
             let product = i64::from(sum) * i64::from(i32::from_le_bytes(*multiplier));
-            *output = ((product >> REQUANTISATION_SHIFT) as i32).clamp(0, limit) as i16;
+            *output = ((product >> REQUANTISATION_SHIFT) as i32).max(0).min(limit) as i16;
         }
     }
 }
