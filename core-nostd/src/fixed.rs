@@ -97,18 +97,46 @@ impl FixedMlp<'_> {
     /// Values beyond the range of the input format saturate; a NaN is read as zero, and so are the values that are
     /// missing when the observation is too short. Never panics.
     pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
+        let Scratch { activations, sums } = scratch;
+        self.read_observation(observation, activations.get_mut(..self.inputs()).unwrap_or_default());
+        self.forward(activations, sums)
+    }
+
+    /// As [`Self::act`], with `features` in the format of the inputs behind the observation. `activations` is memory
+    /// for all of them, filled up to an even number, and at least [`WIDTH_LIMIT`] values.
+    pub(crate) fn act_on_features(
+        &self,
+        observation: &[f32],
+        features: &[i16],
+        activations: &mut [i16],
+        scratch: &mut Scratch,
+    ) -> [f32; ACTION_LIMIT] {
+        let observed = self.inputs().saturating_sub(features.len());
+        let (front, back) = activations.split_at_mut_checked(observed).unwrap_or_default();
+        self.read_observation(observation, front);
+        for (slot, feature) in back.iter_mut().zip(features) {
+            *slot = *feature;
+        }
+        self.forward(activations, &mut scratch.sums)
+    }
+
+    /// Values that the first layer reads.
+    pub(crate) fn inputs(&self) -> usize {
+        self.layers.first().map_or(0, |layer| layer.inputs)
+    }
+
+    /// The action on what lies in `activations`.
+    fn forward(&self, activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT]) -> [f32; ACTION_LIMIT] {
         let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LIMIT] };
-        self.read_observation(observation, &mut scratch.activations);
         for layer in hidden_layers {
-            layer.apply(scratch);
-            let sums = scratch.sums.iter().take(layer.padded_outputs);
-            for (activation, sum) in scratch.activations.iter_mut().zip(sums) {
+            layer.apply(activations, sums);
+            for (activation, sum) in activations.iter_mut().zip(sums.iter().take(layer.padded_outputs)) {
                 *activation = tanh::tanh(requantised(*sum, layer.multiplier));
             }
         }
-        output_layer.apply(scratch);
+        output_layer.apply(activations, sums);
         let mut action = [0.0; ACTION_LIMIT];
-        for (action, sum) in action.iter_mut().zip(scratch.sums.iter().take(self.outputs)) {
+        for (action, sum) in action.iter_mut().zip(sums.iter().take(self.outputs)) {
             *action = (*sum as f32 * self.output_scale).limited(-1.0, 1.0);
         }
         action
@@ -120,9 +148,7 @@ impl FixedMlp<'_> {
         observation.iter().filter(|value| (*value * self.input_scale).abs() >= limit).count()
     }
 
-    fn read_observation(&self, observation: &[f32], activations: &mut [i16; WIDTH_LIMIT]) {
-        let width = self.layers.first().map_or(0, |layer| layer.inputs);
-        let inputs = activations.get_mut(..width).unwrap_or_default();
+    fn read_observation(&self, observation: &[f32], inputs: &mut [i16]) {
         for (input, value) in inputs.iter_mut().zip(observation.iter().chain(core::iter::repeat(&0.0))) {
             *input = quantised(value * self.input_scale);
         }
@@ -142,10 +168,10 @@ fn requantised(sum: i32, multiplier: i32) -> i32 {
 }
 
 impl PackedLayer<'_> {
-    fn apply(&self, scratch: &mut Scratch) {
+    fn apply(&self, activations: &[i16], sums: &mut [i32; WIDTH_LIMIT]) {
         let groups = self.inputs.div_ceil(COLUMN_GROUP);
-        let inputs = scratch.activations.as_chunks::<COLUMN_GROUP>().0.get(..groups).unwrap_or_default();
-        let sums = scratch.sums.get_mut(..self.padded_outputs).unwrap_or_default();
+        let inputs = activations.as_chunks::<COLUMN_GROUP>().0.get(..groups).unwrap_or_default();
+        let sums = sums.get_mut(..self.padded_outputs).unwrap_or_default();
         dense(self.weights, self.bias, inputs, sums);
     }
 }

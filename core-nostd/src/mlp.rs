@@ -70,9 +70,34 @@ impl Mlp<'_> {
     /// A NaN is read as zero, and so are the values that are missing when the observation is too short; infinities
     /// are limited. Never panics, never returns NaN while the weights are finite.
     pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
-        let (mut inputs, mut outputs) = (&mut scratch.inputs, &mut scratch.outputs);
-        let width = self.layers.first().map_or(0, |layer| layer.inputs);
-        read_observation(observation, inputs.get_mut(..width).unwrap_or_default());
+        let Scratch { inputs, outputs } = scratch;
+        read_observation(observation, inputs.get_mut(..self.inputs()).unwrap_or_default());
+        self.forward(inputs, outputs)
+    }
+
+    /// As [`Self::act`], with `features` behind the observation. `inputs` is memory for all of them, and at least
+    /// [`WIDTH_LIMIT`] values.
+    pub(crate) fn act_on_features(
+        &self,
+        observation: &[f32],
+        features: &[f32],
+        inputs: &mut [f32],
+        scratch: &mut Scratch,
+    ) -> [f32; ACTION_LIMIT] {
+        let observed = self.inputs().saturating_sub(features.len());
+        let (front, back) = inputs.split_at_mut_checked(observed).unwrap_or_default();
+        read_observation(observation, front);
+        read_observation(features, back.get_mut(..features.len()).unwrap_or_default());
+        self.forward(inputs, &mut scratch.outputs)
+    }
+
+    /// Values that the first layer reads.
+    pub(crate) fn inputs(&self) -> usize {
+        self.layers.first().map_or(0, |layer| layer.inputs)
+    }
+
+    /// The action on what lies in `inputs`.
+    fn forward<'s>(&self, mut inputs: &'s mut [f32], mut outputs: &'s mut [f32]) -> [f32; ACTION_LIMIT] {
         let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LIMIT] };
         for layer in hidden_layers {
             layer.apply(inputs, outputs);
@@ -97,7 +122,7 @@ fn read_observation(observation: &[f32], inputs: &mut [f32]) {
 }
 
 impl<'a> PackedLayer<'a> {
-    fn apply(&self, inputs: &[f32; WIDTH_LIMIT], outputs: &mut [f32; WIDTH_LIMIT]) {
+    fn apply(&self, inputs: &[f32], outputs: &mut [f32]) {
         let inputs = inputs.get(..self.inputs).unwrap_or_default();
         let outputs = outputs.get_mut(..self.padded_outputs).unwrap_or_default();
         dense(self.weights, self.bias, inputs, outputs);

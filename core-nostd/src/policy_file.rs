@@ -6,11 +6,13 @@
 mod error;
 mod header;
 mod metadata;
+mod seeing;
 mod writer;
 
 pub use error::PolicyError;
-pub use header::{FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat};
+pub use header::{FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat, SEEING_FORMAT_VERSION};
 pub use metadata::{NAME_LIMIT, PolicyMetadata};
+pub use seeing::{EYE_HEADER_LEN, EyeDraft, EyeMemory, PolicyEye, SeeingDraft, SeeingPolicy};
 pub use writer::PolicyDraft;
 
 use crate::action::ACTION_LIMIT;
@@ -67,6 +69,13 @@ impl Arithmetic {
             Self::Fixed16 => "fixed16",
         }
     }
+
+    const fn self_test_tolerance(self) -> f32 {
+        match self {
+            Self::Float32 => FLOAT_SELF_TEST_TOLERANCE,
+            Self::Fixed16 => 0.0,
+        }
+    }
 }
 
 impl<'a> PolicyFile<'a> {
@@ -83,7 +92,7 @@ impl<'a> PolicyFile<'a> {
         let Sections { metadata, golden, parameters, .. } = header.sections();
         let section = |range| bytes.get(range).unwrap_or_default();
         let metadata = read_metadata(section(metadata), &header)?;
-        let network = Network::from_parameters(&header, section(parameters))?;
+        let network = Network::from_parameters(&header, 0, section(parameters))?;
         Ok(Self { metadata, network, golden: section(golden), header })
     }
 
@@ -104,7 +113,7 @@ impl<'a> PolicyFile<'a> {
 
     /// Inputs and outputs of each layer.
     pub fn shapes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        self.header.shapes()
+        self.header.shapes(0)
     }
 
     /// Multiplications per inference, padding not counted.
@@ -150,25 +159,32 @@ impl<'a> PolicyFile<'a> {
     /// # Errors
     /// [`PolicyError::SelfTest`] with the first deviation.
     pub fn self_test_with(&self, scratch: &mut Scratch) -> Result<(), PolicyError> {
-        let tolerance = match self.arithmetic() {
-            Arithmetic::Float32 => FLOAT_SELF_TEST_TOLERANCE,
-            Arithmetic::Fixed16 => 0.0,
-        };
+        let tolerance = self.arithmetic().self_test_tolerance();
         let (observation_len, action_len) = (self.header.observation_len(), self.header.action_len());
         let vector_bytes = 4 * (observation_len + action_len);
         for (vector, golden) in self.golden.chunks_exact(vector_bytes).enumerate() {
             let (observation, expected) = read_golden(golden, observation_len);
             let action = self.act(&observation, scratch);
-            for (output, (&found, expected)) in action.iter().zip(expected).take(action_len).enumerate() {
-                // Written so that a NaN among the golden values fails.
-                let close = (found - expected).abs() <= tolerance;
-                if !close {
-                    return Err(PolicyError::SelfTest { vector, output, found, expected });
-                }
-            }
+            compare(vector, action.get(..action_len).unwrap_or_default(), expected, tolerance)?;
         }
         Ok(())
     }
+}
+
+fn compare(
+    vector: usize,
+    action: &[f32],
+    expected: [f32; ACTION_LIMIT],
+    tolerance: f32,
+) -> Result<(), PolicyError> {
+    for (output, (&found, expected)) in action.iter().zip(expected).enumerate() {
+        // Written so that a NaN among the golden values fails.
+        let close = (found - expected).abs() <= tolerance;
+        if !close {
+            return Err(PolicyError::SelfTest { vector, output, found, expected });
+        }
+    }
+    Ok(())
 }
 
 /// The observation, followed by zeros, and the action of a golden vector, followed by NaN.
@@ -211,11 +227,16 @@ fn check_identifiers(metadata: &PolicyMetadata<'_>, header: &Header) -> Result<(
 }
 
 impl<'a> Network<'a> {
-    fn from_parameters(header: &Header, parameters: &'a [u8]) -> Result<Self, PolicyError> {
+    /// The network whose first layer reads `features` values behind the observation.
+    fn from_parameters(header: &Header, features: u16, parameters: &'a [u8]) -> Result<Self, PolicyError> {
+        let mut widths = header.widths.clone();
+        if let Some(inputs) = widths.first_mut() {
+            *inputs += features;
+        }
         match &header.parameters {
-            ParameterFormat::Float32 => Mlp::from_parameters(&header.widths, parameters).map(Self::Float32),
+            ParameterFormat::Float32 => Mlp::from_parameters(&widths, parameters).map(Self::Float32),
             ParameterFormat::Fixed16(format) => {
-                FixedMlp::from_parameters(&header.widths, *format, parameters).map(Self::Fixed16)
+                FixedMlp::from_parameters(&widths, *format, parameters).map(Self::Fixed16)
             }
         }
     }

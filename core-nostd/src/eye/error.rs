@@ -155,6 +155,14 @@ pub enum EyeError {
         /// Fraction bits asked for.
         found: u8,
     },
+    /// The features are not in the format of the network's inputs.
+    #[error("features are in units of {found}, expected {expected} as the network's inputs")]
+    FeatureStep {
+        /// Value of one unit of a feature.
+        found: f32,
+        /// Value of one unit of an input.
+        expected: f32,
+    },
     /// Images are given at no pace.
     #[error("the eye has 0 control periods per image, expected 1 or more")]
     Pace,

@@ -2,6 +2,9 @@
 
 use thiserror::Error;
 
+use super::Arithmetic;
+use crate::eye::EyeError;
+
 /// One variant per kind of damage or misuse; each names what was found and what was expected.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum PolicyError {
@@ -47,6 +50,39 @@ pub enum PolicyError {
         /// Newest version that is understood.
         newest: u16,
     },
+    /// The policy has an eye, where one without was expected.
+    #[error("the policy sees images, expected one that does not: read it as a `SeeingPolicy`")]
+    Seeing,
+    /// The policy has no eye, where one was expected.
+    #[error("the policy sees no images, expected one that does: read it as a `PolicyFile`")]
+    Blind,
+    /// The eye is not possible, or was given what it cannot take.
+    #[error(transparent)]
+    Eye(#[from] EyeError),
+    /// The memory for images is too small or for another arithmetic.
+    #[error(
+        "memory of {found} values for {found_arithmetic}, expected at least {expected} for {expected_arithmetic}",
+        found_arithmetic = found_arithmetic.name(),
+        expected_arithmetic = expected_arithmetic.name()
+    )]
+    EyeMemory {
+        /// Values given.
+        found: usize,
+        /// What they are for.
+        found_arithmetic: Arithmetic,
+        /// Values needed.
+        expected: usize,
+        /// Arithmetic of the policy.
+        expected_arithmetic: Arithmetic,
+    },
+    /// There is not one image for each golden observation.
+    #[error("policy has {found} bytes of golden images, expected {expected}")]
+    GoldenImages {
+        /// Bytes given.
+        found: usize,
+        /// Bytes of an image for each golden observation.
+        expected: usize,
+    },
     /// The contents were altered.
     #[error("policy file is damaged: its checksum is {found:08x}, expected {expected:08x}")]
     Checksum {
@@ -71,7 +107,7 @@ pub enum PolicyError {
     },
     /// The observation layout has no known identifier.
     #[error(
-        "policy file has observation layout {found}, expected 1 (pilot), 2 (paper), 3 (kinematic), 4 (measured) or 5 (pilot for another action)"
+        "policy file has observation layout {found}, expected 1 (pilot), 2 (paper), 3 (kinematic), 4 (measured), 5 (pilot for another action) or 6 (pilot measured)"
     )]
     ObservationLayout {
         /// Identifier in the file.
@@ -79,7 +115,7 @@ pub enum PolicyError {
     },
     /// The action space has no known identifier.
     #[error(
-        "policy file has action space {found}, expected 1 (rotor speeds), 2 (thrust and body rates) or 3 (published)"
+        "policy file has action space {found}, expected 1 (rotor speeds), 2 (thrust and body rates), 3 (published) or 4 (velocity)"
     )]
     ActionSpace {
         /// Identifier in the file.

@@ -14,8 +14,11 @@ use crate::mlp::{self, LAYER_LIMIT, WIDTH_LIMIT};
 /// The first bytes of every policy file. The first is no text, the line ends show transfers that "correct" them.
 pub const MAGIC: [u8; 8] = *b"\x89KPOL\r\n\x1a";
 
-/// The format version that is written, and the newest that is read.
+/// The format version of policies without an eye.
 pub const FORMAT_VERSION: u16 = 1;
+
+/// The format version of policies with an eye, and the newest that is read.
+pub const SEEING_FORMAT_VERSION: u16 = 2;
 
 /// Bytes of the header; the metadata follow.
 pub const HEADER_LEN: usize = 40;
@@ -23,7 +26,7 @@ pub const HEADER_LEN: usize = 40;
 /// Most golden vectors.
 pub const GOLDEN_LIMIT: usize = 64;
 
-const CHECKSUM_LEN: usize = 4;
+pub(super) const CHECKSUM_LEN: usize = 4;
 
 /// Number format of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,12 +92,25 @@ impl ParameterFormat {
 }
 
 impl Header {
-    /// Reads the header of a file whose length and checksum are right.
+    /// Reads the header of a policy without an eye.
     ///
     /// # Errors
     /// The variant of whatever is wrong.
     pub(crate) fn parse(bytes: &[u8]) -> Result<Self, PolicyError> {
-        check_envelope(bytes)?;
+        check_envelope(bytes, FORMAT_VERSION)?;
+        let header = Self::fields(bytes)?;
+        let expected = header.sections().checksum.end;
+        if bytes.len() != expected {
+            return Err(PolicyError::Length { found: bytes.len(), expected });
+        }
+        Ok(header)
+    }
+
+    /// Reads the header of a file whose envelope is right.
+    ///
+    /// # Errors
+    /// The variant of whatever is wrong.
+    pub(super) fn fields(bytes: &[u8]) -> Result<Self, PolicyError> {
         let header = Self {
             parameters: parse_parameter_format(bytes)?,
             observation_layout: u16_at(bytes, 16),
@@ -105,10 +121,6 @@ impl Header {
         };
         check_unused(bytes, header.widths.len() - 1, header.parameters)?;
         header.check()?;
-        let expected = header.sections().checksum.end;
-        if bytes.len() != expected {
-            return Err(PolicyError::Length { found: bytes.len(), expected });
-        }
         Ok(header)
     }
 
@@ -147,19 +159,23 @@ impl Header {
         usize::from(self.widths.last().copied().unwrap_or_default())
     }
 
-    /// Inputs and outputs of each layer.
-    pub(crate) fn shapes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    /// Inputs and outputs of each layer, the first of which reads `features` values behind the observation.
+    pub(crate) fn shapes(&self, features: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
         let outputs = self.widths.iter().skip(1);
-        self.widths.iter().zip(outputs).map(|(&inputs, &outputs)| (usize::from(inputs), usize::from(outputs)))
+        let inputs = self.widths.iter().zip(core::iter::once(features).chain(core::iter::repeat(0)));
+        inputs.zip(outputs).map(|((&inputs, more), &outputs)| (usize::from(inputs) + more, usize::from(outputs)))
+    }
+
+    /// Bytes of all layers, the first of which reads `features` values behind the observation.
+    pub(super) fn parameter_bytes(&self, features: usize) -> usize {
+        self.shapes(features).map(|(inputs, outputs)| self.parameters.layer_bytes(inputs, outputs)).sum()
     }
 
     pub(crate) fn sections(&self) -> Sections {
         let golden_len = 4 * self.golden_vectors * (self.observation_len() + self.action_len());
-        let parameters_len: usize =
-            self.shapes().map(|(inputs, outputs)| self.parameters.layer_bytes(inputs, outputs)).sum();
         let golden = HEADER_LEN + self.metadata_len.next_multiple_of(4);
         let parameters = golden + golden_len;
-        let checksum = parameters + parameters_len;
+        let checksum = parameters + self.parameter_bytes(0);
         Sections {
             metadata: HEADER_LEN..HEADER_LEN + self.metadata_len,
             golden: golden..parameters,
@@ -168,14 +184,14 @@ impl Header {
         }
     }
 
-    /// The bytes of the header.
-    pub(crate) fn encode(&self) -> [u8; HEADER_LEN] {
+    /// The bytes of the header of a file of `version` and `file_len` bytes.
+    pub(crate) fn encode(&self, version: u16, file_len: usize) -> [u8; HEADER_LEN] {
         let mut bytes = [0; HEADER_LEN];
         bytes[..8].copy_from_slice(&MAGIC);
-        bytes[8..10].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
+        bytes[8..10].copy_from_slice(&version.to_le_bytes());
         bytes[10] = self.parameters.identifier();
         bytes[11] = (self.widths.len().saturating_sub(1)) as u8;
-        bytes[12..16].copy_from_slice(&(self.sections().checksum.end as u32).to_le_bytes());
+        bytes[12..16].copy_from_slice(&(file_len as u32).to_le_bytes());
         bytes[16..18].copy_from_slice(&self.observation_layout.to_le_bytes());
         bytes[18..20].copy_from_slice(&self.action_space.to_le_bytes());
         bytes[20..22].copy_from_slice(&(self.metadata_len as u16).to_le_bytes());
@@ -189,7 +205,7 @@ impl Header {
 }
 
 /// Magic, version, length and checksum, in this order: the first thing wrong is what the user should hear of.
-fn check_envelope(bytes: &[u8]) -> Result<(), PolicyError> {
+pub(super) fn check_envelope(bytes: &[u8], version: u16) -> Result<(), PolicyError> {
     let truncated = PolicyError::Truncated { found: bytes.len(), expected: HEADER_LEN };
     let found = *bytes.first_chunk::<8>().ok_or(truncated)?;
     if found != MAGIC {
@@ -198,10 +214,12 @@ fn check_envelope(bytes: &[u8]) -> Result<(), PolicyError> {
     if bytes.len() < HEADER_LEN {
         return Err(truncated);
     }
-    let (found, newest) = (u16_at(bytes, 8), FORMAT_VERSION);
+    let (found, newest) = (u16_at(bytes, 8), SEEING_FORMAT_VERSION);
     match found {
         0 => return Err(PolicyError::Version { found, newest }),
-        FORMAT_VERSION => {}
+        _ if found == version => {}
+        FORMAT_VERSION => return Err(PolicyError::Blind),
+        SEEING_FORMAT_VERSION => return Err(PolicyError::Seeing),
         _ => return Err(PolicyError::NewerVersion { found, newest }),
     }
     check_length_and_checksum(bytes)
@@ -264,11 +282,11 @@ fn check_unused(bytes: &[u8], layers: usize, parameters: ParameterFormat) -> Res
 }
 
 /// Zero beyond the end, which the check of the length excludes.
-fn u8_at(bytes: &[u8], offset: usize) -> u8 {
+pub(super) fn u8_at(bytes: &[u8], offset: usize) -> u8 {
     bytes.get(offset).copied().unwrap_or_default()
 }
 
-fn u16_at(bytes: &[u8], offset: usize) -> u16 {
+pub(super) fn u16_at(bytes: &[u8], offset: usize) -> u16 {
     u16::from_le_bytes([u8_at(bytes, offset), u8_at(bytes, offset + 1)])
 }
 

@@ -2,7 +2,7 @@
 
 use super::header::{Header, Sections, collected};
 use super::metadata::{action_identifier, layout_identifier};
-use super::{HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, Scratch};
+use super::{FORMAT_VERSION, HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, Scratch};
 use crate::crc32::crc32;
 use crate::fixed::FixedFormat;
 use crate::mlp::{DenseLayer, LAYER_LIMIT};
@@ -26,7 +26,7 @@ impl PolicyDraft<'_> {
     /// # Errors
     /// The variant of whatever no policy file can hold.
     pub fn file_len(&self) -> Result<usize, PolicyError> {
-        Ok(self.header()?.sections().checksum.end)
+        Ok(self.header(0)?.sections().checksum.end)
     }
 
     /// Writes the file to the start of `bytes` and returns its length; the same draft gives the same bytes.
@@ -34,12 +34,12 @@ impl PolicyDraft<'_> {
     /// # Errors
     /// The variant of whatever no policy file can hold, or [`PolicyError::BufferTooSmall`].
     pub fn write(&self, bytes: &mut [u8]) -> Result<usize, PolicyError> {
-        let header = self.header()?;
+        let header = self.header(0)?;
         let sections = header.sections();
         let (found, expected) = (bytes.len(), sections.checksum.end);
         let file = bytes.get_mut(..expected).ok_or(PolicyError::BufferTooSmall { found, expected })?;
         file.fill(0);
-        copy(&header.encode(), section(file, 0..HEADER_LEN));
+        copy(&header.encode(FORMAT_VERSION, expected), section(file, 0..HEADER_LEN));
         self.write_metadata(section(file, sections.metadata.clone()))?;
         self.write_parameters(section(file, sections.parameters.clone()))?;
         self.write_golden(&header, &sections, file)?;
@@ -48,9 +48,10 @@ impl PolicyDraft<'_> {
         Ok(expected)
     }
 
-    fn header(&self) -> Result<Header, PolicyError> {
+    /// The header of a policy whose first layer reads `features` values behind the observation.
+    pub(super) fn header(&self, features: usize) -> Result<Header, PolicyError> {
         self.metadata.check()?;
-        self.check_shapes()?;
+        self.check_shapes(features)?;
         let expected = self.metadata.observation.len();
         let found = self.golden_observations.len();
         if found == 0 || !found.is_multiple_of(expected) {
@@ -72,20 +73,21 @@ impl PolicyDraft<'_> {
         core::iter::once(self.metadata.observation.len()).chain(self.layers.iter().map(|layer| layer.outputs))
     }
 
-    fn check_shapes(&self) -> Result<(), PolicyError> {
+    fn check_shapes(&self, features: usize) -> Result<(), PolicyError> {
         if !(1..=LAYER_LIMIT).contains(&self.layers.len()) {
             return Err(PolicyError::LayerCount { found: self.layers.len() });
         }
-        let (found, expected) =
-            (self.layers.first().map_or(0, |layer| layer.inputs), self.metadata.observation.len());
-        if found != expected {
-            return Err(PolicyError::ObservationLength { found, expected });
+        let expected_inputs = self.metadata.observation.len() + features;
+        let found = self.layers.first().map_or(0, |layer| layer.inputs);
+        if found != expected_inputs {
+            return Err(PolicyError::ObservationLength { found, expected: expected_inputs });
         }
         let (found, expected) = (self.layers.last().map_or(0, |layer| layer.outputs), self.metadata.action.len());
         if found != expected {
             return Err(PolicyError::ActionLength { found, expected });
         }
         for (index, (layer, inputs)) in self.layers.iter().zip(self.widths()).enumerate() {
+            let inputs = if index == 0 { expected_inputs } else { inputs };
             if !layer.is_complete() || layer.inputs != inputs {
                 return Err(layer_shape(index, layer, inputs));
             }
@@ -102,12 +104,12 @@ impl PolicyDraft<'_> {
         ParameterFormat::Fixed16(format)
     }
 
-    fn write_metadata(&self, bytes: &mut [u8]) -> Result<(), PolicyError> {
+    pub(super) fn write_metadata(&self, bytes: &mut [u8]) -> Result<(), PolicyError> {
         let found = bytes.len();
         postcard::to_slice(&self.metadata, bytes).map(|_| ()).map_err(|_| PolicyError::Metadata { found })
     }
 
-    fn write_parameters(&self, mut bytes: &mut [u8]) -> Result<(), PolicyError> {
+    pub(super) fn write_parameters(&self, mut bytes: &mut [u8]) -> Result<(), PolicyError> {
         for (index, layer) in self.layers.iter().enumerate() {
             bytes = match &self.parameters {
                 ParameterFormat::Float32 => copy_words(layer.packed().map(f32::to_le_bytes), bytes),
@@ -121,7 +123,7 @@ impl PolicyDraft<'_> {
     fn write_golden(&self, header: &Header, sections: &Sections, file: &mut [u8]) -> Result<(), PolicyError> {
         let (front, parameters) = file.split_at_mut_checked(sections.parameters.start).unwrap_or_default();
         let parameters = parameters.get(..sections.parameters.len()).unwrap_or_default();
-        let network = Network::from_parameters(header, parameters)?;
+        let network = Network::from_parameters(header, 0, parameters)?;
         let golden = section(front, sections.golden.clone());
         let observation_len = header.observation_len();
         let vectors = golden.chunks_exact_mut(4 * (observation_len + header.action_len()));
@@ -160,18 +162,18 @@ fn metadata_len(metadata: &PolicyMetadata<'_>) -> Result<usize, PolicyError> {
         .map_err(|_| PolicyError::Metadata { found: 0 })
 }
 
-fn section(bytes: &mut [u8], range: core::ops::Range<usize>) -> &mut [u8] {
+pub(super) fn section(bytes: &mut [u8], range: core::ops::Range<usize>) -> &mut [u8] {
     bytes.get_mut(range).unwrap_or_default()
 }
 
-fn copy(source: &[u8], destination: &mut [u8]) {
+pub(super) fn copy(source: &[u8], destination: &mut [u8]) {
     for (slot, byte) in destination.iter_mut().zip(source) {
         *slot = *byte;
     }
 }
 
 /// Copies `words` to the start of `bytes` and returns what follows them.
-fn copy_words<const N: usize>(words: impl Iterator<Item = [u8; N]>, bytes: &mut [u8]) -> &mut [u8] {
+pub(super) fn copy_words<const N: usize>(words: impl Iterator<Item = [u8; N]>, bytes: &mut [u8]) -> &mut [u8] {
     let mut rest = bytes;
     for word in words {
         match rest.split_first_chunk_mut::<N>() {
