@@ -6,5 +6,6 @@ mod damage;
 mod file;
 mod inference;
 mod pilot;
+mod seeing;
 mod spaces;
 mod support;
