@@ -1,6 +1,8 @@
 //! From a trained actor to policy files: once in float, once in fixed point, with a report of what rounding costs.
 
+pub mod cycles;
 mod report;
+pub mod seeing;
 
 use kestrel_core::fixed::FixedFormat;
 pub use kestrel_core::mlp::DenseLayer;
@@ -47,6 +49,14 @@ pub enum ExportError {
         /// What is there.
         found: f32,
     },
+    /// There is not one image for each calibration observation.
+    #[error("found {found} bytes of calibration images, expected {expected}: one for each observation")]
+    CalibrationImages {
+        /// Bytes given.
+        found: usize,
+        /// Bytes of an image for each observation.
+        expected: usize,
+    },
     /// The policy file cannot hold the actor.
     #[error(transparent)]
     Policy(#[from] PolicyError),
@@ -73,7 +83,7 @@ pub fn export(
     let observation_len = metadata.observation.len();
     check_calibration(calibration, observation_len)?;
     let format = FixedFormat::finest(layers, largest_magnitude(calibration))?;
-    let golden = golden_observations(calibration, observation_len);
+    let golden = golden_observations(calibration, observation_len, GOLDEN_VECTORS);
     let write = |parameters| {
         let draft = PolicyDraft { metadata: *metadata, parameters, layers, golden_observations: &golden };
         written(&draft)
@@ -102,9 +112,10 @@ fn largest_magnitude(values: &[f32]) -> f32 {
     values.iter().fold(0.0, |largest, value| value.abs().max(largest))
 }
 
-fn golden_observations(calibration: &[f32], observation_len: usize) -> Vec<f32> {
+/// At most `limit` of the observations, taken evenly.
+fn golden_observations(calibration: &[f32], observation_len: usize, limit: usize) -> Vec<f32> {
     let count = calibration.len() / observation_len;
-    let vectors = count.min(GOLDEN_VECTORS);
+    let vectors = count.min(limit);
     let observation = |index: usize| &calibration[index * observation_len..][..observation_len];
     (0..vectors).flat_map(|vector| observation(vector * count / vectors)).copied().collect()
 }
