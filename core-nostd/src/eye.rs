@@ -29,12 +29,13 @@ mod float;
 mod packing;
 mod patch;
 mod shape;
+mod stage;
 
 pub use error::EyeError;
 pub use fixed::FixedEye;
 pub use float::Eye;
 pub use packing::{EyeFormat, write_fixed, write_float};
 pub use shape::{
-    CHANNEL_LIMIT, CONVOLUTION_LIMIT, Convolution, EyeShape, FEATURE_LIMIT, KERNEL_LIMIT, SIDE_LIMIT, STAGE_LIMIT,
-    Stage, TERM_LIMIT, Volume,
+    CHANNEL_LIMIT, CONVOLUTION_LIMIT, EyeShape, FEATURE_LIMIT, KERNEL_LIMIT, SIDE_LIMIT, STAGE_LIMIT, TERM_LIMIT,
 };
+pub use stage::{Convolution, Stage, Volume};

@@ -7,6 +7,7 @@ mod completions;
 mod evaluate;
 mod export;
 mod fly;
+mod inspect;
 mod render;
 mod replay;
 mod run;
@@ -39,6 +40,8 @@ pub(crate) enum Command {
     Baseline(baseline::Arguments),
     /// Write a run's best policy as policy files
     Export(export::Arguments),
+    /// Say what a policy file is, and what it would cost a microcontroller
+    Inspect(inspect::Arguments),
     /// Fly a policy as a MAVLink vehicle in the simulator
     Fly(fly::Arguments),
     /// Compare the simulator with a recording of the reference system
@@ -79,6 +82,7 @@ impl Command {
             Self::Evaluate(arguments) => evaluate::run(&arguments),
             Self::Baseline(arguments) => baseline::run(&arguments),
             Self::Export(arguments) => export::run(&arguments),
+            Self::Inspect(arguments) => inspect::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Verify(arguments) => verify::run(&arguments),
             Self::Render(arguments) => render::run(&arguments),

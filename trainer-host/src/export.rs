@@ -186,7 +186,7 @@ impl Difference {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use kestrel_core::action::{ActionSpace, RotorSpeeds};
     use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
     use kestrel_core::policy_file::Arithmetic;
@@ -195,7 +195,7 @@ mod tests {
     use super::*;
     use crate::actor_critic::Actor;
 
-    const METADATA: PolicyMetadata<'static> = PolicyMetadata {
+    pub(crate) const METADATA: PolicyMetadata<'static> = PolicyMetadata {
         name: "hover",
         observation: ObservationLayout::Pilot(PilotLayout {
             position_scale_m: 0.5,

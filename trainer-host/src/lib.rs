@@ -25,6 +25,7 @@ pub mod free_route;
 pub mod gaussian;
 #[cfg(test)]
 pub(crate) mod golden;
+pub mod inspection;
 pub mod interrupt;
 pub mod network;
 pub mod obstruction;

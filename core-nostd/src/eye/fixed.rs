@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use super::patch::convolve;
-use super::shape::{FILTER_BLOCK, TERM_GROUP};
+use super::stage::{FILTER_BLOCK, TERM_GROUP};
 use super::{EyeError, EyeShape, STAGE_LIMIT, Stage};
 
 /// Least and greatest bits of an activation. With the least, no weights of a stage can overflow its sums.

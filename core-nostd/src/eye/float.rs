@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use super::patch::convolve;
-use super::shape::FILTER_BLOCK;
+use super::stage::FILTER_BLOCK;
 use super::{EyeError, EyeShape, STAGE_LIMIT, Stage};
 use crate::mlp;
 

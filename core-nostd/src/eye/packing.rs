@@ -1,7 +1,7 @@
 //! From trained parameters to the bytes of a policy file: choosing formats, rounding, laying out.
 
 use super::fixed::{CODE_BITS, REQUANTISATION_SHIFT, limit_of};
-use super::shape::{FILTER_BLOCK, TERM_GROUP};
+use super::stage::{FILTER_BLOCK, TERM_GROUP};
 use super::{EyeError, EyeShape, STAGE_LIMIT, Stage};
 use crate::fixed::INPUT_FRACTION_BITS_LIMIT;
 use crate::mlp::DenseLayer;

@@ -1,6 +1,6 @@
 //! Walking over an image: what each place of a filter sees, gathered side by side.
 
-use super::shape::{FILTER_BLOCK, Stage};
+use super::stage::{FILTER_BLOCK, Stage};
 
 /// Calls `dense` with what the filters see at each place, in `patch`, and with where their sums belong: as many as
 /// there are rows in the padded matrix. The sums of padding end up where the next place writes its own.

@@ -57,7 +57,7 @@ fn calibration(count: usize) -> (Vec<f32>, Vec<u8>) {
     (observations, images.collect())
 }
 
-fn exported(gain: f32, samples: usize) -> Result<SeeingExport, ExportError> {
+pub(crate) fn exported(gain: f32, samples: usize) -> Result<SeeingExport, ExportError> {
     let network = Mlp::new(PILOT_LEN + 64, &[64, 64], 4);
     let parameters = network.initialise(0.5, &mut Stream::new(Seed(3), 0, Purpose::Weights));
     let layers: Vec<DenseLayer<'_>> = network.layers(&parameters).into_iter().map(DenseLayer::from).collect();

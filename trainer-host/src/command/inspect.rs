@@ -1,0 +1,23 @@
+//! `kestrel inspect`.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use kestrel_train::inspection::Inspection;
+use kestrel_train::output::say;
+
+use super::Done;
+
+/// Arguments of `kestrel inspect`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// A policy file
+    policy: PathBuf,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    let path = &arguments.policy;
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    say(Inspection::of(&bytes).with_context(|| format!("cannot inspect {}", path.display()))?)?;
+    Ok(Done::Finished)
+}
