@@ -14,9 +14,9 @@ use crate::export::seeing::Memory;
 #[derive(Clone, Debug)]
 pub enum Inspection<'a> {
     /// A policy without an eye.
-    Blind(PolicyFile<'a>),
+    Blind(Box<PolicyFile<'a>>),
     /// A policy with an eye.
-    Seeing(SeeingPolicy<'a>),
+    Seeing(Box<SeeingPolicy<'a>>),
 }
 
 impl<'a> Inspection<'a> {
@@ -28,13 +28,13 @@ impl<'a> Inspection<'a> {
         match PolicyFile::parse(bytes) {
             Ok(policy) => {
                 policy.self_test()?;
-                Ok(Self::Blind(policy))
+                Ok(Self::Blind(Box::new(policy)))
             }
             Err(PolicyError::Seeing) => {
                 let policy = SeeingPolicy::parse(bytes)?;
                 let mut memory = Memory::new(policy.parameter_format(), policy.memory_len());
                 policy.self_test_with(&mut memory.borrowed(), &mut Scratch::new())?;
-                Ok(Self::Seeing(policy))
+                Ok(Self::Seeing(Box::new(policy)))
             }
             Err(error) => Err(error),
         }
