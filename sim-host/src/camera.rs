@@ -8,6 +8,8 @@
 //! end is divided and coloured. Cylinders are exact: a root per pixel.
 
 mod kernel;
+mod plot;
+mod render;
 mod scene;
 #[cfg(test)]
 mod tests;

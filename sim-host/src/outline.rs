@@ -7,8 +7,11 @@ use rapier3d::parry::transformation::try_convex_hull;
 
 use crate::world::{Pose, Shape, Solid};
 
-/// Sides of a drawn cylinder.
+/// Sides of a drawn cylinder, and of a sphere around its axis.
 const SIDES: usize = 24;
+
+/// Rings of a drawn sphere from pole to pole.
+const RINGS: usize = 12;
 
 /// Faces whose normals differ by less are one face, and the edge between faces that differ by less than the other is
 /// smooth: cosines of 1° and 20°.
@@ -30,6 +33,7 @@ impl Outline {
         let faces = match shape {
             Shape::Cuboid(half) => cuboid(half),
             Shape::Cylinder { radius, half_height } => prism(*radius, *half_height),
+            Shape::Sphere(radius) => ball(*radius),
             Shape::Hull(points) => hull(points),
         };
         let edges = sharp_edges(&faces);
@@ -96,6 +100,22 @@ fn prism(radius: f64, half_height: f64) -> Vec<Face> {
         ]
     };
     [top, bottom].into_iter().chain((0..SIDES).map(around)).collect()
+}
+
+/// Faces between circles of latitude, and a cap at each end.
+fn ball(radius: f64) -> Vec<Face> {
+    let point = |side: usize, ring: usize| {
+        let (sine, cosine) = libm::sincos((side % SIDES) as f64 * (std::f64::consts::TAU / SIDES as f64));
+        let (across, along) = libm::sincos(ring as f64 * (std::f64::consts::PI / RINGS as f64));
+        radius * Vector3::new(across * cosine, across * sine, along)
+    };
+    let top = (0..SIDES).map(|side| point(side, 1)).collect();
+    let bottom = (0..SIDES).rev().map(|side| point(side, RINGS - 1)).collect();
+    let face = |(ring, side): (usize, usize)| {
+        vec![point(side, ring + 1), point(side + 1, ring + 1), point(side + 1, ring), point(side, ring)]
+    };
+    let around = (1..RINGS - 1).flat_map(|ring| (0..SIDES).map(move |side| (ring, side)));
+    [top, bottom].into_iter().chain(around.map(face)).collect()
 }
 
 /// Faces of the convex hull; none for points that have none.

@@ -71,6 +71,8 @@ pub enum Shape {
         /// \[m\].
         half_height: f64,
     },
+    /// A ball of this radius \[m\].
+    Sphere(f64),
     /// The convex hull of these points \[m\], at least four, not in one plane.
     Hull(Vec<Vector3<f64>>),
 }
@@ -146,6 +148,7 @@ impl Shape {
         match self {
             Self::Cuboid(half) => half.norm(),
             Self::Cylinder { radius, half_height } => radius.hypot(*half_height),
+            Self::Sphere(radius) => *radius,
             Self::Hull(points) => points.iter().map(Vector3::norm).fold(0.0, f64::max),
         }
     }
@@ -165,6 +168,7 @@ impl Shape {
                 }));
                 (-reach, reach)
             }
+            Self::Sphere(radius) => (Vector3::repeat(-radius), Vector3::repeat(*radius)),
             Self::Hull(points) => {
                 let along = |pick: fn(f64, f64) -> f64| {
                     let of = |direction: Vector3<f64>| points.iter().map(|p| direction.dot(p)).reduce(pick);

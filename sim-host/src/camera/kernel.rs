@@ -1,12 +1,18 @@
-//! Bodies onto pixels, in lanes.
+//! Bodies onto pixels, tile by tile.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Simd;
 
 use super::Camera;
 use super::scene::Surface;
 
-/// Pixels that are drawn at once; rows are padded to a multiple of it.
-const LANES: usize = 16;
+/// Columns of a tile: what is worked on at once.
+pub(super) const COLUMNS: usize = 16;
+
+/// Rows of a tile.
+pub(super) const ROWS: usize = 8;
+
+const COLUMN: [f32; COLUMNS] =
+    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
 /// `base + column · per_column + row · per_row`.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +26,7 @@ pub(super) struct Affine {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Quadratic([f32; 6]);
 
-/// The side of a cylinder: inverse depths are `middle ± √spread`.
+/// The side of a cylinder, or a sphere: inverse depths are `middle ± √spread`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Side {
     pub(super) middle: Affine,
@@ -31,41 +37,62 @@ pub(super) struct Side {
 }
 
 /// How a body is drawn.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Plot {
-    /// Columns and rows, from the first to one past the last.
-    pub(super) area: [[usize; 2]; 2],
-    /// Planes that face the eye.
-    pub(super) entered: Vec<(Affine, Surface)>,
-    /// Planes that do not.
-    pub(super) left: Vec<Affine>,
-    pub(super) side: Option<Side>,
-    /// Greatest inverse depth that is seen \[1/m\].
+    /// Columns and rows of tiles, from the first to one past the last.
+    pub(super) tiles: [[usize; 2]; 2],
+    /// Greatest inverse depth that any of it has \[1/m\].
     pub(super) nearest: f32,
+    /// Its planes among the canvas's: those that face the eye, then those that do not, each from its first to one past
+    /// its last.
+    pub(super) entered: [usize; 2],
+    pub(super) left: [usize; 2],
+    pub(super) side: Option<Side>,
 }
 
-/// What is nearest so far in each pixel.
+/// A plane as an image sees it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plane {
+    pub(super) inverse: Affine,
+    pub(super) surface: Surface,
+}
+
+/// What of a body the eye sees, and through what.
+struct Outline<'a> {
+    /// Planes that face the eye.
+    entered: &'a [Plane],
+    /// Planes that do not.
+    left: &'a [Plane],
+    side: Option<&'a Side>,
+    /// Greatest inverse depth that is seen \[1/m\].
+    limit: f32,
+}
+
+/// What is nearest so far in a tile of pixels.
+#[derive(Clone, Debug)]
+pub(super) struct Tile {
+    /// \[1/m\].
+    pub(super) inverses: [[f32; COLUMNS]; ROWS],
+    pub(super) surfaces: [[Surface; COLUMNS]; ROWS],
+    /// The least of the inverse depths: what is nowhere nearer is hidden.
+    farthest: f32,
+}
+
+/// Memory in which images are drawn.
 #[derive(Clone, Debug, Default)]
 pub struct Canvas {
-    columns: usize,
-    /// Columns with those that pad a row.
-    stride: usize,
-    /// \[1/m\].
-    inverses: Vec<f32>,
-    surfaces: Vec<Surface>,
-    /// What is drawn next.
-    pub(super) plot: Plot,
+    /// Tiles of a row.
+    pub(super) across: usize,
+    /// Greatest inverse depth that is seen \[1/m\].
+    pub(super) limit: f32,
+    pub(super) tiles: Vec<Tile>,
+    pub(super) plots: Vec<Plot>,
+    pub(super) planes: Vec<Plane>,
 }
 
 impl Affine {
     pub(super) fn new(base: f64, per_column: f64, per_row: f64) -> Self {
         Self { base: base as f32, per_column: per_column as f32, per_row: per_row as f32 }
-    }
-
-    /// At the beginning of a row.
-    #[inline(always)]
-    fn in_row(&self, row: f32) -> f32 {
-        self.base + row * self.per_row
     }
 }
 
@@ -82,133 +109,171 @@ impl Quadratic {
     }
 }
 
-impl Plot {
-    /// Of a body without any surface, all over the image.
-    pub(super) fn begin(&mut self, camera: &Camera) {
-        self.area = [[0, camera.columns], [0, camera.rows]];
-        self.entered.clear();
-        self.left.clear();
-        self.side = None;
-        self.nearest = (1.0 / camera.near_m) as f32;
-    }
-}
-
 impl Canvas {
-    /// Nothing anywhere, as far as inverse depths of at least `farthest` \[1/m\].
-    pub(super) fn clear(&mut self, columns: usize, rows: usize, farthest: f32) {
-        (self.columns, self.stride) = (columns, columns.next_multiple_of(LANES));
-        self.inverses.clear();
-        self.inverses.resize(self.stride * rows, farthest);
-        self.surfaces.clear();
-        self.surfaces.resize(self.stride * rows, 0);
+    /// Nothing anywhere that a camera sees.
+    pub(super) fn clear(&mut self, camera: &Camera) {
+        let farthest = (1.0 / camera.far_m) as f32;
+        self.limit = (1.0 / camera.near_m) as f32;
+        self.across = camera.columns.div_ceil(COLUMNS);
+        let empty = Tile { inverses: [[farthest; COLUMNS]; ROWS], surfaces: [[0; COLUMNS]; ROWS], farthest };
+        self.tiles.clear();
+        self.tiles.resize(self.across * camera.rows.div_ceil(ROWS), empty);
+        self.plots.clear();
+        self.planes.clear();
     }
 
-    /// Inverse depths \[1/m\] and surfaces of a row.
-    pub(super) fn row(&self, row: usize) -> (&[f32], &[Surface]) {
-        let place = row * self.stride..row * self.stride + self.columns;
-        (&self.inverses[place.clone()], &self.surfaces[place])
-    }
-
-    /// Draws the plot where it is nearer than what is there, with the best instructions of the processor.
-    pub(super) fn draw(&mut self) {
-        let Self { stride, inverses, surfaces, plot, .. } = self;
-        Arch::new().dispatch(Draw { stride: *stride, inverses, surfaces, plot });
-    }
-}
-
-struct Draw<'a> {
-    stride: usize,
-    inverses: &'a mut [f32],
-    surfaces: &'a mut [Surface],
-    plot: &'a Plot,
-}
-
-impl WithSimd for Draw<'_> {
-    type Output = ();
-
+    /// Draws all plots, the nearest first, where they are nearer than what is there.
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
-        let [[first, end], [top, bottom]] = self.plot.area;
-        for row in top..bottom {
-            let line = row * self.stride;
-            for column in (first / LANES * LANES..end).step_by(LANES) {
-                let place = line + column..line + column + LANES;
-                let inverses: &mut [f32; LANES] =
-                    (&mut self.inverses[place.clone()]).try_into().expect("rows are padded");
-                let surfaces: &mut [Surface; LANES] =
-                    (&mut self.surfaces[place]).try_into().expect("rows are padded");
-                self.plot.draw(column as f32, row as f32, inverses, surfaces);
+    pub(super) fn draw<S: Simd>(&mut self, simd: S) {
+        let Self { across, limit, tiles, plots, planes } = self;
+        plots.sort_unstable_by(|one, other| other.nearest.total_cmp(&one.nearest));
+        for plot in &*plots {
+            let entered = &planes[plot.entered[0]..plot.entered[1]];
+            let left = &planes[plot.left[0]..plot.left[1]];
+            let outline = Outline { entered, left, side: plot.side.as_ref(), limit: *limit };
+            let [[first, end], [top, bottom]] = plot.tiles;
+            for row in top..bottom {
+                for column in first..end {
+                    let tile = &mut tiles[row * *across + column];
+                    if plot.nearest > tile.farthest {
+                        let place = [(column * COLUMNS) as f32, (row * ROWS) as f32];
+                        tile.draw(simd, place, &outline);
+                    }
+                }
             }
         }
     }
 }
 
-impl Plot {
-    /// Draws some pixels of a row.
+impl Tile {
+    /// Draws what is nearer, some columns at a time.
     #[inline(always)]
-    fn draw(&self, column: f32, row: f32, inverses: &mut [f32; LANES], surfaces: &mut [Surface; LANES]) {
-        let columns: [f32; LANES] = core::array::from_fn(|lane| column + lane as f32);
-        let mut enter = [f32::INFINITY; LANES];
-        let mut surface = [0; LANES];
-        for (inverse, own) in &self.entered {
-            let base = inverse.in_row(row);
-            for lane in 0..LANES {
-                let value = base + columns[lane] * inverse.per_column;
-                let last = value < enter[lane];
-                enter[lane] = if last { value } else { enter[lane] };
-                surface[lane] = if last { *own } else { surface[lane] };
+    fn draw<S: Simd>(&mut self, simd: S, [column, row]: [f32; 2], body: &Outline<'_>) {
+        let mut changed = false;
+        for part in 0..COLUMNS / S::F32_LANES {
+            let columns = simd.add_f32s(simd.splat_f32s(column), S::as_simd_f32s(&COLUMN).0[part]);
+            let strip = Strip { simd, columns, row };
+            let mut enter = [simd.splat_f32s(f32::INFINITY); ROWS];
+            let mut leave = [simd.splat_f32s(0.0); ROWS];
+            for plane in body.entered {
+                strip.visit(&plane.inverse, |line, value| enter[line] = simd.min_f32s(enter[line], value));
+            }
+            for plane in body.left {
+                strip.visit(&plane.inverse, |line, value| leave[line] = simd.max_f32s(leave[line], value));
+            }
+            if let Some(side) = body.side {
+                strip.clip(side, &mut enter, &mut leave);
+            }
+            if self.see::<S>(simd, part, body.limit, &mut enter, &leave) {
+                changed = true;
+                self.name::<S>(&strip, part, body, &enter);
             }
         }
-        let mut leave = [0.0_f32; LANES];
-        for inverse in &self.left {
-            let base = inverse.in_row(row);
-            for lane in 0..LANES {
-                let value = base + columns[lane] * inverse.per_column;
-                leave[lane] = if value > leave[lane] { value } else { leave[lane] };
-            }
+        if changed {
+            let all = S::as_simd_f32s(self.inverses.as_flattened()).0;
+            let least = all.iter().fold(all[0], |least, inverse| simd.min_f32s(least, *inverse));
+            self.farthest = simd.reduce_min_f32s(least);
         }
-        if let Some(side) = &self.side {
-            side.clip(row, &columns, &mut enter, &mut leave, &mut surface);
+    }
+
+    /// Keeps what is nearer; of `enter` it leaves that alone. Whether there is any.
+    #[inline(always)]
+    fn see<S: Simd>(
+        &mut self,
+        simd: S,
+        part: usize,
+        limit: f32,
+        enter: &mut [S::f32s; ROWS],
+        leave: &[S::f32s; ROWS],
+    ) -> bool {
+        let mut any = simd.less_than_f32s(simd.splat_f32s(0.0), simd.splat_f32s(0.0));
+        for line in 0..ROWS {
+            let old = &mut S::as_mut_simd_f32s(&mut self.inverses[line]).0[part];
+            let inside = simd.and_m32s(
+                simd.less_than_or_equal_f32s(leave[line], enter[line]),
+                simd.less_than_or_equal_f32s(enter[line], simd.splat_f32s(limit)),
+            );
+            let seen = simd.and_m32s(inside, simd.less_than_f32s(*old, enter[line]));
+            *old = simd.select_f32s(seen, enter[line], *old);
+            // No surface is there.
+            enter[line] = simd.select_f32s(seen, enter[line], simd.splat_f32s(f32::NEG_INFINITY));
+            any = simd.or_m32s(any, seen);
         }
-        for lane in 0..LANES {
-            let meets = (enter[lane] >= leave[lane]) & (enter[lane] <= self.nearest);
-            let seen = meets & (enter[lane] > inverses[lane]);
-            inverses[lane] = if seen { enter[lane] } else { inverses[lane] };
-            surfaces[lane] = if seen { surface[lane] } else { surfaces[lane] };
+        simd.first_true_m32s(any) < S::F32_LANES
+    }
+
+    /// Finds out which surface each is that is seen; where two planes are one, the first.
+    #[inline(always)]
+    fn name<S: Simd>(&mut self, strip: &Strip<S>, part: usize, body: &Outline<'_>, seen: &[S::f32s; ROWS]) {
+        let simd = strip.simd;
+        let surfaces = &mut self.surfaces;
+        let mut name = |line: usize, value: S::f32s, surface: Surface| {
+            let old = &mut S::as_mut_simd_u32s(&mut surfaces[line]).0[part];
+            *old = simd.select_u32s(simd.equal_f32s(value, seen[line]), simd.splat_u32s(surface), *old);
+        };
+        if let Some(side) = body.side.filter(|side| side.from_outside) {
+            strip.roots(side, |line, middle, root, _| name(line, simd.add_f32s(middle, root), side.surface));
+        }
+        for plane in body.entered.iter().rev() {
+            strip.visit(&plane.inverse, |line, value| name(line, value, plane.surface));
         }
     }
 }
 
-impl Side {
-    /// Leaves of each ray what is inside the endless cylinder.
+/// Some columns of a tile.
+struct Strip<S: Simd> {
+    simd: S,
+    columns: S::f32s,
+    /// The first.
+    row: f32,
+}
+
+impl<S: Simd> Strip<S> {
+    /// What a plane has in each row.
     #[inline(always)]
-    fn clip(
-        &self,
-        row: f32,
-        columns: &[f32; LANES],
-        enter: &mut [f32; LANES],
-        leave: &mut [f32; LANES],
-        surface: &mut [Surface; LANES],
-    ) {
-        let base = self.middle.in_row(row);
-        let [one, of_column, column_squared] = self.spread.in_row(row);
-        for lane in 0..LANES {
-            let column = columns[lane];
-            let middle = base + column * self.middle.per_column;
-            let spread = one + column * (of_column + column * column_squared);
-            let misses = spread < 0.0;
-            let root = if misses { 0.0 } else { spread }.sqrt();
-            if self.from_outside {
+    fn visit(&self, inverse: &Affine, mut visit: impl FnMut(usize, S::f32s)) {
+        let simd = self.simd;
+        let first = simd.splat_f32s(inverse.base + self.row * inverse.per_row);
+        let mut value = simd.add_f32s(first, simd.mul_f32s(self.columns, simd.splat_f32s(inverse.per_column)));
+        let down = simd.splat_f32s(inverse.per_row);
+        for line in 0..ROWS {
+            visit(line, value);
+            value = simd.add_f32s(value, down);
+        }
+    }
+
+    /// The middle, the root of the spread, and where that has none.
+    #[inline(always)]
+    fn roots(&self, side: &Side, mut visit: impl FnMut(usize, S::f32s, S::f32s, S::m32s)) {
+        let (simd, columns) = (self.simd, self.columns);
+        let zero = simd.splat_f32s(0.0);
+        for line in 0..ROWS {
+            let row = self.row + line as f32;
+            let base = simd.splat_f32s(side.middle.base + row * side.middle.per_row);
+            let [one, of_column, column_squared] = side.spread.in_row(row);
+            let along = simd.mul_f32s(columns, simd.splat_f32s(side.middle.per_column));
+            let inner =
+                simd.add_f32s(simd.splat_f32s(of_column), simd.mul_f32s(columns, simd.splat_f32s(column_squared)));
+            let spread = simd.add_f32s(simd.splat_f32s(one), simd.mul_f32s(columns, inner));
+            let misses = simd.less_than_f32s(spread, zero);
+            let root = simd.sqrt_f32s(simd.max_f32s(spread, zero));
+            visit(line, simd.add_f32s(base, along), root, misses);
+        }
+    }
+
+    /// Leaves of each ray what is inside the endless cylinder or the sphere.
+    #[inline(always)]
+    fn clip(&self, side: &Side, enter: &mut [S::f32s; ROWS], leave: &mut [S::f32s; ROWS]) {
+        let simd = self.simd;
+        self.roots(side, |line, middle, root, misses| {
+            let far = if side.from_outside {
+                enter[line] = simd.min_f32s(enter[line], simd.add_f32s(middle, root));
                 // A ray beside the cylinder leaves it before it enters.
-                let (near, far) = (middle + root, if misses { f32::INFINITY } else { middle - root });
-                let last = near < enter[lane];
-                enter[lane] = if last { near } else { enter[lane] };
-                surface[lane] = if last { self.surface } else { surface[lane] };
-                leave[lane] = if far > leave[lane] { far } else { leave[lane] };
+                simd.select_f32s(misses, simd.splat_f32s(f32::INFINITY), simd.sub_f32s(middle, root))
             } else {
-                let far = middle + root;
-                leave[lane] = if far > leave[lane] { far } else { leave[lane] };
-            }
-        }
+                simd.add_f32s(middle, root)
+            };
+            leave[line] = simd.max_f32s(leave[line], far);
+        });
     }
 }

@@ -33,6 +33,7 @@ pub(crate) fn holds(solid: &Solid, point: &Vector3<f64>) -> bool {
         Shape::Cylinder { radius, half_height } => {
             local.x.hypot(local.y) < *radius && local.z.abs() < *half_height
         }
+        Shape::Sphere(radius) => local.norm() < *radius,
         Shape::Hull(points) => convex(points).is_some_and(|hull| hull.contains_local_point(single(&local))),
     }
 }

@@ -42,6 +42,7 @@ enum Extremes {
         radius: f64,
         half_height: f64,
     },
+    Sphere(f64),
     Corners(Vec<Vector3<f64>>),
 }
 
@@ -67,6 +68,12 @@ impl Outline {
                 pose: upright(Vector3::zeros()),
                 extremes: Extremes::Cylinder { radius: *radius, half_height: *half_height },
                 radius: radius.hypot(*half_height),
+            },
+            Shape::Sphere(radius) => Self {
+                shape: SharedShape::ball(*radius as f32),
+                pose: Pose::at(Vector3::zeros()),
+                extremes: Extremes::Sphere(*radius),
+                radius: *radius,
             },
             Shape::Hull(points) => Self {
                 shape: convex_hull(points),
@@ -104,6 +111,7 @@ impl Outline {
                 let scale = if across > 0.0 { radius / across } else { 0.0 };
                 Vector3::new(direction.x * scale, half_height.copysign(direction.y), direction.z * scale)
             }
+            Extremes::Sphere(radius) => ball(direction, *radius),
             Extremes::Corners(corners) => {
                 let (mut farthest, mut most) = (corners[0], f64::NEG_INFINITY);
                 for corner in corners {
@@ -117,7 +125,7 @@ impl Outline {
         }
     }
 
-    /// The farthest point of the core that Bullet rounds by the margin: of a box or a cylinder what is inside by the
+    /// The farthest point of the core that Bullet rounds by the margin: of a box, a cylinder or a ball what is inside by the
     /// margin, of a hull all of it. The direction is in the frame of the shape.
     pub(super) fn farthest_of_core(&self, direction: &Vector3<f64>) -> Vector3<f64> {
         match &self.extremes {
@@ -130,6 +138,7 @@ impl Outline {
                 let scale = if across > 0.0 { (across - MARGIN) / across } else { 0.0 };
                 Vector3::new(surface.x * scale, surface.y - MARGIN.copysign(surface.y), surface.z * scale)
             }
+            Extremes::Sphere(radius) => ball(direction, radius - MARGIN),
             Extremes::Corners(_) => self.farthest(direction),
         }
     }
@@ -152,6 +161,11 @@ impl Outline {
     pub(super) fn placed(&self, body: &Pose) -> Pose {
         compose(body, &self.pose)
     }
+}
+
+/// The point of a ball that is farthest in a direction; its middle when there is none.
+fn ball(direction: &Vector3<f64>, radius: f64) -> Vector3<f64> {
+    direction.try_normalize(0.0).unwrap_or_default() * radius
 }
 
 /// An upright cylinder of parry's.

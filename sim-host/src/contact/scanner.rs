@@ -19,6 +19,12 @@ const CELL: f32 = 0.25;
 /// Slabs around a cylinder; the prism is wider than it by 0.9 % of the radius at most.
 const SIDES: usize = 12;
 
+/// Slabs around a ball; what they enclose is wider than it by 2 % of the radius at most.
+const BALL_SIDES: usize = 96;
+
+/// \[rad\].
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+
 /// Reciprocal for a beam along a slab: beyond the limit of any scan, and finite.
 const PARALLEL: f64 = 1e6;
 
@@ -212,6 +218,16 @@ fn local_planes(shape: &Shape) -> Vec<(Vector3<f64>, f64, f64)> {
                 (Vector3::new(cosine, sine, 0.0), -radius, *radius)
             };
             (0..SIDES).map(side).chain([(Vector3::z(), -half_height, *half_height)]).collect()
+        }
+        Shape::Sphere(radius) => {
+            // Directions that a golden spiral spreads evenly over half a ball.
+            let side = |number: usize| {
+                let along = 1.0 - (number as f64 + 0.5) / BALL_SIDES as f64;
+                let (sine, cosine) = libm::sincos(GOLDEN_ANGLE * number as f64);
+                let across = (1.0 - along * along).sqrt();
+                (Vector3::new(across * cosine, across * sine, along), -radius, *radius)
+            };
+            (0..BALL_SIDES).map(side).collect()
         }
         Shape::Hull(points) => {
             let mut planes: Vec<(Vector3<f64>, f64, f64)> = Vec::new();

@@ -56,6 +56,14 @@ fn corners(shape: &Shape) -> Vec<Vector3<f64>> {
                 ends.map(|end| Vector3::new(radius * cosine, radius * sine, end * half_height))
             })
             .collect(),
+        Shape::Sphere(radius) => (0..=CIRCLE_CORNERS / 2)
+            .flat_map(|ring| (0..CIRCLE_CORNERS).map(move |corner| (ring, corner)))
+            .map(|(ring, corner)| {
+                let (sine, cosine) = libm::sincos(TAU * corner as f64 / CIRCLE_CORNERS as f64);
+                let (across, along) = libm::sincos(TAU * ring as f64 / CIRCLE_CORNERS as f64);
+                *radius * Vector3::new(across * cosine, across * sine, along)
+            })
+            .collect(),
         Shape::Hull(points) => points.clone(),
     }
 }

@@ -88,6 +88,7 @@ impl Placement {
             Shape::Cylinder { radius, half_height } => {
                 Shape::Cylinder { radius: radius * scale, half_height: half_height * scale }
             }
+            Shape::Sphere(radius) => Shape::Sphere(radius * scale),
             Shape::Hull(points) => Shape::Hull(points.into_iter().map(|point| point * *scale).collect()),
         };
         let pose = Pose {

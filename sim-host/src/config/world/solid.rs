@@ -1,4 +1,4 @@
-//! One body: a box, a cylinder, a cone or a hull, and what its surface is like.
+//! One body: a box, a cylinder, a sphere, a cone or a hull, and what its surface is like.
 
 use std::f64::consts::TAU;
 
@@ -27,7 +27,8 @@ const PILLAR_HALF: Vector3<f64> = Vector3::new(0.5, 0.09, 0.09);
 
 const LENGTH: Limits = Limits::above(0.0, 1000.0, "m");
 
-/// One body that never moves. It has one outline: `low_m` and `high_m`, or `box`, `cylinder`, `cone` or `hull`.
+/// One body that never moves. It has one outline: `low_m` and `high_m`, or `box`, `cylinder`, `sphere`,
+/// `cone` or `hull`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolidConfig {
@@ -46,6 +47,9 @@ pub struct SolidConfig {
     /// A cylinder.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cylinder: Option<CylinderConfig>,
+    /// A sphere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sphere: Option<SphereConfig>,
     /// An upright cone, usually without its tip.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cone: Option<ConeConfig>,
@@ -92,6 +96,16 @@ pub struct CylinderConfig {
     /// Roll, pitch and yaw: turned about the world's x first, then y, then z.
     #[serde(default, skip_serializing_if = "level")]
     pub rpy_deg: [f64; 3],
+}
+
+/// A sphere.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SphereConfig {
+    /// Where its centre is: `[x, y, z]`.
+    pub center_m: [f64; 3],
+    /// Radius.
+    pub radius_m: f64,
 }
 
 /// An upright cone with 32 edges, their corners on the circle; without its tip where `top_radius_m` is given.
@@ -237,15 +251,17 @@ impl SolidConfig {
             corners,
             self.turned_box.is_some(),
             self.cylinder.is_some(),
+            self.sphere.is_some(),
             self.cone.is_some(),
             self.hull.is_some(),
         ];
         let count = forms.into_iter().filter(|written| *written).count();
-        let expected = "one of `low_m` with `high_m`, `box`, `cylinder`, `cone` or `hull`";
+        let expected = "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone` or `hull`";
         match self {
             _ if count > 1 => Err(field.reject(format!("{count} outlines"), expected)),
             Self { turned_box: Some(turned), .. } => turned.outline(&field.at("box")),
             Self { cylinder: Some(cylinder), .. } => cylinder.outline(&field.at("cylinder")),
+            Self { sphere: Some(sphere), .. } => sphere.outline(&field.at("sphere")),
             Self { cone: Some(cone), .. } => cone.outline(&field.at("cone")),
             Self { hull: Some(hull), .. } => hull.outline(&field.at("hull")),
             Self { low_m: Some(low_m), high_m: Some(high_m), .. } => {
@@ -275,6 +291,13 @@ impl CylinderConfig {
         let radius = exact(&field.at("radius_m"), self.radius_m, &LENGTH)?;
         let half_height = exact(&field.at("height_m"), self.height_m, &LENGTH)? / 2.0;
         Ok((Shape::Cylinder { radius, half_height }, pose(self.center_m, self.rpy_deg, field)?))
+    }
+}
+
+impl SphereConfig {
+    fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
+        let radius = exact(&field.at("radius_m"), self.radius_m, &LENGTH)?;
+        Ok((Shape::Sphere(radius), pose(self.center_m, [0.0; 3], field)?))
     }
 }
 
