@@ -6,6 +6,7 @@
 mod aligned;
 mod batch;
 mod dense;
+pub mod eye;
 mod kernel;
 
 use kestrel_sim::seed::Stream;
