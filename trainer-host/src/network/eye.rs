@@ -6,7 +6,9 @@
 
 mod convolution;
 mod layer;
+mod pass;
 mod pixels;
+mod transposition;
 mod weights;
 mod workspace;
 

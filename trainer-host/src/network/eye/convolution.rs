@@ -100,11 +100,12 @@ impl Layer {
     }
 
     /// As [`Self::add_products`] for the layer whose patch is all there is before it, straight into the gradient
-    /// `[filters][weights]`: such a layer has many weights, and few samples to add up.
+    /// `[filters][weights]`, because such a layer has many weights, and few samples to add up; from `deltas
+    /// [filters][samples]`, because then those of a filter lie side by side.
     pub(super) fn add_dense(&self, inputs: &[f32], deltas: &[f32], gradient: &mut [f32]) {
         let samples = inputs.len() / self.input.len();
         let inputs_of = self.weight_places();
-        let terms: Vec<usize> = (0..samples).map(|sample| sample * self.output.stored).collect();
+        let terms: Vec<usize> = (0..samples).collect();
         let mut right = Aligned::zeros(samples * STRIPE);
         let mut band = Aligned::zeros(BAND * STRIPE);
         for stripe in pieces(self.inputs(), STRIPE) {
@@ -115,7 +116,7 @@ impl Layer {
                 let places: Vec<Place> = filters
                     .clone()
                     .enumerate()
-                    .map(|(row, filter)| Place { left: filter, result: row * width })
+                    .map(|(row, filter)| Place { left: filter * samples, result: row * width })
                     .collect();
                 let result = &mut band[..places.len() * width];
                 dispatch(PatchProduct {

@@ -83,7 +83,7 @@ impl PatchProduct<'_> {
                 * if S::REGISTER_COUNT < 32 {
                     self.rows::<S, 6, 2>(simd, part)
                 } else if vectors >= 4 {
-                    self.rows::<S, 6, 4>(simd, part)
+                    self.rows::<S, 4, 4>(simd, part)
                 } else if vectors == 3 {
                     self.rows::<S, MOST_ROWS, 3>(simd, part)
                 } else if vectors == 2 {
