@@ -124,14 +124,17 @@ impl Eye {
         Self::new(image, &[first, second, third], 512)
     }
 
-    /// A small network that two cores can train.
+    /// The convolutions of Mnih et al. 2013, which two cores can train, and 64 features for the layers behind them; an
+    /// image of less than 40 rows or columns is looked at with a first filter of half the size, which then sees as
+    /// much of the view.
     ///
     /// # Errors
-    /// When the image is empty or too small for its filters.
+    /// When the image is empty or smaller than 10 x 10 pixels.
     pub fn small(image: [usize; 3]) -> Result<Self, EyeError> {
-        let [first, second] =
-            [(16, 8, 4), (32, 4, 2)].map(|(filters, kernel, stride)| Convolution { filters, kernel, stride });
-        Self::new(image, &[first, second], 64)
+        let first = if image[0].min(image[1]) < 40 { (16, 4, 2) } else { (16, 8, 4) };
+        let convolutions =
+            [first, (32, 4, 2)].map(|(filters, kernel, stride)| Convolution { filters, kernel, stride });
+        Self::new(image, &convolutions, 64)
     }
 
     /// Rows, columns and channels of an image.

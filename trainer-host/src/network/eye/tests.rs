@@ -260,12 +260,22 @@ fn initial_filters_are_orthogonal_with_gain_root_two() {
     let eye = Eye::small([24, 32, 1]).unwrap();
     let parameters = eye.initialise(&mut stream(3));
     assert_eq!(parameters.len(), eye.parameter_count());
-    let filters: Vec<&[f32]> = parameters[..16 * 64].chunks_exact(64).collect();
+    let filters: Vec<&[f32]> = parameters[..16 * 16].chunks_exact(16).collect();
     for (a, b) in (0..16).flat_map(|a| (0..16).map(move |b| (a, b))) {
         let product: f32 = filters[a].iter().zip(filters[b]).map(|(a, b)| a * b).sum();
         assert!((product - if a == b { 2.0 } else { 0.0 }).abs() < 1e-5, "{a} {b}: {product}");
     }
-    assert!(parameters[16 * 64..][..16].iter().all(|bias| *bias == 0.0));
+    assert!(parameters[16 * 16..][..16].iter().all(|bias| *bias == 0.0));
+}
+
+#[test]
+fn presets_accept_the_smallest_images_that_they_document() {
+    for (preset, smallest) in [(Eye::nature as fn([usize; 3]) -> Result<Eye, EyeError>, 36), (Eye::small, 10)] {
+        assert!(preset([smallest, smallest, 1]).is_ok());
+        assert!(matches!(preset([smallest, smallest - 1, 1]), Err(EyeError::KernelTooLarge { .. })));
+    }
+    assert_eq!(Eye::small([48, 64, 3]).unwrap().convolutions()[0].kernel, 8);
+    assert_eq!(Eye::small([24, 32, 3]).unwrap().convolutions()[0].kernel, 4);
 }
 
 #[test]

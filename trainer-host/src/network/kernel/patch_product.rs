@@ -46,10 +46,11 @@ pub(crate) struct PatchProduct<'a> {
     pub(crate) finish: Finish<'a>,
 }
 
-/// Some terms of some columns of a product.
+/// Some terms of a stripe of a product.
 #[derive(Clone, Copy)]
 struct Part<'a> {
-    column: usize,
+    /// First column and the one behind the last.
+    stripe: (usize, usize),
     terms: &'a [usize],
     right: &'a [f32],
     start: Start<'a>,
@@ -66,49 +67,59 @@ impl WithSimd for PatchProduct<'_> {
         for (block, (terms, right)) in blocks.enumerate() {
             let start = if block == 0 { self.start } else { Start::Result };
             let finish = if block == last { self.finish } else { Finish::Sum };
-            self.columns(simd, Part { column: 0, terms, right, start, finish });
+            for column in (0..self.width).step_by(STRIPE) {
+                let stripe = (column, self.width.min(column + STRIPE));
+                self.stripe(simd, Part { stripe, terms, right, start, finish });
+            }
         }
     }
 }
 
 impl PatchProduct<'_> {
-    /// From left to right in blocks as wide as the registers allow.
+    /// In blocks as large as the registers allow.
     #[inline(always)]
-    fn columns<S: Simd>(&mut self, simd: S, part: Part<'_>) {
-        let mut column = 0;
-        while column < self.width {
-            let part = Part { column, ..part };
-            let vectors = (self.width - column) / S::F32_LANES;
-            column += S::F32_LANES
-                * if S::REGISTER_COUNT < 32 {
-                    self.rows::<S, 6, 2>(simd, part)
-                } else if vectors >= 4 {
-                    self.rows::<S, 4, 4>(simd, part)
-                } else if vectors == 3 {
-                    self.rows::<S, MOST_ROWS, 3>(simd, part)
-                } else if vectors == 2 {
-                    self.rows::<S, MOST_ROWS, 2>(simd, part)
-                } else {
-                    self.rows::<S, MOST_ROWS, 1>(simd, part)
-                };
+    fn stripe<S: Simd>(&mut self, simd: S, part: Part<'_>) {
+        let vectors = (part.stripe.1 - part.stripe.0).div_ceil(S::F32_LANES);
+        if S::F32_LANES < LANES {
+            self.rows::<S, 6, 2>(simd, part);
+        } else if vectors == 4 {
+            self.rows::<S, 4, 4>(simd, part);
+        } else if vectors == 3 {
+            self.rows::<S, MOST_ROWS, 3>(simd, part);
+        } else if vectors == 2 {
+            self.rows::<S, MOST_ROWS, 2>(simd, part);
+        } else {
+            self.rows::<S, MOST_ROWS, 1>(simd, part);
         }
     }
 
-    /// Returns the number of vectors.
     #[inline(always)]
-    fn rows<S: Simd, const ROWS: usize, const VECTORS: usize>(&mut self, simd: S, part: Part<'_>) -> usize {
+    fn rows<S: Simd, const ROWS: usize, const VECTORS: usize>(&mut self, simd: S, part: Part<'_>) {
         let (blocks, rest) = self.places.as_chunks::<ROWS>();
         for places in blocks {
-            self.block::<S, ROWS, VECTORS>(simd, places, part);
+            self.columns::<S, ROWS, VECTORS>(simd, places, part);
         }
         let (pairs, rest) = rest.as_chunks::<2>();
         for places in pairs {
-            self.block::<S, 2, VECTORS>(simd, places, part);
+            self.columns::<S, 2, VECTORS>(simd, places, part);
         }
         for place in rest {
-            self.block::<S, 1, VECTORS>(simd, &[*place], part);
+            self.columns::<S, 1, VECTORS>(simd, &[*place], part);
         }
-        VECTORS
+    }
+
+    /// All columns of a stripe before the next place, so that the sums of places that overlap have one order, however
+    /// wide a block is.
+    #[inline(always)]
+    fn columns<S: Simd, const ROWS: usize, const VECTORS: usize>(
+        &mut self,
+        simd: S,
+        places: &[Place; ROWS],
+        part: Part<'_>,
+    ) {
+        for column in (part.stripe.0..part.stripe.1).step_by(VECTORS * S::F32_LANES) {
+            self.block::<S, ROWS, VECTORS>(simd, places, column, part);
+        }
     }
 
     #[inline(always)]
@@ -116,7 +127,8 @@ impl PatchProduct<'_> {
         &mut self,
         simd: S,
         places: &[Place; ROWS],
-        Part { column, terms, right, start, finish }: Part<'_>,
+        column: usize,
+        Part { terms, right, start, finish, .. }: Part<'_>,
     ) {
         let columns = column..column + VECTORS * S::F32_LANES;
         let mut totals = [[simd.splat_f32s(0.0); VECTORS]; ROWS];
