@@ -20,6 +20,9 @@ struct Measured {
 }
 
 /// Lines for eyes on random images of 64×48 pixels with three channels: features alone, and with their gradient.
+///
+/// # Panics
+/// When a preset does not suit such images, which is a bug.
 pub fn eyes(duration: Duration) -> Vec<Figure> {
     let image = [48, 64, 3];
     let nature = Eye::nature(image).expect("its filters are smaller than the image");

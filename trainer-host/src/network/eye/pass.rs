@@ -31,7 +31,7 @@ impl Eye {
         let EyeWorkspace { pixels, activations, features: kept, .. } = workspace;
         let (dense, convolutions) = self.dense_and_convolutions();
         for (chunk, images) in images.chunks(CHUNK * self.image_len()).enumerate() {
-            let mut inputs: &[f32] = self.normalise(images, pixels);
+            let mut inputs: &[f32] = normalise(images, pixels);
             for (layer, (weights, outputs)) in
                 convolutions.iter().zip(weights.layers.iter().zip(&mut *activations))
             {
@@ -78,7 +78,7 @@ impl Eye {
             sums.fill(0.0);
         }
         for (chunk, images) in images.chunks(CHUNK * self.image_len()).enumerate() {
-            let pixels = self.normalise(images, pixels);
+            let pixels = normalise(images, pixels);
             self.backward_chunk(weights, (chunk, pixels), activations, backward);
         }
         self.add_sums(backward, convolution_gradient);
@@ -91,13 +91,6 @@ impl Eye {
 
     fn dense_and_convolutions(&self) -> (&Layer, &[Layer]) {
         self.layers().split_last().expect("an eye ends with a dense layer")
-    }
-
-    /// What the network sees of a chunk's images.
-    fn normalise<'p>(&self, images: &[u8], pixels: &'p mut Aligned) -> &'p [f32] {
-        let pixels = &mut pixels[..images.len()];
-        dispatch(Normalise { bytes: images, values: pixels });
-        pixels
     }
 
     /// Of the last layer, for the whole tile.
@@ -163,6 +156,13 @@ impl Eye {
             rest = left;
         }
     }
+}
+
+/// What the network sees of a chunk's images.
+fn normalise<'p>(images: &[u8], pixels: &'p mut Aligned) -> &'p [f32] {
+    let pixels = &mut pixels[..images.len()];
+    dispatch(Normalise { bytes: images, values: pixels });
+    pixels
 }
 
 /// Where the values of a chunk's samples lie, if each has so many and there are so many in all.

@@ -46,17 +46,10 @@ impl Seeing {
         [self.eye.initialise(&mut stream(7)), self.trunk.initialise(&mut stream(8)), actor, critic]
     }
 
-    fn loss(&self, parameters: &[Vec<f32>; 4]) -> f64 {
-        self.evaluate(parameters, None)
-    }
-
-    fn gradient(&self, parameters: &[Vec<f32>; 4]) -> [Vec<f32>; 4] {
+    /// The loss and its gradient.
+    fn evaluate(&self, parameters: &[Vec<f32>; 4]) -> (f64, [Vec<f32>; 4]) {
+        let [eye, trunk, heads @ ..] = parameters;
         let mut gradient = parameters.clone().map(|parameters| vec![0.0; parameters.len()]);
-        self.evaluate(parameters, Some(&mut gradient));
-        gradient
-    }
-
-    fn evaluate(&self, [eye, trunk, heads @ ..]: &[Vec<f32>; 4], gradient: Option<&mut [Vec<f32>; 4]>) -> f64 {
         let weights = self.eye.arrange(eye);
         let mut eye_workspace = EyeWorkspace::new(&self.eye, COLUMNS);
         let mut inputs = self.observations.clone();
@@ -72,7 +65,7 @@ impl Seeing {
             let terms = outputs.iter().zip(&self.weights[head]);
             loss += terms.map(|(output, weight)| f64::from(*output) * f64::from(*weight)).sum::<f64>();
         }
-        let Some([eye_gradient, trunk_gradient, head_gradients @ ..]) = gradient else { return loss };
+        let [eye_gradient, trunk_gradient, head_gradients @ ..] = &mut gradient;
         let mut shared_deltas = vec![0.0; shared.len()];
         for (head, workspace) in workspaces.iter_mut().enumerate() {
             workspace.output_delta().1.copy_from_slice(&self.weights[head]);
@@ -85,7 +78,7 @@ impl Seeing {
         let deltas = (&mut trunk_workspace, &shared_deltas[..]);
         self.trunk.backward(trunk, &inputs, deltas, trunk_gradient, &mut feature_deltas);
         self.eye.backward(&weights, &self.images, &mut eye_workspace, &feature_deltas, eye_gradient);
-        loss
+        (loss, gradient)
     }
 }
 
@@ -94,13 +87,13 @@ impl Seeing {
 fn gradients_of_eye_trunk_and_heads_are_those_of_finite_differences() {
     let seeing = Seeing::new();
     let mut parameters = seeing.parameters();
-    let gradient = seeing.gradient(&parameters);
+    let (_, gradient) = seeing.evaluate(&parameters);
     let mut wrong = Vec::new();
     for (part, index) in (0..4).flat_map(|part| (0..gradient[part].len()).map(move |index| (part, index))) {
         let center = parameters[part][index];
         let mut at = |shift: f32| {
             parameters[part][index] = center + shift;
-            let loss = seeing.loss(&parameters);
+            let loss = seeing.evaluate(&parameters).0;
             parameters[part][index] = center;
             loss
         };
