@@ -1,5 +1,7 @@
 //! `kestrel bench`: how fast each stage is on this machine, in one run, beside what limits it.
 
+mod eye;
+
 use std::f64::consts::TAU;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -20,6 +22,7 @@ use crate::consolidation::{
     GradientTerm, Strength,
 };
 use crate::ppo::{PpoSettings, Trainer};
+pub use eye::eyes;
 
 /// Each figure is the best of this many repetitions: on a shared machine the others measure the neighbours.
 const REPETITIONS: usize = 5;

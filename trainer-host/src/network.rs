@@ -6,7 +6,9 @@
 mod aligned;
 mod batch;
 mod dense;
+pub mod eye;
 mod kernel;
+mod trunk;
 
 use kestrel_sim::seed::Stream;
 use serde::{Deserialize, Serialize};
@@ -16,6 +18,7 @@ pub(crate) use batch::Batch;
 pub use dense::Dense;
 use dense::DenseGradient;
 pub(crate) use kernel::{Accumulate, dispatch, dot, square};
+pub use trunk::{Trunk, TrunkWorkspace};
 
 /// Gain of orthogonal weights before a tanh, the choice of `CleanRL` and Stable-Baselines3.
 const HIDDEN_GAIN: f32 = std::f32::consts::SQRT_2;
@@ -108,6 +111,18 @@ impl Mlp {
     /// # Panics
     /// When `inputs` is not of this shape or the workspace is of another network.
     pub fn forward<'w>(&self, parameters: &[f32], inputs: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
+        let (head, behind_hidden, outputs) = self.forward_hidden(parameters, inputs, workspace);
+        head.affine(behind_hidden, outputs);
+        outputs
+    }
+
+    /// All but the last layer, which is returned with its inputs and the place of its outputs.
+    fn forward_hidden<'p, 'b, 'w: 'b>(
+        &self,
+        parameters: &'p [f32],
+        inputs: &'b [f32],
+        workspace: &'w mut Workspace,
+    ) -> (Dense<'p>, Batch<'b>, &'w mut [f32]) {
         let Workspace { columns, transposed, activations, outputs, .. } = workspace;
         assert_eq!(inputs.len(), self.inputs() * *columns, "a tile has a row for each input");
         let layers = self.layers(parameters);
@@ -117,8 +132,7 @@ impl Mlp {
             layer.affine_tanh(input, transposed, activation);
             input = Batch::by_sample(activation, *columns);
         }
-        head.affine(input, outputs);
-        outputs
+        (*head, input, outputs)
     }
 
     /// Adds the parameters' gradient of a tile to `gradient`, from the loss gradient of the outputs that the
@@ -127,6 +141,26 @@ impl Mlp {
         let mut gradients = self.layer_gradients(gradient);
         self.backward_layers(parameters, inputs, workspace, |index, deltas, inputs| {
             gradients[index].add(deltas, inputs);
+        });
+    }
+
+    /// As [`Self::backward`], and writes the loss gradient of the last inputs, as many as `input_deltas
+    /// [inputs][columns]` has rows: those that another network made.
+    pub fn backward_to_inputs(
+        &self,
+        parameters: &[f32],
+        inputs: &[f32],
+        workspace: &mut Workspace,
+        gradient: &mut [f32],
+        input_deltas: &mut [f32],
+    ) {
+        let mut gradients = self.layer_gradients(gradient);
+        let first = self.layers(parameters)[0];
+        self.backward_layers(parameters, inputs, workspace, |index, deltas, inputs| {
+            gradients[index].add(deltas, inputs);
+            if index == 0 {
+                first.input_deltas(deltas, input_deltas);
+            }
         });
     }
 

@@ -53,6 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         let task = experiment_config::load(&arguments.aviaries.join(sight.file), &[])?;
         print(&[bench::sight(sight, &task.scenario, duration)])?;
     }
+    print(&bench::eyes(duration))?;
     print(&bench::training(scenario, &experiment.ppo, duration))?;
     let actor = untrained_actor(&experiment);
     let export = results::exported(&experiment, &actor, 0)?;

@@ -1,5 +1,7 @@
 //! One fully connected layer over the samples of a tile.
 
+use std::borrow::Cow;
+
 use super::aligned::Aligned;
 use super::batch::{Batch, Order, transpose, transposed};
 use super::kernel::{AddRowSums, Finish, Head, Left, Product, Start, dispatch};
@@ -66,6 +68,24 @@ impl Dense<'_> {
             width: self.inputs,
             start: Start::Zero,
             finish: Finish::TanhDerivative(activations),
+        });
+    }
+
+    /// The loss gradient of the last inputs, as many as `input_deltas [inputs][columns]` has rows, from that of what
+    /// this layer summed up.
+    pub(crate) fn input_deltas(&self, deltas: Batch<'_>, input_deltas: &mut [f32]) {
+        let right = match deltas.order {
+            Order::ByFeature => Cow::Borrowed(deltas.values),
+            Order::BySample => Cow::Owned(transposed(deltas.values, self.outputs)),
+        };
+        let first = self.inputs - input_deltas.len() / deltas.columns;
+        dispatch(Product {
+            left: Left::ByTerm(&self.weights[first..], self.inputs),
+            right: &right,
+            result: input_deltas,
+            width: deltas.columns,
+            start: Start::Zero,
+            finish: Finish::Sum,
         });
     }
 }

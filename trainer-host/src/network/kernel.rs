@@ -2,11 +2,13 @@
 //!
 //! Each sum has an order that is fixed by its source, so the bits do not depend on the instruction set.
 
+mod patch_product;
 mod product;
 mod sum;
 
 use pulp::{Arch, WithSimd};
 
+pub(crate) use patch_product::{LANES, MOST_ROWS, PatchProduct, Place, STRIPE};
 pub(crate) use product::{Finish, Left, Product, Start};
 pub(crate) use sum::{Accumulate, AddRowSums, Head, Square, dot};
 

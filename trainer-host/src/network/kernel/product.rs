@@ -37,6 +37,8 @@ pub(crate) enum Finish<'a> {
     Sum,
     /// Their hyperbolic tangent.
     Tanh,
+    /// Zero where they are negative.
+    Relu,
     /// They are multiplied by the derivative of tanh, `1 - a^2` of activations laid out as the result.
     TanhDerivative(&'a [f32]),
 }
@@ -191,9 +193,14 @@ impl Product<'_> {
 impl Finish<'_> {
     /// On sums that lie at `place` in the result.
     #[inline(always)]
-    fn apply(self, sums: &mut [f32], place: usize) {
+    pub(super) fn apply(self, sums: &mut [f32], place: usize) {
         match self {
             Self::Sum => {}
+            Self::Relu => {
+                for sum in sums {
+                    *sum = if *sum > 0.0 { *sum } else { 0.0 };
+                }
+            }
             Self::Tanh => {
                 for sum in sums {
                     *sum = tanh(*sum);

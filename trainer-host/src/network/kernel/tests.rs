@@ -127,8 +127,91 @@ impl WithSimd for Both {
     }
 }
 
+/// Patches that overlap, before the product and behind it.
+struct Patches {
+    rows: usize,
+    terms: usize,
+    width: usize,
+}
+
+impl Patches {
+    /// Eight in turn do not overlap, and the next ones lie a vector further.
+    fn places(&self) -> Vec<Place> {
+        let apart = self.width + self.rows * LANES;
+        let result = |row| row % MOST_ROWS * apart + row / MOST_ROWS * LANES;
+        (0..self.rows).map(|row| Place { left: 10 * row, result: result(row) }).collect()
+    }
+
+    /// Every third value of the left factor.
+    fn offsets(&self) -> Vec<usize> {
+        (0..self.terms).map(|term| 3 * term).collect()
+    }
+
+    fn left(&self) -> Vec<f32> {
+        normals(10 * self.rows + 3 * self.terms, 1)
+    }
+
+    fn right(&self) -> Vec<f32> {
+        normals(self.terms * self.width, 2)
+    }
+
+    fn result(&self) -> Vec<f32> {
+        normals(MOST_ROWS * (self.width + self.rows * LANES), 3)
+    }
+}
+
+impl WithSimd for Patches {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> Vec<f32> {
+        let mut result = self.result();
+        PatchProduct {
+            left: &self.left(),
+            places: &self.places(),
+            terms: &self.offsets(),
+            right: &self.right(),
+            width: self.width,
+            result: &mut result,
+            start: Start::Result,
+            finish: Finish::Sum,
+        }
+        .with_simd(simd);
+        result
+    }
+}
+
+const PATCHES: [(usize, usize, usize); 5] = [(1, 1, 16), (7, 5, 32), (9, 130, 48), (30, 300, 64), (21, 40, 240)];
+
+#[test]
+fn products_of_patches_add_up_in_the_order_of_their_terms() {
+    for (rows, terms, width) in PATCHES {
+        let patches = Patches { rows, terms, width };
+        let (left, right, mut expected) = (patches.left(), patches.right(), patches.result());
+        for place in patches.places() {
+            for (offset, right) in patches.offsets().iter().zip(right.chunks_exact(width)) {
+                for (sum, right) in expected[place.result..].iter_mut().zip(right) {
+                    *sum = left[place.left + offset].mul_add(*right, *sum);
+                }
+            }
+        }
+        // Where places overlap, blocks of terms alternate.
+        for (found, expected) in dispatch(patches).iter().zip(&expected) {
+            assert!((found - expected).abs() <= 1e-4 * expected.abs().max(10.0), "{rows} x {terms} x {width}");
+        }
+    }
+}
+
+#[test]
+fn every_instruction_set_has_the_same_bits_of_products_of_patches() {
+    for (rows, terms, width) in PATCHES {
+        let found = everywhere(|| Patches { rows, terms, width });
+        assert!(found.windows(2).all(|pair| pair[0] == pair[1]), "{rows} x {terms} x {width}");
+    }
+}
+
 /// The bits of every instruction set that this machine has.
-fn everywhere(kernel: impl Fn() -> Both) -> Vec<(Vec<f32>, Vec<f32>)> {
+fn everywhere<K: WithSimd>(kernel: impl Fn() -> K) -> Vec<K::Output> {
     let mut found = vec![kernel().with_simd(Scalar), dispatch(kernel())];
     #[cfg(target_arch = "x86_64")]
     {

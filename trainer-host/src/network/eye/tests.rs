@@ -1,0 +1,322 @@
+use super::*;
+use kestrel_sim::seed::{Purpose, Seed};
+
+fn stream(index: u32) -> Stream {
+    Stream::new(Seed(11), index, Purpose::Weights)
+}
+
+fn normals(count: usize, index: u32) -> Vec<f32> {
+    let mut stream = stream(index);
+    (0..count).map(|_| stream.normal()).collect()
+}
+
+fn images(eye: &Eye, columns: usize) -> Vec<u8> {
+    let mut stream = stream(100);
+    (0..columns * eye.image_len()).map(|_| stream.between(0.0, 255.9) as u8).collect()
+}
+
+fn eye(image: [usize; 3], convolutions: &[(usize, usize, usize)], features: usize) -> Eye {
+    let convolutions: Vec<Convolution> =
+        convolutions.iter().map(|&(filters, kernel, stride)| Convolution { filters, kernel, stride }).collect();
+    Eye::new(image, &convolutions, features).unwrap()
+}
+
+/// Weights as drawn, and biases that are not zero.
+fn parameters(eye: &Eye) -> Vec<f32> {
+    let mut parameters = eye.initialise(&mut stream(1));
+    for (parameter, shift) in parameters.iter_mut().zip(normals(eye.parameter_count(), 2)) {
+        *parameter += 0.05 * shift;
+    }
+    parameters
+}
+
+/// Odd sizes, filters that fill no vector, kernels as wide as what is before them, pixels that no filter sees.
+fn shapes() -> Vec<Eye> {
+    vec![
+        eye([5, 4, 1], &[(3, 2, 1)], 2),
+        eye([9, 13, 2], &[(5, 5, 2)], 7),
+        eye([11, 10, 3], &[(16, 3, 2), (20, 2, 1)], 17),
+        eye([7, 7, 5], &[(4, 3, 1), (33, 3, 2), (6, 2, 1)], 5),
+        eye([12, 9, 1], &[(70, 4, 3), (16, 2, 1)], 65),
+        Eye::nature([37, 45, 3]).unwrap(),
+        Eye::small([24, 32, 4]).unwrap(),
+    ]
+}
+
+/// A number type for the direct convolution.
+trait Number: Copy {
+    fn of(value: f32) -> Self;
+    fn plus_product(self, a: Self, b: Self) -> Self;
+    fn relu(self) -> Self;
+}
+
+impl Number for f32 {
+    fn of(value: f32) -> Self {
+        value
+    }
+
+    fn plus_product(self, a: Self, b: Self) -> Self {
+        a.mul_add(b, self)
+    }
+
+    fn relu(self) -> Self {
+        self.max(0.0)
+    }
+}
+
+impl Number for f64 {
+    fn of(value: f32) -> Self {
+        f64::from(value)
+    }
+
+    fn plus_product(self, a: Self, b: Self) -> Self {
+        a * b + self
+    }
+
+    fn relu(self) -> Self {
+        self.max(0.0)
+    }
+}
+
+/// One layer of one sample as the definition has it: every sum begins with the bias and goes through the filter row
+/// by row, column by column, channel by channel.
+fn convolve<T: Number>(
+    parameters: &[T],
+    [rows, columns, channels]: [usize; 3],
+    input: &[T],
+    (filters, [kernel_rows, kernel_columns], stride): (usize, [usize; 2], usize),
+) -> ([usize; 3], Vec<T>) {
+    let size = kernel_rows * kernel_columns * channels;
+    let (weights, biases) = parameters.split_at(filters * size);
+    let shape = [(rows - kernel_rows) / stride + 1, (columns - kernel_columns) / stride + 1, filters];
+    let mut output = Vec::new();
+    for (row, column, filter) in (0..shape[0]).flat_map(|row| {
+        (0..shape[1]).flat_map(move |column| (0..filters).map(move |filter| (row, column, filter)))
+    }) {
+        let mut sum = biases[filter];
+        for (index, weight) in weights[filter * size..(filter + 1) * size].iter().enumerate() {
+            let (at, channel) = (index / channels, index % channels);
+            let (at_row, at_column) = (at / kernel_columns, at % kernel_columns);
+            let place = ((row * stride + at_row) * columns + column * stride + at_column) * channels + channel;
+            sum = sum.plus_product(input[place], *weight);
+        }
+        output.push(sum.relu());
+    }
+    (shape, output)
+}
+
+/// The features of one sample.
+fn reference<T: Number>(eye: &Eye, parameters: &[T], image: &[u8]) -> Vec<T> {
+    let mut shape = eye.image();
+    let mut values: Vec<T> = image.iter().map(|byte| T::of(f32::from(*byte) / 255.0)).collect();
+    let mut rest = parameters;
+    let mut layer = |shape: &mut [usize; 3], filters, kernel: [usize; 2], stride| {
+        let count = filters * (kernel[0] * kernel[1] * shape[2] + 1);
+        (*shape, values) = convolve(&rest[..count], *shape, &values, (filters, kernel, stride));
+        rest = &rest[count..];
+    };
+    for Convolution { filters, kernel, stride } in eye.convolutions() {
+        layer(&mut shape, *filters, [*kernel; 2], *stride);
+    }
+    let kernel = [shape[0], shape[1]];
+    layer(&mut shape, eye.features(), kernel, 1);
+    values
+}
+
+fn forward(eye: &Eye, parameters: &[f32], images: &[u8]) -> Vec<f32> {
+    let columns = images.len() / eye.image_len();
+    let mut features = vec![f32::NAN; eye.features() * columns];
+    let mut workspace = EyeWorkspace::new(eye, columns);
+    eye.forward(&eye.arrange(parameters), images, &mut workspace, &mut features);
+    features
+}
+
+fn backward(eye: &Eye, parameters: &[f32], images: &[u8], deltas: &[f32]) -> Vec<f32> {
+    let columns = images.len() / eye.image_len();
+    let mut features = vec![0.0; eye.features() * columns];
+    let mut workspace = EyeWorkspace::new(eye, columns);
+    let weights = eye.arrange(parameters);
+    eye.forward(&weights, images, &mut workspace, &mut features);
+    let mut gradient = vec![0.0; eye.parameter_count()];
+    eye.backward(&weights, images, &mut workspace, deltas, &mut gradient);
+    gradient
+}
+
+#[test]
+fn features_are_those_of_a_direct_convolution_to_the_bit() {
+    for eye in shapes() {
+        let parameters = parameters(&eye);
+        let images = images(&eye, 3);
+        let features = forward(&eye, &parameters, &images);
+        for (sample, image) in images.chunks_exact(eye.image_len()).enumerate() {
+            for (feature, expected) in reference(&eye, &parameters, image).iter().enumerate() {
+                assert_eq!(features[feature * 3 + sample], *expected, "{:?} {feature}", eye.image());
+            }
+        }
+    }
+}
+
+#[test]
+fn features_do_not_depend_on_the_size_of_the_tile() {
+    let eye = Eye::small([24, 32, 3]).unwrap();
+    let parameters = parameters(&eye);
+    let images = images(&eye, 256);
+    let whole = forward(&eye, &parameters, &images);
+    for columns in [1, 5, 16, 100] {
+        for (tile, images) in images.chunks(columns * eye.image_len()).enumerate() {
+            let columns_here = images.len() / eye.image_len();
+            let part = forward(&eye, &parameters, images);
+            for (index, value) in part.iter().enumerate() {
+                let (feature, column) = (index / columns_here, index % columns_here);
+                assert_eq!(*value, whole[feature * 256 + tile * columns + column]);
+            }
+        }
+    }
+}
+
+/// The loss, a different weight on every feature of every sample, in `f64`.
+fn loss(eye: &Eye, parameters: &[f64], images: &[u8], deltas: &[f32]) -> f64 {
+    let columns = images.len() / eye.image_len();
+    let of_sample = |(sample, image): (usize, &[u8])| {
+        let features = reference(eye, parameters, image);
+        let weighted = features.iter().enumerate();
+        weighted.map(|(row, feature)| f64::from(deltas[row * columns + sample]) * feature).sum::<f64>()
+    };
+    images.chunks_exact(eye.image_len()).enumerate().map(of_sample).sum()
+}
+
+/// Central differences of the direct convolution in `f64` for some parameters of every layer; where a rectifier bends
+/// within the step they may differ, so that few of them have to.
+fn check_gradient(eye: &Eye, columns: usize, some: usize) {
+    let parameters = parameters(eye);
+    let images = images(eye, columns);
+    let deltas = normals(eye.features() * columns, 4);
+    let gradient = backward(eye, &parameters, &images, &deltas);
+    let mut shifted: Vec<f64> = parameters.iter().copied().map(f64::from).collect();
+    let mut wrong = Vec::new();
+    let indices: Vec<usize> = (0..parameters.len()).step_by(parameters.len().div_ceil(some)).collect();
+    let last = (parameters.len() - eye.features()..parameters.len()).take(some);
+    for index in indices.iter().copied().chain(last) {
+        let mut at = |shift: f64| {
+            shifted[index] = f64::from(parameters[index]) + shift;
+            loss(eye, &shifted, &images, &deltas)
+        };
+        let expected = (at(1e-6) - at(-1e-6)) / 2e-6;
+        at(0.0);
+        let found = f64::from(gradient[index]);
+        if (found - expected).abs() > 2e-4 + 2e-5 * expected.abs() {
+            wrong.push((index, found, expected));
+        }
+    }
+    assert!(wrong.len() * 100 <= indices.len(), "{:?}: {wrong:?}", eye.image());
+}
+
+#[test]
+fn gradients_are_those_of_finite_differences() {
+    for eye in shapes() {
+        let is_large = eye.multiply_accumulates() > 200_000;
+        check_gradient(&eye, if is_large { 2 } else { 11 }, if is_large { 20 } else { 100 });
+    }
+    check_gradient(&eye([6, 8, 2], &[(16, 2, 1), (16, 3, 1)], 4), 19, 100);
+}
+
+#[test]
+fn gradients_of_tiles_add_up() {
+    let eye = eye([11, 10, 3], &[(16, 3, 2), (20, 2, 1)], 17);
+    let (parameters, columns) = (parameters(&eye), 40);
+    let images = images(&eye, columns);
+    let deltas = normals(eye.features() * columns, 5);
+    let whole = backward(&eye, &parameters, &images, &deltas);
+    let weights = eye.arrange(&parameters);
+    let mut workspace = EyeWorkspace::new(&eye, 20);
+    let mut features = vec![0.0; eye.features() * 20];
+    let mut parts = vec![0.0; eye.parameter_count()];
+    for half in 0..2 {
+        let images = &images[half * 20 * eye.image_len()..(half + 1) * 20 * eye.image_len()];
+        let deltas: Vec<f32> =
+            deltas.chunks_exact(columns).flat_map(|row| &row[half * 20..(half + 1) * 20]).copied().collect();
+        eye.forward(&weights, images, &mut workspace, &mut features);
+        eye.backward(&weights, images, &mut workspace, &deltas, &mut parts);
+    }
+    for (whole, parts) in whole.iter().zip(&parts) {
+        assert!((whole - parts).abs() <= 1e-5 * whole.abs().max(10.0), "{whole} {parts}");
+    }
+}
+
+#[test]
+fn rearranged_weights_are_those_of_new_parameters() {
+    let eye = eye([9, 13, 2], &[(5, 5, 2), (20, 2, 1)], 7);
+    let (old, new) = (parameters(&eye), normals(eye.parameter_count(), 9));
+    let images = images(&eye, 4);
+    let mut weights = eye.arrange(&old);
+    weights.arrange(&eye, &new);
+    let mut features = vec![0.0; eye.features() * 4];
+    eye.forward(&weights, &images, &mut EyeWorkspace::new(&eye, 4), &mut features);
+    assert_eq!(features, forward(&eye, &new, &images));
+}
+
+#[test]
+fn initial_filters_are_orthogonal_with_gain_root_two() {
+    let eye = Eye::small([24, 32, 1]).unwrap();
+    let parameters = eye.initialise(&mut stream(3));
+    assert_eq!(parameters.len(), eye.parameter_count());
+    let filters: Vec<&[f32]> = parameters[..16 * 16].chunks_exact(16).collect();
+    for (a, b) in (0..16).flat_map(|a| (0..16).map(move |b| (a, b))) {
+        let product: f32 = filters[a].iter().zip(filters[b]).map(|(a, b)| a * b).sum();
+        assert!((product - if a == b { 2.0 } else { 0.0 }).abs() < 1e-5, "{a} {b}: {product}");
+    }
+    assert!(parameters[16 * 16..][..16].iter().all(|bias| *bias == 0.0));
+}
+
+#[test]
+fn presets_accept_the_smallest_images_that_they_document() {
+    for (preset, smallest) in [(Eye::nature as fn([usize; 3]) -> Result<Eye, EyeError>, 36), (Eye::small, 10)] {
+        assert!(preset([smallest, smallest, 1]).is_ok());
+        assert!(matches!(preset([smallest, smallest - 1, 1]), Err(EyeError::KernelTooLarge { .. })));
+    }
+    assert_eq!(Eye::small([48, 64, 3]).unwrap().convolutions()[0].kernel, 8);
+    assert_eq!(Eye::small([24, 32, 3]).unwrap().convolutions()[0].kernel, 4);
+}
+
+#[test]
+fn the_shape_counts_parameters_and_products() {
+    let eye = Eye::nature([48, 64, 3]).unwrap();
+    let convolutions = 32 * (192 + 1) + 64 * (512 + 1) + 64 * (576 + 1);
+    assert_eq!(eye.parameter_count(), convolutions + 512 * (512 + 1));
+    let first = 11 * 15 * 32 * 192;
+    assert_eq!(eye.multiply_accumulates(), first + 4 * 6 * 64 * 512 + 2 * 4 * 64 * 576 + 512 * 512);
+    assert_eq!(eye.backward_multiply_accumulates(), 2 * eye.multiply_accumulates() - first);
+}
+
+#[test]
+fn impossible_shapes_are_refused_with_what_is_wrong() {
+    let one = Convolution { filters: 4, kernel: 3, stride: 1 };
+    let message = |image, convolutions: &[Convolution], features| {
+        Eye::new(image, convolutions, features).unwrap_err().to_string()
+    };
+    assert_eq!(message([0, 8, 3], &[one], 4), "expected an image of at least 1 x 1 x 1 values, found 0 x 8 x 3");
+    assert_eq!(message([8, 8, 3], &[], 4), "expected at least one convolution, found none");
+    assert_eq!(message([8, 8, 3], &[one], 0), "expected at least one feature, found none");
+    assert_eq!(
+        message([8, 8, 3], &[one, one, one, one], 4),
+        "expected a kernel within the 2 x 2 pixels before it, found 3 x 3"
+    );
+    for empty in
+        [Convolution { filters: 0, ..one }, Convolution { kernel: 0, ..one }, Convolution { stride: 0, ..one }]
+    {
+        assert_eq!(Eye::new([8, 8, 3], &[empty], 4), Err(EyeError::EmptyConvolution(empty)));
+    }
+    let absurd = Convolution { filters: usize::MAX, ..one };
+    assert_eq!(Eye::new([8, 8, 3], &[absurd], 4), Err(EyeError::TooLarge));
+    assert_eq!(Eye::new([usize::MAX, 8, 3], &[one], 4), Err(EyeError::TooLarge));
+    assert_eq!(Eye::new([8, 8, 3], &[one], usize::MAX), Err(EyeError::TooLarge));
+}
+
+#[test]
+fn an_eye_is_read_as_it_was_written_and_checked_again() {
+    let eye = Eye::small([24, 32, 3]).unwrap();
+    let text = serde_json::to_string(&eye).unwrap();
+    assert_eq!(serde_json::from_str::<Eye>(&text).unwrap(), eye);
+    let blind = text.replace("\"rows\":24", "\"rows\":0");
+    assert!(serde_json::from_str::<Eye>(&blind).unwrap_err().to_string().contains("found 0 x 32 x 3"));
+}

@@ -1,0 +1,119 @@
+//! The parameters of an eye in the order in which its products read them.
+
+use super::super::aligned::Aligned;
+use super::super::kernel::STRIPE;
+use super::Eye;
+use super::layer::{Layer, pieces};
+
+/// The parameters of an eye, arranged for [`Eye::forward`] and [`Eye::backward`]; all threads may read the same.
+///
+/// They are arranged once for all tiles between two changes of the parameters, because that costs as much as a few
+/// samples.
+#[derive(Clone, Debug)]
+pub struct EyeWeights {
+    pub(super) layers: Vec<LayerWeights>,
+}
+
+/// The parameters of one layer; what is stored but not a weight is zero.
+#[derive(Clone, Debug)]
+pub(super) struct LayerWeights {
+    /// Stripe of filters after stripe, `[patch][stripe]`.
+    forward: Aligned,
+    /// Stripe of the patch after stripe, segment by segment, `[filters][stripe]`; not of the first layer, behind which
+    /// there is nothing to train.
+    backward: Aligned,
+    /// `[filters]`.
+    pub(super) biases: Aligned,
+}
+
+impl EyeWeights {
+    pub(super) fn new(eye: &Eye, parameters: &[f32]) -> Self {
+        let layers = eye.layers().iter().enumerate();
+        let mut weights =
+            Self { layers: layers.map(|(index, layer)| LayerWeights::zeros(index, layer)).collect() };
+        weights.arrange(eye, parameters);
+        weights
+    }
+
+    /// Takes changed parameters of the same eye.
+    ///
+    /// # Panics
+    /// When they are not as many as the eye's.
+    pub fn arrange(&mut self, eye: &Eye, parameters: &[f32]) {
+        assert_eq!(parameters.len(), eye.parameter_count(), "an eye has so many parameters");
+        let mut rest = parameters;
+        for (arranged, layer) in self.layers.iter_mut().zip(eye.layers()) {
+            let (weights, left) = rest.split_at(layer.weight_count());
+            let (biases, left) = left.split_at(layer.output.channels);
+            arranged.biases[..biases.len()].copy_from_slice(biases);
+            arranged.arrange(layer, weights);
+            rest = left;
+        }
+    }
+}
+
+impl LayerWeights {
+    fn zeros(index: usize, layer: &Layer) -> Self {
+        let stored = layer.patch().len() * layer.output.stored;
+        Self {
+            forward: Aligned::zeros(stored),
+            backward: Aligned::zeros(if index == 0 { 0 } else { stored }),
+            biases: Aligned::zeros(layer.output.stored),
+        }
+    }
+
+    fn arrange(&mut self, layer: &Layer, weights: &[f32]) {
+        let mut patch = vec![0.0; layer.patch().len()];
+        let places = layer.weight_places();
+        for (filter, weights) in weights.chunks_exact(layer.inputs()).enumerate() {
+            for (place, weight) in places.iter().zip(weights) {
+                patch[*place] = *weight;
+            }
+            self.arrange_forward(layer, filter, &patch);
+            if !self.backward.is_empty() {
+                self.arrange_backward(layer, filter, &patch);
+            }
+        }
+    }
+
+    fn arrange_forward(&mut self, layer: &Layer, filter: usize, patch: &[f32]) {
+        let stripe = filter / STRIPE * STRIPE;
+        let width = STRIPE.min(layer.output.stored - stripe);
+        let block = &mut self.forward[patch.len() * stripe + filter - stripe..];
+        for (place, weight) in block.iter_mut().step_by(width).zip(patch) {
+            *place = *weight;
+        }
+    }
+
+    fn arrange_backward(&mut self, layer: &Layer, filter: usize, patch: &[f32]) {
+        let mut from = 0;
+        for (_, len) in layer.segments() {
+            for stripe in pieces(len, STRIPE) {
+                let width = stripe.len();
+                self.backward[from * layer.output.stored + filter * width..][..width]
+                    .copy_from_slice(&patch[from..from + width]);
+                from += width;
+            }
+        }
+    }
+
+    /// Weights of a stripe of filters, `[patch][width]`.
+    pub(super) fn forward_stripe(&self, layer: &Layer, stripe: &std::ops::Range<usize>) -> &[f32] {
+        let patch = self.forward.len() / layer.output.stored;
+        &self.forward[patch * stripe.start..patch * stripe.end]
+    }
+
+    /// Each stripe of the patch: where it lies behind the first value, and its weights, `[filters][width]`.
+    pub(super) fn backward_stripes(&self, layer: &Layer) -> impl Iterator<Item = (usize, &[f32])> {
+        let stripes = layer.segments().flat_map(|(offset, len)| {
+            pieces(len, STRIPE).map(move |stripe| (offset + stripe.start, stripe.len()))
+        });
+        let filters = layer.output.stored;
+        let mut rest = &self.backward[..];
+        stripes.map(move |(offset, width)| {
+            let (stripe, left) = rest.split_at(filters * width);
+            rest = left;
+            (offset, stripe)
+        })
+    }
+}
