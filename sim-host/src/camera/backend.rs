@@ -59,7 +59,7 @@ pub enum RenderError {
     #[error("this program was built without GPUs: build it with `--features gpu`, or ask for the backend `cpu`")]
     WithoutGpus,
     /// None that was asked for.
-    #[error("found no {wanted}, but {found}: {advice}")]
+    #[error("found no {wanted} ({found}): {advice}")]
     NoAdapter {
         /// What was asked for.
         wanted: &'static str,

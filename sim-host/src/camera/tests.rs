@@ -7,7 +7,7 @@ use crate::seed::{Purpose, Seed, Stream};
 use crate::world::{Role, Shape, Solid, World};
 
 /// A world of solids of every shape, strewn about and turned at random.
-fn strewn(seed: u64, count: usize) -> World {
+pub(super) fn strewn(seed: u64, count: usize) -> World {
     let mut stream = Stream::new(Seed(seed), 0, Purpose::Furnishing);
     let solids = (0..count).map(|index| {
         let mut between = |low: f32, high: f32| f64::from(stream.between(low, high));

@@ -37,9 +37,9 @@ fn missing(backend: Backend, names: &[String]) -> RenderError {
         Backend::Cpu => ("adapter for the backend `cpu`", "it renders without one"),
     };
     let found = match (names, backend) {
-        ([], _) => "no driver of one at all".to_owned(),
-        (names, Backend::Auto | Backend::Gpu) => format!("only {}, which is software", names.join(", ")),
-        (names, Backend::Software | Backend::Cpu) => names.join(", "),
+        ([], _) => "no driver at all".to_owned(),
+        (names, Backend::Auto | Backend::Gpu) => format!("only software: {}", names.join(", ")),
+        (names, Backend::Software | Backend::Cpu) => format!("only {}", names.join(", ")),
     };
     RenderError::NoAdapter { wanted, found, advice }
 }
