@@ -88,6 +88,16 @@ pub enum RenderError {
         /// Its name.
         adapter: String,
     },
+    /// Not even one row or column fits.
+    #[error("a view has {pixels} pixels across or down, expected at most {limit}, what {adapter} renders")]
+    TooWide {
+        /// Of its longer side.
+        pixels: usize,
+        /// How many it may have.
+        limit: usize,
+        /// Its name.
+        adapter: String,
+    },
     /// The memory of the adapter is full.
     #[error("{adapter} has no memory for {views} views of {columns}x{rows} pixels: render fewer at once")]
     OutOfMemory {

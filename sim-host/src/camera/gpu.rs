@@ -38,7 +38,7 @@ pub struct Gpu {
 pub struct Scenes {
     gpu: Gpu,
     count: usize,
-    scenes: wgpu::Buffer,
+    heads: wgpu::Buffer,
     bodies: wgpu::Buffer,
     faces: wgpu::Buffer,
     corners: wgpu::Buffer,
@@ -112,7 +112,7 @@ impl Gpu {
         Ok(Scenes {
             gpu: self.clone(),
             count: scenes.len(),
-            scenes: self.uploaded("scenes", words.scenes.as_flattened())?,
+            heads: self.uploaded("scenes", words.scenes.as_flattened())?,
             bodies: self.uploaded("bodies", words.bodies.as_flattened())?,
             faces: self.uploaded("faces", words.faces.as_flattened().as_flattened())?,
             corners: self.uploaded("corners", words.corners.as_flattened())?,
@@ -144,7 +144,14 @@ impl Gpu {
         Err(RenderError::TooLarge { what, bytes, limit: self.room.bytes, adapter: self.info.name.clone() })
     }
 
-    fn lost(&self, reason: impl ToString) -> RenderError {
+    fn spans(&self, pixels: usize) -> Result<(), RenderError> {
+        if pixels <= self.room.pixels {
+            return Ok(());
+        }
+        Err(RenderError::TooWide { pixels, limit: self.room.pixels, adapter: self.info.name.clone() })
+    }
+
+    fn lost(&self, reason: &impl ToString) -> RenderError {
         RenderError::Lost { adapter: self.info.name.clone(), reason: reason.to_string() }
     }
 }

@@ -22,7 +22,7 @@ pub enum Renderer {
     Cpu(String),
     /// A GPU, or an adapter in software that was asked for.
     #[cfg(feature = "gpu")]
-    Gpu(Gpu),
+    Gpu(Box<Gpu>),
 }
 
 impl Renderer {
@@ -34,14 +34,19 @@ impl Renderer {
         match backend {
             Backend::Cpu => Ok(Self::Cpu("it was asked for".to_owned())),
             #[cfg(feature = "gpu")]
-            Backend::Auto => Ok(Gpu::open(Backend::Gpu).map_or_else(|why| Self::Cpu(why.to_string()), Self::Gpu)),
+            Backend::Auto => Ok(Gpu::open(Backend::Gpu).map_or_else(|why| Self::Cpu(why.to_string()), Self::of)),
             #[cfg(feature = "gpu")]
-            Backend::Gpu | Backend::Software => Gpu::open(backend).map(Self::Gpu),
+            Backend::Gpu | Backend::Software => Gpu::open(backend).map(Self::of),
             #[cfg(not(feature = "gpu"))]
             Backend::Auto => Ok(Self::Cpu("this program was built without GPUs".to_owned())),
             #[cfg(not(feature = "gpu"))]
             Backend::Gpu | Backend::Software => Err(RenderError::WithoutGpus),
         }
+    }
+
+    #[cfg(feature = "gpu")]
+    fn of(gpu: Gpu) -> Self {
+        Self::Gpu(Box::new(gpu))
     }
 
     /// What a camera sees, an image a shot.

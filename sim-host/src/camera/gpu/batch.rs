@@ -45,9 +45,8 @@ impl Scenes {
         let sizes = Sizes::new(camera, self.most_plots);
         gpu.fits("the pixels of one view", sizes.pixels)?;
         gpu.fits("the plots of one view", sizes.plots)?;
-        let tiles = camera.columns.max(camera.rows).div_ceil(TILE);
-        assert!(tiles <= gpu.room.tiles, "what fits into a buffer of 4 GiB has fewer rows than there are groups");
-        let ranges = gpu.room.parts(views, &sizes).expect("one view fits");
+        gpu.spans(camera.columns.max(camera.rows))?;
+        let ranges = gpu.room.parts(views, &sizes);
         let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let longest = ranges.iter().map(Range::len).max().unwrap_or(0) as u64;
         let plots = gpu.buffer("plots", sizes.plots * longest.max(1), BufferUsages::STORAGE);
@@ -75,7 +74,7 @@ impl Scenes {
         let uniform =
             gpu.buffer("camera", size_of_val(&words) as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
         gpu.queue.write_buffer(&uniform, 0, bytemuck::cast_slice(&words));
-        let common = [&uniform, &self.scenes, &self.bodies, &self.rounds, &shots];
+        let common = [&uniform, &self.heads, &self.bodies, &self.rounds, &shots];
         let plot = gpu.bound(&gpu.plot, &common, [&self.faces, &self.corners, plots]);
         let draw = gpu.bound(&gpu.draw, &common, [&self.looks, plots, &pixels]);
         Part { views, pixels, shots, plot, draw, staging: None }
@@ -156,7 +155,7 @@ impl Batch<'_> {
     /// When the device is lost.
     pub fn wait(&self) -> Result<(), RenderError> {
         let gpu = &self.scenes.gpu;
-        gpu.device.poll(wgpu::PollType::wait_indefinitely()).map(|_| ()).map_err(|error| gpu.lost(error))
+        gpu.device.poll(wgpu::PollType::wait_indefinitely()).map(|_| ()).map_err(|error| gpu.lost(&error))
     }
 
     /// Where the images are, for the GPU's other work: shots `views` of the batch in each buffer.
@@ -192,7 +191,7 @@ impl Batch<'_> {
         drop(sender);
         self.wait()?;
         for result in receiver {
-            result.map_err(|error| gpu.lost(error))?;
+            result.map_err(|error| gpu.lost(&error))?;
         }
         images.resize_with(self.shots, Image::default);
         for part in &self.parts {
@@ -206,7 +205,7 @@ impl Batch<'_> {
         let first = part.views.start.min(images.len());
         let images = &mut images[first..part.views.end.min(first.max(self.shots))];
         {
-            let bytes = staging.slice(..).get_mapped_range().map_err(|error| self.scenes.gpu.lost(error))?;
+            let bytes = staging.slice(..).get_mapped_range().map_err(|error| self.scenes.gpu.lost(&error))?;
             let words: &[u32] = bytemuck::cast_slice(&bytes);
             let size = self.camera.columns * self.camera.rows;
             let section = size * part.views.len();

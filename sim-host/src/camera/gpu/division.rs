@@ -11,8 +11,8 @@ pub(super) struct Room {
     pub(super) bytes: u64,
     /// Most views of a dispatch.
     pub(super) views: usize,
-    /// Most tiles of a view across, and down.
-    pub(super) tiles: usize,
+    /// Most pixels of a view across, and down.
+    pub(super) pixels: usize,
 }
 
 /// Words of a pixel: depth, label, colour.
@@ -35,17 +35,14 @@ impl Room {
         // Indices of words are 32 bits wide.
         let indexed = u64::from(u32::MAX);
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(indexed);
-        Self { bytes, views: groups.min(most_views), tiles: groups }
+        Self { bytes, views: groups.min(most_views), pixels: groups * TILE }
     }
 
-    /// Divides views into parts that fit, as equal as can be; none when not even one does.
-    pub(super) fn parts(&self, views: usize, sizes: &Sizes) -> Option<Vec<Range<usize>>> {
-        let fitting = (self.bytes / sizes.pixels.max(sizes.plots)).min(self.views as u64) as usize;
-        if fitting == 0 {
-            return None;
-        }
+    /// Divides views, one of which fits, into parts that fit, as equal as can be.
+    pub(super) fn parts(&self, views: usize, sizes: &Sizes) -> Vec<Range<usize>> {
+        let fitting = (self.bytes / sizes.pixels.max(sizes.plots)).clamp(1, self.views as u64) as usize;
         let count = views.div_ceil(fitting);
-        Some((0..count).map(|part| views * part / count..views * (part + 1) / count).collect())
+        (0..count).map(|part| views * part / count..views * (part + 1) / count).collect()
     }
 }
 
@@ -60,24 +57,18 @@ impl Sizes {
 mod tests {
     use super::*;
 
-    const ROOM: Room = Room { bytes: 1000, views: 7, tiles: 65_535 };
+    const ROOM: Room = Room { bytes: 1000, views: 7, pixels: 524_280 };
 
     #[test]
     fn parts_cover_all_views_in_order_and_fit() {
         for (pixels, plots) in [(100, 30), (30, 100), (1, 1), (999, 1)] {
             let sizes = Sizes { pixels, plots };
             for views in 0..40 {
-                let parts = ROOM.parts(views, &sizes).unwrap();
+                let parts = ROOM.parts(views, &sizes);
                 assert!(parts.iter().cloned().flatten().eq(0..views));
                 assert!(parts.iter().all(|part| !part.is_empty() && part.len() <= ROOM.views));
                 assert!(parts.iter().all(|part| part.len() as u64 * pixels.max(plots) <= ROOM.bytes));
             }
         }
-    }
-
-    #[test]
-    fn a_view_that_does_not_fit_has_no_parts() {
-        assert_eq!(ROOM.parts(1, &Sizes { pixels: 1001, plots: 1 }), None);
-        assert_eq!(ROOM.parts(1, &Sizes { pixels: 1, plots: 1001 }), None);
     }
 }

@@ -205,8 +205,13 @@ fn what_cannot_fit_is_refused_with_its_size() {
     let start = "the pixels of one view take 120000 bytes, expected at most 100000, what a buffer of ";
     assert!(error.starts_with(start), "{error}");
     let huge = Camera { columns: 60_000, rows: 60_000, ..Camera::PAPER };
-    let error = Renderer::Gpu(gpu.clone()).render(&huge, &[&scene], &shots(&strewn(1, 9), 0, 1)).unwrap_err();
+    let error =
+        Renderer::Gpu(Box::new(gpu.clone())).render(&huge, &[&scene], &shots(&strewn(1, 9), 0, 1)).unwrap_err();
     assert!(error.to_string().contains("43200000000 bytes"), "{error}");
+    let wide = Camera { columns: gpu.room.pixels + 1, rows: 1, ..Camera::PAPER };
+    let roomy = Gpu { room: Room { bytes: u64::MAX, ..gpu.room }, ..gpu.clone() };
+    let error = roomy.upload(&[&scene]).unwrap().batch(&wide, 1).unwrap_err().to_string();
+    assert!(error.contains("pixels across or down, expected at most "), "{error}");
     let small = Gpu { room: Room { bytes: 100, ..gpu.room }, ..gpu };
     assert!(small.upload(&[&scene]).unwrap_err().to_string().contains("take "), "scenes must fit, too");
 }
