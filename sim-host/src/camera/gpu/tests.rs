@@ -33,7 +33,7 @@ fn worlds() -> Vec<PathBuf> {
     paths
 }
 
-/// All over a world and in all directions.
+/// All over a world and beside it; every other looks at its middle, the rest in all directions.
 fn shots(world: &World, scene: usize, count: usize) -> Vec<Shot> {
     let (low, high) = world
         .solids
@@ -41,13 +41,17 @@ fn shots(world: &World, scene: usize, count: usize) -> Vec<Shot> {
         .map(Solid::extent)
         .reduce(|(a, b), (c, d)| (a.inf(&c), b.sup(&d)))
         .unwrap_or((Vector3::repeat(-1.0), Vector3::repeat(1.0)));
+    let (low, high) = (low.add_scalar(-1.0), high.add_scalar(1.0));
+    let middle = Vector3::new(0.5 * (low.x + high.x), 0.5 * (low.y + high.y), 0.0);
     let mut stream = Stream::new(Seed(scene as u64), 0, Purpose::Baseline);
     let mut share = || f64::from(stream.between(0.1, 0.9));
-    let view = |_| {
+    let view = |index| {
         let eye =
             Vector3::new(low.x + share() * (high.x - low.x), low.y + share() * (high.y - low.y), 0.2 + share());
         let (sine, cosine) = (TAU * share()).sin_cos();
-        Shot { scene, view: View::towards(eye, eye + Vector3::new(cosine, sine, share() - 0.7), Vector3::z()) }
+        let around = eye + Vector3::new(cosine, sine, share() - 0.7);
+        let target = if index % 2 == 0 { middle } else { around };
+        Shot { scene, view: View::towards(eye, target, Vector3::z()) }
     };
     (0..count).map(view).collect()
 }
