@@ -65,33 +65,48 @@ fn rendered(gpu: &Gpu, camera: &Camera, scenes: &[&Scene], shots: &[Shot]) -> Ve
     images
 }
 
+/// A pixel with those around it.
+fn around(image: &Image, place: usize) -> impl Iterator<Item = usize> + use<> {
+    let (rows, columns) = (image.labels.len() / image.columns, image.columns);
+    let near = |middle: usize, size: usize| middle.saturating_sub(1)..(middle + 2).min(size);
+    let across = near(place % columns, columns);
+    near(place / columns, rows).flat_map(move |row| across.clone().map(move |column| row * columns + column))
+}
+
 /// Whether a neighbour shows something else, or another square of the floor.
 fn is_edge(image: &Image, place: usize) -> bool {
-    let (rows, columns) = (image.labels.len() / image.columns, image.columns);
-    let (row, column) = (place / columns, place % columns);
     let shown = |place: usize| {
         let label = image.labels[place];
         (label, (label == FLOOR).then(|| image.colours[place]))
     };
-    let around = |middle: usize, size: usize| middle.saturating_sub(1)..(middle + 2).min(size);
-    around(row, rows)
-        .any(|row| around(column, columns).any(|column| shown(row * columns + column) != shown(place)))
+    around(image, place).any(|beside| shown(beside) != shown(place))
 }
 
 /// What is wrong in an image: labels, and, away from edges, depths and colours; and how many pixels were away from edges.
+/// A ray along the ridge between two faces of a body may take either: if it has the colour of a neighbour it counts among
+/// the labels, which may differ in few pixels.
 fn deviations(image: &Image, expected: &Image) -> [usize; 4] {
     assert_eq!((image.columns, image.labels.len()), (expected.columns, expected.labels.len()));
     let mut wrong = [0; 4];
     for place in 0..expected.labels.len() {
-        wrong[0] += usize::from(image.labels[place] != expected.labels[place]);
-        if image.labels[place] != expected.labels[place] || is_edge(expected, place) {
+        if image.labels[place] != expected.labels[place] {
+            wrong[0] += 1;
+            continue;
+        }
+        if is_edge(expected, place) {
             continue;
         }
         wrong[3] += 1;
         let (depth, should) = (image.depths[place], expected.depths[place]);
         wrong[1] += usize::from((depth - should).abs() > 1e-4 * should);
-        let colours = image.colours[place].iter().zip(expected.colours[place]);
-        wrong[2] += usize::from(colours.into_iter().any(|(part, should)| part.abs_diff(should) > 1));
+        let is_like = |other: usize| {
+            let parts = image.colours[place].into_iter().zip(expected.colours[other]);
+            parts.into_iter().all(|(part, should)| part.abs_diff(should) <= 1)
+        };
+        if !is_like(place) {
+            let kind = if around(expected, place).any(is_like) { 0 } else { 2 };
+            wrong[kind] += 1;
+        }
     }
     wrong
 }
@@ -109,11 +124,11 @@ fn agrees(what: &str, camera: &Camera, world: &World, shots: &[Shot]) {
     let pixels = shots.len() * camera.columns * camera.rows;
     let [labels, depths, colours, inside] = wrong;
     println!(
-        "{what}: of {pixels} pixels, {solids} of solids, {labels} have other labels; \
+        "{what}: of {pixels} pixels, {solids} of solids, {labels} have other labels or faces; \
         of {inside} away from edges {depths} have other depths, {colours} other colours"
     );
     assert!(world.solids.is_empty() || solids > 0, "{what}: nothing is seen");
-    assert!(1000 * labels <= pixels, "{what}: {labels} of {pixels} labels differ");
+    assert!(1000 * labels <= pixels, "{what}: {labels} of {pixels} labels or faces differ");
     assert_eq!([depths, colours], [0, 0], "{what}: depths and colours away from edges");
 }
 
