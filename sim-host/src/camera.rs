@@ -7,16 +7,22 @@
 //! of the others). A plane costs a pixel two additions, two multiplications and a comparison; only what is seen in the
 //! end is divided and coloured. Cylinders are exact: a root per pixel.
 
+mod backend;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod kernel;
 mod plot;
 mod render;
+mod renderer;
 mod scene;
 #[cfg(test)]
 mod tests;
 
 use nalgebra::Vector3;
 
+pub use backend::{Backend, RenderError, UnknownBackend};
 pub use kernel::Canvas;
+pub use renderer::{Renderer, Shot};
 pub use scene::Scene;
 
 use crate::world::Pose;

@@ -145,6 +145,21 @@ fn a_pillar_is_refused_where_it_makes_no_sense() {
     assert!(!place.path().join("world.yaml").exists());
 }
 
+#[cfg(not(feature = "gpu"))]
+#[test]
+fn without_gpus_the_processor_renders_and_says_so() {
+    let place = tempfile::tempdir().unwrap();
+    let task = config("aviaries/harder-cross-16.yaml");
+    let arguments = ["render", task.to_str().unwrap(), "--columns", "60", "--rows", "40", "--output", "view.png"];
+    let drawn = kestrel(place.path(), &arguments);
+    let said = String::from_utf8_lossy(&drawn.stderr);
+    assert!(said.contains("rendered by the processor: this program was built without GPUs"), "{said}");
+    for backend in ["gpu", "software"] {
+        let refused = refusal(&kestrel(place.path(), &[&arguments[..], &["--backend", backend]].concat()));
+        assert!(refused.contains("build it with `--features gpu`, or ask for the backend `cpu`"), "{refused}");
+    }
+}
+
 #[test]
 fn what_a_drone_sees_at_its_start_is_drawn() {
     let place = tempfile::tempdir().unwrap();
@@ -160,6 +175,8 @@ fn what_a_drone_sees_at_its_start_is_drawn() {
         let message = refusal(&kestrel(place.path(), &["render", task, "-o", "no.png", flag, value]));
         assert!(message.contains(flag), "{message}");
     }
+    let unknown = refusal(&kestrel(place.path(), &["render", task, "-o", "no.png", "--backend", "cuda"]));
+    assert!(unknown.contains("expected `auto`, `cpu`, `gpu` or `software`, found `cuda`"), "{unknown}");
     let nowhere = refusal(&kestrel(place.path(), &["render", task, "-o", "none/view.png"]));
     assert!(nowhere.contains("none/view.png"), "{nowhere}");
     assert!(!place.path().join("no.png").exists());

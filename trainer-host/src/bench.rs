@@ -1,6 +1,8 @@
 //! `kestrel bench`: how fast each stage is on this machine, in one run, beside what limits it.
 
 mod eye;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 
 use std::f64::consts::TAU;
 use std::hint::black_box;
@@ -13,7 +15,7 @@ use kestrel_sim::scenario::{Physics, Scenario};
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::simulation::Simulation;
 use kestrel_sim::swarm::{Swarm, advance_all};
-use kestrel_sim::world::Solid;
+use kestrel_sim::world::{Solid, World};
 use nalgebra::Vector3;
 
 use crate::actor_critic::Actor;
@@ -209,24 +211,25 @@ pub const SIGHTS: [Sight; 3] = [
 /// Views that are looked along in turn.
 const VIEWS: usize = 64;
 
-/// Images per second of one core, from all over a world and in all directions.
-pub fn sight(sight: &Sight, scenario: &Scenario, duration: Duration) -> Figure {
-    let world = &scenario.aviary.world;
+/// From all over a world and in all directions.
+fn views(world: &World) -> Vec<View> {
     let bounds = world.solids.iter().map(Solid::extent);
     let (low, high) = bounds.reduce(|(a, b), (c, d)| (a.inf(&c), b.sup(&d))).unwrap_or_default();
     let mut stream = Stream::new(Seed(0), 0, Purpose::Baseline);
     let mut share = || f64::from(stream.between(0.1, 0.9));
-    let views: Vec<View> = (0..VIEWS)
-        .map(|_| {
-            let eye = Vector3::new(
-                low.x + share() * (high.x - low.x),
-                low.y + share() * (high.y - low.y),
-                0.2 + share(),
-            );
-            let (sine, cosine) = (TAU * share()).sin_cos();
-            View::towards(eye, eye + Vector3::new(cosine, sine, 0.1 * (share() - 0.5)), Vector3::z())
-        })
-        .collect();
+    let view = |_| {
+        let eye =
+            Vector3::new(low.x + share() * (high.x - low.x), low.y + share() * (high.y - low.y), 0.2 + share());
+        let (sine, cosine) = (TAU * share()).sin_cos();
+        View::towards(eye, eye + Vector3::new(cosine, sine, 0.1 * (share() - 0.5)), Vector3::z())
+    };
+    (0..VIEWS).map(view).collect()
+}
+
+/// Images per second of one core.
+pub fn sight(sight: &Sight, scenario: &Scenario, duration: Duration) -> Figure {
+    let world = &scenario.aviary.world;
+    let views = views(world);
     let (scene, mut canvas, mut image) = (Scene::new(world), Canvas::default(), Image::default());
     let per_second = best_rate(duration, || {
         for view in &views {

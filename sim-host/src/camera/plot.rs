@@ -7,7 +7,7 @@ use super::scene::{Body, FLOOR_SURFACE, Face, Round, Scene};
 use super::{Camera, View};
 
 /// Distance within which an eye counts as being beside a plane and not in it \[m\].
-const LEAST_DISTANCE: f64 = 1e-6;
+pub(super) const LEAST_DISTANCE: f64 = 1e-6;
 
 impl Scene {
     /// Says how everything in view is drawn.
@@ -139,9 +139,9 @@ impl Round {
 /// The rays of an image: `corner + column · per_column + row · per_row`.
 pub(super) struct Rays {
     pub(super) view: View,
-    corner: Vector3<f64>,
-    per_column: Vector3<f64>,
-    per_row: Vector3<f64>,
+    pub(super) corner: Vector3<f64>,
+    pub(super) per_column: Vector3<f64>,
+    pub(super) per_row: Vector3<f64>,
 }
 
 impl Rays {

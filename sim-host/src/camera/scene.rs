@@ -1,5 +1,8 @@
 //! A world prepared for cameras.
 
+#[cfg(feature = "gpu")]
+pub(super) mod words;
+
 use nalgebra::Vector3;
 
 use super::{FIRST_SOLID, FLOOR, NOTHING};

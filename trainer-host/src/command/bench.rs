@@ -1,5 +1,7 @@
 //! `kestrel bench`.
 
+#[cfg(feature = "gpu")]
+use std::path::Path;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -54,12 +56,29 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         print(&[bench::sight(sight, &task.scenario, duration)])?;
     }
     print(&bench::eyes(duration))?;
+    #[cfg(feature = "gpu")]
+    print_gpu(&arguments.aviaries, duration)?;
     print(&bench::training(scenario, &experiment.ppo, duration))?;
     let actor = untrained_actor(&experiment);
     let export = results::exported(&experiment, &actor, 0)?;
     let files = [PolicyFile::parse(&export.float_policy)?, PolicyFile::parse(&export.fixed_policy)?];
     print(&bench::inference(&actor, &files, duration))?;
     Ok(Done::Finished)
+}
+
+/// Of the GPU, or else of an adapter in software, which is named; says so where there is neither.
+#[cfg(feature = "gpu")]
+fn print_gpu(aviaries: &Path, duration: Duration) -> Result<()> {
+    let gpu = match bench::gpu::open() {
+        Ok(gpu) => gpu,
+        Err(error) => return Ok(say(error)?),
+    };
+    say(format_args!("on {gpu}:"))?;
+    for sight in &bench::SIGHTS {
+        let task = experiment_config::load(&aviaries.join(sight.file), &[])?;
+        print(&bench::gpu::sight(&gpu, sight, &task.scenario, duration)?)?;
+    }
+    Ok(())
 }
 
 fn print(figures: &[Figure]) -> Result<()> {

@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use kestrel_sim::camera::{Camera, Scene, View};
+use kestrel_sim::camera::{Backend, Camera, Renderer, Scene, Shot, View};
 use kestrel_sim::seed::Seed;
 use kestrel_sim::simulation::Simulation;
 use kestrel_sim::world::Pose;
 use kestrel_train::atomic_file::write_atomically;
 use kestrel_train::camera_strip::strip;
 use kestrel_train::experiment_config;
-use kestrel_train::output::say;
+use kestrel_train::output::{say, warn};
 
 use super::Done;
 
@@ -40,6 +40,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DEGREES", default_value_t = 90.0, value_parser = view_angle, allow_negative_numbers = true)]
     view_angle: f64,
 
+    /// What renders: auto (a GPU where there is one), cpu, gpu, or software (an adapter such as lavapipe)
+    #[arg(long, value_name = "BACKEND", default_value_t = Backend::Auto)]
+    backend: Backend,
+
     /// Change a value of the configuration, such as `scenario.episode_secs=5`
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
@@ -54,6 +58,7 @@ fn view_angle(text: &str) -> Result<f64, String> {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let experiment = experiment_config::load(&arguments.config, &arguments.overrides)?;
+    let renderer = Renderer::open(arguments.backend)?;
     let scenario = &experiment.scenario;
     let simulation = Simulation::<1, f64>::new(scenario, Seed(arguments.seed), 0, 1);
     let state = simulation.state(0);
@@ -68,8 +73,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         ..Camera::PAPER
     };
     let view = View::paper(&drone, scenario.airframe.arm);
-    let image = Scene::new(&scenario.aviary.world).render(&camera, &view);
-    write_atomically(&arguments.output, &strip(&image)?)?;
+    let scene = Scene::new(&scenario.aviary.world);
+    let images = renderer.render(&camera, &[&scene], &[Shot { scene: 0, view }])?;
+    write_atomically(&arguments.output, &strip(&images[0])?)?;
+    warn(&renderer);
     say(arguments.output.display())?;
     Ok(Done::Finished)
 }

@@ -122,6 +122,16 @@ fn walls_are_exact() {
 }
 
 #[test]
+fn a_sphere_is_as_wide_as_it_is_high() {
+    let ball = place("solids: [{sphere: {center_m: [1, 2, 3], radius_m: 0.5}}]").unwrap().world.solids.remove(0);
+    assert_extent(&ball, [0.5, 1.5, 2.5], [1.5, 2.5, 3.5]);
+    assert_eq!(
+        refusal("solids: [{sphere: {center_m: [1, 2, 3], radius_m: 0}}]"),
+        "solids.0.sphere.radius_m: found 0, expected a number above 0, at most 1000 m"
+    );
+}
+
+#[test]
 fn movables_have_a_mass_and_one_outline() {
     let movable = place(
         "movables: [{name: cube, box: {center_m: [0, 0, 0.025], size_m: [0.05, 0.05, 0.05]}, mass_kg: 0.1}]",
@@ -141,7 +151,7 @@ fn movables_have_a_mass_and_one_outline() {
 
 #[test]
 fn wrong_solids_get_their_messages() {
-    let forms = "one of `low_m` with `high_m`, `box`, `cylinder`, `cone` or `hull`";
+    let forms = "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone` or `hull`";
     assert_eq!(refusal("solids: [{name: x}]"), format!("solids.0: found no outline, expected {forms}"));
     assert_eq!(
         refusal("solids: [{low_m: [0, 0, 0], cylinder: {center_m: [0, 0, 0], radius_m: 1, height_m: 1}}]"),

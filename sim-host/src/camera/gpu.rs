@@ -1,0 +1,165 @@
+//! Cameras on a GPU: all views of a batch at once, by the arithmetic of the processor's renderer.
+//!
+//! Scenes are uploaded once ([`Gpu::upload`]), room for a number of views is made once ([`Scenes::batch`]), then each
+//! [`Batch::render`] uploads 144 bytes a view and runs two passes. The first says how each body is drawn in each view,
+//! the second casts a ray per pixel, tile by tile, at the bodies whose areas meet the tile. Images stay where the GPU's
+//! other work finds them ([`Batch::buffers`]) or are read back together ([`Batch::read`]).
+
+mod adapter;
+mod batch;
+mod division;
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+
+pub use batch::{Batch, Part};
+
+use self::division::Room;
+use super::scene::words::SceneWords;
+use super::{Backend, RenderError, Scene};
+
+/// Views that a software adapter renders at once: more only make it slower.
+const SOFTWARE_VIEWS: usize = 16;
+
+/// A GPU, or an adapter in software, with the renderer's programs.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    info: wgpu::AdapterInfo,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    plot: wgpu::ComputePipeline,
+    draw: wgpu::ComputePipeline,
+    room: Room,
+}
+
+/// Scenes on a GPU; they never change.
+#[derive(Debug)]
+pub struct Scenes {
+    gpu: Gpu,
+    count: usize,
+    heads: wgpu::Buffer,
+    bodies: wgpu::Buffer,
+    faces: wgpu::Buffer,
+    corners: wgpu::Buffer,
+    rounds: wgpu::Buffer,
+    looks: wgpu::Buffer,
+    most_plots: usize,
+}
+
+impl Gpu {
+    /// Opens the best GPU for [`Backend::Gpu`] and [`Backend::Auto`], an adapter in software for [`Backend::Software`].
+    /// `WGPU_BACKEND` can name the interface: `vulkan`, `metal`, `dx12`.
+    ///
+    /// # Errors
+    /// When there is none, or its driver refuses. [`Backend::Cpu`] is no adapter.
+    pub fn open(backend: Backend) -> Result<Self, RenderError> {
+        let adapter = adapter::find(backend)?;
+        let info = adapter.get_info();
+        let limits = adapter.limits();
+        let descriptor = wgpu::DeviceDescriptor { required_limits: limits.clone(), ..Default::default() };
+        let (device, queue) = adapter::wait(adapter.request_device(&descriptor))
+            .map_err(|error| RenderError::Adapter { adapter: info.name.clone(), reason: error.to_string() })?;
+        let pipeline = |name, source: &str| {
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(name),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            });
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(name),
+                layout: None,
+                module: &module,
+                entry_point: Some(name),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
+        };
+        let plot = pipeline("plot", concat!(include_str!("gpu/data.wgsl"), include_str!("gpu/plot.wgsl")));
+        let draw = pipeline("draw", concat!(include_str!("gpu/data.wgsl"), include_str!("gpu/draw.wgsl")));
+        let most_views = if info.device_type == wgpu::DeviceType::Cpu { SOFTWARE_VIEWS } else { usize::MAX };
+        Ok(Self { room: Room::new(&limits, most_views), info, device, queue, plot, draw })
+    }
+
+    /// As its driver calls it.
+    pub fn name(&self) -> &str {
+        &self.info.name
+    }
+
+    /// Whether it is no GPU but runs on the processor.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Where its buffers live, for programs that use them there.
+    pub fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// What does its work in order.
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.queue
+    }
+
+    /// Uploads scenes; shots name them by their index.
+    ///
+    /// # Errors
+    /// When they are larger than a buffer may be.
+    pub fn upload(&self, scenes: &[&Scene]) -> Result<Scenes, RenderError> {
+        let mut words = SceneWords::default();
+        for scene in scenes {
+            words.push(scene);
+        }
+        Ok(Scenes {
+            gpu: self.clone(),
+            count: scenes.len(),
+            heads: self.uploaded("scenes", words.scenes.as_flattened())?,
+            bodies: self.uploaded("bodies", words.bodies.as_flattened())?,
+            faces: self.uploaded("faces", words.faces.as_flattened().as_flattened())?,
+            corners: self.uploaded("corners", words.corners.as_flattened())?,
+            rounds: self.uploaded("cylinders", words.rounds.as_flattened().as_flattened())?,
+            looks: self.uploaded("surfaces", words.looks.as_flattened())?,
+            most_plots: words.most_plots,
+        })
+    }
+
+    fn uploaded(&self, what: &'static str, words: &[u32]) -> Result<wgpu::Buffer, RenderError> {
+        // A binding is never empty; an element takes 64 bytes at most.
+        let bytes = (size_of_val(words) as u64).max(64);
+        self.fits(what, bytes)?;
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let buffer = self.buffer(what, bytes, usage);
+        self.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(words));
+        Ok(buffer)
+    }
+
+    fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let label = Some(label);
+        self.device.create_buffer(&wgpu::BufferDescriptor { label, size: bytes, usage, mapped_at_creation: false })
+    }
+
+    fn fits(&self, what: &'static str, bytes: u64) -> Result<(), RenderError> {
+        if bytes <= self.room.bytes {
+            return Ok(());
+        }
+        Err(RenderError::TooLarge { what, bytes, limit: self.room.bytes, adapter: self.info.name.clone() })
+    }
+
+    fn spans(&self, pixels: usize) -> Result<(), RenderError> {
+        if pixels <= self.room.pixels {
+            return Ok(());
+        }
+        Err(RenderError::TooWide { pixels, limit: self.room.pixels, adapter: self.info.name.clone() })
+    }
+
+    fn lost(&self, reason: &impl ToString) -> RenderError {
+        RenderError::Lost { adapter: self.info.name.clone(), reason: reason.to_string() }
+    }
+}
+
+impl fmt::Display for Gpu {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let wgpu::AdapterInfo { name, backend, driver, driver_info, .. } = &self.info;
+        let kind = if self.is_software() { "software adapter" } else { "GPU" };
+        write!(formatter, "the {kind} {name} ({backend}, {driver} {driver_info})")
+    }
+}

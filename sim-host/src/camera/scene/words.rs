@@ -1,0 +1,107 @@
+//! Scenes and views in the words that a GPU reads: the structures of `gpu/data.wgsl`.
+
+use nalgebra::Vector3;
+
+use super::{Body, FLOOR_SURFACE, Face, Look, Round, Scene};
+use crate::camera::plot::{LEAST_DISTANCE, Rays};
+use crate::camera::{Camera, Shot};
+
+/// Several scenes, one behind the other.
+#[derive(Debug, Default)]
+pub(in crate::camera) struct SceneWords {
+    pub(in crate::camera) scenes: Vec<[u32; 10]>,
+    pub(in crate::camera) bodies: Vec<[u32; 5]>,
+    pub(in crate::camera) faces: Vec<[[u32; 4]; 3]>,
+    pub(in crate::camera) corners: Vec<[u32; 4]>,
+    pub(in crate::camera) rounds: Vec<[[u32; 4]; 4]>,
+    pub(in crate::camera) looks: Vec<[u32; 3]>,
+    /// Plots of a view in the largest of them.
+    pub(in crate::camera) most_plots: usize,
+}
+
+/// A view: nine rows of three numbers and a word.
+pub(in crate::camera) type ViewWords = [[u32; 4]; 9];
+
+impl SceneWords {
+    /// Adds a scene behind the others.
+    pub(in crate::camera) fn push(&mut self, scene: &Scene) {
+        let firsts = [self.bodies.len(), self.faces.len(), self.rounds.len(), self.looks.len()];
+        let [body, face, round, look] = firsts.map(|first| first as u32);
+        for body in &scene.bodies {
+            self.push_body(body, [face, round]);
+        }
+        self.looks.extend(scene.surfaces.iter().map(|look| look_words(look, &self.bodies[firsts[0]..])));
+        let [bodies, faces, rounds] =
+            [self.bodies.len() - firsts[0], self.faces.len() - firsts[1], self.rounds.len() - firsts[2]];
+        self.most_plots = self.most_plots.max(faces + bodies + 3 * rounds);
+        let floor = FLOOR_SURFACE as usize;
+        let [even, odd] = [floor, floor + 1].map(|square| opaque(scene.surfaces[square].colour));
+        let counts = [bodies, faces, rounds].map(|count| count as u32);
+        let has_floor = u32::from(scene.has_floor);
+        self.scenes.push([body, counts[0], face, counts[1], round, counts[2], look, has_floor, even, odd]);
+    }
+
+    fn push_body(&mut self, body: &Body, [of_faces, of_rounds]: [u32; 2]) {
+        let (face, corner) = (self.faces.len() as u32 - of_faces, self.corners.len() as u32);
+        self.faces.extend(body.faces.iter().map(face_words));
+        self.corners.extend(body.corners.iter().map(|place| row(place, 0)));
+        self.rounds.extend(body.round.iter().map(round_words));
+        let round = if body.round.is_some() { self.rounds.len() as u32 - of_rounds } else { 0 };
+        self.bodies.push([face, body.faces.len() as u32, corner, body.corners.len() as u32, round]);
+    }
+}
+
+/// What a camera looks at.
+pub(in crate::camera) fn view_words(camera: &Camera, shot: &Shot) -> ViewWords {
+    let Shot { scene, view } = shot;
+    let rays = Rays::new(camera, view);
+    // As `Rays::meets`, in double precision, because the floor is seen a thousand times farther than it is below.
+    let slopes = Vector3::new(rays.corner.z, rays.per_column.z, rays.per_row.z);
+    let floor = if view.eye.z > LEAST_DISTANCE { slopes / -view.eye.z } else { Vector3::zeros() };
+    [
+        row(&view.eye, *scene as u32),
+        row(&rest(&view.eye), 0),
+        row(&rays.corner, 0),
+        row(&rays.per_column, 0),
+        row(&rays.per_row, 0),
+        row(&view.right, 0),
+        row(&view.down, 0),
+        row(&view.forward, 0),
+        row(&floor, 0),
+    ]
+}
+
+fn face_words(face: &Face) -> [[u32; 4]; 3] {
+    let place = face.normal * face.offset;
+    [row(&face.normal, face.surface), row(&place, 0), row(&rest(&place), 0)]
+}
+
+fn round_words(round: &Round) -> [[u32; 4]; 4] {
+    let colour = Vector3::from(round.glow.colour).cast() / 255.0;
+    [
+        row(&round.centre, (round.radius as f32).to_bits()),
+        row(&rest(&round.centre), round.surface),
+        row(&round.axis, 0),
+        row(&colour, 0),
+    ]
+}
+
+/// `bodies` are those of its scene.
+fn look_words(look: &Look, bodies: &[[u32; 5]]) -> [u32; 3] {
+    let round = look.round.map_or(0, |body| bodies[body as usize][4]);
+    [u32::from(look.label), opaque(look.colour), round]
+}
+
+fn opaque([red, green, blue]: [u8; 3]) -> u32 {
+    u32::from_le_bytes([red, green, blue, u8::MAX])
+}
+
+fn row(vector: &Vector3<f64>, last: u32) -> [u32; 4] {
+    let [x, y, z] = (*vector).into();
+    [(x as f32).to_bits(), (y as f32).to_bits(), (z as f32).to_bits(), last]
+}
+
+/// What single precision leaves of a place.
+fn rest(place: &Vector3<f64>) -> Vector3<f64> {
+    place.map(|value| value - f64::from(value as f32))
+}
