@@ -1,6 +1,6 @@
 //! Boxes, spheres and cylinders as the reference's camera saw them: depth, what each pixel shows, and its colour.
 //!
-//! `tests/golden/pybullet/camera` has frames of `BaseAviary._getDroneImages` (64×48, TinyRenderer), of the world in
+//! `tests/golden/pybullet/camera` has frames of `BaseAviary._getDroneImages` (64×48, `TinyRenderer`), of the world in
 //! `primitives.yaml` with and without the floor, from the poses in `*.poses.csv`. The drone's own mesh, which the reference
 //! sees at the bottom, is masked (255).
 
