@@ -30,9 +30,9 @@ const MOST_VALUES: usize = 1 << 26;
 pub struct Convolution {
     /// Number of filters, the channels behind them.
     pub filters: usize,
-    /// Rows, and columns, of a filter [pixels].
+    /// Rows, and columns, of a filter \[pixels\].
     pub kernel: usize,
-    /// Distance from one place of a filter to the next [pixels].
+    /// Distance from one place of a filter to the next \[pixels\].
     pub stride: usize,
 }
 
