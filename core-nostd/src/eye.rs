@@ -27,9 +27,9 @@ mod error;
 mod fixed;
 mod float;
 mod packing;
-mod patch;
 mod shape;
 mod stage;
+mod walk;
 
 pub use error::EyeError;
 pub use fixed::FixedEye;

@@ -2,8 +2,8 @@
 
 use heapless::Vec;
 
-use super::patch::convolve;
 use super::stage::{FILTER_BLOCK, TERM_GROUP};
+use super::walk::walk;
 use super::{EyeError, EyeShape, STAGE_LIMIT, Stage};
 
 /// Least and greatest bits of an activation. With the least, no weights of a stage can overflow its sums.
@@ -94,28 +94,14 @@ impl<'a> FixedEye<'a> {
         image: &[u8],
         scratch: &mut [i16],
         features: &mut [i16],
-        mut show: impl FnMut(usize, &[i16]),
+        show: impl FnMut(usize, &[i16]),
     ) -> Result<(), EyeError> {
-        self.shape.check_lengths(image.len(), scratch.len(), features.len())?;
-        let (patch, buffers) = scratch.split_at_mut_checked(self.shape.patch_len()).unwrap_or_default();
-        let (mut output, mut input) = buffers.split_at_mut_checked(self.shape.buffer_len(0)).unwrap_or_default();
-        let dense_stage = self.layers.len().saturating_sub(1);
-        for (index, layer) in self.layers.iter().enumerate() {
-            let sums = |terms: &[i16], output: &mut [i16]| layer.sums(terms, output);
-            if index == 0 {
-                convolve(&layer.stage, image, i16::from, (patch, output), sums);
-            } else if index < dense_stage {
-                convolve(&layer.stage, input, |code| code, (patch, output), sums);
-            } else {
-                sums(input, output.get_mut(..layer.padded_filters()).unwrap_or_default());
+        let sums = |index: usize, terms: &[i16], output: &mut [i16]| {
+            if let Some(layer) = self.layers.get(index) {
+                layer.sums(terms, output);
             }
-            show(index, output.get(..layer.stage.output.len()).unwrap_or_default());
-            core::mem::swap(&mut input, &mut output);
-        }
-        for (feature, code) in features.iter_mut().zip(&*input) {
-            *feature = *code;
-        }
-        Ok(())
+        };
+        walk(&self.shape, (image, scratch, features), i16::from, sums, show)
     }
 }
 
@@ -130,10 +116,6 @@ impl<'a> Layer<'a> {
         let (bias, rest) = bytes.split_at_checked(words).unwrap_or_default();
         let (multipliers, weights) = rest.split_at_checked(words).unwrap_or_default();
         Self { stage, limit, bias, multipliers, weights }
-    }
-
-    fn padded_filters(&self) -> usize {
-        self.stage.filters().next_multiple_of(FILTER_BLOCK)
     }
 
     fn groups(&self) -> usize {

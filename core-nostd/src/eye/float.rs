@@ -2,8 +2,8 @@
 
 use heapless::Vec;
 
-use super::patch::convolve;
 use super::stage::FILTER_BLOCK;
+use super::walk::walk;
 use super::{EyeError, EyeShape, STAGE_LIMIT, Stage};
 use crate::mlp;
 
@@ -76,28 +76,14 @@ impl<'a> Eye<'a> {
         image: &[u8],
         scratch: &mut [f32],
         features: &mut [f32],
-        mut show: impl FnMut(usize, &[f32]),
+        show: impl FnMut(usize, &[f32]),
     ) -> Result<(), EyeError> {
-        self.shape.check_lengths(image.len(), scratch.len(), features.len())?;
-        let (patch, buffers) = scratch.split_at_mut_checked(self.shape.patch_len()).unwrap_or_default();
-        let (mut output, mut input) = buffers.split_at_mut_checked(self.shape.buffer_len(0)).unwrap_or_default();
-        let dense_stage = self.layers.len().saturating_sub(1);
-        for (index, layer) in self.layers.iter().enumerate() {
-            let sums = |terms: &[f32], output: &mut [f32]| layer.sums(terms, output);
-            if index == 0 {
-                convolve(&layer.stage, image, |byte| LEVELS[usize::from(byte)], (patch, output), sums);
-            } else if index < dense_stage {
-                convolve(&layer.stage, input, |value| value, (patch, output), sums);
-            } else {
-                sums(input, output.get_mut(..layer.padded_filters()).unwrap_or_default());
+        let sums = |index: usize, terms: &[f32], output: &mut [f32]| {
+            if let Some(layer) = self.layers.get(index) {
+                layer.sums(terms, output);
             }
-            show(index, output.get(..layer.stage.output.len()).unwrap_or_default());
-            core::mem::swap(&mut input, &mut output);
-        }
-        for (feature, value) in features.iter_mut().zip(&*input) {
-            *feature = *value;
-        }
-        Ok(())
+        };
+        walk(&self.shape, (image, scratch, features), |byte| LEVELS[usize::from(byte)], sums, show)
     }
 }
 
@@ -106,10 +92,6 @@ impl<'a> Layer<'a> {
         let padded_filters = stage.filters().next_multiple_of(FILTER_BLOCK);
         let (bias, weights) = bytes.split_at_checked(size_of::<f32>() * padded_filters).unwrap_or_default();
         Self { stage, bias, weights }
-    }
-
-    fn padded_filters(&self) -> usize {
-        self.stage.filters().next_multiple_of(FILTER_BLOCK)
     }
 
     /// `output = max(bias + weights · terms, 0)`; NaN becomes zero.

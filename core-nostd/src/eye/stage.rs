@@ -1,5 +1,7 @@
 //! A layer of an eye: what it reads, how its filters walk over it, what it writes.
 
+use serde::{Deserialize, Serialize};
+
 /// Filters are stored in multiples of this.
 pub(super) const FILTER_BLOCK: usize = crate::mlp::ROW_BLOCK;
 
@@ -7,7 +9,7 @@ pub(super) const FILTER_BLOCK: usize = crate::mlp::ROW_BLOCK;
 pub(super) const TERM_GROUP: usize = 4;
 
 /// An image, or activations: interleaved, `[rows][columns][channels]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Volume {
     /// From top to bottom.
     pub rows: u16,
@@ -18,7 +20,7 @@ pub struct Volume {
 }
 
 /// A convolution without padding, followed by a rectifier.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Convolution {
     /// Channels of its output, 1 to [`super::CHANNEL_LIMIT`].
     pub filters: u16,

@@ -3,6 +3,7 @@
 use std::hint::black_box;
 use std::time::Duration;
 
+use kestrel_core::eye::Volume;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 
 use super::{Figure, best_rate};
@@ -11,7 +12,7 @@ use crate::network::eye::{Eye, EyeWorkspace};
 /// Samples of a tile: more do not make products faster, fewer add up the weights' gradient more often.
 const COLUMNS: usize = 64;
 
-/// An eye that is measured, and where we want its passes to be [samples per second of one core].
+/// An eye that is measured, and where we want its passes to be [samples per second of one core\].
 struct Measured {
     what: &'static str,
     eye: Eye,
@@ -24,7 +25,7 @@ struct Measured {
 /// # Panics
 /// When a preset does not suit such images, which is a bug.
 pub fn eyes(duration: Duration) -> Vec<Figure> {
-    let image = [48, 64, 3];
+    let image = Volume { rows: 48, columns: 64, channels: 3 };
     let nature = Eye::nature(image).expect("its filters are smaller than the image");
     let small = Eye::small(image).expect("its filters are smaller than the image");
     let measured = [

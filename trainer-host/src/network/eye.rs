@@ -12,39 +12,21 @@ mod transposition;
 mod weights;
 mod workspace;
 
+use kestrel_core::eye::{Convolution, EyeError, EyeShape, Stage, Volume};
 use kestrel_sim::seed::Stream;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use super::{HIDDEN_GAIN, orthogonal};
 use layer::{Grid, Layer};
 pub use weights::EyeWeights;
 pub use workspace::EyeWorkspace;
 
-/// Most values of an image, of an activation and of a layer's weights: beyond, a shape is a slip of the pen.
-const MOST_VALUES: usize = 1 << 26;
-
-/// Square filters that move over an image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Convolution {
-    /// Number of filters, the channels behind them.
-    pub filters: usize,
-    /// Rows, and columns, of a filter \[pixels\].
-    pub kernel: usize,
-    /// Distance from one place of a filter to the next \[pixels\].
-    pub stride: usize,
-}
-
-/// The shape of a convolutional network from an image to features.
-///
-/// Its parameters are one slice: for each convolution the weights `[filters][kernel row][kernel column][channel]`,
-/// then the biases `[filters]`; last the dense layer's weights `[features][row][column][channel]` and biases
-/// `[features]`.
+/// A convolutional network from an image to features. Its shape, and the order of its parameters, are those of the
+/// core, so that whatever is trained can fly on a microcontroller.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "Shape", into = "Shape")]
+#[serde(try_from = "Saved", into = "Saved")]
 pub struct Eye {
-    shape: Shape,
+    shape: EyeShape,
     /// The convolutions, then the dense layer.
     layers: Vec<Layer>,
 }
@@ -52,76 +34,34 @@ pub struct Eye {
 /// What is written of an eye.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Shape {
-    rows: usize,
-    columns: usize,
-    channels: usize,
+struct Saved {
+    image: Volume,
     convolutions: Vec<Convolution>,
-    features: usize,
-}
-
-/// Why there is no such eye.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum EyeError {
-    /// Nothing can be seen.
-    #[error("expected an image of at least 1 x 1 x 1 values, found {rows} x {columns} x {channels}")]
-    EmptyImage {
-        /// Of the image.
-        rows: usize,
-        /// Of the image.
-        columns: usize,
-        /// Of the image.
-        channels: usize,
-    },
-    /// Nothing moves over the image.
-    #[error("expected at least one convolution, found none")]
-    NoConvolution,
-    /// A convolution without filters, extent or step.
-    #[error("expected at least one filter, a kernel and a stride of at least 1, found {0:?}")]
-    EmptyConvolution(Convolution),
-    /// A filter finds no place.
-    #[error("expected a kernel within the {rows} x {columns} pixels before it, found {kernel} x {kernel}")]
-    KernelTooLarge {
-        /// Of the filter.
-        kernel: usize,
-        /// Before the layer.
-        rows: usize,
-        /// Before the layer.
-        columns: usize,
-    },
-    /// No features.
-    #[error("expected at least one feature, found none")]
-    NoFeatures,
-    /// More than any memory should hold.
-    #[error(
-        "expected at most {MOST_VALUES} values in an image, an activation or the weights of a layer, found more"
-    )]
-    TooLarge,
+    features: u16,
 }
 
 impl Eye {
-    /// For images of `[rows, columns, channels]`.
-    ///
-    /// # Errors
-    /// When a part is empty or unreasonably large, or a kernel is larger than what is before it.
-    pub fn new(
-        [rows, columns, channels]: [usize; 3],
-        convolutions: &[Convolution],
-        features: usize,
-    ) -> Result<Self, EyeError> {
-        let shape = Shape { rows, columns, channels, convolutions: convolutions.to_vec(), features };
-        let layers = shape.layers()?;
-        Ok(Self { shape, layers })
+    /// Of a shape.
+    pub fn new(shape: EyeShape) -> Self {
+        let Volume { rows, columns, channels } = shape.image();
+        let [rows, columns, channels] = [rows, columns, channels].map(usize::from);
+        let mut grid = Grid { rows, columns, channels, stored: channels };
+        let layer = |stage: &Stage| {
+            let kernel = (usize::from(stage.kernel_rows), usize::from(stage.kernel_columns));
+            let layer = Layer::new(grid, kernel, usize::from(stage.stride), stage.filters());
+            grid = layer.output;
+            layer
+        };
+        Self { layers: shape.stages().iter().map(layer).collect(), shape }
     }
 
     /// The network of Mnih et al. 2015, `NatureCNN` of Stable-Baselines3: 512 features.
     ///
     /// # Errors
-    /// When the image is empty or smaller than 36 x 36 pixels.
-    pub fn nature(image: [usize; 3]) -> Result<Self, EyeError> {
-        let [first, second, third] = [(32, 8, 4), (64, 4, 2), (64, 3, 1)]
-            .map(|(filters, kernel, stride)| Convolution { filters, kernel, stride });
-        Self::new(image, &[first, second, third], 512)
+    /// When the image is empty, too large or smaller than 36 x 36 pixels.
+    pub fn nature(image: Volume) -> Result<Self, EyeError> {
+        let convolutions = [(32, 8, 4), (64, 4, 2), (64, 3, 1)].map(convolution);
+        EyeShape::new(image, &convolutions, 512).map(Self::new)
     }
 
     /// The convolutions of Mnih et al. 2013, which two cores can train, and 64 features for the layers behind them; an
@@ -129,57 +69,49 @@ impl Eye {
     /// much of the view.
     ///
     /// # Errors
-    /// When the image is empty or smaller than 10 x 10 pixels.
-    pub fn small(image: [usize; 3]) -> Result<Self, EyeError> {
-        let first = if image[0].min(image[1]) < 40 { (16, 4, 2) } else { (16, 8, 4) };
-        let convolutions =
-            [first, (32, 4, 2)].map(|(filters, kernel, stride)| Convolution { filters, kernel, stride });
-        Self::new(image, &convolutions, 64)
+    /// When the image is empty, too large or smaller than 10 x 10 pixels.
+    pub fn small(image: Volume) -> Result<Self, EyeError> {
+        let first = if image.rows.min(image.columns) < 40 { (16, 4, 2) } else { (16, 8, 4) };
+        EyeShape::new(image, &[first, (32, 4, 2)].map(convolution), 64).map(Self::new)
     }
 
-    /// Rows, columns and channels of an image.
-    pub fn image(&self) -> [usize; 3] {
-        [self.shape.rows, self.shape.columns, self.shape.channels]
+    /// The image, the convolutions and the number of features.
+    pub fn shape(&self) -> &EyeShape {
+        &self.shape
     }
 
     /// Bytes of an image.
     pub fn image_len(&self) -> usize {
-        self.image().iter().product()
-    }
-
-    /// The convolutions, first to last.
-    pub fn convolutions(&self) -> &[Convolution] {
-        &self.shape.convolutions
+        self.shape.image().len()
     }
 
     /// Number of features.
     pub fn features(&self) -> usize {
-        self.shape.features
+        self.shape.features()
     }
 
     /// Number of weights and biases.
     pub fn parameter_count(&self) -> usize {
-        self.layers.iter().map(Layer::parameter_count).sum()
+        self.shape.parameter_count()
     }
 
     /// Multiply-accumulate operations of one forward pass of one sample.
     pub fn multiply_accumulates(&self) -> usize {
-        self.layers.iter().map(Layer::multiply_accumulates).sum()
+        self.shape.multiply_accumulates()
     }
 
     /// Multiply-accumulate operations of one backward pass of one sample: weights and inputs of each layer, but no
     /// pixels.
     pub fn backward_multiply_accumulates(&self) -> usize {
-        2 * self.multiply_accumulates() - self.layers[0].multiply_accumulates()
+        2 * self.multiply_accumulates() - self.shape.stages()[0].multiply_accumulates()
     }
 
     /// Orthogonal weights (Saxe et al. 2014) of gain root two, filter by filter, and zero biases.
     pub fn initialise(&self, stream: &mut Stream) -> Vec<f32> {
         let mut parameters = Vec::with_capacity(self.parameter_count());
-        for layer in &self.layers {
-            let filters = layer.output.channels;
-            parameters.extend(orthogonal(filters, layer.inputs(), HIDDEN_GAIN, stream));
-            parameters.extend(std::iter::repeat_n(0.0, filters));
+        for stage in self.shape.stages() {
+            parameters.extend(orthogonal(stage.filters(), stage.terms(), HIDDEN_GAIN, stream));
+            parameters.extend(std::iter::repeat_n(0.0, stage.filters()));
         }
         parameters
     }
@@ -197,65 +129,22 @@ impl Eye {
     }
 }
 
-impl Shape {
-    fn layers(&self) -> Result<Vec<Layer>, EyeError> {
-        let Self { rows, columns, channels, ref convolutions, features } = *self;
-        if rows == 0 || columns == 0 || channels == 0 {
-            return Err(EyeError::EmptyImage { rows, columns, channels });
-        }
-        if convolutions.is_empty() {
-            return Err(EyeError::NoConvolution);
-        }
-        if features == 0 {
-            return Err(EyeError::NoFeatures);
-        }
-        bounded(&[rows, columns, channels])?;
-        let mut grid = Grid { rows, columns, channels, stored: channels };
-        let mut layers = Vec::with_capacity(convolutions.len() + 1);
-        for convolution in convolutions {
-            let layer = convolution.layer(grid)?;
-            layers.push(layer);
-            grid = layer.output;
-        }
-        bounded(&[grid.len(), features])?;
-        layers.push(Layer::new(grid, (grid.rows, grid.columns), 1, features));
-        Ok(layers)
-    }
+fn convolution((filters, kernel, stride): (u16, u16, u16)) -> Convolution {
+    Convolution { filters, kernel, stride }
 }
 
-impl Convolution {
-    fn layer(self, before: Grid) -> Result<Layer, EyeError> {
-        let Self { filters, kernel, stride } = self;
-        let Grid { rows, columns, stored, .. } = before;
-        if filters == 0 || kernel == 0 || stride == 0 {
-            return Err(EyeError::EmptyConvolution(self));
-        }
-        if kernel > rows.min(columns) {
-            return Err(EyeError::KernelTooLarge { kernel, rows, columns });
-        }
-        bounded(&[kernel, kernel, stored, filters])?;
-        bounded(&[rows, columns, filters])?;
-        Ok(Layer::new(before, (kernel, kernel), stride, filters))
-    }
-}
-
-fn bounded(extents: &[usize]) -> Result<(), EyeError> {
-    let product = extents.iter().try_fold(1_usize, |product, extent| product.checked_mul(*extent));
-    if product.is_some_and(|product| product <= MOST_VALUES) { Ok(()) } else { Err(EyeError::TooLarge) }
-}
-
-impl TryFrom<Shape> for Eye {
+impl TryFrom<Saved> for Eye {
     type Error = EyeError;
 
-    fn try_from(shape: Shape) -> Result<Self, EyeError> {
-        let layers = shape.layers()?;
-        Ok(Self { shape, layers })
+    fn try_from(Saved { image, convolutions, features }: Saved) -> Result<Self, EyeError> {
+        EyeShape::new(image, &convolutions, features).map(Self::new)
     }
 }
 
-impl From<Eye> for Shape {
-    fn from(eye: Eye) -> Self {
-        eye.shape
+impl From<Eye> for Saved {
+    fn from(Eye { shape, .. }: Eye) -> Self {
+        let features = shape.stages().last().map_or(0, |dense| dense.output.channels);
+        Self { image: shape.image(), convolutions: shape.convolutions().collect(), features }
     }
 }
 

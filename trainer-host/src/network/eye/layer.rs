@@ -60,10 +60,6 @@ impl Layer {
         self.weight_count() + self.output.channels
     }
 
-    pub(super) fn multiply_accumulates(&self) -> usize {
-        self.output.pixels() * self.weight_count()
-    }
-
     /// Where each value of a patch lies behind its first, zeros included, in the order of the weights.
     pub(super) fn patch(&self) -> Vec<usize> {
         self.segments().flat_map(|(offset, len)| offset..offset + len).collect()

@@ -1,5 +1,6 @@
 use super::*;
-use crate::network::eye::{Convolution, Eye, EyeWorkspace};
+use crate::network::eye::{Eye, EyeWorkspace};
+use kestrel_core::eye::{Convolution, EyeShape, Volume};
 use kestrel_sim::seed::{Purpose, Seed};
 
 const COLUMNS: usize = 12;
@@ -28,7 +29,9 @@ struct Seeing {
 
 impl Seeing {
     fn new() -> Self {
-        let eye = Eye::new([7, 8, 2], &[Convolution { filters: 3, kernel: 3, stride: 2 }], WIDTHS.1).unwrap();
+        let image = Volume { rows: 7, columns: 8, channels: 2 };
+        let convolution = Convolution { filters: 3, kernel: 3, stride: 2 };
+        let eye = Eye::new(EyeShape::new(image, &[convolution], WIDTHS.1 as u16).unwrap());
         let mut bytes = stream(1);
         Self {
             images: (0..COLUMNS * eye.image_len()).map(|_| bytes.between(0.0, 255.9) as u8).collect(),
