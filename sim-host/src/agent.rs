@@ -7,6 +7,7 @@ use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Persistence};
 use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
+use crate::block::motion;
 use crate::contact::Arena;
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
@@ -16,6 +17,7 @@ use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 use crate::termination::{self, FlightView};
+use crate::world::Pose;
 
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
 /// mass and thrust factors − 1 (2), share of the episode left (1).
@@ -345,6 +347,16 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Whether no lane's episode just ended.
     pub(crate) fn is_running(&self) -> bool {
         self.codes.iter().fold(true, |running, code| running & (*code == 0.0))
+    }
+
+    /// Where the drone is.
+    pub(crate) fn pose(&self, lane: usize) -> Pose {
+        motion(&self.swarm.drone(lane)).pose
+    }
+
+    /// Control periods of its episode that have passed.
+    pub(crate) fn period(&self, lane: usize) -> u32 {
+        self.steps[lane].to_f64() as u32
     }
 
     pub(crate) fn goal(&self, lane: usize) -> Vector3<R> {

@@ -494,7 +494,7 @@ fn resolve<R: Real>(
     }
 }
 
-fn motion<R: Real>(drone: &BulletState<R>) -> Motion {
+pub(crate) fn motion<R: Real>(drone: &BulletState<R>) -> Motion {
     let state = &drone.motion;
     Motion {
         pose: Pose {

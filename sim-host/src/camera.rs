@@ -11,6 +11,7 @@ mod backend;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod kernel;
+mod onboard;
 mod plot;
 mod render;
 mod renderer;
@@ -22,6 +23,7 @@ use nalgebra::Vector3;
 
 pub use backend::{Backend, RenderError, UnknownBackend};
 pub use kernel::Canvas;
+pub use onboard::{Channel, Mount, OnboardCamera};
 pub use renderer::{Renderer, Shot};
 pub use scene::Scene;
 

@@ -7,6 +7,7 @@ mod agents;
 mod airframe;
 mod area;
 mod aviary;
+mod camera;
 mod decode;
 mod document;
 mod error;
@@ -41,6 +42,7 @@ pub use airframe::{
 };
 pub use area::AreaConfig;
 pub use aviary::{AviaryConfig, BoxConfig, Place};
+pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, PaperCameraConfig};
 pub use document::Document;
 pub use error::ConfigError;
 pub use field::{Field, Limits};
@@ -103,6 +105,9 @@ pub struct ScenarioConfig {
     /// What the policy sees.
     #[serde(default)]
     pub observation: ObservationConfig,
+    /// A camera, whose images the policy sees beside that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraConfig>,
     /// What the critic sees while training.
     #[serde(default)]
     pub critic: CriticConfig,
@@ -141,6 +146,8 @@ impl ScenarioConfig {
         let action = self.action.check(&airframe, &field.at("action"))?;
         let sensors = SensorConfig::check_all(&self.sensors, 1.0 / physics.control_rate_hz, &field.at("sensors"))?;
         let observation = self.observation.check(action.len(), sensors.len(), &field.at("observation"))?;
+        let camera =
+            self.camera.as_ref().map(|camera| camera.check(&airframe, &field.at("camera"))).transpose()?;
         let aviary = self.aviary.check(&airframe, &field.at("aviary"))?;
         let agents = self.agents.check(&aviary.world, &field.at("agents"))?;
         self.check_team(agents.count, field)?;
@@ -174,6 +181,7 @@ impl ScenarioConfig {
             physics,
             action,
             observation,
+            camera,
             start,
             terminations,
         })

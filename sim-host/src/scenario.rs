@@ -10,6 +10,7 @@ use kestrel_core::observation::ObservationLayout;
 use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
+use crate::camera::OnboardCamera;
 use crate::contact::WayMap;
 use crate::sensor::SensorSuite;
 use crate::world::World;
@@ -43,6 +44,8 @@ pub struct Scenario {
     pub sensors: SensorSuite,
     /// What the policy sees.
     pub observation: ObservationLayout,
+    /// The camera whose images it sees beside that.
+    pub camera: Option<OnboardCamera>,
     /// What the critic sees.
     pub critic: CriticView,
     /// Where episodes begin.

@@ -1,5 +1,7 @@
 //! The façade: many environments stepped by one thread. Threads run several simulations side by side.
 
+mod imaging;
+
 use std::sync::Arc;
 
 use kestrel_core::action::{ACTION_LIMIT, ActionSpace, CONTROL_MEMORY_LEN, ControlMemory, Controls};
@@ -18,6 +20,7 @@ use crate::sensor::SensorMemory;
 use crate::swarm::Mechanics;
 use crate::termination;
 use crate::world::Pose;
+use imaging::Imaging;
 
 /// Environments that step together, in blocks of `LANES` lanes, each with one drone or several.
 ///
@@ -42,6 +45,7 @@ pub struct Simulation<const LANES: usize = 64, R: Real = f32> {
     outcomes: Vec<Outcome>,
     final_observations: Vec<R>,
     final_privileged: Vec<R>,
+    imaging: Option<Imaging>,
     episodes: Vec<Episode>,
 }
 
@@ -54,6 +58,7 @@ pub struct SimulationState<R = f32> {
     contacts: Vec<ContactMemory>,
     sensors: Vec<SensorMemory>,
     streams: Vec<Stream>,
+    images: Vec<u8>,
     episodes: Vec<Episode>,
 }
 
@@ -94,11 +99,13 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             outcomes: vec![Outcome::Running; rows],
             final_observations: nothing(observation_len),
             final_privileged: nothing(privileged_len),
+            imaging: Imaging::new(scenario, rows),
             episodes: Vec::new(),
             scenario: scenario.clone(),
             arena,
         };
         simulation.publish();
+        simulation.look(|_| true);
         simulation
     }
 
@@ -141,8 +148,10 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             environments: self.environments,
         });
         self.publish_rewards();
+        self.look(|_| true);
         self.restart_ended();
         self.publish();
+        self.look(|outcome| outcome != Outcome::Running);
     }
 
     /// Number of environments.
@@ -178,6 +187,17 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     /// Privileged values after the last step and its resets, `[privileged_len][rows]`.
     pub fn privileged(&self) -> &[R] {
         &self.privileged
+    }
+
+    /// What each drone's camera saw last, `[rows][image]`, an image as
+    /// [`OnboardCamera::write`](crate::camera::OnboardCamera::write) says; empty without a camera.
+    pub fn images(&self) -> &[u8] {
+        self.imaging.as_ref().map_or(&[], Imaging::images)
+    }
+
+    /// The same before the reset; valid where the outcome is not `Running`.
+    pub fn final_images(&self) -> &[u8] {
+        self.imaging.as_ref().map_or(&[], Imaging::final_images)
     }
 
     /// Rewards of the last step, `[rows]`.
@@ -260,6 +280,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             contacts: Vec::new(),
             sensors: Vec::new(),
             streams: Vec::new(),
+            images: self.images().to_vec(),
             episodes: self.episodes.clone(),
         };
         for block in &mut blocks {
@@ -284,7 +305,8 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             && state.sensors.len() == own.sensors.len()
             && state.streams.len() == own.streams.len()
             && state.contacts.len() == own.contacts.len()
-            && state.movables.len() == own.movables.len();
+            && state.movables.len() == own.movables.len()
+            && state.images.len() == own.images.len();
         if !fits {
             return false;
         }
@@ -317,6 +339,9 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             }
             block.locate_all();
         }
+        if let Some(imaging) = &mut self.imaging {
+            imaging.images_mut().copy_from_slice(&state.images);
+        }
         self.episodes.clone_from(&state.episodes);
         self.publish();
         true
@@ -347,6 +372,18 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         }
     }
 
+    /// Takes the images that are due, of drones whose last step had such an outcome.
+    fn look(&mut self, is_asked: impl Fn(Outcome) -> bool) {
+        let Some(mut imaging) = self.imaging.take() else { return };
+        for row in 0..self.rows() {
+            if is_asked(self.outcomes[row]) {
+                let (agent, lane) = self.agent(row);
+                imaging.look(row, &agent.pose(lane), agent.period(lane));
+            }
+        }
+        self.imaging = Some(imaging);
+    }
+
     /// Records the episodes that ended, with their last observations, and starts the next ones.
     fn restart_ended(&mut self) {
         let (environments, rows) = (self.environments, self.rows());
@@ -365,6 +402,9 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                         let row = agent * environments + environment;
                         scatter(&mut self.final_observations, rows, row, &finished.observation);
                         scatter(&mut self.final_privileged, rows, row, &finished.privileged);
+                        if let Some(imaging) = &mut self.imaging {
+                            imaging.keep(row);
+                        }
                         self.episodes.push(finished.episode);
                     }
                 },

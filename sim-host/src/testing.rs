@@ -29,6 +29,7 @@ pub(crate) fn hover() -> Scenario {
             velocity_scale: 2.0,
             body_rates_scale: 10.0,
         }),
+        camera: None,
         critic: CriticView::Privileged,
         start: Start {
             position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.5 },

@@ -1,6 +1,7 @@
 //! The façade as a whole: determinism, resets, outcomes.
 
 mod determinism;
+mod imaging;
 mod navigation;
 mod team;
 

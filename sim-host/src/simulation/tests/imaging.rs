@@ -1,0 +1,93 @@
+//! What drones with cameras see, and when.
+
+use super::*;
+use crate::camera::{OnboardCamera, Scene};
+
+const WITH_CAMERA: &str = "\
+aviary:
+  goal_m: [2, 0, 1]
+  solids: [{box: {center_m: [1.1, 0, 1], size_m: [0.2, 1, 2]}}]
+start: {position: {within: {low_m: [-0.5, -0.5, 0.8], high_m: [0.5, 0.5, 1.2]}}, tilt_limit_deg: 40}
+rewards: [{progress: {weight: 1}}]
+success: {settle: {radius_m: 0.2, within_secs: 0.1}}
+terminations: [collision]
+episode_secs: 0.3
+physics: {control_rate_hz: 50}
+camera: {mounted: {columns: 16, rows: 12, channels: [rgb, depth], control_periods_per_image: 4}}
+";
+
+/// What the camera would show of a drone where it is now.
+fn shown(simulation: &Simulation<8>, row: usize) -> Vec<u8> {
+    let scenario = simulation.scenario();
+    let camera: &OnboardCamera = scenario.camera.as_ref().unwrap();
+    let (agent, lane) = simulation.agent(row);
+    let image = Scene::new(&scenario.aviary.world).render(&camera.camera, &camera.view(&agent.pose(lane)));
+    let mut bytes = vec![0; camera.image_len()];
+    camera.write(&image, &mut bytes);
+    bytes
+}
+
+fn image_of(images: &[u8], rows: usize, row: usize) -> &[u8] {
+    let len = images.len() / rows;
+    &images[row * len..][..len]
+}
+
+#[test]
+fn an_image_is_taken_at_its_time_and_held_until_the_next() {
+    let mut simulation = Simulation::<8>::new(&scenario(WITH_CAMERA), Seed(3), 0, 5);
+    assert_eq!(simulation.scenario().camera.as_ref().unwrap().channels.len(), 2);
+    let mut expected: Vec<Vec<u8>> = (0..5).map(|row| shown(&simulation, row)).collect();
+    let (mut ends, mut held) = (0, 0);
+    for step in 0..60 {
+        simulation.step(&noise(step, ACTION_LEN * 5));
+        for (row, expected) in expected.iter_mut().enumerate() {
+            let (agent, lane) = simulation.agent(row);
+            let seen = image_of(simulation.images(), 5, row);
+            let running = simulation.outcomes()[row] == Outcome::Running;
+            if !running {
+                ends += 1;
+                // Episodes end by time after 15 periods; the last image is of the twelfth.
+                let last = image_of(simulation.final_images(), 5, row);
+                assert!(simulation.outcomes()[row] == Outcome::Terminated || last == expected.as_slice());
+            }
+            if agent.period(lane).is_multiple_of(4) {
+                expected.clone_from(&shown(&simulation, row));
+            } else {
+                held += usize::from(shown(&simulation, row) != *seen);
+            }
+            assert_eq!(seen, expected.as_slice(), "row {row} after step {step}");
+        }
+    }
+    assert!(ends >= 10 && held > 100, "{ends} episodes ended, {held} images were held");
+}
+
+#[test]
+fn images_do_not_depend_on_lanes_or_division_and_go_on_after_a_restore() {
+    let scenario = scenario(WITH_CAMERA);
+    let mut whole = Simulation::<64>::new(&scenario, Seed(4), 0, 9);
+    let mut part = Simulation::<1>::new(&scenario, Seed(4), 6, 3);
+    for step in 0..38 {
+        let actions = noise(step, ACTION_LEN * 9);
+        whole.step(&actions);
+        let of_part: Vec<f32> = actions.chunks_exact(9).flat_map(|column| column[6..].to_vec()).collect();
+        part.step(&of_part);
+        let len = whole.images().len() / 9;
+        assert!(whole.images()[6 * len..] == *part.images(), "step {step}");
+        if step == 21 {
+            // In the middle of a hold.
+            let saved = whole.save();
+            whole = Simulation::new(&scenario, Seed(4), 0, 9);
+            assert!(whole.restore(&saved));
+        }
+    }
+}
+
+#[test]
+fn a_blind_simulation_has_no_images_and_does_not_take_those_of_another() {
+    let seeing = scenario(WITH_CAMERA);
+    let blind = Scenario { camera: None, ..seeing.clone() };
+    let mut simulation = Simulation::<8>::new(&blind, Seed(1), 0, 2);
+    assert!(simulation.images().is_empty() && simulation.final_images().is_empty());
+    let saved = Simulation::<8>::new(&seeing, Seed(1), 0, 2).save();
+    assert!(!simulation.restore(&saved));
+}
