@@ -1,11 +1,19 @@
 //! The two networks of PPO.
 
+mod pass;
+
+use std::ops::Range;
+
 use kestrel_sim::seed::Stream;
 use serde::{Deserialize, Serialize};
 
 use crate::advantage::Moments;
 use crate::gaussian::Gaussian;
-use crate::network::{Dense, Mlp, Workspace};
+use crate::network::{Dense, Mlp};
+use crate::perception::Perception;
+use pass::Half;
+pub use pass::Sight;
+pub(crate) use pass::{ActorPass, Eyes, Networks, Pass};
 
 /// Gain of the actor's last layer: first actions are near the middle of their range (Andrychowicz et al. 2021).
 const ACTOR_HEAD_GAIN: f32 = 0.01;
@@ -16,27 +24,46 @@ const CRITIC_HEAD_GAIN: f32 = 1.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actor {
     mlp: Mlp,
-    /// The network's, then `log_std [action length]`.
+    perception: Option<Perception>,
+    /// The network's, then `log_std [action length]`, then those of the perception.
     parameters: Vec<f32>,
 }
 
 impl Actor {
-    /// With random orthogonal weights.
+    /// With random orthogonal weights, and eyes for images if it has a perception.
     pub fn new(
         (observation_len, action_len): (usize, usize),
+        perception: Option<Perception>,
         hidden: &[usize],
         initial_log_std: f32,
         stream: &mut Stream,
     ) -> Self {
-        let mlp = Mlp::new(observation_len, hidden, action_len);
+        let mlp = Mlp::new(inputs(observation_len, observation_len, perception.as_ref()), hidden, action_len);
         let mut parameters = mlp.initialise(ACTOR_HEAD_GAIN, stream);
         parameters.extend(std::iter::repeat_n(initial_log_std, action_len));
-        Self { mlp, parameters }
+        parameters.extend(perception.iter().flat_map(|perception| perception.initialise(stream)));
+        Self { mlp, perception, parameters }
+    }
+
+    /// Of observations alone.
+    #[cfg(test)]
+    pub(crate) fn blind(lengths: (usize, usize), hidden: &[usize], log_std: f32, stream: &mut Stream) -> Self {
+        Self::new(lengths, None, hidden, log_std, stream)
     }
 
     /// Shape of the mean's network.
     pub fn mlp(&self) -> &Mlp {
         &self.mlp
+    }
+
+    /// What looks at images in front of it.
+    pub fn perception(&self) -> Option<&Perception> {
+        self.perception.as_ref()
+    }
+
+    /// Parameters of [`Self::perception`].
+    pub fn perception_parameters(&self) -> &[f32] {
+        self.half().perception_parameters()
     }
 
     /// The layers of the mean's network, first to last; tanh after all but the last.
@@ -51,7 +78,7 @@ impl Actor {
 
     /// Logarithm of the standard deviation of each value of an action.
     pub fn log_std(&self) -> &[f32] {
-        &self.parameters[self.mlp.parameter_count()..]
+        &self.parameters[self.log_std_places()]
     }
 
     /// The distribution of actions around their means.
@@ -59,21 +86,32 @@ impl Actor {
         Gaussian::new(self.log_std())
     }
 
-    /// Mean actions `[action length][columns]`, not limited to any range, of `observations [observation_len][columns]`.
+    /// Mean actions `[action length][columns]`, not limited to any range, of what drones see.
     ///
     /// # Panics
     /// When the slices are not of these shapes.
-    pub fn act_mean(&self, observations: &[f32], actions: &mut [f32]) {
+    pub fn act_mean(&self, sight: Sight<'_>, actions: &mut [f32]) {
         let columns = actions.len() / self.action_len();
-        actions.copy_from_slice(self.means(observations, &mut Workspace::new(&self.mlp, columns)));
+        actions.copy_from_slice(ActorPass::new(self, columns).means(self, sight));
     }
 
-    /// As [`Self::act_mean`], in a workspace of [`Self::mlp`] that the caller keeps from step to step.
-    pub fn means<'w>(&self, observations: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
-        self.mlp.forward(&self.parameters, observations, workspace)
+    /// Whether another one has the same shape.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        (&self.mlp, &self.perception) == (&other.mlp, &other.perception)
     }
 
-    /// The network's parameters, then `log_std [action length]`.
+    /// Where `log_std` is among the parameters.
+    pub(crate) fn log_std_places(&self) -> Range<usize> {
+        let network = self.mlp.parameter_count();
+        network..network + self.action_len()
+    }
+
+    fn half(&self) -> Half<'_> {
+        let Self { mlp, perception, parameters } = self;
+        Half { mlp, perception: perception.as_ref(), parameters, perception_from: self.log_std_places().end }
+    }
+
+    /// The network's parameters, then `log_std [action length]`, then those of the perception.
     pub(crate) fn parameters(&self) -> &[f32] {
         &self.parameters
     }
@@ -84,7 +122,8 @@ impl Actor {
 
     /// Keeps the spread of the actions within `[low, high]` (logarithms).
     pub(crate) fn limit_log_std(&mut self, low: f32, high: f32) {
-        for log_std in &mut self.parameters[self.mlp.parameter_count()..] {
+        let places = self.log_std_places();
+        for log_std in &mut self.parameters[places] {
             *log_std = log_std.clamp(low, high);
         }
     }
@@ -94,16 +133,39 @@ impl Actor {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Critic {
     mlp: Mlp,
+    /// Where it does not see through the actor's.
+    perception: Option<Perception>,
+    /// The network's, then those of the perception.
     parameters: Vec<f32>,
     scales: Vec<ValueScale>,
 }
 
 impl Critic {
-    /// With random orthogonal weights; `input_len` is the observation's length plus the privileged values'.
-    pub fn new(input_len: usize, hidden: &[usize], tasks: usize, stream: &mut Stream) -> Self {
-        let mlp = Mlp::new(input_len, hidden, tasks);
-        let parameters = mlp.initialise(CRITIC_HEAD_GAIN, stream);
-        Self { mlp, parameters, scales: vec![ValueScale::default(); tasks] }
+    /// With random orthogonal weights, and a head for each of the tasks. It reads `values_len` values: the observation,
+    /// of the actor's length, then what only critics read; and sees through the actor's perception or has one of its
+    /// own, of the same shape.
+    pub fn new(
+        (observation_len, values_len): (usize, usize),
+        sight: CriticSight<'_>,
+        hidden: &[usize],
+        tasks: usize,
+        stream: &mut Stream,
+    ) -> Self {
+        let (seen, own) = match sight {
+            CriticSight::None => (None, None),
+            CriticSight::Shared(perception) => (Some(perception), None),
+            CriticSight::Separate(perception) => (Some(perception), Some(perception.clone())),
+        };
+        let mlp = Mlp::new(inputs(observation_len, values_len, seen), hidden, tasks);
+        let mut parameters = mlp.initialise(CRITIC_HEAD_GAIN, stream);
+        parameters.extend(own.iter().flat_map(|perception| perception.initialise(stream)));
+        Self { mlp, perception: own, parameters, scales: vec![ValueScale::default(); tasks] }
+    }
+
+    /// Of so many values alone.
+    #[cfg(test)]
+    pub(crate) fn blind(values_len: usize, hidden: &[usize], tasks: usize, stream: &mut Stream) -> Self {
+        Self::new((values_len, values_len), CriticSight::None, hidden, tasks, stream)
     }
 
     /// Shape of the network.
@@ -111,9 +173,18 @@ impl Critic {
         &self.mlp
     }
 
-    /// Writes the values `[columns]` of `inputs [input_len][columns]` in a task.
-    pub(crate) fn appraise(&self, inputs: &[f32], task: usize, workspace: &mut Workspace, values: &mut [f32]) {
-        let heads = self.mlp.forward(&self.parameters, inputs, workspace);
+    /// Whether another one has the same shape.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        (&self.mlp, &self.perception) == (&other.mlp, &other.perception)
+    }
+
+    fn half(&self) -> Half<'_> {
+        let Self { mlp, perception, parameters, .. } = self;
+        Half { mlp, perception: perception.as_ref(), parameters, perception_from: mlp.parameter_count() }
+    }
+
+    /// Writes the values `[columns]` that `heads [tasks][columns]` mean in a task.
+    pub(crate) fn write_values(&self, heads: &[f32], task: usize, values: &mut [f32]) {
         let ValueScale { mean, std, .. } = self.scales[task];
         let columns = values.len();
         for (value, head) in values.iter_mut().zip(&heads[task * columns..(task + 1) * columns]) {
@@ -134,8 +205,8 @@ impl Critic {
         let width = self.mlp.widths()[self.mlp.widths().len() - 2];
         let heads = self.mlp.outputs();
         let (weights, biases) = {
-            let from = self.parameters.len() - heads * (width + 1);
-            self.parameters[from..].split_at_mut(heads * width)
+            let end = self.mlp.parameter_count();
+            self.parameters[end - heads * (width + 1)..end].split_at_mut(heads * width)
         };
         for weight in &mut weights[task * width..(task + 1) * width] {
             *weight *= old.std / new.std;
@@ -150,6 +221,25 @@ impl Critic {
 
     pub(crate) fn parameters_mut(&mut self) -> &mut [f32] {
         &mut self.parameters
+    }
+}
+
+/// How a critic sees images.
+#[derive(Clone, Copy, Debug)]
+pub enum CriticSight<'a> {
+    /// There are none.
+    None,
+    /// Through the actor's perception, which learns from both.
+    Shared(&'a Perception),
+    /// With a perception of its own, of this shape.
+    Separate(&'a Perception),
+}
+
+/// Inputs of a network that reads so many values, which begin with the observation, and what a perception makes.
+fn inputs(observation_len: usize, values_len: usize, perception: Option<&Perception>) -> usize {
+    match perception {
+        None => values_len,
+        Some(seen) => values_len - observation_len + seen.unread(observation_len) + seen.outputs(),
     }
 }
 
@@ -192,17 +282,19 @@ impl ValueScale {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::network::Workspace;
     use kestrel_sim::seed::{Purpose, Seed};
 
     #[test]
     fn rescaling_a_head_leaves_every_value_as_it_was() {
         let mut stream = Stream::new(Seed(1), 0, Purpose::Weights);
-        let mut critic = Critic::new(5, &[8, 7], 3, &mut stream);
+        let mut critic = Critic::blind(5, &[8, 7], 3, &mut stream);
         let inputs: Vec<f32> = (0..5 * 4).map(|_| stream.normal()).collect();
         let mut workspace = Workspace::new(critic.mlp(), 4);
         let mut values = |critic: &Critic, task| {
             let mut values = [0.0; 4];
-            critic.appraise(&inputs, task, &mut workspace, &mut values);
+            let heads = critic.mlp().forward(critic.parameters(), &inputs, &mut workspace);
+            critic.write_values(heads, task, &mut values);
             values
         };
         let before: Vec<[f32; 4]> = (0..3).map(|task| values(&critic, task)).collect();

@@ -11,7 +11,7 @@ use kestrel_sim::simulation::Simulation;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::actor_critic::Actor;
+use crate::actor_critic::{Actor, ActorPass, Sight};
 use crate::scripted::ScriptedPilot;
 use crate::statistics::proportion::{Z_95, wilson};
 
@@ -183,6 +183,8 @@ pub(crate) struct Cockpit<'a, R> {
     /// One per drone.
     scripted: Vec<ScriptedPilot>,
     noise: Stream,
+    /// Of an actor, once it has acted.
+    pass: Option<ActorPass>,
     observations: Vec<f32>,
     actions: Vec<f32>,
     converted: Vec<R>,
@@ -203,6 +205,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
                 .map(|row| pilot.clone().along(scenario.aviary.route(row / simulation.environments())))
                 .collect(),
             noise: Stream::new(seed, first, Purpose::Baseline),
+            pass: None,
             observations: Vec::new(),
             actions: vec![0.0; scenario.action.len() * simulation.rows()],
             converted: Vec::new(),
@@ -214,7 +217,9 @@ impl<'a, R: Real> Cockpit<'a, R> {
         match self.flyer {
             Flyer::Actor(actor) => {
                 self.observe(simulation);
-                actor.act_mean(&self.observations, &mut self.actions);
+                let sight = Sight { values: &self.observations, images: simulation.images() };
+                let pass = self.pass.get_or_insert_with(|| ActorPass::new(actor, simulation.rows()));
+                self.actions.copy_from_slice(pass.means(actor, sight));
             }
             Flyer::Policy(policy) => {
                 self.observe(simulation);

@@ -1,6 +1,7 @@
 //! The experiment file: a scenario, how to train on it and how to judge the result.
 
 mod evaluation;
+mod eye;
 #[cfg(test)]
 mod tests;
 mod training;
@@ -14,6 +15,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use evaluation::{EvaluationConfig, EvaluationSettings};
+pub(crate) use eye::refuse_unsuited_eye;
+pub use eye::{ConvolutionConfig, CustomEyeConfig, EyeConfig, EyeNetworkConfig, NatureConfig};
 pub use training::{ScheduleConfig, TrainingConfig};
 
 use crate::ppo::PpoSettings;
@@ -139,9 +142,12 @@ impl ExperimentConfig {
     pub(crate) fn check(&self, root: &Field<'_>) -> Result<Experiment, ConfigError> {
         check_name(&self.name, &root.at("name"))?;
         let scenario = self.scenario.check(&self.name, &root.at("scenario"))?;
+        let training = root.at("training");
+        let ppo = self.training.check(&training)?;
+        refuse_unsuited_eye(&ppo.eye, scenario.camera.as_ref(), &training)?;
         Ok(Experiment {
             name: self.name.clone(),
-            ppo: self.training.check(&root.at("training"))?,
+            ppo,
             seed: Seed(self.training.seed),
             evaluation: self.evaluation.check(&self.scenario, &scenario, root)?,
             resolved_yaml: self.resolved(),

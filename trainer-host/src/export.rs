@@ -194,6 +194,7 @@ pub(crate) mod tests {
 
     use super::*;
     use crate::actor_critic::Actor;
+    use crate::actor_critic::Sight;
 
     pub(crate) const METADATA: PolicyMetadata<'static> = PolicyMetadata {
         name: "hover",
@@ -213,7 +214,7 @@ pub(crate) mod tests {
     };
 
     fn actor() -> Actor {
-        Actor::new((PILOT_LEN, 4), &[64, 64], 0.0, &mut Stream::new(Seed(3), 0, Purpose::Weights))
+        Actor::blind((PILOT_LEN, 4), &[64, 64], 0.0, &mut Stream::new(Seed(3), 0, Purpose::Weights))
     }
 
     fn calibration(count: usize) -> Vec<f32> {
@@ -247,7 +248,7 @@ pub(crate) mod tests {
         let mut scratch = policy.scratch();
         for observation in calibration.chunks_exact(PILOT_LEN) {
             let mut mean = [0.0; 4];
-            actor().act_mean(observation, &mut mean);
+            actor().act_mean(Sight::blind(observation), &mut mean);
             for (found, expected) in policy.act(observation, &mut scratch).into_iter().zip(mean) {
                 assert!((found - expected.clamp(-1.0, 1.0)).abs() < 2e-6);
             }

@@ -30,6 +30,7 @@ pub mod interrupt;
 pub mod network;
 pub mod obstruction;
 pub mod output;
+mod perception;
 pub mod plan;
 pub mod ppo;
 pub mod progress;

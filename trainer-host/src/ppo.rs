@@ -1,6 +1,6 @@
 //! Proximal policy optimisation (Schulman et al. 2017), with the details of Huang et al. 2022.
 //!
-//! A minibatch is a random set of *tiles*: [`PANEL`] drones of one panel at one step. Nothing is
+//! A minibatch is a random set of *tiles*: up to [`PANEL`](crate::rollout::PANEL) drones of one panel at one step. Nothing is
 //! gathered, a tile is read where the rollout wrote it. That is as good as single samples: the environments of a
 //! tile are independent of each other and at different moments of their episodes, and a minibatch draws its tiles
 //! from all panels and all steps.
@@ -30,22 +30,26 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use kestrel_sim::PRIVILEGED_LEN;
+use kestrel_sim::camera::OnboardCamera;
 use kestrel_sim::scenario::{CriticView, Scenario};
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub use crate::actor_critic::{Actor, Critic};
+use crate::actor_critic::{CriticSight, Eyes, Networks, Pass};
 use crate::adam::Adam;
 use crate::advantage::{Moments, normalise};
 use crate::consolidation::{Consolidator, Ended};
+use crate::perception::Perception;
 use crate::ranks::{self, Ranks};
 pub use crate::rollout::CriticScope;
-use crate::rollout::{Collection, PANEL, Panel, PanelRows, Rollout, panel_rows};
+use crate::rollout::{Collection, Panel, PanelRows, Rollout, RolloutSize, panel_rows, tile_columns};
 use desk::Desks;
 use loss::LossSums;
 pub use metrics::UpdateMetrics;
-pub use settings::{PpoSettings, SettingsError, ValueScaling};
+pub(crate) use settings::fits_minibatch;
+pub use settings::{EyeKind, EyeSettings, EyeSharing, PpoSettings, SettingsError, ValueScaling};
 pub(crate) use shard::Gradient;
 use shard::Shard;
 pub use state::{RestoreError, TrainerState};
@@ -63,6 +67,8 @@ pub struct Trainer {
     seed: Seed,
     actor: Actor,
     critic: Critic,
+    /// What they were when they were arranged last.
+    eyes: Eyes,
     actor_optimiser: Adam,
     critic_optimiser: Adam,
     learning_rate: f32,
@@ -120,15 +126,17 @@ impl Trainer {
             "one policy needs one layout"
         );
         let weights = |network| Stream::new(seed, network, Purpose::Weights);
-        let [observation_len, action_len, critic_len] = shape(&tasks[0], scope);
-        let lengths = (observation_len, action_len);
-        let actor = Actor::new(lengths, &settings.actor_hidden, settings.initial_log_std, &mut weights(0));
-        let critic = Critic::new(critic_len, &settings.critic_hidden, tasks.len(), &mut weights(1));
+        let [actor, critic] = [&mut weights(0), &mut weights(1)];
+        let (actor, critic) = networks(tasks, settings, (actor, critic));
+        let size = RolloutSize {
+            steps: settings.steps_per_rollout,
+            columns: tile_columns(settings.minibatch, actor.perception().is_some()),
+        };
+        let pass = Pass::new(&actor, &critic, size.columns);
         let panel = |index: usize| {
             let task = index % tasks.len();
             let drones = PanelRows { first: (index * rows) as u32, count: rows };
-            let rollout = (settings.steps_per_rollout, scope);
-            Panel::new((task, &tasks[task]), seed, drones, rollout, (&actor, &critic))
+            Panel::new((task, &tasks[task]), seed, drones, (size, scope), pass.clone())
         };
         Self {
             settings: settings.clone(),
@@ -140,6 +148,7 @@ impl Trainer {
             panels: (0..settings.environments / rows).map(panel).collect(),
             shards: vec![Shard::new(&actor, &critic); SHARDS],
             desks: Desks::default(),
+            eyes: Eyes::default(),
             gradient: Gradient::new(&actor, &critic),
             ranks: ranks::alone(),
             actor,
@@ -199,6 +208,11 @@ impl Trainer {
         &self.critic
     }
 
+    /// Samples of a tile.
+    fn columns(&self) -> usize {
+        self.panels[0].rollout().columns()
+    }
+
     /// Number of tasks.
     fn tasks(&self) -> usize {
         self.critic.mlp().outputs()
@@ -206,9 +220,9 @@ impl Trainer {
 
     /// Every panel flies the policy for a rollout.
     fn collect(&mut self) {
+        self.eyes.arrange(&self.actor, &self.critic);
         let collection = Collection {
-            actor: &self.actor,
-            critic: &self.critic,
+            networks: Networks { actor: &self.actor, critic: &self.critic, eyes: &self.eyes },
             first_step: self.updates * self.settings.steps_per_rollout as u64,
             reward_scale: self.settings.reward_scale,
             discount: self.settings.discount,
@@ -251,7 +265,7 @@ impl Trainer {
         let (mut all, mut norms, mut minibatches) = (LossSums::default(), 0.0, 0_u32);
         'epochs: for epoch in 0..self.settings.epochs {
             let mut this_epoch = LossSums::default();
-            for minibatch in self.shuffled(epoch).chunks(self.settings.minibatch / PANEL) {
+            for minibatch in self.shuffled(epoch).chunks(self.settings.minibatch / self.columns()) {
                 let sums = self.differentiate(minibatch);
                 memory.add_gradient((&self.actor, &self.critic), &mut self.gradient);
                 let norm = self.gradient.norm();
@@ -289,27 +303,32 @@ impl Trainer {
     /// The gradient of a minibatch's loss: clipped surrogate, value error and entropy.
     fn differentiate(&mut self, minibatch: &[Sample]) -> LossSums {
         let mine = ranks::part(&self.ranks, SHARDS);
-        let Self { settings, panels, shards, desks, actor, critic, .. } = self;
-        desks.provide(actor, critic);
-        let sample_weight = 1.0 / (minibatch.len() * PANEL) as f32;
+        let columns = self.columns();
+        let Self { settings, panels, shards, desks, actor, critic, eyes, .. } = self;
+        eyes.arrange(actor, critic);
+        let networks = Networks { actor, critic, eyes };
+        desks.provide(&networks, columns);
+        let sample_weight = 1.0 / (minibatch.len() * columns) as f32;
+        let part = |shard: usize| shard * minibatch.len() / SHARDS..(shard + 1) * minibatch.len() / SHARDS;
         shards[mine.clone()].par_iter_mut().zip(mine).for_each(|(shard, index)| {
             let mut desk = desks.mine();
-            shard.clear();
-            let part = index * minibatch.len() / SHARDS..(index + 1) * minibatch.len() / SHARDS;
-            for sample in &minibatch[part] {
+            if !part(index).is_empty() {
+                shard.clear();
+            }
+            for sample in &minibatch[part(index)] {
                 let tile = panels[sample.panel].rollout().tile(sample.tile);
-                desk.add(shard, tile, (actor, critic), settings, sample_weight);
+                desk.add(shard, tile, &networks, settings, sample_weight);
             }
         });
         self.share_shards();
         let Self { shards, actor, gradient, settings, .. } = self;
         gradient.clear();
         let mut sums = LossSums::default();
-        for shard in shards {
+        for (_, shard) in shards.iter().enumerate().filter(|(index, _)| !part(*index).is_empty()) {
             gradient.add(&shard.gradient);
             sums.add(&shard.sums);
         }
-        for log_std in &mut gradient.actor[actor.mlp().parameter_count()..] {
+        for log_std in &mut gradient.actor[actor.log_std_places()] {
             // Each nat of log_std is a nat of entropy.
             *log_std -= settings.entropy_weight;
         }
@@ -354,15 +373,15 @@ impl Trainer {
     /// # Panics
     /// When it is of another shape.
     pub fn inherit(&mut self, earlier: &Heritage) {
-        assert_eq!(earlier.actor.mlp(), self.actor.mlp(), "a policy is inherited by one of its shape");
+        assert!(earlier.actor.is_like(&self.actor), "a policy is inherited by one of its shape");
         let log_std = self.actor.log_std().to_vec();
         self.actor.clone_from(&earlier.actor);
         if earlier.log_std == Kept::Reset {
-            let from = self.actor.mlp().parameter_count();
-            self.actor.parameters_mut()[from..].copy_from_slice(&log_std);
+            let places = self.actor.log_std_places();
+            self.actor.parameters_mut()[places].copy_from_slice(&log_std);
         }
         if let Some((critic, actor_optimiser, critic_optimiser)) = &earlier.learner {
-            assert_eq!(critic.mlp(), self.critic.mlp(), "a critic is inherited by one of its shape");
+            assert!(critic.is_like(&self.critic), "a critic is inherited by one of its shape");
             self.critic.clone_from(critic);
             self.actor_optimiser.clone_from(actor_optimiser);
             self.critic_optimiser.clone_from(critic_optimiser);
@@ -395,11 +414,30 @@ impl Trainer {
     }
 }
 
-/// Values of an observation, of an action, and of what the critic reads.
-fn shape(scenario: &Scenario, scope: CriticScope) -> [usize; 3] {
+/// Actor and critic of a run at its beginning.
+fn networks(tasks: &[Scenario], settings: &PpoSettings, streams: (&mut Stream, &mut Stream)) -> (Actor, Critic) {
+    let [observation_len, action_len, critic_len, _] = shape(&tasks[0], settings.critic_scope);
+    let eye = tasks[0].camera.as_ref().map(|camera| {
+        let eye = settings.eye.kind.eye(camera).expect("eyes are checked where they are read");
+        Perception::new(eye, &settings.eye.trunk, observation_len)
+    });
+    let sight = match (&eye, settings.eye.sharing) {
+        (None, _) => CriticSight::None,
+        (Some(eye), EyeSharing::Shared) => CriticSight::Shared(eye),
+        (Some(eye), EyeSharing::Separate) => CriticSight::Separate(eye),
+    };
+    let lengths = (observation_len, critic_len);
+    let critic = Critic::new(lengths, sight, &settings.critic_hidden, tasks.len(), streams.1);
+    let lengths = (observation_len, action_len);
+    (Actor::new(lengths, eye, &settings.actor_hidden, settings.initial_log_std, streams.0), critic)
+}
+
+/// Values of an observation, of an action, of what the critic reads, and of an image.
+fn shape(scenario: &Scenario, scope: CriticScope) -> [usize; 4] {
     let observation_len = scenario.observation.len();
     let critic_len = scope.drones(scenario.agents.count) * (observation_len + privileged_len(scenario.critic));
-    [observation_len, scenario.action.len(), critic_len]
+    let image_len = scenario.camera.as_ref().map_or(0, OnboardCamera::image_len);
+    [observation_len, scenario.action.len(), critic_len, image_len]
 }
 
 /// Number of values that the critic sees beside the observation of a drone.

@@ -2,23 +2,38 @@
 
 mod critic_input;
 
+use std::ops::Range;
+
 use kestrel_sim::outcome::{Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
 use kestrel_sim::simulation::{Simulation, SimulationState};
 
-use crate::actor_critic::{Actor, Critic};
+use crate::actor_critic::{Networks, Pass, Sight};
 use crate::advantage::{Columns, gae};
 use crate::gaussian::Noise;
-use crate::network::Workspace;
 use critic_input::CriticInput;
 pub use critic_input::CriticScope;
 
-/// Samples of a tile, and drones of a panel unless their team does not divide it.
+/// Drones of a panel unless their team does not divide it, and samples of a tile unless something asks for fewer
+/// ([`tile_columns`]).
 ///
 /// Enough columns for matrix products at full speed, few enough that the activations of a 64-64 network
 /// (2 × 64 kB, as much again backwards) stay in a core's second-level cache.
 pub const PANEL: usize = 256;
+
+/// Samples of a tile with images: more do not make convolutions faster.
+const SEEING_TILE: usize = 64;
+
+/// Smallest minibatch that has two tiles.
+pub const SMALLEST_MINIBATCH: usize = 32;
+
+/// Samples of a tile of a run: a divisor of [`PANEL`], half of a minibatch that is smaller than that, so that two threads
+/// have something to do.
+pub fn tile_columns(minibatch: usize, sees: bool) -> usize {
+    let most = if sees { SEEING_TILE } else { PANEL };
+    if minibatch < PANEL { most.min(minibatch / 2) } else { most }
+}
 
 /// Drones of each panel of a run: the least multiple of [`PANEL`] into which the teams of all its tasks fit without a
 /// rest, [`PANEL`] itself for teams of 1, 2, 4, …
@@ -37,10 +52,8 @@ fn common_divisor(one: usize, other: usize) -> usize {
 /// What a panel needs to know to collect a rollout.
 #[derive(Clone, Copy, Debug)]
 pub struct Collection<'a> {
-    /// Chooses the actions.
-    pub actor: &'a Actor,
-    /// Appraises the observations.
-    pub critic: &'a Critic,
+    /// The actor chooses the actions, the critic appraises what is seen.
+    pub(crate) networks: Networks<'a>,
     /// Steps that every drone has made before.
     pub first_step: u64,
     /// Factor on rewards.
@@ -62,14 +75,31 @@ pub struct Panel {
     /// Of each tile of a step.
     noises: Vec<Noise>,
     rollout: Rollout,
-    actor_workspace: Workspace,
-    critic_workspace: Workspace,
-    /// Noise of one tile `[action length][PANEL]`.
+    pass: Pass,
+    /// Noise of one tile `[action length][columns]`.
     normals: Vec<f32>,
     /// Actions of one step `[action length][rows]`.
     commands: Vec<f32>,
-    /// Place in the rollout and critic input of every truncated step.
-    truncated: Vec<(usize, Vec<f32>)>,
+    truncated: Vec<Truncated>,
+}
+
+/// What was seen at the end of an episode that was cut off.
+#[derive(Clone, Debug)]
+struct Truncated {
+    /// Place in the rollout.
+    place: usize,
+    /// What the critic reads.
+    values: Vec<f32>,
+    image: Vec<u8>,
+}
+
+/// Of what size the rollouts of a panel are.
+#[derive(Clone, Copy, Debug)]
+pub struct RolloutSize {
+    /// Steps of every drone.
+    pub steps: usize,
+    /// Samples of a tile, as [`tile_columns`] says.
+    pub columns: usize,
 }
 
 /// The drones of a panel among all drones of a run.
@@ -82,30 +112,35 @@ pub struct PanelRows {
 }
 
 impl Panel {
-    /// Environments at the start of their first episodes, which fly and appraise rollouts of so many `steps`.
+    /// Environments at the start of their first episodes, which fly and appraise rollouts of such a size.
     ///
     /// # Panics
     /// When the drones do not fill tiles and environments.
-    pub fn new(
+    pub(crate) fn new(
         (task, scenario): (usize, &Scenario),
         seed: Seed,
         rows: PanelRows,
-        (steps, scope): (usize, CriticScope),
-        networks: (&Actor, &Critic),
+        (size, scope): (RolloutSize, CriticScope),
+        pass: Pass,
     ) -> Self {
         let (team, count) = (scenario.agents.count, rows.count);
-        let fits = count.is_multiple_of(PANEL) && count.is_multiple_of(team as usize);
-        assert!(fits, "{count} drones in tiles of {PANEL} and teams of {team}");
+        let columns = size.columns;
+        let fits = count.is_multiple_of(columns) && count.is_multiple_of(team as usize);
+        assert!(fits, "{count} drones in tiles of {columns} and teams of {team}");
         let simulation = Simulation::new(scenario, seed, rows.first / team, count / team as usize);
         let critic_input = CriticInput::new(&simulation, scope);
         let action_len = scenario.action.len();
-        let firsts = (rows.first..rows.first + count as u32).step_by(PANEL);
+        let firsts = (rows.first..rows.first + count as u32).step_by(columns);
+        let lengths = Lengths {
+            features: critic_input.len(&simulation),
+            image: simulation.images().len() / count,
+            action: action_len,
+        };
         Self {
             noises: firsts.map(|first| Noise::new(seed, first, action_len)).collect(),
-            rollout: Rollout::new(task, (steps, count), (critic_input.len(&simulation), action_len)),
-            actor_workspace: Workspace::new(networks.0.mlp(), PANEL),
-            critic_workspace: Workspace::new(networks.1.mlp(), PANEL),
-            normals: vec![0.0; action_len * PANEL],
+            rollout: Rollout::new(task, size, count, lengths),
+            pass,
+            normals: vec![0.0; action_len * columns],
             commands: vec![0.0; action_len * count],
             truncated: Vec::new(),
             critic_input,
@@ -119,14 +154,15 @@ impl Panel {
             for part in 0..self.noises.len() {
                 let tile = step * self.noises.len() + part;
                 self.observe(tile, part);
-                self.act(collection.actor, tile, (part, collection.first_step + step as u64));
-                self.appraise(collection.critic, tile);
+                self.pass.look(&collection.networks, self.rollout.sight(tile));
+                self.act(&collection.networks, tile, (part, collection.first_step + step as u64));
+                self.appraise(&collection.networks, tile);
             }
             self.simulation.step(&self.commands);
             self.record(step, collection.reward_scale);
         }
-        self.appraise_last(collection.critic);
-        self.appraise_truncated(collection.critic);
+        self.appraise_last(&collection.networks);
+        self.appraise_truncated(&collection.networks);
         self.rollout.estimate_advantages(collection.discount, collection.gae_lambda);
     }
 
@@ -158,90 +194,119 @@ impl Panel {
 
     /// What the drones of part of a step see, into a tile of the rollout.
     fn observe(&mut self, tile: usize, part: usize) {
-        let place = self.rollout.inputs_of(tile);
-        self.critic_input.write(&self.simulation, part * PANEL, &mut self.rollout.observations[place]);
+        let Self { simulation, critic_input, rollout, .. } = self;
+        let (values, images) = (rollout.inputs_of(tile), rollout.images_of(tile));
+        let first = part * rollout.columns;
+        critic_input.write(simulation, (first, rollout.columns), &mut rollout.observations[values]);
+        let seen = &simulation.images()[first * rollout.lengths.image..][..images.len()];
+        rollout.images[images].copy_from_slice(seen);
     }
 
-    fn act(&mut self, actor: &Actor, tile: usize, (part, noise_step): (usize, u64)) {
-        let rollout = &mut self.rollout;
-        let means = actor.means(rollout.actor_input(tile, actor), &mut self.actor_workspace);
+    fn act(&mut self, networks: &Networks<'_>, tile: usize, (part, noise_step): (usize, u64)) {
+        let Self { rollout, pass, .. } = self;
+        let means = pass.act(networks, rollout.sight(tile));
         self.noises[part].fill(noise_step, &mut self.normals);
-        let place = rollout.actions_of(tile);
-        let (actions, gaussian) = (&mut rollout.actions[place], actor.gaussian());
+        let (place, column) = (rollout.actions_of(tile), rollout.column_of(tile));
+        let (actions, gaussian) = (&mut rollout.actions[place], networks.actor.gaussian());
         gaussian.sample(means, &self.normals, actions);
-        gaussian.log_probs(means, actions, &mut rollout.log_probs[column_of(tile)]);
+        gaussian.log_probs(means, actions, &mut rollout.log_probs[column]);
         let commands = self.commands.chunks_exact_mut(rollout.rows);
-        for (command, action) in commands.zip(actions.chunks_exact(PANEL)) {
-            command[column_of(part)].copy_from_slice(action);
+        for (command, action) in commands.zip(actions.chunks_exact(rollout.columns)) {
+            command[part * rollout.columns..][..action.len()].copy_from_slice(action);
         }
     }
 
-    fn appraise(&mut self, critic: &Critic, tile: usize) {
-        let place = self.rollout.inputs_of(tile);
-        let Rollout { task, observations, values, .. } = &mut self.rollout;
-        critic.appraise(&observations[place], *task, &mut self.critic_workspace, &mut values[column_of(tile)]);
+    fn appraise(&mut self, networks: &Networks<'_>, tile: usize) {
+        let Self { rollout, pass, .. } = self;
+        let heads = pass.appraise(networks, rollout.sight(tile));
+        let column = rollout.column_of(tile);
+        networks.critic.write_values(heads, rollout.task, &mut rollout.values[column]);
     }
 
     fn record(&mut self, step: usize, reward_scale: f32) {
-        let rows = self.rollout.rows;
+        let Self { simulation, critic_input, rollout, truncated, .. } = self;
+        let (rows, image_len) = (rollout.rows, rollout.lengths.image);
         let column = step * rows..(step + 1) * rows;
-        for (scaled, reward) in self.rollout.rewards[column.clone()].iter_mut().zip(self.simulation.rewards()) {
+        for (scaled, reward) in rollout.rewards[column.clone()].iter_mut().zip(simulation.rewards()) {
             *scaled = reward * reward_scale;
         }
-        self.rollout.outcomes[column].copy_from_slice(self.simulation.outcomes());
-        for (row, outcome) in self.simulation.outcomes().iter().enumerate() {
+        rollout.outcomes[column].copy_from_slice(simulation.outcomes());
+        for (row, outcome) in simulation.outcomes().iter().enumerate() {
             if *outcome == Outcome::Truncated {
-                let input = self.critic_input.at_end(&self.simulation, row);
-                self.truncated.push((step * rows + row, input));
+                truncated.push(Truncated {
+                    place: step * rows + row,
+                    values: critic_input.at_end(simulation, row),
+                    image: simulation.final_images()[row * image_len..][..image_len].to_vec(),
+                });
             }
         }
     }
 
-    fn appraise_last(&mut self, critic: &Critic) {
-        let mut input = vec![0.0; self.rollout.features * PANEL];
-        for (part, values) in self.rollout.last_values.chunks_exact_mut(PANEL).enumerate() {
-            self.critic_input.write(&self.simulation, part * PANEL, &mut input);
-            critic.appraise(&input, self.rollout.task, &mut self.critic_workspace, values);
+    fn appraise_last(&mut self, networks: &Networks<'_>) {
+        let Self { simulation, critic_input, rollout, pass, .. } = self;
+        let (columns, image_len) = (rollout.columns, rollout.lengths.image);
+        let mut values = vec![0.0; rollout.lengths.features * columns];
+        for (part, last) in rollout.last_values.chunks_exact_mut(columns).enumerate() {
+            let first = part * columns;
+            critic_input.write(simulation, (first, columns), &mut values);
+            let images = &simulation.images()[first * image_len..][..columns * image_len];
+            let sight = Sight { values: &values, images };
+            pass.look(networks, sight);
+            networks.critic.write_values(pass.appraise(networks, sight), rollout.task, last);
         }
     }
 
     /// Collected over the rollout, because a tile of one costs as much as a full one.
-    fn appraise_truncated(&mut self, critic: &Critic) {
-        let mut tile = vec![0.0; self.rollout.features * PANEL];
-        for group in self.truncated.chunks(PANEL) {
-            for (column, (_, input)) in group.iter().enumerate() {
-                for (row, value) in tile.chunks_exact_mut(PANEL).zip(input) {
+    fn appraise_truncated(&mut self, networks: &Networks<'_>) {
+        let Self { rollout, pass, truncated, .. } = self;
+        let (columns, image_len) = (rollout.columns, rollout.lengths.image);
+        let mut tile = vec![0.0; rollout.lengths.features * columns];
+        let mut images = vec![0; image_len * columns];
+        for group in truncated.chunks(columns) {
+            for (column, seen) in group.iter().enumerate() {
+                for (row, value) in tile.chunks_exact_mut(columns).zip(&seen.values) {
                     row[column] = *value;
                 }
+                images[column * image_len..][..image_len].copy_from_slice(&seen.image);
             }
+            let sight = Sight { values: &tile, images: &images };
+            pass.look(networks, sight);
             let mut values = [0.0; PANEL];
-            critic.appraise(&tile, self.rollout.task, &mut self.critic_workspace, &mut values);
-            for ((place, _), value) in group.iter().zip(values) {
-                self.rollout.truncated_values[*place] = value;
+            let heads = pass.appraise(networks, sight);
+            networks.critic.write_values(heads, rollout.task, &mut values[..columns]);
+            for (seen, value) in group.iter().zip(values) {
+                rollout.truncated_values[seen.place] = value;
             }
         }
-        self.truncated.clear();
+        truncated.clear();
     }
 }
 
-/// The samples of a tile in a column of values.
-fn column_of(tile: usize) -> std::ops::Range<usize> {
-    tile * PANEL..(tile + 1) * PANEL
+/// How many values belong to a sample.
+#[derive(Clone, Copy, Debug)]
+struct Lengths {
+    features: usize,
+    /// Bytes.
+    image: usize,
+    action: usize,
 }
 
-/// Columns of one panel over the steps of a rollout: `[steps][rows]`, which is `[tiles][PANEL]`.
+/// Columns of one panel over the steps of a rollout: `[steps][rows]`, which is `[tiles][columns]`.
 #[derive(Clone, Debug)]
 pub struct Rollout {
     task: usize,
     steps: usize,
     /// Drones.
     rows: usize,
-    features: usize,
-    action_len: usize,
-    /// `[tiles][features][PANEL]`: observation, privileged values, then those of team mates. The actor reads the
+    /// Samples of a tile.
+    columns: usize,
+    lengths: Lengths,
+    /// `[tiles][features][columns]`: observation, privileged values, then those of team mates. The actor reads the
     /// observation.
     observations: Vec<f32>,
-    /// `[tiles][action length][PANEL]`, not limited to \[-1, 1\].
+    /// `[tiles][columns][image]`.
+    images: Vec<u8>,
+    /// `[tiles][action length][columns]`, not limited to \[-1, 1\].
     actions: Vec<f32>,
     log_probs: Vec<f32>,
     rewards: Vec<f32>,
@@ -253,34 +318,36 @@ pub struct Rollout {
     returns: Vec<f32>,
 }
 
-/// [`PANEL`] samples of one step of one panel: what a minibatch is made of.
+/// Samples of one step of one panel: what a minibatch is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Tile<'a> {
     /// Index of its task among those of the run.
     pub task: usize,
-    /// `[features][PANEL]`: observation, privileged values, then those of team mates where the critic reads them.
-    pub observations: &'a [f32],
-    /// `[action length][PANEL]`.
+    /// Observation, privileged values, then those of team mates where the critic reads them; and images.
+    pub sight: Sight<'a>,
+    /// `[action length][columns]`.
     pub actions: &'a [f32],
-    /// `[PANEL]`, of the actions under the policy that chose them.
+    /// `[columns]`, of the actions under the policy that chose them.
     pub log_probs: &'a [f32],
-    /// `[PANEL]`.
+    /// `[columns]`.
     pub advantages: &'a [f32],
-    /// `[PANEL]`: what the critic should have said.
+    /// `[columns]`: what the critic should have said.
     pub returns: &'a [f32],
 }
 
 impl Rollout {
-    fn new(task: usize, (steps, rows): (usize, usize), (features, action_len): (usize, usize)) -> Self {
+    fn new(task: usize, size: RolloutSize, rows: usize, lengths: Lengths) -> Self {
+        let RolloutSize { steps, columns } = size;
         let column = || vec![0.0; steps * rows];
         Self {
             task,
             steps,
             rows,
-            features,
-            action_len,
-            observations: vec![0.0; steps * features * rows],
-            actions: vec![0.0; steps * action_len * rows],
+            columns,
+            observations: vec![0.0; steps * lengths.features * rows],
+            images: vec![0; steps * lengths.image * rows],
+            actions: vec![0.0; steps * lengths.action * rows],
+            lengths,
             log_probs: column(),
             rewards: column(),
             values: column(),
@@ -295,8 +362,9 @@ impl Rollout {
     /// A rollout of [`PANEL`] drones and nothing but these observations `[steps][features][PANEL]`.
     #[cfg(test)]
     pub(crate) fn of_observations(observations: Vec<f32>, features: usize, action_len: usize) -> Self {
-        let steps = observations.len() / (features * PANEL);
-        Self { observations, ..Self::new(0, (steps, PANEL), (features, action_len)) }
+        let size = RolloutSize { steps: observations.len() / (features * PANEL), columns: PANEL };
+        let lengths = Lengths { features, image: 0, action: action_len };
+        Self { observations, ..Self::new(0, size, PANEL, lengths) }
     }
 
     /// Index of its task among those of the run.
@@ -306,7 +374,12 @@ impl Rollout {
 
     /// Number of tiles.
     pub fn tiles(&self) -> usize {
-        self.steps * self.rows / PANEL
+        self.steps * self.rows / self.columns
+    }
+
+    /// Samples of a tile.
+    pub fn columns(&self) -> usize {
+        self.columns
     }
 
     /// Some samples, those of a step together.
@@ -316,11 +389,11 @@ impl Rollout {
     pub fn tile(&self, index: usize) -> Tile<'_> {
         Tile {
             task: self.task,
-            observations: &self.observations[self.inputs_of(index)],
+            sight: self.sight(index),
             actions: &self.actions[self.actions_of(index)],
-            log_probs: &self.log_probs[column_of(index)],
-            advantages: &self.advantages[column_of(index)],
-            returns: &self.returns[column_of(index)],
+            log_probs: &self.log_probs[self.column_of(index)],
+            advantages: &self.advantages[self.column_of(index)],
+            returns: &self.returns[self.column_of(index)],
         }
     }
 
@@ -343,24 +416,41 @@ impl Rollout {
         &self.values
     }
 
-    /// All that a learner reads of it.
+    /// All numbers that a learner reads of it.
     pub(crate) fn columns_mut(&mut self) -> [&mut [f32]; 6] {
         let Self { observations, actions, log_probs, values, advantages, returns, .. } = self;
         [observations, actions, log_probs, values, advantages, returns].map(Vec::as_mut_slice)
     }
 
-    fn actions_of(&self, tile: usize) -> std::ops::Range<usize> {
-        let length = self.action_len * PANEL;
-        tile * length..(tile + 1) * length
+    /// The images that a learner reads of it.
+    pub(crate) fn images_mut(&mut self) -> &mut [u8] {
+        &mut self.images
     }
 
-    fn inputs_of(&self, tile: usize) -> std::ops::Range<usize> {
-        let length = self.features * PANEL;
-        tile * length..(tile + 1) * length
+    fn sight(&self, tile: usize) -> Sight<'_> {
+        Sight { values: &self.observations[self.inputs_of(tile)], images: &self.images[self.images_of(tile)] }
     }
 
-    fn actor_input(&self, tile: usize, actor: &Actor) -> &[f32] {
-        &self.observations[self.inputs_of(tile)][..actor.mlp().inputs() * PANEL]
+    /// The samples of a tile in a column of values.
+    fn column_of(&self, tile: usize) -> Range<usize> {
+        self.part_of(tile, 1)
+    }
+
+    fn actions_of(&self, tile: usize) -> Range<usize> {
+        self.part_of(tile, self.lengths.action)
+    }
+
+    fn inputs_of(&self, tile: usize) -> Range<usize> {
+        self.part_of(tile, self.lengths.features)
+    }
+
+    fn images_of(&self, tile: usize) -> Range<usize> {
+        self.part_of(tile, self.lengths.image)
+    }
+
+    /// What belongs to a tile where each sample has so many values.
+    fn part_of(&self, tile: usize, values: usize) -> Range<usize> {
+        tile * self.columns * values..(tile + 1) * self.columns * values
     }
 
     fn estimate_advantages(&mut self, discount: f32, gae_lambda: f32) {

@@ -26,7 +26,7 @@ struct Measured {
 /// When a preset does not suit such images, which is a bug.
 pub fn eyes(duration: Duration) -> Vec<Figure> {
     let image = Volume { rows: 48, columns: 64, channels: 3 };
-    let nature = Eye::nature(image).expect("its filters are smaller than the image");
+    let nature = Eye::nature(image, 512).expect("its filters are smaller than the image");
     let small = Eye::small(image).expect("its filters are smaller than the image");
     let measured = [
         Measured { what: "NatureCNN", eye: nature, forward_aim: 30e3, both_aim: 10e3 },

@@ -7,7 +7,7 @@ use kestrel_sim::seed::{Purpose, Stream};
 use serde::{Deserialize, Serialize};
 
 use super::{Ended, REFERENCE_STD};
-use crate::actor_critic::Actor;
+use crate::actor_critic::{Actor, Sight};
 use crate::network::Workspace;
 use crate::rollout::PANEL;
 
@@ -71,11 +71,12 @@ pub(super) fn draw_states(ended: &Ended<'_>, count: usize) -> Vec<Vec<f32>> {
     let mut draw = || {
         let rollout = ended.rollouts[stream.below(ended.rollouts.len() as u32) as usize];
         let tile = rollout.tile(stream.below(rollout.tiles() as u32) as usize);
-        let column = stream.below(PANEL as u32) as usize;
-        let observation = tile.observations.chunks_exact(PANEL).take(inputs).map(|row| row[column]);
+        let columns = rollout.columns();
+        let column = stream.below(columns as u32) as usize;
+        let observation = tile.sight.values.chunks_exact(columns).take(inputs).map(|row| row[column]);
         let mut state: Vec<f32> = observation.collect();
         let mut action = vec![0.0; actor.action_len()];
-        actor.act_mean(&state, &mut action);
+        actor.act_mean(Sight::blind(&state), &mut action);
         state.extend(action);
         state
     };

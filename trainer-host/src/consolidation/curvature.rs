@@ -3,7 +3,7 @@
 use super::REFERENCE_STD;
 use crate::actor_critic::Actor;
 use crate::network::Workspace;
-use crate::rollout::{PANEL, Rollout};
+use crate::rollout::Rollout;
 
 /// Samples that are enough: estimates of a diagonal from twice as many differ by about a percent.
 const SAMPLES: usize = 32_768;
@@ -18,7 +18,8 @@ pub(super) fn fisher(actor: &Actor, rollouts: &[&Rollout]) -> Vec<f32> {
         for output in 0..outputs {
             let (_, deltas) = workspace.output_delta();
             deltas.fill(0.0);
-            deltas[output * PANEL..(output + 1) * PANEL].fill(1.0);
+            let columns = deltas.len() / outputs;
+            deltas[output * columns..(output + 1) * columns].fill(1.0);
             let square = |value: f32| value * value;
             actor.mlp().backward_sizes(actor.parameters(), inputs, workspace, square, &mut sum);
         }
@@ -46,15 +47,16 @@ pub(super) fn for_each_tile(
     mut visit: impl FnMut(&[f32], &mut Workspace),
 ) -> usize {
     let tiles: usize = rollouts.iter().map(|rollout| rollout.tiles()).sum();
-    let stride = (tiles * PANEL).div_ceil(SAMPLES).max(1);
-    let mut workspace = Workspace::new(actor.mlp(), PANEL);
+    let columns = rollouts[0].columns();
+    let stride = (tiles * columns).div_ceil(SAMPLES).max(1);
+    let mut workspace = Workspace::new(actor.mlp(), columns);
     let all = rollouts.iter().flat_map(|rollout| (0..rollout.tiles()).map(move |tile| rollout.tile(tile)));
     let mut visited = 0;
     for tile in all.step_by(stride) {
-        let inputs = &tile.observations[..actor.mlp().inputs() * PANEL];
+        let inputs = &tile.sight.values[..actor.mlp().inputs() * columns];
         actor.mlp().forward(actor.parameters(), inputs, &mut workspace);
         visit(inputs, &mut workspace);
-        visited += PANEL;
+        visited += columns;
     }
     visited
 }

@@ -13,7 +13,7 @@ use super::REFERENCE_STD;
 use super::curvature::for_each_tile;
 use crate::actor_critic::Actor;
 use crate::network::{Batch, Mlp};
-use crate::rollout::{PANEL, Rollout};
+use crate::rollout::Rollout;
 
 /// Share of their mean that is added to the diagonals. Without, a policy slides along what costs nothing to the first
 /// order until the higher orders cost it everything: after a second furnished room 0.001 nat were predicted and 0.5 to 2
@@ -59,7 +59,8 @@ impl Kronecker {
             for output in 0..actor.action_len() {
                 let (_, deltas) = workspace.output_delta();
                 deltas.fill(0.0);
-                deltas[output * PANEL..(output + 1) * PANEL].fill(1.0);
+                let columns = deltas.len() / actor.action_len();
+                deltas[output * columns..(output + 1) * columns].fill(1.0);
                 actor.mlp().backward_layers(actor.parameters(), inputs, workspace, |index, deltas, inputs| {
                     let Factors { incoming, outgoing } = &mut sum.layers[index];
                     outgoing.add_products(&deltas.by_sample_values());
@@ -114,7 +115,7 @@ impl Kronecker {
     }
 }
 
-/// Each sample of a tile with a one behind it, `[PANEL][features + 1]`.
+/// Each sample of a tile with a one behind it, `[columns][features + 1]`.
 fn with_one(inputs: &Batch<'_>) -> Vec<f32> {
     let samples = inputs.by_sample_values();
     samples.chunks_exact(inputs.features()).flat_map(|sample| sample.iter().chain([&1.0]).copied()).collect()
@@ -176,9 +177,9 @@ impl Square {
         }
     }
 
-    /// Adds `x xᵀ` of every sample of `samples [PANEL][size]`.
+    /// Adds `x xᵀ` of every sample of `samples [columns][size]`.
     fn add_products(&mut self, samples: &[f32]) {
-        let samples = MatRef::from_row_major_slice(samples, PANEL, self.size);
+        let samples = MatRef::from_row_major_slice(samples, samples.len() / self.size, self.size);
         let sum = MatMut::from_row_major_slice_mut(&mut self.values, self.size, self.size);
         matmul(sum, Accum::Add, samples.transpose(), samples, 1.0, Par::Seq);
     }

@@ -8,9 +8,9 @@ const OUTPUTS: usize = 3;
 
 fn networks() -> (Actor, Critic) {
     let mut stream = Stream::new(Seed(1), 0, Purpose::Weights);
-    let mut actor = Actor::new((INPUTS, OUTPUTS), &[6], -0.7, &mut stream);
+    let mut actor = Actor::blind((INPUTS, OUTPUTS), &[6], -0.7, &mut stream);
     actor.parameters_mut().iter_mut().for_each(|parameter| *parameter += 0.2 * stream.normal());
-    (actor, Critic::new(INPUTS, &[4], 1, &mut stream))
+    (actor, Critic::blind(INPUTS, &[4], 1, &mut stream))
 }
 
 /// A rollout of random observations.
@@ -44,8 +44,8 @@ fn divergence(one: &Actor, other: &Actor, rollout: &Rollout) -> f64 {
     for index in 0..rollout.tiles() {
         let tile = rollout.tile(index);
         let mut means = [vec![0.0; OUTPUTS * PANEL], vec![0.0; OUTPUTS * PANEL]];
-        one.act_mean(tile.observations, &mut means[0]);
-        other.act_mean(tile.observations, &mut means[1]);
+        one.act_mean(tile.sight, &mut means[0]);
+        other.act_mean(tile.sight, &mut means[1]);
         let squares = means[0].iter().zip(&means[1]).map(|(a, b)| f64::from(a - b) * f64::from(a - b));
         sum += squares.sum::<f64>();
     }
@@ -128,7 +128,7 @@ fn predicted_and_true(actor: &Actor, curvature: Curvature, distance: f32) -> (f6
 
 #[test]
 fn factors_predict_the_divergence_of_a_layer_and_that_of_two_better_than_a_diagonal() {
-    let single = Actor::new((INPUTS, OUTPUTS), &[], -0.7, &mut Stream::new(Seed(4), 0, Purpose::Weights));
+    let single = Actor::blind((INPUTS, OUTPUTS), &[], -0.7, &mut Stream::new(Seed(4), 0, Purpose::Weights));
     let (predicted, found) = predicted_and_true(&single, Curvature::Kronecker, 0.3);
     // But for what damping moves to other inputs: a hundredth of the mean.
     assert!((predicted / found - 1.0).abs() < 0.02, "{predicted}, not {found}");

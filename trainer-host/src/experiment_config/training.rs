@@ -4,9 +4,11 @@ use kestrel_sim::config::{ConfigError, Field, Limits};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::ppo::{PpoSettings, ValueScaling};
+use crate::ppo::{PpoSettings, ValueScaling, fits_minibatch};
 use crate::rollout::{CriticScope, PANEL};
 use crate::schedule::Schedule;
+
+use super::eye::EyeConfig;
 
 /// Most samples of one rollout: at 60 values each they fill 4 GiB.
 const ROLLOUT_LIMIT: u64 = 1 << 24;
@@ -37,7 +39,7 @@ pub struct TrainingConfig {
     pub steps_per_rollout: u64,
     /// Passes over a rollout in one update.
     pub epochs: u64,
-    /// Samples in one gradient step: a multiple of 256 that divides `environments · steps_per_rollout`.
+    /// Samples in one gradient step: a multiple of 256, or 32, 64 or 128, that divides `environments · steps_per_rollout`.
     pub minibatch: u64,
     /// Worth of a reward one step later; 0.99 at 100 Hz looks about a second ahead.
     pub discount: f64,
@@ -63,6 +65,8 @@ pub struct TrainingConfig {
     pub actor_hidden: Vec<u64>,
     /// Widths of the critic's hidden layers.
     pub critic_hidden: Vec<u64>,
+    /// How a policy with a camera looks at its images.
+    pub eye: EyeConfig,
     /// An update stops early once its KL divergence exceeds one and a half times this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target_kl: Option<f64>,
@@ -142,6 +146,7 @@ impl Default for TrainingConfig {
             highest_log_std: 0.5,
             actor_hidden: vec![64, 64],
             critic_hidden: vec![64, 64],
+            eye: EyeConfig::default(),
             target_kl: None,
             critic_scope: CriticScopeConfig::Own,
             value_scale: ValueScaleConfig::Fixed,
@@ -185,6 +190,7 @@ impl TrainingConfig {
             highest_log_std,
             actor_hidden: hidden(&self.actor_hidden, &field.at("actor_hidden"))?,
             critic_hidden: hidden(&self.critic_hidden, &field.at("critic_hidden"))?,
+            eye: self.eye.check(&field.at("eye"))?,
             target_kl,
             critic_scope: match self.critic_scope {
                 CriticScopeConfig::Own => CriticScope::Own,
@@ -202,7 +208,10 @@ impl TrainingConfig {
     fn check_sizes(&self, field: &Field<'_>) -> Result<(), ConfigError> {
         field.at("steps_per_rollout").whole(self.steps_per_rollout, 1..=65_536)?;
         check_panels(self.environments, &field.at("environments"))?;
-        check_panels(self.minibatch, &field.at("minibatch"))?;
+        if !fits_minibatch(self.minibatch as usize) || self.minibatch > PARALLEL_LIMIT {
+            let expected = format!("a multiple of {PANEL}, at most {PARALLEL_LIMIT}, or 32, 64 or 128");
+            return Err(field.at("minibatch").refuse(self.minibatch, expected));
+        }
         let rollout = self.environments.saturating_mul(self.steps_per_rollout);
         if rollout > ROLLOUT_LIMIT {
             let found = format!("a rollout of {rollout} samples (environments · steps_per_rollout)");
@@ -227,7 +236,7 @@ fn check_panels(value: u64, field: &Field<'_>) -> Result<(), ConfigError> {
     Err(field.refuse(value, format!("a multiple of {PANEL}, at most {PARALLEL_LIMIT}")))
 }
 
-fn hidden(widths: &[u64], field: &Field<'_>) -> Result<Vec<usize>, ConfigError> {
+pub(super) fn hidden(widths: &[u64], field: &Field<'_>) -> Result<Vec<usize>, ConfigError> {
     if !(1..=4).contains(&widths.len()) {
         return Err(field.refuse("", "a list of 1 to 4 widths"));
     }

@@ -65,6 +65,7 @@ fn scenario() -> Scenario {
         time_limit: TimeLimit::Truncates,
         action: action(),
         observation: LAYOUT,
+        camera: None,
         critic: CriticView::Observation,
         start: Start {
             position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.5 },

@@ -55,13 +55,14 @@ impl Eye {
         Self { layers: shape.stages().iter().map(layer).collect(), shape }
     }
 
-    /// The network of Mnih et al. 2015, `NatureCNN` of Stable-Baselines3: 512 features.
+    /// The network of Mnih et al. 2015, `NatureCNN` of Stable-Baselines3, where it has 512 features, and 256 beside other
+    /// inputs.
     ///
     /// # Errors
     /// When the image is empty, too large or smaller than 36 x 36 pixels.
-    pub fn nature(image: Volume) -> Result<Self, EyeError> {
+    pub fn nature(image: Volume, features: u16) -> Result<Self, EyeError> {
         let convolutions = [(32, 8, 4), (64, 4, 2), (64, 3, 1)].map(convolution);
-        EyeShape::new(image, &convolutions, 512).map(Self::new)
+        EyeShape::new(image, &convolutions, features).map(Self::new)
     }
 
     /// The convolutions of Mnih et al. 2013, which two cores can train, and 64 features for the layers behind them; an

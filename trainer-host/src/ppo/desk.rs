@@ -2,9 +2,8 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use crate::actor_critic::{Actor, Critic};
-use crate::network::Workspace;
-use crate::rollout::{PANEL, Tile};
+use crate::actor_critic::{Networks, Pass, Sight};
+use crate::rollout::Tile;
 
 use super::loss::{Surrogate, differentiate_value};
 use super::settings::PpoSettings;
@@ -17,9 +16,10 @@ pub(crate) struct Desks {
 }
 
 impl Desks {
-    /// Sees to it that each thread of the current rayon pool has one.
-    pub(crate) fn provide(&mut self, actor: &Actor, critic: &Critic) {
-        self.desks.resize_with(rayon::current_num_threads(), || Mutex::new(Desk::new(actor, critic)));
+    /// Sees to it that each thread of the current rayon pool has one, for tiles of so many samples.
+    pub(crate) fn provide(&mut self, networks: &Networks<'_>, columns: usize) {
+        let desk = || Mutex::new(Desk::new(networks, columns));
+        self.desks.resize_with(rayon::current_num_threads(), desk);
     }
 
     /// The calling thread's.
@@ -43,18 +43,13 @@ impl Clone for Desks {
 #[derive(Debug)]
 pub(crate) struct Desk {
     /// A tile's, copied in one go: the products read them in strides of a kilobyte, which no processor fetches ahead.
-    observations: Vec<f32>,
-    actor_workspace: Workspace,
-    critic_workspace: Workspace,
+    values: Vec<f32>,
+    pass: Pass,
 }
 
 impl Desk {
-    pub(crate) fn new(actor: &Actor, critic: &Critic) -> Self {
-        Self {
-            observations: vec![0.0; critic.mlp().inputs() * PANEL],
-            actor_workspace: Workspace::new(actor.mlp(), PANEL),
-            critic_workspace: Workspace::new(critic.mlp(), PANEL),
-        }
+    pub(crate) fn new(networks: &Networks<'_>, columns: usize) -> Self {
+        Self { values: Vec::new(), pass: Pass::new(networks.actor, networks.critic, columns) }
     }
 
     /// Adds a tile's part of the minibatch's gradient to a shard, without the entropy's, which no sample enters.
@@ -62,47 +57,35 @@ impl Desk {
         &mut self,
         shard: &mut Shard,
         tile: Tile<'_>,
-        networks: (&Actor, &Critic),
+        networks: &Networks<'_>,
         settings: &PpoSettings,
         sample_weight: f32,
     ) {
-        self.observations.copy_from_slice(tile.observations);
-        self.add_policy(shard, tile, networks.0, (settings.clip_range, sample_weight));
-        self.add_value(shard, tile, networks.1, settings.value_weight * sample_weight);
-    }
-
-    fn add_policy(
-        &mut self,
-        shard: &mut Shard,
-        tile: Tile<'_>,
-        actor: &Actor,
-        (clip_range, sample_weight): (f32, f32),
-    ) {
-        let (parameters, mlp) = (actor.parameters(), actor.mlp());
-        let observations = &self.observations[..mlp.inputs() * PANEL];
-        mlp.forward(parameters, observations, &mut self.actor_workspace);
-        let (means, deltas) = self.actor_workspace.output_delta();
-        let (network, log_std) = shard.gradient.actor.split_at_mut(mlp.parameter_count());
+        let Self { values, pass } = self;
+        values.clear();
+        values.extend_from_slice(tile.sight.values);
+        let sight = Sight { values, ..tile.sight };
+        pass.look(networks, sight);
+        pass.act(networks, sight);
+        pass.appraise(networks, sight);
+        let actor = networks.actor;
+        let (means, deltas) = pass.action_deltas();
         let gaussian = actor.gaussian();
-        let surrogate = Surrogate { tile, means, gaussian: &gaussian, clip_range, sample_weight };
+        let surrogate =
+            Surrogate { tile, means, gaussian: &gaussian, clip_range: settings.clip_range, sample_weight };
+        let log_std = &mut shard.gradient.actor[actor.log_std_places()];
         surrogate.differentiate(deltas, log_std, &mut shard.sums);
-        mlp.backward(parameters, observations, &mut self.actor_workspace, network);
+        add_value(pass, shard, tile, networks, settings.value_weight * sample_weight);
+        pass.learn(networks, sight, (&mut shard.gradient.actor, &mut shard.gradient.critic));
     }
+}
 
-    fn add_value(&mut self, shard: &mut Shard, tile: Tile<'_>, critic: &Critic, weight: f32) {
-        let (parameters, mlp) = (critic.parameters(), critic.mlp());
-        mlp.forward(parameters, &self.observations, &mut self.critic_workspace);
-        let (heads, deltas) = self.critic_workspace.output_delta();
-        let head = tile.task * PANEL..(tile.task + 1) * PANEL;
-        deltas.fill(0.0);
-        let scale = critic.scale(tile.task);
-        differentiate_value(
-            &heads[head.clone()],
-            (tile.returns, scale),
-            weight,
-            &mut deltas[head],
-            &mut shard.sums,
-        );
-        mlp.backward(parameters, &self.observations, &mut self.critic_workspace, &mut shard.gradient.critic);
-    }
+/// Writes the loss gradient of the critic's heads.
+fn add_value(pass: &mut Pass, shard: &mut Shard, tile: Tile<'_>, networks: &Networks<'_>, weight: f32) {
+    let (heads, deltas) = pass.head_deltas();
+    let columns = tile.returns.len();
+    let head = tile.task * columns..(tile.task + 1) * columns;
+    deltas.fill(0.0);
+    let target = (tile.returns, networks.critic.scale(tile.task));
+    differentiate_value(&heads[head.clone()], target, weight, &mut deltas[head], &mut shard.sums);
 }

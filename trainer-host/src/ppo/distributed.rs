@@ -41,6 +41,27 @@ impl Trainer {
             column.copy_from_slice(values);
             rest = others;
         }
+        self.share_images();
+    }
+
+    /// Bytes travel as the numbers that four of them are, whole tiles being multiples of four.
+    fn share_images(&mut self) {
+        let mut all: Vec<f32> = Vec::new();
+        for panel in &mut self.panels {
+            let words = panel.rollout_mut().images_mut().as_chunks::<4>().0;
+            all.extend(words.iter().map(|bytes| f32::from_bits(u32::from_le_bytes(*bytes))));
+        }
+        if all.is_empty() {
+            return;
+        }
+        self.ranks.share(&mut all);
+        let mut words = all.iter();
+        for panel in &mut self.panels {
+            for (bytes, word) in panel.rollout_mut().images_mut().as_chunks_mut::<4>().0.iter_mut().zip(&mut words)
+            {
+                *bytes = word.to_bits().to_le_bytes();
+            }
+        }
     }
 
     /// Shows my parts of a minibatch's gradient and reads those of the others.

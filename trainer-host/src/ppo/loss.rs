@@ -39,7 +39,7 @@ impl LossSums {
 /// The clipped surrogate objective (Schulman et al. 2017, eq. 7) of one tile.
 pub(crate) struct Surrogate<'a> {
     pub(crate) tile: Tile<'a>,
-    /// The new policy's `[action length][PANEL]`.
+    /// The new policy's `[action length][columns]`.
     pub(crate) means: &'a [f32],
     pub(crate) gaussian: &'a Gaussian,
     pub(crate) clip_range: f32,
@@ -50,14 +50,15 @@ pub(crate) struct Surrogate<'a> {
 impl Surrogate<'_> {
     /// Adds the loss to `sums`, the gradient of `log_std` to `log_std`, and writes that of the means to `deltas`.
     pub(crate) fn differentiate(&self, deltas: &mut [f32], log_std: &mut [f32], sums: &mut LossSums) {
-        let mut log_probs = [0.0; PANEL];
-        self.gaussian.log_probs(self.means, self.tile.actions, &mut log_probs);
-        let mut pulls = [0.0; PANEL];
+        let columns = self.tile.log_probs.len();
+        let (mut log_probs, mut pulls) = ([0.0; PANEL], [0.0; PANEL]);
+        let (log_probs, pulls) = (&mut log_probs[..columns], &mut pulls[..columns]);
+        self.gaussian.log_probs(self.means, self.tile.actions, log_probs);
         for (index, pull) in pulls.iter_mut().enumerate() {
             let log_ratio = log_probs[index] - self.tile.log_probs[index];
             *pull = self.sample_weight * self.pull(log_ratio, self.tile.advantages[index], sums);
         }
-        dispatch(ThroughDensity { surrogate: self, pulls: &pulls, deltas, log_std });
+        dispatch(ThroughDensity { surrogate: self, pulls, deltas, log_std });
     }
 
     /// The derivative of a sample's loss with respect to the log-density of its action.
@@ -78,7 +79,7 @@ impl Surrogate<'_> {
 /// The chain rule through the Gaussian log-density.
 struct ThroughDensity<'a> {
     surrogate: &'a Surrogate<'a>,
-    pulls: &'a [f32; PANEL],
+    pulls: &'a [f32],
     deltas: &'a mut [f32],
     log_std: &'a mut [f32],
 }
@@ -89,17 +90,19 @@ impl WithSimd for ThroughDensity<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Self { surrogate, pulls, deltas, log_std } = self;
-        let rows = surrogate.means.chunks_exact(PANEL).zip(surrogate.tile.actions.chunks_exact(PANEL));
+        let columns = pulls.len();
+        let rows = surrogate.means.chunks_exact(columns).zip(surrogate.tile.actions.chunks_exact(columns));
         for (row, (means, actions)) in rows.enumerate() {
             let inverse = 1.0 / surrogate.gaussian.std()[row];
-            let deltas = &mut deltas[row * PANEL..(row + 1) * PANEL];
+            let deltas = &mut deltas[row * columns..(row + 1) * columns];
             let mut curvatures = [0.0; PANEL];
-            for index in 0..PANEL {
+            let curvatures = &mut curvatures[..columns];
+            for index in 0..columns {
                 let deviation = (actions[index] - means[index]) * inverse;
                 deltas[index] = pulls[index] * deviation * inverse;
                 curvatures[index] = deviation * deviation - 1.0;
             }
-            log_std[row] += dot(pulls, &curvatures);
+            log_std[row] += dot(pulls, curvatures);
         }
     }
 }

@@ -3,7 +3,11 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::rollout::{CriticScope, PANEL};
+use kestrel_core::eye::{Convolution, EyeError, EyeShape, Volume};
+use kestrel_sim::camera::OnboardCamera;
+
+use crate::network::eye::Eye;
+use crate::rollout::{CriticScope, PANEL, SMALLEST_MINIBATCH};
 use crate::schedule::Schedule;
 
 /// The hyperparameters of PPO, under the names of the field.
@@ -18,7 +22,7 @@ pub struct PpoSettings {
     pub total_steps: u64,
     /// Passes over each rollout.
     pub epochs: u32,
-    /// Samples per gradient step, a multiple of [`PANEL`]; the last of an epoch may be smaller.
+    /// Samples per gradient step, a multiple of [`PANEL`], or 32, 64 or 128; the last of an epoch may be smaller.
     pub minibatch: usize,
     /// Discount per step, in \[0, 1\].
     pub discount: f32,
@@ -44,6 +48,8 @@ pub struct PpoSettings {
     pub actor_hidden: Vec<usize>,
     /// Widths of the critic's hidden layers.
     pub critic_hidden: Vec<usize>,
+    /// How a policy with a camera looks at its images.
+    pub eye: EyeSettings,
     /// An update stops once a minibatch's `approx_kl` exceeds one and a half times this, as Stable-Baselines3.
     pub target_kl: Option<f32>,
     /// Whose observations the critic reads.
@@ -52,6 +58,70 @@ pub struct PpoSettings {
     pub value_scale: ValueScaling,
     /// Fixed factor on rewards before the critic sees them; the logged returns are unscaled.
     pub reward_scale: f32,
+}
+
+/// How images are looked at.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EyeSettings {
+    /// The convolutions.
+    pub kind: EyeKind,
+    /// Whether actor and critic have the same.
+    pub sharing: EyeSharing,
+    /// Widths of layers that read the observation and the features for both networks, or for each if they do not share;
+    /// none where each reads both itself.
+    pub trunk: Vec<usize>,
+}
+
+/// Convolutions and a dense layer.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EyeKind {
+    /// [`Eye::small`].
+    #[default]
+    Small,
+    /// [`Eye::nature`], with so many features.
+    Nature {
+        /// At least one; 512 in Stable-Baselines3, 256 with several inputs.
+        features: u16,
+    },
+    /// Others.
+    Custom {
+        /// One after the other.
+        convolutions: Vec<Convolution>,
+        /// What the dense layer behind them makes.
+        features: u16,
+    },
+}
+
+/// Whether actor and critic look through one eye.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EyeSharing {
+    /// They do, and it learns from both.
+    #[default]
+    Shared,
+    /// Each has its own.
+    Separate,
+}
+
+impl EyeKind {
+    /// The eye for the images of a camera.
+    ///
+    /// # Errors
+    /// When they are too small or too large for it.
+    pub fn eye(&self, camera: &OnboardCamera) -> Result<Eye, EyeError> {
+        let image = image_of(camera);
+        match self {
+            Self::Small => Eye::small(image),
+            Self::Nature { features } => Eye::nature(image, *features),
+            Self::Custom { convolutions, features } => EyeShape::new(image, convolutions, *features).map(Eye::new),
+        }
+    }
+}
+
+/// Sides that are too large for an eye become the largest number, which it refuses.
+fn image_of(camera: &OnboardCamera) -> Volume {
+    let side = |value: usize| u16::try_from(value).unwrap_or(u16::MAX);
+    let channels = u16::try_from(camera.pixel_len()).unwrap_or(u16::MAX);
+    Volume { rows: side(camera.camera.rows), columns: side(camera.camera.columns), channels }
 }
 
 /// In which unit the critic learns returns.
@@ -68,12 +138,14 @@ pub enum ValueScaling {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SettingsError {
     /// Environments and minibatches come in panels.
-    #[error("{name} is {found}, expected a positive multiple of {PANEL}")]
+    #[error("{name} is {found}, expected a positive multiple of {PANEL}{or}")]
     NotPanels {
         /// Which setting.
         name: &'static str,
         /// Its value.
         found: usize,
+        /// What else it may be.
+        or: &'static str,
     },
     /// A count that must not be zero.
     #[error("{name} is 0, expected at least 1")]
@@ -110,10 +182,13 @@ impl PpoSettings {
     }
 
     fn check_counts(&self) -> Result<(), SettingsError> {
-        for (name, found) in [("environments", self.environments), ("minibatch", self.minibatch)] {
-            if found == 0 || found % PANEL != 0 {
-                return Err(SettingsError::NotPanels { name, found });
-            }
+        let panels = |found: usize| found != 0 && found.is_multiple_of(PANEL);
+        if !panels(self.environments) {
+            return Err(SettingsError::NotPanels { name: "environments", found: self.environments, or: "" });
+        }
+        if !fits_minibatch(self.minibatch) {
+            let or = ", or 32, 64 or 128";
+            return Err(SettingsError::NotPanels { name: "minibatch", found: self.minibatch, or });
         }
         let narrowest = |hidden: &[usize]| hidden.iter().copied().min().unwrap_or(1);
         let counts = [
@@ -158,6 +233,12 @@ impl PpoSettings {
             }
         }
     }
+}
+
+/// Whether tiles can make a minibatch of so many samples.
+pub(crate) fn fits_minibatch(samples: usize) -> bool {
+    let small = (SMALLEST_MINIBATCH..PANEL).contains(&samples) && samples.is_power_of_two();
+    small || (samples != 0 && samples.is_multiple_of(PANEL))
 }
 
 type Checked = Result<(), SettingsError>;

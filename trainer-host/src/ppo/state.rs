@@ -125,10 +125,10 @@ impl Trainer {
         if found != expected {
             return Err(RestoreError::Panels { found, expected });
         }
-        let actors = (state.actor.mlp(), self.actor.mlp());
-        let critics = (state.critic.mlp(), self.critic.mlp());
-        for (network, (found, expected)) in [("actor", actors), ("critic", critics)] {
-            if found != expected {
+        let actors = (state.actor.is_like(&self.actor), state.actor.mlp(), self.actor.mlp());
+        let critics = (state.critic.is_like(&self.critic), state.critic.mlp(), self.critic.mlp());
+        for (network, (is_like, found, expected)) in [("actor", actors), ("critic", critics)] {
+            if !is_like {
                 let (found, expected) = (found.widths().to_vec(), expected.widths().to_vec());
                 return Err(RestoreError::Network { network, found, expected });
             }

@@ -1,12 +1,14 @@
 mod distributed;
+mod seeing;
 mod special_cases;
 mod teams;
 
 use super::*;
+use crate::actor_critic::Sight;
 use crate::evaluation::{Flyer, Starts, evaluate, observations_in_flight};
 use crate::export::export;
 use crate::network::Mlp;
-use crate::rollout::Tile;
+use crate::rollout::{PANEL, Tile};
 use crate::schedule::Schedule;
 use kestrel_core::action::{
     ActionSpace, Persistence, PublishedActions, PublishedController, PublishedKind, RotorSpeeds,
@@ -42,6 +44,7 @@ fn scenario(critic: CriticView) -> Scenario {
             velocity_scale: 2.0,
             body_rates_scale: 10.0,
         }),
+        camera: None,
         critic,
         start: Start {
             position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.3 },
@@ -80,6 +83,7 @@ fn settings() -> PpoSettings {
         highest_log_std: 0.5,
         actor_hidden: vec![16, 16],
         critic_hidden: vec![16],
+        eye: EyeSettings::default(),
         target_kl: None,
         critic_scope: CriticScope::Own,
         value_scale: ValueScaling::Fixed,
@@ -154,7 +158,7 @@ fn a_state_of_another_run_is_refused() {
         format!("the saved critic has layers [22, 16, 1], the settings ask for [{}, 16, 1]", 22 + PRIVILEGED_LEN)
     );
     let bad = PpoSettings { minibatch: 100, ..asked };
-    assert_eq!(refuse(&flown, &bad, &state), "minibatch is 100, expected a positive multiple of 256");
+    assert_eq!(refuse(&flown, &bad, &state), "minibatch is 100, expected a positive multiple of 256, or 32, 64 or 128");
 }
 
 #[test]
@@ -247,7 +251,7 @@ mod reference {
             let (actor, critic) = parameters.split_at(self.actor.parameter_count() + self.actor.outputs());
             let (network, log_std) = actor.split_at(self.actor.parameter_count());
             let sample = |index: usize| {
-                let input: Vec<f64> = Self::column(self.tile.observations, index);
+                let input: Vec<f64> = Self::column(self.tile.sight.values, index);
                 let means = forward(&self.actor, network, &input[..self.actor.inputs()]);
                 let value = forward(&self.critic, critic, &input)[0];
                 let error = value - f64::from(self.tile.returns[index]);
@@ -308,7 +312,7 @@ impl Samples {
         let (observations, actions) = (normals(features * PANEL), normals(actor.action_len() * PANEL));
         let (advantages, returns, shifts) = (normals(PANEL), normals(PANEL), normals(PANEL));
         let mut means = vec![0.0; actor.action_len() * PANEL];
-        actor.act_mean(&observations[..actor.mlp().inputs() * PANEL], &mut means);
+        actor.act_mean(Sight::blind(&observations), &mut means);
         let mut log_probs = vec![0.0; PANEL];
         actor.gaussian().log_probs(&means, &actions, &mut log_probs);
         for (log_prob, shift) in log_probs.iter_mut().zip(shifts) {
@@ -320,7 +324,7 @@ impl Samples {
     fn tile(&self) -> Tile<'_> {
         Tile {
             task: 0,
-            observations: &self.observations,
+            sight: Sight::blind(&self.observations),
             actions: &self.actions,
             log_probs: &self.log_probs,
             advantages: &self.advantages,
@@ -339,15 +343,16 @@ fn the_gradient_of_the_whole_loss_is_that_of_finite_differences() {
 fn check_gradient(action_len: usize) {
     let settings = PpoSettings { entropy_weight: 0.02, ..settings() };
     let mut stream = Stream::new(Seed(13), 0, Purpose::Weights);
-    let mut actor = Actor::new((5, action_len), &[8, 8], -0.3, &mut stream);
+    let mut actor = Actor::blind((5, action_len), &[8, 8], -0.3, &mut stream);
     for parameter in actor.parameters_mut() {
         *parameter += 0.1 * stream.normal();
     }
-    let critic = Critic::new(7, &[9], 1, &mut stream);
+    let critic = Critic::blind(7, &[9], 1, &mut stream);
     let samples = Samples::new(&actor, 7);
     let mut shard = Shard::new(&actor, &critic);
-    let mut desk = desk::Desk::new(&actor, &critic);
-    desk.add(&mut shard, samples.tile(), (&actor, &critic), &settings, 1.0 / PANEL as f32);
+    let networks = Networks { actor: &actor, critic: &critic, eyes: &Eyes::default() };
+    let mut desk = desk::Desk::new(&networks, PANEL);
+    desk.add(&mut shard, samples.tile(), &networks, &settings, 1.0 / PANEL as f32);
     assert!(shard.sums.clipped > 0.3 * PANEL as f64 && shard.sums.clipped < 0.7 * PANEL as f64);
     let log_std = actor.mlp().parameter_count();
     shard.gradient.actor[log_std..].iter_mut().for_each(|gradient| *gradient -= settings.entropy_weight);
@@ -375,11 +380,12 @@ fn check_gradient(action_len: usize) {
 fn the_logged_losses_are_those_of_the_reference() {
     let settings = PpoSettings { entropy_weight: 0.0, ..settings() };
     let mut stream = Stream::new(Seed(14), 0, Purpose::Weights);
-    let (actor, critic) = (Actor::new((5, 4), &[8], -0.3, &mut stream), Critic::new(5, &[8], 1, &mut stream));
+    let (actor, critic) = (Actor::blind((5, 4), &[8], -0.3, &mut stream), Critic::blind(5, &[8], 1, &mut stream));
     let samples = Samples::new(&actor, 5);
     let mut shard = Shard::new(&actor, &critic);
-    let mut desk = desk::Desk::new(&actor, &critic);
-    desk.add(&mut shard, samples.tile(), (&actor, &critic), &settings, 1.0 / PANEL as f32);
+    let networks = Networks { actor: &actor, critic: &critic, eyes: &Eyes::default() };
+    let mut desk = desk::Desk::new(&networks, PANEL);
+    desk.add(&mut shard, samples.tile(), &networks, &settings, 1.0 / PANEL as f32);
     let parameters: Vec<f64> =
         actor.parameters().iter().chain(critic.parameters()).copied().map(f64::from).collect();
     let (actor, critic) = (actor.mlp().clone(), critic.mlp().clone());

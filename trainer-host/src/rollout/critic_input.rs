@@ -8,8 +8,6 @@ use kestrel_sim::outcome::Outcome;
 use kestrel_sim::simulation::Simulation;
 use serde::{Deserialize, Serialize};
 
-use super::PANEL;
-
 /// Whose observations, and privileged values where there are any, the critic reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CriticScope {
@@ -59,9 +57,9 @@ impl CriticInput {
         self.drones * (simulation.observation_len() + simulation.privileged_len())
     }
 
-    /// Writes `[values][PANEL]` of the rows from `first_row` on, as they are after the last step.
-    pub(super) fn write(&self, simulation: &Simulation, first_row: usize, input: &mut [f32]) {
-        let mut targets = input.chunks_exact_mut(PANEL);
+    /// Writes `[values][columns]` of so many rows from `first_row` on, as they are after the last step.
+    pub(super) fn write(&self, simulation: &Simulation, (first_row, columns): (usize, usize), input: &mut [f32]) {
+        let mut targets = input.chunks_exact_mut(columns);
         for mate in 0..self.drones {
             let start = self.mate(first_row, mate);
             let seen = simulation.observations().chunks_exact(self.rows);

@@ -22,7 +22,9 @@ use super::Study;
 use super::procedure::Method;
 use claim::Claim;
 
-use crate::experiment_config::{Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_panels};
+use crate::experiment_config::{
+    Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_panels, refuse_unsuited_eye,
+};
 use crate::ppo::PpoSettings;
 
 /// Version of the file format that this program reads.
@@ -198,6 +200,8 @@ impl StudyConfig {
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
         let training = self.training.check(&root.at("training"))?;
         refuse_other_teams(&tasks, &training, &root.at("training"))?;
+        let camera = tasks[0].scenario.camera.as_ref();
+        refuse_unsuited_eye(&training.eye, camera, &root.at("training"))?;
         let methods = self.check_methods(&root.at("methods"), &tasks)?;
         let count = root.at("seeds").at("count").whole(self.seeds.count, 1..=10_000)?;
         let jobs = count * (methods.len() * orders.len()) as u64;
@@ -253,6 +257,12 @@ impl StudyConfig {
             let checked = method.check(&field, tasks.len())?;
             if let Some(training) = &checked.training {
                 refuse_other_teams(tasks, training, &field.at("training"))?;
+                refuse_unsuited_eye(&training.eye, tasks[0].scenario.camera.as_ref(), &field.at("training"))?;
+            }
+            if tasks[0].scenario.camera.is_some() && checked.procedure.keeps_states() {
+                let expected = "`sequential` without a consolidator, `joint`, `sharing` or `experts`: what the others \
+                                keep of a task has no images";
+                return Err(field.at("learn").reject("tasks with a camera", expected));
             }
             methods.push(checked);
         }
@@ -294,6 +304,9 @@ fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>)
     }
     if task.scenario.sensors != first.scenario.sensors {
         return Err(field.at("sensors").reject("other sensors", expected("sensors")));
+    }
+    if task.scenario.camera != first.scenario.camera {
+        return Err(field.at("camera").reject("another camera", expected("camera")));
     }
     if task.scenario.action != first.scenario.action {
         return Err(field.at("action").reject("another action", expected("action")));

@@ -61,6 +61,17 @@ pub struct Inheritance {
 }
 
 impl Procedure {
+    /// Whether it keeps states, or what follows from them, of a task that has ended: such methods know no images.
+    pub fn keeps_states(&self) -> bool {
+        match self {
+            Self::Sequential { consolidator: ConsolidatorSettings::None, .. }
+            | Self::Joint
+            | Self::Sharing { .. }
+            | Self::Experts => false,
+            Self::Sequential { .. } | Self::Distil { .. } => true,
+        }
+    }
+
     /// Stages in which so many tasks are learned.
     pub fn stages(&self, tasks: usize) -> usize {
         match self {

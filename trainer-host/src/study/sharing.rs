@@ -203,7 +203,7 @@ mod tests {
 
     fn actors() -> Vec<Actor> {
         (0..2)
-            .map(|seed| Actor::new((3, 2), &[4], seed as f32, &mut Stream::new(Seed(seed), 0, Purpose::Weights)))
+            .map(|seed| Actor::blind((3, 2), &[4], seed as f32, &mut Stream::new(Seed(seed), 0, Purpose::Weights)))
             .collect()
     }
 

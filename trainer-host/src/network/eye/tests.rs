@@ -41,7 +41,7 @@ fn shapes() -> Vec<Eye> {
         eye([11, 10, 3], &[(16, 3, 2), (20, 2, 1)], 17),
         eye([7, 7, 5], &[(4, 3, 1), (33, 3, 2), (6, 2, 1)], 5),
         eye([12, 9, 1], &[(70, 4, 3), (16, 2, 1)], 65),
-        Eye::nature(volume([37, 45, 3])).unwrap(),
+        Eye::nature(volume([37, 45, 3]), 512).unwrap(),
         Eye::small(volume([24, 32, 4])).unwrap(),
     ]
 }
@@ -274,7 +274,9 @@ fn initial_filters_are_orthogonal_with_gain_root_two() {
 
 #[test]
 fn presets_accept_the_smallest_images_that_they_document() {
-    for (preset, smallest) in [(Eye::nature as fn(Volume) -> Result<Eye, EyeError>, 36), (Eye::small, 10)] {
+    type Preset = fn(Volume) -> Result<Eye, EyeError>;
+    let presets: [(Preset, u16); 2] = [(|image| Eye::nature(image, 9), 36), (Eye::small, 10)];
+    for (preset, smallest) in presets {
         assert!(preset(volume([smallest, smallest, 1])).is_ok());
         assert!(matches!(preset(volume([smallest, smallest - 1, 1])), Err(EyeError::Kernel { .. })));
     }
@@ -284,7 +286,7 @@ fn presets_accept_the_smallest_images_that_they_document() {
 
 #[test]
 fn the_shape_counts_parameters_and_products() {
-    let eye = Eye::nature(volume([48, 64, 3])).unwrap();
+    let eye = Eye::nature(volume([48, 64, 3]), 512).unwrap();
     let convolutions = 32 * (192 + 1) + 64 * (512 + 1) + 64 * (576 + 1);
     assert_eq!(eye.parameter_count(), convolutions + 512 * (512 + 1));
     let first = 11 * 15 * 32 * 192;

@@ -58,7 +58,7 @@ fn policy_gradient(trainer: &Trainer) -> Vec<f64> {
     for rollout in trainer.panels.iter().map(Panel::rollout) {
         for tile in (0..rollout.tiles()).map(|tile| rollout.tile(tile)) {
             for index in 0..PANEL {
-                let input = column(tile.observations, index);
+                let input = column(tile.sight.values, index);
                 let (advantage, actions) = (f64::from(tile.advantages[index]), column(tile.actions, index));
                 let means = actor.forward(&input[..trainer.actor.mlp().inputs()]);
                 let deviations: Vec<f64> =

@@ -19,8 +19,7 @@ fn mappo() -> PpoSettings {
 
 fn collection(trainer: &Trainer) -> Collection<'_> {
     Collection {
-        actor: trainer.actor(),
-        critic: trainer.critic(),
+        networks: Networks { actor: trainer.actor(), critic: trainer.critic(), eyes: &trainer.eyes },
         first_step: 0,
         reward_scale: 1.0,
         discount: 0.98,
@@ -93,7 +92,7 @@ fn a_team_critic_reads_the_drone_itself_then_its_mates_in_a_circle() {
     for step in 0..12 {
         let block = |agent: usize, mate: usize| {
             let tile = rollout.tile(3 * step + agent);
-            &tile.observations[mate * own * PANEL..(mate + 1) * own * PANEL]
+            &tile.sight.values[mate * own * PANEL..(mate + 1) * own * PANEL]
         };
         for (agent, mate) in [(0, 1), (0, 2), (1, 1), (1, 2), (2, 1), (2, 2)] {
             assert_eq!(
@@ -111,7 +110,7 @@ fn pairs_stand_beside_each_other_within_a_tile() {
     let own = (22 + PRIVILEGED_LEN) * PANEL;
     trainer.collect();
     let tile = trainer.panels[2].rollout().tile(7);
-    let (own, mates) = tile.observations.split_at(own);
+    let (own, mates) = tile.sight.values.split_at(own);
     for (own, mates) in own.chunks_exact(PANEL).zip(mates.chunks_exact(PANEL)) {
         let (first, second) = own.split_at(PANEL / 2);
         assert_eq!(mates, [second, first].concat());
