@@ -66,9 +66,10 @@ impl Actor {
         self.half().perception_parameters()
     }
 
-    /// The layers of the mean's network, first to last; tanh after all but the last.
+    /// The layers between observation, features and mean action, first to last; tanh after all but the last.
     pub fn layers(&self) -> Vec<Dense<'_>> {
-        self.mlp.layers(&self.parameters)
+        let trunk = self.perception.iter().flat_map(|seen| seen.trunk_layers(self.perception_parameters()));
+        trunk.chain(self.mlp.layers(&self.parameters)).collect()
     }
 
     /// Values of an action.

@@ -1,19 +1,21 @@
 //! How good a policy is: success over many random starts, beside the trivial baselines.
 
-use kestrel_core::observation::OBSERVATION_LIMIT;
-use kestrel_core::policy_file::PolicyFile;
+mod cockpit;
+
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
 use kestrel_sim::outcome::{Ending, Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
-use kestrel_sim::seed::{Purpose, Seed, Stream};
+use kestrel_sim::seed::{Purpose, Seed};
 use kestrel_sim::simulation::Simulation;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::actor_critic::{Actor, ActorPass, Sight};
-use crate::scripted::ScriptedPilot;
+use crate::actor_critic::Actor;
+use crate::policy::Policy;
 use crate::statistics::proportion::{Z_95, wilson};
+
+pub(crate) use cockpit::Cockpit;
 
 /// Environments that one task flies.
 const PANEL: usize = 128;
@@ -24,7 +26,7 @@ pub enum Flyer<'a> {
     /// The trained network's mean action, in the trainer's floating point.
     Actor(&'a Actor),
     /// An exported policy, in the arithmetic of its file.
-    Policy(&'a PolicyFile<'a>),
+    Policy(&'a Policy<'a>),
     /// The zero action: hover thrust, no correction.
     Nothing,
     /// Uniform random actions.
@@ -104,23 +106,32 @@ pub fn evaluate_exactly(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -
     summarise(flyer.name(), scenario, &flights.collect::<Vec<_>>())
 }
 
-/// Observations `[n][observation_len]` that the actor meets on flights from up to 64 of the starts, every eighth step, by
-/// every drone.
-pub fn observations_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts) -> Vec<f32> {
+/// What an actor met on flights.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sightings {
+    /// `[n][observation_len]`.
+    pub observations: Vec<f32>,
+    /// `[n][image]`; empty without a camera.
+    pub images: Vec<u8>,
+}
+
+/// What the actor meets on flights from up to 64 of the starts, every eighth step, by every drone.
+pub fn sightings_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts) -> Sightings {
     let count = starts.episodes.clamp(1, 64);
     let mut simulation = starting_at(scenario, starts, 0, count);
     let mut cockpit = Cockpit::new(&simulation, Flyer::Actor(actor), starts.seed, 0);
-    let mut observations = Vec::new();
+    let mut met = Sightings::default();
     for step in 0..scenario.episode_steps() {
         if step % 8 == 0 {
             for row in 0..simulation.rows() {
                 let columns = simulation.observations().chunks_exact(simulation.rows());
-                observations.extend(columns.map(|column| column[row]));
+                met.observations.extend(columns.map(|column| column[row]));
             }
+            met.images.extend_from_slice(simulation.images());
         }
         simulation.step(cockpit.act(&simulation));
     }
-    observations
+    met
 }
 
 /// Flies the episode that [`evaluate`] flies as number `start`, and keeps every state of the first drone.
@@ -175,100 +186,6 @@ fn first_episodes<const LANES: usize, R: Real>(
         }
     }
     episodes.into_iter().flatten().collect()
-}
-
-/// A flyer at work on the environments of one simulation.
-pub(crate) struct Cockpit<'a, R> {
-    flyer: Flyer<'a>,
-    /// One per drone.
-    scripted: Vec<ScriptedPilot>,
-    noise: Stream,
-    /// Of an actor, once it has acted.
-    pass: Option<ActorPass>,
-    observations: Vec<f32>,
-    actions: Vec<f32>,
-    converted: Vec<R>,
-}
-
-impl<'a, R: Real> Cockpit<'a, R> {
-    pub(crate) fn new<const LANES: usize>(
-        simulation: &Simulation<LANES, R>,
-        flyer: Flyer<'a>,
-        seed: Seed,
-        first: u32,
-    ) -> Self {
-        let scenario = simulation.scenario();
-        let pilot = ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs());
-        Self {
-            flyer,
-            scripted: (0..simulation.rows())
-                .map(|row| pilot.clone().along(scenario.aviary.route(row / simulation.environments())))
-                .collect(),
-            noise: Stream::new(seed, first, Purpose::Baseline),
-            pass: None,
-            observations: Vec::new(),
-            actions: vec![0.0; scenario.action.len() * simulation.rows()],
-            converted: Vec::new(),
-        }
-    }
-
-    /// Actions `[action length][rows]` for the simulation's present states.
-    pub(crate) fn act<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) -> &[R] {
-        match self.flyer {
-            Flyer::Actor(actor) => {
-                self.observe(simulation);
-                let sight = Sight { values: &self.observations, images: simulation.images() };
-                let pass = self.pass.get_or_insert_with(|| ActorPass::new(actor, simulation.rows()));
-                self.actions.copy_from_slice(pass.means(actor, sight));
-            }
-            Flyer::Policy(policy) => {
-                self.observe(simulation);
-                act_one_by_one(policy, &self.observations, simulation.rows(), &mut self.actions);
-            }
-            Flyer::Nothing => {}
-            Flyer::Random => self.actions.fill_with(|| self.noise.between(-1.0, 1.0)),
-            Flyer::Scripted => self.follow_script(simulation),
-        }
-        self.converted.clear();
-        self.converted.extend(self.actions.iter().map(|action| R::from_f32(*action)));
-        &self.converted
-    }
-
-    fn observe<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) {
-        self.observations.clear();
-        self.observations.extend(simulation.observations().iter().map(|value| value.to_f32()));
-    }
-
-    fn follow_script<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) {
-        let rows = simulation.rows();
-        for (row, pilot) in self.scripted.iter_mut().enumerate() {
-            if simulation.outcomes()[row] != Outcome::Running {
-                pilot.reset();
-            }
-            let goal = simulation.goal(row).map(Real::to_f32);
-            let action = pilot.act(&simulation.state(row).map(Real::to_f32), &goal);
-            write_action(&mut self.actions, rows, row, &action);
-        }
-    }
-}
-
-/// The exported policy, with the very inference that the firmware runs.
-fn act_one_by_one(policy: &PolicyFile<'_>, observations: &[f32], rows: usize, actions: &mut [f32]) {
-    let len = observations.len() / rows;
-    let mut scratch = policy.scratch();
-    let mut observation = [0.0; OBSERVATION_LIMIT];
-    for row in 0..rows {
-        for (value, column) in observation.iter_mut().zip(observations.chunks_exact(rows)) {
-            *value = column[row];
-        }
-        write_action(actions, rows, row, &policy.act(&observation[..len], &mut scratch));
-    }
-}
-
-fn write_action(actions: &mut [f32], count: usize, environment: usize, action: &[f32]) {
-    for (column, value) in actions.chunks_exact_mut(count).zip(action) {
-        column[environment] = *value;
-    }
 }
 
 fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluation {

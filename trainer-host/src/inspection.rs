@@ -3,21 +3,14 @@
 use core::fmt;
 
 use kestrel_core::eye::{EyeShape, Stage};
-use kestrel_core::policy_file::{
-    Arithmetic, PolicyError, PolicyEye, PolicyFile, PolicyMetadata, Scratch, SeeingPolicy,
-};
+use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyEye, PolicyMetadata, SeeingPolicy};
 
 use crate::export::cycles::Cycles;
-use crate::export::seeing::Memory;
+use crate::policy::Policy;
 
-/// A policy file of either kind, which passed its self-test.
+/// A policy file that passed its self-test.
 #[derive(Clone, Debug)]
-pub enum Inspection<'a> {
-    /// A policy without an eye.
-    Blind(Box<PolicyFile<'a>>),
-    /// A policy with an eye.
-    Seeing(Box<SeeingPolicy<'a>>),
-}
+pub struct Inspection<'a>(Policy<'a>);
 
 impl<'a> Inspection<'a> {
     /// Reads `bytes`, which start on a four-byte boundary of memory, and computes the golden vectors again.
@@ -25,32 +18,21 @@ impl<'a> Inspection<'a> {
     /// # Errors
     /// A variant per kind of damage, or [`PolicyError::SelfTest`].
     pub fn of(bytes: &'a [u8]) -> Result<Self, PolicyError> {
-        match PolicyFile::parse(bytes) {
-            Ok(policy) => {
-                policy.self_test()?;
-                Ok(Self::Blind(Box::new(policy)))
-            }
-            Err(PolicyError::Seeing) => {
-                let policy = SeeingPolicy::parse(bytes)?;
-                let mut memory = Memory::new(policy.parameter_format(), policy.memory_len());
-                policy.self_test_with(&mut memory.borrowed(), &mut Scratch::new())?;
-                Ok(Self::Seeing(Box::new(policy)))
-            }
-            Err(error) => Err(error),
-        }
+        let policy = Policy::parse(bytes)?;
+        policy.self_test()?;
+        Ok(Self(policy))
     }
 }
 
 impl fmt::Display for Inspection<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Blind(policy) => {
-                write_metadata(f, policy.metadata(), policy.arithmetic())?;
+        write_metadata(f, self.0.metadata(), self.0.arithmetic())?;
+        match &self.0 {
+            Policy::Blind(policy) => {
                 let shapes: Vec<_> = policy.shapes().collect();
                 write_network(f, &shapes, policy.parameter_bytes(), policy.arithmetic())
             }
-            Self::Seeing(policy) => {
-                write_metadata(f, policy.metadata(), policy.arithmetic())?;
+            Policy::Seeing(policy) => {
                 let shapes: Vec<_> = policy.shapes().collect();
                 write_network(f, &shapes, policy.parameter_bytes(), policy.arithmetic())?;
                 write_eye(f, policy)

@@ -32,6 +32,7 @@ pub mod obstruction;
 pub mod output;
 mod perception;
 pub mod plan;
+pub mod policy;
 pub mod ppo;
 pub mod progress;
 pub mod ranks;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::actor_critic::Sight;
 use crate::network::eye::{Eye, EyeWeights, EyeWorkspace};
-use crate::network::{Trunk, TrunkWorkspace};
+use crate::network::{Dense, Trunk, TrunkWorkspace};
 
 /// An eye, and a trunk behind it where there is one.
 ///
@@ -28,6 +28,17 @@ impl Perception {
     /// What looks at the image.
     pub fn eye(&self) -> &Eye {
         &self.eye
+    }
+
+    /// Those of its parameters that are the eye's.
+    pub fn eye_parameters<'p>(&self, parameters: &'p [f32]) -> &'p [f32] {
+        &parameters[..self.eye.parameter_count()]
+    }
+
+    /// The layers of the trunk, if any; tanh after all of them.
+    pub fn trunk_layers<'p>(&self, parameters: &'p [f32]) -> Vec<Dense<'p>> {
+        let parameters = &parameters[self.eye.parameter_count()..];
+        self.trunk.as_ref().map_or_else(Vec::new, |trunk| trunk.mlp().layers(parameters))
     }
 
     /// Values of the observation that a network behind it reads itself: none where a trunk has read it.
@@ -54,12 +65,12 @@ impl Perception {
 
     /// The parameters of the eye, arranged for many tiles until they change.
     pub(crate) fn arrange(&self, parameters: &[f32]) -> EyeWeights {
-        self.eye.arrange(&parameters[..self.eye.parameter_count()])
+        self.eye.arrange(self.eye_parameters(parameters))
     }
 
     /// As [`Self::arrange`], into what was arranged before.
     pub(crate) fn arrange_into(&self, parameters: &[f32], weights: &mut EyeWeights) {
-        weights.arrange(&self.eye, &parameters[..self.eye.parameter_count()]);
+        weights.arrange(&self.eye, self.eye_parameters(parameters));
     }
 
     /// Looks at a tile of `images [columns][image]` beside `values [observation, ..][columns]`; what it makes of them is

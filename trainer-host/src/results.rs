@@ -1,10 +1,11 @@
 //! What a run leaves behind: exported policies, an evaluation beside the baselines, a curve and a flight.
 
+use std::fmt;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use kestrel_core::policy_file::{PolicyError, PolicyFile, PolicyMetadata};
+use kestrel_core::policy_file::{PolicyError, PolicyMetadata};
 use kestrel_sim::outline::Outline;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Purpose;
@@ -14,9 +15,11 @@ use crate::actor_critic::Actor;
 use crate::animation::{AnimationError, DroneFlight, FlightFrame, FlightRecording, Placement, flight_gif};
 use crate::atomic_file::{FileError, write_atomically};
 use crate::curve::{CurveError, CurvePoint, learning_curve};
-use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, observations_in_flight, record};
+use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, record, sightings_in_flight};
 use crate::experiment_config::Experiment;
+use crate::export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
 use crate::export::{DenseLayer, Export, ExportError, ExportReport, export};
+use crate::policy::Policy;
 use crate::recording::{self, Recording};
 use crate::run_directory::metrics::read_rows;
 use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
@@ -71,6 +74,36 @@ pub enum ResultsError {
     File(#[from] FileError),
 }
 
+/// Two policy files of one actor, and how they differ.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exported {
+    /// With `f32` weights.
+    pub float_policy: Vec<u8>,
+    /// In fixed point.
+    pub fixed_policy: Vec<u8>,
+    /// How they differ.
+    pub report: Report,
+}
+
+/// `export.json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Report {
+    /// Of a policy without an eye.
+    Blind(ExportReport),
+    /// Of a policy with an eye.
+    Seeing(SeeingReport),
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Blind(report) => report.fmt(f),
+            Self::Seeing(report) => report.fmt(f),
+        }
+    }
+}
+
 /// Writes `policy.kestrel`, `policy-f32.kestrel` and `export.json`.
 ///
 /// # Errors
@@ -80,8 +113,8 @@ pub fn export_policy(
     directory: &RunDirectory,
     actor: &Actor,
     training_steps: u64,
-) -> Result<ExportReport, ResultsError> {
-    let Export { float_policy, fixed_policy, report } = exported(experiment, actor, training_steps)?;
+) -> Result<Report, ResultsError> {
+    let Exported { float_policy, fixed_policy, report } = exported(experiment, actor, training_steps)?;
     write_atomically(&directory.policy_f32(), &float_policy)?;
     write_atomically(&directory.policy(), &fixed_policy)?;
     write_json(&directory.export_report(), &report)?;
@@ -92,7 +125,7 @@ pub fn export_policy(
 ///
 /// # Errors
 /// When the actor does not fit.
-pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> Result<Export, ResultsError> {
+pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> Result<Exported, ResultsError> {
     let Experiment { scenario, evaluation, .. } = experiment;
     let metadata = PolicyMetadata {
         name: &experiment.name,
@@ -105,8 +138,20 @@ pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> 
     let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
     // Ranges come from the starts that selected the policy: those that judge it stay unseen.
     let starts = Starts { purpose: Purpose::Selection, ..starts(experiment) };
-    let calibration = observations_in_flight(&evaluation.scenario, actor, starts);
-    Ok(export(&layers, &metadata, &calibration)?)
+    let met = sightings_in_flight(&evaluation.scenario, actor, starts);
+    let (Some(perception), Some(camera)) = (actor.perception(), &scenario.camera) else {
+        let Export { float_policy, fixed_policy, report } = export(&layers, &metadata, &met.observations)?;
+        return Ok(Exported { float_policy, fixed_policy, report: Report::Blind(report) });
+    };
+    let actor = SeeingActor {
+        shape: *perception.eye().shape(),
+        eye_parameters: perception.eye_parameters(actor.perception_parameters()),
+        layers: &layers,
+        control_periods_per_image: camera.control_periods_per_image as u16,
+    };
+    let calibration = SeeingCalibration { observations: &met.observations, images: &met.images };
+    let SeeingExport { float_policy, fixed_policy, report } = export_seeing(&actor, &metadata, calibration)?;
+    Ok(Exported { float_policy, fixed_policy, report: Report::Seeing(report) })
 }
 
 /// Flies the run's exported policies and the baselines, and writes `evaluation.json`.
@@ -141,24 +186,10 @@ pub fn record_run(experiment: &Experiment, directory: &RunDirectory) -> Result<R
 }
 
 /// A policy flown on what it was not trained for would look bad through no fault of its own.
-fn refuse_other_task(policy: &PolicyFile<'_>, path: &Path, scenario: &Scenario) -> Result<(), ResultsError> {
-    match differing(policy, scenario) {
+fn refuse_other_task(policy: &Policy<'_>, path: &Path, scenario: &Scenario) -> Result<(), ResultsError> {
+    match policy.differing(scenario) {
         None => Ok(()),
         Some(differing) => Err(ResultsError::OtherTask { path: path.to_owned(), differing }),
-    }
-}
-
-/// In what a policy differs from one that was trained for a scenario.
-pub fn differing(policy: &PolicyFile<'_>, scenario: &Scenario) -> Option<&'static str> {
-    let metadata = policy.metadata();
-    if metadata.observation != scenario.observation {
-        Some("observation")
-    } else if metadata.action != scenario.action {
-        Some("action")
-    } else if metadata.control_period_secs != scenario.physics.control_secs() {
-        Some("control rate")
-    } else {
-        None
     }
 }
 
@@ -208,6 +239,6 @@ fn read(path: &Path) -> Result<Vec<u8>, ResultsError> {
     fs::read(path).map_err(|cause: io::Error| FileError::new("read", path, cause).into())
 }
 
-fn parse<'a>(bytes: &'a [u8], path: &Path) -> Result<PolicyFile<'a>, ResultsError> {
-    PolicyFile::parse(bytes).map_err(|source| ResultsError::Policy { path: path.to_owned(), source })
+fn parse<'a>(bytes: &'a [u8], path: &Path) -> Result<Policy<'a>, ResultsError> {
+    Policy::parse(bytes).map_err(|source| ResultsError::Policy { path: path.to_owned(), source })
 }

@@ -168,6 +168,11 @@ impl Memory {
         }
     }
 
+    /// Of a policy.
+    pub fn of(policy: &SeeingPolicy<'_>) -> Self {
+        Self::new(policy.parameter_format(), policy.memory_len())
+    }
+
     /// As the core takes it.
     pub fn borrowed(&mut self) -> EyeMemory<'_> {
         match self {

@@ -5,9 +5,10 @@ mod teams;
 
 use super::*;
 use crate::actor_critic::Sight;
-use crate::evaluation::{Flyer, Starts, evaluate, observations_in_flight};
+use crate::evaluation::{Flyer, Starts, evaluate, sightings_in_flight};
 use crate::export::export;
 use crate::network::Mlp;
+use crate::policy::Policy;
 use crate::rollout::{PANEL, Tile};
 use crate::schedule::Schedule;
 use kestrel_core::action::{
@@ -18,7 +19,7 @@ use kestrel_core::controller::command::Precision;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::{KinematicLayout, ObservationLayout, PaperLayout, PilotForLayout, PilotLayout};
-use kestrel_core::policy_file::{PolicyFile, PolicyMetadata};
+use kestrel_core::policy_file::PolicyMetadata;
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
     TeamEnd, TeamRewards, TeamSuccess, Termination, TimeLimit, WeightedTerm,
@@ -158,7 +159,10 @@ fn a_state_of_another_run_is_refused() {
         format!("the saved critic has layers [22, 16, 1], the settings ask for [{}, 16, 1]", 22 + PRIVILEGED_LEN)
     );
     let bad = PpoSettings { minibatch: 100, ..asked };
-    assert_eq!(refuse(&flown, &bad, &state), "minibatch is 100, expected a positive multiple of 256, or 32, 64 or 128");
+    assert_eq!(
+        refuse(&flown, &bad, &state),
+        "minibatch is 100, expected a positive multiple of 256, or 32, 64 or 128"
+    );
 }
 
 #[test]
@@ -433,9 +437,9 @@ fn actions_and_observations_of_any_length_train_export_and_fly() {
             training_steps: trainer.steps(),
         };
         let layers: Vec<DenseLayer<'_>> = trainer.actor().layers().into_iter().map(DenseLayer::from).collect();
-        let calibration = observations_in_flight(&scenario, trainer.actor(), starts);
-        let exported = export(&layers, &metadata, &calibration).expect("it fits");
-        let policy = PolicyFile::parse(&exported.float_policy).expect("it was written");
+        let calibration = sightings_in_flight(&scenario, trainer.actor(), starts);
+        let exported = export(&layers, &metadata, &calibration.observations).expect("it fits");
+        let policy = Policy::parse(&exported.float_policy).expect("it was written");
         let [trained, flown] = [Flyer::Actor(trainer.actor()), Flyer::Policy(&policy)]
             .map(|flyer| evaluate(&scenario, flyer, starts).episode_return);
         assert!((trained - flown).abs() < 1e-3 * trained.abs().max(1.0), "{trained}, exported {flown}");

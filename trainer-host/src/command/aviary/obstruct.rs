@@ -4,7 +4,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use kestrel_core::policy_file::PolicyFile;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed};
 use kestrel_train::atomic_file::{self, write_atomically};
@@ -13,7 +12,7 @@ use kestrel_train::experiment_config;
 use kestrel_train::obstruction::files::{Former, Sequel};
 use kestrel_train::obstruction::{Spot, Traffic};
 use kestrel_train::output::say;
-use kestrel_train::results::differing;
+use kestrel_train::policy::Policy;
 use kestrel_train::run_directory::RunDirectory;
 
 use crate::command::Done;
@@ -86,7 +85,7 @@ impl Arguments {
         let scenario = experiment_config::load(&self.task, &[])?.evaluation.scenario;
         let path = self.policy_file()?;
         let bytes = atomic_file::read(&path)?;
-        let policy = PolicyFile::parse(&bytes).with_context(|| path.display().to_string())?;
+        let policy = Policy::parse(&bytes).with_context(|| path.display().to_string())?;
         require_fit(&policy, &scenario).with_context(|| path.display().to_string())?;
         let starts = Starts { seed: Seed(self.seed), purpose: Purpose::Evaluation, episodes: self.flights };
         let found = Traffic::observe(&scenario, Flyer::Policy(&policy), starts)
@@ -117,8 +116,8 @@ impl Arguments {
 }
 
 /// Refuses a policy that was trained for something else.
-fn require_fit(policy: &PolicyFile<'_>, scenario: &Scenario) -> Result<()> {
-    match differing(policy, scenario) {
+fn require_fit(policy: &Policy<'_>, scenario: &Scenario) -> Result<()> {
+    match policy.differing(scenario) {
         None => Ok(()),
         Some(differing) => {
             bail!("found a policy for another {differing}, expected one trained for --task or one like it")

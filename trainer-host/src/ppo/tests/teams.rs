@@ -72,7 +72,7 @@ fn a_policy_of_several_drones_is_exported_from_what_all_of_them_see() {
     let scenario = team(2);
     let trainer = Trainer::new(std::slice::from_ref(&scenario), &settings(), Seed(5));
     let starts = Starts { seed: Seed(1), purpose: Purpose::Evaluation, episodes: 3 };
-    let seen = observations_in_flight(&scenario, trainer.actor(), starts);
+    let seen = sightings_in_flight(&scenario, trainer.actor(), starts).observations;
     let flights = scenario.episode_steps().div_ceil(8) as usize;
     assert_eq!(seen.len(), flights * 6 * 22);
     // All begin within 0.3 m of the goal of their own.
