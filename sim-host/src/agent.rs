@@ -8,7 +8,7 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use crate::block::motion;
-use crate::contact::Arena;
+use crate::contact::{Arena, Motion};
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
 use crate::reward::{Ends, StepView};
@@ -17,7 +17,6 @@ use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 use crate::termination::{self, FlightView};
-use crate::world::Pose;
 
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
 /// mass and thrust factors − 1 (2), share of the episode left (1).
@@ -349,9 +348,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         self.codes.iter().fold(true, |running, code| running & (*code == 0.0))
     }
 
-    /// Where the drone is.
-    pub(crate) fn pose(&self, lane: usize) -> Pose {
-        motion(&self.swarm.drone(lane)).pose
+    /// Where the drone is and how it moves.
+    pub(crate) fn motion(&self, lane: usize) -> Motion {
+        motion(&self.swarm.drone(lane))
     }
 
     /// Control periods of its episode that have passed.

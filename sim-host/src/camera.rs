@@ -12,6 +12,7 @@ mod backend;
 pub mod gpu;
 mod kernel;
 mod onboard;
+mod optics;
 mod plot;
 mod render;
 mod renderer;
@@ -24,6 +25,7 @@ use nalgebra::Vector3;
 pub use backend::{Backend, RenderError, UnknownBackend};
 pub use kernel::Canvas;
 pub use onboard::{Channel, Mount, OnboardCamera};
+pub use optics::Optics;
 pub use renderer::{Renderer, Shot};
 pub use scene::Scene;
 

@@ -32,6 +32,8 @@ pub enum Purpose {
     Furnishing = 9,
     /// States like those of earlier tasks, and the model that they are drawn from.
     Rehearsal = 10,
+    /// Exposure and noise of cameras.
+    Camera = 11,
 }
 
 /// One Philox4x32-10 block (Salmon et al. 2011): four random words of a counter under a key.
@@ -76,6 +78,13 @@ impl Stream {
         let mut stream = Self::new(seed, environment, purpose);
         // Purposes are few: their word has room for the drone.
         stream.purpose |= agent << 8;
+        stream
+    }
+
+    /// The stream of the camera of a drone whose other randomness is for `purpose`.
+    pub(crate) fn of_camera(seed: Seed, environment: u32, agent: u32, purpose: Purpose) -> Self {
+        let mut stream = Self::of_agent(seed, environment, agent, Purpose::Camera);
+        stream.purpose |= (purpose as u32) << 24;
         stream
     }
 

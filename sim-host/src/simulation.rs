@@ -20,7 +20,7 @@ use crate::sensor::SensorMemory;
 use crate::swarm::Mechanics;
 use crate::termination;
 use crate::world::Pose;
-use imaging::Imaging;
+use imaging::{Imaging, ImagingState};
 
 /// Environments that step together, in blocks of `LANES` lanes, each with one drone or several.
 ///
@@ -58,7 +58,7 @@ pub struct SimulationState<R = f32> {
     contacts: Vec<ContactMemory>,
     sensors: Vec<SensorMemory>,
     streams: Vec<Stream>,
-    images: Vec<u8>,
+    imaging: Option<ImagingState>,
     episodes: Vec<Episode>,
 }
 
@@ -99,7 +99,10 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             outcomes: vec![Outcome::Running; rows],
             final_observations: nothing(observation_len),
             final_privileged: nothing(privileged_len),
-            imaging: Imaging::new(scenario, rows),
+            imaging: Imaging::new(scenario, rows, |row| {
+                let (agent, environment) = (row / environments, first_environment + (row % environments) as u32);
+                Stream::of_camera(seed, environment, agent as u32, purpose)
+            }),
             episodes: Vec::new(),
             scenario: scenario.clone(),
             arena,
@@ -280,7 +283,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             contacts: Vec::new(),
             sensors: Vec::new(),
             streams: Vec::new(),
-            images: self.images().to_vec(),
+            imaging: self.imaging.as_ref().map(Imaging::save),
             episodes: self.episodes.clone(),
         };
         for block in &mut blocks {
@@ -306,7 +309,11 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             && state.streams.len() == own.streams.len()
             && state.contacts.len() == own.contacts.len()
             && state.movables.len() == own.movables.len()
-            && state.images.len() == own.images.len();
+            && match (&self.imaging, &state.imaging) {
+                (None, None) => true,
+                (Some(imaging), Some(state)) => imaging.fits(state),
+                (None, Some(_)) | (Some(_), None) => false,
+            };
         if !fits {
             return false;
         }
@@ -339,8 +346,8 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             }
             block.locate_all();
         }
-        if let Some(imaging) = &mut self.imaging {
-            imaging.images_mut().copy_from_slice(&state.images);
+        if let (Some(imaging), Some(state)) = (&mut self.imaging, &state.imaging) {
+            imaging.restore(state);
         }
         self.episodes.clone_from(&state.episodes);
         self.publish();
@@ -378,7 +385,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         for row in 0..self.rows() {
             if is_asked(self.outcomes[row]) {
                 let (agent, lane) = self.agent(row);
-                imaging.look(row, &agent.pose(lane), agent.period(lane));
+                imaging.look(row, &agent.motion(lane), agent.period(lane));
             }
         }
         self.imaging = Some(imaging);

@@ -3,6 +3,7 @@
 mod eye;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod seeing;
 
 use std::f64::consts::TAU;
 use std::hint::black_box;
@@ -25,6 +26,7 @@ use crate::consolidation::{
 };
 use crate::ppo::{PpoSettings, Trainer};
 pub use eye::eyes;
+pub use seeing::{SEEING, Seeing, seeing};
 
 /// Each figure is the best of this many repetitions: on a shared machine the others measure the neighbours.
 const REPETITIONS: usize = 5;

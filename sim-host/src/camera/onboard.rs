@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Camera, Image, View};
+use super::{Camera, Image, Optics, View};
 use crate::world::Pose;
 
 /// A drone's camera; where a policy has images, all drones have the same.
@@ -16,6 +16,8 @@ pub struct OnboardCamera {
     pub channels: Vec<Channel>,
     /// Control periods from one image to the next, at least one; it is held in between.
     pub control_periods_per_image: u32,
+    /// Where it differs from a perfect one.
+    pub optics: Optics,
 }
 
 /// How a camera is fixed to a drone.
@@ -156,7 +158,7 @@ mod tests {
     fn camera(channels: Vec<Channel>) -> OnboardCamera {
         let camera = Camera { columns: 2, rows: 1, near_m: 0.5, far_m: 100.0, ..Camera::PAPER };
         let mount = Mount::Body { position: Vector3::new(0.03, 0.0, 0.01), pitch: 0.0 };
-        OnboardCamera { camera, mount, channels, control_periods_per_image: 1 }
+        OnboardCamera { camera, mount, channels, control_periods_per_image: 1, optics: Optics::default() }
     }
 
     fn image() -> Image {

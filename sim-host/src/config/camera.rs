@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ConfigError;
 use super::field::{Field, Limits};
-use crate::camera::{Camera, Channel, Mount, OnboardCamera};
+use crate::camera::{Camera, Channel, Mount, OnboardCamera, Optics};
 
 /// Most pixels across or down: a policy's images are small.
 const SIDE_LIMIT: u64 = 512;
@@ -51,6 +51,14 @@ pub struct MountedCameraConfig {
     pub depth_limit_m: f64,
     /// Control periods from one image to the next; it is held in between.
     pub control_periods_per_image: u64,
+    /// Standard deviation of the noise of each colour of each pixel, where 255 is white.
+    pub noise: f64,
+    /// Each episode has a factor on all colours, drawn from one plus or minus this.
+    pub exposure_fraction: f64,
+    /// Time for which the shutter is open: colours are averaged over it.
+    pub shutter_secs: f64,
+    /// Control periods from an image to its arrival.
+    pub latency_periods: u64,
 }
 
 /// The reference's camera.
@@ -92,6 +100,10 @@ impl Default for MountedCameraConfig {
             channels: vec![ChannelConfig::Rgb],
             depth_limit_m: 8.0,
             control_periods_per_image: 1,
+            noise: 0.0,
+            exposure_fraction: 0.0,
+            shutter_secs: 0.0,
+            latency_periods: 0,
         }
     }
 }
@@ -137,6 +149,17 @@ impl MountedCameraConfig {
             mount: Mount::Body { position: Vector3::from(position), pitch: pitch.to_radians() },
             channels: ChannelConfig::check_all(&self.channels, self.depth_limit_m, field)?,
             control_periods_per_image: periods(self.control_periods_per_image, field)?,
+            optics: self.optics(field)?,
+        })
+    }
+
+    fn optics(&self, field: &Field<'_>) -> Result<Optics, ConfigError> {
+        let number = |key: &str, value, limits| field.at(key).number(value, &limits);
+        Ok(Optics {
+            noise: number("noise", self.noise, Limits::from(0.0, 64.0, ""))?,
+            exposure: number("exposure_fraction", self.exposure_fraction, Limits::from(0.0, 0.9, ""))?,
+            shutter_secs: field.at("shutter_secs").real(self.shutter_secs, &Limits::from(0.0, 0.1, "s"))?,
+            latency_periods: field.at("latency_periods").whole(self.latency_periods, 0..=PERIODS_LIMIT)? as u32,
         })
     }
 }
@@ -148,6 +171,7 @@ impl PaperCameraConfig {
             mount: Mount::Paper { arm_m: airframe.arm },
             channels: ChannelConfig::check_all(&self.channels, self.depth_limit_m, field)?,
             control_periods_per_image: periods(self.control_periods_per_image, field)?,
+            optics: Optics::default(),
         })
     }
 }

@@ -59,6 +59,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     #[cfg(feature = "gpu")]
     print_gpu(&arguments.aviaries, duration)?;
     print(&bench::training(scenario, &experiment.ppo, duration))?;
+    for seeing in &bench::SEEING {
+        let overrides: Vec<String> = seeing.overrides.iter().map(|&set| set.to_owned()).collect();
+        let task = experiment_config::load(&arguments.aviaries.join(seeing.file), &overrides)?;
+        print(&[bench::seeing(seeing, &task, duration)])?;
+    }
     let actor = untrained_actor(&experiment);
     let export = results::exported(&experiment, &actor, 0)?;
     let files = [PolicyFile::parse(&export.float_policy)?, PolicyFile::parse(&export.fixed_policy)?];

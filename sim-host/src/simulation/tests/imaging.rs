@@ -1,7 +1,7 @@
 //! What drones with cameras see, and when.
 
 use super::*;
-use crate::camera::{OnboardCamera, Scene};
+use crate::camera::{OnboardCamera, Optics, Scene};
 
 const WITH_CAMERA: &str = "\
 aviary:
@@ -21,7 +21,7 @@ fn shown(simulation: &Simulation<8>, row: usize) -> Vec<u8> {
     let scenario = simulation.scenario();
     let camera: &OnboardCamera = scenario.camera.as_ref().unwrap();
     let (agent, lane) = simulation.agent(row);
-    let image = Scene::new(&scenario.aviary.world).render(&camera.camera, &camera.view(&agent.pose(lane)));
+    let image = Scene::new(&scenario.aviary.world).render(&camera.camera, &camera.view(&agent.motion(lane).pose));
     let mut bytes = vec![0; camera.image_len()];
     camera.write(&image, &mut bytes);
     bytes
@@ -80,6 +80,59 @@ fn images_do_not_depend_on_lanes_or_division_and_go_on_after_a_restore() {
             assert!(whole.restore(&saved));
         }
     }
+}
+
+/// A camera with everything that a real one does, whose images are so late.
+fn real(latency_periods: u32) -> Scenario {
+    let mut scenario = scenario(WITH_CAMERA);
+    if let Some(camera) = &mut scenario.camera {
+        camera.optics = Optics { noise: 6.0, exposure: 0.3, shutter_secs: 0.02, latency_periods };
+    }
+    scenario
+}
+
+#[test]
+fn late_images_are_those_of_before_and_survive_a_restore() {
+    let mut prompt = Simulation::<8>::new(&real(0), Seed(6), 0, 5);
+    let mut late = Simulation::<8>::new(&real(6), Seed(6), 0, 5);
+    let mut shown: Vec<Vec<u8>> = vec![prompt.images().to_vec()];
+    let mut compared = 0;
+    for step in 0..80 {
+        let actions = noise(step, ACTION_LEN * 5);
+        prompt.step(&actions);
+        late.step(&actions);
+        shown.push(prompt.images().to_vec());
+        if step % 7 == 3 {
+            let saved = late.save();
+            late = Simulation::new(&real(6), Seed(6), 0, 5);
+            assert!(late.restore(&saved));
+        }
+        for row in 0..5 {
+            let (agent, lane) = late.agent(row);
+            // Two images are on their way: they take six periods, one is taken every four.
+            let period = agent.period(lane);
+            let taken = if period < 10 { period } else { 6 + (period - 6) % 4 };
+            let before = &shown[shown.len() - 1 - taken as usize];
+            assert!(image_of(late.images(), 5, row) == image_of(before, 5, row), "row {row}, period {period}");
+            compared += usize::from(period > 6);
+        }
+    }
+    assert!(compared > 50, "{compared} late images");
+}
+
+#[test]
+fn real_cameras_differ_from_episode_to_episode_but_not_in_depth() {
+    let (perfect, real) = (scenario(WITH_CAMERA), real(0));
+    let [perfect, spoiled] =
+        [&perfect, &real].map(|scenario| Simulation::<8>::new(scenario, Seed(7), 0, 40).images().to_vec());
+    let pixels = || perfect.chunks_exact(4).zip(spoiled.chunks_exact(4));
+    assert!(pixels().all(|(one, other)| one[3] == other[3]), "depth is perfect");
+    let brightness = |bytes: &[u8]| bytes.iter().map(|value| f64::from(*value)).sum::<f64>();
+    let ratios: Vec<f64> = (perfect.chunks_exact(768).zip(spoiled.chunks_exact(768)))
+        .map(|(one, other)| brightness(other) / brightness(one))
+        .collect();
+    let [least, most] = [f64::min, f64::max].map(|pick| ratios.iter().copied().reduce(pick).unwrap());
+    assert!(least < 0.85 && most > 1.0, "{least} to {most}");
 }
 
 #[test]
