@@ -27,7 +27,7 @@ pub use kernel::Canvas;
 pub use onboard::{Channel, Mount, OnboardCamera};
 pub use optics::Optics;
 pub use renderer::{Renderer, Shot};
-pub use scene::Scene;
+pub use scene::{Mover, Scene};
 
 use crate::world::Pose;
 
@@ -37,7 +37,8 @@ pub const NOTHING: u16 = 0;
 /// Label of a pixel that shows the floor.
 pub const FLOOR: u16 = 1;
 
-/// Label of a pixel that shows the first solid of the world; those of the others follow, then those of its movables.
+/// Label of a pixel that shows the first solid of the world; those of the others follow, then those of its movables, then
+/// those of the scene's drones, one each.
 pub const FIRST_SOLID: u16 = 2;
 
 /// A pinhole camera.
@@ -77,7 +78,7 @@ pub struct Image {
     pub columns: usize,
     /// Along the optical axis \[m\]; the camera's greatest where nothing is.
     pub depths: Vec<f32>,
-    /// [`NOTHING`], [`FLOOR`], or [`FIRST_SOLID`] plus the index of a solid of the world, movables behind.
+    /// [`NOTHING`], [`FLOOR`], or [`FIRST_SOLID`] plus the index of a solid of the world, movables behind, drones behind those.
     pub labels: Vec<u16>,
     /// Red, green, blue.
     pub colours: Vec<[u8; 3]>,

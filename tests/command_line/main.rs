@@ -5,6 +5,7 @@
 mod aviary;
 mod errors;
 mod kestrel;
+mod render;
 mod runs;
 mod search;
 mod study;

@@ -16,12 +16,12 @@ mod camera;
 mod canvas;
 mod caption;
 mod drone;
-mod encode;
+pub(crate) mod encode;
 pub(crate) mod font;
 mod palette;
-mod playback;
+pub(crate) mod playback;
 mod scene;
-mod tracking;
+pub(crate) mod tracking;
 mod view;
 
 /// Width and height of the picture \[px\].
@@ -119,7 +119,18 @@ pub fn flight_gif(recording: &FlightRecording) -> Result<Vec<u8>, AnimationError
     let scene = scene::Scene::of(recording, &moments);
     let shots = scene.shots(&moments);
     let drawn: Vec<_> = shots.par_iter().map(|shot| picture(&scene, shot).quantised()).collect();
-    encode::gif(&drawn).map_err(|error| AnimationError::Encoding(error.to_string()))
+    encoded(drawn).map_err(|error| AnimationError::Encoding(error.to_string()))
+}
+
+fn encoded(pictures: Vec<Vec<u8>>) -> Result<Vec<u8>, gif::EncodingError> {
+    let (palette, unchanged) = (palette::bytes(), palette::UNCHANGED);
+    let mut writer = encode::Writer::new(encode::Format { size: SIZE, palette, unchanged })?;
+    let last = pictures.len() - 1;
+    for (index, picture) in pictures.into_iter().enumerate() {
+        let pause = if index == last { encode::PAUSE_SECS } else { 0.0 };
+        writer.push(picture, playback::PICTURE_SECS + pause)?;
+    }
+    writer.finish()
 }
 
 fn picture(scene: &scene::Scene<'_>, shot: &scene::Shot<'_>) -> Canvas {
@@ -129,7 +140,8 @@ fn picture(scene: &scene::Scene<'_>, shot: &scene::Shot<'_>) -> Canvas {
     canvas
 }
 
-fn check(recording: &FlightRecording) -> Result<(), AnimationError> {
+/// Refuses what cannot be shown.
+pub(crate) fn check(recording: &FlightRecording) -> Result<(), AnimationError> {
     let drones = &recording.drones;
     if drones.is_empty() || drones.iter().any(|flight| flight.frames.is_empty()) {
         return Err(AnimationError::Empty);

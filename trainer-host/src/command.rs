@@ -6,6 +6,7 @@ mod bench;
 mod completions;
 mod evaluate;
 mod export;
+mod flight;
 mod fly;
 mod inspect;
 mod render;
@@ -46,7 +47,7 @@ pub(crate) enum Command {
     Fly(fly::Arguments),
     /// Compare the simulator with a recording of the reference system
     Verify(verify::Arguments),
-    /// Draw what a drone sees at its start: colour, depth, labels
+    /// Show a flight as cameras see it: from behind, on board, depth, labels
     Render(render::Arguments),
     /// Draw a recorded episode
     Replay(replay::Arguments),

@@ -32,8 +32,13 @@ pub struct Progress {
 impl Progress {
     /// Starts at `done` of `total` environment steps (`done` is 0 unless the run resumes).
     pub fn new(total: u64, done: u64) -> Self {
-        let lines = Lines { total, began_at: done, started: Instant::now(), last: None };
-        Self { bar: io::stderr().is_terminal().then(|| bar(total, done)), lines }
+        Self::counting("steps", total, done)
+    }
+
+    /// As [`Self::new`], of other things than steps.
+    pub fn counting(unit: &'static str, total: u64, done: u64) -> Self {
+        let lines = Lines { unit, total, began_at: done, started: Instant::now(), last: None };
+        Self { bar: io::stderr().is_terminal().then(|| bar(unit, total, done)), lines }
     }
 
     /// Shows the state after an update.
@@ -79,6 +84,7 @@ impl Progress {
 /// Plain lines, at most one per [`LINE_INTERVAL`], and one when the run is complete.
 #[derive(Debug)]
 struct Lines {
+    unit: &'static str,
     total: u64,
     began_at: u64,
     started: Instant,
@@ -98,9 +104,10 @@ impl Lines {
     fn line(&self, steps: u64, message: &str, elapsed: Duration) -> String {
         let per_second = steps.saturating_sub(self.began_at) as f64 / elapsed.as_secs_f64().max(1e-3);
         let secs_left = self.total.saturating_sub(steps) as f64 / per_second;
+        let unit = self.unit;
         let left = if per_second > 0.0 { clock(secs_left) } else { "?".to_owned() };
         format!(
-            "{:>3} %  {} of {} steps  {} steps/s  {left} left  {message}",
+            "{:>3} %  {} of {} {unit}  {} {unit}/s  {left} left  {message}",
             percentage(steps, self.total),
             amount(steps as f64),
             amount(self.total as f64),
@@ -121,10 +128,12 @@ pub fn amount(value: f64) -> String {
     format!("{scaled:.digits$} {unit}")
 }
 
-fn bar(total: u64, done: u64) -> ProgressBar {
+fn bar(unit: &str, total: u64, done: u64) -> ProgressBar {
     let target = ProgressDrawTarget::stderr_with_hz(REDRAWS_PER_SECOND);
-    let template = "{bar:28.cyan/238} {share} %  {done} of {total}  {rate} steps/s  {left} left  {msg}";
-    let style = ProgressStyle::with_template(template)
+    let template = format!(
+        "{{bar:28.cyan/238}} {{share}} %  {{done}} of {{total}}  {{rate}} {unit}/s  {{left}} left  {{msg}}"
+    );
+    let style = ProgressStyle::with_template(&template)
         .expect("the template is well formed")
         .progress_chars("━━─")
         .with_key("share", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
@@ -176,7 +185,7 @@ mod tests {
     const SECOND: Duration = Duration::from_secs(1);
 
     fn lines(total: u64, began_at: u64) -> Lines {
-        Lines { total, began_at, started: Instant::now(), last: None }
+        Lines { unit: "steps", total, began_at, started: Instant::now(), last: None }
     }
 
     fn report(steps: u64) -> ProgressReport {

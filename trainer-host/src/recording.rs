@@ -24,7 +24,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use flown::fly;
+pub use flown::{at_start, fly};
 
 /// What every recording is.
 const KIND: Kind = Kind { noun: "recording", magic: *b"KESTRELR", version: 1 };

@@ -178,11 +178,28 @@ pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result
 /// # Errors
 /// When the policy is damaged or of another task.
 pub fn record_run(experiment: &Experiment, directory: &RunDirectory) -> Result<Recording, ResultsError> {
-    let path = directory.policy();
-    let bytes = read(&path)?;
-    let policy = parse(&bytes, &path)?;
-    refuse_other_task(&policy, &path, &experiment.evaluation.scenario)?;
+    record_policy(experiment, &directory.policy())
+}
+
+/// The first episode of an experiment's evaluation, flown by the policy in a file, in double precision.
+///
+/// # Errors
+/// When the policy is damaged or of another task.
+pub fn record_policy(experiment: &Experiment, path: &Path) -> Result<Recording, ResultsError> {
+    let bytes = read(path)?;
+    let policy = parse(&bytes, path)?;
+    refuse_other_task(&policy, path, &experiment.evaluation.scenario)?;
     Ok(recording::fly(experiment, Flyer::Policy(&policy), starts(experiment), 0))
+}
+
+/// The first episode of an experiment's evaluation, flown by a pilot that needs no file.
+pub fn record_pilot(experiment: &Experiment, flyer: Flyer<'_>) -> Recording {
+    recording::fly(experiment, flyer, starts(experiment), 0)
+}
+
+/// The drones at the first start of an experiment's evaluation, before anything has happened.
+pub fn record_start(experiment: &Experiment) -> Recording {
+    recording::at_start(experiment, starts(experiment), 0)
 }
 
 /// A policy flown on what it was not trained for would look bad through no fault of its own.

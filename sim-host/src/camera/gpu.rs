@@ -1,6 +1,6 @@
 //! Cameras on a GPU: all views of a batch at once, by the arithmetic of the processor's renderer.
 //!
-//! Scenes are uploaded once ([`Gpu::upload`]), room for a number of views is made once ([`Scenes::batch`]), then each
+//! Scenes are uploaded once ([`Gpu::upload`]), what has moved in one again ([`Scenes::update`]), room for a number of views is made once ([`Scenes::batch`]), then each
 //! [`Batch::render`] uploads 144 bytes a view and runs two passes. The first says how each body is drawn in each view,
 //! the second casts a ray per pixel, tile by tile, at the bodies whose areas meet the tile. Images stay where the GPU's
 //! other work finds them ([`Batch::buffers`]) or are read back together ([`Batch::read`]).
@@ -16,7 +16,7 @@ use std::fmt;
 pub use batch::{Batch, Part};
 
 use self::division::Room;
-use super::scene::words::SceneWords;
+use super::scene::words::{Place, SceneWords};
 use super::{Backend, RenderError, Scene};
 
 /// Views that a software adapter renders at once: more only make it slower.
@@ -33,11 +33,12 @@ pub struct Gpu {
     room: Room,
 }
 
-/// Scenes on a GPU; they never change.
+/// Scenes on a GPU.
 #[derive(Debug)]
 pub struct Scenes {
     gpu: Gpu,
-    count: usize,
+    /// Where each of them is in the buffers.
+    places: Vec<Place>,
     heads: wgpu::Buffer,
     bodies: wgpu::Buffer,
     faces: wgpu::Buffer,
@@ -106,12 +107,10 @@ impl Gpu {
     /// When they are larger than a buffer may be.
     pub fn upload(&self, scenes: &[&Scene]) -> Result<Scenes, RenderError> {
         let mut words = SceneWords::default();
-        for scene in scenes {
-            words.push(scene);
-        }
+        let places = scenes.iter().map(|scene| words.push(scene)).collect();
         Ok(Scenes {
             gpu: self.clone(),
-            count: scenes.len(),
+            places,
             heads: self.uploaded("scenes", words.scenes.as_flattened())?,
             bodies: self.uploaded("bodies", words.bodies.as_flattened())?,
             faces: self.uploaded("faces", words.faces.as_flattened().as_flattened())?,
@@ -153,6 +152,25 @@ impl Gpu {
 
     fn lost(&self, reason: &impl ToString) -> RenderError {
         RenderError::Lost { adapter: self.info.name.clone(), reason: reason.to_string() }
+    }
+}
+
+impl Scenes {
+    /// Shows what moves in one of them where it is in `scene` now: the uploaded one, or a clone of it. Renderings that were
+    /// asked for before are not changed.
+    pub fn update(&self, index: usize, scene: &Scene) {
+        let place = &self.places[index];
+        let words = SceneWords::moving(scene, place);
+        let first = &place.moving;
+        self.rewrite(&self.bodies, first.body, &words.bodies);
+        self.rewrite(&self.faces, first.face, &words.faces);
+        self.rewrite(&self.corners, first.corner, &words.corners);
+        self.rewrite(&self.rounds, first.round, &words.rounds);
+        self.rewrite(&self.looks, first.look, &words.looks);
+    }
+
+    fn rewrite<T: bytemuck::NoUninit>(&self, buffer: &wgpu::Buffer, first: usize, elements: &[T]) {
+        self.gpu.queue.write_buffer(buffer, (first * size_of::<T>()) as u64, bytemuck::cast_slice(elements));
     }
 }
 

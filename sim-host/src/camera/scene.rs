@@ -1,8 +1,13 @@
 //! A world prepared for cameras.
 
+mod drone;
+mod moving;
 #[cfg(feature = "gpu")]
 pub(super) mod words;
 
+pub use moving::Mover;
+
+use moving::Moving;
 use nalgebra::Vector3;
 
 use super::{FIRST_SOLID, FLOOR, NOTHING};
@@ -32,12 +37,14 @@ pub(super) const NO_SURFACE: Surface = 0;
 /// Squares of the floor; the other ones are the next surface.
 pub(super) const FLOOR_SURFACE: Surface = 1;
 
-/// A world prepared for cameras. Never changes, so that environments can share it.
+/// A world prepared for cameras. What moves in it, movables and drones, is placed for each image ([`Self::place`]); the
+/// rest is prepared once.
 #[derive(Clone, Debug)]
 pub struct Scene {
     pub(super) bodies: Vec<Body>,
     pub(super) has_floor: bool,
     pub(super) surfaces: Vec<Look>,
+    moving: Moving,
 }
 
 /// How a surface looks.
@@ -109,13 +116,14 @@ impl Scene {
             bodies: Vec::new(),
             has_floor: world.floor == Floor::Solid,
             surfaces: vec![nothing, floor(FLOOR_COLOURS[0]), floor(FLOOR_COLOURS[1])],
+            moving: Moving::default(),
         };
         let bodies = world.solids.len() + world.movables.len();
         assert!(bodies <= usize::from(u16::MAX - FIRST_SOLID), "{bodies} bodies have no labels");
-        let movables = world.movables.iter().map(|movable| &movable.solid);
-        for (label, solid) in (FIRST_SOLID..).zip(world.solids.iter().chain(movables)) {
+        for (label, solid) in (FIRST_SOLID..).zip(&world.solids) {
             scene.add(solid, label);
         }
+        scene.add_movables(world);
         scene
     }
 
@@ -138,7 +146,7 @@ impl Scene {
             let surface = self.surfaces.len() as Surface;
             let body = self.bodies.len() as u32;
             self.surfaces.push(Look { label, colour: BACKGROUND, round: Some(body) });
-            Round::new(solid, radius, axis, surface)
+            Round::new(pose.position, axis, radius, solid.colour.map(|value| 255.0 * value), surface)
         });
         let corners = local_corners(&solid.shape).into_iter().map(placed).collect();
         let (centre, reach) = (pose.position, solid.shape.reach());
@@ -147,8 +155,8 @@ impl Scene {
 }
 
 impl Round {
-    fn new(solid: &Solid, radius: f64, axis: Vector3<f64>, surface: Surface) -> Self {
-        let centre = solid.pose.position;
+    /// `colour` times 255.
+    fn new(centre: Vector3<f64>, axis: Vector3<f64>, radius: f64, colour: [f32; 3], surface: Surface) -> Self {
         let light = Vector3::from(LIGHT).normalize() / radius;
         let glow = Glow {
             centre: centre.cast::<f32>().into(),
@@ -157,7 +165,7 @@ impl Round {
             along: light.dot(&axis) as f32,
             rise: (radius * light.z) as f32,
             per_radius: (1.0 / radius) as f32,
-            colour: solid.colour.map(|value| 255.0 * value),
+            colour,
         };
         Self { centre, axis, radius, surface, glow }
     }

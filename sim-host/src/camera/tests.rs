@@ -4,7 +4,7 @@ use kestrel_core::attitude::Attitude;
 use super::*;
 use crate::contact::{Arena, ContactReport};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::world::{Role, Shape, Solid, World};
+use crate::world::{Movable, Role, Shape, Solid, World};
 
 /// A world of solids of every shape, strewn about and turned at random.
 pub(super) fn strewn(seed: u64, count: usize) -> World {
@@ -140,4 +140,69 @@ fn a_tilted_drone_does_not_tilt_the_image_of_the_reference() {
     assert!((view.right - Vector3::new(0.0, -1.0, 0.0)).norm() < 1e-4);
     assert!((view.down - Vector3::new(0.0, 0.0, -1.0)).norm() < 1e-4);
     assert_eq!(view.eye, Vector3::new(1.0, 2.0, 3.0397));
+}
+
+fn turned(position: Vector3<f64>, axis: Vector3<f64>, angle: f64) -> Pose {
+    Pose { position, world_from_body: Attitude::from_axis_angle(axis.normalize(), angle) }
+}
+
+#[test]
+fn what_was_moved_looks_as_if_it_had_always_been_there() {
+    let still = strewn(5, 8);
+    let movables: Vec<Movable> =
+        strewn(6, 8).solids.into_iter().map(|solid| Movable { solid, mass: 0.1 }).collect();
+    let mut world = World { movables, ..still };
+    let mut scene = Scene::new(&world);
+    assert_eq!(scene.render(&Camera::PAPER, &ahead()), Scene::new(&world).render(&Camera::PAPER, &ahead()));
+    for (index, movable) in world.movables.iter_mut().enumerate() {
+        let place = Vector3::new(1.5 + 0.2 * index as f64, 0.1 * index as f64 - 0.4, 1.0);
+        movable.solid.pose = turned(place, Vector3::new(1.0, 2.0, index as f64), 0.5 + index as f64);
+        scene.place(Mover::Movable(index), &movable.solid.pose);
+    }
+    let image = scene.render(&Camera::PAPER, &ahead());
+    assert_eq!(image, Scene::new(&world).render(&Camera::PAPER, &ahead()));
+    assert!(image.labels.iter().any(|label| *label >= FIRST_SOLID + 8), "movables are in view");
+}
+
+#[test]
+fn drones_are_behind_the_movables_and_seen_where_they_are_placed() {
+    let solid = Solid::block("box", Vector3::new(3.0, -1.0, 0.0), Vector3::new(3.1, 1.0, 2.0));
+    let movables = vec![Movable { solid: solid.clone(), mass: 0.1 }];
+    let world = World { solids: vec![solid], movables, ..World::empty() };
+    let mut scene = Scene::new(&world).with_drones(&CF2X, 1).with_drones(&CF2X, 1);
+    assert_eq!(scene.drones(), 2);
+    let camera = Camera { columns: 101, rows: 101, tangents: [0.2; 2], sample: [0.5; 2], ..Camera::PAPER };
+    let view = View::towards(Vector3::z(), Vector3::new(1.0, 0.0, 1.0), Vector3::z());
+    let without = scene.render(&camera, &view);
+    assert_eq!(without, Scene::new(&world).render(&camera, &view), "nothing is seen before it is placed");
+    scene.place(Mover::Drone(1), &turned(Vector3::new(0.5, 0.0, 1.0), Vector3::y(), 0.5));
+    let image = scene.render(&camera, &view);
+    let drone = FIRST_SOLID + 3;
+    let seen: Vec<usize> = (0..image.labels.len()).filter(|pixel| image.labels[*pixel] == drone).collect();
+    assert!(seen.contains(&(50 * 101 + 50)), "its body is in the middle");
+    assert!(seen.iter().all(|pixel| (0.43..0.57).contains(&image.depths[*pixel])));
+    // From tip to tip of the discs it is 2 (0.0281 + 0.0231) m wide, at distances from 0.47 to 0.53 m.
+    let columns = seen.iter().map(|pixel| pixel % 101);
+    let width = columns.clone().max().unwrap() - columns.min().unwrap() + 1;
+    assert!((50..=55).contains(&width), "{width}");
+    scene.hide(Mover::Drone(1));
+    assert_eq!(scene.render(&camera, &view), without);
+    scene.place(Mover::Drone(1), &turned(Vector3::new(0.5, 0.0, 1.0), Vector3::y(), 0.5));
+    assert_eq!(scene.render(&camera, &view), image);
+}
+
+#[test]
+fn a_drone_is_as_large_as_its_airframe() {
+    for airframe in [CF2X, kestrel_core::airframe::HUMMINGBIRD] {
+        let mut scene = Scene::new(&World::empty()).with_drones(&airframe, 1);
+        scene.place(Mover::Drone(0), &Pose::at(Vector3::new(0.0, 0.0, 1.0)));
+        let camera = Camera { columns: 201, rows: 201, tangents: [1.0; 2], sample: [0.5; 2], ..Camera::PAPER };
+        let view = View::towards(Vector3::new(0.0, 0.0, 2.0), Vector3::new(0.0, 0.0, 1.0), Vector3::x());
+        let image = scene.render(&camera, &view);
+        let rows = (0..201 * 201).filter(|pixel| image.labels[*pixel] == FIRST_SOLID).map(|pixel| pixel / 201);
+        let span = (rows.clone().max().unwrap() - rows.min().unwrap() + 1) as f64 * 2.0 / 201.0;
+        let front = airframe.rotor_positions().map(|[x, _]| x).into_iter().fold(0.0, f64::max);
+        let expected = 2.0 * (front + airframe.propeller_radius) / (1.0 - 0.3 * airframe.arm);
+        assert!((span - expected).abs() < 0.03, "{span} m, expected {expected} m");
+    }
 }

@@ -6,30 +6,30 @@ use nalgebra::Vector3;
 use super::{DroneFlight, FlightFrame, FlightRecording, MovingSolid, Placement};
 
 /// Time between two pictures \[s\]: 25 per second, a whole number of the hundredths that GIF counts in.
-pub(super) const PICTURE_SECS: f32 = 0.04;
+pub(crate) const PICTURE_SECS: f32 = 0.04;
 
 /// What one picture shows.
 #[derive(Clone, Debug)]
-pub(super) struct Moment {
+pub(crate) struct Moment {
     /// Time since the first frame \[s\].
-    pub(super) elapsed_secs: f32,
+    pub(crate) elapsed_secs: f32,
     /// The drones, between two frames of the recording.
-    pub(super) drones: Vec<DroneMoment>,
+    pub(crate) drones: Vec<DroneMoment>,
     /// Where the moving solids are.
-    pub(super) movables: Vec<Placement>,
+    pub(crate) movables: Vec<Placement>,
 }
 
 /// One drone in one picture.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct DroneMoment {
+pub(crate) struct DroneMoment {
     /// Between two frames of the recording.
-    pub(super) frame: FlightFrame,
+    pub(crate) frame: FlightFrame,
     /// Distance to the goal \[m\].
-    pub(super) distance: f32,
+    pub(crate) distance: f32,
     /// Speed \[m/s\].
-    pub(super) speed: f32,
+    pub(crate) speed: f32,
     /// Pictures since its start, up to its end: after that its blades stand still.
-    pub(super) flown: usize,
+    pub(crate) flown: usize,
 }
 
 /// A time between two frames: the one before it, counted from zero, and the share of the way to the next.
@@ -40,9 +40,11 @@ struct Instant {
 }
 
 /// One moment per picture, from the first frame of the recording to the last of the longest flight.
-pub(super) fn moments(recording: &FlightRecording) -> Vec<Moment> {
+pub(crate) fn moments(recording: &FlightRecording) -> Vec<Moment> {
     let frames = recording.drones.iter().map(|flight| flight.frames.len()).max().unwrap_or(1);
-    (0..pictures(frames, recording.control_secs)).map(|index| moment(recording, index)).collect()
+    (0..pictures(frames, recording.control_secs))
+        .map(|index| moment(recording, index as f32 * PICTURE_SECS))
+        .collect()
 }
 
 /// Pictures that show a number of frames.
@@ -51,8 +53,9 @@ fn pictures(frames: usize, control_secs: f32) -> usize {
     (length_secs / PICTURE_SECS + 1e-3) as usize + 1
 }
 
-fn moment(recording: &FlightRecording, index: usize) -> Moment {
-    let elapsed_secs = index as f32 * PICTURE_SECS;
+/// The flight at any time since its first frame \[s\].
+pub(crate) fn moment(recording: &FlightRecording, elapsed_secs: f32) -> Moment {
+    let index = (elapsed_secs / PICTURE_SECS).round() as usize;
     let place = elapsed_secs / recording.control_secs;
     let now = Instant { before: place as usize, share: place - (place as usize) as f32 };
     let drone = |flight| drone_moment(flight, now, index, recording.control_secs);

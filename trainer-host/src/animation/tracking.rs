@@ -33,7 +33,7 @@ pub(super) fn cameras(recording: &FlightRecording, moments: &[Moment]) -> Vec<Ca
     let wanted: Vec<_> = moments.iter().map(|moment| around_all(&moment.drones, &goals)).collect();
     let heading = heading(recording);
     let camera = |index: usize| {
-        let [x, y, z, radius] = calm(&wanted, index);
+        let [x, y, z, radius] = calm(&wanted, index, CALMNESS);
         let share = index as f32 / moments.len() as f32;
         let from = direction(heading + BESIDE + CIRCLING * (0.5 - share));
         let focus = Vector3::new(x, y, z);
@@ -59,12 +59,12 @@ fn around_one(drone: &DroneMoment, goal: Vector3<f32>) -> (Vector3<f32>, f32) {
     (focus, (0.5 * drone.distance + AROUND).clamp(RADII[0], RADII[1]))
 }
 
-/// Weighted mean of the neighbourhood, later pictures included: the camera knows the film.
-fn calm(wanted: &[[f32; 4]], index: usize) -> [f32; 4] {
-    let (mut sum, mut weights) = ([0.0; 4], 0.0);
-    for offset in 0..=2 * CALMNESS {
-        let neighbour = (index + offset).saturating_sub(CALMNESS).min(wanted.len() - 1);
-        let deviations = (offset as f32 - CALMNESS as f32) * (3.0 / CALMNESS as f32);
+/// Weighted mean of so many pictures on either side, later ones included: the camera knows the film.
+pub(crate) fn calm<const N: usize>(wanted: &[[f32; N]], index: usize, calmness: usize) -> [f32; N] {
+    let (mut sum, mut weights) = ([0.0; N], 0.0);
+    for offset in 0..=2 * calmness {
+        let neighbour = (index + offset).saturating_sub(calmness).min(wanted.len() - 1);
+        let deviations = (offset as f32 - calmness as f32) * (3.0 / calmness as f32);
         let weight = libm::expf(-0.5 * deviations * deviations);
         weights += weight;
         sum.iter_mut().zip(wanted[neighbour]).for_each(|(sum, value)| *sum += weight * value);

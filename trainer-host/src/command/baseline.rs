@@ -10,6 +10,7 @@ use kestrel_train::experiment_config::{self, Experiment};
 use kestrel_train::output::say;
 use kestrel_train::recording;
 
+use super::flight::Pilot;
 use super::{Done, table};
 
 /// Most episodes of each pilot.
@@ -40,27 +41,6 @@ pub(crate) struct Arguments {
     /// Whose episode to keep
     #[arg(long, value_enum, default_value_t = Pilot::Scripted, requires = "record")]
     pilot: Pilot,
-}
-
-/// Who flies without a policy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Pilot {
-    /// Does nothing
-    Nothing,
-    /// Acts at random
-    Random,
-    /// Flies to the goal by hand-written rules
-    Scripted,
-}
-
-impl Pilot {
-    fn flyer(self) -> Flyer<'static> {
-        match self {
-            Self::Nothing => Flyer::Nothing,
-            Self::Random => Flyer::Random,
-            Self::Scripted => Flyer::Scripted,
-        }
-    }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {

@@ -2,51 +2,65 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
-use kestrel_sim::camera::{Backend, Camera, Renderer, Scene, Shot, View};
-use kestrel_sim::seed::Seed;
-use kestrel_sim::simulation::Simulation;
-use kestrel_sim::world::Pose;
+use anyhow::{Result, bail, ensure};
+use kestrel_sim::camera::{Backend, Renderer};
 use kestrel_train::atomic_file::write_atomically;
-use kestrel_train::camera_strip::strip;
-use kestrel_train::experiment_config;
+use kestrel_train::film::{Film, GIF_LIMIT, Panel, Stage, Style};
+use kestrel_train::interrupt::Interrupt;
 use kestrel_train::output::{say, warn};
+use kestrel_train::progress::Progress;
 
 use super::Done;
+use super::flight::FlightArguments;
 
 /// Arguments of `kestrel render`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Experiment file, such as configs/aviaries/room-0.yaml
-    config: PathBuf,
+    #[command(flatten)]
+    flight: FlightArguments,
 
-    /// Where to write the picture, as .png
+    /// Where to write: .png for one moment, .gif for the whole flight
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
-    /// What the start follows from
+    /// What is beside each other, in that order [default: all in a film, without the chase in a picture]
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PANEL,...")]
+    panels: Vec<Panel>,
+
+    /// Moment of a picture, in seconds since the start
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = seconds, allow_negative_numbers = true)]
+    at: f32,
+
+    /// Which drone is followed, counted from 0
     #[arg(long, value_name = "NUMBER", default_value_t = 0, allow_negative_numbers = true)]
-    seed: u64,
+    drone: usize,
 
-    /// Pixels of a row
-    #[arg(long, value_name = "NUMBER", default_value_t = 320, value_parser = clap::value_parser!(u16).range(1..=4096))]
-    columns: u16,
+    /// Pixels of a row of each panel [default: 320, in a film 240]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    columns: Option<u16>,
 
-    /// Rows
-    #[arg(long, value_name = "NUMBER", default_value_t = 240, value_parser = clap::value_parser!(u16).range(1..=4096))]
-    rows: u16,
+    /// Rows of each panel [default: three quarters of the columns]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    rows: Option<u16>,
 
     /// Angle of view across, in degrees
     #[arg(long, value_name = "DEGREES", default_value_t = 90.0, value_parser = view_angle, allow_negative_numbers = true)]
     view_angle: f64,
 
+    /// Rays across a pixel and down it, for smooth edges; 1 shows what a policy sees
+    #[arg(long, value_name = "NUMBER", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=8))]
+    samples: u8,
+
     /// What renders: auto (a GPU where there is one), cpu, gpu, or software (an adapter such as lavapipe)
     #[arg(long, value_name = "BACKEND", default_value_t = Backend::Auto)]
     backend: Backend,
+}
 
-    /// Change a value of the configuration, such as `scenario.episode_secs=5`
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    overrides: Vec<String>,
+/// What kind of file is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Png,
+    Gif,
 }
 
 fn view_angle(text: &str) -> Result<f64, String> {
@@ -56,27 +70,75 @@ fn view_angle(text: &str) -> Result<f64, String> {
     }
 }
 
+fn seconds(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(secs) if (0.0..=1e6).contains(&secs) => Ok(secs),
+        Ok(_) | Err(_) => Err("expected 0 to 1e6 seconds".to_owned()),
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let experiment = experiment_config::load(&arguments.config, &arguments.overrides)?;
-    let renderer = Renderer::open(arguments.backend)?;
-    let scenario = &experiment.scenario;
-    let simulation = Simulation::<1, f64>::new(scenario, Seed(arguments.seed), 0, 1);
-    let state = simulation.state(0);
-    let drone = Pose { position: state.position, world_from_body: state.world_from_body };
-    let across = (0.5 * arguments.view_angle).to_radians().tan();
-    let (columns, rows) = (usize::from(arguments.columns), usize::from(arguments.rows));
-    let camera = Camera {
-        columns,
-        rows,
-        tangents: [across, across * rows as f64 / columns as f64],
-        sample: [0.5; 2],
-        ..Camera::PAPER
+    let output = &arguments.output;
+    let format = match output.extension().and_then(|ending| ending.to_str()) {
+        Some("png") => Format::Png,
+        Some("gif") => Format::Gif,
+        Some(_) | None => bail!("{}: found another ending, expected .png or .gif", output.display()),
     };
-    let view = View::paper(&drone, scenario.airframe.arm);
-    let scene = Scene::new(&scenario.aviary.world);
-    let images = renderer.render(&camera, &[&scene], &[Shot { scene: 0, view }])?;
-    write_atomically(&arguments.output, &strip(&images[0])?)?;
+    let renderer = Renderer::open(arguments.backend)?;
+    let start_alone = format == Format::Png && arguments.at == 0.0;
+    let flown = arguments.flight.fly(start_alone)?;
+    let stage = Stage::new(&flown.recording, &flown.experiment, &flown.path)?;
+    let drone = arguments.drone;
+    ensure!(
+        drone < stage.drones(),
+        "found --drone {drone}, expected a number below {}, the drones of {}",
+        stage.drones(),
+        flown.path.display()
+    );
+    let style = arguments.style(format);
+    let film = Film::new(&stage, &style, &renderer);
+    let [width, height] = film.size();
+    ensure!(
+        format == Format::Png || width.max(height) <= GIF_LIMIT,
+        "found {width}x{height} pixels, expected at most {GIF_LIMIT} across and down"
+    );
+    let file = match format {
+        Format::Png => Some(film.at(arguments.at)?.png()?),
+        Format::Gif => filmed(&film)?,
+    };
+    let Some(file) = file else { return Ok(Done::Interrupted) };
+    write_atomically(output, &file)?;
     warn(&renderer);
-    say(arguments.output.display())?;
+    say(output.display())?;
     Ok(Done::Finished)
+}
+
+/// The film, unless the user stops it.
+fn filmed(film: &Film<'_>) -> Result<Option<Vec<u8>>> {
+    let interrupt = Interrupt::watch("Stopping: nothing is written.")?;
+    let mut progress = Progress::counting("pictures", film.pictures() as u64, 0);
+    let file = film.gif(|done| {
+        progress.show_steps(done as u64, String::new);
+        !interrupt.requested()
+    })?;
+    progress.finish();
+    Ok(file)
+}
+
+impl Arguments {
+    fn style(&self, format: Format) -> Style {
+        let (panels, columns) = match format {
+            Format::Png => (&Panel::ALL[1..], 320),
+            Format::Gif => (&Panel::ALL[..], 240),
+        };
+        let columns = self.columns.map_or(columns, usize::from);
+        let rows = self.rows.map_or((columns * 3 / 4).max(1), usize::from);
+        Style {
+            panels: if self.panels.is_empty() { panels.to_vec() } else { self.panels.clone() },
+            size: [columns, rows],
+            view_angle: self.view_angle.to_radians(),
+            samples: usize::from(self.samples),
+            drone: self.drone,
+        }
+    }
 }

@@ -10,13 +10,9 @@ use crate::experiment_config::Experiment;
 
 /// Flies the episode that an evaluation flies as number `start`, in double precision, and keeps everything.
 pub fn fly(experiment: &Experiment, flyer: Flyer<'_>, starts: Starts, start: u32) -> Recording {
-    let scenario = &experiment.evaluation.scenario;
-    let mut simulation = Simulation::<1, f64>::with_purpose(scenario, starts.seed, starts.purpose, start, 1);
+    let mut simulation = waiting(experiment, starts, start);
     let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, start);
-    let goal = |simulation: &Simulation<1, f64>, row| simulation.goal(row).map(Real::to_f64).into();
-    let mut drones: Vec<Track> = (0..simulation.rows())
-        .map(|row| Track::starting(goal(&simulation, row), &simulation.state(row)))
-        .collect();
+    let mut drones = tracks(&simulation);
     let mut movables = vec![placed(&simulation)];
     let mut flying = vec![true; drones.len()];
     while flying.contains(&true) {
@@ -39,8 +35,34 @@ pub fn fly(experiment: &Experiment, flyer: Flyer<'_>, starts: Starts, start: u32
             movables.push(placed(&simulation));
         }
     }
+    recording(experiment, flyer.name(), (starts, start), drones, movables)
+}
+
+/// The beginning of that episode: states without steps.
+pub fn at_start(experiment: &Experiment, starts: Starts, start: u32) -> Recording {
+    let simulation = waiting(experiment, starts, start);
+    recording(experiment, "at the start", (starts, start), tracks(&simulation), vec![placed(&simulation)])
+}
+
+fn waiting(experiment: &Experiment, starts: Starts, start: u32) -> Simulation<1, f64> {
+    Simulation::with_purpose(&experiment.evaluation.scenario, starts.seed, starts.purpose, start, 1)
+}
+
+fn tracks(simulation: &Simulation<1, f64>) -> Vec<Track> {
+    let goal = |row| simulation.goal(row).map(Real::to_f64).into();
+    (0..simulation.rows()).map(|row| Track::starting(goal(row), &simulation.state(row))).collect()
+}
+
+fn recording(
+    experiment: &Experiment,
+    pilot: &str,
+    (starts, start): (Starts, u32),
+    drones: Vec<Track>,
+    movables: Vec<Vec<Placed>>,
+) -> Recording {
+    let scenario = &experiment.evaluation.scenario;
     Recording {
-        pilot: flyer.name().to_owned(),
+        pilot: pilot.to_owned(),
         config: experiment.resolved_yaml.clone(),
         seed: starts.seed.0,
         start,

@@ -128,7 +128,11 @@ impl Batch<'_> {
         let Self { scenes, camera, parts, .. } = self;
         let room = parts.last().map_or(0, |part| part.views.end);
         assert!(shots.len() <= room, "room for {room} views, not for {}", shots.len());
-        assert!(shots.iter().all(|shot| shot.scene < scenes.count), "shots are of {} scenes", scenes.count);
+        assert!(
+            shots.iter().all(|shot| shot.scene < scenes.places.len()),
+            "shots are of {} scenes",
+            scenes.places.len()
+        );
         let gpu = &scenes.gpu;
         let tiles = [camera.columns, camera.rows].map(|size| size.div_ceil(TILE) as u32);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());

@@ -5,14 +5,15 @@ use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use kestrel_core::airframe::CF2X;
 use nalgebra::Vector3;
 
 use super::*;
 use crate::camera::tests::strewn;
-use crate::camera::{Camera, FIRST_SOLID, FLOOR, Image, Renderer, Shot, View};
+use crate::camera::{Camera, FIRST_SOLID, FLOOR, Image, Mover, Renderer, Shot, View};
 use crate::config::Place;
 use crate::seed::{Purpose, Seed, Stream};
-use crate::world::{Solid, World};
+use crate::world::{Movable, Pose, Solid, World};
 
 /// A GPU, or what there is.
 fn gpu() -> &'static Gpu {
@@ -186,6 +187,39 @@ fn each_shot_is_of_its_own_scene_and_room_is_used_again() {
                 "equal to the bit whatever is beside it"
             );
         }
+    }
+}
+
+#[test]
+fn what_moves_is_uploaded_again_and_nothing_else() {
+    let movables = strewn(4, 8).solids.into_iter().map(|solid| Movable { solid, mass: 0.1 });
+    let worlds = [0, 1].map(|seed| World { movables: movables.clone().collect(), ..strewn(seed, 20) });
+    let mut scenes = worlds.each_ref().map(|world| Scene::new(world).with_drones(&CF2X, 3));
+    let camera = Camera { columns: 48, rows: 32, far_m: 50.0, ..Camera::PAPER };
+    let shots: Vec<Shot> = (0..2).flat_map(|scene| shots(&worlds[scene], scene, 3)).collect();
+    let uploaded = gpu().upload(&scenes.each_ref()).unwrap();
+    let mut batch = uploaded.batch(&camera, shots.len()).unwrap();
+    let mut images = Vec::new();
+    for round in 0..3 {
+        for (index, scene) in scenes.iter_mut().enumerate().filter(|(index, _)| (index + round) % 2 == 0) {
+            let eye = shots[3 * index].view.eye;
+            for mover in (0..3).map(Mover::Drone).chain((0..8).map(Mover::Movable)) {
+                let ahead = shots[3 * index].view.forward * (0.4 + 0.1 * round as f64);
+                let place = Pose::at(eye + ahead + Vector3::repeat(0.02 * round as f64));
+                scene.place(mover, &place);
+            }
+            scene.hide(Mover::Drone(round));
+            scene.hide(Mover::Movable(round));
+            uploaded.update(index, scene);
+        }
+        batch.render(&shots).unwrap();
+        batch.read(&mut images).unwrap();
+        assert_eq!(images, rendered(gpu(), &camera, &scenes.each_ref(), &shots), "equal to the bit");
+        let wrong = images.iter().zip(&shots).fold([0; 4], |wrong, (image, shot)| {
+            let more = deviations(image, &scenes[shot.scene].render(&camera, &shot.view));
+            core::array::from_fn(|kind| wrong[kind] + more[kind])
+        });
+        assert!(wrong[0] <= 6 * 48 * 32 / 500 && wrong[1..3] == [0, 0], "{wrong:?}");
     }
 }
 

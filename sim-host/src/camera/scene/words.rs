@@ -19,35 +19,87 @@ pub(in crate::camera) struct SceneWords {
     pub(in crate::camera) most_plots: usize,
 }
 
+/// Where words of a scene begin among those of all: elements of the vectors of [`SceneWords`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::camera) struct Firsts {
+    pub(in crate::camera) body: usize,
+    pub(in crate::camera) face: usize,
+    pub(in crate::camera) corner: usize,
+    pub(in crate::camera) round: usize,
+    pub(in crate::camera) look: usize,
+}
+
+/// A scene among the words of all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::camera) struct Place {
+    scene: Firsts,
+    /// What moves in it; behind that is the next scene.
+    pub(in crate::camera) moving: Firsts,
+}
+
 /// A view: nine rows of three numbers and a word.
 pub(in crate::camera) type ViewWords = [[u32; 4]; 9];
 
 impl SceneWords {
     /// Adds a scene behind the others.
-    pub(in crate::camera) fn push(&mut self, scene: &Scene) {
-        let firsts = [self.bodies.len(), self.faces.len(), self.rounds.len(), self.looks.len()];
-        let [body, face, round, look] = firsts.map(|first| first as u32);
-        for body in &scene.bodies {
-            self.push_body(body, [face, round]);
-        }
-        self.looks.extend(scene.surfaces.iter().map(|look| look_words(look, &self.bodies[firsts[0]..])));
-        let [bodies, faces, rounds] =
-            [self.bodies.len() - firsts[0], self.faces.len() - firsts[1], self.rounds.len() - firsts[2]];
+    pub(in crate::camera) fn push(&mut self, scene: &Scene) -> Place {
+        let first = self.ends();
+        let counted_from = [first.face.wrapping_neg(), 0, first.round.wrapping_neg()];
+        let [first_body, first_surface] = scene.first_moving();
+        let (still, moving) = scene.bodies.split_at(first_body);
+        self.push_bodies(still, counted_from);
+        let look = first.look + first_surface;
+        let place = Place { scene: first, moving: Firsts { look, ..self.ends() } };
+        self.push_bodies(moving, counted_from);
+        let own = &self.bodies[first.body..];
+        self.looks.extend(scene.surfaces.iter().map(|look| look_words(look, |body| own[body][4])));
+        let [bodies, faces, rounds] = [own.len(), self.faces.len() - first.face, self.rounds.len() - first.round];
         self.most_plots = self.most_plots.max(faces + bodies + 3 * rounds);
         let floor = FLOOR_SURFACE as usize;
         let [even, odd] = [floor, floor + 1].map(|square| opaque(scene.surfaces[square].colour));
-        let counts = [bodies, faces, rounds].map(|count| count as u32);
+        let [body, face, round, look] =
+            [first.body, first.face, first.round, first.look].map(|first| first as u32);
+        let [bodies, faces, rounds] = [bodies, faces, rounds].map(|count| count as u32);
         let has_floor = u32::from(scene.has_floor);
-        self.scenes.push([body, counts[0], face, counts[1], round, counts[2], look, has_floor, even, odd]);
+        self.scenes.push([body, bodies, face, faces, round, rounds, look, has_floor, even, odd]);
+        place
     }
 
-    fn push_body(&mut self, body: &Body, [of_faces, of_rounds]: [u32; 2]) {
-        let (face, corner) = (self.faces.len() as u32 - of_faces, self.corners.len() as u32);
-        self.faces.extend(body.faces.iter().map(face_words));
-        self.corners.extend(body.corners.iter().map(|place| row(place, 0)));
-        self.rounds.extend(body.round.iter().map(round_words));
-        let round = if body.round.is_some() { self.rounds.len() as u32 - of_rounds } else { 0 };
-        self.bodies.push([face, body.faces.len() as u32, corner, body.corners.len() as u32, round]);
+    /// What moves in a scene, as [`Self::push`] wrote it at `place`.
+    pub(in crate::camera) fn moving(scene: &Scene, place: &Place) -> Self {
+        let Place { scene: all, moving: own } = place;
+        let mut words = Self::default();
+        let [first_body, first_surface] = scene.first_moving();
+        words.push_bodies(&scene.bodies[first_body..], [own.face - all.face, own.corner, own.round - all.round]);
+        let looks = &scene.surfaces[first_surface..];
+        words.looks =
+            looks.iter().map(|look| look_words(look, |body| words.bodies[body - first_body][4])).collect();
+        words
+    }
+
+    fn ends(&self) -> Firsts {
+        Firsts {
+            body: self.bodies.len(),
+            face: self.faces.len(),
+            corner: self.corners.len(),
+            round: self.rounds.len(),
+            look: self.looks.len(),
+        }
+    }
+
+    /// Numbers of faces, corners and rounds are those of the words here, more by `offsets`.
+    fn push_bodies(&mut self, bodies: &[Body], [faces, corners, rounds]: [usize; 3]) {
+        for body in bodies {
+            let face = self.faces.len().wrapping_add(faces) as u32;
+            let corner = self.corners.len().wrapping_add(corners) as u32;
+            self.faces.extend(body.faces.iter().map(face_words));
+            self.corners.extend(body.corners.iter().map(|place| row(place, 0)));
+            self.rounds.extend(body.round.iter().map(round_words));
+            let round = if body.round.is_some() { self.rounds.len().wrapping_add(rounds) as u32 } else { 0 };
+            // Without corners it is nowhere in view.
+            let spanned = if body.is_placed() { body.corners.len() as u32 } else { 0 };
+            self.bodies.push([face, body.faces.len() as u32, corner, spanned, round]);
+        }
     }
 }
 
@@ -86,9 +138,9 @@ fn round_words(round: &Round) -> [[u32; 4]; 4] {
     ]
 }
 
-/// `bodies` are those of its scene.
-fn look_words(look: &Look, bodies: &[[u32; 5]]) -> [u32; 3] {
-    let round = look.round.map_or(0, |body| bodies[body as usize][4]);
+/// `round` knows the round side of each body of its scene.
+fn look_words(look: &Look, round: impl Fn(usize) -> u32) -> [u32; 3] {
+    let round = look.round.map_or(0, |body| round(body as usize));
     [u32::from(look.label), opaque(look.colour), round]
 }
 

@@ -1,0 +1,111 @@
+//! The flight that is looked at: recorded, of a run, or flown for it.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use kestrel_train::evaluation::Flyer;
+use kestrel_train::experiment_config::{self, Experiment};
+use kestrel_train::recording::Recording;
+use kestrel_train::results::{record_pilot, record_policy, record_run, record_start};
+
+use super::run;
+
+/// What flies, and where.
+#[derive(Debug, clap::Args)]
+pub(crate) struct FlightArguments {
+    /// Experiment file, directory of a run, or recording (from `--record`)
+    #[arg(value_name = "EXPERIMENT|RUN|RECORDING")]
+    subject: PathBuf,
+
+    /// Policy file that flies the experiment
+    #[arg(long, value_name = "FILE", conflicts_with = "pilot")]
+    policy: Option<PathBuf>,
+
+    /// Who flies the experiment without a policy [default: scripted]
+    #[arg(long, value_enum)]
+    pilot: Option<Pilot>,
+
+    /// What the start follows from [default: the experiment's]
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
+    seed: Option<u64>,
+
+    /// Change a value of the configuration, such as `scenario.episode_secs=5`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+}
+
+/// Who flies without a policy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Pilot {
+    /// Does nothing
+    Nothing,
+    /// Acts at random
+    Random,
+    /// Flies to the goal by hand-written rules
+    Scripted,
+}
+
+impl Pilot {
+    pub(crate) fn flyer(self) -> Flyer<'static> {
+        match self {
+            Self::Nothing => Flyer::Nothing,
+            Self::Random => Flyer::Random,
+            Self::Scripted => Flyer::Scripted,
+        }
+    }
+}
+
+/// A flight and where it comes from.
+pub(crate) struct Flown {
+    pub(crate) recording: Recording,
+    pub(crate) experiment: Experiment,
+    pub(crate) path: PathBuf,
+}
+
+impl FlightArguments {
+    /// The recorded flight, or that of the run or the pilot from the first start of the evaluation. Of an experiment, when
+    /// only the start is looked at, nothing is flown.
+    pub(crate) fn fly(&self, start_alone: bool) -> Result<Flown> {
+        let path = self.subject.clone();
+        let seed = self.seed.map(|seed| format!("evaluation.seed={seed}"));
+        let overrides: Vec<String> = self.overrides.iter().cloned().chain(seed).collect();
+        if path.is_dir() {
+            self.refuse_pilots("the directory of a run")?;
+            let (directory, experiment) = run::open(&path, &overrides)?;
+            directory.require_policies()?;
+            return Ok(Flown { recording: record_run(&experiment, &directory)?, experiment, path });
+        }
+        if !is_yaml(&path) {
+            self.refuse_pilots("no experiment file")?;
+            if let Some(overridden) = overrides.first() {
+                bail!(
+                    "{}: found `{overridden}` for a recording, expected it for a run or an experiment",
+                    path.display()
+                );
+            }
+            let recording = Recording::read(&path)?;
+            return Ok(Flown { experiment: recording.experiment(&path)?, recording, path });
+        }
+        let experiment = experiment_config::load(&path, &overrides)?;
+        let recording = match (&self.policy, self.pilot) {
+            (Some(policy), _) => record_policy(&experiment, policy)?,
+            (None, None) if start_alone => record_start(&experiment),
+            (None, pilot) => record_pilot(&experiment, pilot.unwrap_or(Pilot::Scripted).flyer()),
+        };
+        Ok(Flown { recording, experiment, path })
+    }
+
+    fn refuse_pilots(&self, found: &str) -> Result<()> {
+        if self.policy.is_some() || self.pilot.is_some() {
+            bail!(
+                "{}: found {found} for --policy and --pilot, expected an experiment (.yaml)",
+                self.subject.display()
+            );
+        }
+        Ok(())
+    }
+}
+
+fn is_yaml(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "yaml" || ending == "yml")
+}
