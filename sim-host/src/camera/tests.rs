@@ -32,7 +32,7 @@ pub(super) fn strewn(seed: u64, count: usize) -> World {
     World { solids: solids.collect(), ..World::empty() }
 }
 
-fn ahead() -> View {
+pub(super) fn ahead() -> View {
     View::towards(Vector3::new(-0.5, 0.1, 1.0), Vector3::new(2.0, 0.0, 0.9), Vector3::z())
 }
 
