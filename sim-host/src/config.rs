@@ -13,6 +13,7 @@ mod error;
 mod field;
 mod geometry;
 mod import;
+mod mesh;
 mod node;
 mod physics;
 mod pilot;
@@ -63,8 +64,8 @@ pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConf
 pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
-    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MovableConfig, RoleConfig, RoomConfig, SolidConfig,
-    TurnedBoxConfig,
+    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MeshConfig, MovableConfig, RoleConfig, RoomConfig,
+    SolidConfig, TurnedBoxConfig,
 };
 
 use crate::contact::WayMap;

@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 use pulp::Scalar;
 
 use super::*;
-use crate::camera::tests::{ahead, strewn};
+use crate::camera::tests::{ahead, strewn_rings};
 use crate::world::Floor;
 
 /// The images of a scene with every instruction set that this machine has, the baseline first, then the dispatched one.
@@ -28,7 +28,7 @@ fn every_instruction_set_draws_the_same_image() {
     for (seed, (columns, rows)) in (0..).zip(sizes) {
         let camera = Camera { columns, rows, ..Camera::PAPER };
         for floor in [Floor::Solid, Floor::Absent] {
-            let mut world = strewn(seed, 40);
+            let mut world = strewn_rings(seed, 12);
             world.floor = floor;
             let scene = Scene::new(&world);
             // From the middle of it, too, where the eye is inside of some and beside others.

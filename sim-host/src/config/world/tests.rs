@@ -151,7 +151,7 @@ fn movables_have_a_mass_and_one_outline() {
 
 #[test]
 fn wrong_solids_get_their_messages() {
-    let forms = "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone` or `hull`";
+    let forms = "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone`, `hull` or `mesh`";
     assert_eq!(refusal("solids: [{name: x}]"), format!("solids.0: found no outline, expected {forms}"));
     assert_eq!(
         refusal("solids: [{low_m: [0, 0, 0], cylinder: {center_m: [0, 0, 0], radius_m: 1, height_m: 1}}]"),
