@@ -45,7 +45,7 @@ pub(super) fn ring(radius: f64, thickness: f64, around: u32, across: u32) -> Sha
     let square = |index: u32| {
         let (i, j) = (index / across, index % across);
         let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
-        let colour = (index % 7 == 0).then_some([1.0, 0.0, 0.0]);
+        let colour = index.is_multiple_of(7).then_some([1.0, 0.0, 0.0]);
         [[a, b, c], [a, c, d]].map(|corners| world::Triangle { corners, colour })
     };
     let triangles = (0..around * across).flat_map(square).collect();

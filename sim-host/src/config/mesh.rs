@@ -107,7 +107,7 @@ pub(super) fn is_mesh(path: &Path, key: Option<&str>) -> Result<bool, (String, &
 /// What the file says in the words of a configuration, and how long that is \[bytes\].
 pub(super) fn tree(path: &Path, importer: &Place, key: &str) -> Result<(Node, usize), ConfigError> {
     let file = File { path, importer, key };
-    let bytes = file.read(path).map_err(|fault| file.refuse(&fault, EXPECTED))?;
+    let bytes = read_bytes(path, SIZE_LIMIT).map_err(|fault| file.refuse(&fault, EXPECTED))?;
     let is_stl = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("stl"));
     let (surface, colours) = if is_stl && stl::is_binary(&bytes) {
         let surface = stl::binary(&bytes).map_err(|(found, expected)| {
@@ -125,10 +125,6 @@ pub(super) fn tree(path: &Path, importer: &Place, key: &str) -> Result<(Node, us
 }
 
 impl File<'_> {
-    fn read(&self, path: &Path) -> Result<Vec<u8>, Unreadable> {
-        read_bytes(path, SIZE_LIMIT)
-    }
-
     fn refuse(&self, fault: &Unreadable, expected: &str) -> ConfigError {
         ConfigError::at(self.importer, self.key, format!("{fault} ({})", self.path.display()), expected)
     }
@@ -155,7 +151,7 @@ impl File<'_> {
         let mut colours = BTreeMap::new();
         for (name, spot) in &surface.libraries {
             let path: PathBuf = self.path.parent().unwrap_or(Path::new("")).join(name);
-            let bytes = self.read(&path).map_err(|fault| {
+            let bytes = read_bytes(&path, SIZE_LIMIT).map_err(|fault| {
                 let found = format!("{fault} ({})", path.display());
                 self.fault(self.path, text, Fault::new(*spot, found, "the file of its materials beside it"))
             })?;

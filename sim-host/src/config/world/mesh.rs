@@ -114,7 +114,9 @@ fn mesh(
         return Err((format!("a corner at {farthest} m"), expected));
     }
     let middle = (low + high) / 2.0;
-    corners.iter_mut().for_each(|corner| *corner -= middle);
+    for corner in &mut corners {
+        *corner -= middle;
+    }
     let hull = hull(&corners).ok_or_else(|| {
         ("corners on one line".to_owned(), "a surface that is at least two micrometres wide".to_owned())
     })?;
