@@ -65,7 +65,7 @@ pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
     ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MeshConfig, MovableConfig, RoleConfig, RoomConfig,
-    SolidConfig, TurnedBoxConfig,
+    SolidConfig, SuperellipsoidConfig, TurnedBoxConfig,
 };
 
 use crate::contact::WayMap;

@@ -4,6 +4,7 @@ mod furniture;
 mod mesh;
 mod room;
 mod solid;
+mod superellipsoid;
 #[cfg(test)]
 mod tests;
 
@@ -11,5 +12,6 @@ pub use furniture::FurnitureConfig;
 pub use mesh::MeshConfig;
 pub use room::RoomConfig;
 pub use solid::{ConeConfig, CylinderConfig, HullConfig, MovableConfig, RoleConfig, SolidConfig, TurnedBoxConfig};
+pub use superellipsoid::SuperellipsoidConfig;
 
 pub(crate) use solid::pillar;

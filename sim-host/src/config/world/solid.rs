@@ -1,4 +1,4 @@
-//! One body: a box, a cylinder, a sphere, a cone, a hull or a mesh, and what its surface is like.
+//! One body: a box, a cylinder, a sphere, a cone, a superellipsoid, a hull or a mesh, and what its surface is like.
 
 use std::f64::consts::TAU;
 
@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::mesh::MeshConfig;
+use super::superellipsoid::SuperellipsoidConfig;
 use crate::config::aviary::BoxConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
@@ -27,12 +28,13 @@ const PILLAR_PITCH: f64 = 1.57057;
 const PILLAR_HALF: Vector3<f64> = Vector3::new(0.5, 0.09, 0.09);
 
 /// The outlines that a body can have.
-const FORMS: &str = "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone`, `hull` or `mesh`";
+const FORMS: &str =
+    "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone`, `superellipsoid`, `hull` or `mesh`";
 
 const LENGTH: Limits = Limits::above(0.0, 1000.0, "m");
 
 /// One body that never moves. It has one outline: `low_m` and `high_m`, or `box`, `cylinder`, `sphere`,
-/// `cone`, `hull` or `mesh`.
+/// `cone`, `superellipsoid`, `hull` or `mesh`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolidConfig {
@@ -57,6 +59,9 @@ pub struct SolidConfig {
     /// An upright cone, usually without its tip.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cone: Option<ConeConfig>,
+    /// A superellipsoid, such as a cushion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub superellipsoid: Option<SuperellipsoidConfig>,
     /// The convex hull of points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hull: Option<HullConfig>,
@@ -265,6 +270,7 @@ impl SolidConfig {
             self.cylinder.is_some(),
             self.sphere.is_some(),
             self.cone.is_some(),
+            self.superellipsoid.is_some(),
             self.hull.is_some(),
             self.mesh.is_some(),
         ];
@@ -281,6 +287,7 @@ impl SolidConfig {
             Self { cylinder: Some(cylinder), .. } => cylinder.outline(&field.at("cylinder")),
             Self { sphere: Some(sphere), .. } => sphere.outline(&field.at("sphere")),
             Self { cone: Some(cone), .. } => cone.outline(&field.at("cone")),
+            Self { superellipsoid: Some(body), .. } => body.outline(&field.at("superellipsoid")),
             Self { hull: Some(hull), .. } => hull.outline(&field.at("hull")),
             Self { low_m: Some(low_m), high_m: Some(high_m), .. } => {
                 let (low, high) = BoxConfig { low_m: *low_m, high_m: *high_m }.corners(field)?;
