@@ -14,6 +14,7 @@ mod error;
 mod field;
 mod geometry;
 mod import;
+mod mesh;
 mod node;
 mod physics;
 mod pilot;
@@ -65,8 +66,8 @@ pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConf
 pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
-    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MovableConfig, RoleConfig, RoomConfig, SolidConfig,
-    TurnedBoxConfig,
+    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MeshConfig, MovableConfig, RoleConfig, RoomConfig,
+    SolidConfig, SuperellipsoidConfig, TurnedBoxConfig,
 };
 
 use crate::contact::WayMap;

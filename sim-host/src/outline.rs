@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use rapier3d::math::Vector;
 use rapier3d::parry::transformation::try_convex_hull;
 
-use crate::world::{Pose, Shape, Solid};
+use crate::world::{Mesh, Pose, Shape, Solid};
 
 /// Sides of a drawn cylinder, and of a sphere around its axis.
 const SIDES: usize = 24;
@@ -18,7 +18,7 @@ const RINGS: usize = 12;
 const SAME_FACE: f64 = 0.99985;
 const SMOOTH_EDGE: f64 = 0.94;
 
-/// The surface of a convex solid.
+/// The surface of a convex solid; of a mesh its hull.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
     /// Flat convex faces \[m\], counterclockwise as seen from outside.
@@ -34,7 +34,7 @@ impl Outline {
             Shape::Cuboid(half) => cuboid(half),
             Shape::Cylinder { radius, half_height } => prism(*radius, *half_height),
             Shape::Sphere(radius) => ball(*radius),
-            Shape::Hull(points) => hull(points),
+            Shape::Hull(points) | Shape::Mesh(Mesh { hull: points, .. }) => hull(points),
         };
         let edges = sharp_edges(&faces);
         let single = |point: Vector3<f64>| point.cast();

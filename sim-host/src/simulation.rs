@@ -383,10 +383,18 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     fn look(&mut self, is_asked: impl Fn(Outcome) -> bool) {
         let Some(mut imaging) = self.imaging.take() else { return };
         for row in 0..self.rows() {
-            if is_asked(self.outcomes[row]) {
-                let (agent, lane) = self.agent(row);
-                imaging.look(row, &agent.motion(lane), agent.period(lane));
+            if !is_asked(self.outcomes[row]) {
+                continue;
             }
+            let (agent, lane) = self.agent(row);
+            let (motion, period) = (agent.motion(lane), agent.period(lane));
+            if imaging.has_movers() && imaging.is_due(period) {
+                let (drone, environment) = (row / self.environments, row % self.environments);
+                let block = &self.blocks[environment / LANES];
+                let team: Vec<Pose> = block.agents.iter().map(|agent| agent.motion(lane).pose).collect();
+                imaging.place(drone, &team, &self.movables(environment));
+            }
+            imaging.look(row, &motion, period);
         }
         self.imaging = Some(imaging);
     }

@@ -1,7 +1,11 @@
 //! The place a drone flies in: solids as data, static or movable.
 
+mod mesh;
+
 use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
+
+pub use mesh::{Mesh, Triangle};
 
 use crate::scenario::Cuboid;
 
@@ -31,7 +35,7 @@ pub enum Floor {
     Absent,
 }
 
-/// One convex body.
+/// One body, convex to the touch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solid {
     /// What it is, for messages and plans: `pillar`, `couch: seat`.
@@ -59,7 +63,7 @@ pub struct Movable {
     pub mass: f64,
 }
 
-/// Outline of a convex body around its own origin.
+/// Outline of a body around its own origin.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// A box of these half extents \[m\].
@@ -75,6 +79,8 @@ pub enum Shape {
     Sphere(f64),
     /// The convex hull of these points \[m\], at least four, not in one plane.
     Hull(Vec<Vector3<f64>>),
+    /// Triangles.
+    Mesh(Mesh),
 }
 
 /// A place and an orientation.
@@ -134,7 +140,7 @@ impl Solid {
         Cuboid { low: low.cast(), high: high.cast() }
     }
 
-    /// Its lowest and highest coordinates \[m, world\].
+    /// Its lowest and highest coordinates \[m, world\], as it is touched.
     pub fn extent(&self) -> (Vector3<f64>, Vector3<f64>) {
         let rows = self.pose.world_from_body.rows();
         let (low, high) = self.shape.extent_along(&rows);
@@ -149,7 +155,9 @@ impl Shape {
             Self::Cuboid(half) => half.norm(),
             Self::Cylinder { radius, half_height } => radius.hypot(*half_height),
             Self::Sphere(radius) => *radius,
-            Self::Hull(points) => points.iter().map(Vector3::norm).fold(0.0, f64::max),
+            Self::Hull(points) | Self::Mesh(Mesh { corners: points, .. }) => {
+                points.iter().map(Vector3::norm).fold(0.0, f64::max)
+            }
         }
     }
 
@@ -169,7 +177,7 @@ impl Shape {
                 (-reach, reach)
             }
             Self::Sphere(radius) => (Vector3::repeat(-radius), Vector3::repeat(*radius)),
-            Self::Hull(points) => {
+            Self::Hull(points) | Self::Mesh(Mesh { hull: points, .. }) => {
                 let along = |pick: fn(f64, f64) -> f64| {
                     let of = |direction: Vector3<f64>| points.iter().map(|p| direction.dot(p)).reduce(pick);
                     Vector3::from(directions.map(|direction| of(direction).unwrap_or(0.0)))

@@ -44,6 +44,10 @@ fn what_cannot_be_drawn_is_said() {
     assert!(message(&["aviary", "show", "world.yaml", "-o", "x.gif"]).contains("expected .svg or .png"));
     let wrong = message(&["aviary", "show", "world.yaml", "-o", "x.svg", "--set", "import=none.yaml"]);
     assert!(wrong.contains("--set import=none.yaml: found no such file (none.yaml)"), "{wrong}");
+    fs::write(place.path().join("statue.yaml"), "solids: [{mesh: {import: statue.obj}}]\n").unwrap();
+    fs::write(place.path().join("statue.obj"), "v 0 0 0\nv 1 0 0\nf 1 2 3\n").unwrap();
+    let wrong = message(&["aviary", "show", "statue.yaml", "-o", "x.svg"]);
+    assert!(wrong.contains("statue.obj:3:7: found `3`, expected one of the 2 corners (`v`) above"), "{wrong}");
     fs::write(place.path().join("broken.yaml"), "solids: [{}]\n").unwrap();
     let listed = kestrel(place.path(), &["aviary", "list", "."]);
     assert_eq!(listed.status.code(), Some(2));

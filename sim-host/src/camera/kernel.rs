@@ -1,8 +1,13 @@
 //! Bodies onto pixels, tile by tile.
 
+mod facet;
+
 use pulp::Simd;
 
+pub(super) use facet::Facet;
+
 use super::Camera;
+use super::plot::Corner;
 use super::scene::Surface;
 
 /// Columns of a tile: what is worked on at once.
@@ -43,11 +48,16 @@ pub(super) struct Plot {
     pub(super) tiles: [[usize; 2]; 2],
     /// Greatest inverse depth that any of it has \[1/m\].
     pub(super) nearest: f32,
-    /// Its planes among the canvas's: those that face the eye, then those that do not, each from its first to one past
-    /// its last.
-    pub(super) entered: [usize; 2],
-    pub(super) left: [usize; 2],
-    pub(super) side: Option<Side>,
+    pub(super) figure: Figure,
+}
+
+/// What is drawn: parts of the canvas's lists, each from its first to one past its last.
+#[derive(Clone, Debug)]
+pub(super) enum Figure {
+    /// A convex body by its planes, those that face the eye and those that do not.
+    Convex { entered: [usize; 2], left: [usize; 2], side: Option<Side> },
+    /// A mesh by its triangles.
+    Facets([usize; 2]),
 }
 
 /// A plane as an image sees it.
@@ -88,6 +98,9 @@ pub struct Canvas {
     pub(super) tiles: Vec<Tile>,
     pub(super) plots: Vec<Plot>,
     pub(super) planes: Vec<Plane>,
+    pub(super) facets: Vec<Facet>,
+    /// Of the mesh that is looked at.
+    pub(super) corners: Vec<Corner>,
 }
 
 impl Affine {
@@ -120,26 +133,47 @@ impl Canvas {
         self.tiles.resize(self.across * camera.rows.div_ceil(ROWS), empty);
         self.plots.clear();
         self.planes.clear();
+        self.facets.clear();
     }
 
     /// Draws all plots, the nearest first, where they are nearer than what is there.
     #[inline(always)]
     pub(super) fn draw<S: Simd>(&mut self, simd: S) {
-        let Self { across, limit, tiles, plots, planes } = self;
+        let Self { across, limit, tiles, plots, planes, facets, .. } = self;
         plots.sort_unstable_by(|one, other| other.nearest.total_cmp(&one.nearest));
-        for plot in &*plots {
-            let entered = &planes[plot.entered[0]..plot.entered[1]];
-            let left = &planes[plot.left[0]..plot.left[1]];
-            let outline = Outline { entered, left, side: plot.side.as_ref(), limit: *limit };
-            let [[first, end], [top, bottom]] = plot.tiles;
-            for row in top..bottom {
-                for column in first..end {
-                    let tile = &mut tiles[row * *across + column];
-                    if plot.nearest > tile.farthest {
-                        let place = [(column * COLUMNS) as f32, (row * ROWS) as f32];
-                        tile.draw(simd, place, &outline);
+        for Plot { tiles: area, nearest, figure } in &*plots {
+            match figure {
+                Figure::Convex { entered, left, side } => {
+                    let [entered, left] = [entered, left].map(|[first, end]| &planes[*first..*end]);
+                    let outline = Outline { entered, left, side: side.as_ref(), limit: *limit };
+                    let draw = |tile: &mut Tile, place: [f32; 2]| tile.draw(simd, place, &outline);
+                    each_behind(tiles, *across, area, *nearest, draw);
+                }
+                Figure::Facets([first, end]) => {
+                    for facet in &facets[*first..*end] {
+                        let draw = |tile: &mut Tile, place: [f32; 2]| tile.draw_facet(simd, place, facet, *limit);
+                        each_behind(tiles, *across, &facet.tiles, facet.range[1], draw);
                     }
                 }
+            }
+        }
+    }
+}
+
+/// Calls back for each tile of an area in which something is farther, with the column and row of its first pixel.
+#[inline(always)]
+fn each_behind(
+    tiles: &mut [Tile],
+    across: usize,
+    [[first, end], [top, bottom]]: &[[usize; 2]; 2],
+    nearest: f32,
+    mut draw: impl FnMut(&mut Tile, [f32; 2]),
+) {
+    for row in *top..*bottom {
+        for column in *first..*end {
+            let tile = &mut tiles[row * across + column];
+            if nearest > tile.farthest {
+                draw(tile, [(column * COLUMNS) as f32, (row * ROWS) as f32]);
             }
         }
     }
@@ -170,10 +204,16 @@ impl Tile {
             }
         }
         if changed {
-            let all = S::as_simd_f32s(self.inverses.as_flattened()).0;
-            let least = all.iter().fold(all[0], |least, inverse| simd.min_f32s(least, *inverse));
-            self.farthest = simd.reduce_min_f32s(least);
+            self.settle(simd);
         }
+    }
+
+    /// Finds out how far away the farthest is.
+    #[inline(always)]
+    fn settle<S: Simd>(&mut self, simd: S) {
+        let all = S::as_simd_f32s(self.inverses.as_flattened()).0;
+        let least = all.iter().fold(all[0], |least, inverse| simd.min_f32s(least, *inverse));
+        self.farthest = simd.reduce_min_f32s(least);
     }
 
     /// Keeps what is nearer; of `enter` it leaves that alone. Whether there is any.

@@ -1,9 +1,13 @@
 //! What of a scene is in view, as affine functions of columns and rows.
 
+mod mesh;
+
 use nalgebra::Vector3;
 
-use super::kernel::{Affine, COLUMNS, Canvas, Plane, Plot, Quadratic, ROWS, Side};
-use super::scene::{Body, FLOOR_SURFACE, Face, Round, Scene};
+pub(super) use mesh::Corner;
+
+use super::kernel::{Affine, COLUMNS, Canvas, Figure, Plane, Plot, Quadratic, ROWS, Side};
+use super::scene::{Ball, Body, FLOOR_SURFACE, Face, Round, Scene};
 use super::{Camera, View};
 
 /// Distance within which an eye counts as being beside a plane and not in it \[m\].
@@ -18,18 +22,24 @@ impl Scene {
             canvas.planes.push(Plane { inverse, surface: FLOOR_SURFACE });
             let tiles = [[0, canvas.across], [0, canvas.tiles.len() / canvas.across]];
             let nearest = canvas.limit;
-            canvas.plots.push(Plot { tiles, nearest, entered: [0, 1], left: [1, 1], side: None });
+            let figure = Figure::Convex { entered: [0, 1], left: [1, 1], side: None };
+            canvas.plots.push(Plot { tiles, nearest, figure });
         }
         for body in &self.bodies {
-            if body.is_in_view(camera, &rays.view) {
+            if body.ball.is_in_view(camera, &rays.view) {
                 body.plot(rays, camera, canvas);
+            }
+        }
+        for mesh in &self.meshes {
+            if mesh.ball.is_in_view(camera, &rays.view) {
+                mesh.plot(rays, camera, canvas);
             }
         }
     }
 }
 
-impl Body {
-    /// Whether a ball around it meets what the camera sees.
+impl Ball {
+    /// Whether it meets what the camera sees.
     #[inline(always)]
     fn is_in_view(&self, camera: &Camera, view: &View) -> bool {
         let away = self.centre - view.eye;
@@ -42,11 +52,13 @@ impl Body {
             && !beside(&view.right, camera.tangents[0])
             && !beside(&view.down, camera.tangents[1])
     }
+}
 
+impl Body {
     /// Says how it is drawn; not at all when it is not in view, or the eye is inside it.
     #[inline(always)]
     fn plot(&self, rays: &Rays, camera: &Camera, canvas: &mut Canvas) {
-        let Some((tiles, nearest)) = self.area(rays, camera) else { return };
+        let Some((tiles, nearest)) = rays.area(&self.corners, camera) else { return };
         let first = canvas.planes.len();
         let meets = |face: &Face| {
             let (inverse, distance) = rays.meets(&face.normal, face.offset);
@@ -65,47 +77,11 @@ impl Body {
         let side = self.round.as_ref().map(|round| round.side(rays));
         if entered > first || side.as_ref().is_some_and(|side| side.from_outside) {
             let left = [entered, canvas.planes.len()];
-            canvas.plots.push(Plot { tiles, nearest, entered: [first, entered], left, side });
+            let figure = Figure::Convex { entered: [first, entered], left, side };
+            canvas.plots.push(Plot { tiles, nearest, figure });
         } else {
             canvas.planes.truncate(first);
         }
-    }
-
-    /// Tiles that it may cover, and its greatest inverse depth \[1/m\].
-    #[inline(always)]
-    fn area(&self, rays: &Rays, camera: &Camera) -> Option<([[usize; 2]; 2], f32)> {
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
-        let axes = [rays.view.right / camera.tangents[0], rays.view.down / camera.tangents[1]];
-        for corner in &self.corners {
-            let away = corner - rays.view.eye;
-            let depth = away.dot(&rays.view.forward);
-            least = if depth < least { depth } else { least };
-            greatest = if depth > greatest { depth } else { greatest };
-            let inverse = 1.0 / if depth > camera.near_m { depth } else { camera.near_m };
-            for axis in 0..2 {
-                let share = away.dot(&axes[axis]) * inverse;
-                low[axis] = if share < low[axis] { share } else { low[axis] };
-                high[axis] = if share > high[axis] { share } else { high[axis] };
-            }
-        }
-        if greatest <= camera.near_m {
-            return None;
-        }
-        let sizes = [(camera.columns, COLUMNS), (camera.rows, ROWS)];
-        let tiles = core::array::from_fn(|axis| {
-            let (size, tile) = sizes[axis];
-            if least <= camera.near_m {
-                return [0, size.div_ceil(tile)];
-            }
-            let place = |share: f64| 0.5 * (share + 1.0) * size as f64 - camera.sample[axis];
-            // A pixel more on each side, against rounding.
-            let first = (place(low[axis]) - 1.0).max(0.0) as usize;
-            let end = ((place(high[axis]) + 2.0).max(0.0) as usize).min(size);
-            [first / tile, end.div_ceil(tile).max(first / tile)]
-        });
-        let nearest = (1.001 / least.max(camera.near_m)) as f32;
-        Some((tiles, nearest))
     }
 }
 
@@ -167,6 +143,43 @@ impl Rays {
             }
         }
         points
+    }
+
+    /// Tiles that the hull of some points may cover, and its greatest inverse depth \[1/m\].
+    #[inline(always)]
+    fn area(&self, corners: &[Vector3<f64>], camera: &Camera) -> Option<([[usize; 2]; 2], f32)> {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
+        let axes = [self.view.right / camera.tangents[0], self.view.down / camera.tangents[1]];
+        for corner in corners {
+            let away = corner - self.view.eye;
+            let depth = away.dot(&self.view.forward);
+            least = if depth < least { depth } else { least };
+            greatest = if depth > greatest { depth } else { greatest };
+            let inverse = 1.0 / if depth > camera.near_m { depth } else { camera.near_m };
+            for axis in 0..2 {
+                let share = away.dot(&axes[axis]) * inverse;
+                low[axis] = if share < low[axis] { share } else { low[axis] };
+                high[axis] = if share > high[axis] { share } else { high[axis] };
+            }
+        }
+        if greatest <= camera.near_m {
+            return None;
+        }
+        let sizes = [(camera.columns, COLUMNS), (camera.rows, ROWS)];
+        let tiles = core::array::from_fn(|axis| {
+            let (size, tile) = sizes[axis];
+            if least <= camera.near_m {
+                return [0, size.div_ceil(tile)];
+            }
+            let place = |share: f64| 0.5 * (share + 1.0) * size as f64 - camera.sample[axis];
+            // A pixel more on each side, against rounding.
+            let first = (place(low[axis]) - 1.0).max(0.0) as usize;
+            let end = ((place(high[axis]) + 2.0).max(0.0) as usize).min(size);
+            [first / tile, end.div_ceil(tile).max(first / tile)]
+        });
+        let nearest = (1.001 / least.max(camera.near_m)) as f32;
+        Some((tiles, nearest))
     }
 
     /// Inverse depth at which rays meet a plane, and how far in front of it the eye is \[m\].

@@ -1,5 +1,8 @@
 //! From a scene to an image.
 
+#[cfg(test)]
+mod tests;
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::kernel::{COLUMNS, Canvas, ROWS};
@@ -17,12 +20,19 @@ impl Scene {
 
     /// As [`Self::render`], in memory that is used again.
     pub fn render_into(&self, camera: &Camera, view: &View, canvas: &mut Canvas, image: &mut Image) {
-        let pixels = camera.columns * camera.rows;
-        image.columns = camera.columns;
-        image.depths.resize(pixels, 0.0);
-        image.labels.resize(pixels, NOTHING);
-        image.colours.resize(pixels, BACKGROUND);
+        image.fit(camera);
         Arch::new().dispatch(Render { scene: self, camera, rays: Rays::new(camera, view), canvas, image });
+    }
+}
+
+impl Image {
+    /// Makes room for what a camera sees.
+    fn fit(&mut self, camera: &Camera) {
+        let pixels = camera.columns * camera.rows;
+        self.columns = camera.columns;
+        self.depths.resize(pixels, 0.0);
+        self.labels.resize(pixels, NOTHING);
+        self.colours.resize(pixels, BACKGROUND);
     }
 }
 

@@ -1,6 +1,7 @@
 //! A world prepared for cameras.
 
 mod drone;
+mod mesh;
 mod moving;
 #[cfg(feature = "gpu")]
 pub(super) mod words;
@@ -9,6 +10,8 @@ pub use moving::Mover;
 
 use moving::Moving;
 use nalgebra::Vector3;
+
+pub(super) use mesh::{Mesh, Triangle};
 
 use super::{FIRST_SOLID, FLOOR, NOTHING};
 use crate::contact::face_normals;
@@ -42,6 +45,7 @@ pub(super) const FLOOR_SURFACE: Surface = 1;
 #[derive(Clone, Debug)]
 pub struct Scene {
     pub(super) bodies: Vec<Body>,
+    pub(super) meshes: Vec<Mesh>,
     pub(super) has_floor: bool,
     pub(super) surfaces: Vec<Look>,
     moving: Moving,
@@ -57,13 +61,19 @@ pub(super) struct Look {
     pub(super) round: Option<u32>,
 }
 
-/// A convex body in a ball.
-#[derive(Clone, Debug)]
-pub(super) struct Body {
-    /// Of the ball \[m\].
+/// A ball around something.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ball {
+    /// \[m\].
     pub(super) centre: Vector3<f64>,
     /// Its radius \[m\].
     pub(super) reach: f64,
+}
+
+/// A convex body.
+#[derive(Clone, Debug)]
+pub(super) struct Body {
+    pub(super) ball: Ball,
     pub(super) faces: Vec<Face>,
     pub(super) round: Option<Round>,
     /// Points whose hull holds the body \[m\].
@@ -114,6 +124,7 @@ impl Scene {
         let floor = |colour| Look { label: FLOOR, colour: shaded(colour, &Vector3::z()), round: None };
         let mut scene = Self {
             bodies: Vec::new(),
+            meshes: Vec::new(),
             has_floor: world.floor == Floor::Solid,
             surfaces: vec![nothing, floor(FLOOR_COLOURS[0]), floor(FLOOR_COLOURS[1])],
             moving: Moving::default(),
@@ -129,18 +140,25 @@ impl Scene {
 
     fn add(&mut self, solid: &Solid, label: u16) {
         let pose = &solid.pose;
+        let ball = Ball { centre: pose.position, reach: solid.shape.reach() };
         let placed = |point: Vector3<f64>| pose.position + pose.world_from_body.rotate(point);
+        let corners: Vec<_> = local_corners(&solid.shape).into_iter().map(placed).collect();
+        if let Shape::Mesh(mesh) = &solid.shape {
+            let surface = |colour: Option<_>, normal: &_| self.flat(label, colour.unwrap_or(solid.colour), normal);
+            let triangles = Triangle::all(mesh, &corners, surface);
+            self.meshes.push(Mesh { ball, corners, triangles });
+            return;
+        }
         let mut faces = Vec::new();
         for (normal, offset) in local_faces(&solid.shape) {
             let normal = pose.world_from_body.rotate(normal);
-            let surface = self.surfaces.len() as Surface;
-            self.surfaces.push(Look { label, colour: shaded(solid.colour, &normal), round: None });
+            let surface = self.flat(label, solid.colour, &normal);
             faces.push(Face { normal, offset: offset + normal.dot(&pose.position), surface });
         }
         let round = match solid.shape {
             Shape::Cylinder { radius, .. } => Some((radius, pose.world_from_body.rotate(Vector3::z()))),
             Shape::Sphere(radius) => Some((radius, Vector3::zeros())),
-            Shape::Cuboid(_) | Shape::Hull(_) => None,
+            Shape::Cuboid(_) | Shape::Hull(_) | Shape::Mesh(_) => None,
         };
         let round = round.map(|(radius, axis)| {
             let surface = self.surfaces.len() as Surface;
@@ -148,9 +166,14 @@ impl Scene {
             self.surfaces.push(Look { label, colour: BACKGROUND, round: Some(body) });
             Round::new(pose.position, axis, radius, solid.colour.map(|value| 255.0 * value), surface)
         });
-        let corners = local_corners(&solid.shape).into_iter().map(placed).collect();
-        let (centre, reach) = (pose.position, solid.shape.reach());
-        self.bodies.push(Body { centre, reach, faces, round, corners });
+        self.bodies.push(Body { ball, faces, round, corners });
+    }
+
+    /// A flat surface.
+    fn flat(&mut self, label: u16, colour: [f32; 3], normal: &Vector3<f64>) -> Surface {
+        let surface = self.surfaces.len() as Surface;
+        self.surfaces.push(Look { label, colour: shaded(colour, normal), round: None });
+        surface
     }
 }
 
@@ -180,7 +203,7 @@ fn local_faces(shape: &Shape) -> Vec<(Vector3<f64>, f64)> {
             axes.into_iter().zip(half.iter()).flat_map(|(axis, half)| both(axis, *half)).collect()
         }
         Shape::Cylinder { half_height, .. } => both(Vector3::z(), *half_height).into(),
-        Shape::Sphere(_) => Vec::new(),
+        Shape::Sphere(_) | Shape::Mesh(_) => Vec::new(),
         Shape::Hull(points) => {
             let farthest = |normal: &Vector3<f64>| {
                 points.iter().map(|point| point.dot(normal)).fold(f64::NEG_INFINITY, f64::max)
@@ -190,10 +213,11 @@ fn local_faces(shape: &Shape) -> Vec<(Vector3<f64>, f64)> {
     }
 }
 
-/// Points whose hull holds a shape \[m\].
+/// Points whose hull holds a shape \[m\]; the corners of a mesh.
 fn local_corners(shape: &Shape) -> Vec<Vector3<f64>> {
     let half = match shape {
         Shape::Hull(points) => return points.clone(),
+        Shape::Mesh(mesh) => return mesh.corners.clone(),
         Shape::Cuboid(half) => *half,
         Shape::Cylinder { radius, half_height } => Vector3::new(*radius, *radius, *half_height),
         Shape::Sphere(radius) => Vector3::repeat(*radius),

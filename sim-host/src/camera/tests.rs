@@ -4,7 +4,7 @@ use kestrel_core::attitude::Attitude;
 use super::*;
 use crate::contact::{Arena, ContactReport};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::world::{Movable, Role, Shape, Solid, World};
+use crate::world::{self, Mesh, Movable, Role, Shape, Solid, World};
 
 /// A world of solids of every shape, strewn about and turned at random.
 pub(super) fn strewn(seed: u64, count: usize) -> World {
@@ -32,7 +32,37 @@ pub(super) fn strewn(seed: u64, count: usize) -> World {
     World { solids: solids.collect(), ..World::empty() }
 }
 
-fn ahead() -> View {
+/// A ring of triangles about z, not convex, whose every seventh is red.
+pub(super) fn ring(radius: f64, thickness: f64, around: u32, across: u32) -> Shape {
+    let angle = |step: u32, steps: u32| (std::f64::consts::TAU * f64::from(step) / f64::from(steps)).sin_cos();
+    let place = |index: u32| {
+        let ((sine, cosine), (rise, out)) = (angle(index / across, around), angle(index % across, across));
+        let from_axis = radius + thickness * out;
+        Vector3::new(from_axis * cosine, from_axis * sine, thickness * rise)
+    };
+    let corners: Vec<_> = (0..around * across).map(place).collect();
+    let corner = |i: u32, j: u32| i % around * across + j % across;
+    let square = |index: u32| {
+        let (i, j) = (index / across, index % across);
+        let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+        let colour = index.is_multiple_of(7).then_some([1.0, 0.0, 0.0]);
+        [[a, b, c], [a, c, d]].map(|corners| world::Triangle { corners, colour })
+    };
+    let triangles = (0..around * across).flat_map(square).collect();
+    Shape::Mesh(Mesh { hull: corners.clone(), corners, triangles })
+}
+
+/// As [`strewn`], with rings of some hundred triangles for every other solid.
+pub(super) fn strewn_rings(seed: u64, count: usize) -> World {
+    let mut world = strewn(seed, count);
+    for (index, solid) in world.solids.iter_mut().enumerate().step_by(2) {
+        let size = 0.2 + 0.05 * index as f64;
+        solid.shape = ring(size, 0.3 * size, 20, 10 + index as u32);
+    }
+    world
+}
+
+pub(super) fn ahead() -> View {
     View::towards(Vector3::new(-0.5, 0.1, 1.0), Vector3::new(2.0, 0.0, 0.9), Vector3::z())
 }
 
@@ -67,6 +97,65 @@ fn every_pixel_is_where_a_ray_meets_the_world() {
     }
     // A ray along an edge may take either side, and one that grazes something round.
     assert!(off < pixels / 1000, "{off} of {pixels} pixels are elsewhere");
+}
+
+/// Depth and triangle at which a ray meets the front of a ring nearest (Möller & Trumbore 1997).
+fn nearest(solid: &Solid, eye: Vector3<f64>, ray: Vector3<f64>) -> Option<(f64, world::Triangle)> {
+    let Shape::Mesh(mesh) = &solid.shape else { return None };
+    let placed = |point| solid.pose.position + solid.pose.world_from_body.rotate(point);
+    let met = |triangle: &world::Triangle| {
+        let [a, b, c] = mesh.places(triangle).map(placed);
+        let across = ray.cross(&(c - a));
+        let volume = (b - a).dot(&across);
+        let along = (eye - a).cross(&(b - a));
+        let (u, v) = ((eye - a).dot(&across) / volume, ray.dot(&along) / volume);
+        let depth = (c - a).dot(&along) / volume;
+        (volume > 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && depth > 0.0).then_some((depth, *triangle))
+    };
+    mesh.triangles.iter().filter_map(met).min_by(|one, other| one.0.total_cmp(&other.0))
+}
+
+#[test]
+fn every_pixel_of_a_mesh_is_where_a_ray_meets_a_triangle() {
+    let camera = Camera { columns: 37, rows: 23, far_m: 50.0, ..Camera::PAPER };
+    let within = View::towards(Vector3::new(2.5, 0.0, 1.0), Vector3::new(1.0, 0.4, 0.8), Vector3::z());
+    let (mut pixels, mut met, mut off) = (0, 0, 0);
+    for (seed, view) in [(0, ahead()), (1, ahead()), (2, within)] {
+        let mut world = strewn_rings(seed, 8);
+        world.solids.retain(|solid| matches!(solid.shape, Shape::Mesh(_)));
+        world.floor = world::Floor::Absent;
+        let image = Scene::new(&world).render(&camera, &view);
+        for place in 0..camera.rows * camera.columns {
+            let ray = ray(&camera, &view, place % camera.columns, place / camera.columns);
+            let found = (FIRST_SOLID..).zip(&world.solids).filter_map(|(label, solid)| {
+                let (depth, triangle) = nearest(solid, view.eye, ray)?;
+                (depth >= camera.near_m).then_some((depth, label, triangle.colour.is_some()))
+            });
+            let found = found.min_by(|one, other| one.0.total_cmp(&other.0));
+            let (depth, label, red) = found.unwrap_or((camera.far_m, NOTHING, false));
+            let [high, low, _] = image.colours[place];
+            let seen = (image.labels[place], image.labels[place] != NOTHING && high / 2 > low);
+            let is_far = (f64::from(image.depths[place]) - depth).abs() > 1e-4 * depth;
+            pixels += 1;
+            met += i32::from(label != NOTHING);
+            off += i32::from(is_far || seen != (label, red));
+        }
+    }
+    assert!(met > pixels / 20, "{met} of {pixels} show a ring");
+    assert!(off <= pixels / 2000, "{off} of {pixels} pixels are elsewhere");
+}
+
+#[test]
+fn nothing_is_seen_between_triangles() {
+    // A closed ring around the eye, seen from within its tube's hole: no ray through its wall finds a gap.
+    let mut solid = Solid::block("ball", Vector3::repeat(-1.0), Vector3::repeat(1.0));
+    solid.shape = ring(0.25, 0.25, 60, 50);
+    let world = World { solids: vec![solid], floor: world::Floor::Absent, ..World::empty() };
+    let scene = Scene::new(&world);
+    let camera = Camera { columns: 256, rows: 256, tangents: [0.2; 2], ..Camera::PAPER };
+    let view = View::towards(Vector3::new(0.9, 0.1, 0.7), Vector3::new(0.25, 0.0, 0.0), Vector3::z());
+    let image = scene.render(&camera, &view);
+    assert!(image.labels.iter().all(|label| *label == FIRST_SOLID), "a gap");
 }
 
 #[test]
@@ -112,7 +201,10 @@ fn what_holds_the_eye_or_is_behind_it_or_nearer_than_near_is_not_drawn() {
     let around = Solid::block("around", Vector3::new(-1.0, -1.0, 0.0), Vector3::new(1.0, 1.0, 2.0));
     let behind = Solid::block("behind", Vector3::new(-3.0, -1.0, 0.0), Vector3::new(-2.0, 1.0, 2.0));
     let brushed = Solid::block("brushed", Vector3::new(0.02, -1.0, 0.0), Vector3::new(0.5, 1.0, 2.0));
-    for solid in [around, behind, brushed] {
+    let mut within = around.clone();
+    within.shape = ring(0.2, 0.1, 30, 20);
+    within.pose.position = Vector3::new(-0.2, 0.0, 1.0);
+    for solid in [around, behind, brushed, within] {
         let world = World { solids: vec![solid], floor: crate::world::Floor::Absent, ..World::empty() };
         let view = View::towards(Vector3::new(0.0, 0.0, 1.0), Vector3::new(1.0, 0.0, 1.0), Vector3::z());
         let image = Scene::new(&world).render(&Camera::PAPER, &view);

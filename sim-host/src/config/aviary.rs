@@ -164,11 +164,11 @@ impl AviaryConfig {
         }
         for (index, solid) in self.solids.iter().enumerate() {
             let field = field.at("solids").at(index);
-            let solid = solid.check(&field)?;
-            if goal.is_some_and(|goal| holds(&solid, goal)) {
+            let solids = solid.check(&field)?;
+            if goal.is_some_and(|goal| solids.iter().any(|solid| holds(solid, goal))) {
                 return Err(field.reject("a solid around the goal", "one that leaves `goal_m` free"));
             }
-            world.solids.push(solid);
+            world.solids.extend(solids);
         }
         for (index, center) in self.pillars.iter().enumerate() {
             world.solids.push(pillar(*center, &field.at("pillars").at(index))?);

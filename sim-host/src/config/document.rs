@@ -32,7 +32,7 @@ impl Document {
     /// Reads and parses a YAML file and what it imports, or a URDF file as the airframe in it.
     ///
     /// # Errors
-    /// When a file is not there, a directory, larger than 1 MiB, not UTF-8, or not one YAML mapping; when files import
+    /// When a file is not there, a directory, larger than 8 MiB, not UTF-8, or not one YAML mapping; when files import
     /// each other in a circle, or more than 8 in a chain.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         let name = path.display().to_string();
@@ -173,7 +173,7 @@ fn refused(name: &str, fault: &Unreadable) -> ConfigError {
     let expected = match fault {
         Unreadable::Missing => "a configuration, such as configs/hover.yaml",
         Unreadable::Folder => "a configuration file, such as configs/hover.yaml",
-        Unreadable::Long => "a configuration, which is a few KiB long",
+        Unreadable::Long(_) => "a configuration, which is a few KiB long",
         Unreadable::Broken(_) => "a readable configuration",
         Unreadable::Bytes { line, column, .. } => {
             return ConfigError::Invalid {

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use super::document::tree_of;
 use super::error::{ConfigError, Place, Source};
+use super::mesh;
 use super::node::{Entry, Node, Value};
 use super::text::{Unreadable, read_text};
 
@@ -107,6 +108,12 @@ impl Imports {
             let found = format!("a chain of imports that is too long ({})", inner.shown_from(0));
             return Err(refuse(found, &format!("at most {DEPTH_LIMIT} imports in a chain")));
         }
+        let key = trail.keys.last().map(String::as_str);
+        if mesh::is_mesh(&path, key).map_err(|(found, expected)| refuse(found, expected))? {
+            let (node, bytes) = mesh::tree(&path, place, &trail.key())?;
+            self.count(bytes).map_err(|(found, expected)| refuse(found, &expected))?;
+            return Ok(node);
+        }
         let text = read_text(&path).map_err(|fault| match fault {
             Unreadable::Bytes { line, column, byte } => {
                 let source =
@@ -114,7 +121,7 @@ impl Imports {
                 let place = Place { source: Arc::new(source), line, column };
                 ConfigError::at(&place, "", format!("the byte 0x{byte:02x}"), "text in UTF-8")
             }
-            Unreadable::Long => refuse(format!("{} ({name})", Unreadable::Long), "a file of a few KiB"),
+            Unreadable::Long(_) => refuse(format!("{fault} ({name})"), "a file of a few KiB"),
             other @ (Unreadable::Missing | Unreadable::Folder | Unreadable::Broken(_)) => {
                 refuse(format!("{other} ({name})"), EXPECTED)
             }

@@ -5,16 +5,16 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-/// Largest configuration file \[bytes\]; the examples have a few thousand.
-const SIZE_LIMIT: u64 = 1 << 20;
+/// Largest configuration file \[bytes\]; the examples have a few thousand, but a resolved one holds its meshes.
+const SIZE_LIMIT: u64 = 8 << 20;
 
 /// Why a file is no text.
 #[derive(Debug)]
 pub(crate) enum Unreadable {
     Missing,
     Folder,
-    /// More than 1 MiB.
-    Long,
+    /// More than so many bytes.
+    Long(u64),
     Broken(io::Error),
     /// Not UTF-8, from this byte on; line and column count from one.
     Bytes {
@@ -30,7 +30,7 @@ impl fmt::Display for Unreadable {
         match self {
             Self::Missing => formatter.write_str("no such file"),
             Self::Folder => formatter.write_str("a directory"),
-            Self::Long => formatter.write_str("more than 1 MiB"),
+            Self::Long(bytes) => write!(formatter, "more than {} MiB", bytes >> 20),
             Self::Broken(error) => write!(formatter, "a file that cannot be read ({error})"),
             Self::Bytes { byte, .. } => write!(formatter, "the byte 0x{byte:02x}"),
         }
@@ -39,25 +39,29 @@ impl fmt::Display for Unreadable {
 
 /// The text of the file at `path`.
 pub(crate) fn read_text(path: &Path) -> Result<String, Unreadable> {
+    String::from_utf8(read_bytes(path, SIZE_LIMIT)?).map_err(|error| Unreadable::not_text(&error))
+}
+
+/// What is in the file at `path`, at most so many bytes.
+pub(crate) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable> {
     if path.is_dir() {
         return Err(Unreadable::Folder);
     }
     let mut bytes = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(SIZE_LIMIT + 1).read_to_end(&mut bytes));
+    let read = File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut bytes));
     read.map_err(|error| match error.kind() {
         ErrorKind::NotFound => Unreadable::Missing,
         _ => Unreadable::Broken(error),
     })?;
-    if bytes.len() as u64 > SIZE_LIMIT {
-        return Err(Unreadable::Long);
-    }
-    String::from_utf8(bytes).map_err(|error| not_text(&error))
+    if bytes.len() as u64 > limit { Err(Unreadable::Long(limit)) } else { Ok(bytes) }
 }
 
-fn not_text(error: &std::string::FromUtf8Error) -> Unreadable {
-    let valid = error.utf8_error().valid_up_to();
-    let before = String::from_utf8_lossy(&error.as_bytes()[..valid]);
-    let line = before.matches('\n').count() + 1;
-    let column = before.chars().rev().take_while(|letter| *letter != '\n').count() + 1;
-    Unreadable::Bytes { line, column, byte: error.as_bytes()[valid] }
+impl Unreadable {
+    pub(crate) fn not_text(error: &std::string::FromUtf8Error) -> Self {
+        let valid = error.utf8_error().valid_up_to();
+        let before = String::from_utf8_lossy(&error.as_bytes()[..valid]);
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|letter| *letter != '\n').count() + 1;
+        Self::Bytes { line, column, byte: error.as_bytes()[valid] }
+    }
 }

@@ -10,7 +10,7 @@ use rapier3d::parry::query::{DefaultQueryDispatcher, QueryDispatcher as _};
 use rapier3d::parry::shape::ConvexPolyhedron;
 
 use super::frame::{compose, relative, to_pose, to_vector};
-use crate::world::{Pose, Shape};
+use crate::world::{Mesh, Pose, Shape};
 
 /// Corners of one face of the drone's prism, as many as the reference gives a URDF cylinder.
 const CORNERS: usize = 32;
@@ -75,7 +75,7 @@ impl Outline {
                 extremes: Extremes::Sphere(*radius),
                 radius: *radius,
             },
-            Shape::Hull(points) => Self {
+            Shape::Hull(points) | Shape::Mesh(Mesh { hull: points, .. }) => Self {
                 shape: convex_hull(points),
                 pose: Pose::at(Vector3::zeros()),
                 extremes: Extremes::Corners(points.clone()),

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use super::outline::face_normals;
 use crate::sensor::{BEAM_LIMIT, Scan};
-use crate::world::{Floor, Shape, Solid, World};
+use crate::world::{Floor, Mesh, Shape, Solid, World};
 
 /// Edge of the cells that know what can be seen from inside them \[m\].
 const CELL: f32 = 0.25;
@@ -229,7 +229,7 @@ fn local_planes(shape: &Shape) -> Vec<(Vector3<f64>, f64, f64)> {
             };
             (0..BALL_SIDES).map(side).collect()
         }
-        Shape::Hull(points) => {
+        Shape::Hull(points) | Shape::Mesh(Mesh { hull: points, .. }) => {
             let mut planes: Vec<(Vector3<f64>, f64, f64)> = Vec::new();
             for normal in face_normals(points) {
                 if planes.iter().all(|(other, ..)| other.cross(&normal).norm() > 1e-4) {

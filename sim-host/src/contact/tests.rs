@@ -8,7 +8,7 @@ use super::distance_map::FAR;
 use super::{Arena, ContactReport, Motion, Touch, WayMap};
 use crate::scenario::Cuboid;
 use crate::sensor::{BEAM_LIMIT, Scan, ScanRing};
-use crate::world::{Floor, Movable, Pose, Role, Shape, Solid, World};
+use crate::world::{Floor, Mesh, Movable, Pose, Role, Shape, Solid, Triangle, World};
 
 const OBSTACLE: Touch = Touch { obstacle: true, landing: false };
 const LANDING: Touch = Touch { obstacle: false, landing: true };
@@ -75,6 +75,30 @@ fn clearance_is_below_the_distance_but_not_far() {
         tight += usize::from(clearance >= distance - 0.2 || clearance > FAR);
     }
     assert!(tight > 2500, "{tight} of the bounds are of use");
+}
+
+#[test]
+fn a_mesh_is_met_as_its_hull() {
+    let hull = world();
+    let mut mesh = world();
+    let Shape::Hull(points) = &hull.solids[2].shape else { panic!("the tent is a hull") };
+    let (corners, hull_points) = (points.clone(), points.clone());
+    let triangles = vec![Triangle { corners: [0, 1, 2], colour: None }];
+    mesh.solids[2].shape = Shape::Mesh(Mesh { corners, triangles, hull: hull_points });
+    let [hull, mesh] = [hull, mesh].map(|world| Arena::new(&world, &CF2X, ContactReport::Touch));
+    for point in points_near_the_tent() {
+        assert_eq!(hull.touch(&Pose::at(point), &[]), mesh.touch(&Pose::at(point), &[]));
+        let ray = |arena: &Arena| arena.raycast(point, Vector3::new(-0.6, 0.0, -0.8), 10.0);
+        assert_eq!(ray(&hull), ray(&mesh));
+        let clearance = |arena: &Arena| arena.clearance(point.x as f32, point.y as f32, point.z as f32);
+        assert_eq!(clearance(&hull), clearance(&mesh));
+    }
+}
+
+fn points_near_the_tent() -> impl Iterator<Item = Vector3<f64>> {
+    (0..64).map(|n| {
+        Vector3::new(-4.2, 2.8, 0.0) + 0.4 * Vector3::new((n % 4).into(), (n / 4 % 4).into(), (n / 16).into())
+    })
 }
 
 #[test]

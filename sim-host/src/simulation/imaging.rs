@@ -1,20 +1,21 @@
 //! The images of a simulation's drones: taken at their pace, spoiled as a real camera does, delivered when they arrive.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::camera::{Canvas, Image, OnboardCamera, Scene};
+use crate::camera::{Canvas, Image, Mover, OnboardCamera, Scene};
 use crate::contact::Motion;
 use crate::scenario::Scenario;
 use crate::seed::Stream;
+use crate::world::Pose;
 
 /// The cameras of all drones.
 #[derive(Clone, Debug)]
 pub(super) struct Imaging {
     camera: OnboardCamera,
-    scene: Arc<Scene>,
+    /// With what moves in the environment that was looked at last.
+    scene: Scene,
     canvas: Canvas,
     image: Image,
     /// Colours of an exposure, added up.
@@ -50,7 +51,7 @@ impl Imaging {
         let bytes = rows * camera.image_len();
         let memory = |row| CameraMemory { stream: stream(row), gain: 1.0, coming: VecDeque::new() };
         Some(Self {
-            scene: Arc::new(Scene::new(&scenario.aviary.world)),
+            scene: Scene::new(&scenario.aviary.world).with_drones(&scenario.airframe, drones(scenario)),
             canvas: Canvas::default(),
             image: Image::default(),
             sums: Vec::new(),
@@ -81,6 +82,30 @@ impl Imaging {
     pub(super) fn restore(&mut self, state: &ImagingState) {
         self.images.copy_from_slice(&state.images);
         self.memories.clone_from_slice(&state.memories);
+    }
+
+    /// Whether something is to be placed before a drone looks.
+    pub(super) fn has_movers(&self) -> bool {
+        self.scene.drones() > 0 || self.scene.movables() > 0
+    }
+
+    /// Whether the camera takes an image in the control period of an episode.
+    pub(super) fn is_due(&self, period: u32) -> bool {
+        self.camera.is_due(period)
+    }
+
+    /// Places what moves in a drone's environment; the drone does not see itself.
+    pub(super) fn place(&mut self, drone: usize, team: &[Pose], movables: &[Pose]) {
+        for (index, pose) in movables.iter().enumerate() {
+            self.scene.place(Mover::Movable(index), pose);
+        }
+        for (index, pose) in team.iter().enumerate().take(self.scene.drones()) {
+            if index == drone {
+                self.scene.hide(Mover::Drone(index));
+            } else {
+                self.scene.place(Mover::Drone(index), pose);
+            }
+        }
     }
 
     /// Takes the image of a drone in the control period of its episode, if it is time for one, and shows what arrives.
@@ -135,5 +160,13 @@ impl Imaging {
         }
         let CameraMemory { stream, gain, .. } = &mut memories[row];
         camera.optics.spoil(*gain, stream, image);
+    }
+}
+
+/// Drones that others see.
+fn drones(scenario: &Scenario) -> usize {
+    match scenario.agents.count {
+        1 => 0,
+        count => count as usize,
     }
 }

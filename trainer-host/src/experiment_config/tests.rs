@@ -221,8 +221,8 @@ fn odd_files_are_refused() {
         "trial.yaml:2:7: found the byte 0xff, expected text in UTF-8"
     );
     assert_eq!(
-        refusal("# long\n".repeat(200_000).as_bytes()),
-        "trial.yaml: found more than 1 MiB, expected a configuration, which is a few KiB long"
+        refusal("# long\n".repeat(1_300_000).as_bytes()),
+        "trial.yaml: found more than 8 MiB, expected a configuration, which is a few KiB long"
     );
     assert_eq!(
         refusal(b"- 1\n"),

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use kestrel_sim::world::{Shape, Solid};
+use kestrel_sim::world::{Mesh, Shape, Solid};
 use nalgebra::Vector3;
 
 /// Corners of the polygon that stands for a circle.
@@ -64,7 +64,7 @@ fn corners(shape: &Shape) -> Vec<Vector3<f64>> {
                 *radius * Vector3::new(across * cosine, across * sine, along)
             })
             .collect(),
-        Shape::Hull(points) => points.clone(),
+        Shape::Hull(points) | Shape::Mesh(Mesh { hull: points, .. }) => points.clone(),
     }
 }
 

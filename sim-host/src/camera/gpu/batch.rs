@@ -75,15 +75,15 @@ impl Scenes {
             gpu.buffer("camera", size_of_val(&words) as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
         gpu.queue.write_buffer(&uniform, 0, bytemuck::cast_slice(&words));
         let common = [&uniform, &self.heads, &self.bodies, &self.rounds, &shots];
-        let plot = gpu.bound(&gpu.plot, &common, [&self.faces, &self.corners, plots]);
-        let draw = gpu.bound(&gpu.draw, &common, [&self.looks, plots, &pixels]);
+        let plot = gpu.bound(&gpu.plot, &common, &[&self.faces, &self.corners, plots, &self.triangles]);
+        let draw = gpu.bound(&gpu.draw, &common, &[&self.looks, plots, &pixels]);
         Part { views, pixels, shots, plot, draw, staging: None }
     }
 }
 
 impl Gpu {
-    fn bound(&self, pipeline: &wgpu::ComputePipeline, common: &[&Buffer; 5], own: [&Buffer; 3]) -> BindGroup {
-        let buffers = common.iter().copied().chain(own);
+    fn bound(&self, pipeline: &wgpu::ComputePipeline, common: &[&Buffer; 5], own: &[&Buffer]) -> BindGroup {
+        let buffers = common.iter().chain(own);
         let entries: Vec<_> = (0..)
             .zip(buffers)
             .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })

@@ -31,6 +31,8 @@ struct Scene {
     has_floor: u32,
     even_floor: u32,
     odd_floor: u32,
+    first_triangle: u32,
+    triangles: u32,
 }
 
 struct Body {
@@ -48,6 +50,12 @@ struct Face {
     // The point of its plane that is nearest to the world's origin.
     place: vec3<f32>,
     rest: vec3<f32>,
+}
+
+struct Triangle {
+    face: Face,
+    // Indices among all corners, counterclockwise as seen from in front of the face.
+    corners: vec3<u32>,
 }
 
 struct Round {

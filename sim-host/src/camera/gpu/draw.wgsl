@@ -40,14 +40,16 @@ fn draw(
     let place = vec2<f32>(pixel);
     let of_faces = group.z * camera.stride;
     let of_areas = of_faces + scene.faces;
-    let of_rounds = of_areas + scene.bodies;
+    let items = scene.bodies + scene.triangles;
+    let of_rounds = of_areas + items;
+    let of_triangles = of_rounds + 3u * scene.rounds;
     var seen = with_floor(views[group.z], scene, place);
-    for (var first = 0u; first < scene.bodies; first += LANES) {
+    for (var first = 0u; first < items; first += LANES) {
         if lane == 0u {
             atomicStore(&found, 0u);
         }
         workgroupBarrier();
-        if first + lane < scene.bodies {
+        if first + lane < items {
             let area = plots[of_areas + first + lane];
             if all(area.xy < tile + TILE) && all(area.zw > tile) {
                 listed[atomicAdd(&found, 1u)] = first + lane;
@@ -56,8 +58,12 @@ fn draw(
         workgroupBarrier();
         let count = atomicLoad(&found);
         for (var index = 0u; index < count; index++) {
-            let body = bodies[scene.first_body + listed[index]];
-            seen = with_body(seen, body, of_faces, of_rounds, place);
+            let item = listed[index];
+            if item < scene.bodies {
+                seen = with_body(seen, bodies[scene.first_body + item], of_faces, of_rounds, place);
+            } else {
+                seen = with_triangle(seen, of_triangles + 4u * (item - scene.bodies), place);
+            }
         }
         workgroupBarrier();
     }
@@ -67,7 +73,7 @@ fn draw(
 }
 
 fn with_floor(view: View, scene: Scene, place: vec2<f32>) -> Seen {
-    let inverse = view.floor.x + place.y * view.floor.z + place.x * view.floor.y;
+    let inverse = at(view.floor, place);
     let meets = scene.has_floor != 0u && inverse > camera.farthest && inverse <= camera.nearest;
     return Seen(select(camera.farthest, inverse, meets), select(0u, FLOOR_SURFACE, meets));
 }
@@ -77,8 +83,7 @@ fn with_body(seen: Seen, body: Body, of_faces: u32, of_rounds: u32, place: vec2<
     var leave = 0.0;
     for (var index = 0u; index < body.faces; index++) {
         let plot = plots[of_faces + body.first_face + index];
-        let affine = bitcast<vec3<f32>>(plot.xyz);
-        let value = affine.x + place.y * affine.z + place.x * affine.y;
+        let value = at(bitcast<vec3<f32>>(plot.xyz), place);
         if plot.w == 0u {
             leave = max(leave, value);
         } else if value < enter.inverse {
@@ -93,12 +98,39 @@ fn with_body(seen: Seen, body: Body, of_faces: u32, of_rounds: u32, place: vec2<
         }
         leave = max(leave, clipped.leave);
     }
-    // Bodies come in any order: among those equally near the first of the scene is seen, as on the CPU.
-    let nearer = enter.inverse > seen.inverse || (enter.inverse == seen.inverse && enter.surface < seen.surface);
-    if nearer && enter.inverse >= leave && enter.inverse <= camera.nearest {
-        return enter;
+    if enter.inverse >= leave {
+        return nearer(seen, enter);
     }
     return seen;
+}
+
+// Bodies and triangles come in any order: among those equally near the first of the scene is seen, as on the CPU.
+fn nearer(seen: Seen, other: Seen) -> Seen {
+    let is_nearer = other.inverse > seen.inverse || (other.inverse == seen.inverse && other.surface < seen.surface);
+    if is_nearer && other.inverse <= camera.nearest {
+        return other;
+    }
+    return seen;
+}
+
+fn with_triangle(seen: Seen, facet: u32, place: vec2<f32>) -> Seen {
+    let inverse = plots[facet];
+    let edges = array(
+        bitcast<vec4<f32>>(plots[facet + 1u]),
+        bitcast<vec4<f32>>(plots[facet + 2u]),
+        bitcast<vec4<f32>>(plots[facet + 3u]),
+    );
+    let inside = min(min(at(edges[0].xyz, place), at(edges[1].xyz, place)), at(edges[2].xyz, place));
+    if inside < 0.0 {
+        return seen;
+    }
+    let value = clamp(at(bitcast<vec3<f32>>(inverse.xyz), place), edges[0].w, edges[1].w);
+    return nearer(seen, Seen(value, inverse.w));
+}
+
+// What is affine in columns and rows: base, per column, per row.
+fn at(affine: vec3<f32>, place: vec2<f32>) -> f32 {
+    return affine.x + place.y * affine.z + place.x * affine.y;
 }
 
 struct Clipped {
@@ -108,11 +140,10 @@ struct Clipped {
 
 // What of a ray is inside an endless cylinder, or a sphere.
 fn clip(side: u32, place: vec2<f32>) -> Clipped {
-    let affine = bitcast<vec3<f32>>(plots[side].xyz);
     let low = bitcast<vec4<f32>>(plots[side + 1u]);
     let last = plots[side + 2u];
     let high = bitcast<vec2<f32>>(last.xy);
-    let middle = affine.x + place.y * affine.z + place.x * affine.y;
+    let middle = at(bitcast<vec3<f32>>(plots[side].xyz), place);
     let one = low.x + place.y * (low.z + place.y * high.y);
     let spread = one + place.x * (low.y + place.y * high.x + place.x * low.w);
     let root = sqrt(max(spread, 0.0));

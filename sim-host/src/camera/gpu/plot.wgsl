@@ -1,14 +1,22 @@
-// First pass, a workgroup a view: how each face, body and cylinder of its scene is drawn. What `Body::plot` does on
-// the CPU, in single precision; per view the faces, then the areas of the bodies, then three elements a cylinder.
+// First pass, a workgroup a view: how each face, body, triangle and cylinder of its scene is drawn. What `Body::plot` and
+// `Mesh::plot` do on the CPU, in single precision; per view the faces, then the areas of the bodies, then those of the
+// triangles, then three elements a cylinder, then four a triangle.
 
 @group(0) @binding(5) var<storage, read> faces: array<Face>;
 @group(0) @binding(6) var<storage, read> corners: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> plots: array<vec4<u32>>;
+@group(0) @binding(8) var<storage, read> triangles: array<Triangle>;
 
 const LANES = 64u;
 
 // Distance within which an eye counts as being beside a plane and not in it [m].
 const LEAST_DISTANCE = 1e-6;
+
+// Pixels by which the area of a triangle is larger than its corners say, against rounding.
+const MARGIN = 0.05;
+
+// Beyond all inverse depths [1/m].
+const BEYOND = 3e38;
 
 @compute @workgroup_size(LANES)
 fn plot(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -16,7 +24,8 @@ fn plot(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let scene = scenes[view.scene];
     let of_faces = group.x * camera.stride;
     let of_areas = of_faces + scene.faces;
-    let of_rounds = of_areas + scene.bodies;
+    let of_rounds = of_areas + scene.bodies + scene.triangles;
+    let of_triangles = of_rounds + 3u * scene.rounds;
     for (var index = lane; index < scene.faces; index += LANES) {
         plots[of_faces + index] = plotted_face(view, faces[scene.first_face + index]);
     }
@@ -28,6 +37,14 @@ fn plot(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         plots[of_rounds + 3u * index] = side.middle;
         plots[of_rounds + 3u * index + 1u] = side.spread;
         plots[of_rounds + 3u * index + 2u] = side.more;
+    }
+    for (var index = lane; index < scene.triangles; index += LANES) {
+        let facet = plotted_triangle(view, triangles[scene.first_triangle + index]);
+        plots[of_areas + scene.bodies + index] = facet.area;
+        plots[of_triangles + 4u * index] = facet.inverse;
+        for (var edge = 0u; edge < 3u; edge++) {
+            plots[of_triangles + 4u * index + 1u + edge] = bitcast<vec4<u32>>(facet.edges[edge]);
+        }
     }
 }
 
@@ -75,6 +92,61 @@ fn area(view: View, body: Body) -> vec4<u32> {
     let first = vec2<u32>(clamp(floor(low) - 1.0, vec2(0.0), size));
     let end = vec2<u32>(clamp(ceil(high) + 2.0, vec2(0.0), size));
     return select(vec4(0u), vec4(first, end), all(first < end));
+}
+
+// A triangle that faces the eye.
+struct Facet {
+    // As of a body.
+    area: vec4<u32>,
+    // As of a face.
+    inverse: vec4<u32>,
+    // Base, per column, per row of what is nowhere negative in it; then its least and greatest inverse depth.
+    edges: array<vec4<f32>, 3>,
+}
+
+fn plotted_triangle(view: View, triangle: Triangle) -> Facet {
+    var facet: Facet;
+    facet.inverse = plotted_face(view, triangle.face);
+    var depths: vec3<f32>;
+    var low = vec2(BEYOND);
+    var high = vec2(-BEYOND);
+    let size = vec2<f32>(camera.size);
+    for (var index = 0u; index < 3u; index++) {
+        let corner = -away(view, corners[triangle.corners[index]].xyz, vec3(0.0));
+        depths[index] = dot(corner, view.forward);
+        let across = vec2(dot(corner, view.right), dot(corner, view.down));
+        let share = across / (max(depths[index], camera.near_m) * camera.tangents);
+        let place = 0.5 * (share + 1.0) * size - camera.sample;
+        low = min(low, place);
+        high = max(high, place);
+        facet.edges[index] = vec4(edge(view, triangle.corners[index], triangle.corners[(index + 1u) % 3u]), 0.0);
+    }
+    let least = min(min(depths.x, depths.y), depths.z);
+    let greatest = max(max(depths.x, depths.y), depths.z);
+    if facet.inverse.w == 0u || greatest <= camera.near_m {
+        return facet;
+    }
+    facet.edges[0].w = 1.0 / greatest;
+    if least <= camera.near_m {
+        facet.edges[1].w = BEYOND;
+        facet.area = vec4(vec2(0u), camera.size);
+        return facet;
+    }
+    facet.edges[1].w = 1.0 / least;
+    let first = vec2<u32>(clamp(ceil(low - MARGIN), vec2(0.0), size));
+    let end = vec2<u32>(clamp(floor(high + MARGIN) + 1.0, vec2(0.0), size));
+    facet.area = select(vec4(0u), vec4(first, end), all(first < end));
+    return facet;
+}
+
+// On which side of the edge rays pass. The two triangles beside it have the same terms, of which one takes the other sign,
+// so that no pixel falls between them.
+fn edge(view: View, start: u32, end: u32) -> vec3<f32> {
+    let one = away(view, corners[min(start, end)].xyz, vec3(0.0));
+    let other = away(view, corners[max(start, end)].xyz, vec3(0.0));
+    let normal = cross(other, one);
+    let terms = vec3(dot(normal, view.corner), dot(normal, view.per_column), dot(normal, view.per_row));
+    return select(-terms, terms, start < end);
 }
 
 // Where rays meet the side of a cylinder, or a sphere: at the inverse depths `middle ± √spread`.

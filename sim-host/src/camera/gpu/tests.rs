@@ -9,7 +9,7 @@ use kestrel_core::airframe::CF2X;
 use nalgebra::Vector3;
 
 use super::*;
-use crate::camera::tests::strewn;
+use crate::camera::tests::{strewn, strewn_rings};
 use crate::camera::{Camera, FIRST_SOLID, FLOOR, Image, Mover, Renderer, Shot, View};
 use crate::config::Place;
 use crate::seed::{Purpose, Seed, Stream};
@@ -163,6 +163,15 @@ fn solids_of_all_shapes_look_as_the_processor_renders_them() {
         let camera = Camera { columns, rows, far_m: 50.0, ..Camera::PAPER };
         let world = strewn(seed, 90);
         agrees("strewn", &camera, &world, &shots(&world, 0, 4));
+    }
+}
+
+#[test]
+fn meshes_look_as_the_processor_renders_them() {
+    for (seed, (columns, rows)) in (0..).zip([(64, 48), (53, 31), (128, 128), (8, 17)]) {
+        let camera = Camera { columns, rows, far_m: 50.0, ..Camera::PAPER };
+        let world = strewn_rings(seed, 24);
+        agrees("rings", &camera, &world, &shots(&world, 0, 4));
     }
 }
 

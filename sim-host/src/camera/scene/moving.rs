@@ -5,9 +5,9 @@ use kestrel_core::airframe::Airframe;
 use nalgebra::Vector3;
 
 use super::drone::drone;
-use super::{Body, Glow, Round, Scene, shaded};
+use super::{Ball, Body, Glow, Round, Scene, shaded};
 use crate::camera::FIRST_SOLID;
-use crate::world::{Pose, Solid, World};
+use crate::world::{Pose, Shape, Solid, World};
 
 /// What can be placed in a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,12 +38,17 @@ struct Group {
 }
 
 impl Scene {
-    /// The world's movables behind its solids, where they start.
+    /// The world's movables behind its solids, where they start; of a mesh that moves its hull is seen.
     pub(super) fn add_movables(&mut self, world: &World) {
         let (solids, movables) = (world.solids.len(), world.movables.len());
         self.moving = Moving { solids, movables, groups: Vec::new() };
         for movable in &world.movables {
-            self.add_group(&[Solid { pose: Pose::at(Vector3::zeros()), ..movable.solid.clone() }]);
+            let Solid { shape, .. } = &movable.solid;
+            let shape = match shape {
+                Shape::Mesh(mesh) => Shape::Hull(mesh.hull.clone()),
+                Shape::Cuboid(_) | Shape::Cylinder { .. } | Shape::Sphere(_) | Shape::Hull(_) => shape.clone(),
+            };
+            self.add_group(&[Solid { pose: Pose::at(Vector3::zeros()), shape, ..movable.solid.clone() }]);
         }
         for (index, movable) in world.movables.iter().enumerate() {
             self.place(Mover::Movable(index), &movable.solid.pose);
@@ -63,6 +68,11 @@ impl Scene {
             self.hide(Mover::Drone(index));
         }
         self
+    }
+
+    /// How many movables it has.
+    pub fn movables(&self) -> usize {
+        self.moving.movables
     }
 
     /// How many drones it has.
@@ -92,7 +102,7 @@ impl Scene {
     pub fn hide(&mut self, mover: Mover) {
         let Group { first, local } = self.moving.group(mover);
         for body in &mut self.bodies[*first..][..local.len()] {
-            body.reach = NOWHERE;
+            body.ball.reach = NOWHERE;
         }
     }
 
@@ -137,15 +147,14 @@ impl Body {
     /// Whether cameras can see it at all.
     #[cfg(feature = "gpu")]
     pub(super) fn is_placed(&self) -> bool {
-        self.reach != NOWHERE
+        self.ball.reach != NOWHERE
     }
 
     /// Becomes `own`, turned and moved.
     fn move_to(&mut self, own: &Self, pose: &Pose) {
         let turned = |vector: Vector3<f64>| pose.world_from_body.rotate(vector);
         let placed = |point: Vector3<f64>| pose.position + turned(point);
-        self.centre = placed(own.centre);
-        self.reach = own.reach;
+        self.ball = Ball { centre: placed(own.ball.centre), ..own.ball };
         for (face, own) in self.faces.iter_mut().zip(&own.faces) {
             face.normal = turned(own.normal);
             face.offset = own.offset + face.normal.dot(&pose.position);

@@ -2,17 +2,18 @@
 
 use nalgebra::Vector3;
 
-use super::{Body, FLOOR_SURFACE, Face, Look, Round, Scene};
+use super::{Body, FLOOR_SURFACE, Face, Look, Mesh, Round, Scene};
 use crate::camera::plot::{LEAST_DISTANCE, Rays};
 use crate::camera::{Camera, Shot};
 
 /// Several scenes, one behind the other.
 #[derive(Debug, Default)]
 pub(in crate::camera) struct SceneWords {
-    pub(in crate::camera) scenes: Vec<[u32; 10]>,
+    pub(in crate::camera) scenes: Vec<[u32; 12]>,
     pub(in crate::camera) bodies: Vec<[u32; 5]>,
     pub(in crate::camera) faces: Vec<[[u32; 4]; 3]>,
     pub(in crate::camera) corners: Vec<[u32; 4]>,
+    pub(in crate::camera) triangles: Vec<[[u32; 4]; 4]>,
     pub(in crate::camera) rounds: Vec<[[u32; 4]; 4]>,
     pub(in crate::camera) looks: Vec<[u32; 3]>,
     /// Plots of a view in the largest of them.
@@ -51,18 +52,35 @@ impl SceneWords {
         let look = first.look + first_surface;
         let place = Place { scene: first, moving: Firsts { look, ..self.ends() } };
         self.push_bodies(moving, counted_from);
+        let triangle = self.triangles.len();
+        for mesh in &scene.meshes {
+            self.push_mesh(mesh);
+        }
         let own = &self.bodies[first.body..];
         self.looks.extend(scene.surfaces.iter().map(|look| look_words(look, |body| own[body][4])));
         let [bodies, faces, rounds] = [own.len(), self.faces.len() - first.face, self.rounds.len() - first.round];
-        self.most_plots = self.most_plots.max(faces + bodies + 3 * rounds);
+        let triangles = self.triangles.len() - triangle;
+        self.most_plots = self.most_plots.max(faces + bodies + 3 * rounds + 5 * triangles);
         let floor = FLOOR_SURFACE as usize;
         let [even, odd] = [floor, floor + 1].map(|square| opaque(scene.surfaces[square].colour));
         let [body, face, round, look] =
             [first.body, first.face, first.round, first.look].map(|first| first as u32);
-        let [bodies, faces, rounds] = [bodies, faces, rounds].map(|count| count as u32);
+        let [bodies, faces, rounds, triangle, triangles] =
+            [bodies, faces, rounds, triangle, triangles].map(|count| count as u32);
         let has_floor = u32::from(scene.has_floor);
-        self.scenes.push([body, bodies, face, faces, round, rounds, look, has_floor, even, odd]);
+        self.scenes
+            .push([body, bodies, face, faces, round, rounds, look, has_floor, even, odd, triangle, triangles]);
         place
+    }
+
+    fn push_mesh(&mut self, mesh: &Mesh) {
+        let first = self.corners.len() as u32;
+        self.corners.extend(mesh.corners.iter().map(|place| row(place, 0)));
+        self.triangles.extend(mesh.triangles.iter().map(|triangle| {
+            let [normal, place, rest] = face_words(&triangle.face);
+            let [a, b, c] = triangle.corners.map(|corner| first + corner);
+            [normal, place, rest, [a, b, c, 0]]
+        }));
     }
 
     /// What moves in a scene, as [`Self::push`] wrote it at `place`.

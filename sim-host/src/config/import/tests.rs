@@ -172,10 +172,10 @@ fn files_that_cannot_be_imported_are_refused() {
     assert_eq!(message("none.yaml", b""), refused("none.yaml", "no such file (none.yaml)"));
     assert_eq!(message("here", b""), refused("here", "a directory (here)"));
     assert_eq!(message("[here]", b""), refused("[here]", "a list of 1"));
-    let long = "# long\n".repeat(200_000);
+    let long = "# long\n".repeat(1_300_000);
     assert_eq!(
         message("here/text.yaml", long.as_bytes()),
-        "main.yaml:1:17: below.import: found more than 1 MiB (here/text.yaml), expected a file of a few KiB
+        "main.yaml:1:17: below.import: found more than 8 MiB (here/text.yaml), expected a file of a few KiB
   1 | below: {import: here/text.yaml}
     |                 ^"
     );

@@ -64,13 +64,15 @@ impl FurnitureConfig {
         let Self { role, friction, contact_gap_m, colour, .. } = *self;
         let surface = Surface::default().with(SurfaceKeys { role, friction, contact_gap_m, colour }, field)?;
         let field = field.at("parts");
-        let parts = self.parts.iter().enumerate().map(|(index, part)| {
-            let solid = part.check_on(surface, &field.at(index))?;
-            let name =
-                part.name.as_ref().map_or_else(|| self.name.clone(), |part| format!("{}: {part}", self.name));
-            Ok(Solid { name, ..placement.apply(solid) })
-        });
-        parts.collect()
+        let mut solids = Vec::new();
+        for (index, part) in self.parts.iter().enumerate() {
+            for solid in part.check_on(surface, &field.at(index))? {
+                let is_named = part.name.is_some() || part.mesh.is_some();
+                let name = if is_named { format!("{}: {}", self.name, solid.name) } else { self.name.clone() };
+                solids.push(Solid { name, ..placement.apply(solid) });
+            }
+        }
+        Ok(solids)
     }
 }
 
@@ -90,6 +92,7 @@ impl Placement {
             }
             Shape::Sphere(radius) => Shape::Sphere(radius * scale),
             Shape::Hull(points) => Shape::Hull(points.into_iter().map(|point| point * *scale).collect()),
+            Shape::Mesh(mesh) => Shape::Mesh(mesh.scaled(*scale)),
         };
         let pose = Pose {
             position: origin.position + origin.world_from_body.rotate(solid.pose.position * *scale),

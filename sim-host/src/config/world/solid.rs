@@ -1,4 +1,4 @@
-//! One body: a box, a cylinder, a sphere, a cone or a hull, and what its surface is like.
+//! One body: a box, a cylinder, a sphere, a cone, a superellipsoid, a hull or a mesh, and what its surface is like.
 
 use std::f64::consts::TAU;
 
@@ -7,6 +7,8 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::mesh::MeshConfig;
+use super::superellipsoid::SuperellipsoidConfig;
 use crate::config::aviary::BoxConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
@@ -25,10 +27,14 @@ const PILLAR_PITCH: f64 = 1.57057;
 /// Half extents of a pillar before it is pitched \[m\]: the reference's block of 0.1 x 0.018 x 0.018 m at scale 10.
 const PILLAR_HALF: Vector3<f64> = Vector3::new(0.5, 0.09, 0.09);
 
+/// The outlines that a body can have.
+const FORMS: &str =
+    "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone`, `superellipsoid`, `hull` or `mesh`";
+
 const LENGTH: Limits = Limits::above(0.0, 1000.0, "m");
 
 /// One body that never moves. It has one outline: `low_m` and `high_m`, or `box`, `cylinder`, `sphere`,
-/// `cone` or `hull`.
+/// `cone`, `superellipsoid`, `hull` or `mesh`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolidConfig {
@@ -53,9 +59,15 @@ pub struct SolidConfig {
     /// An upright cone, usually without its tip.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cone: Option<ConeConfig>,
+    /// A superellipsoid, such as a cushion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub superellipsoid: Option<SuperellipsoidConfig>,
     /// The convex hull of points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hull: Option<HullConfig>,
+    /// A surface of triangles, usually from a file. Its parts are bodies of their own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<MeshConfig>,
     /// What touching it means; `obstacle` unless something says otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub role: Option<RoleConfig>,
@@ -229,23 +241,28 @@ impl Surface {
 }
 
 impl SolidConfig {
-    /// The body.
+    /// The body; of a mesh one for each of its parts, named after both.
     ///
     /// # Errors
     /// When it has no outline, several or an empty one, or a number is out of range.
-    pub fn check(&self, field: &Field<'_>) -> Result<Solid, ConfigError> {
+    pub fn check(&self, field: &Field<'_>) -> Result<Vec<Solid>, ConfigError> {
         self.check_on(Surface::default(), field)
     }
 
     /// The body on top of what `surface` says of the whole of which it is a part.
-    pub(super) fn check_on(&self, surface: Surface, field: &Field<'_>) -> Result<Solid, ConfigError> {
+    pub(super) fn check_on(&self, surface: Surface, field: &Field<'_>) -> Result<Vec<Solid>, ConfigError> {
         let Self { role, friction, contact_gap_m, colour, .. } = *self;
         let surface = surface.with(SurfaceKeys { role, friction, contact_gap_m, colour }, field)?;
+        let name = self.name.as_deref().unwrap_or("solid");
+        self.refuse_several_outlines(field)?;
+        if let Some(mesh) = &self.mesh {
+            return mesh.solids(name, surface, &field.at("mesh"));
+        }
         let (shape, pose) = self.outline(field)?;
-        Ok(surface.around(self.name.as_deref().unwrap_or("solid"), shape, pose))
+        Ok(vec![surface.around(name, shape, pose)])
     }
 
-    fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
+    fn refuse_several_outlines(&self, field: &Field<'_>) -> Result<(), ConfigError> {
         let corners = self.low_m.is_some() || self.high_m.is_some();
         let forms = [
             corners,
@@ -253,16 +270,24 @@ impl SolidConfig {
             self.cylinder.is_some(),
             self.sphere.is_some(),
             self.cone.is_some(),
+            self.superellipsoid.is_some(),
             self.hull.is_some(),
+            self.mesh.is_some(),
         ];
-        let count = forms.into_iter().filter(|written| *written).count();
-        let expected = "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone` or `hull`";
+        match forms.into_iter().filter(|written| *written).count() {
+            0 => Err(field.reject("no outline", FORMS)),
+            1 => Ok(()),
+            count => Err(field.reject(format!("{count} outlines"), FORMS)),
+        }
+    }
+
+    fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
         match self {
-            _ if count > 1 => Err(field.reject(format!("{count} outlines"), expected)),
             Self { turned_box: Some(turned), .. } => turned.outline(&field.at("box")),
             Self { cylinder: Some(cylinder), .. } => cylinder.outline(&field.at("cylinder")),
             Self { sphere: Some(sphere), .. } => sphere.outline(&field.at("sphere")),
             Self { cone: Some(cone), .. } => cone.outline(&field.at("cone")),
+            Self { superellipsoid: Some(body), .. } => body.outline(&field.at("superellipsoid")),
             Self { hull: Some(hull), .. } => hull.outline(&field.at("hull")),
             Self { low_m: Some(low_m), high_m: Some(high_m), .. } => {
                 let (low, high) = BoxConfig { low_m: *low_m, high_m: *high_m }.corners(field)?;
@@ -274,7 +299,7 @@ impl SolidConfig {
             Self { low_m: None, high_m: Some(_), .. } => {
                 Err(field.reject("no key `low_m`", "one beside `high_m`"))
             }
-            Self { low_m: None, high_m: None, .. } => Err(field.reject("no outline", expected)),
+            Self { low_m: None, high_m: None, .. } => Err(field.reject("no outline", FORMS)),
         }
     }
 }

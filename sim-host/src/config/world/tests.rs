@@ -132,6 +132,32 @@ fn a_sphere_is_as_wide_as_it_is_high() {
 }
 
 #[test]
+fn a_superellipsoid_fills_its_box() {
+    let cushion = solid(
+        "superellipsoid: {low_m: [0, 0, 0], high_m: [2, 1, 1], middle_m: [1, 0.5, 0.25], exponents: [8, 4, 2]}",
+    );
+    assert_extent(&cushion, [0.0, 0.0, 0.0], [2.0, 1.0, 1.0]);
+    let Shape::Hull(points) = &cushion.shape else { panic!("a hull") };
+    assert_eq!(points.len(), 98);
+    for point in points {
+        let [x, y, z] = (point + cushion.pose.position - Vector3::new(1.0, 0.5, 0.25)).into();
+        let z = if z > 0.0 { z / 0.75 } else { z / 0.25 };
+        let sum = x.powi(8) + (y / 0.5).powi(4) + z.powi(2);
+        assert!((sum - 1.0).abs() < 1e-9, "{sum} at {point}");
+    }
+    assert_eq!(
+        refusal("solids: [{superellipsoid: {low_m: [0, 0, 0], high_m: [1, 1, 1], exponents: [2, 0.5, 2]}}]"),
+        "solids.0.superellipsoid.exponents.1: found 0.5, expected a number from 1 to 100"
+    );
+    assert_eq!(
+        refusal(
+            "solids: [{superellipsoid: {low_m: [0, 0, 0], high_m: [1, 1, 1], middle_m: [0.5, 0.5, 1], exponents: [2, 2, 2]}}]"
+        ),
+        "solids.0.superellipsoid.middle_m.2: found 1, expected a number between 0 and 1, inside of the box"
+    );
+}
+
+#[test]
 fn movables_have_a_mass_and_one_outline() {
     let movable = place(
         "movables: [{name: cube, box: {center_m: [0, 0, 0.025], size_m: [0.05, 0.05, 0.05]}, mass_kg: 0.1}]",
@@ -151,7 +177,8 @@ fn movables_have_a_mass_and_one_outline() {
 
 #[test]
 fn wrong_solids_get_their_messages() {
-    let forms = "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone` or `hull`";
+    let forms =
+        "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone`, `superellipsoid`, `hull` or `mesh`";
     assert_eq!(refusal("solids: [{name: x}]"), format!("solids.0: found no outline, expected {forms}"));
     assert_eq!(
         refusal("solids: [{low_m: [0, 0, 0], cylinder: {center_m: [0, 0, 0], radius_m: 1, height_m: 1}}]"),

@@ -144,3 +144,33 @@ fn a_blind_simulation_has_no_images_and_does_not_take_those_of_another() {
     let saved = Simulation::<8>::new(&seeing, Seed(1), 0, 2).save();
     assert!(!simulation.restore(&saved));
 }
+
+const FACING: &str = "\
+aviary:
+  goal_m: [0, 0, 1]
+  movables: [{box: {center_m: [0.3, 0.6, 0.1], size_m: [0.6, 0.2, 0.2]}, mass_kg: 0.05}]
+agents: {count: 2}
+start:
+  position:
+    exactly: [{position_m: [0, 0, 0.5]}, {position_m: [0.6, 0, 0.5], heading_deg: 180}]
+rewards: [{alive: {weight: 1}}]
+success: {settle: {radius_m: 0.2, within_secs: 0.1}}
+episode_secs: 1
+camera: {mounted: {columns: 96, rows: 72, channels: [labels]}}
+";
+
+#[test]
+fn drones_see_their_mates_and_what_moves_but_not_themselves() {
+    let mut simulation = Simulation::<8>::new(&scenario(FACING), Seed(3), 0, 3);
+    // Solids would come first; then the movable, and the two drones.
+    let (movable, drones) = (2, [3, 4]);
+    for step in 0..20 {
+        for row in 0..6 {
+            let (seen, drone) = (image_of(simulation.images(), 6, row), row / 3);
+            assert!(seen.contains(&drones[1 - drone]), "row {row} does not see its mate after {step} steps");
+            assert!(!seen.contains(&drones[drone]), "row {row} sees itself");
+            assert!(seen.contains(&movable) || step > 0, "row {row} does not see the cube");
+        }
+        simulation.step(&vec![0.0; ACTION_LEN * 6]);
+    }
+}

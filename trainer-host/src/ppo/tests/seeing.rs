@@ -1,7 +1,7 @@
 //! Policies that see.
 
 use super::*;
-use kestrel_sim::camera::{Camera, Channel, Mount};
+use kestrel_sim::camera::{Camera, Channel, Mount, Optics};
 use kestrel_sim::world::{Floor, Solid};
 
 /// The hover task beside two pillars, with a small camera.
@@ -17,6 +17,7 @@ fn seeing() -> Scenario {
         mount: Mount::Body { position: Vector3::zeros(), pitch: 0.0 },
         channels: vec![Channel::Rgb, Channel::Depth { limit_m: 4.0 }],
         control_periods_per_image: 2,
+        optics: Optics { noise: 4.0, exposure: 0.2, shutter_secs: 0.01, latency_periods: 1 },
     });
     scenario
 }
