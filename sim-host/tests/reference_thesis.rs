@@ -125,7 +125,7 @@ fn compare(recording: &str, world: &str) -> [f64; 2] {
                 row[1] == label.to_string() && is_lit(ours, colour, full[usize::from(label)])
             };
             seen += 1;
-            if !of_frame.iter().any(|row| is_like(row)) {
+            if !of_frame.iter().any(is_like) {
                 println!("{recording} {frame}: no {ours:?} of {label}");
                 unlike += 1;
             }

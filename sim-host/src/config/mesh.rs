@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use super::error::{ConfigError, Place, Source};
 use super::node::{Entry, Node, Value};
-use super::text::{Unreadable, read_bytes};
+use super::text::{Unreadable, not_text, read_bytes};
 
 pub(super) use obj::parse;
 
@@ -131,9 +131,7 @@ impl File<'_> {
 
     fn text(&self, path: &Path, bytes: Vec<u8>) -> Result<String, ConfigError> {
         String::from_utf8(bytes).map_err(|error| {
-            let Unreadable::Bytes { line, column, byte } = Unreadable::not_text(&error) else {
-                unreachable!("bytes that are no text say which")
-            };
+            let (line, column, byte) = not_text(&error);
             let spot = Spot { line, column };
             self.fault(path, "", Fault::new(spot, format!("the byte 0x{byte:02x}"), "text in UTF-8"))
         })

@@ -39,7 +39,10 @@ impl fmt::Display for Unreadable {
 
 /// The text of the file at `path`.
 pub(crate) fn read_text(path: &Path) -> Result<String, Unreadable> {
-    String::from_utf8(read_bytes(path, SIZE_LIMIT)?).map_err(|error| Unreadable::not_text(&error))
+    String::from_utf8(read_bytes(path, SIZE_LIMIT)?).map_err(|error| {
+        let (line, column, byte) = not_text(&error);
+        Unreadable::Bytes { line, column, byte }
+    })
 }
 
 /// What is in the file at `path`, at most so many bytes.
@@ -56,12 +59,11 @@ pub(crate) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable>
     if bytes.len() as u64 > limit { Err(Unreadable::Long(limit)) } else { Ok(bytes) }
 }
 
-impl Unreadable {
-    pub(crate) fn not_text(error: &std::string::FromUtf8Error) -> Self {
-        let valid = error.utf8_error().valid_up_to();
-        let before = String::from_utf8_lossy(&error.as_bytes()[..valid]);
-        let line = before.matches('\n').count() + 1;
-        let column = before.chars().rev().take_while(|letter| *letter != '\n').count() + 1;
-        Self::Bytes { line, column, byte: error.as_bytes()[valid] }
-    }
+/// Line and column, from one, of the first byte that is no text, and the byte.
+pub(crate) fn not_text(error: &std::string::FromUtf8Error) -> (usize, usize, u8) {
+    let valid = error.utf8_error().valid_up_to();
+    let before = String::from_utf8_lossy(&error.as_bytes()[..valid]);
+    let line = before.matches('\n').count() + 1;
+    let column = before.chars().rev().take_while(|letter| *letter != '\n').count() + 1;
+    (line, column, error.as_bytes()[valid])
 }
