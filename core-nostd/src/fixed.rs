@@ -120,6 +120,17 @@ impl FixedMlp<'_> {
         self.forward(activations, &mut scratch.sums)
     }
 
+    /// The stored weight in `row` and `column` of `layer`; zero beyond the matrix.
+    pub(crate) fn weight_code(&self, layer: usize, row: usize, column: usize) -> i16 {
+        self.layers.get(layer).map_or(0, |layer| layer.weight_code(row, column))
+    }
+
+    /// The stored bias in `row` of `layer`; zero beyond the rows.
+    pub(crate) fn bias_code(&self, layer: usize, row: usize) -> i32 {
+        let word = self.layers.get(layer).and_then(|layer| layer.bias.as_chunks::<4>().0.get(row));
+        word.map_or(0, |word| i32::from_le_bytes(*word))
+    }
+
     /// Values that the first layer reads.
     pub(crate) fn inputs(&self) -> usize {
         self.layers.first().map_or(0, |layer| layer.inputs)
@@ -288,6 +299,16 @@ impl<'a> PackedLayer<'a> {
         let (bias, weights) = parameters.split_at_checked(size_of::<i32>() * padded_outputs).unwrap_or_default();
         let multiplier = 1 << (REQUANTISATION_SHIFT + SUM_FRACTION_BITS - sum_fraction_bits);
         Self { inputs, padded_outputs, multiplier, bias, weights }
+    }
+
+    fn weight_code(&self, row: usize, column: usize) -> i16 {
+        if column >= self.inputs {
+            return 0;
+        }
+        let groups = self.inputs.div_ceil(COLUMN_GROUP);
+        let group = row / ROW_BLOCK * groups + column / COLUMN_GROUP;
+        let index = (group * ROW_BLOCK + row % ROW_BLOCK) * COLUMN_GROUP + column % COLUMN_GROUP;
+        self.weights.as_chunks::<2>().0.get(index).map_or(0, |code| i16::from_le_bytes(*code))
     }
 
     /// Refuses a layer of which a sum could leave 32 bits with the inputs that layer number `layer` can have.

@@ -1,0 +1,14 @@
+#![cfg_attr(not(test), no_std)]
+//! Bare-metal images that check and measure the core's policies where they are to fly.
+//!
+//! The [`policy`]s of `assets/pilots` are in the image. The program `conformance` feeds them the same [`input`]s on every
+//! machine and prints [`digest`]s, which must be equal: see [`conformance`]. It knows nothing of the [`machine`].
+//!
+//! On a machine without an operating system a panic refers to a symbol that does not exist, so that an image in which
+//! one could be reached does not link.
+
+pub mod conformance;
+pub mod digest;
+pub mod input;
+pub mod machine;
+pub mod policy;
