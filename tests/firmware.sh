@@ -73,8 +73,8 @@ conformance() {
   local status=()
   cargo run --quiet -p kestrel-image --bin conformance >"$out/x86-64.txt"
   verdict $? "every policy of assets/pilots passes its self-test here"
-  image stm32f405.elf conformance thumbv7em-none-eabihf
-  verdict $? "the image of the STM32F405 links without a panic"
+  image stm32f405.elf conformance thumbv7em-none-eabihf --features smlad
+  verdict $? "the image of the STM32F405, with the kernel in SMLAD, links without a panic"
   image an386.elf conformance thumbv7em-none-eabihf --features an386
   verdict $? "the image of AN386 links without a panic"
   image riscv32.elf conformance riscv32imac-unknown-none-elf

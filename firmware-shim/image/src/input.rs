@@ -41,6 +41,13 @@ impl Inputs {
         }
     }
 
+    /// Fills `values` with numbers uniform in ±2.
+    pub fn fill_usual(&mut self, values: &mut [f32]) {
+        for value in values {
+            *value = usual(self.next() as u32);
+        }
+    }
+
     /// A state that no flight has, and now and then no number.
     pub fn state(&mut self) -> State<f32> {
         State {
@@ -63,8 +70,7 @@ impl Inputs {
         match bits >> 59 {
             0 => f32::from_bits(low),
             1 => EXTREMES[(low & 15) as usize],
-            // 24 bits: every step is exact.
-            _ => ((low >> 8) as i32 - (1 << 23)) as f32 / (1 << 22) as f32,
+            _ => usual(low),
         }
     }
 
@@ -74,6 +80,11 @@ impl Inputs {
         let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         mixed ^ (mixed >> 31)
     }
+}
+
+/// In ±2; 24 bits, so that every step is exact.
+fn usual(bits: u32) -> f32 {
+    ((bits >> 8) as i32 - (1 << 23)) as f32 / (1 << 22) as f32
 }
 
 #[cfg(test)]
