@@ -8,6 +8,9 @@
 # 2,000 control periods; the digests of the STM32F405, AN386, RISC-V and WebAssembly must be those of this machine. An
 # image in which a panic could be reached does not link.
 #
+# Budget: every part of a control period in instructions, stack, flash and RAM, against firmware-shim/image/budget.json to
+# within 2 %, and against what is promised. BLESS=1 writes budget.json and BUDGET.md anew.
+#
 # Needs Rust, gcc and Node; QEMU and the binutils come from Debian when this is root. Ends with "N passed, N failed".
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -28,6 +31,7 @@ packages() { # what is missing of the emulators and of Node
   command -v qemu-system-riscv32 >/dev/null || missing="$missing qemu-system-misc"
   command -v arm-none-eabi-objdump >/dev/null || missing="$missing binutils-arm-none-eabi"
   command -v gcc >/dev/null || missing="$missing gcc libc6-dev"
+  command -v python3 >/dev/null || missing="$missing python3"
   command -v node >/dev/null || missing="$missing nodejs"
   [ -z "$missing" ] && return 0
   if [ "$(id -u)" != 0 ]; then
@@ -97,8 +101,39 @@ conformance() {
   same_as_here riscv32 $?
 }
 
+counted() { # NAME TARGET MACHINE FEATURES: the files that budget.py wants of an image
+  local name=$1 target=$2 machine=$3 features=$4 mark
+  image "$name.elf" budget "$target" --features "$features" &&
+    image "flight-$name.elf" flight "$target" --features "$features" &&
+    image "inference-$name.elf" inference "$target" --features "$features" &&
+    mark=$(python3 tests/firmware/budget.py --folder "$out" --committed firmware-shim/image --mark "$out/$name.elf") &&
+    emulated "$machine" "$out/$name.elf" -plugin "$out/instruction_count.so,out=$out/$name.counts,mark=$mark" >"$out/$name.txt" &&
+    emulated "$machine" "$out/flight-$name.elf" &&
+    emulated "$machine" "$out/inference-$name.elf"
+  verdict $? "the parts of $name run between marks, and a firmware of it flies"
+}
+
+compiler() { # its version, from the cargo command
+  case $cargo in
+  cargo*) rustc ${cargo#cargo} -V ;;
+  *) "${cargo%cargo}rustc" -V ;;
+  esac
+}
+
+budget() {
+  gcc -O2 -Wall -Wextra -Werror -shared -fPIC -o "$out/instruction_count.so" tests/firmware/instruction_count.c
+  verdict $? "the counter of instructions builds"
+  counted stm32f405-smlad thumbv7em-none-eabihf netduinoplus2 budget,smlad
+  counted stm32f405-portable thumbv7em-none-eabihf netduinoplus2 budget
+  counted riscv32-portable riscv32imac-unknown-none-elf virt budget
+  # shellcheck disable=SC2086  # an option or nothing
+  python3 tests/firmware/budget.py --folder "$out" --committed firmware-shim/image --rustc "$(compiler)" ${BLESS:+--bless}
+  verdict $? "the figures are those of firmware-shim/image/budget.json, and what is promised"
+}
+
 if packages && cargo=$(tests/embedded-toolchain.sh); then
   conformance
+  budget
 else
   verdict 1 "this machine has what the images need"
 fi

@@ -277,12 +277,13 @@ impl FixedFormat {
 }
 
 impl<'a> FixedMlp<'a> {
-    /// A view of `parameters`, the layers between `widths` one after the other.
+    /// A view of `parameters`, the layers between `widths` one after the other, on a four-byte boundary of memory. For
+    /// firmwares that have no policy file but its numbers; [`crate::policy_file::PolicyFile::parse`] checks far more.
     ///
     /// # Errors
-    /// [`PolicyError::FractionBits`], [`PolicyError::Overflow`], or [`PolicyError::Length`] where the parameters end
-    /// too early.
-    pub(crate) fn from_parameters(
+    /// [`PolicyError::FractionBits`], [`PolicyError::Overflow`], [`PolicyError::Misaligned`], [`PolicyError::LayerCount`],
+    /// or [`PolicyError::Length`] where the parameters end too early.
+    pub fn from_parameters(
         widths: &[u16],
         format: FixedFormat,
         parameters: &'a [u8],

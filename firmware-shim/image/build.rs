@@ -2,7 +2,7 @@
 //! the linker where the memory lies.
 
 use std::error::Error;
-use std::fmt::Write;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
@@ -56,13 +56,19 @@ fn write_policies(out: &Path) -> Result<(), Box<dyn Error>> {
         let name = path.file_stem().and_then(|stem| stem.to_str()).ok_or("a policy has no name")?;
         for file in in_both_arithmetics(&fs::read(path)?)? {
             write_artifact(&mut source, out, name, &file)?;
+            source.push_str(",\n");
         }
     }
     source.push_str("];\n/// The network whose instructions are budgeted, 16-64-64-4, in both arithmetics.\npub static MEASURED: &[Artifact] = &[\n");
     for file in measured_network()? {
         write_artifact(&mut source, out, "16-64-64-4", &file)?;
+        source.push_str(",\n");
     }
-    source.push_str("];\n");
+    source.push_str("];\n/// The one policy of the program `flight`: 16-64-64-4 in fixed point.\npub static FLOWN: Artifact =\n");
+    let [flown, _] = measured_network()?;
+    write_artifact(&mut source, out, "16-64-64-4", &flown)?;
+    source.push_str(";\n");
+    write_network(&mut source, out, &flown)?;
     fs::write(out.join("policies.rs"), source)?;
     Ok(())
 }
@@ -72,7 +78,30 @@ fn write_artifact(source: &mut String, out: &Path, name: &str, file: &[u8]) -> R
     let file_name = format!("{name}-{arithmetic}.kestrel");
     fs::write(out.join(&file_name), file)?;
     let bytes = format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file_name}\"))");
-    writeln!(source, "    Artifact {{ name: {name:?}, bytes: &Aligned(*{bytes}).0 }},")?;
+    write!(source, "    Artifact {{ name: {name:?}, bytes: &Aligned(*{bytes}).0 }}")?;
+    Ok(())
+}
+
+/// The network in `file`, without what a policy file has around it.
+fn write_network(source: &mut String, out: &Path, file: &[u8]) -> Result<(), Box<dyn Error>> {
+    let bytes = aligned(file);
+    let policy = PolicyFile::parse(&bytes)?;
+    let ParameterFormat::Fixed16(format) = policy.parameter_format() else {
+        return Err("not in fixed point".into());
+    };
+    // The checksum follows the parameters (POLICY_FORMAT.md).
+    let end = file.len() - 4;
+    fs::write(out.join("parameters.bin"), &file[end - policy.parameter_bytes()..end])?;
+    let FixedFormat { input_fraction_bits, weight_fraction_bits } = format;
+    let bytes = "include_bytes!(concat!(env!(\"OUT_DIR\"), \"/parameters.bin\"))";
+    writeln!(
+        source,
+        "/// The network of the program `inference`: that of [`FLOWN`].\npub static NETWORK: Embedded = Embedded {{"
+    )?;
+    writeln!(source, "    widths: {MEASURED_WIDTHS:?},")?;
+    writeln!(source, "    input_fraction_bits: {input_fraction_bits},")?;
+    writeln!(source, "    weight_fraction_bits: {weight_fraction_bits:?},")?;
+    writeln!(source, "    parameters: &Aligned(*{bytes}).0,\n}};")?;
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! What a control period costs: each part runs between two marks that a counter of instructions sees, on a painted stack.
 //!
-//! Prints a line for each window, its name and the bytes of stack below the call; the windows are the odd ones of the
-//! counter's. `tests/firmware/budget.py` joins the two.
+//! Prints a line for each window, its name and the bytes of stack below the call, and one with the bytes of a pilot; the
+//! windows are the odd ones of the counter's. `tests/firmware/budget.py` joins the two.
 
 use core::hint::black_box;
 
@@ -22,7 +22,8 @@ const REPETITIONS: usize = 16;
 
 /// Runs every part in its window.
 pub fn run() -> Verdict {
-    window("nothing", "", || {});
+    line("pilot-bytes", "pilot", size_of::<Pilot<'static>>() as u32);
+    window("nothing", "at-all", || {});
     let steps = MEASURED.iter().map(step);
     let ticks = PILOTS.iter().map(tick);
     if steps.chain(ticks).all(|result| result.is_ok()) { Verdict::Passed } else { Verdict::Failed }
@@ -84,6 +85,10 @@ fn window(part: &str, arithmetic: &str, mut work: impl FnMut()) {
         work();
         mark();
     });
-    let digits = decimal(stack);
-    print(&[part, " ", arithmetic, " ", core::str::from_utf8(&digits).unwrap_or_default(), "\n"]);
+    line(part, arithmetic, stack);
+}
+
+fn line(part: &str, of: &str, bytes: u32) {
+    let digits = decimal(bytes);
+    print(&[part, " ", of, " ", core::str::from_utf8(&digits).unwrap_or_default(), "\n"]);
 }

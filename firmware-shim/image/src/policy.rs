@@ -11,4 +11,17 @@ pub struct Artifact {
     pub bytes: &'static [u8],
 }
 
+/// A network in fixed point as a firmware may have it without a policy file.
+#[derive(Clone, Copy, Debug)]
+pub struct Embedded {
+    /// Of the observation and of every layer.
+    pub widths: [u16; 4],
+    /// See [`kestrel_core::fixed::FixedFormat`].
+    pub input_fraction_bits: u8,
+    /// See [`kestrel_core::fixed::FixedFormat`].
+    pub weight_fraction_bits: [u8; kestrel_core::mlp::LAYER_LIMIT],
+    /// As in the policy file, on a four-byte boundary.
+    pub parameters: &'static [u8],
+}
+
 include!(concat!(env!("OUT_DIR"), "/policies.rs"));
