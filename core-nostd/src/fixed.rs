@@ -21,6 +21,8 @@ mod packing;
 mod smlad;
 mod tanh;
 
+pub use tanh::TABLE as TANGENTS;
+
 use heapless::Vec;
 
 use crate::action::ACTION_LIMIT;
@@ -32,10 +34,11 @@ use crate::real::Real;
 pub const ACTIVATION_FRACTION_BITS: u32 = 13;
 
 /// Arguments of `tanh` are in 2⁻¹⁶.
-const SUM_FRACTION_BITS: u32 = 16;
+pub const SUM_FRACTION_BITS: u32 = 16;
 
-/// The constant shift of requantisation.
-const REQUANTISATION_SHIFT: u32 = 32;
+/// The constant shift of requantisation: sums are multiplied by two to the power of this and
+/// [`SUM_FRACTION_BITS`] less their own fraction bits.
+pub const REQUANTISATION_SHIFT: u32 = 32;
 
 /// Least fraction bits of a sum: below, the multiplier of the requantisation would not fit into 31 bits.
 const SUM_FRACTION_BITS_LEAST: u32 = REQUANTISATION_SHIFT + SUM_FRACTION_BITS - 30;
@@ -265,7 +268,7 @@ impl FixedFormat {
     ///
     /// # Errors
     /// [`PolicyError::FractionBits`] where the formats are out of range.
-    pub(crate) fn sum_fraction_bits(self, layer: usize) -> Result<u32, PolicyError> {
+    pub fn sum_fraction_bits(self, layer: usize) -> Result<u32, PolicyError> {
         let weight_bits = self.weight_fraction_bits.get(layer).copied().unwrap_or_default();
         let bits = self.fraction_bits_into(layer) + u32::from(weight_bits);
         let allowed = weight_bits <= WEIGHT_FRACTION_BITS_LIMIT

@@ -29,7 +29,7 @@ const ROUNDING: u32 = 1 << (TABLE_FRACTION_BITS - ACTIVATION_FRACTION_BITS - 1);
 
 /// The tangent at the start of each step in the high half, what it grows by in the low half: one load for both. The
 /// rounding of the result is in the tangent, as [`ROUNDING`].
-const TABLE: [u32; ENTRIES] = table();
+pub const TABLE: [u32; ENTRIES] = table();
 
 /// `tanh` of `sum` \[2⁻¹⁶\], in 2⁻¹³, to within 1.2e-4 (the rounding of the result is half of that); odd, never
 /// beyond ±1.
