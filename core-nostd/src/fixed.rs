@@ -13,10 +13,15 @@
 //! where the shift is a constant, so that it costs one instruction (`smmul`) on a Cortex-M4.
 //!
 //! Weights are stored as `[row block of 4][column pair][row][2]`: one pointer walks through memory and two inputs
-//! serve eight products. Rows are filled up with zeros to a multiple of four, columns to a multiple of two.
+//! serve eight products. Rows are filled up with zeros to a multiple of four, columns to a multiple of two. A pair of
+//! weights is a word, which ARM's SMLAD multiplies with a pair of inputs in one instruction (feature `smlad`).
 
 mod packing;
+#[cfg(all(feature = "smlad", target_arch = "arm"))]
+mod smlad;
 mod tanh;
+
+pub use tanh::TABLE as TANGENTS;
 
 use heapless::Vec;
 
@@ -29,10 +34,11 @@ use crate::real::Real;
 pub const ACTIVATION_FRACTION_BITS: u32 = 13;
 
 /// Arguments of `tanh` are in 2⁻¹⁶.
-const SUM_FRACTION_BITS: u32 = 16;
+pub const SUM_FRACTION_BITS: u32 = 16;
 
-/// The constant shift of requantisation.
-const REQUANTISATION_SHIFT: u32 = 32;
+/// The constant shift of requantisation: sums are multiplied by two to the power of this and
+/// [`SUM_FRACTION_BITS`] less their own fraction bits.
+pub const REQUANTISATION_SHIFT: u32 = 32;
 
 /// Least fraction bits of a sum: below, the multiplier of the requantisation would not fit into 31 bits.
 const SUM_FRACTION_BITS_LEAST: u32 = REQUANTISATION_SHIFT + SUM_FRACTION_BITS - 30;
@@ -48,8 +54,13 @@ const OBSERVATION_CODE_LIMIT: i16 = i16::MAX;
 
 const COLUMN_GROUP: usize = 2;
 
-/// Bytes of one column pair of a row block.
-const GROUP_BYTES: usize = ROW_BLOCK * COLUMN_GROUP * size_of::<i16>();
+/// One column pair of a row block: the weight of the first column is the low half of a word.
+type Group = [i32; ROW_BLOCK];
+
+/// The pair of inputs that a group is multiplied with.
+type Pair = [i16; COLUMN_GROUP];
+
+const _: () = assert!(cfg!(target_endian = "little"), "parameters are read in place, as policy files have them");
 
 /// The Q formats of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,10 +96,8 @@ struct PackedLayer<'a> {
     padded_outputs: usize,
     /// 2^(48−w−x).
     multiplier: i32,
-    /// Little-endian `i32`.
-    bias: &'a [u8],
-    /// Little-endian `i16`, in blocks.
-    weights: &'a [u8],
+    bias: &'a [[i32; ROW_BLOCK]],
+    weights: &'a [Group],
 }
 
 impl FixedMlp<'_> {
@@ -120,6 +129,17 @@ impl FixedMlp<'_> {
         self.forward(activations, &mut scratch.sums)
     }
 
+    /// The stored weight in `row` and `column` of `layer`; zero beyond the matrix.
+    pub(crate) fn weight_code(&self, layer: usize, row: usize, column: usize) -> i16 {
+        self.layers.get(layer).map_or(0, |layer| layer.weight_code(row, column))
+    }
+
+    /// The stored bias in `row` of `layer`; zero beyond the rows.
+    pub(crate) fn bias_code(&self, layer: usize, row: usize) -> i32 {
+        let biases = self.layers.get(layer).map_or(&[][..], |layer| layer.bias.as_flattened());
+        biases.get(row).copied().unwrap_or_default()
+    }
+
     /// Values that the first layer reads.
     pub(crate) fn inputs(&self) -> usize {
         self.layers.first().map_or(0, |layer| layer.inputs)
@@ -130,8 +150,11 @@ impl FixedMlp<'_> {
         let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LIMIT] };
         for layer in hidden_layers {
             layer.apply(activations, sums);
-            for (activation, sum) in activations.iter_mut().zip(sums.iter().take(layer.padded_outputs)) {
-                *activation = tanh::tanh(requantised(*sum, layer.multiplier));
+            let sums = sums.get(..layer.padded_outputs).unwrap_or_default();
+            let blocks =
+                activations.as_chunks_mut::<ROW_BLOCK>().0.iter_mut().zip(sums.as_chunks::<ROW_BLOCK>().0);
+            for (activations, sums) in blocks {
+                *activations = sums.map(|sum| tanh::tanh(requantised(sum, layer.multiplier)));
             }
         }
         output_layer.apply(activations, sums);
@@ -149,8 +172,14 @@ impl FixedMlp<'_> {
     }
 
     fn read_observation(&self, observation: &[f32], inputs: &mut [i16]) {
-        for (input, value) in inputs.iter_mut().zip(observation.iter().chain(core::iter::repeat(&0.0))) {
+        let present = observation.len().min(inputs.len());
+        let (front, missing) = inputs.split_at_mut_checked(present).unwrap_or_default();
+        for (input, value) in front.iter_mut().zip(observation) {
             *input = quantised(value * self.input_scale);
+        }
+        // Usually none is: then not even the function that fills memory is called.
+        if !missing.is_empty() {
+            missing.fill(0);
         }
     }
 }
@@ -158,8 +187,9 @@ impl FixedMlp<'_> {
 /// The nearest integer, halves away from zero, limited to ±[`OBSERVATION_CODE_LIMIT`]; zero for NaN.
 #[inline(always)]
 fn quantised(value: f32) -> i16 {
-    // `as` saturates and turns NaN into zero.
-    ((value + 0.5_f32.copysign(value)) as i16).max(-OBSERVATION_CODE_LIMIT)
+    // `as` saturates and turns NaN into zero; to 32 bits it is one instruction, and so is the limit of 16 bits.
+    let nearest = (value + 0.5_f32.copysign(value)) as i32;
+    (nearest.clamp(i32::from(i16::MIN), i32::from(i16::MAX)) as i16).max(-OBSERVATION_CODE_LIMIT)
 }
 
 #[inline(always)]
@@ -180,31 +210,32 @@ impl PackedLayer<'_> {
 ///
 /// Wraps where a sum leaves 32 bits, which the formats of a parsed policy exclude.
 #[inline(never)]
-fn dense(weights: &[u8], bias: &[u8], inputs: &[[i16; COLUMN_GROUP]], sums: &mut [i32]) {
-    let mut groups = weights.as_chunks::<2>().0.as_chunks::<{ ROW_BLOCK * COLUMN_GROUP }>().0.iter();
-    let biases = bias.as_chunks::<4>().0.as_chunks::<ROW_BLOCK>().0;
-    for (bias, sums) in biases.iter().zip(sums.as_chunks_mut::<ROW_BLOCK>().0) {
-        let mut block_sums = bias.map(i32::from_le_bytes);
-        for inputs in inputs {
-            let Some(group) = groups.next() else { break };
-            block_sums = with_products(block_sums, group.map(i16::from_le_bytes), *inputs);
-        }
-        *sums = block_sums;
+fn dense(weights: &[Group], bias: &[[i32; ROW_BLOCK]], inputs: &[Pair], sums: &mut [i32]) {
+    let blocks = weights.chunks_exact(inputs.len().max(1));
+    for ((bias, groups), sums) in bias.iter().zip(blocks).zip(sums.as_chunks_mut::<ROW_BLOCK>().0) {
+        *sums = with_products(bias, groups, inputs);
     }
+}
+
+/// `bias` with the products of a row block.
+#[inline(always)]
+fn with_products(bias: &[i32; ROW_BLOCK], groups: &[Group], inputs: &[Pair]) -> [i32; ROW_BLOCK] {
+    #[cfg(all(feature = "smlad", target_arch = "arm"))]
+    let (sums, groups, inputs) = smlad::with_products_of_rounds(bias, groups, inputs);
+    #[cfg(not(all(feature = "smlad", target_arch = "arm")))]
+    let sums = *bias;
+    groups.iter().zip(inputs).fold(sums, |sums, (group, inputs)| with_pair(sums, group, *inputs))
 }
 
 /// Adds one column pair to the sums of a row block.
 #[inline(always)]
-fn with_products(
-    sums: [i32; ROW_BLOCK],
-    weights: [i16; ROW_BLOCK * COLUMN_GROUP],
-    [first, second]: [i16; COLUMN_GROUP],
-) -> [i32; ROW_BLOCK] {
+fn with_pair(sums: [i32; ROW_BLOCK], group: &Group, inputs: Pair) -> [i32; ROW_BLOCK] {
+    // One load, and a multiplication that takes either half of a register.
+    let inputs: i32 = bytemuck::cast(inputs);
     core::array::from_fn(|row| {
-        let products = i32::from(weights[COLUMN_GROUP * row])
-            .wrapping_mul(i32::from(first))
-            .wrapping_add(i32::from(weights[COLUMN_GROUP * row + 1]).wrapping_mul(i32::from(second)));
-        sums[row].wrapping_add(products)
+        let low = i32::from(group[row] as i16).wrapping_mul(i32::from(inputs as i16));
+        let high = (group[row] >> i16::BITS).wrapping_mul(inputs >> i16::BITS);
+        sums[row].wrapping_add(low).wrapping_add(high)
     })
 }
 
@@ -237,7 +268,7 @@ impl FixedFormat {
     ///
     /// # Errors
     /// [`PolicyError::FractionBits`] where the formats are out of range.
-    pub(crate) fn sum_fraction_bits(self, layer: usize) -> Result<u32, PolicyError> {
+    pub fn sum_fraction_bits(self, layer: usize) -> Result<u32, PolicyError> {
         let weight_bits = self.weight_fraction_bits.get(layer).copied().unwrap_or_default();
         let bits = self.fraction_bits_into(layer) + u32::from(weight_bits);
         let allowed = weight_bits <= WEIGHT_FRACTION_BITS_LIMIT
@@ -249,12 +280,13 @@ impl FixedFormat {
 }
 
 impl<'a> FixedMlp<'a> {
-    /// A view of `parameters`, the layers between `widths` one after the other.
+    /// A view of `parameters`, the layers between `widths` one after the other, on a four-byte boundary of memory. For
+    /// firmwares that have no policy file but its numbers; [`crate::policy_file::PolicyFile::parse`] checks far more.
     ///
     /// # Errors
-    /// [`PolicyError::FractionBits`], [`PolicyError::Overflow`], or [`PolicyError::Length`] where the parameters end
-    /// too early.
-    pub(crate) fn from_parameters(
+    /// [`PolicyError::FractionBits`], [`PolicyError::Overflow`], [`PolicyError::Misaligned`], [`PolicyError::LayerCount`],
+    /// or [`PolicyError::Length`] where the parameters end too early.
+    pub fn from_parameters(
         widths: &[u16],
         format: FixedFormat,
         parameters: &'a [u8],
@@ -266,7 +298,7 @@ impl<'a> FixedMlp<'a> {
         for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {
             let bits = format.sum_fraction_bits(index)?;
             let (bytes, following) = split_layer(rest, usize::from(inputs), usize::from(outputs))?;
-            let layer = PackedLayer::new(bytes, usize::from(inputs), usize::from(outputs), bits);
+            let layer = PackedLayer::new(bytes, usize::from(inputs), usize::from(outputs), bits)?;
             layer.check(index)?;
             network.layers.push(layer).map_err(|_| PolicyError::LayerCount { found: LAYER_LIMIT + 1 })?;
             network.output_scale = 1.0 / (1_u64 << bits) as f32;
@@ -283,24 +315,41 @@ fn split_layer(bytes: &[u8], inputs: usize, outputs: usize) -> Result<(&[u8], &[
 }
 
 impl<'a> PackedLayer<'a> {
-    fn new(parameters: &'a [u8], inputs: usize, outputs: usize, sum_fraction_bits: u32) -> Self {
+    fn new(
+        parameters: &'a [u8],
+        inputs: usize,
+        outputs: usize,
+        sum_fraction_bits: u32,
+    ) -> Result<Self, PolicyError> {
         let padded_outputs = outputs.next_multiple_of(ROW_BLOCK);
-        let (bias, weights) = parameters.split_at_checked(size_of::<i32>() * padded_outputs).unwrap_or_default();
+        let found = parameters.as_ptr().addr() % size_of::<i32>();
+        let words: &[[i32; ROW_BLOCK]] =
+            bytemuck::try_cast_slice(parameters).map_err(|_| PolicyError::Misaligned { found })?;
+        let (bias, weights) = words.split_at_checked(padded_outputs / ROW_BLOCK).unwrap_or_default();
         let multiplier = 1 << (REQUANTISATION_SHIFT + SUM_FRACTION_BITS - sum_fraction_bits);
-        Self { inputs, padded_outputs, multiplier, bias, weights }
+        Ok(Self { inputs, padded_outputs, multiplier, bias, weights })
+    }
+
+    fn weight_code(&self, row: usize, column: usize) -> i16 {
+        if column >= self.inputs {
+            return 0;
+        }
+        let groups = self.inputs.div_ceil(COLUMN_GROUP);
+        let group = self.weights.get(row / ROW_BLOCK * groups + column / COLUMN_GROUP);
+        let word = group.map_or(0, |group| group[row % ROW_BLOCK]);
+        if column.is_multiple_of(COLUMN_GROUP) { word as i16 } else { (word >> i16::BITS) as i16 }
     }
 
     /// Refuses a layer of which a sum could leave 32 bits with the inputs that layer number `layer` can have.
     fn check(&self, layer: usize) -> Result<(), PolicyError> {
-        let block_bytes = GROUP_BYTES * self.inputs.div_ceil(COLUMN_GROUP);
-        for (row, bias) in self.bias.as_chunks::<4>().0.iter().enumerate() {
-            let block = self.weights.chunks_exact(block_bytes.max(1)).nth(row / ROW_BLOCK).unwrap_or_default();
-            let pairs = block.as_chunks::<4>().0.iter().skip(row % ROW_BLOCK).step_by(ROW_BLOCK);
-            let magnitude: i64 = pairs.map(|pair| magnitude_of_pair(*pair)).sum();
-            let bias = i64::from(i32::from_le_bytes(*bias).unsigned_abs());
-            let largest = magnitude * i64::from(input_limit(layer)) + bias;
-            if largest > i64::from(i32::MAX) {
-                return Err(PolicyError::Overflow { layer, row, largest });
+        let blocks = self.weights.chunks_exact(self.inputs.div_ceil(COLUMN_GROUP).max(1));
+        for (block, (biases, groups)) in self.bias.iter().zip(blocks).enumerate() {
+            for (index, bias) in biases.iter().enumerate() {
+                let magnitude: i64 = groups.iter().map(|group| magnitude_of_pair(group[index])).sum();
+                let largest = magnitude * i64::from(input_limit(layer)) + i64::from(bias.unsigned_abs());
+                if largest > i64::from(i32::MAX) {
+                    return Err(PolicyError::Overflow { layer, row: block * ROW_BLOCK + index, largest });
+                }
             }
         }
         Ok(())
@@ -312,7 +361,7 @@ const fn input_limit(layer: usize) -> i16 {
     if layer == 0 { OBSERVATION_CODE_LIMIT } else { 1 << ACTIVATION_FRACTION_BITS }
 }
 
-fn magnitude_of_pair([first_low, first_high, second_low, second_high]: [u8; 4]) -> i64 {
-    let magnitude = |low, high| i64::from(i16::from_le_bytes([low, high]).unsigned_abs());
-    magnitude(first_low, first_high) + magnitude(second_low, second_high)
+fn magnitude_of_pair(pair: i32) -> i64 {
+    let (first, second) = (pair as i16, (pair >> i16::BITS) as i16);
+    i64::from(first.unsigned_abs()) + i64::from(second.unsigned_abs())
 }

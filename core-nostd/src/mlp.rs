@@ -91,6 +91,16 @@ impl Mlp<'_> {
         self.forward(inputs, &mut scratch.outputs)
     }
 
+    /// The weight in `row` and `column` of `layer`; zero beyond the matrix.
+    pub(crate) fn weight(&self, layer: usize, row: usize, column: usize) -> f32 {
+        self.layers.get(layer).map_or(0.0, |layer| layer.weight(row, column))
+    }
+
+    /// The bias in `row` of `layer`; zero beyond the rows.
+    pub(crate) fn bias(&self, layer: usize, row: usize) -> f32 {
+        self.layers.get(layer).map_or(0.0, |layer| word_at(layer.bias, row))
+    }
+
     /// Values that the first layer reads.
     pub(crate) fn inputs(&self) -> usize {
         self.layers.first().map_or(0, |layer| layer.inputs)
@@ -138,12 +148,27 @@ impl<'a> PackedLayer<'a> {
         Ok((Self { inputs, padded_outputs, bias, weights }, rest))
     }
 
+    fn weight(&self, row: usize, column: usize) -> f32 {
+        if column >= self.inputs {
+            return 0.0;
+        }
+        let wide = self.padded_outputs - self.padded_outputs % WIDE_ROW_BLOCK;
+        let (start, row, height) =
+            if row < wide { (0, row, WIDE_ROW_BLOCK) } else { (wide * self.inputs, row - wide, ROW_BLOCK) };
+        word_at(self.weights, start + (row / height * self.inputs + column) * height + row % height)
+    }
+
     fn check(&self, layer: usize) -> Result<(), PolicyError> {
         let finite =
             |bytes: &[u8]| bytes.as_chunks::<4>().0.iter().all(|&word| f32::from_le_bytes(word).is_finite());
         let valid = finite(self.bias) && finite(self.weights);
         valid.then_some(()).ok_or(PolicyError::NotFinite { layer })
     }
+}
+
+/// Zero beyond the end.
+fn word_at(bytes: &[u8], index: usize) -> f32 {
+    bytes.as_chunks::<4>().0.get(index).map_or(0.0, |word| f32::from_le_bytes(*word))
 }
 
 /// `outputs = bias + weights · inputs`.

@@ -44,8 +44,7 @@ impl<'a> Pilot<'a> {
     /// The controllers behind action spaces still read the estimated `state`: body rates, or pose and velocity.
     pub fn tick_measured(&mut self, measurements: &[f32], state: &State<f32>, goal: &Vector3<f32>) -> [f32; 4] {
         let metadata = self.policy.metadata();
-        let observation = self.helm.observation(metadata, measurements, state, goal);
-        let observation = observation.get(..metadata.observation.len()).unwrap_or_default();
+        let observation = self.helm.observe(metadata, measurements, state, goal);
         let action = self.policy.act(observation, &mut self.scratch);
         self.helm.steer(metadata, action, state, goal)
     }

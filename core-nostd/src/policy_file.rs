@@ -6,6 +6,7 @@
 mod error;
 mod header;
 mod metadata;
+mod parameters;
 mod seeing;
 mod writer;
 
@@ -160,10 +161,8 @@ impl<'a> PolicyFile<'a> {
     /// [`PolicyError::SelfTest`] with the first deviation.
     pub fn self_test_with(&self, scratch: &mut Scratch) -> Result<(), PolicyError> {
         let tolerance = self.arithmetic().self_test_tolerance();
-        let (observation_len, action_len) = (self.header.observation_len(), self.header.action_len());
-        let vector_bytes = 4 * (observation_len + action_len);
-        for (vector, golden) in self.golden.chunks_exact(vector_bytes).enumerate() {
-            let (observation, expected) = read_golden(golden, observation_len);
+        let action_len = self.header.action_len();
+        for (vector, (observation, expected)) in self.golden_vectors().enumerate() {
             let action = self.act(&observation, scratch);
             compare(vector, action.get(..action_len).unwrap_or_default(), expected, tolerance)?;
         }

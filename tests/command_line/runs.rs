@@ -68,6 +68,15 @@ fn the_run_can_be_evaluated_and_exported_again() {
     let report = fs::read(place.path().join("run/evaluation.json")).unwrap();
     assert!(kestrel(place.path(), &["export", "run"]).status.success());
     assert!(fs::read(place.path().join("run/policy.kestrel")).unwrap() == policy);
+    for (target, files) in [("rust", &["policy.rs"][..]), ("c", &["policy.h", "policy.c"])] {
+        let output = kestrel(place.path(), &["export", "run", "--target", target]);
+        let printed = String::from_utf8(output.stdout).unwrap();
+        for file in files {
+            let text = fs::read_to_string(place.path().join("run").join(file)).unwrap();
+            assert!(text.contains(&format!("ritten by `kestrel export --target {target}`")), "{file}");
+            assert!(printed.contains(file), "no {file} in:\n{printed}");
+        }
+    }
     assert!(kestrel(place.path(), &["evaluate", "run"]).status.success());
     assert!(fs::read(place.path().join("run/evaluation.json")).unwrap() == report);
     assert!(kestrel(place.path(), &["evaluate", "run", "--episodes", "5", "--seed", "9"]).status.success());

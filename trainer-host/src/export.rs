@@ -3,6 +3,7 @@
 pub mod cycles;
 mod report;
 pub mod seeing;
+pub mod source;
 
 use kestrel_core::fixed::FixedFormat;
 pub use kestrel_core::mlp::DenseLayer;

@@ -18,6 +18,7 @@ use crate::curve::{CurveError, CurvePoint, learning_curve};
 use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, record, sightings_in_flight};
 use crate::experiment_config::Experiment;
 use crate::export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
+use crate::export::source::{CSource, SourceError, c_source, rust_module};
 use crate::export::{DenseLayer, Export, ExportError, ExportReport, export};
 use crate::policy::Policy;
 use crate::recording::{self, Recording};
@@ -69,6 +70,9 @@ pub enum ResultsError {
     /// The run directory refuses.
     #[error(transparent)]
     Directory(#[from] RunDirectoryError),
+    /// The policy cannot be written as source code.
+    #[error(transparent)]
+    Source(#[from] SourceError),
     /// The system refused a file operation.
     #[error(transparent)]
     File(#[from] FileError),
@@ -119,6 +123,28 @@ pub fn export_policy(
     write_atomically(&directory.policy(), &fixed_policy)?;
     write_json(&directory.export_report(), &report)?;
     Ok(report)
+}
+
+/// Writes the run's fixed-point policy as `policy.rs`, for firmwares that link `kestrel-core`, and returns its path.
+///
+/// # Errors
+/// When the policy file is missing or damaged, or a file cannot be written.
+pub fn export_rust(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    let path = directory.policy().with_extension("rs");
+    write_atomically(&path, rust_module(&read(&directory.policy())?)?.as_bytes())?;
+    Ok(path)
+}
+
+/// Writes the run's fixed-point policy as `policy.h` and `policy.c`, and returns their paths.
+///
+/// # Errors
+/// As [`export_rust`].
+pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> {
+    let paths = ["h", "c"].map(|extension| directory.policy().with_extension(extension));
+    let CSource { header, source } = c_source(&read(&directory.policy())?)?;
+    write_atomically(&paths[0], header.as_bytes())?;
+    write_atomically(&paths[1], source.as_bytes())?;
+    Ok(paths)
 }
 
 /// The policy files of `actor`, in memory, with Q formats calibrated on its flights.

@@ -16,6 +16,8 @@ pub(super) struct Helm {
     memory: ControlMemory<f32>,
     /// The newest action is the last.
     history: [[f32; ACTION_LIMIT]; HISTORY_LIMIT],
+    /// The last observation; here, and not on the stack of a firmware's task.
+    observation: [f32; OBSERVATION_LIMIT],
 }
 
 impl Helm {
@@ -24,6 +26,7 @@ impl Helm {
             controls: Controls::new(&metadata.action),
             memory: ControlMemory::new(),
             history: [[0.0; ACTION_LIMIT]; HISTORY_LIMIT],
+            observation: [0.0; OBSERVATION_LIMIT],
         }
     }
 
@@ -35,14 +38,14 @@ impl Helm {
         }
     }
 
-    /// The observation; what is behind the length of the layout is zero.
-    pub(super) fn observation(
-        &self,
+    /// What the policy acts on.
+    pub(super) fn observe(
+        &mut self,
         metadata: &PolicyMetadata<'_>,
         measurements: &[f32],
         state: &State<f32>,
         goal: &Vector3<f32>,
-    ) -> [f32; OBSERVATION_LIMIT] {
+    ) -> &[f32] {
         let seen = Seen {
             state,
             angular_velocity_in_world: state.world_from_body.rotate(state.body_rates),
@@ -50,9 +53,8 @@ impl Helm {
             history: &self.history,
             measurements,
         };
-        let mut observation = [0.0; OBSERVATION_LIMIT];
-        metadata.observation.encode(&seen, &mut observation);
-        observation
+        metadata.observation.encode(&seen, &mut self.observation);
+        self.observation.get(..metadata.observation.len()).unwrap_or_default()
     }
 
     /// Remembers `action` and turns it into rotor targets \[rad/s\].

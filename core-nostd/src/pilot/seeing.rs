@@ -55,8 +55,7 @@ impl<'a, 'm> SeeingPilot<'a, 'm> {
     /// As [`super::Pilot::tick_measured`].
     pub fn tick_measured(&mut self, measurements: &[f32], state: &State<f32>, goal: &Vector3<f32>) -> [f32; 4] {
         let metadata = self.policy.metadata();
-        let observation = self.helm.observation(metadata, measurements, state, goal);
-        let observation = observation.get(..metadata.observation.len()).unwrap_or_default();
+        let observation = self.helm.observe(metadata, measurements, state, goal);
         // The memory was checked, so there is an action.
         let action = self.policy.act(observation, &mut self.memory, &mut self.scratch).unwrap_or_default();
         self.helm.steer(metadata, action, state, goal)

@@ -213,3 +213,25 @@ fn drafts_that_no_file_can_hold_are_refused() {
         PolicyError::MetadataValue { field: "control_period_secs", .. }
     ));
 }
+
+#[test]
+fn a_file_gives_its_parameters_and_golden_vectors_back() {
+    let model = Model::random(5, &[PILOT_LEN, 23, 18, 4], 1.0);
+    let (float_file, fixed_file) = (model.float_file(), model.fixed_file());
+    let (float, fixed) = (PolicyFile::parse(&float_file).unwrap(), PolicyFile::parse(&fixed_file).unwrap());
+    for (index, layer) in model.layers().iter().enumerate() {
+        for row in 0..=layer.outputs {
+            for column in 0..=layer.inputs {
+                let inside = row < layer.outputs && column < layer.inputs;
+                let expected = if inside { layer.weights[row * layer.inputs + column] } else { 0.0 };
+                assert_eq!(float.weight(index, row, column), expected);
+                assert!((fixed.weight(index, row, column) - expected).abs() < 1e-3);
+            }
+            let expected = layer.bias.get(row).copied().unwrap_or_default();
+            assert_eq!(float.bias(index, row), expected);
+            assert!((fixed.bias(index, row) - expected).abs() < 1e-6);
+        }
+    }
+    let (observation, action) = fixed.golden_vectors().next().unwrap();
+    assert_eq!(fixed.act(&observation[..PILOT_LEN], &mut fixed.scratch())[..4], action[..4]);
+}

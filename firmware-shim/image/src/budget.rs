@@ -1,0 +1,94 @@
+//! What a control period costs: each part runs between two marks that a counter of instructions sees, on a painted stack.
+//!
+//! Prints a line for each window, its name and the bytes of stack below the call, and one with the bytes of a pilot; the
+//! windows are the odd ones of the counter's. `tests/firmware/budget.py` joins the two.
+
+use core::hint::black_box;
+
+use kestrel_core::attitude::Attitude;
+use kestrel_core::mlp::WIDTH_LIMIT;
+use kestrel_core::pilot::Pilot;
+use kestrel_core::policy_file::{PolicyError, PolicyFile, Scratch};
+use kestrel_core::vehicle::State;
+use nalgebra::Vector3;
+
+use crate::input::Inputs;
+use crate::machine::{Verdict, decimal, print};
+use crate::policy::{Artifact, MEASURED, PILOTS};
+use crate::probe::{mark, stack_below};
+
+/// Inputs per part: the greatest count is reported, because a few branches depend on them.
+const REPETITIONS: usize = 16;
+
+/// Runs every part in its window.
+pub fn run() -> Verdict {
+    line("pilot-bytes", "pilot", size_of::<Pilot<'static>>() as u32);
+    window("nothing", "at-all", || {});
+    let steps = MEASURED.iter().map(step);
+    let ticks = PILOTS.iter().map(tick);
+    if steps.chain(ticks).all(|result| result.is_ok()) { Verdict::Passed } else { Verdict::Failed }
+}
+
+/// One inference.
+fn step(artifact: &Artifact) -> Result<(), PolicyError> {
+    let policy = PolicyFile::parse(artifact.bytes)?;
+    let mut scratch = Scratch::new();
+    let mut inputs = Inputs::new(3);
+    let mut observation = [0.0; WIDTH_LIMIT];
+    let observation = observation.get_mut(..policy.metadata().observation.len()).unwrap_or_default();
+    for _ in 0..REPETITIONS {
+        inputs.fill_usual(observation);
+        window("step", policy.arithmetic().name(), || {
+            black_box(policy.act(black_box(observation), &mut scratch));
+        });
+    }
+    window("self-test", policy.arithmetic().name(), || {
+        let _ = black_box(policy.self_test_with(&mut scratch));
+    });
+    window("parse", policy.arithmetic().name(), || {
+        let _ = black_box(PolicyFile::parse(black_box(artifact.bytes)));
+    });
+    Ok(())
+}
+
+/// State in, rotor targets out.
+fn tick(artifact: &Artifact) -> Result<(), PolicyError> {
+    let mut pilot = Pilot::new(PolicyFile::parse(artifact.bytes)?);
+    let arithmetic = pilot.policy().arithmetic().name();
+    let mut inputs = Inputs::new(4);
+    for _ in 0..REPETITIONS {
+        let (state, goal) = (flying(&mut inputs), Vector3::new(0.0, 0.0, 1.0));
+        window("tick", arithmetic, || {
+            black_box(pilot.tick(black_box(&state), black_box(&goal)));
+        });
+    }
+    Ok(())
+}
+
+/// A state in the midst of a flight: within ±2 m, m/s, rad/s, at any attitude.
+fn flying(inputs: &mut Inputs) -> State<f32> {
+    let mut values = [0.0; 13];
+    inputs.fill_usual(&mut values);
+    let [x, y, z, qw, qx, qy, qz, vx, vy, vz, p, q, r] = values;
+    State {
+        position: Vector3::new(x, y, z),
+        world_from_body: Attitude { w: qw, x: qx, y: qy, z: qz }.normalized(),
+        velocity: Vector3::new(vx, vy, vz),
+        body_rates: Vector3::new(p, q, r),
+        rotor_speeds: [0.0; 4],
+    }
+}
+
+fn window(part: &str, arithmetic: &str, mut work: impl FnMut()) {
+    let stack = stack_below(&mut || {
+        mark();
+        work();
+        mark();
+    });
+    line(part, arithmetic, stack);
+}
+
+fn line(part: &str, of: &str, bytes: u32) {
+    let digits = decimal(bytes);
+    print(&[part, " ", of, " ", core::str::from_utf8(&digits).unwrap_or_default(), "\n"]);
+}

@@ -1,0 +1,97 @@
+//! The same bits everywhere: digests of what every policy does with the same inputs.
+
+use kestrel_core::action::ACTION_LIMIT;
+use kestrel_core::mlp::WIDTH_LIMIT;
+use kestrel_core::pilot::Pilot;
+use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, Scratch};
+
+use crate::digest::Digest;
+use crate::input::Inputs;
+use crate::machine::{Verdict, hexadecimal, print};
+use crate::policy::{Artifact, MEASURED, PILOTS};
+
+/// Inputs of each policy in fixed point.
+const INPUTS: u32 = 100_000;
+
+/// Inputs of each policy in float; a machine without floating point needs half a million instructions for each.
+const FLOAT_INPUTS: u32 = if cfg!(target_arch = "riscv32") { FIRST_FLOAT_INPUTS } else { INPUTS };
+
+/// After so many inputs in float a digest is printed for comparison with machines that stop there.
+const FIRST_FLOAT_INPUTS: u32 = 5_000;
+
+/// Control periods that each policy flies.
+const TICKS: u32 = 2_000;
+
+/// Prints the digests of every policy; refused if one does not compute what it did when it was exported.
+pub fn run() -> Verdict {
+    PILOTS.iter().chain(MEASURED).map(check).fold(Verdict::Passed, Verdict::and)
+}
+
+fn check(artifact: &Artifact) -> Verdict {
+    if digests(artifact).is_ok() {
+        return Verdict::Passed;
+    }
+    print(&[artifact.name, ": refused\n"]);
+    Verdict::Failed
+}
+
+fn digests(artifact: &Artifact) -> Result<(), PolicyError> {
+    let policy = PolicyFile::parse(artifact.bytes)?;
+    let mut scratch = Scratch::new();
+    policy.self_test_with(&mut scratch)?;
+    line(artifact, &policy, "golden", golden(&policy, &mut scratch));
+    let mut inputs = Inputs::new(1);
+    let mut digest = Digest::new();
+    match policy.arithmetic() {
+        Arithmetic::Fixed16 => {
+            random(&policy, INPUTS, &mut inputs, &mut digest, &mut scratch);
+            line(artifact, &policy, "100,000 inputs", digest);
+        }
+        Arithmetic::Float32 => {
+            random(&policy, FIRST_FLOAT_INPUTS, &mut inputs, &mut digest, &mut scratch);
+            line(artifact, &policy, "5,000 inputs", digest);
+            if FLOAT_INPUTS > FIRST_FLOAT_INPUTS {
+                random(&policy, FLOAT_INPUTS - FIRST_FLOAT_INPUTS, &mut inputs, &mut digest, &mut scratch);
+                line(artifact, &policy, "100,000 inputs", digest);
+            }
+        }
+    }
+    line(artifact, &policy, "2,000 ticks", ticks(&policy));
+    Ok(())
+}
+
+fn line(artifact: &Artifact, policy: &PolicyFile<'_>, what: &str, digest: Digest) {
+    let digits = hexadecimal(digest.value());
+    let digits = core::str::from_utf8(&digits).unwrap_or_default();
+    print(&[artifact.name, " ", policy.arithmetic().name(), ": ", what, " ", digits, "\n"]);
+}
+
+fn golden(policy: &PolicyFile<'_>, scratch: &mut Scratch) -> Digest {
+    let mut digest = Digest::new();
+    for (observation, _) in policy.golden_vectors() {
+        digest.add(&policy.act(&observation, scratch));
+    }
+    digest
+}
+
+fn random(policy: &PolicyFile<'_>, count: u32, inputs: &mut Inputs, digest: &mut Digest, scratch: &mut Scratch) {
+    let mut observation = [0.0; WIDTH_LIMIT];
+    let observation = observation.get_mut(..policy.metadata().observation.len()).unwrap_or_default();
+    for _ in 0..count {
+        inputs.fill(observation);
+        let action: [f32; ACTION_LIMIT] = policy.act(observation, scratch);
+        digest.add(&action);
+    }
+}
+
+/// State in, rotor targets out; each action is in the next observation.
+fn ticks(policy: &PolicyFile<'_>) -> Digest {
+    let mut pilot = Pilot::new(policy.clone());
+    let mut inputs = Inputs::new(2);
+    let mut digest = Digest::new();
+    for _ in 0..TICKS {
+        let (state, goal) = (inputs.state(), inputs.vector());
+        digest.add(&pilot.tick(&state, &goal));
+    }
+    digest
+}

@@ -1,0 +1,141 @@
+#!/usr/bin/env bash
+# The same bits and a known price on the microcontroller: builds the images of firmware-shim/image, runs them in QEMU
+# and Node, and compares.
+#
+#   tests/firmware.sh
+#
+# Conformance: every policy of assets/pilots, in both arithmetics, with its golden vectors, 100,000 random inputs and
+# 2,000 control periods; the digests of the STM32F405, AN386, RISC-V and WebAssembly must be those of this machine. An
+# image in which a panic could be reached does not link.
+#
+# Budget: every part of a control period in instructions, stack, flash and RAM, against firmware-shim/image/budget.json to
+# within 2 %, and against what is promised. BLESS=1 writes budget.json and BUDGET.md anew.
+#
+# Needs Rust, gcc and Node; QEMU and the binutils come from Debian when this is root. Ends with "N passed, N failed".
+set -uo pipefail
+cd "$(dirname "$0")/.."
+
+out=target/firmware
+mkdir -p "$out"
+passed=0
+failed=0
+
+verdict() { # STATUS TEXT
+  if [ "$1" -eq 0 ]; then passed=$((passed + 1)); else failed=$((failed + 1)); fi
+  if [ "$1" -eq 0 ]; then echo "ok: $2"; else echo "FAILED: $2"; fi
+}
+
+packages() { # what is missing of the emulators and of Node
+  local missing=""
+  command -v qemu-system-arm >/dev/null || missing="$missing qemu-system-arm"
+  command -v qemu-system-riscv32 >/dev/null || missing="$missing qemu-system-misc"
+  command -v arm-none-eabi-objdump >/dev/null || missing="$missing binutils-arm-none-eabi"
+  command -v gcc >/dev/null || missing="$missing gcc libc6-dev"
+  command -v python3 >/dev/null || missing="$missing python3"
+  command -v node >/dev/null || missing="$missing nodejs"
+  [ -z "$missing" ] && return 0
+  if [ "$(id -u)" != 0 ]; then
+    echo "not root: install the Debian packages$missing first"
+    return 1
+  fi
+  # shellcheck disable=SC2086  # one word per package
+  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing >/dev/null
+}
+
+image() { # NAME PROGRAM TARGET [CARGO OPTION...]: builds an image into $out/NAME
+  local name=$1 program=$2 target=$3 flags="" file
+  shift 3
+  case $target in thumb*) flags="-C target-cpu=cortex-m4" ;; esac
+  # shellcheck disable=SC2086  # a command with arguments
+  RUSTFLAGS=$flags $cargo build --quiet -p kestrel-image --profile firmware --target "$target" --bin "$program" "$@" || return 1
+  file=target/$target/firmware/$program
+  [ -f "$file" ] || file=$file.wasm
+  cp "$file" "$out/$name"
+}
+
+emulated() { # MACHINE IMAGE [QEMU OPTION...]: what the image prints
+  local machine=$1 kernel=$2 qemu=qemu-system-arm firmware=""
+  shift 2
+  [ "$machine" = virt ] && qemu=qemu-system-riscv32 && firmware="-bios none"
+  # shellcheck disable=SC2086  # an option with its value, or nothing
+  timeout 600 $qemu -M "$machine" $firmware -nographic -monitor none -serial none -chardev stdio,id=console \
+    -semihosting-config enable=on,target=native,chardev=console -kernel "$kernel" "$@" </dev/null
+}
+
+same_as_here() { # NAME STATUS: whether the digests of a machine are those of this one
+  local expected=$out/x86-64.txt
+  # Without floating point 100,000 inputs in float take minutes: RISC-V stops after 5,000.
+  if [ "$1" = riscv32 ]; then
+    grep -v 'float32: 100,000' "$expected" >"$out/expected.txt"
+    expected=$out/expected.txt
+  fi
+  [ "$2" -eq 0 ] && [ -s "$expected" ] && diff "$expected" "$out/$1.txt"
+  verdict $? "$(wc -l <"$expected") digests of $1 are those of this machine"
+}
+
+conformance() {
+  local status=()
+  cargo run --quiet -p kestrel-image --bin conformance >"$out/x86-64.txt"
+  verdict $? "every policy of assets/pilots passes its self-test here"
+  image stm32f405.elf conformance thumbv7em-none-eabihf --features smlad
+  verdict $? "the image of the STM32F405, with the kernel in SMLAD, links without a panic"
+  image an386.elf conformance thumbv7em-none-eabihf --features an386
+  verdict $? "the image of AN386 links without a panic"
+  image riscv32.elf conformance riscv32imac-unknown-none-elf
+  verdict $? "the image of RISC-V links without a panic"
+  image page.wasm conformance wasm32-unknown-unknown
+  verdict $? "the image of WebAssembly builds"
+  emulated netduinoplus2 "$out/stm32f405.elf" >"$out/stm32f405.txt" &
+  status[0]=$!
+  emulated mps2-an386 "$out/an386.elf" >"$out/an386.txt" &
+  status[1]=$!
+  emulated virt "$out/riscv32.elf" >"$out/riscv32.txt" &
+  status[2]=$!
+  node tests/firmware/page.mjs "$out/page.wasm" >"$out/wasm32.txt"
+  same_as_here wasm32 $?
+  wait "${status[0]}"
+  same_as_here stm32f405 $?
+  wait "${status[1]}"
+  same_as_here an386 $?
+  wait "${status[2]}"
+  same_as_here riscv32 $?
+}
+
+counted() { # NAME TARGET MACHINE FEATURES: the files that budget.py wants of an image
+  local name=$1 target=$2 machine=$3 features=$4 mark
+  image "$name.elf" budget "$target" --features "$features" &&
+    image "flight-$name.elf" flight "$target" --features "$features" &&
+    image "inference-$name.elf" inference "$target" --features "$features" &&
+    mark=$(python3 tests/firmware/budget.py --folder "$out" --committed firmware-shim/image --mark "$out/$name.elf") &&
+    emulated "$machine" "$out/$name.elf" -plugin "$out/instruction_count.so,out=$out/$name.counts,mark=$mark" >"$out/$name.txt" &&
+    emulated "$machine" "$out/flight-$name.elf" &&
+    emulated "$machine" "$out/inference-$name.elf"
+  verdict $? "the parts of $name run between marks, and a firmware of it flies"
+}
+
+compiler() { # its version, from the cargo command
+  case $cargo in
+  cargo*) rustc ${cargo#cargo} -V ;;
+  *) "${cargo%cargo}rustc" -V ;;
+  esac
+}
+
+budget() {
+  gcc -O2 -Wall -Wextra -Werror -shared -fPIC -o "$out/instruction_count.so" tests/firmware/instruction_count.c
+  verdict $? "the counter of instructions builds"
+  counted stm32f405-smlad thumbv7em-none-eabihf netduinoplus2 budget,smlad
+  counted stm32f405-portable thumbv7em-none-eabihf netduinoplus2 budget
+  counted riscv32-portable riscv32imac-unknown-none-elf virt budget
+  # shellcheck disable=SC2086  # an option or nothing
+  python3 tests/firmware/budget.py --folder "$out" --committed firmware-shim/image --rustc "$(compiler)" ${BLESS:+--bless}
+  verdict $? "the figures are those of firmware-shim/image/budget.json, and what is promised"
+}
+
+if packages && cargo=$(tests/embedded-toolchain.sh); then
+  conformance
+  budget
+else
+  verdict 1 "this machine has what the images need"
+fi
+echo "$passed passed, $failed failed"
+[ "$failed" -eq 0 ]

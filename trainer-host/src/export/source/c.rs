@@ -1,0 +1,134 @@
+//! C99 without a library of ours: header and source of a policy in fixed point.
+
+use kestrel_core::fixed::{FixedFormat, REQUANTISATION_SHIFT, SUM_FRACTION_BITS, TANGENTS};
+use kestrel_core::policy_file::{ParameterFormat, PolicyFile};
+
+use super::{SourceError, comment, rows};
+
+/// What is the same for every policy.
+const CODE: &str = include_str!("policy.c.txt");
+
+/// Bytes behind the parameters in a policy file: the checksum.
+const CHECKSUM_LEN: usize = 4;
+
+/// Two files.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CSource {
+    /// `policy.h`.
+    pub header: String,
+    /// `policy.c`.
+    pub source: String,
+}
+
+/// The C of the policy file `bytes`, which start on a four-byte boundary of memory.
+///
+/// # Errors
+/// [`SourceError`].
+pub fn c_source(bytes: &[u8]) -> Result<CSource, SourceError> {
+    let policy = PolicyFile::parse(bytes)?;
+    policy.self_test()?;
+    let ParameterFormat::Fixed16(format) = policy.parameter_format() else { return Err(SourceError::Float) };
+    Ok(CSource { header: header(&policy), source: source(&policy, format, bytes)? })
+}
+
+fn header(policy: &PolicyFile<'_>) -> String {
+    let metadata = policy.metadata();
+    let (name, period) = (comment(metadata.name), metadata.control_period_secs);
+    let (observation, observation_len) = (metadata.observation.name(), metadata.observation.len());
+    let (action, action_len) = (metadata.action.name(), metadata.action.len());
+    let width = widest(policy);
+    format!(
+        "/* The policy \"{name}\" in fixed point, written by `kestrel export --target c`.
+ *
+ * It sees {observation} and commands {action}; to be called every {period} s. Copy, as it is, into any C99 project whose
+ * integers are two's complement and little-endian, and whose shifts of negative numbers keep the sign: every Cortex-M.
+ */
+#ifndef KESTREL_POLICY_H
+#define KESTREL_POLICY_H
+
+#include <stdint.h>
+
+#define KESTREL_OBSERVATION_LEN {observation_len}
+#define KESTREL_ACTION_LEN {action_len}
+
+/* Working memory, of the caller's; contents do not matter between calls. */
+typedef struct {{
+    int32_t sums[{width}];
+    int16_t activations[{width}];
+}} kestrel_scratch;
+
+/* The action in [-1, 1] on an encoded observation; a NaN is read as zero. The same bits as kestrel-core. */
+void kestrel_act(const float observation[KESTREL_OBSERVATION_LEN], kestrel_scratch *scratch,
+                 float action[KESTREL_ACTION_LEN]);
+
+/* Computes the golden vectors of the export again: 0 if all bits are equal, else the number of the first that is not.
+ * Before arming; do not fly on anything but 0. */
+int kestrel_self_test(kestrel_scratch *scratch);
+
+#endif
+"
+    )
+}
+
+fn widest(policy: &PolicyFile<'_>) -> usize {
+    policy.shapes().map(|(inputs, outputs)| inputs.max(outputs).next_multiple_of(4)).max().unwrap_or_default()
+}
+
+fn source(policy: &PolicyFile<'_>, format: FixedFormat, bytes: &[u8]) -> Result<String, SourceError> {
+    let end = bytes.len() - CHECKSUM_LEN;
+    let parameters = bytes[end - policy.parameter_bytes()..end].as_chunks::<4>().0;
+    let words = |word: &[u8; 4]| format!("0x{:08x}", u32::from_le_bytes(*word));
+    let (observation_len, action_len) = (policy.metadata().observation.len(), policy.metadata().action.len());
+    let golden = policy.golden_vectors().flat_map(|(observation, action)| {
+        let vector = [&observation[..observation_len], &action[..action_len]].concat();
+        vector.into_iter().map(|value| format!("0x{:08x}", value.to_bits()))
+    });
+    let mut layers = Vec::new();
+    let mut sum_bits = 0;
+    for (index, (inputs, outputs)) in policy.shapes().enumerate() {
+        sum_bits = format.sum_fraction_bits(index)?;
+        let multiplier = REQUANTISATION_SHIFT + SUM_FRACTION_BITS - sum_bits;
+        layers.push(format!("{{{}, {}, {multiplier}}}", inputs.div_ceil(2), outputs.div_ceil(4)));
+    }
+    let constants = format!(
+        "#define INPUT_SCALE {input_scale}.0f
+#define OUTPUT_SCALE (1.0f / {output_scale}.0f)
+#define LAYERS {layer_count}
+#define GOLDEN_VECTORS {vectors}
+
+/* Pairs of inputs, blocks of four rows, and the power of two that brings sums to 2^-16. */
+static const struct {{ int pairs, blocks, shift; }} LAYER[LAYERS] = {{{layers}
+}};
+
+/* Layer by layer: biases, then weights as [block][pair][row], two to a word. */
+static const uint32_t PARAMETERS[{parameter_count}] = {{{parameters}
+}};
+
+/* Of tanh: in the high half the value at the start of each 1/64, in the low half what it grows by. */
+static const uint32_t TANGENTS[{tangent_count}] = {{{tangents}
+}};
+
+/* Bits of the observations and of the actions on them. */
+static const uint32_t GOLDEN[GOLDEN_VECTORS][KESTREL_OBSERVATION_LEN + KESTREL_ACTION_LEN] = {{{golden}
+}};
+",
+        input_scale = 1_u32 << format.input_fraction_bits,
+        output_scale = 1_u64 << sum_bits,
+        layer_count = layers.len(),
+        vectors = policy.golden_vectors().count(),
+        parameter_count = parameters.len(),
+        parameters = rows(parameters.iter().map(words), 8),
+        tangent_count = TANGENTS.len(),
+        tangents = rows(TANGENTS.iter().map(|entry| format!("0x{entry:08x}")), 8),
+        golden = golden_rows(golden, observation_len + action_len),
+        layers = rows(layers.iter().cloned(), 1),
+    );
+    Ok(CODE.replace("CONSTANTS\n", &constants))
+}
+
+/// Each vector in braces of its own.
+fn golden_rows(words: impl Iterator<Item = String>, per_vector: usize) -> String {
+    let words: Vec<String> = words.collect();
+    let vectors = words.chunks(per_vector).map(|vector| rows(vector.iter().cloned(), 8));
+    vectors.map(|vector| format!("\n    {{{vector}\n    }},")).collect::<Vec<_>>().concat()
+}
