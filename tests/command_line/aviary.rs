@@ -148,3 +148,19 @@ fn a_pillar_is_refused_where_it_makes_no_sense() {
     assert_eq!(fs::read_to_string(place.path().join("next.yaml")).unwrap(), "mine\n");
     assert!(!place.path().join("world.yaml").exists());
 }
+
+#[test]
+fn what_drones_see_of_aviaries_is_one_sheet() {
+    let place = tempfile::tempdir().unwrap();
+    let worlds = ["../assets/worlds/maze.yaml", "../assets/worlds/room-0.yaml"]
+        .map(|name| std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(name).to_str().unwrap().to_owned());
+    let seen = kestrel(place.path(), &["aviary", "look", &worlds[0], &worlds[1], "-o", "seen.png"]);
+    assert!(seen.status.success(), "{}", String::from_utf8_lossy(&seen.stderr));
+    assert!(fs::read(place.path().join("seen.png")).unwrap().starts_with(b"\x89PNG"));
+    let wrong = refusal(&kestrel(place.path(), &["aviary", "look", &worlds[0], "-o", "seen.svg"]));
+    assert!(wrong.contains("seen.svg: found another ending, expected .png"), "{wrong}");
+    let unknown = refusal(&kestrel(place.path(), &["aviary", "look", "atlantis", "-o", "no.png"]));
+    assert!(unknown.contains("atlantis: found no such file or aviary"), "{unknown}");
+    let none = refusal(&kestrel(place.path(), &["aviary", "look", "-o", "no.png"]));
+    assert!(none.contains("found no YAML files in assets/worlds"), "{none}");
+}

@@ -140,3 +140,24 @@ fn a_stopped_film_leaves_nothing() {
     assert!(line.contains("Stopping: nothing is written."), "{line}");
     assert_eq!(fs::read_dir(place.path()).unwrap().count(), 0);
 }
+
+#[test]
+fn the_viewer_writes_files_without_a_screen() {
+    let place = tempfile::tempdir().unwrap();
+    let cross = config("cross.yaml");
+    let policy = in_assets("pilots/cross.kestrel");
+    let view = ["view", cross.to_str().unwrap(), "--policy", &policy, "--columns", "320", "--rows", "240"];
+    for name in ["view.png", "view.gif"] {
+        let output = kestrel(place.path(), &[&view[..], &["--headless", name, "--camera", "orbit"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert_eq!(fs::read(place.path().join("view.png")).unwrap()[16..24], [0, 0, 1, 64, 0, 0, 0, 240]);
+    assert_eq!(gif_size(&place.path().join("view.gif")), [320, 240]);
+    let wrong = refusal(&kestrel(place.path(), &[&view[..], &["--headless", "view.mp4"]].concat()));
+    assert!(wrong.contains("view.mp4: found another ending, expected .png or .gif"), "{wrong}");
+    let drone = refusal(&kestrel(place.path(), &[&view[..], &["--headless", "no.png", "--drone", "4"]].concat()));
+    assert!(drone.contains("found --drone 4, expected a number below 1"), "{drone}");
+    let without = command(place.path()).args(view).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output();
+    let message = refusal(&without.unwrap());
+    assert!(message.contains("--headless FILE.gif"), "{message}");
+}

@@ -18,7 +18,7 @@ mod caption;
 mod drone;
 pub(crate) mod encode;
 pub(crate) mod font;
-mod palette;
+pub(crate) mod palette;
 pub(crate) mod playback;
 mod scene;
 pub(crate) mod tracking;

@@ -9,14 +9,15 @@ use std::f64::consts::TAU;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
+use kestrel_core::attitude::Attitude;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::policy_file::PolicyFile;
-use kestrel_sim::camera::{Camera, Canvas, Image, Scene, View};
+use kestrel_sim::camera::{Camera, Canvas, Image, Mover, Scene, View};
 use kestrel_sim::scenario::{Physics, Scenario};
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::simulation::Simulation;
 use kestrel_sim::swarm::{Swarm, advance_all};
-use kestrel_sim::world::{Solid, World};
+use kestrel_sim::world::{Pose, Solid, World};
 use nalgebra::Vector3;
 
 use crate::actor_critic::Actor;
@@ -242,6 +243,26 @@ pub fn sight(sight: &Sight, scenario: &Scenario, duration: Duration) -> Figure {
     });
     let what = format!("images, {}, {} bodies, 1 core", sight.what, world.solids.len());
     Figure { what, per_second, aim: sight.aim, limit: sight.limit }
+}
+
+/// Drones of a scene that are placed in turn.
+const PLACED: usize = 8;
+
+/// Drones placed in a scene per second by one core: what an image of a team costs besides what is in view.
+pub fn placing(scenario: &Scenario, duration: Duration) -> Figure {
+    let mut scene = Scene::new(&scenario.aviary.world).with_drones(&scenario.airframe, PLACED);
+    let mut turn = 0.0;
+    let per_second = best_rate(duration, || {
+        for drone in 0..PLACED {
+            turn += 0.1;
+            let world_from_body = Attitude::from_axis_angle(Vector3::z(), turn);
+            scene.place(Mover::Drone(drone), &Pose { position: Vector3::new(turn, 0.0, 1.0), world_from_body });
+        }
+        black_box(&scene);
+        PLACED as u64
+    });
+    let limit = "38 faces turned and lit, 72 corners, each drone";
+    Figure { what: "drones placed in a scene, 1 core".to_owned(), per_second, aim: 500e3, limit }
 }
 
 /// Least share of the speed of training that what keeps an earlier task should leave.

@@ -18,6 +18,7 @@ mod study;
 mod table;
 mod train;
 mod verify;
+mod view;
 
 use anyhow::Result;
 use clap::Subcommand;
@@ -49,6 +50,8 @@ pub(crate) enum Command {
     Verify(verify::Arguments),
     /// Show a flight as cameras see it: from behind, on board, depth, labels
     Render(render::Arguments),
+    /// Look at a flight in a window, or write what it would show to a file
+    View(view::Arguments),
     /// Draw a recorded episode
     Replay(replay::Arguments),
     /// Run a study of many trainings, and report it
@@ -87,6 +90,7 @@ impl Command {
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Verify(arguments) => verify::run(&arguments),
             Self::Render(arguments) => render::run(&arguments),
+            Self::View(arguments) => view::run(&arguments),
             Self::Replay(arguments) => replay::run(&arguments),
             Self::Study(arguments) => study::run(&arguments),
             Self::Search(arguments) => search::run(&arguments),

@@ -106,9 +106,9 @@ pub enum FilmError {
 /// Greatest width and height of a GIF \[px\].
 pub const GIF_LIMIT: usize = u16::MAX as usize;
 
-const PAPER: Rgb = [247, 249, 251];
-const INK: Rgb = [31, 41, 51];
-const MUTED: Rgb = [107, 118, 131];
+pub(crate) const PAPER: Rgb = [247, 249, 251];
+pub(crate) const INK: Rgb = [31, 41, 51];
+pub(crate) const MUTED: Rgb = [107, 118, 131];
 const GOOD: Rgb = [18, 138, 74];
 const BAD: Rgb = [200, 45, 60];
 
@@ -121,7 +121,7 @@ const NAME: usize = 12;
 const FOOT: usize = 26;
 
 /// Width from which words are written twice as large \[px\].
-const WIDE: usize = 600;
+pub(crate) const WIDE: usize = 600;
 
 /// Pictures from which the colours of a film and its scale of depths are taken.
 const SAMPLED: usize = 16;
@@ -289,7 +289,7 @@ pub(crate) fn coloured(image: &Image, panel: Panel, scale: &DepthScale) -> Pictu
 pub(crate) fn draw_facts(facts: &Facts, picture: &mut Picture, [left, top]: [usize; 2]) {
     let Facts { secs, episode_return, distance, speed, ending } = facts;
     let scale = if picture.size[0] < WIDE { 1 } else { 2 };
-    let words = format!("{secs:5.2} s  return {episode_return:8.2}  {distance:5.2} m to go  {speed:4.2} m/s");
+    let words = format!("{secs:.2} s  return {episode_return:8.2}  {distance:5.2} m to go  {speed:4.2} m/s");
     picture.text([left, top], &words, scale, INK);
     if let Some((ending, success)) = ending {
         let colour = if *success { GOOD } else { BAD };

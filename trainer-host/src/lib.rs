@@ -50,3 +50,4 @@ pub mod study;
 pub mod tensorboard;
 pub mod training_run;
 pub mod verify;
+pub mod viewer;

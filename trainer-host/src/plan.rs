@@ -1,8 +1,11 @@
 //! Plans of aviaries: each from above and from the side, to scale, as SVG or PNG.
 //!
 //! A [`Subject`] is what is drawn; [`plan()`] lays one out, [`sheet()`] many beside each other. Both make a [`Drawing`].
+//! [`seen_sheet()`] shows what a drone sees of each at its start.
 
+pub(crate) mod above;
 mod outline;
+mod seen;
 mod sheet;
 mod subject;
 #[cfg(test)]
@@ -13,6 +16,7 @@ use crate::drawing::{Anchor, Colour, Text};
 use view::{Detail, Views};
 
 pub use crate::drawing::{Drawing, PngError};
+pub use seen::seen_sheet;
 pub use sheet::sheet;
 pub use subject::{Subject, SubjectError, find, in_folders};
 

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 /// Red, green, blue in \[0, 255\].
-pub(super) type Colour = [f32; 3];
+pub(crate) type Colour = [f32; 3];
 
 /// Behind everything.
 pub(super) const PAPER: Colour = rgb(0xf7_f9fb);
@@ -50,7 +50,7 @@ const ROTORS: usize = 11;
 pub(super) const UNCHANGED: u8 = 127;
 
 /// Colour of the trail of a drone, counted from zero.
-pub(super) fn trail(drone: usize) -> Colour {
+pub(crate) fn trail(drone: usize) -> Colour {
     TRAILS[drone % TRAILS.len()]
 }
 

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use clap::Subcommand;
 use kestrel_train::atomic_file::write_atomically;
 use kestrel_train::output::{say, warn};
-use kestrel_train::plan::{Drawing, Subject, find, in_folders, plan, sheet};
+use kestrel_train::plan::{Drawing, Subject, find, in_folders, plan, seen_sheet, sheet};
 
 use super::Done;
 
@@ -41,6 +41,15 @@ enum Action {
         #[arg(long, value_name = "KEY=VALUE")]
         set: Vec<String>,
     },
+    /// Draw what a drone sees of aviaries at its start, beside each other
+    Look {
+        /// World or experiment files, or their names [default: all in assets/worlds]
+        aviaries: Vec<String>,
+
+        /// Where to write the picture, as .png
+        #[arg(long, short, value_name = "FILE")]
+        output: PathBuf,
+    },
     /// Make random rooms: world files, and a task for each
     Generate(generate::Arguments),
     /// Put a pillar where a policy flies: the next task of a curriculum
@@ -51,6 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     match &arguments.action {
         Action::List { folders } => list(folders),
         Action::Show { aviaries, output, set } => show(aviaries, output, set),
+        Action::Look { aviaries, output } => look(aviaries, output),
         Action::Generate(arguments) => generate::run(arguments),
         Action::Obstruct(arguments) => obstruct::run(arguments),
     }
@@ -97,6 +107,23 @@ fn show(aviaries: &[String], output: &Path, overrides: &[String]) -> Result<Done
     let subjects: Vec<Subject> = subjects.collect::<Result<_>>()?;
     let drawing = if let [only] = subjects.as_slice() { plan(only) } else { sheet(&subjects) };
     write_atomically(output, &encoded(&drawing, output)?)?;
+    say(output.display())?;
+    Ok(Done::Finished)
+}
+
+fn look(aviaries: &[String], output: &Path) -> Result<Done> {
+    if output.extension().is_none_or(|ending| ending != "png") {
+        bail!("{}: found another ending, expected .png", output.display());
+    }
+    let paths = match aviaries {
+        [] => in_folders(&[PathBuf::from("assets/worlds")]),
+        named => named.iter().map(|name| find(name)).collect::<Result<_, _>>()?,
+    };
+    if paths.is_empty() {
+        bail!("found no YAML files in assets/worlds, expected some, or aviaries that are named");
+    }
+    let subjects: Vec<Subject> = paths.iter().map(|path| Subject::read(path, &[])).collect::<Result<_, _>>()?;
+    write_atomically(output, &seen_sheet(&subjects).png()?)?;
     say(output.display())?;
     Ok(Done::Finished)
 }

@@ -55,6 +55,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         let task = experiment_config::load(&arguments.aviaries.join(sight.file), &[])?;
         print(&[bench::sight(sight, &task.scenario, duration)])?;
     }
+    print(&[bench::placing(scenario, duration)])?;
     print(&bench::eyes(duration))?;
     #[cfg(feature = "gpu")]
     print_gpu(&arguments.aviaries, duration)?;

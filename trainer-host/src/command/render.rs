@@ -63,14 +63,14 @@ enum Format {
     Gif,
 }
 
-fn view_angle(text: &str) -> Result<f64, String> {
+pub(crate) fn view_angle(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(angle) if (1.0..=170.0).contains(&angle) => Ok(angle),
         Ok(_) | Err(_) => Err("expected 1 to 170 degrees".to_owned()),
     }
 }
 
-fn seconds(text: &str) -> Result<f32, String> {
+pub(crate) fn seconds(text: &str) -> Result<f32, String> {
     match text.parse() {
         Ok(secs) if (0.0..=1e6).contains(&secs) => Ok(secs),
         Ok(_) | Err(_) => Err("expected 0 to 1e6 seconds".to_owned()),

@@ -4,6 +4,7 @@ use tiny_skia::{FillRule, Paint, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, 
 
 use super::{Anchor, Colour, Dashed, Drawing, Mark, Pen, Text};
 use crate::animation::font;
+use crate::picture::Picture;
 
 /// Greatest width or height \[px\].
 const SIZE_LIMIT: f64 = 16_384.0;
@@ -31,18 +32,34 @@ impl Drawing {
     }
 }
 
+impl Drawing {
+    /// The picture with the drawing over it, a pixel a pixel; what reaches beyond is cut.
+    pub(crate) fn over(&self, picture: &Picture) -> Picture {
+        let Ok(mut pixels) = pixmap(picture.size, &picture.pixels) else { return picture.clone() };
+        for mark in &self.marks {
+            draw(&mut pixels, mark);
+        }
+        let colour = |pixel: &tiny_skia::PremultipliedColorU8| [pixel.red(), pixel.green(), pixel.blue()];
+        Picture { size: picture.size, pixels: pixels.pixels().iter().map(colour).collect() }
+    }
+}
+
 /// A PNG file of so many columns and rows of red, green and blue.
 ///
 /// # Errors
 /// When there are none, or more than 16384 of either, or the encoder fails.
-pub fn png_of_pixels([columns, rows]: [usize; 2], colours: &[[u8; 3]]) -> Result<Vec<u8>, PngError> {
+pub fn png_of_pixels(size: [usize; 2], colours: &[[u8; 3]]) -> Result<Vec<u8>, PngError> {
+    pixmap(size, colours)?.encode_png().map_err(|error| PngError(error.to_string()))
+}
+
+fn pixmap([columns, rows]: [usize; 2], colours: &[[u8; 3]]) -> Result<Pixmap, PngError> {
     let fits = [columns, rows].iter().all(|size| (1..=SIZE_LIMIT as usize).contains(size));
     let pixels = fits.then(|| Pixmap::new(columns as u32, rows as u32)).flatten();
     let mut pixels = pixels.ok_or_else(|| PngError(format!("found a size of {columns} x {rows} pixels")))?;
     for (pixel, [red, green, blue]) in pixels.pixels_mut().iter_mut().zip(colours) {
         *pixel = tiny_skia::ColorU8::from_rgba(*red, *green, *blue, u8::MAX).premultiply();
     }
-    pixels.encode_png().map_err(|error| PngError(error.to_string()))
+    Ok(pixels)
 }
 
 fn draw(pixels: &mut Pixmap, mark: &Mark) {

@@ -27,7 +27,6 @@ const POLE: f64 = 0.5;
 #[derive(Clone, Debug)]
 pub struct Stage {
     pub(crate) flight: FlightRecording,
-    pub(crate) world: World,
     /// The world as the drones see it.
     seen: Scene,
     /// The world as people see it, with the goals.
@@ -70,16 +69,15 @@ impl Stage {
         let flight = recording.flight(experiment, path)?;
         animation::check(&flight)?;
         check(&flight, path)?;
-        let world = experiment.scenario.aviary.world.clone();
+        let world = &experiment.scenario.aviary.world;
         let airframe = &experiment.scenario.airframe;
         let scene = |world: &World| Scene::new(world).with_drones(airframe, flight.drones.len());
         let goals = flight.drones.iter().map(|drone| drone.goal.cast());
         Ok(Self {
-            seen: scene(&world),
-            shown: scene(&with_goals(&world, goals)),
+            seen: scene(world),
+            shown: scene(&with_goals(world, goals)),
             moments: moments(&flight),
             verdicts: recording.drones.iter().map(Verdict::of).collect(),
-            world,
             flight,
         })
     }

@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use kestrel_sim::camera::{Backend, FIRST_SOLID, View};
+use kestrel_sim::world::World;
 use nalgebra::Vector3;
 
 use super::*;
@@ -34,8 +35,9 @@ fn style(panels: &[Panel]) -> Style {
 }
 
 /// Label of the first drone.
-fn drone(stage: &Stage) -> u16 {
-    FIRST_SOLID + (stage.world.solids.len() + stage.world.movables.len()) as u16
+fn drone(experiment: &Experiment) -> u16 {
+    let World { solids, movables, .. } = &experiment.scenario.aviary.world;
+    FIRST_SOLID + (solids.len() + movables.len()) as u16
 }
 
 #[test]
@@ -69,17 +71,17 @@ fn a_film_has_all_pictures_and_the_same_bytes_for_any_number_of_threads() {
 #[test]
 fn a_drone_is_chased_but_does_not_see_itself() {
     let (_, stage) = flown("cross.yaml", 1.0);
-    let own = drone(&stage);
+    let own = drone(&experiment("cross.yaml", 1.0));
     let chase = Chase::of(&stage, 0);
     for (index, moment) in stage.moments().iter().enumerate() {
-        let camera = camera([60, 45], VIEW_ANGLE);
+        let camera = camera([120, 90], VIEW_ANGLE);
         let view = on_board(&stage, &moment.drones[0].frame.placement);
         assert!(!stage.seen(moment, 0).render(&camera, &view).labels.contains(&own));
         // Behind the solids of people's world are the two marks of the goal.
         let image = stage.shown(moment).render(&camera, &chase.view(index as f32));
         let seen = image.labels.iter().filter(|label| **label == own + 2).count();
-        assert!((12..600).contains(&seen), "{seen} of 2700 pixels at {index}");
-        let middle = image.labels.chunks(60).skip(10).take(25).flat_map(|row| &row[15..45]);
+        assert!((15..2400).contains(&seen), "{seen} of 10800 pixels at {index}");
+        let middle = image.labels.chunks(120).skip(20).take(50).flat_map(|row| &row[30..90]);
         assert!(2 * middle.filter(|label| **label == own + 2).count() > seen, "at {index}");
     }
 }
@@ -135,7 +137,7 @@ fn several_drones_see_each_other() {
     let [from, to] = [0, 1].map(|drone| moment.drones[drone].frame.placement.position.cast::<f64>());
     let view = View::towards(from, to, Vector3::z());
     let image = stage.seen(moment, 0).render(&camera([64, 48], 0.6), &view);
-    assert!(image.labels.contains(&(drone(&stage) + 1)));
+    assert!(image.labels.contains(&(drone(&experiment) + 1)));
 }
 
 #[test]

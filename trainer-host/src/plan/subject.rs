@@ -111,7 +111,8 @@ impl Subject {
         Ok(Self { name: stem(path), about, world, goals, starts, routes, start_region: None })
     }
 
-    fn of_scenario(name: String, scenario: &Scenario) -> Self {
+    /// The aviary of a scenario.
+    pub(crate) fn of_scenario(name: String, scenario: &Scenario) -> Self {
         let drones = 0..scenario.agents.count as usize;
         let route = |drone: usize| scenario.aviary.route(drone).iter().map(|point| point.cast()).collect();
         let (starts, region) = match &scenario.start.position {

@@ -85,6 +85,20 @@ fn the_sheet_of_the_documentation_is_up_to_date() {
 }
 
 #[test]
+fn the_views_of_the_documentation_are_up_to_date() {
+    let path = in_repository("docs/pictures/aviaries-seen.png");
+    let paths = in_folders(&[in_repository("assets/worlds")]);
+    let subjects: Vec<Subject> = paths.iter().map(|path| Subject::read(path, &[]).unwrap()).collect();
+    let png = seen_sheet(&subjects).png().unwrap();
+    if std::env::var_os("BLESS").is_some() {
+        std::fs::write(&path, &png).unwrap();
+    }
+    assert!(png.len() < 1 << 19, "{} bytes", png.len());
+    let expected = std::fs::read(&path).unwrap();
+    assert!(expected == png, "{}: run the test with BLESS=1 and look at the change", path.display());
+}
+
+#[test]
 fn markup_in_names_is_only_text() {
     let mut subject = subject("assets/worlds/empty.yaml", &[]);
     subject.about = "</text><script> & \u{7}".to_owned();

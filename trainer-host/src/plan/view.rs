@@ -43,7 +43,7 @@ pub(super) struct Views {
 
 /// One view at its place.
 #[derive(Clone, Copy, Debug)]
-struct Frame {
+pub(super) struct Frame {
     direction: Direction,
     /// Lowest and highest coordinates in the view \[m\].
     low: [f64; 2],
@@ -71,6 +71,11 @@ impl Views {
         self.scale * (self.high.x - self.low.x)
     }
 
+    /// From the front to the back of the view from above \[px\].
+    pub(super) fn depth(&self) -> f64 {
+        self.scale * (self.high.y - self.low.y)
+    }
+
     /// Draws both views, one below the other; returns where they end \[px\].
     pub(super) fn draw(&self, drawing: &mut Drawing, subject: &Subject, corner: [f64; 2], detail: Detail) -> f64 {
         let gap = if detail == Detail::Full { GAP } else { 8.0 };
@@ -82,7 +87,7 @@ impl Views {
         side.bottom() + if detail == Detail::Full { 24.0 } else { 0.0 }
     }
 
-    fn frame(&self, direction: Direction, corner: [f64; 2]) -> Frame {
+    pub(super) fn frame(&self, direction: Direction, corner: [f64; 2]) -> Frame {
         let (low, high) = (direction.project(self.low), direction.project(self.high));
         Frame { direction, low, high, corner, scale: self.scale }
     }
@@ -98,11 +103,11 @@ impl Frame {
     }
 
     /// Where a point of the view \[m\] is on paper \[px\].
-    fn place(&self, [across, up]: [f64; 2]) -> [f64; 2] {
+    pub(super) fn place(&self, [across, up]: [f64; 2]) -> [f64; 2] {
         [self.corner[0] + self.scale * (across - self.low[0]), self.corner[1] + self.scale * (self.high[1] - up)]
     }
 
-    fn draw(&self, drawing: &mut Drawing, subject: &Subject, detail: Detail) {
+    pub(super) fn draw(&self, drawing: &mut Drawing, subject: &Subject, detail: Detail) {
         self.draw_grid(drawing, detail);
         self.draw_solids(drawing, subject);
         if self.direction == Direction::Side && subject.world.floor == Floor::Solid {

@@ -1,0 +1,74 @@
+#!/usr/bin/env bash
+# `kestrel view` in a window on a virtual screen, with keys and mouse, and what it says without a screen.
+#
+#   tests/viewer.sh
+#
+# Installs xvfb and xdotool where they are missing and this is root. Ends with "N passed, N failed".
+set -uo pipefail
+cd "$(dirname "$0")/.."
+
+if ! command -v Xvfb >/dev/null || ! command -v xdotool >/dev/null; then
+  [ "$(id -u)" -eq 0 ] || {
+    echo "a virtual screen is missing: install xvfb and xdotool"
+    exit 1
+  }
+  apt-get update -q && apt-get install -q -y --no-install-recommends \
+    xvfb xdotool libx11-xcb1 libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2 || exit 1
+fi
+place=$(mktemp -d)
+screen=
+trap 'kill $screen 2>/dev/null; rm -rf "$place"' EXIT
+export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$place}
+unset WAYLAND_DISPLAY WAYLAND_SOCKET DISPLAY
+cargo build -q -p kestrel-train --features viewer || exit 1
+kestrel=target/debug/kestrel
+
+passed=0
+failed=0
+check() { # NAME COMMAND...
+  local name=$1
+  shift
+  if "$@" >"$place/log" 2>&1; then
+    echo "ok: $name"
+    passed=$((passed + 1))
+  else
+    cat "$place/log"
+    echo "FAILED: $name"
+    failed=$((failed + 1))
+  fi
+}
+
+view() { # DISPLAY: at its first flight, until it is told to quit
+  DISPLAY=$1 timeout 60 $kestrel view configs/cross.yaml --policy assets/pilots/cross.kestrel
+}
+refuses_without_a_screen() { # one message, status 2
+  view "" >"$place/said" 2>&1
+  [ $? -eq 2 ] && [ "$(grep -c 'error: cannot open a window' "$place/said")" -eq 1 ] &&
+    grep -q "headless" "$place/said" && ! grep -q panicked "$place/said"
+}
+ends_when_told() { # DISPLAY: opens, takes keys, a drag and the wheel, and quits with status 0
+  view "$1" >"$place/said" 2>&1 &
+  local viewer=$! window
+  export DISPLAY=$1
+  window=$(timeout 50 xdotool search --sync --onlyvisible --name "^kestrel: " | head -1) || return 1
+  xdotool windowfocus --sync "$window"
+  xdotool mousemove --window "$window" 200 200 mousedown 1 mousemove --window "$window" 260 230 mouseup 1 click 4
+  xdotool key space Right c n Up r
+  sleep 1
+  kill -0 $viewer || return 1
+  xdotool key q
+  unset DISPLAY
+  wait $viewer
+}
+
+check "lints" cargo clippy -q -p kestrel-train --all-targets --features viewer -- -D warnings
+check "the window's tests" cargo test -q -p kestrel-train --features viewer --lib -- viewer
+check "without a screen there is one clear error" refuses_without_a_screen
+mkfifo "$place/display"
+Xvfb -displayfd 3 -screen 0 1280x800x24 3>"$place/display" 2>/dev/null &
+screen=$!
+read -r display <"$place/display"
+check "the window opens, takes keys and the mouse, and ends when told" ends_when_told ":$display"
+
+echo "$passed passed, $failed failed"
+[ "$failed" -eq 0 ]

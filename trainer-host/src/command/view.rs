@@ -1,0 +1,129 @@
+//! `kestrel view`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail, ensure};
+use kestrel_sim::camera::{Backend, Renderer};
+use kestrel_train::atomic_file::write_atomically;
+use kestrel_train::film::Stage;
+use kestrel_train::interrupt::Interrupt;
+use kestrel_train::output::{say, warn};
+use kestrel_train::progress::Progress;
+use kestrel_train::viewer::{CameraMode, Controls, Desk};
+
+use super::Done;
+use super::flight::FlightArguments;
+
+/// Arguments of `kestrel view`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = KEYS)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    flight: FlightArguments,
+
+    /// Write to a file instead of opening a window: .png for one moment, .gif for the whole flight
+    #[arg(long, value_name = "FILE")]
+    headless: Option<PathBuf>,
+
+    /// Where to begin, in seconds since the start; the moment of a .png
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = super::render::seconds, allow_negative_numbers = true)]
+    at: f32,
+
+    /// From where the large picture is taken
+    #[arg(long, value_enum, default_value_t = CameraMode::Chase)]
+    camera: CameraMode,
+
+    /// Which drone is followed, counted from 0
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, allow_negative_numbers = true)]
+    drone: usize,
+
+    /// Width of the window, in pixels
+    #[arg(long, value_name = "NUMBER", default_value_t = 960, value_parser = clap::value_parser!(u16).range(320..=4096))]
+    columns: u16,
+
+    /// Height of the window, in pixels
+    #[arg(long, value_name = "NUMBER", default_value_t = 540, value_parser = clap::value_parser!(u16).range(240..=4096))]
+    rows: u16,
+
+    /// Angle of view of the drone's camera across, in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 90.0, value_parser = super::render::view_angle, allow_negative_numbers = true)]
+    view_angle: f64,
+
+    /// What renders: auto (a GPU where there is one), cpu, gpu, or software (an adapter such as lavapipe)
+    #[arg(long, value_name = "BACKEND", default_value_t = Backend::Auto)]
+    backend: Backend,
+}
+
+/// Shown below the help.
+const KEYS: &str = "\
+Keys:
+  space, p            pause, go on; at the end, start again
+  left, right         a picture back, on (25 a second); page up, page down: a second
+  up, down            twice, half as fast
+  c                   the next camera: chase, orbit, on board
+  n, tab              the next drone
+  r, home             everything as at first
+  q, escape           quit
+  mouse               drag to turn around the drone, wheel to come nearer";
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    if arguments.headless.is_none() && !cfg!(feature = "viewer") {
+        bail!(
+            "this program was built without windows: build it with `--features viewer`, or use --headless FILE.gif"
+        );
+    }
+    let renderer = Renderer::open(arguments.backend)?;
+    let flown = arguments.flight.fly(false)?;
+    let stage = Stage::new(&flown.recording, &flown.experiment, &flown.path)?;
+    let drone = arguments.drone;
+    ensure!(
+        drone < stage.drones(),
+        "found --drone {drone}, expected a number below {}, the drones of {}",
+        stage.drones(),
+        flown.path.display()
+    );
+    let size = [arguments.columns, arguments.rows].map(usize::from);
+    let desk = Desk::new(&stage, &flown.experiment.scenario, &renderer, arguments.view_angle.to_radians(), size);
+    let secs = arguments.at.min(desk.extent().secs);
+    let controls = Controls { secs, drone, camera: arguments.camera, ..Controls::default() };
+    warn(&renderer);
+    match &arguments.headless {
+        Some(output) => written(&desk, &controls, output),
+        None => shown(desk, controls, &format!("kestrel: {}", flown.path.display()), size),
+    }
+}
+
+fn written(desk: &Desk<'_>, controls: &Controls, output: &Path) -> Result<Done> {
+    let file = match output.extension().and_then(|ending| ending.to_str()) {
+        Some("png") => Some(desk.picture(controls)?.png()?),
+        Some("gif") => filmed(desk, controls)?,
+        Some(_) | None => bail!("{}: found another ending, expected .png or .gif", output.display()),
+    };
+    let Some(file) = file else { return Ok(Done::Interrupted) };
+    write_atomically(output, &file)?;
+    say(output.display())?;
+    Ok(Done::Finished)
+}
+
+/// The film, unless the user stops it.
+fn filmed(desk: &Desk<'_>, controls: &Controls) -> Result<Option<Vec<u8>>> {
+    let interrupt = Interrupt::watch("Stopping: nothing is written.")?;
+    let mut progress = Progress::counting("pictures", desk.pictures() as u64, 0);
+    let file = desk.film(controls, |done| {
+        progress.show_steps(done as u64, String::new);
+        !interrupt.requested()
+    })?;
+    progress.finish();
+    Ok(file)
+}
+
+#[cfg(feature = "viewer")]
+fn shown(desk: Desk<'_>, controls: Controls, title: &str, size: [usize; 2]) -> Result<Done> {
+    kestrel_train::viewer::window::show(desk, controls, title, size)?;
+    Ok(Done::Finished)
+}
+
+#[cfg(not(feature = "viewer"))]
+fn shown(_desk: Desk<'_>, _controls: Controls, title: &str, _size: [usize; 2]) -> Result<Done> {
+    bail!("{title}: this program was built without windows")
+}
