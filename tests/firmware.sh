@@ -14,16 +14,11 @@
 # Needs Rust, gcc and Node; QEMU and the binutils come from Debian when this is root. Ends with "N passed, N failed".
 set -uo pipefail
 cd "$(dirname "$0")/.."
+# shellcheck source=tests/checks.sh
+. tests/checks.sh
 
 out=target/firmware
 mkdir -p "$out"
-passed=0
-failed=0
-
-verdict() { # STATUS TEXT
-  if [ "$1" -eq 0 ]; then passed=$((passed + 1)); else failed=$((failed + 1)); fi
-  if [ "$1" -eq 0 ]; then echo "ok: $2"; else echo "FAILED: $2"; fi
-}
 
 packages() { # what is missing of the emulators and of Node
   local missing=""
@@ -137,5 +132,4 @@ if packages && cargo=$(tests/embedded-toolchain.sh); then
 else
   verdict 1 "this machine has what the images need"
 fi
-echo "$passed passed, $failed failed"
-[ "$failed" -eq 0 ]
+summary

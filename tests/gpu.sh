@@ -6,6 +6,8 @@
 # Installs mesa-vulkan-drivers where no Vulkan driver is found and this is root. Ends with "N passed, N failed".
 set -uo pipefail
 cd "$(dirname "$0")/.."
+# shellcheck source=tests/checks.sh
+. tests/checks.sh
 
 drivers=(/usr/share/vulkan/icd.d /etc/vulkan/icd.d)
 if ! compgen -G "${drivers[0]}/*.json" >/dev/null && ! compgen -G "${drivers[1]}/*.json" >/dev/null; then
@@ -15,28 +17,11 @@ if ! compgen -G "${drivers[0]}/*.json" >/dev/null && ! compgen -G "${drivers[1]}
   }
   apt-get update -q && apt-get install -q -y --no-install-recommends mesa-vulkan-drivers libvulkan1 || exit 1
 fi
-place=$(mktemp -d)
-trap 'rm -rf "$place"' EXIT
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$place}
 cargo build -q -p kestrel-train || exit 1
 cp target/debug/kestrel target/kestrel-without-gpu
 cargo build -q -p kestrel-train --features gpu || exit 1
 cp target/debug/kestrel target/kestrel-with-gpu
-
-passed=0
-failed=0
-check() { # NAME COMMAND...
-  local name=$1
-  shift
-  if "$@" >"$place/log" 2>&1; then
-    echo "ok: $name"
-    passed=$((passed + 1))
-  else
-    cat "$place/log"
-    echo "FAILED: $name"
-    failed=$((failed + 1))
-  fi
-}
 
 render() { # PROGRAM BACKEND PICTURE
   "$1" render configs/aviaries/room-0.yaml --columns 64 --rows 48 --output "$place/$3" --backend "$2"
@@ -68,5 +53,4 @@ check "auto without the feature is the processor" \
   says 0 "by the processor: this program was built without GPUs" render target/kestrel-without-gpu auto other.png
 check "an unknown backend is refused" says 2 "found \`cuda\`" render target/kestrel-with-gpu cuda no.png
 
-echo "$passed passed, $failed failed"
-[ "$failed" -eq 0 ]
+summary

@@ -6,6 +6,8 @@
 # Installs Open MPI and libclang where they are missing and this is root. Ends with "N passed, N failed".
 set -uo pipefail
 cd "$(dirname "$0")/.."
+# shellcheck source=tests/checks.sh
+. tests/checks.sh
 
 if ! command -v mpirun mpicc >/dev/null || ! compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null; then
   [ "$(id -u)" -eq 0 ] || {
@@ -19,30 +21,12 @@ cp target/debug/kestrel target/kestrel-without-mpi
 cargo build -q -p kestrel-train --features mpi || exit 1
 cp target/debug/kestrel target/kestrel-with-mpi
 
-place=$(mktemp -d)
-trap 'rm -rf "$place"' EXIT
-passed=0
-failed=0
-
 # Tests run as root in containers and with more ranks than cores.
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
 ranks() { # NUMBER PROGRAM ARGUMENTS...
   local number=$1
   shift
   mpirun --oversubscribe --mca btl self,vader -n "$number" "$@"
-}
-
-check() { # NAME COMMAND...
-  local name=$1
-  shift
-  if "$@" >"$place/log" 2>&1; then
-    echo "ok: $name"
-    passed=$((passed + 1))
-  else
-    cat "$place/log"
-    echo "FAILED: $name"
-    failed=$((failed + 1))
-  fi
 }
 
 train() { # FOLDER LAUNCHER...: trains in $place/FOLDER
@@ -75,5 +59,4 @@ says() { # WORDS COMMAND...: fails, and says this
 check "three ranks are refused" says "3 ranks cannot share" train run-3 ranks 3 target/kestrel-with-mpi
 check "a program without MPI refuses" says "was built without MPI" train run-n ranks 2 target/kestrel-without-mpi
 
-echo "$passed passed, $failed failed"
-[ "$failed" -eq 0 ]
+summary

@@ -6,6 +6,8 @@
 # Installs xvfb and xdotool where they are missing and this is root. Ends with "N passed, N failed".
 set -uo pipefail
 cd "$(dirname "$0")/.."
+# shellcheck source=tests/checks.sh
+. tests/checks.sh
 
 if ! command -v Xvfb >/dev/null || ! command -v xdotool >/dev/null; then
   [ "$(id -u)" -eq 0 ] || {
@@ -15,28 +17,12 @@ if ! command -v Xvfb >/dev/null || ! command -v xdotool >/dev/null; then
   apt-get update -q && apt-get install -q -y --no-install-recommends \
     xvfb xdotool libx11-xcb1 libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2 || exit 1
 fi
-place=$(mktemp -d)
 screen=
 trap 'kill $screen 2>/dev/null; rm -rf "$place"' EXIT
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$place}
 unset WAYLAND_DISPLAY WAYLAND_SOCKET DISPLAY
 cargo build -q -p kestrel-train --features viewer || exit 1
 kestrel=target/debug/kestrel
-
-passed=0
-failed=0
-check() { # NAME COMMAND...
-  local name=$1
-  shift
-  if "$@" >"$place/log" 2>&1; then
-    echo "ok: $name"
-    passed=$((passed + 1))
-  else
-    cat "$place/log"
-    echo "FAILED: $name"
-    failed=$((failed + 1))
-  fi
-}
 
 view() { # DISPLAY: at its first flight, until it is told to quit
   DISPLAY=$1 timeout 60 $kestrel view configs/cross.yaml --policy assets/pilots/cross.kestrel
@@ -70,5 +56,4 @@ screen=$!
 read -r display <"$place/display"
 check "the window opens, takes keys and the mouse, and ends when told" ends_when_told ":$display"
 
-echo "$passed passed, $failed failed"
-[ "$failed" -eq 0 ]
+summary
