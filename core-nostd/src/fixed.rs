@@ -16,6 +16,7 @@
 //! serve eight products. Rows are filled up with zeros to a multiple of four, columns to a multiple of two. A pair of
 //! weights is a word, which ARM's SMLAD multiplies with a pair of inputs in one instruction (feature `smlad`).
 
+mod layer;
 mod packing;
 #[cfg(all(feature = "smlad", target_arch = "arm"))]
 mod smlad;
@@ -23,12 +24,15 @@ mod tanh;
 
 pub use tanh::TABLE as TANGENTS;
 
+pub(crate) use layer::layer_bytes;
+
 use heapless::Vec;
 
 use crate::action::ACTION_LIMIT;
 use crate::mlp::{LAYER_LIMIT, ROW_BLOCK, WIDTH_LIMIT};
 use crate::policy_file::PolicyError;
 use crate::real::Real;
+use layer::{COLUMN_GROUP, PackedLayer};
 
 /// Activations are in 2⁻¹³: a rounding of 6e-5, which leaves 18 bits for the sums of weights.
 pub const ACTIVATION_FRACTION_BITS: u32 = 13;
@@ -51,16 +55,6 @@ pub const INPUT_FRACTION_BITS_LIMIT: u8 = 14;
 
 /// Greatest magnitude of a quantised observation.
 const OBSERVATION_CODE_LIMIT: i16 = i16::MAX;
-
-const COLUMN_GROUP: usize = 2;
-
-/// One column pair of a row block: the weight of the first column is the low half of a word.
-type Group = [i32; ROW_BLOCK];
-
-/// The pair of inputs that a group is multiplied with.
-type Pair = [i16; COLUMN_GROUP];
-
-const _: () = assert!(cfg!(target_endian = "little"), "parameters are read in place, as policy files have them");
 
 /// The Q formats of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,16 +82,6 @@ pub struct FixedMlp<'a> {
 pub struct Scratch {
     activations: [i16; WIDTH_LIMIT],
     sums: [i32; WIDTH_LIMIT],
-}
-
-#[derive(Clone, Copy, Debug)]
-struct PackedLayer<'a> {
-    inputs: usize,
-    padded_outputs: usize,
-    /// 2^(48−w−x).
-    multiplier: i32,
-    bias: &'a [[i32; ROW_BLOCK]],
-    weights: &'a [Group],
 }
 
 impl FixedMlp<'_> {
@@ -197,48 +181,6 @@ fn requantised(sum: i32, multiplier: i32) -> i32 {
     ((i64::from(sum) * i64::from(multiplier)) >> REQUANTISATION_SHIFT) as i32
 }
 
-impl PackedLayer<'_> {
-    fn apply(&self, activations: &[i16], sums: &mut [i32; WIDTH_LIMIT]) {
-        let groups = self.inputs.div_ceil(COLUMN_GROUP);
-        let inputs = activations.as_chunks::<COLUMN_GROUP>().0.get(..groups).unwrap_or_default();
-        let sums = sums.get_mut(..self.padded_outputs).unwrap_or_default();
-        dense(self.weights, self.bias, inputs, sums);
-    }
-}
-
-/// `sums = bias + weights · inputs`.
-///
-/// Wraps where a sum leaves 32 bits, which the formats of a parsed policy exclude.
-#[inline(never)]
-fn dense(weights: &[Group], bias: &[[i32; ROW_BLOCK]], inputs: &[Pair], sums: &mut [i32]) {
-    let blocks = weights.chunks_exact(inputs.len().max(1));
-    for ((bias, groups), sums) in bias.iter().zip(blocks).zip(sums.as_chunks_mut::<ROW_BLOCK>().0) {
-        *sums = with_products(bias, groups, inputs);
-    }
-}
-
-/// `bias` with the products of a row block.
-#[inline(always)]
-fn with_products(bias: &[i32; ROW_BLOCK], groups: &[Group], inputs: &[Pair]) -> [i32; ROW_BLOCK] {
-    #[cfg(all(feature = "smlad", target_arch = "arm"))]
-    let (sums, groups, inputs) = smlad::with_products_of_rounds(bias, groups, inputs);
-    #[cfg(not(all(feature = "smlad", target_arch = "arm")))]
-    let sums = *bias;
-    groups.iter().zip(inputs).fold(sums, |sums, (group, inputs)| with_pair(sums, group, *inputs))
-}
-
-/// Adds one column pair to the sums of a row block.
-#[inline(always)]
-fn with_pair(sums: [i32; ROW_BLOCK], group: &Group, inputs: Pair) -> [i32; ROW_BLOCK] {
-    // One load, and a multiplication that takes either half of a register.
-    let inputs: i32 = bytemuck::cast(inputs);
-    core::array::from_fn(|row| {
-        let low = i32::from(group[row] as i16).wrapping_mul(i32::from(inputs as i16));
-        let high = (group[row] >> i16::BITS).wrapping_mul(inputs >> i16::BITS);
-        sums[row].wrapping_add(low).wrapping_add(high)
-    })
-}
-
 impl Scratch {
     /// Contents do not matter: every inference writes before it reads, or multiplies by the zeros of the padding.
     pub const fn new() -> Self {
@@ -250,12 +192,6 @@ impl Default for Scratch {
     fn default() -> Self {
         Self::new()
     }
-}
-
-/// Bytes of the parameters of a layer in a policy file.
-pub(crate) const fn layer_bytes(inputs: usize, outputs: usize) -> usize {
-    let padded_outputs = outputs.next_multiple_of(ROW_BLOCK);
-    padded_outputs * (size_of::<i32>() + size_of::<i16>() * inputs.next_multiple_of(COLUMN_GROUP))
 }
 
 impl FixedFormat {
@@ -284,8 +220,8 @@ impl<'a> FixedMlp<'a> {
     /// firmwares that have no policy file but its numbers; [`crate::policy_file::PolicyFile::parse`] checks far more.
     ///
     /// # Errors
-    /// [`PolicyError::FractionBits`], [`PolicyError::Overflow`], [`PolicyError::Misaligned`], [`PolicyError::LayerCount`],
-    /// or [`PolicyError::Length`] where the parameters end too early.
+    /// [`PolicyError::Width`], [`PolicyError::FractionBits`], [`PolicyError::Overflow`], [`PolicyError::Misaligned`],
+    /// [`PolicyError::LayerCount`], or [`PolicyError::Length`] where the parameters end too early.
     pub fn from_parameters(
         widths: &[u16],
         format: FixedFormat,
@@ -296,9 +232,13 @@ impl<'a> FixedMlp<'a> {
         let mut network = Self { layers: Vec::new(), outputs, input_scale, output_scale: 1.0 };
         let mut rest = parameters;
         for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {
+            let (inputs, outputs) = (usize::from(inputs), usize::from(outputs));
+            if !(1..=WIDTH_LIMIT).contains(&outputs) {
+                return Err(PolicyError::Width { layer: index + 1, found: outputs });
+            }
             let bits = format.sum_fraction_bits(index)?;
-            let (bytes, following) = split_layer(rest, usize::from(inputs), usize::from(outputs))?;
-            let layer = PackedLayer::new(bytes, usize::from(inputs), usize::from(outputs), bits)?;
+            let (bytes, following) = split_layer(rest, inputs, outputs)?;
+            let layer = PackedLayer::new(bytes, inputs, outputs, bits)?;
             layer.check(index)?;
             network.layers.push(layer).map_err(|_| PolicyError::LayerCount { found: LAYER_LIMIT + 1 })?;
             network.output_scale = 1.0 / (1_u64 << bits) as f32;
@@ -314,54 +254,7 @@ fn split_layer(bytes: &[u8], inputs: usize, outputs: usize) -> Result<(&[u8], &[
     bytes.split_at_checked(expected).ok_or(PolicyError::Length { found: bytes.len(), expected })
 }
 
-impl<'a> PackedLayer<'a> {
-    fn new(
-        parameters: &'a [u8],
-        inputs: usize,
-        outputs: usize,
-        sum_fraction_bits: u32,
-    ) -> Result<Self, PolicyError> {
-        let padded_outputs = outputs.next_multiple_of(ROW_BLOCK);
-        let found = parameters.as_ptr().addr() % size_of::<i32>();
-        let words: &[[i32; ROW_BLOCK]] =
-            bytemuck::try_cast_slice(parameters).map_err(|_| PolicyError::Misaligned { found })?;
-        let (bias, weights) = words.split_at_checked(padded_outputs / ROW_BLOCK).unwrap_or_default();
-        let multiplier = 1 << (REQUANTISATION_SHIFT + SUM_FRACTION_BITS - sum_fraction_bits);
-        Ok(Self { inputs, padded_outputs, multiplier, bias, weights })
-    }
-
-    fn weight_code(&self, row: usize, column: usize) -> i16 {
-        if column >= self.inputs {
-            return 0;
-        }
-        let groups = self.inputs.div_ceil(COLUMN_GROUP);
-        let group = self.weights.get(row / ROW_BLOCK * groups + column / COLUMN_GROUP);
-        let word = group.map_or(0, |group| group[row % ROW_BLOCK]);
-        if column.is_multiple_of(COLUMN_GROUP) { word as i16 } else { (word >> i16::BITS) as i16 }
-    }
-
-    /// Refuses a layer of which a sum could leave 32 bits with the inputs that layer number `layer` can have.
-    fn check(&self, layer: usize) -> Result<(), PolicyError> {
-        let blocks = self.weights.chunks_exact(self.inputs.div_ceil(COLUMN_GROUP).max(1));
-        for (block, (biases, groups)) in self.bias.iter().zip(blocks).enumerate() {
-            for (index, bias) in biases.iter().enumerate() {
-                let magnitude: i64 = groups.iter().map(|group| magnitude_of_pair(group[index])).sum();
-                let largest = magnitude * i64::from(input_limit(layer)) + i64::from(bias.unsigned_abs());
-                if largest > i64::from(i32::MAX) {
-                    return Err(PolicyError::Overflow { layer, row: block * ROW_BLOCK + index, largest });
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
 /// Greatest magnitude of a quantised input of layer number `layer`.
 const fn input_limit(layer: usize) -> i16 {
     if layer == 0 { OBSERVATION_CODE_LIMIT } else { 1 << ACTIVATION_FRACTION_BITS }
-}
-
-fn magnitude_of_pair(pair: i32) -> i64 {
-    let (first, second) = (pair as i16, (pair >> i16::BITS) as i16);
-    i64::from(first.unsigned_abs()) + i64::from(second.unsigned_abs())
 }

@@ -8,7 +8,8 @@
 
 use core::arch::asm;
 
-use super::{Group, Pair, ROW_BLOCK};
+use super::ROW_BLOCK;
+use super::layer::{Group, Pair};
 
 /// Groups per round of the loop: fewer rounds for networks whose widths are multiples of sixteen.
 const GROUPS: usize = 8;

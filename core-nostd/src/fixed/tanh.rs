@@ -27,8 +27,8 @@ const RESULT_SHIFT: u32 = POSITION_BITS + TABLE_FRACTION_BITS - ACTIVATION_FRACT
 /// Half of a result, in the fraction bits of the table.
 const ROUNDING: u32 = 1 << (TABLE_FRACTION_BITS - ACTIVATION_FRACTION_BITS - 1);
 
-/// The tangent at the start of each step in the high half, what it grows by in the low half: one load for both. The
-/// rounding of the result is in the tangent, as [`ROUNDING`].
+/// Of each step of 1/64, in 2⁻¹⁵: the tangent at its start in the high half, with 2 added as the rounding of the result, and
+/// what it grows by in the low half. One load for both.
 pub const TABLE: [u32; ENTRIES] = table();
 
 /// `tanh` of `sum` \[2⁻¹⁶\], in 2⁻¹³, to within 1.2e-4 (the rounding of the result is half of that); odd, never

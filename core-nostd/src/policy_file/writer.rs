@@ -29,10 +29,11 @@ impl PolicyDraft<'_> {
         Ok(self.header(0)?.sections().checksum.end)
     }
 
-    /// Writes the file to the start of `bytes` and returns its length; the same draft gives the same bytes.
+    /// Writes the file to the start of `bytes`, which start on a four-byte boundary of memory, and returns its length; the
+    /// same draft gives the same bytes.
     ///
     /// # Errors
-    /// The variant of whatever no policy file can hold, or [`PolicyError::BufferTooSmall`].
+    /// The variant of whatever no policy file can hold, [`PolicyError::Misaligned`] or [`PolicyError::BufferTooSmall`].
     pub fn write(&self, bytes: &mut [u8]) -> Result<usize, PolicyError> {
         let header = self.header(0)?;
         let sections = header.sections();

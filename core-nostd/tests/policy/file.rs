@@ -2,7 +2,7 @@
 
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::crc32::crc32;
-use kestrel_core::fixed::FixedFormat;
+use kestrel_core::fixed::{self, FixedFormat, FixedMlp};
 use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::{
@@ -234,4 +234,24 @@ fn a_file_gives_its_parameters_and_golden_vectors_back() {
     }
     let (observation, action) = fixed.golden_vectors().next().unwrap();
     assert_eq!(fixed.act(&observation[..PILOT_LEN], &mut fixed.scratch())[..4], action[..4]);
+}
+
+#[test]
+fn a_network_in_fixed_point_needs_no_file_around_it() {
+    let model = Model::random(6, &[PILOT_LEN, 20, 4], 1.0);
+    let file = model.fixed_file();
+    let policy = PolicyFile::parse(&file).unwrap();
+    let ParameterFormat::Fixed16(format) = policy.parameter_format() else { panic!("fixed point was asked for") };
+    let end = file.len() - 4;
+    let parameters = &file[end - policy.parameter_bytes()..end];
+    let widths = [PILOT_LEN as u16, 20, 4];
+    let network = FixedMlp::from_parameters(&widths, format, parameters).unwrap();
+    for (observation, _) in policy.golden_vectors() {
+        let alone = network.act(&observation[..PILOT_LEN], &mut fixed::Scratch::new());
+        assert_eq!(alone, policy.act(&observation[..PILOT_LEN], &mut policy.scratch()));
+    }
+    let refusal = |widths: &[u16], parameters| FixedMlp::from_parameters(widths, format, parameters).unwrap_err();
+    assert!(matches!(refusal(&widths, &parameters[..100]), PolicyError::Length { found: 100, .. }));
+    assert!(matches!(refusal(&widths, &parameters[2..]), PolicyError::Misaligned { found: 2 }));
+    assert_eq!(refusal(&[22, 129], parameters), PolicyError::Width { layer: 1, found: 129 });
 }

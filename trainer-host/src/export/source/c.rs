@@ -104,7 +104,7 @@ static const struct {{ int pairs, blocks, shift; }} LAYER[LAYERS] = {{{layers}
 static const uint32_t PARAMETERS[{parameter_count}] = {{{parameters}
 }};
 
-/* Of tanh: in the high half the value at the start of each 1/64, in the low half what it grows by. */
+/* Of tanh: in the high half the value at the start of each 1/64, rounding included, in the low half what it grows by. */
 static const uint32_t TANGENTS[{tangent_count}] = {{{tangents}
 }};
 
