@@ -121,7 +121,7 @@ const NAME: usize = 12;
 const FOOT: usize = 26;
 
 /// Width from which words are written twice as large \[px\].
-pub(crate) const WIDE: usize = 600;
+pub(crate) const WIDE: usize = 860;
 
 /// Pictures from which the colours of a film and its scale of depths are taken.
 const SAMPLED: usize = 16;

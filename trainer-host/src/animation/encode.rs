@@ -42,7 +42,7 @@ impl Writer {
     }
 
     pub(crate) fn finish(self) -> Result<Vec<u8>, EncodingError> {
-        self.encoder.into_inner().map_err(EncodingError::from)
+        self.encoder.into_inner()
     }
 }
 

@@ -61,23 +61,13 @@ impl DepthScale {
         if label == NOTHING {
             return NOTHING_COLOUR;
         }
-        self.at((depth / self.nearest).ln() / (self.farthest / self.nearest).ln())
-    }
-
-    fn at(&self, share: f32) -> Rgb {
-        let place = share.clamp(0.0, 1.0) * (DEPTH_COLOURS.len() - 1) as f32;
-        let index = (place as usize).min(DEPTH_COLOURS.len() - 2);
-        let (from, to) = (DEPTH_COLOURS[index], DEPTH_COLOURS[index + 1]);
-        core::array::from_fn(|part| {
-            let (from, to) = (f32::from(from[part]), f32::from(to[part]));
-            (from + (place - index as f32) * (to - from)).round() as u8
-        })
+        depth_colour((depth / self.nearest).ln() / (self.farthest / self.nearest).ln())
     }
 
     /// Draws a bar of all colours with the depths of its ends and its middle, [`LEGEND`] high.
     pub(crate) fn draw_legend(&self, picture: &mut Picture, [left, top]: [usize; 2], width: usize, ink: Rgb) {
         for column in 0..width {
-            let colour = self.at(column as f32 / (width - 1).max(1) as f32);
+            let colour = depth_colour(column as f32 / (width - 1).max(1) as f32);
             picture.fill([left + column, top, 1, BAR], colour);
         }
         let middle = (self.nearest * self.farthest).sqrt();
@@ -88,6 +78,17 @@ impl DepthScale {
             picture.text([left + place, top + BAR + 3], number, 1, ink);
         }
     }
+}
+
+/// From near to far in \[0, 1\].
+fn depth_colour(share: f32) -> Rgb {
+    let place = share.clamp(0.0, 1.0) * (DEPTH_COLOURS.len() - 1) as f32;
+    let index = (place as usize).min(DEPTH_COLOURS.len() - 2);
+    let (from, to) = (DEPTH_COLOURS[index], DEPTH_COLOURS[index + 1]);
+    core::array::from_fn(|part| {
+        let (from, to) = (f32::from(from[part]), f32::from(to[part]));
+        (from + (place - index as f32) * (to - from)).round() as u8
+    })
 }
 
 /// Two digits that count.

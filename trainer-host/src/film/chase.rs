@@ -13,7 +13,7 @@ const DISTANCE_ARMS: f64 = 12.5;
 pub(crate) const VIEW_ANGLE: f64 = core::f64::consts::FRAC_PI_3;
 
 /// Angle by which it is above the drone \[rad\].
-const ELEVATION: f64 = 0.42;
+const ELEVATION: f64 = 0.52;
 
 /// Least share of its distance to which walls push the camera, and the share that it keeps from them.
 const LEAST_SHARE: f32 = 0.2;

@@ -8,6 +8,16 @@ use super::view::{Detail, Frame, Views};
 use crate::drawing::{Colour, Drawing, Mark, Pen};
 use crate::picture::Picture;
 
+/// A drone on the plan.
+#[derive(Clone, Debug)]
+pub(crate) struct Flown {
+    /// From where it started to where it is \[m, world\].
+    pub(crate) way: Vec<Vector3<f64>>,
+    /// Where its nose points, world.
+    pub(crate) nose: Vector3<f64>,
+    pub(crate) colour: Colour,
+}
+
 /// A small plan and where its points are.
 #[derive(Clone, Debug)]
 pub(crate) struct Above {
@@ -26,13 +36,12 @@ impl Above {
         Self { frame, plan: drawing.over(&Picture::new(size, [255; 3])) }
     }
 
-    /// The plan with ways and places of drones: each from where it was to where it is \[m, world\], where its nose points,
-    /// and its colour.
-    pub(crate) fn with(&self, drones: &[(Vec<Vector3<f64>>, Vector3<f64>, Colour)]) -> Picture {
+    /// The plan with drones and their ways.
+    pub(crate) fn with(&self, drones: &[Flown]) -> Picture {
         let [width, height] = self.plan.size.map(|pixels| pixels as f64);
         let mut drawing = Drawing::new(width, height);
         let place = |point: &Vector3<f64>| self.frame.place(Direction::Above.project(*point));
-        for (way, nose, colour) in drones {
+        for Flown { way, nose, colour } in drones {
             let points: Vec<[f64; 2]> = way.iter().map(place).collect();
             let Some(last) = points.last().copied() else { continue };
             drawing.path(points, Pen::solid(*colour, 1.5));

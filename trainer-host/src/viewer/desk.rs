@@ -14,7 +14,7 @@ use crate::film::stage::pose;
 use crate::film::{self, DepthScale, FilmError, Panel, Stage, coloured, draw_facts};
 use crate::picture::Picture;
 use crate::plan::Subject;
-use crate::plan::above::Above;
+use crate::plan::above::{Above, Flown};
 
 /// Keys and mouse, in one line.
 const HELP: &str = "space pause   arrows step, speed   c camera   n drone   r reset   q quit   mouse: drag to turn, wheel to zoom";
@@ -155,7 +155,7 @@ impl<'a> Desk<'a> {
             let then = past.iter().chain([moment]).map(|moment| moment.drones[drone].frame.placement);
             let way: Vec<Vector3<f64>> = then.map(|placement| placement.position.cast()).collect();
             let nose = pose(&moment.drones[drone].frame.placement).world_from_body.rotate(Vector3::x());
-            (way, nose, Colour(trail(drone).map(|part| part as u8)))
+            Flown { way, nose, colour: Colour(trail(drone).map(|part| part as u8)) }
         };
         self.plan.with(&(0..self.stage.drones()).map(way).collect::<Vec<_>>())
     }

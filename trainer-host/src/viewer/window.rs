@@ -44,8 +44,13 @@ pub fn show(desk: Desk<'_>, controls: Controls, title: &str, size: [usize; 2]) -
     viewer.failed.map_or(Ok(()), Err)
 }
 
+/// For `map_err`, which gives what it has.
+#[expect(clippy::needless_pass_by_value, reason = "errors are handed over whole")]
 fn refused(error: impl ToString) -> WindowError {
-    WindowError::Refused(error.to_string())
+    let words = error.to_string();
+    // The system's reason, without the line of winit that met it.
+    let reason = words.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
+    WindowError::Refused(reason.map_or(&words[..], |(_, reason)| reason).trim_end_matches('.').to_owned())
 }
 
 struct Viewer<'a> {
@@ -191,6 +196,14 @@ mod tests {
 
     use super::*;
     use crate::viewer::Action;
+
+    #[test]
+    fn a_refusal_is_the_systems_reason() {
+        let said = |words: &str| refused(words).to_string();
+        let expected = "cannot open a window (no screen): use a desktop, or write a file with --headless FILE.gif";
+        assert_eq!(said("os error at /some/where/mod.rs:765: no screen."), expected);
+        assert_eq!(said("no screen"), expected);
+    }
 
     #[test]
     fn keys_of_the_window_have_the_names_of_the_controls() {
