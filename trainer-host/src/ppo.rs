@@ -126,8 +126,7 @@ impl Trainer {
             "one policy needs one layout"
         );
         let weights = |network| Stream::new(seed, network, Purpose::Weights);
-        let [actor, critic] = [&mut weights(0), &mut weights(1)];
-        let (actor, critic) = networks(tasks, settings, (actor, critic));
+        let (actor, critic) = networks(tasks, settings, [weights(0), weights(1)]);
         let size = RolloutSize {
             steps: settings.steps_per_rollout,
             columns: tile_columns(settings.minibatch, actor.perception().is_some()),
@@ -415,7 +414,8 @@ impl Trainer {
 }
 
 /// Actor and critic of a run at its beginning.
-fn networks(tasks: &[Scenario], settings: &PpoSettings, streams: (&mut Stream, &mut Stream)) -> (Actor, Critic) {
+fn networks(tasks: &[Scenario], settings: &PpoSettings, streams: [Stream; 2]) -> (Actor, Critic) {
+    let [mut of_actor, mut of_critic] = streams;
     let [observation_len, action_len, critic_len, _] = shape(&tasks[0], settings.critic_scope);
     let eye = tasks[0].camera.as_ref().map(|camera| {
         let eye = settings.eye.kind.eye(camera).expect("eyes are checked where they are read");
@@ -427,9 +427,9 @@ fn networks(tasks: &[Scenario], settings: &PpoSettings, streams: (&mut Stream, &
         (Some(eye), EyeSharing::Separate) => CriticSight::Separate(eye),
     };
     let lengths = (observation_len, critic_len);
-    let critic = Critic::new(lengths, sight, &settings.critic_hidden, tasks.len(), streams.1);
+    let critic = Critic::new(lengths, sight, &settings.critic_hidden, tasks.len(), &mut of_critic);
     let lengths = (observation_len, action_len);
-    (Actor::new(lengths, eye, &settings.actor_hidden, settings.initial_log_std, streams.0), critic)
+    (Actor::new(lengths, eye, &settings.actor_hidden, settings.initial_log_std, &mut of_actor), critic)
 }
 
 /// Values of an observation, of an action, of what the critic reads, and of an image.

@@ -59,7 +59,7 @@ pub enum Channel {
 impl OnboardCamera {
     /// Bytes of a pixel.
     pub fn pixel_len(&self) -> usize {
-        self.channels.iter().map(|channel| channel.len()).sum()
+        self.channels.iter().map(|channel| channel.bytes()).sum()
     }
 
     /// Bytes of an image, `[rows][columns][channels]`.
@@ -103,10 +103,9 @@ impl OnboardCamera {
         let stride = self.pixel_len();
         let mut first = 0;
         for channel in &self.channels {
-            let places = bytes.chunks_exact_mut(stride).map(|pixel| &mut pixel[first..first + channel.len()]);
+            let places = bytes.chunks_exact_mut(stride).map(|pixel| &mut pixel[first..first + channel.bytes()]);
             match *channel {
-                Channel::Rgb => write_colours(image, places),
-                Channel::Rgba => write_colours(image, places),
+                Channel::Rgb | Channel::Rgba => write_colours(image, places),
                 Channel::Depth { limit_m } => {
                     let scale = (255.0 / limit_m) as f32;
                     write_bytes(&image.depths, places, |depth| (depth * scale + 0.5) as u8);
@@ -119,14 +118,14 @@ impl OnboardCamera {
                 }
                 Channel::Labels => write_bytes(&image.labels, places, |label| label.min(255) as u8),
             }
-            first += channel.len();
+            first += channel.bytes();
         }
     }
 }
 
 impl Channel {
     /// Bytes of a pixel.
-    pub fn len(self) -> usize {
+    pub fn bytes(self) -> usize {
         match self {
             Self::Rgb => 3,
             Self::Rgba => 4,

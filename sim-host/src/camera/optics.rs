@@ -92,7 +92,9 @@ mod tests {
     fn noise_has_its_mean_and_spread_and_differs_from_image_to_image() {
         let optics = Optics { noise: 8.0, ..Optics::default() };
         let (mut stream, mut images) = (stream(), [grey(), grey()]);
-        images.iter_mut().for_each(|image| optics.spoil(1.0, &mut stream, image));
+        for image in &mut images {
+            optics.spoil(1.0, &mut stream, image);
+        }
         assert_ne!(images[0].colours, images[1].colours);
         assert_eq!((&images[0].depths, &images[0].labels), (&grey().depths, &grey().labels));
         let errors = images[0].colours.as_flattened().iter().map(|value| f64::from(*value) - 100.0);

@@ -128,8 +128,11 @@ impl Imaging {
             }
         }
         let Self { memories, images, .. } = self;
-        while let Some((_, bytes)) = memories[row].coming.pop_front_if(|(arrives, _)| *arrives <= period) {
-            images[row * len..][..len].copy_from_slice(&bytes);
+        let coming = &mut memories[row].coming;
+        while coming.front().is_some_and(|(arrives, _)| *arrives <= period) {
+            if let Some((_, bytes)) = coming.pop_front() {
+                images[row * len..][..len].copy_from_slice(&bytes);
+            }
         }
     }
 

@@ -43,7 +43,7 @@ impl Eyes {
             match (half.perception, weights) {
                 (None, weights) => *weights = None,
                 (Some(perception), Some(weights)) => {
-                    perception.arrange_into(half.perception_parameters(), weights)
+                    perception.arrange_into(half.perception_parameters(), weights);
                 }
                 (Some(perception), weights) => *weights = Some(perception.arrange(half.perception_parameters())),
             }

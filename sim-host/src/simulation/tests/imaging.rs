@@ -171,6 +171,6 @@ fn drones_see_their_mates_and_what_moves_but_not_themselves() {
             assert!(!seen.contains(&drones[drone]), "row {row} sees itself");
             assert!(seen.contains(&movable) || step > 0, "row {row} does not see the cube");
         }
-        simulation.step(&vec![0.0; ACTION_LEN * 6]);
+        simulation.step(&[0.0; ACTION_LEN * 6]);
     }
 }
