@@ -127,7 +127,7 @@ fn wrong_requests_for_pictures_are_explained() {
 fn a_stopped_film_leaves_nothing() {
     let place = tempfile::tempdir().unwrap();
     let task = config("hover.yaml");
-    let large = ["render", task.to_str().unwrap(), "-o", "film.gif", "--columns", "1200", "--rows", "900"];
+    let large = ["render", task.to_str().unwrap(), "-o", "film.gif", "--columns", "600", "--samples", "1"];
     let mut child = command(place.path()).args(large).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap());
     let mut line = String::new();
