@@ -21,6 +21,12 @@ use layer::{Grid, Layer};
 pub use weights::EyeWeights;
 pub use workspace::EyeWorkspace;
 
+/// Of the dense layer's weights: features of order one for what an aviary looks like.
+const DENSE_GAIN: f32 = 0.5;
+
+/// What a byte of a grey image is to an eye.
+const GREY: f32 = 0.5;
+
 /// A convolutional network from an image to features. Its shape, and the order of its parameters, are those of the
 /// core, so that whatever is trained can fly on a microcontroller.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -107,12 +113,21 @@ impl Eye {
         2 * self.multiply_accumulates() - self.shape.stages()[0].multiply_accumulates()
     }
 
-    /// Orthogonal weights (Saxe et al. 2014) of gain root two, filter by filter, and zero biases.
+    /// Orthogonal weights (Saxe et al. 2014) of gain root two, less in the dense layer, filter by filter; biases of zero,
+    /// but in the first layer those with which a grey image leaves nothing.
+    ///
+    /// Bytes are all positive, and images of aviaries mostly bright: without both, features begin at ten and more, and
+    /// saturate the layer behind them before it has learned anything.
     pub fn initialise(&self, stream: &mut Stream) -> Vec<f32> {
         let mut parameters = Vec::with_capacity(self.parameter_count());
-        for stage in self.shape.stages() {
-            parameters.extend(orthogonal(stage.filters(), stage.terms(), HIDDEN_GAIN, stream));
-            parameters.extend(std::iter::repeat_n(0.0, stage.filters()));
+        let last = self.shape.stages().len() - 1;
+        for (index, stage) in self.shape.stages().iter().enumerate() {
+            let gain = if index == last { DENSE_GAIN } else { HIDDEN_GAIN };
+            let weights = orthogonal(stage.filters(), stage.terms(), gain, stream);
+            let grey = if index == 0 { GREY } else { 0.0 };
+            let biases = weights.chunks_exact(stage.terms()).map(|filter| -grey * filter.iter().sum::<f32>());
+            parameters.extend(&weights);
+            parameters.extend(biases);
         }
         parameters
     }

@@ -269,7 +269,24 @@ fn initial_filters_are_orthogonal_with_gain_root_two() {
         let product: f32 = filters[a].iter().zip(filters[b]).map(|(a, b)| a * b).sum();
         assert!((product - if a == b { 2.0 } else { 0.0 }).abs() < 1e-5, "{a} {b}: {product}");
     }
-    assert!(parameters[16 * 16..][..16].iter().all(|bias| *bias == 0.0));
+    for (filter, bias) in filters.iter().zip(&parameters[16 * 16..]) {
+        assert!((0.5 * filter.iter().sum::<f32>() + bias).abs() < 1e-6, "a grey image leaves nothing");
+    }
+    assert!(parameters[parameters.len() - 64..].iter().all(|bias| *bias == 0.0));
+}
+
+#[test]
+fn features_begin_at_order_one_for_bright_and_for_colourful_images() {
+    let eye = Eye::small(volume([24, 32, 3])).unwrap();
+    let weights = eye.arrange(&eye.initialise(&mut stream(4)));
+    let mut random = stream(5);
+    let colourful: Vec<u8> = (0..eye.image_len()).map(|_| random.between(0.0, 255.9) as u8).collect();
+    for image in [vec![239; eye.image_len()], colourful] {
+        let mut features = vec![0.0; 64];
+        eye.forward(&weights, &image, &mut EyeWorkspace::new(&eye, 1), &mut features);
+        let largest = features.iter().copied().fold(0.0, f32::max);
+        assert!(largest > 0.1 && largest < 4.0, "features up to {largest}");
+    }
 }
 
 #[test]
