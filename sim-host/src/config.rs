@@ -66,8 +66,8 @@ pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConf
 pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
-    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MeshConfig, MovableConfig, RoleConfig, RoomConfig,
-    SolidConfig, SuperellipsoidConfig, TurnedBoxConfig,
+    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, LookConfig, MeshConfig, MovableConfig, RoleConfig,
+    RoomConfig, SolidConfig, SuperellipsoidConfig, TurnedBoxConfig,
 };
 
 use crate::contact::WayMap;

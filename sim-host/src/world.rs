@@ -52,6 +52,17 @@ pub struct Solid {
     pub contact_gap: f64,
     /// Red, green, blue in \[0, 1\].
     pub colour: [f32; 3],
+    /// What cameras see in place of the outline, under the same label; the outline itself where there is none.
+    pub look: Option<Look>,
+}
+
+/// A shape that is seen but not touched.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// A mesh as its triangles; of a movable as its hull.
+    pub shape: Shape,
+    /// Where it is in the body's frame \[m\], and how it is turned from there.
+    pub pose_in_body: Pose,
 }
 
 /// A body that a drone can push.
@@ -83,7 +94,7 @@ pub enum Shape {
     Mesh(Mesh),
 }
 
-/// A place and an orientation.
+/// A place and an orientation, in the world unless something else is said.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// \[m\], world.
@@ -131,6 +142,15 @@ impl Solid {
             friction: 0.5,
             contact_gap: BOX_CONTACT_GAP,
             colour: [0.6; 3],
+            look: None,
+        }
+    }
+
+    /// What cameras see of it, and where \[m, world\].
+    pub fn seen(&self) -> (&Shape, Pose) {
+        match &self.look {
+            None => (&self.shape, self.pose),
+            Some(Look { shape, pose_in_body }) => (shape, pose_in_body.within(&self.pose)),
         }
     }
 
@@ -158,6 +178,20 @@ impl Shape {
             Self::Hull(points) | Self::Mesh(Mesh { corners: points, .. }) => {
                 points.iter().map(Vector3::norm).fold(0.0, f64::max)
             }
+        }
+    }
+
+    /// So many times as large.
+    #[must_use]
+    pub fn scaled(self, scale: f64) -> Self {
+        match self {
+            Self::Cuboid(half) => Self::Cuboid(half * scale),
+            Self::Cylinder { radius, half_height } => {
+                Self::Cylinder { radius: radius * scale, half_height: half_height * scale }
+            }
+            Self::Sphere(radius) => Self::Sphere(radius * scale),
+            Self::Hull(points) => Self::Hull(points.into_iter().map(|point| point * scale).collect()),
+            Self::Mesh(mesh) => Self::Mesh(mesh.scaled(scale)),
         }
     }
 
@@ -192,6 +226,26 @@ impl Pose {
     /// Upright at a position \[m, world\].
     pub fn at(position: Vector3<f64>) -> Self {
         Self { position, world_from_body: Attitude::level() }
+    }
+
+    /// In the world, if it is in the frame of a body that is there.
+    #[must_use]
+    pub fn within(&self, body: &Self) -> Self {
+        Self {
+            position: body.position + body.world_from_body.rotate(self.position),
+            world_from_body: body.world_from_body.after(&self.world_from_body),
+        }
+    }
+
+    /// In the frame of a body, if both are in the world; undone by [`Self::within`].
+    #[must_use]
+    pub fn relative_to(&self, body: &Self) -> Self {
+        let Attitude { w, x, y, z } = body.world_from_body;
+        let body_from_world = Attitude { w, x: -x, y: -y, z: -z };
+        Self {
+            position: body.world_from_body.rotate_inverse(self.position - body.position),
+            world_from_body: body_from_world.after(&self.world_from_body),
+        }
     }
 }
 

@@ -138,26 +138,27 @@ impl Scene {
         scene
     }
 
+    /// Adds what is seen of a solid.
     fn add(&mut self, solid: &Solid, label: u16) {
-        let pose = &solid.pose;
-        let ball = Ball { centre: pose.position, reach: solid.shape.reach() };
+        let (shape, pose) = solid.seen();
+        let ball = Ball { centre: pose.position, reach: shape.reach() };
         let placed = |point: Vector3<f64>| pose.position + pose.world_from_body.rotate(point);
-        let corners: Vec<_> = local_corners(&solid.shape).into_iter().map(placed).collect();
-        if let Shape::Mesh(mesh) = &solid.shape {
+        let corners: Vec<_> = local_corners(shape).into_iter().map(placed).collect();
+        if let Shape::Mesh(mesh) = shape {
             let surface = |colour: Option<_>, normal: &_| self.flat(label, colour.unwrap_or(solid.colour), normal);
             let triangles = Triangle::all(mesh, &corners, surface);
             self.meshes.push(Mesh { ball, corners, triangles });
             return;
         }
         let mut faces = Vec::new();
-        for (normal, offset) in local_faces(&solid.shape) {
+        for (normal, offset) in local_faces(shape) {
             let normal = pose.world_from_body.rotate(normal);
             let surface = self.flat(label, solid.colour, &normal);
             faces.push(Face { normal, offset: offset + normal.dot(&pose.position), surface });
         }
-        let round = match solid.shape {
-            Shape::Cylinder { radius, .. } => Some((radius, pose.world_from_body.rotate(Vector3::z()))),
-            Shape::Sphere(radius) => Some((radius, Vector3::zeros())),
+        let round = match shape {
+            Shape::Cylinder { radius, .. } => Some((*radius, pose.world_from_body.rotate(Vector3::z()))),
+            Shape::Sphere(radius) => Some((*radius, Vector3::zeros())),
             Shape::Cuboid(_) | Shape::Hull(_) | Shape::Mesh(_) => None,
         };
         let round = round.map(|(radius, axis)| {

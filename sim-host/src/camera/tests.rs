@@ -4,7 +4,7 @@ use kestrel_core::attitude::Attitude;
 use super::*;
 use crate::contact::{Arena, ContactReport};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::world::{self, Mesh, Movable, Role, Shape, Solid, World};
+use crate::world::{self, Look, Mesh, Movable, Role, Shape, Solid, World};
 
 /// A world of solids of every shape, strewn about and turned at random.
 pub(super) fn strewn(seed: u64, count: usize) -> World {
@@ -254,6 +254,64 @@ fn what_was_moved_looks_as_if_it_had_always_been_there() {
     let image = scene.render(&Camera::PAPER, &ahead());
     assert_eq!(image, Scene::new(&world).render(&Camera::PAPER, &ahead()));
     assert!(image.labels.iter().any(|label| *label >= FIRST_SOLID + 8), "movables are in view");
+}
+
+/// Boxes 20 cm wide that are touched, whose looks are the shapes of another world, each 4 m aside and turned.
+fn disguised(world: &World) -> World {
+    let disguise = |seen: &Solid| {
+        let mut solid = Solid::block("thing", Vector3::repeat(-0.1), Vector3::repeat(0.1));
+        solid.pose = turned(seen.pose.position + 4.0 * Vector3::y(), Vector3::new(1.0, 2.0, 3.0), 0.7);
+        solid.look = Some(Look { shape: seen.shape.clone(), pose_in_body: seen.pose.relative_to(&solid.pose) });
+        solid
+    };
+    World { solids: world.solids.iter().map(disguise).collect(), ..world.clone() }
+}
+
+#[test]
+fn a_solid_is_seen_by_its_look_and_touched_without_it() {
+    for world in [strewn(5, 8), strewn_rings(6, 4)] {
+        let disguised = disguised(&world);
+        let (image, expected) =
+            [&disguised, &world].map(|world| Scene::new(world).render(&Camera::PAPER, &ahead())).into();
+        let same = image.labels.iter().zip(&expected.labels).filter(|(one, other)| one == other).count();
+        assert!(same >= image.labels.len() - 3, "{same} of {} labels, but for rounding", image.labels.len());
+        assert!(image.labels.iter().any(|label| *label >= FIRST_SOLID), "something is in view");
+
+        let plain = |solid: &Solid| Solid { look: None, ..solid.clone() };
+        let bare = World { solids: disguised.solids.iter().map(plain).collect(), ..disguised.clone() };
+        assert_eq!(disguised.bounds(), bare.bounds());
+        let [arena, bare] = [&disguised, &bare].map(|world| Arena::new(world, &CF2X, ContactReport::Touch));
+        for (seen, solid) in world.solids.iter().zip(&disguised.solids) {
+            let touched = |arena: &Arena, pose: &Pose| arena.touch(pose, &[]).obstacle;
+            assert!(touched(&arena, &solid.pose) && !touched(&arena, &Pose::at(seen.pose.position)));
+            let beam =
+                |arena: &Arena| arena.raycast(ahead().eye, (solid.pose.position - ahead().eye).normalize(), 50.0);
+            assert_eq!(beam(&arena), beam(&bare));
+        }
+    }
+}
+
+#[test]
+fn the_look_of_a_movable_moves_with_it() {
+    let disguised = disguised(&strewn(6, 8));
+    let movables: Vec<Movable> = disguised.solids.into_iter().map(|solid| Movable { solid, mass: 0.1 }).collect();
+    let mut world = World { movables, ..World::empty() };
+    let mut scene = Scene::new(&world);
+    for (index, movable) in world.movables.iter_mut().enumerate() {
+        let place = movable.solid.pose.position + Vector3::new(0.1 * index as f64, 0.0, 0.1);
+        movable.solid.pose = Pose { position: place, ..movable.solid.pose };
+        scene.place(Mover::Movable(index), &movable.solid.pose);
+    }
+    let image = scene.render(&Camera::PAPER, &ahead());
+    assert_eq!(image, Scene::new(&world).render(&Camera::PAPER, &ahead()));
+    let solids = world.movables.iter().map(|movable| {
+        let (shape, pose) = movable.solid.seen();
+        Solid { shape: shape.clone(), pose, look: None, ..movable.solid.clone() }
+    });
+    let still = Scene::new(&World { solids: solids.collect(), ..World::empty() }).render(&Camera::PAPER, &ahead());
+    let same = image.labels.iter().zip(&still.labels).filter(|(one, other)| one == other).count();
+    assert!(same >= image.labels.len() - 3, "{same} of {} labels, but for rounding", image.labels.len());
+    assert!(image.labels.iter().any(|label| *label >= FIRST_SOLID), "something is in view");
 }
 
 #[test]

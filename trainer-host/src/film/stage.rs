@@ -226,5 +226,6 @@ fn mark(shape: Shape, position: Vector3<f64>) -> Solid {
         friction: 0.0,
         contact_gap: 0.0,
         colour: GOAL_COLOUR,
+        look: None,
     }
 }

@@ -57,5 +57,14 @@ fn arm(end: Vector3<f64>, scale: f64) -> Solid {
 }
 
 fn part(shape: Shape, pose: Pose, colour: [f32; 3]) -> Solid {
-    Solid { name: String::new(), shape, pose, role: Role::Decoration, friction: 0.0, contact_gap: 0.0, colour }
+    Solid {
+        name: String::new(),
+        shape,
+        pose,
+        role: Role::Decoration,
+        friction: 0.0,
+        contact_gap: 0.0,
+        colour,
+        look: None,
+    }
 }

@@ -43,12 +43,13 @@ impl Scene {
         let (solids, movables) = (world.solids.len(), world.movables.len());
         self.moving = Moving { solids, movables, groups: Vec::new() };
         for movable in &world.movables {
-            let Solid { shape, .. } = &movable.solid;
+            let solid = Solid { pose: Pose::at(Vector3::zeros()), ..movable.solid.clone() };
+            let (shape, pose) = solid.seen();
             let shape = match shape {
                 Shape::Mesh(mesh) => Shape::Hull(mesh.hull.clone()),
                 Shape::Cuboid(_) | Shape::Cylinder { .. } | Shape::Sphere(_) | Shape::Hull(_) => shape.clone(),
             };
-            self.add_group(&[Solid { pose: Pose::at(Vector3::zeros()), shape, ..movable.solid.clone() }]);
+            self.add_group(&[Solid { shape, pose, look: None, ..solid }]);
         }
         for (index, movable) in world.movables.iter().enumerate() {
             self.place(Mover::Movable(index), &movable.solid.pose);

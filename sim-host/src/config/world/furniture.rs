@@ -8,7 +8,7 @@ use super::solid::{RoleConfig, SolidConfig, Surface, SurfaceKeys, turned};
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::config::geometry::{exact, exact_point};
-use crate::world::{Pose, Shape, Solid};
+use crate::world::{Look, Pose, Solid};
 
 /// One piece of furniture: its parts, and where they are.
 ///
@@ -85,19 +85,10 @@ struct Placement {
 impl Placement {
     fn apply(&self, solid: Solid) -> Solid {
         let Self { origin, scale } = self;
-        let shape = match solid.shape {
-            Shape::Cuboid(half) => Shape::Cuboid(half * *scale),
-            Shape::Cylinder { radius, half_height } => {
-                Shape::Cylinder { radius: radius * scale, half_height: half_height * scale }
-            }
-            Shape::Sphere(radius) => Shape::Sphere(radius * scale),
-            Shape::Hull(points) => Shape::Hull(points.into_iter().map(|point| point * *scale).collect()),
-            Shape::Mesh(mesh) => Shape::Mesh(mesh.scaled(*scale)),
-        };
-        let pose = Pose {
-            position: origin.position + origin.world_from_body.rotate(solid.pose.position * *scale),
-            world_from_body: origin.world_from_body.after(&solid.pose.world_from_body),
-        };
-        Solid { shape, pose, ..solid }
+        let enlarged = |pose: Pose| Pose { position: pose.position * *scale, ..pose };
+        let look = solid
+            .look
+            .map(|look| Look { shape: look.shape.scaled(*scale), pose_in_body: enlarged(look.pose_in_body) });
+        Solid { shape: solid.shape.scaled(*scale), pose: enlarged(solid.pose).within(origin), look, ..solid }
     }
 }

@@ -58,31 +58,62 @@ impl MeshConfig {
         surface: Surface,
         field: &Field<'_>,
     ) -> Result<Vec<Solid>, ConfigError> {
-        let scale = exact_numbers(&field.at("scale"), self.scale, &Limits::above(0.0, 1e6, ""))?;
-        let origin = exact_point(&field.at("at_m"), self.at_m)?;
-        let angles = Limits::from(-360.0, 360.0, "degrees");
-        let world_from_body = turned(exact_numbers(&field.at("rpy_deg"), self.rpy_deg, &angles)?);
-        let colours = self.colours(&field.at("materials"))?;
-        let field = field.at("obj");
-        let triangles = parse(&self.obj).map_err(|fault| {
-            field.reject(format!("{} in line {}", fault.found, fault.spot.line), fault.expected)
-        })?;
+        let placed = self.placed(field)?;
+        let parts = &placed.triangles.parts;
         let mut solids = Vec::new();
-        for part in &triangles.parts {
-            let called =
-                if triangles.parts.len() > 1 { format!("{name}: {}", part.name) } else { name.to_owned() };
-            let (mesh, middle) = mesh(&triangles, part, &scale, &colours)
-                .map_err(|(found, expected)| field.reject(format!("{found} ({called})"), expected))?;
-            let pose = Pose { position: origin + world_from_body.rotate(middle), world_from_body };
-            solids.push(surface.around(&called, Shape::Mesh(mesh), pose));
+        for part in parts {
+            let called = if parts.len() > 1 { format!("{name}: {}", part.name) } else { name.to_owned() };
+            let (shape, pose) = placed
+                .outline(part)
+                .map_err(|(found, expected)| field.at("obj").reject(format!("{found} ({called})"), expected))?;
+            solids.push(surface.around(&called, shape, pose));
         }
         Ok(solids)
+    }
+
+    /// All parts as one.
+    ///
+    /// # Errors
+    /// As of [`Self::solids`].
+    pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
+        let placed = self.placed(field)?;
+        let triangles = placed.triangles.parts.iter().flat_map(|part| &part.triangles).copied().collect();
+        let whole = Part { triangles, ..Part::default() };
+        placed.outline(&whole).map_err(|(found, expected)| field.at("obj").reject(found, expected))
+    }
+
+    fn placed(&self, field: &Field<'_>) -> Result<Placed<'_>, ConfigError> {
+        let angles = Limits::from(-360.0, 360.0, "degrees");
+        let scale = exact_numbers(&field.at("scale"), self.scale, &Limits::above(0.0, 1e6, ""))?;
+        let position = exact_point(&field.at("at_m"), self.at_m)?;
+        let world_from_body = turned(exact_numbers(&field.at("rpy_deg"), self.rpy_deg, &angles)?);
+        let colours = self.colours(&field.at("materials"))?;
+        let triangles = parse(&self.obj).map_err(|fault| {
+            field.at("obj").reject(format!("{} in line {}", fault.found, fault.spot.line), fault.expected)
+        })?;
+        Ok(Placed { triangles, scale, origin: Pose { position, world_from_body }, colours })
     }
 
     fn colours(&self, field: &Field<'_>) -> Result<BTreeMap<&str, [f32; 3]>, ConfigError> {
         let limits = Limits::from(0.0, 1.0, "");
         let colour = |(name, colour): (&'_ String, &[f64; 3])| field.at(name).numbers(*colour, &limits);
         self.materials.iter().map(|material| Ok((material.0.as_str(), colour(material)?))).collect()
+    }
+}
+
+/// Triangles and where they are.
+struct Placed<'a> {
+    triangles: Triangles,
+    scale: Vector3<f64>,
+    origin: Pose,
+    colours: BTreeMap<&'a str, [f32; 3]>,
+}
+
+impl Placed<'_> {
+    /// A part and where its middle is, or what was found and expected.
+    fn outline(&self, part: &Part) -> Result<(Shape, Pose), (String, String)> {
+        let (mesh, middle) = mesh(&self.triangles, part, &self.scale, &self.colours)?;
+        Ok((Shape::Mesh(mesh), Pose::at(middle).within(&self.origin)))
     }
 }
 

@@ -7,9 +7,10 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::look::LookConfig;
 use super::mesh::MeshConfig;
+use super::outline::OutlineKeys;
 use super::superellipsoid::SuperellipsoidConfig;
-use crate::config::aviary::BoxConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::config::geometry::{convex, exact, exact_numbers, exact_point};
@@ -27,14 +28,10 @@ const PILLAR_PITCH: f64 = 1.57057;
 /// Half extents of a pillar before it is pitched \[m\]: the reference's block of 0.1 x 0.018 x 0.018 m at scale 10.
 const PILLAR_HALF: Vector3<f64> = Vector3::new(0.5, 0.09, 0.09);
 
-/// The outlines that a body can have.
-const FORMS: &str =
-    "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone`, `superellipsoid`, `hull` or `mesh`";
-
 const LENGTH: Limits = Limits::above(0.0, 1000.0, "m");
 
 /// One body that never moves. It has one outline: `low_m` and `high_m`, or `box`, `cylinder`, `sphere`,
-/// `cone`, `superellipsoid`, `hull` or `mesh`.
+/// `cone`, `superellipsoid`, `hull` or `mesh`; and it may have another `look`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolidConfig {
@@ -68,6 +65,9 @@ pub struct SolidConfig {
     /// A surface of triangles, usually from a file. Its parts are bodies of their own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh: Option<MeshConfig>,
+    /// What cameras see in place of the outline, which everything else meets: contacts, beams, ways, plans.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub look: Option<LookConfig>,
     /// What touching it means; `obstacle` unless something says otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub role: Option<RoleConfig>,
@@ -233,10 +233,10 @@ impl Surface {
         })
     }
 
-    /// A body with this surface.
+    /// A body with this surface, which looks as it is.
     pub(super) fn around(self, name: &str, shape: Shape, pose: Pose) -> Solid {
         let Self { role, friction, contact_gap, colour } = self;
-        Solid { name: name.to_owned(), shape, pose, role, friction, contact_gap, colour }
+        Solid { name: name.to_owned(), shape, pose, role, friction, contact_gap, colour, look: None }
     }
 }
 
@@ -244,7 +244,7 @@ impl SolidConfig {
     /// The body; of a mesh one for each of its parts, named after both.
     ///
     /// # Errors
-    /// When it has no outline, several or an empty one, or a number is out of range.
+    /// When it has no outline, several or an empty one, a look beside several bodies, or a number is out of range.
     pub fn check(&self, field: &Field<'_>) -> Result<Vec<Solid>, ConfigError> {
         self.check_on(Surface::default(), field)
     }
@@ -254,65 +254,50 @@ impl SolidConfig {
         let Self { role, friction, contact_gap_m, colour, .. } = *self;
         let surface = surface.with(SurfaceKeys { role, friction, contact_gap_m, colour }, field)?;
         let name = self.name.as_deref().unwrap_or("solid");
-        self.refuse_several_outlines(field)?;
-        if let Some(mesh) = &self.mesh {
-            return mesh.solids(name, surface, &field.at("mesh"));
+        let outline = self.outline_keys();
+        outline.refuse_several(field)?;
+        let mut solids = match &self.mesh {
+            Some(mesh) => mesh.solids(name, surface, &field.at("mesh"))?,
+            None => {
+                let (shape, pose) = outline.check(field)?;
+                vec![surface.around(name, shape, pose)]
+            }
+        };
+        if let Some(look) = &self.look {
+            let field = field.at("look");
+            let [solid] = &mut solids[..] else {
+                let found = format!("a look of {} bodies, the parts of `mesh`", solids.len());
+                return Err(field.reject(found, "one body that has it"));
+            };
+            solid.look = Some(look.check(&solid.pose, &field)?);
         }
-        let (shape, pose) = self.outline(field)?;
-        Ok(vec![surface.around(name, shape, pose)])
+        Ok(solids)
     }
 
-    fn refuse_several_outlines(&self, field: &Field<'_>) -> Result<(), ConfigError> {
-        let corners = self.low_m.is_some() || self.high_m.is_some();
-        let forms = [
-            corners,
-            self.turned_box.is_some(),
-            self.cylinder.is_some(),
-            self.sphere.is_some(),
-            self.cone.is_some(),
-            self.superellipsoid.is_some(),
-            self.hull.is_some(),
-            self.mesh.is_some(),
-        ];
-        match forms.into_iter().filter(|written| *written).count() {
-            0 => Err(field.reject("no outline", FORMS)),
-            1 => Ok(()),
-            count => Err(field.reject(format!("{count} outlines"), FORMS)),
-        }
-    }
-
-    fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
-        match self {
-            Self { turned_box: Some(turned), .. } => turned.outline(&field.at("box")),
-            Self { cylinder: Some(cylinder), .. } => cylinder.outline(&field.at("cylinder")),
-            Self { sphere: Some(sphere), .. } => sphere.outline(&field.at("sphere")),
-            Self { cone: Some(cone), .. } => cone.outline(&field.at("cone")),
-            Self { superellipsoid: Some(body), .. } => body.outline(&field.at("superellipsoid")),
-            Self { hull: Some(hull), .. } => hull.outline(&field.at("hull")),
-            Self { low_m: Some(low_m), high_m: Some(high_m), .. } => {
-                let (low, high) = BoxConfig { low_m: *low_m, high_m: *high_m }.corners(field)?;
-                Ok((Shape::Cuboid((high - low) / 2.0), Pose::at((low + high) / 2.0)))
-            }
-            Self { low_m: Some(_), high_m: None, .. } => {
-                Err(field.reject("no key `high_m`", "one beside `low_m`"))
-            }
-            Self { low_m: None, high_m: Some(_), .. } => {
-                Err(field.reject("no key `low_m`", "one beside `high_m`"))
-            }
-            Self { low_m: None, high_m: None, .. } => Err(field.reject("no outline", FORMS)),
+    fn outline_keys(&self) -> OutlineKeys<'_> {
+        OutlineKeys {
+            low_m: self.low_m,
+            high_m: self.high_m,
+            turned_box: self.turned_box.as_ref(),
+            cylinder: self.cylinder.as_ref(),
+            sphere: self.sphere.as_ref(),
+            cone: self.cone.as_ref(),
+            superellipsoid: self.superellipsoid.as_ref(),
+            hull: self.hull.as_ref(),
+            mesh: self.mesh.as_ref(),
         }
     }
 }
 
 impl TurnedBoxConfig {
-    fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
+    pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
         let size = exact_numbers(&field.at("size_m"), self.size_m, &LENGTH)?;
         Ok((Shape::Cuboid(size / 2.0), pose(self.center_m, self.rpy_deg, field)?))
     }
 }
 
 impl CylinderConfig {
-    fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
+    pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
         let radius = exact(&field.at("radius_m"), self.radius_m, &LENGTH)?;
         let half_height = exact(&field.at("height_m"), self.height_m, &LENGTH)? / 2.0;
         Ok((Shape::Cylinder { radius, half_height }, pose(self.center_m, self.rpy_deg, field)?))
@@ -320,14 +305,14 @@ impl CylinderConfig {
 }
 
 impl SphereConfig {
-    fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
+    pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
         let radius = exact(&field.at("radius_m"), self.radius_m, &LENGTH)?;
         Ok((Shape::Sphere(radius), pose(self.center_m, [0.0; 3], field)?))
     }
 }
 
 impl ConeConfig {
-    fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
+    pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
         let base = exact_point(&field.at("base_m"), self.base_m)?;
         let half_height = exact(&field.at("height_m"), self.height_m, &LENGTH)? / 2.0;
         let low = exact(&field.at("base_radius_m"), self.base_radius_m, &LENGTH)?;
@@ -345,7 +330,7 @@ impl ConeConfig {
 }
 
 impl HullConfig {
-    fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
+    pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
         let field = field.at("points_m");
         let points = self.points_m.iter().enumerate();
         let points: Vec<_> =

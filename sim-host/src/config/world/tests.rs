@@ -83,6 +83,92 @@ furniture:
     assert_extent(&solids[1], [9.95, 0.45, -0.25], [10.05, 0.55, 0.25]);
 }
 
+/// What is seen of a solid, as one that could be touched.
+fn look(solid: &Solid) -> Solid {
+    let (shape, pose) = solid.seen();
+    Solid { shape: shape.clone(), pose, ..solid.clone() }
+}
+
+#[test]
+fn a_look_is_where_it_is_written_however_its_body_is_turned() {
+    let plain = solid("low_m: [0, 0, 0], high_m: [1, 1, 1]");
+    assert_eq!((&plain.look, plain.seen()), (&None, (&plain.shape, plain.pose)));
+    let body = "box: {center_m: [3, 2, 1], size_m: [1, 2, 3], rpy_deg: [20, 40, 60]}";
+    let both = |look: &str| solid(&format!("{body}, look: {{{look}}}"));
+    let written = both("low_m: [0, 1, 2], high_m: [1, 3, 5]");
+    let touched = solid(body);
+    assert_eq!((&written.shape, written.pose, written.extent()), (&touched.shape, touched.pose, touched.extent()));
+    assert_extent(&look(&written), [0.0, 1.0, 2.0], [1.0, 3.0, 5.0]);
+    let lying = "cylinder: {center_m: [0, 0, 1], radius_m: 0.5, height_m: 4, rpy_deg: [90, 0, 0]}";
+    assert_extent(&look(&both(lying)), [-0.5, -2.0, 0.5], [0.5, 2.0, 1.5]);
+    let cushion = "superellipsoid: {low_m: [0, 0, 0], high_m: [2, 1, 1], exponents: [8, 4, 2]}";
+    assert_extent(&look(&both(cushion)), [0.0; 3], [2.0, 1.0, 1.0]);
+    let parts = r#"mesh: {obj: "o a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no b\nv 0 0 2\nf 1 2 4\n"}"#;
+    let mesh = both(parts);
+    let Shape::Mesh(triangles) = mesh.seen().0 else { panic!("a mesh") };
+    assert_eq!(triangles.triangles.len(), 2, "both parts");
+    assert_extent(&look(&mesh), [0.0; 3], [1.0, 1.0, 2.0]);
+}
+
+#[test]
+fn looks_of_furniture_are_scaled_turned_and_moved_with_it() {
+    let text = "
+at_m: [0, 0, 3]
+furniture:
+  - name: lamp
+    parts:
+      - low_m: [0, 0, 1]
+        high_m: [2, 1, 2]
+        look: {box: {center_m: [3, 0, 1], size_m: [2, 4, 1], rpy_deg: [0, 0, 90]}}
+      - {mesh: {obj: \"v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nv 0 0 1\\nf 1 3 2\\nf 1 2 4\\n\", rpy_deg: [0, 0, 90]}, look: {sphere: {center_m: [1, 2, 3], radius_m: 1}}}
+    at_m: [10, 0, 0]
+    yaw_deg: 90
+    scale: 0.5
+";
+    let solids = place(text).unwrap().world.solids;
+    assert_extent(&solids[0], [9.5, 0.0, 3.5], [10.0, 1.0, 4.0]);
+    // In its own frame it is from (1, -1, 0.5) to (5, 1, 1.5).
+    assert_extent(&look(&solids[0]), [9.5, 0.5, 3.25], [10.5, 2.5, 3.75]);
+    assert_extent(&solids[1], [9.5, -0.5, 3.0], [10.0, 0.0, 3.5]);
+    assert_extent(&look(&solids[1]), [8.5, 0.0, 4.0], [9.5, 1.0, 5.0]);
+}
+
+#[test]
+fn wrong_looks_get_their_messages() {
+    let box_with =
+        |look: &str| refusal(&format!("solids: [{{low_m: [0, 0, 0], high_m: [1, 1, 1], look: {look}}}]"));
+    let forms =
+        "one of `low_m` with `high_m`, `box`, `cylinder`, `sphere`, `cone`, `superellipsoid`, `hull` or `mesh`";
+    assert_eq!(box_with("{}"), format!("solids.0.look: found no outline, expected {forms}"));
+    assert_eq!(
+        box_with("{low_m: [0, 0, 0], high_m: [1, 1, 1], sphere: {center_m: [0, 0, 0], radius_m: 1}}"),
+        format!("solids.0.look: found 2 outlines, expected {forms}")
+    );
+    assert_eq!(
+        box_with("{sphere: {center_m: [1, 2, 3], radius_m: 0}}"),
+        "solids.0.look.sphere.radius_m: found 0, expected a number above 0, at most 1000 m"
+    );
+    assert_eq!(
+        box_with("{high_m: [0, 0, 0]}"),
+        "solids.0.look: found no key `low_m`, expected one beside `high_m`"
+    );
+    assert_eq!(
+        box_with("{role: landing}"),
+        "solids.0.look: found the unknown key `role`, expected `low_m`, `high_m`, `box`, `cylinder`, `sphere`, `cone`, `superellipsoid`, `hull` or `mesh` (did you mean `cone`?)"
+    );
+    let alone = "solids: [{look: {sphere: {center_m: [1, 2, 3], radius_m: 1}}}]";
+    assert_eq!(refusal(alone), format!("solids.0: found no outline, expected {forms}"));
+    let parts = r#"{obj: "o a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no b\nv 0 0 2\nf 1 2 4\n"}"#;
+    assert_eq!(
+        refusal(&format!("solids: [{{mesh: {parts}, look: {{low_m: [0, 0, 0], high_m: [1, 1, 1]}}}}]")),
+        "solids.0.look: found a look of 2 bodies, the parts of `mesh`, expected one body that has it"
+    );
+    assert_eq!(
+        box_with(r#"{mesh: {obj: "v 0 0 0\nf 1 2 3\n"}}"#),
+        "solids.0.look.mesh.obj: found `2` in line 2, expected one of the 1 corners (`v`) above"
+    );
+}
+
 #[test]
 fn a_pillar_leans_as_in_the_reference() {
     let pillar = place("pillars: [[2, 0.5]]").unwrap().world.solids.remove(0);
