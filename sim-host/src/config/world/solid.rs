@@ -256,12 +256,11 @@ impl SolidConfig {
         let name = self.name.as_deref().unwrap_or("solid");
         let outline = self.outline_keys();
         outline.refuse_several(field)?;
-        let mut solids = match &self.mesh {
-            Some(mesh) => mesh.solids(name, surface, &field.at("mesh"))?,
-            None => {
-                let (shape, pose) = outline.check(field)?;
-                vec![surface.around(name, shape, pose)]
-            }
+        let mut solids = if let Some(mesh) = &self.mesh {
+            mesh.solids(name, surface, &field.at("mesh"))?
+        } else {
+            let (shape, pose) = outline.check(field)?;
+            vec![surface.around(name, shape, pose)]
         };
         if let Some(look) = &self.look {
             let field = field.at("look");
