@@ -9,6 +9,7 @@ mod export;
 mod flight;
 mod fly;
 mod inspect;
+mod look;
 mod render;
 mod replay;
 mod run;

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use kestrel_train::evaluation::Flyer;
 use kestrel_train::experiment_config::{self, Experiment};
+use kestrel_train::film::Stage;
 use kestrel_train::recording::Recording;
 use kestrel_train::results::{record_pilot, record_policy, record_run, record_start};
 
@@ -60,6 +61,17 @@ pub(crate) struct Flown {
     pub(crate) recording: Recording,
     pub(crate) experiment: Experiment,
     pub(crate) path: PathBuf,
+}
+
+impl Flown {
+    /// The flight in its aviary, to be looked at with one of its drones.
+    pub(crate) fn stage(&self, drone: usize) -> Result<Stage> {
+        let stage = Stage::new(&self.recording, &self.experiment, &self.path)?;
+        let drones = stage.drones();
+        let path = self.path.display();
+        ensure!(drone < drones, "found --drone {drone}, expected a number below {drones}, the drones of {path}");
+        Ok(stage)
+    }
 }
 
 impl FlightArguments {

@@ -2,16 +2,15 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, ensure};
 use kestrel_sim::camera::{Backend, Renderer};
 use kestrel_train::atomic_file::write_atomically;
-use kestrel_train::film::{Film, GIF_LIMIT, Panel, Stage, Style};
-use kestrel_train::interrupt::Interrupt;
+use kestrel_train::film::{Film, GIF_LIMIT, Panel, Style};
 use kestrel_train::output::{say, warn};
-use kestrel_train::progress::Progress;
 
 use super::Done;
 use super::flight::FlightArguments;
+use super::look::{Format, filmed, seconds, view_angle};
 
 /// Arguments of `kestrel render`.
 #[derive(Debug, clap::Args)]
@@ -56,45 +55,13 @@ pub(crate) struct Arguments {
     backend: Backend,
 }
 
-/// What kind of file is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    Png,
-    Gif,
-}
-
-pub(crate) fn view_angle(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(angle) if (1.0..=170.0).contains(&angle) => Ok(angle),
-        Ok(_) | Err(_) => Err("expected 1 to 170 degrees".to_owned()),
-    }
-}
-
-pub(crate) fn seconds(text: &str) -> Result<f32, String> {
-    match text.parse() {
-        Ok(secs) if (0.0..=1e6).contains(&secs) => Ok(secs),
-        Ok(_) | Err(_) => Err("expected 0 to 1e6 seconds".to_owned()),
-    }
-}
-
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let output = &arguments.output;
-    let format = match output.extension().and_then(|ending| ending.to_str()) {
-        Some("png") => Format::Png,
-        Some("gif") => Format::Gif,
-        Some(_) | None => bail!("{}: found another ending, expected .png or .gif", output.display()),
-    };
+    let format = Format::of(output)?;
     let renderer = Renderer::open(arguments.backend)?;
     let start_alone = format == Format::Png && arguments.at == 0.0;
     let flown = arguments.flight.fly(start_alone)?;
-    let stage = Stage::new(&flown.recording, &flown.experiment, &flown.path)?;
-    let drone = arguments.drone;
-    ensure!(
-        drone < stage.drones(),
-        "found --drone {drone}, expected a number below {}, the drones of {}",
-        stage.drones(),
-        flown.path.display()
-    );
+    let stage = flown.stage(arguments.drone)?;
     let style = arguments.style(format);
     let film = Film::new(&stage, &style, &renderer);
     let [width, height] = film.size();
@@ -104,25 +71,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     );
     let file = match format {
         Format::Png => Some(film.at(arguments.at)?.png()?),
-        Format::Gif => filmed(&film)?,
+        Format::Gif => filmed(film.pictures(), |goes_on| film.gif(goes_on))?,
     };
     let Some(file) = file else { return Ok(Done::Interrupted) };
     write_atomically(output, &file)?;
     warn(&renderer);
     say(output.display())?;
     Ok(Done::Finished)
-}
-
-/// The film, unless the user stops it.
-fn filmed(film: &Film<'_>) -> Result<Option<Vec<u8>>> {
-    let interrupt = Interrupt::watch("Stopping: nothing is written.")?;
-    let mut progress = Progress::counting("pictures", film.pictures() as u64, 0);
-    let file = film.gif(|done| {
-        progress.show_steps(done as u64, String::new);
-        !interrupt.requested()
-    })?;
-    progress.finish();
-    Ok(file)
 }
 
 impl Arguments {

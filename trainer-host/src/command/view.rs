@@ -2,17 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, bail};
 use kestrel_sim::camera::{Backend, Renderer};
 use kestrel_train::atomic_file::write_atomically;
-use kestrel_train::film::Stage;
-use kestrel_train::interrupt::Interrupt;
 use kestrel_train::output::{say, warn};
-use kestrel_train::progress::Progress;
 use kestrel_train::viewer::{CameraMode, Controls, Desk};
 
 use super::Done;
 use super::flight::FlightArguments;
+use super::look::{Format, filmed};
 
 /// Arguments of `kestrel view`.
 #[derive(Debug, clap::Args)]
@@ -26,7 +24,7 @@ pub(crate) struct Arguments {
     headless: Option<PathBuf>,
 
     /// Where to begin, in seconds since the start; the moment of a .png
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = super::render::seconds, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = super::look::seconds, allow_negative_numbers = true)]
     at: f32,
 
     /// From where the large picture is taken
@@ -46,7 +44,7 @@ pub(crate) struct Arguments {
     rows: u16,
 
     /// Angle of view of the drone's camera across, in degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 90.0, value_parser = super::render::view_angle, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 90.0, value_parser = super::look::view_angle, allow_negative_numbers = true)]
     view_angle: f64,
 
     /// What renders: auto (a GPU where there is one), cpu, gpu, or software (an adapter such as lavapipe)
@@ -72,49 +70,32 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
             "this program was built without windows: build it with `--features viewer`, or use --headless FILE.gif"
         );
     }
+    let headless = arguments.headless.as_deref();
+    let file = headless.map(|output| Ok::<_, anyhow::Error>((output, Format::of(output)?))).transpose()?;
     let renderer = Renderer::open(arguments.backend)?;
     let flown = arguments.flight.fly(false)?;
-    let stage = Stage::new(&flown.recording, &flown.experiment, &flown.path)?;
     let drone = arguments.drone;
-    ensure!(
-        drone < stage.drones(),
-        "found --drone {drone}, expected a number below {}, the drones of {}",
-        stage.drones(),
-        flown.path.display()
-    );
+    let stage = flown.stage(drone)?;
     let size = [arguments.columns, arguments.rows].map(usize::from);
     let desk = Desk::new(&stage, &flown.experiment.scenario, &renderer, arguments.view_angle.to_radians(), size);
     let secs = arguments.at.min(desk.extent().secs);
     let controls = Controls { secs, drone, camera: arguments.camera, ..Controls::default() };
     warn(&renderer);
-    match &arguments.headless {
+    match file {
         Some(output) => written(&desk, &controls, output),
         None => shown(desk, controls, &format!("kestrel: {}", flown.path.display()), size),
     }
 }
 
-fn written(desk: &Desk<'_>, controls: &Controls, output: &Path) -> Result<Done> {
-    let file = match output.extension().and_then(|ending| ending.to_str()) {
-        Some("png") => Some(desk.picture(controls)?.png()?),
-        Some("gif") => filmed(desk, controls)?,
-        Some(_) | None => bail!("{}: found another ending, expected .png or .gif", output.display()),
+fn written(desk: &Desk<'_>, controls: &Controls, (output, format): (&Path, Format)) -> Result<Done> {
+    let file = match format {
+        Format::Png => Some(desk.picture(controls)?.png()?),
+        Format::Gif => filmed(desk.pictures(), |goes_on| desk.film(controls, goes_on))?,
     };
     let Some(file) = file else { return Ok(Done::Interrupted) };
     write_atomically(output, &file)?;
     say(output.display())?;
     Ok(Done::Finished)
-}
-
-/// The film, unless the user stops it.
-fn filmed(desk: &Desk<'_>, controls: &Controls) -> Result<Option<Vec<u8>>> {
-    let interrupt = Interrupt::watch("Stopping: nothing is written.")?;
-    let mut progress = Progress::counting("pictures", desk.pictures() as u64, 0);
-    let file = desk.film(controls, |done| {
-        progress.show_steps(done as u64, String::new);
-        !interrupt.requested()
-    })?;
-    progress.finish();
-    Ok(file)
 }
 
 #[cfg(feature = "viewer")]

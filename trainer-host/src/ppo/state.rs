@@ -38,6 +38,12 @@ pub enum RestoreError {
         /// Widths by scenario and settings.
         expected: Vec<usize>,
     },
+    /// Another eye, or a trunk behind it.
+    #[error("the saved {network} looks at images in another way than scenario and settings ask for")]
+    Eye {
+        /// Actor or critic.
+        network: &'static str,
+    },
     /// Another number of environments.
     #[error("the saved run has {found} panels of environments, the settings ask for {expected}")]
     Panels {
@@ -128,9 +134,12 @@ impl Trainer {
         let actors = (state.actor.is_like(&self.actor), state.actor.mlp(), self.actor.mlp());
         let critics = (state.critic.is_like(&self.critic), state.critic.mlp(), self.critic.mlp());
         for (network, (is_like, found, expected)) in [("actor", actors), ("critic", critics)] {
-            if !is_like {
+            if found != expected {
                 let (found, expected) = (found.widths().to_vec(), expected.widths().to_vec());
                 return Err(RestoreError::Network { network, found, expected });
+            }
+            if !is_like {
+                return Err(RestoreError::Eye { network });
             }
         }
         let lengths = [

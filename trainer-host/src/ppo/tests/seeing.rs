@@ -1,6 +1,8 @@
 //! Policies that see.
 
 use super::*;
+use crate::export::seeing::{SeeingActor, SeeingCalibration, export_seeing};
+use crate::ranks::threads::run_as;
 use kestrel_sim::camera::{Camera, Channel, Mount, Optics};
 use kestrel_sim::world::{Floor, Solid};
 
@@ -131,11 +133,82 @@ fn a_small_minibatch_makes_many_steps() {
     assert!(metrics.policy_loss.is_finite() && metrics.gradient_norm > 0.0);
 }
 
+/// A policy whose actions depend much on what it sees.
+fn attentive() -> Trainer {
+    let mut trainer = Trainer::new(&[seeing()], &with_eye(EyeSharing::Shared, &[16]), Seed(23));
+    let mut stream = Stream::new(Seed(24), 0, Purpose::Weights);
+    let network = trainer.actor.log_std_places().start;
+    trainer.actor.parameters_mut()[..network].iter_mut().for_each(|value| *value += 0.1 * stream.normal());
+    trainer
+}
+
 #[test]
-fn a_policy_without_its_camera_is_refused() {
+fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
+    let trainer = attentive();
+    let (actor, scenario) = (trainer.actor(), seeing());
+    let starts = Starts { seed: Seed(4), purpose: Purpose::Evaluation, episodes: 6 };
+    let met = sightings_in_flight(&scenario, actor, starts);
+    assert_eq!(met.observations.len() / 22, met.images.len() / (12 * 10 * 4));
+    let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
+    let perception = actor.perception().expect("it sees");
+    let seeing_actor = SeeingActor {
+        shape: *perception.eye().shape(),
+        eye_parameters: perception.eye_parameters(actor.perception_parameters()),
+        layers: &layers,
+        control_periods_per_image: 2,
+    };
+    let metadata = PolicyMetadata {
+        name: "seeing",
+        observation: scenario.observation,
+        action: scenario.action,
+        control_period_secs: scenario.physics.control_secs(),
+        seed: 23,
+        training_steps: 0,
+    };
+    let calibration = SeeingCalibration { observations: &met.observations, images: &met.images };
+    let exported = export_seeing(&seeing_actor, &metadata, calibration).expect("it fits");
+    let policies = [&exported.float_policy, &exported.fixed_policy].map(|file| Policy::parse(file).unwrap());
+    assert_eq!(policies[0].differing(&scenario), None);
+    assert_eq!(policies[0].differing(&Scenario { camera: None, ..scenario.clone() }), Some("camera"));
+    let flown = |flyer| evaluate(&scenario, flyer, starts).episode_return;
+    let trained = flown(Flyer::Actor(actor));
+    let errors = [&policies[0], &policies[1]].map(|policy| (flown(Flyer::Policy(policy)) - trained).abs());
+    let mut blindfolded = actor.clone();
+    let eye = blindfolded.log_std_places().end;
+    blindfolded.parameters_mut()[eye..].fill(0.0);
+    let sight = (flown(Flyer::Actor(&blindfolded)) - trained).abs();
+    assert!(sight > 0.02, "the return {trained} changes by {sight} without eyes");
+    assert!(errors[0] < 0.01 * sight && errors[1] < 0.2 * sight, "{errors:?} beside the {sight} of seeing");
+}
+
+#[test]
+fn ranks_show_each_other_their_images() {
+    let settings = PpoSettings { environments: 2 * PANEL, ..with_eye(EyeSharing::Shared, &[]) };
+    let course = |ranks: &Arc<dyn Ranks>| {
+        let mut trainer = Trainer::new(&[seeing()], &settings, Seed(5));
+        trainer.work_with(ranks).unwrap();
+        trainer.update();
+        trainer.update();
+        trainer.save()
+    };
+    let alone = course(&ranks::alone());
+    for found in run_as(2, |ranks| course(&ranks)) {
+        assert!(found == alone);
+    }
+}
+
+#[test]
+fn a_policy_without_its_camera_or_with_another_eye_is_refused() {
     let settings = with_eye(EyeSharing::Shared, &[]);
     let state = Trainer::new(&[seeing()], &settings, Seed(5)).save();
     let blind = Scenario { camera: None, ..seeing() };
-    let error = Trainer::restore(&[blind], &settings, state).expect_err("the camera is missing");
-    assert!(error.to_string().contains("actor"), "{error}");
+    let refuse = |scenario: Scenario, settings: &PpoSettings| {
+        Trainer::restore(&[scenario], settings, state.clone()).expect_err("it is another run").to_string()
+    };
+    assert!(refuse(blind, &settings).starts_with("the saved actor has layers [86, 16, 16, 4]"));
+    let convolutions = vec![kestrel_core::eye::Convolution { filters: 8, kernel: 3, stride: 2 }];
+    let kind = EyeKind::Custom { convolutions, features: 64 };
+    let other = PpoSettings { eye: EyeSettings { kind, ..EyeSettings::default() }, ..settings.clone() };
+    let expected = "the saved actor looks at images in another way than scenario and settings ask for";
+    assert_eq!(refuse(seeing(), &other), expected);
 }

@@ -1,6 +1,7 @@
 //! Actor-critic and REINFORCE are PPO with one gradient step for each rollout.
 
 use super::*;
+use crate::consolidation::{AnchoredSettings, ConsolidatorSettings, Coupling, Curvature, GradientTerm, Strength};
 
 /// One epoch of one minibatch: the whole rollout.
 fn one_step() -> PpoSettings {
@@ -143,5 +144,37 @@ impl Network {
             delta = below.iter().zip(read).map(|(sum, value)| sum * (1.0 - value * value)).collect();
             end = from;
         }
+    }
+}
+
+/// A small minibatch has narrow tiles; what a task leaves behind does not depend on them.
+#[test]
+fn the_width_of_tiles_does_not_matter_to_a_memory() {
+    let pull = |minibatch: usize, curvature: Curvature| {
+        let settings = PpoSettings { minibatch, ..settings() };
+        let mut trainer = Trainer::new(&[scenario(CriticView::Privileged)], &settings, Seed(31));
+        let anchor = AnchoredSettings {
+            curvature,
+            gradient: GradientTerm::Absent,
+            coupling: Coupling::Gradient,
+            strength: Strength::Fixed(1.0),
+            decay: 1.0,
+        };
+        let mut memory = ConsolidatorSettings::Anchored(anchor).begin(trainer.actor(), trainer.critic());
+        trainer.consolidate(&mut memory);
+        let columns = trainer.columns();
+        let mut moved = trainer.actor.clone();
+        let mut stream = Stream::new(Seed(32), 0, Purpose::Weights);
+        moved.parameters_mut().iter_mut().for_each(|value| *value += 0.1 * stream.normal());
+        let mut gradient = Gradient::new(&moved, &trainer.critic);
+        memory.add_gradient((&moved, &trainer.critic), &mut gradient);
+        (columns, gradient.actor)
+    };
+    for curvature in [Curvature::Fisher, Curvature::Sensitivity, Curvature::Kronecker] {
+        let ((wide, expected), (narrow, found)) = (pull(PANEL, curvature), pull(64, curvature));
+        assert_eq!((wide, narrow), (256, 32));
+        let norm = expected.iter().map(|value| value * value).sum::<f32>().sqrt();
+        let error = expected.iter().zip(&found).map(|(a, b)| (a - b) * (a - b)).sum::<f32>().sqrt();
+        assert!(norm > 0.0 && error < 1e-4 * norm, "{curvature:?}: {error} of {norm}");
     }
 }

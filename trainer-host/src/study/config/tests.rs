@@ -68,6 +68,23 @@ fn wrong_studies_get_their_messages() {
 }
 
 #[test]
+fn methods_that_keep_states_are_refused_where_policies_see() {
+    let consolidator =
+        |name: &str| format!("methods=[{{name: a, learn: {{sequential: {{consolidator: {name}}}}}}}]");
+    let with = |method: &str| {
+        load(&in_repository("configs/studies/vision.yaml"), &["claims=[]".to_owned(), method.to_owned()])
+    };
+    for method in [consolidator("none"), "methods=[{name: a, learn: {joint: {}}}]".to_owned()] {
+        assert!(with(&method).is_ok(), "{method}");
+    }
+    for method in [consolidator("{coreset: {strength: 1}}"), "methods=[{name: a, learn: {distil: {}}}]".to_owned()]
+    {
+        let error = with(&method).expect_err("it knows no images").to_string();
+        assert!(error.contains("learn: found tasks with a camera, expected `sequential` without"), "{error}");
+    }
+}
+
+#[test]
 fn the_schema_is_the_one_in_the_repository() {
     assert_golden("configs/studies/schema.json", &schema());
 }
