@@ -16,25 +16,21 @@ set -uo pipefail
 cd "$(dirname "$0")/.."
 # shellcheck source=tests/checks.sh
 . tests/checks.sh
+# shellcheck source=tests/packages.sh
+. tests/packages.sh
 
 out=target/firmware
 mkdir -p "$out"
 
-packages() { # what is missing of the emulators and of Node
-  local missing=""
-  command -v qemu-system-arm >/dev/null || missing="$missing qemu-system-arm"
-  command -v qemu-system-riscv32 >/dev/null || missing="$missing qemu-system-misc"
-  command -v arm-none-eabi-objdump >/dev/null || missing="$missing binutils-arm-none-eabi"
-  command -v gcc >/dev/null || missing="$missing gcc libc6-dev"
-  command -v python3 >/dev/null || missing="$missing python3"
-  command -v node >/dev/null || missing="$missing nodejs"
-  [ -z "$missing" ] && return 0
-  if [ "$(id -u)" != 0 ]; then
-    echo "not root: install the Debian packages$missing first"
-    return 1
-  fi
-  # shellcheck disable=SC2086  # one word per package
-  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing >/dev/null
+emulators() { # what is missing of the emulators, the binutils and Node
+  local missing=()
+  command -v qemu-system-arm >/dev/null || missing+=(qemu-system-arm)
+  command -v qemu-system-riscv32 >/dev/null || missing+=(qemu-system-misc)
+  command -v arm-none-eabi-objdump >/dev/null || missing+=(binutils-arm-none-eabi)
+  command -v gcc >/dev/null || missing+=(gcc libc6-dev)
+  command -v python3 >/dev/null || missing+=(python3)
+  command -v node >/dev/null || missing+=(nodejs)
+  [ ${#missing[@]} -eq 0 ] || packages "an emulator or a tool" "${missing[@]}"
 }
 
 image() { # NAME PROGRAM TARGET [CARGO OPTION...]: builds an image into $out/NAME
@@ -126,7 +122,7 @@ budget() {
   verdict $? "the figures are those of firmware-shim/image/budget.json, and what is promised"
 }
 
-if packages && cargo=$(tests/embedded-toolchain.sh); then
+if emulators && cargo=$(tests/embedded-toolchain.sh); then
   conformance
   budget
 else

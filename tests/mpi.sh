@@ -8,13 +8,11 @@ set -uo pipefail
 cd "$(dirname "$0")/.."
 # shellcheck source=tests/checks.sh
 . tests/checks.sh
+# shellcheck source=tests/packages.sh
+. tests/packages.sh
 
 if ! command -v mpirun mpicc >/dev/null || ! compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null; then
-  [ "$(id -u)" -eq 0 ] || {
-    echo "MPI is missing: install libopenmpi-dev, openmpi-bin and libclang-dev"
-    exit 1
-  }
-  apt-get update -q && apt-get install -q -y --no-install-recommends libopenmpi-dev openmpi-bin libclang-dev || exit 1
+  packages "MPI" libopenmpi-dev openmpi-bin libclang-dev || exit 1
 fi
 cargo build -q -p kestrel-train || exit 1
 cp target/debug/kestrel target/kestrel-without-mpi

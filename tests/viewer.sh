@@ -8,20 +8,18 @@ set -uo pipefail
 cd "$(dirname "$0")/.."
 # shellcheck source=tests/checks.sh
 . tests/checks.sh
+# shellcheck source=tests/packages.sh
+. tests/packages.sh
 
 if ! command -v Xvfb >/dev/null || ! command -v xdotool >/dev/null; then
-  [ "$(id -u)" -eq 0 ] || {
-    echo "a virtual screen is missing: install xvfb and xdotool"
-    exit 1
-  }
-  apt-get update -q && apt-get install -q -y --no-install-recommends \
+  packages "a virtual screen" \
     xvfb xdotool libx11-xcb1 libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2 || exit 1
 fi
 screen=
 trap 'kill $screen 2>/dev/null; rm -rf "$place"' EXIT
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$place}
 unset WAYLAND_DISPLAY WAYLAND_SOCKET DISPLAY
-cargo build -q -p kestrel-train --features viewer || exit 1
+cargo build -q -p kestrel-train --features gpu,viewer || exit 1
 kestrel=target/debug/kestrel
 
 view() { # DISPLAY: at its first flight, until it is told to quit
@@ -47,8 +45,6 @@ ends_when_told() { # DISPLAY: opens, takes keys, a drag and the wheel, and quits
   wait $viewer
 }
 
-check "lints" cargo clippy -q -p kestrel-train --all-targets --features viewer -- -D warnings
-check "the window's tests" cargo test -q -p kestrel-train --features viewer --lib -- viewer
 check "without a screen there is one clear error" refuses_without_a_screen
 mkfifo "$place/display"
 Xvfb -displayfd 3 -screen 0 1280x800x24 3>"$place/display" 2>/dev/null &

@@ -112,51 +112,6 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         simulation
     }
 
-    /// Advances every environment by one control period; drones whose episodes end start anew.
-    ///
-    /// `actions` is `[action_len][rows]`. Kestrel's own action spaces limit values to \[-1, 1\] and take NaN for -1;
-    /// those of the reference limit nothing, as it does.
-    ///
-    /// # Panics
-    /// When `actions` has another length.
-    pub fn step(&mut self, actions: &[R]) {
-        self.advance(actions, None);
-    }
-
-    /// As [`Self::step`], with these rotor speeds \[rad/s\], one set for each row, instead of those that the actions
-    /// ask for: a recorded flight, whose controller would amplify every rounding.
-    ///
-    /// # Panics
-    /// When a length is wrong.
-    pub fn step_with_rotor_speeds(&mut self, actions: &[R], rotor_speeds: &[[R; 4]]) {
-        assert_eq!(rotor_speeds.len(), self.rows(), "rotor speeds are [rows][4]");
-        self.advance(actions, Some(rotor_speeds));
-    }
-
-    fn advance(&mut self, actions: &[R], rotor_speeds: Option<&[[R; 4]]>) {
-        let len = self.scenario.action.len();
-        assert_eq!(actions.len(), len * self.rows(), "actions are [{len}][rows]");
-        self.arch.dispatch(Advance {
-            stage: Stage {
-                scenario: &self.scenario,
-                controls: &self.controls,
-                mechanics: &self.mechanics,
-                arena: self.arena.as_deref(),
-                solver: self.solver.as_deref(),
-                control_secs: R::from_f64(1.0 / self.scenario.physics.control_rate_hz),
-            },
-            blocks: &mut self.blocks,
-            actions,
-            rotor_speeds,
-            environments: self.environments,
-        });
-        self.publish_rewards();
-        self.look(|_| true);
-        self.restart_ended();
-        self.publish();
-        self.look(|outcome| outcome != Outcome::Running);
-    }
-
     /// Number of environments.
     pub fn environments(&self) -> usize {
         self.environments
@@ -437,6 +392,85 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 gather(&mut self.privileged, all, rows, &agent.privileged);
             }
         }
+    }
+}
+
+/// Widths and precisions whose steps are compiled in this crate, once: a step is several hundred kilobytes of
+/// instructions for each instruction set, which no crate that steps simulations should have to generate again.
+pub trait Compiled<R: Real> {
+    /// Flies all blocks for one control period; actions and rotor speeds as [`Simulation::step_with_rotor_speeds`] has
+    /// them.
+    #[doc(hidden)]
+    fn fly(&mut self, actions: &[R], rotor_speeds: Option<&[[R; 4]]>);
+}
+
+macro_rules! compiled {
+    ($($lanes:literal $real:ty),*) => {$(
+        impl Compiled<$real> for Simulation<$lanes, $real> {
+            #[inline(never)]
+            fn fly(&mut self, actions: &[$real], rotor_speeds: Option<&[[$real; 4]]>) {
+                self.fly_blocks(actions, rotor_speeds);
+            }
+        }
+    )*};
+}
+compiled!(64 f32, 1 f64);
+#[cfg(test)]
+compiled!(1 f32, 8 f32);
+
+impl<const LANES: usize, R: Real> Simulation<LANES, R>
+where
+    Self: Compiled<R>,
+{
+    /// Advances every environment by one control period; drones whose episodes end start anew.
+    ///
+    /// `actions` is `[action_len][rows]`. Kestrel's own action spaces limit values to \[-1, 1\] and take NaN for -1;
+    /// those of the reference limit nothing, as it does.
+    ///
+    /// # Panics
+    /// When `actions` has another length.
+    pub fn step(&mut self, actions: &[R]) {
+        self.advance(actions, None);
+    }
+
+    /// As [`Self::step`], with these rotor speeds \[rad/s\], one set for each row, instead of those that the actions
+    /// ask for: a recorded flight, whose controller would amplify every rounding.
+    ///
+    /// # Panics
+    /// When a length is wrong.
+    pub fn step_with_rotor_speeds(&mut self, actions: &[R], rotor_speeds: &[[R; 4]]) {
+        assert_eq!(rotor_speeds.len(), self.rows(), "rotor speeds are [rows][4]");
+        self.advance(actions, Some(rotor_speeds));
+    }
+
+    fn advance(&mut self, actions: &[R], rotor_speeds: Option<&[[R; 4]]>) {
+        let len = self.scenario.action.len();
+        assert_eq!(actions.len(), len * self.rows(), "actions are [{len}][rows]");
+        self.fly(actions, rotor_speeds);
+        self.publish_rewards();
+        self.look(|_| true);
+        self.restart_ended();
+        self.publish();
+        self.look(|outcome| outcome != Outcome::Running);
+    }
+}
+
+impl<const LANES: usize, R: Real> Simulation<LANES, R> {
+    fn fly_blocks(&mut self, actions: &[R], rotor_speeds: Option<&[[R; 4]]>) {
+        self.arch.dispatch(Advance {
+            stage: Stage {
+                scenario: &self.scenario,
+                controls: &self.controls,
+                mechanics: &self.mechanics,
+                arena: self.arena.as_deref(),
+                solver: self.solver.as_deref(),
+                control_secs: R::from_f64(1.0 / self.scenario.physics.control_rate_hz),
+            },
+            blocks: &mut self.blocks,
+            actions,
+            rotor_speeds,
+            environments: self.environments,
+        });
     }
 }
 

@@ -25,21 +25,6 @@ fn gif_size(path: &Path) -> [u16; 2] {
     [u16::from_le_bytes([file[6], file[7]]), u16::from_le_bytes([file[8], file[9]])]
 }
 
-#[cfg(not(feature = "gpu"))]
-#[test]
-fn without_gpus_the_processor_renders_and_says_so() {
-    let place = tempfile::tempdir().unwrap();
-    let task = config("aviaries/harder-cross-16.yaml");
-    let arguments = ["render", task.to_str().unwrap(), "--columns", "60", "--rows", "40", "--output", "view.png"];
-    let drawn = kestrel(place.path(), &arguments);
-    let said = String::from_utf8_lossy(&drawn.stderr);
-    assert!(said.contains("rendered by the processor: this program was built without GPUs"), "{said}");
-    for backend in ["gpu", "software"] {
-        let refused = refusal(&kestrel(place.path(), &[&arguments[..], &["--backend", backend]].concat()));
-        assert!(refused.contains("build it with `--features gpu`, or ask for the backend `cpu`"), "{refused}");
-    }
-}
-
 #[test]
 fn what_a_drone_sees_at_its_start_is_drawn() {
     let place = tempfile::tempdir().unwrap();

@@ -179,7 +179,7 @@ fn every_aviary_loads_and_flies() {
     assert!(names.len() >= 70, "{} aviaries", names.len());
     for name in names {
         let scenario = experiment(&name, &[]).scenario;
-        let mut simulation = Simulation::<8>::new(&scenario, Seed(3), 0, 6);
+        let mut simulation = Simulation::<64>::new(&scenario, Seed(3), 0, 6);
         let mut stream = Stream::new(Seed(3), 0, Purpose::Actions);
         let mut actions = vec![0.0; scenario.action.len() * simulation.rows()];
         for step in 0..50 {

@@ -7,7 +7,7 @@ use kestrel_core::vehicle::State;
 use kestrel_sim::outcome::{Ending, Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed};
-use kestrel_sim::simulation::Simulation;
+use kestrel_sim::simulation::{Compiled, Simulation};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -171,7 +171,10 @@ fn first_episodes<const LANES: usize, R: Real>(
     flyer: Flyer<'_>,
     starts: Starts,
     first: u32,
-) -> Vec<Episode> {
+) -> Vec<Episode>
+where
+    Simulation<LANES, R>: Compiled<R>,
+{
     let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, first);
     let mut episodes: Vec<Option<Episode>> = vec![None; simulation.rows()];
     while episodes.iter().any(Option::is_none) {

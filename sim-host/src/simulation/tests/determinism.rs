@@ -60,7 +60,10 @@ impl Flights {
     }
 }
 
-fn fly<const LANES: usize>(scenario: &Scenario, parts: &[(u32, usize)], steps: usize) -> Flights {
+fn fly<const LANES: usize>(scenario: &Scenario, parts: &[(u32, usize)], steps: usize) -> Flights
+where
+    Simulation<LANES>: Compiled<f32>,
+{
     let mut flights = Flights::default();
     for &(first, count) in parts {
         let mut simulation = Simulation::<LANES>::new(scenario, Seed(5), first, count);
@@ -73,7 +76,10 @@ fn fly<const LANES: usize>(scenario: &Scenario, parts: &[(u32, usize)], steps: u
 }
 
 /// As [`fly`], through a saved state that is read back into a simulation of another past.
-fn fly_in_two<const LANES: usize>(scenario: &Scenario, steps: usize) -> Flights {
+fn fly_in_two<const LANES: usize>(scenario: &Scenario, steps: usize) -> Flights
+where
+    Simulation<LANES>: Compiled<f32>,
+{
     let mut flights = Flights::default();
     let mut simulation = Simulation::<LANES>::new(scenario, Seed(5), 0, ENVIRONMENTS);
     for step in 0..steps {

@@ -115,7 +115,10 @@ fn the_observation_ends_with_what_the_beams_see() {
 }
 
 /// Observations and rewards of flights of noise.
-fn trace<const LANES: usize>(scenario: &Scenario) -> Vec<f32> {
+fn trace<const LANES: usize>(scenario: &Scenario) -> Vec<f32>
+where
+    Simulation<LANES>: Compiled<f32>,
+{
     let mut simulation = Simulation::<LANES>::new(scenario, Seed(6), 0, 24);
     let mut trace = Vec::new();
     for step in 0..80 {

@@ -257,7 +257,7 @@ success: {{ settle: {{ radius_m: 0.5, within_secs: 0.1 }} }}",
 #[test]
 fn drones_see_their_nearest_mate_where_it_is_now_even_when_one_began_anew() {
     for ends in ["together", "alone"] {
-        let mut simulation = Simulation::<4>::new(&seeing(ends), Seed(3), 0, 7);
+        let mut simulation = Simulation::<8>::new(&seeing(ends), Seed(3), 0, 7);
         let mut ended = 0;
         for step in 0..60 {
             for row in 0..21 {
@@ -270,7 +270,7 @@ fn drones_see_their_nearest_mate_where_it_is_now_even_when_one_began_anew() {
     }
 }
 
-fn check_nearest(simulation: &Simulation<4>, row: usize) {
+fn check_nearest(simulation: &Simulation<8>, row: usize) {
     let own = simulation.state(row);
     let mates = [7, 14].map(|rows| simulation.state((row + rows) % 21));
     let offsets = mates.map(|mate| mate.position - own.position);
@@ -286,7 +286,10 @@ fn check_nearest(simulation: &Simulation<4>, row: usize) {
 
 #[test]
 fn bits_of_drones_that_see_each_other_do_not_depend_on_lanes() {
-    fn trace<const LANES: usize>() -> Vec<u32> {
+    fn trace<const LANES: usize>() -> Vec<u32>
+    where
+        Simulation<LANES>: Compiled<f32>,
+    {
         let mut simulation = Simulation::<LANES>::new(&seeing("alone"), Seed(3), 0, 7);
         let mut trace = Vec::new();
         for step in 0..40 {
