@@ -8,6 +8,9 @@
 # 2,000 control periods; the digests of the STM32F405, AN386, RISC-V and WebAssembly must be those of this machine. An
 # image in which a panic could be reached does not link.
 #
+# C: the app for crazyflie-firmware around the static library flies and refuses damaged policies, built with Bitcraze's
+# flags and linked in Bitcraze's way, on the STM32F405 as it does here.
+#
 # Budget: every part of a control period in instructions, stack, flash and RAM, against firmware-shim/image/budget.json to
 # within 2 %, and against what is promised. BLESS=1 writes budget.json and BUDGET.md anew.
 #
@@ -28,6 +31,7 @@ emulators() { # what is missing of the emulators, the binutils and Node
   command -v qemu-system-riscv32 >/dev/null || missing+=(qemu-system-misc)
   command -v arm-none-eabi-objdump >/dev/null || missing+=(binutils-arm-none-eabi)
   command -v gcc >/dev/null || missing+=(gcc libc6-dev)
+  command -v arm-none-eabi-gcc >/dev/null || missing+=(gcc-arm-none-eabi libnewlib-arm-none-eabi)
   command -v python3 >/dev/null || missing+=(python3)
   command -v node >/dev/null || missing+=(nodejs)
   [ ${#missing[@]} -eq 0 ] || packages "an emulator or a tool" "${missing[@]}"
@@ -92,6 +96,54 @@ conformance() {
   same_as_here riscv32 $?
 }
 
+pilot_library() { # CARGO_COMMAND OPTION...: the core's pilot for C
+  # shellcheck disable=SC2086  # a command with arguments
+  $1 rustc --quiet -p kestrel-crazyflie --lib --crate-type staticlib "${@:2}"
+}
+
+policy_source() { # POLICY: as `kestrel export --target crazyflie` writes it
+  echo '#include "policy.h"'
+  echo 'const uint8_t kestrel_policy[] __attribute__((aligned(8))) = {'
+  od -An -v -tx1 "$1" | sed 's/ \(..\)/0x\1,/g'
+  echo '}; const size_t kestrel_policy_len = sizeof kestrel_policy;'
+}
+
+app_here() { # $out/app.txt, by the processor of this machine
+  pilot_library cargo &&
+    gcc -O2 -Wall -Wextra -Werror "${include[@]}" "${app[@]}" target/debug/libkestrel.a -lpthread -ldl -lm -o "$out/app" &&
+    "$out/app" >"$out/app.txt" && cat "$out/app.txt"
+}
+
+app_on_target() { # $out/app-stm32f405.elf
+  local library=target/thumbv7em-none-eabihf/firmware/libkestrel.a file objects=()
+  local machine=(-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16)
+  local flags=("${machine[@]}" -g3 -fno-math-errno -mfp16-format=ieee -std=gnu11 -fno-strict-aliasing
+    -ffunction-sections -fdata-sections -Os -Wall -Wextra -Werror)
+  RUSTFLAGS="-C target-cpu=cortex-m4" pilot_library "$cargo" --features smlad --profile firmware \
+    --target thumbv7em-none-eabihf || return 1
+  for file in "${app[@]}" tests/firmware/crazyflie/start.c; do
+    objects+=("$out/$(basename "$file" .c).o")
+    arm-none-eabi-gcc "${flags[@]}" "${include[@]}" -c "$file" -o "${objects[-1]}" || return 1
+  done
+  # Bitcraze's way for Rust: the library is called an object, and all of it goes into the app's.
+  cp "$library" "$out/pilot.o"
+  arm-none-eabi-ld -r -z noexecstack --whole-archive -o "$out/built-in.o" "${objects[@]}" "$out/pilot.o" &&
+    arm-none-eabi-gcc "${machine[@]}" --specs=rdimon.specs --specs=nano.specs -nostartfiles -Wl,--gc-sections \
+      -T tests/firmware/crazyflie/stm32f405.ld "$out/built-in.o" -o "$out/app-stm32f405.elf"
+}
+
+crazyflie() {
+  local include=(-I firmware-shim/crazyflie/include -I tests/firmware/crazyflie)
+  local app=(tests/firmware/crazyflie/main.c firmware-shim/crazyflie/app/kestrel_controller.c "$out/policy.c")
+  policy_source assets/pilots/hover.kestrel >"$out/policy.c"
+  app_here
+  verdict $? "the app for crazyflie-firmware flies here"
+  app_on_target
+  verdict $? "it links with Bitcraze's flags, without a panic"
+  emulated netduinoplus2 "$out/app-stm32f405.elf" >"$out/app-stm32f405.txt" && diff "$out/app.txt" "$out/app-stm32f405.txt"
+  verdict $? "it flies the same on the STM32F405, and refuses the same policies"
+}
+
 counted() { # NAME TARGET MACHINE FEATURES: the files that budget.py wants of an image
   local name=$1 target=$2 machine=$3 features=$4 mark
   image "$name.elf" budget "$target" --features "$features" &&
@@ -124,6 +176,7 @@ budget() {
 
 if emulators && cargo=$(tests/embedded-toolchain.sh); then
   conformance
+  crazyflie
   budget
 else
   verdict 1 "this machine has what the images need"

@@ -179,6 +179,17 @@ impl ActionSpace {
         }
     }
 
+    /// Greatest rotor speed \[rad/s\].
+    pub fn rotor_speed_limit(&self) -> f32 {
+        match self {
+            Self::RotorSpeeds(space) => space.rotor_speed_limit,
+            Self::ThrustBodyRates(space) | Self::Velocities(Velocities { rates: space, .. }) => {
+                space.speed_squared_limit.sqrt()
+            }
+            Self::Published(space) => space.airframe.rotor_speed_limit as f32,
+        }
+    }
+
     /// How long the controller behind the space remembers; a space without one does not.
     pub const fn persistence(&self) -> Persistence {
         match self {

@@ -1,6 +1,7 @@
 //! The Adam optimiser.
 
 use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::network::dispatch;
@@ -11,6 +12,9 @@ const FIRST_DECAY: f32 = 0.9;
 const SECOND_DECAY: f32 = 0.999;
 /// Added to the root, as in `CleanRL` and Stable-Baselines3: large enough to keep rare gradients from exploding.
 const EPSILON: f32 = 1e-5;
+
+/// Values that one thread optimises at a time.
+const PIECE: usize = 1 << 15;
 
 /// Adam with bias correction (Kingma and Ba 2015, algorithm 1) for one slice of parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,15 +62,13 @@ impl Adam {
         self.steps += 1;
         let correction = |decay: f32| 1.0 - libm::pow(f64::from(decay), f64::from(self.steps));
         let second_correction = correction(SECOND_DECAY).sqrt();
-        dispatch(Descend {
-            parameters,
-            gradient,
-            first: &mut self.first,
-            second: &mut self.second,
-            gradient_scale,
-            // The corrections of both moments moved into the step size and the epsilon (ibid., section 2).
-            step_size: (f64::from(learning_rate) * second_correction / correction(FIRST_DECAY)) as f32,
-            epsilon: (f64::from(EPSILON) * second_correction) as f32,
+        // The corrections of both moments moved into the step size and the epsilon (ibid., section 2).
+        let step_size = (f64::from(learning_rate) * second_correction / correction(FIRST_DECAY)) as f32;
+        let epsilon = (f64::from(EPSILON) * second_correction) as f32;
+        let moments = self.first.par_chunks_mut(PIECE).zip(self.second.par_chunks_mut(PIECE));
+        let pieces = parameters.par_chunks_mut(PIECE).zip(gradient.par_chunks(PIECE)).zip(moments);
+        pieces.for_each(|((parameters, gradient), (first, second))| {
+            dispatch(Descend { parameters, gradient, first, second, gradient_scale, step_size, epsilon });
         });
     }
 }

@@ -1,6 +1,7 @@
 //! From a trained actor to policy files: once in float, once in fixed point, with a report of what rounding costs.
 
 pub mod cycles;
+pub mod exchange;
 mod report;
 pub mod seeing;
 pub mod source;

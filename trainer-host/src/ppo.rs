@@ -321,10 +321,10 @@ impl Trainer {
         });
         self.share_shards();
         let Self { shards, actor, gradient, settings, .. } = self;
-        gradient.clear();
+        let filled = || shards.iter().enumerate().filter(|(index, _)| !part(*index).is_empty());
+        gradient.sum(&filled().map(|(_, shard)| &shard.gradient).collect::<Vec<_>>());
         let mut sums = LossSums::default();
-        for (_, shard) in shards.iter().enumerate().filter(|(index, _)| !part(*index).is_empty()) {
-            gradient.add(&shard.gradient);
+        for (_, shard) in filled() {
             sums.add(&shard.sums);
         }
         for log_std in &mut gradient.actor[actor.log_std_places()] {

@@ -17,8 +17,9 @@ use crate::atomic_file::{FileError, write_atomically};
 use crate::curve::{CurveError, CurvePoint, learning_curve};
 use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, record, sightings_in_flight};
 use crate::experiment_config::Experiment;
+use crate::export::exchange::{ExchangeError, onnx_model, safetensors_file};
 use crate::export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
-use crate::export::source::{CSource, SourceError, c_source, rust_module};
+use crate::export::source::{CSource, SourceError, c_source, crazyflie_app, rust_module};
 use crate::export::{DenseLayer, Export, ExportError, ExportReport, export};
 use crate::policy::Policy;
 use crate::recording::{self, Recording};
@@ -73,6 +74,9 @@ pub enum ResultsError {
     /// The policy cannot be written as source code.
     #[error(transparent)]
     Source(#[from] SourceError),
+    /// The policy cannot be written for other programs.
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
     /// The system refused a file operation.
     #[error(transparent)]
     File(#[from] FileError),
@@ -145,6 +149,40 @@ pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> 
     write_atomically(&paths[0], header.as_bytes())?;
     write_atomically(&paths[1], source.as_bytes())?;
     Ok(paths)
+}
+
+/// Writes an app for crazyflie-firmware with the run's fixed-point policy into the folder `crazyflie`, and returns its path.
+///
+/// # Errors
+/// As [`export_rust`]; also when the policy sees what an app cannot show it.
+pub fn export_crazyflie(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    let folder = directory.policy().with_file_name("crazyflie");
+    let files = crazyflie_app(&read(&directory.policy())?)?;
+    fs::create_dir_all(&folder).map_err(|cause| FileError::new("create", &folder, cause))?;
+    for (name, text) in files {
+        write_atomically(&folder.join(name), text.as_bytes())?;
+    }
+    Ok(folder)
+}
+
+/// Writes the run's float policy as `policy.onnx` and returns its path.
+///
+/// # Errors
+/// As [`export_rust`].
+pub fn export_onnx(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    let path = directory.policy().with_extension("onnx");
+    write_atomically(&path, &onnx_model(&read(&directory.policy_f32())?)?)?;
+    Ok(path)
+}
+
+/// Writes the run's float policy as `policy.safetensors` and returns its path.
+///
+/// # Errors
+/// As [`export_rust`].
+pub fn export_safetensors(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    let path = directory.policy().with_extension("safetensors");
+    write_atomically(&path, &safetensors_file(&read(&directory.policy_f32())?)?)?;
+    Ok(path)
 }
 
 /// The policy files of `actor`, in memory, with Q formats calibrated on its flights.

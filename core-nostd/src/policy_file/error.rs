@@ -280,3 +280,45 @@ pub enum PolicyError {
         expected: f32,
     },
 }
+
+impl PolicyError {
+    /// A number for the kind of damage, from 1 on, for firmwares that have no room for words. Numbers are never given to
+    /// another kind.
+    pub const fn code(&self) -> u8 {
+        match self {
+            Self::Truncated { .. } => 1,
+            Self::TrailingBytes { .. } => 2,
+            Self::Magic { .. } => 3,
+            Self::NewerVersion { .. } => 4,
+            Self::Version { .. } => 5,
+            Self::Checksum { .. } => 6,
+            Self::Misaligned { .. } => 7,
+            Self::Arithmetic { .. } => 8,
+            Self::ObservationLayout { .. } => 9,
+            Self::ActionSpace { .. } => 10,
+            Self::UnusedField { .. } => 11,
+            Self::LayerCount { .. } => 12,
+            Self::Width { .. } => 13,
+            Self::ObservationLength { .. } => 14,
+            Self::ActionLength { .. } => 15,
+            Self::Length { .. } => 16,
+            Self::Metadata { .. } => 17,
+            Self::MetadataMismatch { .. } => 18,
+            Self::MetadataValue { .. } => 19,
+            Self::Name { .. } => 20,
+            Self::GoldenObservations { .. } => 21,
+            Self::FractionBits { .. } => 22,
+            Self::Overflow { .. } => 23,
+            Self::WeightsTooLarge { .. } => 24,
+            Self::NotFinite { .. } => 25,
+            Self::LayerShape { .. } => 26,
+            Self::BufferTooSmall { .. } => 27,
+            Self::SelfTest { .. } => 28,
+            Self::Seeing => 29,
+            Self::Blind => 30,
+            Self::Eye(_) => 31,
+            Self::EyeMemory { .. } => 32,
+            Self::GoldenImages { .. } => 33,
+        }
+    }
+}

@@ -60,19 +60,15 @@ impl Body {
     fn plot(&self, rays: &Rays, camera: &Camera, canvas: &mut Canvas) {
         let Some((tiles, nearest)) = rays.area(&self.corners, camera) else { return };
         let first = canvas.planes.len();
-        let meets = |face: &Face| {
-            let (inverse, distance) = rays.meets(&face.normal, face.offset);
-            (Plane { inverse, surface: face.surface }, distance > 0.0)
-        };
-        let mut entered = first;
-        for face in &self.faces {
-            let (plane, front) = meets(face);
-            canvas.planes.push(plane);
-            if front {
-                let last = canvas.planes.len() - 1;
-                canvas.planes.swap(entered, last);
-                entered += 1;
-            }
+        // Those that face the eye from the first on, the others from the last back, without a branch that cannot be foretold.
+        let (mut entered, mut left) = (first, first + self.faces.len());
+        canvas.planes.resize(left, Plane::default());
+        for Face { normal, offset, surface } in &self.faces {
+            let (inverse, distance) = rays.meets(normal, *offset);
+            let front = usize::from(distance > 0.0);
+            left -= 1 - front;
+            canvas.planes[if front == 1 { entered } else { left }] = Plane { inverse, surface: *surface };
+            entered += front;
         }
         let side = self.round.as_ref().map(|round| round.side(rays));
         if entered > first || side.as_ref().is_some_and(|side| side.from_outside) {
@@ -101,7 +97,7 @@ impl Round {
         };
         let c = if c.abs() < LEAST_DISTANCE { LEAST_DISTANCE.copysign(c) } else { c };
         Side {
-            middle: Affine::new(-b[0] / c, -b[1] / c, -b[2] / c),
+            middle: Affine::new(-b[0] / c, -b[1] / c, -b[2] / c, rays.size),
             spread: Quadratic::new(
                 [term(0, 0), term(0, 1), term(0, 2), term(1, 1), term(1, 2), term(2, 2)]
                     .map(|value| value / (c * c)),
@@ -118,6 +114,8 @@ pub(super) struct Rays {
     pub(super) corner: Vector3<f64>,
     pub(super) per_column: Vector3<f64>,
     pub(super) per_row: Vector3<f64>,
+    /// Columns and rows of all tiles.
+    pub(super) size: [f64; 2],
 }
 
 impl Rays {
@@ -127,7 +125,9 @@ impl Rays {
         let left = view.right * camera.tangents[0] + view.down * camera.tangents[1];
         let [across, down] = camera.sample;
         let corner = view.forward - left + across * per_column + down * per_row;
-        Self { view: *view, corner, per_column, per_row }
+        let size = [(camera.columns, COLUMNS), (camera.rows, ROWS)];
+        let size = size.map(|(size, tile)| size.next_multiple_of(tile) as f64);
+        Self { view: *view, corner, per_column, per_row, size }
     }
 
     /// Where in the world pixels of a row from one on see something at depths \[m\], axis by axis.
@@ -188,6 +188,7 @@ impl Rays {
         let distance = if distance.abs() < LEAST_DISTANCE { LEAST_DISTANCE.copysign(distance) } else { distance };
         let inverse = -1.0 / distance;
         let share = |vector: &Vector3<f64>| normal.dot(vector) * inverse;
-        (Affine::new(share(&self.corner), share(&self.per_column), share(&self.per_row)), distance)
+        let [base, per_column, per_row] = [&self.corner, &self.per_column, &self.per_row].map(share);
+        (Affine::new(base, per_column, per_row, self.size), distance)
     }
 }

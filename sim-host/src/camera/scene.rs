@@ -214,18 +214,21 @@ fn local_faces(shape: &Shape) -> Vec<(Vector3<f64>, f64)> {
     }
 }
 
-/// Points whose hull holds a shape \[m\]; the corners of a mesh.
+/// Points whose hull holds a shape \[m\], few of them; the corners of a mesh.
 fn local_corners(shape: &Shape) -> Vec<Vector3<f64>> {
-    let half = match shape {
-        Shape::Hull(points) => return points.clone(),
+    let both = |half: Vector3<f64>| (-half, half);
+    let (low, high) = match shape {
         Shape::Mesh(mesh) => return mesh.corners.clone(),
-        Shape::Cuboid(half) => *half,
-        Shape::Cylinder { radius, half_height } => Vector3::new(*radius, *radius, *half_height),
-        Shape::Sphere(radius) => Vector3::repeat(*radius),
+        Shape::Hull(points) if points.len() <= 8 => return points.clone(),
+        Shape::Hull(points) => {
+            points.iter().fold((points[0], points[0]), |(low, high), point| (low.inf(point), high.sup(point)))
+        }
+        Shape::Cuboid(half) => both(*half),
+        Shape::Cylinder { radius, half_height } => both(Vector3::new(*radius, *radius, *half_height)),
+        Shape::Sphere(radius) => both(Vector3::repeat(*radius)),
     };
-    let sign = |corner: u8, axis: u8| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
     (0..8)
-        .map(|corner| half.component_mul(&Vector3::new(sign(corner, 0), sign(corner, 1), sign(corner, 2))))
+        .map(|corner| Vector3::from_fn(|axis, _| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] }))
         .collect()
 }
 

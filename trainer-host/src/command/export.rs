@@ -28,6 +28,12 @@ enum Target {
     Rust,
     /// C99 without a library, in fixed point: policy.h and policy.c
     C,
+    /// An app for crazyflie-firmware with the policy in fixed point: the folder crazyflie
+    Crazyflie,
+    /// A model for ONNX runtimes, in float: policy.onnx
+    Onnx,
+    /// Weights by name for PyTorch and others, in float: policy.safetensors
+    Safetensors,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -37,14 +43,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     say(format_args!("{report}\n"))?;
     say(directory.policy().display())?;
     say(directory.policy_f32().display())?;
-    match arguments.target {
-        Target::File => {}
-        Target::Rust => say(results::export_rust(&directory)?.display())?,
-        Target::C => {
-            for path in results::export_c(&directory)? {
-                say(path.display())?;
-            }
-        }
+    let written = match arguments.target {
+        Target::File => Vec::new(),
+        Target::Rust => vec![results::export_rust(&directory)?],
+        Target::C => results::export_c(&directory)?.into(),
+        Target::Crazyflie => vec![results::export_crazyflie(&directory)?],
+        Target::Onnx => vec![results::export_onnx(&directory)?],
+        Target::Safetensors => vec![results::export_safetensors(&directory)?],
+    };
+    for path in written {
+        say(path.display())?;
     }
     Ok(Done::Finished)
 }

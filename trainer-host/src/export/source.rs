@@ -2,6 +2,7 @@
 //! all others. The same policy file gives the same bytes.
 
 mod c;
+mod crazyflie;
 mod rust;
 
 use std::fmt::Write;
@@ -10,6 +11,7 @@ use kestrel_core::policy_file::PolicyError;
 use thiserror::Error;
 
 pub use c::{CSource, c_source};
+pub use crazyflie::crazyflie_app;
 pub use rust::rust_module;
 
 /// Why there is no source of a policy.
@@ -21,6 +23,19 @@ pub enum SourceError {
     /// C is written in fixed point only.
     #[error("found a policy in float32, expected one in fixed16: only that can be written in C")]
     Float,
+    /// The reference's controllers need more stack than the stabilizer's task has.
+    #[error(
+        "found a policy with the reference's actions, expected rotor speeds, thrust and body rates, or velocities"
+    )]
+    Published,
+    /// The app gives a policy what the Crazyflie estimates of its own motion, and nothing else.
+    #[error(
+        "found a policy that sees `{observation}`, expected one that sees the drone's motion alone: an app has no other sensors to show it"
+    )]
+    Measurements {
+        /// What it sees.
+        observation: &'static str,
+    },
 }
 
 /// `values` in rows of `per_row`, each followed by a comma.

@@ -1,9 +1,15 @@
 //! One part of a minibatch, differentiated by one thread.
 
+use rayon::prelude::*;
+
 use crate::actor_critic::{Actor, Critic};
 use crate::network::{Accumulate, dispatch, square};
 
 use super::loss::LossSums;
+
+/// Values that one thread adds up at a time: those of a large network are shared among all threads, those of a small one
+/// are one piece.
+const PIECE: usize = 1 << 15;
 
 /// The gradient of both networks, laid out as their parameters.
 #[derive(Clone, Debug)]
@@ -22,15 +28,30 @@ impl Gradient {
         self.critic.fill(0.0);
     }
 
-    pub(crate) fn add(&mut self, other: &Self) {
-        dispatch(Accumulate { values: &other.actor, sums: &mut self.actor });
-        dispatch(Accumulate { values: &other.critic, sums: &mut self.critic });
+    /// Becomes the sum of some, added in their order.
+    pub(crate) fn sum(&mut self, parts: &[&Self]) {
+        let Self { actor, critic } = self;
+        add_up(actor, parts, |part| &part.actor);
+        add_up(critic, parts, |part| &part.critic);
     }
 
     /// Euclidean length over both networks.
     pub(crate) fn norm(&self) -> f32 {
-        (square(&self.actor) + square(&self.critic)).sqrt()
+        let sum = |values: &[f32]| -> f32 {
+            // The pieces are added in their order.
+            values.par_chunks(PIECE).map(square).collect::<Vec<f32>>().iter().sum()
+        };
+        (sum(&self.actor) + sum(&self.critic)).sqrt()
     }
+}
+
+fn add_up<'a>(sums: &mut [f32], parts: &[&'a Gradient], values: impl Fn(&'a Gradient) -> &'a [f32] + Sync) {
+    sums.par_chunks_mut(PIECE).enumerate().for_each(|(piece, sums)| {
+        sums.fill(0.0);
+        for part in parts {
+            dispatch(Accumulate { values: &values(part)[piece * PIECE..][..sums.len()], sums });
+        }
+    });
 }
 
 /// What one part of a minibatch adds to the whole.

@@ -22,7 +22,11 @@ pub(in crate::camera) struct Facet {
 impl Tile {
     /// Draws a triangle where it is nearer, some columns at a time.
     #[inline(always)]
-    pub(super) fn draw_facet<S: Simd>(&mut self, simd: S, [column, row]: [f32; 2], facet: &Facet, limit: f32) {
+    pub(super) fn draw_facet<S: Simd>(&mut self, simd: S, place: [f32; 2], facet: &Facet, limit: f32) {
+        if facet.edges.iter().any(|edge| edge.range(place)[1] < 0.0) {
+            return;
+        }
+        let [column, row] = place;
         let (zero, limit) = (simd.splat_f32s(0.0), simd.splat_f32s(limit));
         let [least, greatest] = facet.range.map(|inverse| simd.splat_f32s(inverse));
         let surface = simd.splat_u32s(facet.surface);

@@ -74,7 +74,9 @@ impl Triangle {
         }
         let edge = |one: usize, other: usize| {
             let normal = corners[other].away.cross(&corners[one].away);
-            Affine::new(normal.dot(&rays.corner), normal.dot(&rays.per_column), normal.dot(&rays.per_row))
+            let [base, per_column, per_row] =
+                [&rays.corner, &rays.per_column, &rays.per_row].map(|vector| normal.dot(vector));
+            Affine::new(base, per_column, per_row, rays.size)
         };
         Some(Facet {
             tiles,

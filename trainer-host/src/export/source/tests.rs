@@ -117,3 +117,35 @@ fn what_is_no_policy_has_no_source() {
 fn a_name_cannot_end_a_comment() {
     assert_eq!(comment("a */ b\nc"), "a __ b_c");
 }
+
+#[test]
+fn the_crazyflies_app_compiles_and_holds_the_same_file() {
+    let bytes = pilot("hover.kestrel");
+    let files = crazyflie_app(&bytes).unwrap();
+    let place = tempfile::tempdir().unwrap();
+    for (name, text) in &files {
+        std::fs::write(place.path().join(name), text).unwrap();
+    }
+    let names: Vec<&str> = files.iter().map(|(name, _)| *name).collect();
+    assert_eq!(
+        names,
+        ["kestrel_controller.c", "Kbuild", "Makefile", "app-config", "kestrel.h", "policy.h", "policy.c"]
+    );
+    let (_, source) = files.last().unwrap();
+    let words = source.split([' ', ',', '\n']).filter_map(|word| word.strip_prefix("0x"));
+    let written: Vec<u8> = words.map(|word| u8::from_str_radix(word, 16).unwrap()).collect();
+    assert!(written == bytes);
+    let firmware = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/firmware/crazyflie");
+    for name in ["kestrel_controller.c", "policy.c"] {
+        let mut compiler = Command::new("cc");
+        compiler.args(["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-c", name, "-I.", "-I"]).arg(&firmware);
+        let compiled = compiler.current_dir(&place).output().unwrap();
+        assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+    }
+}
+
+#[test]
+fn a_policy_with_other_sensors_gets_no_app() {
+    let error = crazyflie_app(&pilot("cross.kestrel")).unwrap_err().to_string();
+    assert!(error.contains("expected one that sees the drone's motion alone"), "{error}");
+}

@@ -1,7 +1,9 @@
 //! The parameters of an eye in the order in which its products read them.
 
+use rayon::prelude::*;
+
 use super::super::aligned::Aligned;
-use super::super::kernel::STRIPE;
+use super::super::kernel::{LANES, STRIPE};
 use super::Eye;
 use super::layer::{Layer, pieces};
 
@@ -42,13 +44,13 @@ impl EyeWeights {
     pub fn arrange(&mut self, eye: &Eye, parameters: &[f32]) {
         assert_eq!(parameters.len(), eye.parameter_count(), "an eye has so many parameters");
         let mut rest = parameters;
+        let mut layers = Vec::new();
         for (arranged, layer) in self.layers.iter_mut().zip(eye.layers()) {
-            let (weights, left) = rest.split_at(layer.weight_count());
-            let (biases, left) = left.split_at(layer.output.channels);
-            arranged.biases[..biases.len()].copy_from_slice(biases);
-            arranged.arrange(layer, weights);
+            let (own, left) = rest.split_at(layer.parameter_count());
+            layers.push((arranged, layer, own));
             rest = left;
         }
+        layers.into_par_iter().for_each(|(arranged, layer, parameters)| arranged.arrange(layer, parameters));
     }
 }
 
@@ -62,26 +64,39 @@ impl LayerWeights {
         }
     }
 
-    fn arrange(&mut self, layer: &Layer, weights: &[f32]) {
-        let mut patch = vec![0.0; layer.patch().len()];
+    fn arrange(&mut self, layer: &Layer, parameters: &[f32]) {
+        let (weights, biases) = parameters.split_at(layer.weight_count());
+        self.biases[..biases.len()].copy_from_slice(biases);
         let places = layer.weight_places();
-        for (filter, weights) in weights.chunks_exact(layer.inputs()).enumerate() {
-            for (place, weight) in places.iter().zip(weights) {
-                patch[*place] = *weight;
+        let len = layer.patch().len();
+        let mut patches = vec![0.0; LANES * len];
+        for (block, weights) in weights.chunks(LANES * layer.inputs()).enumerate() {
+            let filters = weights.len() / layer.inputs();
+            for (patch, weights) in patches.chunks_exact_mut(len).zip(weights.chunks_exact(layer.inputs())) {
+                for (place, weight) in places.iter().zip(weights) {
+                    patch[*place] = *weight;
+                }
             }
-            self.arrange_forward(layer, filter, &patch);
+            let patches = &patches[..filters * len];
+            self.arrange_forward(layer, block * LANES, patches);
             if !self.backward.is_empty() {
-                self.arrange_backward(layer, filter, &patch);
+                for (filter, patch) in (block * LANES..).zip(patches.chunks_exact(len)) {
+                    self.arrange_backward(layer, filter, patch);
+                }
             }
         }
     }
 
-    fn arrange_forward(&mut self, layer: &Layer, filter: usize, patch: &[f32]) {
-        let stripe = filter / STRIPE * STRIPE;
+    /// Of at most [`LANES`] filters from one on, whose weights then share cache lines.
+    fn arrange_forward(&mut self, layer: &Layer, first: usize, patches: &[f32]) {
+        let len = self.forward.len() / layer.output.stored;
+        let stripe = first / STRIPE * STRIPE;
         let width = STRIPE.min(layer.output.stored - stripe);
-        let block = &mut self.forward[patch.len() * stripe + filter - stripe..];
-        for (place, weight) in block.iter_mut().step_by(width).zip(patch) {
-            *place = *weight;
+        let lines = self.forward[len * stripe + first - stripe..].chunks_mut(width);
+        for (place, line) in lines.take(len).enumerate() {
+            for (value, weight) in line.iter_mut().zip(patches[place..].iter().step_by(len)) {
+                *value = *weight;
+            }
         }
     }
 

@@ -1,0 +1,138 @@
+//! The C interface beside the pilot that it wraps, and the committed header.
+
+use std::path::Path;
+use std::{env, fs};
+
+use kestrel_core::policy_file::PolicyError;
+
+use super::*;
+
+const FOLDER: &str = env!("CARGO_MANIFEST_DIR");
+
+/// A trained pilot, where a static starts.
+fn hover() -> &'static [u8] {
+    let file = fs::read(Path::new(FOLDER).join("../../assets/pilots/hover.kestrel")).unwrap();
+    aligned(&file)
+}
+
+fn aligned(bytes: &[u8]) -> &'static [u8] {
+    let mut words = vec![0_u64; bytes.len().div_ceil(8)];
+    for (word, bytes) in words.iter_mut().zip(bytes.chunks(8)) {
+        let mut whole = [0; 8];
+        whole[..bytes.len()].copy_from_slice(bytes);
+        *word = u64::from_ne_bytes(whole);
+    }
+    let words: &'static [u64] = words.leak();
+    // SAFETY: as many bytes as were copied, which stay for ever.
+    unsafe { slice::from_raw_parts(words.as_ptr().cast(), bytes.len()) }
+}
+
+#[test]
+fn a_pilot_takes_no_more_than_it_needs() {
+    let (seat, pilot) = (size_of::<Seat>(), size_of::<KestrelPilot>());
+    assert!(pilot - seat < 256, "a seat of {seat} bytes lies in {pilot}");
+}
+
+fn state(step: u32) -> KestrelState {
+    let wave = |phase: f32| 0.3 * (0.1 * step as f32 + phase).sin();
+    KestrelState {
+        position: [wave(0.0), wave(1.0), 1.0 + wave(2.0)],
+        attitude: [0.99, 0.1 * wave(3.0), 0.1 * wave(4.0), 0.1 * wave(5.0)],
+        velocity: [wave(6.0), wave(7.0), wave(8.0)],
+        body_rates: [wave(9.0), wave(10.0), wave(11.0)],
+    }
+}
+
+#[test]
+fn c_flies_as_the_pilot_does() {
+    let mut pilot = KestrelPilot::new();
+    // SAFETY: the policy stays for ever.
+    assert_eq!(unsafe { kestrel_take_policy(&mut pilot, hover().as_ptr(), hover().len()) }, KESTREL_OK);
+    let mut wrapped = Pilot::new(PolicyFile::parse(hover()).unwrap());
+    assert_eq!(kestrel_control_period(&mut pilot), wrapped.policy().metadata().control_period_secs);
+    let limit = wrapped.policy().metadata().action.rotor_speed_limit();
+    for step in 0..200 {
+        if step == 100 {
+            kestrel_reset(&mut pilot);
+            wrapped.reset();
+        }
+        let (mut thrusts, state, goal) = ([9.0; 4], state(step), [0.1, 0.2, 1.0]);
+        assert_eq!(kestrel_tick(&mut pilot, &state, &goal, &mut thrusts), KESTREL_OK);
+        let [w, x, y, z] = state.attitude;
+        let state = State {
+            position: Vector3::from(state.position),
+            world_from_body: Attitude { w, x, y, z },
+            velocity: Vector3::from(state.velocity),
+            body_rates: Vector3::from(state.body_rates),
+            rotor_speeds: [0.0; 4],
+        };
+        for (thrust, speed) in thrusts.into_iter().zip(wrapped.tick(&state, &Vector3::from(goal))) {
+            assert!((thrust - (speed / limit).powi(2)).abs() < 1e-6);
+        }
+        assert!(thrusts.iter().sum::<f32>() > 0.1);
+    }
+}
+
+#[test]
+fn what_is_not_finite_stops_and_says_so() {
+    let mut pilot = KestrelPilot::new();
+    assert_eq!(pilot.take(hover()), KESTREL_OK);
+    for broken in [f32::NAN, f32::INFINITY] {
+        for number in 0..16 {
+            let (mut state, mut goal) = (state(number), [0.0; 3]);
+            match number {
+                0..3 => state.position[number as usize] = broken,
+                3..7 => state.attitude[number as usize - 3] = broken,
+                7..10 => state.velocity[number as usize - 7] = broken,
+                10..13 => state.body_rates[number as usize - 10] = broken,
+                _ => goal[number as usize - 13] = broken,
+            }
+            let mut thrusts = [9.0; 4];
+            assert_eq!(kestrel_tick(&mut pilot, &state, &goal, &mut thrusts), KESTREL_NOT_FINITE);
+            assert_eq!(thrusts, [0.0; 4]);
+        }
+    }
+}
+
+#[test]
+fn a_damaged_policy_is_refused_by_a_number_and_nothing_flies() {
+    let damaged = |change: fn(&mut Vec<u8>)| {
+        let mut file = hover().to_vec();
+        change(&mut file);
+        aligned(&file)
+    };
+    let code = |error: PolicyError| i32::from(error.code());
+    let cases = [
+        (damaged(|file| file.truncate(100)), PolicyError::Truncated { found: 0, expected: 0 }),
+        (damaged(|file| file.push(0)), PolicyError::TrailingBytes { found: 0, expected: 0 }),
+        (damaged(|file| file[0] ^= 1), PolicyError::Magic { found: [0; 8], expected: [0; 8] }),
+        (damaged(|file| file[8] = 200), PolicyError::NewerVersion { found: 0, newest: 0 }),
+        (damaged(|file| *file.last_mut().unwrap() ^= 1), PolicyError::Checksum { found: 0, expected: 0 }),
+    ];
+    let mut pilot = KestrelPilot::new();
+    for (policy, expected) in cases {
+        assert_eq!(pilot.take(hover()), KESTREL_OK);
+        assert_eq!(pilot.take(policy), code(expected), "{expected}");
+        let mut thrusts = [9.0; 4];
+        assert_eq!(kestrel_tick(&mut pilot, &state(0), &[0.0; 3], &mut thrusts), KESTREL_NO_POLICY);
+        assert_eq!(thrusts, [0.0; 4]);
+        assert_eq!(kestrel_control_period(&mut pilot), 0.0);
+        kestrel_reset(&mut pilot);
+    }
+    assert_eq!(pilot.take(&hover()[1..]), code(PolicyError::Magic { found: [0; 8], expected: [0; 8] }));
+    assert_eq!(pilot.take(&[]), code(PolicyError::Truncated { found: 0, expected: 0 }));
+}
+
+#[test]
+fn the_header_is_the_committed_one() {
+    let config = cbindgen::Config::from_file(Path::new(FOLDER).join("cbindgen.toml")).unwrap();
+    let bindings = cbindgen::Builder::new().with_src(Path::new(FOLDER).join("src/lib.rs")).with_config(config);
+    let mut header = Vec::new();
+    bindings.generate().unwrap().write(&mut header);
+    let path = Path::new(FOLDER).join("include/kestrel.h");
+    if env::var_os("BLESS").is_some() {
+        fs::write(&path, &header).unwrap();
+    }
+    let committed = fs::read(&path).unwrap_or_default();
+    assert!(committed == header, "{} is out of date: BLESS=1 writes it anew", path.display());
+}

@@ -1,0 +1,7 @@
+#pragma once
+#include <stddef.h>
+#include <stdint.h>
+#define M2T(milliseconds) ((uint32_t)(milliseconds))
+typedef uint32_t StackType_t;
+typedef unsigned long UBaseType_t;
+typedef struct { uint32_t none; } StaticTask_t;

@@ -1,0 +1,3 @@
+#pragma once
+#include <stdio.h>
+#define DEBUG_PRINT(...) printf(DEBUG_MODULE ": " __VA_ARGS__)

@@ -1,0 +1,71 @@
+//! An app for crazyflie-firmware: a policy as its out-of-tree controller.
+
+use std::fmt::Write;
+
+use kestrel_core::action::ActionSpace;
+use kestrel_core::observation::ObservationLayout;
+use kestrel_core::policy_file::PolicyFile;
+
+use super::{SourceError, comment, rows};
+
+/// What is the same for every policy: file name and contents.
+const APP: [(&str, &str); 5] = [
+    ("kestrel_controller.c", include_str!("../../../../firmware-shim/crazyflie/app/kestrel_controller.c")),
+    ("Kbuild", include_str!("../../../../firmware-shim/crazyflie/app/Kbuild")),
+    ("Makefile", include_str!("../../../../firmware-shim/crazyflie/app/Makefile")),
+    ("app-config", include_str!("../../../../firmware-shim/crazyflie/app/app-config")),
+    ("kestrel.h", include_str!("../../../../firmware-shim/crazyflie/include/kestrel.h")),
+];
+
+/// The app around the policy file `bytes`, which start on a four-byte boundary of memory: names and contents of its files.
+///
+/// # Errors
+/// [`SourceError`], also when the policy sees what sensors measure, which the app does not give it, or commands one of the
+/// reference's controllers, whose stack a stabilizer task has not.
+pub fn crazyflie_app(bytes: &[u8]) -> Result<Vec<(&'static str, String)>, SourceError> {
+    let policy = PolicyFile::parse(bytes)?;
+    policy.self_test()?;
+    let observation = policy.metadata().observation;
+    match observation {
+        ObservationLayout::Pilot(_)
+        | ObservationLayout::PilotFor(_)
+        | ObservationLayout::Paper(_)
+        | ObservationLayout::Kinematic(_) => {}
+        ObservationLayout::Measured(_) | ObservationLayout::PilotMeasured(_) => {
+            return Err(SourceError::Measurements { observation: observation.name() });
+        }
+    }
+    if let ActionSpace::Published(_) = policy.metadata().action {
+        return Err(SourceError::Published);
+    }
+    let mut files: Vec<(&str, String)> = APP.map(|(name, text)| (name, text.to_owned())).into();
+    let about = comment(policy.metadata().name);
+    files.push((
+        "policy.h",
+        format!(
+            "/* The policy \"{about}\", written by `kestrel export --target crazyflie`. */
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* A policy file, on an eight-byte boundary. */
+extern const uint8_t kestrel_policy[];
+extern const size_t kestrel_policy_len;
+"
+        ),
+    ));
+    let mut source = format!(
+        "/* The policy \"{about}\", written by `kestrel export --target crazyflie`. */\n#include \"policy.h\"\n\n"
+    );
+    let bytes = rows(bytes.iter().map(|byte| format!("0x{byte:02x}")), 16);
+    let _infallible = write!(
+        source,
+        "const uint8_t kestrel_policy[] __attribute__((aligned(8))) = {{{bytes}
+}};
+const size_t kestrel_policy_len = sizeof kestrel_policy;
+"
+    );
+    files.push(("policy.c", source));
+    Ok(files)
+}
