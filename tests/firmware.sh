@@ -11,6 +11,9 @@
 # C: the app for crazyflie-firmware around the static library flies and refuses damaged policies, built with Bitcraze's
 # flags and linked in Bitcraze's way, on the STM32F405 as it does here.
 #
+# Processor in the loop: the simulator flies episodes by the rotor targets of the STM32F405 behind a serial line, which must be
+# those of this machine; EPISODES of hover and as many of cross, 64 unless told otherwise.
+#
 # Budget: every part of a control period in instructions, stack, flash and RAM, against firmware-shim/image/budget.json to
 # within 2 %, and against what is promised. BLESS=1 writes budget.json and BUDGET.md anew.
 #
@@ -144,6 +147,25 @@ crazyflie() {
   verdict $? "it flies the same on the STM32F405, and refuses the same policies"
 }
 
+in_the_loop() { # TASK: its pilot, in the run directory of a training that is cut short
+  local run=$out/run-$1
+  rm -rf "$run"
+  target/debug/kestrel train "configs/$1.yaml" --run "$run" --set training.total_steps=131072 \
+    --set evaluation.episodes=16 >/dev/null 2>&1 &&
+    cp "assets/pilots/$1.kestrel" "$run/policy.kestrel" &&
+    target/debug/kestrel evaluate "$run" --episodes "${EPISODES:-64}" --processor qemu --image "$out/pilot.elf"
+}
+
+processor() {
+  local task
+  image pilot.elf pilot thumbv7em-none-eabihf --features smlad,serial && cargo build --quiet -p kestrel-train
+  verdict $? "the image of a pilot behind a serial line links without a panic"
+  for task in hover cross; do
+    in_the_loop "$task"
+    verdict $? "the STM32F405 flies $task with the motor commands of this machine"
+  done
+}
+
 counted() { # NAME TARGET MACHINE FEATURES: the files that budget.py wants of an image
   local name=$1 target=$2 machine=$3 features=$4 mark
   image "$name.elf" budget "$target" --features "$features" &&
@@ -177,6 +199,7 @@ budget() {
 if emulators && cargo=$(tests/embedded-toolchain.sh); then
   conformance
   crazyflie
+  processor
   budget
 else
   verdict 1 "this machine has what the images need"

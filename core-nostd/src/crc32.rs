@@ -11,7 +11,39 @@ const REMAINDERS: [u32; 16] = remainders();
 /// Finds every burst of errors up to 32 bits long and every pair of flipped bits; any other damage slips through
 /// with probability 2⁻³².
 pub fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(u32::MAX, |state, &byte| half_step(half_step(state ^ u32::from(byte))))
+    let mut sum = Crc32::new();
+    for byte in bytes {
+        sum.add(*byte);
+    }
+    sum.value()
+}
+
+/// The checksum of bytes that come one by one.
+#[derive(Clone, Copy, Debug)]
+pub struct Crc32(u32);
+
+impl Crc32 {
+    /// Of nothing.
+    pub const fn new() -> Self {
+        Self(u32::MAX)
+    }
+
+    /// Adds a byte.
+    #[inline]
+    pub fn add(&mut self, byte: u8) {
+        self.0 = half_step(half_step(self.0 ^ u32::from(byte)));
+    }
+
+    /// Of all bytes so far.
+    pub const fn value(self) -> u32 {
+        !self.0
+    }
+}
+
+impl Default for Crc32 {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 #[inline]

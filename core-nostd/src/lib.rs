@@ -26,5 +26,6 @@ pub mod observation;
 pub mod pilot;
 pub mod policy_file;
 pub mod real;
+pub mod remote;
 mod vector;
 pub mod vehicle;

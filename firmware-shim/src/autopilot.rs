@@ -13,14 +13,14 @@
 //! ```
 //!
 //! Besides, disarming works in every mode without flight, stopping the motors in every mode, and a state that is
-//! not finite for [`BLIND_SECS`] ends in Disarmed. Motors turn in the four modes of flight only.
+//! not finite, or a processor that does not answer, for [`BLIND_SECS`] ends in Disarmed. Motors turn in the four modes of flight only.
 
 use kestrel_core::observation::{ObservationLayout, PilotForLayout, PilotMeasuredLayout};
-use kestrel_core::pilot::Pilot;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 use crate::goal::MovingGoal;
+use crate::processor::Processor;
 
 /// Rotor targets \[rad/s\] of a drone that does not fly.
 pub const STOPPED: [f32; 4] = [0.0; 4];
@@ -64,7 +64,8 @@ const IDLE_SECS: f32 = 10.0;
 /// A landed drone is disarmed after this \[s\] (PX4's `COM_DISARM_LAND`).
 const LANDED_SECS: f32 = 2.0;
 
-/// Time for which the last rotor targets are held when the state is not finite \[s\]; then the motors stop.
+/// Time for which the last rotor targets are held when the state is not finite, or the processor silent \[s\]; then the
+/// motors stop.
 pub const BLIND_SECS: f32 = 0.1;
 
 /// Arming wants the drone within 25° of level: beyond, a take-off would tip it over.
@@ -138,8 +139,8 @@ pub enum Refusal {
 }
 
 /// Flies a policy: state in, rotor targets out, once per control period.
-pub struct Autopilot<'a> {
-    pilot: Pilot<'a>,
+pub struct Autopilot<P> {
+    processor: P,
     control_secs: f32,
     leash_m: f32,
     mode: Mode,
@@ -191,14 +192,13 @@ fn leash_m(layout: &ObservationLayout) -> f32 {
     }
 }
 
-impl<'a> Autopilot<'a> {
-    /// A disarmed autopilot that will fly with this pilot.
-    pub fn new(pilot: Pilot<'a>) -> Self {
-        let metadata = pilot.policy().metadata();
+impl<P: Processor> Autopilot<P> {
+    /// A disarmed autopilot whose policy this processor computes.
+    pub fn new(processor: P) -> Self {
         Self {
-            control_secs: metadata.control_period_secs,
-            leash_m: leash_m(&metadata.observation),
-            pilot,
+            control_secs: processor.control_secs(),
+            leash_m: leash_m(processor.observation()),
+            processor,
             mode: Mode::Disarmed,
             ticks_in_mode: 0,
             ticks_at_rest: 0,
@@ -226,21 +226,24 @@ impl<'a> Autopilot<'a> {
 
     /// Whether the policy reproduces its golden vectors.
     pub fn healthy(&mut self) -> bool {
-        self.pilot.self_test().is_ok()
+        self.processor.healthy()
     }
 
     /// Rotor targets \[rad/s\] for the next control period, finite whatever the state.
     pub fn tick(&mut self, state: &State<f32>) -> [f32; 4] {
         self.ticks_in_mode = self.ticks_in_mode.saturating_add(1);
-        if is_finite(state) {
-            self.ticks_blind = 0;
-            self.known_state = Some(*state);
+        let finite = is_finite(state);
+        self.known_state = finite.then_some(*state);
+        if finite {
             self.count_rest(state);
             self.change_mode(state);
-            self.rotor_targets = self.fly(state);
-        } else {
-            self.known_state = None;
-            self.fly_blind();
+        }
+        match if finite { self.fly(state) } else { None } {
+            Some(targets) => {
+                self.ticks_blind = 0;
+                self.rotor_targets = targets;
+            }
+            None => self.fly_blind(),
         }
         self.rotor_targets
     }
@@ -262,15 +265,16 @@ impl<'a> Autopilot<'a> {
         }
     }
 
-    fn fly(&mut self, state: &State<f32>) -> [f32; 4] {
+    /// Rotor targets, unless the processor does not answer.
+    fn fly(&mut self, state: &State<f32>) -> Option<[f32; 4]> {
         if !self.mode.flies() {
-            return STOPPED;
+            return Some(STOPPED);
         }
         self.goal.advance(&state.position, self.leash_m, self.control_secs);
-        self.pilot.tick(state, &self.goal.position())
+        self.processor.tick(state, &self.goal.position())
     }
 
-    /// One bad reading must not drop the drone, and a lasting one must not let it fly on.
+    /// One bad reading, or one answer that is missing, must not drop the drone, and a lasting one must not let it fly on.
     fn fly_blind(&mut self) {
         self.ticks_blind = self.ticks_blind.saturating_add(1);
         if self.mode.armed() && self.secs(self.ticks_blind) > BLIND_SECS {
@@ -363,7 +367,7 @@ impl<'a> Autopilot<'a> {
         let state = self.known_state.as_ref().ok_or(Refusal::StateUnknown)?;
         self.goal = MovingGoal::at(state.position);
         self.goal.head_for(state.position + Vector3::z() * altitude_m, CLIMB_SPEED);
-        self.pilot.reset();
+        self.processor.reset();
         self.enter(Mode::TakingOff);
         Ok(())
     }

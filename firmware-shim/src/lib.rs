@@ -17,6 +17,7 @@ pub mod lockstep;
 pub mod message;
 pub mod plant;
 pub mod policy_bytes;
+pub mod processor;
 pub mod session;
 pub mod telemetry;
 #[cfg(test)]

@@ -9,6 +9,7 @@ use kestrel_core::vehicle::State;
 use crate::autopilot::Mode;
 use crate::link::{DATAGRAM_LIMIT, LinkError, UdpLink};
 use crate::plant::Plant;
+use crate::processor::Processor;
 use crate::vehicle::MavlinkVehicle;
 
 /// Datagrams that are read in one control period; a flood waits in the socket, and then is lost.
@@ -71,8 +72,8 @@ pub enum Next {
 ///
 /// # Errors
 /// [`LinkError::Receive`] if the socket fails.
-pub fn fly(
-    vehicle: &mut MavlinkVehicle,
+pub fn fly<P: Processor>(
+    vehicle: &mut MavlinkVehicle<P>,
     plant: &mut dyn Plant,
     link: &mut UdpLink,
     pace: Pace,
@@ -92,7 +93,7 @@ pub fn fly(
     }
 }
 
-fn receive(vehicle: &mut MavlinkVehicle, link: &mut UdpLink) -> Result<(), LinkError> {
+fn receive<P: Processor>(vehicle: &mut MavlinkVehicle<P>, link: &mut UdpLink) -> Result<(), LinkError> {
     let mut buffer = [0; DATAGRAM_LIMIT];
     for _ in 0..DATAGRAMS_PER_TICK {
         let Some((datagram, sender)) = link.receive(&mut buffer)? else { break };

@@ -8,6 +8,7 @@ use kestrel_core::policy_file::{PolicyError, PolicyFile};
 use crate::link::{Addresses, LinkError, UdpLink};
 use crate::lockstep::{self, Moment, Next, Pace};
 use crate::plant::Plant;
+use crate::processor::Processor;
 use crate::vehicle::{Counts, MavlinkVehicle};
 
 /// Options of every command that flies.
@@ -71,8 +72,8 @@ pub enum SessionError {
 }
 
 /// A vehicle on the air.
-pub struct Session<'a> {
-    vehicle: MavlinkVehicle<'a>,
+pub struct Session<P> {
+    vehicle: MavlinkVehicle<P>,
     link: UdpLink,
     options: SessionOptions,
     announcement: String,
@@ -85,24 +86,34 @@ impl Default for SessionOptions {
     }
 }
 
-impl<'a> Session<'a> {
+impl<'a> Session<Pilot<'a>> {
     /// Tests the policy and binds the vehicle's address.
     ///
     /// # Errors
     /// If the policy fails its self-test, sees no goal or needs sensors, or the address cannot be had.
     pub fn open(policy: PolicyFile<'a>, options: &SessionOptions) -> Result<Self, SessionError> {
         let name = policy.metadata().name;
-        let layout = policy.metadata().observation;
+        policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
+        Self::with(Pilot::new(policy), name, options)
+    }
+}
+
+impl<P: Processor> Session<P> {
+    /// As [`Session::open`], with a tested policy of this name on any processor.
+    ///
+    /// # Errors
+    /// If the policy sees no goal or needs sensors, or the address cannot be had.
+    pub fn with(processor: P, name: &str, options: &SessionOptions) -> Result<Self, SessionError> {
+        let layout = processor.observation();
         if !layout.shows_goal() {
             return Err(SessionError::GoalUnseen { name: name.to_owned(), observation: layout.name() });
         }
         if layout.measured_len() > 0 {
             return Err(SessionError::SensorsMissing { name: name.to_owned(), observation: layout.name() });
         }
-        policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
         let link = UdpLink::open(&Addresses { vehicle: options.listen, ground_station: options.ground_station })?;
         let announcement = announcement(name, link.address()?, options);
-        let vehicle = MavlinkVehicle::new(Pilot::new(policy), options.system);
+        let vehicle = MavlinkVehicle::new(processor, options.system);
         Ok(Self { vehicle, link, options: *options, announcement })
     }
 

@@ -2,7 +2,6 @@
 
 use core::time::Duration;
 
-use kestrel_core::pilot::Pilot;
 use kestrel_core::vehicle::State;
 use mavlink::dialects::common::{MavResult, MavSeverity};
 
@@ -10,6 +9,7 @@ use crate::autopilot::{Autopilot, Command, DEFAULT_ALTITUDE_M, Mode, Refusal};
 use crate::frame::{Encoder, Frame, Frames, Payload};
 use crate::message::received::{self, CommandLong, PositionTarget, Request, SetPointError};
 use crate::message::sent;
+use crate::processor::Processor;
 use crate::telemetry::{Schedule, Stream};
 
 /// `MAV_COMP_ID_AUTOPILOT1`.
@@ -42,8 +42,8 @@ pub struct Counts {
 }
 
 /// An [`Autopilot`] that speaks MAVLink.
-pub struct MavlinkVehicle<'a> {
-    autopilot: Autopilot<'a>,
+pub struct MavlinkVehicle<P> {
+    autopilot: Autopilot<P>,
     system: u8,
     encoder: Encoder,
     schedule: Schedule,
@@ -68,10 +68,10 @@ struct Answer {
     text: Option<&'static str>,
 }
 
-impl<'a> MavlinkVehicle<'a> {
-    /// A disarmed vehicle that flies with `pilot` as MAVLink system `system`, 1 to 250 by custom.
-    pub fn new(pilot: Pilot<'a>, system: u8) -> Self {
-        let autopilot = Autopilot::new(pilot);
+impl<P: Processor> MavlinkVehicle<P> {
+    /// A disarmed vehicle whose policy `processor` computes, as MAVLink system `system`, 1 to 250 by custom.
+    pub fn new(processor: P, system: u8) -> Self {
+        let autopilot = Autopilot::new(processor);
         Self {
             schedule: Schedule::new(autopilot.control_secs()),
             autopilot,

@@ -77,9 +77,25 @@ fn the_run_can_be_evaluated_and_exported_again() {
             assert!(printed.contains(file), "no {file} in:\n{printed}");
         }
     }
+    for (target, written) in
+        [("crazyflie", "crazyflie/policy.c"), ("onnx", "policy.onnx"), ("safetensors", "policy.safetensors")]
+    {
+        let output = kestrel(place.path(), &["export", "run", "--target", target]);
+        let printed = String::from_utf8(output.stdout).unwrap();
+        assert!(place.path().join("run").join(written).is_file(), "{written}");
+        assert!(printed.trim_end().ends_with(written.trim_end_matches("/policy.c")), "{printed}");
+    }
     assert!(kestrel(place.path(), &["evaluate", "run"]).status.success());
     assert!(fs::read(place.path().join("run/evaluation.json")).unwrap() == report);
     assert!(kestrel(place.path(), &["evaluate", "run", "--episodes", "5", "--seed", "9"]).status.success());
+    for command in ["evaluate", "fly"] {
+        let missing = kestrel(place.path(), &[command, "run", "--processor", "qemu", "--image", "none.elf"]);
+        let message = refusal(&missing);
+        assert!(
+            message.contains("cannot read the image none.elf") && message.contains("cargo build"),
+            "{message}"
+        );
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ use kestrel_shim::autopilot::Mode;
 use kestrel_shim::lockstep::{Moment, Next};
 use kestrel_shim::plant::{FlatFloor, Plant};
 use kestrel_shim::policy_bytes::PolicyBytes;
+use kestrel_shim::processor::Processor;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
 use kestrel_shim::vehicle::Counts;
 use kestrel_sim::flight::Flight;
@@ -19,6 +20,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::output::{OutputError, say};
+use crate::processor::{ProcessorError, ProcessorKind, ProcessorOptions, Qemu};
 
 /// Control periods of policy and scenario may differ by this share: both are written in decimal somewhere.
 const PERIOD_TOLERANCE: f32 = 1e-5;
@@ -29,6 +31,10 @@ pub struct FlyOptions {
     /// How the vehicle meets the world.
     #[command(flatten)]
     pub session: SessionOptions,
+
+    /// Where the policy is computed.
+    #[command(flatten)]
+    pub processor: ProcessorOptions,
 
     /// Write the true state in every control period to this file, one JSON object per line
     #[arg(long, value_name = "FILE")]
@@ -78,6 +84,9 @@ pub enum FlyError {
     /// The policy fails its self-test, or the network refuses.
     #[error(transparent)]
     Session(#[from] SessionError),
+    /// The emulated processor does not start, or refuses the policy.
+    #[error(transparent)]
+    Processor(#[from] ProcessorError),
     /// Nobody can be told how to connect.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -106,8 +115,26 @@ pub fn fly(
     let bytes = PolicyBytes::copy_of(policy);
     let policy = bytes.policy()?;
     let mut plant = place.plant(&policy)?;
+    let name = policy.metadata().name;
+    match options.processor.processor {
+        ProcessorKind::Host => {
+            conduct(Session::open(policy, &options.session)?, plant.as_mut(), options, interrupted)
+        }
+        ProcessorKind::Qemu => {
+            let processor = Qemu::start(&options.processor.image, bytes.bytes(), &policy)?;
+            conduct(Session::with(processor, name, &options.session)?, plant.as_mut(), options, interrupted)
+        }
+    }
+}
+
+/// Flies a session to its end.
+fn conduct<P: Processor>(
+    mut session: Session<P>,
+    plant: &mut dyn Plant,
+    options: &FlyOptions,
+    interrupted: &dyn Fn() -> bool,
+) -> Result<FlightSummary, FlyError> {
     let mut log = TrueStateLog::create(options)?;
-    let mut session = Session::open(policy, &options.session)?;
     say(session.announcement())?;
     let mut failure = None;
     let mut last = None;
@@ -116,7 +143,7 @@ pub fn fly(
         failure = log.write(moment).err();
         if failure.is_some() || interrupted() { Next::End } else { Next::Fly }
     };
-    let counts = session.fly(plant.as_mut(), &mut watch)?;
+    let counts = session.fly(plant, &mut watch)?;
     if let Some(failure) = failure {
         return Err(failure);
     }

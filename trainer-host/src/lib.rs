@@ -35,6 +35,7 @@ pub mod picture;
 pub mod plan;
 pub mod policy;
 pub mod ppo;
+pub mod processor;
 pub mod progress;
 pub mod ranks;
 pub mod recording;

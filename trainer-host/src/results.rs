@@ -5,7 +5,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use kestrel_core::policy_file::{PolicyError, PolicyMetadata};
+use kestrel_core::policy_file::{PolicyError, PolicyFile, PolicyMetadata};
 use kestrel_sim::outline::Outline;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Purpose;
@@ -22,6 +22,7 @@ use crate::export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, Seeing
 use crate::export::source::{CSource, SourceError, c_source, crazyflie_app, rust_module};
 use crate::export::{DenseLayer, Export, ExportError, ExportReport, export};
 use crate::policy::Policy;
+use crate::processor::{Comparison, ProcessorError, compare};
 use crate::recording::{self, Recording};
 use crate::run_directory::metrics::read_rows;
 use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
@@ -77,6 +78,9 @@ pub enum ResultsError {
     /// The policy cannot be written for other programs.
     #[error(transparent)]
     Exchange(#[from] ExchangeError),
+    /// The emulated processor fails.
+    #[error(transparent)]
+    Processor(#[from] ProcessorError),
     /// The system refused a file operation.
     #[error(transparent)]
     File(#[from] FileError),
@@ -235,6 +239,24 @@ pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result
         EvaluationReport { name: experiment.name.clone(), seed: experiment.evaluation.seed.0, rows: rows.into() };
     write_json(&directory.evaluation_report(), &report)?;
     Ok(report)
+}
+
+/// Flies the run's fixed-point policy on an emulated processor with this image, beside this machine.
+///
+/// # Errors
+/// When the policy file is missing, damaged or of another task, sees images, or the processor fails.
+pub fn compare_processors(
+    experiment: &Experiment,
+    directory: &RunDirectory,
+    image: &Path,
+) -> Result<Comparison, ResultsError> {
+    let path = directory.policy();
+    let bytes = read(&path)?;
+    let refused = |source| ResultsError::Policy { path: path.clone(), source };
+    let scenario = &experiment.evaluation.scenario;
+    refuse_other_task(&parse(&bytes, &path)?, &path, scenario)?;
+    let policy = PolicyFile::parse(&bytes).map_err(refused)?;
+    Ok(compare(scenario, starts(experiment), (&bytes, policy), image)?)
 }
 
 /// The first episode that [`evaluate_run`] flies with the fixed-point policy, again and kept, in double precision.

@@ -40,7 +40,7 @@ typedef struct {
  */
 typedef struct {
   /*
-   Centre of mass [m], world.
+   Centre of mass in m, world.
    */
   float position[3];
   /*
@@ -48,11 +48,11 @@ typedef struct {
    */
   float attitude[4];
   /*
-   Velocity [m/s], world.
+   Velocity in m/s, world.
    */
   float velocity[3];
   /*
-   Body rates [rad/s], about the body's axes.
+   Body rates in rad/s, about the body's axes.
    */
   float body_rates[3];
 } KestrelState;
@@ -78,7 +78,7 @@ int32_t kestrel_take_policy(KestrelPilot *pilot,
 void kestrel_reset(KestrelPilot *pilot);
 
 /*
- One control period on the way to `goal` [m, world]: writes the thrust of each rotor as a share of the greatest, from 0 to
+ One control period on the way to `goal` (m, world): writes the thrust of each rotor as a share of the greatest, from 0 to
  1, in the order front right, back right, back left, front left. Returns `KESTREL_OK`, or why `thrusts` are all zero and
  something else has to fly.
  */
@@ -88,7 +88,7 @@ int32_t kestrel_tick(KestrelPilot *pilot,
                      float (*thrusts)[4]);
 
 /*
- Time between two ticks [s]; zero without a policy.
+ Time between two ticks in seconds; zero without a policy.
  */
 float kestrel_control_period(KestrelPilot *pilot);
 

@@ -44,13 +44,13 @@ pub struct KestrelPilot {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct KestrelState {
-    /// Centre of mass [m], world.
+    /// Centre of mass in m, world.
     pub position: [f32; 3],
     /// Attitude, unit quaternion w, x, y, z: from body to world.
     pub attitude: [f32; 4],
-    /// Velocity [m/s], world.
+    /// Velocity in m/s, world.
     pub velocity: [f32; 3],
-    /// Body rates [rad/s], about the body's axes.
+    /// Body rates in rad/s, about the body's axes.
     pub body_rates: [f32; 3],
 }
 
@@ -152,7 +152,7 @@ pub extern "C" fn kestrel_reset(pilot: &mut KestrelPilot) {
     }
 }
 
-/// One control period on the way to `goal` [m, world]: writes the thrust of each rotor as a share of the greatest, from 0 to
+/// One control period on the way to `goal` (m, world): writes the thrust of each rotor as a share of the greatest, from 0 to
 /// 1, in the order front right, back right, back left, front left. Returns `KESTREL_OK`, or why `thrusts` are all zero and
 /// something else has to fly.
 #[unsafe(no_mangle)]
@@ -165,7 +165,7 @@ pub extern "C" fn kestrel_tick(
     pilot.tick(state, goal, thrusts)
 }
 
-/// Time between two ticks [s]; zero without a policy.
+/// Time between two ticks in seconds; zero without a policy.
 #[unsafe(no_mangle)]
 pub extern "C" fn kestrel_control_period(pilot: &mut KestrelPilot) -> f32 {
     pilot.pilot().map_or(0.0, |pilot| pilot.policy().metadata().control_period_secs)

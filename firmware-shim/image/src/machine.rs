@@ -15,8 +15,12 @@ mod host;
 mod host;
 #[cfg(any(target_os = "none", target_arch = "wasm32"))]
 mod panic;
+#[cfg(all(target_arch = "arm", target_os = "none"))]
+mod usart;
 
 pub use host::end;
+#[cfg(all(target_arch = "arm", target_os = "none"))]
+pub use usart::Usart;
 
 /// How a program ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

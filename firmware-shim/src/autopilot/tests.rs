@@ -1,4 +1,5 @@
 use kestrel_core::airframe::CF2X;
+use kestrel_core::pilot::Pilot;
 use proptest::prelude::*;
 
 use super::*;
@@ -7,7 +8,7 @@ use crate::testing::{dishonest_policy, hover_policy, pilot};
 
 /// An autopilot in its plant.
 struct Rig {
-    autopilot: Autopilot<'static>,
+    autopilot: Autopilot<Pilot<'static>>,
     plant: FlatFloor,
 }
 
@@ -320,4 +321,57 @@ proptest! {
             }
         }
     }
+}
+
+/// A processor that answers so many times.
+struct Tired {
+    pilot: Pilot<'static>,
+    answers: u32,
+}
+
+impl Processor for Tired {
+    fn control_secs(&self) -> f32 {
+        Processor::control_secs(&self.pilot)
+    }
+
+    fn observation(&self) -> &ObservationLayout {
+        Processor::observation(&self.pilot)
+    }
+
+    fn healthy(&mut self) -> bool {
+        self.answers > 0
+    }
+
+    fn reset(&mut self) {
+        Processor::reset(&mut self.pilot);
+    }
+
+    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
+        self.answers = self.answers.checked_sub(1)?;
+        Processor::tick(&mut self.pilot, state, goal)
+    }
+}
+
+#[test]
+fn a_processor_that_falls_silent_is_waited_for_and_then_the_motors_stop() {
+    let mut autopilot = Autopilot::new(Tired { pilot: pilot(hover_policy()), answers: 50 });
+    let control_secs = autopilot.control_secs();
+    let mut plant = FlatFloor::new(&CF2X, control_secs);
+    let mut step = |autopilot: &mut Autopilot<Tired>| {
+        let targets = autopilot.tick(plant.state());
+        plant.step(&targets);
+        targets
+    };
+    step(&mut autopilot);
+    autopilot.command(Command::Arm).unwrap();
+    autopilot.command(Command::TakeOff { altitude_m: 1.0 }).unwrap();
+    let last = (0..50).map(|_| step(&mut autopilot)).last().unwrap();
+    let waits = (BLIND_SECS / control_secs) as u32;
+    for _ in 0..waits {
+        assert_eq!(step(&mut autopilot), last);
+        assert!(autopilot.mode().flies());
+    }
+    let targets = (0..2).map(|_| step(&mut autopilot)).last().unwrap();
+    assert_eq!((targets, autopilot.mode()), (STOPPED, Mode::Disarmed));
+    assert!(!autopilot.healthy());
 }

@@ -39,7 +39,7 @@ struct Client {
 }
 
 impl Client {
-    fn of(session: &Session) -> Self {
+    fn of(session: &Session<Pilot<'_>>) -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.connect(session.link.address().unwrap()).unwrap();
         socket.set_read_timeout(Some(Duration::from_secs(10))).unwrap();

@@ -1,4 +1,5 @@
 use kestrel_core::airframe::CF2X;
+use kestrel_core::pilot::Pilot;
 use mavlink::dialects::common::{
     COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, MavFrame, MavMessage,
     MavModeFlag, PositionTargetTypemask,
@@ -16,7 +17,7 @@ const LEFT_OPEN: [f32; 7] = [NAN; 7];
 
 /// A vehicle in its plant, and what it said.
 struct Rig {
-    vehicle: MavlinkVehicle<'static>,
+    vehicle: MavlinkVehicle<Pilot<'static>>,
     plant: FlatFloor,
     heard: Vec<MavMessage>,
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use kestrel_train::output::say;
+use kestrel_train::processor::{ProcessorKind, ProcessorOptions};
 use kestrel_train::results;
 
 use super::{Done, run, table};
@@ -25,6 +26,10 @@ pub(crate) struct Arguments {
     /// Keep the policy's first episode in this file, for `kestrel replay`
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+
+    /// With an emulated processor, it flies the fixed-point policy beside this machine, and nothing else is flown
+    #[command(flatten)]
+    processor: ProcessorOptions,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -33,6 +38,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let overrides: Vec<String> = episodes.into_iter().chain(seed).collect();
     let (directory, experiment) = run::open(&arguments.run, &overrides)?;
     directory.require_policies()?;
+    if arguments.processor.processor == ProcessorKind::Qemu {
+        let comparison = results::compare_processors(&experiment, &directory, &arguments.processor.image)?;
+        say(comparison)?;
+        return Ok(if comparison.different == 0 { Done::Finished } else { Done::Deviating });
+    }
     let report = results::evaluate_run(&experiment, &directory)?;
     say(table::evaluations(&report))?;
     if let Some(path) = &arguments.record {

@@ -90,7 +90,7 @@ fn options(for_secs: f64) -> FlyOptions {
         for_secs: Some(for_secs),
         ..SessionOptions::default()
     };
-    FlyOptions { session, true_state_log: None }
+    FlyOptions { session, ..FlyOptions::default() }
 }
 
 #[test]

@@ -1,0 +1,46 @@
+//! Where a policy is computed: here, or on another processor.
+
+use kestrel_core::observation::ObservationLayout;
+use kestrel_core::pilot::Pilot;
+use kestrel_core::vehicle::State;
+use nalgebra::Vector3;
+
+/// What computes the ticks of a pilot.
+pub trait Processor {
+    /// Time between two ticks \[s\].
+    fn control_secs(&self) -> f32;
+
+    /// What the policy sees.
+    fn observation(&self) -> &ObservationLayout;
+
+    /// Whether the policy reproduces its golden vectors.
+    fn healthy(&mut self) -> bool;
+
+    /// As [`Pilot::reset`].
+    fn reset(&mut self);
+
+    /// As [`Pilot::tick`]; nothing when the processor does not answer.
+    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]>;
+}
+
+impl Processor for Pilot<'_> {
+    fn control_secs(&self) -> f32 {
+        self.policy().metadata().control_period_secs
+    }
+
+    fn observation(&self) -> &ObservationLayout {
+        &self.policy().metadata().observation
+    }
+
+    fn healthy(&mut self) -> bool {
+        self.self_test().is_ok()
+    }
+
+    fn reset(&mut self) {
+        Pilot::reset(self);
+    }
+
+    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
+        Some(Pilot::tick(self, state, goal))
+    }
+}
