@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::kestrel::{TINY, command, config, kestrel, train_tiny};
+use crate::kestrel::{TINY, command, config, kestrel, refusal, train_tiny};
 
 /// The rows of a run's metrics without what a clock says.
 fn metrics(run: &Path) -> Vec<Value> {
