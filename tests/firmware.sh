@@ -113,12 +113,12 @@ policy_source() { # POLICY: as `kestrel export --target crazyflie` writes it
 
 app_here() { # $out/app.txt, by the processor of this machine
   pilot_library cargo &&
-    gcc -O2 -Wall -Wextra -Werror "${include[@]}" "${app[@]}" target/debug/libkestrel.a -lpthread -ldl -lm -o "$out/app" &&
+    gcc -O2 -Wall -Wextra -Werror "${include[@]}" "${app[@]}" target/debug/libkestrel_pilot.a -lpthread -ldl -lm -o "$out/app" &&
     "$out/app" >"$out/app.txt" && cat "$out/app.txt"
 }
 
 app_on_target() { # $out/app-stm32f405.elf
-  local library=target/thumbv7em-none-eabihf/firmware/libkestrel.a file objects=()
+  local library=target/thumbv7em-none-eabihf/firmware/libkestrel_pilot.a file objects=()
   local machine=(-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16)
   local flags=("${machine[@]}" -g3 -fno-math-errno -mfp16-format=ieee -std=gnu11 -fno-strict-aliasing
     -ffunction-sections -fdata-sections -Os -Wall -Wextra -Werror)

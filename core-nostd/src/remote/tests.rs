@@ -100,7 +100,7 @@ fn what_is_wrong_gets_a_number_and_the_line_goes_on() {
         tick(),
         frame(Kind::Policy, &HOVER[..100]),
         frame(Kind::Policy, &altered),
-        frame(Kind::Policy, &[0; 20_000]),
+        frame(Kind::Policy, &std::vec![0; 20_000]),
         tick(),
         b"noise".to_vec(),
         frame(Kind::Policy, HOVER),
