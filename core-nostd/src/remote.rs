@@ -7,6 +7,7 @@
 //! |---|---|---|---|
 //! | [`Kind::Policy`] | a policy file | [`Kind::Code`] | `i32`: zero, or [`PolicyError::code`] |
 //! | [`Kind::Reset`] | | [`Kind::Code`] | zero, or [`NO_POLICY`] |
+//! | [`Kind::Test`] | | [`Kind::Code`] | zero, [`NO_POLICY`], or [`PolicyError::code`] of the self-test |
 //! | [`Kind::Tick`] | 13 `f32` of the state, 3 of the goal, then measurements | [`Kind::Targets`] | 4 `f32`, rad/s |
 //!
 //! Whatever is damaged, too long or asked at the wrong time is answered by a [`Kind::Code`] above 100, and nothing else happens.
@@ -54,6 +55,8 @@ pub enum Kind {
     Code = 4,
     /// Rotor targets.
     Targets = 5,
+    /// Whether the policy reproduces its golden vectors, at any time.
+    Test = 6,
 }
 
 impl Kind {
@@ -65,6 +68,7 @@ impl Kind {
             3 => Some(Self::Tick),
             4 => Some(Self::Code),
             5 => Some(Self::Targets),
+            6 => Some(Self::Test),
             _ => None,
         }
     }
@@ -148,7 +152,7 @@ pub fn serve(port: &mut impl Port, room: &mut [u8]) {
                 Some(Err(code)) => answer(port, code),
                 Some(Ok(file)) => fly(port, file),
             },
-            Some(Kind::Reset | Kind::Tick | Kind::Code | Kind::Targets) | None => {
+            Some(Kind::Reset | Kind::Tick | Kind::Test | Kind::Code | Kind::Targets) | None => {
                 match head.receive_payload(port, &mut [0; 4 * TICK_LIMIT]) {
                     None => return,
                     Some(Err(code)) => answer(port, code),
@@ -188,6 +192,10 @@ fn fly(port: &mut impl Port, file: &[u8]) -> Option<Head> {
             (Some(Kind::Reset), Ok(_)) => {
                 pilot.reset();
                 answer(port, 0)?
+            }
+            (Some(Kind::Test), Ok(_)) => {
+                let code = pilot.self_test().map_or_else(|error| i32::from(error.code()), |()| 0);
+                answer(port, code)?
             }
             (Some(Kind::Tick), Ok(payload)) => match tick(&mut pilot, payload) {
                 Some(targets) => {

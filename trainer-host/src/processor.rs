@@ -156,9 +156,8 @@ impl Processor for Qemu {
         &self.observation
     }
 
-    /// It was tested when the policy was taken; what is asked here is whether anybody is there.
     fn healthy(&mut self) -> bool {
-        self.line.ask(Kind::Reset, &[]) == Some(Answer::Code(0))
+        self.line.ask(Kind::Test, &[]) == Some(Answer::Code(0))
     }
 
     fn reset(&mut self) {
@@ -207,7 +206,7 @@ impl Line {
         match (head.kind()?, payload.as_chunks::<4>()) {
             (Kind::Code, ([code], [])) => Some(Answer::Code(i32::from_le_bytes(*code))),
             (Kind::Targets, ([a, b, c, d], [])) => Some(Answer::Targets([*a, *b, *c, *d].map(f32::from_le_bytes))),
-            (Kind::Code | Kind::Targets | Kind::Policy | Kind::Reset | Kind::Tick, _) => None,
+            (Kind::Code | Kind::Targets | Kind::Policy | Kind::Reset | Kind::Tick | Kind::Test, _) => None,
         }
     }
 }

@@ -71,6 +71,10 @@ fn a_remote_pilot_is_the_pilot() {
         let mut asked = std::vec![frame(Kind::Policy, file)];
         let mut expected = std::vec![code(0)];
         for step in 0..40 {
+            if step == 10 {
+                asked.push(frame(Kind::Test, &[]));
+                expected.push(code(0));
+            }
             if step == 20 {
                 asked.push(frame(Kind::Reset, &[]));
                 expected.push(code(0));
@@ -98,6 +102,7 @@ fn what_is_wrong_gets_a_number_and_the_line_goes_on() {
     *altered.last_mut().unwrap() ^= 1;
     let asked = [
         tick(),
+        frame(Kind::Test, &[]),
         frame(Kind::Policy, &HOVER[..100]),
         frame(Kind::Policy, &altered),
         frame(Kind::Policy, &std::vec![0; 20_000]),
@@ -112,7 +117,8 @@ fn what_is_wrong_gets_a_number_and_the_line_goes_on() {
         frame(Kind::Targets, &[]),
         frame(Kind::Reset, &[]),
     ];
-    let expected = [NO_POLICY, 1, 6, LENGTH, NO_POLICY, 0, DAMAGED, DAMAGED, LENGTH, LENGTH, LENGTH, DAMAGED, 0];
+    let expected =
+        [NO_POLICY, NO_POLICY, 1, 6, LENGTH, NO_POLICY, 0, DAMAGED, DAMAGED, LENGTH, LENGTH, LENGTH, DAMAGED, 0];
     assert_eq!(answers(&asked), expected.map(code));
 }
 
