@@ -15,8 +15,15 @@ impl Digest {
 
     /// Adds `values`, bit for bit, lowest byte first.
     pub fn add(&mut self, values: &[f32]) {
-        for byte in values.iter().flat_map(|value| value.to_le_bytes()) {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(PRIME);
+        for value in values {
+            self.add_bytes(&value.to_le_bytes());
+        }
+    }
+
+    /// Adds bytes.
+    pub fn add_bytes(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(PRIME);
         }
     }
 

@@ -14,6 +14,7 @@ pub mod budget;
 pub mod conformance;
 pub mod digest;
 pub mod input;
+pub mod learning;
 pub mod machine;
 pub mod policy;
 #[cfg(target_os = "none")]
