@@ -28,13 +28,13 @@ pub enum SourceError {
         "found a policy with the reference's actions, expected rotor speeds, thrust and body rates, or velocities"
     )]
     Published,
-    /// The app gives a policy what the Crazyflie estimates of its own motion, and nothing else.
+    /// An app shows a policy the Crazyflie's own motion and where it should be, and nothing else.
     #[error(
-        "found a policy that sees `{observation}`, expected one that sees the drone's motion alone: an app has no other sensors to show it"
+        "found a policy that sees `{found}`, expected one trained with `pilot`: an app shows it the drone's motion and the goal alone"
     )]
-    Measurements {
+    Observation {
         /// What it sees.
-        observation: &'static str,
+        found: &'static str,
     },
 }
 

@@ -3,7 +3,6 @@
 use std::fmt::Write;
 
 use kestrel_core::action::ActionSpace;
-use kestrel_core::observation::ObservationLayout;
 use kestrel_core::policy_file::PolicyFile;
 
 use super::{SourceError, comment, rows};
@@ -20,20 +19,14 @@ const APP: [(&str, &str); 5] = [
 /// The app around the policy file `bytes`, which start on a four-byte boundary of memory: names and contents of its files.
 ///
 /// # Errors
-/// [`SourceError`], also when the policy sees what sensors measure, which the app does not give it, or commands one of the
-/// reference's controllers, whose stack a stabilizer task has not.
+/// [`SourceError`], also when the policy sees what an app cannot show it, or commands one of the reference's controllers,
+/// for whose stack a stabilizer task has no room.
 pub fn crazyflie_app(bytes: &[u8]) -> Result<Vec<(&'static str, String)>, SourceError> {
     let policy = PolicyFile::parse(bytes)?;
     policy.self_test()?;
     let observation = policy.metadata().observation;
-    match observation {
-        ObservationLayout::Pilot(_)
-        | ObservationLayout::PilotFor(_)
-        | ObservationLayout::Paper(_)
-        | ObservationLayout::Kinematic(_) => {}
-        ObservationLayout::Measured(_) | ObservationLayout::PilotMeasured(_) => {
-            return Err(SourceError::Measurements { observation: observation.name() });
-        }
+    if !observation.shows_goal() || observation.measured_len() > 0 {
+        return Err(SourceError::Observation { found: observation.name() });
     }
     if let ActionSpace::Published(_) = policy.metadata().action {
         return Err(SourceError::Published);

@@ -3,9 +3,12 @@
 use std::path::Path;
 use std::process::Command;
 
-use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::observation::{MeasuredLayout, ObservationLayout};
+use kestrel_core::policy_file::{PolicyFile, PolicyMetadata};
 
 use super::*;
+use crate::export::tests::METADATA;
+use crate::export::{DenseLayer, export};
 
 /// Feeds random observations, of which one value in sixteen is any bit pattern, and prints the FNV-1a digest of the actions.
 const DRIVER: &str = r#"
@@ -145,7 +148,12 @@ fn the_crazyflies_app_compiles_and_holds_the_same_file() {
 }
 
 #[test]
-fn a_policy_with_other_sensors_gets_no_app() {
-    let error = crazyflie_app(&pilot("cross.kestrel")).unwrap_err().to_string();
-    assert!(error.contains("expected one that sees the drone's motion alone"), "{error}");
+fn a_policy_with_other_sensors_or_without_a_goal_gets_no_app() {
+    let weights = [0.01; 22 * 4];
+    let layer = DenseLayer { inputs: 22, outputs: 4, weights: &weights, bias: &[0.0; 4] };
+    let observation = ObservationLayout::Measured(MeasuredLayout { len: 22 });
+    let metadata = PolicyMetadata { observation, ..METADATA };
+    let policy = export(&[layer], &metadata, &[0.5; 44]).unwrap().fixed_policy;
+    let error = crazyflie_app(&policy).unwrap_err().to_string();
+    assert!(error.contains("found a policy that sees `measured`, expected one trained with `pilot`"), "{error}");
 }
