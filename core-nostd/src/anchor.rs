@@ -51,6 +51,7 @@ impl Anchor<'_> {
     ///
     /// # Panics
     /// If a slice is not as long as the anchor.
+    #[inline(always)]
     pub fn consolidate(&mut self, parameters: &[f32], curvature: &[f32], decay: f32) {
         self.check(parameters.len());
         self.check(curvature.len());
@@ -96,6 +97,7 @@ impl Anchor<'_> {
     ///
     /// # Panics
     /// If `parameters` is not as long as the anchor.
+    #[inline(always)]
     pub fn pull(&self, parameters: &mut [f32], rate: f32) {
         self.check(parameters.len());
         for ((parameter, center), importance) in parameters.iter_mut().zip(&*self.center).zip(&*self.importance) {
@@ -130,6 +132,8 @@ impl Anchor<'_> {
             .sum::<f32>()
     }
 
+    // Inlined with its callers, so that where lengths are known a firmware has no panic.
+    #[inline(always)]
     fn check(&self, length: usize) {
         assert_eq!(self.center.len(), self.importance.len(), "a center and an importance per parameter");
         assert_eq!(length, self.center.len(), "one value per parameter of the anchor");
