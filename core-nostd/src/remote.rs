@@ -10,7 +10,7 @@
 //! | [`Kind::Test`] | | [`Kind::Code`] | zero, [`NO_POLICY`], or [`PolicyError::code`] of the self-test |
 //! | [`Kind::Tick`] | 13 `f32` of the state, 3 of the goal, then measurements | [`Kind::Targets`] | 4 `f32`, rad/s |
 //!
-//! Whatever is damaged, too long or asked at the wrong time is answered by a [`Kind::Code`] above 100, and nothing else happens.
+//! Whatever is damaged, too long or asked at the wrong time is answered by a [`Kind::Code`] from 100 on, and nothing else happens.
 
 use crate::attitude::Attitude;
 use crate::crc32::Crc32;
@@ -27,7 +27,7 @@ use crate::policy_file::PolicyError;
 pub const START: u8 = 0x4b;
 
 /// There is no policy that could fly.
-pub const NO_POLICY: i32 = 101;
+pub const NO_POLICY: i32 = 100;
 
 /// The frame was damaged on its way, or is of no known kind.
 pub const DAMAGED: i32 = 102;

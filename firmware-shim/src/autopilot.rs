@@ -13,7 +13,8 @@
 //! ```
 //!
 //! Besides, disarming works in every mode without flight, stopping the motors in every mode, and a state that is
-//! not finite, or a processor that does not answer, for [`BLIND_SECS`] ends in Disarmed. Motors turn in the four modes of flight only.
+//! not finite, or a processor that does not answer, for [`BLIND_SECS`] ends in Disarmed. Motors turn in the four modes
+//! of flight only.
 
 use kestrel_core::observation::{ObservationLayout, PilotForLayout, PilotMeasuredLayout};
 use kestrel_core::vehicle::State;
@@ -238,7 +239,8 @@ impl<P: Processor> Autopilot<P> {
             self.count_rest(state);
             self.change_mode(state);
         }
-        match if finite { self.fly(state) } else { None } {
+        let targets = if finite { self.fly(state) } else { None };
+        match targets {
             Some(targets) => {
                 self.ticks_blind = 0;
                 self.rotor_targets = targets;

@@ -88,6 +88,8 @@ fn the_run_can_be_evaluated_and_exported_again() {
     assert!(kestrel(place.path(), &["evaluate", "run"]).status.success());
     assert!(fs::read(place.path().join("run/evaluation.json")).unwrap() == report);
     assert!(kestrel(place.path(), &["evaluate", "run", "--episodes", "5", "--seed", "9"]).status.success());
+    let both = ["evaluate", "run", "--processor", "qemu", "--record", "flight.kestrel"];
+    assert!(refusal(&kestrel(place.path(), &both)).contains("found --record beside --processor qemu"));
     for command in ["evaluate", "fly"] {
         let missing = kestrel(place.path(), &[command, "run", "--processor", "qemu", "--image", "none.elf"]);
         let message = refusal(&missing);

@@ -4,7 +4,7 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::network::dispatch;
+use crate::network::{PIECE, dispatch};
 
 /// Decay of the mean gradient (Kingma and Ba 2015).
 const FIRST_DECAY: f32 = 0.9;
@@ -12,9 +12,6 @@ const FIRST_DECAY: f32 = 0.9;
 const SECOND_DECAY: f32 = 0.999;
 /// Added to the root, as in `CleanRL` and Stable-Baselines3: large enough to keep rare gradients from exploding.
 const EPSILON: f32 = 1e-5;
-
-/// Values that one thread optimises at a time.
-const PIECE: usize = 1 << 15;
 
 /// Adam with bias correction (Kingma and Ba 2015, algorithm 1) for one slice of parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -124,6 +121,19 @@ mod tests {
         for (index, parameter) in parameters.iter().enumerate() {
             let expected = reference(|step| 0.5 * gradient(step, index), 100, 0.5, 1e-2);
             assert!((f64::from(*parameter) - expected).abs() < 2e-5, "{parameter} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_large_network_takes_the_steps_of_its_parts() {
+        let count = 2 * PIECE + 7;
+        let gradient: Vec<f32> = (0..count).map(|index| libm::sinf(index as f32)).collect();
+        let mut parameters = vec![0.5; count];
+        Adam::new(count).step(&mut parameters, &gradient, 0.5, 1e-2);
+        for (parameter, gradient) in parameters.iter().zip(&gradient) {
+            let mut alone = [0.5];
+            Adam::new(1).step(&mut alone, &[*gradient], 0.5, 1e-2);
+            assert_eq!(*parameter, alone[0]);
         }
     }
 

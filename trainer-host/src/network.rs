@@ -20,6 +20,10 @@ use dense::DenseGradient;
 pub(crate) use kernel::{Accumulate, dispatch, dot, square};
 pub use trunk::{Trunk, TrunkWorkspace};
 
+/// Parameters that one thread works on at a time: those of a large network are shared among all threads, those of a small
+/// one are one piece.
+pub(crate) const PIECE: usize = 1 << 15;
+
 /// Gain of orthogonal weights before a tanh, the choice of `CleanRL` and Stable-Baselines3.
 const HIDDEN_GAIN: f32 = std::f32::consts::SQRT_2;
 

@@ -77,6 +77,12 @@ pub enum ProcessorError {
         /// The image.
         path: PathBuf,
     },
+    /// One processor flies one drone.
+    #[error("found a task with {found} drones, expected one: a processor flies one")]
+    Team {
+        /// Drones of the task.
+        found: u32,
+    },
     /// The processor refuses the policy.
     #[error("the processor refuses the policy with code {code}")]
     Refused {

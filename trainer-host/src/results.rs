@@ -241,14 +241,16 @@ pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result
     Ok(report)
 }
 
-/// Flies the run's fixed-point policy on an emulated processor with this image, beside this machine.
+/// Flies the run's fixed-point policy on an emulated processor with this image, beside this machine; `shown` gets the number of
+/// episodes that are done.
 ///
 /// # Errors
-/// When the policy file is missing, damaged or of another task, sees images, or the processor fails.
+/// When the policy file is missing, damaged or of another task, sees images or flies a team, or the processor fails.
 pub fn compare_processors(
     experiment: &Experiment,
     directory: &RunDirectory,
     image: &Path,
+    shown: impl FnMut(u64),
 ) -> Result<Comparison, ResultsError> {
     let path = directory.policy();
     let bytes = read(&path)?;
@@ -256,7 +258,7 @@ pub fn compare_processors(
     let scenario = &experiment.evaluation.scenario;
     refuse_other_task(&parse(&bytes, &path)?, &path, scenario)?;
     let policy = PolicyFile::parse(&bytes).map_err(refused)?;
-    Ok(compare(scenario, starts(experiment), (&bytes, policy), image)?)
+    Ok(compare(scenario, starts(experiment), (&bytes, policy), image, shown)?)
 }
 
 /// The first episode that [`evaluate_run`] flies with the fixed-point policy, again and kept, in double precision.

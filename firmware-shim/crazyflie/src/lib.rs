@@ -16,6 +16,7 @@ use core::slice;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::remote::NO_POLICY;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
@@ -64,6 +65,7 @@ struct Seat {
 /// Unlikely to be found in memory that nobody has written.
 const TAKEN: u32 = 0x4b65_7374;
 
+const _: () = assert!(KESTREL_NO_POLICY == NO_POLICY, "a code means one thing");
 const _: () = assert!(size_of::<Seat>() <= size_of::<KestrelPilot>(), "a pilot has room for its seat");
 const _: () = assert!(align_of::<Seat>() <= align_of::<KestrelPilot>(), "a seat is aligned in its pilot");
 

@@ -1,10 +1,14 @@
 //! Bodies onto pixels, tile by tile.
 
+mod affine;
 mod facet;
+mod outline;
 
 use pulp::Simd;
 
+pub(super) use affine::{Affine, Quadratic};
 pub(super) use facet::Facet;
+use outline::Outline;
 
 use super::Camera;
 use super::plot::Corner;
@@ -16,30 +20,8 @@ pub(super) const COLUMNS: usize = 16;
 /// Rows of a tile.
 pub(super) const ROWS: usize = 8;
 
-/// Columns and rows from a tile's first pixel to its middle.
-const TILE_MIDDLE: [f64; 2] = [0.5 * (COLUMNS - 1) as f64, 0.5 * (ROWS - 1) as f64];
-
-/// Bound of what twenty operations in `f32` lose of the greatest number among them.
-const ROUNDING: f64 = 2e-6;
-
 const COLUMN: [f32; COLUMNS] =
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
-
-/// `base + column · per_column + row · per_row`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Affine {
-    base: f32,
-    per_column: f32,
-    per_row: f32,
-    /// What it is in the middle of the first tile.
-    middle: f32,
-    /// By how much a pixel of a tile may differ from its middle, rounding included.
-    reach: f32,
-}
-
-/// Constant, column, row, column², column · row, row².
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Quadratic([f32; 6]);
 
 /// The side of a cylinder, or a sphere: inverse depths are `middle ± √spread`.
 #[derive(Clone, Copy, Debug)]
@@ -77,18 +59,6 @@ pub(super) struct Plane {
     pub(super) surface: Surface,
 }
 
-/// What of a body the eye sees, and through what.
-#[derive(Clone, Copy)]
-struct Outline<'a> {
-    /// Planes that face the eye.
-    entered: &'a [Plane],
-    /// Planes that do not.
-    left: &'a [Plane],
-    side: Option<&'a Side>,
-    /// Greatest inverse depth that is seen \[1/m\].
-    limit: f32,
-}
-
 /// What is nearest so far in a tile of pixels.
 #[derive(Clone, Debug)]
 pub(super) struct Tile {
@@ -114,42 +84,6 @@ pub struct Canvas {
     pub(super) corners: Vec<Corner>,
     /// What matters of the body that is drawn in the tile that is drawn.
     kept: Vec<Plane>,
-}
-
-impl Affine {
-    /// For an image that has no more columns and rows than `size`.
-    #[inline(always)]
-    pub(super) fn new(base: f64, per_column: f64, per_row: f64, size: [f64; 2]) -> Self {
-        let [across, down] = [per_column, per_row].map(f64::abs);
-        let most = base.abs() + size[0] * across + size[1] * down;
-        Self {
-            base: base as f32,
-            per_column: per_column as f32,
-            per_row: per_row as f32,
-            middle: (base + TILE_MIDDLE[0] * per_column + TILE_MIDDLE[1] * per_row) as f32,
-            reach: (TILE_MIDDLE[0] * across + TILE_MIDDLE[1] * down + ROUNDING * most) as f32,
-        }
-    }
-
-    /// Bounds of what it is in the tile that begins at a column and row.
-    #[inline(always)]
-    fn range(&self, [column, row]: [f32; 2]) -> [f32; 2] {
-        let middle = self.middle + column * self.per_column + row * self.per_row;
-        [middle - self.reach, middle + self.reach]
-    }
-}
-
-impl Quadratic {
-    pub(super) fn new(terms: [f64; 6]) -> Self {
-        Self(terms.map(|term| term as f32))
-    }
-
-    /// In a row: constant, column, column².
-    #[inline(always)]
-    fn in_row(&self, row: f32) -> [f32; 3] {
-        let [one, column, of_row, column_squared, both, row_squared] = self.0;
-        [one + row * (of_row + row * row_squared), column + row * both, column_squared]
-    }
 }
 
 impl Canvas {
@@ -212,53 +146,6 @@ fn each_behind(
             }
         }
     }
-}
-
-impl<'a> Outline<'a> {
-    /// The planes that make a difference in a tile; nothing if the body is not in it, or hidden. `kept` has room for all
-    /// planes and one more.
-    #[inline(always)]
-    fn in_tile(&self, place: [f32; 2], farthest: f32, kept: &'a mut [Plane]) -> Option<Self> {
-        // Bounds of where rays enter, and where at the latest they leave.
-        let (mut enter, mut leave) = ([f32::INFINITY; 2], 0.0_f32);
-        for plane in self.entered {
-            let [low, high] = plane.inverse.range(place);
-            enter = [least(low, enter[0]), least(high, enter[1])];
-        }
-        for plane in self.left {
-            leave = greatest(plane.inverse.range(place)[0], leave);
-        }
-        if enter[1] <= farthest || enter[1] < leave {
-            return None;
-        }
-        let mut count = 0;
-        for plane in self.entered {
-            kept[count] = *plane;
-            count += usize::from(plane.inverse.range(place)[0] <= enter[1]);
-        }
-        let entered = count;
-        if self.side.is_none() {
-            leave = greatest(enter[0], leave);
-        }
-        for plane in self.left {
-            kept[count] = *plane;
-            count += usize::from(plane.inverse.range(place)[1] >= leave);
-        }
-        let (entered, left) = kept[..count].split_at(entered);
-        Some(Self { entered, left, ..*self })
-    }
-}
-
-/// The lesser, and the other one where the first is NaN: one instruction, where [`f32::min`] takes four.
-#[inline(always)]
-fn least(one: f32, other: f32) -> f32 {
-    if one < other { one } else { other }
-}
-
-/// The greater, and the other one where the first is NaN.
-#[inline(always)]
-fn greatest(one: f32, other: f32) -> f32 {
-    if one > other { one } else { other }
 }
 
 impl Tile {

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use kestrel_train::output::say;
 use kestrel_train::processor::{ProcessorKind, ProcessorOptions};
+use kestrel_train::progress::Progress;
 use kestrel_train::results;
 
 use super::{Done, run, table};
@@ -39,7 +40,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let (directory, experiment) = run::open(&arguments.run, &overrides)?;
     directory.require_policies()?;
     if arguments.processor.processor == ProcessorKind::Qemu {
-        let comparison = results::compare_processors(&experiment, &directory, &arguments.processor.image)?;
+        ensure!(arguments.record.is_none(), "found --record beside --processor qemu, expected one of them");
+        let mut progress = Progress::counting("episodes", experiment.evaluation.episodes as u64, 0);
+        let shown = |done| progress.show_steps(done, String::new);
+        let comparison = results::compare_processors(&experiment, &directory, &arguments.processor.image, shown)?;
+        progress.finish();
         say(comparison)?;
         return Ok(if comparison.different == 0 { Done::Finished } else { Done::Deviating });
     }

@@ -3,13 +3,9 @@
 use rayon::prelude::*;
 
 use crate::actor_critic::{Actor, Critic};
-use crate::network::{Accumulate, dispatch, square};
+use crate::network::{Accumulate, PIECE, dispatch, square};
 
 use super::loss::LossSums;
-
-/// Values that one thread adds up at a time: those of a large network are shared among all threads, those of a small one
-/// are one piece.
-const PIECE: usize = 1 << 15;
 
 /// The gradient of both networks, laid out as their parameters.
 #[derive(Clone, Debug)]
@@ -70,5 +66,28 @@ impl Shard {
     pub(crate) fn clear(&mut self) {
         self.gradient.clear();
         self.sums = LossSums::default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_large_gradient_is_the_sum_of_all_its_parts() {
+        let gradient = |shift: f32| Gradient {
+            actor: (0..2 * PIECE + 7).map(|index| libm::sinf(index as f32 + shift)).collect(),
+            critic: (0..PIECE + 3).map(|index| libm::cosf(index as f32 + shift)).collect(),
+        };
+        let (one, other) = (gradient(0.0), gradient(0.3));
+        let mut sum = gradient(9.0);
+        sum.sum(&[&one, &other]);
+        let values = |gradient: &Gradient| [&gradient.actor[..], &gradient.critic[..]].concat();
+        let (one, other, all) = (values(&one), values(&other), values(&sum));
+        for ((one, other), found) in one.iter().zip(&other).zip(&all) {
+            assert_eq!(*found, one + other);
+        }
+        let square: f64 = all.iter().map(|value| f64::from(*value) * f64::from(*value)).sum();
+        assert!((f64::from(sum.norm()) / square.sqrt() - 1.0).abs() < 1e-5);
     }
 }

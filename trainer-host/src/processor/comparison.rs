@@ -40,10 +40,10 @@ impl fmt::Display for Comparison {
 }
 
 /// Flies the first episodes of an evaluation by the policy file `file` on an emulated processor, while the pilot of this machine
-/// computes every control period too. Simulations are in `f64`; pilots see them rounded to `f32`.
+/// computes every control period too; `shown` gets the number of episodes that are done. Simulations are in `f64`; pilots see them rounded to `f32`.
 ///
 /// # Errors
-/// When the processor does not start, refuses the policy, or stops to answer.
+/// When several drones fly, or the processor does not start, refuses the policy, or stops to answer.
 ///
 /// # Panics
 /// When the policy is of another task than the scenario's.
@@ -52,7 +52,11 @@ pub fn compare(
     starts: Starts,
     (file, policy): (&[u8], PolicyFile<'_>),
     image: &Path,
+    mut shown: impl FnMut(u64),
 ) -> Result<Comparison, ProcessorError> {
+    if scenario.agents.count != 1 {
+        return Err(ProcessorError::Team { found: scenario.agents.count });
+    }
     let mut remote = Qemu::start(image, file, &policy)?;
     let measured = policy.metadata().observation.measured_len();
     let mut pilot = Pilot::new(policy);
@@ -77,6 +81,7 @@ pub fn compare(
             simulation.step_with_rotor_speeds(&actions, &[targets.map(f64::from)]);
         }
         sums.episodes += 1;
+        shown(u64::from(sums.episodes));
         sums.successes += simulation.take_episodes().first().map_or(0, |episode| u32::from(episode.success));
     }
     Ok(sums)
