@@ -1,16 +1,15 @@
 //! A MAVLink 2 vehicle that flies exported policies in software in the loop.
 //!
-//! Read in the order of the data: datagrams come in through a [`link`], are cut into checked [`frame`]s and become
+//! Read in the order of the data: datagrams come in through a [`link`], are cut into checked [`frame`]s ([`kestrel_onboard`]) and become
 //! requests ([`message`]); the [`vehicle`] has its [`autopilot`] obey them. Every control period the autopilot moves
 //! the [`goal`] and asks the policy for rotor targets, [`telemetry`] says what is due to be told, and the [`plant`]
 //! steps: that is [`lockstep`].
 //!
 //! Only [`link`] and [`lockstep`] know sockets and clocks; everything before them is free of both and of
-//! allocation, so that a microcontroller can run it. Not there yet: parameters, missions, signing, global positions,
-//! other transports than UDP.
+//! allocation, so that a microcontroller can run it. Not there yet: parameters, missions, global positions, other
+//! transports than UDP.
 
 pub mod autopilot;
-pub mod frame;
 pub mod goal;
 pub mod link;
 pub mod lockstep;
@@ -23,3 +22,5 @@ pub mod telemetry;
 #[cfg(test)]
 mod testing;
 pub mod vehicle;
+
+pub use kestrel_onboard::frame;

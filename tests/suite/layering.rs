@@ -8,11 +8,12 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which package may name which of the others.
-const ARROWS: [(&str, &[&str]); 6] = [
+const ARROWS: [(&str, &[&str]); 7] = [
     ("kestrel-core", &[]),
+    ("kestrel-onboard", &[]),
     ("kestrel-sim", &["kestrel-core"]),
-    ("kestrel-shim", &["kestrel-core"]),
-    ("kestrel-image", &["kestrel-core"]),
+    ("kestrel-shim", &["kestrel-core", "kestrel-onboard"]),
+    ("kestrel-image", &["kestrel-core", "kestrel-onboard"]),
     ("kestrel-crazyflie", &["kestrel-core"]),
     ("kestrel-train", &["kestrel-core", "kestrel-sim", "kestrel-shim"]),
 ];
