@@ -10,6 +10,9 @@
 //! transports than UDP.
 
 pub mod autopilot;
+pub mod failsafe;
+pub mod fence;
+pub mod flyer;
 pub mod goal;
 pub mod link;
 pub mod lockstep;
@@ -18,6 +21,8 @@ pub mod plant;
 pub mod policy_bytes;
 pub mod processor;
 pub mod session;
+pub mod settings;
+pub mod steering;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;

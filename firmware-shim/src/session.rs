@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 
+use kestrel_core::airframe::Airframe;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{PolicyError, PolicyFile};
 
@@ -91,10 +92,14 @@ impl<'a> Session<Pilot<'a>> {
     ///
     /// # Errors
     /// If the policy fails its self-test, sees no goal or needs sensors, or the address cannot be had.
-    pub fn open(policy: PolicyFile<'a>, options: &SessionOptions) -> Result<Self, SessionError> {
+    pub fn open(
+        policy: PolicyFile<'a>,
+        airframe: &Airframe,
+        options: &SessionOptions,
+    ) -> Result<Self, SessionError> {
         let name = policy.metadata().name;
         policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
-        Self::with(Pilot::new(policy), name, options)
+        Self::with(Pilot::new(policy), name, airframe, options)
     }
 }
 
@@ -103,7 +108,12 @@ impl<P: Processor> Session<P> {
     ///
     /// # Errors
     /// If the policy sees no goal or needs sensors, or the address cannot be had.
-    pub fn with(processor: P, name: &str, options: &SessionOptions) -> Result<Self, SessionError> {
+    pub fn with(
+        processor: P,
+        name: &str,
+        airframe: &Airframe,
+        options: &SessionOptions,
+    ) -> Result<Self, SessionError> {
         let layout = processor.observation();
         if !layout.shows_goal() {
             return Err(SessionError::GoalUnseen { name: name.to_owned(), observation: layout.name() });
@@ -113,7 +123,7 @@ impl<P: Processor> Session<P> {
         }
         let link = UdpLink::open(&Addresses { vehicle: options.listen, ground_station: options.ground_station })?;
         let announcement = announcement(name, link.address()?, options);
-        let vehicle = MavlinkVehicle::new(processor, options.system);
+        let vehicle = MavlinkVehicle::new(processor, airframe, options.system);
         Ok(Self { vehicle, link, options: *options, announcement })
     }
 
