@@ -10,13 +10,16 @@
 //! transports than UDP.
 
 pub mod autopilot;
+mod excerpt;
 pub mod failsafe;
 pub mod fence;
 pub mod flyer;
+pub mod geodesy;
 pub mod goal;
 pub mod link;
 pub mod lockstep;
 pub mod message;
+pub mod parameter;
 pub mod plant;
 pub mod policy_bytes;
 pub mod processor;
