@@ -239,7 +239,7 @@ impl<P: Processor> Autopilot<P> {
         &self.goal
     }
 
-    /// Where it took off, and returns to \[m, world\].
+    /// Where it was armed, and returns to \[m, world\].
     pub fn home(&self) -> &Vector3<f32> {
         &self.home
     }
@@ -269,6 +269,11 @@ impl<P: Processor> Autopilot<P> {
         self.flyers.processor().healthy()
     }
 
+    /// How old the policy's last answer is, if it flies \[s\].
+    pub fn silent_secs(&self) -> f32 {
+        self.flyers.silent_secs()
+    }
+
     /// What has gone wrong in the last control period.
     pub fn events(&self) -> &Events {
         &self.events
@@ -290,6 +295,9 @@ impl<P: Processor> Autopilot<P> {
 
     fn tick_with(&mut self, state: &State<f32>) {
         self.ticks_blind = 0;
+        if self.mode == Mode::Disarmed {
+            self.home = state.position;
+        }
         self.count_rest(state);
         self.change_mode(state);
         self.watch(state);
@@ -331,7 +339,7 @@ impl<P: Processor> Autopilot<P> {
         if !self.mode.flies() {
             return;
         }
-        let margin_m = self.fence.margin_m(&state.position);
+        let margin_m = self.margin_m(&state.position);
         if margin_m >= FENCE_MARGIN_M {
             self.last_inside = state.position;
         }
@@ -388,7 +396,7 @@ impl<P: Processor> Autopilot<P> {
     fn move_goal(&mut self, state: &State<f32>) {
         let before = self.goal;
         self.goal.advance(&state.position, self.leash_m, self.control_secs);
-        let [old_m, new_m] = [before, self.goal].map(|goal| self.fence.margin_m(&goal.position()));
+        let [old_m, new_m] = [before, self.goal].map(|goal| self.margin_m(&goal.position()));
         if new_m < FENCE_MARGIN_M && new_m < old_m && self.mode != Mode::Landing {
             self.goal = before;
         }
@@ -416,6 +424,14 @@ impl<P: Processor> Autopilot<P> {
         self.ticks_at_rest = if still { self.ticks_at_rest.saturating_add(1) } else { 0 };
     }
 
+    /// Distance from a point to the nearest fence, negative outside \[m\].
+    pub fn margin_m(&self, point: &Vector3<f32>) -> f32 {
+        let way = point - self.home;
+        let Settings { fence_radius_m, fence_height_m, .. } = self.settings;
+        let [radius_m, height_m] = [fence_radius_m, fence_height_m].map(|limit| limit.unwrap_or(f32::INFINITY));
+        (radius_m - way.xy().norm()).min(height_m - way.z).min(self.fence.margin_m(point))
+    }
+
     /// Stops where the goal is.
     fn stay(&mut self) {
         self.goal.stop();
@@ -425,7 +441,7 @@ impl<P: Processor> Autopilot<P> {
     /// Holds here, or where the drone last was well inside the fence; lands if the fence has left that place, too.
     fn hold_inside(&mut self, state: &State<f32>) {
         self.stay();
-        let [here_m, inside_m] = [&state.position, &self.last_inside].map(|point| self.fence.margin_m(point));
+        let [here_m, inside_m] = [&state.position, &self.last_inside].map(|point| self.margin_m(point));
         if here_m < FENCE_MARGIN_M && inside_m < FENCE_MARGIN_M {
             self.sink();
             return;

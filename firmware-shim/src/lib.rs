@@ -10,9 +10,11 @@
 //! transports than UDP.
 
 pub mod autopilot;
+pub mod battery;
 mod excerpt;
 pub mod failsafe;
 pub mod fence;
+pub mod flight_mode;
 pub mod flyer;
 pub mod geodesy;
 pub mod goal;

@@ -69,7 +69,7 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     let bytes = PolicyBytes::read(&arguments.policy)?;
     let policy = bytes.policy().with_context(|| format!("policy {}", arguments.policy.display()))?;
     let control_secs = policy.metadata().control_period_secs;
-    let mut session = Session::open(policy, arguments.airframe.airframe(), &arguments.session)?;
+    let mut session = Session::open(&bytes, arguments.airframe.airframe(), &arguments.session)?;
     let mut output = io::stdout();
     writeln!(output, "{}", session.announcement()).and_then(|()| output.flush())?;
     let mut plant = FlatFloor::new(arguments.airframe.airframe(), control_secs);

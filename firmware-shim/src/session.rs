@@ -4,13 +4,16 @@ use std::net::SocketAddr;
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::{PolicyError, PolicyFile};
+use kestrel_core::policy_file::PolicyError;
 
+use crate::geodesy::Home;
 use crate::link::{Addresses, LinkError, UdpLink};
 use crate::lockstep::{self, Moment, Next, Pace};
+use crate::message::sent::identity::{Personality, PolicyIdentity};
 use crate::plant::Plant;
+use crate::policy_bytes::PolicyBytes;
 use crate::processor::Processor;
-use crate::vehicle::{Counts, MavlinkVehicle};
+use crate::vehicle::{Counts, MavlinkVehicle, Profile};
 
 /// Options of every command that flies.
 #[derive(Clone, Copy, Debug, PartialEq, clap::Args)]
@@ -39,6 +42,9 @@ pub struct SessionOptions {
 /// Why there is no flight.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
+    /// The policy file is damaged or of another version.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
     /// The policy does not reproduce its golden vectors.
     #[error("policy \"{name}\" does not compute here what it did when it was exported: {reason}")]
     SelfTest {
@@ -91,29 +97,32 @@ impl<'a> Session<Pilot<'a>> {
     /// Tests the policy and binds the vehicle's address.
     ///
     /// # Errors
-    /// If the policy fails its self-test, sees no goal or needs sensors, or the address cannot be had.
+    /// If the policy is none, fails its self-test, sees no goal or needs sensors, or the address cannot be had.
     pub fn open(
-        policy: PolicyFile<'a>,
+        bytes: &'a PolicyBytes,
         airframe: &Airframe,
         options: &SessionOptions,
     ) -> Result<Self, SessionError> {
+        let policy = bytes.policy()?;
+        let identity = PolicyIdentity::of(policy.metadata().name, bytes.bytes());
         let name = policy.metadata().name;
         policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
-        Self::with(Pilot::new(policy), name, airframe, options)
+        Self::with(Pilot::new(policy), identity, airframe, options)
     }
 }
 
 impl<P: Processor> Session<P> {
-    /// As [`Session::open`], with a tested policy of this name on any processor.
+    /// As [`Session::open`], with a tested policy on any processor.
     ///
     /// # Errors
     /// If the policy sees no goal or needs sensors, or the address cannot be had.
     pub fn with(
         processor: P,
-        name: &str,
+        policy: PolicyIdentity,
         airframe: &Airframe,
         options: &SessionOptions,
     ) -> Result<Self, SessionError> {
+        let name = policy.name.as_str();
         let layout = processor.observation();
         if !layout.shows_goal() {
             return Err(SessionError::GoalUnseen { name: name.to_owned(), observation: layout.name() });
@@ -123,7 +132,11 @@ impl<P: Processor> Session<P> {
         }
         let link = UdpLink::open(&Addresses { vehicle: options.listen, ground_station: options.ground_station })?;
         let announcement = announcement(name, link.address()?, options);
-        let vehicle = MavlinkVehicle::new(processor, airframe, options.system);
+        let vehicle = MavlinkVehicle::new(
+            processor,
+            airframe,
+            Profile { system: options.system, personality: Personality::Generic, origin: Home::default(), policy },
+        );
         Ok(Self { vehicle, link, options: *options, announcement })
     }
 

@@ -9,6 +9,7 @@ use kestrel_core::policy_file::{PolicyError, PolicyFile};
 use kestrel_core::vehicle::State;
 use kestrel_shim::autopilot::Mode;
 use kestrel_shim::lockstep::{Moment, Next};
+use kestrel_shim::message::sent::identity::PolicyIdentity;
 use kestrel_shim::plant::{FlatFloor, Plant};
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::processor::Processor;
@@ -115,10 +116,10 @@ pub fn fly(
     let bytes = PolicyBytes::copy_of(policy);
     let policy = bytes.policy()?;
     let mut plant = place.plant(&policy)?;
-    let name = policy.metadata().name;
+    let identity = PolicyIdentity::of(policy.metadata().name, bytes.bytes());
     match options.processor.processor {
         ProcessorKind::Host => conduct(
-            Session::open(policy, place.airframe(), &options.session)?,
+            Session::open(&bytes, place.airframe(), &options.session)?,
             plant.as_mut(),
             options,
             interrupted,
@@ -126,7 +127,7 @@ pub fn fly(
         ProcessorKind::Qemu => {
             let processor = Qemu::start(&options.processor.image, bytes.bytes(), &policy)?;
             conduct(
-                Session::with(processor, name, place.airframe(), &options.session)?,
+                Session::with(processor, identity, place.airframe(), &options.session)?,
                 plant.as_mut(),
                 options,
                 interrupted,

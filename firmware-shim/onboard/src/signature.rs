@@ -147,6 +147,12 @@ impl<'a> Signature<'a> {
     }
 }
 
+/// The first eight bytes of SHA-256 over some bytes: enough to tell files apart.
+pub fn fingerprint(bytes: &[u8]) -> [u8; 8] {
+    let [a, b, c, d, e, f, g, h, ..] = <[u8; 32]>::from(Sha256::digest(bytes));
+    [a, b, c, d, e, f, g, h]
+}
+
 fn digest(key: &Key, signed: &[u8], link: u8, time: Time) -> [u8; DIGEST_LEN] {
     let hash =
         Sha256::new().chain_update(key.0).chain_update(signed).chain_update([link]).chain_update(time.to_bytes());

@@ -14,6 +14,9 @@ pub const ALTITUDES_M: core::ops::RangeInclusive<f32> = 0.2..=20.0;
 /// Greatest speed that can be commanded \[m/s\]: what hover policies start their episodes with.
 pub const SPEED_LIMIT: f32 = 1.0;
 
+/// Least speed on the way to a point \[m/s\]: slower ones never arrive.
+const SPEED_MINIMUM: f32 = 0.05;
+
 /// Arming wants the drone within 25° of level: beyond, a take-off would tip it over.
 const LEVEL_COSINE: f32 = 0.906;
 
@@ -48,6 +51,8 @@ pub enum Command {
     Land,
     /// Have the policy or the cascade fly from now on.
     Fly(Flyer),
+    /// Go at this speed \[m/s\] from now on, no faster than [`SPEED_LIMIT`].
+    Speed(f32),
 }
 
 /// One of a stream of set-points; it is followed until the next, or until it is stale.
@@ -126,7 +131,7 @@ impl Refusal {
             Self::NotCruising => "refused: not flying, or taking off or landing",
             Self::NotFlying => "refused: not flying",
             Self::Altitude => "take-off refused: altitude must be 0.2 m to 20 m",
-            Self::Speed => "velocity refused: faster than 1 m/s",
+            Self::Speed => "velocity refused: not up to 1 m/s",
             Self::Fence => "refused: outside the fence",
             Self::NoSetPoints => "offboard refused: no set-points arrive",
             Self::NotOffboard => "set-point waits for the offboard mode",
@@ -155,6 +160,7 @@ impl<P: Processor> Autopilot<P> {
             Command::Return => self.return_home(),
             Command::Land => self.land(),
             Command::Fly(flyer) => self.hand_over(flyer),
+            Command::Speed(speed) => self.change_speed(speed),
         }
     }
 
@@ -197,7 +203,7 @@ impl<P: Processor> Autopilot<P> {
 
     /// Whether the fence lets a goal there.
     fn check_inside(&self, point: &Vector3<f32>) -> Result<(), Refusal> {
-        if self.fence.margin_m(point) >= FENCE_MARGIN_M { Ok(()) } else { Err(Refusal::Fence) }
+        if self.margin_m(point) >= FENCE_MARGIN_M { Ok(()) } else { Err(Refusal::Fence) }
     }
 
     fn arm(&mut self) -> Result<(), Refusal> {
@@ -215,7 +221,7 @@ impl<P: Processor> Autopilot<P> {
         if self.surroundings.battery <= critical {
             return Err(Refusal::Battery);
         }
-        if self.fence.margin_m(&state.position) < 0.0 {
+        if self.margin_m(&state.position) < 0.0 {
             return Err(Refusal::Fence);
         }
         if !self.healthy() {
@@ -257,10 +263,9 @@ impl<P: Processor> Autopilot<P> {
         }
     }
 
-    /// Begins a flight: here is home, and nothing has gone wrong yet.
+    /// Begins a flight: nothing has gone wrong yet.
     fn lift_off(&mut self) -> Result<(), Refusal> {
         let state = self.known_state.ok_or(Refusal::StateUnknown)?;
-        self.home = state.position;
         self.last_inside = state.position;
         self.goal = MovingGoal::at(state.position);
         self.failsafe.reset();
@@ -346,6 +351,17 @@ impl<P: Processor> Autopilot<P> {
                 Ok(())
             }
         }
+    }
+
+    fn change_speed(&mut self, speed: f32) -> Result<(), Refusal> {
+        if !(SPEED_MINIMUM..=SPEED_LIMIT).contains(&speed) {
+            return Err(Refusal::Speed);
+        }
+        self.settings.cruise_speed = speed;
+        if self.mode == Mode::Guided && !self.goal.arrived() && self.goal.target() != self.goal.position() {
+            self.goal.head_for(self.goal.target(), speed);
+        }
+        Ok(())
     }
 
     fn hand_over(&mut self, flyer: Flyer) -> Result<(), Refusal> {

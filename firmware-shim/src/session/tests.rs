@@ -8,6 +8,8 @@ use mavlink::dialects::common::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult}
 
 use super::*;
 use crate::autopilot::Mode;
+use crate::flight_mode::FlightMode;
+use crate::flyer::Flyer;
 use crate::link::DATAGRAM_LIMIT;
 use crate::plant::FlatFloor;
 use crate::policy_bytes::PolicyBytes;
@@ -73,7 +75,7 @@ impl Client {
     fn wait_for_mode(&self, mode: Mode) {
         self.wait_for(|message| match message {
             MavMessage::HEARTBEAT(heartbeat) => {
-                (heartbeat.custom_mode == crate::message::sent::mode_number(mode)).then_some(())
+                (heartbeat.custom_mode == FlightMode::of(mode, Flyer::Policy).custom_mode()).then_some(())
             }
             _ => None,
         });
@@ -105,7 +107,7 @@ fn wrong_options_are_refused_in_one_message() {
 #[test]
 fn the_announcement_names_policy_and_addresses() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let session = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("--speed 5")).unwrap();
+    let session = Session::open(&bytes, &CF2X, &anywhere("--speed 5")).unwrap();
     let address = session.link.address().unwrap();
     for expected in ["linear hover", "5 times", "udpin:127.0.0.1:9", &format!("udpout:{address}")] {
         assert!(session.announcement().contains(expected), "{}", session.announcement());
@@ -115,14 +117,14 @@ fn the_announcement_names_policy_and_addresses() {
 #[test]
 fn a_policy_that_fails_its_self_test_does_not_take_the_air() {
     let bytes = PolicyBytes::copy_of(&dishonest_policy());
-    let error = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("")).err().unwrap();
+    let error = Session::open(&bytes, &CF2X, &anywhere("")).err().unwrap();
     assert!(matches!(error, SessionError::SelfTest { .. }), "{error}");
 }
 
 #[test]
 fn a_policy_that_sees_no_goal_takes_no_commands() {
     let bytes = PolicyBytes::copy_of(&blind_policy());
-    let error = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("")).err().unwrap();
+    let error = Session::open(&bytes, &CF2X, &anywhere("")).err().unwrap();
     assert_eq!(
         error.to_string(),
         "policy \"linear hover\" has the observation `measured`, which does not show where to fly: a vehicle that \
@@ -133,24 +135,23 @@ fn a_policy_that_sees_no_goal_takes_no_commands() {
 #[test]
 fn a_policy_that_needs_sensors_does_not_fly_without() {
     let bytes = PolicyBytes::copy_of(&sensing_policy());
-    let error = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("")).err().unwrap();
+    let error = Session::open(&bytes, &CF2X, &anywhere("")).err().unwrap();
     assert!(matches!(error, SessionError::SensorsMissing { observation: "pilot_measured", .. }), "{error}");
 }
 
 #[test]
 fn a_busy_port_is_an_error() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let first = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("")).unwrap();
+    let first = Session::open(&bytes, &CF2X, &anywhere("")).unwrap();
     let options = SessionOptions { listen: first.link.address().unwrap(), ..anywhere("") };
-    let error = Session::open(bytes.policy().unwrap(), &CF2X, &options).err().unwrap();
+    let error = Session::open(&bytes, &CF2X, &options).err().unwrap();
     assert!(matches!(error, SessionError::Link(LinkError::Busy { .. })), "{error}");
 }
 
 #[test]
 fn a_flight_ends_when_its_time_is_up() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let mut session =
-        Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("--speed max --for-secs 5")).unwrap();
+    let mut session = Session::open(&bytes, &CF2X, &anywhere("--speed max --for-secs 5")).unwrap();
     let mut moments = 0;
     let mut watch = |_: &Moment| {
         moments += 1;
@@ -163,8 +164,7 @@ fn a_flight_ends_when_its_time_is_up() {
 #[test]
 fn a_client_flies_over_the_loopback_through_a_shower_of_garbage() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let mut session =
-        Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("--speed 50 --for-secs 2000")).unwrap();
+    let mut session = Session::open(&bytes, &CF2X, &anywhere("--speed 50 --for-secs 2000")).unwrap();
     let client = Client::of(&session);
     let pilot = thread::spawn(move || {
         let garbage = |i: u8| client.send(&vec![i.wrapping_mul(37); 3 * usize::from(i)]);
