@@ -51,6 +51,13 @@ impl FlatFloor {
         }
     }
 
+    /// The same at another place of the floor \[m, world x and y\].
+    #[must_use]
+    pub fn at(mut self, [x_m, y_m]: [f32; 2]) -> Self {
+        (self.state.position.x, self.state.position.y) = (x_m, y_m);
+        self
+    }
+
     /// Stands still on the floor.
     fn rest(&mut self) {
         self.state.position.z = self.rest_height;
