@@ -10,7 +10,10 @@
 //! frames are not forwarded from one link to another.
 
 pub mod autopilot;
+pub mod failsafe;
+pub mod fence;
 pub mod flight_log;
+pub mod flyer;
 pub mod goal;
 pub mod link;
 pub mod lockstep;
@@ -19,6 +22,8 @@ pub mod plant;
 pub mod policy_bytes;
 pub mod processor;
 pub mod session;
+pub mod settings;
+pub mod steering;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;

@@ -74,10 +74,11 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     let bytes = PolicyBytes::read(&arguments.policy)?;
     let policy = bytes.policy().with_context(|| format!("policy {}", arguments.policy.display()))?;
     let control_secs = policy.metadata().control_period_secs;
-    let mut squadron = Squadron::open(&policy, arguments.vehicles, &arguments.session)?;
+    let airframe = arguments.airframe.airframe();
+    let mut squadron = Squadron::open(&policy, airframe, arguments.vehicles, &arguments.session)?;
     let mut output = io::stdout();
     writeln!(output, "{}", squadron.announcement()).and_then(|()| output.flush())?;
-    let floor = FlatFloor::new(arguments.airframe.airframe(), control_secs);
+    let floor = FlatFloor::new(airframe, control_secs);
     let places = (0..arguments.vehicles).map(|number| grid(number, arguments.vehicles));
     let mut plants: Vec<FlatFloor> = places.map(|place| floor.clone().at(place)).collect();
     squadron.fly(&mut plants, &mut |_| Next::Fly)?;

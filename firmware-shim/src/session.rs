@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::slice;
 use std::time::Duration;
 
+use kestrel_core::airframe::Airframe;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{PolicyError, PolicyFile};
 
@@ -201,10 +202,14 @@ impl<'a> Session<Pilot<'a>> {
     ///
     /// # Errors
     /// If the policy fails its self-test, sees no goal or needs sensors, or a link or the log cannot be had.
-    pub fn open(policy: PolicyFile<'a>, options: &SessionOptions) -> Result<Self, SessionError> {
+    pub fn open(
+        policy: PolicyFile<'a>,
+        airframe: &Airframe,
+        options: &SessionOptions,
+    ) -> Result<Self, SessionError> {
         let name = policy.metadata().name;
         policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
-        Self::with(Pilot::new(policy), name, options)
+        Self::with(Pilot::new(policy), name, airframe, options)
     }
 }
 
@@ -213,7 +218,12 @@ impl<P: Processor> Session<P> {
     ///
     /// # Errors
     /// If the policy sees no goal or needs sensors, or a link or the log cannot be had.
-    pub fn with(processor: P, name: &str, options: &SessionOptions) -> Result<Self, SessionError> {
+    pub fn with(
+        processor: P,
+        name: &str,
+        airframe: &Airframe,
+        options: &SessionOptions,
+    ) -> Result<Self, SessionError> {
         let layout = processor.observation();
         if !layout.shows_goal() {
             return Err(SessionError::GoalUnseen { name: name.to_owned(), observation: layout.name() });
@@ -227,7 +237,7 @@ impl<P: Processor> Session<P> {
             log: options.open_log()?,
             announcement: announcement(name, options, &[bound]),
             bound,
-            vehicle: MavlinkVehicle::new(processor, options.system),
+            vehicle: MavlinkVehicle::new(processor, airframe, options.system),
             options: options.clone(),
         })
     }

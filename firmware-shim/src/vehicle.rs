@@ -2,10 +2,11 @@
 
 use core::time::Duration;
 
+use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
 use mavlink::dialects::common::{MavResult, MavSeverity};
 
-use crate::autopilot::{Autopilot, Command, DEFAULT_ALTITUDE_M, Mode, Refusal};
+use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint, Surroundings};
 use crate::frame::{Encoder, Frame, Frames, Payload};
 use crate::message::received::{self, CommandLong, PositionTarget, Request, SetPointError};
 use crate::message::sent;
@@ -69,9 +70,9 @@ struct Answer {
 }
 
 impl<P: Processor> MavlinkVehicle<P> {
-    /// A disarmed vehicle whose policy `processor` computes, as MAVLink system `system`, 1 to 250 by custom.
-    pub fn new(processor: P, system: u8) -> Self {
-        let autopilot = Autopilot::new(processor);
+    /// A disarmed vehicle of an airframe, whose policy `processor` computes, as MAVLink system `system`, 1 to 250 by custom.
+    pub fn new(processor: P, airframe: &Airframe, system: u8) -> Self {
+        let autopilot = Autopilot::new(processor, airframe);
         Self {
             schedule: Schedule::new(autopilot.control_secs()),
             autopilot,
@@ -123,7 +124,7 @@ impl<P: Processor> MavlinkVehicle<P> {
     /// Rotor targets \[rad/s\] for the next control period; `send` gets the frames that are due, one by one.
     pub fn tick(&mut self, state: &State<f32>, send: &mut dyn FnMut(&[u8])) -> [f32; 4] {
         let before = self.mode();
-        let rotor_targets = self.autopilot.tick(state);
+        let rotor_targets = self.autopilot.tick(state, &Surroundings::default());
         self.announce(before);
         for answer in core::mem::take(&mut self.answers) {
             send(&self.encoder.encode(&answer));
@@ -222,7 +223,9 @@ impl<P: Processor> MavlinkVehicle<P> {
             400 if first == 0.0 && second == FORCED => self.command(Command::StopMotors),
             400 if first == 0.0 => self.command(Command::Disarm),
             22 if is_here(latitude, longitude) => {
-                self.command(Command::TakeOff { altitude_m: or_default(altitude) })
+                let altitude_m =
+                    if altitude.is_nan() { self.autopilot.settings().takeoff_altitude_m } else { altitude };
+                self.command(Command::TakeOff { altitude_m })
             }
             21 if is_here(latitude, longitude) => self.command(Command::Land),
             21 | 22 => Answer::denied("no global position: takes off and lands in place"),
@@ -258,7 +261,7 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     fn follow(&mut self, target: &PositionTarget) {
         let outcome = match target.set_point() {
-            Ok(point) => self.autopilot.command(Command::GoTo(point)).map_err(Refusal::text),
+            Ok(point) => self.autopilot.set_point(SetPoint::Position(point)).map_err(Refusal::text),
             Err(error) => Err(error.text()),
         };
         if let Err(text) = outcome {
@@ -291,10 +294,6 @@ fn is_here(latitude: f32, longitude: f32) -> bool {
     [latitude, longitude].iter().all(|angle| angle.is_nan() || *angle == 0.0)
 }
 
-fn or_default(altitude_m: f32) -> f32 {
-    if altitude_m.is_nan() { DEFAULT_ALTITUDE_M } else { altitude_m }
-}
-
 impl Answer {
     const ACCEPTED: Self = Self { result: MavResult::MAV_RESULT_ACCEPTED, text: None };
 
@@ -313,7 +312,7 @@ impl Refusal {
     /// Denied: can never work. Failed: something is broken. Temporarily rejected: not now.
     fn result(self) -> MavResult {
         match self {
-            Self::Altitude => MavResult::MAV_RESULT_DENIED,
+            Self::Altitude | Self::Speed | Self::Fence => MavResult::MAV_RESULT_DENIED,
             Self::SelfTest => MavResult::MAV_RESULT_FAILED,
             Self::StateUnknown
             | Self::NotLevel
@@ -321,22 +320,10 @@ impl Refusal {
             | Self::NotArmed
             | Self::InFlight
             | Self::NotCruising
-            | Self::NotFlying => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
-        }
-    }
-
-    /// At most the 50 bytes of a `STATUSTEXT`.
-    fn text(self) -> &'static str {
-        match self {
-            Self::SelfTest => "arming refused: policy self-test failed",
-            Self::StateUnknown => "refused: state unknown",
-            Self::NotLevel => "arming refused: tilted more than 25 degrees",
-            Self::Moving => "arming refused: moving",
-            Self::NotArmed => "take-off refused: not armed",
-            Self::InFlight => "refused: in flight",
-            Self::NotCruising => "refused: not flying, or taking off or landing",
-            Self::NotFlying => "landing refused: not flying",
-            Self::Altitude => "take-off refused: altitude must be 0.2 m to 20 m",
+            | Self::NotFlying
+            | Self::Battery
+            | Self::NoSetPoints
+            | Self::NotOffboard => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
         }
     }
 }

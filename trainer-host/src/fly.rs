@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, LineWriter, Write};
 use std::path::PathBuf;
 
-use kestrel_core::airframe::CF2X;
+use kestrel_core::airframe::{Airframe, CF2X};
 use kestrel_core::policy_file::{PolicyError, PolicyFile};
 use kestrel_core::vehicle::State;
 use kestrel_shim::autopilot::Mode;
@@ -117,12 +117,20 @@ pub fn fly(
     let mut plant = place.plant(&policy)?;
     let name = policy.metadata().name;
     match options.processor.processor {
-        ProcessorKind::Host => {
-            conduct(Session::open(policy, &options.session)?, plant.as_mut(), options, interrupted)
-        }
+        ProcessorKind::Host => conduct(
+            Session::open(policy, place.airframe(), &options.session)?,
+            plant.as_mut(),
+            options,
+            interrupted,
+        ),
         ProcessorKind::Qemu => {
             let processor = Qemu::start(&options.processor.image, bytes.bytes(), &policy)?;
-            conduct(Session::with(processor, name, &options.session)?, plant.as_mut(), options, interrupted)
+            conduct(
+                Session::with(processor, name, place.airframe(), &options.session)?,
+                plant.as_mut(),
+                options,
+                interrupted,
+            )
         }
     }
 }
@@ -152,6 +160,13 @@ fn conduct<P: Processor>(
 }
 
 impl Place<'_> {
+    const fn airframe(&self) -> &Airframe {
+        match self {
+            Self::FlatFloor => &CF2X,
+            Self::Scenario(scenario) => &scenario.airframe,
+        }
+    }
+
     fn plant(&self, policy: &PolicyFile) -> Result<Box<dyn Plant>, FlyError> {
         let control_secs = policy.metadata().control_period_secs;
         match self {

@@ -90,7 +90,7 @@ struct Flight {
 impl Flight {
     fn new(system: u8, x_m: f32) -> Self {
         Self {
-            vehicle: MavlinkVehicle::new(pilot(hover_policy()), system),
+            vehicle: MavlinkVehicle::new(pilot(hover_policy()), &CF2X, system),
             plant: FlatFloor::new(&CF2X, 0.01).at([x_m, 0.0]),
             links: Links::default(),
             log: None,

@@ -40,6 +40,8 @@ pub const fn mode_number(mode: Mode) -> u32 {
         Mode::Guided => 4,
         Mode::Landing => 5,
         Mode::Landed => 6,
+        Mode::Offboard => 7,
+        Mode::Returning => 8,
     }
 }
 
@@ -72,7 +74,7 @@ pub fn extended_sys_state(mode: Mode) -> Payload {
     let landed_state = match mode {
         Mode::Disarmed | Mode::Armed | Mode::Landed => MavLandedState::MAV_LANDED_STATE_ON_GROUND,
         Mode::TakingOff => MavLandedState::MAV_LANDED_STATE_TAKEOFF,
-        Mode::Holding | Mode::Guided => MavLandedState::MAV_LANDED_STATE_IN_AIR,
+        Mode::Holding | Mode::Guided | Mode::Offboard | Mode::Returning => MavLandedState::MAV_LANDED_STATE_IN_AIR,
         Mode::Landing => MavLandedState::MAV_LANDED_STATE_LANDING,
     };
     Payload::of(&EXTENDED_SYS_STATE_DATA { landed_state, ..EXTENDED_SYS_STATE_DATA::default() })

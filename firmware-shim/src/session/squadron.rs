@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
+use kestrel_core::airframe::Airframe;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyFile;
 
@@ -31,9 +32,14 @@ impl<'a> Squadron<Pilot<'a>> {
     /// # Errors
     /// As [`Session::open`], and [`SessionError::Squadron`] if there are not so many systems or ports, or a serial line is
     /// wanted by several.
-    pub fn open(policy: &PolicyFile<'a>, count: u8, options: &SessionOptions) -> Result<Self, SessionError> {
+    pub fn open(
+        policy: &PolicyFile<'a>,
+        airframe: &Airframe,
+        count: u8,
+        options: &SessionOptions,
+    ) -> Result<Self, SessionError> {
         let each = (0..count).map(|number| options.of_vehicle(number, count)).collect::<Result<Vec<_>, _>>()?;
-        let opened = each.iter().map(|options| Session::open(policy.clone(), options));
+        let opened = each.iter().map(|options| Session::open(policy.clone(), airframe, options));
         let sessions = opened.collect::<Result<Vec<_>, _>>()?;
         let bound: Vec<_> = sessions.iter().map(Session::bound).collect();
         Ok(Self { announcement: announcement(policy.metadata().name, options, &bound), sessions })

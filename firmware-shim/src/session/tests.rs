@@ -113,7 +113,7 @@ fn wrong_options_are_refused_in_one_message() {
 #[test]
 fn the_announcement_names_policy_and_addresses() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let session = Session::open(bytes.policy().unwrap(), &anywhere("--speed 5")).unwrap();
+    let session = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("--speed 5")).unwrap();
     let address = session.bound().udp;
     for expected in ["linear hover", "5 times", "udpin:127.0.0.1:9", &format!("udpout:{address}")] {
         assert!(session.announcement().contains(expected), "{}", session.announcement());
@@ -124,7 +124,7 @@ fn the_announcement_names_policy_and_addresses() {
 fn whoever_listens_beyond_the_loopback_is_told_so() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
     let announced = |options: &SessionOptions| {
-        Session::open(bytes.policy().unwrap(), options).unwrap().announcement().to_owned()
+        Session::open(bytes.policy().unwrap(), &CF2X, options).unwrap().announcement().to_owned()
     };
     let warning = "Reachable from other machines";
     assert!(!announced(&anywhere("--tcp 127.0.0.1:0")).contains(warning));
@@ -143,14 +143,14 @@ fn a_tcp_address_has_a_customary_port() {
 #[test]
 fn a_policy_that_fails_its_self_test_does_not_take_the_air() {
     let bytes = PolicyBytes::copy_of(&dishonest_policy());
-    let error = Session::open(bytes.policy().unwrap(), &anywhere("")).err().unwrap();
+    let error = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("")).err().unwrap();
     assert!(matches!(error, SessionError::SelfTest { .. }), "{error}");
 }
 
 #[test]
 fn a_policy_that_sees_no_goal_takes_no_commands() {
     let bytes = PolicyBytes::copy_of(&blind_policy());
-    let error = Session::open(bytes.policy().unwrap(), &anywhere("")).err().unwrap();
+    let error = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("")).err().unwrap();
     assert_eq!(
         error.to_string(),
         "policy \"linear hover\" has the observation `measured`, which does not show where to fly: a vehicle that \
@@ -161,23 +161,24 @@ fn a_policy_that_sees_no_goal_takes_no_commands() {
 #[test]
 fn a_policy_that_needs_sensors_does_not_fly_without() {
     let bytes = PolicyBytes::copy_of(&sensing_policy());
-    let error = Session::open(bytes.policy().unwrap(), &anywhere("")).err().unwrap();
+    let error = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("")).err().unwrap();
     assert!(matches!(error, SessionError::SensorsMissing { observation: "pilot_measured", .. }), "{error}");
 }
 
 #[test]
 fn a_busy_port_is_an_error() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let first = Session::open(bytes.policy().unwrap(), &anywhere("")).unwrap();
+    let first = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("")).unwrap();
     let options = SessionOptions { listen: first.bound().udp, ..anywhere("") };
-    let error = Session::open(bytes.policy().unwrap(), &options).err().unwrap();
+    let error = Session::open(bytes.policy().unwrap(), &CF2X, &options).err().unwrap();
     assert!(matches!(error, SessionError::Link(LinkError::Busy { .. })), "{error}");
 }
 
 #[test]
 fn a_flight_ends_when_its_time_is_up() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let mut session = Session::open(bytes.policy().unwrap(), &anywhere("--speed max --for-secs 5")).unwrap();
+    let mut session =
+        Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("--speed max --for-secs 5")).unwrap();
     let mut moments = 0;
     let mut watch = |_: &Moment| {
         moments += 1;
@@ -190,8 +191,8 @@ fn a_flight_ends_when_its_time_is_up() {
 #[test]
 fn a_busy_tcp_port_a_wrong_device_and_a_log_in_no_folder_are_errors() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let first = Session::open(bytes.policy().unwrap(), &anywhere("--tcp 127.0.0.1:0")).unwrap();
-    let refusal = |more: &str| Session::open(bytes.policy().unwrap(), &anywhere(more)).err().unwrap();
+    let first = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("--tcp 127.0.0.1:0")).unwrap();
+    let refusal = |more: &str| Session::open(bytes.policy().unwrap(), &CF2X, &anywhere(more)).err().unwrap();
     let error = refusal(&format!("--tcp {}", first.bound().tcp.unwrap()));
     assert!(matches!(error, SessionError::Link(LinkError::Busy { .. })), "{error}");
     let error = refusal("--serial no/such/device");
@@ -206,7 +207,7 @@ fn a_tcp_client_arms_and_everything_is_logged() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("flight.tlog");
     let options = format!("--tcp 127.0.0.1:0 --speed 10 --log-start 5 --log {}", log.display());
-    let mut session = Session::open(bytes.policy().unwrap(), &anywhere(&options)).unwrap();
+    let mut session = Session::open(bytes.policy().unwrap(), &CF2X, &anywhere(&options)).unwrap();
     let mut stream = TcpStream::connect(session.bound().tcp.unwrap()).unwrap();
     let arm = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     let command = datagram(&command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, arm));
@@ -232,7 +233,7 @@ fn a_squadron_counts_up_and_ends_together() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("flight.tlog");
     let options = format!("--speed max --for-secs 1 --system 5 --log {}", log.display());
-    let mut squadron = Squadron::open(&bytes.policy().unwrap(), 3, &anywhere(&options)).unwrap();
+    let mut squadron = Squadron::open(&bytes.policy().unwrap(), &CF2X, 3, &anywhere(&options)).unwrap();
     assert!(squadron.announcement().contains("systems 5 to 7"), "{}", squadron.announcement());
     for session in squadron.sessions() {
         let address = format!("udpout:{}", session.bound().udp);
@@ -256,7 +257,7 @@ fn a_squadron_counts_up_and_ends_together() {
 #[test]
 fn a_squadron_of_one_is_a_session() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let squadron = Squadron::open(&bytes.policy().unwrap(), 1, &anywhere("")).unwrap();
+    let squadron = Squadron::open(&bytes.policy().unwrap(), &CF2X, 1, &anywhere("")).unwrap();
     assert_eq!(squadron.announcement(), squadron.sessions()[0].announcement());
 }
 
@@ -270,7 +271,7 @@ fn a_squadron_without_numbers_ports_or_lines_for_all_is_refused() {
         ("--serial /dev/null", "expected no serial line, found /dev/null"),
     ] {
         let options = parsed(options).unwrap();
-        let error = Squadron::open(&bytes.policy().unwrap(), 3, &options).err().unwrap();
+        let error = Squadron::open(&bytes.policy().unwrap(), &CF2X, 3, &options).err().unwrap();
         assert!(matches!(error, SessionError::Squadron { count: 3, .. }), "{error}");
         assert!(error.to_string().contains(expected), "{error}");
     }
@@ -279,7 +280,8 @@ fn a_squadron_without_numbers_ports_or_lines_for_all_is_refused() {
 #[test]
 fn a_client_flies_over_the_loopback_through_a_shower_of_garbage() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let mut session = Session::open(bytes.policy().unwrap(), &anywhere("--speed 50 --for-secs 2000")).unwrap();
+    let mut session =
+        Session::open(bytes.policy().unwrap(), &CF2X, &anywhere("--speed 50 --for-secs 2000")).unwrap();
     let client = Client::of(&session);
     let pilot = thread::spawn(move || {
         let garbage = |i: u8| client.send(&vec![i.wrapping_mul(37); 3 * usize::from(i)]);
