@@ -225,7 +225,7 @@ impl Lane {
         } else {
             self.push(packet);
             let overtaken = self.held.take();
-            overtaken.into_iter().for_each(|packet| self.push(packet));
+            self.push_if_any(overtaken);
         }
     }
 
@@ -235,11 +235,17 @@ impl Lane {
         }
     }
 
+    fn push_if_any(&mut self, packet: Option<Packet>) {
+        if let Some(packet) = packet {
+            self.push(packet);
+        }
+    }
+
     /// Lets go what has been held back for long enough.
     fn release(&mut self, now_secs: f64) {
         let deadline_secs = now_secs + self.faults.delay_secs - HELD_LIMIT_SECS;
         let overdue = self.held.take_if(|held| held.due_secs < deadline_secs);
-        overdue.into_iter().for_each(|packet| self.push(packet));
+        self.push_if_any(overdue);
     }
 
     /// The next datagram that is due.

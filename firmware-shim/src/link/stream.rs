@@ -20,7 +20,7 @@ const BYTES_PER_PERIOD: usize = SHORTEST_FRAME * DATAGRAMS_PER_ENDPOINT as usize
 /// A peer at the other end of a non-blocking stream. Its memory is a chunk, a frame and the frames that wait.
 #[derive(Debug)]
 pub(super) struct Stream<S> {
-    stream: S,
+    bytes: S,
     receiver: Receiver,
     chunk: [u8; CHUNK],
     /// What of the chunk is not yet read.
@@ -33,10 +33,10 @@ pub(super) struct Stream<S> {
 }
 
 impl<S: Read + Write> Stream<S> {
-    /// A stream that does not block, for which at most `waiting_limit` bytes wait to be taken.
-    pub(super) fn new(stream: S, waiting_limit: usize) -> Self {
+    /// A stream `bytes` that does not block, for which at most `waiting_limit` bytes wait to be taken.
+    pub(super) fn new(bytes: S, waiting_limit: usize) -> Self {
         Self {
-            stream,
+            bytes,
             receiver: Receiver::new(),
             chunk: [0; CHUNK],
             unread: 0..0,
@@ -75,7 +75,7 @@ impl<S: Read + Write> Stream<S> {
         if wanted == 0 {
             return Ok(false);
         }
-        match self.stream.read(&mut self.chunk[..wanted]) {
+        match self.bytes.read(&mut self.chunk[..wanted]) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
             Ok(len) => {
                 self.bytes_left -= len;
@@ -97,7 +97,7 @@ impl<S: Read + Write> Stream<S> {
 
     fn flush(&mut self) -> io::Result<()> {
         while !self.waiting.is_empty() {
-            match self.stream.write(self.waiting.as_slices().0) {
+            match self.bytes.write(self.waiting.as_slices().0) {
                 Ok(0) => return Err(ErrorKind::WriteZero.into()),
                 Ok(len) => drop(self.waiting.drain(..len)),
                 Err(error) if is_momentary(&error) => return Ok(()),
@@ -208,7 +208,7 @@ mod tests {
         for left in [2 * BYTES_PER_PERIOD, BYTES_PER_PERIOD, 0] {
             stream.advance().unwrap();
             assert_eq!(frames(&mut stream), 0);
-            assert_eq!(stream.stream.given.len(), left);
+            assert_eq!(stream.bytes.given.len(), left);
         }
     }
 
@@ -217,10 +217,10 @@ mod tests {
         let mut stream = stream(&[], 7, 13);
         (0..9_u8).for_each(|number| stream.send(&[number; 30]).unwrap());
         assert_eq!(stream.waiting(), 3 * 30 - 13, "of a limit of 100");
-        stream.stream.room = usize::MAX;
+        stream.bytes.room = usize::MAX;
         stream.advance().unwrap();
         let whole: Vec<u8> = (0..3).flat_map(|number| [number; 30]).collect();
-        assert_eq!(stream.stream.taken, whole);
+        assert_eq!(stream.bytes.taken, whole);
     }
 
     #[test]
@@ -231,7 +231,7 @@ mod tests {
         std::thread::sleep(Duration::from_millis(2));
         stream.advance().unwrap();
         assert!(stream.stalled() > before);
-        stream.stream.room = usize::MAX;
+        stream.bytes.room = usize::MAX;
         stream.advance().unwrap();
         assert!(stream.stalled() < Duration::from_secs(1));
         let mut ended = Stream::new(io::Cursor::new(Vec::new()), 100);

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::stream::Stream;
 use super::{DATAGRAM_LIMIT, Link, LinkError, Place, Received};
 
-/// Where ground stations look for a vehicle in simulation, as ArduPilot's offers it.
+/// Where ground stations look for a vehicle in simulation, as the one of `ArduPilot` offers it.
 pub const DEFAULT_PORT: u16 = 5760;
 
 /// Clients at a time; the connection of one more is closed.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use kestrel_core::airframe::CF2X;
-use mavlink::dialects::common::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
+use mavlink::dialects::common::{COMMAND_ACK_DATA, HEARTBEAT_DATA, MavCmd, MavMessage, MavResult};
 
 use super::*;
 use crate::autopilot::Mode;
@@ -286,6 +286,9 @@ fn a_client_flies_over_the_loopback_through_a_shower_of_garbage() {
     let pilot = thread::spawn(move || {
         let garbage = |i: u8| client.send(&vec![i.wrapping_mul(37); 3 * usize::from(i)]);
         (1..100).for_each(garbage);
+        // A vehicle that has not flown a control period yet has no state, and refuses to arm.
+        client.send(&datagram(&HEARTBEAT_DATA::default()));
+        client.wait_for_mode(Mode::Disarmed);
         assert_eq!(
             client.command(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
             MavResult::MAV_RESULT_ACCEPTED
