@@ -10,14 +10,17 @@
 //! frames are not forwarded from one link to another.
 
 pub mod autopilot;
+mod excerpt;
 pub mod failsafe;
 pub mod fence;
 pub mod flight_log;
 pub mod flyer;
+pub mod geodesy;
 pub mod goal;
 pub mod link;
 pub mod lockstep;
 pub mod message;
+pub mod parameter;
 pub mod plant;
 pub mod policy_bytes;
 pub mod processor;

@@ -64,10 +64,18 @@ pub struct Settings {
     pub link_loss_action: Action,
     /// When the fence is left.
     pub fence_action: Action,
+    /// Radius of the fence around home, if there is one \[m\].
+    pub fence_radius_m: Option<f32>,
+    /// Height of the fence above home, if there is one \[m\].
+    pub fence_height_m: Option<f32>,
     /// Shares of the battery that are low, critical, and nearly nothing.
     pub battery_levels: [f32; 3],
     /// At each of them.
     pub battery_actions: [Action; 3],
+    /// Time of flight that empties the simulated battery, if it empties at all \[s\].
+    pub battery_drain_secs: Option<f32>,
+    /// Share of the battery at which it stops emptying.
+    pub battery_least: f32,
     /// Greatest tilt \[rad\].
     pub tilt_limit_rad: f32,
     /// For how long it may be exceeded \[s\].
@@ -116,8 +124,12 @@ impl Default for Settings {
             link_loss_secs: 10.0,
             link_loss_action: Action::Land,
             fence_action: Action::Hold,
+            fence_radius_m: None,
+            fence_height_m: None,
             battery_levels: [0.15, 0.07, 0.05],
             battery_actions: [Action::Warn, Action::Return, Action::Land],
+            battery_drain_secs: None,
+            battery_least: 0.5,
             tilt_limit_rad: 60_f32.to_radians(),
             tilt_secs: 0.3,
             rate_limit: 15.0,
