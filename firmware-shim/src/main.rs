@@ -23,7 +23,7 @@ const USER_ERROR: u8 = 2;
 /// Example: kestrel-shim runs/hover-seed0-1/policy.kestrel --speed 5
 ///
 /// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points,
-/// land. Exit status: 0 after a flight, 2 if it cannot begin.
+/// land. Exit status: 0 after a flight, 2 if it cannot begin or is cut short.
 #[derive(Parser)]
 #[command(name = "kestrel-shim", version)]
 struct Arguments {
