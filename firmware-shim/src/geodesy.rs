@@ -81,6 +81,13 @@ pub enum HomeError {
     },
 }
 
+impl core::fmt::Display for Home {
+    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { latitude_deg, longitude_deg, altitude_m } = self;
+        write!(formatter, "{latitude_deg},{longitude_deg},{altitude_m}")
+    }
+}
+
 impl Default for Home {
     /// Zurich, where PX4's simulation starts by default.
     fn default() -> Self {

@@ -1,19 +1,20 @@
 //! A MAVLink 2 vehicle that flies exported policies in software in the loop.
 //!
-//! Read in the order of the data: datagrams come in through a [`link`], are cut into checked [`frame`]s ([`kestrel_onboard`]) and become
-//! requests ([`message`]); the [`vehicle`] has its [`autopilot`] obey them. Every control period the autopilot moves
-//! the [`goal`] and asks the policy for rotor targets, [`telemetry`] says what is due to be told, and the [`plant`]
-//! steps: that is [`lockstep`].
+//! Read in the order of the data: datagrams come in through a [`link`], are cut into checked [`frame`]s
+//! ([`kestrel_onboard`]) and become requests ([`message`]); the [`vehicle`] has its [`autopilot`] obey them. Every control
+//! period the autopilot moves the [`goal`] and asks the policy for rotor targets, [`telemetry`] says what is due to be told,
+//! and the [`plant`] steps: that is [`lockstep`], for one vehicle or several. A [`flight_log`] holds every frame.
 //!
-//! Only [`link`] and [`lockstep`] know sockets and clocks; everything before them is free of both and of
-//! allocation, so that a microcontroller can run it. Not there yet: parameters, missions, global positions, other
-//! transports than UDP.
+//! Only [`link`], [`flight_log`] and [`lockstep`] know sockets, files and clocks; everything before them is free of all
+//! three and of allocation, so that a microcontroller can run it. Frames are not
+//! forwarded from one link to another.
 
 pub mod autopilot;
 pub mod battery;
 mod excerpt;
 pub mod failsafe;
 pub mod fence;
+pub mod flight_log;
 pub mod flight_mode;
 pub mod flyer;
 pub mod geodesy;

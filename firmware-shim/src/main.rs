@@ -10,7 +10,7 @@ use kestrel_core::airframe::{Airframe, CF2P, CF2X};
 use kestrel_shim::lockstep::Next;
 use kestrel_shim::plant::FlatFloor;
 use kestrel_shim::policy_bytes::PolicyBytes;
-use kestrel_shim::session::{Session, SessionOptions};
+use kestrel_shim::session::{SessionOptions, Squadron};
 
 /// Exit status of everything the user can mend, as of clap's own errors.
 const USER_ERROR: u8 = 2;
@@ -23,7 +23,7 @@ const USER_ERROR: u8 = 2;
 /// Example: kestrel-shim runs/hover-seed0-1/policy.kestrel --speed 5
 ///
 /// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points,
-/// land. Exit status: 0 after a flight, 2 if it cannot begin.
+/// land. Exit status: 0 after a flight, 2 if it cannot begin or is cut short.
 #[derive(Parser)]
 #[command(name = "kestrel-shim", version)]
 struct Arguments {
@@ -33,6 +33,11 @@ struct Arguments {
     /// Airframe that flies
     #[arg(long, value_enum, default_value_t = AirframeName::Cf2x)]
     airframe: AirframeName,
+
+    /// Fly so many vehicles, one metre apart: each listens one port and has one system number above the one before it,
+    /// and all speak to the same ground station
+    #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=250))]
+    vehicles: u8,
 
     #[command(flatten)]
     session: SessionOptions,
@@ -69,10 +74,26 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     let bytes = PolicyBytes::read(&arguments.policy)?;
     let policy = bytes.policy().with_context(|| format!("policy {}", arguments.policy.display()))?;
     let control_secs = policy.metadata().control_period_secs;
-    let mut session = Session::open(&bytes, arguments.airframe.airframe(), &arguments.session)?;
+    let airframe = arguments.airframe.airframe();
+    let mut squadron = Squadron::open(&bytes, airframe, arguments.vehicles, &arguments.session)?;
     let mut output = io::stdout();
-    writeln!(output, "{}", session.announcement()).and_then(|()| output.flush())?;
-    let mut plant = FlatFloor::new(arguments.airframe.airframe(), control_secs);
-    session.fly(&mut plant, &mut |_| Next::Fly)?;
+    writeln!(output, "{}", squadron.announcement()).and_then(|()| output.flush())?;
+    let floor = FlatFloor::new(airframe, control_secs);
+    let places = (0..arguments.vehicles).map(|number| grid(number, arguments.vehicles));
+    let mut plants: Vec<FlatFloor> = places.map(|place| floor.clone().at(place)).collect();
+    squadron.fly(&mut plants, &mut |_| Next::Fly)?;
+    let (flooding, commands) = squadron.sessions().iter().fold((0, 0), |(flooding, commands), session| {
+        let counts = session.link_counts();
+        (flooding + counts.flooding, commands + counts.commands)
+    });
+    if flooding + commands > 0 {
+        eprintln!("Not heard: {flooding} datagrams of floods, {commands} with too many commands.");
+    }
     Ok(())
+}
+
+/// Place of a vehicle in a square of rows, one metre apart \[m, world x and y\].
+fn grid(number: u8, count: u8) -> [f32; 2] {
+    let side = f32::from(count).sqrt().ceil() as u8;
+    [f32::from(number % side), f32::from(number / side)]
 }

@@ -53,6 +53,13 @@ impl FlatFloor {
         }
     }
 
+    /// The same at another place of the floor \[m, world x and y\].
+    #[must_use]
+    pub fn at(mut self, [x_m, y_m]: [f32; 2]) -> Self {
+        (self.state.position.x, self.state.position.y) = (x_m, y_m);
+        self
+    }
+
     /// Goes on from another state.
     #[cfg(test)]
     pub(crate) fn put(&mut self, state: State<f32>) {

@@ -152,3 +152,14 @@ pub(crate) fn profile(system: u8) -> Profile {
         policy: PolicyIdentity::of("linear hover", b"a policy"),
     }
 }
+
+/// Times \[µs since 1970\] and frames of a flight log.
+pub(crate) fn read_flight_log(mut bytes: &[u8]) -> Vec<(u64, Vec<u8>)> {
+    let mut entries = Vec::new();
+    while let Some((time_us, rest)) = bytes.split_first_chunk() {
+        let frame = Frames::new(rest).next().unwrap().unwrap().bytes;
+        entries.push((u64::from_be_bytes(*time_us), frame.to_vec()));
+        bytes = &rest[frame.len()..];
+    }
+    entries
+}

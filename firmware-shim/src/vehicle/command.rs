@@ -163,7 +163,7 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     /// `MAV_CMD_SET_MESSAGE_INTERVAL`; the interval is in µs.
     fn set_interval(&mut self, message_id: f32, interval_us: f32) -> Answer {
-        let Some(stream) = Stream::of_message(message_id as u32) else {
+        let Some(stream) = identifier(message_id).and_then(Stream::of_message) else {
             return Answer::denied("this message is not streamed");
         };
         self.schedule.set_interval(stream, interval_us * 1e-6);
@@ -172,7 +172,7 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     /// `MAV_CMD_REQUEST_MESSAGE`; the second parameter chooses among several.
     fn send_once(&mut self, message_id: f32, index: f32) -> Answer {
-        match message_id as u32 {
+        match identifier(message_id).unwrap_or(u32::MAX) {
             148 => self.answer(identity::autopilot_version(self.profile.policy.hash)),
             435 => self.send_modes(index),
             437 => self.answer(identity::available_modes_monitor()),
@@ -192,4 +192,10 @@ impl<P: Processor> MavlinkVehicle<P> {
             }
         }
     }
+}
+
+/// A message's identifier in the parameter of a command.
+fn identifier(parameter: f32) -> Option<u32> {
+    let whole = (0.0..16_777_216.0).contains(&parameter) && parameter == libm::truncf(parameter);
+    whole.then_some(parameter as u32)
 }

@@ -164,7 +164,7 @@ fn refusals_say_what_kind_they_are() {
     rig.accepted(MAV_CMD_REQUEST_MESSAGE, [242.0; 7]);
     rig.refused(MAV_CMD_REQUEST_MESSAGE, LEFT_OPEN, MAV_RESULT_DENIED);
     rig.accepted(MAV_CMD_COMPONENT_ARM_DISARM, ARM);
-    rig.refused(MAV_CMD_NAV_TAKEOFF, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 500.0], MAV_RESULT_DENIED);
+    rig.refused(MAV_CMD_NAV_TAKEOFF, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 600.0], MAV_RESULT_DENIED);
     rig.refused(MAV_CMD_NAV_TAKEOFF, [0.0, 0.0, 0.0, 0.0, 47.4, 8.5, 1.0], MAV_RESULT_DENIED);
     let mut rig = Rig::flying();
     rig.refused(MAV_CMD_COMPONENT_ARM_DISARM, DISARM, MAV_RESULT_TEMPORARILY_REJECTED);

@@ -14,7 +14,7 @@ use kestrel_onboard::signature::fingerprint;
 const MODE_NAME_LIMIT: usize = 35;
 
 /// Which autopilot the vehicle says it is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Personality {
     /// None that is known: ground stations show what the vehicle itself tells.
     #[default]
