@@ -10,11 +10,14 @@
 //! other transports than UDP.
 
 pub mod autopilot;
+mod excerpt;
 pub mod frame;
+pub mod geodesy;
 pub mod goal;
 pub mod link;
 pub mod lockstep;
 pub mod message;
+pub mod parameter;
 pub mod plant;
 pub mod policy_bytes;
 pub mod processor;
