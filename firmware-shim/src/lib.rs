@@ -17,6 +17,7 @@ pub mod goal;
 pub mod link;
 pub mod lockstep;
 pub mod message;
+pub mod mission;
 pub mod parameter;
 pub mod plant;
 pub mod policy_bytes;
