@@ -149,6 +149,28 @@ mod tests {
     }
 
     #[test]
+    fn frames_are_those_of_pymavlink() {
+        let hex = |payload: &Payload| {
+            let bytes = Encoder::new(1, 1).encode(payload);
+            let digits = bytes.iter().flat_map(|byte| [byte >> 4, byte & 15]);
+            digits.filter_map(|digit| char::from_digit(digit.into(), 16)).collect::<String>()
+        };
+        // Of pymavlink 2.4.50, dialect common: mission_request_int, mission_item_int.
+        assert_eq!(hex(&request(1, 3, PEER)), "fd0500000001013300000300ffbe01fbce");
+        let sent = Item {
+            frame: 6,
+            command: 16,
+            autocontinue: 1,
+            parameters: [1.0, 2.0, 3.0, 4.0],
+            place: [5, -6],
+            height: 7.0,
+        };
+        let expected = "fd2600000001014900000000803f000000400000404000008040\
+                        05000000faffffff0000e0402c011000ffbe06000102c5f0";
+        assert_eq!(hex(&item(2, 300, &sent, PEER)), expected);
+    }
+
+    #[test]
     fn without_a_mission_the_current_item_says_so() {
         let protocol = MissionProtocol::new(crate::geodesy::Home::default());
         let current = current(&protocol, &Runner::default());
