@@ -27,16 +27,16 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 use crate::failsafe::{Event, Failsafe, Situation};
-use crate::fence::Fence;
 use crate::flyer::{Flyer, Flyers};
 use crate::goal::MovingGoal;
+use crate::mission::fence::{Fence, Zones};
 use crate::processor::Processor;
 use crate::settings::{Action, Reaction, Replacement, Settings};
 use crate::steering::Stick;
 
 mod command;
 
-pub use command::{ALTITUDES_M, Command, Refusal, SPEED_LIMIT, SetPoint};
+pub use command::{ALTITUDES_M, Command, Refusal, SPEED_LIMIT, SPEED_MINIMUM, SetPoint};
 
 /// Rotor targets \[rad/s\] of a drone that does not fly.
 pub const STOPPED: [f32; 4] = [0.0; 4];
@@ -206,7 +206,7 @@ impl<P: Processor> Autopilot<P> {
             leash_m: leash_m(processor.observation()),
             flyers: Flyers::new(processor, airframe),
             settings: Settings::default(),
-            fence: Fence::open(),
+            fence: Fence::default(),
             failsafe: Failsafe::default(),
             events: Events::new(),
             mode: Mode::Disarmed,
@@ -252,11 +252,13 @@ impl<P: Processor> Autopilot<P> {
     /// Does it this way from now on.
     pub fn adjust(&mut self, settings: Settings) {
         self.settings = settings;
+        self.fence.cylinder.radius_m = settings.fence_radius_m;
+        self.fence.cylinder.height_m = settings.fence_height_m;
     }
 
-    /// Flies within this fence from now on.
-    pub fn enclose(&mut self, fence: Fence) {
-        self.fence = fence;
+    /// Flies within these zones from now on, besides the cylinder of the settings.
+    pub fn enclose(&mut self, zones: Zones) {
+        self.fence.zones = zones;
     }
 
     /// Time between two ticks \[s\].
@@ -297,6 +299,7 @@ impl<P: Processor> Autopilot<P> {
         self.ticks_blind = 0;
         if self.mode == Mode::Disarmed {
             self.home = state.position;
+            self.fence.cylinder.center = self.home;
         }
         self.count_rest(state);
         self.change_mode(state);
@@ -424,12 +427,9 @@ impl<P: Processor> Autopilot<P> {
         self.ticks_at_rest = if still { self.ticks_at_rest.saturating_add(1) } else { 0 };
     }
 
-    /// Distance from a point to the nearest fence, negative outside \[m\].
+    /// How far a point \[m, world\] lies within the fence, negative outside \[m\].
     pub fn margin_m(&self, point: &Vector3<f32>) -> f32 {
-        let way = point - self.home;
-        let Settings { fence_radius_m, fence_height_m, .. } = self.settings;
-        let [radius_m, height_m] = [fence_radius_m, fence_height_m].map(|limit| limit.unwrap_or(f32::INFINITY));
-        (radius_m - way.xy().norm()).min(height_m - way.z).min(self.fence.margin_m(point))
+        self.fence.margin_m(point)
     }
 
     /// Stops where the goal is.

@@ -1,8 +1,8 @@
 //! The parameters of a vehicle: a closed table, their values, and MAVLink's protocol around them.
 //!
 //! [`table`] says what there is, [`settings`] what the values mean to the vehicle, [`received`] and [`sent`] know the
-//! messages, [`protocol`] answers them, [`text`] and [`file`] keep the values. Names and meanings are PX4's where it
-//! has them; integers travel bytewise in the float of a message, as with PX4.
+//! messages, [`protocol`] answers them, [`text`] and [`mod@file`] keep the values. Names and meanings are PX4's where
+//! it has them; integers travel bytewise in the float of a message, as with PX4.
 
 pub mod file;
 pub mod protocol;

@@ -11,6 +11,8 @@ pub enum Stream {
     ExtendedSysState,
     /// `CURRENT_MODE`, every 2 s.
     CurrentMode,
+    /// `MISSION_CURRENT`, 1 Hz.
+    MissionCurrent,
     /// `BATTERY_STATUS`, every 2 s.
     BatteryStatus,
     /// `HOME_POSITION`, every 2 s.
@@ -41,11 +43,12 @@ pub enum Stream {
 
 impl Stream {
     /// All of them, in the order in which they are sent.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Heartbeat,
         Self::SysStatus,
         Self::ExtendedSysState,
         Self::CurrentMode,
+        Self::MissionCurrent,
         Self::BatteryStatus,
         Self::HomePosition,
         Self::Altitude,
@@ -76,6 +79,7 @@ impl Stream {
             Self::LocalPosition => 32,
             Self::GlobalPosition => 33,
             Self::ServoOutputRaw => 36,
+            Self::MissionCurrent => 42,
             Self::VfrHud => 74,
             Self::PositionTarget => 85,
             Self::Altitude => 141,
@@ -91,7 +95,7 @@ impl Stream {
     const fn default_secs(self) -> f32 {
         match self {
             Self::CurrentMode | Self::BatteryStatus | Self::HomePosition => 2.0,
-            Self::Heartbeat | Self::SysStatus | Self::Altitude | Self::Policy => 1.0,
+            Self::Heartbeat | Self::SysStatus | Self::MissionCurrent | Self::Altitude | Self::Policy => 1.0,
             Self::ExtendedSysState => 0.5,
             Self::VfrHud => 0.25,
             Self::GpsRawInt => 0.2,
@@ -144,7 +148,7 @@ mod tests {
     fn default_rates_hold_in_simulated_time() {
         let schedule = Schedule::new(0.01);
         let counts = Stream::ALL.map(|stream| in_ten_secs(&schedule, stream));
-        assert_eq!(counts, [10, 10, 20, 5, 5, 5, 10, 50, 40, 100, 100, 100, 250, 500, 500, 500, 10]);
+        assert_eq!(counts, [10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 500, 500, 500, 10]);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The MAVLink vehicle: datagrams and states in, rotor targets and frames out. No socket and no clock.
 
 mod command;
+mod mission;
 mod repetition;
 
 use core::time::Duration;
@@ -9,7 +10,7 @@ use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
 use mavlink::dialects::common::{MavResult, MavSeverity};
 
-use crate::autopilot::{Autopilot, Command, Mode, Refusal, Surroundings};
+use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint, Surroundings};
 use crate::battery::Battery;
 use crate::failsafe::Event;
 use crate::flight_mode::FlightMode;
@@ -19,6 +20,9 @@ use crate::goal::MovingGoal;
 use crate::message::received::{self, CommandRequest, Request};
 use crate::message::sent::identity::{Personality, PolicyIdentity};
 use crate::message::sent::{self, motion, status};
+use crate::mission as mission_protocol;
+use crate::mission::runner::Directive;
+use crate::mission::{MissionProtocol, Runner};
 use crate::parameter::protocol::ParameterProtocol;
 use crate::parameter::received as parameter_received;
 use crate::parameter::{Parameters, table::Parameter};
@@ -69,6 +73,10 @@ pub struct MavlinkVehicle<P> {
     autopilot: Autopilot<P>,
     profile: Profile,
     parameters: ParameterProtocol,
+    plans: MissionProtocol,
+    runner: Runner,
+    /// What the mission wanted last.
+    directive: Option<Directive>,
     encoder: Encoder,
     schedule: Schedule,
     requested: heapless::Vec<Stream, REQUESTED>,
@@ -93,6 +101,9 @@ impl<P: Processor> MavlinkVehicle<P> {
             schedule: Schedule::new(autopilot.control_secs()),
             autopilot,
             parameters: ParameterProtocol::new(Parameters::new(profile.system)),
+            plans: MissionProtocol::new(profile.origin),
+            runner: Runner::default(),
+            directive: None,
             encoder: Encoder::new(profile.system, COMPONENT),
             profile,
             requested: heapless::Vec::new(),
@@ -150,12 +161,30 @@ impl<P: Processor> MavlinkVehicle<P> {
         Duration::from_secs_f32(self.autopilot.control_secs())
     }
 
-    /// Has the autopilot execute a command.
+    /// Has the autopilot execute a command; one that moves the drone ends a mission.
     ///
     /// # Errors
     /// As [`Autopilot::command`].
     pub fn order(&mut self, command: Command) -> Result<(), Refusal> {
-        self.autopilot.command(command)
+        self.autopilot.command(command)?;
+        match command {
+            Command::Arm | Command::Fly(_) | Command::Speed(_) => {}
+            Command::Disarm
+            | Command::StopMotors
+            | Command::TakeOff { .. }
+            | Command::GoTo(_)
+            | Command::Velocity(_)
+            | Command::Offboard
+            | Command::Pause
+            | Command::Return
+            | Command::Land => self.pause_mission(),
+        }
+        Ok(())
+    }
+
+    /// Takes one of a stream of set-points, unless a mission is flown.
+    fn set_point(&mut self, set_point: SetPoint) -> Result<(), Refusal> {
+        if self.on_mission() { Err(Refusal::OnMission) } else { self.autopilot.set_point(set_point) }
     }
 
     /// Obeys what a datagram asks for; answers leave with the next tick. Whether any frame in it was good: if not,
@@ -181,10 +210,11 @@ impl<P: Processor> MavlinkVehicle<P> {
             self.battery.drain(self.autopilot.control_secs(), self.autopilot.settings());
         }
         self.announce(before);
+        self.fly_mission(state);
         for answer in core::mem::take(&mut self.answers) {
             send(&self.encoder.encode(&answer));
         }
-        self.tell_parameters(send);
+        self.tell_lists(send);
         let requested = core::mem::take(&mut self.requested);
         for stream in Stream::ALL {
             if self.schedule.due(stream, self.ticks) || requested.contains(&stream) {
@@ -200,9 +230,13 @@ impl<P: Processor> MavlinkVehicle<P> {
         Surroundings { link_age_secs: self.ground_station_tick.map(secs), battery: self.battery.remaining() }
     }
 
-    fn tell_parameters(&mut self, send: &mut dyn FnMut(&[u8])) {
+    /// What is due of the parameters' list, and of an upload.
+    fn tell_lists(&mut self, send: &mut dyn FnMut(&[u8])) {
+        let now_secs = self.elapsed_secs();
         let encoder = &mut self.encoder;
-        self.parameters.tick(&mut |payload| send(&encoder.encode(&payload)));
+        let mut send = |payload: Payload| send(&encoder.encode(&payload));
+        self.parameters.tick(&mut send);
+        self.plans.tick(now_secs, &mut send);
     }
 
     fn tell(&mut self, stream: Stream, state: &State<f32>, send: &mut dyn FnMut(&[u8])) {
@@ -231,12 +265,13 @@ impl<P: Processor> MavlinkVehicle<P> {
         let time_boot_ms = self.time_boot_ms();
         let time_usec = (self.elapsed_secs() * 1e6) as u64;
         let origin = &self.profile.origin;
-        let flight_mode = FlightMode::of(self.autopilot.mode(), self.autopilot.flyer());
+        let flight_mode = self.flight_mode();
         match stream {
             Stream::Heartbeat => status::heartbeat(self.mode(), flight_mode, self.profile.personality),
             Stream::SysStatus => status::sys_status(&self.health(state)),
             Stream::ExtendedSysState => status::extended_sys_state(self.mode()),
             Stream::CurrentMode | Stream::Policy => status::current_mode(flight_mode),
+            Stream::MissionCurrent => mission_protocol::sent::current(&self.plans, &self.runner),
             Stream::BatteryStatus => status::battery_status(&self.battery),
             Stream::HomePosition => motion::home_position(self.autopilot.home(), origin),
             Stream::Altitude => motion::altitude(state, origin, time_usec),
@@ -250,6 +285,13 @@ impl<P: Processor> MavlinkVehicle<P> {
             Stream::Attitude => motion::attitude(state, time_boot_ms),
             Stream::LocalPosition => motion::local_position_ned(state, time_boot_ms),
         }
+    }
+
+    fn flight_mode(&self) -> FlightMode {
+        if self.on_mission() {
+            return FlightMode::Mission;
+        }
+        FlightMode::of(self.autopilot.mode(), self.autopilot.flyer())
     }
 
     fn health(&mut self, state: &State<f32>) -> status::Health {
@@ -302,6 +344,10 @@ impl<P: Processor> MavlinkVehicle<P> {
             && address.reaches(self.profile.system, COMPONENT)
         {
             self.obey_parameter(&request, sender.address);
+        } else if let Some((address, request)) = mission_protocol::request(frame)
+            && address.reaches(self.profile.system, COMPONENT)
+        {
+            self.obey_mission(&request, sender.address);
         }
     }
 
@@ -316,14 +362,14 @@ impl<P: Processor> MavlinkVehicle<P> {
             Request::Command(command) => self.obey_command(command, sender),
             Request::PositionTarget(target) => {
                 let text = match target.set_point(&self.profile.origin) {
-                    Ok(set_point) => self.autopilot.set_point(set_point).map_err(Refusal::text),
+                    Ok(set_point) => self.set_point(set_point).map_err(Refusal::text),
                     Err(error) => Err(error.text()),
                 };
                 self.word(text.err());
             }
             Request::AttitudeTarget(target) => {
                 let text = match target.set_point() {
-                    Ok(set_point) => self.autopilot.set_point(set_point).map_err(Refusal::text),
+                    Ok(set_point) => self.set_point(set_point).map_err(Refusal::text),
                     Err(error) => Err(error.text()),
                 };
                 self.word(text.err());

@@ -15,7 +15,7 @@ pub const ALTITUDES_M: core::ops::RangeInclusive<f32> = 0.2..=20.0;
 pub const SPEED_LIMIT: f32 = 1.0;
 
 /// Least speed on the way to a point \[m/s\]: slower ones never arrive.
-const SPEED_MINIMUM: f32 = 0.05;
+pub const SPEED_MINIMUM: f32 = 0.05;
 
 /// Arming wants the drone within 25° of level: beyond, a take-off would tip it over.
 const LEVEL_COSINE: f32 = 0.906;
@@ -97,11 +97,15 @@ pub enum Refusal {
     NoSetPoints,
     /// It needs the offboard mode.
     NotOffboard,
+    /// There is no mission to fly.
+    NoMission,
+    /// A mission is flown.
+    OnMission,
 }
 
 impl Refusal {
     /// All of them.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 16] = [
         Self::SelfTest,
         Self::StateUnknown,
         Self::NotLevel,
@@ -116,6 +120,8 @@ impl Refusal {
         Self::Fence,
         Self::NoSetPoints,
         Self::NotOffboard,
+        Self::NoMission,
+        Self::OnMission,
     ];
 
     /// At most the 50 bytes of a `STATUSTEXT`.
@@ -126,7 +132,7 @@ impl Refusal {
             Self::NotLevel => "arming refused: tilted more than 25 degrees",
             Self::Moving => "arming refused: moving",
             Self::Battery => "arming refused: battery critical",
-            Self::NotArmed => "take-off refused: not armed",
+            Self::NotArmed => "refused: not armed",
             Self::InFlight => "refused: in flight",
             Self::NotCruising => "refused: not flying, or taking off or landing",
             Self::NotFlying => "refused: not flying",
@@ -135,6 +141,8 @@ impl Refusal {
             Self::Fence => "refused: outside the fence",
             Self::NoSetPoints => "offboard refused: no set-points arrive",
             Self::NotOffboard => "set-point waits for the offboard mode",
+            Self::NoMission => "mission refused: there is none",
+            Self::OnMission => "set-point refused: a mission is flown",
         }
     }
 }

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use kestrel_core::attitude::Attitude;
 
 use super::*;
+use crate::mission::fence::Cylinder;
 use crate::plant::{FlatFloor, Plant};
 use crate::settings::Settings;
 use crate::testing::{dishonest_policy, hover_policy, pilot};
@@ -83,6 +84,11 @@ impl Rig {
             self.tick();
         }
         panic!("{} after {limit_secs} s, not {}", self.autopilot.mode().name(), mode.name());
+    }
+
+    fn fence(&mut self, x_m: f32, radius_m: f32, height_m: f32) {
+        let center = Vector3::new(x_m, 0.0, 0.0);
+        self.autopilot.fence.cylinder = Cylinder { center, radius_m: Some(radius_m), height_m: Some(height_m) };
     }
 
     fn stream(&mut self, set_point: SetPoint) {
@@ -453,7 +459,7 @@ fn bring_about(cause: Cause, rig: &mut Rig, settings: &Settings) -> f32 {
             0.0
         }
         Cause::Fence => {
-            rig.autopilot.enclose(Fence { center: Vector3::zeros(), radius_m: 1.0, height_m: 5.0 });
+            rig.fence(0.0, 1.0, 5.0);
             let mut state = *rig.plant.state();
             state.position.x += 1.2;
             rig.plant.put(state);
@@ -589,7 +595,7 @@ fn the_offboard_mode_wants_a_stream_and_streams_want_the_offboard_mode() {
 #[test]
 fn a_fence_is_not_crossed_on_command() {
     let mut rig = Rig::in_mode(Mode::Holding);
-    rig.autopilot.enclose(Fence { center: Vector3::zeros(), radius_m: 1.5, height_m: 2.0 });
+    rig.fence(0.0, 1.5, 2.0);
     rig.refuse(Command::GoTo(Vector3::new(1.4, 0.0, 1.0)), Refusal::Fence);
     rig.refuse(Command::GoTo(Vector3::new(0.0, 0.0, 1.9)), Refusal::Fence);
     rig.accept(Command::Velocity(Vector3::new(0.5, 0.0, 0.0)));
@@ -599,14 +605,14 @@ fn a_fence_is_not_crossed_on_command() {
         assert!(rig.autopilot.events().is_empty());
     }
     let mut rig = Rig::in_mode(Mode::Armed);
-    rig.autopilot.enclose(Fence { center: Vector3::zeros(), radius_m: 1.5, height_m: 2.0 });
+    rig.fence(0.0, 1.5, 2.0);
     rig.refuse(Command::TakeOff { altitude_m: 3.0 }, Refusal::Fence);
 }
 
 #[test]
 fn a_fence_that_leaves_no_place_to_hold_is_landed_in() {
     let mut rig = Rig::in_mode(Mode::Holding);
-    rig.autopilot.enclose(Fence { center: Vector3::new(9.0, 0.0, 0.0), radius_m: 1.0, height_m: 5.0 });
+    rig.fence(9.0, 1.0, 5.0);
     rig.tick();
     assert_eq!(rig.autopilot.mode(), Mode::Landing);
 }

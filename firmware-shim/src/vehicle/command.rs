@@ -8,6 +8,7 @@ use crate::flight_mode::FlightMode;
 use crate::flyer::Flyer;
 use crate::message::received::CommandRequest;
 use crate::message::sent::identity;
+use crate::mission::fence::Zones;
 use crate::processor::Processor;
 use crate::telemetry::Stream;
 
@@ -55,7 +56,9 @@ impl Refusal {
             | Self::NotFlying
             | Self::Battery
             | Self::NoSetPoints
-            | Self::NotOffboard => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
+            | Self::NotOffboard
+            | Self::NoMission
+            | Self::OnMission => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
         }
     }
 }
@@ -74,6 +77,9 @@ impl<P: Processor> MavlinkVehicle<P> {
             185 if first > 0.5 => self.order(Command::StopMotors).into(),
             192 => self.reposition(request),
             193 if first == 0.0 => self.order(Command::Pause).into(),
+            193 if first == 1.0 => self.start_mission().into(),
+            207 => self.enable_fence(first),
+            300 => self.start_mission().into(),
             400 => self.arm_or_disarm(first, second),
             410 => self.send_once(242.0, 0.0),
             511 => self.set_interval(first, second),
@@ -146,7 +152,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             FlightMode::TakeOff => self.take_off(f32::NAN).into(),
             FlightMode::Land => self.order(Command::Land).into(),
             FlightMode::Return => self.order(Command::Return).into(),
-            FlightMode::Mission => Answer::denied("mission refused: there is none"),
+            FlightMode::Mission => self.start_mission().into(),
         }
     }
 
@@ -159,6 +165,16 @@ impl<P: Processor> MavlinkVehicle<P> {
     /// Holds in flight; on the ground that is what it does.
     fn hold(&mut self) -> Result<(), Refusal> {
         if self.autopilot.mode().flies() { self.order(Command::Pause) } else { Ok(()) }
+    }
+
+    /// `MAV_CMD_DO_FENCE_ENABLE`: switches the zones that were uploaded on or off.
+    fn enable_fence(&mut self, first: f32) -> Answer {
+        match first {
+            0.0 => self.autopilot.enclose(Zones::default()),
+            1.0 => self.autopilot.enclose(self.plans.zones().clone()),
+            _ => return Answer::denied("command refused: unknown parameter 1"),
+        }
+        Answer::ACCEPTED
     }
 
     /// `MAV_CMD_SET_MESSAGE_INTERVAL`; the interval is in µs.
