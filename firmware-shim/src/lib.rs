@@ -28,6 +28,7 @@ pub mod policy_bytes;
 pub mod processor;
 pub mod session;
 pub mod settings;
+pub mod signing;
 pub mod steering;
 pub mod telemetry;
 #[cfg(test)]

@@ -11,6 +11,7 @@ use crate::flight_log::{FlightLog, FlightLogError};
 use crate::link::{LinkError, Links};
 use crate::plant::Plant;
 use crate::processor::Processor;
+use crate::session::{Keeper, KeeperError};
 use crate::vehicle::MavlinkVehicle;
 
 /// A loop that lags farther behind the wall clock does not catch up \[s\]: the machine slept or is too slow.
@@ -77,6 +78,9 @@ pub enum FlightError {
     /// The flight log cannot be written.
     #[error(transparent)]
     Log(#[from] FlightLogError),
+    /// What outlives the flight cannot be kept.
+    #[error(transparent)]
+    Keeper(#[from] KeeperError),
 }
 
 /// One of the vehicles that fly together, and what belongs to it alone.
@@ -85,6 +89,9 @@ pub struct Member<'a, P> {
     plant: &'a mut dyn Plant,
     links: &'a mut Links,
     log: Option<&'a mut FlightLog>,
+    keeper: Option<&'a mut Keeper>,
+    /// Wall time of the last decision.
+    latency: Duration,
     rotor_targets: [f32; 4],
 }
 
@@ -103,6 +110,10 @@ pub fn fly<P: Processor>(
     while decide(members, watch)? == Next::Fly {
         for member in members.iter_mut() {
             member.plant.step(&member.rotor_targets);
+            // An unthrottled flight repeats itself to the bit, telemetry included.
+            if pace != Pace::Unthrottled {
+                member.vehicle.note_latency(member.latency.as_secs_f32());
+            }
         }
         clock.wait();
     }
@@ -126,19 +137,30 @@ fn decide<P: Processor>(
 
 impl<'a, P: Processor> Member<'a, P> {
     /// A vehicle in its plant, heard and told through its links.
-    pub fn new(
-        vehicle: &'a mut MavlinkVehicle<P>,
-        plant: &'a mut dyn Plant,
-        links: &'a mut Links,
-        log: Option<&'a mut FlightLog>,
-    ) -> Self {
-        Self { vehicle, plant, links, log, rotor_targets: [0.0; 4] }
+    pub fn new(vehicle: &'a mut MavlinkVehicle<P>, plant: &'a mut dyn Plant, links: &'a mut Links) -> Self {
+        Self { vehicle, plant, links, log: None, keeper: None, latency: Duration::ZERO, rotor_targets: [0.0; 4] }
+    }
+
+    /// With a log of its frames.
+    #[must_use]
+    pub fn with_log(self, log: Option<&'a mut FlightLog>) -> Self {
+        Self { log, ..self }
+    }
+
+    /// With a keeper of what outlives the flight.
+    #[must_use]
+    pub fn with_keeper(self, keeper: &'a mut Keeper) -> Self {
+        Self { keeper: Some(keeper), ..self }
     }
 
     /// Receives and ticks.
     fn decide(&mut self, number: usize) -> Result<Moment<'_>, FlightError> {
-        let Self { vehicle, plant, links, log, rotor_targets } = self;
+        let Self { vehicle, plant, links, log, keeper, latency, rotor_targets } = self;
         let secs = vehicle.elapsed_secs();
+        let begin = Instant::now();
+        if let Some(keeper) = keeper {
+            keeper.begin_period(vehicle);
+        }
         links.receive(secs, &mut |datagram| {
             note(log, secs, datagram);
             vehicle.receive(datagram)
@@ -147,15 +169,25 @@ impl<'a, P: Processor> Member<'a, P> {
             note(log, secs, frame);
             links.send(frame);
         });
+        *latency = begin.elapsed();
         if let Some(log) = log {
             log.end_period(secs)?;
+        }
+        if let Some(keeper) = keeper {
+            keeper.end_period(vehicle)?;
         }
         let rotor_targets = *rotor_targets;
         Ok(Moment { number, secs, state: plant.state(), mode: vehicle.mode(), rotor_targets })
     }
 
     fn finish(&mut self) -> Result<(), FlightError> {
-        self.log.as_mut().map_or(Ok(()), |log| Ok(log.finish()?))
+        if let Some(log) = &mut self.log {
+            log.finish()?;
+        }
+        if let Some(keeper) = &mut self.keeper {
+            keeper.finish(self.vehicle)?;
+        }
+        Ok(())
     }
 }
 

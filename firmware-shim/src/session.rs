@@ -1,6 +1,7 @@
 //! A flight from the command line: the options, the vehicle and its links, the words that say how to connect.
 
 mod announcement;
+mod keeper;
 mod squadron;
 
 use std::net::{IpAddr, SocketAddr};
@@ -12,6 +13,7 @@ use kestrel_core::airframe::Airframe;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyError;
 
+pub use self::keeper::{Keeper, KeeperError};
 pub use self::squadron::Squadron;
 use crate::geodesy::Home;
 
@@ -76,6 +78,14 @@ pub struct SessionOptions {
     #[arg(long, value_name = "LATITUDE,LONGITUDE,ALTITUDE", allow_negative_numbers = true, default_value_t = Home::default())]
     pub home: Home,
 
+    /// File of the parameters, as ground stations write them (.params): read if it is there, written when a peer sets one
+    #[arg(long, value_name = "FILE")]
+    pub parameters: Option<PathBuf>,
+
+    /// File of a key, 64 hexadecimal digits: frames are signed with it, and only frames signed with it are heard
+    #[arg(long, value_name = "FILE")]
+    pub signing_key: Option<PathBuf>,
+
     /// Simulated seconds per second, 0.01 to 1000, or "max" for as fast as it goes
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, default_value = "1")]
     pub speed: Pace,
@@ -125,6 +135,9 @@ pub enum SessionError {
     /// No flight log.
     #[error(transparent)]
     Log(#[from] FlightLogError),
+    /// Parameters or a key are no such thing.
+    #[error(transparent)]
+    Keeper(#[from] KeeperError),
     /// The options cannot be those of several vehicles.
     #[error("cannot fly {count} vehicles: expected {expected}, found {found}")]
     Squadron {
@@ -145,6 +158,7 @@ pub struct Session<P> {
     vehicle: MavlinkVehicle<P>,
     links: Links,
     log: Option<FlightLog>,
+    keeper: Keeper,
     options: SessionOptions,
     bound: Bound,
     announcement: String,
@@ -175,6 +189,8 @@ impl Default for SessionOptions {
             system: 1,
             personality: Personality::Generic,
             home: Home::default(),
+            parameters: None,
+            signing_key: None,
             speed: Pace::Speed(1.0),
             for_secs: None,
         }
@@ -232,7 +248,7 @@ impl<'a> Session<Pilot<'a>> {
         let identity = PolicyIdentity::of(policy.metadata().name, bytes.bytes());
         let name = policy.metadata().name;
         policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
-        Self::with(Pilot::new(policy), identity, airframe, options)
+        Self::with(Pilot::new(policy), &identity, airframe, options)
     }
 }
 
@@ -243,7 +259,7 @@ impl<P: Processor> Session<P> {
     /// If the policy sees no goal or needs sensors, or a link or the log cannot be had.
     pub fn with(
         processor: P,
-        policy: PolicyIdentity,
+        policy: &PolicyIdentity,
         airframe: &Airframe,
         options: &SessionOptions,
     ) -> Result<Self, SessionError> {
@@ -255,13 +271,16 @@ impl<P: Processor> Session<P> {
         if layout.measured_len() > 0 {
             return Err(SessionError::SensorsMissing { name: name.to_owned(), observation: layout.name() });
         }
+        let mut vehicle = MavlinkVehicle::new(processor, airframe, options.profile(policy.clone()));
+        let keeper = Keeper::open(&mut vehicle, options.parameters.clone(), options.signing_key.clone())?;
         let (links, bound) = options.open_links()?;
         Ok(Self {
             links,
+            keeper,
             log: options.open_log()?,
             announcement: announcement(name, options, &[bound]),
             bound,
-            vehicle: MavlinkVehicle::new(processor, airframe, options.profile(policy)),
+            vehicle,
             options: options.clone(),
         })
     }
@@ -318,7 +337,8 @@ fn fly_together<P: Processor>(
     let pairs = sessions.iter_mut().zip(plants);
     let mut members: Vec<Member<'_, P>> = pairs
         .map(|(session, plant)| {
-            Member::new(&mut session.vehicle, &mut **plant, &mut session.links, session.log.as_mut())
+            let Session { vehicle, links, log, keeper, .. } = session;
+            Member::new(vehicle, &mut **plant, links).with_log(log.as_mut()).with_keeper(keeper)
         })
         .collect();
     Ok(lockstep::fly(&mut members, pace, &mut until)?)

@@ -8,6 +8,7 @@ use core::time::Duration;
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
+use kestrel_onboard::signature::{Guard, Signer, Time};
 use mavlink::dialects::common::{MavResult, MavSeverity};
 
 use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint, Surroundings};
@@ -51,6 +52,8 @@ pub struct Counts {
     pub frames: u64,
     /// Frames with a wrong one, and anything else that is no frame.
     pub garbage: u64,
+    /// Good frames that were not signed as they must be.
+    pub refused: u64,
     /// Answers that a flood of requests left no room for.
     pub unanswered: u64,
 }
@@ -73,10 +76,12 @@ pub struct MavlinkVehicle<P> {
     autopilot: Autopilot<P>,
     profile: Profile,
     parameters: ParameterProtocol,
+    parameters_changed: bool,
     plans: MissionProtocol,
     runner: Runner,
     /// What the mission wanted last.
     directive: Option<Directive>,
+    guard: Guard,
     encoder: Encoder,
     schedule: Schedule,
     requested: heapless::Vec<Stream, REQUESTED>,
@@ -101,9 +106,11 @@ impl<P: Processor> MavlinkVehicle<P> {
             schedule: Schedule::new(autopilot.control_secs()),
             autopilot,
             parameters: ParameterProtocol::new(Parameters::new(profile.system)),
+            parameters_changed: false,
             plans: MissionProtocol::new(profile.origin),
             runner: Runner::default(),
             directive: None,
+            guard: Guard::Open,
             encoder: Encoder::new(profile.system, COMPONENT),
             profile,
             requested: heapless::Vec::new(),
@@ -144,6 +151,35 @@ impl<P: Processor> MavlinkVehicle<P> {
     pub fn adjust(&mut self, parameters: Parameters) {
         self.parameters = ParameterProtocol::new(parameters);
         self.autopilot.adjust(self.parameters.settings());
+    }
+
+    /// From now on admits only what `guard` does, and signs what it sends.
+    pub fn secure(&mut self, guard: Guard, signer: Signer) {
+        self.guard = guard;
+        self.encoder = Encoder::new(self.profile.system, COMPONENT).signed(signer);
+    }
+
+    /// Lets the clock have reached a time, for signatures.
+    pub fn advance_clock(&mut self, now: Time) {
+        if let Guard::Signed(verifier) = &mut self.guard {
+            verifier.advance(now);
+        }
+        if let Some(signer) = self.encoder.signer_mut() {
+            signer.advance(now);
+        }
+    }
+
+    /// Latest times of accepted and of sent frames, if they are signed.
+    pub fn signature_times(&self) -> Option<[Time; 2]> {
+        match (&self.guard, self.encoder.signer()) {
+            (Guard::Signed(verifier), Some(signer)) => Some([verifier.accepted(), signer.last()]),
+            (Guard::Open | Guard::Signed(_) | Guard::Closed, _) => None,
+        }
+    }
+
+    /// Whether a peer has set a parameter since the last call.
+    pub fn take_changes(&mut self) -> bool {
+        core::mem::take(&mut self.parameters_changed)
     }
 
     /// Takes note of how long the last tick took on this machine \[s\], to tell peers.
@@ -192,11 +228,13 @@ impl<P: Processor> MavlinkVehicle<P> {
     pub fn receive(&mut self, datagram: &[u8]) -> bool {
         let good_before = self.counts.frames;
         for frame in Frames::new(datagram) {
-            if let Ok(frame) = frame {
-                self.counts.frames += 1;
-                self.obey(&frame);
-            } else {
-                self.counts.garbage += 1;
+            match frame {
+                Err(_) => self.counts.garbage += 1,
+                Ok(frame) if self.guard.admit(&frame).is_err() => self.counts.refused += 1,
+                Ok(frame) => {
+                    self.counts.frames += 1;
+                    self.obey(&frame);
+                }
             }
         }
         self.counts.frames > good_before
@@ -391,6 +429,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             *unanswered += u64::from(answers.push(payload).is_err());
         });
         if changed.is_some() {
+            self.parameters_changed = true;
             self.autopilot.adjust(self.parameters.settings());
         }
     }

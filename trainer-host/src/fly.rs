@@ -127,7 +127,7 @@ pub fn fly(
         ProcessorKind::Qemu => {
             let processor = Qemu::start(&options.processor.image, bytes.bytes(), &policy)?;
             conduct(
-                Session::with(processor, identity, place.airframe(), &options.session)?,
+                Session::with(processor, &identity, place.airframe(), &options.session)?,
                 plant.as_mut(),
                 options,
                 interrupted,

@@ -106,7 +106,7 @@ impl Flight {
     }
 
     fn member(&mut self) -> Member<'_, Pilot<'static>> {
-        Member::new(&mut self.vehicle, &mut self.plant, &mut self.links, self.log.as_mut())
+        Member::new(&mut self.vehicle, &mut self.plant, &mut self.links).with_log(self.log.as_mut())
     }
 }
 

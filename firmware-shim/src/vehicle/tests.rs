@@ -325,7 +325,7 @@ fn garbage_is_counted_and_makes_nobody_a_peer() {
     assert!(!rig.vehicle.receive(&[]));
     assert!(!rig.vehicle.receive(&[0xfd; 300]), "one frame with unknown flags, and a part of one");
     assert!(rig.vehicle.receive(&datagram(&HEARTBEAT_DATA::default())));
-    assert_eq!(rig.vehicle.counts(), Counts { frames: 1, garbage: 3, unanswered: 0 });
+    assert_eq!(rig.vehicle.counts(), Counts { frames: 1, garbage: 3, refused: 0, unanswered: 0 });
 }
 
 #[test]
