@@ -35,6 +35,9 @@ pub const ALTITUDES_M: core::ops::RangeInclusive<f32> = 0.2..=20.0;
 /// Speed of the goal on the way to a set-point \[m/s\]: half of what hover policies start their episodes with.
 const TRAVEL_SPEED: f32 = 0.5;
 
+/// Greatest speed that can be commanded \[m/s\]: what hover policies start their episodes with.
+pub const SPEED_LIMIT: f32 = 1.0;
+
 /// Speed of the goal while taking off \[m/s\].
 const CLIMB_SPEED: f32 = 0.5;
 
@@ -86,7 +89,7 @@ pub enum Mode {
     TakingOff,
     /// At a point that the autopilot chose: the top of a take-off, or where it was paused.
     Holding,
-    /// At, or on the way to, the last set-point.
+    /// At, or on the way to, the last set-point, or on and on at the last velocity.
     Guided,
     /// Sinking until the floor stops it.
     Landing,
@@ -110,6 +113,8 @@ pub enum Command {
     },
     /// Go to a point \[m, world\], finite.
     GoTo(Vector3<f32>),
+    /// Move on at a velocity \[m/s, world\] until another command, no faster than [`SPEED_LIMIT`].
+    Velocity(Vector3<f32>),
     /// Stay here.
     Pause,
     /// Land below the present goal.
@@ -137,6 +142,8 @@ pub enum Refusal {
     NotFlying,
     /// The take-off height is outside [`ALTITUDES_M`].
     Altitude,
+    /// The velocity is no number, or beyond [`SPEED_LIMIT`].
+    Speed,
 }
 
 /// Flies a policy: state in, rotor targets out, once per control period.
@@ -326,6 +333,7 @@ impl<P: Processor> Autopilot<P> {
             }
             Command::TakeOff { altitude_m } => self.take_off(altitude_m),
             Command::GoTo(point) => self.go_to(point),
+            Command::Velocity(velocity) => self.drift(velocity),
             Command::Pause => self.pause(),
             Command::Land => self.land(),
         }
@@ -375,6 +383,21 @@ impl<P: Processor> Autopilot<P> {
     }
 
     fn go_to(&mut self, point: Vector3<f32>) -> Result<(), Refusal> {
+        self.be_guided()?;
+        self.goal.head_for(point, TRAVEL_SPEED);
+        Ok(())
+    }
+
+    fn drift(&mut self, velocity: Vector3<f32>) -> Result<(), Refusal> {
+        if velocity.norm() <= SPEED_LIMIT {
+            self.be_guided()?;
+            self.goal.drift(velocity);
+            return Ok(());
+        }
+        Err(Refusal::Speed)
+    }
+
+    fn be_guided(&mut self) -> Result<(), Refusal> {
         match self.mode {
             Mode::Holding => self.enter(Mode::Guided),
             Mode::Guided => {}
@@ -382,7 +405,6 @@ impl<P: Processor> Autopilot<P> {
                 return Err(Refusal::NotCruising);
             }
         }
-        self.goal.head_for(point, TRAVEL_SPEED);
         Ok(())
     }
 

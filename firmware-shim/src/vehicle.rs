@@ -7,6 +7,7 @@ use mavlink::dialects::common::{MavResult, MavSeverity};
 
 use crate::autopilot::{Autopilot, Command, DEFAULT_ALTITUDE_M, Mode, Refusal};
 use crate::frame::{Encoder, Frame, Frames, Payload};
+use crate::goal::MovingGoal;
 use crate::message::received::{self, CommandLong, PositionTarget, Request, SetPointError};
 use crate::message::sent;
 use crate::processor::Processor;
@@ -88,6 +89,19 @@ impl<P: Processor> MavlinkVehicle<P> {
     /// What the autopilot is doing.
     pub fn mode(&self) -> Mode {
         self.autopilot.mode()
+    }
+
+    /// Where it is going.
+    pub fn goal(&self) -> &MovingGoal {
+        self.autopilot.goal()
+    }
+
+    /// Has the autopilot execute a command that did not come by MAVLink.
+    ///
+    /// # Errors
+    /// As [`Autopilot::command`].
+    pub fn order(&mut self, command: Command) -> Result<(), Refusal> {
+        self.autopilot.command(command)
     }
 
     /// What became of the datagrams so far.
@@ -313,7 +327,7 @@ impl Refusal {
     /// Denied: can never work. Failed: something is broken. Temporarily rejected: not now.
     fn result(self) -> MavResult {
         match self {
-            Self::Altitude => MavResult::MAV_RESULT_DENIED,
+            Self::Altitude | Self::Speed => MavResult::MAV_RESULT_DENIED,
             Self::SelfTest => MavResult::MAV_RESULT_FAILED,
             Self::StateUnknown
             | Self::NotLevel
@@ -326,7 +340,7 @@ impl Refusal {
     }
 
     /// At most the 50 bytes of a `STATUSTEXT`.
-    fn text(self) -> &'static str {
+    pub(crate) fn text(self) -> &'static str {
         match self {
             Self::SelfTest => "arming refused: policy self-test failed",
             Self::StateUnknown => "refused: state unknown",
@@ -337,6 +351,7 @@ impl Refusal {
             Self::NotCruising => "refused: not flying, or taking off or landing",
             Self::NotFlying => "landing refused: not flying",
             Self::Altitude => "take-off refused: altitude must be 0.2 m to 20 m",
+            Self::Speed => "velocity refused: faster than 1 m/s",
         }
     }
 }

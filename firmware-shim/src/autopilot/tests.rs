@@ -98,12 +98,13 @@ const MODES: [Mode; 7] =
 type Row = [Result<Mode, Refusal>; 7];
 
 #[rustfmt::skip]
-fn table() -> [(Command, Row); 7] {
+fn table() -> [(Command, Row); 8] {
     use Mode::{Armed, Disarmed, Guided, Holding, Landed, Landing, TakingOff};
     use Refusal::{InFlight, NotArmed, NotCruising, NotFlying};
     const AIR: Result<Mode, Refusal> = Err(InFlight);
     const CRUISE: Result<Mode, Refusal> = Err(NotCruising);
     let go_to = Command::GoTo(Vector3::new(0.0, 0.5, 1.0));
+    let velocity = Command::Velocity(Vector3::new(0.3, 0.0, 0.0));
     let take_off = Command::TakeOff { altitude_m: 0.5 };
     [
         //                     Disarmed        Armed          TakingOff      Holding      Guided       Landing      Landed
@@ -112,6 +113,7 @@ fn table() -> [(Command, Row); 7] {
         (Command::StopMotors, [Ok(Disarmed); 7]),
         (take_off,            [Err(NotArmed),  Ok(TakingOff), AIR,           AIR,         AIR,         AIR,         Ok(TakingOff)]),
         (go_to,               [CRUISE,         CRUISE,        CRUISE,        Ok(Guided),  Ok(Guided),  CRUISE,      CRUISE]),
+        (velocity,            [CRUISE,         CRUISE,        CRUISE,        Ok(Guided),  Ok(Guided),  CRUISE,      CRUISE]),
         (Command::Pause,      [CRUISE,         CRUISE,        Ok(Holding),   Ok(Holding), Ok(Holding), CRUISE,      CRUISE]),
         (Command::Land,       [Err(NotFlying), Err(NotFlying), Ok(Landing),  Ok(Landing), Ok(Landing), Ok(Landing), Ok(Landed)]),
     ]
@@ -203,6 +205,33 @@ fn a_pause_stops_on_the_way() {
 }
 
 #[test]
+fn a_velocity_is_flown_until_another_command() {
+    let mut rig = Rig::in_mode(Mode::Holding);
+    rig.fly(3.0);
+    // So slow that the leash is long enough for the lag of this policy.
+    let velocity = Vector3::new(0.12, -0.16, 0.1);
+    rig.accept(Command::Velocity(velocity));
+    rig.fly(5.0);
+    let start = rig.position();
+    rig.fly(4.0);
+    assert!((rig.position() - start - velocity * 4.0).norm() < 0.05, "{}", rig.position() - start);
+    rig.accept(Command::Pause);
+    rig.fly(5.0);
+    assert!(rig.plant.state().velocity.norm() < 0.01);
+}
+
+#[test]
+fn velocities_have_a_limit() {
+    let mut rig = Rig::in_mode(Mode::Guided);
+    for wrong in
+        [Vector3::new(0.8, 0.8, 0.0), Vector3::new(f32::NAN, 0.0, 0.0), Vector3::new(0.0, f32::INFINITY, 0.0)]
+    {
+        rig.refuse(Command::Velocity(wrong), Refusal::Speed);
+    }
+    rig.accept(Command::Velocity(Vector3::new(0.0, 0.0, SPEED_LIMIT)));
+}
+
+#[test]
 fn the_goal_stays_within_its_leash() {
     let mut rig = Rig::in_mode(Mode::Holding);
     rig.accept(Command::GoTo(Vector3::new(3.0, 3.0, 2.0)));
@@ -268,6 +297,8 @@ fn any_command() -> impl Strategy<Value = Command> {
         any::<f32>().prop_map(|altitude_m| Command::TakeOff { altitude_m }),
         (0.2_f32..2.0).prop_map(|altitude_m| Command::TakeOff { altitude_m }),
         point.prop_map(|[x, y, z]| Command::GoTo(Vector3::new(x, y, z))),
+        any::<[f32; 3]>().prop_map(|velocity| Command::Velocity(velocity.into())),
+        [-0.5_f32..0.5, -0.5_f32..0.5, -0.5_f32..0.5].prop_map(|velocity| Command::Velocity(velocity.into())),
         Just(Command::Pause),
         Just(Command::Land),
     ]

@@ -330,6 +330,7 @@ fn every_text_fits_its_message() {
         Refusal::NotCruising,
         Refusal::NotFlying,
         Refusal::Altitude,
+        Refusal::Speed,
     ];
     let errors = [
         SetPointError::Frame,
