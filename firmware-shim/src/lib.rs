@@ -10,6 +10,7 @@
 //! other transports than UDP.
 
 pub mod autopilot;
+pub mod crtp;
 pub mod frame;
 pub mod goal;
 pub mod link;

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use kestrel_core::vehicle::State;
 
 use crate::autopilot::Mode;
+use crate::crtp::link::CrtpLink;
 use crate::link::{DATAGRAM_LIMIT, LinkError, UdpLink};
 use crate::plant::Plant;
 use crate::processor::Processor;
@@ -68,22 +69,34 @@ pub enum Next {
     End,
 }
 
+/// Ways to the peers of a vehicle.
+#[derive(Debug)]
+pub struct Links<'a> {
+    /// Those that speak MAVLink.
+    pub mavlink: &'a mut UdpLink,
+    /// Those that fly a Crazyflie, if there may be any.
+    pub crtp: Option<&'a mut CrtpLink>,
+}
+
 /// Flies until `watch`, which sees every control period, ends it.
 ///
 /// # Errors
-/// [`LinkError::Receive`] if the socket fails.
+/// [`LinkError::Receive`] if a socket fails.
 pub fn fly<P: Processor>(
     vehicle: &mut MavlinkVehicle<P>,
     plant: &mut dyn Plant,
-    link: &mut UdpLink,
+    links: &mut Links,
     pace: Pace,
     watch: &mut dyn FnMut(&Moment) -> Next,
 ) -> Result<(), LinkError> {
     let mut clock = Clock::new(pace, vehicle.control_period());
     loop {
-        receive(vehicle, link)?;
+        receive(vehicle, links.mavlink)?;
+        if let Some(crtp) = &mut links.crtp {
+            crtp.exchange(vehicle, plant.state())?;
+        }
         let secs = vehicle.elapsed_secs();
-        let rotor_targets = vehicle.tick(plant.state(), &mut |frame| link.send(frame));
+        let rotor_targets = vehicle.tick(plant.state(), &mut |frame| links.mavlink.send(frame));
         let moment = Moment { secs, state: plant.state(), mode: vehicle.mode(), rotor_targets };
         if watch(&moment) == Next::End {
             return Ok(());

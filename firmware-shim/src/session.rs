@@ -5,8 +5,9 @@ use std::net::SocketAddr;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{PolicyError, PolicyFile};
 
+use crate::crtp::link::CrtpLink;
 use crate::link::{Addresses, LinkError, UdpLink};
-use crate::lockstep::{self, Moment, Next, Pace};
+use crate::lockstep::{self, Links, Moment, Next, Pace};
 use crate::plant::Plant;
 use crate::processor::Processor;
 use crate::vehicle::{Counts, MavlinkVehicle};
@@ -21,6 +22,10 @@ pub struct SessionOptions {
     /// UDP address where a ground station listens; the vehicle speaks to it first
     #[arg(long, value_name = "ADDRESS", default_value_t = Addresses::default().ground_station)]
     pub ground_station: SocketAddr,
+
+    /// UDP address for clients of a Crazyflie (cflib, cfclient), such as 127.0.0.1:19850 [default: none]
+    #[arg(long, value_name = "ADDRESS")]
+    pub crtp: Option<SocketAddr>,
 
     /// MAVLink system number of the vehicle
     #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=250))]
@@ -75,6 +80,7 @@ pub enum SessionError {
 pub struct Session<P> {
     vehicle: MavlinkVehicle<P>,
     link: UdpLink,
+    crtp: Option<CrtpLink>,
     options: SessionOptions,
     announcement: String,
 }
@@ -82,7 +88,7 @@ pub struct Session<P> {
 impl Default for SessionOptions {
     fn default() -> Self {
         let Addresses { vehicle, ground_station } = Addresses::default();
-        Self { listen: vehicle, ground_station, system: 1, speed: Pace::Speed(1.0), for_secs: None }
+        Self { listen: vehicle, ground_station, crtp: None, system: 1, speed: Pace::Speed(1.0), for_secs: None }
     }
 }
 
@@ -112,9 +118,11 @@ impl<P: Processor> Session<P> {
             return Err(SessionError::SensorsMissing { name: name.to_owned(), observation: layout.name() });
         }
         let link = UdpLink::open(&Addresses { vehicle: options.listen, ground_station: options.ground_station })?;
-        let announcement = announcement(name, link.address()?, options);
+        let crtp = options.crtp.map(CrtpLink::open).transpose()?;
+        let crtp_address = crtp.as_ref().map(CrtpLink::address).transpose()?;
+        let announcement = announcement(name, link.address()?, crtp_address, options);
         let vehicle = MavlinkVehicle::new(processor, options.system);
-        Ok(Self { vehicle, link, options: *options, announcement })
+        Ok(Self { vehicle, link, crtp, options: *options, announcement })
     }
 
     /// What flies, and how to connect to it.
@@ -139,24 +147,27 @@ impl<P: Processor> Session<P> {
             let next = watch(moment);
             if moment.secs < limit_secs { next } else { Next::End }
         };
-        lockstep::fly(&mut self.vehicle, plant, &mut self.link, self.options.speed, &mut until)?;
+        let mut links = Links { mavlink: &mut self.link, crtp: self.crtp.as_mut() };
+        lockstep::fly(&mut self.vehicle, plant, &mut links, self.options.speed, &mut until)?;
         Ok(self.vehicle.counts())
     }
 }
 
-fn announcement(name: &str, address: SocketAddr, options: &SessionOptions) -> String {
+fn announcement(name: &str, address: SocketAddr, crtp: Option<SocketAddr>, options: &SessionOptions) -> String {
     let SessionOptions { ground_station, system, speed, .. } = options;
     let pace = match speed {
         Pace::Speed(1.0) => "in real time".to_owned(),
         Pace::Speed(factor) => format!("at {factor} times real time"),
         Pace::Unthrottled => "as fast as it goes".to_owned(),
     };
+    let crazyflie = crtp.map_or_else(String::new, |address| format!("  cflib           udp://{address}\n"));
     format!(
         "Policy \"{name}\" flies as MAVLink system {system}, {pace}.\n\
          It speaks to {ground_station}; connect there or at {address}:\n  \
          QGroundControl  listens on port 14550 by itself\n  \
          pymavlink       mavutil.mavlink_connection(\"udpin:{ground_station}\")\n  \
          or              mavutil.mavlink_connection(\"udpout:{address}\")\n\
+         {crazyflie}\
          Ctrl-C ends the flight."
     )
 }

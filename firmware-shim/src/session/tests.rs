@@ -96,6 +96,7 @@ fn wrong_options_are_refused_in_one_message() {
         ("--for-secs=-1", "expected a positive number of seconds"),
         ("--for-secs nan", "expected a positive number of seconds"),
         ("--listen 14580", "invalid socket address"),
+        ("--crtp 19850", "invalid socket address"),
     ] {
         let error = parsed(arguments).unwrap_err();
         assert!(error.contains(expected), "{error}");
@@ -110,6 +111,36 @@ fn the_announcement_names_policy_and_addresses() {
     for expected in ["linear hover", "5 times", "udpin:127.0.0.1:9", &format!("udpout:{address}")] {
         assert!(session.announcement().contains(expected), "{}", session.announcement());
     }
+}
+
+#[test]
+fn a_crazyflie_is_announced_where_it_is_wanted() {
+    let bytes = PolicyBytes::copy_of(&hover_policy());
+    let without = Session::open(bytes.policy().unwrap(), &anywhere("")).unwrap();
+    assert!(!without.announcement().contains("cflib"), "{}", without.announcement());
+    let session = Session::open(bytes.policy().unwrap(), &anywhere("--crtp 127.0.0.1:0")).unwrap();
+    let address = session.crtp.as_ref().unwrap().address().unwrap();
+    let line = format!("\n  cflib           udp://{address}\n");
+    assert!(session.announcement().contains(&line), "{}", session.announcement());
+}
+
+#[test]
+fn a_crazyflie_answers_over_the_loopback() {
+    let bytes = PolicyBytes::copy_of(&hover_policy());
+    let mut session = Session::open(bytes.policy().unwrap(), &anywhere("--crtp 127.0.0.1:0")).unwrap();
+    let client = UdpSocket::bind("127.0.0.1:0").unwrap();
+    client.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    client.connect(session.crtp.as_ref().unwrap().address().unwrap()).unwrap();
+    client.send(&[0xFF]).unwrap();
+    let mut moments = 0;
+    let mut watch = |_: &Moment| {
+        moments += 1;
+        if moments < 10 { Next::Fly } else { Next::End }
+    };
+    session.fly(&mut FlatFloor::new(&CF2X, 0.01), &mut watch).unwrap();
+    let mut buffer = [0; 8];
+    assert_eq!(client.recv(&mut buffer).unwrap(), 1);
+    assert_eq!(buffer[0], 0xFF);
 }
 
 #[test]
