@@ -23,4 +23,5 @@ pub mod session;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;
+pub mod true_state;
 pub mod vehicle;

@@ -11,6 +11,7 @@ use kestrel_shim::lockstep::Next;
 use kestrel_shim::plant::FlatFloor;
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{Session, SessionOptions};
+use kestrel_shim::true_state::TrueStateLog;
 
 /// Exit status of everything the user can mend, as of clap's own errors.
 const USER_ERROR: u8 = 2;
@@ -33,6 +34,10 @@ struct Arguments {
     /// Airframe that flies
     #[arg(long, value_enum, default_value_t = AirframeName::Cf2x)]
     airframe: AirframeName,
+
+    /// Write the true state in every control period to this file, one JSON object per line
+    #[arg(long, value_name = "FILE")]
+    true_state_log: Option<PathBuf>,
 
     #[command(flatten)]
     session: SessionOptions,
@@ -70,9 +75,14 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     let policy = bytes.policy().with_context(|| format!("policy {}", arguments.policy.display()))?;
     let control_secs = policy.metadata().control_period_secs;
     let mut session = Session::open(policy, &arguments.session)?;
+    let mut log = TrueStateLog::create(arguments.true_state_log.as_deref())?;
     let mut output = io::stdout();
     writeln!(output, "{}", session.announcement()).and_then(|()| output.flush())?;
     let mut plant = FlatFloor::new(arguments.airframe.airframe(), control_secs);
-    session.fly(&mut plant, &mut |_| Next::Fly)?;
-    Ok(())
+    let mut failure = None;
+    session.fly(&mut plant, &mut |moment| {
+        failure = log.write(moment).err();
+        if failure.is_some() { Next::End } else { Next::Fly }
+    })?;
+    failure.map_or(Ok(()), |failure| Err(failure.into()))
 }
