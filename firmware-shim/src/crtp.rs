@@ -14,8 +14,9 @@
 //! Only [`link`] knows sockets and the wall clock. The protocol is that of Bitcraze's firmware in its version 12; the
 //! names, types and units of parameters and log variables are the firmware's, too.
 //!
-//! What is different from a Crazyflie: a policy chooses attitude and heading itself, so that yaw is not followed and
-//! set-points of attitudes are refused; velocities end at [`crate::autopilot::SPEED_LIMIT`]; a drone whose set-points stop
+//! What is different from a Crazyflie: a policy chooses attitude and heading itself, so that set-points of attitudes
+//! are refused, and yaw is counted but not flown: paths are those of a drone that turns as it is told, while the hull
+//! looks where the policy lets it; velocities end at [`crate::autopilot::SPEED_LIMIT`]; a drone whose set-points stop
 //! coming lands instead of falling. Not there: memories (trajectories, Lighthouse geometry), spirals, persistent
 //! parameters, app channels, radio.
 

@@ -3,10 +3,12 @@
 //! Both move the autopilot's goal at a velocity that is computed anew in every control period, no faster than
 //! [`SPEED_LIMIT`]. Whoever refuses such a velocity (a landing, a failsafe) is in charge from then on.
 
+use core::f64::consts::TAU;
+
 use nalgebra::Vector3;
 
 use super::bridge::Bridge;
-use super::maneuver::{Haste, Maneuver, Origin};
+use super::maneuver::{Haste, Maneuver, Origin, Turn};
 use super::parameter::Parameters;
 use super::plan::{Ending, Pace, Plan};
 use super::set_point::{SetPoint, inside};
@@ -66,11 +68,14 @@ pub enum HighLevel {
 #[derive(Clone, Debug)]
 pub struct Commander {
     source: Source,
+    /// Yaw of a drone that had turned as it was told \[rad\].
+    heading: f64,
+    steered_secs: f64,
 }
 
 impl Default for Commander {
     fn default() -> Self {
-        Self { source: Source::Nobody }
+        Self { source: Source::Nobody, heading: 0.0, steered_secs: 0.0 }
     }
 }
 
@@ -96,7 +101,10 @@ impl Commander {
         if !bridge.mode.flies() && !lifts(&set_point, bridge.state.position.z) {
             return Ok(());
         }
-        take_control(bridge)?;
+        self.take_control(bridge)?;
+        if let SetPoint::Position { yaw, .. } = set_point {
+            self.heading = yaw.into();
+        }
         self.source = Source::Stream { set_point, secs: bridge.secs, claim: Claim::Mine };
         Ok(())
     }
@@ -134,9 +142,28 @@ impl Commander {
             return Err((status::BUSY, None));
         }
         let plan = self.plan(maneuver, parameters, bridge).map_err(|status| (status, None))?;
-        take_control(bridge).map_err(|refusal| (status::BUSY, Some(refusal)))?;
+        self.take_control(bridge).map_err(|refusal| (status::BUSY, Some(refusal)))?;
+        self.turn(maneuver.turn());
         self.source = Source::Plan(plan);
         Ok(())
+    }
+
+    /// Makes the autopilot ready to be guided. Whoever begins to fly sees the drone as it stands.
+    fn take_control(&mut self, bridge: &mut Bridge) -> Result<(), Refusal> {
+        guide(bridge)?;
+        if self.source == Source::Nobody {
+            let [_, _, yaw] = bridge.state.world_from_body.map(f64::from).roll_pitch_yaw();
+            self.heading = yaw;
+        }
+        Ok(())
+    }
+
+    fn turn(&mut self, turn: Turn) {
+        self.heading = match turn {
+            Turn::Keep => self.heading,
+            Turn::To(yaw) => yaw.into(),
+            Turn::By(angle_rad) => self.heading + f64::from(angle_rad),
+        };
     }
 
     fn plan(&self, maneuver: Maneuver, parameters: &Parameters, bridge: &Bridge) -> Result<Plan, u8> {
@@ -144,13 +171,13 @@ impl Commander {
         let (end, haste) = match maneuver {
             Maneuver::TakeOff { .. } if bridge.mode.flies() => return Err(status::NOT_PERMITTED),
             Maneuver::Land { .. } if !bridge.mode.flies() => return Err(status::NOT_PERMITTED),
-            Maneuver::TakeOff { height_m, origin, haste } => {
+            Maneuver::TakeOff { height_m, origin, haste, .. } => {
                 (start.xy().push(base(origin, start.z) + height_m), haste.or_usual(parameters.take_off_speed()))
             }
-            Maneuver::Land { height_m, origin: Origin::World, haste } => {
+            Maneuver::Land { height_m, origin: Origin::World, haste, .. } => {
                 (start.xy().push(height_m), haste.or_usual(parameters.landing_speed()))
             }
-            Maneuver::Land { height_m, origin: Origin::Here, haste } => {
+            Maneuver::Land { height_m, origin: Origin::Here, haste, .. } => {
                 (start.xy().push(start.z - height_m), haste.or_usual(parameters.landing_speed()))
             }
             Maneuver::GoTo { point, origin, duration_secs, .. } => {
@@ -181,13 +208,14 @@ impl Commander {
             self.source = Source::Nobody;
         }
         let command = match self.source {
-            Source::Nobody | Source::Arrived => return,
+            Source::Nobody | Source::Arrived => None,
             Source::Stream { set_point, secs, .. } => self.stream(&set_point, bridge.secs - secs, bridge),
             Source::Plan(plan) => Some(self.advance(&plan, bridge)),
         };
         if command.is_some_and(|command| bridge.order(command).is_err()) {
             self.source = Source::Nobody;
         }
+        self.steered_secs = bridge.secs;
     }
 
     /// What a set-point of this age wants; at a certain age hover, later land.
@@ -199,7 +227,9 @@ impl Commander {
         if age_secs > HOVER_SECS {
             return (bridge.mode == Mode::Guided).then_some(Command::Pause);
         }
-        velocity(set_point, bridge).map(|velocity| Command::Velocity(limited(velocity)))
+        let elapsed_secs = bridge.secs - self.steered_secs;
+        self.heading = (self.heading + f64::from(yaw_rate(set_point)) * elapsed_secs) % TAU;
+        velocity(set_point, self.heading, bridge).map(|velocity| Command::Velocity(limited(velocity)))
     }
 
     fn advance(&mut self, plan: &Plan, bridge: &Bridge) -> Command {
@@ -242,6 +272,13 @@ impl Maneuver {
         }
     }
 
+    fn turn(&self) -> Turn {
+        match self {
+            Self::TakeOff { turn, .. } | Self::Land { turn, .. } | Self::GoTo { turn, .. } => *turn,
+            Self::JoinGroups(_) | Self::Stop => Turn::Keep,
+        }
+    }
+
     fn ending(&self) -> Ending {
         match self {
             Self::Land { .. } => Ending::Land,
@@ -262,14 +299,14 @@ fn base(origin: Origin, here: f32) -> f32 {
 fn lifts(set_point: &SetPoint, floor_m: f32) -> bool {
     match set_point {
         SetPoint::Stop => false,
-        SetPoint::Velocity(velocity) => velocity.z > 0.0,
+        SetPoint::Velocity { velocity, .. } => velocity.z > 0.0,
         SetPoint::Hover { height_m, .. } => *height_m > floor_m + LIFT_M,
-        SetPoint::Position(position) | SetPoint::Moving { position, .. } => position.z > floor_m + LIFT_M,
+        SetPoint::Position { position, .. } | SetPoint::Moving { position, .. } => position.z > floor_m + LIFT_M,
     }
 }
 
-/// Makes the autopilot ready to be guided. As on a Crazyflie with brushed motors nobody needs to arm it.
-fn take_control(bridge: &mut Bridge) -> Result<(), Refusal> {
+/// Has the autopilot take off if it must. As on a Crazyflie with brushed motors nobody needs to arm it.
+fn guide(bridge: &mut Bridge) -> Result<(), Refusal> {
     match bridge.mode {
         Mode::Disarmed | Mode::Armed | Mode::Landed => {
             bridge.order(Command::Arm)?;
@@ -282,25 +319,27 @@ fn take_control(bridge: &mut Bridge) -> Result<(), Refusal> {
     }
 }
 
-/// Velocity of the goal \[m/s, world\] that a set-point wants.
-fn velocity(set_point: &SetPoint, bridge: &Bridge) -> Option<Vector3<f32>> {
-    match *set_point {
-        SetPoint::Stop => None,
-        SetPoint::Velocity(velocity) => Some(velocity),
-        SetPoint::Hover { ahead, left, height_m } => {
-            let [sine, cosine] = heading(bridge);
-            let climb = (height_m - bridge.goal.position().z) / CATCH_UP_SECS;
-            Some(Vector3::new(cosine * ahead - sine * left, sine * ahead + cosine * left, climb))
-        }
-        SetPoint::Position(position) => Some(catch_up(position, bridge)),
-        SetPoint::Moving { position, velocity } => Some(velocity + catch_up(position, bridge)),
+/// How fast a set-point turns to the left \[rad/s\].
+fn yaw_rate(set_point: &SetPoint) -> f32 {
+    match set_point {
+        SetPoint::Velocity { yaw_rate, .. } | SetPoint::Hover { yaw_rate, .. } => *yaw_rate,
+        SetPoint::Stop | SetPoint::Position { .. } | SetPoint::Moving { .. } => 0.0,
     }
 }
 
-/// Sine and cosine of the drone's yaw.
-fn heading(bridge: &Bridge) -> [f32; 2] {
-    let [_, _, yaw] = bridge.state.world_from_body.map(f64::from).roll_pitch_yaw();
-    [libm::sin(yaw) as f32, libm::cos(yaw) as f32]
+/// Velocity of the goal \[m/s, world\] that a set-point wants of a drone with a heading \[rad\].
+fn velocity(set_point: &SetPoint, heading: f64, bridge: &Bridge) -> Option<Vector3<f32>> {
+    match *set_point {
+        SetPoint::Stop => None,
+        SetPoint::Velocity { velocity, .. } => Some(velocity),
+        SetPoint::Hover { ahead, left, height_m, .. } => {
+            let (sine, cosine) = (libm::sin(heading) as f32, libm::cos(heading) as f32);
+            let climb = (height_m - bridge.goal.position().z) / CATCH_UP_SECS;
+            Some(Vector3::new(cosine * ahead - sine * left, sine * ahead + cosine * left, climb))
+        }
+        SetPoint::Position { position, .. } => Some(catch_up(position, bridge)),
+        SetPoint::Moving { position, velocity } => Some(velocity + catch_up(position, bridge)),
+    }
 }
 
 /// Velocity that brings the goal to a point \[m/s\].

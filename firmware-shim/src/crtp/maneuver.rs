@@ -1,5 +1,4 @@
-//! What the high-level commander is asked for: take off, go there, land. Yaw is not followed; spirals and
-//! trajectories are refused.
+//! What the high-level commander is asked for: take off, go there, land. Spirals and trajectories are refused.
 
 use nalgebra::Vector3;
 
@@ -17,6 +16,17 @@ pub enum Origin {
     World,
     /// Where the drone is to be now.
     Here,
+}
+
+/// Where a maneuver ends to look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Turn {
+    /// Where it looks.
+    Keep,
+    /// At this yaw \[rad\].
+    To(f32),
+    /// So far to the left \[rad\].
+    By(f32),
 }
 
 /// How fast a maneuver is.
@@ -43,6 +53,8 @@ pub enum Maneuver {
         origin: Origin,
         /// How fast.
         haste: Haste,
+        /// Where it looks.
+        turn: Turn,
     },
     /// Straight down to a height \[m\], and on until the floor carries the drone.
     Land {
@@ -52,6 +64,8 @@ pub enum Maneuver {
         origin: Origin,
         /// How fast.
         haste: Haste,
+        /// Where it looks.
+        turn: Turn,
     },
     /// Motors stop, and what flies falls.
     Stop,
@@ -65,6 +79,8 @@ pub enum Maneuver {
         duration_secs: f32,
         /// How it runs through this time.
         pace: Pace,
+        /// Where it looks.
+        turn: Turn,
     },
 }
 
@@ -100,19 +116,23 @@ impl Maneuver {
             _ => {
                 let origin = origin(fields.byte()?);
                 let linear = command == 12 && fields.byte()? != 0;
-                let (point, _yaw, duration_secs) = (fields.vector()?, fields.float()?, seconds(&mut fields)?);
+                let (point, yaw, duration_secs) = (fields.vector()?, fields.float()?, seconds(&mut fields)?);
                 let pace = if linear { Pace::Linear } else { Pace::Smooth };
-                Some(Self::GoTo { point, origin, duration_secs, pace })
+                let turn = match origin {
+                    Origin::World => Turn::To(yaw),
+                    Origin::Here => Turn::By(yaw),
+                };
+                Some(Self::GoTo { point, origin, duration_secs, pace, turn })
             }
         }
     }
 
-    fn up(Vertical { height_m, origin, haste }: Vertical) -> Self {
-        Self::TakeOff { height_m, origin, haste }
+    fn up(Vertical { height_m, origin, haste, turn }: Vertical) -> Self {
+        Self::TakeOff { height_m, origin, haste, turn }
     }
 
-    fn down(Vertical { height_m, origin, haste }: Vertical) -> Self {
-        Self::Land { height_m, origin, haste }
+    fn down(Vertical { height_m, origin, haste, turn }: Vertical) -> Self {
+        Self::Land { height_m, origin, haste, turn }
     }
 }
 
@@ -121,25 +141,32 @@ struct Vertical {
     height_m: f32,
     origin: Origin,
     haste: Haste,
+    turn: Turn,
 }
 
 impl Vertical {
     fn timed(fields: &mut Fields) -> Option<Self> {
-        let height_m = fields.float()?;
-        Some(Self { height_m, origin: Origin::World, haste: Haste::Duration(seconds(fields)?) })
+        let (height_m, haste) = (fields.float()?, Haste::Duration(seconds(fields)?));
+        Some(Self { height_m, origin: Origin::World, haste, turn: Turn::To(0.0) })
     }
 
     fn turned(fields: &mut Fields) -> Option<Self> {
-        let (height_m, _yaw, _keeps_yaw) = (fields.float()?, fields.float()?, fields.byte()?);
-        Some(Self { height_m, origin: Origin::World, haste: Haste::Duration(seconds(fields)?) })
+        let (height_m, turn) = (fields.float()?, turn(fields)?);
+        Some(Self { height_m, origin: Origin::World, haste: Haste::Duration(seconds(fields)?), turn })
     }
 
     fn fast(fields: &mut Fields) -> Option<Self> {
         let (height_m, origin) = (fields.float()?, origin(fields.byte()?));
-        let (_yaw, _keeps_yaw, speed) = (fields.float()?, fields.byte()?, fields.float()?);
+        let (turn, speed) = (turn(fields)?, fields.float()?);
         let haste = if speed > 0.0 { Haste::Speed(speed) } else { Haste::Usual };
-        Some(Self { height_m, origin, haste })
+        Some(Self { height_m, origin, haste, turn })
     }
+}
+
+/// A yaw, and whether to keep the present one instead.
+fn turn(fields: &mut Fields) -> Option<Turn> {
+    let (yaw, keeps) = (fields.float()?, fields.byte()?);
+    Some(if keeps == 0 { Turn::To(yaw) } else { Turn::Keep })
 }
 
 fn origin(relative: u8) -> Origin {
@@ -170,17 +197,17 @@ mod tests {
 
     #[test]
     fn take_offs_and_landings_are_read_in_all_forms() {
-        let (height_m, origin, haste) = (0.75, Origin::World, Haste::Duration(2.0));
-        let (up, down) =
-            (Maneuver::TakeOff { height_m, origin, haste }, Maneuver::Land { height_m, origin, haste });
+        let (height_m, origin, haste, turn) = (0.75, Origin::World, Haste::Duration(2.0), Turn::To(0.0));
+        let up = Maneuver::TakeOff { height_m, origin, haste, turn };
+        let down = Maneuver::Land { height_m, origin, haste, turn };
         for (old, new, expected) in [(1, 7, up), (2, 8, down)] {
             assert_eq!(read(&[old, 5], &[0.75, 2.0]), Ok((5, expected)));
             assert_eq!(turned(new, 0.75, 2.0), Ok((5, expected)));
         }
         let mut head = vec![9, 0];
         head.extend(0.75_f32.to_le_bytes());
-        head.extend([1, 0, 0, 0, 0, 0]);
-        let up = |haste| Ok((0, Maneuver::TakeOff { height_m, origin: Origin::Here, haste }));
+        head.extend([1, 0, 0, 0, 0, 1]);
+        let up = |haste| Ok((0, Maneuver::TakeOff { height_m, origin: Origin::Here, haste, turn: Turn::Keep }));
         assert_eq!(read(&head, &[0.3]), up(Haste::Speed(0.3)));
         assert_eq!(read(&head, &[0.0]), up(Haste::Usual));
         head[0] = 10;
@@ -190,11 +217,12 @@ mod tests {
     #[test]
     fn flights_to_points_are_read_in_both_forms() {
         let numbers = [1.0, -2.0, 0.5, 3.0, 4.0];
-        let go_to = |origin, pace| {
-            Ok((2, Maneuver::GoTo { point: Vector3::new(1.0, -2.0, 0.5), origin, duration_secs: 4.0, pace }))
+        let go_to = |origin, pace, turn| {
+            let point = Vector3::new(1.0, -2.0, 0.5);
+            Ok((2, Maneuver::GoTo { point, origin, duration_secs: 4.0, pace, turn }))
         };
-        assert_eq!(read(&[4, 2, 1], &numbers), go_to(Origin::Here, Pace::Smooth));
-        assert_eq!(read(&[12, 2, 0, 1], &numbers), go_to(Origin::World, Pace::Linear));
+        assert_eq!(read(&[4, 2, 1], &numbers), go_to(Origin::Here, Pace::Smooth, Turn::By(3.0)));
+        assert_eq!(read(&[12, 2, 0, 1], &numbers), go_to(Origin::World, Pace::Linear, Turn::To(3.0)));
     }
 
     #[test]

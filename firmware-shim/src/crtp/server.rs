@@ -84,7 +84,7 @@ impl Server {
         if platform::is_handshake(packet) {
             self.last_words = None;
             self.say(platform::FIRMWARE, bridge);
-            self.say("simulated: yaw is not followed, velocities up to 1 m/s are", bridge);
+            self.say("simulated: yaw is counted, not flown; up to 1 m/s", bridge);
         }
     }
 

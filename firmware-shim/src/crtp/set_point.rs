@@ -1,7 +1,8 @@
 //! Set-points that clients stream: what of them a policy can follow, and the reasons why not.
 //!
 //! A policy flies to a point and chooses its attitude and heading itself. So positions, heights and velocities are
-//! followed, yaw and yaw rates are not, and set-points of attitudes and thrust are refused.
+//! followed, and set-points of attitudes and thrust are refused. Yaw is counted without being flown: what is ahead of a
+//! client is ahead of a drone that would have turned as it was told.
 
 use nalgebra::Vector3;
 
@@ -22,19 +23,31 @@ const META_CHANNEL: u8 = 1;
 pub enum SetPoint {
     /// Motors stop, and what flies falls.
     Stop,
-    /// Velocity \[m/s, world\].
-    Velocity(Vector3<f32>),
-    /// Velocity ahead and to the left \[m/s\], at a height \[m, world\].
+    /// A velocity.
+    Velocity {
+        /// \[m/s, world\].
+        velocity: Vector3<f32>,
+        /// \[rad/s\], to the left.
+        yaw_rate: f32,
+    },
+    /// A velocity \[m/s\] at a height \[m, world\].
     Hover {
-        /// Along the drone's heading.
+        /// Along the heading.
         ahead: f32,
         /// Across it.
         left: f32,
         /// Not below zero.
         height_m: f32,
+        /// \[rad/s\], to the left.
+        yaw_rate: f32,
     },
-    /// A point \[m, world\].
-    Position(Vector3<f32>),
+    /// A point.
+    Position {
+        /// \[m, world\].
+        position: Vector3<f32>,
+        /// \[rad\].
+        yaw: f32,
+    },
     /// A point that moves.
     Moving {
         /// \[m, world\].
@@ -88,7 +101,7 @@ impl Wish {
 pub enum OldCommander {
     /// What their names say.
     Attitude,
-    /// y, -x, yaw and z in mm.
+    /// y, -x, yaw, and z in mm.
     Position,
 }
 
@@ -96,17 +109,20 @@ impl OldCommander {
     /// Without thrust motors stop, whatever the rest means.
     fn read(self, mut fields: Fields) -> Result<SetPoint, SetPointError> {
         let mut next = || fields.float().ok_or(SetPointError::Malformed);
-        let (roll, pitch, _yaw) = (next()?, next()?, next()?);
+        let (roll, pitch, yaw_deg) = (next()?, next()?, next()?);
         let thrust = fields.short().ok_or(SetPointError::Malformed)?;
         match self {
             Self::Attitude | Self::Position if thrust == 0 => Ok(SetPoint::Stop),
             Self::Attitude => Err(SetPointError::Attitude),
-            Self::Position => inside(Vector3::new(-pitch, roll, f32::from(thrust) / 1e3)).map(SetPoint::Position),
+            Self::Position => {
+                let position = inside(Vector3::new(-pitch, roll, f32::from(thrust) / 1e3))?;
+                Ok(SetPoint::Position { position, yaw: yaw_deg.to_radians() })
+            }
         }
     }
 }
 
-/// A set-point of the generic commander. The kinds 1, 2 and 5 are 8, 9 and 10 with another sign of the yaw rate.
+/// A set-point of the generic commander. The kinds 1, 2 and 5 are 8, 9 and 10 with a yaw rate to the right.
 fn generic(mut fields: Fields) -> Result<SetPoint, SetPointError> {
     match fields.byte() {
         Some(0) => Ok(SetPoint::Stop),
@@ -117,19 +133,18 @@ fn generic(mut fields: Fields) -> Result<SetPoint, SetPointError> {
 }
 
 fn motion(kind: u8, mut fields: Fields) -> Option<SetPoint> {
+    let to_the_left = |rate_deg: f32| if kind < 8 { -rate_deg.to_radians() } else { rate_deg.to_radians() };
     match kind {
-        1 | 8 => Some(SetPoint::Velocity(fields.vector()?)),
-        // The tilt of a height set-point is not followed: it hovers.
-        2 | 9 => {
-            let (_tilt_and_yaw_rate, height_m) = (fields.vector()?, fields.float()?);
-            Some(SetPoint::Hover { ahead: 0.0, left: 0.0, height_m })
-        }
-        5 | 10 => {
-            let (ahead, left, _yaw_rate) = (fields.float()?, fields.float()?, fields.float()?);
-            Some(SetPoint::Hover { ahead, left, height_m: fields.float()? })
+        1 | 8 => Some(SetPoint::Velocity { velocity: fields.vector()?, yaw_rate: to_the_left(fields.float()?) }),
+        2 | 5 | 9 | 10 => {
+            let (first, second, yaw_rate) = (fields.float()?, fields.float()?, to_the_left(fields.float()?));
+            let height_m = fields.float()?;
+            // The tilt of a height set-point is not followed: it hovers.
+            let [ahead, left] = if matches!(kind, 2 | 9) { [0.0; 2] } else { [first, second] };
+            Some(SetPoint::Hover { ahead, left, height_m, yaw_rate })
         }
         6 => Some(SetPoint::Moving { position: fields.thousandths()?, velocity: fields.thousandths()? }),
-        7 => Some(SetPoint::Position(fields.vector()?)),
+        7 => Some(SetPoint::Position { position: fields.vector()?, yaw: fields.float()?.to_radians() }),
         _ => None,
     }
 }
@@ -137,12 +152,12 @@ fn motion(kind: u8, mut fields: Fields) -> Option<SetPoint> {
 impl SetPoint {
     fn checked(self) -> Result<Self, SetPointError> {
         Ok(match self {
-            Self::Stop | Self::Velocity(_) => self,
-            Self::Hover { ahead, left, height_m } => {
+            Self::Stop | Self::Velocity { .. } => self,
+            Self::Hover { ahead, left, height_m, yaw_rate } => {
                 let height_m = inside(Vector3::new(0.0, 0.0, height_m))?.z;
-                Self::Hover { ahead, left, height_m }
+                Self::Hover { ahead, left, height_m, yaw_rate }
             }
-            Self::Position(position) => Self::Position(inside(position)?),
+            Self::Position { position, yaw } => Self::Position { position: inside(position)?, yaw },
             Self::Moving { position, velocity } => Self::Moving { position: inside(position)?, velocity },
         })
     }
@@ -188,15 +203,19 @@ mod tests {
 
     #[test]
     fn every_kind_that_a_policy_can_follow_is_read() {
-        let velocity = SetPoint::Velocity(Vector3::new(0.1, 0.2, 0.3));
-        let hover = SetPoint::Hover { ahead: 0.1, left: 0.2, height_m: 0.4 };
-        let still = SetPoint::Hover { ahead: 0.0, left: 0.0, height_m: 0.4 };
+        let yaw_rate = core::f32::consts::FRAC_PI_2;
+        let velocity = SetPoint::Velocity { velocity: Vector3::new(0.1, 0.2, 0.3), yaw_rate };
+        let hover = SetPoint::Hover { ahead: 0.1, left: 0.2, height_m: 0.4, yaw_rate };
+        let still = SetPoint::Hover { ahead: 0.0, left: 0.0, height_m: 0.4, yaw_rate };
         assert_eq!(generic(0, &[]), Ok(SetPoint::Stop));
-        for (old, new, expected) in [(1, 8, velocity), (2, 9, still), (5, 10, hover)] {
-            assert_eq!(generic(old, &[0.1, 0.2, 0.3, 0.4]), Ok(expected));
-            assert_eq!(generic(new, &[0.1, 0.2, 0.3, 0.4]), Ok(expected));
+        assert_eq!(generic(1, &[0.1, 0.2, 0.3, -90.0]), Ok(velocity));
+        assert_eq!(generic(8, &[0.1, 0.2, 0.3, 90.0]), Ok(velocity));
+        for (old, new, expected) in [(2, 9, still), (5, 10, hover)] {
+            assert_eq!(generic(old, &[0.1, 0.2, -90.0, 0.4]), Ok(expected));
+            assert_eq!(generic(new, &[0.1, 0.2, 90.0, 0.4]), Ok(expected));
         }
-        assert_eq!(generic(7, &[1.0, 2.0, 3.0, 4.0]), Ok(SetPoint::Position(Vector3::new(1.0, 2.0, 3.0))));
+        let position = SetPoint::Position { position: Vector3::new(1.0, 2.0, 3.0), yaw: yaw_rate };
+        assert_eq!(generic(7, &[1.0, 2.0, 3.0, 90.0]), Ok(position));
     }
 
     #[test]
@@ -234,7 +253,8 @@ mod tests {
         for old_commander in [OldCommander::Attitude, OldCommander::Position] {
             assert_eq!(old(0, old_commander), Ok(Wish::Follow(SetPoint::Stop)));
         }
-        let position = SetPoint::Position(Vector3::new(0.5, 1.5, 0.75));
+        let yaw = core::f32::consts::FRAC_PI_2;
+        let position = SetPoint::Position { position: Vector3::new(0.5, 1.5, 0.75), yaw };
         assert_eq!(old(750, OldCommander::Position), Ok(Wish::Follow(position)));
     }
 
@@ -256,6 +276,9 @@ mod tests {
         assert_eq!(generic(7, &[0.0, 0.0, -0.5, 0.0]), Err(SetPointError::Outside));
         assert_eq!(generic(7, &[0.0, -1001.0, 1.0, 0.0]), Err(SetPointError::Outside));
         assert_eq!(generic(10, &[0.0, 0.0, 0.0, 2000.0]), Err(SetPointError::Outside));
-        assert_eq!(generic(7, &[0.0, 0.0, -0.05, 0.0]), Ok(SetPoint::Position(Vector3::zeros())));
+        assert_eq!(
+            generic(7, &[0.0, 0.0, -0.05, 0.0]),
+            Ok(SetPoint::Position { position: Vector3::zeros(), yaw: 0.0 })
+        );
     }
 }
