@@ -72,3 +72,38 @@ impl TrueStateLog {
         whole.map_err(|reason| TrueStateLogError { path: path.clone(), reason })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use kestrel_core::airframe::CF2X;
+
+    use super::*;
+    use crate::autopilot::Mode;
+    use crate::plant::{FlatFloor, Plant};
+
+    fn write(path: Option<&Path>) -> Result<(), TrueStateLogError> {
+        let plant = FlatFloor::new(&CF2X, 0.01);
+        let moment = Moment { secs: 0.5, state: plant.state(), mode: Mode::TakingOff, rotor_targets: [1.0; 4] };
+        let mut log = TrueStateLog::create(path)?;
+        log.write(&moment).and_then(|()| log.write(&moment))
+    }
+
+    #[test]
+    fn a_line_holds_a_moment() {
+        let path = std::env::temp_dir().join(format!("kestrel-true-state-{}.jsonl", std::process::id()));
+        write(Some(&path)).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let line = "{\"secs\":0.5,\"position\":[0.0,0.0,0.0125],\"velocity\":[0.0,0.0,0.0],\"armed\":true,\
+                    \"mode\":\"taking off\",\"rotor_targets\":[1.0,1.0,1.0,1.0]}\n";
+        assert_eq!(text, line.repeat(2));
+    }
+
+    #[test]
+    fn no_log_is_no_error_and_one_that_cannot_be_written_is_named() {
+        write(None).unwrap();
+        let error = write(Some(Path::new("no/such/folder/true.jsonl"))).unwrap_err();
+        let text = error.to_string();
+        assert!(text.starts_with("cannot write the true-state log no/such/folder/true.jsonl: "), "{text}");
+    }
+}
