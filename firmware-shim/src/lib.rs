@@ -4,13 +4,15 @@
 //! ([`kestrel_onboard`]) and become requests ([`message`]); the [`vehicle`] has its [`autopilot`] obey them. Every control
 //! period the autopilot moves the [`goal`] and asks the policy for rotor targets, [`telemetry`] says what is due to be told,
 //! and the [`plant`] steps: that is [`lockstep`], for one vehicle or several. A [`flight_log`] holds every frame.
+//! Clients of a Crazyflie fly the same autopilot by [`crtp`].
 //!
-//! Only [`link`], [`flight_log`] and [`lockstep`] know sockets, files and clocks; everything before them is free of all
+//! Only [`link`], [`crtp::link`], [`flight_log`] and [`lockstep`] know sockets, files and clocks; everything before them is free of all
 //! three and of allocation, so that a microcontroller can run it. Frames are not
 //! forwarded from one link to another.
 
 pub mod autopilot;
 pub mod battery;
+pub mod crtp;
 mod excerpt;
 pub mod failsafe;
 pub mod flight_log;
@@ -33,6 +35,7 @@ pub mod steering;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;
+pub mod true_state;
 pub mod vehicle;
 
 pub use kestrel_onboard::frame;

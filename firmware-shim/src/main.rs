@@ -11,6 +11,7 @@ use kestrel_shim::lockstep::Next;
 use kestrel_shim::plant::FlatFloor;
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{SessionOptions, Squadron};
+use kestrel_shim::true_state::TrueStateLog;
 
 /// Exit status of everything the user can mend, as of clap's own errors.
 const USER_ERROR: u8 = 2;
@@ -38,6 +39,10 @@ struct Arguments {
     /// and all speak to the same ground station
     #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=250))]
     vehicles: u8,
+
+    /// Write the true state in every control period to this file, one JSON object per line
+    #[arg(long, value_name = "FILE")]
+    true_state_log: Option<PathBuf>,
 
     #[command(flatten)]
     session: SessionOptions,
@@ -76,12 +81,17 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     let control_secs = policy.metadata().control_period_secs;
     let airframe = arguments.airframe.airframe();
     let mut squadron = Squadron::open(&bytes, airframe, arguments.vehicles, &arguments.session)?;
+    let mut log = TrueStateLog::create(arguments.true_state_log.as_deref())?;
     let mut output = io::stdout();
     writeln!(output, "{}", squadron.announcement()).and_then(|()| output.flush())?;
     let floor = FlatFloor::new(airframe, control_secs);
     let places = (0..arguments.vehicles).map(|number| grid(number, arguments.vehicles));
     let mut plants: Vec<FlatFloor> = places.map(|place| floor.clone().at(place)).collect();
-    squadron.fly(&mut plants, &mut |_| Next::Fly)?;
+    let mut failure = None;
+    squadron.fly(&mut plants, &mut |moment| {
+        failure = log.write(moment).err();
+        if failure.is_some() { Next::End } else { Next::Fly }
+    })?;
     let (flooding, commands) = squadron.sessions().iter().fold((0, 0), |(flooding, commands), session| {
         let counts = session.link_counts();
         (flooding + counts.flooding, commands + counts.commands)
@@ -89,7 +99,7 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     if flooding + commands > 0 {
         eprintln!("Not heard: {flooding} datagrams of floods, {commands} with too many commands.");
     }
-    Ok(())
+    failure.map_or(Ok(()), |failure| Err(failure.into()))
 }
 
 /// Place of a vehicle in a square of rows, one metre apart \[m, world x and y\].
