@@ -364,6 +364,20 @@ mod tests {
     }
 
     #[test]
+    fn the_page_about_software_in_the_loop_lists_them_all() {
+        let page = include_str!("../../../docs/software-in-the-loop.md");
+        for Definition { name, description, domain, .. } in TABLE {
+            let row = page.lines().find(|line| line.starts_with(&format!("| `{name}` |"))).expect(name);
+            assert!(row.contains(description), "{row}");
+            match domain {
+                Domain::Real { .. } => assert!(row.contains(&format!("| {domain} |")), "{row} instead of {domain}"),
+                Domain::Choice { default, .. } => assert!(row.contains(&format!("| {default} |")), "{row}"),
+                Domain::Integer { .. } => assert!(row.contains("read-only"), "{row}"),
+            }
+        }
+    }
+
+    #[test]
     fn defaults_are_allowed_and_texts_are_sentences() {
         for Definition { name, domain, description, .. } in TABLE {
             let allowed = match domain {

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::{Bound, SessionOptions};
+use crate::flight_mode::FlightMode;
 use crate::lockstep::Pace;
 
 /// Of one vehicle, or of several with the policy `name`, each of them `bound`; `options` are those of the first.
@@ -28,6 +29,8 @@ fn write(text: &mut String, name: &str, options: &SessionOptions, bound: &[Bound
     let addresses: Vec<String> = bound.iter().map(|bound| bound.udp.to_string()).collect();
     writeln!(text, "{speakers} to {ground_station}; connect there or at {}:", addresses.join(", "))?;
     writeln!(text, "  QGroundControl  listens on port 14550 by itself")?;
+    writeln!(text, "  MAVSDK          udpin://{ground_station}")?;
+    writeln!(text, "  MAVProxy        mavproxy.py --master=udpin:{ground_station}")?;
     writeln!(text, "  pymavlink       mavutil.mavlink_connection(\"udpin:{ground_station}\")")?;
     for bound in bound {
         writeln!(text, "  or              mavutil.mavlink_connection(\"udpout:{}\")", bound.udp)?;
@@ -44,6 +47,11 @@ fn write(text: &mut String, name: &str, options: &SessionOptions, bound: &[Bound
     let everywhere = bound.iter().flat_map(|bound| [Some(bound.udp), bound.tcp, bound.crtp]).flatten();
     for address in everywhere.filter(|address| !address.ip().is_loopback()) {
         writeln!(text, "Reachable from other machines: whoever reaches {address} can fly it.")?;
+    }
+    let modes = FlightMode::ALL.map(|mode| if mode == FlightMode::Policy { format!("RL:{name}") } else { mode.name().to_owned() });
+    writeln!(text, "Modes: {}.", modes.join(", "))?;
+    if options.signing_key.is_some() {
+        writeln!(text, "Only frames signed with its key are heard.")?;
     }
     write!(text, "Ctrl-C ends the flight.")
 }

@@ -16,10 +16,10 @@ const MODE_NAME_LIMIT: usize = 35;
 /// Which autopilot the vehicle says it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Personality {
-    /// None that is known: ground stations show what the vehicle itself tells.
+    /// None that clients know: they show what the vehicle itself tells.
     #[default]
     Generic,
-    /// PX4: ground stations offer what they offer to PX4, and miss its parameters.
+    /// PX4: clients offer what they offer to PX4, and miss its parameters.
     Px4,
 }
 
