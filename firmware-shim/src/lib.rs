@@ -5,11 +5,14 @@
 //! the [`goal`] and asks the policy for rotor targets, [`telemetry`] says what is due to be told, and the [`plant`]
 //! steps: that is [`lockstep`].
 //!
-//! Only [`link`] and [`lockstep`] know sockets and clocks; everything before them is free of both and of
+//! A [`bridge`] lends the plant to another autopilot (PX4, ArduPilot, Betaflight), or the vehicle to another simulator.
+//!
+//! Only [`link`], [`lockstep`] and the bridge's servers and clients know sockets and clocks; everything before them is free of both and of
 //! allocation, so that a microcontroller can run it. Not there yet: parameters, missions, global positions, other
 //! transports than UDP.
 
 pub mod autopilot;
+pub mod bridge;
 pub mod goal;
 pub mod link;
 pub mod lockstep;

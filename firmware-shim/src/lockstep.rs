@@ -106,14 +106,14 @@ fn receive<P: Processor>(vehicle: &mut MavlinkVehicle<P>, link: &mut UdpLink) ->
 
 /// Keeps the loop from running ahead of the wall clock.
 #[derive(Debug)]
-struct Clock {
+pub(crate) struct Clock {
     /// Wall time of a control period; none if unthrottled.
     period: Option<Duration>,
     due: Instant,
 }
 
 impl Clock {
-    fn new(pace: Pace, control_period: Duration) -> Self {
+    pub(crate) fn new(pace: Pace, control_period: Duration) -> Self {
         let period = match pace {
             Pace::Speed(speed) => Some(control_period.div_f64(speed)),
             Pace::Unthrottled => None,
@@ -121,7 +121,7 @@ impl Clock {
         Self { period, due: Instant::now() }
     }
 
-    fn wait(&mut self) {
+    pub(crate) fn wait(&mut self) {
         let Some(period) = self.period else { return };
         self.due += period;
         let now = Instant::now();

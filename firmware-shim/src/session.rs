@@ -161,7 +161,7 @@ fn announcement(name: &str, address: SocketAddr, options: &SessionOptions) -> St
     )
 }
 
-fn positive_secs(text: &str) -> Result<f64, String> {
+pub(crate) fn positive_secs(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(secs) if secs > 0.0 && f64::is_finite(secs) => Ok(secs),
         Ok(_) | Err(_) => Err("expected a positive number of seconds".to_owned()),
