@@ -1,14 +1,20 @@
-//! `kestrel-shim`: a policy file as a MAVLink vehicle above an endless floor.
+//! `kestrel-shim`: a policy file as a MAVLink vehicle above an endless floor, or that floor under another autopilot.
 
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, LineWriter, Write};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
-use clap::{Parser, ValueEnum};
+use clap::{Parser, Subcommand, ValueEnum};
 use kestrel_core::airframe::{Airframe, CF2P, CF2X};
+use kestrel_shim::bridge::event::{Event, Step};
+use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
+use kestrel_shim::bridge::px4::client::ExternalSimulator;
+use kestrel_shim::bridge::{Bridge, BridgeOptions};
 use kestrel_shim::lockstep::Next;
-use kestrel_shim::plant::FlatFloor;
+use kestrel_shim::plant::{FlatFloor, Plant};
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{Session, SessionOptions};
 
@@ -24,18 +30,56 @@ const USER_ERROR: u8 = 2;
 ///
 /// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points,
 /// land. Exit status: 0 after a flight, 2 if it cannot begin.
-#[derive(Parser)]
-#[command(name = "kestrel-shim", version)]
+#[derive(Debug, Parser)]
+#[command(
+    name = "kestrel-shim",
+    version,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    disable_help_subcommand = true
+)]
 struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+
     /// Policy file, as `kestrel export` writes it
-    policy: PathBuf,
+    #[arg(required = true)]
+    policy: Option<PathBuf>,
 
     /// Airframe that flies
     #[arg(long, value_enum, default_value_t = AirframeName::Cf2x)]
     airframe: AirframeName,
 
+    /// Fly in the PX4-compatible simulator that listens at this TCP address (4560 by custom), not above the floor
+    #[arg(long, value_name = "ADDRESS")]
+    simulator: Option<SocketAddr>,
+
+    /// How that simulator numbers the motors
+    #[arg(long, value_enum, value_name = "ORDER", requires = "simulator", default_value_t = MotorOrder::QuadX)]
+    motors: MotorOrder,
+
     #[command(flatten)]
     session: SessionOptions,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Lend the floor and a Crazyflie with all instruments to another autopilot: PX4, ArduPilot or Betaflight
+    ///
+    /// Example: kestrel-shim bridge --peer px4
+    ///
+    /// Then start the autopilot (how is printed). Exit status: 0 when the time is up, 2 if it cannot begin.
+    Bridge(BridgeArguments),
+}
+
+#[derive(Debug, clap::Args)]
+struct BridgeArguments {
+    #[command(flatten)]
+    bridge: BridgeOptions,
+
+    /// File for the true state of every step, one JSON object per line
+    #[arg(long, value_name = "FILE")]
+    true_state_log: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -56,7 +100,12 @@ impl AirframeName {
 }
 
 fn main() -> ExitCode {
-    match fly(&Arguments::parse()) {
+    let arguments = Arguments::parse();
+    let result = match &arguments.command {
+        Some(Command::Bridge(bridge)) => lend(bridge),
+        None => fly(&arguments),
+    };
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
@@ -66,13 +115,119 @@ fn main() -> ExitCode {
 }
 
 fn fly(arguments: &Arguments) -> anyhow::Result<()> {
-    let bytes = PolicyBytes::read(&arguments.policy)?;
-    let policy = bytes.policy().with_context(|| format!("policy {}", arguments.policy.display()))?;
+    let path = arguments.policy.as_ref().context("expected a policy file, found none")?;
+    let bytes = PolicyBytes::read(path)?;
+    let policy = bytes.policy().with_context(|| format!("policy {}", path.display()))?;
     let control_secs = policy.metadata().control_period_secs;
+    let airframe = arguments.airframe.airframe();
+    let mut plant: Box<dyn Plant> = match arguments.simulator {
+        None => Box::new(FlatFloor::new(airframe, control_secs)),
+        Some(address) => {
+            let motors = Motors::new(airframe, arguments.motors, ThrustCurve::PX4)?;
+            Box::new(ExternalSimulator::new(address, motors, control_secs))
+        }
+    };
     let mut session = Session::open(policy, &arguments.session)?;
-    let mut output = io::stdout();
-    writeln!(output, "{}", session.announcement()).and_then(|()| output.flush())?;
-    let mut plant = FlatFloor::new(arguments.airframe.airframe(), control_secs);
-    session.fly(&mut plant, &mut |_| Next::Fly)?;
+    say(session.announcement())?;
+    if let Some(address) = arguments.simulator {
+        say(&format!("It flies in the simulator at TCP {address}, as soon and as long as that is there."))?;
+    }
+    session.fly(plant.as_mut(), &mut |_| Next::Fly)?;
     Ok(())
+}
+
+fn lend(arguments: &BridgeArguments) -> anyhow::Result<()> {
+    let mut log = arguments.true_state_log.as_ref().map(TrueStateLog::create).transpose()?;
+    let mut bridge = Bridge::open(&arguments.bridge, &CF2X)?;
+    say(bridge.announcement())?;
+    let mut plant = FlatFloor::new(&CF2X, arguments.bridge.control_secs());
+    let mut failure = None;
+    let counts = bridge.fly(&mut plant, &mut |event| {
+        let written = match (event, &mut log) {
+            (Event::Stepped(step), Some(log)) => log.write(step),
+            (event, _) => tell(event),
+        };
+        failure = written.err();
+        if failure.is_none() { Next::Fly } else { Next::End }
+    })?;
+    failure.map_or(Ok(()), Err)?;
+    say(&counts.to_string())
+}
+
+fn say(text: &str) -> anyhow::Result<()> {
+    let mut output = io::stdout();
+    writeln!(output, "{text}").and_then(|()| output.flush()).context("cannot write to the standard output")
+}
+
+/// Words for what a user wants to know while it happens.
+fn tell(event: &Event<'_>) -> anyhow::Result<()> {
+    match event {
+        Event::Connected(address) => say(&format!("An autopilot has connected from {address}.")),
+        Event::Engaged => say("It commands the motors: from now on both go in step."),
+        Event::Gone => say("The autopilot has gone; the drone waits for it to come back."),
+        Event::Waiting | Event::Unanswered | Event::Stepped(_) => Ok(()),
+    }
+}
+
+/// The true state of every step; whole lines appear in the file as they are written.
+struct TrueStateLog {
+    path: PathBuf,
+    file: LineWriter<File>,
+}
+
+impl TrueStateLog {
+    fn create(path: &PathBuf) -> anyhow::Result<Self> {
+        let failed = || format!("cannot write the true-state log {}", path.display());
+        Ok(Self { path: path.clone(), file: LineWriter::new(File::create(path).with_context(failed)?) })
+    }
+
+    fn write(&mut self, step: &Step<'_>) -> anyhow::Result<()> {
+        let Step { secs, state, rotor_targets } = step;
+        let (position, velocity) = (<[f32; 3]>::from(state.position), <[f32; 3]>::from(state.velocity));
+        let line = writeln!(
+            self.file,
+            "{{\"secs\":{secs},\"position\":{position:?},\"velocity\":{velocity:?},\"rotor_targets\":{rotor_targets:?}}}"
+        );
+        line.with_context(|| format!("cannot write the true-state log {}", self.path.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    fn parsed(line: &str) -> Result<Arguments, String> {
+        let words = ["kestrel-shim"].into_iter().chain(line.split_whitespace());
+        Arguments::try_parse_from(words).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_command_line_contradicts_itself_nowhere() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn a_policy_alone_is_flown_as_ever() {
+        let arguments = parsed("a.kestrel --speed 5 --airframe cf2p").unwrap();
+        assert!(arguments.command.is_none() && arguments.simulator.is_none());
+        assert_eq!(arguments.policy, Some("a.kestrel".into()));
+        assert!(parsed("").unwrap_err().contains("<POLICY>"));
+    }
+
+    #[test]
+    fn a_policy_flies_in_another_simulator() {
+        let arguments = parsed("a.kestrel --simulator 127.0.0.1:4560 --motors crazyflie").unwrap();
+        assert_eq!(arguments.simulator, Some("127.0.0.1:4560".parse().unwrap()));
+        assert!(parsed("a.kestrel --motors crazyflie").unwrap_err().contains("--simulator"));
+    }
+
+    #[test]
+    fn a_bridge_needs_a_peer_and_no_policy() {
+        let arguments = parsed("bridge --peer px4 --true-state-log a.jsonl").unwrap();
+        assert!(matches!(arguments.command, Some(Command::Bridge(_))));
+        assert!(parsed("bridge").unwrap_err().contains("--peer"));
+        assert!(parsed("a.kestrel bridge --peer px4").is_err());
+    }
 }
