@@ -1,45 +1,45 @@
-//! The autopilot: when motors may turn, and where the policy is to fly.
+//! The autopilot: when motors may turn, where to fly, and who flies.
 //!
 //! ```text
 //!            arm            take off             top reached          set-point
 //!  Disarmed ──────► Armed ────────────► TakingOff ──────────► Holding ──────────► Guided
-//!     ▲  ▲            │                    │  ▲    or pause      │  ◄──────────     │
-//!     │  └────────────┘                    │  │                  │     pause        │
-//!     │    10 s idle                       └──┼──────── land ────┴──────────────────┘
-//!     │                                       │           ▼
-//!     │                              take off │        Landing
-//!     │  2 s                                  │           │ at rest
+//!     ▲  ▲            │                    │  ▲    or pause    │ ▲  ◄──────────     │
+//!     │  └────────────┘                    │  │                │ │      pause       │
+//!     │    10 s idle                       │  │      offboard  ▼ │ pause            │ return
+//!     │                                    │  │             Offboard                ▼
+//!     │                                    └──┼──────── land ────┴────────────── Returning
+//!     │                                       │           ▼                          │
+//!     │                              take off │        Landing ◄─────────────────────┘
+//!     │  2 s                                  │           │ at rest            above home
 //!     └───────────────────────────────────────┴──────── Landed
 //! ```
 //!
-//! Besides, disarming works in every mode without flight, stopping the motors in every mode, and a state that is
-//! not finite, or a processor that does not answer, for [`BLIND_SECS`] ends in Disarmed. Motors turn in the four modes
-//! of flight only.
+//! Besides, disarming works in every mode without flight and stopping the motors in every mode; the offboard mode can be
+//! entered from the ground too. An event of the [`Failsafe`] does as a command would: hold, return, land or stop. A state that
+//! is not finite for [`BLIND_SECS`] ends in Disarmed. Motors turn in the modes of flight only, and there none ever stops.
+//!
+//! Who flies is another matter ([`Flyer`]): the policy or the cascade of controllers, in every mode alike. What a peer steers by
+//! attitude or body rates is flown by the cascade's inner half.
 
+use kestrel_core::airframe::Airframe;
 use kestrel_core::observation::{ObservationLayout, PilotForLayout, PilotMeasuredLayout};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
+use crate::failsafe::{Event, Failsafe, Situation};
+use crate::flyer::{Flyer, Flyers};
 use crate::goal::MovingGoal;
+use crate::mission::fence::{Fence, Zones};
 use crate::processor::Processor;
+use crate::settings::{Action, Reaction, Replacement, Settings};
+use crate::steering::Stick;
+
+mod command;
+
+pub use command::{ALTITUDES_M, Command, Refusal, SPEED_LIMIT, SPEED_MINIMUM, SetPoint};
 
 /// Rotor targets \[rad/s\] of a drone that does not fly.
 pub const STOPPED: [f32; 4] = [0.0; 4];
-
-/// Height of a take-off whose altitude is left open \[m\].
-pub const DEFAULT_ALTITUDE_M: f32 = 1.0;
-
-/// Heights that a take-off may climb \[m\]: above ground effect, and within sight.
-pub const ALTITUDES_M: core::ops::RangeInclusive<f32> = 0.2..=20.0;
-
-/// Speed of the goal on the way to a set-point \[m/s\]: half of what hover policies start their episodes with.
-const TRAVEL_SPEED: f32 = 0.5;
-
-/// Speed of the goal while taking off \[m/s\].
-const CLIMB_SPEED: f32 = 0.5;
-
-/// Speed of the goal while landing \[m/s\]: a touch-down from a fall of 5 mm.
-const DESCENT_SPEED: f32 = 0.3;
 
 /// Greatest distance of the goal from the drone \[m\]: where hover policies are trained.
 const LEASH_M: f32 = 0.5;
@@ -47,8 +47,8 @@ const LEASH_M: f32 = 0.5;
 /// A landing goal sinks this far, so that the floor stops the drone and not the goal \[m\].
 const LANDING_DEPTH_M: f32 = 1e4;
 
-/// A take-off is complete when the drone is this close to its top \[m\].
-const TOP_RADIUS_M: f32 = 0.2;
+/// A take-off is complete, or home reached, when the drone is this close \[m\].
+const ARRIVAL_RADIUS_M: f32 = 0.2;
 
 /// Slower than this the drone may rest \[m/s\].
 const REST_SPEED: f32 = 0.1;
@@ -59,21 +59,14 @@ const REST_SECS: f32 = 0.5;
 /// Share of the leash that the goal must have sunk below a landed drone; a flying one would follow it.
 const SUNKEN: f32 = 0.8;
 
-/// An armed drone that does not take off is disarmed after this \[s\] (PX4's `COM_DISARM_PRFLT`).
-const IDLE_SECS: f32 = 10.0;
-
-/// A landed drone is disarmed after this \[s\] (PX4's `COM_DISARM_LAND`).
-const LANDED_SECS: f32 = 2.0;
-
-/// Time for which the last rotor targets are held when the state is not finite, or the processor silent \[s\]; then the
-/// motors stop.
+/// Time for which the last rotor targets are held when the state is not finite \[s\]; then the motors stop.
 pub const BLIND_SECS: f32 = 0.1;
 
-/// Arming wants the drone within 25° of level: beyond, a take-off would tip it over.
-const LEVEL_COSINE: f32 = 0.906;
+/// Goals stay this far within the fence \[m\]: more than a drone overshoots one.
+const FENCE_MARGIN_M: f32 = 0.3;
 
-/// Arming wants the drone slower than this \[m/s\].
-const ARMING_SPEED: f32 = 0.2;
+/// Events of one control period.
+pub type Events = heapless::Vec<Event, { Event::ALL.len() }>;
 
 /// What the autopilot is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,78 +79,70 @@ pub enum Mode {
     TakingOff,
     /// At a point that the autopilot chose: the top of a take-off, or where it was paused.
     Holding,
-    /// At, or on the way to, the last set-point.
+    /// At, or on the way to, the last point, or on and on at the last velocity.
     Guided,
+    /// Following a stream of set-points.
+    Offboard,
+    /// On the way home.
+    Returning,
     /// Sinking until the floor stops it.
     Landing,
     /// At rest after a landing, motors stopped, still armed.
     Landed,
 }
 
-/// What an autopilot can be told.
+/// What the autopilot cannot know by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Command {
-    /// Allow flight, if all checks pass.
-    Arm,
-    /// Forbid flight; refused in flight.
-    Disarm,
-    /// Disarm even in flight: the drone falls.
-    StopMotors,
-    /// Climb by a height above the ground \[m\].
-    TakeOff {
-        /// Within [`ALTITUDES_M`].
-        altitude_m: f32,
-    },
-    /// Go to a point \[m, world\], finite.
-    GoTo(Vector3<f32>),
-    /// Stay here.
-    Pause,
-    /// Land below the present goal.
-    Land,
-}
-
-/// Why a command is not executed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
-    /// The policy does not reproduce its golden vectors.
-    SelfTest,
-    /// No finite state is known.
-    StateUnknown,
-    /// The drone is too tilted to take off.
-    NotLevel,
-    /// The drone is not at rest.
-    Moving,
-    /// It needs an armed drone on the ground.
-    NotArmed,
-    /// It needs a drone on the ground.
-    InFlight,
-    /// It needs a drone in the air that neither takes off nor lands.
-    NotCruising,
-    /// It needs a flying drone.
-    NotFlying,
-    /// The take-off height is outside [`ALTITUDES_M`].
-    Altitude,
+pub struct Surroundings {
+    /// Since the last word of a ground station, if there was any \[s\].
+    pub link_age_secs: Option<f32>,
+    /// What is left of the battery, of one.
+    pub battery: f32,
 }
 
 /// Flies a policy: state in, rotor targets out, once per control period.
 pub struct Autopilot<P> {
-    processor: P,
+    flyers: Flyers<P>,
+    settings: Settings,
+    fence: Fence,
+    failsafe: Failsafe,
+    events: Events,
     control_secs: f32,
     leash_m: f32,
     mode: Mode,
     ticks_in_mode: u32,
     ticks_at_rest: u32,
     ticks_blind: u32,
+    ticks_since_set_point: u32,
+    surroundings: Surroundings,
     known_state: Option<State<f32>>,
     goal: MovingGoal,
+    stick: Option<Stick>,
+    home: Vector3<f32>,
+    last_inside: Vector3<f32>,
     rotor_targets: [f32; 4],
 }
 
 impl Mode {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Disarmed,
+        Self::Armed,
+        Self::TakingOff,
+        Self::Holding,
+        Self::Guided,
+        Self::Offboard,
+        Self::Returning,
+        Self::Landing,
+        Self::Landed,
+    ];
+
     /// Whether motors turn.
     pub const fn flies(self) -> bool {
         match self {
-            Self::TakingOff | Self::Holding | Self::Guided | Self::Landing => true,
+            Self::TakingOff | Self::Holding | Self::Guided | Self::Offboard | Self::Returning | Self::Landing => {
+                true
+            }
             Self::Disarmed | Self::Armed | Self::Landed => false,
         }
     }
@@ -175,9 +160,28 @@ impl Mode {
             Self::TakingOff => "taking off",
             Self::Holding => "holding",
             Self::Guided => "guided",
+            Self::Offboard => "offboard",
+            Self::Returning => "returning",
             Self::Landing => "landing",
             Self::Landed => "landed",
         }
+    }
+
+    /// Which action it already is; a failsafe never does something milder instead.
+    const fn action(self) -> Action {
+        match self {
+            Self::Disarmed | Self::Armed | Self::Landed => Action::StopMotors,
+            Self::TakingOff | Self::Holding | Self::Guided | Self::Offboard => Action::Nothing,
+            Self::Returning => Action::Return,
+            Self::Landing => Action::Land,
+        }
+    }
+}
+
+impl Default for Surroundings {
+    /// No ground station was heard yet, and the battery is full.
+    fn default() -> Self {
+        Self { link_age_secs: None, battery: 1.0 }
     }
 }
 
@@ -194,18 +198,28 @@ fn leash_m(layout: &ObservationLayout) -> f32 {
 }
 
 impl<P: Processor> Autopilot<P> {
-    /// A disarmed autopilot whose policy this processor computes.
-    pub fn new(processor: P) -> Self {
+    /// A disarmed autopilot of an airframe, whose policy this processor computes.
+    pub fn new(processor: P, airframe: &Airframe) -> Self {
+        let nowhere = Vector3::zeros();
         Self {
             control_secs: processor.control_secs(),
             leash_m: leash_m(processor.observation()),
-            processor,
+            flyers: Flyers::new(processor, airframe),
+            settings: Settings::default(),
+            fence: Fence::default(),
+            failsafe: Failsafe::default(),
+            events: Events::new(),
             mode: Mode::Disarmed,
             ticks_in_mode: 0,
             ticks_at_rest: 0,
             ticks_blind: 0,
+            ticks_since_set_point: u32::MAX,
+            surroundings: Surroundings::default(),
             known_state: None,
-            goal: MovingGoal::at(Vector3::zeros()),
+            goal: MovingGoal::at(nowhere),
+            stick: None,
+            home: nowhere,
+            last_inside: nowhere,
             rotor_targets: STOPPED,
         }
     }
@@ -215,9 +229,36 @@ impl<P: Processor> Autopilot<P> {
         self.mode
     }
 
+    /// Who flies.
+    pub fn flyer(&self) -> Flyer {
+        self.flyers.at_helm()
+    }
+
     /// Where it is going.
     pub fn goal(&self) -> &MovingGoal {
         &self.goal
+    }
+
+    /// Where it was armed, and returns to \[m, world\].
+    pub fn home(&self) -> &Vector3<f32> {
+        &self.home
+    }
+
+    /// What it may be told to do differently.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Does it this way from now on.
+    pub fn adjust(&mut self, settings: Settings) {
+        self.settings = settings;
+        self.fence.cylinder.radius_m = settings.fence_radius_m;
+        self.fence.cylinder.height_m = settings.fence_height_m;
+    }
+
+    /// Flies within these zones from now on, besides the cylinder of the settings.
+    pub fn enclose(&mut self, zones: Zones) {
+        self.fence.zones = zones;
     }
 
     /// Time between two ticks \[s\].
@@ -227,56 +268,144 @@ impl<P: Processor> Autopilot<P> {
 
     /// Whether the policy reproduces its golden vectors.
     pub fn healthy(&mut self) -> bool {
-        self.processor.healthy()
+        self.flyers.processor().healthy()
+    }
+
+    /// How old the policy's last answer is, if it flies \[s\].
+    pub fn silent_secs(&self) -> f32 {
+        self.flyers.silent_secs()
+    }
+
+    /// What has gone wrong in the last control period.
+    pub fn events(&self) -> &Events {
+        &self.events
     }
 
     /// Rotor targets \[rad/s\] for the next control period, finite whatever the state.
-    pub fn tick(&mut self, state: &State<f32>) -> [f32; 4] {
+    pub fn tick(&mut self, state: &State<f32>, surroundings: &Surroundings) -> [f32; 4] {
         self.ticks_in_mode = self.ticks_in_mode.saturating_add(1);
-        let finite = is_finite(state);
-        self.known_state = finite.then_some(*state);
-        if finite {
-            self.count_rest(state);
-            self.change_mode(state);
-        }
-        let targets = if finite { self.fly(state) } else { None };
-        match targets {
-            Some(targets) => {
-                self.ticks_blind = 0;
-                self.rotor_targets = targets;
-            }
+        self.ticks_since_set_point = self.ticks_since_set_point.saturating_add(1);
+        self.surroundings = *surroundings;
+        self.events.clear();
+        self.known_state = is_finite(state).then_some(*state);
+        match self.known_state {
+            Some(state) => self.tick_with(&state),
             None => self.fly_blind(),
         }
         self.rotor_targets
     }
 
+    fn tick_with(&mut self, state: &State<f32>) {
+        self.ticks_blind = 0;
+        if self.mode == Mode::Disarmed {
+            self.home = state.position;
+            self.fence.cylinder.center = self.home;
+        }
+        self.count_rest(state);
+        self.change_mode(state);
+        self.watch(state);
+        self.fly(state);
+    }
+
     /// The changes of mode that nobody commands.
     fn change_mode(&mut self, state: &State<f32>) {
         match self.mode {
-            Mode::Armed if self.secs_in_mode() >= IDLE_SECS => self.enter(Mode::Disarmed),
-            Mode::TakingOff if self.on_top(state) => self.enter(Mode::Holding),
+            Mode::Armed if self.secs_in_mode() >= self.settings.idle_secs => self.enter(Mode::Disarmed),
+            Mode::TakingOff if self.has_arrived(state) => self.enter(Mode::Holding),
+            Mode::Returning if self.has_arrived(state) => self.go_on_home(state),
             Mode::Landing if self.secs(self.ticks_at_rest) >= REST_SECS => self.enter(Mode::Landed),
-            Mode::Landed if self.secs_in_mode() >= LANDED_SECS => self.enter(Mode::Disarmed),
+            Mode::Landed if self.secs_in_mode() >= self.settings.landed_secs => self.enter(Mode::Disarmed),
             Mode::Disarmed
             | Mode::Armed
             | Mode::TakingOff
             | Mode::Holding
             | Mode::Guided
+            | Mode::Offboard
+            | Mode::Returning
             | Mode::Landing
             | Mode::Landed => {}
         }
     }
 
-    /// Rotor targets, unless the processor does not answer.
-    fn fly(&mut self, state: &State<f32>) -> Option<[f32; 4]> {
-        if !self.mode.flies() {
-            return Some(STOPPED);
+    /// High enough: on above home. Above home: down.
+    fn go_on_home(&mut self, state: &State<f32>) {
+        let above_home = Vector3::new(self.home.x, self.home.y, self.goal.position().z);
+        if (state.position - above_home).norm() < ARRIVAL_RADIUS_M {
+            self.sink();
+        } else {
+            self.goal.head_for(above_home, self.settings.cruise_speed);
         }
-        self.goal.advance(&state.position, self.leash_m, self.control_secs);
-        self.processor.tick(state, &self.goal.position())
     }
 
-    /// One bad reading, or one answer that is missing, must not drop the drone, and a lasting one must not let it fly on.
+    /// Looks for what has gone wrong, and does what is to be done about it.
+    fn watch(&mut self, state: &State<f32>) {
+        if !self.mode.flies() {
+            return;
+        }
+        let margin_m = self.margin_m(&state.position);
+        if margin_m >= FENCE_MARGIN_M {
+            self.last_inside = state.position;
+        }
+        if self.mode == Mode::Offboard && self.set_point_age_secs() > self.settings.set_point_stale_secs {
+            self.stay();
+        }
+        let situation = Situation {
+            state,
+            set_point_age_secs: (self.mode == Mode::Offboard).then_some(self.set_point_age_secs()),
+            link_age_secs: self.surroundings.link_age_secs,
+            fence_margin_m: margin_m,
+            battery: self.surroundings.battery,
+            silent_secs: self.flyers.silent_secs(),
+            saturated_secs: self.flyers.saturated_secs(),
+        };
+        self.events = self.failsafe.watch(&situation, &self.settings, self.control_secs);
+        for event in self.events.clone() {
+            self.react(event, state);
+        }
+    }
+
+    fn react(&mut self, event: Event, state: &State<f32>) {
+        let Reaction { action, pilot } = event.reaction(&self.settings);
+        if pilot == Replacement::Cascade && action > Action::Warn && self.flyer() == Flyer::Policy {
+            self.flyers.begin(Flyer::Cascade, state);
+        }
+        if action <= self.mode.action() {
+            return;
+        }
+        match action {
+            Action::Nothing | Action::Warn => {}
+            Action::Hold => self.hold_inside(state),
+            Action::Return => self.head_home(state),
+            Action::Land => self.sink(),
+            Action::StopMotors => self.enter(Mode::Disarmed),
+        }
+    }
+
+    /// Rotor targets of this period; the last ones are held while the policy gives none.
+    fn fly(&mut self, state: &State<f32>) {
+        if !self.mode.flies() {
+            self.rotor_targets = STOPPED;
+            return;
+        }
+        self.move_goal(state);
+        let targets = match (self.mode, &self.stick) {
+            (Mode::Offboard, Some(stick)) => Some(self.flyers.follow(state, stick)),
+            _ => self.flyers.toward(state, &self.goal, self.control_secs),
+        };
+        self.rotor_targets = targets.unwrap_or(self.rotor_targets);
+    }
+
+    /// On its way, but not out of the fence.
+    fn move_goal(&mut self, state: &State<f32>) {
+        let before = self.goal;
+        self.goal.advance(&state.position, self.leash_m, self.control_secs);
+        let [old_m, new_m] = [before, self.goal].map(|goal| self.margin_m(&goal.position()));
+        if new_m < FENCE_MARGIN_M && new_m < old_m && self.mode != Mode::Landing {
+            self.goal = before;
+        }
+    }
+
+    /// One bad reading must not drop the drone, and a lasting one must not let it fly on.
     fn fly_blind(&mut self) {
         self.ticks_blind = self.ticks_blind.saturating_add(1);
         if self.mode.armed() && self.secs(self.ticks_blind) > BLIND_SECS {
@@ -287,8 +416,8 @@ impl<P: Processor> Autopilot<P> {
         }
     }
 
-    fn on_top(&self, state: &State<f32>) -> bool {
-        self.goal.arrived() && (state.position - self.goal.target()).norm() < TOP_RADIUS_M
+    fn has_arrived(&self, state: &State<f32>) -> bool {
+        self.goal.arrived() && (state.position - self.goal.target()).norm() < ARRIVAL_RADIUS_M
     }
 
     /// Counts how long the drone has not followed a goal that sank: the floor carries it.
@@ -298,10 +427,58 @@ impl<P: Processor> Autopilot<P> {
         self.ticks_at_rest = if still { self.ticks_at_rest.saturating_add(1) } else { 0 };
     }
 
+    /// How far a point \[m, world\] lies within the fence, negative outside \[m\].
+    pub fn margin_m(&self, point: &Vector3<f32>) -> f32 {
+        self.fence.margin_m(point)
+    }
+
+    /// Stops where the goal is.
+    fn stay(&mut self) {
+        self.goal.stop();
+        self.stick = None;
+    }
+
+    /// Holds here, or where the drone last was well inside the fence; lands if the fence has left that place, too.
+    fn hold_inside(&mut self, state: &State<f32>) {
+        self.stay();
+        let [here_m, inside_m] = [&state.position, &self.last_inside].map(|point| self.margin_m(point));
+        if here_m < FENCE_MARGIN_M && inside_m < FENCE_MARGIN_M {
+            self.sink();
+            return;
+        }
+        if here_m < FENCE_MARGIN_M {
+            self.goal.head_for(self.last_inside, self.settings.cruise_speed);
+        }
+        self.enter(Mode::Holding);
+    }
+
+    fn head_home(&mut self, state: &State<f32>) {
+        self.stay();
+        let height_m = state.position.z.max(self.home.z + self.settings.return_altitude_m);
+        let here = self.goal.position();
+        let above = Vector3::new(here.x, here.y, height_m);
+        self.goal.head_for(above, self.settings.climb_speed);
+        self.enter(Mode::Returning);
+    }
+
+    fn sink(&mut self) {
+        self.stay();
+        let below = self.goal.position() - Vector3::z() * LANDING_DEPTH_M;
+        self.goal.head_for(below, self.settings.landing_speed);
+        self.enter(Mode::Landing);
+    }
+
     fn enter(&mut self, mode: Mode) {
         self.mode = mode;
         self.ticks_in_mode = 0;
         self.ticks_at_rest = 0;
+        if mode != Mode::Offboard {
+            self.stick = None;
+        }
+    }
+
+    fn set_point_age_secs(&self) -> f32 {
+        self.secs(self.ticks_since_set_point)
     }
 
     fn secs_in_mode(&self) -> f32 {
@@ -310,104 +487,6 @@ impl<P: Processor> Autopilot<P> {
 
     fn secs(&self, ticks: u32) -> f32 {
         ticks as f32 * self.control_secs
-    }
-
-    /// Executes a command, or says why not.
-    ///
-    /// # Errors
-    /// The first condition that is not met; nothing has changed then.
-    pub fn command(&mut self, command: Command) -> Result<(), Refusal> {
-        match command {
-            Command::Arm => self.arm(),
-            Command::Disarm => self.disarm(),
-            Command::StopMotors => {
-                self.enter(Mode::Disarmed);
-                Ok(())
-            }
-            Command::TakeOff { altitude_m } => self.take_off(altitude_m),
-            Command::GoTo(point) => self.go_to(point),
-            Command::Pause => self.pause(),
-            Command::Land => self.land(),
-        }
-    }
-
-    fn arm(&mut self) -> Result<(), Refusal> {
-        if self.mode.armed() {
-            return Ok(());
-        }
-        let state = self.known_state.as_ref().ok_or(Refusal::StateUnknown)?;
-        if state.world_from_body.up_cosine() < LEVEL_COSINE {
-            return Err(Refusal::NotLevel);
-        }
-        if state.velocity.norm() > ARMING_SPEED {
-            return Err(Refusal::Moving);
-        }
-        if !self.healthy() {
-            return Err(Refusal::SelfTest);
-        }
-        self.enter(Mode::Armed);
-        Ok(())
-    }
-
-    fn disarm(&mut self) -> Result<(), Refusal> {
-        if self.mode.flies() {
-            return Err(Refusal::InFlight);
-        }
-        self.enter(Mode::Disarmed);
-        Ok(())
-    }
-
-    fn take_off(&mut self, altitude_m: f32) -> Result<(), Refusal> {
-        if !ALTITUDES_M.contains(&altitude_m) {
-            return Err(Refusal::Altitude);
-        }
-        match self.mode {
-            Mode::Armed | Mode::Landed => {}
-            Mode::Disarmed => return Err(Refusal::NotArmed),
-            Mode::TakingOff | Mode::Holding | Mode::Guided | Mode::Landing => return Err(Refusal::InFlight),
-        }
-        let state = self.known_state.as_ref().ok_or(Refusal::StateUnknown)?;
-        self.goal = MovingGoal::at(state.position);
-        self.goal.head_for(state.position + Vector3::z() * altitude_m, CLIMB_SPEED);
-        self.processor.reset();
-        self.enter(Mode::TakingOff);
-        Ok(())
-    }
-
-    fn go_to(&mut self, point: Vector3<f32>) -> Result<(), Refusal> {
-        match self.mode {
-            Mode::Holding => self.enter(Mode::Guided),
-            Mode::Guided => {}
-            Mode::Disarmed | Mode::Armed | Mode::TakingOff | Mode::Landing | Mode::Landed => {
-                return Err(Refusal::NotCruising);
-            }
-        }
-        self.goal.head_for(point, TRAVEL_SPEED);
-        Ok(())
-    }
-
-    fn pause(&mut self) -> Result<(), Refusal> {
-        match self.mode {
-            Mode::TakingOff | Mode::Holding | Mode::Guided => {
-                self.goal.stop();
-                self.enter(Mode::Holding);
-                Ok(())
-            }
-            Mode::Disarmed | Mode::Armed | Mode::Landing | Mode::Landed => Err(Refusal::NotCruising),
-        }
-    }
-
-    fn land(&mut self) -> Result<(), Refusal> {
-        match self.mode {
-            Mode::Landing | Mode::Landed => Ok(()),
-            Mode::Disarmed | Mode::Armed => Err(Refusal::NotFlying),
-            Mode::TakingOff | Mode::Holding | Mode::Guided => {
-                let below = self.goal.position() - Vector3::z() * LANDING_DEPTH_M;
-                self.goal.head_for(below, DESCENT_SPEED);
-                self.enter(Mode::Landing);
-                Ok(())
-            }
-        }
     }
 }
 

@@ -13,7 +13,6 @@ pub mod datagram;
 pub mod drone;
 pub mod event;
 mod frames;
-pub mod home;
 pub mod magnetic_field;
 pub mod motors;
 pub mod noise;
@@ -29,6 +28,7 @@ use std::time::Duration;
 
 use kestrel_core::airframe::Airframe;
 
+use crate::geodesy::Home;
 use crate::lockstep::{Next, Pace};
 use crate::plant::Plant;
 use crate::session::positive_secs;
@@ -36,7 +36,6 @@ use betaflight::Build;
 use datagram::DatagramSocket;
 use drone::Drone;
 use event::{Counts, Event};
-use home::Home;
 use motors::{MotorError, MotorOrder, Motors, ThrustCurve};
 use noise::Noise;
 use px4::server::Listener;
@@ -83,8 +82,8 @@ pub struct BridgeOptions {
     #[arg(long, value_name = "SEED", default_value_t = Noise::Seeded(0))]
     pub noise: Noise,
 
-    /// Latitude and longitude [deg] and altitude [m] of the world's origin
-    #[arg(long, value_name = "LAT,LON,ALT", allow_hyphen_values = true, default_value_t = Home::default())]
+    /// Place of the world's origin on Earth, in degrees and metres above sea level
+    #[arg(long, value_name = "LATITUDE,LONGITUDE,ALTITUDE", allow_hyphen_values = true, default_value_t = Home::default())]
     pub home: Home,
 
     /// Pulses [µs] of a remote control that nobody moves, for PX4 and Betaflight [default: no remote control]

@@ -5,23 +5,36 @@
 
 use nalgebra::Vector3;
 
-/// A point on its way to a target.
+/// A point on its way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MovingGoal {
     position: Vector3<f32>,
-    target: Vector3<f32>,
-    speed: f32,
+    course: Course,
+}
+
+/// Where a goal goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Course {
+    /// To a point \[m, world\] at a speed \[m/s\], and there it rests.
+    Toward { target: Vector3<f32>, speed: f32 },
+    /// On and on at a velocity \[m/s, world\].
+    Along { velocity: Vector3<f32> },
 }
 
 impl MovingGoal {
     /// A goal that rests at a point \[m, world\].
     pub fn at(position: Vector3<f32>) -> Self {
-        Self { position, target: position, speed: 0.0 }
+        Self { position, course: Course::Toward { target: position, speed: 0.0 } }
     }
 
     /// Sets out from where it is toward `target` \[m, world\] at `speed` \[m/s\].
     pub fn head_for(&mut self, target: Vector3<f32>, speed: f32) {
-        *self = Self { position: self.position, target, speed };
+        self.course = Course::Toward { target, speed };
+    }
+
+    /// Moves on from where it is at `velocity` \[m/s, world\].
+    pub fn drift(&mut self, velocity: Vector3<f32>) {
+        self.course = Course::Along { velocity };
     }
 
     /// Stays where it is.
@@ -32,18 +45,23 @@ impl MovingGoal {
     /// Moves on for `secs`, unless that would take it farther than `leash_m` from the drone: a drone that cannot
     /// follow (wind, an obstacle, the floor) is waited for.
     pub fn advance(&mut self, drone: &Vector3<f32>, leash_m: f32, secs: f32) {
-        let next = self.next(self.speed * secs);
+        let next = self.next(secs);
         let distance = (next - drone).norm();
         if distance <= leash_m || distance < (self.position - drone).norm() {
             self.position = next;
         }
     }
 
-    /// One step \[m\] closer to the target.
-    fn next(&self, step_m: f32) -> Vector3<f32> {
-        let way = self.target - self.position;
-        let distance = way.norm();
-        if distance <= step_m { self.target } else { self.position + way * (step_m / distance) }
+    /// Where it wants to be after `secs`.
+    fn next(&self, secs: f32) -> Vector3<f32> {
+        match self.course {
+            Course::Toward { target, speed } => {
+                let (way, step_m) = (target - self.position, speed * secs);
+                let distance = way.norm();
+                if distance <= step_m { target } else { self.position + way * (step_m / distance) }
+            }
+            Course::Along { velocity } => self.position + velocity * secs,
+        }
     }
 
     /// Where it is \[m, world\].
@@ -51,14 +69,32 @@ impl MovingGoal {
         self.position
     }
 
-    /// Where it will come to rest \[m, world\].
+    /// Where it will come to rest \[m, world\]; where it is if it goes on and on.
     pub fn target(&self) -> Vector3<f32> {
-        self.target
+        match self.course {
+            Course::Toward { target, .. } => target,
+            Course::Along { .. } => self.position,
+        }
+    }
+
+    /// How it moves \[m/s, world\].
+    pub fn velocity(&self) -> Vector3<f32> {
+        match self.course {
+            Course::Toward { target, speed } => {
+                let way = target - self.position;
+                let distance = way.norm();
+                if distance > 0.0 { way * (speed / distance) } else { Vector3::zeros() }
+            }
+            Course::Along { velocity } => velocity,
+        }
     }
 
     /// Whether it rests.
     pub fn arrived(&self) -> bool {
-        self.position == self.target
+        match self.course {
+            Course::Toward { target, .. } => self.position == target,
+            Course::Along { velocity } => velocity == Vector3::zeros(),
+        }
     }
 }
 
@@ -107,5 +143,30 @@ mod tests {
         goal.stop();
         goal.advance(&Vector3::zeros(), 1.0, 0.25);
         assert_eq!(goal.position(), Vector3::new(0.25, 0.0, 0.0));
+    }
+
+    #[test]
+    fn drifting_it_goes_on_and_on_at_its_velocity() {
+        let velocity = Vector3::new(0.3, -0.4, 0.1);
+        let mut goal = MovingGoal::at(Vector3::zeros());
+        goal.head_for(Vector3::new(-1.0, 0.0, 0.0), 1.0);
+        goal.drift(velocity);
+        for step in 1..=200 {
+            goal.advance(&goal.position(), 1.0, 0.01);
+            assert!((goal.position() - velocity * (0.01 * step as f32)).norm() < 1e-5);
+        }
+        assert!(!goal.arrived());
+        goal.stop();
+        assert!(goal.arrived());
+    }
+
+    #[test]
+    fn drifting_it_stays_on_its_leash() {
+        let mut goal = MovingGoal::at(Vector3::zeros());
+        goal.drift(Vector3::new(0.0, 1.0, 0.0));
+        for _ in 0..1000 {
+            goal.advance(&Vector3::zeros(), 0.5, 0.01);
+        }
+        assert!((0.48..=0.5).contains(&goal.position().y));
     }
 }

@@ -1,26 +1,38 @@
 //! A MAVLink 2 vehicle that flies exported policies in software in the loop.
 //!
-//! Read in the order of the data: datagrams come in through a [`link`], are cut into checked [`frame`]s ([`kestrel_onboard`]) and become
-//! requests ([`message`]); the [`vehicle`] has its [`autopilot`] obey them. Every control period the autopilot moves
-//! the [`goal`] and asks the policy for rotor targets, [`telemetry`] says what is due to be told, and the [`plant`]
-//! steps: that is [`lockstep`].
+//! Read in the order of the data: datagrams come in through a [`link`], are cut into checked [`frame`]s
+//! ([`kestrel_onboard`]) and become requests ([`message`]); the [`vehicle`] has its [`autopilot`] obey them. Every control
+//! period the autopilot moves the [`goal`] and asks the policy for rotor targets, [`telemetry`] says what is due to be told,
+//! and the [`plant`] steps: that is [`lockstep`], for one vehicle or several. A [`flight_log`] holds every frame.
 //!
 //! A [`bridge`] lends the plant to another autopilot (PX4, ArduPilot, Betaflight), or the vehicle to another simulator.
 //!
-//! Only [`link`], [`lockstep`] and the bridge's servers and clients know sockets and clocks; everything before them is free of both and of
-//! allocation, so that a microcontroller can run it. Not there yet: parameters, missions, global positions, other
-//! transports than UDP.
+//! Only [`link`], [`flight_log`], [`lockstep`] and the bridge's servers and clients know sockets, files and clocks;
+//! everything else is free of all three and of allocation, so that a microcontroller can run it. Frames are not forwarded
+//! from one link to another.
 
 pub mod autopilot;
+pub mod battery;
 pub mod bridge;
+mod excerpt;
+pub mod failsafe;
+pub mod flight_log;
+pub mod flight_mode;
+pub mod flyer;
+pub mod geodesy;
 pub mod goal;
 pub mod link;
 pub mod lockstep;
 pub mod message;
+pub mod mission;
+pub mod parameter;
 pub mod plant;
 pub mod policy_bytes;
 pub mod processor;
 pub mod session;
+pub mod settings;
+pub mod signing;
+pub mod steering;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;

@@ -1,22 +1,79 @@
-//! The UDP socket of a vehicle: datagrams from peers, frames to all of them.
+//! Ways for frames between a vehicle and its peers, and the gates that keep a flood from the vehicle.
+//!
+//! A vehicle has a few [`Links`], each over one medium: a socket, a serial line, memory. A datagram reaches the vehicle
+//! with the number of the endpoint that sent it; every endpoint has its own share of a control period and its own
+//! allowance of commands, so that no flood starves anybody else. What the vehicle says goes to every peer of every link.
+//! Frames are not forwarded from one link to another.
 
-use std::io::{self, ErrorKind};
-use std::net::{SocketAddr, UdpSocket};
+pub mod faulty;
+pub mod memory;
+pub mod serial;
+mod stream;
+pub mod tcp;
+pub mod udp;
 
-/// Peers besides the ground station; a fifth takes the place of the one silent for longest.
-const PEERS: usize = 4;
+use std::fmt;
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use crate::frame::Frames;
 
 /// Longer datagrams are cut; MAVLink senders keep to the 1,500 bytes of an Ethernet frame.
 pub const DATAGRAM_LIMIT: usize = 2048;
 
-/// Why a socket cannot be used.
+/// Endpoints that a link tells apart.
+pub const ENDPOINTS: usize = 32;
+
+/// Links of one vehicle.
+pub const LINKS: usize = 8;
+
+/// Datagrams that are taken from one link in one control period. More than what one endpoint may have heard, so that
+/// its flood is thrown away here and does not fill the operating system's queue, where the others wait too.
+pub const DATAGRAMS_PER_PERIOD: usize = 1024;
+
+/// Datagrams, or frames of a stream, of one endpoint that are heard in one control period: hundreds of times what ground
+/// stations send.
+pub const DATAGRAMS_PER_ENDPOINT: u16 = 256;
+
+/// Commands of one endpoint that are heard in one simulated second, in the long run; clients repeat one every 0.5 s.
+pub const COMMANDS_PER_SEC: f64 = 50.0;
+
+/// Commands that one endpoint may send at once: ground stations ask for everything when they connect.
+pub const COMMANDS_AT_ONCE: f64 = 100.0;
+
+/// `SET_MODE`, `COMMAND_INT` and `COMMAND_LONG`.
+const COMMAND_IDS: [u32; 3] = [11, 75, 76];
+
+/// What a link is bound to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// UDP.
+    Udp(SocketAddr),
+    /// TCP.
+    Tcp(SocketAddr),
+    /// A serial line.
+    Serial(PathBuf),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Udp(address) => write!(formatter, "UDP address {address}"),
+            Self::Tcp(address) => write!(formatter, "TCP address {address}"),
+            Self::Serial(path) => write!(formatter, "serial device {}", path.display()),
+        }
+    }
+}
+
+/// Why a link cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// Somebody else has the port.
-    #[error("UDP address {address} is in use by another program (another vehicle?); choose another port")]
+    /// Somebody else has it.
+    #[error("{place} is in use by another program (another vehicle?); choose another one")]
     Busy {
-        /// Wanted address.
-        address: SocketAddr,
+        /// Wanted place.
+        place: Place,
     },
     /// A datagram from one address cannot reach the other, or comes back.
     #[error("UDP address {vehicle} cannot speak to a ground station at {ground_station}: expected {expected}")]
@@ -28,196 +85,182 @@ pub enum LinkError {
         /// What goes together.
         expected: &'static str,
     },
-    /// The address cannot be bound.
-    #[error("cannot open UDP address {address}: {reason}")]
+    /// It cannot be opened.
+    #[error("cannot open {place}: {reason}")]
     Open {
-        /// Wanted address.
-        address: SocketAddr,
+        /// Wanted place.
+        place: Place,
         /// Reason of the operating system.
         reason: io::Error,
     },
-    /// The socket fails.
-    #[error("cannot receive on the UDP socket: {0}")]
-    Receive(io::Error),
+    /// What the path names is something else.
+    #[error("expected a serial device, found that {path} is none")]
+    NotSerial {
+        /// Of what was found.
+        path: String,
+    },
+    /// The line is slower, or knows other rates.
+    #[error("serial device {path} cannot run at {baud} baud: {reason}")]
+    Baud {
+        /// Of the device.
+        path: String,
+        /// Wanted rate \[bit/s\].
+        baud: u32,
+        /// Reason of the operating system.
+        reason: io::Error,
+    },
+    /// It worked until now.
+    #[error("{place} fails: {reason}")]
+    Failed {
+        /// Where.
+        place: Place,
+        /// Reason of the operating system.
+        reason: io::Error,
+    },
+    /// One link too many.
+    #[error("a vehicle has at most {LINKS} links")]
+    TooMany,
 }
 
-/// Where a vehicle listens, and whom it tells without being asked.
+/// What came through a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Addresses {
-    /// The vehicle's own address, for clients that speak first (`udpout:` of pymavlink).
-    pub vehicle: SocketAddr,
-    /// Where a ground station listens (`udpin:` of pymavlink, QGroundControl).
-    pub ground_station: SocketAddr,
+pub struct Received<'b> {
+    /// A datagram as it came; of a stream one whole frame.
+    pub datagram: &'b [u8],
+    /// Who sent it, below [`ENDPOINTS`]. A number belongs to one peer for as long as that peer is heard.
+    pub endpoint: usize,
 }
 
-impl Default for Addresses {
-    /// Loopback only: 14580, where PX4's simulation listens for companions too, and 14550, where ground stations
-    /// listen by custom.
-    fn default() -> Self {
-        Self {
-            vehicle: SocketAddr::from(([127, 0, 0, 1], 14580)),
-            ground_station: SocketAddr::from(([127, 0, 0, 1], 14550)),
-        }
-    }
-}
-
-impl Addresses {
-    fn check(&self) -> Result<(), LinkError> {
-        let Self { vehicle, ground_station } = *self;
-        let expected = if vehicle.is_ipv4() != ground_station.is_ipv4() {
-            "both IPv4, or both IPv6"
-        } else if ground_station.port() == 0 {
-            "a port of the ground station above 0"
-        } else if vehicle == ground_station {
-            "two different addresses"
-        } else {
-            return Ok(());
-        };
-        Err(LinkError::Mismatch { vehicle, ground_station, expected })
-    }
-}
-
-/// A bound socket and the peers behind it.
-#[derive(Debug)]
-pub struct UdpLink {
-    socket: UdpSocket,
-    ground_station: SocketAddr,
-    peers: heapless::Vec<SocketAddr, PEERS>,
-}
-
-impl UdpLink {
-    /// Binds the vehicle's address; port 0 lets the operating system choose.
+/// A way to peers. No call ever waits, and what cannot be sent is lost, as datagrams may be.
+pub trait Link: Send {
+    /// Once in every control period, before anything else in it: simulated time is `now_secs` \[s\].
     ///
     /// # Errors
-    /// [`LinkError::Mismatch`], [`LinkError::Busy`] or [`LinkError::Open`].
-    pub fn open(addresses: &Addresses) -> Result<Self, LinkError> {
-        addresses.check()?;
-        let address = addresses.vehicle;
-        let failed = |reason: io::Error| match reason.kind() {
-            ErrorKind::AddrInUse => LinkError::Busy { address },
-            _ => LinkError::Open { address, reason },
-        };
-        let socket = UdpSocket::bind(address).map_err(failed)?;
-        socket.set_nonblocking(true).map_err(failed)?;
-        Ok(Self { socket, ground_station: addresses.ground_station, peers: heapless::Vec::new() })
-    }
+    /// [`LinkError::Failed`] if the link will never work again; a peer that has gone is no failure.
+    fn advance(&mut self, now_secs: f64) -> Result<(), LinkError>;
 
-    /// The bound address.
+    /// The next datagram that has arrived, if any.
     ///
     /// # Errors
-    /// [`LinkError::Receive`] if the operating system does not tell.
-    pub fn address(&self) -> Result<SocketAddr, LinkError> {
-        self.socket.local_addr().map_err(LinkError::Receive)
-    }
+    /// As [`Link::advance`].
+    fn receive<'b>(&mut self, buffer: &'b mut [u8; DATAGRAM_LIMIT]) -> Result<Option<Received<'b>>, LinkError>;
 
-    /// The next datagram that has arrived, if any, and who sent it. Never waits.
+    /// What this endpoint sent was good: from now on it is a peer.
+    fn learn(&mut self, endpoint: usize);
+
+    /// Sends a frame to every peer.
+    fn send(&mut self, frame: &[u8]);
+}
+
+/// What was thrown away for the sake of others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LinkCounts {
+    /// Datagrams beyond an endpoint's share of a control period.
+    pub flooding: u64,
+    /// Datagrams with commands beyond an endpoint's allowance.
+    pub commands: u64,
+}
+
+/// All links of one vehicle.
+#[derive(Default)]
+pub struct Links {
+    attached: heapless::Vec<Attached, LINKS>,
+    now_secs: f64,
+    counts: LinkCounts,
+}
+
+/// A link and the gates of its endpoints.
+struct Attached {
+    link: Box<dyn Link>,
+    gates: [Gate; ENDPOINTS],
+}
+
+/// What an endpoint may still send.
+#[derive(Clone, Copy)]
+struct Gate {
+    datagrams: u16,
+    commands: f64,
+}
+
+impl Links {
+    /// Attaches a link.
     ///
     /// # Errors
-    /// [`LinkError::Receive`] if the socket itself fails; a peer that has gone is no failure.
-    pub fn receive<'b>(
-        &self,
-        buffer: &'b mut [u8; DATAGRAM_LIMIT],
-    ) -> Result<Option<(&'b [u8], SocketAddr)>, LinkError> {
-        match self.socket.recv_from(buffer) {
-            Ok((len, sender)) => Ok(Some((&buffer[..len], sender))),
-            Err(error) => match error.kind() {
-                ErrorKind::WouldBlock
-                | ErrorKind::Interrupted
-                | ErrorKind::ConnectionRefused
-                | ErrorKind::ConnectionReset => Ok(None),
-                _ => Err(LinkError::Receive(error)),
-            },
-        }
+    /// [`LinkError::TooMany`].
+    pub fn attach(&mut self, link: Box<dyn Link>) -> Result<(), LinkError> {
+        let gates = [Gate { datagrams: 0, commands: COMMANDS_AT_ONCE }; ENDPOINTS];
+        self.attached.push(Attached { link, gates }).map_err(|_| LinkError::TooMany)
     }
 
-    /// From now on tells this peer too.
-    pub fn learn(&mut self, peer: SocketAddr) {
-        if peer == self.ground_station || self.peers.last() == Some(&peer) {
-            return;
-        }
-        self.peers.retain(|known| *known != peer);
-        if self.peers.is_full() {
-            self.peers.remove(0);
-        }
-        self.peers.extend([peer]);
+    /// What was thrown away so far.
+    pub fn counts(&self) -> LinkCounts {
+        self.counts
     }
 
-    /// Sends a frame to the ground station and to every peer. What cannot be sent is lost, as datagrams may be.
-    pub fn send(&self, frame: &[u8]) {
-        for peer in self.peers.iter().chain([&self.ground_station]) {
-            let _lost = self.socket.send_to(frame, peer);
+    /// Begins the control period at `now_secs` \[s, simulated\]: `obey` gets what arrived and says whether it was good.
+    ///
+    /// # Errors
+    /// The first [`LinkError::Failed`].
+    pub fn receive(&mut self, now_secs: f64, obey: &mut dyn FnMut(&[u8]) -> bool) -> Result<(), LinkError> {
+        let elapsed_secs = (now_secs - self.now_secs).max(0.0);
+        self.now_secs = now_secs;
+        for attached in &mut self.attached {
+            attached.link.advance(now_secs)?;
+            attached.gates.iter_mut().for_each(|gate| gate.open(elapsed_secs));
+            attached.receive(obey, &mut self.counts)?;
         }
+        Ok(())
+    }
+
+    /// Sends a frame to every peer of every link.
+    pub fn send(&mut self, frame: &[u8]) {
+        for attached in &mut self.attached {
+            attached.link.send(frame);
+        }
+    }
+}
+
+impl Attached {
+    fn receive(&mut self, obey: &mut dyn FnMut(&[u8]) -> bool, counts: &mut LinkCounts) -> Result<(), LinkError> {
+        let mut buffer = [0; DATAGRAM_LIMIT];
+        for _ in 0..DATAGRAMS_PER_PERIOD {
+            let Some(Received { datagram, endpoint }) = self.link.receive(&mut buffer)? else { break };
+            let Some(gate) = self.gates.get_mut(endpoint) else { continue };
+            if !gate.admits_datagram() {
+                counts.flooding += 1;
+            } else if !gate.admits_commands(datagram) {
+                counts.commands += 1;
+            } else if obey(datagram) {
+                self.link.learn(endpoint);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Gate {
+    fn open(&mut self, elapsed_secs: f64) {
+        self.datagrams = DATAGRAMS_PER_ENDPOINT;
+        self.commands = (self.commands + elapsed_secs * COMMANDS_PER_SEC).min(COMMANDS_AT_ONCE);
+    }
+
+    fn admits_datagram(&mut self) -> bool {
+        let left = self.datagrams.checked_sub(1);
+        self.datagrams = left.unwrap_or(0);
+        left.is_some()
+    }
+
+    /// All commands of a datagram, or none of them.
+    fn admits_commands(&mut self, datagram: &[u8]) -> bool {
+        let ids = Frames::new(datagram).flatten().map(|frame| frame.message_id);
+        let commands = ids.filter(|id| COMMAND_IDS.contains(id)).count() as f64;
+        let admitted = commands <= self.commands;
+        if admitted {
+            self.commands -= commands;
+        }
+        admitted
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn anywhere() -> Addresses {
-        let port = SocketAddr::from(([127, 0, 0, 1], 0));
-        Addresses { vehicle: port, ground_station: SocketAddr::from(([127, 0, 0, 1], 9)) }
-    }
-
-    #[test]
-    fn a_busy_port_is_named() {
-        let first = UdpLink::open(&anywhere()).unwrap();
-        let vehicle = first.address().unwrap();
-        let error = UdpLink::open(&Addresses { vehicle, ..anywhere() }).unwrap_err();
-        assert!(matches!(error, LinkError::Busy { .. }));
-        let text = error.to_string();
-        assert!(text.contains(&vehicle.to_string()) && text.contains("in use"), "{text}");
-    }
-
-    #[test]
-    fn addresses_that_cannot_speak_to_each_other_are_refused() {
-        let pairs = [
-            ("[::1]:0", "127.0.0.1:14550"),
-            ("127.0.0.1:14550", "127.0.0.1:14550"),
-            ("127.0.0.1:0", "127.0.0.1:0"),
-        ];
-        for (vehicle, ground_station) in pairs {
-            let addresses =
-                Addresses { vehicle: vehicle.parse().unwrap(), ground_station: ground_station.parse().unwrap() };
-            let text = UdpLink::open(&addresses).unwrap_err().to_string();
-            assert!(text.contains(vehicle) && text.contains(ground_station), "{text}");
-        }
-    }
-
-    #[test]
-    fn an_address_of_another_machine_is_refused() {
-        let vehicle = SocketAddr::from(([192, 0, 2, 1], 14580));
-        let error = UdpLink::open(&Addresses { vehicle, ..anywhere() }).unwrap_err();
-        assert!(matches!(error, LinkError::Open { .. }), "{error}");
-    }
-
-    #[test]
-    fn datagrams_arrive_with_their_sender_and_frames_reach_all_peers() {
-        let mut link = UdpLink::open(&anywhere()).unwrap();
-        let peers: Vec<UdpSocket> = (0..2).map(|_| UdpSocket::bind("127.0.0.1:0").unwrap()).collect();
-        let mut buffer = [0; DATAGRAM_LIMIT];
-        for peer in &peers {
-            peer.send_to(b"hello", link.address().unwrap()).unwrap();
-            let (datagram, sender) = link.receive(&mut buffer).unwrap().unwrap();
-            assert_eq!((datagram, sender), (&b"hello"[..], peer.local_addr().unwrap()));
-            link.learn(sender);
-        }
-        assert!(link.receive(&mut buffer).unwrap().is_none());
-        link.send(b"frame");
-        for peer in &peers {
-            let (len, _) = peer.recv_from(&mut buffer).unwrap();
-            assert_eq!(&buffer[..len], b"frame");
-        }
-    }
-
-    #[test]
-    fn the_peer_silent_for_longest_is_forgotten() {
-        let mut link = UdpLink::open(&anywhere()).unwrap();
-        let peer = |port| SocketAddr::from(([127, 0, 0, 1], port));
-        for port in [1, 2, 3, 4, 1, 5] {
-            link.learn(peer(port));
-        }
-        link.learn(link.ground_station);
-        assert_eq!(link.peers, [peer(3), peer(4), peer(1), peer(5)]);
-    }
-}
+mod tests;

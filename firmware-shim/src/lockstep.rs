@@ -1,4 +1,4 @@
-//! The loop that flies a vehicle in a plant: receive, tick, step, wait, over and over.
+//! The loop that flies vehicles in their plants: receive, tick, step, wait, over and over.
 
 use std::str::FromStr;
 use std::thread;
@@ -7,13 +7,12 @@ use std::time::{Duration, Instant};
 use kestrel_core::vehicle::State;
 
 use crate::autopilot::Mode;
-use crate::link::{DATAGRAM_LIMIT, LinkError, UdpLink};
+use crate::flight_log::{FlightLog, FlightLogError};
+use crate::link::{LinkError, Links};
 use crate::plant::Plant;
 use crate::processor::Processor;
+use crate::session::{Keeper, KeeperError};
 use crate::vehicle::MavlinkVehicle;
-
-/// Datagrams that are read in one control period; a flood waits in the socket, and then is lost.
-const DATAGRAMS_PER_TICK: usize = 64;
 
 /// A loop that lags farther behind the wall clock does not catch up \[s\]: the machine slept or is too slow.
 const LAG_LIMIT: Duration = Duration::from_millis(250);
@@ -49,6 +48,8 @@ impl FromStr for Pace {
 /// One control period of a flight, after the vehicle decided and before the plant moves.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
+    /// Which of the vehicles that fly together, from 0.
+    pub number: usize,
     /// Simulated time since the start \[s\].
     pub secs: f64,
     /// True state.
@@ -68,102 +69,169 @@ pub enum Next {
     End,
 }
 
-/// Flies until `watch`, which sees every control period, ends it.
+/// Why a flight was cut short.
+#[derive(Debug, thiserror::Error)]
+pub enum FlightError {
+    /// A link fails.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The flight log cannot be written.
+    #[error(transparent)]
+    Log(#[from] FlightLogError),
+    /// What outlives the flight cannot be kept.
+    #[error(transparent)]
+    Keeper(#[from] KeeperError),
+}
+
+/// One of the vehicles that fly together, and what belongs to it alone.
+pub struct Member<'a, P> {
+    vehicle: &'a mut MavlinkVehicle<P>,
+    plant: &'a mut dyn Plant,
+    links: &'a mut Links,
+    log: Option<&'a mut FlightLog>,
+    keeper: Option<&'a mut Keeper>,
+    /// Wall time of the last decision.
+    latency: Duration,
+    rotor_targets: [f32; 4],
+}
+
+/// Flies several vehicles in one thread until `watch`, which sees every control period of each of them in turn, ends the
+/// flight of all. They share the clock of the first: all have its control period.
 ///
 /// # Errors
-/// [`LinkError::Receive`] if the socket fails.
+/// If a link fails or a log cannot be written; the others end with it.
 pub fn fly<P: Processor>(
-    vehicle: &mut MavlinkVehicle<P>,
-    plant: &mut dyn Plant,
-    link: &mut UdpLink,
+    members: &mut [Member<'_, P>],
     pace: Pace,
     watch: &mut dyn FnMut(&Moment) -> Next,
-) -> Result<(), LinkError> {
-    let mut clock = Clock::new(pace, vehicle.control_period());
-    loop {
-        receive(vehicle, link)?;
-        let secs = vehicle.elapsed_secs();
-        let rotor_targets = vehicle.tick(plant.state(), &mut |frame| link.send(frame));
-        let moment = Moment { secs, state: plant.state(), mode: vehicle.mode(), rotor_targets };
-        if watch(&moment) == Next::End {
-            return Ok(());
+) -> Result<(), FlightError> {
+    let Some(first) = members.first() else { return Ok(()) };
+    let mut clock = Clock::new(pace, first.vehicle.control_period());
+    while decide(members, watch)? == Next::Fly {
+        for member in members.iter_mut() {
+            member.plant.step(&member.rotor_targets);
+            // An unthrottled flight repeats itself to the bit, telemetry included.
+            if pace != Pace::Unthrottled {
+                member.vehicle.note_latency(member.latency.as_secs_f32());
+            }
         }
-        plant.step(&rotor_targets);
         clock.wait();
+    }
+    members.iter_mut().try_for_each(Member::finish)
+}
+
+/// One control period before the plants move.
+fn decide<P: Processor>(
+    members: &mut [Member<'_, P>],
+    watch: &mut dyn FnMut(&Moment) -> Next,
+) -> Result<Next, FlightError> {
+    let mut next = Next::Fly;
+    for (number, member) in members.iter_mut().enumerate() {
+        let moment = member.decide(number)?;
+        if watch(&moment) == Next::End {
+            next = Next::End;
+        }
+    }
+    Ok(next)
+}
+
+impl<'a, P: Processor> Member<'a, P> {
+    /// A vehicle in its plant, heard and told through its links.
+    pub fn new(vehicle: &'a mut MavlinkVehicle<P>, plant: &'a mut dyn Plant, links: &'a mut Links) -> Self {
+        Self { vehicle, plant, links, log: None, keeper: None, latency: Duration::ZERO, rotor_targets: [0.0; 4] }
+    }
+
+    /// With a log of its frames.
+    #[must_use]
+    pub fn with_log(self, log: Option<&'a mut FlightLog>) -> Self {
+        Self { log, ..self }
+    }
+
+    /// With a keeper of what outlives the flight.
+    #[must_use]
+    pub fn with_keeper(self, keeper: &'a mut Keeper) -> Self {
+        Self { keeper: Some(keeper), ..self }
+    }
+
+    /// Receives and ticks.
+    fn decide(&mut self, number: usize) -> Result<Moment<'_>, FlightError> {
+        let Self { vehicle, plant, links, log, keeper, latency, rotor_targets } = self;
+        let secs = vehicle.elapsed_secs();
+        let begin = Instant::now();
+        if let Some(keeper) = keeper {
+            keeper.begin_period(vehicle);
+        }
+        links.receive(secs, &mut |datagram| {
+            note(log, secs, datagram);
+            vehicle.receive(datagram)
+        })?;
+        *rotor_targets = vehicle.tick(plant.state(), &mut |frame| {
+            note(log, secs, frame);
+            links.send(frame);
+        });
+        *latency = begin.elapsed();
+        if let Some(log) = log {
+            log.end_period(secs)?;
+        }
+        if let Some(keeper) = keeper {
+            keeper.end_period(vehicle)?;
+        }
+        let rotor_targets = *rotor_targets;
+        Ok(Moment { number, secs, state: plant.state(), mode: vehicle.mode(), rotor_targets })
+    }
+
+    fn finish(&mut self) -> Result<(), FlightError> {
+        if let Some(log) = &mut self.log {
+            log.finish()?;
+        }
+        if let Some(keeper) = &mut self.keeper {
+            keeper.finish(self.vehicle)?;
+        }
+        Ok(())
     }
 }
 
-fn receive<P: Processor>(vehicle: &mut MavlinkVehicle<P>, link: &mut UdpLink) -> Result<(), LinkError> {
-    let mut buffer = [0; DATAGRAM_LIMIT];
-    for _ in 0..DATAGRAMS_PER_TICK {
-        let Some((datagram, sender)) = link.receive(&mut buffer)? else { break };
-        if vehicle.receive(datagram) {
-            link.learn(sender);
-        }
+fn note(log: &mut Option<&mut FlightLog>, secs: f64, datagram: &[u8]) {
+    if let Some(log) = log {
+        log.note(secs, datagram);
     }
-    Ok(())
 }
 
 /// Keeps the loop from running ahead of the wall clock.
+///
+/// A period is due at a whole number of periods after the start, so that no rounding and no late awakening adds up.
 #[derive(Debug)]
 pub(crate) struct Clock {
-    /// Wall time of a control period; none if unthrottled.
-    period: Option<Duration>,
-    due: Instant,
+    /// Wall time of a control period \[s\]; none if unthrottled.
+    period_secs: Option<f64>,
+    start: Instant,
+    periods: u64,
 }
 
 impl Clock {
     pub(crate) fn new(pace: Pace, control_period: Duration) -> Self {
-        let period = match pace {
-            Pace::Speed(speed) => Some(control_period.div_f64(speed)),
+        let period_secs = match pace {
+            Pace::Speed(speed) => Some(control_period.as_secs_f64() / speed),
             Pace::Unthrottled => None,
         };
-        Self { period, due: Instant::now() }
+        Self { period_secs, start: Instant::now(), periods: 0 }
     }
 
     pub(crate) fn wait(&mut self) {
-        let Some(period) = self.period else { return };
-        self.due += period;
-        let now = Instant::now();
-        if now > self.due + LAG_LIMIT {
-            self.due = now;
+        let Some(period_secs) = self.period_secs else { return };
+        thread::sleep(self.until_next(period_secs, Instant::now()));
+    }
+
+    /// How long to sleep until the next period.
+    fn until_next(&mut self, period_secs: f64, now: Instant) -> Duration {
+        self.periods += 1;
+        let due = self.start + Duration::from_secs_f64(self.periods as f64 * period_secs);
+        if now > due + LAG_LIMIT {
+            (self.start, self.periods) = (now, 0);
         }
-        thread::sleep(self.due.saturating_duration_since(now));
+        due.saturating_duration_since(now)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_pace_is_a_factor_or_max() {
-        assert_eq!("1".parse(), Ok(Pace::Speed(1.0)));
-        assert_eq!("0.5".parse(), Ok(Pace::Speed(0.5)));
-        assert_eq!("max".parse(), Ok(Pace::Unthrottled));
-        for wrong in ["0", "-1", "nan", "inf", "fast", "", "1e9"] {
-            let error = wrong.parse::<Pace>().unwrap_err();
-            assert!(error.to_string().contains(&format!("found \"{wrong}\"")));
-        }
-    }
-
-    #[test]
-    fn the_clock_keeps_its_speed_on_average() {
-        let mut clock = Clock::new(Pace::Speed(2.0), Duration::from_millis(10));
-        let start = Instant::now();
-        for _ in 0..20 {
-            clock.wait();
-        }
-        assert!(start.elapsed() >= Duration::from_millis(99));
-    }
-
-    #[test]
-    fn lost_time_is_not_caught_up() {
-        let mut clock = Clock::new(Pace::Speed(1.0), Duration::from_millis(10));
-        thread::sleep(LAG_LIMIT + Duration::from_millis(100));
-        clock.wait();
-        let start = Instant::now();
-        clock.wait();
-        assert!(start.elapsed() >= Duration::from_millis(9));
-    }
-}
+mod tests;

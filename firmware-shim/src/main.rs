@@ -14,9 +14,9 @@ use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 use kestrel_shim::bridge::px4::client::ExternalSimulator;
 use kestrel_shim::bridge::{Bridge, BridgeOptions};
 use kestrel_shim::lockstep::Next;
-use kestrel_shim::plant::{FlatFloor, Plant};
+use kestrel_shim::plant::FlatFloor;
 use kestrel_shim::policy_bytes::PolicyBytes;
-use kestrel_shim::session::{Session, SessionOptions};
+use kestrel_shim::session::{SessionOptions, Squadron};
 
 /// Exit status of everything the user can mend, as of clap's own errors.
 const USER_ERROR: u8 = 2;
@@ -29,7 +29,7 @@ const USER_ERROR: u8 = 2;
 /// Example: kestrel-shim runs/hover-seed0-1/policy.kestrel --speed 5
 ///
 /// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points,
-/// land. Exit status: 0 after a flight, 2 if it cannot begin.
+/// land. Exit status: 0 after a flight, 2 if it cannot begin or is cut short.
 #[derive(Debug, Parser)]
 #[command(
     name = "kestrel-shim",
@@ -50,7 +50,13 @@ struct Arguments {
     #[arg(long, value_enum, default_value_t = AirframeName::Cf2x)]
     airframe: AirframeName,
 
-    /// Fly in the PX4-compatible simulator that listens at this TCP address (4560 by custom), not above the floor
+    /// Fly so many vehicles, one metre apart: each listens one port and has one system number above the one before it,
+    /// and all speak to the same ground station
+    #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=250))]
+    vehicles: u8,
+
+    /// Fly in the PX4-compatible simulator that listens at this TCP address (port 4560 by custom), not above the floor;
+    /// further vehicles fly at the ports above it
     #[arg(long, value_name = "ADDRESS")]
     simulator: Option<SocketAddr>,
 
@@ -68,7 +74,8 @@ enum Command {
     ///
     /// Example: kestrel-shim bridge --peer px4
     ///
-    /// Then start the autopilot (how is printed). Exit status: 0 when the time is up, 2 if it cannot begin.
+    /// Then start the autopilot (how is printed). Exit status: 0 when the time is up, 2 if it cannot begin or is cut
+    /// short.
     Bridge(BridgeArguments),
 }
 
@@ -120,20 +127,38 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     let policy = bytes.policy().with_context(|| format!("policy {}", path.display()))?;
     let control_secs = policy.metadata().control_period_secs;
     let airframe = arguments.airframe.airframe();
-    let mut plant: Box<dyn Plant> = match arguments.simulator {
-        None => Box::new(FlatFloor::new(airframe, control_secs)),
-        Some(address) => {
-            let motors = Motors::new(airframe, arguments.motors, ThrustCurve::PX4)?;
-            Box::new(ExternalSimulator::new(address, motors, control_secs))
+    let mut squadron = Squadron::open(&bytes, airframe, arguments.vehicles, &arguments.session)?;
+    say(squadron.announcement())?;
+    if let Some(first) = arguments.simulator {
+        let motors = Motors::new(airframe, arguments.motors, ThrustCurve::PX4)?;
+        let mut plants = Vec::new();
+        for number in 0..arguments.vehicles {
+            let address = nth_address(first, number)?;
+            say(&format!("It flies in the simulator at TCP {address}, as soon and as long as that is there."))?;
+            plants.push(ExternalSimulator::new(address, motors, control_secs));
         }
-    };
-    let mut session = Session::open(policy, &arguments.session)?;
-    say(session.announcement())?;
-    if let Some(address) = arguments.simulator {
-        say(&format!("It flies in the simulator at TCP {address}, as soon and as long as that is there."))?;
+        squadron.fly(&mut plants, &mut |_| Next::Fly)?;
+    } else {
+        let floor = FlatFloor::new(airframe, control_secs);
+        let places = (0..arguments.vehicles).map(|number| grid(number, arguments.vehicles));
+        let mut plants: Vec<FlatFloor> = places.map(|place| floor.clone().at(place)).collect();
+        squadron.fly(&mut plants, &mut |_| Next::Fly)?;
     }
-    session.fly(plant.as_mut(), &mut |_| Next::Fly)?;
+    let (flooding, commands) = squadron.sessions().iter().fold((0, 0), |(flooding, commands), session| {
+        let counts = session.link_counts();
+        (flooding + counts.flooding, commands + counts.commands)
+    });
+    if flooding + commands > 0 {
+        eprintln!("Not heard: {flooding} datagrams of floods, {commands} with too many commands.");
+    }
     Ok(())
+}
+
+fn nth_address(first: SocketAddr, number: u8) -> anyhow::Result<SocketAddr> {
+    let port = first.port().checked_add(u16::from(number));
+    let port = port
+        .with_context(|| format!("expected ports of simulators up to 65535, found {first} and {number} more"))?;
+    Ok(SocketAddr::new(first.ip(), port))
 }
 
 fn lend(arguments: &BridgeArguments) -> anyhow::Result<()> {
@@ -192,6 +217,12 @@ impl TrueStateLog {
     }
 }
 
+/// Place of a vehicle in a square of rows, one metre apart \[m, world x and y\].
+fn grid(number: u8, count: u8) -> [f32; 2] {
+    let side = f32::from(count).sqrt().ceil() as u8;
+    [f32::from(number % side), f32::from(number / side)]
+}
+
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory;
@@ -221,6 +252,13 @@ mod tests {
         let arguments = parsed("a.kestrel --simulator 127.0.0.1:4560 --motors crazyflie").unwrap();
         assert_eq!(arguments.simulator, Some("127.0.0.1:4560".parse().unwrap()));
         assert!(parsed("a.kestrel --motors crazyflie").unwrap_err().contains("--simulator"));
+    }
+
+    #[test]
+    fn simulators_of_several_vehicles_have_ports_in_a_row() {
+        let first = "127.0.0.1:65534".parse().unwrap();
+        assert_eq!(nth_address(first, 1).unwrap().port(), 65535);
+        assert!(nth_address(first, 2).unwrap_err().to_string().contains("found 127.0.0.1:65534 and 2 more"));
     }
 
     #[test]

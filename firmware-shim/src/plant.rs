@@ -6,6 +6,8 @@ use kestrel_core::dynamics::Integrator;
 use kestrel_core::vehicle::{Air, Ground, State, Vehicle};
 use nalgebra::Vector3;
 
+use crate::steering::heading;
+
 /// Longest integration step \[s\]; rotors and body rates of a Crazyflie settle in tens of milliseconds.
 const SUBSTEP_LIMIT_SECS: f32 = 0.0025;
 
@@ -51,12 +53,25 @@ impl FlatFloor {
         }
     }
 
+    /// The same at another place of the floor \[m, world x and y\].
+    #[must_use]
+    pub fn at(mut self, [x_m, y_m]: [f32; 2]) -> Self {
+        (self.state.position.x, self.state.position.y) = (x_m, y_m);
+        self
+    }
+
+    /// Goes on from another state.
+    #[cfg(test)]
+    pub(crate) fn put(&mut self, state: State<f32>) {
+        self.state = state;
+    }
+
     /// Stands still on the floor.
     fn rest(&mut self) {
         self.state.position.z = self.rest_height;
         self.state.velocity = Vector3::zeros();
         self.state.body_rates = Vector3::zeros();
-        self.state.world_from_body = upright(&self.state.world_from_body);
+        self.state.world_from_body = heading(&self.state.world_from_body);
     }
 }
 
@@ -75,15 +90,6 @@ impl Plant for FlatFloor {
             }
         }
     }
-}
-
-/// The part of an attitude that turns about the vertical; level where there is none.
-fn upright(attitude: &Attitude<f32>) -> Attitude<f32> {
-    let square = attitude.w * attitude.w + attitude.z * attitude.z;
-    if square < f32::EPSILON {
-        return Attitude::level();
-    }
-    Attitude { w: attitude.w, x: 0.0, y: 0.0, z: attitude.z }.normalized()
 }
 
 #[cfg(test)]
@@ -124,6 +130,6 @@ mod tests {
     #[test]
     fn an_upside_down_drone_ends_upright() {
         let overturned = Attitude { w: 0.0, x: 1.0, y: 0.0, z: 0.0 };
-        assert_eq!(upright(&overturned), Attitude::level());
+        assert_eq!(heading(&overturned), Attitude::level());
     }
 }

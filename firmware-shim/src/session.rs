@@ -1,18 +1,41 @@
-//! A flight from the command line: the options, the vehicle and its link, the words that say how to connect.
+//! A flight from the command line: the options, the vehicle and its links, the words that say how to connect.
 
-use std::net::SocketAddr;
+mod announcement;
+mod keeper;
+mod squadron;
 
+use std::net::{IpAddr, SocketAddr};
+use std::path::PathBuf;
+use std::slice;
+use std::time::Duration;
+
+use kestrel_core::airframe::Airframe;
 use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::{PolicyError, PolicyFile};
+use kestrel_core::policy_file::PolicyError;
 
-use crate::link::{Addresses, LinkError, UdpLink};
-use crate::lockstep::{self, Moment, Next, Pace};
+pub use self::keeper::{Keeper, KeeperError};
+pub use self::squadron::Squadron;
+use crate::geodesy::Home;
+
+use self::announcement::announcement;
+use crate::flight_log::{self, FlightLog, FlightLogError};
+use crate::link::faulty::{FaultPlan, FaultyLink};
+use crate::link::serial::{SerialLink, SerialPort};
+use crate::link::tcp::{self, TcpLink};
+use crate::link::udp::{Addresses, UdpLink};
+use crate::link::{Link, LinkCounts, LinkError, Links};
+use crate::lockstep::{self, FlightError, Member, Moment, Next, Pace};
+use crate::message::sent::identity::{Personality, PolicyIdentity};
 use crate::plant::Plant;
+use crate::policy_bytes::PolicyBytes;
 use crate::processor::Processor;
-use crate::vehicle::{Counts, MavlinkVehicle};
+use crate::vehicle::{Counts, MavlinkVehicle, Profile};
+
+/// Latest start of a log, the year 2100 \[s since 1970\]: its microseconds are of 64 bits.
+const LOG_START_LIMIT: u64 = 4_102_444_800;
 
 /// Options of every command that flies.
-#[derive(Clone, Copy, Debug, PartialEq, clap::Args)]
+#[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct SessionOptions {
     /// UDP address of the vehicle itself, for clients that speak first
     #[arg(long, value_name = "ADDRESS", default_value_t = Addresses::default().vehicle)]
@@ -22,9 +45,46 @@ pub struct SessionOptions {
     #[arg(long, value_name = "ADDRESS", default_value_t = Addresses::default().ground_station)]
     pub ground_station: SocketAddr,
 
+    /// TCP address of the vehicle, for clients that connect; port 5760 unless it says another
+    #[arg(long, value_name = "ADDRESS", value_parser = tcp_address)]
+    pub tcp: Option<SocketAddr>,
+
+    /// Serial device that the vehicle speaks on, at 57600 baud unless it says another rate
+    #[arg(long, value_name = "PATH[:BAUD]")]
+    pub serial: Option<SerialPort>,
+
+    /// Make every link a bad one: loss=0.1,duplicate=0.05,reorder=0.2,delay=0.03,corrupt=0.01,seed=1, any of them;
+    /// with "received." or "sent." before the name for one direction
+    #[arg(long, value_name = "FAULTS")]
+    pub link_faults: Option<FaultPlan>,
+
+    /// Write every frame received and sent to this file, as pymavlink writes a .tlog
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+
+    /// Begin the log at this time in seconds since 1970, so that the same flight has the same log [default: now]
+    #[arg(long, value_name = "SECONDS", requires = "log", value_parser = clap::value_parser!(u64).range(..=LOG_START_LIMIT))]
+    pub log_start: Option<u64>,
+
     /// MAVLink system number of the vehicle
     #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=250))]
     pub system: u8,
+
+    /// Autopilot that the vehicle says it is
+    #[arg(long, value_enum, default_value_t = Personality::Generic)]
+    pub personality: Personality,
+
+    /// Place of the world's origin on Earth, in degrees and metres above sea level
+    #[arg(long, value_name = "LATITUDE,LONGITUDE,ALTITUDE", allow_negative_numbers = true, default_value_t = Home::default())]
+    pub home: Home,
+
+    /// File of the parameters, as ground stations write them (.params): read if it is there, written when a peer sets one
+    #[arg(long, value_name = "FILE")]
+    pub parameters: Option<PathBuf>,
+
+    /// File of a key, 64 hexadecimal digits: frames are signed with it, and only frames signed with it are heard
+    #[arg(long, value_name = "FILE")]
+    pub signing_key: Option<PathBuf>,
 
     /// Simulated seconds per second, 0.01 to 1000, or "max" for as fast as it goes
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, default_value = "1")]
@@ -38,6 +98,9 @@ pub struct SessionOptions {
 /// Why there is no flight.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
+    /// The policy file is damaged or of another version.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
     /// The policy does not reproduce its golden vectors.
     #[error("policy \"{name}\" does not compute here what it did when it was exported: {reason}")]
     SelfTest {
@@ -66,44 +129,141 @@ pub enum SessionError {
         /// Name of its layout.
         observation: &'static str,
     },
-    /// No socket.
+    /// No socket, or no serial line.
     #[error(transparent)]
     Link(#[from] LinkError),
+    /// No flight log.
+    #[error(transparent)]
+    Log(#[from] FlightLogError),
+    /// Parameters or a key are no such thing.
+    #[error(transparent)]
+    Keeper(#[from] KeeperError),
+    /// The options cannot be those of several vehicles.
+    #[error("cannot fly {count} vehicles: expected {expected}, found {found}")]
+    Squadron {
+        /// How many.
+        count: u8,
+        /// What goes with so many.
+        expected: &'static str,
+        /// What was asked for.
+        found: String,
+    },
+    /// It was cut short.
+    #[error(transparent)]
+    Flight(#[from] FlightError),
 }
 
 /// A vehicle on the air.
 pub struct Session<P> {
     vehicle: MavlinkVehicle<P>,
-    link: UdpLink,
+    links: Links,
+    log: Option<FlightLog>,
+    keeper: Keeper,
     options: SessionOptions,
+    bound: Bound,
     announcement: String,
+}
+
+/// Where a vehicle can be spoken to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bound {
+    /// MAVLink system number.
+    pub system: u8,
+    /// UDP address.
+    pub udp: SocketAddr,
+    /// TCP address, if it has one.
+    pub tcp: Option<SocketAddr>,
 }
 
 impl Default for SessionOptions {
     fn default() -> Self {
         let Addresses { vehicle, ground_station } = Addresses::default();
-        Self { listen: vehicle, ground_station, system: 1, speed: Pace::Speed(1.0), for_secs: None }
+        Self {
+            listen: vehicle,
+            ground_station,
+            tcp: None,
+            serial: None,
+            link_faults: None,
+            log: None,
+            log_start: None,
+            system: 1,
+            personality: Personality::Generic,
+            home: Home::default(),
+            parameters: None,
+            signing_key: None,
+            speed: Pace::Speed(1.0),
+            for_secs: None,
+        }
+    }
+}
+
+impl SessionOptions {
+    fn profile(&self, policy: PolicyIdentity) -> Profile {
+        let Self { system, personality, home: origin, .. } = *self;
+        Profile { system, personality, origin, policy }
+    }
+
+    /// The links of one vehicle.
+    fn open_links(&self) -> Result<(Links, Bound), LinkError> {
+        let mut links = Links::default();
+        let addresses = Addresses { vehicle: self.listen, ground_station: self.ground_station };
+        let udp = UdpLink::open(&addresses)?;
+        let mut bound = Bound { system: self.system, udp: udp.address(), tcp: None };
+        self.attach(&mut links, 0, Box::new(udp))?;
+        if let Some(address) = self.tcp {
+            let tcp = TcpLink::open(address)?;
+            bound.tcp = Some(tcp.address());
+            self.attach(&mut links, 1, Box::new(tcp))?;
+        }
+        if let Some(port) = &self.serial {
+            self.attach(&mut links, 2, Box::new(SerialLink::open(port)?))?;
+        }
+        Ok((links, bound))
+    }
+
+    /// Attaches a link, behind faults of its own if any are wanted.
+    fn attach(&self, links: &mut Links, number: u64, link: Box<dyn Link>) -> Result<(), LinkError> {
+        let Some(plan) = self.link_faults else { return links.attach(link) };
+        let plan = FaultPlan { seed: plan.seed.wrapping_add(number), ..plan };
+        links.attach(Box::new(FaultyLink::new(link, &plan)))
+    }
+
+    fn open_log(&self) -> Result<Option<FlightLog>, FlightLogError> {
+        let start = self.log_start.map_or_else(flight_log::now, Duration::from_secs);
+        self.log.as_deref().map(|path| FlightLog::create(path, start)).transpose()
     }
 }
 
 impl<'a> Session<Pilot<'a>> {
-    /// Tests the policy and binds the vehicle's address.
+    /// Tests the policy and opens the vehicle's links and log.
     ///
     /// # Errors
-    /// If the policy fails its self-test, sees no goal or needs sensors, or the address cannot be had.
-    pub fn open(policy: PolicyFile<'a>, options: &SessionOptions) -> Result<Self, SessionError> {
+    /// If the policy is none, fails its self-test, sees no goal or needs sensors, or a link or the log cannot be had.
+    pub fn open(
+        bytes: &'a PolicyBytes,
+        airframe: &Airframe,
+        options: &SessionOptions,
+    ) -> Result<Self, SessionError> {
+        let policy = bytes.policy()?;
+        let identity = PolicyIdentity::of(policy.metadata().name, bytes.bytes());
         let name = policy.metadata().name;
         policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
-        Self::with(Pilot::new(policy), name, options)
+        Self::with(Pilot::new(policy), &identity, airframe, options)
     }
 }
 
 impl<P: Processor> Session<P> {
-    /// As [`Session::open`], with a tested policy of this name on any processor.
+    /// As [`Session::open`], with a tested policy on any processor.
     ///
     /// # Errors
-    /// If the policy sees no goal or needs sensors, or the address cannot be had.
-    pub fn with(processor: P, name: &str, options: &SessionOptions) -> Result<Self, SessionError> {
+    /// If the policy sees no goal or needs sensors, or a link or the log cannot be had.
+    pub fn with(
+        processor: P,
+        policy: &PolicyIdentity,
+        airframe: &Airframe,
+        options: &SessionOptions,
+    ) -> Result<Self, SessionError> {
+        let name = policy.name.as_str();
         let layout = processor.observation();
         if !layout.shows_goal() {
             return Err(SessionError::GoalUnseen { name: name.to_owned(), observation: layout.name() });
@@ -111,10 +271,18 @@ impl<P: Processor> Session<P> {
         if layout.measured_len() > 0 {
             return Err(SessionError::SensorsMissing { name: name.to_owned(), observation: layout.name() });
         }
-        let link = UdpLink::open(&Addresses { vehicle: options.listen, ground_station: options.ground_station })?;
-        let announcement = announcement(name, link.address()?, options);
-        let vehicle = MavlinkVehicle::new(processor, options.system);
-        Ok(Self { vehicle, link, options: *options, announcement })
+        let mut vehicle = MavlinkVehicle::new(processor, airframe, options.profile(policy.clone()));
+        let keeper = Keeper::open(&mut vehicle, options.parameters.clone(), options.signing_key.clone())?;
+        let (links, bound) = options.open_links()?;
+        Ok(Self {
+            links,
+            keeper,
+            log: options.open_log()?,
+            announcement: announcement(name, options, &[bound]),
+            bound,
+            vehicle,
+            options: options.clone(),
+        })
     }
 
     /// What flies, and how to connect to it.
@@ -122,43 +290,63 @@ impl<P: Processor> Session<P> {
         &self.announcement
     }
 
+    /// Where the vehicle can be spoken to.
+    pub fn bound(&self) -> Bound {
+        self.bound
+    }
+
+    /// What became of the datagrams that reached the vehicle.
+    pub fn counts(&self) -> Counts {
+        self.vehicle.counts()
+    }
+
+    /// What did not reach it.
+    pub fn link_counts(&self) -> LinkCounts {
+        self.links.counts()
+    }
+
     /// Flies in `plant` until the time is up or `watch`, which sees every control period before the plant moves, ends
     /// the flight.
     ///
     /// # Errors
-    /// If the socket fails.
+    /// If a link fails or the log cannot be written.
     pub fn fly(
         &mut self,
         plant: &mut dyn Plant,
         watch: &mut dyn FnMut(&Moment) -> Next,
     ) -> Result<Counts, SessionError> {
-        let limit_secs = self.options.for_secs.unwrap_or(f64::INFINITY);
-        // Half a period of grace: times are sums of rounded periods.
-        let limit_secs = limit_secs - 0.5 * self.vehicle.control_period().as_secs_f64();
-        let mut until = |moment: &Moment| {
-            let next = watch(moment);
-            if moment.secs < limit_secs { next } else { Next::End }
-        };
-        lockstep::fly(&mut self.vehicle, plant, &mut self.link, self.options.speed, &mut until)?;
-        Ok(self.vehicle.counts())
+        fly_together(slice::from_mut(self), &mut [plant], watch)?;
+        Ok(self.counts())
     }
 }
 
-fn announcement(name: &str, address: SocketAddr, options: &SessionOptions) -> String {
-    let SessionOptions { ground_station, system, speed, .. } = options;
-    let pace = match speed {
-        Pace::Speed(1.0) => "in real time".to_owned(),
-        Pace::Speed(factor) => format!("at {factor} times real time"),
-        Pace::Unthrottled => "as fast as it goes".to_owned(),
+/// Flies every session in its plant until the first one's time is up or `watch` ends the flight.
+fn fly_together<P: Processor>(
+    sessions: &mut [Session<P>],
+    plants: &mut [&mut dyn Plant],
+    watch: &mut dyn FnMut(&Moment) -> Next,
+) -> Result<(), SessionError> {
+    let Some(first) = sessions.first() else { return Ok(()) };
+    let (pace, limit_secs) = (first.options.speed, first.options.for_secs.unwrap_or(f64::INFINITY));
+    // Half a period of grace: times are sums of rounded periods.
+    let limit_secs = limit_secs - 0.5 * first.vehicle.control_period().as_secs_f64();
+    let mut until = |moment: &Moment| {
+        let next = watch(moment);
+        if moment.secs < limit_secs { next } else { Next::End }
     };
-    format!(
-        "Policy \"{name}\" flies as MAVLink system {system}, {pace}.\n\
-         It speaks to {ground_station}; connect there or at {address}:\n  \
-         QGroundControl  listens on port 14550 by itself\n  \
-         pymavlink       mavutil.mavlink_connection(\"udpin:{ground_station}\")\n  \
-         or              mavutil.mavlink_connection(\"udpout:{address}\")\n\
-         Ctrl-C ends the flight."
-    )
+    let pairs = sessions.iter_mut().zip(plants);
+    let mut members: Vec<Member<'_, P>> = pairs
+        .map(|(session, plant)| {
+            let Session { vehicle, links, log, keeper, .. } = session;
+            Member::new(vehicle, &mut **plant, links).with_log(log.as_mut()).with_keeper(keeper)
+        })
+        .collect();
+    Ok(lockstep::fly(&mut members, pace, &mut until)?)
+}
+
+fn tcp_address(text: &str) -> Result<SocketAddr, String> {
+    let with_port = |_| text.parse::<IpAddr>().map(|address| SocketAddr::new(address, tcp::DEFAULT_PORT));
+    text.parse().or_else(with_port).map_err(|_| "expected an IP address, with or without a port".to_owned())
 }
 
 pub(crate) fn positive_secs(text: &str) -> Result<f64, String> {

@@ -1,10 +1,5 @@
 //! Which message is due when, in control ticks.
 
-use mavlink::MessageData;
-use mavlink::dialects::common::{
-    ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, LOCAL_POSITION_NED_DATA, SYS_STATUS_DATA,
-};
-
 /// Messages that are sent again and again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stream {
@@ -14,16 +9,60 @@ pub enum Stream {
     SysStatus,
     /// `EXTENDED_SYS_STATE`, 2 Hz.
     ExtendedSysState,
+    /// `CURRENT_MODE`, every 2 s.
+    CurrentMode,
+    /// `MISSION_CURRENT`, 1 Hz.
+    MissionCurrent,
+    /// `BATTERY_STATUS`, every 2 s.
+    BatteryStatus,
+    /// `HOME_POSITION`, every 2 s.
+    HomePosition,
+    /// `ALTITUDE`, 1 Hz.
+    Altitude,
+    /// `GPS_RAW_INT`, 5 Hz.
+    GpsRawInt,
+    /// `VFR_HUD`, 4 Hz.
+    VfrHud,
+    /// `SERVO_OUTPUT_RAW`, 10 Hz.
+    ServoOutputRaw,
+    /// `POSITION_TARGET_LOCAL_NED`, 10 Hz.
+    PositionTarget,
+    /// `GLOBAL_POSITION_INT`, 10 Hz.
+    GlobalPosition,
+    /// `ODOMETRY`, 25 Hz.
+    Odometry,
+    /// `ATTITUDE_QUATERNION`, 50 Hz.
+    AttitudeQuaternion,
     /// `ATTITUDE`, 50 Hz.
     Attitude,
     /// `LOCAL_POSITION_NED`, 50 Hz.
     LocalPosition,
+    /// What the policy is and how fast it answers, as `NAMED_VALUE_FLOAT` and `NAMED_VALUE_INT`, 1 Hz.
+    Policy,
 }
 
 impl Stream {
     /// All of them, in the order in which they are sent.
-    pub const ALL: [Self; 5] =
-        [Self::Heartbeat, Self::SysStatus, Self::ExtendedSysState, Self::Attitude, Self::LocalPosition];
+    pub const ALL: [Self; 18] = [
+        Self::Heartbeat,
+        Self::SysStatus,
+        Self::ExtendedSysState,
+        Self::CurrentMode,
+        Self::MissionCurrent,
+        Self::BatteryStatus,
+        Self::HomePosition,
+        Self::Altitude,
+        Self::GpsRawInt,
+        Self::VfrHud,
+        Self::ServoOutputRaw,
+        Self::PositionTarget,
+        Self::GlobalPosition,
+        Self::Odometry,
+        Self::AttitudeQuaternion,
+        Self::Attitude,
+        Self::LocalPosition,
+        Self::Policy,
+    ];
 
     /// The stream of a message, if it is one.
     pub fn of_message(message_id: u32) -> Option<Self> {
@@ -32,19 +71,37 @@ impl Stream {
 
     const fn message_id(self) -> u32 {
         match self {
-            Self::Heartbeat => HEARTBEAT_DATA::ID,
-            Self::SysStatus => SYS_STATUS_DATA::ID,
-            Self::ExtendedSysState => EXTENDED_SYS_STATE_DATA::ID,
-            Self::Attitude => ATTITUDE_DATA::ID,
-            Self::LocalPosition => LOCAL_POSITION_NED_DATA::ID,
+            Self::Heartbeat => 0,
+            Self::SysStatus => 1,
+            Self::GpsRawInt => 24,
+            Self::Attitude => 30,
+            Self::AttitudeQuaternion => 31,
+            Self::LocalPosition => 32,
+            Self::GlobalPosition => 33,
+            Self::ServoOutputRaw => 36,
+            Self::MissionCurrent => 42,
+            Self::VfrHud => 74,
+            Self::PositionTarget => 85,
+            Self::Altitude => 141,
+            Self::BatteryStatus => 147,
+            Self::HomePosition => 242,
+            Self::ExtendedSysState => 245,
+            Self::Policy => 251,
+            Self::Odometry => 331,
+            Self::CurrentMode => 436,
         }
     }
 
     const fn default_secs(self) -> f32 {
         match self {
-            Self::Heartbeat | Self::SysStatus => 1.0,
+            Self::CurrentMode | Self::BatteryStatus | Self::HomePosition => 2.0,
+            Self::Heartbeat | Self::SysStatus | Self::MissionCurrent | Self::Altitude | Self::Policy => 1.0,
             Self::ExtendedSysState => 0.5,
-            Self::Attitude | Self::LocalPosition => 0.02,
+            Self::VfrHud => 0.25,
+            Self::GpsRawInt => 0.2,
+            Self::ServoOutputRaw | Self::PositionTarget | Self::GlobalPosition => 0.1,
+            Self::Odometry => 0.04,
+            Self::AttitudeQuaternion | Self::Attitude | Self::LocalPosition => 0.02,
         }
     }
 }
@@ -91,7 +148,7 @@ mod tests {
     fn default_rates_hold_in_simulated_time() {
         let schedule = Schedule::new(0.01);
         let counts = Stream::ALL.map(|stream| in_ten_secs(&schedule, stream));
-        assert_eq!(counts, [10, 10, 20, 500, 500]);
+        assert_eq!(counts, [10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 500, 500, 500, 10]);
     }
 
     #[test]

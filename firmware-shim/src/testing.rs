@@ -13,6 +13,9 @@ use mavlink::dialects::common::{
 use mavlink::{MavlinkVersion, Message, MessageData};
 
 use crate::frame::{Encoder, Frames, Payload};
+use crate::geodesy::Home;
+use crate::message::sent::identity::{Personality, PolicyIdentity};
+use crate::vehicle::Profile;
 
 /// Rate and tilt limits of the hover policy \[rad/s\].
 const BODY_RATES_LIMIT: f32 = 6.0;
@@ -138,4 +141,25 @@ pub(crate) fn set_point([x, y, z]: [f32; 3]) -> SET_POSITION_TARGET_LOCAL_NED_DA
 pub(crate) fn message(bytes: &[u8]) -> MavMessage {
     let frame = Frames::new(bytes).next().unwrap().unwrap();
     MavMessage::parse(MavlinkVersion::V2, frame.message_id, frame.payload).unwrap()
+}
+
+/// Who a vehicle of tests is.
+pub(crate) fn profile(system: u8) -> Profile {
+    Profile {
+        system,
+        personality: Personality::Generic,
+        origin: Home::default(),
+        policy: PolicyIdentity::of("linear hover", b"a policy"),
+    }
+}
+
+/// Times \[µs since 1970\] and frames of a flight log.
+pub(crate) fn read_flight_log(mut bytes: &[u8]) -> Vec<(u64, Vec<u8>)> {
+    let mut entries = Vec::new();
+    while let Some((time_us, rest)) = bytes.split_first_chunk() {
+        let frame = Frames::new(rest).next().unwrap().unwrap().bytes;
+        entries.push((u64::from_be_bytes(*time_us), frame.to_vec()));
+        bytes = &rest[frame.len()..];
+    }
+    entries
 }

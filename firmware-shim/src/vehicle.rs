@@ -1,16 +1,37 @@
 //! The MAVLink vehicle: datagrams and states in, rotor targets and frames out. No socket and no clock.
 
+mod command;
+mod mission;
+mod repetition;
+
 use core::time::Duration;
 
+use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
+use kestrel_onboard::signature::{Guard, Signer, Time};
 use mavlink::dialects::common::{MavResult, MavSeverity};
 
-use crate::autopilot::{Autopilot, Command, DEFAULT_ALTITUDE_M, Mode, Refusal};
+use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint, Surroundings};
+use crate::battery::Battery;
+use crate::failsafe::Event;
+use crate::flight_mode::FlightMode;
 use crate::frame::{Encoder, Frame, Frames, Payload};
-use crate::message::received::{self, CommandLong, PositionTarget, Request, SetPointError};
-use crate::message::sent;
+use crate::geodesy::Home;
+use crate::goal::MovingGoal;
+use crate::message::received::{self, CommandRequest, Request};
+use crate::message::sent::identity::{Personality, PolicyIdentity};
+use crate::message::sent::{self, motion, status};
+use crate::mission as mission_protocol;
+use crate::mission::runner::Directive;
+use crate::mission::{MissionProtocol, Runner};
+use crate::parameter::protocol::ParameterProtocol;
+use crate::parameter::received as parameter_received;
+use crate::parameter::{Parameters, table::Parameter};
 use crate::processor::Processor;
 use crate::telemetry::{Schedule, Stream};
+
+use command::Answer;
+use repetition::{Repetitions, Sender};
 
 /// `MAV_COMP_ID_AUTOPILOT1`.
 const COMPONENT: u8 = 1;
@@ -18,17 +39,11 @@ const COMPONENT: u8 = 1;
 /// Answers that wait for the next tick; what a flood asks beyond it goes unanswered.
 const ANSWERS: usize = 32;
 
-/// Senders whose last command is remembered.
-const SENDERS: usize = 4;
-
-/// A repetition within this time of its original is not executed again \[s\]: clients give up after 2 s to 5 s.
-const REPETITION_SECS: f64 = 10.0;
+/// Streams that a peer wants once more, out of turn.
+const REQUESTED: usize = 16;
 
 /// The same refusal is not worded again within this time \[s\]: set-points come in streams.
 const TEXT_SECS: f64 = 1.0;
-
-/// Second parameter of a disarm command that shall work in flight (`MAV_CMD_COMPONENT_ARM_DISARM`).
-const FORCED: f32 = 21196.0;
 
 /// What became of the datagrams so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,49 +52,76 @@ pub struct Counts {
     pub frames: u64,
     /// Frames with a wrong one, and anything else that is no frame.
     pub garbage: u64,
+    /// Good frames that were not signed as they must be.
+    pub refused: u64,
     /// Answers that a flood of requests left no room for.
     pub unanswered: u64,
+}
+
+/// Who a vehicle is, and where.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    /// MAVLink system, 1 to 250 by custom.
+    pub system: u8,
+    /// Which autopilot it says it is.
+    pub personality: Personality,
+    /// Where the world's origin lies on Earth.
+    pub origin: Home,
+    /// What flies.
+    pub policy: PolicyIdentity,
 }
 
 /// An [`Autopilot`] that speaks MAVLink.
 pub struct MavlinkVehicle<P> {
     autopilot: Autopilot<P>,
-    system: u8,
+    profile: Profile,
+    parameters: ParameterProtocol,
+    parameters_changed: bool,
+    plans: MissionProtocol,
+    runner: Runner,
+    /// What the mission wanted last.
+    directive: Option<Directive>,
+    guard: Guard,
     encoder: Encoder,
     schedule: Schedule,
+    requested: heapless::Vec<Stream, REQUESTED>,
     answers: heapless::Vec<Payload, ANSWERS>,
-    last_commands: heapless::Deque<Executed, SENDERS>,
+    repetitions: Repetitions,
     last_text: Option<(&'static str, f64)>,
+    battery: Battery,
+    /// Tick of the last word of a ground station.
+    ground_station_tick: Option<u64>,
+    latency_secs: f32,
+    rotor_targets: [f32; 4],
+    rotor_speed_limit: f32,
     counts: Counts,
     ticks: u64,
 }
 
-/// The last command of a sender, and its result.
-struct Executed {
-    sender: [u8; 2],
-    command: CommandLong,
-    result: MavResult,
-    secs: f64,
-}
-
-/// Result of a request, and the words for it if it is refused.
-struct Answer {
-    result: MavResult,
-    text: Option<&'static str>,
-}
-
 impl<P: Processor> MavlinkVehicle<P> {
-    /// A disarmed vehicle whose policy `processor` computes, as MAVLink system `system`, 1 to 250 by custom.
-    pub fn new(processor: P, system: u8) -> Self {
-        let autopilot = Autopilot::new(processor);
+    /// A disarmed vehicle of an airframe, whose policy `processor` computes.
+    pub fn new(processor: P, airframe: &Airframe, profile: Profile) -> Self {
+        let autopilot = Autopilot::new(processor, airframe);
         Self {
             schedule: Schedule::new(autopilot.control_secs()),
             autopilot,
-            system,
-            encoder: Encoder::new(system, COMPONENT),
+            parameters: ParameterProtocol::new(Parameters::new(profile.system)),
+            parameters_changed: false,
+            plans: MissionProtocol::new(profile.origin),
+            runner: Runner::default(),
+            directive: None,
+            guard: Guard::Open,
+            encoder: Encoder::new(profile.system, COMPONENT),
+            profile,
+            requested: heapless::Vec::new(),
             answers: heapless::Vec::new(),
-            last_commands: heapless::Deque::new(),
+            repetitions: Repetitions::default(),
             last_text: None,
+            battery: Battery::full(),
+            ground_station_tick: None,
+            latency_secs: 0.0,
+            rotor_targets: [0.0; 4],
+            rotor_speed_limit: airframe.rotor_speed_limit as f32,
             counts: Counts::default(),
             ticks: 0,
         }
@@ -90,9 +132,59 @@ impl<P: Processor> MavlinkVehicle<P> {
         self.autopilot.mode()
     }
 
+    /// Where it is going.
+    pub fn goal(&self) -> &MovingGoal {
+        self.autopilot.goal()
+    }
+
     /// What became of the datagrams so far.
     pub fn counts(&self) -> Counts {
         self.counts
+    }
+
+    /// The values of its parameters.
+    pub fn parameters(&self) -> &Parameters {
+        self.parameters.parameters()
+    }
+
+    /// Flies by these parameters from now on.
+    pub fn adjust(&mut self, parameters: Parameters) {
+        self.parameters = ParameterProtocol::new(parameters);
+        self.autopilot.adjust(self.parameters.settings());
+    }
+
+    /// From now on admits only what `guard` does, and signs what it sends.
+    pub fn secure(&mut self, guard: Guard, signer: Signer) {
+        self.guard = guard;
+        self.encoder = Encoder::new(self.profile.system, COMPONENT).signed(signer);
+    }
+
+    /// Lets the clock have reached a time, for signatures.
+    pub fn advance_clock(&mut self, now: Time) {
+        if let Guard::Signed(verifier) = &mut self.guard {
+            verifier.advance(now);
+        }
+        if let Some(signer) = self.encoder.signer_mut() {
+            signer.advance(now);
+        }
+    }
+
+    /// Latest times of accepted and of sent frames, if they are signed.
+    pub fn signature_times(&self) -> Option<[Time; 2]> {
+        match (&self.guard, self.encoder.signer()) {
+            (Guard::Signed(verifier), Some(signer)) => Some([verifier.accepted(), signer.last()]),
+            (Guard::Open | Guard::Signed(_) | Guard::Closed, _) => None,
+        }
+    }
+
+    /// Whether a peer has set a parameter since the last call.
+    pub fn take_changes(&mut self) -> bool {
+        core::mem::take(&mut self.parameters_changed)
+    }
+
+    /// Takes note of how long the last tick took on this machine \[s\], to tell peers.
+    pub fn note_latency(&mut self, secs: f32) {
+        self.latency_secs = secs;
     }
 
     /// Simulated time since the first tick \[s\].
@@ -105,16 +197,44 @@ impl<P: Processor> MavlinkVehicle<P> {
         Duration::from_secs_f32(self.autopilot.control_secs())
     }
 
+    /// Has the autopilot execute a command; one that moves the drone ends a mission.
+    ///
+    /// # Errors
+    /// As [`Autopilot::command`].
+    pub fn order(&mut self, command: Command) -> Result<(), Refusal> {
+        self.autopilot.command(command)?;
+        match command {
+            Command::Arm | Command::Fly(_) | Command::Speed(_) => {}
+            Command::Disarm
+            | Command::StopMotors
+            | Command::TakeOff { .. }
+            | Command::GoTo(_)
+            | Command::Velocity(_)
+            | Command::Offboard
+            | Command::Pause
+            | Command::Return
+            | Command::Land => self.pause_mission(),
+        }
+        Ok(())
+    }
+
+    /// Takes one of a stream of set-points, unless a mission is flown.
+    fn set_point(&mut self, set_point: SetPoint) -> Result<(), Refusal> {
+        if self.on_mission() { Err(Refusal::OnMission) } else { self.autopilot.set_point(set_point) }
+    }
+
     /// Obeys what a datagram asks for; answers leave with the next tick. Whether any frame in it was good: if not,
     /// its sender is no peer.
     pub fn receive(&mut self, datagram: &[u8]) -> bool {
         let good_before = self.counts.frames;
         for frame in Frames::new(datagram) {
-            if let Ok(frame) = frame {
-                self.counts.frames += 1;
-                self.obey(&frame);
-            } else {
-                self.counts.garbage += 1;
+            match frame {
+                Err(_) => self.counts.garbage += 1,
+                Ok(frame) if self.guard.admit(&frame).is_err() => self.counts.refused += 1,
+                Ok(frame) => {
+                    self.counts.frames += 1;
+                    self.obey(&frame);
+                }
             }
         }
         self.counts.frames > good_before
@@ -123,154 +243,215 @@ impl<P: Processor> MavlinkVehicle<P> {
     /// Rotor targets \[rad/s\] for the next control period; `send` gets the frames that are due, one by one.
     pub fn tick(&mut self, state: &State<f32>, send: &mut dyn FnMut(&[u8])) -> [f32; 4] {
         let before = self.mode();
-        let rotor_targets = self.autopilot.tick(state);
+        self.rotor_targets = self.autopilot.tick(state, &self.surroundings());
+        if self.mode().flies() {
+            self.battery.drain(self.autopilot.control_secs(), self.autopilot.settings());
+        }
         self.announce(before);
+        self.fly_mission(state);
         for answer in core::mem::take(&mut self.answers) {
             send(&self.encoder.encode(&answer));
         }
+        self.tell_lists(send);
+        let requested = core::mem::take(&mut self.requested);
         for stream in Stream::ALL {
-            if self.schedule.due(stream, self.ticks) {
-                let payload = self.payload(stream, state);
-                send(&self.encoder.encode(&payload));
+            if self.schedule.due(stream, self.ticks) || requested.contains(&stream) {
+                self.tell(stream, state, send);
             }
         }
         self.ticks += 1;
-        rotor_targets
+        self.rotor_targets
+    }
+
+    fn surroundings(&self) -> Surroundings {
+        let secs = |tick: u64| ((self.ticks - tick) as f64 * f64::from(self.autopilot.control_secs())) as f32;
+        Surroundings { link_age_secs: self.ground_station_tick.map(secs), battery: self.battery.remaining() }
+    }
+
+    /// What is due of the parameters' list, and of an upload.
+    fn tell_lists(&mut self, send: &mut dyn FnMut(&[u8])) {
+        let now_secs = self.elapsed_secs();
+        let encoder = &mut self.encoder;
+        let mut send = |payload: Payload| send(&encoder.encode(&payload));
+        self.parameters.tick(&mut send);
+        self.plans.tick(now_secs, &mut send);
+    }
+
+    fn tell(&mut self, stream: Stream, state: &State<f32>, send: &mut dyn FnMut(&[u8])) {
+        if stream == Stream::Policy {
+            for payload in self.policy_report() {
+                send(&self.encoder.encode(&payload));
+            }
+            return;
+        }
+        let payload = self.payload(stream, state);
+        send(&self.encoder.encode(&payload));
+    }
+
+    /// What the policy is (its hash), how old its last answer is, and how long the last tick took.
+    fn policy_report(&self) -> [Payload; 3] {
+        let time = self.time_boot_ms();
+        let [a, b, c, d, ..] = self.profile.policy.hash;
+        [
+            status::named_float("RL_AGE_MS", self.autopilot.silent_secs() * 1e3, time),
+            status::named_float("RL_LAT_MS", self.latency_secs * 1e3, time),
+            status::named_integer("RL_HASH", i32::from_be_bytes([a, b, c, d]), time),
+        ]
     }
 
     fn payload(&mut self, stream: Stream, state: &State<f32>) -> Payload {
-        let time_boot_ms = (self.elapsed_secs() * 1e3) as u32;
+        let time_boot_ms = self.time_boot_ms();
+        let time_usec = (self.elapsed_secs() * 1e6) as u64;
+        let origin = &self.profile.origin;
+        let flight_mode = self.flight_mode();
         match stream {
-            Stream::Heartbeat => sent::heartbeat(self.mode()),
-            Stream::SysStatus => {
-                sent::sys_status(self.autopilot.healthy(), self.counts.garbage.min(u16::MAX.into()) as u16)
-            }
-            Stream::ExtendedSysState => sent::extended_sys_state(self.mode()),
-            Stream::Attitude => sent::attitude(state, time_boot_ms),
-            Stream::LocalPosition => sent::local_position_ned(state, time_boot_ms),
+            Stream::Heartbeat => status::heartbeat(self.mode(), flight_mode, self.profile.personality),
+            Stream::SysStatus => status::sys_status(&self.health(state)),
+            Stream::ExtendedSysState => status::extended_sys_state(self.mode()),
+            Stream::CurrentMode | Stream::Policy => status::current_mode(flight_mode),
+            Stream::MissionCurrent => mission_protocol::sent::current(&self.plans, &self.runner),
+            Stream::BatteryStatus => status::battery_status(&self.battery),
+            Stream::HomePosition => motion::home_position(self.autopilot.home(), origin),
+            Stream::Altitude => motion::altitude(state, origin, time_usec),
+            Stream::GpsRawInt => motion::gps_raw_int(state, origin, time_usec),
+            Stream::VfrHud => motion::vfr_hud(state, origin, self.throttle()),
+            Stream::ServoOutputRaw => motion::servo_output_raw(self.rotor_shares(), time_usec as u32),
+            Stream::PositionTarget => motion::position_target(self.autopilot.goal(), time_boot_ms),
+            Stream::GlobalPosition => motion::global_position_int(state, origin, time_boot_ms),
+            Stream::Odometry => motion::odometry(state, time_usec),
+            Stream::AttitudeQuaternion => motion::attitude_quaternion(state, time_boot_ms),
+            Stream::Attitude => motion::attitude(state, time_boot_ms),
+            Stream::LocalPosition => motion::local_position_ned(state, time_boot_ms),
         }
     }
 
-    /// Words for the changes of mode that nobody commanded.
+    fn flight_mode(&self) -> FlightMode {
+        if self.on_mission() {
+            return FlightMode::Mission;
+        }
+        FlightMode::of(self.autopilot.mode(), self.autopilot.flyer())
+    }
+
+    fn health(&mut self, state: &State<f32>) -> status::Health {
+        status::Health {
+            policy: self.autopilot.healthy(),
+            inside_fence: self.autopilot.margin_m(&state.position) >= 0.0,
+            battery: self.battery,
+            garbage: self.counts.garbage,
+        }
+    }
+
+    fn time_boot_ms(&self) -> u32 {
+        (self.elapsed_secs() * 1e3) as u32
+    }
+
+    /// Rotor targets as shares of the greatest speed.
+    fn rotor_shares(&self) -> [f32; 4] {
+        self.rotor_targets.map(|target| target / self.rotor_speed_limit)
+    }
+
+    fn throttle(&self) -> f32 {
+        self.rotor_shares().iter().sum::<f32>() / 4.0
+    }
+
+    /// Words for what has gone wrong, and for the changes of mode that nobody commanded.
     fn announce(&mut self, before: Mode) {
+        for event in self.autopilot.events().clone() {
+            self.answer(sent::status_text(MavSeverity::MAV_SEVERITY_CRITICAL, event.text()));
+        }
+        let stopped = self.autopilot.events().iter().any(|event| matches!(event, Event::Tilted | Event::Spinning));
         let (severity, text) = match (before, self.mode()) {
             (before, after) if before == after => return,
             (Mode::Armed | Mode::Landed, Mode::Disarmed) => (MavSeverity::MAV_SEVERITY_INFO, "disarmed"),
+            (_, Mode::Disarmed) if stopped => (MavSeverity::MAV_SEVERITY_CRITICAL, "motors stopped"),
             (_, Mode::Disarmed) => (MavSeverity::MAV_SEVERITY_CRITICAL, "state is not finite: motors stopped"),
-            (Mode::TakingOff, _) => (MavSeverity::MAV_SEVERITY_INFO, "take-off complete"),
-            (_, _) => (MavSeverity::MAV_SEVERITY_INFO, "landed"),
+            (Mode::TakingOff, Mode::Holding) => (MavSeverity::MAV_SEVERITY_INFO, "take-off complete"),
+            (_, Mode::Landed) => (MavSeverity::MAV_SEVERITY_INFO, "landed"),
+            (_, _) => return,
         };
         self.answer(sent::status_text(severity, text));
     }
 
     fn obey(&mut self, frame: &Frame) {
-        let Some((address, request)) = received::request(frame) else { return };
-        if !address.reaches(self.system, COMPONENT) {
-            return;
+        let sender = Sender { address: [frame.system, frame.component], sequence: frame.sequence };
+        if let Some((address, request)) = received::request(frame) {
+            if address.reaches(self.profile.system, COMPONENT) {
+                self.obey_request(&request, sender);
+            }
+        } else if let Some((address, request)) = parameter_received::request(frame)
+            && address.reaches(self.profile.system, COMPONENT)
+        {
+            self.obey_parameter(&request, sender.address);
+        } else if let Some((address, request)) = mission_protocol::request(frame)
+            && address.reaches(self.profile.system, COMPONENT)
+        {
+            self.obey_mission(&request, sender.address);
         }
-        let sender = [frame.system, frame.component];
+    }
+
+    fn obey_request(&mut self, request: &Request, sender: Sender) {
         match request {
-            Request::Command(command) => self.obey_command(&command, sender),
-            Request::CommandInt(command) => {
-                self.acknowledge(command, MavResult::MAV_RESULT_COMMAND_LONG_ONLY, sender);
+            Request::GroundStation => self.ground_station_tick = Some(self.ticks),
+            Request::Ping { time_usec, seq } => self.answer(sent::ping(*time_usec, *seq, sender.address)),
+            Request::SetMode(custom_mode) => {
+                let answer = self.choose(FlightMode::of_custom_mode(*custom_mode));
+                self.word(answer.text);
             }
-            Request::PositionTarget(target) => self.follow(&target),
-        }
-    }
-
-    fn obey_command(&mut self, command: &CommandLong, sender: [u8; 2]) {
-        let (result, text) = match self.repeated(command, sender) {
-            Some(result) => (result, None),
-            None => self.execute_and_remember(command, sender),
-        };
-        self.acknowledge(command.command, result, sender);
-        if let Some(text) = text {
-            self.refuse(text);
-        }
-    }
-
-    /// The result of the sender's last command if this is a repetition of it.
-    fn repeated(&self, command: &CommandLong, sender: [u8; 2]) -> Option<MavResult> {
-        let last = self.last_commands.iter().find(|last| last.sender == sender)?;
-        let recent = self.elapsed_secs() - last.secs <= REPETITION_SECS;
-        let repeats = command.confirmation > last.command.confirmation
-            && command.command == last.command.command
-            && command.parameters.map(f32::to_bits) == last.command.parameters.map(f32::to_bits);
-        (recent && repeats).then_some(last.result)
-    }
-
-    fn execute_and_remember(
-        &mut self,
-        command: &CommandLong,
-        sender: [u8; 2],
-    ) -> (MavResult, Option<&'static str>) {
-        let Answer { result, text } = self.execute(command);
-        self.last_commands.retain(|last| last.sender != sender);
-        if self.last_commands.is_full() {
-            self.last_commands.pop_front();
-        }
-        let executed = Executed { sender, command: *command, result, secs: self.elapsed_secs() };
-        // There is room: the oldest has just left.
-        let _ = self.last_commands.push_back(executed);
-        (result, text)
-    }
-
-    fn execute(&mut self, command: &CommandLong) -> Answer {
-        let [first, second, _, _, latitude, longitude, altitude] = command.parameters;
-        match command.command {
-            400 if first == 1.0 => self.command(Command::Arm),
-            400 if first == 0.0 && second == FORCED => self.command(Command::StopMotors),
-            400 if first == 0.0 => self.command(Command::Disarm),
-            22 if is_here(latitude, longitude) => {
-                self.command(Command::TakeOff { altitude_m: or_default(altitude) })
+            Request::Command(command) => self.obey_command(command, sender),
+            Request::PositionTarget(target) => {
+                let text = match target.set_point(&self.profile.origin) {
+                    Ok(set_point) => self.set_point(set_point).map_err(Refusal::text),
+                    Err(error) => Err(error.text()),
+                };
+                self.word(text.err());
             }
-            21 if is_here(latitude, longitude) => self.command(Command::Land),
-            21 | 22 => Answer::denied("no global position: takes off and lands in place"),
-            193 if first == 0.0 => self.command(Command::Pause),
-            511 => self.set_interval(first, second),
-            512 => self.send_once(first),
-            400 | 193 => Answer::denied("command refused: unknown parameter 1"),
-            _ => Answer { result: MavResult::MAV_RESULT_UNSUPPORTED, text: None },
+            Request::AttitudeTarget(target) => {
+                let text = match target.set_point() {
+                    Ok(set_point) => self.set_point(set_point).map_err(Refusal::text),
+                    Err(error) => Err(error.text()),
+                };
+                self.word(text.err());
+            }
+            Request::TimeSync(theirs_ns) => {
+                let ours_ns = (self.elapsed_secs() * 1e9) as i64;
+                self.answer(sent::timesync(*theirs_ns, ours_ns, sender.address));
+            }
+            Request::Files { sequence, operation } => {
+                self.answer(sent::no_files(*sequence, *operation, sender.address));
+            }
         }
     }
 
-    fn command(&mut self, command: Command) -> Answer {
-        self.autopilot.command(command).map_or_else(Answer::from, |()| Answer::ACCEPTED)
+    fn obey_parameter(&mut self, request: &parameter_received::Request, sender: [u8; 2]) {
+        let answers = &mut self.answers;
+        let unanswered = &mut self.counts.unanswered;
+        let changed: Option<Parameter> = self.parameters.obey(request, sender, &mut |payload| {
+            *unanswered += u64::from(answers.push(payload).is_err());
+        });
+        if changed.is_some() {
+            self.parameters_changed = true;
+            self.autopilot.adjust(self.parameters.settings());
+        }
     }
 
-    /// `MAV_CMD_SET_MESSAGE_INTERVAL`; the interval is in µs.
-    fn set_interval(&mut self, message_id: f32, interval_us: f32) -> Answer {
-        let Some(stream) = Stream::of_message(message_id as u32) else {
-            return Answer::denied("this message is not streamed");
+    fn obey_command(&mut self, command: &CommandRequest, sender: Sender) {
+        let now_secs = self.elapsed_secs();
+        let answer = match self.repetitions.result(command, sender, now_secs) {
+            Some(result) => Answer { result, text: None },
+            None => self.execute(command),
         };
-        self.schedule.set_interval(stream, interval_us * 1e-6);
-        Answer::ACCEPTED
-    }
-
-    /// `MAV_CMD_REQUEST_MESSAGE`, of what is not streamed anyway.
-    fn send_once(&mut self, message_id: f32) -> Answer {
-        if message_id as u32 != sent::AUTOPILOT_VERSION_ID {
-            return Answer::denied("this message cannot be requested");
-        }
-        self.answer(sent::autopilot_version());
-        Answer::ACCEPTED
-    }
-
-    fn follow(&mut self, target: &PositionTarget) {
-        let outcome = match target.set_point() {
-            Ok(point) => self.autopilot.command(Command::GoTo(point)).map_err(Refusal::text),
-            Err(error) => Err(error.text()),
-        };
-        if let Err(text) = outcome {
-            self.refuse(text);
-        }
+        self.repetitions.remember(command, sender, answer.result, now_secs);
+        self.acknowledge(command.command, answer.result, sender.address);
+        self.word(answer.text);
     }
 
     fn acknowledge(&mut self, command: u16, result: MavResult, sender: [u8; 2]) {
         self.answer(sent::command_ack(command, result, sender));
     }
 
-    fn refuse(&mut self, text: &'static str) {
+    /// Says why something is refused, but not over and over.
+    fn word(&mut self, text: Option<&'static str>) {
+        let Some(text) = text else { return };
         let now = self.elapsed_secs();
         if self.last_text.is_some_and(|(last, secs)| last == text && now - secs < TEXT_SECS) {
             return;
@@ -282,74 +463,6 @@ impl<P: Processor> MavlinkVehicle<P> {
     fn answer(&mut self, payload: Payload) {
         if self.answers.push(payload).is_err() {
             self.counts.unanswered += 1;
-        }
-    }
-}
-
-/// Whether the place of a take-off or landing is left open; clients write NaN or zero then.
-fn is_here(latitude: f32, longitude: f32) -> bool {
-    [latitude, longitude].iter().all(|angle| angle.is_nan() || *angle == 0.0)
-}
-
-fn or_default(altitude_m: f32) -> f32 {
-    if altitude_m.is_nan() { DEFAULT_ALTITUDE_M } else { altitude_m }
-}
-
-impl Answer {
-    const ACCEPTED: Self = Self { result: MavResult::MAV_RESULT_ACCEPTED, text: None };
-
-    fn denied(text: &'static str) -> Self {
-        Self { result: MavResult::MAV_RESULT_DENIED, text: Some(text) }
-    }
-}
-
-impl From<Refusal> for Answer {
-    fn from(refusal: Refusal) -> Self {
-        Self { result: refusal.result(), text: Some(refusal.text()) }
-    }
-}
-
-impl Refusal {
-    /// Denied: can never work. Failed: something is broken. Temporarily rejected: not now.
-    fn result(self) -> MavResult {
-        match self {
-            Self::Altitude => MavResult::MAV_RESULT_DENIED,
-            Self::SelfTest => MavResult::MAV_RESULT_FAILED,
-            Self::StateUnknown
-            | Self::NotLevel
-            | Self::Moving
-            | Self::NotArmed
-            | Self::InFlight
-            | Self::NotCruising
-            | Self::NotFlying => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
-        }
-    }
-
-    /// At most the 50 bytes of a `STATUSTEXT`.
-    fn text(self) -> &'static str {
-        match self {
-            Self::SelfTest => "arming refused: policy self-test failed",
-            Self::StateUnknown => "refused: state unknown",
-            Self::NotLevel => "arming refused: tilted more than 25 degrees",
-            Self::Moving => "arming refused: moving",
-            Self::NotArmed => "take-off refused: not armed",
-            Self::InFlight => "refused: in flight",
-            Self::NotCruising => "refused: not flying, or taking off or landing",
-            Self::NotFlying => "landing refused: not flying",
-            Self::Altitude => "take-off refused: altitude must be 0.2 m to 20 m",
-        }
-    }
-}
-
-impl SetPointError {
-    /// At most the 50 bytes of a `STATUSTEXT`.
-    fn text(self) -> &'static str {
-        match self {
-            Self::Frame => "set-point refused: frame must be LOCAL_NED",
-            Self::Motion => "set-point refused: only positions are followed",
-            Self::Position => "set-point refused: north, east or down missing",
-            Self::NotFinite => "set-point refused: not a finite number",
-            Self::Outside => "set-point refused: under the floor or over 1 km",
         }
     }
 }

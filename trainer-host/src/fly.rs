@@ -4,11 +4,12 @@ use std::fs::File;
 use std::io::{self, LineWriter, Write};
 use std::path::PathBuf;
 
-use kestrel_core::airframe::CF2X;
+use kestrel_core::airframe::{Airframe, CF2X};
 use kestrel_core::policy_file::{PolicyError, PolicyFile};
 use kestrel_core::vehicle::State;
 use kestrel_shim::autopilot::Mode;
 use kestrel_shim::lockstep::{Moment, Next};
+use kestrel_shim::message::sent::identity::PolicyIdentity;
 use kestrel_shim::plant::{FlatFloor, Plant};
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::processor::Processor;
@@ -115,14 +116,22 @@ pub fn fly(
     let bytes = PolicyBytes::copy_of(policy);
     let policy = bytes.policy()?;
     let mut plant = place.plant(&policy)?;
-    let name = policy.metadata().name;
+    let identity = PolicyIdentity::of(policy.metadata().name, bytes.bytes());
     match options.processor.processor {
-        ProcessorKind::Host => {
-            conduct(Session::open(policy, &options.session)?, plant.as_mut(), options, interrupted)
-        }
+        ProcessorKind::Host => conduct(
+            Session::open(&bytes, place.airframe(), &options.session)?,
+            plant.as_mut(),
+            options,
+            interrupted,
+        ),
         ProcessorKind::Qemu => {
             let processor = Qemu::start(&options.processor.image, bytes.bytes(), &policy)?;
-            conduct(Session::with(processor, name, &options.session)?, plant.as_mut(), options, interrupted)
+            conduct(
+                Session::with(processor, &identity, place.airframe(), &options.session)?,
+                plant.as_mut(),
+                options,
+                interrupted,
+            )
         }
     }
 }
@@ -152,6 +161,13 @@ fn conduct<P: Processor>(
 }
 
 impl Place<'_> {
+    const fn airframe(&self) -> &Airframe {
+        match self {
+            Self::FlatFloor => &CF2X,
+            Self::Scenario(scenario) => &scenario.airframe,
+        }
+    }
+
     fn plant(&self, policy: &PolicyFile) -> Result<Box<dyn Plant>, FlyError> {
         let control_secs = policy.metadata().control_period_secs;
         match self {

@@ -46,6 +46,8 @@ pub enum Version {
 pub struct Frame<'a> {
     /// Of the protocol.
     pub version: Version,
+    /// Which one of its sender's frames it is, modulo 256.
+    pub sequence: u8,
     /// System that sent it.
     pub system: u8,
     /// Component of that system.
@@ -82,21 +84,22 @@ impl<'a> Frame<'a> {
     /// Reads one whole frame, of the length that [`frame_len`] tells.
     fn read(bytes: &'a [u8]) -> Result<Self, FrameError> {
         let frame = match *bytes {
-            [START_V1, len, _, system, component, id, ..] => Self {
+            [START_V1, len, sequence, system, component, id, ..] => Self {
                 version: Version::V1,
+                sequence,
                 system,
                 component,
                 message_id: u32::from(id),
                 payload: part(bytes, HEADER_V1, len)?,
                 bytes,
             },
-            [START_V2, len, flags, _, _, system, component, low, middle, high, ..] => {
+            [START_V2, len, flags, _, sequence, system, component, low, middle, high, ..] => {
                 if flags & !SIGNED != 0 {
                     return Err(FrameError::Flags(flags));
                 }
                 let message_id = u32::from_le_bytes([low, middle, high, 0]);
                 let payload = part(bytes, HEADER_V2, len)?;
-                Self { version: Version::V2, system, component, message_id, payload, bytes }
+                Self { version: Version::V2, sequence, system, component, message_id, payload, bytes }
             }
             _ => return Err(FrameError::Truncated),
         };

@@ -91,6 +91,8 @@ pub struct Verifier {
     key: Key,
     /// Of the last frame that was accepted before a restart.
     floor: Time,
+    /// Of the last frame that was accepted since.
+    accepted: Time,
     /// Latest of the clock and of all accepted frames.
     now: Time,
     streams: heapless::Vec<Stream, STREAM_LIMIT>,
@@ -147,6 +149,12 @@ impl<'a> Signature<'a> {
     }
 }
 
+/// The first eight bytes of SHA-256 over some bytes: enough to tell files apart.
+pub fn fingerprint(bytes: &[u8]) -> [u8; 8] {
+    let [a, b, c, d, e, f, g, h, ..] = <[u8; 32]>::from(Sha256::digest(bytes));
+    [a, b, c, d, e, f, g, h]
+}
+
 fn digest(key: &Key, signed: &[u8], link: u8, time: Time) -> [u8; DIGEST_LEN] {
     let hash =
         Sha256::new().chain_update(key.0).chain_update(signed).chain_update([link]).chain_update(time.to_bytes());
@@ -186,10 +194,10 @@ impl Signer {
 }
 
 impl Verifier {
-    /// Wants signatures of `key` that are at most a minute older than `now`, and after `floor`: what [`Verifier::now`]
-    /// told before a restart, zero if there was none.
+    /// Wants signatures of `key` that are at most a minute older than `now`, and after `floor`: what
+    /// [`Verifier::accepted`] told before a restart, zero if there was none.
     pub const fn new(key: Key, now: Time, floor: Time) -> Self {
-        Self { key, floor, now, streams: heapless::Vec::new() }
+        Self { key, floor, accepted: floor, now, streams: heapless::Vec::new() }
     }
 
     /// Lets the clock have reached `now`; it never goes back.
@@ -197,9 +205,14 @@ impl Verifier {
         self.now = self.now.max(now);
     }
 
-    /// Latest time that it knows: what must be kept over a restart, so that nothing from before is accepted again.
+    /// Latest time that it knows, of the clock or of a frame.
     pub const fn now(&self) -> Time {
         self.now
+    }
+
+    /// Latest time of all accepted frames: what must be kept over a restart, so that none of them is accepted again.
+    pub const fn accepted(&self) -> Time {
+        self.accepted
     }
 
     /// Accepts a frame once.
@@ -222,6 +235,7 @@ impl Verifier {
             last: signature.time,
         };
         self.remember(stream)?;
+        self.accepted = self.accepted.max(signature.time);
         self.now = self.now.max(signature.time);
         Ok(())
     }

@@ -2,14 +2,19 @@ use kestrel_core::airframe::CF2X;
 use kestrel_core::pilot::Pilot;
 use proptest::prelude::*;
 
+use kestrel_core::attitude::Attitude;
+
 use super::*;
+use crate::mission::fence::Cylinder;
 use crate::plant::{FlatFloor, Plant};
+use crate::settings::Settings;
 use crate::testing::{dishonest_policy, hover_policy, pilot};
 
 /// An autopilot in its plant.
 struct Rig {
     autopilot: Autopilot<Pilot<'static>>,
     plant: FlatFloor,
+    surroundings: Surroundings,
 }
 
 impl Rig {
@@ -18,9 +23,9 @@ impl Rig {
     }
 
     fn with(policy: Vec<u8>) -> Self {
-        let autopilot = Autopilot::new(pilot(policy));
+        let autopilot = Autopilot::new(pilot(policy), &CF2X);
         let plant = FlatFloor::new(&CF2X, autopilot.control_secs());
-        let mut rig = Self { autopilot, plant };
+        let mut rig = Self { autopilot, plant, surroundings: Surroundings::default() };
         rig.tick();
         rig
     }
@@ -41,6 +46,11 @@ impl Rig {
         rig.fly_until(Mode::Holding, 10.0);
         match mode {
             Mode::Guided => rig.accept(Command::GoTo(Vector3::new(0.5, 0.0, 1.0))),
+            Mode::Offboard => {
+                rig.stream(SetPoint::Position(Vector3::new(0.5, 0.0, 1.0)));
+                rig.accept(Command::Offboard);
+            }
+            Mode::Returning => rig.accept(Command::Return),
             Mode::Landing => rig.accept(Command::Land),
             Mode::Landed => {
                 rig.accept(Command::Land);
@@ -52,7 +62,7 @@ impl Rig {
     }
 
     fn tick(&mut self) -> [f32; 4] {
-        let targets = self.autopilot.tick(self.plant.state());
+        let targets = self.autopilot.tick(self.plant.state(), &self.surroundings);
         self.plant.step(&targets);
         targets
     }
@@ -76,6 +86,15 @@ impl Rig {
         panic!("{} after {limit_secs} s, not {}", self.autopilot.mode().name(), mode.name());
     }
 
+    fn fence(&mut self, x_m: f32, radius_m: f32, height_m: f32) {
+        let center = Vector3::new(x_m, 0.0, 0.0);
+        self.autopilot.fence.cylinder = Cylinder { center, radius_m: Some(radius_m), height_m: Some(height_m) };
+    }
+
+    fn stream(&mut self, set_point: SetPoint) {
+        assert_eq!(self.autopilot.set_point(set_point), Ok(()), "{set_point:?}");
+    }
+
     fn accept(&mut self, command: Command) {
         assert_eq!(self.autopilot.command(command), Ok(()), "{command:?}");
     }
@@ -91,36 +110,42 @@ impl Rig {
     }
 }
 
-const MODES: [Mode; 7] =
-    [Mode::Disarmed, Mode::Armed, Mode::TakingOff, Mode::Holding, Mode::Guided, Mode::Landing, Mode::Landed];
-
-/// What becomes of a command in each of [`MODES`].
-type Row = [Result<Mode, Refusal>; 7];
+/// What becomes of a command in each of [`Mode::ALL`].
+type Row = [Result<Mode, Refusal>; 9];
 
 #[rustfmt::skip]
-fn table() -> [(Command, Row); 7] {
-    use Mode::{Armed, Disarmed, Guided, Holding, Landed, Landing, TakingOff};
+fn table() -> [(Command, Row); 11] {
+    use Mode::{Armed, Disarmed, Guided, Holding, Landed, Landing, Offboard, Returning, TakingOff};
     use Refusal::{InFlight, NotArmed, NotCruising, NotFlying};
     const AIR: Result<Mode, Refusal> = Err(InFlight);
     const CRUISE: Result<Mode, Refusal> = Err(NotCruising);
+    const GROUND: Result<Mode, Refusal> = Err(NotFlying);
+    const STREAM: Result<Mode, Refusal> = Err(Refusal::NoSetPoints);
+    let stay = Mode::ALL.map(Ok);
     let go_to = Command::GoTo(Vector3::new(0.0, 0.5, 1.0));
+    let drift = Command::Velocity(Vector3::new(0.0, 0.5, 0.0));
     let take_off = Command::TakeOff { altitude_m: 0.5 };
     [
-        //                     Disarmed        Armed          TakingOff      Holding      Guided       Landing      Landed
-        (Command::Arm,        [Ok(Armed),      Ok(Armed),     Ok(TakingOff), Ok(Holding), Ok(Guided),  Ok(Landing), Ok(Landed)]),
-        (Command::Disarm,     [Ok(Disarmed),   Ok(Disarmed),  AIR,           AIR,         AIR,         AIR,         Ok(Disarmed)]),
-        (Command::StopMotors, [Ok(Disarmed); 7]),
-        (take_off,            [Err(NotArmed),  Ok(TakingOff), AIR,           AIR,         AIR,         AIR,         Ok(TakingOff)]),
-        (go_to,               [CRUISE,         CRUISE,        CRUISE,        Ok(Guided),  Ok(Guided),  CRUISE,      CRUISE]),
-        (Command::Pause,      [CRUISE,         CRUISE,        Ok(Holding),   Ok(Holding), Ok(Holding), CRUISE,      CRUISE]),
-        (Command::Land,       [Err(NotFlying), Err(NotFlying), Ok(Landing),  Ok(Landing), Ok(Landing), Ok(Landing), Ok(Landed)]),
+        //                     Disarmed       Armed          TakingOff      Holding        Guided         Offboard       Returning      Landing        Landed
+        (Command::Arm,        [Ok(Armed),     Ok(Armed),     Ok(TakingOff), Ok(Holding),   Ok(Guided),    Ok(Offboard),  Ok(Returning), Ok(Landing),   Ok(Landed)]),
+        (Command::Disarm,     [Ok(Disarmed),  Ok(Disarmed),  AIR,           AIR,           AIR,           AIR,           AIR,           AIR,           Ok(Disarmed)]),
+        (Command::StopMotors, [Ok(Disarmed); 9]),
+        (take_off,            [Err(NotArmed), Ok(TakingOff), AIR,           AIR,           AIR,           AIR,           AIR,           AIR,           Ok(TakingOff)]),
+        (go_to,               [CRUISE,        CRUISE,        CRUISE,        Ok(Guided),    Ok(Guided),    Ok(Guided),    Ok(Guided),    CRUISE,        CRUISE]),
+        (drift,               [CRUISE,        CRUISE,        CRUISE,        Ok(Guided),    Ok(Guided),    Ok(Guided),    Ok(Guided),    CRUISE,        CRUISE]),
+        // Offboard itself has a stream, the others none.
+        (Command::Offboard,   [STREAM,        STREAM,        STREAM,        STREAM,        STREAM,        Ok(Offboard),  STREAM,        STREAM,        STREAM]),
+        (Command::Pause,      [CRUISE,        CRUISE,        Ok(Holding),   Ok(Holding),   Ok(Holding),   Ok(Holding),   Ok(Holding),   CRUISE,        CRUISE]),
+        (Command::Return,     [GROUND,        GROUND,        Ok(Returning), Ok(Returning), Ok(Returning), Ok(Returning), Ok(Returning), Ok(Returning), GROUND]),
+        (Command::Land,       [GROUND,        GROUND,        Ok(Landing),   Ok(Landing),   Ok(Landing),   Ok(Landing),   Ok(Landing),   Ok(Landing),   Ok(Landed)]),
+        (Command::Fly(Flyer::Cascade), stay),
     ]
 }
 
 #[test]
 fn every_mode_answers_every_command_as_drawn() {
     for (command, outcomes) in table() {
-        for (mode, outcome) in MODES.into_iter().zip(outcomes) {
+        for (mode, outcome) in Mode::ALL.into_iter().zip(outcomes) {
             let mut rig = Rig::in_mode(mode);
             assert_eq!(rig.autopilot.mode(), mode);
             match outcome {
@@ -137,13 +162,13 @@ fn every_mode_answers_every_command_as_drawn() {
 #[test]
 fn an_idle_armed_drone_is_disarmed() {
     let secs = Rig::in_mode(Mode::Armed).fly_until(Mode::Disarmed, 20.0);
-    assert!((secs - IDLE_SECS).abs() < 0.02, "{secs}");
+    assert!((secs - Settings::default().idle_secs).abs() < 0.02, "{secs}");
 }
 
 #[test]
 fn a_landed_drone_is_disarmed() {
     let secs = Rig::in_mode(Mode::Landed).fly_until(Mode::Disarmed, 20.0);
-    assert!((secs - LANDED_SECS).abs() < 0.02, "{secs}");
+    assert!((secs - Settings::default().landed_secs).abs() < 0.02, "{secs}");
 }
 
 #[test]
@@ -151,7 +176,7 @@ fn a_take_off_ends_at_its_height() {
     let mut rig = Rig::in_mode(Mode::Armed);
     rig.accept(Command::TakeOff { altitude_m: 1.5 });
     let secs = rig.fly_until(Mode::Holding, 10.0);
-    assert!(secs > 1.5 / CLIMB_SPEED - 1.0, "{secs}");
+    assert!(secs > 1.5 / Settings::default().climb_speed - 1.0, "{secs}");
     rig.fly(3.0);
     assert!((rig.position() - Vector3::new(0.0, 0.0, 1.5125)).norm() < 0.05, "{}", rig.position());
 }
@@ -177,7 +202,7 @@ fn a_landing_is_soft_and_ends_below_its_start() {
         rig.tick();
     }
     assert_eq!(rig.autopilot.mode(), Mode::Landed);
-    assert!(fastest < 2.0 * DESCENT_SPEED, "{fastest} m/s");
+    assert!(fastest < 2.0 * Settings::default().landing_speed, "{fastest} m/s");
     assert!((rig.position() - Vector3::new(0.5, 0.0, 0.0125)).norm() < 0.1, "{}", rig.position());
     assert_eq!(rig.tick(), STOPPED);
 }
@@ -228,7 +253,7 @@ fn a_policy_that_fails_its_self_test_is_not_armed() {
 
 #[test]
 fn arming_wants_a_known_level_state_at_rest() {
-    let mut autopilot = Autopilot::new(pilot(hover_policy()));
+    let mut autopilot = Autopilot::new(pilot(hover_policy()), &CF2X);
     assert_eq!(autopilot.command(Command::Arm), Err(Refusal::StateUnknown));
     let rest = *FlatFloor::new(&CF2X, 0.01).state();
     let mut tilted = rest;
@@ -238,7 +263,7 @@ fn arming_wants_a_known_level_state_at_rest() {
     let unknown = State { position: Vector3::new(0.0, f32::NAN, 0.0), ..rest };
     let wrong = [(tilted, Refusal::NotLevel), (falling, Refusal::Moving), (unknown, Refusal::StateUnknown)];
     for (state, refusal) in wrong {
-        assert_eq!(autopilot.tick(&state), STOPPED);
+        assert_eq!(autopilot.tick(&state, &Surroundings::default()), STOPPED);
         assert_eq!(autopilot.command(Command::Arm), Err(refusal));
     }
 }
@@ -248,15 +273,15 @@ fn one_bad_reading_is_flown_through_and_a_lasting_one_stops_the_motors() {
     let mut rig = Rig::in_mode(Mode::Holding);
     let last = rig.tick();
     let bad = State { position: Vector3::new(f32::NAN, 0.0, 1.0), ..*rig.plant.state() };
-    assert_eq!(rig.autopilot.tick(&bad), last);
+    assert_eq!(rig.autopilot.tick(&bad, &Surroundings::default()), last);
     rig.fly(1.0);
     assert_eq!(rig.autopilot.mode(), Mode::Holding);
     let ticks = (BLIND_SECS / rig.autopilot.control_secs()) as u32 + 2;
     for _ in 0..ticks {
-        assert!(rig.autopilot.tick(&bad).iter().all(|target| target.is_finite()));
+        assert!(rig.autopilot.tick(&bad, &Surroundings::default()).iter().all(|target| target.is_finite()));
     }
     assert_eq!(rig.autopilot.mode(), Mode::Disarmed);
-    assert_eq!(rig.autopilot.tick(&bad), STOPPED);
+    assert_eq!(rig.autopilot.tick(&bad, &Surroundings::default()), STOPPED);
 }
 
 fn any_command() -> impl Strategy<Value = Command> {
@@ -268,9 +293,33 @@ fn any_command() -> impl Strategy<Value = Command> {
         any::<f32>().prop_map(|altitude_m| Command::TakeOff { altitude_m }),
         (0.2_f32..2.0).prop_map(|altitude_m| Command::TakeOff { altitude_m }),
         point.prop_map(|[x, y, z]| Command::GoTo(Vector3::new(x, y, z))),
+        any_velocity().prop_map(Command::Velocity),
+        Just(Command::Offboard),
         Just(Command::Pause),
+        Just(Command::Return),
         Just(Command::Land),
+        Just(Command::Fly(Flyer::Policy)),
+        Just(Command::Fly(Flyer::Cascade)),
     ]
+}
+
+fn any_velocity() -> impl Strategy<Value = Vector3<f32>> {
+    let speed = || prop_oneof![-0.6_f32..0.6, any::<f32>()];
+    [speed(), speed(), speed()].prop_map(Vector3::from)
+}
+
+fn any_set_point() -> impl Strategy<Value = SetPoint> {
+    let thrust = || prop_oneof![0.0_f32..1.0, any::<f32>()];
+    let attitude = (-1.0_f32..1.0, -1.0_f32..1.0, thrust()).prop_map(|(x, y, thrust)| {
+        let world_from_body = Attitude { w: 1.0, x, y, z: 0.0 }.normalized();
+        SetPoint::Stick(Stick::Attitude { world_from_body, thrust })
+    });
+    let rates =
+        ([-20.0_f32..20.0, -20.0_f32..20.0], any::<f32>(), thrust()).prop_map(|([roll, pitch], yaw, thrust)| {
+            SetPoint::Stick(Stick::BodyRates { body_rates: Vector3::new(roll, pitch, yaw), thrust })
+        });
+    let position = [-3.0_f32..3.0, -3.0_f32..3.0, 0.0_f32..3.0].prop_map(|point| SetPoint::Position(point.into()));
+    prop_oneof![position, any_velocity().prop_map(SetPoint::Velocity), attitude, rates]
 }
 
 /// What the autopilot is shown instead of the true state.
@@ -298,38 +347,41 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn motors_are_finite_in_range_and_stopped_unless_armed_by_command(
-        script in proptest::collection::vec((any_command(), any_reading(), 1_u32..150), 1..25)
+        script in proptest::collection::vec((any_command(), any_set_point(), any_reading(), 1_u32..150), 1..25)
     ) {
         let limit = CF2X.rotor_speed_limit as f32 * 1.000_001;
         let mut rig = Rig::new();
         let mut allowed = false;
-        for (command, reading, ticks) in script {
+        for (command, set_point, reading, ticks) in script {
+            let _ = rig.autopilot.set_point(set_point);
             let accepted = rig.autopilot.command(command).is_ok();
             if accepted && command == Command::Arm {
                 allowed = true;
             }
             for _ in 0..ticks {
                 let state = read(rig.plant.state(), reading);
-                let targets = rig.autopilot.tick(&state);
+                let targets = rig.autopilot.tick(&state, &Surroundings::default());
                 rig.plant.step(&targets);
                 let mode = rig.autopilot.mode();
                 allowed &= mode.armed();
                 prop_assert!(allowed || !mode.armed(), "armed without a command");
                 prop_assert!(targets.iter().all(|target| (0.0..=limit).contains(target)), "{targets:?}");
                 prop_assert!(mode.flies() || targets == STOPPED);
+                prop_assert!(!mode.flies() || targets.iter().all(|target| *target > 0.0), "a motor stopped in flight");
                 prop_assert!(rig.autopilot.goal().position().iter().all(|value| value.is_finite()));
             }
         }
     }
 }
 
-/// A processor that answers so many times.
-struct Tired {
+/// A processor that answers well so many times, and then as told.
+struct Failing {
     pilot: Pilot<'static>,
     answers: u32,
+    then: Option<[f32; 4]>,
 }
 
-impl Processor for Tired {
+impl Processor for Failing {
     fn control_secs(&self) -> f32 {
         Processor::control_secs(&self.pilot)
     }
@@ -347,31 +399,261 @@ impl Processor for Tired {
     }
 
     fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
-        self.answers = self.answers.checked_sub(1)?;
-        Processor::tick(&mut self.pilot, state, goal)
+        match self.answers.checked_sub(1) {
+            Some(left) => {
+                self.answers = left;
+                Processor::tick(&mut self.pilot, state, goal)
+            }
+            None => self.then,
+        }
     }
 }
 
 #[test]
-fn a_processor_that_falls_silent_is_waited_for_and_then_the_motors_stop() {
-    let mut autopilot = Autopilot::new(Tired { pilot: pilot(hover_policy()), answers: 50 });
-    let control_secs = autopilot.control_secs();
-    let mut plant = FlatFloor::new(&CF2X, control_secs);
-    let mut step = |autopilot: &mut Autopilot<Tired>| {
-        let targets = autopilot.tick(plant.state());
-        plant.step(&targets);
-        targets
-    };
-    step(&mut autopilot);
-    autopilot.command(Command::Arm).unwrap();
-    autopilot.command(Command::TakeOff { altitude_m: 1.0 }).unwrap();
-    let last = (0..50).map(|_| step(&mut autopilot)).last().unwrap();
-    let waits = (BLIND_SECS / control_secs) as u32;
-    for _ in 0..waits {
-        assert_eq!(step(&mut autopilot), last);
-        assert!(autopilot.mode().flies());
+fn a_policy_that_fails_is_replaced_in_time_and_the_flight_goes_on() {
+    let limit = CF2X.rotor_speed_limit as f32;
+    let faults = [
+        (None, Settings::default().silence_secs, Event::PolicySilent),
+        (Some([f32::NAN, 1.0, 1.0, 1.0]), Settings::default().silence_secs, Event::PolicySilent),
+        (Some([limit; 4]), Settings::default().saturation_secs, Event::PolicySaturated),
+    ];
+    for (then, within_secs, expected) in faults {
+        let mut autopilot = Autopilot::new(Failing { pilot: pilot(hover_policy()), answers: 700, then }, &CF2X);
+        let control_secs = autopilot.control_secs();
+        let mut plant = FlatFloor::new(&CF2X, control_secs);
+        let mut replaced = None;
+        autopilot.tick(plant.state(), &Surroundings::default());
+        autopilot.command(Command::Arm).unwrap();
+        autopilot.command(Command::TakeOff { altitude_m: 1.0 }).unwrap();
+        for tick in 0..3000_u32 {
+            let targets = autopilot.tick(plant.state(), &Surroundings::default());
+            plant.step(&targets);
+            if autopilot.events().contains(&expected) {
+                replaced = Some(tick);
+            }
+        }
+        let secs = (replaced.expect("the fault is noticed") - 700) as f32 * control_secs;
+        assert!((secs - within_secs).abs() <= 1.5 * control_secs, "{expected:?} after {secs} s");
+        assert_eq!((autopilot.flyer(), autopilot.mode()), (Flyer::Cascade, Mode::Holding));
+        assert!((plant.state().position.z - 1.0).abs() < 0.15, "{}", plant.state().position);
+        assert_eq!(autopilot.command(Command::Fly(Flyer::Policy)), Err(Refusal::SelfTest));
     }
-    let targets = (0..2).map(|_| step(&mut autopilot)).last().unwrap();
-    assert_eq!((targets, autopilot.mode()), (STOPPED, Mode::Disarmed));
-    assert!(!autopilot.healthy());
+}
+
+/// A failsafe's cause, its time \[s\] and what else it needs.
+#[derive(Clone, Copy, Debug)]
+enum Cause {
+    Stream,
+    Link,
+    Fence,
+    Battery,
+    Upset,
+}
+
+/// Brings a cause about in a rig that holds or follows a stream; the time until it must have acted \[s\].
+fn bring_about(cause: Cause, rig: &mut Rig, settings: &Settings) -> f32 {
+    match cause {
+        Cause::Stream => settings.offboard_loss_secs,
+        Cause::Link => {
+            rig.surroundings.link_age_secs = Some(settings.link_loss_secs);
+            0.0
+        }
+        Cause::Fence => {
+            rig.fence(0.0, 1.0, 5.0);
+            let mut state = *rig.plant.state();
+            state.position.x += 1.2;
+            rig.plant.put(state);
+            0.0
+        }
+        Cause::Battery => {
+            rig.surroundings.battery = 0.04;
+            0.0
+        }
+        Cause::Upset => {
+            let mut state = *rig.plant.state();
+            state.position.z = 4.0;
+            state.world_from_body = Attitude { w: 0.3, x: 0.954, y: 0.0, z: 0.0 }.normalized();
+            rig.plant.put(state);
+            settings.tilt_secs
+        }
+    }
+}
+
+fn with_action(cause: Cause, action: Action) -> Settings {
+    let settings = Settings::default();
+    match cause {
+        Cause::Stream => Settings { offboard_loss_action: action, ..settings },
+        Cause::Link => Settings { link_loss_action: action, ..settings },
+        Cause::Fence => Settings { fence_action: action, ..settings },
+        Cause::Battery => Settings { battery_actions: [action; 3], ..settings },
+        // A turn takes a moment: any less tilt would count as well.
+        Cause::Upset => Settings {
+            upset_reaction: Reaction::with_cascade(action),
+            tilt_limit_rad: 0.2,
+            tilt_secs: 0.1,
+            ..settings
+        },
+    }
+}
+
+#[test]
+fn every_failsafe_acts_in_its_time_and_ends_well() {
+    use Action::{Hold, Land, Return, StopMotors, Warn};
+    for cause in [Cause::Stream, Cause::Link, Cause::Fence, Cause::Battery, Cause::Upset] {
+        for action in [Warn, Hold, Return, Land, StopMotors] {
+            let mode = if matches!(cause, Cause::Stream) { Mode::Offboard } else { Mode::Holding };
+            let mut rig = Rig::in_mode(mode);
+            let settings = with_action(cause, action);
+            rig.autopilot.adjust(settings);
+            let within_secs = bring_about(cause, &mut rig, &settings);
+            let control_secs = rig.autopilot.control_secs();
+            let acted = (0..200).position(|_| {
+                rig.tick();
+                rig.surroundings.link_age_secs =
+                    rig.surroundings.link_age_secs.map(|age_secs| age_secs + control_secs);
+                !rig.autopilot.events().is_empty()
+            });
+            let secs = acted.unwrap_or_else(|| panic!("{cause:?} is not noticed")) as f32 * control_secs;
+            assert!((secs - within_secs).abs() <= 1.5 * control_secs, "{cause:?}: {secs} s");
+            let after = match action {
+                Action::Nothing | Warn => mode,
+                Hold => Mode::Holding,
+                Return => Mode::Returning,
+                Land => Mode::Landing,
+                StopMotors => Mode::Disarmed,
+            };
+            assert_eq!(rig.autopilot.mode(), after, "{cause:?}, {action:?}");
+            rig.fly(40.0);
+            let end = rig.position();
+            assert!(end.iter().all(|value| value.is_finite()) && end.norm() < 5.0, "{cause:?}, {action:?}: {end}");
+            match action {
+                Return | Land | StopMotors => {
+                    assert_eq!(rig.autopilot.mode(), Mode::Disarmed, "{cause:?}, {action:?}");
+                    assert!(end.z < 0.02, "{cause:?}, {action:?}: {end}");
+                }
+                Hold => assert!(rig.autopilot.fence.margin_m(&end) >= 0.0 && end.z > 0.5, "{cause:?}: {end}"),
+                Action::Nothing | Warn => assert_eq!(rig.autopilot.mode(), mode),
+            }
+            if action == Return {
+                assert!((end - rig.autopilot.home()).norm() < 0.3, "{cause:?}: {end}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_stale_set_point_stops_the_drone_at_once() {
+    let mut rig = Rig::in_mode(Mode::Offboard);
+    let settings = Settings { offboard_loss_secs: 60.0, ..Settings::default() };
+    rig.autopilot.adjust(settings);
+    for _ in 0..100 {
+        rig.stream(SetPoint::Velocity(Vector3::new(0.5, 0.0, 0.0)));
+        rig.tick();
+    }
+    assert!(!rig.autopilot.goal().arrived());
+    let control_secs = rig.autopilot.control_secs();
+    let ticks = (0..100).position(|_| {
+        rig.tick();
+        rig.autopilot.goal().arrived()
+    });
+    let secs = ticks.expect("it stops") as f32 * control_secs;
+    assert!((secs - settings.set_point_stale_secs).abs() <= 1.5 * control_secs, "{secs} s");
+    assert_eq!(rig.autopilot.mode(), Mode::Offboard, "and waits for the stream");
+}
+
+#[test]
+fn streams_of_every_kind_are_followed() {
+    let mut rig = Rig::in_mode(Mode::Offboard);
+    for _ in 0..600 {
+        rig.stream(SetPoint::Velocity(Vector3::new(0.3, 0.0, 0.1)));
+        rig.tick();
+    }
+    let velocity = rig.plant.state().velocity;
+    assert!((velocity - Vector3::new(0.3, 0.0, 0.1)).norm() < 0.05, "{velocity}");
+    let tilted = Attitude::from_axis_angle(Vector3::y(), 0.1).map(|value| value as f32);
+    for _ in 0..100 {
+        rig.stream(SetPoint::Stick(Stick::Attitude { world_from_body: tilted, thrust: 0.45 }));
+        rig.tick();
+    }
+    assert!(rig.plant.state().velocity.x > 0.6, "{}", rig.plant.state().velocity);
+    rig.fly(10.0);
+    assert_eq!(rig.autopilot.mode(), Mode::Holding);
+    assert!(rig.plant.state().velocity.norm() < 0.05, "the policy has caught it");
+}
+
+#[test]
+fn the_offboard_mode_wants_a_stream_and_streams_want_the_offboard_mode() {
+    let mut rig = Rig::in_mode(Mode::Holding);
+    let velocity = SetPoint::Velocity(Vector3::new(0.1, 0.0, 0.0));
+    assert_eq!(rig.autopilot.command(Command::Offboard), Err(Refusal::NoSetPoints));
+    assert_eq!(rig.autopilot.set_point(velocity), Err(Refusal::NotOffboard));
+    rig.accept(Command::Offboard);
+    rig.stream(velocity);
+    assert_eq!(rig.autopilot.mode(), Mode::Offboard);
+}
+
+#[test]
+fn a_fence_is_not_crossed_on_command() {
+    let mut rig = Rig::in_mode(Mode::Holding);
+    rig.fence(0.0, 1.5, 2.0);
+    rig.refuse(Command::GoTo(Vector3::new(1.4, 0.0, 1.0)), Refusal::Fence);
+    rig.refuse(Command::GoTo(Vector3::new(0.0, 0.0, 1.9)), Refusal::Fence);
+    rig.accept(Command::Velocity(Vector3::new(0.5, 0.0, 0.0)));
+    for _ in 0..1000 {
+        rig.tick();
+        assert!(rig.autopilot.fence.margin_m(&rig.position()) > 0.0, "{}", rig.position());
+        assert!(rig.autopilot.events().is_empty());
+    }
+    let mut rig = Rig::in_mode(Mode::Armed);
+    rig.fence(0.0, 1.5, 2.0);
+    rig.refuse(Command::TakeOff { altitude_m: 3.0 }, Refusal::Fence);
+}
+
+#[test]
+fn a_fence_that_leaves_no_place_to_hold_is_landed_in() {
+    let mut rig = Rig::in_mode(Mode::Holding);
+    rig.fence(9.0, 1.0, 5.0);
+    rig.tick();
+    assert_eq!(rig.autopilot.mode(), Mode::Landing);
+}
+
+#[test]
+fn it_returns_home_at_its_height() {
+    let mut rig = Rig::in_mode(Mode::Holding);
+    rig.accept(Command::GoTo(Vector3::new(2.0, 1.0, 0.7)));
+    rig.fly(12.0);
+    rig.accept(Command::Return);
+    let mut highest = 0.0_f32;
+    while rig.autopilot.mode() == Mode::Returning {
+        highest = highest.max(rig.position().z);
+        rig.tick();
+    }
+    assert!((highest - 1.5).abs() < 0.1, "{highest} m");
+    rig.fly_until(Mode::Landed, 20.0);
+    assert!(rig.position().xy().norm() < 0.1, "{}", rig.position());
+}
+
+#[test]
+fn the_cascade_flies_a_whole_flight() {
+    let mut rig = Rig::new();
+    rig.accept(Command::Fly(Flyer::Cascade));
+    rig.accept(Command::Arm);
+    rig.accept(Command::TakeOff { altitude_m: 1.0 });
+    rig.fly_until(Mode::Holding, 10.0);
+    rig.accept(Command::GoTo(Vector3::new(1.0, 0.5, 1.2)));
+    rig.fly(10.0);
+    assert!((rig.position() - Vector3::new(1.0, 0.5, 1.2)).norm() < 0.05, "{}", rig.position());
+    rig.accept(Command::Fly(Flyer::Policy));
+    rig.fly(5.0);
+    assert!((rig.position() - Vector3::new(1.0, 0.5, 1.2)).norm() < 0.05, "{}", rig.position());
+    rig.accept(Command::Land);
+    rig.fly_until(Mode::Disarmed, 20.0);
+}
+
+#[test]
+fn a_critical_battery_is_not_armed() {
+    let mut rig = Rig::new();
+    rig.surroundings.battery = 0.07;
+    rig.tick();
+    rig.refuse(Command::Arm, Refusal::Battery);
 }

@@ -11,10 +11,10 @@ use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
 
 use super::frames::ned_from_frd;
-use super::home::{GlobalPosition, Home};
 use super::motors::throttle_of_pulse;
 use super::radio::Radio;
-use super::sensors::{Measurement, Surroundings};
+use super::sensors::{Ambient, Measurement};
+use crate::geodesy::{Geodetic, Home};
 
 /// Bytes of a state: eighteen doubles.
 pub const STATE_LEN: usize = 144;
@@ -67,7 +67,7 @@ impl Simulator {
 
     /// The state at a time since the start \[s\], as Betaflight reads it.
     pub fn tell(&mut self, measurement: &Measurement, state: &State<f32>, secs: f64) -> [u8; STATE_LEN] {
-        if let Some(Surroundings { pressure_pa, .. }) = measurement.surroundings {
+        if let Some(Ambient { pressure_pa, .. }) = measurement.ambient {
             self.pressure_pa = pressure_pa;
         }
         self.answered = false;
@@ -75,7 +75,7 @@ impl Simulator {
         let [forward, right, down] = measurement.specific_force_frd.map(f64::from);
         let Attitude { w, x, y, z } = self.attitude(state);
         let velocity = state.velocity.map(f64::from);
-        let GlobalPosition { latitude_deg, longitude_deg, altitude_m } = self.position(state);
+        let Geodetic { latitude_deg, longitude_deg, altitude_m } = self.position(state);
         let numbers: [f64; STATE_LEN / 8] = [
             secs,
             roll,
@@ -115,10 +115,10 @@ impl Simulator {
     }
 
     /// Where the drone is; for Gazebo mirrored at home, as Betaflight mirrors it back.
-    fn position(&self, state: &State<f32>) -> GlobalPosition {
-        let global = self.home.global(&state.position);
+    fn position(&self, state: &State<f32>) -> Geodetic {
+        let global = self.home.place_of(&state.position);
         match self.build {
-            Build::Gazebo => GlobalPosition {
+            Build::Gazebo => Geodetic {
                 latitude_deg: 2.0 * self.home.latitude_deg - global.latitude_deg,
                 longitude_deg: 2.0 * self.home.longitude_deg - global.longitude_deg,
                 ..global

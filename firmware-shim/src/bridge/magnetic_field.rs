@@ -4,7 +4,13 @@
 //! coefficients are the published ones, in the public domain; the packages `world_magnetic_model` 1.2025.0 (crates.io) and
 //! `pygeomag` 1.1.0 (PyPI) have the same ninety rows, bit for bit.
 
-use super::home::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS_M, Home};
+use crate::geodesy::Home;
+
+/// Equatorial radius of WGS 84 \[m\].
+const EQUATORIAL_RADIUS_M: f64 = 6_378_137.0;
+
+/// Square of the first eccentricity of WGS 84.
+const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_141_316_5e-3;
 
 /// Degree of the expansion.
 const DEGREE: usize = 12;
@@ -240,6 +246,17 @@ mod tests {
             field_ned_nanotesla(&Home { latitude_deg: home.latitude_deg + 1e-6, ..home }, FLIGHT_YEAR + 1e-6);
         for (a, b) in here.iter().zip(near) {
             assert!((a - b).abs() < 0.01);
+        }
+    }
+
+    #[test]
+    fn the_poles_are_places_too() {
+        for latitude_deg in [-90.0, 90.0] {
+            let pole = field_ned_nanotesla(&place(latitude_deg, 0.0, 0.0), FLIGHT_YEAR);
+            let near = field_ned_nanotesla(&place(latitude_deg * (1.0 - 1e-7), 0.0, 0.0), FLIGHT_YEAR);
+            for (a, b) in pole.iter().zip(near) {
+                assert!((a - b).abs() < 0.1, "{pole:?} {near:?}");
+            }
         }
     }
 

@@ -13,10 +13,10 @@ use mavlink::dialects::common::{
 };
 
 use super::frames::ned_from_frd;
-use super::home::{GlobalPosition, Home};
 use super::radio::Radio;
 use super::sensors::{Fix, Measurement};
 use crate::frame::{Encoder, Frame, Payload, Receiver};
+use crate::geodesy::{Geodetic, Home};
 use crate::message::{frd_from_flu, ned_from_enu};
 
 /// Simulated time of the first sensor message \[µs\]: PX4 takes zero for "never".
@@ -282,11 +282,11 @@ fn hil_sensor(measurement: &Measurement, time_usec: u64) -> Payload {
     let mut message =
         HIL_SENSOR_DATA { time_usec, xacc, yacc, zacc, xgyro, ygyro, zgyro, ..HIL_SENSOR_DATA::default() };
     let mut fields = FAST_FIELDS;
-    if let Some(surroundings) = &measurement.surroundings {
-        [message.xmag, message.ymag, message.zmag] = surroundings.magnetic_field_frd_gauss;
-        message.abs_pressure = 0.01 * surroundings.pressure_pa;
-        message.pressure_alt = surroundings.pressure_altitude_m;
-        message.temperature = surroundings.temperature_celsius;
+    if let Some(ambient) = &measurement.ambient {
+        [message.xmag, message.ymag, message.zmag] = ambient.magnetic_field_frd_gauss;
+        message.abs_pressure = 0.01 * ambient.pressure_pa;
+        message.pressure_alt = ambient.pressure_altitude_m;
+        message.temperature = ambient.temperature_celsius;
         fields |= SLOW_FIELDS;
     }
     message.fields_updated = HilSensorUpdatedFlags::from_bits_truncate(fields);
@@ -316,7 +316,7 @@ fn hil_gps(fix: &Fix, time_usec: u64) -> Payload {
 }
 
 fn hil_state(state: &State<f32>, home: &Home, measurement: &Measurement, time_usec: u64) -> Payload {
-    let [lat, lon, alt] = global(&home.global(&state.position));
+    let [lat, lon, alt] = global(&home.place_of(&state.position));
     let [rollspeed, pitchspeed, yawspeed] = frd_from_flu(&state.body_rates);
     let [vx, vy, vz] = ned_from_enu(&state.velocity).map(|speed| (100.0 * speed) as i16);
     let attitude = ned_from_frd(&state.world_from_body);
@@ -342,7 +342,7 @@ fn hil_state(state: &State<f32>, home: &Home, measurement: &Measurement, time_us
 }
 
 /// Latitude and longitude \[1e-7 deg\] and altitude \[mm\].
-fn global(position: &GlobalPosition) -> [i32; 3] {
+fn global(position: &Geodetic) -> [i32; 3] {
     [1e7 * position.latitude_deg, 1e7 * position.longitude_deg, 1e3 * position.altitude_m]
         .map(|value| libm::round(value) as i32)
 }

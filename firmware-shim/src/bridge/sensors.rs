@@ -8,9 +8,9 @@ use kestrel_core::airframe::GRAVITY;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
-use super::home::{GlobalPosition, Home};
 use super::magnetic_field::{FLIGHT_YEAR, field_ned_nanotesla};
 use super::noise::{Noise, Purpose};
+use crate::geodesy::{Geodetic, Home};
 use crate::message::{enu_from_ned, frd_from_flu, ned_from_enu};
 
 /// Magnetometer and barometer deliver at this rate \[Hz\], as PX4's simulations have it.
@@ -74,14 +74,14 @@ pub struct Measurement {
     /// Angular velocity, FRD \[rad/s\].
     pub body_rates_frd: [f32; 3],
     /// What the slow instruments deliver, when they do.
-    pub surroundings: Option<Surroundings>,
+    pub ambient: Option<Ambient>,
     /// What the GPS receiver delivers, when it does.
     pub fix: Option<Fix>,
 }
 
 /// One sample of the magnetometer and the barometer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Surroundings {
+pub struct Ambient {
     /// Magnetic field, FRD \[gauss\].
     pub magnetic_field_frd_gauss: [f32; 3],
     /// Static pressure \[Pa\].
@@ -96,7 +96,7 @@ pub struct Surroundings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
     /// Where the drone was.
-    pub position: GlobalPosition,
+    pub position: Geodetic,
     /// Its velocity, NED \[m/s\].
     pub velocity_ned: [f32; 3],
 }
@@ -158,7 +158,7 @@ impl Instruments {
         let measurement = Measurement {
             specific_force_frd: self.specific_force(before, after),
             body_rates_frd: self.body_rates(after),
-            surroundings: self.due(SLOW_RATE_HZ).then(|| self.surroundings(after)),
+            ambient: self.due(SLOW_RATE_HZ).then(|| self.ambient(after)),
             fix: if self.due(FIX_RATE_HZ) { self.fix(after) } else { None },
         };
         self.count += 1;
@@ -193,7 +193,7 @@ impl Instruments {
         measured.map(|value| value.clamp(-GYROSCOPE_LIMIT, GYROSCOPE_LIMIT))
     }
 
-    fn surroundings(&mut self, state: &State<f32>) -> Surroundings {
+    fn ambient(&mut self, state: &State<f32>) -> Ambient {
         let secs = 1.0 / SLOW_RATE_HZ as f32;
         let normals = self.noise.normals(Purpose::MagnetometerDrift, self.count);
         MAGNETOMETER_WALK.advance(&mut self.drifts.magnetic_field_gauss, normals, secs);
@@ -207,7 +207,7 @@ impl Instruments {
         let [normal, ..] = self.noise.normals(Purpose::Barometer, self.count);
         let pressure_pa =
             pressure_pa(altitude_m) as f32 + self.drifts.pressure_pa[0] + BAROMETER_DEVIATION * normal;
-        Surroundings {
+        Ambient {
             magnetic_field_frd_gauss: field,
             pressure_pa,
             pressure_altitude_m: pressure_altitude_m(f64::from(pressure_pa)) as f32,
@@ -223,7 +223,7 @@ impl Instruments {
         let position = noisy(state.position.into(), self.drifts.position_m, FIX_DEVIATION_M, normals);
         let normals = self.noise.normals(Purpose::GpsVelocity, self.count);
         let velocity = noisy(ned_from_enu(&state.velocity), [0.0; 3], [FIX_VELOCITY_DEVIATION; 3], normals);
-        let fix = Fix { position: self.home.global(&position.into()), velocity_ned: velocity };
+        let fix = Fix { position: self.home.place_of(&position.into()), velocity_ned: velocity };
         self.fix_on_its_way.replace(fix)
     }
 

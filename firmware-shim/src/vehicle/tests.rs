@@ -1,14 +1,19 @@
+#![expect(deprecated, reason = "peers still send them")]
+
 use kestrel_core::airframe::CF2X;
 use kestrel_core::pilot::Pilot;
+use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, MavFrame, MavMessage,
-    MavModeFlag, PositionTargetTypemask,
+    COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MISSION_COUNT_DATA,
+    MISSION_ITEM_INT_DATA, MavCmd, MavFrame, MavMessage, MavMissionResult, MavModeFlag, MavParamType, MavType,
+    PARAM_SET_DATA, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA, TIMESYNC_DATA,
 };
 use proptest::prelude::*;
 
 use super::*;
+use crate::message::received::SetPointError;
 use crate::plant::{FlatFloor, Plant};
-use crate::testing::{command_long, datagram, dishonest_policy, hover_policy, message, pilot, set_point};
+use crate::testing::{command_long, datagram, dishonest_policy, hover_policy, message, pilot, profile, set_point};
 
 const NAN: f32 = f32::NAN;
 const ARM: [f32; 7] = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -28,7 +33,7 @@ impl Rig {
     }
 
     fn with(policy: Vec<u8>) -> Self {
-        let vehicle = MavlinkVehicle::new(pilot(policy), 1);
+        let vehicle = MavlinkVehicle::new(pilot(policy), &CF2X, profile(1));
         let plant = FlatFloor::new(&CF2X, vehicle.control_period().as_secs_f32());
         let mut rig = Self { vehicle, plant, heard: Vec::new() };
         rig.tick();
@@ -74,6 +79,16 @@ impl Rig {
             }
             answers => panic!("{answers:?}"),
         }
+    }
+
+    fn heartbeat(&mut self) -> HEARTBEAT_DATA {
+        self.heard.clear();
+        self.fly(1.0);
+        let mut heartbeats = self.heard.iter().filter_map(|message| match message {
+            MavMessage::HEARTBEAT(heartbeat) => Some(heartbeat.clone()),
+            _ => None,
+        });
+        heartbeats.next_back().unwrap()
     }
 
     fn accepted(&mut self, command: MavCmd, parameters: [f32; 7]) {
@@ -137,24 +152,26 @@ fn a_heartbeat_shows_arming() {
 fn refusals_say_what_kind_they_are() {
     use MavCmd::{
         MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_PAUSE_CONTINUE, MAV_CMD_DO_SET_MODE, MAV_CMD_NAV_LAND,
-        MAV_CMD_NAV_TAKEOFF, MAV_CMD_REQUEST_MESSAGE,
+        MAV_CMD_NAV_TAKEOFF, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, MAV_CMD_REQUEST_MESSAGE,
     };
     use MavResult::{MAV_RESULT_DENIED, MAV_RESULT_TEMPORARILY_REJECTED, MAV_RESULT_UNSUPPORTED};
     let mut rig = Rig::new();
     rig.refused(MAV_CMD_NAV_TAKEOFF, LEFT_OPEN, MAV_RESULT_TEMPORARILY_REJECTED);
     rig.refused(MAV_CMD_NAV_LAND, LEFT_OPEN, MAV_RESULT_TEMPORARILY_REJECTED);
     rig.refused(MAV_CMD_COMPONENT_ARM_DISARM, LEFT_OPEN, MAV_RESULT_DENIED);
-    rig.refused(MAV_CMD_DO_SET_MODE, DISARM, MAV_RESULT_UNSUPPORTED);
-    rig.refused(MAV_CMD_REQUEST_MESSAGE, [242.0; 7], MAV_RESULT_DENIED);
+    rig.refused(MAV_CMD_DO_SET_MODE, DISARM, MAV_RESULT_DENIED);
+    rig.refused(MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, ARM, MAV_RESULT_UNSUPPORTED);
+    rig.refused(MAV_CMD_REQUEST_MESSAGE, [230.0; 7], MAV_RESULT_DENIED);
+    rig.accepted(MAV_CMD_REQUEST_MESSAGE, [242.0; 7]);
     rig.refused(MAV_CMD_REQUEST_MESSAGE, LEFT_OPEN, MAV_RESULT_DENIED);
     rig.accepted(MAV_CMD_COMPONENT_ARM_DISARM, ARM);
-    rig.refused(MAV_CMD_NAV_TAKEOFF, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 500.0], MAV_RESULT_DENIED);
+    rig.refused(MAV_CMD_NAV_TAKEOFF, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 600.0], MAV_RESULT_DENIED);
     rig.refused(MAV_CMD_NAV_TAKEOFF, [0.0, 0.0, 0.0, 0.0, 47.4, 8.5, 1.0], MAV_RESULT_DENIED);
     let mut rig = Rig::flying();
     rig.refused(MAV_CMD_COMPONENT_ARM_DISARM, DISARM, MAV_RESULT_TEMPORARILY_REJECTED);
-    rig.refused(MAV_CMD_DO_PAUSE_CONTINUE, ARM, MAV_RESULT_DENIED);
+    rig.refused(MAV_CMD_DO_PAUSE_CONTINUE, ARM, MAV_RESULT_TEMPORARILY_REJECTED);
     rig.accepted(MAV_CMD_DO_PAUSE_CONTINUE, DISARM);
-    rig.accepted(MAV_CMD_COMPONENT_ARM_DISARM, [0.0, FORCED, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    rig.accepted(MAV_CMD_COMPONENT_ARM_DISARM, [0.0, 21196.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     assert_eq!(rig.vehicle.mode(), Mode::Disarmed);
 }
 
@@ -166,7 +183,7 @@ fn a_dishonest_policy_fails_to_arm() {
         &answers[0],
         MavMessage::COMMAND_ACK(COMMAND_ACK_DATA { result: MavResult::MAV_RESULT_FAILED, .. })
     ));
-    assert_eq!(texts(&answers), ["arming refused: policy self-test failed"]);
+    assert_eq!(texts(&answers), ["refused: policy self-test failed"]);
 }
 
 #[test]
@@ -186,16 +203,20 @@ fn a_command_unknown_to_the_dialect_is_unsupported() {
 }
 
 #[test]
-fn a_command_int_is_asked_for_again_as_a_long() {
+fn a_command_with_integers_works_as_well() {
+    let mut rig = Rig::new();
+    rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
     let sent = COMMAND_INT_DATA {
-        command: MavCmd::MAV_CMD_NAV_LAND,
+        command: MavCmd::MAV_CMD_NAV_TAKEOFF,
+        z: 1.5,
         target_system: 1,
         target_component: 1,
         ..COMMAND_INT_DATA::default()
     };
     let expected =
-        COMMAND_ACK_DATA { command: MavCmd::MAV_CMD_NAV_LAND, result: MavResult::MAV_RESULT_COMMAND_LONG_ONLY };
-    assert_eq!(Rig::new().answers(&datagram(&sent)), [MavMessage::COMMAND_ACK(expected)]);
+        COMMAND_ACK_DATA { command: MavCmd::MAV_CMD_NAV_TAKEOFF, result: MavResult::MAV_RESULT_ACCEPTED };
+    assert_eq!(rig.answers(&datagram(&sent)), [MavMessage::COMMAND_ACK(expected)]);
+    assert_eq!(rig.vehicle.mode(), Mode::TakingOff);
 }
 
 #[test]
@@ -227,6 +248,7 @@ fn a_repeated_command_is_executed_once_and_answered_again() {
         let again = COMMAND_LONG_DATA { confirmation, ..take_off.clone() };
         assert_eq!(rig.result(&again), MavResult::MAV_RESULT_ACCEPTED, "not refused as in flight");
     }
+    rig.fly(1.1);
     assert_eq!(rig.result(&take_off), MavResult::MAV_RESULT_TEMPORARILY_REJECTED, "a new one is");
 }
 
@@ -267,16 +289,16 @@ fn set_points_that_cannot_be_followed_are_refused_in_words_once_a_second() {
         wanted.type_mask = PositionTargetTypemask::from_bits_truncate(2503);
         wanted
     };
-    assert_eq!(texts(&rig.answers(&datagram(&velocity))), ["set-point refused: only positions are followed"]);
+    assert_eq!(texts(&rig.answers(&datagram(&velocity))), ["set-point waits for the offboard mode"]);
     assert_eq!(rig.answers(&datagram(&velocity)), []);
     rig.fly(1.0);
-    assert_eq!(texts(&rig.answers(&datagram(&velocity))), ["set-point refused: only positions are followed"]);
+    assert_eq!(texts(&rig.answers(&datagram(&velocity))), ["set-point waits for the offboard mode"]);
     let body = {
         let mut wanted = set_point([0.0, 0.0, -1.0]);
         wanted.coordinate_frame = MavFrame::MAV_FRAME_BODY_FRD;
         wanted
     };
-    assert_eq!(texts(&rig.answers(&datagram(&body))), ["set-point refused: frame must be LOCAL_NED"]);
+    assert_eq!(texts(&rig.answers(&datagram(&body))), ["set-point refused: frame is not understood"]);
     let not_finite = set_point([NAN, 0.0, -1.0]);
     assert_eq!(texts(&rig.answers(&datagram(&not_finite))), ["set-point refused: not a finite number"]);
     assert_eq!(rig.vehicle.mode(), Mode::Holding);
@@ -286,7 +308,7 @@ fn set_points_that_cannot_be_followed_are_refused_in_words_once_a_second() {
 fn streams_can_be_set_and_versions_asked_for() {
     let mut rig = Rig::new();
     rig.accepted(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [30.0, 1e6, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    rig.refused(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [24.0; 7], MavResult::MAV_RESULT_DENIED);
+    rig.refused(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [23.0; 7], MavResult::MAV_RESULT_DENIED);
     rig.heard.clear();
     rig.fly(10.0);
     let attitudes = rig.heard.iter().filter(|message| matches!(message, MavMessage::ATTITUDE(_))).count();
@@ -303,7 +325,7 @@ fn garbage_is_counted_and_makes_nobody_a_peer() {
     assert!(!rig.vehicle.receive(&[]));
     assert!(!rig.vehicle.receive(&[0xfd; 300]), "one frame with unknown flags, and a part of one");
     assert!(rig.vehicle.receive(&datagram(&HEARTBEAT_DATA::default())));
-    assert_eq!(rig.vehicle.counts(), Counts { frames: 1, garbage: 3, unanswered: 0 });
+    assert_eq!(rig.vehicle.counts(), Counts { frames: 1, garbage: 3, refused: 0, unanswered: 0 });
 }
 
 #[test]
@@ -320,25 +342,9 @@ fn a_flood_of_requests_is_answered_as_far_as_there_is_room() {
 
 #[test]
 fn every_text_fits_its_message() {
-    let refusals = [
-        Refusal::SelfTest,
-        Refusal::StateUnknown,
-        Refusal::NotLevel,
-        Refusal::Moving,
-        Refusal::NotArmed,
-        Refusal::InFlight,
-        Refusal::NotCruising,
-        Refusal::NotFlying,
-        Refusal::Altitude,
-    ];
-    let errors = [
-        SetPointError::Frame,
-        SetPointError::Motion,
-        SetPointError::Position,
-        SetPointError::NotFinite,
-        SetPointError::Outside,
-    ];
-    for text in refusals.map(Refusal::text).iter().chain(&errors.map(SetPointError::text)) {
+    let texts = Refusal::ALL.map(Refusal::text).into_iter();
+    let texts = texts.chain(SetPointError::ALL.map(SetPointError::text)).chain(Event::ALL.map(Event::text));
+    for text in texts {
         assert!(text.len() <= 50, "{text} has {}", text.len());
     }
 }
@@ -397,4 +403,270 @@ proptest! {
             }
         }
     }
+}
+
+fn command(rig: &mut Rig, command: MavCmd, parameters: &[f32]) -> MavResult {
+    let mut all = [0.0; 7];
+    all[..parameters.len()].copy_from_slice(parameters);
+    rig.result(&command_long(command, all))
+}
+
+#[test]
+fn modes_are_chosen_by_number_and_told_by_name() {
+    use MavResult::{MAV_RESULT_ACCEPTED, MAV_RESULT_DENIED, MAV_RESULT_TEMPORARILY_REJECTED};
+    let mut rig = Rig::flying();
+    let choose =
+        |rig: &mut Rig, main: f32, sub: f32| command(rig, MavCmd::MAV_CMD_DO_SET_MODE, &[129.0, main, sub]);
+    assert_eq!(choose(&mut rig, 4.0, 12.0), MAV_RESULT_ACCEPTED);
+    assert_eq!(rig.heartbeat().custom_mode, FlightMode::Cascade.custom_mode());
+    assert_eq!(choose(&mut rig, 4.0, 11.0), MAV_RESULT_ACCEPTED);
+    assert_eq!(rig.heartbeat().custom_mode, FlightMode::Policy.custom_mode());
+    assert_eq!(choose(&mut rig, 6.0, 0.0), MAV_RESULT_TEMPORARILY_REJECTED, "no set-points");
+    assert_eq!(choose(&mut rig, 1.0, 0.0), MAV_RESULT_DENIED, "manual flight");
+    assert_eq!(choose(&mut rig, 4.0, 5.0), MAV_RESULT_ACCEPTED);
+    assert_eq!(rig.vehicle.mode(), Mode::Returning);
+    assert_eq!(choose(&mut rig, 4.0, 3.0), MAV_RESULT_ACCEPTED);
+    assert_eq!(rig.vehicle.mode(), Mode::Holding);
+    let request = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [435.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let names: Vec<String> = rig
+        .answers(&datagram(&request))
+        .iter()
+        .filter_map(|answer| match answer {
+            MavMessage::AVAILABLE_MODES(mode) => Some(mode.mode_name.to_str().unwrap().to_owned()),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(names, ["RL:linear hover", "PID", "Hold", "Offboard", "Takeoff", "Land", "Return", "Mission"]);
+}
+
+#[test]
+fn a_stream_of_velocities_is_followed_in_the_offboard_mode() {
+    let mut rig = Rig::flying();
+    let velocity = SET_POSITION_TARGET_LOCAL_NED_DATA {
+        vx: 0.3,
+        type_mask: PositionTargetTypemask::from_bits_truncate(2503),
+        ..set_point([0.0; 3])
+    };
+    rig.answers(&datagram(&velocity));
+    assert_eq!(command(&mut rig, MavCmd::MAV_CMD_DO_SET_MODE, &[129.0, 6.0, 0.0]), MavResult::MAV_RESULT_ACCEPTED);
+    for _ in 0..50 {
+        rig.vehicle.receive(&datagram(&velocity));
+        rig.fly(0.1);
+    }
+    let moved = rig.plant.state().velocity;
+    assert!((moved - nalgebra::Vector3::new(0.0, 0.3, 0.0)).norm() < 0.05, "{moved}");
+    rig.heard.clear();
+    rig.fly(2.0);
+    assert_eq!(rig.vehicle.mode(), Mode::Holding);
+    assert_eq!(texts(&rig.heard), ["failsafe: no set-points"]);
+}
+
+#[test]
+fn parameters_change_what_the_vehicle_does() {
+    let mut rig = Rig::new();
+    let set = PARAM_SET_DATA {
+        param_value: 1.7,
+        target_system: 1,
+        target_component: 1,
+        param_id: "MIS_TAKEOFF_ALT".into(),
+        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+    };
+    let answers = rig.answers(&datagram(&set));
+    assert!(matches!(&answers[..], [MavMessage::PARAM_VALUE(value)] if value.param_value == 1.7), "{answers:?}");
+    rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
+    rig.accepted(MavCmd::MAV_CMD_NAV_TAKEOFF, LEFT_OPEN);
+    rig.fly(8.0);
+    assert!((rig.plant.state().position.z - 1.7).abs() < 0.1);
+}
+
+#[test]
+fn a_ground_station_that_falls_silent_is_noticed_in_its_time() {
+    let mut rig = Rig::flying();
+    let heartbeat = HEARTBEAT_DATA { mavtype: MavType::MAV_TYPE_GCS, ..HEARTBEAT_DATA::default() };
+    rig.vehicle.receive(&datagram(&heartbeat));
+    rig.fly(10.0);
+    assert_eq!(rig.vehicle.mode(), Mode::Holding);
+    rig.fly(0.02);
+    assert_eq!(rig.vehicle.mode(), Mode::Landing);
+    assert!(texts(&rig.heard).contains(&"failsafe: ground station lost"));
+}
+
+#[test]
+fn a_duplicated_frame_is_one_command() {
+    let mut rig = Rig::new();
+    rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
+    let take_off = datagram(&command_long(MavCmd::MAV_CMD_NAV_TAKEOFF, LEFT_OPEN));
+    for _ in 0..2 {
+        let answers = rig.answers(&take_off);
+        let accepted =
+            COMMAND_ACK_DATA { command: MavCmd::MAV_CMD_NAV_TAKEOFF, result: MavResult::MAV_RESULT_ACCEPTED };
+        assert_eq!(answers, [MavMessage::COMMAND_ACK(accepted)]);
+    }
+}
+
+#[test]
+fn a_place_on_earth_is_flown_to() {
+    let mut rig = Rig::flying();
+    let origin = Home::default();
+    let point = nalgebra::Vector3::new(1.0, -0.5, 1.2);
+    let [x, y] = origin.place_of(&point).integers();
+    let sent = COMMAND_INT_DATA {
+        command: MavCmd::MAV_CMD_DO_REPOSITION,
+        frame: MavFrame::MAV_FRAME_GLOBAL_INT,
+        x,
+        y,
+        z: (origin.altitude_m + 1.2) as f32,
+        target_system: 1,
+        target_component: 1,
+        ..COMMAND_INT_DATA::default()
+    };
+    rig.answers(&datagram(&sent));
+    rig.fly(10.0);
+    assert!((rig.plant.state().position - point).norm() < 0.1, "{}", rig.plant.state().position);
+    let told = rig.heard.iter().rev().find_map(|message| match message {
+        MavMessage::GLOBAL_POSITION_INT(position) => Some((position.lat, position.lon, position.relative_alt)),
+        _ => None,
+    });
+    let (lat, lon, relative_alt) = told.unwrap();
+    assert!((lat - x).abs() <= 10 && (lon - y).abs() <= 15 && (relative_alt - 1200).abs() < 100);
+}
+
+#[test]
+fn questions_are_answered() {
+    let mut rig = Rig::new();
+    let answers = rig.answers(&datagram(&TIMESYNC_DATA { tc1: 0, ts1: 77 }));
+    assert!(matches!(&answers[..], [MavMessage::TIMESYNC(TIMESYNC_DATA { tc1: 1.., ts1: 77 })]), "{answers:?}");
+    // PING to everybody, time 5 and number 6.
+    let ping = Payload::new(4, 237, &[5, 0, 0, 0, 0, 0, 0, 0, 6, 0, 0, 0, 0, 0]);
+    rig.vehicle.receive(&Encoder::new(255, 190).encode(&ping));
+    let mut pongs = Vec::new();
+    rig.vehicle.tick(rig.plant.state(), &mut |frame| pongs.push(frame.to_vec()));
+    let pong = pongs.iter().find_map(|bytes| {
+        let frame = Frames::new(bytes).next()?.ok()?;
+        (frame.message_id == 4).then(|| frame.fields::<14>())
+    });
+    assert_eq!(pong, Some([5, 0, 0, 0, 0, 0, 0, 0, 6, 0, 0, 0, 255, 190]));
+    // A request to list files, with the number 41.
+    let files = Payload::new(110, 84, &[0, 1, 1, 41, 0, 0, 3]);
+    let answers = rig.answers(&Encoder::new(255, 190).encode(&files));
+    let [MavMessage::FILE_TRANSFER_PROTOCOL(refused)] = &answers[..] else { panic!("{answers:?}") };
+    assert_eq!((refused.payload[0], refused.payload[3], refused.payload[5], refused.payload[12]), (42, 129, 3, 7));
+}
+
+/// A waypoint `height_m` above the origin of the world, east and north of it \[m\].
+fn waypoint(seq: u16, command: MavCmd, [east, north, height_m]: [f32; 3]) -> MISSION_ITEM_INT_DATA {
+    let [x, y] = Home::default().place_of(&nalgebra::Vector3::new(east, north, 0.0)).integers();
+    MISSION_ITEM_INT_DATA {
+        seq,
+        command,
+        frame: MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        x,
+        y,
+        z: height_m,
+        param4: NAN,
+        autocontinue: 1,
+        target_system: 1,
+        target_component: 1,
+        ..MISSION_ITEM_INT_DATA::default()
+    }
+}
+
+impl Rig {
+    fn upload(&mut self, items: &[MISSION_ITEM_INT_DATA]) {
+        let count = MISSION_COUNT_DATA { count: items.len() as u16, target_system: 1, target_component: 1 };
+        let mut answers = self.answers(&datagram(&count));
+        for item in items {
+            assert!(
+                matches!(&answers[..], [MavMessage::MISSION_REQUEST_INT(request)] if request.seq == item.seq),
+                "{answers:?}"
+            );
+            answers = self.answers(&datagram(item));
+        }
+        let accepted = MavMissionResult::MAV_MISSION_ACCEPTED;
+        assert!(matches!(&answers[..], [MavMessage::MISSION_ACK(ack)] if ack.mavtype == accepted), "{answers:?}");
+    }
+}
+
+fn square() -> [MISSION_ITEM_INT_DATA; 5] {
+    use MavCmd::{MAV_CMD_NAV_LAND, MAV_CMD_NAV_TAKEOFF, MAV_CMD_NAV_WAYPOINT};
+    [
+        waypoint(0, MAV_CMD_NAV_TAKEOFF, [0.0, 0.0, 1.2]),
+        waypoint(1, MAV_CMD_NAV_WAYPOINT, [1.0, 0.0, 1.2]),
+        waypoint(2, MAV_CMD_NAV_WAYPOINT, [1.0, 1.0, 1.0]),
+        waypoint(3, MAV_CMD_NAV_WAYPOINT, [0.0, 1.0, 1.0]),
+        waypoint(4, MAV_CMD_NAV_LAND, [0.0, 1.0, 0.0]),
+    ]
+}
+
+#[test]
+fn a_mission_is_flown_from_the_ground_to_the_ground() {
+    let mut rig = Rig::new();
+    rig.upload(&square());
+    let start = [129.0, 4.0, 4.0, 0.0, 0.0, 0.0, 0.0];
+    rig.refused(MavCmd::MAV_CMD_DO_SET_MODE, start, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
+    rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
+    rig.fly(1.1);
+    rig.accepted(MavCmd::MAV_CMD_DO_SET_MODE, start);
+    assert_eq!(rig.heartbeat().custom_mode, FlightMode::Mission.custom_mode());
+    rig.heard.clear();
+    let mut farthest = 0.0_f32;
+    for _ in 0..6000 {
+        rig.tick();
+        farthest = farthest.max(rig.plant.state().position.x);
+    }
+    let reached: Vec<u16> = rig
+        .heard
+        .iter()
+        .filter_map(|message| match message {
+            MavMessage::MISSION_ITEM_REACHED(item) => Some(item.seq),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(reached, [0, 1, 2, 3, 4]);
+    assert!((farthest - 1.0).abs() < 0.25, "{farthest} m");
+    let position = rig.plant.state().position;
+    assert!((position - nalgebra::Vector3::new(0.0, 1.0, 0.0)).norm() < 0.25, "{position}");
+    assert_eq!(rig.vehicle.mode(), Mode::Disarmed);
+}
+
+#[test]
+fn a_mission_is_paused_and_gone_on_with() {
+    let mut rig = Rig::new();
+    rig.upload(&square());
+    rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
+    rig.accepted(MavCmd::MAV_CMD_MISSION_START, DISARM);
+    rig.fly(6.0);
+    let answers = rig.answers(&datagram(&set_point([0.0, 3.0, -1.0])));
+    assert_eq!(texts(&answers), ["set-point refused: a mission is flown"]);
+    rig.accepted(MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, DISARM);
+    rig.fly(2.0);
+    let held = rig.plant.state().position;
+    rig.fly(5.0);
+    assert!((rig.plant.state().position - held).norm() < 0.1);
+    assert_eq!(rig.heartbeat().custom_mode, FlightMode::Policy.custom_mode());
+    rig.accepted(MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, ARM);
+    rig.fly(60.0);
+    assert_eq!(rig.vehicle.mode(), Mode::Disarmed);
+    assert!((rig.plant.state().position.y - 1.0).abs() < 0.25);
+}
+
+#[test]
+fn an_uploaded_fence_is_respected() {
+    let mut rig = Rig::flying();
+    // A circle to stay in, of 1 m around the origin.
+    let circle =
+        MISSION_ITEM_INT_DATA { param1: 1.0, ..waypoint(0, MavCmd::MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, [0.0; 3]) };
+    let mut fields = [0; 38];
+    circle.ser(mavlink::MavlinkVersion::V2, &mut fields);
+    fields[37] = 1;
+    let count = Payload::new(44, 221, &[1, 0, 1, 1, 1]);
+    for payload in [count, Payload::new(73, 38, &fields)] {
+        rig.answers(&Encoder::new(255, 190).encode(&payload));
+    }
+    rig.fly(1.0);
+    let answers = rig.answers(&datagram(&set_point([0.0, 2.0, -1.0])));
+    assert_eq!(texts(&answers), ["refused: outside the fence"]);
+    rig.accepted(MavCmd::MAV_CMD_DO_FENCE_ENABLE, DISARM);
+    rig.fly(1.1);
+    assert_eq!(texts(&rig.answers(&datagram(&set_point([0.0, 2.0, -1.0])))), Vec::<&str>::new());
 }

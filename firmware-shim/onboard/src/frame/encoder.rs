@@ -59,7 +59,12 @@ impl Encoder {
     }
 
     /// What signs, if anything does.
-    pub fn signer(&mut self) -> Option<&mut Signer> {
+    pub const fn signer(&self) -> Option<&Signer> {
+        self.signer.as_ref()
+    }
+
+    /// The same, to tell it the time.
+    pub fn signer_mut(&mut self) -> Option<&mut Signer> {
         self.signer.as_mut()
     }
 

@@ -71,7 +71,7 @@ fn nothing_from_before_a_restart_is_accepted() {
     let mut before = verifier();
     let recorded = heartbeat(&mut encoder);
     verify(&mut before, &recorded).unwrap();
-    let mut after = Verifier::new(key(), before.now(), before.now());
+    let mut after = Verifier::new(key(), NOW, before.accepted());
     assert_eq!(verify(&mut after, &recorded), Err(SignatureError::Replayed));
     assert_eq!(verify(&mut after, &heartbeat(&mut encoder)), Ok(()));
 }

@@ -13,11 +13,11 @@ use super::*;
 use crate::bridge::datagram::DatagramSocket;
 use crate::bridge::drone::Drone;
 use crate::bridge::event::{Counts, Event};
-use crate::bridge::home::Home;
 use crate::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 use crate::bridge::noise::Noise;
 use crate::bridge::sensors::Instruments;
 use crate::bridge::testing::{FLIGHT_SECS, Judge, QUAD_X, Seen, fly};
+use crate::geodesy::Home;
 use crate::lockstep::{Next, Pace};
 use crate::plant::{FlatFloor, Plant};
 

@@ -50,7 +50,7 @@ fn seen(state: &[u8; STATE_LEN], build: Build) -> (f64, Seen) {
             (attitude, 2.0 * home.latitude_deg - latitude_deg, 2.0 * home.longitude_deg - longitude_deg)
         }
     };
-    let position = home.local(&GlobalPosition { latitude_deg, longitude_deg, altitude_m });
+    let position = home.point_at(&Geodetic { latitude_deg, longitude_deg, altitude_m });
     let seen = Seen {
         position_ned: ned_from_enu(&position),
         velocity_ned: [north as f32, east as f32, -up as f32],

@@ -16,9 +16,9 @@ use nalgebra::Vector3;
 
 use super::{float_at, time_at_start};
 use crate::bridge::frames::enu_from_flu;
-use crate::bridge::home::{GlobalPosition, Home};
 use crate::bridge::motors::Motors;
 use crate::frame::{Encoder, Frame, Payload, Receiver};
+use crate::geodesy::{Geodetic, Home};
 use crate::message::enu_from_ned;
 
 const SENSOR_ID: u32 = 107;
@@ -174,7 +174,7 @@ impl Producer {
             longitude_deg: truth.position.longitude_deg,
             altitude_m: truth.position.altitude_m,
         });
-        let position = origin.local(&truth.position);
+        let position = origin.point_at(&truth.position);
         let told = State {
             position,
             world_from_body: truth.world_from_body,
@@ -209,7 +209,7 @@ struct Sensor {
 /// `HIL_STATE_QUATERNION`, in the world's frame.
 struct Truth {
     time_micros: u64,
-    position: GlobalPosition,
+    position: Geodetic,
     world_from_body: Attitude<f32>,
     velocity: Vector3<f32>,
     body_rates: Vector3<f32>,
@@ -243,7 +243,7 @@ impl Truth {
         let speed = |at: usize| f32::from(i16::from_le_bytes([fields[at], fields[at + 1]])) * 0.01;
         Some(Self {
             time_micros: time_at_start(fields),
-            position: GlobalPosition {
+            position: Geodetic {
                 latitude_deg: f64::from(whole(36)) * 1e-7,
                 longitude_deg: f64::from(whole(40)) * 1e-7,
                 altitude_m: f64::from(whole(44)) * 1e-3,

@@ -149,13 +149,13 @@ impl Px4 {
 /// What [`fly`] sees, from PX4's messages alone.
 fn seen(sensor: &HIL_SENSOR_DATA, state: &HIL_STATE_QUATERNION_DATA) -> Seen {
     let home = Home::default();
-    let global = GlobalPosition {
+    let global = Geodetic {
         latitude_deg: f64::from(state.lat) * 1e-7,
         longitude_deg: f64::from(state.lon) * 1e-7,
         altitude_m: f64::from(state.alt) * 1e-3,
     };
     Seen {
-        position_ned: ned_from_enu(&home.local(&global)),
+        position_ned: ned_from_enu(&home.point_at(&global)),
         velocity_ned: [state.vx, state.vy, state.vz].map(|speed| f32::from(speed) * 0.01),
         attitude: state.attitude_quaternion,
         body_rates_frd: [sensor.xgyro, sensor.ygyro, sensor.zgyro],

@@ -10,7 +10,7 @@ use mavlink::dialects::common::{HIL_SENSOR_DATA, HIL_STATE_QUATERNION_DATA, MavM
 use proptest::prelude::*;
 
 use super::*;
-use crate::autopilot::{Autopilot, Command, Mode};
+use crate::autopilot::{Autopilot, Command, Mode, Refusal, Surroundings};
 use crate::bridge::drone::Drone;
 use crate::bridge::event::Event;
 use crate::bridge::motors::{MotorOrder, ThrustCurve};
@@ -52,13 +52,13 @@ struct Vehicle {
 
 impl Vehicle {
     fn at(address: SocketAddr) -> Self {
-        let autopilot = Autopilot::new(pilot(hover_policy()));
+        let autopilot = Autopilot::new(pilot(hover_policy()), &CF2X);
         let plant = ExternalSimulator::new(address, motors(), autopilot.control_secs());
         Self { autopilot, plant }
     }
 
     fn tick(&mut self) {
-        let targets = self.autopilot.tick(self.plant.state());
+        let targets = self.autopilot.tick(self.plant.state(), &Surroundings::default());
         self.plant.step(&targets);
     }
 
@@ -120,7 +120,7 @@ fn our_policy_flies_in_a_simulator_that_expects_a_px4() {
 fn a_simulator_that_goes_disarms_the_vehicle_and_may_come_back() {
     let (listener, address) = listener();
     let mut vehicle = Vehicle::at(address);
-    assert_eq!(vehicle.autopilot.command(Command::Arm).err(), Some(crate::autopilot::Refusal::StateUnknown));
+    assert_eq!(vehicle.autopilot.command(Command::Arm).err(), Some(Refusal::StateUnknown));
     for _ in 0..2 {
         thread::scope(|scope| {
             let (sender, receiver) = std::sync::mpsc::channel::<()>();

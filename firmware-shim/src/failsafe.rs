@@ -1,0 +1,158 @@
+//! What can go wrong in flight, and when it counts as having gone wrong.
+//!
+//! A condition that lasts for its time becomes an event, once; it can become one again after it was gone. What is done then is
+//! the autopilot's business, by its [`Settings`].
+
+use kestrel_core::vehicle::State;
+
+use crate::settings::{Reaction, Settings};
+
+/// What has gone wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// No set-point for too long: the offboard mode is left.
+    OffboardLost,
+    /// No word from the ground station for too long.
+    LinkLost,
+    /// The drone is outside the fence.
+    FenceLeft,
+    /// The battery is low.
+    BatteryLow,
+    /// It is critical.
+    BatteryCritical,
+    /// It is nearly empty.
+    BatteryEmpty,
+    /// Tilted too far for too long.
+    Tilted,
+    /// Turning too fast for too long.
+    Spinning,
+    /// The policy gave no answer, or none that is finite, for too long.
+    PolicySilent,
+    /// The policy kept a rotor at its limits for too long.
+    PolicySaturated,
+}
+
+/// What events are made of, in one control period.
+#[derive(Clone, Copy, Debug)]
+pub struct Situation<'a> {
+    /// Finite.
+    pub state: &'a State<f32>,
+    /// Since the last set-point, in the offboard mode \[s\].
+    pub set_point_age_secs: Option<f32>,
+    /// Since the last word of a ground station, if there was any \[s\].
+    pub link_age_secs: Option<f32>,
+    /// Distance to the fence from within, negative outside \[m\].
+    pub fence_margin_m: f32,
+    /// What is left of the battery, of one.
+    pub battery: f32,
+    /// How long the policy has not answered \[s\].
+    pub silent_secs: f32,
+    /// How long it has kept a rotor at its limits \[s\].
+    pub saturated_secs: f32,
+}
+
+/// Watches for all events.
+#[derive(Clone, Debug, Default)]
+pub struct Failsafe {
+    present: [bool; Event::ALL.len()],
+    tilted_secs: f32,
+    spinning_secs: f32,
+}
+
+impl Event {
+    /// All of them, the hardest to fly with last.
+    pub const ALL: [Self; 10] = [
+        Self::OffboardLost,
+        Self::LinkLost,
+        Self::FenceLeft,
+        Self::BatteryLow,
+        Self::BatteryCritical,
+        Self::BatteryEmpty,
+        Self::PolicySaturated,
+        Self::PolicySilent,
+        Self::Tilted,
+        Self::Spinning,
+    ];
+
+    /// What is done about it.
+    pub fn reaction(self, settings: &Settings) -> Reaction {
+        let [low, critical, empty] = settings.battery_actions;
+        match self {
+            Self::OffboardLost => Reaction::only(settings.offboard_loss_action),
+            Self::LinkLost => Reaction::only(settings.link_loss_action),
+            Self::FenceLeft => Reaction::only(settings.fence_action),
+            Self::BatteryLow => Reaction::only(low),
+            Self::BatteryCritical => Reaction::only(critical),
+            Self::BatteryEmpty => Reaction::only(empty),
+            Self::Tilted | Self::Spinning => settings.upset_reaction,
+            Self::PolicySilent | Self::PolicySaturated => settings.policy_reaction,
+        }
+    }
+
+    /// At most the 50 bytes of a `STATUSTEXT`.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::OffboardLost => "failsafe: no set-points",
+            Self::LinkLost => "failsafe: ground station lost",
+            Self::FenceLeft => "failsafe: outside the fence",
+            Self::BatteryLow => "failsafe: battery low",
+            Self::BatteryCritical => "failsafe: battery critical",
+            Self::BatteryEmpty => "failsafe: battery nearly empty",
+            Self::Tilted => "failsafe: tilted too far",
+            Self::Spinning => "failsafe: turning too fast",
+            Self::PolicySilent => "failsafe: policy gives no answer",
+            Self::PolicySaturated => "failsafe: policy keeps a motor at its limit",
+        }
+    }
+}
+
+impl Failsafe {
+    /// Forgets what it saw, as before a flight.
+    pub fn reset(&mut self) {
+        *self = Self::default();
+    }
+
+    /// The events that begin in a control period of `secs`.
+    pub fn watch(
+        &mut self,
+        situation: &Situation,
+        settings: &Settings,
+        secs: f32,
+    ) -> heapless::Vec<Event, { Event::ALL.len() }> {
+        self.count(situation.state, settings, secs);
+        let mut begun = heapless::Vec::new();
+        for (index, event) in Event::ALL.into_iter().enumerate() {
+            let present = self.is_present(event, situation, settings);
+            if present && !self.present[index] {
+                begun.extend([event]);
+            }
+            self.present[index] = present;
+        }
+        begun
+    }
+
+    fn count(&mut self, state: &State<f32>, settings: &Settings, secs: f32) {
+        let after = |before: f32, exceeds| if exceeds { before + secs } else { 0.0 };
+        let tilted = state.world_from_body.up_cosine() < libm::cosf(settings.tilt_limit_rad);
+        let spinning = state.body_rates.amax() > settings.rate_limit;
+        self.tilted_secs = after(self.tilted_secs, tilted);
+        self.spinning_secs = after(self.spinning_secs, spinning);
+    }
+
+    fn is_present(&self, event: Event, situation: &Situation, settings: &Settings) -> bool {
+        let [low, critical, empty] = settings.battery_levels;
+        let older = |age_secs: Option<f32>, limit_secs| age_secs.is_some_and(|age_secs| age_secs > limit_secs);
+        match event {
+            Event::OffboardLost => older(situation.set_point_age_secs, settings.offboard_loss_secs),
+            Event::LinkLost => older(situation.link_age_secs, settings.link_loss_secs),
+            Event::FenceLeft => situation.fence_margin_m < 0.0,
+            Event::BatteryLow => situation.battery <= low,
+            Event::BatteryCritical => situation.battery <= critical,
+            Event::BatteryEmpty => situation.battery <= empty,
+            Event::Tilted => self.tilted_secs > settings.tilt_secs,
+            Event::Spinning => self.spinning_secs > settings.rate_secs,
+            Event::PolicySilent => situation.silent_secs > settings.silence_secs,
+            Event::PolicySaturated => situation.saturated_secs > settings.saturation_secs,
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Who flies: the policy, or the cascade of controllers that takes its place.
+
+use kestrel_core::airframe::Airframe;
+use kestrel_core::vehicle::State;
+
+use crate::goal::MovingGoal;
+use crate::processor::Processor;
+use crate::steering::{Steering, Stick};
+
+/// Share of the greatest rotor speed below which no rotor turns in flight: a stopped one takes a tenth of a second to come back,
+/// and some never do.
+const IDLE: f32 = 0.05;
+
+/// Rotors this close to their limits count as being there, as a share of the greatest speed.
+const AT_LIMIT: f32 = 1e-3;
+
+/// Who flies toward goals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flyer {
+    /// The policy.
+    Policy,
+    /// The cascade of controllers, the "PID".
+    Cascade,
+}
+
+/// Both, one of them at the helm.
+pub struct Flyers<P> {
+    processor: P,
+    steering: Steering,
+    at_helm: Flyer,
+    /// Least and greatest rotor speed in flight \[rad/s\].
+    limits: [f32; 2],
+    silent_secs: f32,
+    saturated_secs: f32,
+}
+
+impl<P: Processor> Flyers<P> {
+    /// The policy of a processor at the helm of an airframe.
+    pub fn new(processor: P, airframe: &Airframe) -> Self {
+        let limit = airframe.rotor_speed_limit as f32;
+        Self {
+            processor,
+            steering: Steering::new(airframe),
+            at_helm: Flyer::Policy,
+            limits: [IDLE * limit, limit],
+            silent_secs: 0.0,
+            saturated_secs: 0.0,
+        }
+    }
+
+    /// Who flies.
+    pub fn at_helm(&self) -> Flyer {
+        self.at_helm
+    }
+
+    /// What computes the policy.
+    pub fn processor(&mut self) -> &mut P {
+        &mut self.processor
+    }
+
+    /// How long the policy, at the helm, has not answered \[s\].
+    pub fn silent_secs(&self) -> f32 {
+        self.silent_secs
+    }
+
+    /// How long the policy, at the helm, has kept a rotor at its limits \[s\].
+    pub fn saturated_secs(&self) -> f32 {
+        self.saturated_secs
+    }
+
+    /// Begins a flight, or hands over in flight.
+    pub fn begin(&mut self, flyer: Flyer, state: &State<f32>) {
+        self.at_helm = flyer;
+        self.silent_secs = 0.0;
+        self.saturated_secs = 0.0;
+        match flyer {
+            Flyer::Policy => self.processor.reset(),
+            Flyer::Cascade => self.steering.begin(state),
+        }
+    }
+
+    /// Rotor targets \[rad/s\] toward a goal, in flight; nothing while the policy gives none that can be flown.
+    pub fn toward(&mut self, state: &State<f32>, goal: &MovingGoal, secs: f32) -> Option<[f32; 4]> {
+        match self.at_helm {
+            Flyer::Policy => {
+                let targets = self.processor.tick(state, &goal.position()).filter(is_finite);
+                self.judge(targets.as_ref(), secs);
+                targets.map(|targets| self.limited(targets))
+            }
+            Flyer::Cascade => {
+                let targets = self.steering.toward(state, &goal.position(), &goal.velocity(), secs);
+                Some(self.limited(targets))
+            }
+        }
+    }
+
+    /// Rotor targets \[rad/s\] of a flight that begins.
+    pub fn idle(&self) -> [f32; 4] {
+        let [low, _] = self.limits;
+        [low; 4]
+    }
+
+    /// Rotor targets \[rad/s\] that a peer steers by directly, in flight.
+    pub fn follow(&self, state: &State<f32>, stick: &Stick) -> [f32; 4] {
+        self.limited(self.steering.follow(state, stick))
+    }
+
+    fn judge(&mut self, targets: Option<&[f32; 4]>, secs: f32) {
+        let Some(targets) = targets else {
+            self.silent_secs += secs;
+            return;
+        };
+        self.silent_secs = 0.0;
+        let [low, high] = self.limits;
+        let margin = AT_LIMIT * high;
+        let saturated = targets.iter().any(|target| !(low + margin..high - margin).contains(target));
+        self.saturated_secs = if saturated { self.saturated_secs + secs } else { 0.0 };
+    }
+
+    /// No motor stops in flight, and none exceeds its limit.
+    fn limited(&self, targets: [f32; 4]) -> [f32; 4] {
+        let [low, high] = self.limits;
+        targets.map(|target| target.clamp(low, high))
+    }
+}
+
+fn is_finite(targets: &[f32; 4]) -> bool {
+    targets.iter().all(|target| target.is_finite())
+}

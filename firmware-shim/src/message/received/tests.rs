@@ -1,0 +1,234 @@
+#![expect(deprecated, reason = "peers still send them")]
+
+use kestrel_core::attitude::Attitude;
+use mavlink::dialects::common::{
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, MavFrame, MavType, PING_DATA,
+    PositionTargetTypemask, SET_ATTITUDE_TARGET_DATA, SET_POSITION_TARGET_GLOBAL_INT_DATA,
+    SET_POSITION_TARGET_LOCAL_NED_DATA, TIMESYNC_DATA,
+};
+use nalgebra::Vector3;
+
+use super::set_point::TargetPosition;
+use super::*;
+use crate::autopilot::SetPoint;
+use crate::frame::{Encoder, Frames, Payload};
+use crate::geodesy::{Geodetic, Home};
+use crate::steering::Stick;
+
+fn try_read<D: mavlink::MessageData>(message: &D) -> Option<(Address, Request)> {
+    let bytes = Encoder::new(255, 190).encode(&Payload::of(message));
+    request(&Frames::new(&bytes).next().unwrap().unwrap())
+}
+
+fn read<D: mavlink::MessageData>(message: &D) -> (Address, Request) {
+    try_read(message).unwrap()
+}
+
+const TARGET: Address = Address { system: 8, component: 9 };
+
+#[test]
+fn a_command_is_read_as_the_mavlink_crate_writes_it() {
+    let sent = COMMAND_LONG_DATA {
+        param1: 1.0,
+        param2: 2.0,
+        param3: 3.0,
+        param4: 4.0,
+        param5: 5.0,
+        param6: 6.0,
+        param7: 7.0,
+        command: MavCmd::MAV_CMD_NAV_TAKEOFF,
+        target_system: 8,
+        target_component: 9,
+        confirmation: 10,
+    };
+    let expected = CommandRequest {
+        command: 22,
+        confirmation: 10,
+        parameters: [1.0, 2.0, 3.0, 4.0],
+        place: Place::Floats([5.0, 6.0, 7.0]),
+    };
+    assert_eq!(read(&sent), (TARGET, Request::Command(expected)));
+}
+
+#[test]
+fn a_command_with_integers_is_read_as_the_mavlink_crate_writes_it() {
+    let sent = COMMAND_INT_DATA {
+        param1: 1.0,
+        param4: 4.0,
+        x: -5,
+        y: 6,
+        z: 7.0,
+        frame: MavFrame::MAV_FRAME_GLOBAL_INT,
+        command: MavCmd::MAV_CMD_DO_REPOSITION,
+        target_system: 8,
+        target_component: 9,
+        ..COMMAND_INT_DATA::default()
+    };
+    let expected = CommandRequest {
+        command: 192,
+        confirmation: 0,
+        parameters: [1.0, 0.0, 0.0, 4.0],
+        place: Place::Integers { frame: 5, integers: [-5, 6], height: 7.0 },
+    };
+    assert_eq!(read(&sent), (TARGET, Request::Command(expected)));
+}
+
+#[test]
+fn a_place_is_the_same_point_in_every_frame() {
+    let home = Home::default();
+    let point = Vector3::new(3.0, -2.0, 1.5);
+    let Geodetic { latitude_deg, longitude_deg, altitude_m } = home.place_of(&point);
+    let integers = home.place_of(&point).integers();
+    let above_sea = altitude_m as f32;
+    let places = [
+        (Place::Integers { frame: 0, integers, height: above_sea }, 0.02),
+        (Place::Integers { frame: 5, integers, height: above_sea }, 0.02),
+        (Place::Integers { frame: 3, integers, height: 1.5 }, 0.02),
+        (Place::Integers { frame: 6, integers, height: 1.5 }, 0.02),
+        (Place::Integers { frame: 1, integers: [-20_000, 30_000], height: -1.5 }, 1e-6),
+        // Single precision is good to 0.2 m and 0.1 m there.
+        (Place::Floats([latitude_deg as f32, longitude_deg as f32, above_sea]), 0.5),
+    ];
+    for (place, tolerance_m) in places {
+        let found = place.point(&home).unwrap();
+        assert!((found - point).norm() < tolerance_m, "{place:?}: {found}");
+    }
+    for frame in [2, 4, 7, 8, 255] {
+        assert_eq!(Place::Integers { frame, integers, height: 1.0 }.point(&home), None);
+    }
+    assert_eq!(Place::Floats([91.0, 0.0, 0.0]).point(&home), None);
+    assert_eq!(Place::Floats([f32::NAN, 0.0, 0.0]).point(&home), None);
+    let open = Place::Integers { frame: 6, integers, height: f32::NAN }.point(&home).unwrap();
+    assert!((open.xy() - point.xy()).norm() < 0.02 && open.z.is_nan());
+}
+
+#[test]
+fn a_place_may_be_left_open() {
+    for place in
+        [Place::Floats([f32::NAN, 0.0, 3.0]), Place::Integers { frame: 6, integers: [0, i32::MAX], height: 3.0 }]
+    {
+        assert!(place.is_here());
+        assert_eq!(place.height(), 3.0);
+    }
+    assert!(!Place::Floats([47.0, f32::NAN, 3.0]).is_here());
+}
+
+#[test]
+fn a_set_point_is_read_as_the_mavlink_crate_writes_it() {
+    let sent = SET_POSITION_TARGET_LOCAL_NED_DATA {
+        x: 1.0,
+        y: 2.0,
+        z: -3.0,
+        vx: 0.1,
+        vy: 0.2,
+        vz: -0.3,
+        type_mask: PositionTargetTypemask::from_bits_truncate(0b1101_1111_1000),
+        target_system: 8,
+        target_component: 9,
+        coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED,
+        ..SET_POSITION_TARGET_LOCAL_NED_DATA::default()
+    };
+    let expected = PositionTarget {
+        frame: 1,
+        type_mask: 0b1101_1111_1000,
+        position: TargetPosition::Local([1.0, 2.0, -3.0]),
+        velocity_ned: [0.1, 0.2, -0.3],
+    };
+    assert_eq!(read(&sent), (TARGET, Request::PositionTarget(expected)));
+    assert_eq!(expected.set_point(&Home::default()), Ok(SetPoint::Position(Vector3::new(2.0, 1.0, 3.0))));
+    let velocity = PositionTarget { type_mask: 2503, ..expected };
+    let flown = SetPoint::Velocity(Vector3::new(0.2, 0.1, 0.3));
+    assert_eq!(velocity.set_point(&Home::default()), Ok(flown), "MAVSDK's velocity and yaw");
+}
+
+#[test]
+fn a_global_set_point_is_read_as_the_mavlink_crate_writes_it() {
+    let home = Home::default();
+    let point = Vector3::new(10.0, 20.0, 3.0);
+    let [lat_int, lon_int] = home.place_of(&point).integers();
+    let sent = SET_POSITION_TARGET_GLOBAL_INT_DATA {
+        lat_int,
+        lon_int,
+        alt: 3.0,
+        type_mask: PositionTargetTypemask::from_bits_truncate(0b1101_1111_1000),
+        coordinate_frame: MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        ..SET_POSITION_TARGET_GLOBAL_INT_DATA::default()
+    };
+    let (_, Request::PositionTarget(target)) = read(&sent) else { panic!() };
+    let Ok(SetPoint::Position(found)) = target.set_point(&home) else { panic!() };
+    assert!((found - point).norm() < 0.02, "{found}");
+}
+
+#[test]
+fn only_whole_finite_reachable_positions_are_followed() {
+    let position = TargetPosition::Local([0.0, 0.0, -1.0]);
+    let good = PositionTarget { frame: 1, type_mask: 0b1101_1111_1000, position, velocity_ned: [0.0; 3] };
+    let home = Home::default();
+    let at = |ned| PositionTarget { position: TargetPosition::Local(ned), ..good }.set_point(&home);
+    let masked = |type_mask| PositionTarget { type_mask, ..good }.set_point(&home);
+    assert!(good.set_point(&home).is_ok());
+    assert!(masked(2552).is_ok(), "MAVSDK's position and yaw");
+    assert_eq!(PositionTarget { frame: 8, ..good }.set_point(&home), Err(SetPointError::Frame));
+    assert_eq!(masked(0b1101_1111_1100), Err(SetPointError::Partial));
+    assert_eq!(masked(0b1101_1111_1111), Err(SetPointError::Motion), "nothing is asked for");
+    assert_eq!(masked(0), Err(SetPointError::Motion));
+    assert_eq!(at([f32::NAN, 0.0, -1.0]), Err(SetPointError::NotFinite));
+    assert_eq!(at([0.0, f32::INFINITY, -1.0]), Err(SetPointError::NotFinite));
+    assert_eq!(at([0.0, 0.0, 1.0]), Err(SetPointError::Outside));
+    assert_eq!(at([1e6, 0.0, -1.0]), Err(SetPointError::Outside));
+}
+
+#[test]
+fn an_attitude_is_read_as_the_mavlink_crate_writes_it() {
+    // North in MAVLink's frames is a left turn from the core's x axis.
+    let sent = SET_ATTITUDE_TARGET_DATA {
+        q: [1.0, 0.0, 0.0, 0.0],
+        body_roll_rate: 0.1,
+        body_pitch_rate: 0.2,
+        body_yaw_rate: 0.3,
+        thrust: 0.4,
+        target_system: 8,
+        target_component: 9,
+        ..SET_ATTITUDE_TARGET_DATA::default()
+    };
+    let (address, Request::AttitudeTarget(target)) = read(&sent) else { panic!() };
+    assert_eq!(address, TARGET);
+    let Ok(SetPoint::Stick(Stick::Attitude { world_from_body, thrust })) = target.set_point() else { panic!() };
+    let north = Attitude::from_axis_angle(Vector3::z(), core::f64::consts::FRAC_PI_2);
+    let same = f64::from(world_from_body.w) * north.w + f64::from(world_from_body.z) * north.z;
+    assert!((same.abs() - 1.0).abs() < 1e-6 && thrust == 0.4);
+    let rates = AttitudeTarget { type_mask: 0b1000_0000, ..target }.set_point();
+    let expected = Stick::BodyRates { body_rates: Vector3::new(0.1, -0.2, -0.3), thrust: 0.4 };
+    assert_eq!(rates, Ok(SetPoint::Stick(expected)));
+    for (type_mask, error) in [(0b0100_0000, SetPointError::Partial), (0b1000_0001, SetPointError::Partial)] {
+        assert_eq!(AttitudeTarget { type_mask, ..target }.set_point(), Err(error));
+    }
+    for wrong in [
+        AttitudeTarget { thrust: f32::NAN, ..target },
+        AttitudeTarget { thrust: 1.5, ..target },
+        AttitudeTarget { quaternion: [f32::NAN; 4], ..target },
+        AttitudeTarget { quaternion: [0.0; 4], ..target },
+    ] {
+        assert_eq!(wrong.set_point(), Err(SetPointError::NotFinite));
+    }
+}
+
+#[test]
+fn questions_are_told_from_answers() {
+    let ground_station = HEARTBEAT_DATA { mavtype: MavType::MAV_TYPE_GCS, ..HEARTBEAT_DATA::default() };
+    assert_eq!(try_read(&ground_station), Some((Address::EVERYBODY, Request::GroundStation)));
+    assert_eq!(try_read(&HEARTBEAT_DATA::default()), None, "another vehicle");
+    let question = PING_DATA { time_usec: 5, seq: 6, ..PING_DATA::default() };
+    assert_eq!(try_read(&question), Some((Address::EVERYBODY, Request::Ping { time_usec: 5, seq: 6 })));
+    assert_eq!(try_read(&PING_DATA { target_system: 1, ..question }), None);
+    let asked = TIMESYNC_DATA { tc1: 0, ts1: -7 };
+    assert_eq!(try_read(&asked), Some((Address::EVERYBODY, Request::TimeSync(-7))));
+    assert_eq!(try_read(&TIMESYNC_DATA { tc1: 3, ..asked }), None);
+}
+
+#[test]
+fn zero_addresses_everybody() {
+    let reaches = |system, component| Address { system, component }.reaches(1, 1);
+    assert!(reaches(0, 0) && reaches(1, 0) && reaches(0, 1) && reaches(1, 1));
+    assert!(!reaches(2, 0) && !reaches(2, 1) && !reaches(1, 2));
+}

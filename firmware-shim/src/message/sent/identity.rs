@@ -1,0 +1,104 @@
+//! What the vehicle is and can do.
+
+use mavlink::dialects::common::{
+    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, AVAILABLE_MODES_MONITOR_DATA, MavAutopilot, MavModeProperty,
+    MavProtocolCapability,
+};
+
+use super::status::standard_mode;
+use crate::flight_mode::FlightMode;
+use crate::frame::Payload;
+use kestrel_onboard::signature::fingerprint;
+
+/// Bytes of a mode's name.
+const MODE_NAME_LIMIT: usize = 35;
+
+/// Which autopilot the vehicle says it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Personality {
+    /// None that is known: ground stations show what the vehicle itself tells.
+    #[default]
+    Generic,
+    /// PX4: ground stations offer what they offer to PX4, and miss its parameters.
+    Px4,
+}
+
+/// The policy, as peers are told of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PolicyIdentity {
+    /// Its name, or the beginning of a long one.
+    pub name: heapless::String<MODE_NAME_LIMIT>,
+    /// The first eight bytes of SHA-256 over its file.
+    pub hash: [u8; 8],
+}
+
+impl PolicyIdentity {
+    /// Of a policy of this name in this file.
+    pub fn of(name: &str, file: &[u8]) -> Self {
+        let mut own = heapless::String::new();
+        for letter in name.chars() {
+            if own.push(letter).is_err() {
+                break;
+            }
+        }
+        Self { name: own, hash: fingerprint(file) }
+    }
+}
+
+impl Personality {
+    pub(super) const fn autopilot(self) -> MavAutopilot {
+        match self {
+            Self::Generic => MavAutopilot::MAV_AUTOPILOT_GENERIC,
+            Self::Px4 => MavAutopilot::MAV_AUTOPILOT_PX4,
+        }
+    }
+}
+
+/// `AUTOPILOT_VERSION` of this package, with the hash of the policy as the custom version of the flight software.
+pub fn autopilot_version(hash: [u8; 8]) -> Payload {
+    let number = |text: &str| text.parse::<u8>().unwrap_or(0);
+    let version = [
+        number(env!("CARGO_PKG_VERSION_MAJOR")),
+        number(env!("CARGO_PKG_VERSION_MINOR")),
+        number(env!("CARGO_PKG_VERSION_PATCH")),
+        0, // FIRMWARE_VERSION_TYPE_DEV
+    ];
+    Payload::of(&AUTOPILOT_VERSION_DATA {
+        capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_INT
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_FENCE,
+        flight_sw_version: u32::from_be_bytes(version),
+        flight_custom_version: hash,
+        ..AUTOPILOT_VERSION_DATA::default()
+    })
+}
+
+/// `AVAILABLE_MODES` of one mode; that of the policy bears its name.
+pub fn available_mode(mode: FlightMode, policy: &str) -> Payload {
+    let own = if mode == FlightMode::Policy { policy } else { "" };
+    let mut name = heapless::String::<MODE_NAME_LIMIT>::new();
+    for letter in mode.name().chars().chain(own.chars()) {
+        if name.push(letter).is_err() {
+            break;
+        }
+    }
+    Payload::of(&AVAILABLE_MODES_DATA {
+        custom_mode: mode.custom_mode(),
+        properties: MavModeProperty::MAV_MODE_PROPERTY_AUTO_MODE,
+        number_modes: FlightMode::ALL.len() as u8,
+        mode_index: mode as u8 + 1,
+        standard_mode: standard_mode(mode),
+        mode_name: name.as_str().into(),
+    })
+}
+
+/// `AVAILABLE_MODES_MONITOR`: the list never changes.
+pub fn available_modes_monitor() -> Payload {
+    Payload::of(&AVAILABLE_MODES_MONITOR_DATA { seq: 1 })
+}

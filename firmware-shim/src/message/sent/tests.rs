@@ -1,0 +1,84 @@
+use kestrel_core::attitude::Attitude;
+use kestrel_core::vehicle::State;
+use mavlink::dialects::common::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavModeFlag, MavSysStatusSensor};
+use mavlink::{MavlinkVersion, Message};
+use nalgebra::Vector3;
+
+use super::*;
+use crate::autopilot::Mode;
+use crate::battery::Battery;
+use crate::flight_mode::FlightMode;
+use crate::flyer::Flyer;
+use crate::frame::{Encoder, Frames};
+
+fn sent(payload: &Payload) -> MavMessage {
+    let bytes = Encoder::new(1, 1).encode(payload);
+    let frame = Frames::new(&bytes).next().unwrap().unwrap();
+    MavMessage::parse(MavlinkVersion::V2, frame.message_id, frame.payload).unwrap()
+}
+
+fn moving() -> State<f32> {
+    State {
+        position: Vector3::new(1.0, 2.0, 3.0),
+        world_from_body: Attitude::level(),
+        velocity: Vector3::new(4.0, 5.0, 6.0),
+        body_rates: Vector3::new(0.1, 0.2, 0.3),
+        rotor_speeds: [0.0; 4],
+    }
+}
+
+#[test]
+fn an_acknowledgement_is_read_by_the_mavlink_crate() {
+    let expected =
+        COMMAND_ACK_DATA { command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, result: MavResult::MAV_RESULT_DENIED };
+    let ack = command_ack(400, MavResult::MAV_RESULT_DENIED, [255, 190]);
+    assert_eq!(sent(&ack), MavMessage::COMMAND_ACK(expected));
+}
+
+#[test]
+fn positions_and_velocities_are_north_east_down() {
+    let MavMessage::LOCAL_POSITION_NED(message) = sent(&motion::local_position_ned(&moving(), 7)) else {
+        panic!()
+    };
+    assert_eq!([message.x, message.y, message.z], [2.0, 1.0, -3.0]);
+    assert_eq!([message.vx, message.vy, message.vz], [5.0, 4.0, -6.0]);
+    assert_eq!(message.time_boot_ms, 7);
+}
+
+#[test]
+fn rates_are_forward_right_down() {
+    let MavMessage::ATTITUDE(message) = sent(&motion::attitude(&moving(), 7)) else { panic!() };
+    assert_eq!([message.rollspeed, message.pitchspeed, message.yawspeed], [0.1, -0.2, -0.3]);
+}
+
+#[test]
+fn a_heartbeat_says_whether_motors_may_turn() {
+    for mode in [Mode::Disarmed, Mode::Armed, Mode::Guided, Mode::Landed] {
+        let flight_mode = FlightMode::of(mode, Flyer::Policy);
+        let heartbeat = status::heartbeat(mode, flight_mode, identity::Personality::Generic);
+        let MavMessage::HEARTBEAT(message) = sent(&heartbeat) else { panic!() };
+        let armed = message.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
+        assert_eq!(armed, mode.armed());
+        assert_eq!(message.custom_mode, flight_mode.custom_mode());
+    }
+}
+
+#[test]
+fn a_failed_self_test_fails_the_pre_arm_check() {
+    for healthy in [true, false] {
+        let health = status::Health { policy: healthy, inside_fence: true, battery: Battery::full(), garbage: 3 };
+        let MavMessage::SYS_STATUS(message) = sent(&status::sys_status(&health)) else { panic!() };
+        let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+        assert_eq!(message.onboard_control_sensors_health.contains(check), healthy);
+        assert_eq!(message.errors_comm, 3);
+    }
+}
+
+#[test]
+fn long_text_is_cut() {
+    let MavMessage::STATUSTEXT(message) = sent(&status_text(MavSeverity::MAV_SEVERITY_INFO, &"x".repeat(80)))
+    else {
+        panic!()
+    };
+    assert_eq!(message.text.to_str().unwrap().len(), 50);
+}

@@ -1,0 +1,297 @@
+//! The execution of a mission: a state machine that is told where the drone is and says what to do next.
+
+use nalgebra::Vector3;
+
+use super::place::Target;
+use super::step::{Leg, Speed, Stay, Step, Then};
+
+/// Distance at which a point counts as reached if the sender leaves it open \[m\]: as far as a hovering drone strays.
+const RADIUS_M: f32 = 0.2;
+
+/// No radius of a sender is taken smaller than this \[m\]: the drone might pass a tighter one for ever.
+const LEAST_RADIUS_M: f32 = 0.1;
+
+/// How far a mission is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// It waits for its start.
+    NotStarted,
+    /// It is flown.
+    Active,
+    /// It waits to go on.
+    Paused,
+    /// It is over.
+    Complete,
+}
+
+/// Where the drone is, as the mission sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Situation {
+    /// Of the drone \[m, world\].
+    pub position: Vector3<f32>,
+    /// What it does.
+    pub motion: Motion,
+    /// Simulated time \[s\].
+    pub secs: f64,
+}
+
+/// What the drone does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motion {
+    /// It is on the ground: not taken off yet, or landed.
+    OnGround,
+    /// It flies, and its goal moves: it climbs or travels.
+    Travelling,
+    /// It flies, and its goal rests.
+    Resting,
+}
+
+/// What to do now. The same one comes with every tick until it is done, so whoever obeys may act on changes only.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Directive {
+    /// Take off to a height \[m, world\], or to the vehicle's own.
+    TakeOff {
+        /// Height of the top, if the mission names it.
+        altitude_m: Option<f32>,
+    },
+    /// Go to a point, and stay there.
+    HeadFor {
+        /// The point \[m, world\].
+        point: Vector3<f32>,
+        /// How fast \[m/s\], if the mission says; the vehicle's own limits hold.
+        speed: Option<f32>,
+    },
+    /// Stay here.
+    Wait,
+    /// Fly home and land.
+    Return,
+    /// Land here.
+    Land,
+    /// The mission is over: stay here.
+    Done,
+}
+
+/// Executes the legs of a mission, which are told with every call: whoever replaces them calls [`Runner::reset`].
+///
+/// Landed or disarmed against its will the drone would be told to take off again: whoever has it land calls
+/// [`Runner::pause`] first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Runner {
+    phase: Phase,
+    current: u16,
+    stage: Stage,
+    speed: Option<f32>,
+}
+
+/// How far the current step is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    /// It has not begun.
+    New,
+    /// The drone takes off for it.
+    TakingOff,
+    /// The drone is on its way to a point.
+    Travelling { point: Vector3<f32> },
+    /// The drone has come to the place and stays from a time on \[s\].
+    Staying { at: Option<Vector3<f32>>, since_secs: f64 },
+    /// It stays until told.
+    Loitering { at: Vector3<f32> },
+    /// It has been told.
+    Told,
+}
+
+impl Default for Runner {
+    fn default() -> Self {
+        Self { phase: Phase::NotStarted, current: 0, stage: Stage::New, speed: None }
+    }
+}
+
+impl Runner {
+    /// How far the mission is.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The item that is flown, or would be; the last one when all are.
+    pub fn current(&self) -> u16 {
+        self.current
+    }
+
+    /// Forgets the mission: there is another one, or none.
+    pub fn reset(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Starts at the current item, or anew if the mission is over. Whether there is anything to fly.
+    pub fn start(&mut self, legs: &[Leg]) -> bool {
+        if legs.is_empty() {
+            return false;
+        }
+        if self.phase == Phase::Complete {
+            self.reset();
+        }
+        self.phase = Phase::Active;
+        true
+    }
+
+    /// Stops where the drone is; a step that is interrupted begins anew afterwards.
+    pub fn pause(&mut self) {
+        if self.phase == Phase::Active {
+            self.phase = Phase::Paused;
+            self.stage = Stage::New;
+        }
+    }
+
+    /// Goes on after a pause, or after loitering until told.
+    pub fn resume(&mut self) {
+        match (self.phase, self.stage) {
+            (Phase::Paused, _) => self.phase = Phase::Active,
+            (Phase::Active, Stage::Loitering { .. }) => self.stage = Stage::Told,
+            (Phase::NotStarted | Phase::Active | Phase::Complete, _) => {}
+        }
+    }
+
+    /// Makes an item the current one; a mission that is flown goes on from there. Whether there is such an item.
+    pub fn jump(&mut self, sequence: u16, legs: &[Leg]) -> bool {
+        if usize::from(sequence) >= legs.len() {
+            return false;
+        }
+        self.current = sequence;
+        self.stage = Stage::New;
+        if self.phase == Phase::Complete {
+            self.phase = Phase::NotStarted;
+        }
+        true
+    }
+
+    /// What to do now; `reached` gets every item that is done, once.
+    pub fn advance(&mut self, legs: &[Leg], situation: &Situation, reached: &mut dyn FnMut(u16)) -> Directive {
+        let known = situation.position.iter().all(|coordinate| coordinate.is_finite());
+        while self.phase == Phase::Active && known {
+            let Some(leg) = legs.get(usize::from(self.current)) else {
+                self.phase = Phase::Complete;
+                break;
+            };
+            if let Some(directive) = self.fly(&leg.step, situation) {
+                return directive;
+            }
+            reached(self.current);
+            self.proceed(leg.then, legs.len());
+        }
+        if self.phase == Phase::Complete { Directive::Done } else { Directive::Wait }
+    }
+
+    /// On to the next leg, of so many.
+    fn proceed(&mut self, then: Then, legs: usize) {
+        self.stage = Stage::New;
+        if usize::from(self.current) + 1 >= legs {
+            self.phase = Phase::Complete;
+            return;
+        }
+        self.current += 1;
+        match then {
+            Then::Proceed => {}
+            Then::Pause => self.phase = Phase::Paused,
+        }
+    }
+
+    /// What a step wants now; nothing once it is done.
+    fn fly(&mut self, step: &Step, situation: &Situation) -> Option<Directive> {
+        match step {
+            Step::TakeOff(target) => {
+                let top = target.height_m.unwrap_or(0.0).max(situation.position.z);
+                let above = Target { height_m: Some(top), ..*target };
+                self.take_off(target.height_m, situation).or_else(|| self.travel(&above, RADIUS_M, situation))
+            }
+            Step::GoTo { target, hold_secs, radius_m } => {
+                let radius_m = radius_m.unwrap_or(RADIUS_M).max(LEAST_RADIUS_M);
+                self.take_off(None, situation)
+                    .or_else(|| self.travel(target, radius_m, situation))
+                    .or_else(|| self.stay(*hold_secs, situation))
+            }
+            Step::Loiter { target, stay } => self
+                .take_off(None, situation)
+                .or_else(|| self.travel(target, RADIUS_M, situation))
+                .or_else(|| match stay {
+                    Stay::Secs(secs) => self.stay(*secs, situation),
+                    Stay::UntilTold => self.loiter(situation),
+                }),
+            Step::Land(target) => self.land(target, situation),
+            Step::Return => (situation.motion != Motion::OnGround).then_some(Directive::Return),
+            Step::ChangeSpeed(speed) => {
+                self.speed = match speed {
+                    Speed::Default => None,
+                    Speed::Of(speed) => Some(*speed),
+                };
+                None
+            }
+            Step::Delay { secs } => self.stay(*secs, situation),
+            Step::Skip => None,
+        }
+    }
+
+    /// Gets off the ground.
+    fn take_off(&mut self, altitude_m: Option<f32>, situation: &Situation) -> Option<Directive> {
+        match (situation.motion, self.stage) {
+            (Motion::OnGround, _) | (Motion::Travelling, Stage::TakingOff) => {
+                self.stage = Stage::TakingOff;
+                Some(Directive::TakeOff { altitude_m })
+            }
+            (Motion::Travelling | Motion::Resting, _) => None,
+        }
+    }
+
+    /// Gets to a place.
+    fn travel(&mut self, target: &Target, radius_m: f32, situation: &Situation) -> Option<Directive> {
+        let point = match self.stage {
+            Stage::New | Stage::TakingOff => target.from(&situation.position),
+            Stage::Travelling { point } => point,
+            Stage::Staying { .. } | Stage::Loitering { .. } | Stage::Told => return None,
+        };
+        if (situation.position - point).norm() <= radius_m {
+            self.stage = Stage::Staying { at: Some(point), since_secs: situation.secs };
+            return None;
+        }
+        self.stage = Stage::Travelling { point };
+        Some(self.head_for(point))
+    }
+
+    /// Stays for some time, at the place that was travelled to if one was.
+    fn stay(&mut self, secs: f32, situation: &Situation) -> Option<Directive> {
+        let (at, since_secs) = match self.stage {
+            Stage::Staying { at, since_secs } => (at, since_secs),
+            Stage::New | Stage::TakingOff | Stage::Travelling { .. } | Stage::Loitering { .. } | Stage::Told => {
+                (None, situation.secs)
+            }
+        };
+        self.stage = Stage::Staying { at, since_secs };
+        let waiting = situation.secs - since_secs < f64::from(secs);
+        waiting.then(|| at.map_or(Directive::Wait, |point| self.head_for(point)))
+    }
+
+    fn loiter(&mut self, situation: &Situation) -> Option<Directive> {
+        let at = match self.stage {
+            Stage::Told => return None,
+            Stage::Loitering { at } | Stage::Staying { at: Some(at), .. } => at,
+            Stage::New | Stage::TakingOff | Stage::Travelling { .. } | Stage::Staying { at: None, .. } => {
+                situation.position
+            }
+        };
+        self.stage = Stage::Loitering { at };
+        Some(self.head_for(at))
+    }
+
+    fn land(&mut self, target: &Target, situation: &Situation) -> Option<Directive> {
+        if situation.motion == Motion::OnGround {
+            return None;
+        }
+        self.travel(target, RADIUS_M, situation).or(Some(Directive::Land))
+    }
+
+    fn head_for(&self, point: Vector3<f32>) -> Directive {
+        Directive::HeadFor { point, speed: self.speed }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,305 @@
+use proptest::prelude::*;
+
+use super::*;
+
+const HERE: Target = Target { horizontal_m: None, height_m: None };
+
+fn proceed(step: Step) -> Leg {
+    Leg { step, then: Then::Proceed }
+}
+
+fn to(x: f32, y: f32, z: f32) -> Target {
+    Target { horizontal_m: Some([x, y]), height_m: Some(z) }
+}
+
+fn go_to(x: f32, y: f32, z: f32, hold_secs: f32) -> Leg {
+    proceed(Step::GoTo { target: to(x, y, z), hold_secs, radius_m: None })
+}
+
+/// A drone that does what it is told at 1 m/s, ten times a second.
+struct Drone {
+    runner: Runner,
+    legs: Vec<Leg>,
+    situation: Situation,
+    reached: Vec<u16>,
+    told: Vec<Directive>,
+    top: f32,
+}
+
+impl Drone {
+    fn new(legs: &[Leg]) -> Self {
+        let situation = Situation { position: Vector3::zeros(), motion: Motion::OnGround, secs: 0.0 };
+        let (runner, legs) = (Runner::default(), legs.to_vec());
+        Self { runner, legs, situation, reached: Vec::new(), told: Vec::new(), top: 0.0 }
+    }
+
+    fn started(legs: &[Leg]) -> Self {
+        let mut drone = Self::new(legs);
+        assert!(drone.runner.start(&drone.legs));
+        drone
+    }
+
+    fn tick(&mut self) -> Directive {
+        let reached = &mut self.reached;
+        let directive = self.runner.advance(&self.legs, &self.situation, &mut |item| reached.push(item));
+        if self.told.last() != Some(&directive) {
+            self.told.push(directive);
+        }
+        self.obey(directive);
+        self.situation.secs += 0.1;
+        directive
+    }
+
+    fn obey(&mut self, directive: Directive) {
+        match directive {
+            Directive::TakeOff { altitude_m } => {
+                self.top = altitude_m.unwrap_or(1.0);
+                let [x, y] = [self.situation.position.x, self.situation.position.y];
+                self.head_for(Vector3::new(x, y, self.top), 1.0);
+            }
+            Directive::HeadFor { point, speed } => self.head_for(point, speed.unwrap_or(1.0)),
+            Directive::Wait | Directive::Done => {
+                if self.situation.motion != Motion::OnGround {
+                    self.situation.motion = Motion::Resting;
+                }
+            }
+            Directive::Return | Directive::Land => {
+                self.situation.position.z -= 0.1;
+                if self.situation.position.z <= 0.0 {
+                    self.situation.motion = Motion::OnGround;
+                }
+            }
+        }
+    }
+
+    fn head_for(&mut self, point: Vector3<f32>, speed: f32) {
+        let way = point - self.situation.position;
+        let step = way.norm().min(0.1 * speed);
+        self.situation.position += way.try_normalize(1e-6).unwrap_or_default() * step;
+        let rests = (point - self.situation.position).norm() < 1e-3;
+        self.situation.motion = if rests { Motion::Resting } else { Motion::Travelling };
+    }
+
+    fn fly(&mut self, secs: f64) {
+        let end = self.situation.secs + secs;
+        while self.situation.secs < end {
+            self.tick();
+        }
+    }
+}
+
+#[test]
+fn a_mission_is_flown_from_take_off_to_landing() {
+    let mut drone = Drone::started(&[
+        proceed(Step::TakeOff(Target { horizontal_m: None, height_m: Some(2.0) })),
+        go_to(3.0, 0.0, 2.0, 0.0),
+        proceed(Step::Skip),
+        proceed(Step::ChangeSpeed(Speed::Of(0.5))),
+        go_to(3.0, 3.0, 2.0, 1.0),
+        proceed(Step::Land(HERE)),
+    ]);
+    drone.fly(30.0);
+    assert_eq!(drone.reached, [0, 1, 2, 3, 4, 5]);
+    assert_eq!(drone.runner.phase(), Phase::Complete);
+    assert_eq!(drone.runner.current(), 5);
+    let head_for = |x, y, speed| Directive::HeadFor { point: Vector3::new(x, y, 2.0), speed };
+    let expected = [
+        Directive::TakeOff { altitude_m: Some(2.0) },
+        head_for(3.0, 0.0, None),
+        head_for(3.0, 3.0, Some(0.5)),
+        Directive::Land,
+        Directive::Done,
+    ];
+    assert_eq!(drone.told, expected);
+    assert!((drone.situation.position - Vector3::new(3.0, 3.0, 0.0)).norm() < 0.25);
+}
+
+#[test]
+fn a_mission_without_a_take_off_takes_off_by_itself() {
+    let mut drone = Drone::started(&[go_to(2.0, 0.0, 1.0, 0.0), proceed(Step::Return)]);
+    assert_eq!(drone.tick(), Directive::TakeOff { altitude_m: None });
+    drone.fly(10.0);
+    assert_eq!(drone.reached, [0, 1]);
+    assert_eq!(drone.situation.motion, Motion::OnGround);
+}
+
+#[test]
+fn a_take_off_in_flight_climbs_and_never_sinks() {
+    for (height, expected) in [(2.0, 2.0), (0.5, 1.0)] {
+        let target = Target { horizontal_m: Some([1.0, 0.0]), height_m: Some(height) };
+        let mut drone = Drone::new(&[proceed(Step::TakeOff(target))]);
+        drone.situation.motion = Motion::Resting;
+        drone.situation.position = Vector3::new(0.0, 0.0, 1.0);
+        drone.runner.start(&drone.legs.clone());
+        let point = Vector3::new(1.0, 0.0, expected);
+        assert_eq!(drone.tick(), Directive::HeadFor { point, speed: None });
+    }
+}
+
+#[test]
+fn a_take_off_elsewhere_climbs_before_it_travels() {
+    let target = Target { horizontal_m: Some([2.0, 0.0]), height_m: Some(3.0) };
+    let mut drone = Drone::started(&[proceed(Step::TakeOff(target))]);
+    drone.fly(10.0);
+    let point = Vector3::new(2.0, 0.0, 3.0);
+    let expected =
+        [Directive::TakeOff { altitude_m: Some(3.0) }, Directive::HeadFor { point, speed: None }, Directive::Done];
+    assert_eq!(drone.told, expected);
+}
+
+#[test]
+fn a_hold_lasts_from_the_arrival_on() {
+    let mut drone = Drone::started(&[go_to(0.0, 0.0, 1.0, 5.0), proceed(Step::Delay { secs: 2.0 })]);
+    while drone.reached.is_empty() {
+        drone.tick();
+    }
+    let left = drone.situation.secs;
+    assert!((5.5..6.5).contains(&left), "{left}");
+    while drone.reached.len() < 2 {
+        let directive = drone.tick();
+        assert!(matches!(directive, Directive::Wait | Directive::Done), "{directive:?}");
+    }
+    assert!((2.0..2.2).contains(&(drone.situation.secs - left)), "{}", drone.situation.secs - left);
+}
+
+#[test]
+fn a_point_is_reached_within_the_radius_of_the_sender() {
+    let leg = |radius_m| proceed(Step::GoTo { target: to(10.0, 0.0, 1.0), hold_secs: 0.0, radius_m });
+    for (radius_m, at) in [(Some(3.0), 3.0), (None, RADIUS_M), (Some(1e-9), LEAST_RADIUS_M)] {
+        let mut drone = Drone::started(&[leg(radius_m)]);
+        while drone.reached.is_empty() {
+            drone.tick();
+        }
+        let distance = 10.0 - drone.situation.position.x;
+        assert!((at - 0.11..=at + 1e-4).contains(&distance), "{distance} instead of {at}");
+    }
+}
+
+#[test]
+fn loitering_ends_when_it_is_told() {
+    let stay = Stay::UntilTold;
+    let mut drone = Drone::started(&[proceed(Step::Loiter { target: HERE, stay }), proceed(Step::Land(HERE))]);
+    drone.fly(100.0);
+    assert_eq!(drone.reached, []);
+    drone.runner.resume();
+    drone.fly(5.0);
+    assert_eq!(drone.reached, [0, 1]);
+}
+
+#[test]
+fn what_is_told_in_the_middle_of_a_hold_cuts_nothing_short() {
+    let mut drone = Drone::started(&[go_to(0.0, 0.0, 1.0, 5.0)]);
+    drone.fly(3.0);
+    drone.runner.resume();
+    drone.fly(1.0);
+    assert_eq!(drone.reached, []);
+}
+
+#[test]
+fn a_pause_waits_and_goes_on_with_the_same_item() {
+    let mut drone = Drone::started(&[go_to(5.0, 0.0, 1.0, 0.0), proceed(Step::Land(HERE))]);
+    drone.fly(3.0);
+    drone.runner.pause();
+    assert_eq!((drone.tick(), drone.runner.phase()), (Directive::Wait, Phase::Paused));
+    drone.fly(10.0);
+    assert_eq!(drone.reached, []);
+    drone.runner.resume();
+    assert_eq!(drone.tick(), Directive::HeadFor { point: Vector3::new(5.0, 0.0, 1.0), speed: None });
+    drone.fly(10.0);
+    assert_eq!(drone.reached, [0, 1]);
+}
+
+#[test]
+fn an_item_that_does_not_continue_pauses_after_it() {
+    let first = Leg { then: Then::Pause, ..go_to(1.0, 0.0, 1.0, 0.0) };
+    let mut drone = Drone::started(&[first, go_to(2.0, 0.0, 1.0, 0.0)]);
+    drone.fly(10.0);
+    assert_eq!((drone.runner.phase(), drone.runner.current()), (Phase::Paused, 1));
+    assert_eq!(drone.reached, [0]);
+    drone.runner.resume();
+    drone.fly(10.0);
+    assert_eq!(drone.reached, [0, 1]);
+}
+
+#[test]
+fn a_jump_goes_on_from_there() {
+    let legs = [go_to(50.0, 0.0, 1.0, 0.0), go_to(1.0, 0.0, 1.0, 0.0), go_to(2.0, 0.0, 1.0, 0.0)];
+    let mut drone = Drone::started(&legs);
+    drone.fly(3.0);
+    assert!(!drone.runner.jump(3, &legs), "there is no such item");
+    assert_eq!(drone.runner.current(), 0);
+    assert!(drone.runner.jump(2, &legs));
+    drone.fly(10.0);
+    assert_eq!(drone.reached, [2]);
+    assert!(drone.runner.jump(1, &legs));
+    assert_eq!(drone.runner.phase(), Phase::NotStarted, "a jump starts nothing");
+    assert_eq!(drone.tick(), Directive::Wait);
+    assert!(drone.runner.start(&legs));
+    drone.fly(10.0);
+    assert_eq!(drone.reached, [2, 1, 2]);
+}
+
+#[test]
+fn a_mission_that_is_over_starts_anew() {
+    let mut drone = Drone::started(&[proceed(Step::ChangeSpeed(Speed::Of(0.5))), go_to(1.0, 0.0, 1.0, 0.0)]);
+    drone.fly(10.0);
+    assert_eq!(drone.runner.phase(), Phase::Complete);
+    assert!(drone.runner.start(&drone.legs.clone()));
+    assert_eq!(drone.runner.current(), 0);
+    drone.fly(10.0);
+    assert_eq!(drone.reached, [0, 1, 0, 1]);
+}
+
+#[test]
+fn no_mission_starts_nothing_and_one_that_vanished_is_over() {
+    let mut runner = Runner::default();
+    assert!(!runner.start(&[]));
+    assert!(runner.start(&[proceed(Step::Skip)]));
+    let situation = Situation { position: Vector3::zeros(), motion: Motion::OnGround, secs: 0.0 };
+    assert_eq!(runner.advance(&[], &situation, &mut |_| panic!()), Directive::Done);
+}
+
+#[test]
+fn a_drone_that_does_not_know_where_it_is_waits() {
+    let mut drone = Drone::started(&[go_to(1.0, 0.0, 1.0, 0.0)]);
+    drone.situation.motion = Motion::Resting;
+    drone.situation.position.x = f32::NAN;
+    assert_eq!(drone.tick(), Directive::Wait);
+    drone.situation.position.x = 0.0;
+    assert_eq!(drone.tick(), Directive::HeadFor { point: Vector3::new(1.0, 0.0, 1.0), speed: None });
+}
+
+fn any_leg() -> impl Strategy<Value = Leg> {
+    let target = proptest::option::of([-2.0_f32..2.0, -2.0_f32..2.0]);
+    let target = (target, proptest::option::of(0.0_f32..3.0))
+        .prop_map(|(horizontal_m, height_m)| Target { horizontal_m, height_m });
+    let step = prop_oneof![
+        target.clone().prop_map(Step::TakeOff),
+        (target.clone(), 0.0_f32..2.0).prop_map(|(target, hold_secs)| Step::GoTo {
+            target,
+            hold_secs,
+            radius_m: None
+        }),
+        target.clone().prop_map(|target| Step::Loiter { target, stay: Stay::Secs(1.0) }),
+        target.clone().prop_map(|target| Step::Loiter { target, stay: Stay::UntilTold }),
+        target.prop_map(Step::Land),
+        Just(Step::Return),
+        (0.1_f32..2.0).prop_map(|speed| Step::ChangeSpeed(Speed::Of(speed))),
+        (0.0_f32..2.0).prop_map(|secs| Step::Delay { secs }),
+        Just(Step::Skip),
+    ];
+    (step, prop_oneof![Just(Then::Proceed), Just(Then::Pause)]).prop_map(|(step, then)| Leg { step, then })
+}
+
+proptest! {
+    #[test]
+    fn every_mission_ends_with_every_item_reached_once(legs in proptest::collection::vec(any_leg(), 1..20)) {
+        let mut drone = Drone::started(&legs);
+        for _ in 0..100 {
+            drone.fly(15.0);
+            drone.runner.resume();
+        }
+        prop_assert_eq!(drone.runner.phase(), Phase::Complete);
+        prop_assert_eq!(drone.reached, (0..legs.len() as u16).collect::<Vec<_>>());
+    }
+}

@@ -1,0 +1,284 @@
+//! What the items of a mission have a vehicle do.
+
+use mavlink::dialects::common::MavMissionResult;
+
+use super::place::{REACH_M, Target, target};
+use super::{Item, MISSION_ITEMS};
+use crate::geodesy::Home;
+
+/// Heights of a take-off \[m\]: above ground effect, and within sight.
+const TAKEOFF_HEIGHTS_M: core::ops::RangeInclusive<f32> = 0.2..=20.0;
+
+/// Commands to cameras, gimbals and what they look at. There are none on board: they are kept and skipped, so that
+/// plans that were made for other vehicles fly.
+const SKIPPED: [u16; 28] = [
+    80, 195, 196, 197, 198, 201, // regions of interest
+    204, 205, 220, 1000, 1001, // gimbals
+    200, 202, 203, 206, 214, 530, 531, 532, 534, 2000, 2001, 2003, 2500, 2501, 2502, 2503, 2800, // cameras
+];
+
+/// One thing to do; places are in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Step {
+    /// Climb, then go to a place.
+    TakeOff(Target),
+    /// Go to a point.
+    GoTo {
+        /// The point.
+        target: Target,
+        /// Time to stay there \[s\].
+        hold_secs: f32,
+        /// Distance at which it counts as reached \[m\], if the sender cares.
+        radius_m: Option<f32>,
+    },
+    /// Go to a point and stay there.
+    Loiter {
+        /// The point.
+        target: Target,
+        /// For how long.
+        stay: Stay,
+    },
+    /// Land at a place.
+    Land(Target),
+    /// Fly home and land.
+    Return,
+    /// From now on go to points at another speed.
+    ChangeSpeed(Speed),
+    /// Stay here for some time \[s\].
+    Delay {
+        /// How long.
+        secs: f32,
+    },
+    /// Nothing that this vehicle can do.
+    Skip,
+}
+
+/// For how long to stay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stay {
+    /// Some time \[s\].
+    Secs(f32),
+    /// Until a peer has the mission go on.
+    UntilTold,
+}
+
+/// How fast to go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Speed {
+    /// As fast as the vehicle goes by itself.
+    Default,
+    /// At a speed \[m/s\], above zero.
+    Of(f32),
+}
+
+/// What follows a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Then {
+    /// The next one.
+    Proceed,
+    /// A pause, until a peer has the mission go on.
+    Pause,
+}
+
+/// A step and what follows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// What to do.
+    pub step: Step,
+    /// And then.
+    pub then: Then,
+}
+
+/// The legs of a mission.
+///
+/// # Errors
+/// What is wrong with the first wrong item.
+pub fn legs(items: &[Item], home: &Home) -> Result<heapless::Vec<Leg, MISSION_ITEMS>, MavMissionResult> {
+    let mut legs = heapless::Vec::new();
+    for item in items {
+        legs.push(leg(item, home)?).map_err(|_| MavMissionResult::MAV_MISSION_NO_SPACE)?;
+    }
+    Ok(legs)
+}
+
+/// The leg of an item.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn leg(item: &Item, home: &Home) -> Result<Leg, MavMissionResult> {
+    let step = if SKIPPED.contains(&item.command) { Step::Skip } else { flown(item, home)? };
+    let then = if item.autocontinue == 0 { Then::Pause } else { Then::Proceed };
+    Ok(Leg { step, then })
+}
+
+fn flown(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
+    match item.command {
+        16..=17 | 19..=22 | 93 | 112 | 178 => check_finite(&item.parameters)?,
+        _ => return Err(MavMissionResult::MAV_MISSION_UNSUPPORTED),
+    }
+    match item.command {
+        16 => waypoint(item, home),
+        17 => Ok(Step::Loiter { target: target(item, home, REACH_M)?, stay: Stay::UntilTold }),
+        19 => loiter_time(item, home),
+        20 => Ok(Step::Return),
+        // The floor says where a landing ends.
+        21 => Ok(Step::Land(target(&Item { height: f32::NAN, ..*item }, home, REACH_M)?)),
+        22 => take_off(item, home),
+        178 => speed(item),
+        _ => delay(item),
+    }
+}
+
+/// Parameters may be left open, but not infinite.
+fn check_finite(parameters: &[f32; 4]) -> Result<(), MavMissionResult> {
+    let refusals = [
+        MavMissionResult::MAV_MISSION_INVALID_PARAM1,
+        MavMissionResult::MAV_MISSION_INVALID_PARAM2,
+        MavMissionResult::MAV_MISSION_INVALID_PARAM3,
+        MavMissionResult::MAV_MISSION_INVALID_PARAM4,
+    ];
+    let infinite = parameters.iter().position(|parameter| parameter.is_infinite());
+    infinite.map_or(Ok(()), |index| Err(refusals[index]))
+}
+
+/// `MAV_CMD_NAV_WAYPOINT`. The radius of passing by and the yaw are not looked at: the policies hold any heading.
+fn waypoint(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
+    let [hold_secs, radius_m, _, _] = item.parameters;
+    if hold_secs < 0.0 {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
+    }
+    if radius_m < 0.0 {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM2);
+    }
+    Ok(Step::GoTo {
+        target: target(item, home, REACH_M)?,
+        hold_secs: if hold_secs.is_nan() { 0.0 } else { hold_secs },
+        radius_m: Some(radius_m).filter(|radius_m| *radius_m > 0.0),
+    })
+}
+
+/// `MAV_CMD_NAV_LOITER_TIME`.
+fn loiter_time(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
+    let secs = item.parameters[0];
+    if secs < 0.0 {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
+    }
+    let stay = Stay::Secs(if secs.is_nan() { 0.0 } else { secs });
+    Ok(Step::Loiter { target: target(item, home, REACH_M)?, stay })
+}
+
+/// `MAV_CMD_NAV_TAKEOFF`.
+fn take_off(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
+    let target = target(item, home, REACH_M)?;
+    if target.height_m.is_some_and(|height| !TAKEOFF_HEIGHTS_M.contains(&height)) {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM7);
+    }
+    Ok(Step::TakeOff(target))
+}
+
+/// `MAV_CMD_DO_CHANGE_SPEED`, of the air or the ground; -1 and NaN change nothing, -2 is the default.
+fn speed(item: &Item) -> Result<Step, MavMissionResult> {
+    let [kind, speed, _, _] = item.parameters;
+    if !kind.is_nan() && kind != 0.0 && kind != 1.0 {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
+    }
+    match speed {
+        speed if speed.is_nan() || speed == -1.0 => Ok(Step::Skip),
+        -2.0 => Ok(Step::ChangeSpeed(Speed::Default)),
+        speed if speed > 0.0 => Ok(Step::ChangeSpeed(Speed::Of(speed))),
+        _ => Err(MavMissionResult::MAV_MISSION_INVALID_PARAM2),
+    }
+}
+
+/// `MAV_CMD_NAV_DELAY` and `MAV_CMD_CONDITION_DELAY`; there is no time of day here.
+fn delay(item: &Item) -> Result<Step, MavMissionResult> {
+    let secs = item.parameters[0];
+    if secs >= 0.0 { Ok(Step::Delay { secs }) } else { Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1) }
+}
+
+#[cfg(test)]
+mod tests {
+    use MavMissionResult::{
+        MAV_MISSION_INVALID_PARAM1, MAV_MISSION_INVALID_PARAM2, MAV_MISSION_INVALID_PARAM3,
+        MAV_MISSION_INVALID_PARAM4, MAV_MISSION_INVALID_PARAM7, MAV_MISSION_UNSUPPORTED,
+        MAV_MISSION_UNSUPPORTED_FRAME,
+    };
+
+    use super::super::OPEN;
+    use super::*;
+
+    const NAN: f32 = f32::NAN;
+
+    /// At 1 m north and 2 m east, 3 m high.
+    fn item(command: u16, parameters: [f32; 4]) -> Item {
+        Item { frame: 1, command, autocontinue: 1, parameters, place: [10_000, 20_000], height: -3.0 }
+    }
+
+    fn step(command: u16, parameters: [f32; 4]) -> Result<Step, MavMissionResult> {
+        leg(&item(command, parameters), &Home::default()).map(|leg| leg.step)
+    }
+
+    const THERE: Target = Target { horizontal_m: Some([2.0, 1.0]), height_m: Some(3.0) };
+    const ON_FLOOR: Target = Target { horizontal_m: Some([2.0, 1.0]), height_m: None };
+
+    #[test]
+    fn items_become_steps() {
+        let go_to = |hold_secs, radius_m| Ok(Step::GoTo { target: THERE, hold_secs, radius_m });
+        assert_eq!(step(16, [NAN; 4]), go_to(0.0, None));
+        assert_eq!(step(16, [5.0, 0.5, 1.0, 90.0]), go_to(5.0, Some(0.5)));
+        assert_eq!(step(16, [0.0; 4]), go_to(0.0, None));
+        assert_eq!(step(17, [NAN; 4]), Ok(Step::Loiter { target: THERE, stay: Stay::UntilTold }));
+        assert_eq!(step(19, [4.0, 0.0, 0.0, NAN]), Ok(Step::Loiter { target: THERE, stay: Stay::Secs(4.0) }));
+        assert_eq!(step(20, [0.0; 4]), Ok(Step::Return));
+        assert_eq!(step(21, [0.0, 0.0, 0.0, NAN]), Ok(Step::Land(ON_FLOOR)));
+        assert_eq!(step(22, [NAN; 4]), Ok(Step::TakeOff(THERE)));
+        assert_eq!(step(93, [2.0, -1.0, -1.0, -1.0]), Ok(Step::Delay { secs: 2.0 }));
+        assert_eq!(step(112, [2.0, 0.0, 0.0, 0.0]), Ok(Step::Delay { secs: 2.0 }));
+        assert_eq!(step(178, [1.0, 0.3, -1.0, 0.0]), Ok(Step::ChangeSpeed(Speed::Of(0.3))));
+        assert_eq!(step(178, [1.0, -2.0, -1.0, 0.0]), Ok(Step::ChangeSpeed(Speed::Default)));
+        assert_eq!(step(178, [1.0, -1.0, -1.0, 0.0]), Ok(Step::Skip));
+    }
+
+    #[test]
+    fn what_a_camera_would_do_is_skipped_whatever_its_parameters() {
+        for command in [205, 1000, 2000, 2001, 530, 2500, 2501, 201, 203] {
+            let item = Item { frame: 2, ..item(command, [f32::INFINITY, NAN, -1.0, 1e30]) };
+            assert_eq!(leg(&item, &Home::default()), Ok(Leg { step: Step::Skip, then: Then::Proceed }));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_flown_is_refused_with_the_reason() {
+        assert_eq!(step(16, [-1.0, 0.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(step(16, [f32::INFINITY, 0.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(step(16, [0.0, -1.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM2));
+        assert_eq!(step(16, [0.0, 0.0, f32::INFINITY, 0.0]), Err(MAV_MISSION_INVALID_PARAM3));
+        assert_eq!(step(16, [0.0, 0.0, 0.0, f32::NEG_INFINITY]), Err(MAV_MISSION_INVALID_PARAM4));
+        assert_eq!(step(19, [-1.0, 0.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(step(93, [-1.0, 12.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(step(93, [NAN; 4]), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(step(178, [3.0, 1.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(step(178, [1.0, 0.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM2));
+        assert_eq!(step(178, [1.0, -3.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM2));
+        for command in [0, 18, 31, 177, 400, 5001, u16::MAX] {
+            assert_eq!(step(command, [0.0; 4]), Err(MAV_MISSION_UNSUPPORTED), "{command}");
+        }
+        let high = Item { height: -20.1, ..item(22, [NAN; 4]) };
+        assert_eq!(leg(&high, &Home::default()), Err(MAV_MISSION_INVALID_PARAM7));
+        let elsewhere = Item { frame: 8, ..item(16, [NAN; 4]) };
+        assert_eq!(leg(&elsewhere, &Home::default()), Err(MAV_MISSION_UNSUPPORTED_FRAME));
+    }
+
+    #[test]
+    fn a_landing_wants_no_height_and_no_place() {
+        let open = Item { place: [OPEN; 2], height: 1e9, ..item(21, [NAN; 4]) };
+        let here = Target { horizontal_m: None, height_m: None };
+        assert_eq!(leg(&open, &Home::default()).map(|leg| leg.step), Ok(Step::Land(here)));
+    }
+
+    #[test]
+    fn an_item_that_does_not_continue_pauses() {
+        let item = Item { autocontinue: 0, ..item(16, [NAN; 4]) };
+        assert_eq!(leg(&item, &Home::default()).map(|leg| leg.then), Ok(Then::Pause));
+    }
+}

@@ -1,0 +1,131 @@
+//! What the values of the parameters mean to the vehicle.
+
+use super::Parameters;
+use super::table::Parameter;
+use crate::settings::{Action, Reaction, Settings};
+
+/// What a number of a choice stands for.
+type Meaning<T> = &'static [(i32, T)];
+
+/// `COM_OBL_ACT`.
+const OFFBOARD_LOSS: Meaning<Action> = &[(0, Action::Hold), (1, Action::Land), (2, Action::Return)];
+
+/// `NAV_DLL_ACT`.
+const LINK_LOSS: Meaning<Action> =
+    &[(0, Action::Nothing), (1, Action::Hold), (2, Action::Return), (3, Action::Land)];
+
+/// `GF_ACTION`; PX4's 4 ends the flight, which is not offered.
+const FENCE: Meaning<Action> =
+    &[(0, Action::Nothing), (1, Action::Warn), (2, Action::Hold), (3, Action::Return), (5, Action::Land)];
+
+/// `COM_LOW_BAT_ACT`: what to do when low, critical and nearly empty; PX4 has no 1 any more.
+const BATTERY: Meaning<[Action; 3]> = &[
+    (0, [Action::Warn; 3]),
+    (2, [Action::Warn, Action::Land, Action::Land]),
+    (3, [Action::Warn, Action::Return, Action::Land]),
+];
+
+/// `FD_ACTION`.
+const UPSET: Meaning<Reaction> = &[
+    (0, Reaction::only(Action::Warn)),
+    (1, Reaction::with_cascade(Action::Hold)),
+    (2, Reaction::with_cascade(Action::Land)),
+    (3, Reaction::only(Action::StopMotors)),
+];
+
+/// `RL_FAULT_ACT`.
+const POLICY_FAULT: Meaning<Reaction> =
+    &[(1, Reaction::with_cascade(Action::Hold)), (2, Reaction::with_cascade(Action::Land))];
+
+impl Parameters {
+    /// What the values mean.
+    pub fn settings(&self) -> Settings {
+        Settings {
+            takeoff_altitude_m: self.real(Parameter::MisTakeoffAlt),
+            cruise_speed: self.real(Parameter::MpcXyCruise),
+            climb_speed: self.real(Parameter::MpcZVAutoUp),
+            landing_speed: self.real(Parameter::MpcLandSpeed),
+            return_altitude_m: self.real(Parameter::RtlReturnAlt),
+            landed_secs: self.real(Parameter::ComDisarmLand),
+            idle_secs: self.real(Parameter::ComDisarmPrflt),
+            set_point_stale_secs: self.real(Parameter::RlSpAgeT),
+            offboard_loss_secs: self.real(Parameter::ComOfLossT),
+            offboard_loss_action: self.meaning(Parameter::ComOblAct, OFFBOARD_LOSS),
+            link_loss_secs: self.real(Parameter::ComDlLossT),
+            link_loss_action: self.meaning(Parameter::NavDllAct, LINK_LOSS),
+            fence_action: self.meaning(Parameter::GfAction, FENCE),
+            fence_radius_m: self.unless_zero(Parameter::GfMaxHorDist),
+            fence_height_m: self.unless_zero(Parameter::GfMaxVerDist),
+            battery_levels: [Parameter::BatLowThr, Parameter::BatCritThr, Parameter::BatEmergenThr]
+                .map(|parameter| self.real(parameter)),
+            battery_actions: self.meaning(Parameter::ComLowBatAct, BATTERY),
+            battery_drain_secs: self.unless_zero(Parameter::SimBatDrain),
+            battery_least: self.real(Parameter::SimBatMinPct) / 100.0,
+            tilt_limit_rad: self.real(Parameter::FdFailTilt).to_radians(),
+            tilt_secs: self.real(Parameter::FdFailTiltT),
+            rate_limit: self.real(Parameter::FdFailRate),
+            rate_secs: self.real(Parameter::FdFailRateT),
+            upset_reaction: self.meaning(Parameter::FdAction, UPSET),
+            silence_secs: self.real(Parameter::RlLateT),
+            saturation_secs: self.real(Parameter::RlSatT),
+            policy_reaction: self.meaning(Parameter::RlFaultAct, POLICY_FAULT),
+        }
+    }
+
+    fn meaning<T: Copy>(&self, parameter: Parameter, meaning: Meaning<T>) -> T {
+        let number = self.integer(parameter);
+        let (_, meant) =
+            meaning.iter().find(|(known, _)| *known == number).expect("the table offers what has a meaning");
+        *meant
+    }
+
+    fn unless_zero(&self, parameter: Parameter) -> Option<f32> {
+        Some(self.real(parameter)).filter(|value| *value > 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Value;
+    use super::super::table::Domain;
+    use super::*;
+
+    #[test]
+    fn every_number_that_the_table_offers_has_a_meaning() {
+        let mut parameters = Parameters::new(1);
+        for parameter in Parameter::ALL {
+            if let Domain::Choice { choices, .. } = parameter.definition().domain {
+                for number in choices {
+                    parameters.set(parameter, Value::Integer(*number)).unwrap();
+                    parameters.settings();
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_settings() {
+        let settings = Parameters::new(7).settings();
+        let expected = Settings { tilt_limit_rad: settings.tilt_limit_rad, ..Settings::default() };
+        assert_eq!(settings, expected);
+        assert!((settings.tilt_limit_rad - core::f32::consts::FRAC_PI_3).abs() < 1e-6);
+    }
+
+    #[test]
+    fn every_parameter_but_the_system_changes_the_settings() {
+        let before = Parameters::new(1);
+        for parameter in Parameter::ALL {
+            let mut after = before.clone();
+            let other = match before.get(parameter) {
+                Value::Real(value) => Value::Real(value + 0.01),
+                Value::Integer(_) if parameter == Parameter::ComLowBatAct => Value::Integer(0),
+                Value::Integer(value) => Value::Integer([2, 1][usize::from(value == 2)]),
+            };
+            if after.set(parameter, other).is_ok() {
+                assert_ne!(after.settings(), before.settings(), "{parameter}");
+            } else {
+                assert_eq!(parameter, Parameter::SysId);
+            }
+        }
+    }
+}

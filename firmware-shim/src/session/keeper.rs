@@ -1,0 +1,97 @@
+//! What outlives a flight: the parameters, and the times of signatures.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant, SystemTime};
+
+use kestrel_onboard::signature::{Guard, Time};
+
+use crate::parameter::file::{self, FileError};
+use crate::processor::Processor;
+use crate::signing::{Signing, SigningError, Times};
+use crate::vehicle::MavlinkVehicle;
+
+/// Times are kept so often \[wall time\]: what a crash may lose.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+/// Something cannot be kept.
+#[derive(Debug, thiserror::Error)]
+pub enum KeeperError {
+    /// The parameters.
+    #[error(transparent)]
+    Parameters(#[from] FileError),
+    /// The key, or the times beside it.
+    #[error(transparent)]
+    Signing(#[from] SigningError),
+}
+
+/// Keeps what a vehicle would lose.
+#[derive(Debug)]
+pub struct Keeper {
+    parameters: Option<PathBuf>,
+    signing: Option<Signing>,
+    kept: Instant,
+}
+
+impl Keeper {
+    /// For a vehicle, which gets what was kept: its parameters from a file, if there is one already, and the signatures of a key.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or holds something else.
+    pub fn open<P: Processor>(
+        vehicle: &mut MavlinkVehicle<P>,
+        parameters: Option<PathBuf>,
+        key: Option<PathBuf>,
+    ) -> Result<Self, KeeperError> {
+        if let Some(path) = parameters.as_ref().filter(|path| path.exists()) {
+            let mut values = vehicle.parameters().clone();
+            file::read(path, &mut values)?;
+            vehicle.adjust(values);
+        }
+        let signing = key.map(|path| Signing::open(&path)).transpose()?;
+        if let Some(signing) = &signing {
+            let now = wall_time();
+            vehicle.secure(Guard::Signed(signing.verifier(now)), signing.signer(now));
+        }
+        Ok(Self { parameters, signing, kept: Instant::now() })
+    }
+
+    /// At the beginning of a control period: what the clock says.
+    pub fn begin_period<P: Processor>(&self, vehicle: &mut MavlinkVehicle<P>) {
+        if self.signing.is_some() {
+            vehicle.advance_clock(wall_time());
+        }
+    }
+
+    /// At its end: keeps what has changed.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn end_period<P: Processor>(&mut self, vehicle: &mut MavlinkVehicle<P>) -> Result<(), KeeperError> {
+        if vehicle.take_changes()
+            && let Some(path) = &self.parameters
+        {
+            file::save(path, vehicle.parameters())?;
+        }
+        if self.kept.elapsed() >= INTERVAL {
+            self.finish(vehicle)?;
+        }
+        Ok(())
+    }
+
+    /// At the end of a flight.
+    ///
+    /// # Errors
+    /// If the times cannot be written.
+    pub fn finish<P: Processor>(&mut self, vehicle: &MavlinkVehicle<P>) -> Result<(), KeeperError> {
+        self.kept = Instant::now();
+        match (&mut self.signing, vehicle.signature_times()) {
+            (Some(signing), Some([accepted, sent])) => Ok(signing.keep(Times { accepted, sent })?),
+            (_, _) => Ok(()),
+        }
+    }
+}
+
+fn wall_time() -> Time {
+    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    Time::from_unix_micros(since_1970.as_micros() as u64)
+}

@@ -1,0 +1,262 @@
+//! Flight without a policy: a cascade of proportional controllers, with an integral for what pushes all the time.
+//!
+//! It takes over where a policy fails, flies where a peer chooses it, and follows what no policy was trained for: a position
+//! asks for a velocity, that for an attitude, that for body rates, and those for rotor speeds. The last three are the
+//! core's ([`Velocities`], [`ThrustBodyRates`]). The reference system's PID ([`kestrel_core::controller::DslPid`]) was
+//! tried first: rotors that lag by 0.09 s, as real ones do, let it oscillate.
+
+use kestrel_core::action::{ThrustBodyRates, Velocities};
+use kestrel_core::airframe::Airframe;
+use kestrel_core::attitude::Attitude;
+use kestrel_core::vehicle::State;
+use nalgebra::Vector3;
+
+/// Greatest body rates that are asked for \[rad/s\], about x, y, z.
+const BODY_RATES_LIMIT: [f32; 3] = [8.0, 8.0, 3.0];
+
+/// Angular acceleration per error of the body rates \[1/s\], as policies of velocities have them by default.
+const RATE_GAINS: [f32; 3] = [16.0, 16.0, 6.0];
+
+/// Body rates per error of the attitude \[1/s\]: with the rotors' lag 8 oscillates.
+const ATTITUDE_GAIN: f32 = 5.0;
+
+/// Yaw rate per error of the heading \[1/s\]: a third of the gain below it.
+const HEADING_GAIN: f32 = 2.0;
+
+/// Acceleration per error of the velocity \[1/s\]: a step of the velocity overshoots by a tenth.
+const VELOCITY_GAIN: f32 = 3.0;
+
+/// Velocity per error of the position \[1/s\]: a third of the gain below it.
+const POSITION_GAIN: f32 = 1.0;
+
+/// Velocity per integrated error of the position \[1/s²\]: slower than the gain above it by a factor of four.
+const INTEGRAL_GAIN: f32 = 0.25;
+
+/// Greatest velocity that the integral may ask for along an axis \[m/s\]: what a wind of 1 m/s takes.
+const INTEGRAL_LIMIT: f32 = 0.5;
+
+/// Greatest velocity that is asked for along an axis \[m/s\].
+const SPEED_LIMIT: f32 = 2.0;
+
+/// A controller for one airframe.
+#[derive(Clone, Debug)]
+pub struct Steering {
+    velocities: Velocities,
+    /// What the integral asks for \[m/s, world\].
+    drift: Vector3<f32>,
+    /// The heading that is held.
+    heading: Attitude<f32>,
+}
+
+/// What a peer steers by directly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stick {
+    /// An attitude, with the share of the greatest thrust in \[0, 1\].
+    Attitude {
+        /// Wanted.
+        world_from_body: Attitude<f32>,
+        /// Share of the greatest thrust.
+        thrust: f32,
+    },
+    /// Body rates, with the share of the greatest thrust in \[0, 1\].
+    BodyRates {
+        /// Wanted \[rad/s\].
+        body_rates: Vector3<f32>,
+        /// Share of the greatest thrust.
+        thrust: f32,
+    },
+}
+
+impl Steering {
+    /// For a nominal drone.
+    pub fn new(airframe: &Airframe) -> Self {
+        let hover = airframe.hover_rotor_speed();
+        // From no thrust to all of it.
+        let authority = (airframe.rotor_speed_limit / hover).powi(2) - 1.0;
+        Self {
+            velocities: Velocities {
+                rates: ThrustBodyRates::new(airframe, authority.max(1.0) as f32, BODY_RATES_LIMIT, RATE_GAINS),
+                speed_limit: SPEED_LIMIT,
+                velocity_gain: VELOCITY_GAIN,
+                attitude_gain: ATTITUDE_GAIN,
+            },
+            drift: Vector3::zeros(),
+            heading: Attitude::level(),
+        }
+    }
+
+    /// Takes over from this state, and holds its heading from now on.
+    pub fn begin(&mut self, state: &State<f32>) {
+        self.drift = Vector3::zeros();
+        self.heading = heading(&state.world_from_body);
+    }
+
+    /// Rotor targets \[rad/s\] toward a goal \[m, world\] that moves at a velocity \[m/s, world\], `secs` after the last
+    /// call.
+    pub fn toward(
+        &mut self,
+        state: &State<f32>,
+        goal: &Vector3<f32>,
+        velocity: &Vector3<f32>,
+        secs: f32,
+    ) -> [f32; 4] {
+        let error = goal - state.position;
+        let drift = self.drift + error * (INTEGRAL_GAIN * secs);
+        self.drift = drift.map(|speed| speed.clamp(-INTEGRAL_LIMIT, INTEGRAL_LIMIT));
+        let wanted = (velocity + error * POSITION_GAIN + self.drift) / SPEED_LIMIT;
+        let yaw_rate = turn(&heading(&state.world_from_body), &self.heading).z * HEADING_GAIN;
+        let [_, _, yaw_rate_limit] = BODY_RATES_LIMIT;
+        self.velocities.rotor_targets(&[wanted.x, wanted.y, wanted.z, yaw_rate / yaw_rate_limit], state)
+    }
+
+    /// Rotor targets \[rad/s\] that a peer asks for directly.
+    pub fn follow(&self, state: &State<f32>, stick: &Stick) -> [f32; 4] {
+        match stick {
+            Stick::Attitude { world_from_body, thrust } => {
+                let body_rates = turn(&state.world_from_body, world_from_body).component_mul(&Vector3::new(
+                    ATTITUDE_GAIN,
+                    ATTITUDE_GAIN,
+                    HEADING_GAIN,
+                ));
+                self.turning(state, &body_rates, *thrust)
+            }
+            Stick::BodyRates { body_rates, thrust } => self.turning(state, body_rates, *thrust),
+        }
+    }
+
+    fn turning(&self, state: &State<f32>, body_rates: &Vector3<f32>, thrust: f32) -> [f32; 4] {
+        let rates = &self.velocities.rates;
+        let lift = thrust * rates.speed_squared_limit / rates.hover_speed_squared;
+        let [x, y, z] = BODY_RATES_LIMIT;
+        let action = [(lift - 1.0) / rates.thrust_fraction, body_rates.x / x, body_rates.y / y, body_rates.z / z];
+        rates.rotor_targets(&action, &state.body_rates)
+    }
+}
+
+impl Stick {
+    /// Whether every number is finite, the attitude one, and the thrust a share.
+    pub fn is_valid(&self) -> bool {
+        let share = |thrust: &f32| (0.0..=1.0).contains(thrust);
+        match self {
+            Self::Attitude { world_from_body: Attitude { w, x, y, z }, thrust } => {
+                let square = w * w + x * x + y * y + z * z;
+                (0.9..1.1).contains(&square) && share(thrust)
+            }
+            Self::BodyRates { body_rates, thrust } => {
+                body_rates.iter().all(|rate| rate.is_finite()) && share(thrust)
+            }
+        }
+    }
+}
+
+/// The part of an attitude that turns about the vertical; level where there is none.
+pub fn heading(attitude: &Attitude<f32>) -> Attitude<f32> {
+    let square = attitude.w * attitude.w + attitude.z * attitude.z;
+    if square < f32::EPSILON {
+        return Attitude::level();
+    }
+    Attitude { w: attitude.w, x: 0.0, y: 0.0, z: attitude.z }.normalized()
+}
+
+fn inverse(attitude: &Attitude<f32>) -> Attitude<f32> {
+    let Attitude { w, x, y, z } = *attitude;
+    Attitude { w, x: -x, y: -y, z: -z }
+}
+
+/// The shortest turn from one attitude to another, as a rotation vector in the body \[rad\]; for small turns exact.
+fn turn(from: &Attitude<f32>, to: &Attitude<f32>) -> Vector3<f32> {
+    let Attitude { w, x, y, z } = inverse(from).after(to);
+    let shorter = if w < 0.0 { -2.0 } else { 2.0 };
+    Vector3::new(x, y, z) * shorter
+}
+
+#[cfg(test)]
+mod tests {
+    use kestrel_core::airframe::CF2X;
+
+    use super::*;
+    use crate::plant::{FlatFloor, Plant};
+
+    const CONTROL_SECS: f32 = 0.01;
+
+    /// A drone that climbed to a metre, and its steering.
+    fn hovering(heading_rad: f64) -> (FlatFloor, Steering) {
+        let mut plant = FlatFloor::new(&CF2X, CONTROL_SECS);
+        let turned = Attitude::from_axis_angle(Vector3::z(), heading_rad).map(|value| value as f32);
+        plant.put(State { world_from_body: turned, ..*plant.state() });
+        let mut steering = Steering::new(&CF2X);
+        steering.begin(plant.state());
+        fly(&mut plant, &mut steering, Vector3::new(0.0, 0.0, 1.0), 6.0);
+        (plant, steering)
+    }
+
+    fn fly(plant: &mut FlatFloor, steering: &mut Steering, goal: Vector3<f32>, secs: f32) {
+        for _ in 0..(secs / CONTROL_SECS) as u32 {
+            let targets = steering.toward(plant.state(), &goal, &Vector3::zeros(), CONTROL_SECS);
+            plant.step(&targets);
+        }
+    }
+
+    #[test]
+    fn it_reaches_a_point_with_any_heading_and_keeps_it() {
+        for heading_rad in [0.0, 1.5, -2.5, core::f64::consts::PI] {
+            let (mut plant, mut steering) = hovering(heading_rad);
+            let before = heading(&plant.state().world_from_body);
+            let goal = Vector3::new(0.3, -0.2, 1.2);
+            fly(&mut plant, &mut steering, goal, 10.0);
+            let state = plant.state();
+            assert!((state.position - goal).norm() < 0.05, "{} with {heading_rad}", state.position);
+            assert!(turn(&before, &heading(&state.world_from_body)).norm() < 0.05);
+        }
+    }
+
+    #[test]
+    fn it_catches_a_tumbling_drone() {
+        let (mut plant, mut steering) = hovering(0.0);
+        let mut state = *plant.state();
+        state.position.z = 3.0;
+        state.body_rates = Vector3::new(6.0, -4.0, 2.0);
+        state.world_from_body =
+            Attitude::from_axis_angle(Vector3::new(1.0, 1.0, 0.0), 1.0).map(|value| value as f32);
+        plant.put(state);
+        steering.begin(plant.state());
+        let goal = Vector3::new(0.0, 0.0, 3.0);
+        fly(&mut plant, &mut steering, goal, 10.0);
+        assert!((plant.state().position - goal).norm() < 0.1, "{}", plant.state().position);
+    }
+
+    #[test]
+    fn an_attitude_and_body_rates_are_followed() {
+        let (mut plant, steering) = hovering(0.7);
+        let hover = (CF2X.hover_rotor_speed() / CF2X.rotor_speed_limit).powi(2) as f32;
+        let wanted = Attitude::from_axis_angle(Vector3::new(0.0, 0.0, 1.0), 1.0)
+            .after(&Attitude::from_axis_angle(Vector3::new(1.0, 0.0, 0.0), 0.2))
+            .map(|value| value as f32);
+        for _ in 0..300 {
+            let stick = Stick::Attitude { world_from_body: wanted, thrust: hover };
+            plant.step(&steering.follow(plant.state(), &stick));
+        }
+        assert!(turn(&plant.state().world_from_body, &wanted).norm() < 0.03);
+        let (mut plant, steering) = hovering(0.0);
+        let body_rates = Vector3::new(0.0, 0.0, 1.5);
+        for _ in 0..100 {
+            plant.step(&steering.follow(plant.state(), &Stick::BodyRates { body_rates, thrust: hover }));
+        }
+        assert!((plant.state().body_rates - body_rates).norm() < 0.1, "{}", plant.state().body_rates);
+        assert!((plant.state().position.z - 1.0).abs() < 0.1, "the hover thrust holds it up");
+    }
+
+    #[test]
+    fn targets_are_within_limits_whatever_is_asked() {
+        let (plant, steering) = hovering(0.0);
+        let limit = CF2X.rotor_speed_limit as f32 * 1.000_001;
+        for body_rates in [Vector3::repeat(1e30), Vector3::repeat(f32::NAN), Vector3::repeat(-f32::INFINITY)] {
+            for thrust in [0.0, 1.0, f32::NAN] {
+                let stick = Stick::BodyRates { body_rates, thrust };
+                assert!(!stick.is_valid() || body_rates.x == 1e30);
+                let targets = steering.follow(plant.state(), &stick);
+                assert!(targets.iter().all(|target| (0.0..=limit).contains(target)), "{targets:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! The mission at the helm: what it wants becomes orders to the autopilot.
+
+use kestrel_core::vehicle::State;
+use mavlink::dialects::common::MavSeverity;
+
+use super::MavlinkVehicle;
+use crate::autopilot::{Command, Mode, Refusal, SPEED_LIMIT, SPEED_MINIMUM};
+use crate::message::sent;
+use crate::mission::runner::{Directive, Motion, Phase, Situation};
+use crate::mission::{self, Event, Plan};
+use crate::processor::Processor;
+use crate::settings::Action;
+
+impl<P: Processor> MavlinkVehicle<P> {
+    /// Whether a mission is flown.
+    pub(super) fn on_mission(&self) -> bool {
+        self.runner.phase() == Phase::Active
+    }
+
+    pub(super) fn obey_mission(&mut self, request: &mission::received::Request, sender: [u8; 2]) {
+        let now_secs = self.elapsed_secs();
+        let (answers, unanswered) = (&mut self.answers, &mut self.counts.unanswered);
+        let event = self.plans.obey(request, sender, now_secs, &mut |payload| {
+            *unanswered += u64::from(answers.push(payload).is_err());
+        });
+        match event {
+            None | Some(Event::Replaced(Plan::Rally)) => {}
+            Some(Event::Replaced(Plan::Mission)) => self.forget_mission(),
+            Some(Event::Replaced(Plan::Fence)) => self.autopilot.enclose(self.plans.zones().clone()),
+            Some(Event::Cleared) => {
+                self.forget_mission();
+                self.autopilot.enclose(self.plans.zones().clone());
+            }
+            Some(Event::JumpTo(sequence)) => {
+                self.runner.jump(sequence, self.plans.legs());
+                self.answer(mission::sent::current(&self.plans, &self.runner));
+            }
+        }
+    }
+
+    /// There is another mission, or none: holds, if the former one was flown.
+    fn forget_mission(&mut self) {
+        if self.on_mission() {
+            // Refused while landing: then it lands.
+            let _ = self.autopilot.command(Command::Pause);
+        }
+        self.runner.reset();
+        self.directive = None;
+    }
+
+    /// Starts the mission, or goes on with it.
+    ///
+    /// # Errors
+    /// If there is none, or motors may not turn.
+    pub(super) fn start_mission(&mut self) -> Result<(), Refusal> {
+        if !self.mode().armed() {
+            return Err(Refusal::NotArmed);
+        }
+        let paused = self.runner.phase() == Phase::Paused;
+        if paused {
+            self.runner.resume();
+        } else if !self.runner.start(self.plans.legs()) {
+            return Err(Refusal::NoMission);
+        }
+        self.directive = None;
+        Ok(())
+    }
+
+    /// Somebody else has the say from now on.
+    pub(super) fn pause_mission(&mut self) {
+        self.runner.pause();
+        self.directive = None;
+    }
+
+    /// Has the autopilot do what the mission wants, if it wants something new.
+    pub(super) fn fly_mission(&mut self, state: &State<f32>) {
+        if self
+            .autopilot
+            .events()
+            .iter()
+            .any(|event| event.reaction(self.autopilot.settings()).action > Action::Warn)
+            || !self.mode().armed()
+        {
+            self.pause_mission();
+        }
+        if !self.on_mission() {
+            return;
+        }
+        let situation = Situation { position: state.position, motion: self.motion(), secs: self.elapsed_secs() };
+        let mut reached = heapless::Vec::<u16, { mission::MISSION_ITEMS }>::new();
+        let directive =
+            self.runner.advance(self.plans.legs(), &situation, &mut |sequence| reached.extend([sequence]));
+        for sequence in reached {
+            self.answer(mission::sent::reached(sequence));
+        }
+        if self.directive == Some(directive) {
+            return;
+        }
+        self.directive = Some(directive);
+        if let Err(refusal) = self.direct(directive, state) {
+            self.pause_mission();
+            self.answer(sent::status_text(MavSeverity::MAV_SEVERITY_WARNING, "mission paused"));
+            self.word(Some(refusal.text()));
+        }
+    }
+
+    fn motion(&self) -> Motion {
+        if !self.mode().flies() {
+            Motion::OnGround
+        } else if self.autopilot.goal().arrived() && self.mode() != Mode::TakingOff {
+            Motion::Resting
+        } else {
+            Motion::Travelling
+        }
+    }
+
+    fn direct(&mut self, directive: Directive, state: &State<f32>) -> Result<(), Refusal> {
+        let command = match directive {
+            Directive::TakeOff { altitude_m: None } => {
+                Command::TakeOff { altitude_m: self.autopilot.settings().takeoff_altitude_m }
+            }
+            Directive::TakeOff { altitude_m: Some(height_m) } => {
+                Command::TakeOff { altitude_m: height_m - state.position.z }
+            }
+            Directive::HeadFor { point, speed } => {
+                let speed = speed.unwrap_or(self.parameters.settings().cruise_speed);
+                self.autopilot.command(Command::Speed(speed.clamp(SPEED_MINIMUM, SPEED_LIMIT)))?;
+                Command::GoTo(point)
+            }
+            Directive::Return => Command::Return,
+            Directive::Land => Command::Land,
+            Directive::Done if self.mode().flies() && self.mode() != Mode::Landing => Command::Pause,
+            Directive::Wait | Directive::Done => return Ok(()),
+        };
+        self.autopilot.command(command)
+    }
+}
