@@ -1,6 +1,6 @@
 //! The simulator behind somebody else's autopilot, and our autopilot behind somebody else's simulator.
 //!
-//! A [`Plant`](crate::plant::Plant) with [`motors`] and [`sensors`] is a [`drone`]; PX4 ([`px4`]), ArduPilot
+//! A [`Plant`] with [`motors`] and [`sensors`] is a [`drone`]; PX4 ([`px4`]), ArduPilot
 //! ([`ardupilot`]) or Betaflight ([`betaflight`]) flies it. What they say and are told is pure logic, as everywhere in
 //! this crate: bytes in, bytes out, simulated time; only the modules called `server` and `client`, and [`datagram`], know
 //! sockets and clocks. The other direction is a plant of its own: [`px4::client::ExternalSimulator`].
@@ -86,7 +86,7 @@ pub struct BridgeOptions {
     #[arg(long, value_name = "LATITUDE,LONGITUDE,ALTITUDE", allow_hyphen_values = true, default_value_t = Home::default())]
     pub home: Home,
 
-    /// Pulses [µs] of a remote control that nobody moves, for PX4 and Betaflight [default: no remote control]
+    /// Pulses in microseconds of a remote control that nobody moves, for PX4 and Betaflight [default: no remote control]
     #[arg(long, value_name = "PULSES")]
     pub radio: Option<Radio>,
 
