@@ -4,16 +4,18 @@
 //! ([`kestrel_onboard`]) and become requests ([`message`]); the [`vehicle`] has its [`autopilot`] obey them. Every control
 //! period the autopilot moves the [`goal`] and asks the policy for rotor targets, [`telemetry`] says what is due to be told,
 //! and the [`plant`] steps: that is [`lockstep`], for one vehicle or several. A [`flight_log`] holds every frame.
+//! Clients of a Crazyflie fly the same autopilot by [`crtp`].
 //!
 //! A [`bridge`] lends the plant to another autopilot (PX4, ArduPilot, Betaflight), or the vehicle to another simulator.
 //!
-//! Only [`link`], [`flight_log`], [`lockstep`] and the bridge's servers and clients know sockets, files and clocks;
-//! everything else is free of all three and of allocation, so that a microcontroller can run it. Frames are not forwarded
-//! from one link to another.
+//! Only [`link`], [`crtp::link`], [`flight_log`], [`true_state`], [`lockstep`] and the bridge's servers and clients know
+//! sockets, files and clocks; everything else is free of all three and of allocation, so that a microcontroller can run
+//! it. Frames are not forwarded from one link to another.
 
 pub mod autopilot;
 pub mod battery;
 pub mod bridge;
+pub mod crtp;
 mod excerpt;
 pub mod failsafe;
 pub mod flight_log;
@@ -36,6 +38,7 @@ pub mod steering;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;
+pub mod true_state;
 pub mod vehicle;
 
 pub use kestrel_onboard::frame;

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use kestrel_core::vehicle::State;
 
 use crate::autopilot::Mode;
+use crate::crtp::link::CrtpLink;
 use crate::flight_log::{FlightLog, FlightLogError};
 use crate::link::{LinkError, Links};
 use crate::plant::Plant;
@@ -88,6 +89,7 @@ pub struct Member<'a, P> {
     vehicle: &'a mut MavlinkVehicle<P>,
     plant: &'a mut dyn Plant,
     links: &'a mut Links,
+    crtp: Option<&'a mut CrtpLink>,
     log: Option<&'a mut FlightLog>,
     keeper: Option<&'a mut Keeper>,
     /// Wall time of the last decision.
@@ -138,7 +140,22 @@ fn decide<P: Processor>(
 impl<'a, P: Processor> Member<'a, P> {
     /// A vehicle in its plant, heard and told through its links.
     pub fn new(vehicle: &'a mut MavlinkVehicle<P>, plant: &'a mut dyn Plant, links: &'a mut Links) -> Self {
-        Self { vehicle, plant, links, log: None, keeper: None, latency: Duration::ZERO, rotor_targets: [0.0; 4] }
+        Self {
+            vehicle,
+            plant,
+            links,
+            crtp: None,
+            log: None,
+            keeper: None,
+            latency: Duration::ZERO,
+            rotor_targets: [0.0; 4],
+        }
+    }
+
+    /// Heard and told by clients of a Crazyflie, too.
+    #[must_use]
+    pub fn with_crtp(self, crtp: Option<&'a mut CrtpLink>) -> Self {
+        Self { crtp, ..self }
     }
 
     /// With a log of its frames.
@@ -155,7 +172,7 @@ impl<'a, P: Processor> Member<'a, P> {
 
     /// Receives and ticks.
     fn decide(&mut self, number: usize) -> Result<Moment<'_>, FlightError> {
-        let Self { vehicle, plant, links, log, keeper, latency, rotor_targets } = self;
+        let Self { vehicle, plant, links, crtp, log, keeper, latency, rotor_targets } = self;
         let secs = vehicle.elapsed_secs();
         let begin = Instant::now();
         if let Some(keeper) = keeper {
@@ -165,6 +182,9 @@ impl<'a, P: Processor> Member<'a, P> {
             note(log, secs, datagram);
             vehicle.receive(datagram)
         })?;
+        if let Some(crtp) = crtp {
+            crtp.exchange(vehicle, plant.state())?;
+        }
         *rotor_targets = vehicle.tick(plant.state(), &mut |frame| {
             note(log, secs, frame);
             links.send(frame);

@@ -1,7 +1,6 @@
 //! `kestrel-shim`: a policy file as a MAVLink vehicle above an endless floor, or that floor under another autopilot.
 
-use std::fs::File;
-use std::io::{self, LineWriter, Write};
+use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -9,14 +8,15 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{Parser, Subcommand, ValueEnum};
 use kestrel_core::airframe::{Airframe, CF2P, CF2X};
-use kestrel_shim::bridge::event::{Event, Step};
+use kestrel_shim::bridge::event::Event;
 use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 use kestrel_shim::bridge::px4::client::ExternalSimulator;
 use kestrel_shim::bridge::{Bridge, BridgeOptions};
-use kestrel_shim::lockstep::Next;
+use kestrel_shim::lockstep::{Moment, Next};
 use kestrel_shim::plant::FlatFloor;
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{SessionOptions, Squadron};
+use kestrel_shim::true_state::TrueStateLog;
 
 /// Exit status of everything the user can mend, as of clap's own errors.
 const USER_ERROR: u8 = 2;
@@ -55,9 +55,13 @@ struct Arguments {
     #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=250))]
     vehicles: u8,
 
+    /// Write the true state in every control period to this file, one JSON object per line
+    #[arg(long, value_name = "FILE")]
+    true_state_log: Option<PathBuf>,
+
     /// Fly in the PX4-compatible simulator that listens at this TCP address (port 4560 by custom), not above the floor;
     /// further vehicles fly at the ports above it
-    #[arg(long, value_name = "ADDRESS")]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "true_state_log")]
     simulator: Option<SocketAddr>,
 
     /// How that simulator numbers the motors
@@ -128,21 +132,27 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     let control_secs = policy.metadata().control_period_secs;
     let airframe = arguments.airframe.airframe();
     let mut squadron = Squadron::open(&bytes, airframe, arguments.vehicles, &arguments.session)?;
+    let mut log = TrueStateLog::create(arguments.true_state_log.as_deref())?;
     say(squadron.announcement())?;
+    let mut failure = None;
+    let mut watch = |moment: &Moment| {
+        failure = log.write(moment).err();
+        if failure.is_some() { Next::End } else { Next::Fly }
+    };
     if let Some(first) = arguments.simulator {
         let motors = Motors::new(airframe, arguments.motors, ThrustCurve::PX4)?;
+        let addresses = (0..arguments.vehicles).map(|number| nth_address(first, number));
         let mut plants = Vec::new();
-        for number in 0..arguments.vehicles {
-            let address = nth_address(first, number)?;
+        for address in addresses.collect::<anyhow::Result<Vec<_>>>()? {
             say(&format!("It flies in the simulator at TCP {address}, as soon and as long as that is there."))?;
             plants.push(ExternalSimulator::new(address, motors, control_secs));
         }
-        squadron.fly(&mut plants, &mut |_| Next::Fly)?;
+        squadron.fly(&mut plants, &mut watch)?;
     } else {
         let floor = FlatFloor::new(airframe, control_secs);
         let places = (0..arguments.vehicles).map(|number| grid(number, arguments.vehicles));
         let mut plants: Vec<FlatFloor> = places.map(|place| floor.clone().at(place)).collect();
-        squadron.fly(&mut plants, &mut |_| Next::Fly)?;
+        squadron.fly(&mut plants, &mut watch)?;
     }
     let (flooding, commands) = squadron.sessions().iter().fold((0, 0), |(flooding, commands), session| {
         let counts = session.link_counts();
@@ -151,7 +161,7 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     if flooding + commands > 0 {
         eprintln!("Not heard: {flooding} datagrams of floods, {commands} with too many commands.");
     }
-    Ok(())
+    failure.map_or(Ok(()), |failure| Err(failure.into()))
 }
 
 fn nth_address(first: SocketAddr, number: u8) -> anyhow::Result<SocketAddr> {
@@ -162,17 +172,17 @@ fn nth_address(first: SocketAddr, number: u8) -> anyhow::Result<SocketAddr> {
 }
 
 fn lend(arguments: &BridgeArguments) -> anyhow::Result<()> {
-    let mut log = arguments.true_state_log.as_ref().map(TrueStateLog::create).transpose()?;
+    let mut log = TrueStateLog::create(arguments.true_state_log.as_deref())?;
     let mut bridge = Bridge::open(&arguments.bridge, &CF2X)?;
     say(bridge.announcement())?;
     let mut plant = FlatFloor::new(&CF2X, arguments.bridge.control_secs());
     let mut failure = None;
     let counts = bridge.fly(&mut plant, &mut |event| {
-        let written = match (event, &mut log) {
-            (Event::Stepped(step), Some(log)) => log.write(step),
-            (event, _) => tell(event),
+        let told = match event {
+            Event::Stepped(step) => log.write_step(step).map_err(anyhow::Error::from),
+            Event::Connected(_) | Event::Engaged | Event::Gone | Event::Waiting | Event::Unanswered => tell(event),
         };
-        failure = written.err();
+        failure = told.err();
         if failure.is_none() { Next::Fly } else { Next::End }
     })?;
     failure.map_or(Ok(()), Err)?;
@@ -191,29 +201,6 @@ fn tell(event: &Event<'_>) -> anyhow::Result<()> {
         Event::Engaged => say("It commands the motors: from now on both go in step."),
         Event::Gone => say("The autopilot has gone; the drone waits for it to come back."),
         Event::Waiting | Event::Unanswered | Event::Stepped(_) => Ok(()),
-    }
-}
-
-/// The true state of every step; whole lines appear in the file as they are written.
-struct TrueStateLog {
-    path: PathBuf,
-    file: LineWriter<File>,
-}
-
-impl TrueStateLog {
-    fn create(path: &PathBuf) -> anyhow::Result<Self> {
-        let failed = || format!("cannot write the true-state log {}", path.display());
-        Ok(Self { path: path.clone(), file: LineWriter::new(File::create(path).with_context(failed)?) })
-    }
-
-    fn write(&mut self, step: &Step<'_>) -> anyhow::Result<()> {
-        let Step { secs, state, rotor_targets } = step;
-        let (position, velocity) = (<[f32; 3]>::from(state.position), <[f32; 3]>::from(state.velocity));
-        let line = writeln!(
-            self.file,
-            "{{\"secs\":{secs},\"position\":{position:?},\"velocity\":{velocity:?},\"rotor_targets\":{rotor_targets:?}}}"
-        );
-        line.with_context(|| format!("cannot write the true-state log {}", self.path.display()))
     }
 }
 

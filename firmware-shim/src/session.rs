@@ -18,6 +18,7 @@ pub use self::squadron::Squadron;
 use crate::geodesy::Home;
 
 use self::announcement::announcement;
+use crate::crtp::link::CrtpLink;
 use crate::flight_log::{self, FlightLog, FlightLogError};
 use crate::link::faulty::{FaultPlan, FaultyLink};
 use crate::link::serial::{SerialLink, SerialPort};
@@ -65,6 +66,10 @@ pub struct SessionOptions {
     /// Begin the log at this time in seconds since 1970, so that the same flight has the same log [default: now]
     #[arg(long, value_name = "SECONDS", requires = "log", value_parser = clap::value_parser!(u64).range(..=LOG_START_LIMIT))]
     pub log_start: Option<u64>,
+
+    /// UDP address for clients of a Crazyflie (cflib, cfclient), such as 127.0.0.1:19850 [default: none]
+    #[arg(long, value_name = "ADDRESS")]
+    pub crtp: Option<SocketAddr>,
 
     /// MAVLink system number of the vehicle
     #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=250))]
@@ -159,6 +164,7 @@ pub struct Session<P> {
     links: Links,
     log: Option<FlightLog>,
     keeper: Keeper,
+    crtp: Option<CrtpLink>,
     options: SessionOptions,
     bound: Bound,
     announcement: String,
@@ -173,6 +179,8 @@ pub struct Bound {
     pub udp: SocketAddr,
     /// TCP address, if it has one.
     pub tcp: Option<SocketAddr>,
+    /// UDP address of the Crazyflie's protocol, if it has one.
+    pub crtp: Option<SocketAddr>,
 }
 
 impl Default for SessionOptions {
@@ -186,6 +194,7 @@ impl Default for SessionOptions {
             link_faults: None,
             log: None,
             log_start: None,
+            crtp: None,
             system: 1,
             personality: Personality::Generic,
             home: Home::default(),
@@ -208,7 +217,7 @@ impl SessionOptions {
         let mut links = Links::default();
         let addresses = Addresses { vehicle: self.listen, ground_station: self.ground_station };
         let udp = UdpLink::open(&addresses)?;
-        let mut bound = Bound { system: self.system, udp: udp.address(), tcp: None };
+        let mut bound = Bound { system: self.system, udp: udp.address(), tcp: None, crtp: None };
         self.attach(&mut links, 0, Box::new(udp))?;
         if let Some(address) = self.tcp {
             let tcp = TcpLink::open(address)?;
@@ -273,9 +282,12 @@ impl<P: Processor> Session<P> {
         }
         let mut vehicle = MavlinkVehicle::new(processor, airframe, options.profile(policy.clone()));
         let keeper = Keeper::open(&mut vehicle, options.parameters.clone(), options.signing_key.clone())?;
-        let (links, bound) = options.open_links()?;
+        let (links, mut bound) = options.open_links()?;
+        let crtp = options.crtp.map(CrtpLink::open).transpose()?;
+        bound.crtp = crtp.as_ref().map(CrtpLink::address).transpose()?;
         Ok(Self {
             links,
+            crtp,
             keeper,
             log: options.open_log()?,
             announcement: announcement(name, options, &[bound]),
@@ -337,8 +349,11 @@ fn fly_together<P: Processor>(
     let pairs = sessions.iter_mut().zip(plants);
     let mut members: Vec<Member<'_, P>> = pairs
         .map(|(session, plant)| {
-            let Session { vehicle, links, log, keeper, .. } = session;
-            Member::new(vehicle, &mut **plant, links).with_log(log.as_mut()).with_keeper(keeper)
+            let Session { vehicle, links, crtp, log, keeper, .. } = session;
+            Member::new(vehicle, &mut **plant, links)
+                .with_crtp(crtp.as_mut())
+                .with_log(log.as_mut())
+                .with_keeper(keeper)
         })
         .collect();
     Ok(lockstep::fly(&mut members, pace, &mut until)?)

@@ -1,7 +1,5 @@
 //! Software in the loop: a policy flies as a MAVLink vehicle in the simulator.
 
-use std::fs::File;
-use std::io::{self, LineWriter, Write};
 use std::path::PathBuf;
 
 use kestrel_core::airframe::{Airframe, CF2X};
@@ -14,11 +12,11 @@ use kestrel_shim::plant::{FlatFloor, Plant};
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::processor::Processor;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
+use kestrel_shim::true_state::{TrueStateLog, TrueStateLogError};
 use kestrel_shim::vehicle::Counts;
 use kestrel_sim::flight::Flight;
 use kestrel_sim::scenario::{FreeSpace, Scenario, StartPosition};
 use nalgebra::Vector3;
-use serde::Serialize;
 
 use crate::output::{OutputError, say};
 use crate::processor::{ProcessorError, ProcessorKind, ProcessorOptions, Qemu};
@@ -92,13 +90,8 @@ pub enum FlyError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// The true-state log cannot be written.
-    #[error("cannot write the true-state log {}: {reason}", path.display())]
-    Log {
-        /// Of the log.
-        path: PathBuf,
-        /// Reason of the operating system.
-        reason: io::Error,
-    },
+    #[error(transparent)]
+    Log(#[from] TrueStateLogError),
 }
 
 /// Flies the policy in `policy` until its time is up or `interrupted` says so.
@@ -143,7 +136,7 @@ fn conduct<P: Processor>(
     options: &FlyOptions,
     interrupted: &dyn Fn() -> bool,
 ) -> Result<FlightSummary, FlyError> {
-    let mut log = TrueStateLog::create(options)?;
+    let mut log = TrueStateLog::create(options.true_state_log.as_deref())?;
     say(session.announcement())?;
     let mut failure = None;
     let mut last = None;
@@ -154,7 +147,7 @@ fn conduct<P: Processor>(
     };
     let counts = session.fly(plant, &mut watch)?;
     if let Some(failure) = failure {
-        return Err(failure);
+        return Err(failure.into());
     }
     let (secs, position, mode) = last.unwrap_or((0.0, plant.state().position, Mode::Disarmed));
     Ok(FlightSummary { secs, position, mode, counts })
@@ -211,48 +204,6 @@ impl Plant for SimulatedFlight {
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         self.0.step(rotor_targets);
-    }
-}
-
-/// One line of the true-state log.
-#[derive(Serialize)]
-struct LogLine {
-    /// Simulated time \[s\].
-    secs: f64,
-    /// \[m\], world.
-    position: [f32; 3],
-    /// \[m/s\], world.
-    velocity: [f32; 3],
-    armed: bool,
-    mode: &'static str,
-    /// \[rad/s\].
-    rotor_targets: [f32; 4],
-}
-
-/// The true-state log, if one is wanted; whole lines appear in the file as they are written.
-struct TrueStateLog {
-    file: Option<(PathBuf, LineWriter<File>)>,
-}
-
-impl TrueStateLog {
-    fn create(options: &FlyOptions) -> Result<Self, FlyError> {
-        let Some(path) = &options.true_state_log else { return Ok(Self { file: None }) };
-        let file = File::create(path).map_err(|reason| FlyError::Log { path: path.clone(), reason })?;
-        Ok(Self { file: Some((path.clone(), LineWriter::new(file))) })
-    }
-
-    fn write(&mut self, moment: &Moment) -> Result<(), FlyError> {
-        let Some((path, file)) = &mut self.file else { return Ok(()) };
-        let line = LogLine {
-            secs: moment.secs,
-            position: moment.state.position.into(),
-            velocity: moment.state.velocity.into(),
-            armed: moment.mode.armed(),
-            mode: moment.mode.name(),
-            rotor_targets: moment.rotor_targets,
-        };
-        let written = serde_json::to_writer(&mut *file, &line).map_err(io::Error::from);
-        written.and_then(|()| file.write_all(b"\n")).map_err(|reason| FlyError::Log { path: path.clone(), reason })
     }
 }
 

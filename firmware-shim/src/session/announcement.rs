@@ -31,6 +31,9 @@ fn write(text: &mut String, name: &str, options: &SessionOptions, bound: &[Bound
     writeln!(text, "  pymavlink       mavutil.mavlink_connection(\"udpin:{ground_station}\")")?;
     for bound in bound {
         writeln!(text, "  or              mavutil.mavlink_connection(\"udpout:{}\")", bound.udp)?;
+        if let Some(crtp) = bound.crtp {
+            writeln!(text, "  cflib           udp://{crtp}")?;
+        }
         if let Some(tcp) = bound.tcp {
             writeln!(text, "  or              mavutil.mavlink_connection(\"tcp:{tcp}\")")?;
         }
@@ -38,7 +41,7 @@ fn write(text: &mut String, name: &str, options: &SessionOptions, bound: &[Bound
     if let Some(port) = &options.serial {
         writeln!(text, "It speaks on serial device {}, too, at {} baud.", port.path.display(), port.baud)?;
     }
-    let everywhere = bound.iter().flat_map(|bound| [Some(bound.udp), bound.tcp]).flatten();
+    let everywhere = bound.iter().flat_map(|bound| [Some(bound.udp), bound.tcp, bound.crtp]).flatten();
     for address in everywhere.filter(|address| !address.ip().is_loopback()) {
         writeln!(text, "Reachable from other machines: whoever reaches {address} can fly it.")?;
     }

@@ -94,6 +94,7 @@ impl SessionOptions {
             system,
             listen: listens(self.listen)?,
             tcp: self.tcp.map(listens).transpose()?,
+            crtp: self.crtp.map(listens).transpose()?,
             log,
             link_faults: self.link_faults.map(faults),
             ..self.clone()

@@ -106,6 +106,7 @@ fn wrong_options_are_refused_in_one_message() {
         ("--link-faults loss=2", "expected a probability of 0 to 1"),
         ("--log-start 0", "--log"),
         ("--log flight.tlog --log-start 4102444801", "4102444800"),
+        ("--crtp 19850", "invalid socket address"),
     ] {
         let error = parsed(arguments).unwrap_err();
         assert!(error.contains(expected), "{error}");
@@ -139,6 +140,36 @@ fn a_tcp_address_has_a_customary_port() {
     assert_eq!(parsed("--tcp 127.0.0.1").unwrap().tcp, Some("127.0.0.1:5760".parse().unwrap()));
     assert_eq!(parsed("--tcp ::1").unwrap().tcp, Some("[::1]:5760".parse().unwrap()));
     assert_eq!(parsed("--tcp 127.0.0.1:5763").unwrap().tcp, Some("127.0.0.1:5763".parse().unwrap()));
+}
+
+#[test]
+fn a_crazyflie_is_announced_where_it_is_wanted() {
+    let bytes = PolicyBytes::copy_of(&hover_policy());
+    let without = Session::open(&bytes, &CF2X, &anywhere("")).unwrap();
+    assert!(!without.announcement().contains("cflib"), "{}", without.announcement());
+    let session = Session::open(&bytes, &CF2X, &anywhere("--crtp 127.0.0.1:0")).unwrap();
+    let address = session.bound().crtp.unwrap();
+    let line = format!("\n  cflib           udp://{address}\n");
+    assert!(session.announcement().contains(&line), "{}", session.announcement());
+}
+
+#[test]
+fn a_crazyflie_answers_over_the_loopback() {
+    let bytes = PolicyBytes::copy_of(&hover_policy());
+    let mut session = Session::open(&bytes, &CF2X, &anywhere("--crtp 127.0.0.1:0")).unwrap();
+    let client = UdpSocket::bind("127.0.0.1:0").unwrap();
+    client.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    client.connect(session.bound().crtp.unwrap()).unwrap();
+    client.send(&[0xFF]).unwrap();
+    let mut moments = 0;
+    let mut watch = |_: &Moment| {
+        moments += 1;
+        if moments < 10 { Next::Fly } else { Next::End }
+    };
+    session.fly(&mut FlatFloor::new(&CF2X, 0.01), &mut watch).unwrap();
+    let mut buffer = [0; 8];
+    assert_eq!(client.recv(&mut buffer).unwrap(), 1);
+    assert_eq!(buffer[0], 0xFF);
 }
 
 #[test]

@@ -1,0 +1,52 @@
+//! Between a server and its vehicle: what it sees, what it orders, what it sends.
+
+use kestrel_core::vehicle::State;
+
+use super::packet::Packet;
+use crate::autopilot::{Command, Mode, Refusal};
+use crate::goal::MovingGoal;
+
+/// What the autopilot answers, and what it is doing since.
+#[derive(Clone, Copy, Debug)]
+pub struct Answer {
+    /// Whether it obeys.
+    pub result: Result<(), Refusal>,
+    /// What it is doing.
+    pub mode: Mode,
+    /// Where it is going.
+    pub goal: MovingGoal,
+}
+
+/// The vehicle and the client of a server, for the time of one call.
+pub struct Bridge<'a> {
+    /// Simulated time since the start \[s\].
+    pub secs: f64,
+    /// True state.
+    pub state: &'a State<f32>,
+    /// What the autopilot is doing.
+    pub mode: Mode,
+    /// Where it is going.
+    pub goal: MovingGoal,
+    /// Has the autopilot execute a command.
+    pub order: &'a mut dyn FnMut(Command) -> Answer,
+    /// Sends a packet to the client, if there is one.
+    pub send: &'a mut dyn FnMut(&Packet),
+}
+
+impl Bridge<'_> {
+    /// Has the autopilot execute a command, and sees what it is doing since.
+    ///
+    /// # Errors
+    /// As [`crate::autopilot::Autopilot::command`].
+    pub fn order(&mut self, command: Command) -> Result<(), Refusal> {
+        let Answer { result, mode, goal } = (self.order)(command);
+        self.mode = mode;
+        self.goal = goal;
+        result
+    }
+
+    /// Simulated time since the start \[ms\].
+    pub fn millis(&self) -> u64 {
+        libm::round(self.secs * 1e3) as u64
+    }
+}

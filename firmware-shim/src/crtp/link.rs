@@ -1,0 +1,174 @@
+//! The UDP socket of a server: one packet a datagram, one client at a time.
+
+use std::io::{self, ErrorKind};
+use std::net::{SocketAddr, UdpSocket};
+use std::time::{Duration, Instant};
+
+use kestrel_core::vehicle::State;
+
+use super::bridge::{Answer, Bridge};
+use super::packet::{PACKET_LIMIT, Packet};
+use super::platform;
+use super::server::Server;
+use crate::link::{LinkError, Place};
+use crate::processor::Processor;
+use crate::vehicle::MavlinkVehicle;
+
+/// Where clients look for simulated drones first.
+pub const DEFAULT_PORT: u16 = 19850;
+
+/// Datagrams that are read in one control period; a flood waits in the socket, and then is lost.
+const DATAGRAMS_PER_TICK: usize = 64;
+
+/// A client that is silent for so long gives way to one that waits. Living ones ask for an echo every 0.1 s.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// A client that is silent for so long is forgotten.
+const MEMORY: Duration = Duration::from_secs(5);
+
+/// What answers the ping of a scan: a packet with nothing in it.
+const NULL_PACKET: [u8; 1] = [0xFF];
+
+/// A bound socket, the server behind it and the client before it.
+#[derive(Debug)]
+pub struct CrtpLink {
+    socket: UdpSocket,
+    /// As wanted, for messages.
+    address: SocketAddr,
+    server: Server,
+    client: Option<Client>,
+    /// Who has shaken hands while another client was served.
+    waiting: Option<SocketAddr>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Client {
+    address: SocketAddr,
+    heard: Instant,
+}
+
+impl CrtpLink {
+    /// Binds an address; port 0 lets the operating system choose.
+    ///
+    /// # Errors
+    /// [`LinkError::Busy`] or [`LinkError::Open`].
+    pub fn open(address: SocketAddr) -> Result<Self, LinkError> {
+        let place = || Place::Udp(address);
+        let failed = |reason: io::Error| match reason.kind() {
+            ErrorKind::AddrInUse => LinkError::Busy { place: place() },
+            _ => LinkError::Open { place: place(), reason },
+        };
+        let socket = UdpSocket::bind(address).map_err(failed)?;
+        socket.set_nonblocking(true).map_err(failed)?;
+        Ok(Self { socket, address, server: Server::default(), client: None, waiting: None })
+    }
+
+    /// The bound address.
+    ///
+    /// # Errors
+    /// [`LinkError::Failed`] if the operating system does not tell.
+    pub fn address(&self) -> Result<SocketAddr, LinkError> {
+        self.socket.local_addr().map_err(|reason| self.failed(reason))
+    }
+
+    fn failed(&self, reason: io::Error) -> LinkError {
+        LinkError::Failed { place: Place::Udp(self.address), reason }
+    }
+
+    /// Serves the client for one control period: what it has sent is obeyed, what is due is sent to it.
+    ///
+    /// # Errors
+    /// [`LinkError::Failed`] if the socket itself fails; a client that has gone is no failure.
+    pub fn exchange<P: Processor>(
+        &mut self,
+        vehicle: &mut MavlinkVehicle<P>,
+        state: &State<f32>,
+    ) -> Result<(), LinkError> {
+        self.change_client(Instant::now(), vehicle, state);
+        for _ in 0..DATAGRAMS_PER_TICK {
+            let Some((packet, sender)) = self.receive()? else { break };
+            if let Some(packet) = packet.filter(|packet| self.is_served(packet, sender)) {
+                self.serve(vehicle, state, |server, bridge| server.receive(&packet, bridge));
+            }
+        }
+        self.serve(vehicle, state, Server::tick);
+        Ok(())
+    }
+
+    /// The next datagram's packet, if it is one, and who sent it.
+    fn receive(&self) -> Result<Option<(Option<Packet>, SocketAddr)>, LinkError> {
+        // One byte more than a packet shows what is too long.
+        let mut buffer = [0; PACKET_LIMIT + 1];
+        match self.socket.recv_from(&mut buffer) {
+            Ok((len, sender)) => Ok(Some((Packet::parse(&buffer[..len]), sender))),
+            Err(error) => match error.kind() {
+                ErrorKind::WouldBlock
+                | ErrorKind::Interrupted
+                | ErrorKind::ConnectionRefused
+                | ErrorKind::ConnectionReset => Ok(None),
+                _ => Err(self.failed(error)),
+            },
+        }
+    }
+
+    /// Whether a packet is the client's, or whoever sent it is the client from now on. Answers pings of scans.
+    fn is_served(&mut self, packet: &Packet, sender: SocketAddr) -> bool {
+        if packet.is_null() {
+            let _lost = self.socket.send_to(&NULL_PACKET, sender);
+            return false;
+        }
+        match &mut self.client {
+            Some(client) if client.address == sender => client.heard = Instant::now(),
+            Some(_) => {
+                if platform::is_handshake(packet) {
+                    self.waiting = Some(sender);
+                }
+                return false;
+            }
+            None => self.client = Some(Client { address: sender, heard: Instant::now() }),
+        }
+        true
+    }
+
+    /// Forgets a client that is silent; whoever waits takes its place, and its handshake is answered then.
+    fn change_client<P: Processor>(&mut self, now: Instant, vehicle: &mut MavlinkVehicle<P>, state: &State<f32>) {
+        let Some(client) = self.client else { return };
+        let silence = now.saturating_duration_since(client.heard);
+        if silence < if self.waiting.is_some() { PATIENCE } else { MEMORY } {
+            return;
+        }
+        self.server.part();
+        self.client = self.waiting.take().map(|address| Client { address, heard: now });
+        if self.client.is_some() {
+            self.serve(vehicle, state, |server, bridge| server.receive(&platform::handshake(), bridge));
+        }
+    }
+
+    /// Has the server act on the vehicle, and toward the client.
+    fn serve<P: Processor>(
+        &mut self,
+        vehicle: &mut MavlinkVehicle<P>,
+        state: &State<f32>,
+        act: impl FnOnce(&mut Server, &mut Bridge),
+    ) {
+        let mut bridge = Bridge {
+            secs: vehicle.elapsed_secs(),
+            state,
+            mode: vehicle.mode(),
+            goal: *vehicle.goal(),
+            order: &mut |command| {
+                let result = vehicle.order(command);
+                Answer { result, mode: vehicle.mode(), goal: *vehicle.goal() }
+            },
+            send: &mut |packet| {
+                if let Some(client) = self.client {
+                    let _lost = self.socket.send_to(&packet.encode(), client.address);
+                }
+            },
+        };
+        act(&mut self.server, &mut bridge);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,255 @@
+//! What can be logged: the names, types and units of Bitcraze's firmware, read from the true state.
+//!
+//! Only what a simulated drone truly has is listed. Its battery is always full, and its estimator always right.
+
+use kestrel_core::airframe::CF2X;
+use kestrel_core::vehicle::State;
+use nalgebra::Vector3;
+
+use super::contents::Listed;
+use super::number::{Number, compressed};
+
+/// What the variables are read from.
+#[derive(Clone, Copy, Debug)]
+pub struct Truth<'a> {
+    /// True state.
+    pub state: &'a State<f32>,
+    /// Where the drone is to be \[m, world\].
+    pub goal: Vector3<f32>,
+    /// Bits of `supervisor.info`.
+    pub supervision: u16,
+}
+
+/// One variable of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Variable {
+    group: &'static str,
+    name: &'static str,
+    /// As which it is stored.
+    pub number: Number,
+    read: fn(&Truth) -> f64,
+}
+
+impl Variable {
+    const fn new(group: &'static str, name: &'static str, number: Number, read: fn(&Truth) -> f64) -> Self {
+        Self { group, name, number, read }
+    }
+
+    /// Its value now, in the unit of the firmware.
+    pub fn value(&self, truth: &Truth) -> f64 {
+        (self.read)(truth)
+    }
+}
+
+impl Listed for Variable {
+    fn group(&self) -> &'static str {
+        self.group
+    }
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn code(&self) -> u8 {
+        self.number.log_code()
+    }
+}
+
+/// Voltage of a full battery \[V\].
+const FULL_BATTERY: f64 = 4.2;
+
+/// Bits of [`Truth::supervision`] that have variables of their own.
+pub mod supervision {
+    /// A take-off would be obeyed.
+    pub const CAN_FLY: u16 = 1 << 3;
+    /// Motors turn.
+    pub const FLYING: u16 = 1 << 4;
+    /// Tilted beyond recovery.
+    pub const TUMBLED: u16 = 1 << 5;
+}
+
+use Number::{Float, I8, I16, U8, U16, U32};
+
+/// Every variable; its index is its number on the wire.
+pub const TABLE: [Variable; 59] = [
+    Variable::new("stateEstimate", "x", Float, |truth| truth.state.position.x.into()),
+    Variable::new("stateEstimate", "y", Float, |truth| truth.state.position.y.into()),
+    Variable::new("stateEstimate", "z", Float, |truth| truth.state.position.z.into()),
+    Variable::new("stateEstimate", "vx", Float, |truth| truth.state.velocity.x.into()),
+    Variable::new("stateEstimate", "vy", Float, |truth| truth.state.velocity.y.into()),
+    Variable::new("stateEstimate", "vz", Float, |truth| truth.state.velocity.z.into()),
+    Variable::new("stateEstimate", "roll", Float, roll_deg),
+    Variable::new("stateEstimate", "pitch", Float, pitch_deg),
+    Variable::new("stateEstimate", "yaw", Float, yaw_deg),
+    Variable::new("stateEstimate", "qx", Float, |truth| truth.state.world_from_body.x.into()),
+    Variable::new("stateEstimate", "qy", Float, |truth| truth.state.world_from_body.y.into()),
+    Variable::new("stateEstimate", "qz", Float, |truth| truth.state.world_from_body.z.into()),
+    Variable::new("stateEstimate", "qw", Float, |truth| truth.state.world_from_body.w.into()),
+    Variable::new("stateEstimateZ", "x", I16, |truth| thousandths(truth.state.position.x)),
+    Variable::new("stateEstimateZ", "y", I16, |truth| thousandths(truth.state.position.y)),
+    Variable::new("stateEstimateZ", "z", I16, |truth| thousandths(truth.state.position.z)),
+    Variable::new("stateEstimateZ", "vx", I16, |truth| thousandths(truth.state.velocity.x)),
+    Variable::new("stateEstimateZ", "vy", I16, |truth| thousandths(truth.state.velocity.y)),
+    Variable::new("stateEstimateZ", "vz", I16, |truth| thousandths(truth.state.velocity.z)),
+    Variable::new("stateEstimateZ", "quat", U32, |truth| compressed(&truth.state.world_from_body).into()),
+    Variable::new("stateEstimateZ", "rateRoll", I16, |truth| thousandths(truth.state.body_rates.x)),
+    Variable::new("stateEstimateZ", "ratePitch", I16, |truth| thousandths(-truth.state.body_rates.y)),
+    Variable::new("stateEstimateZ", "rateYaw", I16, |truth| thousandths(truth.state.body_rates.z)),
+    Variable::new("stabilizer", "roll", Float, roll_deg),
+    Variable::new("stabilizer", "pitch", Float, pitch_deg),
+    Variable::new("stabilizer", "yaw", Float, yaw_deg),
+    Variable::new("stabilizer", "thrust", Float, |truth| {
+        (0..4).map(|motor| ratio(truth, motor)).sum::<f64>() / 4.0
+    }),
+    Variable::new("gyro", "x", Float, |truth| degrees(truth.state.body_rates.x)),
+    Variable::new("gyro", "y", Float, |truth| degrees(truth.state.body_rates.y)),
+    Variable::new("gyro", "z", Float, |truth| degrees(truth.state.body_rates.z)),
+    Variable::new("kalman", "stateX", Float, |truth| truth.state.position.x.into()),
+    Variable::new("kalman", "stateY", Float, |truth| truth.state.position.y.into()),
+    Variable::new("kalman", "stateZ", Float, |truth| truth.state.position.z.into()),
+    Variable::new("kalman", "varX", Float, exact),
+    Variable::new("kalman", "varY", Float, exact),
+    Variable::new("kalman", "varZ", Float, exact),
+    Variable::new("kalman", "varPX", Float, exact),
+    Variable::new("kalman", "varPY", Float, exact),
+    Variable::new("kalman", "varPZ", Float, exact),
+    Variable::new("ctrltarget", "x", Float, |truth| truth.goal.x.into()),
+    Variable::new("ctrltarget", "y", Float, |truth| truth.goal.y.into()),
+    Variable::new("ctrltarget", "z", Float, |truth| truth.goal.z.into()),
+    Variable::new("motor", "m1", U16, |truth| ratio(truth, 0)),
+    Variable::new("motor", "m2", U16, |truth| ratio(truth, 1)),
+    Variable::new("motor", "m3", U16, |truth| ratio(truth, 2)),
+    Variable::new("motor", "m4", U16, |truth| ratio(truth, 3)),
+    Variable::new("motor", "m1_rpm", U16, |truth| revolutions_per_minute(truth, 0)),
+    Variable::new("motor", "m2_rpm", U16, |truth| revolutions_per_minute(truth, 1)),
+    Variable::new("motor", "m3_rpm", U16, |truth| revolutions_per_minute(truth, 2)),
+    Variable::new("motor", "m4_rpm", U16, |truth| revolutions_per_minute(truth, 3)),
+    Variable::new("pm", "vbat", Float, |_| FULL_BATTERY),
+    Variable::new("pm", "vbatMV", U16, |_| FULL_BATTERY * 1e3),
+    Variable::new("pm", "batteryLevel", U8, |_| 100.0),
+    Variable::new("pm", "state", I8, |_| 0.0),
+    Variable::new("supervisor", "info", U16, |truth| truth.supervision.into()),
+    Variable::new("sys", "canfly", U8, |truth| bit(truth, supervision::CAN_FLY)),
+    Variable::new("sys", "isFlying", U8, |truth| bit(truth, supervision::FLYING)),
+    Variable::new("sys", "isTumbled", U8, |truth| bit(truth, supervision::TUMBLED)),
+    Variable::new("kalman", "inFlight", U8, |truth| bit(truth, supervision::FLYING)),
+];
+
+/// Variance of what is known exactly.
+fn exact(_: &Truth) -> f64 {
+    0.0
+}
+
+fn angles_deg(truth: &Truth) -> [f64; 3] {
+    truth.state.world_from_body.map(f64::from).roll_pitch_yaw().map(f64::to_degrees)
+}
+
+fn roll_deg(truth: &Truth) -> f64 {
+    angles_deg(truth)[0]
+}
+
+/// The firmware counts a raised nose as positive, against the axes of its body frame.
+fn pitch_deg(truth: &Truth) -> f64 {
+    -angles_deg(truth)[1]
+}
+
+fn yaw_deg(truth: &Truth) -> f64 {
+    angles_deg(truth)[2]
+}
+
+fn degrees(angle_rad: f32) -> f64 {
+    f64::from(angle_rad).to_degrees()
+}
+
+/// For the compressed state, which ends at ±32 m, m/s or rad/s.
+fn thousandths(value: f32) -> f64 {
+    (f64::from(value) * 1e3).clamp(i16::MIN.into(), i16::MAX.into())
+}
+
+/// Share of its greatest thrust that a rotor has, in 1/65535.
+fn ratio(truth: &Truth, motor: usize) -> f64 {
+    let share = f64::from(truth.state.rotor_speeds[motor]) / CF2X.rotor_speed_limit;
+    (share * share).min(1.0) * f64::from(u16::MAX)
+}
+
+fn revolutions_per_minute(truth: &Truth, motor: usize) -> f64 {
+    f64::from(truth.state.rotor_speeds[motor]) * 30.0 / core::f64::consts::PI
+}
+
+fn bit(truth: &Truth, mask: u16) -> f64 {
+    if truth.supervision & mask == 0 { 0.0 } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use kestrel_core::attitude::Attitude;
+
+    use super::*;
+    use crate::crtp::contents;
+
+    fn state() -> State<f32> {
+        State {
+            position: Vector3::new(1.0, -2.0, 0.5),
+            world_from_body: Attitude::level(),
+            velocity: Vector3::new(0.1, 0.2, -40.0),
+            body_rates: Vector3::new(core::f32::consts::PI, 0.0, 0.0),
+            rotor_speeds: [CF2X.rotor_speed_limit as f32, 0.0, 0.0, 0.0],
+        }
+    }
+
+    fn value(group: &str, name: &str, truth: &Truth) -> f64 {
+        let is_it = |variable: &&Variable| contents::is_called(*variable, group.as_bytes(), name.as_bytes());
+        TABLE.iter().find(is_it).unwrap().value(truth)
+    }
+
+    #[test]
+    fn the_table_fits_its_packets_and_names_nothing_twice() {
+        contents::check(&TABLE);
+    }
+
+    /// Clients keep the table under this number. It may change only together with the table.
+    #[test]
+    fn the_checksum_of_the_table_is_stable() {
+        assert_eq!(contents::checksum(&TABLE), 0x0C4C_8019);
+    }
+
+    #[test]
+    fn values_are_in_the_firmware_s_units() {
+        let truth = Truth { state: &state(), goal: Vector3::new(0.0, 0.0, 9.0), supervision: 0x0018 };
+        let expected = [
+            ("stateEstimate", "y", -2.0),
+            ("stateEstimateZ", "x", 1000.0),
+            ("stateEstimateZ", "vz", -32768.0),
+            ("gyro", "x", 180.0),
+            ("ctrltarget", "z", 9.0),
+            ("motor", "m1", 65535.0),
+            ("motor", "m2", 0.0),
+            ("stabilizer", "thrust", 65535.0 / 4.0),
+            ("supervisor", "info", 24.0),
+            ("sys", "canfly", 1.0),
+            ("sys", "isFlying", 1.0),
+            ("sys", "isTumbled", 0.0),
+        ];
+        for (group, name, expected) in expected {
+            let found = value(group, name, &truth);
+            assert!((found - expected).abs() < 1e-2, "{group}.{name} is {found} instead of {expected}");
+        }
+        assert!((value("motor", "m1_rpm", &truth) - 21_702.6).abs() < 0.1);
+    }
+
+    #[test]
+    fn a_raised_nose_is_positive_and_a_left_turn_too() {
+        // About +y the nose goes down.
+        let turned = |axis: Vector3<f64>, angle_deg: f64| {
+            let attitude = Attitude::from_axis_angle(axis, angle_deg.to_radians()).map(|part| part as f32);
+            State { world_from_body: attitude, ..state() }
+        };
+        let angle = |name, axis, angle_deg| {
+            let state = turned(axis, angle_deg);
+            value("stabilizer", name, &Truth { state: &state, goal: Vector3::zeros(), supervision: 0 })
+        };
+        assert!((angle("pitch", Vector3::y(), -20.0) - 20.0).abs() < 1e-4);
+        assert!((angle("roll", Vector3::x(), 30.0) - 30.0).abs() < 1e-4);
+        assert!((angle("yaw", Vector3::z(), 100.0) - 100.0).abs() < 1e-4);
+    }
+}
