@@ -6,12 +6,15 @@
 //! and the [`plant`] steps: that is [`lockstep`], for one vehicle or several. A [`flight_log`] holds every frame.
 //! Clients of a Crazyflie fly the same autopilot by [`crtp`].
 //!
-//! Only [`link`], [`crtp::link`], [`flight_log`] and [`lockstep`] know sockets, files and clocks; everything before them is free of all
-//! three and of allocation, so that a microcontroller can run it. Frames are not
-//! forwarded from one link to another.
+//! A [`bridge`] lends the plant to another autopilot (PX4, ArduPilot, Betaflight), or the vehicle to another simulator.
+//!
+//! Only [`link`], [`crtp::link`], [`flight_log`], [`true_state`], [`lockstep`] and the bridge's servers and clients know
+//! sockets, files and clocks; everything else is free of all three and of allocation, so that a microcontroller can run
+//! it. Frames are not forwarded from one link to another.
 
 pub mod autopilot;
 pub mod battery;
+pub mod bridge;
 pub mod crtp;
 mod excerpt;
 pub mod failsafe;

@@ -221,7 +221,7 @@ fn note(log: &mut Option<&mut FlightLog>, secs: f64, datagram: &[u8]) {
 ///
 /// A period is due at a whole number of periods after the start, so that no rounding and no late awakening adds up.
 #[derive(Debug)]
-struct Clock {
+pub(crate) struct Clock {
     /// Wall time of a control period \[s\]; none if unthrottled.
     period_secs: Option<f64>,
     start: Instant,
@@ -229,7 +229,7 @@ struct Clock {
 }
 
 impl Clock {
-    fn new(pace: Pace, control_period: Duration) -> Self {
+    pub(crate) fn new(pace: Pace, control_period: Duration) -> Self {
         let period_secs = match pace {
             Pace::Speed(speed) => Some(control_period.as_secs_f64() / speed),
             Pace::Unthrottled => None,
@@ -237,7 +237,7 @@ impl Clock {
         Self { period_secs, start: Instant::now(), periods: 0 }
     }
 
-    fn wait(&mut self) {
+    pub(crate) fn wait(&mut self) {
         let Some(period_secs) = self.period_secs else { return };
         thread::sleep(self.until_next(period_secs, Instant::now()));
     }

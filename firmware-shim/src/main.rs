@@ -1,13 +1,18 @@
-//! `kestrel-shim`: a policy file as a MAVLink vehicle above an endless floor.
+//! `kestrel-shim`: a policy file as a MAVLink vehicle above an endless floor, or that floor under another autopilot.
 
 use std::io::{self, Write};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
-use clap::{Parser, ValueEnum};
+use clap::{Parser, Subcommand, ValueEnum};
 use kestrel_core::airframe::{Airframe, CF2P, CF2X};
-use kestrel_shim::lockstep::Next;
+use kestrel_shim::bridge::event::Event;
+use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
+use kestrel_shim::bridge::px4::client::ExternalSimulator;
+use kestrel_shim::bridge::{Bridge, BridgeOptions};
+use kestrel_shim::lockstep::{Moment, Next};
 use kestrel_shim::plant::FlatFloor;
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{SessionOptions, Squadron};
@@ -25,11 +30,21 @@ const USER_ERROR: u8 = 2;
 ///
 /// Then connect QGroundControl or pymavlink (the addresses are printed), arm, take off, send set-points,
 /// land. Exit status: 0 after a flight, 2 if it cannot begin or is cut short.
-#[derive(Parser)]
-#[command(name = "kestrel-shim", version)]
+#[derive(Debug, Parser)]
+#[command(
+    name = "kestrel-shim",
+    version,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    disable_help_subcommand = true
+)]
 struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+
     /// Policy file, as `kestrel export` writes it
-    policy: PathBuf,
+    #[arg(required = true)]
+    policy: Option<PathBuf>,
 
     /// Airframe that flies
     #[arg(long, value_enum, default_value_t = AirframeName::Cf2x)]
@@ -44,8 +59,38 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     true_state_log: Option<PathBuf>,
 
+    /// Fly in the PX4-compatible simulator that listens at this TCP address (port 4560 by custom), not above the floor;
+    /// further vehicles fly at the ports above it
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "true_state_log")]
+    simulator: Option<SocketAddr>,
+
+    /// How that simulator numbers the motors
+    #[arg(long, value_enum, value_name = "ORDER", requires = "simulator", default_value_t = MotorOrder::QuadX)]
+    motors: MotorOrder,
+
     #[command(flatten)]
     session: SessionOptions,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Lend the floor and a Crazyflie with all instruments to another autopilot: PX4, ArduPilot or Betaflight
+    ///
+    /// Example: kestrel-shim bridge --peer px4
+    ///
+    /// Then start the autopilot (how is printed). Exit status: 0 when the time is up, 2 if it cannot begin or is cut
+    /// short.
+    Bridge(BridgeArguments),
+}
+
+#[derive(Debug, clap::Args)]
+struct BridgeArguments {
+    #[command(flatten)]
+    bridge: BridgeOptions,
+
+    /// File for the true state of every step, one JSON object per line
+    #[arg(long, value_name = "FILE")]
+    true_state_log: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -66,7 +111,12 @@ impl AirframeName {
 }
 
 fn main() -> ExitCode {
-    match fly(&Arguments::parse()) {
+    let arguments = Arguments::parse();
+    let result = match &arguments.command {
+        Some(Command::Bridge(bridge)) => lend(bridge),
+        None => fly(&arguments),
+    };
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
@@ -76,22 +126,34 @@ fn main() -> ExitCode {
 }
 
 fn fly(arguments: &Arguments) -> anyhow::Result<()> {
-    let bytes = PolicyBytes::read(&arguments.policy)?;
-    let policy = bytes.policy().with_context(|| format!("policy {}", arguments.policy.display()))?;
+    let path = arguments.policy.as_ref().context("expected a policy file, found none")?;
+    let bytes = PolicyBytes::read(path)?;
+    let policy = bytes.policy().with_context(|| format!("policy {}", path.display()))?;
     let control_secs = policy.metadata().control_period_secs;
     let airframe = arguments.airframe.airframe();
     let mut squadron = Squadron::open(&bytes, airframe, arguments.vehicles, &arguments.session)?;
     let mut log = TrueStateLog::create(arguments.true_state_log.as_deref())?;
-    let mut output = io::stdout();
-    writeln!(output, "{}", squadron.announcement()).and_then(|()| output.flush())?;
-    let floor = FlatFloor::new(airframe, control_secs);
-    let places = (0..arguments.vehicles).map(|number| grid(number, arguments.vehicles));
-    let mut plants: Vec<FlatFloor> = places.map(|place| floor.clone().at(place)).collect();
+    say(squadron.announcement())?;
     let mut failure = None;
-    squadron.fly(&mut plants, &mut |moment| {
+    let mut watch = |moment: &Moment| {
         failure = log.write(moment).err();
         if failure.is_some() { Next::End } else { Next::Fly }
-    })?;
+    };
+    if let Some(first) = arguments.simulator {
+        let motors = Motors::new(airframe, arguments.motors, ThrustCurve::PX4)?;
+        let addresses = (0..arguments.vehicles).map(|number| nth_address(first, number));
+        let mut plants = Vec::new();
+        for address in addresses.collect::<anyhow::Result<Vec<_>>>()? {
+            say(&format!("It flies in the simulator at TCP {address}, as soon and as long as that is there."))?;
+            plants.push(ExternalSimulator::new(address, motors, control_secs));
+        }
+        squadron.fly(&mut plants, &mut watch)?;
+    } else {
+        let floor = FlatFloor::new(airframe, control_secs);
+        let places = (0..arguments.vehicles).map(|number| grid(number, arguments.vehicles));
+        let mut plants: Vec<FlatFloor> = places.map(|place| floor.clone().at(place)).collect();
+        squadron.fly(&mut plants, &mut watch)?;
+    }
     let (flooding, commands) = squadron.sessions().iter().fold((0, 0), |(flooding, commands), session| {
         let counts = session.link_counts();
         (flooding + counts.flooding, commands + counts.commands)
@@ -102,8 +164,95 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     failure.map_or(Ok(()), |failure| Err(failure.into()))
 }
 
+fn nth_address(first: SocketAddr, number: u8) -> anyhow::Result<SocketAddr> {
+    let port = first.port().checked_add(u16::from(number));
+    let port = port
+        .with_context(|| format!("expected ports of simulators up to 65535, found {first} and {number} more"))?;
+    Ok(SocketAddr::new(first.ip(), port))
+}
+
+fn lend(arguments: &BridgeArguments) -> anyhow::Result<()> {
+    let mut log = TrueStateLog::create(arguments.true_state_log.as_deref())?;
+    let mut bridge = Bridge::open(&arguments.bridge, &CF2X)?;
+    say(bridge.announcement())?;
+    let mut plant = FlatFloor::new(&CF2X, arguments.bridge.control_secs());
+    let mut failure = None;
+    let counts = bridge.fly(&mut plant, &mut |event| {
+        let told = match event {
+            Event::Stepped(step) => log.write_step(step).map_err(anyhow::Error::from),
+            Event::Connected(_) | Event::Engaged | Event::Gone | Event::Waiting | Event::Unanswered => tell(event),
+        };
+        failure = told.err();
+        if failure.is_none() { Next::Fly } else { Next::End }
+    })?;
+    failure.map_or(Ok(()), Err)?;
+    say(&counts.to_string())
+}
+
+fn say(text: &str) -> anyhow::Result<()> {
+    let mut output = io::stdout();
+    writeln!(output, "{text}").and_then(|()| output.flush()).context("cannot write to the standard output")
+}
+
+/// Words for what a user wants to know while it happens.
+fn tell(event: &Event<'_>) -> anyhow::Result<()> {
+    match event {
+        Event::Connected(address) => say(&format!("An autopilot has connected from {address}.")),
+        Event::Engaged => say("It commands the motors: from now on both go in step."),
+        Event::Gone => say("The autopilot has gone; the drone waits for it to come back."),
+        Event::Waiting | Event::Unanswered | Event::Stepped(_) => Ok(()),
+    }
+}
+
 /// Place of a vehicle in a square of rows, one metre apart \[m, world x and y\].
 fn grid(number: u8, count: u8) -> [f32; 2] {
     let side = f32::from(count).sqrt().ceil() as u8;
     [f32::from(number % side), f32::from(number / side)]
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    fn parsed(line: &str) -> Result<Arguments, String> {
+        let words = ["kestrel-shim"].into_iter().chain(line.split_whitespace());
+        Arguments::try_parse_from(words).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_command_line_contradicts_itself_nowhere() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn a_policy_alone_is_flown_as_ever() {
+        let arguments = parsed("a.kestrel --speed 5 --airframe cf2p").unwrap();
+        assert!(arguments.command.is_none() && arguments.simulator.is_none());
+        assert_eq!(arguments.policy, Some("a.kestrel".into()));
+        assert!(parsed("").unwrap_err().contains("<POLICY>"));
+    }
+
+    #[test]
+    fn a_policy_flies_in_another_simulator() {
+        let arguments = parsed("a.kestrel --simulator 127.0.0.1:4560 --motors crazyflie").unwrap();
+        assert_eq!(arguments.simulator, Some("127.0.0.1:4560".parse().unwrap()));
+        assert!(parsed("a.kestrel --motors crazyflie").unwrap_err().contains("--simulator"));
+    }
+
+    #[test]
+    fn simulators_of_several_vehicles_have_ports_in_a_row() {
+        let first = "127.0.0.1:65534".parse().unwrap();
+        assert_eq!(nth_address(first, 1).unwrap().port(), 65535);
+        assert!(nth_address(first, 2).unwrap_err().to_string().contains("found 127.0.0.1:65534 and 2 more"));
+    }
+
+    #[test]
+    fn a_bridge_needs_a_peer_and_no_policy() {
+        let arguments = parsed("bridge --peer px4 --true-state-log a.jsonl").unwrap();
+        assert!(matches!(arguments.command, Some(Command::Bridge(_))));
+        assert!(parsed("bridge").unwrap_err().contains("--peer"));
+        assert!(parsed("a.kestrel bridge --peer px4").is_err());
+    }
 }

@@ -364,7 +364,7 @@ fn tcp_address(text: &str) -> Result<SocketAddr, String> {
     text.parse().or_else(with_port).map_err(|_| "expected an IP address, with or without a port".to_owned())
 }
 
-fn positive_secs(text: &str) -> Result<f64, String> {
+pub(crate) fn positive_secs(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(secs) if secs > 0.0 && f64::is_finite(secs) => Ok(secs),
         Ok(_) | Err(_) => Err("expected a positive number of seconds".to_owned()),

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::bridge::event::Step;
 use crate::lockstep::Moment;
 
 /// The log cannot be written.
@@ -18,7 +19,7 @@ pub struct TrueStateLogError {
     pub reason: io::Error,
 }
 
-/// One line of the log.
+/// One line of the log of a vehicle.
 #[derive(Serialize)]
 struct LogLine {
     /// Simulated time \[s\].
@@ -29,6 +30,19 @@ struct LogLine {
     velocity: [f32; 3],
     armed: bool,
     mode: &'static str,
+    /// \[rad/s\].
+    rotor_targets: [f32; 4],
+}
+
+/// One line of the log of a bridge, which does not know what its autopilot is doing.
+#[derive(Serialize)]
+struct StepLine {
+    /// Simulated time \[s\].
+    secs: f64,
+    /// \[m\], world.
+    position: [f32; 3],
+    /// \[m/s\], world.
+    velocity: [f32; 3],
     /// \[rad/s\].
     rotor_targets: [f32; 4],
 }
@@ -58,16 +72,32 @@ impl TrueStateLog {
     /// # Errors
     /// If it cannot be written.
     pub fn write(&mut self, moment: &Moment) -> Result<(), TrueStateLogError> {
-        let Some((path, file)) = &mut self.file else { return Ok(()) };
-        let line = LogLine {
+        self.write_line(&LogLine {
             secs: moment.secs,
             position: moment.state.position.into(),
             velocity: moment.state.velocity.into(),
             armed: moment.mode.armed(),
             mode: moment.mode.name(),
             rotor_targets: moment.rotor_targets,
-        };
-        let written = serde_json::to_writer(&mut *file, &line).map_err(io::Error::from);
+        })
+    }
+
+    /// Adds a line of a simulation that another autopilot flies.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write_step(&mut self, step: &Step<'_>) -> Result<(), TrueStateLogError> {
+        self.write_line(&StepLine {
+            secs: step.secs,
+            position: step.state.position.into(),
+            velocity: step.state.velocity.into(),
+            rotor_targets: step.rotor_targets,
+        })
+    }
+
+    fn write_line(&mut self, line: &impl Serialize) -> Result<(), TrueStateLogError> {
+        let Some((path, file)) = &mut self.file else { return Ok(()) };
+        let written = serde_json::to_writer(&mut *file, line).map_err(io::Error::from);
         let whole = written.and_then(|()| file.write_all(b"\n"));
         whole.map_err(|reason| TrueStateLogError { path: path.clone(), reason })
     }
@@ -98,6 +128,19 @@ mod tests {
         let line = "{\"secs\":0.5,\"position\":[0.0,0.0,0.0125],\"velocity\":[0.0,0.0,0.0],\"armed\":true,\
                     \"mode\":\"taking off\",\"rotor_targets\":[1.0,1.0,1.0,1.0]}\n";
         assert_eq!(text, line.repeat(2));
+    }
+
+    #[test]
+    fn a_line_holds_a_step() {
+        let path = std::env::temp_dir().join(format!("kestrel-true-steps-{}.jsonl", std::process::id()));
+        let plant = FlatFloor::new(&CF2X, 0.01);
+        let step = Step { secs: 0.5, state: plant.state(), rotor_targets: [1.0; 4] };
+        TrueStateLog::create(Some(&path)).unwrap().write_step(&step).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let line = "{\"secs\":0.5,\"position\":[0.0,0.0,0.0125],\"velocity\":[0.0,0.0,0.0],\
+                    \"rotor_targets\":[1.0,1.0,1.0,1.0]}\n";
+        assert_eq!(text, line);
     }
 
     #[test]

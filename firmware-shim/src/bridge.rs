@@ -1,0 +1,334 @@
+//! The simulator behind somebody else's autopilot, and our autopilot behind somebody else's simulator.
+//!
+//! A [`Plant`] with [`motors`] and [`sensors`] is a [`drone`]; PX4 ([`px4`]), ArduPilot
+//! ([`ardupilot`]) or Betaflight ([`betaflight`]) flies it. What they say and are told is pure logic, as everywhere in
+//! this crate: bytes in, bytes out, simulated time; only the modules called `server` and `client`, and [`datagram`], know
+//! sockets and clocks. The other direction is a plant of its own: [`px4::client::ExternalSimulator`].
+//!
+//! Not there: batteries (none of these interfaces carries one), airspeed, magnetic disturbances, more than four motors.
+
+pub mod ardupilot;
+pub mod betaflight;
+pub mod datagram;
+pub mod drone;
+pub mod event;
+mod frames;
+pub mod magnetic_field;
+pub mod motors;
+pub mod noise;
+pub mod px4;
+pub mod radio;
+pub mod sensors;
+#[cfg(test)]
+mod testing;
+
+use std::io::{self, ErrorKind};
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use kestrel_core::airframe::Airframe;
+
+use crate::geodesy::Home;
+use crate::lockstep::{Next, Pace};
+use crate::plant::Plant;
+use crate::session::positive_secs;
+use betaflight::Build;
+use datagram::DatagramSocket;
+use drone::Drone;
+use event::{Counts, Event};
+use motors::{MotorError, MotorOrder, Motors, ThrustCurve};
+use noise::Noise;
+use px4::server::Listener;
+use radio::Radio;
+use sensors::Instruments;
+
+/// The autopilots that can fly the simulation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Peer {
+    /// PX4 in software in the loop, TCP 4560 and up
+    Px4,
+    /// ArduPilot Copter with `--model JSON`, UDP 9002 and up
+    Ardupilot,
+    /// Betaflight's SITL target, UDP 9001, 9003 and 9004
+    Betaflight,
+    /// The same, built with `ENABLE_GAZEBO_BRIDGE=0`
+    BetaflightLegacy,
+}
+
+/// Options of every command that lends its simulation to an autopilot.
+#[derive(Clone, Copy, Debug, PartialEq, clap::Args)]
+pub struct BridgeOptions {
+    /// Autopilot that flies
+    #[arg(long, value_enum)]
+    pub peer: Peer,
+
+    /// Which of several autopilots on this machine, 0 to 99: chooses the port
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=99))]
+    pub instance: u16,
+
+    /// Address to listen at instead of the peer's own
+    #[arg(long, value_name = "ADDRESS")]
+    pub listen: Option<SocketAddr>,
+
+    /// Steps per simulated second, 50 to 2000 [default: 250 for PX4, 1200 for ArduPilot, 500 for Betaflight]
+    #[arg(long, value_name = "HERTZ", value_parser = clap::value_parser!(u32).range(50..=2000))]
+    pub rate_hz: Option<u32>,
+
+    /// How the peer numbers its motors [default: quad-x, betaflight for Betaflight]
+    #[arg(long, value_enum, value_name = "ORDER")]
+    pub motors: Option<MotorOrder>,
+
+    /// Seed of the instruments' noise, or "off"
+    #[arg(long, value_name = "SEED", default_value_t = Noise::Seeded(0))]
+    pub noise: Noise,
+
+    /// Place of the world's origin on Earth, in degrees and metres above sea level
+    #[arg(long, value_name = "LATITUDE,LONGITUDE,ALTITUDE", allow_hyphen_values = true, default_value_t = Home::default())]
+    pub home: Home,
+
+    /// Pulses in microseconds of a remote control that nobody moves, for PX4 and Betaflight [default: no remote control]
+    #[arg(long, value_name = "PULSES")]
+    pub radio: Option<Radio>,
+
+    /// Simulated seconds per second, 0.01 to 1000, or "max" for as fast as the autopilot answers
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, default_value = "1")]
+    pub speed: Pace,
+
+    /// End after so many simulated seconds [default: until Ctrl-C]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive_secs)]
+    pub for_secs: Option<f64>,
+}
+
+/// Why a bridge does not stand.
+#[derive(Debug, thiserror::Error)]
+pub enum BridgeError {
+    /// Somebody else has the port.
+    #[error(
+        "{protocol} address {address} is in use by another program (another simulator?); expected a free port: choose another --instance, or end it"
+    )]
+    Busy {
+        /// Of the socket.
+        protocol: &'static str,
+        /// Wanted address.
+        address: SocketAddr,
+    },
+    /// The address cannot be bound.
+    #[error("cannot open {protocol} address {address}: {reason}")]
+    Open {
+        /// Of the socket.
+        protocol: &'static str,
+        /// Wanted address.
+        address: SocketAddr,
+        /// Reason of the operating system.
+        reason: io::Error,
+    },
+    /// A socket fails.
+    #[error("the socket of the bridge fails: {0}")]
+    Socket(io::Error),
+    /// The autopilot cannot be told apart from another on this machine.
+    #[error("Betaflight's ports are fixed: expected --instance 0, found {0}")]
+    Instance(u16),
+    /// The autopilot takes no remote control from its simulator.
+    #[error("ArduPilot takes no remote control from its simulator: expected no --radio, found {0}")]
+    Radio(Radio),
+    /// The airframe is none that autopilots fly.
+    #[error(transparent)]
+    Motors(#[from] MotorError),
+}
+
+/// A simulation that waits for its autopilot.
+#[derive(Debug)]
+pub struct Bridge {
+    options: BridgeOptions,
+    motors: Motors,
+    socket: Socket,
+    announcement: String,
+}
+
+#[derive(Debug)]
+enum Socket {
+    Tcp(Listener),
+    Udp(DatagramSocket),
+}
+
+impl BridgeError {
+    fn opening(protocol: &'static str, address: SocketAddr, reason: io::Error) -> Self {
+        match reason.kind() {
+            ErrorKind::AddrInUse => Self::Busy { protocol, address },
+            _ => Self::Open { protocol, address, reason },
+        }
+    }
+}
+
+impl Peer {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Px4 => "PX4",
+            Self::Ardupilot => "ArduPilot",
+            Self::Betaflight | Self::BetaflightLegacy => "Betaflight",
+        }
+    }
+
+    const fn rate_hz(self) -> u32 {
+        match self {
+            Self::Px4 => 250,
+            Self::Ardupilot => 1200,
+            Self::Betaflight | Self::BetaflightLegacy => 500,
+        }
+    }
+
+    const fn motors(self) -> (MotorOrder, ThrustCurve) {
+        match self {
+            Self::Px4 => (MotorOrder::QuadX, ThrustCurve::PX4),
+            Self::Ardupilot => (MotorOrder::QuadX, ThrustCurve::ARDUPILOT),
+            Self::Betaflight | Self::BetaflightLegacy => (MotorOrder::Betaflight, ThrustCurve::BETAFLIGHT),
+        }
+    }
+
+    /// Its simulator's address; PX4 counts ports by one, ArduPilot by ten.
+    fn address(self, instance: u16) -> SocketAddr {
+        let port = match self {
+            Self::Px4 => 4560 + instance,
+            Self::Ardupilot => 9002 + 10 * instance,
+            Self::Betaflight | Self::BetaflightLegacy => return betaflight::server::Addresses::default().outputs,
+        };
+        SocketAddr::from(([127, 0, 0, 1], port))
+    }
+}
+
+impl BridgeOptions {
+    /// Steps per simulated second.
+    pub fn rate_hz(&self) -> u32 {
+        self.rate_hz.unwrap_or(self.peer.rate_hz())
+    }
+
+    /// The control period that the plant must have \[s\].
+    pub fn control_secs(&self) -> f32 {
+        1.0 / self.rate_hz() as f32
+    }
+
+    fn check(&self) -> Result<(), BridgeError> {
+        match (self.peer, self.instance, self.radio) {
+            (Peer::Betaflight | Peer::BetaflightLegacy, 1.., _) => Err(BridgeError::Instance(self.instance)),
+            (Peer::Ardupilot, _, Some(radio)) => Err(BridgeError::Radio(radio)),
+            (Peer::Px4 | Peer::Ardupilot | Peer::Betaflight | Peer::BetaflightLegacy, _, _) => Ok(()),
+        }
+    }
+
+    fn motors(&self, airframe: &Airframe) -> Result<Motors, MotorError> {
+        let (order, curve) = self.peer.motors();
+        Motors::new(airframe, self.motors.unwrap_or(order), curve)
+    }
+}
+
+impl Bridge {
+    /// Binds the address at which the peer looks for its simulator.
+    ///
+    /// # Errors
+    /// If the options or the airframe do not fit the peer, or the address cannot be had.
+    pub fn open(options: &BridgeOptions, airframe: &Airframe) -> Result<Self, BridgeError> {
+        options.check()?;
+        let motors = options.motors(airframe)?;
+        let address = options.listen.unwrap_or_else(|| options.peer.address(options.instance));
+        let socket = match options.peer {
+            Peer::Px4 => Socket::Tcp(Listener::open(address)?),
+            Peer::Ardupilot | Peer::Betaflight | Peer::BetaflightLegacy => {
+                Socket::Udp(DatagramSocket::open(address)?)
+            }
+        };
+        let announcement = announcement(options, socket.address()?);
+        Ok(Self { options: *options, motors, socket, announcement })
+    }
+
+    /// What waits here, and how to start the autopilot.
+    pub fn announcement(&self) -> &str {
+        &self.announcement
+    }
+
+    /// Has the peer fly `plant`, whose control period is that of the options, until the time is up or `watch` ends it.
+    ///
+    /// # Errors
+    /// If a socket fails.
+    pub fn fly(
+        &mut self,
+        plant: &mut dyn Plant,
+        watch: &mut dyn FnMut(&Event<'_>) -> Next,
+    ) -> Result<Counts, BridgeError> {
+        let options = &self.options;
+        let (rate_hz, home) = (options.rate_hz(), options.home);
+        let period = Duration::from_secs_f64(1.0 / f64::from(rate_hz));
+        let mut drone = Drone::new(plant, self.motors, Instruments::new(home, options.noise, rate_hz));
+        // Half a period of grace: times are sums of rounded periods.
+        let limit_secs = options.for_secs.unwrap_or(f64::INFINITY) - 0.5 * period.as_secs_f64();
+        let mut until = |event: &Event<'_>| match (watch(event), event) {
+            (Next::Fly, Event::Stepped(step)) if step.secs >= limit_secs => Next::End,
+            (next, _) => next,
+        };
+        match (&mut self.socket, options.peer) {
+            (Socket::Tcp(listener), _) => {
+                let simulator = px4::Simulator::new(home, rate_hz, options.radio);
+                px4::server::Server::new(&mut drone, simulator, period, options.speed).serve(listener, &mut until)
+            }
+            (Socket::Udp(socket), Peer::Px4 | Peer::Ardupilot) => {
+                ardupilot::server::serve(&mut drone, socket, period, options.speed, &mut until)
+            }
+            (Socket::Udp(socket), Peer::Betaflight | Peer::BetaflightLegacy) => {
+                let build = if options.peer == Peer::Betaflight { Build::Gazebo } else { Build::Legacy };
+                let simulator = betaflight::Simulator::new(home, build, options.radio);
+                let addresses = betaflight::server::Addresses::default();
+                betaflight::server::Server::new(&mut drone, simulator, addresses, period, options.speed)
+                    .serve(socket, &mut until)
+            }
+        }
+    }
+}
+
+impl Socket {
+    fn address(&self) -> Result<SocketAddr, BridgeError> {
+        match self {
+            Self::Tcp(listener) => listener.address(),
+            Self::Udp(socket) => socket.address(),
+        }
+    }
+}
+
+fn announcement(options: &BridgeOptions, address: SocketAddr) -> String {
+    let BridgeOptions { peer, instance, speed, home, noise, .. } = options;
+    let pace = match speed {
+        Pace::Speed(1.0) => "in real time".to_owned(),
+        Pace::Speed(factor) => format!("at {factor} times real time"),
+        Pace::Unthrottled => "as fast as the autopilot answers".to_owned(),
+    };
+    let errors = match noise {
+        Noise::Off => "without noise".to_owned(),
+        Noise::Seeded(seed) => format!("with noise of seed {seed}"),
+    };
+    let (rate_hz, name) = (options.rate_hz(), peer.name());
+    let protocol = match peer {
+        Peer::Px4 => "TCP",
+        Peer::Ardupilot | Peer::Betaflight | Peer::BetaflightLegacy => "UDP",
+    };
+    let how = match peer {
+        Peer::Px4 => format!(
+            "PX4_SYS_AUTOSTART=10016 bin/px4 -i {instance}   (or, the first one: make px4_sitl none_iris)\n  \
+             gains for a Crazyflie: those of PX4's airframe 4901_crazyflie21\n  \
+             parameter IMU_INTEG_RATE: {rate_hz}"
+        ),
+        Peer::Ardupilot => {
+            format!("sim_vehicle.py -v ArduCopter --model JSON -I {instance}\n  GPS needs about 37 s before it flies")
+        }
+        Peer::Betaflight => "obj/betaflight_SITL.elf\n  sticks: --radio, or any program that sends to UDP 9004".to_owned(),
+        Peer::BetaflightLegacy => {
+            "obj/betaflight_SITL.elf, built with ENABLE_GAZEBO_BRIDGE=0\n  sticks: --radio, or any program that sends to UDP 9004"
+                .to_owned()
+        }
+    };
+    format!(
+        "A drone waits for {name} at {protocol} {address}: {rate_hz} steps per second, {pace}, {errors}, home {home}.\n\
+         Start the autopilot, and connect a ground station to it:\n  {how}\n\
+         Ctrl-C ends the simulation."
+    )
+}
+
+#[cfg(test)]
+mod tests;

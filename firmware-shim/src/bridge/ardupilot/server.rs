@@ -1,0 +1,97 @@
+//! The loop around [`Simulator`]: a frame of servos in, a step, a line out.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use super::{Request, Simulator};
+use crate::bridge::BridgeError;
+use crate::bridge::datagram::DatagramSocket;
+use crate::bridge::drone::Drone;
+use crate::bridge::event::{Counts, Event, Step};
+use crate::lockstep::{Clock, Next, Pace};
+
+/// One look for a datagram waits no longer than this.
+const LOOK_LIMIT: Duration = Duration::from_millis(100);
+
+/// Silence after which ArduPilot has gone: it repeats a frame that is not answered every second.
+const SILENT_LOOKS: u32 = 30;
+
+/// Serves one ArduPilot after the other, in steps of `period`, until `watch` ends it.
+///
+/// # Errors
+/// [`BridgeError::Socket`] if the socket fails.
+pub fn serve(
+    drone: &mut Drone<'_>,
+    socket: &mut DatagramSocket,
+    period: Duration,
+    pace: Pace,
+    watch: &mut dyn FnMut(&Event<'_>) -> Next,
+) -> Result<Counts, BridgeError> {
+    let mut server = Server { drone, simulator: Simulator::new(), period, counts: Counts::default(), looks: 0 };
+    let mut clock = Clock::new(pace, period);
+    loop {
+        let Some((datagram, sender)) = socket.receive(LOOK_LIMIT)? else {
+            if server.miss(watch) == Next::End {
+                break;
+            }
+            continue;
+        };
+        let Some(request) = server.simulator.receive(datagram) else { continue };
+        let next = match request {
+            Request::Step(throttles) => server.step(&throttles, sender, watch),
+            Request::Repeat => Next::Fly,
+        };
+        socket.send(server.simulator.last_answer().as_bytes(), sender);
+        if next == Next::End {
+            break;
+        }
+        if request != Request::Repeat {
+            clock.wait();
+        }
+    }
+    server.counts.garbage = server.simulator.garbage();
+    Ok(server.counts)
+}
+
+struct Server<'a, 'p> {
+    drone: &'a mut Drone<'p>,
+    simulator: Simulator,
+    period: Duration,
+    counts: Counts,
+    /// Looks for a datagram since the last one.
+    looks: u32,
+}
+
+impl Server<'_, '_> {
+    /// Nothing has arrived.
+    fn miss(&mut self, watch: &mut dyn FnMut(&Event<'_>) -> Next) -> Next {
+        self.looks = self.looks.saturating_add(1);
+        let flying = self.counts.steps > 0;
+        if flying && self.looks == SILENT_LOOKS { watch(&Event::Gone) } else { watch(&Event::Waiting) }
+    }
+
+    fn step(
+        &mut self,
+        throttles: &[f32; 4],
+        sender: SocketAddr,
+        watch: &mut dyn FnMut(&Event<'_>) -> Next,
+    ) -> Next {
+        self.looks = 0;
+        if self.simulator.restarts() > self.counts.connections {
+            self.counts.connections = self.simulator.restarts();
+            self.drone.restart_instruments();
+            if watch(&Event::Connected(sender)) == Next::End || watch(&Event::Engaged) == Next::End {
+                return Next::End;
+            }
+        }
+        self.drone.step(throttles);
+        self.counts.steps += 1;
+        self.counts.answered += 1;
+        self.simulator.answer(self.drone.measurement(), self.drone.state(), self.period.as_secs_f64());
+        watch(&Event::Stepped(Step {
+            secs: self.counts.steps as f64 * self.period.as_secs_f64(),
+            state: self.drone.state(),
+            rotor_targets: self.drone.rotor_targets(),
+        }))
+    }
+}

@@ -1,0 +1,164 @@
+//! The loop around [`Simulator`]: a state out, motor outputs in, a step.
+
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use super::Simulator;
+use crate::bridge::BridgeError;
+use crate::bridge::datagram::DatagramSocket;
+use crate::bridge::drone::Drone;
+use crate::bridge::event::{Counts, Event, Step};
+use crate::lockstep::{Clock, Next, Pace};
+
+/// Motor outputs are awaited this long: Betaflight answers within a millisecond of its own clock, or not at all.
+const ANSWER_LIMIT: Duration = Duration::from_millis(50);
+
+/// So many states without an answer, and Betaflight has gone.
+const UNANSWERED_LIMIT: u64 = 20;
+
+/// Sticks are sent this often \[s\], as radios do.
+const STICKS_SECS: f64 = 0.02;
+
+/// Where a Betaflight is, and where its motor outputs arrive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Addresses {
+    /// Motor outputs arrive here.
+    pub outputs: SocketAddr,
+    /// It takes states here.
+    pub state: SocketAddr,
+    /// It takes sticks here.
+    pub sticks: SocketAddr,
+}
+
+impl Default for Addresses {
+    /// Betaflight's own; they cannot be changed there.
+    fn default() -> Self {
+        let loopback = |port| SocketAddr::from(([127, 0, 0, 1], port));
+        Self { outputs: loopback(9001), state: loopback(9003), sticks: loopback(9004) }
+    }
+}
+
+/// Betaflight's simulation, ready to be served.
+pub struct Server<'a, 'p> {
+    drone: &'a mut Drone<'p>,
+    simulator: Simulator,
+    addresses: Addresses,
+    period: Duration,
+    clock: Clock,
+    counts: Counts,
+    unanswered_in_a_row: u64,
+    sticks_due_secs: f64,
+}
+
+impl<'a, 'p> Server<'a, 'p> {
+    /// A simulation with steps of `period`.
+    pub fn new(
+        drone: &'a mut Drone<'p>,
+        simulator: Simulator,
+        addresses: Addresses,
+        period: Duration,
+        pace: Pace,
+    ) -> Self {
+        Self {
+            drone,
+            simulator,
+            addresses,
+            period,
+            clock: Clock::new(pace, period),
+            counts: Counts::default(),
+            unanswered_in_a_row: 0,
+            sticks_due_secs: 0.0,
+        }
+    }
+
+    /// Serves until `watch` ends it. While no Betaflight answers, the drone stands with its motors stopped.
+    ///
+    /// # Errors
+    /// [`BridgeError::Socket`] if the socket fails.
+    pub fn serve(
+        mut self,
+        socket: &mut DatagramSocket,
+        watch: &mut dyn FnMut(&Event<'_>) -> Next,
+    ) -> Result<Counts, BridgeError> {
+        loop {
+            let engaged_before = self.simulator.engaged();
+            self.tell(socket);
+            let sender = self.listen(socket)?;
+            if !engaged_before && let Some(sender) = sender {
+                self.counts.connections += 1;
+                self.drone.restart_instruments();
+                if watch(&Event::Connected(sender)) == Next::End || watch(&Event::Engaged) == Next::End {
+                    break;
+                }
+            }
+            if self.count(engaged_before, watch) == Next::End || self.step(watch) == Next::End {
+                break;
+            }
+            self.clock.wait();
+        }
+        self.counts.garbage = self.simulator.garbage();
+        Ok(self.counts)
+    }
+
+    fn secs(&self) -> f64 {
+        self.counts.steps as f64 * self.period.as_secs_f64()
+    }
+
+    fn tell(&mut self, socket: &DatagramSocket) {
+        let secs = self.secs();
+        let state = self.simulator.tell(self.drone.measurement(), self.drone.state(), secs);
+        socket.send(&state, self.addresses.state);
+        if secs >= self.sticks_due_secs
+            && let Some(sticks) = self.simulator.sticks(secs)
+        {
+            socket.send(&sticks, self.addresses.sticks);
+            self.sticks_due_secs = secs + STICKS_SECS;
+        }
+    }
+
+    /// Who answered in time, if anybody did.
+    fn listen(&mut self, socket: &mut DatagramSocket) -> Result<Option<SocketAddr>, BridgeError> {
+        // Before the first answer nobody is waited for.
+        let limit = if self.simulator.engaged() { ANSWER_LIMIT } else { self.period };
+        let end = Instant::now() + limit;
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            let Some((datagram, sender)) = socket.receive(left)? else { continue };
+            self.simulator.receive(datagram);
+            if self.simulator.answered() {
+                return Ok(Some(sender));
+            }
+        }
+    }
+
+    fn count(&mut self, engaged: bool, watch: &mut dyn FnMut(&Event<'_>) -> Next) -> Next {
+        if self.simulator.answered() {
+            self.counts.answered += 1;
+            self.unanswered_in_a_row = 0;
+            return Next::Fly;
+        }
+        if !engaged {
+            return watch(&Event::Waiting);
+        }
+        self.counts.unanswered += 1;
+        self.unanswered_in_a_row += 1;
+        if self.unanswered_in_a_row == UNANSWERED_LIMIT {
+            self.simulator.disengage();
+            return watch(&Event::Gone);
+        }
+        watch(&Event::Unanswered)
+    }
+
+    fn step(&mut self, watch: &mut dyn FnMut(&Event<'_>) -> Next) -> Next {
+        self.drone.step(&self.simulator.throttles());
+        self.counts.steps += 1;
+        watch(&Event::Stepped(Step {
+            secs: self.secs(),
+            state: self.drone.state(),
+            rotor_targets: self.drone.rotor_targets(),
+        }))
+    }
+}

@@ -1,0 +1,222 @@
+//! Scripted Betaflights on real sockets.
+
+use std::net::{SocketAddr, UdpSocket};
+use std::thread;
+use std::time::Duration;
+
+use kestrel_core::airframe::CF2X;
+use nalgebra::Vector3;
+use proptest::prelude::*;
+
+use super::server::{Addresses, Server};
+use super::*;
+use crate::bridge::datagram::DatagramSocket;
+use crate::bridge::drone::Drone;
+use crate::bridge::event::{Counts, Event};
+use crate::bridge::motors::{MotorOrder, Motors, ThrustCurve};
+use crate::bridge::noise::Noise;
+use crate::bridge::sensors::Instruments;
+use crate::bridge::testing::{BETAFLIGHT, FLIGHT_SECS, Judge, Seen, fly};
+use crate::lockstep::{Next, Pace};
+use crate::message::ned_from_enu;
+use crate::plant::{FlatFloor, Plant};
+
+const RATE_HZ: u32 = 500;
+
+fn pulses(throttles: [f32; 4]) -> [u8; PULSES_LEN] {
+    let mut bytes = [0; PULSES_LEN];
+    bytes[..2].copy_from_slice(&4_u16.to_le_bytes());
+    for (motor, throttle) in throttles.into_iter().enumerate() {
+        bytes[4 + 4 * motor..8 + 4 * motor].copy_from_slice(&(1000.0 + 1000.0 * throttle).to_le_bytes());
+    }
+    bytes
+}
+
+fn numbers(state: &[u8]) -> [f64; 18] {
+    core::array::from_fn(|index| f64::from_le_bytes(state[8 * index..8 * index + 8].try_into().unwrap()))
+}
+
+/// What Betaflight makes of a state (`updateState` of `sitl.c`), in the frames of [`fly`].
+fn seen(state: &[u8; STATE_LEN], build: Build) -> (f64, Seen) {
+    let numbers = numbers(state);
+    let [secs, roll, pitch, yaw, _, _, _, w, x, y, z, east, north, up, longitude_deg, latitude_deg, altitude_m, _] =
+        numbers;
+    let home = Home::default();
+    let (attitude, latitude_deg, longitude_deg) = match build {
+        Build::Legacy => ([w, x, y, z], latitude_deg, longitude_deg),
+        Build::Gazebo => {
+            let k = core::f64::consts::FRAC_1_SQRT_2;
+            let attitude = [k * (w - z), k * (x - y), k * (y + x), k * (z + w)];
+            (attitude, 2.0 * home.latitude_deg - latitude_deg, 2.0 * home.longitude_deg - longitude_deg)
+        }
+    };
+    let position = home.point_at(&Geodetic { latitude_deg, longitude_deg, altitude_m });
+    let seen = Seen {
+        position_ned: ned_from_enu(&position),
+        velocity_ned: [north as f32, east as f32, -up as f32],
+        attitude: attitude.map(|value| value as f32),
+        body_rates_frd: [roll as f32, pitch as f32, yaw as f32],
+    };
+    (secs, seen)
+}
+
+/// A Betaflight with sockets of its own.
+struct Betaflight {
+    state: UdpSocket,
+    sticks: UdpSocket,
+}
+
+impl Betaflight {
+    fn new() -> Self {
+        let bind = || UdpSocket::bind("127.0.0.1:0").unwrap();
+        let betaflight = Self { state: bind(), sticks: bind() };
+        betaflight.state.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+        betaflight
+    }
+
+    fn addresses(&self, outputs: SocketAddr) -> Addresses {
+        Addresses { outputs, state: self.state.local_addr().unwrap(), sticks: self.sticks.local_addr().unwrap() }
+    }
+
+    /// Answers so many states with the motors of [`fly`]'s flight, counted from the first.
+    fn fly(&self, outputs: SocketAddr, build: Build, answers: u32) {
+        let mut bytes = [0; 256];
+        let mut start_secs = None;
+        for _ in 0..answers {
+            let Ok(len) = self.state.recv(&mut bytes) else { return };
+            let (secs, seen) = seen(bytes[..len].try_into().unwrap(), build);
+            let elapsed_secs = secs - *start_secs.get_or_insert(secs);
+            let throttles = fly(&seen, elapsed_secs as f32, &BETAFLIGHT).map(f32::sqrt);
+            self.state.send_to(&pulses(throttles), outputs).unwrap();
+        }
+    }
+}
+
+fn simulate(
+    socket: &mut DatagramSocket,
+    addresses: Addresses,
+    build: Build,
+    watch: &mut dyn FnMut(&Event<'_>) -> Next,
+) -> Counts {
+    let mut plant = FlatFloor::new(&CF2X, 1.0 / RATE_HZ as f32);
+    let motors = Motors::new(&CF2X, MotorOrder::Betaflight, ThrustCurve::BETAFLIGHT).unwrap();
+    let mut drone = Drone::new(&mut plant, motors, Instruments::new(Home::default(), Noise::Seeded(1), RATE_HZ));
+    let simulator = Simulator::new(Home::default(), build, Some("1500,1500,1000,1500,2000".parse().unwrap()));
+    let period = Duration::from_secs(1) / RATE_HZ;
+    Server::new(&mut drone, simulator, addresses, period, Pace::Unthrottled).serve(socket, watch).unwrap()
+}
+
+#[test]
+fn a_betaflight_of_either_build_flies_to_a_point_and_lands() {
+    for build in [Build::Gazebo, Build::Legacy] {
+        let mut socket = DatagramSocket::open("127.0.0.1:0".parse().unwrap()).unwrap();
+        let outputs = socket.address().unwrap();
+        let betaflight = Betaflight::new();
+        let addresses = betaflight.addresses(outputs);
+        let mut judge = Judge::default();
+        let (mut start_secs, mut now_secs) = (None, 0.0);
+        let counts = thread::scope(|scope| {
+            scope.spawn(|| betaflight.fly(outputs, build, u32::MAX));
+            simulate(&mut socket, addresses, build, &mut |event| {
+                match event {
+                    Event::Engaged => start_secs = Some(now_secs),
+                    Event::Stepped(step) => {
+                        judge.see(step.secs, step.state);
+                        now_secs = step.secs;
+                    }
+                    _ => {}
+                }
+                let end = start_secs.is_some_and(|start| now_secs > start + f64::from(FLIGHT_SECS));
+                if end { Next::End } else { Next::Fly }
+            })
+        });
+        assert_eq!(counts.garbage, 0);
+        // Betaflight is not waited for without end: a busy machine may leave a few states unanswered.
+        assert!(counts.unanswered < counts.steps / 100, "{counts:?}");
+        judge.judge(start_secs.unwrap(), 0.12);
+        let mut sticks = [0; 64];
+        assert_eq!(betaflight.sticks.recv(&mut sticks).unwrap(), RADIO_LEN);
+        assert_eq!(sticks[12..14], 1000_u16.to_le_bytes(), "the third channel is the throttle");
+    }
+}
+
+#[test]
+fn a_betaflight_that_goes_stops_the_motors_and_may_come_back() {
+    let mut socket = DatagramSocket::open("127.0.0.1:0".parse().unwrap()).unwrap();
+    let outputs = socket.address().unwrap();
+    let betaflight = Betaflight::new();
+    let addresses = betaflight.addresses(outputs);
+    let (mut gone, mut engaged, mut last_targets) = (0, 0, [1.0; 4]);
+    let counts = thread::scope(|scope| {
+        let first = scope.spawn(|| {
+            betaflight.fly(outputs, Build::Gazebo, 500);
+            thread::sleep(Duration::from_millis(1500));
+            betaflight.fly(outputs, Build::Gazebo, 50);
+        });
+        let counts = simulate(&mut socket, addresses, Build::Gazebo, &mut |event| {
+            match event {
+                Event::Gone => gone += 1,
+                Event::Engaged => engaged += 1,
+                Event::Stepped(step) => last_targets = step.rotor_targets,
+                Event::Waiting | Event::Connected(_) | Event::Unanswered => {}
+            }
+            if gone == 2 { Next::End } else { Next::Fly }
+        });
+        first.join().unwrap();
+        counts
+    });
+    assert_eq!((gone, engaged, counts.connections), (2, 2, 2));
+    assert_eq!(last_targets, [0.0; 4]);
+}
+
+// What follows needs no socket.
+
+fn rest() -> State<f32> {
+    *FlatFloor::new(&CF2X, 0.002).state()
+}
+
+#[test]
+fn states_have_eighteen_doubles_in_their_units() {
+    let state = State { velocity: Vector3::new(1.0, 2.0, 3.0), body_rates: Vector3::new(0.1, 0.2, 0.3), ..rest() };
+    let mut instruments = Instruments::new(Home::default(), Noise::Off, RATE_HZ);
+    let measurement = instruments.measure(&state, &state);
+    let found = numbers(&Simulator::new(Home::default(), Build::Legacy, None).tell(&measurement, &state, 2.5));
+    let half_root = core::f64::consts::FRAC_1_SQRT_2;
+    let expected = [
+        [2.5, 0.1, -0.2, -0.3, 0.0, 0.0],
+        [-9.8, half_root, 0.0, 0.0, half_root, 1.0],
+        [2.0, 3.0, 8.545_594, 47.397_742, 488.0125, 95_598.1],
+    ];
+    for (found, expected) in found.iter().zip(expected.as_flattened()) {
+        assert!((found - expected).abs() < 1e-5 * expected.abs().max(1.0), "{found} instead of {expected}");
+    }
+}
+
+#[test]
+fn sticks_are_told_only_with_a_radio() {
+    assert_eq!(Simulator::new(Home::default(), Build::Gazebo, None).sticks(1.0), None);
+    let radio = "1100,1200,1300,1400".parse().unwrap();
+    let sticks = Simulator::new(Home::default(), Build::Gazebo, Some(radio)).sticks(1.0).unwrap();
+    assert_eq!(sticks[..8], 1.0_f64.to_le_bytes());
+    let channel = |number: usize| u16::from_le_bytes([sticks[6 + 2 * number], sticks[7 + 2 * number]]);
+    assert_eq!([1, 2, 3, 4, 5, 16].map(channel), [1100, 1200, 1300, 1400, 1500, 1500]);
+}
+
+#[test]
+fn outputs_of_at_least_four_motors_are_read() {
+    assert_eq!(throttles(&pulses([0.0, 0.25, 0.5, 1.0])), Some([0.0, 0.25, 0.5, 1.0]));
+    assert_eq!(throttles(&pulses([f32::NAN, f32::INFINITY, -2.0, 7.0])), Some([0.0, 0.0, 0.0, 1.0]));
+    let mut three = pulses([0.5; 4]);
+    three[0] = 3;
+    assert_eq!(throttles(&three), None);
+    assert_eq!(throttles(&pulses([0.5; 4])[..16]), None, "the shares of port 9002 are not obeyed");
+}
+
+proptest! {
+    #[test]
+    fn no_datagram_panics(datagram in proptest::collection::vec(any::<u8>(), 0..100)) {
+        let mut simulator = Simulator::new(Home::default(), Build::Gazebo, None);
+        simulator.receive(&datagram);
+        prop_assert!(simulator.throttles().iter().all(|throttle| (0.0..=1.0).contains(throttle)));
+    }
+}

@@ -1,0 +1,53 @@
+//! What an autopilot behind a bridge flies: a plant with motors and instruments.
+
+use kestrel_core::vehicle::State;
+
+use super::motors::Motors;
+use super::sensors::{Instruments, Measurement};
+use crate::plant::Plant;
+
+/// A drone that obeys throttles and measures.
+pub struct Drone<'p> {
+    plant: &'p mut dyn Plant,
+    motors: Motors,
+    instruments: Instruments,
+    measurement: Measurement,
+    rotor_targets: [f32; 4],
+}
+
+impl<'p> Drone<'p> {
+    /// The drone of a plant, at rest.
+    pub fn new(plant: &'p mut dyn Plant, motors: Motors, mut instruments: Instruments) -> Self {
+        let measurement = instruments.measure(plant.state(), plant.state());
+        Self { plant, motors, instruments, measurement, rotor_targets: [0.0; 4] }
+    }
+
+    /// Advances one control period of the plant with throttles from 0 to 1, in the autopilot's order.
+    pub fn step(&mut self, throttles: &[f32; 4]) {
+        let before = *self.plant.state();
+        self.rotor_targets = self.motors.rotor_targets(throttles);
+        self.plant.step(&self.rotor_targets);
+        self.measurement = self.instruments.measure(&before, self.plant.state());
+    }
+
+    /// Has its instruments switched on anew: what they measure from now on depends on nothing before.
+    pub fn restart_instruments(&mut self) {
+        self.instruments.restart();
+        self.measurement = self.instruments.measure(self.plant.state(), self.plant.state());
+    }
+
+    /// The true state.
+    pub fn state(&self) -> &State<f32> {
+        self.plant.state()
+    }
+
+    /// What the instruments measured at the end of the last step.
+    pub fn measurement(&self) -> &Measurement {
+        &self.measurement
+    }
+
+    /// What the rotors were told with the last step \[rad/s\].
+    pub fn rotor_targets(&self) -> [f32; 4] {
+        self.rotor_targets
+    }
+}

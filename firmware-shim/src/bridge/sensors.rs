@@ -1,0 +1,255 @@
+//! What the instruments of a drone measure: the truth, late, coarse and noisy as instruments are.
+//!
+//! White noise has the densities of the Crazyflie's own instruments where it has them, over half the sampling rate; biases
+//! walk as RotorS has them (Furrer et al. 2016, `gazebo_imu_plugin`), each pulled back to zero within its correlation
+//! time. They begin at zero, as after the calibration on the ground.
+
+use kestrel_core::airframe::GRAVITY;
+use kestrel_core::vehicle::State;
+use nalgebra::Vector3;
+
+use super::magnetic_field::{FLIGHT_YEAR, field_ned_nanotesla};
+use super::noise::{Noise, Purpose};
+use crate::geodesy::{Geodetic, Home};
+use crate::message::{enu_from_ned, frd_from_flu, ned_from_enu};
+
+/// Magnetometer and barometer deliver at this rate \[Hz\], as PX4's simulations have it.
+const SLOW_RATE_HZ: u32 = 50;
+
+/// A GPS receiver delivers at this rate \[Hz\], each fix one interval old.
+const FIX_RATE_HZ: u32 = 10;
+
+/// Noise of the accelerometer along x and y, and along z \[m/s²/√Hz\]: 160 and 190 µg (Bosch BMI088).
+const ACCELEROMETER_DENSITY: [f32; 3] = [160e-6 * 9.81, 160e-6 * 9.81, 190e-6 * 9.81];
+
+/// Noise of the gyroscope \[rad/s/√Hz\]: 0.014 °/s (Bosch BMI088).
+const GYROSCOPE_DENSITY: f32 = 2.44e-4;
+
+/// The accelerometer delivers no more than this along an axis \[m/s²\]: ±24 g (Bosch BMI088).
+const ACCELEROMETER_LIMIT: f32 = 24.0 * 9.81;
+
+/// The gyroscope delivers no more than this about an axis \[rad/s\]: ±2000 °/s (Bosch BMI088).
+const GYROSCOPE_LIMIT: f32 = 34.906_586;
+
+/// Noise of a magnetometer \[gauss\]: a Crazyflie has none; PX4's `gazebo_magnetometer_plugin`, 0.4 mG/√Hz at its 100 Hz.
+const MAGNETOMETER_DEVIATION: f32 = 4e-3;
+
+/// Noise of the barometer \[Pa\], eight centimetres of height; PX4's `gazebo_barometer_plugin`.
+const BAROMETER_DEVIATION: f32 = 1.0;
+
+/// Noise of a position \[m\], horizontal and vertical: a u-blox ZED-F9P with corrections. A receiver without them wanders
+/// through the whole aviary.
+const FIX_DEVIATION_M: [f32; 3] = [0.01, 0.01, 0.02];
+
+/// Noise of a velocity \[m/s\]: u-blox ZED-F9P.
+const FIX_VELOCITY_DEVIATION: f32 = 0.05;
+
+/// What every instrument's bias does.
+struct Walk {
+    /// Growth \[unit/√s\].
+    density: f32,
+    correlation_secs: f32,
+}
+
+/// \[m/s²\]; RotorS.
+const ACCELEROMETER_WALK: Walk = Walk { density: 6e-3, correlation_secs: 300.0 };
+
+/// \[rad/s\]; RotorS.
+const GYROSCOPE_WALK: Walk = Walk { density: 3.88e-5, correlation_secs: 1000.0 };
+
+/// \[gauss\]; `gazebo_magnetometer_plugin`.
+const MAGNETOMETER_WALK: Walk = Walk { density: 6.4e-6, correlation_secs: 600.0 };
+
+/// \[Pa\]: ±8 Pa, the relative accuracy of the Crazyflie's Bosch BMP388, after some minutes of weather.
+const BAROMETER_WALK: Walk = Walk { density: 0.5, correlation_secs: 600.0 };
+
+/// \[m\]: a centimetre, the accuracy of the ZED-F9P, over a minute of moving satellites.
+const FIX_WALK: Walk = Walk { density: 2e-3, correlation_secs: 60.0 };
+
+/// One sample of all instruments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measurement {
+    /// Specific force, FRD \[m/s²\]: (0, 0, −g) at rest.
+    pub specific_force_frd: [f32; 3],
+    /// Angular velocity, FRD \[rad/s\].
+    pub body_rates_frd: [f32; 3],
+    /// What the slow instruments deliver, when they do.
+    pub ambient: Option<Ambient>,
+    /// What the GPS receiver delivers, when it does.
+    pub fix: Option<Fix>,
+}
+
+/// One sample of the magnetometer and the barometer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ambient {
+    /// Magnetic field, FRD \[gauss\].
+    pub magnetic_field_frd_gauss: [f32; 3],
+    /// Static pressure \[Pa\].
+    pub pressure_pa: f32,
+    /// Height of that pressure in the standard atmosphere \[m\].
+    pub pressure_altitude_m: f32,
+    /// Of the air \[°C\].
+    pub temperature_celsius: f32,
+}
+
+/// One fix of the GPS receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fix {
+    /// Where the drone was.
+    pub position: Geodetic,
+    /// Its velocity, NED \[m/s\].
+    pub velocity_ned: [f32; 3],
+}
+
+/// The instruments of one drone.
+#[derive(Clone, Debug)]
+pub struct Instruments {
+    home: Home,
+    field_in_world_gauss: Vector3<f32>,
+    noise: Noise,
+    rate_hz: u32,
+    count: u64,
+    drifts: Drifts,
+    fix_on_its_way: Option<Fix>,
+}
+
+/// The present bias of every instrument, in the units of [`Measurement`].
+#[derive(Clone, Copy, Debug, Default)]
+struct Drifts {
+    specific_force: [f32; 3],
+    body_rates: [f32; 3],
+    magnetic_field_gauss: [f32; 3],
+    pressure_pa: [f32; 3],
+    position_m: [f32; 3],
+}
+
+impl Walk {
+    /// Moves a bias on by `secs` with standard normal numbers.
+    fn advance(&self, bias: &mut [f32; 3], normals: [f32; 3], secs: f32) {
+        for (bias, normal) in bias.iter_mut().zip(normals) {
+            *bias += self.density * libm::sqrtf(secs) * normal - *bias * secs / self.correlation_secs;
+        }
+    }
+}
+
+impl Instruments {
+    /// Instruments at home, sampled at this rate.
+    pub fn new(home: Home, noise: Noise, rate_hz: u32) -> Self {
+        let field_ned = field_ned_nanotesla(&home, FLIGHT_YEAR);
+        Self {
+            home,
+            // 100,000 nT are one gauss.
+            field_in_world_gauss: enu_from_ned(field_ned.map(|component| (component * 1e-5) as f32)),
+            noise,
+            rate_hz: rate_hz.max(1),
+            count: 0,
+            drifts: Drifts::default(),
+            fix_on_its_way: None,
+        }
+    }
+
+    /// Forgets biases and fixes and counts from zero again, so that what follows depends on nothing before.
+    pub fn restart(&mut self) {
+        *self = Self { count: 0, drifts: Drifts::default(), fix_on_its_way: None, ..*self };
+    }
+
+    /// The next sample, of a drone that moved from one true state to another within a sampling period.
+    pub fn measure(&mut self, before: &State<f32>, after: &State<f32>) -> Measurement {
+        let measurement = Measurement {
+            specific_force_frd: self.specific_force(before, after),
+            body_rates_frd: self.body_rates(after),
+            ambient: self.due(SLOW_RATE_HZ).then(|| self.ambient(after)),
+            fix: if self.due(FIX_RATE_HZ) { self.fix(after) } else { None },
+        };
+        self.count += 1;
+        measurement
+    }
+
+    /// Whether an instrument of this rate delivers with this sample.
+    fn due(&self, rate_hz: u32) -> bool {
+        self.count.is_multiple_of(u64::from((self.rate_hz / rate_hz).max(1)))
+    }
+
+    fn specific_force(&mut self, before: &State<f32>, after: &State<f32>) -> [f32; 3] {
+        let acceleration = (after.velocity - before.velocity) * self.rate_hz as f32;
+        let in_world = acceleration + Vector3::z() * GRAVITY as f32;
+        let truth = frd_from_flu(&after.world_from_body.rotate_inverse(in_world));
+        let secs = self.period_secs();
+        let normals = self.noise.normals(Purpose::AccelerometerDrift, self.count);
+        ACCELEROMETER_WALK.advance(&mut self.drifts.specific_force, normals, secs);
+        let deviation = ACCELEROMETER_DENSITY.map(|density| density * self.root_bandwidth());
+        let normals = self.noise.normals(Purpose::Accelerometer, self.count);
+        let measured = noisy(truth, self.drifts.specific_force, deviation, normals);
+        measured.map(|value| value.clamp(-ACCELEROMETER_LIMIT, ACCELEROMETER_LIMIT))
+    }
+
+    fn body_rates(&mut self, state: &State<f32>) -> [f32; 3] {
+        let secs = self.period_secs();
+        let normals = self.noise.normals(Purpose::GyroscopeDrift, self.count);
+        GYROSCOPE_WALK.advance(&mut self.drifts.body_rates, normals, secs);
+        let deviation = [GYROSCOPE_DENSITY * self.root_bandwidth(); 3];
+        let normals = self.noise.normals(Purpose::Gyroscope, self.count);
+        let measured = noisy(frd_from_flu(&state.body_rates), self.drifts.body_rates, deviation, normals);
+        measured.map(|value| value.clamp(-GYROSCOPE_LIMIT, GYROSCOPE_LIMIT))
+    }
+
+    fn ambient(&mut self, state: &State<f32>) -> Ambient {
+        let secs = 1.0 / SLOW_RATE_HZ as f32;
+        let normals = self.noise.normals(Purpose::MagnetometerDrift, self.count);
+        MAGNETOMETER_WALK.advance(&mut self.drifts.magnetic_field_gauss, normals, secs);
+        let field = frd_from_flu(&state.world_from_body.rotate_inverse(self.field_in_world_gauss));
+        let normals = self.noise.normals(Purpose::Magnetometer, self.count);
+        let field = noisy(field, self.drifts.magnetic_field_gauss, [MAGNETOMETER_DEVIATION; 3], normals);
+
+        let normals = self.noise.normals(Purpose::BarometerDrift, self.count);
+        BAROMETER_WALK.advance(&mut self.drifts.pressure_pa, normals, secs);
+        let altitude_m = self.home.altitude_m + f64::from(state.position.z);
+        let [normal, ..] = self.noise.normals(Purpose::Barometer, self.count);
+        let pressure_pa =
+            pressure_pa(altitude_m) as f32 + self.drifts.pressure_pa[0] + BAROMETER_DEVIATION * normal;
+        Ambient {
+            magnetic_field_frd_gauss: field,
+            pressure_pa,
+            pressure_altitude_m: pressure_altitude_m(f64::from(pressure_pa)) as f32,
+            temperature_celsius: (15.0 - 0.0065 * altitude_m) as f32,
+        }
+    }
+
+    /// Takes a fix, and delivers the one before it.
+    fn fix(&mut self, state: &State<f32>) -> Option<Fix> {
+        let normals = self.noise.normals(Purpose::GpsPositionDrift, self.count);
+        FIX_WALK.advance(&mut self.drifts.position_m, normals, 1.0 / FIX_RATE_HZ as f32);
+        let normals = self.noise.normals(Purpose::GpsPosition, self.count);
+        let position = noisy(state.position.into(), self.drifts.position_m, FIX_DEVIATION_M, normals);
+        let normals = self.noise.normals(Purpose::GpsVelocity, self.count);
+        let velocity = noisy(ned_from_enu(&state.velocity), [0.0; 3], [FIX_VELOCITY_DEVIATION; 3], normals);
+        let fix = Fix { position: self.home.place_of(&position.into()), velocity_ned: velocity };
+        self.fix_on_its_way.replace(fix)
+    }
+
+    fn period_secs(&self) -> f32 {
+        1.0 / self.rate_hz as f32
+    }
+
+    /// Root of the bandwidth of a sample \[√Hz\].
+    fn root_bandwidth(&self) -> f32 {
+        libm::sqrtf(0.5 * self.rate_hz as f32)
+    }
+}
+
+fn noisy(truth: [f32; 3], bias: [f32; 3], deviation: [f32; 3], normals: [f32; 3]) -> [f32; 3] {
+    core::array::from_fn(|axis| truth[axis] + bias[axis] + deviation[axis] * normals[axis])
+}
+
+/// Pressure \[Pa\] at an altitude \[m\] of the International Standard Atmosphere (ISO 2533), below 11 km.
+fn pressure_pa(altitude_m: f64) -> f64 {
+    101_325.0 * libm::pow(1.0 - 0.0065 * altitude_m / 288.15, 5.255_88)
+}
+
+/// The inverse of [`pressure_pa`].
+fn pressure_altitude_m(pressure_pa: f64) -> f64 {
+    (1.0 - libm::pow((pressure_pa / 101_325.0).max(0.0), 1.0 / 5.255_88)) * 288.15 / 0.0065
+}
+
+#[cfg(test)]
+mod tests;
