@@ -13,6 +13,7 @@ pub mod datagram;
 pub mod drone;
 pub mod event;
 mod frames;
+pub mod lending;
 pub mod magnetic_field;
 pub mod motors;
 pub mod noise;
@@ -32,6 +33,7 @@ use crate::geodesy::Home;
 use crate::lockstep::{Next, Pace};
 use crate::plant::Plant;
 use crate::session::positive_secs;
+use crate::true_state::TrueStateLogError;
 use betaflight::Build;
 use datagram::DatagramSocket;
 use drone::Drone;
@@ -134,6 +136,12 @@ pub enum BridgeError {
     /// The airframe is none that autopilots fly.
     #[error(transparent)]
     Motors(#[from] MotorError),
+    /// The true-state log cannot be written.
+    #[error(transparent)]
+    Log(#[from] TrueStateLogError),
+    /// Nobody can be told what happens.
+    #[error("cannot write to the standard output: {0}")]
+    Output(io::Error),
 }
 
 /// A simulation that waits for its autopilot.

@@ -8,10 +8,10 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{Parser, Subcommand, ValueEnum};
 use kestrel_core::airframe::{Airframe, CF2P, CF2X};
-use kestrel_shim::bridge::event::Event;
+use kestrel_shim::bridge::BridgeOptions;
+use kestrel_shim::bridge::lending::{self, Audience};
 use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 use kestrel_shim::bridge::px4::client::ExternalSimulator;
-use kestrel_shim::bridge::{Bridge, BridgeOptions};
 use kestrel_shim::lockstep::{Moment, Next};
 use kestrel_shim::plant::FlatFloor;
 use kestrel_shim::policy_bytes::PolicyBytes;
@@ -172,36 +172,20 @@ fn nth_address(first: SocketAddr, number: u8) -> anyhow::Result<SocketAddr> {
 }
 
 fn lend(arguments: &BridgeArguments) -> anyhow::Result<()> {
-    let mut log = TrueStateLog::create(arguments.true_state_log.as_deref())?;
-    let mut bridge = Bridge::open(&arguments.bridge, &CF2X)?;
-    say(bridge.announcement())?;
     let mut plant = FlatFloor::new(&CF2X, arguments.bridge.control_secs());
-    let mut failure = None;
-    let counts = bridge.fly(&mut plant, &mut |event| {
-        let told = match event {
-            Event::Stepped(step) => log.write_step(step).map_err(anyhow::Error::from),
-            Event::Connected(_) | Event::Engaged | Event::Gone | Event::Waiting | Event::Unanswered => tell(event),
-        };
-        failure = told.err();
-        if failure.is_none() { Next::Fly } else { Next::End }
-    })?;
-    failure.map_or(Ok(()), Err)?;
+    let mut audience = Audience { say: &mut print, interrupted: &|| false };
+    let log = arguments.true_state_log.as_deref();
+    let counts = lending::lend(&arguments.bridge, &CF2X, &mut plant, log, &mut audience)?;
     say(&counts.to_string())
 }
 
 fn say(text: &str) -> anyhow::Result<()> {
-    let mut output = io::stdout();
-    writeln!(output, "{text}").and_then(|()| output.flush()).context("cannot write to the standard output")
+    print(text).context("cannot write to the standard output")
 }
 
-/// Words for what a user wants to know while it happens.
-fn tell(event: &Event<'_>) -> anyhow::Result<()> {
-    match event {
-        Event::Connected(address) => say(&format!("An autopilot has connected from {address}.")),
-        Event::Engaged => say("It commands the motors: from now on both go in step."),
-        Event::Gone => say("The autopilot has gone; the drone waits for it to come back."),
-        Event::Waiting | Event::Unanswered | Event::Stepped(_) => Ok(()),
-    }
+fn print(text: &str) -> io::Result<()> {
+    let mut output = io::stdout();
+    writeln!(output, "{text}").and_then(|()| output.flush())
 }
 
 /// Place of a vehicle in a square of rows, one metre apart \[m, world x and y\].

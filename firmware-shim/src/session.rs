@@ -80,7 +80,7 @@ pub struct SessionOptions {
     pub personality: Personality,
 
     /// Place of the world's origin on Earth, in degrees and metres above sea level
-    #[arg(long, value_name = "LATITUDE,LONGITUDE,ALTITUDE", allow_negative_numbers = true, default_value_t = Home::default())]
+    #[arg(long, value_name = "LATITUDE,LONGITUDE,ALTITUDE", allow_hyphen_values = true, default_value_t = Home::default())]
     pub home: Home,
 
     /// File of the parameters, as ground stations write them (.params): read if it is there, written when a peer sets one

@@ -3,6 +3,7 @@
 mod aviary;
 mod baseline;
 mod bench;
+mod bridge;
 mod completions;
 mod evaluate;
 mod export;
@@ -47,6 +48,8 @@ pub(crate) enum Command {
     Inspect(inspect::Arguments),
     /// Fly a policy as a MAVLink vehicle in the simulator
     Fly(fly::Arguments),
+    /// Lend a task's aviary to another autopilot: PX4, ArduPilot or Betaflight
+    Bridge(bridge::Arguments),
     /// Compare the simulator with a recording of the reference system
     Verify(verify::Arguments),
     /// Show a flight as cameras see it: from behind, on board, depth, labels
@@ -89,6 +92,7 @@ impl Command {
             Self::Export(arguments) => export::run(&arguments),
             Self::Inspect(arguments) => inspect::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
+            Self::Bridge(arguments) => bridge::run(&arguments),
             Self::Verify(arguments) => verify::run(&arguments),
             Self::Render(arguments) => render::run(&arguments),
             Self::View(arguments) => view::run(&arguments),

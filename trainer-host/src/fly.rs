@@ -82,7 +82,7 @@ pub enum FlyError {
     },
     /// The policy fails its self-test, or the network refuses.
     #[error(transparent)]
-    Session(#[from] SessionError),
+    Session(Box<SessionError>),
     /// The emulated processor does not start, or refuses the policy.
     #[error(transparent)]
     Processor(#[from] ProcessorError),
@@ -92,6 +92,12 @@ pub enum FlyError {
     /// The true-state log cannot be written.
     #[error(transparent)]
     Log(#[from] TrueStateLogError),
+}
+
+impl From<SessionError> for FlyError {
+    fn from(error: SessionError) -> Self {
+        Self::Session(Box::new(error))
+    }
 }
 
 /// Flies the policy in `policy` until its time is up or `interrupted` says so.
@@ -182,7 +188,7 @@ fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {
 }
 
 /// On the floor in the middle of where episodes begin.
-fn launch_site(scenario: &Scenario) -> Vector3<f32> {
+pub(crate) fn launch_site(scenario: &Scenario) -> Vector3<f32> {
     let middle = match &scenario.start.position {
         StartPosition::AroundGoal { .. } => scenario.aviary.goal,
         StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => {
@@ -195,7 +201,7 @@ fn launch_site(scenario: &Scenario) -> Vector3<f32> {
 }
 
 /// [`Flight`] as a plant.
-struct SimulatedFlight(Flight);
+pub(crate) struct SimulatedFlight(pub(crate) Flight);
 
 impl Plant for SimulatedFlight {
     fn state(&self) -> &State<f32> {

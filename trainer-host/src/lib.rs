@@ -12,6 +12,7 @@ pub mod animation;
 pub mod atomic_file;
 pub mod aviary_generator;
 pub mod bench;
+pub mod bridge;
 pub mod checkpoint;
 pub mod consolidation;
 pub mod curve;

@@ -370,7 +370,9 @@ mod tests {
             let row = page.lines().find(|line| line.starts_with(&format!("| `{name}` |"))).expect(name);
             assert!(row.contains(description), "{row}");
             match domain {
-                Domain::Real { .. } => assert!(row.contains(&format!("| {domain} |")), "{row} instead of {domain}"),
+                Domain::Real { .. } => {
+                    assert!(row.contains(&format!("| {domain} |")), "{row} instead of {domain}");
+                }
                 Domain::Choice { default, .. } => assert!(row.contains(&format!("| {default} |")), "{row}"),
                 Domain::Integer { .. } => assert!(row.contains("read-only"), "{row}"),
             }

@@ -171,7 +171,8 @@ fn a_busy_port_is_refused() {
     let mut options = options(1.0);
     options.session.listen = other.local_addr().unwrap();
     let error = fly(Place::FlatFloor, &climber(0.01), &options, &|| false).unwrap_err();
-    assert!(matches!(error, FlyError::Session(SessionError::Link(LinkError::Busy { .. }))), "{error}");
+    let FlyError::Session(error) = error else { panic!("{error}") };
+    assert!(matches!(*error, SessionError::Link(LinkError::Busy { .. })), "{error}");
     assert!(error.to_string().contains("in use"), "{error}");
 }
 

@@ -1,0 +1,39 @@
+//! `kestrel bridge`.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use kestrel_shim::bridge::BridgeOptions;
+use kestrel_train::bridge::lend;
+use kestrel_train::experiment_config;
+use kestrel_train::interrupt::Interrupt;
+use kestrel_train::output::say;
+
+use super::Done;
+
+/// Arguments of `kestrel bridge`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Experiment file of the task in whose aviary to fly
+    config: PathBuf,
+
+    #[command(flatten)]
+    bridge: BridgeOptions,
+
+    /// Change a value of the configuration, such as `scenario.episode_secs=5`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+
+    /// Write the true state of every step to this file, one JSON object per line
+    #[arg(long, value_name = "FILE")]
+    true_state_log: Option<PathBuf>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    let interrupt = Interrupt::watch("Ending the simulation.")?;
+    let experiment = experiment_config::load(&arguments.config, &arguments.overrides)?;
+    let log = arguments.true_state_log.as_deref();
+    let counts = lend(&experiment.scenario, &arguments.bridge, log, &|| interrupt.requested())?;
+    say(counts)?;
+    Ok(Done::Finished)
+}
