@@ -47,7 +47,7 @@ pub(crate) enum Command {
     /// Say what a policy file is, and what it would cost a microcontroller
     Inspect(inspect::Arguments),
     /// Fly a policy as a MAVLink vehicle in the simulator
-    Fly(fly::Arguments),
+    Fly(Box<fly::Arguments>),
     /// Lend a task's aviary to another autopilot: PX4, ArduPilot or Betaflight
     Bridge(bridge::Arguments),
     /// Compare the simulator with a recording of the reference system
