@@ -42,7 +42,7 @@ impl Payload {
 pub struct Encoder {
     system: u8,
     component: u8,
-    sequence: u8,
+    pub(super) sequence: u8,
     signer: Option<Signer>,
 }
 
