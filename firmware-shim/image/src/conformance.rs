@@ -8,6 +8,7 @@ use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, Scratch};
 use crate::digest::Digest;
 use crate::input::Inputs;
 use crate::learning;
+use crate::link;
 use crate::machine::{Verdict, hexadecimal, print};
 use crate::policy::{Artifact, MEASURED, PILOTS};
 
@@ -23,9 +24,9 @@ const FIRST_FLOAT_INPUTS: u32 = 5_000;
 /// Control periods that each policy flies.
 const TICKS: u32 = 2_000;
 
-/// Prints the digests of every policy, and of learning; refused if a policy does not compute what it did when it was exported.
+/// Prints the digests of every policy, of learning and of frames; refused if a policy does not compute what it did when it was exported.
 pub fn run() -> Verdict {
-    PILOTS.iter().chain(MEASURED).map(check).fold(learning::run(), Verdict::and)
+    PILOTS.iter().chain(MEASURED).map(check).fold(learning::run().and(link::run()), Verdict::and)
 }
 
 fn check(artifact: &Artifact) -> Verdict {

@@ -15,6 +15,7 @@ pub mod conformance;
 pub mod digest;
 pub mod input;
 pub mod learning;
+pub mod link;
 pub mod machine;
 pub mod policy;
 #[cfg(target_os = "none")]

@@ -11,4 +11,5 @@ extern crate std;
 pub mod checksum;
 pub mod dialect;
 pub mod frame;
+pub mod sha256;
 pub mod signature;

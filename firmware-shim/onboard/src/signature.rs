@@ -8,9 +8,8 @@
 
 use core::fmt;
 
-use sha2::{Digest, Sha256};
-
 use crate::frame::{Frame, Version};
+use crate::sha256::Sha256;
 
 /// Bytes of a signature.
 pub const SIGNATURE_LEN: usize = 13;
@@ -151,14 +150,13 @@ impl<'a> Signature<'a> {
 
 /// The first eight bytes of SHA-256 over some bytes: enough to tell files apart.
 pub fn fingerprint(bytes: &[u8]) -> [u8; 8] {
-    let [a, b, c, d, e, f, g, h, ..] = <[u8; 32]>::from(Sha256::digest(bytes));
+    let [a, b, c, d, e, f, g, h, ..] = Sha256::new().with(bytes).finish();
     [a, b, c, d, e, f, g, h]
 }
 
 fn digest(key: &Key, signed: &[u8], link: u8, time: Time) -> [u8; DIGEST_LEN] {
-    let hash =
-        Sha256::new().chain_update(key.0).chain_update(signed).chain_update([link]).chain_update(time.to_bytes());
-    let [a, b, c, d, e, f, ..] = <[u8; 32]>::from(hash.finalize());
+    let hash = Sha256::new().with(&key.0).with(signed).with(&[link]).with(&time.to_bytes());
+    let [a, b, c, d, e, f, ..] = hash.finish();
     [a, b, c, d, e, f]
 }
 

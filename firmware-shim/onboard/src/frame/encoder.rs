@@ -16,7 +16,9 @@ impl Payload {
     /// Of a message's identifier, the seed of its checksum and at most 255 bytes of fields, whose trailing zeros are cut
     /// off as MAVLink 2 wants it.
     pub fn new(message_id: u32, seed: u8, fields: &[u8]) -> Self {
-        let mut bytes: heapless::Vec<u8, PAYLOAD_LIMIT> = fields.iter().copied().take(PAYLOAD_LIMIT).collect();
+        let mut bytes = heapless::Vec::new();
+        // There is room: the rest is not looked at.
+        let _ = bytes.extend_from_slice(fields.get(..PAYLOAD_LIMIT).unwrap_or(fields));
         while bytes.len() > 1 && bytes.last() == Some(&0) {
             bytes.pop();
         }
@@ -75,12 +77,15 @@ impl Encoder {
         let flags = if self.signer.is_some() { SIGNED } else { 0 };
         let len = payload.bytes.len() as u8;
         let header = [START_V2, len, flags, 0, self.sequence, self.system, self.component, low, middle, high];
-        let mut frame: heapless::Vec<u8, FRAME_LIMIT> = header.iter().chain(&payload.bytes).copied().collect();
+        let mut frame = heapless::Vec::<u8, FRAME_LIMIT>::new();
+        // There is room for all of it.
+        let _ = frame.extend_from_slice(&header);
+        let _ = frame.extend_from_slice(&payload.bytes);
         let checksum = Checksum::new().with(frame.get(1..).unwrap_or_default()).with(&[payload.seed]);
-        frame.extend(checksum.to_bytes());
+        let _ = frame.extend_from_slice(&checksum.to_bytes());
         if let Some(signer) = &mut self.signer {
             let signature = signer.sign(&frame);
-            frame.extend(signature);
+            let _ = frame.extend_from_slice(&signature);
         }
         self.sequence = self.sequence.wrapping_add(1);
         frame

@@ -36,7 +36,7 @@ impl Receiver {
             self.bytes.clear();
         }
         // There is room: no length is beyond the limit, and a frame is taken as soon as it is complete.
-        self.bytes.extend([byte]);
+        let _ = self.bytes.push(byte);
         match frame_len(&self.bytes) {
             Err(error) => {
                 let known = core::mem::replace(&mut self.state, State::Lost) == State::Lost;
