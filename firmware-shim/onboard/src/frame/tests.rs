@@ -180,7 +180,9 @@ fn every_message_is_framed_and_read_as_by_the_mavlink_crate() {
     for (id, sequence) in ids.flat_map(|id| (0..40_u8).map(move |sequence| (id, sequence))) {
         let mut fields = [0; PAYLOAD_LIMIT];
         // The first time all zeros: not every message has a valid enumeration in random bytes.
-        fields.iter_mut().for_each(|field| *field = if sequence == 0 { 0 } else { byte() });
+        for field in &mut fields {
+            *field = if sequence == 0 { 0 } else { byte() };
+        }
         let Ok(message) = MavMessage::parse(mavlink::MavlinkVersion::V2, id, &fields) else { continue };
         let mut theirs = MAVLinkV2MessageRaw::new();
         theirs.serialize_message(MavHeader { system_id: 7, component_id: 8, sequence }, &message);
