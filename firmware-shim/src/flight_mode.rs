@@ -65,9 +65,14 @@ impl FlightMode {
         Self::ALL.into_iter().find(|mode| mode.custom_mode() == custom_mode)
     }
 
-    /// The mode of a main and a sub mode, as `MAV_CMD_DO_SET_MODE` has them.
-    pub fn of_numbers(main: f32, sub: f32) -> Option<Self> {
-        Self::ALL.into_iter().find(|mode| mode.numbers().map(f32::from) == [main, sub])
+    /// The mode of the second and third parameter of `MAV_CMD_DO_SET_MODE`: a main and a sub mode, as PX4 has them, or a
+    /// `custom_mode` and zero, as clients send it that read one in `AVAILABLE_MODES`. No main mode is as great as a
+    /// `custom_mode`, and all of those have zeros in their lower half, which an f32 leaves out.
+    pub fn of_numbers(second: f32, third: f32) -> Option<Self> {
+        Self::ALL.into_iter().find(|mode| {
+            let whole = [mode.custom_mode() as f32, 0.0];
+            [mode.numbers().map(f32::from), whole].contains(&[second, third])
+        })
     }
 
     /// What an autopilot is doing, with somebody at the helm; on the ground, what it is going to do.
@@ -107,6 +112,10 @@ mod tests {
             assert_eq!(FlightMode::of_custom_mode(mode.custom_mode()), Some(mode));
             let [main, sub] = mode.numbers().map(f32::from);
             assert_eq!(FlightMode::of_numbers(main, sub), Some(mode));
+            let custom_mode = mode.custom_mode() as f32;
+            assert_eq!(custom_mode as u32, mode.custom_mode(), "nothing is lost");
+            assert_eq!(FlightMode::of_numbers(custom_mode, 0.0), Some(mode));
+            assert_eq!(FlightMode::of_numbers(custom_mode, 1.0), None);
         }
         assert_eq!(FlightMode::of_custom_mode(0), None);
         assert_eq!(FlightMode::of_numbers(f32::NAN, 0.0), None);

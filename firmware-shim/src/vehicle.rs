@@ -416,9 +416,7 @@ impl<P: Processor> MavlinkVehicle<P> {
                 let ours_ns = (self.elapsed_secs() * 1e9) as i64;
                 self.answer(sent::timesync(*theirs_ns, ours_ns, sender.address));
             }
-            Request::Files { sequence, operation } => {
-                self.answer(sent::no_files(*sequence, *operation, sender.address));
-            }
+            Request::Files(request) => self.answer(sent::no_files(*request, sender.address)),
         }
     }
 

@@ -36,13 +36,19 @@ pub enum Request {
     AttitudeTarget(AttitudeTarget),
     /// `TIMESYNC` that asks, with the sender's time \[ns\].
     TimeSync(i64),
-    /// `FILE_TRANSFER_PROTOCOL`: number of the request, and its operation.
-    Files {
-        /// Number.
-        sequence: u16,
-        /// Operation.
-        operation: u8,
-    },
+    /// `FILE_TRANSFER_PROTOCOL`.
+    Files(FileRequest),
+}
+
+/// What an answer to a request for files must repeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileRequest {
+    /// Number of the request.
+    pub sequence: u16,
+    /// Session: clients that have several look for their answers by it.
+    pub session: u8,
+    /// Operation.
+    pub operation: u8,
 }
 
 /// To whom a request is addressed; zero means everybody.
@@ -97,8 +103,8 @@ fn set_mode(fields: &[u8; 6]) -> (Address, Request) {
 }
 
 fn files(fields: &[u8; 15]) -> (Address, Request) {
-    let request = Request::Files { sequence: short_at(fields, 3), operation: fields[6] };
-    (Address { system: fields[1], component: fields[2] }, request)
+    let request = FileRequest { sequence: short_at(fields, 3), session: fields[5], operation: fields[6] };
+    (Address { system: fields[1], component: fields[2] }, Request::Files(request))
 }
 
 /// Zero as the answerer's time is a question. The address is an extension: zero, to everybody, where it is missing.

@@ -6,6 +6,7 @@ pub mod status;
 
 use mavlink::dialects::common::{MavResult, MavSeverity, STATUSTEXT_DATA};
 
+use super::received::FileRequest;
 use crate::frame::Payload;
 
 /// `COMMAND_ACK` to a system and component, for any command number, whether the dialect knows it or not.
@@ -36,15 +37,18 @@ pub fn ping(time_usec: u64, seq: u32, [system, component]: [u8; 2]) -> Payload {
     Payload::new(4, 237, &fields)
 }
 
-/// `FILE_TRANSFER_PROTOCOL`: there are no files, whatever a request with this sequence number and operation wanted, so that a
-/// client does not wait for them.
-pub fn no_files(sequence: u16, operation: u8, [system, component]: [u8; 2]) -> Payload {
+/// `FILE_TRANSFER_PROTOCOL`: there are no files, whatever a request wanted, so that a client does not wait for them.
+pub fn no_files(request: FileRequest, [system, component]: [u8; 2]) -> Payload {
     /// Operation: not acknowledged. Error: unknown command.
     const REFUSED: u8 = 129;
     const UNKNOWN_COMMAND: u8 = 7;
+    let FileRequest { sequence, session, operation } = request;
     let [low, high] = sequence.wrapping_add(1).to_le_bytes();
-    // Network and addressee; sequence, session, operation, size, that of the request, three bytes of no use; the error.
-    let fields = [0, system, component, low, high, 0, REFUSED, 1, operation, 0, 0, 0, 0, 0, 0, UNKNOWN_COMMAND];
+    let answer = [low, high, session, REFUSED, 1, operation];
+    let mut fields = [0; 16];
+    fields[1..3].copy_from_slice(&[system, component]);
+    fields[3..9].copy_from_slice(&answer);
+    fields[15] = UNKNOWN_COMMAND;
     Payload::new(110, 84, &fields)
 }
 

@@ -7,13 +7,18 @@ use crate::autopilot::{ALTITUDES_M, Command, Refusal};
 use crate::flight_mode::FlightMode;
 use crate::flyer::Flyer;
 use crate::message::received::CommandRequest;
-use crate::message::sent::identity;
+use crate::message::sent::identity::{self, Personality};
 use crate::mission::fence::Zones;
 use crate::processor::Processor;
 use crate::telemetry::Stream;
 
 /// Second parameter of a disarm command that shall work in flight (`MAV_CMD_COMPONENT_ARM_DISARM`).
 const FORCED: f32 = 21196.0;
+
+/// How pymavlink and MAVProxy have a vehicle that is not PX4 return (`mode RTL`), which they take for ArduCopter; with PX4's
+/// numbers it is the offboard mode, of all modes the one to leave so. Clients of PX4 that ask for that one in flight set the
+/// armed bit in the first parameter, or send a whole `custom_mode`.
+const RETURN_OF_ARDUCOPTER: [f32; 3] = [1.0, 6.0, 0.0];
 
 /// Result of a request, and the words for it if it is refused.
 pub(super) struct Answer {
@@ -72,7 +77,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             21 if request.place.is_here() => self.order(Command::Land).into(),
             22 if request.place.is_here() => self.take_off(request.place.height()).into(),
             21 | 22 => Answer::denied("refused: takes off and lands in place"),
-            176 => self.choose(FlightMode::of_numbers(second, third)),
+            176 => self.set_mode([first, second, third]),
             178 => self.change_speed(second),
             185 if first > 0.5 => self.order(Command::StopMotors).into(),
             192 => self.reposition(request),
@@ -137,6 +142,16 @@ impl<P: Processor> MavlinkVehicle<P> {
     /// `MAV_CMD_DO_CHANGE_SPEED` \[m/s\].
     fn change_speed(&mut self, speed: f32) -> Answer {
         self.order(Command::Speed(speed)).into()
+    }
+
+    /// `MAV_CMD_DO_SET_MODE`.
+    fn set_mode(&mut self, parameters: [f32; 3]) -> Answer {
+        let ambiguous = self.profile.personality == Personality::Generic && self.autopilot.mode().flies();
+        if ambiguous && parameters == RETURN_OF_ARDUCOPTER {
+            return Answer::denied("mode refused: is 6 Offboard or Return?");
+        }
+        let [_, second, third] = parameters;
+        self.choose(FlightMode::of_numbers(second, third))
     }
 
     /// Changes to a mode, if a peer may choose it.

@@ -440,6 +440,44 @@ fn modes_are_chosen_by_number_and_told_by_name() {
 }
 
 #[test]
+fn a_mode_is_chosen_by_its_whole_number_as_well() {
+    let mut rig = Rig::flying();
+    for mode in [FlightMode::Cascade, FlightMode::Policy] {
+        let whole = [1.0, mode.custom_mode() as f32, 0.0];
+        assert_eq!(command(&mut rig, MavCmd::MAV_CMD_DO_SET_MODE, &whole), MavResult::MAV_RESULT_ACCEPTED);
+        assert_eq!(rig.heartbeat().custom_mode, mode.custom_mode());
+    }
+}
+
+/// ArduCopter's number of returning is PX4's of the offboard mode: following a stream is the worst answer to `mode RTL`.
+#[test]
+fn in_flight_a_mode_that_may_be_another_autopilots_return_is_refused() {
+    let asked_of = |personality| {
+        let mut rig = Rig::flying();
+        rig.vehicle.profile.personality = personality;
+        rig.answers(&datagram(&set_point([0.0; 3])));
+        command(&mut rig, MavCmd::MAV_CMD_DO_SET_MODE, &[1.0, 6.0, 0.0])
+    };
+    assert_eq!(asked_of(Personality::Generic), MavResult::MAV_RESULT_DENIED);
+    assert_eq!(asked_of(Personality::Px4), MavResult::MAV_RESULT_ACCEPTED);
+}
+
+#[test]
+fn a_request_for_files_is_refused_within_its_session() {
+    use mavlink::dialects::common::FILE_TRANSFER_PROTOCOL_DATA;
+    let mut rig = Rig::new();
+    let mut payload = [0; 251];
+    // Sequence 5, session 7, operation 4.
+    payload[..4].copy_from_slice(&[5, 0, 7, 4]);
+    let request =
+        FILE_TRANSFER_PROTOCOL_DATA { target_network: 0, target_system: 1, target_component: 1, payload };
+    let answers = rig.answers(&datagram(&request));
+    let [MavMessage::FILE_TRANSFER_PROTOCOL(answer)] = &answers[..] else { panic!("{answers:?}") };
+    assert_eq!(answer.payload[..6], [6, 0, 7, 129, 1, 4]);
+    assert_eq!(answer.payload[12], 7, "unknown command");
+}
+
+#[test]
 fn a_stream_of_velocities_is_followed_in_the_offboard_mode() {
     let mut rig = Rig::flying();
     let velocity = SET_POSITION_TARGET_LOCAL_NED_DATA {
