@@ -13,7 +13,7 @@ import sys
 import tempfile
 import warnings
 
-from judge import Simulated, checks_of, expect, free_port, run_checks
+from judge import Simulated, checks_of, conclude, expect, free_port, run_checks
 
 warnings.simplefilter("ignore", FutureWarning)
 
@@ -193,7 +193,7 @@ def main():
     loop = asyncio.new_event_loop()
     asyncio.set_event_loop(loop)
     with tempfile.TemporaryDirectory() as folder, Simulated(kestrel, arguments, folder) as vehicle:
-        status = run_checks(checks_of(Flight(vehicle, loop)))
+        status = conclude(run_checks(checks_of(Flight(vehicle, loop))))
     sys.exit(status)
 
 

@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 
-from judge import Simulated, checks_of, expect, run_checks
+from judge import Simulated, checks_of, conclude, expect, run_checks
 from mavsdk import ComponentType, Configuration, Mavsdk, Vehicle
 from mavsdk.plugins.action import Action, ActionError
 from mavsdk.plugins.info import Info
@@ -165,7 +165,7 @@ def main():
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     with tempfile.TemporaryDirectory() as folder, Simulated(kestrel, arguments, folder) as vehicle:
         with Mavsdk(configuration) as mavsdk:
-            status = run_checks(checks_of(Flight(vehicle, mavsdk)))
+            status = conclude(run_checks(checks_of(Flight(vehicle, mavsdk))))
     sys.exit(status)
 
 
