@@ -338,6 +338,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             inside_fence: self.autopilot.margin_m(&state.position) >= 0.0,
             battery: self.battery,
             garbage: self.counts.garbage,
+            refused: self.counts.refused,
         }
     }
 

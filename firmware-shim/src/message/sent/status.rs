@@ -23,6 +23,8 @@ pub struct Health {
     pub battery: Battery,
     /// Datagrams that were none.
     pub garbage: u64,
+    /// Frames that were not signed as they must be.
+    pub refused: u64,
 }
 
 /// `HEARTBEAT` of a quadrotor.
@@ -42,7 +44,8 @@ pub fn heartbeat(mode: Mode, flight_mode: FlightMode, personality: Personality) 
     })
 }
 
-/// `SYS_STATUS`: sensors and controllers are the simulator's and the pilot's, hence well.
+/// `SYS_STATUS`: sensors and controllers are the simulator's and the pilot's, hence well. The first of the autopilot's own
+/// counts of errors is that of refused frames; counts end at the greatest number that the message holds.
 pub fn sys_status(health: &Health) -> Payload {
     let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
     let fence = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
@@ -71,7 +74,8 @@ pub fn sys_status(health: &Health) -> Payload {
         voltage_battery: millivolts(&health.battery),
         current_battery: -1,
         battery_remaining: percent(&health.battery),
-        errors_comm: health.garbage.min(u16::MAX.into()) as u16,
+        errors_comm: counted(health.garbage),
+        errors_count1: counted(health.refused),
         ..SYS_STATUS_DATA::default()
     })
 }
@@ -134,6 +138,10 @@ pub fn named_float(name: &str, value: f32, time_boot_ms: u32) -> Payload {
 /// `NAMED_VALUE_INT`; a name has at most ten bytes.
 pub fn named_integer(name: &str, value: i32, time_boot_ms: u32) -> Payload {
     Payload::of(&NAMED_VALUE_INT_DATA { time_boot_ms, value, name: name.into() })
+}
+
+fn counted(count: u64) -> u16 {
+    count.min(u16::MAX.into()) as u16
 }
 
 fn millivolts(battery: &Battery) -> u16 {

@@ -27,6 +27,10 @@ fn moving() -> State<f32> {
     }
 }
 
+fn well() -> status::Health {
+    status::Health { policy: true, inside_fence: true, battery: Battery::full(), garbage: 0, refused: 0 }
+}
+
 #[test]
 fn an_acknowledgement_is_read_by_the_mavlink_crate() {
     let expected =
@@ -66,12 +70,18 @@ fn a_heartbeat_says_whether_motors_may_turn() {
 #[test]
 fn a_failed_self_test_fails_the_pre_arm_check() {
     for healthy in [true, false] {
-        let health = status::Health { policy: healthy, inside_fence: true, battery: Battery::full(), garbage: 3 };
+        let health = status::Health { policy: healthy, ..well() };
         let MavMessage::SYS_STATUS(message) = sent(&status::sys_status(&health)) else { panic!() };
         let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
         assert_eq!(message.onboard_control_sensors_health.contains(check), healthy);
-        assert_eq!(message.errors_comm, 3);
     }
+}
+
+#[test]
+fn counts_of_errors_end_at_the_greatest_number_of_the_message() {
+    let health = status::Health { garbage: 3, refused: 70_000, ..well() };
+    let MavMessage::SYS_STATUS(message) = sent(&status::sys_status(&health)) else { panic!() };
+    assert_eq!([message.errors_comm, message.errors_count1], [3, u16::MAX]);
 }
 
 #[test]
