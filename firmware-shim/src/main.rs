@@ -3,7 +3,9 @@
 use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::process::ExitCode;
+use std::process::{self, ExitCode};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
 use clap::{Parser, Subcommand, ValueEnum};
@@ -20,6 +22,9 @@ use kestrel_shim::true_state::TrueStateLog;
 
 /// Exit status of everything the user can mend, as of clap's own errors.
 const USER_ERROR: u8 = 2;
+
+/// Exit status of a program that a second interrupt ended: 128 + SIGINT, as shells report it.
+const INTERRUPTED: i32 = 130;
 
 /// Fly an exported policy as a MAVLink vehicle
 ///
@@ -133,11 +138,12 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     let airframe = arguments.airframe.airframe();
     let mut squadron = Squadron::open(&bytes, airframe, arguments.vehicles, &arguments.session)?;
     let mut log = TrueStateLog::create(arguments.true_state_log.as_deref())?;
+    let interrupted = watch_for_interrupts()?;
     say(squadron.announcement())?;
     let mut failure = None;
     let mut watch = |moment: &Moment| {
         failure = log.write(moment).err();
-        if failure.is_some() { Next::End } else { Next::Fly }
+        if failure.is_some() || interrupted.load(Ordering::Relaxed) { Next::End } else { Next::Fly }
     };
     if let Some(first) = arguments.simulator {
         let motors = Motors::new(airframe, arguments.motors, ThrustCurve::PX4)?;
@@ -164,6 +170,20 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     failure.map_or(Ok(()), |failure| Err(failure.into()))
 }
 
+/// Becomes true with the first Ctrl-C, SIGTERM or SIGHUP, which ends the flight, its logs and what is kept of it; the second
+/// ends the program.
+fn watch_for_interrupts() -> anyhow::Result<Arc<AtomicBool>> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let handler = Arc::clone(&interrupted);
+    let react = move || {
+        if handler.swap(true, Ordering::Relaxed) {
+            process::exit(INTERRUPTED);
+        }
+    };
+    ctrlc::set_handler(react).context("cannot watch for Ctrl-C")?;
+    Ok(interrupted)
+}
+
 fn nth_address(first: SocketAddr, number: u8) -> anyhow::Result<SocketAddr> {
     let port = first.port().checked_add(u16::from(number));
     let port = port
@@ -172,8 +192,9 @@ fn nth_address(first: SocketAddr, number: u8) -> anyhow::Result<SocketAddr> {
 }
 
 fn lend(arguments: &BridgeArguments) -> anyhow::Result<()> {
+    let interrupted = watch_for_interrupts()?;
     let mut plant = FlatFloor::new(&CF2X, arguments.bridge.control_secs());
-    let mut audience = Audience { say: &mut print, interrupted: &|| false };
+    let mut audience = Audience { say: &mut print, interrupted: &|| interrupted.load(Ordering::Relaxed) };
     let log = arguments.true_state_log.as_deref();
     let counts = lending::lend(&arguments.bridge, &CF2X, &mut plant, log, &mut audience)?;
     say(&counts.to_string())

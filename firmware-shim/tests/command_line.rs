@@ -1,6 +1,10 @@
 //! What the program says when a flight cannot begin, and how it ends.
 
+#[cfg(unix)]
+use std::io::{BufRead, BufReader};
 use std::net::{TcpListener, UdpSocket};
+#[cfg(unix)]
+use std::process::Stdio;
 use std::process::{Command, Output};
 
 const POLICY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/pilots/hover.kestrel");
@@ -56,6 +60,22 @@ fn what_is_no_serial_device_is_one_clear_error() {
 fn a_full_disk_ends_the_flight_with_one_clear_error() {
     let text = refusal(&["--log", "/dev/full"]);
     assert!(text.contains("cannot write the flight log /dev/full"), "{text}");
+}
+
+#[cfg(unix)] // the signals are sent with kill
+#[test]
+fn an_interrupt_ends_the_flight_as_its_time_would() {
+    for signal in ["-INT", "-TERM"] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_kestrel-shim"))
+            .args([POLICY, "--ground-station", "127.0.0.1:9", "--listen", "127.0.0.1:0"])
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        assert!(lines.any(|line| line.unwrap().starts_with("Ctrl-C ends the flight")));
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+        assert_eq!(child.wait().unwrap().code(), Some(0), "{signal}");
+    }
 }
 
 #[test]
