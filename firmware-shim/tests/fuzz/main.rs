@@ -16,5 +16,6 @@ mod framer;
 mod random;
 mod request;
 mod rig;
+mod security;
 mod specimen;
 mod vehicle;
