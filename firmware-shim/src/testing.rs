@@ -20,11 +20,20 @@ use crate::vehicle::Profile;
 /// Rate and tilt limits of the hover policy \[rad/s\].
 const BODY_RATES_LIMIT: f32 = 6.0;
 
-/// A policy file that flies: position and velocity errors to a tilt, tilt errors to body rates, all linear.
+/// Control period of the policies \[s\].
+const CONTROL_SECS: f32 = 0.01;
+
+/// A policy file that flies, every 10 ms.
+pub(crate) fn hover_policy() -> Vec<u8> {
+    hover_policy_every(CONTROL_SECS)
+}
+
+/// A policy file that flies: position and velocity errors to a tilt, tilt errors to body rates, all linear, in control
+/// periods of `control_secs`.
 ///
 /// Gains by pole placement against the rotors' slowest time constant: every pole faster than 1.3 /s and damped
 /// with at least 0.4.
-pub(crate) fn hover_policy() -> Vec<u8> {
+pub(crate) fn hover_policy_every(control_secs: f32) -> Vec<u8> {
     let (tilt_gain, per_metre, per_speed) = (3.0, 1.0, 1.6);
     let (climb_per_metre, climb_per_speed, yaw_gain) = (2.2, 3.0, 1.0);
     let gravity = GRAVITY as f32;
@@ -36,31 +45,31 @@ pub(crate) fn hover_policy() -> Vec<u8> {
     (pitch[0], pitch[12], pitch[5]) = (-rate * per_metre / gravity, -rate * per_speed / gravity, -rate);
     yaw[6] = -yaw_gain / BODY_RATES_LIMIT;
     let scales = PilotLayout { position_scale_m: 1.0, velocity_scale: 1.0, body_rates_scale: 1.0 };
-    linear_policy(ObservationLayout::Pilot(scales), weights.as_flattened())
+    linear_policy(control_secs, ObservationLayout::Pilot(scales), weights.as_flattened())
 }
 
 /// A policy file whose observation shows no goal.
 pub(crate) fn blind_policy() -> Vec<u8> {
     let layout = ObservationLayout::Measured(MeasuredLayout { len: PILOT_LEN as u8 });
-    linear_policy(layout, &[0.0; PILOT_LEN * ACTION_LEN])
+    linear_policy(CONTROL_SECS, layout, &[0.0; PILOT_LEN * ACTION_LEN])
 }
 
 /// A policy file whose observation shows a goal, and a value of a sensor.
 pub(crate) fn sensing_policy() -> Vec<u8> {
     let scales = PilotLayout { position_scale_m: 1.0, velocity_scale: 1.0, body_rates_scale: 1.0 };
     let layout = ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, measured_len: 1 });
-    linear_policy(layout, &[0.0; (PILOT_LEN + 1) * ACTION_LEN])
+    linear_policy(CONTROL_SECS, layout, &[0.0; (PILOT_LEN + 1) * ACTION_LEN])
 }
 
 /// A policy file of one layer.
-fn linear_policy(observation: ObservationLayout, weights: &[f32]) -> Vec<u8> {
+fn linear_policy(control_period_secs: f32, observation: ObservationLayout, weights: &[f32]) -> Vec<u8> {
     let action = ThrustBodyRates::new(&CF2X, 1.0, [BODY_RATES_LIMIT; 3], [6.0, 6.0, 3.0]);
     let draft = PolicyDraft {
         metadata: PolicyMetadata {
             name: "linear hover",
             observation,
             action: ActionSpace::ThrustBodyRates(action),
-            control_period_secs: 0.01,
+            control_period_secs,
             seed: 0,
             training_steps: 0,
         },

@@ -1,3 +1,5 @@
+mod determinism;
+
 use std::fs;
 
 use kestrel_core::airframe::CF2X;
@@ -89,9 +91,14 @@ struct Flight {
 
 impl Flight {
     fn new(system: u8, x_m: f32) -> Self {
+        Self::with(hover_policy(), system, x_m)
+    }
+
+    fn with(policy: Vec<u8>, system: u8, x_m: f32) -> Self {
+        let vehicle = Box::new(MavlinkVehicle::new(pilot(policy), &CF2X, profile(system)));
         Self {
-            vehicle: Box::new(MavlinkVehicle::new(pilot(hover_policy()), &CF2X, profile(system))),
-            plant: FlatFloor::new(&CF2X, 0.01).at([x_m, 0.0]),
+            plant: FlatFloor::new(&CF2X, vehicle.control_period().as_secs_f32()).at([x_m, 0.0]),
+            vehicle,
             links: Box::default(),
             log: None,
         }

@@ -1,0 +1,57 @@
+//! A vehicle in its plant, above the endless floor.
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use kestrel_core::airframe::CF2X;
+use kestrel_core::pilot::Pilot;
+use kestrel_onboard::signature::{Guard, Key, Signer, Time, Verifier};
+use kestrel_shim::geodesy::Home;
+use kestrel_shim::message::sent::identity::{Personality, PolicyIdentity};
+use kestrel_shim::plant::{FlatFloor, Plant};
+use kestrel_shim::policy_bytes::PolicyBytes;
+use kestrel_shim::vehicle::{MavlinkVehicle, Profile};
+
+use crate::request::VEHICLE;
+
+const POLICY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/pilots/hover.kestrel");
+
+pub(crate) struct Rig {
+    pub(crate) vehicle: MavlinkVehicle<Pilot<'static>>,
+    pub(crate) plant: FlatFloor,
+}
+
+impl Rig {
+    /// A disarmed vehicle that knows its state.
+    pub(crate) fn new() -> Self {
+        static BYTES: LazyLock<PolicyBytes> =
+            LazyLock::new(|| PolicyBytes::read(Path::new(POLICY)).expect("the policy is there"));
+        let profile = Profile {
+            system: VEHICLE[0],
+            personality: Personality::Generic,
+            origin: Home::default(),
+            policy: PolicyIdentity::of("hover", BYTES.bytes()),
+        };
+        let policy = BYTES.policy().expect("a policy");
+        let vehicle = MavlinkVehicle::new(Pilot::new(policy), &CF2X, profile);
+        let plant = FlatFloor::new(&CF2X, vehicle.control_period().as_secs_f32());
+        let mut rig = Self { vehicle, plant };
+        rig.tick(&mut |_| {});
+        rig
+    }
+
+    /// One that hears only what this key signed after a time, and signs with it.
+    pub(crate) fn signing(key: &Key, floor: Time) -> Self {
+        let mut rig = Self::new();
+        let verifier = Verifier::new(key.clone(), floor, floor);
+        rig.vehicle.secure(Guard::Signed(verifier), Signer::new(key.clone(), 0, floor));
+        rig
+    }
+
+    /// A control period; `send` gets the frames.
+    pub(crate) fn tick(&mut self, send: &mut dyn FnMut(&[u8])) -> [f32; 4] {
+        let targets = self.vehicle.tick(self.plant.state(), send);
+        self.plant.step(&targets);
+        targets
+    }
+}
