@@ -161,6 +161,9 @@ impl Forger {
     }
 }
 
+/// Identifier of the message that tells how many frames were refused.
+const SYS_STATUS: [u8; 3] = [1, 0, 0];
+
 /// Two vehicles that have heard the same from who has the key.
 struct Pair {
     attacked: Box<Rig>,
@@ -186,11 +189,15 @@ impl Pair {
         }
     }
 
-    /// A control period, in which the two are the same to the bit.
+    /// A control period, in which the two are the same to the bit but for the number of refused frames.
     fn tick(&mut self) {
         let [attacked, left_alone] = [&mut self.attacked, &mut self.left_alone].map(|rig| {
             let mut bytes: Vec<u8> = Vec::new();
-            let targets = rig.tick(&mut |frame| bytes.extend(frame));
+            let targets = rig.tick(&mut |frame| {
+                if frame[7..10] != SYS_STATUS {
+                    bytes.extend(frame);
+                }
+            });
             (bytes, targets, rig.vehicle.mode(), rig.vehicle.signature_times())
         });
         assert!(attacked == left_alone, "an answer, or another flight");
