@@ -1,26 +1,25 @@
-"""A pymavlink client flies `kestrel fly` and judges the true position.
+"""A pymavlink client flies `kestrel fly` message by message and judges the true position.
 
     python fly_test.py KESTREL RUN_OR_POLICY [more arguments of `kestrel fly`]
 
-KESTREL is the path of the binary. Exit status 0 if every check passed.
+KESTREL is the path of `kestrel`, or of `kestrel-shim`. Needs the packages of requirements.txt. Exit status 0 if every check
+passed.
 """
 
-import json
 import math
 import os
+import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
 import time
 
-os.environ["MAVLINK20"] = "1"
-
-from pymavlink import mavutil  # noqa: E402  (reads MAVLINK20 when imported)
-
-SPEED = ["--speed", "5"]
-"""Simulated seconds per second, unless the arguments say otherwise."""
+from client import COMMAND, NAN, POSITION_ONLY, VELOCITY_ONLY, Client, with_speed
+from judge import Simulated, checks_of, conclude, expect, rounded, run_checks
+from pymavlink import mavutil
 
 OFFSETS = [(0.6, 0.0, 1.0), (0.6, -0.5, 1.4), (-0.4, 0.3, 0.8)]
 """Set-points east and north of the start and above the floor [m]."""
@@ -28,134 +27,9 @@ OFFSETS = [(0.6, 0.0, 1.0), (0.6, -0.5, 1.4), (-0.4, 0.3, 0.8)]
 ARRIVAL_RADIUS_M = 0.10
 DWELL_SECS = 1.0
 LANDING_RADIUS_M = 0.3
-REST_HEIGHT_M = 0.02
-"""The hull of a resting Crazyflie is centred 12.5 mm above the floor."""
 
-COMMAND = mavutil.mavlink
-POSITION_ONLY = 0b110111111000
-VELOCITY_ONLY = 0b110111000111
-NAN = float("nan")
-
-
-class CheckFailed(Exception):
-    """What was seen instead of what was expected."""
-
-
-def expect(condition, text):
-    if not condition:
-        raise CheckFailed(text)
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-class TrueState:
-    """The true-state log, read while it grows."""
-
-    def __init__(self, path):
-        self.path = path
-        self.file = None
-        self.partial = ""
-        self.moments = []
-
-    def read(self):
-        """Every moment so far; the last one is now."""
-        if self.file is None:
-            if not os.path.exists(self.path):
-                return self.moments
-            self.file = open(self.path, encoding="utf-8")
-        *lines, self.partial = (self.partial + self.file.read()).split("\n")
-        self.moments += [json.loads(line) for line in lines]
-        return self.moments
-
-    def now(self):
-        """The last moment; the vehicle speaks its first words before it writes its first line."""
-        end = time.monotonic() + 5.0
-        while not self.read():
-            expect(time.monotonic() < end, f"nothing in {self.path}")
-            time.sleep(0.01)
-        return self.moments[-1]
-
-    def at(self, secs):
-        return min(self.read(), key=lambda moment: abs(moment["secs"] - secs))
-
-
-class Vehicle:
-    """`kestrel fly`, its true state, and a client that listens where a ground station would."""
-
-    def __init__(self, command, folder):
-        self.listen = f"127.0.0.1:{free_port()}"
-        self.ground_station = f"127.0.0.1:{free_port()}"
-        self.true_state = TrueState(os.path.join(folder, "true_state.jsonl"))
-        self.arguments = [
-            *command,
-            *("--listen", self.listen),
-            *("--ground-station", self.ground_station),
-            *([] if "--speed" in command else SPEED),
-        ]
-        self.client = mavutil.mavlink_connection(f"udpin:{self.ground_station}", source_system=255)
-        log = ["--true-state-log", self.true_state.path]
-        self.output = os.path.join(folder, "output.txt")
-        with open(self.output, "w", encoding="utf-8") as output:
-            self.process = subprocess.Popen(
-                [*self.arguments, *log], stdout=output, stderr=subprocess.STDOUT
-            )
-
-    def said(self):
-        with open(self.output, encoding="utf-8") as output:
-            return output.read().strip()
-
-    def receive(self, kind, within_secs=5.0, where=lambda message: True):
-        """The next message of a kind that passes `where`; the time limit is wall time."""
-        end = time.monotonic() + within_secs
-        while time.monotonic() < end:
-            message = self.client.recv_match(type=kind, blocking=True, timeout=0.1)
-            if message is not None and where(message):
-                return message
-            if self.process.poll() is not None:
-                raise CheckFailed(f"kestrel ended with status {self.process.returncode}: {self.said()}")
-        raise CheckFailed(f"no {kind} within {within_secs} s")
-
-    def drain(self):
-        while self.client.recv_match(blocking=False) is not None:
-            pass
-
-    def command(self, command, *parameters):
-        """The result of a command, whose other parameters are zero."""
-        self.drain()
-        filled = [*parameters, *[0.0] * (7 - len(parameters))]
-        self.client.mav.command_long_send(1, 1, command, 0, *filled)
-        return self.receive("COMMAND_ACK", where=lambda ack: ack.command == command).result
-
-    def accepted(self, command, *parameters):
-        result = self.command(command, *parameters)
-        expect(result == COMMAND.MAV_RESULT_ACCEPTED, f"command {command} answered with result {result}")
-
-    def send_target(self, mask, north, east, down, velocity=0.0):
-        self.client.mav.set_position_target_local_ned_send(
-            0, 1, 1, COMMAND.MAV_FRAME_LOCAL_NED, mask,
-            north, east, down, velocity, velocity, velocity, 0, 0, 0, 0, 0,
-        )
-
-    def wait_until(self, condition, what, within_secs):
-        """Waits for a condition on all true moments; the time limit is simulated time."""
-        begin = self.true_state.now()["secs"]
-        while not condition(self.true_state.read()):
-            self.drain()
-            expect(self.process.poll() is None, f"kestrel ended: {self.said()}")
-            now = self.true_state.now()
-            expect(
-                now["secs"] - begin < within_secs,
-                f"not {what} after {within_secs} simulated s; at {rounded(now['position'])}, {now['mode']}",
-            )
-            time.sleep(0.02)
-
-
-def rounded(position):
-    return [round(value, 3) for value in position]
+MISSION, FENCE = COMMAND.MAV_MISSION_TYPE_MISSION, COMMAND.MAV_MISSION_TYPE_FENCE
+LOCAL_NED, GLOBAL = COMMAND.MAV_FRAME_LOCAL_NED, COMMAND.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 
 
 def stayed(moments, point, since_secs):
@@ -171,22 +45,30 @@ def stayed(moments, point, since_secs):
     return False
 
 
+def as_float(integer):
+    """The float whose bytes are those of an integer, as parameters travel."""
+    return struct.unpack("<f", struct.pack("<i", integer))[0]
+
+
 class Flight:
     """The checks, in the order in which they are flown."""
 
-    def __init__(self, vehicle):
-        self.vehicle = vehicle
-        self.start = None
-        self.target = None
+    def __init__(self, vehicle, client):
+        self._vehicle = vehicle
+        self._true = vehicle.true
+        self._client = client
+        self._modes = {}
+        self._start = None
+        self._target = None
 
     def hears_a_heartbeat(self):
-        heartbeat = self.vehicle.receive("HEARTBEAT", within_secs=20.0)
+        heartbeat = self._client.receive("HEARTBEAT", within_secs=20.0)
         expect(heartbeat.type == COMMAND.MAV_TYPE_QUADROTOR, f"it is of type {heartbeat.type}")
         expect(not heartbeat.base_mode & COMMAND.MAV_MODE_FLAG_SAFETY_ARMED, "it is armed from the start")
-        self.start = self.vehicle.true_state.now()["position"]
+        self._start = self._true.position()
 
     def answers_a_client_that_speaks_first(self):
-        other = mavutil.mavlink_connection(f"udpout:{self.vehicle.listen}", source_system=254)
+        other = mavutil.mavlink_connection(f"udpout:{self._vehicle.listen}", source_system=254)
         end = time.monotonic() + 5.0
         heard = None
         while heard is None and time.monotonic() < end:
@@ -196,148 +78,218 @@ class Flight:
         expect(heard is not None and heard.get_srcSystem() == 1, f"heard {heard}")
 
     def a_busy_port_is_one_clear_error(self):
-        second = subprocess.run(
-            self.vehicle.arguments, capture_output=True, text=True, timeout=30, check=False
-        )
+        second = subprocess.run(self._vehicle.command, capture_output=True, text=True, timeout=30, check=False)
         lines = second.stderr.strip().splitlines()
         expect(second.returncode == 2, f"exit status {second.returncode}")
         expect(len(lines) == 1 and "in use" in lines[0], f"it said {lines}")
 
     def survives_garbage(self):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            host, port = self.vehicle.listen.split(":")
+            host, port = self._vehicle.listen.split(":")
             for length in range(300):
                 sender.sendto(bytes([0xFD, length % 256]) + os.urandom(length), (host, int(port)))
-        status = self.vehicle.receive("SYS_STATUS", where=lambda status: status.errors_comm > 0)
+        status = self._client.receive("SYS_STATUS", where=lambda status: status.errors_comm > 0)
         expect(status.errors_comm <= 1000, f"{status.errors_comm} errors counted")
 
+    def tells_the_time(self):
+        before = self._true.now()["secs"]
+        self._client.mav.timesync_send(0, 12345)
+        told = self._client.receive("TIMESYNC", where=lambda told: told.ts1 == 12345)
+        expect(before <= told.tc1 * 1e-9 <= self._true.now()["secs"] + 0.1, f"{told.tc1} ns after {before} s")
+
+    def lists_its_parameters(self):
+        self._client.drain()
+        self._client.mav.param_request_list_send(1, 1)
+        names, count = {}, None
+        while len(names) != count:
+            told = self._client.receive("PARAM_VALUE")
+            names[told.param_index], count = told.param_id, told.param_count
+        expect({"MIS_TAKEOFF_ALT", "GF_ACTION", "NAV_DLL_ACT"} <= set(names.values()), f"parameters {names}")
+        expect(sorted(names.values()) == [names[index] for index in range(len(names))], f"not in order: {names}")
+        index = next(index for index, name in names.items() if name == "MIS_TAKEOFF_ALT")
+        self._client.mav.param_request_read_send(1, 1, b"", index)
+        told = self._client.receive("PARAM_VALUE")
+        expect((told.param_id, told.param_value) == ("MIS_TAKEOFF_ALT", 1.0), f"parameter {index} is {told}")
+
+    def sets_parameters_within_their_bounds(self):
+        client = self._client
+        for value, expected in ((0.9, 0.9), (50.0, 0.9), (NAN, 0.9), (1.0, 1.0)):
+            told = client.set_parameter("MIS_TAKEOFF_ALT", value)
+            expect(abs(told - expected) < 1e-6, f"{told} after {value} was asked for")
+        # From here on a pause of this program is no loss of the ground station.
+        told = client.set_parameter("NAV_DLL_ACT", as_float(0), COMMAND.MAV_PARAM_TYPE_INT32)
+        expect(told == as_float(0), f"{told} instead of the integer 0")
+        client.mav.param_request_read_send(1, 1, b"NO_SUCH_THING", -1)
+        error = client.receive("PARAM_ERROR").error
+        expect(error == COMMAND.MAV_PARAM_ERROR_DOES_NOT_EXIST, f"error {error}")
+
+    def names_its_modes(self):
+        self._client.drain()
+        self._client.mav.command_long_send(1, 1, COMMAND.MAV_CMD_REQUEST_MESSAGE, 0, 435, 0, 0, 0, 0, 0, 0)
+        while not self._modes or len(self._modes) < told.number_modes:
+            told = self._client.receive("AVAILABLE_MODES")
+            self._modes[told.mode_name] = told.custom_mode
+        policy = re.search('Policy "(.*?)"', self._vehicle.said()).group(1)
+        expect({f"RL:{policy}", "PID", "Hold", "Offboard", "Land"} <= set(self._modes), f"modes {self._modes}")
+        self._modes["policy"] = self._modes[f"RL:{policy}"]
+
     def refuses_to_take_off_unarmed(self):
-        result = self.vehicle.command(COMMAND.MAV_CMD_NAV_TAKEOFF)
-        expect(result != COMMAND.MAV_RESULT_ACCEPTED, "it accepted")
+        result = self._client.command(COMMAND.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, 1.0)
+        expect(result == COMMAND.MAV_RESULT_TEMPORARILY_REJECTED, f"result {result}")
 
     def refuses_an_unknown_command(self):
-        result = self.vehicle.command(60_000)
+        result = self._client.command(60_000)
         expect(result == COMMAND.MAV_RESULT_UNSUPPORTED, f"result {result}")
 
     def ignores_another_system(self):
-        vehicle = self.vehicle
-        vehicle.client.mav.command_long_send(7, 1, COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0)
-        begin = vehicle.true_state.now()["secs"]
-        vehicle.wait_until(lambda moments: moments[-1]["secs"] - begin > 1.0, "later", 5.0)
-        expect(not vehicle.true_state.now()["armed"], "a command to system 7 armed it")
+        arm = COMMAND.MAV_CMD_COMPONENT_ARM_DISARM
+        self._client.mav.command_long_send(7, 1, arm, 0, 1, 0, 0, 0, 0, 0, 0)
+        self._client.pass_time(1.0)
+        expect(not self._true.now()["armed"], "a command to system 7 armed it")
 
     def arms(self):
-        self.vehicle.accepted(COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+        self._client.accepted(COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         armed = COMMAND.MAV_MODE_FLAG_SAFETY_ARMED
-        self.vehicle.receive("HEARTBEAT", where=lambda heartbeat: heartbeat.base_mode & armed)
+        self._client.receive("HEARTBEAT", where=lambda heartbeat: heartbeat.base_mode & armed)
 
     def takes_off(self):
-        self.vehicle.accepted(COMMAND.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
-        self.vehicle.wait_until(lambda moments: moments[-1]["mode"] == "holding", "holding", 20.0)
-        height = self.vehicle.true_state.now()["position"][2]
+        self._client.accepted(COMMAND.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+        self._client.wait_for_mode("holding")
+        height = self._true.position()[2]
         expect(abs(height - 1.0) < 0.25, f"holding at {height:.3f} m instead of the default of 1 m")
 
     def refuses_to_disarm_in_the_air(self):
-        result = self.vehicle.command(COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+        result = self._client.command(COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 0)
         expect(result == COMMAND.MAV_RESULT_TEMPORARILY_REJECTED, f"result {result}")
 
-    def refuses_velocities_and_nan(self):
-        vehicle = self.vehicle
-        vehicle.drain()
-        vehicle.send_target(VELOCITY_ONLY, 0, 0, 0, velocity=1.0)
-        text = vehicle.receive("STATUSTEXT").text
-        expect("only positions" in text, f"it said {text!r}")
-        vehicle.send_target(POSITION_ONLY, NAN, NAN, NAN)
-        text = vehicle.receive("STATUSTEXT").text
-        expect("finite" in text, f"it said {text!r}")
-        expect(vehicle.true_state.now()["mode"] == "holding", "it changed its mode")
+    def has_velocities_wait_and_refuses_nan(self):
+        self._client.drain()
+        self._client.send_target(VELOCITY_ONLY, 0, 0, 0, velocity=0.5)
+        self._client.says("waits for the offboard mode")
+        self._client.send_target(POSITION_ONLY, NAN, NAN, NAN)
+        self._client.says("not a finite number")
+        expect(self._true.now()["mode"] == "holding", "it changed its mode")
 
-    def reaches(self, index):
-        east, north, up = OFFSETS[index]
-        self.target = [self.start[0] + east, self.start[1] + north, up]
-        self.vehicle.send_target(POSITION_ONLY, self.target[1], self.target[0], -self.target[2])
-        sent_secs = self.vehicle.true_state.now()["secs"]
-        self.vehicle.wait_until(
-            lambda moments: stayed(moments, self.target, sent_secs),
-            f"within {ARRIVAL_RADIUS_M} m of {rounded(self.target)} for {DWELL_SECS} s",
+    def hands_over_to_the_pid_and_back(self):
+        for name, choose in (("PID", self._choose_by_command), ("policy", self._choose_by_message)):
+            mode = self._modes[name]
+            choose(mode)
+            self._client.receive("CURRENT_MODE", where=lambda told, mode=mode: told.custom_mode == mode)
+            point, begin = self._true.position(), self._true.now()["secs"]
+            self._client.pass_time(3.0)
+            moments = [moment for moment in self._true.read() if moment["secs"] > begin]
+            strayed = max(math.dist(moment["position"], point) for moment in moments)
+            expect(strayed < 0.2, f"with the {name} it strayed by {strayed:.3f} m")
+
+    def _choose_by_command(self, mode):
+        self._client.accepted(COMMAND.MAV_CMD_DO_SET_MODE, COMMAND.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode)
+
+    def _choose_by_message(self, mode):
+        self._client.mav.set_mode_send(1, COMMAND.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode)
+
+    def reaches_the_first_set_point(self):
+        self._reach(0)
+
+    def reaches_the_second_set_point(self):
+        self._reach(1)
+
+    def reaches_the_third_set_point(self):
+        self._reach(2)
+
+    def _point(self, east, north, up):
+        return [self._start[0] + east, self._start[1] + north, up]
+
+    def _reach(self, index):
+        self._target = self._point(*OFFSETS[index])
+        self._client.go_to(self._target)
+        sent_secs = self._true.now()["secs"]
+        self._client.wait_until(
+            lambda moments: stayed(moments, self._target, sent_secs),
+            f"within {ARRIVAL_RADIUS_M} m of {rounded(self._target)} for {DWELL_SECS} s",
             25.0,
         )
 
-    def reaches_the_first_set_point(self):
-        self.reaches(0)
-
-    def reaches_the_second_set_point(self):
-        self.reaches(1)
-
-    def reaches_the_third_set_point(self):
-        self.reaches(2)
-
     def tells_the_truth(self):
         for _ in range(20):
-            told = self.vehicle.receive("LOCAL_POSITION_NED")
-            true = self.vehicle.true_state.at(told.time_boot_ms / 1000)
+            told = self._client.receive("LOCAL_POSITION_NED")
+            true = self._true.at(told.time_boot_ms / 1000)
             error = math.dist([told.y, told.x, -told.z], true["position"])
             expect(error < 0.02, f"told {error:.3f} m from the true position")
 
+    def _waypoint(self, east, north, up):
+        x, y, z = self._point(east, north, up)
+        where = (round(y * 1e4), round(x * 1e4), -z)
+        return (LOCAL_NED, COMMAND.MAV_CMD_NAV_WAYPOINT, 0.5, 0.0, 0.0, 0.0, *where)
+
+    def keeps_a_mission(self):
+        mission = [self._waypoint(0.5, 0.0, 1.0), self._waypoint(0.5, 0.5, 1.25), self._waypoint(0.0, 0.5, 1.0)]
+        result = self._client.upload(MISSION, mission)
+        expect(result == COMMAND.MAV_MISSION_ACCEPTED, f"the upload was answered with {result}")
+        loaded = self._client.download(MISSION)
+        expect(loaded == mission, f"{loaded} came back instead of {mission}")
+        orbit = (LOCAL_NED, COMMAND.MAV_CMD_DO_ORBIT, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
+        result = self._client.upload(MISSION, [mission[0], orbit])
+        expect(result == COMMAND.MAV_MISSION_UNSUPPORTED, f"an orbit was answered with {result}")
+        expect(self._client.download(MISSION) == mission, "the refused mission replaced the former one")
+
+    def flies_the_mission(self):
+        self._client.accepted(COMMAND.MAV_CMD_MISSION_START)
+        for number in range(3):
+            reached = self._client.receive("MISSION_ITEM_REACHED", within_secs=20.0).seq
+            expect(reached == number, f"item {reached} was reached instead of {number}")
+        self._client.wait_near(self._point(0.0, 0.5, 1.0))
+        self._client.clear(MISSION)
+        expect(self._client.download(MISSION) == [], "it still has a mission")
+        result = self._client.command(COMMAND.MAV_CMD_MISSION_START)
+        expect(result == COMMAND.MAV_RESULT_TEMPORARILY_REJECTED, f"a start without a mission: {result}")
+
+    def stays_within_an_uploaded_fence(self):
+        client = self._client
+        home = client.receive("HOME_POSITION")
+        # 0.01 m of latitude are 9e-8 degrees.
+        north = round(1.2 / 111_195 * 1e7)
+        circle = (GLOBAL, COMMAND.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, 2.5, 0.0, 0.0, 0.0)
+        pillar = (GLOBAL, COMMAND.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION, 0.25, 0.0, 0.0, 0.0)
+        fence = [
+            (*circle, home.latitude, home.longitude, 0.0),
+            (*pillar, home.latitude + north, home.longitude, 0.0),
+        ]
+        result = client.upload(FENCE, fence)
+        expect(result == COMMAND.MAV_MISSION_ACCEPTED, f"the upload was answered with {result}")
+        expect(client.download(FENCE) == fence, "another fence came back")
+        for outside in (self._point(2.6, 0.0, 1.0), self._point(0.0, 1.2, 1.0)):
+            # The same words are not said twice within a second.
+            client.pass_time(1.1)
+            client.go_to(outside)
+            client.says("outside the fence")
+        expect(self._true.now()["mode"] == "holding", f"it is {self._true.now()['mode']}")
+        client.clear(FENCE)
+        expect(client.download(FENCE) == [], "it still has a fence")
+        self._target = self._point(0.4, 0.4, 1.0)
+        client.go_to(self._target)
+        client.wait_near(self._target)
+
     def lands_below_the_last_set_point(self):
-        self.vehicle.accepted(COMMAND.MAV_CMD_NAV_LAND, 0, 0, 0, NAN)
-        self.vehicle.wait_until(lambda moments: moments[-1]["mode"] == "landed", "landed", 20.0)
-        position = self.vehicle.true_state.now()["position"]
-        aside = math.dist(position[:2], self.target[:2])
+        self._client.accepted(COMMAND.MAV_CMD_NAV_LAND, 0, 0, 0, NAN)
+        self._client.wait_for_mode("landed")
+        position = self._true.position()
+        aside = math.dist(position[:2], self._target[:2])
         expect(aside < LANDING_RADIUS_M, f"landed {aside:.3f} m aside")
-        expect(0.0 < position[2] < REST_HEIGHT_M, f"landed at a height of {position[2]:.3f} m")
+        expect(position[2] > 0.0, f"landed at a height of {position[2]:.3f} m")
 
     def disarms_and_rests(self):
-        vehicle = self.vehicle
-        vehicle.accepted(COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+        self._client.accepted(COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 0)
         armed = COMMAND.MAV_MODE_FLAG_SAFETY_ARMED
-        vehicle.receive("HEARTBEAT", where=lambda heartbeat: not heartbeat.base_mode & armed)
-        begin = vehicle.true_state.now()["secs"]
-        vehicle.wait_until(lambda moments: moments[-1]["secs"] - begin > 1.0, "later", 5.0)
-        now = vehicle.true_state.now()
-        expect(not now["armed"] and now["rotor_targets"] == [0, 0, 0, 0], f"not stopped: {now}")
-        expect(math.hypot(*now["velocity"]) < 1e-3, f"moving at {now['velocity']}")
+        self._client.receive("HEARTBEAT", where=lambda heartbeat: not heartbeat.base_mode & armed)
+        self._client.pass_time(1.0)
+        self._true.expect_rest()
+        velocity = self._true.now()["velocity"]
+        expect(math.hypot(*velocity) < 1e-3, f"moving at {velocity}")
 
     def ends_cleanly_on_ctrl_c(self):
-        self.vehicle.process.send_signal(signal.SIGINT)
-        status = self.vehicle.process.wait(timeout=10)
-        expect(status == 0, f"exit status {status}: {self.vehicle.said()}")
-
-
-CHECKS = [
-    Flight.hears_a_heartbeat,
-    Flight.answers_a_client_that_speaks_first,
-    Flight.a_busy_port_is_one_clear_error,
-    Flight.survives_garbage,
-    Flight.refuses_to_take_off_unarmed,
-    Flight.refuses_an_unknown_command,
-    Flight.ignores_another_system,
-    Flight.arms,
-    Flight.takes_off,
-    Flight.refuses_to_disarm_in_the_air,
-    Flight.refuses_velocities_and_nan,
-    Flight.reaches_the_first_set_point,
-    Flight.reaches_the_second_set_point,
-    Flight.reaches_the_third_set_point,
-    Flight.tells_the_truth,
-    Flight.lands_below_the_last_set_point,
-    Flight.disarms_and_rests,
-    Flight.ends_cleanly_on_ctrl_c,
-]
-
-
-def run(vehicle):
-    """Numbers of checks that passed and failed; what depends on a failed check is not tried."""
-    flight = Flight(vehicle)
-    for index, check in enumerate(CHECKS):
-        name = check.__name__.replace("_", " ")
-        try:
-            check(flight)
-        except (CheckFailed, subprocess.TimeoutExpired, OSError) as failure:
-            print(f"FAILED  {name}: {failure}")
-            return index, len(CHECKS) - index
-        print(f"ok      {name}")
-    return len(CHECKS), 0
+        self._vehicle.process.send_signal(signal.SIGINT)
+        status = self._vehicle.process.wait(timeout=10)
+        expect(status == 0, f"exit status {status}: {self._vehicle.said()}")
 
 
 def main():
@@ -345,15 +297,9 @@ def main():
         sys.exit(__doc__)
     kestrel, *arguments = sys.argv[1:]
     with tempfile.TemporaryDirectory() as folder:
-        vehicle = Vehicle([kestrel, "fly", *arguments], folder)
-        try:
-            passed, failed = run(vehicle)
-        finally:
-            vehicle.process.kill()
-            vehicle.process.wait()
-            vehicle.client.close()
-    print(f"{passed} passed, {failed} failed")
-    sys.exit(1 if failed else 0)
+        with Simulated(kestrel, with_speed(arguments), folder) as vehicle, Client(vehicle) as client:
+            status = conclude(run_checks(checks_of(Flight(vehicle, client))))
+    sys.exit(status)
 
 
 if __name__ == "__main__":
