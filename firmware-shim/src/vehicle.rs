@@ -39,9 +39,6 @@ const COMPONENT: u8 = 1;
 /// Answers that wait for the next tick; what a flood asks beyond it goes unanswered.
 const ANSWERS: usize = 32;
 
-/// Streams that a peer wants once more, out of turn.
-const REQUESTED: usize = 16;
-
 /// The same refusal is not worded again within this time \[s\]: set-points come in streams.
 const TEXT_SECS: f64 = 1.0;
 
@@ -84,7 +81,8 @@ pub struct MavlinkVehicle<P> {
     guard: Guard,
     encoder: Encoder,
     schedule: Schedule,
-    requested: heapless::Vec<Stream, REQUESTED>,
+    /// Streams that a peer wants once more, out of turn.
+    requested: heapless::Vec<Stream, { Stream::ALL.len() }>,
     answers: heapless::Vec<Payload, ANSWERS>,
     repetitions: Repetitions,
     last_text: Option<(&'static str, f64)>,

@@ -208,7 +208,9 @@ impl<P: Processor> MavlinkVehicle<P> {
             435 => self.send_modes(index),
             437 => self.answer(identity::available_modes_monitor()),
             message_id => match Stream::of_message(message_id) {
-                Some(stream) => self.requested.extend([stream]),
+                Some(stream) if self.requested.contains(&stream) => {}
+                // There is room for each of them once.
+                Some(stream) => self.requested.push(stream).unwrap_or(()),
                 None => return Answer::denied("this message cannot be requested"),
             },
         }

@@ -341,6 +341,20 @@ fn a_flood_of_requests_is_answered_as_far_as_there_is_room() {
 }
 
 #[test]
+fn a_message_requested_a_hundred_times_in_a_period_is_told_once() {
+    let mut rig = Rig::new();
+    // In turn with another one, so that none is a repetition of the one before it.
+    for id in [141.0, 242.0].repeat(100) {
+        let request = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [id, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        rig.vehicle.receive(&datagram(&request));
+    }
+    rig.heard.clear();
+    rig.tick();
+    let altitudes = rig.heard.iter().filter(|message| matches!(message, MavMessage::ALTITUDE(_))).count();
+    assert_eq!(altitudes, 1);
+}
+
+#[test]
 fn every_text_fits_its_message() {
     let texts = Refusal::ALL.map(Refusal::text).into_iter();
     let texts = texts.chain(SetPointError::ALL.map(SetPointError::text)).chain(Event::ALL.map(Event::text));
