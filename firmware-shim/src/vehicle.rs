@@ -30,6 +30,7 @@ use crate::parameter::{Parameters, table::Parameter};
 use crate::processor::Processor;
 use crate::telemetry::{Schedule, Stream};
 
+use self::mission::Reached;
 use command::Answer;
 use repetition::{Repetitions, Sender};
 
@@ -78,6 +79,7 @@ pub struct MavlinkVehicle<P> {
     runner: Runner,
     /// What the mission wanted last.
     directive: Option<Directive>,
+    reached: Option<Reached>,
     guard: Guard,
     encoder: Encoder,
     schedule: Schedule,
@@ -108,6 +110,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             plans: MissionProtocol::new(profile.origin),
             runner: Runner::default(),
             directive: None,
+            reached: None,
             guard: Guard::Open,
             encoder: Encoder::new(profile.system, COMPONENT),
             profile,
@@ -247,6 +250,7 @@ impl<P: Processor> MavlinkVehicle<P> {
         }
         self.announce(before);
         self.fly_mission(state);
+        self.repeat_reached();
         for answer in core::mem::take(&mut self.answers) {
             send(&self.encoder.encode(&answer));
         }
@@ -433,12 +437,16 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     fn obey_command(&mut self, command: &CommandRequest, sender: Sender) {
         let now_secs = self.elapsed_secs();
-        let answer = match self.repetitions.result(command, sender, now_secs) {
+        let answer = match self.repetitions.result(command, sender, self.mode(), now_secs) {
             Some(result) => Answer { result, text: None },
             None => self.execute(command),
         };
+        // The link has lost something, and clients give up after a few times.
+        let acknowledgements = if self.repetitions.is_sent_again(command, sender, now_secs) { 2 } else { 1 };
         self.repetitions.remember(command, sender, answer.result, now_secs);
-        self.acknowledge(command.command, answer.result, sender.address);
+        for _ in 0..acknowledgements {
+            self.acknowledge(command.command, answer.result, sender.address);
+        }
         self.word(answer.text);
     }
 

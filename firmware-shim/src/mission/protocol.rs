@@ -22,9 +22,9 @@ const REPETITION_SECS: f64 = 0.25;
 /// An item is asked for so often before the upload is given up.
 const TRIES: u8 = 10;
 
-/// If anything was lost during an upload, its end is told so often again: some clients wait for it once, and in vain if
-/// it is lost, too. On a link that loses nothing nobody hears it twice.
-const END_REPETITIONS: u8 = 2;
+/// The end of an upload is told so often again, until its sender goes on: clients such as MAVSDK wait for it once, and in vain
+/// if it is lost. Nobody can know whether it was.
+const END_REPETITIONS: u8 = 3;
 
 /// `MAV_MISSION_TYPE_ALL`.
 const ALL_PLANS: u8 = 255;
@@ -66,7 +66,6 @@ struct Upload {
     items: heapless::Vec<Item, MISSION_ITEMS>,
     asked_secs: f64,
     tries: u8,
-    losses: u32,
 }
 
 /// How the last upload ended.
@@ -125,6 +124,7 @@ impl MissionProtocol {
         now_secs: f64,
         send: &mut dyn FnMut(Payload),
     ) -> Option<Event> {
+        self.note_progress(request, sender);
         match *request {
             Request::Count { plan, count } => return self.begin((plan, count), sender, now_secs, send),
             Request::Item { plan, sequence, ref item } => {
@@ -142,6 +142,23 @@ impl MissionProtocol {
         None
     }
 
+    /// Whoever asks for something else has heard how its upload ended, or does not care.
+    fn note_progress(&mut self, request: &Request, sender: [u8; 2]) {
+        match request {
+            Request::Item { .. } | Request::Acknowledge { .. } => {}
+            Request::Count { .. }
+            | Request::List { .. }
+            | Request::Fetch { .. }
+            | Request::Clear { .. }
+            | Request::SetCurrent { .. }
+            | Request::Partial { .. } => {
+                if let Some(ended) = self.ended.as_mut().filter(|ended| ended.sender == sender) {
+                    ended.repetitions = 0;
+                }
+            }
+        }
+    }
+
     /// Asks again for what did not come.
     pub fn tick(&mut self, now_secs: f64, send: &mut dyn FnMut(Payload)) {
         self.repeat_end(now_secs, send);
@@ -152,7 +169,6 @@ impl MissionProtocol {
         if upload.tries >= TRIES {
             return self.end(MavMissionResult::MAV_MISSION_OPERATION_CANCELLED, now_secs, send);
         }
-        upload.losses += 1;
         upload.ask(now_secs, send);
     }
 
@@ -173,14 +189,13 @@ impl MissionProtocol {
             refuse(MavMissionResult::MAV_MISSION_DENIED);
             return None;
         }
-        let former = self.upload.take();
+        self.upload = None;
         self.ended = None;
         if usize::from(count) > plan.capacity() {
             refuse(MavMissionResult::MAV_MISSION_NO_SPACE);
             return None;
         }
-        let losses = former.map_or(0, |former| former.losses + 1);
-        let mut upload = Upload::new(plan, count.into(), sender, losses);
+        let mut upload = Upload::new(plan, count.into(), sender);
         if count > 0 {
             upload.ask(now_secs, send);
             self.upload = Some(upload);
@@ -261,10 +276,9 @@ impl MissionProtocol {
 
     /// Ends the upload and says how.
     fn end(&mut self, result: MavMissionResult, told_secs: f64, send: &mut dyn FnMut(Payload)) {
-        let Some(Upload { plan, sender, items, count, losses, .. }) = self.upload.take() else { return };
+        let Some(Upload { plan, sender, items, count, .. }) = self.upload.take() else { return };
         let sequence = items.len().min(count.saturating_sub(1)) as u16;
-        let repetitions = if losses > 0 { END_REPETITIONS } else { 0 };
-        let ended = Ended { plan, sender, sequence, result, told_secs, repetitions };
+        let ended = Ended { plan, sender, sequence, result, told_secs, repetitions: END_REPETITIONS };
         self.tell_end(&ended, send);
         self.ended = Some(ended);
     }
@@ -356,8 +370,8 @@ impl MissionProtocol {
 }
 
 impl Upload {
-    fn new(plan: Plan, count: usize, sender: [u8; 2], losses: u32) -> Self {
-        Self { plan, sender, count, items: heapless::Vec::new(), asked_secs: 0.0, tries: 0, losses }
+    fn new(plan: Plan, count: usize, sender: [u8; 2]) -> Self {
+        Self { plan, sender, count, items: heapless::Vec::new(), asked_secs: 0.0, tries: 0 }
     }
 
     /// Asks for the next item.

@@ -11,6 +11,19 @@ use crate::mission::{self, Event, Plan};
 use crate::processor::Processor;
 use crate::settings::Action;
 
+/// `MISSION_ITEM_REACHED` of the last item is told again after this \[s\], so often: clients count what is reached, and some
+/// wait for the last item for ever.
+const REPETITION_SECS: f64 = 0.25;
+const REPETITIONS: u8 = 3;
+
+/// The last item of a mission that was reached.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reached {
+    sequence: u16,
+    told_secs: f64,
+    repetitions: u8,
+}
+
 impl<P: Processor> MavlinkVehicle<P> {
     /// Whether a mission is flown.
     pub(super) fn on_mission(&self) -> bool {
@@ -46,6 +59,7 @@ impl<P: Processor> MavlinkVehicle<P> {
         }
         self.runner.reset();
         self.directive = None;
+        self.reached = None;
     }
 
     /// Starts the mission, or goes on with it.
@@ -92,6 +106,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             self.runner.advance(self.plans.legs(), &situation, &mut |sequence| reached.extend([sequence]));
         for sequence in reached {
             self.answer(mission::sent::reached(sequence));
+            self.reached = Some(Reached { sequence, told_secs: self.elapsed_secs(), repetitions: REPETITIONS });
         }
         if self.directive == Some(directive) {
             return;
@@ -102,6 +117,15 @@ impl<P: Processor> MavlinkVehicle<P> {
             self.answer(sent::status_text(MavSeverity::MAV_SEVERITY_WARNING, "mission paused"));
             self.word(Some(refusal.text()));
         }
+    }
+
+    /// Tells again what was reached last.
+    pub(super) fn repeat_reached(&mut self) {
+        let now_secs = self.elapsed_secs();
+        let due = |reached: &Reached| reached.repetitions > 0 && now_secs - reached.told_secs >= REPETITION_SECS;
+        let Some(Reached { sequence, repetitions, .. }) = self.reached.filter(due) else { return };
+        self.answer(mission::sent::reached(sequence));
+        self.reached = Some(Reached { sequence, told_secs: now_secs, repetitions: repetitions - 1 });
     }
 
     fn motion(&self) -> Motion {

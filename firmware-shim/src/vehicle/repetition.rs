@@ -2,16 +2,26 @@
 
 use mavlink::dialects::common::MavResult;
 
+use crate::autopilot::Mode;
+use crate::flight_mode::FlightMode;
 use crate::message::received::{CommandRequest, Place};
 
-/// Senders whose last command is remembered.
-const SENDERS: usize = 4;
+/// Commands that are remembered: a few of each of a few senders, who do not wait for one acknowledgement before the next
+/// command.
+const COMMANDS: usize = 16;
 
 /// A repetition within this time of its original is not executed again \[s\]: clients give up after 2 s to 5 s.
 const REPETITION_SECS: f64 = 10.0;
 
 /// A link that duplicates a frame does it within this time \[s\]; later the same number is that of another frame.
 const DUPLICATE_SECS: f64 = 1.0;
+
+/// MAVSDK sends a command four times within this time \[s\] and does not say which is a repetition.
+const UNMARKED_SECS: f64 = 2.0;
+
+/// `MAV_CMD_NAV_TAKEOFF` and `MAV_CMD_DO_SET_MODE`.
+const TAKE_OFF: u16 = 22;
+const SET_MODE: u16 = 176;
 
 /// Who sent a frame, and which of its frames it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,10 +32,10 @@ pub(super) struct Sender {
     pub(super) sequence: u8,
 }
 
-/// The last command of each sender, and what became of it.
+/// The last command of each number and sender, and what became of it.
 #[derive(Debug, Default)]
 pub(super) struct Repetitions {
-    executed: heapless::Deque<Executed, SENDERS>,
+    executed: heapless::Deque<Executed, COMMANDS>,
 }
 
 #[derive(Debug)]
@@ -37,23 +47,60 @@ struct Executed {
 }
 
 impl Repetitions {
-    /// The result of the sender's last command if this is a repetition of it.
-    pub(super) fn result(&self, command: &CommandRequest, sender: Sender, now_secs: f64) -> Option<MavResult> {
-        let last = self.executed.iter().find(|last| last.sender.address == sender.address)?;
+    /// The result of the sender's last command if this is a repetition of it, to a vehicle in a mode.
+    pub(super) fn result(
+        &self,
+        command: &CommandRequest,
+        sender: Sender,
+        mode: Mode,
+        now_secs: f64,
+    ) -> Option<MavResult> {
+        let last = self.last(command, sender)?;
         let age_secs = now_secs - last.secs;
         let again = command.confirmation > last.command.confirmation && age_secs <= REPETITION_SECS;
         let duplicate = sender.sequence == last.sender.sequence && age_secs <= DUPLICATE_SECS;
-        ((again || duplicate) && bits(command) == bits(&last.command)).then_some(last.result)
+        let begun = last.has_lifted_off() && mode.flies() && age_secs <= UNMARKED_SECS;
+        (again || duplicate || begun).then_some(last.result)
+    }
+
+    /// Whether the sender seems to have missed an acknowledgement: it sends the same command in another frame.
+    pub(super) fn is_sent_again(&self, command: &CommandRequest, sender: Sender, now_secs: f64) -> bool {
+        self.last(command, sender)
+            .is_some_and(|last| sender.sequence != last.sender.sequence && now_secs - last.secs <= UNMARKED_SECS)
+    }
+
+    /// The sender's last command of this number, if it was the same in all else.
+    fn last(&self, command: &CommandRequest, sender: Sender) -> Option<&Executed> {
+        let last = self.executed.iter().find(|last| last.is_of(command, sender))?;
+        (bits(command) == bits(&last.command)).then_some(last)
     }
 
     /// Remembers what became of a command.
     pub(super) fn remember(&mut self, command: &CommandRequest, sender: Sender, result: MavResult, secs: f64) {
-        self.executed.retain(|last| last.sender.address != sender.address);
+        self.executed.retain(|last| !last.is_of(command, sender));
         if self.executed.is_full() {
             self.executed.pop_front();
         }
         // There is room: the oldest has just left.
         let _ = self.executed.push_back(Executed { sender, command: *command, result, secs });
+    }
+}
+
+impl Executed {
+    fn is_of(&self, command: &CommandRequest, sender: Sender) -> bool {
+        self.sender.address == sender.address && self.command.command == command.command
+    }
+
+    /// Whether it was the one thing that works and would be refused if it were done again: everything else is either refused
+    /// both times or does no harm.
+    fn has_lifted_off(&self) -> bool {
+        let [_, main, sub, _] = self.command.parameters;
+        let takes_off = match self.command.command {
+            TAKE_OFF => true,
+            SET_MODE => FlightMode::of_numbers(main, sub) == Some(FlightMode::TakeOff),
+            _ => false,
+        };
+        takes_off && self.result == MavResult::MAV_RESULT_ACCEPTED
     }
 }
 

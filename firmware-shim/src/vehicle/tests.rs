@@ -248,8 +248,34 @@ fn a_repeated_command_is_executed_once_and_answered_again() {
         let again = COMMAND_LONG_DATA { confirmation, ..take_off.clone() };
         assert_eq!(rig.result(&again), MavResult::MAV_RESULT_ACCEPTED, "not refused as in flight");
     }
-    rig.fly(1.1);
+    rig.fly(2.1);
     assert_eq!(rig.result(&take_off), MavResult::MAV_RESULT_TEMPORARILY_REJECTED, "a new one is");
+}
+
+/// As MAVSDK does.
+#[test]
+fn a_take_off_that_is_sent_again_without_saying_so_is_executed_once_and_acknowledged_twice() {
+    let by_command = command_long(MavCmd::MAV_CMD_NAV_TAKEOFF, LEFT_OPEN);
+    let by_mode = command_long(MavCmd::MAV_CMD_DO_SET_MODE, [129.0, 4.0, 2.0, NAN, NAN, NAN, NAN]);
+    for take_off in [by_command, by_mode] {
+        let mut rig = Rig::new();
+        let mut encoder = Encoder::new(245, 190);
+        let refused = rig.answers(&encoder.encode(&Payload::of(&take_off)));
+        assert_eq!(texts(&refused), ["refused: not armed"]);
+        rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
+        let result = MavResult::MAV_RESULT_ACCEPTED;
+        let accepted = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA { command: take_off.command, result });
+        for _ in 0..4 {
+            let question = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [148.0; 7]);
+            rig.answers(&encoder.encode(&Payload::of(&question)));
+            let answers = rig.answers(&encoder.encode(&Payload::of(&take_off)));
+            assert_eq!(answers, [accepted.clone(), accepted.clone()], "what was refused before is executed");
+            rig.fly(0.5);
+        }
+        rig.fly(2.0);
+        let refused = rig.answers(&encoder.encode(&Payload::of(&take_off)));
+        assert_eq!(texts(&refused), ["refused: in flight"]);
+    }
 }
 
 #[test]
@@ -275,7 +301,7 @@ fn a_repetition_long_after_is_executed_again() {
 fn commands_of_more_senders_than_are_remembered_still_work() {
     let mut rig = Rig::new();
     let arm = Payload::of(&command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM));
-    for sender in 200..210 {
+    for sender in 200..230 {
         let datagram = Encoder::new(sender, 190).encode(&arm);
         assert_eq!(rig.answers(&datagram).len(), 1);
     }
@@ -674,7 +700,8 @@ fn a_mission_is_flown_from_the_ground_to_the_ground() {
             _ => None,
         })
         .collect();
-    assert_eq!(reached, [0, 1, 2, 3, 4]);
+    let expected: Vec<u16> = (0..5).flat_map(|sequence| [sequence; 4]).collect();
+    assert_eq!(reached, expected, "each is told four times, as it may be lost");
     assert!((farthest - 1.0).abs() < 0.25, "{farthest} m");
     let position = rig.plant.state().position;
     assert!((position - nalgebra::Vector3::new(0.0, 1.0, 0.0)).norm() < 0.25, "{position}");
