@@ -18,7 +18,7 @@ use crate::flight_mode::FlightMode;
 use crate::frame::{Encoder, Frame, Frames, Payload};
 use crate::geodesy::Home;
 use crate::goal::MovingGoal;
-use crate::message::received::{self, CommandRequest, Request};
+use crate::message::received::{self, CommandRequest, Request, SetPointError};
 use crate::message::sent::identity::{Personality, PolicyIdentity};
 use crate::message::sent::{self, motion, status};
 use crate::mission as mission_protocol;
@@ -401,26 +401,22 @@ impl<P: Processor> MavlinkVehicle<P> {
                 self.word(answer.text);
             }
             Request::Command(command) => self.obey_command(command, sender),
-            Request::PositionTarget(target) => {
-                let text = match target.set_point(&self.profile.origin) {
-                    Ok(set_point) => self.set_point(set_point).map_err(Refusal::text),
-                    Err(error) => Err(error.text()),
-                };
-                self.word(text.err());
-            }
-            Request::AttitudeTarget(target) => {
-                let text = match target.set_point() {
-                    Ok(set_point) => self.set_point(set_point).map_err(Refusal::text),
-                    Err(error) => Err(error.text()),
-                };
-                self.word(text.err());
-            }
+            Request::PositionTarget(target) => self.follow(target.set_point(&self.profile.origin)),
+            Request::AttitudeTarget(target) => self.follow(target.set_point()),
             Request::TimeSync(theirs_ns) => {
                 let ours_ns = (self.elapsed_secs() * 1e9) as i64;
                 self.answer(sent::timesync(*theirs_ns, ours_ns, sender.address));
             }
             Request::Files(request) => self.answer(sent::no_files(*request, sender.address)),
         }
+    }
+
+    /// Follows a set-point, or says why not.
+    fn follow(&mut self, set_point: Result<SetPoint, SetPointError>) {
+        let outcome = set_point
+            .map_err(SetPointError::text)
+            .and_then(|set_point| self.set_point(set_point).map_err(Refusal::text));
+        self.word(outcome.err());
     }
 
     fn obey_parameter(&mut self, request: &parameter_received::Request, sender: [u8; 2]) {

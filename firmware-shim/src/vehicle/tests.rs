@@ -11,7 +11,6 @@ use mavlink::dialects::common::{
 use proptest::prelude::*;
 
 use super::*;
-use crate::message::received::SetPointError;
 use crate::plant::{FlatFloor, Plant};
 use crate::testing::{command_long, datagram, dishonest_policy, hover_policy, message, pilot, profile, set_point};
 

@@ -54,7 +54,9 @@ impl Findings<'_> {
         let sentence = |(method, found): (&Method, &MethodSummary)| {
             format!("* **{}**: {}{}\n", method.label, percent_estimate(found.mean), seeds_of(found))
         };
-        let Some(best) = by_mean(MethodKind::Sequential).or_else(|| by_mean(MethodKind::Joint)) else {
+        let Some(best) =
+            [MethodKind::Sequential, MethodKind::Joint, MethodKind::Experts].into_iter().find_map(by_mean)
+        else {
             return format!("## In short\n\n{NONE_YET}\n");
         };
         let mut lines = vec![best];
