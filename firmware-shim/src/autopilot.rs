@@ -91,6 +91,15 @@ pub enum Mode {
     Landed,
 }
 
+/// Who has the say about where to fly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Say {
+    /// Peers, by commands and by set-points.
+    Peers,
+    /// A failsafe, until a peer commands something.
+    Failsafe,
+}
+
 /// What the autopilot cannot know by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surroundings {
@@ -110,6 +119,7 @@ pub struct Autopilot<P> {
     control_secs: f32,
     leash_m: f32,
     mode: Mode,
+    say: Say,
     ticks_in_mode: u32,
     ticks_at_rest: u32,
     ticks_blind: u32,
@@ -210,6 +220,7 @@ impl<P: Processor> Autopilot<P> {
             failsafe: Failsafe::default(),
             events: Events::new(),
             mode: Mode::Disarmed,
+            say: Say::Peers,
             ticks_in_mode: 0,
             ticks_at_rest: 0,
             ticks_blind: 0,
@@ -372,6 +383,10 @@ impl<P: Processor> Autopilot<P> {
         if action <= self.mode.action() {
             return;
         }
+        // A stream that comes back is followed again.
+        if action > Action::Warn && event != Event::OffboardLost {
+            self.say = Say::Failsafe;
+        }
         match action {
             Action::Nothing | Action::Warn => {}
             Action::Hold => self.hold_inside(state),
@@ -398,7 +413,12 @@ impl<P: Processor> Autopilot<P> {
     /// On its way, but not out of the fence.
     fn move_goal(&mut self, state: &State<f32>) {
         let before = self.goal;
-        self.goal.advance(&state.position, self.leash_m, self.control_secs);
+        let mut held = state.position;
+        if self.mode == Mode::Landing {
+            // It sinks under the floor beside a drone that touched down aside, too.
+            (held.x, held.y) = (before.position().x, before.position().y);
+        }
+        self.goal.advance(&held, self.leash_m, self.control_secs);
         let [old_m, new_m] = [before, self.goal].map(|goal| self.margin_m(&goal.position()));
         if new_m < FENCE_MARGIN_M && new_m < old_m && self.mode != Mode::Landing {
             self.goal = before;
