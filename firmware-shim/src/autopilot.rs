@@ -15,8 +15,9 @@
 //! ```
 //!
 //! Besides, disarming works in every mode without flight and stopping the motors in every mode; the offboard mode can be
-//! entered from the ground too. An event of the [`Failsafe`] does as a command would: hold, return, land or stop; only a command
-//! of a peer ends that, and no stream of set-points. A state that is not finite for [`BLIND_SECS`] ends in Disarmed. Motors turn in the modes of flight only, and there none ever stops.
+//! entered from the ground too. An event of the [`Failsafe`] does as a command would: hold, return, land or stop; only a
+//! command of a peer ends that, and no stream of set-points. A state that is not finite for [`BLIND_SECS`] ends in
+//! Disarmed. Motors turn in the modes of flight only, and there none ever stops.
 //!
 //! Who flies is another matter ([`Flyer`]): the policy or the cascade of controllers, in every mode alike. What a peer steers by
 //! attitude or body rates is flown by the cascade's inner half.
