@@ -15,8 +15,9 @@
 //! ```
 //!
 //! Besides, disarming works in every mode without flight and stopping the motors in every mode; the offboard mode can be
-//! entered from the ground too. An event of the [`Failsafe`] does as a command would: hold, return, land or stop. A state that
-//! is not finite for [`BLIND_SECS`] ends in Disarmed. Motors turn in the modes of flight only, and there none ever stops.
+//! entered from the ground too. An event of the [`Failsafe`] does as a command would: hold, return, land or stop; only a
+//! command of a peer ends that, and no stream of set-points. A state that is not finite for [`BLIND_SECS`] ends in
+//! Disarmed. Motors turn in the modes of flight only, and there none ever stops.
 //!
 //! Who flies is another matter ([`Flyer`]): the policy or the cascade of controllers, in every mode alike. What a peer steers by
 //! attitude or body rates is flown by the cascade's inner half.
@@ -91,6 +92,15 @@ pub enum Mode {
     Landed,
 }
 
+/// Who has the say about where to fly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Say {
+    /// Peers, by commands and by set-points.
+    Peers,
+    /// A failsafe, until a peer commands something.
+    Failsafe,
+}
+
 /// What the autopilot cannot know by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surroundings {
@@ -110,6 +120,7 @@ pub struct Autopilot<P> {
     control_secs: f32,
     leash_m: f32,
     mode: Mode,
+    say: Say,
     ticks_in_mode: u32,
     ticks_at_rest: u32,
     ticks_blind: u32,
@@ -210,6 +221,7 @@ impl<P: Processor> Autopilot<P> {
             failsafe: Failsafe::default(),
             events: Events::new(),
             mode: Mode::Disarmed,
+            say: Say::Peers,
             ticks_in_mode: 0,
             ticks_at_rest: 0,
             ticks_blind: 0,
@@ -372,6 +384,10 @@ impl<P: Processor> Autopilot<P> {
         if action <= self.mode.action() {
             return;
         }
+        // A stream that comes back is followed again.
+        if action > Action::Warn && event != Event::OffboardLost {
+            self.say = Say::Failsafe;
+        }
         match action {
             Action::Nothing | Action::Warn => {}
             Action::Hold => self.hold_inside(state),
@@ -398,7 +414,12 @@ impl<P: Processor> Autopilot<P> {
     /// On its way, but not out of the fence.
     fn move_goal(&mut self, state: &State<f32>) {
         let before = self.goal;
-        self.goal.advance(&state.position, self.leash_m, self.control_secs);
+        let mut held = state.position;
+        if self.mode == Mode::Landing {
+            // It sinks under the floor beside a drone that touched down aside, too.
+            (held.x, held.y) = (before.position().x, before.position().y);
+        }
+        self.goal.advance(&held, self.leash_m, self.control_secs);
         let [old_m, new_m] = [before, self.goal].map(|goal| self.margin_m(&goal.position()));
         if new_m < FENCE_MARGIN_M && new_m < old_m && self.mode != Mode::Landing {
             self.goal = before;

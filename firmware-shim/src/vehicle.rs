@@ -1,6 +1,7 @@
 //! The MAVLink vehicle: datagrams and states in, rotor targets and frames out. No socket and no clock.
 
 mod command;
+mod loss;
 mod mission;
 mod repetition;
 
@@ -32,6 +33,7 @@ use crate::telemetry::{Schedule, Stream};
 
 use self::mission::Reached;
 use command::Answer;
+use loss::Losses;
 use repetition::{Repetitions, Sender};
 
 /// `MAV_COMP_ID_AUTOPILOT1`.
@@ -87,6 +89,7 @@ pub struct MavlinkVehicle<P> {
     requested: heapless::Vec<Stream, { Stream::ALL.len() }>,
     answers: heapless::Vec<Payload, ANSWERS>,
     repetitions: Repetitions,
+    losses: Losses,
     last_text: Option<(&'static str, f64)>,
     battery: Battery,
     /// Tick of the last word of a ground station.
@@ -117,6 +120,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             requested: heapless::Vec::new(),
             answers: heapless::Vec::new(),
             repetitions: Repetitions::default(),
+            losses: Losses::default(),
             last_text: None,
             battery: Battery::full(),
             ground_station_tick: None,
@@ -377,6 +381,7 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     fn obey(&mut self, frame: &Frame) {
         let sender = Sender { address: [frame.system, frame.component], sequence: frame.sequence };
+        self.losses.note(sender, self.elapsed_secs());
         if let Some((address, request)) = received::request(frame) {
             if address.reaches(self.profile.system, COMPONENT) {
                 self.obey_request(&request, sender);
@@ -437,8 +442,10 @@ impl<P: Processor> MavlinkVehicle<P> {
             Some(result) => Answer { result, text: None },
             None => self.execute(command),
         };
-        // The link has lost something, and clients give up after a few times.
-        let acknowledgements = if self.repetitions.is_sent_again(command, sender, now_secs) { 2 } else { 1 };
+        // Clients give up after a few times.
+        let lossy =
+            self.losses.are_of(sender, now_secs) || self.repetitions.is_sent_again(command, sender, now_secs);
+        let acknowledgements = if lossy { 2 } else { 1 };
         self.repetitions.remember(command, sender, answer.result, now_secs);
         for _ in 0..acknowledgements {
             self.acknowledge(command.command, answer.result, sender.address);

@@ -90,8 +90,8 @@ class TrueState:
 class Simulated:
     """A vehicle in its own process: KESTREL is the path of `kestrel`, or of `kestrel-shim`."""
 
-    def __init__(self, kestrel, arguments, folder):
-        self.listen = f"127.0.0.1:{free_port()}"
+    def __init__(self, kestrel, arguments, folder, listen=None):
+        self.listen = listen or f"127.0.0.1:{free_port()}"
         self.ground_station = f"127.0.0.1:{free_port()}"
         self.true = TrueState(os.path.join(folder, "true_state.jsonl"))
         self.output = os.path.join(folder, "output.txt")

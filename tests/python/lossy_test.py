@@ -150,7 +150,8 @@ def fly(options):
             try:
                 check()
             except FAILURES as failure:
-                return f"{name}: {type(failure).__name__} {failure}"
+                text = f"{name}: {type(failure).__name__} {failure}"
+                return " ".join(text.split())
     return None
 
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Autopilot, FENCE_MARGIN_M, Mode};
+use super::{Autopilot, FENCE_MARGIN_M, Mode, Say};
 use crate::flyer::Flyer;
 use crate::goal::MovingGoal;
 use crate::processor::Processor;
@@ -101,11 +101,29 @@ pub enum Refusal {
     NoMission,
     /// A mission is flown.
     OnMission,
+    /// A failsafe has acted since the last command.
+    Failsafe,
+}
+
+impl Command {
+    /// Whether it says where to fly.
+    const fn steers(self) -> bool {
+        match self {
+            Self::TakeOff { .. }
+            | Self::GoTo(_)
+            | Self::Velocity(_)
+            | Self::Offboard
+            | Self::Pause
+            | Self::Return
+            | Self::Land => true,
+            Self::Arm | Self::Disarm | Self::StopMotors | Self::Fly(_) | Self::Speed(_) => false,
+        }
+    }
 }
 
 impl Refusal {
     /// All of them.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::SelfTest,
         Self::StateUnknown,
         Self::NotLevel,
@@ -122,6 +140,7 @@ impl Refusal {
         Self::NotOffboard,
         Self::NoMission,
         Self::OnMission,
+        Self::Failsafe,
     ];
 
     /// At most the 50 bytes of a `STATUSTEXT`.
@@ -143,6 +162,7 @@ impl Refusal {
             Self::NotOffboard => "set-point waits for the offboard mode",
             Self::NoMission => "mission refused: there is none",
             Self::OnMission => "set-point refused: a mission is flown",
+            Self::Failsafe => "set-point refused: a failsafe has the say",
         }
     }
 }
@@ -153,6 +173,14 @@ impl<P: Processor> Autopilot<P> {
     /// # Errors
     /// The first condition that is not met; nothing has changed then.
     pub fn command(&mut self, command: Command) -> Result<(), Refusal> {
+        self.execute(command)?;
+        if command.steers() {
+            self.say = Say::Peers;
+        }
+        Ok(())
+    }
+
+    fn execute(&mut self, command: Command) -> Result<(), Refusal> {
         match command {
             Command::Arm => self.arm(),
             Command::Disarm => self.disarm(),
@@ -173,7 +201,7 @@ impl<P: Processor> Autopilot<P> {
     }
 
     /// Takes one of a stream of set-points: followed in the offboard mode, and what that mode waits for. A position is
-    /// flown to in other modes, too, as [`Command::GoTo`].
+    /// flown to in other modes, too, as [`Command::GoTo`], unless a failsafe has acted: no stream that goes on undoes that.
     ///
     /// # Errors
     /// Why it is not followed, or not yet.
@@ -194,6 +222,7 @@ impl<P: Processor> Autopilot<P> {
                 self.goal = self.known_state.map_or(self.goal, |state| MovingGoal::at(state.position));
                 self.stick = Some(stick);
             }
+            (_, SetPoint::Position(_)) if self.say == Say::Failsafe => return Err(Refusal::Failsafe),
             (_, SetPoint::Position(point)) => return self.go_to(point),
             (_, SetPoint::Velocity(_) | SetPoint::Stick(_)) => return Err(Refusal::NotOffboard),
         }

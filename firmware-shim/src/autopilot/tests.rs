@@ -1,3 +1,5 @@
+mod faults;
+
 use kestrel_core::airframe::CF2X;
 use kestrel_core::pilot::Pilot;
 use proptest::prelude::*;
@@ -12,9 +14,52 @@ use crate::testing::{dishonest_policy, hover_policy, pilot};
 
 /// An autopilot in its plant.
 struct Rig {
-    autopilot: Autopilot<Pilot<'static>>,
+    autopilot: Autopilot<Faulty>,
     plant: FlatFloor,
     surroundings: Surroundings,
+}
+
+/// What a processor does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Answer {
+    /// It computes the policy.
+    Right,
+    /// Nothing.
+    Silent,
+    /// This, whatever the state \[rad/s\].
+    Always([f32; 4]),
+}
+
+/// A processor that may fail.
+struct Faulty {
+    pilot: Pilot<'static>,
+    answer: Answer,
+}
+
+impl Processor for Faulty {
+    fn control_secs(&self) -> f32 {
+        Processor::control_secs(&self.pilot)
+    }
+
+    fn observation(&self) -> &ObservationLayout {
+        Processor::observation(&self.pilot)
+    }
+
+    fn healthy(&mut self) -> bool {
+        self.answer == Answer::Right && self.pilot.healthy()
+    }
+
+    fn reset(&mut self) {
+        Processor::reset(&mut self.pilot);
+    }
+
+    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
+        match self.answer {
+            Answer::Right => Processor::tick(&mut self.pilot, state, goal),
+            Answer::Silent => None,
+            Answer::Always(targets) => Some(targets),
+        }
+    }
 }
 
 impl Rig {
@@ -23,7 +68,8 @@ impl Rig {
     }
 
     fn with(policy: Vec<u8>) -> Self {
-        let autopilot = Autopilot::new(pilot(policy), &CF2X);
+        let processor = Faulty { pilot: pilot(policy), answer: Answer::Right };
+        let autopilot = Autopilot::new(processor, &CF2X);
         let plant = FlatFloor::new(&CF2X, autopilot.control_secs());
         let mut rig = Self { autopilot, plant, surroundings: Surroundings::default() };
         rig.tick();
@@ -31,7 +77,13 @@ impl Rig {
     }
 
     fn in_mode(mode: Mode) -> Self {
+        Self::flown(mode, Flyer::Policy)
+    }
+
+    /// In a mode, with somebody at the helm.
+    fn flown(mode: Mode, flyer: Flyer) -> Self {
         let mut rig = Self::new();
+        rig.accept(Command::Fly(flyer));
         if mode == Mode::Disarmed {
             return rig;
         }
@@ -208,6 +260,22 @@ fn a_landing_is_soft_and_ends_below_its_start() {
 }
 
 #[test]
+fn a_landing_ends_where_the_drone_touches_down_however_far_aside() {
+    for aside_m in [0.35, 0.6] {
+        let mut rig = Rig::in_mode(Mode::Landing);
+        let mut state = *FlatFloor::new(&CF2X, 0.01).at([aside_m, 0.0]).state();
+        state.position.z += 0.01;
+        while rig.autopilot.mode() == Mode::Landing {
+            // The floor holds it.
+            rig.plant.put(state);
+            rig.tick();
+            assert!(rig.autopilot.ticks_in_mode < 1000, "{aside_m} m aside");
+        }
+        assert_eq!(rig.autopilot.mode(), Mode::Landed);
+    }
+}
+
+#[test]
 fn a_hovering_drone_is_never_taken_for_a_landed_one() {
     let mut rig = Rig::in_mode(Mode::Landing);
     while rig.position().z > 0.1 {
@@ -372,193 +440,6 @@ proptest! {
             }
         }
     }
-}
-
-/// A processor that answers well so many times, and then as told.
-struct Failing {
-    pilot: Pilot<'static>,
-    answers: u32,
-    then: Option<[f32; 4]>,
-}
-
-impl Processor for Failing {
-    fn control_secs(&self) -> f32 {
-        Processor::control_secs(&self.pilot)
-    }
-
-    fn observation(&self) -> &ObservationLayout {
-        Processor::observation(&self.pilot)
-    }
-
-    fn healthy(&mut self) -> bool {
-        self.answers > 0
-    }
-
-    fn reset(&mut self) {
-        Processor::reset(&mut self.pilot);
-    }
-
-    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
-        match self.answers.checked_sub(1) {
-            Some(left) => {
-                self.answers = left;
-                Processor::tick(&mut self.pilot, state, goal)
-            }
-            None => self.then,
-        }
-    }
-}
-
-#[test]
-fn a_policy_that_fails_is_replaced_in_time_and_the_flight_goes_on() {
-    let limit = CF2X.rotor_speed_limit as f32;
-    let faults = [
-        (None, Settings::default().silence_secs, Event::PolicySilent),
-        (Some([f32::NAN, 1.0, 1.0, 1.0]), Settings::default().silence_secs, Event::PolicySilent),
-        (Some([limit; 4]), Settings::default().saturation_secs, Event::PolicySaturated),
-    ];
-    for (then, within_secs, expected) in faults {
-        let mut autopilot = Autopilot::new(Failing { pilot: pilot(hover_policy()), answers: 700, then }, &CF2X);
-        let control_secs = autopilot.control_secs();
-        let mut plant = FlatFloor::new(&CF2X, control_secs);
-        let mut replaced = None;
-        autopilot.tick(plant.state(), &Surroundings::default());
-        autopilot.command(Command::Arm).unwrap();
-        autopilot.command(Command::TakeOff { altitude_m: 1.0 }).unwrap();
-        for tick in 0..3000_u32 {
-            let targets = autopilot.tick(plant.state(), &Surroundings::default());
-            plant.step(&targets);
-            if autopilot.events().contains(&expected) {
-                replaced = Some(tick);
-            }
-        }
-        let secs = (replaced.expect("the fault is noticed") - 700) as f32 * control_secs;
-        assert!((secs - within_secs).abs() <= 1.5 * control_secs, "{expected:?} after {secs} s");
-        assert_eq!((autopilot.flyer(), autopilot.mode()), (Flyer::Cascade, Mode::Holding));
-        assert!((plant.state().position.z - 1.0).abs() < 0.15, "{}", plant.state().position);
-        assert_eq!(autopilot.command(Command::Fly(Flyer::Policy)), Err(Refusal::SelfTest));
-    }
-}
-
-/// A failsafe's cause, its time \[s\] and what else it needs.
-#[derive(Clone, Copy, Debug)]
-enum Cause {
-    Stream,
-    Link,
-    Fence,
-    Battery,
-    Upset,
-}
-
-/// Brings a cause about in a rig that holds or follows a stream; the time until it must have acted \[s\].
-fn bring_about(cause: Cause, rig: &mut Rig, settings: &Settings) -> f32 {
-    match cause {
-        Cause::Stream => settings.offboard_loss_secs,
-        Cause::Link => {
-            rig.surroundings.link_age_secs = Some(settings.link_loss_secs);
-            0.0
-        }
-        Cause::Fence => {
-            rig.fence(0.0, 1.0, 5.0);
-            let mut state = *rig.plant.state();
-            state.position.x += 1.2;
-            rig.plant.put(state);
-            0.0
-        }
-        Cause::Battery => {
-            rig.surroundings.battery = 0.04;
-            0.0
-        }
-        Cause::Upset => {
-            let mut state = *rig.plant.state();
-            state.position.z = 4.0;
-            state.world_from_body = Attitude { w: 0.3, x: 0.954, y: 0.0, z: 0.0 }.normalized();
-            rig.plant.put(state);
-            settings.tilt_secs
-        }
-    }
-}
-
-fn with_action(cause: Cause, action: Action) -> Settings {
-    let settings = Settings::default();
-    match cause {
-        Cause::Stream => Settings { offboard_loss_action: action, ..settings },
-        Cause::Link => Settings { link_loss_action: action, ..settings },
-        Cause::Fence => Settings { fence_action: action, ..settings },
-        Cause::Battery => Settings { battery_actions: [action; 3], ..settings },
-        // A turn takes a moment: any less tilt would count as well.
-        Cause::Upset => Settings {
-            upset_reaction: Reaction::with_cascade(action),
-            tilt_limit_rad: 0.2,
-            tilt_secs: 0.1,
-            ..settings
-        },
-    }
-}
-
-#[test]
-fn every_failsafe_acts_in_its_time_and_ends_well() {
-    use Action::{Hold, Land, Return, StopMotors, Warn};
-    for cause in [Cause::Stream, Cause::Link, Cause::Fence, Cause::Battery, Cause::Upset] {
-        for action in [Warn, Hold, Return, Land, StopMotors] {
-            let mode = if matches!(cause, Cause::Stream) { Mode::Offboard } else { Mode::Holding };
-            let mut rig = Rig::in_mode(mode);
-            let settings = with_action(cause, action);
-            rig.autopilot.adjust(settings);
-            let within_secs = bring_about(cause, &mut rig, &settings);
-            let control_secs = rig.autopilot.control_secs();
-            let acted = (0..200).position(|_| {
-                rig.tick();
-                rig.surroundings.link_age_secs =
-                    rig.surroundings.link_age_secs.map(|age_secs| age_secs + control_secs);
-                !rig.autopilot.events().is_empty()
-            });
-            let secs = acted.unwrap_or_else(|| panic!("{cause:?} is not noticed")) as f32 * control_secs;
-            assert!((secs - within_secs).abs() <= 1.5 * control_secs, "{cause:?}: {secs} s");
-            let after = match action {
-                Action::Nothing | Warn => mode,
-                Hold => Mode::Holding,
-                Return => Mode::Returning,
-                Land => Mode::Landing,
-                StopMotors => Mode::Disarmed,
-            };
-            assert_eq!(rig.autopilot.mode(), after, "{cause:?}, {action:?}");
-            rig.fly(40.0);
-            let end = rig.position();
-            assert!(end.iter().all(|value| value.is_finite()) && end.norm() < 5.0, "{cause:?}, {action:?}: {end}");
-            match action {
-                Return | Land | StopMotors => {
-                    assert_eq!(rig.autopilot.mode(), Mode::Disarmed, "{cause:?}, {action:?}");
-                    assert!(end.z < 0.02, "{cause:?}, {action:?}: {end}");
-                }
-                Hold => assert!(rig.autopilot.fence.margin_m(&end) >= 0.0 && end.z > 0.5, "{cause:?}: {end}"),
-                Action::Nothing | Warn => assert_eq!(rig.autopilot.mode(), mode),
-            }
-            if action == Return {
-                assert!((end - rig.autopilot.home()).norm() < 0.3, "{cause:?}: {end}");
-            }
-        }
-    }
-}
-
-#[test]
-fn a_stale_set_point_stops_the_drone_at_once() {
-    let mut rig = Rig::in_mode(Mode::Offboard);
-    let settings = Settings { offboard_loss_secs: 60.0, ..Settings::default() };
-    rig.autopilot.adjust(settings);
-    for _ in 0..100 {
-        rig.stream(SetPoint::Velocity(Vector3::new(0.5, 0.0, 0.0)));
-        rig.tick();
-    }
-    assert!(!rig.autopilot.goal().arrived());
-    let control_secs = rig.autopilot.control_secs();
-    let ticks = (0..100).position(|_| {
-        rig.tick();
-        rig.autopilot.goal().arrived()
-    });
-    let secs = ticks.expect("it stops") as f32 * control_secs;
-    assert!((secs - settings.set_point_stale_secs).abs() <= 1.5 * control_secs, "{secs} s");
-    assert_eq!(rig.autopilot.mode(), Mode::Offboard, "and waits for the stream");
 }
 
 #[test]

@@ -63,7 +63,8 @@ impl Refusal {
             | Self::NoSetPoints
             | Self::NotOffboard
             | Self::NoMission
-            | Self::OnMission => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
+            | Self::OnMission
+            | Self::Failsafe => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
         }
     }
 }

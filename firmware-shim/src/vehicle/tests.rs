@@ -582,6 +582,19 @@ fn a_duplicated_frame_is_one_command() {
 }
 
 #[test]
+fn whoever_is_behind_a_link_that_loses_is_answered_twice() {
+    let mut rig = Rig::new();
+    let mut encoder = Encoder::new(245, 190);
+    let mut arm = || encoder.encode(&Payload::of(&command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM)));
+    assert_eq!(rig.answers(&arm()).len(), 1);
+    rig.fly(3.0);
+    drop(arm());
+    assert_eq!(rig.answers(&arm()).len(), 2);
+    rig.fly(30.0);
+    assert_eq!(rig.answers(&arm()).len(), 1);
+}
+
+#[test]
 fn a_place_on_earth_is_flown_to() {
     let mut rig = Rig::flying();
     let origin = Home::default();
