@@ -2,6 +2,7 @@
 
 import math
 import os
+import struct
 import time
 
 os.environ["MAVLINK20"] = "1"
@@ -119,6 +120,17 @@ class Client:
         self.drain()
         self.mav.param_set_send(1, 1, name.encode(), value, kind)
         return self.receive("PARAM_VALUE", where=lambda told: told.param_id == name).param_value
+
+    def set_integer(self, name, value):
+        """The value that a parameter has then; integers travel as the float of the same bytes."""
+        float_of = struct.unpack("<f", struct.pack("<i", value))[0]
+        told = self.set_parameter(name, float_of, COMMAND.MAV_PARAM_TYPE_INT32)
+        return struct.unpack("<i", struct.pack("<f", told))[0]
+
+    def may_pause(self):
+        """From here on it is no loss of the ground station if this program does not come to send its heartbeats."""
+        told = self.set_integer("NAV_DLL_ACT", 0)
+        expect(told == 0, f"NAV_DLL_ACT is {told} instead of 0")
 
     def upload(self, plan, items):
         """The result of an upload of items: frame, command, four parameters, x, y and z."""

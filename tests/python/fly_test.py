@@ -11,7 +11,6 @@ import os
 import re
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import tempfile
@@ -43,11 +42,6 @@ def stayed(moments, point, since_secs):
         if math.dist(moment["position"], point) > ARRIVAL_RADIUS_M:
             return False
     return False
-
-
-def as_float(integer):
-    """The float whose bytes are those of an integer, as parameters travel."""
-    return struct.unpack("<f", struct.pack("<i", integer))[0]
 
 
 class Flight:
@@ -116,9 +110,10 @@ class Flight:
         for value, expected in ((0.9, 0.9), (50.0, 0.9), (NAN, 0.9), (1.0, 1.0)):
             told = client.set_parameter("MIS_TAKEOFF_ALT", value)
             expect(abs(told - expected) < 1e-6, f"{told} after {value} was asked for")
-        # From here on a pause of this program is no loss of the ground station.
-        told = client.set_parameter("NAV_DLL_ACT", as_float(0), COMMAND.MAV_PARAM_TYPE_INT32)
-        expect(told == as_float(0), f"{told} instead of the integer 0")
+        for value, expected in ((5, 5), (4, 5), (2, 2)):
+            told = client.set_integer("GF_ACTION", value)
+            expect(told == expected, f"{told} after {value} was asked for")
+        client.may_pause()
         client.mav.param_request_read_send(1, 1, b"NO_SUCH_THING", -1)
         error = client.receive("PARAM_ERROR").error
         expect(error == COMMAND.MAV_PARAM_ERROR_DOES_NOT_EXIST, f"error {error}")

@@ -8,6 +8,7 @@ since MAVSDK counts wall time. Exit status 0 if every check passed.
 
 import asyncio
 import math
+import os
 import socket
 import sys
 import tempfile
@@ -50,6 +51,9 @@ class Flight:
 
     def _run(self, coroutine):
         return self._loop.run_until_complete(asyncio.wait_for(coroutine, 2 * WAIT_SECS))
+
+    def _leave(self):
+        self._drone._stop_mavsdk_server()
 
     def connects(self):
         port = self._vehicle.ground_station.split(":")[1]
@@ -193,8 +197,11 @@ def main():
     loop = asyncio.new_event_loop()
     asyncio.set_event_loop(loop)
     with tempfile.TemporaryDirectory() as folder, Simulated(kestrel, arguments, folder) as vehicle:
-        status = conclude(run_checks(checks_of(Flight(vehicle, loop))))
-    sys.exit(status)
+        flight = Flight(vehicle, loop)
+        status = conclude(run_checks(checks_of(flight)))
+        flight._leave()
+    # MAVSDK's threads wait for its server, which would end with the last reference to the drone, after them.
+    os._exit(status)
 
 
 if __name__ == "__main__":

@@ -153,6 +153,7 @@ class Flight:
         client.accepted(COMMAND.MAV_CMD_SET_MESSAGE_INTERVAL, COMMAND.MAVLINK_MSG_ID_SYS_STATUS, -1)
         told = client.set_parameter("MIS_TAKEOFF_ALT", 0.75)
         expect(told == 0.75, f"the height of take-off is {told}")
+        client.may_pause()
         client.accepted(COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         client.accepted(COMMAND.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
         client.wait_for_mode("holding")

@@ -15,7 +15,7 @@ use crate::telemetry::Stream;
 /// Second parameter of a disarm command that shall work in flight (`MAV_CMD_COMPONENT_ARM_DISARM`).
 const FORCED: f32 = 21196.0;
 
-/// How pymavlink and MAVProxy have a vehicle that is not PX4 return (`mode RTL`), which they take for ArduCopter; with PX4's
+/// How pymavlink and `MAVProxy` have a vehicle that is not PX4 return (`mode RTL`), which they take for `ArduCopter`; with PX4's
 /// numbers it is the offboard mode, of all modes the one to leave so. Clients of PX4 that ask for that one in flight set the
 /// armed bit in the first parameter, or send a whole `custom_mode`.
 const RETURN_OF_ARDUCOPTER: [f32; 3] = [1.0, 6.0, 0.0];

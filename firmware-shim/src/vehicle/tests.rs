@@ -488,7 +488,7 @@ fn a_mode_is_chosen_by_its_whole_number_as_well() {
     }
 }
 
-/// ArduCopter's number of returning is PX4's of the offboard mode: following a stream is the worst answer to `mode RTL`.
+/// `ArduCopter`'s number of returning is PX4's of the offboard mode: following a stream is the worst answer to `mode RTL`.
 #[test]
 fn in_flight_a_mode_that_may_be_another_autopilots_return_is_refused() {
     let asked_of = |personality| {
