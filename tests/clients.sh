@@ -4,8 +4,8 @@
 #
 #   tests/clients.sh [KESTREL [POLICY]]
 #
-# KESTREL is the path of `kestrel` (target/debug/kestrel if it is left out), or of `kestrel-shim`. Installs each client's
-# packages into an environment of its own under target, where they are missing. What a client said is kept in
+# KESTREL is the path of `kestrel` (target/debug/kestrel if it is left out), or of `kestrel-shim`. Installs each
+# client's packages into an environment of its own under target, where they are missing. What a client said is kept in
 # target/test-logs. Ends with "N passed, N failed".
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -44,7 +44,8 @@ tell() { # NAME CLIENT: what became of its checks, and all that it said if one f
 declare -A needs=([venv]=requirements [venv-mavsdk3]=mavsdk3-requirements [venv-mavsdk4]=mavsdk4-requirements
   [venv-mavproxy]=mavproxy-requirements [venv-cflib]=crtp-requirements)
 for environment in "${!needs[@]}"; do
-  check "packages of target/$environment" python_environment "target/$environment" "tests/python/${needs[$environment]}.txt"
+  check "packages of target/$environment" \
+    python_environment "target/$environment" "tests/python/${needs[$environment]}.txt"
 done
 
 # These fly faster than the wall clock, and use a processor.

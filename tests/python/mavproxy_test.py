@@ -2,12 +2,12 @@
 
     python mavproxy_test.py KESTREL RUN_OR_POLICY [more arguments of `kestrel fly`]
 
-KESTREL is the path of `kestrel`, or of `kestrel-shim`. Needs the packages of mavproxy-requirements.txt; takes a minute and a
-half, since MAVProxy counts wall time. Exit status 0 if every check passed.
+KESTREL is the path of `kestrel`, or of `kestrel-shim`. Needs the packages of mavproxy-requirements.txt; takes a minute and
+a half, since MAVProxy counts wall time. Exit status 0 if every check passed.
 
-MAVProxy knows PX4, and takes everything else for ArduCopter. Of PX4 it reads parameters that are integers, but its command
-`mode` sends nothing (1.8.75: "required argument is not a float"): the first flight changes modes by `long DO_SET_MODE`. Of
-other autopilots it takes the numbers of AVAILABLE_MODES, which the second flight does.
+MAVProxy knows PX4, and takes everything else for ArduCopter. Of PX4 it reads parameters that are integers, but its
+command `mode` sends nothing (1.8.75: "required argument is not a float"): the first flight changes modes by
+`long DO_SET_MODE`. Of other autopilots it takes the numbers of AVAILABLE_MODES, which the second flight does.
 """
 
 import math
@@ -78,7 +78,7 @@ class Console:
         return found
 
     def says(self, line, pattern):
-        """Types a line and waits for the answer; types it again if none comes: on a busy machine MAVProxy misses some."""
+        """Types a line and waits for the answer; types it again if none comes: a busy MAVProxy misses some."""
         for _ in range(TRIES - 1):
             try:
                 return self.says_once(line, pattern)
@@ -197,7 +197,8 @@ class AsPx4(Flight):
         self.keeps_armed_after_landing()
 
     def is_told_when_a_parameter_is_refused(self):
-        self.console.says("param set MIS_TAKEOFF_ALT 50", r"Failed to set MIS_TAKEOFF_ALT to 50 \(invalid returned value 1\.5\)")
+        failed = r"Failed to set MIS_TAKEOFF_ALT to 50 \(invalid returned value 1\.5\)"
+        self.console.says("param set MIS_TAKEOFF_ALT 50", failed)
 
     def refuses_to_take_off_unarmed(self):
         self.console.refused("takeoff 1", "refused: not armed")
@@ -221,14 +222,18 @@ class AsPx4(Flight):
         self.true.wait_near([self.start[0] + 0.8, self.start[1] - 0.5, 1.2], 0.15, WAIT_SECS)
 
     def holds_on_the_way(self):
+        # So slowly that no delay of this program lets it arrive.
+        self.console.says("param set MPC_XY_CRUISE 0.125", ">")
+        self.sees("MPC_XY_CRUISE", "0.125")
         self.console.accepted(self.guide(-0.8, -0.5), "DO_REPOSITION")
-        half_way = lambda moment: moment["position"][0] < self.start[0] + 0.2  # noqa: E731
-        self.true.wait_for(half_way, "half way", WAIT_SECS)
+        on_the_way = lambda moment: moment["position"][0] < self.start[0] + 0.6  # noqa: E731
+        self.true.wait_for(on_the_way, "on the way", WAIT_SECS)
         self.change_mode(HOLD)
         self.wait_for_mode("holding")
-        time.sleep(2.0)
         self.expect_steady()
         expect(self.true.position()[0] > self.start[0] - 0.6, f"it went on to {self.true.position()}")
+        self.console.says("param set MPC_XY_CRUISE 0.5", ">")
+        self.sees("MPC_XY_CRUISE", "0.5")
 
     def stays_within_the_fence_of_parameters(self):
         self.console.says("param set GF_MAX_HOR_DIST 1.5", ">")

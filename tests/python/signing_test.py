@@ -2,8 +2,8 @@
 
     python signing_test.py KESTREL RUN_OR_POLICY [more arguments of `kestrel fly`]
 
-KESTREL is the path of `kestrel`, or of `kestrel-shim`. Needs the packages of requirements.txt. Exit status 0 if every check
-passed.
+KESTREL is the path of `kestrel`, or of `kestrel-shim`. Needs the packages of requirements.txt. Exit status 0 if every
+check passed.
 """
 
 import itertools
