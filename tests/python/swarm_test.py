@@ -20,7 +20,7 @@ os.environ["MAVLINK20"] = "1"
 
 from pymavlink import mavutil  # noqa: E402  (reads MAVLINK20 when imported)
 
-from judge import CheckFailed, Simulated, checks_of, expect, run_checks  # noqa: E402
+from judge import CheckFailed, Simulated, checks_of, conclude, expect, run_checks  # noqa: E402
 
 COMMAND = mavutil.mavlink
 COUNT = 10
@@ -194,7 +194,7 @@ def main():
         first_port = free_ports()
         arguments = [with_period(policy, folder), "--vehicles", str(COUNT)]
         with Simulated(kestrel, arguments, folder, listen=f"127.0.0.1:{first_port}") as swarm:
-            status = run_checks(checks_of(Flight(swarm, first_port)))
+            status = conclude(run_checks(checks_of(Flight(swarm, first_port))))
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     share = (usage.ru_utime + usage.ru_stime) / (time.monotonic() - start)
     print(f"The program took {share:.1%} of a core.", flush=True)
