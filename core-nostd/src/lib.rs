@@ -23,6 +23,7 @@ pub mod eye;
 pub mod fixed;
 pub mod mlp;
 pub mod observation;
+pub mod philox;
 pub mod pilot;
 pub mod policy_file;
 pub mod real;

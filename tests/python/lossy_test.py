@@ -12,32 +12,30 @@ import asyncio
 import concurrent.futures
 import math
 import os
-import socket
 import subprocess
 import sys
 import tempfile
 import time
 import warnings
 
-from judge import CheckFailed, Simulated, checks_of, expect, free_port
+from judge import CheckFailed, Simulated, expect
 
 warnings.simplefilter("ignore", FutureWarning)
 
 import grpc  # noqa: E402
-from mavsdk import System  # noqa: E402  (warns when imported)
 from mavsdk.action import ActionError  # noqa: E402
 from mavsdk.info import InfoError  # noqa: E402
 from mavsdk.mission import MissionError, MissionItem, MissionPlan  # noqa: E402
 from mavsdk.offboard import OffboardError, PositionNedYaw  # noqa: E402
 from mavsdk.param import ParamError  # noqa: E402
 
-from mavsdk3_test import first  # noqa: E402
+import mavsdk3_test  # noqa: E402
+from mavsdk3_test import WAIT_SECS, first  # noqa: E402
 
 DUPLICATION = 0.05
 REORDERING = 0.2
 DELAY_SECS = 0.03
 
-STEP_SECS = 60.0
 NAN = float("nan")
 
 FAILURES = (
@@ -46,22 +44,13 @@ FAILURES = (
 )
 
 
-class Flight:
-    """The nine steps, in the order in which they are flown."""
+class Flight(mavsdk3_test.Flight):
+    """The nine steps."""
 
-    def __init__(self, vehicle, loop):
-        self._vehicle = vehicle
-        self._true = vehicle.true
-        self._loop = loop
-        self._drone = System(port=free_port(kind=socket.SOCK_STREAM))
-
-    def _run(self, coroutine):
-        return self._loop.run_until_complete(asyncio.wait_for(coroutine, STEP_SECS))
-
-    def connects(self):
-        port = self._vehicle.ground_station.split(":")[1]
-        self._run(self._drone.connect(system_address=f"udpin://127.0.0.1:{port}"))
-        self._run(first(self._drone.core.connection_state(), lambda state: state.is_connected))
+    STEPS = (
+        *("connects", "tells_its_version", "is_healthy", "lists_and_sets_parameters", "arms", "takes_off"),
+        *("flies_offboard", "flies_a_mission", "lands"),
+    )
 
     def tells_its_version(self):
         async def ask():
@@ -74,29 +63,6 @@ class Flight:
         version = self._run(ask())
         expect((version.flight_sw_major, version.flight_sw_minor) == (0, 1), f"version {version}")
 
-    def is_healthy(self):
-        healthy = lambda health: health.is_global_position_ok and health.is_home_position_ok and health.is_armable  # noqa: E731
-        self._run(first(self._drone.telemetry.health(), healthy))
-
-    def lists_and_sets_parameters(self):
-        parameters = self._run(self._drone.param.get_all_params())
-        count = len(parameters.float_params + parameters.int_params)
-        expect(count == 30, f"{count} parameters instead of 30")
-        self._run(self._drone.param.set_param_float("MIS_TAKEOFF_ALT", 1.25))
-        value = self._run(self._drone.param.get_param_float("MIS_TAKEOFF_ALT"))
-        expect(value == 1.25, f"the height of take-off is {value}")
-
-    def arms(self):
-        self._run(self._drone.action.arm())
-        self._run(first(self._drone.telemetry.armed(), lambda armed: armed))
-
-    def takes_off(self):
-        self._run(self._drone.action.set_takeoff_altitude(1.25))
-        self._run(self._drone.action.takeoff())
-        self._true.wait_for(lambda moment: moment["mode"] == "holding", "holding", STEP_SECS)
-        height = self._true.position()[2]
-        expect(abs(height - 1.25) < 0.25, f"in the air at {height:.3f} m instead of 1.25 m")
-
     def flies_offboard(self):
         async def fly():
             await self._drone.offboard.set_position_ned(PositionNedYaw(0.4, 0.5, -1.0, 0.0))
@@ -105,7 +71,7 @@ class Flight:
             await self._drone.offboard.start()
 
         self._run(fly())
-        self._true.wait_near([0.5, 0.4, 1.0], 0.15, STEP_SECS)
+        self._true.wait_near([0.5, 0.4, 1.0], 0.15, WAIT_SECS)
         self._run(self._drone.offboard.stop())
 
     def flies_a_mission(self):
@@ -130,7 +96,7 @@ class Flight:
             )
 
         self._run(fly())
-        self._true.wait_near([0.5, 0.0, 1.2], 0.2, STEP_SECS)
+        self._true.wait_near([0.5, 0.0, 1.2], 0.2, WAIT_SECS)
 
     def lands(self):
         self._run(self._drone.action.land())
@@ -146,9 +112,10 @@ def fly(options):
     loop = asyncio.new_event_loop()
     asyncio.set_event_loop(loop)
     with tempfile.TemporaryDirectory() as folder, Simulated(options.kestrel, arguments, folder) as vehicle:
-        for name, check in checks_of(Flight(vehicle, loop)):
+        flight = Flight(vehicle, loop)
+        for name in Flight.STEPS:
             try:
-                check()
+                getattr(flight, name)()
             except FAILURES as failure:
                 text = f"{name}: {type(failure).__name__} {failure}"
                 return " ".join(text.split())

@@ -3,6 +3,8 @@
 use std::collections::VecDeque;
 use std::str::FromStr;
 
+use kestrel_core::philox::philox;
+
 use super::{DATAGRAM_LIMIT, ENDPOINTS, Link, LinkError, Received};
 
 /// Datagrams on their way in one direction; one more is lost. At most [`DATAGRAM_LIMIT`] bytes each, 2 MiB together.
@@ -199,7 +201,7 @@ struct Lane {
 
 impl Lane {
     fn new(faults: Faults, seed: u64) -> Self {
-        Self { faults, random: Random(seed), underway: VecDeque::new(), held: None }
+        Self { faults, random: Random { seed, count: 0 }, underway: VecDeque::new(), held: None }
     }
 
     fn put(&mut self, datagram: &[u8], endpoint: usize, now_secs: f64) {
@@ -263,16 +265,19 @@ fn flip(bytes: &mut [u8], position: u64) {
     bytes[(bit / 8) as usize] ^= 1 << (bit % 8);
 }
 
-/// `SplitMix64` (Steele, Lea and Flood 2014).
+/// The random numbers of a seed, in order.
 #[derive(Clone, Debug)]
-struct Random(u64);
+struct Random {
+    seed: u64,
+    count: u64,
+}
 
 impl Random {
     fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ (mixed >> 31)
+        let [count, key] = [self.count, self.seed].map(|number| [number as u32, (number >> 32) as u32]);
+        self.count += 1;
+        let [low, high, ..] = philox([count[0], count[1], 0, 0], key);
+        u64::from(low) | u64::from(high) << 32
     }
 
     fn happens(&mut self, probability: f64) -> bool {
