@@ -75,10 +75,10 @@ conformance() {
   local status=()
   cargo run --quiet -p kestrel-image --bin conformance >"$out/x86-64.txt"
   verdict $? "every policy of assets/pilots passes its self-test here"
-  image stm32f405.elf conformance thumbv7em-none-eabihf --features smlad
-  verdict $? "the image of the STM32F405, with the kernel in SMLAD, links without a panic"
-  image an386.elf conformance thumbv7em-none-eabihf --features an386
-  verdict $? "the image of AN386 links without a panic"
+  image stm32f405.elf conformance thumbv7em-none-eabihf --features assembly
+  verdict $? "the image of the STM32F405, with the kernel in assembly, links without a panic"
+  image an386.elf conformance thumbv7em-none-eabihf --features an386,smlad
+  verdict $? "the image of AN386, with SMLAD in Rust, links without a panic"
   image riscv32.elf conformance riscv32imac-unknown-none-elf
   verdict $? "the image of RISC-V links without a panic"
   image page.wasm conformance wasm32-unknown-unknown
@@ -122,7 +122,7 @@ app_on_target() { # $out/app-stm32f405.elf
   local machine=(-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16)
   local flags=("${machine[@]}" -g3 -fno-math-errno -mfp16-format=ieee -std=gnu11 -fno-strict-aliasing
     -ffunction-sections -fdata-sections -Os -Wall -Wextra -Werror)
-  RUSTFLAGS="-C target-cpu=cortex-m4" pilot_library "$cargo" --features smlad --profile firmware \
+  RUSTFLAGS="-C target-cpu=cortex-m4" pilot_library "$cargo" --features assembly --profile firmware \
     --target thumbv7em-none-eabihf || return 1
   for file in "${app[@]}" tests/firmware/crazyflie/start.c; do
     objects+=("$out/$(basename "$file" .c).o")
@@ -158,7 +158,7 @@ in_the_loop() { # TASK: its pilot, in the run directory of a training that is cu
 
 processor() {
   local task
-  image pilot.elf pilot thumbv7em-none-eabihf --features smlad,serial && cargo build --quiet -p kestrel-train
+  image pilot.elf pilot thumbv7em-none-eabihf --features assembly,serial && cargo build --quiet -p kestrel-train
   verdict $? "the image of a pilot behind a serial line links without a panic"
   for task in hover cross; do
     in_the_loop "$task"
@@ -188,6 +188,7 @@ compiler() { # its version, from the cargo command
 budget() {
   gcc -O2 -Wall -Wextra -Werror -shared -fPIC -o "$out/instruction_count.so" tests/firmware/instruction_count.c
   verdict $? "the counter of instructions builds"
+  counted stm32f405-assembly thumbv7em-none-eabihf netduinoplus2 budget,assembly
   counted stm32f405-smlad thumbv7em-none-eabihf netduinoplus2 budget,smlad
   counted stm32f405-portable thumbv7em-none-eabihf netduinoplus2 budget
   counted riscv32-portable riscv32imac-unknown-none-elf virt budget

@@ -29,17 +29,22 @@ RAM_START = 0x20000000
 
 # Name of an image: what it is measured for. The model of cycles is that of the Cortex-M4 only.
 IMAGES = {
-    "stm32f405-smlad": ("STM32F405", "SMLAD", True),
+    "stm32f405-assembly": ("STM32F405", "SMLAD in assembly", True),
+    "stm32f405-smlad": ("STM32F405", "SMLAD in Rust", True),
     "stm32f405-portable": ("STM32F405", "portable Rust", True),
     "riscv32-portable": ("rv32imac", "portable Rust", False),
 }
 
 # Greatest values that are promised, of (image, part, arithmetic, figure).
 LIMITS = {
-    ("stm32f405-smlad", "step", "fixed16", "instructions"): 7_500,
+    ("stm32f405-assembly", "step", "fixed16", "instructions"): 7_500,
+    ("stm32f405-assembly", "firmware", "", "network_flash_bytes"): 16_384,
+    ("stm32f405-assembly", "tick", "fixed16", "instructions"): 12_000,
+    ("stm32f405-assembly", "tick", "fixed16", "cycles_most"): 16_800,
+    ("stm32f405-assembly", "tick", "fixed16", "stack_bytes"): 1_024,
+    ("stm32f405-smlad", "step", "fixed16", "instructions"): 8_500,
     ("stm32f405-smlad", "firmware", "", "network_flash_bytes"): 16_384,
     ("stm32f405-smlad", "tick", "fixed16", "instructions"): 12_000,
-    ("stm32f405-smlad", "tick", "fixed16", "cycles_most"): 16_800,
     ("stm32f405-smlad", "tick", "fixed16", "stack_bytes"): 1_024,
 }
 

@@ -59,7 +59,7 @@ pub struct ProcessorOptions {
 pub enum ProcessorError {
     /// There is no image to run.
     #[error(
-        "cannot read the image {}: {reason}; build it with `RUSTFLAGS=\"-C target-cpu=cortex-m4\" cargo build -p kestrel-image --profile firmware --target thumbv7em-none-eabihf --bin pilot --features smlad,serial`",
+        "cannot read the image {}: {reason}; build it with `RUSTFLAGS=\"-C target-cpu=cortex-m4\" cargo build -p kestrel-image --profile firmware --target thumbv7em-none-eabihf --bin pilot --features assembly,serial`",
         path.display()
     )]
     Image {

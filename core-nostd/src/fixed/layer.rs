@@ -4,11 +4,22 @@ use super::{REQUANTISATION_SHIFT, SUM_FRACTION_BITS, input_limit};
 use crate::mlp::{ROW_BLOCK, WIDTH_LIMIT};
 use crate::policy_file::PolicyError;
 
+#[cfg(all(feature = "assembly", target_arch = "arm"))]
+use super::smlad::dense;
+#[cfg(all(feature = "smlad", not(feature = "assembly"), target_arch = "arm"))]
+use super::smlad::with_pair as with_pair_of_round;
+#[cfg(not(all(feature = "smlad", target_arch = "arm")))]
+use with_pair as with_pair_of_round;
+
 /// Columns that are multiplied together.
 pub(super) const COLUMN_GROUP: usize = 2;
 
 /// One column pair of a row block: the weight of the first column is the low half of a word.
 pub(super) type Group = [i32; ROW_BLOCK];
+
+/// Column pairs in a round of the loop, which spares its own instructions; with more the portable loop has too few
+/// registers. Widths are multiples of sixteen as a rule.
+pub(super) const ROUND: usize = if cfg!(feature = "smlad") { 8 } else { 2 };
 
 /// The pair of inputs that a group is multiplied with.
 pub(super) type Pair = [i16; COLUMN_GROUP];
@@ -79,25 +90,42 @@ impl PackedLayer<'_> {
 /// `sums = bias + weights · inputs`.
 ///
 /// Wraps where a sum leaves 32 bits, which the formats of a parsed policy exclude.
+#[cfg(not(all(feature = "assembly", target_arch = "arm")))]
 #[inline(never)]
-fn dense(weights: &[Group], bias: &[[i32; ROW_BLOCK]], inputs: &[Pair], sums: &mut [i32]) {
-    let blocks = weights.chunks_exact(inputs.len().max(1));
-    for ((bias, groups), sums) in bias.iter().zip(blocks).zip(sums.as_chunks_mut::<ROW_BLOCK>().0) {
-        *sums = with_products(bias, groups, inputs);
+fn dense(mut weights: &[Group], bias: &[[i32; ROW_BLOCK]], inputs: &[Pair], sums: &mut [i32]) {
+    let (rounds, rest) = inputs.as_chunks::<ROUND>();
+    for (bias, total) in bias.iter().zip(sums.as_chunks_mut::<ROW_BLOCK>().0) {
+        let Some((mut sums, others)) = with_rounds(*bias, weights, rounds) else { return };
+        weights = others;
+        // Always in portable form: with SMLAD here as well the rounds would have fewer registers.
+        for inputs in rest {
+            let Some((group, others)) = weights.split_first() else { return };
+            weights = others;
+            sums = with_pair(sums, group, *inputs);
+        }
+        *total = sums;
     }
 }
 
-/// `bias` with the products of a row block.
+/// Adds the products of whole rounds to the sums of a row block; and the weights behind theirs.
+#[cfg(not(all(feature = "assembly", target_arch = "arm")))]
 #[inline(always)]
-fn with_products(bias: &[i32; ROW_BLOCK], groups: &[Group], inputs: &[Pair]) -> [i32; ROW_BLOCK] {
-    #[cfg(all(feature = "smlad", target_arch = "arm"))]
-    let (sums, groups, inputs) = super::smlad::with_products_of_rounds(bias, groups, inputs);
-    #[cfg(not(all(feature = "smlad", target_arch = "arm")))]
-    let sums = *bias;
-    groups.iter().zip(inputs).fold(sums, |sums, (group, inputs)| with_pair(sums, group, *inputs))
+fn with_rounds<'w>(
+    mut sums: [i32; ROW_BLOCK],
+    mut weights: &'w [Group],
+    rounds: &[[Pair; ROUND]],
+) -> Option<([i32; ROW_BLOCK], &'w [Group])> {
+    for inputs in rounds {
+        let (groups, others) = weights.split_first_chunk::<ROUND>()?;
+        weights = others;
+        sums =
+            groups.iter().zip(inputs).fold(sums, |sums, (group, inputs)| with_pair_of_round(sums, group, *inputs));
+    }
+    Some((sums, weights))
 }
 
 /// Adds one column pair to the sums of a row block.
+#[cfg(not(all(feature = "assembly", target_arch = "arm")))]
 #[inline(always)]
 fn with_pair(sums: [i32; ROW_BLOCK], group: &Group, inputs: Pair) -> [i32; ROW_BLOCK] {
     // One load, and a multiplication that takes either half of a register.
