@@ -420,6 +420,23 @@ fn messages_have_the_rates_fields_and_units_that_px4_expects() {
 }
 
 #[test]
+fn a_hard_landing_and_a_fast_spin_keep_their_signs_in_px4() {
+    let mut simulator = Simulator::new(Home::default(), RATE_HZ, None);
+    let rate = 2000.0_f32.to_radians();
+    let measurement =
+        Measurement { specific_force_frd: [235.0, 0.0, -157.0], body_rates_frd: [rate, -rate, 0.0], ..still() };
+    let sensed = told(&mut simulator, &measurement, &rest()).into_iter().find_map(|message| match message {
+        MavMessage::HIL_SENSOR(sensor) => Some(sensor),
+        _ => None,
+    });
+    let sensor = sensed.unwrap();
+    // Whole numbers of units, as `SimulatorMavlink::update_sensors` casts them to `int16_t`.
+    let kept = |value: f32, unit: f32| (value / unit) as i32;
+    assert_eq!([sensor.xacc, sensor.yacc, sensor.zacc].map(|force| kept(force, FORCE_UNIT)), [32767, 0, -32767]);
+    assert_eq!([sensor.xgyro, sensor.ygyro, sensor.zgyro].map(|rate| kept(rate, RATE_UNIT)), [32767, -32767, 0]);
+}
+
+#[test]
 fn the_true_state_comes_as_often_as_it_is_asked_for() {
     let mut simulator = Simulator::new(Home::default(), RATE_HZ, None);
     let measurement = Instruments::new(Home::default(), Noise::Off, RATE_HZ).measure(&rest(), &rest());
