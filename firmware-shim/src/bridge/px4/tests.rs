@@ -416,7 +416,7 @@ fn messages_have_the_rates_fields_and_units_that_px4_expects() {
             }
         }
     }
-    assert_eq!((sensors, slow, fixes, states, radios), (250, 50, 9, 50, 10));
+    assert_eq!((sensors, slow, fixes, states, radios), (250, 50, 10, 50, 10));
 }
 
 #[test]
