@@ -97,9 +97,10 @@ class Client:
         while not condition(self.true.read()):
             self.drain()
             now = self.true.now()
+            doing = now.get("mode", "flown by another autopilot")
             expect(
                 now["secs"] - begin < within_secs,
-                f"not {what} after {within_secs} simulated s; at {rounded(now['position'])}, {now['mode']}",
+                f"not {what} after {within_secs} simulated s; at {rounded(now['position'])}, {doing}",
             )
             time.sleep(0.02)
 
