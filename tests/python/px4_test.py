@@ -209,7 +209,7 @@ class Flight:
         landed = self._true.position()
         heights = [moment["position"][2] - self._start[2] for moment in self._true.read()[begin:]]
         after_touchdown = itertools.dropwhile(lambda height: height > REST_TOLERANCE_M, heights)
-        bounce = max(after_touchdown, default=math.inf)
+        bounce = max(after_touchdown, default=0.0)
         expect(bounce < BOUNCE_M, f"rose {bounce:.2f} m again after it had touched the floor")
         height, drift = heights[-1], math.dist(landed[:2], place[:2])
         self._tell(f"landed {drift:.3f} m beside the place, {1000.0 * height:.1f} mm above where it stood")

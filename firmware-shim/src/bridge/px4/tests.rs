@@ -29,7 +29,7 @@ use crate::plant::{FlatFloor, Plant};
 
 const RATE_HZ: u32 = 250;
 
-/// Sensor messages that a PX4 needs before its first answer; 14 to 77 were recorded.
+/// Sensor messages that a PX4 needs before its first answer; 11 to 77 were recorded.
 const WAKING_MESSAGES: u64 = 20;
 
 fn listener() -> Listener {
