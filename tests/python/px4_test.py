@@ -9,6 +9,7 @@ this project: the environment variable PX4_BIN names the binary of a built `px4_
 packages of requirements.txt. Exit status 0 if every check passed or nothing was run.
 """
 
+import contextlib
 import itertools
 import math
 import os
@@ -20,7 +21,7 @@ import tempfile
 import time
 
 from client import COMMAND, NAN, Client, with_speed
-from judge import TrueState, checks_of, conclude, expect, rounded, run_checks
+from judge import CheckFailed, TrueState, checks_of, conclude, expect, rounded, run_checks
 
 AUTOSTART = "10016"
 """PX4's airframe `none_iris`: a quad X that waits for a simulator on TCP 4560."""
@@ -183,7 +184,7 @@ class Flight:
         self._client.drain()
         self._client.receive("HEARTBEAT", within_secs=30.0)
         for name, value in parameters().items():
-            told = self._client.set_parameter(name, value)
+            told = self._set(name, value)
             expect(math.isclose(told, value, rel_tol=1e-6), f"{name} is {told} instead of {value}")
         while not ready:
             status = self._client.receive("SYS_STATUS", within_secs=30.0)
@@ -191,6 +192,13 @@ class Flight:
             waited = self._true.now()["secs"] - begin
             expect(ready or waited < READY_SECS, f"not ready to arm after {waited:.0f} simulated s")
         self._tell(f"ready after {waited:.1f} simulated s")
+
+    def _set(self, name, value):
+        """Sets a parameter; a PX4 that is still starting hears none, and does not say so."""
+        for _ in range(20):
+            with contextlib.suppress(CheckFailed):
+                return self._client.set_parameter(name, value, within_secs=0.5)
+        raise CheckFailed(f"{name} is not confirmed")
 
     def _take_off(self):
         self._start = self._true.position()
