@@ -54,7 +54,9 @@ def parameters():
     """What is set before a flight."""
     with open(PARAMETERS, encoding="utf-8") as file:
         rows = [line.split() for line in file if not line.startswith("#")]
-    return {"MIS_TAKEOFF_ALT": TAKE_OFF_M, **{name: float(value) for _, _, name, value, _ in rows}}
+    gains = {name: float(value) for _, _, name, value, _ in rows}
+    # Set-points come by the wall clock, and PX4 counts simulated time.
+    return {"MIS_TAKEOFF_ALT": TAKE_OFF_M, "COM_OF_LOSS_T": 10.0, **gains}
 
 
 class Bridge:
