@@ -319,7 +319,7 @@ fn announcement(options: &BridgeOptions, address: SocketAddr) -> String {
     let how = match peer {
         Peer::Px4 => format!(
             "PX4_SYS_AUTOSTART=10016 bin/px4 -i {instance}   (or, the first one: make px4_sitl none_iris)\n  \
-             gains for a Crazyflie: those of PX4's airframe 4901_crazyflie21\n  \
+             parameters for a Crazyflie: assets/autopilots/px4.params\n  \
              parameter IMU_INTEG_RATE: {rate_hz}"
         ),
         Peer::Ardupilot => {
