@@ -2,7 +2,7 @@
 
 use std::net::{SocketAddr, UdpSocket};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use kestrel_core::airframe::CF2X;
 use nalgebra::Vector3;
@@ -126,12 +126,22 @@ fn simulate(
     build: Build,
     watch: &mut dyn FnMut(&Event<'_>) -> Next,
 ) -> Counts {
+    simulate_at(Pace::Unthrottled, socket, addresses, build, watch)
+}
+
+fn simulate_at(
+    pace: Pace,
+    socket: &mut DatagramSocket,
+    addresses: Addresses,
+    build: Build,
+    watch: &mut dyn FnMut(&Event<'_>) -> Next,
+) -> Counts {
     let mut plant = FlatFloor::new(&CF2X, 1.0 / RATE_HZ as f32);
     let motors = Motors::new(&CF2X, MotorOrder::Betaflight, ThrustCurve::BETAFLIGHT).unwrap();
     let mut drone = Drone::new(&mut plant, motors, Instruments::new(Home::default(), Noise::Seeded(1), RATE_HZ));
     let simulator = Simulator::new(Home::default(), build, Some("1500,1500,1000,1500,2000".parse().unwrap()));
     let period = Duration::from_secs(1) / RATE_HZ;
-    Server::new(&mut drone, simulator, addresses, period, Pace::Unthrottled).serve(socket, watch).unwrap()
+    Server::new(&mut drone, simulator, addresses, period, pace).serve(socket, watch).unwrap()
 }
 
 #[test]
@@ -195,6 +205,39 @@ fn a_betaflight_that_goes_stops_the_motors_and_may_come_back() {
     });
     assert_eq!((gone, engaged, counts.connections), (2, 2, 2));
     assert_eq!(last_targets, [0.0; 4]);
+}
+
+#[test]
+fn no_state_makes_the_clock_of_a_betaflight_race() {
+    let mut socket = DatagramSocket::open("127.0.0.1:0".parse().unwrap()).unwrap();
+    let outputs = socket.address().unwrap();
+    let betaflight = Betaflight::new();
+    let addresses = betaflight.addresses(outputs);
+    let arrivals = thread::scope(|scope| {
+        let peer = scope.spawn(|| {
+            let mut bytes = [0; STATE_LEN];
+            let mut arrivals = vec![];
+            for number in 0..60 {
+                betaflight.state.recv(&mut bytes).unwrap();
+                arrivals.push((Instant::now(), numbers(&bytes)[0]));
+                if number >= 20 {
+                    // One answer is late, which the simulation must not make up for at once.
+                    thread::sleep(Duration::from_millis(if number == 40 { 20 } else { 0 }));
+                    betaflight.state.send_to(&pulses([0.0; 4]), outputs).unwrap();
+                }
+            }
+            arrivals
+        });
+        simulate_at(Pace::Speed(1.0), &mut socket, addresses, Build::Gazebo, &mut |_| {
+            if peer.is_finished() { Next::End } else { Next::Fly }
+        });
+        peer.join().unwrap()
+    });
+    let (unanswered, answered) = arrivals.split_at(21);
+    assert!(unanswered.windows(2).all(|pair| pair[1].1 - pair[0].1 > 0.02), "{unanswered:?}");
+    // What arrives late makes the next one seem early: only the mean over a few is the sender's.
+    let shortest = answered.windows(6).map(|states| states[5].0 - states[0].0).min().unwrap();
+    assert!(shortest > Duration::from_millis(7), "five states within {shortest:?}");
 }
 
 // What follows needs no socket.
