@@ -22,13 +22,24 @@ class Bridged:
         self.folder = folder
         self.true = TrueState(os.path.join(folder, "true_state.jsonl"))
         self.processes = []
-        self.start("bridge", [os.path.abspath(kestrel), "bridge", *arguments, "--true-state-log", self.true.path])
+        command = [os.path.abspath(kestrel), "bridge", *arguments, "--true-state-log", self.true.path]
+        self.start("bridge", command, os.getcwd())
 
-    def start(self, name, command):
-        """Starts a program in the folder; what it says goes to a file of that name there."""
+    def start(self, name, command, working_folder=None):
+        """Starts a program in a folder, or in the flight's; what it says goes to a file of that name in the flight's."""
         with open(os.path.join(self.folder, f"{name}.txt"), "w", encoding="utf-8") as output:
-            process = subprocess.Popen(command, cwd=self.folder, stdout=output, stderr=subprocess.STDOUT)
+            process = subprocess.Popen(command, cwd=working_folder or self.folder, stdout=output, stderr=subprocess.STDOUT)
         self.processes.append((name, process))
+
+    def stop(self):
+        """Ends the program that was started last."""
+        _, process = self.processes.pop()
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(timeout=10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
     def said(self, name):
         with open(os.path.join(self.folder, f"{name}.txt"), encoding="utf-8", errors="replace") as output:
@@ -70,13 +81,14 @@ class Bridged:
         return self
 
     def __exit__(self, *_):
-        for _, process in reversed(self.processes):
-            process.send_signal(signal.SIGINT)
-            try:
-                process.wait(timeout=10.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        while self.processes:
+            self.stop()
+
+
+def autopilots_file(name):
+    """The path of a file of settings for an autopilot."""
+    root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+    return os.path.join(root, "assets", "autopilots", name)
 
 
 def fly_with(variable, usual_path, fly):
@@ -91,10 +103,8 @@ def fly_with(variable, usual_path, fly):
         begin = time.monotonic()
         with fly(os.path.abspath(autopilot), kestrel, arguments, folder) as flight:
             status = conclude(run_checks(checks_of(flight)))
-            secs, wall_secs = flight.bridged.secs(), time.monotonic() - begin
+            moments, wall_secs = flight.bridged.true.read(), time.monotonic() - begin
+        secs = moments[-1]["secs"] if moments else 0.0
         print(f"{secs:.0f} simulated seconds in {wall_secs:.0f} s", flush=True)
         print(flight.bridged.said("bridge").strip().split("\n")[-1], flush=True)
     return status
-
-
-__all__ = ["Bridged", "CheckFailed", "expect", "fly_with", "rounded"]
