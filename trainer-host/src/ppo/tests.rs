@@ -142,7 +142,8 @@ fn from_its_share_on_a_policy_learns_with_the_weights_of_its_export() {
     assert_eq!(after(2, &exact), after(2, &late));
     assert_ne!(after(3, &exact), after(3, &late));
 
-    let mut resumed = Trainer::restore(std::slice::from_ref(&scenario), &late, after(3, &late)).expect("the same run");
+    let mut resumed =
+        Trainer::restore(std::slice::from_ref(&scenario), &late, after(3, &late)).expect("the same run");
     resumed.update();
     assert_eq!(resumed.save(), after(4, &late));
 }

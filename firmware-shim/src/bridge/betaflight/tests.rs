@@ -198,7 +198,7 @@ fn a_betaflight_that_goes_stops_the_motors_and_may_come_back() {
                 Event::Stepped(step) => last_targets = step.rotor_targets,
                 Event::Waiting | Event::Connected(_) | Event::Unanswered => {}
             }
-            if gone == 2 { Next::End } else { Next::Fly }
+            if gone == 2 && matches!(event, Event::Stepped(_)) { Next::End } else { Next::Fly }
         });
         first.join().unwrap();
         counts
