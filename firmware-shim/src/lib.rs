@@ -12,33 +12,24 @@
 //! sockets, files and clocks; everything else is free of all three and of allocation, so that a microcontroller can run
 //! it. Frames are not forwarded from one link to another.
 
-pub mod autopilot;
-pub mod battery;
 pub mod bridge;
 pub mod crtp;
-mod excerpt;
-pub mod failsafe;
 pub mod flight_log;
-pub mod flight_mode;
-pub mod flyer;
-pub mod geodesy;
-pub mod goal;
 pub mod link;
 pub mod lockstep;
 pub mod message;
 pub mod mission;
 pub mod parameter;
-pub mod plant;
 pub mod policy_bytes;
-pub mod processor;
 pub mod session;
-pub mod settings;
 pub mod signing;
-pub mod steering;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;
 pub mod true_state;
 pub mod vehicle;
 
-pub use kestrel_onboard::frame;
+pub use kestrel_onboard::{
+    autopilot, battery, failsafe, flight_mode, flyer, frame, geodesy, goal, plant, processor, request, settings,
+    steering,
+};
