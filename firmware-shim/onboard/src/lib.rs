@@ -4,7 +4,7 @@
 //! cut into checked [`frame`]s, whose checksums need the seeds of the [`dialect`]; a [`signature`] says who sent them, and a
 //! [`request`] what is asked for, which is an [`order`] to the [`autopilot`] and gets an [`acknowledgement`]. It obeys, watches for what can go wrong ([`failsafe`], [`fence`],
 //! [`battery`]), moves the [`goal`] and has the policy of a [`processor`] or the cascade of controllers ([`steering`]) fly
-//! there ([`flyer`]). The [`plant`] is a simulation to fly in where there is no drone.
+//! there ([`flyer`]). All of that together is a [`flight_controller`]. The [`plant`] is a simulation to fly in where there is no drone.
 
 #![cfg_attr(not(any(test, feature = "testing")), no_std)]
 
@@ -17,6 +17,7 @@ pub mod dialect;
 pub mod excerpt;
 pub mod failsafe;
 pub mod fence;
+pub mod flight_controller;
 pub mod flight_mode;
 pub mod flyer;
 pub mod frame;
