@@ -12,12 +12,14 @@ use kestrel_core::observation::ObservationLayout;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile};
 use kestrel_core::vehicle::State;
+use kestrel_onboard::fence::{Side, ZoneError, Zones};
 use kestrel_onboard::flight_controller::{FlightController, Identity};
 use kestrel_onboard::flyer::Flyer;
 use kestrel_onboard::geodesy::Home;
 use kestrel_onboard::plant::{FlatFloor, Plant};
 use kestrel_onboard::processor::Processor;
-use nalgebra::Vector3;
+use kestrel_onboard::signature::{Guard, Key, Time, Verifier};
+use nalgebra::{Vector2, Vector3};
 
 use crate::digest::Digest;
 use crate::machine::{Verdict, hexadecimal, print};
@@ -33,14 +35,18 @@ const IDENTITY: Identity = Identity {
     origin: Home { latitude_deg: 47.397_742, longitude_deg: 8.545_594, altitude_m: 488.0 },
 };
 
-/// Whether the policy's processor answers.
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// What the policy's processor does.
+#[derive(Clone, Copy)]
 enum Health {
-    Answers,
+    /// It computes the policy.
+    Works,
+    /// It gives no answer.
     Hangs,
+    /// It wants all there is from every motor.
+    Saturates,
 }
 
-/// A policy whose processor may hang.
+/// A policy whose processor may fail.
 struct Fallible<'a> {
     pilot: Pilot<'a>,
     health: &'a Cell<Health>,
@@ -64,7 +70,11 @@ impl Processor for Fallible<'_> {
     }
 
     fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
-        (self.health.get() == Health::Answers).then(|| self.pilot.tick(state, goal))
+        match self.health.get() {
+            Health::Works => Some(self.pilot.tick(state, goal)),
+            Health::Hangs => None,
+            Health::Saturates => Some([CF2X.rotor_speed_limit as f32; 4]),
+        }
     }
 }
 
@@ -103,7 +113,7 @@ fn refused(_: &PolicyError) -> Verdict {
 }
 
 fn fly(flight: &Flight, policy: &PolicyFile<'_>) -> Verdict {
-    let health = Cell::new(Health::Answers);
+    let health = Cell::new(Health::Works);
     let mut scene = Scene::new(flight, policy, &health);
     let control_secs = scene.controller.autopilot().control_secs();
     let mut expected = flight.events.iter();
@@ -121,8 +131,20 @@ fn fly(flight: &Flight, policy: &PolicyFile<'_>) -> Verdict {
     }
     right &= expected.next().is_none();
     right &= flight.end == (scene.controller.autopilot().mode(), scene.controller.autopilot().flyer());
+    // Or the line was not as bad as it should be.
+    right &= scene.controller.counts().garbage > 0;
     tell(flight, &scene);
     if right { Verdict::Passed } else { Verdict::Failed }
+}
+
+/// The zone to stay in, and the one to stay out of.
+fn zones(flight: &Flight) -> Result<Zones, ZoneError> {
+    let mut zones = Zones::default();
+    if let Some(corners) = flight.room {
+        zones.add_polygon(&corners.map(Vector2::from), Side::Inside { group: 0 })?;
+        zones.add_circle(Vector2::new(-0.8, 0.0), 0.2, Side::Outside)?;
+    }
+    Ok(zones)
 }
 
 /// Control periods in a time \[s\].
@@ -150,6 +172,8 @@ impl<'a> Scene<'a> {
         settings.takeoff_altitude_m = flight.altitude_m;
         settings.fence_radius_m = flight.fence_radius_m;
         controller.autopilot_mut().adjust(settings);
+        controller.autopilot_mut().enclose(zones(flight).unwrap_or_default());
+        controller.secure(Guard::Signed(Verifier::new(Key(line::KEY), line::START, Time(0))));
         let plant = FlatFloor::new(&CF2X, controller.autopilot().control_secs());
         let line = Line::new();
         Self { controller, plant, line, battery: 1.0, blind: 0, tumbling: 0, digest: Digest::new() }
@@ -169,6 +193,11 @@ impl<'a> Scene<'a> {
             Deed::Blind(periods) => self.blind = periods,
             Deed::Tumble(periods) => self.tumbling = periods,
             Deed::Hang => health.set(Health::Hangs),
+            Deed::Saturate => health.set(Health::Saturates),
+            Deed::Intrude => {
+                let controller = &mut self.controller;
+                line::intrude(&mut |byte| controller.receive(byte));
+            }
         }
     }
 
@@ -206,5 +235,15 @@ impl<'a> Scene<'a> {
             let body_rates = Vector3::new(20.0, 0.0, 0.0);
             self.plant.put(State { world_from_body: overturned, body_rates, ..*self.plant.state() });
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_flight_goes_as_it_should() {
+        assert_eq!(run(), Verdict::Passed);
     }
 }

@@ -73,8 +73,8 @@ fn linear_policy(control_period_secs: f32, observation: ObservationLayout, weigh
         }],
         golden_observations: &vec![GOLDEN_VALUE; observation.len()],
     };
-    let mut bytes = vec![0; draft.file_len().unwrap()];
-    draft.write(&mut bytes).unwrap();
+    let mut bytes = vec![0; draft.file_len().expect("a layer is a policy")];
+    draft.write(&mut bytes).expect("the file is as long as it says");
     bytes
 }
 
@@ -82,11 +82,15 @@ fn linear_policy(control_period_secs: f32, observation: ObservationLayout, weigh
 const GOLDEN_VALUE: f32 = 0.123;
 
 /// A policy file whose golden action is not what its network computes, with a right checksum.
+///
+/// # Panics
+/// If a policy file does not hold its golden observation.
 pub fn dishonest_policy() -> Vec<u8> {
     let mut bytes = hover_policy();
     let golden = [GOLDEN_VALUE; PILOT_LEN].map(f32::to_le_bytes);
     let observation = golden.as_flattened();
-    let start = bytes.windows(observation.len()).position(|window| window == observation).unwrap();
+    let start = bytes.windows(observation.len()).position(|window| window == observation);
+    let start = start.expect("the golden observation is in the file");
     let action = start + observation.len();
     bytes[action..action + 4].copy_from_slice(&0.5_f32.to_le_bytes());
     let end = bytes.len() - 4;
@@ -96,6 +100,9 @@ pub fn dishonest_policy() -> Vec<u8> {
 }
 
 /// A pilot that lives as long as the test run.
+///
+/// # Panics
+/// If these bytes are no policy.
 pub fn pilot(policy: Vec<u8>) -> Pilot<'static> {
-    Pilot::new(PolicyFile::parse(policy.leak()).unwrap())
+    Pilot::new(PolicyFile::parse(policy.leak()).expect("tests write whole policies"))
 }

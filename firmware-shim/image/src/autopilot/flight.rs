@@ -11,7 +11,10 @@ pub(super) struct Flight {
     pub(super) name: &'static str,
     /// Height of the take-off \[m\].
     pub(super) altitude_m: f32,
+    /// Fence around home \[m\].
     pub(super) fence_radius_m: Option<f32>,
+    /// Corners of a zone to stay in \[m, world x and y\], in which there is a pillar to stay away from.
+    pub(super) room: Option<[[f64; 2]; 4]>,
     /// When what happens \[s\].
     pub(super) script: &'static [(f32, Deed)],
     /// How long it is watched \[s\].
@@ -40,6 +43,10 @@ pub(super) enum Deed {
     Tumble(u32),
     /// The policy gives no answer any more.
     Hang,
+    /// It wants all there is from every motor.
+    Saturate,
+    /// Somebody without the key wants the flight terminated.
+    Intrude,
 }
 
 const ARM: Deed = Deed::Command(400, [1.0, 0.0, 0.0]);
@@ -55,13 +62,14 @@ const UP: Flight = Flight {
     name: "up",
     altitude_m: 1.0,
     fence_radius_m: None,
+    room: None,
     script: &[(0.2, ARM), (1.0, TAKE_OFF)],
     secs: 4.0,
     events: &[],
     end: (Mode::Holding, Flyer::Policy),
 };
 
-pub(super) const FLIGHTS: [Flight; 9] = [
+pub(super) const FLIGHTS: [Flight; 11] = [
     Flight {
         name: "there, by the cascade for a while, and down",
         script: &[
@@ -105,7 +113,7 @@ pub(super) const FLIGHTS: [Flight; 9] = [
         ..UP
     },
     Flight {
-        name: "fence left",
+        name: "fence left, and an intruder",
         fence_radius_m: Some(1.0),
         script: &[
             (0.2, ARM),
@@ -113,8 +121,19 @@ pub(super) const FLIGHTS: [Flight; 9] = [
             (4.0, Deed::Stream(Stream::Position([0.5, 0.0, -1.0]))),
             (6.0, Deed::Stream(Stream::Nothing)),
             (6.5, Deed::Gust([0.0, 0.6, 0.0])),
+            (9.0, Deed::Intrude),
         ],
         secs: 10.0,
+        events: &[Event::FenceLeft],
+        end: (Mode::Holding, Flyer::Policy),
+        ..UP
+    },
+    Flight {
+        name: "zone left",
+        // It turns inward.
+        room: Some([[-1.0, -1.0], [0.0, -0.8], [1.0, -1.0], [0.0, 1.2]]),
+        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, Deed::Gust([0.45, 0.35, 0.0]))],
+        secs: 8.0,
         events: &[Event::FenceLeft],
         end: (Mode::Holding, Flyer::Policy),
         ..UP
@@ -161,6 +180,14 @@ pub(super) const FLIGHTS: [Flight; 9] = [
         script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, Deed::Hang)],
         secs: 7.0,
         events: &[Event::PolicySilent],
+        end: (Mode::Holding, Flyer::Cascade),
+        ..UP
+    },
+    Flight {
+        name: "policy saturated",
+        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, Deed::Saturate)],
+        secs: 7.0,
+        events: &[Event::PolicySaturated],
         end: (Mode::Holding, Flyer::Cascade),
         ..UP
     },

@@ -2,18 +2,23 @@
 
 use kestrel_onboard::dialect::checksum_seed;
 use kestrel_onboard::frame::{Encoder, Frames, Payload};
+use kestrel_onboard::signature::{Key, Signer, Time};
 
 use crate::input::Inputs;
 
 /// MAVLink system of the vehicle.
 pub(super) const VEHICLE: u8 = 1;
 
+/// What signs the ground station's frames, and since when.
+pub(super) const KEY: [u8; 32] = [9; 32];
+pub(super) const START: Time = Time(4_000_000_000_000);
+
 /// One of so many bytes of a frame is damaged, and before one of so many frames there is noise.
 const DAMAGE: u32 = 300;
 const NOISE: u32 = 8;
 
 /// Control periods between two heartbeats, two set-points, and a command and its repetition.
-const HEARTBEAT_PERIODS: u32 = 25;
+const HEARTBEAT_PERIODS: u32 = 10;
 const SET_POINT_PERIODS: u32 = 5;
 const COMMAND_PERIODS: u32 = 4;
 
@@ -55,7 +60,7 @@ struct Pending {
     parameters: [f32; 3],
 }
 
-/// Both of it.
+/// The ground station and the line.
 pub(super) struct Line {
     encoder: Encoder,
     inputs: Inputs,
@@ -67,7 +72,7 @@ pub(super) struct Line {
 impl Line {
     pub(super) fn new() -> Self {
         Self {
-            encoder: Encoder::new(255, 190),
+            encoder: Encoder::new(255, 190).signed(Signer::new(Key(KEY), 1, START)),
             inputs: Inputs::new(6),
             stream: Stream::Nothing,
             station: Station::Gone,
@@ -125,6 +130,14 @@ impl Line {
             let damaged = self.inputs.bits().is_multiple_of(DAMAGE);
             arrive(if damaged { byte ^ 0x10 } else { *byte });
         }
+    }
+}
+
+/// A command to terminate the flight from somebody who has not the key.
+pub(super) fn intrude(arrive: &mut dyn FnMut(u8)) {
+    let payload = command_long(&Pending { command: 185, parameters: [1.0, 0.0, 0.0] });
+    for byte in &Encoder::new(254, 190).encode(&payload) {
+        arrive(*byte);
     }
 }
 
