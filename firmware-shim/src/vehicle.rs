@@ -167,9 +167,7 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     /// Lets the clock have reached a time, for signatures.
     pub fn advance_clock(&mut self, now: Time) {
-        if let Guard::Signed(verifier) = &mut self.guard {
-            verifier.advance(now);
-        }
+        self.guard.advance(now);
         if let Some(signer) = self.encoder.signer_mut() {
             signer.advance(now);
         }
@@ -177,10 +175,7 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     /// Latest times of accepted and of sent frames, if they are signed.
     pub fn signature_times(&self) -> Option<[Time; 2]> {
-        match (&self.guard, self.encoder.signer()) {
-            (Guard::Signed(verifier), Some(signer)) => Some([verifier.accepted(), signer.last()]),
-            (Guard::Open | Guard::Signed(_) | Guard::Closed, _) => None,
-        }
+        Some([self.guard.accepted()?, self.encoder.signer()?.last()])
     }
 
     /// Whether a peer has set a parameter since the last call.

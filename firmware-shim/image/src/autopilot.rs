@@ -18,7 +18,7 @@ use kestrel_onboard::flyer::Flyer;
 use kestrel_onboard::geodesy::Home;
 use kestrel_onboard::plant::{FlatFloor, Plant};
 use kestrel_onboard::processor::Processor;
-use kestrel_onboard::signature::{Guard, Key, Time, Verifier};
+use kestrel_onboard::signature::{Guard, Key, Signer, Time, Verifier};
 use nalgebra::{Vector2, Vector3};
 
 use crate::digest::Digest;
@@ -173,7 +173,8 @@ impl<'a> Scene<'a> {
         settings.fence_radius_m = flight.fence_radius_m;
         controller.autopilot_mut().adjust(settings);
         controller.autopilot_mut().enclose(zones(flight).unwrap_or_default());
-        controller.secure(Guard::Signed(Verifier::new(Key(line::KEY), line::START, Time(0))));
+        let verifier = Verifier::new(Key(line::KEY), line::START, Time(0));
+        controller.secure(Guard::Signed(verifier), Signer::new(Key(line::KEY), 2, line::START));
         let plant = FlatFloor::new(&CF2X, controller.autopilot().control_secs());
         let line = Line::new();
         Self { controller, plant, line, battery: 1.0, blind: 0, tumbling: 0, digest: Digest::new() }

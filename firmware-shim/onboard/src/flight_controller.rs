@@ -15,7 +15,7 @@ use crate::geodesy::Home;
 use crate::order::Order;
 use crate::processor::Processor;
 use crate::request::{self, Address, CommandRequest, Request};
-use crate::signature::Guard;
+use crate::signature::{Guard, Signer, Time};
 
 /// `MAV_COMP_ID_AUTOPILOT1`.
 const COMPONENT: u8 = 1;
@@ -88,9 +88,23 @@ impl<P: Processor> FlightController<P> {
         }
     }
 
-    /// From now on obeys only what `guard` admits.
-    pub fn secure(&mut self, guard: Guard) {
+    /// From now on obeys only what `guard` admits, and signs its answers.
+    pub fn secure(&mut self, guard: Guard, signer: Signer) {
         self.guard = guard;
+        self.encoder = Encoder::new(self.identity.system, COMPONENT).signed(signer);
+    }
+
+    /// Lets the clock have reached a time, for signatures.
+    pub fn advance_clock(&mut self, now: Time) {
+        self.guard.advance(now);
+        if let Some(signer) = self.encoder.signer_mut() {
+            signer.advance(now);
+        }
+    }
+
+    /// Latest times of accepted and of sent frames, if they are signed: what must be kept over a restart.
+    pub fn signature_times(&self) -> Option<[Time; 2]> {
+        Some([self.guard.accepted()?, self.encoder.signer()?.last()])
     }
 
     /// Who flies it, and how.
@@ -131,7 +145,7 @@ impl<P: Processor> FlightController<P> {
     }
 
     /// Rotor targets \[rad/s\] for the next control period, finite whatever the state; `battery` is the share that is
-    /// left of it.
+    /// left of it. One that is no number keeps the vehicle from arming, and is no event in flight.
     pub fn tick(&mut self, state: &State<f32>, battery: f32) -> [f32; 4] {
         let secs = |ticks: u32| ticks as f32 * self.autopilot.control_secs();
         let surroundings = Surroundings { link_age_secs: self.silent_ticks.map(secs), battery };

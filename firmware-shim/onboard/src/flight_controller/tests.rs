@@ -54,7 +54,9 @@ impl Rig {
     }
 
     fn hear(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|byte| self.controller.receive(*byte));
+        for byte in bytes {
+            self.controller.receive(*byte);
+        }
     }
 
     fn send<D: MessageData>(&mut self, message: &D) {
@@ -190,13 +192,29 @@ fn other_addresses_damage_and_noise_change_nothing() {
 fn a_secured_vehicle_obeys_signed_frames_only() {
     let mut rig = Rig::new();
     let (key, now) = (Key([3; 32]), Time(4_000_000_000_000));
-    rig.controller.secure(Guard::Signed(Verifier::new(key.clone(), now, Time(0))));
+    let verifier = Verifier::new(key.clone(), now, Time(0));
+    rig.controller.secure(Guard::Signed(verifier), Signer::new(key.clone(), 2, now));
     let arm = command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0]);
     rig.send(&arm);
     assert_eq!((rig.mode(), rig.controller.counts().refused), (Mode::Disarmed, 1));
-    rig.station = Encoder::new(255, 190).signed(Signer::new(key, 1, now));
+    rig.station = Encoder::new(255, 190).signed(Signer::new(key.clone(), 1, now));
     rig.send(&arm);
     assert_eq!(rig.mode(), Mode::Armed);
+    let answer = rig.controller.answer().unwrap();
+    let mut verifier = Verifier::new(key, now, Time(0));
+    assert_eq!(verifier.verify(&Frames::new(&answer).next().unwrap().unwrap()), Ok(()));
+    assert_eq!(rig.controller.signature_times(), Some([Time(now.0 + 1); 2]));
+    let later = Time(now.0 + 500);
+    rig.controller.advance_clock(later);
+    assert_eq!(rig.controller.signature_times().map(|[_, sent]| sent), Some(later));
+}
+
+#[test]
+fn a_battery_that_is_no_number_keeps_it_on_the_ground() {
+    let mut rig = Rig::new();
+    rig.controller.tick(rig.plant.state(), f32::NAN);
+    let result = rig.command(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0]);
+    assert_eq!(result, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
 }
 
 #[test]
