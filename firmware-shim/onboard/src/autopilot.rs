@@ -421,8 +421,12 @@ impl<P: Processor> Autopilot<P> {
             (held.x, held.y) = (before.position().x, before.position().y);
         }
         self.goal.advance(&held, self.leash_m, self.control_secs);
-        let [old_m, new_m] = [before, self.goal].map(|goal| self.margin_m(&goal.position()));
-        if new_m < FENCE_MARGIN_M && new_m < old_m && self.mode != Mode::Landing {
+        if self.mode == Mode::Landing || self.goal.position() == before.position() {
+            return;
+        }
+        // A polygon's margin is most of a tick where doubles are computed in software.
+        let margin_m = self.margin_m(&self.goal.position());
+        if margin_m < FENCE_MARGIN_M && margin_m < self.margin_m(&before.position()) {
             self.goal = before;
         }
     }
