@@ -34,7 +34,7 @@ mod walk;
 pub use error::EyeError;
 pub use fixed::FixedEye;
 pub use float::Eye;
-pub use packing::{EyeFormat, write_fixed, write_float};
+pub use packing::{EyeFormat, round_weights, write_fixed, write_float};
 pub use shape::{
     CHANNEL_LIMIT, CONVOLUTION_LIMIT, EyeShape, FEATURE_LIMIT, KERNEL_LIMIT, SIDE_LIMIT, STAGE_LIMIT, TERM_LIMIT,
 };

@@ -17,11 +17,13 @@
 //! weights is a word, which ARM's SMLAD multiplies with a pair of inputs in one instruction (feature `smlad`).
 
 mod layer;
+mod learner;
 mod packing;
 #[cfg(all(feature = "smlad", target_arch = "arm"))]
 mod smlad;
 mod tanh;
 
+pub use learner::OutputLearner;
 pub use tanh::TABLE as TANGENTS;
 
 pub(crate) use layer::layer_bytes;
@@ -71,6 +73,7 @@ pub struct FixedMlp<'a> {
     layers: Vec<PackedLayer<'a>, LAYER_LIMIT>,
     /// Values of the action.
     outputs: usize,
+    format: FixedFormat,
     /// Quantised value of an observation of one.
     input_scale: f32,
     /// Action of an output sum of one.
@@ -132,7 +135,19 @@ impl FixedMlp<'_> {
     /// The action on what lies in `activations`.
     fn forward(&self, activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT]) -> [f32; ACTION_LIMIT] {
         let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LIMIT] };
-        for layer in hidden_layers {
+        Self::hide(hidden_layers, activations, sums);
+        output_layer.apply(activations, sums);
+        let mut action = [0.0; ACTION_LIMIT];
+        for (action, sum) in action.iter_mut().zip(sums.iter().take(self.outputs)) {
+            *action = (*sum as f32 * self.output_scale).limited(-1.0, 1.0);
+        }
+        action
+    }
+
+    /// Takes `activations` through the hidden layers. A function of its own, which has more registers.
+    #[inline(never)]
+    fn hide(layers: &[PackedLayer<'_>], activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT]) {
+        for layer in layers {
             layer.apply(activations, sums);
             let sums = sums.get(..layer.padded_outputs).unwrap_or_default();
             let blocks =
@@ -141,12 +156,6 @@ impl FixedMlp<'_> {
                 *activations = sums.map(|sum| tanh::tanh(requantised(sum, layer.multiplier)));
             }
         }
-        output_layer.apply(activations, sums);
-        let mut action = [0.0; ACTION_LIMIT];
-        for (action, sum) in action.iter_mut().zip(sums.iter().take(self.outputs)) {
-            *action = (*sum as f32 * self.output_scale).limited(-1.0, 1.0);
-        }
-        action
     }
 
     /// How many values of `observation` lie beyond the range of the input format.
@@ -229,7 +238,7 @@ impl<'a> FixedMlp<'a> {
     ) -> Result<Self, PolicyError> {
         let input_scale = (1_u32 << format.input_fraction_bits.min(INPUT_FRACTION_BITS_LIMIT)) as f32;
         let outputs = usize::from(widths.last().copied().unwrap_or_default());
-        let mut network = Self { layers: Vec::new(), outputs, input_scale, output_scale: 1.0 };
+        let mut network = Self { layers: Vec::new(), outputs, format, input_scale, output_scale: 1.0 };
         let mut rest = parameters;
         for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {
             let (inputs, outputs) = (usize::from(inputs), usize::from(outputs));

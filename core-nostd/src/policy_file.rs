@@ -132,6 +132,14 @@ impl<'a> PolicyFile<'a> {
         self.network.act(observation, scratch)
     }
 
+    /// The network where it is computed in fixed point, for who learns with it.
+    pub fn fixed(&self) -> Option<&FixedMlp<'a>> {
+        match &self.network {
+            Network::Fixed16(network) => Some(network),
+            Network::Float32(_) => None,
+        }
+    }
+
     /// Working memory for [`Self::act`], of the same size for every policy.
     pub const fn scratch(&self) -> Scratch {
         Scratch::new()

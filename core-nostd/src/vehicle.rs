@@ -46,7 +46,23 @@ impl<R: Real> State<R> {
             rotor_speeds: self.rotor_speeds.map(convert),
         }
     }
+
+    /// The same state, tumbling no faster than [`BODY_RATE_LIMIT`]: for drones that nobody takes away after a crash. The
+    /// model has no air that slows a rotation down, and steps of time follow no faster one.
+    #[must_use]
+    pub fn tumbling_within_limit(mut self) -> Self {
+        let limit = R::from_f64(BODY_RATE_LIMIT);
+        let [p, q, r] = [self.body_rates.x, self.body_rates.y, self.body_rates.z];
+        let rate = (p * p + q * q + r * r).sqrt();
+        if rate > limit {
+            self.body_rates = self.body_rates.map(|rate_of_axis| rate_of_axis * (limit / rate));
+        }
+        self
+    }
 }
+
+/// Sixteen turns in a second \[rad/s\], three times what gyroscopes measure.
+pub const BODY_RATE_LIMIT: f64 = 100.0;
 
 /// Time derivative of a [`State`].
 #[derive(Clone, Copy, Debug)]

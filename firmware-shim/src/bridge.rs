@@ -319,13 +319,18 @@ fn announcement(options: &BridgeOptions, address: SocketAddr) -> String {
     let how = match peer {
         Peer::Px4 => format!(
             "PX4_SYS_AUTOSTART=10016 bin/px4 -i {instance}   (or, the first one: make px4_sitl none_iris)\n  \
-             gains for a Crazyflie: those of PX4's airframe 4901_crazyflie21\n  \
+             parameters for a Crazyflie: assets/autopilots/px4.params\n  \
              parameter IMU_INTEG_RATE: {rate_hz}"
         ),
-        Peer::Ardupilot => {
-            format!("sim_vehicle.py -v ArduCopter --model JSON -I {instance}\n  GPS needs about 37 s before it flies")
+        Peer::Ardupilot => format!(
+            "arducopter --model JSON:127.0.0.1 -I {instance} --defaults assets/autopilots/ardupilot.parm\n  \
+             GPS needs about 40 s before it flies"
+        ),
+        Peer::Betaflight => {
+            "obj/betaflight_SITL.elf, once with --config assets/autopilots/betaflight.cli, then without\n  \
+             sticks: --radio, or any program that sends to UDP 9004"
+                .to_owned()
         }
-        Peer::Betaflight => "obj/betaflight_SITL.elf\n  sticks: --radio, or any program that sends to UDP 9004".to_owned(),
         Peer::BetaflightLegacy => {
             "obj/betaflight_SITL.elf, built with ENABLE_GAZEBO_BRIDGE=0\n  sticks: --radio, or any program that sends to UDP 9004"
                 .to_owned()

@@ -76,7 +76,8 @@ impl Flight {
         let air = Air { wind: still, force: still, ground };
         let secs = physics.substep_secs() as f32;
         for _ in 0..physics.substeps {
-            self.state = integrator.advance(&self.vehicle, &self.state, rotor_targets, &air, secs);
+            let next = integrator.advance(&self.vehicle, &self.state, rotor_targets, &air, secs);
+            self.state = next.tumbling_within_limit();
             self.land(secs);
         }
         self.periods += 1;
@@ -138,6 +139,21 @@ mod tests {
         let state = flight.state();
         assert!(flight.resting() && (state.position.z - 0.0125).abs() < 1e-6);
         assert_eq!(state.velocity, Vector3::zeros());
+    }
+
+    #[test]
+    fn a_drone_that_tumbles_for_minutes_stays_a_drone() {
+        let mut flight = Flight::new(&hover(), Vector3::new(0.0, 0.0, 5_000.0));
+        let limit = flight.scenario.airframe.rotor_speed_limit as f32;
+        for _ in 0..3_000 {
+            flight.step(&[limit, limit, 0.0, 0.0]);
+            let State { position, velocity, body_rates, .. } = flight.state;
+            assert!(
+                position.z.is_finite() && velocity.norm() < 100.0 && body_rates.norm() < 101.0,
+                "{:?}",
+                flight.state
+            );
+        }
     }
 
     #[test]

@@ -97,9 +97,10 @@ class Client:
         while not condition(self.true.read()):
             self.drain()
             now = self.true.now()
+            doing = now.get("mode", "flown by another autopilot")
             expect(
                 now["secs"] - begin < within_secs,
-                f"not {what} after {within_secs} simulated s; at {rounded(now['position'])}, {now['mode']}",
+                f"not {what} after {within_secs} simulated s; at {rounded(now['position'])}, {doing}",
             )
             time.sleep(0.02)
 
@@ -115,11 +116,11 @@ class Client:
         begin = self.true.now()["secs"]
         self.wait_until(lambda moments: moments[-1]["secs"] - begin > secs, "later", 10.0 * secs)
 
-    def set_parameter(self, name, value, kind=COMMAND.MAV_PARAM_TYPE_REAL32):
-        """The value that it has then, as the float of the message."""
+    def set_parameter(self, name, value, kind=COMMAND.MAV_PARAM_TYPE_REAL32, within_secs=5.0):
+        """The value that it has then, as the float of the message; the time limit is wall time."""
         self.drain()
         self.mav.param_set_send(1, 1, name.encode(), value, kind)
-        return self.receive("PARAM_VALUE", where=lambda told: told.param_id == name).param_value
+        return self.receive("PARAM_VALUE", within_secs, where=lambda told: told.param_id == name).param_value
 
     def set_integer(self, name, value):
         """The value that a parameter has then; integers travel as the float of the same bytes."""

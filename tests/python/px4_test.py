@@ -1,161 +1,266 @@
-"""A real PX4 flies `kestrel-shim bridge`, commanded by pymavlink and judged by the true position.
+"""A real PX4 flies `kestrel bridge`, commanded by pymavlink and judged by the true position.
 
-    python px4_test.py KESTREL_SHIM
+    python px4_test.py KESTREL [more arguments of `bridge`]
 
-KESTREL_SHIM is the path of the binary. PX4 is no part of this project: the environment variable PX4_BIN names the
-binary of a built `px4_sitl_default` (build/px4_sitl_default/bin/px4, with its folder etc beside bin). Without it nothing
-is run, and that is said. Exit status 0 if every check passed or nothing was run.
+KESTREL is the path of `kestrel-shim`, or of `kestrel` with the experiment file of an aviary as its first argument: one
+with three metres of free floor around where its episodes begin, such as configs/aviaries/field.yaml. PX4 is no part of
+this project: the environment variable PX4_BIN names the binary of a built `px4_sitl_default`
+(build/px4_sitl_default/bin/px4, with its folder etc beside bin). Without it nothing is run, and that is said. Needs the
+packages of requirements.txt. Exit status 0 if every check passed or nothing was run.
 """
 
-import json
+import contextlib
+import itertools
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 
-os.environ["MAVLINK20"] = "1"
+from client import COMMAND, NAN, Client, with_speed
+from judge import CheckFailed, TrueState, checks_of, conclude, expect, rounded, run_checks
 
 AUTOSTART = "10016"
 """PX4's airframe `none_iris`: a quad X that waits for a simulator on TCP 4560."""
 
-GAINS = {
-    "MC_ROLLRATE_P": 0.07,
-    "MC_ROLLRATE_I": 0.2,
-    "MC_ROLLRATE_D": 0.002,
-    "MC_PITCHRATE_P": 0.07,
-    "MC_PITCHRATE_I": 0.2,
-    "MC_PITCHRATE_D": 0.002,
-    "MC_ROLL_P": 6.5,
-    "MC_PITCH_P": 6.5,
-    "MC_YAW_P": 3.0,
-    "MPC_Z_P": 1.5,
-    "MPC_Z_VEL_P_ACC": 8.0,
-    "MPC_Z_VEL_I_ACC": 6.0,
-    "MPC_THR_MAX": 1.0,
-    "MPC_THR_HOVER": 0.444,
-    "MIS_TAKEOFF_ALT": 2.5,
-}
-"""Of PX4's airframe `4901_crazyflie21`, but for the hover throttle: thrust to weight is 2.25 here."""
+TAKE_OFF_M = 1.2
 
-GOAL_NED = (2.0, 1.0, -2.5)
-GOAL_RADIUS_M = 0.5
-READY_SECS = 120.0
-NAN = float("nan")
-POSITION_AND_YAW = 2552
+PARAMETERS = os.path.join(os.path.dirname(__file__), "../../assets/autopilots/px4.params")
+
+GOAL_M = (2.0, 1.0, TAKE_OFF_M)
+"""East and north of the start, and above it."""
+
+ARRIVAL_RADIUS_M = 0.15
+LANDING_RADIUS_M = 0.3
+
+READY_SECS = 60.0
+"""Simulated: PX4's filters need some five seconds of measurements before it can be armed."""
+
+FLIGHT_SECS = 30.0
+DWELL_SECS = 1.0
+OFFBOARD = 6
+"""PX4's number of the mode in which it follows set-points."""
+
+REST_TOLERANCE_M = 0.005
+BOUNCE_M = 0.1
+WAKING_STEPS = 500
+"""Nobody waits for a PX4 that is still starting."""
 
 
-class CheckFailed(Exception):
-    """What was seen instead of what was expected."""
+def parameters():
+    """What is set before a flight."""
+    with open(PARAMETERS, encoding="utf-8") as file:
+        rows = [line.split() for line in file if not line.startswith("#")]
+    gains = {name: float(value) for _, _, name, value, _ in rows}
+    # Set-points come by the wall clock, and PX4 counts simulated time.
+    return {"MIS_TAKEOFF_ALT": TAKE_OFF_M, "COM_OF_LOSS_T": 10.0, **gains}
 
 
-def expect(condition, text):
-    if not condition:
-        raise CheckFailed(text)
+class Bridge:
+    """The simulator, in its own process."""
 
+    ground_station = "127.0.0.1:14540"
+    """Where PX4 looks for programs that command it."""
 
-def true_position(path):
-    """The last whole line of the log: north, east, down [m]."""
-    with open(path, encoding="utf-8") as log:
-        *lines, _ = log.read().split("\n")
-    expect(lines, f"nothing in {path}")
-    east, north, up = json.loads(lines[-1])["position"]
-    return north, east, -up
+    def __init__(self, kestrel, arguments, folder):
+        self.true = TrueState(os.path.join(folder, "true_state.jsonl"))
+        self.output = os.path.join(folder, "output.txt")
+        command = [kestrel, "bridge", *arguments, "--peer", "px4", "--true-state-log", self.true.path]
+        with open(self.output, "w", encoding="utf-8") as output:
+            self.process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
 
+    def said(self):
+        with open(self.output, encoding="utf-8") as output:
+            return output.read().strip()
 
-class Ground:
-    """A client of PX4's offboard port."""
+    def expect_alive(self):
+        expect(self.process.poll() is None, f"it ended with status {self.process.returncode}: {self.said()}")
 
-    def __init__(self, mavutil):
-        self.mavlink = mavutil.mavlink
-        self.client = mavutil.mavlink_connection("udpin:127.0.0.1:14540", source_system=245, source_component=190)
-        expect(self.client.wait_heartbeat(timeout=READY_SECS), "no heartbeat of PX4")
-
-    def set_parameters(self):
-        for name, value in GAINS.items():
-            self.client.param_set_send(name, value)
-            reply = self.client.recv_match(type="PARAM_VALUE", blocking=True, timeout=5.0)
-            expect(reply, f"{name} is not confirmed")
-
-    def wait_until_ready(self):
-        end = time.monotonic() + READY_SECS
-        check = self.mavlink.MAV_SYS_STATUS_PREARM_CHECK
-        while time.monotonic() < end:
-            status = self.client.recv_match(type="SYS_STATUS", blocking=True, timeout=5.0)
-            if status and status.onboard_control_sensors_health & check:
-                return
-        raise CheckFailed(f"PX4 is not ready to arm after {READY_SECS:.0f} s")
-
-    def command(self, number, *parameters):
-        parameters = [*parameters, *[NAN] * (7 - len(parameters))]
-        for attempt in range(4):
-            self.client.mav.command_long_send(1, 1, number, attempt, *parameters)
-            ack = self.client.recv_match(type="COMMAND_ACK", blocking=True, timeout=1.0)
-            if ack and ack.command == number:
-                expect(ack.result == 0, f"command {number} is answered with {ack.result}")
-                return
-        raise CheckFailed(f"command {number} is not answered")
-
-    def go_to(self, position, secs):
-        end = time.monotonic() + secs
-        offboard = False
-        while time.monotonic() < end:
-            self.client.mav.set_position_target_local_ned_send(
-                0, 1, 1, 1, POSITION_AND_YAW, *position, 0, 0, 0, 0, 0, 0, 0, 0
-            )
-            if not offboard and time.monotonic() > end - secs + 0.5:
-                self.command(self.mavlink.MAV_CMD_DO_SET_MODE, 1, 6)
-                offboard = True
+    def wait_until_said(self, words, times=1, within_secs=20.0):
+        end = time.monotonic() + within_secs
+        while self.said().count(words) < times:
+            self.expect_alive()
+            expect(time.monotonic() < end, f"it did not say {words!r} {times} times: {self.said()}")
             time.sleep(0.05)
 
+    def end(self):
+        """Ends it as Ctrl-C does. Steps, commanded and unanswered ones, connections, pieces of garbage."""
+        self.process.send_signal(signal.SIGINT)
+        expect(self.process.wait(timeout=10) == 0, f"exit status {self.process.returncode}: {self.said()}")
+        return [int(number) for number in re.findall(r"\d+", self.said().splitlines()[-1])]
 
-def fly(ground, log):
-    ground.set_parameters()
-    ground.wait_until_ready()
-    start = true_position(log)
-    ground.command(ground.mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-    ground.command(ground.mavlink.MAV_CMD_NAV_TAKEOFF)
-    time.sleep(10.0)
-    height = start[2] - true_position(log)[2]
-    expect(1.8 < height < 3.2, f"take-off to 2.5 m reached {height:.2f} m")
-    ground.go_to(GOAL_NED, 15.0)
-    distance = math.dist(true_position(log), [a + b for a, b in zip(start, GOAL_NED, strict=True)])
-    expect(distance < GOAL_RADIUS_M, f"{distance:.2f} m from the set-point")
-    ground.command(ground.mavlink.MAV_CMD_NAV_LAND)
-    time.sleep(15.0)
-    height = start[2] - true_position(log)[2]
-    expect(abs(height) < 0.05, f"landed {height:.2f} m above the floor")
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.wait()
+
+
+class Px4:
+    """The autopilot, in its own process."""
+
+    def __init__(self, binary, folder):
+        self.binary = os.path.abspath(binary)
+        self.folder = folder
+        self.log = os.path.join(folder, "px4.txt")
+        self.process = None
+
+    def start(self):
+        files = os.path.join(os.path.dirname(os.path.dirname(self.binary)), "etc")
+        environment = {**os.environ, "PX4_SYS_AUTOSTART": AUTOSTART, "PX4_SIM_MODEL": "none_iris"}
+        with open(self.log, "a", encoding="utf-8") as log:
+            self.process = subprocess.Popen(
+                [self.binary, "-d", "-i", "0", files],
+                cwd=self.folder, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+            )
+
+    def said(self):
+        with open(self.log, encoding="utf-8", errors="replace") as log:
+            return log.read().strip()
+
+    def kill(self):
+        """As a crash does."""
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.kill()
+
+
+class Flight:
+    """The checks, in the order in which they are flown."""
+
+    def __init__(self, bridge, px4, client):
+        self._bridge = bridge
+        self._px4 = px4
+        self._client = client
+        self._true = bridge.true
+        self._start = None
+
+    def px4_becomes_ready(self):
+        self._become_ready(1)
+
+    def it_takes_off_and_stays(self):
+        self._take_off()
+
+    def it_goes_to_a_point(self):
+        goal = [a + b for a, b in zip(self._start, GOAL_M, strict=True)]
+        self._stream(DWELL_SECS)
+        self._client.accepted(COMMAND.MAV_CMD_DO_SET_MODE, COMMAND.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, OFFBOARD)
+        begin = self._true.now()["secs"]
+        while not self._stayed_near(goal):
+            self._stream(0.1)
+            waited = self._true.now()["secs"] - begin
+            expect(waited < FLIGHT_SECS, f"at {rounded(self._true.position())}, not at {rounded(goal)}")
+        self._tell(f"{math.dist(self._true.position(), goal):.3f} m from the point after {waited:.1f} s")
+
+    def it_lands_and_stops_its_motors(self):
+        self._land()
+
+    def px4_starts_again_and_flies_again(self):
+        self._px4.kill()
+        self._bridge.wait_until_said("has gone")
+        self._become_ready(2)
+        self._take_off()
+        self._land()
+
+    def every_step_was_commanded(self):
+        steps, commanded, unanswered, connections, garbage = self._bridge.end()
+        self._tell(f"{steps} steps, {commanded} commanded, {unanswered} unanswered")
+        expect((unanswered, connections, garbage) == (0, 2, 0), self._bridge.said())
+        expect(steps - commanded < 2 * WAKING_STEPS, self._bridge.said())
+
+    def _become_ready(self, times):
+        """Starts PX4, for the first or the second time, and waits until it can be armed."""
+        self._px4.start()
+        self._bridge.wait_until_said("go in step", times)
+        begin, ready = self._true.now()["secs"], False
+        self._client.drain()
+        self._client.receive("HEARTBEAT", within_secs=30.0)
+        for name, value in parameters().items():
+            told = self._set(name, value)
+            expect(math.isclose(told, value, rel_tol=1e-6), f"{name} is {told} instead of {value}")
+        while not ready:
+            status = self._client.receive("SYS_STATUS", within_secs=30.0)
+            ready = status.onboard_control_sensors_health & COMMAND.MAV_SYS_STATUS_PREARM_CHECK
+            waited = self._true.now()["secs"] - begin
+            expect(ready or waited < READY_SECS, f"not ready to arm after {waited:.0f} simulated s")
+        self._tell(f"ready after {waited:.1f} simulated s")
+
+    def _set(self, name, value):
+        """Sets a parameter; a PX4 that is still starting hears none, and does not say so."""
+        for _ in range(20):
+            with contextlib.suppress(CheckFailed):
+                return self._client.set_parameter(name, value, within_secs=0.5)
+        raise CheckFailed(f"{name} is not confirmed")
+
+    def _take_off(self):
+        self._start = self._true.position()
+        self._client.accepted(COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+        self._client.accepted(COMMAND.MAV_CMD_NAV_TAKEOFF, *[NAN] * 7)
+        place = [*self._start[:2], self._start[2] + TAKE_OFF_M]
+        begin = self._true.now()["secs"]
+        self._client.wait_until(lambda _: self._stayed_near(place), f"at {rounded(place)}", FLIGHT_SECS)
+        self._tell(f"at {rounded(self._true.position())} after {self._true.now()['secs'] - begin:.1f} s")
+
+    def _land(self):
+        place, begin = self._true.position(), len(self._true.read())
+        self._client.accepted(COMMAND.MAV_CMD_NAV_LAND, 0, 0, 0, *[NAN] * 4)
+        stopped = lambda moments: moments[-1]["rotor_targets"] == [0.0] * 4  # noqa: E731
+        self._client.wait_until(stopped, "stopped", FLIGHT_SECS)
+        landed = self._true.position()
+        heights = [moment["position"][2] - self._start[2] for moment in self._true.read()[begin:]]
+        after_touchdown = itertools.dropwhile(lambda height: height > REST_TOLERANCE_M, heights)
+        bounce = max(after_touchdown, default=0.0)
+        expect(bounce < BOUNCE_M, f"rose {bounce:.2f} m again after it had touched the floor")
+        height, drift = heights[-1], math.dist(landed[:2], place[:2])
+        self._tell(f"landed {drift:.3f} m beside the place, {1000.0 * height:.1f} mm above where it stood")
+        expect(abs(height) < REST_TOLERANCE_M, f"motors stopped {height:.3f} m above where it took off")
+        expect(drift < LANDING_RADIUS_M, f"landed {drift:.2f} m beside the place")
+
+    def _stayed_near(self, place):
+        """Whether the last second was spent there."""
+        moments = self._true.read()
+        since = moments[-1]["secs"] - DWELL_SECS
+        recent = itertools.takewhile(lambda moment: moment["secs"] > since, reversed(moments))
+        return all(math.dist(moment["position"], place) < ARRIVAL_RADIUS_M for moment in recent)
+
+    def _stream(self, secs):
+        """Sends the point as set-points for some simulated time; PX4 counts from where it was switched on."""
+        end = self._true.now()["secs"] + secs
+        while self._true.now()["secs"] < end:
+            self._client.go_to(GOAL_M)
+            self._client.drain()
+            time.sleep(0.02)
+
+    def _tell(self, text):
+        print(f"        {text}", flush=True)
 
 
 def main():
-    [shim] = sys.argv[1:]
-    px4 = os.environ.get("PX4_BIN")
-    if not px4:
+    kestrel, *arguments = with_speed(sys.argv[1:])
+    binary = os.environ.get("PX4_BIN")
+    if not binary:
         print("px4_test: NOT RUN, for PX4_BIN names no PX4 (build/px4_sitl_default/bin/px4)")
         return 0
-    from pymavlink import mavutil
-
-    px4 = os.path.abspath(px4)
-    etc = os.path.join(os.path.dirname(os.path.dirname(px4)), "etc")
-    with tempfile.TemporaryDirectory() as folder:
-        log = os.path.join(folder, "true_state.jsonl")
-        processes = [subprocess.Popen([shim, "bridge", "--peer", "px4", "--true-state-log", log])]
-        try:
-            time.sleep(0.5)
-            environment = {**os.environ, "PX4_SYS_AUTOSTART": AUTOSTART, "PX4_SIM_MODEL": "none_iris"}
-            processes.append(subprocess.Popen([px4, "-d", "-i", "0", etc], cwd=folder, env=environment))
-            fly(Ground(mavutil), log)
-        except CheckFailed as failure:
-            print(f"px4_test: FAILED: {failure}")
-            return 1
-        finally:
-            for process in reversed(processes):
-                process.send_signal(signal.SIGINT)
-                process.wait(timeout=10)
-    print("px4_test: PX4 took off, went to a set-point and landed")
-    return 0
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Bridge(kestrel, arguments, folder) as bridge,
+        Px4(binary, folder) as px4,
+        Client(bridge) as client,
+    ):
+        counts = run_checks(checks_of(Flight(bridge, px4, client)))
+        if counts[1]:
+            print(f"The bridge said:\n{bridge.said()}\nPX4 said:\n{px4.said()}")
+    return conclude(counts)
 
 
 if __name__ == "__main__":

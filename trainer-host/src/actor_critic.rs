@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::advantage::Moments;
 use crate::gaussian::Gaussian;
+use crate::network::eye::Eye;
 use crate::network::{Dense, Mlp};
 use crate::perception::Perception;
 use pass::Half;
@@ -70,6 +71,24 @@ impl Actor {
     pub fn layers(&self) -> Vec<Dense<'_>> {
         let trunk = self.perception.iter().flat_map(|seen| seen.trunk_layers(self.perception_parameters()));
         trunk.chain(self.mlp.layers(&self.parameters)).collect()
+    }
+
+    /// Weights and biases of each of [`Self::layers`], to be written.
+    pub(crate) fn layers_mut(&mut self) -> Vec<(&mut [f32], &mut [f32])> {
+        let Self { mlp, perception, parameters } = self;
+        let (network, rest) = parameters.split_at_mut(mlp.parameter_count());
+        let seen = &mut rest[mlp.outputs()..];
+        let trunk = perception.as_ref().map(|perception| perception.trunk_layers_mut(seen));
+        let mut layers = trunk.unwrap_or_default();
+        layers.extend(mlp.layers_mut(network));
+        layers
+    }
+
+    /// The eye in front of it, and its parameters, to be written.
+    pub(crate) fn eye_mut(&mut self) -> Option<(&Eye, &mut [f32])> {
+        let from = self.log_std_places().end;
+        let eye = self.perception.as_ref()?.eye();
+        Some((eye, &mut self.parameters[from..][..eye.parameter_count()]))
     }
 
     /// Values of an action.

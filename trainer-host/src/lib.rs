@@ -38,6 +38,7 @@ pub mod policy;
 pub mod ppo;
 pub mod processor;
 pub mod progress;
+mod quantisation;
 pub mod ranks;
 pub mod recording;
 pub mod results;

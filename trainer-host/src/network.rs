@@ -86,6 +86,12 @@ impl Mlp {
         self.widths.windows(2).map(layer).collect()
     }
 
+    /// Weights and biases of each layer, to be written.
+    pub(crate) fn layers_mut<'a>(&self, parameters: &'a mut [f32]) -> Vec<(&'a mut [f32], &'a mut [f32])> {
+        let layers = self.layer_gradients(parameters).into_iter();
+        layers.map(|DenseGradient { weights, biases }| (weights, biases)).collect()
+    }
+
     fn layer_gradients<'a>(&self, gradient: &'a mut [f32]) -> Vec<DenseGradient<'a>> {
         let mut rest = gradient;
         let mut layers = Vec::with_capacity(self.widths.len() - 1);

@@ -41,6 +41,12 @@ impl Perception {
         self.trunk.as_ref().map_or_else(Vec::new, |trunk| trunk.mlp().layers(parameters))
     }
 
+    /// Weights and biases of the layers of the trunk, to be written.
+    pub(crate) fn trunk_layers_mut<'p>(&self, parameters: &'p mut [f32]) -> Vec<(&'p mut [f32], &'p mut [f32])> {
+        let parameters = &mut parameters[self.eye.parameter_count()..];
+        self.trunk.as_ref().map_or_else(Vec::new, |trunk| trunk.mlp().layers_mut(parameters))
+    }
+
     /// Values of the observation that a network behind it reads itself: none where a trunk has read it.
     pub fn unread(&self, observation_len: usize) -> usize {
         if self.trunk.is_some() { 0 } else { observation_len }

@@ -15,6 +15,8 @@
 //! "A2C is a special case of PPO"), and with `gae_lambda` 1 beside, returns take the place of estimates: REINFORCE
 //! with the critic for a baseline (Williams 1992). `configs/parts/a2c.yaml` and `reinforce.yaml` are these.
 //!
+//! With `quantised_from` the actor flies and is differentiated with the weights of its export ([`crate::quantisation`]).
+//!
 //! Every sum has an order that the number of threads does not change: a minibatch is cut into a fixed number of shards,
 //! and their gradients are added in order. Several processes share panels and shards, to the same bits ([`crate::ranks`]).
 
@@ -42,6 +44,7 @@ use crate::adam::Adam;
 use crate::advantage::{Moments, normalise};
 use crate::consolidation::{Consolidator, Ended};
 use crate::perception::Perception;
+use crate::quantisation::Quantised;
 use crate::ranks::{self, Ranks};
 pub use crate::rollout::CriticScope;
 use crate::rollout::{Collection, Panel, PanelRows, Rollout, RolloutSize, panel_rows, tile_columns};
@@ -67,6 +70,8 @@ pub struct Trainer {
     seed: Seed,
     actor: Actor,
     critic: Critic,
+    /// The actor with the weights of its export, once it flies with them.
+    quantised: Option<Quantised>,
     /// What they were when they were arranged last.
     eyes: Eyes,
     actor_optimiser: Adam,
@@ -150,6 +155,7 @@ impl Trainer {
             eyes: Eyes::default(),
             gradient: Gradient::new(&actor, &critic),
             ranks: ranks::alone(),
+            quantised: None,
             actor,
             critic,
         }
@@ -219,9 +225,13 @@ impl Trainer {
 
     /// Every panel flies the policy for a rollout.
     fn collect(&mut self) {
-        self.eyes.arrange(&self.actor, &self.critic);
+        let progress = self.steps() as f64 / self.settings.total_steps.max(1) as f64;
+        let is_due = self.settings.quantised_from.is_some_and(|share| progress >= f64::from(share));
+        self.quantised = is_due.then(|| Quantised::new(&self.actor));
+        let actor = self.quantised.as_ref().map_or(&self.actor, Quantised::actor);
+        self.eyes.arrange(actor, &self.critic);
         let collection = Collection {
-            networks: Networks { actor: &self.actor, critic: &self.critic, eyes: &self.eyes },
+            networks: Networks { actor, critic: &self.critic, eyes: &self.eyes },
             first_step: self.updates * self.settings.steps_per_rollout as u64,
             reward_scale: self.settings.reward_scale,
             discount: self.settings.discount,
@@ -303,7 +313,11 @@ impl Trainer {
     fn differentiate(&mut self, minibatch: &[Sample]) -> LossSums {
         let mine = ranks::part(&self.ranks, SHARDS);
         let columns = self.columns();
-        let Self { settings, panels, shards, desks, actor, critic, eyes, .. } = self;
+        let Self { settings, panels, shards, desks, actor, critic, quantised, eyes, .. } = self;
+        let actor = quantised.as_mut().map_or(&*actor, |quantised| {
+            quantised.follow(actor);
+            quantised.actor()
+        });
         eyes.arrange(actor, critic);
         let networks = Networks { actor, critic, eyes };
         desks.provide(&networks, columns);

@@ -70,6 +70,7 @@ impl FixedAnchor<'_> {
     ///
     /// # Panics
     /// If a slice is not as long as the anchor.
+    #[inline(always)]
     pub fn consolidate(&mut self, parameters: &[i16], curvature: &[u8], decay: Fraction, task: u32) {
         self.check(parameters.len());
         self.check(curvature.len());
@@ -89,6 +90,7 @@ impl FixedAnchor<'_> {
     ///
     /// # Panics
     /// If a slice is not as long as the anchor.
+    #[inline(always)]
     pub fn consolidate_at(&mut self, parameters: &[i16], curvature: &[u8], decay: Fraction, task: u32) {
         self.check(parameters.len());
         self.check(curvature.len());
@@ -103,6 +105,7 @@ impl FixedAnchor<'_> {
     ///
     /// # Panics
     /// If `parameters` is not as long as the anchor.
+    #[inline(always)]
     pub fn pull(&self, parameters: &mut [i16], shares: &Shares, call: u32) {
         self.check(parameters.len());
         let state = self.center.iter().zip(&*self.importance);
@@ -134,7 +137,9 @@ impl FixedAnchor<'_> {
         limited
     }
 
-    // Without the lengths in the message, whose formatting a firmware would have to carry.
+    // Without the lengths in the message, whose formatting a firmware would have to carry; inlined with its callers, so that
+    // where lengths are known a firmware has no panic.
+    #[inline(always)]
     fn check(&self, length: usize) {
         assert!(self.center.len() == self.importance.len(), "a center and an importance per parameter");
         assert!(self.center.len() == length, "one value per parameter of the anchor");
@@ -148,6 +153,13 @@ fn moved(from: i16, target: i16, share: u32, dither: u32) -> i16 {
     let way = i32::from(target) - i32::from(from);
     let step = (i64::from(way) * i64::from(share as i32) + i64::from(dither)) >> FRACTION_BITS;
     (i32::from(from) + step as i32) as i16
+}
+
+/// `from`, moved by `way` in 2⁻²⁴ units, rounded to whole units as by [`moved`], as far as 16 bits go.
+#[inline(always)]
+pub(crate) fn dithered(from: i16, way: i64, dither: u32) -> i16 {
+    let step = (way + i64::from(high_bits(dither))) >> FRACTION_BITS;
+    (i64::from(from) + step).clamp(i64::from(i16::MIN), i64::from(i16::MAX)) as i16
 }
 
 /// `decay · S + H` in 2⁻²⁴, below 2⁴¹.
@@ -164,7 +176,7 @@ fn gain(curvature: u64, total: u64) -> u32 {
 
 /// A turn of the circle in 2⁻³².
 #[inline(always)]
-fn dither(call: u32, index: usize) -> u32 {
+pub(crate) fn dither(call: u32, index: usize) -> u32 {
     call.wrapping_mul(GOLDEN_STRIDE).wrapping_add((index as u32).wrapping_mul(PARAMETER_STRIDE))
 }
 

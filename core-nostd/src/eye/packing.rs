@@ -168,6 +168,29 @@ impl Filter {
     }
 }
 
+/// Rounds each weight to the nearest of 255 steps of its filter, as [`write_fixed`] does where the largest weight sets the
+/// step; biases stay. Parameters that are not of the shape are left as they are.
+pub fn round_weights(shape: &EyeShape, parameters: &mut [f32]) {
+    if parameters.len() != shape.parameter_count() {
+        return;
+    }
+    let mut rest = parameters;
+    for stage in shape.stages() {
+        let (inputs, outputs) = (stage.terms(), stage.filters());
+        let (weights, following) = rest.split_at_mut_checked(inputs * outputs).unwrap_or_default();
+        for filter in weights.chunks_exact_mut(inputs.max(1)) {
+            let largest = filter.iter().fold(0.0, |largest: f32, weight| largest.max(weight.abs()));
+            let step = f64::from(largest) / WEIGHT_LIMIT;
+            if step > 0.0 {
+                for weight in filter {
+                    *weight = (f64::from(code(*weight, step)) * step) as f32;
+                }
+            }
+        }
+        (_, rest) = following.split_at_mut_checked(outputs).unwrap_or_default();
+    }
+}
+
 /// The nearest integer, halves away from zero.
 fn code(weight: f32, step: f64) -> i8 {
     // `as` saturates.

@@ -5,6 +5,7 @@
 mod damage;
 mod file;
 mod inference;
+mod learner;
 mod pilot;
 mod seeing;
 mod spaces;

@@ -5,7 +5,9 @@
 
 use core::hint::black_box;
 
+use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, Shares};
 use kestrel_core::attitude::Attitude;
+use kestrel_core::fixed::{OutputLearner, Scratch as FixedScratch};
 use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{PolicyError, PolicyFile, Scratch};
@@ -13,8 +15,9 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 use crate::input::Inputs;
+use crate::learning::OUTPUT_PARAMETERS;
 use crate::machine::{Verdict, decimal, print};
-use crate::policy::{Artifact, MEASURED, PILOTS};
+use crate::policy::{Artifact, MEASURED, NETWORK, PILOTS};
 use crate::probe::{mark, stack_below};
 
 /// Inputs per part: the greatest count is reported, because a few branches depend on them.
@@ -26,7 +29,32 @@ pub fn run() -> Verdict {
     window("nothing", "at-all", || {});
     let steps = MEASURED.iter().map(step);
     let ticks = PILOTS.iter().map(tick);
-    if steps.chain(ticks).all(|result| result.is_ok()) { Verdict::Passed } else { Verdict::Failed }
+    let learning = core::iter::once_with(learn);
+    if steps.chain(ticks).chain(learning).all(|result| result.is_ok()) { Verdict::Passed } else { Verdict::Failed }
+}
+
+/// One step of an output layer, and the pull of its anchor.
+fn learn() -> Result<(), PolicyError> {
+    let network = NETWORK.network()?;
+    let (mut memory, mut center) = ([0; OUTPUT_PARAMETERS], [0; OUTPUT_PARAMETERS]);
+    let mut importance = [100; OUTPUT_PARAMETERS];
+    let Some(mut learner) = OutputLearner::new(&network, &mut memory) else { return Ok(()) };
+    let shares = Shares::at(Fraction::nearest(0.05));
+    let mut scratch = FixedScratch::new();
+    let features = network.features(&[0.5; 16], &mut scratch);
+    for call in 0..REPETITIONS as u32 {
+        window("learn", "fixed16", || {
+            black_box(learner.learn(black_box(features), &[0.1, -0.2, 0.3, -0.4], Fraction::nearest(0.1)));
+        });
+        window("pull", "fixed16", || {
+            if let Ok(parameters) = learner.parameters_mut().try_into() {
+                let parameters: &mut [i16; OUTPUT_PARAMETERS] = parameters;
+                let anchor = FixedAnchor { center: &mut center, importance: &mut importance };
+                anchor.pull(parameters, &shares, call);
+            }
+        });
+    }
+    Ok(())
 }
 
 /// One inference.

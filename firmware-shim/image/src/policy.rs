@@ -1,6 +1,7 @@
 //! The policies in the image.
 
-use kestrel_core::policy_file::Aligned;
+use kestrel_core::fixed::{FixedFormat, FixedMlp};
+use kestrel_core::policy_file::{Aligned, PolicyError};
 
 /// A policy file in memory, on the boundary that [`PolicyFile`](kestrel_core::policy_file::PolicyFile) wants.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +23,21 @@ pub struct Embedded {
     pub weight_fraction_bits: [u8; kestrel_core::mlp::LAYER_LIMIT],
     /// As in the policy file, on a four-byte boundary.
     pub parameters: &'static [u8],
+}
+
+impl Embedded {
+    /// The network, read where it lies.
+    ///
+    /// # Errors
+    /// As [`FixedMlp::from_parameters`].
+    pub fn network(&self) -> Result<FixedMlp<'static>, PolicyError> {
+        let (input_fraction_bits, weight_fraction_bits) = (self.input_fraction_bits, self.weight_fraction_bits);
+        FixedMlp::from_parameters(
+            &self.widths,
+            FixedFormat { input_fraction_bits, weight_fraction_bits },
+            self.parameters,
+        )
+    }
 }
 
 include!(concat!(env!("OUT_DIR"), "/policies.rs"));

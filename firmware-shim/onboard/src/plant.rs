@@ -83,7 +83,8 @@ impl Plant for FlatFloor {
         let air = Air { ground: Ground::Near, ..Air::still() };
         for _ in 0..self.substeps {
             let integrator = Integrator::SemiImplicitEuler;
-            self.state = integrator.advance(&self.vehicle, &self.state, rotor_targets, &air, self.substep_secs);
+            let next = integrator.advance(&self.vehicle, &self.state, rotor_targets, &air, self.substep_secs);
+            self.state = next.tumbling_within_limit();
             if self.state.position.z <= self.rest_height && self.state.velocity.z <= 0.0 {
                 self.rest();
             }
@@ -124,6 +125,22 @@ mod tests {
         assert_eq!(state.position.z, 0.0125);
         assert_eq!(state.world_from_body.up_cosine(), 1.0);
         assert!((state.world_from_body.z / state.world_from_body.w - 0.625).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_drone_that_tumbles_for_minutes_stays_a_drone() {
+        let mut plant = FlatFloor::new(&CF2X, 0.002);
+        plant.state.position.z = 5_000.0;
+        let limit = CF2X.rotor_speed_limit as f32;
+        for _ in 0..30_000 {
+            plant.step(&[limit, limit, 0.0, 0.0]);
+            let State { position, velocity, body_rates, .. } = plant.state;
+            assert!(
+                position.z.is_finite() && velocity.norm() < 100.0 && body_rates.norm() < 101.0,
+                "{:?}",
+                plant.state
+            );
+        }
     }
 
     #[test]

@@ -7,10 +7,11 @@
 
 pub mod server;
 
+use core::f64::consts::FRAC_1_SQRT_2;
+
 use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
 
-use super::frames::ned_from_frd;
 use super::motors::throttle_of_pulse;
 use super::radio::Radio;
 use super::sensors::{Ambient, Measurement};
@@ -24,6 +25,12 @@ pub const RADIO_LEN: usize = 40;
 
 /// Bytes of the motor outputs: their number in four bytes, and sixteen floats.
 const PULSES_LEN: usize = 68;
+
+/// A quarter turn about up.
+const NWU_FROM_ENU: Attitude<f64> = Attitude { w: FRAC_1_SQRT_2, x: 0.0, y: 0.0, z: -FRAC_1_SQRT_2 };
+
+/// Half a turn about up.
+const WSU_FROM_ENU: Attitude<f64> = Attitude { w: 0.0, x: 0.0, y: 0.0, z: 1.0 };
 
 /// Pulse of a channel that the radio does not have, and of the sticks' middle \[µs\].
 const MIDDLE_US: u16 = 1500;
@@ -71,7 +78,7 @@ impl Simulator {
             self.pressure_pa = pressure_pa;
         }
         self.answered = false;
-        let [roll, pitch, yaw] = measurement.body_rates_frd.map(f64::from);
+        let [roll, pitch, yaw] = self.body_rates(measurement);
         let [forward, right, down] = measurement.specific_force_frd.map(f64::from);
         let Attitude { w, x, y, z } = self.attitude(state);
         let velocity = state.velocity.map(f64::from);
@@ -81,7 +88,8 @@ impl Simulator {
             roll,
             pitch,
             yaw,
-            forward,
+            // Betaflight negates all three, and takes what becomes of them for forward, left and up.
+            -forward,
             right,
             down,
             w,
@@ -103,14 +111,26 @@ impl Simulator {
         bytes
     }
 
-    /// NED from FRD; for Gazebo, what becomes it after the quarter turn that Betaflight adds.
-    fn attitude(&self, state: &State<f32>) -> Attitude<f64> {
-        let attitude = ned_from_frd(&state.world_from_body);
-        let half_root = core::f64::consts::FRAC_1_SQRT_2;
-        let quarter_turn_back = Attitude { w: half_root, x: 0.0, y: 0.0, z: -half_root };
+    /// Roll, pitch and yaw \[rad/s\] that become rates about forward, left and up: Betaflight negates pitch, and yaw only
+    /// if it is not built for Gazebo. Its comments have yaw clockwise there, but its mixer and estimator do not.
+    fn body_rates(&self, measurement: &Measurement) -> [f64; 3] {
+        let [roll, pitch, yaw] = measurement.body_rates_frd.map(f64::from);
         match self.build {
-            Build::Gazebo => quarter_turn_back.after(&attitude),
-            Build::Legacy => attitude,
+            Build::Gazebo => [roll, pitch, -yaw],
+            Build::Legacy => [roll, pitch, yaw],
+        }
+    }
+
+    /// North, west and up from forward, left and up is what Betaflight flies by. For Gazebo, what becomes it: Betaflight
+    /// negates y and z, and turns west and south to north and west.
+    fn attitude(&self, state: &State<f32>) -> Attitude<f64> {
+        let enu_from_flu = state.world_from_body.map(f64::from);
+        match self.build {
+            Build::Gazebo => {
+                let wsu_from_flu = WSU_FROM_ENU.after(&enu_from_flu);
+                Attitude { y: -wsu_from_flu.y, z: -wsu_from_flu.z, ..wsu_from_flu }
+            }
+            Build::Legacy => NWU_FROM_ENU.after(&enu_from_flu),
         }
     }
 

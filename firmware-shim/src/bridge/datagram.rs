@@ -47,6 +47,16 @@ impl DatagramSocket {
         }
     }
 
+    /// Forgets what has arrived.
+    ///
+    /// # Errors
+    /// [`BridgeError::Socket`] if the socket itself fails.
+    pub fn drain(&mut self) -> Result<(), BridgeError> {
+        self.socket.set_nonblocking(true).map_err(BridgeError::Socket)?;
+        while self.socket.recv_from(&mut self.bytes).is_ok() {}
+        self.socket.set_nonblocking(false).map_err(BridgeError::Socket)
+    }
+
     /// Sends a datagram. What cannot be sent is lost, as datagrams may be.
     pub fn send(&self, datagram: &[u8], peer: SocketAddr) {
         let _lost = self.socket.send_to(datagram, peer);

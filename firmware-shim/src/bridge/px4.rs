@@ -48,6 +48,11 @@ const RADIO_MICROS: u64 = 100_000;
 /// Fields of the accelerometer and the gyroscope.
 const FAST_FIELDS: u32 = 0x7 | 0x38;
 
+/// PX4 keeps specific forces \[m/s²\] and body rates \[rad/s\] in 16 bits, in these units; what does not fit would reach it
+/// with the other sign.
+const FORCE_UNIT: f32 = 9.80665 / 2048.0;
+const RATE_UNIT: f32 = 2000.0 / 32768.0 * core::f32::consts::PI / 180.0;
+
 /// Fields of the magnetometer and the barometer: PX4 takes a group only with all of its bits.
 const SLOW_FIELDS: u32 = 0x1C0 | 0x1A00;
 
@@ -277,8 +282,8 @@ fn steps(micros: u64, period_nanos: u64) -> u64 {
 }
 
 fn hil_sensor(measurement: &Measurement, time_usec: u64) -> Payload {
-    let [xacc, yacc, zacc] = measurement.specific_force_frd;
-    let [xgyro, ygyro, zgyro] = measurement.body_rates_frd;
+    let [xacc, yacc, zacc] = measurement.specific_force_frd.map(|force| saturated(force, FORCE_UNIT));
+    let [xgyro, ygyro, zgyro] = measurement.body_rates_frd.map(|rate| saturated(rate, RATE_UNIT));
     let mut message =
         HIL_SENSOR_DATA { time_usec, xacc, yacc, zacc, xgyro, ygyro, zgyro, ..HIL_SENSOR_DATA::default() };
     let mut fields = FAST_FIELDS;
@@ -291,6 +296,12 @@ fn hil_sensor(measurement: &Measurement, time_usec: u64) -> Payload {
     }
     message.fields_updated = HilSensorUpdatedFlags::from_bits_truncate(fields);
     Payload::of(&message)
+}
+
+/// Limited to what 16 bits hold of this unit.
+fn saturated(value: f32, unit: f32) -> f32 {
+    let limit = f32::from(i16::MAX) * unit;
+    value.clamp(-limit, limit)
 }
 
 fn hil_gps(fix: &Fix, time_usec: u64) -> Payload {

@@ -16,8 +16,12 @@ use crate::message::{enu_from_ned, frd_from_flu, ned_from_enu};
 /// Magnetometer and barometer deliver at this rate \[Hz\], as PX4's simulations have it.
 const SLOW_RATE_HZ: u32 = 50;
 
-/// A GPS receiver delivers at this rate \[Hz\], each fix one interval old.
+/// A GPS receiver delivers at this rate \[Hz\].
 const FIX_RATE_HZ: u32 = 10;
+
+/// Age of a fix when it is delivered \[ms\]: what PX4 takes for granted behind a simulator (`EKF2_GPS_DELAY`, which its
+/// `px4-rc.simulator` sets). An older one would be wrong by as much as the drone has moved since.
+const FIX_AGE_MILLIS: u32 = 10;
 
 /// Noise of the accelerometer along x and y, and along z \[m/s²/√Hz\]: 160 and 190 µg (Bosch BMI088).
 const ACCELEROMETER_DENSITY: [f32; 3] = [160e-6 * 9.81, 160e-6 * 9.81, 190e-6 * 9.81];
@@ -159,15 +163,20 @@ impl Instruments {
             specific_force_frd: self.specific_force(before, after),
             body_rates_frd: self.body_rates(after),
             ambient: self.due(SLOW_RATE_HZ).then(|| self.ambient(after)),
-            fix: if self.due(FIX_RATE_HZ) { self.fix(after) } else { None },
+            fix: self.fix(after),
         };
         self.count += 1;
         measurement
     }
 
-    /// Whether an instrument of this rate delivers with this sample.
+    /// Whether an instrument of this rate measures with this sample.
     fn due(&self, rate_hz: u32) -> bool {
-        self.count.is_multiple_of(u64::from((self.rate_hz / rate_hz).max(1)))
+        self.since_due(rate_hz) == 0
+    }
+
+    /// Samples since an instrument of this rate measured.
+    fn since_due(&self, rate_hz: u32) -> u64 {
+        self.count % u64::from((self.rate_hz / rate_hz).max(1))
     }
 
     fn specific_force(&mut self, before: &State<f32>, after: &State<f32>) -> [f32; 3] {
@@ -215,16 +224,23 @@ impl Instruments {
         }
     }
 
-    /// Takes a fix, and delivers the one before it.
+    /// Takes a fix when one is due, and delivers it when it is as old as fixes are.
     fn fix(&mut self, state: &State<f32>) -> Option<Fix> {
+        if self.due(FIX_RATE_HZ) {
+            self.fix_on_its_way = Some(self.taken_fix(state));
+        }
+        let age = u64::from((self.rate_hz * FIX_AGE_MILLIS).div_ceil(1000));
+        if self.since_due(FIX_RATE_HZ) == age { self.fix_on_its_way.take() } else { None }
+    }
+
+    fn taken_fix(&mut self, state: &State<f32>) -> Fix {
         let normals = self.noise.normals(Purpose::GpsPositionDrift, self.count);
         FIX_WALK.advance(&mut self.drifts.position_m, normals, 1.0 / FIX_RATE_HZ as f32);
         let normals = self.noise.normals(Purpose::GpsPosition, self.count);
         let position = noisy(state.position.into(), self.drifts.position_m, FIX_DEVIATION_M, normals);
         let normals = self.noise.normals(Purpose::GpsVelocity, self.count);
         let velocity = noisy(ned_from_enu(&state.velocity), [0.0; 3], [FIX_VELOCITY_DEVIATION; 3], normals);
-        let fix = Fix { position: self.home.place_of(&position.into()), velocity_ned: velocity };
-        self.fix_on_its_way.replace(fix)
+        Fix { position: self.home.place_of(&position.into()), velocity_ned: velocity }
     }
 
     fn period_secs(&self) -> f32 {

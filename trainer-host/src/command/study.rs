@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::available_parallelism;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use kestrel_train::atomic_file::{FileError, write_atomically};
 use kestrel_train::interrupt::Interrupt;
 use kestrel_train::output::say;
@@ -48,6 +48,10 @@ enum Action {
         /// Folder for pictures of the page, from where the page is [default: no pictures]
         #[arg(long, value_name = "FOLDER")]
         pictures: Option<String>,
+
+        /// Leave what the page has about other studies as it is
+        #[arg(long)]
+        update: bool,
     },
 }
 
@@ -73,7 +77,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     match &arguments.action {
         Action::Run(arguments) => run_study(arguments),
         Action::Report { directory } => report_on(directory),
-        Action::Results { directories, output, pictures } => results(directories, output, pictures.as_deref()),
+        Action::Results { directories, output, pictures, update } => {
+            results(directories, output, pictures.as_deref(), *update)
+        }
     }
 }
 
@@ -114,9 +120,13 @@ pub(super) fn threads(asked: Option<u16>) -> usize {
     asked.map_or_else(|| available_parallelism().map_or(1, usize::from), usize::from)
 }
 
-fn results(directories: &[PathBuf], output: &Path, pictures: Option<&str>) -> Result<Done> {
+fn results(directories: &[PathBuf], output: &Path, pictures: Option<&str>, update: bool) -> Result<Done> {
     let studies = directories.iter().map(|directory| load(directory)).collect::<Result<Vec<_>>>()?;
-    let page = report::page(&studies, pictures);
+    let mut page = report::page(&studies, pictures);
+    if update && output.exists() {
+        let earlier = fs::read_to_string(output).map_err(|cause| FileError::new("read", output, cause))?;
+        page.keep(&earlier).with_context(|| output.display().to_string())?;
+    }
     if let Some(folder) = pictures {
         let folder = output.parent().unwrap_or(Path::new("")).join(folder);
         fs::create_dir_all(&folder).map_err(|cause| FileError::new("create", &folder, cause))?;
@@ -124,7 +134,7 @@ fn results(directories: &[PathBuf], output: &Path, pictures: Option<&str>) -> Re
             write_atomically(&folder.join(name), picture.as_bytes())?;
         }
     }
-    write_atomically(output, page.text.as_bytes())?;
+    write_atomically(output, page.text().as_bytes())?;
     say(output.display())?;
     Ok(Done::Finished)
 }

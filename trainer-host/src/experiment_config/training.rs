@@ -74,6 +74,10 @@ pub struct TrainingConfig {
     pub critic_scope: CriticScopeConfig,
     /// In which unit the critic learns returns.
     pub value_scale: ValueScaleConfig,
+    /// Share of the training, 0 to 1, from which on the policy flies and learns with the weights of its export in fixed point
+    /// (quantisation-aware training), for policies that lose by the rounding: above all those that see, whose eyes have 8 bits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quantised_from: Option<f64>,
     /// Rewards are multiplied by this before learning, so that returns are of order one.
     pub reward_scale: f64,
 }
@@ -150,6 +154,7 @@ impl Default for TrainingConfig {
             target_kl: None,
             critic_scope: CriticScopeConfig::Own,
             value_scale: ValueScaleConfig::Fixed,
+            quantised_from: None,
             reward_scale: 1.0,
         }
     }
@@ -167,6 +172,7 @@ impl TrainingConfig {
         let lowest_log_std = number("lowest_log_std", self.lowest_log_std, Limits::from(-10.0, 10.0, ""))?;
         let highest_log_std =
             number("highest_log_std", self.highest_log_std, Limits::from(self.lowest_log_std, 10.0, ""))?;
+        let quantised_from = self.quantised_from.map(|share| number("quantised_from", share, UNIT)).transpose()?;
         let target_kl = self.target_kl.map(|target| number("target_kl", target, RATE)).transpose()?;
         Ok(PpoSettings {
             environments: self.environments as usize,
@@ -200,6 +206,7 @@ impl TrainingConfig {
                 ValueScaleConfig::Fixed => ValueScaling::Fixed,
                 ValueScaleConfig::Popart => ValueScaling::PopArt,
             },
+            quantised_from,
             reward_scale: number("reward_scale", self.reward_scale, Limits::above(0.0, 1e6, ""))?,
         })
     }

@@ -56,6 +56,8 @@ pub struct PpoSettings {
     pub critic_scope: CriticScope,
     /// In which unit the critic learns returns.
     pub value_scale: ValueScaling,
+    /// From this share of the training on, in \[0, 1\], the policy flies and learns with the weights of its export.
+    pub quantised_from: Option<f32>,
     /// Fixed factor on rewards before the critic sees them; the logged returns are unscaled.
     pub reward_scale: f32,
 }
@@ -216,6 +218,9 @@ impl PpoSettings {
         within("highest_log_std", self.highest_log_std, self.lowest_log_std..=10.0, "lowest_log_std to 10")?;
         let range = self.lowest_log_std..=self.highest_log_std;
         within("initial_log_std", self.initial_log_std, range, "lowest_log_std to highest_log_std")?;
+        if let Some(share) = self.quantised_from {
+            within("quantised_from", share, 0.0..=1.0, "0 to 1")?;
+        }
         self.target_kl.map_or(Ok(()), |target| positive("target_kl", target))
     }
 

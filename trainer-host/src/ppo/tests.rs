@@ -88,6 +88,7 @@ fn settings() -> PpoSettings {
         target_kl: None,
         critic_scope: CriticScope::Own,
         value_scale: ValueScaling::Fixed,
+        quantised_from: None,
         reward_scale: 0.5,
     }
 }
@@ -125,6 +126,26 @@ fn a_resumed_run_comes_to_the_same_bits() {
         assert_eq!(timeless(found), timeless(expected));
     }
     assert_eq!(resumed.save(), straight.save());
+}
+
+#[test]
+fn from_its_share_on_a_policy_learns_with_the_weights_of_its_export() {
+    let scenario = scenario(CriticView::Observation);
+    let batch = settings().batch() as u64;
+    let with = |quantised_from| PpoSettings { quantised_from, total_steps: 4 * batch, ..settings() };
+    let after = |updates: u32, settings: &PpoSettings| {
+        let mut trainer = Trainer::new(std::slice::from_ref(&scenario), settings, Seed(8));
+        (0..updates).for_each(|_| drop(trainer.update()));
+        trainer.save()
+    };
+    let (exact, late) = (with(None), with(Some(0.5)));
+    assert_eq!(after(2, &exact), after(2, &late));
+    assert_ne!(after(3, &exact), after(3, &late));
+
+    let mut resumed =
+        Trainer::restore(std::slice::from_ref(&scenario), &late, after(3, &late)).expect("the same run");
+    resumed.update();
+    assert_eq!(resumed.save(), after(4, &late));
 }
 
 #[test]

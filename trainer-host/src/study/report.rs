@@ -22,8 +22,8 @@ use super::data::{Method, StudyData, StudyError};
 use crate::atomic_file::{FileError, write_atomically};
 use figure::{Figure, figures};
 use findings::Findings;
-use notation::{bytes, hundredths_estimate, percent_estimate};
-pub use page::{Page, page};
+use notation::{bytes, hundredths_estimate, percent, percent_estimate};
+pub use page::{NoPage, Page, page};
 use summary::{MethodSummary, Summary};
 
 /// What stands for findings when there are none.
@@ -105,7 +105,7 @@ fn text(findings: &Findings<'_>) -> String {
         findings.thresholds(),
         findings.published(),
         definitions::how_to_read(data),
-        definitions::definitions(data),
+        definitions::definitions(&percent(data.manifest.success_threshold)),
     ];
     let written: Vec<String> = sections.into_iter().filter(|section| !section.is_empty()).collect();
     written.join("\n")

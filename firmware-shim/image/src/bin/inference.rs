@@ -4,7 +4,7 @@
 
 use core::hint::black_box;
 
-use kestrel_core::fixed::{FixedFormat, FixedMlp, Scratch};
+use kestrel_core::fixed::Scratch;
 use kestrel_image::machine::{self, Verdict};
 use kestrel_image::policy::NETWORK;
 
@@ -12,11 +12,7 @@ use kestrel_image::policy::NETWORK;
 #[cfg_attr(target_arch = "arm", cortex_m_rt::entry)]
 #[cfg_attr(target_arch = "riscv32", riscv_rt::entry)]
 fn main() -> ! {
-    let (input_fraction_bits, weight_fraction_bits) = (NETWORK.input_fraction_bits, NETWORK.weight_fraction_bits);
-    let format = FixedFormat { input_fraction_bits, weight_fraction_bits };
-    let Ok(network) = FixedMlp::from_parameters(&NETWORK.widths, format, NETWORK.parameters) else {
-        machine::end(Verdict::Failed)
-    };
+    let Ok(network) = NETWORK.network() else { machine::end(Verdict::Failed) };
     let mut scratch = Scratch::new();
     black_box(network.act(black_box(&[0.5; 16]), &mut scratch));
     machine::end(Verdict::Passed)

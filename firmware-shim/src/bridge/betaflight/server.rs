@@ -1,6 +1,7 @@
 //! The loop around [`Simulator`]: a state out, motor outputs in, a step.
 
 use std::net::SocketAddr;
+use std::thread;
 use std::time::{Duration, Instant};
 
 use super::Simulator;
@@ -15,6 +16,17 @@ const ANSWER_LIMIT: Duration = Duration::from_millis(50);
 
 /// So many states without an answer, and Betaflight has gone.
 const UNANSWERED_LIMIT: u64 = 20;
+
+/// Share of a period that lies at least between two states. Betaflight takes the speed of its own clock from that time
+/// alone: after a state that follows at once, to catch up, its clock races until the next one.
+const SHORTEST_SHARE: f64 = 0.9;
+
+/// The same between an answer, before which Betaflight has read the state, and the next state.
+const SHORTEST_SHARE_AFTER_ANSWER: f64 = 0.5;
+
+/// As long as nobody flies, states are so far apart \[s\] that Betaflight takes no speed from them: those that queue up
+/// while it starts are read all at once.
+const IDLE_SECS: f64 = 0.025;
 
 /// Sticks are sent this often \[s\], as radios do.
 const STICKS_SECS: f64 = 0.02;
@@ -38,6 +50,16 @@ impl Default for Addresses {
     }
 }
 
+/// How an exchange of a state for motor outputs ended.
+enum Exchange {
+    /// The simulation goes on.
+    Answered,
+    /// It waits.
+    Unanswered,
+    /// Nobody wants it any more.
+    Ended,
+}
+
 /// Betaflight's simulation, ready to be served.
 pub struct Server<'a, 'p> {
     drone: &'a mut Drone<'p>,
@@ -45,6 +67,12 @@ pub struct Server<'a, 'p> {
     addresses: Addresses,
     period: Duration,
     clock: Clock,
+    /// Wall time of a step; none if unthrottled.
+    period_wall: Option<Duration>,
+    /// The next state follows no earlier.
+    earliest: Instant,
+    /// The next state is due \[s\].
+    due_secs: f64,
     counts: Counts,
     unanswered_in_a_row: u64,
     sticks_due_secs: f64,
@@ -65,6 +93,12 @@ impl<'a, 'p> Server<'a, 'p> {
             addresses,
             period,
             clock: Clock::new(pace, period),
+            period_wall: match pace {
+                Pace::Speed(speed) => Some(period.div_f64(speed)),
+                Pace::Unthrottled => None,
+            },
+            earliest: Instant::now(),
+            due_secs: 0.0,
             counts: Counts::default(),
             unanswered_in_a_row: 0,
             sticks_due_secs: 0.0,
@@ -81,27 +115,60 @@ impl<'a, 'p> Server<'a, 'p> {
         watch: &mut dyn FnMut(&Event<'_>) -> Next,
     ) -> Result<Counts, BridgeError> {
         loop {
-            let engaged_before = self.simulator.engaged();
-            self.tell(socket);
-            let sender = self.listen(socket)?;
-            if !engaged_before && let Some(sender) = sender {
-                self.counts.connections += 1;
-                self.drone.restart_instruments();
-                if watch(&Event::Connected(sender)) == Next::End || watch(&Event::Engaged) == Next::End {
-                    break;
+            if self.secs() >= self.due_secs {
+                match self.exchange(socket, watch)? {
+                    Exchange::Answered => {}
+                    // The same state again: a newer one could be read together with it.
+                    Exchange::Unanswered => continue,
+                    Exchange::Ended => break,
                 }
             }
-            if self.count(engaged_before, watch) == Next::End || self.step(watch) == Next::End {
+            if self.step(watch) == Next::End {
                 break;
             }
             self.clock.wait();
+            thread::sleep(self.earliest.saturating_duration_since(Instant::now()));
         }
         self.counts.garbage = self.simulator.garbage();
         Ok(self.counts)
     }
 
+    /// Tells a state and waits for the answer to it; without a Betaflight none is needed.
+    fn exchange(
+        &mut self,
+        socket: &mut DatagramSocket,
+        watch: &mut dyn FnMut(&Event<'_>) -> Next,
+    ) -> Result<Exchange, BridgeError> {
+        let engaged_before = self.simulator.engaged();
+        socket.drain()?;
+        self.tell(socket);
+        let told_at = Instant::now();
+        let sender = self.listen(socket)?;
+        self.pause_after(told_at);
+        self.due_secs = if engaged_before { self.secs() } else { self.secs() + IDLE_SECS };
+        if !engaged_before && let Some(sender) = sender {
+            self.counts.connections += 1;
+            self.drone.restart_instruments();
+            if watch(&Event::Connected(sender)) == Next::End || watch(&Event::Engaged) == Next::End {
+                return Ok(Exchange::Ended);
+            }
+        }
+        if self.count(engaged_before, watch) == Next::End {
+            return Ok(Exchange::Ended);
+        }
+        let waits = self.simulator.engaged() && !self.simulator.answered();
+        Ok(if waits { Exchange::Unanswered } else { Exchange::Answered })
+    }
+
     fn secs(&self) -> f64 {
         self.counts.steps as f64 * self.period.as_secs_f64()
+    }
+
+    fn pause_after(&mut self, told_at: Instant) {
+        if let Some(period) = self.period_wall {
+            let since_answer = Instant::now() + period.mul_f64(SHORTEST_SHARE_AFTER_ANSWER);
+            self.earliest = since_answer.max(told_at + period.mul_f64(SHORTEST_SHARE));
+        }
     }
 
     fn tell(&mut self, socket: &DatagramSocket) {

@@ -2,7 +2,7 @@
 
 use std::net::{SocketAddr, UdpSocket};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use kestrel_core::airframe::CF2X;
 use nalgebra::Vector3;
@@ -36,28 +36,56 @@ fn numbers(state: &[u8]) -> [f64; 18] {
     core::array::from_fn(|index| f64::from_le_bytes(state[8 * index..8 * index + 8].try_into().unwrap()))
 }
 
-/// What Betaflight makes of a state (`updateState` of `sitl.c`), in the frames of [`fly`].
+/// What a Betaflight takes for the truth: vectors forward, left and up, the world north, west and up.
+struct Taken {
+    body_rates_flu: [f64; 3],
+    specific_force_flu: [f64; 3],
+    nwu_from_flu: Attitude<f64>,
+    position: Geodetic,
+}
+
+/// `updateState` of `sitl.c` (August 2026), for a Gazebo that began at home.
+fn taken(numbers: &[f64; 18], build: Build) -> Taken {
+    let [_, roll, pitch, yaw, x, y, z, qw, qx, qy, qz, _, _, _, longitude_deg, latitude_deg, altitude_m, _] =
+        *numbers;
+    let specific_force_flu = [-x, -y, -z];
+    let home = Home::default();
+    match build {
+        Build::Legacy => Taken {
+            body_rates_flu: [roll, -pitch, -yaw],
+            specific_force_flu,
+            nwu_from_flu: Attitude { w: qw, x: qx, y: qy, z: qz },
+            position: Geodetic { latitude_deg, longitude_deg, altitude_m },
+        },
+        Build::Gazebo => {
+            let (qy, qz, k) = (-qy, -qz, FRAC_1_SQRT_2);
+            Taken {
+                body_rates_flu: [roll, -pitch, yaw],
+                specific_force_flu,
+                nwu_from_flu: Attitude { w: k * (qw - qz), x: k * (qx - qy), y: k * (qy + qx), z: k * (qz + qw) },
+                position: Geodetic {
+                    latitude_deg: 2.0 * home.latitude_deg - latitude_deg,
+                    longitude_deg: 2.0 * home.longitude_deg - longitude_deg,
+                    altitude_m,
+                },
+            }
+        }
+    }
+}
+
+/// What Betaflight makes of a state, in the frames of [`fly`].
 fn seen(state: &[u8; STATE_LEN], build: Build) -> (f64, Seen) {
     let numbers = numbers(state);
-    let [secs, roll, pitch, yaw, _, _, _, w, x, y, z, east, north, up, longitude_deg, latitude_deg, altitude_m, _] =
-        numbers;
-    let home = Home::default();
-    let (attitude, latitude_deg, longitude_deg) = match build {
-        Build::Legacy => ([w, x, y, z], latitude_deg, longitude_deg),
-        Build::Gazebo => {
-            let k = core::f64::consts::FRAC_1_SQRT_2;
-            let attitude = [k * (w - z), k * (x - y), k * (y + x), k * (z + w)];
-            (attitude, 2.0 * home.latitude_deg - latitude_deg, 2.0 * home.longitude_deg - longitude_deg)
-        }
-    };
-    let position = home.point_at(&Geodetic { latitude_deg, longitude_deg, altitude_m });
+    let Taken { body_rates_flu: [roll, pitch, yaw], nwu_from_flu: Attitude { w, x, y, z }, position, .. } =
+        taken(&numbers, build);
+    let [east, north, up] = [11, 12, 13].map(|index| numbers[index] as f32);
     let seen = Seen {
-        position_ned: ned_from_enu(&position),
-        velocity_ned: [north as f32, east as f32, -up as f32],
-        attitude: attitude.map(|value| value as f32),
-        body_rates_frd: [roll as f32, pitch as f32, yaw as f32],
+        position_ned: ned_from_enu(&Home::default().point_at(&position)),
+        velocity_ned: [north, east, -up],
+        attitude: [w, x, -y, -z].map(|value| value as f32),
+        body_rates_frd: [roll, -pitch, -yaw].map(|value| value as f32),
     };
-    (secs, seen)
+    (numbers[0], seen)
 }
 
 /// A Betaflight with sockets of its own.
@@ -98,12 +126,22 @@ fn simulate(
     build: Build,
     watch: &mut dyn FnMut(&Event<'_>) -> Next,
 ) -> Counts {
+    simulate_at(Pace::Unthrottled, socket, addresses, build, watch)
+}
+
+fn simulate_at(
+    pace: Pace,
+    socket: &mut DatagramSocket,
+    addresses: Addresses,
+    build: Build,
+    watch: &mut dyn FnMut(&Event<'_>) -> Next,
+) -> Counts {
     let mut plant = FlatFloor::new(&CF2X, 1.0 / RATE_HZ as f32);
     let motors = Motors::new(&CF2X, MotorOrder::Betaflight, ThrustCurve::BETAFLIGHT).unwrap();
     let mut drone = Drone::new(&mut plant, motors, Instruments::new(Home::default(), Noise::Seeded(1), RATE_HZ));
     let simulator = Simulator::new(Home::default(), build, Some("1500,1500,1000,1500,2000".parse().unwrap()));
     let period = Duration::from_secs(1) / RATE_HZ;
-    Server::new(&mut drone, simulator, addresses, period, Pace::Unthrottled).serve(socket, watch).unwrap()
+    Server::new(&mut drone, simulator, addresses, period, pace).serve(socket, watch).unwrap()
 }
 
 #[test]
@@ -160,7 +198,7 @@ fn a_betaflight_that_goes_stops_the_motors_and_may_come_back() {
                 Event::Stepped(step) => last_targets = step.rotor_targets,
                 Event::Waiting | Event::Connected(_) | Event::Unanswered => {}
             }
-            if gone == 2 { Next::End } else { Next::Fly }
+            if gone == 2 && matches!(event, Event::Stepped(_)) { Next::End } else { Next::Fly }
         });
         first.join().unwrap();
         counts
@@ -169,26 +207,86 @@ fn a_betaflight_that_goes_stops_the_motors_and_may_come_back() {
     assert_eq!(last_targets, [0.0; 4]);
 }
 
+#[test]
+fn no_state_makes_the_clock_of_a_betaflight_race() {
+    let mut socket = DatagramSocket::open("127.0.0.1:0".parse().unwrap()).unwrap();
+    let outputs = socket.address().unwrap();
+    let betaflight = Betaflight::new();
+    let addresses = betaflight.addresses(outputs);
+    let arrivals = thread::scope(|scope| {
+        let peer = scope.spawn(|| {
+            let mut bytes = [0; STATE_LEN];
+            let mut arrivals = vec![];
+            for number in 0..60 {
+                betaflight.state.recv(&mut bytes).unwrap();
+                arrivals.push((Instant::now(), numbers(&bytes)[0]));
+                if number >= 20 {
+                    // One answer is late, which the simulation must not make up for at once.
+                    thread::sleep(Duration::from_millis(if number == 40 { 20 } else { 0 }));
+                    betaflight.state.send_to(&pulses([0.0; 4]), outputs).unwrap();
+                }
+            }
+            arrivals
+        });
+        simulate_at(Pace::Speed(1.0), &mut socket, addresses, Build::Gazebo, &mut |_| {
+            if peer.is_finished() { Next::End } else { Next::Fly }
+        });
+        peer.join().unwrap()
+    });
+    let (unanswered, answered) = arrivals.split_at(21);
+    assert!(unanswered.windows(2).all(|pair| pair[1].1 - pair[0].1 > 0.02), "{unanswered:?}");
+    // What arrives late makes the next one seem early: only the mean over a few is the sender's.
+    let shortest = answered.windows(6).map(|states| states[5].0 - states[0].0).min().unwrap();
+    assert!(shortest > Duration::from_millis(7), "five states within {shortest:?}");
+}
+
 // What follows needs no socket.
 
 fn rest() -> State<f32> {
     *FlatFloor::new(&CF2X, 0.002).state()
 }
 
+fn told(state: &State<f32>, build: Build, secs: f64) -> [f64; 18] {
+    let mut instruments = Instruments::new(Home::default(), Noise::Off, RATE_HZ);
+    let measurement = instruments.measure(state, state);
+    numbers(&Simulator::new(Home::default(), build, None).tell(&measurement, state, secs))
+}
+
 #[test]
 fn states_have_eighteen_doubles_in_their_units() {
     let state = State { velocity: Vector3::new(1.0, 2.0, 3.0), body_rates: Vector3::new(0.1, 0.2, 0.3), ..rest() };
-    let mut instruments = Instruments::new(Home::default(), Noise::Off, RATE_HZ);
-    let measurement = instruments.measure(&state, &state);
-    let found = numbers(&Simulator::new(Home::default(), Build::Legacy, None).tell(&measurement, &state, 2.5));
-    let half_root = core::f64::consts::FRAC_1_SQRT_2;
     let expected = [
         [2.5, 0.1, -0.2, -0.3, 0.0, 0.0],
-        [-9.8, half_root, 0.0, 0.0, half_root, 1.0],
+        [-9.8, FRAC_1_SQRT_2, 0.0, 0.0, -FRAC_1_SQRT_2, 1.0],
         [2.0, 3.0, 8.545_594, 47.397_742, 488.0125, 95_598.1],
     ];
-    for (found, expected) in found.iter().zip(expected.as_flattened()) {
-        assert!((found - expected).abs() < 1e-5 * expected.abs().max(1.0), "{found} instead of {expected}");
+    for (found, expected) in told(&state, Build::Legacy, 2.5).iter().zip(expected.as_flattened()) {
+        let signless_zero = found + 0.0;
+        assert!(
+            (signless_zero - expected).abs() < 1e-5 * expected.abs().max(1.0),
+            "{found} instead of {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_betaflight_of_either_build_takes_vectors_for_forward_left_and_up() {
+    let attitude = Attitude::from_axis_angle(Vector3::new(0.6, 0.8, 0.0), 0.5).map(|value| value as f32);
+    let state = State { world_from_body: attitude, body_rates: Vector3::new(0.1, 0.2, 0.3), ..rest() };
+    let up_in_body = attitude.rotate_inverse(Vector3::z());
+    for build in [Build::Gazebo, Build::Legacy] {
+        let taken = taken(&told(&state, build, 0.0), build);
+        for axis in 0..3 {
+            assert!((taken.body_rates_flu[axis] - f64::from(state.body_rates[axis])).abs() < 1e-6);
+            // At rest the accelerometer feels the floor push upwards, and so does the estimate of where up is.
+            assert!((taken.specific_force_flu[axis] - 9.8 * f64::from(up_in_body[axis])).abs() < 1e-5);
+            let estimate = taken.nwu_from_flu.rotate_inverse(Vector3::z());
+            assert!((estimate[axis] - f64::from(up_in_body[axis])).abs() < 1e-6);
+        }
+        // East is against west.
+        let east = taken.nwu_from_flu.rotate_inverse(-Vector3::y());
+        let expected = attitude.rotate_inverse(Vector3::x());
+        assert!((east - expected.map(f64::from)).norm() < 1e-6, "{build:?}: {east} instead of {expected}");
     }
 }
 

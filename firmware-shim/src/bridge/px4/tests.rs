@@ -29,7 +29,7 @@ use crate::plant::{FlatFloor, Plant};
 
 const RATE_HZ: u32 = 250;
 
-/// Sensor messages that a PX4 needs before its first answer; 14 to 77 were recorded.
+/// Sensor messages that a PX4 needs before its first answer; 11 to 77 were recorded.
 const WAKING_MESSAGES: u64 = 20;
 
 fn listener() -> Listener {
@@ -416,7 +416,24 @@ fn messages_have_the_rates_fields_and_units_that_px4_expects() {
             }
         }
     }
-    assert_eq!((sensors, slow, fixes, states, radios), (250, 50, 9, 50, 10));
+    assert_eq!((sensors, slow, fixes, states, radios), (250, 50, 10, 50, 10));
+}
+
+#[test]
+fn a_hard_landing_and_a_fast_spin_keep_their_signs_in_px4() {
+    let mut simulator = Simulator::new(Home::default(), RATE_HZ, None);
+    let rate = 2000.0_f32.to_radians();
+    let measurement =
+        Measurement { specific_force_frd: [235.0, 0.0, -157.0], body_rates_frd: [rate, -rate, 0.0], ..still() };
+    let sensed = told(&mut simulator, &measurement, &rest()).into_iter().find_map(|message| match message {
+        MavMessage::HIL_SENSOR(sensor) => Some(sensor),
+        _ => None,
+    });
+    let sensor = sensed.unwrap();
+    // Whole numbers of units, as `SimulatorMavlink::update_sensors` casts them to `int16_t`.
+    let kept = |value: f32, unit: f32| (value / unit) as i32;
+    assert_eq!([sensor.xacc, sensor.yacc, sensor.zacc].map(|force| kept(force, FORCE_UNIT)), [32767, 0, -32767]);
+    assert_eq!([sensor.xgyro, sensor.ygyro, sensor.zgyro].map(|rate| kept(rate, RATE_UNIT)), [32767, -32767, 0]);
 }
 
 #[test]

@@ -1,6 +1,5 @@
 //! How to read the report, and what every measure is.
 
-use super::notation::percent;
 use crate::study::data::StudyData;
 
 /// What intervals and letters mean.
@@ -24,9 +23,8 @@ pub(super) fn how_to_read(data: &StudyData) -> String {
     )
 }
 
-/// Formulas.
-pub(super) fn definitions(data: &StudyData) -> String {
-    let threshold = percent(data.manifest.success_threshold);
+/// Formulas, with a success threshold in words.
+pub(super) fn definitions(threshold: &str) -> String {
     format!(
         "## Definitions\n\nR[i, j] is the success rate in the j-th task of a run's order after stage i, with N tasks; R[0, j] is \
          before training. Measures are taken per run, then averaged over runs.\n\n\

@@ -1,5 +1,8 @@
 //! What several studies found, on one page.
 
+use thiserror::Error;
+
+use super::definitions::definitions;
 use super::figure::{Figure, figures};
 use super::findings::Findings;
 use super::setting;
@@ -7,15 +10,20 @@ use super::summary::Summary;
 use super::threshold;
 use crate::study::data::StudyData;
 
-/// What the page says before the first study.
-const OPENING: &str = "\
-# Results
+/// The first line.
+const TITLE: &str = "# Results\n";
 
+/// Heading of the last section.
+const LAST: &str = "Definitions";
+
+/// What the page says between its title and the first study.
+const OPENING: &str = "
 Every number here is computed from the flights of the studies in `configs/studies/` by
 
 ```sh
 kestrel study run configs/studies/NAME.yaml     # for each of them: rows of flights
-kestrel study results STUDY... --output FILE    # this page; --pictures FOLDER draws its pictures
+kestrel study results STUDY... --output FILE    # this page; --pictures FOLDER draws its pictures,
+                                                # --update leaves the sections of other studies as they are
 ```
 
 Intervals are 95 % bootstrap intervals over seeds. A claim is written in the study's file; it *holds* when its whole interval is
@@ -30,8 +38,8 @@ const SHOWN: [&str; 4] = ["final.svg", "so-far.svg", "curves.svg", "threshold.sv
 /// Several studies on one page.
 #[derive(Debug)]
 pub struct Page {
-    /// Markdown.
-    pub text: String,
+    /// Name and text of each study's section.
+    sections: Vec<(String, String)>,
     /// File names and SVG of the pictures that it shows.
     pub pictures: Vec<(String, String)>,
 }
@@ -39,15 +47,52 @@ pub struct Page {
 /// The page about these studies, in the order given; with pictures when it is said in which folder, as a link of the
 /// page names it.
 pub fn page(studies: &[StudyData], folder: Option<&str>) -> Page {
-    let mut page = Page { text: OPENING.to_owned(), pictures: Vec::new() };
+    let mut page = Page { sections: Vec::new(), pictures: Vec::new() };
     for data in studies {
-        page.text.push('\n');
         page.add(data, folder);
     }
     page
 }
 
+/// A text is no page of results.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("expected a page of `kestrel study results`, which begins with `# Results`")]
+pub struct NoPage;
+
 impl Page {
+    /// Markdown.
+    pub fn text(&self) -> String {
+        let mut text = format!("{TITLE}{OPENING}");
+        for (_, section) in &self.sections {
+            text.push('\n');
+            text += section;
+        }
+        text.push('\n');
+        text + &definitions("the study's threshold")
+    }
+
+    /// Takes over what an `earlier` page has about other studies: its sections keep their places, and new ones follow.
+    ///
+    /// # Errors
+    /// [`NoPage`] when the text is something else.
+    pub fn keep(&mut self, earlier: &str) -> Result<(), NoPage> {
+        if !earlier.starts_with(TITLE) {
+            return Err(NoPage);
+        }
+        let mut sections = Vec::new();
+        for section in earlier.split("\n## ").skip(1) {
+            let name = section.lines().next().unwrap_or_default();
+            let told: Vec<_> = self.sections.extract_if(.., |(told, _)| told == name).collect();
+            if told.is_empty() && name != LAST {
+                sections.push((name.to_owned(), format!("## {}\n", section.trim_end())));
+            }
+            sections.extend(told);
+        }
+        sections.append(&mut self.sections);
+        self.sections = sections;
+        Ok(())
+    }
+
     fn add(&mut self, data: &StudyData, folder: Option<&str>) {
         let summary = Summary::new(data);
         let learnings = threshold::learnings(data, &summary);
@@ -56,7 +101,7 @@ impl Page {
         let prefix = format!("{}/{}-", folder.unwrap_or_default(), data.manifest.name);
         let pictures = drawn.iter().map(|figure| figure.file).collect();
         let findings = Findings { data, summary: &summary, learnings: &learnings, pictures, prefix: &prefix };
-        self.text += &section(&findings);
+        self.sections.push((data.manifest.name.clone(), section(&findings)));
         let named = |Figure { file, drawing }: Figure| (format!("{}-{file}", data.manifest.name), drawing.svg());
         self.pictures.extend(drawn.into_iter().map(named));
     }

@@ -289,13 +289,14 @@ fn claims_are_decided_by_the_numbers_of_the_study() {
     assert_eq!(verdicts, [holds, fails, open, holds, fails, holds, holds, fails], "{section}");
 
     let data = StudyData::load(directory.path()).unwrap();
-    let text = page(&[data.clone(), data.clone()], None).text;
+    let text = page(&[data.clone(), data.clone()], None).text();
     assert_eq!(text.matches("\n## rooms\n").count(), 2);
     assert_eq!(text.matches("\n### Claims\n").count(), 2);
     assert!(!text.contains("incomplete") && !text.contains(".svg)"), "{text}");
 
-    let Page { text, pictures } = page(&[data], Some("docs/results"));
-    let names: Vec<&str> = pictures.iter().map(|(name, _)| name.as_str()).collect();
+    let page = page(&[data], Some("docs/results"));
+    let text = page.text();
+    let names: Vec<&str> = page.pictures.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["rooms-final.svg", "rooms-so-far.svg", "rooms-curves.svg", "rooms-threshold.svg"]);
     assert!(names.iter().all(|name| text.contains(&format!("](docs/results/{name})"))), "{text}");
 }
@@ -305,8 +306,27 @@ fn a_page_says_that_a_study_is_incomplete() {
     let directory = tempfile::tempdir().unwrap();
     synthetic::write(directory.path(), &synthetic::manifest(2));
     fs::remove_file(directory.path().join("rows/joint/0-1.csv")).unwrap();
-    let page = page(&[StudyData::load(directory.path()).unwrap()], None).text;
+    let page = page(&[StudyData::load(directory.path()).unwrap()], None).text();
     assert!(page.contains("**This study is incomplete:** 1 of ") && page.contains("rows/joint/0-1.csv"), "{page}");
+}
+
+#[test]
+fn a_page_keeps_what_it_has_about_other_studies() {
+    let directory = tempfile::tempdir().unwrap();
+    let named = |name: &str| {
+        let folder = directory.path().join(name);
+        fs::create_dir(&folder).unwrap();
+        synthetic::write(&folder, &StudyManifest { name: name.to_owned(), ..synthetic::manifest(2) });
+        StudyData::load(&folder).unwrap()
+    };
+    let [first, second, third] = ["first", "second", "third"].map(named);
+    let earlier = page(&[first.clone(), second.clone()], None).text();
+    let all = page(&[first, second.clone(), third.clone()], None).text();
+
+    let mut update = page(&[third, second], None);
+    assert_eq!(update.keep(&earlier), Ok(()));
+    assert_eq!(update.text(), all);
+    assert_eq!(update.keep("# Something else\n"), Err(NoPage));
 }
 
 #[test]
