@@ -5,8 +5,9 @@
 #   tests/firmware.sh
 #
 # Conformance: every policy of assets/pilots, in both arithmetics, with its golden vectors, 100,000 random inputs and
-# 2,000 control periods, and the anchor of learning over 100 tasks; the digests of the STM32F405, AN386, RISC-V and
-# WebAssembly must be those of this machine. An image in which a panic could be reached does not link.
+# 2,000 control periods, the anchor of learning over 100 tasks, signed MAVLink frames, and eleven flights of the whole autopilot with
+# its failsafes; the digests of the STM32F405, AN386, RISC-V and WebAssembly must be those of this machine. An image in which a
+# panic could be reached does not link.
 #
 # C: the app for crazyflie-firmware around the static library flies and refuses damaged policies, built with Bitcraze's
 # flags and linked in Bitcraze's way, on the STM32F405 as it does here.

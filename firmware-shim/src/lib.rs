@@ -1,44 +1,35 @@
 //! A MAVLink 2 vehicle that flies exported policies in software in the loop.
 //!
-//! Read in the order of the data: datagrams come in through a [`link`], are cut into checked [`frame`]s
-//! ([`kestrel_onboard`]) and become requests ([`message`]); the [`vehicle`] has its [`autopilot`] obey them. Every control
-//! period the autopilot moves the [`goal`] and asks the policy for rotor targets, [`telemetry`] says what is due to be told,
-//! and the [`plant`] steps: that is [`lockstep`], for one vehicle or several. A [`flight_log`] holds every frame.
+//! Read in the order of the data: datagrams come in through a [`link`], are cut into checked [`frame`]s and become requests
+//! ([`request`]); the [`vehicle`] has its [`autopilot`] obey them. Every control period the autopilot moves the [`goal`] and
+//! asks the policy for rotor targets, [`telemetry`] says what is due to be told in which [`message`]s, and the [`plant`] steps:
+//! that is [`lockstep`], for one vehicle or several. A [`flight_log`] holds every frame. What a microcontroller carries, too,
+//! comes from [`kestrel_onboard`].
 //! Clients of a Crazyflie fly the same autopilot by [`crtp`].
 //!
 //! A [`bridge`] lends the plant to another autopilot (PX4, ArduPilot, Betaflight), or the vehicle to another simulator.
 //!
 //! Only [`link`], [`crtp::link`], [`flight_log`], [`true_state`], [`lockstep`] and the bridge's servers and clients know
-//! sockets, files and clocks; everything else is free of all three and of allocation, so that a microcontroller can run
-//! it. Frames are not forwarded from one link to another.
+//! sockets, files and clocks; everything else is free of all three. Frames are not forwarded from one link to another.
 
-pub mod autopilot;
-pub mod battery;
 pub mod bridge;
 pub mod crtp;
-mod excerpt;
-pub mod failsafe;
 pub mod flight_log;
-pub mod flight_mode;
-pub mod flyer;
-pub mod geodesy;
-pub mod goal;
 pub mod link;
 pub mod lockstep;
 pub mod message;
 pub mod mission;
 pub mod parameter;
-pub mod plant;
 pub mod policy_bytes;
-pub mod processor;
 pub mod session;
-pub mod settings;
 pub mod signing;
-pub mod steering;
 pub mod telemetry;
 #[cfg(test)]
 mod testing;
 pub mod true_state;
 pub mod vehicle;
 
-pub use kestrel_onboard::frame;
+pub use kestrel_onboard::{
+    autopilot, battery, failsafe, flight_mode, flyer, frame, geodesy, goal, plant, processor, request, settings,
+    steering,
+};

@@ -12,7 +12,6 @@ pub mod runner;
 pub mod sent;
 pub mod step;
 
-pub use fence::Fence;
 pub use protocol::{Event, MissionProtocol};
 pub use received::request;
 pub use runner::Runner;
@@ -21,7 +20,7 @@ pub use runner::Runner;
 pub const MISSION_ITEMS: usize = 64;
 
 /// Items of a fence: vertices of its polygons, and circles.
-pub const FENCE_ITEMS: usize = 32;
+pub const FENCE_ITEMS: usize = kestrel_onboard::fence::ZONES;
 
 /// Rally points.
 pub const RALLY_ITEMS: usize = 8;

@@ -9,8 +9,9 @@ use core::time::Duration;
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
+use kestrel_onboard::acknowledgement::{CommandResult, command_ack};
 use kestrel_onboard::signature::{Guard, Signer, Time};
-use mavlink::dialects::common::{MavResult, MavSeverity};
+use mavlink::dialects::common::MavSeverity;
 
 use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint, Surroundings};
 use crate::battery::Battery;
@@ -19,7 +20,6 @@ use crate::flight_mode::FlightMode;
 use crate::frame::{Encoder, Frame, Frames, Payload};
 use crate::geodesy::Home;
 use crate::goal::MovingGoal;
-use crate::message::received::{self, CommandRequest, Request, SetPointError};
 use crate::message::sent::identity::{Personality, PolicyIdentity};
 use crate::message::sent::{self, motion, status};
 use crate::mission as mission_protocol;
@@ -29,6 +29,7 @@ use crate::parameter::protocol::ParameterProtocol;
 use crate::parameter::received as parameter_received;
 use crate::parameter::{Parameters, table::Parameter};
 use crate::processor::Processor;
+use crate::request::{self, CommandRequest, Request, SetPointError};
 use crate::telemetry::{Schedule, Stream};
 
 use self::mission::Reached;
@@ -166,9 +167,7 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     /// Lets the clock have reached a time, for signatures.
     pub fn advance_clock(&mut self, now: Time) {
-        if let Guard::Signed(verifier) = &mut self.guard {
-            verifier.advance(now);
-        }
+        self.guard.advance(now);
         if let Some(signer) = self.encoder.signer_mut() {
             signer.advance(now);
         }
@@ -176,10 +175,7 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     /// Latest times of accepted and of sent frames, if they are signed.
     pub fn signature_times(&self) -> Option<[Time; 2]> {
-        match (&self.guard, self.encoder.signer()) {
-            (Guard::Signed(verifier), Some(signer)) => Some([verifier.accepted(), signer.last()]),
-            (Guard::Open | Guard::Signed(_) | Guard::Closed, _) => None,
-        }
+        Some([self.guard.accepted()?, self.encoder.signer()?.last()])
     }
 
     /// Whether a peer has set a parameter since the last call.
@@ -382,7 +378,7 @@ impl<P: Processor> MavlinkVehicle<P> {
     fn obey(&mut self, frame: &Frame) {
         let sender = Sender { address: [frame.system, frame.component], sequence: frame.sequence };
         self.losses.note(sender, self.elapsed_secs());
-        if let Some((address, request)) = received::request(frame) {
+        if let Some((address, request)) = request::request(frame) {
             if address.reaches(self.profile.system, COMPONENT) {
                 self.obey_request(&request, sender);
             }
@@ -453,8 +449,8 @@ impl<P: Processor> MavlinkVehicle<P> {
         self.word(answer.text);
     }
 
-    fn acknowledge(&mut self, command: u16, result: MavResult, sender: [u8; 2]) {
-        self.answer(sent::command_ack(command, result, sender));
+    fn acknowledge(&mut self, command: u16, result: CommandResult, sender: [u8; 2]) {
+        self.answer(command_ack(command, result, sender));
     }
 
     /// Says why something is refused, but not over and over.

@@ -10,7 +10,7 @@ use serde_json::Value;
 /// Which package may name which of the others.
 const ARROWS: [(&str, &[&str]); 7] = [
     ("kestrel-core", &[]),
-    ("kestrel-onboard", &[]),
+    ("kestrel-onboard", &["kestrel-core"]),
     ("kestrel-sim", &["kestrel-core"]),
     ("kestrel-shim", &["kestrel-core", "kestrel-onboard"]),
     ("kestrel-image", &["kestrel-core", "kestrel-onboard"]),
@@ -68,6 +68,19 @@ fn the_core_needs_no_operating_system() {
         ["bytemuck", "heapless", "libm", "nalgebra", "postcard", "serde", "thiserror"].map(String::from);
     assert!(dependencies(&core).is_subset(&BTreeSet::from(expected)));
     assert_eq!(core["features"]["default"], Value::Null);
+}
+
+#[test]
+fn what_is_on_board_needs_no_operating_system() {
+    let onboard = packages().into_iter().find(|package| package["name"] == "kestrel-onboard").unwrap();
+    let expected =
+        ["heapless", "kestrel-core", "libm", "mavlink", "nalgebra", "sha2", "thiserror"].map(String::from);
+    assert!(dependencies(&onboard).is_subset(&BTreeSet::from(expected)));
+    let all = onboard["dependencies"].as_array().unwrap();
+    let shipped = |name| all.iter().find(|found| found["name"] == name && found["kind"].is_null()).unwrap();
+    assert_eq!(shipped("mavlink")["optional"], Value::Bool(true), "hosts only");
+    assert_eq!(shipped("kestrel-core")["features"], Value::Array(Vec::new()), "without the standard library");
+    assert_eq!(onboard["features"]["default"], Value::Null);
 }
 
 /// Files below `directory` that end with `.rs`.

@@ -5,6 +5,7 @@ use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, Scratch};
 
+use crate::autopilot;
 use crate::digest::Digest;
 use crate::input::Inputs;
 use crate::learning;
@@ -24,9 +25,11 @@ const FIRST_FLOAT_INPUTS: u32 = 5_000;
 /// Control periods that each policy flies.
 const TICKS: u32 = 2_000;
 
-/// Prints the digests of every policy, of learning and of frames; refused if a policy does not compute what it did when it was exported.
+/// Prints the digests of every policy, of learning, of frames and of flights; refused if a policy does not compute what it did when
+/// it was exported, or a flight does not go as it should.
 pub fn run() -> Verdict {
-    PILOTS.iter().chain(MEASURED).map(check).fold(learning::run().and(link::run()), Verdict::and)
+    let parts = learning::run().and(link::run()).and(autopilot::run());
+    PILOTS.iter().chain(MEASURED).map(check).fold(parts, Verdict::and)
 }
 
 fn check(artifact: &Artifact) -> Verdict {

@@ -9,6 +9,7 @@
 //! On a machine without an operating system a panic refers to a symbol that does not exist, so that an image in which
 //! one could be reached does not link.
 
+pub mod autopilot;
 #[cfg(target_os = "none")]
 pub mod budget;
 pub mod conformance;

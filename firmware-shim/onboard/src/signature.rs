@@ -265,6 +265,21 @@ impl Guard {
             Self::Closed => Err(SignatureError::KeyMissing),
         }
     }
+
+    /// Lets the clock have reached `now`; it never goes back.
+    pub fn advance(&mut self, now: Time) {
+        if let Self::Signed(verifier) = self {
+            verifier.advance(now);
+        }
+    }
+
+    /// As [`Verifier::accepted`], if signatures are looked at.
+    pub const fn accepted(&self) -> Option<Time> {
+        match self {
+            Self::Signed(verifier) => Some(verifier.accepted()),
+            Self::Open | Self::Closed => None,
+        }
+    }
 }
 
 #[cfg(test)]

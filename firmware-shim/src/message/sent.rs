@@ -4,17 +4,10 @@ pub mod identity;
 pub mod motion;
 pub mod status;
 
-use mavlink::dialects::common::{MavResult, MavSeverity, STATUSTEXT_DATA};
+use mavlink::dialects::common::{MavSeverity, STATUSTEXT_DATA};
 
-use super::received::FileRequest;
 use crate::frame::Payload;
-
-/// `COMMAND_ACK` to a system and component, for any command number, whether the dialect knows it or not.
-pub fn command_ack(command: u16, result: MavResult, [system, component]: [u8; 2]) -> Payload {
-    let [low, high] = command.to_le_bytes();
-    // The four bytes of the second result and the progress before them are not used.
-    Payload::new(77, 143, &[low, high, result as u8, 0, 0, 0, 0, 0, system, component])
-}
+use crate::request::FileRequest;
 
 /// `STATUSTEXT` of at most 50 bytes; longer text is cut.
 pub fn status_text(severity: MavSeverity, text: &str) -> Payload {

@@ -5,10 +5,11 @@
 //! answered at any time.
 
 use kestrel_core::crc32::Crc32;
+use kestrel_onboard::fence::Zones;
 use mavlink::dialects::common::MavMissionResult;
 use nalgebra::Vector3;
 
-use super::fence::{self, Zones};
+use super::fence;
 use super::place::{REACH_M, target};
 use super::received::Request;
 use super::step::{self, Leg};
@@ -262,7 +263,7 @@ impl MissionProtocol {
                 self.mission = items.iter().copied().collect();
             }
             Plan::Fence => {
-                self.zones = Zones::of(items, &self.home)?;
+                self.zones = fence::zones(items, &self.home)?;
                 self.fence_items = items.iter().copied().collect();
             }
             Plan::Rally => {

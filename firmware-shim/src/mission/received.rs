@@ -3,7 +3,7 @@
 
 use super::{ITEM_LEN, Item, OPEN};
 use crate::frame::Frame;
-use crate::message::received::Address;
+use crate::request::Address;
 
 /// `MAV_FRAME_LOCAL_NED` and its relatives, whose coordinates are metres.
 const LOCAL_FRAMES: [u8; 8] = [1, 4, 7, 8, 9, 12, 20, 21];

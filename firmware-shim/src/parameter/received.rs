@@ -2,7 +2,7 @@
 
 use super::table::NAME_LEN;
 use crate::frame::Frame;
-use crate::message::received::Address;
+use crate::request::Address;
 
 /// The index that leaves it to the name.
 const BY_NAME: i16 = -1;

@@ -7,7 +7,7 @@ use core::fmt::{self, Write};
 
 use super::table::{Access, PARAMETERS, Parameter, ParameterType};
 use super::{Parameters, Refusal, Value};
-use crate::excerpt::Excerpt;
+use kestrel_onboard::excerpt::Excerpt;
 
 /// Columns of a line.
 const COLUMNS: usize = 5;

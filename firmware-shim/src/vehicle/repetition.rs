@@ -1,10 +1,10 @@
 //! Commands that are sent again because their acknowledgement was lost.
 
-use mavlink::dialects::common::MavResult;
+use kestrel_onboard::acknowledgement::CommandResult;
 
 use crate::autopilot::Mode;
 use crate::flight_mode::FlightMode;
-use crate::message::received::{CommandRequest, Place};
+use crate::request::{CommandRequest, Place};
 
 /// Commands that are remembered: a few of each of a few senders, who do not wait for one acknowledgement before the next
 /// command.
@@ -42,7 +42,7 @@ pub(super) struct Repetitions {
 struct Executed {
     sender: Sender,
     command: CommandRequest,
-    result: MavResult,
+    result: CommandResult,
     secs: f64,
 }
 
@@ -54,7 +54,7 @@ impl Repetitions {
         sender: Sender,
         mode: Mode,
         now_secs: f64,
-    ) -> Option<MavResult> {
+    ) -> Option<CommandResult> {
         let last = self.last(command, sender)?;
         let age_secs = now_secs - last.secs;
         let again = command.confirmation > last.command.confirmation && age_secs <= REPETITION_SECS;
@@ -76,7 +76,7 @@ impl Repetitions {
     }
 
     /// Remembers what became of a command.
-    pub(super) fn remember(&mut self, command: &CommandRequest, sender: Sender, result: MavResult, secs: f64) {
+    pub(super) fn remember(&mut self, command: &CommandRequest, sender: Sender, result: CommandResult, secs: f64) {
         self.executed.retain(|last| !last.is_of(command, sender));
         if self.executed.is_full() {
             self.executed.pop_front();
@@ -100,7 +100,7 @@ impl Executed {
             SET_MODE => FlightMode::of_numbers(main, sub) == Some(FlightMode::TakeOff),
             _ => false,
         };
-        takes_off && self.result == MavResult::MAV_RESULT_ACCEPTED
+        takes_off && self.result == CommandResult::Accepted
     }
 }
 

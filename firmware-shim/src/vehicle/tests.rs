@@ -6,7 +6,7 @@ use kestrel_core::airframe::CF2X;
 use kestrel_core::pilot::Pilot;
 use mavlink::dialects::common::{
     COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, MavFrame, MavMessage,
-    MavModeFlag, MavParamType, MavType, PARAM_SET_DATA, PositionTargetTypemask,
+    MavModeFlag, MavParamType, MavResult, MavType, PARAM_SET_DATA, PositionTargetTypemask,
     SET_POSITION_TARGET_LOCAL_NED_DATA, TIMESYNC_DATA,
 };
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
-use mavlink::dialects::common::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavModeFlag, MavSysStatusSensor};
+use mavlink::dialects::common::{MavMessage, MavModeFlag, MavSysStatusSensor};
 use mavlink::{MavlinkVersion, Message};
 use nalgebra::Vector3;
 
@@ -29,14 +29,6 @@ fn moving() -> State<f32> {
 
 fn well() -> status::Health {
     status::Health { policy: true, inside_fence: true, battery: Battery::full(), garbage: 0, refused: 0 }
-}
-
-#[test]
-fn an_acknowledgement_is_read_by_the_mavlink_crate() {
-    let expected =
-        COMMAND_ACK_DATA { command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, result: MavResult::MAV_RESULT_DENIED };
-    let ack = command_ack(400, MavResult::MAV_RESULT_DENIED, [255, 190]);
-    assert_eq!(sent(&ack), MavMessage::COMMAND_ACK(expected));
 }
 
 #[test]

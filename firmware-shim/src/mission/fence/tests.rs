@@ -1,3 +1,5 @@
+use kestrel_onboard::fence::{Cylinder, Fence};
+use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::*;
@@ -20,7 +22,7 @@ fn polygon(command: u16, group: f32, corners: &[[f64; 2]]) -> Vec<Item> {
 }
 
 fn zones(items: &[Item]) -> Result<Zones, MavMissionResult> {
-    Zones::of(items, &Home::default())
+    super::zones(items, &Home::default())
 }
 
 fn fence(items: &[Item]) -> Fence {
@@ -36,70 +38,12 @@ fn at(x: f32, y: f32) -> Vector3<f32> {
 }
 
 #[test]
-fn without_a_fence_everything_is_allowed_but_nonsense() {
-    let fence = Fence::default();
-    assert_eq!(fence.margin_m(&at(1e6, -1e6)), f32::INFINITY);
-    assert!(!fence.contains(&at(f32::NAN, 0.0)));
-    assert!(!fence.contains(&at(f32::INFINITY, 0.0)));
-}
-
-#[test]
-fn a_circle_is_as_wide_as_its_radius() {
-    let inside = fence(&[item(5003, 5.0, 0.0, [1.0, 2.0])]);
-    let outside = fence(&[item(5004, 5.0, 0.0, [1.0, 2.0])]);
-    for (x, y, expected) in [(1.0, 2.0, 5.0), (4.0, 6.0, 0.0), (7.0, 2.0, -1.0)] {
-        assert!((inside.margin_m(&at(x, y)) - expected).abs() < 1e-5);
-        assert!((outside.margin_m(&at(x, y)) + expected).abs() < 1e-5);
-    }
-}
-
-#[test]
-fn a_polygon_may_turn_inward() {
-    // An L: the square from 0 to 2 without its north-east quarter.
-    let corners = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
-    for corners in [corners.to_vec(), corners.iter().rev().copied().collect()] {
-        let fence = fence(&polygon(5001, 0.0, &corners));
-        assert!((fence.margin_m(&at(0.5, 0.5)) - 0.5).abs() < 1e-6);
-        assert!((fence.margin_m(&at(1.5, 1.5)) + 0.5).abs() < 1e-6);
-        assert!((fence.margin_m(&at(3.0, -1.0)) + 2.0_f32.sqrt()).abs() < 1e-6, "from a corner");
-        assert!(!fence.contains(&at(1.5, 1.5)) && fence.contains(&at(0.5, 1.5)));
-    }
-}
-
-#[test]
-fn a_ray_through_a_corner_is_counted_once() {
-    let diamond = fence(&polygon(5001, 0.0, &[[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]]));
-    assert!(diamond.contains(&at(0.0, 0.0)));
-    assert!(!diamond.contains(&at(-2.0, 0.0)) && !diamond.contains(&at(2.0, 0.0)));
-    assert!(!diamond.contains(&at(-2.0, 1.0)) && !diamond.contains(&at(-2.0, -1.0)));
-}
-
-#[test]
 fn a_hole_in_a_zone_is_a_zone_to_stay_out_of() {
     let items = [polygon(5001, 0.0, &square(10.0)), polygon(5002, 0.0, &square(2.0))].concat();
     let fence = fence(&items);
     assert!(fence.contains(&at(5.0, 0.0)));
     assert!(!fence.contains(&at(0.0, 0.0)) && !fence.contains(&at(11.0, 0.0)));
     assert!((fence.margin_m(&at(5.0, 0.0)) - 3.0).abs() < 1e-5);
-}
-
-#[test]
-fn zones_of_a_group_all_hold_and_of_groups_one_suffices() {
-    let circle = |group, east| item(5003, 2.0, group, [east, 0.0]);
-    let both = fence(&[circle(0.0, 0.0), circle(0.0, 3.0)]);
-    assert!(both.contains(&at(1.5, 0.0)) && !both.contains(&at(0.0, 0.0)) && !both.contains(&at(3.0, 0.0)));
-    let either = fence(&[circle(0.0, 0.0), circle(1.0, 3.0)]);
-    assert!(either.contains(&at(1.5, 0.0)) && either.contains(&at(0.0, 0.0)) && either.contains(&at(3.0, 0.0)));
-    assert!(!either.contains(&at(5.1, 0.0)));
-}
-
-#[test]
-fn the_cylinder_limits_distance_and_height() {
-    let cylinder = Cylinder { center: Vector3::new(1.0, 0.0, 0.0), radius_m: Some(5.0), height_m: Some(3.0) };
-    let fence = Fence { zones: Zones::default(), cylinder };
-    assert!((fence.margin_m(&Vector3::new(4.0, 0.0, 0.0)) - 2.0).abs() < 1e-6);
-    assert!((fence.margin_m(&Vector3::new(4.0, 4.0, 4.0)) + 1.0).abs() < 1e-6);
-    assert!(!fence.contains(&Vector3::new(4.1, 4.0, 1.0)));
 }
 
 #[test]
@@ -155,33 +99,6 @@ fn items_that_make_no_fence_are_refused_by_their_parameter() {
 }
 
 proptest! {
-    #[test]
-    fn a_square_has_its_closed_form(x in -20.0_f32..20.0, y in -20.0_f32..20.0) {
-        let fence = fence(&polygon(5001, 0.0, &square(10.0)));
-        let [beyond_x, beyond_y] = [x.abs() - 10.0, y.abs() - 10.0];
-        let expected = if beyond_x > 0.0 && beyond_y > 0.0 {
-            -beyond_x.hypot(beyond_y)
-        } else {
-            -beyond_x.max(beyond_y)
-        };
-        prop_assert!((fence.margin_m(&at(x, y)) - expected).abs() < 1e-4);
-    }
-
-    #[test]
-    fn a_polygon_of_many_corners_is_nearly_its_circle(
-        x in -20.0_f32..20.0, y in -20.0_f32..20.0, first in 0.0_f64..1.0
-    ) {
-        let corner = |i: u8| {
-            let angle = (f64::from(i) + first) * core::f64::consts::TAU / 32.0;
-            [10.0 * angle.cos(), 10.0 * angle.sin()]
-        };
-        let corners: Vec<_> = (0..32).map(corner).collect();
-        let fence = fence(&polygon(5001, 0.0, &corners));
-        // The sagitta of an edge: 10 (1 - cos(pi / 32)) = 0.048.
-        let difference = (10.0 - x.hypot(y)) - fence.margin_m(&at(x, y));
-        prop_assert!((-1e-3..0.0492).contains(&difference), "{difference}");
-    }
-
     #[test]
     fn no_items_panic(
         items in proptest::collection::vec(

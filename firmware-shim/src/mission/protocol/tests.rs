@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use super::super::received;
 use super::*;
 use crate::frame::{Encoder, Frames};
-use crate::message::received::Address;
+use crate::request::Address;
 use crate::testing::{datagram, message};
 use MavMissionResult::{
     MAV_MISSION_ACCEPTED, MAV_MISSION_DENIED, MAV_MISSION_INVALID, MAV_MISSION_INVALID_PARAM7,

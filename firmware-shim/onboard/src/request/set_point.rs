@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 
 use super::{Address, Request, float_at, integer_at, short_at};
 use crate::autopilot::SetPoint;
+use crate::axes::{enu_from_flu, enu_from_ned, flu_from_frd};
 use crate::geodesy::{Geodetic, Home};
-use crate::message::{enu_from_flu, enu_from_ned, flu_from_frd};
 use crate::steering::Stick;
 
 /// `MAV_FRAME_LOCAL_NED`.

@@ -37,7 +37,7 @@ impl FlatFloor {
     /// A nominal drone at rest at the origin of the floor, for control periods of `control_secs`.
     pub fn new(airframe: &Airframe, control_secs: f32) -> Self {
         let rest_height = (airframe.collision_height / 2.0) as f32;
-        let substeps = (control_secs / SUBSTEP_LIMIT_SECS).ceil().max(1.0) as u32;
+        let substeps = libm::ceilf(control_secs / SUBSTEP_LIMIT_SECS).max(1.0) as u32;
         Self {
             vehicle: Vehicle::new(airframe),
             rest_height,
@@ -61,8 +61,7 @@ impl FlatFloor {
     }
 
     /// Goes on from another state.
-    #[cfg(test)]
-    pub(crate) fn put(&mut self, state: State<f32>) {
+    pub fn put(&mut self, state: State<f32>) {
         self.state = state;
     }
 

@@ -28,9 +28,9 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 use crate::failsafe::{Event, Failsafe, Situation};
+use crate::fence::{Fence, Zones};
 use crate::flyer::{Flyer, Flyers};
 use crate::goal::MovingGoal;
-use crate::mission::fence::{Fence, Zones};
 use crate::processor::Processor;
 use crate::settings::{Action, Reaction, Replacement, Settings};
 use crate::steering::Stick;
@@ -370,10 +370,11 @@ impl<P: Processor> Autopilot<P> {
             silent_secs: self.flyers.silent_secs(),
             saturated_secs: self.flyers.saturated_secs(),
         };
-        self.events = self.failsafe.watch(&situation, &self.settings, self.control_secs);
-        for event in self.events.clone() {
-            self.react(event, state);
+        let events = self.failsafe.watch(&situation, &self.settings, self.control_secs);
+        for event in &events {
+            self.react(*event, state);
         }
+        self.events = events;
     }
 
     fn react(&mut self, event: Event, state: &State<f32>) {
@@ -420,8 +421,12 @@ impl<P: Processor> Autopilot<P> {
             (held.x, held.y) = (before.position().x, before.position().y);
         }
         self.goal.advance(&held, self.leash_m, self.control_secs);
-        let [old_m, new_m] = [before, self.goal].map(|goal| self.margin_m(&goal.position()));
-        if new_m < FENCE_MARGIN_M && new_m < old_m && self.mode != Mode::Landing {
+        if self.mode == Mode::Landing || self.goal.position() == before.position() {
+            return;
+        }
+        // A polygon's margin is most of a tick where doubles are computed in software.
+        let margin_m = self.margin_m(&self.goal.position());
+        if margin_m < FENCE_MARGIN_M && margin_m < self.margin_m(&before.position()) {
             self.goal = before;
         }
     }

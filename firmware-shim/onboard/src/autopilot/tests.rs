@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use kestrel_core::attitude::Attitude;
 
 use super::*;
-use crate::mission::fence::Cylinder;
+use crate::fence::Cylinder;
 use crate::plant::{FlatFloor, Plant};
 use crate::settings::Settings;
 use crate::testing::{dishonest_policy, hover_policy, pilot};

@@ -120,7 +120,7 @@ impl<P: Processor> Flyers<P> {
     /// No motor stops in flight, and none exceeds its limit.
     fn limited(&self, targets: [f32; 4]) -> [f32; 4] {
         let [low, high] = self.limits;
-        targets.map(|target| target.clamp(low, high))
+        targets.map(|target| target.max(low).min(high))
     }
 }
 

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::{Address, Request, float_at, integer_at, short_at};
+use crate::axes::enu_from_ned;
 use crate::geodesy::{Geodetic, Home};
-use crate::message::enu_from_ned;
 
 /// Frames of a `COMMAND_INT` (`MAV_FRAME`), with heights above sea level and above home.
 const GLOBAL: [u8; 2] = [0, 5];

@@ -255,7 +255,8 @@ impl<P: Processor> Autopilot<P> {
             return Err(Refusal::Moving);
         }
         let [_, critical, _] = self.settings.battery_levels;
-        if self.surroundings.battery <= critical {
+        let charged = self.surroundings.battery > critical;
+        if !charged {
             return Err(Refusal::Battery);
         }
         if self.margin_m(&state.position) < 0.0 {

@@ -118,19 +118,24 @@ fn float_at(fields: &[u8], at: usize) -> f32 {
 }
 
 fn word_at(fields: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes([fields[at], fields[at + 1], fields[at + 2], fields[at + 3]])
+    u32::from_le_bytes(bytes_at(fields, at))
 }
 
 fn integer_at(fields: &[u8], at: usize) -> i32 {
-    word_at(fields, at) as i32
+    i32::from_le_bytes(bytes_at(fields, at))
 }
 
 fn long_at(fields: &[u8], at: usize) -> u64 {
-    u64::from(word_at(fields, at)) | u64::from(word_at(fields, at + 4)) << 32
+    u64::from_le_bytes(bytes_at(fields, at))
 }
 
 fn short_at(fields: &[u8], at: usize) -> u16 {
-    u16::from_le_bytes([fields[at], fields[at + 1]])
+    u16::from_le_bytes(bytes_at(fields, at))
+}
+
+/// The bytes of a field; zeros beyond the end, which no message's fields are.
+fn bytes_at<const LEN: usize>(fields: &[u8], at: usize) -> [u8; LEN] {
+    fields.get(at..).and_then(<[u8]>::first_chunk).copied().unwrap_or([0; LEN])
 }
 
 #[cfg(test)]

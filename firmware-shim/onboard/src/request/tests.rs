@@ -7,6 +7,7 @@ use mavlink::dialects::common::{
     SET_POSITION_TARGET_LOCAL_NED_DATA, TIMESYNC_DATA,
 };
 use nalgebra::Vector3;
+use proptest::prelude::*;
 
 use super::set_point::TargetPosition;
 use super::*;
@@ -231,4 +232,71 @@ fn zero_addresses_everybody() {
     let reaches = |system, component| Address { system, component }.reaches(1, 1);
     assert!(reaches(0, 0) && reaches(1, 0) && reaches(0, 1) && reaches(1, 1));
     assert!(!reaches(2, 0) && !reaches(2, 1) && !reaches(1, 2));
+}
+
+/// The first bytes of a payload as the mavlink crate reads them, if it knows the numbers in them.
+fn theirs<D: mavlink::MessageData>(payload: &[u8]) -> Option<D> {
+    D::deser(mavlink::MavlinkVersion::V2, payload).ok()
+}
+
+fn ours(message_id: u32, payload: &[u8]) -> Option<(Address, Request)> {
+    let seed = crate::dialect::checksum_seed(message_id)?;
+    let bytes = Encoder::new(255, 190).encode(&Payload::new(message_id, seed, payload));
+    request(&Frames::new(&bytes).next()?.ok()?)
+}
+
+fn bits<const LEN: usize>(values: [f32; LEN]) -> [u32; LEN] {
+    values.map(f32::to_bits)
+}
+
+proptest! {
+    #[test]
+    fn any_command_is_read_as_the_mavlink_crate_reads_it(
+        mut payload in proptest::collection::vec(any::<u8>(), 33),
+        command in proptest::sample::select(vec![16_u16, 17, 20, 21, 22, 176, 178, 185, 192, 193, 300, 400, 511, 512])
+    ) {
+        payload[28..30].copy_from_slice(&command.to_le_bytes());
+        let sent: COMMAND_LONG_DATA = theirs(&payload).unwrap();
+        let (address, Request::Command(read)) = ours(76, &payload).unwrap() else { panic!() };
+        let Place::Floats(place) = read.place else { panic!() };
+        prop_assert_eq!(address, Address { system: sent.target_system, component: sent.target_component });
+        prop_assert_eq!((read.command, read.confirmation), (sent.command as u16, sent.confirmation));
+        prop_assert_eq!(bits(read.parameters), bits([sent.param1, sent.param2, sent.param3, sent.param4]));
+        prop_assert_eq!(bits(place), bits([sent.param5, sent.param6, sent.param7]));
+    }
+
+    #[test]
+    fn any_local_set_point_is_read_as_the_mavlink_crate_reads_it(
+        mut payload in proptest::collection::vec(any::<u8>(), 53), frame in 0_u8..12
+    ) {
+        payload[52] = frame;
+        let Some(sent) = theirs::<SET_POSITION_TARGET_LOCAL_NED_DATA>(&payload) else { return Ok(()) };
+        let (address, Request::PositionTarget(read)) = ours(84, &payload).unwrap() else { panic!() };
+        let TargetPosition::Local(position) = read.position else { panic!() };
+        prop_assert_eq!(address, Address { system: sent.target_system, component: sent.target_component });
+        prop_assert_eq!((read.frame, read.type_mask & 0x0fff), (frame, sent.type_mask.bits() & 0x0fff));
+        prop_assert_eq!(bits(position), bits([sent.x, sent.y, sent.z]));
+        prop_assert_eq!(bits(read.velocity_ned), bits([sent.vx, sent.vy, sent.vz]));
+    }
+
+    #[test]
+    fn any_attitude_is_read_as_the_mavlink_crate_reads_it(payload in proptest::collection::vec(any::<u8>(), 39)) {
+        let Some(sent) = theirs::<SET_ATTITUDE_TARGET_DATA>(&payload) else { return Ok(()) };
+        let (address, Request::AttitudeTarget(read)) = ours(82, &payload).unwrap() else { panic!() };
+        prop_assert_eq!(address, Address { system: sent.target_system, component: sent.target_component });
+        prop_assert_eq!(bits(read.quaternion), bits(sent.q));
+        let rates = [sent.body_roll_rate, sent.body_pitch_rate, sent.body_yaw_rate];
+        prop_assert_eq!(bits(read.body_rates_frd), bits(rates));
+        prop_assert_eq!(read.thrust.to_bits(), sent.thrust.to_bits());
+    }
+
+    #[test]
+    fn any_heartbeat_is_read_as_the_mavlink_crate_reads_it(
+        mut payload in proptest::collection::vec(any::<u8>(), 9), kind in 0_u8..12
+    ) {
+        payload[4] = kind;
+        let Some(sent) = theirs::<HEARTBEAT_DATA>(&payload) else { return Ok(()) };
+        let speaks = sent.mavtype == MavType::MAV_TYPE_GCS;
+        prop_assert_eq!(ours(0, &payload).is_some(), speaks);
+    }
 }

@@ -71,8 +71,9 @@ impl Steering {
     /// For a nominal drone.
     pub fn new(airframe: &Airframe) -> Self {
         let hover = airframe.hover_rotor_speed();
+        let greatest = airframe.rotor_speed_limit / hover;
         // From no thrust to all of it.
-        let authority = (airframe.rotor_speed_limit / hover).powi(2) - 1.0;
+        let authority = greatest * greatest - 1.0;
         Self {
             velocities: Velocities {
                 rates: ThrustBodyRates::new(airframe, authority.max(1.0) as f32, BODY_RATES_LIMIT, RATE_GAINS),

@@ -120,13 +120,14 @@ impl Failsafe {
         secs: f32,
     ) -> heapless::Vec<Event, { Event::ALL.len() }> {
         self.count(situation.state, settings, secs);
+        let before = self.present;
+        self.present = Event::ALL.map(|event| self.is_present(event, situation, settings));
         let mut begun = heapless::Vec::new();
-        for (index, event) in Event::ALL.into_iter().enumerate() {
-            let present = self.is_present(event, situation, settings);
-            if present && !self.present[index] {
-                begun.extend([event]);
+        for ((event, present), before) in Event::ALL.iter().zip(&self.present).zip(&before) {
+            if *present && !before {
+                // There is room for each of them once.
+                let _ = begun.push(*event);
             }
-            self.present[index] = present;
         }
         begun
     }

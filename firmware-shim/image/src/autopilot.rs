@@ -1,0 +1,250 @@
+//! The same flights everywhere: the whole autopilot in the core's simulation, commanded by MAVLink through noise and damage,
+//! with everything going wrong that it watches for.
+
+mod flight;
+mod line;
+
+use core::cell::Cell;
+
+use kestrel_core::airframe::CF2X;
+use kestrel_core::attitude::Attitude;
+use kestrel_core::observation::ObservationLayout;
+use kestrel_core::pilot::Pilot;
+use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile};
+use kestrel_core::vehicle::State;
+use kestrel_onboard::fence::{Side, ZoneError, Zones};
+use kestrel_onboard::flight_controller::{FlightController, Identity};
+use kestrel_onboard::flyer::Flyer;
+use kestrel_onboard::geodesy::Home;
+use kestrel_onboard::plant::{FlatFloor, Plant};
+use kestrel_onboard::processor::Processor;
+use kestrel_onboard::signature::{Guard, Key, Signer, Time, Verifier};
+use nalgebra::{Vector2, Vector3};
+
+use crate::digest::Digest;
+use crate::machine::{Verdict, hexadecimal, print};
+use crate::policy::{Artifact, PILOTS};
+use flight::{Deed, FLIGHTS, Flight};
+use line::Line;
+
+/// The policy that flies, in fixed point.
+const NAME: &str = "hover";
+
+const IDENTITY: Identity = Identity {
+    system: line::VEHICLE,
+    origin: Home { latitude_deg: 47.397_742, longitude_deg: 8.545_594, altitude_m: 488.0 },
+};
+
+/// What the policy's processor does.
+#[derive(Clone, Copy)]
+enum Health {
+    /// It computes the policy.
+    Works,
+    /// It gives no answer.
+    Hangs,
+    /// It wants all there is from every motor.
+    Saturates,
+}
+
+/// A policy whose processor may fail.
+struct Fallible<'a> {
+    pilot: Pilot<'a>,
+    health: &'a Cell<Health>,
+}
+
+impl Processor for Fallible<'_> {
+    fn control_secs(&self) -> f32 {
+        self.pilot.control_secs()
+    }
+
+    fn observation(&self) -> &ObservationLayout {
+        self.pilot.observation()
+    }
+
+    fn healthy(&mut self) -> bool {
+        self.pilot.healthy()
+    }
+
+    fn reset(&mut self) {
+        self.pilot.reset();
+    }
+
+    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
+        match self.health.get() {
+            Health::Works => Some(self.pilot.tick(state, goal)),
+            Health::Hangs => None,
+            Health::Saturates => Some([CF2X.rotor_speed_limit as f32; 4]),
+        }
+    }
+}
+
+/// A flight on its way.
+struct Scene<'a> {
+    controller: FlightController<Fallible<'a>>,
+    plant: FlatFloor,
+    line: Line,
+    battery: f32,
+    /// Control periods for which the state is no number, and for which the drone is turned upside down.
+    blind: u32,
+    tumbling: u32,
+    digest: Digest,
+}
+
+/// Prints the digest of every flight: what was answered, what was done in which mode, what went wrong, where it flew; refused
+/// if one does not go as it should.
+pub fn run() -> Verdict {
+    PILOTS.iter().filter(|artifact| artifact.name == NAME).map(check).fold(Verdict::Passed, Verdict::and)
+}
+
+fn check(artifact: &Artifact) -> Verdict {
+    match PolicyFile::parse(artifact.bytes) {
+        Ok(policy) if policy.arithmetic() == Arithmetic::Fixed16 => {
+            FLIGHTS.iter().map(|flight| fly(flight, &policy)).fold(Verdict::Passed, Verdict::and)
+        }
+        // Without floating point it would take minutes.
+        Ok(_) => Verdict::Passed,
+        Err(error) => refused(&error),
+    }
+}
+
+fn refused(_: &PolicyError) -> Verdict {
+    print(&["autopilot: the policy is refused\n"]);
+    Verdict::Failed
+}
+
+fn fly(flight: &Flight, policy: &PolicyFile<'_>) -> Verdict {
+    let health = Cell::new(Health::Works);
+    let mut scene = Scene::new(flight, policy, &health);
+    let control_secs = scene.controller.autopilot().control_secs();
+    let mut expected = flight.events.iter();
+    let mut right = true;
+    for tick in 0..periods(flight.secs, control_secs) {
+        for (secs, deed) in flight.script {
+            if periods(*secs, control_secs) == tick {
+                scene.act(deed, &health);
+            }
+        }
+        scene.tick(tick);
+        for event in scene.controller.autopilot().events() {
+            right &= expected.next() == Some(event);
+        }
+    }
+    right &= expected.next().is_none();
+    right &= flight.end == (scene.controller.autopilot().mode(), scene.controller.autopilot().flyer());
+    // Or the line was not as bad as it should be.
+    right &= scene.controller.counts().garbage > 0;
+    tell(flight, &scene);
+    if right { Verdict::Passed } else { Verdict::Failed }
+}
+
+/// The zone to stay in, and the one to stay out of.
+fn zones(flight: &Flight) -> Result<Zones, ZoneError> {
+    let mut zones = Zones::default();
+    if let Some(corners) = flight.room {
+        zones.add_polygon(&corners.map(Vector2::from), Side::Inside { group: 0 })?;
+        zones.add_circle(Vector2::new(-0.8, 0.0), 0.2, Side::Outside)?;
+    }
+    Ok(zones)
+}
+
+/// Control periods in a time \[s\].
+fn periods(secs: f32, control_secs: f32) -> u32 {
+    (secs / control_secs + 0.5) as u32
+}
+
+fn tell(flight: &Flight, scene: &Scene<'_>) {
+    let autopilot = scene.controller.autopilot();
+    let flyer = match autopilot.flyer() {
+        Flyer::Policy => "policy",
+        Flyer::Cascade => "cascade",
+    };
+    let digits = hexadecimal(scene.digest.value());
+    let digits = core::str::from_utf8(&digits).unwrap_or_default();
+    print(&["autopilot, ", flight.name, ": ", autopilot.mode().name(), " by the ", flyer, " ", digits, "\n"]);
+}
+
+impl<'a> Scene<'a> {
+    fn new(flight: &Flight, policy: &PolicyFile<'a>, health: &'a Cell<Health>) -> Self {
+        let processor = Fallible { pilot: Pilot::new(policy.clone()), health };
+        let mut controller = FlightController::new(processor, &CF2X, IDENTITY);
+        let mut settings = *controller.autopilot().settings();
+        settings.link_loss_secs = 1.0;
+        settings.takeoff_altitude_m = flight.altitude_m;
+        settings.fence_radius_m = flight.fence_radius_m;
+        controller.autopilot_mut().adjust(settings);
+        controller.autopilot_mut().enclose(zones(flight).unwrap_or_default());
+        let verifier = Verifier::new(Key(line::KEY), line::START, Time(0));
+        controller.secure(Guard::Signed(verifier), Signer::new(Key(line::KEY), 2, line::START));
+        let plant = FlatFloor::new(&CF2X, controller.autopilot().control_secs());
+        let line = Line::new();
+        Self { controller, plant, line, battery: 1.0, blind: 0, tumbling: 0, digest: Digest::new() }
+    }
+
+    fn act(&mut self, deed: &Deed, health: &Cell<Health>) {
+        match *deed {
+            Deed::Command(command, parameters) => self.line.command(command, parameters),
+            Deed::Stream(stream) => self.line.stream(stream),
+            Deed::Speak(station) => self.line.speak(station),
+            Deed::Battery(share) => self.battery = share,
+            Deed::Gust(way) => {
+                let mut state = *self.plant.state();
+                state.position += Vector3::from(way);
+                self.plant.put(state);
+            }
+            Deed::Blind(periods) => self.blind = periods,
+            Deed::Tumble(periods) => self.tumbling = periods,
+            Deed::Hang => health.set(Health::Hangs),
+            Deed::Saturate => health.set(Health::Saturates),
+            Deed::Intrude => {
+                let controller = &mut self.controller;
+                line::intrude(&mut |byte| controller.receive(byte));
+            }
+        }
+    }
+
+    /// A control period: what arrives, what is answered, what is done, and where that leads.
+    fn tick(&mut self, tick: u32) {
+        let controller = &mut self.controller;
+        self.line.speak_to(tick, &mut |byte| controller.receive(byte));
+        while let Some(answer) = self.controller.answer() {
+            self.line.hear(&answer);
+            self.digest.add_bytes(&answer);
+        }
+        self.disturb();
+        let mut state = *self.plant.state();
+        if self.blind > 0 {
+            self.blind -= 1;
+            state.velocity.y = f32::NAN;
+        }
+        let targets = self.controller.tick(&state, self.battery);
+        self.plant.step(&targets);
+        let autopilot = self.controller.autopilot();
+        self.digest.add_bytes(&[autopilot.mode() as u8, autopilot.flyer() as u8]);
+        for event in autopilot.events() {
+            self.digest.add_bytes(&[*event as u8]);
+        }
+        self.digest.add(&targets);
+        let Vector3 { data, .. } = self.plant.state().position;
+        self.digest.add(data.0.as_flattened());
+    }
+
+    /// Upside down, and turning.
+    fn disturb(&mut self) {
+        if self.tumbling > 0 {
+            self.tumbling -= 1;
+            let overturned = Attitude { w: 0.0, x: 1.0, y: 0.0, z: 0.0 };
+            let body_rates = Vector3::new(20.0, 0.0, 0.0);
+            self.plant.put(State { world_from_body: overturned, body_rates, ..*self.plant.state() });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_flight_goes_as_it_should() {
+        assert_eq!(run(), Verdict::Passed);
+    }
+}

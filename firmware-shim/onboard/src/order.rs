@@ -1,0 +1,223 @@
+//! What a command of a peer means to an autopilot.
+
+use crate::acknowledgement::CommandResult;
+use crate::autopilot::{ALTITUDES_M, Autopilot, Command, Mode};
+use crate::flight_mode::FlightMode;
+use crate::flyer::Flyer;
+use crate::geodesy::Home;
+use crate::processor::Processor;
+use crate::request::CommandRequest;
+
+/// Second parameter of a disarm command that shall work in flight (`MAV_CMD_COMPONENT_ARM_DISARM`).
+const FORCED: f32 = 21196.0;
+
+/// Points farther than this from the origin along an axis are refused \[m\], as those of set-points are.
+const COORDINATE_LIMIT_M: f32 = 1000.0;
+
+/// What an autopilot is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Order {
+    /// Execute a command.
+    Execute(Command),
+    /// Have the policy or the cascade fly, and hold if it does anything else.
+    FlyBy(Flyer),
+    /// Hold in flight; on the ground that is what it does.
+    Hold,
+    /// Fly the mission that was uploaded, where one can be.
+    Mission,
+}
+
+/// Why a command is no order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Objection {
+    /// What its sender is told.
+    pub result: CommandResult,
+    /// The same in at most the 50 bytes of a `STATUSTEXT`.
+    pub text: &'static str,
+}
+
+impl Objection {
+    const UNKNOWN_MODE: Self = Self::denied("mode refused: unknown, see AVAILABLE_MODES");
+    const UNKNOWN_PARAMETER: Self = Self::denied("command refused: unknown parameter 1");
+    const UNSUPPORTED: Self = Self { result: CommandResult::Unsupported, text: "this command is not supported" };
+
+    const fn denied(text: &'static str) -> Self {
+        Self { result: CommandResult::Denied, text }
+    }
+}
+
+impl Order {
+    /// What a request orders an autopilot to do, in a world whose origin is at `origin`.
+    ///
+    /// # Errors
+    /// Why it is no order.
+    pub fn of<P: Processor>(
+        request: &CommandRequest,
+        autopilot: &Autopilot<P>,
+        origin: &Home,
+    ) -> Result<Self, Objection> {
+        let [first, second, third, _] = request.parameters;
+        match request.command {
+            17 => Ok(Self::Execute(Command::Pause)),
+            20 => Ok(Self::Execute(Command::Return)),
+            21 if request.place.is_here() => Ok(Self::Execute(Command::Land)),
+            22 if request.place.is_here() => Ok(take_off(request.place.height(), autopilot, origin)),
+            21 | 22 => Err(Objection::denied("refused: takes off and lands in place")),
+            176 => Self::to_mode(FlightMode::of_numbers(second, third), autopilot, origin),
+            178 => Ok(Self::Execute(Command::Speed(second))),
+            185 if first > 0.5 => Ok(Self::Execute(Command::StopMotors)),
+            192 => reposition(request, autopilot, origin),
+            193 if first == 0.0 => Ok(Self::Execute(Command::Pause)),
+            193 if first == 1.0 => Ok(Self::Mission),
+            300 => Ok(Self::Mission),
+            400 => arm_or_disarm(first, second),
+            185 | 193 => Err(Objection::UNKNOWN_PARAMETER),
+            _ => Err(Objection::UNSUPPORTED),
+        }
+    }
+
+    /// What the change to a mode orders an autopilot to do, in a world whose origin is at `origin`.
+    ///
+    /// # Errors
+    /// If there is no such mode.
+    pub fn to_mode<P: Processor>(
+        mode: Option<FlightMode>,
+        autopilot: &Autopilot<P>,
+        origin: &Home,
+    ) -> Result<Self, Objection> {
+        Ok(match mode.ok_or(Objection::UNKNOWN_MODE)? {
+            FlightMode::Policy => Self::FlyBy(Flyer::Policy),
+            FlightMode::Cascade => Self::FlyBy(Flyer::Cascade),
+            FlightMode::Hold => Self::Hold,
+            FlightMode::Offboard => Self::Execute(Command::Offboard),
+            FlightMode::TakeOff => take_off(f32::NAN, autopilot, origin),
+            FlightMode::Land => Self::Execute(Command::Land),
+            FlightMode::Return => Self::Execute(Command::Return),
+            FlightMode::Mission => Self::Mission,
+        })
+    }
+
+    /// The commands that execute it in a mode, one after the other until one is refused; a mission has none.
+    pub fn commands(self, mode: Mode) -> impl Iterator<Item = Command> {
+        let hold = mode.flies().then_some(Command::Pause);
+        let commands = match self {
+            Self::Execute(command) => [Some(command), None],
+            Self::FlyBy(flyer) => [Some(Command::Fly(flyer)), hold],
+            Self::Hold => [hold, None],
+            Self::Mission => [None, None],
+        };
+        commands.into_iter().flatten()
+    }
+}
+
+fn arm_or_disarm(first: f32, second: f32) -> Result<Order, Objection> {
+    if first == 1.0 {
+        Ok(Order::Execute(Command::Arm))
+    } else if first == 0.0 && second == FORCED {
+        Ok(Order::Execute(Command::StopMotors))
+    } else if first == 0.0 {
+        Ok(Order::Execute(Command::Disarm))
+    } else {
+        Err(Objection::UNKNOWN_PARAMETER)
+    }
+}
+
+/// Climbs by a height \[m\]. Ground stations mean one above the ground or one above sea level; what can be the former is.
+fn take_off<P: Processor>(height: f32, autopilot: &Autopilot<P>, origin: &Home) -> Order {
+    let above_origin = (f64::from(height) - origin.altitude_m) as f32;
+    let altitude_m = if height.is_nan() {
+        autopilot.settings().takeoff_altitude_m
+    } else if !ALTITUDES_M.contains(&height) && ALTITUDES_M.contains(&above_origin) {
+        above_origin
+    } else {
+        height
+    };
+    Order::Execute(Command::TakeOff { altitude_m })
+}
+
+/// `MAV_CMD_DO_REPOSITION`: there, at the present height if it is left open.
+fn reposition<P: Processor>(
+    request: &CommandRequest,
+    autopilot: &Autopilot<P>,
+    origin: &Home,
+) -> Result<Order, Objection> {
+    let goal = autopilot.goal().position();
+    let place = request.place.point(origin);
+    let mut point = place.ok_or(Objection::denied("refused: no place on Earth, or unknown frame"))?;
+    if point.z.is_nan() {
+        point.z = goal.z;
+    }
+    if request.place.is_here() {
+        (point.x, point.y) = (goal.x, goal.y);
+    }
+    let beyond = |coordinate: &f32| coordinate.is_nan() || coordinate.abs() > COORDINATE_LIMIT_M;
+    if point.iter().any(beyond) || point.z < 0.0 {
+        return Err(Objection::denied("refused: under the floor or over 1 km away"));
+    }
+    Ok(Order::Execute(Command::GoTo(point)))
+}
+
+#[cfg(test)]
+mod tests {
+    use kestrel_core::airframe::CF2X;
+
+    use super::*;
+    use crate::request::Place;
+    use crate::testing::{hover_policy, pilot};
+
+    fn order(command: u16, parameters: [f32; 4], place: Place) -> Result<Order, Objection> {
+        let autopilot = Autopilot::new(pilot(hover_policy()), &CF2X);
+        let request = CommandRequest { command, confirmation: 0, parameters, place };
+        Order::of(&request, &autopilot, &Home::default())
+    }
+
+    fn in_place(command: u16, parameters: &[f32]) -> Result<Order, Objection> {
+        let parameters = core::array::from_fn(|i| parameters.get(i).copied().unwrap_or(f32::NAN));
+        order(command, parameters, Place::Floats([f32::NAN; 3]))
+    }
+
+    #[test]
+    fn commands_mean_what_the_protocol_says() {
+        let cases = [
+            (400, &[1.0][..], Command::Arm),
+            (400, &[0.0], Command::Disarm),
+            (400, &[0.0, FORCED], Command::StopMotors),
+            (185, &[1.0], Command::StopMotors),
+            (21, &[], Command::Land),
+            (22, &[], Command::TakeOff { altitude_m: 1.0 }),
+            (20, &[], Command::Return),
+            (17, &[], Command::Pause),
+            (193, &[0.0], Command::Pause),
+            (176, &[1.0, 6.0, 0.0], Command::Offboard),
+            (176, &[1.0, 4.0, 6.0], Command::Land),
+            (178, &[1.0, 0.3], Command::Speed(0.3)),
+        ];
+        for (command, parameters, expected) in cases {
+            assert_eq!(in_place(command, parameters), Ok(Order::Execute(expected)), "{command} {parameters:?}");
+        }
+        assert_eq!(in_place(176, &[1.0, 4.0, 12.0]), Ok(Order::FlyBy(Flyer::Cascade)));
+        assert_eq!(in_place(300, &[]), Ok(Order::Mission));
+    }
+
+    #[test]
+    fn nonsense_is_no_order() {
+        for (command, parameters) in [(400, [f32::NAN]), (400, [2.0]), (185, [f32::NAN]), (193, [0.5])] {
+            assert_eq!(in_place(command, &parameters), Err(Objection::UNKNOWN_PARAMETER));
+        }
+        assert_eq!(in_place(176, &[1.0, f32::NAN, 0.0]), Err(Objection::UNKNOWN_MODE));
+        assert_eq!(in_place(65_535, &[]), Err(Objection::UNSUPPORTED));
+        let far = Place::Floats([47.0, 8.0, 500.0]);
+        for command in [21, 22, 192] {
+            assert_eq!(order(command, [0.0; 4], far).unwrap_err().result, CommandResult::Denied);
+        }
+    }
+
+    #[test]
+    fn somebody_takes_the_helm_and_holds_in_flight_only() {
+        let commands = |mode| Order::FlyBy(Flyer::Policy).commands(mode).collect::<Vec<_>>();
+        assert_eq!(commands(Mode::Armed), [Command::Fly(Flyer::Policy)]);
+        assert_eq!(commands(Mode::Returning), [Command::Fly(Flyer::Policy), Command::Pause]);
+        assert_eq!(Order::Hold.commands(Mode::Disarmed).count(), 0);
+        assert_eq!(Order::Mission.commands(Mode::Holding).count(), 0);
+    }
+}
