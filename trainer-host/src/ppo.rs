@@ -15,7 +15,7 @@
 //! "A2C is a special case of PPO"), and with `gae_lambda` 1 beside, returns take the place of estimates: REINFORCE
 //! with the critic for a baseline (Williams 1992). `configs/parts/a2c.yaml` and `reinforce.yaml` are these.
 //!
-//! With `quantised_from` the actor flies and is differentiated with the weights of its export ([`crate::quantisation`]).
+//! With `quantised_from` the actor flies and is differentiated with the weights of its export (`quantisation.rs`).
 //!
 //! Every sum has an order that the number of threads does not change: a minibatch is cut into a fixed number of shards,
 //! and their gradients are added in order. Several processes share panels and shards, to the same bits ([`crate::ranks`]).
