@@ -18,7 +18,7 @@ const RATE_LIMIT: Fraction = Fraction::from_bits(2 * Fraction::ONE.bits());
 /// ```
 ///
 /// with the activations h behind the last hidden layer, which stay as they were trained. Any rate below 2 brings the
-/// action nearer to its target; after a step with rate 1 it is there. Parameters are the `i16` of the network, two bytes each, and move
+/// sum behind an action nearer to its target; after a step with rate 1 it is there, unless it lay beyond the limits of actions. Parameters are the `i16` of the network, two bytes each, and move
 /// by whole units as an anchor moves them ([`crate::anchor::fixed`]): rounded down behind a dither, so that small
 /// steps are not lost. With an anchor over the same parameters the layer learns without forgetting:
 ///
