@@ -10,6 +10,7 @@ use core::time::Duration;
 use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
 use kestrel_onboard::acknowledgement::{CommandResult, command_ack};
+use kestrel_onboard::endpoint::Endpoint;
 use kestrel_onboard::signature::{Guard, Signer, Time};
 use mavlink::dialects::common::MavSeverity;
 
@@ -17,7 +18,7 @@ use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint, Surroundings
 use crate::battery::Battery;
 use crate::failsafe::Event;
 use crate::flight_mode::FlightMode;
-use crate::frame::{Encoder, Frame, Frames, Payload};
+use crate::frame::{Frame, Frames, Payload};
 use crate::geodesy::Home;
 use crate::goal::MovingGoal;
 use crate::message::sent::identity::{Personality, PolicyIdentity};
@@ -83,8 +84,7 @@ pub struct MavlinkVehicle<P> {
     /// What the mission wanted last.
     directive: Option<Directive>,
     reached: Option<Reached>,
-    guard: Guard,
-    encoder: Encoder,
+    endpoint: Endpoint,
     schedule: Schedule,
     /// Streams that a peer wants once more, out of turn.
     requested: heapless::Vec<Stream, { Stream::ALL.len() }>,
@@ -115,8 +115,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             runner: Runner::default(),
             directive: None,
             reached: None,
-            guard: Guard::Open,
-            encoder: Encoder::new(profile.system, COMPONENT),
+            endpoint: Endpoint::new(profile.system, COMPONENT),
             profile,
             requested: heapless::Vec::new(),
             answers: heapless::Vec::new(),
@@ -161,21 +160,17 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     /// From now on admits only what `guard` does, and signs what it sends.
     pub fn secure(&mut self, guard: Guard, signer: Signer) {
-        self.guard = guard;
-        self.encoder = Encoder::new(self.profile.system, COMPONENT).signed(signer);
+        self.endpoint.secure(guard, signer);
     }
 
     /// Lets the clock have reached a time, for signatures.
     pub fn advance_clock(&mut self, now: Time) {
-        self.guard.advance(now);
-        if let Some(signer) = self.encoder.signer_mut() {
-            signer.advance(now);
-        }
+        self.endpoint.advance_clock(now);
     }
 
     /// Latest times of accepted and of sent frames, if they are signed.
     pub fn signature_times(&self) -> Option<[Time; 2]> {
-        Some([self.guard.accepted()?, self.encoder.signer()?.last()])
+        self.endpoint.signature_times()
     }
 
     /// Whether a peer has set a parameter since the last call.
@@ -231,7 +226,7 @@ impl<P: Processor> MavlinkVehicle<P> {
         for frame in Frames::new(datagram) {
             match frame {
                 Err(_) => self.counts.garbage += 1,
-                Ok(frame) if self.guard.admit(&frame).is_err() => self.counts.refused += 1,
+                Ok(frame) if self.endpoint.admit(&frame).is_err() => self.counts.refused += 1,
                 Ok(frame) => {
                     self.counts.frames += 1;
                     self.obey(&frame);
@@ -252,7 +247,7 @@ impl<P: Processor> MavlinkVehicle<P> {
         self.fly_mission(state);
         self.repeat_reached();
         for answer in core::mem::take(&mut self.answers) {
-            send(&self.encoder.encode(&answer));
+            send(&self.endpoint.encode(&answer));
         }
         self.tell_lists(send);
         let requested = core::mem::take(&mut self.requested);
@@ -273,8 +268,8 @@ impl<P: Processor> MavlinkVehicle<P> {
     /// What is due of the parameters' list, and of an upload.
     fn tell_lists(&mut self, send: &mut dyn FnMut(&[u8])) {
         let now_secs = self.elapsed_secs();
-        let encoder = &mut self.encoder;
-        let mut send = |payload: Payload| send(&encoder.encode(&payload));
+        let endpoint = &mut self.endpoint;
+        let mut send = |payload: Payload| send(&endpoint.encode(&payload));
         self.parameters.tick(&mut send);
         self.plans.tick(now_secs, &mut send);
     }
@@ -282,12 +277,12 @@ impl<P: Processor> MavlinkVehicle<P> {
     fn tell(&mut self, stream: Stream, state: &State<f32>, send: &mut dyn FnMut(&[u8])) {
         if stream == Stream::Policy {
             for payload in self.policy_report() {
-                send(&self.encoder.encode(&payload));
+                send(&self.endpoint.encode(&payload));
             }
             return;
         }
         let payload = self.payload(stream, state);
-        send(&self.encoder.encode(&payload));
+        send(&self.endpoint.encode(&payload));
     }
 
     /// What the policy is (its hash), how old its last answer is, and how long the last tick took.

@@ -9,8 +9,9 @@ use kestrel_core::vehicle::State;
 
 use crate::acknowledgement::{CommandResult, command_ack};
 use crate::autopilot::{Autopilot, Refusal, Surroundings};
+use crate::endpoint::Endpoint;
 use crate::flight_mode::FlightMode;
-use crate::frame::{Encoder, FRAME_LIMIT, Frame, Payload, Receiver};
+use crate::frame::{FRAME_LIMIT, Frame, Payload, Receiver};
 use crate::geodesy::Home;
 use crate::order::Order;
 use crate::processor::Processor;
@@ -50,8 +51,7 @@ pub struct FlightController<P> {
     autopilot: Autopilot<P>,
     identity: Identity,
     receiver: Receiver,
-    guard: Guard,
-    encoder: Encoder,
+    endpoint: Endpoint,
     answers: heapless::Deque<Payload, ANSWERS>,
     /// Since the last word of a ground station, if there was any.
     silent_ticks: Option<u32>,
@@ -78,10 +78,9 @@ impl<P: Processor> FlightController<P> {
     pub fn new(processor: P, airframe: &Airframe, identity: Identity) -> Self {
         Self {
             autopilot: Autopilot::new(processor, airframe),
-            encoder: Encoder::new(identity.system, COMPONENT),
+            endpoint: Endpoint::new(identity.system, COMPONENT),
             identity,
             receiver: Receiver::new(),
-            guard: Guard::Open,
             answers: heapless::Deque::new(),
             silent_ticks: None,
             counts: Counts::default(),
@@ -90,21 +89,17 @@ impl<P: Processor> FlightController<P> {
 
     /// From now on obeys only what `guard` admits, and signs its answers.
     pub fn secure(&mut self, guard: Guard, signer: Signer) {
-        self.guard = guard;
-        self.encoder = Encoder::new(self.identity.system, COMPONENT).signed(signer);
+        self.endpoint.secure(guard, signer);
     }
 
     /// Lets the clock have reached a time, for signatures.
     pub fn advance_clock(&mut self, now: Time) {
-        self.guard.advance(now);
-        if let Some(signer) = self.encoder.signer_mut() {
-            signer.advance(now);
-        }
+        self.endpoint.advance_clock(now);
     }
 
     /// Latest times of accepted and of sent frames, if they are signed: what must be kept over a restart.
     pub fn signature_times(&self) -> Option<[Time; 2]> {
-        Some([self.guard.accepted()?, self.encoder.signer()?.last()])
+        self.endpoint.signature_times()
     }
 
     /// Who flies it, and how.
@@ -130,7 +125,7 @@ impl<P: Processor> FlightController<P> {
                 self.counts.garbage = self.counts.garbage.wrapping_add(1);
                 return;
             }
-            Some(Ok(frame)) if self.guard.admit(&frame).is_err() => {
+            Some(Ok(frame)) if self.endpoint.admit(&frame).is_err() => {
                 self.counts.refused = self.counts.refused.wrapping_add(1);
                 return;
             }
@@ -156,7 +151,7 @@ impl<P: Processor> FlightController<P> {
     /// The next frame to be sent, if any waits.
     pub fn answer(&mut self) -> Option<heapless::Vec<u8, FRAME_LIMIT>> {
         let payload = self.answers.pop_front()?;
-        Some(self.encoder.encode(&payload))
+        Some(self.endpoint.encode(&payload))
     }
 
     fn obey(&mut self, heard: &Heard) {

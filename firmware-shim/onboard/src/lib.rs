@@ -1,10 +1,11 @@
 //! What a vehicle carries on board, on a microcontroller as in software in the loop: the autopilot, and the MAVLink that commands it.
 //!
 //! No allocation, no clock, no socket, and no panic that can be reached. Read in the order of the data: bytes from a peer are
-//! cut into checked [`frame`]s, whose checksums need the seeds of the [`dialect`]; a [`signature`] says who sent them, and a
-//! [`request`] what is asked for, which is an [`order`] to the [`autopilot`] and gets an [`acknowledgement`]. It obeys, watches for what can go wrong ([`failsafe`], [`fence`],
-//! [`battery`]), moves the [`goal`] and has the policy of a [`processor`] or the cascade of controllers ([`steering`]) fly
-//! there ([`flyer`]). All of that together is a [`flight_controller`]. The [`plant`] is a simulation to fly in where there is no drone.
+//! cut into checked [`frame`]s, whose checksums need the seeds of the [`dialect`]; a [`signature`] says who sent them, the
+//! [`endpoint`] who is heard, and a [`request`] what is asked for, which is an [`order`] to the [`autopilot`] and gets an
+//! [`acknowledgement`]. It obeys, watches for what can go wrong ([`failsafe`], [`fence`], [`battery`]), moves the [`goal`] and
+//! has the policy of a [`processor`] or the cascade of controllers ([`steering`]) fly there ([`flyer`]). All of that together
+//! is a [`flight_controller`]. The [`plant`] is a simulation to fly in where there is no drone.
 
 #![cfg_attr(not(any(test, feature = "testing")), no_std)]
 
@@ -14,6 +15,7 @@ pub mod axes;
 pub mod battery;
 pub mod checksum;
 pub mod dialect;
+pub mod endpoint;
 pub mod excerpt;
 pub mod failsafe;
 pub mod fence;

@@ -12,6 +12,7 @@ use mavlink::dialects::common::{
 use proptest::prelude::*;
 
 use super::*;
+use crate::frame::Encoder;
 use crate::plant::{FlatFloor, Plant};
 use crate::testing::{command_long, datagram, dishonest_policy, hover_policy, message, pilot, profile, set_point};
 

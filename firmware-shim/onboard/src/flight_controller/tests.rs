@@ -15,6 +15,7 @@ use super::*;
 use crate::autopilot::Mode;
 use crate::failsafe::Event;
 use crate::flyer::Flyer;
+use crate::frame::Encoder;
 use crate::frame::Frames;
 use crate::plant::{FlatFloor, Plant};
 use crate::signature::{Key, Signer, Time, Verifier};
