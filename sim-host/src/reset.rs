@@ -47,7 +47,7 @@ fn start_state<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Stream) 
     };
     let goal = scenario.goals.at(&scenario.aviary.goal, agent, 0.0).cast();
     let position = position(start, &goal, stream);
-    let attitude = attitude(start.tilt_limit, stream);
+    let attitude = attitude(start.heading_limit, start.tilt_limit, stream);
     let velocity = stream.direction() * (start.speed_limit * stream.uniform());
     let body_rates = stream.direction() * (start.body_rates_limit * stream.uniform());
     let mut state = State {
@@ -112,9 +112,9 @@ fn position_on_way(starts: &WayStarts, stream: &mut Stream) -> Vector3<f32> {
     (0..DRAWS).map(draw).find(|point| starts.space.holds(point)).unwrap_or(at_start)
 }
 
-/// Any heading, then a tilt of uniform size about a uniform horizontal axis.
-fn attitude(tilt_limit: f32, stream: &mut Stream) -> Attitude<f32> {
-    let heading = stream.between(-core::f32::consts::PI, core::f32::consts::PI);
+/// A uniform heading, then a tilt of uniform size about a uniform horizontal axis.
+fn attitude(heading_limit: f32, tilt_limit: f32, stream: &mut Stream) -> Attitude<f32> {
+    let heading = stream.between(-heading_limit, heading_limit);
     let azimuth = stream.between(-core::f32::consts::PI, core::f32::consts::PI);
     let tilt = tilt_limit * stream.uniform();
     let about_z = Attitude { w: libm::cosf(0.5 * heading), x: 0.0, y: 0.0, z: libm::sinf(0.5 * heading) };

@@ -229,11 +229,13 @@ pub enum CriticView {
     Privileged,
 }
 
-/// Start states: directions and heading uniform, magnitudes uniform up to their limits.
+/// Start states: directions uniform, headings and magnitudes uniform up to their limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Start {
     /// Where.
     pub position: StartPosition,
+    /// Greatest heading to either side of +x \[rad\]; drones at places of their own have the place's, unless they are tilted.
+    pub heading_limit: f32,
     /// Greatest tilt \[rad\].
     pub tilt_limit: f32,
     /// Greatest speed \[m/s\].

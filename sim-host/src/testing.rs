@@ -33,6 +33,7 @@ pub(crate) fn hover() -> Scenario {
         critic: CriticView::Privileged,
         start: Start {
             position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.5 },
+            heading_limit: core::f32::consts::PI,
             tilt_limit: 1.5,
             speed_limit: 1.0,
             body_rates_limit: 3.0,

@@ -2,6 +2,7 @@
 
 mod evaluation;
 mod eye;
+mod teacher;
 #[cfg(test)]
 mod tests;
 mod training;
@@ -17,6 +18,8 @@ use serde::{Deserialize, Serialize};
 pub use evaluation::{EvaluationConfig, EvaluationSettings};
 pub(crate) use eye::refuse_unsuited_eye;
 pub use eye::{ConvolutionConfig, CustomEyeConfig, EyeConfig, EyeNetworkConfig, NatureConfig};
+pub use teacher::TeacherConfig;
+pub(crate) use teacher::refuse_lost_teacher;
 pub use training::{ScheduleConfig, TrainingConfig};
 
 use crate::ppo::PpoSettings;
@@ -145,6 +148,7 @@ impl ExperimentConfig {
         let training = root.at("training");
         let ppo = self.training.check(&training)?;
         refuse_unsuited_eye(&ppo.eye, scenario.camera.as_ref(), &training)?;
+        refuse_lost_teacher(ppo.teacher, &scenario, &training)?;
         Ok(Experiment {
             name: self.name.clone(),
             ppo,

@@ -50,6 +50,7 @@ pub mod sealed_file;
 pub mod search;
 pub mod statistics;
 pub mod study;
+pub mod teacher;
 pub mod tensorboard;
 pub mod training_run;
 pub mod verify;

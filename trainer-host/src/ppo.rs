@@ -15,7 +15,8 @@
 //! "A2C is a special case of PPO"), and with `gae_lambda` 1 beside, returns take the place of estimates: REINFORCE
 //! with the critic for a baseline (Williams 1992). `configs/parts/a2c.yaml` and `reinforce.yaml` are these.
 //!
-//! With `quantised_from` the actor flies and is differentiated with the weights of its export (`quantisation.rs`).
+//! With `quantised_from` the actor flies and is differentiated with the weights of its export (`quantisation.rs`); with
+//! `teacher` it also pays for its divergence from a teacher, less and less (`teacher.rs`).
 //!
 //! Every sum has an order that the number of threads does not change: a minibatch is cut into a fixed number of shards,
 //! and their gradients are added in order. Several processes share panels and shards, to the same bits ([`crate::ranks`]).
@@ -77,6 +78,8 @@ pub struct Trainer {
     actor_optimiser: Adam,
     critic_optimiser: Adam,
     learning_rate: f32,
+    /// Of the divergence from the teacher, in this update.
+    lesson_weight: f32,
     updates: u64,
     panels: Vec<Panel>,
     shards: Vec<Shard>,
@@ -116,7 +119,7 @@ impl Trainer {
     ///
     /// # Panics
     /// When the settings fail [`PpoSettings::check`], their drones do not fill panels of [`panel_rows`], there are fewer
-    /// panels than tasks, or the tasks differ in what policy or critic see or command.
+    /// panels than tasks, the tasks differ in what policy or critic see or command, or there is no teacher for one of them.
     pub fn new(tasks: &[Scenario], settings: &PpoSettings, seed: Seed) -> Self {
         settings.check().expect("settings are checked where they are read");
         let (scope, rows) = (settings.critic_scope, panel_rows(tasks));
@@ -140,7 +143,8 @@ impl Trainer {
         let panel = |index: usize| {
             let task = index % tasks.len();
             let drones = PanelRows { first: (index * rows) as u32, count: rows };
-            Panel::new((task, &tasks[task]), seed, drones, (size, scope), pass.clone())
+            let panel = Panel::new((task, &tasks[task]), seed, drones, (size, scope), pass.clone());
+            if settings.teacher.is_some() { panel.taught() } else { panel }
         };
         Self {
             settings: settings.clone(),
@@ -148,6 +152,7 @@ impl Trainer {
             actor_optimiser: Adam::new(actor.parameters().len()),
             critic_optimiser: Adam::new(critic.parameters().len()),
             learning_rate: settings.learning_rate.initial(),
+            lesson_weight: 0.0,
             updates: 0,
             panels: (0..settings.environments / rows).map(panel).collect(),
             shards: vec![Shard::new(&actor, &critic); SHARDS],
@@ -227,6 +232,7 @@ impl Trainer {
     fn collect(&mut self) {
         let progress = self.steps() as f64 / self.settings.total_steps.max(1) as f64;
         let is_due = self.settings.quantised_from.is_some_and(|share| progress >= f64::from(share));
+        self.lesson_weight = self.settings.teacher.map_or(0.0, |teacher| teacher.weight_at(progress));
         self.quantised = is_due.then(|| Quantised::new(&self.actor));
         let actor = self.quantised.as_ref().map_or(&self.actor, Quantised::actor);
         self.eyes.arrange(actor, &self.critic);
@@ -236,6 +242,7 @@ impl Trainer {
             reward_scale: self.settings.reward_scale,
             discount: self.settings.discount,
             gae_lambda: self.settings.gae_lambda,
+            is_taught: self.lesson_weight > 0.0,
         };
         let mine = ranks::part(&self.ranks, self.panels.len());
         self.panels[mine].par_iter_mut().for_each(|panel| panel.collect(&collection));
@@ -313,7 +320,7 @@ impl Trainer {
     fn differentiate(&mut self, minibatch: &[Sample]) -> LossSums {
         let mine = ranks::part(&self.ranks, SHARDS);
         let columns = self.columns();
-        let Self { settings, panels, shards, desks, actor, critic, quantised, eyes, .. } = self;
+        let Self { settings, panels, shards, desks, actor, critic, quantised, eyes, lesson_weight, .. } = self;
         let actor = quantised.as_mut().map_or(&*actor, |quantised| {
             quantised.follow(actor);
             quantised.actor()
@@ -321,7 +328,7 @@ impl Trainer {
         eyes.arrange(actor, critic);
         let networks = Networks { actor, critic, eyes };
         desks.provide(&networks, columns);
-        let sample_weight = 1.0 / (minibatch.len() * columns) as f32;
+        let weights = (1.0 / (minibatch.len() * columns) as f32, *lesson_weight);
         let part = |shard: usize| shard * minibatch.len() / SHARDS..(shard + 1) * minibatch.len() / SHARDS;
         shards[mine.clone()].par_iter_mut().zip(mine).for_each(|(shard, index)| {
             let mut desk = desks.mine();
@@ -330,7 +337,7 @@ impl Trainer {
             }
             for sample in &minibatch[part(index)] {
                 let tile = panels[sample.panel].rollout().tile(sample.tile);
-                desk.add(shard, tile, &networks, settings, sample_weight);
+                desk.add(shard, tile, &networks, settings, weights);
             }
         });
         self.share_shards();
@@ -368,6 +375,7 @@ impl Trainer {
     pub fn ended<T>(&mut self, show: impl FnOnce(&Ended<'_>) -> T) -> T {
         self.collect();
         self.normalise_advantages();
+        self.lesson_weight = 0.0;
         let all = self.shuffled(0);
         // Nothing has moved since the rollout: every ratio is one, so that this is the policy gradient itself.
         self.differentiate(&all);

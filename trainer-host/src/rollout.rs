@@ -12,6 +12,7 @@ use kestrel_sim::simulation::{Simulation, SimulationState};
 use crate::actor_critic::{Networks, Pass, Sight};
 use crate::advantage::{Columns, gae};
 use crate::gaussian::Noise;
+use crate::teacher::Teacher;
 use critic_input::CriticInput;
 pub use critic_input::CriticScope;
 
@@ -62,6 +63,8 @@ pub struct Collection<'a> {
     pub discount: f32,
     /// Trace decay of the advantage estimate.
     pub gae_lambda: f32,
+    /// Whether the teacher says what it would do.
+    pub is_taught: bool,
 }
 
 /// Environments of some [`panel_rows`] drones in all, stepped by one thread through a whole rollout; several drones of
@@ -74,6 +77,7 @@ pub struct Panel {
     critic_input: CriticInput,
     /// Of each tile of a step.
     noises: Vec<Noise>,
+    teacher: Option<Teacher>,
     rollout: Rollout,
     pass: Pass,
     /// Noise of one tile `[action length][columns]`.
@@ -138,6 +142,7 @@ impl Panel {
         };
         Self {
             noises: firsts.map(|first| Noise::new(seed, first, action_len)).collect(),
+            teacher: None,
             rollout: Rollout::new(task, size, count, lengths),
             pass,
             normals: vec![0.0; action_len * columns],
@@ -146,6 +151,18 @@ impl Panel {
             critic_input,
             simulation,
         }
+    }
+
+    /// The same panel with the teacher of its task.
+    ///
+    /// # Panics
+    /// When that task has none.
+    #[must_use]
+    pub(crate) fn taught(mut self) -> Self {
+        self.rollout.lessons = vec![0.0; self.rollout.actions.len()];
+        self.teacher =
+            Some(Teacher::of(self.simulation.scenario()).expect("the task is checked to have a teacher"));
+        self
     }
 
     /// Flies the actor through one rollout and estimates its advantages.
@@ -157,6 +174,9 @@ impl Panel {
                 self.pass.look(&collection.networks, self.rollout.sight(tile));
                 self.act(&collection.networks, tile, (part, collection.first_step + step as u64));
                 self.appraise(&collection.networks, tile);
+                if collection.is_taught {
+                    self.ask_teacher(tile, part);
+                }
             }
             self.simulation.step(&self.commands);
             self.record(step, collection.reward_scale);
@@ -164,6 +184,12 @@ impl Panel {
         self.appraise_last(&collection.networks);
         self.appraise_truncated(&collection.networks);
         self.rollout.estimate_advantages(collection.discount, collection.gae_lambda);
+    }
+
+    /// The environments.
+    #[cfg(test)]
+    pub(crate) fn simulation(&self) -> &Simulation {
+        &self.simulation
     }
 
     /// What was collected last.
@@ -213,6 +239,19 @@ impl Panel {
         let commands = self.commands.chunks_exact_mut(rollout.rows);
         for (command, action) in commands.zip(actions.chunks_exact(rollout.columns)) {
             command[part * rollout.columns..][..action.len()].copy_from_slice(action);
+        }
+    }
+
+    /// What the teacher would have done in part of a step.
+    fn ask_teacher(&mut self, tile: usize, part: usize) {
+        let Self { simulation, teacher, rollout, .. } = self;
+        let Some(teacher) = teacher else { return };
+        let (place, columns) = (rollout.actions_of(tile), rollout.columns);
+        for column in 0..columns {
+            let lesson = teacher.act(&simulation.state(part * columns + column));
+            for (row, value) in rollout.lessons[place.clone()].chunks_exact_mut(columns).zip(lesson) {
+                row[column] = value;
+            }
         }
     }
 
@@ -308,6 +347,8 @@ pub struct Rollout {
     images: Vec<u8>,
     /// `[tiles][action length][columns]`, not limited to \[-1, 1\].
     actions: Vec<f32>,
+    /// What the teacher would have done, as the actions; empty where nobody teaches.
+    lessons: Vec<f32>,
     log_probs: Vec<f32>,
     rewards: Vec<f32>,
     values: Vec<f32>,
@@ -327,6 +368,8 @@ pub struct Tile<'a> {
     pub sight: Sight<'a>,
     /// `[action length][columns]`.
     pub actions: &'a [f32],
+    /// What the teacher would have done, as the actions; empty where nobody teaches.
+    pub lessons: &'a [f32],
     /// `[columns]`, of the actions under the policy that chose them.
     pub log_probs: &'a [f32],
     /// `[columns]`.
@@ -347,6 +390,7 @@ impl Rollout {
             observations: vec![0.0; steps * lengths.features * rows],
             images: vec![0; steps * lengths.image * rows],
             actions: vec![0.0; steps * lengths.action * rows],
+            lessons: Vec::new(),
             lengths,
             log_probs: column(),
             rewards: column(),
@@ -391,6 +435,7 @@ impl Rollout {
             task: self.task,
             sight: self.sight(index),
             actions: &self.actions[self.actions_of(index)],
+            lessons: self.lessons.get(self.actions_of(index)).unwrap_or_default(),
             log_probs: &self.log_probs[self.column_of(index)],
             advantages: &self.advantages[self.column_of(index)],
             returns: &self.returns[self.column_of(index)],
@@ -417,9 +462,9 @@ impl Rollout {
     }
 
     /// All numbers that a learner reads of it.
-    pub(crate) fn columns_mut(&mut self) -> [&mut [f32]; 6] {
-        let Self { observations, actions, log_probs, values, advantages, returns, .. } = self;
-        [observations, actions, log_probs, values, advantages, returns].map(Vec::as_mut_slice)
+    pub(crate) fn columns_mut(&mut self) -> [&mut [f32]; 7] {
+        let Self { observations, actions, lessons, log_probs, values, advantages, returns, .. } = self;
+        [observations, actions, lessons, log_probs, values, advantages, returns].map(Vec::as_mut_slice)
     }
 
     /// The images that a learner reads of it.

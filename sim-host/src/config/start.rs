@@ -19,12 +19,16 @@ use crate::world::Floor;
 const FRACTION: Limits = Limits::from(0.0, 0.9, "");
 const SPEED: Limits = Limits::from(0.0, 20.0, "m/s");
 
-/// Start states: directions and heading are random, magnitudes uniform up to their limits.
+/// Start states: directions are random, headings and magnitudes uniform up to their limits.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StartConfig {
     /// Where.
     pub position: StartPositionConfig,
+    /// Greatest heading to either side of +x, for drones that have to look where they fly; 180, any, as a rule. Drones at
+    /// places of their own have the place's, unless they start tilted.
+    #[serde(default = "any_heading")]
+    pub heading_limit_deg: f64,
     /// Greatest tilt.
     #[serde(default)]
     pub tilt_limit_deg: f64,
@@ -34,6 +38,10 @@ pub struct StartConfig {
     /// Greatest angular velocity.
     #[serde(default)]
     pub body_rates_limit_rad_per_s: f64,
+}
+
+const fn any_heading() -> f64 {
+    180.0
 }
 
 /// Where episodes begin.
@@ -83,7 +91,7 @@ pub enum StartPositionConfig {
 pub struct PlaceConfig {
     /// Of the centre of mass: `[x, y, z]`.
     pub position_m: [f64; 3],
-    /// Heading, counter-clockwise from +x; drones that start tilted start with any.
+    /// Heading, counter-clockwise from +x; drones that start tilted have another, within `heading_limit_deg`.
     #[serde(default)]
     pub heading_deg: f64,
     /// Greatest distance of a start from there, in any direction.
@@ -136,10 +144,13 @@ impl StartConfig {
         goals: &[Vector3<f32>],
         field: &Field<'_>,
     ) -> Result<Start, ConfigError> {
-        let tilt = field.at("tilt_limit_deg").number(self.tilt_limit_deg, &Limits::from(0.0, 180.0, "degrees"))?;
+        let half_turn = Limits::from(0.0, 180.0, "degrees");
+        let heading = field.at("heading_limit_deg").real(self.heading_limit_deg, &half_turn)?;
+        let tilt = field.at("tilt_limit_deg").number(self.tilt_limit_deg, &half_turn)?;
         let rates = Limits::from(0.0, 50.0, "rad/s");
         let start = Start {
             position: self.position.check((aviary, airframe), terminations, goals.len(), &field.at("position"))?,
+            heading_limit: heading.to_radians() as f32,
             tilt_limit: tilt.to_radians(),
             speed_limit: field.at("speed_limit_m_per_s").number(self.speed_limit_m_per_s, &SPEED)?,
             body_rates_limit: field

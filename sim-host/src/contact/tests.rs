@@ -252,6 +252,21 @@ fn a_way_leads_around_a_wall_and_not_through_it() {
 }
 
 #[test]
+fn what_is_ahead_lies_on_the_way() {
+    let ways = ways();
+    let start = [0.0, 0.0, 1.0];
+    let way = ways.way_from(start);
+    let ahead = ways.ahead(start, 0.3);
+    assert!(way.contains(&ahead), "{ahead}");
+    let place = way.iter().position(|point| *point == ahead).unwrap();
+    let flown: f32 = way[..=place].windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+    // Up to a step of the lattice farther.
+    assert!((0.3..0.3 + 0.09).contains(&flown), "{flown}");
+    assert_eq!(ways.ahead([1.9, 0.0, 1.0], 0.3), Vector3::new(2.0, 0.0, 1.0));
+    assert!(ways.ahead([f32::NAN; 3], 0.3).iter().all(|metres| metres.is_finite()));
+}
+
+#[test]
 fn a_way_is_free_only_where_there_is_a_passage() {
     let bounds = Cuboid { low: Vector3::new(-2.0, -2.0, 0.0), high: Vector3::new(3.0, 2.0, 2.0) };
     let ways = |gap: f64, radius: f64| {

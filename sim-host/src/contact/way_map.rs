@@ -33,6 +33,9 @@ const BLOCKED: f64 = 40.0;
 /// Rounding of what a metre counts, generously.
 const ROUNDING: f32 = 0.1;
 
+/// Offsets to the 26 neighbours of a node.
+const NEIGHBOURS: [[isize; 3]; 26] = neighbours();
+
 /// Lengths of the shortest ways to a goal, computed when they are first asked for.
 ///
 /// A metre counts more near walls, so that ways keep to the middle, and very much more through them, so that there is
@@ -110,6 +113,11 @@ impl WayMap {
         free.then_some(way)
     }
 
+    /// The point on the shortest way from `point` that is `metres` farther along \[m, world\]; the goal once that is nearer.
+    pub fn ahead(&self, point: [f32; 3], metres: f32) -> Vector3<f32> {
+        self.lengths.get_or_init(|| Lengths::new(&self.site)).ahead(point, metres)
+    }
+
     /// Length of the shortest way from a point \[m\]; outside the bounds that from their nearest point.
     pub fn length(&self, point: [f32; 3]) -> f32 {
         self.lengths.get_or_init(|| Lengths::new(&self.site)).at(point)
@@ -138,24 +146,38 @@ impl Lengths {
         }
     }
 
-    /// From node to nearest neighbour, downhill.
     fn way_from(&self, point: [f32; 3]) -> Vec<Vector3<f32>> {
+        self.downhill(point).collect()
+    }
+
+    fn ahead(&self, point: [f32; 3], metres: f32) -> Vector3<f32> {
+        let mut way = self.downhill(point);
+        let mut end = way.next().unwrap_or_default();
+        let mut flown = 0.0;
+        for next in way {
+            flown += (next - end).norm();
+            end = next;
+            if flown >= metres {
+                break;
+            }
+        }
+        end
+    }
+
+    /// From the node nearest to a point to its nearest neighbour, and so on.
+    fn downhill(&self, point: [f32; 3]) -> impl Iterator<Item = Vector3<f32>> {
         let nearest = |axis: usize| {
             let place = ((point[axis] - self.first[axis]) * self.per_spacing).round();
             place.max(0.0).min(self.last[axis] + 1.0) as usize
         };
-        let mut index = self.grid.index([nearest(0), nearest(1), nearest(2)]);
-        let (steps, mut way) = (steps(), Vec::new());
-        loop {
-            let node = self.grid.node(index);
-            way.push(self.grid.point(node).cast());
-            let neighbours = steps.iter().filter_map(|(offset, _)| self.grid.beside(node, *offset));
+        let first = self.grid.index([nearest(0), nearest(1), nearest(2)]);
+        let after = |index: &usize| {
+            let node = self.grid.node(*index);
+            let neighbours = NEIGHBOURS.iter().filter_map(|offset| self.grid.beside(node, *offset));
             let shortest = neighbours.min_by(|one, other| self.metres[*one].total_cmp(&self.metres[*other]));
-            match shortest.filter(|next| self.metres[*next] < self.metres[index]) {
-                Some(next) => index = next,
-                None => return way,
-            }
-        }
+            shortest.filter(|next| self.metres[*next] < self.metres[*index])
+        };
+        std::iter::successors(Some(first), after).map(|index| self.grid.point(self.grid.node(index)).cast())
     }
 
     /// Linear between the eight nodes around a point.
@@ -215,6 +237,19 @@ impl Grid {
         }
         Some(self.index(found))
     }
+}
+
+const fn neighbours() -> [[isize; 3]; 26] {
+    let (mut offsets, mut number) = ([[0; 3]; 26], 0);
+    while number < 27 {
+        let offset = [number / 9 % 3 - 1, number / 3 % 3 - 1, number % 3 - 1];
+        // The thirteenth is no step at all.
+        if number != 13 {
+            offsets[if number < 13 { number } else { number - 1 } as usize] = offset;
+        }
+        number += 1;
+    }
+    offsets
 }
 
 /// What a metre counts at every node.
@@ -288,12 +323,8 @@ fn shortest(grid: &Grid, costs: &[f64], goal: usize) -> Vec<f32> {
     metres
 }
 
-/// The 26 offsets to neighbours and their lengths.
+/// Offsets to neighbours and their lengths.
 fn steps() -> Vec<([isize; 3], f64)> {
-    let range = || -1_isize..=1;
-    let offsets = range().flat_map(move |x| range().flat_map(move |y| range().map(move |z| [x, y, z])));
-    offsets
-        .filter(|offset| *offset != [0; 3])
-        .map(|offset| (offset, libm::sqrt(offset.iter().map(|part| (part * part) as f64).sum())))
-        .collect()
+    let length = |offset: &[isize; 3]| libm::sqrt(offset.iter().map(|part| (part * part) as f64).sum());
+    NEIGHBOURS.iter().map(|offset| (*offset, length(offset))).collect()
 }

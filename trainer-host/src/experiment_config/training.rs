@@ -9,6 +9,7 @@ use crate::rollout::{CriticScope, PANEL};
 use crate::schedule::Schedule;
 
 use super::eye::EyeConfig;
+use super::teacher::TeacherConfig;
 
 /// Most samples of one rollout: at 60 values each they fill 4 GiB.
 const ROLLOUT_LIMIT: u64 = 1 << 24;
@@ -78,6 +79,9 @@ pub struct TrainingConfig {
     /// (quantisation-aware training), for policies that lose by the rounding: above all those that see, whose eyes have 8 bits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quantised_from: Option<f64>,
+    /// Who says what to do while the policy does not know.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub teacher: Option<TeacherConfig>,
     /// Rewards are multiplied by this before learning, so that returns are of order one.
     pub reward_scale: f64,
 }
@@ -155,6 +159,7 @@ impl Default for TrainingConfig {
             critic_scope: CriticScopeConfig::Own,
             value_scale: ValueScaleConfig::Fixed,
             quantised_from: None,
+            teacher: None,
             reward_scale: 1.0,
         }
     }
@@ -173,6 +178,7 @@ impl TrainingConfig {
         let highest_log_std =
             number("highest_log_std", self.highest_log_std, Limits::from(self.lowest_log_std, 10.0, ""))?;
         let quantised_from = self.quantised_from.map(|share| number("quantised_from", share, UNIT)).transpose()?;
+        let teacher = self.teacher.map(|teacher| teacher.check(&field.at("teacher"))).transpose()?;
         let target_kl = self.target_kl.map(|target| number("target_kl", target, RATE)).transpose()?;
         Ok(PpoSettings {
             environments: self.environments as usize,
@@ -207,6 +213,7 @@ impl TrainingConfig {
                 ValueScaleConfig::Popart => ValueScaling::PopArt,
             },
             quantised_from,
+            teacher,
             reward_scale: number("reward_scale", self.reward_scale, Limits::above(0.0, 1e6, ""))?,
         })
     }

@@ -69,6 +69,7 @@ fn scenario() -> Scenario {
         critic: CriticView::Observation,
         start: Start {
             position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.5 },
+            heading_limit: core::f32::consts::PI,
             tilt_limit: 0.0,
             speed_limit: 0.0,
             body_rates_limit: 0.0,

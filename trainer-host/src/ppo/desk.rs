@@ -52,14 +52,15 @@ impl Desk {
         Self { values: Vec::new(), pass: Pass::new(networks.actor, networks.critic, columns) }
     }
 
-    /// Adds a tile's part of the minibatch's gradient to a shard, without the entropy's, which no sample enters.
+    /// Adds a tile's part of the minibatch's gradient to a shard, without the entropy's, which no sample enters: with the
+    /// weight of one sample, and that of its divergence from the teacher.
     pub(crate) fn add(
         &mut self,
         shard: &mut Shard,
         tile: Tile<'_>,
         networks: &Networks<'_>,
         settings: &PpoSettings,
-        sample_weight: f32,
+        (sample_weight, lesson_weight): (f32, f32),
     ) {
         let Self { values, pass } = self;
         values.clear();
@@ -71,8 +72,8 @@ impl Desk {
         let actor = networks.actor;
         let (means, deltas) = pass.action_deltas();
         let gaussian = actor.gaussian();
-        let surrogate =
-            Surrogate { tile, means, gaussian: &gaussian, clip_range: settings.clip_range, sample_weight };
+        let clip_range = settings.clip_range;
+        let surrogate = Surrogate { tile, means, gaussian: &gaussian, clip_range, lesson_weight, sample_weight };
         let log_std = &mut shard.gradient.actor[actor.log_std_places()];
         surrogate.differentiate(deltas, log_std, &mut shard.sums);
         add_value(pass, shard, tile, networks, settings.value_weight * sample_weight);

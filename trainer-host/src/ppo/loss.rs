@@ -43,6 +43,8 @@ pub(crate) struct Surrogate<'a> {
     pub(crate) means: &'a [f32],
     pub(crate) gaussian: &'a Gaussian,
     pub(crate) clip_range: f32,
+    /// Of the divergence from what the teacher would have done.
+    pub(crate) lesson_weight: f32,
     /// Weight of one sample, the inverse of the minibatch's size.
     pub(crate) sample_weight: f32,
 }
@@ -59,6 +61,20 @@ impl Surrogate<'_> {
             *pull = self.sample_weight * self.pull(log_ratio, self.tile.advantages[index], sums);
         }
         dispatch(ThroughDensity { surrogate: self, pulls, deltas, log_std });
+        self.heed_teacher(deltas);
+    }
+
+    /// Adds the gradient of the divergence between the policy and a Gaussian as wide around what the teacher would have done.
+    fn heed_teacher(&self, deltas: &mut [f32]) {
+        let columns = self.tile.log_probs.len();
+        let rows = self.means.chunks_exact(columns).zip(self.tile.lessons.chunks_exact(columns));
+        for ((delta, (means, lessons)), std) in deltas.chunks_exact_mut(columns).zip(rows).zip(self.gaussian.std())
+        {
+            let weight = self.sample_weight * self.lesson_weight / (std * std);
+            for ((delta, mean), lesson) in delta.iter_mut().zip(means).zip(lessons) {
+                *delta += weight * (mean - lesson);
+            }
+        }
     }
 
     /// The derivative of a sample's loss with respect to the log-density of its action.

@@ -9,6 +9,7 @@ use kestrel_sim::camera::OnboardCamera;
 use crate::network::eye::Eye;
 use crate::rollout::{CriticScope, PANEL, SMALLEST_MINIBATCH};
 use crate::schedule::Schedule;
+use crate::teacher::TeacherSettings;
 
 /// The hyperparameters of PPO, under the names of the field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,6 +59,8 @@ pub struct PpoSettings {
     pub value_scale: ValueScaling,
     /// From this share of the training on, in \[0, 1\], the policy flies and learns with the weights of its export.
     pub quantised_from: Option<f32>,
+    /// Who says what to do while the policy does not know; nobody as a rule.
+    pub teacher: Option<TeacherSettings>,
     /// Fixed factor on rewards before the critic sees them; the logged returns are unscaled.
     pub reward_scale: f32,
 }
@@ -220,6 +223,10 @@ impl PpoSettings {
         within("initial_log_std", self.initial_log_std, range, "lowest_log_std to highest_log_std")?;
         if let Some(share) = self.quantised_from {
             within("quantised_from", share, 0.0..=1.0, "0 to 1")?;
+        }
+        if let Some(teacher) = self.teacher {
+            positive("teacher.weight", teacher.weight)?;
+            within("teacher.until", teacher.until, f32::MIN_POSITIVE..=1.0, "above 0 to 1")?;
         }
         self.target_kl.map_or(Ok(()), |target| positive("target_kl", target))
     }

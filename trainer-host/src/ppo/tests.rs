@@ -1,6 +1,7 @@
 mod distributed;
 mod seeing;
 mod special_cases;
+mod teaching;
 mod teams;
 
 use super::*;
@@ -49,6 +50,7 @@ fn scenario(critic: CriticView) -> Scenario {
         critic,
         start: Start {
             position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.3 },
+            heading_limit: core::f32::consts::PI,
             tilt_limit: 0.3,
             speed_limit: 0.3,
             body_rates_limit: 1.0,
@@ -89,6 +91,7 @@ fn settings() -> PpoSettings {
         critic_scope: CriticScope::Own,
         value_scale: ValueScaling::Fixed,
         quantised_from: None,
+        teacher: None,
         reward_scale: 0.5,
     }
 }
@@ -351,6 +354,7 @@ impl Samples {
             task: 0,
             sight: Sight::blind(&self.observations),
             actions: &self.actions,
+            lessons: &[],
             log_probs: &self.log_probs,
             advantages: &self.advantages,
             returns: &self.returns,
@@ -377,7 +381,7 @@ fn check_gradient(action_len: usize) {
     let mut shard = Shard::new(&actor, &critic);
     let networks = Networks { actor: &actor, critic: &critic, eyes: &Eyes::default() };
     let mut desk = desk::Desk::new(&networks, PANEL);
-    desk.add(&mut shard, samples.tile(), &networks, &settings, 1.0 / PANEL as f32);
+    desk.add(&mut shard, samples.tile(), &networks, &settings, (1.0 / PANEL as f32, 0.0));
     assert!(shard.sums.clipped > 0.3 * PANEL as f64 && shard.sums.clipped < 0.7 * PANEL as f64);
     let log_std = actor.mlp().parameter_count();
     shard.gradient.actor[log_std..].iter_mut().for_each(|gradient| *gradient -= settings.entropy_weight);
@@ -410,7 +414,7 @@ fn the_logged_losses_are_those_of_the_reference() {
     let mut shard = Shard::new(&actor, &critic);
     let networks = Networks { actor: &actor, critic: &critic, eyes: &Eyes::default() };
     let mut desk = desk::Desk::new(&networks, PANEL);
-    desk.add(&mut shard, samples.tile(), &networks, &settings, 1.0 / PANEL as f32);
+    desk.add(&mut shard, samples.tile(), &networks, &settings, (1.0 / PANEL as f32, 0.0));
     let parameters: Vec<f64> =
         actor.parameters().iter().chain(critic.parameters()).copied().map(f64::from).collect();
     let (actor, critic) = (actor.mlp().clone(), critic.mlp().clone());

@@ -23,7 +23,8 @@ use super::procedure::Method;
 use claim::Claim;
 
 use crate::experiment_config::{
-    Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_panels, refuse_unsuited_eye,
+    Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_panels, refuse_lost_teacher,
+    refuse_unsuited_eye,
 };
 use crate::ppo::PpoSettings;
 
@@ -200,8 +201,7 @@ impl StudyConfig {
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
         let training = self.training.check(&root.at("training"))?;
         refuse_other_teams(&tasks, &training, &root.at("training"))?;
-        let camera = tasks[0].scenario.camera.as_ref();
-        refuse_unsuited_eye(&training.eye, camera, &root.at("training"))?;
+        refuse_unsuited(&tasks, &training, &root.at("training"))?;
         let methods = self.check_methods(&root.at("methods"), &tasks)?;
         let count = root.at("seeds").at("count").whole(self.seeds.count, 1..=10_000)?;
         let jobs = count * (methods.len() * orders.len()) as u64;
@@ -257,7 +257,7 @@ impl StudyConfig {
             let checked = method.check(&field, tasks.len())?;
             if let Some(training) = &checked.training {
                 refuse_other_teams(tasks, training, &field.at("training"))?;
-                refuse_unsuited_eye(&training.eye, tasks[0].scenario.camera.as_ref(), &field.at("training"))?;
+                refuse_unsuited(tasks, training, &field.at("training"))?;
             }
             if tasks[0].scenario.camera.is_some() && checked.procedure.keeps_states() {
                 let expected = "`sequential` without a consolidator, `joint`, `sharing` or `experts`: what the others \
@@ -315,6 +315,14 @@ fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>)
         return Err(field.at("critic").reject("another critic", expected("critic")));
     }
     Ok(())
+}
+
+/// Refuses a training with an eye or a teacher that some task does not suit.
+fn refuse_unsuited(tasks: &[Experiment], training: &PpoSettings, field: &Field<'_>) -> Result<(), ConfigError> {
+    tasks.iter().try_for_each(|task| {
+        refuse_unsuited_eye(&training.eye, task.scenario.camera.as_ref(), field)?;
+        refuse_lost_teacher(training.teacher, &task.scenario, field)
+    })
 }
 
 /// Refuses tasks whose teams this training cannot have side by side.

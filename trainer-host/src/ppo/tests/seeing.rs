@@ -51,7 +51,7 @@ fn differentiated(tile: Tile<'_>, (actor, critic): (&Actor, &Critic), settings: 
     let networks = Networks { actor, critic, eyes: &eyes };
     let mut shard = Shard::new(actor, critic);
     let columns = tile.returns.len();
-    desk::Desk::new(&networks, columns).add(&mut shard, tile, &networks, settings, 1.0 / columns as f32);
+    desk::Desk::new(&networks, columns).add(&mut shard, tile, &networks, settings, (1.0 / columns as f32, 0.0));
     shard
 }
 

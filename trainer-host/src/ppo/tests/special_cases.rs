@@ -51,8 +51,9 @@ fn the_gradient_of_an_update_is_the_policy_gradient() {
     }
 }
 
-/// Mean over all samples of −A ∇log π, then of the value term `value_weight` ∇(V − return)², in `f64`.
-fn policy_gradient(trainer: &Trainer) -> Vec<f64> {
+/// Mean over all samples of −A ∇log π and the divergence from the teacher, then of the value term `value_weight`
+/// ∇(V − return)², in `f64`.
+pub(super) fn policy_gradient(trainer: &Trainer) -> Vec<f64> {
     let (mut actor, mut critic) = (Network::of(&trainer.actor), Network::of_critic(&trainer.critic));
     let mut log_std = vec![0.0; trainer.actor.action_len()];
     let std: Vec<f64> = trainer.actor.log_std().iter().map(|log_std| libm::exp(f64::from(*log_std))).collect();
@@ -65,7 +66,12 @@ fn policy_gradient(trainer: &Trainer) -> Vec<f64> {
                 let deviations: Vec<f64> =
                     (0..std.len()).map(|row| (actions[row] - means[row]) / std[row]).collect();
                 // ∂ log π / ∂ mean = deviation / σ, ∂ log π / ∂ log σ = deviation² − 1.
-                actor.backward((0..std.len()).map(|row| -advantage * deviations[row] / std[row]).collect());
+                let lessons = column(tile.lessons, index);
+                let apart = |row: usize| lessons.get(row).map_or(0.0, |lesson| (means[row] - lesson) / std[row]);
+                let pull = |row: usize| {
+                    (f64::from(trainer.lesson_weight) * apart(row) - advantage * deviations[row]) / std[row]
+                };
+                actor.backward((0..std.len()).map(pull).collect());
                 for (sum, deviation) in log_std.iter_mut().zip(&deviations) {
                     *sum -= advantage * (deviation * deviation - 1.0);
                 }

@@ -24,6 +24,7 @@ fn collection(trainer: &Trainer) -> Collection<'_> {
         reward_scale: 1.0,
         discount: 0.98,
         gae_lambda: 0.95,
+        is_taught: false,
     }
 }
 
