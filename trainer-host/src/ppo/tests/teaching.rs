@@ -30,21 +30,28 @@ fn after(updates: u32, settings: &PpoSettings) -> Trainer {
     trainer
 }
 
-/// Mean squared difference between what the policy means to do and what a teacher would, in the states of its last rollout.
-fn distance(trainer: &Trainer) -> f32 {
-    let tile = trainer.panels[0].rollout().tile(3);
-    let mut pass = Pass::new(&trainer.actor, &trainer.critic, PANEL);
-    let networks = Networks { actor: &trainer.actor, critic: &trainer.critic, eyes: &trainer.eyes };
-    let means = pass.act(&networks, tile.sight);
+/// Mean squared difference between what a policy means to do and what the teacher would, in states of a rollout.
+fn distance(actor: &Actor, rollout: &Rollout) -> f32 {
+    let tile = rollout.tile(3);
+    let values = &tile.sight.values[..actor.mlp().inputs() * PANEL];
+    let mut means = vec![0.0; tile.actions.len()];
+    actor.act_mean(Sight::blind(values), &mut means);
     let squares = means.iter().zip(tile.lessons).map(|(mean, lesson)| (mean - lesson) * (mean - lesson));
     squares.sum::<f32>() / means.len() as f32
 }
 
+/// All that a run goes on with, in bits: states may hold what is not a number.
+fn bits(trainer: &Trainer) -> Vec<u8> {
+    postcard::to_allocvec(&trainer.save()).expect("a state serialises")
+}
+
 #[test]
 fn a_policy_becomes_like_its_teacher() {
-    let (first, last) = (after(1, &taught(10.0, 1.0)), after(7, &taught(10.0, 1.0)));
-    let distances = [distance(&first), distance(&last)];
-    assert!(distances[1] < 0.5 * distances[0], "{distances:?}");
+    let fast = PpoSettings { learning_rate: Schedule::Constant(1e-2), epochs: 8, ..taught(10.0, 1.0) };
+    let (first, last) = (after(0, &fast), after(7, &fast));
+    let rollout = last.panels[0].rollout();
+    let distances = [&first, &last].map(|trainer| distance(trainer.actor(), rollout));
+    assert!(distances[1] < 0.3 * distances[0], "{distances:?}");
 }
 
 #[test]
@@ -71,20 +78,20 @@ fn behind_its_share_of_the_training_nobody_teaches() {
     for trainer in [&mut trainer, &mut alone] {
         trainer.update();
     }
-    assert_eq!(trainer.save(), alone.save());
-    assert_ne!(after(4, &taught(10.0, 0.5)).save(), after(4, &taught(5.0, 0.5)).save());
+    assert_eq!(bits(&trainer), bits(&alone));
+    assert_ne!(bits(&after(4, &taught(5.0, 0.5))), bits(&after(4, &taught(10.0, 0.5))));
 }
 
 #[test]
 fn a_taught_run_goes_on_to_the_same_bits_on_any_number_of_threads() {
     let settings = taught(10.0, 0.7);
-    let expected = after(4, &settings).save();
+    let expected = bits(&after(4, &settings));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("a pool");
     let found = pool.install(|| {
         let half = after(2, &settings).save();
         let mut resumed = Trainer::restore(&[mapped()], &settings, half).expect("the same run");
         (0..2).for_each(|_| drop(resumed.update()));
-        resumed.save()
+        bits(&resumed)
     });
     assert_eq!(found, expected);
 }
