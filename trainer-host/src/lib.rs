@@ -1,9 +1,9 @@
 //! Kestrel's trainer: from an experiment file to a flown policy.
 //!
 //! Read in the order of the data: an [`experiment_config`] becomes a [`training_run`] in a [`run_directory`]: a
-//! [`rollout`] of the [`actor_critic`], its [`advantage`]s, the update of [`ppo`]; then an [`evaluation`], the
-//! [`export`] and the pictures of the [`results`]. A [`study`] is many trainings and a [`search`] many studies. [`fly`] puts an exported policy behind MAVLink, and [`mod@bench`]
-//! measures every stage.
+//! [`rollout`] of the [`actor_critic`], which a [`teacher`] may comment, its [`advantage`]s, the update of [`ppo`]; then an
+//! [`evaluation`], the [`export`] and the pictures of the [`results`]. A [`study`] is many trainings and a [`search`] many
+//! studies. [`fly`] puts an exported policy behind MAVLink, and [`mod@bench`] measures every stage.
 
 pub mod actor_critic;
 pub mod adam;

@@ -68,3 +68,52 @@ impl Teacher {
         position + leg * (PULL_M / leg.norm().max(LOOKAHEAD_M / 2.0))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use kestrel_sim::seed::Seed;
+    use kestrel_sim::simulation::Simulation;
+
+    use super::*;
+    use crate::experiment_config::load;
+    use crate::golden::in_repository;
+
+    const FLIGHTS: usize = 64;
+
+    /// Of the first flights through `room` from the far end, those that succeed.
+    fn arrivals(room: &str) -> usize {
+        let experiment = load(&in_repository(&format!("configs/aviaries/{room}.yaml")), &[]).unwrap();
+        let scenario = &experiment.evaluation.scenario;
+        let mut simulation = Simulation::<64>::new(scenario, Seed(5), 0, FLIGHTS);
+        let mut teacher = Teacher::of(scenario).expect("its reward has a map");
+        let mut successes = [None; FLIGHTS];
+        while successes.contains(&None) {
+            let mut actions = vec![0.0; scenario.action.len() * FLIGHTS];
+            for row in 0..FLIGHTS {
+                let action = teacher.act(&simulation.state(row));
+                for (column, value) in actions.chunks_exact_mut(FLIGHTS).zip(action) {
+                    column[row] = value;
+                }
+            }
+            simulation.step(&actions);
+            for flight in simulation.take_episodes() {
+                successes[flight.environment as usize].get_or_insert(flight.success);
+            }
+        }
+        successes.iter().filter(|success| **success == Some(true)).count()
+    }
+
+    #[test]
+    fn it_arrives_in_furnished_rooms_and_past_pillars() {
+        for room in ["room-0", "room-1", "room-2", "harder-cross-16"] {
+            let arrivals = arrivals(room);
+            assert!(arrivals > FLIGHTS * 9 / 10, "{room}: {arrivals} of {FLIGHTS}");
+        }
+    }
+
+    #[test]
+    fn its_weight_falls_in_a_straight_line() {
+        let teacher = TeacherSettings { weight: 3.0, until: 0.5 };
+        assert_eq!([0.0, 0.25, 0.5, 1.0].map(|progress| teacher.weight_at(progress)), [3.0, 1.5, 0.0, 0.0]);
+    }
+}

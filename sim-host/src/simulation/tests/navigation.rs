@@ -60,6 +60,27 @@ fn starts_along_the_way_are_on_both_sides_and_in_the_passage() {
 }
 
 #[test]
+fn headings_stay_within_their_limit_and_fill_it() {
+    let headings = |limit_deg: f32| -> Vec<f32> {
+        let mut scenario = behind_a_wall(ANYWHERE);
+        scenario.start = Start { heading_limit: limit_deg.to_radians(), tilt_limit: 0.1, ..scenario.start };
+        let simulation = Simulation::<64>::new(&scenario, Seed(4), 0, 512);
+        let heading = |row: usize| {
+            let forward = simulation.state(row).world_from_body.rotate(Vector3::x());
+            libm::atan2f(forward.y, forward.x).to_degrees()
+        };
+        (0..512).map(heading).collect()
+    };
+    let farthest =
+        |headings: &[f32]| headings.iter().fold([0.0_f32; 2], |[low, high], h| [low.min(*h), high.max(*h)]);
+    // A tilt of 0.1 rad moves the projected axis by less than half a degree.
+    let [low, high] = farthest(&headings(30.0));
+    assert!((-30.5..-28.0).contains(&low) && (28.0..30.5).contains(&high), "{low} to {high}");
+    let [low, high] = farthest(&headings(180.0));
+    assert!(low < -175.0 && high > 175.0, "{low} to {high}");
+}
+
+#[test]
 fn starts_without_room_are_refused() {
     let refused = |position: &str, terminations: &str| {
         let text = format!(
