@@ -15,6 +15,7 @@ use super::summary::Summary;
 use super::threshold::Learning;
 use crate::drawing::{Anchor, Drawing, Text};
 use crate::study::data::StudyData;
+use curves::Quantity;
 use style::{INK, MUTED};
 
 /// One picture, with the name of its file.
@@ -37,7 +38,8 @@ pub(super) fn figures(data: &StudyData, summary: &Summary, learnings: &[Learning
         ("matrix.svg", heat_map::draw(data, summary)),
         ("profile.svg", profile::draw(data, summary)),
         ("so-far.svg", so_far::draw(data, summary)),
-        ("curves.svg", curves::draw(data)),
+        ("curves.svg", curves::draw(data, Quantity::Success)),
+        ("returns.svg", data.manifest.published.as_ref().and_then(|_| curves::draw(data, Quantity::Return))),
         ("memory.svg", memory::draw(data, summary)),
         ("threshold.svg", learning::draw(data, summary, learnings)),
     ];

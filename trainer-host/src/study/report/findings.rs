@@ -1,15 +1,15 @@
 //! What was found, section by section.
 
+mod steps;
+
 use super::NONE_YET;
 use super::comparison::{Comparison, comparisons};
 use super::notation::{
-    NONE, bytes, hundredths_estimate, number_estimate, p_value, percent, percent_estimate, ratio_estimate,
-    steps_estimate,
+    bytes, hundredths_estimate, number_estimate, p_value, percent, percent_estimate, ratio_estimate,
 };
 use super::summary::{MethodSummary, Summary};
 use super::table::Table;
-use super::threshold::{Learning, LearningSummary};
-use crate::progress::amount;
+use super::threshold::Learning;
 use crate::study::data::{Method, MethodKind, PublishedValue, StudyData};
 
 /// The method that changes nothing, when a study has it: a second reference beside the first method.
@@ -288,74 +288,6 @@ impl Findings<'_> {
         }
     }
 
-    pub(super) fn thresholds(&self) -> String {
-        let threshold = percent(self.data.manifest.success_threshold);
-        let heading = format!("## Steps until {threshold} success");
-        let Some(first) = self.learnings.first() else {
-            return format!("{heading}\n\nNo run has left a curve.\n");
-        };
-        format!(
-            "{heading}\n\n{}Training steps of a stage until its test flights first reach {threshold}. A stage that never does \
-             is censored at its end; it is not left out. The restricted mean counts it with the whole budget of {} steps. p is \
-             that of a log-rank test against **{}**, task by task.\n\n{}\nMean steps within the budget, task by task (share \
-             that got there):\n\n{}{}",
-            self.picture("threshold.svg", "Steps until the threshold"),
-            amount(self.data.manifest.steps_per_stage as f64),
-            self.label(first.method),
-            self.threshold_table(),
-            self.threshold_table_by_task(),
-            self.multiples()
-        )
-    }
-
-    /// Who is how much slower than the first method; nothing when there is only one.
-    fn multiples(&self) -> String {
-        let Some((first, others)) = self.learnings.split_first().filter(|(_, others)| !others.is_empty()) else {
-            return String::new();
-        };
-        let tasks = self.data.manifest.tasks.iter().map(|task| task.name.as_str());
-        let mut table = Table::new(std::iter::once("method").chain(tasks));
-        for learning in others {
-            let cells = learning.multiples.iter().map(|multiple| ratio_estimate(*multiple));
-            table.row(std::iter::once(self.label(learning.method).to_owned()).chain(cells));
-        }
-        format!(
-            "\nThe same means as multiples of those of **{}** (above 1: it is the faster):\n\n{}",
-            self.label(first.method),
-            table.text()
-        )
-    }
-
-    fn threshold_table(&self) -> String {
-        let mut table = Table::new(["method", "stages", "reached", "median", "restricted mean", "p", "p, Holm"]);
-        for learning in self.learnings {
-            let LearningSummary { stages, reached, median, restricted_mean } = &learning.overall;
-            table.row([
-                self.label(learning.method).to_owned(),
-                stages.to_string(),
-                percent_estimate(*reached),
-                median.map_or("not reached by half".to_owned(), amount),
-                steps_estimate(*restricted_mean),
-                p_value(learning.test.map(|test| test.p)),
-                p_value(learning.corrected),
-            ]);
-        }
-        table.text()
-    }
-
-    fn threshold_table_by_task(&self) -> String {
-        let tasks = self.data.manifest.tasks.iter().map(|task| task.name.as_str());
-        let mut table = Table::new(std::iter::once("method").chain(tasks));
-        for learning in self.learnings {
-            let cells = learning.by_task.iter().map(|task| match task.reached {
-                None => NONE.to_owned(),
-                Some(reached) => format!("{} ({})", steps_estimate(task.restricted_mean), percent(reached.value)),
-            });
-            table.row(std::iter::once(self.label(learning.method).to_owned()).chain(cells));
-        }
-        table.text()
-    }
-
     /// Somebody else's table beside what this study has of the same shape.
     pub(super) fn published(&self) -> String {
         let Some(published) = &self.data.manifest.published else { return String::new() };
@@ -378,10 +310,11 @@ impl Findings<'_> {
         }
         let notes: String = published.notes.iter().map(|note| ["* ", note, "\n"].concat()).collect();
         format!(
-            "## Beside the published table\n\n{}\n\n{}\nThis study's returns after the last task, with 95 % intervals:\n\n{}\n{notes}",
+            "## Beside the published table\n\n{}\n\n{}\nThis study's returns after the last task, with 95 % intervals:\n\n{}\n{}{notes}",
             published.title,
             table.text(),
-            ours.text()
+            ours.text(),
+            self.picture("returns.svg", "Learning curves in returns")
         )
     }
 }

@@ -33,7 +33,7 @@ matrices and definitions, is `report.md` in its directory.
 ";
 
 /// Pictures that a page has room for; the others are in the full reports.
-const SHOWN: [&str; 4] = ["final.svg", "so-far.svg", "curves.svg", "threshold.svg"];
+const SHOWN: [&str; 5] = ["final.svg", "so-far.svg", "curves.svg", "returns.svg", "threshold.svg"];
 
 /// Several studies on one page.
 #[derive(Debug)]

@@ -83,13 +83,24 @@ impl<'a> Score<'a> {
     }
 }
 
-/// Success after `steps` of a stage, between the points where it was tried; flat before the first and after the last.
+/// Share of the test flights of a point that succeeded.
+pub(super) fn success(point: &CurveRow) -> f64 {
+    f64::from(point.success_rate)
+}
+
+/// Mean return of the test flights of a point.
+pub(super) fn episode_return(point: &CurveRow) -> f64 {
+    f64::from(point.episode_return)
+}
+
+/// A quantity after `steps` of a stage, between the points where flights tried it; flat before the first and after the
+/// last.
 ///
 /// # Panics
 /// When there is no point.
-pub(super) fn success_at(points: &[&CurveRow], steps: f64) -> f64 {
+pub(super) fn after(points: &[&CurveRow], steps: f64, quantity: fn(&CurveRow) -> f64) -> f64 {
     let next = points.partition_point(|point| (point.steps as f64) < steps);
-    let at = |index: usize| (points[index].steps as f64, f64::from(points[index].success_rate));
+    let at = |index: usize| (points[index].steps as f64, quantity(points[index]));
     match next {
         0 => at(0).1,
         past if past == points.len() => at(past - 1).1,
@@ -108,7 +119,7 @@ pub(super) fn area_under_curve(run: &Run, stage: usize, budget: u64) -> Option<f
     corners.extend(points.iter().map(|point| point.steps as f64));
     corners.push(end);
     let trapezoid = |sides: &[f64]| {
-        (sides[1] - sides[0]) * 0.5 * (success_at(&points, sides[0]) + success_at(&points, sides[1]))
+        (sides[1] - sides[0]) * 0.5 * (after(&points, sides[0], success) + after(&points, sides[1], success))
     };
     (end > 0.0).then(|| corners.windows(2).map(trapezoid).sum::<f64>() / end)
 }

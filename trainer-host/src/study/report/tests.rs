@@ -149,6 +149,41 @@ fn steps_to_the_threshold_count_censored_stages() {
 }
 
 #[test]
+fn in_one_order_the_steps_are_summed() {
+    let mut manifest = synthetic::manifest(4);
+    manifest.orders = vec![vec![2, 0, 1]];
+    let (_directory, text) = report_of(&manifest, |_| ());
+    let after = |words: &str, method: &str| -> Vec<String> {
+        let section = text.split(words).nth(1).unwrap_or_else(|| panic!("no {words}"));
+        let line = section.lines().find(|line| line.starts_with(&format!("| {method}"))).unwrap();
+        line.trim_matches('|').split('|').skip(1).map(|cell| value(cell.trim()).to_owned()).collect()
+    };
+    // 900 k steps for task 2, which comes first, then 500 k for each.
+    let summed = "The means of **fine-tuning** summed over the tasks until then:";
+    assert_eq!(after(summed, "fine-tuning"), ["1.40 M", "1.90 M", "900.0 k"]);
+    // Experts take 900 k for each.
+    assert_eq!(after("Who learns the task alone", "one expert per room"), ["0.64", "0.47", "1.00"]);
+
+    let (_directory, text) = report_of(&synthetic::manifest(4), |_| ());
+    assert!(!text.contains("summed over"));
+}
+
+#[test]
+fn returns_are_drawn_beside_a_published_table() {
+    let mut manifest = synthetic::manifest(3);
+    let (directory, text) = report_of(&manifest, |_| ());
+    assert!(text.contains("](report/returns.svg)"));
+    let svg = fs::read_to_string(directory.path().join("report/returns.svg")).unwrap();
+    // Curves end at 20 + 100 · success, between 20 and 118; doing nothing has 87.9.
+    assert!(
+        svg.contains("Learning curves in returns") && svg.contains("doing nothing") && svg.contains(">100</text>")
+    );
+    manifest.published = None;
+    let (directory, _text) = report_of(&manifest, |_| ());
+    assert!(!directory.path().join("report/returns.svg").exists());
+}
+
+#[test]
 fn what_is_kept_is_told_by_the_number_of_tasks() {
     let (_directory, text) = report_of(&synthetic::manifest(4), |_| ());
     let section = text.split("Success in the tasks learned so far:\n").nth(1).unwrap();
@@ -297,7 +332,8 @@ fn claims_are_decided_by_the_numbers_of_the_study() {
     let page = page(&[data], Some("docs/results"));
     let text = page.text();
     let names: Vec<&str> = page.pictures.iter().map(|(name, _)| name.as_str()).collect();
-    assert_eq!(names, ["rooms-final.svg", "rooms-so-far.svg", "rooms-curves.svg", "rooms-threshold.svg"]);
+    let shown = ["final", "so-far", "curves", "returns", "threshold"];
+    assert_eq!(names, shown.map(|file| format!("rooms-{file}.svg")));
     assert!(names.iter().all(|name| text.contains(&format!("](docs/results/{name})"))), "{text}");
 }
 

@@ -34,6 +34,15 @@ pub(super) struct LearningSummary {
     pub(super) restricted_mean: Option<Estimate>,
 }
 
+/// What a sequence pays for a task together with all that it learned before.
+pub(super) struct Totals {
+    pub(super) method: usize,
+    /// By task: mean steps within the budgets, summed over the stages until it.
+    pub(super) steps: Vec<Option<Estimate>>,
+    /// Methods that learn each task alone, with their means as multiples of those sums, by task.
+    pub(super) alone: Vec<(usize, Vec<Option<Estimate>>)>,
+}
+
 /// The methods that learn task by task and have curves, in the order of the manifest.
 pub(super) fn learnings(data: &StudyData, summary: &Summary) -> Vec<Learning> {
     let by_task = |method: &usize| data.manifest.methods[*method].kind != MethodKind::Joint;
@@ -44,7 +53,7 @@ pub(super) fn learnings(data: &StudyData, summary: &Summary) -> Vec<Learning> {
     for other in others.iter_mut() {
         other.test = log_rank(other.tasks.iter().zip(&first.tasks));
         let pairs = other.tasks.iter().zip(&first.tasks);
-        other.multiples = pairs.map(|(mine, theirs)| multiple(summary, mine, theirs, budget)).collect();
+        other.multiples = pairs.map(|(mine, theirs)| multiple(summary, &[mine], &[theirs], budget)).collect();
     }
     let mut tested: Vec<&mut Learning> = others.iter_mut().filter(|other| other.test.is_some()).collect();
     let p_values: Vec<f64> = tested.iter().filter_map(|other| Some(other.test?.p)).collect();
@@ -52,6 +61,30 @@ pub(super) fn learnings(data: &StudyData, summary: &Summary) -> Vec<Learning> {
         other.corrected = Some(corrected);
     }
     learnings
+}
+
+/// Of the first sequence that has curves; none where orders differ, for then the tasks before a task do.
+pub(super) fn totals(data: &StudyData, summary: &Summary, learnings: &[Learning]) -> Option<Totals> {
+    let [order] = &data.manifest.orders[..] else { return None };
+    let kind = |learning: &Learning| data.manifest.methods[learning.method].kind;
+    let sequence = learnings.iter().find(|learning| kind(learning) == MethodKind::Sequential)?;
+    let budget = data.manifest.steps_per_stage as f64;
+    let tasks = 0..data.manifest.tasks.len();
+    let until = |task: usize| -> Vec<&Durations> {
+        let place = order.iter().position(|trained| *trained == task);
+        order.iter().take(place.map_or(0, |place| place + 1)).map(|task| &sequence.tasks[*task]).collect()
+    };
+    let steps = tasks.clone().map(|task| {
+        let stages = until(task);
+        let units = stages.iter().map(|stage| stage.units()).min()?;
+        summary.few.estimate(units, |counts| sum(&stages, counts, budget))
+    });
+    let multiples = |learning: &Learning| {
+        let of_task = |task: usize| multiple(summary, &[&learning.tasks[task]], &until(task), budget);
+        (learning.method, tasks.clone().map(of_task).collect())
+    };
+    let experts = learnings.iter().filter(|learning| kind(learning) == MethodKind::Experts);
+    Some(Totals { method: sequence.method, steps: steps.collect(), alone: experts.map(multiples).collect() })
 }
 
 fn learning(data: &StudyData, summary: &Summary, method: usize) -> Option<Learning> {
@@ -82,13 +115,18 @@ fn learning_summary(summary: &Summary, tasks: &[&Durations], budget: f64) -> Lea
     }
 }
 
-/// How many times the steps of another method are needed, both counted within the budget.
-fn multiple(summary: &Summary, mine: &Durations, theirs: &Durations, budget: f64) -> Option<Estimate> {
-    let ratio = |counts: &[u16]| {
-        let reference = theirs.curve(counts)?.restricted_mean(budget);
-        (reference > 0.0).then_some(mine.curve(counts)?.restricted_mean(budget) / reference)
-    };
-    summary.few.estimate(mine.units().min(theirs.units()), ratio)
+/// How many times the steps of other stages are needed, all counted within the budget.
+fn multiple(summary: &Summary, mine: &[&Durations], theirs: &[&Durations], budget: f64) -> Option<Estimate> {
+    let units = mine.iter().chain(theirs).map(|stage| stage.units()).min()?;
+    summary.few.estimate(units, |counts| {
+        let reference = sum(theirs, counts, budget)?;
+        (reference > 0.0).then_some(sum(mine, counts, budget)? / reference)
+    })
+}
+
+/// Mean steps within the budget of each of the stages, summed.
+fn sum(stages: &[&Durations], counts: &[u16], budget: f64) -> Option<f64> {
+    stages.iter().map(|stage| Some(stage.curve(counts)?.restricted_mean(budget))).sum()
 }
 
 fn durations(data: &StudyData, method: usize, task: usize) -> Durations {

@@ -41,9 +41,16 @@ impl Axis {
 
     /// Steps of training, with about `count` numbers.
     pub(super) fn steps(limit: f64, count: f64) -> Self {
-        let step = round_step(limit / count);
-        let ticks = (0..).map(|index| f64::from(index) * step).take_while(|value| *value <= limit * 1.0001);
-        Self { low: 0.0, high: limit, ticks: ticks.map(|value| (value, with_unit(value))).collect() }
+        Self::numbers([0.0, limit], count)
+    }
+
+    /// A range that is not empty, with about `count` round numbers.
+    pub(super) fn numbers([low, high]: [f64; 2], count: f64) -> Self {
+        let step = round_step((high - low) / count);
+        let most = high + 1e-4 * (high - low);
+        let values = (0..).map(|index| ((low / step).ceil() + f64::from(index)) * step);
+        let ticks = values.take_while(|value| *value <= most).map(|value| (value, with_unit(value)));
+        Self { low, high, ticks: ticks.collect() }
     }
 
     /// Without numbers, with its lines.
