@@ -2,7 +2,7 @@
 
 use std::process;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::output::warn;
 
@@ -12,7 +12,7 @@ const INTERRUPTED: i32 = 130;
 /// Whether the user has asked the program to stop; clones share the answer.
 #[derive(Clone, Debug, Default)]
 pub struct Interrupt {
-    requests: Arc<AtomicU32>,
+    requested: Arc<AtomicBool>,
 }
 
 /// Why interrupts cannot be watched.
@@ -45,19 +45,20 @@ impl Interrupt {
 
     /// Whether to stop after the current update.
     pub fn requested(&self) -> bool {
-        self.requests.load(Ordering::Relaxed) > 0
+        self.requested.load(Ordering::Relaxed)
     }
 
-    /// Asks to stop, as a first Ctrl-C does; returns how often that was asked before.
-    pub fn request(&self) -> u32 {
-        self.requests.fetch_add(1, Ordering::Relaxed)
+    /// Asks to stop, as a first Ctrl-C does.
+    pub fn request(&self) {
+        self.requested.store(true, Ordering::Relaxed);
     }
 
     fn react(&self, farewell: &str) {
-        if self.request() > 0 {
+        if self.requested() {
             process::exit(INTERRUPTED);
         }
-        warn(format_args!("\n{farewell}"));
+        warn(format_args!("\n{farewell}")); // before the loop may know: it would end with nothing said
+        self.request();
     }
 }
 
@@ -77,9 +78,8 @@ mod tests {
         let interrupt = Interrupt::default();
         let seen = interrupt.clone();
         assert!(!seen.requested());
-        assert_eq!(interrupt.request(), 0);
+        interrupt.request();
         assert!(seen.requested());
-        assert_eq!(interrupt.request(), 1);
     }
 
     /// Plays the training loop when the tests below start this binary again; passes at once otherwise.
