@@ -146,6 +146,10 @@ fn steps_to_the_threshold_count_censored_stages() {
     // Of the experts one seed in four gets there, with the last step.
     let experts = row(&text, "Steps until 99.0 % success", "one expert per room");
     assert_eq!(value(&experts[2]), "25.0 %");
+    manifest.success_threshold = 1.0;
+    let (_directory, text) = report_of(&manifest, |_| ());
+    assert!(text.contains("No stage of any method gets there within its 1.00 M steps."));
+    assert!(!text.contains("threshold.svg"));
 }
 
 #[test]

@@ -63,6 +63,11 @@ pub(super) fn learnings(data: &StudyData, summary: &Summary) -> Vec<Learning> {
     learnings
 }
 
+/// Whether any stage reached the threshold.
+pub(super) fn anybody_got_there(learnings: &[Learning]) -> bool {
+    learnings.iter().any(|learning| learning.overall.reached.is_some_and(|share| share.value > 0.0))
+}
+
 /// Of the first sequence that has curves; none where orders differ, for then the tasks before a task do.
 pub(super) fn totals(data: &StudyData, summary: &Summary, learnings: &[Learning]) -> Option<Totals> {
     let [order] = &data.manifest.orders[..] else { return None };

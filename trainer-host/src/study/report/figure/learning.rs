@@ -8,7 +8,7 @@ use crate::statistics::bootstrap::percentile_interval;
 use crate::statistics::survival::{Durations, SurvivalCurve};
 use crate::study::data::StudyData;
 use crate::study::report::summary::Summary;
-use crate::study::report::threshold::Learning;
+use crate::study::report::threshold::{Learning, anybody_got_there};
 
 /// Repetitions of the bands.
 const REPETITIONS: usize = 1_000;
@@ -20,8 +20,11 @@ const PLACES: usize = 120;
 const PANEL: [f64; 2] = [400.0, 230.0];
 const BELOW: f64 = 84.0;
 
-/// A panel per task, a line per method with curves.
+/// A panel per task, a line per method with curves; nothing where no stage reached the threshold.
 pub(super) fn draw(data: &StudyData, summary: &Summary, learnings: &[Learning]) -> Option<Drawing> {
+    if !anybody_got_there(learnings) {
+        return None;
+    }
     let threshold = 100.0 * data.manifest.success_threshold;
     let about =
         "Share of stages whose success has reached the threshold (1 − Kaplan–Meier), with 95 % bands over seeds.";
@@ -50,7 +53,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary, learnings: &[Learning]) 
     }
     let rows = data.manifest.tasks.len().div_ceil(2) as f64;
     drawing.extend_to(top + rows * (PANEL[1] + BELOW));
-    (!learnings.is_empty()).then_some(drawing)
+    Some(drawing)
 }
 
 fn draw_learning(drawing: &mut Drawing, panel: &Panel, summary: &Summary, method: usize, durations: &Durations) {

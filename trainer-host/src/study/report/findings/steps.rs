@@ -5,7 +5,7 @@ use crate::progress::amount;
 use crate::statistics::bootstrap::Estimate;
 use crate::study::report::notation::{NONE, p_value, percent, percent_estimate, ratio_estimate, steps_estimate};
 use crate::study::report::table::Table;
-use crate::study::report::threshold::{LearningSummary, Totals, totals};
+use crate::study::report::threshold::{LearningSummary, Totals, anybody_got_there, totals};
 
 impl Findings<'_> {
     pub(in crate::study::report) fn thresholds(&self) -> String {
@@ -14,13 +14,16 @@ impl Findings<'_> {
         let Some(first) = self.learnings.first() else {
             return format!("{heading}\n\nNo run has left a curve.\n");
         };
+        let budget = amount(self.data.manifest.steps_per_stage as f64);
+        if !anybody_got_there(self.learnings) {
+            return format!("{heading}\n\nNo stage of any method gets there within its {budget} steps.\n");
+        }
         format!(
             "{heading}\n\n{}Training steps of a stage until its test flights first reach {threshold}. A stage that never does \
-             is censored at its end; it is not left out. The restricted mean counts it with the whole budget of {} steps. p is \
-             that of a log-rank test against **{}**, task by task.\n\n{}\nMean steps within the budget, task by task (share \
-             that got there):\n\n{}{}{}",
+             is censored at its end; it is not left out. The restricted mean counts it with the whole budget of {budget} \
+             steps. p is that of a log-rank test against **{}**, task by task.\n\n{}\nMean steps within the budget, task by \
+             task (share that got there):\n\n{}{}{}",
             self.picture("threshold.svg", "Steps until the threshold"),
-            amount(self.data.manifest.steps_per_stage as f64),
             self.label(first.method),
             self.threshold_table(),
             self.threshold_table_by_task(),
