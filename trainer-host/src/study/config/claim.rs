@@ -45,14 +45,21 @@ pub enum Expected {
     /// The mean success is not shown to be above that of this method: the interval of their difference reaches zero or
     /// lies below it.
     NotAbove(String),
+    /// Its stages take fewer steps until the threshold than those of this method, all tasks together, a stage that never
+    /// gets there counted with its whole budget: the interval of their ratio is above one.
+    FewerStepsThan(String),
+    /// The mean return after the last task is above that of doing nothing, averaged over tasks.
+    MoreThanDoingNothing,
 }
 
 impl Claim {
     /// Names of the methods that it is about.
     pub fn methods(&self) -> impl Iterator<Item = &str> {
         let other = match &self.expected {
-            Expected::AtLeast(_) => None,
-            Expected::Above(other) | Expected::NotAbove(other) => Some(other.as_str()),
+            Expected::AtLeast(_) | Expected::MoreThanDoingNothing => None,
+            Expected::Above(other) | Expected::NotAbove(other) | Expected::FewerStepsThan(other) => {
+                Some(other.as_str())
+            }
         };
         [self.method.as_str()].into_iter().chain(other)
     }
@@ -70,10 +77,12 @@ impl Claim {
             }
             Expected::Above(other) => known(other, &expected.at("above")),
             Expected::NotAbove(other) => known(other, &expected.at("not_above")),
+            Expected::FewerStepsThan(other) => known(other, &expected.at("fewer_steps_than")),
+            Expected::MoreThanDoingNothing => Ok(()),
         }?;
         match (&self.expected, self.measure) {
             (Expected::AtLeast(_), _) | (_, Measure::MeanSuccess) => Ok(()),
-            _ => Err(field.at("measure").reject("another measure", "mean_success, the one that is compared")),
+            _ => Err(field.at("measure").reject("another measure", "none but with `at_least`")),
         }
     }
 }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::StudyError;
 use crate::atomic_file::{read, write_atomically};
+use crate::evaluation::Flyer;
 use crate::study::config::claim::Claim;
 use crate::study::rows::Job;
 
@@ -230,6 +231,11 @@ impl StudyManifest {
     /// What a trivial pilot achieves in a task.
     pub fn baseline(&self, task: usize, pilot: &str) -> Option<&Baseline> {
         self.baselines.iter().find(|row| row.task == self.tasks[task].name && row.pilot == pilot)
+    }
+
+    /// What doing nothing earns in a task.
+    pub fn return_of_nothing(&self, task: usize) -> Option<f64> {
+        self.baseline(task, Flyer::Nothing.name()).map(|baseline| baseline.episode_return)
     }
 
     fn check(&self, path: &Path) -> Result<(), StudyError> {

@@ -2,8 +2,11 @@
 
 use super::comparison::difference;
 use super::findings::Findings;
-use super::notation::{NONE, hundredths_estimate, percent, percent_estimate};
+use super::notation::{
+    NONE, hundredths_estimate, number, number_estimate, percent, percent_estimate, ratio_estimate,
+};
 use super::table::Table;
+use super::threshold::multiple;
 use crate::statistics::bootstrap::Estimate;
 use crate::study::config::claim::{Claim, Expected, Measure};
 
@@ -64,7 +67,35 @@ impl Findings<'_> {
                 });
                 (found, "not above 0".to_owned(), verdict)
             }
+            Expected::FewerStepsThan(other) => {
+                let cost = self.cost(&claim.method, other);
+                let found =
+                    format!("`{other}` takes {} times the steps of `{}`", ratio_estimate(cost), claim.method);
+                (found, "above 1".to_owned(), cost.map(|cost| verdict(cost, 1.0 + ROUNDING)))
+            }
+            Expected::MoreThanDoingNothing => self.beside_doing_nothing(&claim.method),
         }
+    }
+
+    /// The steps of `other` as a multiple of those of `method`, over all tasks.
+    fn cost(&self, method: &str, other: &str) -> Option<Estimate> {
+        let learning = |name| {
+            let place = self.place(name)?;
+            self.learnings.iter().find(|learning| learning.method == place)
+        };
+        let [mine, theirs] =
+            [learning(method)?, learning(other)?].map(|learning| learning.tasks.iter().collect::<Vec<_>>());
+        multiple(self.summary, &theirs, &mine, self.data.manifest.steps_per_stage as f64)
+    }
+
+    fn beside_doing_nothing(&self, method: &str) -> (String, String, Option<Verdict>) {
+        let found = self.place(method).and_then(|place| self.summary.methods[place].episode_return);
+        let tasks = 0..self.data.manifest.tasks.len();
+        let returns: Option<Vec<f64>> = tasks.map(|task| self.data.manifest.return_of_nothing(task)).collect();
+        let nothing = returns.map(|returns| returns.iter().sum::<f64>() / returns.len() as f64);
+        let verdict = found.zip(nothing).map(|(found, nothing)| verdict(found, nothing + ROUNDING));
+        let expected = format!("above {}, doing nothing", nothing.map_or(NONE.to_owned(), number));
+        (format!("return of `{method}`: {}", number_estimate(found)), expected, verdict)
     }
 
     /// The number of an absolute claim, and of what it is.

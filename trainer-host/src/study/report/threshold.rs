@@ -121,7 +121,12 @@ fn learning_summary(summary: &Summary, tasks: &[&Durations], budget: f64) -> Lea
 }
 
 /// How many times the steps of other stages are needed, all counted within the budget.
-fn multiple(summary: &Summary, mine: &[&Durations], theirs: &[&Durations], budget: f64) -> Option<Estimate> {
+pub(super) fn multiple(
+    summary: &Summary,
+    mine: &[&Durations],
+    theirs: &[&Durations],
+    budget: f64,
+) -> Option<Estimate> {
     let units = mine.iter().chain(theirs).map(|stage| stage.units()).min()?;
     summary.few.estimate(units, |counts| {
         let reference = sum(theirs, counts, budget)?;

@@ -76,15 +76,11 @@ impl Quantity {
 /// crash may cost any amount.
 fn range_of_returns(data: &StudyData) -> [f64; 2] {
     let points = data.runs.iter().flat_map(|run| &run.curve).map(episode_return);
-    let nothing = (0..data.manifest.tasks.len()).filter_map(|task| doing_nothing(data, task));
+    let nothing = (0..data.manifest.tasks.len()).filter_map(|task| data.manifest.return_of_nothing(task));
     let mut returns: Vec<f64> = points.chain(nothing).collect();
     returns.sort_by(f64::total_cmp);
     let [Some(low), Some(high)] = [returns.get(returns.len() / 20), returns.last()] else { return [0.0, 1.0] };
     if high > low { [*low, *high] } else { [low - 1.0, high + 1.0] }
-}
-
-fn doing_nothing(data: &StudyData, task: usize) -> Option<f64> {
-    data.manifest.baseline(task, "do nothing").map(|baseline| baseline.episode_return)
 }
 
 struct Grid<'a> {
@@ -137,7 +133,7 @@ impl Grid<'_> {
         for task in 0..self.data.manifest.tasks.len() {
             let panel = self.panel([task, row]);
             panel.draw_axes(drawing);
-            self.draw_nothing(drawing, &panel, doing_nothing(self.data, task));
+            self.draw_nothing(drawing, &panel, self.data.manifest.return_of_nothing(task));
             if let Some(experts) = self.experts().filter(|experts| *experts != method) {
                 let reference = self.curves_in(experts, task);
                 panel.path(drawing, self.quantile(&reference, &panel, 0.5), Pen::dashes(MUTED, 1.5));
@@ -157,7 +153,7 @@ impl Grid<'_> {
         }
         panel.draw_axes(drawing);
         let tasks = 0..self.data.manifest.tasks.len();
-        let nothing: Option<Vec<f64>> = tasks.map(|task| doing_nothing(self.data, task)).collect();
+        let nothing: Option<Vec<f64>> = tasks.map(|task| self.data.manifest.return_of_nothing(task)).collect();
         let mean = nothing.map(|returns| returns.iter().sum::<f64>() / returns.len() as f64);
         self.draw_nothing(drawing, &panel, mean);
         self.draw_curves(drawing, &panel, method, &curves);
