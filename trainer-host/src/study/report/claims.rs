@@ -109,7 +109,9 @@ impl Findings<'_> {
             Measure::EveryTask => {
                 let tasks = found.tasks.iter().zip(&self.data.manifest.tasks);
                 let known = tasks.filter_map(|(task, named)| Some((task.success?, named)));
-                let lowest = known.min_by(|(one, _), (other, _)| low(one).total_cmp(&low(other)));
+                let lowest = known.min_by(|(one, _), (other, _)| {
+                    low(one).total_cmp(&low(other)).then(one.value.total_cmp(&other.value))
+                });
                 let name = lowest
                     .as_ref()
                     .map_or(String::new(), |(_, task)| format!(" in {}, its worst task", task.name));
