@@ -10,6 +10,9 @@ use super::threshold::multiple;
 use crate::statistics::bootstrap::Estimate;
 use crate::study::config::claim::{Claim, Expected, Measure};
 
+/// Headings of the table of claims.
+pub(super) const HEADINGS: [&str; 4] = ["claim", "found, with its 95 % interval", "expected", "verdict"];
+
 /// A rate of 0.9 is a little more or less than 0.9.
 const ROUNDING: f64 = 1e-9;
 
@@ -31,7 +34,7 @@ impl Findings<'_> {
         if claims.is_empty() {
             return String::new();
         }
-        let mut table = Table::new(["claim", "found, with its 95 % interval", "expected", "verdict"]);
+        let mut table = Table::new(HEADINGS);
         for claim in claims {
             let (found, expected, verdict) = self.judged(claim);
             table.row([claim.claim.clone(), found, expected, verdict.map_or(NONE, Verdict::word).to_owned()]);

@@ -2,16 +2,21 @@
 
 use thiserror::Error;
 
+use super::claims;
 use super::definitions::definitions;
 use super::figure::{Figure, figures};
 use super::findings::Findings;
 use super::setting;
 use super::summary::Summary;
+use super::table::Table;
 use super::threshold;
 use crate::study::data::StudyData;
 
 /// The first line.
 const TITLE: &str = "# Results\n";
+
+/// Heading of the first section.
+const FIRST: &str = "Claims of all studies";
 
 /// Heading of the last section.
 const LAST: &str = "Definitions";
@@ -62,7 +67,7 @@ pub struct NoPage;
 impl Page {
     /// Markdown.
     pub fn text(&self) -> String {
-        let mut text = format!("{TITLE}{OPENING}");
+        let mut text = format!("{TITLE}{OPENING}{}", self.claims());
         for (_, section) in &self.sections {
             text.push('\n');
             text += section;
@@ -83,7 +88,7 @@ impl Page {
         for section in earlier.split("\n## ").skip(1) {
             let name = section.lines().next().unwrap_or_default();
             let told: Vec<_> = self.sections.extract_if(.., |(told, _)| told == name).collect();
-            if told.is_empty() && name != LAST {
+            if told.is_empty() && ![FIRST, LAST].contains(&name) {
                 sections.push((name.to_owned(), format!("## {}\n", section.trim_end())));
             }
             sections.extend(told);
@@ -91,6 +96,22 @@ impl Page {
         sections.append(&mut self.sections);
         self.sections = sections;
         Ok(())
+    }
+
+    /// The claims of all sections, each with a link to its study; empty without claims.
+    fn claims(&self) -> String {
+        let heading = Table::new(claims::HEADINGS).text();
+        let mut rows = String::new();
+        for (name, section) in &self.sections {
+            let table = section.split_once(&heading).map_or("", |(_, table)| table);
+            for row in table.lines().take_while(|line| line.starts_with('|')) {
+                rows.extend(["| [", name, "](#", name, ") ", row, "\n"]);
+            }
+        }
+        if rows.is_empty() {
+            return rows;
+        }
+        format!("\n## {FIRST}\n\n{}{rows}", Table::new(["study"].into_iter().chain(claims::HEADINGS)).text())
     }
 
     fn add(&mut self, data: &StudyData, folder: Option<&str>) {

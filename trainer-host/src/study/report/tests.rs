@@ -331,6 +331,9 @@ fn claims_are_decided_by_the_numbers_of_the_study() {
     let text = page(&[data.clone(), data.clone()], None).text();
     assert_eq!(text.matches("\n## rooms\n").count(), 2);
     assert_eq!(text.matches("\n### Claims\n").count(), 2);
+    let listed: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("| [rooms](#rooms) ")).collect();
+    let rows = || section.lines().filter(|line| line.contains("At") || line.contains("Above"));
+    assert_eq!(listed, rows().chain(rows()).collect::<Vec<_>>());
     assert!(!text.contains("incomplete") && !text.contains(".svg)"), "{text}");
 
     let page = page(&[data], Some("docs/results"));
@@ -388,7 +391,8 @@ fn a_page_keeps_what_it_has_about_other_studies() {
     let named = |name: &str| {
         let folder = directory.path().join(name);
         fs::create_dir(&folder).unwrap();
-        synthetic::write(&folder, &StudyManifest { name: name.to_owned(), ..synthetic::manifest(2) });
+        let claims = vec![claim("none", Measure::MeanSuccess, Expected::AtLeast(0.5))];
+        synthetic::write(&folder, &StudyManifest { name: name.to_owned(), claims, ..synthetic::manifest(2) });
         StudyData::load(&folder).unwrap()
     };
     let [first, second, third] = ["first", "second", "third"].map(named);
