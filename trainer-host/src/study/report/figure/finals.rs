@@ -69,7 +69,7 @@ fn draw_baseline(drawing: &mut Drawing, panel: &Panel, data: &StudyData) {
         return;
     };
     let [x, top] = panel.at([rate, panel.y.high]);
-    drawing.line([[x, top], [x, panel.bottom() + 26.0]], Pen::dashes(MUTED, 2.0));
+    drawing.line([[x, top], [x, panel.bottom() + 6.0]], Pen::dashes(MUTED, 2.0));
     let words = format!("{pilot}: {:.0} %", 100.0 * rate);
     let anchor = if rate > 0.5 { Anchor::End } else { Anchor::Start };
     let at = [if rate > 0.5 { x + 6.0 } else { x - 6.0 }, panel.bottom() + 44.0];
