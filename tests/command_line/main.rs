@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
 
 mod aviary;
+mod bits;
 mod errors;
 mod kestrel;
 mod render;
