@@ -21,6 +21,7 @@ import re
 import struct
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 CLOCK_HZ = 168e6
@@ -231,21 +232,28 @@ def table(budget):
     lines = [
         "# What a policy costs a microcontroller",
         "",
-        "Written by `BLESS=1 tests/firmware.sh`, which otherwise compares to within 2 %. *step*: one inference of 16-64-64-4;",
-        "*tick*: a whole control period of the pilots in `assets/pilots` (22-64-64-4), state in, rotor targets out; *learn*: one",
-        "step of the output layer of 16-64-64-4, and *pull* that of the anchor over its 260 parameters, which together keep 1.3 kB. Instructions",
-        "are counted in QEMU; cycles are modelled (`tests/firmware/budget.py` says how), *flash* is what five wait states for each",
-        "sixteen bytes of weights may add, and shares are those of the worst case without it at 168 MHz. Stack is what a call",
-        f"writes to. Built with {budget['rustc']}. No board was measured.",
+        wrapped(
+            "`BLESS=1 tests/firmware.sh` writes this page; without `BLESS` it compares to within 2 %. "
+            "*step*: one inference of 16-64-64-4. *tick*: a whole control period of the pilots in `assets/pilots` "
+            "(22-64-64-4), state in, rotor targets out. *learn*: one learning step of the output layer of 16-64-64-4. "
+            "*pull*: the continual-learning regulariser of its 260 parameters; both together keep 1.3 kB. "
+            "QEMU counts the instructions; cycles are modelled (`tests/firmware/budget.py` says how). "
+            "*flash* is what five wait states for each sixteen bytes of weights may add. "
+            "Shares are those of the worst case without it at 168 MHz. Stack is what a call writes to. "
+            f"Built with {budget['rustc']}. No board was measured."
+        ),
         "",
     ]
     for image in budget["images"]:
         lines += [
             f"## {image['target']}, {image['kernel']}",
             "",
-            f"Flash: {image['network_flash_bytes']:,} bytes for weights, table and code of 16-64-64-4 in fixed point; "
-            f"{image['firmware_flash_bytes']:,} for a whole program that flies it, with the parser and all controllers. "
-            f"RAM: {image['pilot_bytes']:,} bytes for the pilot, {image['static_ram_bytes']} of statics. No heap, no panic in reach.",
+            wrapped(
+                f"Flash: {image['network_flash_bytes']:,} bytes for weights, table and code of 16-64-64-4 in fixed point; "
+                f"{image['firmware_flash_bytes']:,} for a whole program that flies it, with the parser and all controllers. "
+                f"RAM: {image['pilot_bytes']:,} bytes for the pilot, {image['static_ram_bytes']} of statics. "
+                "No heap, no panic in reach."
+            ),
             "",
             "| part | arithmetic | instructions | cycles | flash | µs | of 1 kHz | of 500 Hz | stack |",
             "|---|---|---|---|---|---|---|---|---|",
@@ -261,6 +269,11 @@ def table(budget):
             lines.append(f"| {' | '.join(cells)} |")
         lines.append("")
     return "\n".join(lines)
+
+
+def wrapped(paragraph):
+    """The Markdown of this repository has 100 columns."""
+    return textwrap.fill(paragraph, 100, break_on_hyphens=False)
 
 
 def figures(budget):
