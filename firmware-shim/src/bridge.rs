@@ -13,13 +13,13 @@ pub mod datagram;
 pub mod drone;
 pub mod event;
 mod frames;
-pub mod lending;
 pub mod magnetic_field;
 pub mod motors;
 pub mod noise;
 pub mod px4;
 pub mod radio;
 pub mod sensors;
+pub mod session;
 #[cfg(test)]
 mod testing;
 
@@ -30,14 +30,14 @@ use std::time::Duration;
 use kestrel_core::airframe::Airframe;
 
 use crate::geodesy::Home;
-use crate::lockstep::{Next, Pace};
+use crate::lockstep::{Next, SimulationRate};
 use crate::plant::Plant;
 use crate::session::positive_secs;
 use crate::true_state::TrueStateLogError;
-use betaflight::Build;
+use betaflight::BetaflightBuild;
 use datagram::DatagramSocket;
 use drone::Drone;
-use event::{Counts, Event};
+use event::{BridgeCounts, BridgeEvent};
 use motors::{MotorError, MotorOrder, Motors, ThrustCurve};
 use noise::Noise;
 use px4::server::Listener;
@@ -46,7 +46,7 @@ use sensors::Instruments;
 
 /// The autopilots that can fly the simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Peer {
+pub enum ExternalAutopilot {
     /// PX4 in software in the loop, TCP 4560 and up
     Px4,
     /// ArduPilot Copter with `--model JSON`, UDP 9002 and up
@@ -62,7 +62,7 @@ pub enum Peer {
 pub struct BridgeOptions {
     /// Autopilot that flies
     #[arg(long, value_enum)]
-    pub peer: Peer,
+    pub peer: ExternalAutopilot,
 
     /// Which of several autopilots on this machine, 0 to 99: chooses the port
     #[arg(long, value_name = "NUMBER", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=99))]
@@ -94,7 +94,7 @@ pub struct BridgeOptions {
 
     /// Simulated seconds per second, 0.01 to 1000, or "max" for as fast as the autopilot answers
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, default_value = "1")]
-    pub speed: Pace,
+    pub speed: SimulationRate,
 
     /// End after so many simulated seconds [default: until Ctrl-C]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive_secs)]
@@ -146,7 +146,7 @@ pub enum BridgeError {
 
 /// A simulation that waits for its autopilot.
 #[derive(Debug)]
-pub struct Bridge {
+pub struct SimulatorBridge {
     options: BridgeOptions,
     motors: Motors,
     socket: Socket,
@@ -168,7 +168,7 @@ impl BridgeError {
     }
 }
 
-impl Peer {
+impl ExternalAutopilot {
     const fn name(self) -> &'static str {
         match self {
             Self::Px4 => "PX4",
@@ -198,7 +198,9 @@ impl Peer {
         let port = match self {
             Self::Px4 => 4560 + instance,
             Self::Ardupilot => 9002 + 10 * instance,
-            Self::Betaflight | Self::BetaflightLegacy => return betaflight::server::Addresses::default().outputs,
+            Self::Betaflight | Self::BetaflightLegacy => {
+                return betaflight::server::BetaflightAddresses::default().outputs;
+            }
         };
         SocketAddr::from(([127, 0, 0, 1], port))
     }
@@ -217,9 +219,18 @@ impl BridgeOptions {
 
     fn check(&self) -> Result<(), BridgeError> {
         match (self.peer, self.instance, self.radio) {
-            (Peer::Betaflight | Peer::BetaflightLegacy, 1.., _) => Err(BridgeError::Instance(self.instance)),
-            (Peer::Ardupilot, _, Some(radio)) => Err(BridgeError::Radio(radio)),
-            (Peer::Px4 | Peer::Ardupilot | Peer::Betaflight | Peer::BetaflightLegacy, _, _) => Ok(()),
+            (ExternalAutopilot::Betaflight | ExternalAutopilot::BetaflightLegacy, 1.., _) => {
+                Err(BridgeError::Instance(self.instance))
+            }
+            (ExternalAutopilot::Ardupilot, _, Some(radio)) => Err(BridgeError::Radio(radio)),
+            (
+                ExternalAutopilot::Px4
+                | ExternalAutopilot::Ardupilot
+                | ExternalAutopilot::Betaflight
+                | ExternalAutopilot::BetaflightLegacy,
+                _,
+                _,
+            ) => Ok(()),
         }
     }
 
@@ -229,7 +240,7 @@ impl BridgeOptions {
     }
 }
 
-impl Bridge {
+impl SimulatorBridge {
     /// Binds the address at which the peer looks for its simulator.
     ///
     /// # Errors
@@ -239,8 +250,8 @@ impl Bridge {
         let motors = options.motors(airframe)?;
         let address = options.listen.unwrap_or_else(|| options.peer.address(options.instance));
         let socket = match options.peer {
-            Peer::Px4 => Socket::Tcp(Listener::open(address)?),
-            Peer::Ardupilot | Peer::Betaflight | Peer::BetaflightLegacy => {
+            ExternalAutopilot::Px4 => Socket::Tcp(Listener::open(address)?),
+            ExternalAutopilot::Ardupilot | ExternalAutopilot::Betaflight | ExternalAutopilot::BetaflightLegacy => {
                 Socket::Udp(DatagramSocket::open(address)?)
             }
         };
@@ -260,31 +271,36 @@ impl Bridge {
     pub fn fly(
         &mut self,
         plant: &mut dyn Plant,
-        watch: &mut dyn FnMut(&Event<'_>) -> Next,
-    ) -> Result<Counts, BridgeError> {
+        watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
+    ) -> Result<BridgeCounts, BridgeError> {
         let options = &self.options;
         let (rate_hz, home) = (options.rate_hz(), options.home);
         let period = Duration::from_secs_f64(1.0 / f64::from(rate_hz));
         let mut drone = Drone::new(plant, self.motors, Instruments::new(home, options.noise, rate_hz));
         // Half a period of grace: times are sums of rounded periods.
         let limit_secs = options.for_secs.unwrap_or(f64::INFINITY) - 0.5 * period.as_secs_f64();
-        let mut until = |event: &Event<'_>| match (watch(event), event) {
-            (Next::Fly, Event::Stepped(step)) if step.secs >= limit_secs => Next::End,
+        let mut until = |event: &BridgeEvent<'_>| match (watch(event), event) {
+            (Next::Fly, BridgeEvent::Stepped(step)) if step.secs >= limit_secs => Next::End,
             (next, _) => next,
         };
         match (&mut self.socket, options.peer) {
             (Socket::Tcp(listener), _) => {
-                let simulator = px4::Simulator::new(home, rate_hz, options.radio);
-                px4::server::Server::new(&mut drone, simulator, period, options.speed).serve(listener, &mut until)
+                let simulator = px4::Px4Simulator::new(home, rate_hz, options.radio);
+                px4::server::Px4Server::new(&mut drone, simulator, period, options.speed)
+                    .serve(listener, &mut until)
             }
-            (Socket::Udp(socket), Peer::Px4 | Peer::Ardupilot) => {
+            (Socket::Udp(socket), ExternalAutopilot::Px4 | ExternalAutopilot::Ardupilot) => {
                 ardupilot::server::serve(&mut drone, socket, period, options.speed, &mut until)
             }
-            (Socket::Udp(socket), Peer::Betaflight | Peer::BetaflightLegacy) => {
-                let build = if options.peer == Peer::Betaflight { Build::Gazebo } else { Build::Legacy };
-                let simulator = betaflight::Simulator::new(home, build, options.radio);
-                let addresses = betaflight::server::Addresses::default();
-                betaflight::server::Server::new(&mut drone, simulator, addresses, period, options.speed)
+            (Socket::Udp(socket), ExternalAutopilot::Betaflight | ExternalAutopilot::BetaflightLegacy) => {
+                let build = if options.peer == ExternalAutopilot::Betaflight {
+                    BetaflightBuild::Gazebo
+                } else {
+                    BetaflightBuild::Legacy
+                };
+                let simulator = betaflight::BetaflightSimulator::new(home, build, options.radio);
+                let addresses = betaflight::server::BetaflightAddresses::default();
+                betaflight::server::BetaflightServer::new(&mut drone, simulator, addresses, period, options.speed)
                     .serve(socket, &mut until)
             }
         }
@@ -303,9 +319,9 @@ impl Socket {
 fn announcement(options: &BridgeOptions, address: SocketAddr) -> String {
     let BridgeOptions { peer, instance, speed, home, noise, .. } = options;
     let pace = match speed {
-        Pace::Speed(1.0) => "in real time".to_owned(),
-        Pace::Speed(factor) => format!("at {factor} times real time"),
-        Pace::Unthrottled => "as fast as the autopilot answers".to_owned(),
+        SimulationRate::Speed(1.0) => "in real time".to_owned(),
+        SimulationRate::Speed(factor) => format!("at {factor} times real time"),
+        SimulationRate::Unthrottled => "as fast as the autopilot answers".to_owned(),
     };
     let errors = match noise {
         Noise::Off => "without noise".to_owned(),
@@ -313,25 +329,27 @@ fn announcement(options: &BridgeOptions, address: SocketAddr) -> String {
     };
     let (rate_hz, name) = (options.rate_hz(), peer.name());
     let protocol = match peer {
-        Peer::Px4 => "TCP",
-        Peer::Ardupilot | Peer::Betaflight | Peer::BetaflightLegacy => "UDP",
+        ExternalAutopilot::Px4 => "TCP",
+        ExternalAutopilot::Ardupilot | ExternalAutopilot::Betaflight | ExternalAutopilot::BetaflightLegacy => {
+            "UDP"
+        }
     };
     let how = match peer {
-        Peer::Px4 => format!(
+        ExternalAutopilot::Px4 => format!(
             "PX4_SYS_AUTOSTART=10016 bin/px4 -i {instance}   (or, the first one: make px4_sitl none_iris)\n  \
              parameters for a Crazyflie: assets/autopilots/px4.params\n  \
              parameter IMU_INTEG_RATE: {rate_hz}"
         ),
-        Peer::Ardupilot => format!(
+        ExternalAutopilot::Ardupilot => format!(
             "arducopter --model JSON:127.0.0.1 -I {instance} --defaults assets/autopilots/ardupilot.parm\n  \
              GPS needs about 40 s before it flies"
         ),
-        Peer::Betaflight => {
+        ExternalAutopilot::Betaflight => {
             "obj/betaflight_SITL.elf, once with --config assets/autopilots/betaflight.cli, then without\n  \
              sticks: --radio, or any program that sends to UDP 9004"
                 .to_owned()
         }
-        Peer::BetaflightLegacy => {
+        ExternalAutopilot::BetaflightLegacy => {
             "obj/betaflight_SITL.elf, built with ENABLE_GAZEBO_BRIDGE=0\n  sticks: --radio, or any program that sends to UDP 9004"
                 .to_owned()
         }

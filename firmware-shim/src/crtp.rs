@@ -20,7 +20,7 @@
 //! coming lands instead of falling. Not there: memories (trajectories, Lighthouse geometry), spirals, persistent
 //! parameters, app channels, radio.
 
-pub mod bridge;
+pub mod access;
 pub mod commander;
 pub mod contents;
 pub mod link;

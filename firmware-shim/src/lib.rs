@@ -20,6 +20,7 @@ pub mod lockstep;
 pub mod message;
 pub mod mission;
 pub mod parameter;
+pub mod persistent_store;
 pub mod policy_bytes;
 pub mod session;
 pub mod signing;
@@ -30,6 +31,6 @@ pub mod true_state;
 pub mod vehicle;
 
 pub use kestrel_onboard::{
-    autopilot, battery, failsafe, flight_mode, flyer, frame, geodesy, goal, plant, processor, request, settings,
-    steering,
+    autopilot, battery, controller, failsafe, flight_mode, frame, geodesy, goal, plant, policy_backend, request,
+    settings, steering,
 };

@@ -47,7 +47,7 @@ const COMMAND_IDS: [u32; 3] = [11, 75, 76];
 
 /// What a link is bound to.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum LinkAddress {
     /// UDP.
     Udp(SocketAddr),
     /// TCP.
@@ -56,7 +56,7 @@ pub enum Place {
     Serial(PathBuf),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for LinkAddress {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Udp(address) => write!(formatter, "UDP address {address}"),
@@ -73,7 +73,7 @@ pub enum LinkError {
     #[error("{place} is in use by another program (another vehicle?); choose another one")]
     Busy {
         /// Wanted place.
-        place: Place,
+        place: LinkAddress,
     },
     /// A datagram from one address cannot reach the other, or comes back.
     #[error("UDP address {vehicle} cannot speak to a ground station at {ground_station}: expected {expected}")]
@@ -89,7 +89,7 @@ pub enum LinkError {
     #[error("cannot open {place}: {reason}")]
     Open {
         /// Wanted place.
-        place: Place,
+        place: LinkAddress,
         /// Reason of the operating system.
         reason: io::Error,
     },
@@ -113,7 +113,7 @@ pub enum LinkError {
     #[error("{place} fails: {reason}")]
     Failed {
         /// Where.
-        place: Place,
+        place: LinkAddress,
         /// Reason of the operating system.
         reason: io::Error,
     },
@@ -197,17 +197,17 @@ impl Links {
         self.counts
     }
 
-    /// Begins the control period at `now_secs` \[s, simulated\]: `obey` gets what arrived and says whether it was good.
+    /// Begins the control period at `now_secs` \[s, simulated\]: `handle` gets what arrived and says whether it was good.
     ///
     /// # Errors
     /// The first [`LinkError::Failed`].
-    pub fn receive(&mut self, now_secs: f64, obey: &mut dyn FnMut(&[u8]) -> bool) -> Result<(), LinkError> {
+    pub fn receive(&mut self, now_secs: f64, handle: &mut dyn FnMut(&[u8]) -> bool) -> Result<(), LinkError> {
         let elapsed_secs = (now_secs - self.now_secs).max(0.0);
         self.now_secs = now_secs;
         for attached in &mut self.attached {
             attached.link.advance(now_secs)?;
             attached.gates.iter_mut().for_each(|gate| gate.open(elapsed_secs));
-            attached.receive(obey, &mut self.counts)?;
+            attached.receive(handle, &mut self.counts)?;
         }
         Ok(())
     }
@@ -221,7 +221,11 @@ impl Links {
 }
 
 impl Attached {
-    fn receive(&mut self, obey: &mut dyn FnMut(&[u8]) -> bool, counts: &mut LinkCounts) -> Result<(), LinkError> {
+    fn receive(
+        &mut self,
+        handle: &mut dyn FnMut(&[u8]) -> bool,
+        counts: &mut LinkCounts,
+    ) -> Result<(), LinkError> {
         let mut buffer = [0; DATAGRAM_LIMIT];
         for _ in 0..DATAGRAMS_PER_PERIOD {
             let Some(Received { datagram, endpoint }) = self.link.receive(&mut buffer)? else { break };
@@ -230,7 +234,7 @@ impl Attached {
                 counts.flooding += 1;
             } else if !gate.admits_commands(datagram) {
                 counts.commands += 1;
-            } else if obey(datagram) {
+            } else if handle(datagram) {
                 self.link.learn(endpoint);
             }
         }

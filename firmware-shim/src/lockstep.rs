@@ -10,9 +10,9 @@ use crate::autopilot::Mode;
 use crate::crtp::link::CrtpLink;
 use crate::flight_log::{FlightLog, FlightLogError};
 use crate::link::{LinkError, Links};
+use crate::persistent_store::{PersistentStore, PersistentStoreError};
 use crate::plant::Plant;
-use crate::processor::Processor;
-use crate::session::{Keeper, KeeperError};
+use crate::policy_backend::PolicyBackend;
 use crate::vehicle::MavlinkVehicle;
 
 /// A loop that lags farther behind the wall clock does not catch up \[s\]: the machine slept or is too slow.
@@ -20,35 +20,35 @@ const LAG_LIMIT: Duration = Duration::from_millis(250);
 
 /// How simulated time relates to the wall clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Pace {
+pub enum SimulationRate {
     /// So many simulated seconds in a second, above zero; 1 is real time.
     Speed(f64),
     /// As fast as it goes.
     Unthrottled,
 }
 
-/// What is no [`Pace`].
+/// What is no [`SimulationRate`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected a factor of real time from 0.01 to 1000, or \"max\", found \"{0}\"")]
-pub struct PaceError(String);
+pub struct SimulationRateError(String);
 
-impl FromStr for Pace {
-    type Err = PaceError;
+impl FromStr for SimulationRate {
+    type Err = SimulationRateError;
 
-    fn from_str(text: &str) -> Result<Self, PaceError> {
+    fn from_str(text: &str) -> Result<Self, SimulationRateError> {
         if text == "max" {
             return Ok(Self::Unthrottled);
         }
         match text.parse() {
             Ok(speed) if (0.01..=1000.0).contains(&speed) => Ok(Self::Speed(speed)),
-            Ok(_) | Err(_) => Err(PaceError(text.to_owned())),
+            Ok(_) | Err(_) => Err(SimulationRateError(text.to_owned())),
         }
     }
 }
 
 /// One control period of a flight, after the vehicle decided and before the plant moves.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment<'a> {
+pub struct ControlPeriod<'a> {
     /// Which of the vehicles that fly together, from 0.
     pub number: usize,
     /// Simulated time since the start \[s\].
@@ -81,17 +81,17 @@ pub enum FlightError {
     Log(#[from] FlightLogError),
     /// What outlives the flight cannot be kept.
     #[error(transparent)]
-    Keeper(#[from] KeeperError),
+    PersistentStore(#[from] PersistentStoreError),
 }
 
 /// One of the vehicles that fly together, and what belongs to it alone.
-pub struct Member<'a, P> {
+pub struct SimulatedVehicle<'a, P> {
     vehicle: &'a mut MavlinkVehicle<P>,
     plant: &'a mut dyn Plant,
     links: &'a mut Links,
     crtp: Option<&'a mut CrtpLink>,
     log: Option<&'a mut FlightLog>,
-    keeper: Option<&'a mut Keeper>,
+    store: Option<&'a mut PersistentStore>,
     /// Wall time of the last decision.
     latency: Duration,
     rotor_targets: [f32; 4],
@@ -102,42 +102,42 @@ pub struct Member<'a, P> {
 ///
 /// # Errors
 /// If a link fails or a log cannot be written; the others end with it.
-pub fn fly<P: Processor>(
-    members: &mut [Member<'_, P>],
-    pace: Pace,
-    watch: &mut dyn FnMut(&Moment) -> Next,
+pub fn fly<P: PolicyBackend>(
+    vehicles: &mut [SimulatedVehicle<'_, P>],
+    pace: SimulationRate,
+    watch: &mut dyn FnMut(&ControlPeriod) -> Next,
 ) -> Result<(), FlightError> {
-    let Some(first) = members.first() else { return Ok(()) };
+    let Some(first) = vehicles.first() else { return Ok(()) };
     let mut clock = Clock::new(pace, first.vehicle.control_period());
-    while decide(members, watch)? == Next::Fly {
-        for member in members.iter_mut() {
-            member.plant.step(&member.rotor_targets);
+    while decide(vehicles, watch)? == Next::Fly {
+        for simulated in vehicles.iter_mut() {
+            simulated.plant.step(&simulated.rotor_targets);
             // An unthrottled flight repeats itself to the bit, telemetry included.
-            if pace != Pace::Unthrottled {
-                member.vehicle.note_latency(member.latency.as_secs_f32());
+            if pace != SimulationRate::Unthrottled {
+                simulated.vehicle.note_latency(simulated.latency.as_secs_f32());
             }
         }
         clock.wait();
     }
-    members.iter_mut().try_for_each(Member::finish)
+    vehicles.iter_mut().try_for_each(SimulatedVehicle::finish)
 }
 
 /// One control period before the plants move.
-fn decide<P: Processor>(
-    members: &mut [Member<'_, P>],
-    watch: &mut dyn FnMut(&Moment) -> Next,
+fn decide<P: PolicyBackend>(
+    vehicles: &mut [SimulatedVehicle<'_, P>],
+    watch: &mut dyn FnMut(&ControlPeriod) -> Next,
 ) -> Result<Next, FlightError> {
     let mut next = Next::Fly;
-    for (number, member) in members.iter_mut().enumerate() {
-        let moment = member.decide(number)?;
-        if watch(&moment) == Next::End {
+    for (number, simulated) in vehicles.iter_mut().enumerate() {
+        let period = simulated.decide(number)?;
+        if watch(&period) == Next::End {
             next = Next::End;
         }
     }
     Ok(next)
 }
 
-impl<'a, P: Processor> Member<'a, P> {
+impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
     /// A vehicle in its plant, heard and told through its links.
     pub fn new(vehicle: &'a mut MavlinkVehicle<P>, plant: &'a mut dyn Plant, links: &'a mut Links) -> Self {
         Self {
@@ -146,7 +146,7 @@ impl<'a, P: Processor> Member<'a, P> {
             links,
             crtp: None,
             log: None,
-            keeper: None,
+            store: None,
             latency: Duration::ZERO,
             rotor_targets: [0.0; 4],
         }
@@ -166,17 +166,17 @@ impl<'a, P: Processor> Member<'a, P> {
 
     /// With a keeper of what outlives the flight.
     #[must_use]
-    pub fn with_keeper(self, keeper: &'a mut Keeper) -> Self {
-        Self { keeper: Some(keeper), ..self }
+    pub fn with_store(self, store: &'a mut PersistentStore) -> Self {
+        Self { store: Some(store), ..self }
     }
 
     /// Receives and ticks.
-    fn decide(&mut self, number: usize) -> Result<Moment<'_>, FlightError> {
-        let Self { vehicle, plant, links, crtp, log, keeper, latency, rotor_targets } = self;
+    fn decide(&mut self, number: usize) -> Result<ControlPeriod<'_>, FlightError> {
+        let Self { vehicle, plant, links, crtp, log, store, latency, rotor_targets } = self;
         let secs = vehicle.elapsed_secs();
         let begin = Instant::now();
-        if let Some(keeper) = keeper {
-            keeper.begin_period(vehicle);
+        if let Some(store) = store {
+            store.begin_period(vehicle);
         }
         links.receive(secs, &mut |datagram| {
             note(log, secs, datagram);
@@ -193,19 +193,19 @@ impl<'a, P: Processor> Member<'a, P> {
         if let Some(log) = log {
             log.end_period(secs)?;
         }
-        if let Some(keeper) = keeper {
-            keeper.end_period(vehicle)?;
+        if let Some(store) = store {
+            store.end_period(vehicle)?;
         }
         let rotor_targets = *rotor_targets;
-        Ok(Moment { number, secs, state: plant.state(), mode: vehicle.mode(), rotor_targets })
+        Ok(ControlPeriod { number, secs, state: plant.state(), mode: vehicle.mode(), rotor_targets })
     }
 
     fn finish(&mut self) -> Result<(), FlightError> {
         if let Some(log) = &mut self.log {
             log.finish()?;
         }
-        if let Some(keeper) = &mut self.keeper {
-            keeper.finish(self.vehicle)?;
+        if let Some(store) = &mut self.store {
+            store.finish(self.vehicle)?;
         }
         Ok(())
     }
@@ -229,10 +229,10 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    pub(crate) fn new(pace: Pace, control_period: Duration) -> Self {
+    pub(crate) fn new(pace: SimulationRate, control_period: Duration) -> Self {
         let period_secs = match pace {
-            Pace::Speed(speed) => Some(control_period.as_secs_f64() / speed),
-            Pace::Unthrottled => None,
+            SimulationRate::Speed(speed) => Some(control_period.as_secs_f64() / speed),
+            SimulationRate::Unthrottled => None,
         };
         Self { period_secs, start: Instant::now(), periods: 0 }
     }

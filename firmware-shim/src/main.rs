@@ -11,13 +11,13 @@ use anyhow::Context;
 use clap::{Parser, Subcommand, ValueEnum};
 use kestrel_core::airframe::{Airframe, CF2P, CF2X};
 use kestrel_shim::bridge::BridgeOptions;
-use kestrel_shim::bridge::lending::{self, Audience};
 use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 use kestrel_shim::bridge::px4::client::ExternalSimulator;
-use kestrel_shim::lockstep::{Moment, Next};
+use kestrel_shim::bridge::session::{self, Callbacks};
+use kestrel_shim::lockstep::{ControlPeriod, Next};
 use kestrel_shim::plant::FlatFloor;
 use kestrel_shim::policy_bytes::PolicyBytes;
-use kestrel_shim::session::{SessionOptions, Squadron};
+use kestrel_shim::session::{Fleet, SessionOptions};
 use kestrel_shim::true_state::TrueStateLog;
 
 /// Exit status of everything the user can mend, as of clap's own errors.
@@ -118,7 +118,7 @@ impl AirframeName {
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let result = match &arguments.command {
-        Some(Command::Bridge(bridge)) => lend(bridge),
+        Some(Command::Bridge(bridge)) => self::bridge(bridge),
         None => fly(&arguments),
     };
     match result {
@@ -136,13 +136,13 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
     let policy = bytes.policy().with_context(|| format!("policy {}", path.display()))?;
     let control_secs = policy.metadata().control_period_secs;
     let airframe = arguments.airframe.airframe();
-    let mut squadron = Squadron::open(&bytes, airframe, arguments.vehicles, &arguments.session)?;
+    let mut fleet = Fleet::open(&bytes, airframe, arguments.vehicles, &arguments.session)?;
     let mut log = TrueStateLog::create(arguments.true_state_log.as_deref())?;
     let interrupted = watch_for_interrupts()?;
-    say(squadron.announcement())?;
+    report(fleet.announcement())?;
     let mut failure = None;
-    let mut watch = |moment: &Moment| {
-        failure = log.write(moment).err();
+    let mut watch = |period: &ControlPeriod| {
+        failure = log.write(period).err();
         if failure.is_some() || interrupted.load(Ordering::Relaxed) { Next::End } else { Next::Fly }
     };
     if let Some(first) = arguments.simulator {
@@ -150,17 +150,17 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
         let addresses = (0..arguments.vehicles).map(|number| nth_address(first, number));
         let mut plants = Vec::new();
         for address in addresses.collect::<anyhow::Result<Vec<_>>>()? {
-            say(&format!("It flies in the simulator at TCP {address}, as soon and as long as that is there."))?;
+            report(&format!("It flies in the simulator at TCP {address}, as soon and as long as that is there."))?;
             plants.push(ExternalSimulator::new(address, motors, control_secs));
         }
-        squadron.fly(&mut plants, &mut watch)?;
+        fleet.fly(&mut plants, &mut watch)?;
     } else {
         let floor = FlatFloor::new(airframe, control_secs);
         let places = (0..arguments.vehicles).map(|number| grid(number, arguments.vehicles));
         let mut plants: Vec<FlatFloor> = places.map(|place| floor.clone().at(place)).collect();
-        squadron.fly(&mut plants, &mut watch)?;
+        fleet.fly(&mut plants, &mut watch)?;
     }
-    let (flooding, commands) = squadron.sessions().iter().fold((0, 0), |(flooding, commands), session| {
+    let (flooding, commands) = fleet.sessions().iter().fold((0, 0), |(flooding, commands), session| {
         let counts = session.link_counts();
         (flooding + counts.flooding, commands + counts.commands)
     });
@@ -191,16 +191,16 @@ fn nth_address(first: SocketAddr, number: u8) -> anyhow::Result<SocketAddr> {
     Ok(SocketAddr::new(first.ip(), port))
 }
 
-fn lend(arguments: &BridgeArguments) -> anyhow::Result<()> {
+fn bridge(arguments: &BridgeArguments) -> anyhow::Result<()> {
     let interrupted = watch_for_interrupts()?;
     let mut plant = FlatFloor::new(&CF2X, arguments.bridge.control_secs());
-    let mut audience = Audience { say: &mut print, interrupted: &|| interrupted.load(Ordering::Relaxed) };
+    let mut callbacks = Callbacks { print: &mut print, interrupted: &|| interrupted.load(Ordering::Relaxed) };
     let log = arguments.true_state_log.as_deref();
-    let counts = lending::lend(&arguments.bridge, &CF2X, &mut plant, log, &mut audience)?;
-    say(&counts.to_string())
+    let counts = session::run(&arguments.bridge, &CF2X, &mut plant, log, &mut callbacks)?;
+    report(&counts.to_string())
 }
 
-fn say(text: &str) -> anyhow::Result<()> {
+fn report(text: &str) -> anyhow::Result<()> {
     print(text).context("cannot write to the standard output")
 }
 

@@ -1,6 +1,6 @@
 //! Plans of a vehicle: missions, fences and rally points, and MAVLink's protocol around them.
 //!
-//! [`received`] and [`sent`] know the messages; [`protocol`] uploads, keeps and downloads the [`Item`]s of a plan. When
+//! [`received`] and [`sent`] know the messages; [`protocol`] uploads, keeps and downloads the [`MissionItem`]s of a plan. When
 //! a plan is whole, the items of a mission have become checked [`step`]s, which a [`runner`] executes, and those of a
 //! [`fence`] zones.
 
@@ -12,9 +12,9 @@ pub mod runner;
 pub mod sent;
 pub mod step;
 
-pub use protocol::{Event, MissionProtocol};
+pub use protocol::{MissionEvent, MissionProtocol};
 pub use received::request;
-pub use runner::Runner;
+pub use runner::MissionRunner;
 
 /// Items of a mission.
 pub const MISSION_ITEMS: usize = 64;
@@ -27,7 +27,7 @@ pub const RALLY_ITEMS: usize = 8;
 
 /// `MAV_MISSION_TYPE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Plan {
+pub enum PlanKind {
     /// What to fly.
     Mission = 0,
     /// Where to fly.
@@ -36,7 +36,7 @@ pub enum Plan {
     Rally = 2,
 }
 
-impl Plan {
+impl PlanKind {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Mission, Self::Fence, Self::Rally];
 
@@ -57,7 +57,7 @@ impl Plan {
 
 /// One item of a plan as it was uploaded, to be downloaded again.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Item {
+pub struct MissionItem {
     /// `MAV_FRAME`.
     pub frame: u8,
     /// `MAV_CMD`.
@@ -78,7 +78,7 @@ pub const OPEN: i32 = i32::MAX;
 /// Bytes of an item in `MISSION_ITEM_INT`.
 pub(crate) const ITEM_LEN: usize = 38;
 
-impl Item {
+impl MissionItem {
     /// The fields of `MISSION_ITEM_INT`; the sequence, the addressee, the plan and whether it is the current item are
     /// zero.
     pub(crate) fn fields(&self) -> [u8; ITEM_LEN] {

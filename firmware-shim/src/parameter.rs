@@ -16,7 +16,7 @@ use table::{Access, Domain, PARAMETERS, Parameter, ParameterType};
 
 /// A value, in the type of its parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Value {
+pub enum ParameterValue {
     /// `REAL32`.
     Real(f32),
     /// `INT32`.
@@ -25,7 +25,7 @@ pub enum Value {
 
 /// Why a parameter keeps its value.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum Refusal {
+pub enum ParameterRefusal {
     /// It says what the vehicle is and cannot be chosen.
     #[error("{parameter} is read-only")]
     ReadOnly {
@@ -48,17 +48,17 @@ pub enum Refusal {
         /// Which one.
         parameter: Parameter,
         /// The value.
-        found: Value,
+        found: ParameterValue,
     },
 }
 
 /// The values of all parameters, each within its domain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
-    values: [Value; PARAMETERS],
+    values: [ParameterValue; PARAMETERS],
 }
 
-impl Value {
+impl ParameterValue {
     /// The type of its parameter.
     pub const fn kind(self) -> ParameterType {
         match self {
@@ -84,7 +84,7 @@ impl Value {
     }
 }
 
-impl core::fmt::Display for Value {
+impl core::fmt::Display for ParameterValue {
     fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Real(value) => value.fmt(formatter),
@@ -97,12 +97,12 @@ impl Parameters {
     /// The defaults, for MAVLink system `system`.
     pub fn new(system: u8) -> Self {
         let mut values = Parameter::ALL.map(|parameter| parameter.definition().domain.default());
-        values[Parameter::SysId as usize] = Value::Integer(system.into());
+        values[Parameter::SysId as usize] = ParameterValue::Integer(system.into());
         Self { values }
     }
 
     /// The value of a parameter.
-    pub fn get(&self, parameter: Parameter) -> Value {
+    pub fn get(&self, parameter: Parameter) -> ParameterValue {
         self.values[parameter as usize]
     }
 
@@ -110,10 +110,10 @@ impl Parameters {
     ///
     /// # Errors
     /// Why it keeps the old one.
-    pub fn set(&mut self, parameter: Parameter, value: Value) -> Result<(), Refusal> {
+    pub fn set(&mut self, parameter: Parameter, value: ParameterValue) -> Result<(), ParameterRefusal> {
         let definition = parameter.definition();
         if definition.access == Access::ReadOnly {
-            return Err(Refusal::ReadOnly { parameter });
+            return Err(ParameterRefusal::ReadOnly { parameter });
         }
         self.values[parameter as usize] = checked(parameter, value)?;
         Ok(())
@@ -121,32 +121,34 @@ impl Parameters {
 
     fn real(&self, parameter: Parameter) -> f32 {
         match self.get(parameter) {
-            Value::Real(value) => value,
-            Value::Integer(value) => value as f32,
+            ParameterValue::Real(value) => value,
+            ParameterValue::Integer(value) => value as f32,
         }
     }
 
     fn integer(&self, parameter: Parameter) -> i32 {
         match self.get(parameter) {
-            Value::Real(value) => value as i32,
-            Value::Integer(value) => value,
+            ParameterValue::Real(value) => value as i32,
+            ParameterValue::Integer(value) => value,
         }
     }
 }
 
 /// A value of the right type within the domain of its parameter.
-fn checked(parameter: Parameter, value: Value) -> Result<Value, Refusal> {
+fn checked(parameter: Parameter, value: ParameterValue) -> Result<ParameterValue, ParameterRefusal> {
     let allowed = match (parameter.definition().domain, value) {
-        (Domain::Real { least, greatest, .. }, Value::Real(value)) => (least..=greatest).contains(&value),
-        (Domain::Integer { least, greatest, .. }, Value::Integer(value)) => (least..=greatest).contains(&value),
-        (Domain::Choice { choices, .. }, Value::Integer(value)) => choices.contains(&value),
-        (Domain::Real { .. }, Value::Integer(_))
-        | (Domain::Integer { .. } | Domain::Choice { .. }, Value::Real(_)) => {
+        (Domain::Real { least, greatest, .. }, ParameterValue::Real(value)) => (least..=greatest).contains(&value),
+        (Domain::Integer { least, greatest, .. }, ParameterValue::Integer(value)) => {
+            (least..=greatest).contains(&value)
+        }
+        (Domain::Choice { choices, .. }, ParameterValue::Integer(value)) => choices.contains(&value),
+        (Domain::Real { .. }, ParameterValue::Integer(_))
+        | (Domain::Integer { .. } | Domain::Choice { .. }, ParameterValue::Real(_)) => {
             let expected = parameter.definition().domain.kind();
-            return Err(Refusal::Type { parameter, expected, found: value.kind() });
+            return Err(ParameterRefusal::Type { parameter, expected, found: value.kind() });
         }
     };
-    if allowed { Ok(value) } else { Err(Refusal::Range { parameter, found: value }) }
+    if allowed { Ok(value) } else { Err(ParameterRefusal::Range { parameter, found: value }) }
 }
 
 #[cfg(test)]
@@ -158,18 +160,18 @@ mod tests {
         let mut parameters = Parameters::new(1);
         let before = parameters.clone();
         for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.049, 3.001, -0.0] {
-            let refusal = parameters.set(Parameter::MpcXyCruise, Value::Real(value)).unwrap_err();
-            assert!(matches!(refusal, Refusal::Range { .. }), "{refusal}");
+            let refusal = parameters.set(Parameter::MpcXyCruise, ParameterValue::Real(value)).unwrap_err();
+            assert!(matches!(refusal, ParameterRefusal::Range { .. }), "{refusal}");
         }
         for value in [4, -1, 6, i32::MAX] {
-            let refusal = parameters.set(Parameter::GfAction, Value::Integer(value)).unwrap_err();
-            assert!(matches!(refusal, Refusal::Range { .. }), "{refusal}");
+            let refusal = parameters.set(Parameter::GfAction, ParameterValue::Integer(value)).unwrap_err();
+            assert!(matches!(refusal, ParameterRefusal::Range { .. }), "{refusal}");
         }
-        let refusal = parameters.set(Parameter::GfAction, Value::Real(2.0)).unwrap_err();
+        let refusal = parameters.set(Parameter::GfAction, ParameterValue::Real(2.0)).unwrap_err();
         assert_eq!(refusal.to_string(), "GF_ACTION: expected a value of type INT32, found REAL32");
-        let refusal = parameters.set(Parameter::MpcXyCruise, Value::Integer(1)).unwrap_err();
+        let refusal = parameters.set(Parameter::MpcXyCruise, ParameterValue::Integer(1)).unwrap_err();
         assert_eq!(refusal.to_string(), "MPC_XY_CRUISE: expected a value of type REAL32, found INT32");
-        let refusal = parameters.set(Parameter::SysId, Value::Integer(2)).unwrap_err();
+        let refusal = parameters.set(Parameter::SysId, ParameterValue::Integer(2)).unwrap_err();
         assert_eq!(refusal.to_string(), "SYS_ID is read-only");
         assert_eq!(parameters, before);
     }
@@ -177,9 +179,9 @@ mod tests {
     #[test]
     fn a_refusal_says_what_was_expected_and_found() {
         let mut parameters = Parameters::new(1);
-        let refusal = parameters.set(Parameter::MpcXyCruise, Value::Real(5.0)).unwrap_err();
+        let refusal = parameters.set(Parameter::MpcXyCruise, ParameterValue::Real(5.0)).unwrap_err();
         assert_eq!(refusal.to_string(), "MPC_XY_CRUISE: expected 0.05 to 3, found 5");
-        let refusal = parameters.set(Parameter::GfAction, Value::Integer(4)).unwrap_err();
+        let refusal = parameters.set(Parameter::GfAction, ParameterValue::Integer(4)).unwrap_err();
         assert_eq!(refusal.to_string(), "GF_ACTION: expected one of [0, 1, 2, 3, 5], found 4");
     }
 
@@ -194,19 +196,19 @@ mod tests {
             match definition.domain {
                 Domain::Real { least, greatest, .. } => {
                     for value in [least, greatest] {
-                        assert_eq!(parameters.set(parameter, Value::Real(value)), Ok(()));
-                        assert_eq!(parameters.get(parameter), Value::Real(value));
+                        assert_eq!(parameters.set(parameter, ParameterValue::Real(value)), Ok(()));
+                        assert_eq!(parameters.get(parameter), ParameterValue::Real(value));
                     }
                 }
                 Domain::Integer { least, greatest, .. } => {
                     for value in [least, greatest] {
-                        assert_eq!(parameters.set(parameter, Value::Integer(value)), Ok(()));
+                        assert_eq!(parameters.set(parameter, ParameterValue::Integer(value)), Ok(()));
                     }
                 }
                 Domain::Choice { choices, .. } => {
                     for value in choices {
-                        assert_eq!(parameters.set(parameter, Value::Integer(*value)), Ok(()));
-                        assert_eq!(parameters.get(parameter), Value::Integer(*value));
+                        assert_eq!(parameters.set(parameter, ParameterValue::Integer(*value)), Ok(()));
+                        assert_eq!(parameters.get(parameter), ParameterValue::Integer(*value));
                     }
                 }
             }
@@ -215,8 +217,13 @@ mod tests {
 
     #[test]
     fn values_travel_bytewise() {
-        for value in [Value::Real(0.1), Value::Real(-0.0), Value::Integer(-7), Value::Integer(i32::MAX)] {
-            assert_eq!(Value::from_bytes(value.kind(), value.to_bytes()), value);
+        for value in [
+            ParameterValue::Real(0.1),
+            ParameterValue::Real(-0.0),
+            ParameterValue::Integer(-7),
+            ParameterValue::Integer(i32::MAX),
+        ] {
+            assert_eq!(ParameterValue::from_bytes(value.kind(), value.to_bytes()), value);
         }
     }
 }

@@ -1,8 +1,7 @@
 //! A flight from the command line: the options, the vehicle and its links, the words that say how to connect.
 
 mod announcement;
-mod keeper;
-mod squadron;
+mod fleet;
 
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
@@ -13,8 +12,7 @@ use kestrel_core::airframe::Airframe;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyError;
 
-pub use self::keeper::{Keeper, KeeperError};
-pub use self::squadron::Squadron;
+pub use self::fleet::Fleet;
 use crate::geodesy::Home;
 
 use self::announcement::announcement;
@@ -23,14 +21,15 @@ use crate::flight_log::{self, FlightLog, FlightLogError};
 use crate::link::faulty::{FaultPlan, FaultyLink};
 use crate::link::serial::{SerialLink, SerialPort};
 use crate::link::tcp::{self, TcpLink};
-use crate::link::udp::{Addresses, UdpLink};
+use crate::link::udp::{UdpAddresses, UdpLink};
 use crate::link::{Link, LinkCounts, LinkError, Links};
-use crate::lockstep::{self, FlightError, Member, Moment, Next, Pace};
+use crate::lockstep::{self, ControlPeriod, FlightError, Next, SimulatedVehicle, SimulationRate};
 use crate::message::sent::identity::{Personality, PolicyIdentity};
+use crate::persistent_store::{PersistentStore, PersistentStoreError};
 use crate::plant::Plant;
+use crate::policy_backend::PolicyBackend;
 use crate::policy_bytes::PolicyBytes;
-use crate::processor::Processor;
-use crate::vehicle::{Counts, MavlinkVehicle, Profile};
+use crate::vehicle::{Counts, MavlinkVehicle, VehicleProfile};
 
 /// Latest start of a log, the year 2100 \[s since 1970\]: its microseconds are of 64 bits.
 const LOG_START_LIMIT: u64 = 4_102_444_800;
@@ -39,11 +38,11 @@ const LOG_START_LIMIT: u64 = 4_102_444_800;
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct SessionOptions {
     /// UDP address of the vehicle itself, for clients that speak first
-    #[arg(long, value_name = "ADDRESS", default_value_t = Addresses::default().vehicle)]
+    #[arg(long, value_name = "ADDRESS", default_value_t = UdpAddresses::default().vehicle)]
     pub listen: SocketAddr,
 
     /// UDP address where a ground station listens; the vehicle speaks to it first
-    #[arg(long, value_name = "ADDRESS", default_value_t = Addresses::default().ground_station)]
+    #[arg(long, value_name = "ADDRESS", default_value_t = UdpAddresses::default().ground_station)]
     pub ground_station: SocketAddr,
 
     /// TCP address of the vehicle, for clients that connect; port 5760 unless it says another
@@ -93,7 +92,7 @@ pub struct SessionOptions {
 
     /// Simulated seconds per second, 0.01 to 1000, or "max" for as fast as it goes
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, default_value = "1")]
-    pub speed: Pace,
+    pub speed: SimulationRate,
 
     /// End after so many simulated seconds [default: fly until Ctrl-C]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive_secs)]
@@ -142,10 +141,10 @@ pub enum SessionError {
     Log(#[from] FlightLogError),
     /// Parameters or a key are no such thing.
     #[error(transparent)]
-    Keeper(#[from] KeeperError),
+    PersistentStore(#[from] PersistentStoreError),
     /// The options cannot be those of several vehicles.
     #[error("cannot fly {count} vehicles: expected {expected}, found {found}")]
-    Squadron {
+    Fleet {
         /// How many.
         count: u8,
         /// What goes with so many.
@@ -163,7 +162,7 @@ pub struct Session<P> {
     vehicle: MavlinkVehicle<P>,
     links: Links,
     log: Option<FlightLog>,
-    keeper: Keeper,
+    store: PersistentStore,
     crtp: Option<CrtpLink>,
     options: SessionOptions,
     bound: Bound,
@@ -185,7 +184,7 @@ pub struct Bound {
 
 impl Default for SessionOptions {
     fn default() -> Self {
-        let Addresses { vehicle, ground_station } = Addresses::default();
+        let UdpAddresses { vehicle, ground_station } = UdpAddresses::default();
         Self {
             listen: vehicle,
             ground_station,
@@ -200,22 +199,22 @@ impl Default for SessionOptions {
             home: Home::default(),
             parameters: None,
             signing_key: None,
-            speed: Pace::Speed(1.0),
+            speed: SimulationRate::Speed(1.0),
             for_secs: None,
         }
     }
 }
 
 impl SessionOptions {
-    fn profile(&self, policy: PolicyIdentity) -> Profile {
+    fn profile(&self, policy: PolicyIdentity) -> VehicleProfile {
         let Self { system, personality, home: origin, .. } = *self;
-        Profile { system, personality, origin, policy }
+        VehicleProfile { system, personality, origin, policy }
     }
 
     /// The links of one vehicle.
     fn open_links(&self) -> Result<(Links, Bound), LinkError> {
         let mut links = Links::default();
-        let addresses = Addresses { vehicle: self.listen, ground_station: self.ground_station };
+        let addresses = UdpAddresses { vehicle: self.listen, ground_station: self.ground_station };
         let udp = UdpLink::open(&addresses)?;
         let mut bound = Bound { system: self.system, udp: udp.address(), tcp: None, crtp: None };
         self.attach(&mut links, 0, Box::new(udp))?;
@@ -261,34 +260,34 @@ impl<'a> Session<Pilot<'a>> {
     }
 }
 
-impl<P: Processor> Session<P> {
+impl<P: PolicyBackend> Session<P> {
     /// As [`Session::open`], with a tested policy on any processor.
     ///
     /// # Errors
     /// If the policy sees no goal or needs sensors, or a link or the log cannot be had.
     pub fn with(
-        processor: P,
+        backend: P,
         policy: &PolicyIdentity,
         airframe: &Airframe,
         options: &SessionOptions,
     ) -> Result<Self, SessionError> {
         let name = policy.name.as_str();
-        let layout = processor.observation();
+        let layout = backend.observation();
         if !layout.shows_goal() {
             return Err(SessionError::GoalUnseen { name: name.to_owned(), observation: layout.name() });
         }
         if layout.measured_len() > 0 {
             return Err(SessionError::SensorsMissing { name: name.to_owned(), observation: layout.name() });
         }
-        let mut vehicle = MavlinkVehicle::new(processor, airframe, options.profile(policy.clone()));
-        let keeper = Keeper::open(&mut vehicle, options.parameters.clone(), options.signing_key.clone())?;
+        let mut vehicle = MavlinkVehicle::new(backend, airframe, options.profile(policy.clone()));
+        let store = PersistentStore::open(&mut vehicle, options.parameters.clone(), options.signing_key.clone())?;
         let (links, mut bound) = options.open_links()?;
         let crtp = options.crtp.map(CrtpLink::open).transpose()?;
         bound.crtp = crtp.as_ref().map(CrtpLink::address).transpose()?;
         Ok(Self {
             links,
             crtp,
-            keeper,
+            store,
             log: options.open_log()?,
             announcement: announcement(name, options, &[bound]),
             bound,
@@ -325,7 +324,7 @@ impl<P: Processor> Session<P> {
     pub fn fly(
         &mut self,
         plant: &mut dyn Plant,
-        watch: &mut dyn FnMut(&Moment) -> Next,
+        watch: &mut dyn FnMut(&ControlPeriod) -> Next,
     ) -> Result<Counts, SessionError> {
         fly_together(slice::from_mut(self), &mut [plant], watch)?;
         Ok(self.counts())
@@ -333,30 +332,30 @@ impl<P: Processor> Session<P> {
 }
 
 /// Flies every session in its plant until the first one's time is up or `watch` ends the flight.
-fn fly_together<P: Processor>(
+fn fly_together<P: PolicyBackend>(
     sessions: &mut [Session<P>],
     plants: &mut [&mut dyn Plant],
-    watch: &mut dyn FnMut(&Moment) -> Next,
+    watch: &mut dyn FnMut(&ControlPeriod) -> Next,
 ) -> Result<(), SessionError> {
     let Some(first) = sessions.first() else { return Ok(()) };
     let (pace, limit_secs) = (first.options.speed, first.options.for_secs.unwrap_or(f64::INFINITY));
     // Half a period of grace: times are sums of rounded periods.
     let limit_secs = limit_secs - 0.5 * first.vehicle.control_period().as_secs_f64();
-    let mut until = |moment: &Moment| {
-        let next = watch(moment);
-        if moment.secs < limit_secs { next } else { Next::End }
+    let mut until = |period: &ControlPeriod| {
+        let next = watch(period);
+        if period.secs < limit_secs { next } else { Next::End }
     };
     let pairs = sessions.iter_mut().zip(plants);
-    let mut members: Vec<Member<'_, P>> = pairs
+    let mut vehicles: Vec<SimulatedVehicle<'_, P>> = pairs
         .map(|(session, plant)| {
-            let Session { vehicle, links, crtp, log, keeper, .. } = session;
-            Member::new(vehicle, &mut **plant, links)
+            let Session { vehicle, links, crtp, log, store, .. } = session;
+            SimulatedVehicle::new(vehicle, &mut **plant, links)
                 .with_crtp(crtp.as_mut())
                 .with_log(log.as_mut())
-                .with_keeper(keeper)
+                .with_store(store)
         })
         .collect();
-    Ok(lockstep::fly(&mut members, pace, &mut until)?)
+    Ok(lockstep::fly(&mut vehicles, pace, &mut until)?)
 }
 
 fn tcp_address(text: &str) -> Result<SocketAddr, String> {

@@ -8,7 +8,8 @@ use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-use kestrel_onboard::signature::{Key, Signer, Time, Verifier};
+use kestrel_onboard::signature::{SignatureTime, Signer, SigningKey};
+use kestrel_onboard::signature_guard::Verifier;
 
 /// Bytes of a key.
 const KEY_LEN: usize = 32;
@@ -22,18 +23,18 @@ const LINK: u8 = 0;
 /// The key and the times beside it.
 #[derive(Debug)]
 pub struct Signing {
-    key: Key,
+    key: SigningKey,
     times_path: PathBuf,
-    times: Times,
+    times: SignatureTimes,
 }
 
 /// The latest times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Times {
+pub struct SignatureTimes {
     /// Of all accepted frames.
-    pub accepted: Time,
+    pub accepted: SignatureTime,
     /// Of the last frame that was sent.
-    pub sent: Time,
+    pub sent: SignatureTime,
 }
 
 /// Why no signatures can be made or verified: then nobody is heard.
@@ -83,17 +84,17 @@ impl Signing {
     pub fn open(path: &Path) -> Result<Self, SigningError> {
         let key = key(path)?;
         let times_path = times_path(path);
-        let times = if times_path.exists() { times(&times_path)? } else { Times::default() };
+        let times = if times_path.exists() { times(&times_path)? } else { SignatureTimes::default() };
         Ok(Self { key, times_path, times })
     }
 
     /// What verifies frames from `now` on.
-    pub fn verifier(&self, now: Time) -> Verifier {
+    pub fn verifier(&self, now: SignatureTime) -> Verifier {
         Verifier::new(self.key.clone(), now.max(self.times.accepted), self.times.accepted)
     }
 
     /// What signs frames from `now` on.
-    pub fn signer(&self, now: Time) -> Signer {
+    pub fn signer(&self, now: SignatureTime) -> Signer {
         Signer::new(self.key.clone(), LINK, now.max(self.times.sent))
     }
 
@@ -101,7 +102,7 @@ impl Signing {
     ///
     /// # Errors
     /// If they cannot be written; the former ones stay then.
-    pub fn keep(&mut self, times: Times) -> Result<(), SigningError> {
+    pub fn keep(&mut self, times: SignatureTimes) -> Result<(), SigningError> {
         if times == self.times {
             return Ok(());
         }
@@ -119,7 +120,7 @@ fn times_path(key_path: &Path) -> PathBuf {
 }
 
 /// All of them or nothing: another file takes the place of the former one.
-fn write(path: &Path, Times { accepted, sent }: Times) -> io::Result<()> {
+fn write(path: &Path, SignatureTimes { accepted, sent }: SignatureTimes) -> io::Result<()> {
     let mut name = path.as_os_str().to_owned();
     name.push(".new");
     let new = PathBuf::from(name);
@@ -136,7 +137,7 @@ fn text(path: &Path) -> Result<String, SigningError> {
     Ok(text)
 }
 
-fn key(path: &Path) -> Result<Key, SigningError> {
+fn key(path: &Path) -> Result<SigningKey, SigningError> {
     let text = text(path)?;
     let digits = text.trim();
     let refused = |found: String| SigningError::Key { path: path.to_owned(), found };
@@ -150,18 +151,18 @@ fn key(path: &Path) -> Result<Key, SigningError> {
         let value = pair.and_then(|pair| u8::from_str_radix(pair, 16).ok());
         *byte = value.ok_or_else(|| refused(format!("something else at digit {}", 2 * index + 1)))?;
     }
-    Ok(Key(key))
+    Ok(SigningKey(key))
 }
 
-fn times(path: &Path) -> Result<Times, SigningError> {
+fn times(path: &Path) -> Result<SignatureTimes, SigningError> {
     let text = text(path)?;
     let mut lines = text.lines();
     let mut number = |line, expected| {
         let value =
             lines.next().and_then(|found| found.strip_prefix(expected)).and_then(|rest| rest.trim().parse().ok());
-        value.map(Time).ok_or_else(|| SigningError::Times { path: path.to_owned(), line, expected })
+        value.map(SignatureTime).ok_or_else(|| SigningError::Times { path: path.to_owned(), line, expected })
     };
-    Ok(Times { accepted: number(1, "accepted")?, sent: number(2, "sent")? })
+    Ok(SignatureTimes { accepted: number(1, "accepted")?, sent: number(2, "sent")? })
 }
 
 #[cfg(test)]
@@ -183,13 +184,13 @@ mod tests {
     fn times_outlive_a_flight_and_never_go_back() {
         let (_folder, path) = folder_with(&(good() + "\n"));
         let mut signing = Signing::open(&path).unwrap();
-        let kept = Times { accepted: Time(7_000), sent: Time(9_000) };
+        let kept = SignatureTimes { accepted: SignatureTime(7_000), sent: SignatureTime(9_000) };
         signing.keep(kept).unwrap();
         let again = Signing::open(&path).unwrap();
         assert_eq!(again.times, kept);
-        assert_eq!(again.signer(Time(5)).last(), Time(9_000), "a clock that was set back");
-        assert_eq!(again.verifier(Time(5)).now(), Time(7_000));
-        assert_eq!(again.signer(Time(10_000)).last(), Time(10_000));
+        assert_eq!(again.signer(SignatureTime(5)).last(), SignatureTime(9_000), "a clock that was set back");
+        assert_eq!(again.verifier(SignatureTime(5)).now(), SignatureTime(7_000));
+        assert_eq!(again.signer(SignatureTime(10_000)).last(), SignatureTime(10_000));
     }
 
     #[test]

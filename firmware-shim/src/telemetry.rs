@@ -2,7 +2,7 @@
 
 /// Messages that are sent again and again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stream {
+pub enum TelemetryStream {
     /// `HEARTBEAT`, 1 Hz.
     Heartbeat,
     /// `SYS_STATUS`, 1 Hz.
@@ -41,7 +41,7 @@ pub enum Stream {
     Policy,
 }
 
-impl Stream {
+impl TelemetryStream {
     /// All of them, in the order in which they are sent.
     pub const ALL: [Self; 18] = [
         Self::Heartbeat,
@@ -108,30 +108,30 @@ impl Stream {
 
 /// Intervals of the streams; simulated time, so that a run repeats itself.
 #[derive(Clone, Debug)]
-pub struct Schedule {
+pub struct TelemetrySchedule {
     control_secs: f32,
-    intervals_ticks: [Option<u64>; Stream::ALL.len()],
+    intervals_ticks: [Option<u64>; TelemetryStream::ALL.len()],
 }
 
-impl Schedule {
+impl TelemetrySchedule {
     /// The default intervals, for ticks of `control_secs`.
     pub fn new(control_secs: f32) -> Self {
-        let mut schedule = Self { control_secs, intervals_ticks: [None; Stream::ALL.len()] };
-        for stream in Stream::ALL {
+        let mut schedule = Self { control_secs, intervals_ticks: [None; TelemetryStream::ALL.len()] };
+        for stream in TelemetryStream::ALL {
             schedule.set_interval(stream, stream.default_secs());
         }
         schedule
     }
 
     /// Sends a stream every `secs`, at most once per tick; as by default if zero, never if negative or NaN.
-    pub fn set_interval(&mut self, stream: Stream, secs: f32) {
+    pub fn set_interval(&mut self, stream: TelemetryStream, secs: f32) {
         let secs = if secs == 0.0 { stream.default_secs() } else { secs };
         let ticks = (secs / self.control_secs).round().max(1.0) as u64;
         self.intervals_ticks[stream as usize] = (secs > 0.0).then_some(ticks);
     }
 
     /// Whether a stream is due at a tick.
-    pub fn due(&self, stream: Stream, tick: u64) -> bool {
+    pub fn due(&self, stream: TelemetryStream, tick: u64) -> bool {
         self.intervals_ticks[stream as usize].is_some_and(|interval| tick.is_multiple_of(interval))
     }
 }
@@ -140,23 +140,23 @@ impl Schedule {
 mod tests {
     use super::*;
 
-    fn in_ten_secs(schedule: &Schedule, stream: Stream) -> usize {
+    fn in_ten_secs(schedule: &TelemetrySchedule, stream: TelemetryStream) -> usize {
         (0..1000).filter(|&tick| schedule.due(stream, tick)).count()
     }
 
     #[test]
     fn default_rates_hold_in_simulated_time() {
-        let schedule = Schedule::new(0.01);
-        let counts = Stream::ALL.map(|stream| in_ten_secs(&schedule, stream));
+        let schedule = TelemetrySchedule::new(0.01);
+        let counts = TelemetryStream::ALL.map(|stream| in_ten_secs(&schedule, stream));
         assert_eq!(counts, [10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 500, 500, 500, 10]);
     }
 
     #[test]
     fn intervals_are_set_reset_and_switched_off() {
-        let mut schedule = Schedule::new(0.01);
+        let mut schedule = TelemetrySchedule::new(0.01);
         let mut count = |secs| {
-            schedule.set_interval(Stream::Attitude, secs);
-            in_ten_secs(&schedule, Stream::Attitude)
+            schedule.set_interval(TelemetryStream::Attitude, secs);
+            in_ten_secs(&schedule, TelemetryStream::Attitude)
         };
         assert_eq!(count(0.1), 100);
         assert_eq!(count(1e-6), 1000, "once per tick at most");
@@ -168,9 +168,9 @@ mod tests {
 
     #[test]
     fn streams_are_found_by_their_message() {
-        for stream in Stream::ALL {
-            assert_eq!(Stream::of_message(stream.message_id()), Some(stream));
+        for stream in TelemetryStream::ALL {
+            assert_eq!(TelemetryStream::of_message(stream.message_id()), Some(stream));
         }
-        assert_eq!(Stream::of_message(148), None);
+        assert_eq!(TelemetryStream::of_message(148), None);
     }
 }

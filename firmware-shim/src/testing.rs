@@ -11,7 +11,7 @@ use mavlink::{MavlinkVersion, Message, MessageData};
 use crate::frame::{Encoder, Frames, Payload};
 use crate::geodesy::Home;
 use crate::message::sent::identity::{Personality, PolicyIdentity};
-use crate::vehicle::Profile;
+use crate::vehicle::VehicleProfile;
 
 /// The bytes in which a ground station (system 255, component 190) sends a message.
 pub(crate) fn datagram<D: MessageData>(message: &D) -> Vec<u8> {
@@ -57,8 +57,8 @@ pub(crate) fn message(bytes: &[u8]) -> MavMessage {
 }
 
 /// Who a vehicle of tests is.
-pub(crate) fn profile(system: u8) -> Profile {
-    Profile {
+pub(crate) fn profile(system: u8) -> VehicleProfile {
+    VehicleProfile {
         system,
         personality: Personality::Generic,
         origin: Home::default(),

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::bridge::event::Step;
-use crate::lockstep::Moment;
+use crate::bridge::event::BridgeStep;
+use crate::lockstep::ControlPeriod;
 
 /// The log cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -71,14 +71,14 @@ impl TrueStateLog {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn write(&mut self, moment: &Moment) -> Result<(), TrueStateLogError> {
+    pub fn write(&mut self, period: &ControlPeriod) -> Result<(), TrueStateLogError> {
         self.write_line(&LogLine {
-            secs: moment.secs,
-            position: moment.state.position.into(),
-            velocity: moment.state.velocity.into(),
-            armed: moment.mode.armed(),
-            mode: moment.mode.name(),
-            rotor_targets: moment.rotor_targets,
+            secs: period.secs,
+            position: period.state.position.into(),
+            velocity: period.state.velocity.into(),
+            armed: period.mode.armed(),
+            mode: period.mode.name(),
+            rotor_targets: period.rotor_targets,
         })
     }
 
@@ -86,7 +86,7 @@ impl TrueStateLog {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn write_step(&mut self, step: &Step<'_>) -> Result<(), TrueStateLogError> {
+    pub fn write_step(&mut self, step: &BridgeStep<'_>) -> Result<(), TrueStateLogError> {
         self.write_line(&StepLine {
             secs: step.secs,
             position: step.state.position.into(),
@@ -113,10 +113,15 @@ mod tests {
 
     fn write(path: Option<&Path>) -> Result<(), TrueStateLogError> {
         let plant = FlatFloor::new(&CF2X, 0.01);
-        let moment =
-            Moment { number: 0, secs: 0.5, state: plant.state(), mode: Mode::TakingOff, rotor_targets: [1.0; 4] };
+        let period = ControlPeriod {
+            number: 0,
+            secs: 0.5,
+            state: plant.state(),
+            mode: Mode::TakingOff,
+            rotor_targets: [1.0; 4],
+        };
         let mut log = TrueStateLog::create(path)?;
-        log.write(&moment).and_then(|()| log.write(&moment))
+        log.write(&period).and_then(|()| log.write(&period))
     }
 
     #[test]
@@ -134,7 +139,7 @@ mod tests {
     fn a_line_holds_a_step() {
         let path = std::env::temp_dir().join(format!("kestrel-true-steps-{}.jsonl", std::process::id()));
         let plant = FlatFloor::new(&CF2X, 0.01);
-        let step = Step { secs: 0.5, state: plant.state(), rotor_targets: [1.0; 4] };
+        let step = BridgeStep { secs: 0.5, state: plant.state(), rotor_targets: [1.0; 4] };
         TrueStateLog::create(Some(&path)).unwrap().write_step(&step).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::remove_file(&path).unwrap();

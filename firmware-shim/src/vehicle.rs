@@ -11,12 +11,13 @@ use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
 use kestrel_onboard::acknowledgement::{CommandResult, command_ack};
 use kestrel_onboard::endpoint::Endpoint;
-use kestrel_onboard::signature::{Guard, Signer, Time};
+use kestrel_onboard::signature::{SignatureTime, Signer};
+use kestrel_onboard::signature_guard::SignatureGuard;
 use mavlink::dialects::common::MavSeverity;
 
 use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint, Surroundings};
 use crate::battery::Battery;
-use crate::failsafe::Event;
+use crate::failsafe::FailsafeEvent;
 use crate::flight_mode::FlightMode;
 use crate::frame::{Frame, Frames, Payload};
 use crate::geodesy::Home;
@@ -25,13 +26,13 @@ use crate::message::sent::identity::{Personality, PolicyIdentity};
 use crate::message::sent::{self, motion, status};
 use crate::mission as mission_protocol;
 use crate::mission::runner::Directive;
-use crate::mission::{MissionProtocol, Runner};
+use crate::mission::{MissionProtocol, MissionRunner};
 use crate::parameter::protocol::ParameterProtocol;
 use crate::parameter::received as parameter_received;
 use crate::parameter::{Parameters, table::Parameter};
-use crate::processor::Processor;
+use crate::policy_backend::PolicyBackend;
 use crate::request::{self, CommandRequest, Request, SetPointError};
-use crate::telemetry::{Schedule, Stream};
+use crate::telemetry::{TelemetrySchedule, TelemetryStream};
 
 use self::mission::Reached;
 use command::Answer;
@@ -62,7 +63,7 @@ pub struct Counts {
 
 /// Who a vehicle is, and where.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Profile {
+pub struct VehicleProfile {
     /// MAVLink system, 1 to 250 by custom.
     pub system: u8,
     /// Which autopilot it says it is.
@@ -76,18 +77,18 @@ pub struct Profile {
 /// An [`Autopilot`] that speaks MAVLink.
 pub struct MavlinkVehicle<P> {
     autopilot: Autopilot<P>,
-    profile: Profile,
+    profile: VehicleProfile,
     parameters: ParameterProtocol,
     parameters_changed: bool,
     plans: MissionProtocol,
-    runner: Runner,
+    runner: MissionRunner,
     /// What the mission wanted last.
     directive: Option<Directive>,
     reached: Option<Reached>,
     endpoint: Endpoint,
-    schedule: Schedule,
+    schedule: TelemetrySchedule,
     /// Streams that a peer wants once more, out of turn.
-    requested: heapless::Vec<Stream, { Stream::ALL.len() }>,
+    requested: heapless::Vec<TelemetryStream, { TelemetryStream::ALL.len() }>,
     answers: heapless::Vec<Payload, ANSWERS>,
     repetitions: Repetitions,
     losses: Losses,
@@ -102,17 +103,17 @@ pub struct MavlinkVehicle<P> {
     ticks: u64,
 }
 
-impl<P: Processor> MavlinkVehicle<P> {
-    /// A disarmed vehicle of an airframe, whose policy `processor` computes.
-    pub fn new(processor: P, airframe: &Airframe, profile: Profile) -> Self {
-        let autopilot = Autopilot::new(processor, airframe);
+impl<P: PolicyBackend> MavlinkVehicle<P> {
+    /// A disarmed vehicle of an airframe, whose policy `backend` computes.
+    pub fn new(backend: P, airframe: &Airframe, profile: VehicleProfile) -> Self {
+        let autopilot = Autopilot::new(backend, airframe);
         Self {
-            schedule: Schedule::new(autopilot.control_secs()),
+            schedule: TelemetrySchedule::new(autopilot.control_secs()),
             autopilot,
             parameters: ParameterProtocol::new(Parameters::new(profile.system)),
             parameters_changed: false,
             plans: MissionProtocol::new(profile.origin),
-            runner: Runner::default(),
+            runner: MissionRunner::default(),
             directive: None,
             reached: None,
             endpoint: Endpoint::new(profile.system, COMPONENT),
@@ -159,17 +160,17 @@ impl<P: Processor> MavlinkVehicle<P> {
     }
 
     /// From now on admits only what `guard` does, and signs what it sends.
-    pub fn secure(&mut self, guard: Guard, signer: Signer) {
+    pub fn secure(&mut self, guard: SignatureGuard, signer: Signer) {
         self.endpoint.secure(guard, signer);
     }
 
     /// Lets the clock have reached a time, for signatures.
-    pub fn advance_clock(&mut self, now: Time) {
+    pub fn advance_clock(&mut self, now: SignatureTime) {
         self.endpoint.advance_clock(now);
     }
 
     /// Latest times of accepted and of sent frames, if they are signed.
-    pub fn signature_times(&self) -> Option<[Time; 2]> {
+    pub fn signature_times(&self) -> Option<[SignatureTime; 2]> {
         self.endpoint.signature_times()
     }
 
@@ -200,7 +201,7 @@ impl<P: Processor> MavlinkVehicle<P> {
     pub fn order(&mut self, command: Command) -> Result<(), Refusal> {
         self.autopilot.command(command)?;
         match command {
-            Command::Arm | Command::Fly(_) | Command::Speed(_) => {}
+            Command::Arm | Command::SelectController(_) | Command::Speed(_) => {}
             Command::Disarm
             | Command::StopMotors
             | Command::TakeOff { .. }
@@ -229,7 +230,7 @@ impl<P: Processor> MavlinkVehicle<P> {
                 Ok(frame) if self.endpoint.admit(&frame).is_err() => self.counts.refused += 1,
                 Ok(frame) => {
                     self.counts.frames += 1;
-                    self.obey(&frame);
+                    self.handle(&frame);
                 }
             }
         }
@@ -249,11 +250,11 @@ impl<P: Processor> MavlinkVehicle<P> {
         for answer in core::mem::take(&mut self.answers) {
             send(&self.endpoint.encode(&answer));
         }
-        self.tell_lists(send);
+        self.publish_lists(send);
         let requested = core::mem::take(&mut self.requested);
-        for stream in Stream::ALL {
+        for stream in TelemetryStream::ALL {
             if self.schedule.due(stream, self.ticks) || requested.contains(&stream) {
-                self.tell(stream, state, send);
+                self.publish(stream, state, send);
             }
         }
         self.ticks += 1;
@@ -266,7 +267,7 @@ impl<P: Processor> MavlinkVehicle<P> {
     }
 
     /// What is due of the parameters' list, and of an upload.
-    fn tell_lists(&mut self, send: &mut dyn FnMut(&[u8])) {
+    fn publish_lists(&mut self, send: &mut dyn FnMut(&[u8])) {
         let now_secs = self.elapsed_secs();
         let endpoint = &mut self.endpoint;
         let mut send = |payload: Payload| send(&endpoint.encode(&payload));
@@ -274,8 +275,8 @@ impl<P: Processor> MavlinkVehicle<P> {
         self.plans.tick(now_secs, &mut send);
     }
 
-    fn tell(&mut self, stream: Stream, state: &State<f32>, send: &mut dyn FnMut(&[u8])) {
-        if stream == Stream::Policy {
+    fn publish(&mut self, stream: TelemetryStream, state: &State<f32>, send: &mut dyn FnMut(&[u8])) {
+        if stream == TelemetryStream::Policy {
             for payload in self.policy_report() {
                 send(&self.endpoint.encode(&payload));
             }
@@ -296,29 +297,29 @@ impl<P: Processor> MavlinkVehicle<P> {
         ]
     }
 
-    fn payload(&mut self, stream: Stream, state: &State<f32>) -> Payload {
+    fn payload(&mut self, stream: TelemetryStream, state: &State<f32>) -> Payload {
         let time_boot_ms = self.time_boot_ms();
         let time_usec = (self.elapsed_secs() * 1e6) as u64;
         let origin = &self.profile.origin;
         let flight_mode = self.flight_mode();
         match stream {
-            Stream::Heartbeat => status::heartbeat(self.mode(), flight_mode, self.profile.personality),
-            Stream::SysStatus => status::sys_status(&self.health(state)),
-            Stream::ExtendedSysState => status::extended_sys_state(self.mode()),
-            Stream::CurrentMode | Stream::Policy => status::current_mode(flight_mode),
-            Stream::MissionCurrent => mission_protocol::sent::current(&self.plans, &self.runner),
-            Stream::BatteryStatus => status::battery_status(&self.battery),
-            Stream::HomePosition => motion::home_position(self.autopilot.home(), origin),
-            Stream::Altitude => motion::altitude(state, origin, time_usec),
-            Stream::GpsRawInt => motion::gps_raw_int(state, origin, time_usec),
-            Stream::VfrHud => motion::vfr_hud(state, origin, self.throttle()),
-            Stream::ServoOutputRaw => motion::servo_output_raw(self.rotor_shares(), time_usec as u32),
-            Stream::PositionTarget => motion::position_target(self.autopilot.goal(), time_boot_ms),
-            Stream::GlobalPosition => motion::global_position_int(state, origin, time_boot_ms),
-            Stream::Odometry => motion::odometry(state, time_usec),
-            Stream::AttitudeQuaternion => motion::attitude_quaternion(state, time_boot_ms),
-            Stream::Attitude => motion::attitude(state, time_boot_ms),
-            Stream::LocalPosition => motion::local_position_ned(state, time_boot_ms),
+            TelemetryStream::Heartbeat => status::heartbeat(self.mode(), flight_mode, self.profile.personality),
+            TelemetryStream::SysStatus => status::sys_status(&self.health(state)),
+            TelemetryStream::ExtendedSysState => status::extended_sys_state(self.mode()),
+            TelemetryStream::CurrentMode | TelemetryStream::Policy => status::current_mode(flight_mode),
+            TelemetryStream::MissionCurrent => mission_protocol::sent::current(&self.plans, &self.runner),
+            TelemetryStream::BatteryStatus => status::battery_status(&self.battery),
+            TelemetryStream::HomePosition => motion::home_position(self.autopilot.home(), origin),
+            TelemetryStream::Altitude => motion::altitude(state, origin, time_usec),
+            TelemetryStream::GpsRawInt => motion::gps_raw_int(state, origin, time_usec),
+            TelemetryStream::VfrHud => motion::vfr_hud(state, origin, self.throttle()),
+            TelemetryStream::ServoOutputRaw => motion::servo_output_raw(self.rotor_shares(), time_usec as u32),
+            TelemetryStream::PositionTarget => motion::position_target(self.autopilot.goal(), time_boot_ms),
+            TelemetryStream::GlobalPosition => motion::global_position_int(state, origin, time_boot_ms),
+            TelemetryStream::Odometry => motion::odometry(state, time_usec),
+            TelemetryStream::AttitudeQuaternion => motion::attitude_quaternion(state, time_boot_ms),
+            TelemetryStream::Attitude => motion::attitude(state, time_boot_ms),
+            TelemetryStream::LocalPosition => motion::local_position_ned(state, time_boot_ms),
         }
     }
 
@@ -326,11 +327,11 @@ impl<P: Processor> MavlinkVehicle<P> {
         if self.on_mission() {
             return FlightMode::Mission;
         }
-        FlightMode::of(self.autopilot.mode(), self.autopilot.flyer())
+        FlightMode::of(self.autopilot.mode(), self.autopilot.active_controller())
     }
 
-    fn health(&mut self, state: &State<f32>) -> status::Health {
-        status::Health {
+    fn health(&mut self, state: &State<f32>) -> status::VehicleHealth {
+        status::VehicleHealth {
             policy: self.autopilot.healthy(),
             inside_fence: self.autopilot.margin_m(&state.position) >= 0.0,
             battery: self.battery,
@@ -357,7 +358,11 @@ impl<P: Processor> MavlinkVehicle<P> {
         for event in self.autopilot.events().clone() {
             self.answer(sent::status_text(MavSeverity::MAV_SEVERITY_CRITICAL, event.text()));
         }
-        let stopped = self.autopilot.events().iter().any(|event| matches!(event, Event::Tilted | Event::Spinning));
+        let stopped = self
+            .autopilot
+            .events()
+            .iter()
+            .any(|event| matches!(event, FailsafeEvent::Tilted | FailsafeEvent::Spinning));
         let (severity, text) = match (before, self.mode()) {
             (before, after) if before == after => return,
             (Mode::Armed | Mode::Landed, Mode::Disarmed) => (MavSeverity::MAV_SEVERITY_INFO, "disarmed"),
@@ -370,33 +375,33 @@ impl<P: Processor> MavlinkVehicle<P> {
         self.answer(sent::status_text(severity, text));
     }
 
-    fn obey(&mut self, frame: &Frame) {
+    fn handle(&mut self, frame: &Frame) {
         let sender = Sender { address: [frame.system, frame.component], sequence: frame.sequence };
         self.losses.note(sender, self.elapsed_secs());
         if let Some((address, request)) = request::request(frame) {
             if address.reaches(self.profile.system, COMPONENT) {
-                self.obey_request(&request, sender);
+                self.handle_request(&request, sender);
             }
         } else if let Some((address, request)) = parameter_received::request(frame)
             && address.reaches(self.profile.system, COMPONENT)
         {
-            self.obey_parameter(&request, sender.address);
+            self.handle_parameter(&request, sender.address);
         } else if let Some((address, request)) = mission_protocol::request(frame)
             && address.reaches(self.profile.system, COMPONENT)
         {
-            self.obey_mission(&request, sender.address);
+            self.handle_mission(&request, sender.address);
         }
     }
 
-    fn obey_request(&mut self, request: &Request, sender: Sender) {
+    fn handle_request(&mut self, request: &Request, sender: Sender) {
         match request {
             Request::GroundStation => self.ground_station_tick = Some(self.ticks),
             Request::Ping { time_usec, seq } => self.answer(sent::ping(*time_usec, *seq, sender.address)),
             Request::SetMode(custom_mode) => {
                 let answer = self.choose(FlightMode::of_custom_mode(*custom_mode));
-                self.word(answer.text);
+                self.send_status_text(answer.text);
             }
-            Request::Command(command) => self.obey_command(command, sender),
+            Request::Command(command) => self.handle_command(command, sender),
             Request::PositionTarget(target) => self.follow(target.set_point(&self.profile.origin)),
             Request::AttitudeTarget(target) => self.follow(target.set_point()),
             Request::TimeSync(theirs_ns) => {
@@ -412,13 +417,13 @@ impl<P: Processor> MavlinkVehicle<P> {
         let outcome = set_point
             .map_err(SetPointError::text)
             .and_then(|set_point| self.set_point(set_point).map_err(Refusal::text));
-        self.word(outcome.err());
+        self.send_status_text(outcome.err());
     }
 
-    fn obey_parameter(&mut self, request: &parameter_received::Request, sender: [u8; 2]) {
+    fn handle_parameter(&mut self, request: &parameter_received::ParameterRequest, sender: [u8; 2]) {
         let answers = &mut self.answers;
         let unanswered = &mut self.counts.unanswered;
-        let changed: Option<Parameter> = self.parameters.obey(request, sender, &mut |payload| {
+        let changed: Option<Parameter> = self.parameters.handle(request, sender, &mut |payload| {
             *unanswered += u64::from(answers.push(payload).is_err());
         });
         if changed.is_some() {
@@ -427,7 +432,7 @@ impl<P: Processor> MavlinkVehicle<P> {
         }
     }
 
-    fn obey_command(&mut self, command: &CommandRequest, sender: Sender) {
+    fn handle_command(&mut self, command: &CommandRequest, sender: Sender) {
         let now_secs = self.elapsed_secs();
         let answer = match self.repetitions.result(command, sender, self.mode(), now_secs) {
             Some(result) => Answer { result, text: None },
@@ -441,7 +446,7 @@ impl<P: Processor> MavlinkVehicle<P> {
         for _ in 0..acknowledgements {
             self.acknowledge(command.command, answer.result, sender.address);
         }
-        self.word(answer.text);
+        self.send_status_text(answer.text);
     }
 
     fn acknowledge(&mut self, command: u16, result: CommandResult, sender: [u8; 2]) {
@@ -449,7 +454,7 @@ impl<P: Processor> MavlinkVehicle<P> {
     }
 
     /// Says why something is refused, but not over and over.
-    fn word(&mut self, text: Option<&'static str>) {
+    fn send_status_text(&mut self, text: Option<&'static str>) {
         let Some(text) = text else { return };
         let now = self.elapsed_secs();
         if self.last_text.is_some_and(|(last, secs)| last == text && now - secs < TEXT_SECS) {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use kestrel_shim::bridge::event::Counts;
-use kestrel_shim::bridge::lending::{self, Audience};
+use kestrel_shim::bridge::event::BridgeCounts;
+use kestrel_shim::bridge::session::{self, Callbacks};
 use kestrel_shim::bridge::{BridgeError, BridgeOptions};
 use kestrel_sim::flight::Flight;
 use kestrel_sim::scenario::{Physics, Scenario};
@@ -21,13 +21,13 @@ pub fn lend(
     options: &BridgeOptions,
     log: Option<&Path>,
     interrupted: &dyn Fn() -> bool,
-) -> Result<Counts, BridgeError> {
+) -> Result<BridgeCounts, BridgeError> {
     let physics = at_rate(&scenario.physics, options.rate_hz());
     let scenario = Scenario { physics, ..scenario.clone() };
     let mut plant = SimulatedFlight(Flight::new(&scenario, launch_site(&scenario)));
     let mut print = |text: &str| say(text).map_err(std::io::Error::other);
-    let mut audience = Audience { say: &mut print, interrupted };
-    lending::lend(options, &scenario.airframe, &mut plant, log, &mut audience)
+    let mut callbacks = Callbacks { print: &mut print, interrupted };
+    session::run(options, &scenario.airframe, &mut plant, log, &mut callbacks)
 }
 
 fn at_rate(physics: &Physics, rate_hz: u32) -> Physics {

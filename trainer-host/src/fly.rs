@@ -6,11 +6,11 @@ use kestrel_core::airframe::{Airframe, CF2X};
 use kestrel_core::policy_file::{PolicyError, PolicyFile};
 use kestrel_core::vehicle::State;
 use kestrel_shim::autopilot::Mode;
-use kestrel_shim::lockstep::{Moment, Next};
+use kestrel_shim::lockstep::{ControlPeriod, Next};
 use kestrel_shim::message::sent::identity::PolicyIdentity;
 use kestrel_shim::plant::{FlatFloor, Plant};
+use kestrel_shim::policy_backend::PolicyBackend;
 use kestrel_shim::policy_bytes::PolicyBytes;
-use kestrel_shim::processor::Processor;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
 use kestrel_shim::true_state::{TrueStateLog, TrueStateLogError};
 use kestrel_shim::vehicle::Counts;
@@ -136,7 +136,7 @@ pub fn fly(
 }
 
 /// Flies a session to its end.
-fn conduct<P: Processor>(
+fn conduct<P: PolicyBackend>(
     mut session: Session<P>,
     plant: &mut dyn Plant,
     options: &FlyOptions,
@@ -146,9 +146,9 @@ fn conduct<P: Processor>(
     say(session.announcement())?;
     let mut failure = None;
     let mut last = None;
-    let mut watch = |moment: &Moment| {
-        last = Some((moment.secs, moment.state.position, moment.mode));
-        failure = log.write(moment).err();
+    let mut watch = |period: &ControlPeriod| {
+        last = Some((period.secs, period.state.position, period.mode));
+        failure = log.write(period).err();
         if failure.is_some() || interrupted() { Next::End } else { Next::Fly }
     };
     let counts = session.fly(plant, &mut watch)?;

@@ -13,7 +13,7 @@ use kestrel_core::observation::ObservationLayout;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_core::remote::{Head, Kind, NO_POLICY, Port, send, tick_payload};
 use kestrel_core::vehicle::State;
-use kestrel_shim::processor::Processor;
+use kestrel_shim::policy_backend::PolicyBackend;
 use nalgebra::Vector3;
 use thiserror::Error;
 
@@ -153,7 +153,7 @@ impl Qemu {
     }
 }
 
-impl Processor for Qemu {
+impl PolicyBackend for Qemu {
     fn control_secs(&self) -> f32 {
         self.control_secs
     }

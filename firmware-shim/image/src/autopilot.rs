@@ -12,25 +12,26 @@ use kestrel_core::observation::ObservationLayout;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile};
 use kestrel_core::vehicle::State;
-use kestrel_onboard::fence::{Side, ZoneError, Zones};
-use kestrel_onboard::flight_controller::{FlightController, Identity};
-use kestrel_onboard::flyer::Flyer;
+use kestrel_onboard::controller::Controller;
+use kestrel_onboard::fence::{ZoneError, ZoneKind, Zones};
+use kestrel_onboard::flight_controller::{FlightController, VehicleIdentity};
 use kestrel_onboard::geodesy::Home;
 use kestrel_onboard::plant::{FlatFloor, Plant};
-use kestrel_onboard::processor::Processor;
-use kestrel_onboard::signature::{Guard, Key, Signer, Time, Verifier};
+use kestrel_onboard::policy_backend::PolicyBackend;
+use kestrel_onboard::signature::{SignatureTime, Signer, SigningKey};
+use kestrel_onboard::signature_guard::{SignatureGuard, Verifier};
 use nalgebra::{Vector2, Vector3};
 
 use crate::digest::Digest;
 use crate::machine::{Verdict, hexadecimal, print};
 use crate::policy::{Artifact, PILOTS};
-use flight::{Deed, FLIGHTS, Flight};
+use flight::{FLIGHTS, Flight, ScriptEvent};
 use line::Line;
 
 /// The policy that flies, in fixed point.
 const NAME: &str = "hover";
 
-const IDENTITY: Identity = Identity {
+const IDENTITY: VehicleIdentity = VehicleIdentity {
     system: line::VEHICLE,
     origin: Home { latitude_deg: 47.397_742, longitude_deg: 8.545_594, altitude_m: 488.0 },
 };
@@ -52,7 +53,7 @@ struct Fallible<'a> {
     health: &'a Cell<Health>,
 }
 
-impl Processor for Fallible<'_> {
+impl PolicyBackend for Fallible<'_> {
     fn control_secs(&self) -> f32 {
         self.pilot.control_secs()
     }
@@ -119,9 +120,9 @@ fn fly(flight: &Flight, policy: &PolicyFile<'_>) -> Verdict {
     let mut expected = flight.events.iter();
     let mut right = true;
     for tick in 0..periods(flight.secs, control_secs) {
-        for (secs, deed) in flight.script {
+        for (secs, event) in flight.script {
             if periods(*secs, control_secs) == tick {
-                scene.act(deed, &health);
+                scene.act(event, &health);
             }
         }
         scene.tick(tick);
@@ -130,10 +131,10 @@ fn fly(flight: &Flight, policy: &PolicyFile<'_>) -> Verdict {
         }
     }
     right &= expected.next().is_none();
-    right &= flight.end == (scene.controller.autopilot().mode(), scene.controller.autopilot().flyer());
+    right &= flight.end == (scene.controller.autopilot().mode(), scene.controller.autopilot().active_controller());
     // Or the line was not as bad as it should be.
     right &= scene.controller.counts().garbage > 0;
-    tell(flight, &scene);
+    report(flight, &scene);
     if right { Verdict::Passed } else { Verdict::Failed }
 }
 
@@ -141,8 +142,8 @@ fn fly(flight: &Flight, policy: &PolicyFile<'_>) -> Verdict {
 fn zones(flight: &Flight) -> Result<Zones, ZoneError> {
     let mut zones = Zones::default();
     if let Some(corners) = flight.room {
-        zones.add_polygon(&corners.map(Vector2::from), Side::Inside { group: 0 })?;
-        zones.add_circle(Vector2::new(-0.8, 0.0), 0.2, Side::Outside)?;
+        zones.add_polygon(&corners.map(Vector2::from), ZoneKind::Inside { group: 0 })?;
+        zones.add_circle(Vector2::new(-0.8, 0.0), 0.2, ZoneKind::Outside)?;
     }
     Ok(zones)
 }
@@ -152,15 +153,15 @@ fn periods(secs: f32, control_secs: f32) -> u32 {
     (secs / control_secs + 0.5) as u32
 }
 
-fn tell(flight: &Flight, scene: &Scene<'_>) {
+fn report(flight: &Flight, scene: &Scene<'_>) {
     let autopilot = scene.controller.autopilot();
-    let flyer = match autopilot.flyer() {
-        Flyer::Policy => "policy",
-        Flyer::Cascade => "cascade",
+    let controller = match autopilot.active_controller() {
+        Controller::Policy => "policy",
+        Controller::Cascade => "cascade",
     };
     let digits = hexadecimal(scene.digest.value());
     let digits = core::str::from_utf8(&digits).unwrap_or_default();
-    print(&["autopilot, ", flight.name, ": ", autopilot.mode().name(), " by the ", flyer, " ", digits, "\n"]);
+    print(&["autopilot, ", flight.name, ": ", autopilot.mode().name(), " by the ", controller, " ", digits, "\n"]);
 }
 
 impl<'a> Scene<'a> {
@@ -173,29 +174,29 @@ impl<'a> Scene<'a> {
         settings.fence_radius_m = flight.fence_radius_m;
         controller.autopilot_mut().adjust(settings);
         controller.autopilot_mut().enclose(zones(flight).unwrap_or_default());
-        let verifier = Verifier::new(Key(line::KEY), line::START, Time(0));
-        controller.secure(Guard::Signed(verifier), Signer::new(Key(line::KEY), 2, line::START));
+        let verifier = Verifier::new(SigningKey(line::KEY), line::START, SignatureTime(0));
+        controller.secure(SignatureGuard::Signed(verifier), Signer::new(SigningKey(line::KEY), 2, line::START));
         let plant = FlatFloor::new(&CF2X, controller.autopilot().control_secs());
         let line = Line::new();
         Self { controller, plant, line, battery: 1.0, blind: 0, tumbling: 0, digest: Digest::new() }
     }
 
-    fn act(&mut self, deed: &Deed, health: &Cell<Health>) {
-        match *deed {
-            Deed::Command(command, parameters) => self.line.command(command, parameters),
-            Deed::Stream(stream) => self.line.stream(stream),
-            Deed::Speak(station) => self.line.speak(station),
-            Deed::Battery(share) => self.battery = share,
-            Deed::Gust(way) => {
+    fn act(&mut self, event: &ScriptEvent, health: &Cell<Health>) {
+        match *event {
+            ScriptEvent::Command(command, parameters) => self.line.command(command, parameters),
+            ScriptEvent::SetPointStream(stream) => self.line.stream(stream),
+            ScriptEvent::GroundStation(station) => self.line.set_presence(station),
+            ScriptEvent::Battery(share) => self.battery = share,
+            ScriptEvent::Gust(way) => {
                 let mut state = *self.plant.state();
                 state.position += Vector3::from(way);
                 self.plant.put(state);
             }
-            Deed::Blind(periods) => self.blind = periods,
-            Deed::Tumble(periods) => self.tumbling = periods,
-            Deed::Hang => health.set(Health::Hangs),
-            Deed::Saturate => health.set(Health::Saturates),
-            Deed::Intrude => {
+            ScriptEvent::Blind(periods) => self.blind = periods,
+            ScriptEvent::Tumble(periods) => self.tumbling = periods,
+            ScriptEvent::Hang => health.set(Health::Hangs),
+            ScriptEvent::Saturate => health.set(Health::Saturates),
+            ScriptEvent::Intrude => {
                 let controller = &mut self.controller;
                 line::intrude(&mut |byte| controller.receive(byte));
             }
@@ -205,9 +206,9 @@ impl<'a> Scene<'a> {
     /// A control period: what arrives, what is answered, what is done, and where that leads.
     fn tick(&mut self, tick: u32) {
         let controller = &mut self.controller;
-        self.line.speak_to(tick, &mut |byte| controller.receive(byte));
+        self.line.transmit(tick, &mut |byte| controller.receive(byte));
         while let Some(answer) = self.controller.answer() {
-            self.line.hear(&answer);
+            self.line.receive(&answer);
             self.digest.add_bytes(&answer);
         }
         self.disturb();
@@ -219,7 +220,7 @@ impl<'a> Scene<'a> {
         let targets = self.controller.tick(&state, self.battery);
         self.plant.step(&targets);
         let autopilot = self.controller.autopilot();
-        self.digest.add_bytes(&[autopilot.mode() as u8, autopilot.flyer() as u8]);
+        self.digest.add_bytes(&[autopilot.mode() as u8, autopilot.active_controller() as u8]);
         for event in autopilot.events() {
             self.digest.add_bytes(&[*event as u8]);
         }

@@ -1,7 +1,8 @@
 //! The same frames everywhere: a signed MAVLink stream, damaged on its way, as a vehicle on board would hear it.
 
 use kestrel_onboard::frame::{Encoder, Payload, Receiver};
-use kestrel_onboard::signature::{Key, Signer, Time, Verifier};
+use kestrel_onboard::signature::{SignatureTime, Signer, SigningKey};
+use kestrel_onboard::signature_guard::Verifier;
 
 use crate::digest::Digest;
 use crate::input::Inputs;
@@ -20,7 +21,7 @@ const MESSAGE: (u32, u8) = (76, 152);
 const FIELDS: usize = 33;
 
 /// Some time in 2027.
-const START: Time = Time(4_000_000_000_000);
+const START: SignatureTime = SignatureTime(4_000_000_000_000);
 
 /// Prints the digest of what was sent and of what was heard.
 pub fn run() -> Verdict {
@@ -34,10 +35,10 @@ pub fn run() -> Verdict {
 
 /// How many frames were accepted.
 fn stream(digest: &mut Digest) -> u32 {
-    let key = Key([7; 32]);
+    let key = SigningKey([7; 32]);
     let mut encoder = Encoder::new(255, 190).signed(Signer::new(key.clone(), 1, START));
     let mut receiver = Receiver::new();
-    let mut verifier = Verifier::new(key, START, Time(0));
+    let mut verifier = Verifier::new(key, START, SignatureTime(0));
     let mut inputs = Inputs::new(5);
     let mut accepted = 0;
     for _ in 0..FRAMES {

@@ -19,7 +19,7 @@
 //! command of a peer ends that, and no stream of set-points. A state that is not finite for [`BLIND_SECS`] ends in
 //! Disarmed. Motors turn in the modes of flight only, and there none ever stops.
 //!
-//! Who flies is another matter ([`Flyer`]): the policy or the cascade of controllers, in every mode alike. What a peer steers by
+//! Who flies is another matter ([`Controller`]): the policy or the cascade of controllers, in every mode alike. What a peer steers by
 //! attitude or body rates is flown by the cascade's inner half.
 
 use kestrel_core::airframe::Airframe;
@@ -27,13 +27,13 @@ use kestrel_core::observation::{ObservationLayout, PilotForLayout, PilotMeasured
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
-use crate::failsafe::{Event, Failsafe, Situation};
+use crate::controller::{Controller, Controllers};
+use crate::failsafe::{Failsafe, FailsafeEvent, FailsafeInput};
 use crate::fence::{Fence, Zones};
-use crate::flyer::{Flyer, Flyers};
 use crate::goal::MovingGoal;
-use crate::processor::Processor;
-use crate::settings::{Action, Reaction, Replacement, Settings};
-use crate::steering::Stick;
+use crate::policy_backend::PolicyBackend;
+use crate::settings::{AutopilotSettings, FailsafeAction, FailsafeReaction, Fallback};
+use crate::steering::AttitudeSetPoint;
 
 mod command;
 
@@ -67,7 +67,7 @@ pub const BLIND_SECS: f32 = 0.1;
 const FENCE_MARGIN_M: f32 = 0.3;
 
 /// Events of one control period.
-pub type Events = heapless::Vec<Event, { Event::ALL.len() }>;
+pub type FailsafeEvents = heapless::Vec<FailsafeEvent, { FailsafeEvent::ALL.len() }>;
 
 /// What the autopilot is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,7 +94,7 @@ pub enum Mode {
 
 /// Who has the say about where to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Say {
+enum Authority {
     /// Peers, by commands and by set-points.
     Peers,
     /// A failsafe, until a peer commands something.
@@ -112,15 +112,15 @@ pub struct Surroundings {
 
 /// Flies a policy: state in, rotor targets out, once per control period.
 pub struct Autopilot<P> {
-    flyers: Flyers<P>,
-    settings: Settings,
+    controllers: Controllers<P>,
+    settings: AutopilotSettings,
     fence: Fence,
     failsafe: Failsafe,
-    events: Events,
+    events: FailsafeEvents,
     control_secs: f32,
     leash_m: f32,
     mode: Mode,
-    say: Say,
+    authority: Authority,
     ticks_in_mode: u32,
     ticks_at_rest: u32,
     ticks_blind: u32,
@@ -128,7 +128,7 @@ pub struct Autopilot<P> {
     surroundings: Surroundings,
     known_state: Option<State<f32>>,
     goal: MovingGoal,
-    stick: Option<Stick>,
+    attitude_set_point: Option<AttitudeSetPoint>,
     home: Vector3<f32>,
     last_inside: Vector3<f32>,
     rotor_targets: [f32; 4],
@@ -179,12 +179,12 @@ impl Mode {
     }
 
     /// Which action it already is; a failsafe never does something milder instead.
-    const fn action(self) -> Action {
+    const fn action(self) -> FailsafeAction {
         match self {
-            Self::Disarmed | Self::Armed | Self::Landed => Action::StopMotors,
-            Self::TakingOff | Self::Holding | Self::Guided | Self::Offboard => Action::Nothing,
-            Self::Returning => Action::Return,
-            Self::Landing => Action::Land,
+            Self::Disarmed | Self::Armed | Self::Landed => FailsafeAction::StopMotors,
+            Self::TakingOff | Self::Holding | Self::Guided | Self::Offboard => FailsafeAction::Nothing,
+            Self::Returning => FailsafeAction::Return,
+            Self::Landing => FailsafeAction::Land,
         }
     }
 }
@@ -208,20 +208,20 @@ fn leash_m(layout: &ObservationLayout) -> f32 {
     }
 }
 
-impl<P: Processor> Autopilot<P> {
+impl<P: PolicyBackend> Autopilot<P> {
     /// A disarmed autopilot of an airframe, whose policy this processor computes.
-    pub fn new(processor: P, airframe: &Airframe) -> Self {
+    pub fn new(backend: P, airframe: &Airframe) -> Self {
         let nowhere = Vector3::zeros();
         Self {
-            control_secs: processor.control_secs(),
-            leash_m: leash_m(processor.observation()),
-            flyers: Flyers::new(processor, airframe),
-            settings: Settings::default(),
+            control_secs: backend.control_secs(),
+            leash_m: leash_m(backend.observation()),
+            controllers: Controllers::new(backend, airframe),
+            settings: AutopilotSettings::default(),
             fence: Fence::default(),
             failsafe: Failsafe::default(),
-            events: Events::new(),
+            events: FailsafeEvents::new(),
             mode: Mode::Disarmed,
-            say: Say::Peers,
+            authority: Authority::Peers,
             ticks_in_mode: 0,
             ticks_at_rest: 0,
             ticks_blind: 0,
@@ -229,7 +229,7 @@ impl<P: Processor> Autopilot<P> {
             surroundings: Surroundings::default(),
             known_state: None,
             goal: MovingGoal::at(nowhere),
-            stick: None,
+            attitude_set_point: None,
             home: nowhere,
             last_inside: nowhere,
             rotor_targets: STOPPED,
@@ -242,8 +242,8 @@ impl<P: Processor> Autopilot<P> {
     }
 
     /// Who flies.
-    pub fn flyer(&self) -> Flyer {
-        self.flyers.at_helm()
+    pub fn active_controller(&self) -> Controller {
+        self.controllers.active()
     }
 
     /// Where it is going.
@@ -257,12 +257,12 @@ impl<P: Processor> Autopilot<P> {
     }
 
     /// What it may be told to do differently.
-    pub fn settings(&self) -> &Settings {
+    pub fn settings(&self) -> &AutopilotSettings {
         &self.settings
     }
 
     /// Does it this way from now on.
-    pub fn adjust(&mut self, settings: Settings) {
+    pub fn adjust(&mut self, settings: AutopilotSettings) {
         self.settings = settings;
         self.fence.cylinder.radius_m = settings.fence_radius_m;
         self.fence.cylinder.height_m = settings.fence_height_m;
@@ -280,16 +280,16 @@ impl<P: Processor> Autopilot<P> {
 
     /// Whether the policy reproduces its golden vectors.
     pub fn healthy(&mut self) -> bool {
-        self.flyers.processor().healthy()
+        self.controllers.backend().healthy()
     }
 
     /// How old the policy's last answer is, if it flies \[s\].
     pub fn silent_secs(&self) -> f32 {
-        self.flyers.silent_secs()
+        self.controllers.silent_secs()
     }
 
     /// What has gone wrong in the last control period.
-    pub fn events(&self) -> &Events {
+    pub fn events(&self) -> &FailsafeEvents {
         &self.events
     }
 
@@ -361,14 +361,14 @@ impl<P: Processor> Autopilot<P> {
         if self.mode == Mode::Offboard && self.set_point_age_secs() > self.settings.set_point_stale_secs {
             self.stay();
         }
-        let situation = Situation {
+        let situation = FailsafeInput {
             state,
             set_point_age_secs: (self.mode == Mode::Offboard).then_some(self.set_point_age_secs()),
             link_age_secs: self.surroundings.link_age_secs,
             fence_margin_m: margin_m,
             battery: self.surroundings.battery,
-            silent_secs: self.flyers.silent_secs(),
-            saturated_secs: self.flyers.saturated_secs(),
+            silent_secs: self.controllers.silent_secs(),
+            saturated_secs: self.controllers.saturated_secs(),
         };
         let events = self.failsafe.watch(&situation, &self.settings, self.control_secs);
         for event in &events {
@@ -377,24 +377,27 @@ impl<P: Processor> Autopilot<P> {
         self.events = events;
     }
 
-    fn react(&mut self, event: Event, state: &State<f32>) {
-        let Reaction { action, pilot } = event.reaction(&self.settings);
-        if pilot == Replacement::Cascade && action > Action::Warn && self.flyer() == Flyer::Policy {
-            self.flyers.begin(Flyer::Cascade, state);
+    fn react(&mut self, event: FailsafeEvent, state: &State<f32>) {
+        let FailsafeReaction { action, fallback } = event.reaction(&self.settings);
+        if fallback == Fallback::Cascade
+            && action > FailsafeAction::Warn
+            && self.active_controller() == Controller::Policy
+        {
+            self.controllers.begin(Controller::Cascade, state);
         }
         if action <= self.mode.action() {
             return;
         }
         // A stream that comes back is followed again.
-        if action > Action::Warn && event != Event::OffboardLost {
-            self.say = Say::Failsafe;
+        if action > FailsafeAction::Warn && event != FailsafeEvent::OffboardLost {
+            self.authority = Authority::Failsafe;
         }
         match action {
-            Action::Nothing | Action::Warn => {}
-            Action::Hold => self.hold_inside(state),
-            Action::Return => self.head_home(state),
-            Action::Land => self.sink(),
-            Action::StopMotors => self.enter(Mode::Disarmed),
+            FailsafeAction::Nothing | FailsafeAction::Warn => {}
+            FailsafeAction::Hold => self.hold_inside(state),
+            FailsafeAction::Return => self.head_home(state),
+            FailsafeAction::Land => self.sink(),
+            FailsafeAction::StopMotors => self.enter(Mode::Disarmed),
         }
     }
 
@@ -405,9 +408,9 @@ impl<P: Processor> Autopilot<P> {
             return;
         }
         self.move_goal(state);
-        let targets = match (self.mode, &self.stick) {
-            (Mode::Offboard, Some(stick)) => Some(self.flyers.follow(state, stick)),
-            _ => self.flyers.toward(state, &self.goal, self.control_secs),
+        let targets = match (self.mode, &self.attitude_set_point) {
+            (Mode::Offboard, Some(attitude_set_point)) => Some(self.controllers.follow(state, attitude_set_point)),
+            _ => self.controllers.toward(state, &self.goal, self.control_secs),
         };
         self.rotor_targets = targets.unwrap_or(self.rotor_targets);
     }
@@ -461,7 +464,7 @@ impl<P: Processor> Autopilot<P> {
     /// Stops where the goal is.
     fn stay(&mut self) {
         self.goal.stop();
-        self.stick = None;
+        self.attitude_set_point = None;
     }
 
     /// Holds here, or where the drone last was well inside the fence; lands if the fence has left that place, too.
@@ -499,7 +502,7 @@ impl<P: Processor> Autopilot<P> {
         self.ticks_in_mode = 0;
         self.ticks_at_rest = 0;
         if mode != Mode::Offboard {
-            self.stick = None;
+            self.attitude_set_point = None;
         }
     }
 

@@ -1,6 +1,6 @@
 //! The simulated battery.
 
-use crate::settings::Settings;
+use crate::settings::AutopilotSettings;
 
 /// Voltage of a full and of an empty cell \[V\], for ground stations that show one; in between it is taken as linear.
 const VOLTAGES: [f32; 2] = [4.2, 3.0];
@@ -18,7 +18,7 @@ impl Battery {
     }
 
     /// Flies for so many seconds.
-    pub fn drain(&mut self, secs: f32, settings: &Settings) {
+    pub fn drain(&mut self, secs: f32, settings: &AutopilotSettings) {
         if let Some(drain_secs) = settings.battery_drain_secs {
             let least = settings.battery_least.min(self.remaining);
             self.remaining = (self.remaining - secs / drain_secs).max(least);
@@ -43,7 +43,11 @@ mod tests {
 
     #[test]
     fn it_empties_in_its_time_down_to_its_least() {
-        let settings = Settings { battery_drain_secs: Some(100.0), battery_least: 0.2, ..Settings::default() };
+        let settings = AutopilotSettings {
+            battery_drain_secs: Some(100.0),
+            battery_least: 0.2,
+            ..AutopilotSettings::default()
+        };
         let mut battery = Battery::full();
         for _ in 0..5000 {
             battery.drain(0.01, &settings);
@@ -53,14 +57,14 @@ mod tests {
             battery.drain(0.01, &settings);
         }
         assert!((battery.remaining() - 0.2).abs() < 1e-6);
-        battery.drain(1.0, &Settings { battery_least: 0.9, ..settings });
+        battery.drain(1.0, &AutopilotSettings { battery_least: 0.9, ..settings });
         assert!((battery.remaining() - 0.2).abs() < 1e-6, "it is not charged by a parameter");
     }
 
     #[test]
     fn by_default_it_lasts() {
         let mut battery = Battery::full();
-        battery.drain(1e6, &Settings::default());
+        battery.drain(1e6, &AutopilotSettings::default());
         assert_eq!((battery.remaining(), battery.voltage()), (1.0, 4.2));
     }
 }

@@ -1,15 +1,15 @@
 //! What can go wrong in flight, and when it counts as having gone wrong.
 //!
 //! A condition that lasts for its time becomes an event, once; it can become one again after it was gone. What is done then is
-//! the autopilot's business, by its [`Settings`].
+//! the autopilot's business, by its [`AutopilotSettings`].
 
 use kestrel_core::vehicle::State;
 
-use crate::settings::{Reaction, Settings};
+use crate::settings::{AutopilotSettings, FailsafeReaction};
 
 /// What has gone wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
+pub enum FailsafeEvent {
     /// No set-point for too long: the offboard mode is left.
     OffboardLost,
     /// No word from the ground station for too long.
@@ -34,7 +34,7 @@ pub enum Event {
 
 /// What events are made of, in one control period.
 #[derive(Clone, Copy, Debug)]
-pub struct Situation<'a> {
+pub struct FailsafeInput<'a> {
     /// Finite.
     pub state: &'a State<f32>,
     /// Since the last set-point, in the offboard mode \[s\].
@@ -54,12 +54,12 @@ pub struct Situation<'a> {
 /// Watches for all events.
 #[derive(Clone, Debug, Default)]
 pub struct Failsafe {
-    present: [bool; Event::ALL.len()],
+    present: [bool; FailsafeEvent::ALL.len()],
     tilted_secs: f32,
     spinning_secs: f32,
 }
 
-impl Event {
+impl FailsafeEvent {
     /// All of them, the hardest to fly with last.
     pub const ALL: [Self; 10] = [
         Self::OffboardLost,
@@ -75,15 +75,15 @@ impl Event {
     ];
 
     /// What is done about it.
-    pub fn reaction(self, settings: &Settings) -> Reaction {
+    pub fn reaction(self, settings: &AutopilotSettings) -> FailsafeReaction {
         let [low, critical, empty] = settings.battery_actions;
         match self {
-            Self::OffboardLost => Reaction::only(settings.offboard_loss_action),
-            Self::LinkLost => Reaction::only(settings.link_loss_action),
-            Self::FenceLeft => Reaction::only(settings.fence_action),
-            Self::BatteryLow => Reaction::only(low),
-            Self::BatteryCritical => Reaction::only(critical),
-            Self::BatteryEmpty => Reaction::only(empty),
+            Self::OffboardLost => FailsafeReaction::only(settings.offboard_loss_action),
+            Self::LinkLost => FailsafeReaction::only(settings.link_loss_action),
+            Self::FenceLeft => FailsafeReaction::only(settings.fence_action),
+            Self::BatteryLow => FailsafeReaction::only(low),
+            Self::BatteryCritical => FailsafeReaction::only(critical),
+            Self::BatteryEmpty => FailsafeReaction::only(empty),
             Self::Tilted | Self::Spinning => settings.upset_reaction,
             Self::PolicySilent | Self::PolicySaturated => settings.policy_reaction,
         }
@@ -115,15 +115,15 @@ impl Failsafe {
     /// The events that begin in a control period of `secs`.
     pub fn watch(
         &mut self,
-        situation: &Situation,
-        settings: &Settings,
+        situation: &FailsafeInput,
+        settings: &AutopilotSettings,
         secs: f32,
-    ) -> heapless::Vec<Event, { Event::ALL.len() }> {
+    ) -> heapless::Vec<FailsafeEvent, { FailsafeEvent::ALL.len() }> {
         self.count(situation.state, settings, secs);
         let before = self.present;
-        self.present = Event::ALL.map(|event| self.is_present(event, situation, settings));
+        self.present = FailsafeEvent::ALL.map(|event| self.is_present(event, situation, settings));
         let mut begun = heapless::Vec::new();
-        for ((event, present), before) in Event::ALL.iter().zip(&self.present).zip(&before) {
+        for ((event, present), before) in FailsafeEvent::ALL.iter().zip(&self.present).zip(&before) {
             if *present && !before {
                 // There is room for each of them once.
                 let _ = begun.push(*event);
@@ -132,7 +132,7 @@ impl Failsafe {
         begun
     }
 
-    fn count(&mut self, state: &State<f32>, settings: &Settings, secs: f32) {
+    fn count(&mut self, state: &State<f32>, settings: &AutopilotSettings, secs: f32) {
         let after = |before: f32, exceeds| if exceeds { before + secs } else { 0.0 };
         let tilted = state.world_from_body.up_cosine() < libm::cosf(settings.tilt_limit_rad);
         let spinning = state.body_rates.amax() > settings.rate_limit;
@@ -140,20 +140,20 @@ impl Failsafe {
         self.spinning_secs = after(self.spinning_secs, spinning);
     }
 
-    fn is_present(&self, event: Event, situation: &Situation, settings: &Settings) -> bool {
+    fn is_present(&self, event: FailsafeEvent, situation: &FailsafeInput, settings: &AutopilotSettings) -> bool {
         let [low, critical, empty] = settings.battery_levels;
         let older = |age_secs: Option<f32>, limit_secs| age_secs.is_some_and(|age_secs| age_secs > limit_secs);
         match event {
-            Event::OffboardLost => older(situation.set_point_age_secs, settings.offboard_loss_secs),
-            Event::LinkLost => older(situation.link_age_secs, settings.link_loss_secs),
-            Event::FenceLeft => situation.fence_margin_m < 0.0,
-            Event::BatteryLow => situation.battery <= low,
-            Event::BatteryCritical => situation.battery <= critical,
-            Event::BatteryEmpty => situation.battery <= empty,
-            Event::Tilted => self.tilted_secs > settings.tilt_secs,
-            Event::Spinning => self.spinning_secs > settings.rate_secs,
-            Event::PolicySilent => situation.silent_secs > settings.silence_secs,
-            Event::PolicySaturated => situation.saturated_secs > settings.saturation_secs,
+            FailsafeEvent::OffboardLost => older(situation.set_point_age_secs, settings.offboard_loss_secs),
+            FailsafeEvent::LinkLost => older(situation.link_age_secs, settings.link_loss_secs),
+            FailsafeEvent::FenceLeft => situation.fence_margin_m < 0.0,
+            FailsafeEvent::BatteryLow => situation.battery <= low,
+            FailsafeEvent::BatteryCritical => situation.battery <= critical,
+            FailsafeEvent::BatteryEmpty => situation.battery <= empty,
+            FailsafeEvent::Tilted => self.tilted_secs > settings.tilt_secs,
+            FailsafeEvent::Spinning => self.spinning_secs > settings.rate_secs,
+            FailsafeEvent::PolicySilent => situation.silent_secs > settings.silence_secs,
+            FailsafeEvent::PolicySaturated => situation.saturated_secs > settings.saturation_secs,
         }
     }
 }

@@ -41,7 +41,7 @@ pub struct Zones {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Zone {
     shape: Shape,
-    side: Side,
+    kind: ZoneKind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,7 +54,7 @@ enum Shape {
 
 /// On which side of the border to stay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
+pub enum ZoneKind {
     /// Inside, as a zone of a group.
     Inside {
         /// Its number.
@@ -113,7 +113,7 @@ impl Zones {
     ///
     /// # Errors
     /// Why it cannot be added; there are the same zones as before then.
-    pub fn add_polygon(&mut self, corners: &[Vector2<f64>], side: Side) -> Result<(), ZoneError> {
+    pub fn add_polygon(&mut self, corners: &[Vector2<f64>], kind: ZoneKind) -> Result<(), ZoneError> {
         if !corners.iter().all(is_finite) {
             return Err(ZoneError::NotFinite);
         }
@@ -125,42 +125,42 @@ impl Zones {
         }
         let shape = Shape::Polygon { first: self.vertices.len(), len: corners.len() };
         self.vertices.extend_from_slice(corners).map_err(|_| ZoneError::NoSpace)?;
-        self.add(shape, side)
+        self.add(shape, kind)
     }
 
     /// Adds a circle around a point \[m, world x and y\] of a radius \[m\].
     ///
     /// # Errors
     /// Why it cannot be added; there are the same zones as before then.
-    pub fn add_circle(&mut self, center: Vector2<f64>, radius_m: f64, side: Side) -> Result<(), ZoneError> {
+    pub fn add_circle(&mut self, center: Vector2<f64>, radius_m: f64, kind: ZoneKind) -> Result<(), ZoneError> {
         if !(is_finite(&center) && radius_m.is_finite() && radius_m > 0.0) {
             return Err(ZoneError::NotFinite);
         }
-        self.add(Shape::Circle { center, radius_m }, side)
+        self.add(Shape::Circle { center, radius_m }, kind)
     }
 
-    fn add(&mut self, shape: Shape, side: Side) -> Result<(), ZoneError> {
-        self.zones.push(Zone { shape, side }).map_err(|_| ZoneError::NoSpace)
+    fn add(&mut self, shape: Shape, kind: ZoneKind) -> Result<(), ZoneError> {
+        self.zones.push(Zone { shape, kind }).map_err(|_| ZoneError::NoSpace)
     }
 
     fn margin_m(&self, point: &Vector2<f64>) -> f32 {
-        let outside = self.zones.iter().filter(|zone| zone.side == Side::Outside);
+        let outside = self.zones.iter().filter(|zone| zone.kind == ZoneKind::Outside);
         let outside = outside.map(|zone| -self.depth_m(&zone.shape, point)).fold(f64::INFINITY, f64::min);
         let inside = self.groups().map(|group| self.group_margin_m(group, point)).reduce(f64::max);
         inside.unwrap_or(f64::INFINITY).min(outside) as f32
     }
 
     /// The groups of zones to stay in, each once.
-    fn groups(&self) -> impl Iterator<Item = Side> {
+    fn groups(&self) -> impl Iterator<Item = ZoneKind> {
         let zones = self.zones.iter().enumerate();
         zones.filter_map(|(index, zone)| {
-            let new = self.zones.iter().take(index).all(|earlier| earlier.side != zone.side);
-            (new && zone.side != Side::Outside).then_some(zone.side)
+            let new = self.zones.iter().take(index).all(|earlier| earlier.kind != zone.kind);
+            (new && zone.kind != ZoneKind::Outside).then_some(zone.kind)
         })
     }
 
-    fn group_margin_m(&self, group: Side, point: &Vector2<f64>) -> f64 {
-        let zones = self.zones.iter().filter(|zone| zone.side == group);
+    fn group_margin_m(&self, group: ZoneKind, point: &Vector2<f64>) -> f64 {
+        let zones = self.zones.iter().filter(|zone| zone.kind == group);
         zones.map(|zone| self.depth_m(&zone.shape, point)).fold(f64::INFINITY, f64::min)
     }
 

@@ -14,9 +14,10 @@ use crate::flight_mode::FlightMode;
 use crate::frame::{FRAME_LIMIT, Frame, Payload, Receiver};
 use crate::geodesy::Home;
 use crate::order::Order;
-use crate::processor::Processor;
+use crate::policy_backend::PolicyBackend;
 use crate::request::{self, Address, CommandRequest, Request};
-use crate::signature::{Guard, Signer, Time};
+use crate::signature::{SignatureTime, Signer};
+use crate::signature_guard::SignatureGuard;
 
 /// `MAV_COMP_ID_AUTOPILOT1`.
 const COMPONENT: u8 = 1;
@@ -26,7 +27,7 @@ const ANSWERS: usize = 4;
 
 /// Who a vehicle is, and where.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Identity {
+pub struct VehicleIdentity {
     /// MAVLink system, 1 to 250 by custom.
     pub system: u8,
     /// Where the world's origin lies on Earth.
@@ -49,7 +50,7 @@ pub struct Counts {
 /// An [`Autopilot`] at the end of a line.
 pub struct FlightController<P> {
     autopilot: Autopilot<P>,
-    identity: Identity,
+    identity: VehicleIdentity,
     receiver: Receiver,
     endpoint: Endpoint,
     answers: heapless::Deque<Payload, ANSWERS>,
@@ -73,11 +74,11 @@ impl Heard {
     }
 }
 
-impl<P: Processor> FlightController<P> {
-    /// A disarmed vehicle of an airframe, whose policy `processor` computes; it obeys frames without a signature.
-    pub fn new(processor: P, airframe: &Airframe, identity: Identity) -> Self {
+impl<P: PolicyBackend> FlightController<P> {
+    /// A disarmed vehicle of an airframe, whose policy `backend` computes; it obeys frames without a signature.
+    pub fn new(backend: P, airframe: &Airframe, identity: VehicleIdentity) -> Self {
         Self {
-            autopilot: Autopilot::new(processor, airframe),
+            autopilot: Autopilot::new(backend, airframe),
             endpoint: Endpoint::new(identity.system, COMPONENT),
             identity,
             receiver: Receiver::new(),
@@ -88,17 +89,17 @@ impl<P: Processor> FlightController<P> {
     }
 
     /// From now on obeys only what `guard` admits, and signs its answers.
-    pub fn secure(&mut self, guard: Guard, signer: Signer) {
+    pub fn secure(&mut self, guard: SignatureGuard, signer: Signer) {
         self.endpoint.secure(guard, signer);
     }
 
     /// Lets the clock have reached a time, for signatures.
-    pub fn advance_clock(&mut self, now: Time) {
+    pub fn advance_clock(&mut self, now: SignatureTime) {
         self.endpoint.advance_clock(now);
     }
 
     /// Latest times of accepted and of sent frames, if they are signed: what must be kept over a restart.
-    pub fn signature_times(&self) -> Option<[Time; 2]> {
+    pub fn signature_times(&self) -> Option<[SignatureTime; 2]> {
         self.endpoint.signature_times()
     }
 
@@ -135,7 +136,7 @@ impl<P: Processor> FlightController<P> {
         if let Some(heard) = heard
             && heard.address.reaches(self.identity.system, COMPONENT)
         {
-            self.obey(&heard);
+            self.handle(&heard);
         }
     }
 
@@ -154,10 +155,10 @@ impl<P: Processor> FlightController<P> {
         Some(self.endpoint.encode(&payload))
     }
 
-    fn obey(&mut self, heard: &Heard) {
+    fn handle(&mut self, heard: &Heard) {
         match &heard.request {
             Request::GroundStation => self.silent_ticks = Some(0),
-            Request::Command(command) => self.obey_command(command, heard.sender),
+            Request::Command(command) => self.handle_command(command, heard.sender),
             Request::SetMode(custom_mode) => {
                 let mode = FlightMode::of_custom_mode(*custom_mode);
                 if let Ok(order) = Order::to_mode(mode, &self.autopilot, &self.identity.origin) {
@@ -177,10 +178,10 @@ impl<P: Processor> FlightController<P> {
         }
     }
 
-    fn obey_command(&mut self, request: &CommandRequest, sender: [u8; 2]) {
+    fn handle_command(&mut self, request: &CommandRequest, sender: [u8; 2]) {
         let result = match Order::of(request, &self.autopilot, &self.identity.origin) {
             Ok(order) => self.execute(order).map_or_else(CommandResult::from, |()| CommandResult::Accepted),
-            Err(objection) => objection.result,
+            Err(rejection) => rejection.result,
         };
         if self.answers.push_back(command_ack(request.command, result, sender)).is_err() {
             self.counts.unanswered = self.counts.unanswered.wrapping_add(1);

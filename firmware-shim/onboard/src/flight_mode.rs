@@ -4,7 +4,7 @@
 //! numbers know this one. The policy and the cascade of controllers have those of PX4's first two external modes.
 
 use crate::autopilot::Mode;
-use crate::flyer::Flyer;
+use crate::controller::Controller;
 
 /// A mode as ground stations know it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,14 +76,14 @@ impl FlightMode {
     }
 
     /// What an autopilot is doing, with somebody at the helm; on the ground, what it is going to do.
-    pub const fn of(mode: Mode, flyer: Flyer) -> Self {
-        match (mode, flyer) {
+    pub const fn of(mode: Mode, controller: Controller) -> Self {
+        match (mode, controller) {
             (Mode::TakingOff, _) => Self::TakeOff,
             (Mode::Offboard, _) => Self::Offboard,
             (Mode::Returning, _) => Self::Return,
             (Mode::Landing | Mode::Landed, _) => Self::Land,
-            (Mode::Disarmed | Mode::Armed | Mode::Holding | Mode::Guided, Flyer::Policy) => Self::Policy,
-            (Mode::Disarmed | Mode::Armed | Mode::Holding | Mode::Guided, Flyer::Cascade) => Self::Cascade,
+            (Mode::Disarmed | Mode::Armed | Mode::Holding | Mode::Guided, Controller::Policy) => Self::Policy,
+            (Mode::Disarmed | Mode::Armed | Mode::Holding | Mode::Guided, Controller::Cascade) => Self::Cascade,
         }
     }
 

@@ -34,7 +34,7 @@ const SIGNED: u8 = 0x01;
 
 /// The protocol's versions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Version {
+pub enum FrameVersion {
     /// MAVLink 1, which knows no signatures.
     V1,
     /// MAVLink 2.
@@ -45,7 +45,7 @@ pub enum Version {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame<'a> {
     /// Of the protocol.
-    pub version: Version,
+    pub version: FrameVersion,
     /// Which one of its sender's frames it is, modulo 256.
     pub sequence: u8,
     /// System that sent it.
@@ -85,7 +85,7 @@ impl<'a> Frame<'a> {
     fn read(bytes: &'a [u8]) -> Result<Self, FrameError> {
         let frame = match *bytes {
             [START_V1, len, sequence, system, component, id, ..] => Self {
-                version: Version::V1,
+                version: FrameVersion::V1,
                 sequence,
                 system,
                 component,
@@ -99,7 +99,7 @@ impl<'a> Frame<'a> {
                 }
                 let message_id = u32::from_le_bytes([low, middle, high, 0]);
                 let payload = part(bytes, HEADER_V2, len)?;
-                Self { version: Version::V2, sequence, system, component, message_id, payload, bytes }
+                Self { version: FrameVersion::V2, sequence, system, component, message_id, payload, bytes }
             }
             _ => return Err(FrameError::Truncated),
         };
@@ -116,8 +116,8 @@ impl<'a> Frame<'a> {
     /// Bytes before the checksum.
     fn covered_len(&self) -> usize {
         let header = match self.version {
-            Version::V1 => HEADER_V1,
-            Version::V2 => HEADER_V2,
+            FrameVersion::V1 => HEADER_V1,
+            FrameVersion::V2 => HEADER_V2,
         };
         header + self.payload.len()
     }

@@ -4,7 +4,7 @@
 //! cut into checked [`frame`]s, whose checksums need the seeds of the [`dialect`]; a [`signature`] says who sent them, the
 //! [`endpoint`] who is heard, and a [`request`] what is asked for, which is an [`order`] to the [`autopilot`] and gets an
 //! [`acknowledgement`]. It obeys, watches for what can go wrong ([`failsafe`], [`fence`], [`battery`]), moves the [`goal`] and
-//! has the policy of a [`processor`] or the cascade of controllers ([`steering`]) fly there ([`flyer`]). All of that together
+//! has the policy of a [`policy_backend`] or the cascade of controllers ([`steering`]) fly there ([`controller`]). All of that together
 //! is a [`flight_controller`]. The [`plant`] is a simulation to fly in where there is no drone.
 
 #![cfg_attr(not(any(test, feature = "testing")), no_std)]
@@ -14,6 +14,7 @@ pub mod autopilot;
 pub mod axes;
 pub mod battery;
 pub mod checksum;
+pub mod controller;
 pub mod dialect;
 pub mod endpoint;
 pub mod excerpt;
@@ -21,17 +22,17 @@ pub mod failsafe;
 pub mod fence;
 pub mod flight_controller;
 pub mod flight_mode;
-pub mod flyer;
 pub mod frame;
 pub mod geodesy;
 pub mod goal;
 pub mod order;
 pub mod plant;
-pub mod processor;
+pub mod policy_backend;
 pub mod request;
 pub mod settings;
 pub mod sha256;
 pub mod signature;
+pub mod signature_guard;
 pub mod steering;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;

@@ -2,10 +2,10 @@
 
 use crate::acknowledgement::CommandResult;
 use crate::autopilot::{ALTITUDES_M, Autopilot, Command, Mode};
+use crate::controller::Controller;
 use crate::flight_mode::FlightMode;
-use crate::flyer::Flyer;
 use crate::geodesy::Home;
-use crate::processor::Processor;
+use crate::policy_backend::PolicyBackend;
 use crate::request::CommandRequest;
 
 /// Second parameter of a disarm command that shall work in flight (`MAV_CMD_COMPONENT_ARM_DISARM`).
@@ -20,7 +20,7 @@ pub enum Order {
     /// Execute a command.
     Execute(Command),
     /// Have the policy or the cascade fly, and hold if it does anything else.
-    FlyBy(Flyer),
+    SelectController(Controller),
     /// Hold in flight; on the ground that is what it does.
     Hold,
     /// Fly the mission that was uploaded, where one can be.
@@ -29,14 +29,14 @@ pub enum Order {
 
 /// Why a command is no order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Objection {
+pub struct Rejection {
     /// What its sender is told.
     pub result: CommandResult,
     /// The same in at most the 50 bytes of a `STATUSTEXT`.
     pub text: &'static str,
 }
 
-impl Objection {
+impl Rejection {
     const UNKNOWN_MODE: Self = Self::denied("mode refused: unknown, see AVAILABLE_MODES");
     const UNKNOWN_PARAMETER: Self = Self::denied("command refused: unknown parameter 1");
     const UNSUPPORTED: Self = Self { result: CommandResult::Unsupported, text: "this command is not supported" };
@@ -51,18 +51,18 @@ impl Order {
     ///
     /// # Errors
     /// Why it is no order.
-    pub fn of<P: Processor>(
+    pub fn of<P: PolicyBackend>(
         request: &CommandRequest,
         autopilot: &Autopilot<P>,
         origin: &Home,
-    ) -> Result<Self, Objection> {
+    ) -> Result<Self, Rejection> {
         let [first, second, third, _] = request.parameters;
         match request.command {
             17 => Ok(Self::Execute(Command::Pause)),
             20 => Ok(Self::Execute(Command::Return)),
             21 if request.place.is_here() => Ok(Self::Execute(Command::Land)),
             22 if request.place.is_here() => Ok(take_off(request.place.height(), autopilot, origin)),
-            21 | 22 => Err(Objection::denied("refused: takes off and lands in place")),
+            21 | 22 => Err(Rejection::denied("refused: takes off and lands in place")),
             176 => Self::to_mode(FlightMode::of_numbers(second, third), autopilot, origin),
             178 => Ok(Self::Execute(Command::Speed(second))),
             185 if first > 0.5 => Ok(Self::Execute(Command::StopMotors)),
@@ -71,8 +71,8 @@ impl Order {
             193 if first == 1.0 => Ok(Self::Mission),
             300 => Ok(Self::Mission),
             400 => arm_or_disarm(first, second),
-            185 | 193 => Err(Objection::UNKNOWN_PARAMETER),
-            _ => Err(Objection::UNSUPPORTED),
+            185 | 193 => Err(Rejection::UNKNOWN_PARAMETER),
+            _ => Err(Rejection::UNSUPPORTED),
         }
     }
 
@@ -80,14 +80,14 @@ impl Order {
     ///
     /// # Errors
     /// If there is no such mode.
-    pub fn to_mode<P: Processor>(
+    pub fn to_mode<P: PolicyBackend>(
         mode: Option<FlightMode>,
         autopilot: &Autopilot<P>,
         origin: &Home,
-    ) -> Result<Self, Objection> {
-        Ok(match mode.ok_or(Objection::UNKNOWN_MODE)? {
-            FlightMode::Policy => Self::FlyBy(Flyer::Policy),
-            FlightMode::Cascade => Self::FlyBy(Flyer::Cascade),
+    ) -> Result<Self, Rejection> {
+        Ok(match mode.ok_or(Rejection::UNKNOWN_MODE)? {
+            FlightMode::Policy => Self::SelectController(Controller::Policy),
+            FlightMode::Cascade => Self::SelectController(Controller::Cascade),
             FlightMode::Hold => Self::Hold,
             FlightMode::Offboard => Self::Execute(Command::Offboard),
             FlightMode::TakeOff => take_off(f32::NAN, autopilot, origin),
@@ -102,7 +102,7 @@ impl Order {
         let hold = mode.flies().then_some(Command::Pause);
         let commands = match self {
             Self::Execute(command) => [Some(command), None],
-            Self::FlyBy(flyer) => [Some(Command::Fly(flyer)), hold],
+            Self::SelectController(controller) => [Some(Command::SelectController(controller)), hold],
             Self::Hold => [hold, None],
             Self::Mission => [None, None],
         };
@@ -110,7 +110,7 @@ impl Order {
     }
 }
 
-fn arm_or_disarm(first: f32, second: f32) -> Result<Order, Objection> {
+fn arm_or_disarm(first: f32, second: f32) -> Result<Order, Rejection> {
     if first == 1.0 {
         Ok(Order::Execute(Command::Arm))
     } else if first == 0.0 && second == FORCED {
@@ -118,12 +118,12 @@ fn arm_or_disarm(first: f32, second: f32) -> Result<Order, Objection> {
     } else if first == 0.0 {
         Ok(Order::Execute(Command::Disarm))
     } else {
-        Err(Objection::UNKNOWN_PARAMETER)
+        Err(Rejection::UNKNOWN_PARAMETER)
     }
 }
 
 /// Climbs by a height \[m\]. Ground stations mean one above the ground or one above sea level; what can be the former is.
-fn take_off<P: Processor>(height: f32, autopilot: &Autopilot<P>, origin: &Home) -> Order {
+fn take_off<P: PolicyBackend>(height: f32, autopilot: &Autopilot<P>, origin: &Home) -> Order {
     let above_origin = (f64::from(height) - origin.altitude_m) as f32;
     let altitude_m = if height.is_nan() {
         autopilot.settings().takeoff_altitude_m
@@ -136,14 +136,14 @@ fn take_off<P: Processor>(height: f32, autopilot: &Autopilot<P>, origin: &Home) 
 }
 
 /// `MAV_CMD_DO_REPOSITION`: there, at the present height if it is left open.
-fn reposition<P: Processor>(
+fn reposition<P: PolicyBackend>(
     request: &CommandRequest,
     autopilot: &Autopilot<P>,
     origin: &Home,
-) -> Result<Order, Objection> {
+) -> Result<Order, Rejection> {
     let goal = autopilot.goal().position();
     let place = request.place.point(origin);
-    let mut point = place.ok_or(Objection::denied("refused: no place on Earth, or unknown frame"))?;
+    let mut point = place.ok_or(Rejection::denied("refused: no place on Earth, or unknown frame"))?;
     if point.z.is_nan() {
         point.z = goal.z;
     }
@@ -152,7 +152,7 @@ fn reposition<P: Processor>(
     }
     let beyond = |coordinate: &f32| coordinate.is_nan() || coordinate.abs() > COORDINATE_LIMIT_M;
     if point.iter().any(beyond) || point.z < 0.0 {
-        return Err(Objection::denied("refused: under the floor or over 1 km away"));
+        return Err(Rejection::denied("refused: under the floor or over 1 km away"));
     }
     Ok(Order::Execute(Command::GoTo(point)))
 }
@@ -162,18 +162,18 @@ mod tests {
     use kestrel_core::airframe::CF2X;
 
     use super::*;
-    use crate::request::Place;
+    use crate::request::CommandLocation;
     use crate::testing::{hover_policy, pilot};
 
-    fn order(command: u16, parameters: [f32; 4], place: Place) -> Result<Order, Objection> {
+    fn order(command: u16, parameters: [f32; 4], place: CommandLocation) -> Result<Order, Rejection> {
         let autopilot = Autopilot::new(pilot(hover_policy()), &CF2X);
         let request = CommandRequest { command, confirmation: 0, parameters, place };
         Order::of(&request, &autopilot, &Home::default())
     }
 
-    fn in_place(command: u16, parameters: &[f32]) -> Result<Order, Objection> {
+    fn in_place(command: u16, parameters: &[f32]) -> Result<Order, Rejection> {
         let parameters = core::array::from_fn(|i| parameters.get(i).copied().unwrap_or(f32::NAN));
-        order(command, parameters, Place::Floats([f32::NAN; 3]))
+        order(command, parameters, CommandLocation::Floats([f32::NAN; 3]))
     }
 
     #[test]
@@ -195,18 +195,18 @@ mod tests {
         for (command, parameters, expected) in cases {
             assert_eq!(in_place(command, parameters), Ok(Order::Execute(expected)), "{command} {parameters:?}");
         }
-        assert_eq!(in_place(176, &[1.0, 4.0, 12.0]), Ok(Order::FlyBy(Flyer::Cascade)));
+        assert_eq!(in_place(176, &[1.0, 4.0, 12.0]), Ok(Order::SelectController(Controller::Cascade)));
         assert_eq!(in_place(300, &[]), Ok(Order::Mission));
     }
 
     #[test]
     fn nonsense_is_no_order() {
         for (command, parameters) in [(400, [f32::NAN]), (400, [2.0]), (185, [f32::NAN]), (193, [0.5])] {
-            assert_eq!(in_place(command, &parameters), Err(Objection::UNKNOWN_PARAMETER));
+            assert_eq!(in_place(command, &parameters), Err(Rejection::UNKNOWN_PARAMETER));
         }
-        assert_eq!(in_place(176, &[1.0, f32::NAN, 0.0]), Err(Objection::UNKNOWN_MODE));
-        assert_eq!(in_place(65_535, &[]), Err(Objection::UNSUPPORTED));
-        let far = Place::Floats([47.0, 8.0, 500.0]);
+        assert_eq!(in_place(176, &[1.0, f32::NAN, 0.0]), Err(Rejection::UNKNOWN_MODE));
+        assert_eq!(in_place(65_535, &[]), Err(Rejection::UNSUPPORTED));
+        let far = CommandLocation::Floats([47.0, 8.0, 500.0]);
         for command in [21, 22, 192] {
             assert_eq!(order(command, [0.0; 4], far).unwrap_err().result, CommandResult::Denied);
         }
@@ -214,9 +214,9 @@ mod tests {
 
     #[test]
     fn somebody_takes_the_helm_and_holds_in_flight_only() {
-        let commands = |mode| Order::FlyBy(Flyer::Policy).commands(mode).collect::<Vec<_>>();
-        assert_eq!(commands(Mode::Armed), [Command::Fly(Flyer::Policy)]);
-        assert_eq!(commands(Mode::Returning), [Command::Fly(Flyer::Policy), Command::Pause]);
+        let commands = |mode| Order::SelectController(Controller::Policy).commands(mode).collect::<Vec<_>>();
+        assert_eq!(commands(Mode::Armed), [Command::SelectController(Controller::Policy)]);
+        assert_eq!(commands(Mode::Returning), [Command::SelectController(Controller::Policy), Command::Pause]);
         assert_eq!(Order::Hold.commands(Mode::Disarmed).count(), 0);
         assert_eq!(Order::Mission.commands(Mode::Holding).count(), 0);
     }

@@ -6,7 +6,7 @@
 mod command;
 mod set_point;
 
-pub use command::{CommandRequest, Place};
+pub use command::{CommandLocation, CommandRequest};
 pub use set_point::{AttitudeTarget, PositionTarget, SetPointError};
 
 use crate::frame::Frame;
@@ -94,16 +94,16 @@ fn heartbeat(fields: &[u8; 9]) -> Option<(Address, Request)> {
 /// One to nobody in particular is a question; one to somebody is an answer.
 fn ping(fields: &[u8; 14]) -> Option<(Address, Request)> {
     let [system, component] = [fields[12], fields[13]];
-    let request = Request::Ping { time_usec: long_at(fields, 0), seq: word_at(fields, 8) };
+    let request = Request::Ping { time_usec: long_at(fields, 0), seq: u32_at(fields, 8) };
     (system == 0 && component == 0).then_some((Address::EVERYBODY, request))
 }
 
 fn set_mode(fields: &[u8; 6]) -> (Address, Request) {
-    (Address { system: fields[4], component: 0 }, Request::SetMode(word_at(fields, 0)))
+    (Address { system: fields[4], component: 0 }, Request::SetMode(u32_at(fields, 0)))
 }
 
 fn files(fields: &[u8; 15]) -> (Address, Request) {
-    let request = FileRequest { sequence: short_at(fields, 3), session: fields[5], operation: fields[6] };
+    let request = FileRequest { sequence: u16_at(fields, 3), session: fields[5], operation: fields[6] };
     (Address { system: fields[1], component: fields[2] }, Request::Files(request))
 }
 
@@ -113,15 +113,15 @@ fn time_sync(fields: &[u8; 18]) -> Option<(Address, Request)> {
     (long_at(fields, 0) == 0).then_some((address, Request::TimeSync(long_at(fields, 8) as i64)))
 }
 
-fn float_at(fields: &[u8], at: usize) -> f32 {
-    f32::from_bits(word_at(fields, at))
+fn f32_at(fields: &[u8], at: usize) -> f32 {
+    f32::from_bits(u32_at(fields, at))
 }
 
-fn word_at(fields: &[u8], at: usize) -> u32 {
+fn u32_at(fields: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(bytes_at(fields, at))
 }
 
-fn integer_at(fields: &[u8], at: usize) -> i32 {
+fn i32_at(fields: &[u8], at: usize) -> i32 {
     i32::from_le_bytes(bytes_at(fields, at))
 }
 
@@ -129,7 +129,7 @@ fn long_at(fields: &[u8], at: usize) -> u64 {
     u64::from_le_bytes(bytes_at(fields, at))
 }
 
-fn short_at(fields: &[u8], at: usize) -> u16 {
+fn u16_at(fields: &[u8], at: usize) -> u16 {
     u16::from_le_bytes(bytes_at(fields, at))
 }
 

@@ -2,7 +2,7 @@
 
 /// What is done when something fails, from mild to hard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Action {
+pub enum FailsafeAction {
     /// Nothing, not even a word.
     Nothing,
     /// Say so.
@@ -19,25 +19,25 @@ pub enum Action {
 
 /// What is done, and whether the policy flies on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reaction {
+pub struct FailsafeReaction {
     /// Where to.
-    pub action: Action,
+    pub action: FailsafeAction,
     /// Who flies there.
-    pub pilot: Replacement,
+    pub fallback: Fallback,
 }
 
 /// Who flies after a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Replacement {
+pub enum Fallback {
     /// Whoever flew before.
-    Nobody,
+    Keep,
     /// The cascade of controllers.
     Cascade,
 }
 
 /// All of it. The defaults suit a Crazyflie in a room.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct AutopilotSettings {
     /// Height of a take-off that leaves it open \[m\].
     pub takeoff_altitude_m: f32,
     /// Speed on the way to a point \[m/s\].
@@ -57,13 +57,13 @@ pub struct Settings {
     /// After this without set-points the offboard mode is left \[s\].
     pub offboard_loss_secs: f32,
     /// Then.
-    pub offboard_loss_action: Action,
+    pub offboard_loss_action: FailsafeAction,
     /// After this without a word of a ground station that spoke before, the link is lost \[s\].
     pub link_loss_secs: f32,
     /// Then.
-    pub link_loss_action: Action,
+    pub link_loss_action: FailsafeAction,
     /// When the fence is left.
-    pub fence_action: Action,
+    pub fence_action: FailsafeAction,
     /// Radius of the fence around home, if there is one \[m\].
     pub fence_radius_m: Option<f32>,
     /// Height of the fence above home, if there is one \[m\].
@@ -71,7 +71,7 @@ pub struct Settings {
     /// Shares of the battery that are low, critical, and nearly nothing.
     pub battery_levels: [f32; 3],
     /// At each of them.
-    pub battery_actions: [Action; 3],
+    pub battery_actions: [FailsafeAction; 3],
     /// Time of flight that empties the simulated battery, if it empties at all \[s\].
     pub battery_drain_secs: Option<f32>,
     /// Share of the battery at which it stops emptying.
@@ -85,28 +85,28 @@ pub struct Settings {
     /// For how long it may be exceeded \[s\].
     pub rate_secs: f32,
     /// When either is.
-    pub upset_reaction: Reaction,
+    pub upset_reaction: FailsafeReaction,
     /// For how long a policy may give no answer, or none that is finite \[s\].
     pub silence_secs: f32,
     /// For how long it may keep a rotor at its limits \[s\].
     pub saturation_secs: f32,
     /// When it exceeds either.
-    pub policy_reaction: Reaction,
+    pub policy_reaction: FailsafeReaction,
 }
 
-impl Reaction {
+impl FailsafeReaction {
     /// The cascade takes over.
-    pub const fn with_cascade(action: Action) -> Self {
-        Self { action, pilot: Replacement::Cascade }
+    pub const fn with_cascade(action: FailsafeAction) -> Self {
+        Self { action, fallback: Fallback::Cascade }
     }
 
     /// Whoever flies goes on.
-    pub const fn only(action: Action) -> Self {
-        Self { action, pilot: Replacement::Nobody }
+    pub const fn only(action: FailsafeAction) -> Self {
+        Self { action, fallback: Fallback::Keep }
     }
 }
 
-impl Default for Settings {
+impl Default for AutopilotSettings {
     fn default() -> Self {
         Self {
             takeoff_altitude_m: 1.0,
@@ -120,24 +120,24 @@ impl Default for Settings {
             idle_secs: 10.0,
             set_point_stale_secs: 0.2,
             offboard_loss_secs: 0.5,
-            offboard_loss_action: Action::Hold,
+            offboard_loss_action: FailsafeAction::Hold,
             link_loss_secs: 10.0,
-            link_loss_action: Action::Land,
-            fence_action: Action::Hold,
+            link_loss_action: FailsafeAction::Land,
+            fence_action: FailsafeAction::Hold,
             fence_radius_m: None,
             fence_height_m: None,
             battery_levels: [0.15, 0.07, 0.05],
-            battery_actions: [Action::Warn, Action::Return, Action::Land],
+            battery_actions: [FailsafeAction::Warn, FailsafeAction::Return, FailsafeAction::Land],
             battery_drain_secs: None,
             battery_least: 0.5,
             tilt_limit_rad: 60_f32.to_radians(),
             tilt_secs: 0.3,
             rate_limit: 15.0,
             rate_secs: 0.3,
-            upset_reaction: Reaction::with_cascade(Action::Land),
+            upset_reaction: FailsafeReaction::with_cascade(FailsafeAction::Land),
             silence_secs: 0.02,
             saturation_secs: 0.5,
-            policy_reaction: Reaction::with_cascade(Action::Hold),
+            policy_reaction: FailsafeReaction::with_cascade(FailsafeAction::Hold),
         }
     }
 }

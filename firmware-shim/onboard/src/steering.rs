@@ -50,7 +50,7 @@ pub struct Steering {
 
 /// What a peer steers by directly.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Stick {
+pub enum AttitudeSetPoint {
     /// An attitude, with the share of the greatest thrust in \[0, 1\].
     Attitude {
         /// Wanted.
@@ -111,9 +111,9 @@ impl Steering {
     }
 
     /// Rotor targets \[rad/s\] that a peer asks for directly.
-    pub fn follow(&self, state: &State<f32>, stick: &Stick) -> [f32; 4] {
-        match stick {
-            Stick::Attitude { world_from_body, thrust } => {
+    pub fn follow(&self, state: &State<f32>, attitude_set_point: &AttitudeSetPoint) -> [f32; 4] {
+        match attitude_set_point {
+            AttitudeSetPoint::Attitude { world_from_body, thrust } => {
                 let body_rates = turn(&state.world_from_body, world_from_body).component_mul(&Vector3::new(
                     ATTITUDE_GAIN,
                     ATTITUDE_GAIN,
@@ -121,7 +121,7 @@ impl Steering {
                 ));
                 self.turning(state, &body_rates, *thrust)
             }
-            Stick::BodyRates { body_rates, thrust } => self.turning(state, body_rates, *thrust),
+            AttitudeSetPoint::BodyRates { body_rates, thrust } => self.turning(state, body_rates, *thrust),
         }
     }
 
@@ -134,7 +134,7 @@ impl Steering {
     }
 }
 
-impl Stick {
+impl AttitudeSetPoint {
     /// Whether every number is finite, the attitude one, and the thrust a share.
     pub fn is_valid(&self) -> bool {
         let share = |thrust: &f32| (0.0..=1.0).contains(thrust);
@@ -234,14 +234,15 @@ mod tests {
             .after(&Attitude::from_axis_angle(Vector3::new(1.0, 0.0, 0.0), 0.2))
             .map(|value| value as f32);
         for _ in 0..300 {
-            let stick = Stick::Attitude { world_from_body: wanted, thrust: hover };
-            plant.step(&steering.follow(plant.state(), &stick));
+            let attitude_set_point = AttitudeSetPoint::Attitude { world_from_body: wanted, thrust: hover };
+            plant.step(&steering.follow(plant.state(), &attitude_set_point));
         }
         assert!(turn(&plant.state().world_from_body, &wanted).norm() < 0.03);
         let (mut plant, steering) = hovering(0.0);
         let body_rates = Vector3::new(0.0, 0.0, 1.5);
         for _ in 0..100 {
-            plant.step(&steering.follow(plant.state(), &Stick::BodyRates { body_rates, thrust: hover }));
+            plant
+                .step(&steering.follow(plant.state(), &AttitudeSetPoint::BodyRates { body_rates, thrust: hover }));
         }
         assert!((plant.state().body_rates - body_rates).norm() < 0.1, "{}", plant.state().body_rates);
         assert!((plant.state().position.z - 1.0).abs() < 0.1, "the hover thrust holds it up");
@@ -253,9 +254,9 @@ mod tests {
         let limit = CF2X.rotor_speed_limit as f32 * 1.000_001;
         for body_rates in [Vector3::repeat(1e30), Vector3::repeat(f32::NAN), Vector3::repeat(-f32::INFINITY)] {
             for thrust in [0.0, 1.0, f32::NAN] {
-                let stick = Stick::BodyRates { body_rates, thrust };
-                assert!(!stick.is_valid() || body_rates.x == 1e30);
-                let targets = steering.follow(plant.state(), &stick);
+                let attitude_set_point = AttitudeSetPoint::BodyRates { body_rates, thrust };
+                assert!(!attitude_set_point.is_valid() || body_rates.x == 1e30);
+                let targets = steering.follow(plant.state(), &attitude_set_point);
                 assert!(targets.iter().all(|target| (0.0..=limit).contains(target)), "{targets:?}");
             }
         }

@@ -29,7 +29,7 @@ pub const LINE_LIMIT: usize = 512;
 const NUMBER_LIMIT: f64 = 1e7;
 
 /// One line for ArduPilot.
-pub type Line = heapless::String<LINE_LIMIT>;
+pub type JsonLine = heapless::String<LINE_LIMIT>;
 
 /// A frame of servo pulses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +42,7 @@ pub struct Servos {
 
 /// What a datagram asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Request {
+pub enum ServoRequest {
     /// The next step, with these throttles.
     Step([f32; 4]),
     /// The last line again.
@@ -51,12 +51,12 @@ pub enum Request {
 
 /// A simulator that ArduPilot talks to.
 #[derive(Clone, Debug, Default)]
-pub struct Simulator {
+pub struct ArdupilotSimulator {
     last_count: Option<u32>,
     steps: u64,
     restarts: u64,
     garbage: u64,
-    line: Line,
+    line: JsonLine,
 }
 
 impl Servos {
@@ -75,27 +75,27 @@ impl Servos {
     }
 }
 
-impl Simulator {
+impl ArdupilotSimulator {
     /// A simulator that nobody has asked yet.
     pub fn new() -> Self {
         Self::default()
     }
 
     /// What a datagram asks for; nothing if it is no frame of servos, or an old one that arrives late.
-    pub fn receive(&mut self, datagram: &[u8]) -> Option<Request> {
+    pub fn receive(&mut self, datagram: &[u8]) -> Option<ServoRequest> {
         let Some(servos) = Servos::read(datagram) else {
             self.garbage += 1;
             return None;
         };
         let last = self.last_count.replace(servos.count);
         match last {
-            Some(last) if servos.count == last && !self.line.is_empty() => return Some(Request::Repeat),
+            Some(last) if servos.count == last && !self.line.is_empty() => return Some(ServoRequest::Repeat),
             Some(last) if servos.count < last => self.restart(),
             None => self.restart(),
             Some(_) => {}
         }
         self.steps += 1;
-        Some(Request::Step(servos.throttles))
+        Some(ServoRequest::Step(servos.throttles))
     }
 
     /// ArduPilot counts from the beginning, and so does the time that it is told.
@@ -131,7 +131,7 @@ impl Simulator {
     }
 }
 
-fn write_line(line: &mut Line, secs: f64, measurement: &Measurement, state: &State<f32>) -> fmt::Result {
+fn write_line(line: &mut JsonLine, secs: f64, measurement: &Measurement, state: &State<f32>) -> fmt::Result {
     let attitude = ned_from_frd(&state.world_from_body);
     write!(line, "\n{{\"timestamp\":{:.6},\"imu\":{{\"gyro\":", finite(secs))?;
     write_numbers(line, &measurement.body_rates_frd.map(f64::from))?;
@@ -146,7 +146,7 @@ fn write_line(line: &mut Line, secs: f64, measurement: &Measurement, state: &Sta
     line.write_str("}\n")
 }
 
-fn write_numbers(line: &mut Line, numbers: &[f64]) -> fmt::Result {
+fn write_numbers(line: &mut JsonLine, numbers: &[f64]) -> fmt::Result {
     for (index, number) in numbers.iter().enumerate() {
         let separator = if index == 0 { '[' } else { ',' };
         write!(line, "{separator}{:.6}", finite(*number))?;

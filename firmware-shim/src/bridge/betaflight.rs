@@ -37,7 +37,7 @@ const MIDDLE_US: u16 = 1500;
 
 /// The simulators that a Betaflight may be built for (`ENABLE_GAZEBO_BRIDGE`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Build {
+pub enum BetaflightBuild {
     /// Gazebo, the default: it undoes the frames of that simulator's plug-in.
     Gazebo,
     /// X-Plane and RealFlight: plain NED, FRD and positions.
@@ -46,9 +46,9 @@ pub enum Build {
 
 /// A simulator that Betaflight talks to.
 #[derive(Clone, Debug)]
-pub struct Simulator {
+pub struct BetaflightSimulator {
     home: Home,
-    build: Build,
+    build: BetaflightBuild,
     radio: Option<Radio>,
     pressure_pa: f32,
     throttles: [f32; 4],
@@ -57,9 +57,9 @@ pub struct Simulator {
     garbage: u64,
 }
 
-impl Simulator {
+impl BetaflightSimulator {
     /// A simulator at home for one kind of build.
-    pub fn new(home: Home, build: Build, radio: Option<Radio>) -> Self {
+    pub fn new(home: Home, build: BetaflightBuild, radio: Option<Radio>) -> Self {
         Self {
             home,
             build,
@@ -73,7 +73,7 @@ impl Simulator {
     }
 
     /// The state at a time since the start \[s\], as Betaflight reads it.
-    pub fn tell(&mut self, measurement: &Measurement, state: &State<f32>, secs: f64) -> [u8; STATE_LEN] {
+    pub fn send(&mut self, measurement: &Measurement, state: &State<f32>, secs: f64) -> [u8; STATE_LEN] {
         if let Some(Ambient { pressure_pa, .. }) = measurement.ambient {
             self.pressure_pa = pressure_pa;
         }
@@ -116,8 +116,8 @@ impl Simulator {
     fn body_rates(&self, measurement: &Measurement) -> [f64; 3] {
         let [roll, pitch, yaw] = measurement.body_rates_frd.map(f64::from);
         match self.build {
-            Build::Gazebo => [roll, pitch, -yaw],
-            Build::Legacy => [roll, pitch, yaw],
+            BetaflightBuild::Gazebo => [roll, pitch, -yaw],
+            BetaflightBuild::Legacy => [roll, pitch, yaw],
         }
     }
 
@@ -126,11 +126,11 @@ impl Simulator {
     fn attitude(&self, state: &State<f32>) -> Attitude<f64> {
         let enu_from_flu = state.world_from_body.map(f64::from);
         match self.build {
-            Build::Gazebo => {
+            BetaflightBuild::Gazebo => {
                 let wsu_from_flu = WSU_FROM_ENU.after(&enu_from_flu);
                 Attitude { y: -wsu_from_flu.y, z: -wsu_from_flu.z, ..wsu_from_flu }
             }
-            Build::Legacy => NWU_FROM_ENU.after(&enu_from_flu),
+            BetaflightBuild::Legacy => NWU_FROM_ENU.after(&enu_from_flu),
         }
     }
 
@@ -138,12 +138,12 @@ impl Simulator {
     fn position(&self, state: &State<f32>) -> Geodetic {
         let global = self.home.place_of(&state.position);
         match self.build {
-            Build::Gazebo => Geodetic {
+            BetaflightBuild::Gazebo => Geodetic {
                 latitude_deg: 2.0 * self.home.latitude_deg - global.latitude_deg,
                 longitude_deg: 2.0 * self.home.longitude_deg - global.longitude_deg,
                 ..global
             },
-            Build::Legacy => global,
+            BetaflightBuild::Legacy => global,
         }
     }
 

@@ -7,7 +7,7 @@ use kestrel_core::vehicle::State;
 
 /// What happens on a bridge.
 #[derive(Clone, Copy, Debug)]
-pub enum Event<'a> {
+pub enum BridgeEvent<'a> {
     /// Nobody is there yet, or no more; told again and again.
     Waiting,
     /// An autopilot speaks from this address.
@@ -15,7 +15,7 @@ pub enum Event<'a> {
     /// It commands the motors for the first time: from now on every step waits for it.
     Engaged,
     /// A step was made.
-    Stepped(Step<'a>),
+    Stepped(BridgeStep<'a>),
     /// It did not answer in time; the step was made with its last command.
     Unanswered,
     /// It has gone; the simulation stands still.
@@ -24,7 +24,7 @@ pub enum Event<'a> {
 
 /// One step of the simulation.
 #[derive(Clone, Copy, Debug)]
-pub struct Step<'a> {
+pub struct BridgeStep<'a> {
     /// Simulated time at its end \[s\].
     pub secs: f64,
     /// True state at its end.
@@ -35,7 +35,7 @@ pub struct Step<'a> {
 
 /// What became of the steps so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct BridgeCounts {
     /// Steps that were made.
     pub steps: u64,
     /// Of those, steps that an autopilot commanded.
@@ -48,7 +48,7 @@ pub struct Counts {
     pub connections: u64,
 }
 
-impl fmt::Display for Counts {
+impl fmt::Display for BridgeCounts {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { steps, answered, unanswered, garbage, connections } = self;
         write!(

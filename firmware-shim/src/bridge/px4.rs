@@ -14,7 +14,7 @@ use mavlink::dialects::common::{
 
 use super::frames::ned_from_frd;
 use super::radio::Radio;
-use super::sensors::{Fix, Measurement};
+use super::sensors::{GnssFix, Measurement};
 use crate::frame::{Encoder, Frame, Payload, Receiver};
 use crate::geodesy::{Geodetic, Home};
 use crate::message::{frd_from_flu, ned_from_enu};
@@ -69,7 +69,7 @@ const SATELLITES: u8 = 12;
 const COURSE_UNKNOWN: u16 = u16::MAX;
 
 /// A simulator that PX4 talks to.
-pub struct Simulator {
+pub struct Px4Simulator {
     home: Home,
     radio: Option<Radio>,
     encoder: Encoder,
@@ -96,7 +96,7 @@ enum Phase {
     Engaged,
 }
 
-impl Simulator {
+impl Px4Simulator {
     /// A simulator at home that sends so many sensor messages per simulated second.
     pub fn new(home: Home, rate_hz: u32, radio: Option<Radio>) -> Self {
         let period_nanos = 1_000_000_000 / u64::from(rate_hz.max(1));
@@ -136,27 +136,27 @@ impl Simulator {
     }
 
     /// Sends what a drone measures, one frame after the other; the sensors last, for they set PX4's clock.
-    pub fn tell(&mut self, measurement: &Measurement, state: &State<f32>, send: &mut dyn FnMut(&[u8])) {
+    pub fn send(&mut self, measurement: &Measurement, state: &State<f32>, send: &mut dyn FnMut(&[u8])) {
         let time_usec = self.time_micros();
         if let Some(fix) = &measurement.fix {
-            self.send(&hil_gps(fix, time_usec), send);
+            self.send_payload(&hil_gps(fix, time_usec), send);
         }
         let flown = self.step - self.start;
         if self.state_interval_steps.is_some_and(|interval| flown.is_multiple_of(interval)) {
             let payload = hil_state(state, &self.home, measurement, time_usec);
-            self.send(&payload, send);
+            self.send_payload(&payload, send);
         }
         if let Some(radio) = self.radio
             && flown.is_multiple_of(steps(RADIO_MICROS, self.period_nanos))
         {
-            self.send(&rc_channels(&radio, time_usec), send);
+            self.send_payload(&rc_channels(&radio, time_usec), send);
         }
-        self.send(&hil_sensor(measurement, time_usec), send);
+        self.send_payload(&hil_sensor(measurement, time_usec), send);
         self.step += 1;
         self.answered = false;
     }
 
-    fn send(&mut self, payload: &Payload, send: &mut dyn FnMut(&[u8])) {
+    fn send_payload(&mut self, payload: &Payload, send: &mut dyn FnMut(&[u8])) {
         send(&self.encoder.encode(payload));
     }
 
@@ -165,7 +165,7 @@ impl Simulator {
         for byte in bytes {
             let Some(frame) = self.receiver.push(*byte) else { continue };
             match frame.map(|frame| Received::read(&frame)) {
-                Ok(Some(Received::Actuators(actuators))) => self.obey(&actuators),
+                Ok(Some(Received::Actuators(actuators))) => self.handle(&actuators),
                 Ok(Some(Received::StateInterval(micros))) => self.set_state_interval(micros),
                 Ok(None) => {}
                 Err(_) => self.garbage += 1,
@@ -173,7 +173,7 @@ impl Simulator {
         }
     }
 
-    fn obey(&mut self, actuators: &Actuators) {
+    fn handle(&mut self, actuators: &Actuators) {
         self.throttles = actuators.throttles;
         if self.is_stale(actuators.time_micros) {
             if self.phase == Phase::Asleep {
@@ -257,7 +257,7 @@ impl Received {
 impl Actuators {
     fn read(fields: &[u8; ACTUATORS_LEN]) -> Self {
         let armed = fields[MODE_AT] & ARMED != 0;
-        let control = |motor: usize| if armed { float_at(fields, CONTROLS_AT + 4 * motor) } else { 0.0 };
+        let control = |motor: usize| if armed { f32_at(fields, CONTROLS_AT + 4 * motor) } else { 0.0 };
         Self { time_micros: time_at_start(fields), throttles: core::array::from_fn(control) }
     }
 }
@@ -269,10 +269,10 @@ fn time_at_start(fields: &[u8]) -> u64 {
 
 fn state_interval(fields: &[u8; 33]) -> Option<f32> {
     let command = u16::from_le_bytes([fields[28], fields[29]]);
-    (command == SET_MESSAGE_INTERVAL && float_at(fields, 0) == STATE_ID).then(|| float_at(fields, 4))
+    (command == SET_MESSAGE_INTERVAL && f32_at(fields, 0) == STATE_ID).then(|| f32_at(fields, 4))
 }
 
-fn float_at(fields: &[u8], at: usize) -> f32 {
+fn f32_at(fields: &[u8], at: usize) -> f32 {
     f32::from_le_bytes([fields[at], fields[at + 1], fields[at + 2], fields[at + 3]])
 }
 
@@ -304,7 +304,7 @@ fn saturated(value: f32, unit: f32) -> f32 {
     value.clamp(-limit, limit)
 }
 
-fn hil_gps(fix: &Fix, time_usec: u64) -> Payload {
+fn hil_gps(fix: &GnssFix, time_usec: u64) -> Payload {
     let [lat, lon, alt] = global(&fix.position);
     let [vn, ve, vd] = fix.velocity_ned.map(|speed| (100.0 * speed) as i16);
     let [eph, epv] = ACCURACIES_CM;

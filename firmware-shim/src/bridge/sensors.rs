@@ -80,7 +80,7 @@ pub struct Measurement {
     /// What the slow instruments deliver, when they do.
     pub ambient: Option<Ambient>,
     /// What the GPS receiver delivers, when it does.
-    pub fix: Option<Fix>,
+    pub fix: Option<GnssFix>,
 }
 
 /// One sample of the magnetometer and the barometer.
@@ -98,7 +98,7 @@ pub struct Ambient {
 
 /// One fix of the GPS receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fix {
+pub struct GnssFix {
     /// Where the drone was.
     pub position: Geodetic,
     /// Its velocity, NED \[m/s\].
@@ -114,7 +114,7 @@ pub struct Instruments {
     rate_hz: u32,
     count: u64,
     drifts: Drifts,
-    fix_on_its_way: Option<Fix>,
+    fix_on_its_way: Option<GnssFix>,
 }
 
 /// The present bias of every instrument, in the units of [`Measurement`].
@@ -225,7 +225,7 @@ impl Instruments {
     }
 
     /// Takes a fix when one is due, and delivers it when it is as old as fixes are.
-    fn fix(&mut self, state: &State<f32>) -> Option<Fix> {
+    fn fix(&mut self, state: &State<f32>) -> Option<GnssFix> {
         if self.due(FIX_RATE_HZ) {
             self.fix_on_its_way = Some(self.taken_fix(state));
         }
@@ -233,14 +233,14 @@ impl Instruments {
         if self.since_due(FIX_RATE_HZ) == age { self.fix_on_its_way.take() } else { None }
     }
 
-    fn taken_fix(&mut self, state: &State<f32>) -> Fix {
+    fn taken_fix(&mut self, state: &State<f32>) -> GnssFix {
         let normals = self.noise.normals(Purpose::GpsPositionDrift, self.count);
         FIX_WALK.advance(&mut self.drifts.position_m, normals, 1.0 / FIX_RATE_HZ as f32);
         let normals = self.noise.normals(Purpose::GpsPosition, self.count);
         let position = noisy(state.position.into(), self.drifts.position_m, FIX_DEVIATION_M, normals);
         let normals = self.noise.normals(Purpose::GpsVelocity, self.count);
         let velocity = noisy(ned_from_enu(&state.velocity), [0.0; 3], [FIX_VELOCITY_DEVIATION; 3], normals);
-        Fix { position: self.home.place_of(&position.into()), velocity_ned: velocity }
+        GnssFix { position: self.home.place_of(&position.into()), velocity_ned: velocity }
     }
 
     fn period_secs(&self) -> f32 {

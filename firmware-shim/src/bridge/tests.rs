@@ -15,8 +15,8 @@ fn parsed(arguments: &str) -> Result<BridgeOptions, String> {
     Line::try_parse_from(words).map(|line| line.options).map_err(|error| error.to_string())
 }
 
-fn opened(arguments: &str) -> Result<Bridge, BridgeError> {
-    Bridge::open(&parsed(&format!("--listen 127.0.0.1:0 {arguments}")).unwrap(), &CF2X)
+fn opened(arguments: &str) -> Result<SimulatorBridge, BridgeError> {
+    SimulatorBridge::open(&parsed(&format!("--listen 127.0.0.1:0 {arguments}")).unwrap(), &CF2X)
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn what_a_peer_cannot_do_is_said_before_it_waits() {
         assert!(error.contains(expected), "{error}");
     }
     let options = parsed("--peer px4 --listen 127.0.0.1:0").unwrap();
-    let error = Bridge::open(&options, &CF2P).unwrap_err();
+    let error = SimulatorBridge::open(&options, &CF2P).unwrap_err();
     assert!(matches!(error, BridgeError::Motors(_)), "{error}");
 }
 
@@ -79,7 +79,7 @@ fn a_busy_port_is_one_clear_error_for_tcp_and_udp() {
         let first = opened(&format!("--peer {peer}")).unwrap();
         let address = first.socket.address().unwrap();
         let second = parsed(&format!("--peer {peer} --listen {address}")).unwrap();
-        let error = Bridge::open(&second, &CF2X).unwrap_err();
+        let error = SimulatorBridge::open(&second, &CF2X).unwrap_err();
         assert!(matches!(error, BridgeError::Busy { .. }), "{error}");
         assert!(error.to_string().contains(&address.to_string()), "{error}");
     }

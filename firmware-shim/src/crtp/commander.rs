@@ -7,11 +7,11 @@ use core::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use super::bridge::Bridge;
-use super::maneuver::{Haste, Maneuver, Origin, Turn};
-use super::parameter::Parameters;
-use super::plan::{Ending, Pace, Plan};
-use super::set_point::{SetPoint, inside};
+use super::access::VehicleAccess;
+use super::maneuver::{Maneuver, ManeuverTiming, Origin, YawGoal};
+use super::parameter::CrtpParameters;
+use super::plan::{Ending, PlanProfile, TrajectoryPlan};
+use super::set_point::{CrtpSetPoint, inside};
 use super::status;
 use crate::autopilot::{Command, Mode, Refusal, SPEED_LIMIT};
 
@@ -40,9 +40,9 @@ enum Source {
     /// Nobody's here.
     Nobody,
     /// The client's, that of a time \[s\].
-    Stream { set_point: SetPoint, secs: f64, claim: Claim },
+    Stream { set_point: CrtpSetPoint, secs: f64, claim: Claim },
     /// The high-level commander's.
-    Plan(Plan),
+    TrajectoryPlan(TrajectoryPlan),
     /// None any more: the high-level commander is at its point.
     Arrived,
 }
@@ -86,7 +86,7 @@ impl Commander {
     /// What the high-level commander is doing, in a mode of the autopilot.
     pub fn high_level(&self, mode: Mode) -> HighLevel {
         match self.source {
-            Source::Plan(_) => HighLevel::Flying,
+            Source::TrajectoryPlan(_) => HighLevel::Flying,
             Source::Arrived => HighLevel::Finished,
             Source::Nobody if !mode.flies() => HighLevel::Stopped,
             Source::Nobody | Source::Stream { .. } => HighLevel::Disabled,
@@ -97,18 +97,18 @@ impl Commander {
     ///
     /// # Errors
     /// Why the drone does not take off.
-    pub fn follow(&mut self, set_point: SetPoint, bridge: &mut Bridge) -> Result<(), Refusal> {
-        if set_point == SetPoint::Stop {
-            return self.stop(bridge);
+    pub fn follow(&mut self, set_point: CrtpSetPoint, access: &mut VehicleAccess) -> Result<(), Refusal> {
+        if set_point == CrtpSetPoint::Stop {
+            return self.stop(access);
         }
-        if !bridge.mode.flies() && !lifts(&set_point, bridge.state.position.z) {
+        if !access.mode.flies() && !lifts(&set_point, access.state.position.z) {
             return Ok(());
         }
-        self.take_control(bridge)?;
-        if let SetPoint::Position { yaw, .. } = set_point {
+        self.take_control(access)?;
+        if let CrtpSetPoint::Position { yaw, .. } = set_point {
             self.heading = yaw.into();
         }
-        self.source = Source::Stream { set_point, secs: bridge.secs, claim: Claim::Mine };
+        self.source = Source::Stream { set_point, secs: access.secs, claim: Claim::Mine };
         Ok(())
     }
 
@@ -123,9 +123,9 @@ impl Commander {
     ///
     /// # Errors
     /// As the autopilot.
-    pub fn stop(&mut self, bridge: &mut Bridge) -> Result<(), Refusal> {
+    pub fn stop(&mut self, access: &mut VehicleAccess) -> Result<(), Refusal> {
         self.source = Source::Nobody;
-        if bridge.mode.flies() { bridge.order(Command::StopMotors) } else { Ok(()) }
+        if access.mode.flies() { access.order(Command::StopMotors) } else { Ok(()) }
     }
 
     /// Begins a maneuver.
@@ -135,120 +135,125 @@ impl Commander {
     pub fn begin(
         &mut self,
         maneuver: Maneuver,
-        parameters: &Parameters,
-        bridge: &mut Bridge,
+        parameters: &CrtpParameters,
+        access: &mut VehicleAccess,
     ) -> Result<(), (u8, Option<Refusal>)> {
         if maneuver == Maneuver::Stop {
-            return self.stop(bridge).map_err(|refusal| (status::BUSY, Some(refusal)));
+            return self.stop(access).map_err(|refusal| (status::BUSY, Some(refusal)));
         }
         if matches!(self.source, Source::Stream { claim: Claim::Mine, .. }) {
             return Err((status::BUSY, None));
         }
-        let plan = self.plan(maneuver, parameters, bridge).map_err(|status| (status, None))?;
-        self.take_control(bridge).map_err(|refusal| (status::BUSY, Some(refusal)))?;
-        self.turn(maneuver.turn());
-        self.source = Source::Plan(plan);
+        let plan = self.plan(maneuver, parameters, access).map_err(|status| (status, None))?;
+        self.take_control(access).map_err(|refusal| (status::BUSY, Some(refusal)))?;
+        self.turn(maneuver.yaw_goal());
+        self.source = Source::TrajectoryPlan(plan);
         Ok(())
     }
 
     /// Makes the autopilot ready to be guided. Whoever begins to fly sees the drone as it stands.
-    fn take_control(&mut self, bridge: &mut Bridge) -> Result<(), Refusal> {
-        guide(bridge)?;
+    fn take_control(&mut self, access: &mut VehicleAccess) -> Result<(), Refusal> {
+        guide(access)?;
         if self.source == Source::Nobody {
-            let [_, _, yaw] = bridge.state.world_from_body.map(f64::from).roll_pitch_yaw();
+            let [_, _, yaw] = access.state.world_from_body.map(f64::from).roll_pitch_yaw();
             self.heading = yaw;
         }
         Ok(())
     }
 
-    fn turn(&mut self, turn: Turn) {
-        self.heading = match turn {
-            Turn::Keep => self.heading,
-            Turn::To(yaw) => yaw.into(),
-            Turn::By(angle_rad) => self.heading + f64::from(angle_rad),
+    fn turn(&mut self, yaw_goal: YawGoal) {
+        self.heading = match yaw_goal {
+            YawGoal::Keep => self.heading,
+            YawGoal::To(yaw) => yaw.into(),
+            YawGoal::By(angle_rad) => self.heading + f64::from(angle_rad),
         };
     }
 
-    fn plan(&self, maneuver: Maneuver, parameters: &Parameters, bridge: &Bridge) -> Result<Plan, u8> {
-        let (start, start_velocity) = self.now(bridge);
-        let (end, haste) = match maneuver {
-            Maneuver::TakeOff { .. } if bridge.mode.flies() => return Err(status::NOT_PERMITTED),
-            Maneuver::Land { .. } if !bridge.mode.flies() => return Err(status::NOT_PERMITTED),
-            Maneuver::TakeOff { height_m, origin, haste, .. } => {
-                (start.xy().push(base(origin, start.z) + height_m), haste.or_usual(parameters.take_off_speed()))
+    fn plan(
+        &self,
+        maneuver: Maneuver,
+        parameters: &CrtpParameters,
+        access: &VehicleAccess,
+    ) -> Result<TrajectoryPlan, u8> {
+        let (start, start_velocity) = self.now(access);
+        let (end, timing) = match maneuver {
+            Maneuver::TakeOff { .. } if access.mode.flies() => return Err(status::NOT_PERMITTED),
+            Maneuver::Land { .. } if !access.mode.flies() => return Err(status::NOT_PERMITTED),
+            Maneuver::TakeOff { height_m, origin, timing, .. } => {
+                (start.xy().push(base(origin, start.z) + height_m), timing.or_usual(parameters.take_off_speed()))
             }
-            Maneuver::Land { height_m, origin: Origin::World, haste, .. } => {
-                (start.xy().push(height_m), haste.or_usual(parameters.landing_speed()))
+            Maneuver::Land { height_m, origin: Origin::World, timing, .. } => {
+                (start.xy().push(height_m), timing.or_usual(parameters.landing_speed()))
             }
-            Maneuver::Land { height_m, origin: Origin::Here, haste, .. } => {
-                (start.xy().push(start.z - height_m), haste.or_usual(parameters.landing_speed()))
+            Maneuver::Land { height_m, origin: Origin::Here, timing, .. } => {
+                (start.xy().push(start.z - height_m), timing.or_usual(parameters.landing_speed()))
             }
             Maneuver::GoTo { point, origin, duration_secs, .. } => {
-                (start.map(|here| base(origin, here)) + point, Haste::Duration(duration_secs))
+                (start.map(|here| base(origin, here)) + point, ManeuverTiming::Duration(duration_secs))
             }
             Maneuver::JoinGroups(_) | Maneuver::Stop => return Err(status::UNKNOWN_COMMAND),
         };
         let end = inside(end).map_err(|_| status::INVALID)?;
-        let duration_secs = haste.duration_secs((end - start).norm());
-        let (pace, ending) = (maneuver.pace(), maneuver.ending());
-        Ok(Plan { start, start_velocity, end, start_secs: bridge.secs, duration_secs, pace, ending })
+        let duration_secs = timing.duration_secs((end - start).norm());
+        let (profile, ending) = (maneuver.profile(), maneuver.ending());
+        Ok(TrajectoryPlan { start, start_velocity, end, start_secs: access.secs, duration_secs, profile, ending })
     }
 
     /// Where the drone is to be now \[m\], and its velocity there \[m/s\].
-    fn now(&self, bridge: &Bridge) -> (Vector3<f32>, Vector3<f32>) {
+    fn now(&self, access: &VehicleAccess) -> (Vector3<f32>, Vector3<f32>) {
         match self.source {
-            Source::Plan(plan) => plan.at(bridge.secs),
-            Source::Nobody | Source::Stream { .. } | Source::Arrived if bridge.mode.flies() => {
-                (bridge.goal.position(), Vector3::zeros())
+            Source::TrajectoryPlan(plan) => plan.at(access.secs),
+            Source::Nobody | Source::Stream { .. } | Source::Arrived if access.mode.flies() => {
+                (access.goal.position(), Vector3::zeros())
             }
-            Source::Nobody | Source::Stream { .. } | Source::Arrived => (bridge.state.position, Vector3::zeros()),
+            Source::Nobody | Source::Stream { .. } | Source::Arrived => (access.state.position, Vector3::zeros()),
         }
     }
 
     /// Moves the goal for one control period, if it is to move.
-    pub fn steer(&mut self, bridge: &mut Bridge) {
-        if !bridge.mode.flies() {
+    pub fn steer(&mut self, access: &mut VehicleAccess) {
+        if !access.mode.flies() {
             self.source = Source::Nobody;
         }
         let command = match self.source {
             Source::Nobody | Source::Arrived => None,
-            Source::Stream { set_point, secs, .. } => self.stream(&set_point, bridge.secs - secs, bridge),
-            Source::Plan(plan) => Some(self.advance(&plan, bridge)),
+            Source::Stream { set_point, secs, .. } => self.stream(&set_point, access.secs - secs, access),
+            Source::TrajectoryPlan(plan) => Some(self.advance(&plan, access)),
         };
-        if command.is_some_and(|command| bridge.order(command).is_err()) {
+        if command.is_some_and(|command| access.order(command).is_err()) {
             self.source = Source::Nobody;
         }
-        self.steered_secs = bridge.secs;
+        self.steered_secs = access.secs;
     }
 
     /// What a set-point of this age wants; at a certain age hover, later land.
-    fn stream(&mut self, set_point: &SetPoint, age_secs: f64, bridge: &Bridge) -> Option<Command> {
+    fn stream(&mut self, set_point: &CrtpSetPoint, age_secs: f64, access: &VehicleAccess) -> Option<Command> {
         if age_secs > LAND_SECS {
             self.source = Source::Nobody;
             return Some(Command::Land);
         }
         if age_secs > HOVER_SECS {
-            return (bridge.mode == Mode::Guided).then_some(Command::Pause);
+            return (access.mode == Mode::Guided).then_some(Command::Pause);
         }
-        let elapsed_secs = bridge.secs - self.steered_secs;
+        let elapsed_secs = access.secs - self.steered_secs;
         self.heading = (self.heading + f64::from(yaw_rate(set_point)) * elapsed_secs) % TAU;
-        velocity(set_point, self.heading, bridge).map(|velocity| Command::Velocity(limited(velocity)))
+        velocity(set_point, self.heading, access).map(|velocity| Command::Velocity(limited(velocity)))
     }
 
-    fn advance(&mut self, plan: &Plan, bridge: &Bridge) -> Command {
-        if plan.is_over(bridge.secs) {
+    fn advance(&mut self, plan: &TrajectoryPlan, access: &VehicleAccess) -> Command {
+        if plan.is_over(access.secs) {
             self.source = Source::Arrived;
             return match plan.ending {
                 Ending::Hover => Command::GoTo(plan.end),
                 Ending::Land => Command::Land,
             };
         }
-        let (position, velocity) = plan.at(bridge.secs);
-        Command::Velocity(limited(velocity + catch_up(position, bridge)))
+        let (position, velocity) = plan.at(access.secs);
+        Command::Velocity(limited(velocity + catch_up(position, access)))
     }
 }
 
-impl Haste {
+impl ManeuverTiming {
     fn or_usual(self, speed: f32) -> Self {
         match self {
             Self::Usual => Self::Speed(speed),
@@ -268,17 +273,19 @@ impl Haste {
 }
 
 impl Maneuver {
-    fn pace(&self) -> Pace {
+    fn profile(&self) -> PlanProfile {
         match self {
-            Self::GoTo { pace, .. } => *pace,
-            Self::JoinGroups(_) | Self::TakeOff { .. } | Self::Land { .. } | Self::Stop => Pace::Smooth,
+            Self::GoTo { profile, .. } => *profile,
+            Self::JoinGroups(_) | Self::TakeOff { .. } | Self::Land { .. } | Self::Stop => PlanProfile::Smooth,
         }
     }
 
-    fn turn(&self) -> Turn {
+    fn yaw_goal(&self) -> YawGoal {
         match self {
-            Self::TakeOff { turn, .. } | Self::Land { turn, .. } | Self::GoTo { turn, .. } => *turn,
-            Self::JoinGroups(_) | Self::Stop => Turn::Keep,
+            Self::TakeOff { yaw_goal, .. } | Self::Land { yaw_goal, .. } | Self::GoTo { yaw_goal, .. } => {
+                *yaw_goal
+            }
+            Self::JoinGroups(_) | Self::Stop => YawGoal::Keep,
         }
     }
 
@@ -299,55 +306,57 @@ fn base(origin: Origin, here: f32) -> f32 {
 }
 
 /// Whether a set-point is above a drone on the floor at `floor_m`.
-fn lifts(set_point: &SetPoint, floor_m: f32) -> bool {
+fn lifts(set_point: &CrtpSetPoint, floor_m: f32) -> bool {
     match set_point {
-        SetPoint::Stop => false,
-        SetPoint::Velocity { velocity, .. } => velocity.z > 0.0,
-        SetPoint::Hover { height_m, .. } => *height_m > floor_m + LIFT_M,
-        SetPoint::Position { position, .. } | SetPoint::Moving { position, .. } => position.z > floor_m + LIFT_M,
+        CrtpSetPoint::Stop => false,
+        CrtpSetPoint::Velocity { velocity, .. } => velocity.z > 0.0,
+        CrtpSetPoint::Hover { height_m, .. } => *height_m > floor_m + LIFT_M,
+        CrtpSetPoint::Position { position, .. } | CrtpSetPoint::Moving { position, .. } => {
+            position.z > floor_m + LIFT_M
+        }
     }
 }
 
 /// Has the autopilot take off if it must. As on a Crazyflie with brushed motors nobody needs to arm it.
-fn guide(bridge: &mut Bridge) -> Result<(), Refusal> {
-    match bridge.mode {
+fn guide(access: &mut VehicleAccess) -> Result<(), Refusal> {
+    match access.mode {
         Mode::Disarmed | Mode::Armed | Mode::Landed => {
-            bridge.order(Command::Arm)?;
-            bridge.order(Command::TakeOff { altitude_m: TAKEOFF_ALTITUDE_M })?;
-            bridge.order(Command::Pause)
+            access.order(Command::Arm)?;
+            access.order(Command::TakeOff { altitude_m: TAKEOFF_ALTITUDE_M })?;
+            access.order(Command::Pause)
         }
-        Mode::TakingOff => bridge.order(Command::Pause),
+        Mode::TakingOff => access.order(Command::Pause),
         Mode::Holding | Mode::Guided | Mode::Offboard | Mode::Returning => Ok(()),
         Mode::Landing => Err(Refusal::NotCruising),
     }
 }
 
 /// How fast a set-point turns to the left \[rad/s\].
-fn yaw_rate(set_point: &SetPoint) -> f32 {
+fn yaw_rate(set_point: &CrtpSetPoint) -> f32 {
     match set_point {
-        SetPoint::Velocity { yaw_rate, .. } | SetPoint::Hover { yaw_rate, .. } => *yaw_rate,
-        SetPoint::Stop | SetPoint::Position { .. } | SetPoint::Moving { .. } => 0.0,
+        CrtpSetPoint::Velocity { yaw_rate, .. } | CrtpSetPoint::Hover { yaw_rate, .. } => *yaw_rate,
+        CrtpSetPoint::Stop | CrtpSetPoint::Position { .. } | CrtpSetPoint::Moving { .. } => 0.0,
     }
 }
 
 /// Velocity of the goal \[m/s, world\] that a set-point wants of a drone with a heading \[rad\].
-fn velocity(set_point: &SetPoint, heading: f64, bridge: &Bridge) -> Option<Vector3<f32>> {
+fn velocity(set_point: &CrtpSetPoint, heading: f64, access: &VehicleAccess) -> Option<Vector3<f32>> {
     match *set_point {
-        SetPoint::Stop => None,
-        SetPoint::Velocity { velocity, .. } => Some(velocity),
-        SetPoint::Hover { ahead, left, height_m, .. } => {
+        CrtpSetPoint::Stop => None,
+        CrtpSetPoint::Velocity { velocity, .. } => Some(velocity),
+        CrtpSetPoint::Hover { ahead, left, height_m, .. } => {
             let (sine, cosine) = (libm::sin(heading) as f32, libm::cos(heading) as f32);
-            let climb = (height_m - bridge.goal.position().z) / CATCH_UP_SECS;
+            let climb = (height_m - access.goal.position().z) / CATCH_UP_SECS;
             Some(Vector3::new(cosine * ahead - sine * left, sine * ahead + cosine * left, climb))
         }
-        SetPoint::Position { position, .. } => Some(catch_up(position, bridge)),
-        SetPoint::Moving { position, velocity } => Some(velocity + catch_up(position, bridge)),
+        CrtpSetPoint::Position { position, .. } => Some(catch_up(position, access)),
+        CrtpSetPoint::Moving { position, velocity } => Some(velocity + catch_up(position, access)),
     }
 }
 
 /// Velocity that brings the goal to a point \[m/s\].
-fn catch_up(point: Vector3<f32>, bridge: &Bridge) -> Vector3<f32> {
-    (point - bridge.goal.position()) / CATCH_UP_SECS
+fn catch_up(point: Vector3<f32>, access: &VehicleAccess) -> Vector3<f32> {
+    (point - access.goal.position()) / CATCH_UP_SECS
 }
 
 /// The velocity, slowed down to [`SPEED_LIMIT`]. Rounding must not lead beyond.

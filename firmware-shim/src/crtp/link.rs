@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 use kestrel_core::vehicle::State;
 
-use super::bridge::{Answer, Bridge};
+use super::access::{CommandOutcome, VehicleAccess};
 use super::packet::{PACKET_LIMIT, Packet};
 use super::platform;
-use super::server::Server;
-use crate::link::{LinkError, Place};
-use crate::processor::Processor;
+use super::server::CrtpServer;
+use crate::link::{LinkAddress, LinkError};
+use crate::policy_backend::PolicyBackend;
 use crate::vehicle::MavlinkVehicle;
 
 /// Where clients look for simulated drones first.
@@ -35,7 +35,7 @@ pub struct CrtpLink {
     socket: UdpSocket,
     /// As wanted, for messages.
     address: SocketAddr,
-    server: Server,
+    server: CrtpServer,
     client: Option<Client>,
     /// Who has shaken hands while another client was served.
     waiting: Option<SocketAddr>,
@@ -53,14 +53,14 @@ impl CrtpLink {
     /// # Errors
     /// [`LinkError::Busy`] or [`LinkError::Open`].
     pub fn open(address: SocketAddr) -> Result<Self, LinkError> {
-        let place = || Place::Udp(address);
+        let place = || LinkAddress::Udp(address);
         let failed = |reason: io::Error| match reason.kind() {
             ErrorKind::AddrInUse => LinkError::Busy { place: place() },
             _ => LinkError::Open { place: place(), reason },
         };
         let socket = UdpSocket::bind(address).map_err(failed)?;
         socket.set_nonblocking(true).map_err(failed)?;
-        Ok(Self { socket, address, server: Server::default(), client: None, waiting: None })
+        Ok(Self { socket, address, server: CrtpServer::default(), client: None, waiting: None })
     }
 
     /// The bound address.
@@ -72,14 +72,14 @@ impl CrtpLink {
     }
 
     fn failed(&self, reason: io::Error) -> LinkError {
-        LinkError::Failed { place: Place::Udp(self.address), reason }
+        LinkError::Failed { place: LinkAddress::Udp(self.address), reason }
     }
 
     /// Serves the client for one control period: what it has sent is obeyed, what is due is sent to it.
     ///
     /// # Errors
     /// [`LinkError::Failed`] if the socket itself fails; a client that has gone is no failure.
-    pub fn exchange<P: Processor>(
+    pub fn exchange<P: PolicyBackend>(
         &mut self,
         vehicle: &mut MavlinkVehicle<P>,
         state: &State<f32>,
@@ -88,10 +88,10 @@ impl CrtpLink {
         for _ in 0..DATAGRAMS_PER_TICK {
             let Some((packet, sender)) = self.receive()? else { break };
             if let Some(packet) = packet.filter(|packet| self.is_served(packet, sender)) {
-                self.serve(vehicle, state, |server, bridge| server.receive(&packet, bridge));
+                self.serve(vehicle, state, |server, access| server.receive(&packet, access));
             }
         }
-        self.serve(vehicle, state, Server::tick);
+        self.serve(vehicle, state, CrtpServer::tick);
         Ok(())
     }
 
@@ -131,7 +131,12 @@ impl CrtpLink {
     }
 
     /// Forgets a client that is silent; whoever waits takes its place, and its handshake is answered then.
-    fn change_client<P: Processor>(&mut self, now: Instant, vehicle: &mut MavlinkVehicle<P>, state: &State<f32>) {
+    fn change_client<P: PolicyBackend>(
+        &mut self,
+        now: Instant,
+        vehicle: &mut MavlinkVehicle<P>,
+        state: &State<f32>,
+    ) {
         let Some(client) = self.client else { return };
         let silence = now.saturating_duration_since(client.heard);
         if silence < if self.waiting.is_some() { PATIENCE } else { MEMORY } {
@@ -140,25 +145,25 @@ impl CrtpLink {
         self.server.part();
         self.client = self.waiting.take().map(|address| Client { address, heard: now });
         if self.client.is_some() {
-            self.serve(vehicle, state, |server, bridge| server.receive(&platform::handshake(), bridge));
+            self.serve(vehicle, state, |server, access| server.receive(&platform::handshake(), access));
         }
     }
 
     /// Has the server act on the vehicle, and toward the client.
-    fn serve<P: Processor>(
+    fn serve<P: PolicyBackend>(
         &mut self,
         vehicle: &mut MavlinkVehicle<P>,
         state: &State<f32>,
-        act: impl FnOnce(&mut Server, &mut Bridge),
+        act: impl FnOnce(&mut CrtpServer, &mut VehicleAccess),
     ) {
-        let mut bridge = Bridge {
+        let mut access = VehicleAccess {
             secs: vehicle.elapsed_secs(),
             state,
             mode: vehicle.mode(),
             goal: *vehicle.goal(),
             order: &mut |command| {
                 let result = vehicle.order(command);
-                Answer { result, mode: vehicle.mode(), goal: *vehicle.goal() }
+                CommandOutcome { result, mode: vehicle.mode(), goal: *vehicle.goal() }
             },
             send: &mut |packet| {
                 if let Some(client) = self.client {
@@ -166,7 +171,7 @@ impl CrtpLink {
                 }
             },
         };
-        act(&mut self.server, &mut bridge);
+        act(&mut self.server, &mut access);
     }
 }
 

@@ -4,7 +4,7 @@ use super::contents;
 use super::number::Number;
 use super::packet::{Fields, Packet, Port};
 use super::status;
-use super::variable::{TABLE, Truth, Variable};
+use super::variable::{LogSource, TABLE, Variable};
 
 /// Channel on which blocks are made, started and stopped.
 const CONTROL_CHANNEL: u8 = 1;
@@ -129,10 +129,10 @@ impl Logging {
     }
 
     /// Sends what is due at `now_ms` of simulated time.
-    pub fn send_due(&mut self, truth: &Truth, now_ms: u64, send: &mut dyn FnMut(&Packet)) {
+    pub fn send_due(&mut self, source: &LogSource, now_ms: u64, send: &mut dyn FnMut(&Packet)) {
         for block in &mut self.blocks {
             if block.schedule.is_due(now_ms)
-                && let Some(packet) = block.packet(truth, now_ms)
+                && let Some(packet) = block.packet(source, now_ms)
             {
                 send(&packet);
             }
@@ -167,11 +167,11 @@ impl Block {
     }
 
     /// Its packet; none while a value is not finite.
-    fn packet(&self, truth: &Truth, now_ms: u64) -> Option<Packet> {
+    fn packet(&self, source: &LogSource, now_ms: u64) -> Option<Packet> {
         let [first, second, third, ..] = now_ms.to_le_bytes();
         let mut packet = Packet::new(Port::Log, DATA_CHANNEL).with(&[self.id, first, second, third]);
         for Item { variable, number } in &self.items {
-            let value = variable.value(truth);
+            let value = variable.value(source);
             if !value.is_finite() {
                 return None;
             }
@@ -213,9 +213,9 @@ mod tests {
         }
 
         fn sent(&mut self, now_ms: u64) -> Vec<Packet> {
-            let truth = Truth { state: self.plant.state(), goal: Vector3::zeros(), supervision: 0 };
+            let source = LogSource { state: self.plant.state(), goal: Vector3::zeros(), supervision: 0 };
             let mut sent = Vec::new();
-            self.logging.send_due(&truth, now_ms, &mut |packet| sent.push(packet.clone()));
+            self.logging.send_due(&source, now_ms, &mut |packet| sent.push(packet.clone()));
             sent
         }
     }

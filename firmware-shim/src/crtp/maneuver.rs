@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::packet::{Fields, Packet};
-use super::plan::Pace;
+use super::plan::PlanProfile;
 use super::status;
 
 /// Longest time that a maneuver may take \[s\].
@@ -20,7 +20,7 @@ pub enum Origin {
 
 /// Where a maneuver ends to look.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Turn {
+pub enum YawGoal {
     /// Where it looks.
     Keep,
     /// At this yaw \[rad\].
@@ -31,7 +31,7 @@ pub enum Turn {
 
 /// How fast a maneuver is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Haste {
+pub enum ManeuverTiming {
     /// It takes so long \[s\], above zero.
     Duration(f32),
     /// So fast on average \[m/s\], above zero.
@@ -52,9 +52,9 @@ pub enum Maneuver {
         /// From where it counts, upward.
         origin: Origin,
         /// How fast.
-        haste: Haste,
+        timing: ManeuverTiming,
         /// Where it looks.
-        turn: Turn,
+        yaw_goal: YawGoal,
     },
     /// Straight down to a height \[m\], and on until the floor carries the drone.
     Land {
@@ -63,9 +63,9 @@ pub enum Maneuver {
         /// From where it counts: upward in the world, downward from here.
         origin: Origin,
         /// How fast.
-        haste: Haste,
+        timing: ManeuverTiming,
         /// Where it looks.
-        turn: Turn,
+        yaw_goal: YawGoal,
     },
     /// Motors stop, and what flies falls.
     Stop,
@@ -78,9 +78,9 @@ pub enum Maneuver {
         /// How long it takes \[s\], above zero.
         duration_secs: f32,
         /// How it runs through this time.
-        pace: Pace,
+        profile: PlanProfile,
         /// Where it looks.
-        turn: Turn,
+        yaw_goal: YawGoal,
     },
 }
 
@@ -117,22 +117,22 @@ impl Maneuver {
                 let origin = origin(fields.byte()?);
                 let linear = command == 12 && fields.byte()? != 0;
                 let (point, yaw, duration_secs) = (fields.vector()?, fields.float()?, seconds(&mut fields)?);
-                let pace = if linear { Pace::Linear } else { Pace::Smooth };
-                let turn = match origin {
-                    Origin::World => Turn::To(yaw),
-                    Origin::Here => Turn::By(yaw),
+                let profile = if linear { PlanProfile::Linear } else { PlanProfile::Smooth };
+                let yaw_goal = match origin {
+                    Origin::World => YawGoal::To(yaw),
+                    Origin::Here => YawGoal::By(yaw),
                 };
-                Some(Self::GoTo { point, origin, duration_secs, pace, turn })
+                Some(Self::GoTo { point, origin, duration_secs, profile, yaw_goal })
             }
         }
     }
 
-    fn up(Vertical { height_m, origin, haste, turn }: Vertical) -> Self {
-        Self::TakeOff { height_m, origin, haste, turn }
+    fn up(Vertical { height_m, origin, timing, yaw_goal }: Vertical) -> Self {
+        Self::TakeOff { height_m, origin, timing, yaw_goal }
     }
 
-    fn down(Vertical { height_m, origin, haste, turn }: Vertical) -> Self {
-        Self::Land { height_m, origin, haste, turn }
+    fn down(Vertical { height_m, origin, timing, yaw_goal }: Vertical) -> Self {
+        Self::Land { height_m, origin, timing, yaw_goal }
     }
 }
 
@@ -140,33 +140,38 @@ impl Maneuver {
 struct Vertical {
     height_m: f32,
     origin: Origin,
-    haste: Haste,
-    turn: Turn,
+    timing: ManeuverTiming,
+    yaw_goal: YawGoal,
 }
 
 impl Vertical {
     fn timed(fields: &mut Fields) -> Option<Self> {
-        let (height_m, haste) = (fields.float()?, Haste::Duration(seconds(fields)?));
-        Some(Self { height_m, origin: Origin::World, haste, turn: Turn::To(0.0) })
+        let (height_m, timing) = (fields.float()?, ManeuverTiming::Duration(seconds(fields)?));
+        Some(Self { height_m, origin: Origin::World, timing, yaw_goal: YawGoal::To(0.0) })
     }
 
     fn turned(fields: &mut Fields) -> Option<Self> {
-        let (height_m, turn) = (fields.float()?, turn(fields)?);
-        Some(Self { height_m, origin: Origin::World, haste: Haste::Duration(seconds(fields)?), turn })
+        let (height_m, yaw_goal) = (fields.float()?, yaw_goal(fields)?);
+        Some(Self {
+            height_m,
+            origin: Origin::World,
+            timing: ManeuverTiming::Duration(seconds(fields)?),
+            yaw_goal,
+        })
     }
 
     fn fast(fields: &mut Fields) -> Option<Self> {
         let (height_m, origin) = (fields.float()?, origin(fields.byte()?));
-        let (turn, speed) = (turn(fields)?, fields.float()?);
-        let haste = if speed > 0.0 { Haste::Speed(speed) } else { Haste::Usual };
-        Some(Self { height_m, origin, haste, turn })
+        let (yaw_goal, speed) = (yaw_goal(fields)?, fields.float()?);
+        let timing = if speed > 0.0 { ManeuverTiming::Speed(speed) } else { ManeuverTiming::Usual };
+        Some(Self { height_m, origin, timing, yaw_goal })
     }
 }
 
 /// A yaw, and whether to keep the present one instead.
-fn turn(fields: &mut Fields) -> Option<Turn> {
+fn yaw_goal(fields: &mut Fields) -> Option<YawGoal> {
     let (yaw, keeps) = (fields.float()?, fields.byte()?);
-    Some(if keeps == 0 { Turn::To(yaw) } else { Turn::Keep })
+    Some(if keeps == 0 { YawGoal::To(yaw) } else { YawGoal::Keep })
 }
 
 fn origin(relative: u8) -> Origin {
@@ -197,9 +202,10 @@ mod tests {
 
     #[test]
     fn take_offs_and_landings_are_read_in_all_forms() {
-        let (height_m, origin, haste, turn) = (0.75, Origin::World, Haste::Duration(2.0), Turn::To(0.0));
-        let up = Maneuver::TakeOff { height_m, origin, haste, turn };
-        let down = Maneuver::Land { height_m, origin, haste, turn };
+        let (height_m, origin, timing, yaw_goal) =
+            (0.75, Origin::World, ManeuverTiming::Duration(2.0), YawGoal::To(0.0));
+        let up = Maneuver::TakeOff { height_m, origin, timing, yaw_goal };
+        let down = Maneuver::Land { height_m, origin, timing, yaw_goal };
         for (old, new, expected) in [(1, 7, up), (2, 8, down)] {
             assert_eq!(read(&[old, 5], &[0.75, 2.0]), Ok((5, expected)));
             assert_eq!(turned(new, 0.75, 2.0), Ok((5, expected)));
@@ -207,9 +213,11 @@ mod tests {
         let mut head = vec![9, 0];
         head.extend(0.75_f32.to_le_bytes());
         head.extend([1, 0, 0, 0, 0, 1]);
-        let up = |haste| Ok((0, Maneuver::TakeOff { height_m, origin: Origin::Here, haste, turn: Turn::Keep }));
-        assert_eq!(read(&head, &[0.3]), up(Haste::Speed(0.3)));
-        assert_eq!(read(&head, &[0.0]), up(Haste::Usual));
+        let up = |timing| {
+            Ok((0, Maneuver::TakeOff { height_m, origin: Origin::Here, timing, yaw_goal: YawGoal::Keep }))
+        };
+        assert_eq!(read(&head, &[0.3]), up(ManeuverTiming::Speed(0.3)));
+        assert_eq!(read(&head, &[0.0]), up(ManeuverTiming::Usual));
         head[0] = 10;
         assert!(matches!(read(&head, &[0.3]), Ok((0, Maneuver::Land { origin: Origin::Here, .. }))));
     }
@@ -217,12 +225,12 @@ mod tests {
     #[test]
     fn flights_to_points_are_read_in_both_forms() {
         let numbers = [1.0, -2.0, 0.5, 3.0, 4.0];
-        let go_to = |origin, pace, turn| {
+        let go_to = |origin, profile, yaw_goal| {
             let point = Vector3::new(1.0, -2.0, 0.5);
-            Ok((2, Maneuver::GoTo { point, origin, duration_secs: 4.0, pace, turn }))
+            Ok((2, Maneuver::GoTo { point, origin, duration_secs: 4.0, profile, yaw_goal }))
         };
-        assert_eq!(read(&[4, 2, 1], &numbers), go_to(Origin::Here, Pace::Smooth, Turn::By(3.0)));
-        assert_eq!(read(&[12, 2, 0, 1], &numbers), go_to(Origin::World, Pace::Linear, Turn::To(3.0)));
+        assert_eq!(read(&[4, 2, 1], &numbers), go_to(Origin::Here, PlanProfile::Smooth, YawGoal::By(3.0)));
+        assert_eq!(read(&[12, 2, 0, 1], &numbers), go_to(Origin::World, PlanProfile::Linear, YawGoal::To(3.0)));
     }
 
     #[test]

@@ -25,7 +25,7 @@ enum Access {
 
 /// One parameter of the table.
 #[derive(Clone, Copy, Debug)]
-pub struct Parameter {
+pub struct CrtpParameter {
     group: &'static str,
     name: &'static str,
     number: Number,
@@ -33,7 +33,7 @@ pub struct Parameter {
     initial: f64,
 }
 
-impl Parameter {
+impl CrtpParameter {
     /// That clients set.
     const fn set(group: &'static str, name: &'static str, number: Number, initial: f64) -> Self {
         Self { group, name, number, access: Access::Client, initial }
@@ -45,7 +45,7 @@ impl Parameter {
     }
 }
 
-impl Listed for Parameter {
+impl Listed for CrtpParameter {
     fn group(&self) -> &'static str {
         self.group
     }
@@ -67,62 +67,62 @@ impl Listed for Parameter {
 const COUNT: usize = 38;
 
 /// Every parameter; its index is its number on the wire.
-pub const TABLE: [Parameter; COUNT] = [
-    Parameter::set("stabilizer", "stop", U8, 0.0),
-    Parameter::set("hlCommander", "groupmask", U8, 0.0),
-    Parameter::set("hlCommander", "vtoff", Float, 0.5),
-    Parameter::set("hlCommander", "vland", Float, 0.5),
-    Parameter::set("flightmode", "posSet", U8, 0.0),
+pub const TABLE: [CrtpParameter; COUNT] = [
+    CrtpParameter::set("stabilizer", "stop", U8, 0.0),
+    CrtpParameter::set("hlCommander", "groupmask", U8, 0.0),
+    CrtpParameter::set("hlCommander", "vtoff", Float, 0.5),
+    CrtpParameter::set("hlCommander", "vland", Float, 0.5),
+    CrtpParameter::set("flightmode", "posSet", U8, 0.0),
     // From here on without effect.
-    Parameter::set("flightmode", "althold", U8, 0.0),
-    Parameter::set("flightmode", "poshold", U8, 0.0),
-    Parameter::set("flightmode", "yawMode", U8, 1.0),
-    Parameter::set("flightmode", "stabModeRoll", U8, 1.0),
-    Parameter::set("flightmode", "stabModePitch", U8, 1.0),
-    Parameter::set("flightmode", "stabModeYaw", U8, 0.0),
-    Parameter::set("stabilizer", "estimator", U8, 2.0),
-    Parameter::set("stabilizer", "controller", U8, 1.0),
-    Parameter::set("commander", "enHighLevel", U8, 1.0),
-    Parameter::set("kalman", "resetEstimation", U8, 0.0),
-    Parameter::set("kalman", "initialX", Float, 0.0),
-    Parameter::set("kalman", "initialY", Float, 0.0),
-    Parameter::set("kalman", "initialZ", Float, 0.0),
-    Parameter::set("kalman", "initialYaw", Float, 0.0),
-    Parameter::set("locSrv", "extPosStdDev", Float, 0.01),
-    Parameter::set("locSrv", "extQuatStdDev", Float, 0.0045),
-    Parameter::set("supervisor", "tmblChckEn", U8, 1.0),
-    Parameter::set("led", "bitmask", U8, 0.0),
+    CrtpParameter::set("flightmode", "althold", U8, 0.0),
+    CrtpParameter::set("flightmode", "poshold", U8, 0.0),
+    CrtpParameter::set("flightmode", "yawMode", U8, 1.0),
+    CrtpParameter::set("flightmode", "stabModeRoll", U8, 1.0),
+    CrtpParameter::set("flightmode", "stabModePitch", U8, 1.0),
+    CrtpParameter::set("flightmode", "stabModeYaw", U8, 0.0),
+    CrtpParameter::set("stabilizer", "estimator", U8, 2.0),
+    CrtpParameter::set("stabilizer", "controller", U8, 1.0),
+    CrtpParameter::set("commander", "enHighLevel", U8, 1.0),
+    CrtpParameter::set("kalman", "resetEstimation", U8, 0.0),
+    CrtpParameter::set("kalman", "initialX", Float, 0.0),
+    CrtpParameter::set("kalman", "initialY", Float, 0.0),
+    CrtpParameter::set("kalman", "initialZ", Float, 0.0),
+    CrtpParameter::set("kalman", "initialYaw", Float, 0.0),
+    CrtpParameter::set("locSrv", "extPosStdDev", Float, 0.01),
+    CrtpParameter::set("locSrv", "extQuatStdDev", Float, 0.0045),
+    CrtpParameter::set("supervisor", "tmblChckEn", U8, 1.0),
+    CrtpParameter::set("led", "bitmask", U8, 0.0),
     // The vehicle knows its velocity and its position, as with these two decks.
-    Parameter::fact("deck", "bcFlow2", U8, 1.0),
-    Parameter::fact("deck", "bcLighthouse4", U8, 1.0),
-    Parameter::fact("deck", "bcFlow", U8, 0.0),
-    Parameter::fact("deck", "bcZRanger", U8, 0.0),
-    Parameter::fact("deck", "bcZRanger2", U8, 0.0),
-    Parameter::fact("deck", "bcMultiranger", U8, 0.0),
-    Parameter::fact("deck", "bcDWM1000", U8, 0.0),
-    Parameter::fact("deck", "bcLoco", U8, 0.0),
-    Parameter::fact("deck", "bcLedRing", U8, 0.0),
-    Parameter::fact("deck", "bcBuzzer", U8, 0.0),
-    Parameter::fact("deck", "bcAI", U8, 0.0),
-    Parameter::fact("deck", "bcUSD", U8, 0.0),
-    Parameter::fact("firmware", "revision0", U32, 0.0),
-    Parameter::fact("firmware", "revision1", U16, 0.0),
-    Parameter::fact("firmware", "modified", U8, 1.0),
+    CrtpParameter::fact("deck", "bcFlow2", U8, 1.0),
+    CrtpParameter::fact("deck", "bcLighthouse4", U8, 1.0),
+    CrtpParameter::fact("deck", "bcFlow", U8, 0.0),
+    CrtpParameter::fact("deck", "bcZRanger", U8, 0.0),
+    CrtpParameter::fact("deck", "bcZRanger2", U8, 0.0),
+    CrtpParameter::fact("deck", "bcMultiranger", U8, 0.0),
+    CrtpParameter::fact("deck", "bcDWM1000", U8, 0.0),
+    CrtpParameter::fact("deck", "bcLoco", U8, 0.0),
+    CrtpParameter::fact("deck", "bcLedRing", U8, 0.0),
+    CrtpParameter::fact("deck", "bcBuzzer", U8, 0.0),
+    CrtpParameter::fact("deck", "bcAI", U8, 0.0),
+    CrtpParameter::fact("deck", "bcUSD", U8, 0.0),
+    CrtpParameter::fact("firmware", "revision0", U32, 0.0),
+    CrtpParameter::fact("firmware", "revision1", U16, 0.0),
+    CrtpParameter::fact("firmware", "modified", U8, 1.0),
 ];
 
 /// The values of the table, all finite.
 #[derive(Clone, Debug)]
-pub struct Parameters {
+pub struct CrtpParameters {
     values: [f64; COUNT],
 }
 
-impl Default for Parameters {
+impl Default for CrtpParameters {
     fn default() -> Self {
         Self { values: TABLE.map(|parameter| parameter.initial) }
     }
 }
 
-impl Parameters {
+impl CrtpParameters {
     /// Whether the motors are to be stopped for good.
     pub fn stop(&self) -> bool {
         self.values[0] != 0.0
@@ -246,11 +246,11 @@ mod tests {
     use crate::crtp::packet::Port;
 
     fn index(group: &str, name: &str) -> [u8; 2] {
-        let is_it = |entry: &Parameter| contents::is_called(entry, group.as_bytes(), name.as_bytes());
+        let is_it = |entry: &CrtpParameter| contents::is_called(entry, group.as_bytes(), name.as_bytes());
         (TABLE.iter().position(is_it).unwrap() as u16).to_le_bytes()
     }
 
-    fn ask(parameters: &mut Parameters, channel: u8, data: &[u8]) -> Option<Vec<u8>> {
+    fn ask(parameters: &mut CrtpParameters, channel: u8, data: &[u8]) -> Option<Vec<u8>> {
         let packet = Packet::new(Port::Parameter, channel).with(data);
         parameters.receive(&packet).map(|reply| reply.data().to_vec())
     }
@@ -268,7 +268,7 @@ mod tests {
 
     #[test]
     fn the_values_with_effect_stand_where_they_are_looked_for() {
-        let mut parameters = Parameters::default();
+        let mut parameters = CrtpParameters::default();
         assert_eq!((parameters.take_off_speed(), parameters.landing_speed()), (0.5, 0.5));
         let names = [("stabilizer", "stop"), ("hlCommander", "groupmask"), ("flightmode", "posSet")];
         for (group, name) in names {
@@ -281,7 +281,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_echoed_and_read() {
-        let mut parameters = Parameters::default();
+        let mut parameters = CrtpParameters::default();
         let [low, high] = index("hlCommander", "vland");
         let [a, b, c, d] = 0.25_f32.to_le_bytes();
         assert_eq!(
@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_value_that_is_no_number_changes_nothing() {
-        let mut parameters = Parameters::default();
+        let mut parameters = CrtpParameters::default();
         let [low, high] = index("hlCommander", "vtoff");
         let [a, b, c, d] = 0.5_f32.to_le_bytes();
         for wrong in [f32::NAN, f32::INFINITY] {
@@ -310,7 +310,7 @@ mod tests {
 
     #[test]
     fn what_does_not_exist_is_not_found_and_facts_are_not_written() {
-        let mut parameters = Parameters::default();
+        let mut parameters = CrtpParameters::default();
         assert_eq!(ask(&mut parameters, READ_CHANNEL, &[0xFF, 0]), Some(vec![0xFF, 0, status::NOT_FOUND]));
         assert_eq!(ask(&mut parameters, WRITE_CHANNEL, &[0xFF, 0, 1]), Some(vec![0xFF, 0, status::NOT_FOUND]));
         let [low, high] = index("deck", "bcFlow2");
@@ -321,7 +321,7 @@ mod tests {
 
     #[test]
     fn names_can_be_written_too() {
-        let mut parameters = Parameters::default();
+        let mut parameters = CrtpParameters::default();
         let mut by_name = |tail: &[u8]| {
             let reply =
                 ask(&mut parameters, MISCELLANEOUS_CHANNEL, &[b"\0stabilizer\0controller\0", tail].concat());
@@ -338,7 +338,7 @@ mod tests {
 
     #[test]
     fn defaults_are_told_and_nothing_is_persistent() {
-        let mut parameters = Parameters::default();
+        let mut parameters = CrtpParameters::default();
         let [low, high] = index("stabilizer", "estimator");
         let mut ask = |command: u8, [low, high]: [u8; 2]| {
             ask(&mut parameters, MISCELLANEOUS_CHANNEL, &[command, low, high]).map(|reply| reply[3..].to_vec())
@@ -358,7 +358,7 @@ mod tests {
             packets in proptest::collection::vec((0_u8..4, proptest::collection::vec(any::<u8>(), 0..=30)), 0..40),
             index in 0_u8..40,
         ) {
-            let mut parameters = Parameters::default();
+            let mut parameters = CrtpParameters::default();
             for (channel, mut data) in packets {
                 if let (2, [low, high, ..]) = (channel, &mut data[..]) {
                     (*low, *high) = (index, 0);

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 /// How a plan runs through its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pace {
+pub enum PlanProfile {
     /// Starts with the velocity that it finds and ends at rest, without a jump of velocity, acceleration or jerk at
     /// the end.
     Smooth,
@@ -23,7 +23,7 @@ pub enum Ending {
 
 /// A straight way, unless there is a velocity in another direction to begin with.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plan {
+pub struct TrajectoryPlan {
     /// Where it begins \[m, world\].
     pub start: Vector3<f32>,
     /// With which velocity it begins \[m/s, world\].
@@ -35,12 +35,12 @@ pub struct Plan {
     /// How long it takes \[s\], above zero.
     pub duration_secs: f32,
     /// How it runs through its time.
-    pub pace: Pace,
+    pub profile: PlanProfile,
     /// What follows.
     pub ending: Ending,
 }
 
-impl Plan {
+impl TrajectoryPlan {
     /// Position \[m\] and velocity \[m/s\] at a simulated time \[s\]; at rest at the end when it is over.
     pub fn at(&self, secs: f64) -> (Vector3<f32>, Vector3<f32>) {
         let share = ((secs - self.start_secs) / f64::from(self.duration_secs)) as f32;
@@ -49,9 +49,9 @@ impl Plan {
         }
         let share = share.max(0.0);
         let (way, duration_secs) = (self.end - self.start, self.duration_secs);
-        match self.pace {
-            Pace::Linear => (self.start + way * share, way / duration_secs),
-            Pace::Smooth => {
+        match self.profile {
+            PlanProfile::Linear => (self.start + way * share, way / duration_secs),
+            PlanProfile::Smooth => {
                 let (step, step_rate) = step(share);
                 let (swing, swing_rate) = swing(share);
                 let position = self.start + way * step + self.start_velocity * (swing * duration_secs);
@@ -87,13 +87,13 @@ fn swing(share: f32) -> (f32, f32) {
 mod tests {
     use super::*;
 
-    const PLAN: Plan = Plan {
+    const PLAN: TrajectoryPlan = TrajectoryPlan {
         start: Vector3::new(1.0, 0.0, 0.5),
         start_velocity: Vector3::new(0.0, 0.4, 0.0),
         end: Vector3::new(3.0, 0.0, 1.5),
         start_secs: 10.0,
         duration_secs: 4.0,
-        pace: Pace::Smooth,
+        profile: PlanProfile::Smooth,
         ending: Ending::Hover,
     };
 
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn from_rest_it_is_halfway_at_half_time_and_fastest_there() {
-        let plan = Plan { start_velocity: Vector3::zeros(), ..PLAN };
+        let plan = TrajectoryPlan { start_velocity: Vector3::zeros(), ..PLAN };
         let (position, velocity) = plan.at(12.0);
         assert!((position - (plan.start + plan.end) / 2.0).norm() < 1e-6);
         // 35/16 of the mean speed, the greatest slope of the polynomial.
@@ -119,19 +119,19 @@ mod tests {
 
     #[test]
     fn its_velocity_is_the_slope_of_its_position() {
-        for pace in [Pace::Smooth, Pace::Linear] {
-            let plan = Plan { pace, ..PLAN };
+        for profile in [PlanProfile::Smooth, PlanProfile::Linear] {
+            let plan = TrajectoryPlan { profile, ..PLAN };
             for step in 1..40 {
                 let secs = 10.0 + 0.1 * f64::from(step);
                 let slope = (plan.at(secs + 0.01).0 - plan.at(secs - 0.01).0) / 0.02;
-                assert!((slope - plan.at(secs).1).norm() < 2e-3, "{pace:?} at {secs}");
+                assert!((slope - plan.at(secs).1).norm() < 2e-3, "{profile:?} at {secs}");
             }
         }
     }
 
     #[test]
     fn a_linear_plan_keeps_its_velocity() {
-        let plan = Plan { pace: Pace::Linear, ..PLAN };
+        let plan = TrajectoryPlan { profile: PlanProfile::Linear, ..PLAN };
         assert_eq!(plan.at(10.5).1, plan.at(13.5).1);
         assert!((plan.at(11.0).0 - Vector3::new(1.5, 0.0, 0.75)).norm() < 1e-6);
     }

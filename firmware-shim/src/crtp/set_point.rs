@@ -20,7 +20,7 @@ const META_CHANNEL: u8 = 1;
 
 /// What a client streams.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SetPoint {
+pub enum CrtpSetPoint {
     /// Motors stop, and what flies falls.
     Stop,
     /// A velocity.
@@ -59,16 +59,16 @@ pub enum SetPoint {
 
 /// What a packet of a commander means.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wish {
+pub enum CommanderPacket {
     /// Fly this.
-    Follow(SetPoint),
+    Follow(CrtpSetPoint),
     /// No more set-points come: whoever wants may fly.
     Release,
 }
 
 /// Why a packet of a commander is not obeyed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum SetPointError {
+pub enum CrtpSetPointError {
     /// It is too short, not finite, or of a kind that does not exist.
     #[error("expected a finite set-point of kind 0, 1, 2, 5 to 10, found another packet")]
     Malformed,
@@ -80,18 +80,18 @@ pub enum SetPointError {
     Attitude,
 }
 
-impl Wish {
+impl CommanderPacket {
     /// The wish in a packet of a commander; `positions` if the old commander sets positions (`flightmode.posSet`).
     ///
     /// # Errors
     /// If there is none that a policy can follow.
-    pub fn of(packet: &Packet, old_commander: OldCommander) -> Result<Self, SetPointError> {
+    pub fn of(packet: &Packet, old_commander: OldCommander) -> Result<Self, CrtpSetPointError> {
         let mut fields = packet.fields();
         match (packet.port, packet.channel) {
             (Port::GenericCommander, SET_POINT_CHANNEL) => generic(fields).map(Self::Follow),
             (Port::GenericCommander, META_CHANNEL) if fields.byte() == Some(0) => Ok(Self::Release),
             (Port::Commander, _) => old_commander.read(fields).map(Self::Follow),
-            _ => Err(SetPointError::Malformed),
+            _ => Err(CrtpSetPointError::Malformed),
         }
     }
 }
@@ -107,50 +107,52 @@ pub enum OldCommander {
 
 impl OldCommander {
     /// Without thrust motors stop, whatever the rest means.
-    fn read(self, mut fields: Fields) -> Result<SetPoint, SetPointError> {
-        let mut next = || fields.float().ok_or(SetPointError::Malformed);
+    fn read(self, mut fields: Fields) -> Result<CrtpSetPoint, CrtpSetPointError> {
+        let mut next = || fields.float().ok_or(CrtpSetPointError::Malformed);
         let (roll, pitch, yaw_deg) = (next()?, next()?, next()?);
-        let thrust = fields.short().ok_or(SetPointError::Malformed)?;
+        let thrust = fields.short().ok_or(CrtpSetPointError::Malformed)?;
         match self {
-            Self::Attitude | Self::Position if thrust == 0 => Ok(SetPoint::Stop),
-            Self::Attitude => Err(SetPointError::Attitude),
+            Self::Attitude | Self::Position if thrust == 0 => Ok(CrtpSetPoint::Stop),
+            Self::Attitude => Err(CrtpSetPointError::Attitude),
             Self::Position => {
                 let position = inside(Vector3::new(-pitch, roll, f32::from(thrust) / 1e3))?;
-                Ok(SetPoint::Position { position, yaw: yaw_deg.to_radians() })
+                Ok(CrtpSetPoint::Position { position, yaw: yaw_deg.to_radians() })
             }
         }
     }
 }
 
 /// A set-point of the generic commander. The kinds 1, 2 and 5 are 8, 9 and 10 with a yaw rate to the right.
-fn generic(mut fields: Fields) -> Result<SetPoint, SetPointError> {
+fn generic(mut fields: Fields) -> Result<CrtpSetPoint, CrtpSetPointError> {
     match fields.byte() {
-        Some(0) => Ok(SetPoint::Stop),
-        Some(3 | 4 | 11) => Err(SetPointError::Attitude),
-        Some(kind) => motion(kind, fields).ok_or(SetPointError::Malformed)?.checked(),
-        None => Err(SetPointError::Malformed),
+        Some(0) => Ok(CrtpSetPoint::Stop),
+        Some(3 | 4 | 11) => Err(CrtpSetPointError::Attitude),
+        Some(kind) => motion(kind, fields).ok_or(CrtpSetPointError::Malformed)?.checked(),
+        None => Err(CrtpSetPointError::Malformed),
     }
 }
 
-fn motion(kind: u8, mut fields: Fields) -> Option<SetPoint> {
+fn motion(kind: u8, mut fields: Fields) -> Option<CrtpSetPoint> {
     let to_the_left = |rate_deg: f32| if kind < 8 { -rate_deg.to_radians() } else { rate_deg.to_radians() };
     match kind {
-        1 | 8 => Some(SetPoint::Velocity { velocity: fields.vector()?, yaw_rate: to_the_left(fields.float()?) }),
+        1 | 8 => {
+            Some(CrtpSetPoint::Velocity { velocity: fields.vector()?, yaw_rate: to_the_left(fields.float()?) })
+        }
         2 | 5 | 9 | 10 => {
             let (first, second, yaw_rate) = (fields.float()?, fields.float()?, to_the_left(fields.float()?));
             let height_m = fields.float()?;
             // The tilt of a height set-point is not followed: it hovers.
             let [ahead, left] = if matches!(kind, 2 | 9) { [0.0; 2] } else { [first, second] };
-            Some(SetPoint::Hover { ahead, left, height_m, yaw_rate })
+            Some(CrtpSetPoint::Hover { ahead, left, height_m, yaw_rate })
         }
-        6 => Some(SetPoint::Moving { position: fields.thousandths()?, velocity: fields.thousandths()? }),
-        7 => Some(SetPoint::Position { position: fields.vector()?, yaw: fields.float()?.to_radians() }),
+        6 => Some(CrtpSetPoint::Moving { position: fields.thousandths()?, velocity: fields.thousandths()? }),
+        7 => Some(CrtpSetPoint::Position { position: fields.vector()?, yaw: fields.float()?.to_radians() }),
         _ => None,
     }
 }
 
-impl SetPoint {
-    fn checked(self) -> Result<Self, SetPointError> {
+impl CrtpSetPoint {
+    fn checked(self) -> Result<Self, CrtpSetPointError> {
         Ok(match self {
             Self::Stop | Self::Velocity { .. } => self,
             Self::Hover { ahead, left, height_m, yaw_rate } => {
@@ -170,51 +172,58 @@ const SLACK_M: f32 = 0.1;
 ///
 /// # Errors
 /// If it is deeper, or beyond [`COORDINATE_LIMIT_M`].
-pub fn inside(point: Vector3<f32>) -> Result<Vector3<f32>, SetPointError> {
+pub fn inside(point: Vector3<f32>) -> Result<Vector3<f32>, CrtpSetPointError> {
     if point.iter().all(|coordinate| coordinate.abs() <= COORDINATE_LIMIT_M) && point.z >= -SLACK_M {
         return Ok(Vector3::new(point.x, point.y, point.z.max(0.0)));
     }
-    Err(SetPointError::Outside)
+    Err(CrtpSetPointError::Outside)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn wish(port: Port, channel: u8, kind: Option<u8>, numbers: &[f32]) -> Result<Wish, SetPointError> {
+    fn commander_packet(
+        port: Port,
+        channel: u8,
+        kind: Option<u8>,
+        numbers: &[f32],
+    ) -> Result<CommanderPacket, CrtpSetPointError> {
         let bytes: Vec<u8> =
             kind.into_iter().chain(numbers.iter().flat_map(|number| number.to_le_bytes())).collect();
-        Wish::of(&Packet::new(port, channel).with(&bytes), OldCommander::Attitude)
+        CommanderPacket::of(&Packet::new(port, channel).with(&bytes), OldCommander::Attitude)
     }
 
-    fn generic(kind: u8, numbers: &[f32]) -> Result<SetPoint, SetPointError> {
-        wish(Port::GenericCommander, 0, Some(kind), numbers).map(|wish| match wish {
-            Wish::Follow(set_point) => set_point,
-            Wish::Release => panic!("{kind} released"),
+    fn generic(kind: u8, numbers: &[f32]) -> Result<CrtpSetPoint, CrtpSetPointError> {
+        commander_packet(Port::GenericCommander, 0, Some(kind), numbers).map(|commander_packet| {
+            match commander_packet {
+                CommanderPacket::Follow(set_point) => set_point,
+                CommanderPacket::Release => panic!("{kind} released"),
+            }
         })
     }
 
-    fn old(thrust: u16, old_commander: OldCommander) -> Result<Wish, SetPointError> {
+    fn old(thrust: u16, old_commander: OldCommander) -> Result<CommanderPacket, CrtpSetPointError> {
         let packet = [1.5_f32, -0.5, 90.0]
             .iter()
             .fold(Packet::new(Port::Commander, 0), |packet, number| packet.with(&number.to_le_bytes()));
-        Wish::of(&packet.with(&thrust.to_le_bytes()), old_commander)
+        CommanderPacket::of(&packet.with(&thrust.to_le_bytes()), old_commander)
     }
 
     #[test]
     fn every_kind_that_a_policy_can_follow_is_read() {
         let yaw_rate = core::f32::consts::FRAC_PI_2;
-        let velocity = SetPoint::Velocity { velocity: Vector3::new(0.1, 0.2, 0.3), yaw_rate };
-        let hover = SetPoint::Hover { ahead: 0.1, left: 0.2, height_m: 0.4, yaw_rate };
-        let still = SetPoint::Hover { ahead: 0.0, left: 0.0, height_m: 0.4, yaw_rate };
-        assert_eq!(generic(0, &[]), Ok(SetPoint::Stop));
+        let velocity = CrtpSetPoint::Velocity { velocity: Vector3::new(0.1, 0.2, 0.3), yaw_rate };
+        let hover = CrtpSetPoint::Hover { ahead: 0.1, left: 0.2, height_m: 0.4, yaw_rate };
+        let still = CrtpSetPoint::Hover { ahead: 0.0, left: 0.0, height_m: 0.4, yaw_rate };
+        assert_eq!(generic(0, &[]), Ok(CrtpSetPoint::Stop));
         assert_eq!(generic(1, &[0.1, 0.2, 0.3, -90.0]), Ok(velocity));
         assert_eq!(generic(8, &[0.1, 0.2, 0.3, 90.0]), Ok(velocity));
         for (old, new, expected) in [(2, 9, still), (5, 10, hover)] {
             assert_eq!(generic(old, &[0.1, 0.2, -90.0, 0.4]), Ok(expected));
             assert_eq!(generic(new, &[0.1, 0.2, 90.0, 0.4]), Ok(expected));
         }
-        let position = SetPoint::Position { position: Vector3::new(1.0, 2.0, 3.0), yaw: yaw_rate };
+        let position = CrtpSetPoint::Position { position: Vector3::new(1.0, 2.0, 3.0), yaw: yaw_rate };
         assert_eq!(generic(7, &[1.0, 2.0, 3.0, 90.0]), Ok(position));
     }
 
@@ -225,7 +234,8 @@ mod tests {
         for number in numbers {
             packet = packet.with(&number.to_le_bytes());
         }
-        let Ok(Wish::Follow(SetPoint::Moving { position, velocity })) = Wish::of(&packet, OldCommander::Attitude)
+        let Ok(CommanderPacket::Follow(CrtpSetPoint::Moving { position, velocity })) =
+            CommanderPacket::of(&packet, OldCommander::Attitude)
         else {
             panic!("not a moving point");
         };
@@ -235,50 +245,50 @@ mod tests {
 
     #[test]
     fn the_end_of_set_points_is_heard() {
-        assert_eq!(wish(Port::GenericCommander, 1, Some(0), &[0.0]), Ok(Wish::Release));
-        assert_eq!(wish(Port::GenericCommander, 1, Some(1), &[]), Err(SetPointError::Malformed));
-        assert_eq!(wish(Port::GenericCommander, 1, None, &[]), Err(SetPointError::Malformed));
+        assert_eq!(commander_packet(Port::GenericCommander, 1, Some(0), &[0.0]), Ok(CommanderPacket::Release));
+        assert_eq!(commander_packet(Port::GenericCommander, 1, Some(1), &[]), Err(CrtpSetPointError::Malformed));
+        assert_eq!(commander_packet(Port::GenericCommander, 1, None, &[]), Err(CrtpSetPointError::Malformed));
     }
 
     #[test]
     fn attitudes_are_refused() {
         for kind in [3, 4, 11] {
-            assert_eq!(generic(kind, &[0.0; 4]), Err(SetPointError::Attitude));
+            assert_eq!(generic(kind, &[0.0; 4]), Err(CrtpSetPointError::Attitude));
         }
-        assert_eq!(old(30_000, OldCommander::Attitude), Err(SetPointError::Attitude));
+        assert_eq!(old(30_000, OldCommander::Attitude), Err(CrtpSetPointError::Attitude));
     }
 
     #[test]
     fn the_old_commander_stops_without_thrust_and_can_set_positions() {
         for old_commander in [OldCommander::Attitude, OldCommander::Position] {
-            assert_eq!(old(0, old_commander), Ok(Wish::Follow(SetPoint::Stop)));
+            assert_eq!(old(0, old_commander), Ok(CommanderPacket::Follow(CrtpSetPoint::Stop)));
         }
         let yaw = core::f32::consts::FRAC_PI_2;
-        let position = SetPoint::Position { position: Vector3::new(0.5, 1.5, 0.75), yaw };
-        assert_eq!(old(750, OldCommander::Position), Ok(Wish::Follow(position)));
+        let position = CrtpSetPoint::Position { position: Vector3::new(0.5, 1.5, 0.75), yaw };
+        assert_eq!(old(750, OldCommander::Position), Ok(CommanderPacket::Follow(position)));
     }
 
     #[test]
     fn numbers_that_are_not_finite_and_short_packets_are_refused() {
         for kind in [1, 2, 5, 7, 8, 9, 10] {
             for wrong in [&[0.0, f32::NAN, 0.0, 0.0][..], &[f32::INFINITY; 4], &[0.0; 2]] {
-                assert_eq!(generic(kind, wrong), Err(SetPointError::Malformed), "{kind}: {wrong:?}");
+                assert_eq!(generic(kind, wrong), Err(CrtpSetPointError::Malformed), "{kind}: {wrong:?}");
             }
         }
-        assert_eq!(generic(6, &[0.0; 2]), Err(SetPointError::Malformed));
-        assert_eq!(generic(12, &[0.0; 4]), Err(SetPointError::Malformed));
-        assert_eq!(wish(Port::Commander, 0, None, &[0.0; 3]), Err(SetPointError::Malformed));
-        assert_eq!(wish(Port::GenericCommander, 2, Some(0), &[]), Err(SetPointError::Malformed));
+        assert_eq!(generic(6, &[0.0; 2]), Err(CrtpSetPointError::Malformed));
+        assert_eq!(generic(12, &[0.0; 4]), Err(CrtpSetPointError::Malformed));
+        assert_eq!(commander_packet(Port::Commander, 0, None, &[0.0; 3]), Err(CrtpSetPointError::Malformed));
+        assert_eq!(commander_packet(Port::GenericCommander, 2, Some(0), &[]), Err(CrtpSetPointError::Malformed));
     }
 
     #[test]
     fn points_outside_are_refused_and_those_barely_under_the_floor_are_on_it() {
-        assert_eq!(generic(7, &[0.0, 0.0, -0.5, 0.0]), Err(SetPointError::Outside));
-        assert_eq!(generic(7, &[0.0, -1001.0, 1.0, 0.0]), Err(SetPointError::Outside));
-        assert_eq!(generic(10, &[0.0, 0.0, 0.0, 2000.0]), Err(SetPointError::Outside));
+        assert_eq!(generic(7, &[0.0, 0.0, -0.5, 0.0]), Err(CrtpSetPointError::Outside));
+        assert_eq!(generic(7, &[0.0, -1001.0, 1.0, 0.0]), Err(CrtpSetPointError::Outside));
+        assert_eq!(generic(10, &[0.0, 0.0, 0.0, 2000.0]), Err(CrtpSetPointError::Outside));
         assert_eq!(
             generic(7, &[0.0, 0.0, -0.05, 0.0]),
-            Ok(SetPoint::Position { position: Vector3::zeros(), yaw: 0.0 })
+            Ok(CrtpSetPoint::Position { position: Vector3::zeros(), yaw: 0.0 })
         );
     }
 }

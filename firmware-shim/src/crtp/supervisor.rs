@@ -1,6 +1,6 @@
 //! Arming, the emergency stop, and the bits that say whether the vehicle can fly.
 
-use super::bridge::Bridge;
+use super::access::VehicleAccess;
 use super::commander::HighLevel;
 use super::packet::Packet;
 use super::variable::supervision::{CAN_FLY, FLYING, TUMBLED};
@@ -42,7 +42,7 @@ enum Lock {
 
 /// What a client wants of the supervisor, and what there is to answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
+pub enum SupervisorEvent {
     /// Nothing but the answer, if there is one.
     Answered,
     /// Motors must stop, and flying ends for good.
@@ -71,26 +71,26 @@ impl Supervisor {
     }
 
     /// Stops the motors, and ends all flying.
-    pub fn stop(&mut self, bridge: &mut Bridge) {
+    pub fn stop(&mut self, access: &mut VehicleAccess) {
         self.lock = Lock::Closed;
         // It is always obeyed.
-        let _ = bridge.order(Command::StopMotors);
+        let _ = access.order(Command::StopMotors);
     }
 
     /// From now on the client must come again and again, or the motors stop.
-    pub fn feed_watchdog(&mut self, bridge: &Bridge) {
-        self.watchdog_secs = Some(bridge.secs);
+    pub fn feed_watchdog(&mut self, access: &VehicleAccess) {
+        self.watchdog_secs = Some(access.secs);
     }
 
     /// Whether a watchdog was set and has not been set again in time.
-    pub fn is_starved(&self, bridge: &Bridge) -> bool {
-        self.watchdog_secs.is_some_and(|secs| bridge.secs - secs >= WATCHDOG_SECS)
+    pub fn is_starved(&self, access: &VehicleAccess) -> bool {
+        self.watchdog_secs.is_some_and(|secs| access.secs - secs >= WATCHDOG_SECS)
     }
 
     /// The bits of `supervisor.info`.
-    pub fn info(&self, high_level: HighLevel, bridge: &Bridge) -> u16 {
-        let mode = bridge.mode;
-        let tumbled = bridge.state.world_from_body.up_cosine() < TUMBLED_COSINE;
+    pub fn info(&self, high_level: HighLevel, access: &VehicleAccess) -> u16 {
+        let mode = access.mode;
+        let tumbled = access.state.world_from_body.up_cosine() < TUMBLED_COSINE;
         let ready = self.lock == Lock::Open && !tumbled;
         let conditions = [
             (CAN_BE_ARMED, ready && !mode.armed()),
@@ -108,39 +108,44 @@ impl Supervisor {
     }
 
     /// Obeys and answers a packet at the supervisor's port; `info` are the bits of [`Self::info`].
-    pub fn receive(&mut self, packet: &Packet, info: u16, bridge: &mut Bridge) -> (Event, Option<Packet>) {
+    pub fn receive(
+        &mut self,
+        packet: &Packet,
+        info: u16,
+        access: &mut VehicleAccess,
+    ) -> (SupervisorEvent, Option<Packet>) {
         let mut fields = packet.fields();
-        let Some(command) = fields.byte() else { return (Event::Answered, None) };
+        let Some(command) = fields.byte() else { return (SupervisorEvent::Answered, None) };
         let reply = packet.reply().with(&[command | ANSWER]);
         match (packet.channel, command) {
             (QUESTION_CHANNEL, 1..ALL_BITS) => {
-                (Event::Answered, Some(reply.with(&[(info >> (command - 1)) as u8 & 1])))
+                (SupervisorEvent::Answered, Some(reply.with(&[(info >> (command - 1)) as u8 & 1])))
             }
-            (QUESTION_CHANNEL, ALL_BITS) => (Event::Answered, Some(reply.with(&info.to_le_bytes()))),
+            (QUESTION_CHANNEL, ALL_BITS) => (SupervisorEvent::Answered, Some(reply.with(&info.to_le_bytes()))),
             (ORDER_CHANNEL, 1) => {
-                let (event, answer) = self.arm(fields.byte().unwrap_or_default(), bridge);
+                let (event, answer) = self.arm(fields.byte().unwrap_or_default(), access);
                 (event, Some(reply.with(&answer)))
             }
             // There are no crashes to recover from.
-            (ORDER_CHANNEL, 2) => (Event::Answered, Some(reply.with(&[1, 1]))),
-            (ORDER_CHANNEL, 3) => (Event::EmergencyStop, None),
+            (ORDER_CHANNEL, 2) => (SupervisorEvent::Answered, Some(reply.with(&[1, 1]))),
+            (ORDER_CHANNEL, 3) => (SupervisorEvent::EmergencyStop, None),
             (ORDER_CHANNEL, 4) => {
-                self.feed_watchdog(bridge);
-                (Event::Answered, None)
+                self.feed_watchdog(access);
+                (SupervisorEvent::Answered, None)
             }
-            _ => (Event::Answered, None),
+            _ => (SupervisorEvent::Answered, None),
         }
     }
 
-    /// Arms, or disarms for a `wish` of zero. Whether it did, and whether the vehicle is armed now, as bytes.
-    pub fn arm(&self, wish: u8, bridge: &mut Bridge) -> (Event, [u8; 2]) {
-        let command = if wish == 0 { Command::Disarm } else { Command::Arm };
+    /// Arms, or disarms for a `commander_packet` of zero. Whether it did, and whether the vehicle is armed now, as bytes.
+    pub fn arm(&self, commander_packet: u8, access: &mut VehicleAccess) -> (SupervisorEvent, [u8; 2]) {
+        let command = if commander_packet == 0 { Command::Disarm } else { Command::Arm };
         if command == Command::Arm && self.is_locked() {
-            return (Event::Answered, [0, 0]);
+            return (SupervisorEvent::Answered, [0, 0]);
         }
-        match bridge.order(command) {
-            Ok(()) => (Event::Answered, [1, bridge.mode.armed().into()]),
-            Err(refusal) => (Event::Refused(refusal), [0, bridge.mode.armed().into()]),
+        match access.order(command) {
+            Ok(()) => (SupervisorEvent::Answered, [1, access.mode.armed().into()]),
+            Err(refusal) => (SupervisorEvent::Refused(refusal), [0, access.mode.armed().into()]),
         }
     }
 }

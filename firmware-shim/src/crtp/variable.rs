@@ -11,7 +11,7 @@ use super::number::{Number, compressed};
 
 /// What the variables are read from.
 #[derive(Clone, Copy, Debug)]
-pub struct Truth<'a> {
+pub struct LogSource<'a> {
     /// True state.
     pub state: &'a State<f32>,
     /// Where the drone is to be \[m, world\].
@@ -27,17 +27,17 @@ pub struct Variable {
     name: &'static str,
     /// As which it is stored.
     pub number: Number,
-    read: fn(&Truth) -> f64,
+    read: fn(&LogSource) -> f64,
 }
 
 impl Variable {
-    const fn new(group: &'static str, name: &'static str, number: Number, read: fn(&Truth) -> f64) -> Self {
+    const fn new(group: &'static str, name: &'static str, number: Number, read: fn(&LogSource) -> f64) -> Self {
         Self { group, name, number, read }
     }
 
     /// Its value now, in the unit of the firmware.
-    pub fn value(&self, truth: &Truth) -> f64 {
-        (self.read)(truth)
+    pub fn value(&self, source: &LogSource) -> f64 {
+        (self.read)(source)
     }
 }
 
@@ -58,7 +58,7 @@ impl Listed for Variable {
 /// Voltage of a full battery \[V\].
 const FULL_BATTERY: f64 = 4.2;
 
-/// Bits of [`Truth::supervision`] that have variables of their own.
+/// Bits of [`LogSource::supervision`] that have variables of their own.
 pub mod supervision {
     /// A take-off would be obeyed.
     pub const CAN_FLY: u16 = 1 << 3;
@@ -72,89 +72,89 @@ use Number::{Float, I8, I16, U8, U16, U32};
 
 /// Every variable; its index is its number on the wire.
 pub const TABLE: [Variable; 59] = [
-    Variable::new("stateEstimate", "x", Float, |truth| truth.state.position.x.into()),
-    Variable::new("stateEstimate", "y", Float, |truth| truth.state.position.y.into()),
-    Variable::new("stateEstimate", "z", Float, |truth| truth.state.position.z.into()),
-    Variable::new("stateEstimate", "vx", Float, |truth| truth.state.velocity.x.into()),
-    Variable::new("stateEstimate", "vy", Float, |truth| truth.state.velocity.y.into()),
-    Variable::new("stateEstimate", "vz", Float, |truth| truth.state.velocity.z.into()),
+    Variable::new("stateEstimate", "x", Float, |source| source.state.position.x.into()),
+    Variable::new("stateEstimate", "y", Float, |source| source.state.position.y.into()),
+    Variable::new("stateEstimate", "z", Float, |source| source.state.position.z.into()),
+    Variable::new("stateEstimate", "vx", Float, |source| source.state.velocity.x.into()),
+    Variable::new("stateEstimate", "vy", Float, |source| source.state.velocity.y.into()),
+    Variable::new("stateEstimate", "vz", Float, |source| source.state.velocity.z.into()),
     Variable::new("stateEstimate", "roll", Float, roll_deg),
     Variable::new("stateEstimate", "pitch", Float, pitch_deg),
     Variable::new("stateEstimate", "yaw", Float, yaw_deg),
-    Variable::new("stateEstimate", "qx", Float, |truth| truth.state.world_from_body.x.into()),
-    Variable::new("stateEstimate", "qy", Float, |truth| truth.state.world_from_body.y.into()),
-    Variable::new("stateEstimate", "qz", Float, |truth| truth.state.world_from_body.z.into()),
-    Variable::new("stateEstimate", "qw", Float, |truth| truth.state.world_from_body.w.into()),
-    Variable::new("stateEstimateZ", "x", I16, |truth| thousandths(truth.state.position.x)),
-    Variable::new("stateEstimateZ", "y", I16, |truth| thousandths(truth.state.position.y)),
-    Variable::new("stateEstimateZ", "z", I16, |truth| thousandths(truth.state.position.z)),
-    Variable::new("stateEstimateZ", "vx", I16, |truth| thousandths(truth.state.velocity.x)),
-    Variable::new("stateEstimateZ", "vy", I16, |truth| thousandths(truth.state.velocity.y)),
-    Variable::new("stateEstimateZ", "vz", I16, |truth| thousandths(truth.state.velocity.z)),
-    Variable::new("stateEstimateZ", "quat", U32, |truth| compressed(&truth.state.world_from_body).into()),
-    Variable::new("stateEstimateZ", "rateRoll", I16, |truth| thousandths(truth.state.body_rates.x)),
-    Variable::new("stateEstimateZ", "ratePitch", I16, |truth| thousandths(-truth.state.body_rates.y)),
-    Variable::new("stateEstimateZ", "rateYaw", I16, |truth| thousandths(truth.state.body_rates.z)),
+    Variable::new("stateEstimate", "qx", Float, |source| source.state.world_from_body.x.into()),
+    Variable::new("stateEstimate", "qy", Float, |source| source.state.world_from_body.y.into()),
+    Variable::new("stateEstimate", "qz", Float, |source| source.state.world_from_body.z.into()),
+    Variable::new("stateEstimate", "qw", Float, |source| source.state.world_from_body.w.into()),
+    Variable::new("stateEstimateZ", "x", I16, |source| thousandths(source.state.position.x)),
+    Variable::new("stateEstimateZ", "y", I16, |source| thousandths(source.state.position.y)),
+    Variable::new("stateEstimateZ", "z", I16, |source| thousandths(source.state.position.z)),
+    Variable::new("stateEstimateZ", "vx", I16, |source| thousandths(source.state.velocity.x)),
+    Variable::new("stateEstimateZ", "vy", I16, |source| thousandths(source.state.velocity.y)),
+    Variable::new("stateEstimateZ", "vz", I16, |source| thousandths(source.state.velocity.z)),
+    Variable::new("stateEstimateZ", "quat", U32, |source| compressed(&source.state.world_from_body).into()),
+    Variable::new("stateEstimateZ", "rateRoll", I16, |source| thousandths(source.state.body_rates.x)),
+    Variable::new("stateEstimateZ", "ratePitch", I16, |source| thousandths(-source.state.body_rates.y)),
+    Variable::new("stateEstimateZ", "rateYaw", I16, |source| thousandths(source.state.body_rates.z)),
     Variable::new("stabilizer", "roll", Float, roll_deg),
     Variable::new("stabilizer", "pitch", Float, pitch_deg),
     Variable::new("stabilizer", "yaw", Float, yaw_deg),
-    Variable::new("stabilizer", "thrust", Float, |truth| {
-        (0..4).map(|motor| ratio(truth, motor)).sum::<f64>() / 4.0
+    Variable::new("stabilizer", "thrust", Float, |source| {
+        (0..4).map(|motor| ratio(source, motor)).sum::<f64>() / 4.0
     }),
-    Variable::new("gyro", "x", Float, |truth| degrees(truth.state.body_rates.x)),
-    Variable::new("gyro", "y", Float, |truth| degrees(truth.state.body_rates.y)),
-    Variable::new("gyro", "z", Float, |truth| degrees(truth.state.body_rates.z)),
-    Variable::new("kalman", "stateX", Float, |truth| truth.state.position.x.into()),
-    Variable::new("kalman", "stateY", Float, |truth| truth.state.position.y.into()),
-    Variable::new("kalman", "stateZ", Float, |truth| truth.state.position.z.into()),
+    Variable::new("gyro", "x", Float, |source| degrees(source.state.body_rates.x)),
+    Variable::new("gyro", "y", Float, |source| degrees(source.state.body_rates.y)),
+    Variable::new("gyro", "z", Float, |source| degrees(source.state.body_rates.z)),
+    Variable::new("kalman", "stateX", Float, |source| source.state.position.x.into()),
+    Variable::new("kalman", "stateY", Float, |source| source.state.position.y.into()),
+    Variable::new("kalman", "stateZ", Float, |source| source.state.position.z.into()),
     Variable::new("kalman", "varX", Float, exact),
     Variable::new("kalman", "varY", Float, exact),
     Variable::new("kalman", "varZ", Float, exact),
     Variable::new("kalman", "varPX", Float, exact),
     Variable::new("kalman", "varPY", Float, exact),
     Variable::new("kalman", "varPZ", Float, exact),
-    Variable::new("ctrltarget", "x", Float, |truth| truth.goal.x.into()),
-    Variable::new("ctrltarget", "y", Float, |truth| truth.goal.y.into()),
-    Variable::new("ctrltarget", "z", Float, |truth| truth.goal.z.into()),
-    Variable::new("motor", "m1", U16, |truth| ratio(truth, 0)),
-    Variable::new("motor", "m2", U16, |truth| ratio(truth, 1)),
-    Variable::new("motor", "m3", U16, |truth| ratio(truth, 2)),
-    Variable::new("motor", "m4", U16, |truth| ratio(truth, 3)),
-    Variable::new("motor", "m1_rpm", U16, |truth| revolutions_per_minute(truth, 0)),
-    Variable::new("motor", "m2_rpm", U16, |truth| revolutions_per_minute(truth, 1)),
-    Variable::new("motor", "m3_rpm", U16, |truth| revolutions_per_minute(truth, 2)),
-    Variable::new("motor", "m4_rpm", U16, |truth| revolutions_per_minute(truth, 3)),
+    Variable::new("ctrltarget", "x", Float, |source| source.goal.x.into()),
+    Variable::new("ctrltarget", "y", Float, |source| source.goal.y.into()),
+    Variable::new("ctrltarget", "z", Float, |source| source.goal.z.into()),
+    Variable::new("motor", "m1", U16, |source| ratio(source, 0)),
+    Variable::new("motor", "m2", U16, |source| ratio(source, 1)),
+    Variable::new("motor", "m3", U16, |source| ratio(source, 2)),
+    Variable::new("motor", "m4", U16, |source| ratio(source, 3)),
+    Variable::new("motor", "m1_rpm", U16, |source| revolutions_per_minute(source, 0)),
+    Variable::new("motor", "m2_rpm", U16, |source| revolutions_per_minute(source, 1)),
+    Variable::new("motor", "m3_rpm", U16, |source| revolutions_per_minute(source, 2)),
+    Variable::new("motor", "m4_rpm", U16, |source| revolutions_per_minute(source, 3)),
     Variable::new("pm", "vbat", Float, |_| FULL_BATTERY),
     Variable::new("pm", "vbatMV", U16, |_| FULL_BATTERY * 1e3),
     Variable::new("pm", "batteryLevel", U8, |_| 100.0),
     Variable::new("pm", "state", I8, |_| 0.0),
-    Variable::new("supervisor", "info", U16, |truth| truth.supervision.into()),
-    Variable::new("sys", "canfly", U8, |truth| bit(truth, supervision::CAN_FLY)),
-    Variable::new("sys", "isFlying", U8, |truth| bit(truth, supervision::FLYING)),
-    Variable::new("sys", "isTumbled", U8, |truth| bit(truth, supervision::TUMBLED)),
-    Variable::new("kalman", "inFlight", U8, |truth| bit(truth, supervision::FLYING)),
+    Variable::new("supervisor", "info", U16, |source| source.supervision.into()),
+    Variable::new("sys", "canfly", U8, |source| bit(source, supervision::CAN_FLY)),
+    Variable::new("sys", "isFlying", U8, |source| bit(source, supervision::FLYING)),
+    Variable::new("sys", "isTumbled", U8, |source| bit(source, supervision::TUMBLED)),
+    Variable::new("kalman", "inFlight", U8, |source| bit(source, supervision::FLYING)),
 ];
 
 /// Variance of what is known exactly.
-fn exact(_: &Truth) -> f64 {
+fn exact(_: &LogSource) -> f64 {
     0.0
 }
 
-fn angles_deg(truth: &Truth) -> [f64; 3] {
-    truth.state.world_from_body.map(f64::from).roll_pitch_yaw().map(f64::to_degrees)
+fn angles_deg(source: &LogSource) -> [f64; 3] {
+    source.state.world_from_body.map(f64::from).roll_pitch_yaw().map(f64::to_degrees)
 }
 
-fn roll_deg(truth: &Truth) -> f64 {
-    angles_deg(truth)[0]
+fn roll_deg(source: &LogSource) -> f64 {
+    angles_deg(source)[0]
 }
 
 /// The firmware counts a raised nose as positive, against the axes of its body frame.
-fn pitch_deg(truth: &Truth) -> f64 {
-    -angles_deg(truth)[1]
+fn pitch_deg(source: &LogSource) -> f64 {
+    -angles_deg(source)[1]
 }
 
-fn yaw_deg(truth: &Truth) -> f64 {
-    angles_deg(truth)[2]
+fn yaw_deg(source: &LogSource) -> f64 {
+    angles_deg(source)[2]
 }
 
 fn degrees(angle_rad: f32) -> f64 {
@@ -167,17 +167,17 @@ fn thousandths(value: f32) -> f64 {
 }
 
 /// Share of its greatest thrust that a rotor has, in 1/65535.
-fn ratio(truth: &Truth, motor: usize) -> f64 {
-    let share = f64::from(truth.state.rotor_speeds[motor]) / CF2X.rotor_speed_limit;
+fn ratio(source: &LogSource, motor: usize) -> f64 {
+    let share = f64::from(source.state.rotor_speeds[motor]) / CF2X.rotor_speed_limit;
     (share * share).min(1.0) * f64::from(u16::MAX)
 }
 
-fn revolutions_per_minute(truth: &Truth, motor: usize) -> f64 {
-    f64::from(truth.state.rotor_speeds[motor]) * 30.0 / core::f64::consts::PI
+fn revolutions_per_minute(source: &LogSource, motor: usize) -> f64 {
+    f64::from(source.state.rotor_speeds[motor]) * 30.0 / core::f64::consts::PI
 }
 
-fn bit(truth: &Truth, mask: u16) -> f64 {
-    if truth.supervision & mask == 0 { 0.0 } else { 1.0 }
+fn bit(source: &LogSource, mask: u16) -> f64 {
+    if source.supervision & mask == 0 { 0.0 } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -197,9 +197,9 @@ mod tests {
         }
     }
 
-    fn value(group: &str, name: &str, truth: &Truth) -> f64 {
+    fn value(group: &str, name: &str, source: &LogSource) -> f64 {
         let is_it = |variable: &&Variable| contents::is_called(*variable, group.as_bytes(), name.as_bytes());
-        TABLE.iter().find(is_it).unwrap().value(truth)
+        TABLE.iter().find(is_it).unwrap().value(source)
     }
 
     #[test]
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn values_are_in_the_firmware_s_units() {
-        let truth = Truth { state: &state(), goal: Vector3::new(0.0, 0.0, 9.0), supervision: 0x0018 };
+        let source = LogSource { state: &state(), goal: Vector3::new(0.0, 0.0, 9.0), supervision: 0x0018 };
         let expected = [
             ("stateEstimate", "y", -2.0),
             ("stateEstimateZ", "x", 1000.0),
@@ -231,10 +231,10 @@ mod tests {
             ("sys", "isTumbled", 0.0),
         ];
         for (group, name, expected) in expected {
-            let found = value(group, name, &truth);
+            let found = value(group, name, &source);
             assert!((found - expected).abs() < 1e-2, "{group}.{name} is {found} instead of {expected}");
         }
-        assert!((value("motor", "m1_rpm", &truth) - 21_702.6).abs() < 0.1);
+        assert!((value("motor", "m1_rpm", &source) - 21_702.6).abs() < 0.1);
     }
 
     #[test]
@@ -246,7 +246,7 @@ mod tests {
         };
         let angle = |name, axis, angle_deg| {
             let state = turned(axis, angle_deg);
-            value("stabilizer", name, &Truth { state: &state, goal: Vector3::zeros(), supervision: 0 })
+            value("stabilizer", name, &LogSource { state: &state, goal: Vector3::zeros(), supervision: 0 })
         };
         assert!((angle("pitch", Vector3::y(), -20.0) - 20.0).abs() < 1e-4);
         assert!((angle("roll", Vector3::x(), 30.0) - 30.0).abs() < 1e-4);

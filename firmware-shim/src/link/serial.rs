@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::stream::Stream;
-use super::{DATAGRAM_LIMIT, Link, LinkError, Place, Received};
+use super::{DATAGRAM_LIMIT, Link, LinkAddress, LinkError, Received};
 
 /// What telemetry radios run at, and PX4's first telemetry port \[bit/s\].
 pub const DEFAULT_BAUD: u32 = 57_600;
@@ -75,7 +75,7 @@ impl SerialLink {
 }
 
 fn failed(path: &Path, reason: io::Error) -> LinkError {
-    LinkError::Failed { place: Place::Serial(path.to_owned()), reason }
+    LinkError::Failed { place: LinkAddress::Serial(path.to_owned()), reason }
 }
 
 impl Link for SerialLink {
@@ -111,12 +111,12 @@ mod device {
     use rustix::fs::{Mode, OFlags, open as open_file};
     use rustix::termios::{ControlModes, OptionalActions, Termios, ioctl_tiocexcl, isatty, tcgetattr, tcsetattr};
 
-    use super::super::{LinkError, Place};
+    use super::super::{LinkAddress, LinkError};
     use super::SerialPort;
 
     /// Opens a device for this program alone, raw and never blocking.
     pub(super) fn open(port: &SerialPort) -> Result<File, LinkError> {
-        let place = || Place::Serial(port.path.clone());
+        let place = || LinkAddress::Serial(port.path.clone());
         let refused = |reason: io::Error| match reason.kind() {
             ErrorKind::ResourceBusy => LinkError::Busy { place: place() },
             _ => LinkError::Open { place: place(), reason },
@@ -157,12 +157,15 @@ mod device {
     use std::fs::File;
     use std::io::ErrorKind;
 
-    use super::super::{LinkError, Place};
+    use super::super::{LinkAddress, LinkError};
     use super::SerialPort;
 
     /// Serial lines elsewhere have other interfaces.
     pub(super) fn open(port: &SerialPort) -> Result<File, LinkError> {
-        Err(LinkError::Open { place: Place::Serial(port.path.clone()), reason: ErrorKind::Unsupported.into() })
+        Err(LinkError::Open {
+            place: LinkAddress::Serial(port.path.clone()),
+            reason: ErrorKind::Unsupported.into(),
+        })
     }
 }
 

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::time::Duration;
 
 use super::stream::Stream;
-use super::{DATAGRAM_LIMIT, Link, LinkError, Place, Received};
+use super::{DATAGRAM_LIMIT, Link, LinkAddress, LinkError, Received};
 
 /// Where ground stations look for a vehicle in simulation, as the one of `ArduPilot` offers it.
 pub const DEFAULT_PORT: u16 = 5760;
@@ -39,7 +39,7 @@ impl TcpLink {
     /// # Errors
     /// [`LinkError::Busy`] or [`LinkError::Open`].
     pub fn open(address: SocketAddr) -> Result<Self, LinkError> {
-        let place = Place::Tcp(address);
+        let place = LinkAddress::Tcp(address);
         let bound = || {
             let listener = TcpListener::bind(address)?;
             listener.set_nonblocking(true)?;

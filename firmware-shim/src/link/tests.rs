@@ -4,7 +4,7 @@ use std::net::UdpSocket;
 use mavlink::dialects::common::{HEARTBEAT_DATA, MavCmd};
 
 use super::memory::MemoryLink;
-use super::udp::{Addresses, UdpLink};
+use super::udp::{UdpAddresses, UdpLink};
 use super::*;
 use crate::testing::{command_long, datagram};
 
@@ -50,11 +50,11 @@ fn links_of(given: impl IntoIterator<Item = (usize, Vec<u8>)>) -> Links {
 /// Datagrams that are heard in the control period at this time \[s\].
 fn heard(links: &mut Links, now_secs: f64) -> usize {
     let mut heard = 0;
-    let mut obey = |_: &[u8]| {
+    let mut handle = |_: &[u8]| {
         heard += 1;
         true
     };
-    links.receive(now_secs, &mut obey).unwrap();
+    links.receive(now_secs, &mut handle).unwrap();
     heard
 }
 
@@ -147,7 +147,7 @@ fn frames_go_to_every_peer_of_every_link() {
 #[test]
 fn a_client_is_heard_beside_one_that_floods_the_same_socket() {
     let port = SocketAddr::from(([127, 0, 0, 1], 0));
-    let addresses = Addresses { vehicle: port, ground_station: SocketAddr::from(([127, 0, 0, 1], 9)) };
+    let addresses = UdpAddresses { vehicle: port, ground_station: SocketAddr::from(([127, 0, 0, 1], 9)) };
     let link = UdpLink::open(&addresses).unwrap();
     let vehicle = link.address();
     let mut links = Links::default();

@@ -3,21 +3,21 @@
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, UdpSocket};
 
-use super::{DATAGRAM_LIMIT, ENDPOINTS, Link, LinkError, Place, Received};
+use super::{DATAGRAM_LIMIT, ENDPOINTS, Link, LinkAddress, LinkError, Received};
 
 /// Peers besides the ground station; a fifth takes the place of the one silent for longest.
 const PEERS: usize = 4;
 
 /// Where a vehicle listens, and whom it tells without being asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Addresses {
+pub struct UdpAddresses {
     /// The vehicle's own address, for clients that speak first (`udpout:` of pymavlink).
     pub vehicle: SocketAddr,
     /// Where a ground station listens (`udpin:` of pymavlink, QGroundControl).
     pub ground_station: SocketAddr,
 }
 
-impl Default for Addresses {
+impl Default for UdpAddresses {
     /// Loopback only: 14580, where PX4's simulation listens for companions too, and 14550, where ground stations
     /// listen by custom.
     fn default() -> Self {
@@ -28,7 +28,7 @@ impl Default for Addresses {
     }
 }
 
-impl Addresses {
+impl UdpAddresses {
     fn check(&self) -> Result<(), LinkError> {
         let Self { vehicle, ground_station } = *self;
         let expected = if vehicle.is_ipv4() != ground_station.is_ipv4() {
@@ -70,9 +70,9 @@ impl UdpLink {
     ///
     /// # Errors
     /// [`LinkError::Mismatch`], [`LinkError::Busy`] or [`LinkError::Open`].
-    pub fn open(addresses: &Addresses) -> Result<Self, LinkError> {
+    pub fn open(addresses: &UdpAddresses) -> Result<Self, LinkError> {
         addresses.check()?;
-        let place = Place::Udp(addresses.vehicle);
+        let place = LinkAddress::Udp(addresses.vehicle);
         let bound = || {
             let socket = UdpSocket::bind(addresses.vehicle)?;
             socket.set_nonblocking(true)?;
@@ -143,7 +143,7 @@ impl Link for UdpLink {
                 | ErrorKind::Interrupted
                 | ErrorKind::ConnectionRefused
                 | ErrorKind::ConnectionReset => Ok(None),
-                _ => Err(LinkError::Failed { place: Place::Udp(self.address), reason }),
+                _ => Err(LinkError::Failed { place: LinkAddress::Udp(self.address), reason }),
             },
         }
     }
@@ -165,16 +165,16 @@ impl Link for UdpLink {
 mod tests {
     use super::*;
 
-    fn anywhere() -> Addresses {
+    fn anywhere() -> UdpAddresses {
         let port = SocketAddr::from(([127, 0, 0, 1], 0));
-        Addresses { vehicle: port, ground_station: SocketAddr::from(([127, 0, 0, 1], 9)) }
+        UdpAddresses { vehicle: port, ground_station: SocketAddr::from(([127, 0, 0, 1], 9)) }
     }
 
     #[test]
     fn a_busy_port_is_named() {
         let first = UdpLink::open(&anywhere()).unwrap();
         let vehicle = first.address();
-        let error = UdpLink::open(&Addresses { vehicle, ..anywhere() }).unwrap_err();
+        let error = UdpLink::open(&UdpAddresses { vehicle, ..anywhere() }).unwrap_err();
         assert!(matches!(error, LinkError::Busy { .. }));
         let text = error.to_string();
         assert!(text.contains(&vehicle.to_string()) && text.contains("in use"), "{text}");
@@ -188,8 +188,10 @@ mod tests {
             ("127.0.0.1:0", "127.0.0.1:0"),
         ];
         for (vehicle, ground_station) in pairs {
-            let addresses =
-                Addresses { vehicle: vehicle.parse().unwrap(), ground_station: ground_station.parse().unwrap() };
+            let addresses = UdpAddresses {
+                vehicle: vehicle.parse().unwrap(),
+                ground_station: ground_station.parse().unwrap(),
+            };
             let text = UdpLink::open(&addresses).unwrap_err().to_string();
             assert!(text.contains(vehicle) && text.contains(ground_station), "{text}");
         }
@@ -198,7 +200,7 @@ mod tests {
     #[test]
     fn an_address_of_another_machine_is_refused() {
         let vehicle = SocketAddr::from(([192, 0, 2, 1], 14580));
-        let error = UdpLink::open(&Addresses { vehicle, ..anywhere() }).unwrap_err();
+        let error = UdpLink::open(&UdpAddresses { vehicle, ..anywhere() }).unwrap_err();
         assert!(matches!(error, LinkError::Open { .. }), "{error}");
     }
 

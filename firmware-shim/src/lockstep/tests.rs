@@ -16,18 +16,18 @@ use crate::testing::{command_long, datagram, hover_policy, message, pilot, profi
 
 #[test]
 fn a_pace_is_a_factor_or_max() {
-    assert_eq!("1".parse(), Ok(Pace::Speed(1.0)));
-    assert_eq!("0.5".parse(), Ok(Pace::Speed(0.5)));
-    assert_eq!("max".parse(), Ok(Pace::Unthrottled));
+    assert_eq!("1".parse(), Ok(SimulationRate::Speed(1.0)));
+    assert_eq!("0.5".parse(), Ok(SimulationRate::Speed(0.5)));
+    assert_eq!("max".parse(), Ok(SimulationRate::Unthrottled));
     for wrong in ["0", "-1", "nan", "inf", "fast", "", "1e9"] {
-        let error = wrong.parse::<Pace>().unwrap_err();
+        let error = wrong.parse::<SimulationRate>().unwrap_err();
         assert!(error.to_string().contains(&format!("found \"{wrong}\"")));
     }
 }
 
 #[test]
 fn the_clock_keeps_its_speed_on_average() {
-    let mut clock = Clock::new(Pace::Speed(2.0), Duration::from_millis(10));
+    let mut clock = Clock::new(SimulationRate::Speed(2.0), Duration::from_millis(10));
     let start = Instant::now();
     for _ in 0..20 {
         clock.wait();
@@ -39,7 +39,7 @@ fn the_clock_keeps_its_speed_on_average() {
 #[test]
 fn the_clock_does_not_drift_however_odd_its_period() {
     for (speed, control_secs) in [(1.0, 0.01), (7.0, 1.0 / 240.0), (1000.0, 0.001), (0.3, 0.004)] {
-        let mut clock = Clock::new(Pace::Speed(speed), Duration::from_secs_f64(control_secs));
+        let mut clock = Clock::new(SimulationRate::Speed(speed), Duration::from_secs_f64(control_secs));
         let (start, period_secs) = (clock.start, clock.period_secs.unwrap());
         let mut now = start;
         for _ in 0..1_000_000 {
@@ -54,7 +54,7 @@ fn the_clock_does_not_drift_however_odd_its_period() {
 /// Every sleep ends late by a share of its period; the next one is shorter for it.
 #[test]
 fn late_awakenings_do_not_add_up() {
-    let mut clock = Clock::new(Pace::Speed(1.0), Duration::from_millis(4));
+    let mut clock = Clock::new(SimulationRate::Speed(1.0), Duration::from_millis(4));
     let late = Duration::from_millis(1);
     let start = clock.start;
     let mut now = start;
@@ -67,7 +67,7 @@ fn late_awakenings_do_not_add_up() {
 
 #[test]
 fn lost_time_is_not_caught_up() {
-    let mut clock = Clock::new(Pace::Speed(1.0), Duration::from_millis(10));
+    let mut clock = Clock::new(SimulationRate::Speed(1.0), Duration::from_millis(10));
     thread::sleep(LAG_LIMIT + Duration::from_millis(100));
     clock.wait();
     let start = Instant::now();
@@ -112,14 +112,14 @@ impl Flight {
         far
     }
 
-    fn member(&mut self) -> Member<'_, Pilot<'static>> {
-        Member::new(&mut self.vehicle, &mut self.plant, &mut self.links).with_log(self.log.as_mut())
+    fn simulated(&mut self) -> SimulatedVehicle<'_, Pilot<'static>> {
+        SimulatedVehicle::new(&mut self.vehicle, &mut self.plant, &mut self.links).with_log(self.log.as_mut())
     }
 }
 
-fn fly_all(flights: &mut [Flight], watch: &mut dyn FnMut(&Moment) -> Next) {
-    let mut members: Vec<_> = flights.iter_mut().map(Flight::member).collect();
-    fly(&mut members, Pace::Unthrottled, watch).unwrap();
+fn fly_all(flights: &mut [Flight], watch: &mut dyn FnMut(&ControlPeriod) -> Next) {
+    let mut vehicles: Vec<_> = flights.iter_mut().map(Flight::simulated).collect();
+    fly(&mut vehicles, SimulationRate::Unthrottled, watch).unwrap();
 }
 
 fn messages(end: &mut MemoryLink) -> Vec<Vec<u8>> {
@@ -147,17 +147,17 @@ struct Client {
 impl Client {
     fn watch(&mut self, secs: f64) -> Next {
         for bytes in messages(&mut self.end) {
-            self.hear(&bytes);
+            self.receive(&bytes);
         }
         if self.stage != Stage::Done && secs >= self.due_secs {
             self.due_secs = secs + RETRY_SECS;
-            self.speak();
+            self.send();
         }
         assert!(secs < PATIENCE_SECS, "still not {:?}", self.stage);
         if self.stage == Stage::Done { Next::End } else { Next::Fly }
     }
 
-    fn hear(&mut self, bytes: &[u8]) {
+    fn receive(&mut self, bytes: &[u8]) {
         // What was corrupted on its way is no frame.
         if !crate::frame::Frames::new(bytes).all(|frame| frame.is_ok()) {
             return;
@@ -171,7 +171,7 @@ impl Client {
         };
     }
 
-    fn speak(&mut self) {
+    fn send(&mut self) {
         let open = [f32::NAN; 7];
         let arm = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let bytes = match self.stage {
@@ -209,7 +209,7 @@ fn a_client_that_repeats_itself_flies_through_a_bad_link() {
         let mut flight = [Flight::new(1, 0.0)];
         let end = flight[0].client(&faults);
         let mut client = Client { end, stage: Stage::Armed, due_secs: 0.0 };
-        fly_all(&mut flight, &mut |moment| client.watch(moment.secs));
+        fly_all(&mut flight, &mut |period| client.watch(period.secs));
         let position = flight[0].plant.state().position;
         assert!(position.z < 0.02, "landed at {position:?}");
         assert!((position.y - 0.5).abs() < 0.2, "north of the start: {position:?}");
@@ -230,9 +230,9 @@ fn the_same_flight_has_the_same_log_to_the_byte_and_the_log_has_every_frame() {
         let end = flight[0].client(faults);
         let mut client = Client { end, stage: Stage::Armed, due_secs: 0.0 };
         let mut told = Vec::new();
-        fly_all(&mut flight, &mut |moment| {
+        fly_all(&mut flight, &mut |period| {
             told.extend(messages(&mut listener));
-            client.watch(moment.secs)
+            client.watch(period.secs)
         });
         let log = fs::read(path).unwrap();
         let entries = read_flight_log(&log);
@@ -263,9 +263,9 @@ fn ten_vehicles_obey_their_own_commands_only() {
             end.send(&bytes);
         }
         armed.push(system);
-        fly_all(&mut flights, &mut |moment| {
-            let expected = if armed.contains(&(moment.number as u8 + 1)) { Mode::Armed } else { Mode::Disarmed };
-            assert_eq!(moment.mode, expected, "vehicle {}", moment.number);
+        fly_all(&mut flights, &mut |period| {
+            let expected = if armed.contains(&(period.number as u8 + 1)) { Mode::Armed } else { Mode::Disarmed };
+            assert_eq!(period.mode, expected, "vehicle {}", period.number);
             Next::End
         });
         for (number, end) in ends.iter_mut().enumerate() {
@@ -300,9 +300,9 @@ fn together_each_flies_as_it_flies_alone() {
         let mut flights: Vec<Flight> =
             systems.clone().map(|system| Flight::new(system, f32::from(system))).collect();
         let mut ends: Vec<MemoryLink> = flights.iter_mut().map(|flight| flight.client("seed=0")).collect();
-        fly_all(&mut flights, &mut |moment| {
-            let tick = (moment.secs / 0.01).round() as u32;
-            let system = systems.start() + moment.number as u8;
+        fly_all(&mut flights, &mut |period| {
+            let tick = (period.secs / 0.01).round() as u32;
+            let system = systems.start() + period.number as u8;
             let command = match tick {
                 10 => Some((MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])),
                 20 => Some((MavCmd::MAV_CMD_NAV_TAKEOFF, [f32::NAN; 7])),
@@ -311,13 +311,13 @@ fn together_each_flies_as_it_flies_alone() {
             if let Some((command, parameters)) = command {
                 let mut command = command_long(command, parameters);
                 command.target_system = system;
-                ends[moment.number].send(&datagram(&command));
+                ends[period.number].send(&datagram(&command));
             } else if tick == 500 {
                 let mut target = set_point(goal(system));
                 target.target_system = system;
-                ends[moment.number].send(&datagram(&target));
+                ends[period.number].send(&datagram(&target));
             }
-            if tick < 1000 || moment.number + 1 < ends.len() { Next::Fly } else { Next::End }
+            if tick < 1000 || period.number + 1 < ends.len() { Next::Fly } else { Next::End }
         });
         flights.iter().map(|flight| *flight.plant.state()).collect::<Vec<_>>()
     };
@@ -339,10 +339,10 @@ fn a_full_disk_ends_the_flight_of_all() {
 
     let mut flights = [Flight::new(1, 0.0), Flight::new(2, 1.0)];
     flights[1].log = Some(FlightLog::create(Path::new("/dev/full"), Duration::ZERO).unwrap());
-    let mut members: Vec<_> = flights.iter_mut().map(Flight::member).collect();
+    let mut vehicles: Vec<_> = flights.iter_mut().map(Flight::simulated).collect();
     let mut last_secs = 0.0;
-    let error = fly(&mut members, Pace::Unthrottled, &mut |moment| {
-        last_secs = moment.secs;
+    let error = fly(&mut vehicles, SimulationRate::Unthrottled, &mut |period| {
+        last_secs = period.secs;
         Next::Fly
     })
     .unwrap_err();
@@ -355,10 +355,10 @@ fn a_flight_outlives_a_link_that_corrupts_everything() {
     let mut flight = [Flight::new(1, 0.0)];
     let mut end = flight[0].client("received.corrupt=1,received.duplicate=0.5,seed=2");
     let heartbeat = datagram(&HEARTBEAT_DATA::default());
-    fly_all(&mut flight, &mut |moment| {
+    fly_all(&mut flight, &mut |period| {
         end.send(&heartbeat);
         messages(&mut end);
-        if moment.secs < 2.0 { Next::Fly } else { Next::End }
+        if period.secs < 2.0 { Next::Fly } else { Next::End }
     });
     assert_eq!(flight[0].vehicle.counts().frames, 0);
     assert!(flight[0].vehicle.counts().garbage >= 200);

@@ -1,11 +1,11 @@
 //! The fence that was uploaded: items of a plan to zones.
 
-use kestrel_onboard::fence::{CORNERS, Side, ZoneError, Zones};
+use kestrel_onboard::fence::{CORNERS, ZoneError, ZoneKind, Zones};
 use mavlink::dialects::common::MavMissionResult;
 use nalgebra::Vector2;
 
 use super::place::target;
-use super::{FENCE_ITEMS, Item};
+use super::{FENCE_ITEMS, MissionItem};
 use crate::geodesy::Home;
 
 /// Zones lie within this distance of home along every axis, and circles are no larger \[m\]: to there the f32 of a
@@ -16,7 +16,7 @@ const REACH_M: f32 = 10_000.0;
 ///
 /// # Errors
 /// What is wrong with the first wrong item; polygons that are cut short, mixed up, or cross or touch themselves.
-pub fn zones(items: &[Item], home: &Home) -> Result<Zones, MavMissionResult> {
+pub fn zones(items: &[MissionItem], home: &Home) -> Result<Zones, MavMissionResult> {
     let mut zones = Zones::default();
     let mut rest = items;
     while let Some(item) = rest.first() {
@@ -34,7 +34,7 @@ pub fn zones(items: &[Item], home: &Home) -> Result<Zones, MavMissionResult> {
 }
 
 /// Adds the polygon that begins here; how many items it has.
-fn add_polygon(zones: &mut Zones, items: &[Item], home: &Home) -> Result<usize, MavMissionResult> {
+fn add_polygon(zones: &mut Zones, items: &[MissionItem], home: &Home) -> Result<usize, MavMissionResult> {
     let len = corners(&items[0])?;
     let items = items.get(..len).ok_or(MavMissionResult::MAV_MISSION_INVALID_PARAM1)?;
     let side = side(&items[0])?;
@@ -64,7 +64,7 @@ fn result(error: ZoneError) -> MavMissionResult {
 ///
 /// # Errors
 /// What is wrong with it.
-pub(super) fn check(item: &Item, home: &Home) -> Result<(), MavMissionResult> {
+pub(super) fn check(item: &MissionItem, home: &Home) -> Result<(), MavMissionResult> {
     match kind(item)? {
         Kind::ReturnPoint => return Ok(()),
         Kind::Vertex => corners(item).map(drop)?,
@@ -81,7 +81,7 @@ enum Kind {
     Circle,
 }
 
-fn kind(item: &Item) -> Result<Kind, MavMissionResult> {
+fn kind(item: &MissionItem) -> Result<Kind, MavMissionResult> {
     match item.command {
         5000 => Ok(Kind::ReturnPoint),
         5001 | 5002 => Ok(Kind::Vertex),
@@ -90,20 +90,20 @@ fn kind(item: &Item) -> Result<Kind, MavMissionResult> {
     }
 }
 
-fn side(item: &Item) -> Result<Side, MavMissionResult> {
+fn side(item: &MissionItem) -> Result<ZoneKind, MavMissionResult> {
     let group = item.parameters[1];
     match item.command {
-        5002 | 5004 => Ok(Side::Outside),
-        _ if group.is_nan() => Ok(Side::Inside { group: 0 }),
+        5002 | 5004 => Ok(ZoneKind::Outside),
+        _ if group.is_nan() => Ok(ZoneKind::Inside { group: 0 }),
         _ if (0.0..=255.0).contains(&group) && group == libm::truncf(group) => {
-            Ok(Side::Inside { group: group as u8 })
+            Ok(ZoneKind::Inside { group: group as u8 })
         }
         _ => Err(MavMissionResult::MAV_MISSION_INVALID_PARAM2),
     }
 }
 
 /// Number of vertices of the polygon of a vertex.
-fn corners(item: &Item) -> Result<usize, MavMissionResult> {
+fn corners(item: &MissionItem) -> Result<usize, MavMissionResult> {
     let corners = item.parameters[0] as usize;
     let whole = corners as f32 == item.parameters[0];
     if whole && (CORNERS..=FENCE_ITEMS).contains(&corners) {
@@ -113,14 +113,14 @@ fn corners(item: &Item) -> Result<usize, MavMissionResult> {
     }
 }
 
-fn radius_m(item: &Item) -> Result<f64, MavMissionResult> {
+fn radius_m(item: &MissionItem) -> Result<f64, MavMissionResult> {
     let radius_m = item.parameters[0];
     let possible = radius_m > 0.0 && radius_m <= REACH_M;
     if possible { Ok(f64::from(radius_m)) } else { Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1) }
 }
 
-fn center(item: &Item, home: &Home) -> Result<Vector2<f64>, MavMissionResult> {
-    let on_floor = Item { height: f32::NAN, ..*item };
+fn center(item: &MissionItem, home: &Home) -> Result<Vector2<f64>, MavMissionResult> {
+    let on_floor = MissionItem { height: f32::NAN, ..*item };
     let place = target(&on_floor, home, REACH_M)?.horizontal_m;
     let [x, y] = place.ok_or(MavMissionResult::MAV_MISSION_INVALID_PARAM5_X)?.map(f64::from);
     Ok(Vector2::new(x, y))

@@ -3,7 +3,7 @@
 use mavlink::dialects::common::MavMissionResult;
 use nalgebra::Vector3;
 
-use super::{Item, OPEN};
+use super::{MissionItem, OPEN};
 use crate::geodesy::{Geodetic, Home};
 
 /// Points of a mission lie within this distance of home along every axis \[m\], as set-points do.
@@ -15,14 +15,14 @@ const FLOOR_TOLERANCE_M: f32 = 0.2;
 
 /// A point in the world of which parts may be the vehicle's choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Target {
+pub struct MissionTarget {
     /// East and north \[m, world\].
     pub horizontal_m: Option<[f32; 2]>,
     /// Height \[m, world\].
     pub height_m: Option<f32>,
 }
 
-impl Target {
+impl MissionTarget {
     /// The point itself \[m, world\]; what is left open stays as it is `here`.
     pub fn from(&self, here: &Vector3<f32>) -> Vector3<f32> {
         let [x, y] = self.horizontal_m.unwrap_or([here.x, here.y]);
@@ -46,7 +46,7 @@ enum Coordinates {
 ///
 /// # Errors
 /// An unknown frame, half a position, or a coordinate that is infinite, beyond `reach_m` or below the floor.
-pub(super) fn target(item: &Item, home: &Home, reach_m: f32) -> Result<Target, MavMissionResult> {
+pub(super) fn target(item: &MissionItem, home: &Home, reach_m: f32) -> Result<MissionTarget, MavMissionResult> {
     let coordinates = coordinates(item.frame)?;
     if item.height.is_infinite() {
         return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM7);
@@ -65,7 +65,10 @@ pub(super) fn target(item: &Item, home: &Home, reach_m: f32) -> Result<Target, M
     if up.is_some_and(|height| height < -FLOOR_TOLERANCE_M || beyond(height)) {
         return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM7);
     }
-    Ok(Target { horizontal_m: east.zip(north).map(<[f32; 2]>::from), height_m: up.map(|height| height.max(0.0)) })
+    Ok(MissionTarget {
+        horizontal_m: east.zip(north).map(<[f32; 2]>::from),
+        height_m: up.map(|height| height.max(0.0)),
+    })
 }
 
 fn coordinates(frame: u8) -> Result<Coordinates, MavMissionResult> {
@@ -77,7 +80,7 @@ fn coordinates(frame: u8) -> Result<Coordinates, MavMissionResult> {
     }
 }
 
-fn local_point(item: &Item) -> Result<[Option<f32>; 3], MavMissionResult> {
+fn local_point(item: &MissionItem) -> Result<[Option<f32>; 3], MavMissionResult> {
     let up = (!item.height.is_nan()).then_some(-item.height);
     if is_open(item)? {
         return Ok([None, None, up]);
@@ -86,7 +89,11 @@ fn local_point(item: &Item) -> Result<[Option<f32>; 3], MavMissionResult> {
     Ok([Some(east), Some(north), up])
 }
 
-fn global_point(item: &Item, coordinates: Coordinates, home: &Home) -> Result<[Option<f32>; 3], MavMissionResult> {
+fn global_point(
+    item: &MissionItem,
+    coordinates: Coordinates,
+    home: &Home,
+) -> Result<[Option<f32>; 3], MavMissionResult> {
     let named = (!item.height.is_nan()).then_some(f64::from(item.height));
     let altitude_m = match coordinates {
         Coordinates::Global | Coordinates::Local => named,
@@ -107,7 +114,7 @@ fn global_point(item: &Item, coordinates: Coordinates, home: &Home) -> Result<[O
 }
 
 /// Whether the horizontal position is left open; half of it must not be.
-fn is_open(item: &Item) -> Result<bool, MavMissionResult> {
+fn is_open(item: &MissionItem) -> Result<bool, MavMissionResult> {
     match item.place.map(|coordinate| coordinate == OPEN) {
         [true, true] => Ok(true),
         [false, false] => Ok(false),
@@ -122,11 +129,11 @@ mod tests {
 
     const HOME: Home = Home { latitude_deg: 47.397_742, longitude_deg: 8.545_594, altitude_m: 488.0 };
 
-    fn item(frame: u8, place: [i32; 2], height: f32) -> Item {
-        Item { frame, command: 16, autocontinue: 1, parameters: [0.0; 4], place, height }
+    fn item(frame: u8, place: [i32; 2], height: f32) -> MissionItem {
+        MissionItem { frame, command: 16, autocontinue: 1, parameters: [0.0; 4], place, height }
     }
 
-    fn found(frame: u8, place: [i32; 2], height: f32) -> Result<Target, MavMissionResult> {
+    fn found(frame: u8, place: [i32; 2], height: f32) -> Result<MissionTarget, MavMissionResult> {
         target(&item(frame, place, height), &HOME, REACH_M)
     }
 

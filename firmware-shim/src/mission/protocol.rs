@@ -11,9 +11,9 @@ use nalgebra::Vector3;
 
 use super::fence;
 use super::place::{REACH_M, target};
-use super::received::Request;
-use super::step::{self, Leg};
-use super::{FENCE_ITEMS, Item, MISSION_ITEMS, Plan, RALLY_ITEMS, sent};
+use super::received::MissionRequest;
+use super::step::{self, MissionLeg};
+use super::{FENCE_ITEMS, MISSION_ITEMS, MissionItem, PlanKind, RALLY_ITEMS, sent};
 use crate::frame::Payload;
 use crate::geodesy::Home;
 
@@ -35,12 +35,12 @@ const RALLY_POINT: u16 = 5100;
 
 /// What a request changes for the rest of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
-    /// There is another plan of this kind, or none any more. Of a mission: [`super::Runner::reset`], and hold.
-    Replaced(Plan),
+pub enum MissionEvent {
+    /// There is another plan of this kind, or none any more. Of a mission: [`super::MissionRunner::reset`], and hold.
+    Replaced(PlanKind),
     /// There are no plans any more.
     Cleared,
-    /// [`super::Runner::jump`] to this item, which may not exist, and tell which one is current either way.
+    /// [`super::MissionRunner::jump`] to this item, which may not exist, and tell which one is current either way.
     JumpTo(u16),
 }
 
@@ -48,11 +48,11 @@ pub enum Event {
 #[derive(Clone, Debug)]
 pub struct MissionProtocol {
     home: Home,
-    mission: heapless::Vec<Item, MISSION_ITEMS>,
-    legs: heapless::Vec<Leg, MISSION_ITEMS>,
-    fence_items: heapless::Vec<Item, FENCE_ITEMS>,
+    mission: heapless::Vec<MissionItem, MISSION_ITEMS>,
+    legs: heapless::Vec<MissionLeg, MISSION_ITEMS>,
+    fence_items: heapless::Vec<MissionItem, FENCE_ITEMS>,
     zones: Zones,
-    rally: heapless::Vec<Item, RALLY_ITEMS>,
+    rally: heapless::Vec<MissionItem, RALLY_ITEMS>,
     rally_points: heapless::Vec<Vector3<f32>, RALLY_ITEMS>,
     upload: Option<Upload>,
     ended: Option<Ended>,
@@ -61,10 +61,10 @@ pub struct MissionProtocol {
 /// An upload that is not whole yet.
 #[derive(Clone, Debug)]
 struct Upload {
-    plan: Plan,
+    plan: PlanKind,
     sender: [u8; 2],
     count: usize,
-    items: heapless::Vec<Item, MISSION_ITEMS>,
+    items: heapless::Vec<MissionItem, MISSION_ITEMS>,
     asked_secs: f64,
     tries: u8,
 }
@@ -72,12 +72,12 @@ struct Upload {
 /// How the last upload ended.
 #[derive(Clone, Copy, Debug)]
 struct Ended {
-    plan: Plan,
+    plan: PlanKind,
     sender: [u8; 2],
     /// The item that ended it.
     sequence: u16,
     result: MavMissionResult,
-    told_secs: f64,
+    sent_secs: f64,
     repetitions: u8,
 }
 
@@ -97,8 +97,8 @@ impl MissionProtocol {
         }
     }
 
-    /// The legs of the mission, for [`super::Runner::advance`].
-    pub fn legs(&self) -> &[Leg] {
+    /// The legs of the mission, for [`super::MissionRunner::advance`].
+    pub fn legs(&self) -> &[MissionLeg] {
         &self.legs
     }
 
@@ -114,29 +114,29 @@ impl MissionProtocol {
 
     /// Identifiers of the plans, mission, fence and rally points: checksums of their items, zero without any.
     pub fn identifiers(&self) -> [u32; 3] {
-        Plan::ALL.map(|plan| self.identifier(plan))
+        PlanKind::ALL.map(|plan| self.identifier(plan))
     }
 
     /// Answers a request of `sender` (system, component) at a simulated time \[s\]; its addressee has been checked.
-    pub fn obey(
+    pub fn handle(
         &mut self,
-        request: &Request,
+        request: &MissionRequest,
         sender: [u8; 2],
         now_secs: f64,
         send: &mut dyn FnMut(Payload),
-    ) -> Option<Event> {
+    ) -> Option<MissionEvent> {
         self.note_progress(request, sender);
         match *request {
-            Request::Count { plan, count } => return self.begin((plan, count), sender, now_secs, send),
-            Request::Item { plan, sequence, ref item } => {
+            MissionRequest::Count { plan, count } => return self.begin((plan, count), sender, now_secs, send),
+            MissionRequest::MissionItem { plan, sequence, ref item } => {
                 return self.take((plan, sequence, item), sender, now_secs, send);
             }
-            Request::Acknowledge { plan, result } => self.cancel(plan, result, sender),
-            Request::List { plan } => self.tell_count(plan, sender, send),
-            Request::Fetch { plan, sequence } => self.tell_item(plan, sequence, sender, send),
-            Request::Clear { plan } => return self.clear(plan, sender, send),
-            Request::SetCurrent { sequence } => return Some(Event::JumpTo(sequence)),
-            Request::Partial { plan } => {
+            MissionRequest::Acknowledge { plan, result } => self.cancel(plan, result, sender),
+            MissionRequest::List { plan } => self.send_count(plan, sender, send),
+            MissionRequest::Fetch { plan, sequence } => self.send_item(plan, sequence, sender, send),
+            MissionRequest::Clear { plan } => return self.clear(plan, sender, send),
+            MissionRequest::SetCurrent { sequence } => return Some(MissionEvent::JumpTo(sequence)),
+            MissionRequest::Partial { plan } => {
                 send(sent::acknowledge(plan, MavMissionResult::MAV_MISSION_UNSUPPORTED, 0, sender));
             }
         }
@@ -144,15 +144,15 @@ impl MissionProtocol {
     }
 
     /// Whoever asks for something else has heard how its upload ended, or does not care.
-    fn note_progress(&mut self, request: &Request, sender: [u8; 2]) {
+    fn note_progress(&mut self, request: &MissionRequest, sender: [u8; 2]) {
         match request {
-            Request::Item { .. } | Request::Acknowledge { .. } => {}
-            Request::Count { .. }
-            | Request::List { .. }
-            | Request::Fetch { .. }
-            | Request::Clear { .. }
-            | Request::SetCurrent { .. }
-            | Request::Partial { .. } => {
+            MissionRequest::MissionItem { .. } | MissionRequest::Acknowledge { .. } => {}
+            MissionRequest::Count { .. }
+            | MissionRequest::List { .. }
+            | MissionRequest::Fetch { .. }
+            | MissionRequest::Clear { .. }
+            | MissionRequest::SetCurrent { .. }
+            | MissionRequest::Partial { .. } => {
                 if let Some(ended) = self.ended.as_mut().filter(|ended| ended.sender == sender) {
                     ended.repetitions = 0;
                 }
@@ -180,9 +180,9 @@ impl MissionProtocol {
         sender: [u8; 2],
         now_secs: f64,
         send: &mut dyn FnMut(Payload),
-    ) -> Option<Event> {
+    ) -> Option<MissionEvent> {
         let mut refuse = |result| send(sent::acknowledge(number, result, 0, sender));
-        let Some(plan) = Plan::numbered(number) else {
+        let Some(plan) = PlanKind::numbered(number) else {
             refuse(MavMissionResult::MAV_MISSION_UNSUPPORTED);
             return None;
         };
@@ -209,11 +209,11 @@ impl MissionProtocol {
     /// Takes an item, if it is the one that was asked for.
     fn take(
         &mut self,
-        (plan, sequence, item): (u8, u16, &Item),
+        (plan, sequence, item): (u8, u16, &MissionItem),
         sender: [u8; 2],
         now_secs: f64,
         send: &mut dyn FnMut(Payload),
-    ) -> Option<Event> {
+    ) -> Option<MissionEvent> {
         let Some(upload) = &mut self.upload else {
             self.answer_stray(plan, sequence, sender, send);
             return None;
@@ -241,32 +241,32 @@ impl MissionProtocol {
     fn answer_stray(&self, plan: u8, sequence: u16, sender: [u8; 2], send: &mut dyn FnMut(Payload)) {
         let Some(ended) = &self.ended else { return };
         if ended.sender == sender && ended.plan as u8 == plan && ended.sequence == sequence {
-            self.tell_end(ended, send);
+            self.send_end(ended, send);
         }
     }
 
     /// Takes over an upload that is whole.
-    fn finish(&mut self, now_secs: f64, send: &mut dyn FnMut(Payload)) -> Option<Event> {
+    fn finish(&mut self, now_secs: f64, send: &mut dyn FnMut(Payload)) -> Option<MissionEvent> {
         let upload = self.upload.take()?;
         let plan = upload.plan;
         let outcome = self.adopt(plan, &upload.items);
         self.upload = Some(upload);
         self.end(outcome.err().unwrap_or(MavMissionResult::MAV_MISSION_ACCEPTED), now_secs, send);
-        outcome.is_ok().then_some(Event::Replaced(plan))
+        outcome.is_ok().then_some(MissionEvent::Replaced(plan))
     }
 
     /// Replaces a plan.
-    fn adopt(&mut self, plan: Plan, items: &[Item]) -> Result<(), MavMissionResult> {
+    fn adopt(&mut self, plan: PlanKind, items: &[MissionItem]) -> Result<(), MavMissionResult> {
         match plan {
-            Plan::Mission => {
+            PlanKind::Mission => {
                 self.legs = step::legs(items, &self.home)?;
                 self.mission = items.iter().copied().collect();
             }
-            Plan::Fence => {
+            PlanKind::Fence => {
                 self.zones = fence::zones(items, &self.home)?;
                 self.fence_items = items.iter().copied().collect();
             }
-            Plan::Rally => {
+            PlanKind::Rally => {
                 let points: Result<_, _> = items.iter().map(|item| rally_point(item, &self.home)).collect();
                 self.rally_points = points?;
                 self.rally = items.iter().copied().collect();
@@ -276,25 +276,25 @@ impl MissionProtocol {
     }
 
     /// Ends the upload and says how.
-    fn end(&mut self, result: MavMissionResult, told_secs: f64, send: &mut dyn FnMut(Payload)) {
+    fn end(&mut self, result: MavMissionResult, sent_secs: f64, send: &mut dyn FnMut(Payload)) {
         let Some(Upload { plan, sender, items, count, .. }) = self.upload.take() else { return };
         let sequence = items.len().min(count.saturating_sub(1)) as u16;
-        let ended = Ended { plan, sender, sequence, result, told_secs, repetitions: END_REPETITIONS };
-        self.tell_end(&ended, send);
+        let ended = Ended { plan, sender, sequence, result, sent_secs, repetitions: END_REPETITIONS };
+        self.send_end(&ended, send);
         self.ended = Some(ended);
     }
 
     fn repeat_end(&mut self, now_secs: f64, send: &mut dyn FnMut(Payload)) {
         let Some(mut ended) = self.ended else { return };
-        if ended.repetitions > 0 && now_secs - ended.told_secs >= REPETITION_SECS {
+        if ended.repetitions > 0 && now_secs - ended.sent_secs >= REPETITION_SECS {
             ended.repetitions -= 1;
-            ended.told_secs = now_secs;
-            self.tell_end(&ended, send);
+            ended.sent_secs = now_secs;
+            self.send_end(&ended, send);
             self.ended = Some(ended);
         }
     }
 
-    fn tell_end(&self, ended: &Ended, send: &mut dyn FnMut(Payload)) {
+    fn send_end(&self, ended: &Ended, send: &mut dyn FnMut(Payload)) {
         let identifier = match ended.result {
             MavMissionResult::MAV_MISSION_ACCEPTED => self.identifier(ended.plan),
             _ => 0,
@@ -310,16 +310,16 @@ impl MissionProtocol {
         }
     }
 
-    fn tell_count(&self, number: u8, sender: [u8; 2], send: &mut dyn FnMut(Payload)) {
-        send(match Plan::numbered(number) {
+    fn send_count(&self, number: u8, sender: [u8; 2], send: &mut dyn FnMut(Payload)) {
+        send(match PlanKind::numbered(number) {
             Some(plan) => sent::count(number, self.items(plan).len() as u16, self.identifier(plan), sender),
             None => sent::acknowledge(number, MavMissionResult::MAV_MISSION_UNSUPPORTED, 0, sender),
         });
     }
 
-    fn tell_item(&self, number: u8, sequence: u16, sender: [u8; 2], send: &mut dyn FnMut(Payload)) {
+    fn send_item(&self, number: u8, sequence: u16, sender: [u8; 2], send: &mut dyn FnMut(Payload)) {
         let refuse = |result| sent::acknowledge(number, result, 0, sender);
-        let Some(plan) = Plan::numbered(number) else {
+        let Some(plan) = PlanKind::numbered(number) else {
             return send(refuse(MavMissionResult::MAV_MISSION_UNSUPPORTED));
         };
         send(match self.items(plan).get(usize::from(sequence)) {
@@ -328,9 +328,9 @@ impl MissionProtocol {
         });
     }
 
-    fn clear(&mut self, number: u8, sender: [u8; 2], send: &mut dyn FnMut(Payload)) -> Option<Event> {
+    fn clear(&mut self, number: u8, sender: [u8; 2], send: &mut dyn FnMut(Payload)) -> Option<MissionEvent> {
         let mut answer = |result| send(sent::acknowledge(number, result, 0, sender));
-        let plan = Plan::numbered(number);
+        let plan = PlanKind::numbered(number);
         if plan.is_none() && number != ALL_PLANS {
             answer(MavMissionResult::MAV_MISSION_UNSUPPORTED);
             return None;
@@ -340,38 +340,38 @@ impl MissionProtocol {
             return None;
         }
         (self.upload, self.ended) = (None, None);
-        for cleared in Plan::ALL.into_iter().filter(|each| plan.is_none_or(|plan| plan == *each)) {
+        for cleared in PlanKind::ALL.into_iter().filter(|each| plan.is_none_or(|plan| plan == *each)) {
             self.adopt(cleared, &[]).expect("nothing is wrong with no items");
         }
         answer(MavMissionResult::MAV_MISSION_ACCEPTED);
-        Some(plan.map_or(Event::Cleared, Event::Replaced))
+        Some(plan.map_or(MissionEvent::Cleared, MissionEvent::Replaced))
     }
 
     fn is_busy_with_other(&self, sender: [u8; 2]) -> bool {
         self.upload.as_ref().is_some_and(|upload| upload.sender != sender)
     }
 
-    fn items(&self, plan: Plan) -> &[Item] {
+    fn items(&self, plan: PlanKind) -> &[MissionItem] {
         match plan {
-            Plan::Mission => &self.mission,
-            Plan::Fence => &self.fence_items,
-            Plan::Rally => &self.rally,
+            PlanKind::Mission => &self.mission,
+            PlanKind::Fence => &self.fence_items,
+            PlanKind::Rally => &self.rally,
         }
     }
 
-    fn identifier(&self, plan: Plan) -> u32 {
+    fn identifier(&self, plan: PlanKind) -> u32 {
         let items = self.items(plan);
         if items.is_empty() {
             return 0;
         }
         let mut checksum = Crc32::new();
-        items.iter().flat_map(Item::fields).for_each(|byte| checksum.add(byte));
+        items.iter().flat_map(MissionItem::fields).for_each(|byte| checksum.add(byte));
         checksum.value().max(1)
     }
 }
 
 impl Upload {
-    fn new(plan: Plan, count: usize, sender: [u8; 2]) -> Self {
+    fn new(plan: PlanKind, count: usize, sender: [u8; 2]) -> Self {
         Self { plan, sender, count, items: heapless::Vec::new(), asked_secs: 0.0, tries: 0 }
     }
 
@@ -388,15 +388,15 @@ impl Upload {
 }
 
 /// Checks an item by itself as it comes, so that its sender learns which one is wrong.
-fn check(plan: Plan, item: &Item, home: &Home) -> Result<(), MavMissionResult> {
+fn check(plan: PlanKind, item: &MissionItem, home: &Home) -> Result<(), MavMissionResult> {
     match plan {
-        Plan::Mission => step::leg(item, home).map(drop),
-        Plan::Fence => fence::check(item, home),
-        Plan::Rally => rally_point(item, home).map(drop),
+        PlanKind::Mission => step::leg(item, home).map(drop),
+        PlanKind::Fence => fence::check(item, home),
+        PlanKind::Rally => rally_point(item, home).map(drop),
     }
 }
 
-fn rally_point(item: &Item, home: &Home) -> Result<Vector3<f32>, MavMissionResult> {
+fn rally_point(item: &MissionItem, home: &Home) -> Result<Vector3<f32>, MavMissionResult> {
     if item.command != RALLY_POINT {
         return Err(MavMissionResult::MAV_MISSION_UNSUPPORTED);
     }

@@ -1,7 +1,7 @@
 //! What peers ask about plans, read field by field: the `mavlink` crate's enums reject a command or a plan that they
 //! do not know, which must be answered "unsupported".
 
-use super::{ITEM_LEN, Item, OPEN};
+use super::{ITEM_LEN, MissionItem, OPEN};
 use crate::frame::Frame;
 use crate::request::Address;
 
@@ -13,7 +13,7 @@ const MISSION_FRAME: u8 = 2;
 
 /// A request of the mission protocol; plans are numbers yet (`MAV_MISSION_TYPE`).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Request {
+pub enum MissionRequest {
     /// `MISSION_COUNT`: an upload begins.
     Count {
         /// Which plan.
@@ -22,13 +22,13 @@ pub enum Request {
         count: u16,
     },
     /// `MISSION_ITEM_INT` or `MISSION_ITEM`: the next item of an upload.
-    Item {
+    MissionItem {
         /// Which plan.
         plan: u8,
         /// Place in it.
         sequence: u16,
         /// What it is.
-        item: Item,
+        item: MissionItem,
     },
     /// `MISSION_ACK`: the peer ends a transfer.
     Acknowledge {
@@ -67,35 +67,35 @@ pub enum Request {
 }
 
 /// The request in a frame and its addressee; none if the message is none of this protocol.
-pub fn request(frame: &Frame) -> Option<(Address, Request)> {
+pub fn request(frame: &Frame) -> Option<(Address, MissionRequest)> {
     match frame.message_id {
         37 | 38 => Some(partial(&frame.fields())),
         39 => Some(item(&frame.fields(), Coordinates::Floats)),
         73 => Some(item(&frame.fields(), Coordinates::Integers)),
-        40 | 51 => Some(sequenced(&frame.fields(), |plan, sequence| Request::Fetch { plan, sequence })),
-        41 => Some(sequenced(&frame.fields(), |_, sequence| Request::SetCurrent { sequence })),
-        43 => Some(planned(&frame.fields(), |plan| Request::List { plan })),
-        44 => Some(sequenced(&frame.fields(), |plan, count| Request::Count { plan, count })),
-        45 => Some(planned(&frame.fields(), |plan| Request::Clear { plan })),
+        40 | 51 => Some(sequenced(&frame.fields(), |plan, sequence| MissionRequest::Fetch { plan, sequence })),
+        41 => Some(sequenced(&frame.fields(), |_, sequence| MissionRequest::SetCurrent { sequence })),
+        43 => Some(planned(&frame.fields(), |plan| MissionRequest::List { plan })),
+        44 => Some(sequenced(&frame.fields(), |plan, count| MissionRequest::Count { plan, count })),
+        45 => Some(planned(&frame.fields(), |plan| MissionRequest::Clear { plan })),
         47 => Some(acknowledge(&frame.fields())),
         _ => None,
     }
 }
 
-fn planned(fields: &[u8; 3], request: fn(u8) -> Request) -> (Address, Request) {
+fn planned(fields: &[u8; 3], request: fn(u8) -> MissionRequest) -> (Address, MissionRequest) {
     (Address { system: fields[0], component: fields[1] }, request(fields[2]))
 }
 
-fn sequenced(fields: &[u8; 5], request: fn(u8, u16) -> Request) -> (Address, Request) {
-    (Address { system: fields[2], component: fields[3] }, request(fields[4], short_at(fields, 0)))
+fn sequenced(fields: &[u8; 5], request: fn(u8, u16) -> MissionRequest) -> (Address, MissionRequest) {
+    (Address { system: fields[2], component: fields[3] }, request(fields[4], u16_at(fields, 0)))
 }
 
-fn partial(fields: &[u8; 7]) -> (Address, Request) {
-    (Address { system: fields[4], component: fields[5] }, Request::Partial { plan: fields[6] })
+fn partial(fields: &[u8; 7]) -> (Address, MissionRequest) {
+    (Address { system: fields[4], component: fields[5] }, MissionRequest::Partial { plan: fields[6] })
 }
 
-fn acknowledge(fields: &[u8; 4]) -> (Address, Request) {
-    let request = Request::Acknowledge { plan: fields[3], result: fields[2] };
+fn acknowledge(fields: &[u8; 4]) -> (Address, MissionRequest) {
+    let request = MissionRequest::Acknowledge { plan: fields[3], result: fields[2] };
     (Address { system: fields[0], component: fields[1] }, request)
 }
 
@@ -104,25 +104,25 @@ fn acknowledge(fields: &[u8; 4]) -> (Address, Request) {
 enum Coordinates {
     /// In degrees, metres or as parameters.
     Floats,
-    /// As [`Item::place`].
+    /// As [`MissionItem::place`].
     Integers,
 }
 
-fn item(fields: &[u8; ITEM_LEN], coordinates: Coordinates) -> (Address, Request) {
+fn item(fields: &[u8; ITEM_LEN], coordinates: Coordinates) -> (Address, MissionRequest) {
     let frame = fields[34];
     let place = [16, 20].map(|at| match coordinates {
-        Coordinates::Floats => integer(float_at(fields, at), frame),
-        Coordinates::Integers => i32::from_le_bytes(word_at(fields, at)),
+        Coordinates::Floats => integer(f32_at(fields, at), frame),
+        Coordinates::Integers => i32::from_le_bytes(u32_at(fields, at)),
     });
-    let item = Item {
+    let item = MissionItem {
         frame,
-        command: short_at(fields, 30),
+        command: u16_at(fields, 30),
         autocontinue: fields[36],
-        parameters: core::array::from_fn(|i| float_at(fields, 4 * i)),
+        parameters: core::array::from_fn(|i| f32_at(fields, 4 * i)),
         place,
-        height: float_at(fields, 24),
+        height: f32_at(fields, 24),
     };
-    let request = Request::Item { plan: fields[37], sequence: short_at(fields, 28), item };
+    let request = MissionRequest::MissionItem { plan: fields[37], sequence: u16_at(fields, 28), item };
     (Address { system: fields[32], component: fields[33] }, request)
 }
 
@@ -141,15 +141,15 @@ fn integer(coordinate: f32, frame: u8) -> i32 {
     if scaled.abs() < f64::from(i32::MAX) { scaled as i32 } else { i32::MIN }
 }
 
-fn float_at(fields: &[u8], at: usize) -> f32 {
-    f32::from_le_bytes(word_at(fields, at))
+fn f32_at(fields: &[u8], at: usize) -> f32 {
+    f32::from_le_bytes(u32_at(fields, at))
 }
 
-fn word_at(fields: &[u8], at: usize) -> [u8; 4] {
+fn u32_at(fields: &[u8], at: usize) -> [u8; 4] {
     [fields[at], fields[at + 1], fields[at + 2], fields[at + 3]]
 }
 
-fn short_at(fields: &[u8], at: usize) -> u16 {
+fn u16_at(fields: &[u8], at: usize) -> u16 {
     u16::from_le_bytes([fields[at], fields[at + 1]])
 }
 
@@ -168,12 +168,12 @@ mod tests {
 
     const TARGET: Address = Address { system: 8, component: 9 };
 
-    fn read(payload: &Payload) -> Option<(Address, Request)> {
+    fn read(payload: &Payload) -> Option<(Address, MissionRequest)> {
         let bytes = Encoder::new(255, 190).encode(payload);
         request(&Frames::new(&bytes).next().unwrap().unwrap())
     }
 
-    fn asked<D: mavlink::MessageData>(message: &D) -> Request {
+    fn asked<D: mavlink::MessageData>(message: &D) -> MissionRequest {
         let (address, request) = read(&Payload::of(message)).unwrap();
         assert_eq!(address, TARGET);
         request
@@ -183,39 +183,39 @@ mod tests {
     fn requests_are_read_as_the_mavlink_crate_writes_them() {
         let (target_system, target_component) = (8, 9);
         let count = MISSION_COUNT_DATA { count: 300, target_system, target_component };
-        assert_eq!(asked(&count), Request::Count { plan: 0, count: 300 });
+        assert_eq!(asked(&count), MissionRequest::Count { plan: 0, count: 300 });
         let list = MISSION_REQUEST_LIST_DATA { target_system, target_component };
-        assert_eq!(asked(&list), Request::List { plan: 0 });
+        assert_eq!(asked(&list), MissionRequest::List { plan: 0 });
         let fetch = MISSION_REQUEST_DATA { seq: 3, target_system, target_component };
-        assert_eq!(asked(&fetch), Request::Fetch { plan: 0, sequence: 3 });
+        assert_eq!(asked(&fetch), MissionRequest::Fetch { plan: 0, sequence: 3 });
         let fetch = MISSION_REQUEST_INT_DATA { seq: 3, target_system, target_component };
-        assert_eq!(asked(&fetch), Request::Fetch { plan: 0, sequence: 3 });
+        assert_eq!(asked(&fetch), MissionRequest::Fetch { plan: 0, sequence: 3 });
         let clear = MISSION_CLEAR_ALL_DATA { target_system, target_component };
-        assert_eq!(asked(&clear), Request::Clear { plan: 0 });
+        assert_eq!(asked(&clear), MissionRequest::Clear { plan: 0 });
         let current = MISSION_SET_CURRENT_DATA { seq: 3, target_system, target_component };
-        assert_eq!(asked(&current), Request::SetCurrent { sequence: 3 });
+        assert_eq!(asked(&current), MissionRequest::SetCurrent { sequence: 3 });
         let mavtype = MavMissionResult::MAV_MISSION_OPERATION_CANCELLED;
         let acknowledge = MISSION_ACK_DATA { target_system, target_component, mavtype };
-        assert_eq!(asked(&acknowledge), Request::Acknowledge { plan: 0, result: 15 });
+        assert_eq!(asked(&acknowledge), MissionRequest::Acknowledge { plan: 0, result: 15 });
         let (start_index, end_index) = (1, 2);
         let partial = MISSION_WRITE_PARTIAL_LIST_DATA { start_index, end_index, target_system, target_component };
-        assert_eq!(asked(&partial), Request::Partial { plan: 0 });
+        assert_eq!(asked(&partial), MissionRequest::Partial { plan: 0 });
         let partial =
             MISSION_REQUEST_PARTIAL_LIST_DATA { start_index, end_index, target_system, target_component };
-        assert_eq!(asked(&partial), Request::Partial { plan: 0 });
+        assert_eq!(asked(&partial), MissionRequest::Partial { plan: 0 });
     }
 
     #[test]
     fn the_plan_is_the_extension_of_every_message() {
         let plan = |id, seed, fields: &[u8]| read(&Payload::new(id, seed, fields)).unwrap().1;
-        assert_eq!(plan(44, 221, &[5, 0, 8, 9, 1]), Request::Count { plan: 1, count: 5 });
-        assert_eq!(plan(43, 132, &[8, 9, 2]), Request::List { plan: 2 });
-        assert_eq!(plan(51, 196, &[5, 0, 8, 9, 1]), Request::Fetch { plan: 1, sequence: 5 });
-        assert_eq!(plan(45, 232, &[8, 9, 255]), Request::Clear { plan: 255 });
-        assert_eq!(plan(47, 153, &[8, 9, 0, 1]), Request::Acknowledge { plan: 1, result: 0 });
+        assert_eq!(plan(44, 221, &[5, 0, 8, 9, 1]), MissionRequest::Count { plan: 1, count: 5 });
+        assert_eq!(plan(43, 132, &[8, 9, 2]), MissionRequest::List { plan: 2 });
+        assert_eq!(plan(51, 196, &[5, 0, 8, 9, 1]), MissionRequest::Fetch { plan: 1, sequence: 5 });
+        assert_eq!(plan(45, 232, &[8, 9, 255]), MissionRequest::Clear { plan: 255 });
+        assert_eq!(plan(47, 153, &[8, 9, 0, 1]), MissionRequest::Acknowledge { plan: 1, result: 0 });
         let mut fields = [0; ITEM_LEN];
         fields[37] = 2;
-        assert!(matches!(plan(73, 38, &fields), Request::Item { plan: 2, sequence: 0, .. }));
+        assert!(matches!(plan(73, 38, &fields), MissionRequest::MissionItem { plan: 2, sequence: 0, .. }));
     }
 
     #[test]
@@ -236,7 +236,7 @@ mod tests {
             current: 1,
             autocontinue: 1,
         };
-        let item = Item {
+        let item = MissionItem {
             frame: 6,
             command: 16,
             autocontinue: 1,
@@ -244,7 +244,7 @@ mod tests {
             place: [473_977_420, -5],
             height: 7.0,
         };
-        assert_eq!(asked(&sent), Request::Item { plan: 0, sequence: 300, item });
+        assert_eq!(asked(&sent), MissionRequest::MissionItem { plan: 0, sequence: 300, item });
     }
 
     #[test]
@@ -260,7 +260,7 @@ mod tests {
                 ..MISSION_ITEM_DATA::default()
             };
             match asked(&sent) {
-                Request::Item { item, .. } => item.place,
+                MissionRequest::MissionItem { item, .. } => item.place,
                 request => panic!("{request:?}"),
             }
         };

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::place::Target;
-use super::step::{Leg, Speed, Stay, Step, Then};
+use super::place::MissionTarget;
+use super::step::{AfterStep, LoiterTime, MissionLeg, MissionSpeed, MissionStep};
 
 /// Distance at which a point counts as reached if the sender leaves it open \[m\]: as far as a hovering drone strays.
 const RADIUS_M: f32 = 0.2;
@@ -13,7 +13,7 @@ const LEAST_RADIUS_M: f32 = 0.1;
 
 /// How far a mission is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
+pub enum MissionPhase {
     /// It waits for its start.
     NotStarted,
     /// It is flown.
@@ -26,18 +26,18 @@ pub enum Phase {
 
 /// Where the drone is, as the mission sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Situation {
+pub struct MissionInput {
     /// Of the drone \[m, world\].
     pub position: Vector3<f32>,
     /// What it does.
-    pub motion: Motion,
+    pub motion: DroneMotion,
     /// Simulated time \[s\].
     pub secs: f64,
 }
 
 /// What the drone does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Motion {
+pub enum DroneMotion {
     /// It is on the ground: not taken off yet, or landed.
     OnGround,
     /// It flies, and its goal moves: it climbs or travels.
@@ -71,13 +71,13 @@ pub enum Directive {
     Done,
 }
 
-/// Executes the legs of a mission, which are told with every call: whoever replaces them calls [`Runner::reset`].
+/// Executes the legs of a mission, which are told with every call: whoever replaces them calls [`MissionRunner::reset`].
 ///
 /// Landed or disarmed against its will the drone would be told to take off again: whoever has it land calls
-/// [`Runner::pause`] first.
+/// [`MissionRunner::pause`] first.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Runner {
-    phase: Phase,
+pub struct MissionRunner {
+    phase: MissionPhase,
     current: u16,
     stage: Stage,
     speed: Option<f32>,
@@ -97,18 +97,18 @@ enum Stage {
     /// It stays until told.
     Loitering { at: Vector3<f32> },
     /// It has been told.
-    Told,
+    Continued,
 }
 
-impl Default for Runner {
+impl Default for MissionRunner {
     fn default() -> Self {
-        Self { phase: Phase::NotStarted, current: 0, stage: Stage::New, speed: None }
+        Self { phase: MissionPhase::NotStarted, current: 0, stage: Stage::New, speed: None }
     }
 }
 
-impl Runner {
+impl MissionRunner {
     /// How far the mission is.
-    pub fn phase(&self) -> Phase {
+    pub fn phase(&self) -> MissionPhase {
         self.phase
     }
 
@@ -123,21 +123,21 @@ impl Runner {
     }
 
     /// Starts at the current item, or anew if the mission is over. Whether there is anything to fly.
-    pub fn start(&mut self, legs: &[Leg]) -> bool {
+    pub fn start(&mut self, legs: &[MissionLeg]) -> bool {
         if legs.is_empty() {
             return false;
         }
-        if self.phase == Phase::Complete {
+        if self.phase == MissionPhase::Complete {
             self.reset();
         }
-        self.phase = Phase::Active;
+        self.phase = MissionPhase::Active;
         true
     }
 
     /// Stops where the drone is; a step that is interrupted begins anew afterwards.
     pub fn pause(&mut self) {
-        if self.phase == Phase::Active {
-            self.phase = Phase::Paused;
+        if self.phase == MissionPhase::Active {
+            self.phase = MissionPhase::Paused;
             self.stage = Stage::New;
         }
     }
@@ -145,108 +145,113 @@ impl Runner {
     /// Goes on after a pause, or after loitering until told.
     pub fn resume(&mut self) {
         match (self.phase, self.stage) {
-            (Phase::Paused, _) => self.phase = Phase::Active,
-            (Phase::Active, Stage::Loitering { .. }) => self.stage = Stage::Told,
-            (Phase::NotStarted | Phase::Active | Phase::Complete, _) => {}
+            (MissionPhase::Paused, _) => self.phase = MissionPhase::Active,
+            (MissionPhase::Active, Stage::Loitering { .. }) => self.stage = Stage::Continued,
+            (MissionPhase::NotStarted | MissionPhase::Active | MissionPhase::Complete, _) => {}
         }
     }
 
     /// Makes an item the current one; a mission that is flown goes on from there. Whether there is such an item.
-    pub fn jump(&mut self, sequence: u16, legs: &[Leg]) -> bool {
+    pub fn jump(&mut self, sequence: u16, legs: &[MissionLeg]) -> bool {
         if usize::from(sequence) >= legs.len() {
             return false;
         }
         self.current = sequence;
         self.stage = Stage::New;
-        if self.phase == Phase::Complete {
-            self.phase = Phase::NotStarted;
+        if self.phase == MissionPhase::Complete {
+            self.phase = MissionPhase::NotStarted;
         }
         true
     }
 
     /// What to do now; `reached` gets every item that is done, once.
-    pub fn advance(&mut self, legs: &[Leg], situation: &Situation, reached: &mut dyn FnMut(u16)) -> Directive {
+    pub fn advance(
+        &mut self,
+        legs: &[MissionLeg],
+        situation: &MissionInput,
+        reached: &mut dyn FnMut(u16),
+    ) -> Directive {
         let known = situation.position.iter().all(|coordinate| coordinate.is_finite());
-        while self.phase == Phase::Active && known {
+        while self.phase == MissionPhase::Active && known {
             let Some(leg) = legs.get(usize::from(self.current)) else {
-                self.phase = Phase::Complete;
+                self.phase = MissionPhase::Complete;
                 break;
             };
             if let Some(directive) = self.fly(&leg.step, situation) {
                 return directive;
             }
             reached(self.current);
-            self.proceed(leg.then, legs.len());
+            self.proceed(leg.after, legs.len());
         }
-        if self.phase == Phase::Complete { Directive::Done } else { Directive::Wait }
+        if self.phase == MissionPhase::Complete { Directive::Done } else { Directive::Wait }
     }
 
     /// On to the next leg, of so many.
-    fn proceed(&mut self, then: Then, legs: usize) {
+    fn proceed(&mut self, after: AfterStep, legs: usize) {
         self.stage = Stage::New;
         if usize::from(self.current) + 1 >= legs {
-            self.phase = Phase::Complete;
+            self.phase = MissionPhase::Complete;
             return;
         }
         self.current += 1;
-        match then {
-            Then::Proceed => {}
-            Then::Pause => self.phase = Phase::Paused,
+        match after {
+            AfterStep::Proceed => {}
+            AfterStep::Pause => self.phase = MissionPhase::Paused,
         }
     }
 
     /// What a step wants now; nothing once it is done.
-    fn fly(&mut self, step: &Step, situation: &Situation) -> Option<Directive> {
+    fn fly(&mut self, step: &MissionStep, situation: &MissionInput) -> Option<Directive> {
         match step {
-            Step::TakeOff(target) => {
+            MissionStep::TakeOff(target) => {
                 let top = target.height_m.unwrap_or(0.0).max(situation.position.z);
-                let above = Target { height_m: Some(top), ..*target };
+                let above = MissionTarget { height_m: Some(top), ..*target };
                 self.take_off(target.height_m, situation).or_else(|| self.travel(&above, RADIUS_M, situation))
             }
-            Step::GoTo { target, hold_secs, radius_m } => {
+            MissionStep::GoTo { target, hold_secs, radius_m } => {
                 let radius_m = radius_m.unwrap_or(RADIUS_M).max(LEAST_RADIUS_M);
                 self.take_off(None, situation)
                     .or_else(|| self.travel(target, radius_m, situation))
-                    .or_else(|| self.stay(*hold_secs, situation))
+                    .or_else(|| self.time(*hold_secs, situation))
             }
-            Step::Loiter { target, stay } => self
+            MissionStep::Loiter { target, time } => self
                 .take_off(None, situation)
                 .or_else(|| self.travel(target, RADIUS_M, situation))
-                .or_else(|| match stay {
-                    Stay::Secs(secs) => self.stay(*secs, situation),
-                    Stay::UntilTold => self.loiter(situation),
+                .or_else(|| match time {
+                    LoiterTime::Secs(secs) => self.time(*secs, situation),
+                    LoiterTime::UntilContinued => self.loiter(situation),
                 }),
-            Step::Land(target) => self.land(target, situation),
-            Step::Return => (situation.motion != Motion::OnGround).then_some(Directive::Return),
-            Step::ChangeSpeed(speed) => {
+            MissionStep::Land(target) => self.land(target, situation),
+            MissionStep::Return => (situation.motion != DroneMotion::OnGround).then_some(Directive::Return),
+            MissionStep::ChangeSpeed(speed) => {
                 self.speed = match speed {
-                    Speed::Default => None,
-                    Speed::Of(speed) => Some(*speed),
+                    MissionSpeed::Default => None,
+                    MissionSpeed::Of(speed) => Some(*speed),
                 };
                 None
             }
-            Step::Delay { secs } => self.stay(*secs, situation),
-            Step::Skip => None,
+            MissionStep::Delay { secs } => self.time(*secs, situation),
+            MissionStep::Skip => None,
         }
     }
 
     /// Gets off the ground.
-    fn take_off(&mut self, altitude_m: Option<f32>, situation: &Situation) -> Option<Directive> {
+    fn take_off(&mut self, altitude_m: Option<f32>, situation: &MissionInput) -> Option<Directive> {
         match (situation.motion, self.stage) {
-            (Motion::OnGround, _) | (Motion::Travelling, Stage::TakingOff) => {
+            (DroneMotion::OnGround, _) | (DroneMotion::Travelling, Stage::TakingOff) => {
                 self.stage = Stage::TakingOff;
                 Some(Directive::TakeOff { altitude_m })
             }
-            (Motion::Travelling | Motion::Resting, _) => None,
+            (DroneMotion::Travelling | DroneMotion::Resting, _) => None,
         }
     }
 
     /// Gets to a place.
-    fn travel(&mut self, target: &Target, radius_m: f32, situation: &Situation) -> Option<Directive> {
+    fn travel(&mut self, target: &MissionTarget, radius_m: f32, situation: &MissionInput) -> Option<Directive> {
         let point = match self.stage {
             Stage::New | Stage::TakingOff => target.from(&situation.position),
             Stage::Travelling { point } => point,
-            Stage::Staying { .. } | Stage::Loitering { .. } | Stage::Told => return None,
+            Stage::Staying { .. } | Stage::Loitering { .. } | Stage::Continued => return None,
         };
         if (situation.position - point).norm() <= radius_m {
             self.stage = Stage::Staying { at: Some(point), since_secs: situation.secs };
@@ -257,21 +262,23 @@ impl Runner {
     }
 
     /// Stays for some time, at the place that was travelled to if one was.
-    fn stay(&mut self, secs: f32, situation: &Situation) -> Option<Directive> {
+    fn time(&mut self, secs: f32, situation: &MissionInput) -> Option<Directive> {
         let (at, since_secs) = match self.stage {
             Stage::Staying { at, since_secs } => (at, since_secs),
-            Stage::New | Stage::TakingOff | Stage::Travelling { .. } | Stage::Loitering { .. } | Stage::Told => {
-                (None, situation.secs)
-            }
+            Stage::New
+            | Stage::TakingOff
+            | Stage::Travelling { .. }
+            | Stage::Loitering { .. }
+            | Stage::Continued => (None, situation.secs),
         };
         self.stage = Stage::Staying { at, since_secs };
         let waiting = situation.secs - since_secs < f64::from(secs);
         waiting.then(|| at.map_or(Directive::Wait, |point| self.head_for(point)))
     }
 
-    fn loiter(&mut self, situation: &Situation) -> Option<Directive> {
+    fn loiter(&mut self, situation: &MissionInput) -> Option<Directive> {
         let at = match self.stage {
-            Stage::Told => return None,
+            Stage::Continued => return None,
             Stage::Loitering { at } | Stage::Staying { at: Some(at), .. } => at,
             Stage::New | Stage::TakingOff | Stage::Travelling { .. } | Stage::Staying { at: None, .. } => {
                 situation.position
@@ -281,8 +288,8 @@ impl Runner {
         Some(self.head_for(at))
     }
 
-    fn land(&mut self, target: &Target, situation: &Situation) -> Option<Directive> {
-        if situation.motion == Motion::OnGround {
+    fn land(&mut self, target: &MissionTarget, situation: &MissionInput) -> Option<Directive> {
+        if situation.motion == DroneMotion::OnGround {
             return None;
         }
         self.travel(target, RADIUS_M, situation).or(Some(Directive::Land))

@@ -7,9 +7,9 @@ use mavlink::dialects::common::{
     MISSION_REQUEST_INT_DATA, MavMissionResult,
 };
 
-use super::Item;
+use super::MissionItem;
 use super::protocol::MissionProtocol;
-use super::runner::{Phase, Runner};
+use super::runner::{MissionPhase, MissionRunner};
 use crate::frame::Payload;
 
 /// `MISSION_CURRENT` that counts no items: there is no mission.
@@ -29,7 +29,7 @@ pub fn count(plan: u8, count: u16, identifier: u32, [system, component]: [u8; 2]
 }
 
 /// `MISSION_ITEM_INT`: an item of a plan. Which one is flown is told by [`current`] only.
-pub fn item(plan: u8, sequence: u16, item: &Item, [system, component]: [u8; 2]) -> Payload {
+pub fn item(plan: u8, sequence: u16, item: &MissionItem, [system, component]: [u8; 2]) -> Payload {
     let mut fields = item.fields();
     fields[28..30].copy_from_slice(&sequence.to_le_bytes());
     fields[32..34].copy_from_slice(&[system, component]);
@@ -45,19 +45,19 @@ pub fn acknowledge(plan: u8, result: MavMissionResult, identifier: u32, [system,
 
 /// `MISSION_CURRENT`: which item is next, how far the mission is, and the identifiers of the plans. To be streamed at
 /// 1 Hz.
-pub fn current(protocol: &MissionProtocol, runner: &Runner) -> Payload {
+pub fn current(protocol: &MissionProtocol, runner: &MissionRunner) -> Payload {
     let items = protocol.legs().len() as u16;
     let total = if items == 0 { NO_MISSION } else { items };
     // MISSION_STATE
     let state = match runner.phase() {
         _ if items == 0 => 1,
-        Phase::NotStarted => 2,
-        Phase::Active => 3,
-        Phase::Paused => 4,
-        Phase::Complete => 5,
+        MissionPhase::NotStarted => 2,
+        MissionPhase::Active => 3,
+        MissionPhase::Paused => 4,
+        MissionPhase::Complete => 5,
     };
     // Mission mode: 1 in it, 2 suspended.
-    let mode = if runner.phase() == Phase::Active { 1 } else { 2 };
+    let mode = if runner.phase() == MissionPhase::Active { 1 } else { 2 };
     let mut fields = [0; 18];
     fields[..2].copy_from_slice(&runner.current().to_le_bytes());
     fields[2..4].copy_from_slice(&total.to_le_bytes());
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn an_item_is_read_by_the_mavlink_crate() {
-        let sent = Item {
+        let sent = MissionItem {
             frame: 6,
             command: 16,
             autocontinue: 1,
@@ -157,7 +157,7 @@ mod tests {
         };
         // Of pymavlink 2.4.50, dialect common: mission_request_int, mission_item_int.
         assert_eq!(hex(&request(1, 3, PEER)), "fd0500000001013300000300ffbe01fbce");
-        let sent = Item {
+        let sent = MissionItem {
             frame: 6,
             command: 16,
             autocontinue: 1,
@@ -173,7 +173,7 @@ mod tests {
     #[test]
     fn without_a_mission_the_current_item_says_so() {
         let protocol = MissionProtocol::new(crate::geodesy::Home::default());
-        let current = current(&protocol, &Runner::default());
+        let current = current(&protocol, &MissionRunner::default());
         assert_eq!(read(&current), MavMessage::MISSION_CURRENT(MISSION_CURRENT_DATA { seq: 0 }));
         let mut expected = [0; 18];
         expected[2..6].copy_from_slice(&[0xff, 0xff, 1, 2]);

@@ -2,8 +2,8 @@
 
 use mavlink::dialects::common::MavMissionResult;
 
-use super::place::{REACH_M, Target, target};
-use super::{Item, MISSION_ITEMS};
+use super::place::{MissionTarget, REACH_M, target};
+use super::{MISSION_ITEMS, MissionItem};
 use crate::geodesy::Home;
 
 /// Heights of a take-off \[m\]: above ground effect, and within sight.
@@ -19,13 +19,13 @@ const SKIPPED: [u16; 28] = [
 
 /// One thing to do; places are in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Step {
+pub enum MissionStep {
     /// Climb, then go to a place.
-    TakeOff(Target),
+    TakeOff(MissionTarget),
     /// Go to a point.
     GoTo {
         /// The point.
-        target: Target,
+        target: MissionTarget,
         /// Time to stay there \[s\].
         hold_secs: f32,
         /// Distance at which it counts as reached \[m\], if the sender cares.
@@ -34,16 +34,16 @@ pub enum Step {
     /// Go to a point and stay there.
     Loiter {
         /// The point.
-        target: Target,
+        target: MissionTarget,
         /// For how long.
-        stay: Stay,
+        time: LoiterTime,
     },
     /// Land at a place.
-    Land(Target),
+    Land(MissionTarget),
     /// Fly home and land.
     Return,
     /// From now on go to points at another speed.
-    ChangeSpeed(Speed),
+    ChangeSpeed(MissionSpeed),
     /// Stay here for some time \[s\].
     Delay {
         /// How long.
@@ -55,16 +55,16 @@ pub enum Step {
 
 /// For how long to stay.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Stay {
+pub enum LoiterTime {
     /// Some time \[s\].
     Secs(f32),
     /// Until a peer has the mission go on.
-    UntilTold,
+    UntilContinued,
 }
 
 /// How fast to go.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Speed {
+pub enum MissionSpeed {
     /// As fast as the vehicle goes by itself.
     Default,
     /// At a speed \[m/s\], above zero.
@@ -73,7 +73,7 @@ pub enum Speed {
 
 /// What follows a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Then {
+pub enum AfterStep {
     /// The next one.
     Proceed,
     /// A pause, until a peer has the mission go on.
@@ -82,18 +82,21 @@ pub enum Then {
 
 /// A step and what follows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Leg {
+pub struct MissionLeg {
     /// What to do.
-    pub step: Step,
+    pub step: MissionStep,
     /// And then.
-    pub then: Then,
+    pub after: AfterStep,
 }
 
 /// The legs of a mission.
 ///
 /// # Errors
 /// What is wrong with the first wrong item.
-pub fn legs(items: &[Item], home: &Home) -> Result<heapless::Vec<Leg, MISSION_ITEMS>, MavMissionResult> {
+pub fn legs(
+    items: &[MissionItem],
+    home: &Home,
+) -> Result<heapless::Vec<MissionLeg, MISSION_ITEMS>, MavMissionResult> {
     let mut legs = heapless::Vec::new();
     for item in items {
         legs.push(leg(item, home)?).map_err(|_| MavMissionResult::MAV_MISSION_NO_SPACE)?;
@@ -105,24 +108,24 @@ pub fn legs(items: &[Item], home: &Home) -> Result<heapless::Vec<Leg, MISSION_IT
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn leg(item: &Item, home: &Home) -> Result<Leg, MavMissionResult> {
-    let step = if SKIPPED.contains(&item.command) { Step::Skip } else { flown(item, home)? };
-    let then = if item.autocontinue == 0 { Then::Pause } else { Then::Proceed };
-    Ok(Leg { step, then })
+pub fn leg(item: &MissionItem, home: &Home) -> Result<MissionLeg, MavMissionResult> {
+    let step = if SKIPPED.contains(&item.command) { MissionStep::Skip } else { flown(item, home)? };
+    let after = if item.autocontinue == 0 { AfterStep::Pause } else { AfterStep::Proceed };
+    Ok(MissionLeg { step, after })
 }
 
-fn flown(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
+fn flown(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissionResult> {
     match item.command {
         16..=17 | 19..=22 | 93 | 112 | 178 => check_finite(&item.parameters)?,
         _ => return Err(MavMissionResult::MAV_MISSION_UNSUPPORTED),
     }
     match item.command {
         16 => waypoint(item, home),
-        17 => Ok(Step::Loiter { target: target(item, home, REACH_M)?, stay: Stay::UntilTold }),
+        17 => Ok(MissionStep::Loiter { target: target(item, home, REACH_M)?, time: LoiterTime::UntilContinued }),
         19 => loiter_time(item, home),
-        20 => Ok(Step::Return),
+        20 => Ok(MissionStep::Return),
         // The floor says where a landing ends.
-        21 => Ok(Step::Land(target(&Item { height: f32::NAN, ..*item }, home, REACH_M)?)),
+        21 => Ok(MissionStep::Land(target(&MissionItem { height: f32::NAN, ..*item }, home, REACH_M)?)),
         22 => take_off(item, home),
         178 => speed(item),
         _ => delay(item),
@@ -142,7 +145,7 @@ fn check_finite(parameters: &[f32; 4]) -> Result<(), MavMissionResult> {
 }
 
 /// `MAV_CMD_NAV_WAYPOINT`. The radius of passing by and the yaw are not looked at: the policies hold any heading.
-fn waypoint(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
+fn waypoint(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissionResult> {
     let [hold_secs, radius_m, _, _] = item.parameters;
     if hold_secs < 0.0 {
         return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
@@ -150,7 +153,7 @@ fn waypoint(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
     if radius_m < 0.0 {
         return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM2);
     }
-    Ok(Step::GoTo {
+    Ok(MissionStep::GoTo {
         target: target(item, home, REACH_M)?,
         hold_secs: if hold_secs.is_nan() { 0.0 } else { hold_secs },
         radius_m: Some(radius_m).filter(|radius_m| *radius_m > 0.0),
@@ -158,42 +161,42 @@ fn waypoint(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
 }
 
 /// `MAV_CMD_NAV_LOITER_TIME`.
-fn loiter_time(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
+fn loiter_time(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissionResult> {
     let secs = item.parameters[0];
     if secs < 0.0 {
         return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
     }
-    let stay = Stay::Secs(if secs.is_nan() { 0.0 } else { secs });
-    Ok(Step::Loiter { target: target(item, home, REACH_M)?, stay })
+    let time = LoiterTime::Secs(if secs.is_nan() { 0.0 } else { secs });
+    Ok(MissionStep::Loiter { target: target(item, home, REACH_M)?, time })
 }
 
 /// `MAV_CMD_NAV_TAKEOFF`.
-fn take_off(item: &Item, home: &Home) -> Result<Step, MavMissionResult> {
+fn take_off(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissionResult> {
     let target = target(item, home, REACH_M)?;
     if target.height_m.is_some_and(|height| !TAKEOFF_HEIGHTS_M.contains(&height)) {
         return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM7);
     }
-    Ok(Step::TakeOff(target))
+    Ok(MissionStep::TakeOff(target))
 }
 
 /// `MAV_CMD_DO_CHANGE_SPEED`, of the air or the ground; -1 and NaN change nothing, -2 is the default.
-fn speed(item: &Item) -> Result<Step, MavMissionResult> {
+fn speed(item: &MissionItem) -> Result<MissionStep, MavMissionResult> {
     let [kind, speed, _, _] = item.parameters;
     if !kind.is_nan() && kind != 0.0 && kind != 1.0 {
         return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
     }
     match speed {
-        speed if speed.is_nan() || speed == -1.0 => Ok(Step::Skip),
-        -2.0 => Ok(Step::ChangeSpeed(Speed::Default)),
-        speed if speed > 0.0 => Ok(Step::ChangeSpeed(Speed::Of(speed))),
+        speed if speed.is_nan() || speed == -1.0 => Ok(MissionStep::Skip),
+        -2.0 => Ok(MissionStep::ChangeSpeed(MissionSpeed::Default)),
+        speed if speed > 0.0 => Ok(MissionStep::ChangeSpeed(MissionSpeed::Of(speed))),
         _ => Err(MavMissionResult::MAV_MISSION_INVALID_PARAM2),
     }
 }
 
 /// `MAV_CMD_NAV_DELAY` and `MAV_CMD_CONDITION_DELAY`; there is no time of day here.
-fn delay(item: &Item) -> Result<Step, MavMissionResult> {
+fn delay(item: &MissionItem) -> Result<MissionStep, MavMissionResult> {
     let secs = item.parameters[0];
-    if secs >= 0.0 { Ok(Step::Delay { secs }) } else { Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1) }
+    if secs >= 0.0 { Ok(MissionStep::Delay { secs }) } else { Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1) }
 }
 
 #[cfg(test)]
@@ -210,40 +213,49 @@ mod tests {
     const NAN: f32 = f32::NAN;
 
     /// At 1 m north and 2 m east, 3 m high.
-    fn item(command: u16, parameters: [f32; 4]) -> Item {
-        Item { frame: 1, command, autocontinue: 1, parameters, place: [10_000, 20_000], height: -3.0 }
+    fn item(command: u16, parameters: [f32; 4]) -> MissionItem {
+        MissionItem { frame: 1, command, autocontinue: 1, parameters, place: [10_000, 20_000], height: -3.0 }
     }
 
-    fn step(command: u16, parameters: [f32; 4]) -> Result<Step, MavMissionResult> {
+    fn step(command: u16, parameters: [f32; 4]) -> Result<MissionStep, MavMissionResult> {
         leg(&item(command, parameters), &Home::default()).map(|leg| leg.step)
     }
 
-    const THERE: Target = Target { horizontal_m: Some([2.0, 1.0]), height_m: Some(3.0) };
-    const ON_FLOOR: Target = Target { horizontal_m: Some([2.0, 1.0]), height_m: None };
+    const THERE: MissionTarget = MissionTarget { horizontal_m: Some([2.0, 1.0]), height_m: Some(3.0) };
+    const ON_FLOOR: MissionTarget = MissionTarget { horizontal_m: Some([2.0, 1.0]), height_m: None };
 
     #[test]
     fn items_become_steps() {
-        let go_to = |hold_secs, radius_m| Ok(Step::GoTo { target: THERE, hold_secs, radius_m });
+        let go_to = |hold_secs, radius_m| Ok(MissionStep::GoTo { target: THERE, hold_secs, radius_m });
         assert_eq!(step(16, [NAN; 4]), go_to(0.0, None));
         assert_eq!(step(16, [5.0, 0.5, 1.0, 90.0]), go_to(5.0, Some(0.5)));
         assert_eq!(step(16, [0.0; 4]), go_to(0.0, None));
-        assert_eq!(step(17, [NAN; 4]), Ok(Step::Loiter { target: THERE, stay: Stay::UntilTold }));
-        assert_eq!(step(19, [4.0, 0.0, 0.0, NAN]), Ok(Step::Loiter { target: THERE, stay: Stay::Secs(4.0) }));
-        assert_eq!(step(20, [0.0; 4]), Ok(Step::Return));
-        assert_eq!(step(21, [0.0, 0.0, 0.0, NAN]), Ok(Step::Land(ON_FLOOR)));
-        assert_eq!(step(22, [NAN; 4]), Ok(Step::TakeOff(THERE)));
-        assert_eq!(step(93, [2.0, -1.0, -1.0, -1.0]), Ok(Step::Delay { secs: 2.0 }));
-        assert_eq!(step(112, [2.0, 0.0, 0.0, 0.0]), Ok(Step::Delay { secs: 2.0 }));
-        assert_eq!(step(178, [1.0, 0.3, -1.0, 0.0]), Ok(Step::ChangeSpeed(Speed::Of(0.3))));
-        assert_eq!(step(178, [1.0, -2.0, -1.0, 0.0]), Ok(Step::ChangeSpeed(Speed::Default)));
-        assert_eq!(step(178, [1.0, -1.0, -1.0, 0.0]), Ok(Step::Skip));
+        assert_eq!(
+            step(17, [NAN; 4]),
+            Ok(MissionStep::Loiter { target: THERE, time: LoiterTime::UntilContinued })
+        );
+        assert_eq!(
+            step(19, [4.0, 0.0, 0.0, NAN]),
+            Ok(MissionStep::Loiter { target: THERE, time: LoiterTime::Secs(4.0) })
+        );
+        assert_eq!(step(20, [0.0; 4]), Ok(MissionStep::Return));
+        assert_eq!(step(21, [0.0, 0.0, 0.0, NAN]), Ok(MissionStep::Land(ON_FLOOR)));
+        assert_eq!(step(22, [NAN; 4]), Ok(MissionStep::TakeOff(THERE)));
+        assert_eq!(step(93, [2.0, -1.0, -1.0, -1.0]), Ok(MissionStep::Delay { secs: 2.0 }));
+        assert_eq!(step(112, [2.0, 0.0, 0.0, 0.0]), Ok(MissionStep::Delay { secs: 2.0 }));
+        assert_eq!(step(178, [1.0, 0.3, -1.0, 0.0]), Ok(MissionStep::ChangeSpeed(MissionSpeed::Of(0.3))));
+        assert_eq!(step(178, [1.0, -2.0, -1.0, 0.0]), Ok(MissionStep::ChangeSpeed(MissionSpeed::Default)));
+        assert_eq!(step(178, [1.0, -1.0, -1.0, 0.0]), Ok(MissionStep::Skip));
     }
 
     #[test]
     fn what_a_camera_would_do_is_skipped_whatever_its_parameters() {
         for command in [205, 1000, 2000, 2001, 530, 2500, 2501, 201, 203] {
-            let item = Item { frame: 2, ..item(command, [f32::INFINITY, NAN, -1.0, 1e30]) };
-            assert_eq!(leg(&item, &Home::default()), Ok(Leg { step: Step::Skip, then: Then::Proceed }));
+            let item = MissionItem { frame: 2, ..item(command, [f32::INFINITY, NAN, -1.0, 1e30]) };
+            assert_eq!(
+                leg(&item, &Home::default()),
+                Ok(MissionLeg { step: MissionStep::Skip, after: AfterStep::Proceed })
+            );
         }
     }
 
@@ -263,22 +275,22 @@ mod tests {
         for command in [0, 18, 31, 177, 400, 5001, u16::MAX] {
             assert_eq!(step(command, [0.0; 4]), Err(MAV_MISSION_UNSUPPORTED), "{command}");
         }
-        let high = Item { height: -20.1, ..item(22, [NAN; 4]) };
+        let high = MissionItem { height: -20.1, ..item(22, [NAN; 4]) };
         assert_eq!(leg(&high, &Home::default()), Err(MAV_MISSION_INVALID_PARAM7));
-        let elsewhere = Item { frame: 8, ..item(16, [NAN; 4]) };
+        let elsewhere = MissionItem { frame: 8, ..item(16, [NAN; 4]) };
         assert_eq!(leg(&elsewhere, &Home::default()), Err(MAV_MISSION_UNSUPPORTED_FRAME));
     }
 
     #[test]
     fn a_landing_wants_no_height_and_no_place() {
-        let open = Item { place: [OPEN; 2], height: 1e9, ..item(21, [NAN; 4]) };
-        let here = Target { horizontal_m: None, height_m: None };
-        assert_eq!(leg(&open, &Home::default()).map(|leg| leg.step), Ok(Step::Land(here)));
+        let open = MissionItem { place: [OPEN; 2], height: 1e9, ..item(21, [NAN; 4]) };
+        let here = MissionTarget { horizontal_m: None, height_m: None };
+        assert_eq!(leg(&open, &Home::default()).map(|leg| leg.step), Ok(MissionStep::Land(here)));
     }
 
     #[test]
     fn an_item_that_does_not_continue_pauses() {
-        let item = Item { autocontinue: 0, ..item(16, [NAN; 4]) };
-        assert_eq!(leg(&item, &Home::default()).map(|leg| leg.then), Ok(Then::Pause));
+        let item = MissionItem { autocontinue: 0, ..item(16, [NAN; 4]) };
+        assert_eq!(leg(&item, &Home::default()).map(|leg| leg.after), Ok(AfterStep::Pause));
     }
 }

@@ -94,7 +94,7 @@ fn replace(path: &Path, unfinished: &Path, parameters: &Parameters) -> io::Resul
 
 #[cfg(test)]
 mod tests {
-    use super::super::Value;
+    use super::super::ParameterValue;
     use super::super::table::Parameter;
     use super::*;
 
@@ -121,7 +121,7 @@ mod tests {
         let path = directory.0.join("vehicle.params");
         fs::write(&path, "something old").unwrap();
         let mut parameters = Parameters::new(1);
-        parameters.set(Parameter::MpcXyCruise, Value::Real(0.1)).unwrap();
+        parameters.set(Parameter::MpcXyCruise, ParameterValue::Real(0.1)).unwrap();
         save(&path, &parameters).unwrap();
         let mut again = Parameters::new(1);
         read(&path, &mut again).unwrap();

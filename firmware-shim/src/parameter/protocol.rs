@@ -2,12 +2,12 @@
 
 use mavlink::dialects::common::MavParamError;
 
-use super::received::{Key, Name, Request};
+use super::received::{ParameterKey, ParameterName, ParameterRequest};
 use super::sent::{self, HASH_NAME};
 use super::table::{PARAMETERS, Parameter, ParameterType};
-use super::{Parameters, Refusal, Value};
+use super::{ParameterRefusal, ParameterValue, Parameters};
 use crate::frame::Payload;
-use crate::settings::Settings;
+use crate::settings::AutopilotSettings;
 
 /// Values of a list that leave with one tick: 200 in a second of ticks of 10 ms, a twentieth of a 1 Mbit/s radio.
 const VALUES_PER_TICK: usize = 2;
@@ -38,22 +38,22 @@ impl ParameterProtocol {
     }
 
     /// What they mean.
-    pub fn settings(&self) -> Settings {
+    pub fn settings(&self) -> AutopilotSettings {
         self.parameters.settings()
     }
 
     /// Answers a request of `sender` (system, component), whose addressee has been checked. The parameter that has a
     /// new value, if one has: the settings are to be looked at again.
-    pub fn obey(
+    pub fn handle(
         &mut self,
-        request: &Request,
+        request: &ParameterRequest,
         sender: [u8; 2],
         send: &mut dyn FnMut(Payload),
     ) -> Option<Parameter> {
         match request {
-            Request::List => self.left = PARAMETERS,
-            Request::Read(key) => self.read(key, sender, send),
-            Request::Set { name, kind, bytes } => return self.set(name, (*kind, *bytes), sender, send),
+            ParameterRequest::List => self.left = PARAMETERS,
+            ParameterRequest::Read(key) => self.read(key, sender, send),
+            ParameterRequest::Set { name, kind, bytes } => return self.set(name, (*kind, *bytes), sender, send),
         }
         None
     }
@@ -62,25 +62,25 @@ impl ParameterProtocol {
     pub fn tick(&mut self, send: &mut dyn FnMut(Payload)) {
         for _ in 0..VALUES_PER_TICK.min(self.left) {
             if let Some(parameter) = Parameter::at(self.next) {
-                self.tell(parameter, send);
+                self.publish(parameter, send);
             }
             self.next = (self.next + 1) % PARAMETERS;
             self.left -= 1;
         }
     }
 
-    fn tell(&self, parameter: Parameter, send: &mut dyn FnMut(Payload)) {
+    fn publish(&self, parameter: Parameter, send: &mut dyn FnMut(Payload)) {
         send(sent::parameter_value(parameter, self.parameters.get(parameter)));
     }
 
-    fn read(&self, key: &Key, sender: [u8; 2], send: &mut dyn FnMut(Payload)) {
+    fn read(&self, key: &ParameterKey, sender: [u8; 2], send: &mut dyn FnMut(Payload)) {
         let parameter = match key {
-            Key::Name(name) if name.text() == HASH_NAME => return send(sent::hash(self.hash())),
-            Key::Name(name) => Parameter::named(name.text()),
-            Key::Index(index) => Parameter::at((*index).into()),
+            ParameterKey::Name(name) if name.text() == HASH_NAME => return send(sent::hash(self.hash())),
+            ParameterKey::Name(name) => Parameter::named(name.text()),
+            ParameterKey::Index(index) => Parameter::at((*index).into()),
         };
         match parameter {
-            Some(parameter) => self.tell(parameter, send),
+            Some(parameter) => self.publish(parameter, send),
             None => send(sent::parameter_error(key, MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST, sender)),
         }
     }
@@ -88,12 +88,12 @@ impl ParameterProtocol {
     /// Sets a parameter to a value of a type in bytes, and tells the value it then has, new or old.
     fn set(
         &mut self,
-        name: &Name,
+        name: &ParameterName,
         (kind, bytes): (u8, [u8; 4]),
         sender: [u8; 2],
         send: &mut dyn FnMut(Payload),
     ) -> Option<Parameter> {
-        let refusal = |error| sent::parameter_error(&Key::Name(*name), error, sender);
+        let refusal = |error| sent::parameter_error(&ParameterKey::Name(*name), error, sender);
         if name.text() == HASH_NAME {
             // QGroundControl sends PX4's hash back when it has the list already.
             self.left = 0;
@@ -106,12 +106,15 @@ impl ParameterProtocol {
         let before = self.parameters.get(parameter);
         let outcome = match ParameterType::numbered(kind) {
             None => Err(MavParamError::MAV_PARAM_ERROR_TYPE_UNSUPPORTED),
-            Some(kind) => self.parameters.set(parameter, Value::from_bytes(kind, bytes)).map_err(Refusal::error),
+            Some(kind) => self
+                .parameters
+                .set(parameter, ParameterValue::from_bytes(kind, bytes))
+                .map_err(ParameterRefusal::error),
         };
         if let Err(error) = outcome {
             send(refusal(error));
         }
-        self.tell(parameter, send);
+        self.publish(parameter, send);
         (self.parameters.get(parameter) != before).then_some(parameter)
     }
 
@@ -131,7 +134,7 @@ fn checksum(start: u32, bytes: &[u8]) -> u32 {
     })
 }
 
-impl Refusal {
+impl ParameterRefusal {
     fn error(self) -> MavParamError {
         match self {
             Self::ReadOnly { .. } => MavParamError::MAV_PARAM_ERROR_READ_ONLY,

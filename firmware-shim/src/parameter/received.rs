@@ -9,15 +9,15 @@ const BY_NAME: i16 = -1;
 
 /// A request of the parameter protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Request {
+pub enum ParameterRequest {
     /// `PARAM_REQUEST_LIST`: tell all of them.
     List,
     /// `PARAM_REQUEST_READ`: tell one.
-    Read(Key),
+    Read(ParameterKey),
     /// `PARAM_SET`.
     Set {
         /// Of the parameter.
-        name: Name,
+        name: ParameterName,
         /// `MAV_PARAM_TYPE` of the value.
         kind: u8,
         /// The value, bytewise.
@@ -27,18 +27,18 @@ pub enum Request {
 
 /// What tells one parameter from the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Key {
+pub enum ParameterKey {
     /// Its index; negative ones have become greater than any.
     Index(u16),
     /// Its name.
-    Name(Name),
+    Name(ParameterName),
 }
 
 /// A name in a message: up to 16 bytes, ended by a zero if shorter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Name(pub [u8; NAME_LEN]);
+pub struct ParameterName(pub [u8; NAME_LEN]);
 
-impl Name {
+impl ParameterName {
     /// Its text, empty if that is no UTF-8.
     pub fn text(&self) -> &str {
         let len = self.0.iter().position(|byte| *byte == 0).unwrap_or(NAME_LEN);
@@ -46,7 +46,7 @@ impl Name {
     }
 }
 
-impl From<&str> for Name {
+impl From<&str> for ParameterName {
     /// Of the first 16 bytes of a text.
     fn from(text: &str) -> Self {
         let mut name = [0; NAME_LEN];
@@ -56,34 +56,34 @@ impl From<&str> for Name {
 }
 
 /// The request in a frame and its addressee; none if the message is none of this protocol.
-pub fn request(frame: &Frame) -> Option<(Address, Request)> {
+pub fn request(frame: &Frame) -> Option<(Address, ParameterRequest)> {
     match frame.message_id {
         20 => Some(read(&frame.fields())),
         21 => {
             let [system, component] = frame.fields();
-            Some((Address { system, component }, Request::List))
+            Some((Address { system, component }, ParameterRequest::List))
         }
         23 => Some(set(&frame.fields())),
         _ => None,
     }
 }
 
-fn read(fields: &[u8; 20]) -> (Address, Request) {
+fn read(fields: &[u8; 20]) -> (Address, ParameterRequest) {
     let key = match i16::from_le_bytes([fields[0], fields[1]]) {
-        BY_NAME => Key::Name(name_at(fields, 4)),
-        index => Key::Index(index as u16),
+        BY_NAME => ParameterKey::Name(name_at(fields, 4)),
+        index => ParameterKey::Index(index as u16),
     };
-    (Address { system: fields[2], component: fields[3] }, Request::Read(key))
+    (Address { system: fields[2], component: fields[3] }, ParameterRequest::Read(key))
 }
 
-fn set(fields: &[u8; 23]) -> (Address, Request) {
+fn set(fields: &[u8; 23]) -> (Address, ParameterRequest) {
     let bytes = [fields[0], fields[1], fields[2], fields[3]];
-    let request = Request::Set { name: name_at(fields, 6), kind: fields[22], bytes };
+    let request = ParameterRequest::Set { name: name_at(fields, 6), kind: fields[22], bytes };
     (Address { system: fields[4], component: fields[5] }, request)
 }
 
-fn name_at(fields: &[u8], at: usize) -> Name {
-    Name(core::array::from_fn(|i| fields[at + i]))
+fn name_at(fields: &[u8], at: usize) -> ParameterName {
+    ParameterName(core::array::from_fn(|i| fields[at + i]))
 }
 
 #[cfg(test)]
@@ -97,12 +97,12 @@ mod tests {
 
     const TARGET: Address = Address { system: 8, component: 9 };
 
-    fn asked<D: mavlink::MessageData>(message: &D) -> (Address, Request) {
+    fn asked<D: mavlink::MessageData>(message: &D) -> (Address, ParameterRequest) {
         let bytes = Encoder::new(255, 190).encode(&Payload::of(message));
         request(&Frames::new(&bytes).next().unwrap().unwrap()).unwrap()
     }
 
-    fn asked_for(param_index: i16, name: &str) -> Request {
+    fn asked_for(param_index: i16, name: &str) -> ParameterRequest {
         let message =
             PARAM_REQUEST_READ_DATA { param_index, target_system: 8, target_component: 9, param_id: name.into() };
         let (address, request) = asked(&message);
@@ -113,10 +113,13 @@ mod tests {
     #[test]
     fn requests_are_read_as_the_mavlink_crate_writes_them() {
         let list = PARAM_REQUEST_LIST_DATA { target_system: 8, target_component: 9 };
-        assert_eq!(asked(&list), (TARGET, Request::List));
-        assert_eq!(asked_for(3, "X"), Request::Read(Key::Index(3)));
-        assert_eq!(asked_for(-1, "COM_DL_LOSS_T"), Request::Read(Key::Name("COM_DL_LOSS_T".into())));
-        assert_eq!(asked_for(-2, "X"), Request::Read(Key::Index(65534)));
+        assert_eq!(asked(&list), (TARGET, ParameterRequest::List));
+        assert_eq!(asked_for(3, "X"), ParameterRequest::Read(ParameterKey::Index(3)));
+        assert_eq!(
+            asked_for(-1, "COM_DL_LOSS_T"),
+            ParameterRequest::Read(ParameterKey::Name("COM_DL_LOSS_T".into()))
+        );
+        assert_eq!(asked_for(-2, "X"), ParameterRequest::Read(ParameterKey::Index(65534)));
         let set = PARAM_SET_DATA {
             param_value: f32::from_bits(5),
             target_system: 8,
@@ -124,15 +127,15 @@ mod tests {
             param_id: "SIXTEEN_LETTERS_".into(),
             param_type: MavParamType::MAV_PARAM_TYPE_INT32,
         };
-        let expected = Request::Set { name: "SIXTEEN_LETTERS_".into(), kind: 6, bytes: [5, 0, 0, 0] };
+        let expected = ParameterRequest::Set { name: "SIXTEEN_LETTERS_".into(), kind: 6, bytes: [5, 0, 0, 0] };
         assert_eq!(asked(&set), (TARGET, expected));
     }
 
     #[test]
     fn names_end_at_a_zero_or_after_sixteen_bytes() {
-        assert_eq!(Name::from("GF_ACTION").text(), "GF_ACTION");
-        assert_eq!(Name::from("SIXTEEN_LETTERS_AND_MORE").text(), "SIXTEEN_LETTERS_");
-        assert_eq!(Name([0xff; NAME_LEN]).text(), "");
-        assert_eq!(Name([0; NAME_LEN]).text(), "");
+        assert_eq!(ParameterName::from("GF_ACTION").text(), "GF_ACTION");
+        assert_eq!(ParameterName::from("SIXTEEN_LETTERS_AND_MORE").text(), "SIXTEEN_LETTERS_");
+        assert_eq!(ParameterName([0xff; NAME_LEN]).text(), "");
+        assert_eq!(ParameterName([0; NAME_LEN]).text(), "");
     }
 }

@@ -2,8 +2,8 @@
 
 use mavlink::dialects::common::{MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
 
-use super::Value;
-use super::received::{Key, Name};
+use super::ParameterValue;
+use super::received::{ParameterKey, ParameterName};
 use super::table::{PARAMETERS, Parameter, ParameterType};
 use crate::frame::Payload;
 
@@ -14,7 +14,7 @@ pub const HASH_NAME: &str = "_HASH_CHECK";
 const NO_INDEX: u16 = u16::MAX;
 
 /// `PARAM_VALUE` of a parameter.
-pub fn parameter_value(parameter: Parameter, value: Value) -> Payload {
+pub fn parameter_value(parameter: Parameter, value: ParameterValue) -> Payload {
     Payload::of(&PARAM_VALUE_DATA {
         param_value: f32::from_le_bytes(value.to_bytes()),
         param_count: PARAMETERS as u16,
@@ -39,10 +39,10 @@ pub fn hash(hash: u32) -> Payload {
 }
 
 /// `PARAM_ERROR` to the system and component that asked.
-pub fn parameter_error(key: &Key, error: MavParamError, [system, component]: [u8; 2]) -> Payload {
-    let (param_index, Name(name)) = match key {
-        Key::Index(index) => (*index as i16, Name::from("")),
-        Key::Name(name) => (-1, *name),
+pub fn parameter_error(key: &ParameterKey, error: MavParamError, [system, component]: [u8; 2]) -> Payload {
+    let (param_index, ParameterName(name)) = match key {
+        ParameterKey::Index(index) => (*index as i16, ParameterName::from("")),
+        ParameterKey::Name(name) => (-1, *name),
     };
     Payload::of(&PARAM_ERROR_DATA {
         param_index,

@@ -2,45 +2,57 @@
 
 use super::Parameters;
 use super::table::Parameter;
-use crate::settings::{Action, Reaction, Settings};
+use crate::settings::{AutopilotSettings, FailsafeAction, FailsafeReaction};
 
 /// What a number of a choice stands for.
 type Meaning<T> = &'static [(i32, T)];
 
 /// `COM_OBL_ACT`.
-const OFFBOARD_LOSS: Meaning<Action> = &[(0, Action::Hold), (1, Action::Land), (2, Action::Return)];
+const OFFBOARD_LOSS: Meaning<FailsafeAction> =
+    &[(0, FailsafeAction::Hold), (1, FailsafeAction::Land), (2, FailsafeAction::Return)];
 
 /// `NAV_DLL_ACT`.
-const LINK_LOSS: Meaning<Action> =
-    &[(0, Action::Nothing), (1, Action::Hold), (2, Action::Return), (3, Action::Land)];
+const LINK_LOSS: Meaning<FailsafeAction> = &[
+    (0, FailsafeAction::Nothing),
+    (1, FailsafeAction::Hold),
+    (2, FailsafeAction::Return),
+    (3, FailsafeAction::Land),
+];
 
 /// `GF_ACTION`; PX4's 4 ends the flight, which is not offered.
-const FENCE: Meaning<Action> =
-    &[(0, Action::Nothing), (1, Action::Warn), (2, Action::Hold), (3, Action::Return), (5, Action::Land)];
+const FENCE: Meaning<FailsafeAction> = &[
+    (0, FailsafeAction::Nothing),
+    (1, FailsafeAction::Warn),
+    (2, FailsafeAction::Hold),
+    (3, FailsafeAction::Return),
+    (5, FailsafeAction::Land),
+];
 
 /// `COM_LOW_BAT_ACT`: what to do when low, critical and nearly empty; PX4 has no 1 any more.
-const BATTERY: Meaning<[Action; 3]> = &[
-    (0, [Action::Warn; 3]),
-    (2, [Action::Warn, Action::Land, Action::Land]),
-    (3, [Action::Warn, Action::Return, Action::Land]),
+const BATTERY: Meaning<[FailsafeAction; 3]> = &[
+    (0, [FailsafeAction::Warn; 3]),
+    (2, [FailsafeAction::Warn, FailsafeAction::Land, FailsafeAction::Land]),
+    (3, [FailsafeAction::Warn, FailsafeAction::Return, FailsafeAction::Land]),
 ];
 
 /// `FD_ACTION`.
-const UPSET: Meaning<Reaction> = &[
-    (0, Reaction::only(Action::Warn)),
-    (1, Reaction::with_cascade(Action::Hold)),
-    (2, Reaction::with_cascade(Action::Land)),
-    (3, Reaction::only(Action::StopMotors)),
+const UPSET: Meaning<FailsafeReaction> = &[
+    (0, FailsafeReaction::only(FailsafeAction::Warn)),
+    (1, FailsafeReaction::with_cascade(FailsafeAction::Hold)),
+    (2, FailsafeReaction::with_cascade(FailsafeAction::Land)),
+    (3, FailsafeReaction::only(FailsafeAction::StopMotors)),
 ];
 
 /// `RL_FAULT_ACT`.
-const POLICY_FAULT: Meaning<Reaction> =
-    &[(1, Reaction::with_cascade(Action::Hold)), (2, Reaction::with_cascade(Action::Land))];
+const POLICY_FAULT: Meaning<FailsafeReaction> = &[
+    (1, FailsafeReaction::with_cascade(FailsafeAction::Hold)),
+    (2, FailsafeReaction::with_cascade(FailsafeAction::Land)),
+];
 
 impl Parameters {
     /// What the values mean.
-    pub fn settings(&self) -> Settings {
-        Settings {
+    pub fn settings(&self) -> AutopilotSettings {
+        AutopilotSettings {
             takeoff_altitude_m: self.real(Parameter::MisTakeoffAlt),
             cruise_speed: self.real(Parameter::MpcXyCruise),
             climb_speed: self.real(Parameter::MpcZVAutoUp),
@@ -86,7 +98,7 @@ impl Parameters {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Value;
+    use super::super::ParameterValue;
     use super::super::table::Domain;
     use super::*;
 
@@ -96,7 +108,7 @@ mod tests {
         for parameter in Parameter::ALL {
             if let Domain::Choice { choices, .. } = parameter.definition().domain {
                 for number in choices {
-                    parameters.set(parameter, Value::Integer(*number)).unwrap();
+                    parameters.set(parameter, ParameterValue::Integer(*number)).unwrap();
                     parameters.settings();
                 }
             }
@@ -106,7 +118,8 @@ mod tests {
     #[test]
     fn defaults_are_those_of_the_settings() {
         let settings = Parameters::new(7).settings();
-        let expected = Settings { tilt_limit_rad: settings.tilt_limit_rad, ..Settings::default() };
+        let expected =
+            AutopilotSettings { tilt_limit_rad: settings.tilt_limit_rad, ..AutopilotSettings::default() };
         assert_eq!(settings, expected);
         assert!((settings.tilt_limit_rad - core::f32::consts::FRAC_PI_3).abs() < 1e-6);
     }
@@ -117,9 +130,9 @@ mod tests {
         for parameter in Parameter::ALL {
             let mut after = before.clone();
             let other = match before.get(parameter) {
-                Value::Real(value) => Value::Real(value + 0.01),
-                Value::Integer(_) if parameter == Parameter::ComLowBatAct => Value::Integer(0),
-                Value::Integer(value) => Value::Integer([2, 1][usize::from(value == 2)]),
+                ParameterValue::Real(value) => ParameterValue::Real(value + 0.01),
+                ParameterValue::Integer(_) if parameter == Parameter::ComLowBatAct => ParameterValue::Integer(0),
+                ParameterValue::Integer(value) => ParameterValue::Integer([2, 1][usize::from(value == 2)]),
             };
             if after.set(parameter, other).is_ok() {
                 assert_ne!(after.settings(), before.settings(), "{parameter}");

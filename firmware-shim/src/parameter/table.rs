@@ -1,6 +1,6 @@
 //! What parameters there are.
 
-use super::Value;
+use super::ParameterValue;
 
 /// How many there are.
 pub const PARAMETERS: usize = Parameter::ALL.len();
@@ -75,7 +75,7 @@ pub enum Parameter {
 
 /// What a parameter is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Definition {
+pub struct ParameterDefinition {
     /// At most 16 bytes, as in messages and files.
     pub name: &'static str,
     /// Type, default and allowed values.
@@ -172,7 +172,7 @@ impl Parameter {
     ];
 
     /// What it is.
-    pub const fn definition(self) -> &'static Definition {
+    pub const fn definition(self) -> &'static ParameterDefinition {
         &TABLE[self as usize]
     }
 
@@ -200,10 +200,10 @@ impl Domain {
     }
 
     /// The value before anybody sets it.
-    pub const fn default(&self) -> Value {
+    pub const fn default(&self) -> ParameterValue {
         match *self {
-            Self::Real { default, .. } => Value::Real(default),
-            Self::Integer { default, .. } | Self::Choice { default, .. } => Value::Integer(default),
+            Self::Real { default, .. } => ParameterValue::Real(default),
+            Self::Integer { default, .. } | Self::Choice { default, .. } => ParameterValue::Integer(default),
         }
     }
 }
@@ -243,9 +243,9 @@ const fn real(
     unit: &'static str,
     [least, default, greatest]: [f32; 3],
     description: &'static str,
-) -> Definition {
+) -> ParameterDefinition {
     let domain = Domain::Real { default, least, greatest };
-    Definition { name, domain, unit, access: Access::ReadWrite, description }
+    ParameterDefinition { name, domain, unit, access: Access::ReadWrite, description }
 }
 
 const fn choice(
@@ -253,8 +253,8 @@ const fn choice(
     default: i32,
     choices: &'static [i32],
     description: &'static str,
-) -> Definition {
-    Definition {
+) -> ParameterDefinition {
+    ParameterDefinition {
         name,
         domain: Domain::Choice { default, choices },
         unit: "",
@@ -263,14 +263,18 @@ const fn choice(
     }
 }
 
-const fn fixed(name: &'static str, [least, default, greatest]: [i32; 3], description: &'static str) -> Definition {
+const fn fixed(
+    name: &'static str,
+    [least, default, greatest]: [i32; 3],
+    description: &'static str,
+) -> ParameterDefinition {
     let domain = Domain::Integer { default, least, greatest };
-    Definition { name, domain, unit: "", access: Access::ReadOnly, description }
+    ParameterDefinition { name, domain, unit: "", access: Access::ReadOnly, description }
 }
 
 /// By index. Each row of a number: least, default, greatest. Bounds that PX4 has are PX4's or, where a drone of 30 g
 /// in a room flies lower and slower, scaled to it.
-const TABLE: [Definition; PARAMETERS] = [
+const TABLE: [ParameterDefinition; PARAMETERS] = [
     real("BAT_CRIT_THR", "norm", [0.05, 0.07, 0.5], "Charge below which the battery is critical."),
     real("BAT_EMERGEN_THR", "norm", [0.03, 0.05, 0.5], "Charge below which the battery is an emergency."),
     real("BAT_LOW_THR", "norm", [0.12, 0.15, 0.5], "Charge below which the battery is low."),
@@ -366,7 +370,7 @@ mod tests {
     #[test]
     fn the_page_about_software_in_the_loop_lists_them_all() {
         let page = include_str!("../../../docs/software-in-the-loop.md");
-        for Definition { name, description, domain, .. } in TABLE {
+        for ParameterDefinition { name, description, domain, .. } in TABLE {
             let row = page.lines().find(|line| line.starts_with(&format!("| `{name}` |"))).expect(name);
             assert!(row.contains(description), "{row}");
             match domain {
@@ -381,7 +385,7 @@ mod tests {
 
     #[test]
     fn defaults_are_allowed_and_texts_are_sentences() {
-        for Definition { name, domain, description, .. } in TABLE {
+        for ParameterDefinition { name, domain, description, .. } in TABLE {
             let allowed = match domain {
                 Domain::Real { default, least, greatest } => (least..=greatest).contains(&default),
                 Domain::Integer { default, least, greatest } => (least..=greatest).contains(&default),

@@ -6,7 +6,7 @@
 use core::fmt::{self, Write};
 
 use super::table::{Access, PARAMETERS, Parameter, ParameterType};
-use super::{Parameters, Refusal, Value};
+use super::{ParameterRefusal, ParameterValue, Parameters};
 use kestrel_onboard::excerpt::Excerpt;
 
 /// Columns of a line.
@@ -55,7 +55,7 @@ pub enum Reason {
     Repeated(Parameter),
     /// A value that the parameter does not take.
     #[error(transparent)]
-    Value(#[from] Refusal),
+    Value(#[from] ParameterRefusal),
 }
 
 impl Parameters {
@@ -113,11 +113,11 @@ impl Parameters {
     }
 }
 
-fn read_value(value: &str, kind: &str) -> Result<Value, Reason> {
+fn read_value(value: &str, kind: &str) -> Result<ParameterValue, Reason> {
     const KIND: &str = "6 (INT32) or 9 (REAL32)";
     match number::<u8>(kind, "type", KIND).map(ParameterType::numbered)? {
-        Some(ParameterType::Real32) => number(value, "value", "a number").map(Value::Real),
-        Some(ParameterType::Int32) => number(value, "value", "a whole number").map(Value::Integer),
+        Some(ParameterType::Real32) => number(value, "value", "a number").map(ParameterValue::Real),
+        Some(ParameterType::Int32) => number(value, "value", "a whole number").map(ParameterValue::Integer),
         None => Err(Reason::Number { column: "type", expected: KIND, found: kind.into() }),
     }
 }
@@ -141,8 +141,8 @@ mod tests {
 
     fn changed() -> Parameters {
         let mut parameters = Parameters::new(1);
-        parameters.set(Parameter::MpcXyCruise, Value::Real(0.1 + 0.2)).unwrap();
-        parameters.set(Parameter::GfAction, Value::Integer(5)).unwrap();
+        parameters.set(Parameter::MpcXyCruise, ParameterValue::Real(0.1 + 0.2)).unwrap();
+        parameters.set(Parameter::GfAction, ParameterValue::Integer(5)).unwrap();
         parameters
     }
 
@@ -160,15 +160,15 @@ mod tests {
         let file = "# Onboard parameters for Vehicle 1\r\n#\r\n# Stack: PX4 Pro\r\n\r\n\
                     1\t1\tBAT_CRIT_THR\t0.070000000298023224\t9\r\n1\t1\tNAV_DLL_ACT\t2\t6\r\n";
         assert_eq!(parameters.read_text(file), Ok(()));
-        assert_eq!(parameters.get(Parameter::BatCritThr), Value::Real(0.07));
-        assert_eq!(parameters.get(Parameter::NavDllAct), Value::Integer(2));
+        assert_eq!(parameters.get(Parameter::BatCritThr), ParameterValue::Real(0.07));
+        assert_eq!(parameters.get(Parameter::NavDllAct), ParameterValue::Integer(2));
     }
 
     #[test]
     fn one_file_serves_several_vehicles() {
         let mut other = Parameters::new(2);
         assert_eq!(other.read_text(&text(&changed())), Ok(()));
-        assert_eq!(other.get(Parameter::SysId), Value::Integer(2));
+        assert_eq!(other.get(Parameter::SysId), ParameterValue::Integer(2));
         assert_eq!(other.settings().cruise_speed, changed().settings().cruise_speed);
     }
 
@@ -214,10 +214,10 @@ mod tests {
             for (parameter, share) in Parameter::ALL.into_iter().zip(shares) {
                 let value = match parameter.definition().domain {
                     Domain::Real { least, greatest, .. } => {
-                        Value::Real((least + share * (greatest - least)).clamp(least, greatest))
+                        ParameterValue::Real((least + share * (greatest - least)).clamp(least, greatest))
                     }
                     Domain::Choice { choices, .. } => {
-                        Value::Integer(choices[(share * (choices.len() - 1) as f32) as usize])
+                        ParameterValue::Integer(choices[(share * (choices.len() - 1) as f32) as usize])
                     }
                     Domain::Integer { .. } => continue,
                 };

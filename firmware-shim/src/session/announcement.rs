@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::{Bound, SessionOptions};
 use crate::flight_mode::FlightMode;
-use crate::lockstep::Pace;
+use crate::lockstep::SimulationRate;
 
 /// Of one vehicle, or of several with the policy `name`, each of them `bound`; `options` are those of the first.
 pub(super) fn announcement(name: &str, options: &SessionOptions, bound: &[Bound]) -> String {
@@ -17,9 +17,9 @@ pub(super) fn announcement(name: &str, options: &SessionOptions, bound: &[Bound]
 fn write(text: &mut String, name: &str, options: &SessionOptions, bound: &[Bound]) -> std::fmt::Result {
     let ground_station = options.ground_station;
     let pace = match options.speed {
-        Pace::Speed(1.0) => "in real time".to_owned(),
-        Pace::Speed(factor) => format!("at {factor} times real time"),
-        Pace::Unthrottled => "as fast as it goes".to_owned(),
+        SimulationRate::Speed(1.0) => "in real time".to_owned(),
+        SimulationRate::Speed(factor) => format!("at {factor} times real time"),
+        SimulationRate::Unthrottled => "as fast as it goes".to_owned(),
     };
     let (systems, speakers) = match bound {
         [first, .., last] => (format!("systems {} to {}", first.system, last.system), "They speak"),

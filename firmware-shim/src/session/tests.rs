@@ -10,8 +10,8 @@ use mavlink::dialects::common::{COMMAND_ACK_DATA, HEARTBEAT_DATA, MavCmd, MavMes
 
 use super::*;
 use crate::autopilot::Mode;
+use crate::controller::Controller;
 use crate::flight_mode::FlightMode;
-use crate::flyer::Flyer;
 use crate::link::DATAGRAM_LIMIT;
 use crate::plant::FlatFloor;
 use crate::policy_bytes::PolicyBytes;
@@ -78,7 +78,7 @@ impl Client {
     fn wait_for_mode(&self, mode: Mode) {
         self.wait_for(|message| match message {
             MavMessage::HEARTBEAT(heartbeat) => {
-                (heartbeat.custom_mode == FlightMode::of(mode, Flyer::Policy).custom_mode()).then_some(())
+                (heartbeat.custom_mode == FlightMode::of(mode, Controller::Policy).custom_mode()).then_some(())
             }
             _ => None,
         });
@@ -88,7 +88,7 @@ impl Client {
 #[test]
 fn options_have_the_customary_defaults() {
     assert_eq!(parsed("").unwrap(), SessionOptions::default());
-    assert_eq!(parsed("--speed max --for-secs 2.5").unwrap().speed, Pace::Unthrottled);
+    assert_eq!(parsed("--speed max --for-secs 2.5").unwrap().speed, SimulationRate::Unthrottled);
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn a_crazyflie_answers_over_the_loopback() {
     client.connect(session.bound().crtp.unwrap()).unwrap();
     client.send(&[0xFF]).unwrap();
     let mut moments = 0;
-    let mut watch = |_: &Moment| {
+    let mut watch = |_: &ControlPeriod| {
         moments += 1;
         if moments < 10 { Next::Fly } else { Next::End }
     };
@@ -211,7 +211,7 @@ fn a_flight_ends_when_its_time_is_up() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
     let mut session = Session::open(&bytes, &CF2X, &anywhere("--speed max --for-secs 5")).unwrap();
     let mut moments = 0;
-    let mut watch = |_: &Moment| {
+    let mut watch = |_: &ControlPeriod| {
         moments += 1;
         Next::Fly
     };
@@ -242,12 +242,12 @@ fn a_tcp_client_arms_and_everything_is_logged() {
     let mut stream = TcpStream::connect(session.bound().tcp.unwrap()).unwrap();
     let arm = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     let command = datagram(&command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, arm));
-    let mut watch = |moment: &Moment| {
-        if moment.secs > 1.0 && moment.mode == Mode::Disarmed {
+    let mut watch = |period: &ControlPeriod| {
+        if period.secs > 1.0 && period.mode == Mode::Disarmed {
             stream.write_all(&command).unwrap();
         }
-        assert!(moment.secs < 200.0, "never armed");
-        if moment.mode == Mode::Armed { Next::End } else { Next::Fly }
+        assert!(period.secs < 200.0, "never armed");
+        if period.mode == Mode::Armed { Next::End } else { Next::Fly }
     };
     session.fly(&mut FlatFloor::new(&CF2X, 0.01), &mut watch).unwrap();
     let entries = read_flight_log(&fs::read(log).unwrap());
@@ -264,17 +264,17 @@ fn a_squadron_counts_up_and_ends_together() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("flight.tlog");
     let options = format!("--speed max --for-secs 1 --system 5 --log {}", log.display());
-    let mut squadron = Squadron::open(&bytes, &CF2X, 3, &anywhere(&options)).unwrap();
-    assert!(squadron.announcement().contains("systems 5 to 7"), "{}", squadron.announcement());
-    for session in squadron.sessions() {
+    let mut fleet = Fleet::open(&bytes, &CF2X, 3, &anywhere(&options)).unwrap();
+    assert!(fleet.announcement().contains("systems 5 to 7"), "{}", fleet.announcement());
+    for session in fleet.sessions() {
         let address = format!("udpout:{}", session.bound().udp);
-        assert!(squadron.announcement().contains(&address), "{}", squadron.announcement());
+        assert!(fleet.announcement().contains(&address), "{}", fleet.announcement());
     }
     let mut moments = [0; 3];
     let mut plants = [0.0, 1.0, 2.0].map(|x_m| FlatFloor::new(&CF2X, 0.01).at([x_m, 0.0]));
-    squadron
-        .fly(&mut plants, &mut |moment| {
-            moments[moment.number] += 1;
+    fleet
+        .fly(&mut plants, &mut |period| {
+            moments[period.number] += 1;
             Next::Fly
         })
         .unwrap();
@@ -288,8 +288,8 @@ fn a_squadron_counts_up_and_ends_together() {
 #[test]
 fn a_squadron_of_one_is_a_session() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let squadron = Squadron::open(&bytes, &CF2X, 1, &anywhere("")).unwrap();
-    assert_eq!(squadron.announcement(), squadron.sessions()[0].announcement());
+    let fleet = Fleet::open(&bytes, &CF2X, 1, &anywhere("")).unwrap();
+    assert_eq!(fleet.announcement(), fleet.sessions()[0].announcement());
 }
 
 #[test]
@@ -302,8 +302,8 @@ fn a_squadron_without_numbers_ports_or_lines_for_all_is_refused() {
         ("--serial /dev/null", "expected no serial line, found /dev/null"),
     ] {
         let options = parsed(options).unwrap();
-        let error = Squadron::open(&bytes, &CF2X, 3, &options).err().unwrap();
-        assert!(matches!(error, SessionError::Squadron { count: 3, .. }), "{error}");
+        let error = Fleet::open(&bytes, &CF2X, 3, &options).err().unwrap();
+        assert!(matches!(error, SessionError::Fleet { count: 3, .. }), "{error}");
         assert!(error.to_string().contains(expected), "{error}");
     }
 }
@@ -335,7 +335,7 @@ fn a_client_flies_over_the_loopback_through_a_shower_of_garbage() {
         assert_eq!(client.command(MavCmd::MAV_CMD_NAV_LAND, PARAMETERS_OPEN), MavResult::MAV_RESULT_ACCEPTED);
         client.wait_for_mode(Mode::Disarmed);
     });
-    let mut watch = |_: &Moment| if pilot.is_finished() { Next::End } else { Next::Fly };
+    let mut watch = |_: &ControlPeriod| if pilot.is_finished() { Next::End } else { Next::Fly };
     let counts = session.fly(&mut FlatFloor::new(&CF2X, 0.01), &mut watch).unwrap();
     pilot.join().unwrap();
     assert!(counts.garbage >= 100, "{counts:?}");

@@ -3,15 +3,15 @@
 
 use kestrel_onboard::acknowledgement::CommandResult;
 use kestrel_onboard::fence::Zones;
-use kestrel_onboard::order::{Objection, Order};
+use kestrel_onboard::order::{Order, Rejection};
 
 use super::MavlinkVehicle;
 use crate::autopilot::Refusal;
 use crate::flight_mode::FlightMode;
 use crate::message::sent::identity::{self, Personality};
-use crate::processor::Processor;
+use crate::policy_backend::PolicyBackend;
 use crate::request::CommandRequest;
-use crate::telemetry::Stream;
+use crate::telemetry::TelemetryStream;
 
 /// How pymavlink and `MAVProxy` have a vehicle that is not PX4 return (`mode RTL`), which they take for `ArduCopter`; with PX4's
 /// numbers it is the offboard mode, of all modes the one to leave so. Clients of PX4 that ask for that one in flight set the
@@ -32,8 +32,8 @@ impl Answer {
     }
 }
 
-impl From<Objection> for Answer {
-    fn from(Objection { result, text }: Objection) -> Self {
+impl From<Rejection> for Answer {
+    fn from(Rejection { result, text }: Rejection) -> Self {
         Self { result, text: Some(text) }
     }
 }
@@ -50,7 +50,7 @@ impl From<Result<(), Refusal>> for Answer {
     }
 }
 
-impl<P: Processor> MavlinkVehicle<P> {
+impl<P: PolicyBackend> MavlinkVehicle<P> {
     pub(super) fn execute(&mut self, request: &CommandRequest) -> Answer {
         let [first, second, third, _] = request.parameters;
         match request.command {
@@ -71,11 +71,11 @@ impl<P: Processor> MavlinkVehicle<P> {
         self.carry_out(Order::to_mode(mode, &self.autopilot, &self.profile.origin))
     }
 
-    fn carry_out(&mut self, order: Result<Order, Objection>) -> Answer {
+    fn carry_out(&mut self, order: Result<Order, Rejection>) -> Answer {
         let order = match order {
             Ok(Order::Mission) => return self.start_mission().into(),
             Ok(order) => order,
-            Err(objection) => return objection.into(),
+            Err(rejection) => return rejection.into(),
         };
         for command in order.commands(self.autopilot.mode()) {
             if let Err(refusal) = self.order(command) {
@@ -103,7 +103,7 @@ impl<P: Processor> MavlinkVehicle<P> {
 
     /// `MAV_CMD_SET_MESSAGE_INTERVAL`; the interval is in µs.
     fn set_interval(&mut self, message_id: f32, interval_us: f32) -> Answer {
-        let Some(stream) = identifier(message_id).and_then(Stream::of_message) else {
+        let Some(stream) = identifier(message_id).and_then(TelemetryStream::of_message) else {
             return Answer::denied("this message is not streamed");
         };
         self.schedule.set_interval(stream, interval_us * 1e-6);
@@ -116,7 +116,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             148 => self.answer(identity::autopilot_version(self.profile.policy.hash)),
             435 => self.send_modes(index),
             437 => self.answer(identity::available_modes_monitor()),
-            message_id => match Stream::of_message(message_id) {
+            message_id => match TelemetryStream::of_message(message_id) {
                 Some(stream) if self.requested.contains(&stream) => {}
                 // There is room for each of them once.
                 Some(stream) => self.requested.push(stream).unwrap_or(()),

@@ -6,10 +6,10 @@ use mavlink::dialects::common::MavSeverity;
 use super::MavlinkVehicle;
 use crate::autopilot::{Command, Mode, Refusal, SPEED_LIMIT, SPEED_MINIMUM};
 use crate::message::sent;
-use crate::mission::runner::{Directive, Motion, Phase, Situation};
-use crate::mission::{self, Event, Plan};
-use crate::processor::Processor;
-use crate::settings::Action;
+use crate::mission::runner::{Directive, DroneMotion, MissionInput, MissionPhase};
+use crate::mission::{self, MissionEvent, PlanKind};
+use crate::policy_backend::PolicyBackend;
+use crate::settings::FailsafeAction;
 
 /// `MISSION_ITEM_REACHED` of the last item is told again after this \[s\], so often: clients count what is reached, and some
 /// wait for the last item for ever.
@@ -20,31 +20,31 @@ const REPETITIONS: u8 = 3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reached {
     sequence: u16,
-    told_secs: f64,
+    sent_secs: f64,
     repetitions: u8,
 }
 
-impl<P: Processor> MavlinkVehicle<P> {
+impl<P: PolicyBackend> MavlinkVehicle<P> {
     /// Whether a mission is flown.
     pub(super) fn on_mission(&self) -> bool {
-        self.runner.phase() == Phase::Active
+        self.runner.phase() == MissionPhase::Active
     }
 
-    pub(super) fn obey_mission(&mut self, request: &mission::received::Request, sender: [u8; 2]) {
+    pub(super) fn handle_mission(&mut self, request: &mission::received::MissionRequest, sender: [u8; 2]) {
         let now_secs = self.elapsed_secs();
         let (answers, unanswered) = (&mut self.answers, &mut self.counts.unanswered);
-        let event = self.plans.obey(request, sender, now_secs, &mut |payload| {
+        let event = self.plans.handle(request, sender, now_secs, &mut |payload| {
             *unanswered += u64::from(answers.push(payload).is_err());
         });
         match event {
-            None | Some(Event::Replaced(Plan::Rally)) => {}
-            Some(Event::Replaced(Plan::Mission)) => self.forget_mission(),
-            Some(Event::Replaced(Plan::Fence)) => self.autopilot.enclose(self.plans.zones().clone()),
-            Some(Event::Cleared) => {
+            None | Some(MissionEvent::Replaced(PlanKind::Rally)) => {}
+            Some(MissionEvent::Replaced(PlanKind::Mission)) => self.forget_mission(),
+            Some(MissionEvent::Replaced(PlanKind::Fence)) => self.autopilot.enclose(self.plans.zones().clone()),
+            Some(MissionEvent::Cleared) => {
                 self.forget_mission();
                 self.autopilot.enclose(self.plans.zones().clone());
             }
-            Some(Event::JumpTo(sequence)) => {
+            Some(MissionEvent::JumpTo(sequence)) => {
                 self.runner.jump(sequence, self.plans.legs());
                 self.answer(mission::sent::current(&self.plans, &self.runner));
             }
@@ -70,7 +70,7 @@ impl<P: Processor> MavlinkVehicle<P> {
         if !self.mode().armed() {
             return Err(Refusal::NotArmed);
         }
-        let paused = self.runner.phase() == Phase::Paused;
+        let paused = self.runner.phase() == MissionPhase::Paused;
         if paused {
             self.runner.resume();
         } else if !self.runner.start(self.plans.legs()) {
@@ -92,7 +92,7 @@ impl<P: Processor> MavlinkVehicle<P> {
             .autopilot
             .events()
             .iter()
-            .any(|event| event.reaction(self.autopilot.settings()).action > Action::Warn)
+            .any(|event| event.reaction(self.autopilot.settings()).action > FailsafeAction::Warn)
             || !self.mode().armed()
         {
             self.pause_mission();
@@ -100,13 +100,14 @@ impl<P: Processor> MavlinkVehicle<P> {
         if !self.on_mission() {
             return;
         }
-        let situation = Situation { position: state.position, motion: self.motion(), secs: self.elapsed_secs() };
+        let situation =
+            MissionInput { position: state.position, motion: self.motion(), secs: self.elapsed_secs() };
         let mut reached = heapless::Vec::<u16, { mission::MISSION_ITEMS }>::new();
         let directive =
             self.runner.advance(self.plans.legs(), &situation, &mut |sequence| reached.extend([sequence]));
         for sequence in reached {
             self.answer(mission::sent::reached(sequence));
-            self.reached = Some(Reached { sequence, told_secs: self.elapsed_secs(), repetitions: REPETITIONS });
+            self.reached = Some(Reached { sequence, sent_secs: self.elapsed_secs(), repetitions: REPETITIONS });
         }
         if self.directive == Some(directive) {
             return;
@@ -115,26 +116,26 @@ impl<P: Processor> MavlinkVehicle<P> {
         if let Err(refusal) = self.direct(directive, state) {
             self.pause_mission();
             self.answer(sent::status_text(MavSeverity::MAV_SEVERITY_WARNING, "mission paused"));
-            self.word(Some(refusal.text()));
+            self.send_status_text(Some(refusal.text()));
         }
     }
 
     /// Tells again what was reached last.
     pub(super) fn repeat_reached(&mut self) {
         let now_secs = self.elapsed_secs();
-        let due = |reached: &Reached| reached.repetitions > 0 && now_secs - reached.told_secs >= REPETITION_SECS;
+        let due = |reached: &Reached| reached.repetitions > 0 && now_secs - reached.sent_secs >= REPETITION_SECS;
         let Some(Reached { sequence, repetitions, .. }) = self.reached.filter(due) else { return };
         self.answer(mission::sent::reached(sequence));
-        self.reached = Some(Reached { sequence, told_secs: now_secs, repetitions: repetitions - 1 });
+        self.reached = Some(Reached { sequence, sent_secs: now_secs, repetitions: repetitions - 1 });
     }
 
-    fn motion(&self) -> Motion {
+    fn motion(&self) -> DroneMotion {
         if !self.mode().flies() {
-            Motion::OnGround
+            DroneMotion::OnGround
         } else if self.autopilot.goal().arrived() && self.mode() != Mode::TakingOff {
-            Motion::Resting
+            DroneMotion::Resting
         } else {
-            Motion::Travelling
+            DroneMotion::Travelling
         }
     }
 

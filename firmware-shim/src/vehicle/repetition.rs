@@ -4,7 +4,7 @@ use kestrel_onboard::acknowledgement::CommandResult;
 
 use crate::autopilot::Mode;
 use crate::flight_mode::FlightMode;
-use crate::request::{CommandRequest, Place};
+use crate::request::{CommandLocation, CommandRequest};
 
 /// Commands that are remembered: a few of each of a few senders, who do not wait for one acknowledgement before the next
 /// command.
@@ -107,8 +107,8 @@ impl Executed {
 /// All that makes a command what it is; NaN is equal to itself there.
 fn bits(command: &CommandRequest) -> (u16, [u32; 4], [u32; 3]) {
     let place = match command.place {
-        Place::Floats(floats) => floats.map(f32::to_bits),
-        Place::Integers { integers: [x, y], height, .. } => [x as u32, y as u32, height.to_bits()],
+        CommandLocation::Floats(floats) => floats.map(f32::to_bits),
+        CommandLocation::Integers { integers: [x, y], height, .. } => [x as u32, y as u32, height.to_bits()],
     };
     (command.command, command.parameters.map(f32::to_bits), place)
 }

@@ -68,7 +68,8 @@ impl Rig {
         self.heard.clear();
         self.vehicle.receive(datagram);
         self.tick();
-        let streamed = |message: &MavMessage| Stream::of_message(mavlink::Message::message_id(message)).is_some();
+        let streamed =
+            |message: &MavMessage| TelemetryStream::of_message(mavlink::Message::message_id(message)).is_some();
         self.heard.drain(..).filter(|message| !streamed(message)).collect()
     }
 
@@ -384,7 +385,9 @@ fn a_message_requested_a_hundred_times_in_a_period_is_told_once() {
 #[test]
 fn every_text_fits_its_message() {
     let texts = Refusal::ALL.map(Refusal::text).into_iter();
-    let texts = texts.chain(SetPointError::ALL.map(SetPointError::text)).chain(Event::ALL.map(Event::text));
+    let texts = texts
+        .chain(SetPointError::ALL.map(SetPointError::text))
+        .chain(FailsafeEvent::ALL.map(FailsafeEvent::text));
     for text in texts {
         assert!(text.len() <= 50, "{text} has {}", text.len());
     }

@@ -3,21 +3,21 @@
 use kestrel_shim::frame::{FRAME_LIMIT, Frame, FrameError, Frames, Receiver};
 
 use crate::effort::{self, Effort};
-use crate::specimen::{Kind, Specimens};
+use crate::sample::{FuzzSamples, Kind};
 
 const FRAMES: u64 = 300_000;
 
 #[test]
 fn no_bytes_make_the_framer_panic_hang_grow_or_believe() {
     let count = effort::number("FUZZ_FRAMES", FRAMES);
-    let mut specimens = Specimens::new(effort::seed());
+    let mut samples = FuzzSamples::new(effort::seed());
     let mut stream = Stream { receiver: Receiver::new(), synchronous: true };
     // What is allocated once is allocated now.
-    stream.read(specimens.next());
+    stream.read(samples.next());
     let effort = Effort::begin();
     let mut good = 0;
     for _ in 0..count {
-        let (kind, bytes) = specimens.next();
+        let (kind, bytes) = samples.next();
         good += u64::from(read_datagram(kind, bytes));
         stream.read((kind, bytes));
     }

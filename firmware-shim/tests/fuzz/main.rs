@@ -16,6 +16,6 @@ mod framer;
 mod random;
 mod request;
 mod rig;
+mod sample;
 mod security;
-mod specimen;
 mod vehicle;

@@ -1,10 +1,10 @@
 //! Whole frames with any payload, of all messages that a vehicle obeys.
 
-use kestrel_onboard::signature::{Key, SIGNATURE_LEN, Time};
-use kestrel_shim::frame::{Frames, Version};
+use kestrel_onboard::signature::{SIGNATURE_LEN, SignatureTime, SigningKey};
+use kestrel_shim::frame::{FrameVersion, Frames};
 use kestrel_shim::parameter::table::Parameter;
 
-use crate::draft::{Draft, SIGNED, Seal};
+use crate::draft::{FrameDraft, SIGNED, Seal};
 use crate::random::Random;
 
 /// The vehicle's address.
@@ -116,7 +116,7 @@ pub(crate) struct Request {
 pub(crate) struct Requests {
     random: Random,
     /// What signs, if signatures are wanted.
-    key: Option<Key>,
+    key: Option<SigningKey>,
     time: u64,
     sequence: u8,
     sender: [u8; 2],
@@ -125,7 +125,7 @@ pub(crate) struct Requests {
 }
 
 impl Requests {
-    pub(crate) fn new(seed: u64, key: Option<Key>) -> Self {
+    pub(crate) fn new(seed: u64, key: Option<SigningKey>) -> Self {
         Self {
             random: Random::new(seed),
             key,
@@ -138,8 +138,8 @@ impl Requests {
     }
 
     /// Latest time of a signature.
-    pub(crate) const fn now(&self) -> Time {
-        Time(self.time)
+    pub(crate) const fn now(&self) -> SignatureTime {
+        SignatureTime(self.time)
     }
 
     /// Any; what stops the motors is rarer than chance would have it, as it ends flights.
@@ -323,13 +323,16 @@ impl Requests {
         let mut bytes = [0; SIGNATURE_LEN];
         self.random.fill(&mut bytes);
         let (flags, seal) = match (sealing, &self.key) {
-            (Sealing::Right, Some(key)) => (SIGNED, Seal::Of(key.clone(), 0, Time(self.time))),
+            (Sealing::Right, Some(key)) => (SIGNED, Seal::Of(key.clone(), 0, SignatureTime(self.time))),
             (Sealing::Unsigned, _) => (0, Seal::Bytes(bytes)),
             (Sealing::Wrong | Sealing::Right, _) => (SIGNED, Seal::Bytes(bytes)),
         };
-        let version =
-            if flags == 0 && message_id < 256 && self.random.one_in(8) { Version::V1 } else { Version::V2 };
-        let draft = Draft {
+        let version = if flags == 0 && message_id < 256 && self.random.one_in(8) {
+            FrameVersion::V1
+        } else {
+            FrameVersion::V2
+        };
+        let draft = FrameDraft {
             version,
             flags,
             sequence: self.sequence,
@@ -345,8 +348,8 @@ impl Requests {
     fn hide(&mut self) {
         let mut payload = core::mem::take(&mut self.request.datagram);
         payload.truncate(255);
-        let draft = Draft {
-            version: Version::V2,
+        let draft = FrameDraft {
+            version: FrameVersion::V2,
             flags: 0,
             sequence: self.sequence,
             sender: [255, 190],

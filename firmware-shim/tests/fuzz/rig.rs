@@ -5,12 +5,13 @@ use std::sync::LazyLock;
 
 use kestrel_core::airframe::CF2X;
 use kestrel_core::pilot::Pilot;
-use kestrel_onboard::signature::{Guard, Key, Signer, Time, Verifier};
+use kestrel_onboard::signature::{SignatureTime, Signer, SigningKey};
+use kestrel_onboard::signature_guard::{SignatureGuard, Verifier};
 use kestrel_shim::geodesy::Home;
 use kestrel_shim::message::sent::identity::{Personality, PolicyIdentity};
 use kestrel_shim::plant::{FlatFloor, Plant};
 use kestrel_shim::policy_bytes::PolicyBytes;
-use kestrel_shim::vehicle::{MavlinkVehicle, Profile};
+use kestrel_shim::vehicle::{MavlinkVehicle, VehicleProfile};
 
 use crate::request::VEHICLE;
 
@@ -26,7 +27,7 @@ impl Rig {
     pub(crate) fn new() -> Self {
         static BYTES: LazyLock<PolicyBytes> =
             LazyLock::new(|| PolicyBytes::read(Path::new(POLICY)).expect("the policy is there"));
-        let profile = Profile {
+        let profile = VehicleProfile {
             system: VEHICLE[0],
             personality: Personality::Generic,
             origin: Home::default(),
@@ -41,10 +42,10 @@ impl Rig {
     }
 
     /// One that hears only what this key signed after a time, and signs with it.
-    pub(crate) fn signing(key: &Key, floor: Time) -> Self {
+    pub(crate) fn signing(key: &SigningKey, floor: SignatureTime) -> Self {
         let mut rig = Self::new();
         let verifier = Verifier::new(key.clone(), floor, floor);
-        rig.vehicle.secure(Guard::Signed(verifier), Signer::new(key.clone(), 0, floor));
+        rig.vehicle.secure(SignatureGuard::Signed(verifier), Signer::new(key.clone(), 0, floor));
         rig
     }
 

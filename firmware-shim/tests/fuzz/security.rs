@@ -1,11 +1,12 @@
 //! A vehicle that wants signatures, and forgers.
 
-use kestrel_onboard::signature::{Guard, Key, SIGNATURE_LEN, Signer, Time};
+use kestrel_onboard::signature::{SIGNATURE_LEN, SignatureTime, Signer, SigningKey};
+use kestrel_onboard::signature_guard::SignatureGuard;
 use kestrel_shim::autopilot::Mode;
-use kestrel_shim::frame::{Frame, Frames, Version};
+use kestrel_shim::frame::{Frame, FrameVersion, Frames};
 
 use crate::corpus;
-use crate::draft::{Draft, SIGNED, Seal};
+use crate::draft::{FrameDraft, SIGNED, Seal};
 use crate::effort::{self, Effort};
 use crate::random::Random;
 use crate::rig::Rig;
@@ -15,11 +16,11 @@ const FORGERIES: u64 = 100_000;
 /// Forgeries between two control periods.
 const PER_TICK: u64 = 32;
 
-const KEY: Key = Key([7; 32]);
+const KEY: SigningKey = SigningKey([7; 32]);
 
 /// What was accepted before the vehicle's last start, ten minutes ago on the clock.
-const FLOOR: Time = Time(1_000_000_000);
-const NOW: Time = Time(FLOOR.0 + 10 * MINUTE);
+const FLOOR: SignatureTime = SignatureTime(1_000_000_000);
+const NOW: SignatureTime = SignatureTime(FLOOR.0 + 10 * MINUTE);
 
 const MINUTE: u64 = 60 * 100_000;
 
@@ -78,15 +79,15 @@ impl Client {
         payload.extend([1, 1, 0]);
         self.time += 1;
         let mut bytes = Vec::new();
-        let seal = Seal::Of(KEY, 0, Time(self.time));
+        let seal = Seal::Of(KEY, 0, SignatureTime(self.time));
         draft(GROUND_STATION, 76, &payload).write(0, &seal, &mut bytes);
         self.accepted.push(bytes.clone());
         bytes
     }
 }
 
-fn draft(sender: [u8; 2], message_id: u32, payload: &[u8]) -> Draft<'_> {
-    Draft { version: Version::V2, flags: SIGNED, sequence: 0, sender, message_id, payload }
+fn draft(sender: [u8; 2], message_id: u32, payload: &[u8]) -> FrameDraft<'_> {
+    FrameDraft { version: FrameVersion::V2, flags: SIGNED, sequence: 0, sender, message_id, payload }
 }
 
 /// Commands, parameters, missions, set-points and more, as clients send them, forged.
@@ -104,18 +105,18 @@ impl Forger {
         let mut bytes = Vec::new();
         let model = self.random.pick(&self.models);
         let whole = draft(GROUND_STATION, model.message_id, model.payload);
-        let stranger = Draft { sender: [self.random.byte().max(2), 7], ..whole };
-        let old = |age: u64| Seal::Of(KEY, 9, Time(NOW.0 - age));
+        let stranger = FrameDraft { sender: [self.random.byte().max(2), 7], ..whole };
+        let old = |age: u64| Seal::Of(KEY, 9, SignatureTime(NOW.0 - age));
         let no_seal = Seal::Bytes([0; SIGNATURE_LEN]);
         match forgery {
-            Forgery::Unsigned => Draft { flags: 0, ..whole }.write(0, &no_seal, &mut bytes),
+            Forgery::Unsigned => FrameDraft { flags: 0, ..whole }.write(0, &no_seal, &mut bytes),
             Forgery::OldProtocol if whole.message_id < 256 => {
-                Draft { version: Version::V1, flags: 0, ..whole }.write(0, &no_seal, &mut bytes);
+                FrameDraft { version: FrameVersion::V1, flags: 0, ..whole }.write(0, &no_seal, &mut bytes);
             }
             Forgery::OtherKey | Forgery::OldProtocol => {
                 let mut key = KEY;
                 key.0[self.random.below(32)] ^= 1 << self.random.below(8);
-                whole.write(0, &Seal::Of(key, 0, Time(self.time)), &mut bytes);
+                whole.write(0, &Seal::Of(key, 0, SignatureTime(self.time)), &mut bytes);
             }
             Forgery::Transplanted => self.transplant(&whole, &mut bytes),
             Forgery::Guessed => {
@@ -136,26 +137,26 @@ impl Forger {
     }
 
     /// Gives a frame the signature of another.
-    fn transplant(&mut self, whole: &Draft, bytes: &mut Vec<u8>) {
+    fn transplant(&mut self, whole: &FrameDraft, bytes: &mut Vec<u8>) {
         let mut other = Vec::new();
         let payload = self.random.next().to_le_bytes();
-        draft(GROUND_STATION, 0, &payload).write(0, &Seal::Of(KEY, 0, Time(self.time)), &mut other);
+        draft(GROUND_STATION, 0, &payload).write(0, &Seal::Of(KEY, 0, SignatureTime(self.time)), &mut other);
         let signature = other[other.len() - SIGNATURE_LEN..].try_into().expect("a signature");
         whole.write(0, &Seal::Bytes(signature), bytes);
     }
 
     /// Flips a bit of the payload, the sequence or the sender.
-    fn alter(&mut self, whole: &Draft, bytes: &mut Vec<u8>) {
+    fn alter(&mut self, whole: &FrameDraft, bytes: &mut Vec<u8>) {
         let mut signed = Vec::new();
-        whole.write(0, &Seal::Of(KEY, 0, Time(self.time)), &mut signed);
+        whole.write(0, &Seal::Of(KEY, 0, SignatureTime(self.time)), &mut signed);
         let signature = signed[signed.len() - SIGNATURE_LEN..].try_into().expect("a signature");
         let bit = 1 << self.random.below(8);
         let mut payload = whole.payload.to_vec();
-        let mut altered = Draft { sequence: whole.sequence ^ bit, ..*whole };
+        let mut altered = FrameDraft { sequence: whole.sequence ^ bit, ..*whole };
         if !payload.is_empty() && !self.random.one_in(4) {
             let at = self.random.below(payload.len());
             payload[at] ^= bit;
-            altered = Draft { payload: &payload, ..*whole };
+            altered = FrameDraft { payload: &payload, ..*whole };
         }
         altered.write(0, &Seal::Bytes(signature), bytes);
     }
@@ -182,7 +183,7 @@ impl Pair {
         Self { attacked: rig(), left_alone: rig(), client }
     }
 
-    fn obey(&mut self, command: u16, parameters: [f32; 7]) {
+    fn handle(&mut self, command: u16, parameters: [f32; 7]) {
         let bytes = self.client.command(command, parameters);
         for rig in [&mut self.attacked, &mut self.left_alone] {
             assert!(rig.vehicle.receive(&bytes), "who has the key is heard");
@@ -207,15 +208,15 @@ impl Pair {
 #[test]
 fn of_a_hundred_thousand_forgeries_none_is_heard() {
     let mut pair = Pair::new();
-    pair.obey(400, ARM);
+    pair.handle(400, ARM);
     let time = pair.client.time + MINUTE;
     let loot = pair.client.accepted.clone();
     let mut forger = Forger { random: Random::new(effort::seed()), models: corpus::frames(), loot, time };
     let effort = Effort::begin();
     for number in 0..FORGERIES {
         if number == FORGERIES / 10 {
-            pair.obey(400, ARM);
-            pair.obey(22, LEFT_OPEN);
+            pair.handle(400, ARM);
+            pair.handle(22, LEFT_OPEN);
             forger.loot.clone_from(&pair.client.accepted);
         }
         assert!(!pair.attacked.vehicle.receive(&forger.next()), "a forgery is heard");
@@ -227,14 +228,14 @@ fn of_a_hundred_thousand_forgeries_none_is_heard() {
     assert_eq!(pair.attacked.vehicle.counts().refused, FORGERIES);
     assert_eq!(pair.attacked.vehicle.parameters(), pair.left_alone.vehicle.parameters());
     assert_eq!(pair.attacked.vehicle.mode(), Mode::Holding);
-    pair.obey(21, LEFT_OPEN);
+    pair.handle(21, LEFT_OPEN);
     assert_eq!(pair.attacked.vehicle.mode(), Mode::Landing);
 }
 
 #[test]
 fn without_the_key_nobody_is_heard() {
     let mut rig = Rig::new();
-    rig.vehicle.secure(Guard::Closed, Signer::new(KEY, 0, NOW));
+    rig.vehicle.secure(SignatureGuard::Closed, Signer::new(KEY, 0, NOW));
     let mut client = Client { time: NOW.0, accepted: Vec::new() };
     assert!(!rig.vehicle.receive(&client.command(400, ARM)));
     for frame in corpus::frames() {

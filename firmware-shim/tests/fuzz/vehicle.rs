@@ -1,12 +1,12 @@
 //! A vehicle that hears nonsense in good frames, on the ground and in flight.
 
 use kestrel_core::airframe::CF2X;
-use kestrel_onboard::signature::{Key, Time};
+use kestrel_onboard::signature::{SignatureTime, SigningKey};
 use kestrel_shim::autopilot::Mode;
 use kestrel_shim::frame::Frames;
 use kestrel_shim::goal::MovingGoal;
 use kestrel_shim::parameter::table::Parameter;
-use kestrel_shim::parameter::{Parameters, Value};
+use kestrel_shim::parameter::{ParameterValue, Parameters};
 use kestrel_shim::plant::Plant;
 
 use crate::effort::{self, Effort};
@@ -32,7 +32,7 @@ const FLOOR_M: f32 = 0.1;
 const OFFBOARD: [f32; 7] = [129.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 /// Of `FD_ACTION`: stop the motors of a drone that is upset.
-const STOP: Value = Value::Integer(3);
+const STOP: ParameterValue = ParameterValue::Integer(3);
 
 #[test]
 fn no_request_panics_arms_by_itself_stops_a_motor_or_drives_one_beyond_its_limits() {
@@ -41,16 +41,16 @@ fn no_request_panics_arms_by_itself_stops_a_motor_or_drives_one_beyond_its_limit
 
 #[test]
 fn nor_does_one_that_is_signed_or_not() {
-    torment(Some(&Key([7; 32])), "requests to a vehicle that wants signatures");
+    torment(Some(&SigningKey([7; 32])), "requests to a vehicle that wants signatures");
 }
 
 /// Flies one vehicle after the other.
-fn torment(key: Option<&Key>, kind: &str) {
+fn torment(key: Option<&SigningKey>, kind: &str) {
     let count = effort::number("FUZZ_REQUESTS", REQUESTS) / 2;
     let mut random = Random::new(effort::seed());
     let mut requests = Requests::new(random.next(), key.cloned());
     let mut trial = Trial::new();
-    let mut now = Time(0);
+    let mut now = SignatureTime(0);
     let effort = Effort::begin();
     for number in 0..count {
         if number % LIFE == 0 {
@@ -62,7 +62,7 @@ fn torment(key: Option<&Key>, kind: &str) {
         if number % MISSION == 0 {
             trial.fly_mission(&mut requests, 1 + random.below(6) as u8);
         }
-        trial.hear(requests.any());
+        trial.receive(requests.any());
         now = requests.now();
         for _ in 0..periods(&mut random) {
             trial.tick();
@@ -133,24 +133,24 @@ impl Trial {
 
     fn get_going(&mut self, requests: &mut Requests) {
         match self.rig.vehicle.mode() {
-            Mode::Disarmed => self.hear(requests.command(400, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])),
-            Mode::Armed | Mode::Landed => self.hear(requests.command(22, [f32::NAN; 7])),
+            Mode::Disarmed => self.receive(requests.command(400, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])),
+            Mode::Armed | Mode::Landed => self.receive(requests.command(22, [f32::NAN; 7])),
             // Refused as long as no set-points arrive, among all that arrives.
-            Mode::Holding | Mode::Guided => self.hear(requests.command(176, OFFBOARD)),
+            Mode::Holding | Mode::Guided => self.receive(requests.command(176, OFFBOARD)),
             Mode::TakingOff | Mode::Offboard | Mode::Returning | Mode::Landing => {}
         }
     }
 
     /// Uploads a mission and starts it.
     fn fly_mission(&mut self, requests: &mut Requests, items: u8) {
-        self.hear(requests.count(items));
+        self.receive(requests.count(items));
         for sequence in 0..items {
-            self.hear(requests.item(sequence));
+            self.receive(requests.item(sequence));
         }
-        self.hear(requests.command(300, [0.0; 7]));
+        self.receive(requests.command(300, [0.0; 7]));
     }
 
-    fn hear(&mut self, request: &Request) {
+    fn receive(&mut self, request: &Request) {
         let before = self.snapshot();
         self.rig.vehicle.receive(&request.datagram);
         let after = self.snapshot();

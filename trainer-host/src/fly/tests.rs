@@ -8,7 +8,7 @@ use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyMetadata};
 use kestrel_shim::link::LinkError;
-use kestrel_shim::lockstep::Pace;
+use kestrel_shim::lockstep::SimulationRate;
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, CriticView, Cuboid, Goals, Physics, Randomisation, Start, StartPosition, Success,
     TimeLimit,
@@ -87,7 +87,7 @@ fn options(for_secs: f64) -> FlyOptions {
     let session = SessionOptions {
         listen: "127.0.0.1:0".parse().unwrap(),
         ground_station: "127.0.0.1:9".parse().unwrap(),
-        speed: Pace::Unthrottled,
+        speed: SimulationRate::Unthrottled,
         for_secs: Some(for_secs),
         ..SessionOptions::default()
     };

@@ -7,7 +7,7 @@ use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
-use kestrel_shim::processor::Processor;
+use kestrel_shim::policy_backend::PolicyBackend;
 use kestrel_sim::outcome::Outcome;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::simulation::Simulation;

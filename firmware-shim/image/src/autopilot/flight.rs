@@ -1,10 +1,10 @@
 //! What happens in each flight, and how it must end.
 
 use kestrel_onboard::autopilot::Mode;
-use kestrel_onboard::failsafe::Event;
-use kestrel_onboard::flyer::Flyer;
+use kestrel_onboard::controller::Controller;
+use kestrel_onboard::failsafe::FailsafeEvent;
 
-use super::line::{Station, Stream};
+use super::line::{Presence, SetPointStream};
 
 /// A flight from the floor, and what somebody or something does to it.
 pub(super) struct Flight {
@@ -16,23 +16,23 @@ pub(super) struct Flight {
     /// Corners of a zone to stay in \[m, world x and y\], in which there is a pillar to stay away from.
     pub(super) room: Option<[[f64; 2]; 4]>,
     /// When what happens \[s\].
-    pub(super) script: &'static [(f32, Deed)],
+    pub(super) script: &'static [(f32, ScriptEvent)],
     /// How long it is watched \[s\].
     pub(super) secs: f32,
     /// What must go wrong, in order, and nothing else.
-    pub(super) events: &'static [Event],
+    pub(super) events: &'static [FailsafeEvent],
     /// What it must be doing at the end, and who must be flying.
-    pub(super) end: (Mode, Flyer),
+    pub(super) end: (Mode, Controller),
 }
 
 /// What happens.
-pub(super) enum Deed {
+pub(super) enum ScriptEvent {
     /// The ground station sends a command with parameters 1 to 3, until it is acknowledged.
     Command(u16, [f32; 3]),
     /// It sends these set-points from now on.
-    Stream(Stream),
+    SetPointStream(SetPointStream),
     /// It says that it is there, or no more.
-    Speak(Station),
+    GroundStation(Presence),
     /// The battery has this share left.
     Battery(f32),
     /// The drone is moved \[m, world\].
@@ -49,13 +49,13 @@ pub(super) enum Deed {
     Intrude,
 }
 
-const ARM: Deed = Deed::Command(400, [1.0, 0.0, 0.0]);
-const TAKE_OFF: Deed = Deed::Command(22, [0.0; 3]);
-const LAND: Deed = Deed::Command(21, [0.0; 3]);
-const OFFBOARD: Deed = Deed::Command(176, [1.0, 6.0, 0.0]);
-const BY_CASCADE: Deed = Deed::Command(176, [1.0, 4.0, 12.0]);
-const BY_POLICY: Deed = Deed::Command(176, [1.0, 4.0, 11.0]);
-const TERMINATE: Deed = Deed::Command(185, [1.0, 0.0, 0.0]);
+const ARM: ScriptEvent = ScriptEvent::Command(400, [1.0, 0.0, 0.0]);
+const TAKE_OFF: ScriptEvent = ScriptEvent::Command(22, [0.0; 3]);
+const LAND: ScriptEvent = ScriptEvent::Command(21, [0.0; 3]);
+const OFFBOARD: ScriptEvent = ScriptEvent::Command(176, [1.0, 6.0, 0.0]);
+const BY_CASCADE: ScriptEvent = ScriptEvent::Command(176, [1.0, 4.0, 12.0]);
+const BY_POLICY: ScriptEvent = ScriptEvent::Command(176, [1.0, 4.0, 11.0]);
+const TERMINATE: ScriptEvent = ScriptEvent::Command(185, [1.0, 0.0, 0.0]);
 
 /// A flight that takes off; the others are made of it.
 const UP: Flight = Flight {
@@ -66,7 +66,7 @@ const UP: Flight = Flight {
     script: &[(0.2, ARM), (1.0, TAKE_OFF)],
     secs: 4.0,
     events: &[],
-    end: (Mode::Holding, Flyer::Policy),
+    end: (Mode::Holding, Controller::Policy),
 };
 
 pub(super) const FLIGHTS: [Flight; 11] = [
@@ -75,27 +75,27 @@ pub(super) const FLIGHTS: [Flight; 11] = [
         script: &[
             (0.2, ARM),
             (1.0, TAKE_OFF),
-            (4.0, Deed::Stream(Stream::Position([0.5, 0.3, -1.2]))),
-            (6.0, Deed::Stream(Stream::Nothing)),
+            (4.0, ScriptEvent::SetPointStream(SetPointStream::Position([0.5, 0.3, -1.2]))),
+            (6.0, ScriptEvent::SetPointStream(SetPointStream::Nothing)),
             (7.0, BY_CASCADE),
             (9.0, BY_POLICY),
             (10.0, LAND),
         ],
         secs: 20.0,
-        end: (Mode::Disarmed, Flyer::Policy),
+        end: (Mode::Disarmed, Controller::Policy),
         ..UP
     },
     Flight {
         name: "ground station lost",
         script: &[
-            (0.0, Deed::Speak(Station::Present)),
+            (0.0, ScriptEvent::GroundStation(Presence::Present)),
             (0.2, ARM),
             (1.0, TAKE_OFF),
-            (4.0, Deed::Speak(Station::Gone)),
+            (4.0, ScriptEvent::GroundStation(Presence::Gone)),
         ],
         secs: 7.0,
-        events: &[Event::LinkLost],
-        end: (Mode::Landing, Flyer::Policy),
+        events: &[FailsafeEvent::LinkLost],
+        end: (Mode::Landing, Controller::Policy),
         ..UP
     },
     Flight {
@@ -103,13 +103,13 @@ pub(super) const FLIGHTS: [Flight; 11] = [
         script: &[
             (0.2, ARM),
             (1.0, TAKE_OFF),
-            (4.0, Deed::Battery(0.1)),
-            (4.5, Deed::Battery(0.06)),
-            (5.5, Deed::Battery(0.04)),
+            (4.0, ScriptEvent::Battery(0.1)),
+            (4.5, ScriptEvent::Battery(0.06)),
+            (5.5, ScriptEvent::Battery(0.04)),
         ],
         secs: 6.0,
-        events: &[Event::BatteryLow, Event::BatteryCritical, Event::BatteryEmpty],
-        end: (Mode::Landing, Flyer::Policy),
+        events: &[FailsafeEvent::BatteryLow, FailsafeEvent::BatteryCritical, FailsafeEvent::BatteryEmpty],
+        end: (Mode::Landing, Controller::Policy),
         ..UP
     },
     Flight {
@@ -118,24 +118,24 @@ pub(super) const FLIGHTS: [Flight; 11] = [
         script: &[
             (0.2, ARM),
             (1.0, TAKE_OFF),
-            (4.0, Deed::Stream(Stream::Position([0.5, 0.0, -1.0]))),
-            (6.0, Deed::Stream(Stream::Nothing)),
-            (6.5, Deed::Gust([0.0, 0.6, 0.0])),
-            (9.0, Deed::Intrude),
+            (4.0, ScriptEvent::SetPointStream(SetPointStream::Position([0.5, 0.0, -1.0]))),
+            (6.0, ScriptEvent::SetPointStream(SetPointStream::Nothing)),
+            (6.5, ScriptEvent::Gust([0.0, 0.6, 0.0])),
+            (9.0, ScriptEvent::Intrude),
         ],
         secs: 10.0,
-        events: &[Event::FenceLeft],
-        end: (Mode::Holding, Flyer::Policy),
+        events: &[FailsafeEvent::FenceLeft],
+        end: (Mode::Holding, Controller::Policy),
         ..UP
     },
     Flight {
         name: "zone left",
         // It turns inward.
         room: Some([[-1.0, -1.0], [0.0, -0.8], [1.0, -1.0], [0.0, 1.2]]),
-        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, Deed::Gust([0.45, 0.35, 0.0]))],
+        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, ScriptEvent::Gust([0.45, 0.35, 0.0]))],
         secs: 8.0,
-        events: &[Event::FenceLeft],
-        end: (Mode::Holding, Flyer::Policy),
+        events: &[FailsafeEvent::FenceLeft],
+        end: (Mode::Holding, Controller::Policy),
         ..UP
     },
     Flight {
@@ -143,52 +143,52 @@ pub(super) const FLIGHTS: [Flight; 11] = [
         script: &[
             (0.2, ARM),
             (1.0, TAKE_OFF),
-            (4.0, Deed::Stream(Stream::Velocity([0.2, -0.1, 0.0]))),
+            (4.0, ScriptEvent::SetPointStream(SetPointStream::Velocity([0.2, -0.1, 0.0]))),
             (4.5, OFFBOARD),
-            (6.5, Deed::Stream(Stream::Level { thrust: 0.55 })),
-            (7.0, Deed::Stream(Stream::Nothing)),
+            (6.5, ScriptEvent::SetPointStream(SetPointStream::Level { thrust: 0.55 })),
+            (7.0, ScriptEvent::SetPointStream(SetPointStream::Nothing)),
         ],
         secs: 9.0,
-        events: &[Event::OffboardLost],
-        end: (Mode::Holding, Flyer::Policy),
+        events: &[FailsafeEvent::OffboardLost],
+        end: (Mode::Holding, Controller::Policy),
         ..UP
     },
     Flight {
         name: "state no number, shortly and for longer",
-        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, Deed::Blind(4)), (5.0, Deed::Blind(20))],
+        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, ScriptEvent::Blind(4)), (5.0, ScriptEvent::Blind(20))],
         secs: 6.0,
-        end: (Mode::Disarmed, Flyer::Policy),
+        end: (Mode::Disarmed, Controller::Policy),
         ..UP
     },
     Flight {
         name: "flight terminated",
         script: &[(0.2, ARM), (1.0, TAKE_OFF), (3.0, TERMINATE)],
-        end: (Mode::Disarmed, Flyer::Policy),
+        end: (Mode::Disarmed, Controller::Policy),
         ..UP
     },
     Flight {
         name: "tumbling",
         altitude_m: 2.0,
-        script: &[(0.2, ARM), (1.0, TAKE_OFF), (6.0, Deed::Tumble(20))],
+        script: &[(0.2, ARM), (1.0, TAKE_OFF), (6.0, ScriptEvent::Tumble(20))],
         secs: 8.0,
-        events: &[Event::Tilted, Event::Spinning],
-        end: (Mode::Landing, Flyer::Cascade),
+        events: &[FailsafeEvent::Tilted, FailsafeEvent::Spinning],
+        end: (Mode::Landing, Controller::Cascade),
         ..UP
     },
     Flight {
         name: "policy silent",
-        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, Deed::Hang)],
+        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, ScriptEvent::Hang)],
         secs: 7.0,
-        events: &[Event::PolicySilent],
-        end: (Mode::Holding, Flyer::Cascade),
+        events: &[FailsafeEvent::PolicySilent],
+        end: (Mode::Holding, Controller::Cascade),
         ..UP
     },
     Flight {
         name: "policy saturated",
-        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, Deed::Saturate)],
+        script: &[(0.2, ARM), (1.0, TAKE_OFF), (4.0, ScriptEvent::Saturate)],
         secs: 7.0,
-        events: &[Event::PolicySaturated],
-        end: (Mode::Holding, Flyer::Cascade),
+        events: &[FailsafeEvent::PolicySaturated],
+        end: (Mode::Holding, Controller::Cascade),
         ..UP
     },
 ];

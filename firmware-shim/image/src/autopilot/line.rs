@@ -2,7 +2,7 @@
 
 use kestrel_onboard::dialect::checksum_seed;
 use kestrel_onboard::frame::{Encoder, Frames, Payload};
-use kestrel_onboard::signature::{Key, Signer, Time};
+use kestrel_onboard::signature::{SignatureTime, Signer, SigningKey};
 
 use crate::input::Inputs;
 
@@ -11,7 +11,7 @@ pub(super) const VEHICLE: u8 = 1;
 
 /// What signs the ground station's frames, and since when.
 pub(super) const KEY: [u8; 32] = [9; 32];
-pub(super) const START: Time = Time(4_000_000_000_000);
+pub(super) const START: SignatureTime = SignatureTime(4_000_000_000_000);
 
 /// One of so many bytes of a frame is damaged, and before one of so many frames there is noise.
 const DAMAGE: u32 = 300;
@@ -35,7 +35,7 @@ const GROUND_STATION: u8 = 6;
 
 /// The set-points that it sends.
 #[derive(Clone, Copy)]
-pub(super) enum Stream {
+pub(super) enum SetPointStream {
     /// None.
     Nothing,
     /// A point: north, east, down \[m\].
@@ -48,7 +48,7 @@ pub(super) enum Stream {
 
 /// Whether it says that it is there.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Station {
+pub(super) enum Presence {
     Present,
     Gone,
 }
@@ -64,18 +64,18 @@ struct Pending {
 pub(super) struct Line {
     encoder: Encoder,
     inputs: Inputs,
-    stream: Stream,
-    station: Station,
+    stream: SetPointStream,
+    station: Presence,
     pending: Option<Pending>,
 }
 
 impl Line {
     pub(super) fn new() -> Self {
         Self {
-            encoder: Encoder::new(255, 190).signed(Signer::new(Key(KEY), 1, START)),
+            encoder: Encoder::new(255, 190).signed(Signer::new(SigningKey(KEY), 1, START)),
             inputs: Inputs::new(6),
-            stream: Stream::Nothing,
-            station: Station::Gone,
+            stream: SetPointStream::Nothing,
+            station: Presence::Gone,
             pending: None,
         }
     }
@@ -86,17 +86,17 @@ impl Line {
     }
 
     /// Sends these set-points from now on.
-    pub(super) fn stream(&mut self, stream: Stream) {
+    pub(super) fn stream(&mut self, stream: SetPointStream) {
         self.stream = stream;
     }
 
     /// Says that it is there, or no more.
-    pub(super) fn speak(&mut self, station: Station) {
+    pub(super) fn set_presence(&mut self, station: Presence) {
         self.station = station;
     }
 
     /// Reads what the vehicle sent.
-    pub(super) fn hear(&mut self, bytes: &[u8]) {
+    pub(super) fn receive(&mut self, bytes: &[u8]) {
         for frame in Frames::new(bytes).flatten() {
             let acknowledged = u16::from_le_bytes(first(frame.fields()));
             self.pending = self.pending.filter(|pending| pending.command != acknowledged);
@@ -104,8 +104,8 @@ impl Line {
     }
 
     /// What is due in a control period, as it arrives.
-    pub(super) fn speak_to(&mut self, tick: u32, arrive: &mut dyn FnMut(u8)) {
-        if self.station == Station::Present && tick.is_multiple_of(HEARTBEAT_PERIODS) {
+    pub(super) fn transmit(&mut self, tick: u32, arrive: &mut dyn FnMut(u8)) {
+        if self.station == Presence::Present && tick.is_multiple_of(HEARTBEAT_PERIODS) {
             self.send(&heartbeat(), arrive);
         }
         if tick.is_multiple_of(SET_POINT_PERIODS)
@@ -163,12 +163,12 @@ fn command_long(Pending { command, parameters }: &Pending) -> Payload {
     )
 }
 
-fn set_point(stream: Stream) -> Option<Payload> {
+fn set_point(stream: SetPointStream) -> Option<Payload> {
     match stream {
-        Stream::Nothing => None,
-        Stream::Position(position) => Some(local_target(4, position, POSITION)),
-        Stream::Velocity(velocity) => Some(local_target(16, velocity, VELOCITY)),
-        Stream::Level { thrust } => Some(payload::<39>(
+        SetPointStream::Nothing => None,
+        SetPointStream::Position(position) => Some(local_target(4, position, POSITION)),
+        SetPointStream::Velocity(velocity) => Some(local_target(16, velocity, VELOCITY)),
+        SetPointStream::Level { thrust } => Some(payload::<39>(
             82,
             &[(4, &1.0_f32.to_le_bytes()), (32, &thrust.to_le_bytes()), (36, &[VEHICLE, 1, ATTITUDE])],
         )),

@@ -2,11 +2,11 @@
 
 use nalgebra::Vector3;
 
-use super::{Autopilot, FENCE_MARGIN_M, Mode, Say};
-use crate::flyer::Flyer;
+use super::{Authority, Autopilot, FENCE_MARGIN_M, Mode};
+use crate::controller::Controller;
 use crate::goal::MovingGoal;
-use crate::processor::Processor;
-use crate::steering::Stick;
+use crate::policy_backend::PolicyBackend;
+use crate::steering::AttitudeSetPoint;
 
 /// Heights that a take-off may climb \[m\]: above ground effect, and within sight.
 pub const ALTITUDES_M: core::ops::RangeInclusive<f32> = 0.2..=20.0;
@@ -50,7 +50,7 @@ pub enum Command {
     /// Land below the present goal.
     Land,
     /// Have the policy or the cascade fly from now on.
-    Fly(Flyer),
+    SelectController(Controller),
     /// Go at this speed \[m/s\] from now on, no faster than [`SPEED_LIMIT`].
     Speed(f32),
 }
@@ -63,7 +63,7 @@ pub enum SetPoint {
     /// A velocity \[m/s, world\], finite.
     Velocity(Vector3<f32>),
     /// An attitude or body rates.
-    Stick(Stick),
+    AttitudeSetPoint(AttitudeSetPoint),
 }
 
 /// Why a command is not executed.
@@ -116,7 +116,7 @@ impl Command {
             | Self::Pause
             | Self::Return
             | Self::Land => true,
-            Self::Arm | Self::Disarm | Self::StopMotors | Self::Fly(_) | Self::Speed(_) => false,
+            Self::Arm | Self::Disarm | Self::StopMotors | Self::SelectController(_) | Self::Speed(_) => false,
         }
     }
 }
@@ -167,7 +167,7 @@ impl Refusal {
     }
 }
 
-impl<P: Processor> Autopilot<P> {
+impl<P: PolicyBackend> Autopilot<P> {
     /// Executes a command, or says why not.
     ///
     /// # Errors
@@ -175,7 +175,7 @@ impl<P: Processor> Autopilot<P> {
     pub fn command(&mut self, command: Command) -> Result<(), Refusal> {
         self.execute(command)?;
         if command.steers() {
-            self.say = Say::Peers;
+            self.authority = Authority::Peers;
         }
         Ok(())
     }
@@ -195,7 +195,7 @@ impl<P: Processor> Autopilot<P> {
             Command::Pause => self.pause(),
             Command::Return => self.return_home(),
             Command::Land => self.land(),
-            Command::Fly(flyer) => self.hand_over(flyer),
+            Command::SelectController(controller) => self.hand_over(controller),
             Command::Speed(speed) => self.change_speed(speed),
         }
     }
@@ -210,21 +210,21 @@ impl<P: Processor> Autopilot<P> {
         self.ticks_since_set_point = 0;
         match (self.mode, set_point) {
             (Mode::Offboard, SetPoint::Position(point)) => {
-                self.stick = None;
+                self.attitude_set_point = None;
                 self.goal.head_for(point, self.settings.cruise_speed);
             }
             (Mode::Offboard, SetPoint::Velocity(velocity)) => {
-                self.stick = None;
+                self.attitude_set_point = None;
                 self.goal.drift(velocity);
             }
-            (Mode::Offboard, SetPoint::Stick(stick)) => {
+            (Mode::Offboard, SetPoint::AttitudeSetPoint(attitude_set_point)) => {
                 // Where to hold when the stream ends.
                 self.goal = self.known_state.map_or(self.goal, |state| MovingGoal::at(state.position));
-                self.stick = Some(stick);
+                self.attitude_set_point = Some(attitude_set_point);
             }
-            (_, SetPoint::Position(_)) if self.say == Say::Failsafe => return Err(Refusal::Failsafe),
+            (_, SetPoint::Position(_)) if self.authority == Authority::Failsafe => return Err(Refusal::Failsafe),
             (_, SetPoint::Position(point)) => return self.go_to(point),
-            (_, SetPoint::Velocity(_) | SetPoint::Stick(_)) => return Err(Refusal::NotOffboard),
+            (_, SetPoint::Velocity(_) | SetPoint::AttitudeSetPoint(_)) => return Err(Refusal::NotOffboard),
         }
         Ok(())
     }
@@ -233,8 +233,8 @@ impl<P: Processor> Autopilot<P> {
         match set_point {
             SetPoint::Position(point) => self.check_inside(point),
             SetPoint::Velocity(velocity) => check_speed(velocity),
-            SetPoint::Stick(stick) if stick.is_valid() => Ok(()),
-            SetPoint::Stick(_) => Err(Refusal::Speed),
+            SetPoint::AttitudeSetPoint(attitude_set_point) if attitude_set_point.is_valid() => Ok(()),
+            SetPoint::AttitudeSetPoint(_) => Err(Refusal::Speed),
         }
     }
 
@@ -307,8 +307,8 @@ impl<P: Processor> Autopilot<P> {
         self.last_inside = state.position;
         self.goal = MovingGoal::at(state.position);
         self.failsafe.reset();
-        self.flyers.begin(self.flyer(), &state);
-        self.rotor_targets = self.flyers.idle();
+        self.controllers.begin(self.active_controller(), &state);
+        self.rotor_targets = self.controllers.idle();
         Ok(())
     }
 
@@ -402,15 +402,15 @@ impl<P: Processor> Autopilot<P> {
         Ok(())
     }
 
-    fn hand_over(&mut self, flyer: Flyer) -> Result<(), Refusal> {
-        if flyer == self.flyer() {
+    fn hand_over(&mut self, controller: Controller) -> Result<(), Refusal> {
+        if controller == self.active_controller() {
             return Ok(());
         }
-        if flyer == Flyer::Policy && !self.healthy() {
+        if controller == Controller::Policy && !self.healthy() {
             return Err(Refusal::SelfTest);
         }
         let state = self.known_state.ok_or(Refusal::StateUnknown)?;
-        self.flyers.begin(flyer, &state);
+        self.controllers.begin(controller, &state);
         Ok(())
     }
 }

@@ -9,7 +9,7 @@ use kestrel_core::attitude::Attitude;
 use super::*;
 use crate::fence::Cylinder;
 use crate::plant::{FlatFloor, Plant};
-use crate::settings::Settings;
+use crate::settings::AutopilotSettings;
 use crate::testing::{dishonest_policy, hover_policy, pilot};
 
 /// An autopilot in its plant.
@@ -36,13 +36,13 @@ struct Faulty {
     answer: Answer,
 }
 
-impl Processor for Faulty {
+impl PolicyBackend for Faulty {
     fn control_secs(&self) -> f32 {
-        Processor::control_secs(&self.pilot)
+        PolicyBackend::control_secs(&self.pilot)
     }
 
     fn observation(&self) -> &ObservationLayout {
-        Processor::observation(&self.pilot)
+        PolicyBackend::observation(&self.pilot)
     }
 
     fn healthy(&mut self) -> bool {
@@ -50,12 +50,12 @@ impl Processor for Faulty {
     }
 
     fn reset(&mut self) {
-        Processor::reset(&mut self.pilot);
+        PolicyBackend::reset(&mut self.pilot);
     }
 
     fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
         match self.answer {
-            Answer::Right => Processor::tick(&mut self.pilot, state, goal),
+            Answer::Right => PolicyBackend::tick(&mut self.pilot, state, goal),
             Answer::Silent => None,
             Answer::Always(targets) => Some(targets),
         }
@@ -68,8 +68,8 @@ impl Rig {
     }
 
     fn with(policy: Vec<u8>) -> Self {
-        let processor = Faulty { pilot: pilot(policy), answer: Answer::Right };
-        let autopilot = Autopilot::new(processor, &CF2X);
+        let backend = Faulty { pilot: pilot(policy), answer: Answer::Right };
+        let autopilot = Autopilot::new(backend, &CF2X);
         let plant = FlatFloor::new(&CF2X, autopilot.control_secs());
         let mut rig = Self { autopilot, plant, surroundings: Surroundings::default() };
         rig.tick();
@@ -77,13 +77,13 @@ impl Rig {
     }
 
     fn in_mode(mode: Mode) -> Self {
-        Self::flown(mode, Flyer::Policy)
+        Self::flown(mode, Controller::Policy)
     }
 
     /// In a mode, with somebody at the helm.
-    fn flown(mode: Mode, flyer: Flyer) -> Self {
+    fn flown(mode: Mode, controller: Controller) -> Self {
         let mut rig = Self::new();
-        rig.accept(Command::Fly(flyer));
+        rig.accept(Command::SelectController(controller));
         if mode == Mode::Disarmed {
             return rig;
         }
@@ -190,7 +190,7 @@ fn table() -> [(Command, Row); 11] {
         (Command::Pause,      [CRUISE,        CRUISE,        Ok(Holding),   Ok(Holding),   Ok(Holding),   Ok(Holding),   Ok(Holding),   CRUISE,        CRUISE]),
         (Command::Return,     [GROUND,        GROUND,        Ok(Returning), Ok(Returning), Ok(Returning), Ok(Returning), Ok(Returning), Ok(Returning), GROUND]),
         (Command::Land,       [GROUND,        GROUND,        Ok(Landing),   Ok(Landing),   Ok(Landing),   Ok(Landing),   Ok(Landing),   Ok(Landing),   Ok(Landed)]),
-        (Command::Fly(Flyer::Cascade), stay),
+        (Command::SelectController(Controller::Cascade), stay),
     ]
 }
 
@@ -214,13 +214,13 @@ fn every_mode_answers_every_command_as_drawn() {
 #[test]
 fn an_idle_armed_drone_is_disarmed() {
     let secs = Rig::in_mode(Mode::Armed).fly_until(Mode::Disarmed, 20.0);
-    assert!((secs - Settings::default().idle_secs).abs() < 0.02, "{secs}");
+    assert!((secs - AutopilotSettings::default().idle_secs).abs() < 0.02, "{secs}");
 }
 
 #[test]
 fn a_landed_drone_is_disarmed() {
     let secs = Rig::in_mode(Mode::Landed).fly_until(Mode::Disarmed, 20.0);
-    assert!((secs - Settings::default().landed_secs).abs() < 0.02, "{secs}");
+    assert!((secs - AutopilotSettings::default().landed_secs).abs() < 0.02, "{secs}");
 }
 
 #[test]
@@ -228,7 +228,7 @@ fn a_take_off_ends_at_its_height() {
     let mut rig = Rig::in_mode(Mode::Armed);
     rig.accept(Command::TakeOff { altitude_m: 1.5 });
     let secs = rig.fly_until(Mode::Holding, 10.0);
-    assert!(secs > 1.5 / Settings::default().climb_speed - 1.0, "{secs}");
+    assert!(secs > 1.5 / AutopilotSettings::default().climb_speed - 1.0, "{secs}");
     rig.fly(3.0);
     assert!((rig.position() - Vector3::new(0.0, 0.0, 1.5125)).norm() < 0.05, "{}", rig.position());
 }
@@ -254,7 +254,7 @@ fn a_landing_is_soft_and_ends_below_its_start() {
         rig.tick();
     }
     assert_eq!(rig.autopilot.mode(), Mode::Landed);
-    assert!(fastest < 2.0 * Settings::default().landing_speed, "{fastest} m/s");
+    assert!(fastest < 2.0 * AutopilotSettings::default().landing_speed, "{fastest} m/s");
     assert!((rig.position() - Vector3::new(0.5, 0.0, 0.0125)).norm() < 0.1, "{}", rig.position());
     assert_eq!(rig.tick(), STOPPED);
 }
@@ -366,8 +366,8 @@ fn any_command() -> impl Strategy<Value = Command> {
         Just(Command::Pause),
         Just(Command::Return),
         Just(Command::Land),
-        Just(Command::Fly(Flyer::Policy)),
-        Just(Command::Fly(Flyer::Cascade)),
+        Just(Command::SelectController(Controller::Policy)),
+        Just(Command::SelectController(Controller::Cascade)),
     ]
 }
 
@@ -380,11 +380,14 @@ fn any_set_point() -> impl Strategy<Value = SetPoint> {
     let thrust = || prop_oneof![0.0_f32..1.0, any::<f32>()];
     let attitude = (-1.0_f32..1.0, -1.0_f32..1.0, thrust()).prop_map(|(x, y, thrust)| {
         let world_from_body = Attitude { w: 1.0, x, y, z: 0.0 }.normalized();
-        SetPoint::Stick(Stick::Attitude { world_from_body, thrust })
+        SetPoint::AttitudeSetPoint(AttitudeSetPoint::Attitude { world_from_body, thrust })
     });
     let rates =
         ([-20.0_f32..20.0, -20.0_f32..20.0], any::<f32>(), thrust()).prop_map(|([roll, pitch], yaw, thrust)| {
-            SetPoint::Stick(Stick::BodyRates { body_rates: Vector3::new(roll, pitch, yaw), thrust })
+            SetPoint::AttitudeSetPoint(AttitudeSetPoint::BodyRates {
+                body_rates: Vector3::new(roll, pitch, yaw),
+                thrust,
+            })
         });
     let position = [-3.0_f32..3.0, -3.0_f32..3.0, 0.0_f32..3.0].prop_map(|point| SetPoint::Position(point.into()));
     prop_oneof![position, any_velocity().prop_map(SetPoint::Velocity), attitude, rates]
@@ -453,7 +456,10 @@ fn streams_of_every_kind_are_followed() {
     assert!((velocity - Vector3::new(0.3, 0.0, 0.1)).norm() < 0.05, "{velocity}");
     let tilted = Attitude::from_axis_angle(Vector3::y(), 0.1).map(|value| value as f32);
     for _ in 0..100 {
-        rig.stream(SetPoint::Stick(Stick::Attitude { world_from_body: tilted, thrust: 0.45 }));
+        rig.stream(SetPoint::AttitudeSetPoint(AttitudeSetPoint::Attitude {
+            world_from_body: tilted,
+            thrust: 0.45,
+        }));
         rig.tick();
     }
     assert!(rig.plant.state().velocity.x > 0.6, "{}", rig.plant.state().velocity);
@@ -517,14 +523,14 @@ fn it_returns_home_at_its_height() {
 #[test]
 fn the_cascade_flies_a_whole_flight() {
     let mut rig = Rig::new();
-    rig.accept(Command::Fly(Flyer::Cascade));
+    rig.accept(Command::SelectController(Controller::Cascade));
     rig.accept(Command::Arm);
     rig.accept(Command::TakeOff { altitude_m: 1.0 });
     rig.fly_until(Mode::Holding, 10.0);
     rig.accept(Command::GoTo(Vector3::new(1.0, 0.5, 1.2)));
     rig.fly(10.0);
     assert!((rig.position() - Vector3::new(1.0, 0.5, 1.2)).norm() < 0.05, "{}", rig.position());
-    rig.accept(Command::Fly(Flyer::Policy));
+    rig.accept(Command::SelectController(Controller::Policy));
     rig.fly(5.0);
     assert!((rig.position() - Vector3::new(1.0, 0.5, 1.2)).norm() < 0.05, "{}", rig.position());
     rig.accept(Command::Land);

@@ -2,22 +2,22 @@ use proptest::prelude::*;
 
 use super::*;
 
-const INSIDE: Side = Side::Inside { group: 0 };
+const INSIDE: ZoneKind = ZoneKind::Inside { group: 0 };
 
 fn fence(zones: Zones) -> Fence {
     Fence { zones, cylinder: Cylinder::default() }
 }
 
-fn polygon(corners: &[[f64; 2]], side: Side) -> Result<Zones, ZoneError> {
+fn polygon(corners: &[[f64; 2]], kind: ZoneKind) -> Result<Zones, ZoneError> {
     let corners: Vec<_> = corners.iter().copied().map(Vector2::from).collect();
     let mut zones = Zones::default();
-    zones.add_polygon(&corners, side).map(|()| zones)
+    zones.add_polygon(&corners, kind).map(|()| zones)
 }
 
-fn circles(circles: &[([f64; 2], f64, Side)]) -> Fence {
+fn circles(circles: &[([f64; 2], f64, ZoneKind)]) -> Fence {
     let mut zones = Zones::default();
-    for (center, radius_m, side) in circles {
-        zones.add_circle((*center).into(), *radius_m, *side).unwrap();
+    for (center, radius_m, kind) in circles {
+        zones.add_circle((*center).into(), *radius_m, *kind).unwrap();
     }
     fence(zones)
 }
@@ -37,7 +37,7 @@ fn without_a_fence_everything_is_allowed_but_nonsense() {
 #[test]
 fn a_circle_is_as_wide_as_its_radius() {
     let inside = circles(&[([1.0, 2.0], 5.0, INSIDE)]);
-    let outside = circles(&[([1.0, 2.0], 5.0, Side::Outside)]);
+    let outside = circles(&[([1.0, 2.0], 5.0, ZoneKind::Outside)]);
     for (x, y, expected) in [(1.0, 2.0, 5.0), (4.0, 6.0, 0.0), (7.0, 2.0, -1.0)] {
         assert!((inside.margin_m(&at(x, y)) - expected).abs() < 1e-5);
         assert!((outside.margin_m(&at(x, y)) + expected).abs() < 1e-5);
@@ -67,7 +67,7 @@ fn a_ray_through_a_corner_is_counted_once() {
 
 #[test]
 fn zones_of_a_group_all_hold_and_of_groups_one_suffices() {
-    let circle = |group, east| ([east, 0.0], 2.0, Side::Inside { group });
+    let circle = |group, east| ([east, 0.0], 2.0, ZoneKind::Inside { group });
     let both = circles(&[circle(0, 0.0), circle(0, 3.0)]);
     assert!(both.contains(&at(1.5, 0.0)) && !both.contains(&at(0.0, 0.0)) && !both.contains(&at(3.0, 0.0)));
     let either = circles(&[circle(0, 0.0), circle(1, 3.0)]);

@@ -13,16 +13,19 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::autopilot::Mode;
-use crate::failsafe::Event;
-use crate::flyer::Flyer;
+use crate::controller::Controller;
+use crate::failsafe::FailsafeEvent;
 use crate::frame::Encoder;
 use crate::frame::Frames;
 use crate::plant::{FlatFloor, Plant};
-use crate::signature::{Key, Signer, Time, Verifier};
+use crate::signature::{SignatureTime, Signer, SigningKey};
+use crate::signature_guard::Verifier;
 use crate::testing::{hover_policy, pilot};
 
-const IDENTITY: Identity =
-    Identity { system: 1, origin: Home { latitude_deg: 47.397_742, longitude_deg: 8.545_594, altitude_m: 488.0 } };
+const IDENTITY: VehicleIdentity = VehicleIdentity {
+    system: 1,
+    origin: Home { latitude_deg: 47.397_742, longitude_deg: 8.545_594, altitude_m: 488.0 },
+};
 
 /// A vehicle in its plant, and a ground station.
 struct Rig {
@@ -54,7 +57,7 @@ impl Rig {
         self.controller.autopilot().mode()
     }
 
-    fn hear(&mut self, bytes: &[u8]) {
+    fn receive(&mut self, bytes: &[u8]) {
         for byte in bytes {
             self.controller.receive(*byte);
         }
@@ -62,7 +65,7 @@ impl Rig {
 
     fn send<D: MessageData>(&mut self, message: &D) {
         let bytes = self.station.encode(&Payload::of(message));
-        self.hear(&bytes);
+        self.receive(&bytes);
     }
 
     fn command(&mut self, command: MavCmd, parameters: [f32; 2]) -> MavResult {
@@ -78,7 +81,7 @@ impl Rig {
         assert_eq!(self.command(command, parameters), MavResult::MAV_RESULT_ACCEPTED, "{command:?}");
     }
 
-    fn fly(&mut self, secs: f32) -> Vec<Event> {
+    fn fly(&mut self, secs: f32) -> Vec<FailsafeEvent> {
         let mut events = Vec::new();
         for _ in 0..(secs / self.controller.autopilot().control_secs()).round() as u32 {
             let targets = self.controller.tick(self.plant.state(), 1.0);
@@ -158,7 +161,7 @@ fn a_ground_station_that_falls_silent_lands_it() {
     assert_eq!(rig.fly(11.0), [], "none was ever heard");
     rig.send(&ground_station());
     assert_eq!(rig.fly(9.9), []);
-    assert_eq!(rig.fly(0.2), [Event::LinkLost]);
+    assert_eq!(rig.fly(0.2), [FailsafeEvent::LinkLost]);
     assert_eq!(rig.mode(), Mode::Landing);
 }
 
@@ -170,7 +173,7 @@ fn a_mode_hands_over_to_the_cascade() {
         target_system: 1,
         base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
     });
-    assert_eq!((rig.mode(), rig.controller.autopilot().flyer()), (Mode::Holding, Flyer::Cascade));
+    assert_eq!((rig.mode(), rig.controller.autopilot().active_controller()), (Mode::Holding, Controller::Cascade));
 }
 
 #[test]
@@ -178,10 +181,10 @@ fn other_addresses_damage_and_noise_change_nothing() {
     let mut rig = Rig::new();
     let arm = command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0]);
     rig.send(&COMMAND_LONG_DATA { target_system: 2, ..arm });
-    rig.hear(b"noise without a start");
+    rig.receive(b"noise without a start");
     let mut damaged = rig.station.encode(&Payload::of(&arm)).to_vec();
     damaged[12] ^= 0x20;
-    rig.hear(&damaged);
+    rig.receive(&damaged);
     assert_eq!(rig.mode(), Mode::Disarmed);
     assert_eq!(rig.controller.counts(), Counts { frames: 1, garbage: 2, refused: 0, unanswered: 0 });
     assert!(rig.controller.answer().is_none());
@@ -192,9 +195,9 @@ fn other_addresses_damage_and_noise_change_nothing() {
 #[test]
 fn a_secured_vehicle_obeys_signed_frames_only() {
     let mut rig = Rig::new();
-    let (key, now) = (Key([3; 32]), Time(4_000_000_000_000));
-    let verifier = Verifier::new(key.clone(), now, Time(0));
-    rig.controller.secure(Guard::Signed(verifier), Signer::new(key.clone(), 2, now));
+    let (key, now) = (SigningKey([3; 32]), SignatureTime(4_000_000_000_000));
+    let verifier = Verifier::new(key.clone(), now, SignatureTime(0));
+    rig.controller.secure(SignatureGuard::Signed(verifier), Signer::new(key.clone(), 2, now));
     let arm = command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0]);
     rig.send(&arm);
     assert_eq!((rig.mode(), rig.controller.counts().refused), (Mode::Disarmed, 1));
@@ -202,10 +205,10 @@ fn a_secured_vehicle_obeys_signed_frames_only() {
     rig.send(&arm);
     assert_eq!(rig.mode(), Mode::Armed);
     let answer = rig.controller.answer().unwrap();
-    let mut verifier = Verifier::new(key, now, Time(0));
+    let mut verifier = Verifier::new(key, now, SignatureTime(0));
     assert_eq!(verifier.verify(&Frames::new(&answer).next().unwrap().unwrap()), Ok(()));
-    assert_eq!(rig.controller.signature_times(), Some([Time(now.0 + 1); 2]));
-    let later = Time(now.0 + 500);
+    assert_eq!(rig.controller.signature_times(), Some([SignatureTime(now.0 + 1); 2]));
+    let later = SignatureTime(now.0 + 500);
     rig.controller.advance_clock(later);
     assert_eq!(rig.controller.signature_times().map(|[_, sent]| sent), Some(later));
 }
@@ -259,7 +262,7 @@ proptest! {
         for (message, bytes) in messages {
             let (id, seed, len) = READ[message];
             let frame = rig.station.encode(&Payload::new(id, seed, &bytes[..len]));
-            rig.hear(&frame);
+            rig.receive(&frame);
             let targets = rig.controller.tick(rig.plant.state(), battery);
             prop_assert!(targets.iter().all(|target| (0.0..=limit).contains(target)), "{targets:?}");
         }
@@ -268,7 +271,7 @@ proptest! {
             fields[..28].copy_from_slice(parameters.map(f32::to_le_bytes).as_flattened());
             fields[28..30].copy_from_slice(&command.to_le_bytes());
             let frame = rig.station.encode(&Payload::new(76, 152, &fields));
-            rig.hear(&frame);
+            rig.receive(&frame);
             let targets = rig.controller.tick(rig.plant.state(), battery);
             prop_assert!(targets.iter().all(|target| (0.0..=limit).contains(target)), "{targets:?}");
         }
@@ -287,6 +290,6 @@ proptest! {
 
     #[test]
     fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..2000)) {
-        Rig::new().hear(&bytes);
+        Rig::new().receive(&bytes);
     }
 }

@@ -6,7 +6,7 @@ use std::vec;
 use std::vec::Vec;
 
 use super::*;
-use crate::signature::{Key, Signer, Time};
+use crate::signature::{SignatureTime, Signer, SigningKey};
 
 fn heartbeat() -> Vec<u8> {
     Encoder::new(255, 190).encode(&Payload::of(&HEARTBEAT_DATA::default())).to_vec()
@@ -107,7 +107,7 @@ fn streamed(bytes: &[u8]) -> Vec<Result<u32, FrameError>> {
 
 #[test]
 fn a_stream_is_cut_where_its_frames_end() {
-    let signed = Encoder::new(1, 1).signed(Signer::new(Key([7; 32]), 0, Time(9)));
+    let signed = Encoder::new(1, 1).signed(Signer::new(SigningKey([7; 32]), 0, SignatureTime(9)));
     let mut encoders = [Encoder::new(255, 190), signed];
     let mut bytes = Vec::new();
     for index in 0..10 {

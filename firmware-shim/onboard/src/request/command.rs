@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Address, Request, float_at, integer_at, short_at};
+use super::{Address, Request, f32_at, i32_at, u16_at};
 use crate::axes::enu_from_ned;
 use crate::geodesy::{Geodetic, Home};
 
@@ -24,12 +24,12 @@ pub struct CommandRequest {
     /// Parameters 1 to 4; NaN where the sender leaves the choice to the vehicle.
     pub parameters: [f32; 4],
     /// Parameters 5 to 7.
-    pub place: Place,
+    pub place: CommandLocation,
 }
 
 /// Where a command is to be carried out, as sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum CommandLocation {
     /// `COMMAND_LONG`: parameters 5, 6 and 7, which often are a latitude and a longitude \[°\] and a height \[m\].
     Floats([f32; 3]),
     /// `COMMAND_INT`.
@@ -44,13 +44,13 @@ pub enum Place {
 }
 
 pub(super) fn of_floats(fields: &[u8; 33]) -> (Address, Request) {
-    let parameters: [f32; 7] = core::array::from_fn(|i| float_at(fields, 4 * i));
+    let parameters: [f32; 7] = core::array::from_fn(|i| f32_at(fields, 4 * i));
     let [first, second, third, fourth, place @ ..] = parameters;
     let command = CommandRequest {
-        command: short_at(fields, 28),
+        command: u16_at(fields, 28),
         confirmation: fields[32],
         parameters: [first, second, third, fourth],
-        place: Place::Floats(place),
+        place: CommandLocation::Floats(place),
     };
     (Address { system: fields[30], component: fields[31] }, Request::Command(command))
 }
@@ -58,19 +58,19 @@ pub(super) fn of_floats(fields: &[u8; 33]) -> (Address, Request) {
 /// It cannot say that it is a repetition: every one counts as a new command.
 pub(super) fn of_integers(fields: &[u8; 35]) -> (Address, Request) {
     let command = CommandRequest {
-        command: short_at(fields, 28),
+        command: u16_at(fields, 28),
         confirmation: 0,
-        parameters: core::array::from_fn(|i| float_at(fields, 4 * i)),
-        place: Place::Integers {
+        parameters: core::array::from_fn(|i| f32_at(fields, 4 * i)),
+        place: CommandLocation::Integers {
             frame: fields[32],
-            integers: [integer_at(fields, 16), integer_at(fields, 20)],
-            height: float_at(fields, 24),
+            integers: [i32_at(fields, 16), i32_at(fields, 20)],
+            height: f32_at(fields, 24),
         },
     };
     (Address { system: fields[30], component: fields[31] }, Request::Command(command))
 }
 
-impl Place {
+impl CommandLocation {
     /// Whether it is left open where; clients write NaN, the greatest integer or zero then.
     pub fn is_here(&self) -> bool {
         match self {

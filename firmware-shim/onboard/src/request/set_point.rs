@@ -3,11 +3,11 @@
 use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
 
-use super::{Address, Request, float_at, integer_at, short_at};
+use super::{Address, Request, f32_at, i32_at, u16_at};
 use crate::autopilot::SetPoint;
 use crate::axes::{enu_from_flu, enu_from_ned, flu_from_frd};
 use crate::geodesy::{Geodetic, Home};
-use crate::steering::Stick;
+use crate::steering::AttitudeSetPoint;
 
 /// `MAV_FRAME_LOCAL_NED`.
 const LOCAL_NED: u8 = 1;
@@ -83,9 +83,9 @@ pub enum SetPointError {
 pub(super) fn local_target(fields: &[u8; 53]) -> (Address, Request) {
     let target = PositionTarget {
         frame: fields[52],
-        type_mask: short_at(fields, 48),
-        position: TargetPosition::Local(core::array::from_fn(|i| float_at(fields, 4 + 4 * i))),
-        velocity_ned: core::array::from_fn(|i| float_at(fields, 16 + 4 * i)),
+        type_mask: u16_at(fields, 48),
+        position: TargetPosition::Local(core::array::from_fn(|i| f32_at(fields, 4 + 4 * i))),
+        velocity_ned: core::array::from_fn(|i| f32_at(fields, 16 + 4 * i)),
     };
     (Address { system: fields[50], component: fields[51] }, Request::PositionTarget(target))
 }
@@ -94,9 +94,9 @@ pub(super) fn local_target(fields: &[u8; 53]) -> (Address, Request) {
 pub(super) fn global_target(fields: &[u8; 53]) -> (Address, Request) {
     let target = PositionTarget {
         frame: fields[52],
-        type_mask: short_at(fields, 48),
-        position: TargetPosition::Global([integer_at(fields, 4), integer_at(fields, 8)], float_at(fields, 12)),
-        velocity_ned: core::array::from_fn(|i| float_at(fields, 16 + 4 * i)),
+        type_mask: u16_at(fields, 48),
+        position: TargetPosition::Global([i32_at(fields, 4), i32_at(fields, 8)], f32_at(fields, 12)),
+        velocity_ned: core::array::from_fn(|i| f32_at(fields, 16 + 4 * i)),
     };
     (Address { system: fields[50], component: fields[51] }, Request::PositionTarget(target))
 }
@@ -104,9 +104,9 @@ pub(super) fn global_target(fields: &[u8; 53]) -> (Address, Request) {
 pub(super) fn attitude_target(fields: &[u8; 39]) -> (Address, Request) {
     let target = AttitudeTarget {
         type_mask: fields[38],
-        quaternion: core::array::from_fn(|i| float_at(fields, 4 + 4 * i)),
-        body_rates_frd: core::array::from_fn(|i| float_at(fields, 20 + 4 * i)),
-        thrust: float_at(fields, 32),
+        quaternion: core::array::from_fn(|i| f32_at(fields, 4 + 4 * i)),
+        body_rates_frd: core::array::from_fn(|i| f32_at(fields, 20 + 4 * i)),
+        thrust: f32_at(fields, 32),
     };
     (Address { system: fields[36], component: fields[37] }, Request::AttitudeTarget(target))
 }
@@ -177,15 +177,19 @@ impl AttitudeTarget {
         if self.type_mask & THRUST_IGNORED != 0 {
             return Err(SetPointError::Partial);
         }
-        let stick = if self.type_mask & ATTITUDE_IGNORED == 0 {
+        let attitude_set_point = if self.type_mask & ATTITUDE_IGNORED == 0 {
             let world_from_body: Attitude<f32> = enu_from_flu(self.quaternion);
-            Stick::Attitude { world_from_body, thrust: self.thrust }
+            AttitudeSetPoint::Attitude { world_from_body, thrust: self.thrust }
         } else if self.type_mask & RATES_IGNORED == 0 {
-            Stick::BodyRates { body_rates: flu_from_frd(self.body_rates_frd), thrust: self.thrust }
+            AttitudeSetPoint::BodyRates { body_rates: flu_from_frd(self.body_rates_frd), thrust: self.thrust }
         } else {
             return Err(SetPointError::Partial);
         };
-        if stick.is_valid() { Ok(SetPoint::Stick(stick)) } else { Err(SetPointError::NotFinite) }
+        if attitude_set_point.is_valid() {
+            Ok(SetPoint::AttitudeSetPoint(attitude_set_point))
+        } else {
+            Err(SetPointError::NotFinite)
+        }
     }
 }
 

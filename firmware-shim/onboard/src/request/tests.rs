@@ -14,7 +14,7 @@ use super::*;
 use crate::autopilot::SetPoint;
 use crate::frame::{Encoder, Frames, Payload};
 use crate::geodesy::{Geodetic, Home};
-use crate::steering::Stick;
+use crate::steering::AttitudeSetPoint;
 
 fn try_read<D: mavlink::MessageData>(message: &D) -> Option<(Address, Request)> {
     let bytes = Encoder::new(255, 190).encode(&Payload::of(message));
@@ -46,7 +46,7 @@ fn a_command_is_read_as_the_mavlink_crate_writes_it() {
         command: 22,
         confirmation: 10,
         parameters: [1.0, 2.0, 3.0, 4.0],
-        place: Place::Floats([5.0, 6.0, 7.0]),
+        place: CommandLocation::Floats([5.0, 6.0, 7.0]),
     };
     assert_eq!(read(&sent), (TARGET, Request::Command(expected)));
 }
@@ -69,7 +69,7 @@ fn a_command_with_integers_is_read_as_the_mavlink_crate_writes_it() {
         command: 192,
         confirmation: 0,
         parameters: [1.0, 0.0, 0.0, 4.0],
-        place: Place::Integers { frame: 5, integers: [-5, 6], height: 7.0 },
+        place: CommandLocation::Integers { frame: 5, integers: [-5, 6], height: 7.0 },
     };
     assert_eq!(read(&sent), (TARGET, Request::Command(expected)));
 }
@@ -82,36 +82,37 @@ fn a_place_is_the_same_point_in_every_frame() {
     let integers = home.place_of(&point).integers();
     let above_sea = altitude_m as f32;
     let places = [
-        (Place::Integers { frame: 0, integers, height: above_sea }, 0.02),
-        (Place::Integers { frame: 5, integers, height: above_sea }, 0.02),
-        (Place::Integers { frame: 3, integers, height: 1.5 }, 0.02),
-        (Place::Integers { frame: 6, integers, height: 1.5 }, 0.02),
-        (Place::Integers { frame: 1, integers: [-20_000, 30_000], height: -1.5 }, 1e-6),
+        (CommandLocation::Integers { frame: 0, integers, height: above_sea }, 0.02),
+        (CommandLocation::Integers { frame: 5, integers, height: above_sea }, 0.02),
+        (CommandLocation::Integers { frame: 3, integers, height: 1.5 }, 0.02),
+        (CommandLocation::Integers { frame: 6, integers, height: 1.5 }, 0.02),
+        (CommandLocation::Integers { frame: 1, integers: [-20_000, 30_000], height: -1.5 }, 1e-6),
         // Single precision is good to 0.2 m and 0.1 m there.
-        (Place::Floats([latitude_deg as f32, longitude_deg as f32, above_sea]), 0.5),
+        (CommandLocation::Floats([latitude_deg as f32, longitude_deg as f32, above_sea]), 0.5),
     ];
     for (place, tolerance_m) in places {
         let found = place.point(&home).unwrap();
         assert!((found - point).norm() < tolerance_m, "{place:?}: {found}");
     }
     for frame in [2, 4, 7, 8, 255] {
-        assert_eq!(Place::Integers { frame, integers, height: 1.0 }.point(&home), None);
+        assert_eq!(CommandLocation::Integers { frame, integers, height: 1.0 }.point(&home), None);
     }
-    assert_eq!(Place::Floats([91.0, 0.0, 0.0]).point(&home), None);
-    assert_eq!(Place::Floats([f32::NAN, 0.0, 0.0]).point(&home), None);
-    let open = Place::Integers { frame: 6, integers, height: f32::NAN }.point(&home).unwrap();
+    assert_eq!(CommandLocation::Floats([91.0, 0.0, 0.0]).point(&home), None);
+    assert_eq!(CommandLocation::Floats([f32::NAN, 0.0, 0.0]).point(&home), None);
+    let open = CommandLocation::Integers { frame: 6, integers, height: f32::NAN }.point(&home).unwrap();
     assert!((open.xy() - point.xy()).norm() < 0.02 && open.z.is_nan());
 }
 
 #[test]
 fn a_place_may_be_left_open() {
-    for place in
-        [Place::Floats([f32::NAN, 0.0, 3.0]), Place::Integers { frame: 6, integers: [0, i32::MAX], height: 3.0 }]
-    {
+    for place in [
+        CommandLocation::Floats([f32::NAN, 0.0, 3.0]),
+        CommandLocation::Integers { frame: 6, integers: [0, i32::MAX], height: 3.0 },
+    ] {
         assert!(place.is_here());
         assert_eq!(place.height(), 3.0);
     }
-    assert!(!Place::Floats([47.0, f32::NAN, 3.0]).is_here());
+    assert!(!CommandLocation::Floats([47.0, f32::NAN, 3.0]).is_here());
 }
 
 #[test]
@@ -194,13 +195,17 @@ fn an_attitude_is_read_as_the_mavlink_crate_writes_it() {
     };
     let (address, Request::AttitudeTarget(target)) = read(&sent) else { panic!() };
     assert_eq!(address, TARGET);
-    let Ok(SetPoint::Stick(Stick::Attitude { world_from_body, thrust })) = target.set_point() else { panic!() };
+    let Ok(SetPoint::AttitudeSetPoint(AttitudeSetPoint::Attitude { world_from_body, thrust })) =
+        target.set_point()
+    else {
+        panic!()
+    };
     let north = Attitude::from_axis_angle(Vector3::z(), core::f64::consts::FRAC_PI_2);
     let same = f64::from(world_from_body.w) * north.w + f64::from(world_from_body.z) * north.z;
     assert!((same.abs() - 1.0).abs() < 1e-6 && thrust == 0.4);
     let rates = AttitudeTarget { type_mask: 0b1000_0000, ..target }.set_point();
-    let expected = Stick::BodyRates { body_rates: Vector3::new(0.1, -0.2, -0.3), thrust: 0.4 };
-    assert_eq!(rates, Ok(SetPoint::Stick(expected)));
+    let expected = AttitudeSetPoint::BodyRates { body_rates: Vector3::new(0.1, -0.2, -0.3), thrust: 0.4 };
+    assert_eq!(rates, Ok(SetPoint::AttitudeSetPoint(expected)));
     for (type_mask, error) in [(0b0100_0000, SetPointError::Partial), (0b1000_0001, SetPointError::Partial)] {
         assert_eq!(AttitudeTarget { type_mask, ..target }.set_point(), Err(error));
     }
@@ -258,7 +263,7 @@ proptest! {
         payload[28..30].copy_from_slice(&command.to_le_bytes());
         let sent: COMMAND_LONG_DATA = theirs(&payload).unwrap();
         let (address, Request::Command(read)) = ours(76, &payload).unwrap() else { panic!() };
-        let Place::Floats(place) = read.place else { panic!() };
+        let CommandLocation::Floats(place) = read.place else { panic!() };
         prop_assert_eq!(address, Address { system: sent.target_system, component: sent.target_component });
         prop_assert_eq!((read.command, read.confirmation), (sent.command as u16, sent.confirmation));
         prop_assert_eq!(bits(read.parameters), bits([sent.param1, sent.param2, sent.param3, sent.param4]));

@@ -1,14 +1,14 @@
-//! The loop around [`Simulator`]: a frame of servos in, a step, a line out.
+//! The loop around [`ArdupilotSimulator`]: a frame of servos in, a step, a line out.
 
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::{Request, Simulator};
+use super::{ArdupilotSimulator, ServoRequest};
 use crate::bridge::BridgeError;
 use crate::bridge::datagram::DatagramSocket;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{Counts, Event, Step};
-use crate::lockstep::{Clock, Next, Pace};
+use crate::bridge::event::{BridgeCounts, BridgeEvent, BridgeStep};
+use crate::lockstep::{Clock, Next, SimulationRate};
 
 /// One look for a datagram waits no longer than this.
 const LOOK_LIMIT: Duration = Duration::from_millis(100);
@@ -24,10 +24,11 @@ pub fn serve(
     drone: &mut Drone<'_>,
     socket: &mut DatagramSocket,
     period: Duration,
-    pace: Pace,
-    watch: &mut dyn FnMut(&Event<'_>) -> Next,
-) -> Result<Counts, BridgeError> {
-    let mut server = Server { drone, simulator: Simulator::new(), period, counts: Counts::default(), looks: 0 };
+    pace: SimulationRate,
+    watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
+) -> Result<BridgeCounts, BridgeError> {
+    let mut server =
+        Server { drone, simulator: ArdupilotSimulator::new(), period, counts: BridgeCounts::default(), looks: 0 };
     let mut clock = Clock::new(pace, period);
     loop {
         let Some((datagram, sender)) = socket.receive(LOOK_LIMIT)? else {
@@ -38,14 +39,14 @@ pub fn serve(
         };
         let Some(request) = server.simulator.receive(datagram) else { continue };
         let next = match request {
-            Request::Step(throttles) => server.step(&throttles, sender, watch),
-            Request::Repeat => Next::Fly,
+            ServoRequest::Step(throttles) => server.step(&throttles, sender, watch),
+            ServoRequest::Repeat => Next::Fly,
         };
         socket.send(server.simulator.last_answer().as_bytes(), sender);
         if next == Next::End {
             break;
         }
-        if request != Request::Repeat {
+        if request != ServoRequest::Repeat {
             clock.wait();
         }
     }
@@ -55,32 +56,32 @@ pub fn serve(
 
 struct Server<'a, 'p> {
     drone: &'a mut Drone<'p>,
-    simulator: Simulator,
+    simulator: ArdupilotSimulator,
     period: Duration,
-    counts: Counts,
+    counts: BridgeCounts,
     /// Looks for a datagram since the last one.
     looks: u32,
 }
 
 impl Server<'_, '_> {
     /// Nothing has arrived.
-    fn miss(&mut self, watch: &mut dyn FnMut(&Event<'_>) -> Next) -> Next {
+    fn miss(&mut self, watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next) -> Next {
         self.looks = self.looks.saturating_add(1);
         let flying = self.counts.steps > 0;
-        if flying && self.looks == SILENT_LOOKS { watch(&Event::Gone) } else { watch(&Event::Waiting) }
+        if flying && self.looks == SILENT_LOOKS { watch(&BridgeEvent::Gone) } else { watch(&BridgeEvent::Waiting) }
     }
 
     fn step(
         &mut self,
         throttles: &[f32; 4],
         sender: SocketAddr,
-        watch: &mut dyn FnMut(&Event<'_>) -> Next,
+        watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
     ) -> Next {
         self.looks = 0;
         if self.simulator.restarts() > self.counts.connections {
             self.counts.connections = self.simulator.restarts();
             self.drone.restart_instruments();
-            if watch(&Event::Connected(sender)) == Next::End || watch(&Event::Engaged) == Next::End {
+            if watch(&BridgeEvent::Connected(sender)) == Next::End || watch(&BridgeEvent::Engaged) == Next::End {
                 return Next::End;
             }
         }
@@ -88,7 +89,7 @@ impl Server<'_, '_> {
         self.counts.steps += 1;
         self.counts.answered += 1;
         self.simulator.answer(self.drone.measurement(), self.drone.state(), self.period.as_secs_f64());
-        watch(&Event::Stepped(Step {
+        watch(&BridgeEvent::Stepped(BridgeStep {
             secs: self.counts.steps as f64 * self.period.as_secs_f64(),
             state: self.drone.state(),
             rotor_targets: self.drone.rotor_targets(),

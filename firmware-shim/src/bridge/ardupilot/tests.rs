@@ -12,13 +12,13 @@ use super::server::serve;
 use super::*;
 use crate::bridge::datagram::DatagramSocket;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{Counts, Event};
+use crate::bridge::event::{BridgeCounts, BridgeEvent};
 use crate::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 use crate::bridge::noise::Noise;
 use crate::bridge::sensors::Instruments;
 use crate::bridge::testing::{FLIGHT_SECS, Judge, QUAD_X, Seen, fly};
 use crate::geodesy::Home;
-use crate::lockstep::{Next, Pace};
+use crate::lockstep::{Next, SimulationRate};
 use crate::plant::{FlatFloor, Plant};
 
 const RATE_HZ: u32 = 400;
@@ -80,10 +80,10 @@ impl ArduPilot {
 
     fn ask(&self, datagram: &[u8]) -> Option<String> {
         self.socket.send_to(datagram, self.simulator).unwrap();
-        self.hear()
+        self.receive()
     }
 
-    fn hear(&self) -> Option<String> {
+    fn receive(&self) -> Option<String> {
         let mut bytes = [0; 1024];
         let len = self.socket.recv(&mut bytes).ok()?;
         Some(String::from_utf8(bytes[..len].to_vec()).unwrap())
@@ -100,12 +100,16 @@ impl ArduPilot {
     }
 }
 
-fn simulate(socket: &mut DatagramSocket, noise: Noise, watch: &mut dyn FnMut(&Event<'_>) -> Next) -> Counts {
+fn simulate(
+    socket: &mut DatagramSocket,
+    noise: Noise,
+    watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
+) -> BridgeCounts {
     let mut plant = FlatFloor::new(&CF2X, 1.0 / RATE_HZ as f32);
     let motors = Motors::new(&CF2X, MotorOrder::QuadX, ThrustCurve::ARDUPILOT).unwrap();
     let mut drone = Drone::new(&mut plant, motors, Instruments::new(Home::default(), noise, RATE_HZ));
     let period = Duration::from_secs_f64(1.0 / f64::from(RATE_HZ));
-    serve(&mut drone, socket, period, Pace::Unthrottled, watch).unwrap()
+    serve(&mut drone, socket, period, SimulationRate::Unthrottled, watch).unwrap()
 }
 
 fn socket() -> (DatagramSocket, SocketAddr) {
@@ -124,7 +128,7 @@ fn an_ardupilot_flies_to_a_point_and_lands() {
         let counts = thread::scope(|scope| {
             scope.spawn(|| ArduPilot::at(address).fly());
             simulate(&mut socket, noise, &mut |event| {
-                if let Event::Stepped(step) = event {
+                if let BridgeEvent::Stepped(step) = event {
                     judge.see(step.secs, step.state);
                     flown += 1;
                 }
@@ -155,11 +159,11 @@ fn a_lost_answer_is_repeated_and_a_restarted_ardupilot_begins_at_zero() {
             second.ask(&frame(1, [0.0; 4])).unwrap();
         });
         let counts = simulate(&mut socket, Noise::Off, &mut |event| {
-            if matches!(event, Event::Stepped(_)) {
+            if matches!(event, BridgeEvent::Stepped(_)) {
                 steps += 1;
             }
             // The last answer is sent before the loop looks again.
-            if steps == 4 && matches!(event, Event::Waiting) { Next::End } else { Next::Fly }
+            if steps == 4 && matches!(event, BridgeEvent::Waiting) { Next::End } else { Next::Fly }
         });
         assert_eq!((counts.steps, counts.connections, counts.garbage), (4, 2, 2));
     });
@@ -172,11 +176,11 @@ fn an_ardupilot_that_stops_asking_stops_the_simulation() {
     thread::scope(|scope| {
         scope.spawn(move || ArduPilot::at(address).ask(&frame(0, [1.0; 4])));
         simulate(&mut socket, Noise::Off, &mut |event| match event {
-            Event::Stepped(_) => {
+            BridgeEvent::Stepped(_) => {
                 steps += 1;
                 Next::Fly
             }
-            Event::Gone => Next::End,
+            BridgeEvent::Gone => Next::End,
             _ => Next::Fly,
         });
     });
@@ -189,9 +193,9 @@ fn rest() -> State<f32> {
     *FlatFloor::new(&CF2X, 0.0025).state()
 }
 
-fn line(state: &State<f32>) -> Line {
+fn line(state: &State<f32>) -> JsonLine {
     let measurement = Instruments::new(Home::default(), Noise::Off, RATE_HZ).measure(state, state);
-    let mut line = Line::new();
+    let mut line = JsonLine::new();
     write_line(&mut line, 1.5, &measurement, state).unwrap();
     line
 }
@@ -232,7 +236,7 @@ fn frames_of_both_lengths_are_read() {
 proptest! {
     #[test]
     fn no_datagram_panics(datagram in proptest::collection::vec(any::<u8>(), 0..100)) {
-        let mut simulator = Simulator::new();
+        let mut simulator = ArdupilotSimulator::new();
         prop_assert_eq!(simulator.receive(&datagram), None);
         prop_assert_eq!(simulator.garbage(), 1);
     }

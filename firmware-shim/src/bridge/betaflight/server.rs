@@ -1,15 +1,15 @@
-//! The loop around [`Simulator`]: a state out, motor outputs in, a step.
+//! The loop around [`BetaflightSimulator`]: a state out, motor outputs in, a step.
 
 use std::net::SocketAddr;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::Simulator;
+use super::BetaflightSimulator;
 use crate::bridge::BridgeError;
 use crate::bridge::datagram::DatagramSocket;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{Counts, Event, Step};
-use crate::lockstep::{Clock, Next, Pace};
+use crate::bridge::event::{BridgeCounts, BridgeEvent, BridgeStep};
+use crate::lockstep::{Clock, Next, SimulationRate};
 
 /// Motor outputs are awaited this long: Betaflight answers within a millisecond of its own clock, or not at all.
 const ANSWER_LIMIT: Duration = Duration::from_millis(50);
@@ -33,7 +33,7 @@ const STICKS_SECS: f64 = 0.02;
 
 /// Where a Betaflight is, and where its motor outputs arrive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Addresses {
+pub struct BetaflightAddresses {
     /// Motor outputs arrive here.
     pub outputs: SocketAddr,
     /// It takes states here.
@@ -42,7 +42,7 @@ pub struct Addresses {
     pub sticks: SocketAddr,
 }
 
-impl Default for Addresses {
+impl Default for BetaflightAddresses {
     /// Betaflight's own; they cannot be changed there.
     fn default() -> Self {
         let loopback = |port| SocketAddr::from(([127, 0, 0, 1], port));
@@ -61,10 +61,10 @@ enum Exchange {
 }
 
 /// Betaflight's simulation, ready to be served.
-pub struct Server<'a, 'p> {
+pub struct BetaflightServer<'a, 'p> {
     drone: &'a mut Drone<'p>,
-    simulator: Simulator,
-    addresses: Addresses,
+    simulator: BetaflightSimulator,
+    addresses: BetaflightAddresses,
     period: Duration,
     clock: Clock,
     /// Wall time of a step; none if unthrottled.
@@ -73,19 +73,19 @@ pub struct Server<'a, 'p> {
     earliest: Instant,
     /// The next state is due \[s\].
     due_secs: f64,
-    counts: Counts,
+    counts: BridgeCounts,
     unanswered_in_a_row: u64,
     sticks_due_secs: f64,
 }
 
-impl<'a, 'p> Server<'a, 'p> {
+impl<'a, 'p> BetaflightServer<'a, 'p> {
     /// A simulation with steps of `period`.
     pub fn new(
         drone: &'a mut Drone<'p>,
-        simulator: Simulator,
-        addresses: Addresses,
+        simulator: BetaflightSimulator,
+        addresses: BetaflightAddresses,
         period: Duration,
-        pace: Pace,
+        pace: SimulationRate,
     ) -> Self {
         Self {
             drone,
@@ -94,12 +94,12 @@ impl<'a, 'p> Server<'a, 'p> {
             period,
             clock: Clock::new(pace, period),
             period_wall: match pace {
-                Pace::Speed(speed) => Some(period.div_f64(speed)),
-                Pace::Unthrottled => None,
+                SimulationRate::Speed(speed) => Some(period.div_f64(speed)),
+                SimulationRate::Unthrottled => None,
             },
             earliest: Instant::now(),
             due_secs: 0.0,
-            counts: Counts::default(),
+            counts: BridgeCounts::default(),
             unanswered_in_a_row: 0,
             sticks_due_secs: 0.0,
         }
@@ -112,8 +112,8 @@ impl<'a, 'p> Server<'a, 'p> {
     pub fn serve(
         mut self,
         socket: &mut DatagramSocket,
-        watch: &mut dyn FnMut(&Event<'_>) -> Next,
-    ) -> Result<Counts, BridgeError> {
+        watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
+    ) -> Result<BridgeCounts, BridgeError> {
         loop {
             if self.secs() >= self.due_secs {
                 match self.exchange(socket, watch)? {
@@ -137,11 +137,11 @@ impl<'a, 'p> Server<'a, 'p> {
     fn exchange(
         &mut self,
         socket: &mut DatagramSocket,
-        watch: &mut dyn FnMut(&Event<'_>) -> Next,
+        watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
     ) -> Result<Exchange, BridgeError> {
         let engaged_before = self.simulator.engaged();
         socket.drain()?;
-        self.tell(socket);
+        self.send(socket);
         let told_at = Instant::now();
         let sender = self.listen(socket)?;
         self.pause_after(told_at);
@@ -149,7 +149,7 @@ impl<'a, 'p> Server<'a, 'p> {
         if !engaged_before && let Some(sender) = sender {
             self.counts.connections += 1;
             self.drone.restart_instruments();
-            if watch(&Event::Connected(sender)) == Next::End || watch(&Event::Engaged) == Next::End {
+            if watch(&BridgeEvent::Connected(sender)) == Next::End || watch(&BridgeEvent::Engaged) == Next::End {
                 return Ok(Exchange::Ended);
             }
         }
@@ -171,9 +171,9 @@ impl<'a, 'p> Server<'a, 'p> {
         }
     }
 
-    fn tell(&mut self, socket: &DatagramSocket) {
+    fn send(&mut self, socket: &DatagramSocket) {
         let secs = self.secs();
-        let state = self.simulator.tell(self.drone.measurement(), self.drone.state(), secs);
+        let state = self.simulator.send(self.drone.measurement(), self.drone.state(), secs);
         socket.send(&state, self.addresses.state);
         if secs >= self.sticks_due_secs
             && let Some(sticks) = self.simulator.sticks(secs)
@@ -201,28 +201,28 @@ impl<'a, 'p> Server<'a, 'p> {
         }
     }
 
-    fn count(&mut self, engaged: bool, watch: &mut dyn FnMut(&Event<'_>) -> Next) -> Next {
+    fn count(&mut self, engaged: bool, watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next) -> Next {
         if self.simulator.answered() {
             self.counts.answered += 1;
             self.unanswered_in_a_row = 0;
             return Next::Fly;
         }
         if !engaged {
-            return watch(&Event::Waiting);
+            return watch(&BridgeEvent::Waiting);
         }
         self.counts.unanswered += 1;
         self.unanswered_in_a_row += 1;
         if self.unanswered_in_a_row == UNANSWERED_LIMIT {
             self.simulator.disengage();
-            return watch(&Event::Gone);
+            return watch(&BridgeEvent::Gone);
         }
-        watch(&Event::Unanswered)
+        watch(&BridgeEvent::Unanswered)
     }
 
-    fn step(&mut self, watch: &mut dyn FnMut(&Event<'_>) -> Next) -> Next {
+    fn step(&mut self, watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next) -> Next {
         self.drone.step(&self.simulator.throttles());
         self.counts.steps += 1;
-        watch(&Event::Stepped(Step {
+        watch(&BridgeEvent::Stepped(BridgeStep {
             secs: self.secs(),
             state: self.drone.state(),
             rotor_targets: self.drone.rotor_targets(),

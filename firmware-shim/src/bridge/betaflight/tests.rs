@@ -8,16 +8,16 @@ use kestrel_core::airframe::CF2X;
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
-use super::server::{Addresses, Server};
+use super::server::{BetaflightAddresses, BetaflightServer};
 use super::*;
 use crate::bridge::datagram::DatagramSocket;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{Counts, Event};
+use crate::bridge::event::{BridgeCounts, BridgeEvent};
 use crate::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 use crate::bridge::noise::Noise;
 use crate::bridge::sensors::Instruments;
 use crate::bridge::testing::{BETAFLIGHT, FLIGHT_SECS, Judge, Seen, fly};
-use crate::lockstep::{Next, Pace};
+use crate::lockstep::{Next, SimulationRate};
 use crate::message::ned_from_enu;
 use crate::plant::{FlatFloor, Plant};
 
@@ -45,19 +45,19 @@ struct Taken {
 }
 
 /// `updateState` of `sitl.c` (August 2026), for a Gazebo that began at home.
-fn taken(numbers: &[f64; 18], build: Build) -> Taken {
+fn taken(numbers: &[f64; 18], build: BetaflightBuild) -> Taken {
     let [_, roll, pitch, yaw, x, y, z, qw, qx, qy, qz, _, _, _, longitude_deg, latitude_deg, altitude_m, _] =
         *numbers;
     let specific_force_flu = [-x, -y, -z];
     let home = Home::default();
     match build {
-        Build::Legacy => Taken {
+        BetaflightBuild::Legacy => Taken {
             body_rates_flu: [roll, -pitch, -yaw],
             specific_force_flu,
             nwu_from_flu: Attitude { w: qw, x: qx, y: qy, z: qz },
             position: Geodetic { latitude_deg, longitude_deg, altitude_m },
         },
-        Build::Gazebo => {
+        BetaflightBuild::Gazebo => {
             let (qy, qz, k) = (-qy, -qz, FRAC_1_SQRT_2);
             Taken {
                 body_rates_flu: [roll, -pitch, yaw],
@@ -74,7 +74,7 @@ fn taken(numbers: &[f64; 18], build: Build) -> Taken {
 }
 
 /// What Betaflight makes of a state, in the frames of [`fly`].
-fn seen(state: &[u8; STATE_LEN], build: Build) -> (f64, Seen) {
+fn seen(state: &[u8; STATE_LEN], build: BetaflightBuild) -> (f64, Seen) {
     let numbers = numbers(state);
     let Taken { body_rates_flu: [roll, pitch, yaw], nwu_from_flu: Attitude { w, x, y, z }, position, .. } =
         taken(&numbers, build);
@@ -102,12 +102,16 @@ impl Betaflight {
         betaflight
     }
 
-    fn addresses(&self, outputs: SocketAddr) -> Addresses {
-        Addresses { outputs, state: self.state.local_addr().unwrap(), sticks: self.sticks.local_addr().unwrap() }
+    fn addresses(&self, outputs: SocketAddr) -> BetaflightAddresses {
+        BetaflightAddresses {
+            outputs,
+            state: self.state.local_addr().unwrap(),
+            sticks: self.sticks.local_addr().unwrap(),
+        }
     }
 
     /// Answers so many states with the motors of [`fly`]'s flight, counted from the first.
-    fn fly(&self, outputs: SocketAddr, build: Build, answers: u32) {
+    fn fly(&self, outputs: SocketAddr, build: BetaflightBuild, answers: u32) {
         let mut bytes = [0; 256];
         let mut start_secs = None;
         for _ in 0..answers {
@@ -122,31 +126,32 @@ impl Betaflight {
 
 fn simulate(
     socket: &mut DatagramSocket,
-    addresses: Addresses,
-    build: Build,
-    watch: &mut dyn FnMut(&Event<'_>) -> Next,
-) -> Counts {
-    simulate_at(Pace::Unthrottled, socket, addresses, build, watch)
+    addresses: BetaflightAddresses,
+    build: BetaflightBuild,
+    watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
+) -> BridgeCounts {
+    simulate_at(SimulationRate::Unthrottled, socket, addresses, build, watch)
 }
 
 fn simulate_at(
-    pace: Pace,
+    pace: SimulationRate,
     socket: &mut DatagramSocket,
-    addresses: Addresses,
-    build: Build,
-    watch: &mut dyn FnMut(&Event<'_>) -> Next,
-) -> Counts {
+    addresses: BetaflightAddresses,
+    build: BetaflightBuild,
+    watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
+) -> BridgeCounts {
     let mut plant = FlatFloor::new(&CF2X, 1.0 / RATE_HZ as f32);
     let motors = Motors::new(&CF2X, MotorOrder::Betaflight, ThrustCurve::BETAFLIGHT).unwrap();
     let mut drone = Drone::new(&mut plant, motors, Instruments::new(Home::default(), Noise::Seeded(1), RATE_HZ));
-    let simulator = Simulator::new(Home::default(), build, Some("1500,1500,1000,1500,2000".parse().unwrap()));
+    let simulator =
+        BetaflightSimulator::new(Home::default(), build, Some("1500,1500,1000,1500,2000".parse().unwrap()));
     let period = Duration::from_secs(1) / RATE_HZ;
-    Server::new(&mut drone, simulator, addresses, period, pace).serve(socket, watch).unwrap()
+    BetaflightServer::new(&mut drone, simulator, addresses, period, pace).serve(socket, watch).unwrap()
 }
 
 #[test]
 fn a_betaflight_of_either_build_flies_to_a_point_and_lands() {
-    for build in [Build::Gazebo, Build::Legacy] {
+    for build in [BetaflightBuild::Gazebo, BetaflightBuild::Legacy] {
         let mut socket = DatagramSocket::open("127.0.0.1:0".parse().unwrap()).unwrap();
         let outputs = socket.address().unwrap();
         let betaflight = Betaflight::new();
@@ -157,8 +162,8 @@ fn a_betaflight_of_either_build_flies_to_a_point_and_lands() {
             scope.spawn(|| betaflight.fly(outputs, build, u32::MAX));
             simulate(&mut socket, addresses, build, &mut |event| {
                 match event {
-                    Event::Engaged => start_secs = Some(now_secs),
-                    Event::Stepped(step) => {
+                    BridgeEvent::Engaged => start_secs = Some(now_secs),
+                    BridgeEvent::Stepped(step) => {
                         judge.see(step.secs, step.state);
                         now_secs = step.secs;
                     }
@@ -187,18 +192,18 @@ fn a_betaflight_that_goes_stops_the_motors_and_may_come_back() {
     let (mut gone, mut engaged, mut last_targets) = (0, 0, [1.0; 4]);
     let counts = thread::scope(|scope| {
         let first = scope.spawn(|| {
-            betaflight.fly(outputs, Build::Gazebo, 500);
+            betaflight.fly(outputs, BetaflightBuild::Gazebo, 500);
             thread::sleep(Duration::from_millis(1500));
-            betaflight.fly(outputs, Build::Gazebo, 50);
+            betaflight.fly(outputs, BetaflightBuild::Gazebo, 50);
         });
-        let counts = simulate(&mut socket, addresses, Build::Gazebo, &mut |event| {
+        let counts = simulate(&mut socket, addresses, BetaflightBuild::Gazebo, &mut |event| {
             match event {
-                Event::Gone => gone += 1,
-                Event::Engaged => engaged += 1,
-                Event::Stepped(step) => last_targets = step.rotor_targets,
-                Event::Waiting | Event::Connected(_) | Event::Unanswered => {}
+                BridgeEvent::Gone => gone += 1,
+                BridgeEvent::Engaged => engaged += 1,
+                BridgeEvent::Stepped(step) => last_targets = step.rotor_targets,
+                BridgeEvent::Waiting | BridgeEvent::Connected(_) | BridgeEvent::Unanswered => {}
             }
-            if gone == 2 && matches!(event, Event::Stepped(_)) { Next::End } else { Next::Fly }
+            if gone == 2 && matches!(event, BridgeEvent::Stepped(_)) { Next::End } else { Next::Fly }
         });
         first.join().unwrap();
         counts
@@ -228,7 +233,7 @@ fn no_state_makes_the_clock_of_a_betaflight_race() {
             }
             arrivals
         });
-        simulate_at(Pace::Speed(1.0), &mut socket, addresses, Build::Gazebo, &mut |_| {
+        simulate_at(SimulationRate::Speed(1.0), &mut socket, addresses, BetaflightBuild::Gazebo, &mut |_| {
             if peer.is_finished() { Next::End } else { Next::Fly }
         });
         peer.join().unwrap()
@@ -246,10 +251,10 @@ fn rest() -> State<f32> {
     *FlatFloor::new(&CF2X, 0.002).state()
 }
 
-fn told(state: &State<f32>, build: Build, secs: f64) -> [f64; 18] {
+fn told(state: &State<f32>, build: BetaflightBuild, secs: f64) -> [f64; 18] {
     let mut instruments = Instruments::new(Home::default(), Noise::Off, RATE_HZ);
     let measurement = instruments.measure(state, state);
-    numbers(&Simulator::new(Home::default(), build, None).tell(&measurement, state, secs))
+    numbers(&BetaflightSimulator::new(Home::default(), build, None).send(&measurement, state, secs))
 }
 
 #[test]
@@ -260,7 +265,7 @@ fn states_have_eighteen_doubles_in_their_units() {
         [-9.8, FRAC_1_SQRT_2, 0.0, 0.0, -FRAC_1_SQRT_2, 1.0],
         [2.0, 3.0, 8.545_594, 47.397_742, 488.0125, 95_598.1],
     ];
-    for (found, expected) in told(&state, Build::Legacy, 2.5).iter().zip(expected.as_flattened()) {
+    for (found, expected) in told(&state, BetaflightBuild::Legacy, 2.5).iter().zip(expected.as_flattened()) {
         let signless_zero = found + 0.0;
         assert!(
             (signless_zero - expected).abs() < 1e-5 * expected.abs().max(1.0),
@@ -274,7 +279,7 @@ fn a_betaflight_of_either_build_takes_vectors_for_forward_left_and_up() {
     let attitude = Attitude::from_axis_angle(Vector3::new(0.6, 0.8, 0.0), 0.5).map(|value| value as f32);
     let state = State { world_from_body: attitude, body_rates: Vector3::new(0.1, 0.2, 0.3), ..rest() };
     let up_in_body = attitude.rotate_inverse(Vector3::z());
-    for build in [Build::Gazebo, Build::Legacy] {
+    for build in [BetaflightBuild::Gazebo, BetaflightBuild::Legacy] {
         let taken = taken(&told(&state, build, 0.0), build);
         for axis in 0..3 {
             assert!((taken.body_rates_flu[axis] - f64::from(state.body_rates[axis])).abs() < 1e-6);
@@ -292,9 +297,10 @@ fn a_betaflight_of_either_build_takes_vectors_for_forward_left_and_up() {
 
 #[test]
 fn sticks_are_told_only_with_a_radio() {
-    assert_eq!(Simulator::new(Home::default(), Build::Gazebo, None).sticks(1.0), None);
+    assert_eq!(BetaflightSimulator::new(Home::default(), BetaflightBuild::Gazebo, None).sticks(1.0), None);
     let radio = "1100,1200,1300,1400".parse().unwrap();
-    let sticks = Simulator::new(Home::default(), Build::Gazebo, Some(radio)).sticks(1.0).unwrap();
+    let sticks =
+        BetaflightSimulator::new(Home::default(), BetaflightBuild::Gazebo, Some(radio)).sticks(1.0).unwrap();
     assert_eq!(sticks[..8], 1.0_f64.to_le_bytes());
     let channel = |number: usize| u16::from_le_bytes([sticks[6 + 2 * number], sticks[7 + 2 * number]]);
     assert_eq!([1, 2, 3, 4, 5, 16].map(channel), [1100, 1200, 1300, 1400, 1500, 1500]);
@@ -313,7 +319,7 @@ fn outputs_of_at_least_four_motors_are_read() {
 proptest! {
     #[test]
     fn no_datagram_panics(datagram in proptest::collection::vec(any::<u8>(), 0..100)) {
-        let mut simulator = Simulator::new(Home::default(), Build::Gazebo, None);
+        let mut simulator = BetaflightSimulator::new(Home::default(), BetaflightBuild::Gazebo, None);
         simulator.receive(&datagram);
         prop_assert!(simulator.throttles().iter().all(|throttle| (0.0..=1.0).contains(throttle)));
     }

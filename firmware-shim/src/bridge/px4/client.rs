@@ -9,7 +9,7 @@ use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
-use super::producer::{Producer, Sensed};
+use super::producer::{Producer, SensorReadings};
 use crate::bridge::motors::Motors;
 use crate::plant::Plant;
 
@@ -51,7 +51,7 @@ struct Link {
     /// The part of `bytes` that is not read yet.
     unread: core::ops::Range<usize>,
     /// The sensor message that waits for the vehicle's decision.
-    open: Option<Sensed>,
+    open: Option<SensorReadings>,
     /// Simulated time at which the next decision is due \[µs\].
     due_micros: Option<u64>,
     heard: Instant,
@@ -169,7 +169,7 @@ impl Link {
     }
 
     /// Whether the vehicle has to decide again, also because the simulator's time began anew.
-    fn is_due(&self, sensed: Sensed, control_micros: u64) -> bool {
+    fn is_due(&self, sensed: SensorReadings, control_micros: u64) -> bool {
         let now = sensed.time_micros;
         self.due_micros.is_none_or(|due| now >= due || now + control_micros < due)
     }
@@ -179,7 +179,7 @@ impl Link {
         self.bytes.get(index).copied()
     }
 
-    fn answer(&mut self, sensed: Sensed) -> std::io::Result<()> {
+    fn answer(&mut self, sensed: SensorReadings) -> std::io::Result<()> {
         let mut frame = Vec::new();
         self.producer.answer(sensed, &mut |bytes| frame.extend_from_slice(bytes));
         self.stream.write_all(&frame)

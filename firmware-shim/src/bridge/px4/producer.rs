@@ -14,7 +14,7 @@ use mavlink::dialects::common::{
 };
 use nalgebra::Vector3;
 
-use super::{float_at, time_at_start};
+use super::{f32_at, time_at_start};
 use crate::bridge::frames::enu_from_flu;
 use crate::bridge::motors::Motors;
 use crate::frame::{Encoder, Frame, Payload, Receiver};
@@ -62,7 +62,7 @@ pub struct Producer {
 
 /// A sensor message that waits for its answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sensed {
+pub struct SensorReadings {
     /// Simulated time \[µs\].
     pub time_micros: u64,
 }
@@ -97,7 +97,7 @@ impl Producer {
     }
 
     /// Reads one byte of the stream from the simulator; it may complete a sensor message, which wants an answer.
-    pub fn receive(&mut self, byte: u8) -> Option<Sensed> {
+    pub fn receive(&mut self, byte: u8) -> Option<SensorReadings> {
         let Ok(frame) = self.receiver.push(byte)? else {
             self.garbage += 1;
             return None;
@@ -106,7 +106,7 @@ impl Producer {
         match message {
             Received::Sensor(sensor) => {
                 self.advance(&sensor);
-                Some(Sensed { time_micros: sensor.time_micros })
+                Some(SensorReadings { time_micros: sensor.time_micros })
             }
             Received::Truth(truth) => {
                 self.correct(&truth);
@@ -121,7 +121,7 @@ impl Producer {
     }
 
     /// Answers a sensor message.
-    pub fn answer(&mut self, sensed: Sensed, send: &mut dyn FnMut(&[u8])) {
+    pub fn answer(&mut self, sensed: SensorReadings, send: &mut dyn FnMut(&[u8])) {
         let mut controls = [0.0; 16];
         controls[..4].copy_from_slice(&self.throttles);
         let turning = self.throttles.iter().any(|throttle| *throttle > 0.0);
@@ -234,7 +234,7 @@ impl Sensor {
 
 impl Truth {
     fn read(fields: &[u8; 64]) -> Option<Self> {
-        let [w, x, y, z] = core::array::from_fn(|index| float_at(fields, 8 + 4 * index));
+        let [w, x, y, z] = core::array::from_fn(|index| f32_at(fields, 8 + 4 * index));
         let square = w * w + x * x + y * y + z * z;
         if !square.is_finite() || square < ATTITUDE_SQUARE_LIMIT {
             return None;
@@ -257,7 +257,7 @@ impl Truth {
 
 /// A vector in FRD, turned into FLU, if it is one that can be sensed.
 fn flu_at(fields: &[u8; 64], at: usize) -> Option<Vector3<f32>> {
-    let [forward, right, down] = core::array::from_fn(|axis| float_at(fields, at + 4 * axis));
+    let [forward, right, down] = core::array::from_fn(|axis| f32_at(fields, at + 4 * axis));
     let vector = Vector3::new(forward, -right, -down);
     vector.iter().all(|value| value.abs() <= SENSED_LIMIT).then_some(vector)
 }

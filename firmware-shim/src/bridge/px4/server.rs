@@ -1,15 +1,15 @@
-//! The TCP socket behind [`Simulator`]: PX4 connects, flies, goes and comes back.
+//! The TCP socket behind [`Px4Simulator`]: PX4 connects, flies, goes and comes back.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::Simulator;
+use super::Px4Simulator;
 use crate::bridge::BridgeError;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{Counts, Event, Step};
-use crate::lockstep::{Clock, Next, Pace};
+use crate::bridge::event::{BridgeCounts, BridgeEvent, BridgeStep};
+use crate::lockstep::{Clock, Next, SimulationRate};
 
 /// An answer is awaited this long; PX4 itself gives up on a silent simulator after a second.
 pub const ANSWER_LIMIT: Duration = Duration::from_secs(1);
@@ -68,21 +68,21 @@ impl Listener {
 }
 
 /// A simulation that serves one PX4 after the other.
-pub struct Server<'a, 'p> {
+pub struct Px4Server<'a, 'p> {
     drone: &'a mut Drone<'p>,
-    simulator: Simulator,
+    simulator: Px4Simulator,
     period: Duration,
     clock: Clock,
-    counts: Counts,
+    counts: BridgeCounts,
     /// Who connected while the other was silent.
     successor: Option<(TcpStream, SocketAddr)>,
     frames: Vec<u8>,
 }
 
-impl<'a, 'p> Server<'a, 'p> {
+impl<'a, 'p> Px4Server<'a, 'p> {
     /// A simulation with steps of `period`.
-    pub fn new(drone: &'a mut Drone<'p>, simulator: Simulator, period: Duration, pace: Pace) -> Self {
-        let (clock, counts) = (Clock::new(pace, period), Counts::default());
+    pub fn new(drone: &'a mut Drone<'p>, simulator: Px4Simulator, period: Duration, pace: SimulationRate) -> Self {
+        let (clock, counts) = (Clock::new(pace, period), BridgeCounts::default());
         Self { drone, simulator, period, clock, counts, successor: None, frames: Vec::new() }
     }
 
@@ -93,13 +93,13 @@ impl<'a, 'p> Server<'a, 'p> {
     pub fn serve(
         mut self,
         listener: &Listener,
-        watch: &mut dyn FnMut(&Event<'_>) -> Next,
-    ) -> Result<Counts, BridgeError> {
+        watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
+    ) -> Result<BridgeCounts, BridgeError> {
         loop {
             let Some((mut stream, address)) =
                 self.successor.take().map_or_else(|| listener.accept(), |it| Ok(Some(it)))?
             else {
-                if watch(&Event::Waiting) == Next::End {
+                if watch(&BridgeEvent::Waiting) == Next::End {
                     break;
                 }
                 thread::sleep(LOOK_PERIOD);
@@ -107,7 +107,7 @@ impl<'a, 'p> Server<'a, 'p> {
             };
             self.counts.connections += 1;
             self.simulator.reconnect();
-            let next = match watch(&Event::Connected(address)) {
+            let next = match watch(&BridgeEvent::Connected(address)) {
                 Next::Fly => self.fly(&mut stream, listener, watch)?,
                 Next::End => Next::End,
             };
@@ -124,18 +124,18 @@ impl<'a, 'p> Server<'a, 'p> {
         &mut self,
         stream: &mut TcpStream,
         listener: &Listener,
-        watch: &mut dyn FnMut(&Event<'_>) -> Next,
+        watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
     ) -> Result<Next, BridgeError> {
         loop {
             let engaged_before = self.simulator.engaged();
             let answer = self.exchange(stream);
             if answer == Answer::Gone {
-                return Ok(watch(&Event::Gone));
+                return Ok(watch(&BridgeEvent::Gone));
             }
             if !engaged_before && self.simulator.engaged() {
                 // How many steps PX4 needed to wake up is up to the wall clock; nothing after may depend on it.
                 self.drone.restart_instruments();
-                if watch(&Event::Engaged) == Next::End {
+                if watch(&BridgeEvent::Engaged) == Next::End {
                     return Ok(Next::End);
                 }
             }
@@ -145,7 +145,7 @@ impl<'a, 'p> Server<'a, 'p> {
             if answer == Answer::Missing && engaged_before {
                 self.successor = listener.accept()?;
                 if self.successor.is_some() {
-                    return Ok(watch(&Event::Gone));
+                    return Ok(watch(&BridgeEvent::Gone));
                 }
             }
             self.clock.wait();
@@ -157,7 +157,7 @@ impl<'a, 'p> Server<'a, 'p> {
         self.frames.clear();
         let frames = &mut self.frames;
         self.simulator
-            .tell(self.drone.measurement(), self.drone.state(), &mut |frame| frames.extend_from_slice(frame));
+            .send(self.drone.measurement(), self.drone.state(), &mut |frame| frames.extend_from_slice(frame));
         if stream.write_all(&self.frames).is_err() {
             return Answer::Gone;
         }
@@ -189,17 +189,17 @@ impl<'a, 'p> Server<'a, 'p> {
         Answer::Given
     }
 
-    fn step(&mut self, answer: Answer, engaged: bool, watch: &mut dyn FnMut(&Event<'_>) -> Next) -> Next {
+    fn step(&mut self, answer: Answer, engaged: bool, watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next) -> Next {
         self.drone.step(&self.simulator.throttles());
         self.counts.steps += 1;
         self.counts.answered += u64::from(answer == Answer::Given);
         if answer == Answer::Missing && engaged {
             self.counts.unanswered += 1;
-            if watch(&Event::Unanswered) == Next::End {
+            if watch(&BridgeEvent::Unanswered) == Next::End {
                 return Next::End;
             }
         }
-        watch(&Event::Stepped(Step {
+        watch(&BridgeEvent::Stepped(BridgeStep {
             secs: self.counts.steps as f64 * self.period.as_secs_f64(),
             state: self.drone.state(),
             rotor_targets: self.drone.rotor_targets(),

@@ -15,16 +15,16 @@ use mavlink::{MavlinkVersion, Message};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
-use super::server::{ANSWER_LIMIT, Listener, Server};
+use super::server::{ANSWER_LIMIT, Listener, Px4Server};
 use super::*;
 use crate::bridge::BridgeError;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{Counts, Event};
+use crate::bridge::event::{BridgeCounts, BridgeEvent};
 use crate::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 use crate::bridge::noise::Noise;
 use crate::bridge::sensors::Instruments;
 use crate::bridge::testing::{FLIGHT_SECS, Judge, QUAD_X, Seen, StateHash, fly};
-use crate::lockstep::{Next, Pace};
+use crate::lockstep::{Next, SimulationRate};
 use crate::plant::{FlatFloor, Plant};
 
 const RATE_HZ: u32 = 250;
@@ -37,13 +37,13 @@ fn listener() -> Listener {
 }
 
 /// Serves a drone on the floor until `watch` ends it.
-fn serve(listener: &Listener, noise: Noise, watch: &mut dyn FnMut(&Event<'_>) -> Next) -> Counts {
+fn serve(listener: &Listener, noise: Noise, watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next) -> BridgeCounts {
     let mut plant = FlatFloor::new(&CF2X, 1.0 / RATE_HZ as f32);
     let motors = Motors::new(&CF2X, MotorOrder::QuadX, ThrustCurve::PX4).unwrap();
     let mut drone = Drone::new(&mut plant, motors, Instruments::new(Home::default(), noise, RATE_HZ));
-    let simulator = Simulator::new(Home::default(), RATE_HZ, None);
+    let simulator = Px4Simulator::new(Home::default(), RATE_HZ, None);
     let period = Duration::from_secs(1) / RATE_HZ;
-    Server::new(&mut drone, simulator, period, Pace::Unthrottled).serve(listener, watch).unwrap()
+    Px4Server::new(&mut drone, simulator, period, SimulationRate::Unthrottled).serve(listener, watch).unwrap()
 }
 
 fn actuators(time_usec: u64, throttles: [f32; 4], armed: bool) -> HIL_ACTUATOR_CONTROLS_DATA {
@@ -187,7 +187,7 @@ fn pilot(address: SocketAddr, engaged: &AtomicBool, steps: u64, pause: impl Fn(u
 }
 
 /// Flies so many commanded steps, and gives what became of them with the hash of their states.
-fn lockstep(steps: u64, noise: Noise, pause: impl Fn(u64) -> Duration + Send) -> (Counts, StateHash, Judge) {
+fn lockstep(steps: u64, noise: Noise, pause: impl Fn(u64) -> Duration + Send) -> (BridgeCounts, StateHash, Judge) {
     let listener = listener();
     let address = listener.address().unwrap();
     let (mut hash, mut judge, mut flown) = (StateHash::new(), Judge::default(), 0);
@@ -196,14 +196,17 @@ fn lockstep(steps: u64, noise: Noise, pause: impl Fn(u64) -> Duration + Send) ->
         scope.spawn(|| pilot(address, &engaged, u64::MAX, pause));
         serve(&listener, noise, &mut |event| {
             match event {
-                Event::Engaged => engaged.store(true, Ordering::SeqCst),
-                Event::Stepped(step) if engaged.load(Ordering::SeqCst) => {
+                BridgeEvent::Engaged => engaged.store(true, Ordering::SeqCst),
+                BridgeEvent::Stepped(step) if engaged.load(Ordering::SeqCst) => {
                     hash.add(step.state);
                     judge.see(flown as f64 / f64::from(RATE_HZ), step.state);
                     flown += 1;
                 }
-                Event::Gone => panic!("PX4 has gone after {flown} steps"),
-                Event::Waiting | Event::Connected(_) | Event::Stepped(_) | Event::Unanswered => {}
+                BridgeEvent::Gone => panic!("PX4 has gone after {flown} steps"),
+                BridgeEvent::Waiting
+                | BridgeEvent::Connected(_)
+                | BridgeEvent::Stepped(_)
+                | BridgeEvent::Unanswered => {}
             }
             if flown == steps { Next::End } else { Next::Fly }
         })
@@ -256,13 +259,16 @@ fn a_px4_that_restarts_is_served_again_within_a_second() {
         });
         serve(&listener, Noise::Off, &mut |event| {
             match event {
-                Event::Gone if connections == 2 => return Next::End,
-                Event::Gone => gone_at = Some(Instant::now()),
-                Event::Connected(_) => {
+                BridgeEvent::Gone if connections == 2 => return Next::End,
+                BridgeEvent::Gone => gone_at = Some(Instant::now()),
+                BridgeEvent::Connected(_) => {
                     connections += 1;
                     away = gone_at.map_or(Duration::ZERO, |gone: Instant| gone.elapsed());
                 }
-                Event::Waiting | Event::Engaged | Event::Stepped(_) | Event::Unanswered => {}
+                BridgeEvent::Waiting
+                | BridgeEvent::Engaged
+                | BridgeEvent::Stepped(_)
+                | BridgeEvent::Unanswered => {}
             }
             Next::Fly
         })
@@ -292,11 +298,11 @@ fn a_px4_that_falls_silent_delays_its_steps_and_gives_way_to_another() {
             second.join().unwrap();
         });
         serve(&listener, Noise::Off, &mut |event| match event {
-            Event::Connected(_) => {
+            BridgeEvent::Connected(_) => {
                 connected += 1;
                 Next::Fly
             }
-            Event::Gone if connected == 2 => Next::End,
+            BridgeEvent::Gone if connected == 2 => Next::End,
             _ => Next::Fly,
         })
     });
@@ -328,13 +334,13 @@ fn garbage_is_counted_and_hurts_nobody() {
             }
         });
         serve(&listener, Noise::Off, &mut |event| match event {
-            Event::Stepped(step) => {
+            BridgeEvent::Stepped(step) => {
                 assert!(step.rotor_targets.iter().all(|target| target.is_finite()));
                 worst = step.rotor_targets.into_iter().fold(worst, f32::max);
                 assert!(step.state.position.iter().all(|coordinate| coordinate.is_finite()));
                 Next::Fly
             }
-            Event::Gone => Next::End,
+            BridgeEvent::Gone => Next::End,
             _ => Next::Fly,
         })
     });
@@ -366,9 +372,9 @@ fn two_px4s_fly_two_simulators_at_once() {
 
 // What follows needs no socket.
 
-fn told(simulator: &mut Simulator, measurement: &Measurement, state: &State<f32>) -> Vec<MavMessage> {
+fn told(simulator: &mut Px4Simulator, measurement: &Measurement, state: &State<f32>) -> Vec<MavMessage> {
     let mut messages = Vec::new();
-    simulator.tell(measurement, state, &mut |frame| messages.push(crate::testing::message(frame)));
+    simulator.send(measurement, state, &mut |frame| messages.push(crate::testing::message(frame)));
     messages
 }
 
@@ -378,7 +384,7 @@ fn rest() -> State<f32> {
 
 #[test]
 fn messages_have_the_rates_fields_and_units_that_px4_expects() {
-    let mut simulator = Simulator::new(Home::default(), RATE_HZ, Some("1500,1500,1000,1500".parse().unwrap()));
+    let mut simulator = Px4Simulator::new(Home::default(), RATE_HZ, Some("1500,1500,1000,1500".parse().unwrap()));
     let mut instruments = Instruments::new(Home::default(), Noise::Off, RATE_HZ);
     let (mut sensors, mut slow, mut fixes, mut states, mut radios) = (0, 0, 0, 0, 0);
     let mut last_micros = 0;
@@ -421,7 +427,7 @@ fn messages_have_the_rates_fields_and_units_that_px4_expects() {
 
 #[test]
 fn a_hard_landing_and_a_fast_spin_keep_their_signs_in_px4() {
-    let mut simulator = Simulator::new(Home::default(), RATE_HZ, None);
+    let mut simulator = Px4Simulator::new(Home::default(), RATE_HZ, None);
     let rate = 2000.0_f32.to_radians();
     let measurement =
         Measurement { specific_force_frd: [235.0, 0.0, -157.0], body_rates_frd: [rate, -rate, 0.0], ..still() };
@@ -438,7 +444,7 @@ fn a_hard_landing_and_a_fast_spin_keep_their_signs_in_px4() {
 
 #[test]
 fn the_true_state_comes_as_often_as_it_is_asked_for() {
-    let mut simulator = Simulator::new(Home::default(), RATE_HZ, None);
+    let mut simulator = Px4Simulator::new(Home::default(), RATE_HZ, None);
     let measurement = Instruments::new(Home::default(), Noise::Off, RATE_HZ).measure(&rest(), &rest());
     let mut count = |micros: Option<f32>| {
         if let Some(param2) = micros {
@@ -477,7 +483,7 @@ fn still() -> Measurement {
 
 #[test]
 fn a_disarmed_px4_turns_no_motor() {
-    let mut simulator = Simulator::new(Home::default(), RATE_HZ, None);
+    let mut simulator = Px4Simulator::new(Home::default(), RATE_HZ, None);
     let mut encoder = Encoder::new(1, 1);
     simulator.receive(&encoder.encode(&Payload::of(&actuators(START_MICROS, [0.5; 4], false))));
     assert!(simulator.engaged() && simulator.answered());
@@ -491,7 +497,7 @@ fn a_disarmed_px4_turns_no_motor() {
 
 #[test]
 fn answers_to_messages_that_waited_unread_are_not_taken_for_the_last() {
-    let mut simulator = Simulator::new(Home::default(), RATE_HZ, None);
+    let mut simulator = Px4Simulator::new(Home::default(), RATE_HZ, None);
     let mut encoder = Encoder::new(1, 1);
     for _ in 0..3 {
         told(&mut simulator, &still(), &rest());
@@ -503,7 +509,7 @@ fn answers_to_messages_that_waited_unread_are_not_taken_for_the_last() {
     assert_eq!(answer(START_MICROS), (true, false, false));
     assert_eq!(answer(START_MICROS + 4000), (true, false, false));
     assert_eq!(answer(START_MICROS + 8000), (true, true, true));
-    let mut simulator = Simulator::new(Home::default(), RATE_HZ, None);
+    let mut simulator = Px4Simulator::new(Home::default(), RATE_HZ, None);
     told(&mut simulator, &still(), &rest());
     simulator.receive(&encoder.encode(&Payload::of(&actuators(0, [0.0; 4], false))));
     assert!(simulator.engaged(), "a clock that is not the simulator's says nothing");
@@ -512,7 +518,7 @@ fn answers_to_messages_that_waited_unread_are_not_taken_for_the_last() {
 #[test]
 fn every_rate_keeps_its_time() {
     for rate_hz in [50, 250, 400, 500, 1200] {
-        let mut simulator = Simulator::new(Home::default(), rate_hz, None);
+        let mut simulator = Px4Simulator::new(Home::default(), rate_hz, None);
         for _ in 0..10 * rate_hz {
             told(&mut simulator, &still(), &rest());
         }
@@ -524,7 +530,7 @@ fn every_rate_keeps_its_time() {
 proptest! {
     #[test]
     fn no_stream_of_bytes_panics(bytes in proptest::collection::vec(any::<u8>(), 0..2000)) {
-        let mut simulator = Simulator::new(Home::default(), RATE_HZ, None);
+        let mut simulator = Px4Simulator::new(Home::default(), RATE_HZ, None);
         simulator.receive(&bytes);
         prop_assert!(simulator.throttles().iter().all(|throttle| *throttle == 0.0));
     }

@@ -6,14 +6,14 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::autopilot::{Autopilot, Command, Mode, SPEED_LIMIT, Surroundings};
-use crate::crtp::bridge::Answer;
+use crate::crtp::access::CommandOutcome;
 use crate::crtp::commander::{HOVER_SECS, HighLevel, LAND_SECS};
 use crate::plant::{FlatFloor, Plant};
 use crate::testing::{dishonest_policy, hover_policy, pilot};
 
 /// A server, its vehicle and the plant.
 struct Rig {
-    server: Server,
+    server: CrtpServer,
     autopilot: Autopilot<Pilot<'static>>,
     plant: FlatFloor,
     ticks: u32,
@@ -28,7 +28,7 @@ impl Rig {
     fn with(policy: Vec<u8>) -> Self {
         let autopilot = Autopilot::new(pilot(policy), &CF2X);
         let plant = FlatFloor::new(&CF2X, autopilot.control_secs());
-        let mut rig = Self { server: Server::default(), autopilot, plant, ticks: 0, sent: Vec::new() };
+        let mut rig = Self { server: CrtpServer::default(), autopilot, plant, ticks: 0, sent: Vec::new() };
         rig.fly(0.01);
         rig
     }
@@ -41,33 +41,33 @@ impl Rig {
         rig
     }
 
-    fn act(&mut self, state: &State<f32>, act: impl FnOnce(&mut Server, &mut Bridge)) {
+    fn act(&mut self, state: &State<f32>, act: impl FnOnce(&mut CrtpServer, &mut VehicleAccess)) {
         let autopilot = &mut self.autopilot;
-        let mut bridge = Bridge {
+        let mut access = VehicleAccess {
             secs: f64::from(self.ticks) * 0.01,
             state,
             mode: autopilot.mode(),
             goal: *autopilot.goal(),
             order: &mut |command| {
                 let result = autopilot.command(command);
-                Answer { result, mode: autopilot.mode(), goal: *autopilot.goal() }
+                CommandOutcome { result, mode: autopilot.mode(), goal: *autopilot.goal() }
             },
             send: &mut |packet| self.sent.push(packet.clone()),
         };
-        act(&mut self.server, &mut bridge);
+        act(&mut self.server, &mut access);
     }
 
     /// What the server answers to a packet, text apart.
-    fn tell(&mut self, packet: &Packet) -> Option<Packet> {
+    fn send(&mut self, packet: &Packet) -> Option<Packet> {
         let before = self.sent.len();
         let state = *self.plant.state();
-        self.act(&state, |server, bridge| server.receive(packet, bridge));
+        self.act(&state, |server, access| server.receive(packet, access));
         self.sent[before..].iter().find(|packet| packet.port != Port::Console).cloned()
     }
 
     fn tick(&mut self) {
         let state = *self.plant.state();
-        self.act(&state, Server::tick);
+        self.act(&state, CrtpServer::tick);
         let targets = self.autopilot.tick(&state, &Surroundings::default());
         self.plant.step(&targets);
         self.ticks += 1;
@@ -82,14 +82,14 @@ impl Rig {
     /// Flies with a set-point that is sent every 0.1 s.
     fn stream(&mut self, packet: &Packet, secs: f32) {
         for _ in 0..(secs / 0.1).round() as u32 {
-            assert_eq!(self.tell(packet), None, "set-points are not answered");
+            assert_eq!(self.send(packet), None, "set-points are not answered");
             self.fly(0.1);
         }
     }
 
     /// Status of a maneuver.
     fn maneuver(&mut self, packet: &Packet) -> u8 {
-        let reply = self.tell(packet).unwrap();
+        let reply = self.send(packet).unwrap();
         assert_eq!((reply.port, reply.data().len()), (Port::HighLevelCommander, 4));
         assert_eq!(reply.data()[..2], packet.data()[..2]);
         reply.data()[3]
@@ -102,7 +102,7 @@ impl Rig {
     }
 
     fn info(&mut self) -> u16 {
-        let reply = self.tell(&Packet::new(Port::Supervisor, 0).with(&[12])).unwrap();
+        let reply = self.send(&Packet::new(Port::Supervisor, 0).with(&[12])).unwrap();
         assert_eq!(reply.data()[0], 0x8C);
         u16::from_le_bytes([reply.data()[1], reply.data()[2]])
     }
@@ -165,7 +165,7 @@ fn a_client_of_velocities_takes_off_flies_and_lands_without_arming() {
         rig.stream(&hover(0.0, 0.0, 0.5 - 0.025 * step as f32), 0.1);
     }
     rig.stream(&hover(0.0, 0.0, 0.0), 6.0);
-    rig.tell(&set_point(0, &[]));
+    rig.send(&set_point(0, &[]));
     assert_eq!(rig.mode(), Mode::Disarmed);
     assert!(rig.position().z < 0.15, "falls the height at which the air under it carries it: {}", rig.position());
     rig.fly(1.0);
@@ -189,7 +189,7 @@ fn ahead_is_where_a_drone_would_look_that_had_turned_as_told() {
     assert!(moved(&mut rig, &turning, 2.0).norm() < 1e-3);
     let left = moved(&mut rig, &ahead, 0.5);
     assert!((left - Vector3::new(0.0, 0.1, 0.0)).norm() < 1e-3, "{left}");
-    rig.tell(&set_point(7, &[0.1, 0.1, height_m, 180.0]));
+    rig.send(&set_point(7, &[0.1, 0.1, height_m, 180.0]));
     let back = moved(&mut rig, &ahead, 0.5);
     assert!((back - Vector3::new(-0.1, 0.0, 0.0)).norm() < 1e-3, "{back}");
 }
@@ -200,9 +200,9 @@ fn who_begins_to_fly_sees_the_drone_as_it_stands() {
     let quarter = core::f32::consts::FRAC_1_SQRT_2;
     let turned = kestrel_core::attitude::Attitude { w: quarter, x: 0.0, y: 0.0, z: quarter };
     let state = State { world_from_body: turned, ..*rig.plant.state() };
-    rig.act(&state, |server, bridge| {
-        server.receive(&hover(0.4, 0.0, 0.2), bridge);
-        server.tick(bridge);
+    rig.act(&state, |server, access| {
+        server.receive(&hover(0.4, 0.0, 0.2), access);
+        server.tick(access);
     });
     rig.autopilot.tick(&state, &Surroundings::default());
     let goal = rig.autopilot.goal().position();
@@ -244,7 +244,7 @@ fn positions_are_reached_and_moving_points_followed() {
 fn stale_set_points_become_a_hover_and_then_a_landing() {
     let mut rig = Rig::hovering();
     rig.stream(&set_point(8, &[0.4, 0.0, 0.0, 0.0]), 2.0);
-    rig.tell(&set_point(8, &[0.4, 0.0, 0.0, 0.0]));
+    rig.send(&set_point(8, &[0.4, 0.0, 0.0, 0.0]));
     let mut changes = Vec::new();
     let mut last = rig.mode();
     for tick in 0..1200 {
@@ -274,13 +274,13 @@ fn a_set_point_that_comes_back_in_time_is_flown_on() {
 fn a_stop_drops_what_flies_and_leaves_alone_what_does_not() {
     for stop in [set_point(0, &[]), packet(Port::Commander, 0, &[], &[0.0; 3]).with(&[0, 0])] {
         let mut rig = Rig::hovering();
-        rig.tell(&stop);
+        rig.send(&stop);
         rig.fly(0.2);
         assert_eq!(rig.mode(), Mode::Disarmed);
         assert!(rig.plant.state().velocity.z < -1.0, "it falls");
         let mut armed = Rig::new();
         armed.autopilot.command(Command::Arm).unwrap();
-        armed.tell(&stop);
+        armed.send(&stop);
         assert_eq!(armed.mode(), Mode::Armed);
     }
 }
@@ -376,7 +376,7 @@ fn set_points_come_before_maneuvers_until_they_are_said_to_end() {
     rig.stream(&hover(0.0, 0.0, 1.0), 0.5);
     assert_eq!(rig.maneuver(&go_to([0.5, 0.0, 1.0], 1.0)), status::BUSY);
     assert!(rig.words().contains("set-points are streaming"));
-    rig.tell(&Packet::new(Port::GenericCommander, 1).with(&RELEASE));
+    rig.send(&Packet::new(Port::GenericCommander, 1).with(&RELEASE));
     assert_eq!(rig.maneuver(&go_to([0.5, 0.0, 1.0], 1.0)), status::OK);
     rig.fly(6.0);
     assert!((rig.position().x - 0.5).abs() < 0.03 && rig.mode() == Mode::Guided);
@@ -400,15 +400,15 @@ fn maneuvers_of_other_groups_are_not_flown() {
 #[test]
 fn arming_is_answered_by_both_services() {
     let mut rig = Rig::new();
-    let mut arm = |port, channel, wish: u8| {
-        let reply = rig.tell(&Packet::new(port, channel).with(&[1, wish])).unwrap();
+    let mut arm = |port, channel, commander_packet: u8| {
+        let reply = rig.send(&Packet::new(port, channel).with(&[1, commander_packet])).unwrap();
         (reply.data().to_vec(), rig.mode())
     };
     assert_eq!(arm(Port::Supervisor, 1, 1), (vec![0x81, 1, 1], Mode::Armed));
     assert_eq!(arm(Port::Supervisor, 1, 0), (vec![0x81, 1, 0], Mode::Disarmed));
     assert_eq!(arm(Port::Platform, 0, 1), (vec![1, 1, 1], Mode::Armed));
     let mut rig = Rig::hovering();
-    let reply = rig.tell(&Packet::new(Port::Supervisor, 1).with(&[1, 0])).unwrap();
+    let reply = rig.send(&Packet::new(Port::Supervisor, 1).with(&[1, 0])).unwrap();
     assert_eq!((reply.data(), rig.mode().flies()), (&[0x81, 0, 1][..], true), "not in flight");
 }
 
@@ -424,7 +424,7 @@ fn the_bits_say_what_the_vehicle_does() {
     rig.stream(&hover(0.0, 0.0, 0.5), 0.1);
     assert_eq!(rig.info(), 0b110_0001_1110, "set-points fly");
     for (question, expected) in [(1, 0), (2, 1), (5, 1), (9, 0), (11, 1)] {
-        let reply = rig.tell(&Packet::new(Port::Supervisor, 0).with(&[question])).unwrap();
+        let reply = rig.send(&Packet::new(Port::Supervisor, 0).with(&[question])).unwrap();
         assert_eq!(reply.data(), [question | 0x80, expected]);
     }
 }
@@ -438,14 +438,14 @@ fn an_emergency_stop_is_for_good() {
     ];
     for stop in stops {
         let mut rig = Rig::hovering();
-        rig.tell(&stop);
+        rig.send(&stop);
         assert_eq!(rig.mode(), Mode::Disarmed);
         rig.fly(2.0);
         assert!(rig.position().z < 0.02, "it fell");
         assert_eq!(rig.info() & 0b100_1001, 0b100_0000, "locked, cannot be armed, cannot fly");
         assert_eq!(rig.maneuver(&take_off(1.0, 1.0)), status::BUSY);
         rig.stream(&hover(0.0, 0.0, 1.0), 0.5);
-        let reply = rig.tell(&Packet::new(Port::Supervisor, 1).with(&[1, 1])).unwrap();
+        let reply = rig.send(&Packet::new(Port::Supervisor, 1).with(&[1, 1])).unwrap();
         assert_eq!((reply.data(), rig.mode()), (&[0x81, 0, 0][..], Mode::Disarmed));
         assert!(rig.words().contains("locked"), "{}", rig.words());
     }
@@ -456,7 +456,7 @@ fn a_watchdog_that_was_set_must_be_set_again() {
     for feed in [Packet::new(Port::Supervisor, 1).with(&[4]), Packet::new(Port::Localization, 1).with(&[4])] {
         let mut rig = Rig::hovering();
         for _ in 0..5 {
-            rig.tell(&feed);
+            rig.send(&feed);
             rig.fly(0.9);
         }
         assert!(rig.mode().flies());
@@ -468,8 +468,8 @@ fn a_watchdog_that_was_set_must_be_set_again() {
 #[test]
 fn log_blocks_follow_the_true_state_until_the_client_parts() {
     let mut rig = Rig::hovering();
-    rig.tell(&Packet::new(Port::Log, 1).with(&[6, 1, 7, 2, 0]));
-    rig.tell(&Packet::new(Port::Log, 1).with(&[3, 1, 10]));
+    rig.send(&Packet::new(Port::Log, 1).with(&[6, 1, 7, 2, 0]));
+    rig.send(&Packet::new(Port::Log, 1).with(&[3, 1, 10]));
     rig.sent.clear();
     rig.fly(1.05);
     let heights: Vec<f32> =
@@ -485,7 +485,7 @@ fn log_blocks_follow_the_true_state_until_the_client_parts() {
 #[test]
 fn the_greeting_is_text_in_pieces() {
     let mut rig = Rig::new();
-    let reply = rig.tell(&platform::handshake()).unwrap();
+    let reply = rig.send(&platform::handshake()).unwrap();
     assert!(reply.data().starts_with(b"Bitcraze Crazyflie"));
     assert!(rig.words().starts_with("Kestrel ") && rig.words().ends_with('\n'), "{}", rig.words());
 }
@@ -532,10 +532,10 @@ proptest! {
         let limit = CF2X.rotor_speed_limit as f32 * 1.000_001;
         let mut rig = Rig::new();
         for (packet, ticks) in script {
-            rig.tell(&packet);
+            rig.send(&packet);
             for _ in 0..ticks {
                 let state = *rig.plant.state();
-                rig.act(&state, Server::tick);
+                rig.act(&state, CrtpServer::tick);
                 let targets = rig.autopilot.tick(&state, &Surroundings::default());
                 rig.plant.step(&targets);
                 rig.ticks += 1;

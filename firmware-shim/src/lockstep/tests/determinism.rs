@@ -43,51 +43,51 @@ fn a_flight_repeats_itself_to_the_bit_whatever_the_wall_clock_does() {
     let steps = env::var("LOCKSTEP_STEPS").map_or(STEPS, |text| text.parse().unwrap());
     for control_secs in [0.004, 0.002] {
         let start = Instant::now();
-        let record = conduct(control_secs, steps, Pace::Unthrottled, Disturbance::None);
+        let record = conduct(control_secs, steps, SimulationRate::Unthrottled, Disturbance::None);
         let factor = steps as f64 * f64::from(control_secs) / start.elapsed().as_secs_f64();
         println!("{steps} steps of {control_secs} s, {factor:.0} times as fast as real time: {record:?}");
         assert!(record.farthest_m > 0.5 && record.landings > 0, "{record:?}");
-        assert_eq!(conduct(control_secs, steps, Pace::Unthrottled, Disturbance::Interruptions), record);
+        assert_eq!(conduct(control_secs, steps, SimulationRate::Unthrottled, Disturbance::Interruptions), record);
         // A pace that is too fast to be kept: the telemetry of latencies differs, the flight does not.
-        let paced = conduct(control_secs, steps, Pace::Speed(1000.0), Disturbance::Interruptions);
+        let paced = conduct(control_secs, steps, SimulationRate::Speed(1000.0), Disturbance::Interruptions);
         assert_eq!(Record { frames: record.frames, ..paced }, record);
     }
 }
 
 /// Flies through a bad link as a script says.
-fn conduct(control_secs: f32, steps: u64, pace: Pace, disturbance: Disturbance) -> Record {
+fn conduct(control_secs: f32, steps: u64, pace: SimulationRate, disturbance: Disturbance) -> Record {
     let mut flight = Flight::with(hover_policy_every(control_secs), 1, 0.0);
     let mut end = flight.client(FAULTS);
     let [mut states, mut frames] = [DefaultHasher::new(), DefaultHasher::new()];
     let mut record = Record { states: 0, frames: 0, farthest_m: 0.0, landings: 0 };
     let mut mode = Mode::Disarmed;
     let mut left = steps;
-    let mut watch = |moment: &Moment| {
-        digest(moment, &mut states);
+    let mut watch = |period: &ControlPeriod| {
+        digest(period, &mut states);
         messages(&mut end).hash(&mut frames);
-        if let Some(bytes) = script(moment.secs, control_secs) {
+        if let Some(bytes) = script(period.secs, control_secs) {
             end.send(&bytes);
         }
         if disturbance == Disturbance::Interruptions {
             interrupt(left, steps);
         }
-        record.farthest_m = record.farthest_m.max(moment.state.position.norm());
-        record.landings += u32::from(moment.mode == Mode::Landed && mode == Mode::Landing);
-        mode = moment.mode;
+        record.farthest_m = record.farthest_m.max(period.state.position.norm());
+        record.landings += u32::from(period.mode == Mode::Landed && mode == Mode::Landing);
+        mode = period.mode;
         left -= 1;
         if left > 0 { Next::Fly } else { Next::End }
     };
-    fly(&mut [flight.member()], pace, &mut watch).unwrap();
+    fly(&mut [flight.simulated()], pace, &mut watch).unwrap();
     Record { states: states.finish(), frames: frames.finish(), ..record }
 }
 
-fn digest(moment: &Moment, states: &mut DefaultHasher) {
-    let State { position, world_from_body, velocity, body_rates, rotor_speeds } = moment.state;
+fn digest(period: &ControlPeriod, states: &mut DefaultHasher) {
+    let State { position, world_from_body, velocity, body_rates, rotor_speeds } = period.state;
     let vectors = [position, velocity, body_rates];
     vectors.iter().flat_map(|vector| vector.iter()).for_each(|value| value.to_bits().hash(states));
     [world_from_body.w, world_from_body.x, world_from_body.y, world_from_body.z].map(f32::to_bits).hash(states);
-    [*rotor_speeds, moment.rotor_targets].map(|values| values.map(f32::to_bits)).hash(states);
-    (moment.mode as u8).hash(states);
+    [*rotor_speeds, period.rotor_targets].map(|values| values.map(f32::to_bits)).hash(states);
+    (period.mode as u8).hash(states);
 }
 
 /// What the client says in this control period: commands several times, set-points twenty times a second.

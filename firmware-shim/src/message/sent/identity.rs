@@ -2,10 +2,9 @@
 
 use mavlink::dialects::common::{
     AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, AVAILABLE_MODES_MONITOR_DATA, MavAutopilot, MavModeProperty,
-    MavProtocolCapability,
+    MavProtocolCapability, MavStandardMode,
 };
 
-use super::status::standard_mode;
 use crate::flight_mode::FlightMode;
 use crate::frame::Payload;
 use kestrel_onboard::signature::fingerprint;
@@ -101,4 +100,17 @@ pub fn available_mode(mode: FlightMode, policy: &str) -> Payload {
 /// `AVAILABLE_MODES_MONITOR`: the list never changes.
 pub fn available_modes_monitor() -> Payload {
     Payload::of(&AVAILABLE_MODES_MONITOR_DATA { seq: 1 })
+}
+
+/// The standard mode that does what a mode does.
+pub(super) const fn standard_mode(flight_mode: FlightMode) -> MavStandardMode {
+    match flight_mode {
+        FlightMode::Policy | FlightMode::Cascade | FlightMode::Hold | FlightMode::Offboard => {
+            MavStandardMode::MAV_STANDARD_MODE_NON_STANDARD
+        }
+        FlightMode::TakeOff => MavStandardMode::MAV_STANDARD_MODE_TAKEOFF,
+        FlightMode::Land => MavStandardMode::MAV_STANDARD_MODE_LAND,
+        FlightMode::Return => MavStandardMode::MAV_STANDARD_MODE_SAFE_RECOVERY,
+        FlightMode::Mission => MavStandardMode::MAV_STANDARD_MODE_MISSION,
+    }
 }

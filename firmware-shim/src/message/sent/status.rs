@@ -2,11 +2,11 @@
 
 use mavlink::dialects::common::{
     BATTERY_STATUS_DATA, CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavBatteryFunction,
-    MavBatteryType, MavLandedState, MavModeFlag, MavStandardMode, MavState, MavSysStatusSensor, MavType,
-    NAMED_VALUE_FLOAT_DATA, NAMED_VALUE_INT_DATA, SYS_STATUS_DATA,
+    MavBatteryType, MavLandedState, MavModeFlag, MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA,
+    NAMED_VALUE_INT_DATA, SYS_STATUS_DATA,
 };
 
-use super::identity::Personality;
+use super::identity::{Personality, standard_mode};
 use crate::autopilot::Mode;
 use crate::battery::Battery;
 use crate::flight_mode::FlightMode;
@@ -14,7 +14,7 @@ use crate::frame::Payload;
 
 /// How well a vehicle is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Health {
+pub struct VehicleHealth {
     /// Whether the policy passes its self-test.
     pub policy: bool,
     /// Whether it is within its fence.
@@ -46,7 +46,7 @@ pub fn heartbeat(mode: Mode, flight_mode: FlightMode, personality: Personality) 
 
 /// `SYS_STATUS`: sensors and controllers are the simulator's and the pilot's, hence well. The first of the autopilot's own
 /// counts of errors is that of refused frames; counts end at the greatest number that the message holds.
-pub fn sys_status(health: &Health) -> Payload {
+pub fn sys_status(health: &VehicleHealth) -> Payload {
     let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
     let fence = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
     let present = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
@@ -115,19 +115,6 @@ pub fn current_mode(flight_mode: FlightMode) -> Payload {
         intended_custom_mode: flight_mode.custom_mode(),
         standard_mode: standard_mode(flight_mode),
     })
-}
-
-/// The standard mode that does what a mode does.
-pub(super) const fn standard_mode(flight_mode: FlightMode) -> MavStandardMode {
-    match flight_mode {
-        FlightMode::Policy | FlightMode::Cascade | FlightMode::Hold | FlightMode::Offboard => {
-            MavStandardMode::MAV_STANDARD_MODE_NON_STANDARD
-        }
-        FlightMode::TakeOff => MavStandardMode::MAV_STANDARD_MODE_TAKEOFF,
-        FlightMode::Land => MavStandardMode::MAV_STANDARD_MODE_LAND,
-        FlightMode::Return => MavStandardMode::MAV_STANDARD_MODE_SAFE_RECOVERY,
-        FlightMode::Mission => MavStandardMode::MAV_STANDARD_MODE_MISSION,
-    }
 }
 
 /// `NAMED_VALUE_FLOAT`; a name has at most ten bytes.

@@ -7,8 +7,8 @@ use nalgebra::Vector3;
 use super::*;
 use crate::autopilot::Mode;
 use crate::battery::Battery;
+use crate::controller::Controller;
 use crate::flight_mode::FlightMode;
-use crate::flyer::Flyer;
 use crate::frame::{Encoder, Frames};
 
 fn sent(payload: &Payload) -> MavMessage {
@@ -27,8 +27,8 @@ fn moving() -> State<f32> {
     }
 }
 
-fn well() -> status::Health {
-    status::Health { policy: true, inside_fence: true, battery: Battery::full(), garbage: 0, refused: 0 }
+fn well() -> status::VehicleHealth {
+    status::VehicleHealth { policy: true, inside_fence: true, battery: Battery::full(), garbage: 0, refused: 0 }
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn rates_are_forward_right_down() {
 #[test]
 fn a_heartbeat_says_whether_motors_may_turn() {
     for mode in [Mode::Disarmed, Mode::Armed, Mode::Guided, Mode::Landed] {
-        let flight_mode = FlightMode::of(mode, Flyer::Policy);
+        let flight_mode = FlightMode::of(mode, Controller::Policy);
         let heartbeat = status::heartbeat(mode, flight_mode, identity::Personality::Generic);
         let MavMessage::HEARTBEAT(message) = sent(&heartbeat) else { panic!() };
         let armed = message.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
@@ -62,7 +62,7 @@ fn a_heartbeat_says_whether_motors_may_turn() {
 #[test]
 fn a_failed_self_test_fails_the_pre_arm_check() {
     for healthy in [true, false] {
-        let health = status::Health { policy: healthy, ..well() };
+        let health = status::VehicleHealth { policy: healthy, ..well() };
         let MavMessage::SYS_STATUS(message) = sent(&status::sys_status(&health)) else { panic!() };
         let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
         assert_eq!(message.onboard_control_sensors_health.contains(check), healthy);
@@ -71,7 +71,7 @@ fn a_failed_self_test_fails_the_pre_arm_check() {
 
 #[test]
 fn counts_of_errors_end_at_the_greatest_number_of_the_message() {
-    let health = status::Health { garbage: 3, refused: 70_000, ..well() };
+    let health = status::VehicleHealth { garbage: 3, refused: 70_000, ..well() };
     let MavMessage::SYS_STATUS(message) = sent(&status::sys_status(&health)) else { panic!() };
     assert_eq!([message.errors_comm, message.errors_count1], [3, u16::MAX]);
 }

@@ -6,8 +6,8 @@ use super::*;
 
 const INVALID: MavMissionResult = MavMissionResult::MAV_MISSION_INVALID;
 
-fn item(command: u16, first: f32, group: f32, [east, north]: [f64; 2]) -> Item {
-    Item {
+fn item(command: u16, first: f32, group: f32, [east, north]: [f64; 2]) -> MissionItem {
+    MissionItem {
         frame: 1,
         command,
         autocontinue: 1,
@@ -17,15 +17,15 @@ fn item(command: u16, first: f32, group: f32, [east, north]: [f64; 2]) -> Item {
     }
 }
 
-fn polygon(command: u16, group: f32, corners: &[[f64; 2]]) -> Vec<Item> {
+fn polygon(command: u16, group: f32, corners: &[[f64; 2]]) -> Vec<MissionItem> {
     corners.iter().map(|corner| item(command, corners.len() as f32, group, *corner)).collect()
 }
 
-fn zones(items: &[Item]) -> Result<Zones, MavMissionResult> {
+fn zones(items: &[MissionItem]) -> Result<Zones, MavMissionResult> {
     super::zones(items, &Home::default())
 }
 
-fn fence(items: &[Item]) -> Fence {
+fn fence(items: &[MissionItem]) -> Fence {
     Fence { zones: zones(items).unwrap(), cylinder: Cylinder::default() }
 }
 
@@ -92,7 +92,7 @@ fn items_that_make_no_fence_are_refused_by_their_parameter() {
         assert_eq!(alone(5003, 1.0, group), Err(MAV_MISSION_INVALID_PARAM2), "{group}");
     }
     assert_eq!(alone(16, 0.0, 0.0), Err(MAV_MISSION_UNSUPPORTED));
-    let nowhere = Item { place: [super::super::OPEN; 2], ..item(5003, 1.0, 0.0, [0.0; 2]) };
+    let nowhere = MissionItem { place: [super::super::OPEN; 2], ..item(5003, 1.0, 0.0, [0.0; 2]) };
     assert_eq!(check(&nowhere, &Home::default()), Err(MAV_MISSION_INVALID_PARAM5_X));
     assert_eq!(alone(5000, 0.0, 0.0), Ok(()), "a return point is kept");
     assert_eq!(zones(&[item(5000, 0.0, 0.0, [0.0; 2])]).map(|zones| zones.is_empty()), Ok(true));
@@ -106,7 +106,7 @@ proptest! {
         ),
         x in any::<f32>(), y in any::<f32>()
     ) {
-        let items: Vec<Item> = items
+        let items: Vec<MissionItem> = items
             .into_iter()
             .map(|(command, first, group, place)| item(command, first.round(), group.round(), place))
             .collect();

@@ -22,8 +22,8 @@ const OTHER: [u8; 2] = [254, 190];
 const TICK_SECS: f64 = 0.01;
 
 /// A waypoint that no other number makes, above home.
-fn waypoint(number: u16) -> Item {
-    Item {
+fn waypoint(number: u16) -> MissionItem {
+    MissionItem {
         frame: 1,
         command: 16,
         autocontinue: 1,
@@ -33,7 +33,7 @@ fn waypoint(number: u16) -> Item {
     }
 }
 
-fn waypoints(count: u16, first: u16) -> Vec<Item> {
+fn waypoints(count: u16, first: u16) -> Vec<MissionItem> {
     (first..first + count).map(waypoint).collect()
 }
 
@@ -42,7 +42,7 @@ struct Rig {
     protocol: MissionProtocol,
     secs: f64,
     heard: Vec<Heard>,
-    events: Vec<Event>,
+    events: Vec<MissionEvent>,
 }
 
 /// An answer, with the plan that the mavlink crate does not read.
@@ -51,7 +51,7 @@ enum Heard {
     Asked { to: [u8; 2], plan: u8, sequence: u16 },
     Acknowledged { to: [u8; 2], plan: u8, result: u8, identifier: u32 },
     Counted { to: [u8; 2], plan: u8, count: u16, identifier: u32 },
-    Told { to: [u8; 2], plan: u8, sequence: u16, item: Item },
+    Told { to: [u8; 2], plan: u8, sequence: u16, item: MissionItem },
 }
 
 fn heard(payload: &Payload) -> Heard {
@@ -59,20 +59,20 @@ fn heard(payload: &Payload) -> Heard {
     let frame = Frames::new(&bytes).next().unwrap().unwrap();
     let to = |address: Address| [address.system, address.component];
     match (frame.message_id, received::request(&frame)) {
-        (51, Some((address, Request::Fetch { plan, sequence }))) => {
+        (51, Some((address, MissionRequest::Fetch { plan, sequence }))) => {
             Heard::Asked { to: to(address), plan, sequence }
         }
-        (47, Some((address, Request::Acknowledge { plan, result }))) => {
+        (47, Some((address, MissionRequest::Acknowledge { plan, result }))) => {
             let fields = frame.fields::<8>();
             let identifier = u32::from_le_bytes(core::array::from_fn(|i| fields[4 + i]));
             Heard::Acknowledged { to: to(address), plan, result, identifier }
         }
-        (44, Some((address, Request::Count { plan, count }))) => {
+        (44, Some((address, MissionRequest::Count { plan, count }))) => {
             let fields = frame.fields::<9>();
             let identifier = u32::from_le_bytes(core::array::from_fn(|i| fields[5 + i]));
             Heard::Counted { to: to(address), plan, count, identifier }
         }
-        (73, Some((address, Request::Item { plan, sequence, item }))) => {
+        (73, Some((address, MissionRequest::MissionItem { plan, sequence, item }))) => {
             Heard::Told { to: to(address), plan, sequence, item }
         }
         other => panic!("{other:?}"),
@@ -88,7 +88,7 @@ impl Rig {
         Self { protocol: MissionProtocol::new(Home::default()), secs: 0.0, heard: Vec::new(), events: Vec::new() }
     }
 
-    fn with(items: &[Item]) -> Self {
+    fn with(items: &[MissionItem]) -> Self {
         let mut rig = Self::new();
         assert_eq!(rig.upload(0, items), MAV_MISSION_ACCEPTED as u8);
         rig.events.clear();
@@ -96,9 +96,10 @@ impl Rig {
     }
 
     /// What is answered to a request, at once.
-    fn ask(&mut self, request: Request, sender: [u8; 2]) -> Vec<Heard> {
+    fn ask(&mut self, request: MissionRequest, sender: [u8; 2]) -> Vec<Heard> {
         let answers = &mut self.heard;
-        let event = self.protocol.obey(&request, sender, self.secs, &mut |payload| answers.push(heard(&payload)));
+        let event =
+            self.protocol.handle(&request, sender, self.secs, &mut |payload| answers.push(heard(&payload)));
         self.events.extend(event);
         self.heard.drain(..).collect()
     }
@@ -115,14 +116,14 @@ impl Rig {
     }
 
     /// Uploads over a link that loses nothing; the result.
-    fn upload(&mut self, plan: u8, items: &[Item]) -> u8 {
-        let mut answers = self.ask(Request::Count { plan, count: items.len() as u16 }, PEER);
+    fn upload(&mut self, plan: u8, items: &[MissionItem]) -> u8 {
+        let mut answers = self.ask(MissionRequest::Count { plan, count: items.len() as u16 }, PEER);
         loop {
             match answers[..] {
                 [Heard::Asked { to: PEER, plan: asked, sequence }] => {
                     assert_eq!(asked, plan);
                     let item = items[usize::from(sequence)];
-                    answers = self.ask(Request::Item { plan, sequence, item }, PEER);
+                    answers = self.ask(MissionRequest::MissionItem { plan, sequence, item }, PEER);
                 }
                 [Heard::Acknowledged { to: PEER, plan: acknowledged, result, .. }] => {
                     assert_eq!(acknowledged, plan);
@@ -134,14 +135,14 @@ impl Rig {
     }
 
     /// Downloads over a link that loses nothing.
-    fn download(&mut self, plan: u8, sender: [u8; 2]) -> Vec<Item> {
-        let count = match self.ask(Request::List { plan }, sender)[..] {
+    fn download(&mut self, plan: u8, sender: [u8; 2]) -> Vec<MissionItem> {
+        let count = match self.ask(MissionRequest::List { plan }, sender)[..] {
             [Heard::Counted { to, plan: counted, count, .. }] if to == sender && counted == plan => count,
             ref answers => panic!("{answers:?}"),
         };
         let mut items = Vec::new();
         for sequence in 0..count {
-            match self.ask(Request::Fetch { plan, sequence }, sender)[..] {
+            match self.ask(MissionRequest::Fetch { plan, sequence }, sender)[..] {
                 [Heard::Told { item, sequence: told, .. }] if told == sequence => items.push(item),
                 ref answers => panic!("{answers:?}"),
             }
@@ -150,8 +151,8 @@ impl Rig {
     }
 }
 
-fn fence_items() -> Vec<Item> {
-    let corner = |north, east| Item {
+fn fence_items() -> Vec<MissionItem> {
+    let corner = |north, east| MissionItem {
         command: 5001,
         parameters: [4.0, 0.0, 0.0, 0.0],
         place: [north * 10_000, east * 10_000],
@@ -166,7 +167,7 @@ fn what_was_uploaded_is_downloaded_by_anybody() {
     for count in [0, 1, 10, 64] {
         let items = waypoints(count, 3);
         assert_eq!(rig.upload(0, &items), MAV_MISSION_ACCEPTED as u8);
-        assert_eq!(rig.events.drain(..).collect::<Vec<_>>(), [Event::Replaced(Plan::Mission)]);
+        assert_eq!(rig.events.drain(..).collect::<Vec<_>>(), [MissionEvent::Replaced(PlanKind::Mission)]);
         assert_eq!(rig.protocol.legs().len(), items.len());
         assert_eq!(rig.download(0, PEER), items);
         assert_eq!(rig.download(0, OTHER), items);
@@ -176,20 +177,23 @@ fn what_was_uploaded_is_downloaded_by_anybody() {
 #[test]
 fn plans_of_different_kinds_do_not_touch_each_other() {
     let mut rig = Rig::with(&waypoints(5, 0));
-    let rally = vec![Item { command: 5100, ..waypoint(7) }];
+    let rally = vec![MissionItem { command: 5100, ..waypoint(7) }];
     assert_eq!(rig.upload(1, &fence_items()), MAV_MISSION_ACCEPTED as u8);
     assert_eq!(rig.upload(2, &rally), MAV_MISSION_ACCEPTED as u8);
-    assert_eq!(rig.events, [Event::Replaced(Plan::Fence), Event::Replaced(Plan::Rally)]);
+    assert_eq!(rig.events, [MissionEvent::Replaced(PlanKind::Fence), MissionEvent::Replaced(PlanKind::Rally)]);
     assert_eq!(rig.download(0, PEER), waypoints(5, 0));
     assert_eq!(rig.download(1, PEER), fence_items());
     assert_eq!(rig.download(2, PEER), rally);
     assert_eq!(rig.protocol.rally_points(), [Vector3::new(0.0, 0.7, 1.0)]);
     assert!(!rig.protocol.zones().is_empty());
-    assert_eq!(rig.ask(Request::Clear { plan: 1 }, PEER), [acknowledged(PEER, 1, MAV_MISSION_ACCEPTED)]);
+    assert_eq!(rig.ask(MissionRequest::Clear { plan: 1 }, PEER), [acknowledged(PEER, 1, MAV_MISSION_ACCEPTED)]);
     assert!(rig.protocol.zones().is_empty());
     assert_eq!(rig.download(0, PEER).len(), 5);
-    assert_eq!(rig.ask(Request::Clear { plan: 255 }, PEER), [acknowledged(PEER, 255, MAV_MISSION_ACCEPTED)]);
-    assert_eq!(rig.events.last(), Some(&Event::Cleared));
+    assert_eq!(
+        rig.ask(MissionRequest::Clear { plan: 255 }, PEER),
+        [acknowledged(PEER, 255, MAV_MISSION_ACCEPTED)]
+    );
+    assert_eq!(rig.events.last(), Some(&MissionEvent::Cleared));
     assert_eq!(rig.protocol.identifiers(), [0; 3]);
 }
 
@@ -201,7 +205,7 @@ fn a_client_of_the_mavlink_crate_uploads_and_downloads() {
         let (_, request) = received::request(&frame).unwrap();
         let mut answers = Vec::new();
         let sender = [frame.system, frame.component];
-        rig.protocol.obey(&request, sender, 0.0, &mut |payload| {
+        rig.protocol.handle(&request, sender, 0.0, &mut |payload| {
             answers.push(message(&Encoder::new(1, 1).encode(&payload)));
         });
         assert_eq!(answers.len(), 1);
@@ -248,15 +252,15 @@ fn identifiers_follow_what_is_in_a_plan() {
     assert!(first != 0 && fence == 0 && rally == 0);
     rig.upload(0, &waypoints(3, 1));
     assert_ne!(rig.protocol.identifiers()[0], first);
-    rig.ask(Request::Count { plan: 0, count: 3 }, PEER);
+    rig.ask(MissionRequest::Count { plan: 0, count: 3 }, PEER);
     let mut answers = Vec::new();
     for (sequence, item) in (0..).zip(waypoints(3, 0)) {
-        answers = rig.ask(Request::Item { plan: 0, sequence, item }, PEER);
+        answers = rig.ask(MissionRequest::MissionItem { plan: 0, sequence, item }, PEER);
     }
     let result = MAV_MISSION_ACCEPTED as u8;
     assert_eq!(answers, [Heard::Acknowledged { to: PEER, plan: 0, result, identifier: first }]);
     let counted = Heard::Counted { to: PEER, plan: 0, count: 3, identifier: first };
-    assert_eq!(rig.ask(Request::List { plan: 0 }, PEER), [counted]);
+    assert_eq!(rig.ask(MissionRequest::List { plan: 0 }, PEER), [counted]);
 }
 
 #[test]
@@ -264,12 +268,12 @@ fn a_lost_item_is_asked_for_again_ten_times_and_the_old_plan_stays() {
     let old = waypoints(2, 0);
     let mut rig = Rig::with(&old);
     let asked = Heard::Asked { to: PEER, plan: 0, sequence: 0 };
-    assert_eq!(rig.ask(Request::Count { plan: 0, count: 5 }, PEER), slice::from_ref(&asked));
+    assert_eq!(rig.ask(MissionRequest::Count { plan: 0, count: 5 }, PEER), slice::from_ref(&asked));
     assert_eq!(rig.wait(0.24), []);
     assert_eq!(rig.wait(0.02), [asked]);
     let item = waypoint(9);
     let asked = Heard::Asked { to: PEER, plan: 0, sequence: 1 };
-    assert_eq!(rig.ask(Request::Item { plan: 0, sequence: 0, item }, PEER), slice::from_ref(&asked));
+    assert_eq!(rig.ask(MissionRequest::MissionItem { plan: 0, sequence: 0, item }, PEER), slice::from_ref(&asked));
     let cancelled = acknowledged(PEER, 0, MAV_MISSION_OPERATION_CANCELLED);
     let told = rig.wait(2.6);
     assert_eq!(told[..told.len() - 1], vec![asked; usize::from(TRIES) - 1]);
@@ -282,9 +286,9 @@ fn a_lost_item_is_asked_for_again_ten_times_and_the_old_plan_stays() {
 #[test]
 fn duplicates_and_strays_are_ignored() {
     let mut rig = Rig::new();
-    let item = |plan, sequence| Request::Item { plan, sequence, item: waypoint(sequence) };
+    let item = |plan, sequence| MissionRequest::MissionItem { plan, sequence, item: waypoint(sequence) };
     assert_eq!(rig.ask(item(0, 0), PEER), []);
-    rig.ask(Request::Count { plan: 0, count: 3 }, PEER);
+    rig.ask(MissionRequest::Count { plan: 0, count: 3 }, PEER);
     rig.ask(item(0, 0), PEER);
     for (stray, sender) in [(item(0, 0), PEER), (item(0, 2), PEER), (item(1, 1), PEER), (item(0, 1), OTHER)] {
         assert_eq!(rig.ask(stray, sender), []);
@@ -297,7 +301,7 @@ fn duplicates_and_strays_are_ignored() {
 #[test]
 fn whoever_missed_the_end_hears_it_again() {
     let mut rig = Rig::with(&waypoints(3, 0));
-    let last = Request::Item { plan: 0, sequence: 2, item: waypoint(2) };
+    let last = MissionRequest::MissionItem { plan: 0, sequence: 2, item: waypoint(2) };
     let answers = rig.ask(last, PEER);
     assert!(matches!(answers[..], [Heard::Acknowledged { to: PEER, plan: 0, result: 0, .. }]), "{answers:?}");
     assert_eq!(rig.ask(last, OTHER), []);
@@ -307,7 +311,7 @@ fn whoever_missed_the_end_hears_it_again() {
 
 #[test]
 fn whoever_goes_on_does_not_hear_the_end_again() {
-    for request in [Request::List { plan: 0 }, Request::SetCurrent { sequence: 1 }] {
+    for request in [MissionRequest::List { plan: 0 }, MissionRequest::SetCurrent { sequence: 1 }] {
         let mut rig = Rig::with(&waypoints(3, 0));
         rig.ask(request, OTHER);
         assert_eq!(rig.wait(0.3).len(), 1, "{request:?} of somebody else");
@@ -319,29 +323,29 @@ fn whoever_goes_on_does_not_hear_the_end_again() {
 #[test]
 fn one_upload_at_a_time() {
     let mut rig = Rig::new();
-    rig.ask(Request::Count { plan: 0, count: 2 }, PEER);
+    rig.ask(MissionRequest::Count { plan: 0, count: 2 }, PEER);
     let denied = [acknowledged(OTHER, 0, MAV_MISSION_DENIED)];
-    assert_eq!(rig.ask(Request::Count { plan: 0, count: 1 }, OTHER), denied);
-    assert_eq!(rig.ask(Request::Clear { plan: 0 }, OTHER), denied);
+    assert_eq!(rig.ask(MissionRequest::Count { plan: 0, count: 1 }, OTHER), denied);
+    assert_eq!(rig.ask(MissionRequest::Clear { plan: 0 }, OTHER), denied);
     assert_eq!(rig.download(0, OTHER), [], "but anybody may look");
     for sequence in 0..2 {
-        rig.ask(Request::Item { plan: 0, sequence, item: waypoint(sequence) }, PEER);
+        rig.ask(MissionRequest::MissionItem { plan: 0, sequence, item: waypoint(sequence) }, PEER);
     }
     assert_eq!(rig.download(0, OTHER), waypoints(2, 0));
-    assert_eq!(rig.ask(Request::Count { plan: 0, count: 1 }, OTHER).len(), 1);
+    assert_eq!(rig.ask(MissionRequest::Count { plan: 0, count: 1 }, OTHER).len(), 1);
 }
 
 #[test]
 fn a_peer_may_start_over_or_give_up() {
     let mut rig = Rig::with(&waypoints(1, 9));
-    rig.ask(Request::Count { plan: 0, count: 3 }, PEER);
-    rig.ask(Request::Item { plan: 0, sequence: 0, item: waypoint(0) }, PEER);
+    rig.ask(MissionRequest::Count { plan: 0, count: 3 }, PEER);
+    rig.ask(MissionRequest::MissionItem { plan: 0, sequence: 0, item: waypoint(0) }, PEER);
     let asked = Heard::Asked { to: PEER, plan: 0, sequence: 0 };
-    assert_eq!(rig.ask(Request::Count { plan: 0, count: 2 }, PEER), [asked]);
-    assert_eq!(rig.ask(Request::Acknowledge { plan: 0, result: 0 }, PEER), [], "of a download");
-    assert_eq!(rig.ask(Request::Acknowledge { plan: 0, result: 15 }, OTHER), []);
+    assert_eq!(rig.ask(MissionRequest::Count { plan: 0, count: 2 }, PEER), [asked]);
+    assert_eq!(rig.ask(MissionRequest::Acknowledge { plan: 0, result: 0 }, PEER), [], "of a download");
+    assert_eq!(rig.ask(MissionRequest::Acknowledge { plan: 0, result: 15 }, OTHER), []);
     assert_eq!(rig.wait(0.3).len(), 1, "still asking");
-    assert_eq!(rig.ask(Request::Acknowledge { plan: 0, result: 15 }, PEER), []);
+    assert_eq!(rig.ask(MissionRequest::Acknowledge { plan: 0, result: 15 }, PEER), []);
     assert_eq!(rig.wait(5.0), []);
     assert_eq!(rig.download(0, PEER), waypoints(1, 9));
 }
@@ -352,13 +356,13 @@ fn what_does_not_fit_or_cannot_be_flown_is_refused_and_the_old_plan_stays() {
     let mut rig = Rig::with(&old);
     for (plan, count) in [(0, 65), (1, 33), (2, 9), (0, u16::MAX)] {
         assert_eq!(
-            rig.ask(Request::Count { plan, count }, PEER),
+            rig.ask(MissionRequest::Count { plan, count }, PEER),
             [acknowledged(PEER, plan, MAV_MISSION_NO_SPACE)]
         );
     }
-    let unknown = Item { command: 60_000, ..waypoint(1) };
+    let unknown = MissionItem { command: 60_000, ..waypoint(1) };
     assert_eq!(rig.upload(0, &[waypoint(0), unknown, waypoint(2)]), MAV_MISSION_UNSUPPORTED as u8);
-    let below = Item { height: 1.0, ..waypoint(1) };
+    let below = MissionItem { height: 1.0, ..waypoint(1) };
     assert_eq!(rig.upload(0, &[below]), MAV_MISSION_INVALID_PARAM7 as u8);
     assert_eq!(rig.upload(1, &waypoints(1, 0)), MAV_MISSION_UNSUPPORTED as u8);
     assert_eq!(rig.upload(2, &waypoints(1, 0)), MAV_MISSION_UNSUPPORTED as u8);
@@ -374,16 +378,16 @@ fn what_does_not_fit_or_cannot_be_flown_is_refused_and_the_old_plan_stays() {
 fn what_is_no_plan_or_no_item_is_said_so() {
     let mut rig = Rig::with(&waypoints(2, 0));
     let unsupported = |plan| [acknowledged(PEER, plan, MAV_MISSION_UNSUPPORTED)];
-    assert_eq!(rig.ask(Request::Count { plan: 3, count: 1 }, PEER), unsupported(3));
-    assert_eq!(rig.ask(Request::Count { plan: 255, count: 1 }, PEER), unsupported(255));
-    assert_eq!(rig.ask(Request::List { plan: 3 }, PEER), unsupported(3));
-    assert_eq!(rig.ask(Request::Fetch { plan: 3, sequence: 0 }, PEER), unsupported(3));
-    assert_eq!(rig.ask(Request::Clear { plan: 3 }, PEER), unsupported(3));
-    assert_eq!(rig.ask(Request::Partial { plan: 0 }, PEER), unsupported(0));
-    let beyond = rig.ask(Request::Fetch { plan: 0, sequence: 2 }, PEER);
+    assert_eq!(rig.ask(MissionRequest::Count { plan: 3, count: 1 }, PEER), unsupported(3));
+    assert_eq!(rig.ask(MissionRequest::Count { plan: 255, count: 1 }, PEER), unsupported(255));
+    assert_eq!(rig.ask(MissionRequest::List { plan: 3 }, PEER), unsupported(3));
+    assert_eq!(rig.ask(MissionRequest::Fetch { plan: 3, sequence: 0 }, PEER), unsupported(3));
+    assert_eq!(rig.ask(MissionRequest::Clear { plan: 3 }, PEER), unsupported(3));
+    assert_eq!(rig.ask(MissionRequest::Partial { plan: 0 }, PEER), unsupported(0));
+    let beyond = rig.ask(MissionRequest::Fetch { plan: 0, sequence: 2 }, PEER);
     assert_eq!(beyond, [acknowledged(PEER, 0, MAV_MISSION_INVALID_SEQUENCE)]);
-    assert_eq!(rig.ask(Request::SetCurrent { sequence: 1 }, PEER), []);
-    assert_eq!(rig.events, [Event::JumpTo(1)]);
+    assert_eq!(rig.ask(MissionRequest::SetCurrent { sequence: 1 }, PEER), []);
+    assert_eq!(rig.events, [MissionEvent::JumpTo(1)]);
 }
 
 /// Uniform numbers from a seed (xorshift64*, Vigna 2016).
@@ -428,8 +432,8 @@ impl<T: Clone> Way<T> {
 
 /// A client that uploads: it sends the count, and the last item, again after 1 s of silence, at most five times.
 struct Client {
-    items: Vec<Item>,
-    sent: Request,
+    items: Vec<MissionItem>,
+    sent: MissionRequest,
     spoke_secs: f64,
     repetitions: u32,
     outcome: Option<u8>,
@@ -439,16 +443,16 @@ struct Client {
 const TIMEOUT: u8 = 255;
 
 impl Client {
-    fn new(items: Vec<Item>, secs: f64) -> (Self, Request) {
-        let sent = Request::Count { plan: 0, count: items.len() as u16 };
+    fn new(items: Vec<MissionItem>, secs: f64) -> (Self, MissionRequest) {
+        let sent = MissionRequest::Count { plan: 0, count: items.len() as u16 };
         (Self { items, sent, spoke_secs: secs, repetitions: 0, outcome: None }, sent)
     }
 
-    fn hear(&mut self, heard: &Heard, secs: f64) -> Option<Request> {
+    fn receive(&mut self, heard: &Heard, secs: f64) -> Option<MissionRequest> {
         match *heard {
             Heard::Asked { plan, sequence, .. } => {
                 let item = *self.items.get(usize::from(sequence))?;
-                self.sent = Request::Item { plan, sequence, item };
+                self.sent = MissionRequest::MissionItem { plan, sequence, item };
                 (self.spoke_secs, self.repetitions) = (secs, 0);
                 Some(self.sent)
             }
@@ -460,7 +464,7 @@ impl Client {
         }
     }
 
-    fn tick(&mut self, secs: f64) -> Option<Request> {
+    fn tick(&mut self, secs: f64) -> Option<MissionRequest> {
         if secs - self.spoke_secs < 1.0 {
             return None;
         }
@@ -474,7 +478,7 @@ impl Client {
 }
 
 /// Uploads over a lossy link; what the client reports.
-fn upload_with_losses(rig: &mut Rig, items: Vec<Item>, dice: &mut Dice) -> u8 {
+fn upload_with_losses(rig: &mut Rig, items: Vec<MissionItem>, dice: &mut Dice) -> u8 {
     let (mut up, mut down) = (Way { travelling: Vec::new() }, Way { travelling: Vec::new() });
     let (mut client, first) = Client::new(items, rig.secs);
     up.send(first, rig.secs, dice);
@@ -488,7 +492,7 @@ fn upload_with_losses(rig: &mut Rig, items: Vec<Item>, dice: &mut Dice) -> u8 {
             }
         }
         for answer in down.arrivals(rig.secs) {
-            if let Some(request) = client.hear(&answer, rig.secs) {
+            if let Some(request) = client.receive(&answer, rig.secs) {
                 up.send(request, rig.secs, dice);
             }
         }
@@ -538,13 +542,13 @@ fn a_client_that_waits_for_the_end_only_once_seldom_misses_it() {
     let mut heard = 0;
     for flight in 0..200_u16 {
         let items = waypoints(5, flight);
-        rig.ask(Request::Count { plan: 0, count: 5 }, PEER);
+        rig.ask(MissionRequest::Count { plan: 0, count: 5 }, PEER);
         for (sequence, item) in (0..).zip(items) {
             // Each item takes a request and an answer; after a loss the vehicle asks again.
             while dice.roll() < 0.36 {
                 assert_eq!(rig.wait(0.26).len(), 1);
             }
-            let answers = rig.ask(Request::Item { plan: 0, sequence, item }, PEER);
+            let answers = rig.ask(MissionRequest::MissionItem { plan: 0, sequence, item }, PEER);
             assert_eq!(answers.len(), 1);
         }
         let ends = 1 + rig.wait(2.0).len();
@@ -554,7 +558,7 @@ fn a_client_that_waits_for_the_end_only_once_seldom_misses_it() {
     assert!(heard >= 198, "{heard} of 200; told once it would be 160");
 }
 
-fn any_item() -> impl Strategy<Value = Item> {
+fn any_item() -> impl Strategy<Value = MissionItem> {
     let command = prop_oneof![
         6 => Just(16_u16),
         4 => prop_oneof![Just(17_u16), Just(19), Just(20), Just(21), Just(22), Just(93), Just(178), Just(2000)],
@@ -569,7 +573,7 @@ fn any_item() -> impl Strategy<Value = Item> {
     let frame = prop_oneof![6 => Just(1_u8), 1 => Just(6), 1 => any::<u8>()];
     let height = prop_oneof![6 => -5.0_f32..0.0, 1 => Just(f32::NAN), 1 => any::<f32>()];
     ([float.clone(), float.clone(), float.clone(), float], [place.clone(), place], command, frame, 0_u8..2, height)
-        .prop_map(|(parameters, place, command, frame, autocontinue, height)| Item {
+        .prop_map(|(parameters, place, command, frame, autocontinue, height)| MissionItem {
             frame,
             command,
             autocontinue,
@@ -579,19 +583,19 @@ fn any_item() -> impl Strategy<Value = Item> {
         })
 }
 
-fn any_request() -> impl Strategy<Value = Request> {
+fn any_request() -> impl Strategy<Value = MissionRequest> {
     let plan = prop_oneof![6 => Just(0_u8), 3 => Just(1), 1 => Just(2), 1 => any::<u8>()].boxed();
     let number = prop_oneof![8 => 0_u16..4, 1 => any::<u16>()].boxed();
     prop_oneof![
-        3 => (plan.clone(), number.clone()).prop_map(|(plan, count)| Request::Count { plan, count }),
+        3 => (plan.clone(), number.clone()).prop_map(|(plan, count)| MissionRequest::Count { plan, count }),
         9 => (plan.clone(), number.clone(), any_item())
-            .prop_map(|(plan, sequence, item)| Request::Item { plan, sequence, item }),
-        1 => (plan.clone(), any::<u8>()).prop_map(|(plan, result)| Request::Acknowledge { plan, result }),
-        1 => plan.clone().prop_map(|plan| Request::List { plan }),
-        1 => (plan.clone(), number.clone()).prop_map(|(plan, sequence)| Request::Fetch { plan, sequence }),
-        1 => plan.clone().prop_map(|plan| Request::Clear { plan }),
-        1 => number.prop_map(|sequence| Request::SetCurrent { sequence }),
-        1 => plan.prop_map(|plan| Request::Partial { plan }),
+            .prop_map(|(plan, sequence, item)| MissionRequest::MissionItem { plan, sequence, item }),
+        1 => (plan.clone(), any::<u8>()).prop_map(|(plan, result)| MissionRequest::Acknowledge { plan, result }),
+        1 => plan.clone().prop_map(|plan| MissionRequest::List { plan }),
+        1 => (plan.clone(), number.clone()).prop_map(|(plan, sequence)| MissionRequest::Fetch { plan, sequence }),
+        1 => plan.clone().prop_map(|plan| MissionRequest::Clear { plan }),
+        1 => number.prop_map(|sequence| MissionRequest::SetCurrent { sequence }),
+        1 => plan.prop_map(|plan| MissionRequest::Partial { plan }),
     ]
 }
 
@@ -605,13 +609,13 @@ proptest! {
         for (request, other, pause_secs) in requests {
             let before = protocol.identifiers();
             let mut answers = Vec::new();
-            let event = protocol.obey(&request, if other { OTHER } else { PEER }, secs, &mut |payload| {
+            let event = protocol.handle(&request, if other { OTHER } else { PEER }, secs, &mut |payload| {
                 answers.push(heard(&payload));
             });
             prop_assert!(answers.len() <= 1);
             let accepted = matches!(answers[..], [Heard::Acknowledged { result: 0, .. }]);
             prop_assert!(accepted || protocol.identifiers() == before, "changed without saying so");
-            prop_assert!(accepted || event.is_none() || matches!(event, Some(Event::JumpTo(_))));
+            prop_assert!(accepted || event.is_none() || matches!(event, Some(MissionEvent::JumpTo(_))));
             secs += pause_secs;
             let mut told = 0;
             protocol.tick(secs, &mut |_| told += 1);
@@ -625,10 +629,10 @@ proptest! {
         id in prop_oneof![Just(37_u32), Just(38), Just(39), Just(40), Just(41), Just(43), Just(44), Just(45), Just(47), Just(51), Just(73)],
         payload in proptest::collection::vec(any::<u8>(), 0..60)
     ) {
-        let frame = crate::frame::Frame { version: crate::frame::Version::V2, sequence: 0, system: 255, component: 190, message_id: id, payload: &payload, bytes: &payload };
+        let frame = crate::frame::Frame { version: crate::frame::FrameVersion::V2, sequence: 0, system: 255, component: 190, message_id: id, payload: &payload, bytes: &payload };
         let (_, request) = received::request(&frame).unwrap();
         let mut protocol = MissionProtocol::new(Home::default());
-        protocol.obey(&Request::Count { plan: 0, count: 1 }, PEER, 0.0, &mut |_| {});
-        protocol.obey(&request, PEER, 0.0, &mut |_| {});
+        protocol.handle(&MissionRequest::Count { plan: 0, count: 1 }, PEER, 0.0, &mut |_| {});
+        protocol.handle(&request, PEER, 0.0, &mut |_| {});
     }
 }

@@ -2,38 +2,38 @@ use proptest::prelude::*;
 
 use super::*;
 
-const HERE: Target = Target { horizontal_m: None, height_m: None };
+const HERE: MissionTarget = MissionTarget { horizontal_m: None, height_m: None };
 
-fn proceed(step: Step) -> Leg {
-    Leg { step, then: Then::Proceed }
+fn proceed(step: MissionStep) -> MissionLeg {
+    MissionLeg { step, after: AfterStep::Proceed }
 }
 
-fn to(x: f32, y: f32, z: f32) -> Target {
-    Target { horizontal_m: Some([x, y]), height_m: Some(z) }
+fn to(x: f32, y: f32, z: f32) -> MissionTarget {
+    MissionTarget { horizontal_m: Some([x, y]), height_m: Some(z) }
 }
 
-fn go_to(x: f32, y: f32, z: f32, hold_secs: f32) -> Leg {
-    proceed(Step::GoTo { target: to(x, y, z), hold_secs, radius_m: None })
+fn go_to(x: f32, y: f32, z: f32, hold_secs: f32) -> MissionLeg {
+    proceed(MissionStep::GoTo { target: to(x, y, z), hold_secs, radius_m: None })
 }
 
 /// A drone that does what it is told at 1 m/s, ten times a second.
 struct Drone {
-    runner: Runner,
-    legs: Vec<Leg>,
-    situation: Situation,
+    runner: MissionRunner,
+    legs: Vec<MissionLeg>,
+    situation: MissionInput,
     reached: Vec<u16>,
     told: Vec<Directive>,
     top: f32,
 }
 
 impl Drone {
-    fn new(legs: &[Leg]) -> Self {
-        let situation = Situation { position: Vector3::zeros(), motion: Motion::OnGround, secs: 0.0 };
-        let (runner, legs) = (Runner::default(), legs.to_vec());
+    fn new(legs: &[MissionLeg]) -> Self {
+        let situation = MissionInput { position: Vector3::zeros(), motion: DroneMotion::OnGround, secs: 0.0 };
+        let (runner, legs) = (MissionRunner::default(), legs.to_vec());
         Self { runner, legs, situation, reached: Vec::new(), told: Vec::new(), top: 0.0 }
     }
 
-    fn started(legs: &[Leg]) -> Self {
+    fn started(legs: &[MissionLeg]) -> Self {
         let mut drone = Self::new(legs);
         assert!(drone.runner.start(&drone.legs));
         drone
@@ -45,12 +45,12 @@ impl Drone {
         if self.told.last() != Some(&directive) {
             self.told.push(directive);
         }
-        self.obey(directive);
+        self.handle(directive);
         self.situation.secs += 0.1;
         directive
     }
 
-    fn obey(&mut self, directive: Directive) {
+    fn handle(&mut self, directive: Directive) {
         match directive {
             Directive::TakeOff { altitude_m } => {
                 self.top = altitude_m.unwrap_or(1.0);
@@ -59,14 +59,14 @@ impl Drone {
             }
             Directive::HeadFor { point, speed } => self.head_for(point, speed.unwrap_or(1.0)),
             Directive::Wait | Directive::Done => {
-                if self.situation.motion != Motion::OnGround {
-                    self.situation.motion = Motion::Resting;
+                if self.situation.motion != DroneMotion::OnGround {
+                    self.situation.motion = DroneMotion::Resting;
                 }
             }
             Directive::Return | Directive::Land => {
                 self.situation.position.z -= 0.1;
                 if self.situation.position.z <= 0.0 {
-                    self.situation.motion = Motion::OnGround;
+                    self.situation.motion = DroneMotion::OnGround;
                 }
             }
         }
@@ -77,7 +77,7 @@ impl Drone {
         let step = way.norm().min(0.1 * speed);
         self.situation.position += way.try_normalize(1e-6).unwrap_or_default() * step;
         let rests = (point - self.situation.position).norm() < 1e-3;
-        self.situation.motion = if rests { Motion::Resting } else { Motion::Travelling };
+        self.situation.motion = if rests { DroneMotion::Resting } else { DroneMotion::Travelling };
     }
 
     fn fly(&mut self, secs: f64) {
@@ -91,16 +91,16 @@ impl Drone {
 #[test]
 fn a_mission_is_flown_from_take_off_to_landing() {
     let mut drone = Drone::started(&[
-        proceed(Step::TakeOff(Target { horizontal_m: None, height_m: Some(2.0) })),
+        proceed(MissionStep::TakeOff(MissionTarget { horizontal_m: None, height_m: Some(2.0) })),
         go_to(3.0, 0.0, 2.0, 0.0),
-        proceed(Step::Skip),
-        proceed(Step::ChangeSpeed(Speed::Of(0.5))),
+        proceed(MissionStep::Skip),
+        proceed(MissionStep::ChangeSpeed(MissionSpeed::Of(0.5))),
         go_to(3.0, 3.0, 2.0, 1.0),
-        proceed(Step::Land(HERE)),
+        proceed(MissionStep::Land(HERE)),
     ]);
     drone.fly(30.0);
     assert_eq!(drone.reached, [0, 1, 2, 3, 4, 5]);
-    assert_eq!(drone.runner.phase(), Phase::Complete);
+    assert_eq!(drone.runner.phase(), MissionPhase::Complete);
     assert_eq!(drone.runner.current(), 5);
     let head_for = |x, y, speed| Directive::HeadFor { point: Vector3::new(x, y, 2.0), speed };
     let expected = [
@@ -116,19 +116,19 @@ fn a_mission_is_flown_from_take_off_to_landing() {
 
 #[test]
 fn a_mission_without_a_take_off_takes_off_by_itself() {
-    let mut drone = Drone::started(&[go_to(2.0, 0.0, 1.0, 0.0), proceed(Step::Return)]);
+    let mut drone = Drone::started(&[go_to(2.0, 0.0, 1.0, 0.0), proceed(MissionStep::Return)]);
     assert_eq!(drone.tick(), Directive::TakeOff { altitude_m: None });
     drone.fly(10.0);
     assert_eq!(drone.reached, [0, 1]);
-    assert_eq!(drone.situation.motion, Motion::OnGround);
+    assert_eq!(drone.situation.motion, DroneMotion::OnGround);
 }
 
 #[test]
 fn a_take_off_in_flight_climbs_and_never_sinks() {
     for (height, expected) in [(2.0, 2.0), (0.5, 1.0)] {
-        let target = Target { horizontal_m: Some([1.0, 0.0]), height_m: Some(height) };
-        let mut drone = Drone::new(&[proceed(Step::TakeOff(target))]);
-        drone.situation.motion = Motion::Resting;
+        let target = MissionTarget { horizontal_m: Some([1.0, 0.0]), height_m: Some(height) };
+        let mut drone = Drone::new(&[proceed(MissionStep::TakeOff(target))]);
+        drone.situation.motion = DroneMotion::Resting;
         drone.situation.position = Vector3::new(0.0, 0.0, 1.0);
         drone.runner.start(&drone.legs.clone());
         let point = Vector3::new(1.0, 0.0, expected);
@@ -138,8 +138,8 @@ fn a_take_off_in_flight_climbs_and_never_sinks() {
 
 #[test]
 fn a_take_off_elsewhere_climbs_before_it_travels() {
-    let target = Target { horizontal_m: Some([2.0, 0.0]), height_m: Some(3.0) };
-    let mut drone = Drone::started(&[proceed(Step::TakeOff(target))]);
+    let target = MissionTarget { horizontal_m: Some([2.0, 0.0]), height_m: Some(3.0) };
+    let mut drone = Drone::started(&[proceed(MissionStep::TakeOff(target))]);
     drone.fly(10.0);
     let point = Vector3::new(2.0, 0.0, 3.0);
     let expected =
@@ -149,7 +149,7 @@ fn a_take_off_elsewhere_climbs_before_it_travels() {
 
 #[test]
 fn a_hold_lasts_from_the_arrival_on() {
-    let mut drone = Drone::started(&[go_to(0.0, 0.0, 1.0, 5.0), proceed(Step::Delay { secs: 2.0 })]);
+    let mut drone = Drone::started(&[go_to(0.0, 0.0, 1.0, 5.0), proceed(MissionStep::Delay { secs: 2.0 })]);
     while drone.reached.is_empty() {
         drone.tick();
     }
@@ -164,7 +164,7 @@ fn a_hold_lasts_from_the_arrival_on() {
 
 #[test]
 fn a_point_is_reached_within_the_radius_of_the_sender() {
-    let leg = |radius_m| proceed(Step::GoTo { target: to(10.0, 0.0, 1.0), hold_secs: 0.0, radius_m });
+    let leg = |radius_m| proceed(MissionStep::GoTo { target: to(10.0, 0.0, 1.0), hold_secs: 0.0, radius_m });
     for (radius_m, at) in [(Some(3.0), 3.0), (None, RADIUS_M), (Some(1e-9), LEAST_RADIUS_M)] {
         let mut drone = Drone::started(&[leg(radius_m)]);
         while drone.reached.is_empty() {
@@ -177,8 +177,9 @@ fn a_point_is_reached_within_the_radius_of_the_sender() {
 
 #[test]
 fn loitering_ends_when_it_is_told() {
-    let stay = Stay::UntilTold;
-    let mut drone = Drone::started(&[proceed(Step::Loiter { target: HERE, stay }), proceed(Step::Land(HERE))]);
+    let time = LoiterTime::UntilContinued;
+    let mut drone =
+        Drone::started(&[proceed(MissionStep::Loiter { target: HERE, time }), proceed(MissionStep::Land(HERE))]);
     drone.fly(100.0);
     assert!(drone.reached.is_empty());
     drone.runner.resume();
@@ -197,10 +198,10 @@ fn what_is_told_in_the_middle_of_a_hold_cuts_nothing_short() {
 
 #[test]
 fn a_pause_waits_and_goes_on_with_the_same_item() {
-    let mut drone = Drone::started(&[go_to(5.0, 0.0, 1.0, 0.0), proceed(Step::Land(HERE))]);
+    let mut drone = Drone::started(&[go_to(5.0, 0.0, 1.0, 0.0), proceed(MissionStep::Land(HERE))]);
     drone.fly(3.0);
     drone.runner.pause();
-    assert_eq!((drone.tick(), drone.runner.phase()), (Directive::Wait, Phase::Paused));
+    assert_eq!((drone.tick(), drone.runner.phase()), (Directive::Wait, MissionPhase::Paused));
     drone.fly(10.0);
     assert!(drone.reached.is_empty());
     drone.runner.resume();
@@ -211,10 +212,10 @@ fn a_pause_waits_and_goes_on_with_the_same_item() {
 
 #[test]
 fn an_item_that_does_not_continue_pauses_after_it() {
-    let first = Leg { then: Then::Pause, ..go_to(1.0, 0.0, 1.0, 0.0) };
+    let first = MissionLeg { after: AfterStep::Pause, ..go_to(1.0, 0.0, 1.0, 0.0) };
     let mut drone = Drone::started(&[first, go_to(2.0, 0.0, 1.0, 0.0)]);
     drone.fly(10.0);
-    assert_eq!((drone.runner.phase(), drone.runner.current()), (Phase::Paused, 1));
+    assert_eq!((drone.runner.phase(), drone.runner.current()), (MissionPhase::Paused, 1));
     assert_eq!(drone.reached, [0]);
     drone.runner.resume();
     drone.fly(10.0);
@@ -232,7 +233,7 @@ fn a_jump_goes_on_from_there() {
     drone.fly(10.0);
     assert_eq!(drone.reached, [2]);
     assert!(drone.runner.jump(1, &legs));
-    assert_eq!(drone.runner.phase(), Phase::NotStarted, "a jump starts nothing");
+    assert_eq!(drone.runner.phase(), MissionPhase::NotStarted, "a jump starts nothing");
     assert_eq!(drone.tick(), Directive::Wait);
     assert!(drone.runner.start(&legs));
     drone.fly(10.0);
@@ -241,9 +242,10 @@ fn a_jump_goes_on_from_there() {
 
 #[test]
 fn a_mission_that_is_over_starts_anew() {
-    let mut drone = Drone::started(&[proceed(Step::ChangeSpeed(Speed::Of(0.5))), go_to(1.0, 0.0, 1.0, 0.0)]);
+    let mut drone =
+        Drone::started(&[proceed(MissionStep::ChangeSpeed(MissionSpeed::Of(0.5))), go_to(1.0, 0.0, 1.0, 0.0)]);
     drone.fly(10.0);
-    assert_eq!(drone.runner.phase(), Phase::Complete);
+    assert_eq!(drone.runner.phase(), MissionPhase::Complete);
     assert!(drone.runner.start(&drone.legs.clone()));
     assert_eq!(drone.runner.current(), 0);
     drone.fly(10.0);
@@ -252,43 +254,44 @@ fn a_mission_that_is_over_starts_anew() {
 
 #[test]
 fn no_mission_starts_nothing_and_one_that_vanished_is_over() {
-    let mut runner = Runner::default();
+    let mut runner = MissionRunner::default();
     assert!(!runner.start(&[]));
-    assert!(runner.start(&[proceed(Step::Skip)]));
-    let situation = Situation { position: Vector3::zeros(), motion: Motion::OnGround, secs: 0.0 };
+    assert!(runner.start(&[proceed(MissionStep::Skip)]));
+    let situation = MissionInput { position: Vector3::zeros(), motion: DroneMotion::OnGround, secs: 0.0 };
     assert_eq!(runner.advance(&[], &situation, &mut |_| panic!()), Directive::Done);
 }
 
 #[test]
 fn a_drone_that_does_not_know_where_it_is_waits() {
     let mut drone = Drone::started(&[go_to(1.0, 0.0, 1.0, 0.0)]);
-    drone.situation.motion = Motion::Resting;
+    drone.situation.motion = DroneMotion::Resting;
     drone.situation.position.x = f32::NAN;
     assert_eq!(drone.tick(), Directive::Wait);
     drone.situation.position.x = 0.0;
     assert_eq!(drone.tick(), Directive::HeadFor { point: Vector3::new(1.0, 0.0, 1.0), speed: None });
 }
 
-fn any_leg() -> impl Strategy<Value = Leg> {
+fn any_leg() -> impl Strategy<Value = MissionLeg> {
     let target = proptest::option::of([-2.0_f32..2.0, -2.0_f32..2.0]);
     let target = (target, proptest::option::of(0.0_f32..3.0))
-        .prop_map(|(horizontal_m, height_m)| Target { horizontal_m, height_m });
+        .prop_map(|(horizontal_m, height_m)| MissionTarget { horizontal_m, height_m });
     let step = prop_oneof![
-        target.clone().prop_map(Step::TakeOff),
-        (target.clone(), 0.0_f32..2.0).prop_map(|(target, hold_secs)| Step::GoTo {
+        target.clone().prop_map(MissionStep::TakeOff),
+        (target.clone(), 0.0_f32..2.0).prop_map(|(target, hold_secs)| MissionStep::GoTo {
             target,
             hold_secs,
             radius_m: None
         }),
-        target.clone().prop_map(|target| Step::Loiter { target, stay: Stay::Secs(1.0) }),
-        target.clone().prop_map(|target| Step::Loiter { target, stay: Stay::UntilTold }),
-        target.prop_map(Step::Land),
-        Just(Step::Return),
-        (0.1_f32..2.0).prop_map(|speed| Step::ChangeSpeed(Speed::Of(speed))),
-        (0.0_f32..2.0).prop_map(|secs| Step::Delay { secs }),
-        Just(Step::Skip),
+        target.clone().prop_map(|target| MissionStep::Loiter { target, time: LoiterTime::Secs(1.0) }),
+        target.clone().prop_map(|target| MissionStep::Loiter { target, time: LoiterTime::UntilContinued }),
+        target.prop_map(MissionStep::Land),
+        Just(MissionStep::Return),
+        (0.1_f32..2.0).prop_map(|speed| MissionStep::ChangeSpeed(MissionSpeed::Of(speed))),
+        (0.0_f32..2.0).prop_map(|secs| MissionStep::Delay { secs }),
+        Just(MissionStep::Skip),
     ];
-    (step, prop_oneof![Just(Then::Proceed), Just(Then::Pause)]).prop_map(|(step, then)| Leg { step, then })
+    (step, prop_oneof![Just(AfterStep::Proceed), Just(AfterStep::Pause)])
+        .prop_map(|(step, after)| MissionLeg { step, after })
 }
 
 proptest! {
@@ -299,7 +302,7 @@ proptest! {
             drone.fly(15.0);
             drone.runner.resume();
         }
-        prop_assert_eq!(drone.runner.phase(), Phase::Complete);
+        prop_assert_eq!(drone.runner.phase(), MissionPhase::Complete);
         prop_assert_eq!(drone.reached, (0..legs.len() as u16).collect::<Vec<_>>());
     }
 }

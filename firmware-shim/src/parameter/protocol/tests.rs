@@ -21,7 +21,7 @@ impl Rig {
         let frame = Frames::new(datagram).next().unwrap().unwrap();
         let (_, request) = received::request(&frame).unwrap();
         let heard = &mut self.heard;
-        self.protocol.obey(&request, [frame.system, frame.component], &mut |payload| {
+        self.protocol.handle(&request, [frame.system, frame.component], &mut |payload| {
             heard.push(message(&Encoder::new(1, 1).encode(&payload)));
         })
     }
@@ -33,7 +33,7 @@ impl Rig {
         self.heard.len() - before
     }
 
-    fn set(&mut self, name: &str, value: Value) -> Option<Parameter> {
+    fn set(&mut self, name: &str, value: ParameterValue) -> Option<Parameter> {
         let kind = match value.kind() {
             ParameterType::Int32 => MavParamType::MAV_PARAM_TYPE_INT32,
             ParameterType::Real32 => MavParamType::MAV_PARAM_TYPE_REAL32,
@@ -135,7 +135,7 @@ fn what_does_not_exist_is_said_so() {
     assert_eq!(error(rig.ask(PARAMETERS as i16, "")), (missing, PARAMETERS as i16));
     assert_eq!(error(rig.ask(-2, "")), (missing, -2));
     assert_eq!(error(rig.ask(-1, "GF_NOTHING")), (missing, -1));
-    assert_eq!(rig.set("GF_NOTHING", Value::Integer(1)), None);
+    assert_eq!(rig.set("GF_NOTHING", ParameterValue::Integer(1)), None);
     assert_eq!(error(rig.heard.remove(0)), (missing, -1));
     assert!(rig.heard.is_empty());
 }
@@ -143,14 +143,14 @@ fn what_does_not_exist_is_said_so() {
 #[test]
 fn a_value_is_set_and_told_to_everybody() {
     let mut rig = Rig::new();
-    assert_eq!(rig.set("MPC_XY_CRUISE", Value::Real(1.25)), Some(Parameter::MpcXyCruise));
+    assert_eq!(rig.set("MPC_XY_CRUISE", ParameterValue::Real(1.25)), Some(Parameter::MpcXyCruise));
     let [MavMessage::PARAM_VALUE(value)] = &rig.heard[..] else { panic!("{:?}", rig.heard) };
     assert_eq!((value.param_value, value.param_type), (1.25, MavParamType::MAV_PARAM_TYPE_REAL32));
     assert_eq!(rig.protocol.settings().cruise_speed, 1.25);
-    assert_eq!(rig.set("GF_ACTION", Value::Integer(5)), Some(Parameter::GfAction));
+    assert_eq!(rig.set("GF_ACTION", ParameterValue::Integer(5)), Some(Parameter::GfAction));
     let [MavMessage::PARAM_VALUE(value)] = &rig.heard[..] else { panic!("{:?}", rig.heard) };
     assert_eq!(value.param_value.to_bits(), 5, "an integer travels bytewise");
-    assert_eq!(rig.set("GF_ACTION", Value::Integer(5)), None, "nothing new");
+    assert_eq!(rig.set("GF_ACTION", ParameterValue::Integer(5)), None, "nothing new");
     assert_eq!(rig.heard.len(), 1, "told again, as the first answer may be lost");
 }
 
@@ -158,12 +158,12 @@ fn a_value_is_set_and_told_to_everybody() {
 fn a_refusal_says_why_and_tells_the_old_value() {
     let mut rig = Rig::new();
     let refusals = [
-        ("MPC_XY_CRUISE", Value::Real(50.0), MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
-        ("MPC_XY_CRUISE", Value::Real(f32::NAN), MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
-        ("MPC_XY_CRUISE", Value::Integer(1), MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH),
-        ("GF_ACTION", Value::Real(1.0), MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH),
-        ("GF_ACTION", Value::Integer(4), MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
-        ("SYS_ID", Value::Integer(2), MavParamError::MAV_PARAM_ERROR_READ_ONLY),
+        ("MPC_XY_CRUISE", ParameterValue::Real(50.0), MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
+        ("MPC_XY_CRUISE", ParameterValue::Real(f32::NAN), MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
+        ("MPC_XY_CRUISE", ParameterValue::Integer(1), MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH),
+        ("GF_ACTION", ParameterValue::Real(1.0), MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH),
+        ("GF_ACTION", ParameterValue::Integer(4), MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
+        ("SYS_ID", ParameterValue::Integer(2), MavParamError::MAV_PARAM_ERROR_READ_ONLY),
     ];
     let before = rig.protocol.parameters().clone();
     for (name, value, expected) in refusals {
@@ -188,7 +188,7 @@ fn the_hash_is_the_checksum_of_px4_and_follows_every_value() {
     let MavMessage::PARAM_VALUE(before) = rig.ask(-1, HASH_NAME) else { panic!() };
     assert_eq!(before.param_type, MavParamType::MAV_PARAM_TYPE_UINT32);
     assert_eq!(before.param_index, u16::MAX);
-    rig.set("FD_FAIL_TILT", Value::Real(61.0));
+    rig.set("FD_FAIL_TILT", ParameterValue::Real(61.0));
     let MavMessage::PARAM_VALUE(after) = rig.ask(-1, HASH_NAME) else { panic!() };
     assert_ne!(after.param_value.to_bits(), before.param_value.to_bits());
     rig.ask_for_list();
@@ -196,18 +196,18 @@ fn the_hash_is_the_checksum_of_px4_and_follows_every_value() {
     assert_eq!(rig.tick(), 0, "whoever knows the hash knows the list");
 }
 
-fn any_request() -> impl Strategy<Value = Request> {
+fn any_request() -> impl Strategy<Value = ParameterRequest> {
     let known = (0..PARAMETERS).prop_map(|index| Parameter::ALL[index].definition().name.into());
-    let name = prop_oneof![4 => known, 1 => any::<[u8; 16]>().prop_map(Name)].boxed();
+    let name = prop_oneof![4 => known, 1 => any::<[u8; 16]>().prop_map(ParameterName)].boxed();
     let kind = prop_oneof![4 => Just(6_u8), 4 => Just(9), 1 => any::<u8>()];
     let special = prop_oneof![Just(f32::NAN), Just(f32::INFINITY), Just(-1.0), 0.0_f32..100.0];
     let bytes =
         prop_oneof![special.prop_map(f32::to_le_bytes), (-5_i32..10).prop_map(i32::to_le_bytes), any::<[u8; 4]>()];
     prop_oneof![
-        Just(Request::List),
-        any::<u16>().prop_map(|index| Request::Read(Key::Index(index))),
-        name.clone().prop_map(|name| Request::Read(Key::Name(name))),
-        (name, kind, bytes).prop_map(|(name, kind, bytes)| Request::Set { name, kind, bytes }),
+        Just(ParameterRequest::List),
+        any::<u16>().prop_map(|index| ParameterRequest::Read(ParameterKey::Index(index))),
+        name.clone().prop_map(|name| ParameterRequest::Read(ParameterKey::Name(name))),
+        (name, kind, bytes).prop_map(|(name, kind, bytes)| ParameterRequest::Set { name, kind, bytes }),
     ]
 }
 
@@ -219,7 +219,7 @@ proptest! {
         let mut protocol = ParameterProtocol::new(Parameters::new(1));
         for request in requests {
             let mut answers = 0;
-            protocol.obey(&request, [255, 190], &mut |_| answers += 1);
+            protocol.handle(&request, [255, 190], &mut |_| answers += 1);
             prop_assert!(answers <= 2);
             let mut listed = 0;
             protocol.tick(&mut |_| listed += 1);

@@ -36,7 +36,13 @@ const CAUSES: [Cause; 11] = [
 const MODES: [Mode; 6] =
     [Mode::TakingOff, Mode::Holding, Mode::Guided, Mode::Offboard, Mode::Returning, Mode::Landing];
 
-const ACTIONS: [Action; 5] = [Action::Warn, Action::Hold, Action::Return, Action::Land, Action::StopMotors];
+const ACTIONS: [FailsafeAction; 5] = [
+    FailsafeAction::Warn,
+    FailsafeAction::Hold,
+    FailsafeAction::Return,
+    FailsafeAction::Land,
+    FailsafeAction::StopMotors,
+];
 
 /// Height at which a drone is upset \[m\]: high enough to be caught.
 const UPSET_HEIGHT_M: f32 = 6.0;
@@ -49,23 +55,23 @@ const END_SECS: f32 = 45.0;
 struct Cell {
     cause: Cause,
     mode: Mode,
-    flyer: Flyer,
-    action: Action,
+    controller: Controller,
+    action: FailsafeAction,
 }
 
 impl Cause {
-    const fn event(self) -> Event {
+    const fn event(self) -> FailsafeEvent {
         match self {
-            Self::Stream => Event::OffboardLost,
-            Self::Link => Event::LinkLost,
-            Self::Fence => Event::FenceLeft,
-            Self::BatteryLow => Event::BatteryLow,
-            Self::BatteryCritical => Event::BatteryCritical,
-            Self::BatteryEmpty => Event::BatteryEmpty,
-            Self::Tilt => Event::Tilted,
-            Self::Spin => Event::Spinning,
-            Self::Silence | Self::NotANumber => Event::PolicySilent,
-            Self::Saturation => Event::PolicySaturated,
+            Self::Stream => FailsafeEvent::OffboardLost,
+            Self::Link => FailsafeEvent::LinkLost,
+            Self::Fence => FailsafeEvent::FenceLeft,
+            Self::BatteryLow => FailsafeEvent::BatteryLow,
+            Self::BatteryCritical => FailsafeEvent::BatteryCritical,
+            Self::BatteryEmpty => FailsafeEvent::BatteryEmpty,
+            Self::Tilt => FailsafeEvent::Tilted,
+            Self::Spin => FailsafeEvent::Spinning,
+            Self::Silence | Self::NotANumber => FailsafeEvent::PolicySilent,
+            Self::Saturation => FailsafeEvent::PolicySaturated,
         }
     }
 
@@ -75,7 +81,7 @@ impl Cause {
     }
 
     /// How long it must last \[s\].
-    const fn within_secs(self, settings: &Settings) -> f32 {
+    const fn within_secs(self, settings: &AutopilotSettings) -> f32 {
         match self {
             Self::Stream => settings.offboard_loss_secs,
             Self::Link => settings.link_loss_secs,
@@ -95,8 +101,8 @@ impl Cell {
         let mut cells = Vec::new();
         for cause in CAUSES {
             for mode in MODES {
-                for flyer in [Flyer::Policy, Flyer::Cascade] {
-                    cells.extend(ACTIONS.map(|action| Self { cause, mode, flyer, action }));
+                for controller in [Controller::Policy, Controller::Cascade] {
+                    cells.extend(ACTIONS.map(|action| Self { cause, mode, controller, action }));
                 }
             }
         }
@@ -108,7 +114,7 @@ impl Cell {
         match self.cause {
             Cause::Stream => self.mode == Mode::Offboard,
             Cause::Silence | Cause::NotANumber | Cause::Saturation => {
-                self.flyer == Flyer::Policy && self.action != Action::Warn
+                self.controller == Controller::Policy && self.action != FailsafeAction::Warn
             }
             Cause::Link
             | Cause::Fence
@@ -121,13 +127,18 @@ impl Cell {
     }
 
     /// The action for this cause, a warning for all others.
-    fn settings(&self) -> Settings {
-        let action_of = |causes: &[Cause]| if causes.contains(&self.cause) { self.action } else { Action::Warn };
+    fn settings(&self) -> AutopilotSettings {
+        let action_of =
+            |causes: &[Cause]| if causes.contains(&self.cause) { self.action } else { FailsafeAction::Warn };
         let reaction_of = |causes: &[Cause]| {
             let meant = causes.contains(&self.cause);
-            if meant { Reaction::with_cascade(self.action) } else { Reaction::only(Action::Warn) }
+            if meant {
+                FailsafeReaction::with_cascade(self.action)
+            } else {
+                FailsafeReaction::only(FailsafeAction::Warn)
+            }
         };
-        Settings {
+        AutopilotSettings {
             offboard_loss_action: action_of(&[Cause::Stream]),
             link_loss_action: action_of(&[Cause::Link]),
             link_loss_secs: 1.0,
@@ -136,7 +147,7 @@ impl Cell {
                 .map(|cause| action_of(&[cause])),
             upset_reaction: reaction_of(&[Cause::Tilt, Cause::Spin]),
             policy_reaction: reaction_of(&[Cause::Silence, Cause::NotANumber, Cause::Saturation]),
-            ..Settings::default()
+            ..AutopilotSettings::default()
         }
     }
 
@@ -146,29 +157,29 @@ impl Cell {
             return self.mode;
         }
         match self.action {
-            Action::Nothing | Action::Warn => self.mode,
-            Action::Hold => Mode::Holding,
-            Action::Return => Mode::Returning,
-            Action::Land => Mode::Landing,
-            Action::StopMotors => Mode::Disarmed,
+            FailsafeAction::Nothing | FailsafeAction::Warn => self.mode,
+            FailsafeAction::Hold => Mode::Holding,
+            FailsafeAction::Return => Mode::Returning,
+            FailsafeAction::Land => Mode::Landing,
+            FailsafeAction::StopMotors => Mode::Disarmed,
         }
     }
 
-    fn flyer_after(&self) -> Flyer {
+    fn controller_after(&self) -> Controller {
         let replaced = self.cause.is_of_policy() || matches!(self.cause, Cause::Tilt | Cause::Spin);
-        if replaced && self.action > Action::Warn { Flyer::Cascade } else { self.flyer }
+        if replaced && self.action > FailsafeAction::Warn { Controller::Cascade } else { self.controller }
     }
 }
 
 /// In the midst of a mode of flight, away from home and from the mode's end.
-fn ready(mode: Mode, flyer: Flyer) -> Rig {
+fn ready(mode: Mode, controller: Controller) -> Rig {
     let begun = match mode {
         Mode::TakingOff | Mode::Landing | Mode::Offboard => mode,
         Mode::Disarmed | Mode::Armed | Mode::Landed | Mode::Holding | Mode::Guided | Mode::Returning => {
             Mode::Holding
         }
     };
-    let mut rig = Rig::flown(begun, flyer);
+    let mut rig = Rig::flown(begun, controller);
     match mode {
         Mode::TakingOff => rig.fly(0.8),
         Mode::Guided => rig.accept(Command::GoTo(Vector3::new(2.0, 0.0, 1.0))),
@@ -179,7 +190,7 @@ fn ready(mode: Mode, flyer: Flyer) -> Rig {
         }
         Mode::Disarmed | Mode::Armed | Mode::Landed | Mode::Holding | Mode::Offboard | Mode::Landing => {}
     }
-    assert_eq!((rig.autopilot.mode(), rig.autopilot.flyer()), (mode, flyer));
+    assert_eq!((rig.autopilot.mode(), rig.autopilot.active_controller()), (mode, controller));
     rig
 }
 
@@ -199,9 +210,11 @@ fn begin(cause: Cause, rig: &mut Rig) {
         Cause::BatteryCritical => rig.surroundings.battery = 0.06,
         Cause::BatteryEmpty => rig.surroundings.battery = 0.04,
         Cause::Tilt | Cause::Spin => state.position.z = UPSET_HEIGHT_M,
-        Cause::Silence => rig.autopilot.flyers.processor().answer = Answer::Silent,
-        Cause::NotANumber => rig.autopilot.flyers.processor().answer = Answer::Always([f32::NAN, 1.0, 1.0, 1.0]),
-        Cause::Saturation => rig.autopilot.flyers.processor().answer = Answer::Always([limit; 4]),
+        Cause::Silence => rig.autopilot.controllers.backend().answer = Answer::Silent,
+        Cause::NotANumber => {
+            rig.autopilot.controllers.backend().answer = Answer::Always([f32::NAN, 1.0, 1.0, 1.0])
+        }
+        Cause::Saturation => rig.autopilot.controllers.backend().answer = Answer::Always([limit; 4]),
     }
     rig.plant.put(state);
 }
@@ -250,7 +263,7 @@ fn every_failsafe_acts_in_its_time_and_ends_well() {
 
 fn try_out(cell: &Cell) {
     let settings = cell.settings();
-    let mut rig = ready(cell.mode, cell.flyer);
+    let mut rig = ready(cell.mode, cell.controller);
     rig.autopilot.adjust(settings);
     begin(cell.cause, &mut rig);
     let streaming = cell.mode == Mode::Offboard && cell.cause != Cause::Stream;
@@ -266,7 +279,11 @@ fn try_out(cell: &Cell) {
     let secs = acted.unwrap_or_else(|| panic!("{cell:?} is not noticed")) as f32 * control_secs;
     let late_secs = secs - cell.cause.within_secs(&settings);
     assert!(late_secs.abs() <= 1.001 * control_secs, "{cell:?}: {late_secs} s late");
-    assert_eq!((rig.autopilot.mode(), rig.autopilot.flyer()), (cell.mode_after(), cell.flyer_after()), "{cell:?}");
+    assert_eq!(
+        (rig.autopilot.mode(), rig.autopilot.active_controller()),
+        (cell.mode_after(), cell.controller_after()),
+        "{cell:?}"
+    );
     for _ in 0..(END_SECS / control_secs) as u32 {
         if streaming {
             stream(&mut rig);
@@ -288,7 +305,7 @@ fn judge_end(cell: &Cell, rig: &Rig) {
             let expected = if cell.mode_after() == Mode::TakingOff { Mode::Holding } else { cell.mode_after() };
             assert_eq!(mode, expected, "{cell:?}: {end}");
             assert!(end.z > 0.2, "{cell:?}: {end}");
-            assert!(cell.action != Action::Hold || rig.autopilot.margin_m(&end) >= 0.0, "{cell:?}: {end}");
+            assert!(cell.action != FailsafeAction::Hold || rig.autopilot.margin_m(&end) >= 0.0, "{cell:?}: {end}");
         }
         Mode::Armed | Mode::Landed => panic!("{cell:?}"),
     }
@@ -301,12 +318,12 @@ fn judge_end(cell: &Cell, rig: &Rig) {
 fn a_policy_that_does_not_fly_may_fail() {
     for cause in [Cause::Silence, Cause::NotANumber, Cause::Saturation] {
         for mode in MODES {
-            let mut rig = ready(mode, Flyer::Cascade);
+            let mut rig = ready(mode, Controller::Cascade);
             begin(cause, &mut rig);
             for _ in 0..100 {
                 stream(&mut rig);
                 rig.tick();
-                assert_eq!(rig.autopilot.events(), &Events::new(), "{cause:?} in {mode:?}");
+                assert_eq!(rig.autopilot.events(), &FailsafeEvents::new(), "{cause:?} in {mode:?}");
             }
         }
     }
@@ -314,28 +331,30 @@ fn a_policy_that_does_not_fly_may_fail() {
 
 #[test]
 fn a_policy_that_failed_does_not_fly_again() {
-    let mut rig = ready(Mode::Holding, Flyer::Policy);
+    let mut rig = ready(Mode::Holding, Controller::Policy);
     begin(Cause::Silence, &mut rig);
     rig.fly(5.0);
-    assert_eq!((rig.autopilot.flyer(), rig.autopilot.mode()), (Flyer::Cascade, Mode::Holding));
-    assert_eq!(rig.autopilot.command(Command::Fly(Flyer::Policy)), Err(Refusal::SelfTest));
+    assert_eq!((rig.autopilot.active_controller(), rig.autopilot.mode()), (Controller::Cascade, Mode::Holding));
+    assert_eq!(rig.autopilot.command(Command::SelectController(Controller::Policy)), Err(Refusal::SelfTest));
 }
 
 #[test]
 fn a_stale_set_point_stops_the_drone_at_once() {
     let velocity = SetPoint::Velocity(Vector3::new(0.5, 0.0, 0.0));
-    let attitude = SetPoint::Stick(Stick::Attitude { world_from_body: Attitude::level(), thrust: 0.5 });
-    let rates = SetPoint::Stick(Stick::BodyRates { body_rates: Vector3::zeros(), thrust: 0.5 });
+    let attitude =
+        SetPoint::AttitudeSetPoint(AttitudeSetPoint::Attitude { world_from_body: Attitude::level(), thrust: 0.5 });
+    let rates =
+        SetPoint::AttitudeSetPoint(AttitudeSetPoint::BodyRates { body_rates: Vector3::zeros(), thrust: 0.5 });
     for set_point in [velocity, attitude, rates] {
-        for flyer in [Flyer::Policy, Flyer::Cascade] {
-            let mut rig = ready(Mode::Offboard, flyer);
-            let settings = Settings { offboard_loss_secs: 60.0, ..Settings::default() };
+        for controller in [Controller::Policy, Controller::Cascade] {
+            let mut rig = ready(Mode::Offboard, controller);
+            let settings = AutopilotSettings { offboard_loss_secs: 60.0, ..AutopilotSettings::default() };
             rig.autopilot.adjust(settings);
             for _ in 0..20 {
                 rig.stream(set_point);
                 rig.tick();
             }
-            let stopped = |rig: &Rig| rig.autopilot.goal().arrived() && rig.autopilot.stick.is_none();
+            let stopped = |rig: &Rig| rig.autopilot.goal().arrived() && rig.autopilot.attitude_set_point.is_none();
             assert!(!stopped(&rig));
             let control_secs = rig.autopilot.control_secs();
             let ticks = (0..100).position(|_| {
@@ -346,7 +365,7 @@ fn a_stale_set_point_stops_the_drone_at_once() {
             assert!((secs - settings.set_point_stale_secs).abs() <= 1.001 * control_secs, "{secs} s");
             rig.fly(10.0);
             assert_eq!(rig.autopilot.mode(), Mode::Offboard, "and waits for the stream");
-            assert!(rig.plant.state().velocity.norm() < 0.05, "{set_point:?}, {flyer:?}");
+            assert!(rig.plant.state().velocity.norm() < 0.05, "{set_point:?}, {controller:?}");
         }
     }
 }
@@ -354,14 +373,14 @@ fn a_stale_set_point_stops_the_drone_at_once() {
 #[test]
 fn a_stream_that_goes_on_does_not_undo_a_failsafe_and_a_command_does() {
     for mode in [Mode::Guided, Mode::Offboard] {
-        let mut rig = ready(mode, Flyer::Policy);
+        let mut rig = ready(mode, Controller::Policy);
         let there = SetPoint::Position(Vector3::new(1.0, 0.0, 1.0));
         rig.stream(there);
         rig.surroundings.battery = 0.06;
         rig.tick();
         assert_eq!(rig.autopilot.mode(), Mode::Returning);
         assert_eq!(rig.autopilot.set_point(there), Err(Refusal::Failsafe));
-        rig.accept(Command::Fly(Flyer::Cascade));
+        rig.accept(Command::SelectController(Controller::Cascade));
         assert_eq!(rig.autopilot.set_point(there), Err(Refusal::Failsafe), "who flies is another matter");
         rig.accept(Command::Offboard);
         rig.stream(there);
@@ -371,7 +390,7 @@ fn a_stream_that_goes_on_does_not_undo_a_failsafe_and_a_command_does() {
 
 #[test]
 fn a_stream_that_comes_back_is_followed_again() {
-    let mut rig = ready(Mode::Offboard, Flyer::Policy);
+    let mut rig = ready(Mode::Offboard, Controller::Policy);
     rig.fly(1.0);
     assert_eq!(rig.autopilot.mode(), Mode::Holding);
     rig.stream(SetPoint::Position(Vector3::new(1.0, 0.0, 1.0)));

@@ -12,14 +12,14 @@ use proptest::prelude::*;
 use super::*;
 use crate::autopilot::{Autopilot, Command, Mode, Refusal, Surroundings};
 use crate::bridge::drone::Drone;
-use crate::bridge::event::Event;
+use crate::bridge::event::BridgeEvent;
 use crate::bridge::motors::{MotorOrder, ThrustCurve};
 use crate::bridge::noise::Noise;
-use crate::bridge::px4::Simulator;
+use crate::bridge::px4::Px4Simulator;
 use crate::bridge::px4::client::ExternalSimulator;
-use crate::bridge::px4::server::{Listener, Server};
+use crate::bridge::px4::server::{Listener, Px4Server};
 use crate::bridge::sensors::Instruments;
-use crate::lockstep::{Next, Pace};
+use crate::lockstep::{Next, SimulationRate};
 use crate::plant::{FlatFloor, Plant};
 use crate::testing::{hover_policy, message, pilot};
 
@@ -30,12 +30,12 @@ fn motors() -> Motors {
 }
 
 /// A simulator on a free port that runs while `watch` lets it.
-fn simulator(listener: &Listener, noise: Noise, watch: &mut dyn FnMut(&Event<'_>) -> Next) {
+fn simulator(listener: &Listener, noise: Noise, watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next) {
     let mut plant = FlatFloor::new(&CF2X, 1.0 / RATE_HZ as f32);
     let mut drone = Drone::new(&mut plant, motors(), Instruments::new(Home::default(), noise, RATE_HZ));
-    let simulator = Simulator::new(Home::default(), RATE_HZ, None);
+    let simulator = Px4Simulator::new(Home::default(), RATE_HZ, None);
     let period = Duration::from_secs(1) / RATE_HZ;
-    Server::new(&mut drone, simulator, period, Pace::Unthrottled).serve(listener, watch).unwrap();
+    Px4Server::new(&mut drone, simulator, period, SimulationRate::Unthrottled).serve(listener, watch).unwrap();
 }
 
 fn listener() -> (Listener, SocketAddr) {
@@ -99,10 +99,10 @@ fn our_policy_flies_in_a_simulator_that_expects_a_px4() {
             there
         });
         simulator(&listener, Noise::Seeded(2), &mut |event| {
-            if let Event::Stepped(step) = event {
+            if let BridgeEvent::Stepped(step) = event {
                 truth.push(*step.state);
             }
-            ended |= matches!(event, Event::Gone);
+            ended |= matches!(event, BridgeEvent::Gone);
             if ended { Next::End } else { Next::Fly }
         });
         let there = flight.join().unwrap();
@@ -150,7 +150,7 @@ fn bytes<D: MessageData>(message: &D) -> Vec<u8> {
     Encoder::new(1, 200).encode(&Payload::of(message)).to_vec()
 }
 
-fn receive(producer: &mut Producer, bytes: &[u8]) -> Option<Sensed> {
+fn receive(producer: &mut Producer, bytes: &[u8]) -> Option<SensorReadings> {
     bytes.iter().filter_map(|byte| producer.receive(*byte)).last()
 }
 

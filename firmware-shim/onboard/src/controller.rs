@@ -4,8 +4,8 @@ use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
 
 use crate::goal::MovingGoal;
-use crate::processor::Processor;
-use crate::steering::{Steering, Stick};
+use crate::policy_backend::PolicyBackend;
+use crate::steering::{AttitudeSetPoint, Steering};
 
 /// Share of the greatest rotor speed below which no rotor turns in flight: a stopped one takes a tenth of a second to come back,
 /// and some never do.
@@ -16,7 +16,7 @@ const AT_LIMIT: f32 = 1e-3;
 
 /// Who flies toward goals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flyer {
+pub enum Controller {
     /// The policy.
     Policy,
     /// The cascade of controllers, the "PID".
@@ -24,24 +24,24 @@ pub enum Flyer {
 }
 
 /// Both, one of them at the helm.
-pub struct Flyers<P> {
-    processor: P,
+pub struct Controllers<P> {
+    backend: P,
     steering: Steering,
-    at_helm: Flyer,
+    active: Controller,
     /// Least and greatest rotor speed in flight \[rad/s\].
     limits: [f32; 2],
     silent_secs: f32,
     saturated_secs: f32,
 }
 
-impl<P: Processor> Flyers<P> {
+impl<P: PolicyBackend> Controllers<P> {
     /// The policy of a processor at the helm of an airframe.
-    pub fn new(processor: P, airframe: &Airframe) -> Self {
+    pub fn new(backend: P, airframe: &Airframe) -> Self {
         let limit = airframe.rotor_speed_limit as f32;
         Self {
-            processor,
+            backend,
             steering: Steering::new(airframe),
-            at_helm: Flyer::Policy,
+            active: Controller::Policy,
             limits: [IDLE * limit, limit],
             silent_secs: 0.0,
             saturated_secs: 0.0,
@@ -49,13 +49,13 @@ impl<P: Processor> Flyers<P> {
     }
 
     /// Who flies.
-    pub fn at_helm(&self) -> Flyer {
-        self.at_helm
+    pub fn active(&self) -> Controller {
+        self.active
     }
 
     /// What computes the policy.
-    pub fn processor(&mut self) -> &mut P {
-        &mut self.processor
+    pub fn backend(&mut self) -> &mut P {
+        &mut self.backend
     }
 
     /// How long the policy, at the helm, has not answered \[s\].
@@ -69,25 +69,25 @@ impl<P: Processor> Flyers<P> {
     }
 
     /// Begins a flight, or hands over in flight.
-    pub fn begin(&mut self, flyer: Flyer, state: &State<f32>) {
-        self.at_helm = flyer;
+    pub fn begin(&mut self, controller: Controller, state: &State<f32>) {
+        self.active = controller;
         self.silent_secs = 0.0;
         self.saturated_secs = 0.0;
-        match flyer {
-            Flyer::Policy => self.processor.reset(),
-            Flyer::Cascade => self.steering.begin(state),
+        match controller {
+            Controller::Policy => self.backend.reset(),
+            Controller::Cascade => self.steering.begin(state),
         }
     }
 
     /// Rotor targets \[rad/s\] toward a goal, in flight; nothing while the policy gives none that can be flown.
     pub fn toward(&mut self, state: &State<f32>, goal: &MovingGoal, secs: f32) -> Option<[f32; 4]> {
-        match self.at_helm {
-            Flyer::Policy => {
-                let targets = self.processor.tick(state, &goal.position()).filter(is_finite);
+        match self.active {
+            Controller::Policy => {
+                let targets = self.backend.tick(state, &goal.position()).filter(is_finite);
                 self.judge(targets.as_ref(), secs);
                 targets.map(|targets| self.limited(targets))
             }
-            Flyer::Cascade => {
+            Controller::Cascade => {
                 let targets = self.steering.toward(state, &goal.position(), &goal.velocity(), secs);
                 Some(self.limited(targets))
             }
@@ -101,8 +101,8 @@ impl<P: Processor> Flyers<P> {
     }
 
     /// Rotor targets \[rad/s\] that a peer steers by directly, in flight.
-    pub fn follow(&self, state: &State<f32>, stick: &Stick) -> [f32; 4] {
-        self.limited(self.steering.follow(state, stick))
+    pub fn follow(&self, state: &State<f32>, attitude_set_point: &AttitudeSetPoint) -> [f32; 4] {
+        self.limited(self.steering.follow(state, attitude_set_point))
     }
 
     fn judge(&mut self, targets: Option<&[f32; 4]>, secs: f32) {

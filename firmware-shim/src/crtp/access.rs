@@ -8,7 +8,7 @@ use crate::goal::MovingGoal;
 
 /// What the autopilot answers, and what it is doing since.
 #[derive(Clone, Copy, Debug)]
-pub struct Answer {
+pub struct CommandOutcome {
     /// Whether it obeys.
     pub result: Result<(), Refusal>,
     /// What it is doing.
@@ -18,7 +18,7 @@ pub struct Answer {
 }
 
 /// The vehicle and the client of a server, for the time of one call.
-pub struct Bridge<'a> {
+pub struct VehicleAccess<'a> {
     /// Simulated time since the start \[s\].
     pub secs: f64,
     /// True state.
@@ -28,18 +28,18 @@ pub struct Bridge<'a> {
     /// Where it is going.
     pub goal: MovingGoal,
     /// Has the autopilot execute a command.
-    pub order: &'a mut dyn FnMut(Command) -> Answer,
+    pub order: &'a mut dyn FnMut(Command) -> CommandOutcome,
     /// Sends a packet to the client, if there is one.
     pub send: &'a mut dyn FnMut(&Packet),
 }
 
-impl Bridge<'_> {
+impl VehicleAccess<'_> {
     /// Has the autopilot execute a command, and sees what it is doing since.
     ///
     /// # Errors
     /// As [`crate::autopilot::Autopilot::command`].
     pub fn order(&mut self, command: Command) -> Result<(), Refusal> {
-        let Answer { result, mode, goal } = (self.order)(command);
+        let CommandOutcome { result, mode, goal } = (self.order)(command);
         self.mode = mode;
         self.goal = goal;
         result

@@ -9,10 +9,10 @@ use kestrel_core::pilot::Pilot;
 use super::{Session, SessionError, SessionOptions, announcement, fly_together};
 use crate::link::LINKS;
 use crate::link::faulty::FaultPlan;
-use crate::lockstep::{Moment, Next};
+use crate::lockstep::{ControlPeriod, Next};
 use crate::plant::Plant;
+use crate::policy_backend::PolicyBackend;
 use crate::policy_bytes::PolicyBytes;
-use crate::processor::Processor;
 
 /// Greatest MAVLink system of a vehicle, by custom; ground stations have those above.
 const SYSTEM_LIMIT: u8 = 250;
@@ -21,16 +21,16 @@ const SYSTEM_LIMIT: u8 = 250;
 ///
 /// Vehicle N has the first one's options with N added to the system, to the ports on which it listens and to the seed of
 /// its links' faults, and its system in the name of its log. The ground station is the same for all of them.
-pub struct Squadron<P> {
+pub struct Fleet<P> {
     sessions: Vec<Session<P>>,
     announcement: String,
 }
 
-impl<'a> Squadron<Pilot<'a>> {
+impl<'a> Fleet<Pilot<'a>> {
     /// Opens `count` vehicles.
     ///
     /// # Errors
-    /// As [`Session::open`], and [`SessionError::Squadron`] if there are not so many systems or ports, or a serial line is
+    /// As [`Session::open`], and [`SessionError::Fleet`] if there are not so many systems or ports, or a serial line is
     /// wanted by several.
     pub fn open(
         bytes: &'a PolicyBytes,
@@ -46,7 +46,7 @@ impl<'a> Squadron<Pilot<'a>> {
     }
 }
 
-impl<P: Processor> Squadron<P> {
+impl<P: PolicyBackend> Fleet<P> {
     /// What flies, and how to connect to it.
     pub fn announcement(&self) -> &str {
         &self.announcement
@@ -64,7 +64,7 @@ impl<P: Processor> Squadron<P> {
     pub fn fly(
         &mut self,
         plants: &mut [impl Plant],
-        watch: &mut dyn FnMut(&Moment) -> Next,
+        watch: &mut dyn FnMut(&ControlPeriod) -> Next,
     ) -> Result<(), SessionError> {
         let mut plants: Vec<&mut dyn Plant> = plants.iter_mut().map(|plant| plant as &mut dyn Plant).collect();
         fly_together(&mut self.sessions, &mut plants, watch)
@@ -74,7 +74,7 @@ impl<P: Processor> Squadron<P> {
 impl SessionOptions {
     /// The options of one of `count` vehicles.
     fn of_vehicle(&self, number: u8, count: u8) -> Result<Self, SessionError> {
-        let refused = |expected, found| SessionError::Squadron { count, expected, found };
+        let refused = |expected, found| SessionError::Fleet { count, expected, found };
         let system = self.system.saturating_add(number);
         if system > SYSTEM_LIMIT {
             let first = format!("the first to be system {}", self.system);

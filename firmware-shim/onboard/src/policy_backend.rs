@@ -6,7 +6,7 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 /// What computes the ticks of a pilot.
-pub trait Processor {
+pub trait PolicyBackend {
     /// Time between two ticks \[s\].
     fn control_secs(&self) -> f32;
 
@@ -23,7 +23,7 @@ pub trait Processor {
     fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]>;
 }
 
-impl Processor for Pilot<'_> {
+impl PolicyBackend for Pilot<'_> {
     fn control_secs(&self) -> f32 {
         self.policy().metadata().control_period_secs
     }

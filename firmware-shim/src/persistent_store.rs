@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant, SystemTime};
 
-use kestrel_onboard::signature::{Guard, Time};
+use kestrel_onboard::signature::SignatureTime;
+use kestrel_onboard::signature_guard::SignatureGuard;
 
 use crate::parameter::file::{self, FileError};
-use crate::processor::Processor;
-use crate::signing::{Signing, SigningError, Times};
+use crate::policy_backend::PolicyBackend;
+use crate::signing::{SignatureTimes, Signing, SigningError};
 use crate::vehicle::MavlinkVehicle;
 
 /// Times are kept so often \[wall time\]: what a crash may lose.
@@ -15,7 +16,7 @@ const INTERVAL: Duration = Duration::from_secs(1);
 
 /// Something cannot be kept.
 #[derive(Debug, thiserror::Error)]
-pub enum KeeperError {
+pub enum PersistentStoreError {
     /// The parameters.
     #[error(transparent)]
     Parameters(#[from] FileError),
@@ -26,22 +27,22 @@ pub enum KeeperError {
 
 /// Keeps what a vehicle would lose.
 #[derive(Debug)]
-pub struct Keeper {
+pub struct PersistentStore {
     parameters: Option<PathBuf>,
     signing: Option<Signing>,
     kept: Instant,
 }
 
-impl Keeper {
+impl PersistentStore {
     /// For a vehicle, which gets what was kept: its parameters from a file, if there is one already, and the signatures of a key.
     ///
     /// # Errors
     /// If a file cannot be read, or holds something else.
-    pub fn open<P: Processor>(
+    pub fn open<P: PolicyBackend>(
         vehicle: &mut MavlinkVehicle<P>,
         parameters: Option<PathBuf>,
         key: Option<PathBuf>,
-    ) -> Result<Self, KeeperError> {
+    ) -> Result<Self, PersistentStoreError> {
         if let Some(path) = parameters.as_ref().filter(|path| path.exists()) {
             let mut values = vehicle.parameters().clone();
             file::read(path, &mut values)?;
@@ -50,13 +51,13 @@ impl Keeper {
         let signing = key.map(|path| Signing::open(&path)).transpose()?;
         if let Some(signing) = &signing {
             let now = wall_time();
-            vehicle.secure(Guard::Signed(signing.verifier(now)), signing.signer(now));
+            vehicle.secure(SignatureGuard::Signed(signing.verifier(now)), signing.signer(now));
         }
         Ok(Self { parameters, signing, kept: Instant::now() })
     }
 
     /// At the beginning of a control period: what the clock says.
-    pub fn begin_period<P: Processor>(&self, vehicle: &mut MavlinkVehicle<P>) {
+    pub fn begin_period<P: PolicyBackend>(&self, vehicle: &mut MavlinkVehicle<P>) {
         if self.signing.is_some() {
             vehicle.advance_clock(wall_time());
         }
@@ -66,7 +67,10 @@ impl Keeper {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn end_period<P: Processor>(&mut self, vehicle: &mut MavlinkVehicle<P>) -> Result<(), KeeperError> {
+    pub fn end_period<P: PolicyBackend>(
+        &mut self,
+        vehicle: &mut MavlinkVehicle<P>,
+    ) -> Result<(), PersistentStoreError> {
         if vehicle.take_changes()
             && let Some(path) = &self.parameters
         {
@@ -82,16 +86,16 @@ impl Keeper {
     ///
     /// # Errors
     /// If the times cannot be written.
-    pub fn finish<P: Processor>(&mut self, vehicle: &MavlinkVehicle<P>) -> Result<(), KeeperError> {
+    pub fn finish<P: PolicyBackend>(&mut self, vehicle: &MavlinkVehicle<P>) -> Result<(), PersistentStoreError> {
         self.kept = Instant::now();
         match (&mut self.signing, vehicle.signature_times()) {
-            (Some(signing), Some([accepted, sent])) => Ok(signing.keep(Times { accepted, sent })?),
+            (Some(signing), Some([accepted, sent])) => Ok(signing.keep(SignatureTimes { accepted, sent })?),
             (_, _) => Ok(()),
         }
     }
 }
 
-fn wall_time() -> Time {
+fn wall_time() -> SignatureTime {
     let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    Time::from_unix_micros(since_1970.as_micros() as u64)
+    SignatureTime::from_unix_micros(since_1970.as_micros() as u64)
 }

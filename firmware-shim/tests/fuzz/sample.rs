@@ -2,10 +2,10 @@
 
 use kestrel_onboard::dialect::checksum_seed;
 use kestrel_onboard::signature::SIGNATURE_LEN;
-use kestrel_shim::frame::{Frame, PAYLOAD_LIMIT, Version};
+use kestrel_shim::frame::{Frame, FrameVersion, PAYLOAD_LIMIT};
 
 use crate::corpus;
-use crate::draft::{Draft, SIGNED, Seal};
+use crate::draft::{FrameDraft, SIGNED, Seal};
 use crate::random::Random;
 
 /// Longest noise, and longest of what is mutated \[bytes\].
@@ -46,7 +46,7 @@ impl Kind {
 }
 
 /// Makes them.
-pub(crate) struct Specimens {
+pub(crate) struct FuzzSamples {
     random: Random,
     known: Vec<u32>,
     corpus: Vec<Frame<'static>>,
@@ -54,7 +54,7 @@ pub(crate) struct Specimens {
     payload: [u8; PAYLOAD_LIMIT],
 }
 
-impl Specimens {
+impl FuzzSamples {
     pub(crate) fn new(seed: u64) -> Self {
         Self {
             random: Random::new(seed),
@@ -115,11 +115,11 @@ impl Specimens {
         let mut draft = self.draft(payload);
         let damage = if kind == Kind::Damaged { 1 + self.random.below(0xffff) as u16 } else { 0 };
         if kind == Kind::Unknown {
-            (draft.version, draft.flags) = (Version::V2, draft.flags & SIGNED);
+            (draft.version, draft.flags) = (FrameVersion::V2, draft.flags & SIGNED);
             draft.message_id = 0x01_0000 + self.random.below(0xfe_0000) as u32;
         } else if kind == Kind::Flagged {
             let unknown = self.random.pick(&[0x02, 0x80, 0x44, 0xfe]);
-            (draft.version, draft.flags) = (Version::V2, draft.flags | unknown);
+            (draft.version, draft.flags) = (FrameVersion::V2, draft.flags | unknown);
         }
         let seal = self.seal();
         draft.write(damage, &seal, &mut self.bytes);
@@ -155,20 +155,20 @@ impl Specimens {
     }
 
     /// A frame of a known message.
-    fn draft<'p>(&mut self, payload: &'p [u8]) -> Draft<'p> {
-        let version = if self.random.one_in(4) { Version::V1 } else { Version::V2 };
+    fn draft<'p>(&mut self, payload: &'p [u8]) -> FrameDraft<'p> {
+        let version = if self.random.one_in(4) { FrameVersion::V1 } else { FrameVersion::V2 };
         let message_id = match version {
-            Version::V1 => loop {
+            FrameVersion::V1 => loop {
                 let id = self.random.pick(&self.known);
                 if id <= 0xff {
                     break id;
                 }
             },
-            Version::V2 => self.random.pick(&self.known),
+            FrameVersion::V2 => self.random.pick(&self.known),
         };
         let sender = [self.random.pick(&[1, 2, 42, 255]), self.random.byte()];
         let flags = self.random.pick(&[0, SIGNED]);
-        Draft { version, flags, sequence: self.random.byte(), sender, message_id, payload }
+        FrameDraft { version, flags, sequence: self.random.byte(), sender, message_id, payload }
     }
 
     fn seal(&mut self) -> Seal {

@@ -5,16 +5,17 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::frame::{Encoder, Frames, Payload};
+use crate::signature::Signer;
 
 /// Some time in 2027, and a minute.
-const NOW: Time = Time(4_000_000_000_000);
+const NOW: SignatureTime = SignatureTime(4_000_000_000_000);
 const MINUTE: u64 = 6_000_000;
 
-fn key() -> Key {
-    Key(core::array::from_fn(|i| i as u8))
+fn key() -> SigningKey {
+    SigningKey(core::array::from_fn(|i| i as u8))
 }
 
-fn signer(last: Time) -> Encoder {
+fn signer(last: SignatureTime) -> Encoder {
     Encoder::new(255, 190).signed(Signer::new(key(), 3, last))
 }
 
@@ -27,7 +28,7 @@ fn verify(verifier: &mut Verifier, bytes: &[u8]) -> Result<(), SignatureError> {
 }
 
 fn verifier() -> Verifier {
-    Verifier::new(key(), NOW, Time(0))
+    Verifier::new(key(), NOW, SignatureTime(0))
 }
 
 /// Two heartbeats of pymavlink 2.4.50, dialect `common`, key 0, 1, ... 31, link 3, at 1234567890123 and one later.
@@ -38,11 +39,11 @@ fn signatures_are_those_of_pymavlink() {
         "fd09010000ffbe000000000000000608c00403038b03cb04fb711f01266ef6713a70",
         "fd09010000ffbe000000000000000608c00403038b03cc04fb711f01a419f0b45fa0",
     ];
-    let mut verifier = Verifier::new(key(), Time(1_234_567_890_123), Time(0));
+    let mut verifier = Verifier::new(key(), SignatureTime(1_234_567_890_123), SignatureTime(0));
     for (index, theirs) in theirs.into_iter().enumerate() {
         let bytes: Vec<u8> =
             (0..theirs.len() / 2).map(|i| u8::from_str_radix(&theirs[2 * i..2 * i + 2], 16).unwrap()).collect();
-        let mut ours = signer(Time(1_234_567_890_122 + index as u64));
+        let mut ours = signer(SignatureTime(1_234_567_890_122 + index as u64));
         assert_eq!(ours.encode(&payload).to_vec(), bytes);
         assert_eq!(verify(&mut verifier, &bytes), Ok(()));
     }
@@ -60,7 +61,7 @@ fn a_frame_is_accepted_once() {
 #[test]
 fn a_new_sender_may_be_a_minute_behind() {
     for (behind, expected) in [(MINUTE - 1, Ok(())), (MINUTE + 1, Err(SignatureError::Stale))] {
-        let bytes = heartbeat(&mut signer(Time(NOW.0 - behind - 1)));
+        let bytes = heartbeat(&mut signer(SignatureTime(NOW.0 - behind - 1)));
         assert_eq!(verify(&mut verifier(), &bytes), expected, "{behind}");
     }
 }
@@ -86,7 +87,7 @@ fn what_is_unsigned_or_of_another_key_is_refused() {
         raw.raw_bytes().to_vec()
     };
     assert_eq!(verify(&mut verifier(), &version_1), Err(SignatureError::Unsigned));
-    let foreign = heartbeat(&mut Encoder::new(255, 190).signed(Signer::new(Key([1; 32]), 3, NOW)));
+    let foreign = heartbeat(&mut Encoder::new(255, 190).signed(Signer::new(SigningKey([1; 32]), 3, NOW)));
     assert_eq!(verify(&mut verifier(), &foreign), Err(SignatureError::Wrong));
 }
 
@@ -94,9 +95,9 @@ fn what_is_unsigned_or_of_another_key_is_refused() {
 fn without_a_key_nothing_passes() {
     let bytes = heartbeat(&mut signer(NOW));
     let frame = Frames::new(&bytes).next().unwrap().unwrap();
-    assert_eq!(Guard::Closed.admit(&frame), Err(SignatureError::KeyMissing));
-    assert_eq!(Guard::Open.admit(&frame), Ok(()));
-    assert_eq!(Guard::Signed(verifier()).admit(&frame), Ok(()));
+    assert_eq!(SignatureGuard::Closed.admit(&frame), Err(SignatureError::KeyMissing));
+    assert_eq!(SignatureGuard::Open.admit(&frame), Ok(()));
+    assert_eq!(SignatureGuard::Signed(verifier()).admit(&frame), Ok(()));
 }
 
 #[test]
@@ -117,11 +118,11 @@ fn times_never_go_back() {
     let mut signer = Signer::new(key(), 0, NOW);
     signer.sign(b"frame");
     let last = signer.last();
-    signer.advance(Time(5));
+    signer.advance(SignatureTime(5));
     signer.sign(b"frame");
     assert!(signer.last() > last);
-    assert_eq!(Time::from_unix_micros(1_420_070_400_000_000), Time(0));
-    assert_eq!(Time::from_unix_micros(1_420_070_400_000_010), Time(1));
+    assert_eq!(SignatureTime::from_unix_micros(1_420_070_400_000_000), SignatureTime(0));
+    assert_eq!(SignatureTime::from_unix_micros(1_420_070_400_000_010), SignatureTime(1));
 }
 
 #[test]
