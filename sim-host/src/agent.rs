@@ -7,7 +7,6 @@ use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Persistence};
 use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
-use crate::block::motion;
 use crate::contact::{Arena, Motion};
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
@@ -350,7 +349,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Where the drone is and how it moves.
     pub(crate) fn motion(&self, lane: usize) -> Motion {
-        motion(&self.swarm.drone(lane))
+        self.swarm.motion(lane)
     }
 
     /// Control periods of its episode that have passed.

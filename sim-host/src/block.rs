@@ -2,10 +2,9 @@
 
 use core::ops::Range;
 
-use kestrel_core::action::{ACTION_LIMIT, Controls};
+use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::BulletState;
 use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
@@ -14,19 +13,9 @@ use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Touch};
 use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards, TeamSuccess};
 use crate::seed::{Purpose, Seed};
 use crate::sensor::Course;
-use crate::swarm::{Column, Mechanics, Swarm, one_lane, row, set_row, vector};
+use crate::swarm::{Column, Stage, Swarm, one_lane, row, set_row, vector};
 use crate::termination;
 use crate::world::Pose;
-
-/// What a step needs beside the block.
-pub(crate) struct Stage<'a, R: Real> {
-    pub(crate) scenario: &'a Scenario,
-    pub(crate) controls: &'a Controls<R>,
-    pub(crate) mechanics: &'a Mechanics<R>,
-    pub(crate) arena: Option<&'a Arena>,
-    pub(crate) solver: Option<&'a ContactSolver>,
-    pub(crate) control_secs: R,
-}
 
 /// `LANES` environments that step together, with all their drones.
 #[derive(Clone, Debug)]
@@ -177,7 +166,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         self.mark_meetings(&mut near, |_, _| reach);
         self.mark_movables(&mut near, |_, _| reach);
         for lane in lanes_of(&near) {
-            let drones: Vec<Motion> = self.agents.iter().map(|agent| motion(&agent.swarm.drone(lane))).collect();
+            let drones: Vec<Motion> = self.agents.iter().map(|agent| agent.swarm.motion(lane)).collect();
             let touches = touching(arena, &drones, &self.movables[lane]);
             self.mark_touches(lane, &touches);
         }
@@ -263,7 +252,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let mut touches = Vec::new();
         let mut pushes = vec![[R::zero()]; flock.len()];
         for substep in 0..physics.substeps {
-            let before: Vec<Motion> = flock.iter().map(|drone| motion(&drone.drone(0))).collect();
+            let before: Vec<Motion> = flock.iter().map(|drone| drone.motion(0)).collect();
             if substep + 1 == physics.substeps && reports_early(stage.scenario) {
                 touches = touching(arena, &before, &self.movables[lane]);
             }
@@ -278,7 +267,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             resolve(solver, &before, &mut flock, bodies, physics.substep_secs());
         }
         if !reports_early(stage.scenario) {
-            let drones: Vec<Motion> = flock.iter().map(|drone| motion(&drone.drone(0))).collect();
+            let drones: Vec<Motion> = flock.iter().map(|drone| drone.motion(0)).collect();
             touches = touching(arena, &drones, &self.movables[lane]);
         }
         for (agent, drone) in self.agents.iter_mut().zip(&flock) {
@@ -477,7 +466,7 @@ fn resolve<R: Real>(
     (movables, memory): (&mut Vec<Motion>, &mut ContactMemory),
     secs: f64,
 ) {
-    let free: Vec<Motion> = flock.iter().map(|drone| motion(&drone.drone(0))).collect();
+    let free: Vec<Motion> = flock.iter().map(|drone| drone.motion(0)).collect();
     let mut after = free.clone();
     solver.resolve(before, &mut after, movables, memory, secs);
     for ((lone, free), after) in flock.iter_mut().zip(&free).zip(&after) {
@@ -491,18 +480,6 @@ fn resolve<R: Real>(
             drone.reported_angular_velocity = state.world_from_body.rotate(state.body_rates);
             lone.set_drone(0, &drone);
         }
-    }
-}
-
-pub(crate) fn motion<R: Real>(drone: &BulletState<R>) -> Motion {
-    let state = &drone.motion;
-    Motion {
-        pose: Pose {
-            position: state.position.map(Real::to_f64),
-            world_from_body: state.world_from_body.map(Real::to_f64),
-        },
-        velocity: state.velocity.map(Real::to_f64),
-        body_rates: state.body_rates.map(Real::to_f64),
     }
 }
 

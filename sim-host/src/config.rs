@@ -71,7 +71,8 @@ pub use world::{
 };
 
 use crate::contact::WayMap;
-use crate::scenario::{Aviary, Cuboid, EndRule, Goals, Preset, Scenario, Termination};
+use crate::scenario::{Aviary, EndRule, Goals, Preset, Scenario, Termination};
+use crate::world::Cuboid;
 
 /// Default of [`ScenarioConfig::episode_secs`].
 const EPISODE_SECS: f64 = 8.0;
@@ -213,13 +214,17 @@ impl ScenarioConfig {
     /// Refuses `advance` towards a goal that is not one place.
     fn check_ways(&self, goals: &Goals, field: &Field<'_>) -> Result<(), ConfigError> {
         let advance = |reward: &RewardConfig| matches!(reward, RewardConfig::Advance { .. });
-        match (goals, self.rewards.iter().position(advance)) {
-            (Goals::PerAgent(_) | Goals::Line(_) | Goals::Wave { .. }, Some(index)) => {
+        let goal_stands = match goals {
+            Goals::Fixed => true,
+            Goals::PerAgent(_) | Goals::Line(_) | Goals::Wave { .. } => false,
+        };
+        match self.rewards.iter().position(advance) {
+            Some(index) if !goal_stands => {
                 let field = field.at("rewards").at(index).at("advance");
                 Err(field
                     .reject("`advance` beside `goals`", "`progress`: ways lead to one goal that stands still"))
             }
-            (_, _) => Ok(()),
+            Some(_) | None => Ok(()),
         }
     }
 
@@ -245,10 +250,9 @@ impl ScenarioConfig {
 
 /// The ways to the goal inside the bounds of the terminations, or where there are none within reach of what stands there.
 fn ways_of(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> Arc<WayMap> {
-    let bounds = terminations.iter().find_map(|rule| match &rule.rule {
-        Termination::OutOfBounds(bounds) => Some(*bounds),
-        _ => None,
-    });
+    let bounds = terminations
+        .iter()
+        .find_map(|rule| if let Termination::OutOfBounds(bounds) = rule.rule { Some(bounds) } else { None });
     let around_goal = Cuboid { low: aviary.goal.add_scalar(-1.0), high: aviary.goal.add_scalar(1.0) };
     let all =
         |whole: Cuboid, part: Cuboid| Cuboid { low: whole.low.inf(&part.low), high: whole.high.sup(&part.high) };

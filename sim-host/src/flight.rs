@@ -5,7 +5,8 @@ use kestrel_core::dynamics::Integrator;
 use kestrel_core::vehicle::{Air, Ground, State, Vehicle};
 use nalgebra::Vector3;
 
-use crate::scenario::{Cuboid, Preset, Scenario};
+use crate::scenario::{Preset, Scenario};
+use crate::world::Cuboid;
 
 /// Friction of the drone on what it stands on (pybullet's default, the reference system's).
 const FRICTION: f32 = 0.5;

@@ -7,10 +7,9 @@ use kestrel_core::real::Real;
 use kestrel_core::vehicle::{State, Vehicle};
 use nalgebra::Vector3;
 
-use crate::scenario::{
-    Cuboid, FreeSpace, Place, Preset, Randomisation, Scenario, Start, StartPosition, WayStarts,
-};
+use crate::scenario::{FreeSpace, Place, Preset, Randomisation, Scenario, Start, StartPosition, WayStarts};
 use crate::seed::Stream;
+use crate::world::Cuboid;
 
 /// Draws of a position before the search for a free one ends: in a box that is one tenth free it fails once in 10¹¹ times.
 const DRAWS: u32 = 256;

@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use crate::camera::OnboardCamera;
 use crate::contact::WayMap;
 use crate::sensor::SensorSuite;
-use crate::world::World;
+use crate::world::{Cuboid, World};
 
 mod reward;
 mod termination;
@@ -209,15 +209,6 @@ pub struct Aviary {
     pub routes: Vec<Vec<Vector3<f32>>>,
     /// What stands there.
     pub world: World,
-}
-
-/// Axis-aligned box \[m, world\].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cuboid {
-    /// Corner with the smallest coordinates.
-    pub low: Vector3<f32>,
-    /// Corner with the greatest coordinates.
-    pub high: Vector3<f32>,
 }
 
 /// What the critic sees beside the observation.

@@ -11,13 +11,13 @@ use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
 use crate::agent::{Agent, Finished, PRIVILEGED_LEN};
-use crate::block::{Actions, Block, MOTION_LEN, Stage, motion_from_array, motion_to_array};
+use crate::block::{Actions, Block, MOTION_LEN, motion_from_array, motion_to_array};
 use crate::contact::{Arena, ContactMemory, ContactReport, ContactSolver};
 use crate::outcome::{Episode, Outcome};
 use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
-use crate::swarm::Mechanics;
+use crate::swarm::{Mechanics, Stage};
 use crate::termination;
 use crate::world::Pose;
 use imaging::{Imaging, ImagingState};

@@ -1,5 +1,6 @@
 //! Many drones as columns: lane `i` of every column belongs to drone `i`.
 
+use kestrel_core::action::Controls;
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
@@ -11,10 +12,22 @@ use kestrel_core::vehicle::{Air, State, Vehicle};
 use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use crate::scenario::{Downwash, Physics, Preset};
+use crate::contact::{Arena, ContactSolver, Motion};
+use crate::scenario::{Downwash, Physics, Preset, Scenario};
+use crate::world::Pose;
 
 /// One value per lane.
 pub(crate) type Column<const LANES: usize, R = f32> = [R; LANES];
+
+/// What a step needs beside the block.
+pub(crate) struct Stage<'a, R: Real> {
+    pub(crate) scenario: &'a Scenario,
+    pub(crate) controls: &'a Controls<R>,
+    pub(crate) mechanics: &'a Mechanics<R>,
+    pub(crate) arena: Option<&'a Arena>,
+    pub(crate) solver: Option<&'a ContactSolver>,
+    pub(crate) control_secs: R,
+}
 
 /// States and parameters of `LANES` drones that fly in air without bounds.
 #[derive(Clone, Debug)]
@@ -175,6 +188,20 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             motion: self.state(lane),
             link_attitude: quaternion(&self.link_attitude, lane),
             reported_angular_velocity: vector(&self.reported, lane),
+        }
+    }
+
+    /// What contacts and cameras see of the drone in a lane.
+    #[inline(always)]
+    pub(crate) fn motion(&self, lane: usize) -> Motion {
+        let state = self.state(lane);
+        Motion {
+            pose: Pose {
+                position: state.position.map(Real::to_f64),
+                world_from_body: state.world_from_body.map(Real::to_f64),
+            },
+            velocity: state.velocity.map(Real::to_f64),
+            body_rates: state.body_rates.map(Real::to_f64),
         }
     }
 

@@ -4,8 +4,9 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use crate::outcome::{Ending, Outcome};
-use crate::scenario::{Clock, Cuboid, EndRule, Scenario, Success, Termination, TimeLimit};
+use crate::scenario::{Clock, EndRule, Scenario, Success, Termination, TimeLimit};
 use crate::swarm::{Column, Swarm, vector};
+use crate::world::Cuboid;
 
 /// Endings as numbers that lanes can compare, failures first; zero goes on.
 const ENDINGS: [Ending; 9] = [

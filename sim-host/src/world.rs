@@ -7,8 +7,6 @@ use nalgebra::Vector3;
 
 pub use mesh::{Mesh, Triangle};
 
-use crate::scenario::Cuboid;
-
 /// Gap at which the reference reports contact between the drone and a box \[m\] (two margins and a threshold).
 pub const BOX_CONTACT_GAP: f64 = 2.78e-3;
 
@@ -92,6 +90,15 @@ pub enum Shape {
     Hull(Vec<Vector3<f64>>),
     /// Triangles.
     Mesh(Mesh),
+}
+
+/// Axis-aligned box \[m, world\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cuboid {
+    /// Corner with the smallest coordinates.
+    pub low: Vector3<f32>,
+    /// Corner with the greatest coordinates.
+    pub high: Vector3<f32>,
 }
 
 /// A place and an orientation, in the world unless something else is said.

@@ -12,8 +12,8 @@ pub(crate) mod text;
 use std::path::{Path, PathBuf};
 
 use kestrel_sim::config::ConfigError;
-use kestrel_sim::scenario::Cuboid;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
+use kestrel_sim::world::Cuboid;
 use nalgebra::{Vector3, vector};
 use rayon::prelude::*;
 

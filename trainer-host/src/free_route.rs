@@ -4,8 +4,7 @@
 
 use kestrel_core::airframe::{Airframe, CF2X};
 use kestrel_sim::contact::{Arena, ContactReport, WayMap};
-use kestrel_sim::scenario::Cuboid;
-use kestrel_sim::world::{Pose, World};
+use kestrel_sim::world::{Cuboid, Pose, World};
 use nalgebra::Vector3;
 
 /// Between two poses of the probe on a leg \[m\].

@@ -9,8 +9,8 @@ pub mod files;
 mod tests;
 
 use kestrel_sim::config::AviaryConfig;
-use kestrel_sim::scenario::{Cuboid, Scenario, StartPosition, Termination};
-use kestrel_sim::world::{Solid, World};
+use kestrel_sim::scenario::{Scenario, StartPosition, Termination};
+use kestrel_sim::world::{Cuboid, Solid, World};
 use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 

@@ -7,8 +7,8 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use super::Agent;
-use crate::block::Stage;
 use crate::scenario::{Clock, Scenario};
+use crate::swarm::Stage;
 use crate::swarm::{Column, row, set_row, vector};
 
 impl<const LANES: usize, R: Real> Agent<LANES, R> {

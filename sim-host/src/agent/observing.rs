@@ -8,10 +8,10 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use super::{Agent, PrivilegedScales};
-use crate::block::Stage;
 use crate::contact::Arena;
 use crate::scenario::{CriticView, Preset, Scenario};
 use crate::sensor::{Truth, specific_force};
+use crate::swarm::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 
 impl<const LANES: usize, R: Real> Agent<LANES, R> {

@@ -7,11 +7,10 @@ mod outline;
 use pulp::Simd;
 
 pub(super) use affine::{Affine, Quadratic};
-pub(super) use facet::Facet;
+pub(super) use facet::{Corner, Facet};
 use outline::Outline;
 
 use super::Camera;
-use super::plot::Corner;
 use super::scene::Surface;
 
 /// Columns of a tile: what is worked on at once.

@@ -4,8 +4,6 @@ mod mesh;
 
 use nalgebra::Vector3;
 
-pub(super) use mesh::Corner;
-
 use super::kernel::{Affine, COLUMNS, Canvas, Figure, Plane, Plot, Quadratic, ROWS, Side};
 use super::scene::{Ball, Body, FLOOR_SURFACE, Face, Round, Scene};
 use super::{Camera, View};

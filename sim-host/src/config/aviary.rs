@@ -12,8 +12,8 @@ use super::error::ConfigError;
 use super::field::Field;
 use super::geometry::{exact_point, holds};
 use super::world::{FurnitureConfig, MovableConfig, RoomConfig, SolidConfig, pillar};
-use crate::scenario::{Aviary, Cuboid};
-use crate::world::{Floor, World};
+use crate::scenario::Aviary;
+use crate::world::{Cuboid, Floor, World};
 
 /// Most solids and movables: contacts look at all of them near a drone.
 const SOLIDS_LIMIT: usize = 1024;

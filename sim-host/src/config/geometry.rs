@@ -11,8 +11,7 @@ use rapier3d::parry::transformation::try_convex_hull;
 
 use super::error::ConfigError;
 use super::field::{Field, Limits};
-use crate::scenario::Cuboid;
-use crate::world::{Mesh, Shape, Solid};
+use crate::world::{Cuboid, Mesh, Shape, Solid};
 
 /// Half the thickness of a surface that has none \[m\], Bullet's margin.
 const SKIN: f64 = 1e-3;

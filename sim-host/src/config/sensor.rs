@@ -333,11 +333,10 @@ impl SensorConfig {
     /// # Errors
     /// When a number is out of range, a ranger has no direction or one twice, or there are too many values.
     pub fn check_all(sensors: &[Self], control_secs: f64, field: &Field<'_>) -> Result<SensorSuite, ConfigError> {
-        let (mates, sensors) = match sensors.split_last() {
-            Some((Self::Mates(mates), others)) => {
-                (Some(mates.check(&field.at(others.len()).at("mates"))?), others)
-            }
-            _ => (None, sensors),
+        let (mates, sensors) = if let Some((Self::Mates(mates), others)) = sensors.split_last() {
+            (Some(mates.check(&field.at(others.len()).at("mates"))?), others)
+        } else {
+            (None, sensors)
         };
         let mut instruments = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {

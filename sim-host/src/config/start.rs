@@ -11,9 +11,9 @@ use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
 use super::ways_of;
 use crate::scenario::{
-    Aviary, Cuboid, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination, WayStarts,
+    Aviary, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination, WayStarts,
 };
-use crate::world::Floor;
+use crate::world::{Cuboid, Floor};
 
 /// Factors `1 ± fraction` stay well above zero.
 const FRACTION: Limits = Limits::from(0.0, 0.9, "");

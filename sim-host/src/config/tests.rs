@@ -4,7 +4,8 @@ use proptest::prelude::*;
 
 use super::geometry::{contains, gap, surrounds};
 use super::*;
-use crate::scenario::{Cuboid, RewardTerm};
+use crate::scenario::RewardTerm;
+use crate::world::Cuboid;
 
 const SCENARIO: &str = "\
 aviary:

@@ -5,8 +5,10 @@ mod look;
 mod mesh;
 mod outline;
 mod room;
+mod shape;
 mod solid;
 mod superellipsoid;
+mod surface;
 #[cfg(test)]
 mod tests;
 
@@ -14,7 +16,9 @@ pub use furniture::FurnitureConfig;
 pub use look::LookConfig;
 pub use mesh::MeshConfig;
 pub use room::RoomConfig;
-pub use solid::{ConeConfig, CylinderConfig, HullConfig, MovableConfig, RoleConfig, SolidConfig, TurnedBoxConfig};
+pub use shape::{ConeConfig, CylinderConfig, HullConfig, TurnedBoxConfig};
+pub use solid::{MovableConfig, SolidConfig};
 pub use superellipsoid::SuperellipsoidConfig;
+pub use surface::RoleConfig;
 
 pub(crate) use solid::pillar;

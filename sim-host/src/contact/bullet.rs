@@ -9,19 +9,12 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Motion;
 use super::arena::BREAKING_SHARE;
-use super::group::{End, Group, Member, Start};
+use super::group::{DRONE_FRICTION, End, FLOOR_FRICTION, Group, Inertia, Member, Start};
 use super::impulses::{self, Meeting, Mobile};
 use super::manifold::{ContactMemory, Found, Party};
 use super::outline::{MARGIN, Outline};
-use super::solver::Inertia;
 use super::{penetration, separation};
 use crate::world::Pose;
-
-/// Friction of a drone: what the reference gives a body that states none.
-pub(super) const DRONE_FRICTION: f64 = 0.5;
-
-/// Friction of the floor, as in `plane.urdf`.
-pub(super) const FLOOR_FRICTION: f64 = 1.0;
 
 /// Bullet's damping of linear and angular velocities; of drones it is a quirk of their free flight.
 const DAMPING: f64 = 0.04_f32 as f64;
@@ -63,8 +56,8 @@ pub(super) fn step(
 impl Group<'_> {
     fn mobile(&self, member: Member, start: &Start) -> Mobile {
         let Inertia { mass, moments } = match member {
-            Member::Drone(_) => self.solver.drone,
-            Member::Movable(index) => self.solver.movables[index],
+            Member::Drone(_) => self.bodies.drone,
+            Member::Movable(index) => self.bodies.movables[index],
         };
         let inverse = moments.try_inverse().unwrap_or_else(Matrix3::zeros);
         let pose = start.motion.pose;
@@ -116,7 +109,7 @@ impl Group<'_> {
     }
 
     fn side(&self, index: usize, start: &Motion) -> Side<'_> {
-        let arena = &self.solver.arena;
+        let arena = &self.bodies.arena;
         let party = Party::from(self.members[index]);
         let (outline, friction, breaking) = match self.members[index] {
             Member::Drone(_) => (&arena.drone, DRONE_FRICTION, arena.breaking),
@@ -130,7 +123,7 @@ impl Group<'_> {
     }
 
     fn solid(&self, index: usize) -> Side<'_> {
-        let body = &self.solver.arena.solids[index];
+        let body = &self.bodies.arena.solids[index];
         Side {
             party: Party::Solid(index as u32),
             member: None,
@@ -146,7 +139,7 @@ impl Group<'_> {
             party: Party::Floor,
             member: None,
             pose: Pose::at(Vector3::zeros()),
-            outline: &self.solver.arena.ground,
+            outline: &self.bodies.arena.ground,
             friction: FLOOR_FRICTION,
             breaking: f64::INFINITY,
         }
@@ -157,7 +150,7 @@ impl Group<'_> {
         let outlines = pair.map(|side| side.outline);
         let shapes = pair.map(|side| side.outline.placed(&side.pose));
         if let [Party::Floor, Party::Drone(_)] = pair.map(|side| side.party)
-            && !self.solver.arena.is_floor_pending(&shapes[1])
+            && !self.bodies.arena.is_floor_pending(&shapes[1])
         {
             return None;
         }

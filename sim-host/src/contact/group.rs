@@ -1,11 +1,40 @@
 //! A few bodies that may touch, and what cannot move near them.
 
-use super::Motion;
-use super::solver::ContactSolver;
+use nalgebra::Matrix3;
+use rapier3d::geometry::SharedShape;
+
+use super::{Arena, Motion};
+use crate::world::Pose;
+
+/// Friction of a drone: what the reference gives a body that states none.
+pub(super) const DRONE_FRICTION: f64 = 0.5;
+
+/// Friction of the floor, as in `plane.urdf`.
+pub(super) const FLOOR_FRICTION: f64 = 1.0;
 
 /// Speed \[m/s\] and angular velocity \[rad/s\] below which movables that lean on something and that no drone is near
 /// fall asleep.
 const SLEEPY: [f64; 2] = [3e-3, 0.05];
+
+/// All bodies of an environment: their outlines, and how those resist that can move.
+#[derive(Clone)]
+pub(super) struct Bodies {
+    pub(super) arena: Arena,
+    pub(super) drone: Inertia,
+    /// The cylinder around the drone's prism: of a face with many corners rapier uses four neighbours only.
+    pub(super) hull: SharedShape,
+    pub(super) hull_pose: Pose,
+    pub(super) movables: Vec<Inertia>,
+}
+
+/// How a body resists; its origin is its centre of mass.
+#[derive(Clone, Copy)]
+pub(super) struct Inertia {
+    /// \[kg\].
+    pub(super) mass: f64,
+    /// Moments of inertia \[kg m²\], body.
+    pub(super) moments: Matrix3<f64>,
+}
 
 /// A body that can move, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,7 +45,7 @@ pub(super) enum Member {
 
 /// Bodies of which each may touch another or something that cannot move.
 pub(super) struct Group<'a> {
-    pub(super) solver: &'a ContactSolver,
+    pub(super) bodies: &'a Bodies,
     pub(super) members: Vec<Member>,
     /// Indices of the solids nearby.
     pub(super) solids: Vec<usize>,
@@ -41,12 +70,12 @@ pub(super) struct End {
 
 impl<'a> Group<'a> {
     pub(super) fn new(
-        solver: &'a ContactSolver,
+        bodies: &'a Bodies,
         members: Vec<Member>,
         (solids, floor): (Vec<usize>, bool),
         secs: f64,
     ) -> Self {
-        Self { solver, members, solids, floor, secs }
+        Self { bodies, members, solids, floor, secs }
     }
 
     /// Whether all are movables at rest.

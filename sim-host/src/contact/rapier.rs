@@ -11,9 +11,8 @@ use rapier3d::math::{Pose as SmallPose, Rotation, Vector};
 use rapier3d::pipeline::PhysicsWorld;
 
 use super::Motion;
-use super::bullet::{DRONE_FRICTION, FLOOR_FRICTION};
 use super::frame::{from_rotation, from_vector, to_matrix, to_pose, to_vector};
-use super::group::{End, Group, Member, Start};
+use super::group::{DRONE_FRICTION, End, FLOOR_FRICTION, Group, Member, Start};
 use super::outline::MARGIN;
 use crate::world::Pose;
 
@@ -80,7 +79,7 @@ impl Group<'_> {
         };
         let local = |pose: &Pose| to_pose(&Pose { position: pose.position - origin, ..*pose });
         for index in &self.solids {
-            let body = &self.solver.arena.solids[*index];
+            let body = &self.bodies.arena.solids[*index];
             let collider = surface(body.outline.shape.clone(), body.friction);
             world.colliders.insert(collider.position(local(&body.shape_pose)));
         }
@@ -107,16 +106,16 @@ impl Group<'_> {
             .angvel(angular_velocity)
             .can_sleep(false)
             .gyroscopic_forces_enabled(false);
-        let solver = self.solver;
+        let bodies = self.bodies;
         let (body, inertia, collider) = match member {
             Member::Drone(_) => {
-                let collider = surface(solver.hull.clone(), DRONE_FRICTION).contact_skin(MARGIN as f32);
-                (body.gravity_scale(0.0), solver.drone, collider.position(to_pose(&solver.hull_pose)))
+                let collider = surface(bodies.hull.clone(), DRONE_FRICTION).contact_skin(MARGIN as f32);
+                (body.gravity_scale(0.0), bodies.drone, collider.position(to_pose(&bodies.hull_pose)))
             }
             Member::Movable(index) => {
-                let movable = &solver.arena.movables[index];
+                let movable = &bodies.arena.movables[index];
                 let collider = surface(movable.outline.shape.clone(), movable.friction);
-                (body, solver.movables[index], collider.position(to_pose(&movable.outline.pose)))
+                (body, bodies.movables[index], collider.position(to_pose(&movable.outline.pose)))
             }
         };
         let moments = to_matrix(&inertia.moments);

@@ -8,29 +8,15 @@ use kestrel_core::airframe::Airframe;
 use nalgebra::{Matrix3, Vector3};
 use rapier3d::geometry::SharedShape;
 
-use super::group::{Group, Member};
+use super::group::{Bodies, Group, Inertia, Member};
 use super::outline::{MARGIN, upright};
 use super::{Arena, ContactMemory, ContactReport, Motion, bullet, rapier};
-use crate::world::{Floor, Pose, World};
+use crate::world::{Floor, World};
 
 /// Finds what contacts do to drones and movables: by rapier, or as Bullet does if the arena reports as Bullet does.
 #[derive(Clone)]
 pub struct ContactSolver {
-    pub(super) arena: Arena,
-    pub(super) drone: Inertia,
-    /// The cylinder around the drone's prism: of a face with many corners rapier uses four neighbours only.
-    pub(super) hull: SharedShape,
-    pub(super) hull_pose: Pose,
-    pub(super) movables: Vec<Inertia>,
-}
-
-/// How a body resists; its origin is its centre of mass.
-#[derive(Clone, Copy)]
-pub(super) struct Inertia {
-    /// \[kg\].
-    pub(super) mass: f64,
-    /// Moments of inertia \[kg m²\], body.
-    pub(super) moments: Matrix3<f64>,
+    bodies: Bodies,
 }
 
 /// The space that a body may sweep in a substep.
@@ -52,7 +38,7 @@ impl ContactSolver {
         let half_height = 0.5 * airframe.collision_height;
         let inertia = |mass: f64, moments: Matrix3<f64>| Inertia { mass, moments };
         let movables = world.movables.iter().zip(&arena.movables);
-        Self {
+        let bodies = Bodies {
             arena: arena.clone(),
             drone: inertia(airframe.mass, Matrix3::from_diagonal(&airframe.inertia.into())),
             hull: SharedShape::cylinder(half_height as f32, airframe.collision_radius as f32),
@@ -60,7 +46,8 @@ impl ContactSolver {
             movables: movables
                 .map(|(movable, body)| inertia(movable.mass, body.outline.inertia_per_mass() * movable.mass))
                 .collect(),
-        }
+        };
+        Self { bodies }
     }
 
     /// One substep of `secs`.
@@ -81,17 +68,17 @@ impl ContactSolver {
         secs: f64,
     ) {
         assert_eq!(before.len(), after.len());
-        assert_eq!(movables.len(), self.movables.len());
+        assert_eq!(movables.len(), self.bodies.movables.len());
         let balls = self.balls(before, after, movables, secs);
         let mut known = mem::take(memory);
         for balls in neighbours(&balls) {
             let members = balls.iter().map(|ball| ball.member).collect();
-            let group = Group::new(self, members, self.near(&balls), secs);
+            let group = Group::new(&self.bodies, members, self.near(&balls), secs);
             if group.is_asleep(movables) {
                 memory.keep(&mut known, &group);
             } else if !group.is_free() {
                 let starts = group.starts(before, after, movables);
-                let ends = match self.arena.report {
+                let ends = match self.bodies.arena.report {
                     ContactReport::Touch => rapier::step(&group, &starts),
                     ContactReport::Bullet => bullet::step(&group, &starts, &mut known, memory),
                 };
@@ -107,21 +94,22 @@ impl ContactSolver {
             radius: radius + 2.0 * MARGIN + speed * secs,
         };
         let drones = before.iter().zip(after).enumerate().map(|(index, (start, end))| {
-            ball(Member::Drone(index), start, end.velocity.norm(), self.arena.drone.radius)
+            ball(Member::Drone(index), start, end.velocity.norm(), self.bodies.arena.drone.radius)
         });
-        let movables = movables.iter().zip(&self.arena.movables).enumerate().map(|(index, (motion, body))| {
-            ball(Member::Movable(index), motion, motion.velocity.norm(), body.outline.radius)
-        });
+        let movables =
+            movables.iter().zip(&self.bodies.arena.movables).enumerate().map(|(index, (motion, body))| {
+                ball(Member::Movable(index), motion, motion.velocity.norm(), body.outline.radius)
+            });
         drones.chain(movables).collect()
     }
 
     /// What cannot move near the balls: indices of solids, and whether the floor is.
     fn near(&self, balls: &[&Ball]) -> (Vec<usize>, bool) {
-        let solids = balls.iter().flat_map(|ball| self.arena.solids_within(&ball.middle, ball.radius));
+        let solids = balls.iter().flat_map(|ball| self.bodies.arena.solids_within(&ball.middle, ball.radius));
         let mut solids: Vec<usize> = solids.collect();
         solids.sort_unstable();
         solids.dedup();
-        let floor = match self.arena.floor {
+        let floor = match self.bodies.arena.floor {
             Floor::Solid => balls.iter().any(|ball| ball.middle.z <= ball.radius),
             Floor::Absent => false,
         };

@@ -6,9 +6,8 @@ use nalgebra::Vector3;
 
 use super::distance_map::FAR;
 use super::{Arena, ContactReport, Motion, Touch, WayMap};
-use crate::scenario::Cuboid;
 use crate::sensor::{BEAM_LIMIT, Scan, ScanRing};
-use crate::world::{Floor, Mesh, Movable, Pose, Role, Shape, Solid, Triangle, World};
+use crate::world::{Cuboid, Floor, Mesh, Movable, Pose, Role, Shape, Solid, Triangle, World};
 
 const OBSTACLE: Touch = Touch { obstacle: true, landing: false };
 const LANDING: Touch = Touch { obstacle: false, landing: true };

@@ -8,8 +8,7 @@ use nalgebra::Vector3;
 
 use super::ContactReport;
 use super::body::Body;
-use crate::scenario::Cuboid;
-use crate::world::{Role, Solid, World};
+use crate::world::{Cuboid, Role, Solid, World};
 
 /// Least distance between two nodes \[m\]: a third of the narrowest passage that a Crazyflie gets through.
 const SPACING: f64 = 0.05;

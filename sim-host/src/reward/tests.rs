@@ -12,8 +12,7 @@ use serde::Deserialize;
 
 use super::*;
 use crate::config::{Document, RewardConfig};
-use crate::scenario::Cuboid;
-use crate::world::{Solid, World};
+use crate::world::{Cuboid, Solid, World};
 
 /// Control rate of the trials \[Hz\], the reference's.
 const RATE_HZ: f64 = 48.0;

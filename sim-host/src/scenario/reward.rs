@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use super::Cuboid;
 use crate::contact::WayMap;
+use crate::world::Cuboid;
 
 /// A reward term and its weight.
 #[derive(Clone, Debug, PartialEq)]

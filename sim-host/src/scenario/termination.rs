@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{Area, Cuboid, Field};
+use super::{Area, Field};
+use crate::world::Cuboid;
 
 /// A rule and what it means when it ends an episode.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,9 +9,9 @@ use kestrel_core::action::{ACTION_LEN, ActionSpace};
 
 use super::*;
 use crate::config::{Document, ScenarioConfig};
-use crate::scenario::{Cuboid, EndRule, Preset, StartPosition, Success, Termination};
+use crate::scenario::{EndRule, Preset, StartPosition, Success, Termination};
 use crate::testing::hover;
-use crate::world::{Floor, Solid};
+use crate::world::{Cuboid, Floor, Solid};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 

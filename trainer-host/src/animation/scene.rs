@@ -3,8 +3,7 @@
 use std::borrow::Cow;
 
 use kestrel_sim::outline::Outline;
-use kestrel_sim::scenario::Cuboid;
-use kestrel_sim::world::Floor;
+use kestrel_sim::world::{Cuboid, Floor};
 use nalgebra::Vector3;
 
 use super::camera::Camera;

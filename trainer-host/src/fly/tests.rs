@@ -10,11 +10,10 @@ use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyMetadata};
 use kestrel_shim::link::LinkError;
 use kestrel_shim::lockstep::SimulationRate;
 use kestrel_sim::scenario::{
-    Agents, Aviary, Clock, CriticView, Cuboid, Goals, Physics, Randomisation, Start, StartPosition, Success,
-    TimeLimit,
+    Agents, Aviary, Clock, CriticView, Goals, Physics, Randomisation, Start, StartPosition, Success, TimeLimit,
 };
 use kestrel_sim::sensor::SensorSuite;
-use kestrel_sim::world::World;
+use kestrel_sim::world::{Cuboid, World};
 
 use super::*;
 

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use kestrel_sim::config::{AviaryConfig, ConfigError, Document, Place};
-use kestrel_sim::scenario::{Cuboid, FreeSpace, Scenario, StartPosition};
-use kestrel_sim::world::{Solid, World};
+use kestrel_sim::scenario::{FreeSpace, Scenario, StartPosition};
+use kestrel_sim::world::{Cuboid, Solid, World};
 use nalgebra::Vector3;
 
 use crate::experiment_config;

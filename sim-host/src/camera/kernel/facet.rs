@@ -1,9 +1,21 @@
 //! Triangles of meshes onto pixels.
 
+use nalgebra::Vector3;
 use pulp::Simd;
 
 use super::{Affine, COLUMN, COLUMNS, ROWS, Strip, Tile};
 use crate::camera::scene::Surface;
+
+/// A corner as the camera sees it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::camera) struct Corner {
+    /// From the eye \[m\], world.
+    pub(in crate::camera) away: Vector3<f64>,
+    /// Along the optical axis \[m\].
+    pub(in crate::camera) depth: f64,
+    /// Column and row of the pixel whose ray would meet it, if it is in front of the eye.
+    pub(in crate::camera) place: [f64; 2],
+}
 
 /// A triangle that faces the eye, as an image sees it.
 #[derive(Clone, Copy, Debug)]

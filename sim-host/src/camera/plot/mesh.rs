@@ -1,25 +1,12 @@
 //! Which triangles of a mesh are in view, and how each is drawn.
 
-use nalgebra::Vector3;
-
 use super::Rays;
 use crate::camera::Camera;
-use crate::camera::kernel::{Affine, COLUMNS, Canvas, Facet, Figure, Plot, ROWS};
+use crate::camera::kernel::{Affine, COLUMNS, Canvas, Corner, Facet, Figure, Plot, ROWS};
 use crate::camera::scene::{Mesh, Triangle};
 
 /// Pixels by which the area of a triangle is larger than its corners say, against rounding.
 const MARGIN: f64 = 0.01;
-
-/// A corner as the camera sees it.
-#[derive(Clone, Copy, Debug, Default)]
-pub(in crate::camera) struct Corner {
-    /// From the eye \[m\], world.
-    away: Vector3<f64>,
-    /// Along the optical axis \[m\].
-    depth: f64,
-    /// Column and row of the pixel whose ray would meet it, if it is in front of the eye.
-    place: [f64; 2],
-}
 
 impl Mesh {
     /// Says how the triangles are drawn that face the eye and cover a pixel.

@@ -4,7 +4,9 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::solid::{RoleConfig, SolidConfig, Surface, SurfaceKeys, turned};
+use super::shape::turned;
+use super::solid::SolidConfig;
+use super::surface::{RoleConfig, Surface, SurfaceKeys};
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::config::geometry::{exact, exact_point};

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::mesh::MeshConfig;
 use super::outline::OutlineKeys;
-use super::solid::{ConeConfig, CylinderConfig, HullConfig, SphereConfig, TurnedBoxConfig};
+use super::shape::{ConeConfig, CylinderConfig, HullConfig, SphereConfig, TurnedBoxConfig};
 use super::superellipsoid::SuperellipsoidConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::Field;

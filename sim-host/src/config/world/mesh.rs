@@ -6,7 +6,8 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::solid::{Surface, turned};
+use super::shape::turned;
+use super::surface::Surface;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::config::geometry::{convex, convex_corners, exact_numbers, exact_point, thickened};

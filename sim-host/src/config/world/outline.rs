@@ -1,7 +1,7 @@
 //! The one outline of a body, or of what is seen of it, among the keys for all kinds.
 
 use super::mesh::MeshConfig;
-use super::solid::{ConeConfig, CylinderConfig, HullConfig, SphereConfig, TurnedBoxConfig};
+use super::shape::{ConeConfig, CylinderConfig, HullConfig, SphereConfig, TurnedBoxConfig};
 use super::superellipsoid::SuperellipsoidConfig;
 use crate::config::aviary::BoxConfig;
 use crate::config::error::ConfigError;

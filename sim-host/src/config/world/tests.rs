@@ -1,8 +1,7 @@
 use nalgebra::Vector3;
 
 use crate::config::{AviaryConfig, ConfigError, Document, Place};
-use crate::scenario::Cuboid;
-use crate::world::{BOX_CONTACT_GAP, Floor, Role, Shape, Solid};
+use crate::world::{BOX_CONTACT_GAP, Cuboid, Floor, Role, Shape, Solid};
 
 fn place(text: &str) -> Result<Place, ConfigError> {
     let document = Document::parse("world.yaml", text)?;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use kestrel_sim::contact::WayMap;
-use kestrel_sim::scenario::Cuboid;
+use kestrel_sim::world::Cuboid;
 
 use super::special_cases::policy_gradient;
 use super::*;
