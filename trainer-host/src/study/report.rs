@@ -14,6 +14,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 mod threshold;
+mod wrap;
 
 use std::fs;
 use std::path::Path;

@@ -10,30 +10,37 @@ use super::setting;
 use super::summary::Summary;
 use super::table::Table;
 use super::threshold;
+use super::wrap::wrapped;
 use crate::study::data::StudyData;
 
 /// The first line.
 const TITLE: &str = "# Results\n";
 
-/// Heading of the first section.
-const FIRST: &str = "Claims of all studies";
+/// Heading of the first section that is not written by hand.
+const METHOD: &str = "\n## How these numbers are made\n";
+
+/// Heading of the section behind it.
+const CLAIMS: &str = "Claims of all studies";
 
 /// Heading of the last section.
 const LAST: &str = "Definitions";
 
-/// What the page says between its title and the first study.
+/// What the page says before the claims.
 const OPENING: &str = "
-Every number here is computed from the flights of the studies in `configs/studies/` by
+Every number below is computed from the flights of the studies in `configs/studies/` by
 
 ```sh
 kestrel study run configs/studies/NAME.yaml     # for each of them: rows of flights
-kestrel study results STUDY... --output FILE    # this page; --pictures FOLDER draws its pictures,
-                                                # --update leaves the sections of other studies as they are
+kestrel study results STUDY... --output FILE    # this page
 ```
 
-Intervals are 95 % bootstrap intervals over seeds. A claim is written in the study's file; it *holds* when its whole interval is
-where it says, *fails* when the whole interval is elsewhere, and is *open* otherwise. Trivial pilots (do nothing, random,
-scripted) flew the same tasks. A study that is not finished says so. The full report of a study, with its learning curves,
+`--pictures FOLDER` draws its pictures. `--update` leaves the sections of other studies, and what is
+written by hand above this section, as they are.
+
+Intervals are 95 % bootstrap intervals over seeds. A claim is written in the study's file; it
+*holds* when its whole interval is on the expected side, *fails* when the whole interval is on the
+other side, and is *open* otherwise. Trivial pilots (do nothing, random, scripted) flew the same
+tasks. A study that is not finished says so. The full report of a study, with its learning curves,
 matrices and definitions, is `report.md` in its directory.
 ";
 
@@ -43,6 +50,8 @@ const SHOWN: [&str; 5] = ["final.svg", "so-far.svg", "curves.svg", "returns.svg"
 /// Several studies on one page.
 #[derive(Debug)]
 pub struct Page {
+    /// What stands between the title and what is generated, written by hand.
+    head: String,
     /// Name and text of each study's section.
     sections: Vec<(String, String)>,
     /// File names and SVG of the pictures that it shows.
@@ -52,7 +61,7 @@ pub struct Page {
 /// The page about these studies, in the order given; with pictures when it is said in which folder, as a link of the
 /// page names it.
 pub fn page(studies: &[StudyData], folder: Option<&str>) -> Page {
-    let mut page = Page { sections: Vec::new(), pictures: Vec::new() };
+    let mut page = Page { head: String::new(), sections: Vec::new(), pictures: Vec::new() };
     for data in studies {
         page.add(data, folder);
     }
@@ -67,28 +76,30 @@ pub struct NoPage;
 impl Page {
     /// Markdown.
     pub fn text(&self) -> String {
-        let mut text = format!("{TITLE}{OPENING}{}", self.claims());
+        let mut text = format!("{METHOD}{OPENING}{}", self.claims());
         for (_, section) in &self.sections {
             text.push('\n');
             text += section;
         }
         text.push('\n');
-        text + &definitions("the study's threshold")
+        text += &definitions("the study's threshold");
+        format!("{TITLE}{}{}", self.head, wrapped(&text))
     }
 
-    /// Takes over what an `earlier` page has about other studies: its sections keep their places, and new ones follow.
+    /// Takes over the head of an `earlier` page, which is written by hand, and what it has about other studies: its
+    /// sections keep their places, and new ones follow.
     ///
     /// # Errors
     /// [`NoPage`] when the text is something else.
     pub fn keep(&mut self, earlier: &str) -> Result<(), NoPage> {
-        if !earlier.starts_with(TITLE) {
-            return Err(NoPage);
-        }
+        let earlier = earlier.strip_prefix(TITLE).ok_or(NoPage)?;
+        let (head, earlier) = earlier.split_once(METHOD).unwrap_or(("", earlier));
+        self.head = head.to_owned();
         let mut sections = Vec::new();
         for section in earlier.split("\n## ").skip(1) {
             let name = section.lines().next().unwrap_or_default();
             let told: Vec<_> = self.sections.extract_if(.., |(told, _)| told == name).collect();
-            if told.is_empty() && ![FIRST, LAST].contains(&name) {
+            if told.is_empty() && ![CLAIMS, LAST].contains(&name) {
                 sections.push((name.to_owned(), format!("## {}\n", section.trim_end())));
             }
             sections.extend(told);
@@ -111,7 +122,7 @@ impl Page {
         if rows.is_empty() {
             return rows;
         }
-        format!("\n## {FIRST}\n\n{}{rows}", Table::new(["study"].into_iter().chain(claims::HEADINGS)).text())
+        format!("\n## {CLAIMS}\n\n{}{rows}", Table::new(["study"].into_iter().chain(claims::HEADINGS)).text())
     }
 
     fn add(&mut self, data: &StudyData, folder: Option<&str>) {

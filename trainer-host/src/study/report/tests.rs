@@ -396,13 +396,22 @@ fn a_page_keeps_what_it_has_about_other_studies() {
         StudyData::load(&folder).unwrap()
     };
     let [first, second, third] = ["first", "second", "third"].map(named);
-    let earlier = page(&[first.clone(), second.clone()], None).text();
-    let all = page(&[first, second.clone(), third.clone()], None).text();
+    let by_hand = |text: &str| text.replacen("# Results\n", "# Results\n\n## Abstract\n\nIt works.\n", 1);
+    let earlier = by_hand(&page(&[first.clone(), second.clone()], None).text());
+    let all = by_hand(&page(&[first, second.clone(), third.clone()], None).text());
 
     let mut update = page(&[third, second], None);
     assert_eq!(update.keep(&earlier), Ok(()));
     assert_eq!(update.text(), all);
     assert_eq!(update.keep("# Something else\n"), Err(NoPage));
+}
+
+#[test]
+fn the_page_of_the_repository_is_kept_as_it_is() {
+    let earlier = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../RESULTS.md")).unwrap();
+    let mut update = page(&[], None);
+    assert_eq!(update.keep(&earlier), Ok(()));
+    assert!(update.text() == earlier);
 }
 
 #[test]
