@@ -7,8 +7,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 pub use published::{
-    CONTROL_MEMORY_LEN, ControlMemory, Persistence, PublishedActions, PublishedController, PublishedControls,
-    PublishedKind,
+    CONTROL_MEMORY_LEN, ControlMemory, Persistence, ReferenceActionKind, ReferenceActions, ReferenceController,
+    ReferenceControls,
 };
 pub use velocity::Velocities;
 
@@ -34,8 +34,8 @@ pub enum ActionSpace {
     RotorSpeeds(RotorSpeeds),
     /// [`ThrustBodyRates`] (CTBR).
     ThrustBodyRates(ThrustBodyRates),
-    /// [`PublishedActions`] of the reference system.
-    Published(PublishedActions),
+    /// [`ReferenceActions`] of the reference system.
+    Reference(ReferenceActions),
     /// [`Velocities`].
     Velocities(Velocities),
 }
@@ -47,8 +47,8 @@ pub enum Controls<R> {
     RotorSpeeds(RotorSpeeds),
     /// [`ThrustBodyRates`].
     ThrustBodyRates(ThrustBodyRates),
-    /// [`PublishedActions`].
-    Published(PublishedControls<R>),
+    /// [`ReferenceActions`].
+    Reference(ReferenceControls<R>),
     /// [`Velocities`].
     Velocities(Velocities),
 }
@@ -165,7 +165,7 @@ impl ActionSpace {
     pub const fn len(&self) -> usize {
         match self {
             Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) => ACTION_LEN,
-            Self::Published(space) => space.kind.len(),
+            Self::Reference(space) => space.kind.len(),
         }
     }
 
@@ -174,7 +174,7 @@ impl ActionSpace {
         match self {
             Self::RotorSpeeds(_) => "rotor_speeds",
             Self::ThrustBodyRates(_) => "thrust_body_rates",
-            Self::Published(space) => space.kind.name(),
+            Self::Reference(space) => space.kind.name(),
             Self::Velocities(_) => "velocity",
         }
     }
@@ -186,7 +186,7 @@ impl ActionSpace {
             Self::ThrustBodyRates(space) | Self::Velocities(Velocities { rates: space, .. }) => {
                 space.speed_squared_limit.sqrt()
             }
-            Self::Published(space) => space.airframe.rotor_speed_limit as f32,
+            Self::Reference(space) => space.airframe.rotor_speed_limit as f32,
         }
     }
 
@@ -194,7 +194,7 @@ impl ActionSpace {
     pub const fn persistence(&self) -> Persistence {
         match self {
             Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) => Persistence::ResetEachEpisode,
-            Self::Published(space) => space.persistence,
+            Self::Reference(space) => space.persistence,
         }
     }
 }
@@ -205,14 +205,14 @@ impl<R: Real> Controls<R> {
         match space {
             ActionSpace::RotorSpeeds(space) => Self::RotorSpeeds(*space),
             ActionSpace::ThrustBodyRates(space) => Self::ThrustBodyRates(*space),
-            ActionSpace::Published(space) => Self::Published(PublishedControls::new(space)),
+            ActionSpace::Reference(space) => Self::Reference(ReferenceControls::new(space)),
             ActionSpace::Velocities(space) => Self::Velocities(*space),
         }
     }
 
     /// Rotor targets \[rad/s\] for the next `secs`, the time since the last call.
     ///
-    /// `setpoint` is the task's moving target, which only [`PublishedKind::Tun`] reads. The targets of the reference's
+    /// `setpoint` is the task's moving target, which only [`ReferenceActionKind::Tun`] reads. The targets of the reference's
     /// actions are not limited and are NaN where the state is; those of the other spaces are in range, whatever the
     /// action and the state.
     #[inline(always)]
@@ -228,7 +228,7 @@ impl<R: Real> Controls<R> {
         match self {
             Self::RotorSpeeds(space) => space.rotor_targets(&[a, b, c, d]),
             Self::ThrustBodyRates(space) => space.rotor_targets(&[a, b, c, d], &state.body_rates),
-            Self::Published(controls) => controls.rotor_targets(action, state, setpoint, memory, secs),
+            Self::Reference(controls) => controls.rotor_targets(action, state, setpoint, memory, secs),
             Self::Velocities(space) => space.rotor_targets(&[a, b, c, d], state),
         }
     }

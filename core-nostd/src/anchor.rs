@@ -1,18 +1,19 @@
-//! What a policy keeps of its earlier tasks in constant memory: a center and an importance for every parameter.
+//! The quadratic regulariser of continual learning (elastic weight consolidation and its relatives): what a policy
+//! keeps of its earlier tasks in constant memory, a center and an importance for every parameter.
 //!
 //! A task that ended at parameters θₗ leaves a quadratic behind, `gₗᵀ(θ − θₗ) − ½ (θ − θₗ)ᵀ Hₗ (θ − θₗ)`: the gradient
 //! of its objective there (ascent) and a diagonal curvature Hₗ ≥ 0, for instance the Fisher information of the policy.
 //! However many there are, their sum is one quadratic `−½ (θ − c)ᵀ S (θ − c)` (and a constant), so this is exact:
 //!
 //! ```text
-//! S' = decay · S + H       c' = c + H / S' · (θ − c) + g / S'       consolidate, lean
-//! θ' = θ + κ (c − θ)       κ = rate · S / (1 + rate · S)            pull, after each step of the optimiser
+//! S' = decay · S + H       c' = c + H / S' · (θ − c) + g / S'       consolidate, newton_step
+//! θ' = θ + κ (c − θ)       κ = rate · S / (1 + rate · S)            proximal_step, after each step of the optimiser
 //! ```
 //!
 //! It is the posterior of a Kalman filter with the gain `H / S'`, and online elastic weight consolidation (Schwarz et
-//! al. 2018) where each task was trained against the anchor until `g = S (θ − c)`: then `c' = θ`, which is
+//! al. 2018) where each task was trained with the penalty until `g = S (θ − c)`: then `c' = θ`, which is
 //! [`consolidate_at`](Anchor::consolidate_at). Without `g` it is the original one (Kirkpatrick et al. 2017), which
-//! counts earlier tasks twice (Huszár 2018). The pull is the proximal step of the quadratic: stable at any rate.
+//! counts earlier tasks twice (Huszár 2018). The proximal step of the quadratic is stable at any rate.
 //!
 //! [`Anchor`] holds 8 bytes per parameter, [`MeanAnchor`] 4 where the curvature is the identity, and
 //! [`fixed::FixedAnchor`] 3, in integers. The caller owns the memory; trainer and firmware call the same functions.
@@ -24,7 +25,7 @@ pub use mean::MeanAnchor;
 
 use crate::real::Real;
 
-/// Greatest `rate · S`; beyond 2²³ the share of a pull would round to one.
+/// Greatest `rate · S`; beyond 2²³ the share would round to one.
 const ODDS_LIMIT: f32 = (1_u32 << 23) as f32;
 
 /// Parameters whose squares are summed before the sums are, which keeps the rounding of long sums small.
@@ -33,9 +34,9 @@ const SUM_BLOCK: usize = 256;
 /// The anchor with a diagonal curvature.
 #[derive(Debug)]
 pub struct Anchor<'a> {
-    /// Where each parameter is pulled to, `[parameters]`.
+    /// What each parameter is regularised towards, `[parameters]`.
     pub center: &'a mut [f32],
-    /// S, how firmly, `[parameters]`, finite and at least 0; all zero before the first task.
+    /// S, the regularisation strength of each, `[parameters]`, finite and at least 0; all zero before the first task.
     pub importance: &'a mut [f32],
 }
 
@@ -47,7 +48,7 @@ impl Anchor<'_> {
     /// the importance of earlier tasks has faded by `decay` in \[0, 1\].
     ///
     /// The center becomes the mean of all tasks' ends, weighted by their curvature; that of a parameter which no task
-    /// needs stays. With the task's gradient, [`lean`](Self::lean) next.
+    /// needs stays. With the task's gradient, [`newton_step`](Self::newton_step) next.
     ///
     /// # Panics
     /// If a slice is not as long as the anchor.
@@ -63,8 +64,8 @@ impl Anchor<'_> {
         }
     }
 
-    /// As [`consolidate`](Self::consolidate), but the center becomes `parameters`: what [`lean`](Self::lean) would
-    /// make of it with the gradient of a task that was trained to its end against this anchor.
+    /// As [`consolidate`](Self::consolidate), but the center becomes `parameters`: what [`newton_step`](Self::newton_step) would
+    /// make of it with the gradient of a task that was trained to its end with this penalty.
     ///
     /// # Panics
     /// If a slice is not as long as the anchor.
@@ -85,31 +86,31 @@ impl Anchor<'_> {
     ///
     /// # Panics
     /// If `gradient` is not as long as the anchor.
-    pub fn lean(&mut self, gradient: &[f32]) {
+    pub fn newton_step(&mut self, gradient: &[f32]) {
         self.check(gradient.len());
         for ((center, importance), gradient) in self.center.iter_mut().zip(&*self.importance).zip(gradient) {
-            *center = leaned(*center, gradient / importance);
+            *center = shifted(*center, gradient / importance);
         }
     }
 
-    /// Moves each parameter its [`share`] of the way to its center: the implicit step of the quadratic, at
+    /// Moves each parameter its [`proximal_share`] of the way to its center: the implicit step of the quadratic, at
     /// `rate` = learning rate × strength, finite and at least 0.
     ///
     /// # Panics
     /// If `parameters` is not as long as the anchor.
     #[inline(always)]
-    pub fn pull(&self, parameters: &mut [f32], rate: f32) {
+    pub fn proximal_step(&self, parameters: &mut [f32], rate: f32) {
         self.check(parameters.len());
         for ((parameter, center), importance) in parameters.iter_mut().zip(&*self.center).zip(&*self.importance) {
-            *parameter += share(*importance, rate) * (center - *parameter);
+            *parameter += proximal_share(*importance, rate) * (center - *parameter);
         }
     }
 
-    /// Adds the gradient of `½ strength (θ − c)ᵀ S (θ − c)` at `parameters` to that of a loss.
+    /// Adds the penalty gradient, that of `½ strength (θ − c)ᵀ S (θ − c)` at `parameters` to that of a loss.
     ///
     /// # Panics
     /// If a slice is not as long as the anchor.
-    pub fn add_gradient(&self, parameters: &[f32], strength: f32, gradient: &mut [f32]) {
+    pub fn add_penalty_gradient(&self, parameters: &[f32], strength: f32, gradient: &mut [f32]) {
         self.check(parameters.len());
         self.check(gradient.len());
         let state = self.center.iter().zip(&*self.importance);
@@ -141,9 +142,9 @@ impl Anchor<'_> {
 }
 
 /// κ = `rate · importance / (1 + rate · importance)` in \[0, 1): the share of the way to the center that a
-/// [`pull`](Anchor::pull) goes. Both are finite and at least 0.
+/// [`proximal_step`](Anchor::proximal_step) goes. Both are finite and at least 0.
 #[inline(always)]
-pub fn share(importance: f32, rate: f32) -> f32 {
+pub fn proximal_share(importance: f32, rate: f32) -> f32 {
     let odds = (rate * importance).at_most(ODDS_LIMIT);
     odds / (1.0 + odds)
 }
@@ -155,9 +156,9 @@ fn accumulated(importance: f32, curvature: f32, decay: f32) -> f32 {
 }
 
 #[inline(always)]
-fn leaned(center: f32, step: f32) -> f32 {
-    let leaned = center + step;
-    if leaned.is_finite() { leaned } else { center }
+fn shifted(center: f32, step: f32) -> f32 {
+    let shifted = center + step;
+    if shifted.is_finite() { shifted } else { center }
 }
 
 /// `(θ − c)ᵀ S (θ − c)` of one block.

@@ -32,7 +32,7 @@ use crate::vehicle::State;
 
 /// What acts on a drone; the names are the reference's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
+pub enum BulletMode {
     /// Rotors only.
     Pyb,
     /// Rotors and ground effect.
@@ -47,7 +47,7 @@ pub enum Mode {
     Dyn,
 }
 
-impl Mode {
+impl BulletMode {
     /// Whether the floor at z = 0 cushions the rotors.
     pub const fn has_ground_effect(self) -> bool {
         matches!(self, Self::PybGnd | Self::PybGndDragDw)
@@ -64,11 +64,11 @@ impl Mode {
     }
 }
 
-/// An [`Airframe`] in a [`Mode`] with its [`Quirks`], ready for arithmetic.
+/// An [`Airframe`] in a [`BulletMode`] with its [`Quirks`], ready for arithmetic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bullet<R> {
     /// What acts.
-    pub mode: Mode,
+    pub mode: BulletMode,
     /// What is odd about it.
     pub quirks: Quirks,
     /// \[kg\].
@@ -121,7 +121,7 @@ impl<R: Real> BulletState<R> {
 
 impl<R: Real> Bullet<R> {
     /// The airframe in the mode.
-    pub fn new(airframe: &Airframe, mode: Mode, quirks: Quirks) -> Self {
+    pub fn new(airframe: &Airframe, mode: BulletMode, quirks: Quirks) -> Self {
         let real = R::from_f64;
         let quarter_radius = 0.25 * airframe.propeller_radius;
         let drag = airframe.drag_coefficients;
@@ -176,10 +176,12 @@ impl<R: Real> Bullet<R> {
         secs: R,
     ) -> BulletState<R> {
         match self.mode {
-            Mode::Dyn => self.explicit_step(drone, rotor_speeds, secs),
-            Mode::Pyb | Mode::PybGnd | Mode::PybDrag | Mode::PybDw | Mode::PybGndDragDw => {
-                self.multibody_step(drone, rotor_speeds, downwash, secs)
-            }
+            BulletMode::Dyn => self.explicit_step(drone, rotor_speeds, secs),
+            BulletMode::Pyb
+            | BulletMode::PybGnd
+            | BulletMode::PybDrag
+            | BulletMode::PybDw
+            | BulletMode::PybGndDragDw => self.multibody_step(drone, rotor_speeds, downwash, secs),
         }
     }
 
@@ -261,15 +263,20 @@ impl<R: Real> Bullet<R> {
 }
 
 /// Levers of the rotors `[x, y]`, body \[m\].
-fn levers(airframe: &Airframe, mode: Mode, quirks: &Quirks) -> [[f64; 2]; 4] {
+fn levers(airframe: &Airframe, mode: BulletMode, quirks: &Quirks) -> [[f64; 2]; 4] {
     match (mode, quirks.dyn_levers) {
-        (Mode::Dyn, DynLevers::NominalArm) => {
+        (BulletMode::Dyn, DynLevers::NominalArm) => {
             Layout::with_arm(&airframe.layout, airframe.arm).rotor_positions(airframe.rotor_order)
         }
-        (Mode::Dyn, DynLevers::RotorPositions)
-        | (Mode::Pyb | Mode::PybGnd | Mode::PybDrag | Mode::PybDw | Mode::PybGndDragDw, _) => {
-            airframe.rotor_positions()
-        }
+        (BulletMode::Dyn, DynLevers::RotorPositions)
+        | (
+            BulletMode::Pyb
+            | BulletMode::PybGnd
+            | BulletMode::PybDrag
+            | BulletMode::PybDw
+            | BulletMode::PybGndDragDw,
+            _,
+        ) => airframe.rotor_positions(),
     }
 }
 

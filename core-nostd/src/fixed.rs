@@ -34,7 +34,7 @@ use crate::action::ACTION_LIMIT;
 use crate::mlp::{LAYER_LIMIT, ROW_BLOCK, WIDTH_LIMIT};
 use crate::policy_file::PolicyError;
 use crate::real::Real;
-use layer::{COLUMN_GROUP, PackedLayer};
+use layer::{COLUMN_GROUP, FixedLayer};
 
 /// Activations are in 2⁻¹³: a rounding of 6e-5, which leaves 18 bits for the sums of weights.
 pub const ACTIVATION_FRACTION_BITS: u32 = 13;
@@ -70,7 +70,7 @@ pub struct FixedFormat {
 /// A network whose parameters lie in borrowed bytes.
 #[derive(Clone, Debug)]
 pub struct FixedMlp<'a> {
-    layers: Vec<PackedLayer<'a>, LAYER_LIMIT>,
+    layers: Vec<FixedLayer<'a>, LAYER_LIMIT>,
     /// Values of the action.
     outputs: usize,
     format: FixedFormat,
@@ -82,7 +82,7 @@ pub struct FixedMlp<'a> {
 
 /// Working memory of an inference; owned by the caller so that neither stack nor time is spent on it.
 #[derive(Clone, Debug)]
-pub struct Scratch {
+pub struct FixedScratch {
     activations: [i16; WIDTH_LIMIT],
     sums: [i32; WIDTH_LIMIT],
 }
@@ -92,8 +92,8 @@ impl FixedMlp<'_> {
     ///
     /// Values beyond the range of the input format saturate; a NaN is read as zero, and so are the values that are
     /// missing when the observation is too short. Never panics.
-    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
-        let Scratch { activations, sums } = scratch;
+    pub fn act(&self, observation: &[f32], scratch: &mut FixedScratch) -> [f32; ACTION_LIMIT] {
+        let FixedScratch { activations, sums } = scratch;
         self.read_observation(observation, activations.get_mut(..self.inputs()).unwrap_or_default());
         self.forward(activations, sums)
     }
@@ -105,7 +105,7 @@ impl FixedMlp<'_> {
         observation: &[f32],
         features: &[i16],
         activations: &mut [i16],
-        scratch: &mut Scratch,
+        scratch: &mut FixedScratch,
     ) -> [f32; ACTION_LIMIT] {
         let observed = self.inputs().saturating_sub(features.len());
         let (front, back) = activations.split_at_mut_checked(observed).unwrap_or_default();
@@ -146,7 +146,7 @@ impl FixedMlp<'_> {
 
     /// Takes `activations` through the hidden layers. A function of its own, which has more registers.
     #[inline(never)]
-    fn hide(layers: &[PackedLayer<'_>], activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT]) {
+    fn hide(layers: &[FixedLayer<'_>], activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT]) {
         for layer in layers {
             layer.apply(activations, sums);
             let sums = sums.get(..layer.padded_outputs).unwrap_or_default();
@@ -190,14 +190,14 @@ fn requantised(sum: i32, multiplier: i32) -> i32 {
     ((i64::from(sum) * i64::from(multiplier)) >> REQUANTISATION_SHIFT) as i32
 }
 
-impl Scratch {
+impl FixedScratch {
     /// Contents do not matter: every inference writes before it reads, or multiplies by the zeros of the padding.
     pub const fn new() -> Self {
         Self { activations: [0; WIDTH_LIMIT], sums: [0; WIDTH_LIMIT] }
     }
 }
 
-impl Default for Scratch {
+impl Default for FixedScratch {
     fn default() -> Self {
         Self::new()
     }
@@ -247,7 +247,7 @@ impl<'a> FixedMlp<'a> {
             }
             let bits = format.sum_fraction_bits(index)?;
             let (bytes, following) = split_layer(rest, inputs, outputs)?;
-            let layer = PackedLayer::new(bytes, inputs, outputs, bits)?;
+            let layer = FixedLayer::new(bytes, inputs, outputs, bits)?;
             layer.check(index)?;
             network.layers.push(layer).map_err(|_| PolicyError::LayerCount { found: LAYER_LIMIT + 1 })?;
             network.output_scale = 1.0 / (1_u64 << bits) as f32;

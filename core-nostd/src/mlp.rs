@@ -42,20 +42,20 @@ pub struct DenseLayer<'a> {
 /// A network whose parameters lie in borrowed bytes.
 #[derive(Clone, Debug)]
 pub struct Mlp<'a> {
-    layers: Vec<PackedLayer<'a>, LAYER_LIMIT>,
+    layers: Vec<FloatLayer<'a>, LAYER_LIMIT>,
     /// Values of the action.
     outputs: usize,
 }
 
 /// The two ends of a layer; owned by the caller so that neither stack nor time is spent on it.
 #[derive(Clone, Debug)]
-pub struct Scratch {
+pub struct FloatScratch {
     inputs: [f32; WIDTH_LIMIT],
     outputs: [f32; WIDTH_LIMIT],
 }
 
 #[derive(Clone, Copy, Debug)]
-struct PackedLayer<'a> {
+struct FloatLayer<'a> {
     inputs: usize,
     padded_outputs: usize,
     /// Little-endian `f32`.
@@ -69,8 +69,8 @@ impl Mlp<'_> {
     ///
     /// A NaN is read as zero, and so are the values that are missing when the observation is too short; infinities
     /// are limited. Never panics, never returns NaN while the weights are finite.
-    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
-        let Scratch { inputs, outputs } = scratch;
+    pub fn act(&self, observation: &[f32], scratch: &mut FloatScratch) -> [f32; ACTION_LIMIT] {
+        let FloatScratch { inputs, outputs } = scratch;
         read_observation(observation, inputs.get_mut(..self.inputs()).unwrap_or_default());
         self.forward(inputs, outputs)
     }
@@ -82,7 +82,7 @@ impl Mlp<'_> {
         observation: &[f32],
         features: &[f32],
         inputs: &mut [f32],
-        scratch: &mut Scratch,
+        scratch: &mut FloatScratch,
     ) -> [f32; ACTION_LIMIT] {
         let observed = self.inputs().saturating_sub(features.len());
         let (front, back) = inputs.split_at_mut_checked(observed).unwrap_or_default();
@@ -131,7 +131,7 @@ fn read_observation(observation: &[f32], inputs: &mut [f32]) {
     }
 }
 
-impl<'a> PackedLayer<'a> {
+impl<'a> FloatLayer<'a> {
     fn apply(&self, inputs: &[f32], outputs: &mut [f32]) {
         let inputs = inputs.get(..self.inputs).unwrap_or_default();
         let outputs = outputs.get_mut(..self.padded_outputs).unwrap_or_default();
@@ -198,14 +198,14 @@ fn row_blocks<const ROWS: usize>(weights: &[u8], bias: &[u8], inputs: &[f32], ou
     }
 }
 
-impl Scratch {
+impl FloatScratch {
     /// Contents do not matter: every inference writes before it reads.
     pub const fn new() -> Self {
         Self { inputs: [0.0; WIDTH_LIMIT], outputs: [0.0; WIDTH_LIMIT] }
     }
 }
 
-impl Default for Scratch {
+impl Default for FloatScratch {
     fn default() -> Self {
         Self::new()
     }
@@ -225,7 +225,7 @@ impl<'a> Mlp<'a> {
         let mut layers = Vec::new();
         let mut rest = parameters;
         for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {
-            let (layer, following) = PackedLayer::split(rest, usize::from(inputs), usize::from(outputs))?;
+            let (layer, following) = FloatLayer::split(rest, usize::from(inputs), usize::from(outputs))?;
             layer.check(index)?;
             layers.push(layer).map_err(|_| PolicyError::LayerCount { found: LAYER_LIMIT + 1 })?;
             rest = following;

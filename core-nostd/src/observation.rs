@@ -1,4 +1,4 @@
-//! What a policy sees: layouts that turn a state into a vector of numbers of order one.
+//! What a policy observes: layouts that turn a state into a vector of numbers of order one.
 
 mod kinematic;
 mod paper;
@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 pub use kinematic::KinematicLayout;
-pub use paper::{PAPER_LEN, PaperLayout};
+pub use paper::{REFERENCE_LEN, ReferenceLayout};
 pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout, PilotMeasuredLayout};
 
 use crate::action::ACTION_LIMIT;
@@ -26,8 +26,8 @@ pub const HISTORY_LIMIT: usize = 32;
 pub enum ObservationLayout {
     /// [`PilotLayout`], version 1.
     Pilot(PilotLayout),
-    /// [`PaperLayout`] of the reference.
-    Paper(PaperLayout),
+    /// [`ReferenceLayout`] of the reference.
+    Reference(ReferenceLayout),
     /// [`KinematicLayout`] of the reference.
     Kinematic(KinematicLayout),
     /// [`MeasuredLayout`]: sensors.
@@ -47,7 +47,7 @@ pub struct MeasuredLayout {
 
 /// Everything that some layout shows of one drone.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen<'a, R> {
+pub struct ObservationInput<'a, R> {
     /// Where the drone is and how it moves.
     pub state: &'a State<R>,
     /// Angular velocity \[rad/s\], world, as the physics reports it: not what the state has in the reference's DYN.
@@ -66,7 +66,7 @@ impl ObservationLayout {
     pub const fn len(&self) -> usize {
         match self {
             Self::Pilot(_) => PILOT_LEN,
-            Self::Paper(_) => PAPER_LEN,
+            Self::Reference(_) => REFERENCE_LEN,
             Self::Kinematic(layout) => layout.len(),
             Self::Measured(layout) => layout.len as usize,
             Self::PilotFor(layout) => layout.len(),
@@ -78,7 +78,7 @@ impl ObservationLayout {
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Pilot(_) | Self::PilotFor(_) => "pilot",
-            Self::Paper(_) => "paper",
+            Self::Reference(_) => "paper",
             Self::Kinematic(_) => "kinematic",
             Self::Measured(_) => "measured",
             Self::PilotMeasured(_) => "pilot_measured",
@@ -89,7 +89,7 @@ impl ObservationLayout {
     pub const fn shows_goal(&self) -> bool {
         match self {
             Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) => true,
-            Self::Paper(_) | Self::Kinematic(_) | Self::Measured(_) => false,
+            Self::Reference(_) | Self::Kinematic(_) | Self::Measured(_) => false,
         }
     }
 
@@ -98,7 +98,7 @@ impl ObservationLayout {
         match self {
             Self::Measured(layout) => layout.len as usize,
             Self::PilotMeasured(layout) => layout.measured_len as usize,
-            Self::Pilot(_) | Self::PilotFor(_) | Self::Paper(_) | Self::Kinematic(_) => 0,
+            Self::Pilot(_) | Self::PilotFor(_) | Self::Reference(_) | Self::Kinematic(_) => 0,
         }
     }
 
@@ -106,7 +106,7 @@ impl ObservationLayout {
     pub const fn history_len(&self) -> usize {
         match self {
             Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) => 1,
-            Self::Paper(_) | Self::Measured(_) => 0,
+            Self::Reference(_) | Self::Measured(_) => 0,
             Self::Kinematic(layout) => layout.past_actions as usize,
         }
     }
@@ -114,7 +114,7 @@ impl ObservationLayout {
     /// Writes the observation to the start of `out`, as much as there is room for; what is missing of history and
     /// measurements reads as zero.
     #[inline(always)]
-    pub fn encode<R: Real>(&self, seen: &Seen<'_, R>, out: &mut [R]) {
+    pub fn encode<R: Real>(&self, input: &ObservationInput<'_, R>, out: &mut [R]) {
         let write = |values: &[R], out: &mut [R]| {
             for (slot, value) in out.iter_mut().zip(values) {
                 *slot = *value;
@@ -122,24 +122,24 @@ impl ObservationLayout {
         };
         match self {
             Self::Pilot(layout) => {
-                let [a, b, c, d, _, _] = seen.previous_action();
-                write(&layout.encode(seen.state, seen.goal, &[a, b, c, d]), out);
+                let [a, b, c, d, _, _] = input.previous_action();
+                write(&layout.encode(input.state, input.goal, &[a, b, c, d]), out);
             }
-            Self::Paper(layout) => write(&layout.encode(seen), out),
-            Self::Kinematic(layout) => layout.encode(seen, out),
+            Self::Reference(layout) => write(&layout.encode(input), out),
+            Self::Kinematic(layout) => layout.encode(input, out),
             Self::Measured(layout) => {
-                let values = seen.measurements.iter().copied().chain(core::iter::repeat(R::zero()));
+                let values = input.measurements.iter().copied().chain(core::iter::repeat(R::zero()));
                 for (slot, value) in out.iter_mut().zip(values.take(usize::from(layout.len))) {
                     *slot = value;
                 }
             }
-            Self::PilotFor(layout) => layout.encode(seen, out),
-            Self::PilotMeasured(layout) => layout.encode(seen, out),
+            Self::PilotFor(layout) => layout.encode(input, out),
+            Self::PilotMeasured(layout) => layout.encode(input, out),
         }
     }
 }
 
-impl<R: Real> Seen<'_, R> {
+impl<R: Real> ObservationInput<'_, R> {
     /// The last action; zero before the first.
     #[inline(always)]
     pub fn previous_action(&self) -> [R; ACTION_LIMIT] {
@@ -170,7 +170,7 @@ mod tests {
 
     fn encoded<const N: usize>(layout: &ObservationLayout, history: &[[f64; ACTION_LIMIT]]) -> [f64; N] {
         let state = state();
-        let seen = Seen {
+        let input = ObservationInput {
             state: &state,
             angular_velocity_in_world: Vector3::new(0.0, 3.0, -4.0),
             goal: &Vector3::new(0.0, 0.0, 1.0),
@@ -178,7 +178,7 @@ mod tests {
             measurements: &[0.25, -0.5],
         };
         let mut out = [f64::NAN; OBSERVATION_LIMIT];
-        layout.encode(&seen, &mut out);
+        layout.encode(&input, &mut out);
         assert!(out[..layout.len()].iter().all(|value| !value.is_nan()), "every value is written");
         assert!(out[layout.len()..].iter().all(|value| value.is_nan()), "nothing is written beyond");
         assert_eq!(layout.len(), N);
@@ -204,8 +204,8 @@ mod tests {
 
     #[test]
     fn the_paper_layout_divides_by_the_references_constants() {
-        let layout = ObservationLayout::Paper(PaperLayout::of_episode(10.0));
-        let shares: [f64; PAPER_LEN] = encoded(&layout, &HISTORY);
+        let layout = ObservationLayout::Reference(ReferenceLayout::of_episode(10.0));
+        let shares: [f64; REFERENCE_LEN] = encoded(&layout, &HISTORY);
         let expected = [1.0 / 30.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 2.0 / 3.0, 0.0, 0.0, 0.6, -0.8];
         for (share, expected) in shares.into_iter().zip(expected) {
             assert!((share - expected).abs() < 1e-15);
@@ -217,14 +217,14 @@ mod tests {
         let mut state = state();
         state.position = Vector3::new(-100.0, 100.0, -0.1);
         state.velocity = Vector3::new(5.0, -7.0, -2.0);
-        let seen = Seen {
+        let input = ObservationInput {
             state: &state,
             angular_velocity_in_world: Vector3::zeros(),
             goal: &Vector3::zeros(),
             history: &[],
             measurements: &[],
         };
-        let shares = PaperLayout::of_episode(5.0).encode(&seen);
+        let shares = ReferenceLayout::of_episode(5.0).encode(&input);
         assert_eq!(shares, [-1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0 / 3.0, 0.0, 0.0, 0.0]);
     }
 

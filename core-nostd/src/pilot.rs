@@ -1,41 +1,41 @@
 //! A policy at the controls: the one call that a firmware makes every control period.
 
-mod helm;
-mod seeing;
+mod controller;
+mod vision;
 
 use nalgebra::Vector3;
 
-pub use seeing::SeeingPilot;
+pub use vision::VisionPilot;
 
-use crate::policy_file::{PolicyError, PolicyFile, Scratch};
+use crate::policy_file::{PolicyError, PolicyFile, PolicyScratch};
 use crate::vehicle::State;
-use helm::Helm;
+use controller::PolicyController;
 
 /// Flies one drone with one policy.
 #[derive(Clone, Debug)]
 pub struct Pilot<'a> {
     policy: PolicyFile<'a>,
-    helm: Helm,
-    scratch: Scratch,
+    controller: PolicyController,
+    scratch: PolicyScratch,
 }
 
 impl<'a> Pilot<'a> {
     /// A pilot that has not acted yet: its past actions are zero.
     pub fn new(policy: PolicyFile<'a>) -> Self {
-        Self { helm: Helm::new(policy.metadata()), policy, scratch: Scratch::new() }
+        Self { controller: PolicyController::new(policy.metadata()), policy, scratch: PolicyScratch::new() }
     }
 
     /// Forgets the past actions, as at the start of an episode, and what the controller behind the action space
     /// remembers, unless it was trained to persist.
     pub fn reset(&mut self) {
-        self.helm.reset(self.policy.metadata());
+        self.controller.reset(self.policy.metadata());
     }
 
     /// Rotor targets \[rad/s\] on the way to `goal` \[m, world\]: encode, act, mix.
     ///
     /// Within zero and the greatest rotor speed of the action space, whatever the state (a NaN is read as zero).
-    /// Call it every `control_period_secs` of the metadata. A policy that sees what sensors measure flies with
-    /// [`Self::tick_measured`] instead; here it would see zeros.
+    /// Call it every `control_period_secs` of the metadata. A policy that observes what sensors measure flies with
+    /// [`Self::tick_measured`] instead; here it would read zeros.
     pub fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> [f32; 4] {
         self.tick_measured(&[], state, goal)
     }
@@ -44,9 +44,9 @@ impl<'a> Pilot<'a> {
     /// The controllers behind action spaces still read the estimated `state`: body rates, or pose and velocity.
     pub fn tick_measured(&mut self, measurements: &[f32], state: &State<f32>, goal: &Vector3<f32>) -> [f32; 4] {
         let metadata = self.policy.metadata();
-        let observation = self.helm.observe(metadata, measurements, state, goal);
+        let observation = self.controller.observe(metadata, measurements, state, goal);
         let action = self.policy.act(observation, &mut self.scratch);
-        self.helm.steer(metadata, action, state, goal)
+        self.controller.rotor_targets(metadata, action, state, goal)
     }
 
     /// Computes the golden vectors again, in the pilot's own scratch.
@@ -64,6 +64,6 @@ impl<'a> Pilot<'a> {
 
     /// The last action, in \[-1, 1\], as many values as the action space has.
     pub fn previous_action(&self) -> &[f32] {
-        self.helm.previous_action(self.policy.metadata())
+        self.controller.previous_action(self.policy.metadata())
     }
 }

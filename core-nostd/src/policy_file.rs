@@ -1,4 +1,4 @@
-//! The policy file: a network, what it sees and commands, and proof that it computes what it did when exported.
+//! The policy file: a network, what it observes and commands, and proof that it computes what it did when exported.
 //!
 //! `POLICY_FORMAT.md` in this package is the specification. Nothing is copied when a file is parsed: the weights
 //! are read where they lie, in flash or in a host's buffer.
@@ -7,13 +7,13 @@ mod error;
 mod header;
 mod metadata;
 mod parameters;
-mod seeing;
+mod vision;
 mod writer;
 
 pub use error::PolicyError;
-pub use header::{FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat, SEEING_FORMAT_VERSION};
+pub use header::{FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat, VISION_FORMAT_VERSION};
 pub use metadata::{NAME_LIMIT, PolicyMetadata};
-pub use seeing::{EYE_HEADER_LEN, EyeDraft, EyeMemory, PolicyEye, SeeingDraft, SeeingPolicy};
+pub use vision::{ENCODER_HEADER_LEN, EncoderDraft, EncoderWorkspace, PolicyEncoder, VisionDraft, VisionPolicy};
 pub use writer::PolicyDraft;
 
 use crate::action::ACTION_LIMIT;
@@ -45,9 +45,9 @@ pub struct PolicyFile<'a> {
 
 /// Working memory of an inference in either arithmetic (1.8 kB); contents do not matter between calls.
 #[derive(Clone, Debug, Default)]
-pub struct Scratch {
-    float: mlp::Scratch,
-    fixed: fixed::Scratch,
+pub struct PolicyScratch {
+    float: mlp::FloatScratch,
+    fixed: fixed::FixedScratch,
 }
 
 /// Bytes on a four-byte boundary of memory, for policies compiled into a program:
@@ -128,7 +128,7 @@ impl<'a> PolicyFile<'a> {
     }
 
     /// The action in \[-1, 1\] on an encoded observation, followed by zeros. Never panics, never returns NaN, whatever the observation.
-    pub fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
+    pub fn act(&self, observation: &[f32], scratch: &mut PolicyScratch) -> [f32; ACTION_LIMIT] {
         self.network.act(observation, scratch)
     }
 
@@ -141,8 +141,8 @@ impl<'a> PolicyFile<'a> {
     }
 
     /// Working memory for [`Self::act`], of the same size for every policy.
-    pub const fn scratch(&self) -> Scratch {
-        Scratch::new()
+    pub const fn scratch(&self) -> PolicyScratch {
+        PolicyScratch::new()
     }
 
     /// How many values of `observation` lie beyond the range of the input format; none for a float policy.
@@ -160,14 +160,14 @@ impl<'a> PolicyFile<'a> {
     /// # Errors
     /// [`PolicyError::SelfTest`] with the first deviation.
     pub fn self_test(&self) -> Result<(), PolicyError> {
-        self.self_test_with(&mut Scratch::default())
+        self.self_test_with(&mut PolicyScratch::default())
     }
 
     /// [`Self::self_test`] in the caller's scratch.
     ///
     /// # Errors
     /// [`PolicyError::SelfTest`] with the first deviation.
-    pub fn self_test_with(&self, scratch: &mut Scratch) -> Result<(), PolicyError> {
+    pub fn self_test_with(&self, scratch: &mut PolicyScratch) -> Result<(), PolicyError> {
         let tolerance = self.arithmetic().self_test_tolerance();
         let action_len = self.header.action_len();
         for (vector, (observation, expected)) in self.golden_vectors().enumerate() {
@@ -248,7 +248,7 @@ impl<'a> Network<'a> {
         }
     }
 
-    fn act(&self, observation: &[f32], scratch: &mut Scratch) -> [f32; ACTION_LIMIT] {
+    fn act(&self, observation: &[f32], scratch: &mut PolicyScratch) -> [f32; ACTION_LIMIT] {
         match self {
             Self::Float32(network) => network.act(observation, &mut scratch.float),
             Self::Fixed16(network) => network.act(observation, &mut scratch.fixed),
@@ -256,9 +256,9 @@ impl<'a> Network<'a> {
     }
 }
 
-impl Scratch {
+impl PolicyScratch {
     /// Usable as the initial value of a static.
     pub const fn new() -> Self {
-        Self { float: mlp::Scratch::new(), fixed: fixed::Scratch::new() }
+        Self { float: mlp::FloatScratch::new(), fixed: fixed::FixedScratch::new() }
     }
 }

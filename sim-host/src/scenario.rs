@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::Airframe;
-use kestrel_core::bullet::{Mode, Quirks};
+use kestrel_core::bullet::{BulletMode, Quirks};
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::vehicle::Ground;
@@ -94,7 +94,7 @@ pub enum Preset {
     /// The reference system's, quirk by quirk.
     Bullet {
         /// What acts.
-        mode: Mode,
+        mode: BulletMode,
         /// What is odd about it.
         quirks: Quirks,
     },

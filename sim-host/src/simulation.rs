@@ -523,7 +523,7 @@ impl<const LANES: usize, R: Real> WithSimd for Advance<'_, LANES, R> {
         let agents = self.stage.scenario.agents.count as usize;
         let mut actions = vec![[[R::zero(); LANES]; ACTION_LIMIT]; agents];
         // The reference limits nothing.
-        let limits = !matches!(self.stage.scenario.action, ActionSpace::Published(_));
+        let limits = !matches!(self.stage.scenario.action, ActionSpace::Reference(_));
         let rows = self.environments * agents;
         for (index, block) in self.blocks.iter_mut().enumerate() {
             for (agent, columns) in actions.iter_mut().enumerate() {

@@ -3,7 +3,7 @@
 use kestrel_core::action::Controls;
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
+use kestrel_core::bullet::{Bullet, BulletMode, BulletState, Quirks};
 use kestrel_core::downwash::Jet;
 use kestrel_core::dynamics::Integrator::{self, RungeKutta4, SemiImplicitEuler};
 use kestrel_core::real::Real;
@@ -269,17 +269,20 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             Law::Bullet(bullet) => {
                 let (fork, upstream) = (Quirks::fork(), Quirks::upstream());
                 match (bullet.mode, bullet.quirks) {
-                    (Mode::Pyb, quirks) if quirks == fork => {
-                        self.advance_bullet(&Bullet { mode: Mode::Pyb, quirks: fork, ..bullet }, &held);
+                    (BulletMode::Pyb, quirks) if quirks == fork => {
+                        self.advance_bullet(&Bullet { mode: BulletMode::Pyb, quirks: fork, ..bullet }, &held);
                     }
-                    (Mode::Pyb, quirks) if quirks == upstream => {
-                        self.advance_bullet(&Bullet { mode: Mode::Pyb, quirks: upstream, ..bullet }, &held);
+                    (BulletMode::Pyb, quirks) if quirks == upstream => {
+                        self.advance_bullet(&Bullet { mode: BulletMode::Pyb, quirks: upstream, ..bullet }, &held);
                     }
-                    (Mode::PybDw, quirks) if quirks == fork => {
-                        self.advance_bullet(&Bullet { mode: Mode::PybDw, quirks: fork, ..bullet }, &held);
+                    (BulletMode::PybDw, quirks) if quirks == fork => {
+                        self.advance_bullet(&Bullet { mode: BulletMode::PybDw, quirks: fork, ..bullet }, &held);
                     }
-                    (Mode::PybDw, quirks) if quirks == upstream => {
-                        self.advance_bullet(&Bullet { mode: Mode::PybDw, quirks: upstream, ..bullet }, &held);
+                    (BulletMode::PybDw, quirks) if quirks == upstream => {
+                        self.advance_bullet(
+                            &Bullet { mode: BulletMode::PybDw, quirks: upstream, ..bullet },
+                            &held,
+                        );
                     }
                     (_, _) => self.advance_bullet(&bullet, &held),
                 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use kestrel_core::airframe::{CF2X, RADIANS_PER_SECOND_PER_RPM};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::bullet::{
-    Bullet, BulletState, DragFrame, DynAttitude, DynReport, LinkAttitude, Mode, Quirks, RotorPrecision,
+    Bullet, BulletMode, BulletState, DragFrame, DynAttitude, DynReport, LinkAttitude, Quirks, RotorPrecision,
 };
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -91,7 +91,7 @@ struct Case {
     reference: &'static str,
     clean: &'static str,
     shown_by: &'static str,
-    mode: Mode,
+    mode: BulletMode,
     with: Quirks,
     without: Quirks,
     start: State<f64>,
@@ -107,7 +107,7 @@ impl Case {
             reference,
             clean,
             shown_by: "doublets",
-            mode: Mode::Pyb,
+            mode: BulletMode::Pyb,
             with: Quirks::upstream(),
             without,
             start: hovering(40.0),
@@ -247,7 +247,7 @@ fn rotor_cases() -> Vec<Case> {
         late(),
         Case { shown_by: "random rotor speeds, ± 20 %", rotor_speeds: |step| rough(step, 0.2), ..late() },
         Case {
-            mode: Mode::PybGndDragDw,
+            mode: BulletMode::PybGndDragDw,
             shown_by: "doublets, all effects",
             ..Case::new("ground_query", ["`RefreshesLinks`", "`LeavesLinks`"], Quirks { ground_query, ..upstream })
         },
@@ -259,7 +259,7 @@ fn drag_cases() -> Vec<Case> {
     let upstream = Quirks::upstream();
     let Quirks { drag_frame, drag_rotors, .. } = Quirks::none();
     let gliding = State { velocity: Vector3::new(2.0, 1.0, 0.0), ..rolled() };
-    let glide = |case| Case { mode: Mode::PybDrag, start: gliding, shown_by: "the same", ..case };
+    let glide = |case| Case { mode: BulletMode::PybDrag, start: gliding, shown_by: "the same", ..case };
     let framed =
         |reference| glide(Case::new("drag_frame", [reference, "`Body`"], Quirks { drag_frame, ..upstream }));
     vec![
@@ -277,7 +277,7 @@ fn drag_cases() -> Vec<Case> {
 fn downwash_cases() -> Vec<Case> {
     let upstream = Quirks::upstream();
     let Quirks { downwash_axis, downwash_nearest, downwash_reach, .. } = Quirks::none();
-    let under = |x, z, case| Case { mode: Mode::PybDw, other: Some(Vector3::new(x, 0.0, 40.0 + z)), ..case };
+    let under = |x, z, case| Case { mode: BulletMode::PybDw, other: Some(Vector3::new(x, 0.0, 40.0 + z)), ..case };
     let axis = Case::new("downwash_axis", ["`Body`", "`World`"], Quirks { downwash_axis, ..upstream });
     let nearest = Case::new("downwash_nearest", ["0", "0.05 m"], Quirks { downwash_nearest, ..upstream });
     let reach = Case::new("downwash_reach", ["10 m", "none"], Quirks { downwash_reach, ..upstream });
@@ -322,7 +322,7 @@ fn turning_cases() -> Vec<Case> {
 fn dyn_cases() -> Vec<Case> {
     let upstream = Quirks::upstream();
     let Quirks { dyn_attitude, dyn_levers, dyn_report, .. } = Quirks::none();
-    let explicit = |case| Case { mode: Mode::Dyn, ..case };
+    let explicit = |case| Case { mode: BulletMode::Dyn, ..case };
     let leaning = |case| Case { start: yawing(1.0), shown_by: "doublets, rolled 29°, yawing at 1 rad/s", ..case };
     let levers = ["`NominalArm`", "`RotorPositions`"];
     let reported = |reference| {

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-use kestrel_core::eye::{EyeShape, Stage};
-use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyEye, PolicyMetadata, SeeingPolicy};
+use kestrel_core::encoder::{EncoderShape, EncoderStage};
+use kestrel_core::policy_file::{Arithmetic, PolicyEncoder, PolicyError, PolicyMetadata, VisionPolicy};
 
 use crate::export::cycles::Cycles;
 use crate::policy::Policy;
@@ -66,24 +66,24 @@ fn write_network(
     write!(f, "    {}", Cycles::of_network(products, arithmetic))
 }
 
-fn write_eye(f: &mut fmt::Formatter<'_>, policy: &SeeingPolicy<'_>) -> fmt::Result {
-    let (shape, bytes_per_value) = match policy.eye() {
-        PolicyEye::Float32(eye) => (eye.shape(), size_of::<f32>()),
-        PolicyEye::Fixed16(eye) => (eye.shape(), size_of::<i16>()),
+fn write_eye(f: &mut fmt::Formatter<'_>, policy: &VisionPolicy<'_>) -> fmt::Result {
+    let (shape, bytes_per_value) = match policy.encoder() {
+        PolicyEncoder::Float32(eye) => (eye.shape(), size_of::<f32>()),
+        PolicyEncoder::Fixed16(eye) => (eye.shape(), size_of::<i16>()),
     };
     let image = shape.image();
     let products = shape.multiply_accumulates();
     write!(f, "\n  eye of {} x {} x {} bytes", image.rows, image.columns, image.channels)?;
     writeln!(f, " every {} control periods, {} features", policy.control_periods_per_image(), shape.features())?;
-    writeln!(f, "    {products} multiply-accumulates per image, {} bytes of weights", policy.eye_bytes())?;
+    writeln!(f, "    {products} multiply-accumulates per image, {} bytes of weights", policy.encoder_bytes())?;
     writeln!(f, "    {} bytes of memory", bytes_per_value * policy.memory_len())?;
     write!(f, "    {}", Cycles::of_eye(shape, policy.arithmetic()))?;
     write_stages(f, shape)
 }
 
-fn write_stages(f: &mut fmt::Formatter<'_>, shape: &EyeShape) -> fmt::Result {
+fn write_stages(f: &mut fmt::Formatter<'_>, shape: &EncoderShape) -> fmt::Result {
     shape.stages().iter().try_for_each(|stage| {
-        let Stage { kernel_rows, kernel_columns, stride, output, .. } = stage;
+        let EncoderStage { kernel_rows, kernel_columns, stride, output, .. } = stage;
         write!(f, "\n    {kernel_rows} x {kernel_columns} / {stride}")?;
         write!(f, " -> {} x {} x {}", output.rows, output.columns, output.channels)
     })

@@ -31,7 +31,7 @@ impl Perception {
     }
 
     /// Those of its parameters that are the eye's.
-    pub fn eye_parameters<'p>(&self, parameters: &'p [f32]) -> &'p [f32] {
+    pub fn encoder_parameters<'p>(&self, parameters: &'p [f32]) -> &'p [f32] {
         &parameters[..self.eye.parameter_count()]
     }
 
@@ -71,12 +71,12 @@ impl Perception {
 
     /// The parameters of the eye, arranged for many tiles until they change.
     pub(crate) fn arrange(&self, parameters: &[f32]) -> EyeWeights {
-        self.eye.arrange(self.eye_parameters(parameters))
+        self.eye.arrange(self.encoder_parameters(parameters))
     }
 
     /// As [`Self::arrange`], into what was arranged before.
     pub(crate) fn arrange_into(&self, parameters: &[f32], weights: &mut EyeWeights) {
-        weights.arrange(&self.eye, self.eye_parameters(parameters));
+        weights.arrange(&self.eye, self.encoder_parameters(parameters));
     }
 
     /// Looks at a tile of `images [columns][image]` beside `values [observation, ..][columns]`; what it makes of them is

@@ -1,6 +1,8 @@
 //! A policy file of either kind.
 
-use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, PolicyMetadata, Scratch, SeeingPolicy};
+use kestrel_core::policy_file::{
+    Arithmetic, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch, VisionPolicy,
+};
 use kestrel_sim::camera::OnboardCamera;
 use kestrel_sim::scenario::Scenario;
 
@@ -12,7 +14,7 @@ pub enum Policy<'a> {
     /// A policy without an eye.
     Blind(Box<PolicyFile<'a>>),
     /// A policy with an eye.
-    Seeing(Box<SeeingPolicy<'a>>),
+    Seeing(Box<VisionPolicy<'a>>),
 }
 
 impl<'a> Policy<'a> {
@@ -23,7 +25,7 @@ impl<'a> Policy<'a> {
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PolicyError> {
         match PolicyFile::parse(bytes) {
             Ok(policy) => Ok(Self::Blind(Box::new(policy))),
-            Err(PolicyError::Seeing) => SeeingPolicy::parse(bytes).map(|policy| Self::Seeing(Box::new(policy))),
+            Err(PolicyError::Vision) => VisionPolicy::parse(bytes).map(|policy| Self::Seeing(Box::new(policy))),
             Err(error) => Err(error),
         }
     }
@@ -37,7 +39,7 @@ impl<'a> Policy<'a> {
             Self::Blind(policy) => policy.self_test(),
             Self::Seeing(policy) => {
                 let mut memory = Memory::of(policy);
-                policy.self_test_with(&mut memory.borrowed(), &mut Scratch::new())
+                policy.self_test_with(&mut memory.borrowed(), &mut PolicyScratch::new())
             }
         }
     }
@@ -79,7 +81,7 @@ impl<'a> Policy<'a> {
         match (self, camera) {
             (Self::Blind(_), None) => true,
             (Self::Seeing(policy), Some(camera)) => {
-                let image = policy.eye().shape().image();
+                let image = policy.encoder().shape().image();
                 let found = [image.rows, image.columns, image.channels].map(usize::from);
                 found == [camera.camera.rows, camera.camera.columns, camera.pixel_len()]
                     && u32::from(policy.control_periods_per_image()) == camera.control_periods_per_image

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::policy_file::PolicyFile;
-use kestrel_core::remote::{Head, Kind, NO_POLICY, Port, send, tick_payload};
+use kestrel_core::processor_in_the_loop::{MessageHeader, MessageKind, NO_POLICY, SerialPort, send, tick_payload};
 use kestrel_core::vehicle::State;
 use kestrel_shim::policy_backend::PolicyBackend;
 use nalgebra::Vector3;
@@ -86,7 +86,7 @@ pub enum ProcessorError {
     /// The processor refuses the policy.
     #[error("the processor refuses the policy with code {code}")]
     Refused {
-        /// See [`kestrel_core::policy_file::PolicyError::code`] and [`kestrel_core::remote`].
+        /// See [`kestrel_core::policy_file::PolicyError::code`] and [`kestrel_core::processor_in_the_loop`].
         code: i32,
     },
 }
@@ -94,14 +94,14 @@ pub enum ProcessorError {
 /// An emulated processor with a policy in its memory.
 #[derive(Debug)]
 pub struct Qemu {
-    line: Line,
+    line: QueuePort,
     control_secs: f32,
     observation: ObservationLayout,
 }
 
 /// A serial line to a child process, which ends with it.
 #[derive(Debug)]
-struct Line {
+struct QueuePort {
     process: Child,
     outgoing: BufWriter<ChildStdin>,
     incoming: Receiver<Vec<u8>>,
@@ -123,12 +123,12 @@ impl Qemu {
     pub fn start(image: &Path, file: &[u8], policy: &PolicyFile<'_>) -> Result<Self, ProcessorError> {
         std::fs::File::open(image).map_err(|reason| ProcessorError::Image { path: image.to_owned(), reason })?;
         let silent = || ProcessorError::Silent { path: image.to_owned() };
-        let mut line = Line::open(image)?;
+        let mut line = QueuePort::open(image)?;
         // What is sent before the line is open there would be lost.
         if line.answer() != Some(Answer::Code(NO_POLICY)) {
             return Err(silent());
         }
-        match line.ask(Kind::Policy, &[file]) {
+        match line.ask(MessageKind::Policy, &[file]) {
             Some(Answer::Code(0)) => {}
             Some(Answer::Code(code)) => return Err(ProcessorError::Refused { code }),
             Some(Answer::Targets(_)) | None => return Err(silent()),
@@ -146,7 +146,7 @@ impl Qemu {
     ) -> Option<[f32; 4]> {
         let numbers = tick_payload(state, goal);
         let measurements: Vec<u8> = measurements.iter().flat_map(|value| value.to_le_bytes()).collect();
-        match self.line.ask(Kind::Tick, &[numbers.as_flattened(), &measurements])? {
+        match self.line.ask(MessageKind::Tick, &[numbers.as_flattened(), &measurements])? {
             Answer::Targets(targets) => Some(targets),
             Answer::Code(_) => None,
         }
@@ -163,12 +163,12 @@ impl PolicyBackend for Qemu {
     }
 
     fn healthy(&mut self) -> bool {
-        self.line.ask(Kind::Test, &[]) == Some(Answer::Code(0))
+        self.line.ask(MessageKind::Test, &[]) == Some(Answer::Code(0))
     }
 
     fn reset(&mut self) {
         // Who does not hear it does not answer the next tick either.
-        let _heard = self.line.ask(Kind::Reset, &[]);
+        let _heard = self.line.ask(MessageKind::Reset, &[]);
     }
 
     fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
@@ -176,7 +176,7 @@ impl PolicyBackend for Qemu {
     }
 }
 
-impl Line {
+impl QueuePort {
     fn open(image: &Path) -> Result<Self, ProcessorError> {
         let mut command = Command::new(EMULATOR);
         command
@@ -199,7 +199,7 @@ impl Line {
         Ok(Self { process, outgoing, incoming, burst: Vec::new().into_iter() })
     }
 
-    fn ask(&mut self, kind: Kind, payload: &[&[u8]]) -> Option<Answer> {
+    fn ask(&mut self, kind: MessageKind, payload: &[&[u8]]) -> Option<Answer> {
         send(self, kind, payload);
         self.outgoing.flush().ok()?;
         self.answer()
@@ -207,17 +207,27 @@ impl Line {
 
     fn answer(&mut self) -> Option<Answer> {
         let mut room = [0; ANSWER_LIMIT];
-        let head = Head::receive(self)?;
+        let head = MessageHeader::receive(self)?;
         let payload = head.receive_payload(self, &mut room)?.ok()?;
         match (head.kind()?, payload.as_chunks::<4>()) {
-            (Kind::Code, ([code], [])) => Some(Answer::Code(i32::from_le_bytes(*code))),
-            (Kind::Targets, ([a, b, c, d], [])) => Some(Answer::Targets([*a, *b, *c, *d].map(f32::from_le_bytes))),
-            (Kind::Code | Kind::Targets | Kind::Policy | Kind::Reset | Kind::Tick | Kind::Test, _) => None,
+            (MessageKind::Code, ([code], [])) => Some(Answer::Code(i32::from_le_bytes(*code))),
+            (MessageKind::Targets, ([a, b, c, d], [])) => {
+                Some(Answer::Targets([*a, *b, *c, *d].map(f32::from_le_bytes)))
+            }
+            (
+                MessageKind::Code
+                | MessageKind::Targets
+                | MessageKind::Policy
+                | MessageKind::Reset
+                | MessageKind::Tick
+                | MessageKind::Test,
+                _,
+            ) => None,
         }
     }
 }
 
-impl Port for Line {
+impl SerialPort for QueuePort {
     fn read(&mut self) -> Option<u8> {
         if let Some(byte) = self.burst.next() {
             return Some(byte);
@@ -237,7 +247,7 @@ impl Port for Line {
     }
 }
 
-impl Drop for Line {
+impl Drop for QueuePort {
     fn drop(&mut self) {
         // Either may fail only when the process has ended by itself.
         let _killed = self.process.kill();

@@ -5,7 +5,7 @@
 //! 16 bits with the fraction bits that their export would choose, eyes to 8 bits with the step of each filter. Activations
 //! are not rounded: 13 and 15 bits are finer than what weights of 8 bits compute.
 
-use kestrel_core::eye::round_weights;
+use kestrel_core::encoder::round_weights;
 use kestrel_core::fixed::FixedFormat;
 use kestrel_core::mlp::DenseLayer;
 

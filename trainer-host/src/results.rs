@@ -213,7 +213,7 @@ pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> 
     };
     let actor = SeeingActor {
         shape: *perception.eye().shape(),
-        eye_parameters: perception.eye_parameters(actor.perception_parameters()),
+        encoder_parameters: perception.encoder_parameters(actor.perception_parameters()),
         layers: &layers,
         control_periods_per_image: camera.control_periods_per_image as u16,
     };

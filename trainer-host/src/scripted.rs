@@ -1,6 +1,6 @@
 //! A pilot written by hand: the baseline that a trained policy has to beat.
 
-use kestrel_core::action::{ACTION_LIMIT, ActionSpace, PublishedActions, PublishedKind, ThrustBodyRates};
+use kestrel_core::action::{ACTION_LIMIT, ActionSpace, ReferenceActionKind, ReferenceActions, ThrustBodyRates};
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
@@ -104,7 +104,7 @@ impl ScriptedPilot {
                 let wish = pull(&error) * POSITION_GAIN + self.integral;
                 action((wish / (VELOCITY_GAIN * space.speed_limit)).into())
             }
-            ActionSpace::Published(space) => self.published(space, state, &target),
+            ActionSpace::Reference(space) => self.published(space, state, &target),
         }
     }
 
@@ -130,35 +130,35 @@ impl ScriptedPilot {
         Aim { target: line(along + LEASH_M), drift: foot - position }
     }
 
-    fn published(&self, space: &PublishedActions, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LIMIT] {
+    fn published(&self, space: &ReferenceActions, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LIMIT] {
         let error = goal - state.position;
         let (thrust_share, rates) = track(state, &error, &self.integral);
         let level = State { world_from_body: Attitude::level(), ..*state };
         let vertical = |value: f32| Vector3::new(0.0, 0.0, value);
         let (climb_share, _) = track(&level, &vertical(error.z), &vertical(self.integral.z));
         match space.kind {
-            PublishedKind::Rpm => {
+            ReferenceActionKind::Rpm => {
                 let margin = PUBLISHED_THRUST_SHARE;
                 let gentle = thrust_share.clamp(1.0 - margin, 1.0 + margin);
                 let per_hover = 1.0 / space.airframe.hover_rotor_speed() as f32;
                 let targets = self.rotor_targets(state, gentle, &rates);
                 action(targets.map(|target| (target * per_hover - 1.0) / PUBLISHED_AUTHORITY))
             }
-            PublishedKind::Dyn => {
+            ReferenceActionKind::Dyn => {
                 let [x, y, z] = self.torque_shares(&space.airframe, state, &rates);
                 action([thrust_share - 1.0, x, y, z])
             }
-            PublishedKind::Pid => action((error / PUBLISHED_OFFSET_M).into()),
-            PublishedKind::Vel => {
+            ReferenceActionKind::Pid => action((error / PUBLISHED_OFFSET_M).into()),
+            ReferenceActionKind::Vel => {
                 let limit = PUBLISHED_SPEED_SHARE * space.airframe.nominal_speed as f32;
                 let [x, y, z] = (error / error.norm().max(1e-6)).into();
                 action([x, y, z, error.norm() * APPROACH_GAIN / limit])
             }
-            PublishedKind::Tun => action([]),
-            PublishedKind::OneDRpm => action([(climb_share.sqrt() - 1.0) / PUBLISHED_AUTHORITY]),
-            PublishedKind::OneDDyn => action([(climb_share - 1.0) / PUBLISHED_AUTHORITY]),
-            PublishedKind::OneDPid => action([error.z / PUBLISHED_OFFSET_M]),
-            PublishedKind::Waypoint => action((*goal).into()),
+            ReferenceActionKind::Tun => action([]),
+            ReferenceActionKind::OneDRpm => action([(climb_share.sqrt() - 1.0) / PUBLISHED_AUTHORITY]),
+            ReferenceActionKind::OneDDyn => action([(climb_share - 1.0) / PUBLISHED_AUTHORITY]),
+            ReferenceActionKind::OneDPid => action([error.z / PUBLISHED_OFFSET_M]),
+            ReferenceActionKind::Waypoint => action((*goal).into()),
         }
     }
 
@@ -216,10 +216,10 @@ fn track(state: &State<f32>, error: &Vector3<f32>, integral: &Vector3<f32>) -> (
 mod tests {
     use super::*;
     use kestrel_core::action::{
-        ControlMemory, Controls, Persistence, PublishedController, RotorSpeeds, Velocities,
+        ControlMemory, Controls, Persistence, ReferenceController, RotorSpeeds, Velocities,
     };
     use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
-    use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
+    use kestrel_core::bullet::{Bullet, BulletMode, BulletState, Quirks};
     use kestrel_core::controller::Setpoint;
     use kestrel_core::controller::command::Precision;
 
@@ -229,7 +229,7 @@ mod tests {
 
     /// Where the pilot is after ten seconds of the reference's physics, from a metre above the origin.
     fn destination(airframe: &Airframe, space: &ActionSpace, goal: Vector3<f32>) -> Vector3<f32> {
-        let bullet = Bullet::<f32>::new(airframe, Mode::Pyb, Quirks::upstream());
+        let bullet = Bullet::<f32>::new(airframe, BulletMode::Pyb, Quirks::upstream());
         let (controls, mut memory) = (Controls::new(space), ControlMemory::new());
         let mut pilot = ScriptedPilot::new(airframe, space, CONTROL_SECS);
         let mut drone = BulletState::placed(State {
@@ -251,8 +251,8 @@ mod tests {
         drone.motion.position
     }
 
-    fn published(kind: PublishedKind, airframe: Airframe, controller: PublishedController) -> ActionSpace {
-        ActionSpace::Published(PublishedActions {
+    fn published(kind: ReferenceActionKind, airframe: Airframe, controller: ReferenceController) -> ActionSpace {
+        ActionSpace::Reference(ReferenceActions {
             kind,
             precision: Precision::Exact,
             airframe,
@@ -264,26 +264,26 @@ mod tests {
     #[test]
     fn it_arrives_in_every_action_space_that_lets_it() {
         let goal = Vector3::new(0.4, -0.3, 0.9);
-        let crazyflie = |kind| (CF2X, published(kind, CF2X, PublishedController::Dsl(CF2X)));
+        let crazyflie = |kind| (CF2X, published(kind, CF2X, ReferenceController::Dsl(CF2X)));
         let hummingbird =
-            |kind| (HUMMINGBIRD, published(kind, HUMMINGBIRD, PublishedController::Simple(HUMMINGBIRD)));
+            |kind| (HUMMINGBIRD, published(kind, HUMMINGBIRD, ReferenceController::Simple(HUMMINGBIRD)));
         let rates = ThrustBodyRates::new(&CF2X, 1.0, [6.0, 6.0, 3.0], RATE_GAINS);
         let velocities = Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 5.0 };
         let spaces = [
             (CF2X, ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3))),
             (CF2X, ActionSpace::ThrustBodyRates(rates)),
             (CF2X, ActionSpace::Velocities(velocities)),
-            crazyflie(PublishedKind::Rpm),
-            crazyflie(PublishedKind::Dyn),
-            crazyflie(PublishedKind::Pid),
-            crazyflie(PublishedKind::Vel),
-            crazyflie(PublishedKind::Waypoint),
+            crazyflie(ReferenceActionKind::Rpm),
+            crazyflie(ReferenceActionKind::Dyn),
+            crazyflie(ReferenceActionKind::Pid),
+            crazyflie(ReferenceActionKind::Vel),
+            crazyflie(ReferenceActionKind::Waypoint),
             // Its controller follows the task's target by itself.
-            crazyflie(PublishedKind::Tun),
-            hummingbird(PublishedKind::Rpm),
+            crazyflie(ReferenceActionKind::Tun),
+            hummingbird(ReferenceActionKind::Rpm),
             // Not PID: in that action the Hummingbird's controller hears nothing of velocity, kicks off with its first
             // derivative and is never stopped; at 48 Hz it even tumbles.
-            hummingbird(PublishedKind::Dyn),
+            hummingbird(ReferenceActionKind::Dyn),
         ];
         for (airframe, space) in spaces {
             let missed = (destination(&airframe, &space, goal) - goal).norm();
@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     fn it_stays_on_its_route() {
-        let space = published(PublishedKind::Pid, CF2X, PublishedController::Dsl(CF2X));
+        let space = published(ReferenceActionKind::Pid, CF2X, ReferenceController::Dsl(CF2X));
         let corner = Vector3::new(1.0, 0.0, 1.0);
         let mut pilot = ScriptedPilot::new(&CF2X, &space, CONTROL_SECS).along(&[corner]);
         let goal = Vector3::new(1.0, 1.0, 1.0);
@@ -312,8 +312,8 @@ mod tests {
 
     #[test]
     fn it_finds_the_height_where_it_can_only_climb() {
-        for kind in [PublishedKind::OneDRpm, PublishedKind::OneDDyn, PublishedKind::OneDPid] {
-            let space = published(kind, CF2X, PublishedController::Dsl(CF2X));
+        for kind in [ReferenceActionKind::OneDRpm, ReferenceActionKind::OneDDyn, ReferenceActionKind::OneDPid] {
+            let space = published(kind, CF2X, ReferenceController::Dsl(CF2X));
             let position = destination(&CF2X, &space, Vector3::new(0.4, -0.3, 1.3));
             assert!((position - Vector3::new(0.0, 0.0, 1.3)).norm() < 0.02, "{}: {position}", kind.name());
         }

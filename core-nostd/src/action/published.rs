@@ -16,7 +16,7 @@ pub const CONTROL_MEMORY_LEN: usize = 21;
 ///
 /// The core limits none of them, neither actions nor rotor speeds, because the reference does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum PublishedKind {
+pub enum ReferenceActionKind {
     /// Four rotor speeds, within 5 % of hover (RPM).
     Rpm,
     /// Thrust from nothing to twice the weight, and three torques (DYN, fork).
@@ -39,7 +39,7 @@ pub enum PublishedKind {
 
 /// Which of the reference's controllers turns set points into rotor speeds, and what it takes the drone for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum PublishedController {
+pub enum ReferenceController {
     /// `DSLPIDControl`. The reference's learning environments have it for `cf2x`, whichever Crazyflie flies.
     Dsl(Airframe),
     /// `SimplePIDControl`, of the Hummingbird.
@@ -58,23 +58,23 @@ pub enum Persistence {
 
 /// An action type of the reference for one airframe.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PublishedActions {
+pub struct ReferenceActions {
     /// What the numbers mean.
-    pub kind: PublishedKind,
+    pub kind: ReferenceActionKind,
     /// Where they are computed in single precision.
     pub precision: Precision,
     /// The drone that flies.
     pub airframe: Airframe,
     /// What flies it towards positions and velocities.
-    pub controller: PublishedController,
+    pub controller: ReferenceController,
     /// Whether the controller remembers earlier episodes.
     pub persistence: Persistence,
 }
 
-/// [`PublishedActions`] ready for arithmetic.
+/// [`ReferenceActions`] ready for arithmetic.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PublishedControls<R> {
-    kind: PublishedKind,
+pub struct ReferenceControls<R> {
+    kind: ReferenceActionKind,
     precision: Precision,
     airframe: Airframe,
     hover: Hover<R>,
@@ -91,13 +91,13 @@ enum Controller<R> {
 /// What the controller behind an action space remembers from call to call; of one without a controller, nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControlMemory<R> {
-    /// Of [`PublishedController::Dsl`].
+    /// Of [`ReferenceController::Dsl`].
     pub dsl: DslPidMemory<R>,
-    /// Of [`PublishedController::Simple`].
+    /// Of [`ReferenceController::Simple`].
     pub simple: SimplePidMemory<R>,
 }
 
-impl PublishedKind {
+impl ReferenceActionKind {
     /// Every kind.
     pub const ALL: [Self; 9] = [
         Self::Rpm,
@@ -138,7 +138,7 @@ impl PublishedKind {
     }
 }
 
-impl PublishedController {
+impl ReferenceController {
     /// What it takes the drone for.
     pub const fn airframe(&self) -> &Airframe {
         match self {
@@ -147,9 +147,9 @@ impl PublishedController {
     }
 }
 
-impl<R: Real> PublishedControls<R> {
+impl<R: Real> ReferenceControls<R> {
     /// The controls of an action space.
-    pub fn new(space: &PublishedActions) -> Self {
+    pub fn new(space: &ReferenceActions) -> Self {
         Self {
             kind: space.kind,
             precision: space.precision,
@@ -157,16 +157,16 @@ impl<R: Real> PublishedControls<R> {
             hover: Hover::new(&space.airframe),
             allocation: Allocation::new(&space.airframe),
             controller: match &space.controller {
-                PublishedController::Dsl(airframe) => Controller::Dsl(DslPid::new(airframe)),
-                PublishedController::Simple(airframe) => Controller::Simple(SimplePid::new(airframe)),
+                ReferenceController::Dsl(airframe) => Controller::Dsl(DslPid::new(airframe)),
+                ReferenceController::Simple(airframe) => Controller::Simple(SimplePid::new(airframe)),
             },
         }
     }
 
-    /// Around which speed the values of an action of [`PublishedKind::Rpm`] lie, which needs neither state nor memory;
+    /// Around which speed the values of an action of [`ReferenceActionKind::Rpm`] lie, which needs neither state nor memory;
     /// `None` of any other kind.
     pub fn rpm(&self) -> Option<(Hover<R>, Precision)> {
-        (self.kind == PublishedKind::Rpm).then_some((self.hover, self.precision))
+        (self.kind == ReferenceActionKind::Rpm).then_some((self.hover, self.precision))
     }
 
     /// As [`super::Controls::rotor_targets`].
@@ -182,29 +182,29 @@ impl<R: Real> PublishedControls<R> {
         let [a, b, c, d, _, _] = *action;
         let around_hover = |value| self.hover.rotor_speed(self.precision, value);
         let setpoint = match self.kind {
-            PublishedKind::Rpm => return [a, b, c, d].map(around_hover),
-            PublishedKind::OneDRpm => return [around_hover(a); 4],
-            PublishedKind::Dyn => {
+            ReferenceActionKind::Rpm => return [a, b, c, d].map(around_hover),
+            ReferenceActionKind::OneDRpm => return [around_hover(a); 4],
+            ReferenceActionKind::Dyn => {
                 return self.allocation.rotor_speeds(&command::wrench(&self.airframe, &[a, b, c, d]));
             }
-            PublishedKind::OneDDyn => {
+            ReferenceActionKind::OneDDyn => {
                 return self.allocation.rotor_speeds(&command::thrust(&self.airframe, a));
             }
-            PublishedKind::Tun => {
+            ReferenceActionKind::Tun => {
                 return self.controller.tuned(action).rotor_speeds(memory, state, setpoint, secs);
             }
-            PublishedKind::Pid => match self.precision {
+            ReferenceActionKind::Pid => match self.precision {
                 Precision::Exact => command::offset(state, &[a, b, c]),
                 Precision::Single | Precision::AllSingle => command::offset_in_single(state, &[a, b, c]),
             },
-            PublishedKind::Vel => match self.precision {
+            ReferenceActionKind::Vel => match self.precision {
                 Precision::Exact => command::velocity(&self.airframe, state, &[a, b, c, d]),
                 Precision::Single | Precision::AllSingle => {
                     command::velocity_in_single(&self.airframe, state, &[a, b, c, d])
                 }
             },
-            PublishedKind::OneDPid => command::vertical_offset(state, a),
-            PublishedKind::Waypoint => command::waypoint(state, [a, b, c].into()),
+            ReferenceActionKind::OneDPid => command::vertical_offset(state, a),
+            ReferenceActionKind::Waypoint => command::waypoint(state, [a, b, c].into()),
         };
         self.controller.rotor_speeds(memory, state, &setpoint, secs)
     }
@@ -290,8 +290,12 @@ mod tests {
     use crate::attitude::Attitude;
     use nalgebra::Vector3;
 
-    fn space(kind: PublishedKind, airframe: Airframe, controller: PublishedController) -> PublishedControls<f64> {
-        PublishedControls::new(&PublishedActions {
+    fn space(
+        kind: ReferenceActionKind,
+        airframe: Airframe,
+        controller: ReferenceController,
+    ) -> ReferenceControls<f64> {
+        ReferenceControls::new(&ReferenceActions {
             kind,
             precision: Precision::Exact,
             airframe,
@@ -314,17 +318,15 @@ mod tests {
     fn staying_where_it_is_hovers_in_every_space() {
         let state = hovering();
         let fleet = [
-            (CF2X, PublishedController::Dsl(CF2X)),
-            (CF2P, PublishedController::Dsl(CF2X)),
-            (HUMMINGBIRD, PublishedController::Simple(HUMMINGBIRD)),
+            (CF2X, ReferenceController::Dsl(CF2X)),
+            (CF2P, ReferenceController::Dsl(CF2X)),
+            (HUMMINGBIRD, ReferenceController::Simple(HUMMINGBIRD)),
         ];
         for (airframe, controller) in fleet {
-            for kind in PublishedKind::ALL {
+            for kind in ReferenceActionKind::ALL {
                 let controls = space(kind, airframe, controller);
-                let action = match kind {
-                    PublishedKind::Waypoint => [0.3, -0.2, 1.0, 0.0, 0.0, 0.0],
-                    _ => [0.0; ACTION_LIMIT],
-                };
+                let stay = [0.3, -0.2, 1.0, 0.0, 0.0, 0.0];
+                let action = if kind == ReferenceActionKind::Waypoint { stay } else { [0.0; ACTION_LIMIT] };
                 let setpoint = Setpoint::at(state.position);
                 let mut memory = ControlMemory::new();
                 for target in controls.rotor_targets(&action, &state, &setpoint, &mut memory, 1.0 / 48.0) {
@@ -339,7 +341,7 @@ mod tests {
     fn an_action_of_minus_one_silences_a_tuned_gain() {
         let mut state = hovering();
         state.velocity = Vector3::new(0.0, 0.0, 0.4);
-        let controls = space(PublishedKind::Tun, CF2X, PublishedController::Dsl(CF2X));
+        let controls = space(ReferenceActionKind::Tun, CF2X, ReferenceController::Dsl(CF2X));
         let targets = |setpoint_height: f64, action| {
             let setpoint = Setpoint::at(Vector3::new(0.3, -0.2, setpoint_height));
             controls.rotor_targets(&action, &state, &setpoint, &mut ControlMemory::new(), 0.01)
@@ -361,9 +363,9 @@ mod tests {
     #[test]
     fn only_the_controller_in_charge_remembers() {
         for (controller, used) in
-            [(PublishedController::Dsl(CF2X), 0..9), (PublishedController::Simple(HUMMINGBIRD), 9..21)]
+            [(ReferenceController::Dsl(CF2X), 0..9), (ReferenceController::Simple(HUMMINGBIRD), 9..21)]
         {
-            let controls = space(PublishedKind::Pid, *controller.airframe(), controller);
+            let controls = space(ReferenceActionKind::Pid, *controller.airframe(), controller);
             let mut state = hovering();
             state.world_from_body = Attitude::from_axis_angle(Vector3::new(0.6, 0.0, 0.8), 0.3);
             let mut memory = ControlMemory::new();

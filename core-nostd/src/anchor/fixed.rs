@@ -10,7 +10,7 @@
 //! the weights, and shifts them by `x` for inference.) Importances are of the order of one where the curvature of each
 //! task is divided by its mean; the nearest code is within 4.4 %, half a step (4.6 % below 2⁻¹⁵, where a unit counts).
 //!
-//! A parameter moves by whole units 2⁻ʷ, and most pulls are less than one. Rounded to the nearest, those would all be
+//! A parameter moves by whole units 2⁻ʷ, and most proximal steps are less than one. Rounded to the nearest, those would all be
 //! lost (a parameter 10,000 units from its center stays up to 8,800 units behind), and importance would stop to grow
 //! at the 23rd equal task, 1/23 being less than half a step of the code. So both are rounded down after a dither in
 //! \[0, 1) was added that goes around by the golden ratio from call to call. Measured over 10⁵ calls: the way of a
@@ -52,15 +52,15 @@ pub struct Fraction(u32);
 /// The anchor of some parameters, a layer's or a network's.
 #[derive(Debug)]
 pub struct FixedAnchor<'a> {
-    /// Where each parameter is pulled to, in the parameters' own format, `[parameters]`.
+    /// What each parameter is regularised towards, in the parameters' own format, `[parameters]`.
     pub center: &'a mut [i16],
-    /// How firmly, in ⅛ octaves, `[parameters]`; all zero before the first task.
+    /// The regularisation strength, in ⅛ octaves, `[parameters]`; all zero before the first task.
     pub importance: &'a mut [u8],
 }
 
 /// κ = `rate · S / (1 + rate · S)` of every importance code at one rate, in \[0, 1): 1 KiB, computed once per rate.
 #[derive(Clone, Debug)]
-pub struct Shares([u32; 256]);
+pub struct ProximalShares([u32; 256]);
 
 impl FixedAnchor<'_> {
     /// Memory of the anchor, for any number of tasks.
@@ -101,12 +101,12 @@ impl FixedAnchor<'_> {
         }
     }
 
-    /// As [`Anchor::pull`]. `call` counts the pulls: 0, 1, …; it may wrap.
+    /// As [`Anchor::proximal_step`]. `call` counts the steps: 0, 1, …; it may wrap.
     ///
     /// # Panics
     /// If `parameters` is not as long as the anchor.
     #[inline(always)]
-    pub fn pull(&self, parameters: &mut [i16], shares: &Shares, call: u32) {
+    pub fn proximal_step(&self, parameters: &mut [i16], shares: &ProximalShares, call: u32) {
         self.check(parameters.len());
         let state = self.center.iter().zip(&*self.importance);
         for (index, (parameter, (center, code))) in parameters.iter_mut().zip(state).enumerate() {
@@ -211,10 +211,10 @@ impl Fraction {
     }
 }
 
-impl Shares {
+impl ProximalShares {
     /// The shares at `rate` = learning rate × strength. What is below 2⁻²⁵ is none.
     pub fn at(rate: Fraction) -> Self {
-        Self(core::array::from_fn(|code| share(scaled(code as u8, rate))))
+        Self(core::array::from_fn(|code| proximal_share(scaled(code as u8, rate))))
     }
 
     /// In 2⁻²⁴, below 1.
@@ -226,7 +226,7 @@ impl Shares {
 }
 
 /// `odds / (1 + odds)` to the nearest 2⁻²⁴, below 1; `odds` in 2⁻²⁴, at most 2⁴⁸.
-fn share(odds: u64) -> u32 {
+fn proximal_share(odds: u64) -> u32 {
     let one = u64::from(Fraction::ONE.0);
     let whole = one + odds;
     let rest = ((one << FRACTION_BITS) + whole / 2) / whole;

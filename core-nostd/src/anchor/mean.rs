@@ -1,12 +1,12 @@
 //! The anchor whose curvature is the identity: one vector and a count.
 
-use super::{leaned, share};
+use super::{proximal_share, shifted};
 
 /// As [`Anchor`](super::Anchor) where every task has the curvature one in every parameter: the center is the mean of
 /// the tasks' ends (Welford's recursion), the importance their number.
 #[derive(Debug)]
 pub struct MeanAnchor<'a> {
-    /// Where each parameter is pulled to, `[parameters]`.
+    /// What each parameter is regularised towards, `[parameters]`.
     pub center: &'a mut [f32],
     /// Tasks so far. Exact as an importance up to 2²⁴.
     pub tasks: &'a mut u32,
@@ -42,26 +42,26 @@ impl MeanAnchor<'_> {
         self.center.copy_from_slice(parameters);
     }
 
-    /// Moves the center by `gradient` / tasks, as [`Anchor::lean`](super::Anchor::lean); nowhere before the first
+    /// Moves the center by `gradient` / tasks, as [`Anchor::newton_step`](super::Anchor::newton_step); nowhere before the first
     /// task.
     ///
     /// # Panics
     /// If `gradient` is not as long as the anchor.
-    pub fn lean(&mut self, gradient: &[f32]) {
+    pub fn newton_step(&mut self, gradient: &[f32]) {
         self.check(gradient.len());
         let tasks = self.importance();
         for (center, gradient) in self.center.iter_mut().zip(gradient) {
-            *center = leaned(*center, gradient / tasks);
+            *center = shifted(*center, gradient / tasks);
         }
     }
 
-    /// Moves every parameter the same [`share`] of the way to its center, at `rate` = learning rate × strength.
+    /// Moves every parameter the same [`proximal_share`] of the way to its center, at `rate` = learning rate × strength.
     ///
     /// # Panics
     /// If `parameters` is not as long as the anchor.
-    pub fn pull(&self, parameters: &mut [f32], rate: f32) {
+    pub fn proximal_step(&self, parameters: &mut [f32], rate: f32) {
         self.check(parameters.len());
-        let share = share(self.importance(), rate);
+        let share = proximal_share(self.importance(), rate);
         for (parameter, center) in parameters.iter_mut().zip(&*self.center) {
             *parameter += share * (center - *parameter);
         }
@@ -71,7 +71,7 @@ impl MeanAnchor<'_> {
     ///
     /// # Panics
     /// If a slice is not as long as the anchor.
-    pub fn add_gradient(&self, parameters: &[f32], strength: f32, gradient: &mut [f32]) {
+    pub fn add_penalty_gradient(&self, parameters: &[f32], strength: f32, gradient: &mut [f32]) {
         self.check(parameters.len());
         self.check(gradient.len());
         let stiffness = strength * self.importance();

@@ -9,7 +9,7 @@ use crate::real::Real;
 use crate::vector::{cross, square};
 
 /// Force \[N\] and torque \[N m\] on the centre of mass, body.
-pub(super) struct Wrench<R> {
+pub(super) struct BodyWrench<R> {
     pub(super) force: Vector3<R>,
     pub(super) torque: Vector3<R>,
 }
@@ -17,7 +17,7 @@ pub(super) struct Wrench<R> {
 impl<R: Real> Bullet<R> {
     /// Everything but gravity and damping, in the reference's order.
     #[inline(always)]
-    pub(super) fn wrench(&self, drone: &BulletState<R>, rotor_speeds: &[R; 4], downwash: R) -> Wrench<R> {
+    pub(super) fn wrench(&self, drone: &BulletState<R>, rotor_speeds: &[R; 4], downwash: R) -> BodyWrench<R> {
         let current = &drone.motion.world_from_body;
         let stale = match self.quirks.link_attitude {
             LinkAttitude::Previous => &drone.link_attitude,
@@ -26,7 +26,7 @@ impl<R: Real> Bullet<R> {
         let mut wrench = self.rotors(current, stale, rotor_speeds);
         if self.mode.has_ground_effect() {
             let cushion = self.ground_effect(drone, rotor_speeds);
-            wrench = Wrench { force: wrench.force + cushion.force, torque: wrench.torque + cushion.torque };
+            wrench = BodyWrench { force: wrench.force + cushion.force, torque: wrench.torque + cushion.torque };
         }
         let links = if self.mode.has_ground_effect() && self.quirks.ground_query == GroundQuery::RefreshesLinks {
             current
@@ -44,11 +44,11 @@ impl<R: Real> Bullet<R> {
 
     /// Thrusts and reaction torques, along the z axis of the links.
     #[inline(always)]
-    fn rotors(&self, current: &Attitude<R>, links: &Attitude<R>, rotor_speeds: &[R; 4]) -> Wrench<R> {
+    fn rotors(&self, current: &Attitude<R>, links: &Attitude<R>, rotor_speeds: &[R; 4]) -> BodyWrench<R> {
         let direction = current.rotate_inverse(links.body_z());
         let (thrusts, reaction) = self.loads(rotor_speeds);
         let lever = self.lever(&thrusts);
-        Wrench { force: direction * sum(&thrusts), torque: cross(&lever, &direction) + direction * reaction }
+        BodyWrench { force: direction * sum(&thrusts), torque: cross(&lever, &direction) + direction * reaction }
     }
 
     /// Thrusts \[N\] and summed reaction torque about body z \[N m\].
@@ -85,7 +85,7 @@ impl<R: Real> Bullet<R> {
 
     /// The ground effect, rotor by rotor from its world height, none once the drone has tipped over.
     #[inline(always)]
-    fn ground_effect(&self, drone: &BulletState<R>, rotor_speeds: &[R; 4]) -> Wrench<R> {
+    fn ground_effect(&self, drone: &BulletState<R>, rotor_speeds: &[R; 4]) -> BodyWrench<R> {
         let [_, _, [from_x, from_y, up]] = drone.motion.world_from_body.rows();
         // Bullet reports a pitch of exactly 90° from here on (see `EulerAngles`), which fails the reference's test.
         let pole = R::from_f64(0.99999);
@@ -98,7 +98,7 @@ impl<R: Real> Bullet<R> {
             rotor_speeds[i] * rotor_speeds[i] * self.thrust_coefficient * gain
         });
         let lever = self.lever(&thrusts);
-        Wrench {
+        BodyWrench {
             force: Vector3::new(R::zero(), R::zero(), sum(&thrusts)),
             torque: Vector3::new(lever.y, -lever.x, R::zero()),
         }

@@ -6,7 +6,14 @@ use crate::vehicle::{Air, Ground, Vehicle};
 
 const STEP_SECS: f64 = 1.0 / 240.0;
 
-const MODES: [Mode; 6] = [Mode::Pyb, Mode::PybGnd, Mode::PybDrag, Mode::PybDw, Mode::PybGndDragDw, Mode::Dyn];
+const MODES: [BulletMode; 6] = [
+    BulletMode::Pyb,
+    BulletMode::PybGnd,
+    BulletMode::PybDrag,
+    BulletMode::PybDw,
+    BulletMode::PybGndDragDw,
+    BulletMode::Dyn,
+];
 
 /// A drone on its way, near the ground.
 fn moving(rotor_speeds: [f64; 4]) -> State<f64> {
@@ -29,9 +36,9 @@ fn without_quirks_it_is_the_clean_physics() {
     for airframe in [CF2X, CF2X.numbered(RotorOrder::CounterClockwise), CF2P, HUMMINGBIRD, RACER] {
         let speeds = speeds(&airframe);
         let clean = [
-            (Mode::Pyb, Ground::Distant, 0.0),
-            (Mode::PybGnd, Ground::Near, 0.0),
-            (Mode::PybDrag, Ground::Distant, 1.0),
+            (BulletMode::Pyb, Ground::Distant, 0.0),
+            (BulletMode::PybGnd, Ground::Near, 0.0),
+            (BulletMode::PybDrag, Ground::Distant, 1.0),
         ];
         for (mode, ground, drag) in clean {
             let bullet = Bullet::new(&airframe, mode, Quirks::none());
@@ -55,7 +62,7 @@ fn without_quirks_it_is_the_clean_physics() {
 }
 
 /// Two steps of a drone under another one.
-fn two_steps(mode: Mode, quirks: Quirks) -> BulletState<f64> {
+fn two_steps(mode: BulletMode, quirks: Quirks) -> BulletState<f64> {
     let bullet = Bullet::new(&CF2X, mode, quirks);
     let mut start = moving([0.0; 4]);
     start.body_rates *= 10.0;
@@ -67,7 +74,7 @@ fn two_steps(mode: Mode, quirks: Quirks) -> BulletState<f64> {
 #[test]
 fn every_quirk_alone_changes_the_flight() {
     let (all, none) = (Quirks::upstream(), Quirks::none());
-    let every = Mode::PybGndDragDw;
+    let every = BulletMode::PybGndDragDw;
     let changed = [
         (every, Quirks { damping: none.damping, ..all }),
         (every, Quirks { rotor_precision: RotorPrecision::Single, ..all }),
@@ -82,10 +89,10 @@ fn every_quirk_alone_changes_the_flight() {
         (every, Quirks { rotation_cap: 0.01, ..all }),
         (every, Quirks { velocity_cap: 0.5, ..all }),
         (every, Quirks { attitude_update: none.attitude_update, ..all }),
-        (Mode::Dyn, Quirks { dyn_attitude: DynAttitude::EulerAngles, ..all }),
-        (Mode::Dyn, Quirks { dyn_levers: none.dyn_levers, ..all }),
-        (Mode::Dyn, Quirks { dyn_report: DynReport::MinusOne, ..all }),
-        (Mode::Dyn, Quirks { dyn_report: none.dyn_report, ..all }),
+        (BulletMode::Dyn, Quirks { dyn_attitude: DynAttitude::EulerAngles, ..all }),
+        (BulletMode::Dyn, Quirks { dyn_levers: none.dyn_levers, ..all }),
+        (BulletMode::Dyn, Quirks { dyn_report: DynReport::MinusOne, ..all }),
+        (BulletMode::Dyn, Quirks { dyn_report: none.dyn_report, ..all }),
     ];
     for (mode, quirks) in changed {
         assert_ne!(two_steps(mode, quirks), two_steps(mode, all), "{quirks:?}");
@@ -136,7 +143,7 @@ fn a_state_that_is_not_a_number_stays_so() {
 
 #[test]
 fn velocities_stay_within_the_cap_of_each_world_component() {
-    let bullet = Bullet::new(&CF2X, Mode::Pyb, Quirks { damping: 0.0, ..Quirks::upstream() });
+    let bullet = Bullet::new(&CF2X, BulletMode::Pyb, Quirks { damping: 0.0, ..Quirks::upstream() });
     let start = State {
         velocity: Vector3::new(120.0, -150.0, 99.0),
         body_rates: Vector3::new(0.0, 0.0, -130.0),
@@ -151,7 +158,7 @@ fn velocities_stay_within_the_cap_of_each_world_component() {
 #[test]
 fn downwash_diverges_upstream_and_has_a_floor_without_quirks() {
     let push = |quirks, above: f64| {
-        let bullet = Bullet::new(&CF2X, Mode::PybDw, quirks);
+        let bullet = Bullet::new(&CF2X, BulletMode::PybDw, quirks);
         let start = State { velocity: Vector3::zeros(), ..moving([0.0; 4]) };
         let swarm = [start.position, start.position + Vector3::new(0.0, 0.0, above)];
         let alone = bullet.step(&BulletState::placed(start), &[0.0; 4], &[], STEP_SECS);

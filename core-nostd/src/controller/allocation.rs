@@ -118,7 +118,7 @@ fn product<R: Real>(a: &[R; 4], b: &[R; 4]) -> R {
 mod tests {
     use super::*;
     use crate::airframe::{CF2P, CF2X, HUMMINGBIRD, RACER, RotorOrder};
-    use crate::bullet::{Bullet, Mode, Quirks};
+    use crate::bullet::{Bullet, BulletMode, Quirks};
     use proptest::prelude::*;
 
     #[test]
@@ -136,7 +136,7 @@ mod tests {
         for airframe in [CF2X, CF2X.numbered(RotorOrder::CounterClockwise), HUMMINGBIRD, RACER] {
             let torque = Vector3::new(0.02, -0.03, 0.004) * airframe.tilting_torque_limit();
             let speeds = Allocation::new(&airframe).rotor_speeds(&Wrench { thrust: airframe.weight(), torque });
-            let bullet = Bullet::<f64>::new(&airframe, Mode::Dyn, Quirks::upstream());
+            let bullet = Bullet::<f64>::new(&airframe, BulletMode::Dyn, Quirks::upstream());
             let level = crate::vehicle::State {
                 position: Vector3::zeros(),
                 world_from_body: crate::attitude::Attitude::level(),

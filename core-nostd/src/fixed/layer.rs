@@ -27,7 +27,7 @@ pub(super) type Pair = [i16; COLUMN_GROUP];
 const _: () = assert!(cfg!(target_endian = "little"), "parameters are read in place, as policy files have them");
 
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PackedLayer<'a> {
+pub(super) struct FixedLayer<'a> {
     pub(super) inputs: usize,
     pub(super) padded_outputs: usize,
     /// 2^(48−w−x).
@@ -36,7 +36,7 @@ pub(super) struct PackedLayer<'a> {
     weights: &'a [Group],
 }
 
-impl<'a> PackedLayer<'a> {
+impl<'a> FixedLayer<'a> {
     pub(super) fn new(
         parameters: &'a [u8],
         inputs: usize,
@@ -78,7 +78,7 @@ impl<'a> PackedLayer<'a> {
     }
 }
 
-impl PackedLayer<'_> {
+impl FixedLayer<'_> {
     pub(super) fn apply(&self, activations: &[i16], sums: &mut [i32; WIDTH_LIMIT]) {
         let groups = self.inputs.div_ceil(COLUMN_GROUP);
         let inputs = activations.as_chunks::<COLUMN_GROUP>().0.get(..groups).unwrap_or_default();

@@ -1,6 +1,6 @@
 //! The output layer of a network, learning on board.
 
-use super::{FixedMlp, Scratch};
+use super::{FixedMlp, FixedScratch};
 use crate::action::ACTION_LIMIT;
 use crate::anchor::fixed::{Fraction, dither, dithered};
 use crate::real::Real;
@@ -24,7 +24,7 @@ const RATE_LIMIT: Fraction = Fraction::from_bits(2 * Fraction::ONE.bits());
 ///
 /// ```text
 /// learner.learn(features, &target, rate);
-/// anchor.pull(learner.parameters_mut(), &shares, call);
+/// anchor.proximal_step(learner.parameters_mut(), &shares, call);
 /// ```
 ///
 /// The same bits on every machine; never panics.
@@ -42,8 +42,8 @@ pub struct OutputLearner<'m> {
 impl FixedMlp<'_> {
     /// Activations behind the last hidden layer for `observation`, in the format that the output layer reads; an action
     /// is the output layer's answer to them. Observations are read as by [`Self::act`].
-    pub fn features<'s>(&self, observation: &[f32], scratch: &'s mut Scratch) -> &'s [i16] {
-        let Scratch { activations, sums } = scratch;
+    pub fn features<'s>(&self, observation: &[f32], scratch: &'s mut FixedScratch) -> &'s [i16] {
+        let FixedScratch { activations, sums } = scratch;
         self.read_observation(observation, activations.get_mut(..self.inputs()).unwrap_or_default());
         let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return &[] };
         Self::hide(hidden_layers, activations, sums);
@@ -95,7 +95,7 @@ impl<'m> OutputLearner<'m> {
         self.parameters
     }
 
-    /// As [`Self::parameters`], for an anchor to pull.
+    /// As [`Self::parameters`], for an anchor to regularise.
     pub fn parameters_mut(&mut self) -> &mut [i16] {
         self.parameters
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Seen;
+use super::ObservationInput;
 use crate::action::ACTION_LIMIT;
 use crate::euler::EulerAngles;
 use crate::real::Real;
@@ -21,7 +21,7 @@ const MOTION_LEN: usize = 12;
 /// | 12… | the last actions, the oldest first | – |
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct KinematicLayout {
-    /// How many past actions are seen; the reference shows half a second of them.
+    /// How many past actions are observed; the reference shows half a second of them.
     pub past_actions: u8,
     /// Values of each.
     pub action_len: u8,
@@ -36,8 +36,8 @@ impl KinematicLayout {
 
     /// Writes the observation to the start of `out`; actions that the history lacks read as zero.
     #[inline]
-    pub fn encode<R: Real>(&self, seen: &Seen<'_, R>, out: &mut [R]) {
-        let (state, turning) = (seen.state, &seen.angular_velocity_in_world);
+    pub fn encode<R: Real>(&self, input: &ObservationInput<'_, R>, out: &mut [R]) {
+        let (state, turning) = (input.state, &input.angular_velocity_in_world);
         let [roll, pitch, yaw] = EulerAngles::of(&state.world_from_body).to_array();
         let (position, velocity) = (&state.position, &state.velocity);
         let motion = [
@@ -48,8 +48,8 @@ impl KinematicLayout {
         ];
         let past_actions = usize::from(self.past_actions);
         let nothing = [R::zero(); ACTION_LIMIT];
-        let missing = past_actions.saturating_sub(seen.history.len());
-        let recent = seen.history.iter().skip(seen.history.len().saturating_sub(past_actions));
+        let missing = past_actions.saturating_sub(input.history.len());
+        let recent = input.history.iter().skip(input.history.len().saturating_sub(past_actions));
         let actions = core::iter::repeat_n(&nothing, missing).chain(recent);
         let actions = actions.flat_map(|action| action.iter().take(usize::from(self.action_len)));
         for (slot, value) in out.iter_mut().zip(motion.iter().chain(actions)) {

@@ -2,14 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Seen;
+use super::ObservationInput;
 use crate::euler::EulerAngles;
 use crate::real::Real;
 use crate::vector::length;
 use crate::vehicle::State;
 
 /// Values in the `paper` layout.
-pub const PAPER_LEN: usize = 12;
+pub const REFERENCE_LEN: usize = 12;
 
 /// Greatest velocity along x and y, and what all three components are divided by \[m/s\].
 const PLANAR_SPEED_LIMIT: f64 = 3.0;
@@ -27,16 +27,16 @@ const VERTICAL_SPEED_LIMIT: f64 = 1.0;
 /// | 5 | yaw | – | π |
 /// | 6–7 | velocity x, y | ±3 m/s | 3 m/s |
 /// | 8 | velocity z | ±1 m/s | 3 m/s |
-/// | 9–11 | angular velocity | – | its magnitude, so that only the axis is seen; zero stays zero |
+/// | 9–11 | angular velocity | – | its magnitude, so that only the axis is observed; zero stays zero |
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PaperLayout {
+pub struct ReferenceLayout {
     /// Distance along x and y that reads as one: three metres per second of the longest episode \[m\].
     pub planar_limit_m: f32,
     /// Height that reads as one: a metre per second of the longest episode \[m\].
     pub height_limit_m: f32,
 }
 
-impl PaperLayout {
+impl ReferenceLayout {
     /// The layout of an environment whose longest episode is so long \[s\].
     pub const fn of_episode(secs: f32) -> Self {
         Self { planar_limit_m: 3.0 * secs, height_limit_m: secs }
@@ -44,14 +44,14 @@ impl PaperLayout {
 
     /// The observation; it reads state and angular velocity.
     #[inline(always)]
-    pub fn encode<R: Real>(&self, seen: &Seen<'_, R>) -> [R; PAPER_LEN] {
-        let State { position, velocity, .. } = seen.state;
+    pub fn encode<R: Real>(&self, input: &ObservationInput<'_, R>) -> [R; REFERENCE_LEN] {
+        let State { position, velocity, .. } = input.state;
         let [planar, height] = [self.planar_limit_m, self.height_limit_m].map(R::from_f32);
         let half_turn = R::from_f64(core::f64::consts::PI);
         let [fast, slow] = [PLANAR_SPEED_LIMIT, VERTICAL_SPEED_LIMIT].map(R::from_f64);
         let share = |value: R, limit: R| value.limited(-limit, limit) / limit;
-        let [roll, pitch, yaw] = EulerAngles::of(&seen.state.world_from_body).to_array();
-        let turning = seen.angular_velocity_in_world;
+        let [roll, pitch, yaw] = EulerAngles::of(&input.state.world_from_body).to_array();
+        let turning = input.angular_velocity_in_world;
         let rate = length(&turning);
         let axis = |value: R| R::zero().where_less(rate, value / rate, value);
         [

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::Seen;
+use super::ObservationInput;
 use crate::action::ACTION_LEN;
 use crate::real::Real;
 use crate::vehicle::State;
@@ -105,9 +105,9 @@ impl PilotForLayout {
 
     /// Writes the observation to the start of `out`.
     #[inline(always)]
-    pub fn encode<R: Real>(&self, seen: &Seen<'_, R>, out: &mut [R]) {
-        let motion = self.scales.motion(seen.state, seen.goal);
-        let action = seen.previous_action().map(|value| value.limited(-R::one(), R::one()));
+    pub fn encode<R: Real>(&self, input: &ObservationInput<'_, R>, out: &mut [R]) {
+        let motion = self.scales.motion(input.state, input.goal);
+        let action = input.previous_action().map(|value| value.limited(-R::one(), R::one()));
         let values = motion.iter().chain(action.iter().take(usize::from(self.action_len)));
         for (slot, value) in out.iter_mut().zip(values) {
             *slot = *value;
@@ -133,10 +133,10 @@ impl PilotMeasuredLayout {
 
     /// Writes the observation to the start of `out`; measurements that are missing read as zero.
     #[inline(always)]
-    pub fn encode<R: Real>(&self, seen: &Seen<'_, R>, out: &mut [R]) {
-        let [a, b, c, d, _, _] = seen.previous_action();
-        let pilot = self.scales.encode(seen.state, seen.goal, &[a, b, c, d]);
-        let measured = seen.measurements.iter().copied().chain(core::iter::repeat(R::zero()));
+    pub fn encode<R: Real>(&self, input: &ObservationInput<'_, R>, out: &mut [R]) {
+        let [a, b, c, d, _, _] = input.previous_action();
+        let pilot = self.scales.encode(input.state, input.goal, &[a, b, c, d]);
+        let measured = input.measurements.iter().copied().chain(core::iter::repeat(R::zero()));
         let values = pilot.into_iter().chain(measured.take(usize::from(self.measured_len)));
         for (slot, value) in out.iter_mut().zip(values) {
             *slot = value;

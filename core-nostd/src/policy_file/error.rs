@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::Arithmetic;
-use crate::eye::EyeError;
+use crate::encoder::EncoderError;
 
 /// One variant per kind of damage or misuse; each names what was found and what was expected.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -50,22 +50,22 @@ pub enum PolicyError {
         /// Newest version that is understood.
         newest: u16,
     },
-    /// The policy has an eye, where one without was expected.
-    #[error("the policy sees images, expected one that does not: read it as a `SeeingPolicy`")]
-    Seeing,
-    /// The policy has no eye, where one was expected.
-    #[error("the policy sees no images, expected one that does: read it as a `PolicyFile`")]
-    Blind,
-    /// The eye is not possible, or was given what it cannot take.
+    /// The policy has an encoder, where one without was expected.
+    #[error("found a vision policy, expected a state-based one: read it as a `VisionPolicy`")]
+    Vision,
+    /// The policy has no encoder, where one was expected.
+    #[error("found a state-based policy, expected a vision policy: read it as a `PolicyFile`")]
+    StateBased,
+    /// The encoder is not possible, or was given what it cannot take.
     #[error(transparent)]
-    Eye(#[from] EyeError),
+    Encoder(#[from] EncoderError),
     /// The memory for images is too small or for another arithmetic.
     #[error(
         "memory of {found} values for {found_arithmetic}, expected at least {expected} for {expected_arithmetic}",
         found_arithmetic = found_arithmetic.name(),
         expected_arithmetic = expected_arithmetic.name()
     )]
-    EyeMemory {
+    EncoderWorkspace {
         /// Values given.
         found: usize,
         /// What they are for.
@@ -282,7 +282,7 @@ pub enum PolicyError {
 }
 
 impl PolicyError {
-    /// A number for the kind of damage, from 1 on, for firmwares that have no room for words. Numbers are never given to
+    /// A number for the kind of damage, from 1 on, for firmwares that have no room for text. Numbers are never given to
     /// another kind.
     pub const fn code(&self) -> u8 {
         match self {
@@ -314,10 +314,10 @@ impl PolicyError {
             Self::LayerShape { .. } => 26,
             Self::BufferTooSmall { .. } => 27,
             Self::SelfTest { .. } => 28,
-            Self::Seeing => 29,
-            Self::Blind => 30,
-            Self::Eye(_) => 31,
-            Self::EyeMemory { .. } => 32,
+            Self::Vision => 29,
+            Self::StateBased => 30,
+            Self::Encoder(_) => 31,
+            Self::EncoderWorkspace { .. } => 32,
             Self::GoldenImages { .. } => 33,
         }
     }

@@ -14,11 +14,11 @@ use crate::mlp::{self, LAYER_LIMIT, WIDTH_LIMIT};
 /// The first bytes of every policy file. The first is no text, the line ends show transfers that "correct" them.
 pub const MAGIC: [u8; 8] = *b"\x89KPOL\r\n\x1a";
 
-/// The format version of policies without an eye.
+/// The format version of policies without an encoder.
 pub const FORMAT_VERSION: u16 = 1;
 
-/// The format version of policies with an eye, and the newest that is read.
-pub const SEEING_FORMAT_VERSION: u16 = 2;
+/// The format version of policies with an encoder, and the newest that is read.
+pub const VISION_FORMAT_VERSION: u16 = 2;
 
 /// Bytes of the header; the metadata follow.
 pub const HEADER_LEN: usize = 40;
@@ -92,7 +92,7 @@ impl ParameterFormat {
 }
 
 impl Header {
-    /// Reads the header of a policy without an eye.
+    /// Reads the header of a policy without an encoder.
     ///
     /// # Errors
     /// The variant of whatever is wrong.
@@ -204,7 +204,7 @@ impl Header {
     }
 }
 
-/// Magic, version, length and checksum, in this order: the first thing wrong is what the user should hear of.
+/// Magic, version, length and checksum, in this order: the first thing wrong is what the user should read about.
 pub(super) fn check_envelope(bytes: &[u8], version: u16) -> Result<(), PolicyError> {
     let truncated = PolicyError::Truncated { found: bytes.len(), expected: HEADER_LEN };
     let found = *bytes.first_chunk::<8>().ok_or(truncated)?;
@@ -214,12 +214,12 @@ pub(super) fn check_envelope(bytes: &[u8], version: u16) -> Result<(), PolicyErr
     if bytes.len() < HEADER_LEN {
         return Err(truncated);
     }
-    let (found, newest) = (u16_at(bytes, 8), SEEING_FORMAT_VERSION);
+    let (found, newest) = (u16_at(bytes, 8), VISION_FORMAT_VERSION);
     match found {
         0 => return Err(PolicyError::Version { found, newest }),
         _ if found == version => {}
-        FORMAT_VERSION => return Err(PolicyError::Blind),
-        SEEING_FORMAT_VERSION => return Err(PolicyError::Seeing),
+        FORMAT_VERSION => return Err(PolicyError::StateBased),
+        VISION_FORMAT_VERSION => return Err(PolicyError::Vision),
         _ => return Err(PolicyError::NewerVersion { found, newest }),
     }
     check_length_and_checksum(bytes)

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::PolicyError;
-use crate::action::{ACTION_LEN, ActionSpace, PublishedActions, ThrustBodyRates};
+use crate::action::{ACTION_LEN, ActionSpace, ReferenceActions, ThrustBodyRates};
 use crate::airframe::{Airframe, Downwash, DragCoefficients, Layout};
 use crate::observation::{HISTORY_LIMIT, ObservationLayout, PilotLayout};
 
@@ -21,7 +21,7 @@ pub(crate) const SPACE_COUNT: u16 = 4;
 pub struct PolicyMetadata<'a> {
     /// What the policy does, in UTF-8, at most [`NAME_LIMIT`] bytes; the scenario's name by default.
     pub name: &'a str,
-    /// What it sees.
+    /// What it observes.
     pub observation: ObservationLayout,
     /// What it commands.
     pub action: ActionSpace,
@@ -37,7 +37,7 @@ pub struct PolicyMetadata<'a> {
 pub(crate) const fn layout_identifier(layout: &ObservationLayout) -> u16 {
     match layout {
         ObservationLayout::Pilot(_) => 1,
-        ObservationLayout::Paper(_) => 2,
+        ObservationLayout::Reference(_) => 2,
         ObservationLayout::Kinematic(_) => 3,
         ObservationLayout::Measured(_) => 4,
         ObservationLayout::PilotFor(_) => 5,
@@ -50,7 +50,7 @@ pub(crate) const fn action_identifier(space: &ActionSpace) -> u16 {
     match space {
         ActionSpace::RotorSpeeds(_) => 1,
         ActionSpace::ThrustBodyRates(_) => 2,
-        ActionSpace::Published(_) => 3,
+        ActionSpace::Reference(_) => 3,
         ActionSpace::Velocities(_) => 4,
     }
 }
@@ -85,7 +85,7 @@ fn check_observation(layout: &ObservationLayout, action_len: usize) -> Result<()
             holds(action_len == ACTION_LEN, "values of an action", action_len, expected)?;
             holds(pilot.measured_len > 0, "measured_len", usize::from(pilot.measured_len), "at least 1")
         }
-        ObservationLayout::Paper(paper) => {
+        ObservationLayout::Reference(paper) => {
             positive("planar_limit_m", paper.planar_limit_m)?;
             positive("height_limit_m", paper.height_limit_m)
         }
@@ -121,7 +121,7 @@ fn check_action(space: &ActionSpace) -> Result<(), PolicyError> {
             positive("velocity_gain", space.velocity_gain)?;
             positive("attitude_gain", space.attitude_gain)
         }
-        ActionSpace::Published(PublishedActions { airframe, controller, .. }) => {
+        ActionSpace::Reference(ReferenceActions { airframe, controller, .. }) => {
             check_airframe(airframe)?;
             check_airframe(controller.airframe())
         }

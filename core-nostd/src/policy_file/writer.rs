@@ -2,7 +2,7 @@
 
 use super::header::{Header, Sections, collected};
 use super::metadata::{action_identifier, layout_identifier};
-use super::{FORMAT_VERSION, HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, Scratch};
+use super::{FORMAT_VERSION, HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, PolicyScratch};
 use crate::crc32::crc32;
 use crate::fixed::FixedFormat;
 use crate::mlp::{DenseLayer, LAYER_LIMIT};
@@ -128,7 +128,7 @@ impl PolicyDraft<'_> {
         let golden = section(front, sections.golden.clone());
         let observation_len = header.observation_len();
         let vectors = golden.chunks_exact_mut(4 * (observation_len + header.action_len()));
-        let mut scratch = Scratch::new();
+        let mut scratch = PolicyScratch::new();
         for (bytes, observation) in vectors.zip(self.golden_observations.chunks_exact(observation_len)) {
             let actions = copy_words(observation.iter().map(|value| value.to_le_bytes()), bytes);
             let action = network.act(observation, &mut scratch);

@@ -1,7 +1,7 @@
 //! What the anchor must be on quadratics and Gaussians, where everything has a formula.
 
 use kestrel_core::anchor::fixed::FixedAnchor;
-use kestrel_core::anchor::{Anchor, MeanAnchor, share};
+use kestrel_core::anchor::{Anchor, MeanAnchor, proximal_share};
 use proptest::prelude::*;
 
 use crate::support::{FixedMemory, Memory, Numbers};
@@ -35,7 +35,7 @@ impl Task {
         let mut parameters = vec![0.0; PARAMETERS];
         for _ in 0..100 {
             let mut gradient: Vec<f32> = self.gradient(&parameters).iter().map(|ascent| -ascent).collect();
-            anchor.add_gradient(&parameters, 1.0, &mut gradient);
+            anchor.add_penalty_gradient(&parameters, 1.0, &mut gradient);
             for index in 0..PARAMETERS {
                 let stiffness = self.curvature[index] + anchor.importance[index];
                 parameters[index] -= 0.5 * gradient[index] / stiffness;
@@ -59,7 +59,7 @@ fn with_its_gradient_a_trained_task_becomes_the_center() {
         let task = Task::new(&mut numbers);
         let parameters = task.trained(&with_gradient.anchor());
         with_gradient.anchor().consolidate(&parameters, &task.anchored_curvature, 1.0);
-        with_gradient.anchor().lean(&task.gradient(&parameters));
+        with_gradient.anchor().newton_step(&task.gradient(&parameters));
         at_the_end.anchor().consolidate_at(&parameters, &task.anchored_curvature, 1.0);
         assert_near(&with_gradient.center, &at_the_end.center, 1e-5);
         assert_eq!(with_gradient.importance, at_the_end.importance);
@@ -78,14 +78,14 @@ fn the_anchors_force_is_the_sum_over_all_tasks() {
         let parameters = numbers.vector(PARAMETERS, -1.0, 1.0);
         let gradient = task.gradient(&parameters);
         memory.anchor().consolidate(&parameters, &task.anchored_curvature, 1.0);
-        memory.anchor().lean(&gradient);
+        memory.anchor().newton_step(&gradient);
         for (index, sum) in sum.iter_mut().enumerate() {
             let distance = f64::from(elsewhere[index]) - f64::from(parameters[index]);
             *sum += f64::from(gradient[index]) - f64::from(task.anchored_curvature[index]) * distance;
         }
     }
     let mut force = vec![0.0; PARAMETERS];
-    memory.anchor().add_gradient(&elsewhere, -1.0, &mut force);
+    memory.anchor().add_penalty_gradient(&elsewhere, -1.0, &mut force);
     for (found, expected) in force.iter().zip(sum) {
         assert!((f64::from(*found) - expected).abs() < 1e-5 * (1.0 + expected.abs()), "{found} {expected}");
     }
@@ -145,18 +145,18 @@ fn the_identity_needs_one_vector_and_is_the_diagonal_of_ones() {
             memory.anchor().consolidate(&parameters, &ones, 1.0);
         }
         let gradient = numbers.vector(PARAMETERS, -1.0, 1.0);
-        mean.lean(&gradient);
-        memory.anchor().lean(&gradient);
+        mean.newton_step(&gradient);
+        memory.anchor().newton_step(&gradient);
     }
     assert_near(&center, &memory.center, 1e-5);
     let mean = MeanAnchor { center: &mut center, tasks: &mut tasks };
-    let (mut pulled, mut same) = ([0.5; PARAMETERS], [0.5; PARAMETERS]);
-    mean.pull(&mut pulled, 1e-3);
-    memory.anchor().pull(&mut same, 1e-3);
-    assert_near(&pulled, &same, 1e-5);
+    let (mut moved, mut same) = ([0.5; PARAMETERS], [0.5; PARAMETERS]);
+    mean.proximal_step(&mut moved, 1e-3);
+    memory.anchor().proximal_step(&mut same, 1e-3);
+    assert_near(&moved, &same, 1e-5);
     let (mut force, mut same) = ([0.0; PARAMETERS], [0.0; PARAMETERS]);
-    mean.add_gradient(&pulled, 1e-3, &mut force);
-    memory.anchor().add_gradient(&pulled, 1e-3, &mut same);
+    mean.add_penalty_gradient(&moved, 1e-3, &mut force);
+    memory.anchor().add_penalty_gradient(&moved, 1e-3, &mut same);
     assert_near(&force, &same, 1e-5);
 }
 
@@ -179,13 +179,13 @@ fn a_mean_anchor_is_the_mean_of_its_tasks() {
     }
 }
 
-/// The pull minimises `½ (θ' − θ)² + rate · ½ S (θ' − c)²`, whose derivative it must therefore make zero.
+/// The proximal step minimises `½ (θ' − θ)² + rate · ½ S (θ' − c)²`, whose derivative it must therefore make zero.
 #[test]
 fn a_pull_is_the_proximal_step() {
     let mut memory = Memory { center: vec![0.7; 3], importance: vec![0.01, 1.0, 50.0] };
     for rate in [1e-4_f32, 1e-2, 1.0, 30.0] {
         let mut parameters = [-0.4_f32; 3];
-        memory.anchor().pull(&mut parameters, rate);
+        memory.anchor().proximal_step(&mut parameters, rate);
         for (parameter, importance) in parameters.iter().zip(&memory.importance) {
             let derivative = (parameter + 0.4) + rate * importance * (parameter - 0.7);
             assert!(derivative.abs() < 1e-6 * (1.0 + rate * importance), "{derivative}");
@@ -222,17 +222,17 @@ fn the_divergence_of_a_million_parameters_is_summed_without_loss() {
 fn what_no_task_needs_stays_free_and_finite() {
     let mut memory = Memory { center: vec![0.5, -0.0], importance: vec![0.0; 2] };
     memory.anchor().consolidate(&[3.0, 4.0], &[0.0, 0.0], 0.9);
-    memory.anchor().lean(&[1.0, 0.0]);
+    memory.anchor().newton_step(&[1.0, 0.0]);
     assert_eq!(memory.center, [0.5, 0.0]);
     let mut parameters = [1.5, -2.5];
-    memory.anchor().pull(&mut parameters, 1e30);
+    memory.anchor().proximal_step(&mut parameters, 1e30);
     assert_eq!(parameters, [1.5, -2.5]);
     assert_eq!(memory.anchor().divergence(&parameters), 0.0);
     let (mut center, mut tasks) = ([0.5], 0);
     let mut mean = MeanAnchor { center: &mut center, tasks: &mut tasks };
-    mean.lean(&[1.0]);
+    mean.newton_step(&[1.0]);
     let mut free = [2.0];
-    mean.pull(&mut free, 1e30);
+    mean.proximal_step(&mut free, 1e30);
     assert_eq!((center, free), ([0.5], [2.0]));
 }
 
@@ -242,7 +242,7 @@ fn huge_rates_and_importances_are_stable() {
     memory.anchor().consolidate(&[0.25; 4], &[f32::MAX; 4], 1.0);
     let mut parameters = [1e3_f32, -1e3, 1e3, -1e3];
     for _ in 0..100 {
-        memory.anchor().pull(&mut parameters, f32::MAX);
+        memory.anchor().proximal_step(&mut parameters, f32::MAX);
     }
     assert_near(&parameters, &[0.25; 4], 1e-6);
 }
@@ -261,14 +261,14 @@ fn the_state_has_the_bytes_that_it_claims() {
 #[test]
 #[should_panic(expected = "one value per parameter of the anchor")]
 fn parameters_of_another_network_are_refused() {
-    Memory::new(3).anchor().pull(&mut [0.0; 4], 1.0);
+    Memory::new(3).anchor().proximal_step(&mut [0.0; 4], 1.0);
 }
 
 proptest! {
     #[test]
     fn a_share_is_never_a_whole(importance in 0.0_f32..f32::MAX, rate in 0.0_f32..f32::MAX, exponent in -60_i32..60) {
         for (importance, rate) in [(importance, rate), (2.0_f32.powi(exponent), 1.0), (f32::MAX, rate), (importance, 0.0)] {
-            let share = share(importance, rate);
+            let share = proximal_share(importance, rate);
             prop_assert!((0.0..1.0).contains(&share), "{share}");
         }
     }
@@ -277,7 +277,7 @@ proptest! {
     fn a_pull_never_passes_its_center(center in -1e3_f32..1e3, start in -1e3_f32..1e3, odds in -20.0_f32..30.0) {
         let mut memory = Memory { center: vec![center], importance: vec![odds.exp2()] };
         let mut parameters = [start];
-        memory.anchor().pull(&mut parameters, 1.0);
+        memory.anchor().proximal_step(&mut parameters, 1.0);
         let (low, high) = (center.min(start), center.max(start));
         let rounding = 1e-6 * (center.abs() + start.abs());
         prop_assert!((low - rounding..=high + rounding).contains(&parameters[0]));

@@ -1,6 +1,6 @@
 //! Fixed point against its formulas to the bit, and against floating point to its resolution.
 
-use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, Shares, importance_code};
+use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, ProximalShares, importance_code};
 use proptest::prelude::*;
 
 use crate::fixed_reference;
@@ -56,7 +56,7 @@ fn what_the_formats_cannot_hold_is_counted_and_limited() {
     assert_eq!(fixed.importance, [0, 129, 255, 129, 129, 0]);
 }
 
-/// One parameter in floating point and in integers, pulled and pushed alike.
+/// One parameter in floating point and in integers, moved alike.
 struct Comparison {
     float: Vec<f32>,
     fixed: Vec<i16>,
@@ -95,12 +95,12 @@ impl Comparison {
 #[test]
 fn three_hundred_anchored_steps_end_where_floating_point_does() {
     for rate in [1e-4_f32, 1e-3, 1e-2, 0.1, 1.0] {
-        let shares = Shares::at(Fraction::nearest(rate));
+        let shares = ProximalShares::at(Fraction::nearest(rate));
         let mut sides = Comparison::new(FRACTION_BITS);
         for step in 0..300_u32 {
             sides.push(FRACTION_BITS, |index| if (index as u32 + step / 20) % 7 < 4 { 4 } else { -4 });
-            sides.memory.anchor().pull(&mut sides.float, rate);
-            sides.fixed_memory.anchor().pull(&mut sides.fixed, &shares, step);
+            sides.memory.anchor().proximal_step(&mut sides.float, rate);
+            sides.fixed_memory.anchor().proximal_step(&mut sides.fixed, &shares, step);
         }
         let (largest, rms) = sides.errors(FRACTION_BITS);
         println!("rate {rate}: largest {largest:.1e}, rms {rms:.1e}");
@@ -112,14 +112,14 @@ fn three_hundred_anchored_steps_end_where_floating_point_does() {
 #[test]
 fn three_hundred_pulls_return_as_in_floating_point() {
     for rate in [1e-4_f32, 1e-3, 1e-2, 0.1, 1.0] {
-        let shares = Shares::at(Fraction::nearest(rate));
+        let shares = ProximalShares::at(Fraction::nearest(rate));
         let mut sides = Comparison::new(FRACTION_BITS);
         let displaced: Vec<i16> =
             Numbers::new(3).vector(PARAMETERS, -1638.0, 1638.0).iter().map(|&x| x as i16).collect();
         sides.push(FRACTION_BITS, |index| displaced[index]);
         for step in 0..300_u32 {
-            sides.memory.anchor().pull(&mut sides.float, rate);
-            sides.fixed_memory.anchor().pull(&mut sides.fixed, &shares, step);
+            sides.memory.anchor().proximal_step(&mut sides.float, rate);
+            sides.fixed_memory.anchor().proximal_step(&mut sides.fixed, &shares, step);
         }
         let (largest, rms) = sides.errors(FRACTION_BITS);
         println!("rate {rate}: largest {largest:.1e}, rms {rms:.1e}");
@@ -129,11 +129,11 @@ fn three_hundred_pulls_return_as_in_floating_point() {
 
 /// The way of one parameter to a center at zero, at the fixed share, and how far it was from the exact way at most
 /// \[units\]: dithered, and rounded to the nearest.
-fn errors_on_the_way(start: i16, share: f64, calls: u32, mut pull: impl FnMut(&mut i16, u32)) -> (f64, f64) {
+fn errors_on_the_way(start: i16, share: f64, calls: u32, mut step: impl FnMut(&mut i16, u32)) -> (f64, f64) {
     let (mut dithered, mut nearest, mut exact) = (start, f64::from(start), f64::from(start));
     let (mut largest, mut largest_nearest) = (0.0_f64, 0.0_f64);
     for call in 0..calls {
-        pull(&mut dithered, call);
+        step(&mut dithered, call);
         nearest -= (share * nearest).round();
         exact -= share * exact;
         largest = largest.max((f64::from(dithered) - exact).abs());
@@ -148,17 +148,17 @@ fn pulls_of_less_than_a_unit_add_up() {
     let (mut worst, mut worst_nearest) = (0.0_f64, 0.0_f64);
     for _ in 0..200 {
         let code = 60 + (numbers.bits() % 100) as u8;
-        let shares = Shares::at(Fraction::nearest(numbers.octaves(1, -12.0, -2.0)[0]));
+        let shares = ProximalShares::at(Fraction::nearest(numbers.octaves(1, -12.0, -2.0)[0]));
         let (start, first) = (numbers.within(-1e4, 1e4) as i16, numbers.bits() as u32);
         let share = f64::from(shares.of(code)) / 16_777_216.0;
         let anchor = FixedAnchor { center: &mut [0], importance: &mut [code] };
         let (dithered, nearest) = errors_on_the_way(start, share, 30_000, |parameter, call| {
-            anchor.pull(core::slice::from_mut(parameter), &shares, first.wrapping_add(call));
+            anchor.proximal_step(core::slice::from_mut(parameter), &shares, first.wrapping_add(call));
         });
         worst = worst.max(dithered);
         worst_nearest = worst_nearest.max(nearest);
     }
-    println!("30,000 pulls: dithered {worst:.1}, to the nearest {worst_nearest:.1} units from the exact way");
+    println!("30,000 steps: dithered {worst:.1}, to the nearest {worst_nearest:.1} units from the exact way");
     assert!(worst < 12.0 && worst_nearest > 1000.0, "{worst} {worst_nearest}");
 }
 
@@ -166,7 +166,7 @@ fn pulls_of_less_than_a_unit_add_up() {
 fn forces_of_less_than_a_unit_find_their_balance() {
     let mut memory = FixedMemory::new(100);
     memory.importance.fill(129);
-    let shares = Shares::at(Fraction::from_bits(2000));
+    let shares = ProximalShares::at(Fraction::from_bits(2000));
     let mut parameters = [0_i16; 100];
     for call in 0..100_000 {
         if call % 7 == 0 {
@@ -174,7 +174,7 @@ fn forces_of_less_than_a_unit_find_their_balance() {
                 *parameter += 1;
             }
         }
-        memory.anchor().pull(&mut parameters, &shares, call);
+        memory.anchor().proximal_step(&mut parameters, &shares, call);
     }
     let balance = 16_777_216.0 / (7.0 * f64::from(shares.of(129)));
     let (largest, _) = largest_and_rms(parameters.iter().map(|&parameter| f64::from(parameter) - balance));
@@ -233,10 +233,10 @@ fn a_full_importance_stays_full_and_an_empty_one_pulls_nowhere() {
         memory.anchor().consolidate(&[100, 100], &[255, 0], Fraction::ONE, task);
     }
     assert_eq!((&memory.importance[..], &memory.center[..]), (&[255, 0][..], &[100, 0][..]));
-    let shares = Shares::at(Fraction::from_bits(u32::MAX));
+    let shares = ProximalShares::at(Fraction::from_bits(u32::MAX));
     let mut parameters = [i16::MIN, i16::MIN];
     for call in 0..2 {
-        memory.anchor().pull(&mut parameters, &shares, call);
+        memory.anchor().proximal_step(&mut parameters, &shares, call);
     }
     assert_eq!(parameters, [100, i16::MIN]);
 }
@@ -250,9 +250,9 @@ fn fractions_round_and_saturate() {
 #[test]
 fn every_share_is_its_formula_to_the_bit_and_less_than_one() {
     for rate in [0, 1, 255, 5033, 1 << 24, 0x1234_5678, u32::MAX] {
-        let shares = Shares::at(Fraction::from_bits(rate));
+        let shares = ProximalShares::at(Fraction::from_bits(rate));
         for code in 0..=255 {
-            let exact = fixed_reference::share(code, rate);
+            let exact = fixed_reference::proximal_share(code, rate);
             assert_eq!(i128::from(shares.of(code)), exact, "{code} {rate}");
             assert!((0..1 << 24).contains(&exact));
             let importance = if code == 0 { 0.0 } else { libm::exp2((f64::from(code) - 129.0) / 8.0) };
@@ -291,12 +291,12 @@ proptest! {
         (mut memory, start, _) in any_state(), rate in any::<u32>(), octaves in 0..32, call in any::<u32>(),
     ) {
         let rate = rate >> octaves;
-        let (mut pulled, mut reference) = (start.clone(), start.clone());
-        memory.anchor().pull(&mut pulled, &Shares::at(Fraction::from_bits(rate)), call);
-        fixed_reference::pull(&mut reference, &memory.center, &memory.importance, rate, call);
-        prop_assert_eq!(&pulled, &reference);
-        for ((pulled, start), center) in pulled.iter().zip(&start).zip(&memory.center) {
-            prop_assert!((start.min(center)..=start.max(center)).contains(&pulled));
+        let (mut moved, mut reference) = (start.clone(), start.clone());
+        memory.anchor().proximal_step(&mut moved, &ProximalShares::at(Fraction::from_bits(rate)), call);
+        fixed_reference::proximal_step(&mut reference, &memory.center, &memory.importance, rate, call);
+        prop_assert_eq!(&moved, &reference);
+        for ((moved, start), center) in moved.iter().zip(&start).zip(&memory.center) {
+            prop_assert!((start.min(center)..=start.max(center)).contains(&moved));
         }
     }
 }

@@ -14,7 +14,7 @@ pub(crate) fn importance(code: u8) -> i128 {
     (eighth * 2_i128.pow((steps / 8) as u32)).div_euclid(65_536)
 }
 
-pub(crate) fn share(code: u8, rate: u32) -> i128 {
+pub(crate) fn proximal_share(code: u8, rate: u32) -> i128 {
     if code == 0 {
         return 0;
     }
@@ -36,9 +36,9 @@ fn moved(from: i16, target: i16, share: i128, dither: i128) -> i16 {
     i16::try_from(i128::from(from) + step).expect("a move ends between its ends")
 }
 
-pub(crate) fn pull(parameters: &mut [i16], center: &[i16], codes: &[u8], rate: u32, call: u32) {
+pub(crate) fn proximal_step(parameters: &mut [i16], center: &[i16], codes: &[u8], rate: u32, call: u32) {
     for (index, parameter) in parameters.iter_mut().enumerate() {
-        *parameter = moved(*parameter, center[index], share(codes[index], rate), turn(call, index, 0));
+        *parameter = moved(*parameter, center[index], proximal_share(codes[index], rate), turn(call, index, 0));
     }
 }
 

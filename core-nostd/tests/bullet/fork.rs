@@ -1,15 +1,15 @@
 //! Flights of the thesis's fork, one row per control step of five physics steps.
 
 use kestrel_core::action::{
-    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, PublishedActions, PublishedController,
-    PublishedKind,
+    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, ReferenceActionKind, ReferenceActions,
+    ReferenceController,
 };
 use kestrel_core::airframe::{Airframe, RADIANS_PER_SECOND_PER_RPM, RotorOrder};
 use kestrel_core::bullet::{Bullet, BulletState, Quirks, RotorPrecision};
 use kestrel_core::controller::Setpoint;
 use kestrel_core::controller::command::{self, Precision};
 use kestrel_core::euler::EulerAngles;
-use kestrel_core::observation::{PAPER_LEN, PaperLayout, Seen};
+use kestrel_core::observation::{ObservationInput, REFERENCE_LEN, ReferenceLayout};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -106,13 +106,13 @@ fn the_upper_drone_pushes_the_lower_one_down() {
 }
 
 /// What the fork makes of actions on a Crazyflie.
-fn controls(kind: PublishedKind, precision: Precision) -> Controls<f64> {
+fn controls(kind: ReferenceActionKind, precision: Precision) -> Controls<f64> {
     let airframe = model("cf2x");
-    Controls::new(&ActionSpace::Published(PublishedActions {
+    Controls::new(&ActionSpace::Reference(ReferenceActions {
         kind,
         precision,
         airframe,
-        controller: PublishedController::Dsl(airframe),
+        controller: ReferenceController::Dsl(airframe),
         persistence: Persistence::Persist,
     }))
 }
@@ -131,9 +131,9 @@ fn actions_become_the_forks_rotor_speeds() {
     let golden = json("fork/physics_golden.json");
     let mut worst = Worst::new("fork/physics_golden, rotor speeds [RPM] of actions in recorded states");
     for (kind, flight, actions) in [
-        (PublishedKind::Pid, "roll_PID_PYB", "pid_actions"),
-        (PublishedKind::Vel, "roll_VEL_PYB", "vel_actions"),
-        (PublishedKind::Dyn, "roll_DYNact_PYB", "dyn_actions"),
+        (ReferenceActionKind::Pid, "roll_PID_PYB", "pid_actions"),
+        (ReferenceActionKind::Vel, "roll_VEL_PYB", "vel_actions"),
+        (ReferenceActionKind::Dyn, "roll_DYNact_PYB", "dyn_actions"),
     ] {
         let (controls, mut memory) = (controls(kind, Precision::Exact), ControlMemory::new());
         let recorded = |key: &str| golden[flight][key].as_array().unwrap();
@@ -165,7 +165,7 @@ fn compare_flight(case: &Value, flights: &mut Worst, commands: &mut Worst) {
     let by_rotor = case["act"] == "rpm";
     let rotor_precision = if by_rotor { RotorPrecision::Single } else { RotorPrecision::Full };
     let bullet = Bullet::new(&airframe, mode("pyb"), Quirks { rotor_precision, ..Quirks::fork() });
-    let kind = if by_rotor { PublishedKind::Rpm } else { PublishedKind::Vel };
+    let kind = if by_rotor { ReferenceActionKind::Rpm } else { ReferenceActionKind::Vel };
     let (controls, mut memory) = (controls(kind, Precision::AllSingle), ControlMemory::new());
     let [x, y, z] = numbers(&case["init_xyz"][0]);
     let mut drone = placed(&[x, y, z, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
@@ -206,20 +206,20 @@ fn observations_are_the_thesiss() {
     let mut worst = Worst::new("thesis, observations of recorded states");
     for case in json("pybullet/thesis/index.json")["cases"].as_array().unwrap() {
         let name = case["id"].as_str().unwrap();
-        let layout = PaperLayout::of_episode(episode_secs(case["env"].as_str().unwrap()));
+        let layout = ReferenceLayout::of_episode(episode_secs(case["env"].as_str().unwrap()));
         let table = Table::read(&format!("pybullet/thesis/{name}.csv"));
         for row in &table.rows {
             let drone = placed(&table.motion(row, ""));
-            let seen = Seen {
+            let input = ObservationInput {
                 state: &drone.motion,
                 angular_velocity_in_world: drone.reported_angular_velocity,
                 goal: &Vector3::zeros(),
                 history: &[],
                 measurements: &[],
             };
-            let recorded: [f64; PAPER_LEN] =
+            let recorded: [f64; REFERENCE_LEN] =
                 core::array::from_fn(|index| table.get(row, [format!("vec{index}").as_str()])[0]);
-            worst.add(name, largest(&layout.encode(&seen), &recorded));
+            worst.add(name, largest(&layout.encode(&input), &recorded));
         }
     }
     // They were recorded in single precision.

@@ -1,14 +1,14 @@
 //! Flights of upstream's learning environments: their actions, and the physics under what became of them.
 
 use kestrel_core::action::{
-    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, PublishedActions, PublishedController,
-    PublishedKind,
+    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, ReferenceActionKind, ReferenceActions,
+    ReferenceController,
 };
 use kestrel_core::airframe::{CF2X, RADIANS_PER_SECOND_PER_RPM};
-use kestrel_core::bullet::{Bullet, BulletState, Mode, Quirks};
+use kestrel_core::bullet::{Bullet, BulletMode, BulletState, Quirks};
 use kestrel_core::controller::Setpoint;
 use kestrel_core::controller::command::Precision;
-use kestrel_core::observation::{KinematicLayout, OBSERVATION_LIMIT, ObservationLayout, Seen};
+use kestrel_core::observation::{KinematicLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout};
 use nalgebra::Vector3;
 use serde_json::Value;
 
@@ -40,18 +40,18 @@ fn tracks(case: &Value) -> (Table, Vec<Vec<Vec<f64>>>) {
 
 /// The action space of a recording.
 fn space(kind: &str) -> ActionSpace {
-    ActionSpace::Published(PublishedActions {
+    ActionSpace::Reference(ReferenceActions {
         kind: match kind {
-            "rpm" => PublishedKind::Rpm,
-            "one_d_rpm" => PublishedKind::OneDRpm,
-            "pid" => PublishedKind::Waypoint,
-            "one_d_pid" => PublishedKind::OneDPid,
-            "vel" => PublishedKind::Vel,
+            "rpm" => ReferenceActionKind::Rpm,
+            "one_d_rpm" => ReferenceActionKind::OneDRpm,
+            "pid" => ReferenceActionKind::Waypoint,
+            "one_d_pid" => ReferenceActionKind::OneDPid,
+            "vel" => ReferenceActionKind::Vel,
             other => panic!("unknown action {other}"),
         },
         precision: Precision::Single,
         airframe: CF2X,
-        controller: PublishedController::Dsl(CF2X),
+        controller: ReferenceController::Dsl(CF2X),
         persistence: Persistence::Persist,
     })
 }
@@ -97,7 +97,7 @@ fn compare_observation(
     recorded: &[f64],
     worst: &mut Worst,
 ) {
-    let seen = Seen {
+    let input = ObservationInput {
         state: &drone.motion,
         angular_velocity_in_world: drone.reported_angular_velocity,
         goal: &Vector3::zeros(),
@@ -105,7 +105,7 @@ fn compare_observation(
         measurements: &[],
     };
     let mut observation = [f64::NAN; OBSERVATION_LIMIT];
-    layout.encode(&seen, &mut observation);
+    layout.encode(&input, &mut observation);
     // They were recorded in single precision.
     let scaled = |(found, expected): (&f64, &f64)| (found - expected).abs() / expected.abs().max(1.0);
     assert_eq!(recorded.len(), layout.len());
@@ -152,7 +152,7 @@ fn apart(table: &Table, tracks: &[Vec<Vec<f64>>]) -> usize {
 
 #[test]
 fn recorded_rotor_speeds_fly_as_in_upstreams_learning_environments() {
-    let bullet = Bullet::new(&CF2X, Mode::Pyb, Quirks::upstream());
+    let bullet = Bullet::new(&CF2X, BulletMode::Pyb, Quirks::upstream());
     let mut worst = Worst::new("rl, states under recorded rotor speeds");
     for case in cases("rl") {
         let (table, tracks) = tracks(&case);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use kestrel_core::airframe::{Airframe, CF2P, CF2X, HUMMINGBIRD, RADIANS_PER_SECOND_PER_RPM, RotorOrder};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{BulletState, Mode};
+use kestrel_core::bullet::{BulletMode, BulletState};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -39,7 +39,7 @@ pub(crate) fn cases(kind: &str) -> Vec<Value> {
 }
 
 /// The airframe and the mode of a case.
-pub(crate) fn settings(case: &Value) -> (Airframe, Mode) {
+pub(crate) fn settings(case: &Value) -> (Airframe, BulletMode) {
     (airframe(case["model"].as_str().unwrap()), mode(case["physics"].as_str().unwrap()))
 }
 
@@ -53,14 +53,14 @@ pub(crate) fn airframe(model: &str) -> Airframe {
     }
 }
 
-pub(crate) fn mode(physics: &str) -> Mode {
+pub(crate) fn mode(physics: &str) -> BulletMode {
     match physics {
-        "pyb" => Mode::Pyb,
-        "pyb_gnd" => Mode::PybGnd,
-        "pyb_drag" => Mode::PybDrag,
-        "pyb_dw" => Mode::PybDw,
-        "pyb_gnd_drag_dw" => Mode::PybGndDragDw,
-        "dyn" => Mode::Dyn,
+        "pyb" => BulletMode::Pyb,
+        "pyb_gnd" => BulletMode::PybGnd,
+        "pyb_drag" => BulletMode::PybDrag,
+        "pyb_dw" => BulletMode::PybDw,
+        "pyb_gnd_drag_dw" => BulletMode::PybGndDragDw,
+        "dyn" => BulletMode::Dyn,
         other => panic!("unknown physics {other}"),
     }
 }

@@ -78,7 +78,7 @@ proptest! {
         }
         seal(&mut bytes);
         if let Ok(policy) = PolicyFile::parse(&bytes) {
-            let action = policy.act(&observation, &mut kestrel_core::policy_file::Scratch::new());
+            let action = policy.act(&observation, &mut kestrel_core::policy_file::PolicyScratch::new());
             prop_assert!(action.iter().all(|value| (-1.0..=1.0).contains(value)));
         }
     }
@@ -126,7 +126,7 @@ fn bytes_off_the_boundary_are_reported() {
 #[test]
 fn versions_are_told_apart() {
     for bytes in files() {
-        assert_eq!(forged(&bytes, 8, 2), PolicyError::Seeing);
+        assert_eq!(forged(&bytes, 8, 2), PolicyError::Vision);
         assert_eq!(forged(&bytes, 8, 3), PolicyError::NewerVersion { found: 3, newest: 2 });
         assert_eq!(forged(&bytes, 8, 0), PolicyError::Version { found: 0, newest: 2 });
     }

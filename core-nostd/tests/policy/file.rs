@@ -7,7 +7,7 @@ use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::{
     Aligned, Arithmetic, HEADER_LEN, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata,
-    Scratch,
+    PolicyScratch,
 };
 use proptest::prelude::*;
 
@@ -152,7 +152,7 @@ fn one_unit_in_the_last_place_fails_the_fixed_point_self_test() {
     let model = Model::typical(6);
     let mut bytes = model.fixed_file();
     let golden = golden();
-    let action = PolicyFile::parse(&bytes).unwrap().act(&golden[..PILOT_LEN], &mut Scratch::new());
+    let action = PolicyFile::parse(&bytes).unwrap().act(&golden[..PILOT_LEN], &mut PolicyScratch::new());
     assert!(action[0].abs() < 1.0);
     let needle = action[0].to_le_bytes();
     let at = bytes.windows(4).position(|window| window == needle).unwrap();
@@ -247,7 +247,7 @@ fn a_network_in_fixed_point_needs_no_file_around_it() {
     let widths = [PILOT_LEN as u16, 20, 4];
     let network = FixedMlp::from_parameters(&widths, format, parameters).unwrap();
     for (observation, _) in policy.golden_vectors() {
-        let alone = network.act(&observation[..PILOT_LEN], &mut fixed::Scratch::new());
+        let alone = network.act(&observation[..PILOT_LEN], &mut fixed::FixedScratch::new());
         assert_eq!(alone, policy.act(&observation[..PILOT_LEN], &mut policy.scratch()));
     }
     let refusal = |widths: &[u16], parameters| FixedMlp::from_parameters(widths, format, parameters).unwrap_err();

@@ -3,7 +3,7 @@
 use kestrel_core::fixed::{ACTIVATION_FRACTION_BITS, FixedFormat};
 use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::PILOT_LEN;
-use kestrel_core::policy_file::{ParameterFormat, PolicyError, PolicyFile, Scratch};
+use kestrel_core::policy_file::{ParameterFormat, PolicyError, PolicyFile, PolicyScratch};
 use proptest::prelude::*;
 
 use crate::support::{Model, draft, golden, observations, write};
@@ -15,7 +15,7 @@ fn widths() -> impl Strategy<Value = Vec<usize>> {
 
 fn largest_error(model: &Model, bytes: &[u8], observations: &[f32]) -> f64 {
     let policy = PolicyFile::parse(bytes).expect("the file is intact");
-    let mut scratch = Scratch::new();
+    let mut scratch = PolicyScratch::new();
     let errors = observations.chunks_exact(PILOT_LEN).flat_map(|observation| {
         let action = policy.act(observation, &mut scratch);
         let reference = model.reference(observation);
@@ -94,7 +94,7 @@ proptest! {
         let policy = PolicyFile::parse(&bytes).unwrap();
         let format = fixed_format(policy.parameter_format());
         for observation in observations(seed, 4, reach).chunks_exact(PILOT_LEN) {
-            let action = policy.act(observation, &mut Scratch::new());
+            let action = policy.act(observation, &mut PolicyScratch::new());
             prop_assert_eq!(action[..4].to_vec(), integer_reference(&layers, format, observation));
         }
     }
@@ -103,7 +103,7 @@ proptest! {
     fn no_observation_gives_anything_but_an_action(seed: u64, observation in prop::collection::vec(any::<f32>(), 0..30)) {
         let model = Model::random(seed, &[PILOT_LEN, 9, 4], 30.0);
         for bytes in [model.float_file(), model.fixed_file()] {
-            let action = PolicyFile::parse(&bytes).unwrap().act(&observation, &mut Scratch::new());
+            let action = PolicyFile::parse(&bytes).unwrap().act(&observation, &mut PolicyScratch::new());
             prop_assert!(action.iter().all(|value| (-1.0..=1.0).contains(value)), "{:?}", action);
         }
     }
@@ -129,8 +129,8 @@ fn a_missing_or_undefined_value_reads_as_zero() {
     observation[21] = 0.0;
     for bytes in [model.float_file(), model.fixed_file()] {
         let policy = PolicyFile::parse(&bytes).unwrap();
-        let complete = policy.act(&observation, &mut Scratch::new());
-        let mut scratch = Scratch::new();
+        let complete = policy.act(&observation, &mut PolicyScratch::new());
+        let mut scratch = PolicyScratch::new();
         policy.act(&observations(4, 1, 1.0), &mut scratch);
         assert_eq!(policy.act(&observation[..20], &mut scratch), complete);
         let mut undefined = observation.clone();
@@ -145,8 +145,8 @@ fn the_scratch_carries_nothing_from_one_inference_to_the_next() {
     let bytes = model.fixed_file();
     let policy = PolicyFile::parse(&bytes).unwrap();
     let (first, second) = (observations(1, 1, 9.0), observations(2, 1, 1.0));
-    let fresh = policy.act(&second, &mut Scratch::new());
-    let mut scratch = Scratch::new();
+    let fresh = policy.act(&second, &mut PolicyScratch::new());
+    let mut scratch = PolicyScratch::new();
     policy.act(&first, &mut scratch);
     assert_eq!(policy.act(&second, &mut scratch), fresh);
 }
@@ -165,11 +165,11 @@ fn saturation_is_counted_and_the_value_limited() {
     observation[0] = 4.5;
     observation[1] = f32::NEG_INFINITY;
     assert_eq!(policy.saturations(&observation), 2);
-    let limited = policy.act(&observation, &mut Scratch::new());
+    let limited = policy.act(&observation, &mut PolicyScratch::new());
     observation[0] = 3.999_9;
     observation[1] = -3.999_9;
     assert_eq!(policy.saturations(&observation), 0);
-    assert_eq!(policy.act(&observation, &mut Scratch::new()), limited);
+    assert_eq!(policy.act(&observation, &mut PolicyScratch::new()), limited);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Output layers that learn in integers.
 
-use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, Shares, importance_code};
-use kestrel_core::fixed::{FixedMlp, OutputLearner, Scratch};
+use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, ProximalShares, importance_code};
+use kestrel_core::fixed::{FixedMlp, FixedScratch, OutputLearner};
 use kestrel_core::observation::PILOT_LEN;
 use kestrel_core::policy_file::PolicyFile;
 
@@ -31,7 +31,7 @@ impl Lesson {
         let observation: Vec<f32> = (0..PILOT_LEN)
             .map(|index| self.random.within(1.0) + if index < 6 { self.middle } else { 0.0 })
             .collect();
-        network.features(&observation, &mut Scratch::new()).to_vec()
+        network.features(&observation, &mut FixedScratch::new()).to_vec()
     }
 
     fn target(&self, features: &[i16]) -> [f32; OUTPUTS] {
@@ -71,7 +71,7 @@ fn it_begins_with_what_the_network_does() {
         for _ in 0..1_000 {
             let observation: Vec<f32> = (0..PILOT_LEN).map(|_| random.within(2.0)).collect();
             let expected = policy.act(&observation, &mut policy.scratch());
-            let found = learner.act(network.features(&observation, &mut Scratch::new()));
+            let found = learner.act(network.features(&observation, &mut FixedScratch::new()));
             // Half a unit of the bias.
             assert!(expected.iter().zip(found).all(|(expected, found)| (expected - found).abs() < 1e-4));
         }
@@ -180,7 +180,7 @@ fn an_anchor_keeps_an_earlier_lesson() {
             let mut memory = [0; PARAMETERS];
             let mut learner = OutputLearner::new(network, &mut memory).unwrap();
             let (mut first, mut second) = (Lesson::new(5, -0.8), Lesson::new(6, 0.8));
-            let (rate, shares) = (Fraction::nearest(0.05), Shares::at(Fraction::nearest(0.03)));
+            let (rate, shares) = (Fraction::nearest(0.05), ProximalShares::at(Fraction::nearest(0.03)));
             let (mut center, mut importance) = ([0; PARAMETERS], [0; PARAMETERS]);
             let mut curvature = [0.0_f32; PARAMETERS];
             for _ in 0..10_000 {
@@ -197,7 +197,7 @@ fn an_anchor_keeps_an_earlier_lesson() {
                 let features = second.features(network);
                 learner.learn(&features, &second.target(&features), rate);
                 if anchored {
-                    anchor.pull(learner.parameters_mut(), &shares, call);
+                    anchor.proximal_step(learner.parameters_mut(), &shares, call);
                 }
             }
             [first.error(network, &learner), second.error(network, &learner)]

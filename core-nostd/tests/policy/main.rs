@@ -7,6 +7,6 @@ mod file;
 mod inference;
 mod learner;
 mod pilot;
-mod seeing;
 mod spaces;
 mod support;
+mod vision;

@@ -5,7 +5,7 @@ use kestrel_core::airframe::CF2X;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::{ParameterFormat, PolicyFile, Scratch};
+use kestrel_core::policy_file::{ParameterFormat, PolicyFile, PolicyScratch};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -82,7 +82,7 @@ fn a_tick_is_encode_act_and_mix() {
     let mut previous = [0.0; 4];
     for _ in 0..3 {
         let targets = pilot.tick(&state, &goal);
-        let action = policy.act(&layout.encode(&state, &goal, &previous), &mut Scratch::new());
+        let action = policy.act(&layout.encode(&state, &goal, &previous), &mut PolicyScratch::new());
         previous = [action[0], action[1], action[2], action[3]];
         assert_eq!(pilot.previous_action(), previous);
         assert_eq!(action[4..], [0.0; 2]);

@@ -1,8 +1,8 @@
 //! Policies for every observation layout and every action space.
 
 use kestrel_core::action::{
-    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, PublishedActions, PublishedController,
-    PublishedKind, Velocities,
+    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, ReferenceActionKind, ReferenceActions,
+    ReferenceController, Velocities,
 };
 use kestrel_core::airframe::{Airframe, CF2X, Downwash, DragCoefficients, HUMMINGBIRD, Layout, RotorOrder};
 use kestrel_core::attitude::Attitude;
@@ -10,12 +10,12 @@ use kestrel_core::controller::Setpoint;
 use kestrel_core::controller::command::Precision;
 use kestrel_core::crc32::crc32;
 use kestrel_core::observation::{
-    KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PaperLayout, PilotForLayout,
-    PilotMeasuredLayout, Seen,
+    KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PilotForLayout,
+    PilotMeasuredLayout, ReferenceLayout,
 };
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{
-    HEADER_LEN, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, Scratch,
+    HEADER_LEN, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch,
 };
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -23,26 +23,26 @@ use proptest::prelude::*;
 
 use crate::support::{Model, PILOT, Random, metadata, rotor_speeds, seal, thrust_body_rates};
 
-fn published(kind: PublishedKind, persistence: Persistence) -> PublishedActions {
-    PublishedActions {
+fn reference(kind: ReferenceActionKind, persistence: Persistence) -> ReferenceActions {
+    ReferenceActions {
         kind,
         precision: Precision::Single,
         airframe: CF2X,
-        controller: PublishedController::Dsl(CF2X),
+        controller: ReferenceController::Dsl(CF2X),
         persistence,
     }
 }
 
 fn hummingbird() -> ActionSpace {
-    let controller = PublishedController::Simple(HUMMINGBIRD);
-    let space = published(PublishedKind::Pid, Persistence::ResetEachEpisode);
-    ActionSpace::Published(PublishedActions { airframe: HUMMINGBIRD, controller, ..space })
+    let controller = ReferenceController::Simple(HUMMINGBIRD);
+    let space = reference(ReferenceActionKind::Pid, Persistence::ResetEachEpisode);
+    ActionSpace::Reference(ReferenceActions { airframe: HUMMINGBIRD, controller, ..space })
 }
 
 fn spaces() -> Vec<ActionSpace> {
-    let published =
-        PublishedKind::ALL.map(|kind| ActionSpace::Published(published(kind, Persistence::ResetEachEpisode)));
-    [vec![rotor_speeds(), thrust_body_rates(), velocities(), hummingbird()], published.to_vec()].concat()
+    let reference = ReferenceActionKind::ALL
+        .map(|kind| ActionSpace::Reference(reference(kind, Persistence::ResetEachEpisode)));
+    [vec![rotor_speeds(), thrust_body_rates(), velocities(), hummingbird()], reference.to_vec()].concat()
 }
 
 fn velocities() -> ActionSpace {
@@ -59,7 +59,7 @@ fn layouts(action_len: u8) -> Vec<ObservationLayout> {
         vec![ObservationLayout::PilotFor(PilotForLayout { scales, action_len })]
     };
     let others = vec![
-        ObservationLayout::Paper(PaperLayout::of_episode(10.0)),
+        ObservationLayout::Reference(ReferenceLayout::of_episode(10.0)),
         ObservationLayout::Kinematic(KinematicLayout { past_actions: 0, action_len }),
         ObservationLayout::Kinematic(KinematicLayout { past_actions: 15, action_len }),
         ObservationLayout::Measured(MeasuredLayout { len: 11 }),
@@ -101,7 +101,7 @@ struct Expected {
 impl Expected {
     fn tick(&mut self, policy: &PolicyFile<'_>, state: &State<f32>, goal: &Vector3<f32>) -> [f32; 4] {
         let metadata = policy.metadata();
-        let seen = Seen {
+        let input = ObservationInput {
             state,
             angular_velocity_in_world: state.world_from_body.rotate(state.body_rates),
             goal,
@@ -109,8 +109,8 @@ impl Expected {
             measurements: &MEASUREMENTS,
         };
         let mut observation = [0.0; OBSERVATION_LIMIT];
-        metadata.observation.encode(&seen, &mut observation);
-        let action = policy.act(&observation[..metadata.observation.len()], &mut Scratch::new());
+        metadata.observation.encode(&input, &mut observation);
+        let action = policy.act(&observation[..metadata.observation.len()], &mut PolicyScratch::new());
         assert_eq!(action[metadata.action.len()..], [0.0; ACTION_LIMIT][metadata.action.len()..]);
         self.history.push(action);
         let (setpoint, secs) = (Setpoint::at(*goal), metadata.control_period_secs);
@@ -118,7 +118,7 @@ impl Expected {
         match &metadata.action {
             ActionSpace::RotorSpeeds(_) | ActionSpace::ThrustBodyRates(_) | ActionSpace::Velocities(_) => targets,
             // The reference commands what no rotor can do: the Hummingbird's first step asks for ten times its limit.
-            ActionSpace::Published(space) => {
+            ActionSpace::Reference(space) => {
                 targets.map(|target| target.min(space.airframe.rotor_speed_limit as f32))
             }
         }
@@ -152,8 +152,8 @@ fn a_pilot_flies_every_layout_with_every_action_space() {
 #[test]
 fn only_a_controller_that_was_trained_to_persists_through_a_reset() {
     for (persistence, forgets) in [(Persistence::ResetEachEpisode, true), (Persistence::Persist, false)] {
-        let action = ActionSpace::Published(published(PublishedKind::Pid, persistence));
-        let observation = ObservationLayout::Paper(PaperLayout::of_episode(5.0));
+        let action = ActionSpace::Reference(reference(ReferenceActionKind::Pid, persistence));
+        let observation = ObservationLayout::Reference(ReferenceLayout::of_episode(5.0));
         let bytes = written(&PolicyMetadata { observation, ..metadata(&action) }, false).unwrap();
         let mut pilot = Pilot::new(PolicyFile::parse(&bytes).unwrap());
         let first = pilot.tick(&tilted(), &Vector3::zeros());
@@ -165,7 +165,7 @@ fn only_a_controller_that_was_trained_to_persists_through_a_reset() {
 #[test]
 fn lengths_that_contradict_each_other_are_refused() {
     let rotors = rotor_speeds();
-    let one = ActionSpace::Published(published(PublishedKind::OneDRpm, Persistence::Persist));
+    let one = ActionSpace::Reference(reference(ReferenceActionKind::OneDRpm, Persistence::Persist));
     let ObservationLayout::Pilot(scales) = PILOT else { unreachable!() };
     let pilot_for = |action_len| ObservationLayout::PilotFor(PilotForLayout { scales, action_len });
     let pilot_measured =
@@ -181,7 +181,7 @@ fn lengths_that_contradict_each_other_are_refused() {
         (kinematic(2, 3), &rotors, "action_len"),
         (kinematic(33, 1), &one, "past_actions"),
         (ObservationLayout::Measured(MeasuredLayout { len: 0 }), &rotors, "len"),
-        (ObservationLayout::Paper(PaperLayout::of_episode(f32::NAN)), &rotors, "planar_limit_m"),
+        (ObservationLayout::Reference(ReferenceLayout::of_episode(f32::NAN)), &rotors, "planar_limit_m"),
     ];
     for (observation, action, expected) in refused {
         let error = written(&PolicyMetadata { observation, ..metadata(action) }, false).unwrap_err();
@@ -194,8 +194,8 @@ fn lengths_that_contradict_each_other_are_refused() {
 
 #[test]
 fn the_network_writes_as_many_values_as_the_action_has() {
-    let action = ActionSpace::Published(published(PublishedKind::Tun, Persistence::Persist));
-    let observation = ObservationLayout::Paper(PaperLayout::of_episode(5.0));
+    let action = ActionSpace::Reference(reference(ReferenceActionKind::Tun, Persistence::Persist));
+    let observation = ObservationLayout::Reference(ReferenceLayout::of_episode(5.0));
     let model = Model::random(1, &[12, 4], 1.0);
     let draft = PolicyDraft {
         metadata: PolicyMetadata { observation, ..metadata(&action) },
@@ -217,17 +217,17 @@ fn airframes_that_cannot_fly_are_refused() {
         (|airframe| airframe.inertia[1] = f64::NAN, "an airframe number"),
     ];
     for (spoil, expected) in broken {
-        let mut space = published(PublishedKind::Pid, Persistence::Persist);
+        let mut space = reference(ReferenceActionKind::Pid, Persistence::Persist);
         let mut airframe = CF2X;
         spoil(&mut airframe);
         for of_controller in [false, true] {
             if of_controller {
-                space.controller = PublishedController::Dsl(airframe);
+                space.controller = ReferenceController::Dsl(airframe);
             } else {
                 space.airframe = airframe;
             }
-            let observation = ObservationLayout::Paper(PaperLayout::of_episode(5.0));
-            let metadata = PolicyMetadata { observation, ..metadata(&ActionSpace::Published(space)) };
+            let observation = ObservationLayout::Reference(ReferenceLayout::of_episode(5.0));
+            let metadata = PolicyMetadata { observation, ..metadata(&ActionSpace::Reference(space)) };
             let error = written(&metadata, false).unwrap_err();
             assert!(matches!(error, PolicyError::MetadataValue { field, .. } if field == expected), "{error}");
             space.airframe = CF2X;
@@ -258,11 +258,11 @@ fn the_references_metadata_have_not_moved() {
         collision_offset: 22.0,
         nominal_speed: 23.0,
     };
-    let action = ActionSpace::Published(PublishedActions {
-        kind: PublishedKind::Tun,
+    let action = ActionSpace::Reference(ReferenceActions {
+        kind: ReferenceActionKind::Tun,
         precision: Precision::AllSingle,
         airframe,
-        controller: PublishedController::Simple(airframe),
+        controller: ReferenceController::Simple(airframe),
         persistence: Persistence::Persist,
     });
     let found: Vec<(usize, u32)> = layouts(6)

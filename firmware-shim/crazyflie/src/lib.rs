@@ -16,7 +16,7 @@ use core::slice;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyFile;
-use kestrel_core::remote::NO_POLICY;
+use kestrel_core::processor_in_the_loop::NO_POLICY;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 

@@ -5,12 +5,12 @@
 
 use core::hint::black_box;
 
-use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, Shares};
+use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, ProximalShares};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::fixed::{OutputLearner, Scratch as FixedScratch};
+use kestrel_core::fixed::{FixedScratch, OutputLearner};
 use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::{PolicyError, PolicyFile, Scratch};
+use kestrel_core::policy_file::{PolicyError, PolicyFile, PolicyScratch};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
@@ -39,7 +39,7 @@ fn learn() -> Result<(), PolicyError> {
     let (mut memory, mut center) = ([0; OUTPUT_PARAMETERS], [0; OUTPUT_PARAMETERS]);
     let mut importance = [100; OUTPUT_PARAMETERS];
     let Some(mut learner) = OutputLearner::new(&network, &mut memory) else { return Ok(()) };
-    let shares = Shares::at(Fraction::nearest(0.05));
+    let shares = ProximalShares::at(Fraction::nearest(0.05));
     let mut scratch = FixedScratch::new();
     let features = network.features(&[0.5; 16], &mut scratch);
     for call in 0..REPETITIONS as u32 {
@@ -50,7 +50,7 @@ fn learn() -> Result<(), PolicyError> {
             if let Ok(parameters) = learner.parameters_mut().try_into() {
                 let parameters: &mut [i16; OUTPUT_PARAMETERS] = parameters;
                 let anchor = FixedAnchor { center: &mut center, importance: &mut importance };
-                anchor.pull(parameters, &shares, call);
+                anchor.proximal_step(parameters, &shares, call);
             }
         });
     }
@@ -60,7 +60,7 @@ fn learn() -> Result<(), PolicyError> {
 /// One inference.
 fn step(artifact: &Artifact) -> Result<(), PolicyError> {
     let policy = PolicyFile::parse(artifact.bytes)?;
-    let mut scratch = Scratch::new();
+    let mut scratch = PolicyScratch::new();
     let mut inputs = Inputs::new(3);
     let mut observation = [0.0; WIDTH_LIMIT];
     let observation = observation.get_mut(..policy.metadata().observation.len()).unwrap_or_default();

@@ -3,7 +3,7 @@
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, Scratch};
+use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, PolicyScratch};
 
 use crate::autopilot;
 use crate::digest::Digest;
@@ -42,7 +42,7 @@ fn check(artifact: &Artifact) -> Verdict {
 
 fn digests(artifact: &Artifact) -> Result<(), PolicyError> {
     let policy = PolicyFile::parse(artifact.bytes)?;
-    let mut scratch = Scratch::new();
+    let mut scratch = PolicyScratch::new();
     policy.self_test_with(&mut scratch)?;
     line(artifact, &policy, "golden", golden(&policy, &mut scratch));
     let mut inputs = Inputs::new(1);
@@ -71,7 +71,7 @@ fn line(artifact: &Artifact, policy: &PolicyFile<'_>, what: &str, digest: Digest
     print(&[artifact.name, " ", policy.arithmetic().name(), ": ", what, " ", digits, "\n"]);
 }
 
-fn golden(policy: &PolicyFile<'_>, scratch: &mut Scratch) -> Digest {
+fn golden(policy: &PolicyFile<'_>, scratch: &mut PolicyScratch) -> Digest {
     let mut digest = Digest::new();
     for (observation, _) in policy.golden_vectors() {
         digest.add(&policy.act(&observation, scratch));
@@ -79,7 +79,13 @@ fn golden(policy: &PolicyFile<'_>, scratch: &mut Scratch) -> Digest {
     digest
 }
 
-fn random(policy: &PolicyFile<'_>, count: u32, inputs: &mut Inputs, digest: &mut Digest, scratch: &mut Scratch) {
+fn random(
+    policy: &PolicyFile<'_>,
+    count: u32,
+    inputs: &mut Inputs,
+    digest: &mut Digest,
+    scratch: &mut PolicyScratch,
+) {
     let mut observation = [0.0; WIDTH_LIMIT];
     let observation = observation.get_mut(..policy.metadata().observation.len()).unwrap_or_default();
     for _ in 0..count {

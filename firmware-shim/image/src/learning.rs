@@ -2,8 +2,8 @@
 //! learns against one.
 
 use kestrel_core::anchor::Anchor;
-use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, Shares};
-use kestrel_core::fixed::{OutputLearner, Scratch};
+use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, ProximalShares};
+use kestrel_core::fixed::{FixedScratch, OutputLearner};
 use kestrel_core::policy_file::PolicyError;
 
 use crate::digest::Digest;
@@ -58,8 +58,8 @@ fn output_layer() -> Result<Digest, PolicyError> {
     let mut digest = Digest::new();
     let Some(mut learner) = OutputLearner::new(&network, &mut memory) else { return Ok(digest) };
     let mut inputs = Inputs::new(5);
-    let mut scratch = Scratch::new();
-    let shares = Shares::at(Fraction::nearest(RATE));
+    let mut scratch = FixedScratch::new();
+    let shares = ProximalShares::at(Fraction::nearest(RATE));
     for task in 0..TASKS {
         let mut anchor = FixedAnchor { center: &mut center, importance: &mut importance };
         for step in 0..STEPS {
@@ -70,7 +70,7 @@ fn output_layer() -> Result<Digest, PolicyError> {
             digest.add(&learner.learn(features, &target, Fraction::nearest(0.5)));
             if let Ok(parameters) = learner.parameters_mut().try_into() {
                 let parameters: &mut [i16; OUTPUT_PARAMETERS] = parameters;
-                anchor.pull(parameters, &shares, task * STEPS + step);
+                anchor.proximal_step(parameters, &shares, task * STEPS + step);
             }
         }
         for curvature in &mut curvature {
@@ -93,14 +93,14 @@ fn fixed() -> Digest {
     let (mut parameters, mut curvature) = ([0_i16; PARAMETERS], [0_u8; PARAMETERS]);
     let mut inputs = Inputs::new(3);
     let mut digest = Digest::new();
-    let shares = Shares::at(Fraction::nearest(RATE));
+    let shares = ProximalShares::at(Fraction::nearest(RATE));
     for task in 0..TASKS {
         let mut anchor = FixedAnchor { center: &mut center, importance: &mut importance };
         for step in 0..STEPS {
             for parameter in &mut parameters {
                 *parameter = parameter.saturating_add((inputs.bits() % 512) as i16 - 256);
             }
-            anchor.pull(&mut parameters, &shares, task * STEPS + step);
+            anchor.proximal_step(&mut parameters, &shares, task * STEPS + step);
         }
         for curvature in &mut curvature {
             *curvature = inputs.bits() as u8;
@@ -129,7 +129,7 @@ fn float() -> Digest {
             for (parameter, value) in parameters.iter_mut().zip(&values) {
                 *parameter += 0.01 * value;
             }
-            anchor.pull(&mut parameters, RATE);
+            anchor.proximal_step(&mut parameters, RATE);
         }
         inputs.fill_usual(&mut values);
         for value in &mut values {

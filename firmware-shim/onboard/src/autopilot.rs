@@ -204,7 +204,9 @@ fn leash_m(layout: &ObservationLayout) -> f32 {
         | ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, .. }) => {
             LEASH_M.min(scales.position_scale_m)
         }
-        ObservationLayout::Paper(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => LEASH_M,
+        ObservationLayout::Reference(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
+            LEASH_M
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::observation::{
-    OBSERVATION_LIMIT, ObservationLayout, PAPER_LEN, PILOT_LEN, PaperLayout, PilotLayout, Seen,
+    OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PILOT_LEN, PilotLayout, REFERENCE_LEN, ReferenceLayout,
 };
 use kestrel_core::real::Real;
 use nalgebra::Vector3;
@@ -21,7 +21,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         let scenario = stage.scenario;
         match &scenario.observation {
             ObservationLayout::Pilot(layout) => self.observe_as_pilot(*layout),
-            ObservationLayout::Paper(layout) => self.observe_as_paper(scenario, *layout),
+            ObservationLayout::Reference(layout) => self.observe_as_paper(scenario, *layout),
             ObservationLayout::PilotFor(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
                 for lane in 0..LANES {
                     self.sense_lane(scenario, stage.arena, lane);
@@ -63,8 +63,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     }
 
     #[inline(always)]
-    fn observe_as_paper(&mut self, scenario: &Scenario, layout: PaperLayout) {
-        let Some((columns, _)) = self.observations.split_first_chunk_mut::<PAPER_LEN>() else { return };
+    fn observe_as_paper(&mut self, scenario: &Scenario, layout: ReferenceLayout) {
+        let Some((columns, _)) = self.observations.split_first_chunk_mut::<REFERENCE_LEN>() else { return };
         let (swarm, goal) = (&self.swarm, &self.goal);
         // Matched here rather than in the loop, which then has no branch and vectorises.
         match scenario.physics.preset {
@@ -85,7 +85,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             *value = column[lane];
         }
         let state = self.swarm.state(lane);
-        let seen = Seen {
+        let seen = ObservationInput {
             state: &state,
             angular_velocity_in_world: self.angular_velocity(scenario, lane),
             goal: &vector(&self.goal, lane),
@@ -168,15 +168,15 @@ fn turning<const LANES: usize, R: Real>(swarm: &Swarm<LANES, R>, lane: usize) ->
 /// Encodes every lane in the `paper` layout.
 #[inline(always)]
 fn encode_lanes<const LANES: usize, R: Real>(
-    columns: &mut [Column<LANES, R>; PAPER_LEN],
-    layout: PaperLayout,
+    columns: &mut [Column<LANES, R>; REFERENCE_LEN],
+    layout: ReferenceLayout,
     swarm: &Swarm<LANES, R>,
     goal: &[Column<LANES, R>; 3],
     turning: impl Fn(&Swarm<LANES, R>, usize) -> Vector3<R>,
 ) {
     for lane in 0..LANES {
         let (state, goal) = (swarm.state(lane), vector(goal, lane));
-        let seen = Seen {
+        let seen = ObservationInput {
             state: &state,
             angular_velocity_in_world: turning(swarm, lane),
             goal: &goal,

@@ -1,8 +1,8 @@
 //! How time advances.
 
 use kestrel_core::bullet::{
-    AttitudeUpdate, DownwashAxis, DragFrame, DragRotors, DynAttitude, DynLevers, DynReport, GroundQuery,
-    LinkAttitude, Mode, Quirks, RotorPrecision,
+    AttitudeUpdate, BulletMode, DownwashAxis, DragFrame, DragRotors, DynAttitude, DynLevers, DynReport,
+    GroundQuery, LinkAttitude, Quirks, RotorPrecision,
 };
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::vehicle::Ground;
@@ -226,7 +226,7 @@ impl PhysicsConfig {
     pub(crate) fn settle_contacts(&self, physics: &mut Physics, terminations: &[EndRule]) {
         let ends = |rule: &EndRule| matches!(rule.rule, Termination::Collision { allowed: None });
         let rests = |rule: &EndRule| matches!(rule.rule, Termination::Rest { .. });
-        if matches!(physics.preset, Preset::Bullet { mode: Mode::Dyn, .. }) {
+        if matches!(physics.preset, Preset::Bullet { mode: BulletMode::Dyn, .. }) {
             physics.contacts = Contacts::Absent;
         } else if self.contacts.is_none() && terminations.iter().any(ends) && !terminations.iter().any(rests) {
             physics.contacts = Contacts::Reported;
@@ -280,14 +280,14 @@ impl BulletConfig {
 }
 
 impl ModeConfig {
-    fn check(self) -> Mode {
+    fn check(self) -> BulletMode {
         match self {
-            Self::Pyb => Mode::Pyb,
-            Self::PybGnd => Mode::PybGnd,
-            Self::PybDrag => Mode::PybDrag,
-            Self::PybDw => Mode::PybDw,
-            Self::PybGndDragDw => Mode::PybGndDragDw,
-            Self::Dyn => Mode::Dyn,
+            Self::Pyb => BulletMode::Pyb,
+            Self::PybGnd => BulletMode::PybGnd,
+            Self::PybDrag => BulletMode::PybDrag,
+            Self::PybDw => BulletMode::PybDw,
+            Self::PybGndDragDw => BulletMode::PybGndDragDw,
+            Self::Dyn => BulletMode::Dyn,
         }
     }
 }

@@ -5,8 +5,8 @@ mod published;
 use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{
-    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN, PaperLayout,
-    PilotForLayout, PilotLayout, PilotMeasuredLayout,
+    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN,
+    PilotForLayout, PilotLayout, PilotMeasuredLayout, ReferenceLayout,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -205,7 +205,7 @@ impl ActionConfig {
                 config.check(airframe, &field.at("thrust_body_rates")).map(ActionSpace::ThrustBodyRates)
             }
             Self::Velocity(config) => config.check(airframe, &field.at("velocity")).map(ActionSpace::Velocities),
-            Self::Published(config) => Ok(ActionSpace::Published(config.check(airframe))),
+            Self::Published(config) => Ok(ActionSpace::Reference(config.check(airframe))),
         }
     }
 }
@@ -252,7 +252,7 @@ impl ObservationConfig {
             Self::Pilot(config) => config.check(&field.at("pilot")).map(|scales| pilot_layout(scales, action_len)),
             Self::Paper(config) => {
                 let secs = field.at("paper").at("episode_secs").number(config.episode_secs, &EPISODE_LIMITS)?;
-                Ok(ObservationLayout::Paper(PaperLayout::of_episode(secs)))
+                Ok(ObservationLayout::Reference(ReferenceLayout::of_episode(secs)))
             }
             Self::Kinematic(config) => {
                 config.check(action_len, &field.at("kinematic")).map(ObservationLayout::Kinematic)

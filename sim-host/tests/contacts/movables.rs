@@ -1,7 +1,7 @@
 //! Boxes that a drone can push, in both physics.
 
 use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
-use kestrel_core::bullet::Mode;
+use kestrel_core::bullet::BulletMode;
 use kestrel_sim::contact::{ContactReport, Touch};
 use kestrel_sim::world::{Movable, Solid, World};
 use nalgebra::Vector3;
@@ -27,7 +27,7 @@ fn gate() -> World {
 fn the_gate_stands_by_itself_and_falls_when_hit() {
     for report in [ContactReport::Touch, ContactReport::Bullet] {
         let far = level([0.0, 3.0, 1.0], [0.0; 3]);
-        let mut flight = Flight::new(&gate(), &HUMMINGBIRD, Mode::Pyb, report, vec![far]);
+        let mut flight = Flight::new(&gate(), &HUMMINGBIRD, BulletMode::Pyb, report, vec![far]);
         let hover = [HUMMINGBIRD.hover_rotor_speed(); 4];
         for _ in 0..720 {
             flight.step(&hover);
@@ -59,7 +59,7 @@ fn a_box_in_mid_air_falls_and_falls_asleep() {
     for report in [ContactReport::Touch, ContactReport::Bullet] {
         let world = World { movables: vec![movable("box", [0.0, 0.0, 0.2], [0.1; 3], 0.2)], ..World::empty() };
         let far = level([0.0, 3.0, 1.0], [0.0; 3]);
-        let mut flight = Flight::new(&world, &CF2X, Mode::Pyb, report, vec![far]);
+        let mut flight = Flight::new(&world, &CF2X, BulletMode::Pyb, report, vec![far]);
         for _ in 0..480 {
             flight.step(&[CF2X.hover_rotor_speed(); 4]);
         }
@@ -75,7 +75,7 @@ fn a_drone_pushes_a_box_and_is_slowed_by_it() {
     for report in [ContactReport::Touch, ContactReport::Bullet] {
         let world = World { movables: vec![movable("box", [0.4, 0.0, 0.05], [0.1; 3], 0.05)], ..World::empty() };
         let start = vec![level([0.0, 0.0, 0.06], [1.5, 0.0, 0.0])];
-        let mut flight = Flight::new(&world, &CF2X, Mode::Pyb, report, start);
+        let mut flight = Flight::new(&world, &CF2X, BulletMode::Pyb, report, start);
         for _ in 0..240 {
             flight.step(&[CF2X.hover_rotor_speed(); 4]);
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use kestrel_core::airframe::{Airframe, CF2P, CF2X, RADIANS_PER_SECOND_PER_RPM, RotorOrder};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{BulletState, Mode};
+use kestrel_core::bullet::{BulletMode, BulletState};
 use kestrel_core::vehicle::State;
 use kestrel_sim::contact::{Arena, ContactReport};
 use kestrel_sim::world::{Pose, Shape, Solid, World};
@@ -95,15 +95,15 @@ fn world(case: &Value) -> World {
     World { solids: case["boxes"].as_array().unwrap().iter().map(solid).collect(), ..World::empty() }
 }
 
-fn settings(case: &Value) -> (Airframe, Mode) {
+fn settings(case: &Value) -> (Airframe, BulletMode) {
     let airframe = match case["model"].as_str().unwrap() {
         "cf2x" => CF2X,
         "cf2p" => CF2P.numbered(RotorOrder::CounterClockwise),
         other => panic!("unknown model {other}"),
     };
     let mode = match case["physics"].as_str().unwrap() {
-        "pyb" => Mode::Pyb,
-        "pyb_gnd_drag_dw" => Mode::PybGndDragDw,
+        "pyb" => BulletMode::Pyb,
+        "pyb_gnd_drag_dw" => BulletMode::PybGndDragDw,
         other => panic!("unknown physics {other}"),
     };
     (airframe, mode)
@@ -215,7 +215,7 @@ fn the_forks_drone_lands_as_recorded() {
     };
     let start = vec![BulletState::placed(motion(&logged[0]))];
     let airframe = CF2X.numbered(RotorOrder::CounterClockwise);
-    let mut flight = Flight::new(&World::empty(), &airframe, Mode::Pyb, ContactReport::Bullet, start);
+    let mut flight = Flight::new(&World::empty(), &airframe, BulletMode::Pyb, ContactReport::Bullet, start);
     let mut worst = 0.0_f64;
     for (index, row) in logged[1..].iter().enumerate() {
         let speeds = numbers(&recording["rpm"][index]).map(|rpm: f64| rpm * RADIANS_PER_SECOND_PER_RPM);

@@ -4,7 +4,7 @@ use core::f64::consts::FRAC_PI_2;
 
 use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::Mode;
+use kestrel_core::bullet::BulletMode;
 use kestrel_sim::contact::{ContactReport, Touch};
 use kestrel_sim::world::{Solid, World};
 use nalgebra::Vector3;
@@ -25,7 +25,7 @@ fn wall() -> World {
 fn a_dropped_drone_comes_to_rest_on_its_skin() {
     for report in BOTH {
         let start = vec![level([0.0, 0.0, 0.3], [0.0; 3])];
-        let mut flight = Flight::new(&World::empty(), &CF2X, Mode::Pyb, report, start);
+        let mut flight = Flight::new(&World::empty(), &CF2X, BulletMode::Pyb, report, start);
         for _ in 0..480 {
             flight.step(&[0.0; 4]);
         }
@@ -40,7 +40,7 @@ fn a_dropped_drone_comes_to_rest_on_its_skin() {
 fn a_resting_drone_neither_creeps_nor_heats_up() {
     for report in BOTH {
         let start = vec![level([0.2, -0.1, REST_HEIGHT], [0.0; 3])];
-        let mut flight = Flight::new(&World::empty(), &CF2X, Mode::Pyb, report, start);
+        let mut flight = Flight::new(&World::empty(), &CF2X, BulletMode::Pyb, report, start);
         let mut fastest = 0.0_f64;
         for step in 0..2400 {
             // Half the weight and some yaw torque.
@@ -62,7 +62,7 @@ fn a_resting_drone_neither_creeps_nor_heats_up() {
 fn a_drone_with_its_centre_of_mass_on_top_rests_too() {
     for report in BOTH {
         let start = vec![level([0.0, 0.0, 0.3], [0.0; 3])];
-        let mut flight = Flight::new(&World::empty(), &HUMMINGBIRD, Mode::Pyb, report, start);
+        let mut flight = Flight::new(&World::empty(), &HUMMINGBIRD, BulletMode::Pyb, report, start);
         for _ in 0..480 {
             flight.step(&[0.0; 4]);
         }
@@ -76,7 +76,7 @@ fn a_drone_slides_along_a_wall_and_stays_outside() {
         let mut start = level([0.8, 0.0, 2.0], [0.0, 0.5, 0.0]);
         start.motion.world_from_body = Attitude::from_axis_angle(Vector3::y(), 0.2);
         start.link_attitude = start.motion.world_from_body;
-        let mut flight = Flight::new(&wall(), &CF2X, Mode::Pyb, report, vec![start]);
+        let mut flight = Flight::new(&wall(), &CF2X, BulletMode::Pyb, report, vec![start]);
         let speed = CF2X.hover_rotor_speed() / 0.2_f64.cos().sqrt();
         let mut farthest = 0.0_f64;
         let mut touched = false;
@@ -96,7 +96,7 @@ fn a_fast_drone_does_not_pass_a_thin_wall() {
     let world = World { solids: vec![sheet], ..World::empty() };
     for report in BOTH {
         let start = vec![level([0.5, 0.0, 2.0], [8.0, 0.0, 0.0])];
-        let mut flight = Flight::new(&world, &CF2X, Mode::Pyb, report, start);
+        let mut flight = Flight::new(&world, &CF2X, BulletMode::Pyb, report, start);
         for _ in 0..120 {
             flight.step(&[CF2X.hover_rotor_speed(); 4]);
         }
@@ -108,7 +108,7 @@ fn a_fast_drone_does_not_pass_a_thin_wall() {
 fn drones_that_meet_share_their_momentum() {
     for report in BOTH {
         let start = vec![level([-0.2, 0.0, 2.0], [1.0, 0.0, 0.0]), level([0.2, 0.0, 2.0], [-0.5, 0.0, 0.0])];
-        let mut flight = Flight::new(&World::empty(), &CF2X, Mode::Pyb, report, start);
+        let mut flight = Flight::new(&World::empty(), &CF2X, BulletMode::Pyb, report, start);
         let mut met = false;
         for _ in 0..60 {
             flight.step(&[CF2X.hover_rotor_speed(); 4]);
@@ -134,7 +134,7 @@ fn the_same_fall_has_the_same_bits() {
             let mut start = level([0.93, 0.1, 0.4], [0.7, 0.2, -1.0]);
             start.motion.world_from_body = Attitude::from_axis_angle(Vector3::new(0.6, 0.0, 0.8), FRAC_PI_2);
             start.motion.body_rates = Vector3::new(3.0, -5.0, 2.0);
-            let mut flight = Flight::new(&wall(), &CF2X, Mode::Pyb, report, vec![start]);
+            let mut flight = Flight::new(&wall(), &CF2X, BulletMode::Pyb, report, vec![start]);
             let mut bits = Vec::new();
             for _ in 0..480 {
                 flight.step(&[0.5 * CF2X.hover_rotor_speed(); 4]);

@@ -25,11 +25,11 @@ fn over_time(states: &[BulletState<f64>], quantity: impl Fn(&BulletState<f64>) -
 fn damping() -> [Panel; 2] {
     let clean = Quirks { damping: 0.0, ..Quirks::upstream() };
     let falling = |quirks, steps| {
-        let bullet = Bullet::new(&CF2X, Mode::Pyb, quirks);
+        let bullet = Bullet::new(&CF2X, BulletMode::Pyb, quirks);
         over_time(&flight(&bullet, hovering(0.0), None, steps, |_| [0.0; 4]), |drone| -drone.motion.velocity.z)
     };
     let turning = |quirks| {
-        let bullet = Bullet::new(&CF2X, Mode::Pyb, quirks);
+        let bullet = Bullet::new(&CF2X, BulletMode::Pyb, quirks);
         let start = State { body_rates: Vector3::new(0.0, 0.0, 20.0), ..hovering(0.0) };
         over_time(&flight(&bullet, start, None, 480, |_| [0.0; 4]), |drone| drone.motion.body_rates.z)
     };
@@ -55,7 +55,7 @@ fn damping() -> [Panel; 2] {
 
 /// A flight with random rotor speeds of hover ± `fraction`.
 fn rough_flight(link_attitude: LinkAttitude, fraction: f64) -> Vec<BulletState<f64>> {
-    let bullet = Bullet::new(&CF2X, Mode::Pyb, Quirks { link_attitude, ..Quirks::upstream() });
+    let bullet = Bullet::new(&CF2X, BulletMode::Pyb, Quirks { link_attitude, ..Quirks::upstream() });
     flight(&bullet, hovering(0.0), None, FLIGHT_SECS * STEPS_PER_SECOND, |step| rough(step, fraction))
 }
 
@@ -96,7 +96,7 @@ fn deceleration(frame: DragFrame, world_from_body: Attitude<f64>) -> f64 {
         let states = flight(&Bullet::new(&CF2X, mode, quirks), start, None, 1, |_| [CF2X.hover_rotor_speed(); 4]);
         states[1].motion.velocity.x
     };
-    (after(Mode::Pyb) - after(Mode::PybDrag)) / STEP_SECS
+    (after(BulletMode::Pyb) - after(BulletMode::PybDrag)) / STEP_SECS
 }
 
 fn drag_frame() -> [Panel; 2] {
@@ -148,7 +148,7 @@ fn euler_integration() -> [Panel; 2] {
         ..hovering(0.0)
     };
     let fly = |quirks| {
-        flight(&Bullet::new(&CF2X, Mode::Dyn, quirks), start, None, 480, |_| [CF2X.hover_rotor_speed(); 4])
+        flight(&Bullet::new(&CF2X, BulletMode::Dyn, quirks), start, None, 480, |_| [CF2X.hover_rotor_speed(); 4])
     };
     let path = |quirks| {
         let places = fly(quirks);

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::Duration;
 
-use kestrel_core::eye::Volume;
+use kestrel_core::encoder::Volume;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 
 use super::{Figure, best_rate};

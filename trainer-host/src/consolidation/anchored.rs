@@ -172,7 +172,11 @@ impl Anchored {
                 }
             }
             Importance::Diagonal(importance) => {
-                Anchor { center: &mut self.center, importance }.add_gradient(parameters, self.strength, gradient);
+                Anchor { center: &mut self.center, importance }.add_penalty_gradient(
+                    parameters,
+                    self.strength,
+                    gradient,
+                );
             }
             Importance::Kronecker(layers) => {
                 let force = layers.times(&displacement(parameters, &self.center));
@@ -198,7 +202,7 @@ impl Anchored {
                 }
             }
             Importance::Diagonal(importance) => {
-                Anchor { center: &mut self.center, importance }.pull(parameters, rate);
+                Anchor { center: &mut self.center, importance }.proximal_step(parameters, rate);
             }
             Importance::Kronecker(_) => unreachable!("its settings couple it by the gradient"),
         }
@@ -244,7 +248,7 @@ impl Anchored {
                     GradientTerm::Balance => anchor.consolidate_at(parameters, &curvature, decay),
                     GradientTerm::Absent | GradientTerm::Measured => {
                         anchor.consolidate(parameters, &curvature, decay);
-                        anchor.lean(&lean);
+                        anchor.newton_step(&lean);
                     }
                 }
                 newest

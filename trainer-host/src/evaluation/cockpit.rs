@@ -2,7 +2,7 @@
 
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::observation::OBSERVATION_LIMIT;
-use kestrel_core::policy_file::{Scratch, SeeingPolicy};
+use kestrel_core::policy_file::{PolicyScratch, VisionPolicy};
 use kestrel_core::real::Real;
 use kestrel_sim::outcome::Outcome;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
@@ -86,7 +86,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
     fn act_one_by_one(&mut self, policy: &Policy<'_>, images: &[u8]) {
         let rows = self.scripted.len();
         let len = self.observations.len() / rows;
-        let mut scratch = Scratch::new();
+        let mut scratch = PolicyScratch::new();
         let mut observation = [0.0; OBSERVATION_LIMIT];
         for row in 0..rows {
             for (value, column) in observation.iter_mut().zip(self.observations.chunks_exact(rows)) {
@@ -131,21 +131,21 @@ struct Onlooker {
 }
 
 impl Onlooker {
-    fn of(policy: &SeeingPolicy<'_>) -> Self {
+    fn of(policy: &VisionPolicy<'_>) -> Self {
         Self { memory: Memory::of(policy), image: Vec::new() }
     }
 
     /// Looks at the image if it is another one, and acts.
     fn act(
         &mut self,
-        policy: &SeeingPolicy<'_>,
+        policy: &VisionPolicy<'_>,
         image: &[u8],
         observation: &[f32],
-        scratch: &mut Scratch,
+        scratch: &mut PolicyScratch,
     ) -> [f32; ACTION_LIMIT] {
         let mut memory = self.memory.borrowed();
         if self.image != image {
-            policy.see(image, &mut memory).expect("a policy flies with the camera that it was trained with");
+            policy.encode(image, &mut memory).expect("a policy flies with the camera that it was trained with");
             image.clone_into(&mut self.image);
         }
         policy.act(observation, &mut memory, scratch).expect("its memory is its own")

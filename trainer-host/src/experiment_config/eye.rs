@@ -1,6 +1,6 @@
 //! How a policy with a camera looks at its images.
 
-use kestrel_core::eye::Convolution;
+use kestrel_core::encoder::Convolution;
 use kestrel_sim::camera::OnboardCamera;
 use kestrel_sim::config::{ConfigError, Field};
 use schemars::JsonSchema;

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::ops::Add;
 
-use kestrel_core::eye::{EyeShape, Stage};
+use kestrel_core::encoder::{EncoderShape, EncoderStage};
 use kestrel_core::policy_file::Arithmetic;
 use serde::{Deserialize, Serialize};
 
@@ -49,13 +49,13 @@ const FIXED_PRODUCT: Cycles = Cycles { least: 2.4, most: 3.0 };
 
 impl Cycles {
     /// Of one image.
-    pub fn of_eye(shape: &EyeShape, arithmetic: Arithmetic) -> Self {
+    pub fn of_eye(shape: &EncoderShape, arithmetic: Arithmetic) -> Self {
         let costs = match arithmetic {
             Arithmetic::Float32 => FLOAT,
             Arithmetic::Fixed16 => FIXED_EYE,
         };
         let dense_stage = shape.stages().len() - 1;
-        let stage = |(index, stage): (usize, &Stage)| {
+        let stage = |(index, stage): (usize, &EncoderStage)| {
             let places = stage.output.len() / stage.filters();
             let gathered = if index < dense_stage { places * stage.terms() } else { 0 };
             let products = costs.product.times(stage.multiply_accumulates());

@@ -2,11 +2,11 @@
 
 mod report;
 
-use kestrel_core::eye::{EyeError, EyeFormat, EyeShape, STAGE_LIMIT};
+use kestrel_core::encoder::{EncoderError, EncoderFormat, EncoderShape, STAGE_LIMIT};
 use kestrel_core::fixed::FixedFormat;
 use kestrel_core::policy_file::{
-    EyeDraft, EyeMemory, ParameterFormat, PolicyDraft, PolicyError, PolicyEye, PolicyMetadata, Scratch,
-    SeeingDraft, SeeingPolicy,
+    EncoderDraft, EncoderWorkspace, ParameterFormat, PolicyDraft, PolicyEncoder, PolicyError, PolicyMetadata,
+    PolicyScratch, VisionDraft, VisionPolicy,
 };
 
 pub use report::{EyeReport, SeeingReport, StageReport};
@@ -23,10 +23,10 @@ const FEATURE_HEADROOM: f32 = 2.0;
 #[derive(Clone, Copy, Debug)]
 pub struct SeeingActor<'a> {
     /// What it looks at and what it makes of it.
-    pub shape: EyeShape,
+    pub shape: EncoderShape,
     /// Of the eye: for each convolution the weights `[filters][kernel row][kernel column][channel]`, then the biases
     /// `[filters]`; of the dense layer `[features][flattened]` and `[features]`.
-    pub eye_parameters: &'a [f32],
+    pub encoder_parameters: &'a [f32],
     /// Tangents between them; the first reads the observation, then the features.
     pub layers: &'a [DenseLayer<'a>],
     /// Control periods from one image to the next.
@@ -69,19 +69,19 @@ pub fn export_seeing(
             golden_observations(calibration.observations, metadata.observation.len(), GOLDEN_VECTORS);
         let images = golden_images(calibration.images, samples, actor.shape.image().len());
         let (layers, golden_observations) = (actor.layers, observations.as_slice());
-        written(&SeeingDraft {
+        written(&VisionDraft {
             policy: PolicyDraft { metadata: *metadata, parameters, layers, golden_observations },
-            eye: EyeDraft {
+            encoder: EncoderDraft {
                 shape: actor.shape,
-                parameters: actor.eye_parameters,
+                parameters: actor.encoder_parameters,
                 format,
                 control_periods_per_image: actor.control_periods_per_image,
                 golden_images: &images,
             },
         })
     };
-    let float_policy = write(ParameterFormat::Float32, EyeFormat::default())?;
-    let largest = largest_activations(&SeeingPolicy::parse(&float_policy)?, calibration.images)?;
+    let float_policy = write(ParameterFormat::Float32, EncoderFormat::default())?;
+    let largest = largest_activations(&VisionPolicy::parse(&float_policy)?, calibration.images)?;
     let (format, eye_format) = formats(actor, largest_magnitude(calibration.observations), &largest)?;
     let fixed_policy = write(ParameterFormat::Fixed16(format), eye_format)?;
     let report = report::measured(actor, (&float_policy, &fixed_policy), &eye_format, calibration)?;
@@ -114,36 +114,36 @@ fn formats(
     actor: &SeeingActor<'_>,
     largest_observation: f32,
     largest: &[f32; STAGE_LIMIT],
-) -> Result<(FixedFormat, EyeFormat), PolicyError> {
+) -> Result<(FixedFormat, EncoderFormat), PolicyError> {
     let dense_stage = actor.shape.stages().len() - 1;
     let mut reach = largest_observation.max(FEATURE_HEADROOM * largest[dense_stage]);
     loop {
         let format = FixedFormat::finest(actor.layers, reach)?;
         let bits = format.input_fraction_bits;
-        match EyeFormat::calibrated(&actor.shape, actor.eye_parameters, largest, bits) {
+        match EncoderFormat::calibrated(&actor.shape, actor.encoder_parameters, largest, bits) {
             // Finer than what the eye computes: a range twice as wide asks for a bit less.
-            Err(EyeError::FeatureFractionBits { found }) if found > 0 => reach = reach.max(1.0) * 2.0,
+            Err(EncoderError::FeatureFractionBits { found }) if found > 0 => reach = reach.max(1.0) * 2.0,
             result => return Ok((format, result?)),
         }
     }
 }
 
-fn written(draft: &SeeingDraft<'_>) -> Result<Vec<u8>, PolicyError> {
+fn written(draft: &VisionDraft<'_>) -> Result<Vec<u8>, PolicyError> {
     let mut bytes = vec![0; draft.file_len()?];
     let mut memory = Memory::new(draft.policy.parameters, draft.memory_len());
     draft.write(&mut bytes, &mut memory.borrowed())?;
-    SeeingPolicy::parse(&bytes)?.self_test_with(&mut memory.borrowed(), &mut Scratch::new())?;
+    VisionPolicy::parse(&bytes)?.self_test_with(&mut memory.borrowed(), &mut PolicyScratch::new())?;
     Ok(bytes)
 }
 
 /// The largest activation behind each stage of a float policy.
-fn largest_activations(policy: &SeeingPolicy<'_>, images: &[u8]) -> Result<[f32; STAGE_LIMIT], PolicyError> {
-    let PolicyEye::Float32(eye) = policy.eye() else { unreachable!("the policy was written in float") };
+fn largest_activations(policy: &VisionPolicy<'_>, images: &[u8]) -> Result<[f32; STAGE_LIMIT], PolicyError> {
+    let PolicyEncoder::Float32(eye) = policy.encoder() else { unreachable!("the policy was written in float") };
     let shape = eye.shape();
     let (mut scratch, mut features) = (vec![0.0; shape.scratch_len()], vec![0.0; shape.features()]);
     let mut largest = [0.0; STAGE_LIMIT];
     for image in images.chunks_exact(shape.image().len()) {
-        eye.see_each(image, &mut scratch, &mut features, |stage, activations| {
+        eye.encode_each(image, &mut scratch, &mut features, |stage, activations| {
             largest[stage] = activations.iter().copied().fold(largest[stage], f32::max);
         })?;
     }
@@ -169,15 +169,15 @@ impl Memory {
     }
 
     /// Of a policy.
-    pub fn of(policy: &SeeingPolicy<'_>) -> Self {
+    pub fn of(policy: &VisionPolicy<'_>) -> Self {
         Self::new(policy.parameter_format(), policy.memory_len())
     }
 
     /// As the core takes it.
-    pub fn borrowed(&mut self) -> EyeMemory<'_> {
+    pub fn borrowed(&mut self) -> EncoderWorkspace<'_> {
         match self {
-            Self::Float32(values) => EyeMemory::Float32(values),
-            Self::Fixed16(values) => EyeMemory::Fixed16(values),
+            Self::Float32(values) => EncoderWorkspace::Float32(values),
+            Self::Fixed16(values) => EncoderWorkspace::Fixed16(values),
         }
     }
 }

@@ -12,7 +12,7 @@ mod transposition;
 mod weights;
 mod workspace;
 
-use kestrel_core::eye::{Convolution, EyeError, EyeShape, Stage, Volume};
+use kestrel_core::encoder::{Convolution, EncoderError, EncoderShape, EncoderStage, Volume};
 use kestrel_sim::seed::Stream;
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +32,7 @@ const GREY: f32 = 0.5;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Saved", into = "Saved")]
 pub struct Eye {
-    shape: EyeShape,
+    shape: EncoderShape,
     /// The convolutions, then the dense layer.
     layers: Vec<Layer>,
 }
@@ -48,11 +48,11 @@ struct Saved {
 
 impl Eye {
     /// Of a shape.
-    pub fn new(shape: EyeShape) -> Self {
+    pub fn new(shape: EncoderShape) -> Self {
         let Volume { rows, columns, channels } = shape.image();
         let [rows, columns, channels] = [rows, columns, channels].map(usize::from);
         let mut grid = Grid { rows, columns, channels, stored: channels };
-        let layer = |stage: &Stage| {
+        let layer = |stage: &EncoderStage| {
             let kernel = (usize::from(stage.kernel_rows), usize::from(stage.kernel_columns));
             let layer = Layer::new(grid, kernel, usize::from(stage.stride), stage.filters());
             grid = layer.output;
@@ -66,9 +66,9 @@ impl Eye {
     ///
     /// # Errors
     /// When the image is empty, too large or smaller than 36 x 36 pixels.
-    pub fn nature(image: Volume, features: u16) -> Result<Self, EyeError> {
+    pub fn nature(image: Volume, features: u16) -> Result<Self, EncoderError> {
         let convolutions = [(32, 8, 4), (64, 4, 2), (64, 3, 1)].map(convolution);
-        EyeShape::new(image, &convolutions, features).map(Self::new)
+        EncoderShape::new(image, &convolutions, features).map(Self::new)
     }
 
     /// The convolutions of Mnih et al. 2013, which two cores can train, and 64 features for the layers behind them; an
@@ -77,13 +77,13 @@ impl Eye {
     ///
     /// # Errors
     /// When the image is empty, too large or smaller than 10 x 10 pixels.
-    pub fn small(image: Volume) -> Result<Self, EyeError> {
+    pub fn small(image: Volume) -> Result<Self, EncoderError> {
         let first = if image.rows.min(image.columns) < 40 { (16, 4, 2) } else { (16, 8, 4) };
-        EyeShape::new(image, &[first, (32, 4, 2)].map(convolution), 64).map(Self::new)
+        EncoderShape::new(image, &[first, (32, 4, 2)].map(convolution), 64).map(Self::new)
     }
 
     /// The image, the convolutions and the number of features.
-    pub fn shape(&self) -> &EyeShape {
+    pub fn shape(&self) -> &EncoderShape {
         &self.shape
     }
 
@@ -150,10 +150,10 @@ fn convolution((filters, kernel, stride): (u16, u16, u16)) -> Convolution {
 }
 
 impl TryFrom<Saved> for Eye {
-    type Error = EyeError;
+    type Error = EncoderError;
 
-    fn try_from(Saved { image, convolutions, features }: Saved) -> Result<Self, EyeError> {
-        EyeShape::new(image, &convolutions, features).map(Self::new)
+    fn try_from(Saved { image, convolutions, features }: Saved) -> Result<Self, EncoderError> {
+        EncoderShape::new(image, &convolutions, features).map(Self::new)
     }
 }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use kestrel_core::eye::{Convolution, EyeError, EyeShape, Volume};
+use kestrel_core::encoder::{Convolution, EncoderError, EncoderShape, Volume};
 use kestrel_sim::camera::OnboardCamera;
 
 use crate::network::eye::Eye;
@@ -112,12 +112,14 @@ impl EyeKind {
     ///
     /// # Errors
     /// When they are too small or too large for it.
-    pub fn eye(&self, camera: &OnboardCamera) -> Result<Eye, EyeError> {
+    pub fn eye(&self, camera: &OnboardCamera) -> Result<Eye, EncoderError> {
         let image = image_of(camera);
         match self {
             Self::Small => Eye::small(image),
             Self::Nature { features } => Eye::nature(image, *features),
-            Self::Custom { convolutions, features } => EyeShape::new(image, convolutions, *features).map(Eye::new),
+            Self::Custom { convolutions, features } => {
+                EncoderShape::new(image, convolutions, *features).map(Eye::new)
+            }
         }
     }
 }

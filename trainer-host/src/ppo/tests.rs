@@ -13,13 +13,15 @@ use crate::policy::Policy;
 use crate::rollout::{PANEL, Tile};
 use crate::schedule::Schedule;
 use kestrel_core::action::{
-    ActionSpace, Persistence, PublishedActions, PublishedController, PublishedKind, RotorSpeeds,
+    ActionSpace, Persistence, ReferenceActionKind, ReferenceActions, ReferenceController, RotorSpeeds,
 };
 use kestrel_core::airframe::CF2X;
 use kestrel_core::controller::command::Precision;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::mlp::DenseLayer;
-use kestrel_core::observation::{KinematicLayout, ObservationLayout, PaperLayout, PilotForLayout, PilotLayout};
+use kestrel_core::observation::{
+    KinematicLayout, ObservationLayout, PilotForLayout, PilotLayout, ReferenceLayout,
+};
 use kestrel_core::policy_file::PolicyMetadata;
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
@@ -425,12 +427,12 @@ fn the_logged_losses_are_those_of_the_reference() {
 }
 
 /// The hover task with one of the reference's actions.
-fn published(kind: PublishedKind, observation: ObservationLayout) -> Scenario {
-    let action = ActionSpace::Published(PublishedActions {
+fn published(kind: ReferenceActionKind, observation: ObservationLayout) -> Scenario {
+    let action = ActionSpace::Reference(ReferenceActions {
         kind,
         precision: Precision::Exact,
         airframe: CF2X,
-        controller: PublishedController::Dsl(CF2X),
+        controller: ReferenceController::Dsl(CF2X),
         persistence: Persistence::ResetEachEpisode,
     });
     Scenario { action, observation, ..scenario(CriticView::Observation) }
@@ -440,10 +442,13 @@ fn published(kind: PublishedKind, observation: ObservationLayout) -> Scenario {
 fn actions_and_observations_of_any_length_train_export_and_fly() {
     let scales = PilotLayout { position_scale_m: 1.0, velocity_scale: 2.0, body_rates_scale: 10.0 };
     let cases = [
-        (PublishedKind::OneDRpm, ObservationLayout::PilotFor(PilotForLayout { scales, action_len: 1 })),
-        (PublishedKind::Pid, ObservationLayout::Kinematic(KinematicLayout { past_actions: 15, action_len: 3 })),
-        (PublishedKind::Rpm, ObservationLayout::Paper(PaperLayout::of_episode(5.0))),
-        (PublishedKind::Tun, ObservationLayout::PilotFor(PilotForLayout { scales, action_len: 6 })),
+        (ReferenceActionKind::OneDRpm, ObservationLayout::PilotFor(PilotForLayout { scales, action_len: 1 })),
+        (
+            ReferenceActionKind::Pid,
+            ObservationLayout::Kinematic(KinematicLayout { past_actions: 15, action_len: 3 }),
+        ),
+        (ReferenceActionKind::Rpm, ObservationLayout::Reference(ReferenceLayout::of_episode(5.0))),
+        (ReferenceActionKind::Tun, ObservationLayout::PilotFor(PilotForLayout { scales, action_len: 6 })),
     ];
     for (kind, observation) in cases {
         let scenario = published(kind, observation);

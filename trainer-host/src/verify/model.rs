@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use kestrel_core::airframe::{Airframe, CF2P, CF2X, HUMMINGBIRD, RACER, RotorOrder};
-use kestrel_core::bullet::Mode;
+use kestrel_core::bullet::BulletMode;
 use serde::Deserialize;
 
 use super::error::RecordingError;
@@ -29,14 +29,14 @@ pub enum Physics {
 
 impl Physics {
     /// Its mode in the core.
-    pub fn mode(self) -> Mode {
+    pub fn mode(self) -> BulletMode {
         match self {
-            Self::Pyb => Mode::Pyb,
-            Self::PybGnd => Mode::PybGnd,
-            Self::PybDrag => Mode::PybDrag,
-            Self::PybDw => Mode::PybDw,
-            Self::PybGndDragDw => Mode::PybGndDragDw,
-            Self::Dyn => Mode::Dyn,
+            Self::Pyb => BulletMode::Pyb,
+            Self::PybGnd => BulletMode::PybGnd,
+            Self::PybDrag => BulletMode::PybDrag,
+            Self::PybDw => BulletMode::PybDw,
+            Self::PybGndDragDw => BulletMode::PybGndDragDw,
+            Self::Dyn => BulletMode::Dyn,
         }
     }
 

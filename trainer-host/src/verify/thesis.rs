@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use kestrel_core::airframe::Airframe;
-use kestrel_core::bullet::{Bullet, Mode, Quirks, RotorPrecision};
+use kestrel_core::bullet::{Bullet, BulletMode, Quirks, RotorPrecision};
 use kestrel_core::controller::{DslPid, DslPidMemory, command};
 use serde::Deserialize;
 use serde_json::Value;
@@ -296,7 +296,7 @@ start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
             ActionKind::Rpm => RotorPrecision::Single,
             ActionKind::Vel => RotorPrecision::Full,
         };
-        let bullet = Bullet::new(&self.airframe, Mode::Pyb, Quirks { rotor_precision, ..Quirks::fork() });
+        let bullet = Bullet::new(&self.airframe, BulletMode::Pyb, Quirks { rotor_precision, ..Quirks::fork() });
         let mut drone = Logged::at_rest(self.start).placed();
         let mut worst = Worst::default();
         for step in self.free_steps() {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use kestrel_core::airframe::{Airframe, GRAVITY, RADIANS_PER_SECOND_PER_RPM};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{Bullet, Mode, Quirks};
+use kestrel_core::bullet::{Bullet, BulletMode, Quirks};
 use kestrel_core::controller::{DslPid, DslPidMemory, Setpoint};
 use kestrel_core::euler::EulerAngles;
 use kestrel_core::vehicle::State;
@@ -191,7 +191,7 @@ const CONSTANTS: [(&str, Constant); 23] = [
 const DERIVED: [(&str, Constant); 4] = [
     ("GRAVITY", |airframe| vec![airframe.weight()]),
     ("GND_EFF_H_CLIP", |airframe| {
-        vec![Bullet::<f64>::new(airframe, Mode::PybGnd, Quirks::upstream()).ground_effect_floor]
+        vec![Bullet::<f64>::new(airframe, BulletMode::PybGnd, Quirks::upstream()).ground_effect_floor]
     }),
     ("INIT_XYZS", |airframe| vec![0.0, 0.0, airframe.start_height()]),
     ("SPEED_LIMIT", |airframe| vec![0.03 * airframe.nominal_speed]),

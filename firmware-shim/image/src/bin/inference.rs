@@ -4,7 +4,7 @@
 
 use core::hint::black_box;
 
-use kestrel_core::fixed::Scratch;
+use kestrel_core::fixed::FixedScratch;
 use kestrel_image::machine::{self, Verdict};
 use kestrel_image::policy::NETWORK;
 
@@ -13,7 +13,7 @@ use kestrel_image::policy::NETWORK;
 #[cfg_attr(target_arch = "riscv32", riscv_rt::entry)]
 fn main() -> ! {
     let Ok(network) = NETWORK.network() else { machine::end(Verdict::Failed) };
-    let mut scratch = Scratch::new();
+    let mut scratch = FixedScratch::new();
     black_box(network.act(black_box(&[0.5; 16]), &mut scratch));
     machine::end(Verdict::Passed)
 }

@@ -3,7 +3,7 @@
 //! A pilot for whoever asks over the serial line: the processor in the loop of `kestrel fly --processor qemu`.
 
 use kestrel_core::policy_file::Aligned;
-use kestrel_core::remote::serve;
+use kestrel_core::processor_in_the_loop::serve;
 use kestrel_image::machine::{self, Usart, Verdict};
 
 /// Room for a policy file \[bytes\].

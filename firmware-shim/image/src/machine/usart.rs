@@ -3,7 +3,7 @@
 
 #![expect(unsafe_code, reason = "registers are addresses")]
 
-use kestrel_core::remote::Port;
+use kestrel_core::processor_in_the_loop::SerialPort;
 
 /// Reset and clock control: enable registers of the buses of the line and of its pins.
 const RCC_AHB1ENR: usize = 0x4002_3830;
@@ -47,7 +47,7 @@ impl Usart {
     }
 }
 
-impl Port for Usart {
+impl SerialPort for Usart {
     fn read(&mut self) -> Option<u8> {
         while read(STATUS) & RECEIVED == 0 {}
         Some(read(DATA) as u8)

@@ -1,6 +1,6 @@
 //! The actions of the reference system as users write them.
 
-use kestrel_core::action::{Persistence, PublishedActions, PublishedController, PublishedKind};
+use kestrel_core::action::{Persistence, ReferenceActionKind, ReferenceActions, ReferenceController};
 use kestrel_core::airframe::{Airframe, CF2X, HUMMINGBIRD, Layout, RotorOrder};
 use kestrel_core::controller::command::Precision;
 use schemars::JsonSchema;
@@ -76,8 +76,8 @@ pub enum ControllerConfig {
 
 impl PublishedConfig {
     /// The action space of `airframe`.
-    pub(super) fn check(&self, airframe: &Airframe) -> PublishedActions {
-        PublishedActions {
+    pub(super) fn check(&self, airframe: &Airframe) -> ReferenceActions {
+        ReferenceActions {
             kind: self.kind.check(),
             precision: match self.precision {
                 PrecisionConfig::Exact => Precision::Exact,
@@ -104,32 +104,32 @@ fn usual_controller(airframe: &Airframe) -> ControllerConfig {
 }
 
 impl ControllerConfig {
-    fn check(self, airframe: &Airframe) -> PublishedController {
+    fn check(self, airframe: &Airframe) -> ReferenceController {
         let order = match airframe.layout {
             Layout::Cross { .. } => airframe.rotor_order,
             Layout::Plus { .. } => CF2X.rotor_order,
         };
         match self {
-            Self::Cf2x => PublishedController::Dsl(CF2X.numbered(order)),
-            Self::ForkCf2x => PublishedController::Dsl(CF2X.numbered(RotorOrder::CounterClockwise)),
-            Self::Own => PublishedController::Dsl(*airframe),
-            Self::Simple => PublishedController::Simple(*airframe),
+            Self::Cf2x => ReferenceController::Dsl(CF2X.numbered(order)),
+            Self::ForkCf2x => ReferenceController::Dsl(CF2X.numbered(RotorOrder::CounterClockwise)),
+            Self::Own => ReferenceController::Dsl(*airframe),
+            Self::Simple => ReferenceController::Simple(*airframe),
         }
     }
 }
 
 impl PublishedKindConfig {
-    const fn check(self) -> PublishedKind {
+    const fn check(self) -> ReferenceActionKind {
         match self {
-            Self::Rpm => PublishedKind::Rpm,
-            Self::Dyn => PublishedKind::Dyn,
-            Self::Pid => PublishedKind::Pid,
-            Self::Vel => PublishedKind::Vel,
-            Self::Tun => PublishedKind::Tun,
-            Self::OneDRpm => PublishedKind::OneDRpm,
-            Self::OneDDyn => PublishedKind::OneDDyn,
-            Self::OneDPid => PublishedKind::OneDPid,
-            Self::Waypoint => PublishedKind::Waypoint,
+            Self::Rpm => ReferenceActionKind::Rpm,
+            Self::Dyn => ReferenceActionKind::Dyn,
+            Self::Pid => ReferenceActionKind::Pid,
+            Self::Vel => ReferenceActionKind::Vel,
+            Self::Tun => ReferenceActionKind::Tun,
+            Self::OneDRpm => ReferenceActionKind::OneDRpm,
+            Self::OneDDyn => ReferenceActionKind::OneDDyn,
+            Self::OneDPid => ReferenceActionKind::OneDPid,
+            Self::Waypoint => ReferenceActionKind::Waypoint,
         }
     }
 }
@@ -139,27 +139,27 @@ mod tests {
     use super::*;
     use kestrel_core::airframe::CF2P;
 
-    fn space(text: &str, airframe: &Airframe) -> PublishedActions {
+    fn space(text: &str, airframe: &Airframe) -> ReferenceActions {
         let config: PublishedConfig = serde_yaml::from_str(text).unwrap();
         config.check(airframe)
     }
 
     #[test]
     fn the_keys_are_the_cores_names() {
-        for kind in PublishedKind::ALL {
+        for kind in ReferenceActionKind::ALL {
             assert_eq!(space(&format!("kind: {}", kind.name()), &CF2X).kind, kind);
         }
     }
 
     #[test]
     fn controllers_are_the_references_unless_chosen() {
-        assert_eq!(space("kind: pid", &CF2X).controller, PublishedController::Dsl(CF2X));
-        assert_eq!(space("kind: pid", &CF2P).controller, PublishedController::Dsl(CF2X));
-        assert_eq!(space("kind: pid", &HUMMINGBIRD).controller, PublishedController::Simple(HUMMINGBIRD));
+        assert_eq!(space("kind: pid", &CF2X).controller, ReferenceController::Dsl(CF2X));
+        assert_eq!(space("kind: pid", &CF2P).controller, ReferenceController::Dsl(CF2X));
+        assert_eq!(space("kind: pid", &HUMMINGBIRD).controller, ReferenceController::Simple(HUMMINGBIRD));
         let mirrored = CF2X.numbered(RotorOrder::CounterClockwise);
-        assert_eq!(space("kind: pid", &mirrored).controller, PublishedController::Dsl(mirrored));
-        assert_eq!(space("controller: fork_cf2x", &CF2P).controller, PublishedController::Dsl(mirrored));
-        assert_eq!(space("controller: own", &CF2P).controller, PublishedController::Dsl(CF2P));
+        assert_eq!(space("kind: pid", &mirrored).controller, ReferenceController::Dsl(mirrored));
+        assert_eq!(space("controller: fork_cf2x", &CF2P).controller, ReferenceController::Dsl(mirrored));
+        assert_eq!(space("controller: own", &CF2P).controller, ReferenceController::Dsl(CF2P));
         assert_eq!(space("controllers_persist: true", &CF2P).persistence, Persistence::Persist);
     }
 }

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-use kestrel_core::eye::{Eye, EyeFormat, FixedEye, Stage};
-use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyEye, Scratch, SeeingPolicy};
+use kestrel_core::encoder::{Encoder, EncoderFormat, EncoderStage, FixedEncoder};
+use kestrel_core::policy_file::{Arithmetic, PolicyEncoder, PolicyError, PolicyScratch, VisionPolicy};
 use serde::{Deserialize, Serialize};
 
 use super::{Memory, SeeingActor, SeeingCalibration};
@@ -79,14 +79,14 @@ pub struct StageReport {
 pub(super) fn measured(
     actor: &SeeingActor<'_>,
     (float_policy, fixed_policy): (&[u8], &[u8]),
-    format: &EyeFormat,
+    format: &EncoderFormat,
     calibration: SeeingCalibration<'_>,
 ) -> Result<SeeingReport, PolicyError> {
-    let (float, fixed) = (SeeingPolicy::parse(float_policy)?, SeeingPolicy::parse(fixed_policy)?);
+    let (float, fixed) = (VisionPolicy::parse(float_policy)?, VisionPolicy::parse(fixed_policy)?);
     let (largest_action_error, mean_action_error) = action_errors(&float, &fixed, calibration)?;
     let observation_len = float.metadata().observation.len();
-    let size = |policy: &SeeingPolicy<'_>, file: &[u8]| FileSize {
-        weight_bytes: policy.parameter_bytes() + policy.eye_bytes(),
+    let size = |policy: &VisionPolicy<'_>, file: &[u8]| FileSize {
+        weight_bytes: policy.parameter_bytes() + policy.encoder_bytes(),
         file_bytes: file.len(),
     };
     let shape = &actor.shape;
@@ -105,8 +105,8 @@ pub(super) fn measured(
         eye: EyeReport {
             image: [image.rows, image.columns, image.channels],
             multiply_accumulates: shape.multiply_accumulates(),
-            float_bytes: float.eye_bytes(),
-            fixed_bytes: fixed.eye_bytes(),
+            float_bytes: float.encoder_bytes(),
+            fixed_bytes: fixed.encoder_bytes(),
             memory_values: fixed.memory_len(),
             cycles: Cycles::of_eye(shape, Arithmetic::Fixed16),
             stages: stage_reports(&float, &fixed, format, calibration.images)?,
@@ -115,21 +115,21 @@ pub(super) fn measured(
 }
 
 fn action_errors(
-    float: &SeeingPolicy<'_>,
-    fixed: &SeeingPolicy<'_>,
+    float: &VisionPolicy<'_>,
+    fixed: &VisionPolicy<'_>,
     calibration: SeeingCalibration<'_>,
 ) -> Result<(f32, f64), PolicyError> {
     let mut memory_of_float = Memory::new(float.parameter_format(), float.memory_len());
     let mut memory_of_fixed = Memory::new(fixed.parameter_format(), fixed.memory_len());
-    let mut scratch = Scratch::new();
+    let mut scratch = PolicyScratch::new();
     let (mut largest, mut sum) = (0.0_f32, 0.0);
     let observations = calibration.observations.chunks_exact(float.metadata().observation.len());
-    let images = calibration.images.chunks_exact(float.eye().shape().image().len());
+    let images = calibration.images.chunks_exact(float.encoder().shape().image().len());
     let count = observations.len() * float.metadata().action.len();
     for (observation, image) in observations.zip(images) {
         let (of_float, of_fixed) = (&mut memory_of_float.borrowed(), &mut memory_of_fixed.borrowed());
-        float.see(image, of_float)?;
-        fixed.see(image, of_fixed)?;
+        float.encode(image, of_float)?;
+        fixed.encode(image, of_fixed)?;
         let wanted = float.act(observation, of_float, &mut scratch)?;
         for (wanted, found) in wanted.into_iter().zip(fixed.act(observation, of_fixed, &mut scratch)?) {
             largest = largest.max((found - wanted).abs());
@@ -140,12 +140,12 @@ fn action_errors(
 }
 
 fn stage_reports(
-    float: &SeeingPolicy<'_>,
-    fixed: &SeeingPolicy<'_>,
-    format: &EyeFormat,
+    float: &VisionPolicy<'_>,
+    fixed: &VisionPolicy<'_>,
+    format: &EncoderFormat,
     images: &[u8],
 ) -> Result<Vec<StageReport>, PolicyError> {
-    let (PolicyEye::Float32(float), PolicyEye::Fixed16(fixed)) = (float.eye(), fixed.eye()) else {
+    let (PolicyEncoder::Float32(float), PolicyEncoder::Fixed16(fixed)) = (float.encoder(), fixed.encoder()) else {
         unreachable!("one policy was written in float, the other in fixed point")
     };
     let stages = float.shape().stages().iter().enumerate();
@@ -163,17 +163,17 @@ fn stage_reports(
 
 /// Adds what one image shows; mean errors are sums until the end.
 fn add_errors(
-    float: &Eye<'_>,
-    fixed: &FixedEye<'_>,
+    float: &Encoder<'_>,
+    fixed: &FixedEncoder<'_>,
     image: &[u8],
     reports: &mut [StageReport],
 ) -> Result<(), PolicyError> {
     let shape = float.shape();
     let (mut scratch, mut features) = (vec![0.0; shape.scratch_len()], vec![0.0; shape.features()]);
     let mut wanted: Vec<Vec<f32>> = Vec::new();
-    float.see_each(image, &mut scratch, &mut features, |_, activations| wanted.push(activations.to_vec()))?;
+    float.encode_each(image, &mut scratch, &mut features, |_, activations| wanted.push(activations.to_vec()))?;
     let (mut scratch, mut features) = (vec![0; shape.scratch_len()], vec![0; shape.features()]);
-    fixed.see_each(image, &mut scratch, &mut features, |stage, codes| {
+    fixed.encode_each(image, &mut scratch, &mut features, |stage, codes| {
         let report = &mut reports[stage];
         let limit = i16::MAX >> (15 - report.code_bits);
         report.largest_activation = report.largest_activation.max(largest_magnitude(&wanted[stage]));
@@ -188,7 +188,7 @@ fn add_errors(
 }
 
 impl StageReport {
-    fn unmeasured(stage: &Stage, format: &EyeFormat, index: usize) -> Self {
+    fn unmeasured(stage: &EncoderStage, format: &EncoderFormat, index: usize) -> Self {
         Self {
             kernel: [stage.kernel_rows, stage.kernel_columns],
             output: [stage.output.rows, stage.output.columns, stage.output.channels],

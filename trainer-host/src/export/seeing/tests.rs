@@ -1,5 +1,5 @@
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
-use kestrel_core::eye::{Convolution, Volume};
+use kestrel_core::encoder::{Convolution, Volume};
 use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::Arithmetic;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
@@ -25,13 +25,13 @@ const METADATA: PolicyMetadata<'static> = PolicyMetadata {
 };
 
 /// 24 rows of 32 columns, 16 filters 5 × 5 / 2, 16 of 3 × 3 / 2, 64 features.
-fn shape() -> EyeShape {
+fn shape() -> EncoderShape {
     let image = Volume { rows: 24, columns: 32, channels: 1 };
     let convolution = |filters, kernel| Convolution { filters, kernel, stride: 2 };
-    EyeShape::new(image, &[convolution(16, 5), convolution(16, 3)], 64).unwrap()
+    EncoderShape::new(image, &[convolution(16, 5), convolution(16, 3)], 64).unwrap()
 }
 
-fn eye_parameters(gain: f32) -> Vec<f32> {
+fn encoder_parameters(gain: f32) -> Vec<f32> {
     let mut stream = Stream::new(Seed(5), 0, Purpose::Weights);
     let mut parameters = Vec::new();
     for stage in shape().stages() {
@@ -61,10 +61,10 @@ pub(crate) fn exported(gain: f32, samples: usize) -> Result<SeeingExport, Export
     let network = Mlp::new(PILOT_LEN + 64, &[64, 64], 4);
     let parameters = network.initialise(0.5, &mut Stream::new(Seed(3), 0, Purpose::Weights));
     let layers: Vec<DenseLayer<'_>> = network.layers(&parameters).into_iter().map(DenseLayer::from).collect();
-    let eye_parameters = eye_parameters(gain);
+    let encoder_parameters = encoder_parameters(gain);
     let actor = SeeingActor {
         shape: shape(),
-        eye_parameters: &eye_parameters,
+        encoder_parameters: &encoder_parameters,
         layers: &layers,
         control_periods_per_image: 4,
     };
@@ -76,10 +76,10 @@ pub(crate) fn exported(gain: f32, samples: usize) -> Result<SeeingExport, Export
 fn both_files_see_and_agree() {
     let SeeingExport { float_policy, fixed_policy, report } = exported(1.0, 40).unwrap();
     for (bytes, arithmetic) in [(&float_policy, Arithmetic::Float32), (&fixed_policy, Arithmetic::Fixed16)] {
-        let policy = SeeingPolicy::parse(bytes).unwrap();
+        let policy = VisionPolicy::parse(bytes).unwrap();
         assert_eq!((policy.arithmetic(), policy.metadata()), (arithmetic, &METADATA));
         let mut memory = Memory::new(policy.parameter_format(), policy.memory_len());
-        assert_eq!(policy.self_test_with(&mut memory.borrowed(), &mut Scratch::new()), Ok(()));
+        assert_eq!(policy.self_test_with(&mut memory.borrowed(), &mut PolicyScratch::new()), Ok(()));
     }
     assert!(report.largest_action_error > 0.0 && report.largest_action_error < 1e-2, "{report}");
     assert!(report.mean_action_error < f64::from(report.largest_action_error) / 3.0, "{report}");
@@ -121,9 +121,13 @@ fn exporting_twice_gives_the_same_bytes() {
 #[test]
 fn images_that_are_missing_are_named() {
     let (observations, images) = calibration(3);
-    let (layers, parameters) = ([], eye_parameters(1.0));
-    let actor =
-        SeeingActor { shape: shape(), eye_parameters: &parameters, layers: &layers, control_periods_per_image: 4 };
+    let (layers, parameters) = ([], encoder_parameters(1.0));
+    let actor = SeeingActor {
+        shape: shape(),
+        encoder_parameters: &parameters,
+        layers: &layers,
+        control_periods_per_image: 4,
+    };
     let calibration = SeeingCalibration { observations: &observations, images: &images[1..] };
     let error = export_seeing(&actor, &METADATA, calibration).unwrap_err();
     assert_eq!(

@@ -28,7 +28,7 @@ pub fn crazyflie_app(bytes: &[u8]) -> Result<Vec<(&'static str, String)>, Source
     if !observation.shows_goal() || observation.measured_len() > 0 {
         return Err(SourceError::Observation { found: observation.name() });
     }
-    if let ActionSpace::Published(_) = policy.metadata().action {
+    if let ActionSpace::Reference(_) = policy.metadata().action {
         return Err(SourceError::Published);
     }
     let mut files: Vec<(&str, String)> = APP.map(|(name, text)| (name, text.to_owned())).into();

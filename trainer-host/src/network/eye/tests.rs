@@ -21,7 +21,7 @@ fn volume([rows, columns, channels]: [u16; 3]) -> Volume {
 
 fn eye(image: [u16; 3], convolutions: &[(u16, u16, u16)], features: u16) -> Eye {
     let convolutions: Vec<Convolution> = convolutions.iter().copied().map(convolution).collect();
-    Eye::new(EyeShape::new(volume(image), &convolutions, features).unwrap())
+    Eye::new(EncoderShape::new(volume(image), &convolutions, features).unwrap())
 }
 
 /// Weights as drawn, and biases that are not zero.
@@ -291,11 +291,11 @@ fn features_begin_at_order_one_for_bright_and_for_colourful_images() {
 
 #[test]
 fn presets_accept_the_smallest_images_that_they_document() {
-    type Preset = fn(Volume) -> Result<Eye, EyeError>;
+    type Preset = fn(Volume) -> Result<Eye, EncoderError>;
     let presets: [(Preset, u16); 2] = [(|image| Eye::nature(image, 9), 36), (Eye::small, 10)];
     for (preset, smallest) in presets {
         assert!(preset(volume([smallest, smallest, 1])).is_ok());
-        assert!(matches!(preset(volume([smallest, smallest - 1, 1])), Err(EyeError::Kernel { .. })));
+        assert!(matches!(preset(volume([smallest, smallest - 1, 1])), Err(EncoderError::Kernel { .. })));
     }
     assert_eq!(Eye::small(volume([48, 64, 3])).unwrap().shape().stages()[0].kernel_rows, 8);
     assert_eq!(Eye::small(volume([24, 32, 3])).unwrap().shape().stages()[0].kernel_rows, 4);

@@ -1,6 +1,6 @@
 use super::*;
 use crate::network::eye::{Eye, EyeWorkspace};
-use kestrel_core::eye::{Convolution, EyeShape, Volume};
+use kestrel_core::encoder::{Convolution, EncoderShape, Volume};
 use kestrel_sim::seed::{Purpose, Seed};
 
 const COLUMNS: usize = 12;
@@ -31,7 +31,7 @@ impl Seeing {
     fn new() -> Self {
         let image = Volume { rows: 7, columns: 8, channels: 2 };
         let convolution = Convolution { filters: 3, kernel: 3, stride: 2 };
-        let eye = Eye::new(EyeShape::new(image, &[convolution], WIDTHS.1 as u16).unwrap());
+        let eye = Eye::new(EncoderShape::new(image, &[convolution], WIDTHS.1 as u16).unwrap());
         let mut bytes = stream(1);
         Self {
             images: (0..COLUMNS * eye.image_len()).map(|_| bytes.between(0.0, 255.9) as u8).collect(),

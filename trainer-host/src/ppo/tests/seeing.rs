@@ -153,7 +153,7 @@ fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
     let perception = actor.perception().expect("it sees");
     let seeing_actor = SeeingActor {
         shape: *perception.eye().shape(),
-        eye_parameters: perception.eye_parameters(actor.perception_parameters()),
+        encoder_parameters: perception.encoder_parameters(actor.perception_parameters()),
         layers: &layers,
         control_periods_per_image: 2,
     };
@@ -206,7 +206,7 @@ fn a_policy_without_its_camera_or_with_another_eye_is_refused() {
         Trainer::restore(&[scenario], settings, state.clone()).expect_err("it is another run").to_string()
     };
     assert!(refuse(blind, &settings).starts_with("the saved actor has layers [86, 16, 16, 4]"));
-    let convolutions = vec![kestrel_core::eye::Convolution { filters: 8, kernel: 3, stride: 2 }];
+    let convolutions = vec![kestrel_core::encoder::Convolution { filters: 8, kernel: 3, stride: 2 }];
     let kind = EyeKind::Custom { convolutions, features: 64 };
     let other = PpoSettings { eye: EyeSettings { kind, ..EyeSettings::default() }, ..settings.clone() };
     let expected = "the saved actor looks at images in another way than scenario and settings ask for";

@@ -1,0 +1,96 @@
+//! What is on either side of a policy: the observation it acts on, and the rotors that its action turns.
+
+use nalgebra::Vector3;
+
+use crate::action::{ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence};
+use crate::controller::Setpoint;
+use crate::observation::{HISTORY_LIMIT, OBSERVATION_LIMIT, ObservationInput};
+use crate::policy_file::PolicyMetadata;
+use crate::real::Real;
+use crate::vehicle::State;
+
+/// The past actions and the controller of one policy, whose metadata every call takes.
+#[derive(Clone, Debug)]
+pub(super) struct PolicyController {
+    controls: Controls<f32>,
+    memory: ControlMemory<f32>,
+    /// The newest action is the last.
+    history: [[f32; ACTION_LIMIT]; HISTORY_LIMIT],
+    /// The last observation; here, and not on the stack of a firmware's task.
+    observation: [f32; OBSERVATION_LIMIT],
+}
+
+impl PolicyController {
+    pub(super) fn new(metadata: &PolicyMetadata<'_>) -> Self {
+        Self {
+            controls: Controls::new(&metadata.action),
+            memory: ControlMemory::new(),
+            history: [[0.0; ACTION_LIMIT]; HISTORY_LIMIT],
+            observation: [0.0; OBSERVATION_LIMIT],
+        }
+    }
+
+    pub(super) fn reset(&mut self, metadata: &PolicyMetadata<'_>) {
+        self.history = [[0.0; ACTION_LIMIT]; HISTORY_LIMIT];
+        match metadata.action.persistence() {
+            Persistence::ResetEachEpisode => self.memory = ControlMemory::new(),
+            Persistence::Persist => {}
+        }
+    }
+
+    /// What the policy acts on.
+    pub(super) fn observe(
+        &mut self,
+        metadata: &PolicyMetadata<'_>,
+        measurements: &[f32],
+        state: &State<f32>,
+        goal: &Vector3<f32>,
+    ) -> &[f32] {
+        let input = ObservationInput {
+            state,
+            angular_velocity_in_world: state.world_from_body.rotate(state.body_rates),
+            goal,
+            history: &self.history,
+            measurements,
+        };
+        metadata.observation.encode(&input, &mut self.observation);
+        self.observation.get(..metadata.observation.len()).unwrap_or_default()
+    }
+
+    /// Remembers `action` and turns it into rotor targets \[rad/s\].
+    pub(super) fn rotor_targets(
+        &mut self,
+        metadata: &PolicyMetadata<'_>,
+        action: [f32; ACTION_LIMIT],
+        state: &State<f32>,
+        goal: &Vector3<f32>,
+    ) -> [f32; 4] {
+        self.remember(metadata, action);
+        let (setpoint, secs) = (Setpoint::at(*goal), metadata.control_period_secs);
+        let targets = self.controls.rotor_targets(&action, state, &setpoint, &mut self.memory, secs);
+        within_limits(metadata, targets)
+    }
+
+    /// Pushes the oldest action that the layout reads out of the history.
+    fn remember(&mut self, metadata: &PolicyMetadata<'_>, action: [f32; ACTION_LIMIT]) {
+        let needed = metadata.observation.history_len().clamp(1, HISTORY_LIMIT);
+        for index in HISTORY_LIMIT - needed..HISTORY_LIMIT - 1 {
+            self.history[index] = self.history[index + 1];
+        }
+        self.history[HISTORY_LIMIT - 1] = action;
+    }
+
+    pub(super) fn previous_action(&self, metadata: &PolicyMetadata<'_>) -> &[f32] {
+        self.history[HISTORY_LIMIT - 1].get(..metadata.action.len()).unwrap_or_default()
+    }
+}
+
+/// The reference's actions know no limit; rotors do.
+fn within_limits(metadata: &PolicyMetadata<'_>, targets: [f32; 4]) -> [f32; 4] {
+    match &metadata.action {
+        ActionSpace::RotorSpeeds(_) | ActionSpace::ThrustBodyRates(_) | ActionSpace::Velocities(_) => targets,
+        ActionSpace::Reference(space) => {
+            targets.map(|target| target.limited(0.0, space.airframe.rotor_speed_limit as f32))
+        }
+    }
+}

@@ -1,6 +1,0 @@
-//! Eyes: against a convolution written directly, in float and in integers, at the limits of both.
-
-mod fixed;
-mod float;
-mod shape;
-mod support;
