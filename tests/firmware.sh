@@ -159,7 +159,7 @@ in_the_loop() { # TASK: its pilot, in the run directory of a training that is cu
 
 processor() {
   local task
-  image pilot.elf pilot thumbv7em-none-eabihf --features assembly,serial && cargo build --quiet -p kestrel-train
+  image pilot.elf pilot thumbv7em-none-eabihf --features assembly,serial && cargo build --quiet -p kestrel
   verdict $? "the image of a pilot behind a serial line links without a panic"
   for task in hover cross; do
     in_the_loop "$task"

@@ -13,9 +13,9 @@ cd "$(dirname "$0")/.."
 
 vulkan_driver || exit 1
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$place}
-cargo build -q -p kestrel-train || exit 1
+cargo build -q -p kestrel || exit 1
 cp target/debug/kestrel target/kestrel-without-gpu
-cargo build -q -p kestrel-train --features gpu,viewer || exit 1
+cargo build -q -p kestrel --features gpu,viewer || exit 1
 cp target/debug/kestrel target/kestrel-with-gpu
 
 render() { # PROGRAM BACKEND PICTURE

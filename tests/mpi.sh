@@ -14,9 +14,9 @@ cd "$(dirname "$0")/.."
 if ! command -v mpirun mpicc >/dev/null || ! compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null; then
   packages "MPI" libopenmpi-dev openmpi-bin libclang-dev || exit 1
 fi
-cargo build -q -p kestrel-train || exit 1
+cargo build -q -p kestrel || exit 1
 cp target/debug/kestrel target/kestrel-without-mpi
-cargo build -q -p kestrel-train --features mpi || exit 1
+cargo build -q -p kestrel --features mpi || exit 1
 cp target/debug/kestrel target/kestrel-with-mpi
 
 # Tests run as root in containers and with more ranks than cores.

@@ -19,7 +19,7 @@ screen=
 trap 'kill $screen 2>/dev/null; rm -rf "$place"' EXIT
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$place}
 unset WAYLAND_DISPLAY WAYLAND_SOCKET DISPLAY
-cargo build -q -p kestrel-train --features gpu,viewer || exit 1
+cargo build -q -p kestrel --features gpu,viewer || exit 1
 kestrel=target/debug/kestrel
 
 view() { # DISPLAY: at its first flight, until it is told to quit

@@ -1,6 +1,6 @@
 //! What the program computes is frozen: digests in `tests/golden/bits` of trainings, studies and flights.
 //!
-//! `BLESS=1 cargo test -p kestrel-train --test command_line bits` writes them anew. Only numbers are digested where names may
+//! `BLESS=1 cargo test -p kestrel --test command_line bits` writes them anew. Only numbers are digested where names may
 //! change: of tables and reports, in an order that does not depend on the names of their columns.
 
 use std::fmt::Write as _;

@@ -6,11 +6,11 @@
 use std::fs;
 use std::path::PathBuf;
 
+use kestrel_experiments::experiment_config::{Experiment, load};
 use kestrel_sim::outcome::{Ending, Outcome};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::simulation::Simulation;
-use kestrel_train::experiment_config::{Experiment, load};
 
 /// An episode of an aviary under one action.
 struct Golden {

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use kestrel_experiments::evaluation::{Evaluation, Flyer, Starts, evaluate};
+use kestrel_experiments::experiment_config::{Experiment, load_to_train};
+use kestrel_learn::ppo::Trainer;
 use kestrel_sim::seed::Purpose;
-use kestrel_train::evaluation::{Evaluation, Flyer, Starts, evaluate};
-use kestrel_train::experiment_config::{Experiment, load_to_train};
-use kestrel_train::ppo::Trainer;
 
 fn hover(overrides: &[&str]) -> Experiment {
     experiment("hover.yaml", overrides)

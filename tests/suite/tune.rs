@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use kestrel_experiments::experiment_config::load;
 use kestrel_sim::scenario::{Scenario, StartPosition};
 use kestrel_sim::seed::Seed;
 use kestrel_sim::simulation::Simulation;
-use kestrel_train::experiment_config::load;
 
 /// Return of the first 48 steps of `TuneAviary` (fork, commit 40d017e, PyBullet 3.2.7, numpy 1.26, five physics steps
 /// per action) started at (0, 4, 1) with the zero action.

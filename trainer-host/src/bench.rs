@@ -2,7 +2,7 @@
 
 mod eye;
 #[cfg(feature = "gpu")]
-pub mod gpu;
+pub(crate) mod gpu;
 mod seeing;
 
 use std::f64::consts::TAU;
@@ -20,14 +20,14 @@ use kestrel_sim::swarm::{Swarm, advance_all};
 use kestrel_sim::world::{Pose, Solid, World};
 use nalgebra::Vector3;
 
-use crate::actor_critic::Actor;
-use crate::consolidation::{
+pub(crate) use eye::eyes;
+use kestrel_learn::actor_critic::Actor;
+use kestrel_learn::consolidation::{
     ActionAnchorSettings, AnchoredSettings, ConsolidatorSettings, CoresetSettings, Coupling, Curvature,
     GradientTerm, Strength,
 };
-use crate::ppo::{PpoSettings, Trainer};
-pub use eye::eyes;
-pub use seeing::{SEEING, Seeing, seeing};
+use kestrel_learn::ppo::{PpoSettings, Trainer};
+pub(crate) use seeing::{SEEING, seeing};
 
 /// Each figure is the best of this many repetitions: on a shared machine the others measure the neighbours.
 const REPETITIONS: usize = 5;
@@ -37,15 +37,15 @@ const NOISE_STEPS: usize = 101;
 
 /// One line of the table.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Figure {
+pub(crate) struct Figure {
     /// What is counted.
-    pub what: String,
+    pub(crate) what: String,
     /// How often per second.
-    pub per_second: f64,
+    pub(crate) per_second: f64,
     /// Where we want to be, for one core or both as `what` says.
-    pub aim: f64,
+    pub(crate) aim: f64,
     /// What keeps it from being faster.
-    pub limit: &'static str,
+    pub(crate) limit: &'static str,
 }
 
 /// Best rate of `work`, which returns how many items it did, over repetitions of at least `duration`.
@@ -78,7 +78,7 @@ fn vehicle_rate<const LANES: usize>(scenario: &Scenario, integrator: Integrator,
 }
 
 /// Lines for the vehicle.
-pub fn vehicle(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
+pub(crate) fn vehicle(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
     let line = |what: &str, per_second, aim, limit| Figure { what: what.to_owned(), per_second, aim, limit };
     let (euler, runge_kutta) = (Integrator::SemiImplicitEuler, Integrator::RungeKutta4);
     vec![
@@ -128,7 +128,7 @@ fn environment_rate(scenario: &Scenario, substeps: u32, duration: Duration) -> f
 }
 
 /// Lines for whole environments.
-pub fn environment(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
+pub(crate) fn environment(scenario: &Scenario, duration: Duration) -> Vec<Figure> {
     let lines = [
         (1, 60e6, "memory traffic of observations and rewards, and resets"),
         (5, 20e6, "five substeps of the vehicle"),
@@ -147,18 +147,18 @@ const ONE_SUBSTEP: [&str; 2] = ["scenario.physics.substeps=1", "scenario.physics
 
 /// An aviary whose steps are counted under the actions of an untrained policy, with everything that it ends and touches.
 #[derive(Clone, Copy, Debug)]
-pub struct Aviary {
+pub(crate) struct Aviary {
     /// File in the folder of aviaries.
-    pub file: &'static str,
+    pub(crate) file: &'static str,
     /// What is set otherwise than in the file.
-    pub overrides: &'static [&'static str],
+    pub(crate) overrides: &'static [&'static str],
     what: &'static str,
     aim: f64,
     limit: &'static str,
 }
 
 /// The reference's tasks as published: Bullet's physics, 12-number observation, contacts that push.
-pub const AVIARIES: [Aviary; 4] = [
+pub(crate) const AVIARIES: [Aviary; 4] = [
     Aviary {
         file: "incremental-cross-0-as-published.yaml",
         overrides: &ONE_SUBSTEP,
@@ -191,16 +191,16 @@ pub const AVIARIES: [Aviary; 4] = [
 
 /// A world that cameras look at.
 #[derive(Clone, Copy, Debug)]
-pub struct Sight {
+pub(crate) struct Sight {
     /// File of a task in the folder of aviaries.
-    pub file: &'static str,
+    pub(crate) file: &'static str,
     what: &'static str,
     aim: f64,
     limit: &'static str,
 }
 
 /// Images of 64×48 pixels with colour, depth and labels.
-pub const SIGHTS: [Sight; 3] = [
+pub(crate) const SIGHTS: [Sight; 3] = [
     Sight {
         file: "incremental-cross-6.yaml",
         what: "pillars",
@@ -230,7 +230,7 @@ fn views(world: &World) -> Vec<View> {
 }
 
 /// Images per second of one core.
-pub fn sight(sight: &Sight, scenario: &Scenario, duration: Duration) -> Figure {
+pub(crate) fn sight(sight: &Sight, scenario: &Scenario, duration: Duration) -> Figure {
     let world = &scenario.aviary.world;
     let views = views(world);
     let (scene, mut canvas, mut image) = (Scene::new(world), Canvas::default(), Image::default());
@@ -249,7 +249,7 @@ pub fn sight(sight: &Sight, scenario: &Scenario, duration: Duration) -> Figure {
 const PLACED: usize = 8;
 
 /// Drones placed in a scene per second by one core: what an image of a team costs besides what is in view.
-pub fn placing(scenario: &Scenario, duration: Duration) -> Figure {
+pub(crate) fn placing(scenario: &Scenario, duration: Duration) -> Figure {
     let mut scene = Scene::new(&scenario.aviary.world).with_drones(&scenario.airframe, PLACED);
     let mut turn = 0.0;
     let per_second = best_rate(duration, || {
@@ -287,7 +287,7 @@ const fn anchor(curvature: Curvature) -> ConsolidatorSettings {
 }
 
 /// Steps per second of one core in an aviary; each drone's step counts.
-pub fn aviary(aviary: &Aviary, scenario: &Scenario, duration: Duration) -> Figure {
+pub(crate) fn aviary(aviary: &Aviary, scenario: &Scenario, duration: Duration) -> Figure {
     let environments = if scenario.agents.count == 1 { 256 } else { 64 };
     let mut simulation = Simulation::<64>::new(scenario, Seed(0), 0, environments);
     let mut noise = Stream::new(Seed(0), 0, Purpose::Baseline);
@@ -325,7 +325,7 @@ fn training_rate(
 }
 
 /// Lines for PPO end to end, alone and with what keeps an earlier task.
-pub fn training(scenario: &Scenario, settings: &PpoSettings, duration: Duration) -> Vec<Figure> {
+pub(crate) fn training(scenario: &Scenario, settings: &PpoSettings, duration: Duration) -> Vec<Figure> {
     let rate = |epochs, memory| training_rate(scenario, settings, (epochs, memory), duration);
     let alone = |epochs, aim, limit| Figure {
         what: format!("PPO steps, {epochs} epoch(s), all cores"),
@@ -348,7 +348,7 @@ pub fn training(scenario: &Scenario, settings: &PpoSettings, duration: Duration)
 }
 
 /// Lines for inference of `actor` and of its exports.
-pub fn inference(actor: &Actor, exports: &[PolicyFile<'_>], duration: Duration) -> Vec<Figure> {
+pub(crate) fn inference(actor: &Actor, exports: &[PolicyFile<'_>], duration: Duration) -> Vec<Figure> {
     let mut figures = vec![Figure {
         what: "policy inferences, batch of 256, 1 core".into(),
         per_second: batched_rate(actor, duration),
@@ -368,7 +368,7 @@ fn batched_rate(actor: &Actor, duration: Duration) -> f64 {
     let observations = vec![0.1; actor.mlp().inputs() * 256];
     let mut actions = vec![0.0; actor.action_len() * 256];
     best_rate(duration, || {
-        actor.act_mean(crate::actor_critic::Sight::blind(black_box(&observations)), &mut actions);
+        actor.act_mean(kestrel_learn::actor_critic::Sight::blind(black_box(&observations)), &mut actions);
         black_box(&actions);
         256
     })

@@ -9,14 +9,14 @@ use kestrel_sim::flight::Flight;
 use kestrel_sim::scenario::{Physics, Scenario};
 
 use crate::fly::{SimulatedFlight, launch_site};
-use crate::output::say;
+use kestrel_experiments::output::say;
 
 /// Has an autopilot fly the scenario's drone, from the floor below where its episodes begin, until the time is up or
 /// `interrupted` says so. The autopilot's pace replaces the scenario's; its substeps become no longer.
 ///
 /// # Errors
 /// If the bridge does not stand or fails, or the log or the words cannot be written.
-pub fn lend(
+pub(crate) fn lend(
     scenario: &Scenario,
     options: &BridgeOptions,
     log: Option<&Path>,
@@ -39,7 +39,7 @@ fn at_rate(physics: &Physics, rate_hz: u32) -> Physics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment_config;
+    use kestrel_experiments::experiment_config;
 
     #[test]
     fn substeps_become_no_longer_at_another_rate() {

@@ -19,6 +19,7 @@ mod search;
 mod study;
 mod table;
 mod train;
+#[cfg(feature = "verify")]
 mod verify;
 mod view;
 
@@ -51,6 +52,7 @@ pub(crate) enum Command {
     /// Lend a task's aviary to another autopilot: PX4, ArduPilot or Betaflight
     Bridge(bridge::Arguments),
     /// Compare the simulator with a recording of the reference system
+    #[cfg(feature = "verify")]
     Verify(verify::Arguments),
     /// Show a flight as cameras see it: from behind, on board, depth, labels
     Render(render::Arguments),
@@ -93,6 +95,7 @@ impl Command {
             Self::Inspect(arguments) => inspect::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Bridge(arguments) => bridge::run(&arguments),
+            #[cfg(feature = "verify")]
             Self::Verify(arguments) => verify::run(&arguments),
             Self::Render(arguments) => render::run(&arguments),
             Self::View(arguments) => view::run(&arguments),

@@ -18,31 +18,31 @@ use kestrel_sim::flight::Flight;
 use kestrel_sim::scenario::{FreeSpace, Scenario, StartPosition};
 use nalgebra::Vector3;
 
-use crate::output::{OutputError, say};
 use crate::processor::{ProcessorError, ProcessorKind, ProcessorOptions, Qemu};
+use kestrel_experiments::output::{OutputError, say};
 
 /// Control periods of policy and scenario may differ by this share: both are written in decimal somewhere.
 const PERIOD_TOLERANCE: f32 = 1e-5;
 
 /// Options of `kestrel fly`.
 #[derive(Clone, Debug, Default, PartialEq, clap::Args)]
-pub struct FlyOptions {
+pub(crate) struct FlyOptions {
     /// How the vehicle meets the world.
     #[command(flatten)]
-    pub session: SessionOptions,
+    pub(crate) session: SessionOptions,
 
     /// Where the policy is computed.
     #[command(flatten)]
-    pub processor: ProcessorOptions,
+    pub(crate) processor: ProcessorOptions,
 
     /// Write the true state in every control period to this file, one JSON object per line
     #[arg(long, value_name = "FILE")]
-    pub true_state_log: Option<PathBuf>,
+    pub(crate) true_state_log: Option<PathBuf>,
 }
 
 /// Where to fly.
 #[derive(Clone, Copy, Debug)]
-pub enum Place<'a> {
+pub(crate) enum Place<'a> {
     /// The aviary and the airframe of a scenario, from the floor below its starts.
     Scenario(&'a Scenario),
     /// An endless floor for a Crazyflie, when only the policy is known.
@@ -51,20 +51,20 @@ pub enum Place<'a> {
 
 /// What a flight was.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FlightSummary {
+pub(crate) struct FlightSummary {
     /// Simulated time \[s\].
-    pub secs: f64,
+    pub(crate) secs: f64,
     /// Where it ended \[m, world\].
-    pub position: Vector3<f32>,
+    pub(crate) position: Vector3<f32>,
     /// What the autopilot was doing then.
-    pub mode: Mode,
+    pub(crate) mode: Mode,
     /// Frames and garbage received.
-    pub counts: Counts,
+    pub(crate) counts: Counts,
 }
 
 /// Why there is no flight, or why it was cut short.
 #[derive(Debug, thiserror::Error)]
-pub enum FlyError {
+pub(crate) enum FlyError {
     /// The policy file is damaged or of another version.
     #[error(transparent)]
     Policy(#[from] PolicyError),
@@ -106,7 +106,7 @@ impl From<SessionError> for FlyError {
 ///
 /// # Errors
 /// Before take-off: a bad policy, a wrong pace, a busy port, a log that cannot be created. Later: a full disk.
-pub fn fly(
+pub(crate) fn fly(
     place: Place,
     policy: &[u8],
     options: &FlyOptions,

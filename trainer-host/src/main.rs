@@ -1,13 +1,17 @@
 //! The `kestrel` command line.
 
+mod bench;
+mod bridge;
 mod command;
+mod fly;
+mod processor;
 
 use std::process::ExitCode;
 
 use clap::Parser;
 
 use command::Command;
-use kestrel_train::output::warn;
+use kestrel_experiments::output::warn;
 
 /// Train small neural pilots for the Crazyflie, judge them, export them and fly them.
 #[derive(Debug, Parser)]

@@ -17,7 +17,7 @@ use kestrel_shim::policy_backend::PolicyBackend;
 use nalgebra::Vector3;
 use thiserror::Error;
 
-pub use comparison::{Comparison, compare};
+pub(crate) use comparison::compare;
 
 /// The emulator, and the board whose processor is the Crazyflie's.
 const EMULATOR: &str = "qemu-system-arm";
@@ -34,7 +34,7 @@ const ANSWER_LIMIT: usize = 16;
 
 /// What computes a policy's ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum ProcessorKind {
+pub(crate) enum ProcessorKind {
     /// This machine
     #[default]
     Host,
@@ -44,19 +44,19 @@ pub enum ProcessorKind {
 
 /// Options of commands that can have a policy computed elsewhere.
 #[derive(Clone, Debug, Default, PartialEq, Eq, clap::Args)]
-pub struct ProcessorOptions {
+pub(crate) struct ProcessorOptions {
     /// What computes the policy
     #[arg(long, value_enum, default_value_t = ProcessorKind::Host)]
-    pub processor: ProcessorKind,
+    pub(crate) processor: ProcessorKind,
 
     /// Image of the program `pilot`, for an emulated processor
     #[arg(long, value_name = "FILE", default_value = "target/thumbv7em-none-eabihf/firmware/pilot")]
-    pub image: PathBuf,
+    pub(crate) image: PathBuf,
 }
 
 /// Why there is no processor.
 #[derive(Debug, Error)]
-pub enum ProcessorError {
+pub(crate) enum ProcessorError {
     /// There is no image to run.
     #[error(
         "cannot read the image {}: {reason}; build it with `RUSTFLAGS=\"-C target-cpu=cortex-m4\" cargo build -p kestrel-image --profile firmware --target thumbv7em-none-eabihf --bin pilot --features assembly,serial`",
@@ -93,7 +93,7 @@ pub enum ProcessorError {
 
 /// An emulated processor with a policy in its memory.
 #[derive(Debug)]
-pub struct Qemu {
+pub(crate) struct Qemu {
     line: QueuePort,
     control_secs: f32,
     observation: ObservationLayout,
@@ -120,7 +120,7 @@ impl Qemu {
     ///
     /// # Errors
     /// When image or emulator are missing, nobody answers, or the policy is refused there.
-    pub fn start(image: &Path, file: &[u8], policy: &PolicyFile<'_>) -> Result<Self, ProcessorError> {
+    pub(crate) fn start(image: &Path, file: &[u8], policy: &PolicyFile<'_>) -> Result<Self, ProcessorError> {
         std::fs::File::open(image).map_err(|reason| ProcessorError::Image { path: image.to_owned(), reason })?;
         let silent = || ProcessorError::Silent { path: image.to_owned() };
         let mut line = QueuePort::open(image)?;
@@ -138,7 +138,7 @@ impl Qemu {
     }
 
     /// As [`kestrel_core::pilot::Pilot::tick_measured`], over there; nothing when nobody answers.
-    pub fn tick_measured(
+    pub(crate) fn tick_measured(
         &mut self,
         measurements: &[f32],
         state: &State<f32>,

@@ -7,7 +7,7 @@ use kestrel_core::encoder::Volume;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 
 use super::{Figure, best_rate};
-use crate::network::eye::{Eye, EyeWorkspace};
+use kestrel_learn::network::eye::{Eye, EyeWorkspace};
 
 /// Samples of a tile: more do not make products faster, fewer add up the weights' gradient more often.
 const COLUMNS: usize = 64;
@@ -24,7 +24,7 @@ struct Measured {
 ///
 /// # Panics
 /// When a preset does not suit such images, which is a bug.
-pub fn eyes(duration: Duration) -> Vec<Figure> {
+pub(crate) fn eyes(duration: Duration) -> Vec<Figure> {
     let image = Volume { rows: 48, columns: 64, channels: 3 };
     let nature = Eye::nature(image, 512).expect("its filters are smaller than the image");
     let small = Eye::small(image).expect("its filters are smaller than the image");

@@ -18,7 +18,7 @@ const AIM: f64 = 5e6;
 ///
 /// # Errors
 /// When there is neither.
-pub fn open() -> Result<Gpu, RenderError> {
+pub(crate) fn open() -> Result<Gpu, RenderError> {
     Gpu::open(Backend::Gpu).or_else(|error| Gpu::open(Backend::Software).map_err(|_| error))
 }
 
@@ -27,7 +27,7 @@ pub fn open() -> Result<Gpu, RenderError> {
 ///
 /// # Errors
 /// When the memory is too small or the device is lost.
-pub fn sight(
+pub(crate) fn sight(
     gpu: &Gpu,
     sight: &Sight,
     scenario: &Scenario,

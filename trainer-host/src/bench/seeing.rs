@@ -5,20 +5,20 @@ use std::time::Duration;
 use kestrel_sim::seed::Seed;
 
 use super::{Figure, best_rate};
-use crate::experiment_config::Experiment;
-use crate::ppo::Trainer;
+use kestrel_experiments::experiment_config::Experiment;
+use kestrel_learn::ppo::Trainer;
 
 /// A way to train a policy that sees, and where we want it to be.
 #[derive(Clone, Copy, Debug)]
-pub struct Seeing {
+pub(crate) struct Seeing {
     /// What is counted.
-    pub what: &'static str,
+    pub(crate) what: &'static str,
     /// Experiment file in the folder of tasks.
-    pub file: &'static str,
+    pub(crate) file: &'static str,
     /// Changes of its configuration.
-    pub overrides: &'static [&'static str],
+    pub(crate) overrides: &'static [&'static str],
     /// Steps per second of all cores.
-    pub aim: f64,
+    pub(crate) aim: f64,
     limit: &'static str,
 }
 
@@ -26,7 +26,7 @@ const PRODUCTS: &str = "matrix products of the eye, forward once and both ways i
 
 /// The reference's network and settings (features, heads, minibatch; 256 environments take the place of 8 that are stepped
 /// for longer), the same with large minibatches, and what a task with a camera has by default.
-pub const SEEING: [Seeing; 4] = [
+pub(crate) const SEEING: [Seeing; 4] = [
     Seeing {
         what: "PPO steps, NatureCNN, 10 epochs of 64, all cores",
         file: "harder-cross-11-vision.yaml",
@@ -76,7 +76,7 @@ const NATURE_4: &[&str] = &[
 const NATURE_1: &[&str] = &[NATURE_4[0], NATURE_4[1], NATURE_4[2], NATURE_4[3], NATURE_4[4], "training.epochs=1"];
 
 /// Environment steps per second of training, rollout and optimisation, on all cores.
-pub fn seeing(seeing: &Seeing, experiment: &Experiment, duration: Duration) -> Figure {
+pub(crate) fn seeing(seeing: &Seeing, experiment: &Experiment, duration: Duration) -> Figure {
     let mut trainer = Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, Seed(0));
     trainer.update();
     let per_second = best_rate(duration, || {

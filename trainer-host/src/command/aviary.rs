@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Subcommand;
-use kestrel_train::atomic_file::write_atomically;
-use kestrel_train::output::{say, warn};
-use kestrel_train::plan::{Drawing, Subject, find, in_folders, plan, seen_sheet, sheet};
+use kestrel_draw::plan::{Drawing, Subject, plan, seen_sheet, sheet};
+use kestrel_experiments::atomic_file::write_atomically;
+use kestrel_experiments::aviary_files::{find, in_folders, read};
+use kestrel_experiments::output::{say, warn};
 
 use super::Done;
 
@@ -79,7 +80,7 @@ fn list(folders: &[PathBuf]) -> Result<Done> {
     say(format_args!("{:<34} {:>6} {:>8}  {:<24} what", "aviary", "solids", "movables", "size"))?;
     let mut broken = 0;
     for path in &paths {
-        match Subject::read(path, &[]) {
+        match read(path, &[]) {
             Ok(subject) => say(row(&subject))?,
             Err(error) => {
                 warn(format_args!("error: {error}"));
@@ -103,7 +104,7 @@ fn row(subject: &Subject) -> String {
 }
 
 fn show(aviaries: &[String], output: &Path, overrides: &[String]) -> Result<Done> {
-    let subjects = aviaries.iter().map(|name| Ok(Subject::read(&find(name)?, overrides)?));
+    let subjects = aviaries.iter().map(|name| Ok(read(&find(name)?, overrides)?));
     let subjects: Vec<Subject> = subjects.collect::<Result<_>>()?;
     let drawing = if let [only] = subjects.as_slice() { plan(only) } else { sheet(&subjects) };
     write_atomically(output, &encoded(&drawing, output)?)?;
@@ -122,7 +123,7 @@ fn look(aviaries: &[String], output: &Path) -> Result<Done> {
     if paths.is_empty() {
         bail!("found no YAML files in assets/worlds, expected some, or aviaries that are named");
     }
-    let subjects: Vec<Subject> = paths.iter().map(|path| Subject::read(path, &[])).collect::<Result<_, _>>()?;
+    let subjects: Vec<Subject> = paths.iter().map(|path| read(path, &[])).collect::<Result<_, _>>()?;
     write_atomically(output, &seen_sheet(&subjects).png()?)?;
     say(output.display())?;
     Ok(Done::Finished)

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
+use kestrel_experiments::evaluation::{Evaluation, Flyer, Starts, evaluate_exactly};
+use kestrel_experiments::experiment_config::{self, Experiment};
+use kestrel_experiments::output::say;
+use kestrel_experiments::recording;
 use kestrel_sim::scenario::WeightedTerm;
 use kestrel_sim::seed::{Purpose, Seed};
-use kestrel_train::evaluation::{Evaluation, Flyer, Starts, evaluate_exactly};
-use kestrel_train::experiment_config::{self, Experiment};
-use kestrel_train::output::say;
-use kestrel_train::recording;
 
 use super::flight::Pilot;
 use super::{Done, table};

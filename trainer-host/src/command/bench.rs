@@ -5,14 +5,14 @@ use std::path::Path;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::bench::{self, Figure};
 use anyhow::Result;
 use kestrel_core::policy_file::PolicyFile;
-use kestrel_train::bench::{self, Figure};
-use kestrel_train::experiment_config;
-use kestrel_train::output::say;
-use kestrel_train::progress::amount;
-use kestrel_train::results;
-use kestrel_train::training_run::untrained_actor;
+use kestrel_experiments::experiment_config;
+use kestrel_experiments::output::say;
+use kestrel_experiments::progress::amount;
+use kestrel_experiments::results;
+use kestrel_experiments::training_run::untrained_actor;
 
 use super::Done;
 

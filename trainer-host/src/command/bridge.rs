@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
+use crate::bridge::lend;
 use anyhow::Result;
+use kestrel_experiments::experiment_config;
+use kestrel_experiments::interrupt::Interrupt;
+use kestrel_experiments::output::say;
 use kestrel_shim::bridge::BridgeOptions;
-use kestrel_train::bridge::lend;
-use kestrel_train::experiment_config;
-use kestrel_train::interrupt::Interrupt;
-use kestrel_train::output::say;
 
 use super::Done;
 

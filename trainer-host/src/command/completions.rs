@@ -3,7 +3,7 @@
 use anyhow::Result;
 use clap::CommandFactory;
 use clap_complete::Shell;
-use kestrel_train::output::say;
+use kestrel_experiments::output::say;
 
 /// Arguments of `kestrel completions`.
 #[derive(Debug, clap::Args)]

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, ensure};
-use kestrel_train::output::say;
-use kestrel_train::processor::{ProcessorKind, ProcessorOptions};
-use kestrel_train::progress::Progress;
-use kestrel_train::results;
+use crate::processor::{ProcessorKind, ProcessorOptions, compare};
+use anyhow::{Context, Result, ensure};
+use kestrel_core::policy_file::PolicyFile;
+use kestrel_experiments::output::say;
+use kestrel_experiments::progress::Progress;
+use kestrel_experiments::results;
 
 use super::{Done, run, table};
 
@@ -43,7 +44,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         ensure!(arguments.record.is_none(), "found --record beside --processor qemu, expected one of them");
         let mut progress = Progress::counting("episodes", experiment.evaluation.episodes as u64, 0);
         let shown = |done| progress.show_steps(done, String::new);
-        let comparison = results::compare_processors(&experiment, &directory, &arguments.processor.image, shown)?;
+        let file = results::checked_policy(&experiment, &directory)?;
+        let policy = PolicyFile::parse(&file).with_context(|| directory.policy().display().to_string())?;
+        let (scenario, starts) = (&experiment.evaluation.scenario, results::starts(&experiment));
+        let comparison = compare(scenario, starts, (&file, policy), &arguments.processor.image, shown)?;
         progress.finish();
         say(comparison)?;
         return Ok(if comparison.different == 0 { Done::Finished } else { Done::Deviating });

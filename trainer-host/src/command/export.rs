@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use kestrel_train::output::say;
-use kestrel_train::results;
-use kestrel_train::training_run::best_policy;
+use kestrel_experiments::output::say;
+use kestrel_experiments::results;
+use kestrel_experiments::training_run::best_policy;
 
 use super::{Done, run};
 

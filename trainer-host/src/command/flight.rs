@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use kestrel_train::evaluation::Flyer;
-use kestrel_train::experiment_config::{self, Experiment};
-use kestrel_train::film::Stage;
-use kestrel_train::recording::Recording;
-use kestrel_train::results::{record_pilot, record_policy, record_run, record_start};
+use kestrel_draw::film::Stage;
+use kestrel_experiments::evaluation::Flyer;
+use kestrel_experiments::experiment_config::{self, Experiment};
+use kestrel_experiments::recording::Recording;
+use kestrel_experiments::results::{record_pilot, record_policy, record_run, record_start};
 
 use super::run;
 
@@ -66,11 +66,18 @@ pub(crate) struct Flown {
 impl Flown {
     /// The flight in its aviary, to be looked at with one of its drones.
     pub(crate) fn stage(&self, drone: usize) -> Result<Stage> {
-        let stage = Stage::new(&self.recording, &self.experiment, &self.path)?;
+        let stage = self.staged()?;
         let drones = stage.drones();
         let path = self.path.display();
         ensure!(drone < drones, "found --drone {drone}, expected a number below {drones}, the drones of {path}");
         Ok(stage)
+    }
+}
+
+impl Flown {
+    fn staged(&self) -> Result<Stage> {
+        let flight = self.recording.flight(&self.experiment, &self.path)?;
+        Ok(Stage::new(flight, &self.experiment.scenario, &self.path.display().to_string())?)
     }
 }
 

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
+use crate::fly::{FlyOptions, Place, fly};
 use anyhow::{Context, Result};
+use kestrel_experiments::interrupt::Interrupt;
+use kestrel_experiments::output::say;
 use kestrel_shim::policy_bytes::PolicyBytes;
-use kestrel_train::fly::{FlyOptions, Place, fly};
-use kestrel_train::interrupt::Interrupt;
-use kestrel_train::output::say;
 
 use super::{Done, run};
 

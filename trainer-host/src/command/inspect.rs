@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use kestrel_train::inspection::Inspection;
-use kestrel_train::output::say;
+use kestrel_experiments::output::say;
+use kestrel_export::inspection::Inspection;
 
 use super::Done;
 

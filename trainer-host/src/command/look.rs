@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use kestrel_train::film::FilmError;
-use kestrel_train::interrupt::Interrupt;
-use kestrel_train::progress::Progress;
+use kestrel_draw::film::FilmError;
+use kestrel_experiments::interrupt::Interrupt;
+use kestrel_experiments::progress::Progress;
 
 /// What kind of file is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
+use kestrel_draw::film::{Film, GIF_LIMIT, Panel, Style};
+use kestrel_experiments::atomic_file::write_atomically;
+use kestrel_experiments::output::{say, warn};
 use kestrel_sim::camera::{Backend, Renderer};
-use kestrel_train::atomic_file::write_atomically;
-use kestrel_train::film::{Film, GIF_LIMIT, Panel, Style};
-use kestrel_train::output::{say, warn};
 
 use super::Done;
 use super::flight::FlightArguments;

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use kestrel_train::animation::flight_gif;
-use kestrel_train::atomic_file::write_atomically;
-use kestrel_train::output::say;
-use kestrel_train::recording::Recording;
+use kestrel_draw::animation::flight_gif;
+use kestrel_experiments::atomic_file::write_atomically;
+use kestrel_experiments::output::say;
+use kestrel_experiments::recording::Recording;
 
 use super::Done;
 

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::Result;
-use kestrel_train::experiment_config::{self, Experiment};
-use kestrel_train::run_directory::RunDirectory;
+use kestrel_experiments::experiment_config::{self, Experiment};
+use kestrel_experiments::run_directory::RunDirectory;
 
 /// Opens the run at `path` and reads its configuration.
 pub(crate) fn open(path: &Path, overrides: &[String]) -> Result<(RunDirectory, Experiment)> {

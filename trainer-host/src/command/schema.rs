@@ -1,8 +1,8 @@
 //! `kestrel schema`.
 
 use anyhow::Result;
-use kestrel_train::output::say;
-use kestrel_train::{experiment_config, search, study};
+use kestrel_experiments::output::say;
+use kestrel_experiments::{experiment_config, search, study};
 
 use super::Done;
 

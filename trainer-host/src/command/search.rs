@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use kestrel_train::interrupt::Interrupt;
-use kestrel_train::output::{say, warn};
-use kestrel_train::search::runner::{CONFIG, SearchRun};
-use kestrel_train::search::{Search, config, log, report};
-use kestrel_train::training_run::End;
+use kestrel_experiments::interrupt::Interrupt;
+use kestrel_experiments::output::{say, warn};
+use kestrel_experiments::search::runner::{CONFIG, SearchRun};
+use kestrel_experiments::search::{Search, config, log, report};
+use kestrel_experiments::training_run::End;
 
 use super::Done;
 use super::study::threads;

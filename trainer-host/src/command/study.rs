@@ -6,15 +6,15 @@ use std::sync::Arc;
 use std::thread::available_parallelism;
 
 use anyhow::{Context, Result};
-use kestrel_train::atomic_file::{FileError, write_atomically};
-use kestrel_train::interrupt::Interrupt;
-use kestrel_train::output::say;
-use kestrel_train::ranks::{self, Ranks};
-use kestrel_train::study::data::StudyData;
-use kestrel_train::study::data::StudyError;
-use kestrel_train::study::directory::StudyDirectory;
-use kestrel_train::study::{Study, config, report, runner};
-use kestrel_train::training_run::End;
+use kestrel_experiments::atomic_file::{FileError, write_atomically};
+use kestrel_experiments::interrupt::Interrupt;
+use kestrel_experiments::output::say;
+use kestrel_experiments::study::data::StudyData;
+use kestrel_experiments::study::data::StudyError;
+use kestrel_experiments::study::directory::StudyDirectory;
+use kestrel_experiments::study::{Study, config, report, runner};
+use kestrel_experiments::training_run::End;
+use kestrel_learn::ranks::{self, Ranks};
 
 use super::Done;
 

@@ -1,8 +1,8 @@
 //! Tables for people.
 
+use kestrel_experiments::evaluation::Evaluation;
+use kestrel_experiments::results::EvaluationReport;
 use kestrel_sim::outcome::Ending;
-use kestrel_train::evaluation::Evaluation;
-use kestrel_train::results::EvaluationReport;
 
 /// The rows of an evaluation, one line each, below the starts that they flew from.
 pub(crate) fn evaluations(report: &EvaluationReport) -> String {

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use kestrel_train::experiment_config::{self, Experiment};
-use kestrel_train::interrupt::Interrupt;
-use kestrel_train::output::{say, warn};
-use kestrel_train::ranks::{self, Ranks};
-use kestrel_train::results;
-use kestrel_train::run_directory::RunDirectory;
-use kestrel_train::training_run::{self, End, TrainingRun};
+use kestrel_experiments::experiment_config::{self, Experiment};
+use kestrel_experiments::interrupt::Interrupt;
+use kestrel_experiments::output::{say, warn};
+use kestrel_experiments::results;
+use kestrel_experiments::run_directory::RunDirectory;
+use kestrel_experiments::training_run::{self, End, TrainingRun};
+use kestrel_learn::ranks::{self, Ranks};
 
 use super::{Done, table};
 

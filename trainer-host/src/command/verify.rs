@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use kestrel_experiments::output::say;
 use kestrel_sim::config::read_airframe;
-use kestrel_train::output::say;
-use kestrel_train::verify::{Models, Tolerances, verify};
+use kestrel_verify::{Models, Tolerances, verify};
 
 use super::Done;
 

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+use kestrel_draw::viewer::{CameraMode, Controls, Desk};
+use kestrel_experiments::atomic_file::write_atomically;
+use kestrel_experiments::output::{say, warn};
 use kestrel_sim::camera::{Backend, Renderer};
-use kestrel_train::atomic_file::write_atomically;
-use kestrel_train::output::{say, warn};
-use kestrel_train::viewer::{CameraMode, Controls, Desk};
 
 use super::Done;
 use super::flight::FlightArguments;
@@ -100,7 +100,7 @@ fn written(desk: &Desk<'_>, controls: &Controls, (output, format): (&Path, Forma
 
 #[cfg(feature = "viewer")]
 fn shown(desk: Desk<'_>, controls: Controls, title: &str, size: [usize; 2]) -> Result<Done> {
-    kestrel_train::viewer::window::show(desk, controls, title, size)?;
+    kestrel_draw::viewer::window::show(desk, controls, title, size)?;
     Ok(Done::Finished)
 }
 

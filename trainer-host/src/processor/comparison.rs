@@ -13,19 +13,19 @@ use kestrel_sim::scenario::Scenario;
 use kestrel_sim::simulation::Simulation;
 
 use super::{ProcessorError, Qemu};
-use crate::evaluation::Starts;
+use kestrel_experiments::evaluation::Starts;
 
 /// What two processors made of the same episodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Comparison {
+pub(crate) struct Comparison {
     /// Episodes flown to their end, by the commands of the other processor.
-    pub episodes: u32,
+    pub(crate) episodes: u32,
     /// How many of them succeeded.
-    pub successes: u32,
+    pub(crate) successes: u32,
     /// Control periods in all.
-    pub ticks: u64,
+    pub(crate) ticks: u64,
     /// Control periods in which a rotor target differed in any bit.
-    pub different: u64,
+    pub(crate) different: u64,
 }
 
 impl fmt::Display for Comparison {
@@ -47,7 +47,7 @@ impl fmt::Display for Comparison {
 ///
 /// # Panics
 /// When the policy is of another task than the scenario's.
-pub fn compare(
+pub(crate) fn compare(
     scenario: &Scenario,
     starts: Starts,
     (file, policy): (&[u8], PolicyFile<'_>),

@@ -5,10 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use kestrel_experiments::atomic_file::write_atomically;
+use kestrel_experiments::aviary_generator::{Files, Order, generate};
+use kestrel_experiments::output::say;
 use kestrel_sim::seed::Seed;
-use kestrel_train::atomic_file::write_atomically;
-use kestrel_train::aviary_generator::{Files, Order, generate};
-use kestrel_train::output::say;
 
 use crate::command::Done;
 

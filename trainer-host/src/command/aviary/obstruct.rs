@@ -4,16 +4,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use kestrel_experiments::atomic_file::{self, write_atomically};
+use kestrel_experiments::evaluation::{Flyer, Starts};
+use kestrel_experiments::experiment_config;
+use kestrel_experiments::obstruction::files::{Former, Sequel};
+use kestrel_experiments::obstruction::{Spot, Traffic};
+use kestrel_experiments::output::say;
+use kestrel_experiments::run_directory::RunDirectory;
+use kestrel_export::policy::Policy;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed};
-use kestrel_train::atomic_file::{self, write_atomically};
-use kestrel_train::evaluation::{Flyer, Starts};
-use kestrel_train::experiment_config;
-use kestrel_train::obstruction::files::{Former, Sequel};
-use kestrel_train::obstruction::{Spot, Traffic};
-use kestrel_train::output::say;
-use kestrel_train::policy::Policy;
-use kestrel_train::run_directory::RunDirectory;
 
 use crate::command::Done;
 

@@ -1,0 +1,227 @@
+//! A recorded flight and the world in which it is looked at.
+
+use kestrel_core::attitude::Attitude;
+use kestrel_sim::camera::{Image, Mover, Scene};
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::world::{Floor, Pose, Role, Shape, Solid, World};
+use nalgebra::Vector3;
+
+use super::chase::on_board;
+use super::{DepthScale, FilmError, camera, sampled};
+use crate::animation::playback::{Moment, PICTURE_SECS, moment, moments};
+use crate::animation::{self, DroneFlight, FlightRecording, Placement};
+
+/// A goal for the eyes of people: a ball on a pole, and how far below the goal it ends \[m\].
+const BALL_RADIUS: f64 = 0.012;
+const POLE_RADIUS: f64 = 0.004;
+const BELOW_GOAL: f64 = 0.06;
+const GOAL_COLOUR: [f32; 3] = [0.53, 0.26, 0.84];
+
+/// Length of the pole where there is no floor \[m\].
+const POLE: f64 = 0.5;
+
+/// A recorded flight with everything that cameras and captions need.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    pub(crate) flight: FlightRecording,
+    /// The world as the drones see it.
+    seen: Scene,
+    /// The world as people see it, with the goals.
+    shown: Scene,
+    /// 25 a second.
+    moments: Vec<Moment>,
+    verdicts: Vec<Verdict>,
+}
+
+/// What came of a drone's flight.
+#[derive(Clone, Debug)]
+struct Verdict {
+    /// Sum of the rewards before each step, and of all.
+    returns: Vec<f64>,
+    ending: String,
+    success: bool,
+}
+
+/// What is written beside a picture of a flight.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Facts {
+    /// Since the start \[s\].
+    pub(crate) secs: f32,
+    /// Sum of the rewards so far.
+    pub(crate) episode_return: f64,
+    /// To the goal \[m\].
+    pub(crate) distance: f32,
+    /// \[m/s\].
+    pub(crate) speed: f32,
+    /// How it ended, as in reports, and whether that was a success; nothing while it flies.
+    pub(crate) ending: Option<(String, bool)>,
+}
+
+impl Stage {
+    /// Prepares a flight through the scenario's world for cameras; `name` is what messages call it.
+    ///
+    /// # Errors
+    /// When it holds numbers that are none.
+    pub fn new(flight: FlightRecording, scenario: &Scenario, name: &str) -> Result<Self, FilmError> {
+        animation::check(&flight)?;
+        check(&flight, name)?;
+        let Scenario { aviary, airframe, .. } = scenario;
+        let world = &aviary.world;
+        let scene = |world: &World| Scene::new(world).with_drones(airframe, flight.drones.len());
+        let goals = flight.drones.iter().map(|drone| drone.goal.cast());
+        Ok(Self {
+            seen: scene(world),
+            shown: scene(&with_goals(world, goals)),
+            moments: moments(&flight),
+            verdicts: flight.drones.iter().map(Verdict::of).collect(),
+            flight,
+        })
+    }
+
+    /// How many drones fly.
+    pub fn drones(&self) -> usize {
+        self.flight.drones.len()
+    }
+
+    /// How long the flight is \[s\].
+    pub fn secs(&self) -> f32 {
+        let frames = self.flight.drones.iter().map(|drone| drone.frames.len()).max().unwrap_or(1);
+        (frames - 1) as f32 * self.flight.control_secs
+    }
+
+    /// The flight 25 times a second.
+    pub(crate) fn moments(&self) -> &[Moment] {
+        &self.moments
+    }
+
+    /// The flight at any time since its start \[s\].
+    pub(crate) fn moment(&self, secs: f32) -> Moment {
+        moment(&self.flight, secs)
+    }
+
+    /// What people see at a moment: everything, and the goals.
+    pub(crate) fn shown(&self, moment: &Moment) -> Scene {
+        placed(&self.shown, moment)
+    }
+
+    /// What the camera of a drone sees at a moment: everything but that drone.
+    pub(crate) fn seen(&self, moment: &Moment, drone: usize) -> Scene {
+        let mut scene = placed(&self.seen, moment);
+        scene.hide(Mover::Drone(drone));
+        scene
+    }
+
+    /// The world without drones, where movables start.
+    pub(crate) fn still(&self) -> &Scene {
+        &self.seen
+    }
+
+    /// A scale for all that a drone's camera sees during the flight.
+    pub(crate) fn depth_scale(&self, drone: usize, view_angle: f64) -> DepthScale {
+        let images: Vec<Image> = sampled(self.moments.len())
+            .map(|index| {
+                let moment = &self.moments[index];
+                let view = on_board(self, &moment.drones[drone].frame.placement);
+                self.seen(moment, drone).render(&camera([64, 48], view_angle), &view)
+            })
+            .collect();
+        DepthScale::of(&images)
+    }
+
+    pub(crate) fn facts(&self, moment: &Moment, drone: usize) -> Facts {
+        let Verdict { returns, ending, success } = &self.verdicts[drone];
+        let now = moment.drones[drone];
+        // A hundredth of a step is the rounding of a time.
+        let steps = (moment.elapsed_secs / self.flight.control_secs + 0.01) as usize;
+        let last = returns.len() - 1;
+        let end_secs = (self.flight.drones[drone].frames.len() - 1) as f32 * self.flight.control_secs;
+        // The next picture would come after the end.
+        let has_ended = moment.elapsed_secs + PICTURE_SECS > end_secs + 1e-4;
+        Facts {
+            secs: moment.elapsed_secs,
+            episode_return: returns[if has_ended { last } else { steps.min(last) }],
+            distance: now.distance,
+            speed: now.speed,
+            ending: (has_ended && !ending.is_empty()).then(|| (ending.clone(), *success)),
+        }
+    }
+}
+
+/// Farthest that a drone may be from the origin \[m\], and how far from one the length of its quaternion.
+const FARTHEST: f32 = 1e5;
+const LENGTH_TOLERANCE: f32 = 0.1;
+
+/// Refuses what no camera can follow.
+fn check(flight: &FlightRecording, name: &str) -> Result<(), FilmError> {
+    for (drone, track) in flight.drones.iter().enumerate() {
+        for (frame, shown) in track.frames.iter().enumerate() {
+            let Attitude { w, x, y, z } = shown.placement.attitude;
+            let (metres, length) = (shown.placement.position.norm(), (w * w + x * x + y * y + z * z).sqrt());
+            if !(metres <= FARTHEST && (length - 1.0).abs() <= LENGTH_TOLERANCE) {
+                return Err(FilmError::Lost { name: name.to_owned(), drone, frame, metres, length });
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Verdict {
+    fn of(drone: &DroneFlight) -> Self {
+        let mut returns = vec![0.0];
+        let mut sum = 0.0;
+        for reward in &drone.rewards {
+            sum += reward;
+            returns.push(sum);
+        }
+        Self { returns, ending: drone.ending.clone(), success: drone.success }
+    }
+}
+
+/// The same scene with everything where it is at a moment.
+fn placed(scene: &Scene, moment: &Moment) -> Scene {
+    let mut scene = scene.clone();
+    for (index, drone) in moment.drones.iter().enumerate() {
+        scene.place(Mover::Drone(index), &pose(&drone.frame.placement));
+    }
+    for (index, placement) in moment.movables.iter().enumerate() {
+        scene.place(Mover::Movable(index), &pose(placement));
+    }
+    scene
+}
+
+pub(crate) fn pose(placement: &Placement) -> Pose {
+    let Attitude { w, x, y, z } = placement.attitude;
+    let [w, x, y, z] = [w, x, y, z].map(f64::from);
+    Pose { position: placement.position.cast(), world_from_body: Attitude { w, x, y, z } }
+}
+
+/// The world with a ball on a pole below each goal, so that a drone at its goal can be seen.
+fn with_goals(world: &World, goals: impl Iterator<Item = Vector3<f64>>) -> World {
+    let mut world = world.clone();
+    for goal in goals {
+        let top = goal - BELOW_GOAL * Vector3::z();
+        let foot = match world.floor {
+            Floor::Solid => top.z.min(0.0),
+            Floor::Absent => top.z - POLE,
+        };
+        let half_height = 0.5 * (top.z - foot).max(POLE_RADIUS);
+        let pole = Shape::Cylinder { radius: POLE_RADIUS, half_height };
+        world.solids.push(mark(pole, top - half_height * Vector3::z()));
+        world.solids.push(mark(Shape::Sphere(BALL_RADIUS), top));
+    }
+    world
+}
+
+fn mark(shape: Shape, position: Vector3<f64>) -> Solid {
+    let at = Pose::at(position);
+    Solid {
+        name: "goal".to_owned(),
+        shape,
+        pose: at,
+        role: Role::Decoration,
+        friction: 0.0,
+        contact_gap: 0.0,
+        colour: GOAL_COLOUR,
+        look: None,
+    }
+}

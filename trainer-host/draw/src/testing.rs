@@ -1,0 +1,81 @@
+//! Flights for tests: what becomes of drones that do nothing.
+
+use std::path::Path;
+
+use kestrel_core::vehicle::State;
+use kestrel_sim::config::{Document, ScenarioConfig};
+use kestrel_sim::outline::Outline;
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::Seed;
+use kestrel_sim::simulation::Simulation;
+use nalgebra::Vector3;
+
+use crate::animation::{DroneFlight, FlightFrame, FlightRecording, Placement};
+
+/// The part of an experiment file that is needed here.
+#[derive(serde::Deserialize)]
+struct Task {
+    scenario: ScenarioConfig,
+}
+
+/// The task of a shipped experiment, with episodes of so many seconds.
+pub(crate) fn scenario(name: &str, secs: f32) -> Scenario {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name);
+    let document = Document::read(&path).unwrap();
+    let task: Task = document.decode().unwrap();
+    let scenario = task.scenario.check("task", &document.root().at("scenario")).unwrap();
+    Scenario { episode_secs: secs, ..scenario }
+}
+
+/// The first flight of the scenario until all drones have ended it.
+pub(crate) fn flown(scenario: &Scenario) -> FlightRecording {
+    let mut simulation = Simulation::<1, f64>::new(scenario, Seed(1), 0, 1);
+    let rows = simulation.rows();
+    let mut flight = at_start(scenario, &simulation);
+    let actions = vec![0.0; scenario.action.len() * rows];
+    let mut flying = vec![true; rows];
+    while flying.contains(&true) {
+        simulation.step(&actions);
+        let ended = simulation.take_episodes();
+        for (row, drone) in flight.drones.iter_mut().enumerate().filter(|(row, _)| flying[*row]) {
+            drone.rewards.push(simulation.terms(row).iter().sum());
+            match ended.iter().find(|episode| episode.agent as usize == row) {
+                Some(episode) => drone.ending = episode.ending.name().to_owned(),
+                None => drone.frames.push(frame(&simulation.state(row))),
+            }
+        }
+        ended.iter().for_each(|episode| flying[episode.agent as usize] = false);
+    }
+    flight
+}
+
+/// The drones at the first start of the scenario.
+pub(crate) fn started(scenario: &Scenario) -> FlightRecording {
+    at_start(scenario, &Simulation::new(scenario, Seed(1), 0, 1))
+}
+
+fn at_start(scenario: &Scenario, simulation: &Simulation<1, f64>) -> FlightRecording {
+    let world = &scenario.aviary.world;
+    let drone = |row| DroneFlight {
+        goal: simulation.goal(row).cast(),
+        frames: vec![frame(&simulation.state(row))],
+        rewards: Vec::new(),
+        ending: String::new(),
+        success: false,
+    };
+    FlightRecording {
+        title: scenario.name.clone(),
+        control_secs: scenario.physics.control_secs(),
+        airframe: scenario.airframe,
+        drones: (0..simulation.rows()).map(drone).collect(),
+        solids: world.solids.iter().map(Outline::placed).collect(),
+        movables: Vec::new(),
+        floor: world.floor,
+    }
+}
+
+fn frame(state: &State<f64>) -> FlightFrame {
+    let position: Vector3<f32> = state.position.cast();
+    let attitude = state.world_from_body.map(|part| part as f32);
+    FlightFrame { placement: Placement { position, attitude }, rotor_fractions: [0.5; 4] }
+}

@@ -1,0 +1,235 @@
+//! How good a policy is: success over many random starts, beside the trivial baselines.
+
+mod cockpit;
+#[cfg(test)]
+mod tests;
+
+use kestrel_core::real::Real;
+use kestrel_core::vehicle::State;
+use kestrel_sim::outcome::{Ending, Episode, Outcome};
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::{Purpose, Seed};
+use kestrel_sim::simulation::{Compiled, Simulation};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::statistics::proportion::{Z_95, wilson};
+use kestrel_export::policy::Policy;
+use kestrel_learn::actor_critic::Actor;
+
+pub(crate) use cockpit::Cockpit;
+
+/// Environments that one task flies.
+const PANEL: usize = 128;
+
+/// Who flies.
+#[derive(Clone, Copy, Debug)]
+pub enum Flyer<'a> {
+    /// The trained network's mean action, in the trainer's floating point.
+    Actor(&'a Actor),
+    /// An exported policy, in the arithmetic of its file.
+    Policy(&'a Policy<'a>),
+    /// The zero action: hover thrust, no correction.
+    Nothing,
+    /// Uniform random actions.
+    Random,
+    /// The pilot written by hand.
+    Scripted,
+}
+
+/// From where evaluations fly: the same starts for every flyer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Starts {
+    /// What they follow from.
+    pub seed: Seed,
+    /// Which of the seed's streams: starts that select a policy differ from those that judge it.
+    pub purpose: Purpose,
+    /// How many.
+    pub episodes: usize,
+}
+
+/// What an evaluation found; see [`evaluate`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// Who flew.
+    pub pilot: String,
+    /// Episodes flown, one from each start by every drone.
+    pub episodes: usize,
+    /// Share of episodes that were a success.
+    pub success_rate: f64,
+    /// Its 95 % confidence interval (Wilson).
+    pub success_interval: [f64; 2],
+    /// Mean undiscounted return.
+    pub episode_return: f64,
+    /// Its 95 % confidence interval (normal approximation).
+    pub return_interval: [f64; 2],
+    /// Mean length \[s\].
+    pub length_secs: f64,
+    /// Mean length in control periods.
+    #[serde(default)]
+    pub steps: f64,
+    /// How many episodes ended how.
+    pub endings: Vec<(Ending, usize)>,
+    /// Mean return of each weighted reward term, in the scenario's order.
+    #[serde(default)]
+    pub terms: Vec<f64>,
+}
+
+/// One flight, control period by control period.
+#[derive(Clone, Debug)]
+pub struct FlightPath {
+    /// True states, the start first.
+    pub states: Vec<State<f32>>,
+    /// How it ended.
+    pub episode: Episode,
+}
+
+/// Flies one episode from each of the starts; the bits do not depend on the number of threads.
+pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evaluation {
+    summarise(flyer.name(), scenario, &fly_episodes(scenario, flyer, starts))
+}
+
+/// As [`evaluate`]: the episodes themselves, one from each start by every drone.
+pub fn fly_episodes(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Vec<Episode> {
+    let firsts: Vec<usize> = (0..starts.episodes).step_by(PANEL).collect();
+    let flights = firsts.into_par_iter().flat_map_iter(|first| {
+        let count = PANEL.min(starts.episodes - first);
+        first_episodes(starting_at(scenario, starts, first as u32, count), flyer, starts, first as u32)
+    });
+    flights.collect()
+}
+
+/// As [`evaluate`], in double precision and one environment at a time: what a comparison with a recording needs.
+pub fn evaluate_exactly(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evaluation {
+    let flights = (0..starts.episodes as u32).into_par_iter().flat_map_iter(|first| {
+        let simulation = Simulation::<1, f64>::with_purpose(scenario, starts.seed, starts.purpose, first, 1);
+        first_episodes(simulation, flyer, starts, first)
+    });
+    summarise(flyer.name(), scenario, &flights.collect::<Vec<_>>())
+}
+
+/// What an actor met on flights.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sightings {
+    /// `[n][observation_len]`.
+    pub observations: Vec<f32>,
+    /// `[n][image]`; empty without a camera.
+    pub images: Vec<u8>,
+}
+
+/// What the actor meets on flights from up to 64 of the starts, every eighth step, by every drone.
+pub fn sightings_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts) -> Sightings {
+    let count = starts.episodes.clamp(1, 64);
+    let mut simulation = starting_at(scenario, starts, 0, count);
+    let mut cockpit = Cockpit::new(&simulation, Flyer::Actor(actor), starts.seed, 0);
+    let mut met = Sightings::default();
+    for step in 0..scenario.episode_steps() {
+        if step % 8 == 0 {
+            for row in 0..simulation.rows() {
+                let columns = simulation.observations().chunks_exact(simulation.rows());
+                met.observations.extend(columns.map(|column| column[row]));
+            }
+            met.images.extend_from_slice(simulation.images());
+        }
+        simulation.step(cockpit.act(&simulation));
+    }
+    met
+}
+
+/// Flies the episode that [`evaluate`] flies as number `start`, and keeps every state of the first drone.
+pub fn record(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts, start: u32) -> FlightPath {
+    let mut simulation = starting_at(scenario, starts, start, 1);
+    let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, start);
+    let mut states = vec![simulation.state(0)];
+    loop {
+        simulation.step(cockpit.act(&simulation));
+        if let Some(episode) = simulation.take_episodes().into_iter().find(|episode| episode.agent == 0) {
+            return FlightPath { states, episode };
+        }
+        states.push(simulation.state(0));
+    }
+}
+
+impl Flyer<'_> {
+    /// Name in reports.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Actor(_) => "policy",
+            Self::Policy(policy) => policy.arithmetic().name(),
+            Self::Nothing => "do nothing",
+            Self::Random => "random",
+            Self::Scripted => "scripted pilot",
+        }
+    }
+}
+
+fn starting_at(scenario: &Scenario, starts: Starts, first: u32, count: usize) -> Simulation {
+    Simulation::with_purpose(scenario, starts.seed, starts.purpose, first, count)
+}
+
+/// The first episode of each drone, agent by agent and by environment.
+fn first_episodes<const LANES: usize, R: Real>(
+    mut simulation: Simulation<LANES, R>,
+    flyer: Flyer<'_>,
+    starts: Starts,
+    first: u32,
+) -> Vec<Episode>
+where
+    Simulation<LANES, R>: Compiled<R>,
+{
+    let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, first);
+    let mut episodes: Vec<Option<Episode>> = vec![None; simulation.rows()];
+    while episodes.iter().any(Option::is_none) {
+        simulation.step(cockpit.act(&simulation));
+        if simulation.outcomes().iter().all(|outcome| *outcome == Outcome::Running) {
+            continue;
+        }
+        for episode in simulation.take_episodes() {
+            let environment = (episode.environment - first) as usize;
+            let slot = &mut episodes[episode.agent as usize * simulation.environments() + environment];
+            slot.get_or_insert(episode);
+        }
+    }
+    episodes.into_iter().flatten().collect()
+}
+
+fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluation {
+    let count = episodes.len().max(1) as f64;
+    let successes = episodes.iter().filter(|episode| episode.success).count();
+    let returns: Vec<f64> = episodes.iter().map(|episode| f64::from(episode.total_reward)).collect();
+    let mean = returns.iter().sum::<f64>() / count;
+    let variance =
+        returns.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (count - 1.0).max(1.0);
+    let margin = Z_95 * (variance / count).sqrt();
+    let steps: f64 = episodes.iter().map(|episode| f64::from(episode.steps)).sum();
+    Evaluation {
+        pilot: pilot.to_owned(),
+        episodes: episodes.len(),
+        success_rate: successes as f64 / count,
+        success_interval: wilson(successes as f64, count),
+        episode_return: mean,
+        return_interval: [mean - margin, mean + margin],
+        length_secs: steps / count / scenario.physics.control_rate_hz,
+        steps: steps / count,
+        endings: endings(episodes),
+        terms: (0..scenario.rewards.len())
+            .map(|term| episodes.iter().map(|episode| f64::from(episode.terms[term])).sum::<f64>() / count)
+            .collect(),
+    }
+}
+
+fn endings(episodes: &[Episode]) -> Vec<(Ending, usize)> {
+    let kinds = [
+        Ending::Success,
+        Ending::TimeLimit,
+        Ending::Collision,
+        Ending::OutOfBounds,
+        Ending::Tilt,
+        Ending::Distance,
+        Ending::OutOfFuel,
+        Ending::Overdue,
+        Ending::Teammate,
+    ];
+    let count = |kind| episodes.iter().filter(|episode| episode.ending == kind).count();
+    kinds.into_iter().map(|kind| (kind, count(kind))).filter(|(_, count)| *count > 0).collect()
+}

@@ -1,0 +1,153 @@
+//! Flyers at work.
+
+use kestrel_core::action::ACTION_LIMIT;
+use kestrel_core::observation::OBSERVATION_LIMIT;
+use kestrel_core::policy_file::{PolicyScratch, VisionPolicy};
+use kestrel_core::real::Real;
+use kestrel_sim::outcome::Outcome;
+use kestrel_sim::seed::{Purpose, Seed, Stream};
+use kestrel_sim::simulation::Simulation;
+
+use super::Flyer;
+use kestrel_export::policy::Policy;
+use kestrel_export::seeing::Memory;
+use kestrel_learn::actor_critic::{ActorPass, Sight};
+use kestrel_learn::scripted::ScriptedPilot;
+
+/// A flyer at work on the environments of one simulation.
+pub(crate) struct Cockpit<'a, R> {
+    flyer: Flyer<'a>,
+    /// One per drone.
+    scripted: Vec<ScriptedPilot>,
+    noise: Stream,
+    /// Of an actor, once it has acted.
+    pass: Option<ActorPass>,
+    /// Of a policy with an eye, one per drone.
+    onlookers: Vec<Onlooker>,
+    observations: Vec<f32>,
+    actions: Vec<f32>,
+    converted: Vec<R>,
+}
+
+impl<'a, R: Real> Cockpit<'a, R> {
+    pub(crate) fn new<const LANES: usize>(
+        simulation: &Simulation<LANES, R>,
+        flyer: Flyer<'a>,
+        seed: Seed,
+        first: u32,
+    ) -> Self {
+        let scenario = simulation.scenario();
+        let pilot = ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs());
+        Self {
+            flyer,
+            scripted: (0..simulation.rows())
+                .map(|row| pilot.clone().along(scenario.aviary.route(row / simulation.environments())))
+                .collect(),
+            noise: Stream::new(seed, first, Purpose::Baseline),
+            pass: None,
+            onlookers: match flyer {
+                Flyer::Policy(Policy::Seeing(policy)) => vec![Onlooker::of(policy); simulation.rows()],
+                _ => Vec::new(),
+            },
+            observations: Vec::new(),
+            actions: vec![0.0; scenario.action.len() * simulation.rows()],
+            converted: Vec::new(),
+        }
+    }
+
+    /// Actions `[action length][rows]` for the simulation's present states.
+    pub(crate) fn act<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) -> &[R] {
+        match self.flyer {
+            Flyer::Actor(actor) => {
+                self.observe(simulation);
+                let sight = Sight { values: &self.observations, images: simulation.images() };
+                let pass = self.pass.get_or_insert_with(|| ActorPass::new(actor, simulation.rows()));
+                self.actions.copy_from_slice(pass.means(actor, sight));
+            }
+            Flyer::Policy(policy) => {
+                self.observe(simulation);
+                self.act_one_by_one(policy, simulation.images());
+            }
+            Flyer::Nothing => {}
+            Flyer::Random => self.actions.fill_with(|| self.noise.between(-1.0, 1.0)),
+            Flyer::Scripted => self.follow_script(simulation),
+        }
+        self.converted.clear();
+        self.converted.extend(self.actions.iter().map(|action| R::from_f32(*action)));
+        &self.converted
+    }
+
+    fn observe<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) {
+        self.observations.clear();
+        self.observations.extend(simulation.observations().iter().map(|value| value.to_f32()));
+    }
+
+    /// The exported policy, with the very inference that the firmware runs.
+    fn act_one_by_one(&mut self, policy: &Policy<'_>, images: &[u8]) {
+        let rows = self.scripted.len();
+        let len = self.observations.len() / rows;
+        let mut scratch = PolicyScratch::new();
+        let mut observation = [0.0; OBSERVATION_LIMIT];
+        for row in 0..rows {
+            for (value, column) in observation.iter_mut().zip(self.observations.chunks_exact(rows)) {
+                *value = column[row];
+            }
+            let observation = &observation[..len];
+            let action = match policy {
+                Policy::Blind(policy) => policy.act(observation, &mut scratch),
+                Policy::Seeing(policy) => {
+                    let image = &images[row * images.len() / rows..][..images.len() / rows];
+                    self.onlookers[row].act(policy, image, observation, &mut scratch)
+                }
+            };
+            write_action(&mut self.actions, rows, row, &action);
+        }
+    }
+
+    fn follow_script<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) {
+        let rows = simulation.rows();
+        for (row, pilot) in self.scripted.iter_mut().enumerate() {
+            if simulation.outcomes()[row] != Outcome::Running {
+                pilot.reset();
+            }
+            let goal = simulation.goal(row).map(Real::to_f32);
+            let action = pilot.act(&simulation.state(row).map(Real::to_f32), &goal);
+            write_action(&mut self.actions, rows, row, &action);
+        }
+    }
+}
+
+fn write_action(actions: &mut [f32], count: usize, environment: usize, action: &[f32]) {
+    for (column, value) in actions.chunks_exact_mut(count).zip(action) {
+        column[environment] = *value;
+    }
+}
+
+/// What a policy with an eye keeps of the last image of one drone.
+#[derive(Clone, Debug)]
+struct Onlooker {
+    memory: Memory,
+    image: Vec<u8>,
+}
+
+impl Onlooker {
+    fn of(policy: &VisionPolicy<'_>) -> Self {
+        Self { memory: Memory::of(policy), image: Vec::new() }
+    }
+
+    /// Looks at the image if it is another one, and acts.
+    fn act(
+        &mut self,
+        policy: &VisionPolicy<'_>,
+        image: &[u8],
+        observation: &[f32],
+        scratch: &mut PolicyScratch,
+    ) -> [f32; ACTION_LIMIT] {
+        let mut memory = self.memory.borrowed();
+        if self.image != image {
+            policy.encode(image, &mut memory).expect("a policy flies with the camera that it was trained with");
+            image.clone_into(&mut self.image);
+        }
+        policy.act(observation, &mut memory, scratch).expect("its memory is its own")
+    }
+}

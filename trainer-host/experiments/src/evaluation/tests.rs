@@ -1,0 +1,170 @@
+//! Trained actors and their exports fly alike.
+
+use kestrel_core::action::{ActionSpace, Persistence, ReferenceActionKind, ReferenceActions, ReferenceController};
+use kestrel_core::airframe::CF2X;
+use kestrel_core::controller::command::Precision;
+use kestrel_core::observation::{
+    KinematicLayout, ObservationLayout, PilotForLayout, PilotLayout, ReferenceLayout,
+};
+use kestrel_core::policy_file::PolicyMetadata;
+use kestrel_export::seeing::{SeeingActor, SeeingCalibration, export_seeing};
+use kestrel_export::{DenseLayer, export};
+use kestrel_learn::ppo::{EyeKind, EyeSettings, EyeSharing, PpoSettings, Trainer};
+use kestrel_sim::camera::{Camera, Channel, Mount, OnboardCamera, Optics};
+use kestrel_sim::scenario::{Agents, Goals, StartPosition, TeamEnd, TeamRewards, TeamSuccess};
+use kestrel_sim::seed::Stream;
+use kestrel_sim::world::{Floor, Solid};
+use nalgebra::Vector3;
+
+use super::*;
+use crate::experiment_config::load;
+use crate::golden::in_repository;
+
+const SCALES: PilotLayout = PilotLayout { position_scale_m: 1.0, velocity_scale: 2.0, body_rates_scale: 10.0 };
+
+/// Hover, and a training of it that takes no time.
+fn hover() -> (Scenario, PpoSettings) {
+    let experiment = load(&in_repository("configs/hover.yaml"), &[]).expect("it is shipped");
+    let settings = PpoSettings {
+        environments: 256,
+        steps_per_rollout: 12,
+        minibatch: 256,
+        actor_hidden: vec![16, 16],
+        critic_hidden: vec![16],
+        ..experiment.ppo
+    };
+    let start = StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.3 };
+    let mut scenario = Scenario { episode_secs: 0.4, ..experiment.scenario };
+    (scenario.start.position, scenario.start.tilt_limit) = (start, 0.3);
+    scenario.observation = ObservationLayout::Pilot(SCALES);
+    (scenario, settings)
+}
+
+fn starts(episodes: usize) -> Starts {
+    Starts { seed: Seed(4), purpose: Purpose::Evaluation, episodes }
+}
+
+fn metadata<'a>(name: &'a str, scenario: &Scenario) -> PolicyMetadata<'a> {
+    PolicyMetadata {
+        name,
+        observation: scenario.observation,
+        action: scenario.action,
+        control_period_secs: scenario.physics.control_secs(),
+        seed: 3,
+        training_steps: 0,
+    }
+}
+
+#[test]
+fn actions_and_observations_of_any_length_train_export_and_fly() {
+    let (hover, settings) = hover();
+    let cases = [
+        (
+            ReferenceActionKind::OneDRpm,
+            ObservationLayout::PilotFor(PilotForLayout { scales: SCALES, action_len: 1 }),
+        ),
+        (
+            ReferenceActionKind::Pid,
+            ObservationLayout::Kinematic(KinematicLayout { past_actions: 15, action_len: 3 }),
+        ),
+        (ReferenceActionKind::Rpm, ObservationLayout::Reference(ReferenceLayout::of_episode(5.0))),
+        (ReferenceActionKind::Tun, ObservationLayout::PilotFor(PilotForLayout { scales: SCALES, action_len: 6 })),
+    ];
+    for (kind, observation) in cases {
+        let action = ActionSpace::Reference(ReferenceActions {
+            kind,
+            precision: Precision::Exact,
+            airframe: CF2X,
+            controller: ReferenceController::Dsl(CF2X),
+            persistence: Persistence::ResetEachEpisode,
+        });
+        let scenario = Scenario { action, observation, ..hover.clone() };
+        let mut trainer = Trainer::new(std::slice::from_ref(&scenario), &settings, Seed(3));
+        assert_eq!(trainer.actor().log_std().len(), kind.len());
+        let metrics = trainer.update();
+        assert!(metrics.approx_kl.is_finite() && metrics.policy_loss.is_finite(), "{metrics:?}");
+        assert!(trainer.actor().log_std().iter().all(|log_std| *log_std != settings.initial_log_std));
+        let layers: Vec<DenseLayer<'_>> = trainer.actor().layers().into_iter().map(DenseLayer::from).collect();
+        let calibration = sightings_in_flight(&scenario, trainer.actor(), starts(8));
+        let exported = export(&layers, &metadata(kind.name(), &scenario), &calibration.observations);
+        let file = exported.expect("it fits").float_policy;
+        let policy = Policy::parse(&file).expect("it was written");
+        let [trained, flown] = [Flyer::Actor(trainer.actor()), Flyer::Policy(&policy)]
+            .map(|flyer| evaluate(&scenario, flyer, starts(8)).episode_return);
+        assert!((trained - flown).abs() < 1e-3 * trained.abs().max(1.0), "{trained}, exported {flown}");
+    }
+}
+
+#[test]
+fn a_policy_of_several_drones_is_exported_from_what_all_of_them_see() {
+    let (hover, settings) = hover();
+    let goal = |drone: u32| Vector3::new(2.0 * f64::from(drone), 0.0, 1.0);
+    let team = Agents { count: 2, ends: TeamEnd::Alone, rewards: TeamRewards::Shared, success: TeamSuccess::Own };
+    let scenario = Scenario { agents: team, goals: Goals::PerAgent((0..2).map(goal).collect()), ..hover.clone() };
+    let trainer = Trainer::new(std::slice::from_ref(&scenario), &settings, Seed(5));
+    let seen = sightings_in_flight(&scenario, trainer.actor(), starts(3)).observations;
+    let flights = scenario.episode_steps().div_ceil(8) as usize;
+    assert_eq!(seen.len(), flights * 6 * 22);
+    // All begin within 0.3 m of the goal of their own.
+    for observation in seen.chunks_exact(22).take(6) {
+        assert!(observation[..3].iter().map(|value| value * value).sum::<f32>() < 0.09 + 1e-5, "{observation:?}");
+    }
+}
+
+/// The hover task beside two pillars, with a small camera.
+fn with_camera(mut scenario: Scenario) -> Scenario {
+    let block =
+        |name: &str, y: f64| Solid::block(name, Vector3::new(0.8, y, 0.0), Vector3::new(1.0, y + 0.2, 1.5));
+    scenario.aviary.world.solids = vec![block("left", 0.2), block("right", -0.5)];
+    scenario.aviary.world.floor = Floor::Solid;
+    scenario.camera = Some(OnboardCamera {
+        camera: Camera { columns: 12, rows: 10, sample: [0.5; 2], ..Camera::PAPER },
+        mount: Mount::Body { position: Vector3::zeros(), pitch: 0.0 },
+        channels: vec![Channel::Rgb, Channel::Depth { limit_m: 4.0 }],
+        control_periods_per_image: 2,
+        optics: Optics { noise: 4.0, exposure: 0.2, shutter_secs: 0.01, latency_periods: 1 },
+    });
+    scenario
+}
+
+/// An actor whose actions depend much on what it sees.
+fn attentive(scenario: &Scenario, settings: PpoSettings) -> Actor {
+    let eye = EyeSettings { kind: EyeKind::Small, sharing: EyeSharing::Shared, trunk: vec![16] };
+    let trainer = Trainer::new(std::slice::from_ref(scenario), &PpoSettings { eye, ..settings }, Seed(23));
+    let mut actor = trainer.actor().clone();
+    let mut stream = Stream::new(Seed(24), 0, Purpose::Weights);
+    let network = actor.log_std_places().start;
+    actor.parameters_mut()[..network].iter_mut().for_each(|value| *value += 0.1 * stream.normal());
+    actor
+}
+
+#[test]
+fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
+    let (hover, settings) = hover();
+    let scenario = with_camera(hover);
+    let actor = attentive(&scenario, settings);
+    let met = sightings_in_flight(&scenario, &actor, starts(6));
+    assert_eq!(met.observations.len() / 22, met.images.len() / (12 * 10 * 4));
+    let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
+    let perception = actor.perception().expect("it sees");
+    let seeing_actor = SeeingActor {
+        shape: *perception.eye().shape(),
+        encoder_parameters: perception.encoder_parameters(actor.perception_parameters()),
+        layers: &layers,
+        control_periods_per_image: 2,
+    };
+    let calibration = SeeingCalibration { observations: &met.observations, images: &met.images };
+    let exported = export_seeing(&seeing_actor, &metadata("seeing", &scenario), calibration).expect("it fits");
+    let policies = [&exported.float_policy, &exported.fixed_policy].map(|file| Policy::parse(file).unwrap());
+    assert_eq!(policies[0].differing(&scenario), None);
+    assert_eq!(policies[0].differing(&Scenario { camera: None, ..scenario.clone() }), Some("camera"));
+    let flown = |flyer| evaluate(&scenario, flyer, starts(6)).episode_return;
+    let trained = flown(Flyer::Actor(&actor));
+    let errors = [&policies[0], &policies[1]].map(|policy| (flown(Flyer::Policy(policy)) - trained).abs());
+    let mut blindfolded = actor.clone();
+    let eye = blindfolded.log_std_places().end;
+    blindfolded.parameters_mut()[eye..].fill(0.0);
+    let sight = (flown(Flyer::Actor(&blindfolded)) - trained).abs();
+    assert!(sight > 0.02, "the return {trained} changes by {sight} without eyes");
+    assert!(errors[0] < 0.01 * sight && errors[1] < 0.2 * sight, "{errors:?} beside the {sight} of seeing");
+}

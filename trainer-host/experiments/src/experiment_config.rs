@@ -1,0 +1,174 @@
+//! The experiment file: a scenario, how to train on it and how to judge the result.
+
+mod evaluation;
+mod eye;
+mod teacher;
+#[cfg(test)]
+mod tests;
+mod training;
+
+use std::path::Path;
+
+use kestrel_sim::config::{ConfigError, Document, Field, ScenarioConfig, schema_of};
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::Seed;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use evaluation::{EvaluationConfig, EvaluationSettings};
+pub(crate) use eye::refuse_unsuited_eye;
+pub use eye::{ConvolutionConfig, CustomEyeConfig, EyeConfig, EyeNetworkConfig, NatureConfig};
+pub use teacher::TeacherConfig;
+pub(crate) use teacher::refuse_lost_teacher;
+pub use training::{ScheduleConfig, TrainingConfig};
+
+use kestrel_learn::ppo::PpoSettings;
+use kestrel_learn::rollout::panel_rows;
+
+/// Version of the file format that this program reads; a change that breaks old files raises it.
+pub const VERSION: u32 = 1;
+
+/// Longest name; it becomes part of paths.
+const NAME_LIMIT: usize = 64;
+
+/// Written above every resolved configuration.
+const RESOLVED_HEADER: &str =
+    "# Complete configuration of a run, with overrides applied and every default filled in.\n";
+
+/// One experiment as users write it.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentConfig {
+    /// Version of this file format: 1.
+    pub version: u32,
+    /// Short name, which run directories and policies carry: letters, digits, `-` and `_`.
+    pub name: String,
+    /// The task.
+    pub scenario: ScenarioConfig,
+    /// How the policy is trained (PPO).
+    #[serde(default)]
+    pub training: TrainingConfig,
+    /// How the trained policy is judged.
+    #[serde(default)]
+    pub evaluation: EvaluationConfig,
+}
+
+/// One experiment, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Experiment {
+    /// Name for people and paths.
+    pub name: String,
+    /// The task.
+    pub scenario: Scenario,
+    /// How the policy is trained.
+    pub ppo: PpoSettings,
+    /// What all randomness of training follows from.
+    pub seed: Seed,
+    /// How the trained policy is judged.
+    pub evaluation: EvaluationSettings,
+    /// The configuration as YAML with overrides applied and every default filled in; it loads to the same
+    /// experiment.
+    pub resolved_yaml: String,
+}
+
+/// The experiment in the file at `path`, after `overrides` such as `training.epochs=3`.
+///
+/// # Errors
+/// The first thing that is wrong, with its line or override, what was found and what was expected.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    from_document(Document::read(path)?, overrides)
+}
+
+/// As [`load`], for training, which not every experiment is fit for.
+///
+/// # Errors
+/// As [`load`], and when the drones do not fill the panels that train.
+pub fn load_to_train(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    let document = with_overrides(Document::read(path)?, overrides)?;
+    let experiment = checked(&document)?;
+    let tasks = std::slice::from_ref(&experiment.scenario);
+    refuse_broken_panels(tasks, experiment.ppo.environments, &document.root().at("training"))?;
+    Ok(experiment)
+}
+
+/// The experiment in the YAML `text`, which messages call `name`; otherwise as [`load`].
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    from_document(Document::parse(name, text)?, overrides)
+}
+
+/// The JSON schema of the experiment file, for editors.
+pub fn schema() -> String {
+    schema_of::<ExperimentConfig>()
+}
+
+fn from_document(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    checked(&with_overrides(document, overrides)?)
+}
+
+fn with_overrides(mut document: Document, overrides: &[String]) -> Result<Document, ConfigError> {
+    document.require_version(VERSION)?;
+    for assignment in overrides {
+        document.set(assignment)?;
+    }
+    document.require_version(VERSION)?;
+    Ok(document)
+}
+
+fn checked(document: &Document) -> Result<Experiment, ConfigError> {
+    document.decode::<ExperimentConfig>()?.check(&document.root())
+}
+
+/// Refuses a number of drones of which teams and tiles do not make whole panels.
+pub(crate) fn refuse_broken_panels(
+    tasks: &[Scenario],
+    environments: usize,
+    training: &Field<'_>,
+) -> Result<(), ConfigError> {
+    let rows = panel_rows(tasks);
+    if environments.is_multiple_of(rows) {
+        return Ok(());
+    }
+    let teams: Vec<String> = tasks.iter().map(|task| task.agents.count.to_string()).collect();
+    let expected =
+        format!("a multiple of {rows}: that many drones train side by side in teams of {}", teams.join(", "));
+    Err(training.at("environments").refuse(environments, expected))
+}
+
+impl ExperimentConfig {
+    /// The experiment at `root`, checked.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub(crate) fn check(&self, root: &Field<'_>) -> Result<Experiment, ConfigError> {
+        check_name(&self.name, &root.at("name"))?;
+        let scenario = self.scenario.check(&self.name, &root.at("scenario"))?;
+        let training = root.at("training");
+        let ppo = self.training.check(&training)?;
+        refuse_unsuited_eye(&ppo.eye, scenario.camera.as_ref(), &training)?;
+        refuse_lost_teacher(ppo.teacher, &scenario, &training)?;
+        Ok(Experiment {
+            name: self.name.clone(),
+            ppo,
+            seed: Seed(self.training.seed),
+            evaluation: self.evaluation.check(&self.scenario, &scenario, root)?,
+            resolved_yaml: self.resolved(),
+            scenario,
+        })
+    }
+
+    fn resolved(&self) -> String {
+        let yaml = serde_yaml::to_string(self).expect("plain structs of numbers and names are YAML");
+        format!("{RESOLVED_HEADER}{yaml}")
+    }
+}
+
+pub(crate) fn check_name(name: &str, field: &Field<'_>) -> Result<(), ConfigError> {
+    let allowed = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
+    if !name.is_empty() && name.len() <= NAME_LIMIT && name.chars().all(allowed) {
+        return Ok(());
+    }
+    Err(field.refuse(name, format!("1 to {NAME_LIMIT} letters, digits, `-` and `_`")))
+}

@@ -1,0 +1,27 @@
+//! Experiments: from a file to a trained policy, and from many of them to a report.
+//!
+//! Read in the order of the data: an [`experiment_config`] becomes a [`training_run`] in a [`run_directory`], then an
+//! [`evaluation`] and the files of the [`results`]. A [`study`] is many trainings and a [`search`] many studies.
+
+pub mod atomic_file;
+pub mod aviary_files;
+pub mod aviary_generator;
+pub mod checkpoint;
+pub mod evaluation;
+pub mod experiment_config;
+pub mod free_route;
+#[cfg(test)]
+pub(crate) mod golden;
+pub mod interrupt;
+pub mod obstruction;
+pub mod output;
+pub mod progress;
+pub mod recording;
+pub mod results;
+pub mod run_directory;
+pub mod sealed_file;
+pub mod search;
+pub mod statistics;
+pub mod study;
+pub mod tensorboard;
+pub mod training_run;

@@ -1,0 +1,173 @@
+use std::sync::LazyLock;
+
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::{Purpose, Seed};
+use proptest::prelude::*;
+
+use super::*;
+use crate::evaluation::{Flyer, Starts, record};
+use kestrel_draw::animation::flight_gif;
+
+const HERE: &str = "flight.recording";
+
+fn experiment() -> Experiment {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/cross.yaml");
+    experiment_config::load(&path, &[]).unwrap()
+}
+
+/// The scripted pilot, from several starts as if they were drones of one aviary.
+fn recording(drones: u32) -> Recording {
+    let experiment = experiment();
+    let scenario = &experiment.evaluation.scenario;
+    let tracks = (0..drones).map(|start| track(scenario, start));
+    Recording {
+        pilot: "scripted pilot".to_owned(),
+        config: experiment.resolved_yaml.clone(),
+        seed: 0,
+        start: 0,
+        components: vec!["progress".to_owned(), "tilt".to_owned()],
+        drones: tracks.collect(),
+        movables: Vec::new(),
+    }
+}
+
+fn track(scenario: &Scenario, start: u32) -> Track {
+    let starts = Starts { seed: Seed(0), purpose: Purpose::Evaluation, episodes: 1 };
+    let path = record(scenario, Flyer::Scripted, starts, start);
+    let goal = scenario.aviary.goal;
+    let goal = [goal.x, goal.y, goal.z].map(f64::from);
+    let mut track = Track::starting(goal, &path.states[0]);
+    for state in &path.states[1..] {
+        track.push(&[0.1_f32, -0.2, 0.3, 0.0], &[0.5, -0.125], Some(state));
+    }
+    track.push(&[0.0_f32; 4], &[10.0, 0.0], None);
+    track.finish("reached the goal", path.episode.success);
+    track
+}
+
+fn small() -> Recording {
+    let mut recording = recording(1);
+    recording.drones[0].moments.truncate(3);
+    recording.drones[0].steps.truncate(3);
+    recording
+}
+
+fn refusal(recording: &Recording) -> String {
+    recording.check(Path::new(HERE)).unwrap_err().to_string()
+}
+
+#[test]
+fn what_was_recorded_is_read() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join(HERE);
+    let recording = recording(2);
+    recording.write(&path).unwrap();
+    assert_eq!(Recording::read(&path).unwrap(), recording);
+}
+
+#[test]
+fn a_recording_knows_its_world_and_can_be_drawn() {
+    let recording = recording(3);
+    let path = Path::new(HERE);
+    let experiment = recording.experiment(path).unwrap();
+    let flight = recording.flight(&experiment, path).unwrap();
+    assert_eq!((flight.drones.len(), flight.title.as_str()), (3, "cross: scripted pilot"));
+    assert_eq!(flight.solids.len(), experiment.scenario.aviary.world.solids.len());
+    let film = flight_gif(&flight).unwrap();
+    assert!(film.starts_with(b"GIF89a"));
+}
+
+#[test]
+fn contradictions_are_refused() {
+    let mut recording = small();
+    recording.drones[0].moments.truncate(1);
+    assert_eq!(
+        refusal(&recording),
+        "flight.recording contradicts itself: found 1 states of drone 0, expected 4 for its 3 steps"
+    );
+    let mut recording = small();
+    recording.drones[0].steps[1].rewards.pop();
+    assert!(
+        refusal(&recording).ends_with("found 1 rewards of drone 0 in one step, expected 2, one per component")
+    );
+    let mut recording = small();
+    recording.drones.clear();
+    assert!(refusal(&recording).ends_with("found no drones, expected at least one"));
+    let mut recording = small();
+    let body = Placed { position: [0.0; 3], attitude: [1.0, 0.0, 0.0, 0.0] };
+    recording.movables = vec![vec![body], vec![]];
+    assert!(refusal(&recording).ends_with("found 0 movable bodies, expected 1 at all times"));
+    recording.movables.pop();
+    let error = recording.flight(&experiment(), Path::new(HERE)).unwrap_err().to_string();
+    assert!(error.ends_with("found 1 movable bodies, expected the 0 of its world"), "{error}");
+}
+
+#[test]
+fn other_files_are_refused_in_one_sentence() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join(HERE);
+    let refused = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        Recording::read(&path).unwrap_err().to_string().replace(path.to_str().unwrap(), "it")
+    };
+    assert_eq!(
+        refused(b"KESTRELC and more"),
+        r#"it is no recording: it begins with "KESTRELC", expected "KESTRELR""#
+    );
+    assert_eq!(refused(b""), "it is truncated: found 0 bytes, expected 24");
+    let mut newer = KIND.encode(&small());
+    newer[8] = 9;
+    assert_eq!(refused(&newer), "it has recording format 9, expected 1: use the version of kestrel that wrote it");
+    let missing = Recording::read(&directory.path().join("none")).unwrap_err().to_string();
+    assert!(missing.starts_with("cannot read ") && missing.contains("No such file"), "{missing}");
+}
+
+#[test]
+fn a_configuration_of_another_program_is_named_with_its_line() {
+    let mut recording = small();
+    recording.config = recording.config.replace("airframe: cf2x", "airframe: zeppelin");
+    let error = recording.experiment(Path::new(HERE)).unwrap_err();
+    assert_eq!(error.to_string(), "the configuration in flight.recording");
+    let cause = std::error::Error::source(&error).unwrap().to_string();
+    assert!(cause.starts_with("flight.recording: config:") && cause.contains("`zeppelin`"), "{cause}");
+}
+
+#[test]
+fn the_summary_adds_up_the_rewards() {
+    let recording = small();
+    let summary = recording.summary(&experiment());
+    let [heading, drone] = summary.lines().collect::<Vec<_>>()[..] else { panic!("{summary}") };
+    assert_eq!(heading, "cross: scripted pilot, start 0 of seed 0");
+    assert!(drone.ends_with("return 1.125 (progress 1.500, tilt -0.375)"), "{drone}");
+}
+
+#[test]
+fn the_table_reads_back_to_the_same_bits() {
+    let recording = small();
+    let table = recording.table(0.02);
+    let mut lines = table.lines();
+    let names: Vec<_> = lines.next().unwrap().split(',').collect();
+    assert_eq!(names[..9], ["drone", "secs", "px", "py", "pz", "qw", "qx", "qy", "qz"]);
+    assert_eq!(names[19..], ["a0", "a1", "a2", "a3", "r_progress", "r_tilt"]);
+    for (line, moment) in lines.by_ref().zip(&recording.drones[0].moments) {
+        let cells: Vec<&str> = line.split(',').collect();
+        assert_eq!(cells.len(), names.len());
+        for (cell, value) in cells[2..].iter().zip(moment.placed.position) {
+            assert_eq!(cell.parse(), Ok(value));
+        }
+    }
+    let mut ended = small();
+    ended.drones[0].steps.truncate(2);
+    assert!(ended.table(0.02).ends_with(",,,,,,\n"), "the last state has no action");
+}
+
+static BYTES: LazyLock<Vec<u8>> = LazyLock::new(|| KIND.encode(&small()));
+
+proptest! {
+    #[test]
+    fn no_flipped_bit_goes_unnoticed(bit in 0..8 * BYTES.len()) {
+        let mut bytes = BYTES.clone();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        prop_assert!(KIND.decode::<Recording>(Path::new(HERE), &bytes).is_err());
+    }
+}

@@ -1,0 +1,340 @@
+//! What a run leaves behind: exported policies, an evaluation beside the baselines, a curve and a flight.
+
+use std::fmt;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use kestrel_core::policy_file::{PolicyError, PolicyMetadata};
+use kestrel_sim::outline::Outline;
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::Purpose;
+use serde::{Deserialize, Serialize};
+
+use crate::atomic_file::{FileError, write_atomically};
+use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, record, sightings_in_flight};
+use crate::experiment_config::Experiment;
+use crate::recording::{self, Recording};
+use crate::run_directory::metrics::read_rows;
+use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
+use kestrel_draw::animation::{AnimationError, DroneFlight, FlightFrame, FlightRecording, Placement, flight_gif};
+use kestrel_draw::curve::{CurveError, CurvePoint, learning_curve};
+use kestrel_export::exchange::{ExchangeError, onnx_model, safetensors_file};
+use kestrel_export::policy::Policy;
+use kestrel_export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
+use kestrel_export::source::{CSource, SourceError, c_source, crazyflie_app, rust_module};
+use kestrel_export::{DenseLayer, Export, ExportError, ExportReport, export};
+use kestrel_learn::actor_critic::Actor;
+
+/// `evaluation.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EvaluationReport {
+    /// Name of the experiment.
+    pub name: String,
+    /// What the starts follow from.
+    pub seed: u64,
+    /// The exported policies first, then the baselines.
+    pub rows: Vec<Evaluation>,
+}
+
+/// Why a result cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ResultsError {
+    /// The actor does not fit a policy file.
+    #[error("cannot export the policy")]
+    Export(#[from] ExportError),
+    /// A policy file is damaged.
+    #[error("{}", path.display())]
+    Policy {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: PolicyError,
+    },
+    /// A policy was exported before the configuration was changed.
+    #[error(
+        "{} was exported for another {differing} than config.yaml has now: export it anew, or restore config.yaml",
+        path.display()
+    )]
+    OtherTask {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        differing: &'static str,
+    },
+    /// The picture of the flight failed.
+    #[error(transparent)]
+    Animation(#[from] AnimationError),
+    /// The learning curve failed.
+    #[error(transparent)]
+    Curve(#[from] CurveError),
+    /// The run directory refuses.
+    #[error(transparent)]
+    Directory(#[from] RunDirectoryError),
+    /// The policy cannot be written as source code.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// The policy cannot be written for other programs.
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
+    /// The system refused a file operation.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+/// Two policy files of one actor, and how they differ.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exported {
+    /// With `f32` weights.
+    pub float_policy: Vec<u8>,
+    /// In fixed point.
+    pub fixed_policy: Vec<u8>,
+    /// How they differ.
+    pub report: Report,
+}
+
+/// `export.json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Report {
+    /// Of a policy without an eye.
+    Blind(ExportReport),
+    /// Of a policy with an eye.
+    Seeing(SeeingReport),
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Blind(report) => report.fmt(f),
+            Self::Seeing(report) => report.fmt(f),
+        }
+    }
+}
+
+/// Writes `policy.kestrel`, `policy-f32.kestrel` and `export.json`.
+///
+/// # Errors
+/// When the actor does not fit, or a file cannot be written.
+pub fn export_policy(
+    experiment: &Experiment,
+    directory: &RunDirectory,
+    actor: &Actor,
+    training_steps: u64,
+) -> Result<Report, ResultsError> {
+    let Exported { float_policy, fixed_policy, report } = exported(experiment, actor, training_steps)?;
+    write_atomically(&directory.policy_f32(), &float_policy)?;
+    write_atomically(&directory.policy(), &fixed_policy)?;
+    write_json(&directory.export_report(), &report)?;
+    Ok(report)
+}
+
+/// Writes the run's fixed-point policy as `policy.rs`, for firmwares that link `kestrel-core`, and returns its path.
+///
+/// # Errors
+/// When the policy file is missing or damaged, or a file cannot be written.
+pub fn export_rust(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    let path = directory.policy().with_extension("rs");
+    write_atomically(&path, rust_module(&read(&directory.policy())?)?.as_bytes())?;
+    Ok(path)
+}
+
+/// Writes the run's fixed-point policy as `policy.h` and `policy.c`, and returns their paths.
+///
+/// # Errors
+/// As [`export_rust`].
+pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> {
+    let paths = ["h", "c"].map(|extension| directory.policy().with_extension(extension));
+    let CSource { header, source } = c_source(&read(&directory.policy())?)?;
+    write_atomically(&paths[0], header.as_bytes())?;
+    write_atomically(&paths[1], source.as_bytes())?;
+    Ok(paths)
+}
+
+/// Writes an app for crazyflie-firmware with the run's fixed-point policy into the folder `crazyflie`, and returns its path.
+///
+/// # Errors
+/// As [`export_rust`]; also when the policy sees what an app cannot show it.
+pub fn export_crazyflie(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    let folder = directory.policy().with_file_name("crazyflie");
+    let files = crazyflie_app(&read(&directory.policy())?)?;
+    fs::create_dir_all(&folder).map_err(|cause| FileError::new("create", &folder, cause))?;
+    for (name, text) in files {
+        write_atomically(&folder.join(name), text.as_bytes())?;
+    }
+    Ok(folder)
+}
+
+/// Writes the run's float policy as `policy.onnx` and returns its path.
+///
+/// # Errors
+/// As [`export_rust`].
+pub fn export_onnx(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    let path = directory.policy().with_extension("onnx");
+    write_atomically(&path, &onnx_model(&read(&directory.policy_f32())?)?)?;
+    Ok(path)
+}
+
+/// Writes the run's float policy as `policy.safetensors` and returns its path.
+///
+/// # Errors
+/// As [`export_rust`].
+pub fn export_safetensors(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    let path = directory.policy().with_extension("safetensors");
+    write_atomically(&path, &safetensors_file(&read(&directory.policy_f32())?)?)?;
+    Ok(path)
+}
+
+/// The policy files of `actor`, in memory, with Q formats calibrated on its flights.
+///
+/// # Errors
+/// When the actor does not fit.
+pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> Result<Exported, ResultsError> {
+    let Experiment { scenario, evaluation, .. } = experiment;
+    let metadata = PolicyMetadata {
+        name: &experiment.name,
+        observation: scenario.observation,
+        action: scenario.action,
+        control_period_secs: scenario.physics.control_secs(),
+        seed: experiment.seed.0,
+        training_steps,
+    };
+    let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
+    // Ranges come from the starts that selected the policy: those that judge it stay unseen.
+    let starts = Starts { purpose: Purpose::Selection, ..starts(experiment) };
+    let met = sightings_in_flight(&evaluation.scenario, actor, starts);
+    let (Some(perception), Some(camera)) = (actor.perception(), &scenario.camera) else {
+        let Export { float_policy, fixed_policy, report } = export(&layers, &metadata, &met.observations)?;
+        return Ok(Exported { float_policy, fixed_policy, report: Report::Blind(report) });
+    };
+    let actor = SeeingActor {
+        shape: *perception.eye().shape(),
+        encoder_parameters: perception.encoder_parameters(actor.perception_parameters()),
+        layers: &layers,
+        control_periods_per_image: camera.control_periods_per_image as u16,
+    };
+    let calibration = SeeingCalibration { observations: &met.observations, images: &met.images };
+    let SeeingExport { float_policy, fixed_policy, report } = export_seeing(&actor, &metadata, calibration)?;
+    Ok(Exported { float_policy, fixed_policy, report: Report::Seeing(report) })
+}
+
+/// Flies the run's exported policies and the baselines, and writes `evaluation.json`.
+///
+/// # Errors
+/// When a policy file is missing or damaged, or the report cannot be written.
+pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result<EvaluationReport, ResultsError> {
+    let scenario = &experiment.evaluation.scenario;
+    let (fixed_path, float_path) = (directory.policy(), directory.policy_f32());
+    let (fixed, float) = (read(&fixed_path)?, read(&float_path)?);
+    let (fixed, float) = (parse(&fixed, &fixed_path)?, parse(&float, &float_path)?);
+    refuse_other_task(&fixed, &fixed_path, scenario)?;
+    refuse_other_task(&float, &float_path, scenario)?;
+    let flyers = [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
+    let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(experiment)));
+    let report =
+        EvaluationReport { name: experiment.name.clone(), seed: experiment.evaluation.seed.0, rows: rows.into() };
+    write_json(&directory.evaluation_report(), &report)?;
+    Ok(report)
+}
+
+/// The bytes of the run's fixed-point policy, which is one of the experiment's task.
+///
+/// # Errors
+/// When the policy file is missing, damaged or of another task.
+pub fn checked_policy(experiment: &Experiment, directory: &RunDirectory) -> Result<Vec<u8>, ResultsError> {
+    let path = directory.policy();
+    let bytes = read(&path)?;
+    refuse_other_task(&parse(&bytes, &path)?, &path, &experiment.evaluation.scenario)?;
+    Ok(bytes)
+}
+
+/// The first episode that [`evaluate_run`] flies with the fixed-point policy, again and kept, in double precision.
+///
+/// # Errors
+/// When the policy is damaged or of another task.
+pub fn record_run(experiment: &Experiment, directory: &RunDirectory) -> Result<Recording, ResultsError> {
+    record_policy(experiment, &directory.policy())
+}
+
+/// The first episode of an experiment's evaluation, flown by the policy in a file, in double precision.
+///
+/// # Errors
+/// When the policy is damaged or of another task.
+pub fn record_policy(experiment: &Experiment, path: &Path) -> Result<Recording, ResultsError> {
+    let bytes = read(path)?;
+    let policy = parse(&bytes, path)?;
+    refuse_other_task(&policy, path, &experiment.evaluation.scenario)?;
+    Ok(recording::fly(experiment, Flyer::Policy(&policy), starts(experiment), 0))
+}
+
+/// The first episode of an experiment's evaluation, flown by a pilot that needs no file.
+pub fn record_pilot(experiment: &Experiment, flyer: Flyer<'_>) -> Recording {
+    recording::fly(experiment, flyer, starts(experiment), 0)
+}
+
+/// The drones at the first start of an experiment's evaluation, before anything has happened.
+pub fn record_start(experiment: &Experiment) -> Recording {
+    recording::at_start(experiment, starts(experiment), 0)
+}
+
+/// A policy flown on what it was not trained for would look bad through no fault of its own.
+fn refuse_other_task(policy: &Policy<'_>, path: &Path, scenario: &Scenario) -> Result<(), ResultsError> {
+    match policy.differing(scenario) {
+        None => Ok(()),
+        Some(differing) => Err(ResultsError::OtherTask { path: path.to_owned(), differing }),
+    }
+}
+
+/// Draws `learning-curve.svg` and `flight.gif`.
+///
+/// # Errors
+/// When the metrics or the policy are damaged, or a file cannot be written.
+pub fn draw(experiment: &Experiment, directory: &RunDirectory) -> Result<(), ResultsError> {
+    let points: Vec<CurvePoint> = read_rows(&directory.metrics())?;
+    let curve = learning_curve(&directory.name(), &points)?;
+    write_atomically(&directory.learning_curve(), curve.as_bytes())?;
+    let bytes = read(&directory.policy())?;
+    let policy = parse(&bytes, &directory.policy())?;
+    let scenario = &experiment.evaluation.scenario;
+    let path = record(scenario, Flyer::Policy(&policy), starts(experiment), 0);
+    let gif = flight_gif(&recording(&experiment.name, scenario, &path))?;
+    write_atomically(&directory.flight(), &gif)?;
+    Ok(())
+}
+
+fn recording(name: &str, scenario: &Scenario, path: &FlightPath) -> FlightRecording {
+    let per_limit = 1.0 / scenario.airframe.rotor_speed_limit as f32;
+    let frames = path.states.iter().map(|state| FlightFrame {
+        placement: Placement { position: state.position, attitude: state.world_from_body },
+        rotor_fractions: state.rotor_speeds.map(|speed| (speed * per_limit).clamp(0.0, 1.0)),
+    });
+    FlightRecording {
+        title: name.to_owned(),
+        control_secs: scenario.physics.control_secs(),
+        airframe: scenario.airframe,
+        drones: vec![DroneFlight {
+            goal: scenario.goals.at(&scenario.aviary.goal, 0, 0.0).cast(),
+            frames: frames.collect(),
+            rewards: Vec::new(),
+            ending: path.episode.ending.name().to_owned(),
+            success: path.episode.success,
+        }],
+        solids: scenario.aviary.world.solids.iter().map(Outline::placed).collect(),
+        movables: Vec::new(),
+        floor: scenario.aviary.world.floor,
+    }
+}
+
+/// The starts of an experiment's evaluation.
+pub fn starts(experiment: &Experiment) -> Starts {
+    let evaluation = &experiment.evaluation;
+    Starts { seed: evaluation.seed, purpose: Purpose::Evaluation, episodes: evaluation.episodes }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, ResultsError> {
+    fs::read(path).map_err(|cause: io::Error| FileError::new("read", path, cause).into())
+}
+
+fn parse<'a>(bytes: &'a [u8], path: &Path) -> Result<Policy<'a>, ResultsError> {
+    Policy::parse(bytes).map_err(|source| ResultsError::Policy { path: path.to_owned(), source })
+}

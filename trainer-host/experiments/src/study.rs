@@ -1,0 +1,97 @@
+//! A study: methods × orders of tasks × seeds, run over all cores, interrupted and resumed at will, and reported.
+//!
+//! [`config`] reads the file, the [`runner`] hands out jobs, a [`job`] learns its tasks stage by stage and leaves the
+//! [`rows`] of its flights in the study's [`directory`]; [`data`] loads what is there, and the [`report`] says what it
+//! means.
+//!
+//! ```text
+//! study.yaml                     the study, every import resolved
+//! study.json                     for readers: tasks, orders, methods with their bytes, seeds, baselines
+//! rows/METHOD/ORDER-SEED.csv     every test flight of a job, after each of its stages
+//! curves/METHOD/ORDER-SEED.csv   success while it trained
+//! unfinished/METHOD-ORDER-SEED   checkpoints of jobs in progress
+//! report.md, report/*.svg        what it means
+//! ```
+
+pub mod config;
+pub mod data;
+pub mod directory;
+pub mod job;
+pub mod procedure;
+pub mod report;
+pub mod rows;
+pub mod runner;
+pub mod sharing;
+
+use kestrel_sim::seed::Seed;
+use serde::{Deserialize, Serialize};
+
+use crate::experiment_config::Experiment;
+use config::claim::Claim;
+use config::{PublishedTable, StudyEvaluation};
+use kestrel_learn::ppo::PpoSettings;
+use procedure::Method;
+
+/// A study, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Study {
+    /// Name for people and paths.
+    pub name: String,
+    /// What it asks.
+    pub about: String,
+    /// The tasks; only their scenarios and starts of evaluation count.
+    pub tasks: Vec<Experiment>,
+    /// Orders, as indices of tasks.
+    pub orders: Vec<Vec<usize>>,
+    /// What the randomness of each repetition follows from.
+    pub seeds: Vec<Seed>,
+    /// How each task is trained.
+    pub training: PpoSettings,
+    /// How policies are judged.
+    pub evaluation: StudyEvaluation,
+    /// Who learns.
+    pub methods: Vec<Method>,
+    /// A table from elsewhere.
+    pub published: Option<PublishedTable>,
+    /// What it is expected to show.
+    pub claims: Vec<Claim>,
+    /// The study as YAML with every import resolved and every default filled in.
+    pub resolved_yaml: String,
+}
+
+/// One method learning one order from one seed; indices into the study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct JobId {
+    /// Index of the seed.
+    pub seed: usize,
+    /// Index of the order.
+    pub order: usize,
+    /// Index of the method.
+    pub method: usize,
+}
+
+impl Study {
+    /// All jobs, seed by seed, so that an unfinished study has a little of everything.
+    pub fn jobs(&self) -> Vec<JobId> {
+        let mut jobs = Vec::new();
+        for seed in 0..self.seeds.len() {
+            for order in 0..self.orders.len() {
+                // Whoever learns all tasks at once, or each on its own, knows no order.
+                let learns = |method: &usize| order == 0 || self.methods[*method].procedure.knows_order();
+                let methods = (0..self.methods.len()).filter(learns);
+                jobs.extend(methods.map(|method| JobId { seed, order, method }));
+            }
+        }
+        jobs
+    }
+
+    /// How a method trains each task.
+    pub fn training_of(&self, method: usize) -> &PpoSettings {
+        self.methods[method].training.as_ref().unwrap_or(&self.training)
+    }
+
+    /// Environment steps of a job whose stages all last to their end.
+    pub fn steps_of(&self, job: JobId) -> u64 {
+        self.training_of(job.method).total_steps * self.orders[job.order].len() as u64
+    }
+}

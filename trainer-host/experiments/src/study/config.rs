@@ -1,0 +1,415 @@
+//! The study file: which tasks, in which orders, learned by which methods, how often.
+
+pub mod claim;
+mod method;
+#[cfg(test)]
+pub(crate) mod tests;
+
+use std::path::Path;
+
+use kestrel_sim::config::{ConfigError, Document, Field, Limits, schema_of};
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::Seed;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use method::{
+    AnchorConfig, ConsolidatorConfig, CoresetConfig, MethodConfig, ProcedureConfig, SequentialConfig,
+    SharingConfig, StrengthConfig,
+};
+
+use super::Study;
+use super::procedure::Method;
+use claim::Claim;
+
+use crate::experiment_config::{
+    Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_panels, refuse_lost_teacher,
+    refuse_unsuited_eye,
+};
+use kestrel_learn::ppo::PpoSettings;
+
+/// Version of the file format that this program reads.
+pub const VERSION: u32 = 1;
+
+/// Most jobs of a study: each leaves two files.
+const JOB_LIMIT: u64 = 100_000;
+
+/// Most tasks of which all orders are tried.
+const ALL_ORDERS_LIMIT: usize = 5;
+
+/// Written above every resolved study.
+const RESOLVED_HEADER: &str =
+    "# Complete description of a study, with every import resolved and every default filled in.\n";
+
+/// One study as users write it.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StudyConfig {
+    /// Version of this file format: 1.
+    pub version: u32,
+    /// Short name: letters, digits, `-` and `_`.
+    pub name: String,
+    /// What the study asks, in a sentence or two.
+    #[serde(default)]
+    pub about: String,
+    /// The tasks: experiments, usually imported. Their `training` is not used.
+    pub tasks: Vec<ExperimentConfig>,
+    /// In which orders they are learned.
+    #[serde(default)]
+    pub orders: OrdersConfig,
+    /// How often each method learns each order.
+    #[serde(default)]
+    pub seeds: SeedsConfig,
+    /// How each task is trained (PPO); `total_steps` is for one task, `seed` is not used.
+    #[serde(default)]
+    pub training: TrainingConfig,
+    /// How policies are judged.
+    #[serde(default)]
+    pub evaluation: StudyEvaluationConfig,
+    /// Who learns.
+    pub methods: Vec<MethodConfig>,
+    /// Numbers from elsewhere that the report shows beside ours.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub published: Option<PublishedTable>,
+    /// What is expected of the results; the report says of each whether it holds.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub claims: Vec<Claim>,
+}
+
+/// In which orders tasks are learned.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum OrdersConfig {
+    /// As listed.
+    #[default]
+    Listed,
+    /// In all orders.
+    All,
+    /// In these: lists of the tasks' names.
+    These(Vec<Vec<String>>),
+}
+
+/// How often each method learns each order.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SeedsConfig {
+    /// The first seed.
+    pub first: u64,
+    /// How many, one after the other.
+    pub count: u64,
+}
+
+impl Default for SeedsConfig {
+    fn default() -> Self {
+        Self { first: 0, count: 16 }
+    }
+}
+
+/// How policies are judged: the mean action, from starts that no training sees.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct StudyEvaluationConfig {
+    /// Episodes of each task after each stage.
+    pub episodes: u64,
+    /// What their starts follow from, the same for all.
+    pub seed: u64,
+    /// How often during a stage the policy flies the present task, for curves.
+    pub flights_per_stage: u64,
+    /// Episodes of such a flight.
+    pub flight_episodes: u64,
+    /// A stage ends early once the success rate of such a flight is at least this, in the worst of the stage's tasks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stop_at_success: Option<f64>,
+}
+
+impl Default for StudyEvaluationConfig {
+    fn default() -> Self {
+        Self { episodes: 100, seed: 0, flights_per_stage: 10, flight_episodes: 32, stop_at_success: None }
+    }
+}
+
+/// A table from elsewhere, shown as it is.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PublishedTable {
+    /// What it is and where it comes from.
+    pub title: String,
+    /// Names of the columns, without that of the rows' names.
+    pub columns: Vec<String>,
+    /// Each row: its name and its cells.
+    pub rows: Vec<PublishedRow>,
+    /// What one should know before comparing.
+    #[serde(default)]
+    pub notes: String,
+}
+
+/// A row of such a table.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PublishedRow {
+    /// Its name.
+    pub name: String,
+    /// Its cells, as text.
+    pub cells: Vec<String>,
+}
+
+/// How policies are judged, checked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StudyEvaluation {
+    /// Episodes of each task after each stage.
+    pub episodes: usize,
+    /// What their starts follow from.
+    pub seed: Seed,
+    /// How often during a stage the policy flies the present task.
+    pub flights_per_stage: u64,
+    /// Episodes of such a flight.
+    pub flight_episodes: usize,
+    /// A stage ends early once the success rate of such a flight is at least this, in the worst of the stage's tasks.
+    pub stop_at_success: Option<f64>,
+}
+
+/// The study in the file at `path`, after `overrides` such as `seeds.count=3`.
+///
+/// # Errors
+/// The first thing that is wrong, with its line or override, what was found and what was expected.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Study, ConfigError> {
+    from_document(Document::read(path)?, overrides)
+}
+
+fn from_document(mut document: Document, overrides: &[String]) -> Result<Study, ConfigError> {
+    document.require_version(VERSION)?;
+    for assignment in overrides {
+        document.set(assignment)?;
+    }
+    document.require_version(VERSION)?;
+    document.decode::<StudyConfig>()?.check(&document.root())
+}
+
+/// The JSON schema of the study file, for editors.
+pub fn schema() -> String {
+    schema_of::<StudyConfig>()
+}
+
+impl StudyConfig {
+    /// The study at `root`, checked.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub(crate) fn check(&self, root: &Field<'_>) -> Result<Study, ConfigError> {
+        check_name(&self.name, &root.at("name"))?;
+        let tasks = self.check_tasks(&root.at("tasks"))?;
+        let orders = self.orders.check(&tasks, &root.at("orders"))?;
+        let training = self.training.check(&root.at("training"))?;
+        refuse_other_teams(&tasks, &training, &root.at("training"))?;
+        refuse_unsuited(&tasks, &training, &root.at("training"))?;
+        let methods = self.check_methods(&root.at("methods"), &tasks)?;
+        let count = root.at("seeds").at("count").whole(self.seeds.count, 1..=10_000)?;
+        let jobs = count * (methods.len() * orders.len()) as u64;
+        if jobs > JOB_LIMIT {
+            let found = format!("{jobs} jobs (methods · orders · seeds)");
+            return Err(root.at("seeds").reject(found, format!("at most {JOB_LIMIT}")));
+        }
+        Ok(Study {
+            name: self.name.clone(),
+            about: self.about.clone(),
+            tasks,
+            orders,
+            seeds: (0..count).map(|index| Seed(self.seeds.first.wrapping_add(index))).collect(),
+            training,
+            evaluation: self.evaluation.check(&root.at("evaluation"))?,
+            methods,
+            published: self.check_published(&root.at("published"))?,
+            claims: self.check_claims(&root.at("claims"))?,
+            resolved_yaml: self.resolved(),
+        })
+    }
+
+    fn check_tasks(&self, field: &Field<'_>) -> Result<Vec<Experiment>, ConfigError> {
+        if self.tasks.is_empty() {
+            return Err(field.refuse("", "at least one task"));
+        }
+        let mut tasks: Vec<Experiment> = Vec::new();
+        for (index, task) in self.tasks.iter().enumerate() {
+            let field = field.at(index);
+            let task = task.check(&field)?;
+            if tasks.iter().any(|other| other.name == task.name) {
+                return Err(field.at("name").refuse(&task.name, "a name that no other task has"));
+            }
+            if let Some(first) = tasks.first() {
+                refuse_other_layout(first, &task, &field)?;
+            }
+            tasks.push(task);
+        }
+        Ok(tasks)
+    }
+
+    fn check_methods(&self, field: &Field<'_>, tasks: &[Experiment]) -> Result<Vec<Method>, ConfigError> {
+        if self.methods.is_empty() {
+            return Err(field.refuse("", "at least one method"));
+        }
+        let mut methods: Vec<Method> = Vec::new();
+        for (index, method) in self.methods.iter().enumerate() {
+            let field = field.at(index);
+            check_name(&method.name, &field.at("name"))?;
+            if methods.iter().any(|other| other.name == method.name) {
+                return Err(field.at("name").refuse(&method.name, "a name that no other method has"));
+            }
+            let checked = method.check(&field, tasks.len())?;
+            if let Some(training) = &checked.training {
+                refuse_other_teams(tasks, training, &field.at("training"))?;
+                refuse_unsuited(tasks, training, &field.at("training"))?;
+            }
+            if tasks[0].scenario.camera.is_some() && checked.procedure.keeps_states() {
+                let expected = "`sequential` without a consolidator, `joint`, `sharing` or `experts`: what the others \
+                                keep of a task has no images";
+                return Err(field.at("learn").reject("tasks with a camera", expected));
+            }
+            methods.push(checked);
+        }
+        Ok(methods)
+    }
+
+    fn check_published(&self, field: &Field<'_>) -> Result<Option<PublishedTable>, ConfigError> {
+        let Some(table) = &self.published else { return Ok(None) };
+        let columns = table.columns.len();
+        match table.rows.iter().enumerate().find(|(_, row)| row.cells.len() != columns) {
+            None => Ok(Some(table.clone())),
+            Some((index, row)) => {
+                let expected = format!("{columns}: one for each column");
+                Err(field.at("rows").at(index).at("cells").refuse(row.cells.len(), expected))
+            }
+        }
+    }
+
+    fn check_claims(&self, field: &Field<'_>) -> Result<Vec<Claim>, ConfigError> {
+        let methods: Vec<&str> = self.methods.iter().map(|method| method.name.as_str()).collect();
+        for (index, claim) in self.claims.iter().enumerate() {
+            claim.check(&methods, &field.at(index))?;
+        }
+        Ok(self.claims.clone())
+    }
+
+    fn resolved(&self) -> String {
+        let yaml = serde_yaml::to_string(self).expect("plain structs of numbers and names are YAML");
+        format!("{RESOLVED_HEADER}{yaml}")
+    }
+}
+
+/// One policy flies all tasks: they must agree in what it sees and commands.
+fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>) -> Result<(), ConfigError> {
+    let field = field.at("scenario");
+    let expected = |what: &str| format!("the {what} of the task {:?}: one policy flies them all", first.name);
+    if task.scenario.observation != first.scenario.observation {
+        return Err(field.at("observation").reject("another observation", expected("observation")));
+    }
+    if task.scenario.sensors != first.scenario.sensors {
+        return Err(field.at("sensors").reject("other sensors", expected("sensors")));
+    }
+    if task.scenario.camera != first.scenario.camera {
+        return Err(field.at("camera").reject("another camera", expected("camera")));
+    }
+    if task.scenario.action != first.scenario.action {
+        return Err(field.at("action").reject("another action", expected("action")));
+    }
+    if task.scenario.critic != first.scenario.critic {
+        return Err(field.at("critic").reject("another critic", expected("critic")));
+    }
+    Ok(())
+}
+
+/// Refuses a training with an eye or a teacher that some task does not suit.
+fn refuse_unsuited(tasks: &[Experiment], training: &PpoSettings, field: &Field<'_>) -> Result<(), ConfigError> {
+    tasks.iter().try_for_each(|task| {
+        refuse_unsuited_eye(&training.eye, task.scenario.camera.as_ref(), field)?;
+        refuse_lost_teacher(training.teacher, &task.scenario, field)
+    })
+}
+
+/// Refuses tasks whose teams this training cannot have side by side.
+fn refuse_other_teams(tasks: &[Experiment], training: &PpoSettings, field: &Field<'_>) -> Result<(), ConfigError> {
+    let scenarios: Vec<Scenario> = tasks.iter().map(|task| task.scenario.clone()).collect();
+    refuse_broken_panels(&scenarios, training.environments, field)?;
+    let read = |scenario: &Scenario| training.critic_scope.drones(scenario.agents.count);
+    match scenarios.iter().find(|scenario| read(scenario) != read(&scenarios[0])) {
+        None => Ok(()),
+        Some(other) => {
+            let found = format!("`team` beside teams of {} and {}", scenarios[0].agents.count, other.agents.count);
+            Err(field
+                .at("critic_scope")
+                .reject(found, "`own`, or tasks of equally many drones: one critic reads them all"))
+        }
+    }
+}
+
+impl OrdersConfig {
+    /// Orders as indices of tasks.
+    fn check(&self, tasks: &[Experiment], field: &Field<'_>) -> Result<Vec<Vec<usize>>, ConfigError> {
+        match self {
+            Self::Listed => Ok(vec![(0..tasks.len()).collect()]),
+            Self::All if tasks.len() > ALL_ORDERS_LIMIT => {
+                let expected =
+                    format!("`all` for up to {ALL_ORDERS_LIMIT} tasks, `listed` or `these` for {}", tasks.len());
+                Err(field.refuse("all", expected))
+            }
+            Self::All => Ok(permutations(tasks.len())),
+            Self::These(orders) => {
+                let field = field.at("these");
+                if orders.is_empty() {
+                    return Err(field.refuse("", "at least one order"));
+                }
+                let order = |(index, names): (usize, &Vec<String>)| {
+                    if orders[..index].contains(names) {
+                        return Err(field.at(index).reject(names.join(", ") + " again", "each order once"));
+                    }
+                    order_of(names, tasks, &field.at(index))
+                };
+                orders.iter().enumerate().map(order).collect()
+            }
+        }
+    }
+}
+
+fn order_of(names: &[String], tasks: &[Experiment], field: &Field<'_>) -> Result<Vec<usize>, ConfigError> {
+    let known = || tasks.iter().map(|task| task.name.as_str()).collect::<Vec<_>>().join(", ");
+    let index = |(place, name): (usize, &String)| {
+        let found = tasks.iter().position(|task| task.name == *name);
+        found.ok_or_else(|| field.at(place).refuse(name, format!("one of the tasks: {}", known())))
+    };
+    let order = names.iter().enumerate().map(index).collect::<Result<Vec<usize>, _>>()?;
+    if order.is_empty() {
+        return Err(field.refuse("", "at least one task"));
+    }
+    for (place, task) in order.iter().enumerate() {
+        if order[..place].contains(task) {
+            return Err(field.at(place).refuse(&names[place], "each task once"));
+        }
+    }
+    Ok(order)
+}
+
+/// All orders of `count` things, in lexical order.
+fn permutations(count: usize) -> Vec<Vec<usize>> {
+    let mut orders = vec![Vec::new()];
+    for _ in 0..count {
+        let longer = |order: Vec<usize>| {
+            let free: Vec<usize> = (0..count).filter(|next| !order.contains(next)).collect();
+            free.into_iter().map(move |next| [order.as_slice(), &[next]].concat())
+        };
+        orders = orders.into_iter().flat_map(longer).collect();
+    }
+    orders
+}
+
+impl StudyEvaluationConfig {
+    fn check(&self, field: &Field<'_>) -> Result<StudyEvaluation, ConfigError> {
+        let share = Limits::above(0.0, 1.0, "");
+        let stop = self.stop_at_success.map(|share_of| field.at("stop_at_success").real(share_of, &share));
+        Ok(StudyEvaluation {
+            episodes: field.at("episodes").whole(self.episodes, 1..=100_000)? as usize,
+            seed: Seed(self.seed),
+            flights_per_stage: field.at("flights_per_stage").whole(self.flights_per_stage, 1..=10_000)?,
+            flight_episodes: field.at("flight_episodes").whole(self.flight_episodes, 1..=100_000)? as usize,
+            stop_at_success: stop.transpose()?,
+        })
+    }
+}

@@ -1,0 +1,391 @@
+//! One job: a method learns the tasks of an order, stage by stage, and flies all of them after each.
+
+use std::mem;
+use std::sync::Arc;
+
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::seed::{Purpose, Seed, philox};
+use serde::{Deserialize, Serialize};
+
+use super::procedure::{Inheritance, Procedure};
+use super::rows::{CurveRow, EpisodeRow};
+use super::sharing::{PolicySharing, SharingState};
+use super::{JobId, Study};
+use crate::evaluation::{Flyer, Starts, fly_episodes};
+use kestrel_learn::actor_critic::Actor;
+use kestrel_learn::consolidation::{Consolidator, ConsolidatorSettings, distil};
+use kestrel_learn::ppo::{Heritage, Kept, PpoSettings, RestoreError, Trainer, TrainerState};
+use kestrel_learn::ranks::{self, Ranks, UnequalShares};
+use kestrel_learn::rollout::panel_rows;
+
+/// A job between two updates.
+#[derive(Clone, Debug)]
+pub struct JobRun<'a> {
+    study: &'a Study,
+    id: JobId,
+    learner: Learner,
+    progress: JobProgress,
+    ranks: Arc<dyn Ranks>,
+}
+
+/// What a job has come to, beside its learner.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct JobProgress {
+    /// Index of the stage in progress; as many as there are stages at the end.
+    stage: usize,
+    /// Test flights of this stage.
+    flights: u64,
+    memory: Consolidator,
+    heritage: Option<Heritage>,
+    /// The policy that is taught, where fresh ones learn.
+    keeper: Option<Actor>,
+    rows: Vec<EpisodeRow>,
+    curve: Vec<CurveRow>,
+}
+
+/// Who learns in the stage in progress.
+#[derive(Clone, Debug)]
+enum Learner {
+    One(Box<Trainer>),
+    Many(Box<PolicySharing>),
+}
+
+/// Everything that a job needs to go on to the same bits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JobState {
+    learner: LearnerState,
+    progress: JobProgress,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum LearnerState {
+    One(Box<TrainerState>),
+    Many(SharingState),
+}
+
+/// What a finished job leaves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobResult {
+    /// Every flight.
+    pub rows: Vec<EpisodeRow>,
+    /// Progress of training.
+    pub curve: Vec<CurveRow>,
+    /// Bytes that the method keeps from task to task beside the policy.
+    pub stored_bytes: usize,
+    /// Bytes that it needs while it trains, beside the policy.
+    pub training_bytes: usize,
+    /// Parameters of the policy.
+    pub parameters: usize,
+}
+
+impl<'a> JobRun<'a> {
+    /// A job before its first update; all policies have flown all tasks once.
+    pub fn begin(study: &'a Study, id: JobId) -> Self {
+        let learner = learner(study, id, 0);
+        let actor = learner.actor();
+        let critic = match &learner {
+            Learner::One(trainer) => Some(trainer.critic().clone()),
+            Learner::Many(_) => None,
+        };
+        let memory = match (&study.methods[id.method].procedure, critic) {
+            (Procedure::Sequential { consolidator, .. }, Some(critic)) => consolidator.begin(&actor, &critic),
+            (Procedure::Distil { coreset, .. }, Some(critic)) => {
+                ConsolidatorSettings::Coreset(*coreset).begin(&actor, &critic)
+            }
+            _ => Consolidator::None,
+        };
+        let progress = JobProgress {
+            stage: 0,
+            flights: 0,
+            memory,
+            heritage: None,
+            keeper: None,
+            rows: Vec::new(),
+            curve: Vec::new(),
+        };
+        let mut run = Self { study, id, learner, progress, ranks: ranks::alone() };
+        run.judge(0, &actor);
+        run
+    }
+
+    /// Goes on from a saved state.
+    ///
+    /// # Errors
+    /// When it is of another study.
+    pub fn restore(study: &'a Study, id: JobId, state: JobState) -> Result<Self, RestoreError> {
+        let mut fresh = learner(study, id, state.progress.stage);
+        let tasks = stage_tasks(study, id, state.progress.stage);
+        let settings = stage_settings(study, id);
+        match (&mut fresh, state.learner) {
+            (Learner::One(trainer), LearnerState::One(saved)) => {
+                **trainer = Trainer::restore(&tasks, &settings, *saved)?;
+            }
+            (Learner::Many(sharing), LearnerState::Many(saved)) => sharing.restore(&settings, &tasks, saved)?,
+            (Learner::One(_), LearnerState::Many(_)) | (Learner::Many(_), LearnerState::One(_)) => {
+                return Err(RestoreError::Scenario { scenario: study.name.clone() });
+            }
+        }
+        Ok(Self { study, id, learner: fresh, progress: state.progress, ranks: ranks::alone() })
+    }
+
+    /// From now on several processes share the work of this job; each of them has it.
+    ///
+    /// # Errors
+    /// When it cannot be dealt to so many equally.
+    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
+        self.ranks = Arc::clone(ranks);
+        self.learner.work_with(ranks)
+    }
+
+    /// What [`Self::restore`] goes on from; all its ranks save at once.
+    pub fn save(&self) -> JobState {
+        let learner = match &self.learner {
+            Learner::One(trainer) => LearnerState::One(Box::new(trainer.save())),
+            Learner::Many(sharing) => LearnerState::Many(sharing.save()),
+        };
+        JobState { learner, progress: self.progress.clone() }
+    }
+
+    /// Environment steps since the job began, as if all stages before had lasted to their end.
+    pub fn steps(&self) -> u64 {
+        let stages = self.stages() as u64;
+        let each = self.study.steps_of(self.id) / stages;
+        let finished = self.progress.stage as u64 * each;
+        if self.is_finished() { finished } else { finished + self.learner.steps().min(each) }
+    }
+
+    /// Whether all stages are over.
+    pub fn is_finished(&self) -> bool {
+        self.progress.stage == self.stages()
+    }
+
+    /// One update, and what is due after it.
+    ///
+    /// # Panics
+    /// When the job is finished.
+    pub fn advance(&mut self) {
+        assert!(!self.is_finished(), "a finished job has nothing left to do");
+        match &mut self.learner {
+            Learner::One(trainer) => drop(trainer.update_with(&mut self.progress.memory)),
+            Learner::Many(sharing) => drop(sharing.update()),
+        }
+        let solved = self.flight_is_due() && self.fly();
+        if solved || self.learner.steps() >= self.stage_steps() {
+            self.end_stage();
+        }
+    }
+
+    /// What the job leaves.
+    ///
+    /// # Panics
+    /// When it is not finished.
+    pub fn into_result(self) -> JobResult {
+        assert!(self.is_finished(), "the job goes on");
+        let actor = self.learner.actor();
+        let parameters = actor.parameters().len();
+        let (stored_bytes, training_bytes) = match self.study.methods[self.id.method].procedure {
+            Procedure::Sequential { .. } => {
+                (self.progress.memory.stored_bytes(), self.progress.memory.training_bytes())
+            }
+            // The fresh policy that teaches.
+            Procedure::Distil { .. } => {
+                let stored = self.progress.memory.stored_bytes();
+                (stored, stored + 4 * parameters)
+            }
+            Procedure::Joint => (0, 0),
+            // One policy for each task beside the one that is flown.
+            Procedure::Sharing { .. } => (0, 4 * parameters * self.study.orders[self.id.order].len()),
+            Procedure::Experts => {
+                let others = 4 * parameters * (self.study.orders[self.id.order].len() - 1);
+                (others, others)
+            }
+        };
+        let JobProgress { rows, curve, .. } = self.progress;
+        JobResult { rows, curve, stored_bytes, training_bytes, parameters }
+    }
+
+    fn procedure(&self) -> &'a Procedure {
+        &self.study.methods[self.id.method].procedure
+    }
+
+    fn stages(&self) -> usize {
+        self.procedure().stages(self.study.orders[self.id.order].len())
+    }
+
+    fn stage_steps(&self) -> u64 {
+        self.study.steps_of(self.id) / self.stages() as u64
+    }
+
+    fn flight_is_due(&self) -> bool {
+        let due = (self.progress.flights + 1) * self.stage_steps() / self.study.evaluation.flights_per_stage;
+        self.learner.steps() >= due
+    }
+
+    /// Flies the tasks of the stage for the curve; whether that was good enough to end the stage.
+    fn fly(&mut self) -> bool {
+        let steps = self.learner.steps();
+        let evaluation = &self.study.evaluation;
+        self.progress.flights = steps * evaluation.flights_per_stage / self.stage_steps();
+        let actor = self.learner.actor();
+        let starts =
+            Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: evaluation.flight_episodes };
+        let (mut successes, mut total, mut count, mut worst) = (0, 0.0, 0, f64::INFINITY);
+        for task in stage_indices(self.study, self.id, self.progress.stage) {
+            let scenario = &self.study.tasks[task].evaluation.scenario;
+            let flights = fly_episodes(scenario, Flyer::Actor(&actor), starts);
+            let good = flights.iter().filter(|flight| flight.success).count();
+            worst = worst.min(good as f64 / flights.len() as f64);
+            successes += good;
+            count += flights.len();
+            total += flights.iter().map(|flight| f64::from(flight.total_reward)).sum::<f64>();
+        }
+        self.progress.curve.push(CurveRow {
+            stage: self.progress.stage + 1,
+            steps,
+            success_rate: (successes as f64 / count as f64) as f32,
+            episode_return: (total / count as f64) as f32,
+        });
+        evaluation.stop_at_success.is_some_and(|stop| worst >= stop)
+    }
+
+    fn end_stage(&mut self) {
+        let study = self.study;
+        match (&mut self.learner, &study.methods[self.id.method].procedure) {
+            (Learner::One(trainer), Procedure::Sequential { inheritance, .. }) => {
+                let Inheritance { log_std, learner, .. } = *inheritance;
+                trainer.consolidate(&mut self.progress.memory);
+                self.progress.heritage = Some(trainer.heritage(log_std, learner));
+            }
+            (Learner::One(trainer), Procedure::Distil { distillation, .. }) => {
+                let keeper = self.progress.keeper.get_or_insert_with(|| trainer.actor().clone());
+                if let Consolidator::Coreset(coreset) = &self.progress.memory {
+                    // The first task's policy is the keeper itself.
+                    if self.progress.stage > 0 {
+                        trainer.ended(|ended| distil(keeper, ended, coreset, distillation));
+                    }
+                }
+                trainer.consolidate(&mut self.progress.memory);
+            }
+            _ => {}
+        }
+        let actor = self.progress.keeper.clone().unwrap_or_else(|| self.learner.actor());
+        self.progress.stage += 1;
+        self.progress.flights = 0;
+        self.judge(self.progress.stage, &actor);
+        if !self.is_finished() {
+            self.begin_stage();
+        }
+    }
+
+    fn begin_stage(&mut self) {
+        self.learner = learner(self.study, self.id, self.progress.stage);
+        self.learner.work_with(&self.ranks).expect("stages differ in their tasks, not in what is dealt");
+        let Procedure::Sequential { inheritance, .. } = self.procedure() else { return };
+        if let (Learner::One(trainer), Some(heritage), Kept::Inherited) =
+            (&mut self.learner, &self.progress.heritage, inheritance.policy)
+        {
+            trainer.inherit(heritage);
+        }
+    }
+
+    /// Flies every task of the study and notes every flight.
+    fn judge(&mut self, stage: usize, actor: &Actor) {
+        let evaluation = &self.study.evaluation;
+        let starts = Starts { seed: evaluation.seed, purpose: Purpose::Evaluation, episodes: evaluation.episodes };
+        let mut rows = mem::take(&mut self.progress.rows);
+        for (task, experiment) in self.study.tasks.iter().enumerate() {
+            let scenario = &experiment.evaluation.scenario;
+            let flights = fly_episodes(scenario, Flyer::Actor(actor), starts);
+            rows.extend(flights.iter().enumerate().map(|(episode, flight)| EpisodeRow {
+                stage,
+                task,
+                episode: episode as u32,
+                success: flight.success,
+                episode_return: flight.total_reward,
+                length_secs: flight.steps as f32 * scenario.physics.control_secs(),
+            }));
+        }
+        self.progress.rows = rows;
+    }
+}
+
+impl Learner {
+    fn actor(&self) -> Actor {
+        match self {
+            Self::One(trainer) => trainer.actor().clone(),
+            Self::Many(sharing) => sharing.actor(),
+        }
+    }
+
+    fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
+        match self {
+            Self::One(trainer) => trainer.work_with(ranks),
+            Self::Many(sharing) => sharing.work_with(ranks),
+        }
+    }
+
+    fn steps(&self) -> u64 {
+        match self {
+            Self::One(trainer) => trainer.steps(),
+            Self::Many(sharing) => sharing.steps(),
+        }
+    }
+}
+
+/// Who learns in a stage, without what it inherits.
+fn learner(study: &Study, id: JobId, stage: usize) -> Learner {
+    let (tasks, settings) = (stage_tasks(study, id, stage), stage_settings(study, id));
+    let seed = study.seeds[id.seed];
+    match study.methods[id.method].procedure {
+        Procedure::Sharing { every_updates, merge } => {
+            let seeds: Vec<Seed> = (0..tasks.len()).map(|task| stage_seed(seed, task)).collect();
+            Learner::Many(Box::new(PolicySharing::new(&tasks, &settings, &seeds, (every_updates, merge))))
+        }
+        Procedure::Sequential { .. } | Procedure::Joint | Procedure::Experts | Procedure::Distil { .. } => {
+            Learner::One(Box::new(Trainer::new(&tasks, &settings, stage_seed(seed, stage))))
+        }
+    }
+}
+
+/// Tasks of a stage.
+fn stage_indices(study: &Study, id: JobId, stage: usize) -> Vec<usize> {
+    let order = &study.orders[id.order];
+    match study.methods[id.method].procedure.stages(order.len()) {
+        stages if stages == order.len() && stages > 1 => vec![order[stage.min(stages - 1)]],
+        _ => order.clone(),
+    }
+}
+
+fn stage_tasks(study: &Study, id: JobId, stage: usize) -> Vec<Scenario> {
+    stage_indices(study, id, stage).into_iter().map(|task| study.tasks[task].scenario.clone()).collect()
+}
+
+/// Settings of a stage: where one learner has several tasks, it has a multiple of panels and the steps of all.
+fn stage_settings(study: &Study, id: JobId) -> PpoSettings {
+    let settings = study.training_of(id.method).clone();
+    let tasks = study.orders[id.order].len();
+    match study.methods[id.method].procedure {
+        Procedure::Joint => {
+            let rows = panel_rows(&stage_tasks(study, id, 0));
+            let panels = (settings.environments / rows).div_ceil(tasks).max(1) * tasks;
+            let total_steps = settings.total_steps * tasks as u64;
+            PpoSettings { environments: panels * rows, total_steps, ..settings }
+        }
+        Procedure::Sequential { .. }
+        | Procedure::Sharing { .. }
+        | Procedure::Experts
+        | Procedure::Distil { .. } => settings,
+    }
+}
+
+/// Seed of a stage: the same for all methods, so that they begin alike and can be compared in pairs.
+fn stage_seed(seed: Seed, stage: usize) -> Seed {
+    if stage == 0 {
+        return seed;
+    }
+    let [low, high, ..] = philox([stage as u32, 0, 0, 0], [seed.0 as u32, (seed.0 >> 32) as u32]);
+    Seed(u64::from(high) << 32 | u64::from(low))
+}
+
+#[cfg(test)]
+mod tests;

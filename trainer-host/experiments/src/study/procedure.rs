@@ -1,0 +1,96 @@
+//! How a method learns several tasks.
+
+use kestrel_learn::consolidation::{ConsolidatorSettings, CoresetSettings, DistillationSettings};
+use kestrel_learn::ppo::{Kept, PpoSettings};
+
+use super::data::MethodKind;
+pub use super::sharing::Merge;
+
+/// Who learns, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Method {
+    /// Short name, which files carry.
+    pub name: String,
+    /// What the report says about it.
+    pub about: String,
+    /// How it learns several tasks.
+    pub procedure: Procedure,
+    /// How each task is trained, if not as the study says.
+    pub training: Option<PpoSettings>,
+}
+
+/// How several tasks are learned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Procedure {
+    /// One after the other, by one policy.
+    Sequential {
+        /// What keeps earlier tasks.
+        consolidator: ConsolidatorSettings,
+        /// What a task begins with.
+        inheritance: Inheritance,
+    },
+    /// All at once, by one policy.
+    Joint,
+    /// Each by a policy of its own; the policies are averaged now and then.
+    Sharing {
+        /// Updates between two averages.
+        every_updates: u64,
+        /// What is averaged.
+        merge: Merge,
+    },
+    /// Each by a fresh policy that is kept.
+    Experts,
+    /// One after the other, each by a fresh policy that then teaches the one that is kept.
+    Distil {
+        /// The states that are kept; their strength is not used.
+        coreset: CoresetSettings,
+        /// How the policy is taught.
+        distillation: DistillationSettings,
+    },
+}
+
+/// What a task begins with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Inheritance {
+    /// The network for the mean action.
+    pub policy: Kept,
+    /// The standard deviations of the actions.
+    pub log_std: Kept,
+    /// Critic and optimisers.
+    pub learner: Kept,
+}
+
+impl Procedure {
+    /// Whether it keeps states, or what follows from them, of a task that has ended: such methods know no images.
+    pub fn keeps_states(&self) -> bool {
+        match self {
+            Self::Sequential { consolidator: ConsolidatorSettings::None, .. }
+            | Self::Joint
+            | Self::Sharing { .. }
+            | Self::Experts => false,
+            Self::Sequential { .. } | Self::Distil { .. } => true,
+        }
+    }
+
+    /// Stages in which so many tasks are learned.
+    pub fn stages(&self, tasks: usize) -> usize {
+        match self {
+            Self::Sequential { .. } | Self::Experts | Self::Distil { .. } => tasks,
+            Self::Joint | Self::Sharing { .. } => 1,
+        }
+    }
+
+    /// What its stages are.
+    pub fn kind(&self) -> MethodKind {
+        match self {
+            Self::Sequential { .. } | Self::Distil { .. } => MethodKind::Sequential,
+            Self::Joint | Self::Sharing { .. } => MethodKind::Joint,
+            Self::Experts => MethodKind::Experts,
+        }
+    }
+
+    /// Whether the order of the tasks makes a difference.
+    pub fn knows_order(&self) -> bool {
+        self.kind() == MethodKind::Sequential
+    }
+}

@@ -1,0 +1,105 @@
+use std::fs;
+use std::path::Path;
+
+use super::*;
+use crate::study::Study;
+use crate::study::config::tests::tiny;
+use crate::study::data::StudyData;
+use kestrel_learn::ranks::threads::run_as;
+
+const METHODS: &str = "methods=[{name: plain, learn: {sequential: {}}}, {name: joint, learn: {joint: {}}}]";
+
+/// Runs a study in a directory to its end.
+fn finish(study: &Study, path: &Path, threads: usize) {
+    let directory = StudyDirectory::open(study, path).unwrap();
+    assert_eq!(run(&[directory], threads, &Interrupt::default(), &ranks::alone()).unwrap(), End::Finished);
+}
+
+/// Every file of rows and curves.
+fn found(path: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut files = Vec::new();
+    for folder in ["rows/plain", "rows/joint", "curves/plain", "curves/joint"] {
+        for entry in fs::read_dir(path.join(folder)).unwrap() {
+            let entry = entry.unwrap();
+            let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
+            files.push((name, fs::read(entry.path()).unwrap()));
+        }
+    }
+    files.sort();
+    files
+}
+
+#[test]
+fn several_studies_are_run_together_to_what_each_is_alone() {
+    let place = tempfile::tempdir().unwrap();
+    let studies = ["seeds.first=0", "seeds.first=9"].map(|first| tiny(&[METHODS, "seeds.count=2", first]));
+    let together: Vec<_> = studies
+        .iter()
+        .enumerate()
+        .map(|(index, study)| StudyDirectory::open_trial(study, &place.path().join(index.to_string())).unwrap())
+        .collect();
+    run(&together, 3, &Interrupt::default(), &ranks::alone()).unwrap();
+    for (index, study) in studies.iter().enumerate() {
+        let alone = place.path().join(format!("alone-{index}"));
+        finish(study, &alone, 1);
+        assert_eq!(found(&place.path().join(index.to_string())), found(&alone));
+    }
+}
+
+#[test]
+fn a_run_that_was_asked_to_stop_does_nothing_and_goes_on_later() {
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[METHODS, "seeds.count=2"]);
+    let interrupt = Interrupt::default();
+    interrupt.request();
+    let directory = [StudyDirectory::open(&study, place.path()).unwrap()];
+    assert_eq!(run(&directory, 2, &interrupt, &ranks::alone()).unwrap(), End::Interrupted);
+    assert!(!place.path().join("rows").exists());
+    assert_eq!(run(&directory, 2, &Interrupt::default(), &ranks::alone()).unwrap(), End::Finished);
+    assert!(!place.path().join("unfinished").exists(), "checkpoints of finished jobs are gone");
+    assert_eq!(StudyData::load(place.path()).unwrap().missing, []);
+}
+
+#[test]
+fn more_seeds_add_rows_and_leave_those_that_are_there() {
+    let place = tempfile::tempdir().unwrap();
+    let (few, many) = (place.path().join("few"), place.path().join("many"));
+    finish(&tiny(&[METHODS, "seeds.count=1"]), &few, 1);
+    let before = found(&few);
+    finish(&tiny(&[METHODS, "seeds.count=3"]), &few, 2);
+    finish(&tiny(&[METHODS, "seeds.count=3"]), &many, 1);
+    let after = found(&few);
+    assert!(before.iter().all(|file| after.contains(file)));
+    assert_eq!(after, found(&many));
+    for file in ["study.json", "study.yaml"] {
+        assert_eq!(fs::read(few.join(file)).unwrap(), fs::read(many.join(file)).unwrap(), "{file}");
+    }
+}
+
+#[test]
+fn any_number_of_ranks_leaves_the_same_study() {
+    let methods = "methods=[{name: plain, learn: {sequential: {consolidator: {anchor: {strength: {fixed: 1}}}}}}, \
+                   {name: joint, learn: {sharing: {every_updates: 1}}}]";
+    let study = tiny(&[methods, "training.environments=1024", "training.total_steps=65536"]);
+    let place = tempfile::tempdir().unwrap();
+    let path = |size: usize| place.path().join(size.to_string());
+    finish(&study, &path(1), 2);
+    for size in [2, 4] {
+        run_as(size, |ranks| {
+            if ranks.rank() > 0 {
+                return follow(&study, &ranks).unwrap();
+            }
+            // Stopped in the middle, then on to the end.
+            for interrupted in [true, false] {
+                let interrupt = Interrupt::default();
+                let directory = [StudyDirectory::open(&study, &path(size)).unwrap()];
+                if interrupted {
+                    interrupt.request();
+                }
+                run(&directory, 1, &interrupt, &ranks).unwrap();
+            }
+            ranks::end(&ranks);
+        });
+        assert_eq!(found(&path(size)), found(&path(1)), "{size} ranks");
+    }
+}

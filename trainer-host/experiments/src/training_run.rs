@@ -1,0 +1,370 @@
+//! A training run: updates, measurements and checkpoints, until the budget is spent or the user stops it.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use kestrel_core::policy_file::PolicyError;
+use kestrel_sim::seed::Purpose;
+use serde::{Deserialize, Serialize};
+
+use crate::atomic_file::FileError;
+use crate::checkpoint::{CheckpointError, Checkpoints};
+use crate::evaluation::{Evaluation, Flyer, Starts, evaluate};
+use crate::experiment_config::Experiment;
+use crate::interrupt::Interrupt;
+use crate::progress::{Progress, ProgressReport};
+use crate::run_directory::metrics::MetricsLog;
+use crate::run_directory::{RunDirectory, RunDirectoryError};
+use crate::tensorboard::EventFile;
+use kestrel_learn::actor_critic::Actor;
+use kestrel_learn::ppo::{RestoreError, Trainer, TrainerState, UpdateMetrics};
+use kestrel_learn::ranks::{self, Order, Ranks, UnequalShares};
+
+/// How often during a run the policy is flown to see whether it is the best so far.
+const SELECTIONS: u64 = 20;
+
+/// Starts of such a test: a standard error of three points at a success rate of one half, nothing near one.
+const SELECTION_EPISODES: usize = 256;
+
+/// Time between checkpoints; a power cut costs no more.
+const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(10);
+
+/// The best policy so far, by success rate, then by return, on starts of its own.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct BestPolicy {
+    /// The policy.
+    pub actor: Actor,
+    /// Environment steps it was trained for.
+    pub steps: u64,
+    /// How it flew.
+    pub evaluation: Evaluation,
+}
+
+/// A run, open for training.
+#[derive(Debug)]
+pub struct TrainingRun {
+    experiment: Experiment,
+    directory: RunDirectory,
+    trainer: Trainer,
+    best: Option<BestPolicy>,
+    training_secs: f64,
+    metrics: MetricsLog,
+    events: EventFile,
+}
+
+/// What a checkpoint holds.
+#[derive(Serialize, Deserialize)]
+struct Checkpoint {
+    trainer: TrainerState,
+    best: Option<BestPolicy>,
+    training_secs: f64,
+    /// The resolved configuration.
+    config: String,
+}
+
+/// A row of `metrics.jsonl`.
+#[derive(Serialize)]
+struct MetricsRow<'a> {
+    #[serde(flatten)]
+    update: &'a UpdateMetrics,
+    steps_per_second: f64,
+    training_secs: f64,
+}
+
+/// Why training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The budget is spent.
+    Finished,
+    /// The user asked to stop; the run can go on.
+    Interrupted,
+}
+
+/// Why a run cannot begin or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainingError {
+    /// The run directory refuses.
+    #[error(transparent)]
+    Directory(#[from] RunDirectoryError),
+    /// No usable checkpoint, or none could be written.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// The checkpoint does not fit the configuration beside it.
+    #[error("the checkpoint of the run does not fit its config.yaml")]
+    Restore(#[from] RestoreError),
+    /// The run began with another seed.
+    #[error(
+        "the run began with seed {found}, but its config.yaml says {expected}: restore it, or begin a new run"
+    )]
+    Seed {
+        /// In the checkpoint.
+        found: u64,
+        /// In the configuration.
+        expected: u64,
+    },
+    /// The configuration is another than the run's, beside the budget.
+    #[error(
+        "line {line} of config.yaml, defaults filled in, says `{found}`, but the run was trained with `{expected}`: \
+         change it back, or begin a new run"
+    )]
+    Changed {
+        /// In the complete configuration.
+        line: usize,
+        /// Now.
+        found: String,
+        /// In the checkpoint.
+        expected: String,
+    },
+    /// Too many processes.
+    #[error(transparent)]
+    Ranks(#[from] UnequalShares),
+    /// The policy file cannot be written.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
+    /// The system refused a file operation.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+impl TrainingRun {
+    /// A new run in a fresh directory.
+    ///
+    /// # Errors
+    /// When files cannot be created.
+    pub fn begin(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
+        let trainer = Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, experiment.seed);
+        let run = Self::open(experiment, directory, trainer, None, 0.0)?;
+        // A run that is killed in its first seconds can then go on as any other.
+        run.save()?;
+        Ok(run)
+    }
+
+    /// The run of `directory` from its newest checkpoint; the second value warns when that was not the last written.
+    ///
+    /// # Errors
+    /// When there is no usable checkpoint, or it does not fit the configuration.
+    pub fn resume(
+        experiment: Experiment,
+        directory: RunDirectory,
+    ) -> Result<(Self, Option<CheckpointError>), TrainingError> {
+        let restored = Checkpoints::in_directory(&directory.checkpoints()).load_newest::<Checkpoint>()?;
+        let Checkpoint { trainer, best, training_secs, config } = restored.state;
+        let (found, expected) = (trainer.seed(), experiment.seed);
+        if found != expected {
+            return Err(TrainingError::Seed { found: found.0, expected: expected.0 });
+        }
+        let trainer = Trainer::restore(std::slice::from_ref(&experiment.scenario), &experiment.ppo, trainer)?;
+        refuse_changes(&config, &experiment.resolved_yaml)?;
+        Ok((Self::open(experiment, directory, trainer, best, training_secs)?, restored.warning))
+    }
+
+    fn open(
+        experiment: Experiment,
+        directory: RunDirectory,
+        trainer: Trainer,
+        best: Option<BestPolicy>,
+        training_secs: f64,
+    ) -> Result<Self, TrainingError> {
+        let metrics = MetricsLog::continue_after(&directory.metrics(), trainer.updates())?;
+        let events = EventFile::create(directory.path(), trainer.steps())?;
+        Ok(Self { experiment, directory, trainer, best, training_secs, metrics, events })
+    }
+
+    /// From now on shares the work with all ranks, of which this is the first; the others [`follow`].
+    ///
+    /// # Errors
+    /// When the work cannot be dealt to so many.
+    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), TrainingError> {
+        let state = self.trainer.save();
+        self.trainer.work_with(ranks)?;
+        ranks::order(ranks, &Order::Begin(Box::new(state)));
+        Ok(())
+    }
+
+    /// Trains until the budget is spent or `interrupt` asks to stop, and leaves a checkpoint either way.
+    ///
+    /// # Errors
+    /// When a file cannot be written; earlier checkpoints are then still whole.
+    pub fn train(&mut self, interrupt: &Interrupt) -> Result<End, TrainingError> {
+        let total_steps = self.experiment.ppo.total_steps;
+        let mut progress = Progress::new(total_steps, self.trainer.steps());
+        let mut saved_at = Instant::now();
+        while self.trainer.steps() < total_steps && !interrupt.requested() {
+            let update = self.update()?;
+            progress.show(&report(&update));
+            if saved_at.elapsed() > CHECKPOINT_INTERVAL {
+                self.save()?;
+                saved_at = Instant::now();
+            }
+        }
+        progress.finish();
+        self.save()?;
+        Ok(if self.trainer.steps() < total_steps { End::Interrupted } else { End::Finished })
+    }
+
+    /// One update, logged; now and then a test flight.
+    fn update(&mut self) -> Result<UpdateMetrics, TrainingError> {
+        let start = Instant::now();
+        let steps_before = self.trainer.steps();
+        ranks::order::<()>(self.trainer.ranks(), &Order::Update);
+        let update = self.trainer.update();
+        if self.selection_is_due() {
+            self.select();
+        }
+        self.training_secs += start.elapsed().as_secs_f64();
+        self.log(&update, self.trainer.steps() - steps_before)?;
+        Ok(update)
+    }
+
+    fn log(&mut self, update: &UpdateMetrics, steps: u64) -> Result<(), TrainingError> {
+        let steps_per_second = update.steps_per_second(steps as usize);
+        let row = MetricsRow { update, steps_per_second, training_secs: self.training_secs };
+        self.metrics.append(&row)?;
+        let mut scalars = scalars(update);
+        scalars.push(("steps_per_second".to_owned(), steps_per_second as f32));
+        let terms = self.experiment.scenario.rewards.iter().zip(&update.episode_terms).enumerate();
+        scalars.extend(
+            terms.map(|(index, (reward, value))| (format!("reward/{index}_{}", reward.term.name()), *value)),
+        );
+        let scalars: Vec<(&str, f32)> = scalars.iter().map(|(tag, value)| (tag.as_str(), *value)).collect();
+        Ok(self.events.write_scalars(update.steps, &scalars)?)
+    }
+
+    /// Whether this update is one of those after which the policy is tested; the last always is.
+    fn selection_is_due(&self) -> bool {
+        let batch = self.experiment.ppo.batch() as u64;
+        let updates = self.experiment.ppo.total_steps.div_ceil(batch);
+        let done = self.trainer.updates();
+        done >= updates || done.is_multiple_of((updates / SELECTIONS).max(1))
+    }
+
+    fn select(&mut self) {
+        let evaluation = &self.experiment.evaluation;
+        let starts = Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: SELECTION_EPISODES };
+        let found = evaluate(&evaluation.scenario, Flyer::Actor(self.trainer.actor()), starts);
+        let rank = |evaluation: &Evaluation| (evaluation.success_rate, evaluation.episode_return.max(f64::MIN));
+        // Ties go to the later policy, which has been trained for longer; a return that is NaN ranks last.
+        if self.best.as_ref().is_none_or(|best| rank(&best.evaluation) <= rank(&found)) {
+            let actor = self.trainer.actor().clone();
+            self.best = Some(BestPolicy { actor, steps: self.trainer.steps(), evaluation: found });
+        }
+    }
+
+    fn save(&self) -> Result<(), TrainingError> {
+        ranks::order::<()>(self.trainer.ranks(), &Order::Save);
+        let checkpoint = Checkpoint {
+            trainer: self.trainer.save(),
+            best: self.best.clone(),
+            training_secs: self.training_secs,
+            config: self.experiment.resolved_yaml.clone(),
+        };
+        Checkpoints::in_directory(&self.directory.checkpoints()).save(self.trainer.updates(), &checkpoint)?;
+        Ok(())
+    }
+
+    /// The experiment that is run.
+    pub fn experiment(&self) -> &Experiment {
+        &self.experiment
+    }
+
+    /// Where everything is written.
+    pub fn directory(&self) -> &RunDirectory {
+        &self.directory
+    }
+
+    /// Environment steps so far.
+    pub fn steps(&self) -> u64 {
+        self.trainer.steps()
+    }
+
+    /// Time spent in training, selection included \[s\].
+    pub fn training_secs(&self) -> f64 {
+        self.training_secs
+    }
+
+    /// The best policy so far; the newest before the first test.
+    pub fn best(&self) -> (&Actor, u64) {
+        match &self.best {
+            Some(best) => (&best.actor, best.steps),
+            None => (self.trainer.actor(), self.trainer.steps()),
+        }
+    }
+}
+
+/// Does what the first rank says, until that ends the run.
+///
+/// # Errors
+/// When the experiment is not that of the first rank.
+pub fn follow(experiment: &Experiment, ranks: &Arc<dyn Ranks>) -> Result<(), TrainingError> {
+    let mut trainer = None;
+    loop {
+        match (ranks::hear::<TrainerState>(ranks), &mut trainer) {
+            (Order::Begin(state), begun) => {
+                let tasks = std::slice::from_ref(&experiment.scenario);
+                begun.insert(Trainer::restore(tasks, &experiment.ppo, *state)?).work_with(ranks)?;
+            }
+            (Order::Update, Some(trainer)) => drop(trainer.update()),
+            (Order::Save, Some(trainer)) => drop(trainer.save()),
+            (Order::Update | Order::Save, None) | (Order::End, _) => return Ok(()),
+        }
+    }
+}
+
+/// The policy with which training of `experiment` begins.
+pub fn untrained_actor(experiment: &Experiment) -> Actor {
+    Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, experiment.seed).actor().clone()
+}
+
+/// The best policy in the newest checkpoint of a run, and the steps it was trained for.
+///
+/// # Errors
+/// When there is no usable checkpoint.
+pub fn best_policy(experiment: &Experiment, directory: &RunDirectory) -> Result<(Actor, u64), TrainingError> {
+    let restored = Checkpoints::in_directory(&directory.checkpoints()).load_newest::<Checkpoint>()?;
+    if let Some(best) = restored.state.best {
+        return Ok((best.actor, best.steps));
+    }
+    let steps = restored.updates * experiment.ppo.batch() as u64;
+    Ok((restored.state.trainer.actor().clone(), steps))
+}
+
+/// Refuses a configuration that differs in more than the budget, which may be raised.
+fn refuse_changes(saved: &str, now: &str) -> Result<(), TrainingError> {
+    let lines = saved.lines().count().max(now.lines().count());
+    let padded = |text: &'static str| std::iter::repeat(text);
+    let pairs = now.lines().chain(padded("")).zip(saved.lines().chain(padded("")));
+    let is_budget = |line: &str| line.trim_start().starts_with("total_steps:");
+    let change = pairs.take(lines).enumerate().find(|(_, (now, saved))| now != saved && !is_budget(saved));
+    change.map_or(Ok(()), |(index, (found, expected))| {
+        let [found, expected] = [found, expected].map(|line| line.trim().to_owned());
+        Err(TrainingError::Changed { line: index + 1, found, expected })
+    })
+}
+
+fn report(update: &UpdateMetrics) -> ProgressReport {
+    ProgressReport {
+        steps: update.steps,
+        episode_return: update.episode_return,
+        success_rate: update.success_rate,
+    }
+}
+
+fn scalars(update: &UpdateMetrics) -> Vec<(String, f32)> {
+    let nothing = f32::NAN;
+    [
+        ("policy_loss", update.policy_loss),
+        ("value_loss", update.value_loss),
+        ("entropy", update.entropy),
+        ("approx_kl", update.approx_kl),
+        ("clip_fraction", update.clip_fraction),
+        ("explained_variance", update.explained_variance),
+        ("learning_rate", update.learning_rate),
+        ("log_std", update.log_std),
+        ("gradient_norm", update.gradient_norm),
+        ("episode_return", update.episode_return.unwrap_or(nothing)),
+        ("episode_length", update.episode_length.unwrap_or(nothing)),
+        ("success_rate", update.success_rate.unwrap_or(nothing)),
+    ]
+    .map(|(tag, value)| (tag.to_owned(), value))
+    .into()
+}

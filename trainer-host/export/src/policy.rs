@@ -1,0 +1,92 @@
+//! A policy file of either kind.
+
+use kestrel_core::policy_file::{
+    Arithmetic, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch, VisionPolicy,
+};
+use kestrel_sim::camera::OnboardCamera;
+use kestrel_sim::scenario::Scenario;
+
+use crate::seeing::Memory;
+
+/// A policy whose parameters lie in borrowed bytes.
+#[derive(Clone, Debug)]
+pub enum Policy<'a> {
+    /// A policy without an eye.
+    Blind(Box<PolicyFile<'a>>),
+    /// A policy with an eye.
+    Seeing(Box<VisionPolicy<'a>>),
+}
+
+impl<'a> Policy<'a> {
+    /// The policy in `bytes`, which are the whole file and start on a four-byte boundary of memory.
+    ///
+    /// # Errors
+    /// A variant per kind of damage.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, PolicyError> {
+        match PolicyFile::parse(bytes) {
+            Ok(policy) => Ok(Self::Blind(Box::new(policy))),
+            Err(PolicyError::Vision) => VisionPolicy::parse(bytes).map(|policy| Self::Seeing(Box::new(policy))),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Computes the golden vectors again.
+    ///
+    /// # Errors
+    /// [`PolicyError::SelfTest`] with the first deviation.
+    pub fn self_test(&self) -> Result<(), PolicyError> {
+        match self {
+            Self::Blind(policy) => policy.self_test(),
+            Self::Seeing(policy) => {
+                let mut memory = Memory::of(policy);
+                policy.self_test_with(&mut memory.borrowed(), &mut PolicyScratch::new())
+            }
+        }
+    }
+
+    /// Name, observation layout, action space, control period.
+    pub fn metadata(&self) -> &PolicyMetadata<'a> {
+        match self {
+            Self::Blind(policy) => policy.metadata(),
+            Self::Seeing(policy) => policy.metadata(),
+        }
+    }
+
+    /// What it is computed with.
+    pub fn arithmetic(&self) -> Arithmetic {
+        match self {
+            Self::Blind(policy) => policy.arithmetic(),
+            Self::Seeing(policy) => policy.arithmetic(),
+        }
+    }
+
+    /// In what it differs from a policy that was trained for a scenario.
+    pub fn differing(&self, scenario: &Scenario) -> Option<&'static str> {
+        let metadata = self.metadata();
+        if metadata.observation != scenario.observation {
+            Some("observation")
+        } else if metadata.action != scenario.action {
+            Some("action")
+        } else if metadata.control_period_secs != scenario.physics.control_secs() {
+            Some("control rate")
+        } else if !self.suits(scenario.camera.as_ref()) {
+            Some("camera")
+        } else {
+            None
+        }
+    }
+
+    /// Whether the images of a camera are what it looks at.
+    fn suits(&self, camera: Option<&OnboardCamera>) -> bool {
+        match (self, camera) {
+            (Self::Blind(_), None) => true,
+            (Self::Seeing(policy), Some(camera)) => {
+                let image = policy.encoder().shape().image();
+                let found = [image.rows, image.columns, image.channels].map(usize::from);
+                found == [camera.camera.rows, camera.camera.columns, camera.pixel_len()]
+                    && u32::from(policy.control_periods_per_image()) == camera.control_periods_per_image
+            }
+            (Self::Blind(_), Some(_)) | (Self::Seeing(_), None) => false,
+        }
+    }
+}

@@ -1,0 +1,335 @@
+//! The two networks of PPO.
+
+mod pass;
+
+use std::ops::Range;
+
+use kestrel_sim::seed::Stream;
+use serde::{Deserialize, Serialize};
+
+use crate::advantage::Moments;
+use crate::gaussian::Gaussian;
+use crate::network::eye::Eye;
+use crate::network::{Dense, Mlp};
+use crate::perception::Perception;
+pub use pass::ActorPass;
+use pass::Half;
+pub use pass::Sight;
+pub(crate) use pass::{Eyes, Networks, Pass};
+
+/// Gain of the actor's last layer: first actions are near the middle of their range (Andrychowicz et al. 2021).
+const ACTOR_HEAD_GAIN: f32 = 0.01;
+/// Gain of the critic's last layer, as in `CleanRL`.
+const CRITIC_HEAD_GAIN: f32 = 1.0;
+
+/// The policy: a network for the mean action and a logarithm of the standard deviation per action.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Actor {
+    mlp: Mlp,
+    perception: Option<Perception>,
+    /// The network's, then `log_std [action length]`, then those of the perception.
+    parameters: Vec<f32>,
+}
+
+impl Actor {
+    /// With random orthogonal weights, and eyes for images if it has a perception.
+    pub fn new(
+        (observation_len, action_len): (usize, usize),
+        perception: Option<Perception>,
+        hidden: &[usize],
+        initial_log_std: f32,
+        stream: &mut Stream,
+    ) -> Self {
+        let mlp = Mlp::new(inputs(observation_len, observation_len, perception.as_ref()), hidden, action_len);
+        let mut parameters = mlp.initialise(ACTOR_HEAD_GAIN, stream);
+        parameters.extend(std::iter::repeat_n(initial_log_std, action_len));
+        parameters.extend(perception.iter().flat_map(|perception| perception.initialise(stream)));
+        Self { mlp, perception, parameters }
+    }
+
+    /// Of observations alone.
+    pub fn blind(lengths: (usize, usize), hidden: &[usize], log_std: f32, stream: &mut Stream) -> Self {
+        Self::new(lengths, None, hidden, log_std, stream)
+    }
+
+    /// Shape of the mean's network.
+    pub fn mlp(&self) -> &Mlp {
+        &self.mlp
+    }
+
+    /// What looks at images in front of it.
+    pub fn perception(&self) -> Option<&Perception> {
+        self.perception.as_ref()
+    }
+
+    /// Parameters of [`Self::perception`].
+    pub fn perception_parameters(&self) -> &[f32] {
+        self.half().perception_parameters()
+    }
+
+    /// The layers between observation, features and mean action, first to last; tanh after all but the last.
+    pub fn layers(&self) -> Vec<Dense<'_>> {
+        let trunk = self.perception.iter().flat_map(|seen| seen.trunk_layers(self.perception_parameters()));
+        trunk.chain(self.mlp.layers(&self.parameters)).collect()
+    }
+
+    /// Weights and biases of each of [`Self::layers`], to be written.
+    pub(crate) fn layers_mut(&mut self) -> Vec<(&mut [f32], &mut [f32])> {
+        let Self { mlp, perception, parameters } = self;
+        let (network, rest) = parameters.split_at_mut(mlp.parameter_count());
+        let seen = &mut rest[mlp.outputs()..];
+        let trunk = perception.as_ref().map(|perception| perception.trunk_layers_mut(seen));
+        let mut layers = trunk.unwrap_or_default();
+        layers.extend(mlp.layers_mut(network));
+        layers
+    }
+
+    /// The eye in front of it, and its parameters, to be written.
+    pub(crate) fn eye_mut(&mut self) -> Option<(&Eye, &mut [f32])> {
+        let from = self.log_std_places().end;
+        let eye = self.perception.as_ref()?.eye();
+        Some((eye, &mut self.parameters[from..][..eye.parameter_count()]))
+    }
+
+    /// Values of an action.
+    pub fn action_len(&self) -> usize {
+        self.mlp.outputs()
+    }
+
+    /// Logarithm of the standard deviation of each value of an action.
+    pub fn log_std(&self) -> &[f32] {
+        &self.parameters[self.log_std_places()]
+    }
+
+    /// The distribution of actions around their means.
+    pub fn gaussian(&self) -> Gaussian {
+        Gaussian::new(self.log_std())
+    }
+
+    /// Mean actions `[action length][columns]`, not limited to any range, of what drones see.
+    ///
+    /// # Panics
+    /// When the slices are not of these shapes.
+    pub fn act_mean(&self, sight: Sight<'_>, actions: &mut [f32]) {
+        let columns = actions.len() / self.action_len();
+        actions.copy_from_slice(ActorPass::new(self, columns).means(self, sight));
+    }
+
+    /// Whether another one has the same shape.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        (&self.mlp, &self.perception) == (&other.mlp, &other.perception)
+    }
+
+    /// Where `log_std` is among the parameters.
+    pub fn log_std_places(&self) -> Range<usize> {
+        let network = self.mlp.parameter_count();
+        network..network + self.action_len()
+    }
+
+    fn half(&self) -> Half<'_> {
+        let Self { mlp, perception, parameters } = self;
+        Half { mlp, perception: perception.as_ref(), parameters, perception_from: self.log_std_places().end }
+    }
+
+    /// The network's parameters, then `log_std [action length]`, then those of the perception.
+    pub fn parameters(&self) -> &[f32] {
+        &self.parameters
+    }
+
+    /// As [`Self::parameters`].
+    pub fn parameters_mut(&mut self) -> &mut [f32] {
+        &mut self.parameters
+    }
+
+    /// Keeps the spread of the actions within `[low, high]` (logarithms).
+    pub(crate) fn limit_log_std(&mut self, low: f32, high: f32) {
+        let places = self.log_std_places();
+        for log_std in &mut self.parameters[places] {
+            *log_std = log_std.clamp(low, high);
+        }
+    }
+}
+
+/// The value function: a network with one output, a head, for each task, and the scale of each task's returns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Critic {
+    mlp: Mlp,
+    /// Where it does not see through the actor's.
+    perception: Option<Perception>,
+    /// The network's, then those of the perception.
+    parameters: Vec<f32>,
+    scales: Vec<ValueScale>,
+}
+
+impl Critic {
+    /// With random orthogonal weights, and a head for each of the tasks. It reads `values_len` values: the observation,
+    /// of the actor's length, then what only critics read; and sees through the actor's perception or has one of its
+    /// own, of the same shape.
+    pub fn new(
+        (observation_len, values_len): (usize, usize),
+        sight: CriticSight<'_>,
+        hidden: &[usize],
+        tasks: usize,
+        stream: &mut Stream,
+    ) -> Self {
+        let (seen, own) = match sight {
+            CriticSight::None => (None, None),
+            CriticSight::Shared(perception) => (Some(perception), None),
+            CriticSight::Separate(perception) => (Some(perception), Some(perception.clone())),
+        };
+        let mlp = Mlp::new(inputs(observation_len, values_len, seen), hidden, tasks);
+        let mut parameters = mlp.initialise(CRITIC_HEAD_GAIN, stream);
+        parameters.extend(own.iter().flat_map(|perception| perception.initialise(stream)));
+        Self { mlp, perception: own, parameters, scales: vec![ValueScale::default(); tasks] }
+    }
+
+    /// Of so many values alone.
+    #[cfg(test)]
+    pub(crate) fn blind(values_len: usize, hidden: &[usize], tasks: usize, stream: &mut Stream) -> Self {
+        Self::new((values_len, values_len), CriticSight::None, hidden, tasks, stream)
+    }
+
+    /// Shape of the network.
+    pub fn mlp(&self) -> &Mlp {
+        &self.mlp
+    }
+
+    /// Whether another one has the same shape.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        (&self.mlp, &self.perception) == (&other.mlp, &other.perception)
+    }
+
+    fn half(&self) -> Half<'_> {
+        let Self { mlp, perception, parameters, .. } = self;
+        Half { mlp, perception: perception.as_ref(), parameters, perception_from: mlp.parameter_count() }
+    }
+
+    /// Writes the values `[columns]` that `heads [tasks][columns]` mean in a task.
+    pub(crate) fn write_values(&self, heads: &[f32], task: usize, values: &mut [f32]) {
+        let ValueScale { mean, std, .. } = self.scales[task];
+        let columns = values.len();
+        for (value, head) in values.iter_mut().zip(&heads[task * columns..(task + 1) * columns]) {
+            *value = head * std + mean;
+        }
+    }
+
+    /// The scale of a task's returns.
+    pub(crate) fn scale(&self, task: usize) -> &ValueScale {
+        &self.scales[task]
+    }
+
+    /// Takes the returns of a rollout into a task's scale and rewrites its head, so that its values stay the same:
+    /// PopArt (van Hasselt et al. 2016, eq. 9).
+    pub(crate) fn rescale(&mut self, task: usize, returns: &Moments) {
+        let old = self.scales[task];
+        let new = old.after(returns);
+        let width = self.mlp.widths()[self.mlp.widths().len() - 2];
+        let heads = self.mlp.outputs();
+        let (weights, biases) = {
+            let end = self.mlp.parameter_count();
+            self.parameters[end - heads * (width + 1)..end].split_at_mut(heads * width)
+        };
+        for weight in &mut weights[task * width..(task + 1) * width] {
+            *weight *= old.std / new.std;
+        }
+        biases[task] = (old.std * biases[task] + old.mean - new.mean) / new.std;
+        self.scales[task] = new;
+    }
+
+    /// The network's, then those of its eye.
+    pub fn parameters(&self) -> &[f32] {
+        &self.parameters
+    }
+
+    /// As [`Self::parameters`].
+    pub fn parameters_mut(&mut self) -> &mut [f32] {
+        &mut self.parameters
+    }
+}
+
+/// How a critic sees images.
+#[derive(Clone, Copy, Debug)]
+pub enum CriticSight<'a> {
+    /// There are none.
+    None,
+    /// Through the actor's perception, which learns from both.
+    Shared(&'a Perception),
+    /// With a perception of its own, of this shape.
+    Separate(&'a Perception),
+}
+
+/// Inputs of a network that reads so many values, which begin with the observation, and what a perception makes.
+fn inputs(observation_len: usize, values_len: usize, perception: Option<&Perception>) -> usize {
+    match perception {
+        None => values_len,
+        Some(seen) => values_len - observation_len + seen.unread(observation_len) + seen.outputs(),
+    }
+}
+
+/// Mean and spread of a task's returns, by which its head of the critic is scaled; mean 0 and spread 1 until the first
+/// [`Critic::rescale`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ValueScale {
+    pub(crate) mean: f32,
+    pub(crate) std: f32,
+    /// Running means of the returns and of their squares, and how much of them has been seen, in \[0, 1).
+    first: f64,
+    second: f64,
+    seen: f64,
+}
+
+impl Default for ValueScale {
+    fn default() -> Self {
+        Self { mean: 0.0, std: 1.0, first: 0.0, second: 0.0, seen: 0.0 }
+    }
+}
+
+impl ValueScale {
+    /// Share of a new rollout in the running means: a memory of about ten rollouts.
+    const SHARE: f64 = 0.1;
+    /// Smallest spread: a task whose returns are all the same keeps finite values.
+    const SMALLEST_STD: f64 = 1e-4;
+
+    fn after(&self, returns: &Moments) -> Self {
+        let mix = |old: f64, new: f64| old + Self::SHARE * (new - old);
+        let square = returns.variance() + returns.mean() * returns.mean();
+        let (first, second) = (mix(self.first, returns.mean()), mix(self.second, square));
+        let seen = mix(self.seen, 1.0);
+        // As Adam does, the means are corrected for having begun at zero.
+        let mean = first / seen;
+        let std = (second / seen - mean * mean).max(0.0).sqrt().max(Self::SMALLEST_STD);
+        Self { mean: mean as f32, std: std as f32, first, second, seen }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::Workspace;
+    use kestrel_sim::seed::{Purpose, Seed};
+
+    #[test]
+    fn rescaling_a_head_leaves_every_value_as_it_was() {
+        let mut stream = Stream::new(Seed(1), 0, Purpose::Weights);
+        let mut critic = Critic::blind(5, &[8, 7], 3, &mut stream);
+        let inputs: Vec<f32> = (0..5 * 4).map(|_| stream.normal()).collect();
+        let mut workspace = Workspace::new(critic.mlp(), 4);
+        let mut values = |critic: &Critic, task| {
+            let mut values = [0.0; 4];
+            let heads = critic.mlp().forward(critic.parameters(), &inputs, &mut workspace);
+            critic.write_values(heads, task, &mut values);
+            values
+        };
+        let before: Vec<[f32; 4]> = (0..3).map(|task| values(&critic, task)).collect();
+        let mut returns = Moments::default();
+        returns.add(&[10.0, 30.0, 20.0]);
+        critic.rescale(1, &returns);
+        let ValueScale { mean, std, .. } = *critic.scale(1);
+        assert!((mean - 20.0).abs() < 1e-4 && (std - (200.0_f32 / 3.0).sqrt()).abs() < 1e-4, "{mean} {std}");
+        for (task, before) in before.iter().enumerate() {
+            for (now, before) in values(&critic, task).iter().zip(before) {
+                assert!((now - before).abs() < 1e-4, "task {task}: {now}, before {before}");
+            }
+        }
+    }
+}

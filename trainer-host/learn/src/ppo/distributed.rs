@@ -1,0 +1,106 @@
+//! What the ranks of a run have in common.
+
+use std::sync::Arc;
+
+use kestrel_sim::outcome::Episode;
+use kestrel_sim::simulation::SimulationState;
+
+use super::{Panel, SHARDS, Trainer};
+use crate::ranks::{self, Ranks, UnequalShares};
+
+impl Trainer {
+    /// From now on several processes share the work of this run; each of them has it.
+    ///
+    /// # Errors
+    /// When panels or shards cannot be dealt to so many equally.
+    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
+        ranks::check(ranks, self.panels.len(), "panels of environments")?;
+        ranks::check(ranks, SHARDS, "parts of a minibatch")?;
+        self.ranks = Arc::clone(ranks);
+        Ok(())
+    }
+
+    /// The processes that share the work.
+    pub fn ranks(&self) -> &Arc<dyn Ranks> {
+        &self.ranks
+    }
+
+    /// Shows the rollouts of my panels and reads those of the others.
+    pub(super) fn share_rollouts(&mut self) {
+        if self.ranks.size() == 1 {
+            return;
+        }
+        let mut all: Vec<f32> = Vec::new();
+        for panel in &mut self.panels {
+            panel.rollout_mut().columns_mut().iter().for_each(|column| all.extend_from_slice(column));
+        }
+        self.ranks.share(&mut all);
+        let mut rest = all.as_slice();
+        for column in self.panels.iter_mut().flat_map(|panel| panel.rollout_mut().columns_mut()) {
+            let (values, others) = rest.split_at(column.len());
+            column.copy_from_slice(values);
+            rest = others;
+        }
+        self.share_images();
+    }
+
+    /// Bytes travel as the numbers that four of them are, whole tiles being multiples of four.
+    fn share_images(&mut self) {
+        let mut all: Vec<f32> = Vec::new();
+        for panel in &mut self.panels {
+            let words = panel.rollout_mut().images_mut().as_chunks::<4>().0;
+            all.extend(words.iter().map(|bytes| f32::from_bits(u32::from_le_bytes(*bytes))));
+        }
+        if all.is_empty() {
+            return;
+        }
+        self.ranks.share(&mut all);
+        let mut words = all.iter();
+        for panel in &mut self.panels {
+            for (bytes, word) in panel.rollout_mut().images_mut().as_chunks_mut::<4>().0.iter_mut().zip(&mut words)
+            {
+                *bytes = word.to_bits().to_le_bytes();
+            }
+        }
+    }
+
+    /// Shows my parts of a minibatch's gradient and reads those of the others.
+    pub(super) fn share_shards(&mut self) {
+        if self.ranks.size() == 1 {
+            return;
+        }
+        let mut all: Vec<f32> = Vec::new();
+        for shard in &self.shards {
+            all.extend_from_slice(&shard.gradient.actor);
+            all.extend_from_slice(&shard.gradient.critic);
+        }
+        self.ranks.share(&mut all);
+        let mut rest = all.as_slice();
+        for shard in &mut self.shards {
+            for part in [&mut shard.gradient.actor, &mut shard.gradient.critic] {
+                let (values, others) = rest.split_at(part.len());
+                part.copy_from_slice(values);
+                rest = others;
+            }
+        }
+        let mine: Vec<_> = self.shards[ranks::part(&self.ranks, SHARDS)].iter().map(|shard| shard.sums).collect();
+        let sums = ranks::gathered(&self.ranks, &mine);
+        for (shard, sums) in self.shards.iter_mut().zip(sums.into_iter().flatten()) {
+            shard.sums = sums;
+        }
+    }
+
+    /// Episodes that ended since the last call, in all panels.
+    pub(super) fn take_episodes(&mut self) -> Vec<Episode> {
+        let mine = ranks::part(&self.ranks, self.panels.len());
+        let episodes: Vec<Episode> = self.panels[mine].iter_mut().flat_map(Panel::take_episodes).collect();
+        if self.ranks.size() == 1 { episodes } else { ranks::gathered(&self.ranks, &episodes).concat() }
+    }
+
+    /// The environments of all panels.
+    pub(super) fn simulations(&self) -> Vec<SimulationState> {
+        let mine = ranks::part(&self.ranks, self.panels.len());
+        let states: Vec<SimulationState> = self.panels[mine].iter().map(Panel::save).collect();
+        if self.ranks.size() == 1 { states } else { ranks::gathered(&self.ranks, &states).concat() }
+    }
+}

@@ -1,0 +1,278 @@
+//! What a PPO run is made with.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use kestrel_core::encoder::{Convolution, EncoderError, EncoderShape, Volume};
+use kestrel_sim::camera::OnboardCamera;
+
+use crate::network::eye::Eye;
+use crate::rollout::{CriticScope, PANEL, SMALLEST_MINIBATCH};
+use crate::schedule::Schedule;
+use crate::teacher::TeacherSettings;
+
+/// The hyperparameters of PPO, under the names of the field.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PpoSettings {
+    /// Environments in parallel, a multiple of [`PANEL`]; where several drones share one, drones, which must fill panels
+    /// of [`panel_rows`](crate::rollout::panel_rows).
+    pub environments: usize,
+    /// Steps of every drone between updates.
+    pub steps_per_rollout: usize,
+    /// Environment steps of the whole training; a linear schedule ends there.
+    pub total_steps: u64,
+    /// Passes over each rollout.
+    pub epochs: u32,
+    /// Samples per gradient step, a multiple of [`PANEL`], or 32, 64 or 128; the last of an epoch may be smaller.
+    pub minibatch: usize,
+    /// Discount per step, in \[0, 1\].
+    pub discount: f32,
+    /// Trace decay of the advantage estimate, in \[0, 1\].
+    pub gae_lambda: f32,
+    /// How far the probability ratio may leave one before its gain stops counting.
+    pub clip_range: f32,
+    /// Step size of Adam.
+    pub learning_rate: Schedule,
+    /// Weight of the entropy bonus.
+    pub entropy_weight: f32,
+    /// Weight of the mean squared error of the critic.
+    pub value_weight: f32,
+    /// Longest gradient of both networks together; longer ones are scaled down.
+    pub gradient_norm_limit: f32,
+    /// Logarithm of the actions' standard deviation at the start.
+    pub initial_log_std: f32,
+    /// Lowest logarithm of the standard deviation.
+    pub lowest_log_std: f32,
+    /// Highest logarithm of the standard deviation.
+    pub highest_log_std: f32,
+    /// Widths of the actor's hidden layers.
+    pub actor_hidden: Vec<usize>,
+    /// Widths of the critic's hidden layers.
+    pub critic_hidden: Vec<usize>,
+    /// How a policy with a camera looks at its images.
+    pub eye: EyeSettings,
+    /// An update stops once a minibatch's `approx_kl` exceeds one and a half times this, as Stable-Baselines3.
+    pub target_kl: Option<f32>,
+    /// Whose observations the critic reads.
+    pub critic_scope: CriticScope,
+    /// In which unit the critic learns returns.
+    pub value_scale: ValueScaling,
+    /// From this share of the training on, in \[0, 1\], the policy flies and learns with the weights of its export.
+    pub quantised_from: Option<f32>,
+    /// Who says what to do while the policy does not know; nobody as a rule.
+    pub teacher: Option<TeacherSettings>,
+    /// Fixed factor on rewards before the critic sees them; the logged returns are unscaled.
+    pub reward_scale: f32,
+}
+
+/// How images are looked at.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EyeSettings {
+    /// The convolutions.
+    pub kind: EyeKind,
+    /// Whether actor and critic have the same.
+    pub sharing: EyeSharing,
+    /// Widths of layers that read the observation and the features for both networks, or for each if they do not share;
+    /// none where each reads both itself.
+    pub trunk: Vec<usize>,
+}
+
+/// Convolutions and a dense layer.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EyeKind {
+    /// [`Eye::small`].
+    #[default]
+    Small,
+    /// [`Eye::nature`], with so many features.
+    Nature {
+        /// At least one; 512 in Stable-Baselines3, 256 with several inputs.
+        features: u16,
+    },
+    /// Others.
+    Custom {
+        /// One after the other.
+        convolutions: Vec<Convolution>,
+        /// What the dense layer behind them makes.
+        features: u16,
+    },
+}
+
+/// Whether actor and critic look through one eye.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EyeSharing {
+    /// They do, and it learns from both.
+    #[default]
+    Shared,
+    /// Each has its own.
+    Separate,
+}
+
+impl EyeKind {
+    /// The eye for the images of a camera.
+    ///
+    /// # Errors
+    /// When they are too small or too large for it.
+    pub fn eye(&self, camera: &OnboardCamera) -> Result<Eye, EncoderError> {
+        let image = image_of(camera);
+        match self {
+            Self::Small => Eye::small(image),
+            Self::Nature { features } => Eye::nature(image, *features),
+            Self::Custom { convolutions, features } => {
+                EncoderShape::new(image, convolutions, *features).map(Eye::new)
+            }
+        }
+    }
+}
+
+/// Sides that are too large for an eye become the largest number, which it refuses.
+fn image_of(camera: &OnboardCamera) -> Volume {
+    let side = |value: usize| u16::try_from(value).unwrap_or(u16::MAX);
+    let channels = u16::try_from(camera.pixel_len()).unwrap_or(u16::MAX);
+    Volume { rows: side(camera.camera.rows), columns: side(camera.camera.columns), channels }
+}
+
+/// In which unit the critic learns returns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ValueScaling {
+    /// That of the rewards.
+    #[default]
+    Fixed,
+    /// The spread of each task's returns, tracked (`PopArt`, van Hasselt et al. 2016).
+    PopArt,
+}
+
+/// Settings that no training can be made with.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SettingsError {
+    /// Environments and minibatches come in panels.
+    #[error("{name} is {found}, expected a positive multiple of {PANEL}{or}")]
+    NotPanels {
+        /// Which setting.
+        name: &'static str,
+        /// Its value.
+        found: usize,
+        /// What else it may be.
+        or: &'static str,
+    },
+    /// A count that must not be zero.
+    #[error("{name} is 0, expected at least 1")]
+    Zero {
+        /// Which setting.
+        name: &'static str,
+    },
+    /// A number outside its range (or not a number).
+    #[error("{name} is {found}, expected {expected}")]
+    OutOfRange {
+        /// Which setting.
+        name: &'static str,
+        /// Its value.
+        found: f32,
+        /// Its range in words.
+        expected: &'static str,
+    },
+}
+
+impl PpoSettings {
+    /// Samples of one rollout.
+    pub fn batch(&self) -> usize {
+        self.environments * self.steps_per_rollout
+    }
+
+    /// Whether a [`Trainer`](super::Trainer) can be made with these settings.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range, with what was expected.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        self.check_counts()?;
+        self.check_numbers()?;
+        self.check_learning_rate()
+    }
+
+    fn check_counts(&self) -> Result<(), SettingsError> {
+        let panels = |found: usize| found != 0 && found.is_multiple_of(PANEL);
+        if !panels(self.environments) {
+            return Err(SettingsError::NotPanels { name: "environments", found: self.environments, or: "" });
+        }
+        if !fits_minibatch(self.minibatch) {
+            let or = ", or 32, 64 or 128";
+            return Err(SettingsError::NotPanels { name: "minibatch", found: self.minibatch, or });
+        }
+        let narrowest = |hidden: &[usize]| hidden.iter().copied().min().unwrap_or(1);
+        let counts = [
+            ("steps_per_rollout", self.steps_per_rollout),
+            ("epochs", self.epochs as usize),
+            ("actor_hidden", narrowest(&self.actor_hidden)),
+            ("critic_hidden", narrowest(&self.critic_hidden)),
+        ];
+        match counts.into_iter().find(|(_, count)| *count == 0) {
+            Some((name, _)) => Err(SettingsError::Zero { name }),
+            None => Ok(()),
+        }
+    }
+
+    fn check_numbers(&self) -> Result<(), SettingsError> {
+        within("discount", self.discount, 0.0..=1.0, "0 to 1")?;
+        within("gae_lambda", self.gae_lambda, 0.0..=1.0, "0 to 1")?;
+        positive("clip_range", self.clip_range)?;
+        positive("gradient_norm_limit", self.gradient_norm_limit)?;
+        positive("reward_scale", self.reward_scale)?;
+        not_negative("entropy_weight", self.entropy_weight)?;
+        not_negative("value_weight", self.value_weight)?;
+        // Beyond e^±10 the density of an action leaves the range of f32.
+        within("lowest_log_std", self.lowest_log_std, -10.0..=self.highest_log_std, "-10 to highest_log_std")?;
+        within("highest_log_std", self.highest_log_std, self.lowest_log_std..=10.0, "lowest_log_std to 10")?;
+        let range = self.lowest_log_std..=self.highest_log_std;
+        within("initial_log_std", self.initial_log_std, range, "lowest_log_std to highest_log_std")?;
+        if let Some(share) = self.quantised_from {
+            within("quantised_from", share, 0.0..=1.0, "0 to 1")?;
+        }
+        if let Some(teacher) = self.teacher {
+            positive("teacher.weight", teacher.weight)?;
+            within("teacher.until", teacher.until, f32::MIN_POSITIVE..=1.0, "above 0 to 1")?;
+        }
+        self.target_kl.map_or(Ok(()), |target| positive("target_kl", target))
+    }
+
+    fn check_learning_rate(&self) -> Result<(), SettingsError> {
+        match self.learning_rate {
+            Schedule::Constant(rate) => positive("learning_rate", rate),
+            Schedule::Linear { from, to } => {
+                positive("learning_rate.from", from)?;
+                not_negative("learning_rate.to", to)
+            }
+            Schedule::KlAdaptive { initial, target, low, high } => {
+                positive("learning_rate.low", low)?;
+                positive("learning_rate.target", target)?;
+                within("learning_rate.initial", initial, low..=high, "low to high")
+            }
+        }
+    }
+}
+
+/// Whether tiles can make a minibatch of so many samples.
+pub fn fits_minibatch(samples: usize) -> bool {
+    let small = (SMALLEST_MINIBATCH..PANEL).contains(&samples) && samples.is_power_of_two();
+    small || (samples != 0 && samples.is_multiple_of(PANEL))
+}
+
+type Checked = Result<(), SettingsError>;
+
+fn within(
+    name: &'static str,
+    found: f32,
+    range: std::ops::RangeInclusive<f32>,
+    expected: &'static str,
+) -> Checked {
+    if found.is_finite() && range.contains(&found) {
+        return Ok(());
+    }
+    Err(SettingsError::OutOfRange { name, found, expected })
+}
+
+fn positive(name: &'static str, found: f32) -> Checked {
+    within(name, found, f32::MIN_POSITIVE..=f32::MAX, "a positive number")
+}
+
+fn not_negative(name: &'static str, found: f32) -> Checked {
+    within(name, found, 0.0..=f32::MAX, "a number of at least 0")
+}
