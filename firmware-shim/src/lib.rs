@@ -31,6 +31,6 @@ pub mod true_state;
 pub mod vehicle;
 
 pub use kestrel_onboard::{
-    autopilot, battery, controller, failsafe, flight_mode, frame, geodesy, goal, plant, policy_backend, request,
-    settings, steering,
+    autopilot, battery, controller, endpoint, failsafe, flight_mode, frame, geodesy, goal, plant, policy_backend,
+    request, settings, steering,
 };

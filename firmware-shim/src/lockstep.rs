@@ -13,7 +13,7 @@ use crate::link::{LinkError, Links};
 use crate::persistent_store::{PersistentStore, PersistentStoreError};
 use crate::plant::Plant;
 use crate::policy_backend::PolicyBackend;
-use crate::vehicle::MavlinkVehicle;
+use crate::vehicle::Vehicle;
 
 /// A loop that lags farther behind the wall clock does not catch up \[s\]: the machine slept or is too slow.
 const LAG_LIMIT: Duration = Duration::from_millis(250);
@@ -86,7 +86,7 @@ pub enum FlightError {
 
 /// One of the vehicles that fly together, and what belongs to it alone.
 pub struct SimulatedVehicle<'a, P> {
-    vehicle: &'a mut MavlinkVehicle<P>,
+    vehicle: &'a mut Vehicle<P>,
     plant: &'a mut dyn Plant,
     links: &'a mut Links,
     crtp: Option<&'a mut CrtpLink>,
@@ -139,7 +139,7 @@ fn decide<P: PolicyBackend>(
 
 impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
     /// A vehicle in its plant, heard and told through its links.
-    pub fn new(vehicle: &'a mut MavlinkVehicle<P>, plant: &'a mut dyn Plant, links: &'a mut Links) -> Self {
+    pub fn new(vehicle: &'a mut Vehicle<P>, plant: &'a mut dyn Plant, links: &'a mut Links) -> Self {
         Self {
             vehicle,
             plant,

@@ -9,7 +9,7 @@ use kestrel_onboard::signature_guard::SignatureGuard;
 use crate::parameter::file::{self, FileError};
 use crate::policy_backend::PolicyBackend;
 use crate::signing::{SignatureTimes, Signing, SigningError};
-use crate::vehicle::MavlinkVehicle;
+use crate::vehicle::Vehicle;
 
 /// Times are kept so often \[wall time\]: what a crash may lose.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -39,7 +39,7 @@ impl PersistentStore {
     /// # Errors
     /// If a file cannot be read, or holds something else.
     pub fn open<P: PolicyBackend>(
-        vehicle: &mut MavlinkVehicle<P>,
+        vehicle: &mut Vehicle<P>,
         parameters: Option<PathBuf>,
         key: Option<PathBuf>,
     ) -> Result<Self, PersistentStoreError> {
@@ -57,7 +57,7 @@ impl PersistentStore {
     }
 
     /// At the beginning of a control period: what the clock says.
-    pub fn begin_period<P: PolicyBackend>(&self, vehicle: &mut MavlinkVehicle<P>) {
+    pub fn begin_period<P: PolicyBackend>(&self, vehicle: &mut Vehicle<P>) {
         if self.signing.is_some() {
             vehicle.advance_clock(wall_time());
         }
@@ -67,10 +67,7 @@ impl PersistentStore {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn end_period<P: PolicyBackend>(
-        &mut self,
-        vehicle: &mut MavlinkVehicle<P>,
-    ) -> Result<(), PersistentStoreError> {
+    pub fn end_period<P: PolicyBackend>(&mut self, vehicle: &mut Vehicle<P>) -> Result<(), PersistentStoreError> {
         if vehicle.take_changes()
             && let Some(path) = &self.parameters
         {
@@ -86,7 +83,7 @@ impl PersistentStore {
     ///
     /// # Errors
     /// If the times cannot be written.
-    pub fn finish<P: PolicyBackend>(&mut self, vehicle: &MavlinkVehicle<P>) -> Result<(), PersistentStoreError> {
+    pub fn finish<P: PolicyBackend>(&mut self, vehicle: &Vehicle<P>) -> Result<(), PersistentStoreError> {
         self.kept = Instant::now();
         match (&mut self.signing, vehicle.signature_times()) {
             (Some(signing), Some([accepted, sent])) => Ok(signing.keep(SignatureTimes { accepted, sent })?),

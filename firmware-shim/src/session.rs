@@ -11,6 +11,7 @@ use std::time::Duration;
 use kestrel_core::airframe::Airframe;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyError;
+use kestrel_onboard::endpoint::Counts;
 
 pub use self::fleet::Fleet;
 use crate::geodesy::Home;
@@ -29,7 +30,7 @@ use crate::persistent_store::{PersistentStore, PersistentStoreError};
 use crate::plant::Plant;
 use crate::policy_backend::PolicyBackend;
 use crate::policy_bytes::PolicyBytes;
-use crate::vehicle::{Counts, MavlinkVehicle, VehicleProfile};
+use crate::vehicle::{Vehicle, VehicleProfile};
 
 /// Latest start of a log, the year 2100 \[s since 1970\]: its microseconds are of 64 bits.
 const LOG_START_LIMIT: u64 = 4_102_444_800;
@@ -159,7 +160,7 @@ pub enum SessionError {
 
 /// A vehicle on the air.
 pub struct Session<P> {
-    vehicle: MavlinkVehicle<P>,
+    vehicle: Vehicle<P>,
     links: Links,
     log: Option<FlightLog>,
     store: PersistentStore,
@@ -279,7 +280,7 @@ impl<P: PolicyBackend> Session<P> {
         if layout.measured_len() > 0 {
             return Err(SessionError::SensorsMissing { name: name.to_owned(), observation: layout.name() });
         }
-        let mut vehicle = MavlinkVehicle::new(backend, airframe, options.profile(policy.clone()));
+        let mut vehicle = Vehicle::new(backend, airframe, options.profile(policy.clone()));
         let store = PersistentStore::open(&mut vehicle, options.parameters.clone(), options.signing_key.clone())?;
         let (links, mut bound) = options.open_links()?;
         let crtp = options.crtp.map(CrtpLink::open).transpose()?;

@@ -1,21 +1,23 @@
-//! The MAVLink vehicle: datagrams and states in, rotor targets and frames out. No socket and no clock.
+//! The vehicle in software in the loop: a [`FlightController`] with parameters, missions and telemetry. Datagrams and states
+//! in, rotor targets and frames out; no socket and no clock.
 
 mod command;
 mod loss;
 mod mission;
-mod repetition;
 
 use core::time::Duration;
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
-use kestrel_onboard::acknowledgement::{CommandResult, command_ack};
-use kestrel_onboard::endpoint::Endpoint;
+use kestrel_onboard::acknowledgement::CommandAnswer;
+use kestrel_onboard::endpoint::Counts;
+use kestrel_onboard::flight_controller::{FlightController, VehicleIdentity};
+use kestrel_onboard::repetition::Sender;
 use kestrel_onboard::signature::{SignatureTime, Signer};
 use kestrel_onboard::signature_guard::SignatureGuard;
 use mavlink::dialects::common::MavSeverity;
 
-use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint, Surroundings};
+use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint};
 use crate::battery::Battery;
 use crate::failsafe::FailsafeEvent;
 use crate::flight_mode::FlightMode;
@@ -35,31 +37,13 @@ use crate::request::{self, CommandRequest, Request, SetPointError};
 use crate::telemetry::{TelemetrySchedule, TelemetryStream};
 
 use self::mission::Reached;
-use command::Answer;
 use loss::Losses;
-use repetition::{Repetitions, Sender};
-
-/// `MAV_COMP_ID_AUTOPILOT1`.
-const COMPONENT: u8 = 1;
 
 /// Answers that wait for the next tick; what a flood asks beyond it goes unanswered.
 const ANSWERS: usize = 32;
 
 /// The same refusal is not worded again within this time \[s\]: set-points come in streams.
 const TEXT_SECS: f64 = 1.0;
-
-/// What became of the datagrams so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Frames with a right checksum.
-    pub frames: u64,
-    /// Frames with a wrong one, and anything else that is no frame.
-    pub garbage: u64,
-    /// Good frames that were not signed as they must be.
-    pub refused: u64,
-    /// Answers that a flood of requests left no room for.
-    pub unanswered: u64,
-}
 
 /// Who a vehicle is, and where.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,9 +58,9 @@ pub struct VehicleProfile {
     pub policy: PolicyIdentity,
 }
 
-/// An [`Autopilot`] that speaks MAVLink.
-pub struct MavlinkVehicle<P> {
-    autopilot: Autopilot<P>,
+/// A [`FlightController`], and what wants an operating system.
+pub struct Vehicle<P> {
+    controller: FlightController<P, ANSWERS>,
     profile: VehicleProfile,
     parameters: ParameterProtocol,
     parameters_changed: bool,
@@ -85,67 +69,59 @@ pub struct MavlinkVehicle<P> {
     /// What the mission wanted last.
     directive: Option<Directive>,
     reached: Option<Reached>,
-    endpoint: Endpoint,
     schedule: TelemetrySchedule,
     /// Streams that a peer wants once more, out of turn.
     requested: heapless::Vec<TelemetryStream, { TelemetryStream::ALL.len() }>,
-    answers: heapless::Vec<Payload, ANSWERS>,
-    repetitions: Repetitions,
     losses: Losses,
     last_text: Option<(&'static str, f64)>,
     battery: Battery,
-    /// Tick of the last word of a ground station.
-    ground_station_tick: Option<u64>,
     latency_secs: f32,
     rotor_targets: [f32; 4],
     rotor_speed_limit: f32,
-    counts: Counts,
-    ticks: u64,
 }
 
-impl<P: PolicyBackend> MavlinkVehicle<P> {
+impl<P: PolicyBackend> Vehicle<P> {
     /// A disarmed vehicle of an airframe, whose policy `backend` computes.
     pub fn new(backend: P, airframe: &Airframe, profile: VehicleProfile) -> Self {
-        let autopilot = Autopilot::new(backend, airframe);
+        let identity = VehicleIdentity { system: profile.system, origin: profile.origin };
+        let controller = FlightController::new(backend, airframe, identity);
         Self {
-            schedule: TelemetrySchedule::new(autopilot.control_secs()),
-            autopilot,
+            schedule: TelemetrySchedule::new(controller.autopilot().control_secs()),
+            controller,
             parameters: ParameterProtocol::new(Parameters::new(profile.system)),
             parameters_changed: false,
             plans: MissionProtocol::new(profile.origin),
             runner: MissionRunner::default(),
             directive: None,
             reached: None,
-            endpoint: Endpoint::new(profile.system, COMPONENT),
             profile,
             requested: heapless::Vec::new(),
-            answers: heapless::Vec::new(),
-            repetitions: Repetitions::default(),
             losses: Losses::default(),
             last_text: None,
             battery: Battery::full(),
-            ground_station_tick: None,
             latency_secs: 0.0,
             rotor_targets: [0.0; 4],
             rotor_speed_limit: airframe.rotor_speed_limit as f32,
-            counts: Counts::default(),
-            ticks: 0,
         }
+    }
+
+    fn autopilot(&self) -> &Autopilot<P> {
+        self.controller.autopilot()
     }
 
     /// What the autopilot is doing.
     pub fn mode(&self) -> Mode {
-        self.autopilot.mode()
+        self.autopilot().mode()
     }
 
     /// Where it is going.
     pub fn goal(&self) -> &MovingGoal {
-        self.autopilot.goal()
+        self.autopilot().goal()
     }
 
     /// What became of the datagrams so far.
     pub fn counts(&self) -> Counts {
-        self.counts
+        self.controller.counts()
     }
 
     /// The values of its parameters.
@@ -156,22 +132,22 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
     /// Flies by these parameters from now on.
     pub fn adjust(&mut self, parameters: Parameters) {
         self.parameters = ParameterProtocol::new(parameters);
-        self.autopilot.adjust(self.parameters.settings());
+        self.controller.autopilot_mut().adjust(self.parameters.settings());
     }
 
     /// From now on admits only what `guard` does, and signs what it sends.
     pub fn secure(&mut self, guard: SignatureGuard, signer: Signer) {
-        self.endpoint.secure(guard, signer);
+        self.controller.secure(guard, signer);
     }
 
     /// Lets the clock have reached a time, for signatures.
     pub fn advance_clock(&mut self, now: SignatureTime) {
-        self.endpoint.advance_clock(now);
+        self.controller.advance_clock(now);
     }
 
     /// Latest times of accepted and of sent frames, if they are signed.
     pub fn signature_times(&self) -> Option<[SignatureTime; 2]> {
-        self.endpoint.signature_times()
+        self.controller.signature_times()
     }
 
     /// Whether a peer has set a parameter since the last call.
@@ -186,12 +162,12 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
 
     /// Simulated time since the first tick \[s\].
     pub fn elapsed_secs(&self) -> f64 {
-        self.ticks as f64 * f64::from(self.autopilot.control_secs())
+        self.controller.elapsed_secs()
     }
 
     /// Time between two ticks.
     pub fn control_period(&self) -> Duration {
-        Duration::from_secs_f32(self.autopilot.control_secs())
+        Duration::from_secs_f32(self.autopilot().control_secs())
     }
 
     /// Has the autopilot execute a command; one that moves the drone ends a mission.
@@ -199,7 +175,7 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
     /// # Errors
     /// As [`Autopilot::command`].
     pub fn order(&mut self, command: Command) -> Result<(), Refusal> {
-        self.autopilot.command(command)?;
+        self.controller.autopilot_mut().command(command)?;
         match command {
             Command::Arm | Command::SelectController(_) | Command::Speed(_) => {}
             Command::Disarm
@@ -217,60 +193,55 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
 
     /// Takes one of a stream of set-points, unless a mission is flown.
     fn set_point(&mut self, set_point: SetPoint) -> Result<(), Refusal> {
-        if self.on_mission() { Err(Refusal::OnMission) } else { self.autopilot.set_point(set_point) }
+        if self.on_mission() {
+            Err(Refusal::OnMission)
+        } else {
+            self.controller.autopilot_mut().set_point(set_point)
+        }
     }
 
-    /// Obeys what a datagram asks for; answers leave with the next tick. Whether any frame in it was good: if not,
+    /// Does what a datagram asks for; answers leave with the next tick. Whether any frame in it was good: if not,
     /// its sender is no peer.
     pub fn receive(&mut self, datagram: &[u8]) -> bool {
-        let good_before = self.counts.frames;
+        let mut good = false;
         for frame in Frames::new(datagram) {
-            match frame {
-                Err(_) => self.counts.garbage += 1,
-                Ok(frame) if self.endpoint.admit(&frame).is_err() => self.counts.refused += 1,
-                Ok(frame) => {
-                    self.counts.frames += 1;
-                    self.handle(&frame);
-                }
+            if let Some(frame) = self.controller.admit(frame) {
+                good = true;
+                self.handle(&frame);
             }
         }
-        self.counts.frames > good_before
+        good
     }
 
     /// Rotor targets \[rad/s\] for the next control period; `send` gets the frames that are due, one by one.
     pub fn tick(&mut self, state: &State<f32>, send: &mut dyn FnMut(&[u8])) -> [f32; 4] {
         let before = self.mode();
-        self.rotor_targets = self.autopilot.tick(state, &self.surroundings());
+        self.rotor_targets = self.controller.fly(state, self.battery.remaining());
         if self.mode().flies() {
-            self.battery.drain(self.autopilot.control_secs(), self.autopilot.settings());
+            self.battery.drain(self.controller.autopilot().control_secs(), self.controller.autopilot().settings());
         }
         self.announce(before);
         self.fly_mission(state);
         self.repeat_reached();
-        for answer in core::mem::take(&mut self.answers) {
-            send(&self.endpoint.encode(&answer));
+        while let Some(answer) = self.controller.next_answer() {
+            send(&answer);
         }
         self.publish_lists(send);
         let requested = core::mem::take(&mut self.requested);
         for stream in TelemetryStream::ALL {
-            if self.schedule.due(stream, self.ticks) || requested.contains(&stream) {
+            if self.schedule.due(stream, self.controller.ticks()) || requested.contains(&stream) {
                 self.publish(stream, state, send);
             }
         }
-        self.ticks += 1;
+        self.controller.end_period();
         self.rotor_targets
-    }
-
-    fn surroundings(&self) -> Surroundings {
-        let secs = |tick: u64| ((self.ticks - tick) as f64 * f64::from(self.autopilot.control_secs())) as f32;
-        Surroundings { link_age_secs: self.ground_station_tick.map(secs), battery: self.battery.remaining() }
     }
 
     /// What is due of the parameters' list, and of an upload.
     fn publish_lists(&mut self, send: &mut dyn FnMut(&[u8])) {
         let now_secs = self.elapsed_secs();
-        let endpoint = &mut self.endpoint;
-        let mut send = |payload: Payload| send(&endpoint.encode(&payload));
+        let controller = &mut self.controller;
+        let mut send = |payload: Payload| send(&controller.encode(&payload));
         self.parameters.tick(&mut send);
         self.plans.tick(now_secs, &mut send);
     }
@@ -278,12 +249,12 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
     fn publish(&mut self, stream: TelemetryStream, state: &State<f32>, send: &mut dyn FnMut(&[u8])) {
         if stream == TelemetryStream::Policy {
             for payload in self.policy_report() {
-                send(&self.endpoint.encode(&payload));
+                send(&self.controller.encode(&payload));
             }
             return;
         }
         let payload = self.payload(stream, state);
-        send(&self.endpoint.encode(&payload));
+        send(&self.controller.encode(&payload));
     }
 
     /// What the policy is (its hash), how old its last answer is, and how long the last tick took.
@@ -291,7 +262,7 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
         let time = self.time_boot_ms();
         let [a, b, c, d, ..] = self.profile.policy.hash;
         [
-            status::named_float("RL_AGE_MS", self.autopilot.silent_secs() * 1e3, time),
+            status::named_float("RL_AGE_MS", self.autopilot().silent_secs() * 1e3, time),
             status::named_float("RL_LAT_MS", self.latency_secs * 1e3, time),
             status::named_integer("RL_HASH", i32::from_be_bytes([a, b, c, d]), time),
         ]
@@ -307,14 +278,14 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
             TelemetryStream::SysStatus => status::sys_status(&self.health(state)),
             TelemetryStream::ExtendedSysState => status::extended_sys_state(self.mode()),
             TelemetryStream::CurrentMode | TelemetryStream::Policy => status::current_mode(flight_mode),
-            TelemetryStream::MissionCurrent => mission_protocol::sent::current(&self.plans, &self.runner),
+            TelemetryStream::MissionCurrent => self.mission_current(),
             TelemetryStream::BatteryStatus => status::battery_status(&self.battery),
-            TelemetryStream::HomePosition => motion::home_position(self.autopilot.home(), origin),
+            TelemetryStream::HomePosition => motion::home_position(self.autopilot().home(), origin),
             TelemetryStream::Altitude => motion::altitude(state, origin, time_usec),
             TelemetryStream::GpsRawInt => motion::gps_raw_int(state, origin, time_usec),
             TelemetryStream::VfrHud => motion::vfr_hud(state, origin, self.throttle()),
             TelemetryStream::ServoOutputRaw => motion::servo_output_raw(self.rotor_shares(), time_usec as u32),
-            TelemetryStream::PositionTarget => motion::position_target(self.autopilot.goal(), time_boot_ms),
+            TelemetryStream::PositionTarget => motion::position_target(self.autopilot().goal(), time_boot_ms),
             TelemetryStream::GlobalPosition => motion::global_position_int(state, origin, time_boot_ms),
             TelemetryStream::Odometry => motion::odometry(state, time_usec),
             TelemetryStream::AttitudeQuaternion => motion::attitude_quaternion(state, time_boot_ms),
@@ -327,16 +298,16 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
         if self.on_mission() {
             return FlightMode::Mission;
         }
-        FlightMode::of(self.autopilot.mode(), self.autopilot.active_controller())
+        FlightMode::of(self.autopilot().mode(), self.autopilot().active_controller())
     }
 
     fn health(&mut self, state: &State<f32>) -> status::VehicleHealth {
         status::VehicleHealth {
-            policy: self.autopilot.healthy(),
-            inside_fence: self.autopilot.margin_m(&state.position) >= 0.0,
+            policy: self.controller.autopilot_mut().healthy(),
+            inside_fence: self.autopilot().margin_m(&state.position) >= 0.0,
             battery: self.battery,
-            garbage: self.counts.garbage,
-            refused: self.counts.refused,
+            garbage: self.counts().garbage,
+            refused: self.counts().refused,
         }
     }
 
@@ -355,11 +326,11 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
 
     /// Words for what has gone wrong, and for the changes of mode that nobody commanded.
     fn announce(&mut self, before: Mode) {
-        for event in self.autopilot.events().clone() {
-            self.answer(sent::status_text(MavSeverity::MAV_SEVERITY_CRITICAL, event.text()));
+        for event in self.autopilot().events().clone() {
+            self.controller.answer(sent::status_text(MavSeverity::MAV_SEVERITY_CRITICAL, event.text()));
         }
         let stopped = self
-            .autopilot
+            .autopilot()
             .events()
             .iter()
             .any(|event| matches!(event, FailsafeEvent::Tilted | FailsafeEvent::Spinning));
@@ -372,22 +343,22 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
             (_, Mode::Landed) => (MavSeverity::MAV_SEVERITY_INFO, "landed"),
             (_, _) => return,
         };
-        self.answer(sent::status_text(severity, text));
+        self.controller.answer(sent::status_text(severity, text));
     }
 
     fn handle(&mut self, frame: &Frame) {
-        let sender = Sender { address: [frame.system, frame.component], sequence: frame.sequence };
+        let sender = Sender::of(frame);
         self.losses.note(sender, self.elapsed_secs());
         if let Some((address, request)) = request::request(frame) {
-            if address.reaches(self.profile.system, COMPONENT) {
+            if self.controller.is_meant(address) {
                 self.handle_request(&request, sender);
             }
         } else if let Some((address, request)) = parameter_received::request(frame)
-            && address.reaches(self.profile.system, COMPONENT)
+            && self.controller.is_meant(address)
         {
             self.handle_parameter(&request, sender.address);
         } else if let Some((address, request)) = mission_protocol::request(frame)
-            && address.reaches(self.profile.system, COMPONENT)
+            && self.controller.is_meant(address)
         {
             self.handle_mission(&request, sender.address);
         }
@@ -395,8 +366,10 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
 
     fn handle_request(&mut self, request: &Request, sender: Sender) {
         match request {
-            Request::GroundStation => self.ground_station_tick = Some(self.ticks),
-            Request::Ping { time_usec, seq } => self.answer(sent::ping(*time_usec, *seq, sender.address)),
+            Request::GroundStation => self.controller.handle(request, sender),
+            Request::Ping { time_usec, seq } => {
+                self.controller.answer(sent::ping(*time_usec, *seq, sender.address))
+            }
             Request::SetMode(custom_mode) => {
                 let answer = self.choose(FlightMode::of_custom_mode(*custom_mode));
                 self.send_status_text(answer.text);
@@ -406,9 +379,9 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
             Request::AttitudeTarget(target) => self.follow(target.set_point()),
             Request::TimeSync(theirs_ns) => {
                 let ours_ns = (self.elapsed_secs() * 1e9) as i64;
-                self.answer(sent::timesync(*theirs_ns, ours_ns, sender.address));
+                self.controller.answer(sent::timesync(*theirs_ns, ours_ns, sender.address));
             }
-            Request::Files(request) => self.answer(sent::no_files(*request, sender.address)),
+            Request::Files(request) => self.controller.answer(sent::no_files(*request, sender.address)),
         }
     }
 
@@ -421,36 +394,25 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
     }
 
     fn handle_parameter(&mut self, request: &parameter_received::ParameterRequest, sender: [u8; 2]) {
-        let answers = &mut self.answers;
-        let unanswered = &mut self.counts.unanswered;
-        let changed: Option<Parameter> = self.parameters.handle(request, sender, &mut |payload| {
-            *unanswered += u64::from(answers.push(payload).is_err());
-        });
+        let controller = &mut self.controller;
+        let changed: Option<Parameter> =
+            self.parameters.handle(request, sender, &mut |payload| controller.answer(payload));
         if changed.is_some() {
             self.parameters_changed = true;
-            self.autopilot.adjust(self.parameters.settings());
+            self.controller.autopilot_mut().adjust(self.parameters.settings());
         }
     }
 
     fn handle_command(&mut self, command: &CommandRequest, sender: Sender) {
-        let now_secs = self.elapsed_secs();
-        let answer = match self.repetitions.result(command, sender, self.mode(), now_secs) {
-            Some(result) => Answer { result, text: None },
+        let answer = match self.controller.earlier_result(command, sender) {
+            Some(result) => CommandAnswer::silent(result),
             None => self.execute(command),
         };
-        // Clients give up after a few times.
-        let lossy =
-            self.losses.are_of(sender, now_secs) || self.repetitions.is_sent_again(command, sender, now_secs);
-        let acknowledgements = if lossy { 2 } else { 1 };
-        self.repetitions.remember(command, sender, answer.result, now_secs);
-        for _ in 0..acknowledgements {
-            self.acknowledge(command.command, answer.result, sender.address);
-        }
+        // Where frames are lost acknowledgements are, too, and clients give up after a few times.
+        let lossy = self.losses.are_of(sender, self.elapsed_secs());
+        let times = if lossy { 2 } else { self.controller.acknowledgements(command, sender) };
+        self.controller.acknowledge(command, sender, answer.result, times);
         self.send_status_text(answer.text);
-    }
-
-    fn acknowledge(&mut self, command: u16, result: CommandResult, sender: [u8; 2]) {
-        self.answer(command_ack(command, result, sender));
     }
 
     /// Says why something is refused, but not over and over.
@@ -461,13 +423,7 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
             return;
         }
         self.last_text = Some((text, now));
-        self.answer(sent::status_text(MavSeverity::MAV_SEVERITY_WARNING, text));
-    }
-
-    fn answer(&mut self, payload: Payload) {
-        if self.answers.push(payload).is_err() {
-            self.counts.unanswered += 1;
-        }
+        self.controller.answer(sent::status_text(MavSeverity::MAV_SEVERITY_WARNING, text));
     }
 }
 

@@ -207,7 +207,7 @@ impl<'a> Scene<'a> {
     fn tick(&mut self, tick: u32) {
         let controller = &mut self.controller;
         self.line.transmit(tick, &mut |byte| controller.receive(byte));
-        while let Some(answer) = self.controller.answer() {
+        while let Some(answer) = self.controller.next_answer() {
             self.line.receive(&answer);
             self.digest.add_bytes(&answer);
         }

@@ -43,6 +43,37 @@ impl From<Refusal> for CommandResult {
     }
 }
 
+/// What a command comes to, and why if it is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CommandAnswer {
+    /// What its sender is told.
+    pub result: CommandResult,
+    /// Why it is refused, in at most the 50 bytes of a `STATUSTEXT`.
+    pub text: Option<&'static str>,
+}
+
+impl CommandAnswer {
+    /// It is executed.
+    pub const ACCEPTED: Self = Self::silent(CommandResult::Accepted);
+
+    /// A result without a text.
+    pub const fn silent(result: CommandResult) -> Self {
+        Self { result, text: None }
+    }
+
+    /// It can never work, for this reason.
+    pub const fn denied(text: &'static str) -> Self {
+        Self { result: CommandResult::Denied, text: Some(text) }
+    }
+}
+
+impl From<Result<(), Refusal>> for CommandAnswer {
+    fn from(outcome: Result<(), Refusal>) -> Self {
+        let refused = |refusal: Refusal| Self { result: refusal.into(), text: Some(refusal.text()) };
+        outcome.map_or_else(refused, |()| Self::ACCEPTED)
+    }
+}
+
 /// `COMMAND_ACK` to a system and component, for any command number, whether the dialect knows it or not.
 pub fn command_ack(command: u16, result: CommandResult, [system, component]: [u8; 2]) -> Payload {
     let (message_id, seed) = COMMAND_ACK;

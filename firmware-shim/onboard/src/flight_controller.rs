@@ -1,29 +1,28 @@
-//! The vehicle on a microcontroller: bytes of a line and states in, rotor targets and answers out.
+//! The vehicle: frames and states in, rotor targets and answers out.
 //!
-//! It has the autopilot and obeys what commands it: commands, modes, set-points, and the heartbeats of a ground station,
-//! whose absence is a failsafe. Every command is acknowledged, one that is repeated is executed again. It has no parameters,
-//! missions, telemetry or files: those are the business of whoever has an operating system, and go unanswered.
+//! On a microcontroller it is all there is: it executes commands, changes modes, follows set-points and watches for the
+//! heartbeats of a ground station, whose absence is a failsafe. Every command is acknowledged, and one that is repeated is
+//! executed once. What wants an operating system (parameters, missions, telemetry, files) is built around it in software in
+//! the loop, from the parts that are public here.
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
 
-use crate::acknowledgement::{CommandResult, command_ack};
-use crate::autopilot::{Autopilot, Refusal, Surroundings};
-use crate::endpoint::Endpoint;
+use crate::acknowledgement::{CommandAnswer, CommandResult, command_ack};
+use crate::autopilot::{Autopilot, Surroundings};
+use crate::endpoint::{Counts, Endpoint};
 use crate::flight_mode::FlightMode;
-use crate::frame::{FRAME_LIMIT, Frame, Payload, Receiver};
+use crate::frame::{FRAME_LIMIT, Frame, FrameError, Payload, Receiver};
 use crate::geodesy::Home;
 use crate::order::Order;
 use crate::policy_backend::PolicyBackend;
+use crate::repetition::{Repetitions, Sender};
 use crate::request::{self, Address, CommandRequest, Request};
 use crate::signature::{SignatureTime, Signer};
 use crate::signature_guard::SignatureGuard;
 
 /// `MAV_COMP_ID_AUTOPILOT1`.
 const COMPONENT: u8 = 1;
-
-/// Answers that wait to be sent; what a flood asks beyond it goes unanswered.
-const ANSWERS: usize = 4;
 
 /// Who a vehicle is, and where.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,61 +33,33 @@ pub struct VehicleIdentity {
     pub origin: Home,
 }
 
-/// What became of the bytes so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Frames with a right checksum.
-    pub frames: u32,
-    /// Frames with a wrong one, and runs of bytes that are no frame.
-    pub garbage: u32,
-    /// Good frames that were not signed as they must be.
-    pub refused: u32,
-    /// Answers that a flood of requests left no room for.
-    pub unanswered: u32,
-}
-
-/// An [`Autopilot`] at the end of a line.
-pub struct FlightController<P> {
+/// An [`Autopilot`] at the end of a line; at most `ANSWERS` wait to be sent, and what a flood asks beyond that goes unanswered.
+pub struct FlightController<P, const ANSWERS: usize = 4> {
     autopilot: Autopilot<P>,
     identity: VehicleIdentity,
     receiver: Receiver,
-    endpoint: Endpoint,
-    answers: heapless::Deque<Payload, ANSWERS>,
-    /// Since the last word of a ground station, if there was any.
-    silent_ticks: Option<u32>,
-    counts: Counts,
+    endpoint: Endpoint<ANSWERS>,
+    repetitions: Repetitions,
+    /// Tick of the last heartbeat of a ground station.
+    ground_station_tick: Option<u64>,
+    ticks: u64,
 }
 
-/// A request and the system and component that sent it.
-#[derive(Clone, Copy)]
-struct Heard {
-    sender: [u8; 2],
-    address: Address,
-    request: Request,
-}
-
-impl Heard {
-    fn of(frame: &Frame) -> Option<Self> {
-        let (address, request) = request::request(frame)?;
-        Some(Self { sender: [frame.system, frame.component], address, request })
-    }
-}
-
-impl<P: PolicyBackend> FlightController<P> {
-    /// A disarmed vehicle of an airframe, whose policy `backend` computes; it obeys frames without a signature.
+impl<P: PolicyBackend, const ANSWERS: usize> FlightController<P, ANSWERS> {
+    /// A disarmed vehicle of an airframe, whose policy `backend` computes; it accepts frames without a signature.
     pub fn new(backend: P, airframe: &Airframe, identity: VehicleIdentity) -> Self {
         Self {
             autopilot: Autopilot::new(backend, airframe),
             endpoint: Endpoint::new(identity.system, COMPONENT),
             identity,
             receiver: Receiver::new(),
-            answers: heapless::Deque::new(),
-            silent_ticks: None,
-            counts: Counts::default(),
+            repetitions: Repetitions::default(),
+            ground_station_tick: None,
+            ticks: 0,
         }
     }
 
-    /// From now on obeys only what `guard` admits, and signs its answers.
+    /// From now on accepts only what `guard` admits, and signs its answers.
     pub fn secure(&mut self, guard: SignatureGuard, signer: Signer) {
         self.endpoint.secure(guard, signer);
     }
@@ -115,58 +86,89 @@ impl<P: PolicyBackend> FlightController<P> {
 
     /// What became of the bytes so far.
     pub fn counts(&self) -> Counts {
-        self.counts
+        self.endpoint.counts()
     }
 
-    /// Obeys what the next byte of the line completes, if it completes anything.
+    /// Control periods since the start.
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// Time of these control periods \[s\].
+    pub fn elapsed_secs(&self) -> f64 {
+        self.secs(self.ticks)
+    }
+
+    fn secs(&self, ticks: u64) -> f64 {
+        ticks as f64 * f64::from(self.autopilot.control_secs())
+    }
+
+    /// Does what the next byte of the line completes, if it completes anything.
     pub fn receive(&mut self, byte: u8) {
-        let heard = match self.receiver.push(byte) {
-            None => return,
-            Some(Err(_)) => {
-                self.counts.garbage = self.counts.garbage.wrapping_add(1);
-                return;
-            }
-            Some(Ok(frame)) if self.endpoint.admit(&frame).is_err() => {
-                self.counts.refused = self.counts.refused.wrapping_add(1);
-                return;
-            }
-            Some(Ok(frame)) => Heard::of(&frame),
-        };
-        self.counts.frames = self.counts.frames.wrapping_add(1);
-        if let Some(heard) = heard
-            && heard.address.reaches(self.identity.system, COMPONENT)
+        let admitted = self.receiver.push(byte).and_then(|frame| self.endpoint.admit(frame));
+        let Some(frame) = admitted else { return };
+        let sender = Sender::of(&frame);
+        if let Some((address, request)) = request::request(&frame)
+            && self.is_meant(address)
         {
-            self.handle(&heard);
+            self.handle(&request, sender);
         }
+    }
+
+    /// The frame, if it is one and signed as it must be.
+    pub fn admit<'a>(&mut self, frame: Result<Frame<'a>, FrameError>) -> Option<Frame<'a>> {
+        self.endpoint.admit(frame)
+    }
+
+    /// Whether what is sent to an address is for this vehicle.
+    pub fn is_meant(&self, address: Address) -> bool {
+        address.reaches(self.identity.system, COMPONENT)
     }
 
     /// Rotor targets \[rad/s\] for the next control period, finite whatever the state; `battery` is the share that is
     /// left of it. One that is no number keeps the vehicle from arming, and is no event in flight.
     pub fn tick(&mut self, state: &State<f32>, battery: f32) -> [f32; 4] {
-        let secs = |ticks: u32| ticks as f32 * self.autopilot.control_secs();
-        let surroundings = Surroundings { link_age_secs: self.silent_ticks.map(secs), battery };
-        self.silent_ticks = self.silent_ticks.map(|ticks| ticks.saturating_add(1));
-        self.autopilot.tick(state, &surroundings)
+        let targets = self.fly(state, battery);
+        self.end_period();
+        targets
+    }
+
+    /// The same within a period that lasts until [`FlightController::end_period`]: its time is that of what is sent in it.
+    pub fn fly(&mut self, state: &State<f32>, battery: f32) -> [f32; 4] {
+        let age_ticks = self.ground_station_tick.map(|tick| self.ticks.wrapping_sub(tick));
+        let link_age_secs = age_ticks.map(|ticks| self.secs(ticks) as f32);
+        self.autopilot.tick(state, &Surroundings { link_age_secs, battery })
+    }
+
+    /// Ends a control period.
+    pub fn end_period(&mut self) {
+        self.ticks = self.ticks.wrapping_add(1);
+    }
+
+    /// Has a message wait to be sent, if there is room.
+    pub fn answer(&mut self, payload: Payload) {
+        self.endpoint.answer(payload);
     }
 
     /// The next frame to be sent, if any waits.
-    pub fn answer(&mut self) -> Option<heapless::Vec<u8, FRAME_LIMIT>> {
-        let payload = self.answers.pop_front()?;
-        Some(self.endpoint.encode(&payload))
+    pub fn next_answer(&mut self) -> Option<heapless::Vec<u8, FRAME_LIMIT>> {
+        self.endpoint.next_answer()
     }
 
-    fn handle(&mut self, heard: &Heard) {
-        match &heard.request {
-            Request::GroundStation => self.silent_ticks = Some(0),
-            Request::Command(command) => self.handle_command(command, heard.sender),
+    /// The bytes of a frame to be sent at once.
+    pub fn encode(&mut self, payload: &Payload) -> heapless::Vec<u8, FRAME_LIMIT> {
+        self.endpoint.encode(payload)
+    }
+
+    /// Does what a request asks for, and answers a command. Whatever else it is, it has no answer here, and one that is
+    /// refused leaves everything as it is.
+    pub fn handle(&mut self, request: &Request, sender: Sender) {
+        match request {
+            Request::GroundStation => self.ground_station_tick = Some(self.ticks),
+            Request::Command(command) => self.handle_command(command, sender),
             Request::SetMode(custom_mode) => {
-                let mode = FlightMode::of_custom_mode(*custom_mode);
-                if let Ok(order) = Order::to_mode(mode, &self.autopilot, &self.identity.origin) {
-                    // This message has no answer.
-                    let _ = self.execute(order);
-                }
+                let _ = self.execute(self.order_to_mode(FlightMode::of_custom_mode(*custom_mode)));
             }
-            // Nor have these, and a set-point that is refused leaves everything as it is.
             Request::PositionTarget(target) => {
                 let set_point = target.set_point(&self.identity.origin);
                 let _ = set_point.map(|set_point| self.autopilot.set_point(set_point));
@@ -178,24 +180,55 @@ impl<P: PolicyBackend> FlightController<P> {
         }
     }
 
-    fn handle_command(&mut self, request: &CommandRequest, sender: [u8; 2]) {
-        let result = match Order::of(request, &self.autopilot, &self.identity.origin) {
-            Ok(order) => self.execute(order).map_or_else(CommandResult::from, |()| CommandResult::Accepted),
-            Err(rejection) => rejection.result,
+    fn handle_command(&mut self, request: &CommandRequest, sender: Sender) {
+        let answer = match self.earlier_result(request, sender) {
+            Some(result) => CommandAnswer::silent(result),
+            None => self.execute(self.order(request)),
         };
-        if self.answers.push_back(command_ack(request.command, result, sender)).is_err() {
-            self.counts.unanswered = self.counts.unanswered.wrapping_add(1);
+        let times = self.acknowledgements(request, sender);
+        self.acknowledge(request, sender, answer.result, times);
+    }
+
+    /// What a command orders the autopilot to do.
+    ///
+    /// # Errors
+    /// As [`Order::of`].
+    pub fn order(&self, request: &CommandRequest) -> Result<Order, CommandAnswer> {
+        Order::of(request, &self.autopilot, &self.identity.origin)
+    }
+
+    /// What the change to a mode orders the autopilot to do.
+    ///
+    /// # Errors
+    /// As [`Order::to_mode`].
+    pub fn order_to_mode(&self, mode: Option<FlightMode>) -> Result<Order, CommandAnswer> {
+        Order::to_mode(mode, &self.autopilot, &self.identity.origin)
+    }
+
+    fn execute(&mut self, order: Result<Order, CommandAnswer>) -> CommandAnswer {
+        let mode = self.autopilot.mode();
+        match order {
+            Ok(order) => order.execute(mode, &mut |command| self.autopilot.command(command)).into(),
+            Err(answer) => answer,
         }
     }
 
-    fn execute(&mut self, order: Order) -> Result<(), Refusal> {
-        if order == Order::Mission {
-            return Err(Refusal::NoMission);
+    /// The result of a command that was executed before, if this is a repetition of it.
+    pub fn earlier_result(&self, request: &CommandRequest, sender: Sender) -> Option<CommandResult> {
+        self.repetitions.result(request, sender, self.autopilot.mode(), self.elapsed_secs())
+    }
+
+    /// How often to acknowledge a command: twice if its sender seems to have missed an acknowledgement, for clients give up.
+    pub fn acknowledgements(&self, request: &CommandRequest, sender: Sender) -> usize {
+        if self.repetitions.is_sent_again(request, sender, self.elapsed_secs()) { 2 } else { 1 }
+    }
+
+    /// Acknowledges a command so many times, and remembers what became of it.
+    pub fn acknowledge(&mut self, request: &CommandRequest, sender: Sender, result: CommandResult, times: usize) {
+        self.repetitions.remember(request, sender, result, self.elapsed_secs());
+        for _ in 0..times {
+            self.endpoint.answer(command_ack(request.command, result, sender.address));
         }
-        for command in order.commands(self.autopilot.mode()) {
-            self.autopilot.command(command)?;
-        }
-        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a command of a peer means to an autopilot.
 
-use crate::acknowledgement::CommandResult;
-use crate::autopilot::{ALTITUDES_M, Autopilot, Command, Mode};
+use crate::acknowledgement::{CommandAnswer, CommandResult};
+use crate::autopilot::{ALTITUDES_M, Autopilot, Command, Mode, Refusal};
 use crate::controller::Controller;
 use crate::flight_mode::FlightMode;
 use crate::geodesy::Home;
@@ -27,24 +27,10 @@ pub enum Order {
     Mission,
 }
 
-/// Why a command is no order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rejection {
-    /// What its sender is told.
-    pub result: CommandResult,
-    /// The same in at most the 50 bytes of a `STATUSTEXT`.
-    pub text: &'static str,
-}
-
-impl Rejection {
-    const UNKNOWN_MODE: Self = Self::denied("mode refused: unknown, see AVAILABLE_MODES");
-    const UNKNOWN_PARAMETER: Self = Self::denied("command refused: unknown parameter 1");
-    const UNSUPPORTED: Self = Self { result: CommandResult::Unsupported, text: "this command is not supported" };
-
-    const fn denied(text: &'static str) -> Self {
-        Self { result: CommandResult::Denied, text }
-    }
-}
+const UNKNOWN_MODE: CommandAnswer = CommandAnswer::denied("mode refused: unknown, see AVAILABLE_MODES");
+const UNKNOWN_PARAMETER: CommandAnswer = CommandAnswer::denied("command refused: unknown parameter 1");
+const UNSUPPORTED: CommandAnswer =
+    CommandAnswer { result: CommandResult::Unsupported, text: Some("this command is not supported") };
 
 impl Order {
     /// What a request orders an autopilot to do, in a world whose origin is at `origin`.
@@ -55,14 +41,14 @@ impl Order {
         request: &CommandRequest,
         autopilot: &Autopilot<P>,
         origin: &Home,
-    ) -> Result<Self, Rejection> {
+    ) -> Result<Self, CommandAnswer> {
         let [first, second, third, _] = request.parameters;
         match request.command {
             17 => Ok(Self::Execute(Command::Pause)),
             20 => Ok(Self::Execute(Command::Return)),
             21 if request.place.is_here() => Ok(Self::Execute(Command::Land)),
             22 if request.place.is_here() => Ok(take_off(request.place.height(), autopilot, origin)),
-            21 | 22 => Err(Rejection::denied("refused: takes off and lands in place")),
+            21 | 22 => Err(CommandAnswer::denied("refused: takes off and lands in place")),
             176 => Self::to_mode(FlightMode::of_numbers(second, third), autopilot, origin),
             178 => Ok(Self::Execute(Command::Speed(second))),
             185 if first > 0.5 => Ok(Self::Execute(Command::StopMotors)),
@@ -71,8 +57,8 @@ impl Order {
             193 if first == 1.0 => Ok(Self::Mission),
             300 => Ok(Self::Mission),
             400 => arm_or_disarm(first, second),
-            185 | 193 => Err(Rejection::UNKNOWN_PARAMETER),
-            _ => Err(Rejection::UNSUPPORTED),
+            185 | 193 => Err(UNKNOWN_PARAMETER),
+            _ => Err(UNSUPPORTED),
         }
     }
 
@@ -84,8 +70,8 @@ impl Order {
         mode: Option<FlightMode>,
         autopilot: &Autopilot<P>,
         origin: &Home,
-    ) -> Result<Self, Rejection> {
-        Ok(match mode.ok_or(Rejection::UNKNOWN_MODE)? {
+    ) -> Result<Self, CommandAnswer> {
+        Ok(match mode.ok_or(UNKNOWN_MODE)? {
             FlightMode::Policy => Self::SelectController(Controller::Policy),
             FlightMode::Cascade => Self::SelectController(Controller::Cascade),
             FlightMode::Hold => Self::Hold,
@@ -97,20 +83,26 @@ impl Order {
         })
     }
 
-    /// The commands that execute it in a mode, one after the other until one is refused; a mission has none.
-    pub fn commands(self, mode: Mode) -> impl Iterator<Item = Command> {
-        let hold = mode.flies().then_some(Command::Pause);
-        let commands = match self {
-            Self::Execute(command) => [Some(command), None],
-            Self::SelectController(controller) => [Some(Command::SelectController(controller)), hold],
-            Self::Hold => [hold, None],
-            Self::Mission => [None, None],
-        };
-        commands.into_iter().flatten()
+    /// Executes it in a mode by commands, one after the other until one is refused.
+    ///
+    /// # Errors
+    /// The refusal; a mission is refused, for it is more than commands.
+    pub fn execute(
+        self,
+        mode: Mode,
+        command: &mut dyn FnMut(Command) -> Result<(), Refusal>,
+    ) -> Result<(), Refusal> {
+        match self {
+            Self::Execute(only) => return command(only),
+            Self::SelectController(controller) => command(Command::SelectController(controller))?,
+            Self::Hold => {}
+            Self::Mission => return Err(Refusal::NoMission),
+        }
+        if mode.flies() { command(Command::Pause) } else { Ok(()) }
     }
 }
 
-fn arm_or_disarm(first: f32, second: f32) -> Result<Order, Rejection> {
+fn arm_or_disarm(first: f32, second: f32) -> Result<Order, CommandAnswer> {
     if first == 1.0 {
         Ok(Order::Execute(Command::Arm))
     } else if first == 0.0 && second == FORCED {
@@ -118,7 +110,7 @@ fn arm_or_disarm(first: f32, second: f32) -> Result<Order, Rejection> {
     } else if first == 0.0 {
         Ok(Order::Execute(Command::Disarm))
     } else {
-        Err(Rejection::UNKNOWN_PARAMETER)
+        Err(UNKNOWN_PARAMETER)
     }
 }
 
@@ -140,10 +132,10 @@ fn reposition<P: PolicyBackend>(
     request: &CommandRequest,
     autopilot: &Autopilot<P>,
     origin: &Home,
-) -> Result<Order, Rejection> {
+) -> Result<Order, CommandAnswer> {
     let goal = autopilot.goal().position();
     let place = request.place.point(origin);
-    let mut point = place.ok_or(Rejection::denied("refused: no place on Earth, or unknown frame"))?;
+    let mut point = place.ok_or(CommandAnswer::denied("refused: no place on Earth, or unknown frame"))?;
     if point.z.is_nan() {
         point.z = goal.z;
     }
@@ -152,7 +144,7 @@ fn reposition<P: PolicyBackend>(
     }
     let beyond = |coordinate: &f32| coordinate.is_nan() || coordinate.abs() > COORDINATE_LIMIT_M;
     if point.iter().any(beyond) || point.z < 0.0 {
-        return Err(Rejection::denied("refused: under the floor or over 1 km away"));
+        return Err(CommandAnswer::denied("refused: under the floor or over 1 km away"));
     }
     Ok(Order::Execute(Command::GoTo(point)))
 }
@@ -165,13 +157,13 @@ mod tests {
     use crate::request::CommandLocation;
     use crate::testing::{hover_policy, pilot};
 
-    fn order(command: u16, parameters: [f32; 4], place: CommandLocation) -> Result<Order, Rejection> {
+    fn order(command: u16, parameters: [f32; 4], place: CommandLocation) -> Result<Order, CommandAnswer> {
         let autopilot = Autopilot::new(pilot(hover_policy()), &CF2X);
         let request = CommandRequest { command, confirmation: 0, parameters, place };
         Order::of(&request, &autopilot, &Home::default())
     }
 
-    fn in_place(command: u16, parameters: &[f32]) -> Result<Order, Rejection> {
+    fn in_place(command: u16, parameters: &[f32]) -> Result<Order, CommandAnswer> {
         let parameters = core::array::from_fn(|i| parameters.get(i).copied().unwrap_or(f32::NAN));
         order(command, parameters, CommandLocation::Floats([f32::NAN; 3]))
     }
@@ -202,22 +194,45 @@ mod tests {
     #[test]
     fn nonsense_is_no_order() {
         for (command, parameters) in [(400, [f32::NAN]), (400, [2.0]), (185, [f32::NAN]), (193, [0.5])] {
-            assert_eq!(in_place(command, &parameters), Err(Rejection::UNKNOWN_PARAMETER));
+            assert_eq!(in_place(command, &parameters), Err(UNKNOWN_PARAMETER));
         }
-        assert_eq!(in_place(176, &[1.0, f32::NAN, 0.0]), Err(Rejection::UNKNOWN_MODE));
-        assert_eq!(in_place(65_535, &[]), Err(Rejection::UNSUPPORTED));
+        assert_eq!(in_place(176, &[1.0, f32::NAN, 0.0]), Err(UNKNOWN_MODE));
+        assert_eq!(in_place(65_535, &[]), Err(UNSUPPORTED));
         let far = CommandLocation::Floats([47.0, 8.0, 500.0]);
         for command in [21, 22, 192] {
             assert_eq!(order(command, [0.0; 4], far).unwrap_err().result, CommandResult::Denied);
         }
     }
 
+    /// The commands of an order, none of which is refused.
+    fn commands(order: Order, mode: Mode) -> Vec<Command> {
+        let mut commands = Vec::new();
+        let outcome = order.execute(mode, &mut |command| {
+            commands.push(command);
+            Ok(())
+        });
+        assert_eq!(outcome, Ok(()));
+        commands
+    }
+
     #[test]
-    fn somebody_takes_the_helm_and_holds_in_flight_only() {
-        let commands = |mode| Order::SelectController(Controller::Policy).commands(mode).collect::<Vec<_>>();
-        assert_eq!(commands(Mode::Armed), [Command::SelectController(Controller::Policy)]);
-        assert_eq!(commands(Mode::Returning), [Command::SelectController(Controller::Policy), Command::Pause]);
-        assert_eq!(Order::Hold.commands(Mode::Disarmed).count(), 0);
-        assert_eq!(Order::Mission.commands(Mode::Holding).count(), 0);
+    fn another_controller_takes_over_and_holds_in_flight_only() {
+        let select = Command::SelectController(Controller::Policy);
+        assert_eq!(commands(Order::SelectController(Controller::Policy), Mode::Armed), [select]);
+        let in_flight = commands(Order::SelectController(Controller::Policy), Mode::Returning);
+        assert_eq!(in_flight, [select, Command::Pause]);
+        assert_eq!(commands(Order::Hold, Mode::Disarmed), []);
+        assert_eq!(commands(Order::Hold, Mode::Guided), [Command::Pause]);
+    }
+
+    #[test]
+    fn after_a_refusal_nothing_more_is_commanded() {
+        let mut count = 0;
+        let outcome = Order::SelectController(Controller::Policy).execute(Mode::Returning, &mut |_| {
+            count += 1;
+            Err(Refusal::SelfTest)
+        });
+        assert_eq!((outcome, count), (Err(Refusal::SelfTest), 1));
+        assert_eq!(Order::Mission.execute(Mode::Holding, &mut |_| Ok(())), Err(Refusal::NoMission));
     }
 }

@@ -9,6 +9,7 @@ mod set_point;
 pub use command::{CommandLocation, CommandRequest};
 pub use set_point::{AttitudeTarget, PositionTarget, SetPointError};
 
+use crate::fields::{u16_at, u32_at, u64_at};
 use crate::frame::Frame;
 
 /// `MAV_TYPE_GCS`: who sends such heartbeats is a ground station.
@@ -94,7 +95,7 @@ fn heartbeat(fields: &[u8; 9]) -> Option<(Address, Request)> {
 /// One to nobody in particular is a question; one to somebody is an answer.
 fn ping(fields: &[u8; 14]) -> Option<(Address, Request)> {
     let [system, component] = [fields[12], fields[13]];
-    let request = Request::Ping { time_usec: long_at(fields, 0), seq: u32_at(fields, 8) };
+    let request = Request::Ping { time_usec: u64_at(fields, 0), seq: u32_at(fields, 8) };
     (system == 0 && component == 0).then_some((Address::EVERYBODY, request))
 }
 
@@ -110,32 +111,7 @@ fn files(fields: &[u8; 15]) -> (Address, Request) {
 /// Zero as the answerer's time is a question. The address is an extension: zero, to everybody, where it is missing.
 fn time_sync(fields: &[u8; 18]) -> Option<(Address, Request)> {
     let address = Address { system: fields[16], component: fields[17] };
-    (long_at(fields, 0) == 0).then_some((address, Request::TimeSync(long_at(fields, 8) as i64)))
-}
-
-fn f32_at(fields: &[u8], at: usize) -> f32 {
-    f32::from_bits(u32_at(fields, at))
-}
-
-fn u32_at(fields: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes(bytes_at(fields, at))
-}
-
-fn i32_at(fields: &[u8], at: usize) -> i32 {
-    i32::from_le_bytes(bytes_at(fields, at))
-}
-
-fn long_at(fields: &[u8], at: usize) -> u64 {
-    u64::from_le_bytes(bytes_at(fields, at))
-}
-
-fn u16_at(fields: &[u8], at: usize) -> u16 {
-    u16::from_le_bytes(bytes_at(fields, at))
-}
-
-/// The bytes of a field; zeros beyond the end, which no message's fields are.
-fn bytes_at<const LEN: usize>(fields: &[u8], at: usize) -> [u8; LEN] {
-    fields.get(at..).and_then(<[u8]>::first_chunk).copied().unwrap_or([0; LEN])
+    (u64_at(fields, 0) == 0).then_some((address, Request::TimeSync(u64_at(fields, 8) as i64)))
 }
 
 #[cfg(test)]

@@ -248,6 +248,45 @@ mod tests {
         assert!((plant.state().position.z - 1.0).abs() < 0.1, "the hover thrust holds it up");
     }
 
+    fn yawed(degrees: f32) -> Attitude<f32> {
+        Attitude::from_axis_angle(Vector3::z(), f64::from(degrees).to_radians()).map(|value| value as f32)
+    }
+
+    /// The same attitude, of the other sign.
+    fn negated(attitude: &Attitude<f32>) -> Attitude<f32> {
+        attitude.map(|value| -value)
+    }
+
+    #[test]
+    fn a_turn_is_the_shorter_one_whatever_the_signs_of_the_quaternions() {
+        for (from, to, degrees) in
+            [(0.0, 90.0, 90.0), (0.0, -90.0, -90.0), (170.0, -170.0, 20.0), (-170.0, 170.0, -20.0)]
+        {
+            let (from, to) = (yawed(from), yawed(to));
+            let expected = Vector3::new(0.0, 0.0, 2.0 * f32::sin(0.5 * f32::to_radians(degrees)));
+            for from in [from, negated(&from)] {
+                for to in [to, negated(&to)] {
+                    assert!((turn(&from, &to) - expected).norm() < 1e-5, "{} by {degrees}", turn(&from, &to));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_attitude_across_south_is_reached_without_a_turn_through_north() {
+        let hover = (CF2X.hover_rotor_speed() / CF2X.rotor_speed_limit).powi(2) as f32;
+        for wanted in [yawed(-170.0), negated(&yawed(-170.0))] {
+            let (mut plant, steering) = hovering(170_f64.to_radians());
+            for _ in 0..200 {
+                let set_point = AttitudeSetPoint::Attitude { world_from_body: wanted, thrust: hover };
+                plant.step(&steering.follow(plant.state(), &set_point));
+                let north = heading(&plant.state().world_from_body).rotate(Vector3::x()).x;
+                assert!(north < -0.9, "it looks south all the time");
+            }
+            assert!(turn(&plant.state().world_from_body, &wanted).norm() < 0.05);
+        }
+    }
+
     #[test]
     fn targets_are_within_limits_whatever_is_asked() {
         let (plant, steering) = hovering(0.0);

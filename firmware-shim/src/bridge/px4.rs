@@ -8,6 +8,7 @@ pub mod producer;
 pub mod server;
 
 use kestrel_core::vehicle::State;
+use kestrel_onboard::fields::{f32_at, u16_at, u64_at};
 use mavlink::dialects::common::{
     HIL_GPS_DATA, HIL_SENSOR_DATA, HIL_STATE_QUATERNION_DATA, HilSensorUpdatedFlags, RC_CHANNELS_DATA,
 };
@@ -258,22 +259,12 @@ impl Actuators {
     fn read(fields: &[u8; ACTUATORS_LEN]) -> Self {
         let armed = fields[MODE_AT] & ARMED != 0;
         let control = |motor: usize| if armed { f32_at(fields, CONTROLS_AT + 4 * motor) } else { 0.0 };
-        Self { time_micros: time_at_start(fields), throttles: core::array::from_fn(control) }
+        Self { time_micros: u64_at(fields, 0), throttles: core::array::from_fn(control) }
     }
 }
 
-/// The first field of every simulator message \[µs\].
-fn time_at_start(fields: &[u8]) -> u64 {
-    fields.first_chunk::<8>().map_or(0, |bytes| u64::from_le_bytes(*bytes))
-}
-
 fn state_interval(fields: &[u8; 33]) -> Option<f32> {
-    let command = u16::from_le_bytes([fields[28], fields[29]]);
-    (command == SET_MESSAGE_INTERVAL && f32_at(fields, 0) == STATE_ID).then(|| f32_at(fields, 4))
-}
-
-fn f32_at(fields: &[u8], at: usize) -> f32 {
-    f32::from_le_bytes([fields[at], fields[at + 1], fields[at + 2], fields[at + 3]])
+    (u16_at(fields, 28) == SET_MESSAGE_INTERVAL && f32_at(fields, 0) == STATE_ID).then(|| f32_at(fields, 4))
 }
 
 /// Whole steps in an interval \[µs\], at least one.

@@ -12,7 +12,7 @@ use super::platform;
 use super::server::CrtpServer;
 use crate::link::{LinkAddress, LinkError};
 use crate::policy_backend::PolicyBackend;
-use crate::vehicle::MavlinkVehicle;
+use crate::vehicle::Vehicle;
 
 /// Where clients look for simulated drones first.
 pub const DEFAULT_PORT: u16 = 19850;
@@ -81,7 +81,7 @@ impl CrtpLink {
     /// [`LinkError::Failed`] if the socket itself fails; a client that has gone is no failure.
     pub fn exchange<P: PolicyBackend>(
         &mut self,
-        vehicle: &mut MavlinkVehicle<P>,
+        vehicle: &mut Vehicle<P>,
         state: &State<f32>,
     ) -> Result<(), LinkError> {
         self.change_client(Instant::now(), vehicle, state);
@@ -131,12 +131,7 @@ impl CrtpLink {
     }
 
     /// Forgets a client that is silent; whoever waits takes its place, and its handshake is answered then.
-    fn change_client<P: PolicyBackend>(
-        &mut self,
-        now: Instant,
-        vehicle: &mut MavlinkVehicle<P>,
-        state: &State<f32>,
-    ) {
+    fn change_client<P: PolicyBackend>(&mut self, now: Instant, vehicle: &mut Vehicle<P>, state: &State<f32>) {
         let Some(client) = self.client else { return };
         let silence = now.saturating_duration_since(client.heard);
         if silence < if self.waiting.is_some() { PATIENCE } else { MEMORY } {
@@ -152,7 +147,7 @@ impl CrtpLink {
     /// Has the server act on the vehicle, and toward the client.
     fn serve<P: PolicyBackend>(
         &mut self,
-        vehicle: &mut MavlinkVehicle<P>,
+        vehicle: &mut Vehicle<P>,
         state: &State<f32>,
         act: impl FnOnce(&mut CrtpServer, &mut VehicleAccess),
     ) {

@@ -83,7 +83,7 @@ const RETRY_SECS: f64 = 0.5;
 
 /// A vehicle, its plant, and its links to clients that hold the other ends.
 struct Flight {
-    vehicle: Box<MavlinkVehicle<Pilot<'static>>>,
+    vehicle: Box<Vehicle<Pilot<'static>>>,
     plant: FlatFloor,
     links: Box<Links>,
     log: Option<FlightLog>,
@@ -95,7 +95,7 @@ impl Flight {
     }
 
     fn with(policy: Vec<u8>, system: u8, x_m: f32) -> Self {
-        let vehicle = Box::new(MavlinkVehicle::new(pilot(policy), &CF2X, profile(system)));
+        let vehicle = Box::new(Vehicle::new(pilot(policy), &CF2X, profile(system)));
         Self {
             plant: FlatFloor::new(&CF2X, vehicle.control_period().as_secs_f32()).at([x_m, 0.0]),
             vehicle,

@@ -69,6 +69,13 @@ struct Upload {
     tries: u8,
 }
 
+/// A message of a peer: who sent it, when, and what sends the answers.
+struct Exchange<'a> {
+    sender: [u8; 2],
+    now_secs: f64,
+    send: &'a mut dyn FnMut(Payload),
+}
+
 /// How the last upload ended.
 #[derive(Clone, Copy, Debug)]
 struct Ended {
@@ -127,9 +134,11 @@ impl MissionProtocol {
     ) -> Option<MissionEvent> {
         self.note_progress(request, sender);
         match *request {
-            MissionRequest::Count { plan, count } => return self.begin((plan, count), sender, now_secs, send),
-            MissionRequest::MissionItem { plan, sequence, ref item } => {
-                return self.take((plan, sequence, item), sender, now_secs, send);
+            MissionRequest::Count { plan, count } => {
+                return self.begin(plan, count, Exchange { sender, now_secs, send });
+            }
+            MissionRequest::Item { plan, sequence, ref item } => {
+                return self.take(plan, sequence, item, Exchange { sender, now_secs, send });
             }
             MissionRequest::Acknowledge { plan, result } => self.cancel(plan, result, sender),
             MissionRequest::List { plan } => self.send_count(plan, sender, send),
@@ -146,7 +155,7 @@ impl MissionProtocol {
     /// Whoever asks for something else has heard how its upload ended, or does not care.
     fn note_progress(&mut self, request: &MissionRequest, sender: [u8; 2]) {
         match request {
-            MissionRequest::MissionItem { .. } | MissionRequest::Acknowledge { .. } => {}
+            MissionRequest::Item { .. } | MissionRequest::Acknowledge { .. } => {}
             MissionRequest::Count { .. }
             | MissionRequest::List { .. }
             | MissionRequest::Fetch { .. }
@@ -176,10 +185,9 @@ impl MissionProtocol {
     /// Begins an upload of a plan of so many items.
     fn begin(
         &mut self,
-        (number, count): (u8, u16),
-        sender: [u8; 2],
-        now_secs: f64,
-        send: &mut dyn FnMut(Payload),
+        number: u8,
+        count: u16,
+        Exchange { sender, now_secs, send }: Exchange<'_>,
     ) -> Option<MissionEvent> {
         let mut refuse = |result| send(sent::acknowledge(number, result, 0, sender));
         let Some(plan) = PlanKind::numbered(number) else {
@@ -209,10 +217,10 @@ impl MissionProtocol {
     /// Takes an item, if it is the one that was asked for.
     fn take(
         &mut self,
-        (plan, sequence, item): (u8, u16, &MissionItem),
-        sender: [u8; 2],
-        now_secs: f64,
-        send: &mut dyn FnMut(Payload),
+        plan: u8,
+        sequence: u16,
+        item: &MissionItem,
+        Exchange { sender, now_secs, send }: Exchange<'_>,
     ) -> Option<MissionEvent> {
         let Some(upload) = &mut self.upload else {
             self.answer_stray(plan, sequence, sender, send);

@@ -1,6 +1,8 @@
 //! What peers ask about plans, read field by field: the `mavlink` crate's enums reject a command or a plan that they
 //! do not know, which must be answered "unsupported".
 
+use kestrel_onboard::fields::{f32_at, i32_at, u16_at};
+
 use super::{ITEM_LEN, MissionItem, OPEN};
 use crate::frame::Frame;
 use crate::request::Address;
@@ -22,7 +24,7 @@ pub enum MissionRequest {
         count: u16,
     },
     /// `MISSION_ITEM_INT` or `MISSION_ITEM`: the next item of an upload.
-    MissionItem {
+    Item {
         /// Which plan.
         plan: u8,
         /// Place in it.
@@ -112,7 +114,7 @@ fn item(fields: &[u8; ITEM_LEN], coordinates: Coordinates) -> (Address, MissionR
     let frame = fields[34];
     let place = [16, 20].map(|at| match coordinates {
         Coordinates::Floats => integer(f32_at(fields, at), frame),
-        Coordinates::Integers => i32::from_le_bytes(u32_at(fields, at)),
+        Coordinates::Integers => i32_at(fields, at),
     });
     let item = MissionItem {
         frame,
@@ -122,7 +124,7 @@ fn item(fields: &[u8; ITEM_LEN], coordinates: Coordinates) -> (Address, MissionR
         place,
         height: f32_at(fields, 24),
     };
-    let request = MissionRequest::MissionItem { plan: fields[37], sequence: u16_at(fields, 28), item };
+    let request = MissionRequest::Item { plan: fields[37], sequence: u16_at(fields, 28), item };
     (Address { system: fields[32], component: fields[33] }, request)
 }
 
@@ -139,18 +141,6 @@ fn integer(coordinate: f32, frame: u8) -> i32 {
     };
     let scaled = libm::round(f64::from(coordinate) * steps);
     if scaled.abs() < f64::from(i32::MAX) { scaled as i32 } else { i32::MIN }
-}
-
-fn f32_at(fields: &[u8], at: usize) -> f32 {
-    f32::from_le_bytes(u32_at(fields, at))
-}
-
-fn u32_at(fields: &[u8], at: usize) -> [u8; 4] {
-    [fields[at], fields[at + 1], fields[at + 2], fields[at + 3]]
-}
-
-fn u16_at(fields: &[u8], at: usize) -> u16 {
-    u16::from_le_bytes([fields[at], fields[at + 1]])
 }
 
 #[cfg(test)]
@@ -215,7 +205,7 @@ mod tests {
         assert_eq!(plan(47, 153, &[8, 9, 0, 1]), MissionRequest::Acknowledge { plan: 1, result: 0 });
         let mut fields = [0; ITEM_LEN];
         fields[37] = 2;
-        assert!(matches!(plan(73, 38, &fields), MissionRequest::MissionItem { plan: 2, sequence: 0, .. }));
+        assert!(matches!(plan(73, 38, &fields), MissionRequest::Item { plan: 2, sequence: 0, .. }));
     }
 
     #[test]
@@ -244,7 +234,7 @@ mod tests {
             place: [473_977_420, -5],
             height: 7.0,
         };
-        assert_eq!(asked(&sent), MissionRequest::MissionItem { plan: 0, sequence: 300, item });
+        assert_eq!(asked(&sent), MissionRequest::Item { plan: 0, sequence: 300, item });
     }
 
     #[test]
@@ -260,7 +250,7 @@ mod tests {
                 ..MISSION_ITEM_DATA::default()
             };
             match asked(&sent) {
-                MissionRequest::MissionItem { item, .. } => item.place,
+                MissionRequest::Item { item, .. } => item.place,
                 request => panic!("{request:?}"),
             }
         };

@@ -8,7 +8,6 @@ use mavlink::dialects::common::{
 };
 
 use super::MissionItem;
-use super::protocol::MissionProtocol;
 use super::runner::{MissionPhase, MissionRunner};
 use crate::frame::Payload;
 
@@ -43,10 +42,10 @@ pub fn acknowledge(plan: u8, result: MavMissionResult, identifier: u32, [system,
     payload::<MISSION_ACK_DATA>(&[system, component, result as u8, plan, a, b, c, d])
 }
 
-/// `MISSION_CURRENT`: which item is next, how far the mission is, and the identifiers of the plans. To be streamed at
-/// 1 Hz.
-pub fn current(protocol: &MissionProtocol, runner: &MissionRunner) -> Payload {
-    let items = protocol.legs().len() as u16;
+/// `MISSION_CURRENT`: which of so many items is next, how far the mission is, and the identifiers of the plans. To be
+/// streamed at 1 Hz.
+pub fn current(items: usize, identifiers: [u32; 3], runner: &MissionRunner) -> Payload {
+    let items = items as u16;
     let total = if items == 0 { NO_MISSION } else { items };
     // MISSION_STATE
     let state = match runner.phase() {
@@ -62,8 +61,7 @@ pub fn current(protocol: &MissionProtocol, runner: &MissionRunner) -> Payload {
     fields[..2].copy_from_slice(&runner.current().to_le_bytes());
     fields[2..4].copy_from_slice(&total.to_le_bytes());
     (fields[4], fields[5]) = (state, mode);
-    let identifiers = protocol.identifiers().map(u32::to_le_bytes);
-    fields[6..].copy_from_slice(identifiers.as_flattened());
+    fields[6..].copy_from_slice(identifiers.map(u32::to_le_bytes).as_flattened());
     payload::<MISSION_CURRENT_DATA>(&fields)
 }
 
@@ -172,8 +170,7 @@ mod tests {
 
     #[test]
     fn without_a_mission_the_current_item_says_so() {
-        let protocol = MissionProtocol::new(crate::geodesy::Home::default());
-        let current = current(&protocol, &MissionRunner::default());
+        let current = current(0, [0; 3], &MissionRunner::default());
         assert_eq!(read(&current), MavMessage::MISSION_CURRENT(MISSION_CURRENT_DATA { seq: 0 }));
         let mut expected = [0; 18];
         expected[2..6].copy_from_slice(&[0xff, 0xff, 1, 2]);

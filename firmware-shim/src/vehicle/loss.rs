@@ -1,6 +1,6 @@
 //! Which senders' frames get lost on their way: those whose numbers are missing.
 
-use super::repetition::Sender;
+use kestrel_onboard::repetition::Sender;
 
 /// Senders that are watched.
 const SENDERS: usize = 8;

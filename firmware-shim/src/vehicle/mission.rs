@@ -3,8 +3,9 @@
 use kestrel_core::vehicle::State;
 use mavlink::dialects::common::MavSeverity;
 
-use super::MavlinkVehicle;
+use super::Vehicle;
 use crate::autopilot::{Command, Mode, Refusal, SPEED_LIMIT, SPEED_MINIMUM};
+use crate::frame::Payload;
 use crate::message::sent;
 use crate::mission::runner::{Directive, DroneMotion, MissionInput, MissionPhase};
 use crate::mission::{self, MissionEvent, PlanKind};
@@ -24,7 +25,7 @@ pub(super) struct Reached {
     repetitions: u8,
 }
 
-impl<P: PolicyBackend> MavlinkVehicle<P> {
+impl<P: PolicyBackend> Vehicle<P> {
     /// Whether a mission is flown.
     pub(super) fn on_mission(&self) -> bool {
         self.runner.phase() == MissionPhase::Active
@@ -32,30 +33,35 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
 
     pub(super) fn handle_mission(&mut self, request: &mission::received::MissionRequest, sender: [u8; 2]) {
         let now_secs = self.elapsed_secs();
-        let (answers, unanswered) = (&mut self.answers, &mut self.counts.unanswered);
-        let event = self.plans.handle(request, sender, now_secs, &mut |payload| {
-            *unanswered += u64::from(answers.push(payload).is_err());
-        });
+        let controller = &mut self.controller;
+        let event = self.plans.handle(request, sender, now_secs, &mut |payload| controller.answer(payload));
         match event {
             None | Some(MissionEvent::Replaced(PlanKind::Rally)) => {}
             Some(MissionEvent::Replaced(PlanKind::Mission)) => self.forget_mission(),
-            Some(MissionEvent::Replaced(PlanKind::Fence)) => self.autopilot.enclose(self.plans.zones().clone()),
+            Some(MissionEvent::Replaced(PlanKind::Fence)) => {
+                self.controller.autopilot_mut().enclose(self.plans.zones().clone())
+            }
             Some(MissionEvent::Cleared) => {
                 self.forget_mission();
-                self.autopilot.enclose(self.plans.zones().clone());
+                self.controller.autopilot_mut().enclose(self.plans.zones().clone());
             }
             Some(MissionEvent::JumpTo(sequence)) => {
                 self.runner.jump(sequence, self.plans.legs());
-                self.answer(mission::sent::current(&self.plans, &self.runner));
+                self.controller.answer(self.mission_current());
             }
         }
+    }
+
+    /// Which item of the mission is next.
+    pub(super) fn mission_current(&self) -> Payload {
+        mission::sent::current(self.plans.legs().len(), self.plans.identifiers(), &self.runner)
     }
 
     /// There is another mission, or none: holds, if the former one was flown.
     fn forget_mission(&mut self) {
         if self.on_mission() {
             // Refused while landing: then it lands.
-            let _ = self.autopilot.command(Command::Pause);
+            let _ = self.controller.autopilot_mut().command(Command::Pause);
         }
         self.runner.reset();
         self.directive = None;
@@ -89,10 +95,10 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
     /// Has the autopilot do what the mission wants, if it wants something new.
     pub(super) fn fly_mission(&mut self, state: &State<f32>) {
         if self
-            .autopilot
+            .autopilot()
             .events()
             .iter()
-            .any(|event| event.reaction(self.autopilot.settings()).action > FailsafeAction::Warn)
+            .any(|event| event.reaction(self.autopilot().settings()).action > FailsafeAction::Warn)
             || !self.mode().armed()
         {
             self.pause_mission();
@@ -106,7 +112,7 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
         let directive =
             self.runner.advance(self.plans.legs(), &situation, &mut |sequence| reached.extend([sequence]));
         for sequence in reached {
-            self.answer(mission::sent::reached(sequence));
+            self.controller.answer(mission::sent::reached(sequence));
             self.reached = Some(Reached { sequence, sent_secs: self.elapsed_secs(), repetitions: REPETITIONS });
         }
         if self.directive == Some(directive) {
@@ -115,7 +121,7 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
         self.directive = Some(directive);
         if let Err(refusal) = self.direct(directive, state) {
             self.pause_mission();
-            self.answer(sent::status_text(MavSeverity::MAV_SEVERITY_WARNING, "mission paused"));
+            self.controller.answer(sent::status_text(MavSeverity::MAV_SEVERITY_WARNING, "mission paused"));
             self.send_status_text(Some(refusal.text()));
         }
     }
@@ -125,14 +131,14 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
         let now_secs = self.elapsed_secs();
         let due = |reached: &Reached| reached.repetitions > 0 && now_secs - reached.sent_secs >= REPETITION_SECS;
         let Some(Reached { sequence, repetitions, .. }) = self.reached.filter(due) else { return };
-        self.answer(mission::sent::reached(sequence));
+        self.controller.answer(mission::sent::reached(sequence));
         self.reached = Some(Reached { sequence, sent_secs: now_secs, repetitions: repetitions - 1 });
     }
 
     fn motion(&self) -> DroneMotion {
         if !self.mode().flies() {
             DroneMotion::OnGround
-        } else if self.autopilot.goal().arrived() && self.mode() != Mode::TakingOff {
+        } else if self.autopilot().goal().arrived() && self.mode() != Mode::TakingOff {
             DroneMotion::Resting
         } else {
             DroneMotion::Travelling
@@ -142,14 +148,16 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
     fn direct(&mut self, directive: Directive, state: &State<f32>) -> Result<(), Refusal> {
         let command = match directive {
             Directive::TakeOff { altitude_m: None } => {
-                Command::TakeOff { altitude_m: self.autopilot.settings().takeoff_altitude_m }
+                Command::TakeOff { altitude_m: self.autopilot().settings().takeoff_altitude_m }
             }
             Directive::TakeOff { altitude_m: Some(height_m) } => {
                 Command::TakeOff { altitude_m: height_m - state.position.z }
             }
             Directive::HeadFor { point, speed } => {
                 let speed = speed.unwrap_or(self.parameters.settings().cruise_speed);
-                self.autopilot.command(Command::Speed(speed.clamp(SPEED_MINIMUM, SPEED_LIMIT)))?;
+                self.controller
+                    .autopilot_mut()
+                    .command(Command::Speed(speed.clamp(SPEED_MINIMUM, SPEED_LIMIT)))?;
                 Command::GoTo(point)
             }
             Directive::Return => Command::Return,
@@ -157,6 +165,6 @@ impl<P: PolicyBackend> MavlinkVehicle<P> {
             Directive::Done if self.mode().flies() && self.mode() != Mode::Landing => Command::Pause,
             Directive::Wait | Directive::Done => return Ok(()),
         };
-        self.autopilot.command(command)
+        self.controller.autopilot_mut().command(command)
     }
 }

@@ -23,7 +23,7 @@ const LEFT_OPEN: [f32; 7] = [NAN; 7];
 
 /// A vehicle in its plant, and what it said.
 struct Rig {
-    vehicle: MavlinkVehicle<Pilot<'static>>,
+    vehicle: Vehicle<Pilot<'static>>,
     plant: FlatFloor,
     heard: Vec<MavMessage>,
 }
@@ -34,7 +34,7 @@ impl Rig {
     }
 
     fn with(policy: Vec<u8>) -> Self {
-        let vehicle = MavlinkVehicle::new(pilot(policy), &CF2X, profile(1));
+        let vehicle = Vehicle::new(pilot(policy), &CF2X, profile(1));
         let plant = FlatFloor::new(&CF2X, vehicle.control_period().as_secs_f32());
         let mut rig = Self { vehicle, plant, heard: Vec::new() };
         rig.tick();

@@ -11,14 +11,14 @@ use kestrel_shim::geodesy::Home;
 use kestrel_shim::message::sent::identity::{Personality, PolicyIdentity};
 use kestrel_shim::plant::{FlatFloor, Plant};
 use kestrel_shim::policy_bytes::PolicyBytes;
-use kestrel_shim::vehicle::{MavlinkVehicle, VehicleProfile};
+use kestrel_shim::vehicle::{Vehicle, VehicleProfile};
 
 use crate::request::VEHICLE;
 
 const POLICY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/pilots/hover.kestrel");
 
 pub(crate) struct Rig {
-    pub(crate) vehicle: MavlinkVehicle<Pilot<'static>>,
+    pub(crate) vehicle: Vehicle<Pilot<'static>>,
     pub(crate) plant: FlatFloor,
 }
 
@@ -34,7 +34,7 @@ impl Rig {
             policy: PolicyIdentity::of("hover", BYTES.bytes()),
         };
         let policy = BYTES.policy().expect("a policy");
-        let vehicle = MavlinkVehicle::new(Pilot::new(policy), &CF2X, profile);
+        let vehicle = Vehicle::new(Pilot::new(policy), &CF2X, profile);
         let plant = FlatFloor::new(&CF2X, vehicle.control_period().as_secs_f32());
         let mut rig = Self { vehicle, plant };
         rig.tick(&mut |_| {});

@@ -104,6 +104,51 @@ fn what_is_no_zone_is_refused_and_leaves_nothing() {
     assert_eq!(zones.add_circle(Vector2::zeros(), 1.0, INSIDE), Err(ZoneError::NoSpace));
 }
 
+/// The polygon from each of its corners, in both directions: what it is does not depend on where it begins.
+fn from_every_corner(corners: &[[f64; 2]]) -> impl Iterator<Item = Vec<[f64; 2]>> {
+    let forward = corners.to_vec();
+    let backward: Vec<_> = corners.iter().rev().copied().collect();
+    (0..corners.len()).flat_map(move |start| {
+        [&forward, &backward].map(|corners| {
+            let mut turned = corners.clone();
+            turned.rotate_left(start);
+            turned
+        })
+    })
+}
+
+#[test]
+fn a_corner_that_touches_an_edge_makes_no_zone() {
+    // Squares from 0 to 4 with a notch from above or with a spike to the right, whose tip comes as far as its last number.
+    let notch = |tip_y| [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [3.0, 4.0], [2.0, tip_y], [1.0, 4.0], [0.0, 4.0]];
+    let spike = |tip_x| [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [0.0, 3.0], [tip_x, 2.0], [0.0, 1.0]];
+    for (reaches, touches) in [(notch(0.001), notch(0.0)), (spike(3.999), spike(4.0))] {
+        for corners in from_every_corner(&reaches) {
+            assert!(polygon(&corners, INSIDE).is_ok(), "{corners:?}");
+        }
+        for corners in from_every_corner(&touches) {
+            assert_eq!(polygon(&corners, INSIDE).map(|_| ()), Err(ZoneError::NotSimple), "{corners:?}");
+        }
+    }
+}
+
+#[test]
+fn corners_and_edges_that_lie_on_each_other_make_no_zone() {
+    let cases: [&[[f64; 2]]; 4] = [
+        // Two triangles that share a corner.
+        &[[0.0, 0.0], [-1.0, 1.0], [-1.0, -1.0], [0.0, 0.0], [1.0, -1.0], [1.0, 1.0]],
+        // A corridor without width, which runs back along a part of an edge.
+        &[[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [3.0, 2.0], [3.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]],
+        // A corner that is there twice.
+        &[[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+        // A spike without width.
+        &[[0.0, 0.0], [2.0, 0.0], [1.0, 0.0], [1.0, 1.0]],
+    ];
+    for corners in cases.iter().flat_map(|corners| from_every_corner(corners)) {
+        assert_eq!(polygon(&corners, INSIDE).map(|_| ()), Err(ZoneError::NotSimple), "{corners:?}");
+    }
+}
+
 proptest! {
     #[test]
     fn a_square_has_its_closed_form(x in -20.0_f32..20.0, y in -20.0_f32..20.0) {

@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::{Address, Request, f32_at, i32_at, u16_at};
+use super::{Address, Request};
 use crate::axes::enu_from_ned;
+use crate::fields::{f32_at, i32_at, u16_at};
 use crate::geodesy::{Geodetic, Home};
 
 /// Frames of a `COMMAND_INT` (`MAV_FRAME`), with heights above sea level and above home.

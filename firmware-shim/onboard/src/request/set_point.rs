@@ -3,9 +3,10 @@
 use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
 
-use super::{Address, Request, f32_at, i32_at, u16_at};
+use super::{Address, Request};
 use crate::autopilot::SetPoint;
 use crate::axes::{enu_from_flu, enu_from_ned, flu_from_frd};
+use crate::fields::{f32_at, i32_at, u16_at};
 use crate::geodesy::{Geodetic, Home};
 use crate::steering::AttitudeSetPoint;
 

@@ -8,13 +8,13 @@
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
+use kestrel_onboard::fields::{f32_at, i32_at, u16_at, u64_at};
 use mavlink::dialects::common::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, HIL_ACTUATOR_CONTROLS_DATA, HilActuatorControlsFlags, MavAutopilot, MavCmd,
     MavModeFlag,
 };
 use nalgebra::Vector3;
 
-use super::{f32_at, time_at_start};
 use crate::bridge::frames::enu_from_flu;
 use crate::bridge::motors::Motors;
 use crate::frame::{Encoder, Frame, Payload, Receiver};
@@ -227,7 +227,7 @@ impl Received {
 
 impl Sensor {
     fn read(fields: &[u8; 64]) -> Option<Self> {
-        let time_micros = time_at_start(fields);
+        let time_micros = u64_at(fields, 0);
         Some(Self { time_micros, specific_force: flu_at(fields, 8)?, body_rates: flu_at(fields, 20)? })
     }
 }
@@ -239,10 +239,10 @@ impl Truth {
         if !square.is_finite() || square < ATTITUDE_SQUARE_LIMIT {
             return None;
         }
-        let whole = |at: usize| i32::from_le_bytes([fields[at], fields[at + 1], fields[at + 2], fields[at + 3]]);
-        let speed = |at: usize| f32::from(i16::from_le_bytes([fields[at], fields[at + 1]])) * 0.01;
+        let whole = |at: usize| i32_at(fields, at);
+        let speed = |at: usize| f32::from(u16_at(fields, at) as i16) * 0.01;
         Some(Self {
-            time_micros: time_at_start(fields),
+            time_micros: u64_at(fields, 0),
             position: Geodetic {
                 latitude_deg: f64::from(whole(36)) * 1e-7,
                 longitude_deg: f64::from(whole(40)) * 1e-7,

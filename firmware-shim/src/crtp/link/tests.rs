@@ -13,14 +13,14 @@ const ECHO: [u8; 3] = [0xFC, 7, 8];
 /// A link on any free port, its vehicle and the plant.
 struct Rig {
     link: CrtpLink,
-    vehicle: MavlinkVehicle<Pilot<'static>>,
+    vehicle: Vehicle<Pilot<'static>>,
     plant: FlatFloor,
 }
 
 impl Rig {
     fn new() -> Self {
         let link = CrtpLink::open(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
-        let vehicle = MavlinkVehicle::new(pilot(hover_policy()), &CF2X, profile(1));
+        let vehicle = Vehicle::new(pilot(hover_policy()), &CF2X, profile(1));
         Self { link, vehicle, plant: FlatFloor::new(&CF2X, 0.01) }
     }
 

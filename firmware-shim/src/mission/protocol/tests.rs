@@ -72,7 +72,7 @@ fn heard(payload: &Payload) -> Heard {
             let identifier = u32::from_le_bytes(core::array::from_fn(|i| fields[5 + i]));
             Heard::Counted { to: to(address), plan, count, identifier }
         }
-        (73, Some((address, MissionRequest::MissionItem { plan, sequence, item }))) => {
+        (73, Some((address, MissionRequest::Item { plan, sequence, item }))) => {
             Heard::Told { to: to(address), plan, sequence, item }
         }
         other => panic!("{other:?}"),
@@ -123,7 +123,7 @@ impl Rig {
                 [Heard::Asked { to: PEER, plan: asked, sequence }] => {
                     assert_eq!(asked, plan);
                     let item = items[usize::from(sequence)];
-                    answers = self.ask(MissionRequest::MissionItem { plan, sequence, item }, PEER);
+                    answers = self.ask(MissionRequest::Item { plan, sequence, item }, PEER);
                 }
                 [Heard::Acknowledged { to: PEER, plan: acknowledged, result, .. }] => {
                     assert_eq!(acknowledged, plan);
@@ -255,7 +255,7 @@ fn identifiers_follow_what_is_in_a_plan() {
     rig.ask(MissionRequest::Count { plan: 0, count: 3 }, PEER);
     let mut answers = Vec::new();
     for (sequence, item) in (0..).zip(waypoints(3, 0)) {
-        answers = rig.ask(MissionRequest::MissionItem { plan: 0, sequence, item }, PEER);
+        answers = rig.ask(MissionRequest::Item { plan: 0, sequence, item }, PEER);
     }
     let result = MAV_MISSION_ACCEPTED as u8;
     assert_eq!(answers, [Heard::Acknowledged { to: PEER, plan: 0, result, identifier: first }]);
@@ -273,7 +273,7 @@ fn a_lost_item_is_asked_for_again_ten_times_and_the_old_plan_stays() {
     assert_eq!(rig.wait(0.02), [asked]);
     let item = waypoint(9);
     let asked = Heard::Asked { to: PEER, plan: 0, sequence: 1 };
-    assert_eq!(rig.ask(MissionRequest::MissionItem { plan: 0, sequence: 0, item }, PEER), slice::from_ref(&asked));
+    assert_eq!(rig.ask(MissionRequest::Item { plan: 0, sequence: 0, item }, PEER), slice::from_ref(&asked));
     let cancelled = acknowledged(PEER, 0, MAV_MISSION_OPERATION_CANCELLED);
     let told = rig.wait(2.6);
     assert_eq!(told[..told.len() - 1], vec![asked; usize::from(TRIES) - 1]);
@@ -286,7 +286,7 @@ fn a_lost_item_is_asked_for_again_ten_times_and_the_old_plan_stays() {
 #[test]
 fn duplicates_and_strays_are_ignored() {
     let mut rig = Rig::new();
-    let item = |plan, sequence| MissionRequest::MissionItem { plan, sequence, item: waypoint(sequence) };
+    let item = |plan, sequence| MissionRequest::Item { plan, sequence, item: waypoint(sequence) };
     assert_eq!(rig.ask(item(0, 0), PEER), []);
     rig.ask(MissionRequest::Count { plan: 0, count: 3 }, PEER);
     rig.ask(item(0, 0), PEER);
@@ -301,7 +301,7 @@ fn duplicates_and_strays_are_ignored() {
 #[test]
 fn whoever_missed_the_end_hears_it_again() {
     let mut rig = Rig::with(&waypoints(3, 0));
-    let last = MissionRequest::MissionItem { plan: 0, sequence: 2, item: waypoint(2) };
+    let last = MissionRequest::Item { plan: 0, sequence: 2, item: waypoint(2) };
     let answers = rig.ask(last, PEER);
     assert!(matches!(answers[..], [Heard::Acknowledged { to: PEER, plan: 0, result: 0, .. }]), "{answers:?}");
     assert_eq!(rig.ask(last, OTHER), []);
@@ -329,7 +329,7 @@ fn one_upload_at_a_time() {
     assert_eq!(rig.ask(MissionRequest::Clear { plan: 0 }, OTHER), denied);
     assert_eq!(rig.download(0, OTHER), [], "but anybody may look");
     for sequence in 0..2 {
-        rig.ask(MissionRequest::MissionItem { plan: 0, sequence, item: waypoint(sequence) }, PEER);
+        rig.ask(MissionRequest::Item { plan: 0, sequence, item: waypoint(sequence) }, PEER);
     }
     assert_eq!(rig.download(0, OTHER), waypoints(2, 0));
     assert_eq!(rig.ask(MissionRequest::Count { plan: 0, count: 1 }, OTHER).len(), 1);
@@ -339,7 +339,7 @@ fn one_upload_at_a_time() {
 fn a_peer_may_start_over_or_give_up() {
     let mut rig = Rig::with(&waypoints(1, 9));
     rig.ask(MissionRequest::Count { plan: 0, count: 3 }, PEER);
-    rig.ask(MissionRequest::MissionItem { plan: 0, sequence: 0, item: waypoint(0) }, PEER);
+    rig.ask(MissionRequest::Item { plan: 0, sequence: 0, item: waypoint(0) }, PEER);
     let asked = Heard::Asked { to: PEER, plan: 0, sequence: 0 };
     assert_eq!(rig.ask(MissionRequest::Count { plan: 0, count: 2 }, PEER), [asked]);
     assert_eq!(rig.ask(MissionRequest::Acknowledge { plan: 0, result: 0 }, PEER), [], "of a download");
@@ -452,7 +452,7 @@ impl Client {
         match *heard {
             Heard::Asked { plan, sequence, .. } => {
                 let item = *self.items.get(usize::from(sequence))?;
-                self.sent = MissionRequest::MissionItem { plan, sequence, item };
+                self.sent = MissionRequest::Item { plan, sequence, item };
                 (self.spoke_secs, self.repetitions) = (secs, 0);
                 Some(self.sent)
             }
@@ -548,7 +548,7 @@ fn a_client_that_waits_for_the_end_only_once_seldom_misses_it() {
             while dice.roll() < 0.36 {
                 assert_eq!(rig.wait(0.26).len(), 1);
             }
-            let answers = rig.ask(MissionRequest::MissionItem { plan: 0, sequence, item }, PEER);
+            let answers = rig.ask(MissionRequest::Item { plan: 0, sequence, item }, PEER);
             assert_eq!(answers.len(), 1);
         }
         let ends = 1 + rig.wait(2.0).len();
@@ -589,7 +589,7 @@ fn any_request() -> impl Strategy<Value = MissionRequest> {
     prop_oneof![
         3 => (plan.clone(), number.clone()).prop_map(|(plan, count)| MissionRequest::Count { plan, count }),
         9 => (plan.clone(), number.clone(), any_item())
-            .prop_map(|(plan, sequence, item)| MissionRequest::MissionItem { plan, sequence, item }),
+            .prop_map(|(plan, sequence, item)| MissionRequest::Item { plan, sequence, item }),
         1 => (plan.clone(), any::<u8>()).prop_map(|(plan, result)| MissionRequest::Acknowledge { plan, result }),
         1 => plan.clone().prop_map(|plan| MissionRequest::List { plan }),
         1 => (plan.clone(), number.clone()).prop_map(|(plan, sequence)| MissionRequest::Fetch { plan, sequence }),

@@ -1,9 +1,9 @@
 //! Commands that are sent again because their acknowledgement was lost.
 
-use kestrel_onboard::acknowledgement::CommandResult;
-
+use crate::acknowledgement::CommandResult;
 use crate::autopilot::Mode;
 use crate::flight_mode::FlightMode;
+use crate::frame::Frame;
 use crate::request::{CommandLocation, CommandRequest};
 
 /// Commands that are remembered: a few of each of a few senders, who do not wait for one acknowledgement before the next
@@ -25,17 +25,17 @@ const SET_MODE: u16 = 176;
 
 /// Who sent a frame, and which of its frames it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Sender {
+pub struct Sender {
     /// System and component.
-    pub(super) address: [u8; 2],
+    pub address: [u8; 2],
     /// Number of the frame, modulo 256.
-    pub(super) sequence: u8,
+    pub sequence: u8,
 }
 
 /// The last command of each number and sender, and what became of it.
 #[derive(Debug, Default)]
-pub(super) struct Repetitions {
-    executed: heapless::Deque<Executed, COMMANDS>,
+pub struct Repetitions {
+    executed: [Option<Executed>; COMMANDS],
 }
 
 #[derive(Debug)]
@@ -46,9 +46,16 @@ struct Executed {
     secs: f64,
 }
 
+impl Sender {
+    /// Of a frame.
+    pub const fn of(frame: &Frame) -> Self {
+        Self { address: [frame.system, frame.component], sequence: frame.sequence }
+    }
+}
+
 impl Repetitions {
     /// The result of the sender's last command if this is a repetition of it, to a vehicle in a mode.
-    pub(super) fn result(
+    pub fn result(
         &self,
         command: &CommandRequest,
         sender: Sender,
@@ -64,25 +71,27 @@ impl Repetitions {
     }
 
     /// Whether the sender seems to have missed an acknowledgement: it sends the same command in another frame.
-    pub(super) fn is_sent_again(&self, command: &CommandRequest, sender: Sender, now_secs: f64) -> bool {
+    pub fn is_sent_again(&self, command: &CommandRequest, sender: Sender, now_secs: f64) -> bool {
         self.last(command, sender)
             .is_some_and(|last| sender.sequence != last.sender.sequence && now_secs - last.secs <= UNMARKED_SECS)
     }
 
     /// The sender's last command of this number, if it was the same in all else.
     fn last(&self, command: &CommandRequest, sender: Sender) -> Option<&Executed> {
-        let last = self.executed.iter().find(|last| last.is_of(command, sender))?;
+        let last = self.executed.iter().flatten().find(|last| last.is_of(command, sender))?;
         (bits(command) == bits(&last.command)).then_some(last)
     }
 
-    /// Remembers what became of a command.
-    pub(super) fn remember(&mut self, command: &CommandRequest, sender: Sender, result: CommandResult, secs: f64) {
-        self.executed.retain(|last| !last.is_of(command, sender));
-        if self.executed.is_full() {
-            self.executed.pop_front();
+    /// Remembers what became of a command, in the place of the sender's last one of its number or of the oldest.
+    pub fn remember(&mut self, command: &CommandRequest, sender: Sender, result: CommandResult, secs: f64) {
+        let age = |place: &Option<Executed>| match place {
+            Some(last) if last.is_of(command, sender) => f64::INFINITY,
+            Some(last) => secs - last.secs,
+            None => f64::MAX,
+        };
+        if let Some(place) = self.executed.iter_mut().max_by(|a, b| age(a).total_cmp(&age(b))) {
+            *place = Some(Executed { sender, command: *command, result, secs });
         }
-        // There is room: the oldest has just left.
-        let _ = self.executed.push_back(Executed { sender, command: *command, result, secs });
     }
 }
 
@@ -111,4 +120,57 @@ fn bits(command: &CommandRequest) -> (u16, [u32; 4], [u32; 3]) {
         CommandLocation::Integers { integers: [x, y], height, .. } => [x as u32, y as u32, height.to_bits()],
     };
     (command.command, command.parameters.map(f32::to_bits), place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SENDER: Sender = Sender { address: [255, 190], sequence: 7 };
+
+    fn command(command: u16) -> CommandRequest {
+        CommandRequest {
+            command,
+            confirmation: 0,
+            parameters: [f32::NAN; 4],
+            place: CommandLocation::Floats([0.0; 3]),
+        }
+    }
+
+    /// The result for a sender who repeats a command that was executed at zero, to a vehicle on the ground.
+    fn again(
+        repetitions: &Repetitions,
+        command: &CommandRequest,
+        sequence: u8,
+        secs: f64,
+    ) -> Option<CommandResult> {
+        repetitions.result(command, Sender { sequence, ..SENDER }, Mode::Armed, secs)
+    }
+
+    #[test]
+    fn a_repetition_says_so_or_is_the_same_frame() {
+        let mut repetitions = Repetitions::default();
+        repetitions.remember(&command(400), SENDER, CommandResult::Denied, 0.0);
+        let marked = CommandRequest { confirmation: 1, ..command(400) };
+        let denied = Some(CommandResult::Denied);
+        assert_eq!(again(&repetitions, &marked, 8, REPETITION_SECS), denied);
+        assert_eq!(again(&repetitions, &marked, 8, REPETITION_SECS + 0.01), None);
+        assert_eq!(again(&repetitions, &command(400), 7, DUPLICATE_SECS), denied);
+        assert_eq!(again(&repetitions, &command(400), 7, DUPLICATE_SECS + 0.01), None);
+        assert_eq!(again(&repetitions, &command(400), 8, 0.0), None);
+        let other = CommandRequest { parameters: [0.0; 4], ..marked };
+        assert_eq!(again(&repetitions, &other, 8, 1.0), None, "it asks for something else");
+    }
+
+    #[test]
+    fn the_oldest_command_is_forgotten_first_and_a_number_has_one_place() {
+        let mut repetitions = Repetitions::default();
+        for (number, secs) in (0..COMMANDS as u16).zip(0_u8..) {
+            repetitions.remember(&command(number), SENDER, CommandResult::Accepted, f64::from(secs) * 0.01);
+        }
+        repetitions.remember(&command(0), SENDER, CommandResult::Accepted, 0.5);
+        repetitions.remember(&command(COMMANDS as u16), SENDER, CommandResult::Accepted, 0.6);
+        let known = |number| again(&repetitions, &command(number), 7, 0.6).is_some();
+        assert!(known(0) && !known(1) && known(2) && known(COMMANDS as u16));
+    }
 }
