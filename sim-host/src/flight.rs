@@ -1,48 +1,96 @@
-//! One drone in an aviary, for software in the loop: it rests on the floor, takes off, flies and lands.
+//! One drone in an aviary, for software in the loop: the simulation itself, one environment wide.
 
-use kestrel_core::attitude::Attitude;
-use kestrel_core::dynamics::Integrator;
-use kestrel_core::vehicle::{Air, Ground, State, Vehicle};
+use kestrel_core::observation::{ObservationLayout, PilotLayout};
+use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
-use crate::scenario::{Preset, Scenario};
-use crate::world::Cuboid;
+use crate::contact::{Arena, ContactReport, Motion, Touch};
+use crate::scenario::{
+    Agents, Contacts, CriticView, Goals, Place, Randomisation, Scenario, Start, StartPosition, Success,
+};
+use crate::seed::Seed;
+use crate::sensor::SensorSuite;
+use crate::simulation::Simulation;
+use crate::world::{Cuboid, Floor, Pose, World};
 
-/// Friction of the drone on what it stands on (pybullet's default, the reference system's).
-const FRICTION: f32 = 0.5;
+/// Between two poses of a drone that is lowered to what is below \[m\].
+const LOWERING_M: f64 = 0.01;
 
-/// A single nominal drone, advanced one control period at a time.
+/// Points along each side of a region that are tried as launch sites.
+const SITES: i32 = 9;
+
+/// Time in which a drone that is put down comes to rest \[s\].
+const SETTLING_SECS: f64 = 0.5;
+
+/// What the drone sees, which nobody reads: the vehicle around it has the true state.
+const UNREAD: ObservationLayout =
+    ObservationLayout::Pilot(PilotLayout { position_scale_m: 1.0, velocity_scale: 1.0, body_rates_scale: 1.0 });
+
+/// A single drone, advanced one control period at a time by its rotors.
 ///
-/// Free flight is the core's integrator. What the drone stands on (the floor at z = 0 or the top of a solid) is a
-/// level, inelastic support with friction: the drone levels out on it and cannot sink; walls are not felt.
+/// The physics, walls, furniture and movable bodies are the scenario's; contacts are solved. Episodes do not end, and a
+/// floor is below in every world, because vehicles take off from it.
 #[derive(Clone, Debug)]
 pub struct Flight {
-    scenario: Scenario,
-    vehicle: Vehicle<f32>,
+    simulation: Simulation<1, f64>,
+    actions: Vec<f64>,
     state: State<f32>,
-    resting: bool,
     periods: u64,
 }
 
 impl Flight {
-    /// A drone at `position` \[m, world\], level, still, rotors stopped.
-    pub fn new(scenario: &Scenario, position: Vector3<f32>) -> Self {
-        let nothing = Vector3::zeros();
-        let mut flight = Self {
-            scenario: scenario.clone(),
-            vehicle: Vehicle::new(&scenario.airframe),
-            state: State {
-                position,
-                world_from_body: Attitude::level(),
-                velocity: nothing,
-                body_rates: nothing,
-                rotor_speeds: [0.0; 4],
-            },
-            resting: false,
-            periods: 0,
-        };
-        flight.land(0.0);
+    /// A nominal drone in still air, at rest on the floor or on something to land on, below where episodes begin.
+    pub fn landed(scenario: &Scenario) -> Self {
+        Self::at_rest(scenario, &Randomisation::NONE, Seed(0))
+    }
+
+    /// As [`Self::landed`], in the wind and with the drone of the episode that training draws with a seed.
+    pub fn randomised(scenario: &Scenario, seed: Seed) -> Self {
+        Self::at_rest(scenario, &scenario.randomisation, seed)
+    }
+
+    /// A nominal drone in still air at `position` \[m, world\]: level, still, rotors stopped.
+    pub fn at(scenario: &Scenario, position: Vector3<f64>) -> Self {
+        Self::new(scenario, position, &Randomisation::NONE, Seed(0))
+    }
+
+    fn at_rest(scenario: &Scenario, randomisation: &Randomisation, seed: Seed) -> Self {
+        let mut flight = Self::new(scenario, launch_site(scenario), randomisation, seed);
+        for _ in 0..(SETTLING_SECS * scenario.physics.control_rate_hz) as u32 {
+            flight.step(&[0.0; 4]);
+        }
+        flight.periods = 0;
         flight
+    }
+
+    fn new(scenario: &Scenario, position: Vector3<f64>, randomisation: &Randomisation, seed: Seed) -> Self {
+        let mut scenario = Scenario {
+            agents: Agents::ONE,
+            goals: Goals::Fixed,
+            start: Start {
+                position: StartPosition::Exactly(vec![Place { position, heading: 0.0, spread: 0.0 }]),
+                heading_limit: 0.0,
+                tilt_limit: 0.0,
+                speed_limit: 0.0,
+                body_rates_limit: 0.0,
+            },
+            randomisation: *randomisation,
+            sensors: SensorSuite::none(),
+            observation: UNREAD,
+            camera: None,
+            critic: CriticView::Observation,
+            rewards: Vec::new(),
+            terminations: Vec::new(),
+            success: Success::Ending,
+            episode_secs: f32::INFINITY,
+            ..scenario.clone()
+        };
+        scenario.aviary.world = on_floor(&scenario.aviary.world);
+        scenario.physics.contacts = Contacts::Solved;
+        let mut simulation = Simulation::new(&scenario, seed, 0, 1);
+        let state = State { rotor_speeds: [0.0; 4], ..simulation.state(0) };
+        simulation.put(0, state);
+        Self { actions: vec![0.0; scenario.action.len()], simulation, state: single(&state), periods: 0 }
     }
 
     /// The true state.
@@ -52,100 +100,132 @@ impl Flight {
 
     /// The scenario it flies in.
     pub fn scenario(&self) -> &Scenario {
-        &self.scenario
-    }
-
-    /// Whether the drone stands on something.
-    pub fn resting(&self) -> bool {
-        self.resting
+        self.simulation.scenario()
     }
 
     /// Simulated time since the beginning \[s\].
     pub fn elapsed_secs(&self) -> f64 {
-        self.periods as f64 / self.scenario.physics.control_rate_hz
+        self.periods as f64 / self.scenario().physics.control_rate_hz
     }
 
     /// Advances one control period with rotor targets \[rad/s\] held.
     pub fn step(&mut self, rotor_targets: &[f32; 4]) {
-        let physics = self.scenario.physics;
-        let still = Vector3::zeros();
-        let (integrator, ground) = match physics.preset {
-            Preset::Clean { integrator, ground, .. } => (integrator, ground),
-            // Those who fly behind an autopilot want a drone, not the reference's quirks.
-            Preset::Bullet { .. } => (Integrator::SemiImplicitEuler, Ground::Distant),
-        };
-        let air = Air { wind: still, force: still, ground };
-        let secs = physics.substep_secs() as f32;
-        for _ in 0..physics.substeps {
-            let next = integrator.advance(&self.vehicle, &self.state, rotor_targets, &air, secs);
-            self.state = next.tumbling_within_limit();
-            self.land(secs);
+        self.simulation.step_with_rotor_speeds(&self.actions, &[rotor_targets.map(f64::from)]);
+        let state: State<f64> = self.simulation.state(0);
+        let limited = state.tumbling_within_limit();
+        if limited != state {
+            self.simulation.put(0, limited);
         }
+        self.state = single(&limited);
         self.periods += 1;
-    }
-
-    /// Holds the drone up where it has sunk onto its support.
-    fn land(&mut self, secs: f32) {
-        let least_height = self.support() + 0.5 * self.scenario.airframe.collision_height as f32;
-        let state = &mut self.state;
-        self.resting = state.position.z <= least_height && state.velocity.z <= 0.0;
-        if !self.resting {
-            return;
-        }
-        state.position.z = least_height;
-        let sliding = Vector3::new(state.velocity.x, state.velocity.y, 0.0);
-        let kept = 1.0 - FRICTION * kestrel_core::airframe::GRAVITY as f32 * secs / sliding.norm().max(1e-6);
-        state.velocity = sliding * kept.max(0.0);
-        state.body_rates = Vector3::zeros();
-        state.world_from_body = levelled(&state.world_from_body);
-    }
-
-    /// Height of what is below the drone \[m\].
-    fn support(&self) -> f32 {
-        let position = &self.state.position;
-        let below = |solid: &&Cuboid| {
-            (solid.low.x..=solid.high.x).contains(&position.x)
-                && (solid.low.y..=solid.high.y).contains(&position.y)
-                && solid.high.z <= position.z + self.scenario.airframe.collision_radius as f32
-        };
-        let solids = self.scenario.aviary.world.bounds();
-        let tops = solids.iter().filter(below).map(|solid| solid.high.z);
-        tops.fold(0.0, f32::max)
     }
 }
 
-/// The same heading without tilt.
-fn levelled(attitude: &Attitude<f32>) -> Attitude<f32> {
-    let length = (attitude.w * attitude.w + attitude.z * attitude.z).sqrt();
-    if length < 1e-6 {
-        return Attitude::level();
+fn single(state: &State<f64>) -> State<f32> {
+    state.map(|value: f64| value as f32)
+}
+
+fn on_floor(world: &World) -> World {
+    World { floor: Floor::Solid, ..world.clone() }
+}
+
+/// Just above the floor or something to land on \[m, world\], below the point nearest to the middle of where episodes begin
+/// under which there is nothing else; if there is something everywhere, on that.
+fn launch_site(scenario: &Scenario) -> Vector3<f64> {
+    let world = on_floor(&scenario.aviary.world);
+    let arena = Arena::new(&world, &scenario.airframe, ContactReport::Touch);
+    let movables: Vec<Motion> = world.movables.iter().map(|body| Motion::at_rest(body.solid.pose)).collect();
+    let starts = starts(scenario);
+    let airframe = &scenario.airframe;
+    let rest_height = 0.5 * airframe.collision_height - airframe.collision_offset;
+    let below = |start: &Vector3<f64>| Support::below(*start, rest_height, |pose| arena.touch(pose, &movables));
+    let supports: Vec<Support> = starts.iter().filter_map(below).collect();
+    let best = supports.iter().find(|support| support.carries).or(supports.first());
+    best.map_or(starts[0], |support| support.position)
+}
+
+/// Where a drone that is lowered stops.
+struct Support {
+    position: Vector3<f64>,
+    /// Whether it is the floor or something to land on.
+    carries: bool,
+}
+
+impl Support {
+    /// What is below a point \[m, world\] for a drone whose middle is `rest_height` \[m\] above what carries it; none where
+    /// it would touch something there already.
+    fn below(point: Vector3<f64>, rest_height: f64, touch: impl Fn(&Pose) -> Touch) -> Option<Self> {
+        let at = |height: f64| Vector3::new(point.x, point.y, height);
+        let heights = (0..).map(|step| point.z - f64::from(step) * LOWERING_M);
+        let is_free = |height: &f64| touch(&Pose::at(at(*height))) == Touch::default();
+        let height = heights.take_while(is_free).last()?;
+        let lowest = height - LOWERING_M;
+        let carries = lowest < rest_height + LOWERING_M || touch(&Pose::at(at(lowest))).landing;
+        Some(Self { position: at(height), carries })
     }
-    Attitude { w: attitude.w / length, x: 0.0, y: 0.0, z: attitude.z / length }
+}
+
+/// Points from which episodes begin \[m, world\], at least one, those nearest to the middle first.
+fn starts(scenario: &Scenario) -> Vec<Vector3<f64>> {
+    match &scenario.start.position {
+        StartPosition::AroundGoal { farthest_m, .. } => {
+            let goal = scenario.aviary.goal;
+            let aside = Vector3::new(*farthest_m, *farthest_m, 0.0);
+            lattice(&Cuboid { low: goal - aside, high: goal + aside })
+        }
+        StartPosition::Within(region) => lattice(region),
+        StartPosition::AlongWay(starts) => lattice(&starts.space.region),
+        StartPosition::FreeWithin(space) => {
+            let mut points = lattice(&space.region);
+            points.retain(|point| space.holds(&point.cast()));
+            points.push(space.refuge.cast());
+            points
+        }
+        StartPosition::Exactly(places) => places.iter().take(1).map(|place| place.position).collect(),
+    }
+}
+
+/// Points evenly spread at half of the height of a box, the nearest to its middle first.
+fn lattice(region: &Cuboid) -> Vec<Vector3<f64>> {
+    let (low, high): (Vector3<f64>, Vector3<f64>) = (region.low.cast(), region.high.cast());
+    let middle = (low + high) / 2.0;
+    let half = SITES / 2;
+    let point = |x: i32, y: i32| {
+        let share = Vector3::new(f64::from(x), f64::from(y), 0.0) / f64::from(2 * half);
+        middle + (high - low).component_mul(&share)
+    };
+    let mut points: Vec<_> = (-half..=half).flat_map(|x| (-half..=half).map(move |y| point(x, y))).collect();
+    points.sort_by(|one, other| (one - middle).norm().total_cmp(&(other - middle).norm()));
+    points
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::testing::hover;
-    use crate::world::Solid;
+    use crate::world::{Role, Solid};
+
+    const REST_M: f32 = 0.0125;
+
+    fn block(name: &str, low: [f64; 3], high: [f64; 3]) -> Solid {
+        Solid::block(name, low.into(), high.into())
+    }
 
     #[test]
     fn a_drone_without_thrust_falls_and_rests_on_the_floor() {
-        let scenario = hover();
-        let mut flight = Flight::new(&scenario, Vector3::new(0.2, 0.1, 0.5));
-        assert!(!flight.resting());
-        for _ in 0..100 {
+        let mut flight = Flight::at(&hover(), Vector3::new(0.2, 0.1, 0.5));
+        for _ in 0..200 {
             flight.step(&[0.0; 4]);
         }
         let state = flight.state();
-        assert!(flight.resting() && (state.position.z - 0.0125).abs() < 1e-6);
-        assert_eq!(state.velocity, Vector3::zeros());
+        assert!((state.position.z - REST_M).abs() < 2e-3, "{state:?}");
+        assert!(state.velocity.norm() < 1e-2, "{state:?}");
     }
 
     #[test]
     fn a_drone_that_tumbles_for_minutes_stays_a_drone() {
-        let mut flight = Flight::new(&hover(), Vector3::new(0.0, 0.0, 5_000.0));
-        let limit = flight.scenario.airframe.rotor_speed_limit as f32;
+        let mut flight = Flight::at(&hover(), Vector3::new(0.0, 0.0, 5_000.0));
+        let limit = flight.scenario().airframe.rotor_speed_limit as f32;
         for _ in 0..3_000 {
             flight.step(&[limit, limit, 0.0, 0.0]);
             let State { position, velocity, body_rates, .. } = flight.state;
@@ -161,27 +241,74 @@ mod tests {
     fn a_resting_drone_takes_off_when_thrust_exceeds_weight() {
         let scenario = hover();
         let hover_speed = scenario.airframe.hover_rotor_speed() as f32;
-        let mut flight = Flight::new(&scenario, Vector3::zeros());
+        let mut flight = Flight::landed(&scenario);
         for _ in 0..100 {
             flight.step(&[0.9 * hover_speed; 4]);
         }
-        assert!(flight.resting());
+        assert!(flight.state().position.z < 0.02);
         for _ in 0..100 {
             flight.step(&[1.1 * hover_speed; 4]);
         }
-        assert!(!flight.resting() && flight.state().position.z > 0.05);
+        assert!(flight.state().position.z > 0.05);
         assert!((flight.elapsed_secs() - 2.0).abs() < 1e-6);
     }
 
     #[test]
     fn a_solid_carries_the_drone_that_stands_on_it() {
         let mut scenario = hover();
-        let pad = Solid::block("pad", Vector3::new(-1.0, -1.0, 0.0), Vector3::new(1.0, 1.0, 0.1));
-        scenario.aviary.world.solids.push(pad);
-        let mut flight = Flight::new(&scenario, Vector3::new(0.0, 0.0, 0.3));
-        for _ in 0..100 {
-            flight.step(&[0.0; 4]);
+        scenario.aviary.world.solids.push(block("table", [-1.0, -1.0, 0.0], [1.0, 1.0, 0.1]));
+        let flight = Flight::landed(&scenario);
+        assert!((flight.state().position.z - (0.1 + REST_M)).abs() < 2e-3, "{:?}", flight.state());
+    }
+
+    #[test]
+    fn it_starts_beside_the_table_and_not_on_it_and_on_a_pad_where_one_is() {
+        let mut scenario = hover();
+        let region = Cuboid { low: Vector3::new(0.0, 0.0, 1.0), high: Vector3::new(2.0, 2.0, 1.2) };
+        scenario.start.position = StartPosition::Within(region);
+        scenario.aviary.world.solids.push(block("table", [0.7, 0.7, 0.6], [1.3, 1.3, 0.7]));
+        let beside = Flight::landed(&scenario).state().position;
+        assert!((beside.z - REST_M).abs() < 2e-3 && (beside.x - 1.0).abs().max((beside.y - 1.0).abs()) > 0.3);
+        scenario.aviary.world.solids[0].role = Role::Landing;
+        let on_it = Flight::landed(&scenario).state().position;
+        assert!((on_it - Vector3::new(1.0, 1.0, 0.7 + REST_M)).norm() < 3e-3, "{on_it}");
+    }
+
+    #[test]
+    fn a_wall_stops_what_flies_against_it() {
+        let mut scenario = hover();
+        scenario.aviary.world.solids.push(block("wall", [0.5, -2.0, 0.0], [0.6, 2.0, 3.0]));
+        let mut flight = Flight::at(&scenario, Vector3::new(0.0, 0.0, 1.0));
+        let hover_speed = scenario.airframe.hover_rotor_speed() as f32;
+        let arena = Arena::new(&scenario.aviary.world, &scenario.airframe, ContactReport::Touch);
+        let mut touched = 0;
+        for period in 0..300 {
+            // A push of the rear rotors tilts it forward, towards the wall.
+            let rear = if period < 3 { 1.1 } else { 1.0 };
+            flight.step(&[hover_speed, rear * hover_speed, rear * hover_speed, hover_speed]);
+            let position = flight.state().position;
+            assert!(position.x < 0.5 || position.z > 3.0, "{position}");
+            let attitude = flight.state().world_from_body.map(f64::from);
+            let pose = Pose { position: position.cast(), world_from_body: attitude };
+            touched += u32::from(arena.touch(&pose, &[]).obstacle);
         }
-        assert!((flight.state().position.z - 0.1125).abs() < 1e-6);
+        assert!(touched > 0);
+    }
+
+    #[test]
+    fn wind_is_felt_where_it_is_asked_for() {
+        let scenario = hover();
+        let mut still = Flight::landed(&scenario);
+        let mut windy = Flight::randomised(&scenario, Seed(3));
+        let hover_speed = scenario.airframe.hover_rotor_speed() as f32;
+        for _ in 0..200 {
+            still.step(&[1.1 * hover_speed; 4]);
+            windy.step(&[1.1 * hover_speed; 4]);
+        }
+        let aside = |flight: &Flight| {
+            let start = Flight::landed(&scenario).state().position;
+            (flight.state().position - start).xy().norm()
+        };
+        assert!(aside(&still) < 1e-2 && aside(&windy) > 3e-2, "{} {}", aside(&still), aside(&windy));
     }
 }

@@ -2,11 +2,11 @@
 
 use std::sync::{Arc, OnceLock};
 
-use kestrel_core::action::ActionSpace;
+use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::airframe::Airframe;
 use kestrel_core::bullet::{BulletMode, Quirks};
 use kestrel_core::dynamics::Integrator;
-use kestrel_core::observation::ObservationLayout;
+use kestrel_core::observation::{ObservationLayout, PilotLayout};
 use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
@@ -334,6 +334,11 @@ impl Physics {
     }
 }
 
+impl Randomisation {
+    /// Nominal drones in still air.
+    pub const NONE: Self = Self { mass: 0.0, inertia: 0.0, thrust: 0.0, rotor_lag: 0.0, wind_speed: 0.0 };
+}
+
 impl Agents {
     /// A lone drone.
     pub const ONE: Self =
@@ -430,6 +435,42 @@ impl Aviary {
 }
 
 impl Scenario {
+    /// Hover one metre above the origin of an empty floor, from rest nearby: the least task, to make others from. It pays
+    /// nothing, and nothing ends it but its eight seconds.
+    pub fn hover(airframe: &Airframe, physics: Physics) -> Self {
+        Self {
+            name: "hover".into(),
+            aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), routes: Vec::new(), world: World::empty() },
+            airframe: *airframe,
+            goals: Goals::Fixed,
+            agents: Agents::ONE,
+            physics,
+            action: ActionSpace::RotorSpeeds(RotorSpeeds::new(airframe, 0.3)),
+            sensors: SensorSuite::none(),
+            observation: ObservationLayout::Pilot(PilotLayout {
+                position_scale_m: 1.0,
+                velocity_scale: 2.0,
+                body_rates_scale: 10.0,
+            }),
+            camera: None,
+            critic: CriticView::Observation,
+            start: Start {
+                position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.5 },
+                heading_limit: core::f32::consts::PI,
+                tilt_limit: 0.0,
+                speed_limit: 0.0,
+                body_rates_limit: 0.0,
+            },
+            randomisation: Randomisation::NONE,
+            rewards: Vec::new(),
+            terminations: Vec::new(),
+            episode_secs: 8.0,
+            clock: Clock::Elapsed,
+            time_limit: TimeLimit::Truncates,
+            success: Success::Settle { radius_m: 0.05, within_secs: 4.0 },
+        }
+    }
+
     /// Control periods after which an episode is cut off.
     pub fn episode_steps(&self) -> u32 {
         let periods = f64::from(self.episode_secs) * self.physics.control_rate_hz;

@@ -5,6 +5,7 @@ mod imaging;
 use std::sync::Arc;
 
 use kestrel_core::action::{ACTION_LIMIT, ActionSpace, CONTROL_MEMORY_LEN, ControlMemory, Controls};
+use kestrel_core::bullet::BulletState;
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
 use pulp::{Arch, Simd, WithSimd};
@@ -194,6 +195,13 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     pub fn state(&self, row: usize) -> State<R> {
         let (agent, lane) = self.agent(row);
         agent.swarm.state(lane)
+    }
+
+    /// Puts a drone into another state between two steps; what it sees and is paid for follows with the next one.
+    pub(crate) fn put(&mut self, row: usize, state: State<R>) {
+        let (agent, environment) = (row / self.environments, row % self.environments);
+        let swarm = &mut self.blocks[environment / LANES].agents[agent].swarm;
+        swarm.set_drone(environment % LANES, &BulletState::placed(state));
     }
 
     /// Angular velocity of a drone \[rad/s\], world, as the physics preset reports it.

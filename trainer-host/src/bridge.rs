@@ -8,7 +8,7 @@ use kestrel_shim::bridge::{BridgeError, BridgeOptions};
 use kestrel_sim::flight::Flight;
 use kestrel_sim::scenario::{Physics, Scenario};
 
-use crate::fly::{SimulatedFlight, launch_site};
+use crate::fly::SimulatedFlight;
 use kestrel_experiments::output::say;
 
 /// Has an autopilot fly the scenario's drone, from the floor below where its episodes begin, until the time is up or
@@ -24,7 +24,7 @@ pub(crate) fn lend(
 ) -> Result<BridgeCounts, BridgeError> {
     let physics = at_rate(&scenario.physics, options.rate_hz());
     let scenario = Scenario { physics, ..scenario.clone() };
-    let mut plant = SimulatedFlight(Flight::new(&scenario, launch_site(&scenario)));
+    let mut plant = SimulatedFlight(Flight::landed(&scenario));
     let mut print = |text: &str| say(text).map_err(std::io::Error::other);
     let mut callbacks = Callbacks { print: &mut print, interrupted };
     session::run(options, &scenario.airframe, &mut plant, log, &mut callbacks)

@@ -3,19 +3,21 @@
 use std::path::PathBuf;
 
 use kestrel_core::airframe::{Airframe, CF2X};
+use kestrel_core::dynamics::Integrator;
 use kestrel_core::policy_file::{PolicyError, PolicyFile};
-use kestrel_core::vehicle::State;
+use kestrel_core::vehicle::{Ground, State};
 use kestrel_shim::autopilot::Mode;
 use kestrel_shim::endpoint::Counts;
 use kestrel_shim::lockstep::{ControlPeriod, Next};
 use kestrel_shim::message::sent::identity::PolicyIdentity;
-use kestrel_shim::plant::{FlatFloor, Plant};
+use kestrel_shim::plant::Plant;
 use kestrel_shim::policy_backend::PolicyBackend;
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
 use kestrel_shim::true_state::{TrueStateLog, TrueStateLogError};
 use kestrel_sim::flight::Flight;
-use kestrel_sim::scenario::{FreeSpace, Scenario, StartPosition};
+use kestrel_sim::scenario::{Aviary, Downwash, Physics, Preset, Scenario};
+use kestrel_sim::seed::Seed;
 use nalgebra::Vector3;
 
 use crate::processor::{ProcessorError, ProcessorKind, ProcessorOptions, Qemu};
@@ -23,6 +25,9 @@ use kestrel_experiments::output::{OutputError, say};
 
 /// Control periods of policy and scenario may differ by this share: both are written in decimal somewhere.
 const PERIOD_TOLERANCE: f32 = 1e-5;
+
+/// Longest integration step above the flat floor \[s\]; rotors and body rates of a Crazyflie settle in tens of milliseconds.
+const SUBSTEP_LIMIT_SECS: f32 = 0.0025;
 
 /// Options of `kestrel fly`.
 #[derive(Clone, Debug, Default, PartialEq, clap::Args)]
@@ -35,6 +40,11 @@ pub(crate) struct FlyOptions {
     #[command(flatten)]
     pub(crate) processor: ProcessorOptions,
 
+    /// Fly in the wind and with the drone of the episode that training draws with this seed [default: a nominal drone in
+    /// still air]
+    #[arg(long, value_name = "SEED")]
+    pub(crate) episode: Option<u64>,
+
     /// Write the true state in every control period to this file, one JSON object per line
     #[arg(long, value_name = "FILE")]
     pub(crate) true_state_log: Option<PathBuf>,
@@ -43,7 +53,7 @@ pub(crate) struct FlyOptions {
 /// Where to fly.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place<'a> {
-    /// The aviary and the airframe of a scenario, from the floor below its starts.
+    /// The aviary, the airframe and the physics of a scenario, from the floor or a pad below its starts.
     Scenario(&'a Scenario),
     /// An endless floor for a Crazyflie, when only the policy is known.
     FlatFloor,
@@ -114,20 +124,17 @@ pub(crate) fn fly(
 ) -> Result<FlightSummary, FlyError> {
     let bytes = PolicyBytes::copy_of(policy);
     let policy = bytes.policy()?;
-    let mut plant = place.plant(&policy)?;
+    let mut plant = place.plant(&policy, options.episode)?;
     let identity = PolicyIdentity::of(policy.metadata().name, bytes.bytes());
     match options.processor.processor {
-        ProcessorKind::Host => conduct(
-            Session::open(&bytes, place.airframe(), &options.session)?,
-            plant.as_mut(),
-            options,
-            interrupted,
-        ),
+        ProcessorKind::Host => {
+            conduct(Session::open(&bytes, place.airframe(), &options.session)?, &mut plant, options, interrupted)
+        }
         ProcessorKind::Qemu => {
             let processor = Qemu::start(&options.processor.image, bytes.bytes(), &policy)?;
             conduct(
                 Session::with(processor, &identity, place.airframe(), &options.session)?,
-                plant.as_mut(),
+                &mut plant,
                 options,
                 interrupted,
             )
@@ -138,7 +145,7 @@ pub(crate) fn fly(
 /// Flies a session to its end.
 fn conduct<P: PolicyBackend>(
     mut session: Session<P>,
-    plant: &mut dyn Plant,
+    plant: &mut SimulatedFlight,
     options: &FlyOptions,
     interrupted: &dyn Fn() -> bool,
 ) -> Result<FlightSummary, FlyError> {
@@ -167,16 +174,29 @@ impl Place<'_> {
         }
     }
 
-    fn plant(&self, policy: &PolicyFile) -> Result<Box<dyn Plant>, FlyError> {
+    fn plant(&self, policy: &PolicyFile, episode: Option<u64>) -> Result<SimulatedFlight, FlyError> {
         let control_secs = policy.metadata().control_period_secs;
         match self {
-            Self::FlatFloor => Ok(Box::new(FlatFloor::new(&CF2X, control_secs))),
+            Self::FlatFloor => Ok(SimulatedFlight(Flight::landed(&flat_floor(control_secs)))),
             Self::Scenario(scenario) => {
                 check_period(scenario, control_secs)?;
-                Ok(Box::new(SimulatedFlight(Flight::new(scenario, launch_site(scenario)))))
+                Ok(SimulatedFlight(match episode {
+                    None => Flight::landed(scenario),
+                    Some(seed) => Flight::randomised(scenario, Seed(seed)),
+                }))
             }
         }
     }
+}
+
+/// An endless floor, whose effect on rotors is felt.
+fn flat_floor(control_secs: f32) -> Scenario {
+    let substeps = (control_secs / SUBSTEP_LIMIT_SECS).ceil().max(1.0) as u32;
+    let (integrator, ground, downwash) = (Integrator::SemiImplicitEuler, Ground::Near, Downwash::Absent);
+    let preset = Preset::Clean { integrator, ground, downwash };
+    let physics = Physics { preset, ..Physics::clean(integrator, substeps, 1.0 / f64::from(control_secs)) };
+    let hover = Scenario::hover(&CF2X, physics);
+    Scenario { aviary: Aviary { goal: Vector3::zeros(), ..hover.aviary }, ..hover }
 }
 
 fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {
@@ -185,19 +205,6 @@ fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {
         return Ok(());
     }
     Err(FlyError::ControlPeriod { scenario: scenario.name.clone(), found_secs, expected_secs })
-}
-
-/// On the floor in the middle of where episodes begin.
-pub(crate) fn launch_site(scenario: &Scenario) -> Vector3<f32> {
-    let middle = match &scenario.start.position {
-        StartPosition::AroundGoal { .. } => scenario.aviary.goal,
-        StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => {
-            (region.low + region.high) * 0.5
-        }
-        StartPosition::AlongWay(starts) => (starts.space.region.low + starts.space.region.high) * 0.5,
-        StartPosition::Exactly(places) => places[0].position.cast(),
-    };
-    Vector3::new(middle.x, middle.y, 0.0)
 }
 
 /// [`Flight`] as a plant.

@@ -9,11 +9,10 @@ use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyMetadata};
 use kestrel_shim::link::LinkError;
 use kestrel_shim::lockstep::SimulationRate;
-use kestrel_sim::scenario::{
-    Agents, Aviary, Clock, CriticView, Goals, Physics, Randomisation, Start, StartPosition, Success, TimeLimit,
-};
-use kestrel_sim::sensor::SensorSuite;
-use kestrel_sim::world::{Cuboid, World};
+use kestrel_shim::steering::Steering;
+use kestrel_sim::contact::{Arena, ContactReport};
+use kestrel_sim::scenario::{Aviary, Physics};
+use kestrel_sim::world::{Pose, Solid};
 
 use super::*;
 
@@ -52,33 +51,9 @@ fn climber(control_period_secs: f32) -> Vec<u8> {
 }
 
 fn scenario() -> Scenario {
-    Scenario {
-        name: "hover".into(),
-        aviary: Aviary { goal: Vector3::new(1.0, 2.0, 1.0), routes: Vec::new(), world: World::empty() },
-        airframe: CF2X,
-        physics: Physics::clean(Integrator::SemiImplicitEuler, 2, 100.0),
-        goals: Goals::Fixed,
-        agents: Agents::ONE,
-        sensors: SensorSuite::none(),
-        clock: Clock::Elapsed,
-        time_limit: TimeLimit::Truncates,
-        action: action(),
-        observation: LAYOUT,
-        camera: None,
-        critic: CriticView::Observation,
-        start: Start {
-            position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.5 },
-            heading_limit: core::f32::consts::PI,
-            tilt_limit: 0.0,
-            speed_limit: 0.0,
-            body_rates_limit: 0.0,
-        },
-        randomisation: Randomisation { mass: 0.0, inertia: 0.0, thrust: 0.0, rotor_lag: 0.0, wind_speed: 0.0 },
-        rewards: Vec::new(),
-        terminations: Vec::new(),
-        episode_secs: 1.0,
-        success: Success::Settle { radius_m: 0.05, within_secs: 4.0 },
-    }
+    let least = Scenario::hover(&CF2X, Physics::clean(Integrator::SemiImplicitEuler, 2, 100.0));
+    let aviary = Aviary { goal: Vector3::new(1.0, 2.0, 1.0), ..least.aviary };
+    Scenario { aviary, action: action(), observation: LAYOUT, ..least }
 }
 
 /// As fast as it goes, on any free port, to a ground station that is nowhere.
@@ -98,16 +73,67 @@ fn a_flight_begins_on_the_floor_below_the_starts_and_ends_in_time() {
     let scenario = scenario();
     let summary = fly(Place::Scenario(&scenario), &climber(0.01), &options(2.0), &|| false).unwrap();
     assert!((summary.secs - 2.0).abs() < 0.006, "{}", summary.secs);
-    assert!((summary.position - Vector3::new(1.0, 2.0, 0.0125)).norm() < 1e-6);
+    assert!((summary.position - Vector3::new(1.0, 2.0, 0.0125)).norm() < 2e-3, "{summary:?}");
     assert_eq!((summary.mode, summary.counts.frames), (Mode::Disarmed, 0));
 }
 
 #[test]
-fn a_region_of_starts_has_a_middle() {
+fn a_drone_is_never_inside_of_a_wall_that_stands_before_its_set_points() {
     let mut scenario = scenario();
-    let region = Cuboid { low: Vector3::new(-1.0, 2.0, 0.3), high: Vector3::new(3.0, 4.0, 0.9) };
-    scenario.start.position = StartPosition::Within(region);
-    assert_eq!(launch_site(&scenario), Vector3::new(1.0, 3.0, 0.0));
+    let wall = Solid::block("wall", Vector3::new(1.8, -10.0, 0.0), Vector3::new(1.9, 10.0, 3.0));
+    scenario.aviary.world.solids.push(wall);
+    let arena = Arena::new(&scenario.aviary.world, &CF2X, ContactReport::Touch);
+    let inside = |position: &Vector3<f32>| arena.clearance(position.x, position.y, position.z) <= 0.0;
+    let mut plant = SimulatedFlight(Flight::landed(&scenario));
+    let mut steering = Steering::new(&CF2X);
+    steering.begin(plant.state());
+    let mut greatest = f32::MIN;
+    for goal in [[1.0, 2.0, 1.0], [5.0, 2.0, 1.0], [3.0, 0.0, 0.5], [1.85, 1.0, 1.0]] {
+        for _ in 0..500 {
+            let targets = steering.toward(plant.state(), &goal.into(), &Vector3::zeros(), 0.01);
+            plant.step(&targets);
+            let position = plant.state().position;
+            assert!(position.x < 1.8 && position.z > 0.0 && !inside(&position), "{position}");
+            greatest = greatest.max(position.x);
+        }
+    }
+    assert!(greatest > 1.7, "it came as near as {greatest} m");
+}
+
+#[test]
+fn a_room_with_walls_flies_many_times_as_fast_as_time_goes_by() {
+    let config = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/aviaries/room-0.yaml");
+    let scenario = kestrel_experiments::experiment_config::load(config.as_ref(), &[]).unwrap().scenario;
+    let physics = Physics { control_rate_hz: 250.0, substeps: 1, ..scenario.physics };
+    let mut flight = Flight::landed(&Scenario { physics, ..scenario });
+    let hover_speed = flight.scenario().airframe.hover_rotor_speed() as f32;
+    let begin = std::time::Instant::now();
+    for period in 0..2500 {
+        flight.step(&[if period < 500 { 1.02 } else { 0.99 } * hover_speed; 4]);
+    }
+    let secs = begin.elapsed().as_secs_f64();
+    println!("10 s at 250 Hz in {secs:.3} s");
+    assert!(secs < 10.0, "{secs}");
+}
+
+#[test]
+fn every_task_has_a_place_from_which_a_vehicle_takes_off() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/aviaries");
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "yaml") {
+            continue;
+        }
+        let scenario = kestrel_experiments::experiment_config::load(&path, &[]).unwrap().scenario;
+        let flight = Flight::landed(&scenario);
+        let state = flight.state();
+        let name = path.display();
+        assert!(state.world_from_body.up_cosine() > 0.999 && state.velocity.norm() < 0.05, "{name}: {state:?}");
+        assert!((0.0..0.3).contains(&state.position.z), "{name}: {state:?}");
+        let pose = Pose::at((state.position + Vector3::new(0.0, 0.0, 0.02)).cast());
+        let arena = Arena::new(&scenario.aviary.world, &scenario.airframe, ContactReport::Touch);
+        assert_eq!(arena.touch(&pose, &[]), Default::default(), "{name}: {state:?}");
+    }
 }
 
 #[test]
@@ -128,7 +154,7 @@ fn the_log_has_a_line_per_control_period() {
     assert!((lines[50]["secs"].as_f64().unwrap() - 1.0).abs() < 1e-5);
     assert_eq!(lines[50]["mode"], "disarmed");
     assert_eq!(lines[50]["armed"], false);
-    assert!((lines[50]["position"][2].as_f64().unwrap() - 0.0125).abs() < 1e-6);
+    assert!((lines[50]["position"][2].as_f64().unwrap() - 0.0125).abs() < 2e-3);
 }
 
 #[test]
