@@ -8,33 +8,29 @@ mod airframe;
 mod area;
 mod aviary;
 mod camera;
-mod decode;
-mod document;
-mod error;
-mod field;
 mod geometry;
-mod import;
 mod mesh;
-mod node;
+mod notation;
 mod physics;
 mod pilot;
 mod reward;
-mod schema;
 mod sensor;
 mod start;
 mod termination;
 #[cfg(test)]
 mod tests;
-mod text;
 mod urdf;
 mod vehicle;
 mod world;
 
 use std::sync::Arc;
 
+use kestrel_config::{error, field};
 use kestrel_core::airframe::Airframe;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+pub use kestrel_config::{ConfigError, Field, Limits, schema_of};
 
 pub use agents::{AgentsConfig, GoalsConfig, TeamEndConfig, TeamRewardsConfig, TeamSuccessConfig};
 pub use airframe::{
@@ -44,9 +40,7 @@ pub use airframe::{
 pub use area::AreaConfig;
 pub use aviary::{AviaryConfig, BoxConfig, Place};
 pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, PaperCameraConfig};
-pub use document::Document;
-pub use error::ConfigError;
-pub use field::{Field, Limits};
+pub use notation::{Document, DroneNotations};
 pub use physics::{
     BulletConfig, ContactsConfig, DragFrameConfig, DynReportConfig, IntegratorConfig, ModeConfig, PhysicsConfig,
     QuirksConfig, VersionConfig,
@@ -57,7 +51,6 @@ pub use pilot::{
     VelocityConfig,
 };
 pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
-pub use schema::schema_of;
 pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GyroscopeConfig, ImuConfig,
     MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,

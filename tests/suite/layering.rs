@@ -8,10 +8,11 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which package may name which of the others.
-const ARROWS: [(&str, &[&str]); 12] = [
+const ARROWS: [(&str, &[&str]); 13] = [
     ("kestrel-core", &[]),
     ("kestrel-onboard", &["kestrel-core"]),
-    ("kestrel-sim", &["kestrel-core"]),
+    ("kestrel-config", &[]),
+    ("kestrel-sim", &["kestrel-config", "kestrel-core"]),
     ("kestrel-shim", &["kestrel-core", "kestrel-onboard"]),
     ("kestrel-image", &["kestrel-core", "kestrel-onboard"]),
     ("kestrel-crazyflie", &["kestrel-core"]),

@@ -12,7 +12,7 @@ use serde::de::value::{MapAccessDeserializer, StrDeserializer};
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::document::Document;
+use super::Document;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::document::Document;
+use super::Document;
 use super::error::ConfigError;
 use super::field::Field;
 use super::geometry::{exact_point, holds};

@@ -11,13 +11,15 @@ mod tests;
 mod words;
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
+use std::fmt::{Display, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::error::{ConfigError, Place, Source};
-use super::node::{Entry, Node, Value};
-use super::text::{Unreadable, not_text, read_bytes};
+use kestrel_config::ConfigError;
+use kestrel_config::error::{Place, Source};
+use kestrel_config::node::{Entry, Node, Value};
+use kestrel_config::notation::ImportedFile;
+use kestrel_config::text::{not_text, read_bytes};
 
 pub(super) use obj::parse;
 
@@ -80,40 +82,29 @@ impl Fault {
     }
 }
 
-/// A file that is imported at a place of a configuration.
-struct File<'a> {
-    path: &'a Path,
-    importer: &'a Place,
-    /// Of the import, for messages.
-    key: &'a str,
-}
-
-/// The format of a file that a `mesh` imports by this path; none for YAML.
+/// Whether a file that is imported is a mesh, by the end of its name and the key that imports it.
 ///
 /// # Errors
-/// What was found and expected, for a file of another kind, or a mesh that is imported where none can be.
-pub(super) fn is_mesh(path: &Path, key: Option<&str>) -> Result<bool, (String, &'static str)> {
-    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-    match (extension.as_deref(), key == Some(MESH)) {
+/// For a file of another kind, or a mesh that is imported where none can be.
+pub(super) fn is_mesh(file: &ImportedFile<'_>) -> Result<bool, ConfigError> {
+    let extension = file.path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    let refuse = |what: &str, expected: &str| Err(File(*file).refuse(what, expected));
+    match (extension.as_deref(), file.mapping_key == Some(MESH)) {
         (Some("obj" | "stl"), true) => Ok(true),
-        (Some("obj" | "stl"), false) => {
-            Err((format!("a mesh ({})", path.display()), "meshes only in a key `mesh`: `mesh: { import: … }`"))
-        }
+        (Some("obj" | "stl"), false) => refuse("a mesh", "meshes only in a key `mesh`: `mesh: { import: … }`"),
         (Some("yaml" | "yml"), _) | (_, false) => Ok(false),
-        (Some(_) | None, true) => Err((format!("a file of another kind ({})", path.display()), EXPECTED)),
+        (Some(_) | None, true) => refuse("a file of another kind", EXPECTED),
     }
 }
 
 /// What the file says in the words of a configuration, and how long that is \[bytes\].
-pub(super) fn tree(path: &Path, importer: &Place, key: &str) -> Result<(Node, usize), ConfigError> {
-    let file = File { path, importer, key };
-    let bytes = read_bytes(path, SIZE_LIMIT).map_err(|fault| file.refuse(&fault, EXPECTED))?;
+pub(super) fn tree(file: &ImportedFile<'_>) -> Result<(Node, usize), ConfigError> {
+    let path = file.path;
+    let file = File(*file);
+    let bytes = read_bytes(path, SIZE_LIMIT).map_err(|fault| file.refuse(fault, EXPECTED))?;
     let is_stl = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("stl"));
     let (surface, colours) = if is_stl && stl::is_binary(&bytes) {
-        let surface = stl::binary(&bytes).map_err(|(found, expected)| {
-            ConfigError::at(importer, key, format!("{found} ({})", path.display()), expected)
-        })?;
-        (surface, BTreeMap::new())
+        (stl::binary(&bytes).map_err(|(found, expected)| file.refuse(found, expected))?, BTreeMap::new())
     } else {
         let text = file.text(path, bytes)?;
         let parsed = if is_stl { stl::text(&text) } else { obj::parse(&text) };
@@ -124,9 +115,12 @@ pub(super) fn tree(path: &Path, importer: &Place, key: &str) -> Result<(Node, us
     Ok(file.node(&surface.written(&colours), &colours))
 }
 
+struct File<'a>(ImportedFile<'a>);
+
 impl File<'_> {
-    fn refuse(&self, fault: &Unreadable, expected: &str) -> ConfigError {
-        ConfigError::at(self.importer, self.key, format!("{fault} ({})", self.path.display()), expected)
+    fn refuse(&self, found: impl Display, expected: impl Display) -> ConfigError {
+        let ImportedFile { path, importer, key, .. } = self.0;
+        ConfigError::at(importer, key, format!("{found} ({})", path.display()), expected)
     }
 
     fn text(&self, path: &Path, bytes: Vec<u8>) -> Result<String, ConfigError> {
@@ -138,7 +132,7 @@ impl File<'_> {
     }
 
     fn fault(&self, path: &Path, text: &str, fault: Fault) -> ConfigError {
-        let importer = Some(self.importer.clone());
+        let importer = Some(self.0.importer.clone());
         let source = Source::File { name: path.display().to_string(), text: text.to_owned(), importer };
         let place = Place { source: Arc::new(source), line: fault.spot.line, column: fault.spot.column };
         ConfigError::at(&place, "", fault.found, fault.expected)
@@ -148,10 +142,10 @@ impl File<'_> {
     fn colours(&self, text: &str, surface: &Surface) -> Result<BTreeMap<String, [f64; 3]>, ConfigError> {
         let mut colours = BTreeMap::new();
         for (name, spot) in &surface.libraries {
-            let path: PathBuf = self.path.parent().unwrap_or(Path::new("")).join(name);
+            let path: PathBuf = self.0.path.parent().unwrap_or(Path::new("")).join(name);
             let bytes = read_bytes(&path, SIZE_LIMIT).map_err(|fault| {
                 let found = format!("{fault} ({})", path.display());
-                self.fault(self.path, text, Fault::new(*spot, found, "the file of its materials beside it"))
+                self.fault(self.0.path, text, Fault::new(*spot, found, "the file of its materials beside it"))
             })?;
             let library = self.text(&path, bytes)?;
             colours.extend(materials::parse(&library).map_err(|fault| self.fault(&path, &library, fault))?);
@@ -162,8 +156,8 @@ impl File<'_> {
 
     /// The mapping, as if it stood at the beginning of the file.
     fn node(&self, obj: &str, colours: &BTreeMap<String, [f64; 3]>) -> (Node, usize) {
-        let name = self.path.display().to_string();
-        let source = Source::File { name, text: String::new(), importer: Some(self.importer.clone()) };
+        let name = self.0.path.display().to_string();
+        let source = Source::File { name, text: String::new(), importer: Some(self.0.importer.clone()) };
         let place = Place { source: Arc::new(source), line: 1, column: 1 };
         let node = |value: Value| Node { value, place: place.clone(), import: None };
         let entry =
@@ -177,7 +171,7 @@ impl File<'_> {
             entries.push(entry("materials", Value::Mapping(materials)));
         }
         let bytes = obj.len() + colours.keys().map(String::len).sum::<usize>();
-        (Node { import: Some(self.importer.clone()), ..node(Value::Mapping(entries)) }, bytes)
+        (Node { import: Some(self.0.importer.clone()), ..node(Value::Mapping(entries)) }, bytes)
     }
 }
 

@@ -127,3 +127,17 @@ proptest! {
         prop_assert_eq!(field.number(value, &Limits::between(-1.0, 1.0, "")).is_ok(), value > -1.0 && value < 1.0);
     }
 }
+
+#[test]
+fn every_mapping_may_import() {
+    let schema: serde_json::Value = serde_json::from_str(&schema_of::<StartConfig>()).unwrap();
+    assert!(schema["properties"]["import"].is_object());
+    assert_eq!(schema["anyOf"], serde_json::json!([{"required": ["position"]}, {"required": ["import"]}]));
+    let choices = schema["$defs"]["StartPositionConfig"]["oneOf"].as_array().unwrap();
+    assert_eq!(choices.len(), 6);
+    assert_eq!(choices[5]["required"], serde_json::json!(["import"]));
+    let around = &choices[0]["properties"]["around_goal"];
+    assert!(around["properties"]["import"].is_object() && choices[0]["properties"]["import"].is_null());
+    let world: serde_json::Value = serde_json::from_str(&schema_of::<AviaryConfig>()).unwrap();
+    assert!(world["$defs"]["FurnitureConfig"]["properties"]["import"].is_object());
+}

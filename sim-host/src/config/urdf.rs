@@ -7,11 +7,11 @@
 
 use std::sync::Arc;
 
+use kestrel_config::ConfigError;
+use kestrel_config::error::{Place, Source};
+use kestrel_config::node::{Entry, Node, Value};
 use kestrel_core::airframe::GRAVITY;
 use roxmltree::{Attribute, Document as Xml};
-
-use super::error::{ConfigError, Place, Source};
-use super::node::{Entry, Node, Value};
 
 /// What a file of this form is expected to have.
 const FORM: &str = "a URDF in gym-pybullet-drones' form";

@@ -7,8 +7,8 @@ use serde::de::{
 };
 use serde::forward_to_deserialize_any;
 
-use super::error::{ConfigError, Place};
-use super::node::{Entry, Node, Value, either};
+use crate::error::{ConfigError, Place};
+use crate::node::{Entry, Node, Value, either};
 
 /// Most edits between a mistyped name and the one that is suggested for it.
 const SUGGESTION_EDITS: usize = 3;
@@ -18,7 +18,7 @@ const EXACT_LIMIT: f64 = 9_007_199_254_740_992.0;
 
 /// A complaint on its way up to the root; it gathers its place and path as it goes.
 #[derive(Debug)]
-pub(crate) struct Fault {
+pub struct Fault {
     found: String,
     expected: String,
     place: Option<Place>,

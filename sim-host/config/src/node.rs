@@ -6,36 +6,47 @@ use std::sync::Arc;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_yaml::{Location, Spanned};
 
-use super::error::{Place, Source};
+use crate::error::{Place, Source};
 
 /// A value and where it was written.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Node {
-    pub(crate) value: Value,
-    pub(crate) place: Place,
+pub struct Node {
+    /// The value.
+    pub value: Value,
+    /// Where it begins.
+    pub place: Place,
     /// Where the path of the file stands that this mapping imports.
-    pub(crate) import: Option<Place>,
+    pub import: Option<Place>,
 }
 
 /// What YAML can say.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Value {
+pub enum Value {
+    /// Nothing, or `null`.
     Nothing,
+    /// `true` or `false`.
     Truth(bool),
+    /// A whole number.
     Whole(i128),
     /// A number with its spelling.
     Number(f64, String),
+    /// Text.
     Text(String),
+    /// A list.
     List(Vec<Node>),
+    /// Keys with their values.
     Mapping(Vec<Entry>),
 }
 
 /// One `key: value` of a mapping.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Entry {
-    pub(crate) key: String,
-    pub(crate) place: Place,
-    pub(crate) node: Node,
+pub struct Entry {
+    /// The key.
+    pub key: String,
+    /// Where it stands.
+    pub place: Place,
+    /// The value.
+    pub node: Node,
 }
 
 impl Node {

@@ -4,7 +4,7 @@ use std::fs;
 use serde::Deserialize;
 use tempfile::TempDir;
 
-use crate::config::{ConfigError, Document};
+use crate::{ConfigError, Document};
 
 /// Something to decode: a mapping, a list, a choice.
 #[derive(Debug, Default, PartialEq, Deserialize)]

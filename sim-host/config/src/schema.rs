@@ -3,7 +3,7 @@
 use schemars::{JsonSchema, schema_for};
 use serde_json::{Map, Value, json};
 
-use super::import::IMPORT;
+use crate::import::IMPORT;
 
 /// The JSON schema of files that hold a `T`, in which every mapping may also import another file.
 ///
@@ -67,24 +67,4 @@ fn import() -> Value {
         "description": "A YAML file, relative to this one: its keys count where they are not written here.",
         "type": "string",
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::config::{AviaryConfig, StartConfig};
-
-    #[test]
-    fn every_mapping_may_import() {
-        let schema: Value = serde_json::from_str(&schema_of::<StartConfig>()).unwrap();
-        assert!(schema["properties"][IMPORT].is_object());
-        assert_eq!(schema["anyOf"], json!([{"required": ["position"]}, {"required": [IMPORT]}]));
-        let choices = schema["$defs"]["StartPositionConfig"]["oneOf"].as_array().unwrap();
-        assert_eq!(choices.len(), 6);
-        assert_eq!(choices[5]["required"], json!([IMPORT]));
-        let around = &choices[0]["properties"]["around_goal"];
-        assert!(around["properties"][IMPORT].is_object() && choices[0]["properties"][IMPORT].is_null());
-        let world: Value = serde_json::from_str(&schema_of::<AviaryConfig>()).unwrap();
-        assert!(world["$defs"]["FurnitureConfig"]["properties"][IMPORT].is_object());
-    }
 }

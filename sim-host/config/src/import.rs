@@ -6,14 +6,14 @@
 mod tests;
 
 use std::fs;
+use std::marker::PhantomData;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use super::document::tree_of;
-use super::error::{ConfigError, Place, Source};
-use super::mesh;
-use super::node::{Entry, Node, Value};
-use super::text::{Unreadable, read_text};
+use crate::error::{ConfigError, Place, Source};
+use crate::node::{Entry, Node, Value};
+use crate::notation::{ImportedFile, Notations, tree_of};
+use crate::text::{Unreadable, read_text};
 
 /// The key.
 pub(crate) const IMPORT: &str = "import";
@@ -33,11 +33,12 @@ const EXPECTED: &str = "the path of a YAML file, relative to the file that impor
 
 /// What the files imported by one configuration have in common.
 #[derive(Clone, Debug)]
-pub(crate) struct Imports {
+pub(crate) struct Imports<N> {
     /// The configuration's own file.
     root: PathBuf,
     files: usize,
     bytes: usize,
+    notations: PhantomData<N>,
 }
 
 /// Where an import stands: keys down to its mapping, and the files on the way, innermost last.
@@ -47,10 +48,10 @@ pub(crate) struct Trail {
     files: Vec<PathBuf>,
 }
 
-impl Imports {
+impl<N: Notations> Imports<N> {
     /// For the configuration in the file at `root`, which need not exist.
     pub(crate) fn of(root: &Path) -> Self {
-        Self { root: root.to_owned(), files: 0, bytes: 0 }
+        Self { root: root.to_owned(), files: 0, bytes: 0, notations: PhantomData }
     }
 
     /// The trail of what is written at `keys` of the configuration itself.
@@ -108,9 +109,11 @@ impl Imports {
             let found = format!("a chain of imports that is too long ({})", inner.shown_from(0));
             return Err(refuse(found, &format!("at most {DEPTH_LIMIT} imports in a chain")));
         }
-        let key = trail.keys.last().map(String::as_str);
-        if mesh::is_mesh(&path, key).map_err(|(found, expected)| refuse(found, expected))? {
-            let (node, bytes) = mesh::tree(&path, place, &trail.key())?;
+        let key = trail.key();
+        let mapping_key = trail.keys.last().map(String::as_str);
+        if let Some((node, bytes)) =
+            N::file(&ImportedFile { path: &path, importer: place, key: &key, mapping_key })?
+        {
             self.count(bytes).map_err(|(found, expected)| refuse(found, &expected))?;
             return Ok(node);
         }
@@ -128,7 +131,7 @@ impl Imports {
         })?;
         self.count(text.len()).map_err(|(found, expected)| refuse(found, &expected))?;
         let source = Arc::new(Source::File { name, text, importer: Some(place.clone()) });
-        let root = mapping(&source)?;
+        let root = mapping::<N>(&source)?;
         let mut loaded = self.expand(root, &inner)?;
         loaded.import = Some(place.clone());
         Ok(loaded)
@@ -150,8 +153,8 @@ impl Imports {
 }
 
 /// The mapping in an imported text.
-fn mapping(source: &Arc<Source>) -> Result<Node, ConfigError> {
-    let root = tree_of(source)?;
+fn mapping<N: Notations>(source: &Arc<Source>) -> Result<Node, ConfigError> {
+    let root = tree_of::<N>(source)?;
     match &root.value {
         Value::Mapping(_) => Ok(root),
         Value::Nothing => Err(ConfigError::at(&root.place, "", "an empty file", "keys to import")),

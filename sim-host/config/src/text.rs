@@ -10,16 +10,22 @@ const SIZE_LIMIT: u64 = 8 << 20;
 
 /// Why a file is no text.
 #[derive(Debug)]
-pub(crate) enum Unreadable {
+pub enum Unreadable {
+    /// There is none.
     Missing,
+    /// It is a directory.
     Folder,
     /// More than so many bytes.
     Long(u64),
+    /// The system refuses.
     Broken(io::Error),
     /// Not UTF-8, from this byte on; line and column count from one.
     Bytes {
+        /// Of the byte, from one.
         line: usize,
+        /// Of the byte, from one \[characters\].
         column: usize,
+        /// The byte.
         byte: u8,
     },
 }
@@ -38,7 +44,10 @@ impl fmt::Display for Unreadable {
 }
 
 /// The text of the file at `path`.
-pub(crate) fn read_text(path: &Path) -> Result<String, Unreadable> {
+///
+/// # Errors
+/// When it is missing, a directory, larger than 8 MiB, not readable or not UTF-8.
+pub fn read_text(path: &Path) -> Result<String, Unreadable> {
     String::from_utf8(read_bytes(path, SIZE_LIMIT)?).map_err(|error| {
         let (line, column, byte) = not_text(&error);
         Unreadable::Bytes { line, column, byte }
@@ -46,7 +55,10 @@ pub(crate) fn read_text(path: &Path) -> Result<String, Unreadable> {
 }
 
 /// What is in the file at `path`, at most so many bytes.
-pub(crate) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable> {
+///
+/// # Errors
+/// When it is missing, a directory, larger or not readable.
+pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable> {
     if path.is_dir() {
         return Err(Unreadable::Folder);
     }
@@ -60,7 +72,10 @@ pub(crate) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable>
 }
 
 /// Line and column, from one, of the first byte that is no text, and the byte.
-pub(crate) fn not_text(error: &std::string::FromUtf8Error) -> (usize, usize, u8) {
+///
+/// # Panics
+/// Never: such an error has a byte that is no text.
+pub fn not_text(error: &std::string::FromUtf8Error) -> (usize, usize, u8) {
     let valid = error.utf8_error().valid_up_to();
     let before = String::from_utf8_lossy(&error.as_bytes()[..valid]);
     let line = before.matches('\n').count() + 1;

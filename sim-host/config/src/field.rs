@@ -5,8 +5,8 @@ use std::ops::RangeInclusive;
 
 use nalgebra::Vector3;
 
-use super::error::ConfigError;
-use super::node::Node;
+use crate::error::ConfigError;
+use crate::node::Node;
 
 /// Farthest coordinate from the origin \[m\]: f32 still resolves 0.1 mm there.
 const COORDINATE_LIMIT: f64 = 1000.0;

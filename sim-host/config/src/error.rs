@@ -41,7 +41,8 @@ fn prefix(key: &str) -> String {
 }
 
 impl ConfigError {
-    pub(crate) fn at(place: &Place, key: &str, found: impl fmt::Display, expected: impl fmt::Display) -> Self {
+    /// The message that `found` is at a place, under a dotted path of keys, instead of `expected`.
+    pub fn at(place: &Place, key: &str, found: impl fmt::Display, expected: impl fmt::Display) -> Self {
         Self::Invalid {
             place: place.to_string(),
             key: place.source.shown_key(key),
@@ -54,11 +55,23 @@ impl ConfigError {
 
 /// A text that configuration comes from.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Source {
-    /// A file, and where the path stands through which it was imported.
-    File { name: String, text: String, importer: Option<Place> },
+pub enum Source {
+    /// A file.
+    File {
+        /// What messages call it.
+        name: String,
+        /// All of it; empty where messages cannot quote it.
+        text: String,
+        /// Where the path stands through which it was imported.
+        importer: Option<Place>,
+    },
     /// `key=value` from the command line.
-    Override { assignment: String, key: String },
+    Override {
+        /// As it was written.
+        assignment: String,
+        /// What stands before the first `=`.
+        key: String,
+    },
 }
 
 impl Source {
@@ -81,10 +94,13 @@ impl Source {
 
 /// A position in a [`Source`]; lines and columns count from one.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Place {
-    pub(crate) source: Arc<Source>,
-    pub(crate) line: usize,
-    pub(crate) column: usize,
+pub struct Place {
+    /// The text.
+    pub source: Arc<Source>,
+    /// From one.
+    pub line: usize,
+    /// From one \[characters\].
+    pub column: usize,
 }
 
 impl fmt::Display for Place {

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use serde::de::DeserializeOwned;
 use serde_yaml::{Error as YamlError, Location, Options};
 
-use super::error::{ConfigError, Place, Source};
-use super::field::Field;
-use super::import::{IMPORT, Imports};
-use super::node::{Entry, Node, Parsed, Value, either, place};
-use super::text::{Unreadable, read_text};
-use super::urdf;
+use crate::error::{ConfigError, Place, Source};
+use crate::field::Field;
+use crate::import::{IMPORT, Imports};
+use crate::node::{Entry, Node, Parsed, Value, either, place};
+use crate::notation::{Notations, Yaml, tree_of};
+use crate::text::{Unreadable, read_text};
 
 /// Deepest nesting; the deepest valid configuration has eight.
 const DEPTH_LIMIT: usize = 48;
@@ -21,15 +21,16 @@ const NODE_LIMIT: usize = 100_000;
 
 /// A parsed configuration in which every value knows its line.
 ///
-/// Any mapping may hold `import: PATH`: it then is the mapping of that file, with its own other keys laid over it.
+/// Any mapping may hold `import: PATH`: it then is the mapping of that file, with its own other keys laid over it. Files
+/// are YAML, or what else the notations `N` read.
 #[derive(Clone, Debug)]
-pub struct Document {
+pub struct Document<N = Yaml> {
     root: Node,
-    imports: Imports,
+    imports: Imports<N>,
 }
 
-impl Document {
-    /// Reads and parses a YAML file and what it imports, or a URDF file as the airframe in it.
+impl<N: Notations> Document<N> {
+    /// Reads and parses a file and what it imports.
     ///
     /// # Errors
     /// When a file is not there, a directory, larger than 8 MiB, not UTF-8, or not one YAML mapping; when files import
@@ -46,7 +47,7 @@ impl Document {
     /// When the text is empty or not one YAML mapping with unique keys, or an import fails as in [`Self::read`].
     pub fn parse(name: &str, text: &str) -> Result<Self, ConfigError> {
         let source = Arc::new(Source::File { name: name.to_owned(), text: text.to_owned(), importer: None });
-        let root = tree_of(&source)?;
+        let root = tree_of::<N>(&source)?;
         match &root.value {
             Value::Mapping(_) => {
                 let mut imports = Imports::of(Path::new(name));
@@ -154,18 +155,6 @@ impl Document {
     pub fn root(&self) -> Field<'_> {
         Field::root(&self.root)
     }
-}
-
-/// The values in a file: URDF is another form of an airframe's numbers.
-pub(super) fn tree_of(source: &Arc<Source>) -> Result<Node, ConfigError> {
-    match &**source {
-        Source::File { name, text, .. } if is_urdf(name) => urdf::tree(source, text),
-        Source::File { .. } | Source::Override { .. } => parsed(source).map_err(|fault| fault.in_file(source)),
-    }
-}
-
-fn is_urdf(name: &str) -> bool {
-    Path::new(name).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("urdf"))
 }
 
 /// The message about a configuration that is no text.
