@@ -61,8 +61,8 @@ typedef struct {{
 void kestrel_act(const float observation[KESTREL_OBSERVATION_LEN], kestrel_scratch *scratch,
                  float action[KESTREL_ACTION_LEN]);
 
-/* Computes the golden vectors of the export again: 0 if all bits are equal, else the number of the first that is not.
- * Before arming; do not fly on anything but 0. */
+/* Computes the golden vectors of the export again, then inputs that are not finite, too large or too small: 0 if all bits are
+ * equal, else the number of the first that is not. Before arming; do not fly on anything but 0. */
 int kestrel_self_test(kestrel_scratch *scratch);
 
 #endif
@@ -92,6 +92,8 @@ fn source(policy: &PolicyFile<'_>, format: FixedFormat, bytes: &[u8]) -> Result<
     }
     let constants = format!(
         "#define INPUT_SCALE {input_scale}.0f
+/* Bits of the least magnitude that is 32767 in fixed point. */
+#define INPUT_LIMIT 0x{input_limit:08x}u
 #define OUTPUT_SCALE (1.0f / {output_scale}.0f)
 #define LAYERS {layer_count}
 #define GOLDEN_VECTORS {vectors}
@@ -113,6 +115,7 @@ static const uint32_t GOLDEN[GOLDEN_VECTORS][KESTREL_OBSERVATION_LEN + KESTREL_A
 }};
 ",
         input_scale = 1_u32 << format.input_fraction_bits,
+        input_limit = (32767.0 / (1_u32 << format.input_fraction_bits) as f32).to_bits(),
         output_scale = 1_u64 << sum_bits,
         layer_count = layers.len(),
         vectors = policy.golden_vectors().count(),
