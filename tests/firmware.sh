@@ -12,6 +12,9 @@
 # C: the app for crazyflie-firmware around the static library flies and refuses damaged policies, built with Bitcraze's
 # flags and linked in Bitcraze's way, on the STM32F405 as it does here.
 #
+# Exported C: at Bitcraze's -Os, with the DSP extension and without, and with -ffast-math, the bits of this machine in at most as
+# many instructions as are promised; as C++ too.
+#
 # Processor in the loop: the simulator flies episodes by the rotor targets of the STM32F405 behind a serial line, which must be
 # those of this machine; EPISODES of hover and as many of cross, 64 unless told otherwise.
 #
@@ -35,6 +38,7 @@ emulators() { # what is missing of the emulators, the binutils and Node
   command -v qemu-system-riscv32 >/dev/null || missing+=(qemu-system-misc)
   command -v arm-none-eabi-objdump >/dev/null || missing+=(binutils-arm-none-eabi)
   command -v gcc >/dev/null || missing+=(gcc libc6-dev)
+  command -v g++ >/dev/null || missing+=(g++)
   command -v arm-none-eabi-gcc >/dev/null || missing+=(gcc-arm-none-eabi libnewlib-arm-none-eabi)
   command -v python3 >/dev/null || missing+=(python3)
   command -v node >/dev/null || missing+=(nodejs)
@@ -157,6 +161,40 @@ in_the_loop() { # TASK: its pilot, in the run directory of a training that is cu
     target/debug/kestrel evaluate "$run" --episodes "${EPISODES:-64}" --processor qemu --image "$out/pilot.elf"
 }
 
+c_on_target() { # NAME LIMIT FLAG...: the exported C at Bitcraze's -Os: the bits of this machine, at most LIMIT instructions
+  local name=$1 limit=$2 file=$out/c-${1// /-} mark most
+  shift 2
+  local machine=(-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16)
+  arm-none-eabi-gcc "${machine[@]}" -Os "$@" -Wall -Wextra -Wconversion -Werror -c "$exported/policy.c" -o "$file.o" &&
+    arm-none-eabi-gcc "${machine[@]}" -O2 -I "$exported" --specs=rdimon.specs --specs=nano.specs -nostartfiles \
+      -T tests/firmware/crazyflie/stm32f405.ld "$file.o" tests/firmware/c/main.c tests/firmware/crazyflie/start.c \
+      -o "$file.elf" &&
+    mark=$(arm-none-eabi-nm "$file.elf" | awk '$3 == "mark" { print $1 }') &&
+    emulated netduinoplus2 "$file.elf" \
+      -plugin "$out/instruction_count.so,out=$file.counts,mark=$mark" >"$file.txt" &&
+    diff "$out/c.txt" "$file.txt"
+  verdict $? "the exported C, $name, has the bits of this machine on the STM32F405"
+  # Windows end in turn before and after a call; the last two belong to what follows.
+  most=$(awk '/window/ { if (++window % 2 && window > 1 && sum > most) most = sum; sum = 0; next } { sum += $2 }
+    END { print most }' "$file.counts")
+  [ "$most" -gt 1000 ] && [ "$most" -le "$limit" ]
+  verdict $? "the exported C, $name, takes $most instructions an inference at -Os, at most $limit"
+}
+
+exported_c() {
+  local exported=$out/run-hover
+  target/debug/kestrel export "$exported" --target c >/dev/null &&
+    gcc -O2 -I "$exported" "$exported/policy.c" tests/firmware/c/main.c -o "$out/c" && "$out/c" >"$out/c.txt" &&
+    grep -q '^0 ' "$out/c.txt"
+  verdict $? "the exported C passes its self-test here"
+  g++ -x c++ -Os -ffast-math -Wall -Wextra -Wconversion -pedantic -Werror -c "$exported/policy.c" -o "$out/c-plus.o" &&
+    gcc -O2 -I "$exported" "$out/c-plus.o" tests/firmware/c/main.c -o "$out/c-plus" 2>/dev/null
+  verdict $? "it is C++ as well"
+  c_on_target "with the DSP extension" 11000
+  c_on_target "with -ffast-math" 11000 -ffast-math
+  c_on_target "portable" 17900 -U__ARM_FEATURE_DSP
+}
+
 processor() {
   local task
   image pilot.elf pilot thumbv7em-none-eabihf --features assembly,serial && cargo build --quiet -p kestrel
@@ -203,6 +241,7 @@ if emulators && cargo=$(tests/embedded-toolchain.sh); then
   crazyflie
   processor
   budget
+  exported_c
 else
   verdict 1 "this machine has what the images need"
 fi

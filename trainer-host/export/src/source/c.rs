@@ -48,6 +48,10 @@ fn header(policy: &PolicyFile<'_>) -> String {
 
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
 #define KESTREL_OBSERVATION_LEN {observation_len}
 #define KESTREL_ACTION_LEN {action_len}
 
@@ -64,6 +68,10 @@ void kestrel_act(const float observation[KESTREL_OBSERVATION_LEN], kestrel_scrat
 /* Computes the golden vectors of the export again, then inputs that are not finite, too large or too small: 0 if all bits are
  * equal, else the number of the first that is not. Before arming; do not fly on anything but 0. */
 int kestrel_self_test(kestrel_scratch *scratch);
+
+#ifdef __cplusplus
+}}
+#endif
 
 #endif
 "
