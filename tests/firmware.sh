@@ -116,10 +116,13 @@ policy_source() { # POLICY: as `kestrel export --target crazyflie` writes it
   echo '}; const size_t kestrel_policy_len = sizeof kestrel_policy;'
 }
 
-app_here() { # $out/app.txt, by the processor of this machine
-  pilot_library cargo &&
-    gcc -O2 -Wall -Wextra -Werror "${include[@]}" "${app[@]}" target/debug/libkestrel_pilot.a -lpthread -ldl -lm -o "$out/app" &&
-    "$out/app" >"$out/app.txt" && cat "$out/app.txt"
+app_here() { # FILE [DEFINITION]: what the app does, by the processor of this machine
+  gcc -O2 -Wall -Wextra -Werror "${@:2}" "${include[@]}" "${app[@]}" target/debug/libkestrel_pilot.a -lpthread -ldl -lm -o "$out/app" &&
+    "$out/app" >"$1" && cat "$1"
+}
+
+right_thrust() { # FILE: whether the policy flew, with the thrust that the firmware's constants ask for in every tick
+grep -qE ', ([0-9]{4,}) of the policy,.* right thrust in \1:' "$1"
 }
 
 app_on_target() { # $out/app-stm32f405.elf
@@ -144,8 +147,14 @@ crazyflie() {
   local include=(-I firmware-shim/crazyflie/include -I tests/firmware/crazyflie)
   local app=(tests/firmware/crazyflie/main.c firmware-shim/crazyflie/app/kestrel_controller.c "$out/policy.c")
   policy_source assets/pilots/hover.kestrel >"$out/policy.c"
-  app_here
-  verdict $? "the app for crazyflie-firmware flies here"
+  pilot_library cargo && app_here "$out/app.txt" && right_thrust "$out/app.txt"
+  verdict $? "the app for crazyflie-firmware flies here, with the thrust of a Crazyflie 2.1"
+  app_here "$out/app-upgrade.txt" -DCONFIG_CRAZYFLIE_THRUST_UPGRADE_KIT && right_thrust "$out/app-upgrade.txt"
+  verdict $? "with the thrust of the upgrade kit"
+  app_here "$out/app-brushless.txt" -DCONFIG_PLATFORM_CF21BL && right_thrust "$out/app-brushless.txt"
+  verdict $? "with the thrust of a Crazyflie 2.1 Brushless"
+  grep -q 'a set-point is flown to for 999 ms' "$out/app.txt" && grep -q ' 0 rotors stopped' "$out/app.txt"
+  verdict $? "it holds through a lost sample, and stops listening to an old set-point"
   app_on_target
   verdict $? "it links with Bitcraze's flags, without a panic"
   emulated netduinoplus2 "$out/app-stm32f405.elf" >"$out/app-stm32f405.txt" && diff "$out/app.txt" "$out/app-stm32f405.txt"

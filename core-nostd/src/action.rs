@@ -190,6 +190,18 @@ impl ActionSpace {
         }
     }
 
+    /// Squared rotor speed at which the nominal drone hovers \[rad²/s²\].
+    pub fn hover_speed_squared(&self) -> f32 {
+        match self {
+            Self::RotorSpeeds(space) => space.hover_rotor_speed * space.hover_rotor_speed,
+            Self::ThrustBodyRates(space) => space.hover_speed_squared,
+            Self::Published(PublishedActions { airframe, .. }) => {
+                (airframe.weight() / (4.0 * airframe.thrust_coefficient)) as f32
+            }
+            Self::Velocities(space) => space.rates.hover_speed_squared,
+        }
+    }
+
     /// How long the controller behind the space remembers; a space without one does not.
     pub const fn persistence(&self) -> Persistence {
         match self {

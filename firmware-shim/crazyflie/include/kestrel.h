@@ -22,9 +22,34 @@
 #define KESTREL_NO_POLICY 100
 
 /*
- A number of the state or the goal is not finite, or the policy's answer is not.
+ The position is not finite, or farther from the origin than a kilometre.
  */
-#define KESTREL_NOT_FINITE 101
+#define KESTREL_POSITION 101
+
+/*
+ The attitude is not finite, or its norm is not one to within a tenth.
+ */
+#define KESTREL_ATTITUDE 102
+
+/*
+ The velocity is not finite, or faster than 100 m/s.
+ */
+#define KESTREL_VELOCITY 103
+
+/*
+ The body rates are not finite, or faster than 100 rad/s.
+ */
+#define KESTREL_BODY_RATES 104
+
+/*
+ The goal is not finite, or farther from the origin than a kilometre.
+ */
+#define KESTREL_GOAL 105
+
+/*
+ The policy's answer is not finite.
+ */
+#define KESTREL_ANSWER 106
 
 /*
  Memory of a pilot. All zero, it is one without a policy.
@@ -78,9 +103,9 @@ int32_t kestrel_take_policy(KestrelPilot *pilot,
 void kestrel_reset(KestrelPilot *pilot);
 
 /*
- One control period on the way to `goal` (m, world): writes the thrust of each rotor as a share of the greatest, from 0 to
- 1, in the order front right, back right, back left, front left. Returns `KESTREL_OK`, or why `thrusts` are all zero and
- something else has to fly.
+ One control period on the way to `goal` (m, world): writes the thrust of each rotor in the order front right, back right,
+ back left, front left, in units of what each rotor carries while the drone hovers: a quarter of its weight. Returns
+ `KESTREL_OK`, or why `thrusts` are all zero and something else has to fly.
  */
 int32_t kestrel_tick(KestrelPilot *pilot,
                      const KestrelState *state,
@@ -91,6 +116,11 @@ int32_t kestrel_tick(KestrelPilot *pilot,
  Time between two ticks in seconds; zero without a policy.
  */
 float kestrel_control_period(KestrelPilot *pilot);
+
+/*
+ Greatest thrust of a rotor that the policy knows, in units of a quarter of the weight; zero without a policy.
+ */
+float kestrel_greatest_thrust(KestrelPilot *pilot);
 
 #ifdef __cplusplus
 }  // extern "C"

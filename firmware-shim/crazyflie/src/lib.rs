@@ -29,8 +29,23 @@ pub const KESTREL_OK: i32 = 0;
 /// There is no policy at the controls: none was taken, or the last one was refused.
 pub const KESTREL_NO_POLICY: i32 = 100;
 
-/// A number of the state or the goal is not finite, or the policy's answer is not.
-pub const KESTREL_NOT_FINITE: i32 = 101;
+/// The position is not finite, or farther from the origin than a kilometre.
+pub const KESTREL_POSITION: i32 = 101;
+
+/// The attitude is not finite, or its norm is not one to within a tenth.
+pub const KESTREL_ATTITUDE: i32 = 102;
+
+/// The velocity is not finite, or faster than 100 m/s.
+pub const KESTREL_VELOCITY: i32 = 103;
+
+/// The body rates are not finite, or faster than 100 rad/s.
+pub const KESTREL_BODY_RATES: i32 = 104;
+
+/// The goal is not finite, or farther from the origin than a kilometre.
+pub const KESTREL_GOAL: i32 = 105;
+
+/// The policy's answer is not finite.
+pub const KESTREL_ANSWER: i32 = 106;
 
 /// Memory of a pilot. All zero, it is one without a policy.
 #[repr(C)]
@@ -105,12 +120,11 @@ impl KestrelPilot {
     fn tick(&mut self, state: &KestrelState, goal: &[f32; 3], thrusts: &mut [f32; 4]) -> i32 {
         *thrusts = [0.0; 4];
         let Some(pilot) = self.pilot() else { return KESTREL_NO_POLICY };
-        let KestrelState { position, attitude, velocity, body_rates } = *state;
-        let numbers = [&position[..], &attitude, &velocity, &body_rates, goal];
-        if !numbers.into_iter().flatten().all(|number| number.is_finite()) {
-            return KESTREL_NOT_FINITE;
+        let refusal = state.refusal(goal);
+        if refusal != KESTREL_OK {
+            return refusal;
         }
-        let [w, x, y, z] = attitude;
+        let KestrelState { position, attitude: [w, x, y, z], velocity, body_rates } = *state;
         let state = State {
             position: Vector3::from(position),
             world_from_body: Attitude { w, x, y, z },
@@ -119,13 +133,31 @@ impl KestrelPilot {
             rotor_speeds: [0.0; 4],
         };
         let speeds = pilot.tick(&state, &Vector3::from(*goal));
-        let per_limit = 1.0 / pilot.policy().metadata().action.rotor_speed_limit();
-        let shares = speeds.map(|speed| speed * per_limit);
-        if !shares.iter().all(|share| share.is_finite()) {
-            return KESTREL_NOT_FINITE;
+        let per_hover_thrust = 1.0 / pilot.policy().metadata().action.hover_speed_squared();
+        let answer = speeds.map(|speed| speed * speed * per_hover_thrust);
+        if !answer.iter().all(|thrust| thrust.is_finite()) {
+            return KESTREL_ANSWER;
         }
-        *thrusts = shares.map(|share| (share * share).clamp(0.0, 1.0));
+        *thrusts = answer;
         KESTREL_OK
+    }
+}
+
+impl KestrelState {
+    /// Why nothing should fly by this state toward this goal; `KESTREL_OK` if nothing speaks against it.
+    fn refusal(&self, goal: &[f32; 3]) -> i32 {
+        let [w, x, y, z] = self.attitude;
+        let norm_squared = w * w + x * x + y * y + z * z;
+        // Comparisons are false for NaN: what is not plausible includes what is not finite.
+        let within = |values: &[f32; 3], limit: f32| values.iter().all(|value| value.abs() <= limit);
+        let checks = [
+            (within(&self.position, 1000.0), KESTREL_POSITION),
+            ((0.81..=1.21).contains(&norm_squared), KESTREL_ATTITUDE),
+            (within(&self.velocity, 100.0), KESTREL_VELOCITY),
+            (within(&self.body_rates, 100.0), KESTREL_BODY_RATES),
+            (within(goal, 1000.0), KESTREL_GOAL),
+        ];
+        checks.iter().find(|(plausible, _)| !plausible).map_or(KESTREL_OK, |&(_, code)| code)
     }
 }
 
@@ -154,9 +186,9 @@ pub extern "C" fn kestrel_reset(pilot: &mut KestrelPilot) {
     }
 }
 
-/// One control period on the way to `goal` (m, world): writes the thrust of each rotor as a share of the greatest, from 0 to
-/// 1, in the order front right, back right, back left, front left. Returns `KESTREL_OK`, or why `thrusts` are all zero and
-/// something else has to fly.
+/// One control period on the way to `goal` (m, world): writes the thrust of each rotor in the order front right, back right,
+/// back left, front left, in units of what each rotor carries while the drone hovers: a quarter of its weight. Returns
+/// `KESTREL_OK`, or why `thrusts` are all zero and something else has to fly.
 #[unsafe(no_mangle)]
 pub extern "C" fn kestrel_tick(
     pilot: &mut KestrelPilot,
@@ -171,6 +203,15 @@ pub extern "C" fn kestrel_tick(
 #[unsafe(no_mangle)]
 pub extern "C" fn kestrel_control_period(pilot: &mut KestrelPilot) -> f32 {
     pilot.pilot().map_or(0.0, |pilot| pilot.policy().metadata().control_period_secs)
+}
+
+/// Greatest thrust of a rotor that the policy knows, in units of a quarter of the weight; zero without a policy.
+#[unsafe(no_mangle)]
+pub extern "C" fn kestrel_greatest_thrust(pilot: &mut KestrelPilot) -> f32 {
+    pilot.pilot().map_or(0.0, |pilot| {
+        let action = &pilot.policy().metadata().action;
+        action.rotor_speed_limit() * action.rotor_speed_limit() / action.hover_speed_squared()
+    })
 }
 
 #[cfg(test)]

@@ -50,7 +50,7 @@ fn c_flies_as_the_pilot_does() {
     assert_eq!(unsafe { kestrel_take_policy(&mut pilot, hover().as_ptr(), hover().len()) }, KESTREL_OK);
     let mut wrapped = Pilot::new(PolicyFile::parse(hover()).unwrap());
     assert_eq!(kestrel_control_period(&mut pilot), wrapped.policy().metadata().control_period_secs);
-    let limit = wrapped.policy().metadata().action.rotor_speed_limit();
+    let hover_speed_squared = wrapped.policy().metadata().action.hover_speed_squared();
     for step in 0..200 {
         if step == 100 {
             kestrel_reset(&mut pilot);
@@ -67,28 +67,38 @@ fn c_flies_as_the_pilot_does() {
             rotor_speeds: [0.0; 4],
         };
         for (thrust, speed) in thrusts.into_iter().zip(wrapped.tick(&state, &Vector3::from(goal))) {
-            assert!((thrust - (speed / limit).powi(2)).abs() < 1e-6);
+            assert!((thrust - speed.powi(2) / hover_speed_squared).abs() < 1e-6);
         }
         assert!(thrusts.iter().sum::<f32>() > 0.1);
     }
 }
 
 #[test]
-fn what_is_not_finite_stops_and_says_so() {
+fn a_drone_that_hovers_carries_a_quarter_of_its_weight_with_each_rotor() {
+    let mut pilot = KestrelPilot::new();
+    assert_eq!(kestrel_greatest_thrust(&mut pilot), 0.0);
+    assert_eq!(pilot.take(hover()), KESTREL_OK);
+    // CF2X has 2.25 times the thrust that it weighs.
+    assert!((kestrel_greatest_thrust(&mut pilot) - 2.25).abs() < 1e-4);
+}
+
+#[test]
+fn what_is_not_plausible_stops_and_says_which() {
     let mut pilot = KestrelPilot::new();
     assert_eq!(pilot.take(hover()), KESTREL_OK);
-    for broken in [f32::NAN, f32::INFINITY] {
+    for broken in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e4, -1e30] {
         for number in 0..16 {
             let (mut state, mut goal) = (state(number), [0.0; 3]);
-            match number {
-                0..3 => state.position[number as usize] = broken,
-                3..7 => state.attitude[number as usize - 3] = broken,
-                7..10 => state.velocity[number as usize - 7] = broken,
-                10..13 => state.body_rates[number as usize - 10] = broken,
-                _ => goal[number as usize - 13] = broken,
-            }
+            let (value, expected) = match number {
+                0..3 => (&mut state.position[number as usize], KESTREL_POSITION),
+                3..7 => (&mut state.attitude[number as usize - 3], KESTREL_ATTITUDE),
+                7..10 => (&mut state.velocity[number as usize - 7], KESTREL_VELOCITY),
+                10..13 => (&mut state.body_rates[number as usize - 10], KESTREL_BODY_RATES),
+                _ => (&mut goal[number as usize - 13], KESTREL_GOAL),
+            };
+            *value = broken;
             let mut thrusts = [9.0; 4];
-            assert_eq!(kestrel_tick(&mut pilot, &state, &goal, &mut thrusts), KESTREL_NOT_FINITE);
+            assert_eq!(kestrel_tick(&mut pilot, &state, &goal, &mut thrusts), expected);
             assert_eq!(thrusts, [0.0; 4]);
         }
     }

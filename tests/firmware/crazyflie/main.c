@@ -1,11 +1,12 @@
 /* Flies the app for a while, as the stabilizer of crazyflie-firmware would, and prints a digest of what the motors got; then
- * damages the policy. The output must be the same on every machine. */
+ * breaks single states, lets a set-point grow old, and damages the policy. The output must be the same on every machine. */
 #include <stdio.h>
 #include <string.h>
 
 #include "controller.h"
 #include "controller_pid.h"
 #include "kestrel.h"
+#include "platform_defaults.h"
 #include "policy.h"
 #include "task.h"
 
@@ -13,8 +14,13 @@
 
 static uint32_t random_state = 1;
 static int pid_ticks;
+static uint32_t now;
+
+extern const void *const log_answer, *const log_m1, *const log_m2, *const log_m3, *const log_m4;
+extern void *const param_enable;
 
 /* A task runs at once, on the stack of who creates it. */
+uint32_t xTaskGetTickCount(void) { return now; }
 void vTaskDelay(uint32_t ticks) { (void)ticks; }
 void vTaskDelete(TaskHandle_t task) { (void)task; }
 UBaseType_t uxTaskPriorityGet(TaskHandle_t task) { return task == NULL; }
@@ -51,26 +57,90 @@ static void add(float value) {
   }
 }
 
+/* Whether the motors get what the policy asked for, in shares of the weight: a rotor that shall carry a quarter of the weight gets
+ * the thrust that this firmware's own constants say. */
+static bool carries(const control_t *control) {
+  const float quarter_weight = CF_MASS * 9.81f / 4.0f;
+  const void *const asked[] = {log_m1, log_m2, log_m3, log_m4};
+  bool all = true;
+  for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
+    const float newtons = *(const float *)asked[rotor] * quarter_weight;
+    const float wanted = newtons < THRUST_MAX ? newtons : THRUST_MAX;
+    const float error = control->normalizedForces[rotor] * THRUST_MAX - wanted;
+    all = all && error < 1e-4f * THRUST_MAX && error > -1e-4f * THRUST_MAX;
+  }
+  return all;
+}
+
+/* One tick at a quiet place, as far as `sensors` and `setpoint` say nothing else; whether the policy flew. */
+static bool tick(const sensorData_t *sensors, const setpoint_t *setpoint, control_t *control) {
+  const state_t state = {.attitudeQuaternion = {0.0f, 0.0f, 0.0f, 1.0f}, .position = {0.1f, 0.0f, 1.0f}};
+  now++;
+  controllerOutOfTree(control, setpoint, sensors, &state, now);
+  return control->controlMode == controlModeForce;
+}
+
+static setpoint_t position_at(uint32_t timestamp) {
+  setpoint_t setpoint = {.timestamp = timestamp, .position = {0.2f, -0.1f, 1.0f}};
+  setpoint.mode.x = setpoint.mode.y = setpoint.mode.z = modeAbs;
+  return setpoint;
+}
+
 static void fly(void) {
-  int policy_ticks = 0;
-  for (uint32_t tick = 0; tick < TICKS; tick++) {
+  int policy_ticks = 0, carried = 0;
+  for (uint32_t step = 0; step < TICKS; step++, now++) {
     const sensorData_t sensors = {.gyro = {30.0f * uniform(), 30.0f * uniform(), 30.0f * uniform()}};
     const state_t state = {
         .attitudeQuaternion = {0.1f * uniform(), 0.1f * uniform(), 0.1f * uniform(), 0.98f},
-        .position = {uniform(), uniform(), tick % 5000 == 4000 ? 0.0f / (float)random_state * 1e38f : 1.0f + uniform()},
+        .position = {uniform(), uniform(), step % 5000 == 4000 ? 0.0f / (float)random_state * 1e38f : 1.0f + uniform()},
         .velocity = {uniform(), uniform(), uniform()},
     };
-    setpoint_t setpoint = {.position = {0.2f, -0.1f, 1.0f}};
-    setpoint.mode.x = setpoint.mode.y = setpoint.mode.z = tick % 3000 < 2500 ? modeAbs : modeVelocity;
+    setpoint_t setpoint = position_at(now);
+    setpoint.mode.x = setpoint.mode.y = setpoint.mode.z = step % 3000 < 2500 ? modeAbs : modeVelocity;
     control_t control;
-    controllerOutOfTree(&control, &setpoint, &sensors, &state, tick);
-    policy_ticks += control.controlMode == controlModeForce;
+    controllerOutOfTree(&control, &setpoint, &sensors, &state, step);
+    if (control.controlMode == controlModeForce) {
+      policy_ticks++;
+      carried += carries(&control);
+    }
     for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
       add(control.normalizedForces[rotor]);
     }
   }
-  printf("%d ticks, %d of the policy, %d of the PID alone: %08lx%08lx\n", TICKS, policy_ticks, TICKS - policy_ticks,
-         (unsigned long)(digest >> 32), (unsigned long)(digest & 0xffffffffu));
+  printf("%d ticks, %d of the policy, %d of the PID alone, right thrust in %d: %08lx%08lx\n", TICKS, policy_ticks,
+         TICKS - policy_ticks, carried, (unsigned long)(digest >> 32), (unsigned long)(digest & 0xffffffffu));
+}
+
+/* A rate that is not finite for a tick stops no rotor; for longer, the PID controller takes over, and gives back. */
+static void lose_a_sensor(void) {
+  const uint32_t not_a_number = 0x7fc00000;
+  sensorData_t quiet = {.gyro = {0.0f, 0.0f, 0.0f}}, broken = quiet;
+  memcpy(&broken.gyro.x, &not_a_number, sizeof not_a_number);
+  control_t control;
+  int flown = 0, stopped = 0, answers = 0;
+  for (int step = 0; step < 100; step++) {
+    const setpoint_t setpoint = position_at(now);
+    const bool lost = step == 20 || step >= 50;
+    const bool policy = tick(lost && step < 90 ? &broken : &quiet, &setpoint, &control);
+    flown += policy;
+    answers += *(const int32_t *)log_answer == KESTREL_BODY_RATES;
+    for (int rotor = 0; policy && rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
+      stopped += !(control.normalizedForces[rotor] > 0.01f);
+    }
+  }
+  printf("of 100 ticks, 41 without a rate: %d of the policy, %d rotors stopped, %d refused states\n", flown, stopped, answers);
+}
+
+static void wait_for_orders(void) {
+  const sensorData_t quiet = {.gyro = {0.0f, 0.0f, 0.0f}};
+  const setpoint_t setpoint = position_at(now);
+  control_t control;
+  int flown = 0;
+  for (int step = 0; step < 2000; step++) flown += tick(&quiet, &setpoint, &control);
+  printf("a set-point is flown to for %d ms\n", flown);
+  *(uint8_t *)param_enable = 0;
+  const setpoint_t next = position_at(now);
+  printf("switched off, the policy flies: %d\n", tick(&quiet, &next, &control));
 }
 
 /* Every bit of a policy is under its checksum. */
@@ -107,6 +177,8 @@ int main(void) {
   controllerOutOfTreeInit();
   printf("the controller's test: %d\n", controllerOutOfTreeTest());
   fly();
+  lose_a_sensor();
+  wait_for_orders();
   damage();
   return 0;
 }

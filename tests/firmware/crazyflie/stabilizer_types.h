@@ -21,6 +21,7 @@ typedef struct {
 } control_t;
 typedef enum { modeDisable = 0, modeAbs, modeVelocity } stab_mode_t;
 typedef struct {
+  uint32_t timestamp;
   point_t position;
   struct { stab_mode_t x, y, z, roll, pitch, yaw, quat; } mode;
 } setpoint_t;

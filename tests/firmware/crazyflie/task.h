@@ -2,6 +2,7 @@
 #include "FreeRTOS.h"
 typedef void *TaskHandle_t;
 typedef void (*TaskFunction_t)(void *);
+uint32_t xTaskGetTickCount(void);
 void vTaskDelay(uint32_t ticks);
 void vTaskDelete(TaskHandle_t task);
 UBaseType_t uxTaskPriorityGet(TaskHandle_t task);

@@ -49,7 +49,7 @@ fn header(policy: &PolicyFile<'_>) -> String {
 #include <stdint.h>
 
 #ifdef __cplusplus
-extern "C" {{
+extern \"C\" {{
 #endif
 
 #define KESTREL_OBSERVATION_LEN {observation_len}
