@@ -125,22 +125,27 @@ right_thrust() { # FILE: whether the policy flew, with the thrust that the firmw
 grep -qE ', ([0-9]{4,}) of the policy,.* right thrust in \1:' "$1"
 }
 
-app_on_target() { # $out/app-stm32f405.elf
-  local library=target/thumbv7em-none-eabihf/firmware/libkestrel_pilot.a file objects=()
+app_on_target() { # $out/app-stm32f405.elf, around the pilot.o of the app's own Kbuild
+  local file objects=()
   local machine=(-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16)
   local flags=("${machine[@]}" -g3 -fno-math-errno -mfp16-format=ieee -std=gnu11 -fno-strict-aliasing
     -ffunction-sections -fdata-sections -Os -Wall -Wextra -Werror)
-  RUSTFLAGS="-C target-cpu=cortex-m4" pilot_library "$cargo" --features assembly --profile firmware \
-    --target thumbv7em-none-eabihf || return 1
+  rm -f "$out/pilot.o"
+  make --silent -f firmware-shim/crazyflie/app/Kbuild obj="$out" KESTREL="$PWD" CARGO="$cargo" LD=arm-none-eabi-ld \
+    OBJCOPY=arm-none-eabi-objcopy "$out/pilot.o" || return 1
   for file in "${app[@]}" tests/firmware/crazyflie/start.c; do
     objects+=("$out/$(basename "$file" .c).o")
     arm-none-eabi-gcc "${flags[@]}" "${include[@]}" -c "$file" -o "${objects[-1]}" || return 1
   done
-  # Bitcraze's way for Rust: the library is called an object, and all of it goes into the app's.
-  cp "$library" "$out/pilot.o"
-  arm-none-eabi-ld -r -z noexecstack --whole-archive -o "$out/built-in.o" "${objects[@]}" "$out/pilot.o" &&
+  arm-none-eabi-ld -r -z noexecstack -o "$out/built-in.o" "${objects[@]}" "$out/pilot.o" &&
     arm-none-eabi-gcc "${machine[@]}" --specs=rdimon.specs --specs=nano.specs -nostartfiles -Wl,--gc-sections \
       -T tests/firmware/crazyflie/stm32f405.ld "$out/built-in.o" -o "$out/app-stm32f405.elf"
+}
+
+only_entries() { # whether the firmware sees of the pilot what it calls, and the pilot nothing of the firmware
+  local names
+  names=$(arm-none-eabi-nm -g "$out/pilot.o" | awk '{ print $(NF - 1), $NF }' | sort | tr '\n' ' ')
+  [ "$names" = "T kestrel_control_period T kestrel_greatest_thrust T kestrel_reset T kestrel_take_policy T kestrel_tick " ]
 }
 
 crazyflie() {
@@ -157,6 +162,8 @@ crazyflie() {
   verdict $? "it holds through a lost sample, and stops listening to an old set-point"
   app_on_target
   verdict $? "it links with Bitcraze's flags, without a panic"
+  only_entries
+  verdict $? "it takes the place of nothing in the firmware's libraries"
   emulated netduinoplus2 "$out/app-stm32f405.elf" >"$out/app-stm32f405.txt" && diff "$out/app.txt" "$out/app-stm32f405.txt"
   verdict $? "it flies the same on the STM32F405, and refuses the same policies"
 }
