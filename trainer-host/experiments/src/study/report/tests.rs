@@ -408,7 +408,7 @@ fn a_page_keeps_what_it_has_about_other_studies() {
 
 #[test]
 fn the_page_of_the_repository_is_kept_as_it_is() {
-    let earlier = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../RESULTS.md")).unwrap();
+    let earlier = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../RESULTS.md")).unwrap();
     let mut update = page(&[], None);
     assert_eq!(update.keep(&earlier), Ok(()));
     assert!(update.text() == earlier);
