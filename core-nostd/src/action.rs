@@ -1,27 +1,25 @@
 //! What a policy commands: action spaces that turn a few numbers in \[-1, 1\] into rotor targets.
 
-mod published;
 mod velocity;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-pub use published::{
-    CONTROL_MEMORY_LEN, ControlMemory, Persistence, ReferenceActionKind, ReferenceActions, ReferenceController,
-    ReferenceControls,
-};
 pub use velocity::Velocities;
 
 use crate::airframe::{Airframe, Layout};
-use crate::controller::Setpoint;
 use crate::real::Real;
+#[cfg(feature = "reference")]
+pub use crate::reference::action::{
+    CONTROL_MEMORY_LEN, ControlMemory, ReferenceActionKind, ReferenceActions, ReferenceController,
+    ReferenceControls,
+};
 use crate::vehicle::State;
+#[cfg(not(feature = "reference"))]
+pub use crate::without_reference::{ControlMemory, ReferenceActions, ReferenceControls};
 
-/// Values of an action in [`RotorSpeeds`], [`ThrustBodyRates`] and [`Velocities`].
-pub const ACTION_LEN: usize = 4;
-
-/// Most values in an action; what is beyond a space's own is not read.
-pub const ACTION_LIMIT: usize = 6;
+pub use crate::limits::{ACTION_LEN, ACTION_LIMIT};
+pub use crate::setpoint::Setpoint;
 
 /// The action spaces; the identifier and its numbers travel in the policy file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +49,16 @@ pub enum Controls<R> {
     Reference(ReferenceControls<R>),
     /// [`Velocities`].
     Velocities(Velocities),
+}
+
+/// How long a controller remembers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Persistence {
+    /// Until the episode ends: what the reference meant.
+    #[default]
+    ResetEachEpisode,
+    /// For ever: what the reference does.
+    Persist,
 }
 
 /// One action per rotor: `hover_rotor_speed · (1 + fraction · action)`.
@@ -165,7 +173,7 @@ impl ActionSpace {
     pub const fn len(&self) -> usize {
         match self {
             Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) => ACTION_LEN,
-            Self::Reference(space) => space.kind.len(),
+            Self::Reference(space) => space.len(),
         }
     }
 
@@ -174,7 +182,7 @@ impl ActionSpace {
         match self {
             Self::RotorSpeeds(_) => "rotor_speeds",
             Self::ThrustBodyRates(_) => "thrust_body_rates",
-            Self::Reference(space) => space.kind.name(),
+            Self::Reference(space) => space.name(),
             Self::Velocities(_) => "velocity",
         }
     }
@@ -186,7 +194,7 @@ impl ActionSpace {
             Self::ThrustBodyRates(space) | Self::Velocities(Velocities { rates: space, .. }) => {
                 space.speed_squared_limit.sqrt()
             }
-            Self::Reference(space) => space.airframe.rotor_speed_limit as f32,
+            Self::Reference(space) => space.rotor_speed_limit(),
         }
     }
 
@@ -206,7 +214,7 @@ impl ActionSpace {
     pub const fn persistence(&self) -> Persistence {
         match self {
             Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) => Persistence::ResetEachEpisode,
-            Self::Reference(space) => space.persistence,
+            Self::Reference(space) => space.persistence(),
         }
     }
 }
@@ -224,7 +232,7 @@ impl<R: Real> Controls<R> {
 
     /// Rotor targets \[rad/s\] for the next `secs`, the time since the last call.
     ///
-    /// `setpoint` is the task's moving target, which only [`ReferenceActionKind::Tun`] reads. The targets of the reference's
+    /// `setpoint` is the task's moving target, which only the reference's `TUN` reads. The targets of the reference's
     /// actions are not limited and are NaN where the state is; those of the other spaces are in range, whatever the
     /// action and the state.
     #[inline(always)]
@@ -256,9 +264,9 @@ mod tests {
 
     fn turning<R: Real>(body_rates: Vector3<R>) -> State<R> {
         State {
-            position: crate::vector::zero(),
+            position: Vector3::from([R::zero(); 3]),
             world_from_body: Attitude::level(),
-            velocity: crate::vector::zero(),
+            velocity: Vector3::from([R::zero(); 3]),
             body_rates,
             rotor_speeds: [R::zero(); 4],
         }
@@ -266,7 +274,7 @@ mod tests {
 
     fn targets<R: Real>(space: &ActionSpace, [a, b, c, d]: [R; 4], body_rates: Vector3<R>) -> [R; 4] {
         let action = [a, b, c, d, R::from_f64(f64::NAN), R::one()];
-        let setpoint = Setpoint::at(crate::vector::zero());
+        let setpoint = Setpoint::at(Vector3::from([R::zero(); 3]));
         let mut memory = ControlMemory::new();
         Controls::new(space).rotor_targets(&action, &turning(body_rates), &setpoint, &mut memory, R::one())
     }

@@ -17,12 +17,14 @@
 //! weights is a word, which ARM's SMLAD multiplies with a pair of inputs in one instruction (feature `smlad`).
 
 mod layer;
+#[cfg(feature = "learning")]
 mod learner;
 mod packing;
 #[cfg(all(feature = "smlad", target_arch = "arm"))]
 mod smlad;
 mod tanh;
 
+#[cfg(feature = "learning")]
 pub use learner::OutputLearner;
 pub use tanh::TABLE as TANGENTS;
 
@@ -30,9 +32,8 @@ pub(crate) use layer::layer_bytes;
 
 use heapless::Vec;
 
-use crate::action::ACTION_LIMIT;
-use crate::mlp::{LAYER_LIMIT, ROW_BLOCK, WIDTH_LIMIT};
-use crate::policy_file::PolicyError;
+use crate::limits::{ACTION_LIMIT, LAYER_LIMIT, ROW_BLOCK, WIDTH_LIMIT};
+use crate::policy_error::PolicyError;
 use crate::real::Real;
 use layer::{COLUMN_GROUP, FixedLayer};
 
@@ -73,6 +74,7 @@ pub struct FixedMlp<'a> {
     layers: Vec<FixedLayer<'a>, LAYER_LIMIT>,
     /// Values of the action.
     outputs: usize,
+    #[cfg(feature = "learning")]
     format: FixedFormat,
     /// Quantised value of an observation of one.
     input_scale: f32,
@@ -98,6 +100,7 @@ impl FixedMlp<'_> {
         self.forward(activations, sums)
     }
 
+    #[cfg(feature = "encoder")]
     /// As [`Self::act`], with `features` in the format of the inputs behind the observation. `activations` is memory
     /// for all of them, filled up to an even number, and at least [`WIDTH_LIMIT`] values.
     pub(crate) fn act_on_features(
@@ -238,7 +241,14 @@ impl<'a> FixedMlp<'a> {
     ) -> Result<Self, PolicyError> {
         let input_scale = (1_u32 << format.input_fraction_bits.min(INPUT_FRACTION_BITS_LIMIT)) as f32;
         let outputs = usize::from(widths.last().copied().unwrap_or_default());
-        let mut network = Self { layers: Vec::new(), outputs, format, input_scale, output_scale: 1.0 };
+        let mut network = Self {
+            layers: Vec::new(),
+            outputs,
+            #[cfg(feature = "learning")]
+            format,
+            input_scale,
+            output_scale: 1.0,
+        };
         let mut rest = parameters;
         for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {
             let (inputs, outputs) = (usize::from(inputs), usize::from(outputs));

@@ -7,19 +7,11 @@
 
 use heapless::Vec;
 
-use crate::action::ACTION_LIMIT;
 use crate::activation::tanh;
-use crate::policy_file::PolicyError;
+use crate::limits::{ACTION_LIMIT, ROW_BLOCK};
+pub use crate::limits::{LAYER_LIMIT, WIDTH_LIMIT};
+use crate::policy_error::PolicyError;
 use crate::real::Real;
-
-/// Most layers of a policy.
-pub const LAYER_LIMIT: usize = 4;
-
-/// Most values in an observation or a hidden layer.
-pub const WIDTH_LIMIT: usize = 128;
-
-/// Rows are stored in multiples of this.
-pub(crate) const ROW_BLOCK: usize = 4;
 
 const WIDE_ROW_BLOCK: usize = 16;
 
@@ -75,6 +67,7 @@ impl Mlp<'_> {
         self.forward(inputs, outputs)
     }
 
+    #[cfg(feature = "encoder")]
     /// As [`Self::act`], with `features` behind the observation. `inputs` is memory for all of them, and at least
     /// [`WIDTH_LIMIT`] values.
     pub(crate) fn act_on_features(

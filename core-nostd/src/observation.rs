@@ -1,25 +1,20 @@
 //! What a policy observes: layouts that turn a state into a vector of numbers of order one.
 
-mod kinematic;
-mod paper;
 mod pilot;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-pub use kinematic::KinematicLayout;
-pub use paper::{REFERENCE_LEN, ReferenceLayout};
 pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout, PilotMeasuredLayout};
 
-use crate::action::ACTION_LIMIT;
+use crate::limits::ACTION_LIMIT;
+pub use crate::limits::{HISTORY_LIMIT, OBSERVATION_LIMIT};
 use crate::real::Real;
+#[cfg(feature = "reference")]
+pub use crate::reference::{KinematicLayout, REFERENCE_LEN, ReferenceLayout};
 use crate::vehicle::State;
-
-/// Most values in an observation: as many as a policy reads.
-pub const OBSERVATION_LIMIT: usize = crate::mlp::WIDTH_LIMIT;
-
-/// Most past actions that a layout reads.
-pub const HISTORY_LIMIT: usize = 32;
+#[cfg(not(feature = "reference"))]
+pub use crate::without_reference::{KinematicLayout, ReferenceLayout};
 
 /// The layouts a policy can be trained on; the identifier and its numbers travel in the policy file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,7 +61,7 @@ impl ObservationLayout {
     pub const fn len(&self) -> usize {
         match self {
             Self::Pilot(_) => PILOT_LEN,
-            Self::Reference(_) => REFERENCE_LEN,
+            Self::Reference(layout) => layout.len(),
             Self::Kinematic(layout) => layout.len(),
             Self::Measured(layout) => layout.len as usize,
             Self::PilotFor(layout) => layout.len(),
@@ -106,8 +101,9 @@ impl ObservationLayout {
     pub const fn history_len(&self) -> usize {
         match self {
             Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) => 1,
-            Self::Reference(_) | Self::Measured(_) => 0,
-            Self::Kinematic(layout) => layout.past_actions as usize,
+            Self::Measured(_) => 0,
+            Self::Reference(layout) => layout.history_len(),
+            Self::Kinematic(layout) => layout.history_len(),
         }
     }
 

@@ -1,10 +1,12 @@
 //! A policy at the controls: the one call that a firmware makes every control period.
 
 mod controller;
+#[cfg(feature = "encoder")]
 mod vision;
 
 use nalgebra::Vector3;
 
+#[cfg(feature = "encoder")]
 pub use vision::VisionPilot;
 
 use crate::policy_file::{PolicyError, PolicyFile, PolicyScratch};

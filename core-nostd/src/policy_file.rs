@@ -3,22 +3,23 @@
 //! `POLICY_FORMAT.md` in this package is the specification. Nothing is copied when a file is parsed: the weights
 //! are read where they lie, in flash or in a host's buffer.
 
-mod error;
 mod header;
 mod metadata;
 mod parameters;
+#[cfg(feature = "encoder")]
 mod vision;
 mod writer;
 
-pub use error::PolicyError;
+pub use crate::policy_error::PolicyError;
 pub use header::{FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat, VISION_FORMAT_VERSION};
 pub use metadata::{NAME_LIMIT, PolicyMetadata};
+#[cfg(feature = "encoder")]
 pub use vision::{ENCODER_HEADER_LEN, EncoderDraft, EncoderWorkspace, PolicyEncoder, VisionDraft, VisionPolicy};
 pub use writer::PolicyDraft;
 
-use crate::action::ACTION_LIMIT;
 use crate::fixed::{self, FixedMlp};
-use crate::mlp::{self, Mlp, WIDTH_LIMIT};
+use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
+use crate::mlp::{self, Mlp};
 use header::{Header, Sections};
 use metadata::{action_identifier, layout_identifier};
 

@@ -2,8 +2,8 @@
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::BulletState;
 use kestrel_core::real::Real;
+use kestrel_core::reference::bullet::BulletState;
 use kestrel_core::vehicle::{State, Vehicle};
 use nalgebra::Vector3;
 

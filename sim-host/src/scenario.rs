@@ -4,9 +4,9 @@ use std::sync::{Arc, OnceLock};
 
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::airframe::Airframe;
-use kestrel_core::bullet::{BulletMode, Quirks};
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::{ObservationLayout, PilotLayout};
+use kestrel_core::reference::bullet::{BulletMode, Quirks};
 use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 

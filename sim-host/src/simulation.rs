@@ -5,8 +5,8 @@ mod imaging;
 use std::sync::Arc;
 
 use kestrel_core::action::{ACTION_LIMIT, ActionSpace, CONTROL_MEMORY_LEN, ControlMemory, Controls};
-use kestrel_core::bullet::BulletState;
 use kestrel_core::real::Real;
+use kestrel_core::reference::bullet::BulletState;
 use kestrel_core::vehicle::State;
 use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};

@@ -3,10 +3,10 @@
 use kestrel_core::action::Controls;
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{Bullet, BulletMode, BulletState, Quirks};
 use kestrel_core::downwash::Jet;
 use kestrel_core::dynamics::Integrator::{self, RungeKutta4, SemiImplicitEuler};
 use kestrel_core::real::Real;
+use kestrel_core::reference::bullet::{Bullet, BulletMode, BulletState, Quirks};
 use kestrel_core::vehicle::Ground::{self, Distant, Near};
 use kestrel_core::vehicle::{Air, State, Vehicle};
 use nalgebra::Vector3;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use kestrel_core::airframe::{CF2X, RADIANS_PER_SECOND_PER_RPM};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{
+use kestrel_core::reference::bullet::{
     Bullet, BulletMode, BulletState, DragFrame, DynAttitude, DynReport, LinkAttitude, Quirks, RotorPrecision,
 };
 use kestrel_core::vehicle::State;

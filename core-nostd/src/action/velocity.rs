@@ -78,10 +78,10 @@ mod tests {
 
     fn still(world_from_body: Attitude<f64>) -> State<f64> {
         State {
-            position: crate::vector::zero(),
+            position: Vector3::zeros(),
             world_from_body,
-            velocity: crate::vector::zero(),
-            body_rates: crate::vector::zero(),
+            velocity: Vector3::zeros(),
+            body_rates: Vector3::zeros(),
             rotor_speeds: [CF2X.hover_rotor_speed(); 4],
         }
     }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Filters are stored in multiples of this.
-pub(super) const FILTER_BLOCK: usize = crate::mlp::ROW_BLOCK;
+pub(super) const FILTER_BLOCK: usize = crate::limits::ROW_BLOCK;
 
 /// Terms of a fixed-point sum are stored in multiples of this.
 pub(super) const TERM_GROUP: usize = 4;

@@ -1,8 +1,8 @@
 //! One layer in integers: parameters that are read where they lie, and the sums of products with them.
 
 use super::{REQUANTISATION_SHIFT, SUM_FRACTION_BITS, input_limit};
-use crate::mlp::{ROW_BLOCK, WIDTH_LIMIT};
-use crate::policy_file::PolicyError;
+use crate::limits::{ROW_BLOCK, WIDTH_LIMIT};
+use crate::policy_error::PolicyError;
 
 #[cfg(all(feature = "assembly", target_arch = "arm"))]
 use super::smlad::dense;

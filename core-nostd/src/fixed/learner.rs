@@ -1,8 +1,8 @@
 //! The output layer of a network, learning on board.
 
 use super::{FixedMlp, FixedScratch};
-use crate::action::ACTION_LIMIT;
 use crate::anchor::fixed::{Fraction, dither, dithered};
+use crate::limits::ACTION_LIMIT;
 use crate::real::Real;
 
 /// Fraction bits of errors: 1.5e-5 of the action's range.

@@ -1,8 +1,9 @@
 //! From trained weights to the integers of a policy file: choosing formats, rounding, laying out.
 
 use super::{COLUMN_GROUP, FixedFormat, INPUT_FRACTION_BITS_LIMIT, WEIGHT_FRACTION_BITS_LIMIT, input_limit};
-use crate::mlp::{DenseLayer, LAYER_LIMIT, ROW_BLOCK};
-use crate::policy_file::PolicyError;
+use crate::limits::{LAYER_LIMIT, ROW_BLOCK};
+use crate::mlp::DenseLayer;
+use crate::policy_error::PolicyError;
 
 impl FixedFormat {
     /// The finest formats in which observations up to `largest_observation` do not saturate, no weight saturates

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::ObservationInput;
-use crate::action::ACTION_LEN;
+use crate::limits::ACTION_LEN;
 use crate::real::Real;
 use crate::vehicle::State;
 

@@ -2,11 +2,12 @@
 
 use nalgebra::Vector3;
 
-use crate::action::{ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence};
-use crate::controller::Setpoint;
-use crate::observation::{HISTORY_LIMIT, OBSERVATION_LIMIT, ObservationInput};
+use crate::action::{ActionSpace, ControlMemory, Controls, Persistence};
+use crate::limits::{ACTION_LIMIT, HISTORY_LIMIT, OBSERVATION_LIMIT};
+use crate::observation::ObservationInput;
 use crate::policy_file::PolicyMetadata;
 use crate::real::Real;
+use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 
 /// The past actions and the controller of one policy, whose metadata every call takes.
@@ -89,8 +90,6 @@ impl PolicyController {
 fn within_limits(metadata: &PolicyMetadata<'_>, targets: [f32; 4]) -> [f32; 4] {
     match &metadata.action {
         ActionSpace::RotorSpeeds(_) | ActionSpace::ThrustBodyRates(_) | ActionSpace::Velocities(_) => targets,
-        ActionSpace::Reference(space) => {
-            targets.map(|target| target.limited(0.0, space.airframe.rotor_speed_limit as f32))
-        }
+        ActionSpace::Reference(space) => targets.map(|target| target.limited(0.0, space.rotor_speed_limit())),
     }
 }

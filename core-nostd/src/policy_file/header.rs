@@ -6,10 +6,10 @@ use heapless::Vec;
 
 use super::metadata::{LAYOUT_COUNT, SPACE_COUNT};
 use super::{Arithmetic, PolicyError};
-use crate::action::ACTION_LEN;
 use crate::crc32::crc32;
 use crate::fixed::{self, FixedFormat};
-use crate::mlp::{self, LAYER_LIMIT, WIDTH_LIMIT};
+use crate::limits::{ACTION_LEN, LAYER_LIMIT, WIDTH_LIMIT};
+use crate::mlp;
 
 /// The first bytes of every policy file. The first is no text, the line ends show transfers that "correct" them.
 pub const MAGIC: [u8; 8] = *b"\x89KPOL\r\n\x1a";
@@ -132,6 +132,8 @@ impl Header {
         if !(1..=SPACE_COUNT).contains(&self.action_space) {
             return Err(PolicyError::ActionSpace { found: self.action_space });
         }
+        #[cfg(not(feature = "reference"))]
+        check_reference(self.observation_layout, self.action_space)?;
         for (layer, width) in self.widths.iter().map(|width| usize::from(*width)).enumerate() {
             if !(1..=WIDTH_LIMIT).contains(&width) {
                 return Err(PolicyError::Width { layer, found: width });
@@ -201,6 +203,17 @@ impl Header {
         }
         bytes[34..39].copy_from_slice(&self.parameters.fraction_bits());
         bytes
+    }
+}
+
+/// Refuses what only compares with the reference system: layouts 2 and 3, space 3.
+#[cfg(not(feature = "reference"))]
+fn check_reference(observation_layout: u16, action_space: u16) -> Result<(), PolicyError> {
+    let missing = |needs| Err(PolicyError::MissingFeature { needs, feature: "reference" });
+    match (observation_layout, action_space) {
+        (2 | 3, _) => missing("an observation layout of the reference system"),
+        (_, 3) => missing("an action space of the reference system"),
+        (_, _) => Ok(()),
     }
 }
 

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::PolicyError;
-use crate::action::{ACTION_LEN, ActionSpace, ReferenceActions, ThrustBodyRates};
-use crate::airframe::{Airframe, Downwash, DragCoefficients, Layout};
-use crate::observation::{HISTORY_LIMIT, ObservationLayout, PilotLayout};
+use crate::action::{ActionSpace, ThrustBodyRates};
+use crate::limits::ACTION_LEN;
+use crate::observation::{ObservationLayout, PilotLayout};
+use crate::policy_error::{PolicyError, finite, holds, positive};
 
 /// Most bytes of a name.
 pub const NAME_LIMIT: usize = 64;
@@ -85,15 +85,8 @@ fn check_observation(layout: &ObservationLayout, action_len: usize) -> Result<()
             holds(action_len == ACTION_LEN, "values of an action", action_len, expected)?;
             holds(pilot.measured_len > 0, "measured_len", usize::from(pilot.measured_len), "at least 1")
         }
-        ObservationLayout::Reference(paper) => {
-            positive("planar_limit_m", paper.planar_limit_m)?;
-            positive("height_limit_m", paper.height_limit_m)
-        }
-        ObservationLayout::Kinematic(kinematic) => {
-            let (past, found) = (usize::from(kinematic.past_actions), usize::from(kinematic.action_len));
-            holds(found == action_len, "action_len", found, "that of the action")?;
-            holds(past <= HISTORY_LIMIT, "past_actions", past, "at most 32")
-        }
+        ObservationLayout::Reference(layout) => layout.check(action_len),
+        ObservationLayout::Kinematic(layout) => layout.check(action_len),
         ObservationLayout::Measured(measured) => {
             holds(measured.len > 0, "len", usize::from(measured.len), "at least 1")
         }
@@ -121,10 +114,7 @@ fn check_action(space: &ActionSpace) -> Result<(), PolicyError> {
             positive("velocity_gain", space.velocity_gain)?;
             positive("attitude_gain", space.attitude_gain)
         }
-        ActionSpace::Reference(ReferenceActions { airframe, controller, .. }) => {
-            check_airframe(airframe)?;
-            check_airframe(controller.airframe())
-        }
+        ActionSpace::Reference(space) => space.check(),
     }
 }
 
@@ -134,44 +124,4 @@ fn check_rates(space: &ThrustBodyRates) -> Result<(), PolicyError> {
     positive("thrust_fraction", space.thrust_fraction)?;
     let numbers = space.body_rates_limit.iter().chain(&space.rate_gains).chain(space.mixer.as_flattened());
     numbers.copied().try_for_each(|number| finite("a controller gain", number))
-}
-
-/// What divides must be positive, the rest finite.
-fn check_airframe(airframe: &Airframe) -> Result<(), PolicyError> {
-    let single = |number: f64| number as f32;
-    positive("mass", single(airframe.mass))?;
-    positive("arm", single(airframe.arm))?;
-    positive("thrust_coefficient", single(airframe.thrust_coefficient))?;
-    positive("torque_coefficient", single(airframe.torque_coefficient.abs()))?;
-    positive("rotor_speed_limit", single(airframe.rotor_speed_limit))?;
-    let [x, y] = match airframe.layout {
-        Layout::Cross { x, y } => [x, y],
-        Layout::Plus { arm } => [arm, arm],
-    };
-    let DragCoefficients { planar, axial } = airframe.drag_coefficients;
-    let Downwash { strength, width_slope, width_offset } = airframe.downwash;
-    let [jx, jy, jz] = airframe.inertia;
-    let (rise, fall) = (airframe.rotor_rise_secs, airframe.rotor_fall_secs);
-    let (radius, height) = (airframe.collision_radius, airframe.collision_height);
-    let numbers = [
-        [x, y, rise, fall, planar, axial],
-        [jx, jy, jz, strength, width_slope, width_offset],
-        [radius, height, airframe.collision_offset, airframe.nominal_speed, 0.0, 0.0],
-        [airframe.propeller_radius, airframe.ground_effect_coefficient, 0.0, 0.0, 0.0, 0.0],
-    ];
-    numbers.as_flattened().iter().try_for_each(|number| finite("an airframe number", single(*number)))
-}
-
-fn holds(condition: bool, field: &'static str, found: usize, expected: &'static str) -> Result<(), PolicyError> {
-    condition.then_some(()).ok_or(PolicyError::MetadataValue { field, found: found as f32, expected })
-}
-
-fn positive(field: &'static str, found: f32) -> Result<(), PolicyError> {
-    // Subnormal scales would turn into infinite factors.
-    let valid = found.is_normal() && found > 0.0;
-    valid.then_some(()).ok_or(PolicyError::MetadataValue { field, found, expected: "a positive number" })
-}
-
-fn finite(field: &'static str, found: f32) -> Result<(), PolicyError> {
-    found.is_finite().then_some(()).ok_or(PolicyError::MetadataValue { field, found, expected: "a finite number" })
 }

@@ -1,8 +1,7 @@
 //! Reading a policy file back into numbers: for exporters and tests, not for flight.
 
 use super::{Network, ParameterFormat, PolicyFile, read_golden};
-use crate::action::ACTION_LIMIT;
-use crate::mlp::WIDTH_LIMIT;
+use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
 
 impl PolicyFile<'_> {
     /// The weight that stands in `row` and `column` of `layer`; zero beyond the matrix. Exact in either format.

@@ -13,7 +13,7 @@ pub use writer::{EncoderDraft, VisionDraft};
 use super::{
     Arithmetic, ParameterFormat, PolicyError, PolicyMetadata, PolicyScratch, compare, read_golden, read_metadata,
 };
-use crate::action::ACTION_LIMIT;
+use crate::limits::ACTION_LIMIT;
 use header::{VisionHeader, VisionSections};
 use network::VisionNetwork;
 

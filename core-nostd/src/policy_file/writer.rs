@@ -5,7 +5,8 @@ use super::metadata::{action_identifier, layout_identifier};
 use super::{FORMAT_VERSION, HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, PolicyScratch};
 use crate::crc32::crc32;
 use crate::fixed::FixedFormat;
-use crate::mlp::{DenseLayer, LAYER_LIMIT};
+use crate::limits::LAYER_LIMIT;
+use crate::mlp::DenseLayer;
 
 /// What goes into a policy file. The golden actions are computed while it is written.
 #[derive(Clone, Copy, Debug)]

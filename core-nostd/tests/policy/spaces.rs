@@ -1,13 +1,12 @@
 //! Policies for every observation layout and every action space.
 
+use kestrel_core::action::Setpoint;
 use kestrel_core::action::{
     ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, ReferenceActionKind, ReferenceActions,
     ReferenceController, Velocities,
 };
 use kestrel_core::airframe::{Airframe, CF2X, Downwash, DragCoefficients, HUMMINGBIRD, Layout, RotorOrder};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::controller::Setpoint;
-use kestrel_core::controller::command::Precision;
 use kestrel_core::crc32::crc32;
 use kestrel_core::observation::{
     KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PilotForLayout,
@@ -17,6 +16,7 @@ use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{
     HEADER_LEN, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch,
 };
+use kestrel_core::reference::controller::command::Precision;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use proptest::prelude::*;

@@ -2,7 +2,7 @@
 //!
 //! It takes over where a policy fails, flies where a peer chooses it, and follows what no policy was trained for: a position
 //! asks for a velocity, that for an attitude, that for body rates, and those for rotor speeds. The last three are the
-//! core's ([`Velocities`], [`ThrustBodyRates`]). The reference system's PID ([`kestrel_core::controller::DslPid`]) was
+//! core's ([`Velocities`], [`ThrustBodyRates`]). The reference system's PID (`DslPid` of kestrel-core's feature `reference`) was
 //! tried first: rotors that lag by 0.09 s, as real ones do, let it oscillate.
 
 use kestrel_core::action::{ThrustBodyRates, Velocities};

@@ -1,9 +1,9 @@
 //! Actions to rotor targets, and where an agent shall go meanwhile.
 
+use kestrel_core::action::Setpoint;
 use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Controls};
-use kestrel_core::controller::Setpoint;
-use kestrel_core::controller::command::{Hover, Precision};
 use kestrel_core::real::Real;
+use kestrel_core::reference::controller::command::{Hover, Precision};
 use nalgebra::Vector3;
 
 use super::Agent;

@@ -1,10 +1,10 @@
 //! How time advances.
 
-use kestrel_core::bullet::{
+use kestrel_core::dynamics::Integrator;
+use kestrel_core::reference::bullet::{
     AttitudeUpdate, BulletMode, DownwashAxis, DragFrame, DragRotors, DynAttitude, DynLevers, DynReport,
     GroundQuery, LinkAttitude, Quirks, RotorPrecision,
 };
-use kestrel_core::dynamics::Integrator;
 use kestrel_core::vehicle::Ground;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! A few drones in a world, free flight by the core and contacts by the solver.
 
 use kestrel_core::airframe::Airframe;
-use kestrel_core::bullet::{Bullet, BulletMode, BulletState, Quirks};
+use kestrel_core::reference::bullet::{Bullet, BulletMode, BulletState, Quirks};
 use kestrel_core::vehicle::State;
 use kestrel_sim::contact::{Arena, ContactMemory, ContactReport, ContactSolver, Motion};
 use kestrel_sim::world::{Pose, World};

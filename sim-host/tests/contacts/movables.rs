@@ -1,7 +1,7 @@
 //! Boxes that a drone can push, in both physics.
 
 use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
-use kestrel_core::bullet::BulletMode;
+use kestrel_core::reference::bullet::BulletMode;
 use kestrel_sim::contact::{ContactReport, Touch};
 use kestrel_sim::world::{Movable, Solid, World};
 use nalgebra::Vector3;

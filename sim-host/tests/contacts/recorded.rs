@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use kestrel_core::airframe::{Airframe, CF2P, CF2X, RADIANS_PER_SECOND_PER_RPM, RotorOrder};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{BulletMode, BulletState};
+use kestrel_core::reference::bullet::{BulletMode, BulletState};
 use kestrel_core::vehicle::State;
 use kestrel_sim::contact::{Arena, ContactReport};
 use kestrel_sim::world::{Pose, Shape, Solid, World};

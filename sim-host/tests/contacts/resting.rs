@@ -4,7 +4,7 @@ use core::f64::consts::FRAC_PI_2;
 
 use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::BulletMode;
+use kestrel_core::reference::bullet::BulletMode;
 use kestrel_sim::contact::{ContactReport, Touch};
 use kestrel_sim::world::{Solid, World};
 use nalgebra::Vector3;

@@ -215,13 +215,13 @@ fn track(state: &State<f32>, error: &Vector3<f32>, integral: &Vector3<f32>) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kestrel_core::action::Setpoint;
     use kestrel_core::action::{
         ControlMemory, Controls, Persistence, ReferenceController, RotorSpeeds, Velocities,
     };
     use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
-    use kestrel_core::bullet::{Bullet, BulletMode, BulletState, Quirks};
-    use kestrel_core::controller::Setpoint;
-    use kestrel_core::controller::command::Precision;
+    use kestrel_core::reference::bullet::{Bullet, BulletMode, BulletState, Quirks};
+    use kestrel_core::reference::controller::command::Precision;
 
     /// As in the thesis.
     const CONTROL_SECS: f32 = 1.0 / 48.0;

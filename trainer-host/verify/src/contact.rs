@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{Bullet, BulletState, Quirks};
+use kestrel_core::reference::bullet::{Bullet, BulletState, Quirks};
 use kestrel_core::vehicle::State;
 use kestrel_sim::contact::{Arena, ContactMemory, ContactReport, ContactSolver, Motion};
 use kestrel_sim::world::{Pose, Shape, Solid, World};

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use kestrel_core::action::Setpoint;
 use kestrel_core::airframe::{Airframe, HUMMINGBIRD};
-use kestrel_core::bullet::{Bullet, BulletState, Quirks};
-use kestrel_core::controller::{Allocation, DslPid, DslPidMemory, Setpoint, SimplePid, SimplePidMemory, command};
-use kestrel_core::euler::EulerAngles;
+use kestrel_core::reference::bullet::{Bullet, BulletState, Quirks};
+use kestrel_core::reference::controller::{Allocation, DslPid, DslPidMemory, SimplePid, SimplePidMemory, command};
+use kestrel_core::reference::euler::EulerAngles;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde::Deserialize;

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use kestrel_core::action::Setpoint;
 use kestrel_core::airframe::Airframe;
-use kestrel_core::bullet::{Bullet, BulletState, Quirks};
-use kestrel_core::controller::{DslPid, DslPidMemory, Setpoint, command};
+use kestrel_core::reference::bullet::{Bullet, BulletState, Quirks};
+use kestrel_core::reference::controller::{DslPid, DslPidMemory, command};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde::Deserialize;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use kestrel_core::airframe::{Airframe, CF2P, CF2X, HUMMINGBIRD, RACER, RotorOrder};
-use kestrel_core::bullet::BulletMode;
+use kestrel_core::reference::bullet::BulletMode;
 use serde::Deserialize;
 
 use super::error::RecordingError;

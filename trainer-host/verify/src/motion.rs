@@ -2,7 +2,7 @@
 
 use kestrel_core::airframe::{Airframe, RADIANS_PER_SECOND_PER_RPM};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{Bullet, BulletState};
+use kestrel_core::reference::bullet::{Bullet, BulletState};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use kestrel_core::bullet::{Bullet, Quirks};
+use kestrel_core::reference::bullet::{Bullet, Quirks};
 use nalgebra::Vector3;
 use serde::Deserialize;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use kestrel_core::airframe::Airframe;
-use kestrel_core::bullet::{Bullet, BulletState, Quirks};
+use kestrel_core::reference::bullet::{Bullet, BulletState, Quirks};
 use nalgebra::Vector3;
 use serde::Deserialize;
 

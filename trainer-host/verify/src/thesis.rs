@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use kestrel_core::airframe::Airframe;
-use kestrel_core::bullet::{Bullet, BulletMode, Quirks, RotorPrecision};
-use kestrel_core::controller::{DslPid, DslPidMemory, command};
+use kestrel_core::reference::bullet::{Bullet, BulletMode, Quirks, RotorPrecision};
+use kestrel_core::reference::controller::{DslPid, DslPidMemory, command};
 use serde::Deserialize;
 use serde_json::Value;
 

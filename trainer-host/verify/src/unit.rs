@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use kestrel_core::action::Setpoint;
 use kestrel_core::airframe::{Airframe, GRAVITY, RADIANS_PER_SECOND_PER_RPM};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{Bullet, BulletMode, Quirks};
-use kestrel_core::controller::{DslPid, DslPidMemory, Setpoint};
-use kestrel_core::euler::EulerAngles;
+use kestrel_core::reference::bullet::{Bullet, BulletMode, Quirks};
+use kestrel_core::reference::controller::{DslPid, DslPidMemory};
+use kestrel_core::reference::euler::EulerAngles;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde_json::Value;

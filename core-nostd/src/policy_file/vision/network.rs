@@ -3,10 +3,10 @@
 use super::super::{Arithmetic, Network, ParameterFormat, PolicyError, PolicyScratch};
 use super::EncoderWorkspace;
 use super::header::VisionHeader;
-use crate::action::ACTION_LIMIT;
 use crate::encoder::{Encoder, EncoderShape, FixedEncoder};
 use crate::fixed::FixedMlp;
-use crate::mlp::{Mlp, WIDTH_LIMIT};
+use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
+use crate::mlp::Mlp;
 
 /// The encoder of a policy, in its arithmetic.
 #[derive(Clone, Debug)]

@@ -9,7 +9,7 @@ use super::network::VisionNetwork;
 use crate::crc32::crc32;
 use crate::encoder::{EncoderError, EncoderFormat, EncoderShape, STAGE_LIMIT, write_fixed, write_float};
 use crate::fixed::{FixedFormat, INPUT_FRACTION_BITS_LIMIT};
-use crate::mlp::WIDTH_LIMIT;
+use crate::limits::WIDTH_LIMIT;
 
 /// What goes into the policy file of a policy with an encoder.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 
 use kestrel_core::action::{Persistence, ReferenceActionKind, ReferenceActions, ReferenceController};
 use kestrel_core::airframe::{Airframe, CF2X, HUMMINGBIRD, Layout, RotorOrder};
-use kestrel_core::controller::command::Precision;
+use kestrel_core::reference::controller::command::Precision;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

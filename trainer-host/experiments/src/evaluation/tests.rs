@@ -2,11 +2,11 @@
 
 use kestrel_core::action::{ActionSpace, Persistence, ReferenceActionKind, ReferenceActions, ReferenceController};
 use kestrel_core::airframe::CF2X;
-use kestrel_core::controller::command::Precision;
 use kestrel_core::observation::{
     KinematicLayout, ObservationLayout, PilotForLayout, PilotLayout, ReferenceLayout,
 };
 use kestrel_core::policy_file::PolicyMetadata;
+use kestrel_core::reference::controller::command::Precision;
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, export_seeing};
 use kestrel_export::{DenseLayer, export};
 use kestrel_learn::ppo::{EyeKind, EyeSettings, EyeSharing, PpoSettings, Trainer};

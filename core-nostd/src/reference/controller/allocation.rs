@@ -118,7 +118,7 @@ fn product<R: Real>(a: &[R; 4], b: &[R; 4]) -> R {
 mod tests {
     use super::*;
     use crate::airframe::{CF2P, CF2X, HUMMINGBIRD, RACER, RotorOrder};
-    use crate::bullet::{Bullet, BulletMode, Quirks};
+    use crate::reference::bullet::{Bullet, BulletMode, Quirks};
     use proptest::prelude::*;
 
     #[test]
@@ -144,8 +144,10 @@ mod tests {
                 body_rates: Vector3::zeros(),
                 rotor_speeds: [0.0; 4],
             };
-            let turning =
-                bullet.step(&crate::bullet::BulletState::placed(level), &speeds, &[], 1.0).motion.body_rates;
+            let turning = bullet
+                .step(&crate::reference::bullet::BulletState::placed(level), &speeds, &[], 1.0)
+                .motion
+                .body_rates;
             let found = turning.component_mul(&Vector3::from(airframe.inertia));
             assert!((found - torque).norm() < 1e-9 * torque.norm());
         }

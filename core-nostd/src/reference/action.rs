@@ -2,11 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ACTION_LIMIT;
-use crate::airframe::Airframe;
-use crate::controller::command::{self, Hover, Precision};
-use crate::controller::{Allocation, DslPid, DslPidMemory, Setpoint, SimplePid, SimplePidMemory};
+use crate::action::Persistence;
+use crate::airframe::{Airframe, Downwash, DragCoefficients, Layout};
+use crate::limits::ACTION_LIMIT;
+use crate::policy_error::{PolicyError, finite, positive};
 use crate::real::Real;
+use crate::reference::controller::command::{self, Hover, Precision};
+use crate::reference::controller::{Allocation, DslPid, DslPidMemory, SimplePid, SimplePidMemory};
+use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 
 /// Numbers of a [`ControlMemory`] in a row.
@@ -44,16 +47,6 @@ pub enum ReferenceController {
     Dsl(Airframe),
     /// `SimplePIDControl`, of the Hummingbird.
     Simple(Airframe),
-}
-
-/// How long a controller remembers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Persistence {
-    /// Until the episode ends: what the reference meant.
-    #[default]
-    ResetEachEpisode,
-    /// For ever: what the reference does.
-    Persist,
 }
 
 /// An action type of the reference for one airframe.
@@ -138,6 +131,33 @@ impl ReferenceActionKind {
     }
 }
 
+impl ReferenceActions {
+    /// Values in an action.
+    pub(crate) const fn len(&self) -> usize {
+        self.kind.len()
+    }
+
+    /// As written in configurations.
+    pub(crate) const fn name(&self) -> &'static str {
+        self.kind.name()
+    }
+
+    /// Greatest rotor speed \[rad/s\].
+    pub(crate) const fn rotor_speed_limit(&self) -> f32 {
+        self.airframe.rotor_speed_limit as f32
+    }
+
+    pub(crate) const fn persistence(&self) -> Persistence {
+        self.persistence
+    }
+
+    /// Refuses numbers with which a flight would compute nonsense.
+    pub(crate) fn check(&self) -> Result<(), PolicyError> {
+        check_airframe(&self.airframe)?;
+        check_airframe(self.controller.airframe())
+    }
+}
+
 impl ReferenceController {
     /// What it takes the drone for.
     pub const fn airframe(&self) -> &Airframe {
@@ -169,7 +189,7 @@ impl<R: Real> ReferenceControls<R> {
         (self.kind == ReferenceActionKind::Rpm).then_some((self.hover, self.precision))
     }
 
-    /// As [`super::Controls::rotor_targets`].
+    /// As [`Controls::rotor_targets`](crate::action::Controls::rotor_targets).
     #[inline]
     pub fn rotor_targets(
         &self,
@@ -264,7 +284,7 @@ impl<R: Real> ControlMemory<R> {
     /// The memory of which [`Self::to_array`] gave these numbers.
     pub fn from_array(numbers: &[R; CONTROL_MEMORY_LEN]) -> Self {
         let mut vectors = numbers.as_chunks::<3>().0.iter().map(|[x, y, z]| nalgebra::Vector3::new(*x, *y, *z));
-        let mut next = || vectors.next().unwrap_or_else(crate::vector::zero);
+        let mut next = || vectors.next().unwrap_or_else(crate::reference::vector::zero);
         Self {
             dsl: DslPidMemory { position_integral: next(), attitude_integral: next(), last_angles: next() },
             simple: SimplePidMemory {
@@ -281,6 +301,32 @@ impl<R: Real> Default for ControlMemory<R> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// What divides must be positive, the rest finite.
+fn check_airframe(airframe: &Airframe) -> Result<(), PolicyError> {
+    let single = |number: f64| number as f32;
+    positive("mass", single(airframe.mass))?;
+    positive("arm", single(airframe.arm))?;
+    positive("thrust_coefficient", single(airframe.thrust_coefficient))?;
+    positive("torque_coefficient", single(airframe.torque_coefficient.abs()))?;
+    positive("rotor_speed_limit", single(airframe.rotor_speed_limit))?;
+    let [x, y] = match airframe.layout {
+        Layout::Cross { x, y } => [x, y],
+        Layout::Plus { arm } => [arm, arm],
+    };
+    let DragCoefficients { planar, axial } = airframe.drag_coefficients;
+    let Downwash { strength, width_slope, width_offset } = airframe.downwash;
+    let [jx, jy, jz] = airframe.inertia;
+    let (rise, fall) = (airframe.rotor_rise_secs, airframe.rotor_fall_secs);
+    let (radius, height) = (airframe.collision_radius, airframe.collision_height);
+    let numbers = [
+        [x, y, rise, fall, planar, axial],
+        [jx, jy, jz, strength, width_slope, width_offset],
+        [radius, height, airframe.collision_offset, airframe.nominal_speed, 0.0, 0.0],
+        [airframe.propeller_radius, airframe.ground_effect_coefficient, 0.0, 0.0, 0.0, 0.0],
+    ];
+    numbers.as_flattened().iter().try_for_each(|number| finite("an airframe number", single(*number)))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! One physics step from a fresh state.
 
 use kestrel_core::airframe::{CF2X, RotorOrder};
-use kestrel_core::bullet::{Bullet, Quirks};
+use kestrel_core::reference::bullet::{Bullet, Quirks};
 use nalgebra::Vector3;
 
 use crate::recording::{STEP_SECS, Table, Worst, cases, deviation, largest, mode, placed, rotor_speeds, settings};

@@ -1,15 +1,15 @@
 //! Flights of the thesis's fork, one row per control step of five physics steps.
 
+use kestrel_core::action::Setpoint;
 use kestrel_core::action::{
     ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, ReferenceActionKind, ReferenceActions,
     ReferenceController,
 };
 use kestrel_core::airframe::{Airframe, RADIANS_PER_SECOND_PER_RPM, RotorOrder};
-use kestrel_core::bullet::{Bullet, BulletState, Quirks, RotorPrecision};
-use kestrel_core::controller::Setpoint;
-use kestrel_core::controller::command::{self, Precision};
-use kestrel_core::euler::EulerAngles;
 use kestrel_core::observation::{ObservationInput, REFERENCE_LEN, ReferenceLayout};
+use kestrel_core::reference::bullet::{Bullet, BulletState, Quirks, RotorPrecision};
+use kestrel_core::reference::controller::command::{self, Precision};
+use kestrel_core::reference::euler::EulerAngles;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde_json::Value;

@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ObservationInput;
-use crate::euler::EulerAngles;
+use super::euler::EulerAngles;
+use crate::observation::ObservationInput;
+use crate::policy_error::{PolicyError, positive};
 use crate::real::Real;
-use crate::vector::length;
+use crate::reference::vector::length;
 use crate::vehicle::State;
 
 /// Values in the `paper` layout.
@@ -40,6 +41,20 @@ impl ReferenceLayout {
     /// The layout of an environment whose longest episode is so long \[s\].
     pub const fn of_episode(secs: f32) -> Self {
         Self { planar_limit_m: 3.0 * secs, height_limit_m: secs }
+    }
+
+    /// Number of values.
+    pub(crate) const fn len(&self) -> usize {
+        REFERENCE_LEN
+    }
+
+    pub(crate) const fn history_len(&self) -> usize {
+        0
+    }
+
+    pub(crate) fn check(&self, _action_len: usize) -> Result<(), PolicyError> {
+        positive("planar_limit_m", self.planar_limit_m)?;
+        positive("height_limit_m", self.height_limit_m)
     }
 
     /// The observation; it reads state and angular velocity.

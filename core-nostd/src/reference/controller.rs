@@ -17,27 +17,6 @@ pub use dsl_pid::{DslPid, DslPidMemory};
 pub use simple_pid::{SimplePid, SimplePidMemory};
 
 use crate::real::Real;
-use crate::vector::zero;
-
-/// Where a drone should be and how it should move there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Setpoint<R> {
-    /// \[m\], world.
-    pub position: Vector3<R>,
-    /// \[m/s\], world.
-    pub velocity: Vector3<R>,
-    /// Heading \[rad\].
-    pub yaw: R,
-    /// Rates of roll, pitch and yaw \[rad/s\].
-    pub euler_rates: Vector3<R>,
-}
-
-impl<R: Real> Setpoint<R> {
-    /// At rest at a position \[m, world\], facing +x.
-    pub fn at(position: Vector3<R>) -> Self {
-        Self { position, velocity: zero(), yaw: R::zero(), euler_rates: zero() }
-    }
-}
 
 /// What a controller commands, and how far it is off.
 #[derive(Clone, Copy, Debug, PartialEq)]

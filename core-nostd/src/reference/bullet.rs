@@ -27,7 +27,7 @@ pub use quirks::{
 use crate::airframe::{Airframe, GRAVITY, Layout};
 use crate::attitude::Attitude;
 use crate::real::Real;
-use crate::vector::{cross, length, square};
+use crate::reference::vector::{cross, length, square};
 use crate::vehicle::State;
 
 /// What acts on a drone; the names are the reference's.

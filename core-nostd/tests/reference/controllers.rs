@@ -1,9 +1,10 @@
 //! Single controller calls, and the angles that they read.
 
+use kestrel_core::action::Setpoint;
 use kestrel_core::airframe::{CF2X, HUMMINGBIRD, RADIANS_PER_SECOND_PER_RPM, RotorOrder};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::controller::{DslPid, DslPidMemory, Setpoint, SimplePid, SimplePidMemory};
-use kestrel_core::euler::EulerAngles;
+use kestrel_core::reference::controller::{DslPid, DslPidMemory, SimplePid, SimplePidMemory};
+use kestrel_core::reference::euler::EulerAngles;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde_json::Value;

@@ -5,11 +5,12 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Setpoint, Wrench};
+use super::Wrench;
 use crate::airframe::{Airframe, RADIANS_PER_SECOND_PER_RPM};
-use crate::euler::EulerAngles;
 use crate::real::Real;
-use crate::vector::{length, zero};
+use crate::reference::euler::EulerAngles;
+use crate::reference::vector::{length, zero};
+use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 
 /// Share of the hover speed, or of a greatest torque, that a full action asks for.

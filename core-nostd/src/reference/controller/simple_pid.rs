@@ -2,12 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::{Allocation, Command, PidGains, Setpoint, Wrench, vector};
+use super::{Allocation, Command, PidGains, Wrench, vector};
 use crate::airframe::Airframe;
 use crate::attitude::Attitude;
-use crate::euler::EulerAngles;
 use crate::real::Real;
-use crate::vector::{length, zero};
+use crate::reference::euler::EulerAngles;
+use crate::reference::vector::{length, zero};
+use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 
 /// Greatest roll and pitch that the position loop asks for \[rad\].

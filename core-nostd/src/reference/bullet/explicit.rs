@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 use super::{Bullet, BulletState, DynAttitude, DynReport};
 use crate::airframe::GRAVITY;
 use crate::attitude::Attitude;
-use crate::euler::EulerAngles;
 use crate::real::Real;
-use crate::vector::length;
+use crate::reference::euler::EulerAngles;
+use crate::reference::vector::length;
 use crate::vehicle::State;
 
 /// Rotation slower than this \[rad/s\] does not turn the drone (`numpy.isclose` to zero).

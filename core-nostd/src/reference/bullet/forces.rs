@@ -6,7 +6,7 @@ use super::{Bullet, BulletState, DownwashAxis, DragFrame, DragRotors, GroundQuer
 use crate::airframe::RADIANS_PER_SECOND_PER_RPM;
 use crate::attitude::Attitude;
 use crate::real::Real;
-use crate::vector::{cross, square};
+use crate::reference::vector::{cross, square};
 
 /// Force \[N\] and torque \[N m\] on the centre of mass, body.
 pub(super) struct BodyWrench<R> {

@@ -2,8 +2,9 @@
 
 use thiserror::Error;
 
-use super::Arithmetic;
+#[cfg(feature = "encoder")]
 use crate::encoder::EncoderError;
+use crate::policy_file::Arithmetic;
 
 /// One variant per kind of damage or misuse; each names what was found and what was expected.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -56,6 +57,7 @@ pub enum PolicyError {
     /// The policy has no encoder, where one was expected.
     #[error("found a state-based policy, expected a vision policy: read it as a `PolicyFile`")]
     StateBased,
+    #[cfg(feature = "encoder")]
     /// The encoder is not possible, or was given what it cannot take.
     #[error(transparent)]
     Encoder(#[from] EncoderError),
@@ -120,6 +122,14 @@ pub enum PolicyError {
     ActionSpace {
         /// Identifier in the file.
         found: u16,
+    },
+    /// The policy needs what this build leaves out.
+    #[error("the policy needs {needs}: build kestrel-core with the feature `{feature}`")]
+    MissingFeature {
+        /// What it needs.
+        needs: &'static str,
+        /// The feature of kestrel-core that holds it.
+        feature: &'static str,
     },
     /// A byte or field that must be zero is not.
     #[error("policy file has {found} in an unused field at byte {offset}, expected 0")]
@@ -316,9 +326,30 @@ impl PolicyError {
             Self::SelfTest { .. } => 28,
             Self::Vision => 29,
             Self::StateBased => 30,
+            #[cfg(feature = "encoder")]
             Self::Encoder(_) => 31,
             Self::EncoderWorkspace { .. } => 32,
             Self::GoldenImages { .. } => 33,
+            Self::MissingFeature { .. } => 34,
         }
     }
+}
+
+pub(crate) fn holds(
+    condition: bool,
+    field: &'static str,
+    found: usize,
+    expected: &'static str,
+) -> Result<(), PolicyError> {
+    condition.then_some(()).ok_or(PolicyError::MetadataValue { field, found: found as f32, expected })
+}
+
+pub(crate) fn positive(field: &'static str, found: f32) -> Result<(), PolicyError> {
+    // Subnormal scales would turn into infinite factors.
+    let valid = found.is_normal() && found > 0.0;
+    valid.then_some(()).ok_or(PolicyError::MetadataValue { field, found, expected: "a positive number" })
+}
+
+pub(crate) fn finite(field: &'static str, found: f32) -> Result<(), PolicyError> {
+    found.is_finite().then_some(()).ok_or(PolicyError::MetadataValue { field, found, expected: "a finite number" })
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use kestrel_core::airframe::{Airframe, CF2P, CF2X, HUMMINGBIRD, RADIANS_PER_SECOND_PER_RPM, RotorOrder};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::bullet::{BulletMode, BulletState};
+use kestrel_core::reference::bullet::{BulletMode, BulletState};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde_json::Value;

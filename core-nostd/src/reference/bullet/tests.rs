@@ -1,7 +1,7 @@
 use super::*;
 use crate::airframe::{CF2P, CF2X, HUMMINGBIRD, RACER, RotorOrder};
 use crate::dynamics::semi_implicit_euler;
-use crate::euler::EulerAngles;
+use crate::reference::euler::EulerAngles;
 use crate::vehicle::{Air, Ground, Vehicle};
 
 const STEP_SECS: f64 = 1.0 / 240.0;

@@ -2,12 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::{Command, PidGains, Setpoint, vector};
+use super::{Command, PidGains, vector};
 use crate::airframe::{Airframe, Layout, RADIANS_PER_SECOND_PER_RPM};
 use crate::attitude::Attitude;
-use crate::euler::EulerAngles;
 use crate::real::Real;
-use crate::vector::{cross, dot, length, limited, zero};
+use crate::reference::euler::EulerAngles;
+use crate::reference::vector::{cross, dot, length, limited, zero};
+use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 
 /// RPM per count of the motor command, and at zero counts (Landry 2015, as in `DSLPIDControl`).

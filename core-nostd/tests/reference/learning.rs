@@ -1,14 +1,14 @@
 //! Flights of upstream's learning environments: their actions, and the physics under what became of them.
 
+use kestrel_core::action::Setpoint;
 use kestrel_core::action::{
     ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, ReferenceActionKind, ReferenceActions,
     ReferenceController,
 };
 use kestrel_core::airframe::{CF2X, RADIANS_PER_SECOND_PER_RPM};
-use kestrel_core::bullet::{Bullet, BulletMode, BulletState, Quirks};
-use kestrel_core::controller::Setpoint;
-use kestrel_core::controller::command::Precision;
 use kestrel_core::observation::{KinematicLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout};
+use kestrel_core::reference::bullet::{Bullet, BulletMode, BulletState, Quirks};
+use kestrel_core::reference::controller::command::Precision;
 use nalgebra::Vector3;
 use serde_json::Value;
 

@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ObservationInput;
-use crate::action::ACTION_LIMIT;
-use crate::euler::EulerAngles;
+use super::euler::EulerAngles;
+use crate::limits::{ACTION_LIMIT, HISTORY_LIMIT};
+use crate::observation::ObservationInput;
+use crate::policy_error::{PolicyError, holds};
 use crate::real::Real;
 
 /// Values before the past actions.
@@ -32,6 +33,16 @@ impl KinematicLayout {
     #[expect(clippy::len_without_is_empty, reason = "no layout is empty")]
     pub const fn len(&self) -> usize {
         MOTION_LEN + self.past_actions as usize * self.action_len as usize
+    }
+
+    pub(crate) const fn history_len(&self) -> usize {
+        self.past_actions as usize
+    }
+
+    pub(crate) fn check(&self, action_len: usize) -> Result<(), PolicyError> {
+        let (past, found) = (usize::from(self.past_actions), usize::from(self.action_len));
+        holds(found == action_len, "action_len", found, "that of the action")?;
+        holds(past <= HISTORY_LIMIT, "past_actions", past, "at most 32")
     }
 
     /// Writes the observation to the start of `out`; actions that the history lacks read as zero.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use kestrel_core::bullet::{Bullet, BulletState, Quirks};
+use kestrel_core::reference::bullet::{Bullet, BulletState, Quirks};
 use nalgebra::Vector3;
 use serde_json::Value;
 

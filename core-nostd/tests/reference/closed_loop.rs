@@ -1,9 +1,10 @@
 //! Flights under a controller, whole and in two halves: the controller on recorded states, the physics on recorded
 //! rotor speeds.
 
+use kestrel_core::action::Setpoint;
 use kestrel_core::airframe::{Airframe, RADIANS_PER_SECOND_PER_RPM};
-use kestrel_core::bullet::{Bullet, BulletState, Quirks};
-use kestrel_core::controller::{DslPid, DslPidMemory, Setpoint, command};
+use kestrel_core::reference::bullet::{Bullet, BulletState, Quirks};
+use kestrel_core::reference::controller::{DslPid, DslPidMemory, command};
 use kestrel_core::vehicle::State;
 use serde_json::Value;
 
