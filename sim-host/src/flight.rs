@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use crate::contact::{Arena, ContactReport, Motion, Touch};
 use crate::scenario::{
-    Agents, Contacts, CriticView, Goals, Place, Randomisation, Scenario, Start, StartPosition, Success,
+    Agents, Clock, Contacts, CriticView, Goals, Place, Randomisation, Scenario, Start, StartPosition, Success,
 };
 use crate::seed::Seed;
 use crate::sensor::SensorSuite;
@@ -82,6 +82,7 @@ impl Flight {
             rewards: Vec::new(),
             terminations: Vec::new(),
             success: Success::Ending,
+            clock: Clock::Elapsed,
             episode_secs: f32::INFINITY,
             ..scenario.clone()
         };

@@ -82,8 +82,12 @@ fn a_drone_is_never_inside_of_a_wall_that_stands_before_its_set_points() {
     let mut scenario = scenario();
     let wall = Solid::block("wall", Vector3::new(1.8, -10.0, 0.0), Vector3::new(1.9, 10.0, 3.0));
     scenario.aviary.world.solids.push(wall);
-    let arena = Arena::new(&scenario.aviary.world, &CF2X, ContactReport::Touch);
-    let inside = |position: &Vector3<f32>| arena.clearance(position.x, position.y, position.z) <= 0.0;
+    // How far forward the tilted cylinder around the drone reaches.
+    let front = |state: &State<f32>| {
+        let up = state.world_from_body.rotate(Vector3::z()).x;
+        let (radius, height) = (CF2X.collision_radius as f32, CF2X.collision_height as f32);
+        state.position.x + radius * (1.0 - up * up).max(0.0).sqrt() + 0.5 * height * up.abs()
+    };
     let mut plant = SimulatedFlight(Flight::landed(&scenario));
     let mut steering = Steering::new(&CF2X);
     steering.begin(plant.state());
@@ -92,12 +96,11 @@ fn a_drone_is_never_inside_of_a_wall_that_stands_before_its_set_points() {
         for _ in 0..500 {
             let targets = steering.toward(plant.state(), &goal.into(), &Vector3::zeros(), 0.01);
             plant.step(&targets);
-            let position = plant.state().position;
-            assert!(position.x < 1.8 && position.z > 0.0 && !inside(&position), "{position}");
-            greatest = greatest.max(position.x);
+            greatest = greatest.max(front(plant.state()));
+            assert!(greatest < 1.8 + 1e-3 && plant.state().position.z > 0.0, "{:?}", plant.state());
         }
     }
-    assert!(greatest > 1.7, "it came as near as {greatest} m");
+    assert!(greatest > 1.795, "it came as near as {greatest} m");
 }
 
 #[test]
