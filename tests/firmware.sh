@@ -149,6 +149,7 @@ only_entries() { # whether the firmware sees of the pilot what it calls, and the
 }
 
 crazyflie() {
+  local size
   local include=(-I firmware-shim/crazyflie/include -I tests/firmware/crazyflie)
   local app=(tests/firmware/crazyflie/main.c firmware-shim/crazyflie/app/kestrel_controller.c "$out/policy.c")
   policy_source assets/pilots/hover.kestrel >"$out/policy.c"
@@ -164,6 +165,9 @@ crazyflie() {
   verdict $? "it links with Bitcraze's flags, without a panic"
   only_entries
   verdict $? "it takes the place of nothing in the firmware's libraries"
+  size=$(arm-none-eabi-size "$out/pilot.o" | awk 'NR == 2 { print $1 + $2 }')
+  [ "$size" -gt 10000 ] && [ "$size" -le 30720 ]
+  verdict $? "it takes $size bytes of flash beside the policy, at most 30,720"
   emulated netduinoplus2 "$out/app-stm32f405.elf" >"$out/app-stm32f405.txt" && diff "$out/app.txt" "$out/app-stm32f405.txt"
   verdict $? "it flies the same on the STM32F405, and refuses the same policies"
 }

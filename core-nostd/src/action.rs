@@ -203,9 +203,7 @@ impl ActionSpace {
         match self {
             Self::RotorSpeeds(space) => space.hover_rotor_speed * space.hover_rotor_speed,
             Self::ThrustBodyRates(space) => space.hover_speed_squared,
-            Self::Reference(ReferenceActions { airframe, .. }) => {
-                (airframe.weight() / (4.0 * airframe.thrust_coefficient)) as f32
-            }
+            Self::Reference(space) => space.hover_speed_squared(),
             Self::Velocities(space) => space.rates.hover_speed_squared,
         }
     }

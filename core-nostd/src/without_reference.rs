@@ -45,6 +45,10 @@ impl ReferenceActions {
         match *self {}
     }
 
+    pub(crate) const fn hover_speed_squared(&self) -> f32 {
+        match *self {}
+    }
+
     pub(crate) const fn persistence(&self) -> crate::action::Persistence {
         match *self {}
     }

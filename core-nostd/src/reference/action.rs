@@ -147,6 +147,10 @@ impl ReferenceActions {
         self.airframe.rotor_speed_limit as f32
     }
 
+    pub(crate) fn hover_speed_squared(&self) -> f32 {
+        (self.airframe.weight() / (4.0 * self.airframe.thrust_coefficient)) as f32
+    }
+
     pub(crate) const fn persistence(&self) -> Persistence {
         self.persistence
     }
