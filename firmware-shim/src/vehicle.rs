@@ -334,14 +334,23 @@ impl<P: PolicyBackend> Vehicle<P> {
             .events()
             .iter()
             .any(|event| matches!(event, FailsafeEvent::Tilted | FailsafeEvent::Spinning));
-        let (severity, text) = match (before, self.mode()) {
-            (before, after) if before == after => return,
-            (Mode::Armed | Mode::Landed, Mode::Disarmed) => (MavSeverity::MAV_SEVERITY_INFO, "disarmed"),
-            (_, Mode::Disarmed) if stopped => (MavSeverity::MAV_SEVERITY_CRITICAL, "motors stopped"),
-            (_, Mode::Disarmed) => (MavSeverity::MAV_SEVERITY_CRITICAL, "state is not finite: motors stopped"),
-            (Mode::TakingOff, Mode::Holding) => (MavSeverity::MAV_SEVERITY_INFO, "take-off complete"),
-            (_, Mode::Landed) => (MavSeverity::MAV_SEVERITY_INFO, "landed"),
-            (_, _) => return,
+        let after = self.mode();
+        if after == before {
+            return;
+        }
+        let (severity, text) = match after {
+            Mode::Disarmed if !before.flies() => (MavSeverity::MAV_SEVERITY_INFO, "disarmed"),
+            Mode::Disarmed if stopped => (MavSeverity::MAV_SEVERITY_CRITICAL, "motors stopped"),
+            Mode::Disarmed => (MavSeverity::MAV_SEVERITY_CRITICAL, "state is not finite: motors stopped"),
+            Mode::Holding if before == Mode::TakingOff => (MavSeverity::MAV_SEVERITY_INFO, "take-off complete"),
+            Mode::Landed => (MavSeverity::MAV_SEVERITY_INFO, "landed"),
+            Mode::Armed
+            | Mode::TakingOff
+            | Mode::Holding
+            | Mode::Guided
+            | Mode::Offboard
+            | Mode::Returning
+            | Mode::Landing => return,
         };
         self.controller.answer(sent::status_text(severity, text));
     }

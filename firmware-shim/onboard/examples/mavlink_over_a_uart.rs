@@ -5,17 +5,20 @@
 
 use std::collections::VecDeque;
 use std::error::Error;
-use std::path::Path;
 
 use kestrel_core::airframe::CF2X;
 use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::policy_file::{Aligned, PolicyFile};
 use kestrel_onboard::autopilot::Mode;
 use kestrel_onboard::dialect::checksum_seed;
 use kestrel_onboard::flight_controller::{FlightController, VehicleIdentity};
 use kestrel_onboard::frame::{Encoder, Payload};
 use kestrel_onboard::geodesy::Home;
 use kestrel_onboard::plant::{FlatFloor, Plant};
+
+/// A trained policy, in flash.
+static POLICY: Aligned<{ include_bytes!("../../../assets/pilots/hover.kestrel").len() }> =
+    Aligned(*include_bytes!("../../../assets/pilots/hover.kestrel"));
 
 /// What your board calls its UART.
 #[derive(Default)]
@@ -25,9 +28,7 @@ struct Uart {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/pilots/hover.kestrel");
-    let bytes = std::fs::read(path)?;
-    let policy = PolicyFile::parse(&bytes).map_err(|error| format!("no policy: {error}"))?;
+    let policy = PolicyFile::parse(&POLICY.0).map_err(|error| format!("no policy: {error}"))?;
     let identity = VehicleIdentity { system: 1, origin: Home::default() };
     let mut controller: FlightController<_> = FlightController::new(Pilot::new(policy), &CF2X, identity);
     let mut drone = FlatFloor::new(&CF2X, controller.autopilot().control_secs());

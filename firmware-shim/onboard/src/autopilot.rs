@@ -35,6 +35,7 @@ use crate::policy_backend::PolicyBackend;
 use crate::settings::{AutopilotSettings, FailsafeAction, FailsafeReaction, Fallback};
 use crate::steering::AttitudeSetPoint;
 
+mod arming;
 mod command;
 
 pub use command::{ALTITUDES_M, Command, Refusal, SPEED_LIMIT, SPEED_MINIMUM, SetPoint};
@@ -410,9 +411,9 @@ impl<P: PolicyBackend> Autopilot<P> {
             return;
         }
         self.move_goal(state);
-        let targets = match (self.mode, &self.attitude_set_point) {
-            (Mode::Offboard, Some(attitude_set_point)) => Some(self.controllers.follow(state, attitude_set_point)),
-            _ => self.controllers.toward(state, &self.goal, self.control_secs),
+        let targets = match self.attitude_set_point.filter(|_| self.mode == Mode::Offboard) {
+            Some(attitude) => Some(self.controllers.follow(state, &attitude)),
+            None => self.controllers.toward(state, &self.goal, self.control_secs),
         };
         self.rotor_targets = targets.unwrap_or(self.rotor_targets);
     }

@@ -157,3 +157,63 @@ impl Failsafe {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use kestrel_core::airframe::CF2X;
+    use kestrel_core::attitude::Attitude;
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::plant::{FlatFloor, Plant};
+
+    const CONTROL_SECS: f32 = 0.01;
+
+    fn level() -> State<f32> {
+        *FlatFloor::new(&CF2X, CONTROL_SECS).state()
+    }
+
+    /// What begins in one control period.
+    fn begun(failsafe: &mut Failsafe, state: &State<f32>, battery: f32) -> Vec<FailsafeEvent> {
+        let input = FailsafeInput {
+            state,
+            set_point_age_secs: None,
+            link_age_secs: None,
+            fence_margin_m: 1.0,
+            battery,
+            silent_secs: 0.0,
+            saturated_secs: 0.0,
+        };
+        failsafe.watch(&input, &AutopilotSettings::default(), CONTROL_SECS).to_vec()
+    }
+
+    #[test]
+    fn tilts_and_spins_that_are_too_short_do_not_add_up() {
+        let overturned = Attitude { w: 0.0, x: 1.0, y: 0.0, z: 0.0 };
+        let upset = State { world_from_body: overturned, body_rates: Vector3::new(0.0, 0.0, -20.0), ..level() };
+        let mut failsafe = Failsafe::default();
+        for _ in 0..5 {
+            for _ in 0..29 {
+                assert_eq!(begun(&mut failsafe, &upset, 1.0), []);
+            }
+            assert_eq!(begun(&mut failsafe, &level(), 1.0), []);
+        }
+        let events: Vec<_> = (0..40).flat_map(|_| begun(&mut failsafe, &upset, 1.0)).collect();
+        assert_eq!(events, [FailsafeEvent::Tilted, FailsafeEvent::Spinning], "once each");
+    }
+
+    #[test]
+    fn a_level_of_the_battery_is_reached_when_it_is_just_as_low() {
+        let [low, critical, empty] = AutopilotSettings::default().battery_levels;
+        let mut failsafe = Failsafe::default();
+        for (level_share, event) in [
+            (low, FailsafeEvent::BatteryLow),
+            (critical, FailsafeEvent::BatteryCritical),
+            (empty, FailsafeEvent::BatteryEmpty),
+        ] {
+            assert_eq!(begun(&mut failsafe, &level(), level_share + 1e-6), []);
+            assert_eq!(begun(&mut failsafe, &level(), level_share), [event]);
+            assert_eq!(begun(&mut failsafe, &level(), level_share), [], "once");
+        }
+    }
+}

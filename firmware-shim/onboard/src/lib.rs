@@ -10,7 +10,8 @@
 //! A vehicle is a loop around a [`FlightController`](flight_controller::FlightController):
 //!
 //! ```
-//! use kestrel_core::{airframe::CF2X, pilot::Pilot, policy_file::PolicyFile, vehicle::State};
+//! use kestrel_core::policy_file::{Aligned, PolicyFile};
+//! use kestrel_core::{airframe::CF2X, pilot::Pilot, vehicle::State};
 //! use kestrel_onboard::flight_controller::{FlightController, VehicleIdentity};
 //! use kestrel_onboard::geodesy::Home;
 //! use kestrel_onboard::plant::{FlatFloor, Plant};
@@ -31,8 +32,8 @@
 //!     controller.tick(state, 1.0)
 //! }
 //!
-//! let file = include_bytes!("../../../assets/pilots/hover.kestrel");
-//! let policy = PolicyFile::parse(file).expect("a policy");
+//! let file = Aligned(*include_bytes!("../../../assets/pilots/hover.kestrel"));
+//! let policy = PolicyFile::parse(&file.0).expect("a policy");
 //! let identity = VehicleIdentity { system: 1, origin: Home::default() };
 //! let mut controller = FlightController::new(Pilot::new(policy), &CF2X, identity);
 //! let drone = FlatFloor::new(&CF2X, controller.autopilot().control_secs());

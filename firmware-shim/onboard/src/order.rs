@@ -192,12 +192,23 @@ mod tests {
     }
 
     #[test]
+    fn a_take_off_climbs_by_a_height_above_ground_or_to_one_above_sea_level() {
+        let above_sea_level = (Home::default().altitude_m + 1.5) as f32;
+        for height in [1.5, above_sea_level] {
+            let take_off = order(22, [f32::NAN; 4], CommandLocation::Floats([f32::NAN, f32::NAN, height]));
+            assert_eq!(take_off, Ok(Order::Execute(Command::TakeOff { altitude_m: 1.5 })));
+        }
+    }
+
+    #[test]
     fn nonsense_is_no_order() {
         for (command, parameters) in [(400, [f32::NAN]), (400, [2.0]), (185, [f32::NAN]), (193, [0.5])] {
             assert_eq!(in_place(command, &parameters), Err(UNKNOWN_PARAMETER));
         }
         assert_eq!(in_place(176, &[1.0, f32::NAN, 0.0]), Err(UNKNOWN_MODE));
         assert_eq!(in_place(65_535, &[]), Err(UNSUPPORTED));
+        let under_the_floor = CommandLocation::Integers { frame: 1, integers: [10_000, 0], height: 0.1 };
+        assert_eq!(order(192, [0.0; 4], under_the_floor).unwrap_err().result, CommandResult::Denied);
         let far = CommandLocation::Floats([47.0, 8.0, 500.0]);
         for command in [21, 22, 192] {
             assert_eq!(order(command, [0.0; 4], far).unwrap_err().result, CommandResult::Denied);

@@ -288,6 +288,15 @@ mod tests {
     }
 
     #[test]
+    fn the_integral_does_not_wind_up_while_a_goal_is_out_of_reach() {
+        let (plant, mut steering) = hovering(0.0);
+        for _ in 0..1000 {
+            steering.toward(plant.state(), &Vector3::new(9.0, -9.0, 9.0), &Vector3::zeros(), 0.1);
+        }
+        assert_eq!(steering.drift, Vector3::new(INTEGRAL_LIMIT, -INTEGRAL_LIMIT, INTEGRAL_LIMIT));
+    }
+
+    #[test]
     fn targets_are_within_limits_whatever_is_asked() {
         let (plant, steering) = hovering(0.0);
         let limit = CF2X.rotor_speed_limit as f32 * 1.000_001;

@@ -81,17 +81,28 @@ pub enum CrtpSetPointError {
 }
 
 impl CommanderPacket {
-    /// The wish in a packet of a commander; `positions` if the old commander sets positions (`flightmode.posSet`).
+    /// What a packet of a commander asks for; `positions` if the old commander sets positions (`flightmode.posSet`).
     ///
     /// # Errors
     /// If there is none that a policy can follow.
     pub fn of(packet: &Packet, old_commander: OldCommander) -> Result<Self, CrtpSetPointError> {
         let mut fields = packet.fields();
-        match (packet.port, packet.channel) {
-            (Port::GenericCommander, SET_POINT_CHANNEL) => generic(fields).map(Self::Follow),
-            (Port::GenericCommander, META_CHANNEL) if fields.byte() == Some(0) => Ok(Self::Release),
-            (Port::Commander, _) => old_commander.read(fields).map(Self::Follow),
-            _ => Err(CrtpSetPointError::Malformed),
+        match packet.port {
+            Port::Commander => old_commander.read(fields).map(Self::Follow),
+            Port::GenericCommander if packet.channel == SET_POINT_CHANNEL => generic(fields).map(Self::Follow),
+            Port::GenericCommander if packet.channel == META_CHANNEL && fields.byte() == Some(0) => {
+                Ok(Self::Release)
+            }
+            Port::GenericCommander
+            | Port::Console
+            | Port::Parameter
+            | Port::Memory
+            | Port::Log
+            | Port::Localization
+            | Port::HighLevelCommander
+            | Port::Supervisor
+            | Port::Platform
+            | Port::Link => Err(CrtpSetPointError::Malformed),
         }
     }
 }

@@ -17,12 +17,6 @@ pub const SPEED_LIMIT: f32 = 1.0;
 /// Least speed on the way to a point \[m/s\]: slower ones never arrive.
 pub const SPEED_MINIMUM: f32 = 0.05;
 
-/// Arming wants the drone within 25° of level: beyond, a take-off would tip it over.
-const LEVEL_COSINE: f32 = 0.906;
-
-/// Arming wants the drone slower than this \[m/s\].
-const ARMING_SPEED: f32 = 0.2;
-
 /// What an autopilot can be told.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
@@ -63,7 +57,7 @@ pub enum SetPoint {
     /// A velocity \[m/s, world\], finite.
     Velocity(Vector3<f32>),
     /// An attitude or body rates.
-    AttitudeSetPoint(AttitudeSetPoint),
+    Attitude(AttitudeSetPoint),
 }
 
 /// Why a command is not executed.
@@ -217,14 +211,14 @@ impl<P: PolicyBackend> Autopilot<P> {
                 self.attitude_set_point = None;
                 self.goal.drift(velocity);
             }
-            (Mode::Offboard, SetPoint::AttitudeSetPoint(attitude_set_point)) => {
+            (Mode::Offboard, SetPoint::Attitude(attitude)) => {
                 // Where to hold when the stream ends.
                 self.goal = self.known_state.map_or(self.goal, |state| MovingGoal::at(state.position));
-                self.attitude_set_point = Some(attitude_set_point);
+                self.attitude_set_point = Some(attitude);
             }
             (_, SetPoint::Position(_)) if self.authority == Authority::Failsafe => return Err(Refusal::Failsafe),
             (_, SetPoint::Position(point)) => return self.go_to(point),
-            (_, SetPoint::Velocity(_) | SetPoint::AttitudeSetPoint(_)) => return Err(Refusal::NotOffboard),
+            (_, SetPoint::Velocity(_) | SetPoint::Attitude(_)) => return Err(Refusal::NotOffboard),
         }
         Ok(())
     }
@@ -233,40 +227,14 @@ impl<P: PolicyBackend> Autopilot<P> {
         match set_point {
             SetPoint::Position(point) => self.check_inside(point),
             SetPoint::Velocity(velocity) => check_speed(velocity),
-            SetPoint::AttitudeSetPoint(attitude_set_point) if attitude_set_point.is_valid() => Ok(()),
-            SetPoint::AttitudeSetPoint(_) => Err(Refusal::Speed),
+            SetPoint::Attitude(attitude) if attitude.is_valid() => Ok(()),
+            SetPoint::Attitude(_) => Err(Refusal::Speed),
         }
     }
 
     /// Whether the fence lets a goal there.
     fn check_inside(&self, point: &Vector3<f32>) -> Result<(), Refusal> {
         if self.margin_m(point) >= FENCE_MARGIN_M { Ok(()) } else { Err(Refusal::Fence) }
-    }
-
-    fn arm(&mut self) -> Result<(), Refusal> {
-        if self.mode.armed() {
-            return Ok(());
-        }
-        let state = self.known_state.ok_or(Refusal::StateUnknown)?;
-        if state.world_from_body.up_cosine() < LEVEL_COSINE {
-            return Err(Refusal::NotLevel);
-        }
-        if state.velocity.norm() > ARMING_SPEED {
-            return Err(Refusal::Moving);
-        }
-        let [_, critical, _] = self.settings.battery_levels;
-        let charged = self.surroundings.battery > critical;
-        if !charged {
-            return Err(Refusal::Battery);
-        }
-        if self.margin_m(&state.position) < 0.0 {
-            return Err(Refusal::Fence);
-        }
-        if !self.healthy() {
-            return Err(Refusal::SelfTest);
-        }
-        self.enter(Mode::Armed);
-        Ok(())
     }
 
     fn disarm(&mut self) -> Result<(), Refusal> {

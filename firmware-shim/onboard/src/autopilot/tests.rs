@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use kestrel_core::attitude::Attitude;
 
 use super::*;
-use crate::fence::Cylinder;
+use crate::fence::{Cylinder, ZoneKind};
 use crate::plant::{FlatFloor, Plant};
 use crate::settings::AutopilotSettings;
 use crate::testing::{dishonest_policy, hover_policy, pilot};
@@ -380,14 +380,11 @@ fn any_set_point() -> impl Strategy<Value = SetPoint> {
     let thrust = || prop_oneof![0.0_f32..1.0, any::<f32>()];
     let attitude = (-1.0_f32..1.0, -1.0_f32..1.0, thrust()).prop_map(|(x, y, thrust)| {
         let world_from_body = Attitude { w: 1.0, x, y, z: 0.0 }.normalized();
-        SetPoint::AttitudeSetPoint(AttitudeSetPoint::Attitude { world_from_body, thrust })
+        SetPoint::Attitude(AttitudeSetPoint::Attitude { world_from_body, thrust })
     });
     let rates =
         ([-20.0_f32..20.0, -20.0_f32..20.0], any::<f32>(), thrust()).prop_map(|([roll, pitch], yaw, thrust)| {
-            SetPoint::AttitudeSetPoint(AttitudeSetPoint::BodyRates {
-                body_rates: Vector3::new(roll, pitch, yaw),
-                thrust,
-            })
+            SetPoint::Attitude(AttitudeSetPoint::BodyRates { body_rates: Vector3::new(roll, pitch, yaw), thrust })
         });
     let position = [-3.0_f32..3.0, -3.0_f32..3.0, 0.0_f32..3.0].prop_map(|point| SetPoint::Position(point.into()));
     prop_oneof![position, any_velocity().prop_map(SetPoint::Velocity), attitude, rates]
@@ -456,10 +453,7 @@ fn streams_of_every_kind_are_followed() {
     assert!((velocity - Vector3::new(0.3, 0.0, 0.1)).norm() < 0.05, "{velocity}");
     let tilted = Attitude::from_axis_angle(Vector3::y(), 0.1).map(|value| value as f32);
     for _ in 0..100 {
-        rig.stream(SetPoint::AttitudeSetPoint(AttitudeSetPoint::Attitude {
-            world_from_body: tilted,
-            thrust: 0.45,
-        }));
+        rig.stream(SetPoint::Attitude(AttitudeSetPoint::Attitude { world_from_body: tilted, thrust: 0.45 }));
         rig.tick();
     }
     assert!(rig.plant.state().velocity.x > 0.6, "{}", rig.plant.state().velocity);
@@ -494,6 +488,47 @@ fn a_fence_is_not_crossed_on_command() {
     let mut rig = Rig::in_mode(Mode::Armed);
     rig.fence(0.0, 1.5, 2.0);
     rig.refuse(Command::TakeOff { altitude_m: 3.0 }, Refusal::Fence);
+}
+
+#[test]
+fn it_has_landed_when_it_has_rested_for_half_a_second() {
+    let mut rig = Rig::in_mode(Mode::Landing);
+    let mut resting = 0;
+    while rig.autopilot.mode() == Mode::Landing {
+        rig.tick();
+        resting = rig.autopilot.ticks_at_rest.max(resting);
+    }
+    assert_eq!(rig.autopilot.mode(), Mode::Landed);
+    let secs = resting as f32 * rig.autopilot.control_secs();
+    assert!((REST_SECS - 0.015..REST_SECS + 0.005).contains(&secs), "{secs} s");
+}
+
+#[test]
+fn saturations_that_are_too_short_do_not_add_up() {
+    let mut rig = Rig::in_mode(Mode::Holding);
+    let greatest = Answer::Always([CF2X.rotor_speed_limit as f32; 4]);
+    for _ in 0..4 {
+        for (answer, ticks) in [(greatest, 20), (Answer::Right, 1)] {
+            rig.autopilot.controllers.backend().answer = answer;
+            for _ in 0..ticks {
+                rig.plant
+                    .put(State { position: Vector3::new(0.0, 0.0, 1.0), ..*FlatFloor::new(&CF2X, 0.01).state() });
+                rig.tick();
+                assert_eq!(rig.autopilot.events().as_slice(), []);
+            }
+        }
+    }
+}
+
+#[test]
+fn outside_a_zone_it_is_not_armed() {
+    let mut zones = Zones::default();
+    zones.add_circle([9.0, 0.0].into(), 5.0, ZoneKind::Inside { group: 0 }).unwrap();
+    let mut rig = Rig::new();
+    rig.autopilot.enclose(zones);
+    rig.refuse(Command::Arm, Refusal::Fence);
+    rig.autopilot.enclose(Zones::default());
+    rig.accept(Command::Arm);
 }
 
 #[test]

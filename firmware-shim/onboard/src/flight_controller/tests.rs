@@ -189,6 +189,18 @@ fn the_same_take_off_within_two_seconds_is_a_repetition_and_of_another_sender_is
 }
 
 #[test]
+fn any_other_command_that_is_given_twice_is_executed_twice() {
+    let mut rig = Rig::hovering();
+    for _ in 0..2 {
+        rig.send(&set_point([0.5, 0.25, -1.2]));
+        assert_eq!(rig.mode(), Mode::Guided);
+        let paused = rig.results(&command_long(MavCmd::MAV_CMD_DO_PAUSE_CONTINUE, [0.0; 2]));
+        assert_eq!((paused[0], rig.mode()), (MavResult::MAV_RESULT_ACCEPTED, Mode::Holding));
+        rig.fly(0.5);
+    }
+}
+
+#[test]
 fn motors_stop_in_flight_at_once_when_they_are_told_to() {
     for (command, parameters) in [
         (MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [0.0, 21196.0]),

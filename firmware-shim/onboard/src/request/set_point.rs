@@ -178,7 +178,7 @@ impl AttitudeTarget {
         if self.type_mask & THRUST_IGNORED != 0 {
             return Err(SetPointError::Partial);
         }
-        let attitude_set_point = if self.type_mask & ATTITUDE_IGNORED == 0 {
+        let attitude = if self.type_mask & ATTITUDE_IGNORED == 0 {
             let world_from_body: Attitude<f32> = enu_from_flu(self.quaternion);
             AttitudeSetPoint::Attitude { world_from_body, thrust: self.thrust }
         } else if self.type_mask & RATES_IGNORED == 0 {
@@ -186,11 +186,7 @@ impl AttitudeTarget {
         } else {
             return Err(SetPointError::Partial);
         };
-        if attitude_set_point.is_valid() {
-            Ok(SetPoint::AttitudeSetPoint(attitude_set_point))
-        } else {
-            Err(SetPointError::NotFinite)
-        }
+        if attitude.is_valid() { Ok(SetPoint::Attitude(attitude)) } else { Err(SetPointError::NotFinite) }
     }
 }
 

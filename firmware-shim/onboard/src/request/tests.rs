@@ -195,9 +195,7 @@ fn an_attitude_is_read_as_the_mavlink_crate_writes_it() {
     };
     let (address, Request::AttitudeTarget(target)) = read(&sent) else { panic!() };
     assert_eq!(address, TARGET);
-    let Ok(SetPoint::AttitudeSetPoint(AttitudeSetPoint::Attitude { world_from_body, thrust })) =
-        target.set_point()
-    else {
+    let Ok(SetPoint::Attitude(AttitudeSetPoint::Attitude { world_from_body, thrust })) = target.set_point() else {
         panic!()
     };
     let north = Attitude::from_axis_angle(Vector3::z(), core::f64::consts::FRAC_PI_2);
@@ -205,7 +203,7 @@ fn an_attitude_is_read_as_the_mavlink_crate_writes_it() {
     assert!((same.abs() - 1.0).abs() < 1e-6 && thrust == 0.4);
     let rates = AttitudeTarget { type_mask: 0b1000_0000, ..target }.set_point();
     let expected = AttitudeSetPoint::BodyRates { body_rates: Vector3::new(0.1, -0.2, -0.3), thrust: 0.4 };
-    assert_eq!(rates, Ok(SetPoint::AttitudeSetPoint(expected)));
+    assert_eq!(rates, Ok(SetPoint::Attitude(expected)));
     for (type_mask, error) in [(0b0100_0000, SetPointError::Partial), (0b1000_0001, SetPointError::Partial)] {
         assert_eq!(AttitudeTarget { type_mask, ..target }.set_point(), Err(error));
     }

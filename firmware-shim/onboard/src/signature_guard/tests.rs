@@ -67,6 +67,14 @@ fn a_new_sender_may_be_a_minute_behind() {
 }
 
 #[test]
+fn a_frame_sets_the_clock_for_senders_that_are_new_after_it() {
+    let mut verifier = verifier();
+    assert_eq!(verify(&mut verifier, &heartbeat(&mut signer(SignatureTime(NOW.0 + 2 * MINUTE)))), Ok(()));
+    let mut late = Encoder::new(254, 190).signed(Signer::new(key(), 3, SignatureTime(NOW.0 + MINUTE / 2)));
+    assert_eq!(verify(&mut verifier, &heartbeat(&mut late)), Err(SignatureError::Stale));
+}
+
+#[test]
 fn nothing_from_before_a_restart_is_accepted() {
     let mut encoder = signer(NOW);
     let mut before = verifier();

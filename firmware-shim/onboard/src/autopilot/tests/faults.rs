@@ -342,9 +342,8 @@ fn a_policy_that_failed_does_not_fly_again() {
 fn a_stale_set_point_stops_the_drone_at_once() {
     let velocity = SetPoint::Velocity(Vector3::new(0.5, 0.0, 0.0));
     let attitude =
-        SetPoint::AttitudeSetPoint(AttitudeSetPoint::Attitude { world_from_body: Attitude::level(), thrust: 0.5 });
-    let rates =
-        SetPoint::AttitudeSetPoint(AttitudeSetPoint::BodyRates { body_rates: Vector3::zeros(), thrust: 0.5 });
+        SetPoint::Attitude(AttitudeSetPoint::Attitude { world_from_body: Attitude::level(), thrust: 0.5 });
+    let rates = SetPoint::Attitude(AttitudeSetPoint::BodyRates { body_rates: Vector3::zeros(), thrust: 0.5 });
     for set_point in [velocity, attitude, rates] {
         for controller in [Controller::Policy, Controller::Cascade] {
             let mut rig = ready(Mode::Offboard, controller);
