@@ -4,7 +4,7 @@
 //! Read in the order of the data: an [`airframe`] becomes a [`vehicle`], whose [`dynamics`] advance its state, in air
 //! that may carry the [`downwash`] of others; an [`observation`] of the state goes through a policy, read from a
 //! [`policy_file`] and computed as an [`mlp`] or in [`fixed`] point, whose [`action`] becomes rotor targets again. The
-//! [`pilot`] is all of that in one call.
+//! [`pilot`] is all of that in one call. An [`instrument`] is what simulated sensors make of the truth.
 //!
 //! | feature | holds |
 //! |---|---|
@@ -28,6 +28,7 @@ mod elementary;
 #[cfg(feature = "encoder")]
 pub mod encoder;
 pub mod fixed;
+pub mod instrument;
 mod limits;
 pub mod mlp;
 pub mod observation;

@@ -12,7 +12,6 @@ pub mod signal;
 #[cfg(test)]
 mod tests;
 
-use kestrel_core::airframe::GRAVITY;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -136,11 +135,4 @@ impl SensorSuite {
         }
         memory.readings += 1;
     }
-}
-
-/// What an accelerometer feels on average while the velocity \[m/s, world\] changes from `before` to that of `after`,
-/// in `secs` \[s\], whatever did it: rotors, air, or something hit; in the body frame of `after`.
-pub fn specific_force(before: &Vector3<f64>, after: &State<f64>, secs: f64) -> Vector3<f64> {
-    let in_world = (after.velocity - before) / secs + Vector3::new(0.0, 0.0, GRAVITY);
-    after.world_from_body.rotate_inverse(in_world)
 }

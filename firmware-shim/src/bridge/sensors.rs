@@ -4,7 +4,7 @@
 //! walk as RotorS has them (Furrer et al. 2016, `gazebo_imu_plugin`), each pulled back to zero within its correlation
 //! time. They begin at zero, as after the calibration on the ground.
 
-use kestrel_core::airframe::GRAVITY;
+use kestrel_core::instrument::{BiasWalk, measured, specific_force};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
@@ -48,27 +48,20 @@ const FIX_DEVIATION_M: [f32; 3] = [0.01, 0.01, 0.02];
 /// Noise of a velocity \[m/s\]: u-blox ZED-F9P.
 const FIX_VELOCITY_DEVIATION: f32 = 0.05;
 
-/// What every instrument's bias does.
-struct Walk {
-    /// Growth \[unit/√s\].
-    density: f32,
-    correlation_secs: f32,
-}
-
 /// \[m/s²\]; RotorS.
-const ACCELEROMETER_WALK: Walk = Walk { density: 6e-3, correlation_secs: 300.0 };
+const ACCELEROMETER_WALK: BiasWalk<f32> = BiasWalk { density: 6e-3, correlation_secs: 300.0 };
 
 /// \[rad/s\]; RotorS.
-const GYROSCOPE_WALK: Walk = Walk { density: 3.88e-5, correlation_secs: 1000.0 };
+const GYROSCOPE_WALK: BiasWalk<f32> = BiasWalk { density: 3.88e-5, correlation_secs: 1000.0 };
 
 /// \[gauss\]; `gazebo_magnetometer_plugin`.
-const MAGNETOMETER_WALK: Walk = Walk { density: 6.4e-6, correlation_secs: 600.0 };
+const MAGNETOMETER_WALK: BiasWalk<f32> = BiasWalk { density: 6.4e-6, correlation_secs: 600.0 };
 
 /// \[Pa\]: ±8 Pa, the relative accuracy of the Crazyflie's Bosch BMP388, after some minutes of weather.
-const BAROMETER_WALK: Walk = Walk { density: 0.5, correlation_secs: 600.0 };
+const BAROMETER_WALK: BiasWalk<f32> = BiasWalk { density: 0.5, correlation_secs: 600.0 };
 
 /// \[m\]: a centimetre, the accuracy of the ZED-F9P, over a minute of moving satellites.
-const FIX_WALK: Walk = Walk { density: 2e-3, correlation_secs: 60.0 };
+const FIX_WALK: BiasWalk<f32> = BiasWalk { density: 2e-3, correlation_secs: 60.0 };
 
 /// One sample of all instruments.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,15 +120,6 @@ struct Drifts {
     position_m: [f32; 3],
 }
 
-impl Walk {
-    /// Moves a bias on by `secs` with standard normal numbers.
-    fn advance(&self, bias: &mut [f32; 3], normals: [f32; 3], secs: f32) {
-        for (bias, normal) in bias.iter_mut().zip(normals) {
-            *bias += self.density * libm::sqrtf(secs) * normal - *bias * secs / self.correlation_secs;
-        }
-    }
-}
-
 impl Instruments {
     /// Instruments at home, sampled at this rate.
     pub fn new(home: Home, noise: Noise, rate_hz: u32) -> Self {
@@ -180,38 +164,40 @@ impl Instruments {
     }
 
     fn specific_force(&mut self, before: &State<f32>, after: &State<f32>) -> [f32; 3] {
-        let acceleration = (after.velocity - before.velocity) * self.rate_hz as f32;
-        let in_world = acceleration + Vector3::z() * GRAVITY as f32;
-        let truth = frd_from_flu(&after.world_from_body.rotate_inverse(in_world));
         let secs = self.period_secs();
+        let truth = frd_from_flu(&specific_force(&before.velocity, after, secs));
         let normals = self.noise.normals(Purpose::AccelerometerDrift, self.count);
-        ACCELEROMETER_WALK.advance(&mut self.drifts.specific_force, normals, secs);
+        advance(&mut self.drifts.specific_force, &ACCELEROMETER_WALK, normals, secs);
         let deviation = ACCELEROMETER_DENSITY.map(|density| density * self.root_bandwidth());
         let normals = self.noise.normals(Purpose::Accelerometer, self.count);
-        let measured = noisy(truth, self.drifts.specific_force, deviation, normals);
-        measured.map(|value| value.clamp(-ACCELEROMETER_LIMIT, ACCELEROMETER_LIMIT))
+        within(ACCELEROMETER_LIMIT, truth, self.drifts.specific_force, noise(deviation, normals))
     }
 
     fn body_rates(&mut self, state: &State<f32>) -> [f32; 3] {
         let secs = self.period_secs();
         let normals = self.noise.normals(Purpose::GyroscopeDrift, self.count);
-        GYROSCOPE_WALK.advance(&mut self.drifts.body_rates, normals, secs);
+        advance(&mut self.drifts.body_rates, &GYROSCOPE_WALK, normals, secs);
         let deviation = [GYROSCOPE_DENSITY * self.root_bandwidth(); 3];
         let normals = self.noise.normals(Purpose::Gyroscope, self.count);
-        let measured = noisy(frd_from_flu(&state.body_rates), self.drifts.body_rates, deviation, normals);
-        measured.map(|value| value.clamp(-GYROSCOPE_LIMIT, GYROSCOPE_LIMIT))
+        let truth = frd_from_flu(&state.body_rates);
+        within(GYROSCOPE_LIMIT, truth, self.drifts.body_rates, noise(deviation, normals))
     }
 
     fn ambient(&mut self, state: &State<f32>) -> Ambient {
         let secs = 1.0 / SLOW_RATE_HZ as f32;
         let normals = self.noise.normals(Purpose::MagnetometerDrift, self.count);
-        MAGNETOMETER_WALK.advance(&mut self.drifts.magnetic_field_gauss, normals, secs);
+        advance(&mut self.drifts.magnetic_field_gauss, &MAGNETOMETER_WALK, normals, secs);
         let field = frd_from_flu(&state.world_from_body.rotate_inverse(self.field_in_world_gauss));
         let normals = self.noise.normals(Purpose::Magnetometer, self.count);
-        let field = noisy(field, self.drifts.magnetic_field_gauss, [MAGNETOMETER_DEVIATION; 3], normals);
+        let field = within(
+            f32::INFINITY,
+            field,
+            self.drifts.magnetic_field_gauss,
+            noise([MAGNETOMETER_DEVIATION; 3], normals),
+        );
 
         let normals = self.noise.normals(Purpose::BarometerDrift, self.count);
-        BAROMETER_WALK.advance(&mut self.drifts.pressure_pa, normals, secs);
+        advance(&mut self.drifts.pressure_pa, &BAROMETER_WALK, normals, secs);
         let altitude_m = self.home.altitude_m + f64::from(state.position.z);
         let [normal, ..] = self.noise.normals(Purpose::Barometer, self.count);
         let pressure_pa =
@@ -235,11 +221,17 @@ impl Instruments {
 
     fn taken_fix(&mut self, state: &State<f32>) -> GnssFix {
         let normals = self.noise.normals(Purpose::GpsPositionDrift, self.count);
-        FIX_WALK.advance(&mut self.drifts.position_m, normals, 1.0 / FIX_RATE_HZ as f32);
+        advance(&mut self.drifts.position_m, &FIX_WALK, normals, 1.0 / FIX_RATE_HZ as f32);
         let normals = self.noise.normals(Purpose::GpsPosition, self.count);
-        let position = noisy(state.position.into(), self.drifts.position_m, FIX_DEVIATION_M, normals);
+        let position =
+            within(f32::INFINITY, state.position.into(), self.drifts.position_m, noise(FIX_DEVIATION_M, normals));
         let normals = self.noise.normals(Purpose::GpsVelocity, self.count);
-        let velocity = noisy(ned_from_enu(&state.velocity), [0.0; 3], [FIX_VELOCITY_DEVIATION; 3], normals);
+        let velocity = within(
+            f32::INFINITY,
+            ned_from_enu(&state.velocity),
+            [0.0; 3],
+            noise([FIX_VELOCITY_DEVIATION; 3], normals),
+        );
         GnssFix { position: self.home.place_of(&position.into()), velocity_ned: velocity }
     }
 
@@ -253,8 +245,20 @@ impl Instruments {
     }
 }
 
-fn noisy(truth: [f32; 3], bias: [f32; 3], deviation: [f32; 3], normals: [f32; 3]) -> [f32; 3] {
-    core::array::from_fn(|axis| truth[axis] + bias[axis] + deviation[axis] * normals[axis])
+/// Moves a bias on by `secs` with standard normal numbers.
+fn advance(bias: &mut [f32; 3], walk: &BiasWalk<f32>, normals: [f32; 3], secs: f32) {
+    for (bias, normal) in bias.iter_mut().zip(normals) {
+        *bias = walk.step(*bias, normal, secs);
+    }
+}
+
+fn noise(deviation: [f32; 3], normals: [f32; 3]) -> [f32; 3] {
+    core::array::from_fn(|axis| deviation[axis] * normals[axis])
+}
+
+/// What is measured along three axes, no farther than a limit from zero.
+fn within(limit: f32, truth: [f32; 3], bias: [f32; 3], noise: [f32; 3]) -> [f32; 3] {
+    core::array::from_fn(|axis| measured(truth[axis], bias[axis], noise[axis], [-limit, limit]))
 }
 
 /// Pressure \[Pa\] at an altitude \[m\] of the International Standard Atmosphere (ISO 2533), below 11 km.

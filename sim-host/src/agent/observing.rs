@@ -1,6 +1,7 @@
 //! What an agent senses and sees, and what its critic sees beside.
 
 use kestrel_core::action::ACTION_LIMIT;
+use kestrel_core::instrument::specific_force;
 use kestrel_core::observation::{
     OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PILOT_LEN, PilotLayout, REFERENCE_LEN, ReferenceLayout,
 };
@@ -10,7 +11,7 @@ use nalgebra::Vector3;
 use super::{Agent, PrivilegedScales};
 use crate::contact::Arena;
 use crate::scenario::{CriticView, Preset, Scenario};
-use crate::sensor::{Truth, specific_force};
+use crate::sensor::Truth;
 use crate::swarm::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use kestrel_core::instrument::{BiasWalk, measured};
 use serde::{Deserialize, Serialize};
 
 use super::Truth;
@@ -110,8 +111,8 @@ impl Instrument {
         for (value, bias) in values.iter_mut().zip(bias).take(self.signal.width()) {
             let normal = f64::from(stream.normal());
             // Where a ranger meets nothing there is nothing to be wrong about.
-            let error = if value.is_finite() { bias + self.noise.deviation(*value) * normal } else { 0.0 };
-            *value = self.rounded((*value + error).clamp(self.limits[0], self.limits[1]));
+            let errors = if value.is_finite() { [*bias, self.noise.deviation(*value) * normal] } else { [0.0; 2] };
+            *value = self.rounded(measured(*value, errors[0], errors[1], self.limits));
         }
         Some(values)
     }
@@ -162,10 +163,10 @@ impl InstrumentMemory {
 
     /// The bias takes one step of its walk, `secs` long.
     fn wander(&mut self, instrument: &Instrument, secs: f64, stream: &mut Stream) {
-        let step = instrument.bias.walk * secs.sqrt();
-        if step > 0.0 {
+        let walk = BiasWalk { density: instrument.bias.walk, correlation_secs: f64::INFINITY };
+        if walk.density > 0.0 && secs > 0.0 {
             for bias in &mut self.bias[..instrument.signal.width()] {
-                *bias += step * f64::from(stream.normal());
+                *bias = walk.step(*bias, f64::from(stream.normal()), secs);
             }
         }
     }
