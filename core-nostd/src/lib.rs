@@ -32,6 +32,7 @@ pub mod instrument;
 mod limits;
 pub mod mlp;
 pub mod observation;
+pub mod outcome;
 pub mod philox;
 pub mod pilot;
 mod policy_error;
@@ -40,6 +41,7 @@ pub mod processor_in_the_loop;
 pub mod real;
 #[cfg(feature = "reference")]
 pub mod reference;
+pub mod seed;
 mod setpoint;
 pub mod vehicle;
 #[cfg(not(feature = "reference"))]

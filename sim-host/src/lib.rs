@@ -15,7 +15,7 @@ pub mod outline;
 mod reset;
 mod reward;
 pub mod scenario;
-pub mod seed;
+pub use kestrel_core::seed;
 pub mod sensor;
 pub mod simulation;
 pub mod swarm;

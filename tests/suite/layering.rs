@@ -16,7 +16,7 @@ const ARROWS: [(&str, &[&str]); 13] = [
     ("kestrel-shim", &["kestrel-core", "kestrel-onboard"]),
     ("kestrel-image", &["kestrel-core", "kestrel-onboard"]),
     ("kestrel-crazyflie", &["kestrel-core"]),
-    ("kestrel-learn", &["kestrel-core", "kestrel-sim"]),
+    ("kestrel-learn", &["kestrel-core", "kestrel-config"]),
     ("kestrel-export", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-draw", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-verify", &["kestrel-core", "kestrel-sim"]),

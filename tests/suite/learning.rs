@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use kestrel_experiments::drone_environment::Trainer;
 use kestrel_experiments::evaluation::{Evaluation, Flyer, Starts, evaluate};
 use kestrel_experiments::experiment_config::{Experiment, load_to_train};
-use kestrel_learn::ppo::Trainer;
 use kestrel_sim::seed::Purpose;
 
 fn hover(overrides: &[&str]) -> Experiment {

@@ -21,12 +21,13 @@ use kestrel_sim::world::{Pose, Solid, World};
 use nalgebra::Vector3;
 
 pub(crate) use eye::eyes;
+use kestrel_experiments::drone_environment::Trainer;
 use kestrel_learn::actor_critic::Actor;
-use kestrel_learn::consolidation::{
-    ActionAnchorSettings, AnchoredSettings, ConsolidatorSettings, CoresetSettings, Coupling, Curvature,
-    GradientTerm, Strength,
+use kestrel_learn::ppo::PpoSettings;
+use kestrel_learn::regulariser::{
+    CoresetSettings, Coupling, Curvature, FunctionSpaceSettings, GradientTerm, Learning, QuadraticSettings,
+    RegulariserSettings, Strength,
 };
-use kestrel_learn::ppo::{PpoSettings, Trainer};
 pub(crate) use seeing::{SEEING, seeing};
 
 /// Each figure is the best of this many repetitions: on a shared machine the others measure the neighbours.
@@ -269,15 +270,15 @@ pub(crate) fn placing(scenario: &Scenario, duration: Duration) -> Figure {
 const HELD_SHARE: f64 = 0.9;
 
 /// What keeps an earlier task: three anchors and a coreset.
-const MEMORIES: [(&str, ConsolidatorSettings); 4] = [
+const MEMORIES: [(&str, RegulariserSettings); 4] = [
     ("diagonal anchor", anchor(Curvature::Fisher)),
     ("factored anchor", anchor(Curvature::Kronecker)),
-    ("anchor in actions", ConsolidatorSettings::ActionAnchor(ActionAnchorSettings { parts: 32, strength: 0.3 })),
-    ("coreset", ConsolidatorSettings::Coreset(CoresetSettings { bytes: None, strength: 1.0 })),
+    ("anchor in actions", RegulariserSettings::FunctionSpace(FunctionSpaceSettings { parts: 32, strength: 0.3 })),
+    ("coreset", RegulariserSettings::Coreset(CoresetSettings { bytes: None, strength: 1.0 })),
 ];
 
-const fn anchor(curvature: Curvature) -> ConsolidatorSettings {
-    ConsolidatorSettings::Anchored(AnchoredSettings {
+const fn anchor(curvature: Curvature) -> RegulariserSettings {
+    RegulariserSettings::Quadratic(QuadraticSettings {
         curvature,
         gradient: GradientTerm::Balance,
         coupling: Coupling::Gradient,
@@ -309,13 +310,13 @@ pub(crate) fn aviary(aviary: &Aviary, scenario: &Scenario, duration: Duration) -
 fn training_rate(
     scenario: &Scenario,
     settings: &PpoSettings,
-    (epochs, memory): (u32, ConsolidatorSettings),
+    (epochs, memory): (u32, RegulariserSettings),
     duration: Duration,
 ) -> f64 {
     let settings = PpoSettings { epochs, target_kl: None, ..settings.clone() };
     let mut trainer = Trainer::new(std::slice::from_ref(scenario), &settings, Seed(0));
     trainer.update();
-    let mut memory = memory.begin(trainer.actor(), trainer.critic());
+    let mut memory = memory.begin(Learning { actor: trainer.actor(), critic: trainer.critic() });
     trainer.consolidate(&mut memory);
     best_rate(duration, || {
         let before = trainer.steps();
@@ -329,7 +330,7 @@ pub(crate) fn training(scenario: &Scenario, settings: &PpoSettings, duration: Du
     let rate = |epochs, memory| training_rate(scenario, settings, (epochs, memory), duration);
     let alone = |epochs, aim, limit| Figure {
         what: format!("PPO steps, {epochs} epoch(s), all cores"),
-        per_second: rate(epochs, ConsolidatorSettings::None),
+        per_second: rate(epochs, RegulariserSettings::None),
         aim,
         limit,
     };
@@ -368,7 +369,7 @@ fn batched_rate(actor: &Actor, duration: Duration) -> f64 {
     let observations = vec![0.1; actor.mlp().inputs() * 256];
     let mut actions = vec![0.0; actor.action_len() * 256];
     best_rate(duration, || {
-        actor.act_mean(kestrel_learn::actor_critic::Sight::blind(black_box(&observations)), &mut actions);
+        actor.act_mean(kestrel_learn::network::InputBatch::without_images(black_box(&observations)), &mut actions);
         black_box(&actions);
         256
     })

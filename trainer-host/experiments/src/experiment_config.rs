@@ -16,14 +16,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use evaluation::{EvaluationConfig, EvaluationSettings};
-pub(crate) use eye::refuse_unsuited_eye;
+pub(crate) use eye::refuse_unsuited_encoder;
 pub use eye::{ConvolutionConfig, CustomEyeConfig, EyeConfig, EyeNetworkConfig, NatureConfig};
 pub use teacher::TeacherConfig;
 pub(crate) use teacher::refuse_lost_teacher;
 pub use training::{ScheduleConfig, TrainingConfig};
 
 use kestrel_learn::ppo::PpoSettings;
-use kestrel_learn::rollout::panel_rows;
+use kestrel_learn::rollout::batch_rows;
 
 /// Version of the file format that this program reads; a change that breaks old files raises it.
 pub const VERSION: u32 = 1;
@@ -82,12 +82,12 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError
 /// As [`load`], for training, which not every experiment is fit for.
 ///
 /// # Errors
-/// As [`load`], and when the drones do not fill the panels that train.
+/// As [`load`], and when the drones do not fill the environment batches that train.
 pub fn load_to_train(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError> {
     let document = with_overrides(Document::read(path)?, overrides)?;
     let experiment = checked(&document)?;
     let tasks = std::slice::from_ref(&experiment.scenario);
-    refuse_broken_panels(tasks, experiment.ppo.environments, &document.root().at("training"))?;
+    refuse_broken_batches(tasks, experiment.ppo.environments, &document.root().at("training"))?;
     Ok(experiment)
 }
 
@@ -121,13 +121,13 @@ fn checked(document: &Document) -> Result<Experiment, ConfigError> {
     document.decode::<ExperimentConfig>()?.check(&document.root())
 }
 
-/// Refuses a number of drones of which teams and tiles do not make whole panels.
-pub(crate) fn refuse_broken_panels(
+/// Refuses a number of drones of which teams and slices do not make whole environment batches.
+pub(crate) fn refuse_broken_batches(
     tasks: &[Scenario],
     environments: usize,
     training: &Field<'_>,
 ) -> Result<(), ConfigError> {
-    let rows = panel_rows(tasks);
+    let rows = batch_rows(tasks.iter().map(|task| task.agents.count as usize));
     if environments.is_multiple_of(rows) {
         return Ok(());
     }
@@ -147,7 +147,7 @@ impl ExperimentConfig {
         let scenario = self.scenario.check(&self.name, &root.at("scenario"))?;
         let training = root.at("training");
         let ppo = self.training.check(&training)?;
-        refuse_unsuited_eye(&ppo.eye, scenario.camera.as_ref(), &training)?;
+        refuse_unsuited_encoder(&ppo.encoder, scenario.camera.as_ref(), &training)?;
         refuse_lost_teacher(ppo.teacher, &scenario, &training)?;
         Ok(Experiment {
             name: self.name.clone(),

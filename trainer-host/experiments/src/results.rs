@@ -203,13 +203,13 @@ pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> 
     // Ranges come from the starts that selected the policy: those that judge it stay unseen.
     let starts = Starts { purpose: Purpose::Selection, ..starts(experiment) };
     let met = sightings_in_flight(&evaluation.scenario, actor, starts);
-    let (Some(perception), Some(camera)) = (actor.perception(), &scenario.camera) else {
+    let (Some(encoder), Some(camera)) = (actor.encoder(), &scenario.camera) else {
         let Export { float_policy, fixed_policy, report } = export(&layers, &metadata, &met.observations)?;
         return Ok(Exported { float_policy, fixed_policy, report: Report::Blind(report) });
     };
     let actor = SeeingActor {
-        shape: *perception.eye().shape(),
-        encoder_parameters: perception.encoder_parameters(actor.perception_parameters()),
+        shape: *encoder.cnn().shape(),
+        encoder_parameters: encoder.cnn_parameters(actor.encoder_parameters()),
         layers: &layers,
         control_periods_per_image: camera.control_periods_per_image as u16,
     };

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::atomic_file::FileError;
 use crate::checkpoint::{CheckpointError, Checkpoints};
+use crate::drone_environment::{Trainer, TrainerState};
 use crate::evaluation::{Evaluation, Flyer, Starts, evaluate};
 use crate::experiment_config::Experiment;
 use crate::interrupt::Interrupt;
@@ -17,7 +18,7 @@ use crate::run_directory::metrics::MetricsLog;
 use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::tensorboard::EventFile;
 use kestrel_learn::actor_critic::Actor;
-use kestrel_learn::ppo::{RestoreError, Trainer, TrainerState, UpdateMetrics};
+use kestrel_learn::ppo::{RestoreError, UpdateMetrics};
 use kestrel_learn::ranks::{self, Order, Ranks, UnequalShares};
 
 /// How often during a run the policy is flown to see whether it is the best so far.

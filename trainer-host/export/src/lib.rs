@@ -190,7 +190,7 @@ pub(crate) mod tests {
 
     use super::*;
     use kestrel_learn::actor_critic::Actor;
-    use kestrel_learn::actor_critic::Sight;
+    use kestrel_learn::network::InputBatch;
 
     pub(crate) const METADATA: PolicyMetadata<'static> = PolicyMetadata {
         name: "hover",
@@ -210,7 +210,7 @@ pub(crate) mod tests {
     };
 
     fn actor() -> Actor {
-        Actor::blind((PILOT_LEN, 4), &[64, 64], 0.0, &mut Stream::new(Seed(3), 0, Purpose::Weights))
+        Actor::state_based((PILOT_LEN, 4), &[64, 64], 0.0, &mut Stream::new(Seed(3), 0, Purpose::Weights))
     }
 
     fn calibration(count: usize) -> Vec<f32> {
@@ -244,7 +244,7 @@ pub(crate) mod tests {
         let mut scratch = policy.scratch();
         for observation in calibration.chunks_exact(PILOT_LEN) {
             let mut mean = [0.0; 4];
-            actor().act_mean(Sight::blind(observation), &mut mean);
+            actor().act_mean(InputBatch::without_images(observation), &mut mean);
             for (found, expected) in policy.act(observation, &mut scratch).into_iter().zip(mean) {
                 assert!((found - expected.clamp(-1.0, 1.0)).abs() < 2e-6);
             }

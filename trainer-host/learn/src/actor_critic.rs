@@ -1,21 +1,22 @@
 //! The two networks of PPO.
 
+mod gradient;
 mod pass;
 
 use std::ops::Range;
 
-use kestrel_sim::seed::Stream;
+use kestrel_core::seed::Stream;
 use serde::{Deserialize, Serialize};
 
 use crate::advantage::Moments;
+use crate::encoder::Encoder;
 use crate::gaussian::Gaussian;
-use crate::network::eye::Eye;
-use crate::network::{Dense, Mlp};
-use crate::perception::Perception;
-pub use pass::ActorPass;
-use pass::Half;
-pub use pass::Sight;
-pub(crate) use pass::{Eyes, Networks, Pass};
+use crate::network::cnn::Cnn;
+use crate::network::{Dense, InputBatch, Mlp};
+pub use gradient::Gradient;
+pub use pass::ActorWorkspace;
+use pass::NetworkRef;
+pub(crate) use pass::{ActorCriticWorkspace, EncoderWeights, Networks};
 
 /// Gain of the actor's last layer: first actions are near the middle of their range (Andrychowicz et al. 2021).
 const ACTOR_HEAD_GAIN: f32 = 0.01;
@@ -26,29 +27,29 @@ const CRITIC_HEAD_GAIN: f32 = 1.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actor {
     mlp: Mlp,
-    perception: Option<Perception>,
-    /// The network's, then `log_std [action length]`, then those of the perception.
+    encoder: Option<Encoder>,
+    /// The network's, then `log_std [action length]`, then those of the encoder.
     parameters: Vec<f32>,
 }
 
 impl Actor {
-    /// With random orthogonal weights, and eyes for images if it has a perception.
+    /// With random orthogonal weights, and encoders for images if it has an encoder.
     pub fn new(
         (observation_len, action_len): (usize, usize),
-        perception: Option<Perception>,
+        encoder: Option<Encoder>,
         hidden: &[usize],
         initial_log_std: f32,
         stream: &mut Stream,
     ) -> Self {
-        let mlp = Mlp::new(inputs(observation_len, observation_len, perception.as_ref()), hidden, action_len);
+        let mlp = Mlp::new(inputs(observation_len, observation_len, encoder.as_ref()), hidden, action_len);
         let mut parameters = mlp.initialise(ACTOR_HEAD_GAIN, stream);
         parameters.extend(std::iter::repeat_n(initial_log_std, action_len));
-        parameters.extend(perception.iter().flat_map(|perception| perception.initialise(stream)));
-        Self { mlp, perception, parameters }
+        parameters.extend(encoder.iter().flat_map(|encoder| encoder.initialise(stream)));
+        Self { mlp, encoder, parameters }
     }
 
     /// Of observations alone.
-    pub fn blind(lengths: (usize, usize), hidden: &[usize], log_std: f32, stream: &mut Stream) -> Self {
+    pub fn state_based(lengths: (usize, usize), hidden: &[usize], log_std: f32, stream: &mut Stream) -> Self {
         Self::new(lengths, None, hidden, log_std, stream)
     }
 
@@ -58,37 +59,37 @@ impl Actor {
     }
 
     /// What looks at images in front of it.
-    pub fn perception(&self) -> Option<&Perception> {
-        self.perception.as_ref()
+    pub fn encoder(&self) -> Option<&Encoder> {
+        self.encoder.as_ref()
     }
 
-    /// Parameters of [`Self::perception`].
-    pub fn perception_parameters(&self) -> &[f32] {
-        self.half().perception_parameters()
+    /// Parameters of [`Self::encoder`].
+    pub fn encoder_parameters(&self) -> &[f32] {
+        self.network_ref().encoder_parameters()
     }
 
     /// The layers between observation, features and mean action, first to last; tanh after all but the last.
     pub fn layers(&self) -> Vec<Dense<'_>> {
-        let trunk = self.perception.iter().flat_map(|seen| seen.trunk_layers(self.perception_parameters()));
+        let trunk = self.encoder.iter().flat_map(|seen| seen.trunk_layers(self.encoder_parameters()));
         trunk.chain(self.mlp.layers(&self.parameters)).collect()
     }
 
     /// Weights and biases of each of [`Self::layers`], to be written.
     pub(crate) fn layers_mut(&mut self) -> Vec<(&mut [f32], &mut [f32])> {
-        let Self { mlp, perception, parameters } = self;
+        let Self { mlp, encoder, parameters } = self;
         let (network, rest) = parameters.split_at_mut(mlp.parameter_count());
         let seen = &mut rest[mlp.outputs()..];
-        let trunk = perception.as_ref().map(|perception| perception.trunk_layers_mut(seen));
+        let trunk = encoder.as_ref().map(|encoder| encoder.trunk_layers_mut(seen));
         let mut layers = trunk.unwrap_or_default();
         layers.extend(mlp.layers_mut(network));
         layers
     }
 
-    /// The eye in front of it, and its parameters, to be written.
-    pub(crate) fn eye_mut(&mut self) -> Option<(&Eye, &mut [f32])> {
+    /// The encoder in front of it, and its parameters, to be written.
+    pub(crate) fn cnn_mut(&mut self) -> Option<(&Cnn, &mut [f32])> {
         let from = self.log_std_places().end;
-        let eye = self.perception.as_ref()?.eye();
-        Some((eye, &mut self.parameters[from..][..eye.parameter_count()]))
+        let encoder = self.encoder.as_ref()?.cnn();
+        Some((encoder, &mut self.parameters[from..][..encoder.parameter_count()]))
     }
 
     /// Values of an action.
@@ -106,18 +107,18 @@ impl Actor {
         Gaussian::new(self.log_std())
     }
 
-    /// Mean actions `[action length][columns]`, not limited to any range, of what drones see.
+    /// Mean actions `[action length][columns]`, not limited to any range, of what agents observe.
     ///
     /// # Panics
     /// When the slices are not of these shapes.
-    pub fn act_mean(&self, sight: Sight<'_>, actions: &mut [f32]) {
+    pub fn act_mean(&self, batch: InputBatch<'_>, actions: &mut [f32]) {
         let columns = actions.len() / self.action_len();
-        actions.copy_from_slice(ActorPass::new(self, columns).means(self, sight));
+        actions.copy_from_slice(ActorWorkspace::new(self, columns).means(self, batch));
     }
 
     /// Whether another one has the same shape.
     pub(crate) fn is_like(&self, other: &Self) -> bool {
-        (&self.mlp, &self.perception) == (&other.mlp, &other.perception)
+        (&self.mlp, &self.encoder) == (&other.mlp, &other.encoder)
     }
 
     /// Where `log_std` is among the parameters.
@@ -126,12 +127,12 @@ impl Actor {
         network..network + self.action_len()
     }
 
-    fn half(&self) -> Half<'_> {
-        let Self { mlp, perception, parameters } = self;
-        Half { mlp, perception: perception.as_ref(), parameters, perception_from: self.log_std_places().end }
+    fn network_ref(&self) -> NetworkRef<'_> {
+        let Self { mlp, encoder, parameters } = self;
+        NetworkRef { mlp, encoder: encoder.as_ref(), parameters, encoder_from: self.log_std_places().end }
     }
 
-    /// The network's parameters, then `log_std [action length]`, then those of the perception.
+    /// The network's parameters, then `log_std [action length]`, then those of the encoder.
     pub fn parameters(&self) -> &[f32] {
         &self.parameters
     }
@@ -155,38 +156,37 @@ impl Actor {
 pub struct Critic {
     mlp: Mlp,
     /// Where it does not see through the actor's.
-    perception: Option<Perception>,
-    /// The network's, then those of the perception.
+    encoder: Option<Encoder>,
+    /// The network's, then those of the encoder.
     parameters: Vec<f32>,
     scales: Vec<ValueScale>,
 }
 
 impl Critic {
     /// With random orthogonal weights, and a head for each of the tasks. It reads `values_len` values: the observation,
-    /// of the actor's length, then what only critics read; and sees through the actor's perception or has one of its
+    /// of the actor's length, then what only critics read; and sees through the actor's encoder or has one of its
     /// own, of the same shape.
     pub fn new(
         (observation_len, values_len): (usize, usize),
-        sight: CriticSight<'_>,
+        batch: CriticEncoder<'_>,
         hidden: &[usize],
         tasks: usize,
         stream: &mut Stream,
     ) -> Self {
-        let (seen, own) = match sight {
-            CriticSight::None => (None, None),
-            CriticSight::Shared(perception) => (Some(perception), None),
-            CriticSight::Separate(perception) => (Some(perception), Some(perception.clone())),
+        let (seen, own) = match batch {
+            CriticEncoder::None => (None, None),
+            CriticEncoder::Shared(encoder) => (Some(encoder), None),
+            CriticEncoder::Separate(encoder) => (Some(encoder), Some(encoder.clone())),
         };
         let mlp = Mlp::new(inputs(observation_len, values_len, seen), hidden, tasks);
         let mut parameters = mlp.initialise(CRITIC_HEAD_GAIN, stream);
-        parameters.extend(own.iter().flat_map(|perception| perception.initialise(stream)));
-        Self { mlp, perception: own, parameters, scales: vec![ValueScale::default(); tasks] }
+        parameters.extend(own.iter().flat_map(|encoder| encoder.initialise(stream)));
+        Self { mlp, encoder: own, parameters, scales: vec![ValueScale::default(); tasks] }
     }
 
     /// Of so many values alone.
-    #[cfg(test)]
-    pub(crate) fn blind(values_len: usize, hidden: &[usize], tasks: usize, stream: &mut Stream) -> Self {
-        Self::new((values_len, values_len), CriticSight::None, hidden, tasks, stream)
+    pub fn state_based(values_len: usize, hidden: &[usize], tasks: usize, stream: &mut Stream) -> Self {
+        Self::new((values_len, values_len), CriticEncoder::None, hidden, tasks, stream)
     }
 
     /// Shape of the network.
@@ -196,12 +196,12 @@ impl Critic {
 
     /// Whether another one has the same shape.
     pub(crate) fn is_like(&self, other: &Self) -> bool {
-        (&self.mlp, &self.perception) == (&other.mlp, &other.perception)
+        (&self.mlp, &self.encoder) == (&other.mlp, &other.encoder)
     }
 
-    fn half(&self) -> Half<'_> {
-        let Self { mlp, perception, parameters, .. } = self;
-        Half { mlp, perception: perception.as_ref(), parameters, perception_from: mlp.parameter_count() }
+    fn network_ref(&self) -> NetworkRef<'_> {
+        let Self { mlp, encoder, parameters, .. } = self;
+        NetworkRef { mlp, encoder: encoder.as_ref(), parameters, encoder_from: mlp.parameter_count() }
     }
 
     /// Writes the values `[columns]` that `heads [tasks][columns]` mean in a task.
@@ -236,7 +236,7 @@ impl Critic {
         self.scales[task] = new;
     }
 
-    /// The network's, then those of its eye.
+    /// The network's, then those of its encoder.
     pub fn parameters(&self) -> &[f32] {
         &self.parameters
     }
@@ -249,18 +249,18 @@ impl Critic {
 
 /// How a critic sees images.
 #[derive(Clone, Copy, Debug)]
-pub enum CriticSight<'a> {
+pub enum CriticEncoder<'a> {
     /// There are none.
     None,
-    /// Through the actor's perception, which learns from both.
-    Shared(&'a Perception),
-    /// With a perception of its own, of this shape.
-    Separate(&'a Perception),
+    /// Through the actor's encoder, which learns from both.
+    Shared(&'a Encoder),
+    /// With an encoder of its own, of this shape.
+    Separate(&'a Encoder),
 }
 
-/// Inputs of a network that reads so many values, which begin with the observation, and what a perception makes.
-fn inputs(observation_len: usize, values_len: usize, perception: Option<&Perception>) -> usize {
-    match perception {
+/// Inputs of a network that reads so many values, which begin with the observation, and what an encoder makes.
+fn inputs(observation_len: usize, values_len: usize, encoder: Option<&Encoder>) -> usize {
+    match encoder {
         None => values_len,
         Some(seen) => values_len - observation_len + seen.unread(observation_len) + seen.outputs(),
     }
@@ -306,12 +306,12 @@ impl ValueScale {
 mod tests {
     use super::*;
     use crate::network::Workspace;
-    use kestrel_sim::seed::{Purpose, Seed};
+    use kestrel_core::seed::{Purpose, Seed};
 
     #[test]
     fn rescaling_a_head_leaves_every_value_as_it_was() {
         let mut stream = Stream::new(Seed(1), 0, Purpose::Weights);
-        let mut critic = Critic::blind(5, &[8, 7], 3, &mut stream);
+        let mut critic = Critic::state_based(5, &[8, 7], 3, &mut stream);
         let inputs: Vec<f32> = (0..5 * 4).map(|_| stream.normal()).collect();
         let mut workspace = Workspace::new(critic.mlp(), 4);
         let mut values = |critic: &Critic, task| {

@@ -1,8 +1,8 @@
 //! How much better an action turned out than the critic expected.
 
-use kestrel_sim::outcome::Outcome;
+use kestrel_core::outcome::Outcome;
 
-/// One panel's rollout as columns: `[steps][environments]` each.
+/// One environment batch's rollout as columns: `[steps][environments]` each.
 #[derive(Clone, Copy, Debug)]
 pub struct Columns<'a> {
     /// Scaled rewards.
@@ -35,8 +35,8 @@ pub fn gae(columns: &Columns<'_>, discount: f32, lambda: f32, advantages: &mut [
                 Outcome::Truncated => (truncated_values[index], 0.0),
                 Outcome::Terminated => (0.0, 0.0),
             };
-            let surprise = rewards[index] + discount * next_value - values[index];
-            following[index] = surprise + discount * lambda * later;
+            let td_error = rewards[index] + discount * next_value - values[index];
+            following[index] = td_error + discount * lambda * later;
         }
         advantages.copy_from_slice(&following);
         next_values = values;
@@ -107,19 +107,19 @@ mod tests {
 
     #[test]
     fn a_running_column_bootstraps_from_the_last_value() {
-        // Surprises 1 + 4 - 4 = 1, 2 + 8 - 8 = 2, 3 + 16 - 16 = 3, each adding a quarter of what follows.
+        // TD errors 1 + 4 - 4 = 1, 2 + 8 - 8 = 2, 3 + 16 - 16 = 3, each adding a quarter of what follows.
         assert_eq!(estimate([Running; 3]), [1.0 + (2.0 + 0.75) / 4.0, 2.0 + 0.75, 3.0]);
     }
 
     #[test]
     fn a_terminated_step_has_no_future() {
-        // Its surprise is 2 + 0 - 8, and nothing of the next episode leaks back.
+        // Its td_error is 2 + 0 - 8, and nothing of the next episode leaks back.
         assert_eq!(estimate([Running, Terminated, Running]), [1.0 - 1.5, -6.0, 3.0]);
     }
 
     #[test]
     fn a_truncated_step_is_worth_its_final_observation() {
-        // Its surprise is 2 + 0.5 * 200 - 8, and nothing of the next episode leaks back.
+        // Its td_error is 2 + 0.5 * 200 - 8, and nothing of the next episode leaks back.
         assert_eq!(estimate([Running, Truncated, Running]), [1.0 + 23.5, 94.0, 3.0]);
     }
 

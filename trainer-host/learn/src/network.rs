@@ -1,24 +1,40 @@
 //! Multilayer perceptrons over columns of samples: forward, backward, initialisation.
 //!
-//! A tile of samples enters and leaves feature by feature, `[features][columns]`, as the simulation writes its
+//! A slice of samples enters and leaves feature by feature, `[features][columns]`, as the simulation writes its
 //! observations; between the layers it lies sample by sample.
 
 mod aligned;
-mod batch;
+pub mod cnn;
 mod dense;
-pub mod eye;
 mod kernel;
+mod sample_matrix;
 mod trunk;
 
-use kestrel_sim::seed::Stream;
+use kestrel_core::seed::Stream;
 use serde::{Deserialize, Serialize};
 
 use aligned::Aligned;
-pub(crate) use batch::Batch;
 pub use dense::Dense;
 use dense::DenseGradient;
 pub(crate) use kernel::{Accumulate, dispatch, dot, square};
-pub use trunk::{Trunk, TrunkWorkspace};
+pub(crate) use sample_matrix::SampleMatrix;
+pub use trunk::{SharedTrunk, SharedTrunkWorkspace};
+
+/// What agents observe at one step.
+#[derive(Clone, Copy, Debug)]
+pub struct InputBatch<'a> {
+    /// `[values][columns]`: the observation; for critics, then what only they read.
+    pub values: &'a [f32],
+    /// `[columns][image]`; empty without a camera.
+    pub images: &'a [u8],
+}
+
+impl<'a> InputBatch<'a> {
+    /// Of agents without images.
+    pub fn without_images(values: &'a [f32]) -> Self {
+        Self { values, images: &[] }
+    }
+}
 
 /// Parameters that one thread works on at a time: those of a large network are shared among all threads, those of a small
 /// one are one piece.
@@ -116,7 +132,7 @@ impl Mlp {
         parameters
     }
 
-    /// Evaluates a tile, `inputs [inputs][columns]`, and returns the network's outputs `[outputs][columns]`.
+    /// Evaluates a slice, `inputs [inputs][columns]`, and returns the network's outputs `[outputs][columns]`.
     ///
     /// # Panics
     /// When `inputs` is not of this shape or the workspace is of another network.
@@ -132,20 +148,20 @@ impl Mlp {
         parameters: &'p [f32],
         inputs: &'b [f32],
         workspace: &'w mut Workspace,
-    ) -> (Dense<'p>, Batch<'b>, &'w mut [f32]) {
+    ) -> (Dense<'p>, SampleMatrix<'b>, &'w mut [f32]) {
         let Workspace { columns, transposed, activations, outputs, .. } = workspace;
-        assert_eq!(inputs.len(), self.inputs() * *columns, "a tile has a row for each input");
+        assert_eq!(inputs.len(), self.inputs() * *columns, "a slice has a row for each input");
         let layers = self.layers(parameters);
         let (head, hidden) = layers.split_last().expect("a network has at least one layer");
-        let mut input = Batch::by_feature(inputs, *columns);
+        let mut input = SampleMatrix::by_feature(inputs, *columns);
         for ((layer, activation), transposed) in hidden.iter().zip(activations).zip(transposed) {
             layer.affine_tanh(input, transposed, activation);
-            input = Batch::by_sample(activation, *columns);
+            input = SampleMatrix::by_sample(activation, *columns);
         }
         (*head, input, outputs)
     }
 
-    /// Adds the parameters' gradient of a tile to `gradient`, from the loss gradient of the outputs that the
+    /// Adds the parameters' gradient of a slice to `gradient`, from the loss gradient of the outputs that the
     /// caller has written to [`Workspace::output_delta`] after [`Self::forward`] of the same `inputs`.
     pub fn backward(&self, parameters: &[f32], inputs: &[f32], workspace: &mut Workspace, gradient: &mut [f32]) {
         let mut gradients = self.layer_gradients(gradient);
@@ -186,11 +202,13 @@ impl Mlp {
         size: fn(f32) -> f32,
         sizes: &mut [f32],
     ) {
-        let sized = |batch: Batch<'_>| batch.values.iter().copied().map(size).collect::<Vec<f32>>();
+        let sized = |batch: SampleMatrix<'_>| batch.values.iter().copied().map(size).collect::<Vec<f32>>();
         let mut sizes = self.layer_gradients(sizes);
         self.backward_layers(parameters, inputs, workspace, |index, deltas, inputs| {
-            sizes[index]
-                .add(Batch { values: &sized(deltas), ..deltas }, Batch { values: &sized(inputs), ..inputs });
+            sizes[index].add(
+                SampleMatrix { values: &sized(deltas), ..deltas },
+                SampleMatrix { values: &sized(inputs), ..inputs },
+            );
         });
     }
 
@@ -200,7 +218,7 @@ impl Mlp {
         parameters: &[f32],
         inputs: &[f32],
         workspace: &mut Workspace,
-        mut visit: impl FnMut(usize, Batch<'_>, Batch<'_>),
+        mut visit: impl FnMut(usize, SampleMatrix<'_>, SampleMatrix<'_>),
     ) {
         let Workspace { columns, activations, deltas, output_deltas, .. } = workspace;
         let columns = *columns;
@@ -208,20 +226,20 @@ impl Mlp {
         for index in (0..layers.len()).rev() {
             let (below, from) = deltas.split_at_mut(index);
             let from = match from.first() {
-                Some(deltas) => Batch::by_sample(deltas, columns),
-                None => Batch::by_feature(output_deltas, columns),
+                Some(deltas) => SampleMatrix::by_sample(deltas, columns),
+                None => SampleMatrix::by_feature(output_deltas, columns),
             };
             let Some(below) = below.last_mut() else {
-                return visit(0, from, Batch::by_feature(inputs, columns));
+                return visit(0, from, SampleMatrix::by_feature(inputs, columns));
             };
             let activations = &activations[index - 1];
-            visit(index, from, Batch::by_sample(activations, columns));
+            visit(index, from, SampleMatrix::by_sample(activations, columns));
             layers[index].backward(from, activations, below);
         }
     }
 }
 
-/// What a tile leaves behind on its way through a network, and the loss gradients on the way back.
+/// What a slice leaves behind on its way through a network, and the loss gradients on the way back.
 #[derive(Clone, Debug)]
 pub struct Workspace {
     columns: usize,
@@ -239,7 +257,7 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// For tiles of `columns` samples.
+    /// For slices of `columns` samples.
     pub fn new(mlp: &Mlp, columns: usize) -> Self {
         let hidden = &mlp.widths[..mlp.widths.len() - 1];
         Self {

@@ -2,7 +2,7 @@
 //!
 //! The actor that flies and is differentiated has rounded weights, the optimiser moves exact ones: the gradient passes the
 //! rounding as if it were not there (the straight-through estimator, Bengio et al. 2013). Dense layers are rounded to
-//! 16 bits with the fraction bits that their export would choose, eyes to 8 bits with the step of each filter. Activations
+//! 16 bits with the fraction bits that their export would choose, encoders to 8 bits with the step of each filter. Activations
 //! are not rounded: 13 and 15 bits are finer than what weights of 8 bits compute.
 
 use kestrel_core::encoder::round_weights;
@@ -45,8 +45,8 @@ impl Quantised {
             round_to(weights, *weight_bits);
             round_to(biases, *bias_bits);
         }
-        if let Some((eye, parameters)) = self.actor.eye_mut() {
-            round_weights(eye.shape(), parameters);
+        if let Some((encoder, parameters)) = self.actor.cnn_mut() {
+            round_weights(encoder.shape(), parameters);
         }
     }
 }
@@ -71,12 +71,12 @@ fn round_to(values: &mut [f32], bits: i32) {
 
 #[cfg(test)]
 mod tests {
-    use kestrel_sim::seed::{Purpose, Seed, Stream};
+    use kestrel_core::seed::{Purpose, Seed, Stream};
 
     use super::*;
 
     fn actor() -> Actor {
-        Actor::blind((9, 4), &[16, 16], -0.5, &mut Stream::new(Seed(3), 0, Purpose::Weights))
+        Actor::state_based((9, 4), &[16, 16], -0.5, &mut Stream::new(Seed(3), 0, Purpose::Weights))
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Processes that work on one run together, on one machine or on several.
 //!
 //! Each has the whole state of the run and comes to the same bits. What is costly is shared: every rank flies its part of
-//! the panels of environments and differentiates its part of every minibatch, then all ranks show each other what they
+//! the environment batches and differentiates its part of every minibatch, then all ranks show each other what they
 //! have. Sums are added up in the order in which one process alone adds them, so that the number of ranks changes
 //! nothing. Rank 0 owns the files and decides what is done next; the others follow its orders.
 

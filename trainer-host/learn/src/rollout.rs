@@ -1,48 +1,43 @@
-//! Panels of drones that fly the policy, and the columns that they leave to the learner.
+//! Environment batches that act with the policy, and the columns that they leave to the learner.
 
 mod critic_input;
 
 use std::ops::Range;
 
-use kestrel_sim::outcome::{Episode, Outcome};
-use kestrel_sim::scenario::Scenario;
-use kestrel_sim::seed::Seed;
-use kestrel_sim::simulation::{Simulation, SimulationState};
+use kestrel_core::seed::Seed;
 
-use crate::actor_critic::{Networks, Pass, Sight};
+use crate::actor_critic::{ActorCriticWorkspace, Networks};
 use crate::advantage::{Columns, gae};
+use crate::environment::{Environment, Episode, Outcome, TaskShape};
 use crate::gaussian::Noise;
-use crate::teacher::Teacher;
+use crate::network::InputBatch;
 use critic_input::CriticInput;
 pub use critic_input::CriticScope;
 
-/// Drones of a panel unless their team does not divide it, and samples of a tile unless something asks for fewer
-/// ([`tile_columns`]).
+/// Rows of an environment batch unless their team does not divide it, and samples of a slice unless something asks for fewer
+/// ([`slice_columns`]).
 ///
 /// Enough columns for matrix products at full speed, few enough that the activations of a 64-64 network
 /// (2 × 64 kB, as much again backwards) stay in a core's second-level cache.
-pub const PANEL: usize = 256;
+pub const ENV_BATCH: usize = 256;
 
-/// Samples of a tile with images: more do not make convolutions faster.
-const SEEING_TILE: usize = 64;
+/// Samples of a slice with images: more do not make convolutions faster.
+const IMAGE_SLICE: usize = 64;
 
-/// Smallest minibatch that has two tiles.
+/// Smallest minibatch that has two slices.
 pub const SMALLEST_MINIBATCH: usize = 32;
 
-/// Samples of a tile of a run: a divisor of [`PANEL`], half of a minibatch that is smaller than that, so that two threads
+/// Samples of a slice of a run: a divisor of [`ENV_BATCH`], half of a minibatch that is smaller than that, so that two threads
 /// have something to do.
-pub fn tile_columns(minibatch: usize, sees: bool) -> usize {
-    let most = if sees { SEEING_TILE } else { PANEL };
-    if minibatch < PANEL { most.min(minibatch / 2) } else { most }
+pub fn slice_columns(minibatch: usize, sees: bool) -> usize {
+    let most = if sees { IMAGE_SLICE } else { ENV_BATCH };
+    if minibatch < ENV_BATCH { most.min(minibatch / 2) } else { most }
 }
 
-/// Drones of each panel of a run: the least multiple of [`PANEL`] into which the teams of all its tasks fit without a
-/// rest, [`PANEL`] itself for teams of 1, 2, 4, …
-pub fn panel_rows(tasks: &[Scenario]) -> usize {
-    tasks
-        .iter()
-        .map(|task| task.agents.count as usize)
-        .fold(PANEL, |rows, team| rows / common_divisor(rows, team) * team)
+/// Rows of each environment batch of a run: the least multiple of [`ENV_BATCH`] into which the teams of all its tasks, of
+/// so many agents each, fit without a rest; [`ENV_BATCH`] itself for teams of 1, 2, 4, …
+pub fn batch_rows(teams: impl Iterator<Item = usize>) -> usize {
+    teams.fold(ENV_BATCH, |rows, team| rows / common_divisor(rows, team) * team)
 }
 
 /// The greatest (Euclid).
@@ -50,12 +45,12 @@ fn common_divisor(one: usize, other: usize) -> usize {
     if other == 0 { one } else { common_divisor(other, one % other) }
 }
 
-/// What a panel needs to know to collect a rollout.
+/// What an environment batch needs to know to collect a rollout.
 #[derive(Clone, Copy, Debug)]
 pub struct Collection<'a> {
-    /// The actor chooses the actions, the critic appraises what is seen.
+    /// The actor chooses the actions, the critic predicts the value of what is seen.
     pub(crate) networks: Networks<'a>,
-    /// Steps that every drone has made before.
+    /// Steps that every row has made before.
     pub first_step: u64,
     /// Factor on rewards.
     pub reward_scale: f32,
@@ -64,30 +59,29 @@ pub struct Collection<'a> {
     /// Trace decay of the advantage estimate.
     pub gae_lambda: f32,
     /// Whether the teacher says what it would do.
-    pub is_taught: bool,
+    pub asks_teacher: bool,
 }
 
-/// Environments of some [`panel_rows`] drones in all, stepped by one thread through a whole rollout; several drones of
+/// Environments of some [`batch_rows`] agents in all, stepped by one thread through a whole rollout; several agents of
 /// an environment share the policy.
 ///
-/// No panel waits for another, and none shares anything with another: the number of threads cannot matter.
+/// No environment batch waits for another, and none shares anything with another: the number of threads cannot matter.
 #[derive(Clone, Debug)]
-pub struct Panel {
-    simulation: Simulation,
+pub struct EnvBatch<E> {
+    environment: E,
     critic_input: CriticInput,
-    /// Of each tile of a step.
+    /// Of each slice of a step.
     noises: Vec<Noise>,
-    teacher: Option<Teacher>,
     rollout: Rollout,
-    pass: Pass,
-    /// Noise of one tile `[action length][columns]`.
+    workspace: ActorCriticWorkspace,
+    /// Noise of one slice `[action length][columns]`.
     normals: Vec<f32>,
     /// Actions of one step `[action length][rows]`.
     commands: Vec<f32>,
     truncated: Vec<Truncated>,
 }
 
-/// What was seen at the end of an episode that was cut off.
+/// What was observed at the end of an episode that was cut off.
 #[derive(Clone, Debug)]
 struct Truncated {
     /// Place in the rollout.
@@ -97,99 +91,89 @@ struct Truncated {
     image: Vec<u8>,
 }
 
-/// Of what size the rollouts of a panel are.
+/// What the rollouts of an environment batch hold.
 #[derive(Clone, Copy, Debug)]
-pub struct RolloutSize {
-    /// Steps of every drone.
+pub struct RolloutPlan {
+    /// Steps of every row.
     pub steps: usize,
-    /// Samples of a tile, as [`tile_columns`] says.
+    /// Samples of a slice, as [`slice_columns`] says.
     pub columns: usize,
+    /// Whose observations the critic reads.
+    pub critic_scope: CriticScope,
+    /// Whether a teacher says what it would do.
+    pub has_teacher: bool,
 }
 
-/// The drones of a panel among all drones of a run.
+/// The rows of an environment batch among all rows of a run.
 #[derive(Clone, Copy, Debug)]
-pub struct PanelRows {
-    /// Drones in panels before.
+pub struct BatchRows {
+    /// Index of their task among those of the run.
+    pub task: usize,
+    /// Rows in environment batches before.
     pub first: u32,
-    /// Drones of this panel, as [`panel_rows`] says.
+    /// Rows of this environment batch, as [`batch_rows`] says.
     pub count: usize,
 }
 
-impl Panel {
-    /// Environments at the start of their first episodes, which fly and appraise rollouts of such a size.
+impl<E: Environment> EnvBatch<E> {
+    /// Environments at the start of their first episodes, for rollouts of such a size.
     ///
     /// # Panics
-    /// When the drones do not fill tiles and environments.
+    /// When the rows do not fill slices and environments.
     pub(crate) fn new(
-        (task, scenario): (usize, &Scenario),
+        task: &E::Task,
+        plan: RolloutPlan,
         seed: Seed,
-        rows: PanelRows,
-        (size, scope): (RolloutSize, CriticScope),
-        pass: Pass,
+        rows: BatchRows,
+        workspace: ActorCriticWorkspace,
     ) -> Self {
-        let (team, count) = (scenario.agents.count, rows.count);
-        let columns = size.columns;
-        let fits = count.is_multiple_of(columns) && count.is_multiple_of(team as usize);
-        assert!(fits, "{count} drones in tiles of {columns} and teams of {team}");
-        let simulation = Simulation::new(scenario, seed, rows.first / team, count / team as usize);
-        let critic_input = CriticInput::new(&simulation, scope);
-        let action_len = scenario.action.len();
-        let firsts = (rows.first..rows.first + count as u32).step_by(columns);
-        let lengths = Lengths {
-            features: critic_input.len(&simulation),
-            image: simulation.images().len() / count,
-            action: action_len,
-        };
+        let shape = E::shape(task);
+        let (agents, columns) = (shape.agents, plan.columns);
+        let fits = rows.count.is_multiple_of(columns) && rows.count.is_multiple_of(agents);
+        assert!(fits, "{} agents in slices of {columns} and teams of {agents}", rows.count);
+        let lengths = Lengths::new(&shape, plan.critic_scope);
+        let firsts = (rows.first..rows.first + rows.count as u32).step_by(columns);
+        let mut rollout = Rollout::new(rows.task, plan, rows.count, lengths);
+        if plan.has_teacher {
+            rollout.teacher_actions = vec![0.0; rollout.actions.len()];
+        }
         Self {
-            noises: firsts.map(|first| Noise::new(seed, first, action_len)).collect(),
-            teacher: None,
-            rollout: Rollout::new(task, size, count, lengths),
-            pass,
-            normals: vec![0.0; action_len * columns],
-            commands: vec![0.0; action_len * count],
+            environment: E::begin(task, seed, rows.first / agents as u32, rows.count / agents),
+            critic_input: CriticInput::new(&shape, rows.count, plan.critic_scope),
+            noises: firsts.map(|first| Noise::new(seed, first, lengths.action)).collect(),
+            rollout,
+            workspace,
+            normals: vec![0.0; lengths.action * columns],
+            commands: vec![0.0; lengths.action * rows.count],
             truncated: Vec::new(),
-            critic_input,
-            simulation,
         }
     }
 
-    /// The same panel with the teacher of its task.
-    ///
-    /// # Panics
-    /// When that task has none.
-    #[must_use]
-    pub(crate) fn taught(mut self) -> Self {
-        self.rollout.lessons = vec![0.0; self.rollout.actions.len()];
-        self.teacher =
-            Some(Teacher::of(self.simulation.scenario()).expect("the task is checked to have a teacher"));
-        self
-    }
-
-    /// Flies the actor through one rollout and estimates its advantages.
+    /// Acts with the actor for one rollout and estimates its advantages.
     pub fn collect(&mut self, collection: &Collection<'_>) {
         for step in 0..self.rollout.steps {
             for part in 0..self.noises.len() {
-                let tile = step * self.noises.len() + part;
-                self.observe(tile, part);
-                self.pass.look(&collection.networks, self.rollout.sight(tile));
-                self.act(&collection.networks, tile, (part, collection.first_step + step as u64));
-                self.appraise(&collection.networks, tile);
-                if collection.is_taught {
-                    self.ask_teacher(tile, part);
+                let slice = step * self.noises.len() + part;
+                self.observe(slice, part);
+                self.workspace.encode(&collection.networks, self.rollout.input_batch(slice));
+                self.act(&collection.networks, slice, (part, collection.first_step + step as u64));
+                self.predict_value(&collection.networks, slice);
+                if collection.asks_teacher {
+                    self.ask_teacher(slice, part);
                 }
             }
-            self.simulation.step(&self.commands);
+            self.environment.step(&self.commands);
             self.record(step, collection.reward_scale);
         }
-        self.appraise_last(&collection.networks);
-        self.appraise_truncated(&collection.networks);
+        self.predict_last_values(&collection.networks);
+        self.predict_truncated_values(&collection.networks);
         self.rollout.estimate_advantages(collection.discount, collection.gae_lambda);
     }
 
     /// The environments.
     #[cfg(test)]
-    pub(crate) fn simulation(&self) -> &Simulation {
-        &self.simulation
+    pub(crate) fn environment(&self) -> &E {
+        &self.environment
     }
 
     /// What was collected last.
@@ -204,35 +188,35 @@ impl Panel {
 
     /// Episodes that ended since the last call.
     pub fn take_episodes(&mut self) -> Vec<Episode> {
-        self.simulation.take_episodes()
+        self.environment.take_episodes()
     }
 
-    /// Between rollouts, all of a panel that the next one depends on.
-    pub fn save(&self) -> SimulationState {
-        self.simulation.save()
+    /// Between rollouts, all of an environment batch that the next one depends on.
+    pub fn save(&self) -> E::State {
+        self.environment.save()
     }
 
     /// Goes on from a saved state; `false` when that belongs to another scenario.
     #[must_use]
-    pub fn restore(&mut self, state: &SimulationState) -> bool {
-        self.simulation.restore(state)
+    pub fn restore(&mut self, state: &E::State) -> bool {
+        self.environment.restore(state)
     }
 
-    /// What the drones of part of a step see, into a tile of the rollout.
-    fn observe(&mut self, tile: usize, part: usize) {
-        let Self { simulation, critic_input, rollout, .. } = self;
-        let (values, images) = (rollout.inputs_of(tile), rollout.images_of(tile));
+    /// What the agents of part of a step observe, into a slice of the rollout.
+    fn observe(&mut self, slice: usize, part: usize) {
+        let Self { environment, critic_input, rollout, .. } = self;
+        let (values, images) = (rollout.inputs_of(slice), rollout.images_of(slice));
         let first = part * rollout.columns;
-        critic_input.write(simulation, (first, rollout.columns), &mut rollout.observations[values]);
-        let seen = &simulation.images()[first * rollout.lengths.image..][..images.len()];
+        critic_input.write(environment, (first, rollout.columns), &mut rollout.observations[values]);
+        let seen = &environment.images()[first * rollout.lengths.image..][..images.len()];
         rollout.images[images].copy_from_slice(seen);
     }
 
-    fn act(&mut self, networks: &Networks<'_>, tile: usize, (part, noise_step): (usize, u64)) {
-        let Self { rollout, pass, .. } = self;
-        let means = pass.act(networks, rollout.sight(tile));
+    fn act(&mut self, networks: &Networks<'_>, slice: usize, (part, noise_step): (usize, u64)) {
+        let Self { rollout, workspace, .. } = self;
+        let means = workspace.mean_actions(networks, rollout.input_batch(slice));
         self.noises[part].fill(noise_step, &mut self.normals);
-        let (place, column) = (rollout.actions_of(tile), rollout.column_of(tile));
+        let (place, column) = (rollout.actions_of(slice), rollout.column_of(slice));
         let (actions, gaussian) = (&mut rollout.actions[place], networks.actor.gaussian());
         gaussian.sample(means, &self.normals, actions);
         gaussian.log_probs(means, actions, &mut rollout.log_probs[column]);
@@ -243,75 +227,69 @@ impl Panel {
     }
 
     /// What the teacher would have done in part of a step.
-    fn ask_teacher(&mut self, tile: usize, part: usize) {
-        let Self { simulation, teacher, rollout, .. } = self;
-        let Some(teacher) = teacher else { return };
-        let (place, columns) = (rollout.actions_of(tile), rollout.columns);
-        for column in 0..columns {
-            let lesson = teacher.act(&simulation.state(part * columns + column));
-            for (row, value) in rollout.lessons[place.clone()].chunks_exact_mut(columns).zip(lesson) {
-                row[column] = value;
-            }
-        }
+    fn ask_teacher(&mut self, slice: usize, part: usize) {
+        let Self { environment, rollout, .. } = self;
+        let (place, first) = (rollout.actions_of(slice), part * rollout.columns);
+        environment.write_teacher_actions(first..first + rollout.columns, &mut rollout.teacher_actions[place]);
     }
 
-    fn appraise(&mut self, networks: &Networks<'_>, tile: usize) {
-        let Self { rollout, pass, .. } = self;
-        let heads = pass.appraise(networks, rollout.sight(tile));
-        let column = rollout.column_of(tile);
+    fn predict_value(&mut self, networks: &Networks<'_>, slice: usize) {
+        let Self { rollout, workspace, .. } = self;
+        let heads = workspace.predict_value(networks, rollout.input_batch(slice));
+        let column = rollout.column_of(slice);
         networks.critic.write_values(heads, rollout.task, &mut rollout.values[column]);
     }
 
     fn record(&mut self, step: usize, reward_scale: f32) {
-        let Self { simulation, critic_input, rollout, truncated, .. } = self;
+        let Self { environment, critic_input, rollout, truncated, .. } = self;
         let (rows, image_len) = (rollout.rows, rollout.lengths.image);
         let column = step * rows..(step + 1) * rows;
-        for (scaled, reward) in rollout.rewards[column.clone()].iter_mut().zip(simulation.rewards()) {
+        for (scaled, reward) in rollout.rewards[column.clone()].iter_mut().zip(environment.rewards()) {
             *scaled = reward * reward_scale;
         }
-        rollout.outcomes[column].copy_from_slice(simulation.outcomes());
-        for (row, outcome) in simulation.outcomes().iter().enumerate() {
+        rollout.outcomes[column].copy_from_slice(environment.outcomes());
+        for (row, outcome) in environment.outcomes().iter().enumerate() {
             if *outcome == Outcome::Truncated {
                 truncated.push(Truncated {
                     place: step * rows + row,
-                    values: critic_input.at_end(simulation, row),
-                    image: simulation.final_images()[row * image_len..][..image_len].to_vec(),
+                    values: critic_input.at_end(environment, row),
+                    image: environment.final_images()[row * image_len..][..image_len].to_vec(),
                 });
             }
         }
     }
 
-    fn appraise_last(&mut self, networks: &Networks<'_>) {
-        let Self { simulation, critic_input, rollout, pass, .. } = self;
+    fn predict_last_values(&mut self, networks: &Networks<'_>) {
+        let Self { environment, critic_input, rollout, workspace, .. } = self;
         let (columns, image_len) = (rollout.columns, rollout.lengths.image);
         let mut values = vec![0.0; rollout.lengths.features * columns];
         for (part, last) in rollout.last_values.chunks_exact_mut(columns).enumerate() {
             let first = part * columns;
-            critic_input.write(simulation, (first, columns), &mut values);
-            let images = &simulation.images()[first * image_len..][..columns * image_len];
-            let sight = Sight { values: &values, images };
-            pass.look(networks, sight);
-            networks.critic.write_values(pass.appraise(networks, sight), rollout.task, last);
+            critic_input.write(environment, (first, columns), &mut values);
+            let images = &environment.images()[first * image_len..][..columns * image_len];
+            let batch = InputBatch { values: &values, images };
+            workspace.encode(networks, batch);
+            networks.critic.write_values(workspace.predict_value(networks, batch), rollout.task, last);
         }
     }
 
-    /// Collected over the rollout, because a tile of one costs as much as a full one.
-    fn appraise_truncated(&mut self, networks: &Networks<'_>) {
-        let Self { rollout, pass, truncated, .. } = self;
+    /// Collected over the rollout, because a slice of one costs as much as a full one.
+    fn predict_truncated_values(&mut self, networks: &Networks<'_>) {
+        let Self { rollout, workspace, truncated, .. } = self;
         let (columns, image_len) = (rollout.columns, rollout.lengths.image);
-        let mut tile = vec![0.0; rollout.lengths.features * columns];
+        let mut slice = vec![0.0; rollout.lengths.features * columns];
         let mut images = vec![0; image_len * columns];
         for group in truncated.chunks(columns) {
             for (column, seen) in group.iter().enumerate() {
-                for (row, value) in tile.chunks_exact_mut(columns).zip(&seen.values) {
+                for (row, value) in slice.chunks_exact_mut(columns).zip(&seen.values) {
                     row[column] = *value;
                 }
                 images[column * image_len..][..image_len].copy_from_slice(&seen.image);
             }
-            let sight = Sight { values: &tile, images: &images };
-            pass.look(networks, sight);
-            let mut values = [0.0; PANEL];
-            let heads = pass.appraise(networks, sight);
+            let batch = InputBatch { values: &slice, images: &images };
+            workspace.encode(networks, batch);
+            let mut values = [0.0; ENV_BATCH];
+            let heads = workspace.predict_value(networks, batch);
             networks.critic.write_values(heads, rollout.task, &mut values[..columns]);
             for (seen, value) in group.iter().zip(values) {
                 rollout.truncated_values[seen.place] = value;
@@ -322,33 +300,47 @@ impl Panel {
 }
 
 /// How many values belong to a sample.
-#[derive(Clone, Copy, Debug)]
-struct Lengths {
-    features: usize,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Lengths {
+    /// Of the observation, which the actor reads.
+    pub(crate) observation: usize,
+    /// Of all that the critic reads, the observation first.
+    pub(crate) features: usize,
     /// Bytes.
-    image: usize,
-    action: usize,
+    pub(crate) image: usize,
+    pub(crate) action: usize,
 }
 
-/// Columns of one panel over the steps of a rollout: `[steps][rows]`, which is `[tiles][columns]`.
+impl Lengths {
+    pub(crate) fn new(shape: &TaskShape, scope: CriticScope) -> Self {
+        Self {
+            observation: shape.observation_len,
+            features: scope.agents(shape.agents) * (shape.observation_len + shape.privileged_len),
+            image: shape.image_len(),
+            action: shape.action_len,
+        }
+    }
+}
+
+/// Columns of one environment batch over the steps of a rollout: `[steps][rows]`, which is `[slices][columns]`.
 #[derive(Clone, Debug)]
 pub struct Rollout {
     task: usize,
     steps: usize,
-    /// Drones.
+    /// Agents.
     rows: usize,
-    /// Samples of a tile.
+    /// Samples of a slice.
     columns: usize,
     lengths: Lengths,
-    /// `[tiles][features][columns]`: observation, privileged values, then those of team mates. The actor reads the
+    /// `[slices][features][columns]`: observation, privileged values, then those of team mates. The actor reads the
     /// observation.
     observations: Vec<f32>,
-    /// `[tiles][columns][image]`.
+    /// `[slices][columns][image]`.
     images: Vec<u8>,
-    /// `[tiles][action length][columns]`, not limited to \[-1, 1\].
+    /// `[slices][action length][columns]`, not limited to \[-1, 1\].
     actions: Vec<f32>,
     /// What the teacher would have done, as the actions; empty where nobody teaches.
-    lessons: Vec<f32>,
+    teacher_actions: Vec<f32>,
     log_probs: Vec<f32>,
     rewards: Vec<f32>,
     values: Vec<f32>,
@@ -359,17 +351,17 @@ pub struct Rollout {
     returns: Vec<f32>,
 }
 
-/// Samples of one step of one panel: what a minibatch is made of.
+/// Samples of one step of one environment batch: what a minibatch is made of.
 #[derive(Clone, Copy, Debug)]
-pub struct Tile<'a> {
+pub struct MinibatchSlice<'a> {
     /// Index of its task among those of the run.
     pub task: usize,
     /// Observation, privileged values, then those of team mates where the critic reads them; and images.
-    pub sight: Sight<'a>,
+    pub batch: InputBatch<'a>,
     /// `[action length][columns]`.
     pub actions: &'a [f32],
     /// What the teacher would have done, as the actions; empty where nobody teaches.
-    pub lessons: &'a [f32],
+    pub teacher_actions: &'a [f32],
     /// `[columns]`, of the actions under the policy that chose them.
     pub log_probs: &'a [f32],
     /// `[columns]`.
@@ -379,8 +371,8 @@ pub struct Tile<'a> {
 }
 
 impl Rollout {
-    fn new(task: usize, size: RolloutSize, rows: usize, lengths: Lengths) -> Self {
-        let RolloutSize { steps, columns } = size;
+    fn new(task: usize, plan: RolloutPlan, rows: usize, lengths: Lengths) -> Self {
+        let RolloutPlan { steps, columns, .. } = plan;
         let column = || vec![0.0; steps * rows];
         Self {
             task,
@@ -390,7 +382,7 @@ impl Rollout {
             observations: vec![0.0; steps * lengths.features * rows],
             images: vec![0; steps * lengths.image * rows],
             actions: vec![0.0; steps * lengths.action * rows],
-            lessons: Vec::new(),
+            teacher_actions: Vec::new(),
             lengths,
             log_probs: column(),
             rewards: column(),
@@ -403,12 +395,14 @@ impl Rollout {
         }
     }
 
-    /// A rollout of [`PANEL`] drones and nothing but these observations `[steps][features][PANEL]`.
+    /// A rollout of [`ENV_BATCH`] rows and nothing but these observations `[steps][features][ENV_BATCH]`.
     #[cfg(test)]
     pub(crate) fn of_observations(observations: Vec<f32>, features: usize, action_len: usize) -> Self {
-        let size = RolloutSize { steps: observations.len() / (features * PANEL), columns: PANEL };
-        let lengths = Lengths { features, image: 0, action: action_len };
-        Self { observations, ..Self::new(0, size, PANEL, lengths) }
+        let steps = observations.len() / (features * ENV_BATCH);
+        let critic_scope = CriticScope::Own;
+        let plan = RolloutPlan { steps, columns: ENV_BATCH, critic_scope, has_teacher: false };
+        let lengths = Lengths { observation: features, features, image: 0, action: action_len };
+        Self { observations, ..Self::new(0, plan, ENV_BATCH, lengths) }
     }
 
     /// Index of its task among those of the run.
@@ -416,12 +410,12 @@ impl Rollout {
         self.task
     }
 
-    /// Number of tiles.
-    pub fn tiles(&self) -> usize {
+    /// Number of slices.
+    pub fn slices(&self) -> usize {
         self.steps * self.rows / self.columns
     }
 
-    /// Samples of a tile.
+    /// Samples of a slice.
     pub fn columns(&self) -> usize {
         self.columns
     }
@@ -429,13 +423,13 @@ impl Rollout {
     /// Some samples, those of a step together.
     ///
     /// # Panics
-    /// When the rollout has no such tile.
-    pub fn tile(&self, index: usize) -> Tile<'_> {
-        Tile {
+    /// When the rollout has no such slice.
+    pub fn slice(&self, index: usize) -> MinibatchSlice<'_> {
+        MinibatchSlice {
             task: self.task,
-            sight: self.sight(index),
+            batch: self.input_batch(index),
             actions: &self.actions[self.actions_of(index)],
-            lessons: self.lessons.get(self.actions_of(index)).unwrap_or_default(),
+            teacher_actions: self.teacher_actions.get(self.actions_of(index)).unwrap_or_default(),
             log_probs: &self.log_probs[self.column_of(index)],
             advantages: &self.advantages[self.column_of(index)],
             returns: &self.returns[self.column_of(index)],
@@ -463,8 +457,8 @@ impl Rollout {
 
     /// All numbers that a learner reads of it.
     pub(crate) fn columns_mut(&mut self) -> [&mut [f32]; 7] {
-        let Self { observations, actions, lessons, log_probs, values, advantages, returns, .. } = self;
-        [observations, actions, lessons, log_probs, values, advantages, returns].map(Vec::as_mut_slice)
+        let Self { observations, actions, teacher_actions, log_probs, values, advantages, returns, .. } = self;
+        [observations, actions, teacher_actions, log_probs, values, advantages, returns].map(Vec::as_mut_slice)
     }
 
     /// The images that a learner reads of it.
@@ -472,30 +466,33 @@ impl Rollout {
         &mut self.images
     }
 
-    fn sight(&self, tile: usize) -> Sight<'_> {
-        Sight { values: &self.observations[self.inputs_of(tile)], images: &self.images[self.images_of(tile)] }
+    fn input_batch(&self, slice: usize) -> InputBatch<'_> {
+        InputBatch {
+            values: &self.observations[self.inputs_of(slice)],
+            images: &self.images[self.images_of(slice)],
+        }
     }
 
-    /// The samples of a tile in a column of values.
-    fn column_of(&self, tile: usize) -> Range<usize> {
-        self.part_of(tile, 1)
+    /// The samples of a slice in a column of values.
+    fn column_of(&self, slice: usize) -> Range<usize> {
+        self.part_of(slice, 1)
     }
 
-    fn actions_of(&self, tile: usize) -> Range<usize> {
-        self.part_of(tile, self.lengths.action)
+    fn actions_of(&self, slice: usize) -> Range<usize> {
+        self.part_of(slice, self.lengths.action)
     }
 
-    fn inputs_of(&self, tile: usize) -> Range<usize> {
-        self.part_of(tile, self.lengths.features)
+    fn inputs_of(&self, slice: usize) -> Range<usize> {
+        self.part_of(slice, self.lengths.features)
     }
 
-    fn images_of(&self, tile: usize) -> Range<usize> {
-        self.part_of(tile, self.lengths.image)
+    fn images_of(&self, slice: usize) -> Range<usize> {
+        self.part_of(slice, self.lengths.image)
     }
 
-    /// What belongs to a tile where each sample has so many values.
-    fn part_of(&self, tile: usize, values: usize) -> Range<usize> {
-        tile * self.columns * values..(tile + 1) * self.columns * values
+    /// What belongs to a slice where each sample has so many values.
+    fn part_of(&self, slice: usize, values: usize) -> Range<usize> {
+        slice * self.columns * values..(slice + 1) * self.columns * values
     }
 
     fn estimate_advantages(&mut self, discount: f32, gae_lambda: f32) {

@@ -5,8 +5,8 @@ use std::time::Duration;
 use kestrel_sim::seed::Seed;
 
 use super::{Figure, best_rate};
+use kestrel_experiments::drone_environment::Trainer;
 use kestrel_experiments::experiment_config::Experiment;
-use kestrel_learn::ppo::Trainer;
 
 /// A way to train a policy that sees, and where we want it to be.
 #[derive(Clone, Copy, Debug)]

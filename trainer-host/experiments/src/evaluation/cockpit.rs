@@ -9,10 +9,11 @@ use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::simulation::Simulation;
 
 use super::Flyer;
+use crate::scripted::ScriptedPilot;
 use kestrel_export::policy::Policy;
 use kestrel_export::seeing::Memory;
-use kestrel_learn::actor_critic::{ActorPass, Sight};
-use kestrel_learn::scripted::ScriptedPilot;
+use kestrel_learn::actor_critic::ActorWorkspace;
+use kestrel_learn::network::InputBatch;
 
 /// A flyer at work on the environments of one simulation.
 pub(crate) struct Cockpit<'a, R> {
@@ -21,7 +22,7 @@ pub(crate) struct Cockpit<'a, R> {
     scripted: Vec<ScriptedPilot>,
     noise: Stream,
     /// Of an actor, once it has acted.
-    pass: Option<ActorPass>,
+    pass: Option<ActorWorkspace>,
     /// Of a policy with an eye, one per drone.
     onlookers: Vec<Onlooker>,
     observations: Vec<f32>,
@@ -60,9 +61,9 @@ impl<'a, R: Real> Cockpit<'a, R> {
         match self.flyer {
             Flyer::Actor(actor) => {
                 self.observe(simulation);
-                let sight = Sight { values: &self.observations, images: simulation.images() };
-                let pass = self.pass.get_or_insert_with(|| ActorPass::new(actor, simulation.rows()));
-                self.actions.copy_from_slice(pass.means(actor, sight));
+                let batch = InputBatch { values: &self.observations, images: simulation.images() };
+                let pass = self.pass.get_or_insert_with(|| ActorWorkspace::new(actor, simulation.rows()));
+                self.actions.copy_from_slice(pass.means(actor, batch));
             }
             Flyer::Policy(policy) => {
                 self.observe(simulation);

@@ -9,7 +9,7 @@ use kestrel_core::policy_file::PolicyMetadata;
 use kestrel_core::reference::controller::command::Precision;
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, export_seeing};
 use kestrel_export::{DenseLayer, export};
-use kestrel_learn::ppo::{EyeKind, EyeSettings, EyeSharing, PpoSettings, Trainer};
+use kestrel_learn::ppo::{EncoderKind, EncoderSettings, EncoderSharing, PpoSettings};
 use kestrel_sim::camera::{Camera, Channel, Mount, OnboardCamera, Optics};
 use kestrel_sim::scenario::{Agents, Goals, StartPosition, TeamEnd, TeamRewards, TeamSuccess};
 use kestrel_sim::seed::Stream;
@@ -17,6 +17,7 @@ use kestrel_sim::world::{Floor, Solid};
 use nalgebra::Vector3;
 
 use super::*;
+use crate::drone_environment::Trainer;
 use crate::experiment_config::load;
 use crate::golden::in_repository;
 
@@ -129,8 +130,8 @@ fn with_camera(mut scenario: Scenario) -> Scenario {
 
 /// An actor whose actions depend much on what it sees.
 fn attentive(scenario: &Scenario, settings: PpoSettings) -> Actor {
-    let eye = EyeSettings { kind: EyeKind::Small, sharing: EyeSharing::Shared, trunk: vec![16] };
-    let trainer = Trainer::new(std::slice::from_ref(scenario), &PpoSettings { eye, ..settings }, Seed(23));
+    let encoder = EncoderSettings { kind: EncoderKind::Small, sharing: EncoderSharing::Shared, trunk: vec![16] };
+    let trainer = Trainer::new(std::slice::from_ref(scenario), &PpoSettings { encoder, ..settings }, Seed(23));
     let mut actor = trainer.actor().clone();
     let mut stream = Stream::new(Seed(24), 0, Purpose::Weights);
     let network = actor.log_std_places().start;
@@ -146,10 +147,10 @@ fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
     let met = sightings_in_flight(&scenario, &actor, starts(6));
     assert_eq!(met.observations.len() / 22, met.images.len() / (12 * 10 * 4));
     let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
-    let perception = actor.perception().expect("it sees");
+    let encoder = actor.encoder().expect("it sees");
     let seeing_actor = SeeingActor {
-        shape: *perception.eye().shape(),
-        encoder_parameters: perception.encoder_parameters(actor.perception_parameters()),
+        shape: *encoder.cnn().shape(),
+        encoder_parameters: encoder.cnn_parameters(actor.encoder_parameters()),
         layers: &layers,
         control_periods_per_image: 2,
     };

@@ -7,7 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::training::hidden;
-use kestrel_learn::ppo::{EyeKind, EyeSettings, EyeSharing};
+use crate::drone_environment::image_of;
+use kestrel_learn::ppo::{EncoderKind, EncoderSettings, EncoderSharing};
 
 /// The convolutional network between the camera and the policy.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -78,10 +79,10 @@ impl Default for NatureConfig {
 }
 
 impl EyeConfig {
-    pub(super) fn check(&self, field: &Field<'_>) -> Result<EyeSettings, ConfigError> {
-        Ok(EyeSettings {
+    pub(super) fn check(&self, field: &Field<'_>) -> Result<EncoderSettings, ConfigError> {
+        Ok(EncoderSettings {
             kind: self.network.check(&field.at("network"))?,
-            sharing: if self.shared { EyeSharing::Shared } else { EyeSharing::Separate },
+            sharing: if self.shared { EncoderSharing::Shared } else { EncoderSharing::Separate },
             trunk: match self.trunk.as_slice() {
                 [] => Vec::new(),
                 widths => hidden(widths, &field.at("trunk"))?,
@@ -91,11 +92,11 @@ impl EyeConfig {
 }
 
 impl EyeNetworkConfig {
-    fn check(&self, field: &Field<'_>) -> Result<EyeKind, ConfigError> {
+    fn check(&self, field: &Field<'_>) -> Result<EncoderKind, ConfigError> {
         match self {
-            Self::Small => Ok(EyeKind::Small),
+            Self::Small => Ok(EncoderKind::Small),
             Self::Nature(NatureConfig { features }) => {
-                Ok(EyeKind::Nature { features: count(*features, &field.at("nature").at("features"))? })
+                Ok(EncoderKind::Nature { features: count(*features, &field.at("nature").at("features"))? })
             }
             Self::Custom(CustomEyeConfig { convolutions, features }) => {
                 let field = field.at("custom");
@@ -103,7 +104,7 @@ impl EyeNetworkConfig {
                     convolution.check(&field.at("convolutions").at(index))
                 };
                 let convolutions = convolutions.iter().enumerate().map(convolution).collect::<Result<_, _>>()?;
-                Ok(EyeKind::Custom { convolutions, features: count(*features, &field.at("features"))? })
+                Ok(EncoderKind::Custom { convolutions, features: count(*features, &field.at("features"))? })
             }
         }
     }
@@ -124,12 +125,12 @@ fn count(value: u64, field: &Field<'_>) -> Result<u16, ConfigError> {
 }
 
 /// Refuses an eye that the images of a camera do not suit; `field` is the training's.
-pub(crate) fn refuse_unsuited_eye(
-    eye: &EyeSettings,
+pub(crate) fn refuse_unsuited_encoder(
+    encoder: &EncoderSettings,
     camera: Option<&OnboardCamera>,
     field: &Field<'_>,
 ) -> Result<(), ConfigError> {
-    match camera.map(|camera| (camera, eye.kind.eye(camera))) {
+    match camera.map(|camera| (camera, encoder.kind.cnn(image_of(camera)))) {
         None | Some((_, Ok(_))) => Ok(()),
         Some((camera, Err(error))) => {
             let (rows, columns) = (camera.camera.rows, camera.camera.columns);

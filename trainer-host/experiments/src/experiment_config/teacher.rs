@@ -5,7 +5,8 @@ use kestrel_sim::scenario::Scenario;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use kestrel_learn::teacher::{Teacher, TeacherSettings};
+use crate::teacher::Teacher;
+use kestrel_learn::ppo::TeacherSettings;
 
 /// The scripted pilot says in every state of the training what it would do on the shortest free way to the goal, which it
 /// knows, and the policy pays for its divergence from that (kickstarting, Schmitt et al. 2018). For tasks with the reward
@@ -45,47 +46,4 @@ pub(crate) fn refuse_lost_teacher(
     }
     let found = format!("a teacher for {}, which has no reward `advance`", task.name);
     Err(field.at("teacher").reject(found, "tasks with that reward, by whose map of free ways the teacher flies"))
-}
-
-#[cfg(test)]
-mod tests {
-    use kestrel_learn::teacher::Teacher;
-    use kestrel_sim::seed::Seed;
-    use kestrel_sim::simulation::Simulation;
-
-    use crate::experiment_config::load;
-    use crate::golden::in_repository;
-
-    const FLIGHTS: usize = 64;
-
-    /// Of the first flights through `room` from the far end, those that succeed.
-    fn arrivals(room: &str) -> usize {
-        let experiment = load(&in_repository(&format!("configs/aviaries/{room}.yaml")), &[]).unwrap();
-        let scenario = &experiment.evaluation.scenario;
-        let mut simulation = Simulation::<64>::new(scenario, Seed(5), 0, FLIGHTS);
-        let mut teacher = Teacher::of(scenario).expect("its reward has a map");
-        let mut successes = [None; FLIGHTS];
-        while successes.contains(&None) {
-            let mut actions = vec![0.0; scenario.action.len() * FLIGHTS];
-            for row in 0..FLIGHTS {
-                let action = teacher.act(&simulation.state(row));
-                for (column, value) in actions.chunks_exact_mut(FLIGHTS).zip(action) {
-                    column[row] = value;
-                }
-            }
-            simulation.step(&actions);
-            for flight in simulation.take_episodes() {
-                successes[flight.environment as usize].get_or_insert(flight.success);
-            }
-        }
-        successes.iter().filter(|success| **success == Some(true)).count()
-    }
-
-    #[test]
-    fn it_arrives_in_furnished_rooms_and_past_pillars() {
-        for room in ["room-0", "room-1", "room-2", "harder-cross-16"] {
-            let arrivals = arrivals(room);
-            assert!(arrivals > FLIGHTS * 9 / 10, "{room}: {arrivals} of {FLIGHTS}");
-        }
-    }
 }

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use kestrel_learn::ppo::{PpoSettings, ValueScaling, fits_minibatch};
-use kestrel_learn::rollout::{CriticScope, PANEL};
+use kestrel_learn::rollout::{CriticScope, ENV_BATCH};
 use kestrel_learn::schedule::Schedule;
 
 use super::eye::EyeConfig;
@@ -14,7 +14,7 @@ use super::teacher::TeacherConfig;
 /// Most samples of one rollout: at 60 values each they fill 4 GiB.
 const ROLLOUT_LIMIT: u64 = 1 << 24;
 
-/// Most environments, and most samples of a minibatch: every panel of them has a workspace of its own, about 1 MB
+/// Most environments, and most samples of a minibatch: every environment batch of them has a workspace of its own, about 1 MB
 /// with hidden layers of 64.
 const PARALLEL_LIMIT: u64 = 1 << 16;
 
@@ -54,7 +54,7 @@ pub struct TrainingConfig {
     pub entropy_weight: f64,
     /// Weight of the critic's loss.
     pub value_weight: f64,
-    /// Longest gradient; longer ones are shortened.
+    /// Longest gradient; longer ones are clipped to it.
     pub gradient_norm_limit: f64,
     /// Natural logarithm of the standard deviation of the first actions.
     pub initial_log_std: f64,
@@ -202,7 +202,7 @@ impl TrainingConfig {
             highest_log_std,
             actor_hidden: hidden(&self.actor_hidden, &field.at("actor_hidden"))?,
             critic_hidden: hidden(&self.critic_hidden, &field.at("critic_hidden"))?,
-            eye: self.eye.check(&field.at("eye"))?,
+            encoder: self.eye.check(&field.at("eye"))?,
             target_kl,
             critic_scope: match self.critic_scope {
                 CriticScopeConfig::Own => CriticScope::Own,
@@ -223,7 +223,7 @@ impl TrainingConfig {
         field.at("steps_per_rollout").whole(self.steps_per_rollout, 1..=65_536)?;
         check_panels(self.environments, &field.at("environments"))?;
         if !fits_minibatch(self.minibatch as usize) || self.minibatch > PARALLEL_LIMIT {
-            let expected = format!("a multiple of {PANEL}, at most {PARALLEL_LIMIT}, or 32, 64 or 128");
+            let expected = format!("a multiple of {ENV_BATCH}, at most {PARALLEL_LIMIT}, or 32, 64 or 128");
             return Err(field.at("minibatch").refuse(self.minibatch, expected));
         }
         let rollout = self.environments.saturating_mul(self.steps_per_rollout);
@@ -244,10 +244,10 @@ impl TrainingConfig {
 }
 
 fn check_panels(value: u64, field: &Field<'_>) -> Result<(), ConfigError> {
-    if value > 0 && value <= PARALLEL_LIMIT && value.is_multiple_of(PANEL as u64) {
+    if value > 0 && value <= PARALLEL_LIMIT && value.is_multiple_of(ENV_BATCH as u64) {
         return Ok(());
     }
-    Err(field.refuse(value, format!("a multiple of {PANEL}, at most {PARALLEL_LIMIT}")))
+    Err(field.refuse(value, format!("a multiple of {ENV_BATCH}, at most {PARALLEL_LIMIT}")))
 }
 
 pub(super) fn hidden(widths: &[u64], field: &Field<'_>) -> Result<Vec<usize>, ConfigError> {

@@ -13,18 +13,15 @@ use kestrel_sim::seed::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use method::{
-    AnchorConfig, ConsolidatorConfig, CoresetConfig, MethodConfig, ProcedureConfig, SequentialConfig,
-    SharingConfig, StrengthConfig,
-};
+pub use method::{MethodConfig, ProcedureConfig, SequentialConfig, SharingConfig};
 
 use super::Study;
 use super::procedure::Method;
 use claim::Claim;
 
 use crate::experiment_config::{
-    Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_panels, refuse_lost_teacher,
-    refuse_unsuited_eye,
+    Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_batches, refuse_lost_teacher,
+    refuse_unsuited_encoder,
 };
 use kestrel_learn::ppo::PpoSettings;
 
@@ -320,7 +317,7 @@ fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>)
 /// Refuses a training with an eye or a teacher that some task does not suit.
 fn refuse_unsuited(tasks: &[Experiment], training: &PpoSettings, field: &Field<'_>) -> Result<(), ConfigError> {
     tasks.iter().try_for_each(|task| {
-        refuse_unsuited_eye(&training.eye, task.scenario.camera.as_ref(), field)?;
+        refuse_unsuited_encoder(&training.encoder, task.scenario.camera.as_ref(), field)?;
         refuse_lost_teacher(training.teacher, &task.scenario, field)
     })
 }
@@ -328,8 +325,8 @@ fn refuse_unsuited(tasks: &[Experiment], training: &PpoSettings, field: &Field<'
 /// Refuses tasks whose teams this training cannot have side by side.
 fn refuse_other_teams(tasks: &[Experiment], training: &PpoSettings, field: &Field<'_>) -> Result<(), ConfigError> {
     let scenarios: Vec<Scenario> = tasks.iter().map(|task| task.scenario.clone()).collect();
-    refuse_broken_panels(&scenarios, training.environments, field)?;
-    let read = |scenario: &Scenario| training.critic_scope.drones(scenario.agents.count);
+    refuse_broken_batches(&scenarios, training.environments, field)?;
+    let read = |scenario: &Scenario| training.critic_scope.agents(scenario.agents.count as usize);
     match scenarios.iter().find(|scenario| read(scenario) != read(&scenarios[0])) {
         None => Ok(()),
         Some(other) => {

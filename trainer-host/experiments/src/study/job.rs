@@ -7,16 +7,17 @@ use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed, philox};
 use serde::{Deserialize, Serialize};
 
-use super::procedure::{Inheritance, Procedure};
+use super::procedure::{Procedure, WarmStartRule};
 use super::rows::{CurveRow, EpisodeRow};
 use super::sharing::{PolicySharing, SharingState};
 use super::{JobId, Study};
+use crate::drone_environment::{Trainer, TrainerState};
 use crate::evaluation::{Flyer, Starts, fly_episodes};
 use kestrel_learn::actor_critic::Actor;
-use kestrel_learn::consolidation::{Consolidator, ConsolidatorSettings, distil};
-use kestrel_learn::ppo::{Heritage, Kept, PpoSettings, RestoreError, Trainer, TrainerState};
+use kestrel_learn::ppo::{CarryOver, PpoSettings, RestoreError, WarmStart};
 use kestrel_learn::ranks::{self, Ranks, UnequalShares};
-use kestrel_learn::rollout::panel_rows;
+use kestrel_learn::regulariser::{Learning, Regulariser, RegulariserSettings, ShippedRegulariser, distil};
+use kestrel_learn::rollout::batch_rows;
 
 /// A job between two updates.
 #[derive(Clone, Debug)]
@@ -35,8 +36,8 @@ struct JobProgress {
     stage: usize,
     /// Test flights of this stage.
     flights: u64,
-    memory: Consolidator,
-    heritage: Option<Heritage>,
+    memory: ShippedRegulariser,
+    warm_start: Option<WarmStart>,
     /// The policy that is taught, where fresh ones learn.
     keeper: Option<Actor>,
     rows: Vec<EpisodeRow>,
@@ -88,17 +89,21 @@ impl<'a> JobRun<'a> {
             Learner::Many(_) => None,
         };
         let memory = match (&study.methods[id.method].procedure, critic) {
-            (Procedure::Sequential { consolidator, .. }, Some(critic)) => consolidator.begin(&actor, &critic),
-            (Procedure::Distil { coreset, .. }, Some(critic)) => {
-                ConsolidatorSettings::Coreset(*coreset).begin(&actor, &critic)
+            (Procedure::Sequential { regulariser, .. }, Some(critic)) => {
+                regulariser.begin(Learning { actor: &actor, critic: &critic })
             }
-            _ => Consolidator::None,
+            (Procedure::Distil { coreset, .. }, Some(critic)) => {
+                RegulariserSettings::Coreset(*coreset).begin(Learning { actor: &actor, critic: &critic })
+            }
+            (Procedure::Joint | Procedure::Sharing { .. } | Procedure::Experts, _) | (_, None) => {
+                ShippedRegulariser::None
+            }
         };
         let progress = JobProgress {
             stage: 0,
             flights: 0,
             memory,
-            heritage: None,
+            warm_start: None,
             keeper: None,
             rows: Vec::new(),
             curve: Vec::new(),
@@ -122,7 +127,7 @@ impl<'a> JobRun<'a> {
             }
             (Learner::Many(sharing), LearnerState::Many(saved)) => sharing.restore(&settings, &tasks, saved)?,
             (Learner::One(_), LearnerState::Many(_)) | (Learner::Many(_), LearnerState::One(_)) => {
-                return Err(RestoreError::Scenario { scenario: study.name.clone() });
+                return Err(RestoreError::Task { task: study.name.clone() });
             }
         }
         Ok(Self { study, id, learner: fresh, progress: state.progress, ranks: ranks::alone() })
@@ -251,14 +256,14 @@ impl<'a> JobRun<'a> {
     fn end_stage(&mut self) {
         let study = self.study;
         match (&mut self.learner, &study.methods[self.id.method].procedure) {
-            (Learner::One(trainer), Procedure::Sequential { inheritance, .. }) => {
-                let Inheritance { log_std, learner, .. } = *inheritance;
+            (Learner::One(trainer), Procedure::Sequential { warm_start_rule, .. }) => {
+                let WarmStartRule { log_std, learner, .. } = *warm_start_rule;
                 trainer.consolidate(&mut self.progress.memory);
-                self.progress.heritage = Some(trainer.heritage(log_std, learner));
+                self.progress.warm_start = Some(trainer.warm_start(log_std, learner));
             }
             (Learner::One(trainer), Procedure::Distil { distillation, .. }) => {
                 let keeper = self.progress.keeper.get_or_insert_with(|| trainer.actor().clone());
-                if let Consolidator::Coreset(coreset) = &self.progress.memory {
+                if let ShippedRegulariser::Coreset(coreset) = &self.progress.memory {
                     // The first task's policy is the keeper itself.
                     if self.progress.stage > 0 {
                         trainer.ended(|ended| distil(keeper, ended, coreset, distillation));
@@ -280,11 +285,11 @@ impl<'a> JobRun<'a> {
     fn begin_stage(&mut self) {
         self.learner = learner(self.study, self.id, self.progress.stage);
         self.learner.work_with(&self.ranks).expect("stages differ in their tasks, not in what is dealt");
-        let Procedure::Sequential { inheritance, .. } = self.procedure() else { return };
-        if let (Learner::One(trainer), Some(heritage), Kept::Inherited) =
-            (&mut self.learner, &self.progress.heritage, inheritance.policy)
+        let Procedure::Sequential { warm_start_rule, .. } = self.procedure() else { return };
+        if let (Learner::One(trainer), Some(warm_start), CarryOver::CarriedOver) =
+            (&mut self.learner, &self.progress.warm_start, warm_start_rule.policy)
         {
-            trainer.inherit(heritage);
+            trainer.start_from(warm_start);
         }
     }
 
@@ -360,16 +365,16 @@ fn stage_tasks(study: &Study, id: JobId, stage: usize) -> Vec<Scenario> {
     stage_indices(study, id, stage).into_iter().map(|task| study.tasks[task].scenario.clone()).collect()
 }
 
-/// Settings of a stage: where one learner has several tasks, it has a multiple of panels and the steps of all.
+/// Settings of a stage: where one learner has several tasks, it has a multiple of environment batches and the steps of all.
 fn stage_settings(study: &Study, id: JobId) -> PpoSettings {
     let settings = study.training_of(id.method).clone();
     let tasks = study.orders[id.order].len();
     match study.methods[id.method].procedure {
         Procedure::Joint => {
-            let rows = panel_rows(&stage_tasks(study, id, 0));
-            let panels = (settings.environments / rows).div_ceil(tasks).max(1) * tasks;
+            let rows = batch_rows(stage_tasks(study, id, 0).iter().map(|task| task.agents.count as usize));
+            let env_batches = (settings.environments / rows).div_ceil(tasks).max(1) * tasks;
             let total_steps = settings.total_steps * tasks as u64;
-            PpoSettings { environments: panels * rows, total_steps, ..settings }
+            PpoSettings { environments: env_batches * rows, total_steps, ..settings }
         }
         Procedure::Sequential { .. }
         | Procedure::Sharing { .. }

@@ -1,7 +1,7 @@
 //! How a method learns several tasks.
 
-use kestrel_learn::consolidation::{ConsolidatorSettings, CoresetSettings, DistillationSettings};
-use kestrel_learn::ppo::{Kept, PpoSettings};
+use kestrel_learn::ppo::{CarryOver, PpoSettings};
+use kestrel_learn::regulariser::{CoresetSettings, DistillationSettings, RegulariserSettings};
 
 use super::data::MethodKind;
 pub use super::sharing::Merge;
@@ -25,9 +25,9 @@ pub enum Procedure {
     /// One after the other, by one policy.
     Sequential {
         /// What keeps earlier tasks.
-        consolidator: ConsolidatorSettings,
+        regulariser: RegulariserSettings,
         /// What a task begins with.
-        inheritance: Inheritance,
+        warm_start_rule: WarmStartRule,
     },
     /// All at once, by one policy.
     Joint,
@@ -51,20 +51,20 @@ pub enum Procedure {
 
 /// What a task begins with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Inheritance {
+pub struct WarmStartRule {
     /// The network for the mean action.
-    pub policy: Kept,
+    pub policy: CarryOver,
     /// The standard deviations of the actions.
-    pub log_std: Kept,
+    pub log_std: CarryOver,
     /// Critic and optimisers.
-    pub learner: Kept,
+    pub learner: CarryOver,
 }
 
 impl Procedure {
     /// Whether it keeps states, or what follows from them, of a task that has ended: such methods know no images.
     pub fn keeps_states(&self) -> bool {
         match self {
-            Self::Sequential { consolidator: ConsolidatorSettings::None, .. }
+            Self::Sequential { regulariser: RegulariserSettings::None, .. }
             | Self::Joint
             | Self::Sharing { .. }
             | Self::Experts => false,

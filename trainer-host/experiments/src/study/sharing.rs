@@ -9,8 +9,9 @@ use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
 use serde::{Deserialize, Serialize};
 
+use crate::drone_environment::{Trainer, TrainerState};
 use kestrel_learn::actor_critic::Actor;
-use kestrel_learn::ppo::{Kept, PpoSettings, RestoreError, Trainer, TrainerState, UpdateMetrics};
+use kestrel_learn::ppo::{CarryOver, PpoSettings, RestoreError, UpdateMetrics};
 use kestrel_learn::ranks::{Ranks, UnequalShares};
 
 /// What an average is made of.
@@ -81,9 +82,9 @@ impl PolicySharing {
         assert_eq!(tasks.len(), seeds.len(), "every task has a seed");
         let learner = |(task, seed): (&Scenario, &Seed)| Trainer::new(std::slice::from_ref(task), settings, *seed);
         let mut learners: Vec<Trainer> = tasks.iter().zip(seeds).map(learner).collect();
-        let first = learners[0].heritage(Kept::Inherited, Kept::Reset);
+        let first = learners[0].warm_start(CarryOver::CarriedOver, CarryOver::Reinitialised);
         for learner in &mut learners {
-            learner.inherit(&first);
+            learner.start_from(&first);
         }
         Self { learners, every_updates, merge }
     }
@@ -203,7 +204,9 @@ mod tests {
 
     fn actors() -> Vec<Actor> {
         (0..2)
-            .map(|seed| Actor::blind((3, 2), &[4], seed as f32, &mut Stream::new(Seed(seed), 0, Purpose::Weights)))
+            .map(|seed| {
+                Actor::state_based((3, 2), &[4], seed as f32, &mut Stream::new(Seed(seed), 0, Purpose::Weights))
+            })
             .collect()
     }
 

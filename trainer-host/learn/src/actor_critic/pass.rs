@@ -1,245 +1,238 @@
-//! Actor and critic at work on tiles of samples.
+//! Actor and critic at work on slices of samples.
 
 use super::{Actor, Critic};
-use crate::network::eye::EyeWeights;
-use crate::network::{Mlp, Workspace};
-use crate::perception::{Perception, PerceptionWorkspace};
-
-/// What drones see at one step.
-#[derive(Clone, Copy, Debug)]
-pub struct Sight<'a> {
-    /// `[values][columns]`: the observation; for critics, then what only they read.
-    pub values: &'a [f32],
-    /// `[columns][image]`; empty without a camera.
-    pub images: &'a [u8],
-}
-
-impl<'a> Sight<'a> {
-    /// Of drones without a camera.
-    pub fn blind(values: &'a [f32]) -> Self {
-        Self { values, images: &[] }
-    }
-}
+use crate::encoder::{Encoder, EncoderWorkspace};
+use crate::network::cnn::CnnWeights;
+use crate::network::{InputBatch, Mlp, Workspace};
 
 /// Both networks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Networks<'a> {
     pub(crate) actor: &'a Actor,
     pub(crate) critic: &'a Critic,
-    pub(crate) eyes: &'a Eyes,
+    pub(crate) encoders: &'a EncoderWeights,
 }
 
-/// The weights of both networks' eyes, arranged for many tiles until they change.
+/// The weights of both networks' encoders, arranged for many slices until they change.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Eyes {
-    actor: Option<EyeWeights>,
-    critic: Option<EyeWeights>,
+pub(crate) struct EncoderWeights {
+    actor: Option<CnnWeights>,
+    critic: Option<CnnWeights>,
 }
 
-impl Eyes {
+impl EncoderWeights {
     /// Takes the parameters as they are now.
     pub(crate) fn arrange(&mut self, actor: &Actor, critic: &Critic) {
-        for (half, weights) in [(actor.half(), &mut self.actor), (critic.half(), &mut self.critic)] {
-            match (half.perception, weights) {
+        for (network_ref, weights) in
+            [(actor.network_ref(), &mut self.actor), (critic.network_ref(), &mut self.critic)]
+        {
+            match (network_ref.encoder, weights) {
                 (None, weights) => *weights = None,
-                (Some(perception), Some(weights)) => {
-                    perception.arrange_into(half.perception_parameters(), weights);
+                (Some(encoder), Some(weights)) => {
+                    encoder.arrange_into(network_ref.encoder_parameters(), weights);
                 }
-                (Some(perception), weights) => *weights = Some(perception.arrange(half.perception_parameters())),
+                (Some(encoder), weights) => *weights = Some(encoder.arrange(network_ref.encoder_parameters())),
             }
         }
     }
 }
 
-/// One of the networks, and the eye in front of it if it has one of its own.
+/// One of the networks, and the encoder in front of it if it has one of its own.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Half<'a> {
+pub(super) struct NetworkRef<'a> {
     pub(super) mlp: &'a Mlp,
-    pub(super) perception: Option<&'a Perception>,
+    pub(super) encoder: Option<&'a Encoder>,
     /// All of them.
     pub(super) parameters: &'a [f32],
-    /// Where those of the perception begin.
-    pub(super) perception_from: usize,
+    /// Where those of the encoder begin.
+    pub(super) encoder_from: usize,
 }
 
-impl<'a> Half<'a> {
-    pub(super) fn perception_parameters(&self) -> &'a [f32] {
-        &self.parameters[self.perception_from..]
+impl<'a> NetworkRef<'a> {
+    pub(super) fn encoder_parameters(&self) -> &'a [f32] {
+        &self.parameters[self.encoder_from..]
     }
 }
 
-/// The place where both networks evaluate tiles of so many samples, and differentiate them.
+/// The place where both networks evaluate slices of so many samples, and differentiate them.
 #[derive(Clone, Debug)]
-pub(crate) struct Pass {
-    actor: Side,
-    critic: Side,
+pub(crate) struct ActorCriticWorkspace {
+    actor: NetworkWorkspace,
+    critic: NetworkWorkspace,
 }
 
-impl Pass {
-    /// For tiles of `columns` samples.
+impl ActorCriticWorkspace {
+    /// For slices of `columns` samples.
     pub(crate) fn new(actor: &Actor, critic: &Critic, columns: usize) -> Self {
-        let outputs = actor.half().perception.map_or(0, Perception::outputs);
+        let outputs = actor.network_ref().encoder.map_or(0, Encoder::outputs);
         Self {
-            actor: Side::new(&actor.half(), outputs, columns),
-            critic: Side::new(&critic.half(), outputs, columns),
+            actor: NetworkWorkspace::new(&actor.network_ref(), outputs, columns),
+            critic: NetworkWorkspace::new(&critic.network_ref(), outputs, columns),
         }
     }
 
-    /// Looks at the images of a tile, if there are any, for the two that follow.
-    pub(crate) fn look(&mut self, networks: &Networks<'_>, sight: Sight<'_>) {
-        let Networks { actor, critic, eyes } = networks;
-        self.actor.look(&actor.half(), eyes.actor.as_ref(), sight);
-        self.critic.look(&critic.half(), eyes.critic.as_ref(), sight);
+    /// Looks at the images of a slice, if there are any, for the two that follow.
+    pub(crate) fn encode(&mut self, networks: &Networks<'_>, batch: InputBatch<'_>) {
+        let Networks { actor, critic, encoders } = networks;
+        self.actor.encode(&actor.network_ref(), encoders.actor.as_ref(), batch);
+        self.critic.encode(&critic.network_ref(), encoders.critic.as_ref(), batch);
     }
 
-    /// Mean actions `[action length][columns]` of the tile that was looked at.
-    pub(crate) fn act(&mut self, networks: &Networks<'_>, sight: Sight<'_>) -> &[f32] {
-        self.actor.act(&networks.actor.half(), sight.values)
+    /// Mean actions `[action length][columns]` of the slice whose images were encoded.
+    pub(crate) fn mean_actions(&mut self, networks: &Networks<'_>, batch: InputBatch<'_>) -> &[f32] {
+        self.actor.forward(&networks.actor.network_ref(), batch.values)
     }
 
-    /// Outputs of the critic's heads `[tasks][columns]` of the tile that was looked at.
-    pub(crate) fn appraise(&mut self, networks: &Networks<'_>, sight: Sight<'_>) -> &[f32] {
-        let Side { network, perception, own_values, inputs, .. } = &mut self.critic;
-        let own = last_rows(sight.values, *own_values);
-        let eye = perception.as_ref().or(self.actor.perception.as_ref());
-        forward(&networks.critic.half(), (own, eye), inputs, network)
+    /// Outputs of the critic's heads `[tasks][columns]` of the slice whose images were encoded.
+    pub(crate) fn predict_value(&mut self, networks: &Networks<'_>, batch: InputBatch<'_>) -> &[f32] {
+        let NetworkWorkspace { network, encoder, own_values, inputs, .. } = &mut self.critic;
+        let own = last_rows(batch.values, *own_values);
+        let encoder = encoder.as_ref().or(self.actor.encoder.as_ref());
+        forward(&networks.critic.network_ref(), (own, encoder), inputs, network)
     }
 
-    /// What [`Self::act`] returned and, to be written, the loss gradient of each value.
+    /// What [`Self::mean_actions`] returned and, to be written, the loss gradient of each value.
     pub(crate) fn action_deltas(&mut self) -> (&[f32], &mut [f32]) {
         self.actor.network.output_delta()
     }
 
-    /// What [`Self::appraise`] returned and, to be written, the loss gradient of each value.
+    /// What [`Self::predict_value`] returned and, to be written, the loss gradient of each value.
     pub(crate) fn head_deltas(&mut self) -> (&[f32], &mut [f32]) {
         self.critic.network.output_delta()
     }
 
-    /// Adds the gradient of both networks for the tile that was seen last, from the loss gradients that the caller has
-    /// written. A common eye learns from both.
-    pub(crate) fn learn(
+    /// Adds the gradient of both networks for the slice that was seen last, from the loss gradients that the caller has
+    /// written. A common encoder learns from both.
+    pub(crate) fn backward(
         &mut self,
         networks: &Networks<'_>,
-        sight: Sight<'_>,
+        batch: InputBatch<'_>,
         (actor_gradient, critic_gradient): (&mut [f32], &mut [f32]),
     ) {
-        let Networks { actor, critic, eyes } = networks;
-        let (actor, critic) = (actor.half(), critic.half());
-        self.actor.learn(&actor, first_rows(sight.values, self.actor.own_values), actor_gradient);
-        self.critic.learn(&critic, last_rows(sight.values, self.critic.own_values), critic_gradient);
-        if critic.perception.is_none() {
-            for (sum, delta) in self.actor.eye_deltas.iter_mut().zip(&self.critic.eye_deltas) {
+        let Networks { actor, critic, encoders } = networks;
+        let (actor, critic) = (actor.network_ref(), critic.network_ref());
+        self.actor.backward(&actor, first_rows(batch.values, self.actor.own_values), actor_gradient);
+        self.critic.backward(&critic, last_rows(batch.values, self.critic.own_values), critic_gradient);
+        if critic.encoder.is_none() {
+            for (sum, delta) in self.actor.encoder_deltas.iter_mut().zip(&self.critic.encoder_deltas) {
                 *sum += delta;
             }
         }
-        self.actor.learn_to_look(&actor, eyes.actor.as_ref(), sight.images, actor_gradient);
-        self.critic.learn_to_look(&critic, eyes.critic.as_ref(), sight.images, critic_gradient);
+        self.actor.backward_encoder(&actor, encoders.actor.as_ref(), batch.images, actor_gradient);
+        self.critic.backward_encoder(&critic, encoders.critic.as_ref(), batch.images, critic_gradient);
     }
 }
 
-/// The actor alone at work on tiles of so many samples.
+/// The actor alone at work on slices of so many samples.
 #[derive(Clone, Debug)]
-pub struct ActorPass {
-    side: Side,
-    eye: Option<EyeWeights>,
+pub struct ActorWorkspace {
+    network: NetworkWorkspace,
+    encoder: Option<CnnWeights>,
 }
 
-impl ActorPass {
-    /// For tiles of `columns` samples, until the actor's parameters change.
+impl ActorWorkspace {
+    /// For slices of `columns` samples, until the actor's parameters change.
     pub fn new(actor: &Actor, columns: usize) -> Self {
-        let half = actor.half();
-        let eye = half.perception.map(|perception| perception.arrange(half.perception_parameters()));
-        Self { side: Side::new(&half, half.perception.map_or(0, Perception::outputs), columns), eye }
+        let network_ref = actor.network_ref();
+        let encoder = network_ref.encoder.map(|encoder| encoder.arrange(network_ref.encoder_parameters()));
+        Self {
+            network: NetworkWorkspace::new(&network_ref, network_ref.encoder.map_or(0, Encoder::outputs), columns),
+            encoder,
+        }
     }
 
     /// Mean actions `[action length][columns]`, not limited to any range.
-    pub fn means(&mut self, actor: &Actor, sight: Sight<'_>) -> &[f32] {
-        self.side.look(&actor.half(), self.eye.as_ref(), sight);
-        self.side.act(&actor.half(), sight.values)
+    pub fn means(&mut self, actor: &Actor, batch: InputBatch<'_>) -> &[f32] {
+        self.network.encode(&actor.network_ref(), self.encoder.as_ref(), batch);
+        self.network.forward(&actor.network_ref(), batch.values)
     }
 }
 
 /// The place of one network.
 #[derive(Clone, Debug)]
-struct Side {
+struct NetworkWorkspace {
     network: Workspace,
-    /// Where the network has an eye of its own.
-    perception: Option<PerceptionWorkspace>,
-    /// How many of a tile's values the network reads itself, in all columns.
+    /// Where the network has an encoder of its own.
+    encoder: Option<EncoderWorkspace>,
+    /// How many of a slice's values the network reads itself, in all columns.
     own_values: usize,
-    /// Its inputs where an eye has seen something: its own, then the eye's `[inputs][columns]`; empty where all are blind.
+    /// Its inputs where an encoder has seen something: its own, then the encoder's `[inputs][columns]`; empty where all are blind.
     inputs: Vec<f32>,
-    /// The loss gradient of what the eye has made, `[outputs][columns]`.
-    eye_deltas: Vec<f32>,
+    /// The loss gradient of what the encoder has made, `[outputs][columns]`.
+    encoder_deltas: Vec<f32>,
 }
 
-impl Side {
-    /// `outputs` are those of an eye, its own or the common one; none where all are blind.
-    fn new(half: &Half<'_>, outputs: usize, columns: usize) -> Self {
-        let inputs = half.mlp.inputs();
+impl NetworkWorkspace {
+    /// `outputs` are those of an encoder, its own or the common one; none where all are blind.
+    fn new(network_ref: &NetworkRef<'_>, outputs: usize, columns: usize) -> Self {
+        let inputs = network_ref.mlp.inputs();
         Self {
-            network: Workspace::new(half.mlp, columns),
-            perception: half.perception.map(|perception| PerceptionWorkspace::new(perception, columns)),
+            network: Workspace::new(network_ref.mlp, columns),
+            encoder: network_ref.encoder.map(|encoder| EncoderWorkspace::new(encoder, columns)),
             own_values: (inputs - outputs) * columns,
             inputs: vec![0.0; if outputs == 0 { 0 } else { inputs * columns }],
-            eye_deltas: vec![0.0; outputs * columns],
+            encoder_deltas: vec![0.0; outputs * columns],
         }
     }
 
-    fn look(&mut self, half: &Half<'_>, weights: Option<&EyeWeights>, sight: Sight<'_>) {
-        if let (Some(perception), Some(weights), Some(workspace)) =
-            (half.perception, weights, &mut self.perception)
+    fn encode(&mut self, network_ref: &NetworkRef<'_>, weights: Option<&CnnWeights>, batch: InputBatch<'_>) {
+        if let (Some(encoder), Some(weights), Some(workspace)) = (network_ref.encoder, weights, &mut self.encoder)
         {
-            perception.look((half.perception_parameters(), weights), sight, workspace);
+            encoder.encode((network_ref.encoder_parameters(), weights), batch, workspace);
         }
     }
 
-    fn act(&mut self, half: &Half<'_>, values: &[f32]) -> &[f32] {
+    fn forward(&mut self, network_ref: &NetworkRef<'_>, values: &[f32]) -> &[f32] {
         let own = first_rows(values, self.own_values);
-        forward(half, (own, self.perception.as_ref()), &mut self.inputs, &mut self.network)
+        forward(network_ref, (own, self.encoder.as_ref()), &mut self.inputs, &mut self.network)
     }
 
-    /// Adds the network's gradient, and keeps that of what an eye has made.
-    fn learn(&mut self, half: &Half<'_>, own: &[f32], gradient: &mut [f32]) {
-        let Self { network, inputs, eye_deltas, .. } = self;
-        let gradient = &mut gradient[..half.mlp.parameter_count()];
+    /// Adds the network's gradient, and keeps that of what an encoder has made.
+    fn backward(&mut self, network_ref: &NetworkRef<'_>, own: &[f32], gradient: &mut [f32]) {
+        let Self { network, inputs, encoder_deltas, .. } = self;
+        let gradient = &mut gradient[..network_ref.mlp.parameter_count()];
         if inputs.is_empty() {
-            half.mlp.backward(half.parameters, own, network, gradient);
+            network_ref.mlp.backward(network_ref.parameters, own, network, gradient);
         } else {
-            half.mlp.backward_to_inputs(half.parameters, inputs, network, gradient, eye_deltas);
+            network_ref.mlp.backward_to_inputs(network_ref.parameters, inputs, network, gradient, encoder_deltas);
         }
     }
 
-    /// Adds the gradient of the network's own eye, if it has one.
-    fn learn_to_look(
+    /// Adds the gradient of the network's own encoder, if it has one.
+    fn backward_encoder(
         &mut self,
-        half: &Half<'_>,
-        weights: Option<&EyeWeights>,
+        network_ref: &NetworkRef<'_>,
+        weights: Option<&CnnWeights>,
         images: &[u8],
         gradient: &mut [f32],
     ) {
-        let Self { perception: workspace, eye_deltas, .. } = self;
-        if let (Some(perception), Some(weights), Some(workspace)) = (half.perception, weights, workspace) {
-            let gradient = &mut gradient[half.perception_from..];
-            perception.learn((half.perception_parameters(), weights), images, (workspace, eye_deltas), gradient);
+        let Self { encoder: workspace, encoder_deltas, .. } = self;
+        if let (Some(encoder), Some(weights), Some(workspace)) = (network_ref.encoder, weights, workspace) {
+            let gradient = &mut gradient[network_ref.encoder_from..];
+            encoder.backward(
+                (network_ref.encoder_parameters(), weights),
+                images,
+                (workspace, encoder_deltas),
+                gradient,
+            );
         }
     }
 }
 
-/// Evaluates a network on its own values and on what an eye has made, if there is one.
+/// Evaluates a network on its own values and on what an encoder has made, if there is one.
 fn forward<'w>(
-    half: &Half<'_>,
-    (own, eye): (&[f32], Option<&PerceptionWorkspace>),
+    network_ref: &NetworkRef<'_>,
+    (own, encoder): (&[f32], Option<&EncoderWorkspace>),
     inputs: &'w mut [f32],
     network: &'w mut Workspace,
 ) -> &'w [f32] {
-    let Some(eye) = eye else {
-        return half.mlp.forward(half.parameters, own, network);
+    let Some(encoder) = encoder else {
+        return network_ref.mlp.forward(network_ref.parameters, own, network);
     };
     let (front, back) = inputs.split_at_mut(own.len());
     front.copy_from_slice(own);
-    back.copy_from_slice(eye.outputs());
-    half.mlp.forward(half.parameters, inputs, network)
+    back.copy_from_slice(encoder.outputs());
+    network_ref.mlp.forward(network_ref.parameters, inputs, network)
 }
 
 fn first_rows(values: &[f32], count: usize) -> &[f32] {

@@ -1,6 +1,6 @@
 //! Standard normal noise for many environments at once, from a counter.
 
-use kestrel_sim::seed::{Purpose, Seed, philox};
+use kestrel_core::seed::{Purpose, Seed, philox};
 use pulp::{Simd, WithSimd};
 
 use crate::network::dispatch;
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn an_environment_keeps_its_noise_in_any_panel() {
+    fn an_environment_keeps_its_noise_in_any_batch() {
         let (mut wide, mut narrow) = ([0.0; 4 * 256], [0.0; 4 * 8]);
         Noise::new(Seed(5), 0, 4).fill(9, &mut wide);
         Noise::new(Seed(5), 40, 4).fill(9, &mut narrow);

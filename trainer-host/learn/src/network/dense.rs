@@ -1,12 +1,12 @@
-//! One fully connected layer over the samples of a tile.
+//! One fully connected layer over the samples of a slice.
 
 use std::borrow::Cow;
 
 use kestrel_core::mlp::DenseLayer;
 
 use super::aligned::Aligned;
-use super::batch::{Batch, Order, transpose, transposed};
 use super::kernel::{AddRowSums, Finish, Head, Left, Product, Start, dispatch};
+use super::sample_matrix::{Order, SampleMatrix, transpose, transposed};
 
 /// Samples whose gradient is added up at a time: 64 wide layers then fit into the first-level cache.
 const GRADIENT_SAMPLES: usize = 64;
@@ -32,7 +32,7 @@ impl<'a> From<Dense<'a>> for DenseLayer<'a> {
 
 impl Dense<'_> {
     /// `tanh(W x + b)` of every sample, into `outputs [columns][outputs]`; `transposed` is overwritten by `W'`.
-    pub(crate) fn affine_tanh(&self, inputs: Batch<'_>, transposed: &mut [f32], outputs: &mut [f32]) {
+    pub(crate) fn affine_tanh(&self, inputs: SampleMatrix<'_>, transposed: &mut [f32], outputs: &mut [f32]) {
         transpose(self.weights, self.inputs, transposed);
         dispatch(Product {
             left: inputs.samples(),
@@ -45,7 +45,7 @@ impl Dense<'_> {
     }
 
     /// `W x + b` of every sample, into `outputs [outputs][columns]`.
-    pub(crate) fn affine(&self, inputs: Batch<'_>, outputs: &mut [f32]) {
+    pub(crate) fn affine(&self, inputs: SampleMatrix<'_>, outputs: &mut [f32]) {
         if inputs.order == Order::BySample {
             let inputs = inputs.values;
             return dispatch(Head { weights: self.weights, biases: self.biases, inputs, outputs });
@@ -65,7 +65,7 @@ impl Dense<'_> {
 
     /// The loss gradient of what the layer below summed up, `W' d` times the derivative of tanh, from that of the
     /// outputs; `activations` and `below` are `[columns][inputs]`.
-    pub(crate) fn backward(&self, deltas: Batch<'_>, activations: &[f32], below: &mut [f32]) {
+    pub(crate) fn backward(&self, deltas: SampleMatrix<'_>, activations: &[f32], below: &mut [f32]) {
         // Among the parameters they begin anywhere, and each of their vectors is loaded as often as there are samples.
         let mut weights = Aligned::zeros(self.weights.len());
         weights.copy_from_slice(self.weights);
@@ -81,7 +81,7 @@ impl Dense<'_> {
 
     /// The loss gradient of the last inputs, as many as `input_deltas [inputs][columns]` has rows, from that of what
     /// this layer summed up.
-    pub(crate) fn input_deltas(&self, deltas: Batch<'_>, input_deltas: &mut [f32]) {
+    pub(crate) fn input_deltas(&self, deltas: SampleMatrix<'_>, input_deltas: &mut [f32]) {
         let right = match deltas.order {
             Order::ByFeature => Cow::Borrowed(deltas.values),
             Order::BySample => Cow::Owned(transposed(deltas.values, self.outputs)),
@@ -106,21 +106,21 @@ pub(crate) struct DenseGradient<'a> {
 
 impl DenseGradient<'_> {
     /// Adds the gradient over all samples: `d x'` to the weights, the sums of `d` to the biases.
-    pub(crate) fn add(&mut self, deltas: Batch<'_>, inputs: Batch<'_>) {
+    pub(crate) fn add(&mut self, deltas: SampleMatrix<'_>, inputs: SampleMatrix<'_>) {
         self.add_sums(deltas);
         match (deltas.order, inputs.order) {
             (_, Order::BySample) => add_products(inputs, self.weights, |sample| deltas.features_from(sample)),
             (Order::BySample, Order::ByFeature) => self.add_transposed(deltas, inputs),
             (Order::ByFeature, Order::ByFeature) => {
                 let inputs = transposed(inputs.values, deltas.columns);
-                let inputs = Batch::by_sample(&inputs, deltas.columns);
+                let inputs = SampleMatrix::by_sample(&inputs, deltas.columns);
                 add_products(inputs, self.weights, |sample| deltas.features_from(sample));
             }
         }
     }
 
     /// By way of `x d'`, because only the deltas lie sample by sample.
-    fn add_transposed(&mut self, deltas: Batch<'_>, inputs: Batch<'_>) {
+    fn add_transposed(&mut self, deltas: SampleMatrix<'_>, inputs: SampleMatrix<'_>) {
         let mut products = Aligned::zeros(self.weights.len());
         add_products(deltas, &mut products, |sample| inputs.features_from(sample));
         for (input, row) in products.chunks_exact(self.biases.len()).enumerate() {
@@ -130,7 +130,7 @@ impl DenseGradient<'_> {
         }
     }
 
-    fn add_sums(&mut self, deltas: Batch<'_>) {
+    fn add_sums(&mut self, deltas: SampleMatrix<'_>) {
         match deltas.order {
             Order::ByFeature => {
                 dispatch(AddRowSums { rows: deltas.values, columns: deltas.columns, sums: self.biases });
@@ -145,7 +145,7 @@ impl DenseGradient<'_> {
 
 /// `sums[i][j] += sum over the samples c of left[i][c] right[c][j]`, where `right` lies sample by sample and `left`
 /// gives its rows from a sample on.
-fn add_products<'a>(right: Batch<'_>, sums: &mut [f32], left: impl Fn(usize) -> Left<'a>) {
+fn add_products<'a>(right: SampleMatrix<'_>, sums: &mut [f32], left: impl Fn(usize) -> Left<'a>) {
     let width = right.features();
     for (part, right) in right.values.chunks(GRADIENT_SAMPLES * width).enumerate() {
         dispatch(Product {

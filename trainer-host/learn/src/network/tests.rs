@@ -1,5 +1,5 @@
 use super::*;
-use kestrel_sim::seed::{Purpose, Seed};
+use kestrel_core::seed::{Purpose, Seed};
 use proptest::prelude::*;
 
 const COLUMNS: usize = 40;
@@ -53,17 +53,17 @@ fn check_gradient(inputs: usize, hidden: &[usize], outputs: usize) {
     for (parameter, shift) in parameters.iter_mut().zip(normals(mlp.parameter_count(), 2)) {
         *parameter += 0.1 * shift;
     }
-    let (tile, weights) = (normals(inputs * COLUMNS, 3), normals(outputs * COLUMNS, 4));
+    let (slice, weights) = (normals(inputs * COLUMNS, 3), normals(outputs * COLUMNS, 4));
     let mut workspace = Workspace::new(&mlp, COLUMNS);
-    mlp.forward(&parameters, &tile, &mut workspace);
+    mlp.forward(&parameters, &slice, &mut workspace);
     workspace.output_delta().1.copy_from_slice(&weights);
     let mut gradient = vec![0.0; mlp.parameter_count()];
-    mlp.backward(&parameters, &tile, &mut workspace, &mut gradient);
+    mlp.backward(&parameters, &slice, &mut workspace, &mut gradient);
     let mut shifted = wide(&parameters);
     for (index, found) in gradient.iter().enumerate() {
         let mut at = |shift: f64| {
             shifted[index] = f64::from(parameters[index]) + shift;
-            loss(&mlp, &shifted, &tile, &weights)
+            loss(&mlp, &shifted, &slice, &weights)
         };
         let expected = (at(1e-5) - at(-1e-5)) / 2e-5;
         at(0.0);
@@ -78,11 +78,11 @@ fn check_gradient(inputs: usize, hidden: &[usize], outputs: usize) {
 fn forward_is_the_reference_in_f64() {
     let mlp = Mlp::new(22, &[64, 64], 4);
     let parameters = mlp.initialise(1.0, &mut stream(0));
-    let tile = normals(22 * COLUMNS, 1);
+    let slice = normals(22 * COLUMNS, 1);
     let mut workspace = Workspace::new(&mlp, COLUMNS);
-    let outputs = mlp.forward(&parameters, &tile, &mut workspace).to_vec();
+    let outputs = mlp.forward(&parameters, &slice, &mut workspace).to_vec();
     for index in 0..COLUMNS {
-        let expected = reference(&mlp, &wide(&parameters), &column(&tile, index));
+        let expected = reference(&mlp, &wide(&parameters), &column(&slice, index));
         for (row, expected) in expected.iter().enumerate() {
             assert!((f64::from(outputs[row * COLUMNS + index]) - expected).abs() < 1e-5);
         }
@@ -101,14 +101,14 @@ fn the_gradient_of_narrow_and_wide_layers_is_that_of_finite_differences() {
 fn gradients_of_tiles_add_up() {
     let mlp = Mlp::new(4, &[8], 1);
     let parameters = mlp.initialise(1.0, &mut stream(5));
-    let tile = normals(4 * COLUMNS, 6);
+    let slice = normals(4 * COLUMNS, 6);
     let mut workspace = Workspace::new(&mlp, COLUMNS);
     let mut gradients = vec![vec![0.0; mlp.parameter_count()]; 2];
     for (gradient, times) in gradients.iter_mut().zip([1, 2]) {
         for _ in 0..times {
-            mlp.forward(&parameters, &tile, &mut workspace);
+            mlp.forward(&parameters, &slice, &mut workspace);
             workspace.output_delta().1.fill(0.5);
-            mlp.backward(&parameters, &tile, &mut workspace, gradient);
+            mlp.backward(&parameters, &slice, &mut workspace, gradient);
         }
     }
     for (once, twice) in gradients[0].iter().zip(&gradients[1]) {
@@ -158,11 +158,11 @@ proptest! {
     fn a_column_does_not_depend_on_its_neighbours(index in 0..COLUMNS, other in -2.0_f32..2.0) {
         let mlp = Mlp::new(6, &[16, 16], 4);
         let parameters = mlp.initialise(1.0, &mut stream(9));
-        let tile = normals(6 * COLUMNS, 10);
+        let slice = normals(6 * COLUMNS, 10);
         let changed: Vec<f32> =
-            tile.iter().enumerate().map(|(i, value)| if i % COLUMNS == index { *value } else { other }).collect();
+            slice.iter().enumerate().map(|(i, value)| if i % COLUMNS == index { *value } else { other }).collect();
         let mut workspace = Workspace::new(&mlp, COLUMNS);
-        let before = mlp.forward(&parameters, &tile, &mut workspace).to_vec();
+        let before = mlp.forward(&parameters, &slice, &mut workspace).to_vec();
         let after = mlp.forward(&parameters, &changed, &mut workspace);
         for row in 0..4 {
             prop_assert_eq!(before[row * COLUMNS + index], after[row * COLUMNS + index]);

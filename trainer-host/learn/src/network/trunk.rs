@@ -1,26 +1,26 @@
 //! Layers that several networks share: what they make of an observation is the input of a head for each.
 
-use kestrel_sim::seed::Stream;
+use kestrel_core::seed::Stream;
 use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
 use super::aligned::Aligned;
-use super::batch::transpose;
 use super::kernel::dispatch;
+use super::sample_matrix::transpose;
 use super::{HIDDEN_GAIN, Mlp, Workspace};
 
 /// A multilayer perceptron with tanh after every layer, the last one too.
 ///
 /// An actor and a critic that share 512-256 and then have 256 of their own are a trunk of widths 512-256 and two [`Mlp`]
 /// with 256 inputs and one hidden layer of 256. On the way back, each head's [`Mlp::backward_to_inputs`] gives the loss
-/// gradient of what the trunk put out; their sum goes into [`Trunk::backward`].
+/// gradient of what the trunk put out; their sum goes into [`SharedTrunk::backward`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Trunk {
+pub struct SharedTrunk {
     mlp: Mlp,
 }
 
-impl Trunk {
+impl SharedTrunk {
     /// `inputs`, then the widths of the layers.
     ///
     /// # Panics
@@ -40,26 +40,31 @@ impl Trunk {
         self.mlp.initialise(HIDDEN_GAIN, stream)
     }
 
-    /// Evaluates a tile, `inputs [inputs][columns]`, and returns what the heads have as inputs, `[outputs][columns]`.
+    /// Evaluates a slice, `inputs [inputs][columns]`, and returns what the heads have as inputs, `[outputs][columns]`.
     ///
     /// # Panics
     /// When `inputs` is not of this shape or the workspace is of another trunk.
-    pub fn forward<'w>(&self, parameters: &[f32], inputs: &[f32], workspace: &'w mut TrunkWorkspace) -> &'w [f32] {
-        let TrunkWorkspace { network, transposed, activations } = workspace;
+    pub fn forward<'w>(
+        &self,
+        parameters: &[f32],
+        inputs: &[f32],
+        workspace: &'w mut SharedTrunkWorkspace,
+    ) -> &'w [f32] {
+        let SharedTrunkWorkspace { network, transposed, activations } = workspace;
         let (last, behind_hidden, outputs) = self.mlp.forward_hidden(parameters, inputs, network);
         last.affine_tanh(behind_hidden, transposed, activations);
         transpose(activations, self.mlp.outputs(), outputs);
         &network.outputs
     }
 
-    /// Adds the parameters' gradient of a tile to `gradient`, from `output_deltas [outputs][columns]`, the loss gradient
+    /// Adds the parameters' gradient of a slice to `gradient`, from `output_deltas [outputs][columns]`, the loss gradient
     /// of what [`Self::forward`] of the same `inputs` returned; and writes the loss gradient of the last inputs, as
     /// many as `input_deltas [inputs][columns]` has rows, or none.
     pub fn backward(
         &self,
         parameters: &[f32],
         inputs: &[f32],
-        (workspace, output_deltas): (&mut TrunkWorkspace, &[f32]),
+        (workspace, output_deltas): (&mut SharedTrunkWorkspace, &[f32]),
         gradient: &mut [f32],
         input_deltas: &mut [f32],
     ) {
@@ -74,9 +79,9 @@ impl Trunk {
     }
 }
 
-/// What a tile leaves behind on its way through a trunk, and the loss gradients on the way back.
+/// What a slice leaves behind on its way through a trunk, and the loss gradients on the way back.
 #[derive(Clone, Debug)]
-pub struct TrunkWorkspace {
+pub struct SharedTrunkWorkspace {
     network: Workspace,
     /// The last layer's weights, `[inputs][outputs]`.
     transposed: Aligned,
@@ -84,9 +89,9 @@ pub struct TrunkWorkspace {
     activations: Aligned,
 }
 
-impl TrunkWorkspace {
-    /// For tiles of `columns` samples.
-    pub fn new(trunk: &Trunk, columns: usize) -> Self {
+impl SharedTrunkWorkspace {
+    /// For slices of `columns` samples.
+    pub fn new(trunk: &SharedTrunk, columns: usize) -> Self {
         let widths = trunk.mlp.widths();
         let [inputs, outputs] = [widths[widths.len() - 2], widths[widths.len() - 1]];
         Self {

@@ -2,19 +2,17 @@
 
 use std::sync::Arc;
 
-use kestrel_sim::outcome::Episode;
-use kestrel_sim::simulation::SimulationState;
-
-use super::{Panel, SHARDS, Trainer};
+use super::{EnvBatch, SHARDS, Trainer};
+use crate::environment::{Environment, Episode};
 use crate::ranks::{self, Ranks, UnequalShares};
 
-impl Trainer {
+impl<E: Environment> Trainer<E> {
     /// From now on several processes share the work of this run; each of them has it.
     ///
     /// # Errors
-    /// When panels or shards cannot be dealt to so many equally.
+    /// When environment batches or shards cannot be dealt to so many equally.
     pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), UnequalShares> {
-        ranks::check(ranks, self.panels.len(), "panels of environments")?;
+        ranks::check(ranks, self.env_batches.len(), "environment batches")?;
         ranks::check(ranks, SHARDS, "parts of a minibatch")?;
         self.ranks = Arc::clone(ranks);
         Ok(())
@@ -25,18 +23,18 @@ impl Trainer {
         &self.ranks
     }
 
-    /// Shows the rollouts of my panels and reads those of the others.
+    /// Shows the rollouts of my environment batches and reads those of the others.
     pub(super) fn share_rollouts(&mut self) {
         if self.ranks.size() == 1 {
             return;
         }
         let mut all: Vec<f32> = Vec::new();
-        for panel in &mut self.panels {
-            panel.rollout_mut().columns_mut().iter().for_each(|column| all.extend_from_slice(column));
+        for env_batch in &mut self.env_batches {
+            env_batch.rollout_mut().columns_mut().iter().for_each(|column| all.extend_from_slice(column));
         }
         self.ranks.share(&mut all);
         let mut rest = all.as_slice();
-        for column in self.panels.iter_mut().flat_map(|panel| panel.rollout_mut().columns_mut()) {
+        for column in self.env_batches.iter_mut().flat_map(|env_batch| env_batch.rollout_mut().columns_mut()) {
             let (values, others) = rest.split_at(column.len());
             column.copy_from_slice(values);
             rest = others;
@@ -44,11 +42,11 @@ impl Trainer {
         self.share_images();
     }
 
-    /// Bytes travel as the numbers that four of them are, whole tiles being multiples of four.
+    /// Bytes travel as the numbers that four of them are, whole slices being multiples of four.
     fn share_images(&mut self) {
         let mut all: Vec<f32> = Vec::new();
-        for panel in &mut self.panels {
-            let words = panel.rollout_mut().images_mut().as_chunks::<4>().0;
+        for env_batch in &mut self.env_batches {
+            let words = env_batch.rollout_mut().images_mut().as_chunks::<4>().0;
             all.extend(words.iter().map(|bytes| f32::from_bits(u32::from_le_bytes(*bytes))));
         }
         if all.is_empty() {
@@ -56,8 +54,9 @@ impl Trainer {
         }
         self.ranks.share(&mut all);
         let mut words = all.iter();
-        for panel in &mut self.panels {
-            for (bytes, word) in panel.rollout_mut().images_mut().as_chunks_mut::<4>().0.iter_mut().zip(&mut words)
+        for env_batch in &mut self.env_batches {
+            for (bytes, word) in
+                env_batch.rollout_mut().images_mut().as_chunks_mut::<4>().0.iter_mut().zip(&mut words)
             {
                 *bytes = word.to_bits().to_le_bytes();
             }
@@ -90,17 +89,20 @@ impl Trainer {
         }
     }
 
-    /// Episodes that ended since the last call, in all panels.
+    /// Episodes that ended since the last call, in all environment batches.
     pub(super) fn take_episodes(&mut self) -> Vec<Episode> {
-        let mine = ranks::part(&self.ranks, self.panels.len());
-        let episodes: Vec<Episode> = self.panels[mine].iter_mut().flat_map(Panel::take_episodes).collect();
+        let mine = ranks::part(&self.ranks, self.env_batches.len());
+        let episodes: Vec<Episode> = self.env_batches[mine].iter_mut().flat_map(EnvBatch::take_episodes).collect();
         if self.ranks.size() == 1 { episodes } else { ranks::gathered(&self.ranks, &episodes).concat() }
     }
 
-    /// The environments of all panels.
-    pub(super) fn simulations(&self) -> Vec<SimulationState> {
-        let mine = ranks::part(&self.ranks, self.panels.len());
-        let states: Vec<SimulationState> = self.panels[mine].iter().map(Panel::save).collect();
-        if self.ranks.size() == 1 { states } else { ranks::gathered(&self.ranks, &states).concat() }
+    /// The environments of all environment batches.
+    pub(super) fn environment_states(&self) -> Vec<E::State> {
+        let mine = ranks::part(&self.ranks, self.env_batches.len());
+        let states: Vec<E::State> = self.env_batches[mine].iter().map(EnvBatch::save).collect();
+        if self.ranks.size() == 1 {
+            return states;
+        }
+        ranks::gathered(&self.ranks, &states).into_iter().flatten().collect()
     }
 }

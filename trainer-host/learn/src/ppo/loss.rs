@@ -1,15 +1,13 @@
-//! The loss of PPO on a tile of samples, and its gradient with respect to what the networks put out.
+//! The loss of PPO on a slice of samples, and its gradient with respect to what the networks put out.
 
 use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
+use super::{Loss, clipped_surrogate, value_error};
 use crate::actor_critic::ValueScale;
 use crate::gaussian::Gaussian;
 use crate::network::{dispatch, dot};
-use crate::rollout::{PANEL, Tile};
-
-/// Keeps the ratio finite for actions that the new policy finds impossible; far outside any clip range.
-const LOG_RATIO_LIMIT: f32 = 20.0;
+use crate::rollout::{ENV_BATCH, MinibatchSlice};
 
 /// Sums over samples of what is logged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,66 +34,53 @@ impl LossSums {
     }
 }
 
-/// The clipped surrogate objective (Schulman et al. 2017, eq. 7) of one tile.
-pub(crate) struct Surrogate<'a> {
-    pub(crate) tile: Tile<'a>,
+/// The clipped surrogate and the imitation loss of one slice.
+pub(super) struct PolicyLoss<'a> {
+    pub(super) loss: Loss<'a>,
+    pub(super) slice: &'a MinibatchSlice<'a>,
     /// The new policy's `[action length][columns]`.
-    pub(crate) means: &'a [f32],
-    pub(crate) gaussian: &'a Gaussian,
-    pub(crate) clip_range: f32,
-    /// Of the divergence from what the teacher would have done.
-    pub(crate) lesson_weight: f32,
-    /// Weight of one sample, the inverse of the minibatch's size.
-    pub(crate) sample_weight: f32,
+    pub(super) means: &'a [f32],
+    pub(super) gaussian: &'a Gaussian,
 }
 
-impl Surrogate<'_> {
+impl PolicyLoss<'_> {
     /// Adds the loss to `sums`, the gradient of `log_std` to `log_std`, and writes that of the means to `deltas`.
-    pub(crate) fn differentiate(&self, deltas: &mut [f32], log_std: &mut [f32], sums: &mut LossSums) {
-        let columns = self.tile.log_probs.len();
-        let (mut log_probs, mut pulls) = ([0.0; PANEL], [0.0; PANEL]);
-        let (log_probs, pulls) = (&mut log_probs[..columns], &mut pulls[..columns]);
-        self.gaussian.log_probs(self.means, self.tile.actions, log_probs);
-        for (index, pull) in pulls.iter_mut().enumerate() {
-            let log_ratio = log_probs[index] - self.tile.log_probs[index];
-            *pull = self.sample_weight * self.pull(log_ratio, self.tile.advantages[index], sums);
+    pub(super) fn differentiate(&self, deltas: &mut [f32], log_std: &mut [f32], sums: &mut LossSums) {
+        let columns = self.slice.log_probs.len();
+        let (mut log_probs, mut gradients) = ([0.0; ENV_BATCH], [0.0; ENV_BATCH]);
+        let (log_probs, gradients) = (&mut log_probs[..columns], &mut gradients[..columns]);
+        self.gaussian.log_probs(self.means, self.slice.actions, log_probs);
+        for (index, gradient) in gradients.iter_mut().enumerate() {
+            let log_ratio = log_probs[index] - self.slice.log_probs[index];
+            let clip_range = self.loss.settings.clip_range;
+            let sample = clipped_surrogate(log_ratio, self.slice.advantages[index], clip_range);
+            sums.policy_loss += f64::from(sample.loss);
+            sums.approx_kl += f64::from(sample.approx_kl);
+            sums.clipped += f64::from(u8::from(sample.is_clipped));
+            *gradient = self.loss.sample_weight * sample.gradient;
         }
-        dispatch(ThroughDensity { surrogate: self, pulls, deltas, log_std });
-        self.heed_teacher(deltas);
+        dispatch(ThroughDensity { policy: self, gradients, deltas, log_std });
+        self.add_imitation_gradient(deltas);
     }
 
-    /// Adds the gradient of the divergence between the policy and a Gaussian as wide around what the teacher would have done.
-    fn heed_teacher(&self, deltas: &mut [f32]) {
-        let columns = self.tile.log_probs.len();
-        let rows = self.means.chunks_exact(columns).zip(self.tile.lessons.chunks_exact(columns));
-        for ((delta, (means, lessons)), std) in deltas.chunks_exact_mut(columns).zip(rows).zip(self.gaussian.std())
+    /// Adds the gradient of the divergence between the policy and a Gaussian as wide around the teacher's action.
+    fn add_imitation_gradient(&self, deltas: &mut [f32]) {
+        let columns = self.slice.log_probs.len();
+        let rows = self.means.chunks_exact(columns).zip(self.slice.teacher_actions.chunks_exact(columns));
+        for ((delta, (means, actions)), std) in deltas.chunks_exact_mut(columns).zip(rows).zip(self.gaussian.std())
         {
-            let weight = self.sample_weight * self.lesson_weight / (std * std);
-            for ((delta, mean), lesson) in delta.iter_mut().zip(means).zip(lessons) {
-                *delta += weight * (mean - lesson);
+            let weight = self.loss.sample_weight * self.loss.imitation_weight / (std * std);
+            for ((delta, mean), action) in delta.iter_mut().zip(means).zip(actions) {
+                *delta += weight * (mean - action);
             }
         }
-    }
-
-    /// The derivative of a sample's loss with respect to the log-density of its action.
-    #[inline(always)]
-    fn pull(&self, log_ratio: f32, advantage: f32, sums: &mut LossSums) -> f32 {
-        let log_ratio = log_ratio.clamp(-LOG_RATIO_LIMIT, LOG_RATIO_LIMIT);
-        let ratio = libm::expf(log_ratio);
-        let clipped = ratio.clamp(1.0 - self.clip_range, 1.0 + self.clip_range);
-        let (gain, clipped_gain) = (ratio * advantage, clipped * advantage);
-        sums.policy_loss -= f64::from(gain.min(clipped_gain));
-        // The unbiased estimate with little variance (Schulman 2020, "k3").
-        sums.approx_kl += f64::from(ratio - 1.0 - log_ratio);
-        sums.clipped += f64::from(u8::from(ratio != clipped));
-        if gain <= clipped_gain { -gain } else { 0.0 }
     }
 }
 
 /// The chain rule through the Gaussian log-density.
 struct ThroughDensity<'a> {
-    surrogate: &'a Surrogate<'a>,
-    pulls: &'a [f32],
+    policy: &'a PolicyLoss<'a>,
+    gradients: &'a [f32],
     deltas: &'a mut [f32],
     log_std: &'a mut [f32],
 }
@@ -105,37 +90,47 @@ impl WithSimd for ThroughDensity<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { surrogate, pulls, deltas, log_std } = self;
-        let columns = pulls.len();
-        let rows = surrogate.means.chunks_exact(columns).zip(surrogate.tile.actions.chunks_exact(columns));
+        let Self { policy, gradients, deltas, log_std } = self;
+        let columns = gradients.len();
+        let rows = policy.means.chunks_exact(columns).zip(policy.slice.actions.chunks_exact(columns));
         for (row, (means, actions)) in rows.enumerate() {
-            let inverse = 1.0 / surrogate.gaussian.std()[row];
+            let inverse = 1.0 / policy.gaussian.std()[row];
             let deltas = &mut deltas[row * columns..(row + 1) * columns];
-            let mut curvatures = [0.0; PANEL];
+            let mut curvatures = [0.0; ENV_BATCH];
             let curvatures = &mut curvatures[..columns];
             for index in 0..columns {
                 let deviation = (actions[index] - means[index]) * inverse;
-                deltas[index] = pulls[index] * deviation * inverse;
+                deltas[index] = gradients[index] * deviation * inverse;
                 curvatures[index] = deviation * deviation - 1.0;
             }
-            log_std[row] += dot(pulls, curvatures);
+            log_std[row] += dot(gradients, curvatures);
         }
     }
 }
 
-/// Mean squared error of the critic's `heads`, in units of the returns' spread: adds it to `sums`, and writes its
-/// gradient, times `weight`, to `deltas`.
-pub(crate) fn differentiate_value(
-    heads: &[f32],
-    (returns, scale): (&[f32], &ValueScale),
-    weight: f32,
-    deltas: &mut [f32],
-    sums: &mut LossSums,
-) {
-    sums.samples += heads.len() as f64;
-    for ((delta, head), target) in deltas.iter_mut().zip(heads).zip(returns) {
-        let error = head - (target - scale.mean) / scale.std;
-        sums.value_loss += f64::from(error * error);
-        *delta = weight * 2.0 * error;
+/// The squared error of the critic's heads on one slice, in units of the returns' spread.
+pub(super) struct ValueLoss<'a> {
+    pub(super) loss: Loss<'a>,
+    pub(super) slice: &'a MinibatchSlice<'a>,
+    /// `[tasks][columns]`.
+    pub(super) heads: &'a [f32],
+    /// Of the returns of the slice's task.
+    pub(super) scale: &'a ValueScale,
+}
+
+impl ValueLoss<'_> {
+    /// Adds the loss to `sums`, and writes the gradient of the heads to `deltas`: zero but for the task's.
+    pub(super) fn differentiate(&self, deltas: &mut [f32], sums: &mut LossSums) {
+        let columns = self.slice.returns.len();
+        let head = self.slice.task * columns..(self.slice.task + 1) * columns;
+        let weight = self.loss.settings.value_weight * self.loss.sample_weight;
+        sums.samples += columns as f64;
+        deltas.fill(0.0);
+        let samples = self.heads[head.clone()].iter().zip(self.slice.returns);
+        for (delta, (value, target)) in deltas[head].iter_mut().zip(samples) {
+            let sample = value_error(*value, (target - self.scale.mean) / self.scale.std);
+            sums.value_loss += f64::from(sample.loss);
+            *delta = weight * sample.gradient;
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! What an update reports, under the names of Stable-Baselines3 and `CleanRL`.
 
-use kestrel_sim::outcome::Episode;
 use serde::Serialize;
+
+use crate::environment::Episode;
 
 /// One update's figures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -34,9 +35,9 @@ pub struct UpdateMetrics {
     pub episode_return: Option<f32>,
     /// Mean length of these episodes \[steps\].
     pub episode_length: Option<f32>,
-    /// Share of these episodes that succeeded.
+    /// Share of these episodes that succeeded, where the task has successes.
     pub success_rate: Option<f32>,
-    /// Mean return of each reward term in these episodes, in the scenario's order; empty without episodes.
+    /// Mean return of each reward term in these episodes, in the task's order; empty without episodes.
     pub episode_terms: Vec<f32>,
     /// Wall time of the rollout \[s\].
     pub rollout_secs: f64,
@@ -61,7 +62,9 @@ impl UpdateMetrics {
         };
         self.episode_return = mean(&|episode| f64::from(episode.total_reward));
         self.episode_length = mean(&|episode| f64::from(episode.steps));
-        self.success_rate = mean(&|episode| f64::from(u8::from(episode.success)));
+        if episodes.iter().any(|episode| episode.success.is_some()) {
+            self.success_rate = mean(&|episode| f64::from(u8::from(episode.success == Some(true))));
+        }
         let terms = 0..episodes[0].terms.len();
         self.episode_terms = terms.filter_map(|term| mean(&|episode| f64::from(episode.terms[term]))).collect();
     }

@@ -4,26 +4,24 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use kestrel_core::encoder::{Convolution, EncoderError, EncoderShape, Volume};
-use kestrel_sim::camera::OnboardCamera;
 
-use crate::network::eye::Eye;
-use crate::rollout::{CriticScope, PANEL, SMALLEST_MINIBATCH};
+use crate::network::cnn::Cnn;
+use crate::rollout::{CriticScope, ENV_BATCH, SMALLEST_MINIBATCH};
 use crate::schedule::Schedule;
-use crate::teacher::TeacherSettings;
 
 /// The hyperparameters of PPO, under the names of the field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PpoSettings {
-    /// Environments in parallel, a multiple of [`PANEL`]; where several drones share one, drones, which must fill panels
-    /// of [`panel_rows`](crate::rollout::panel_rows).
+    /// Environments in parallel, a multiple of [`ENV_BATCH`]; where several agents share one, agents, which must fill
+    /// environment batches of [`batch_rows`](crate::rollout::batch_rows).
     pub environments: usize,
-    /// Steps of every drone between updates.
+    /// Steps of every agent between updates.
     pub steps_per_rollout: usize,
     /// Environment steps of the whole training; a linear schedule ends there.
     pub total_steps: u64,
     /// Passes over each rollout.
     pub epochs: u32,
-    /// Samples per gradient step, a multiple of [`PANEL`], or 32, 64 or 128; the last of an epoch may be smaller.
+    /// Samples per gradient step, a multiple of [`ENV_BATCH`], or 32, 64 or 128; the last of an epoch may be smaller.
     pub minibatch: usize,
     /// Discount per step, in \[0, 1\].
     pub discount: f32,
@@ -50,7 +48,7 @@ pub struct PpoSettings {
     /// Widths of the critic's hidden layers.
     pub critic_hidden: Vec<usize>,
     /// How a policy with a camera looks at its images.
-    pub eye: EyeSettings,
+    pub encoder: EncoderSettings,
     /// An update stops once a minibatch's `approx_kl` exceeds one and a half times this, as Stable-Baselines3.
     pub target_kl: Option<f32>,
     /// Whose observations the critic reads.
@@ -59,19 +57,50 @@ pub struct PpoSettings {
     pub value_scale: ValueScaling,
     /// From this share of the training on, in \[0, 1\], the policy flies and learns with the weights of its export.
     pub quantised_from: Option<f32>,
-    /// Who says what to do while the policy does not know; nobody as a rule.
+    /// A teacher that says what to do while the policy does not know; none as a rule.
     pub teacher: Option<TeacherSettings>,
     /// Fixed factor on rewards before the critic sees them; the logged returns are unscaled.
     pub reward_scale: f32,
 }
 
-/// How images are looked at.
+impl Default for PpoSettings {
+    fn default() -> Self {
+        Self {
+            environments: 1024,
+            steps_per_rollout: 32,
+            total_steps: 10_000_000,
+            epochs: 4,
+            minibatch: 4096,
+            discount: 0.99,
+            gae_lambda: 0.95,
+            clip_range: 0.2,
+            learning_rate: Schedule::Linear { from: 1e-3, to: 1e-4 },
+            entropy_weight: 0.0,
+            value_weight: 0.5,
+            gradient_norm_limit: 0.5,
+            initial_log_std: -0.5,
+            lowest_log_std: -3.0,
+            highest_log_std: 0.5,
+            actor_hidden: vec![64, 64],
+            critic_hidden: vec![64, 64],
+            encoder: EncoderSettings::default(),
+            target_kl: None,
+            critic_scope: CriticScope::Own,
+            value_scale: ValueScaling::Fixed,
+            quantised_from: None,
+            teacher: None,
+            reward_scale: 1.0,
+        }
+    }
+}
+
+/// How images are encoded.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct EyeSettings {
+pub struct EncoderSettings {
     /// The convolutions.
-    pub kind: EyeKind,
+    pub kind: EncoderKind,
     /// Whether actor and critic have the same.
-    pub sharing: EyeSharing,
+    pub sharing: EncoderSharing,
     /// Widths of layers that read the observation and the features for both networks, or for each if they do not share;
     /// none where each reads both itself.
     pub trunk: Vec<usize>,
@@ -79,11 +108,11 @@ pub struct EyeSettings {
 
 /// Convolutions and a dense layer.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum EyeKind {
-    /// [`Eye::small`].
+pub enum EncoderKind {
+    /// [`Cnn::small`].
     #[default]
     Small,
-    /// [`Eye::nature`], with so many features.
+    /// [`Cnn::nature`], with so many features.
     Nature {
         /// At least one; 512 in Stable-Baselines3, 256 with several inputs.
         features: u16,
@@ -97,9 +126,9 @@ pub enum EyeKind {
     },
 }
 
-/// Whether actor and critic look through one eye.
+/// Whether actor and critic have one encoder.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum EyeSharing {
+pub enum EncoderSharing {
     /// They do, and it learns from both.
     #[default]
     Shared,
@@ -107,28 +136,37 @@ pub enum EyeSharing {
     Separate,
 }
 
-impl EyeKind {
-    /// The eye for the images of a camera.
+impl EncoderKind {
+    /// The network for images of a shape.
     ///
     /// # Errors
     /// When they are too small or too large for it.
-    pub fn eye(&self, camera: &OnboardCamera) -> Result<Eye, EncoderError> {
-        let image = image_of(camera);
+    pub fn cnn(&self, image: Volume) -> Result<Cnn, EncoderError> {
         match self {
-            Self::Small => Eye::small(image),
-            Self::Nature { features } => Eye::nature(image, *features),
+            Self::Small => Cnn::small(image),
+            Self::Nature { features } => Cnn::nature(image, *features),
             Self::Custom { convolutions, features } => {
-                EncoderShape::new(image, convolutions, *features).map(Eye::new)
+                EncoderShape::new(image, convolutions, *features).map(Cnn::new)
             }
         }
     }
 }
 
-/// Sides that are too large for an eye become the largest number, which it refuses.
-fn image_of(camera: &OnboardCamera) -> Volume {
-    let side = |value: usize| u16::try_from(value).unwrap_or(u16::MAX);
-    let channels = u16::try_from(camera.pixel_len()).unwrap_or(u16::MAX);
-    Volume { rows: side(camera.camera.rows), columns: side(camera.camera.columns), channels }
+/// How much a teacher counts (kickstarting, Schmitt et al. 2018): the policy acts by itself, the teacher says in every
+/// state what it would do there, and the loss has the divergence from that beside the surrogate, with an annealed weight.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TeacherSettings {
+    /// Weight of the imitation loss in the first update; above zero.
+    pub weight: f32,
+    /// Share of the training, above 0 to 1, over which it falls to zero in a straight line.
+    pub until: f32,
+}
+
+impl TeacherSettings {
+    /// The weight once such a share of the training is done.
+    pub(super) fn weight_at(&self, progress: f64) -> f32 {
+        self.weight * (1.0 - progress as f32 / self.until).max(0.0)
+    }
 }
 
 /// In which unit the critic learns returns.
@@ -144,9 +182,9 @@ pub enum ValueScaling {
 /// Settings that no training can be made with.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SettingsError {
-    /// Environments and minibatches come in panels.
-    #[error("{name} is {found}, expected a positive multiple of {PANEL}{or}")]
-    NotPanels {
+    /// Environments and minibatches come in environment batches.
+    #[error("{name} is {found}, expected a positive multiple of {ENV_BATCH}{or}")]
+    NotBatches {
         /// Which setting.
         name: &'static str,
         /// Its value.
@@ -189,13 +227,13 @@ impl PpoSettings {
     }
 
     fn check_counts(&self) -> Result<(), SettingsError> {
-        let panels = |found: usize| found != 0 && found.is_multiple_of(PANEL);
-        if !panels(self.environments) {
-            return Err(SettingsError::NotPanels { name: "environments", found: self.environments, or: "" });
+        let env_batches = |found: usize| found != 0 && found.is_multiple_of(ENV_BATCH);
+        if !env_batches(self.environments) {
+            return Err(SettingsError::NotBatches { name: "environments", found: self.environments, or: "" });
         }
         if !fits_minibatch(self.minibatch) {
             let or = ", or 32, 64 or 128";
-            return Err(SettingsError::NotPanels { name: "minibatch", found: self.minibatch, or });
+            return Err(SettingsError::NotBatches { name: "minibatch", found: self.minibatch, or });
         }
         let narrowest = |hidden: &[usize]| hidden.iter().copied().min().unwrap_or(1);
         let counts = [
@@ -249,10 +287,10 @@ impl PpoSettings {
     }
 }
 
-/// Whether tiles can make a minibatch of so many samples.
+/// Whether slices can make a minibatch of so many samples.
 pub fn fits_minibatch(samples: usize) -> bool {
-    let small = (SMALLEST_MINIBATCH..PANEL).contains(&samples) && samples.is_power_of_two();
-    small || (samples != 0 && samples.is_multiple_of(PANEL))
+    let small = (SMALLEST_MINIBATCH..ENV_BATCH).contains(&samples) && samples.is_power_of_two();
+    small || (samples != 0 && samples.is_multiple_of(ENV_BATCH))
 }
 
 type Checked = Result<(), SettingsError>;

@@ -1,17 +1,16 @@
 //! Saving a run and going on with it.
 
-use kestrel_sim::scenario::Scenario;
-use kestrel_sim::seed::Seed;
-use kestrel_sim::simulation::SimulationState;
+use kestrel_core::seed::Seed;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Actor, Critic, PpoSettings, SettingsError, Trainer};
 use crate::adam::Adam;
+use crate::environment::Environment;
 
 /// Everything that a run needs to go on to the same bits, beside its scenarios and settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TrainerState {
+pub struct TrainerState<S> {
     seed: Seed,
     actor: Actor,
     critic: Critic,
@@ -19,7 +18,7 @@ pub struct TrainerState {
     critic_optimiser: Adam,
     learning_rate: f32,
     updates: u64,
-    panels: Vec<SimulationState>,
+    env_batches: Vec<S>,
 }
 
 /// A state that does not belong to the scenario and settings it is restored with.
@@ -38,25 +37,25 @@ pub enum RestoreError {
         /// Widths by scenario and settings.
         expected: Vec<usize>,
     },
-    /// Another eye, or a trunk behind it.
+    /// Another encoder, or a trunk behind it.
     #[error("the saved {network} looks at images in another way than scenario and settings ask for")]
-    Eye {
+    Encoder {
         /// Actor or critic.
         network: &'static str,
     },
     /// Another number of environments.
-    #[error("the saved run has {found} panels of environments, the settings ask for {expected}")]
-    Panels {
+    #[error("the saved run has {found} environment batches of environments, the settings ask for {expected}")]
+    EnvBatches {
         /// In the saved state.
         found: usize,
         /// By the settings.
         expected: usize,
     },
-    /// The simulations are of another scenario.
-    #[error("the saved environments do not fit the scenario {scenario:?}")]
-    Scenario {
-        /// Name of the scenario.
-        scenario: String,
+    /// The environments are of another task.
+    #[error("the saved environments do not fit the scenario {task:?}")]
+    Task {
+        /// Name of the task.
+        task: String,
     },
     /// Parameters or optimiser state of the wrong length.
     #[error("the saved {network} holds {found} numbers, its layers need {expected}")]
@@ -70,7 +69,7 @@ pub enum RestoreError {
     },
 }
 
-impl TrainerState {
+impl<S> TrainerState<S> {
     /// The saved policy.
     pub fn actor(&self) -> &Actor {
         &self.actor
@@ -87,9 +86,9 @@ impl TrainerState {
     }
 }
 
-impl Trainer {
+impl<E: Environment> Trainer<E> {
     /// The run between two updates; all its ranks save at once.
-    pub fn save(&self) -> TrainerState {
+    pub fn save(&self) -> TrainerState<E::State> {
         TrainerState {
             seed: self.seed,
             actor: self.actor.clone(),
@@ -98,7 +97,7 @@ impl Trainer {
             critic_optimiser: self.critic_optimiser.clone(),
             learning_rate: self.learning_rate,
             updates: self.updates,
-            panels: self.simulations(),
+            env_batches: self.environment_states(),
         }
     }
 
@@ -106,14 +105,18 @@ impl Trainer {
     ///
     /// # Errors
     /// When the state is of other scenarios or of settings of another shape.
-    pub fn restore(tasks: &[Scenario], settings: &PpoSettings, state: TrainerState) -> Result<Self, RestoreError> {
+    pub fn restore(
+        tasks: &[E::Task],
+        settings: &PpoSettings,
+        state: TrainerState<E::State>,
+    ) -> Result<Self, RestoreError> {
         settings.check()?;
         let mut trainer = Self::new(tasks, settings, state.seed);
         trainer.check(&state)?;
-        for (panel, saved) in trainer.panels.iter_mut().zip(&state.panels) {
-            if !panel.restore(saved) {
-                let scenario = tasks[panel.rollout().task()].name.clone();
-                return Err(RestoreError::Scenario { scenario });
+        for (env_batch, saved) in trainer.env_batches.iter_mut().zip(&state.env_batches) {
+            if !env_batch.restore(saved) {
+                let task = E::name(&tasks[env_batch.rollout().task()]).to_owned();
+                return Err(RestoreError::Task { task });
             }
         }
         trainer.actor = state.actor;
@@ -126,10 +129,10 @@ impl Trainer {
     }
 
     /// Whether the state has this run's shapes.
-    fn check(&self, state: &TrainerState) -> Result<(), RestoreError> {
-        let (found, expected) = (state.panels.len(), self.panels.len());
+    fn check(&self, state: &TrainerState<E::State>) -> Result<(), RestoreError> {
+        let (found, expected) = (state.env_batches.len(), self.env_batches.len());
         if found != expected {
-            return Err(RestoreError::Panels { found, expected });
+            return Err(RestoreError::EnvBatches { found, expected });
         }
         let actors = (state.actor.is_like(&self.actor), state.actor.mlp(), self.actor.mlp());
         let critics = (state.critic.is_like(&self.critic), state.critic.mlp(), self.critic.mlp());
@@ -139,7 +142,7 @@ impl Trainer {
                 return Err(RestoreError::Network { network, found, expected });
             }
             if !is_like {
-                return Err(RestoreError::Eye { network });
+                return Err(RestoreError::Encoder { network });
             }
         }
         let lengths = [

@@ -1,71 +1,31 @@
 mod distributed;
-mod seeing;
+mod probe;
 mod special_cases;
 mod teaching;
 mod teams;
+mod vision;
 
 use super::*;
-use crate::actor_critic::Sight;
-use crate::network::Mlp;
-use crate::rollout::{PANEL, Tile};
+use crate::network::{InputBatch, Mlp};
+use crate::rollout::{ENV_BATCH, MinibatchSlice, Rollout};
 use crate::schedule::Schedule;
-use kestrel_core::action::{ActionSpace, RotorSpeeds};
-use kestrel_core::airframe::CF2X;
-use kestrel_core::dynamics::Integrator;
-use kestrel_core::observation::{ObservationLayout, PilotLayout};
-use kestrel_sim::scenario::{
-    Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
-    TeamEnd, TeamRewards, TeamSuccess, Termination, TimeLimit, WeightedTerm,
-};
-use kestrel_sim::sensor::SensorSuite;
-use kestrel_sim::world::World;
-use nalgebra::Vector3;
+use probe::{OBSERVATION_LEN, PRIVILEGED_LEN, Probe, Task};
 
-fn scenario(critic: CriticView) -> Scenario {
-    Scenario {
-        name: "hover".into(),
-        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), routes: Vec::new(), world: World::empty() },
-        airframe: CF2X,
-        physics: Physics::clean(Integrator::SemiImplicitEuler, 1, 50.0),
-        goals: Goals::Fixed,
-        agents: Agents::ONE,
-        sensors: SensorSuite::none(),
-        clock: Clock::Elapsed,
-        time_limit: TimeLimit::Truncates,
-        action: ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3)),
-        observation: ObservationLayout::Pilot(PilotLayout {
-            position_scale_m: 1.0,
-            velocity_scale: 2.0,
-            body_rates_scale: 10.0,
-        }),
-        camera: None,
-        critic,
-        start: Start {
-            position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.3 },
-            heading_limit: core::f32::consts::PI,
-            tilt_limit: 0.3,
-            speed_limit: 0.3,
-            body_rates_limit: 1.0,
-        },
-        randomisation: Randomisation { mass: 0.1, inertia: 0.1, thrust: 0.1, rotor_lag: 0.1, wind_speed: 0.1 },
-        rewards: vec![WeightedTerm::new(RewardTerm::Alive, 1.0), WeightedTerm::new(RewardTerm::Distance, -1.0)],
-        terminations: vec![
-            EndRule::terminal(Termination::COLLISION),
-            EndRule::terminal(Termination::Tilt { limit: 1.0 }),
-        ],
-        // Short, so that a rollout sees truncations too.
-        episode_secs: 0.4,
-        success: Success::Settle { radius_m: 0.3, within_secs: 0.2 },
-    }
+type Trainer = super::Trainer<Probe>;
+type TrainerState = super::TrainerState<Vec<probe::Point>>;
+
+/// Points on their own; critics may know their drift. Short episodes, so that a rollout sees truncations too.
+fn task(is_privileged: bool) -> Task {
+    Task { agents: 1, is_privileged, image: None, has_teacher: false, episode_steps: 20 }
 }
 
 fn settings() -> PpoSettings {
     PpoSettings {
-        environments: 3 * PANEL,
+        environments: 3 * ENV_BATCH,
         steps_per_rollout: 12,
         total_steps: 1_000_000,
         epochs: 2,
-        minibatch: 5 * PANEL,
+        minibatch: 5 * ENV_BATCH,
         discount: 0.98,
         gae_lambda: 0.95,
         clip_range: 0.2,
@@ -78,7 +38,7 @@ fn settings() -> PpoSettings {
         highest_log_std: 0.5,
         actor_hidden: vec![16, 16],
         critic_hidden: vec![16],
-        eye: EyeSettings::default(),
+        encoder: EncoderSettings::default(),
         target_kl: None,
         critic_scope: CriticScope::Own,
         value_scale: ValueScaling::Fixed,
@@ -88,10 +48,10 @@ fn settings() -> PpoSettings {
     }
 }
 
-fn on_threads(threads: usize, updates: u32, critic: CriticView) -> TrainerState {
+fn on_threads(threads: usize, updates: u32, critic: bool) -> TrainerState {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
     pool.install(|| {
-        let mut trainer = Trainer::new(&[scenario(critic)], &settings(), Seed(5));
+        let mut trainer = Trainer::new(&[task(critic)], &settings(), Seed(5));
         for _ in 0..updates {
             trainer.update();
         }
@@ -101,19 +61,19 @@ fn on_threads(threads: usize, updates: u32, critic: CriticView) -> TrainerState 
 
 #[test]
 fn the_number_of_threads_does_not_change_a_bit() {
-    let reference = on_threads(1, 3, CriticView::Privileged);
-    assert_eq!(reference, on_threads(2, 3, CriticView::Privileged));
-    assert_eq!(reference, on_threads(7, 3, CriticView::Privileged));
+    let reference = on_threads(1, 3, true);
+    assert_eq!(reference, on_threads(2, 3, true));
+    assert_eq!(reference, on_threads(7, 3, true));
 }
 
 #[test]
 fn a_resumed_run_comes_to_the_same_bits() {
-    let (scenario, settings) = (scenario(CriticView::Observation), settings());
-    let mut straight = Trainer::new(std::slice::from_ref(&scenario), &settings, Seed(6));
+    let (task, settings) = (task(false), settings());
+    let mut straight = Trainer::new(&[task], &settings, Seed(6));
     (0..2).for_each(|_| drop(straight.update()));
     let bytes = postcard::to_allocvec(&straight.save()).expect("a state serialises");
     let state = postcard::from_bytes(&bytes).expect("and back");
-    let mut resumed = Trainer::restore(&[scenario], &settings, state).expect("it is the same run");
+    let mut resumed = Trainer::restore(&[task], &settings, state).expect("it is the same run");
     assert_eq!(resumed.updates(), 2);
     for _ in 0..2 {
         let (expected, found) = (straight.update(), resumed.update());
@@ -125,11 +85,11 @@ fn a_resumed_run_comes_to_the_same_bits() {
 
 #[test]
 fn from_its_share_on_a_policy_learns_with_the_weights_of_its_export() {
-    let scenario = scenario(CriticView::Observation);
+    let task = task(false);
     let batch = settings().batch() as u64;
     let with = |quantised_from| PpoSettings { quantised_from, total_steps: 4 * batch, ..settings() };
     let after = |updates: u32, settings: &PpoSettings| {
-        let mut trainer = Trainer::new(std::slice::from_ref(&scenario), settings, Seed(8));
+        let mut trainer = Trainer::new(&[task], settings, Seed(8));
         (0..updates).for_each(|_| drop(trainer.update()));
         trainer.save()
     };
@@ -137,42 +97,36 @@ fn from_its_share_on_a_policy_learns_with_the_weights_of_its_export() {
     assert_eq!(after(2, &exact), after(2, &late));
     assert_ne!(after(3, &exact), after(3, &late));
 
-    let mut resumed =
-        Trainer::restore(std::slice::from_ref(&scenario), &late, after(3, &late)).expect("the same run");
+    let mut resumed = Trainer::restore(&[task], &late, after(3, &late)).expect("the same run");
     resumed.update();
     assert_eq!(resumed.save(), after(4, &late));
 }
 
 #[test]
 fn other_seeds_are_other_runs() {
-    let first = |seed| Trainer::new(&[scenario(CriticView::Observation)], &settings(), Seed(seed)).save();
+    let first = |seed| Trainer::new(&[task(false)], &settings(), Seed(seed)).save();
     assert_eq!(first(1), first(1));
     assert_ne!(first(1).actor(), first(2).actor());
 }
 
 #[test]
 fn a_state_of_another_run_is_refused() {
-    let (flown, asked) = (scenario(CriticView::Observation), settings());
-    let state = Trainer::new(std::slice::from_ref(&flown), &asked, Seed(7)).save();
-    let refuse = |scenario: &Scenario, settings: &PpoSettings, state: &TrainerState| {
-        Trainer::restore(std::slice::from_ref(scenario), settings, state.clone())
-            .expect_err("it must be refused")
-            .to_string()
+    let (flown, asked) = (task(false), settings());
+    let state = Trainer::new(&[flown], &asked, Seed(7)).save();
+    let refuse = |task: &Task, settings: &PpoSettings, state: &TrainerState| {
+        Trainer::restore(&[*task], settings, state.clone()).expect_err("it must be refused").to_string()
     };
-    let more = PpoSettings { environments: 4 * PANEL, ..asked.clone() };
-    assert_eq!(
-        refuse(&flown, &more, &state),
-        "the saved run has 3 panels of environments, the settings ask for 4"
-    );
+    let more = PpoSettings { environments: 4 * ENV_BATCH, ..asked.clone() };
+    assert_eq!(refuse(&flown, &more, &state), "the saved run has 3 environment batches, the settings ask for 4");
     let wider = PpoSettings { actor_hidden: vec![16, 32], ..asked.clone() };
     assert_eq!(
         refuse(&flown, &wider, &state),
-        "the saved actor has layers [22, 16, 16, 4], the settings ask for [22, 16, 32, 4]"
+        "the saved actor has layers [6, 16, 16, 2], the settings ask for [6, 16, 32, 2]"
     );
-    let privileged = scenario(CriticView::Privileged);
+    let privileged = task(true);
     assert_eq!(
         refuse(&privileged, &asked, &state),
-        format!("the saved critic has layers [22, 16, 1], the settings ask for [{}, 16, 1]", 22 + PRIVILEGED_LEN)
+        "the saved critic has layers [6, 16, 1], the settings ask for [8, 16, 1]"
     );
     let bad = PpoSettings { minibatch: 100, ..asked };
     assert_eq!(
@@ -204,9 +158,9 @@ fn settings_out_of_range_are_named() {
 
 #[test]
 fn a_shuffle_keeps_every_sample_and_differs_between_epochs() {
-    let trainer = Trainer::new(&[scenario(CriticView::Observation)], &settings(), Seed(8));
+    let trainer = Trainer::new(&[task(false)], &settings(), Seed(8));
     let flat = |epoch| -> Vec<usize> {
-        trainer.shuffled(epoch).iter().map(|sample| sample.panel * 12 + sample.tile).collect()
+        trainer.shuffled(epoch).iter().map(|index| index.env_batch * 12 + index.slice).collect()
     };
     let mut sorted = flat(0);
     assert_ne!(sorted, flat(1));
@@ -216,8 +170,8 @@ fn a_shuffle_keeps_every_sample_and_differs_between_epochs() {
 
 #[test]
 fn nothing_has_moved_before_the_first_step() {
-    let unmoving = PpoSettings { minibatch: 36 * PANEL, epochs: 1, ..settings() };
-    let metrics = Trainer::new(&[scenario(CriticView::Observation)], &unmoving, Seed(9)).update();
+    let unmoving = PpoSettings { minibatch: 36 * ENV_BATCH, epochs: 1, ..settings() };
+    let metrics = Trainer::new(&[task(false)], &unmoving, Seed(9)).update();
     assert_eq!((metrics.approx_kl, metrics.clip_fraction), (0.0, 0.0));
     // Normalised advantages sum to nothing.
     assert!(metrics.policy_loss.abs() < 1e-5);
@@ -226,7 +180,7 @@ fn nothing_has_moved_before_the_first_step() {
 #[test]
 fn a_target_divergence_stops_the_update() {
     let strict = PpoSettings { target_kl: Some(1e-9), learning_rate: Schedule::Constant(1e-2), ..settings() };
-    let mut trainer = Trainer::new(&[scenario(CriticView::Observation)], &strict, Seed(10));
+    let mut trainer = Trainer::new(&[task(false)], &strict, Seed(10));
     trainer.update();
     // Adam's first step is nearly the learning rate; there was no second.
     for log_std in trainer.actor().log_std() {
@@ -235,31 +189,12 @@ fn a_target_divergence_stops_the_update() {
     }
 }
 
-#[test]
-fn a_policy_learns_to_stay_up() {
-    let settings = PpoSettings {
-        environments: 2 * PANEL,
-        steps_per_rollout: 16,
-        minibatch: 8 * PANEL,
-        epochs: 4,
-        learning_rate: Schedule::Constant(2e-3),
-        entropy_weight: 0.0,
-        ..settings()
-    };
-    let scenario = Scenario { episode_secs: 2.0, ..scenario(CriticView::Observation) };
-    let mut trainer = Trainer::new(&[scenario], &settings, Seed(11));
-    let lengths: Vec<f32> = (0..60).filter_map(|_| trainer.update().episode_length).collect();
-    let mean = |lengths: &[f32]| lengths.iter().sum::<f32>() / lengths.len() as f32;
-    let (before, after) = (mean(&lengths[..10]), mean(&lengths[lengths.len() - 10..]));
-    assert!(after > 1.5 * before, "episodes lasted {before} steps, then {after}");
-}
-
 /// The whole loss of Schulman et al. 2017 in `f64`, sample by sample, without any of the kernels.
 mod reference {
     use super::*;
 
     pub(super) struct Batch<'a> {
-        pub(super) tile: Tile<'a>,
+        pub(super) slice: MinibatchSlice<'a>,
         pub(super) settings: &'a PpoSettings,
         pub(super) actor: Mlp,
         pub(super) critic: Mlp,
@@ -271,32 +206,33 @@ mod reference {
             let (actor, critic) = parameters.split_at(self.actor.parameter_count() + self.actor.outputs());
             let (network, log_std) = actor.split_at(self.actor.parameter_count());
             let sample = |index: usize| {
-                let input: Vec<f64> = Self::column(self.tile.sight.values, index);
+                let input: Vec<f64> = Self::column(self.slice.batch.values, index);
                 let means = forward(&self.actor, network, &input[..self.actor.inputs()]);
                 let value = forward(&self.critic, critic, &input)[0];
-                let error = value - f64::from(self.tile.returns[index]);
+                let error = value - f64::from(self.slice.returns[index]);
                 self.surrogate(&means, log_std, index) + f64::from(self.settings.value_weight) * error * error
             };
             let entropy: f64 = log_std.iter().sum();
-            (0..PANEL).map(sample).sum::<f64>() / PANEL as f64 - f64::from(self.settings.entropy_weight) * entropy
+            (0..ENV_BATCH).map(sample).sum::<f64>() / ENV_BATCH as f64
+                - f64::from(self.settings.entropy_weight) * entropy
         }
 
         fn surrogate(&self, means: &[f64], log_std: &[f64], index: usize) -> f64 {
-            let actions = Self::column(self.tile.actions, index);
+            let actions = Self::column(self.slice.actions, index);
             let log_prob: f64 = (0..self.actor.outputs())
                 .map(|row| {
                     let deviation = (actions[row] - means[row]) / libm::exp(log_std[row]);
                     -0.5 * deviation * deviation - log_std[row] - 0.5 * libm::log(2.0 * std::f64::consts::PI)
                 })
                 .sum();
-            let ratio = libm::exp(log_prob - f64::from(self.tile.log_probs[index]));
+            let ratio = libm::exp(log_prob - f64::from(self.slice.log_probs[index]));
             let range = f64::from(self.settings.clip_range);
-            let advantage = f64::from(self.tile.advantages[index]);
+            let advantage = f64::from(self.slice.advantages[index]);
             -(ratio * advantage).min(ratio.clamp(1.0 - range, 1.0 + range) * advantage)
         }
 
         fn column(rows: &[f32], index: usize) -> Vec<f64> {
-            rows.chunks_exact(PANEL).map(|row| f64::from(row[index])).collect()
+            rows.chunks_exact(ENV_BATCH).map(|row| f64::from(row[index])).collect()
         }
     }
 
@@ -316,7 +252,7 @@ mod reference {
     }
 }
 
-/// A tile whose old log-probabilities are off by up to ±0.5, so that about half of the samples are clipped.
+/// A slice whose old log-probabilities are off by up to ±0.5, so that about half of the samples are clipped.
 struct Samples {
     observations: Vec<f32>,
     actions: Vec<f32>,
@@ -329,11 +265,11 @@ impl Samples {
     fn new(actor: &Actor, features: usize) -> Self {
         let mut stream = Stream::new(Seed(12), 0, Purpose::Actions);
         let mut normals = |count: usize| -> Vec<f32> { (0..count).map(|_| stream.normal()).collect() };
-        let (observations, actions) = (normals(features * PANEL), normals(actor.action_len() * PANEL));
-        let (advantages, returns, shifts) = (normals(PANEL), normals(PANEL), normals(PANEL));
-        let mut means = vec![0.0; actor.action_len() * PANEL];
-        actor.act_mean(Sight::blind(&observations), &mut means);
-        let mut log_probs = vec![0.0; PANEL];
+        let (observations, actions) = (normals(features * ENV_BATCH), normals(actor.action_len() * ENV_BATCH));
+        let (advantages, returns, shifts) = (normals(ENV_BATCH), normals(ENV_BATCH), normals(ENV_BATCH));
+        let mut means = vec![0.0; actor.action_len() * ENV_BATCH];
+        actor.act_mean(InputBatch::without_images(&observations), &mut means);
+        let mut log_probs = vec![0.0; ENV_BATCH];
         actor.gaussian().log_probs(&means, &actions, &mut log_probs);
         for (log_prob, shift) in log_probs.iter_mut().zip(shifts) {
             *log_prob += 0.3 * shift;
@@ -341,12 +277,12 @@ impl Samples {
         Self { observations, actions, log_probs, advantages, returns }
     }
 
-    fn tile(&self) -> Tile<'_> {
-        Tile {
+    fn slice(&self) -> MinibatchSlice<'_> {
+        MinibatchSlice {
             task: 0,
-            sight: Sight::blind(&self.observations),
+            batch: InputBatch::without_images(&self.observations),
             actions: &self.actions,
-            lessons: &[],
+            teacher_actions: &[],
             log_probs: &self.log_probs,
             advantages: &self.advantages,
             returns: &self.returns,
@@ -364,24 +300,25 @@ fn the_gradient_of_the_whole_loss_is_that_of_finite_differences() {
 fn check_gradient(action_len: usize) {
     let settings = PpoSettings { entropy_weight: 0.02, ..settings() };
     let mut stream = Stream::new(Seed(13), 0, Purpose::Weights);
-    let mut actor = Actor::blind((5, action_len), &[8, 8], -0.3, &mut stream);
+    let mut actor = Actor::state_based((5, action_len), &[8, 8], -0.3, &mut stream);
     for parameter in actor.parameters_mut() {
         *parameter += 0.1 * stream.normal();
     }
-    let critic = Critic::blind(7, &[9], 1, &mut stream);
+    let critic = Critic::state_based(7, &[9], 1, &mut stream);
     let samples = Samples::new(&actor, 7);
     let mut shard = Shard::new(&actor, &critic);
-    let networks = Networks { actor: &actor, critic: &critic, eyes: &Eyes::default() };
-    let mut desk = desk::Desk::new(&networks, PANEL);
-    desk.add(&mut shard, samples.tile(), &networks, &settings, (1.0 / PANEL as f32, 0.0));
-    assert!(shard.sums.clipped > 0.3 * PANEL as f64 && shard.sums.clipped < 0.7 * PANEL as f64);
+    let networks = Networks { actor: &actor, critic: &critic, encoders: &EncoderWeights::default() };
+    let mut workspace = SliceWorkspace::new(&networks, ENV_BATCH);
+    let loss = Loss { settings: &settings, sample_weight: 1.0 / ENV_BATCH as f32, imitation_weight: 0.0 };
+    loss.differentiate(&samples.slice(), &networks, &mut workspace, &mut shard);
+    assert!(shard.sums.clipped > 0.3 * ENV_BATCH as f64 && shard.sums.clipped < 0.7 * ENV_BATCH as f64);
     let log_std = actor.mlp().parameter_count();
     shard.gradient.actor[log_std..].iter_mut().for_each(|gradient| *gradient -= settings.entropy_weight);
     let gradient = [shard.gradient.actor, shard.gradient.critic].concat();
     let parameters: Vec<f64> =
         actor.parameters().iter().chain(critic.parameters()).copied().map(f64::from).collect();
     let (actor, critic) = (actor.mlp().clone(), critic.mlp().clone());
-    let batch = reference::Batch { tile: samples.tile(), settings: &settings, actor, critic };
+    let batch = reference::Batch { slice: samples.slice(), settings: &settings, actor, critic };
     let mut shifted = parameters.clone();
     for (index, found) in gradient.iter().enumerate() {
         let mut at = |shift: f64| {
@@ -401,17 +338,26 @@ fn check_gradient(action_len: usize) {
 fn the_logged_losses_are_those_of_the_reference() {
     let settings = PpoSettings { entropy_weight: 0.0, ..settings() };
     let mut stream = Stream::new(Seed(14), 0, Purpose::Weights);
-    let (actor, critic) = (Actor::blind((5, 4), &[8], -0.3, &mut stream), Critic::blind(5, &[8], 1, &mut stream));
+    let (actor, critic) =
+        (Actor::state_based((5, 4), &[8], -0.3, &mut stream), Critic::state_based(5, &[8], 1, &mut stream));
     let samples = Samples::new(&actor, 5);
     let mut shard = Shard::new(&actor, &critic);
-    let networks = Networks { actor: &actor, critic: &critic, eyes: &Eyes::default() };
-    let mut desk = desk::Desk::new(&networks, PANEL);
-    desk.add(&mut shard, samples.tile(), &networks, &settings, (1.0 / PANEL as f32, 0.0));
+    let networks = Networks { actor: &actor, critic: &critic, encoders: &EncoderWeights::default() };
+    let mut workspace = SliceWorkspace::new(&networks, ENV_BATCH);
+    let loss = Loss { settings: &settings, sample_weight: 1.0 / ENV_BATCH as f32, imitation_weight: 0.0 };
+    loss.differentiate(&samples.slice(), &networks, &mut workspace, &mut shard);
     let parameters: Vec<f64> =
         actor.parameters().iter().chain(critic.parameters()).copied().map(f64::from).collect();
     let (actor, critic) = (actor.mlp().clone(), critic.mlp().clone());
-    let expected = reference::Batch { tile: samples.tile(), settings: &settings, actor, critic }.loss(&parameters);
+    let expected =
+        reference::Batch { slice: samples.slice(), settings: &settings, actor, critic }.loss(&parameters);
     let found = (shard.sums.policy_loss + 0.5 * shard.sums.value_loss) / shard.sums.samples;
     assert!((found - expected).abs() < 1e-5, "{found}, not {expected}");
     assert!(shard.sums.approx_kl > 0.0);
+}
+
+#[test]
+fn its_weight_falls_in_a_straight_line() {
+    let teacher = TeacherSettings { weight: 3.0, until: 0.5 };
+    assert_eq!([0.0, 0.25, 0.5, 1.0].map(|progress| teacher.weight_at(progress)), [3.0, 1.5, 0.0, 0.0]);
 }

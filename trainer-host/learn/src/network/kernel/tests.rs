@@ -1,8 +1,8 @@
 use super::*;
 use crate::network::aligned::Aligned;
-use crate::network::batch::{Batch, transpose};
+use crate::network::sample_matrix::{SampleMatrix, transpose};
 use kestrel_core::activation::tanh;
-use kestrel_sim::seed::{Purpose, Seed, Stream};
+use kestrel_core::seed::{Purpose, Seed, Stream};
 use proptest::prelude::*;
 use pulp::{Scalar, WithSimd};
 
@@ -239,12 +239,14 @@ fn a_batch_has_the_same_factors_in_both_orders() {
     let by_sample = transposed(&by_feature, columns);
     let weights = normals(features * 6, 13);
     let [one, other] =
-        [Batch::by_feature(&by_feature, columns), Batch::by_sample(&by_sample, columns)].map(|batch| {
-            let mut result = vec![0.0; columns * 6];
-            let (left, start, finish) = (batch.samples(), Start::Zero, Finish::Sum);
-            dispatch(Product { left, right: &weights, result: &mut result, width: 6, start, finish });
-            result
-        });
+        [SampleMatrix::by_feature(&by_feature, columns), SampleMatrix::by_sample(&by_sample, columns)].map(
+            |batch| {
+                let mut result = vec![0.0; columns * 6];
+                let (left, start, finish) = (batch.samples(), Start::Zero, Finish::Sum);
+                dispatch(Product { left, right: &weights, result: &mut result, width: 6, start, finish });
+                result
+            },
+        );
     assert_eq!(one, other);
 }
 

@@ -1,30 +1,34 @@
 //! Several processes on one run.
 
 use super::*;
-use crate::consolidation::{AnchoredSettings, ConsolidatorSettings, Coupling, Curvature, GradientTerm, Strength};
 use crate::ranks::threads::run_as;
 use crate::ranks::{self, Order};
+use crate::regulariser::{
+    Coupling, Curvature, GradientTerm, Learning, QuadraticSettings, RegulariserSettings, ShippedRegulariser,
+    Strength,
+};
 
 /// What matters of a run of three updates, a task's end, and three more with what was kept of it.
-fn course(ranks: &Arc<dyn Ranks>) -> (TrainerState, Vec<UpdateMetrics>, Consolidator) {
-    let settings = PpoSettings { environments: 4 * PANEL, minibatch: 6 * PANEL, ..settings() };
-    let mut trainer = Trainer::new(&[scenario(CriticView::Privileged)], &settings, Seed(5));
+fn course(ranks: &Arc<dyn Ranks>) -> (TrainerState, Vec<UpdateMetrics>, ShippedRegulariser) {
+    let settings = PpoSettings { environments: 4 * ENV_BATCH, minibatch: 6 * ENV_BATCH, ..settings() };
+    let mut trainer = Trainer::new(&[task(true)], &settings, Seed(5));
     trainer.work_with(ranks).unwrap();
-    let anchor = AnchoredSettings {
+    let anchor = QuadraticSettings {
         curvature: Curvature::Kronecker,
         gradient: GradientTerm::Balance,
         coupling: Coupling::Gradient,
         strength: Strength::Fixed(0.5),
         decay: 1.0,
     };
-    let mut memory = ConsolidatorSettings::Anchored(anchor).begin(trainer.actor(), trainer.critic());
+    let mut regulariser = RegulariserSettings::Quadratic(anchor)
+        .begin(Learning { actor: trainer.actor(), critic: trainer.critic() });
     let mut metrics: Vec<UpdateMetrics> = (0..3).map(|_| trainer.update()).collect();
-    trainer.consolidate(&mut memory);
-    metrics.extend((0..3).map(|_| trainer.update_with(&mut memory)));
+    trainer.consolidate(&mut regulariser);
+    metrics.extend((0..3).map(|_| trainer.update_with(&mut regulariser)));
     for metrics in &mut metrics {
         (metrics.rollout_secs, metrics.update_secs) = (0.0, 0.0);
     }
-    (trainer.save(), metrics, memory)
+    (trainer.save(), metrics, regulariser)
 }
 
 #[test]
@@ -43,12 +47,12 @@ fn any_number_of_ranks_comes_to_the_same_bits() {
 #[test]
 fn work_that_cannot_be_dealt_equally_is_refused() {
     let mut messages = run_as(3, |ranks| {
-        let settings = PpoSettings { environments: 4 * PANEL, minibatch: 6 * PANEL, ..settings() };
-        let mut trainer = Trainer::new(&[scenario(CriticView::Privileged)], &settings, Seed(5));
+        let settings = PpoSettings { environments: 4 * ENV_BATCH, minibatch: 6 * ENV_BATCH, ..settings() };
+        let mut trainer = Trainer::new(&[task(true)], &settings, Seed(5));
         trainer.work_with(&ranks).unwrap_err().to_string()
     });
     messages.dedup();
-    assert_eq!(messages, ["3 ranks cannot share 4 panels of environments equally: use as many as divide them"]);
+    assert_eq!(messages, ["3 ranks cannot share 4 environment batches equally: use as many as divide them"]);
 }
 
 #[test]

@@ -1,7 +1,9 @@
 //! Actor-critic and REINFORCE are PPO with one gradient step for each rollout.
 
 use super::*;
-use crate::consolidation::{AnchoredSettings, ConsolidatorSettings, Coupling, Curvature, GradientTerm, Strength};
+use crate::regulariser::{
+    Coupling, Curvature, GradientTerm, Learning, QuadraticSettings, RegulariserSettings, Strength,
+};
 
 /// One epoch of one minibatch: the whole rollout.
 fn one_step() -> PpoSettings {
@@ -16,7 +18,7 @@ const LAMBDAS: [f32; 2] = [0.95, 1.0];
 fn the_clip_range_has_no_influence_on_a_bit() {
     let run = |gae_lambda: f32, clip_range: f32| {
         let settings = PpoSettings { gae_lambda, clip_range, ..one_step() };
-        let mut trainer = Trainer::new(&[scenario(CriticView::Privileged)], &settings, Seed(21));
+        let mut trainer = Trainer::new(&[task(true)], &settings, Seed(21));
         (0..3).for_each(|_| drop(trainer.update()));
         trainer.save()
     };
@@ -33,7 +35,7 @@ fn the_clip_range_has_no_influence_on_a_bit() {
 fn the_gradient_of_an_update_is_the_policy_gradient() {
     for gae_lambda in LAMBDAS {
         let settings = PpoSettings { gae_lambda, ..one_step() };
-        let mut trainer = Trainer::new(&[scenario(CriticView::Privileged)], &settings, Seed(22));
+        let mut trainer = Trainer::new(&[task(true)], &settings, Seed(22));
         // Away from the small first actions; one more update moves the networks between the rollouts.
         trainer.update();
         trainer.collect();
@@ -57,25 +59,26 @@ pub(super) fn policy_gradient(trainer: &Trainer) -> Vec<f64> {
     let (mut actor, mut critic) = (Network::of(&trainer.actor), Network::of_critic(&trainer.critic));
     let mut log_std = vec![0.0; trainer.actor.action_len()];
     let std: Vec<f64> = trainer.actor.log_std().iter().map(|log_std| libm::exp(f64::from(*log_std))).collect();
-    for rollout in trainer.panels.iter().map(Panel::rollout) {
-        for tile in (0..rollout.tiles()).map(|tile| rollout.tile(tile)) {
-            for index in 0..PANEL {
-                let input = column(tile.sight.values, index);
-                let (advantage, actions) = (f64::from(tile.advantages[index]), column(tile.actions, index));
+    for rollout in trainer.env_batches.iter().map(EnvBatch::rollout) {
+        for slice in (0..rollout.slices()).map(|slice| rollout.slice(slice)) {
+            for index in 0..ENV_BATCH {
+                let input = column(slice.batch.values, index);
+                let (advantage, actions) = (f64::from(slice.advantages[index]), column(slice.actions, index));
                 let means = actor.forward(&input[..trainer.actor.mlp().inputs()]);
                 let deviations: Vec<f64> =
                     (0..std.len()).map(|row| (actions[row] - means[row]) / std[row]).collect();
                 // ∂ log π / ∂ mean = deviation / σ, ∂ log π / ∂ log σ = deviation² − 1.
-                let lessons = column(tile.lessons, index);
-                let apart = |row: usize| lessons.get(row).map_or(0.0, |lesson| (means[row] - lesson) / std[row]);
-                let pull = |row: usize| {
-                    (f64::from(trainer.lesson_weight) * apart(row) - advantage * deviations[row]) / std[row]
+                let teacher_actions = column(slice.teacher_actions, index);
+                let apart =
+                    |row: usize| teacher_actions.get(row).map_or(0.0, |action| (means[row] - action) / std[row]);
+                let gradient = |row: usize| {
+                    (f64::from(trainer.imitation_weight) * apart(row) - advantage * deviations[row]) / std[row]
                 };
-                actor.backward((0..std.len()).map(pull).collect());
+                actor.backward((0..std.len()).map(gradient).collect());
                 for (sum, deviation) in log_std.iter_mut().zip(&deviations) {
                     *sum -= advantage * (deviation * deviation - 1.0);
                 }
-                let error = critic.forward(&input)[0] - f64::from(tile.returns[index]);
+                let error = critic.forward(&input)[0] - f64::from(slice.returns[index]);
                 critic.backward(vec![f64::from(trainer.settings.value_weight) * 2.0 * error]);
             }
         }
@@ -85,7 +88,7 @@ pub(super) fn policy_gradient(trainer: &Trainer) -> Vec<f64> {
 }
 
 fn column(rows: &[f32], index: usize) -> Vec<f64> {
-    rows.chunks_exact(PANEL).map(|row| f64::from(row[index])).collect()
+    rows.chunks_exact(ENV_BATCH).map(|row| f64::from(row[index])).collect()
 }
 
 /// A network and the sum of its gradients, one sample at a time.
@@ -153,31 +156,32 @@ impl Network {
     }
 }
 
-/// A small minibatch has narrow tiles; what a task leaves behind does not depend on them.
+/// A small minibatch has narrow slices; what a task leaves behind does not depend on them.
 #[test]
-fn the_width_of_tiles_does_not_matter_to_a_memory() {
-    let pull = |minibatch: usize, curvature: Curvature| {
+fn the_width_of_slices_does_not_matter_to_a_regulariser() {
+    let gradient = |minibatch: usize, curvature: Curvature| {
         let settings = PpoSettings { minibatch, ..settings() };
-        let mut trainer = Trainer::new(&[scenario(CriticView::Privileged)], &settings, Seed(31));
-        let anchor = AnchoredSettings {
+        let mut trainer = Trainer::new(&[task(true)], &settings, Seed(31));
+        let anchor = QuadraticSettings {
             curvature,
             gradient: GradientTerm::Absent,
             coupling: Coupling::Gradient,
             strength: Strength::Fixed(1.0),
             decay: 1.0,
         };
-        let mut memory = ConsolidatorSettings::Anchored(anchor).begin(trainer.actor(), trainer.critic());
-        trainer.consolidate(&mut memory);
+        let mut regulariser = RegulariserSettings::Quadratic(anchor)
+            .begin(Learning { actor: trainer.actor(), critic: trainer.critic() });
+        trainer.consolidate(&mut regulariser);
         let columns = trainer.columns();
         let mut moved = trainer.actor.clone();
         let mut stream = Stream::new(Seed(32), 0, Purpose::Weights);
         moved.parameters_mut().iter_mut().for_each(|value| *value += 0.1 * stream.normal());
         let mut gradient = Gradient::new(&moved, &trainer.critic);
-        memory.add_gradient((&moved, &trainer.critic), &mut gradient);
+        regulariser.add_gradient(Learning { actor: &moved, critic: &trainer.critic }, &mut gradient);
         (columns, gradient.actor)
     };
     for curvature in [Curvature::Fisher, Curvature::Sensitivity, Curvature::Kronecker] {
-        let ((wide, expected), (narrow, found)) = (pull(PANEL, curvature), pull(64, curvature));
+        let ((wide, expected), (narrow, found)) = (gradient(ENV_BATCH, curvature), gradient(64, curvature));
         assert_eq!((wide, narrow), (256, 32));
         let norm = expected.iter().map(|value| value * value).sum::<f32>().sqrt();
         let error = expected.iter().zip(&found).map(|(a, b)| (a - b) * (a - b)).sum::<f32>().sqrt();

@@ -1,0 +1,146 @@
+use super::*;
+use kestrel_core::action::{ActionSpace, RotorSpeeds};
+use kestrel_core::airframe::CF2X;
+use kestrel_core::dynamics::Integrator;
+use kestrel_core::observation::{ObservationLayout, PilotLayout};
+use kestrel_learn::ppo::{PpoSettings, UpdateMetrics};
+use kestrel_learn::rollout::ENV_BATCH;
+use kestrel_learn::schedule::Schedule;
+use kestrel_sim::contact::WayMap;
+use kestrel_sim::scenario::{
+    Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
+    Termination, TimeLimit, WeightedTerm,
+};
+use kestrel_sim::sensor::SensorSuite;
+use kestrel_sim::world::{Cuboid, World};
+use nalgebra::Vector3;
+
+fn scenario(critic: CriticView) -> Scenario {
+    Scenario {
+        name: "hover".into(),
+        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), routes: Vec::new(), world: World::empty() },
+        airframe: CF2X,
+        physics: Physics::clean(Integrator::SemiImplicitEuler, 1, 50.0),
+        goals: Goals::Fixed,
+        agents: Agents::ONE,
+        sensors: SensorSuite::none(),
+        clock: Clock::Elapsed,
+        time_limit: TimeLimit::Truncates,
+        action: ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3)),
+        observation: ObservationLayout::Pilot(PilotLayout {
+            position_scale_m: 1.0,
+            velocity_scale: 2.0,
+            body_rates_scale: 10.0,
+        }),
+        camera: None,
+        critic,
+        start: Start {
+            position: StartPosition::AroundGoal { nearest_m: 0.0, farthest_m: 0.3 },
+            heading_limit: core::f32::consts::PI,
+            tilt_limit: 0.3,
+            speed_limit: 0.3,
+            body_rates_limit: 1.0,
+        },
+        randomisation: Randomisation { mass: 0.1, inertia: 0.1, thrust: 0.1, rotor_lag: 0.1, wind_speed: 0.1 },
+        rewards: vec![WeightedTerm::new(RewardTerm::Alive, 1.0), WeightedTerm::new(RewardTerm::Distance, -1.0)],
+        terminations: vec![
+            EndRule::terminal(Termination::COLLISION),
+            EndRule::terminal(Termination::Tilt { limit: 1.0 }),
+        ],
+        // Short, so that a rollout sees truncations too.
+        episode_secs: 0.4,
+        success: Success::Settle { radius_m: 0.3, within_secs: 0.2 },
+    }
+}
+
+fn settings() -> PpoSettings {
+    PpoSettings {
+        environments: 3 * ENV_BATCH,
+        steps_per_rollout: 12,
+        epochs: 2,
+        minibatch: 5 * ENV_BATCH,
+        discount: 0.98,
+        learning_rate: Schedule::KlAdaptive { initial: 1e-3, target: 0.01, low: 1e-4, high: 1e-2 },
+        actor_hidden: vec![16, 16],
+        critic_hidden: vec![16],
+        ..PpoSettings::default()
+    }
+}
+
+fn on_threads(threads: usize, updates: u32, critic: CriticView) -> TrainerState {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+    pool.install(|| {
+        let mut trainer = Trainer::new(&[scenario(critic)], &settings(), Seed(5));
+        for _ in 0..updates {
+            trainer.update();
+        }
+        trainer.save()
+    })
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_a_bit() {
+    let reference = on_threads(1, 3, CriticView::Privileged);
+    assert_eq!(reference, on_threads(2, 3, CriticView::Privileged));
+    assert_eq!(reference, on_threads(7, 3, CriticView::Privileged));
+}
+
+#[test]
+fn a_resumed_run_comes_to_the_same_bits() {
+    let (scenario, settings) = (scenario(CriticView::Observation), settings());
+    let mut straight = Trainer::new(std::slice::from_ref(&scenario), &settings, Seed(6));
+    (0..2).for_each(|_| drop(straight.update()));
+    let bytes = postcard::to_allocvec(&straight.save()).expect("a state serialises");
+    let state = postcard::from_bytes(&bytes).expect("and back");
+    let mut resumed = Trainer::restore(&[scenario], &settings, state).expect("it is the same run");
+    assert_eq!(resumed.updates(), 2);
+    for _ in 0..2 {
+        let (expected, found) = (straight.update(), resumed.update());
+        let timeless = |metrics: UpdateMetrics| UpdateMetrics { rollout_secs: 0.0, update_secs: 0.0, ..metrics };
+        assert_eq!(timeless(found), timeless(expected));
+    }
+    assert_eq!(resumed.save(), straight.save());
+}
+
+#[test]
+fn a_policy_learns_to_stay_up() {
+    let settings = PpoSettings {
+        environments: 2 * ENV_BATCH,
+        steps_per_rollout: 16,
+        minibatch: 8 * ENV_BATCH,
+        epochs: 4,
+        learning_rate: Schedule::Constant(2e-3),
+        entropy_weight: 0.0,
+        ..settings()
+    };
+    let scenario = Scenario { episode_secs: 2.0, ..scenario(CriticView::Observation) };
+    let mut trainer = Trainer::new(&[scenario], &settings, Seed(11));
+    let lengths: Vec<f32> = (0..60).filter_map(|_| trainer.update().episode_length).collect();
+    let mean = |lengths: &[f32]| lengths.iter().sum::<f32>() / lengths.len() as f32;
+    let (before, after) = (mean(&lengths[..10]), mean(&lengths[lengths.len() - 10..]));
+    assert!(after > 1.5 * before, "episodes lasted {before} steps, then {after}");
+}
+
+/// [`scenario`] with the map of its free ways.
+fn mapped() -> Scenario {
+    let free = scenario(CriticView::Observation);
+    let bounds = Cuboid { low: Vector3::new(-1.0, -1.0, 0.0), high: Vector3::new(1.0, 1.0, 2.0) };
+    let ways =
+        std::sync::Arc::new(WayMap::new(&free.aviary.world, &free.aviary.goal, bounds, CF2X.collision_radius));
+    let advance = WeightedTerm::new(RewardTerm::Advance(ways), 1.0);
+    Scenario { rewards: [free.rewards, vec![advance]].concat(), ..free }
+}
+
+#[test]
+fn a_teacher_says_what_it_would_do_in_the_state_of_each_row() {
+    let mut environment = DroneEnvironment::begin(&mapped(), Seed(31), 0, 8);
+    let mut actions = vec![0.0; 4 * 5];
+    environment.write_teacher_actions(2..7, &mut actions);
+    let mut teacher = Teacher::of(&mapped()).expect("it has a map");
+    for (column, row) in (2..7).enumerate() {
+        let said: Vec<f32> = actions.chunks_exact(5).map(|values| values[column]).collect();
+        assert_eq!(said, teacher.act(&environment.simulation.state(row))[..4]);
+    }
+    assert!(DroneEnvironment::has_teacher(&mapped()));
+    assert!(!DroneEnvironment::has_teacher(&scenario(CriticView::Observation)));
+}

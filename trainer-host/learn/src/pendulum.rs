@@ -1,0 +1,248 @@
+//! A pendulum to be swung up with a motor too weak to do it at once: Gymnasium's Pendulum-v1, in columns.
+//!
+//! The smallest task on which a learner of continuous actions shows what it is worth, with published figures to
+//! compare with (`examples/pendulum.rs`). Angle 0 is upright; the constants and equations are Gymnasium's
+//! (`classic_control/pendulum.py`), but in single precision.
+
+use kestrel_core::seed::{Purpose, Seed, Stream};
+use serde::{Deserialize, Serialize};
+
+use crate::environment::{Environment, Episode, Outcome, TaskShape};
+
+/// Acceleration of gravity \[m/s²\].
+const GRAVITY: f32 = 10.0;
+/// Length of the rod \[m\]; its mass is 1 kg.
+const LENGTH_M: f32 = 1.0;
+/// Greatest torque \[N m\], which an action of ±1 commands.
+const TORQUE_LIMIT: f32 = 2.0;
+/// Greatest angular velocity \[rad/s\].
+const SPEED_LIMIT: f32 = 8.0;
+/// Time of a step \[s\].
+const STEP_SECS: f32 = 0.05;
+/// Steps of an episode, which is then truncated; nothing else ends it.
+const EPISODE_STEPS: u32 = 200;
+/// Greatest angular velocity of a start \[rad/s\]; its angle is any.
+const START_SPEED_LIMIT: f32 = 1.0;
+
+/// Cosine and sine of the angle, and the angular velocity \[rad/s\].
+const OBSERVATION_LEN: usize = 3;
+
+/// Pendulums that swing side by side.
+#[derive(Clone, Debug)]
+pub struct Pendulum {
+    state: Vec<Swing>,
+    observations: Vec<f32>,
+    final_observations: Vec<f32>,
+    rewards: Vec<f32>,
+    outcomes: Vec<Outcome>,
+    episodes: Vec<Episode>,
+}
+
+/// The swing-up; there is nothing to choose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SwingUp;
+
+/// One pendulum.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Swing {
+    angle: f32,
+    /// \[rad/s\]
+    speed: f32,
+    steps: u32,
+    total_reward: f32,
+    stream: Stream,
+}
+
+impl Swing {
+    fn new(stream: Stream) -> Self {
+        let mut swing = Self { angle: 0.0, speed: 0.0, steps: 0, total_reward: 0.0, stream };
+        swing.reset();
+        swing
+    }
+
+    fn reset(&mut self) {
+        self.angle = self.stream.between(-core::f32::consts::PI, core::f32::consts::PI);
+        self.speed = self.stream.between(-START_SPEED_LIMIT, START_SPEED_LIMIT);
+        (self.steps, self.total_reward) = (0, 0.0);
+    }
+
+    fn observation(&self) -> [f32; OBSERVATION_LEN] {
+        [libm::cosf(self.angle), libm::sinf(self.angle), self.speed]
+    }
+
+    /// Moves on for a step and returns the reward, which is of the state before.
+    fn step(&mut self, action: f32) -> f32 {
+        let torque = TORQUE_LIMIT * action.clamp(-1.0, 1.0);
+        let away = libm::remainderf(self.angle, core::f32::consts::TAU);
+        let reward = -(away * away + 0.1 * self.speed * self.speed + 0.001 * torque * torque);
+        let acceleration =
+            1.5 * GRAVITY / LENGTH_M * libm::sinf(self.angle) + 3.0 / (LENGTH_M * LENGTH_M) * torque;
+        self.speed = (self.speed + acceleration * STEP_SECS).clamp(-SPEED_LIMIT, SPEED_LIMIT);
+        self.angle += self.speed * STEP_SECS;
+        self.steps += 1;
+        self.total_reward += reward;
+        reward
+    }
+}
+
+impl Pendulum {
+    fn write_observation(observations: &mut [f32], rows: usize, row: usize, swing: &Swing) {
+        for (column, value) in observations.chunks_exact_mut(rows).zip(swing.observation()) {
+            column[row] = value;
+        }
+    }
+
+    fn observe(&mut self) {
+        for (row, swing) in self.state.iter().enumerate() {
+            Self::write_observation(&mut self.observations, self.rewards.len(), row, swing);
+        }
+    }
+}
+
+impl Environment for Pendulum {
+    type Task = SwingUp;
+    type State = Vec<Swing>;
+
+    fn name(_task: &SwingUp) -> &'static str {
+        "Pendulum-v1"
+    }
+
+    fn shape(_task: &SwingUp) -> TaskShape {
+        TaskShape { agents: 1, observation_len: OBSERVATION_LEN, action_len: 1, ..TaskShape::default() }
+    }
+
+    fn begin(_task: &SwingUp, seed: Seed, first: u32, count: usize) -> Self {
+        let swing = |index: usize| Swing::new(Stream::new(seed, first + index as u32, Purpose::Reset));
+        let mut pendulum = Self {
+            state: (0..count).map(swing).collect(),
+            observations: vec![0.0; OBSERVATION_LEN * count],
+            final_observations: vec![0.0; OBSERVATION_LEN * count],
+            rewards: vec![0.0; count],
+            outcomes: vec![Outcome::Running; count],
+            episodes: Vec::new(),
+        };
+        pendulum.observe();
+        pendulum
+    }
+
+    fn step(&mut self, actions: &[f32]) {
+        for (row, swing) in self.state.iter_mut().enumerate() {
+            self.rewards[row] = swing.step(actions[row]);
+            self.outcomes[row] = Outcome::Running;
+            if swing.steps == EPISODE_STEPS {
+                self.outcomes[row] = Outcome::Truncated;
+                Self::write_observation(&mut self.final_observations, actions.len(), row, swing);
+                let Swing { steps, total_reward, .. } = *swing;
+                self.episodes.push(Episode { steps, total_reward, success: None, terms: Vec::new() });
+                swing.reset();
+            }
+        }
+        self.observe();
+    }
+
+    fn observations(&self) -> &[f32] {
+        &self.observations
+    }
+
+    fn rewards(&self) -> &[f32] {
+        &self.rewards
+    }
+
+    fn outcomes(&self) -> &[Outcome] {
+        &self.outcomes
+    }
+
+    fn final_observations(&self) -> &[f32] {
+        &self.final_observations
+    }
+
+    fn take_episodes(&mut self) -> Vec<Episode> {
+        std::mem::take(&mut self.episodes)
+    }
+
+    fn save(&self) -> Vec<Swing> {
+        self.state.clone()
+    }
+
+    fn restore(&mut self, state: &Vec<Swing>) -> bool {
+        let fits = state.len() == self.state.len();
+        if fits {
+            self.state.clone_from(state);
+            self.observe();
+        }
+        fits
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::environment::evaluate;
+    use crate::ppo::{PpoSettings, Trainer};
+    use crate::schedule::Schedule;
+
+    /// Mean return of rl-baselines3-zoo's PPO on Pendulum-v1 after 100 000 steps, one run, 750 episodes of the mean
+    /// action, of standard deviation 104 (`benchmark.md` of DLR-RM/rl-baselines3-zoo).
+    const PUBLISHED_RETURN: f32 = -172.0;
+
+    #[test]
+    fn a_step_is_that_of_gymnasium() {
+        // `pendulum.py` by hand, from 30° behind upright, at 1 rad/s, with half of the torque.
+        let mut swing = Swing { angle: 0.5, speed: 1.0, ..Swing::new(Stream::new(Seed(1), 0, Purpose::Reset)) };
+        let reward = swing.step(0.5);
+        assert!((reward + (0.25 + 0.1 + 0.001)).abs() < 1e-6, "{reward}");
+        let speed = 1.0 + (15.0 * libm::sin(0.5) + 3.0) * 0.05;
+        assert!((f64::from(swing.speed) - speed).abs() < 1e-6, "{}", swing.speed);
+        assert!((f64::from(swing.angle) - (0.5 + speed * 0.05)).abs() < 1e-6, "{}", swing.angle);
+    }
+
+    #[test]
+    fn a_pendulum_that_hangs_turns_by_at_most_half_a_circle() {
+        let mut swing = Swing::new(Stream::new(Seed(1), 0, Purpose::Reset));
+        (swing.angle, swing.speed) = (7.0 * core::f32::consts::PI, 0.0);
+        let expected = core::f32::consts::PI * core::f32::consts::PI;
+        assert!((swing.step(0.0) + expected).abs() < 1e-3);
+    }
+
+    #[test]
+    fn an_environment_behaves_alike_in_any_batch_and_goes_on_where_it_was() {
+        let mut wide = Pendulum::begin(&SwingUp, Seed(2), 0, 8);
+        let mut narrow = Pendulum::begin(&SwingUp, Seed(2), 5, 1);
+        for step in 0..450 {
+            let action = libm::sinf(step as f32);
+            wide.step(&[action; 8]);
+            narrow.step(&[action]);
+            assert_eq!((wide.rewards()[5], wide.outcomes()[5]), (narrow.rewards()[0], narrow.outcomes()[0]));
+            if step == 100 {
+                let mut resumed = Pendulum::begin(&SwingUp, Seed(3), 5, 1);
+                assert!(resumed.restore(&narrow.save()));
+                narrow = resumed;
+            }
+        }
+        assert_eq!(wide.take_episodes().len(), 16);
+        assert!(!narrow.restore(&wide.save()), "a state of eight");
+    }
+
+    #[test]
+    fn ppo_comes_to_the_published_return_in_as_many_steps() {
+        let settings = PpoSettings {
+            environments: 256,
+            steps_per_rollout: 16,
+            total_steps: 100_000,
+            epochs: 10,
+            minibatch: 64,
+            discount: 0.9,
+            learning_rate: Schedule::Constant(1e-3),
+            initial_log_std: 0.0,
+            reward_scale: 0.1,
+            ..PpoSettings::default()
+        };
+        let mut trainer = Trainer::<Pendulum>::new(&[SwingUp], &settings, Seed(0));
+        while trainer.steps() < settings.total_steps {
+            trainer.update();
+        }
+        let returns = evaluate::<Pendulum>(&SwingUp, trainer.actor(), Seed(1), 750);
+        let mean = returns.iter().sum::<f32>() / returns.len() as f32;
+        assert!(mean > PUBLISHED_RETURN - 25.0, "{mean}");
+    }
+}
