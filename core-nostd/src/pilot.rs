@@ -4,33 +4,84 @@ mod controller;
 #[cfg(feature = "encoder")]
 mod vision;
 
+use core::marker::PhantomData;
+
 use nalgebra::Vector3;
 
 #[cfg(feature = "encoder")]
-pub use vision::VisionPilot;
+pub use vision::VisionRunner;
 
-use crate::policy_file::{PolicyError, PolicyFile, PolicyScratch};
+use crate::limits::ACTION_LIMIT;
+use crate::policy_file::{PolicyError, PolicyFile, PolicyMetadata, PolicyScratch};
 use crate::vehicle::State;
 use controller::PolicyController;
 
-/// Flies one drone with one policy.
+/// What a [`Pilot`] flies with: a policy, and the memory that it needs beside the scratch.
+pub trait PolicyRunner<'a> {
+    /// What the firmware must know about the policy.
+    fn metadata(&self) -> &PolicyMetadata<'a>;
+
+    /// Forgets what it has seen, as at the start of an episode.
+    fn reset(&mut self);
+
+    /// The action in \[-1, 1\] on an encoded observation, followed by zeros.
+    fn act(&mut self, observation: &[f32], scratch: &mut PolicyScratch) -> [f32; ACTION_LIMIT];
+
+    /// Computes the golden vectors again.
+    ///
+    /// # Errors
+    /// [`PolicyError::SelfTest`]: do not fly.
+    fn self_test(&mut self, scratch: &mut PolicyScratch) -> Result<(), PolicyError>;
+}
+
+/// Flies one drone with one policy: a state-based one, or with `VisionRunner` (feature `encoder`) a vision policy.
 #[derive(Clone, Debug)]
-pub struct Pilot<'a> {
-    policy: PolicyFile<'a>,
+pub struct Pilot<'a, P = PolicyFile<'a>> {
+    policy: P,
     controller: PolicyController,
     scratch: PolicyScratch,
+    parameters: PhantomData<&'a [u8]>,
+}
+
+impl<'a> PolicyRunner<'a> for PolicyFile<'a> {
+    fn metadata(&self) -> &PolicyMetadata<'a> {
+        self.metadata()
+    }
+
+    fn reset(&mut self) {}
+
+    fn act(&mut self, observation: &[f32], scratch: &mut PolicyScratch) -> [f32; ACTION_LIMIT] {
+        PolicyFile::act(self, observation, scratch)
+    }
+
+    fn self_test(&mut self, scratch: &mut PolicyScratch) -> Result<(), PolicyError> {
+        self.self_test_with(scratch)
+    }
 }
 
 impl<'a> Pilot<'a> {
     /// A pilot that has not acted yet: its past actions are zero.
     pub fn new(policy: PolicyFile<'a>) -> Self {
-        Self { controller: PolicyController::new(policy.metadata()), policy, scratch: PolicyScratch::new() }
+        Self::with_runner(policy)
     }
 
-    /// Forgets the past actions, as at the start of an episode, and what the controller behind the action space
-    /// remembers, unless it was trained to persist.
+    /// The policy that flies.
+    pub fn policy(&self) -> &PolicyFile<'a> {
+        &self.policy
+    }
+}
+
+impl<'a, P: PolicyRunner<'a>> Pilot<'a, P> {
+    fn with_runner(policy: P) -> Self {
+        let controller = PolicyController::new(policy.metadata());
+        Self { controller, policy, scratch: PolicyScratch::new(), parameters: PhantomData }
+    }
+
+    /// Forgets the past actions and the last image, as at the start of an episode, and what the controller behind the
+    /// action space remembers, unless it was trained to persist.
     pub fn reset(&mut self) {
         self.controller.reset(self.policy.metadata());
+        self.policy.reset();
     }
 
     /// Rotor targets \[rad/s\] on the way to `goal` \[m, world\]: encode, act, mix.
@@ -42,26 +93,20 @@ impl<'a> Pilot<'a> {
         self.tick_measured(&[], state, goal)
     }
 
-    /// As [`Self::tick`], for a policy that sees what sensors measure, in the order and the scales of its training.
+    /// As [`Self::tick`], for a policy that observes what sensors measure, in the order and the scales of its training.
     /// The controllers behind action spaces still read the estimated `state`: body rates, or pose and velocity.
     pub fn tick_measured(&mut self, measurements: &[f32], state: &State<f32>, goal: &Vector3<f32>) -> [f32; 4] {
-        let metadata = self.policy.metadata();
-        let observation = self.controller.observe(metadata, measurements, state, goal);
+        let observation = self.controller.observe(self.policy.metadata(), measurements, state, goal);
         let action = self.policy.act(observation, &mut self.scratch);
-        self.controller.rotor_targets(metadata, action, state, goal)
+        self.controller.rotor_targets(self.policy.metadata(), action, state, goal)
     }
 
-    /// Computes the golden vectors again, in the pilot's own scratch.
+    /// Computes the golden vectors again, in the pilot's own memory, and forgets the last image.
     ///
     /// # Errors
     /// [`PolicyError::SelfTest`]: do not fly.
     pub fn self_test(&mut self) -> Result<(), PolicyError> {
-        self.policy.self_test_with(&mut self.scratch)
-    }
-
-    /// The policy that flies.
-    pub fn policy(&self) -> &PolicyFile<'a> {
-        &self.policy
+        self.policy.self_test(&mut self.scratch)
     }
 
     /// The last action, in \[-1, 1\], as many values as the action space has.

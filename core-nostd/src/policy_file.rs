@@ -20,7 +20,7 @@ pub use writer::PolicyDraft;
 use crate::fixed::{self, FixedMlp};
 use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
 use crate::mlp::{self, Mlp};
-use header::{Header, Sections};
+use header::{EncoderSizes, Header, Sections};
 use metadata::{action_identifier, layout_identifier};
 
 /// Greatest deviation from a golden action that a float policy may have; fixed point may have none.
@@ -86,16 +86,25 @@ impl<'a> PolicyFile<'a> {
     /// # Errors
     /// A variant per kind of damage; every altered bit and every cut is found.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PolicyError> {
-        let header = Header::parse(bytes)?;
+        let header = Header::parse(bytes, FORMAT_VERSION)?;
+        Self::read(bytes, header, EncoderSizes::default()).map(|(policy, _)| policy)
+    }
+
+    /// The policy behind an encoder of these sizes, and the encoder's parameters.
+    fn read(bytes: &'a [u8], header: Header, encoder: EncoderSizes) -> Result<(Self, &'a [u8]), PolicyError> {
+        let Sections { metadata, golden, parameters, encoder_parameters, checksum } = header.sections(encoder);
+        let (found, expected) = (bytes.len(), checksum.end);
+        if found != expected {
+            return Err(PolicyError::Length { found, expected });
+        }
         let found = bytes.as_ptr().addr() % 4;
         if found != 0 {
             return Err(PolicyError::Misaligned { found });
         }
-        let Sections { metadata, golden, parameters, .. } = header.sections();
         let section = |range| bytes.get(range).unwrap_or_default();
         let metadata = read_metadata(section(metadata), &header)?;
-        let network = Network::from_parameters(&header, 0, section(parameters))?;
-        Ok(Self { metadata, network, golden: section(golden), header })
+        let network = Network::from_parameters(&header, encoder.features, section(parameters))?;
+        Ok((Self { metadata, network, golden: section(golden), header }, section(encoder_parameters)))
     }
 
     /// Name, observation layout, action space, control period.
@@ -115,7 +124,7 @@ impl<'a> PolicyFile<'a> {
 
     /// Inputs and outputs of each layer.
     pub fn shapes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        self.header.shapes(0)
+        self.header.shapes(self.features())
     }
 
     /// Multiplications per inference, padding not counted.
@@ -125,7 +134,12 @@ impl<'a> PolicyFile<'a> {
 
     /// Bytes of weights and biases, padding included.
     pub fn parameter_bytes(&self) -> usize {
-        self.header.sections().parameters.len()
+        self.header.parameter_bytes(self.features())
+    }
+
+    /// Values that the first layer reads behind the observation.
+    fn features(&self) -> usize {
+        self.network.inputs().saturating_sub(self.header.observation_len())
     }
 
     /// The action in \[-1, 1\] on an encoded observation, followed by zeros. Never panics, never returns NaN, whatever the observation.
@@ -169,10 +183,18 @@ impl<'a> PolicyFile<'a> {
     /// # Errors
     /// [`PolicyError::SelfTest`] with the first deviation.
     pub fn self_test_with(&self, scratch: &mut PolicyScratch) -> Result<(), PolicyError> {
+        self.compare_golden(|observation, _| Ok(self.act(observation, scratch)))
+    }
+
+    /// Compares what `act` makes of the golden observations and images with the golden actions.
+    fn compare_golden(
+        &self,
+        mut act: impl FnMut(&[f32], &[u8]) -> Result<[f32; ACTION_LIMIT], PolicyError>,
+    ) -> Result<(), PolicyError> {
         let tolerance = self.arithmetic().self_test_tolerance();
         let action_len = self.header.action_len();
-        for (vector, (observation, expected)) in self.golden_vectors().enumerate() {
-            let action = self.act(&observation, scratch);
+        for (vector, (observation, expected, image)) in self.golden().enumerate() {
+            let action = act(&observation, image)?;
             compare(vector, action.get(..action_len).unwrap_or_default(), expected, tolerance)?;
         }
         Ok(())
@@ -236,16 +258,24 @@ fn check_identifiers(metadata: &PolicyMetadata<'_>, header: &Header) -> Result<(
 
 impl<'a> Network<'a> {
     /// The network whose first layer reads `features` values behind the observation.
-    fn from_parameters(header: &Header, features: u16, parameters: &'a [u8]) -> Result<Self, PolicyError> {
+    fn from_parameters(header: &Header, features: usize, parameters: &'a [u8]) -> Result<Self, PolicyError> {
         let mut widths = header.widths.clone();
         if let Some(inputs) = widths.first_mut() {
-            *inputs += features;
+            *inputs += features as u16;
         }
         match &header.parameters {
             ParameterFormat::Float32 => Mlp::from_parameters(&widths, parameters).map(Self::Float32),
             ParameterFormat::Fixed16(format) => {
                 FixedMlp::from_parameters(&widths, *format, parameters).map(Self::Fixed16)
             }
+        }
+    }
+
+    /// Values that the first layer reads.
+    fn inputs(&self) -> usize {
+        match self {
+            Self::Float32(network) => network.inputs(),
+            Self::Fixed16(network) => network.inputs(),
         }
     }
 

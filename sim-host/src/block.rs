@@ -6,7 +6,6 @@ use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::real::Real;
-use kestrel_core::reference::bullet::BulletState;
 use nalgebra::Vector3;
 
 use crate::agent::{Agent, Finished};

@@ -49,12 +49,24 @@ pub(crate) struct Header {
     pub(crate) widths: Vec<u16, { LAYER_LIMIT + 1 }>,
 }
 
+/// What an encoder adds to a file; nothing in a state-based policy.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct EncoderSizes {
+    pub(crate) header_len: usize,
+    /// Values that the first layer reads behind the observation.
+    pub(crate) features: usize,
+    /// Bytes of the image of a golden vector.
+    pub(crate) image_len: usize,
+    pub(crate) parameter_bytes: usize,
+}
+
 /// Positions of the sections in the file, each on a multiple of four.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Sections {
     pub(crate) metadata: Range<usize>,
     pub(crate) golden: Range<usize>,
     pub(crate) parameters: Range<usize>,
+    pub(crate) encoder_parameters: Range<usize>,
     pub(crate) checksum: Range<usize>,
 }
 
@@ -92,25 +104,12 @@ impl ParameterFormat {
 }
 
 impl Header {
-    /// Reads the header of a policy without an encoder.
+    /// Reads the header of a file of `version`.
     ///
     /// # Errors
     /// The variant of whatever is wrong.
-    pub(crate) fn parse(bytes: &[u8]) -> Result<Self, PolicyError> {
-        check_envelope(bytes, FORMAT_VERSION)?;
-        let header = Self::fields(bytes)?;
-        let expected = header.sections().checksum.end;
-        if bytes.len() != expected {
-            return Err(PolicyError::Length { found: bytes.len(), expected });
-        }
-        Ok(header)
-    }
-
-    /// Reads the header of a file whose envelope is right.
-    ///
-    /// # Errors
-    /// The variant of whatever is wrong.
-    pub(super) fn fields(bytes: &[u8]) -> Result<Self, PolicyError> {
+    pub(super) fn parse(bytes: &[u8], version: u16) -> Result<Self, PolicyError> {
+        check_envelope(bytes, version)?;
         let header = Self {
             parameters: parse_parameter_format(bytes)?,
             observation_layout: u16_at(bytes, 16),
@@ -173,15 +172,22 @@ impl Header {
         self.shapes(features).map(|(inputs, outputs)| self.parameters.layer_bytes(inputs, outputs)).sum()
     }
 
-    pub(crate) fn sections(&self) -> Sections {
-        let golden_len = 4 * self.golden_vectors * (self.observation_len() + self.action_len());
-        let golden = HEADER_LEN + self.metadata_len.next_multiple_of(4);
-        let parameters = golden + golden_len;
-        let checksum = parameters + self.parameter_bytes(0);
+    /// Bytes of a golden vector: observation, action, image.
+    pub(super) fn golden_bytes(&self, image_len: usize) -> usize {
+        4 * (self.observation_len() + self.action_len()) + image_len.next_multiple_of(4)
+    }
+
+    pub(crate) fn sections(&self, encoder: EncoderSizes) -> Sections {
+        let metadata = HEADER_LEN + encoder.header_len;
+        let golden = metadata + self.metadata_len.next_multiple_of(4);
+        let parameters = golden + self.golden_vectors * self.golden_bytes(encoder.image_len);
+        let encoder_parameters = parameters + self.parameter_bytes(encoder.features);
+        let checksum = encoder_parameters + encoder.parameter_bytes;
         Sections {
-            metadata: HEADER_LEN..HEADER_LEN + self.metadata_len,
+            metadata: metadata..metadata + self.metadata_len,
             golden: golden..parameters,
-            parameters: parameters..checksum,
+            parameters: parameters..encoder_parameters,
+            encoder_parameters: encoder_parameters..checksum,
             checksum: checksum..checksum + CHECKSUM_LEN,
         }
     }

@@ -1,31 +1,121 @@
-//! Policies with an encoder: a policy file of version 2, and how its two networks compute together.
+//! Vision policies: a policy file of version 2 is one of version 1 with an encoder in front.
 
 mod header;
-mod network;
 mod workspace;
 mod writer;
 
 pub use header::ENCODER_HEADER_LEN;
-pub use network::PolicyEncoder;
 pub use workspace::EncoderWorkspace;
 pub use writer::{EncoderDraft, VisionDraft};
 
-use super::{
-    Arithmetic, ParameterFormat, PolicyError, PolicyMetadata, PolicyScratch, compare, read_golden, read_metadata,
-};
-use crate::limits::ACTION_LIMIT;
-use header::{VisionHeader, VisionSections};
-use network::VisionNetwork;
+use super::header::{HEADER_LEN, Header, VISION_FORMAT_VERSION};
+use super::{Arithmetic, Network, ParameterFormat, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch};
+use crate::encoder::{Encoder, EncoderShape, FixedEncoder};
+use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
+use header::EncoderHeader;
+
+/// The encoder of a policy, in its arithmetic.
+#[derive(Clone, Debug)]
+pub enum PolicyEncoder<'a> {
+    /// In `f32`.
+    Float32(Encoder<'a>),
+    /// In 8-bit weights.
+    Fixed16(FixedEncoder<'a>),
+}
 
 /// A policy with an encoder, whose parameters lie in borrowed bytes.
 ///
 /// Its network reads the observation and, behind it, the features of the last image.
 #[derive(Clone, Debug)]
 pub struct VisionPolicy<'a> {
-    header: VisionHeader,
-    metadata: PolicyMetadata<'a>,
-    network: VisionNetwork<'a>,
-    golden: &'a [u8],
+    policy: PolicyFile<'a>,
+    encoder: PolicyEncoder<'a>,
+    encoder_bytes: usize,
+    control_periods_per_image: u16,
+}
+
+impl<'a> PolicyEncoder<'a> {
+    fn from_parameters(
+        header: &EncoderHeader,
+        format: ParameterFormat,
+        parameters: &'a [u8],
+    ) -> Result<Self, PolicyError> {
+        Ok(match format {
+            ParameterFormat::Float32 => Self::Float32(Encoder::from_parameters(header.shape, parameters)?),
+            ParameterFormat::Fixed16(_) => {
+                Self::Fixed16(FixedEncoder::from_parameters(header.shape, &header.code_bits, parameters)?)
+            }
+        })
+    }
+
+    /// What it reads and what it makes of it.
+    pub fn shape(&self) -> &EncoderShape {
+        match self {
+            Self::Float32(encoder) => encoder.shape(),
+            Self::Fixed16(encoder) => encoder.shape(),
+        }
+    }
+
+    fn arithmetic(&self) -> Arithmetic {
+        match self {
+            Self::Float32(_) => Arithmetic::Float32,
+            Self::Fixed16(_) => Arithmetic::Fixed16,
+        }
+    }
+
+    /// Values of memory for it and `network`. Their work is never done at the same time, so they share what is behind the
+    /// features.
+    fn memory_len(&self, network: &Network<'_>) -> usize {
+        let inputs = match network {
+            Network::Float32(network) => network.inputs(),
+            Network::Fixed16(network) => network.inputs().next_multiple_of(2),
+        };
+        let shape = self.shape();
+        shape.features() + shape.scratch_len().max(inputs).max(WIDTH_LIMIT)
+    }
+
+    /// Keeps the features of `image` at the start of `memory`, which was checked.
+    fn encode(&self, image: &[u8], memory: &mut EncoderWorkspace<'_>) -> Result<(), PolicyError> {
+        let features = self.shape().features();
+        match (self, memory) {
+            (Self::Float32(encoder), EncoderWorkspace::Float32(values)) => {
+                let (features, scratch) = values.split_at_mut_checked(features).unwrap_or_default();
+                Ok(encoder.encode(image, scratch, features)?)
+            }
+            (Self::Fixed16(encoder), EncoderWorkspace::Fixed16(values)) => {
+                let (features, scratch) = values.split_at_mut_checked(features).unwrap_or_default();
+                Ok(encoder.encode(image, scratch, features)?)
+            }
+            // Excluded by the check.
+            (Self::Float32(_), EncoderWorkspace::Fixed16(_))
+            | (Self::Fixed16(_), EncoderWorkspace::Float32(_)) => Ok(()),
+        }
+    }
+}
+
+impl Network<'_> {
+    /// The action on `observation` and the first `features` values of `memory`, which was checked.
+    fn act_on_features(
+        &self,
+        observation: &[f32],
+        features: usize,
+        memory: &mut EncoderWorkspace<'_>,
+        scratch: &mut PolicyScratch,
+    ) -> [f32; ACTION_LIMIT] {
+        match (self, memory) {
+            (Self::Float32(network), EncoderWorkspace::Float32(values)) => {
+                let (features, inputs) = values.split_at_mut_checked(features).unwrap_or_default();
+                network.act_on_features(observation, features, inputs, &mut scratch.float)
+            }
+            (Self::Fixed16(network), EncoderWorkspace::Fixed16(values)) => {
+                let (features, inputs) = values.split_at_mut_checked(features).unwrap_or_default();
+                network.act_on_features(observation, features, inputs, &mut scratch.fixed)
+            }
+            // Excluded by the check.
+            (Self::Float32(_), EncoderWorkspace::Fixed16(_))
+            | (Self::Fixed16(_), EncoderWorkspace::Float32(_)) => [0.0; ACTION_LIMIT],
+        }
+    }
 }
 
 impl<'a> VisionPolicy<'a> {
@@ -35,66 +125,66 @@ impl<'a> VisionPolicy<'a> {
     /// A variant per kind of damage; every altered bit and every cut is found. [`PolicyError::StateBased`] for a file that
     /// [`super::PolicyFile`] reads.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PolicyError> {
-        let header = VisionHeader::parse(bytes)?;
-        let found = bytes.as_ptr().addr() % 4;
-        if found != 0 {
-            return Err(PolicyError::Misaligned { found });
-        }
-        let VisionSections { metadata, golden, parameters, encoder_parameters, .. } = header.sections();
-        let section = |range| bytes.get(range).unwrap_or_default();
-        let metadata = read_metadata(section(metadata), &header.policy)?;
-        let network = VisionNetwork::from_parameters(&header, section(parameters), section(encoder_parameters))?;
-        Ok(Self { metadata, network, golden: section(golden), header })
+        let header = Header::parse(bytes, VISION_FORMAT_VERSION)?;
+        let format = header.parameters;
+        let encoder = EncoderHeader::parse(bytes.get(HEADER_LEN..).unwrap_or_default(), format)?;
+        let (policy, parameters) = PolicyFile::read(bytes, header, encoder.sizes(format))?;
+        Ok(Self {
+            policy,
+            encoder: PolicyEncoder::from_parameters(&encoder, format, parameters)?,
+            encoder_bytes: parameters.len(),
+            control_periods_per_image: encoder.control_periods_per_image,
+        })
     }
 
     /// Name, observation layout (without the features), action space, control period.
     pub fn metadata(&self) -> &PolicyMetadata<'a> {
-        &self.metadata
+        self.policy.metadata()
     }
 
     /// What both networks are computed with.
     pub fn arithmetic(&self) -> Arithmetic {
-        self.header.policy.parameters.arithmetic()
+        self.policy.arithmetic()
     }
 
     /// Number format of the parameters of the network behind the encoder.
     pub fn parameter_format(&self) -> ParameterFormat {
-        self.header.policy.parameters
+        self.policy.parameter_format()
     }
 
     /// What turns images into features.
     pub fn encoder(&self) -> &PolicyEncoder<'a> {
-        self.network.encoder()
+        &self.encoder
     }
 
     /// Control periods from one image to the next in training.
     pub fn control_periods_per_image(&self) -> u16 {
-        self.header.encoder.control_periods_per_image
+        self.control_periods_per_image
     }
 
     /// Inputs and outputs of each layer behind the encoder; the first reads observation and features.
     pub fn shapes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        self.header.policy.shapes(self.header.encoder.shape.features())
+        self.policy.shapes()
     }
 
     /// Multiplications of an action, without those of an image, padding not counted.
     pub fn multiply_accumulates(&self) -> usize {
-        self.shapes().map(|(inputs, outputs)| inputs * outputs).sum()
+        self.policy.multiply_accumulates()
     }
 
     /// Bytes of weights and biases behind the encoder, padding included.
     pub fn parameter_bytes(&self) -> usize {
-        self.header.sections().parameters.len()
+        self.policy.parameter_bytes()
     }
 
     /// Bytes of the encoder's parameters, padding included.
     pub fn encoder_bytes(&self) -> usize {
-        self.header.sections().encoder_parameters.len()
+        self.encoder_bytes
     }
 
     /// Values that [`EncoderWorkspace`] must have: the features, and room for the encoder's or the network's work.
     pub fn memory_len(&self) -> usize {
-        self.network.memory_len()
+        self.encoder.memory_len(&self.policy.network)
     }
 
     /// Whether `memory` is of the right kind and long enough.
@@ -102,7 +192,7 @@ impl<'a> VisionPolicy<'a> {
     /// # Errors
     /// [`PolicyError::EncoderWorkspace`].
     pub fn check_memory(&self, memory: &EncoderWorkspace<'_>) -> Result<(), PolicyError> {
-        memory.check(self.memory_len(), self.arithmetic())
+        memory.check(self.memory_len(), self.encoder.arithmetic())
     }
 
     /// Keeps the features of `image` `[rows][columns][channels]` in `memory`, for the actions that follow.
@@ -111,7 +201,8 @@ impl<'a> VisionPolicy<'a> {
     /// [`PolicyError::EncoderWorkspace`], or [`PolicyError::Encoder`] for an image of another length; the features are then
     /// those of before.
     pub fn encode(&self, image: &[u8], memory: &mut EncoderWorkspace<'_>) -> Result<(), PolicyError> {
-        self.network.encode(image, memory)
+        self.check_memory(memory)?;
+        self.encoder.encode(image, memory)
     }
 
     /// The action in \[-1, 1\] on an encoded observation and the features in `memory`, followed by zeros. Never
@@ -125,7 +216,9 @@ impl<'a> VisionPolicy<'a> {
         memory: &mut EncoderWorkspace<'_>,
         scratch: &mut PolicyScratch,
     ) -> Result<[f32; ACTION_LIMIT], PolicyError> {
-        self.network.act(observation, memory, scratch)
+        self.check_memory(memory)?;
+        let features = self.encoder.shape().features();
+        Ok(self.policy.network.act_on_features(observation, features, memory, scratch))
     }
 
     /// Encodes the golden images and computes the golden actions again: to the bit in fixed point, to
@@ -138,19 +231,10 @@ impl<'a> VisionPolicy<'a> {
         memory: &mut EncoderWorkspace<'_>,
         scratch: &mut PolicyScratch,
     ) -> Result<(), PolicyError> {
-        let (observation_len, action_len) =
-            (self.header.policy.observation_len(), self.header.policy.action_len());
-        let image_len = self.header.encoder.shape.image().len();
-        let vectors = self.golden.chunks_exact(self.header.golden_bytes());
-        for (vector, golden) in vectors.enumerate() {
-            let (numbers, image) = golden.split_at_checked(4 * (observation_len + action_len)).unwrap_or_default();
-            let (observation, expected) = read_golden(numbers, observation_len);
+        let image_len = self.encoder.shape().image().len();
+        self.policy.compare_golden(|observation, image| {
             self.encode(image.get(..image_len).unwrap_or_default(), memory)?;
-            let observation = observation.get(..observation_len).unwrap_or_default();
-            let action = self.act(observation, memory, scratch)?;
-            let action = action.get(..action_len).unwrap_or_default();
-            compare(vector, action, expected, self.arithmetic().self_test_tolerance())?;
-        }
-        Ok(())
+            self.act(observation, memory, scratch)
+        })
     }
 }

@@ -1,11 +1,11 @@
 //! Writing policy files, into the caller's bytes: the one definition of the format beside its reader.
 
-use super::header::{Header, Sections, collected};
+use super::header::{CHECKSUM_LEN, EncoderSizes, Header, Sections, collected};
 use super::metadata::{action_identifier, layout_identifier};
 use super::{FORMAT_VERSION, HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, PolicyScratch};
 use crate::crc32::crc32;
 use crate::fixed::FixedFormat;
-use crate::limits::LAYER_LIMIT;
+use crate::limits::{ACTION_LIMIT, LAYER_LIMIT};
 use crate::mlp::DenseLayer;
 
 /// What goes into a policy file. The golden actions are computed while it is written.
@@ -27,7 +27,7 @@ impl PolicyDraft<'_> {
     /// # Errors
     /// The variant of whatever no policy file can hold.
     pub fn file_len(&self) -> Result<usize, PolicyError> {
-        Ok(self.header(0)?.sections().checksum.end)
+        Ok(self.header(0)?.sections(EncoderSizes::default()).checksum.end)
     }
 
     /// Writes the file to the start of `bytes`, which start on a four-byte boundary of memory, and returns its length; the
@@ -37,17 +37,37 @@ impl PolicyDraft<'_> {
     /// The variant of whatever no policy file can hold, [`PolicyError::Misaligned`] or [`PolicyError::BufferTooSmall`].
     pub fn write(&self, bytes: &mut [u8]) -> Result<usize, PolicyError> {
         let header = self.header(0)?;
-        let sections = header.sections();
+        let (file, sections) = self.write_parts(&header, EncoderSizes::default(), FORMAT_VERSION, bytes)?;
+        self.write_actions(&header, &sections, file)?;
+        Ok(seal(file))
+    }
+
+    /// Writes the golden observations, and the actions that the network in the file gives for them.
+    fn write_actions(&self, header: &Header, sections: &Sections, file: &mut [u8]) -> Result<(), PolicyError> {
+        let (front, parameters) = file.split_at_mut_checked(sections.parameters.start).unwrap_or_default();
+        let parameters = parameters.get(..sections.parameters.len()).unwrap_or_default();
+        let network = Network::from_parameters(header, 0, parameters)?;
+        let mut scratch = PolicyScratch::new();
+        let act = |observation: &[f32], _: &[u8]| Ok(network.act(observation, &mut scratch));
+        self.write_golden(header, &[], section(front, sections.golden.clone()), act)
+    }
+
+    /// Writes header, metadata and parameters; returns the whole file and where its sections are.
+    pub(super) fn write_parts<'b>(
+        &self,
+        header: &Header,
+        encoder: EncoderSizes,
+        version: u16,
+        bytes: &'b mut [u8],
+    ) -> Result<(&'b mut [u8], Sections), PolicyError> {
+        let sections = header.sections(encoder);
         let (found, expected) = (bytes.len(), sections.checksum.end);
         let file = bytes.get_mut(..expected).ok_or(PolicyError::BufferTooSmall { found, expected })?;
         file.fill(0);
-        copy(&header.encode(FORMAT_VERSION, expected), section(file, 0..HEADER_LEN));
+        copy(&header.encode(version, expected), section(file, 0..HEADER_LEN));
         self.write_metadata(section(file, sections.metadata.clone()))?;
         self.write_parameters(section(file, sections.parameters.clone()))?;
-        self.write_golden(&header, &sections, file)?;
-        let (contents, checksum) = file.split_at_mut_checked(sections.checksum.start).unwrap_or_default();
-        copy(&crc32(contents).to_le_bytes(), checksum);
-        Ok(expected)
+        Ok((file, sections))
     }
 
     /// The header of a policy whose first layer reads `features` values behind the observation.
@@ -106,12 +126,12 @@ impl PolicyDraft<'_> {
         ParameterFormat::Fixed16(format)
     }
 
-    pub(super) fn write_metadata(&self, bytes: &mut [u8]) -> Result<(), PolicyError> {
+    fn write_metadata(&self, bytes: &mut [u8]) -> Result<(), PolicyError> {
         let found = bytes.len();
         postcard::to_slice(&self.metadata, bytes).map(|_| ()).map_err(|_| PolicyError::Metadata { found })
     }
 
-    pub(super) fn write_parameters(&self, mut bytes: &mut [u8]) -> Result<(), PolicyError> {
+    fn write_parameters(&self, mut bytes: &mut [u8]) -> Result<(), PolicyError> {
         for (index, layer) in self.layers.iter().enumerate() {
             bytes = match &self.parameters {
                 ParameterFormat::Float32 => copy_words(layer.packed().map(f32::to_le_bytes), bytes),
@@ -121,19 +141,24 @@ impl PolicyDraft<'_> {
         Ok(())
     }
 
-    /// Writes the observations, and the actions that the network in the file gives for them.
-    fn write_golden(&self, header: &Header, sections: &Sections, file: &mut [u8]) -> Result<(), PolicyError> {
-        let (front, parameters) = file.split_at_mut_checked(sections.parameters.start).unwrap_or_default();
-        let parameters = parameters.get(..sections.parameters.len()).unwrap_or_default();
-        let network = Network::from_parameters(header, 0, parameters)?;
-        let golden = section(front, sections.golden.clone());
-        let observation_len = header.observation_len();
-        let vectors = golden.chunks_exact_mut(4 * (observation_len + header.action_len()));
-        let mut scratch = PolicyScratch::new();
-        for (bytes, observation) in vectors.zip(self.golden_observations.chunks_exact(observation_len)) {
-            let actions = copy_words(observation.iter().map(|value| value.to_le_bytes()), bytes);
-            let action = network.act(observation, &mut scratch);
-            copy_words(action.iter().take(header.action_len()).map(|value| value.to_le_bytes()), actions);
+    /// Writes the observations, the actions that the network in the file gives for them, and an image for each of them,
+    /// if there are any.
+    pub(super) fn write_golden(
+        &self,
+        header: &Header,
+        images: &[u8],
+        golden: &mut [u8],
+        mut act: impl FnMut(&[f32], &[u8]) -> Result<[f32; ACTION_LIMIT], PolicyError>,
+    ) -> Result<(), PolicyError> {
+        let (observation_len, image_len) = (header.observation_len(), images.len() / header.golden_vectors.max(1));
+        let vectors = golden.chunks_exact_mut(header.golden_bytes(image_len).max(4));
+        let observations = self.golden_observations.chunks_exact(observation_len);
+        for (index, (bytes, observation)) in vectors.zip(observations).enumerate() {
+            let image = images.get(index * image_len..(index + 1) * image_len).unwrap_or_default();
+            let rest = copy_words(observation.iter().map(|value| value.to_le_bytes()), bytes);
+            let action = act(observation, image)?;
+            let action = action.iter().take(header.action_len()).map(|value| value.to_le_bytes());
+            copy(image, copy_words(action, rest));
         }
         Ok(())
     }
@@ -164,6 +189,14 @@ fn metadata_len(metadata: &PolicyMetadata<'_>) -> Result<usize, PolicyError> {
         .map_err(|_| PolicyError::Metadata { found: 0 })
 }
 
+/// Writes the checksum behind everything else of `file` and returns its length.
+pub(super) fn seal(file: &mut [u8]) -> usize {
+    let len = file.len();
+    let (contents, checksum) = file.split_at_mut_checked(len.saturating_sub(CHECKSUM_LEN)).unwrap_or_default();
+    copy(&crc32(contents).to_le_bytes(), checksum);
+    len
+}
+
 pub(super) fn section(bytes: &mut [u8], range: core::ops::Range<usize>) -> &mut [u8] {
     bytes.get_mut(range).unwrap_or_default()
 }
@@ -175,7 +208,7 @@ pub(super) fn copy(source: &[u8], destination: &mut [u8]) {
 }
 
 /// Copies `words` to the start of `bytes` and returns what follows them.
-pub(super) fn copy_words<const N: usize>(words: impl Iterator<Item = [u8; N]>, bytes: &mut [u8]) -> &mut [u8] {
+fn copy_words<const N: usize>(words: impl Iterator<Item = [u8; N]>, bytes: &mut [u8]) -> &mut [u8] {
     let mut rest = bytes;
     for word in words {
         match rest.split_first_chunk_mut::<N>() {

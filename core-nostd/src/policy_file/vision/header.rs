@@ -1,11 +1,7 @@
-//! The headers of a policy with an encoder, and where they say that everything else lies.
-
-use core::ops::Range;
+//! The header of an encoder, which follows that of the policy.
 
 use super::super::PolicyError;
-use super::super::header::{
-    CHECKSUM_LEN, HEADER_LEN, Header, ParameterFormat, VISION_FORMAT_VERSION, check_envelope, u8_at, u16_at,
-};
+use super::super::header::{EncoderSizes, HEADER_LEN, ParameterFormat, u8_at, u16_at};
 use crate::encoder::{CONVOLUTION_LIMIT, Convolution, EncoderError, EncoderShape, STAGE_LIMIT, Volume};
 
 /// Bytes of the encoder's header, which follows the header; the metadata follow.
@@ -16,14 +12,6 @@ const CODE_BITS: usize = 11;
 const CONVOLUTIONS: usize = 16;
 const CONVOLUTION_LEN: usize = 4;
 
-/// Both headers.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct VisionHeader {
-    /// Its first width is the length of the observation, without the features.
-    pub(super) policy: Header,
-    pub(super) encoder: EncoderHeader,
-}
-
 /// Everything in the encoder's header.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct EncoderHeader {
@@ -33,62 +21,9 @@ pub(super) struct EncoderHeader {
     pub(super) code_bits: [u8; STAGE_LIMIT],
 }
 
-/// Positions of the sections in the file, each on a multiple of four.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct VisionSections {
-    pub(super) metadata: Range<usize>,
-    pub(super) golden: Range<usize>,
-    pub(super) parameters: Range<usize>,
-    pub(super) encoder_parameters: Range<usize>,
-    pub(super) checksum: Range<usize>,
-}
-
-impl VisionHeader {
-    /// Reads the headers of a policy with an encoder.
-    ///
-    /// # Errors
-    /// The variant of whatever is wrong.
-    pub(super) fn parse(bytes: &[u8]) -> Result<Self, PolicyError> {
-        check_envelope(bytes, VISION_FORMAT_VERSION)?;
-        let policy = Header::fields(bytes)?;
-        let encoder = EncoderHeader::parse(bytes.get(HEADER_LEN..).unwrap_or_default(), policy.parameters)?;
-        let header = Self { policy, encoder };
-        let expected = header.sections().checksum.end;
-        if bytes.len() != expected {
-            return Err(PolicyError::Length { found: bytes.len(), expected });
-        }
-        Ok(header)
-    }
-
-    pub(super) fn sections(&self) -> VisionSections {
-        let shape = &self.encoder.shape;
-        let metadata = HEADER_LEN + ENCODER_HEADER_LEN;
-        let golden = metadata + self.policy.metadata_len.next_multiple_of(4);
-        let parameters = golden + self.policy.golden_vectors * self.golden_bytes();
-        let encoder_parameters = parameters + self.policy.parameter_bytes(shape.features());
-        let checksum = encoder_parameters
-            + match self.policy.parameters {
-                ParameterFormat::Float32 => shape.float_bytes(),
-                ParameterFormat::Fixed16(_) => shape.fixed_bytes(),
-            };
-        VisionSections {
-            metadata: metadata..metadata + self.policy.metadata_len,
-            golden: golden..parameters,
-            parameters: parameters..encoder_parameters,
-            encoder_parameters: encoder_parameters..checksum,
-            checksum: checksum..checksum + CHECKSUM_LEN,
-        }
-    }
-
-    /// Bytes of a golden vector: observation, action, image.
-    pub(super) fn golden_bytes(&self) -> usize {
-        let numbers = self.policy.observation_len() + self.policy.action_len();
-        4 * numbers + self.encoder.shape.image().len().next_multiple_of(4)
-    }
-}
-
 impl EncoderHeader {
-    fn parse(bytes: &[u8], parameters: ParameterFormat) -> Result<Self, PolicyError> {
+    /// Reads it from the start of `bytes`.
+    pub(super) fn parse(bytes: &[u8], parameters: ParameterFormat) -> Result<Self, PolicyError> {
         let found = usize::from(u8_at(bytes, 10));
         if !(1..=CONVOLUTION_LIMIT).contains(&found) {
             return Err(EncoderError::ConvolutionCount { found }.into());
@@ -110,6 +45,19 @@ impl EncoderHeader {
             control_periods_per_image,
             code_bits: core::array::from_fn(|stage| u8_at(bytes, CODE_BITS + stage)),
         })
+    }
+
+    /// What the encoder adds to a file with these parameters.
+    pub(super) fn sizes(&self, parameters: ParameterFormat) -> EncoderSizes {
+        EncoderSizes {
+            header_len: ENCODER_HEADER_LEN,
+            features: self.shape.features(),
+            image_len: self.shape.image().len(),
+            parameter_bytes: match parameters {
+                ParameterFormat::Float32 => self.shape.float_bytes(),
+                ParameterFormat::Fixed16(_) => self.shape.fixed_bytes(),
+            },
+        }
     }
 
     /// The bytes of the encoder's header.

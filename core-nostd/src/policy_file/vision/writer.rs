@@ -1,12 +1,10 @@
 //! Writing policies with an encoder, into the caller's bytes.
 
-use super::super::header::{CHECKSUM_LEN, HEADER_LEN, ParameterFormat, VISION_FORMAT_VERSION};
-use super::super::writer::{copy, copy_words, section};
-use super::super::{PolicyDraft, PolicyError, PolicyScratch};
-use super::EncoderWorkspace;
-use super::header::{ENCODER_HEADER_LEN, EncoderHeader, VisionHeader, VisionSections};
-use super::network::VisionNetwork;
-use crate::crc32::crc32;
+use super::super::header::{HEADER_LEN, Header, ParameterFormat, VISION_FORMAT_VERSION};
+use super::super::writer::{copy, seal, section};
+use super::super::{Network, PolicyDraft, PolicyError, PolicyScratch};
+use super::header::{ENCODER_HEADER_LEN, EncoderHeader};
+use super::{EncoderWorkspace, PolicyEncoder};
 use crate::encoder::{EncoderError, EncoderFormat, EncoderShape, STAGE_LIMIT, write_fixed, write_float};
 use crate::fixed::{FixedFormat, INPUT_FRACTION_BITS_LIMIT};
 use crate::limits::WIDTH_LIMIT;
@@ -41,7 +39,7 @@ impl VisionDraft<'_> {
     /// # Errors
     /// The variant of whatever no policy file can hold.
     pub fn file_len(&self) -> Result<usize, PolicyError> {
-        Ok(self.header()?.sections().checksum.end)
+        self.headers().map(|(policy, encoder)| policy.sections(encoder.sizes(policy.parameters)).checksum.end)
     }
 
     /// Values of memory with which [`Self::write`] computes the golden actions.
@@ -57,23 +55,41 @@ impl VisionDraft<'_> {
     /// # Errors
     /// The variant of whatever no policy file can hold, [`PolicyError::BufferTooSmall`] or [`PolicyError::EncoderWorkspace`].
     pub fn write(&self, bytes: &mut [u8], memory: &mut EncoderWorkspace<'_>) -> Result<usize, PolicyError> {
-        let header = self.header()?;
-        let sections = header.sections();
-        let (found, expected) = (bytes.len(), sections.checksum.end);
-        let file = bytes.get_mut(..expected).ok_or(PolicyError::BufferTooSmall { found, expected })?;
-        file.fill(0);
-        copy(&header.policy.encode(VISION_FORMAT_VERSION, expected), section(file, 0..HEADER_LEN));
-        copy(&header.encoder.encode(), section(file, HEADER_LEN..HEADER_LEN + ENCODER_HEADER_LEN));
-        self.policy.write_metadata(section(file, sections.metadata.clone()))?;
-        self.policy.write_parameters(section(file, sections.parameters.clone()))?;
+        let (header, encoder_header) = self.headers()?;
+        let sizes = encoder_header.sizes(header.parameters);
+        let (file, sections) = self.policy.write_parts(&header, sizes, VISION_FORMAT_VERSION, bytes)?;
+        copy(&encoder_header.encode(), section(file, HEADER_LEN..HEADER_LEN + ENCODER_HEADER_LEN));
         self.write_encoder(section(file, sections.encoder_parameters.clone()))?;
-        self.write_golden(&header, &sections, file, memory)?;
-        let (contents, checksum) = file.split_at_mut_checked(expected - CHECKSUM_LEN).unwrap_or_default();
-        copy(&crc32(contents).to_le_bytes(), checksum);
-        Ok(expected)
+        self.write_actions(&header, &encoder_header, file, memory)?;
+        Ok(seal(file))
     }
 
-    fn header(&self) -> Result<VisionHeader, PolicyError> {
+    /// Writes the golden observations and images, and the actions that the networks in the file give for them.
+    fn write_actions(
+        &self,
+        header: &Header,
+        encoder_header: &EncoderHeader,
+        file: &mut [u8],
+        memory: &mut EncoderWorkspace<'_>,
+    ) -> Result<(), PolicyError> {
+        let sizes = encoder_header.sizes(header.parameters);
+        let sections = header.sections(sizes);
+        let (front, rest) = file.split_at_mut_checked(sections.parameters.start).unwrap_or_default();
+        let (parameters, rest) = rest.split_at_checked(sections.parameters.len()).unwrap_or_default();
+        let encoder_parameters = rest.get(..sections.encoder_parameters.len()).unwrap_or_default();
+        let network = Network::from_parameters(header, sizes.features, parameters)?;
+        let encoder = PolicyEncoder::from_parameters(encoder_header, header.parameters, encoder_parameters)?;
+        memory.check(encoder.memory_len(&network), encoder.arithmetic())?;
+        let mut scratch = PolicyScratch::new();
+        let act = |observation: &[f32], image: &[u8]| {
+            encoder.encode(image, memory)?;
+            Ok(network.act_on_features(observation, sizes.features, memory, &mut scratch))
+        };
+        let golden = section(front, sections.golden.clone());
+        self.policy.write_golden(header, self.encoder.golden_images, golden, act)
+    }
+
+    fn headers(&self) -> Result<(Header, EncoderHeader), PolicyError> {
         let policy = self.policy.header(self.encoder.shape.features())?;
         let (found, image) = (self.encoder.golden_images.len(), self.encoder.shape.image().len());
         let expected = policy.golden_vectors * image;
@@ -91,7 +107,7 @@ impl VisionDraft<'_> {
             }
         };
         let (shape, control_periods_per_image) = (self.encoder.shape, self.encoder.control_periods_per_image);
-        Ok(VisionHeader { policy, encoder: EncoderHeader { shape, control_periods_per_image, code_bits } })
+        Ok((policy, EncoderHeader { shape, control_periods_per_image, code_bits }))
     }
 
     fn check_feature_step(&self, format: FixedFormat) -> Result<(), EncoderError> {
@@ -106,33 +122,6 @@ impl VisionDraft<'_> {
         match self.policy.parameters {
             ParameterFormat::Float32 => write_float(shape, parameters, bytes)?,
             ParameterFormat::Fixed16(_) => write_fixed(shape, parameters, format, bytes)?,
-        }
-        Ok(())
-    }
-
-    /// Writes observations and images, and the actions that the networks in the file give for them.
-    fn write_golden(
-        &self,
-        header: &VisionHeader,
-        sections: &VisionSections,
-        file: &mut [u8],
-        memory: &mut EncoderWorkspace<'_>,
-    ) -> Result<(), PolicyError> {
-        let (front, rest) = file.split_at_mut_checked(sections.parameters.start).unwrap_or_default();
-        let (parameters, rest) = rest.split_at_checked(sections.parameters.len()).unwrap_or_default();
-        let encoder_parameters = rest.get(..sections.encoder_parameters.len()).unwrap_or_default();
-        let network = VisionNetwork::from_parameters(header, parameters, encoder_parameters)?;
-        let (observation_len, action_len) = (header.policy.observation_len(), header.policy.action_len());
-        let vectors = section(front, sections.golden.clone()).chunks_exact_mut(header.golden_bytes());
-        let observations = self.policy.golden_observations.chunks_exact(observation_len);
-        let images = self.encoder.golden_images.chunks_exact(self.encoder.shape.image().len());
-        let mut scratch = PolicyScratch::new();
-        for (bytes, (observation, image)) in vectors.zip(observations.zip(images)) {
-            let actions = copy_words(observation.iter().map(|value| value.to_le_bytes()), bytes);
-            network.encode(image, memory)?;
-            let action = network.act(observation, memory, &mut scratch)?;
-            let rest = copy_words(action.iter().take(action_len).map(|value| value.to_le_bytes()), actions);
-            copy(image, rest);
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use kestrel_core::attitude::Attitude;
 use kestrel_core::encoder::EncoderError;
 use kestrel_core::observation::ObservationLayout;
-use kestrel_core::pilot::{Pilot, VisionPilot};
+use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{PolicyError, PolicyFile, PolicyScratch, VisionPolicy};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -30,7 +30,7 @@ fn a_tick_acts_on_the_last_image() {
         let policy = VisionPolicy::parse(&bytes).unwrap();
         let frames = images(&model.shape, 5, 2);
         with_memory(policy.memory_len(), fixed, |memory| {
-            let mut pilot = VisionPilot::new(policy.clone(), memory).unwrap();
+            let mut pilot = Pilot::with_encoder(policy.clone(), memory).unwrap();
             let mut previous = [0.0; 4];
             for image in frames.chunks_exact(model.shape.image().len()) {
                 pilot.encode(image).unwrap();
@@ -56,7 +56,7 @@ fn images_matter_and_a_reset_forgets_them() {
     for (fixed, bytes) in [false, true].into_iter().zip(model.files()) {
         let policy = VisionPolicy::parse(&bytes).unwrap();
         with_memory(policy.memory_len(), fixed, |memory| {
-            let mut pilot = VisionPilot::new(policy.clone(), memory).unwrap();
+            let mut pilot = Pilot::with_encoder(policy.clone(), memory).unwrap();
             let before_the_first_image = pilot.tick(&state, &goal);
             pilot.reset();
             pilot.encode(&images(&model.shape, 1, 1)).unwrap();
@@ -78,7 +78,7 @@ fn an_image_of_another_length_changes_nothing() {
     let image = images(&model.shape, 1, 1);
     let fly = |damaged: bool| {
         with_memory(policy.memory_len(), true, |memory| {
-            let mut pilot = VisionPilot::new(policy.clone(), memory).expect("the memory fits");
+            let mut pilot = Pilot::with_encoder(policy.clone(), memory).expect("the memory fits");
             pilot.encode(&image).expect("the image fits");
             if damaged {
                 let expected = EncoderError::ImageLength { found: 767, expected: 768 };
@@ -96,7 +96,7 @@ fn the_self_test_forgets_the_golden_images() {
     for (fixed, bytes) in [false, true].into_iter().zip(VisionModel::typical().files()) {
         let policy = VisionPolicy::parse(&bytes).unwrap();
         with_memory(policy.memory_len(), fixed, |memory| {
-            let mut pilot = VisionPilot::new(policy, memory).unwrap();
+            let mut pilot = Pilot::with_encoder(policy, memory).unwrap();
             let before = pilot.tick(&state, &goal);
             pilot.reset();
             assert_eq!(pilot.self_test(), Ok(()));
@@ -110,14 +110,14 @@ fn too_little_memory_is_refused_before_the_flight() {
     let bytes = VisionModel::tiny().file(false);
     let policy = VisionPolicy::parse(&bytes).unwrap();
     let refusal =
-        with_memory(policy.memory_len() - 1, false, |memory| VisionPilot::new(policy, memory).map(|_| ()));
+        with_memory(policy.memory_len() - 1, false, |memory| Pilot::with_encoder(policy, memory).map(|_| ()));
     assert!(matches!(refusal, Err(PolicyError::EncoderWorkspace { .. })));
 }
 
 /// Nobody pays for what they do not use (64-bit host); the observation is in the pilot, not on the stack of a task.
 #[cfg(target_pointer_width = "64")]
 #[test]
-fn a_blind_pilot_has_not_grown() {
+fn a_state_based_pilot_has_not_grown() {
     let sizes = (size_of::<Pilot<'static>>(), size_of::<PolicyFile<'static>>(), size_of::<PolicyScratch>());
     assert_eq!(sizes, (4424, 808, 1792));
 }
