@@ -28,22 +28,11 @@ cd "$(dirname "$0")/.."
 . tests/checks.sh
 # shellcheck source=tests/packages.sh
 . tests/packages.sh
+# shellcheck source=tests/programs.sh
+. tests/programs.sh
 
 out=target/firmware
 mkdir -p "$out"
-
-emulators() { # what is missing of the emulators, the binutils and Node
-  local missing=()
-  command -v qemu-system-arm >/dev/null || missing+=(qemu-system-arm)
-  command -v qemu-system-riscv32 >/dev/null || missing+=(qemu-system-misc)
-  command -v arm-none-eabi-objdump >/dev/null || missing+=(binutils-arm-none-eabi)
-  command -v gcc >/dev/null || missing+=(gcc libc6-dev)
-  command -v g++ >/dev/null || missing+=(g++)
-  command -v arm-none-eabi-gcc >/dev/null || missing+=(gcc-arm-none-eabi libnewlib-arm-none-eabi)
-  command -v python3 >/dev/null || missing+=(python3)
-  command -v node >/dev/null || missing+=(nodejs)
-  [ ${#missing[@]} -eq 0 ] || packages "an emulator or a tool" "${missing[@]}"
-}
 
 image() { # NAME PROGRAM TARGET [CARGO OPTION...]: builds an image into $out/NAME
   local name=$1 program=$2 target=$3 flags="" file
@@ -78,7 +67,7 @@ same_as_here() { # NAME STATUS: whether the digests of a machine are those of th
 
 conformance() {
   local status=()
-  cargo run --quiet -p kestrel-image --bin conformance >"$out/x86-64.txt"
+  programs && target/debug/conformance >"$out/x86-64.txt"
   verdict $? "every policy of assets/pilots passes its self-test here"
   image stm32f405.elf conformance thumbv7em-none-eabihf --features assembly
   verdict $? "the image of the STM32F405, with the kernel in assembly, links without a panic"
@@ -217,7 +206,7 @@ exported_c() {
 
 processor() {
   local task
-  image pilot.elf pilot thumbv7em-none-eabihf --features assembly,serial && cargo build --quiet -p kestrel
+  image pilot.elf pilot thumbv7em-none-eabihf --features assembly,serial && programs
   verdict $? "the image of a pilot behind a serial line links without a panic"
   for task in hover cross; do
     in_the_loop "$task"
@@ -256,7 +245,7 @@ budget() {
   verdict $? "the figures are those of firmware-shim/image/budget.json, and what is promised"
 }
 
-if emulators && cargo=$(tests/embedded-toolchain.sh); then
+if need "an emulator or a tool" emulators && cargo=$(tests/embedded-toolchain.sh); then
   conformance
   crazyflie
   processor

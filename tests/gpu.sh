@@ -10,13 +10,12 @@ cd "$(dirname "$0")/.."
 . tests/checks.sh
 # shellcheck source=tests/packages.sh
 . tests/packages.sh
+# shellcheck source=tests/programs.sh
+. tests/programs.sh
 
-vulkan_driver || exit 1
+need "a Vulkan driver" vulkan || exit 1
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$place}
-cargo build -q -p kestrel || exit 1
-cp target/debug/kestrel target/kestrel-without-gpu
-cargo build -q -p kestrel --features gpu,viewer || exit 1
-cp target/debug/kestrel target/kestrel-with-gpu
+program_without_gpus || exit 1
 
 render() { # PROGRAM BACKEND PICTURE
   "$1" render configs/aviaries/room-0.yaml --columns 64 --rows 48 --output "$place/$3" --backend "$2"
@@ -31,20 +30,20 @@ without_driver() { # COMMAND...
   VK_ICD_FILENAMES=/nonexistent VK_DRIVER_FILES=/nonexistent "$@"
 }
 
-check "auto renders" says 0 "rendered by the" render target/kestrel-with-gpu auto auto.png
-check "the processor renders when asked" says 0 "by the processor: it was asked for" render target/kestrel-with-gpu cpu cpu.png
+check "auto renders" says 0 "rendered by the" render target/debug/kestrel auto auto.png
+check "the processor renders when asked" says 0 "by the processor: it was asked for" render target/debug/kestrel cpu cpu.png
 check "auto without a driver is the processor" \
-  says 0 "by the processor: found no GPU" without_driver render target/kestrel-with-gpu auto none.png
+  says 0 "by the processor: found no GPU" without_driver render target/debug/kestrel auto none.png
 check "its picture is the same" cmp "$place/cpu.png" "$place/none.png"
 for backend in gpu software; do
   check "$backend without a driver is refused" \
-    says 2 "(no driver at all)" without_driver render target/kestrel-with-gpu "$backend" no.png
+    says 2 "(no driver at all)" without_driver render target/debug/kestrel "$backend" no.png
   check "$backend without the feature is refused" \
     says 2 "without GPUs.*build it with .--features gpu., or ask for the backend .cpu." \
-    render target/kestrel-without-gpu "$backend" no.png
+    render target/kestrel-without-gpus "$backend" no.png
 done
 check "auto without the feature is the processor" \
-  says 0 "by the processor: this program was built without GPUs" render target/kestrel-without-gpu auto other.png
-check "an unknown backend is refused" says 2 "found \`cuda\`" render target/kestrel-with-gpu cuda no.png
+  says 0 "by the processor: this program was built without GPUs" render target/kestrel-without-gpus auto other.png
+check "an unknown backend is refused" says 2 "found \`cuda\`" render target/debug/kestrel cuda no.png
 
 summary

@@ -10,14 +10,11 @@ cd "$(dirname "$0")/.."
 . tests/checks.sh
 # shellcheck source=tests/packages.sh
 . tests/packages.sh
+# shellcheck source=tests/programs.sh
+. tests/programs.sh
 
-if ! command -v mpirun mpicc >/dev/null || ! compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null; then
-  packages "MPI" libopenmpi-dev openmpi-bin libclang-dev || exit 1
-fi
-cargo build -q -p kestrel || exit 1
-cp target/debug/kestrel target/kestrel-without-mpi
-cargo build -q -p kestrel --features mpi || exit 1
-cp target/debug/kestrel target/kestrel-with-mpi
+need "MPI" mpi || exit 1
+program_without_gpus || exit 1
 
 # Tests run as root in containers and with more ranks than cores.
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
@@ -41,12 +38,12 @@ study() { # FOLDER LAUNCHER...
     --set training.environments=1024 --set seeds.count=1
 }
 
-check "a run of one process" train run-0 target/kestrel-without-mpi
-check "a study of one process" study study-0 target/kestrel-without-mpi
+check "a run of one process" train run-0 target/debug/kestrel
+check "a study of one process" study study-0 target/debug/kestrel
 for number in 1 2 4; do
-  check "a run of $number ranks" train "run-$number" ranks "$number" target/kestrel-with-mpi
+  check "a run of $number ranks" train "run-$number" ranks "$number" target/kestrel-without-gpus
   check "its policy is the same" cmp "$place/run-0/policy.kestrel" "$place/run-$number/policy.kestrel"
-  check "a study of $number ranks" study "study-$number" ranks "$number" target/kestrel-with-mpi
+  check "a study of $number ranks" study "study-$number" ranks "$number" target/kestrel-without-gpus
   check "its rows are the same" diff -r "$place/study-0/rows" "$place/study-$number/rows"
 done
 says() { # WORDS COMMAND...: fails, and says this
@@ -54,7 +51,7 @@ says() { # WORDS COMMAND...: fails, and says this
   shift
   ! "$@" >"$place/said" 2>&1 && grep -q "$words" "$place/said"
 }
-check "three ranks are refused" says "3 ranks cannot share" train run-3 ranks 3 target/kestrel-with-mpi
-check "a program without MPI refuses" says "was built without MPI" train run-n ranks 2 target/kestrel-without-mpi
+check "three ranks are refused" says "3 ranks cannot share" train run-3 ranks 3 target/kestrel-without-gpus
+check "a program without MPI refuses" says "was built without MPI" train run-n ranks 2 target/debug/kestrel
 
 summary

@@ -10,16 +10,15 @@ cd "$(dirname "$0")/.."
 . tests/checks.sh
 # shellcheck source=tests/packages.sh
 . tests/packages.sh
+# shellcheck source=tests/programs.sh
+. tests/programs.sh
 
-if ! command -v Xvfb >/dev/null || ! command -v xdotool >/dev/null; then
-  packages "a virtual screen" \
-    xvfb xdotool libx11-xcb1 libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2 || exit 1
-fi
+need "a virtual screen" screen || exit 1
+programs || exit 1
 screen=
 trap 'kill $screen 2>/dev/null; rm -rf "$place"' EXIT
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$place}
 unset WAYLAND_DISPLAY WAYLAND_SOCKET DISPLAY
-cargo build -q -p kestrel --features gpu,viewer || exit 1
 kestrel=target/debug/kestrel
 
 view() { # DISPLAY: at its first flight, until it is told to quit

@@ -1,5 +1,8 @@
 //! How an episode begins: a start state and the parameters of its drone.
 
+#[cfg(test)]
+mod tests;
+
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::real::Real;
