@@ -1,4 +1,4 @@
-//! The simulator behind somebody else's autopilot, and our autopilot behind somebody else's simulator.
+//! Simulator bridges (SITL, HIL): our simulator behind another autopilot, and our autopilot behind another simulator.
 //!
 //! A [`Plant`] with [`motors`] and [`sensors`] is a [`drone`]; PX4 ([`px4`]), ArduPilot
 //! ([`ardupilot`]) or Betaflight ([`betaflight`]) flies it. What they say and are told is pure logic, as everywhere in
@@ -57,7 +57,7 @@ pub enum ExternalAutopilot {
     BetaflightLegacy,
 }
 
-/// Options of every command that lends its simulation to an autopilot.
+/// Options of every command that bridges its simulation to an autopilot.
 #[derive(Clone, Copy, Debug, PartialEq, clap::Args)]
 pub struct BridgeOptions {
     /// Autopilot that flies
@@ -104,7 +104,7 @@ pub struct BridgeOptions {
 /// Why a bridge does not stand.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
-    /// Somebody else has the port.
+    /// Another program has the port.
     #[error(
         "{protocol} address {address} is in use by another program (another simulator?); expected a free port: choose another --instance, or end it"
     )]
@@ -139,7 +139,7 @@ pub enum BridgeError {
     /// The true-state log cannot be written.
     #[error(transparent)]
     Log(#[from] TrueStateLogError),
-    /// Nobody can be told what happens.
+    /// The standard output refuses.
     #[error("cannot write to the standard output: {0}")]
     Output(io::Error),
 }

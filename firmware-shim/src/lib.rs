@@ -1,13 +1,14 @@
 //! A MAVLink 2 vehicle that flies exported policies in software in the loop.
 //!
 //! Read in the order of the data: datagrams come in through a [`link`], are cut into checked [`frame`]s and become requests
-//! ([`request`]); the [`vehicle`] has its [`autopilot`] obey them. Every control period the autopilot moves the [`goal`] and
-//! asks the policy for rotor targets, [`telemetry`] says what is due to be told in which [`message`]s, and the [`plant`] steps:
+//! ([`request`]); the [`vehicle`] has its [`autopilot`] execute them. Every control period the autopilot moves the [`goal`] and
+//! asks the policy for rotor targets, [`telemetry`] schedules which [`message`]s are published, and the [`plant`] steps:
 //! that is [`lockstep`], for one vehicle or several. A [`flight_log`] holds every frame. What a microcontroller carries, too,
 //! comes from [`kestrel_onboard`].
 //! Clients of a Crazyflie fly the same autopilot by [`crtp`].
 //!
-//! A [`bridge`] lends the plant to another autopilot (PX4, ArduPilot, Betaflight), or the vehicle to another simulator.
+//! A simulator [`bridge`] has another autopilot (PX4, ArduPilot, Betaflight) fly the plant, or another simulator fly the
+//! vehicle.
 //!
 //! Only [`link`], [`crtp::link`], [`flight_log`], [`true_state`], [`lockstep`] and the bridge's servers and clients know
 //! sockets, files and clocks; everything else is free of all three. Frames are not forwarded from one link to another.

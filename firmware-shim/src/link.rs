@@ -69,7 +69,7 @@ impl fmt::Display for LinkAddress {
 /// Why a link cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// Somebody else has it.
+    /// Another program has it.
     #[error("{place} is in use by another program (another vehicle?); choose another one")]
     Busy {
         /// Wanted place.

@@ -164,7 +164,7 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
         Self { log, ..self }
     }
 
-    /// With a keeper of what outlives the flight.
+    /// With a store of what outlives the flight.
     #[must_use]
     pub fn with_store(self, store: &'a mut PersistentStore) -> Self {
         Self { store: Some(store), ..self }

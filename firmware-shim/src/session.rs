@@ -1,4 +1,4 @@
-//! A flight from the command line: the options, the vehicle and its links, the words that say how to connect.
+//! A flight from the command line: the options, the vehicle and its links, and the text that says how to connect.
 
 mod announcement;
 mod fleet;

@@ -37,7 +37,7 @@ pub struct SignatureTimes {
     pub sent: SignatureTime,
 }
 
-/// Why no signatures can be made or verified: then nobody is heard.
+/// Why no signatures can be made or verified: then no frame is accepted.
 #[derive(Debug, thiserror::Error)]
 pub enum SigningError {
     /// A file cannot be read.

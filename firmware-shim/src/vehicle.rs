@@ -324,7 +324,7 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.rotor_shares().iter().sum::<f32>() / 4.0
     }
 
-    /// Words for what has gone wrong, and for the changes of mode that nobody commanded.
+    /// Status texts for what has gone wrong, and for changes of mode that no client commanded.
     fn announce(&mut self, before: Mode) {
         for event in self.autopilot().events().clone() {
             self.controller.answer(sent::status_text(MavSeverity::MAV_SEVERITY_CRITICAL, event.text()));
@@ -377,7 +377,7 @@ impl<P: PolicyBackend> Vehicle<P> {
         match request {
             Request::GroundStation => self.controller.handle(request, sender),
             Request::Ping { time_usec, seq } => {
-                self.controller.answer(sent::ping(*time_usec, *seq, sender.address))
+                self.controller.answer(sent::ping(*time_usec, *seq, sender.address));
             }
             Request::SetMode(custom_mode) => {
                 let answer = self.choose(FlightMode::of_custom_mode(*custom_mode));

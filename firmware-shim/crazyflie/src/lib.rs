@@ -77,7 +77,7 @@ struct Seat {
     pilot: core::mem::MaybeUninit<Pilot<'static>>,
 }
 
-/// Unlikely to be found in memory that nobody has written.
+/// Unlikely to be found in memory that was never written.
 const TAKEN: u32 = 0x4b65_7374;
 
 const _: () = assert!(KESTREL_NO_POLICY == NO_POLICY, "a code means one thing");

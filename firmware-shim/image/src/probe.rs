@@ -1,6 +1,6 @@
 //! What a measurement needs of a microcontroller: a place that a counter of instructions knows, and a painted stack.
 
-#![expect(unsafe_code, reason = "the counter finds a symbol, and the stack is memory of nobody's")]
+#![expect(unsafe_code, reason = "the counter finds a symbol, and the stack belongs to no variable")]
 
 use core::arch::asm;
 

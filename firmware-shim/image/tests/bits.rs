@@ -1,7 +1,5 @@
 //! What the images compute is frozen: `BLESS=1 cargo test -p kestrel-image` writes `tests/golden/bits/image.txt` anew.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
-
 use std::fs;
 use std::path::Path;
 use std::process::Command;

@@ -93,7 +93,7 @@ pub enum Mode {
     Landed,
 }
 
-/// Who has the say about where to fly.
+/// Who decides where to fly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Authority {
     /// Peers, by commands and by set-points.
@@ -244,7 +244,7 @@ impl<P: PolicyBackend> Autopilot<P> {
         self.mode
     }
 
-    /// Who flies.
+    /// Which controller flies.
     pub fn active_controller(&self) -> Controller {
         self.controllers.active()
     }
@@ -322,7 +322,7 @@ impl<P: PolicyBackend> Autopilot<P> {
         self.fly(state);
     }
 
-    /// The changes of mode that nobody commands.
+    /// The changes of mode that are not commanded.
     fn change_mode(&mut self, state: &State<f32>) {
         match self.mode {
             Mode::Armed if self.secs_in_mode() >= self.settings.idle_secs => self.enter(Mode::Disarmed),

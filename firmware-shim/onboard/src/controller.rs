@@ -1,4 +1,4 @@
-//! Who flies: the policy, or the cascade of controllers that takes its place.
+//! The active controller: the policy, or the cascade of controllers that takes its place.
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
@@ -14,7 +14,7 @@ const IDLE: f32 = 0.05;
 /// Rotors this close to their limits count as being there, as a share of the greatest speed.
 const AT_LIMIT: f32 = 1e-3;
 
-/// Who flies toward goals.
+/// What flies toward goals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Controller {
     /// The policy.
@@ -23,7 +23,7 @@ pub enum Controller {
     Cascade,
 }
 
-/// Both, one of them at the helm.
+/// Both, one of them active.
 pub struct Controllers<P> {
     backend: P,
     steering: Steering,
@@ -35,7 +35,7 @@ pub struct Controllers<P> {
 }
 
 impl<P: PolicyBackend> Controllers<P> {
-    /// The policy of a processor at the helm of an airframe.
+    /// For an airframe, with the policy active.
     pub fn new(backend: P, airframe: &Airframe) -> Self {
         let limit = airframe.rotor_speed_limit as f32;
         Self {
@@ -48,7 +48,7 @@ impl<P: PolicyBackend> Controllers<P> {
         }
     }
 
-    /// Who flies.
+    /// Which controller flies.
     pub fn active(&self) -> Controller {
         self.active
     }
@@ -58,12 +58,12 @@ impl<P: PolicyBackend> Controllers<P> {
         &mut self.backend
     }
 
-    /// How long the policy, at the helm, has not answered \[s\].
+    /// How long the policy, while active, has not answered \[s\].
     pub fn silent_secs(&self) -> f32 {
         self.silent_secs
     }
 
-    /// How long the policy, at the helm, has kept a rotor at its limits \[s\].
+    /// How long the policy, while active, has kept a rotor at its limits \[s\].
     pub fn saturated_secs(&self) -> f32 {
         self.saturated_secs
     }

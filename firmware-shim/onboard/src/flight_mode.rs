@@ -13,7 +13,7 @@ pub enum FlightMode {
     Policy,
     /// The cascade of controllers does.
     Cascade,
-    /// Holding, by whoever flies: can be chosen, and then is one of the two before.
+    /// Holding, by the active controller: can be chosen, and then is one of the two before.
     Hold,
     /// Following set-points.
     Offboard,
@@ -75,7 +75,7 @@ impl FlightMode {
         })
     }
 
-    /// What an autopilot is doing, with somebody at the helm; on the ground, what it is going to do.
+    /// What an autopilot is doing, with an active controller; on the ground, what it is going to do.
     pub const fn of(mode: Mode, controller: Controller) -> Self {
         match (mode, controller) {
             (Mode::TakingOff, _) => Self::TakeOff,

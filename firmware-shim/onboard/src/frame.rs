@@ -122,7 +122,7 @@ impl<'a> Frame<'a> {
         header + self.payload.len()
     }
 
-    /// Its signature, which nobody has verified yet.
+    /// Its signature, not verified yet.
     pub fn signature(&self) -> Option<Signature<'a>> {
         let end = self.covered_len() + CHECKSUM_LEN;
         let (signed, signature) = self.bytes.split_at_checked(end)?;

@@ -92,7 +92,7 @@ fn heartbeat(fields: &[u8; 9]) -> Option<(Address, Request)> {
     (fields[4] == GROUND_STATION).then_some((Address::EVERYBODY, Request::GroundStation))
 }
 
-/// One to nobody in particular is a question; one to somebody is an answer.
+/// One without an addressee is a question; one with an addressee is an answer.
 fn ping(fields: &[u8; 14]) -> Option<(Address, Request)> {
     let [system, component] = [fields[12], fields[13]];
     let request = Request::Ping { time_usec: u64_at(fields, 0), seq: u32_at(fields, 8) };

@@ -29,7 +29,7 @@ pub struct FailsafeReaction {
 /// Who flies after a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fallback {
-    /// Whoever flew before.
+    /// The controller that flew before.
     Keep,
     /// The cascade of controllers.
     Cascade,
@@ -100,7 +100,7 @@ impl FailsafeReaction {
         Self { action, fallback: Fallback::Cascade }
     }
 
-    /// Whoever flies goes on.
+    /// The active controller goes on.
     pub const fn only(action: FailsafeAction) -> Self {
         Self { action, fallback: Fallback::Keep }
     }

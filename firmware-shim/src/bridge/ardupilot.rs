@@ -76,7 +76,7 @@ impl Servos {
 }
 
 impl ArdupilotSimulator {
-    /// A simulator that nobody has asked yet.
+    /// A simulator before the first request.
     pub fn new() -> Self {
         Self::default()
     }

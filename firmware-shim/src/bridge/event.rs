@@ -1,4 +1,4 @@
-//! What happens on a bridge, for whoever watches it.
+//! What happens on a simulator bridge, for its callbacks.
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -8,7 +8,7 @@ use kestrel_core::vehicle::State;
 /// What happens on a bridge.
 #[derive(Clone, Copy, Debug)]
 pub enum BridgeEvent<'a> {
-    /// Nobody is there yet, or no more; told again and again.
+    /// No autopilot is there yet, or no more; reported again and again.
     Waiting,
     /// An autopilot speaks from this address.
     Connected(SocketAddr),

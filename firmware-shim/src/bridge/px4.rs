@@ -1,7 +1,7 @@
 //! The simulator's side of PX4's lockstep (`SimulatorMavlink.cpp`), bytes in and bytes out. No socket and no clock.
 //!
 //! PX4's clock is set by `HIL_SENSOR`: one is sent, one `HIL_ACTUATOR_CONTROLS` is awaited, the plant steps, and so on.
-//! PX4 needs some sensor messages before it answers its first; until then nobody waits for it.
+//! PX4 needs some sensor messages before it answers its first; until then the bridge does not wait for it.
 
 pub mod client;
 pub mod producer;
@@ -89,7 +89,7 @@ pub struct Px4Simulator {
 /// How far a PX4 has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// It has not answered yet: nobody waits for it.
+    /// It has not answered yet: the bridge does not wait for it.
     Asleep,
     /// It has answered an older sensor message than the last one.
     Awake,

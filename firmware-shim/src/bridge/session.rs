@@ -1,4 +1,4 @@
-//! A plant lent to an autopilot from the command line: the bridge, its log, and words for what happens.
+//! A simulator bridge from the command line: the bridge, its log, and lines for what happens.
 
 use std::io;
 use std::path::Path;
@@ -11,7 +11,7 @@ use crate::lockstep::Next;
 use crate::plant::Plant;
 use crate::true_state::TrueStateLog;
 
-/// Who is told what happens, and may end it.
+/// What is called when something happens, and whether to end.
 pub struct Callbacks<'a> {
     /// Prints a line, or several.
     pub print: &'a mut dyn FnMut(&str) -> io::Result<()>,
@@ -19,11 +19,11 @@ pub struct Callbacks<'a> {
     pub interrupted: &'a dyn Fn() -> bool,
 }
 
-/// Lends `plant`, whose control period is that of the options, until the time is up or the audience ends it; every step goes to
-/// a log, if one is wanted.
+/// Has an autopilot fly `plant`, whose control period is that of the options, until the time is up or a callback ends it;
+/// every step goes to a log, if one is wanted.
 ///
 /// # Errors
-/// If the bridge does not stand or fails, or the log or the words cannot be written.
+/// If the bridge does not stand or fails, or the log or a line cannot be written.
 pub fn run(
     options: &BridgeOptions,
     airframe: &Airframe,
@@ -42,7 +42,7 @@ pub fn run(
     failure.map_or(Ok(counts), Err)
 }
 
-/// Keeps what happens in the log, and tells what is news.
+/// Keeps what happens in the log, and prints what is new.
 struct Reporter<'a> {
     log: TrueStateLog,
     options: &'a BridgeOptions,

@@ -1,7 +1,7 @@
 //! Flies what clients ask for: set-points while they are fresh, and plans to their end.
 //!
 //! Both move the autopilot's goal at a velocity that is computed anew in every control period, no faster than
-//! [`SPEED_LIMIT`]. Whoever refuses such a velocity (a landing, a failsafe) is in charge from then on.
+//! [`SPEED_LIMIT`]. If the autopilot refuses such a velocity (while it lands, after a failsafe), it has the authority from then on.
 
 use core::f64::consts::TAU;
 
@@ -37,8 +37,8 @@ const PLAN_SECS: [f32; 2] = [0.1, 3600.0];
 /// Whose set-points are flown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Source {
-    /// Nobody's here.
-    Nobody,
+    /// None.
+    None,
     /// The client's, that of a time \[s\].
     Stream { set_point: CrtpSetPoint, secs: f64, claim: Claim },
     /// The high-level commander's.
@@ -78,7 +78,7 @@ pub struct Commander {
 
 impl Default for Commander {
     fn default() -> Self {
-        Self { source: Source::Nobody, heading: 0.0, steered_secs: 0.0 }
+        Self { source: Source::None, heading: 0.0, steered_secs: 0.0 }
     }
 }
 
@@ -88,8 +88,8 @@ impl Commander {
         match self.source {
             Source::TrajectoryPlan(_) => HighLevel::Flying,
             Source::Arrived => HighLevel::Finished,
-            Source::Nobody if !mode.flies() => HighLevel::Stopped,
-            Source::Nobody | Source::Stream { .. } => HighLevel::Disabled,
+            Source::None if !mode.flies() => HighLevel::Stopped,
+            Source::None | Source::Stream { .. } => HighLevel::Disabled,
         }
     }
 
@@ -124,7 +124,7 @@ impl Commander {
     /// # Errors
     /// As the autopilot.
     pub fn stop(&mut self, access: &mut VehicleAccess) -> Result<(), Refusal> {
-        self.source = Source::Nobody;
+        self.source = Source::None;
         if access.mode.flies() { access.order(Command::StopMotors) } else { Ok(()) }
     }
 
@@ -151,10 +151,10 @@ impl Commander {
         Ok(())
     }
 
-    /// Makes the autopilot ready to be guided. Whoever begins to fly sees the drone as it stands.
+    /// Makes the autopilot ready to be guided, from where the drone is.
     fn take_control(&mut self, access: &mut VehicleAccess) -> Result<(), Refusal> {
         guide(access)?;
-        if self.source == Source::Nobody {
+        if self.source == Source::None {
             let [_, _, yaw] = access.state.world_from_body.map(f64::from).roll_pitch_yaw();
             self.heading = yaw;
         }
@@ -203,25 +203,25 @@ impl Commander {
     fn now(&self, access: &VehicleAccess) -> (Vector3<f32>, Vector3<f32>) {
         match self.source {
             Source::TrajectoryPlan(plan) => plan.at(access.secs),
-            Source::Nobody | Source::Stream { .. } | Source::Arrived if access.mode.flies() => {
+            Source::None | Source::Stream { .. } | Source::Arrived if access.mode.flies() => {
                 (access.goal.position(), Vector3::zeros())
             }
-            Source::Nobody | Source::Stream { .. } | Source::Arrived => (access.state.position, Vector3::zeros()),
+            Source::None | Source::Stream { .. } | Source::Arrived => (access.state.position, Vector3::zeros()),
         }
     }
 
     /// Moves the goal for one control period, if it is to move.
     pub fn steer(&mut self, access: &mut VehicleAccess) {
         if !access.mode.flies() {
-            self.source = Source::Nobody;
+            self.source = Source::None;
         }
         let command = match self.source {
-            Source::Nobody | Source::Arrived => None,
+            Source::None | Source::Arrived => None,
             Source::Stream { set_point, secs, .. } => self.stream(&set_point, access.secs - secs, access),
             Source::TrajectoryPlan(plan) => Some(self.advance(&plan, access)),
         };
         if command.is_some_and(|command| access.order(command).is_err()) {
-            self.source = Source::Nobody;
+            self.source = Source::None;
         }
         self.steered_secs = access.secs;
     }
@@ -229,7 +229,7 @@ impl Commander {
     /// What a set-point of this age wants; at a certain age hover, later land.
     fn stream(&mut self, set_point: &CrtpSetPoint, age_secs: f64, access: &VehicleAccess) -> Option<Command> {
         if age_secs > LAND_SECS {
-            self.source = Source::Nobody;
+            self.source = Source::None;
             return Some(Command::Land);
         }
         if age_secs > HOVER_SECS {
@@ -317,7 +317,7 @@ fn lifts(set_point: &CrtpSetPoint, floor_m: f32) -> bool {
     }
 }
 
-/// Has the autopilot take off if it must. As on a Crazyflie with brushed motors nobody needs to arm it.
+/// Has the autopilot take off if it must. As a Crazyflie with brushed motors it need not be armed.
 fn guide(access: &mut VehicleAccess) -> Result<(), Refusal> {
     match access.mode {
         Mode::Disarmed | Mode::Armed | Mode::Landed => {

@@ -111,7 +111,7 @@ impl CrtpLink {
         }
     }
 
-    /// Whether a packet is the client's, or whoever sent it is the client from now on. Answers pings of scans.
+    /// Whether a packet is the client's, or its sender is the client from now on. Answers pings of scans.
     fn is_served(&mut self, packet: &Packet, sender: SocketAddr) -> bool {
         if packet.is_null() {
             let _lost = self.socket.send_to(&NULL_PACKET, sender);
@@ -130,7 +130,7 @@ impl CrtpLink {
         true
     }
 
-    /// Forgets a client that is silent; whoever waits takes its place, and its handshake is answered then.
+    /// Forgets a client that is silent; a client that waits takes its place, and its handshake is answered then.
     fn change_client<P: PolicyBackend>(&mut self, now: Instant, vehicle: &mut Vehicle<P>, state: &State<f32>) {
         let Some(client) = self.client else { return };
         let silence = now.saturating_duration_since(client.heard);

@@ -20,7 +20,7 @@ const READ_ONLY: u8 = 0x40;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Access {
     Client,
-    Nobody,
+    ReadOnly,
 }
 
 /// One parameter of the table.
@@ -41,7 +41,7 @@ impl CrtpParameter {
 
     /// That says what is there.
     const fn fact(group: &'static str, name: &'static str, number: Number, value: f64) -> Self {
-        Self { group, name, number, access: Access::Nobody, initial: value }
+        Self { group, name, number, access: Access::ReadOnly, initial: value }
     }
 }
 
@@ -58,7 +58,7 @@ impl Listed for CrtpParameter {
         let code = self.number.parameter_code();
         match self.access {
             Access::Client => code,
-            Access::Nobody => code | READ_ONLY,
+            Access::ReadOnly => code | READ_ONLY,
         }
     }
 }
@@ -186,7 +186,7 @@ impl CrtpParameters {
     fn set(&mut self, index: usize, bytes: &[u8]) -> Result<(), u8> {
         let parameter = TABLE.get(index).ok_or(status::NOT_FOUND)?;
         match parameter.access {
-            Access::Nobody => Err(status::READ_ONLY),
+            Access::ReadOnly => Err(status::READ_ONLY),
             Access::Client => {
                 self.values[index] = parameter.number.read(bytes).ok_or(status::INVALID)?;
                 Ok(())

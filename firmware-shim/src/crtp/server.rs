@@ -79,7 +79,7 @@ impl CrtpServer {
         self.logging.reset();
     }
 
-    /// Words for whoever shakes hands.
+    /// The text that a client gets after its handshake.
     fn greet(&mut self, packet: &Packet, access: &mut VehicleAccess) {
         if platform::is_handshake(packet) {
             self.last_words = None;

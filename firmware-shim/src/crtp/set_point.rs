@@ -62,7 +62,7 @@ pub enum CrtpSetPoint {
 pub enum CommanderPacket {
     /// Fly this.
     Follow(CrtpSetPoint),
-    /// No more set-points come: whoever wants may fly.
+    /// No more set-points come: the high-level commander may fly.
     Release,
 }
 
@@ -75,7 +75,7 @@ pub enum CrtpSetPointError {
     /// It is under the floor or beyond [`COORDINATE_LIMIT_M`].
     #[error("expected a set-point above the floor and within 1 km, found it outside")]
     Outside,
-    /// It is for somebody who flies attitudes.
+    /// It is an attitude, which a policy chooses itself.
     #[error("expected positions, heights or velocities, found an attitude: a policy chooses its own")]
     Attitude,
 }

@@ -16,7 +16,7 @@ pub const UNKNOWN_COMMAND: u8 = 8;
 pub const NO_MEMORY: u8 = 12;
 /// `EACCES`: may be read only.
 pub const READ_ONLY: u8 = 13;
-/// `EBUSY`: somebody else is in charge, or the vehicle refuses.
+/// `EBUSY`: another source has the authority, or the vehicle refuses.
 pub const BUSY: u8 = 16;
 /// `EEXIST`: there is one already.
 pub const EXISTS: u8 = 17;

@@ -48,9 +48,9 @@ impl FromStr for SerialPort {
     }
 }
 
-/// A serial line: eight data bits, no parity, one stop bit, no flow control, nobody else at the same end.
+/// A serial line: eight data bits, no parity, one stop bit, no flow control, no other program at the same end.
 ///
-/// The line is its one endpoint, and is told everything from the first moment on: a radio knows nobody to ask.
+/// The line is its one endpoint, and gets every frame from the start: a radio cannot ask for them.
 #[derive(Debug)]
 pub struct SerialLink {
     stream: Stream<File>,

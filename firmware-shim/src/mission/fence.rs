@@ -12,7 +12,7 @@ use crate::geodesy::Home;
 /// vertex is good to a millimetre.
 const REACH_M: f32 = 10_000.0;
 
-/// The zones of an uploaded fence. Return points are kept by whoever keeps the items, and not flown to.
+/// The zones of an uploaded fence. Return points are kept with the items, and not flown to.
 ///
 /// # Errors
 /// What is wrong with the first wrong item; polygons that are cut short, mixed up, or cross or touch themselves.

@@ -24,7 +24,7 @@ const REPETITION_SECS: f64 = 0.25;
 const TRIES: u8 = 10;
 
 /// The end of an upload is told so often again, until its sender goes on: clients such as MAVSDK wait for it once, and in vain
-/// if it is lost. Nobody can know whether it was.
+/// if it is lost. The vehicle cannot know whether it was.
 const END_REPETITIONS: u8 = 3;
 
 /// `MAV_MISSION_TYPE_ALL`.
@@ -69,7 +69,7 @@ struct Upload {
     tries: u8,
 }
 
-/// A message of a peer: who sent it, when, and what sends the answers.
+/// A client's message: who sent it, when, and what sends the answers.
 struct Exchange<'a> {
     sender: [u8; 2],
     now_secs: f64,
@@ -152,7 +152,7 @@ impl MissionProtocol {
         None
     }
 
-    /// Whoever asks for something else has heard how its upload ended, or does not care.
+    /// A client that asks for something else has received how its upload ended, or does not care.
     fn note_progress(&mut self, request: &MissionRequest, sender: [u8; 2]) {
         match request {
             MissionRequest::Item { .. } | MissionRequest::Acknowledge { .. } => {}
@@ -245,7 +245,7 @@ impl MissionProtocol {
         None
     }
 
-    /// An item that nobody asked for may be the last one of an upload whose end its sender has not heard.
+    /// An item that was not asked for may be the last one of an upload whose end its sender has not received.
     fn answer_stray(&self, plan: u8, sequence: u16, sender: [u8; 2], send: &mut dyn FnMut(Payload)) {
         let Some(ended) = &self.ended else { return };
         if ended.sender == sender && ended.plan as u8 == plan && ended.sequence == sequence {

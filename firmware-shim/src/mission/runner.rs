@@ -46,7 +46,7 @@ pub enum DroneMotion {
     Resting,
 }
 
-/// What to do now. The same one comes with every tick until it is done, so whoever obeys may act on changes only.
+/// What to do now. The same one comes with every tick until it is done, so the caller may act on changes only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Directive {
     /// Take off to a height \[m, world\], or to the vehicle's own.
@@ -71,9 +71,9 @@ pub enum Directive {
     Done,
 }
 
-/// Executes the legs of a mission, which are told with every call: whoever replaces them calls [`MissionRunner::reset`].
+/// Executes the legs of a mission, which are given with every call: a caller that replaces them calls [`MissionRunner::reset`].
 ///
-/// Landed or disarmed against its will the drone would be told to take off again: whoever has it land calls
+/// Landed or disarmed against its will the drone would be commanded to take off again: a caller that has it land calls
 /// [`MissionRunner::pause`] first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MissionRunner {

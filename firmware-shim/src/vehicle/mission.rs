@@ -1,4 +1,4 @@
-//! The mission at the helm: what it wants becomes orders to the autopilot.
+//! Missions: what the present item asks for becomes commands to the autopilot.
 
 use kestrel_core::vehicle::State;
 use mavlink::dialects::common::MavSeverity;
@@ -39,7 +39,7 @@ impl<P: PolicyBackend> Vehicle<P> {
             None | Some(MissionEvent::Replaced(PlanKind::Rally)) => {}
             Some(MissionEvent::Replaced(PlanKind::Mission)) => self.forget_mission(),
             Some(MissionEvent::Replaced(PlanKind::Fence)) => {
-                self.controller.autopilot_mut().enclose(self.plans.zones().clone())
+                self.controller.autopilot_mut().enclose(self.plans.zones().clone());
             }
             Some(MissionEvent::Cleared) => {
                 self.forget_mission();
@@ -86,7 +86,7 @@ impl<P: PolicyBackend> Vehicle<P> {
         Ok(())
     }
 
-    /// Somebody else has the say from now on.
+    /// A client's commands have the authority from now on.
     pub(super) fn pause_mission(&mut self) {
         self.runner.pause();
         self.directive = None;

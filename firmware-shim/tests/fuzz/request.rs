@@ -58,7 +58,7 @@ const FORMS: [Form; 25] = [
     form(86, 53, 50),
     form(110, 254, 1),
     form(111, 18, 16),
-    // Nobody obeys this one.
+    // No vehicle handles this one.
     Form { message_id: 69, len: 11, system_at: Some(10), component_at: None, command_at: None },
 ];
 

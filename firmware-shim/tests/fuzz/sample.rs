@@ -22,7 +22,7 @@ pub(crate) enum Kind {
     Damaged,
     /// A message that no dialect knows.
     Unknown,
-    /// Flags that nobody knows.
+    /// Flags that are not known.
     Flagged,
     /// The beginning of a good frame.
     Truncated,

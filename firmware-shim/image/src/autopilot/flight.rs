@@ -6,7 +6,7 @@ use kestrel_onboard::failsafe::FailsafeEvent;
 
 use super::line::{Presence, SetPointStream};
 
-/// A flight from the floor, and what somebody or something does to it.
+/// A flight from the floor, and the events of its script.
 pub(super) struct Flight {
     pub(super) name: &'static str,
     /// Height of the take-off \[m\].
@@ -45,7 +45,7 @@ pub(super) enum ScriptEvent {
     Hang,
     /// It wants all there is from every motor.
     Saturate,
-    /// Somebody without the key wants the flight terminated.
+    /// A sender without the key commands to terminate the flight.
     Intrude,
 }
 

@@ -133,7 +133,7 @@ impl Line {
     }
 }
 
-/// A command to terminate the flight from somebody who has not the key.
+/// A command to terminate the flight from a sender without the key.
 pub(super) fn intrude(arrive: &mut dyn FnMut(u8)) {
     let payload = command_long(&Pending { command: 185, parameters: [1.0, 0.0, 0.0] });
     for byte in &Encoder::new(254, 190).encode(&payload) {

@@ -1,6 +1,6 @@
 #![no_std]
 #![no_main]
-//! A pilot for whoever asks over the serial line: the processor in the loop of `kestrel fly --processor qemu`.
+//! A policy behind the serial line: the processor in the loop of `kestrel fly --processor qemu`.
 
 use kestrel_core::policy_file::Aligned;
 use kestrel_core::processor_in_the_loop::serve;

@@ -1,4 +1,4 @@
-//! The proof that no panic can be reached: its handler needs a function that nobody has.
+//! The proof that no panic can be reached: its handler needs a function that is not defined anywhere.
 
 #![expect(unsafe_code, reason = "a function that does not exist cannot be called safely")]
 

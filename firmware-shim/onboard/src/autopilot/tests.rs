@@ -80,7 +80,7 @@ impl Rig {
         Self::flown(mode, Controller::Policy)
     }
 
-    /// In a mode, with somebody at the helm.
+    /// In a mode, with a controller.
     fn flown(mode: Mode, controller: Controller) -> Self {
         let mut rig = Self::new();
         rig.accept(Command::SelectController(controller));

@@ -24,7 +24,7 @@ const SHORTEST_SHARE: f64 = 0.9;
 /// The same between an answer, before which Betaflight has read the state, and the next state.
 const SHORTEST_SHARE_AFTER_ANSWER: f64 = 0.5;
 
-/// As long as nobody flies, states are so far apart \[s\] that Betaflight takes no speed from them: those that queue up
+/// As long as no autopilot flies, states are so far apart \[s\] that Betaflight takes no speed from them: those that queue up
 /// while it starts are read all at once.
 const IDLE_SECS: f64 = 0.025;
 
@@ -56,7 +56,7 @@ enum Exchange {
     Answered,
     /// It waits.
     Unanswered,
-    /// Nobody wants it any more.
+    /// The autopilot does not want it any more.
     Ended,
 }
 
@@ -185,7 +185,7 @@ impl<'a, 'p> BetaflightServer<'a, 'p> {
 
     /// Who answered in time, if anybody did.
     fn listen(&mut self, socket: &mut DatagramSocket) -> Result<Option<SocketAddr>, BridgeError> {
-        // Before the first answer nobody is waited for.
+        // Before the first answer the bridge does not wait.
         let limit = if self.simulator.engaged() { ANSWER_LIMIT } else { self.period };
         let end = Instant::now() + limit;
         loop {

@@ -19,7 +19,7 @@ const SILENCE_LIMIT: Duration = Duration::from_secs(1);
 /// One look for a simulator, or for its next message, waits no longer than this, so that the vehicle goes on speaking.
 const LOOK_LIMIT: Duration = Duration::from_millis(20);
 
-/// A state that nobody knows.
+/// A state that is not known.
 const UNKNOWN: State<f32> = State {
     position: Vector3::new(f32::NAN, f32::NAN, f32::NAN),
     world_from_body: Attitude { w: 1.0, x: 0.0, y: 0.0, z: 0.0 },

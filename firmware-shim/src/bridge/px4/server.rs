@@ -51,7 +51,7 @@ impl Listener {
         self.socket.local_addr().map_err(BridgeError::Socket)
     }
 
-    /// Whoever has connected, if anybody has.
+    /// The client that has connected, if one has.
     fn accept(&self) -> Result<Option<(TcpStream, SocketAddr)>, BridgeError> {
         match self.socket.accept() {
             Ok((stream, address)) => {
@@ -168,7 +168,7 @@ impl<'a, 'p> Px4Server<'a, 'p> {
         let mut bytes = [0; 1024];
         let start = Instant::now();
         while !self.simulator.answered() {
-            // In simulated time nobody waits for a PX4 that has not woken up; on the wall clock it shall have a chance to.
+            // In simulated time the bridge does not wait for a PX4 that has not woken up; on the wall clock it gets a chance to.
             let limit = if self.simulator.awake() { ANSWER_LIMIT } else { self.period };
             let left = limit.saturating_sub(start.elapsed());
             if left.is_zero() {

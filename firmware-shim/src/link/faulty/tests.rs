@@ -67,8 +67,8 @@ fn one_bit_is_flipped_with_its_probability() {
     }
 }
 
-/// Whoever is held back lets the next one pass, which therefore is not held back itself: of a chain with the states "nobody
-/// waits" and "somebody waits" the second has the share p / (1 + p).
+/// A datagram that is held back lets the next one pass, which therefore is not held back itself: of a chain with the states
+/// "none waits" and "one waits" the second has the share p / (1 + p).
 #[test]
 fn neighbours_change_places_with_the_closed_form_of_their_probability() {
     for probability in [0.0, 0.2, 0.7, 1.0] {

@@ -314,7 +314,7 @@ fn whoever_goes_on_does_not_hear_the_end_again() {
     for request in [MissionRequest::List { plan: 0 }, MissionRequest::SetCurrent { sequence: 1 }] {
         let mut rig = Rig::with(&waypoints(3, 0));
         rig.ask(request, OTHER);
-        assert_eq!(rig.wait(0.3).len(), 1, "{request:?} of somebody else");
+        assert_eq!(rig.wait(0.3).len(), 1, "{request:?} of another sender");
         rig.ask(request, PEER);
         assert_eq!(rig.wait(5.0), [], "{request:?}");
     }
@@ -439,7 +439,7 @@ struct Client {
     outcome: Option<u8>,
 }
 
-/// What a client reports when nobody answers.
+/// What a client reports when no answer comes.
 const TIMEOUT: u8 = 255;
 
 impl Client {

@@ -1,4 +1,4 @@
-//! Every failsafe, in every mode of flight, with the policy and with the cascade at the helm: when it acts, what it does, and
+//! Every failsafe, in every mode of flight, with the policy and with the cascade active: when it acts, what it does, and
 //! how the flight ends.
 
 use super::*;
@@ -75,7 +75,7 @@ impl Cause {
         }
     }
 
-    /// Whether only a policy at the helm can fail so.
+    /// Whether only an active policy can fail so.
     const fn is_of_policy(self) -> bool {
         matches!(self, Self::Silence | Self::NotANumber | Self::Saturation)
     }
@@ -95,8 +95,8 @@ impl Cause {
 }
 
 impl Cell {
-    /// All that can be: a stream is lost in the offboard mode only, a policy fails at the helm only, and whoever has a
-    /// policy fail has something done about it.
+    /// All that can be: a stream is lost in the offboard mode only, a policy fails while active only, and its
+    /// failure always has an action.
     fn all() -> Vec<Self> {
         let mut cells = Vec::new();
         for cause in CAUSES {
@@ -212,7 +212,7 @@ fn begin(cause: Cause, rig: &mut Rig) {
         Cause::Tilt | Cause::Spin => state.position.z = UPSET_HEIGHT_M,
         Cause::Silence => rig.autopilot.controllers.backend().answer = Answer::Silent,
         Cause::NotANumber => {
-            rig.autopilot.controllers.backend().answer = Answer::Always([f32::NAN, 1.0, 1.0, 1.0])
+            rig.autopilot.controllers.backend().answer = Answer::Always([f32::NAN, 1.0, 1.0, 1.0]);
         }
         Cause::Saturation => rig.autopilot.controllers.backend().answer = Answer::Always([limit; 4]),
     }
