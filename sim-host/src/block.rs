@@ -121,10 +121,10 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             }
             (Some(arena), Some(solver)) => {
                 let near = self.lanes_that_may_touch(stage.scenario, arena);
-                let flocks: Vec<Flock<R>> = lanes_of(&near).map(|lane| self.flock(lane)).collect();
+                let drones_by_lane: Vec<LaneDrones<R>> = lanes_of(&near).map(|lane| self.drones(lane)).collect();
                 self.fly_freely(stage, substeps);
-                for (lane, flock) in lanes_of(&near).zip(flocks) {
-                    self.fly_touching(stage, (arena, solver), lane, flock);
+                for (lane, drones) in lanes_of(&near).zip(drones_by_lane) {
+                    self.fly_touching(stage, (arena, solver), lane, drones);
                 }
             }
         }
@@ -153,7 +153,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     }
 
     /// The drones of one lane.
-    fn flock(&self, lane: usize) -> Flock<R> {
+    fn drones(&self, lane: usize) -> LaneDrones<R> {
         self.agents.iter().map(|agent| agent.swarm.alone(lane)).collect()
     }
 
@@ -246,31 +246,31 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         stage: &Stage<'_, R>,
         (arena, solver): (&Arena, &ContactSolver),
         lane: usize,
-        mut flock: Flock<R>,
+        mut drones: LaneDrones<R>,
     ) {
         let physics = &stage.scenario.physics;
         let mut touches = Vec::new();
-        let mut pushes = vec![[R::zero()]; flock.len()];
+        let mut pushes = vec![[R::zero()]; drones.len()];
         for substep in 0..physics.substeps {
-            let before: Vec<Motion> = flock.iter().map(|drone| drone.motion(0)).collect();
+            let before: Vec<Motion> = drones.iter().map(|drone| drone.motion(0)).collect();
             if substep + 1 == physics.substeps && reports_early(stage.scenario) {
                 touches = touching(arena, &before, &self.movables[lane]);
             }
             if physics.has_downwash() {
-                let team: Vec<[Column<1, R>; 3]> = flock.iter().map(|drone| drone.position).collect();
+                let team: Vec<[Column<1, R>; 3]> = drones.iter().map(|drone| drone.position).collect();
                 stage.mechanics.push_down(&team, &mut pushes);
             }
-            for ((drone, targets), push) in flock.iter_mut().zip(&self.targets).zip(&pushes) {
+            for ((drone, targets), push) in drones.iter_mut().zip(&self.targets).zip(&pushes) {
                 drone.advance(stage.mechanics, &one_lane(targets, lane), push);
             }
             let bodies = (&mut self.movables[lane], &mut self.contacts[lane]);
-            resolve(solver, &before, &mut flock, bodies, physics.substep_secs());
+            resolve(solver, &before, &mut drones, bodies, physics.substep_secs());
         }
         if !reports_early(stage.scenario) {
-            let drones: Vec<Motion> = flock.iter().map(|drone| drone.motion(0)).collect();
+            let drones: Vec<Motion> = drones.iter().map(|drone| drone.motion(0)).collect();
             touches = touching(arena, &drones, &self.movables[lane]);
         }
-        for (agent, drone) in self.agents.iter_mut().zip(&flock) {
+        for (agent, drone) in self.agents.iter_mut().zip(&drones) {
             agent.swarm.set_drone(lane, &drone.drone(0));
         }
         self.mark_touches(lane, &touches);
@@ -413,7 +413,7 @@ fn difference<const LANES: usize, R: Real>(
 }
 
 /// The drones of one environment, one by one.
-type Flock<R> = Vec<Swarm<1, R>>;
+type LaneDrones<R> = Vec<Swarm<1, R>>;
 
 /// Whether contact is reported as it was at the start of the last substep: Bullet reports what its last collision
 /// detection saw.
@@ -462,14 +462,14 @@ fn touching(arena: &Arena, drones: &[Motion], movables: &[Motion]) -> Vec<Touch>
 fn resolve<R: Real>(
     solver: &ContactSolver,
     before: &[Motion],
-    flock: &mut Flock<R>,
+    drones: &mut LaneDrones<R>,
     (movables, memory): (&mut Vec<Motion>, &mut ContactMemory),
     secs: f64,
 ) {
-    let free: Vec<Motion> = flock.iter().map(|drone| drone.motion(0)).collect();
+    let free: Vec<Motion> = drones.iter().map(|drone| drone.motion(0)).collect();
     let mut after = free.clone();
     solver.resolve(before, &mut after, movables, memory, secs);
-    for ((lone, free), after) in flock.iter_mut().zip(&free).zip(&after) {
+    for ((lone, free), after) in drones.iter_mut().zip(&free).zip(&after) {
         if after != free {
             let mut drone = lone.drone(0);
             let state = &mut drone.motion;

@@ -32,39 +32,38 @@ use serde::{Deserialize, Serialize};
 
 pub use kestrel_config::{ConfigError, Field, Limits, schema_of};
 
-pub use agents::{AgentsConfig, GoalsConfig, TeamEndConfig, TeamRewardsConfig, TeamSuccessConfig};
+pub use agents::{AgentsConfig, GoalsConfig};
 pub use airframe::{
     AirframeConfig, AirframeNumbers, CollisionConfig, DownwashConfig, KnownAirframe, LayoutConfig, RotorNumbering,
     RotorOrderConfig, read_airframe,
 };
 pub use area::AreaConfig;
-pub use aviary::{AviaryConfig, BoxConfig, Place};
+pub use aviary::{AviaryConfig, AviaryParts, BoxConfig};
 pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, PaperCameraConfig};
 pub use notation::{Document, DroneNotations};
 pub use physics::{
-    BulletConfig, ContactsConfig, DragFrameConfig, DynReportConfig, IntegratorConfig, ModeConfig, PhysicsConfig,
-    QuirksConfig, VersionConfig,
+    BulletConfig, DragFrameConfig, DynReportConfig, IntegratorConfig, ModeConfig, PhysicsConfig, QuirksConfig,
+    VersionConfig,
 };
 pub use pilot::{
-    ActionConfig, ControllerConfig, CriticConfig, KinematicConfig, ObservationConfig, PaperConfig, PilotConfig,
-    PrecisionConfig, PublishedConfig, PublishedKindConfig, RotorSpeedsConfig, ThrustBodyRatesConfig,
-    VelocityConfig,
+    ActionConfig, ControllerConfig, KinematicConfig, ObservationConfig, PaperConfig, PilotConfig, PrecisionConfig,
+    PublishedConfig, PublishedKindConfig, RotorSpeedsConfig, ThrustBodyRatesConfig, VelocityConfig,
 };
 pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
 pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GyroscopeConfig, ImuConfig,
     MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,
 };
-pub use start::{PlaceConfig, RandomisationConfig, StartConfig, StartPositionConfig};
+pub use start::{RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
 pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
-    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, LookConfig, MeshConfig, MovableConfig, RoleConfig,
-    RoomConfig, SolidConfig, SuperellipsoidConfig, TurnedBoxConfig,
+    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MeshConfig, MovableConfig, RoomConfig, SolidConfig,
+    SuperellipsoidConfig, TurnedBoxConfig, VisualConfig,
 };
 
-use crate::contact::WayMap;
-use crate::scenario::{Aviary, EndRule, Goals, Preset, Scenario, Termination};
+use crate::contact::DistanceField;
+use crate::scenario::{Aviary, CriticView, EndRule, Goals, Preset, Scenario, TeamSuccess, Termination};
 use crate::world::Cuboid;
 
 /// Default of [`ScenarioConfig::episode_secs`].
@@ -105,7 +104,7 @@ pub struct ScenarioConfig {
     pub camera: Option<CameraConfig>,
     /// What the critic sees while training.
     #[serde(default)]
-    pub critic: CriticConfig,
+    pub critic: CriticView,
     /// How episodes begin.
     pub start: StartConfig,
     /// What differs from episode to episode.
@@ -161,7 +160,7 @@ impl ScenarioConfig {
         let (clock, time_limit) = self.clock.check();
         Ok(Scenario {
             name: name.to_owned(),
-            critic: self.critic.check(),
+            critic: self.critic,
             randomisation: self.randomisation.check(&field.at("randomisation"))?,
             rewards: RewardConfig::check_all(&self.rewards, rate, &ways, &field.at("rewards"))?,
             episode_secs: field.at("episode_secs").number(self.episode_secs, &EPISODE_LIMITS)?,
@@ -191,10 +190,8 @@ impl ScenarioConfig {
             return Err(field.refuse(mates.nearest, format!("fewer than the {drones} drones of `agents`")));
         }
         match (self.agents.success, &self.success) {
-            (TeamSuccessConfig::Own, _) | (_, SuccessConfig::Settle { .. } | SuccessConfig::Visit { .. }) => {
-                Ok(())
-            }
-            (TeamSuccessConfig::All, _) => {
+            (TeamSuccess::Own, _) | (_, SuccessConfig::Settle { .. } | SuccessConfig::Visit { .. }) => Ok(()),
+            (TeamSuccess::All, _) => {
                 let found = "`all` beside a success that ends the episode of the first";
                 Err(field
                     .at("agents")
@@ -242,7 +239,7 @@ impl ScenarioConfig {
 }
 
 /// The ways to the goal inside the bounds of the terminations, or where there are none within reach of what stands there.
-fn ways_of(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> Arc<WayMap> {
+fn ways_of(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> Arc<DistanceField> {
     let bounds = terminations
         .iter()
         .find_map(|rule| if let Termination::OutOfBounds(bounds) = rule.rule { Some(bounds) } else { None });
@@ -250,5 +247,5 @@ fn ways_of(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> Ar
     let all =
         |whole: Cuboid, part: Cuboid| Cuboid { low: whole.low.inf(&part.low), high: whole.high.sup(&part.high) };
     let bounds = bounds.unwrap_or_else(|| aviary.world.bounds().into_iter().fold(around_goal, all));
-    WayMap::shared(&aviary.world, &aviary.goal, bounds, airframe.collision_radius)
+    DistanceField::shared(&aviary.world, &aviary.goal, bounds, airframe.collision_radius)
 }

@@ -6,7 +6,8 @@
 mod arena;
 mod body;
 mod bullet;
-mod distance_map;
+mod clearance_map;
+mod distance_field;
 mod frame;
 mod group;
 mod impulses;
@@ -14,22 +15,23 @@ mod manifold;
 mod outline;
 mod penetration;
 mod rapier;
+mod route;
 mod scanner;
 mod separation;
 mod solver;
 #[cfg(test)]
 mod tests;
-mod way_map;
 
 use core::ops::BitOrAssign;
 
 use nalgebra::Vector3;
 
 pub use arena::Arena;
+pub use distance_field::DistanceField;
 pub use manifold::ContactMemory;
 pub(crate) use outline::face_normals;
+pub use route::Passage;
 pub use solver::ContactSolver;
-pub use way_map::WayMap;
 
 use crate::world::Pose;
 

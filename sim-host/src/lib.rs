@@ -1,8 +1,28 @@
-//! Kestrel's simulator: many drones in their aviaries, stepped together, the same bits every time.
+//! Kestrel's simulator: many quadrotors in their aviaries, stepped together, bit-exact for any number of threads.
 //!
 //! Read in the order of the data: a [`config`] file becomes a [`scenario`], which says what is simulated, and a
-//! [`seed`] what is random; a [`simulation`] steps its environments and reports each [`outcome`]. A [`flight`] is one
-//! drone for software in the loop.
+//! [`seed`] what is random (domain randomisation included); a [`simulation`] steps its environments and reports each
+//! [`outcome`]. A [`flight`] is one drone for software in the loop.
+//!
+//! ```
+//! use kestrel_sim::kestrel_core::airframe::CF2X;
+//! use kestrel_sim::kestrel_core::dynamics::Integrator;
+//! use kestrel_sim::scenario::{Physics, Scenario};
+//! use kestrel_sim::seed::Seed;
+//! use kestrel_sim::simulation::Simulation;
+//!
+//! // Sixty-four Crazyflies that shall hover a metre above the floor, at 100 Hz.
+//! let scenario = Scenario::hover(&CF2X, Physics::clean(Integrator::SemiImplicitEuler, 2, 100.0));
+//! let mut simulation: Simulation = Simulation::new(&scenario, Seed(7), 0, 64);
+//! let actions = vec![0.0; scenario.action.len() * simulation.rows()];
+//! for _ in 0..100 {
+//!     simulation.step(&actions);
+//! }
+//! assert_eq!(simulation.observations().len(), 64 * simulation.observation_len());
+//! // With all rotors at hover speed and nothing in the way, each is still where it began.
+//! let distance = (simulation.state(0).position - simulation.goal(0)).norm();
+//! assert!(distance < 0.6, "{distance} m");
+//! ```
 
 mod agent;
 mod block;
@@ -25,3 +45,4 @@ mod testing;
 pub mod world;
 
 pub use agent::PRIVILEGED_LEN;
+pub use {kestrel_core, nalgebra};

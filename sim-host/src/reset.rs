@@ -10,7 +10,7 @@ use kestrel_core::reference::bullet::BulletState;
 use kestrel_core::vehicle::{State, Vehicle};
 use nalgebra::Vector3;
 
-use crate::scenario::{FreeSpace, Place, Preset, Randomisation, Scenario, Start, StartPosition, WayStarts};
+use crate::scenario::{FreeSpace, PathStarts, Place, Preset, Randomisation, Scenario, Start, StartPosition};
 use crate::seed::Stream;
 use crate::world::Cuboid;
 
@@ -100,7 +100,7 @@ fn free_position(space: &FreeSpace, stream: &mut Stream) -> Vector3<f32> {
 }
 
 /// In the box, or around a point of a way from there.
-fn position_on_way(starts: &WayStarts, stream: &mut Stream) -> Vector3<f32> {
+fn position_on_way(starts: &PathStarts, stream: &mut Stream) -> Vector3<f32> {
     let Cuboid { low, high } = starts.space.region;
     let at_start = Vector3::from_fn(|axis, _| stream.between(low[axis], high[axis]));
     if stream.uniform() < starts.box_share {

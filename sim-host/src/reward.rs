@@ -6,7 +6,7 @@ mod tests;
 
 use kestrel_core::real::Real;
 
-use crate::contact::WayMap;
+use crate::contact::DistanceField;
 use crate::scenario::{AgentSet, RewardTerm, WeightedTerm};
 use crate::swarm::{Column, Swarm, row};
 
@@ -122,7 +122,7 @@ impl RewardTerm {
 #[inline(never)]
 fn advance<const LANES: usize, R: Real>(
     view: &StepView<'_, LANES, R>,
-    ways: &WayMap,
+    ways: &DistanceField,
     weight: R,
     before: &mut Column<LANES, R>,
     values: &mut Column<LANES, R>,

@@ -9,9 +9,11 @@ use kestrel_core::observation::{ObservationLayout, PilotLayout};
 use kestrel_core::reference::bullet::{BulletMode, Quirks};
 use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::camera::OnboardCamera;
-use crate::contact::WayMap;
+use crate::contact::DistanceField;
 use crate::sensor::SensorSuite;
 use crate::world::{Cuboid, World};
 
@@ -110,13 +112,14 @@ pub enum Downwash {
 }
 
 /// What contacts do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Contacts {
-    /// Nothing: drones pass through everything, and no contact is reported.
+    /// Nothing: drones pass through everything unseen.
     Absent,
-    /// They are reported to rewards and terminations; drones pass through.
+    /// Rewards and terminations see them; drones pass through.
     Reported,
-    /// They are reported, and bodies push each other: resting, sliding, landing.
+    /// Bodies push each other: resting, sliding, landing.
     Solved,
 }
 
@@ -134,29 +137,35 @@ pub struct Agents {
 }
 
 /// What becomes of the others when one drone's episode ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum TeamEnd {
     /// Their episodes end with it.
+    #[default]
     Together,
     /// They fly on; the one starts anew.
     Alone,
 }
 
 /// Whose rewards a drone is paid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum TeamRewards {
     /// Its own.
+    #[default]
     Own,
     /// The sum over all drones of the environment.
     Shared,
 }
 
 /// Who has to succeed for a drone's episode to be a success.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum TeamSuccess {
     /// The drone itself.
+    #[default]
     Own,
-    /// All drones of the environment at once.
+    /// All drones of the environment.
     All,
 }
 
@@ -211,12 +220,14 @@ pub struct Aviary {
     pub world: World,
 }
 
-/// What the critic sees beside the observation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What the critic sees while training.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum CriticView {
-    /// Nothing else.
+    /// What the policy sees.
+    #[default]
     Observation,
-    /// Rotor speeds, wind, the episode's parameters and the time left.
+    /// Also rotor speeds, wind, the episode's parameters and the time left, which only a simulator knows.
     Privileged,
 }
 
@@ -250,7 +261,7 @@ pub enum StartPosition {
     /// Uniform where a box is free.
     FreeWithin(FreeSpace),
     /// On the way from a box to the goal.
-    AlongWay(WayStarts),
+    AlongWay(PathStarts),
     /// Always there, or nearby, one place for each drone.
     Exactly(Vec<Place>),
 }
@@ -270,7 +281,7 @@ pub struct FreeSpace {
 
 /// Starts in a box, and around points of the shortest ways from it to the goal.
 #[derive(Clone, Debug)]
-pub struct WayStarts {
+pub struct PathStarts {
     /// The box, whose points all count as free, and what is free around the way.
     pub space: FreeSpace,
     /// Greatest distance of a start from a point of a way, along each axis \[m\].
@@ -278,7 +289,7 @@ pub struct WayStarts {
     /// Share of the starts in the box.
     pub box_share: f32,
     /// The ways.
-    pub ways: Arc<WayMap>,
+    pub ways: Arc<DistanceField>,
     points: OnceLock<Vec<Vector3<f32>>>,
 }
 
@@ -400,9 +411,9 @@ impl FreeSpace {
     }
 }
 
-impl WayStarts {
+impl PathStarts {
     /// Starts in and on the way from the region of `space`.
-    pub fn new(space: FreeSpace, spread_m: f32, box_share: f32, ways: Arc<WayMap>) -> Self {
+    pub fn new(space: FreeSpace, spread_m: f32, box_share: f32, ways: Arc<DistanceField>) -> Self {
         Self { space, spread_m, box_share, ways, points: OnceLock::new() }
     }
 
@@ -412,12 +423,12 @@ impl WayStarts {
             let Cuboid { low, high } = self.space.region;
             let corner = |number: usize| Vector3::from_fn(|axis, _| [low, high][number >> axis & 1][axis]);
             let origins = (0..8).map(corner).chain([(low + high) * 0.5]);
-            origins.flat_map(|origin| self.ways.way_from(origin.into())).collect()
+            origins.flat_map(|origin| self.ways.path_from(origin.into())).collect()
         })
     }
 }
 
-impl PartialEq for WayStarts {
+impl PartialEq for PathStarts {
     fn eq(&self, other: &Self) -> bool {
         let numbers = |starts: &Self| (starts.spread_m, starts.box_share);
         numbers(self) == numbers(other) && self.space == other.space && self.ways == other.ways

@@ -4,6 +4,8 @@ mod mesh;
 
 use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 pub use mesh::{Mesh, Triangle};
 
@@ -51,12 +53,12 @@ pub struct Solid {
     /// Red, green, blue in \[0, 1\].
     pub colour: [f32; 3],
     /// What cameras see in place of the outline, under the same label; the outline itself where there is none.
-    pub look: Option<Look>,
+    pub visual: Option<VisualGeometry>,
 }
 
 /// A shape that is seen but not touched.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Look {
+pub struct VisualGeometry {
     /// A mesh as its triangles; of a movable as its hull.
     pub shape: Shape,
     /// Where it is in the body's frame \[m\], and how it is turned from there.
@@ -111,7 +113,8 @@ pub struct Pose {
 }
 
 /// What touching a body means.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Role {
     /// A collision.
     Obstacle,
@@ -149,15 +152,15 @@ impl Solid {
             friction: 0.5,
             contact_gap: BOX_CONTACT_GAP,
             colour: [0.6; 3],
-            look: None,
+            visual: None,
         }
     }
 
     /// What cameras see of it, and where \[m, world\].
     pub fn seen(&self) -> (&Shape, Pose) {
-        match &self.look {
+        match &self.visual {
             None => (&self.shape, self.pose),
-            Some(Look { shape, pose_in_body }) => (shape, pose_in_body.within(&self.pose)),
+            Some(VisualGeometry { shape, pose_in_body }) => (shape, pose_in_body.within(&self.pose)),
         }
     }
 

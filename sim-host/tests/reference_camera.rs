@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use kestrel_core::attitude::Attitude;
 use kestrel_sim::camera::{Camera, FIRST_SOLID, Image, Scene, View};
-use kestrel_sim::config::Place;
+use kestrel_sim::config::AviaryParts;
 use kestrel_sim::world::{Floor, Pose, Shape, Solid};
 use nalgebra::Vector3;
 
@@ -98,7 +98,7 @@ impl Count {
 }
 
 fn count(name: &str, floor: Floor) -> Count {
-    let mut world = Place::read(&golden("primitives.yaml")).unwrap().world;
+    let mut world = AviaryParts::read(&golden("primitives.yaml")).unwrap().world;
     world.floor = floor;
     let scene = Scene::new(&world);
     let bytes = |kind: &str| fs::read(golden(&format!("{name}.{kind}"))).unwrap();

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 
 use kestrel_sim::camera::{Camera, Scene, View};
-use kestrel_sim::config::Place;
+use kestrel_sim::config::AviaryParts;
 use kestrel_sim::world::{Pose, World};
 use nalgebra::Vector3;
 
@@ -34,7 +34,7 @@ fn picture(world: &World, start: Vector3<f64>) -> Vec<f32> {
 /// Share of the pixels that differ from the recording by more than 1 % and one centimetre.
 fn share_of_differences(recording: &str, world: &str) -> f64 {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../assets/worlds/{world}.yaml"));
-    let place = Place::read(&path).unwrap();
+    let place = AviaryParts::read(&path).unwrap();
     let (seen, recorded) = (picture(&place.world, place.starts[0]), golden(recording));
     assert_eq!(seen.len(), recorded.len());
     let pairs: Vec<_> = seen.iter().zip(&recorded).filter(|(_, recorded)| **recorded > OWN_PROPELLERS).collect();

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use kestrel_core::attitude::Attitude;
 use kestrel_sim::camera::{Camera, FIRST_SOLID, FLOOR, Image, Scene, View};
-use kestrel_sim::config::Place;
+use kestrel_sim::config::AviaryParts;
 use kestrel_sim::world::{Pose, World};
 use nalgebra::Vector3;
 
@@ -103,7 +103,7 @@ fn colour(world: &World, prefix: &str) -> [f32; 3] {
 /// Shares of the pixels whose label is nowhere near, and of the areas whose colour is in no picture.
 fn compare(recording: &str, world: &str) -> [f64; 2] {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../assets/worlds/{world}.yaml"));
-    let world = Place::read(&path).unwrap().world;
+    let world = AviaryParts::read(&path).unwrap().world;
     let scene = Scene::new(&world);
     let full = [[0.0; 3], [0.0; 3], colour(&world, "wall"), colour(&world, "dresser"), colour(&world, "cupboard")];
     let recorded = fs::read(golden(&format!("{recording}.labels.u8"))).unwrap();

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use kestrel_core::airframe::CF2X;
-use kestrel_sim::config::{AviaryConfig, FurnitureConfig, Place, schema_of};
+use kestrel_sim::config::{AviaryConfig, AviaryParts, FurnitureConfig, schema_of};
 use kestrel_sim::contact::{Arena, ContactReport, Motion};
 use kestrel_sim::world::{Floor, Mesh, Pose, Role, Shape, Solid};
 use nalgebra::Vector3;
@@ -64,8 +64,8 @@ fn assets(folder: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets").join(folder)
 }
 
-fn world(name: &str) -> Place {
-    Place::read(&assets("worlds").join(format!("{name}.yaml"))).unwrap()
+fn world(name: &str) -> AviaryParts {
+    AviaryParts::read(&assets("worlds").join(format!("{name}.yaml"))).unwrap()
 }
 
 /// Names of the YAML files in a folder of assets, sorted.

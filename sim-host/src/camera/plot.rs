@@ -5,7 +5,7 @@ mod mesh;
 use nalgebra::Vector3;
 
 use super::kernel::{Affine, COLUMNS, Canvas, Figure, Plane, Plot, Quadratic, ROWS, Side};
-use super::scene::{Ball, Body, FLOOR_SURFACE, Face, Round, Scene};
+use super::scene::{Body, BoundingSphere, CurvedSide, FLOOR_SURFACE, Face, Scene};
 use super::{Camera, View};
 
 /// Distance within which an eye counts as being beside a plane and not in it \[m\].
@@ -36,7 +36,7 @@ impl Scene {
     }
 }
 
-impl Ball {
+impl BoundingSphere {
     /// Whether it meets what the camera sees.
     #[inline(always)]
     fn is_in_view(&self, camera: &Camera, view: &View) -> bool {
@@ -79,7 +79,7 @@ impl Body {
     }
 }
 
-impl Round {
+impl CurvedSide {
     /// The ray is on the side where `C w² + 2 B w + A = 0` for its inverse depth `w`.
     fn side(&self, rays: &Rays) -> Side {
         let across = |vector: Vector3<f64>| vector - self.axis * vector.dot(&self.axis);

@@ -7,7 +7,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::kernel::{COLUMNS, Canvas, ROWS};
 use super::plot::Rays;
-use super::scene::{AMBIENT, BACKGROUND, DIFFUSE, FLOOR_SURFACE, Glow, NO_SURFACE, SPECULAR, Scene, Surface};
+use super::scene::{AMBIENT, BACKGROUND, DIFFUSE, FLOOR_SURFACE, NO_SURFACE, SPECULAR, Scene, Shading, Surface};
 use super::{Camera, Image, NOTHING, View};
 
 impl Scene {
@@ -124,7 +124,7 @@ impl Scene {
     #[inline(always)]
     fn round_colour(&self, body: u32, point: [f32; 3]) -> [u8; 3] {
         let Some(round) = &self.bodies[body as usize].round else { return BACKGROUND };
-        let Glow { centre, axis, light, along, rise, per_radius, colour } = &round.glow;
+        let Shading { centre, axis, light, along, rise, per_radius, colour } = &round.shading;
         let away = [point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]];
         let dot = |one: &[f32; 3], other: &[f32; 3]| one[0] * other[0] + one[1] * other[1] + one[2] * other[2];
         let along_axis = dot(&away, axis);

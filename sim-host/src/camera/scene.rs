@@ -47,13 +47,13 @@ pub struct Scene {
     pub(super) bodies: Vec<Body>,
     pub(super) meshes: Vec<Mesh>,
     pub(super) has_floor: bool,
-    pub(super) surfaces: Vec<Look>,
+    pub(super) surfaces: Vec<Appearance>,
     moving: Moving,
 }
 
 /// How a surface looks.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Look {
+pub(super) struct Appearance {
     pub(super) label: u16,
     /// Of a flat surface.
     pub(super) colour: [u8; 3],
@@ -63,7 +63,7 @@ pub(super) struct Look {
 
 /// A ball around something.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ball {
+pub(super) struct BoundingSphere {
     /// \[m\].
     pub(super) centre: Vector3<f64>,
     /// Its radius \[m\].
@@ -73,9 +73,9 @@ pub(super) struct Ball {
 /// A convex body.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
-    pub(super) ball: Ball,
+    pub(super) ball: BoundingSphere,
     pub(super) faces: Vec<Face>,
-    pub(super) round: Option<Round>,
+    pub(super) round: Option<CurvedSide>,
     /// Points whose hull holds the body \[m\].
     pub(super) corners: Vec<Vector3<f64>>,
 }
@@ -90,17 +90,17 @@ pub(super) struct Face {
 
 /// The side of a cylinder, or a sphere, whose axis is zero: it is about no direction.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Round {
+pub(super) struct CurvedSide {
     pub(super) centre: Vector3<f64>,
     pub(super) axis: Vector3<f64>,
     pub(super) radius: f64,
     pub(super) surface: Surface,
-    pub(super) glow: Glow,
+    pub(super) shading: Shading,
 }
 
 /// How light falls on what is round.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Glow {
+pub(super) struct Shading {
     pub(super) centre: [f32; 3],
     pub(super) axis: [f32; 3],
     /// Towards the light, by the radius.
@@ -120,8 +120,8 @@ impl Scene {
     /// # Panics
     /// When it has more bodies than there are labels, 65,533.
     pub fn new(world: &World) -> Self {
-        let nothing = Look { label: NOTHING, colour: BACKGROUND, round: None };
-        let floor = |colour| Look { label: FLOOR, colour: shaded(colour, &Vector3::z()), round: None };
+        let nothing = Appearance { label: NOTHING, colour: BACKGROUND, round: None };
+        let floor = |colour| Appearance { label: FLOOR, colour: shaded(colour, &Vector3::z()), round: None };
         let mut scene = Self {
             bodies: Vec::new(),
             meshes: Vec::new(),
@@ -141,7 +141,7 @@ impl Scene {
     /// Adds what is seen of a solid.
     fn add(&mut self, solid: &Solid, label: u16) {
         let (shape, pose) = solid.seen();
-        let ball = Ball { centre: pose.position, reach: shape.reach() };
+        let ball = BoundingSphere { centre: pose.position, reach: shape.reach() };
         let placed = |point: Vector3<f64>| pose.position + pose.world_from_body.rotate(point);
         let corners: Vec<_> = local_corners(shape).into_iter().map(placed).collect();
         if let Shape::Mesh(mesh) = shape {
@@ -164,8 +164,8 @@ impl Scene {
         let round = round.map(|(radius, axis)| {
             let surface = self.surfaces.len() as Surface;
             let body = self.bodies.len() as u32;
-            self.surfaces.push(Look { label, colour: BACKGROUND, round: Some(body) });
-            Round::new(pose.position, axis, radius, solid.colour.map(|value| 255.0 * value), surface)
+            self.surfaces.push(Appearance { label, colour: BACKGROUND, round: Some(body) });
+            CurvedSide::new(pose.position, axis, radius, solid.colour.map(|value| 255.0 * value), surface)
         });
         self.bodies.push(Body { ball, faces, round, corners });
     }
@@ -173,16 +173,16 @@ impl Scene {
     /// A flat surface.
     fn flat(&mut self, label: u16, colour: [f32; 3], normal: &Vector3<f64>) -> Surface {
         let surface = self.surfaces.len() as Surface;
-        self.surfaces.push(Look { label, colour: shaded(colour, normal), round: None });
+        self.surfaces.push(Appearance { label, colour: shaded(colour, normal), round: None });
         surface
     }
 }
 
-impl Round {
+impl CurvedSide {
     /// `colour` times 255.
     fn new(centre: Vector3<f64>, axis: Vector3<f64>, radius: f64, colour: [f32; 3], surface: Surface) -> Self {
         let light = Vector3::from(LIGHT).normalize() / radius;
-        let glow = Glow {
+        let shading = Shading {
             centre: centre.cast::<f32>().into(),
             axis: axis.cast::<f32>().into(),
             light: light.cast::<f32>().into(),
@@ -191,7 +191,7 @@ impl Round {
             per_radius: (1.0 / radius) as f32,
             colour,
         };
-        Self { centre, axis, radius, surface, glow }
+        Self { centre, axis, radius, surface, shading }
     }
 }
 

@@ -4,7 +4,7 @@ use kestrel_core::attitude::Attitude;
 use super::*;
 use crate::contact::{Arena, ContactReport};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::world::{self, Look, Mesh, Movable, Role, Shape, Solid, World};
+use crate::world::{self, Mesh, Movable, Role, Shape, Solid, VisualGeometry, World};
 
 /// A world of solids of every shape, strewn about and turned at random.
 pub(super) fn strewn(seed: u64, count: usize) -> World {
@@ -261,7 +261,8 @@ fn disguised(world: &World) -> World {
     let disguise = |seen: &Solid| {
         let mut solid = Solid::block("thing", Vector3::repeat(-0.1), Vector3::repeat(0.1));
         solid.pose = turned(seen.pose.position + 4.0 * Vector3::y(), Vector3::new(1.0, 2.0, 3.0), 0.7);
-        solid.look = Some(Look { shape: seen.shape.clone(), pose_in_body: seen.pose.relative_to(&solid.pose) });
+        solid.visual =
+            Some(VisualGeometry { shape: seen.shape.clone(), pose_in_body: seen.pose.relative_to(&solid.pose) });
         solid
     };
     World { solids: world.solids.iter().map(disguise).collect(), ..world.clone() }
@@ -277,7 +278,7 @@ fn a_solid_is_seen_by_its_look_and_touched_without_it() {
         assert!(same >= image.labels.len() - 3, "{same} of {} labels, but for rounding", image.labels.len());
         assert!(image.labels.iter().any(|label| *label >= FIRST_SOLID), "something is in view");
 
-        let plain = |solid: &Solid| Solid { look: None, ..solid.clone() };
+        let plain = |solid: &Solid| Solid { visual: None, ..solid.clone() };
         let bare = World { solids: disguised.solids.iter().map(plain).collect(), ..disguised.clone() };
         assert_eq!(disguised.bounds(), bare.bounds());
         let [arena, bare] = [&disguised, &bare].map(|world| Arena::new(world, &CF2X, ContactReport::Touch));
@@ -306,7 +307,7 @@ fn the_look_of_a_movable_moves_with_it() {
     assert_eq!(image, Scene::new(&world).render(&Camera::PAPER, &ahead()));
     let solids = world.movables.iter().map(|movable| {
         let (shape, pose) = movable.solid.seen();
-        Solid { shape: shape.clone(), pose, look: None, ..movable.solid.clone() }
+        Solid { shape: shape.clone(), pose, visual: None, ..movable.solid.clone() }
     });
     let still = Scene::new(&World { solids: solids.collect(), ..World::empty() }).render(&Camera::PAPER, &ahead());
     let same = image.labels.iter().zip(&still.labels).filter(|(one, other)| one == other).count();

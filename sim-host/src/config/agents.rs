@@ -23,44 +23,11 @@ pub struct AgentsConfig {
     /// Drones in each environment.
     pub count: u64,
     /// What becomes of the others when one's episode ends.
-    pub ends: TeamEndConfig,
+    pub ends: TeamEnd,
     /// Whose rewards a drone is paid.
-    pub rewards: TeamRewardsConfig,
+    pub rewards: TeamRewards,
     /// Who has to succeed.
-    pub success: TeamSuccessConfig,
-}
-
-/// What becomes of the others when one drone's episode ends.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TeamEndConfig {
-    /// Their episodes end with it.
-    #[default]
-    Together,
-    /// They fly on; the one starts anew.
-    Alone,
-}
-
-/// Whose rewards a drone is paid.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TeamRewardsConfig {
-    /// Its own.
-    #[default]
-    Own,
-    /// The sum over all drones of the environment.
-    Shared,
-}
-
-/// Who has to succeed for a drone's episode to be a success.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TeamSuccessConfig {
-    /// The drone itself.
-    #[default]
-    Own,
-    /// All drones of the environment.
-    All,
+    pub success: TeamSuccess,
 }
 
 /// How the goal differs between drones or moves in an episode; without it, it is the aviary's `goal_m` for all.
@@ -90,12 +57,7 @@ pub enum GoalsConfig {
 
 impl Default for AgentsConfig {
     fn default() -> Self {
-        Self {
-            count: 1,
-            ends: TeamEndConfig::Together,
-            rewards: TeamRewardsConfig::Own,
-            success: TeamSuccessConfig::Own,
-        }
+        Self { count: 1, ends: TeamEnd::Together, rewards: TeamRewards::Own, success: TeamSuccess::Own }
     }
 }
 
@@ -108,25 +70,14 @@ impl AgentsConfig {
         let count = field.at("count").whole(self.count, 1..=DRONES_LIMIT)? as u32;
         let ends = match self.ends {
             // What starts anew with all drones starts anew with the only one.
-            TeamEndConfig::Alone if count > 1 => TeamEnd::Alone,
-            TeamEndConfig::Together | TeamEndConfig::Alone => TeamEnd::Together,
+            TeamEnd::Alone if count > 1 => TeamEnd::Alone,
+            TeamEnd::Together | TeamEnd::Alone => TeamEnd::Together,
         };
         if ends == TeamEnd::Alone && !world.movables.is_empty() {
             let expected = "`together`: bodies that can be pushed stand up again when the episodes of all end";
             return Err(field.at("ends").reject("`alone` in a world with movables", expected));
         }
-        Ok(Agents {
-            count,
-            ends,
-            rewards: match self.rewards {
-                TeamRewardsConfig::Own => TeamRewards::Own,
-                TeamRewardsConfig::Shared => TeamRewards::Shared,
-            },
-            success: match self.success {
-                TeamSuccessConfig::Own => TeamSuccess::Own,
-                TeamSuccessConfig::All => TeamSuccess::All,
-            },
-        })
+        Ok(Agents { count, ends, rewards: self.rewards, success: self.success })
     }
 }
 

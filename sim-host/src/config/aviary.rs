@@ -75,7 +75,7 @@ pub struct BoxConfig {
 
 /// A world as its file describes it, checked, with or without a task in it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Place {
+pub struct AviaryParts {
     /// What it is, in one line; may be empty.
     pub about: String,
     /// Where drones shall go \[m, world\]: its own goal, or those of the worlds set into it.
@@ -99,7 +99,7 @@ impl AviaryConfig {
     /// # Errors
     /// When a solid is wrong, or a drone of `airframe` cannot be at the goal, or there is none.
     pub fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<Aviary, ConfigError> {
-        let Place { goals, routes, world, .. } = self.place(field)?;
+        let AviaryParts { goals, routes, world, .. } = self.place(field)?;
         let Some(goal) = goals.first() else {
             return Err(field.reject("no key `goal_m`", "one: it has no default"));
         };
@@ -117,11 +117,11 @@ impl AviaryConfig {
     ///
     /// # Errors
     /// When a solid is wrong or around the goal, or there are too many.
-    pub fn place(&self, field: &Field<'_>) -> Result<Place, ConfigError> {
+    pub fn place(&self, field: &Field<'_>) -> Result<AviaryParts, ConfigError> {
         let goal = self.goal_m.map(|goal| exact_point(&field.at("goal_m"), goal)).transpose()?;
         let world = self.own_world(goal.as_ref(), field)?;
         let route = points(&field.at("route_m"), &self.route_m)?;
-        let mut place = Place {
+        let mut place = AviaryParts {
             about: self.about.clone().unwrap_or_default(),
             goals: goal.into_iter().collect(),
             starts: points(&field.at("starts_m"), &self.starts_m)?,
@@ -144,7 +144,7 @@ impl AviaryConfig {
     }
 
     /// Refuses points of its own route that are inside a solid.
-    fn refuse_blocked_route(&self, place: &Place, field: &Field<'_>) -> Result<(), ConfigError> {
+    fn refuse_blocked_route(&self, place: &AviaryParts, field: &Field<'_>) -> Result<(), ConfigError> {
         let Some(route) = place.routes.first().filter(|_| !self.route_m.is_empty()) else { return Ok(()) };
         let blocked = |point: &Vector3<f64>| place.world.solids.iter().any(|solid| holds(solid, point));
         match route.iter().position(blocked) {
@@ -183,7 +183,7 @@ impl AviaryConfig {
     }
 }
 
-impl Place {
+impl AviaryParts {
     /// The world in the file at `path`.
     ///
     /// # Errors

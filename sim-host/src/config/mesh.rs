@@ -43,7 +43,7 @@ pub(super) struct Surface {
     /// Names of materials, which triangles know by their index.
     pub(super) materials: Vec<String>,
     /// Files with the colours of materials, and where they are named.
-    libraries: Vec<(String, Spot)>,
+    libraries: Vec<(String, TextPosition)>,
 }
 
 /// The triangles of one name.
@@ -63,7 +63,7 @@ pub(super) struct Triangle {
 
 /// A place in a text; line and column count from one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Spot {
+pub(super) struct TextPosition {
     pub(super) line: usize,
     pub(super) column: usize,
 }
@@ -71,14 +71,14 @@ pub(super) struct Spot {
 /// What is wrong with a text, and where.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fault {
-    pub(super) spot: Spot,
+    pub(super) position: TextPosition,
     pub(super) found: String,
     pub(super) expected: String,
 }
 
 impl Fault {
-    fn new(spot: Spot, found: impl Into<String>, expected: impl Into<String>) -> Self {
-        Self { spot, found: found.into(), expected: expected.into() }
+    fn new(position: TextPosition, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self { position, found: found.into(), expected: expected.into() }
     }
 }
 
@@ -126,26 +126,26 @@ impl File<'_> {
     fn text(&self, path: &Path, bytes: Vec<u8>) -> Result<String, ConfigError> {
         String::from_utf8(bytes).map_err(|error| {
             let (line, column, byte) = not_text(&error);
-            let spot = Spot { line, column };
-            self.fault(path, "", Fault::new(spot, format!("the byte 0x{byte:02x}"), "text in UTF-8"))
+            let position = TextPosition { line, column };
+            self.fault(path, "", Fault::new(position, format!("the byte 0x{byte:02x}"), "text in UTF-8"))
         })
     }
 
     fn fault(&self, path: &Path, text: &str, fault: Fault) -> ConfigError {
         let importer = Some(self.0.importer.clone());
         let source = Source::File { name: path.display().to_string(), text: text.to_owned(), importer };
-        let place = Place { source: Arc::new(source), line: fault.spot.line, column: fault.spot.column };
+        let place = Place { source: Arc::new(source), line: fault.position.line, column: fault.position.column };
         ConfigError::at(&place, "", fault.found, fault.expected)
     }
 
     /// Those of the materials in the libraries that `text`, the file, names.
     fn colours(&self, text: &str, surface: &Surface) -> Result<BTreeMap<String, [f64; 3]>, ConfigError> {
         let mut colours = BTreeMap::new();
-        for (name, spot) in &surface.libraries {
+        for (name, position) in &surface.libraries {
             let path: PathBuf = self.0.path.parent().unwrap_or(Path::new("")).join(name);
             let bytes = read_bytes(&path, SIZE_LIMIT).map_err(|fault| {
                 let found = format!("{fault} ({})", path.display());
-                self.fault(self.0.path, text, Fault::new(*spot, found, "the file of its materials beside it"))
+                self.fault(self.0.path, text, Fault::new(*position, found, "the file of its materials beside it"))
             })?;
             let library = self.text(&path, bytes)?;
             colours.extend(materials::parse(&library).map_err(|fault| self.fault(&path, &library, fault))?);

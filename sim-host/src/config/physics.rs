@@ -32,7 +32,7 @@ pub struct PhysicsConfig {
     pub downwash: bool,
     /// What contacts do; by default they are only reported where touching anything ends the episode, and else solved.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub contacts: Option<ContactsConfig>,
+    pub contacts: Option<Contacts>,
     /// The reference system's physics instead of Kestrel's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bullet: Option<BulletConfig>,
@@ -48,18 +48,6 @@ pub enum IntegratorConfig {
     /// Fourth order, four evaluations per substep: exact to rounding at 1 kHz.
     #[serde(rename = "runge_kutta_4")]
     RungeKutta4,
-}
-
-/// What contacts do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ContactsConfig {
-    /// Nothing: drones pass through everything unseen.
-    Absent,
-    /// Rewards and terminations see them; drones pass through.
-    Reported,
-    /// Bodies push each other: resting, sliding, landing.
-    Solved,
 }
 
 /// The reference system's physics.
@@ -218,7 +206,7 @@ impl PhysicsConfig {
             preset: self.preset(field)?,
             substeps: substeps as u32,
             control_rate_hz: self.control_rate_hz,
-            contacts: self.contacts.map_or(Contacts::Solved, ContactsConfig::check),
+            contacts: self.contacts.unwrap_or(Contacts::Solved),
         })
     }
 
@@ -254,16 +242,6 @@ impl PhysicsConfig {
             return Err(field.at(key).refuse("", expected));
         }
         bullet.check(&field.at("bullet"))
-    }
-}
-
-impl ContactsConfig {
-    fn check(self) -> Contacts {
-        match self {
-            Self::Absent => Contacts::Absent,
-            Self::Reported => Contacts::Reported,
-            Self::Solved => Contacts::Solved,
-        }
     }
 }
 

@@ -16,7 +16,6 @@ pub use published::{ControllerConfig, PrecisionConfig, PublishedConfig, Publishe
 use super::EPISODE_LIMITS;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
-use crate::scenario::CriticView;
 
 const FRACTION: Limits = Limits::above(0.0, 1.0, "");
 const BODY_RATES: Limits = Limits::above(0.0, 100.0, "rad/s");
@@ -116,17 +115,6 @@ pub struct PaperConfig {
 pub struct KinematicConfig {
     /// How many past actions are seen, at most 32. The reference shows half a second of them, 15 at 30 Hz.
     pub past_actions: u64,
-}
-
-/// What the critic sees while training.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum CriticConfig {
-    /// What the policy sees.
-    #[default]
-    Observation,
-    /// Also rotor speeds, wind, the episode's parameters and the time left, which only a simulator knows.
-    Privileged,
 }
 
 impl Default for ActionConfig {
@@ -320,15 +308,5 @@ impl KinematicConfig {
         let limit = room.min(HISTORY_LIMIT) as u64;
         let past_actions = field.at("past_actions").whole(self.past_actions, 0..=limit)?;
         Ok(layout(past_actions as u8))
-    }
-}
-
-impl CriticConfig {
-    /// The critic's view.
-    pub fn check(self) -> CriticView {
-        match self {
-            Self::Observation => CriticView::Observation,
-            Self::Privileged => CriticView::Privileged,
-        }
     }
 }

@@ -11,7 +11,7 @@ use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
 use super::ways_of;
 use crate::scenario::{
-    Aviary, EndRule, FreeSpace, Place, Randomisation, Start, StartPosition, Termination, WayStarts,
+    Aviary, EndRule, FreeSpace, PathStarts, Place, Randomisation, Start, StartPosition, Termination,
 };
 use crate::world::{Cuboid, Floor};
 
@@ -82,13 +82,13 @@ pub enum StartPositionConfig {
         box_share: f64,
     },
     /// Always there, or nearby: one place for each drone.
-    Exactly(Vec<PlaceConfig>),
+    Exactly(Vec<StartPoseConfig>),
 }
 
 /// A place to start from.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PlaceConfig {
+pub struct StartPoseConfig {
     /// Of the centre of mass: `[x, y, z]`.
     pub position_m: [f64; 3],
     /// Heading, counter-clockwise from +x; drones that start tilted have another, within `heading_limit_deg`.
@@ -196,14 +196,14 @@ impl StartPositionConfig {
                 let share = field.at("box_share").number(*box_share, &Limits::from(0.0, 1.0, ""))?;
                 let space = free_space(aviary, region, clearance, &field)?;
                 let ways = ways_of(aviary, airframe, terminations);
-                Ok(StartPosition::AlongWay(WayStarts::new(space, spread, share, ways)))
+                Ok(StartPosition::AlongWay(PathStarts::new(space, spread, share, ways)))
             }
             Self::Exactly(places) => {
                 let field = field.at("exactly");
                 if places.len() != drones {
                     return Err(field.refuse("", format!("a list of {drones}, one for each drone")));
                 }
-                let place = |(index, place): (usize, &PlaceConfig)| place.check(&field.at(index));
+                let place = |(index, place): (usize, &StartPoseConfig)| place.check(&field.at(index));
                 places.iter().enumerate().map(place).collect::<Result<_, _>>().map(StartPosition::Exactly)
             }
         }
@@ -235,7 +235,7 @@ fn free_space(
     Ok(FreeSpace { refuge, ..space })
 }
 
-impl PlaceConfig {
+impl StartPoseConfig {
     fn check(&self, field: &Field<'_>) -> Result<Place, ConfigError> {
         let heading = Limits::from(-360.0, 360.0, "degrees");
         Ok(Place {
@@ -316,7 +316,7 @@ impl Region<'_> {
             StartPosition::AroundGoal { farthest_m, .. } => vec![*farthest_m],
             StartPosition::Within(Cuboid { low, high })
             | StartPosition::FreeWithin(FreeSpace { region: Cuboid { low, high }, .. })
-            | StartPosition::AlongWay(WayStarts {
+            | StartPosition::AlongWay(PathStarts {
                 space: FreeSpace { region: Cuboid { low, high }, .. }, ..
             }) => self.goals.iter().map(|goal| (goal - low).abs().sup(&(high - goal).abs()).norm()).collect(),
             StartPosition::Exactly(places) => {

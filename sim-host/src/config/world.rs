@@ -1,7 +1,6 @@
 //! What stands in a world, as users write it.
 
 mod furniture;
-mod look;
 mod mesh;
 mod outline;
 mod room;
@@ -11,14 +10,14 @@ mod superellipsoid;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod visual;
 
 pub use furniture::FurnitureConfig;
-pub use look::LookConfig;
 pub use mesh::MeshConfig;
 pub use room::RoomConfig;
 pub use shape::{ConeConfig, CylinderConfig, HullConfig, TurnedBoxConfig};
 pub use solid::{MovableConfig, SolidConfig};
 pub use superellipsoid::SuperellipsoidConfig;
-pub use surface::RoleConfig;
+pub use visual::VisualConfig;
 
 pub(crate) use solid::pillar;

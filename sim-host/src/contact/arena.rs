@@ -9,7 +9,7 @@ use rapier3d::parry::bounding_volume::Aabb;
 use rapier3d::parry::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 
 use super::body::Body;
-use super::distance_map::DistanceMap;
+use super::clearance_map::ClearanceMap;
 use super::frame::to_vector;
 use super::outline::{MARGIN, Outline, distance};
 use super::scanner::Scanner;
@@ -40,7 +40,7 @@ pub struct Arena {
     pub(super) solids: Vec<Body>,
     pub(super) movables: Vec<Body>,
     tree: Bvh,
-    map: Option<DistanceMap>,
+    map: Option<ClearanceMap>,
     scanner: Option<Scanner>,
     floor_height: f32,
     reach: f32,
@@ -93,7 +93,7 @@ impl Arena {
             floor_gap,
             drone_gap,
             tree: tree(&solids),
-            map: DistanceMap::new(&solids),
+            map: ClearanceMap::new(&solids),
             scanner: None,
             floor_height: match world.floor {
                 Floor::Solid => 0.0,

@@ -10,8 +10,8 @@ use nalgebra::{Matrix3, Vector3};
 use super::Motion;
 use super::arena::BREAKING_SHARE;
 use super::group::{DRONE_FRICTION, End, FLOOR_FRICTION, Group, Inertia, Member, Start};
-use super::impulses::{self, Meeting, Mobile};
-use super::manifold::{ContactMemory, Found, Party};
+use super::impulses::{self, Constraint, Mobile};
+use super::manifold::{ContactBody, ContactMemory, FoundContact};
 use super::outline::{MARGIN, Outline};
 use super::{penetration, separation};
 use crate::world::Pose;
@@ -27,7 +27,7 @@ const OVERLAP: f64 = 1e-12;
 
 /// One body of a pair.
 struct Side<'a> {
-    party: Party,
+    party: ContactBody,
     /// Index among the members, if it can move.
     member: Option<usize>,
     pose: Pose,
@@ -46,8 +46,8 @@ pub(super) fn step(
 ) -> Vec<End> {
     let mut mobiles: Vec<Mobile> =
         group.members.iter().zip(starts).map(|(member, start)| group.mobile(*member, start)).collect();
-    let meetings = group.meetings(starts, known, memory);
-    let pushed = impulses::resolve(&mut mobiles, &meetings, group.secs);
+    let constraints = group.constraints(starts, known, memory);
+    let pushed = impulses::resolve(&mut mobiles, &constraints, group.secs);
     let ends = mobiles.iter().zip(starts).zip(pushed);
     ends.map(|((mobile, start), pushed)| End { motion: moved(mobile, &start.motion.pose, group.secs), pushed })
         .collect()
@@ -76,12 +76,17 @@ impl Group<'_> {
     }
 
     /// All points at which members touch anything.
-    fn meetings(&self, starts: &[Start], known: &mut ContactMemory, memory: &mut ContactMemory) -> Vec<Meeting> {
+    fn constraints(
+        &self,
+        starts: &[Start],
+        known: &mut ContactMemory,
+        memory: &mut ContactMemory,
+    ) -> Vec<Constraint> {
         let sides: Vec<Side<'_>> =
             (0..starts.len()).map(|index| self.side(index, &starts[index].motion)).collect();
         let floor = self.floor.then(|| self.ground());
         let solids: Vec<Side<'_>> = self.solids.iter().map(|index| self.solid(*index)).collect();
-        let mut meetings = Vec::new();
+        let mut constraints = Vec::new();
         for (index, side) in sides.iter().enumerate() {
             // The floor is loaded before the drones, the rest of a world after them.
             let pairs = floor.iter().map(|floor| [floor, side]);
@@ -90,12 +95,12 @@ impl Group<'_> {
                 let mut manifold = known.take(pair.map(|side| side.party));
                 let poses = pair.map(|side| &side.pose);
                 let breaking = pair[0].breaking.min(pair[1].breaking);
-                if let Party::Floor = pair[0].party {
+                if let ContactBody::Floor = pair[0].party {
                     // The floor is a compound shape, of which Bullet refreshes the contacts twice.
                     manifold.refresh(poses, breaking);
                 }
                 manifold.update(self.find(pair), poses, breaking);
-                meetings.extend(manifold.points.iter().map(|point| Meeting {
+                constraints.extend(manifold.points.iter().map(|point| Constraint {
                     bodies: pair.map(|side| side.member),
                     places: point.places(poses),
                     normal: point.normal.into(),
@@ -105,12 +110,12 @@ impl Group<'_> {
                 memory.manifolds.extend((!manifold.points.is_empty()).then_some(manifold));
             }
         }
-        meetings
+        constraints
     }
 
     fn side(&self, index: usize, start: &Motion) -> Side<'_> {
         let arena = &self.bodies.arena;
-        let party = Party::from(self.members[index]);
+        let party = ContactBody::from(self.members[index]);
         let (outline, friction, breaking) = match self.members[index] {
             Member::Drone(_) => (&arena.drone, DRONE_FRICTION, arena.breaking),
             Member::Movable(movable) => {
@@ -125,7 +130,7 @@ impl Group<'_> {
     fn solid(&self, index: usize) -> Side<'_> {
         let body = &self.bodies.arena.solids[index];
         Side {
-            party: Party::Solid(index as u32),
+            party: ContactBody::Solid(index as u32),
             member: None,
             pose: body.pose,
             outline: &body.outline,
@@ -136,7 +141,7 @@ impl Group<'_> {
 
     fn ground(&self) -> Side<'_> {
         Side {
-            party: Party::Floor,
+            party: ContactBody::Floor,
             member: None,
             pose: Pose::at(Vector3::zeros()),
             outline: &self.bodies.arena.ground,
@@ -146,17 +151,17 @@ impl Group<'_> {
     }
 
     /// The deepest contact of a pair.
-    fn find(&self, pair: [&Side<'_>; 2]) -> Option<Found> {
+    fn find(&self, pair: [&Side<'_>; 2]) -> Option<FoundContact> {
         let outlines = pair.map(|side| side.outline);
         let shapes = pair.map(|side| side.outline.placed(&side.pose));
-        if let [Party::Floor, Party::Drone(_)] = pair.map(|side| side.party)
+        if let [ContactBody::Floor, ContactBody::Drone(_)] = pair.map(|side| side.party)
             && !self.bodies.arena.is_floor_pending(&shapes[1])
         {
             return None;
         }
         let shapes = shapes.each_ref();
         let reach = 2.0 * MARGIN + pair[0].breaking.min(pair[1].breaking);
-        let apart = separation::nearest(outlines, shapes, reach).map(|nearest| Found {
+        let apart = separation::nearest(outlines, shapes, reach).map(|nearest| FoundContact {
             on_second: nearest.on_second + nearest.normal * MARGIN,
             normal: nearest.normal,
             distance: nearest.distance - 2.0 * MARGIN,
@@ -164,7 +169,7 @@ impl Group<'_> {
         if apart.is_some_and(|found| found.distance > OVERLAP - 2.0 * MARGIN) {
             return apart;
         }
-        let inside = penetration::exit(outlines, shapes).map(|exit| Found {
+        let inside = penetration::exit(outlines, shapes).map(|exit| FoundContact {
             on_second: exit.on_second,
             normal: exit.normal,
             distance: -exit.depth,

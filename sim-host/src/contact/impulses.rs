@@ -33,7 +33,7 @@ pub(super) struct Mobile {
 
 /// A point at which two bodies meet.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Meeting {
+pub(super) struct Constraint {
     /// Index of each body among the mobiles; `None` does not move.
     pub(super) bodies: [Option<usize>; 2],
     /// Where it is on each body \[m, world\].
@@ -45,7 +45,7 @@ pub(super) struct Meeting {
     pub(super) friction: f64,
 }
 
-/// One direction of one meeting.
+/// One direction of one constraint.
 struct Row {
     sides: [Option<Side>; 2],
     /// Reciprocal of the change of relative velocity per impulse.
@@ -65,19 +65,22 @@ struct Side {
     turning: Vector3<f64>,
 }
 
-/// Changes the velocities of the bodies so that the meetings come no closer in `secs`; says whether any impulse did.
-pub(super) fn resolve(mobiles: &mut [Mobile], meetings: &[Meeting], secs: f64) -> Vec<bool> {
+/// Changes the velocities of the bodies so that the constraints come no closer in `secs`; says whether any impulse did.
+pub(super) fn resolve(mobiles: &mut [Mobile], constraints: &[Constraint], secs: f64) -> Vec<bool> {
     let mut changes = vec![[Vector3::zeros(); 2]; mobiles.len()];
-    let mut normals: Vec<Row> = meetings.iter().map(|meeting| Row::normal(meeting, mobiles, secs)).collect();
-    let mut tangents: Vec<[Row; 2]> = meetings.iter().map(|meeting| Row::tangents(meeting, mobiles)).collect();
+    let mut normals: Vec<Row> =
+        constraints.iter().map(|constraint| Row::normal(constraint, mobiles, secs)).collect();
+    let mut tangents: Vec<[Row; 2]> =
+        constraints.iter().map(|constraint| Row::tangents(constraint, mobiles)).collect();
     for _ in 0..ITERATIONS {
         let mut residual = 0.0_f64;
         for row in &mut normals {
             let impulse = (row.impulse + row.missing(&changes)).max(0.0);
             residual = residual.max(row.apply(impulse, mobiles, &mut changes).powi(2));
         }
-        for ((rows, normal), meeting) in tangents.iter_mut().zip(&normals).zip(meetings) {
-            residual = residual.max(slide(rows, meeting.friction * normal.impulse, mobiles, &mut changes).powi(2));
+        for ((rows, normal), constraint) in tangents.iter_mut().zip(&normals).zip(constraints) {
+            residual =
+                residual.max(slide(rows, constraint.friction * normal.impulse, mobiles, &mut changes).powi(2));
         }
         if residual <= RESIDUAL {
             break;
@@ -96,7 +99,7 @@ pub(super) fn resolve(mobiles: &mut [Mobile], meetings: &[Meeting], secs: f64) -
     pushed
 }
 
-/// One round of friction at a meeting, both directions limited together; the change of relative velocity.
+/// One round of friction at a constraint, both directions limited together; the change of relative velocity.
 fn slide(rows: &mut [Row; 2], limit: f64, mobiles: &[Mobile], changes: &mut [[Vector3<f64>; 2]]) -> f64 {
     let wanted = [0, 1].map(|index| rows[index].impulse + rows[index].missing(changes));
     let length = wanted[0].hypot(wanted[1]);
@@ -106,22 +109,22 @@ fn slide(rows: &mut [Row; 2], limit: f64, mobiles: &[Mobile], changes: &mut [[Ve
 }
 
 impl Row {
-    fn normal(meeting: &Meeting, mobiles: &[Mobile], secs: f64) -> Self {
-        let mut row = Self::along(meeting, meeting.normal, mobiles);
-        let gap = meeting.distance + SLOP;
+    fn normal(constraint: &Constraint, mobiles: &[Mobile], secs: f64) -> Self {
+        let mut row = Self::along(constraint, constraint.normal, mobiles);
+        let gap = constraint.distance + SLOP;
         row.target -= if gap > 0.0 { gap / secs } else { ERROR_REDUCTION * gap / secs };
         row
     }
 
-    fn tangents(meeting: &Meeting, mobiles: &[Mobile]) -> [Self; 2] {
-        across(&meeting.normal).map(|direction| Self::along(meeting, direction, mobiles))
+    fn tangents(constraint: &Constraint, mobiles: &[Mobile]) -> [Self; 2] {
+        across(&constraint.normal).map(|direction| Self::along(constraint, direction, mobiles))
     }
 
     /// A row that stops the relative velocity along a direction.
-    fn along(meeting: &Meeting, direction: Vector3<f64>, mobiles: &[Mobile]) -> Self {
+    fn along(constraint: &Constraint, direction: Vector3<f64>, mobiles: &[Mobile]) -> Self {
         let side = |which: usize, direction: Vector3<f64>| {
-            let body = meeting.bodies[which]?;
-            let lever = (meeting.places[which] - mobiles[body].position).cross(&direction);
+            let body = constraint.bodies[which]?;
+            let lever = (constraint.places[which] - mobiles[body].position).cross(&direction);
             Some(Side { body, direction, lever, turning: mobiles[body].inverse_inertia * lever })
         };
         let sides = [side(0, direction), side(1, -direction)];

@@ -16,14 +16,14 @@ const POINTS: usize = 4;
 
 /// One of two bodies that may touch; indices are those of the world and the swarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Party {
+pub(super) enum ContactBody {
     Floor,
     Drone(u32),
     Movable(u32),
     Solid(u32),
 }
 
-impl From<Member> for Party {
+impl From<Member> for ContactBody {
     fn from(member: Member) -> Self {
         match member {
             Member::Drone(index) => Self::Drone(index as u32),
@@ -42,7 +42,7 @@ pub struct ContactMemory {
 /// The contact points of a pair.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Manifold {
-    pub(super) parties: [Party; 2],
+    pub(super) parties: [ContactBody; 2],
     pub(super) points: Vec<Point>,
 }
 
@@ -59,7 +59,7 @@ pub(super) struct Point {
 
 /// A contact that was just found.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
+pub(super) struct FoundContact {
     /// On the second body \[m, world\].
     pub(super) on_second: Vector3<f64>,
     /// From the second to the first body, world.
@@ -76,13 +76,13 @@ impl ContactMemory {
 
     /// Takes over what is known of the members of a group that sleeps.
     pub(super) fn keep(&mut self, known: &mut Self, group: &Group<'_>) {
-        let parties: Vec<Party> = group.members.iter().map(|member| Party::from(*member)).collect();
-        let of_group = |manifold: &mut Manifold| manifold.parties.iter().any(|party| parties.contains(party));
+        let parties: Vec<ContactBody> = group.members.iter().map(|member| ContactBody::from(*member)).collect();
+        let of_group = |manifold: &mut Manifold| manifold.parties.iter().any(|body| parties.contains(body));
         self.manifolds.extend(known.manifolds.extract_if(.., of_group));
     }
 
     /// Takes out what is known of a pair.
-    pub(super) fn take(&mut self, parties: [Party; 2]) -> Manifold {
+    pub(super) fn take(&mut self, parties: [ContactBody; 2]) -> Manifold {
         let known = self.manifolds.iter().position(|manifold| manifold.parties == parties);
         known.map_or_else(|| Manifold { parties, points: Vec::new() }, |index| self.manifolds.remove(index))
     }
@@ -90,7 +90,7 @@ impl ContactMemory {
 
 impl Manifold {
     /// Adds what was found, and refreshes.
-    pub(super) fn update(&mut self, found: Option<Found>, poses: [&Pose; 2], breaking: f64) {
+    pub(super) fn update(&mut self, found: Option<FoundContact>, poses: [&Pose; 2], breaking: f64) {
         if let Some(found) = found.filter(|found| found.distance <= breaking) {
             let point = Point::new(&found, poses);
             match self.nearest(&point, breaking) {
@@ -155,7 +155,7 @@ impl Manifold {
 }
 
 impl Point {
-    fn new(found: &Found, poses: [&Pose; 2]) -> Self {
+    fn new(found: &FoundContact, poses: [&Pose; 2]) -> Self {
         let on_first = found.on_second + found.normal * found.distance;
         let local = |pose: &Pose, point: Vector3<f64>| relative(pose, &Pose::at(point)).position.into();
         Self {

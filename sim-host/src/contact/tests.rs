@@ -4,8 +4,8 @@ use kestrel_core::airframe::CF2X;
 use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
 
-use super::distance_map::FAR;
-use super::{Arena, ContactReport, Motion, Touch, WayMap};
+use super::clearance_map::FAR;
+use super::{Arena, ContactReport, DistanceField, Motion, Touch};
 use crate::sensor::{BEAM_LIMIT, Scan, ScanRing};
 use crate::world::{Cuboid, Floor, Mesh, Movable, Pose, Role, Shape, Solid, Triangle, World};
 
@@ -219,11 +219,11 @@ fn a_scan_goes_from_one_at_the_drone_to_zero_at_its_limit() {
 }
 
 /// A wall of 4 m by 3 m between x = 1 and 1.1 with a passage at y above 1, and the goal behind it.
-fn ways() -> WayMap {
+fn ways() -> DistanceField {
     let wall = Solid::block("wall", Vector3::new(1.0, -2.0, 0.0), Vector3::new(1.1, 1.0, 2.0));
     let bounds = Cuboid { low: Vector3::new(-2.0, -2.0, 0.0), high: Vector3::new(3.0, 2.0, 2.0) };
     let world = World { solids: vec![wall], ..World::empty() };
-    WayMap::new(&world, &Vector3::new(2.0, 0.0, 1.0), bounds, CF2X.collision_radius)
+    DistanceField::new(&world, &Vector3::new(2.0, 0.0, 1.0), bounds, CF2X.collision_radius)
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn a_way_leads_around_a_wall_and_not_through_it() {
     // Through the passage it is 2 · √(1 + 1.3²) at least, straight through the wall 2 m.
     let length = ways.length([0.0, 0.0, 1.0]);
     assert!((3.2..4.6).contains(&length), "{length}");
-    let way = ways.way_from([0.0, 0.0, 1.0]);
+    let way = ways.path_from([0.0, 0.0, 1.0]);
     assert!((way.last().unwrap() - Vector3::new(2.0, 0.0, 1.0)).norm() < 1e-5);
     assert!(way.iter().all(|point| !(0.94..1.16).contains(&point.x) || point.y > 1.06), "{way:?}");
     let lengths: Vec<f32> = way.iter().map(|point| ways.length((*point).into())).collect();
@@ -254,7 +254,7 @@ fn a_way_leads_around_a_wall_and_not_through_it() {
 fn what_is_ahead_lies_on_the_way() {
     let ways = ways();
     let start = [0.0, 0.0, 1.0];
-    let way = ways.way_from(start);
+    let way = ways.path_from(start);
     let ahead = ways.ahead(start, 0.3);
     assert!(way.contains(&ahead), "{ahead}");
     let place = way.iter().position(|point| *point == ahead).unwrap();
@@ -271,14 +271,14 @@ fn a_way_is_free_only_where_there_is_a_passage() {
     let ways = |gap: f64, radius: f64| {
         let wall = Solid::block("wall", Vector3::new(1.0, -2.0, 0.0), Vector3::new(1.1, 2.0 - gap, 2.0));
         let world = World { solids: vec![wall], ..World::empty() };
-        WayMap::new(&world, &Vector3::new(2.0, 0.0, 1.0), bounds, radius)
+        DistanceField::new(&world, &Vector3::new(2.0, 0.0, 1.0), bounds, radius)
     };
     let start = [0.0, 0.0, 1.0];
-    assert_eq!(ways(1.0, 0.2).free_way_from(start), Some(ways(1.0, 0.2).way_from(start)));
+    assert_eq!(ways(1.0, 0.2).free_path_from(start), Some(ways(1.0, 0.2).path_from(start)));
     for blocked in [ways(0.0, 0.2), ways(0.35, 0.2), ways(1.0, 0.6)] {
-        assert_eq!(blocked.free_way_from(start), None);
+        assert_eq!(blocked.free_path_from(start), None);
     }
-    assert!(ways(0.5, 0.2).free_way_from([1.05, 0.0, 1.0]).is_none(), "inside the wall");
+    assert!(ways(0.5, 0.2).free_path_from([1.05, 0.0, 1.0]).is_none(), "inside the wall");
 }
 
 #[test]

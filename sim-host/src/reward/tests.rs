@@ -18,10 +18,10 @@ use crate::world::{Cuboid, Solid, World};
 const RATE_HZ: f64 = 48.0;
 
 /// Ways to the origin, around a wall of 2 m by 1 m at x = 1 that leaves a passage below y = -1.
-fn ways() -> WayMap {
+fn ways() -> DistanceField {
     let wall = Solid::block("wall", Vector3::new(1.0, -1.0, -2.0), Vector3::new(1.1, 2.0, 2.0));
     let bounds = Cuboid { low: Vector3::repeat(-2.0), high: Vector3::repeat(2.0) };
-    WayMap::new(&World { solids: vec![wall], ..World::empty() }, &Vector3::zeros(), bounds, 0.06)
+    DistanceField::new(&World { solids: vec![wall], ..World::empty() }, &Vector3::zeros(), bounds, 0.06)
 }
 
 /// The term of a line of YAML.

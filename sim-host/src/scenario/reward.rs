@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use crate::contact::WayMap;
+use crate::contact::DistanceField;
 use crate::world::Cuboid;
 
 /// A reward term and its weight.
@@ -54,7 +54,7 @@ pub enum RewardTerm {
     /// Metres closer to the goal in this step (not a rate).
     Progress,
     /// Metres by which the shortest free way to the goal became shorter in this step (not a rate).
-    Advance(Arc<WayMap>),
+    Advance(Arc<DistanceField>),
     /// Potential-based shaping (Ng, Harada & Russell 1999): `discount · Φ(s′) − Φ(s)` with Φ the negative distance to
     /// the goal \[m\] (not a rate). It changes no optimal policy.
     Shaping {

@@ -1,7 +1,7 @@
 //! Rooms that nobody has seen: furniture, pillars and partitions at random places, with a free way to a table.
 //!
 //! A draw that is refused is drawn anew, so that every room can be flown: it has a way that keeps its distance
-//! ([`crate::free_route`]), which is not straight, and the scripted pilot flies it. What is written are a world file and a
+//! ([`kestrel_sim::contact::Passage`]), which is not straight, and the scripted pilot flies it. What is written are a world file and a
 //! task that imports it, which nothing distinguishes from those written by hand.
 
 mod room;
@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::evaluation::{Flyer, Starts, evaluate};
 use crate::experiment_config;
-use crate::free_route::Passage;
+use kestrel_sim::contact::Passage;
 use room::{Room, Workshop};
 use text::{Layout, Manuscript};
 

@@ -10,7 +10,6 @@ pub mod checkpoint;
 pub mod drone_environment;
 pub mod evaluation;
 pub mod experiment_config;
-pub mod free_route;
 #[cfg(test)]
 pub(crate) mod golden;
 pub mod interrupt;

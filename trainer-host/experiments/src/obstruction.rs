@@ -15,7 +15,7 @@ use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 
 use crate::evaluation::{FlightPath, Flyer, Starts, record};
-use crate::free_route::Passage;
+use kestrel_sim::contact::Passage;
 
 /// Least distance between the way that must remain and everything \[m\]: the drone's hull and 8 cm beside it.
 pub const CLEARANCE_M: f64 = 0.14;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::vehicle::State;
-use kestrel_sim::contact::WayMap;
+use kestrel_sim::contact::DistanceField;
 use kestrel_sim::scenario::{RewardTerm, Scenario};
 use nalgebra::Vector3;
 
@@ -23,7 +23,7 @@ const APPARENT_DISTANCE_M: f32 = 0.8;
 #[derive(Clone, Debug)]
 pub(crate) struct Teacher {
     pilot: ScriptedPilot,
-    ways: Arc<WayMap>,
+    ways: Arc<DistanceField>,
 }
 
 impl Teacher {

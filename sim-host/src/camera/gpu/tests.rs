@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use super::*;
 use crate::camera::tests::{strewn, strewn_rings};
 use crate::camera::{Camera, FIRST_SOLID, FLOOR, Image, Mover, Renderer, Shot, View};
-use crate::config::Place;
+use crate::config::AviaryParts;
 use crate::seed::{Purpose, Seed, Stream};
 use crate::world::{Movable, Pose, Solid, World};
 
@@ -150,7 +150,7 @@ fn every_world_looks_as_the_processor_renders_it() {
     let worlds = worlds();
     assert!(worlds.len() > 40, "found {} worlds", worlds.len());
     for (index, path) in worlds.iter().enumerate() {
-        let world = Place::read(path).unwrap().world;
+        let world = AviaryParts::read(path).unwrap().world;
         let shots: Vec<Shot> =
             shots(&world, index, SOFTWARE_VIEWS).into_iter().map(|shot| Shot { scene: 0, ..shot }).collect();
         agrees(&path.file_stem().unwrap().to_string_lossy(), &Camera::PAPER, &world, &shots);

@@ -65,6 +65,6 @@ fn part(shape: Shape, pose: Pose, colour: [f32; 3]) -> Solid {
         friction: 0.0,
         contact_gap: 0.0,
         colour,
-        look: None,
+        visual: None,
     }
 }

@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::{Ball, Face, Surface};
+use super::{BoundingSphere, Face, Surface};
 use crate::world;
 
 /// A surface of triangles.
 #[derive(Clone, Debug)]
 pub(in crate::camera) struct Mesh {
-    pub(in crate::camera) ball: Ball,
+    pub(in crate::camera) ball: BoundingSphere,
     /// \[m\], world.
     pub(in crate::camera) corners: Vec<Vector3<f64>>,
     pub(in crate::camera) triangles: Vec<Triangle>,

@@ -5,7 +5,7 @@ use kestrel_core::airframe::Airframe;
 use nalgebra::Vector3;
 
 use super::drone::drone;
-use super::{Ball, Body, Glow, Round, Scene, shaded};
+use super::{Body, BoundingSphere, CurvedSide, Scene, Shading, shaded};
 use crate::camera::FIRST_SOLID;
 use crate::world::{Pose, Shape, Solid, World};
 
@@ -49,7 +49,7 @@ impl Scene {
                 Shape::Mesh(mesh) => Shape::Hull(mesh.hull.clone()),
                 Shape::Cuboid(_) | Shape::Cylinder { .. } | Shape::Sphere(_) | Shape::Hull(_) => shape.clone(),
             };
-            self.add_group(&[Solid { shape, pose, look: None, ..solid }]);
+            self.add_group(&[Solid { shape, pose, visual: None, ..solid }]);
         }
         for (index, movable) in world.movables.iter().enumerate() {
             self.place(Mover::Movable(index), &movable.solid.pose);
@@ -155,7 +155,7 @@ impl Body {
     fn move_to(&mut self, own: &Self, pose: &Pose) {
         let turned = |vector: Vector3<f64>| pose.world_from_body.rotate(vector);
         let placed = |point: Vector3<f64>| pose.position + turned(point);
-        self.ball = Ball { centre: placed(own.ball.centre), ..own.ball };
+        self.ball = BoundingSphere { centre: placed(own.ball.centre), ..own.ball };
         for (face, own) in self.faces.iter_mut().zip(&own.faces) {
             face.normal = turned(own.normal);
             face.offset = own.offset + face.normal.dot(&pose.position);
@@ -164,8 +164,8 @@ impl Body {
             *corner = placed(*own);
         }
         if let (Some(round), Some(own)) = (&mut self.round, &own.round) {
-            let Round { surface, glow: Glow { colour, .. }, .. } = *round;
-            *round = Round::new(placed(own.centre), turned(own.axis), own.radius, colour, surface);
+            let CurvedSide { surface, shading: Shading { colour, .. }, .. } = *round;
+            *round = CurvedSide::new(placed(own.centre), turned(own.axis), own.radius, colour, surface);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Body, FLOOR_SURFACE, Face, Look, Mesh, Round, Scene};
+use super::{Appearance, Body, CurvedSide, FLOOR_SURFACE, Face, Mesh, Scene};
 use crate::camera::plot::{LEAST_DISTANCE, Rays};
 use crate::camera::{Camera, Shot};
 
@@ -146,8 +146,8 @@ fn face_words(face: &Face) -> [[u32; 4]; 3] {
     [row(&face.normal, face.surface), row(&place, 0), row(&rest(&place), 0)]
 }
 
-fn round_words(round: &Round) -> [[u32; 4]; 4] {
-    let colour = Vector3::from(round.glow.colour).cast() / 255.0;
+fn round_words(round: &CurvedSide) -> [[u32; 4]; 4] {
+    let colour = Vector3::from(round.shading.colour).cast() / 255.0;
     [
         row(&round.centre, (round.radius as f32).to_bits()),
         row(&rest(&round.centre), round.surface),
@@ -157,7 +157,7 @@ fn round_words(round: &Round) -> [[u32; 4]; 4] {
 }
 
 /// `round` knows the round side of each body of its scene.
-fn look_words(look: &Look, round: impl Fn(usize) -> u32) -> [u32; 3] {
+fn look_words(look: &Appearance, round: impl Fn(usize) -> u32) -> [u32; 3] {
     let round = look.round.map_or(0, |body| round(body as usize));
     [u32::from(look.label), opaque(look.colour), round]
 }

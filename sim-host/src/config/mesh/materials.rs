@@ -20,7 +20,7 @@ pub(super) fn parse(text: &str) -> Result<BTreeMap<String, [f64; 3]>, Fault> {
                     return Err(rest[outside].refuse("a number from 0 to 1"));
                 }
                 let Some(name) = &name else {
-                    return Err(Fault::new(what.spot, "`Kd` of no material", "`newmtl` before it"));
+                    return Err(Fault::new(what.position, "`Kd` of no material", "`newmtl` before it"));
                 };
                 colours.insert(name.clone(), colour);
             }

@@ -53,7 +53,7 @@ impl Reader {
             "f" => self.face(what, rest)?,
             "o" | "g" => self.part(&name(rest)),
             "usemtl" => self.material = self.named_material(&name(rest)),
-            "mtllib" => self.surface.libraries.push((name(rest), rest.first().unwrap_or(what).spot)),
+            "mtllib" => self.surface.libraries.push((name(rest), rest.first().unwrap_or(what).position)),
             "vt" | "vn" | "s" | "l" | "p" => {}
             _ => return Err(what.refuse(STATEMENTS)),
         }
@@ -84,12 +84,12 @@ impl Reader {
     /// A convex polygon as triangles around its first corner.
     fn face(&mut self, what: &Word<'_>, words: &[Word<'_>]) -> Result<(), Fault> {
         if words.len() < 3 {
-            return Err(Fault::new(what.spot, format!("a face of {} corners", words.len()), "three or more"));
+            return Err(Fault::new(what.position, format!("a face of {} corners", words.len()), "three or more"));
         }
         let corners = words.iter().map(|word| self.corner(word)).collect::<Result<Vec<_>, _>>()?;
         if self.is_dented(&corners) {
             let expected = "triangles and convex polygons (triangulate when exporting)";
-            return Err(Fault::new(what.spot, "a face that is not convex", expected));
+            return Err(Fault::new(what.position, "a face that is not convex", expected));
         }
         if self.surface.parts.is_empty() {
             self.part("");
@@ -99,7 +99,7 @@ impl Reader {
         }
         if self.surface.count() > TRIANGLES_LIMIT {
             let expected = format!("at most {TRIANGLES_LIMIT} in a mesh");
-            return Err(Fault::new(what.spot, format!("triangle number {}", self.surface.count()), expected));
+            return Err(Fault::new(what.position, format!("triangle number {}", self.surface.count()), expected));
         }
         Ok(())
     }

@@ -60,12 +60,12 @@ pub(super) fn text(text: &str) -> Result<Surface, Fault> {
         let words: Vec<_> = words(number, line).collect();
         let Some((what, rest)) = words.split_first() else { continue };
         match what.text {
-            "facet" => facet = Some((what.spot, surface.corners.len())),
+            "facet" => facet = Some((what.position, surface.corners.len())),
             "vertex" => surface.corners.push(three(what, rest)?),
             "endfacet" => {
                 let corners = facet.take().map_or(0, |(_, first)| surface.corners.len() - first);
                 if corners != 3 {
-                    return Err(Fault::new(what.spot, format!("a facet of {corners} corners"), "three"));
+                    return Err(Fault::new(what.position, format!("a facet of {corners} corners"), "three"));
                 }
                 close(&mut surface);
                 check_count(&surface, what)?;
@@ -78,8 +78,8 @@ pub(super) fn text(text: &str) -> Result<Surface, Fault> {
             }
         }
     }
-    if let Some((spot, _)) = facet {
-        return Err(Fault::new(spot, "a facet without its end", "`endfacet` after three `vertex`"));
+    if let Some((position, _)) = facet {
+        return Err(Fault::new(position, "a facet without its end", "`endfacet` after three `vertex`"));
     }
     if !ended {
         return Err(Fault::new(end(text), "the end of the file", "`endsolid` before it"));
@@ -105,5 +105,9 @@ fn check_count(surface: &Surface, what: &Word<'_>) -> Result<(), Fault> {
     if count <= TRIANGLES_LIMIT {
         return Ok(());
     }
-    Err(Fault::new(what.spot, format!("triangle number {count}"), format!("at most {TRIANGLES_LIMIT} in a mesh")))
+    Err(Fault::new(
+        what.position,
+        format!("triangle number {count}"),
+        format!("at most {TRIANGLES_LIMIT} in a mesh"),
+    ))
 }

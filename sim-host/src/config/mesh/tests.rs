@@ -3,7 +3,7 @@ use std::fs;
 use nalgebra::Vector3;
 use tempfile::TempDir;
 
-use crate::config::{AviaryConfig, Document, Place};
+use crate::config::{AviaryConfig, AviaryParts, Document};
 use crate::world::{Mesh, Shape, Solid};
 
 const CUBE: &str = "mtllib cube.mtl
@@ -49,7 +49,7 @@ fn solids(world: &str, files: &[(&str, &[u8])]) -> Result<Vec<Solid>, String> {
     let folder = folder(files);
     let path = folder.path().join("world.yaml");
     fs::write(&path, world).unwrap();
-    let place = Place::read(&path)
+    let place = AviaryParts::read(&path)
         .map_err(|error| error.to_string().replace(&format!("{}/", folder.path().display()), ""))?;
     Ok(place.world.solids)
 }
@@ -137,7 +137,7 @@ fn a_resolved_world_needs_no_other_file() {
     let resolved = serde_yaml::to_string(&document.decode::<AviaryConfig>().unwrap()).unwrap();
     let again = Document::parse("elsewhere.yaml", &resolved).unwrap();
     let again = again.decode::<AviaryConfig>().unwrap().place(&again.root()).unwrap();
-    assert_eq!(again, Place::read(&path).unwrap());
+    assert_eq!(again, AviaryParts::read(&path).unwrap());
     assert!(resolved.contains("red") && !resolved.contains("import"), "{resolved}");
 }
 

@@ -8,7 +8,7 @@ use super::{AgentSetConfig, NeighbourConfig, RewardConfig};
 use crate::config::area::AreaConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
-use crate::contact::WayMap;
+use crate::contact::DistanceField;
 use crate::scenario::{
     AgentSet, Component, Field as Cells, FrameCount, Growth, Neighbour, RewardTerm, Span, WeightedTerm,
 };
@@ -48,7 +48,7 @@ impl RewardConfig {
     pub fn check_all(
         rewards: &[Self],
         control_rate_hz: f64,
-        ways: &Arc<WayMap>,
+        ways: &Arc<DistanceField>,
         field: &Field<'_>,
     ) -> Result<Vec<WeightedTerm>, ConfigError> {
         if rewards.is_empty() || rewards.len() > REWARDS_LIMIT {
@@ -61,7 +61,7 @@ impl RewardConfig {
     fn check(
         &self,
         control_rate_hz: f64,
-        ways: &Arc<WayMap>,
+        ways: &Arc<DistanceField>,
         field: &Field<'_>,
     ) -> Result<WeightedTerm, ConfigError> {
         let (name, weight) = self.name_and_weight();

@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use super::shape::turned;
 use super::solid::SolidConfig;
-use super::surface::{RoleConfig, Surface, SurfaceKeys};
+use super::surface::{Surface, SurfaceKeys};
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::config::geometry::{exact, exact_point};
-use crate::world::{Look, Pose, Solid};
+use crate::world::{Pose, Role, Solid, VisualGeometry};
 
 /// One piece of furniture: its parts, and where they are.
 ///
@@ -24,7 +24,7 @@ pub struct FurnitureConfig {
     pub parts: Vec<SolidConfig>,
     /// What touching it means, where a part does not say it; `obstacle` unless it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub role: Option<RoleConfig>,
+    pub role: Option<Role>,
     /// Coulomb friction, where a part does not say it; 0.5 unless it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
@@ -88,9 +88,10 @@ impl Placement {
     fn apply(&self, solid: Solid) -> Solid {
         let Self { origin, scale } = self;
         let enlarged = |pose: Pose| Pose { position: pose.position * *scale, ..pose };
-        let look = solid
-            .look
-            .map(|look| Look { shape: look.shape.scaled(*scale), pose_in_body: enlarged(look.pose_in_body) });
-        Solid { shape: solid.shape.scaled(*scale), pose: enlarged(solid.pose).within(origin), look, ..solid }
+        let visual = solid.visual.map(|look| VisualGeometry {
+            shape: look.shape.scaled(*scale),
+            pose_in_body: enlarged(look.pose_in_body),
+        });
+        Solid { shape: solid.shape.scaled(*scale), pose: enlarged(solid.pose).within(origin), visual, ..solid }
     }
 }

@@ -90,7 +90,7 @@ impl MeshConfig {
         let world_from_body = turned(exact_numbers(&field.at("rpy_deg"), self.rpy_deg, &angles)?);
         let colours = self.colours(&field.at("materials"))?;
         let triangles = parse(&self.obj).map_err(|fault| {
-            field.at("obj").reject(format!("{} in line {}", fault.found, fault.spot.line), fault.expected)
+            field.at("obj").reject(format!("{} in line {}", fault.found, fault.position.line), fault.expected)
         })?;
         Ok(Placed { triangles, scale, origin: Pose { position, world_from_body }, colours })
     }

@@ -5,16 +5,16 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::look::LookConfig;
 use super::mesh::MeshConfig;
 use super::outline::OutlineKeys;
 use super::shape::{ConeConfig, CylinderConfig, HullConfig, SphereConfig, TurnedBoxConfig};
 use super::superellipsoid::SuperellipsoidConfig;
-use super::surface::{RoleConfig, Surface, SurfaceKeys};
+use super::surface::{Surface, SurfaceKeys};
+use super::visual::VisualConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::config::geometry::exact;
-use crate::world::{Movable, Pose, Shape, Solid};
+use crate::world::{Movable, Pose, Role, Shape, Solid};
 
 /// Pitch of the reference's pillars \[rad\]: meant to be a right angle.
 const PILLAR_PITCH: f64 = 1.57057;
@@ -59,10 +59,10 @@ pub struct SolidConfig {
     pub mesh: Option<MeshConfig>,
     /// What cameras see in place of the outline, which everything else meets: contacts, beams, ways, plans.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub look: Option<LookConfig>,
+    pub look: Option<VisualConfig>,
     /// What touching it means; `obstacle` unless something says otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub role: Option<RoleConfig>,
+    pub role: Option<Role>,
     /// Coulomb friction, multiplied by that of what touches it; 0.5 unless something says otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
@@ -128,7 +128,7 @@ impl SolidConfig {
                 let found = format!("a look of {} bodies, the parts of `mesh`", solids.len());
                 return Err(field.reject(found, "one body that has it"));
             };
-            solid.look = Some(look.check(&solid.pose, &field)?);
+            solid.visual = Some(look.check(&solid.pose, &field)?);
         }
         Ok(solids)
     }

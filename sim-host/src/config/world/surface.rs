@@ -1,24 +1,9 @@
 //! What a body is apart from its shape.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::config::geometry::exact;
 use crate::world::{BOX_CONTACT_GAP, Pose, Role, Shape, Solid};
-
-/// What touching a body means.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum RoleConfig {
-    /// A collision.
-    Obstacle,
-    /// A landing.
-    Landing,
-    /// Nothing: it can be seen but not touched.
-    Decoration,
-}
 
 /// What a body is apart from its outline.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +17,7 @@ pub(super) struct Surface {
 /// Keys that change a [`Surface`]; what is left out stays.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SurfaceKeys {
-    pub(super) role: Option<RoleConfig>,
+    pub(super) role: Option<Role>,
     pub(super) friction: Option<f64>,
     pub(super) contact_gap_m: Option<f64>,
     pub(super) colour: Option<[f64; 3]>,
@@ -52,12 +37,7 @@ impl Surface {
         };
         let colour = keys.colour.map(|colour| field.at("colour").numbers(colour, &Limits::from(0.0, 1.0, "")));
         Ok(Self {
-            role: match keys.role {
-                None => self.role,
-                Some(RoleConfig::Obstacle) => Role::Obstacle,
-                Some(RoleConfig::Landing) => Role::Landing,
-                Some(RoleConfig::Decoration) => Role::Decoration,
-            },
+            role: keys.role.unwrap_or(self.role),
             friction: number("friction", keys.friction, self.friction, Limits::from(0.0, 10.0, ""))?,
             contact_gap: number(
                 "contact_gap_m",
@@ -72,6 +52,6 @@ impl Surface {
     /// A body with this surface, which looks as it is.
     pub(super) fn around(self, name: &str, shape: Shape, pose: Pose) -> Solid {
         let Self { role, friction, contact_gap, colour } = self;
-        Solid { name: name.to_owned(), shape, pose, role, friction, contact_gap, colour, look: None }
+        Solid { name: name.to_owned(), shape, pose, role, friction, contact_gap, colour, visual: None }
     }
 }

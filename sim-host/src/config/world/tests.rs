@@ -1,9 +1,9 @@
 use nalgebra::Vector3;
 
-use crate::config::{AviaryConfig, ConfigError, Document, Place};
+use crate::config::{AviaryConfig, AviaryParts, ConfigError, Document};
 use crate::world::{BOX_CONTACT_GAP, Cuboid, Floor, Role, Shape, Solid};
 
-fn place(text: &str) -> Result<Place, ConfigError> {
+fn place(text: &str) -> Result<AviaryParts, ConfigError> {
     let document = Document::parse("world.yaml", text)?;
     document.decode::<AviaryConfig>()?.place(&document.root())
 }
@@ -91,7 +91,7 @@ fn look(solid: &Solid) -> Solid {
 #[test]
 fn a_look_is_where_it_is_written_however_its_body_is_turned() {
     let plain = solid("low_m: [0, 0, 0], high_m: [1, 1, 1]");
-    assert_eq!((&plain.look, plain.seen()), (&None, (&plain.shape, plain.pose)));
+    assert_eq!((&plain.visual, plain.seen()), (&None, (&plain.shape, plain.pose)));
     let body = "box: {center_m: [3, 2, 1], size_m: [1, 2, 3], rpy_deg: [20, 40, 60]}";
     let both = |look: &str| solid(&format!("{body}, look: {{{look}}}"));
     let written = both("low_m: [0, 1, 2], high_m: [1, 3, 5]");

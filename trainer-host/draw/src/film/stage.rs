@@ -222,6 +222,6 @@ fn mark(shape: Shape, position: Vector3<f64>) -> Solid {
         friction: 0.0,
         contact_gap: 0.0,
         colour: GOAL_COLOUR,
-        look: None,
+        visual: None,
     }
 }

@@ -1,6 +1,6 @@
 //! What a plan shows: the place of a world file, or the aviary of a scenario.
 
-use kestrel_sim::config::Place;
+use kestrel_sim::config::AviaryParts;
 use kestrel_sim::scenario::{FreeSpace, Scenario, StartPosition};
 use kestrel_sim::world::{Cuboid, Solid, World};
 use nalgebra::Vector3;
@@ -32,8 +32,8 @@ pub struct Subject {
 
 impl Subject {
     /// A world with what its file says about it.
-    pub fn of_place(name: String, place: Place) -> Self {
-        let Place { about, goals, starts, routes, world } = place;
+    pub fn of_place(name: String, place: AviaryParts) -> Self {
+        let AviaryParts { about, goals, starts, routes, world } = place;
         Self { name, about, world, goals, starts, routes, start_region: None }
     }
 

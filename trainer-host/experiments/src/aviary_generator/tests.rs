@@ -1,6 +1,6 @@
 use std::fs;
 
-use kestrel_sim::contact::WayMap;
+use kestrel_sim::contact::DistanceField;
 use kestrel_sim::world::{Role, Solid};
 use tempfile::TempDir;
 
@@ -50,8 +50,8 @@ fn written_rooms_are_read_as_tasks_that_can_be_flown() {
         let scenario = &task.evaluation.scenario;
         assert_eq!(task.name, name);
         assert!(!scenario.aviary.route(0).is_empty());
-        let ways = WayMap::new(&scenario.aviary.world, &scenario.aviary.goal, ROOM, CLEARANCE_M);
-        assert!(ways.free_way_from([-0.55, 0.0, 0.5]).is_some());
+        let ways = DistanceField::new(&scenario.aviary.world, &scenario.aviary.goal, ROOM, CLEARANCE_M);
+        assert!(ways.free_path_from([-0.55, 0.0, 0.5]).is_some());
         let starts = Starts { seed: Seed(1), purpose: Purpose::Evaluation, episodes: 20 };
         assert!(evaluate(scenario, Flyer::Scripted, starts).success_rate >= 0.9);
         assert!(evaluate(scenario, Flyer::Nothing, starts).success_rate < 0.01);

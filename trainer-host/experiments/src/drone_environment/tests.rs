@@ -6,7 +6,7 @@ use kestrel_core::observation::{ObservationLayout, PilotLayout};
 use kestrel_learn::ppo::{PpoSettings, UpdateMetrics};
 use kestrel_learn::rollout::ENV_BATCH;
 use kestrel_learn::schedule::Schedule;
-use kestrel_sim::contact::WayMap;
+use kestrel_sim::contact::DistanceField;
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
     Termination, TimeLimit, WeightedTerm,
@@ -126,7 +126,7 @@ fn mapped() -> Scenario {
     let free = scenario(CriticView::Observation);
     let bounds = Cuboid { low: Vector3::new(-1.0, -1.0, 0.0), high: Vector3::new(1.0, 1.0, 2.0) };
     let ways =
-        std::sync::Arc::new(WayMap::new(&free.aviary.world, &free.aviary.goal, bounds, CF2X.collision_radius));
+        std::sync::Arc::new(DistanceField::new(&free.aviary.world, &free.aviary.goal, bounds, CF2X.collision_radius));
     let advance = WeightedTerm::new(RewardTerm::Advance(ways), 1.0);
     Scenario { rewards: [free.rewards, vec![advance]].concat(), ..free }
 }

@@ -1,16 +1,17 @@
 //! A route around what stands between: few points to fly through, each leg straight and free.
 //!
-//! The shortest free way ([`WayMap`]) has a point every 5 cm; a pilot that nearly stops at each wants few.
+//! The shortest free path ([`DistanceField`]) has a point every 5 cm; a pilot that nearly stops at each wants few.
 
 use kestrel_core::airframe::{Airframe, CF2X};
-use kestrel_sim::contact::{Arena, ContactReport, WayMap};
-use kestrel_sim::world::{Cuboid, Pose, World};
 use nalgebra::Vector3;
+
+use super::{Arena, ContactReport, DistanceField};
+use crate::world::{Cuboid, Pose, World};
 
 /// Between two poses of the probe on a leg \[m\].
 const PROBE_STEP_M: f64 = 0.05;
 
-/// What a leg keeps of the way's clearance, for it may cut the corners of the way.
+/// What a leg keeps of the path's clearance, for it may cut the corners of the path.
 const LEG_SHARE: f64 = 0.8;
 
 /// From where to where, and what is in between.
@@ -24,20 +25,20 @@ pub struct Passage<'a> {
     pub starts: Cuboid,
     /// Where they go \[m, world\].
     pub goal: Vector3<f32>,
-    /// Least distance between the way and everything else \[m\].
+    /// Least distance between the path and everything else \[m\].
     pub clearance_m: f64,
 }
 
 impl Passage<'_> {
-    /// Points to fly through on the shortest free way \[m, world\], in centimetres, without the start and the goal: none
-    /// where every start sees the goal. `None` where no way is free.
+    /// Points to fly through on the shortest free path \[m, world\], in centimetres, without the start and the goal: none
+    /// where every start sees the goal. `None` where no path is free.
     ///
     /// Legs keep four fifths of the clearance, with edges where the ball around a drone has none.
     pub fn route(&self) -> Option<Vec<Vector3<f64>>> {
         let middle = (self.starts.low + self.starts.high) / 2.0;
-        let ways = WayMap::new(self.world, &self.goal, self.bounds, self.clearance_m);
-        let way: Vec<Vector3<f64>> =
-            ways.free_way_from(middle.into())?.iter().map(|point| rounded(point.cast())).collect();
+        let field = DistanceField::new(self.world, &self.goal, self.bounds, self.clearance_m);
+        let path: Vec<Vector3<f64>> =
+            field.free_path_from(middle.into())?.iter().map(|point| rounded(point.cast())).collect();
         let probe = Probe::new(self.world, self.clearance_m * LEG_SHARE);
         let mut route = Vec::new();
         let mut from = corners(&self.starts);
@@ -47,9 +48,9 @@ impl Passage<'_> {
             if seen(&self.goal.cast()) {
                 return Some(route);
             }
-            passed = (passed + 1..way.len()).rev().find(|index| seen(&way[*index]))?;
-            route.push(way[passed]);
-            from = vec![way[passed]];
+            passed = (passed + 1..path.len()).rev().find(|index| seen(&path[*index]))?;
+            route.push(path[passed]);
+            from = vec![path[passed]];
         }
     }
 }
@@ -81,14 +82,14 @@ fn corners(region: &Cuboid) -> Vec<Vector3<f64>> {
 }
 
 /// In centimetres; −0 is 0.
-pub(crate) fn rounded(point: Vector3<f64>) -> Vector3<f64> {
+fn rounded(point: Vector3<f64>) -> Vector3<f64> {
     point.map(|metres| (metres * 100.0).round() / 100.0 + 0.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kestrel_sim::world::Solid;
+    use crate::world::Solid;
 
     /// A room of 4 m with a wall across at x = 0, from the right up to `left_end` \[m\].
     fn route(left_end: f64) -> Option<Vec<Vector3<f64>>> {

@@ -9,13 +9,13 @@ use super::shape::{ConeConfig, CylinderConfig, HullConfig, SphereConfig, TurnedB
 use super::superellipsoid::SuperellipsoidConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::Field;
-use crate::world::{Look, Pose};
+use crate::world::{Pose, VisualGeometry};
 
 /// What cameras see of a body in place of its outline, as URDF's `visual` beside `collision`. It has one outline: `low_m`
 /// and `high_m`, or `box`, `cylinder`, `sphere`, `cone`, `superellipsoid`, `hull` or `mesh`, where the body's would be.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct LookConfig {
+pub struct VisualConfig {
     /// Corner of an axis-aligned box with the smallest coordinates: `[x, y, z]`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub low_m: Option<[f64; 3]>,
@@ -45,13 +45,13 @@ pub struct LookConfig {
     pub mesh: Option<MeshConfig>,
 }
 
-impl LookConfig {
+impl VisualConfig {
     /// The look of a body that is there.
-    pub(super) fn check(&self, body: &Pose, field: &Field<'_>) -> Result<Look, ConfigError> {
+    pub(super) fn check(&self, body: &Pose, field: &Field<'_>) -> Result<VisualGeometry, ConfigError> {
         let outline = self.outline_keys();
         outline.refuse_several(field)?;
         let (shape, pose) = outline.check(field)?;
-        Ok(Look { shape, pose_in_body: pose.relative_to(body) })
+        Ok(VisualGeometry { shape, pose_in_body: pose.relative_to(body) })
     }
 
     fn outline_keys(&self) -> OutlineKeys<'_> {

@@ -1,4 +1,4 @@
-//! How long the shortest free way to the goal is, from everywhere: a reward that leads around what stands between.
+//! The geodesic distance field (cost-to-go): how long the shortest free path to the goal is, from everywhere.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -22,11 +22,11 @@ const MARGIN: f64 = 0.01;
 /// A metre at this distance from everything, or farther, is a metre \[m\].
 const COMFORT: f64 = 0.3;
 
-/// What a metre right beside something adds to itself. A way that keeps half a COMFORT away is worth a detour of half
+/// What a metre right beside something adds to itself. A path that keeps half a COMFORT away is worth a detour of half
 /// its length, as a learner that still wobbles would find.
-const CROWDING: f64 = 2.0;
+const CLEARANCE_COST: f64 = 2.0;
 
-/// What a metre through something counts: more than any way around it.
+/// What a metre through something counts: more than any path around it.
 const BLOCKED: f64 = 40.0;
 
 /// Rounding of what a metre counts, generously.
@@ -35,17 +35,17 @@ const ROUNDING: f32 = 0.1;
 /// Offsets to the 26 neighbours of a node.
 const NEIGHBOURS: [[isize; 3]; 26] = neighbours();
 
-/// Lengths of the shortest ways to a goal, computed when they are first asked for.
+/// Lengths of the shortest paths to a goal, computed when they are first asked for.
 ///
-/// A metre counts more near walls, so that ways keep to the middle, and very much more through them, so that there is
-/// a way from everywhere. What is there to land on does not count as being in the way.
+/// A metre counts more near walls, so that paths keep to the middle, and very much more through them, so that there is
+/// a path from everywhere. What is there to land on does not count as being in the way.
 #[derive(Clone, Debug)]
-pub struct WayMap {
+pub struct DistanceField {
     site: Site,
     lengths: OnceLock<Lengths>,
 }
 
-/// What ways depend on.
+/// What paths depend on.
 #[derive(Clone, Debug, PartialEq)]
 struct Site {
     solids: Vec<Solid>,
@@ -66,58 +66,58 @@ struct Lengths {
     metres: Vec<f32>,
 }
 
-/// The maps that somebody has.
-static MADE: Mutex<Vec<Weak<WayMap>>> = Mutex::new(Vec::new());
+/// The fields that are in use.
+static MADE: Mutex<Vec<Weak<DistanceField>>> = Mutex::new(Vec::new());
 
-impl PartialEq for WayMap {
+impl PartialEq for DistanceField {
     fn eq(&self, other: &Self) -> bool {
         self.site == other.site
     }
 }
 
-impl WayMap {
-    /// Ways of a drone with a hull of this radius \[m\] within `bounds`, in which the goal \[m, world\] is.
+impl DistanceField {
+    /// Paths of a drone with a hull of this radius \[m\] within `bounds`, in which the goal \[m, world\] is.
     pub fn new(world: &World, goal: &Vector3<f32>, bounds: Cuboid, radius: f64) -> Self {
         let solids = world.tangible().filter(|solid| solid.role == Role::Obstacle).cloned().collect();
         Self { site: Site { solids, goal: goal.cast(), bounds, radius }, lengths: OnceLock::new() }
     }
 
-    /// As [`Self::new`]; the same map for everybody who asks while somebody has it.
+    /// As [`Self::new`]; the same field for everybody who asks while it is in use.
     pub fn shared(world: &World, goal: &Vector3<f32>, bounds: Cuboid, radius: f64) -> Arc<Self> {
         let wanted = Self::new(world, goal, bounds, radius);
         // A panic elsewhere leaves the list as it was: it is only ever changed as a whole.
         let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
-        made.retain(|map| map.strong_count() > 0);
-        let known = made.iter().filter_map(Weak::upgrade).find(|map| **map == wanted);
+        made.retain(|field| field.strong_count() > 0);
+        let known = made.iter().filter_map(Weak::upgrade).find(|field| **field == wanted);
         known.unwrap_or_else(|| {
-            let map = Arc::new(wanted);
-            made.push(Arc::downgrade(&map));
-            map
+            let field = Arc::new(wanted);
+            made.push(Arc::downgrade(&field));
+            field
         })
     }
 
-    /// Points along the shortest way from a point to the goal \[m, world\], one for each node on it.
-    pub fn way_from(&self, point: [f32; 3]) -> Vec<Vector3<f32>> {
-        self.lengths.get_or_init(|| Lengths::new(&self.site)).way_from(point)
+    /// Points along the shortest path from a point to the goal \[m, world\], one for each node on it.
+    pub fn path_from(&self, point: [f32; 3]) -> Vec<Vector3<f32>> {
+        self.lengths.get_or_init(|| Lengths::new(&self.site)).path_from(point)
     }
 
-    /// As [`Self::way_from`], unless that way leads through something.
-    pub fn free_way_from(&self, point: [f32; 3]) -> Option<Vec<Vector3<f32>>> {
-        let way = self.way_from(point);
+    /// As [`Self::path_from`], unless that path leads through something.
+    pub fn free_path_from(&self, point: [f32; 3]) -> Option<Vec<Vector3<f32>>> {
+        let path = self.path_from(point);
         // A free metre counts at most this much, and a step into or out of something many times more.
-        let limit = 1.0 + CROWDING as f32 + ROUNDING;
+        let limit = 1.0 + CLEARANCE_COST as f32 + ROUNDING;
         let drop =
             |one: &Vector3<f32>, other: &Vector3<f32>| self.length((*one).into()) - self.length((*other).into());
-        let free = way.windows(2).all(|leg| drop(&leg[0], &leg[1]) <= limit * (leg[1] - leg[0]).norm());
-        free.then_some(way)
+        let free = path.windows(2).all(|leg| drop(&leg[0], &leg[1]) <= limit * (leg[1] - leg[0]).norm());
+        free.then_some(path)
     }
 
-    /// The point on the shortest way from `point` that is `metres` farther along \[m, world\]; the goal once that is nearer.
+    /// The point on the shortest path from `point` that is `metres` farther along \[m, world\]; the goal once that is nearer.
     pub fn ahead(&self, point: [f32; 3], metres: f32) -> Vector3<f32> {
         self.lengths.get_or_init(|| Lengths::new(&self.site)).ahead(point, metres)
     }
 
-    /// Length of the shortest way from a point \[m\]; outside the bounds that from their nearest point.
+    /// Length of the shortest path from a point \[m\]; outside the bounds that from their nearest point.
     pub fn length(&self, point: [f32; 3]) -> f32 {
         self.lengths.get_or_init(|| Lengths::new(&self.site)).at(point)
     }
@@ -145,15 +145,15 @@ impl Lengths {
         }
     }
 
-    fn way_from(&self, point: [f32; 3]) -> Vec<Vector3<f32>> {
+    fn path_from(&self, point: [f32; 3]) -> Vec<Vector3<f32>> {
         self.downhill(point).collect()
     }
 
     fn ahead(&self, point: [f32; 3], metres: f32) -> Vector3<f32> {
-        let mut way = self.downhill(point);
-        let mut end = way.next().unwrap_or_default();
+        let mut path = self.downhill(point);
+        let mut end = path.next().unwrap_or_default();
         let mut flown = 0.0;
-        for next in way {
+        for next in path {
             flown += (next - end).norm();
             end = next;
             if flown >= metres {
@@ -293,11 +293,11 @@ fn cost(room: f64) -> f64 {
     if room < 0.0 {
         return BLOCKED;
     }
-    let crowded = (1.0 - room / COMFORT).max(0.0);
-    1.0 + CROWDING * crowded * crowded
+    let near = (1.0 - room / COMFORT).max(0.0);
+    1.0 + CLEARANCE_COST * near * near
 }
 
-/// Shortest ways from all nodes to one (Dijkstra 1959), each step to one of 26 neighbours; \[m\], weighted.
+/// Shortest paths from all nodes to one (Dijkstra 1959), each step to one of 26 neighbours; \[m\], weighted.
 fn shortest(grid: &Grid, costs: &[f64], goal: usize) -> Vec<f32> {
     let mut metres = vec![f32::INFINITY; grid.len()];
     metres[goal] = 0.0;

@@ -27,7 +27,7 @@ const ROUNDING: f64 = 1e-4;
 
 /// A grid of lower bounds of the distance to a set of bodies, in steps of a fraction of a cell.
 #[derive(Clone, Debug)]
-pub(super) struct DistanceMap {
+pub(super) struct ClearanceMap {
     low: [f32; 3],
     /// Of the first cell.
     middle_of_first: [f32; 3],
@@ -41,7 +41,7 @@ pub(super) struct DistanceMap {
     cells: Vec<u8>,
 }
 
-impl DistanceMap {
+impl ClearanceMap {
     /// `None` if there is nothing to be distant from.
     pub(super) fn new(bodies: &[Body]) -> Option<Self> {
         let extents = bodies.iter().map(|body| body.extent);
