@@ -87,7 +87,7 @@ pub struct Image {
 impl Camera {
     /// The reference's: 64×48 pixels, 60° both across and up (pixels are not square), from an arm's length to 1 km.
     /// `TinyRenderer` samples a pixel at its left lower corner.
-    pub const PAPER: Self = Self {
+    pub const REFERENCE: Self = Self {
         columns: 64,
         rows: 48,
         tangents: [0.577_350_269_189_625_8; 2],

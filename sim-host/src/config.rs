@@ -39,15 +39,16 @@ pub use airframe::{
 };
 pub use area::AreaConfig;
 pub use aviary::{AviaryConfig, AviaryParts, BoxConfig};
-pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, PaperCameraConfig};
+pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, ReferenceCameraConfig};
 pub use notation::{Document, DroneNotations};
 pub use physics::{
     BulletConfig, DragFrameConfig, DynReportConfig, IntegratorConfig, ModeConfig, PhysicsConfig, QuirksConfig,
     VersionConfig,
 };
 pub use pilot::{
-    ActionConfig, ControllerConfig, KinematicConfig, ObservationConfig, PaperConfig, PilotConfig, PrecisionConfig,
-    PublishedConfig, PublishedKindConfig, RotorSpeedsConfig, ThrustBodyRatesConfig, VelocityConfig,
+    ActionConfig, KinematicConfig, ObservationConfig, PilotConfig, ReferenceActionConfig,
+    ReferenceActionKindConfig, ReferenceControllerConfig, ReferenceObservationConfig, ReferencePrecisionConfig,
+    RotorSpeedsConfig, ThrustBodyRatesConfig, VelocityConfig,
 };
 pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
 pub use sensor::{

@@ -5,19 +5,15 @@
 
 mod arena;
 mod body;
-mod bullet;
 mod clearance_map;
 mod distance_field;
 mod frame;
 mod group;
-mod impulses;
-mod manifold;
 mod outline;
-mod penetration;
 mod rapier;
+mod reference;
 mod route;
 mod scanner;
-mod separation;
 mod solver;
 #[cfg(test)]
 mod tests;
@@ -28,8 +24,8 @@ use nalgebra::Vector3;
 
 pub use arena::Arena;
 pub use distance_field::DistanceField;
-pub use manifold::ContactMemory;
 pub(crate) use outline::face_normals;
+pub use reference::ContactMemory;
 pub use route::Passage;
 pub use solver::ContactSolver;
 

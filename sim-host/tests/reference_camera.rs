@@ -109,7 +109,7 @@ fn count(name: &str, floor: Floor) -> Count {
         let depths = depths.as_chunks().0[pixels.clone()].iter().map(|bytes| f32::from_le_bytes(*bytes));
         let colours = &colours.as_chunks().0[pixels.clone()];
         let frame = Frame { pose, depths: depths.collect(), labels: &labels[pixels], colours };
-        let seen = scene.render(&Camera::PAPER, &View::paper(&frame.pose, EYE_HEIGHT));
+        let seen = scene.render(&Camera::REFERENCE, &View::paper(&frame.pose, EYE_HEIGHT));
         count.add(&frame, &seen, &world.solids);
     }
     println!("{name}: {count:?}");

@@ -28,7 +28,7 @@ fn golden(name: &str) -> Vec<f32> {
 /// Depths that the camera sees, row by row from the top.
 fn picture(world: &World, start: Vector3<f64>) -> Vec<f32> {
     let view = View::paper(&Pose::at(start), EYE_HEIGHT);
-    Scene::new(world).render(&Camera::PAPER, &view).depths
+    Scene::new(world).render(&Camera::REFERENCE, &view).depths
 }
 
 /// Share of the pixels that differ from the recording by more than 1 % and one centimetre.

@@ -111,7 +111,7 @@ fn compare(recording: &str, world: &str) -> [f64; 2] {
     assert_eq!(recorded.len(), poses.len() * PIXELS);
     let (mut pixels, mut off, mut seen, mut unlike) = (0, 0, 0, 0);
     for (frame, (row, recorded)) in poses.iter().zip(recorded.chunks_exact(PIXELS)).enumerate() {
-        let image = scene.render(&Camera::PAPER, &View::paper(&pose(row), EYE_HEIGHT));
+        let image = scene.render(&Camera::REFERENCE, &View::paper(&pose(row), EYE_HEIGHT));
         let labels = labels(&world, &image);
         for place in (0..PIXELS).filter(|place| !nearby(*place, |other| recorded[other] == DRONE)) {
             pixels += 1;

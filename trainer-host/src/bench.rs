@@ -237,7 +237,7 @@ pub(crate) fn sight(sight: &Sight, scenario: &Scenario, duration: Duration) -> F
     let (scene, mut canvas, mut image) = (Scene::new(world), Canvas::default(), Image::default());
     let per_second = best_rate(duration, || {
         for view in &views {
-            scene.render_into(&Camera::PAPER, view, &mut canvas, &mut image);
+            scene.render_into(&Camera::REFERENCE, view, &mut canvas, &mut image);
             black_box(&image);
         }
         VIEWS as u64

@@ -24,7 +24,7 @@ pub struct OnboardCamera {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mount {
     /// As in the reference: so far above the drone's centre in the world \[m\], and never tilted sideways.
-    Paper {
+    Reference {
         /// The arm's length of the airframe.
         arm_m: f64,
     },
@@ -73,14 +73,14 @@ impl OnboardCamera {
         let every = self.control_periods_per_image;
         match self.mount {
             Mount::Body { .. } => period.is_multiple_of(every),
-            Mount::Paper { .. } => period == 0 || (period - 1).is_multiple_of(every),
+            Mount::Reference { .. } => period == 0 || (period - 1).is_multiple_of(every),
         }
     }
 
     /// What the camera of a drone looks at.
     pub fn view(&self, drone: &Pose) -> View {
         match self.mount {
-            Mount::Paper { arm_m } => View::paper(drone, arm_m),
+            Mount::Reference { arm_m } => View::paper(drone, arm_m),
             Mount::Body { position, pitch } => {
                 let turned = |axis: Vector3<f64>| drone.world_from_body.rotate(axis);
                 let (sine, cosine) = libm::sincos(pitch);
@@ -155,7 +155,7 @@ mod tests {
     use kestrel_core::attitude::Attitude;
 
     fn camera(channels: Vec<Channel>) -> OnboardCamera {
-        let camera = Camera { columns: 2, rows: 1, near_m: 0.5, far_m: 100.0, ..Camera::PAPER };
+        let camera = Camera { columns: 2, rows: 1, near_m: 0.5, far_m: 100.0, ..Camera::REFERENCE };
         let mount = Mount::Body { position: Vector3::new(0.03, 0.0, 0.01), pitch: 0.0 };
         OnboardCamera { camera, mount, channels, control_periods_per_image: 1, optics: Optics::default() }
     }
@@ -186,7 +186,7 @@ mod tests {
         let held = OnboardCamera { control_periods_per_image: 3, ..camera(vec![Channel::Rgb]) };
         let due = |camera: &OnboardCamera| (0..8).filter(|period| camera.is_due(*period)).collect::<Vec<u32>>();
         assert_eq!(due(&held), [0, 3, 6]);
-        let paper = OnboardCamera { mount: Mount::Paper { arm_m: 0.04 }, ..held };
+        let paper = OnboardCamera { mount: Mount::Reference { arm_m: 0.04 }, ..held };
         assert_eq!(due(&paper), [0, 1, 4, 7]);
     }
 

@@ -76,7 +76,7 @@ fn ray(camera: &Camera, view: &View, column: usize, row: usize) -> Vector3<f64> 
 
 #[test]
 fn every_pixel_is_where_a_ray_meets_the_world() {
-    let camera = Camera { columns: 53, rows: 31, far_m: 50.0, ..Camera::PAPER };
+    let camera = Camera { columns: 53, rows: 31, far_m: 50.0, ..Camera::REFERENCE };
     let (mut pixels, mut off) = (0, 0);
     for seed in 0..8 {
         let world = strewn(seed, 12);
@@ -117,7 +117,7 @@ fn nearest(solid: &Solid, eye: Vector3<f64>, ray: Vector3<f64>) -> Option<(f64, 
 
 #[test]
 fn every_pixel_of_a_mesh_is_where_a_ray_meets_a_triangle() {
-    let camera = Camera { columns: 37, rows: 23, far_m: 50.0, ..Camera::PAPER };
+    let camera = Camera { columns: 37, rows: 23, far_m: 50.0, ..Camera::REFERENCE };
     let within = View::towards(Vector3::new(2.5, 0.0, 1.0), Vector3::new(1.0, 0.4, 0.8), Vector3::z());
     let (mut pixels, mut met, mut off) = (0, 0, 0);
     for (seed, view) in [(0, ahead()), (1, ahead()), (2, within)] {
@@ -152,7 +152,7 @@ fn nothing_is_seen_between_triangles() {
     solid.shape = ring(0.25, 0.25, 60, 50);
     let world = World { solids: vec![solid], floor: world::Floor::Absent, ..World::empty() };
     let scene = Scene::new(&world);
-    let camera = Camera { columns: 256, rows: 256, tangents: [0.2; 2], ..Camera::PAPER };
+    let camera = Camera { columns: 256, rows: 256, tangents: [0.2; 2], ..Camera::REFERENCE };
     let view = View::towards(Vector3::new(0.9, 0.1, 0.7), Vector3::new(0.25, 0.0, 0.0), Vector3::z());
     let image = scene.render(&camera, &view);
     assert!(image.labels.iter().all(|label| *label == FIRST_SOLID), "a gap");
@@ -164,7 +164,7 @@ fn labels_name_the_nearest_thing() {
     let far = Solid::block("far", Vector3::new(3.0, -2.0, 0.0), Vector3::new(3.1, 2.0, 1.6));
     let world = World { solids: vec![far, near], ..World::empty() };
     let image = Scene::new(&world)
-        .render(&Camera::PAPER, &View::towards(Vector3::z(), Vector3::new(1.0, 0.0, 1.0), Vector3::z()));
+        .render(&Camera::REFERENCE, &View::towards(Vector3::z(), Vector3::new(1.0, 0.0, 1.0), Vector3::z()));
     let at = |column: usize, row: usize| (image.labels[row * 64 + column], image.depths[row * 64 + column]);
     assert_eq!(at(32, 24), (FIRST_SOLID + 1, 1.0));
     assert_eq!(at(2, 24).0, FIRST_SOLID);
@@ -185,7 +185,7 @@ fn colours_are_those_of_the_reference_under_its_light() {
     let scene = Scene::new(&World { solids: vec![wall, pillar], ..World::empty() });
     let eye = Vector3::new(0.5, 0.5, 1.0);
     let colour = |target: Vector3<f64>| {
-        let camera = Camera { columns: 1, rows: 1, sample: [0.5; 2], ..Camera::PAPER };
+        let camera = Camera { columns: 1, rows: 1, sample: [0.5; 2], ..Camera::REFERENCE };
         scene.render(&camera, &View::towards(eye, target, Vector3::z())).colours[0]
     };
     assert_eq!(colour(Vector3::new(3.0, 1.0, 1.0)), [191, 76, 76]);
@@ -207,7 +207,7 @@ fn what_holds_the_eye_or_is_behind_it_or_nearer_than_near_is_not_drawn() {
     for solid in [around, behind, brushed, within] {
         let world = World { solids: vec![solid], floor: crate::world::Floor::Absent, ..World::empty() };
         let view = View::towards(Vector3::new(0.0, 0.0, 1.0), Vector3::new(1.0, 0.0, 1.0), Vector3::z());
-        let image = Scene::new(&world).render(&Camera::PAPER, &view);
+        let image = Scene::new(&world).render(&Camera::REFERENCE, &view);
         assert!(image.labels.iter().all(|label| *label == NOTHING), "{:?}", world.solids[0].name);
     }
 }
@@ -217,7 +217,7 @@ fn memory_is_used_again_for_images_of_any_size() {
     let scene = Scene::new(&strewn(3, 9));
     let (mut canvas, mut image) = Default::default();
     for (columns, rows) in [(64, 48), (7, 3), (33, 50), (1, 1)] {
-        let camera = Camera { columns, rows, ..Camera::PAPER };
+        let camera = Camera { columns, rows, ..Camera::REFERENCE };
         scene.render_into(&camera, &ahead(), &mut canvas, &mut image);
         assert_eq!(image, scene.render(&camera, &ahead()));
         assert_eq!(image.colours.len(), columns * rows);
@@ -245,14 +245,17 @@ fn what_was_moved_looks_as_if_it_had_always_been_there() {
         strewn(6, 8).solids.into_iter().map(|solid| Movable { solid, mass: 0.1 }).collect();
     let mut world = World { movables, ..still };
     let mut scene = Scene::new(&world);
-    assert_eq!(scene.render(&Camera::PAPER, &ahead()), Scene::new(&world).render(&Camera::PAPER, &ahead()));
+    assert_eq!(
+        scene.render(&Camera::REFERENCE, &ahead()),
+        Scene::new(&world).render(&Camera::REFERENCE, &ahead())
+    );
     for (index, movable) in world.movables.iter_mut().enumerate() {
         let place = Vector3::new(1.5 + 0.2 * index as f64, 0.1 * index as f64 - 0.4, 1.0);
         movable.solid.pose = turned(place, Vector3::new(1.0, 2.0, index as f64), 0.5 + index as f64);
         scene.place(Mover::Movable(index), &movable.solid.pose);
     }
-    let image = scene.render(&Camera::PAPER, &ahead());
-    assert_eq!(image, Scene::new(&world).render(&Camera::PAPER, &ahead()));
+    let image = scene.render(&Camera::REFERENCE, &ahead());
+    assert_eq!(image, Scene::new(&world).render(&Camera::REFERENCE, &ahead()));
     assert!(image.labels.iter().any(|label| *label >= FIRST_SOLID + 8), "movables are in view");
 }
 
@@ -273,7 +276,7 @@ fn a_solid_is_seen_by_its_look_and_touched_without_it() {
     for world in [strewn(5, 8), strewn_rings(6, 4)] {
         let disguised = disguised(&world);
         let (image, expected) =
-            [&disguised, &world].map(|world| Scene::new(world).render(&Camera::PAPER, &ahead())).into();
+            [&disguised, &world].map(|world| Scene::new(world).render(&Camera::REFERENCE, &ahead())).into();
         let same = image.labels.iter().zip(&expected.labels).filter(|(one, other)| one == other).count();
         assert!(same >= image.labels.len() - 3, "{same} of {} labels, but for rounding", image.labels.len());
         assert!(image.labels.iter().any(|label| *label >= FIRST_SOLID), "something is in view");
@@ -303,13 +306,14 @@ fn the_look_of_a_movable_moves_with_it() {
         movable.solid.pose = Pose { position: place, ..movable.solid.pose };
         scene.place(Mover::Movable(index), &movable.solid.pose);
     }
-    let image = scene.render(&Camera::PAPER, &ahead());
-    assert_eq!(image, Scene::new(&world).render(&Camera::PAPER, &ahead()));
+    let image = scene.render(&Camera::REFERENCE, &ahead());
+    assert_eq!(image, Scene::new(&world).render(&Camera::REFERENCE, &ahead()));
     let solids = world.movables.iter().map(|movable| {
         let (shape, pose) = movable.solid.seen();
         Solid { shape: shape.clone(), pose, visual: None, ..movable.solid.clone() }
     });
-    let still = Scene::new(&World { solids: solids.collect(), ..World::empty() }).render(&Camera::PAPER, &ahead());
+    let still =
+        Scene::new(&World { solids: solids.collect(), ..World::empty() }).render(&Camera::REFERENCE, &ahead());
     let same = image.labels.iter().zip(&still.labels).filter(|(one, other)| one == other).count();
     assert!(same >= image.labels.len() - 3, "{same} of {} labels, but for rounding", image.labels.len());
     assert!(image.labels.iter().any(|label| *label >= FIRST_SOLID), "something is in view");
@@ -322,7 +326,7 @@ fn drones_are_behind_the_movables_and_seen_where_they_are_placed() {
     let world = World { solids: vec![solid], movables, ..World::empty() };
     let mut scene = Scene::new(&world).with_drones(&CF2X, 1).with_drones(&CF2X, 1);
     assert_eq!(scene.drones(), 2);
-    let camera = Camera { columns: 101, rows: 101, tangents: [0.2; 2], sample: [0.5; 2], ..Camera::PAPER };
+    let camera = Camera { columns: 101, rows: 101, tangents: [0.2; 2], sample: [0.5; 2], ..Camera::REFERENCE };
     let view = View::towards(Vector3::z(), Vector3::new(1.0, 0.0, 1.0), Vector3::z());
     let without = scene.render(&camera, &view);
     assert_eq!(without, Scene::new(&world).render(&camera, &view), "nothing is seen before it is placed");
@@ -347,7 +351,7 @@ fn a_drone_is_as_large_as_its_airframe() {
     for airframe in [CF2X, kestrel_core::airframe::HUMMINGBIRD] {
         let mut scene = Scene::new(&World::empty()).with_drones(&airframe, 1);
         scene.place(Mover::Drone(0), &Pose::at(Vector3::new(0.0, 0.0, 1.0)));
-        let camera = Camera { columns: 201, rows: 201, tangents: [1.0; 2], sample: [0.5; 2], ..Camera::PAPER };
+        let camera = Camera { columns: 201, rows: 201, tangents: [1.0; 2], sample: [0.5; 2], ..Camera::REFERENCE };
         let view = View::towards(Vector3::new(0.0, 0.0, 2.0), Vector3::new(0.0, 0.0, 1.0), Vector3::x());
         let image = scene.render(&camera, &view);
         let rows = (0..201 * 201).filter(|pixel| image.labels[*pixel] == FIRST_SOLID).map(|pixel| pixel / 201);

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::Document;
 use super::error::ConfigError;
 use super::field::Field;
-use super::geometry::{exact_point, holds};
+use super::geometry::holds;
 use super::world::{FurnitureConfig, MovableConfig, RoomConfig, SolidConfig, pillar};
 use crate::scenario::Aviary;
 use crate::world::{Cuboid, Floor, World};
@@ -118,7 +118,7 @@ impl AviaryConfig {
     /// # Errors
     /// When a solid is wrong or around the goal, or there are too many.
     pub fn place(&self, field: &Field<'_>) -> Result<AviaryParts, ConfigError> {
-        let goal = self.goal_m.map(|goal| exact_point(&field.at("goal_m"), goal)).transpose()?;
+        let goal = self.goal_m.map(|goal| field.at("goal_m").place(goal)).transpose()?;
         let world = self.own_world(goal.as_ref(), field)?;
         let route = points(&field.at("route_m"), &self.route_m)?;
         let mut place = AviaryParts {
@@ -134,7 +134,7 @@ impl AviaryConfig {
         }
         self.refuse_blocked_route(&place, field)?;
         if let Some(at) = self.at_m {
-            place.shift(exact_point(&field.at("at_m"), at)?);
+            place.shift(field.at("at_m").place(at)?);
         }
         let count = place.world.solids.len() + place.world.movables.len();
         if count > SOLIDS_LIMIT {
@@ -219,7 +219,7 @@ impl AviaryParts {
 }
 
 fn points(field: &Field<'_>, points: &[[f64; 3]]) -> Result<Vec<Vector3<f64>>, ConfigError> {
-    points.iter().enumerate().map(|(index, point)| exact_point(&field.at(index), *point)).collect()
+    points.iter().enumerate().map(|(index, point)| field.at(index).place(*point)).collect()
 }
 
 impl BoxConfig {
@@ -234,8 +234,8 @@ impl BoxConfig {
 
     /// The lowest and the highest corner \[m\].
     pub(crate) fn corners(&self, field: &Field<'_>) -> Result<(Vector3<f64>, Vector3<f64>), ConfigError> {
-        let low = exact_point(&field.at("low_m"), self.low_m)?;
-        let high = exact_point(&field.at("high_m"), self.high_m)?;
+        let low = field.at("low_m").place(self.low_m)?;
+        let high = field.at("high_m").place(self.high_m)?;
         // As f32, which contacts are: two corners that differ by less are none.
         match (0..3).find(|axis| low[*axis] as f32 >= high[*axis] as f32) {
             None => Ok((low, high)),

@@ -28,7 +28,7 @@ pub enum CameraConfig {
     Mounted(MountedCameraConfig),
     /// As in gym-pybullet-drones: 64×48 pixels of 60 degrees both across and up, an arm's length above the drone, never
     /// tilted sideways.
-    Paper(PaperCameraConfig),
+    Paper(ReferenceCameraConfig),
 }
 
 /// A pinhole camera with square pixels, fixed to the body.
@@ -64,7 +64,7 @@ pub struct MountedCameraConfig {
 /// The reference's camera.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct PaperCameraConfig {
+pub struct ReferenceCameraConfig {
     /// What a pixel tells: `rgba` is its observation `BOTH`, `depth_buffer` its `DEPTH` in bytes.
     pub channels: Vec<ChannelConfig>,
     /// Depth that the channel `depth` reads as 255, and everything beyond.
@@ -108,7 +108,7 @@ impl Default for MountedCameraConfig {
     }
 }
 
-impl Default for PaperCameraConfig {
+impl Default for ReferenceCameraConfig {
     fn default() -> Self {
         Self { channels: vec![ChannelConfig::Rgba], depth_limit_m: 8.0, control_periods_per_image: 2 }
     }
@@ -144,7 +144,7 @@ impl MountedCameraConfig {
                 tangents: [tangent, tangent * rows as f64 / columns as f64],
                 sample: [0.5; 2],
                 near_m: NEAR_M,
-                far_m: Camera::PAPER.far_m,
+                far_m: Camera::REFERENCE.far_m,
             },
             mount: Mount::Body { position: Vector3::from(position), pitch: pitch.to_radians() },
             channels: ChannelConfig::check_all(&self.channels, self.depth_limit_m, field)?,
@@ -164,11 +164,11 @@ impl MountedCameraConfig {
     }
 }
 
-impl PaperCameraConfig {
+impl ReferenceCameraConfig {
     fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<OnboardCamera, ConfigError> {
         Ok(OnboardCamera {
-            camera: Camera { near_m: airframe.arm, ..Camera::PAPER },
-            mount: Mount::Paper { arm_m: airframe.arm },
+            camera: Camera { near_m: airframe.arm, ..Camera::REFERENCE },
+            mount: Mount::Reference { arm_m: airframe.arm },
             channels: ChannelConfig::check_all(&self.channels, self.depth_limit_m, field)?,
             control_periods_per_image: periods(self.control_periods_per_image, field)?,
             optics: Optics::default(),

@@ -9,8 +9,6 @@ use rapier3d::parry::query::PointQuery;
 use rapier3d::parry::shape::ConvexPolyhedron;
 use rapier3d::parry::transformation::try_convex_hull;
 
-use super::error::ConfigError;
-use super::field::{Field, Limits};
 use crate::world::{Cuboid, Mesh, Shape, Solid};
 
 /// Half the thickness of a surface that has none \[m\], Bullet's margin.
@@ -108,23 +106,4 @@ pub(crate) fn convex_corners(points: &[Vector3<f64>], limit: usize) -> Option<Ve
 
 fn single(point: &Vector3<f64>) -> Vec3 {
     Vec3::new(point.x as f32, point.y as f32, point.z as f32)
-}
-
-/// `value` if it is within `limits`, not rounded.
-pub(crate) fn exact(field: &Field<'_>, value: f64, limits: &Limits) -> Result<f64, ConfigError> {
-    field.number(value, limits).map(|_| value)
-}
-
-/// Three numbers within `limits`, not rounded.
-pub(crate) fn exact_numbers(
-    field: &Field<'_>,
-    values: [f64; 3],
-    limits: &Limits,
-) -> Result<Vector3<f64>, ConfigError> {
-    field.numbers(values, limits).map(|_| values.into())
-}
-
-/// A point \[m\], not rounded.
-pub(crate) fn exact_point(field: &Field<'_>, values: [f64; 3]) -> Result<Vector3<f64>, ConfigError> {
-    field.point(values).map(|_| values.into())
 }

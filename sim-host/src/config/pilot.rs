@@ -1,6 +1,6 @@
 //! What policy and critic see, and what the policy commands.
 
-mod published;
+mod reference;
 
 use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::{Airframe, GRAVITY};
@@ -11,7 +11,9 @@ use kestrel_core::observation::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use published::{ControllerConfig, PrecisionConfig, PublishedConfig, PublishedKindConfig};
+pub use reference::{
+    ReferenceActionConfig, ReferenceActionKindConfig, ReferenceControllerConfig, ReferencePrecisionConfig,
+};
 
 use super::EPISODE_LIMITS;
 use super::error::ConfigError;
@@ -31,7 +33,7 @@ pub enum ActionConfig {
     /// Velocity in the world and yaw rate, which a controller flies.
     Velocity(VelocityConfig),
     /// An action type of gym-pybullet-drones, exactly.
-    Published(PublishedConfig),
+    Published(ReferenceActionConfig),
 }
 
 /// One speed per rotor, around the one at which the drone hovers.
@@ -78,7 +80,7 @@ pub enum ObservationConfig {
     Pilot(PilotConfig),
     /// The 12 values of gym-pybullet-drones before 2023 and of the thesis: position, angles, velocity, axis of rotation,
     /// without the goal.
-    Paper(PaperConfig),
+    Paper(ReferenceObservationConfig),
     /// What gym-pybullet-drones shows since 2023: position, angles, velocity, angular velocity, undivided, and the last
     /// actions.
     Kinematic(KinematicConfig),
@@ -103,7 +105,7 @@ pub struct PilotConfig {
 /// By which the `paper` observation divides.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct PaperConfig {
+pub struct ReferenceObservationConfig {
     /// Three metres per second of this time along x and y, and one along z, read as one. The reference has 5, or 10
     /// where its episodes last 10 s, 20 or 30.
     pub episode_secs: f64,
@@ -165,7 +167,7 @@ impl Default for PilotConfig {
     }
 }
 
-impl Default for PaperConfig {
+impl Default for ReferenceObservationConfig {
     fn default() -> Self {
         Self { episode_secs: 5.0 }
     }

@@ -10,7 +10,7 @@ use rapier3d::geometry::SharedShape;
 
 use super::group::{Bodies, Group, Inertia, Member};
 use super::outline::{MARGIN, upright};
-use super::{Arena, ContactMemory, ContactReport, Motion, bullet, rapier};
+use super::{Arena, ContactMemory, ContactReport, Motion, rapier, reference};
 use crate::world::{Floor, World};
 
 /// Finds what contacts do to drones and movables: by rapier, or as Bullet does if the arena reports as Bullet does.
@@ -80,7 +80,7 @@ impl ContactSolver {
                 let starts = group.starts(before, after, movables);
                 let ends = match self.bodies.arena.report {
                     ContactReport::Touch => rapier::step(&group, &starts),
-                    ContactReport::Bullet => bullet::step(&group, &starts, &mut known, memory),
+                    ContactReport::Bullet => reference::step(&group, &starts, &mut known, memory),
                 };
                 group.finish(&starts, &ends, after, movables);
             }

@@ -229,7 +229,7 @@ impl<'a> Film<'a> {
 pub(crate) fn camera([columns, rows]: [usize; 2], view_angle: f64) -> Camera {
     let across = (0.5 * view_angle).tan();
     let tangents = [across, across * rows as f64 / columns as f64];
-    Camera { columns, rows, tangents, sample: [0.5; 2], ..Camera::PAPER }
+    Camera { columns, rows, tangents, sample: [0.5; 2], ..Camera::REFERENCE }
 }
 
 /// Indices evenly over a film, the first and the last among them.

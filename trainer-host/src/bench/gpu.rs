@@ -41,7 +41,7 @@ pub(crate) fn sight(
     let mut figures = Vec::new();
     for &size in sizes {
         let shots: Vec<Shot> = views.iter().cycle().take(size).map(|&view| Shot { scene: 0, view }).collect();
-        let mut batch = scenes.batch(&Camera::PAPER, size)?;
+        let mut batch = scenes.batch(&Camera::REFERENCE, size)?;
         let figure = |what: &str, per_second, limit| Figure {
             what: format!("images, {}, {size} at once{what}", sight.what),
             per_second,

@@ -153,14 +153,14 @@ fn every_world_looks_as_the_processor_renders_it() {
         let world = AviaryParts::read(path).unwrap().world;
         let shots: Vec<Shot> =
             shots(&world, index, SOFTWARE_VIEWS).into_iter().map(|shot| Shot { scene: 0, ..shot }).collect();
-        agrees(&path.file_stem().unwrap().to_string_lossy(), &Camera::PAPER, &world, &shots);
+        agrees(&path.file_stem().unwrap().to_string_lossy(), &Camera::REFERENCE, &world, &shots);
     }
 }
 
 #[test]
 fn solids_of_all_shapes_look_as_the_processor_renders_them() {
     for (seed, (columns, rows)) in (0..).zip([(53, 31), (64, 64), (1, 1), (8, 17)]) {
-        let camera = Camera { columns, rows, far_m: 50.0, ..Camera::PAPER };
+        let camera = Camera { columns, rows, far_m: 50.0, ..Camera::REFERENCE };
         let world = strewn(seed, 90);
         agrees("strewn", &camera, &world, &shots(&world, 0, 4));
     }
@@ -169,7 +169,7 @@ fn solids_of_all_shapes_look_as_the_processor_renders_them() {
 #[test]
 fn meshes_look_as_the_processor_renders_them() {
     for (seed, (columns, rows)) in (0..).zip([(64, 48), (53, 31), (128, 128), (8, 17)]) {
-        let camera = Camera { columns, rows, far_m: 50.0, ..Camera::PAPER };
+        let camera = Camera { columns, rows, far_m: 50.0, ..Camera::REFERENCE };
         let world = strewn_rings(seed, 24);
         agrees("rings", &camera, &world, &shots(&world, 0, 4));
     }
@@ -180,7 +180,7 @@ fn each_shot_is_of_its_own_scene_and_room_is_used_again() {
     let worlds: Vec<World> = (0..3).map(|seed| strewn(seed, 5 + 20 * seed as usize)).collect();
     let scenes: Vec<Scene> = worlds.iter().map(Scene::new).collect();
     let scenes: Vec<&Scene> = scenes.iter().collect();
-    let camera = Camera { columns: 16, rows: 12, ..Camera::PAPER };
+    let camera = Camera { columns: 16, rows: 12, ..Camera::REFERENCE };
     let shots: Vec<Shot> = [2, 0, 1, 1, 2].iter().flat_map(|&scene| shots(&worlds[scene], scene, 1)).collect();
     let uploaded = gpu().upload(&scenes).unwrap();
     let mut batch = uploaded.batch(&camera, shots.len()).unwrap();
@@ -204,7 +204,7 @@ fn what_moves_is_uploaded_again_and_nothing_else() {
     let movables = strewn(4, 8).solids.into_iter().map(|solid| Movable { solid, mass: 0.1 });
     let worlds = [0, 1].map(|seed| World { movables: movables.clone().collect(), ..strewn(seed, 20) });
     let mut scenes = worlds.each_ref().map(|world| Scene::new(world).with_drones(&CF2X, 3));
-    let camera = Camera { columns: 48, rows: 32, far_m: 50.0, ..Camera::PAPER };
+    let camera = Camera { columns: 48, rows: 32, far_m: 50.0, ..Camera::REFERENCE };
     let shots: Vec<Shot> = (0..2).flat_map(|scene| shots(&worlds[scene], scene, 3)).collect();
     let uploaded = gpu().upload(&scenes.each_ref()).unwrap();
     let mut batch = uploaded.batch(&camera, shots.len()).unwrap();
@@ -236,7 +236,7 @@ fn what_moves_is_uploaded_again_and_nothing_else() {
 fn a_batch_too_large_for_a_buffer_is_divided() {
     let world = strewn(7, 30);
     let scene = Scene::new(&world);
-    let camera = Camera { columns: 16, rows: 12, ..Camera::PAPER };
+    let camera = Camera { columns: 16, rows: 12, ..Camera::REFERENCE };
     let shots = shots(&world, 0, 10);
     let whole = rendered(gpu(), &camera, &[&scene], &shots);
     let view_bytes = 12 * 16 * 12;
@@ -262,15 +262,15 @@ fn what_cannot_fit_is_refused_with_its_size() {
     let scene = Scene::new(&strewn(1, 9));
     let gpu = Gpu { room: Room { bytes: 100_000, ..gpu().room }, ..gpu().clone() };
     let scenes = gpu.upload(&[&scene]).unwrap();
-    let large = Camera { columns: 100, rows: 100, ..Camera::PAPER };
+    let large = Camera { columns: 100, rows: 100, ..Camera::REFERENCE };
     let error = scenes.batch(&large, 1).unwrap_err().to_string();
     let start = "the pixels of one view take 120000 bytes, expected at most 100000, what a buffer of ";
     assert!(error.starts_with(start), "{error}");
-    let huge = Camera { columns: 60_000, rows: 60_000, ..Camera::PAPER };
+    let huge = Camera { columns: 60_000, rows: 60_000, ..Camera::REFERENCE };
     let error =
         Renderer::Gpu(Box::new(gpu.clone())).render(&huge, &[&scene], &shots(&strewn(1, 9), 0, 1)).unwrap_err();
     assert!(error.to_string().contains("43200000000 bytes"), "{error}");
-    let wide = Camera { columns: gpu.room.pixels + 1, rows: 1, ..Camera::PAPER };
+    let wide = Camera { columns: gpu.room.pixels + 1, rows: 1, ..Camera::REFERENCE };
     let roomy = Gpu { room: Room { bytes: u64::MAX, ..gpu.room }, ..gpu.clone() };
     let error = roomy.upload(&[&scene]).unwrap().batch(&wide, 1).unwrap_err().to_string();
     assert!(error.contains("pixels across or down, expected at most "), "{error}");

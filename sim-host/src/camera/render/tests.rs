@@ -26,7 +26,7 @@ fn rendered(scene: &Scene, camera: &Camera, view: &View) -> Vec<Image> {
 fn every_instruction_set_draws_the_same_image() {
     let sizes = [(64, 48), (53, 31), (7, 3), (33, 50), (17, 9), (1, 1)];
     for (seed, (columns, rows)) in (0..).zip(sizes) {
-        let camera = Camera { columns, rows, ..Camera::PAPER };
+        let camera = Camera { columns, rows, ..Camera::REFERENCE };
         for floor in [Floor::Solid, Floor::Absent] {
             let mut world = strewn_rings(seed, 12);
             world.floor = floor;

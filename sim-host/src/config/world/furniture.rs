@@ -9,7 +9,6 @@ use super::solid::SolidConfig;
 use super::surface::{Surface, SurfaceKeys};
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
-use crate::config::geometry::{exact, exact_point};
 use crate::world::{Pose, Role, Solid, VisualGeometry};
 
 /// One piece of furniture: its parts, and where they are.
@@ -55,13 +54,13 @@ impl FurnitureConfig {
     /// # Errors
     /// When a part is wrong or a number is out of range.
     pub fn check(&self, field: &Field<'_>) -> Result<Vec<Solid>, ConfigError> {
-        let yaw = exact(&field.at("yaw_deg"), self.yaw_deg, &Limits::from(-360.0, 360.0, "degrees"))?;
+        let yaw = field.at("yaw_deg").real(self.yaw_deg, &Limits::from(-360.0, 360.0, "degrees"))?;
         let placement = Placement {
             origin: Pose {
-                position: exact_point(&field.at("at_m"), self.at_m)?,
+                position: field.at("at_m").place(self.at_m)?,
                 world_from_body: turned(Vector3::new(0.0, 0.0, yaw)),
             },
-            scale: exact(&field.at("scale"), self.scale, &Limits::from(1e-4, 1e4, ""))?,
+            scale: field.at("scale").real(self.scale, &Limits::from(1e-4, 1e4, ""))?,
         };
         let Self { role, friction, contact_gap_m, colour, .. } = *self;
         let surface = Surface::default().with(SurfaceKeys { role, friction, contact_gap_m, colour }, field)?;

@@ -10,7 +10,7 @@ use super::shape::turned;
 use super::surface::Surface;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
-use crate::config::geometry::{convex, convex_corners, exact_numbers, exact_point, thickened};
+use crate::config::geometry::{convex, convex_corners, thickened};
 use crate::config::mesh::{Part, Surface as Triangles, Triangle as Indices, parse};
 use crate::world::{Mesh, Pose, Shape, Solid, Triangle};
 
@@ -85,9 +85,9 @@ impl MeshConfig {
 
     fn placed(&self, field: &Field<'_>) -> Result<Placed<'_>, ConfigError> {
         let angles = Limits::from(-360.0, 360.0, "degrees");
-        let scale = exact_numbers(&field.at("scale"), self.scale, &Limits::above(0.0, 1e6, ""))?;
-        let position = exact_point(&field.at("at_m"), self.at_m)?;
-        let world_from_body = turned(exact_numbers(&field.at("rpy_deg"), self.rpy_deg, &angles)?);
+        let scale = field.at("scale").reals(self.scale, &Limits::above(0.0, 1e6, ""))?;
+        let position = field.at("at_m").place(self.at_m)?;
+        let world_from_body = turned(field.at("rpy_deg").reals(self.rpy_deg, &angles)?);
         let colours = self.colours(&field.at("materials"))?;
         let triangles = parse(&self.obj).map_err(|fault| {
             field.at("obj").reject(format!("{} in line {}", fault.found, fault.position.line), fault.expected)

@@ -8,7 +8,7 @@ use super::surface::{Surface, SurfaceKeys};
 use crate::config::aviary::BoxConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
-use crate::config::geometry::{exact, holds};
+use crate::config::geometry::holds;
 use crate::world::{Pose, Shape, Solid};
 
 /// Four walls around an interior.
@@ -45,7 +45,7 @@ impl RoomConfig {
     /// When the interior is inside out or without the `goal`, or a number is out of range.
     pub(crate) fn check(self, goal: Option<&Vector3<f64>>, field: &Field<'_>) -> Result<[Solid; 4], ConfigError> {
         let (low, high) = BoxConfig { low_m: self.low_m, high_m: self.high_m }.corners(field)?;
-        let wall = exact(&field.at("wall_m"), self.wall_m, &Limits::from(0.01, 10.0, "m"))?;
+        let wall = field.at("wall_m").real(self.wall_m, &Limits::from(0.01, 10.0, "m"))?;
         let Self { friction, contact_gap_m, colour, .. } = self;
         let keys = SurfaceKeys { role: None, friction, contact_gap_m, colour };
         let surface = Surface::default().with(keys, field)?;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
-use crate::config::geometry::{convex, exact, exact_numbers, exact_point};
+use crate::config::geometry::convex;
 use crate::world::{Pose, Shape};
 
 /// Corners of the polygons at both ends of a cone.
@@ -86,32 +86,32 @@ fn level(rpy_deg: &[f64; 3]) -> bool {
 
 impl TurnedBoxConfig {
     pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
-        let size = exact_numbers(&field.at("size_m"), self.size_m, &LENGTH)?;
+        let size = field.at("size_m").reals(self.size_m, &LENGTH)?;
         Ok((Shape::Cuboid(size / 2.0), pose(self.center_m, self.rpy_deg, field)?))
     }
 }
 
 impl CylinderConfig {
     pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
-        let radius = exact(&field.at("radius_m"), self.radius_m, &LENGTH)?;
-        let half_height = exact(&field.at("height_m"), self.height_m, &LENGTH)? / 2.0;
+        let radius = field.at("radius_m").real(self.radius_m, &LENGTH)?;
+        let half_height = field.at("height_m").real(self.height_m, &LENGTH)? / 2.0;
         Ok((Shape::Cylinder { radius, half_height }, pose(self.center_m, self.rpy_deg, field)?))
     }
 }
 
 impl SphereConfig {
     pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
-        let radius = exact(&field.at("radius_m"), self.radius_m, &LENGTH)?;
+        let radius = field.at("radius_m").real(self.radius_m, &LENGTH)?;
         Ok((Shape::Sphere(radius), pose(self.center_m, [0.0; 3], field)?))
     }
 }
 
 impl ConeConfig {
     pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
-        let base = exact_point(&field.at("base_m"), self.base_m)?;
-        let half_height = exact(&field.at("height_m"), self.height_m, &LENGTH)? / 2.0;
-        let low = exact(&field.at("base_radius_m"), self.base_radius_m, &LENGTH)?;
-        let high = exact(&field.at("top_radius_m"), self.top_radius_m, &Limits::from(0.0, 1000.0, "m"))?;
+        let base = field.at("base_m").place(self.base_m)?;
+        let half_height = field.at("height_m").real(self.height_m, &LENGTH)? / 2.0;
+        let low = field.at("base_radius_m").real(self.base_radius_m, &LENGTH)?;
+        let high = field.at("top_radius_m").real(self.top_radius_m, &Limits::from(0.0, 1000.0, "m"))?;
         let circle = |radius: f64, z: f64| {
             let corners = if radius > 0.0 { CONE_CORNERS } else { 1 };
             (0..corners).map(move |corner| {
@@ -129,7 +129,7 @@ impl HullConfig {
         let field = field.at("points_m");
         let points = self.points_m.iter().enumerate();
         let points: Vec<_> =
-            points.map(|(index, point)| exact_point(&field.at(index), *point)).collect::<Result<_, _>>()?;
+            points.map(|(index, point)| field.at(index).place(*point)).collect::<Result<_, _>>()?;
         let expected = format!("4 to {POINTS_LIMIT} points, not all in one plane");
         if !(4..=POINTS_LIMIT).contains(&points.len()) {
             return Err(field.refuse("", expected));
@@ -147,8 +147,8 @@ impl HullConfig {
 }
 
 fn pose(center_m: [f64; 3], rpy_deg: [f64; 3], field: &Field<'_>) -> Result<Pose, ConfigError> {
-    let position = exact_point(&field.at("center_m"), center_m)?;
-    let angles = exact_numbers(&field.at("rpy_deg"), rpy_deg, &Limits::from(-360.0, 360.0, "degrees"))?;
+    let position = field.at("center_m").place(center_m)?;
+    let angles = field.at("rpy_deg").reals(rpy_deg, &Limits::from(-360.0, 360.0, "degrees"))?;
     Ok(Pose { position, world_from_body: turned(angles) })
 }
 

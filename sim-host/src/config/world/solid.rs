@@ -13,7 +13,6 @@ use super::surface::{Surface, SurfaceKeys};
 use super::visual::VisualConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
-use crate::config::geometry::exact;
 use crate::world::{Movable, Pose, Role, Shape, Solid};
 
 /// Pitch of the reference's pillars \[rad\]: meant to be a right angle.
@@ -167,7 +166,7 @@ impl MovableConfig {
             (Some(_), Some(_)) => return Err(field.reject("two outlines", "`box` or `cylinder`")),
             (None, None) => return Err(field.reject("no outline", "`box` or `cylinder`")),
         };
-        let mass = exact(&field.at("mass_kg"), self.mass_kg, &Limits::from(1e-4, 1e6, "kg"))?;
+        let mass = field.at("mass_kg").real(self.mass_kg, &Limits::from(1e-4, 1e6, "kg"))?;
         Ok(Movable { solid: surface.around(self.name.as_deref().unwrap_or("movable"), shape, pose), mass })
     }
 }
@@ -176,7 +175,7 @@ impl MovableConfig {
 pub(crate) fn pillar(center: [f64; 2], field: &Field<'_>) -> Result<Solid, ConfigError> {
     let [x, y] = center;
     let limits = Limits::from(-1000.0, 1000.0, "m");
-    let (x, y) = (exact(&field.at(0), x, &limits)?, exact(&field.at(1), y, &limits)?);
+    let (x, y) = (field.at(0).real(x, &limits)?, field.at(1).real(y, &limits)?);
     let pose = Pose {
         position: Vector3::new(x, y, 0.5),
         world_from_body: Attitude::from_axis_angle(Vector3::y(), PILLAR_PITCH),

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 use crate::config::aviary::BoxConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
-use crate::config::geometry::{exact_numbers, exact_point};
 use crate::world::{Pose, Shape};
 
 /// Steps across each side of the cube whose corners are projected onto the surface.
@@ -38,10 +37,10 @@ impl SuperellipsoidConfig {
     pub(super) fn outline(&self, field: &Field<'_>) -> Result<(Shape, Pose), ConfigError> {
         let (low, high) = BoxConfig { low_m: self.low_m, high_m: self.high_m }.corners(field)?;
         let centre = (low + high) / 2.0;
-        let exponents = exact_numbers(&field.at("exponents"), self.exponents, &Limits::from(1.0, 100.0, ""))?;
+        let exponents = field.at("exponents").reals(self.exponents, &Limits::from(1.0, 100.0, ""))?;
         let widest = match self.middle_m {
             None => centre,
-            Some(middle) => exact_point(&field.at("middle_m"), middle)?,
+            Some(middle) => field.at("middle_m").place(middle)?,
         };
         if let Some(axis) = (0..3).find(|axis| !(low[*axis] < widest[*axis] && widest[*axis] < high[*axis])) {
             let expected = format!("a number between {} and {}, inside of the box", low[axis], high[axis]);

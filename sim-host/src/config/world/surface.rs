@@ -2,7 +2,6 @@
 
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
-use crate::config::geometry::exact;
 use crate::world::{BOX_CONTACT_GAP, Pose, Role, Shape, Solid};
 
 /// What a body is apart from its outline.
@@ -33,7 +32,7 @@ impl Surface {
     /// With the keys that are written at `field`.
     pub(super) fn with(self, keys: SurfaceKeys, field: &Field<'_>) -> Result<Self, ConfigError> {
         let number = |key: &str, value: Option<f64>, default: f64, limits: Limits| {
-            value.map_or(Ok(default), |value| exact(&field.at(key), value, &limits))
+            value.map_or(Ok(default), |value| field.at(key).real(value, &limits))
         };
         let colour = keys.colour.map(|colour| field.at("colour").numbers(colour, &Limits::from(0.0, 1.0, "")));
         Ok(Self {

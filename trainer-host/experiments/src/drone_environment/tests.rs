@@ -125,8 +125,12 @@ fn a_policy_learns_to_stay_up() {
 fn mapped() -> Scenario {
     let free = scenario(CriticView::Observation);
     let bounds = Cuboid { low: Vector3::new(-1.0, -1.0, 0.0), high: Vector3::new(1.0, 1.0, 2.0) };
-    let ways =
-        std::sync::Arc::new(DistanceField::new(&free.aviary.world, &free.aviary.goal, bounds, CF2X.collision_radius));
+    let ways = std::sync::Arc::new(DistanceField::new(
+        &free.aviary.world,
+        &free.aviary.goal,
+        bounds,
+        CF2X.collision_radius,
+    ));
     let advance = WeightedTerm::new(RewardTerm::Advance(ways), 1.0);
     Scenario { rewards: [free.rewards, vec![advance]].concat(), ..free }
 }

@@ -119,7 +119,7 @@ fn with_camera(mut scenario: Scenario) -> Scenario {
     scenario.aviary.world.solids = vec![block("left", 0.2), block("right", -0.5)];
     scenario.aviary.world.floor = Floor::Solid;
     scenario.camera = Some(OnboardCamera {
-        camera: Camera { columns: 12, rows: 10, sample: [0.5; 2], ..Camera::PAPER },
+        camera: Camera { columns: 12, rows: 10, sample: [0.5; 2], ..Camera::REFERENCE },
         mount: Mount::Body { position: Vector3::zeros(), pitch: 0.0 },
         channels: vec![Channel::Rgb, Channel::Depth { limit_m: 4.0 }],
         control_periods_per_image: 2,

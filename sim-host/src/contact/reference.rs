@@ -3,6 +3,11 @@
 //! What this module and those below it do, and in which order, is what Bullet 3.27's source does (© Erwin Coumans and
 //! contributors, zlib licence), rewritten: a flight that touches something stays within rounding of the reference's.
 
+mod impulses;
+mod manifold;
+mod penetration;
+mod separation;
+
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
 use nalgebra::{Matrix3, Vector3};
@@ -10,11 +15,11 @@ use nalgebra::{Matrix3, Vector3};
 use super::Motion;
 use super::arena::BREAKING_SHARE;
 use super::group::{DRONE_FRICTION, End, FLOOR_FRICTION, Group, Inertia, Member, Start};
-use super::impulses::{self, Constraint, Mobile};
-use super::manifold::{ContactBody, ContactMemory, FoundContact};
 use super::outline::{MARGIN, Outline};
-use super::{penetration, separation};
 use crate::world::Pose;
+use impulses::{Constraint, Mobile};
+pub use manifold::ContactMemory;
+use manifold::{ContactBody, FoundContact};
 
 /// Bullet's damping of linear and angular velocities; of drones it is a quirk of their free flight.
 const DAMPING: f64 = 0.04_f32 as f64;

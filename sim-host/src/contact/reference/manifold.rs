@@ -7,8 +7,8 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::frame::{compose, relative};
-use super::group::{Group, Member};
+use crate::contact::frame::{compose, relative};
+use crate::contact::group::{Group, Member};
 use crate::world::Pose;
 
 /// Points kept of a pair.
@@ -16,7 +16,7 @@ const POINTS: usize = 4;
 
 /// One of two bodies that may touch; indices are those of the world and the swarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum ContactBody {
+pub(in crate::contact) enum ContactBody {
     Floor,
     Drone(u32),
     Movable(u32),
@@ -36,36 +36,36 @@ impl From<Member> for ContactBody {
 /// where they touched. It is empty while nothing touches.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactMemory {
-    pub(super) manifolds: Vec<Manifold>,
+    pub(in crate::contact) manifolds: Vec<Manifold>,
 }
 
 /// The contact points of a pair.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Manifold {
-    pub(super) parties: [ContactBody; 2],
-    pub(super) points: Vec<Point>,
+pub(in crate::contact) struct Manifold {
+    pub(in crate::contact) parties: [ContactBody; 2],
+    pub(in crate::contact) points: Vec<Point>,
 }
 
 /// A contact point that moves with both bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Point {
+pub(in crate::contact) struct Point {
     /// In the frame of each body \[m\].
     local: [[f64; 3]; 2],
     /// From the second to the first body, world.
-    pub(super) normal: [f64; 3],
+    pub(in crate::contact) normal: [f64; 3],
     /// Between the surfaces, negative where they overlap \[m\].
-    pub(super) distance: f64,
+    pub(in crate::contact) distance: f64,
 }
 
 /// A contact that was just found.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FoundContact {
+pub(in crate::contact) struct FoundContact {
     /// On the second body \[m, world\].
-    pub(super) on_second: Vector3<f64>,
+    pub(in crate::contact) on_second: Vector3<f64>,
     /// From the second to the first body, world.
-    pub(super) normal: Vector3<f64>,
+    pub(in crate::contact) normal: Vector3<f64>,
     /// Between the surfaces, negative where they overlap \[m\].
-    pub(super) distance: f64,
+    pub(in crate::contact) distance: f64,
 }
 
 impl ContactMemory {
@@ -75,14 +75,14 @@ impl ContactMemory {
     }
 
     /// Takes over what is known of the members of a group that sleeps.
-    pub(super) fn keep(&mut self, known: &mut Self, group: &Group<'_>) {
+    pub(in crate::contact) fn keep(&mut self, known: &mut Self, group: &Group<'_>) {
         let parties: Vec<ContactBody> = group.members.iter().map(|member| ContactBody::from(*member)).collect();
         let of_group = |manifold: &mut Manifold| manifold.parties.iter().any(|body| parties.contains(body));
         self.manifolds.extend(known.manifolds.extract_if(.., of_group));
     }
 
     /// Takes out what is known of a pair.
-    pub(super) fn take(&mut self, parties: [ContactBody; 2]) -> Manifold {
+    pub(in crate::contact) fn take(&mut self, parties: [ContactBody; 2]) -> Manifold {
         let known = self.manifolds.iter().position(|manifold| manifold.parties == parties);
         known.map_or_else(|| Manifold { parties, points: Vec::new() }, |index| self.manifolds.remove(index))
     }
@@ -90,7 +90,7 @@ impl ContactMemory {
 
 impl Manifold {
     /// Adds what was found, and refreshes.
-    pub(super) fn update(&mut self, found: Option<FoundContact>, poses: [&Pose; 2], breaking: f64) {
+    pub(in crate::contact) fn update(&mut self, found: Option<FoundContact>, poses: [&Pose; 2], breaking: f64) {
         if let Some(found) = found.filter(|found| found.distance <= breaking) {
             let point = Point::new(&found, poses);
             match self.nearest(&point, breaking) {
@@ -106,7 +106,7 @@ impl Manifold {
     }
 
     /// Lets the points follow the bodies, and lets go of those that came apart by more than `breaking` \[m\].
-    pub(super) fn refresh(&mut self, poses: [&Pose; 2], breaking: f64) {
+    pub(in crate::contact) fn refresh(&mut self, poses: [&Pose; 2], breaking: f64) {
         for index in (0..self.points.len()).rev() {
             let (distance, drift) = self.points[index].separation(poses);
             self.points[index].distance = distance;
@@ -166,7 +166,7 @@ impl Point {
     }
 
     /// Where it is on each body now \[m, world\].
-    pub(super) fn places(&self, poses: [&Pose; 2]) -> [Vector3<f64>; 2] {
+    pub(in crate::contact) fn places(&self, poses: [&Pose; 2]) -> [Vector3<f64>; 2] {
         [0, 1].map(|side| compose(poses[side], &Pose::at(self.local[side].into())).position)
     }
 

@@ -19,30 +19,30 @@ const RESIDUAL: f64 = 1e-7;
 
 /// A body that impulses act on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Mobile {
-    pub(super) inverse_mass: f64,
+pub(in crate::contact) struct Mobile {
+    pub(in crate::contact) inverse_mass: f64,
     /// About the centre of mass, world.
-    pub(super) inverse_inertia: Matrix3<f64>,
+    pub(in crate::contact) inverse_inertia: Matrix3<f64>,
     /// Centre of mass \[m, world\].
-    pub(super) position: Vector3<f64>,
+    pub(in crate::contact) position: Vector3<f64>,
     /// \[m/s\], world.
-    pub(super) velocity: Vector3<f64>,
+    pub(in crate::contact) velocity: Vector3<f64>,
     /// \[rad/s\], world.
-    pub(super) angular_velocity: Vector3<f64>,
+    pub(in crate::contact) angular_velocity: Vector3<f64>,
 }
 
 /// A point at which two bodies meet.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Constraint {
+pub(in crate::contact) struct Constraint {
     /// Index of each body among the mobiles; `None` does not move.
-    pub(super) bodies: [Option<usize>; 2],
+    pub(in crate::contact) bodies: [Option<usize>; 2],
     /// Where it is on each body \[m, world\].
-    pub(super) places: [Vector3<f64>; 2],
+    pub(in crate::contact) places: [Vector3<f64>; 2],
     /// From the second to the first body, world.
-    pub(super) normal: Vector3<f64>,
+    pub(in crate::contact) normal: Vector3<f64>,
     /// Negative where the bodies overlap \[m\].
-    pub(super) distance: f64,
-    pub(super) friction: f64,
+    pub(in crate::contact) distance: f64,
+    pub(in crate::contact) friction: f64,
 }
 
 /// One direction of one constraint.
@@ -66,7 +66,7 @@ struct Side {
 }
 
 /// Changes the velocities of the bodies so that the constraints come no closer in `secs`; says whether any impulse did.
-pub(super) fn resolve(mobiles: &mut [Mobile], constraints: &[Constraint], secs: f64) -> Vec<bool> {
+pub(in crate::contact) fn resolve(mobiles: &mut [Mobile], constraints: &[Constraint], secs: f64) -> Vec<bool> {
     let mut changes = vec![[Vector3::zeros(); 2]; mobiles.len()];
     let mut normals: Vec<Row> =
         constraints.iter().map(|constraint| Row::normal(constraint, mobiles, secs)).collect();

@@ -9,14 +9,14 @@ use serde::{Deserialize, Serialize};
 /// An action type of gym-pybullet-drones. Its numbers are limited to -1 to 1 like all actions; nothing else is.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct PublishedConfig {
+pub struct ReferenceActionConfig {
     /// Which of them.
-    pub kind: PublishedKindConfig,
+    pub kind: ReferenceActionKindConfig,
     /// Where the reference computes in single precision; it matters in comparisons with recordings only.
-    pub precision: PrecisionConfig,
+    pub precision: ReferencePrecisionConfig,
     /// Who flies towards positions and velocities. Left out: `simple` for the Hummingbird, `cf2x` for all others, as in
     /// the reference.
-    pub controller: Option<ControllerConfig>,
+    pub controller: Option<ReferenceControllerConfig>,
     /// Whether controllers remember what they have integrated when an episode ends, as they do in the reference.
     pub controllers_persist: bool,
 }
@@ -24,7 +24,7 @@ pub struct PublishedConfig {
 /// The action types of gym-pybullet-drones, with its names in brackets.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum PublishedKindConfig {
+pub enum ReferenceActionKindConfig {
     /// Four rotor speeds within 5 % of hover (RPM).
     #[default]
     Rpm,
@@ -49,7 +49,7 @@ pub enum PublishedKindConfig {
 /// Where actions are computed in single precision.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum PrecisionConfig {
+pub enum ReferencePrecisionConfig {
     /// Nowhere.
     #[default]
     Exact,
@@ -62,7 +62,7 @@ pub enum PrecisionConfig {
 /// The reference's controllers.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum ControllerConfig {
+pub enum ReferenceControllerConfig {
     /// `DSLPIDControl` for `cf2x`, whatever flies: its rotors in the order of the drone's if that is a cross too, else
     /// clockwise.
     Cf2x,
@@ -74,15 +74,15 @@ pub enum ControllerConfig {
     Simple,
 }
 
-impl PublishedConfig {
+impl ReferenceActionConfig {
     /// The action space of `airframe`.
     pub(super) fn check(&self, airframe: &Airframe) -> ReferenceActions {
         ReferenceActions {
             kind: self.kind.check(),
             precision: match self.precision {
-                PrecisionConfig::Exact => Precision::Exact,
-                PrecisionConfig::Single => Precision::Single,
-                PrecisionConfig::AllSingle => Precision::AllSingle,
+                ReferencePrecisionConfig::Exact => Precision::Exact,
+                ReferencePrecisionConfig::Single => Precision::Single,
+                ReferencePrecisionConfig::AllSingle => Precision::AllSingle,
             },
             airframe: *airframe,
             controller: self.controller.unwrap_or_else(|| usual_controller(airframe)).check(airframe),
@@ -95,15 +95,15 @@ impl PublishedConfig {
     }
 }
 
-fn usual_controller(airframe: &Airframe) -> ControllerConfig {
+fn usual_controller(airframe: &Airframe) -> ReferenceControllerConfig {
     if airframe.numbered(HUMMINGBIRD.rotor_order) == HUMMINGBIRD {
-        ControllerConfig::Simple
+        ReferenceControllerConfig::Simple
     } else {
-        ControllerConfig::Cf2x
+        ReferenceControllerConfig::Cf2x
     }
 }
 
-impl ControllerConfig {
+impl ReferenceControllerConfig {
     fn check(self, airframe: &Airframe) -> ReferenceController {
         let order = match airframe.layout {
             Layout::Cross { .. } => airframe.rotor_order,
@@ -118,7 +118,7 @@ impl ControllerConfig {
     }
 }
 
-impl PublishedKindConfig {
+impl ReferenceActionKindConfig {
     const fn check(self) -> ReferenceActionKind {
         match self {
             Self::Rpm => ReferenceActionKind::Rpm,
@@ -140,7 +140,7 @@ mod tests {
     use kestrel_core::airframe::CF2P;
 
     fn space(text: &str, airframe: &Airframe) -> ReferenceActions {
-        let config: PublishedConfig = serde_yaml::from_str(text).unwrap();
+        let config: ReferenceActionConfig = serde_yaml::from_str(text).unwrap();
         config.check(airframe)
     }
 

@@ -6,8 +6,8 @@
 
 use nalgebra::Vector3;
 
-use super::frame::compose;
-use super::outline::Outline;
+use crate::contact::frame::compose;
+use crate::contact::outline::Outline;
 use crate::world::Pose;
 
 /// Steps after which the search is given up.
@@ -21,13 +21,13 @@ const FLAT: f64 = 1e-16;
 
 /// The nearest points of two shapes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Nearest {
+pub(in crate::contact) struct Nearest {
     /// On the second shape \[m, world\].
-    pub(super) on_second: Vector3<f64>,
+    pub(in crate::contact) on_second: Vector3<f64>,
     /// From the second to the first shape, world.
-    pub(super) normal: Vector3<f64>,
+    pub(in crate::contact) normal: Vector3<f64>,
     /// \[m\].
-    pub(super) distance: f64,
+    pub(in crate::contact) distance: f64,
 }
 
 /// A corner of the difference of the shapes, first minus second, and of what.
@@ -47,7 +47,7 @@ struct Simplex {
 /// The nearest points of the cores of two shapes with these poses; `None` if they overlap.
 ///
 /// Pairs that are farther apart than `reach` \[m\] may come out nearer than they are, but not nearer than that.
-pub(super) fn nearest(outlines: [&Outline; 2], poses: [&Pose; 2], reach: f64) -> Option<Nearest> {
+pub(in crate::contact) fn nearest(outlines: [&Outline; 2], poses: [&Pose; 2], reach: f64) -> Option<Nearest> {
     let middle = (poses[0].position + poses[1].position) * 0.5;
     let poses = poses.map(|pose| Pose { position: pose.position - middle, ..*pose });
     let mut axis = Vector3::y();

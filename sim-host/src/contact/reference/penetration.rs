@@ -8,25 +8,25 @@ mod simplex;
 
 use nalgebra::Vector3;
 
-use super::frame::{compose, inverse, relative};
-use super::outline::{MARGIN, Outline};
+use crate::contact::frame::{compose, inverse, relative};
+use crate::contact::outline::{MARGIN, Outline};
 use crate::world::Pose;
 
 /// Two rounded shapes, seen from the first.
-pub(super) struct Overlap<'a> {
+pub(in crate::contact) struct Overlap<'a> {
     outlines: [&'a Outline; 2],
     second: Pose,
 }
 
 /// The least way out of an overlap.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Exit {
+pub(in crate::contact) struct Exit {
     /// On the surface of the second shape \[m, world\].
-    pub(super) on_second: Vector3<f64>,
+    pub(in crate::contact) on_second: Vector3<f64>,
     /// Along which the first shape leaves the second, world.
-    pub(super) normal: Vector3<f64>,
+    pub(in crate::contact) normal: Vector3<f64>,
     /// \[m\].
-    pub(super) depth: f64,
+    pub(in crate::contact) depth: f64,
 }
 
 /// A point of the difference of two shapes and the direction in which it is the farthest, in the first's frame.
@@ -37,7 +37,7 @@ struct Vertex {
 }
 
 /// The way out of an overlap of two shapes with these poses; `None` if the shapes barely meet.
-pub(super) fn exit(outlines: [&Outline; 2], poses: [&Pose; 2]) -> Option<Exit> {
+pub(in crate::contact) fn exit(outlines: [&Outline; 2], poses: [&Pose; 2]) -> Option<Exit> {
     // Around the middle, as Bullet has it: rounding decides between faces of equal depth.
     let middle = (poses[0].position + poses[1].position) * 0.5;
     let poses = poses.map(|pose| Pose { position: pose.position - middle, ..*pose });
