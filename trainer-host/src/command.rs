@@ -68,7 +68,7 @@ pub(crate) enum Command {
     Aviary(aviary::Arguments),
     /// Print the JSON schema of experiment, study or search files
     Schema(schema::Arguments),
-    /// Measure every stage on this machine
+    /// Measure every scene on this machine
     Bench(bench::Arguments),
     /// Print a completion script for a shell
     Completions(completions::Arguments),

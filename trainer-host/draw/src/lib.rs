@@ -1,12 +1,13 @@
-//! Pictures: the [`curve`] of a training, [`plan`]s of aviaries, flights as an [`animation`] or a [`film`], and the
+//! Pictures: the [`curve`] of a training, [`plan`]s of aviaries, [`recorded_flight`]s as [`video`]s, and the
 //! [`viewer`]. Nothing here knows how a flight came about.
 
-pub mod animation;
 pub mod curve;
 pub mod drawing;
-pub mod film;
+mod font;
 pub mod picture;
 pub mod plan;
+pub mod recorded_flight;
 #[cfg(test)]
 pub(crate) mod testing;
+pub mod video;
 pub mod viewer;

@@ -1,7 +1,9 @@
 //! Pictures made of pixels: put together, written on, made smaller.
 
-use crate::animation::font;
+use tiny_skia::{FillRule, Mask, Transform};
+
 use crate::drawing::{PngError, png_of_pixels};
+use crate::font;
 
 /// Red, green, blue.
 pub type Rgb = [u8; 3];
@@ -48,14 +50,22 @@ impl Picture {
         }
     }
 
-    /// Writes a line in the animations' typeface, each of its pixels `scale` pixels wide, from `[left, top]`.
-    pub(crate) fn text(&mut self, [left, top]: [usize; 2], words: &str, scale: usize, colour: Rgb) {
-        for (index, letter) in words.chars().enumerate() {
-            let start = left + index * (font::WIDTH + font::GAP) * scale;
-            for (row, bits) in font::glyph(letter).into_iter().enumerate() {
-                for column in (0..font::WIDTH).filter(|column| bits >> (font::WIDTH - 1 - column) & 1 == 1) {
-                    self.fill([start + column * scale, top + row * scale, scale, scale], colour);
-                }
+    /// Writes a line of a size \[px\]; `[left, top]` is the corner above its first capital letter.
+    pub(crate) fn text(&mut self, [left, top]: [usize; 2], words: &str, size: f32, colour: Rgb) {
+        let rows = (1.3 * size).ceil() as usize;
+        let columns = text_width(words, size).min(self.size[0].saturating_sub(left));
+        let baseline = (font::CAPITALS * size).round();
+        let Some(mut mask) = Mask::new(columns as u32, rows as u32) else { return };
+        let Some(path) = font::outlines(words, [0.0, baseline], size) else { return };
+        mask.fill_path(&path, FillRule::Winding, true, Transform::identity());
+        for (row, line) in mask.data().chunks_exact(columns).enumerate().take(self.size[1].saturating_sub(top)) {
+            let start = (top + row) * self.size[0] + left;
+            for (pixel, coverage) in self.pixels[start..].iter_mut().zip(line) {
+                let mix = |below: u8, above: u8| {
+                    let cover = u32::from(*coverage);
+                    ((u32::from(below) * (255 - cover) + u32::from(above) * cover + 127) / 255) as u8
+                };
+                *pixel = [0, 1, 2].map(|part| mix(pixel[part], colour[part]));
             }
         }
     }
@@ -80,8 +90,8 @@ impl Picture {
 }
 
 /// How wide a line of words is \[px\].
-pub(crate) fn text_width(words: &str, scale: usize) -> usize {
-    (words.chars().count() * (font::WIDTH + font::GAP)).saturating_sub(font::GAP) * scale
+pub(crate) fn text_width(words: &str, size: f32) -> usize {
+    font::width(words, size).ceil() as usize
 }
 
 #[cfg(test)]
@@ -116,11 +126,16 @@ mod tests {
     }
 
     #[test]
-    fn words_take_the_width_that_is_told() {
-        let mut picture = Picture::new([100, 20], WHITE);
-        picture.text([0, 0], "HH", 2, BLACK);
-        let columns = (0..2000).filter(|place| picture.pixels[*place] == BLACK).map(|place| place % 100);
-        assert_eq!(columns.max(), Some(text_width("HH", 2) - 1));
-        assert_eq!(text_width("", 3), 0);
+    fn words_take_the_width_that_is_told_and_reach_from_the_corner_to_the_baseline() {
+        let mut picture = Picture::new([100, 30], WHITE);
+        picture.text([10, 5], "HH", 20.0, BLACK);
+        let dark = |place: &usize| picture.pixels[*place][0] < 128;
+        let columns = || (0..3000).filter(dark).map(|place| place % 100);
+        let rows = || (0..3000).filter(dark).map(|place| place / 100);
+        let [from, to] = [columns().min(), columns().max()].map(|column| column.unwrap_or(0));
+        assert!((10..14).contains(&from) && (10 + text_width("HH", 20.0)).abs_diff(to) < 5, "{from} to {to}");
+        assert!(rows().min().unwrap_or(0).abs_diff(5) < 2 && rows().max().unwrap_or(0).abs_diff(19) < 2);
+        assert_eq!(text_width("", 3.0), 0);
+        picture.text([90, 25], "cut at the border", 20.0, BLACK);
     }
 }

@@ -4,13 +4,11 @@ use std::path::Path;
 
 use kestrel_core::vehicle::State;
 use kestrel_sim::config::{Document, ScenarioConfig};
-use kestrel_sim::outline::Outline;
-use kestrel_sim::scenario::Scenario;
+use kestrel_sim::scenario::{Scenario, Start};
 use kestrel_sim::seed::Seed;
 use kestrel_sim::simulation::Simulation;
-use nalgebra::Vector3;
 
-use crate::animation::{DroneFlight, FlightFrame, FlightRecording, Placement};
+use crate::recorded_flight::{DroneFlight, FlightRecording, Placement};
 
 /// The part of an experiment file that is needed here.
 #[derive(serde::Deserialize)]
@@ -24,7 +22,14 @@ pub(crate) fn scenario(name: &str, secs: f32) -> Scenario {
     let document = Document::read(&path).unwrap();
     let task: Task = document.decode().unwrap();
     let scenario = task.scenario.check("task", &document.root().at("scenario")).unwrap();
-    Scenario { episode_secs: secs, ..scenario }
+    let calm = Start {
+        tilt_limit: 0.0,
+        speed_limit: 0.0,
+        body_rates_limit: 0.0,
+        heading_limit: 0.0,
+        position: scenario.start.position.clone(),
+    };
+    Scenario { episode_secs: secs, start: calm, terminations: Vec::new(), ..scenario }
 }
 
 /// The first flight of the scenario until all drones have ended it.
@@ -55,7 +60,6 @@ pub(crate) fn started(scenario: &Scenario) -> FlightRecording {
 }
 
 fn at_start(scenario: &Scenario, simulation: &Simulation<1, f64>) -> FlightRecording {
-    let world = &scenario.aviary.world;
     let drone = |row| DroneFlight {
         goal: simulation.goal(row).cast(),
         frames: vec![frame(&simulation.state(row))],
@@ -66,16 +70,12 @@ fn at_start(scenario: &Scenario, simulation: &Simulation<1, f64>) -> FlightRecor
     FlightRecording {
         title: scenario.name.clone(),
         control_secs: scenario.physics.control_secs(),
-        airframe: scenario.airframe,
         drones: (0..simulation.rows()).map(drone).collect(),
-        solids: world.solids.iter().map(Outline::placed).collect(),
         movables: Vec::new(),
-        floor: world.floor,
     }
 }
 
-fn frame(state: &State<f64>) -> FlightFrame {
-    let position: Vector3<f32> = state.position.cast();
+fn frame(state: &State<f64>) -> Placement {
     let attitude = state.world_from_body.map(|part| part as f32);
-    FlightFrame { placement: Placement { position, attitude }, rotor_fractions: [0.5; 4] }
+    Placement { position: state.position.cast(), attitude }
 }

@@ -9,7 +9,6 @@ use kestrel_core::attitude::Attitude;
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
 use kestrel_sim::config::ConfigError;
-use kestrel_sim::outline::Outline;
 use kestrel_sim::world::Pose;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -17,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::atomic_file::{FileError, write_atomically};
 use crate::experiment_config::{self, Experiment};
 use crate::sealed_file::{Kind, SealError};
-use kestrel_draw::animation::{DroneFlight, FlightFrame, FlightRecording, MovingSolid, Placement};
+use kestrel_draw::recorded_flight::{DroneFlight, FlightRecording, Placement};
 
 mod flown;
 mod table;
@@ -165,23 +164,14 @@ impl Recording {
             return Err(contradiction(path, format!("{} movable bodies", bodies.len()), expected));
         }
         let movables = world.movables.iter().enumerate().map(|(index, movable)| {
-            let recorded = self.movables.iter().map(|bodies| bodies[index].placement());
-            let placements: Vec<_> = recorded.collect();
-            let at_rest = || vec![placement_of(&movable.solid.pose)];
-            MovingSolid {
-                outline: Outline::of(&movable.solid.shape),
-                placements: if placements.is_empty() { at_rest() } else { placements },
-            }
+            let recorded: Vec<_> = self.movables.iter().map(|bodies| bodies[index].placement()).collect();
+            if recorded.is_empty() { vec![Placed::of(&movable.solid.pose).placement()] } else { recorded }
         });
-        let rotor_speed_limit = scenario.airframe.rotor_speed_limit;
         Ok(FlightRecording {
             title: format!("{}: {}", experiment.name, self.pilot),
             control_secs: scenario.physics.control_secs(),
-            airframe: scenario.airframe,
-            drones: self.drones.iter().map(|track| track.flight(rotor_speed_limit)).collect(),
-            solids: world.solids.iter().map(Outline::placed).collect(),
+            drones: self.drones.iter().map(Track::flight).collect(),
             movables: movables.collect(),
-            floor: world.floor,
         })
     }
 
@@ -241,14 +231,10 @@ impl Track {
         self.success = success;
     }
 
-    fn flight(&self, rotor_speed_limit: f64) -> DroneFlight {
-        let frame = |moment: &Moment| FlightFrame {
-            placement: moment.placed.placement(),
-            rotor_fractions: moment.rotor_speeds.map(|speed| (speed / rotor_speed_limit).clamp(0.0, 1.0) as f32),
-        };
+    fn flight(&self) -> DroneFlight {
         DroneFlight {
             goal: in_single(self.goal),
-            frames: self.moments.iter().map(frame).collect(),
+            frames: self.moments.iter().map(|moment| moment.placed.placement()).collect(),
             rewards: self.steps.iter().map(|step| step.rewards.iter().sum()).collect(),
             ending: self.ending.clone(),
             success: self.success,
@@ -282,10 +268,6 @@ impl Placed {
         let [w, x, y, z] = self.attitude.map(|part| part as f32);
         Placement { position: in_single(self.position), attitude: Attitude { w, x, y, z } }
     }
-}
-
-fn placement_of(pose: &Pose) -> Placement {
-    Placed::of(pose).placement()
 }
 
 fn in_single(point: [f64; 3]) -> Vector3<f32> {

@@ -6,19 +6,18 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use kestrel_core::policy_file::{PolicyError, PolicyMetadata};
-use kestrel_sim::outline::Outline;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Purpose;
 use serde::{Deserialize, Serialize};
 
 use crate::atomic_file::{FileError, write_atomically};
-use crate::evaluation::{Evaluation, FlightPath, Flyer, Starts, evaluate, record, sightings_in_flight};
+use crate::evaluation::{Evaluation, Flyer, Starts, evaluate, sightings_in_flight};
 use crate::experiment_config::Experiment;
-use crate::recording::{self, Recording};
+use crate::recording::{self, Recording, RecordingError};
 use crate::run_directory::metrics::read_rows;
 use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
-use kestrel_draw::animation::{AnimationError, DroneFlight, FlightFrame, FlightRecording, Placement, flight_gif};
 use kestrel_draw::curve::{CurveError, CurvePoint, learning_curve};
+use kestrel_draw::video::{VideoError, flight_gif};
 use kestrel_export::exchange::{ExchangeError, onnx_model, safetensors_file};
 use kestrel_export::policy::Policy;
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
@@ -64,7 +63,10 @@ pub enum ResultsError {
     },
     /// The picture of the flight failed.
     #[error(transparent)]
-    Animation(#[from] AnimationError),
+    Video(#[from] VideoError),
+    /// The flight cannot be recorded.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
     /// The learning curve failed.
     #[error(transparent)]
     Curve(#[from] CurveError),
@@ -293,36 +295,12 @@ pub fn draw(experiment: &Experiment, directory: &RunDirectory) -> Result<(), Res
     let points: Vec<CurvePoint> = read_rows(&directory.metrics())?;
     let curve = learning_curve(&directory.name(), &points)?;
     write_atomically(&directory.learning_curve(), curve.as_bytes())?;
-    let bytes = read(&directory.policy())?;
-    let policy = parse(&bytes, &directory.policy())?;
-    let scenario = &experiment.evaluation.scenario;
-    let path = record(scenario, Flyer::Policy(&policy), starts(experiment), 0);
-    let gif = flight_gif(&recording(&experiment.name, scenario, &path))?;
-    write_atomically(&directory.flight(), &gif)?;
+    let recording = record_run(experiment, directory)?;
+    let name = directory.flight();
+    let flight = recording.flight(experiment, &name)?;
+    let gif = flight_gif(flight, &experiment.evaluation.scenario, &name.display().to_string())?;
+    write_atomically(&name, &gif)?;
     Ok(())
-}
-
-fn recording(name: &str, scenario: &Scenario, path: &FlightPath) -> FlightRecording {
-    let per_limit = 1.0 / scenario.airframe.rotor_speed_limit as f32;
-    let frames = path.states.iter().map(|state| FlightFrame {
-        placement: Placement { position: state.position, attitude: state.world_from_body },
-        rotor_fractions: state.rotor_speeds.map(|speed| (speed * per_limit).clamp(0.0, 1.0)),
-    });
-    FlightRecording {
-        title: name.to_owned(),
-        control_secs: scenario.physics.control_secs(),
-        airframe: scenario.airframe,
-        drones: vec![DroneFlight {
-            goal: scenario.goals.at(&scenario.aviary.goal, 0, 0.0).cast(),
-            frames: frames.collect(),
-            rewards: Vec::new(),
-            ending: path.episode.ending.name().to_owned(),
-            success: path.episode.success,
-        }],
-        solids: scenario.aviary.world.solids.iter().map(Outline::placed).collect(),
-        movables: Vec::new(),
-        floor: scenario.aviary.world.floor,
-    }
 }
 
 /// The starts of an experiment's evaluation.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use kestrel_draw::film::Stage;
+use kestrel_draw::video::RecordedScene;
 use kestrel_experiments::evaluation::Flyer;
 use kestrel_experiments::experiment_config::{self, Experiment};
 use kestrel_experiments::recording::Recording;
@@ -65,19 +65,19 @@ pub(crate) struct Flown {
 
 impl Flown {
     /// The flight in its aviary, to be looked at with one of its drones.
-    pub(crate) fn stage(&self, drone: usize) -> Result<Stage> {
-        let stage = self.staged()?;
-        let drones = stage.drones();
+    pub(crate) fn scene(&self, drone: usize) -> Result<RecordedScene> {
+        let scene = self.staged()?;
+        let drones = scene.drones();
         let path = self.path.display();
         ensure!(drone < drones, "found --drone {drone}, expected a number below {drones}, the drones of {path}");
-        Ok(stage)
+        Ok(scene)
     }
 }
 
 impl Flown {
-    fn staged(&self) -> Result<Stage> {
+    fn staged(&self) -> Result<RecordedScene> {
         let flight = self.recording.flight(&self.experiment, &self.path)?;
-        Ok(Stage::new(flight, &self.experiment.scenario, &self.path.display().to_string())?)
+        Ok(RecordedScene::new(flight, &self.experiment.scenario, &self.path.display().to_string())?)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use kestrel_draw::film::FilmError;
+use kestrel_draw::video::VideoError;
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::progress::Progress;
 
@@ -27,14 +27,14 @@ impl Format {
     }
 }
 
-/// A film of so many pictures, with a progress bar, unless the user stops it; `film` asks after each whether to go on.
+/// A video of so many pictures, with a progress bar, unless the user stops it; `video` asks after each whether to go on.
 pub(crate) fn filmed(
     pictures: usize,
-    film: impl FnOnce(&mut dyn FnMut(usize) -> bool) -> Result<Option<Vec<u8>>, FilmError>,
+    video: impl FnOnce(&mut dyn FnMut(usize) -> bool) -> Result<Option<Vec<u8>>, VideoError>,
 ) -> Result<Option<Vec<u8>>> {
     let interrupt = Interrupt::watch("Stopping: nothing is written.")?;
     let mut progress = Progress::counting("pictures", pictures as u64, 0);
-    let file = film(&mut |done| {
+    let file = video(&mut |done| {
         progress.show_steps(done as u64, String::new);
         !interrupt.requested()
     })?;

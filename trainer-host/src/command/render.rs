@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
-use kestrel_draw::film::{Film, GIF_LIMIT, Panel, Style};
+use kestrel_draw::video::{GIF_LIMIT, Panel, Style, Video};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::{say, warn};
 use kestrel_sim::camera::{Backend, Renderer};
@@ -22,7 +22,7 @@ pub(crate) struct Arguments {
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
-    /// What is beside each other, in that order [default: all in a film, without the chase in a picture]
+    /// What is beside each other, in that order [default: all in a video, without the chase in a picture]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PANEL,...")]
     panels: Vec<Panel>,
 
@@ -34,7 +34,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NUMBER", default_value_t = 0, allow_negative_numbers = true)]
     drone: usize,
 
-    /// Pixels of a row of each panel [default: 320, in a film 240]
+    /// Pixels of a row of each panel [default: 320, in a video 240]
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=4096))]
     columns: Option<u16>,
 
@@ -61,17 +61,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let renderer = Renderer::open(arguments.backend)?;
     let start_alone = format == Format::Png && arguments.at == 0.0;
     let flown = arguments.flight.fly(start_alone)?;
-    let stage = flown.stage(arguments.drone)?;
+    let scene = flown.scene(arguments.drone)?;
     let style = arguments.style(format);
-    let film = Film::new(&stage, &style, &renderer);
-    let [width, height] = film.size();
+    let video = Video::new(&scene, &style, &renderer);
+    let [width, height] = video.size();
     ensure!(
         format == Format::Png || width.max(height) <= GIF_LIMIT,
         "found {width}x{height} pixels, expected at most {GIF_LIMIT} across and down"
     );
     let file = match format {
-        Format::Png => Some(film.at(arguments.at)?.png()?),
-        Format::Gif => filmed(film.pictures(), |goes_on| film.gif(goes_on))?,
+        Format::Png => Some(video.at(arguments.at)?.png()?),
+        Format::Gif => filmed(video.pictures(), |goes_on| video.gif(goes_on))?,
     };
     let Some(file) = file else { return Ok(Done::Interrupted) };
     write_atomically(output, &file)?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use kestrel_draw::animation::flight_gif;
+use kestrel_draw::video::flight_gif;
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::say;
 use kestrel_experiments::recording::Recording;
@@ -16,7 +16,7 @@ pub(crate) struct Arguments {
     /// A recorded episode, from `--record`
     recording: PathBuf,
 
-    /// Where the film goes [default: beside the recording, ending in .gif]
+    /// Where the video goes [default: beside the recording, ending in .gif]
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
 
@@ -37,7 +37,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     if let Some(table) = &arguments.table {
         write_atomically(table, recording.table(experiment.scenario.physics.control_secs().into()).as_bytes())?;
     }
-    write_atomically(&output, &flight_gif(&flight)?)?;
+    write_atomically(&output, &flight_gif(flight, &experiment.scenario, &path.display().to_string())?)?;
     say(recording.summary(&experiment))?;
     say(output.display())?;
     Ok(Done::Finished)

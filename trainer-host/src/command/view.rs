@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use kestrel_draw::viewer::{CameraMode, Controls, Desk};
+use kestrel_draw::viewer::{CameraMode, Controls, Viewport};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::{say, warn};
 use kestrel_sim::camera::{Backend, Renderer};
@@ -75,22 +75,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let renderer = Renderer::open(arguments.backend)?;
     let flown = arguments.flight.fly(false)?;
     let drone = arguments.drone;
-    let stage = flown.stage(drone)?;
+    let scene = flown.scene(drone)?;
     let size = [arguments.columns, arguments.rows].map(usize::from);
-    let desk = Desk::new(&stage, &flown.experiment.scenario, &renderer, arguments.view_angle.to_radians(), size);
-    let secs = arguments.at.min(desk.extent().secs);
+    let viewport =
+        Viewport::new(&scene, &flown.experiment.scenario, &renderer, arguments.view_angle.to_radians(), size);
+    let secs = arguments.at.min(viewport.extent().secs);
     let controls = Controls { secs, drone, camera: arguments.camera, ..Controls::default() };
     warn(&renderer);
     match file {
-        Some(output) => written(&desk, &controls, output),
-        None => shown(desk, controls, &format!("kestrel: {}", flown.path.display()), size),
+        Some(output) => written(&viewport, &controls, output),
+        None => shown(viewport, controls, &format!("kestrel: {}", flown.path.display()), size),
     }
 }
 
-fn written(desk: &Desk<'_>, controls: &Controls, (output, format): (&Path, Format)) -> Result<Done> {
+fn written(viewport: &Viewport<'_>, controls: &Controls, (output, format): (&Path, Format)) -> Result<Done> {
     let file = match format {
-        Format::Png => Some(desk.picture(controls)?.png()?),
-        Format::Gif => filmed(desk.pictures(), |goes_on| desk.film(controls, goes_on))?,
+        Format::Png => Some(viewport.picture(controls)?.png()?),
+        Format::Gif => filmed(viewport.pictures(), |goes_on| viewport.video(controls, goes_on))?,
     };
     let Some(file) = file else { return Ok(Done::Interrupted) };
     write_atomically(output, &file)?;
@@ -99,12 +100,12 @@ fn written(desk: &Desk<'_>, controls: &Controls, (output, format): (&Path, Forma
 }
 
 #[cfg(feature = "viewer")]
-fn shown(desk: Desk<'_>, controls: Controls, title: &str, size: [usize; 2]) -> Result<Done> {
-    kestrel_draw::viewer::window::show(desk, controls, title, size)?;
+fn shown(viewport: Viewport<'_>, controls: Controls, title: &str, size: [usize; 2]) -> Result<Done> {
+    kestrel_draw::viewer::window::show(viewport, controls, title, size)?;
     Ok(Done::Finished)
 }
 
 #[cfg(not(feature = "viewer"))]
-fn shown(_desk: Desk<'_>, _controls: Controls, title: &str, _size: [usize; 2]) -> Result<Done> {
+fn shown(_desk: Viewport<'_>, _controls: Controls, title: &str, _size: [usize; 2]) -> Result<Done> {
     bail!("{title}: this program was built without windows")
 }

@@ -1,9 +1,9 @@
 //! A drawing as pixels.
 
-use tiny_skia::{FillRule, Paint, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, Transform};
+use tiny_skia::{FillRule, Paint, PathBuilder, Pixmap, Stroke, StrokeDash, Transform};
 
 use super::{Anchor, Colour, Dashed, Drawing, Mark, Pen, Text};
-use crate::animation::font;
+use crate::font;
 use crate::picture::Picture;
 
 /// Greatest width or height \[px\].
@@ -115,28 +115,16 @@ fn paint(Colour([red, green, blue]): Colour, opacity: f64) -> Paint<'static> {
     paint
 }
 
-/// Letters of the animations' typeface, a square for each of their pixels.
 fn draw_text(pixels: &mut Pixmap, text: &Text) {
-    let dot = (text.size / 9.0) as f32;
-    let advance = dot * (font::WIDTH + font::GAP) as f32;
-    let width = advance * text.words.chars().count() as f32;
+    let size = text.size as f32;
     let left = text.at[0] as f32
         - match text.anchor {
             Anchor::Start => 0.0,
-            Anchor::Middle => width / 2.0,
-            Anchor::End => width,
+            Anchor::Middle => font::width(&text.words, size) / 2.0,
+            Anchor::End => font::width(&text.words, size),
         };
-    // The last row of a glyph is for descenders.
-    let top = text.at[1] as f32 - dot * (font::HEIGHT - 1) as f32;
-    let paint = paint(text.colour, 1.0);
-    for (index, letter) in text.words.chars().enumerate() {
-        for (row, bits) in font::glyph(letter).into_iter().enumerate() {
-            for column in (0..font::WIDTH).filter(|column| bits >> (font::WIDTH - 1 - column) & 1 == 1) {
-                let x = left + index as f32 * advance + dot * column as f32;
-                if let Some(square) = Rect::from_xywh(x, top + dot * row as f32, dot, dot) {
-                    pixels.fill_rect(square, &paint, Transform::identity(), None);
-                }
-            }
-        }
+    if let Some(path) = font::outlines(&text.words, [left, text.at[1] as f32], size) {
+        let paint = paint(text.colour, 1.0);
+        pixels.fill_path(&path, &paint, FillRule::Winding, Transform::identity(), None);
     }
 }

@@ -7,8 +7,8 @@ use nalgebra::Vector3;
 
 use super::subject::Subject;
 use crate::drawing::Colour;
-use crate::film::camera;
 use crate::picture::{Picture, Rgb};
+use crate::video::{SMALL, camera};
 
 /// Columns of the sheet, and the pictures in them \[px\].
 const COLUMNS: usize = 6;
@@ -44,7 +44,7 @@ pub fn seen_sheet(subjects: &[Subject]) -> Picture {
         let left = MARGIN + index % COLUMNS * (width + MARGIN);
         let top = MARGIN + index / COLUMNS * (height + NAME + MARGIN);
         let Colour(ink) = super::INK;
-        sheet.text([left, top], &subject.name, 1, ink);
+        sheet.text([left, top], &subject.name, SMALL, ink);
         sheet.fill([left - 1, top + NAME - 1, width + 2, height + 2], FRAME);
         sheet.paste(&seen(subject), [left, top + NAME]);
     }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::animation::playback::PICTURE_SECS;
+use crate::video::playback::PICTURE_SECS;
 
 /// What a key asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

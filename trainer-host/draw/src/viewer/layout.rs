@@ -1,6 +1,6 @@
 //! Where everything is in a picture.
 
-use crate::film::channel::LEGEND;
+use crate::video::channel::LEGEND;
 
 /// Around and between the parts \[px\].
 pub(super) const MARGIN: usize = 8;

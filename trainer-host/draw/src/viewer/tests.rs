@@ -1,9 +1,9 @@
 use kestrel_sim::camera::{Backend, Renderer};
 
 use super::*;
-use crate::film::Stage;
 use crate::picture::Picture;
 use crate::testing::{flown, scenario, started};
+use crate::video::RecordedScene;
 
 const EXTENT: Extent = Extent { secs: 2.0, drones: 3 };
 
@@ -76,15 +76,15 @@ fn differing(one: &Picture, other: &Picture, columns: std::ops::Range<usize>) ->
 #[test]
 fn the_picture_follows_the_controls_and_is_the_same_again() {
     let scenario = scenario("aviaries/crossing-3.yaml", 4.0);
-    let stage = Stage::new(flown(&scenario), &scenario, "flight").unwrap();
+    let recorded = RecordedScene::new(flown(&scenario), &scenario, "flight").unwrap();
     let renderer = Renderer::open(Backend::Cpu).unwrap();
-    let mut desk = Desk::new(&stage, &scenario, &renderer, 1.5, [480, 300]);
-    assert_eq!(desk.extent(), Extent { secs: stage.secs(), drones: 3 });
+    let mut viewport = Viewport::new(&recorded, &scenario, &renderer, 1.5, [480, 300]);
+    assert_eq!(viewport.extent(), Extent { secs: recorded.secs(), drones: 3 });
     let start = Controls::default();
-    let first = desk.picture(&start).unwrap();
-    assert_eq!((first.size, &desk.picture(&start).unwrap()), ([480, 300], &first));
+    let first = viewport.picture(&start).unwrap();
+    assert_eq!((first.size, &viewport.picture(&start).unwrap()), ([480, 300], &first));
     let side = 480 - (0.32 * 480.0) as usize - 8;
-    let changed = |controls: Controls, columns| differing(&first, &desk.picture(&controls).unwrap(), columns);
+    let changed = |controls: Controls, columns| differing(&first, &viewport.picture(&controls).unwrap(), columns);
     for camera in [CameraMode::Orbit, CameraMode::Onboard] {
         let camera = Controls { camera, ..start };
         assert!(changed(camera, 0..side) > 5000);
@@ -94,18 +94,18 @@ fn the_picture_follows_the_controls_and_is_the_same_again() {
     assert!(changed(Controls { secs: 2.0, ..start }, 0..480) > 5000);
     let paused = Controls { playing: false, ..start };
     assert_eq!(changed(paused, 0..480), 0, "only the status changes");
-    assert!(desk.picture(&paused).unwrap() != first);
-    desk.resize([1, 1]);
-    assert_eq!(desk.picture(&start).unwrap().size, LEAST_SIZE);
+    assert!(viewport.picture(&paused).unwrap() != first);
+    viewport.resize([1, 1]);
+    assert_eq!(viewport.picture(&start).unwrap().size, LEAST_SIZE);
 }
 
 #[test]
 fn a_flight_without_a_window_is_a_film() {
     let scenario = scenario("aviaries/room-1.yaml", 4.0);
-    let stage = Stage::new(started(&scenario), &scenario, "flight").unwrap();
+    let recorded = RecordedScene::new(started(&scenario), &scenario, "flight").unwrap();
     let renderer = Renderer::open(Backend::Cpu).unwrap();
-    let desk = Desk::new(&stage, &scenario, &renderer, 1.5, [320, 240]);
-    let film = desk.film(&Controls::default(), |_| true).unwrap().unwrap();
-    assert!(film.starts_with(b"GIF89a") && film[6..10] == [64, 1, 240, 0]);
-    assert!(desk.film(&Controls::default(), |_| false).unwrap().is_none());
+    let viewport = Viewport::new(&recorded, &scenario, &renderer, 1.5, [320, 240]);
+    let video = viewport.video(&Controls::default(), |_| true).unwrap().unwrap();
+    assert!(video.starts_with(b"GIF89a") && video[6..10] == [64, 1, 240, 0]);
+    assert!(viewport.video(&Controls::default(), |_| false).unwrap().is_none());
 }

@@ -12,8 +12,8 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, OwnedDisplayHan
 use winit::keyboard::Key;
 use winit::window::{Window, WindowId};
 
-use super::{Controls, Desk, Flow, LEAST_SIZE, action};
-use crate::film::FilmError;
+use super::{Controls, Flow, LEAST_SIZE, Viewport, action};
+use crate::video::VideoError;
 
 /// Time between two pictures while the flight goes on.
 const PACE: Duration = Duration::from_millis(16);
@@ -29,17 +29,18 @@ pub enum WindowError {
     Refused(String),
     /// There is no picture to show.
     #[error(transparent)]
-    Film(#[from] FilmError),
+    Video(#[from] VideoError),
 }
 
 /// Shows a flight until the user has seen enough.
 ///
 /// # Errors
 /// When there is no screen, or the renderer fails.
-pub fn show(desk: Desk<'_>, controls: Controls, title: &str, size: [usize; 2]) -> Result<(), WindowError> {
+pub fn show(viewport: Viewport<'_>, controls: Controls, title: &str, size: [usize; 2]) -> Result<(), WindowError> {
     let events = EventLoop::new().map_err(refused)?;
     let title = title.to_owned();
-    let mut viewer = Viewer { desk, controls, title, size, open: None, then: None, dragged: None, failed: None };
+    let mut viewer =
+        Viewer { viewport, controls, title, size, open: None, then: None, dragged: None, failed: None };
     events.run_app(&mut viewer).map_err(refused)?;
     viewer.failed.map_or(Ok(()), Err)
 }
@@ -54,7 +55,7 @@ fn refused(error: impl ToString) -> WindowError {
 }
 
 struct Viewer<'a> {
-    desk: Desk<'a>,
+    viewport: Viewport<'a>,
     controls: Controls,
     title: String,
     size: [usize; 2],
@@ -94,7 +95,7 @@ impl ApplicationHandler for Viewer<'_> {
             }
             WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
                 let asked = action(&name(&event.logical_key));
-                let extent = self.desk.extent();
+                let extent = self.viewport.extent();
                 if asked.map(|asked| self.controls.apply(asked, &extent)) == Some(Flow::Quit) {
                     events.exit();
                 }
@@ -119,7 +120,7 @@ impl ApplicationHandler for Viewer<'_> {
             self.then = None;
             events.set_control_flow(ControlFlow::Wait);
         } else if self.then.is_none() || passed >= PACE {
-            let extent = self.desk.extent();
+            let extent = self.viewport.extent();
             self.controls.advance(passed.as_secs_f32(), &extent);
             self.then = Some(now);
             events.set_control_flow(ControlFlow::WaitUntil(now + PACE));
@@ -148,8 +149,8 @@ impl Viewer<'_> {
         let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) else {
             return Ok(());
         };
-        self.desk.resize([size.width, size.height].map(|pixels| pixels as usize));
-        let picture = self.desk.picture(&self.controls)?;
+        self.viewport.resize([size.width, size.height].map(|pixels| pixels as usize));
+        let picture = self.viewport.picture(&self.controls)?;
         surface.resize(width, height).map_err(refused)?;
         let mut buffer = surface.buffer_mut().map_err(refused)?;
         let rows = buffer.chunks_exact_mut(size.width as usize);

@@ -1,12 +1,11 @@
 use std::sync::LazyLock;
 
-use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed};
 use proptest::prelude::*;
 
 use super::*;
-use crate::evaluation::{Flyer, Starts, record};
-use kestrel_draw::animation::flight_gif;
+use crate::evaluation::{Flyer, Starts};
+use kestrel_draw::video::flight_gif;
 
 const HERE: &str = "flight.recording";
 
@@ -18,8 +17,7 @@ fn experiment() -> Experiment {
 /// The scripted pilot, from several starts as if they were drones of one aviary.
 fn recording(drones: u32) -> Recording {
     let experiment = experiment();
-    let scenario = &experiment.evaluation.scenario;
-    let tracks = (0..drones).map(|start| track(scenario, start));
+    let tracks = (0..drones).map(|start| track(&experiment, start));
     Recording {
         pilot: "scripted pilot".to_owned(),
         config: experiment.resolved_yaml.clone(),
@@ -31,17 +29,19 @@ fn recording(drones: u32) -> Recording {
     }
 }
 
-fn track(scenario: &Scenario, start: u32) -> Track {
+/// What the scripted pilot does from a start, with actions and rewards of our own.
+fn track(experiment: &Experiment, start: u32) -> Track {
     let starts = Starts { seed: Seed(0), purpose: Purpose::Evaluation, episodes: 1 };
-    let path = record(scenario, Flyer::Scripted, starts, start);
-    let goal = scenario.aviary.goal;
-    let goal = [goal.x, goal.y, goal.z].map(f64::from);
-    let mut track = Track::starting(goal, &path.states[0]);
-    for state in &path.states[1..] {
-        track.push(&[0.1_f32, -0.2, 0.3, 0.0], &[0.5, -0.125], Some(state));
+    let mut track = fly(experiment, Flyer::Scripted, starts, start).drones.remove(0);
+    let (last, others) = track.steps.split_last_mut().expect("it flew");
+    for step in others {
+        *step = Step {
+            action: vec![f64::from(0.1_f32), f64::from(-0.2_f32), f64::from(0.3_f32), 0.0],
+            rewards: vec![0.5, -0.125],
+        };
     }
-    track.push(&[0.0_f32; 4], &[10.0, 0.0], None);
-    track.finish("reached the goal", path.episode.success);
+    *last = Step { action: vec![0.0; 4], rewards: vec![10.0, 0.0] };
+    "reached the goal".clone_into(&mut track.ending);
     track
 }
 
@@ -72,8 +72,7 @@ fn a_recording_knows_its_world_and_can_be_drawn() {
     let experiment = recording.experiment(path).unwrap();
     let flight = recording.flight(&experiment, path).unwrap();
     assert_eq!((flight.drones.len(), flight.title.as_str()), (3, "cross: scripted pilot"));
-    assert_eq!(flight.solids.len(), experiment.scenario.aviary.world.solids.len());
-    let film = flight_gif(&flight).unwrap();
+    let film = flight_gif(flight, &experiment.scenario, HERE).unwrap();
     assert!(film.starts_with(b"GIF89a"));
 }
 

@@ -3,8 +3,8 @@
 use kestrel_sim::camera::{Camera, Scene, View};
 use nalgebra::Vector3;
 
-use super::stage::{Stage, pose};
-use crate::animation::tracking::calm;
+use super::recorded_scene::{RecordedScene, pose};
+use crate::recorded_flight::Placement;
 
 /// How far behind the drone the camera is, per length of the airframe's arm; half a metre for a Crazyflie.
 const DISTANCE_ARMS: f64 = 12.5;
@@ -37,12 +37,12 @@ pub(crate) struct Chase {
 }
 
 impl Chase {
-    pub(crate) fn of(stage: &Stage, drone: usize) -> Self {
-        let distance = distance(stage);
-        let moments = stage.moments();
+    pub(crate) fn of(recorded: &RecordedScene, drone: usize) -> Self {
+        let distance = distance(recorded);
+        let moments = recorded.moments();
         let places: Vec<[f32; 3]> =
-            moments.iter().map(|moment| moment.drones[drone].frame.placement.position.into()).collect();
-        let wanted = directions(&places, stage.flight.drones[drone].goal.into());
+            moments.iter().map(|moment| moment.drones[drone].placement.position.into()).collect();
+        let wanted = directions(&places, recorded.flight.drones[drone].goal.into());
         let directions: Vec<Vector3<f64>> = (0..wanted.len())
             .map(|index| {
                 let [x, y] = calm(&wanted, index, TURN_CALMNESS).map(f64::from);
@@ -51,7 +51,7 @@ impl Chase {
             .collect();
         let free = places.iter().zip(&directions).map(|(place, direction)| {
             let place = Vector3::from(*place).cast();
-            free_share(stage.still(), place, place + direction * distance)
+            free_share(recorded.still(), place, place + direction * distance)
         });
         let free: Vec<f32> = free.collect();
         let near =
@@ -79,8 +79,8 @@ impl Chase {
 }
 
 /// How far a camera is from the drone that it follows \[m\].
-pub(crate) fn distance(stage: &Stage) -> f64 {
-    DISTANCE_ARMS * stage.flight.airframe.arm
+pub(crate) fn distance(recorded: &RecordedScene) -> f64 {
+    DISTANCE_ARMS * recorded.arm_m
 }
 
 /// Around a drone: from a heading \[rad\] and an elevation \[rad\], so far away \[m\].
@@ -90,14 +90,28 @@ pub(crate) fn orbit(focus: Vector3<f64>, heading: f64, elevation: f64, distance:
 
 /// What a drone's camera sees: as the reference mounts it, an arm above the centre, along the drone's x axis, the image's
 /// top up. A drone whose nose points straight up or down is looked along as it lies.
-pub(crate) fn on_board(stage: &Stage, placement: &crate::animation::Placement) -> View {
+pub(crate) fn on_board(recorded: &RecordedScene, placement: &Placement) -> View {
     let drone = pose(placement);
     let ahead = drone.world_from_body.rotate(Vector3::x());
     if ahead.xy().norm() > 1e-6 {
-        return View::paper(&drone, stage.flight.airframe.arm);
+        return View::paper(&drone, recorded.arm_m);
     }
-    let eye = drone.position + stage.flight.airframe.arm * Vector3::z();
+    let eye = drone.position + recorded.arm_m * Vector3::z();
     View::towards(eye, eye + ahead, drone.world_from_body.rotate(Vector3::z()))
+}
+
+/// Weighted mean of so many pictures on either side, later ones included: the camera knows the video. One standard
+/// deviation is a third of them.
+fn calm<const N: usize>(wanted: &[[f32; N]], index: usize, calmness: usize) -> [f32; N] {
+    let (mut sum, mut weights) = ([0.0; N], 0.0);
+    for offset in 0..=2 * calmness {
+        let neighbour = (index + offset).saturating_sub(calmness).min(wanted.len() - 1);
+        let deviations = (offset as f32 - calmness as f32) * (3.0 / calmness as f32);
+        let weight = libm::expf(-0.5 * deviations * deviations);
+        weights += weight;
+        sum.iter_mut().zip(wanted[neighbour]).for_each(|(sum, value)| *sum += weight * value);
+    }
+    sum.map(|sum| sum / weights)
 }
 
 /// From a drone to the camera behind it.
@@ -121,7 +135,7 @@ fn directions(places: &[[f32; 3]], goal: [f32; 3]) -> Vec<[f32; 2]> {
     let last = places.len() - 1;
     let direction = |index: usize| {
         let moved = level(places[index.saturating_sub(1)], places[(index + 1).min(last)]);
-        let secs = 2.0 * crate::animation::playback::PICTURE_SECS;
+        let secs = 2.0 * crate::video::playback::PICTURE_SECS;
         let to_goal = limited(level(places[index], goal), GOAL_SPEED);
         [0, 1].map(|axis| moved[axis] / secs + to_goal[axis] + flight[axis])
     };

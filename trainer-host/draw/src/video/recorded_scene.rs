@@ -7,9 +7,9 @@ use kestrel_sim::world::{Floor, Pose, Role, Shape, Solid, World};
 use nalgebra::Vector3;
 
 use super::chase::on_board;
-use super::{DepthScale, FilmError, camera, sampled};
-use crate::animation::playback::{Moment, PICTURE_SECS, moment, moments};
-use crate::animation::{self, DroneFlight, FlightRecording, Placement};
+use super::{DepthScale, VideoError, camera, sampled};
+use crate::recorded_flight::{DroneFlight, FlightRecording, Placement};
+use crate::video::playback::{Moment, PICTURE_SECS, moment, moments};
 
 /// A goal for the eyes of people: a ball on a pole, and how far below the goal it ends \[m\].
 const BALL_RADIUS: f64 = 0.012;
@@ -22,8 +22,10 @@ const POLE: f64 = 0.5;
 
 /// A recorded flight with everything that cameras and captions need.
 #[derive(Clone, Debug)]
-pub struct Stage {
+pub struct RecordedScene {
     pub(crate) flight: FlightRecording,
+    /// Length of the airframe's arms \[m\].
+    pub(crate) arm_m: f64,
     /// The world as the drones see it.
     seen: Scene,
     /// The world as people see it, with the goals.
@@ -44,7 +46,7 @@ struct Verdict {
 
 /// What is written beside a picture of a flight.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Facts {
+pub(crate) struct Caption {
     /// Since the start \[s\].
     pub(crate) secs: f32,
     /// Sum of the rewards so far.
@@ -57,13 +59,13 @@ pub(crate) struct Facts {
     pub(crate) ending: Option<(String, bool)>,
 }
 
-impl Stage {
+impl RecordedScene {
     /// Prepares a flight through the scenario's world for cameras; `name` is what messages call it.
     ///
     /// # Errors
     /// When it holds numbers that are none.
-    pub fn new(flight: FlightRecording, scenario: &Scenario, name: &str) -> Result<Self, FilmError> {
-        animation::check(&flight)?;
+    pub fn new(flight: FlightRecording, scenario: &Scenario, name: &str) -> Result<Self, VideoError> {
+        flight.check()?;
         check(&flight, name)?;
         let Scenario { aviary, airframe, .. } = scenario;
         let world = &aviary.world;
@@ -74,6 +76,7 @@ impl Stage {
             shown: scene(&with_goals(world, goals)),
             moments: moments(&flight),
             verdicts: flight.drones.iter().map(Verdict::of).collect(),
+            arm_m: airframe.arm,
             flight,
         })
     }
@@ -85,8 +88,7 @@ impl Stage {
 
     /// How long the flight is \[s\].
     pub fn secs(&self) -> f32 {
-        let frames = self.flight.drones.iter().map(|drone| drone.frames.len()).max().unwrap_or(1);
-        (frames - 1) as f32 * self.flight.control_secs
+        self.flight.periods() as f32 * self.flight.control_secs
     }
 
     /// The flight 25 times a second.
@@ -121,14 +123,14 @@ impl Stage {
         let images: Vec<Image> = sampled(self.moments.len())
             .map(|index| {
                 let moment = &self.moments[index];
-                let view = on_board(self, &moment.drones[drone].frame.placement);
+                let view = on_board(self, &moment.drones[drone].placement);
                 self.seen(moment, drone).render(&camera([64, 48], view_angle), &view)
             })
             .collect();
         DepthScale::of(&images)
     }
 
-    pub(crate) fn facts(&self, moment: &Moment, drone: usize) -> Facts {
+    pub(crate) fn caption(&self, moment: &Moment, drone: usize) -> Caption {
         let Verdict { returns, ending, success } = &self.verdicts[drone];
         let now = moment.drones[drone];
         // A hundredth of a step is the rounding of a time.
@@ -137,7 +139,7 @@ impl Stage {
         let end_secs = (self.flight.drones[drone].frames.len() - 1) as f32 * self.flight.control_secs;
         // The next picture would come after the end.
         let has_ended = moment.elapsed_secs + PICTURE_SECS > end_secs + 1e-4;
-        Facts {
+        Caption {
             secs: moment.elapsed_secs,
             episode_return: returns[if has_ended { last } else { steps.min(last) }],
             distance: now.distance,
@@ -152,13 +154,13 @@ const FARTHEST: f32 = 1e5;
 const LENGTH_TOLERANCE: f32 = 0.1;
 
 /// Refuses what no camera can follow.
-fn check(flight: &FlightRecording, name: &str) -> Result<(), FilmError> {
+fn check(flight: &FlightRecording, name: &str) -> Result<(), VideoError> {
     for (drone, track) in flight.drones.iter().enumerate() {
         for (frame, shown) in track.frames.iter().enumerate() {
-            let Attitude { w, x, y, z } = shown.placement.attitude;
-            let (metres, length) = (shown.placement.position.norm(), (w * w + x * x + y * y + z * z).sqrt());
+            let Attitude { w, x, y, z } = shown.attitude;
+            let (metres, length) = (shown.position.norm(), (w * w + x * x + y * y + z * z).sqrt());
             if !(metres <= FARTHEST && (length - 1.0).abs() <= LENGTH_TOLERANCE) {
-                return Err(FilmError::Lost { name: name.to_owned(), drone, frame, metres, length });
+                return Err(VideoError::Lost { name: name.to_owned(), drone, frame, metres, length });
             }
         }
     }
@@ -181,7 +183,7 @@ impl Verdict {
 fn placed(scene: &Scene, moment: &Moment) -> Scene {
     let mut scene = scene.clone();
     for (index, drone) in moment.drones.iter().enumerate() {
-        scene.place(Mover::Drone(index), &pose(&drone.frame.placement));
+        scene.place(Mover::Drone(index), &pose(&drone.placement));
     }
     for (index, placement) in moment.movables.iter().enumerate() {
         scene.place(Mover::Movable(index), &pose(placement));

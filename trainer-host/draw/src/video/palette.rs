@@ -1,4 +1,4 @@
-//! The 255 colours that serve a film best.
+//! The 255 colours that serve a video best.
 
 use crate::picture::{Picture, Rgb};
 

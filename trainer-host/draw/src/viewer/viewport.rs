@@ -6,15 +6,14 @@ use nalgebra::Vector3;
 
 use super::layout::{FOOT, Layout, MARGIN, NAME, Part};
 use super::{CameraMode, Controls, Extent, LEAST_SIZE};
-use crate::animation::palette::trail;
-use crate::animation::playback::{Moment, PICTURE_SECS};
-use crate::drawing::Colour;
-use crate::film::chase::{self, Chase, VIEW_ANGLE, on_board};
-use crate::film::stage::pose;
-use crate::film::{self, DepthScale, FilmError, Panel, Stage, coloured, draw_facts};
 use crate::picture::Picture;
 use crate::plan::Subject;
 use crate::plan::above::{Above, Flown};
+use crate::video::chase::{self, Chase, VIEW_ANGLE, on_board};
+use crate::video::playback::{Moment, PICTURE_SECS};
+use crate::video::recorded_scene::pose;
+use crate::video::trail;
+use crate::video::{self, DepthScale, Panel, RecordedScene, VideoError, coloured, draw_caption};
 
 /// Keys and mouse, in one line.
 const HELP: &str = "space pause   arrows step, speed   c camera   n drone   r reset   q quit   mouse: drag to turn, wheel to zoom";
@@ -24,8 +23,8 @@ const SAMPLES: usize = 2;
 
 /// A flight and everything that its pictures need.
 #[derive(Debug)]
-pub struct Desk<'a> {
-    stage: &'a Stage,
+pub struct Viewport<'a> {
+    recorded: &'a RecordedScene,
     renderer: &'a Renderer,
     /// Of each drone.
     chases: Vec<Chase>,
@@ -37,10 +36,10 @@ pub struct Desk<'a> {
     plan: Above,
 }
 
-impl<'a> Desk<'a> {
+impl<'a> Viewport<'a> {
     /// For pictures of `size` \[px\]; `view_angle` is that of the drones' cameras, across \[rad\].
     pub fn new(
-        stage: &'a Stage,
+        recorded: &'a RecordedScene,
         scenario: &Scenario,
         renderer: &'a Renderer,
         view_angle: f64,
@@ -48,12 +47,12 @@ impl<'a> Desk<'a> {
     ) -> Self {
         let subject = Subject::of_scenario(scenario.name.clone(), scenario);
         let size = enlarged(size);
-        let drones = 0..stage.drones();
+        let drones = 0..recorded.drones();
         Self {
-            chases: drones.clone().map(|drone| Chase::of(stage, drone)).collect(),
-            scales: drones.map(|drone| stage.depth_scale(drone, view_angle)).collect(),
+            chases: drones.clone().map(|drone| Chase::of(recorded, drone)).collect(),
+            scales: drones.map(|drone| recorded.depth_scale(drone, view_angle)).collect(),
             plan: Above::fitting(&subject, Layout::of(size).plan.size),
-            stage,
+            recorded,
             renderer,
             view_angle,
             subject,
@@ -63,7 +62,7 @@ impl<'a> Desk<'a> {
 
     /// How much there is to see.
     pub fn extent(&self) -> Extent {
-        Extent { secs: self.stage.secs(), drones: self.stage.drones() }
+        Extent { secs: self.recorded.secs(), drones: self.recorded.drones() }
     }
 
     /// Makes pictures of another size \[px\], at least [`LEAST_SIZE`].
@@ -79,70 +78,75 @@ impl<'a> Desk<'a> {
     ///
     /// # Errors
     /// When the renderer fails.
-    pub fn picture(&self, controls: &Controls) -> Result<Picture, FilmError> {
+    pub fn picture(&self, controls: &Controls) -> Result<Picture, VideoError> {
         let drone = controls.drone;
-        let moment = self.stage.moment(controls.secs);
+        let moment = self.recorded.moment(controls.secs);
         let layout = Layout::of(self.size);
-        let mut picture = Picture::new(self.size, film::PAPER);
-        let words = if self.size[0] < film::WIDE { 1 } else { 2 };
-        picture.text([MARGIN, 7], &self.stage.flight.title, words, film::INK);
+        let mut picture = Picture::new(self.size, video::PAPER);
+        picture.text([MARGIN, 7], &self.recorded.flight.title, video::text_size(self.size[0]), video::INK);
         let main = self.main(&moment, controls, layout.main.size)?;
         let scale = &self.scales[drone];
         paste(&mut picture, &main, Panel::Chase, scale, &layout.main);
-        let view = on_board(self.stage, &moment.drones[drone].frame.placement);
-        let seen = self.render(&self.stage.seen(&moment, drone), view, self.view_angle, layout.on_board.size)?;
+        let view = on_board(self.recorded, &moment.drones[drone].placement);
+        let seen =
+            self.render(&self.recorded.seen(&moment, drone), view, self.view_angle, layout.on_board.size)?;
         paste(&mut picture, &seen, Panel::Onboard, scale, &layout.on_board);
         paste(&mut picture, &seen, Panel::Depth, scale, &layout.depth);
         picture.paste(&self.plan(&moment), layout.plan.corner);
         for (name, part) in [("plan", layout.plan), ("on board", layout.on_board), ("depth", layout.depth)] {
-            picture.text([part.corner[0], part.corner[1] - NAME], name, 1, film::MUTED);
+            picture.text([part.corner[0], part.corner[1] - NAME], name, video::SMALL, video::MUTED);
         }
         let Part { corner: [left, top], size: [width, height] } = layout.depth;
-        scale.draw_legend(&mut picture, [left, top + height + 3], width, film::MUTED);
+        scale.draw_legend(&mut picture, [left, top + height + 3], width, video::MUTED);
         let foot = self.size[1] - FOOT;
-        draw_facts(&self.stage.facts(&moment, drone), &mut picture, [MARGIN, foot + 7]);
-        picture.text([MARGIN, foot + 31], &format!("{}   {HELP}", self.status(controls)), 1, film::MUTED);
+        draw_caption(&self.recorded.caption(&moment, drone), &mut picture, [MARGIN, foot + 7]);
+        picture.text(
+            [MARGIN, foot + 31],
+            &format!("{}   {HELP}", self.status(controls)),
+            video::SMALL,
+            video::MUTED,
+        );
         Ok(picture)
     }
 
-    /// The whole flight as GIF, from the camera that the controls say; see [`film::Film::gif`].
+    /// The whole flight as GIF, from the camera that the controls say; see [`video::Video::gif`].
     ///
     /// # Errors
     /// When the renderer or the encoder fails.
-    pub fn film(
+    pub fn video(
         &self,
         controls: &Controls,
         goes_on: impl FnMut(usize) -> bool,
-    ) -> Result<Option<Vec<u8>>, FilmError> {
+    ) -> Result<Option<Vec<u8>>, VideoError> {
         let picture = |index: usize| self.picture(&Controls { secs: index as f32 * PICTURE_SECS, ..*controls });
-        film::gif(self.pictures(), picture, goes_on)
+        video::gif(self.pictures(), picture, goes_on)
     }
 
-    /// How many pictures that film has.
+    /// How many pictures that video has.
     pub fn pictures(&self) -> usize {
-        self.stage.moments().len()
+        self.recorded.moments().len()
     }
 
     /// The large picture.
-    fn main(&self, moment: &Moment, controls: &Controls, size: [usize; 2]) -> Result<Image, FilmError> {
+    fn main(&self, moment: &Moment, controls: &Controls, size: [usize; 2]) -> Result<Image, VideoError> {
         let Controls { drone, heading, elevation, zoom, .. } = *controls;
-        let placement = &moment.drones[drone].frame.placement;
+        let placement = &moment.drones[drone].placement;
         let view = match controls.camera {
             CameraMode::Chase => self.chases[drone].view(moment.elapsed_secs / PICTURE_SECS),
             CameraMode::Orbit => {
-                let distance = zoom * chase::distance(self.stage);
+                let distance = zoom * chase::distance(self.recorded);
                 chase::orbit(placement.position.cast(), heading, elevation, distance)
             }
             CameraMode::Onboard => {
-                let scene = self.stage.seen(moment, drone);
-                return self.render(&scene, on_board(self.stage, placement), self.view_angle, size);
+                let scene = self.recorded.seen(moment, drone);
+                return self.render(&scene, on_board(self.recorded, placement), self.view_angle, size);
             }
         };
-        self.render(&self.stage.shown(moment), view, VIEW_ANGLE, size)
+        self.render(&self.recorded.shown(moment), view, VIEW_ANGLE, size)
     }
 
-    fn render(&self, scene: &Scene, view: View, angle: f64, size: [usize; 2]) -> Result<Image, FilmError> {
-        let camera = film::camera(size.map(|pixels| pixels * SAMPLES), angle);
+    fn render(&self, scene: &Scene, view: View, angle: f64, size: [usize; 2]) -> Result<Image, VideoError> {
+        let camera = video::camera(size.map(|pixels| pixels * SAMPLES), angle);
         let images = self.renderer.render(&camera, &[scene], &[Shot { scene: 0, view }])?;
         Ok(images.into_iter().next().unwrap_or_default())
     }
@@ -150,20 +154,20 @@ impl<'a> Desk<'a> {
     /// Where all drones are and have been.
     fn plan(&self, moment: &Moment) -> Picture {
         let pictures = (moment.elapsed_secs / PICTURE_SECS) as usize + 1;
-        let past = &self.stage.moments()[..pictures.min(self.stage.moments().len())];
+        let past = &self.recorded.moments()[..pictures.min(self.recorded.moments().len())];
         let way = |drone: usize| {
-            let then = past.iter().chain([moment]).map(|moment| moment.drones[drone].frame.placement);
+            let then = past.iter().chain([moment]).map(|moment| moment.drones[drone].placement);
             let way: Vec<Vector3<f64>> = then.map(|placement| placement.position.cast()).collect();
-            let nose = pose(&moment.drones[drone].frame.placement).world_from_body.rotate(Vector3::x());
-            Flown { way, nose, colour: Colour(trail(drone).map(|part| part as u8)) }
+            let nose = pose(&moment.drones[drone].placement).world_from_body.rotate(Vector3::x());
+            Flown { way, nose, colour: trail::colour(drone) }
         };
-        self.plan.with(&(0..self.stage.drones()).map(way).collect::<Vec<_>>())
+        self.plan.with(&(0..self.recorded.drones()).map(way).collect::<Vec<_>>())
     }
 
     fn status(&self, controls: &Controls) -> String {
         let Controls { playing, speed, camera, drone, .. } = controls;
         let pace = if *playing { format!("{speed}x") } else { format!("paused, {speed}x") };
-        match self.stage.drones() {
+        match self.recorded.drones() {
             1 => format!("{pace}, {}", camera.name()),
             drones => format!("{pace}, {}, drone {drone} of {drones}", camera.name()),
         }

@@ -4,10 +4,10 @@ use std::borrow::Cow;
 
 use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
 
-/// How long the last picture of a film stays before it starts again \[s\].
+/// How long the last picture of a video stays before it starts again \[s\].
 pub(crate) const PAUSE_SECS: f32 = 1.5;
 
-/// What all pictures of a film have in common.
+/// What all pictures of a video have in common.
 #[derive(Clone, Debug)]
 pub(crate) struct Format {
     /// Columns and rows.
@@ -18,7 +18,7 @@ pub(crate) struct Format {
     pub(crate) unchanged: u8,
 }
 
-/// A film in the making, endlessly repeated.
+/// A video in the making, endlessly repeated.
 pub(crate) struct Writer {
     format: Format,
     encoder: Encoder<Vec<u8>>,

@@ -2,6 +2,7 @@
 
 use kestrel_sim::camera::{FIRST_SOLID, FLOOR, Image, NOTHING};
 
+use super::SMALL;
 use crate::picture::{Picture, Rgb, text_width};
 
 /// Depth from near to far: viridis (van der Walt and Smith 2015; its order is kept in grey and for the colour-blind),
@@ -72,10 +73,10 @@ impl DepthScale {
         }
         let middle = (self.nearest * self.farthest).sqrt();
         let numbers = [metres(self.nearest), metres(middle), format!("{} m", metres(self.farthest))];
-        let widths = numbers.each_ref().map(|number| text_width(number, 1));
+        let widths = numbers.each_ref().map(|number| text_width(number, SMALL));
         let places = [0, (width.saturating_sub(widths[1])) / 2, width.saturating_sub(widths[2])];
         for (number, place) in numbers.iter().zip(places) {
-            picture.text([left + place, top + BAR + 3], number, 1, ink);
+            picture.text([left + place, top + BAR + 3], number, SMALL, ink);
         }
     }
 }

@@ -1,30 +1,34 @@
-//! Films of flights as cameras see them: from behind, on board, how far things are and what they are.
+//! Videos of flights as cameras see them: from behind, on board, how far things are and what they are.
 //!
-//! A [`Stage`] is a recorded flight in its world. A [`Film`] looks at it in a [`Style`] and makes a [`Picture`] of any
+//! A [`RecordedScene`] is a recorded flight in its world. A [`Video`] looks at it in a [`Style`] and makes a [`Picture`] of any
 //! moment, or all of them, 25 a second, as GIF. The same flight gives the same bytes, for any number of threads.
 
 pub(crate) mod channel;
 pub(crate) mod chase;
+pub(crate) mod gif_writer;
 mod palette;
-pub(crate) mod stage;
+pub(crate) mod playback;
+pub(crate) mod recorded_scene;
 #[cfg(test)]
 mod tests;
+pub(crate) mod trail;
 
-use kestrel_sim::camera::{Camera, Image, RenderError, Renderer, Scene, Shot};
+use kestrel_sim::camera::{Backend, Camera, Image, RenderError, Renderer, Scene, Shot};
+use kestrel_sim::scenario::Scenario;
 use rayon::prelude::*;
 
 pub use channel::{DepthScale, label_colour};
-pub use stage::Stage;
+pub use recorded_scene::RecordedScene;
 
-use crate::animation::AnimationError;
-use crate::animation::encode::{Format, PAUSE_SECS, Writer};
-use crate::animation::playback::{Moment, PICTURE_SECS};
 use crate::drawing::PngError;
 use crate::picture::{Picture, Rgb, text_width};
+use crate::recorded_flight::{FlightError, FlightRecording};
 use channel::LEGEND;
 use chase::{Chase, VIEW_ANGLE, on_board};
+use gif_writer::{Format, PAUSE_SECS, Writer};
 use palette::Palette;
-use stage::Facts;
+use playback::{Moment, PICTURE_SECS};
+use recorded_scene::Caption;
 
 /// One of the pictures beside each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -68,12 +72,12 @@ pub struct Style {
     pub drone: usize,
 }
 
-/// Why there is no film.
+/// Why there is no video.
 #[derive(Debug, thiserror::Error)]
-pub enum FilmError {
+pub enum VideoError {
     /// The recording cannot be shown.
     #[error(transparent)]
-    Animation(#[from] AnimationError),
+    Flight(#[from] FlightError),
     /// A drone that no camera can follow.
     #[error(
         "{name}: frame {frame} of drone {drone} is {metres:e} m from the origin with an attitude of length {length}: \
@@ -97,6 +101,9 @@ pub enum FilmError {
     /// The file cannot be made.
     #[error(transparent)]
     Png(#[from] PngError),
+    /// The GIF encoder failed.
+    #[error("cannot encode the flight as GIF: {0}")]
+    Encoding(String),
 }
 
 /// Greatest width and height of a GIF \[px\].
@@ -116,10 +123,13 @@ const TITLE: usize = 28;
 const NAME: usize = 12;
 const FOOT: usize = 26;
 
-/// Width from which words are written twice as large \[px\].
-pub(crate) const WIDE: usize = 860;
+/// Size of small words \[px\].
+pub(crate) const SMALL: f32 = 11.0;
 
-/// Pictures from which the colours of a film and its scale of depths are taken.
+/// Width from which titles and captions are larger \[px\].
+const WIDE: usize = 860;
+
+/// Pictures from which the colours of a video and its scale of depths are taken.
 const SAMPLED: usize = 16;
 
 /// Pictures that are rendered before the next progress is told.
@@ -127,8 +137,8 @@ const CHUNK: usize = 16;
 
 /// A flight, looked at in a style.
 #[derive(Debug)]
-pub struct Film<'a> {
-    stage: &'a Stage,
+pub struct Video<'a> {
+    recorded: &'a RecordedScene,
     style: &'a Style,
     renderer: &'a Renderer,
     chase: Chase,
@@ -141,39 +151,40 @@ struct Seen {
     on_board: Option<Image>,
 }
 
-impl<'a> Film<'a> {
-    /// Looks for the camera's way and for a scale of depths that serves the whole film.
+impl<'a> Video<'a> {
+    /// Looks for the camera's way and for a scale of depths that serves the whole video.
     ///
     /// # Panics
-    /// When the stage has no such drone, or the style no panel or pixel.
-    pub fn new(stage: &'a Stage, style: &'a Style, renderer: &'a Renderer) -> Self {
-        assert!(style.drone < stage.drones(), "{} drones fly, not number {}", stage.drones(), style.drone);
-        let (chase, scale) = (Chase::of(stage, style.drone), stage.depth_scale(style.drone, style.view_angle));
-        Self { stage, style, renderer, chase, scale }
+    /// When the recorded has no such drone, or the style no panel or pixel.
+    pub fn new(recorded: &'a RecordedScene, style: &'a Style, renderer: &'a Renderer) -> Self {
+        assert!(style.drone < recorded.drones(), "{} drones fly, not number {}", recorded.drones(), style.drone);
+        let (chase, scale) =
+            (Chase::of(recorded, style.drone), recorded.depth_scale(style.drone, style.view_angle));
+        Self { recorded, style, renderer, chase, scale }
     }
 
-    /// How many pictures the film has.
+    /// How many pictures the video has.
     pub fn pictures(&self) -> usize {
-        self.stage.moments().len()
+        self.recorded.moments().len()
     }
 
     /// The picture of a time since the start \[s\]; after the end, of the last one. Depths have a scale of their own.
     ///
     /// # Errors
     /// When the renderer fails.
-    pub fn at(&self, secs: f32) -> Result<Picture, FilmError> {
-        let moment = self.stage.moment(secs.clamp(0.0, self.stage.secs()));
+    pub fn at(&self, secs: f32) -> Result<Picture, VideoError> {
+        let moment = self.recorded.moment(secs.clamp(0.0, self.recorded.secs()));
         let seen = self.see(&moment)?;
         let scale = DepthScale::of(&seen.on_board);
         Ok(self.compose(&moment, &seen, &scale))
     }
 
-    /// The whole film as GIF; nothing when `goes_on`, asked with the number of pictures that are done, says no.
+    /// The whole video as GIF; nothing when `goes_on`, asked with the number of pictures that are done, says no.
     ///
     /// # Errors
     /// When the renderer or the encoder fails.
-    pub fn gif(&self, goes_on: impl FnMut(usize) -> bool) -> Result<Option<Vec<u8>>, FilmError> {
-        let moments = self.stage.moments();
+    pub fn gif(&self, goes_on: impl FnMut(usize) -> bool) -> Result<Option<Vec<u8>>, VideoError> {
+        let moments = self.recorded.moments();
         let picture = |index: usize| Ok(self.compose(&moments[index], &self.see(&moments[index])?, &self.scale));
         gif(moments.len(), picture, goes_on)
     }
@@ -186,20 +197,20 @@ impl<'a> Film<'a> {
     }
 
     /// What the cameras see that the panels need.
-    fn see(&self, moment: &Moment) -> Result<Seen, FilmError> {
+    fn see(&self, moment: &Moment) -> Result<Seen, VideoError> {
         let Style { panels, size, view_angle, samples, drone } = self.style;
         let size = size.map(|pixels| pixels * samples);
         let image = |scene: &Scene, view, angle| {
             let shots = [Shot { scene: 0, view }];
             let images = self.renderer.render(&camera(size, angle), &[scene], &shots)?;
-            Ok::<_, FilmError>(images.into_iter().next())
+            Ok::<_, VideoError>(images.into_iter().next())
         };
         let chase = panels.contains(&Panel::Chase).then(|| {
-            image(&self.stage.shown(moment), self.chase.view(moment.elapsed_secs / PICTURE_SECS), VIEW_ANGLE)
+            image(&self.recorded.shown(moment), self.chase.view(moment.elapsed_secs / PICTURE_SECS), VIEW_ANGLE)
         });
         let on_board = panels.iter().any(|panel| *panel != Panel::Chase).then(|| {
-            let view = on_board(self.stage, &moment.drones[*drone].frame.placement);
-            image(&self.stage.seen(moment, *drone), view, *view_angle)
+            let view = on_board(self.recorded, &moment.drones[*drone].placement);
+            image(&self.recorded.seen(moment, *drone), view, *view_angle)
         });
         Ok(Seen { chase: chase.transpose()?.flatten(), on_board: on_board.transpose()?.flatten() })
     }
@@ -207,20 +218,25 @@ impl<'a> Film<'a> {
     fn compose(&self, moment: &Moment, seen: &Seen, scale: &DepthScale) -> Picture {
         let Style { panels, size: [width, height], samples, drone, .. } = self.style;
         let mut picture = Picture::new(self.size(), PAPER);
-        picture.text([MARGIN, 7], &self.stage.flight.title, if self.size()[0] < WIDE { 1 } else { 2 }, INK);
+        picture.text([MARGIN, 7], &self.recorded.flight.title, text_size(self.size()[0]), INK);
         for (index, panel) in panels.iter().enumerate() {
             let left = MARGIN + index * (width + MARGIN);
-            picture.text([left, TITLE], panel.name(), 1, MUTED);
+            picture.text([left, TITLE], panel.name(), SMALL, MUTED);
             let image = if *panel == Panel::Chase { &seen.chase } else { &seen.on_board };
             if let Some(image) = image {
-                picture.paste(&coloured(image, *panel, scale).averaged(*samples), [left, TITLE + NAME]);
+                let mut pixels = coloured(image, *panel, scale).averaged(*samples);
+                if *panel == Panel::Chase {
+                    let view = self.chase.view(moment.elapsed_secs / PICTURE_SECS);
+                    pixels = trail::drawn(self.recorded, moment, &view, image, &pixels);
+                }
+                picture.paste(&pixels, [left, TITLE + NAME]);
             }
             if *panel == Panel::Depth {
                 scale.draw_legend(&mut picture, [left, TITLE + NAME + height + 4], *width, MUTED);
             }
         }
         let foot = picture.size[1] - FOOT + 8;
-        draw_facts(&self.stage.facts(moment, *drone), &mut picture, [MARGIN, foot]);
+        draw_caption(&self.recorded.caption(moment, *drone), &mut picture, [MARGIN, foot]);
         picture
     }
 }
@@ -232,20 +248,20 @@ pub(crate) fn camera([columns, rows]: [usize; 2], view_angle: f64) -> Camera {
     Camera { columns, rows, tangents, sample: [0.5; 2], ..Camera::REFERENCE }
 }
 
-/// Indices evenly over a film, the first and the last among them.
+/// Indices evenly over a video, the first and the last among them.
 fn sampled(pictures: usize) -> impl Iterator<Item = usize> {
     let count = pictures.min(SAMPLED);
     (0..count).map(move |index| index * (pictures - 1) / (count - 1).max(1))
 }
 
-/// A film of pictures, 25 a second, then a pause; nothing when `goes_on`, asked with the number that is done, says no.
+/// A video of pictures, 25 a second, then a pause; nothing when `goes_on`, asked with the number that is done, says no.
 /// Pictures are made in parallel on rayon's current pool, some of them twice.
 pub(crate) fn gif(
     pictures: usize,
-    picture: impl Fn(usize) -> Result<Picture, FilmError> + Sync,
+    picture: impl Fn(usize) -> Result<Picture, VideoError> + Sync,
     mut goes_on: impl FnMut(usize) -> bool,
-) -> Result<Option<Vec<u8>>, FilmError> {
-    let encoding = |error: gif::EncodingError| AnimationError::Encoding(error.to_string());
+) -> Result<Option<Vec<u8>>, VideoError> {
+    let encoding = |error: gif::EncodingError| VideoError::Encoding(error.to_string());
     let sample: Vec<usize> = sampled(pictures).collect();
     let sample: Vec<Picture> = sample.into_par_iter().map(&picture).collect::<Result<_, _>>()?;
     let palette = Palette::of(&sample);
@@ -258,7 +274,7 @@ pub(crate) fn gif(
         }
         let indices = |index| Ok(palette.indices(&picture(index)?));
         let chunk = first..pictures.min(first + CHUNK);
-        let drawn: Vec<Vec<u8>> = chunk.clone().into_par_iter().map(indices).collect::<Result<_, FilmError>>()?;
+        let drawn: Vec<Vec<u8>> = chunk.clone().into_par_iter().map(indices).collect::<Result<_, VideoError>>()?;
         for (index, picture) in chunk.zip(drawn) {
             let pause = if index + 1 == pictures { PAUSE_SECS } else { 0.0 };
             writer.push(picture, PICTURE_SECS + pause).map_err(encoding)?;
@@ -281,14 +297,40 @@ pub(crate) fn coloured(image: &Image, panel: Panel, scale: &DepthScale) -> Pictu
     Picture { size, pixels }
 }
 
-/// Time, return, distance, speed and the ending, one after the other.
-pub(crate) fn draw_facts(facts: &Facts, picture: &mut Picture, [left, top]: [usize; 2]) {
-    let Facts { secs, episode_return, distance, speed, ending } = facts;
-    let scale = if picture.size[0] < WIDE { 1 } else { 2 };
-    let words = format!("{secs:.2} s  return {episode_return:8.2}  {distance:5.2} m to go  {speed:4.2} m/s");
-    picture.text([left, top], &words, scale, INK);
-    if let Some((ending, success)) = ending {
-        let colour = if *success { GOOD } else { BAD };
-        picture.text([left + text_width(&words, scale) + 12 * scale, top], ending, scale, colour);
+/// Size of titles and captions in a picture so wide \[px\].
+pub(crate) fn text_size(width: usize) -> f32 {
+    if width < WIDE { SMALL } else { 18.0 }
+}
+
+/// Time, return, distance, speed and the ending, in columns.
+pub(crate) fn draw_caption(caption: &Caption, picture: &mut Picture, [left, top]: [usize; 2]) {
+    let Caption { secs, episode_return, distance, speed, ending } = caption;
+    let size = text_size(picture.size[0]);
+    let columns = [
+        format!("{secs:.2} s"),
+        format!("return {episode_return:.2}"),
+        format!("{distance:.2} m to go"),
+        format!("{speed:.2} m/s"),
+    ];
+    let mut left = left;
+    for (words, widest) in columns.iter().zip(["00.00 s", "return −0000.00", "00.00 m to go", "00.00 m/s"]) {
+        picture.text([left, top], words, size, INK);
+        left += text_width(widest, size) + (0.8 * size) as usize;
     }
+    if let Some((ending, success)) = ending {
+        picture.text([left, top], ending, size, if *success { GOOD } else { BAD });
+    }
+}
+
+/// The flight behind its first drone as GIF, rendered by the processor; nothing else is needed.
+///
+/// # Errors
+/// For a recording without frames or with numbers that are none, or when the encoder fails.
+pub fn flight_gif(flight: FlightRecording, scenario: &Scenario, name: &str) -> Result<Vec<u8>, VideoError> {
+    let recorded = RecordedScene::new(flight, scenario, name)?;
+    let style =
+        Style { panels: vec![Panel::Chase], size: [480, 304], view_angle: VIEW_ANGLE, samples: 2, drone: 0 };
+    let renderer = Renderer::open(Backend::Cpu)?;
+    let file = Video::new(&recorded, &style, &renderer).gif(|_| true)?;
+    Ok(file.unwrap_or_default())
 }

@@ -1,0 +1,90 @@
+//! A flight of one or several drones, as it was flown.
+
+use kestrel_core::attitude::Attitude;
+use nalgebra::Vector3;
+
+/// One flight.
+#[derive(Clone, Debug)]
+pub struct FlightRecording {
+    /// Shown in the picture.
+    pub title: String,
+    /// Time between two frames \[s\].
+    pub control_secs: f32,
+    /// The drones, at least one; they begin together.
+    pub drones: Vec<DroneFlight>,
+    /// Where each movable body of the world is, one per control period, at least one; after the last it stays there.
+    pub movables: Vec<Vec<Placement>>,
+}
+
+/// What one drone did.
+#[derive(Clone, Debug)]
+pub struct DroneFlight {
+    /// Where it should go \[m, world\].
+    pub goal: Vector3<f32>,
+    /// Where it was, one per control period, at least one; after the last the drone is shown where it ended.
+    pub frames: Vec<Placement>,
+    /// Sum of the rewards of each control period.
+    pub rewards: Vec<f64>,
+    /// How it ended, as in reports; empty when it has not.
+    pub ending: String,
+    /// Whether that was a success.
+    pub success: bool,
+}
+
+/// A position and an orientation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// \[m, world\].
+    pub position: Vector3<f32>,
+    /// `world_from_body`.
+    pub attitude: Attitude<f32>,
+}
+
+/// Why a flight cannot be shown.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum FlightError {
+    /// Nothing was recorded.
+    #[error("the recording of the flight holds no frames: expected at least one")]
+    Empty,
+    /// The time between frames is no positive number.
+    #[error("the recording of the flight has a control period of {0} s: expected a positive number")]
+    ControlPeriod(f32),
+    /// A number that is none.
+    #[error("frame {frame} of drone {drone} holds NaN or infinite numbers: expected finite ones")]
+    NotFinite {
+        /// Counted from zero.
+        drone: usize,
+        /// Counted from zero.
+        frame: usize,
+    },
+}
+
+impl FlightRecording {
+    /// Control periods from the first frame to the last of the longest flight.
+    pub(crate) fn periods(&self) -> usize {
+        self.drones.iter().map(|drone| drone.frames.len()).max().unwrap_or(1) - 1
+    }
+
+    /// Refuses what cannot be shown.
+    pub(crate) fn check(&self) -> Result<(), FlightError> {
+        if self.drones.is_empty() || self.drones.iter().any(|flight| flight.frames.is_empty()) {
+            return Err(FlightError::Empty);
+        }
+        if !(self.control_secs.is_finite() && self.control_secs > 0.0) {
+            return Err(FlightError::ControlPeriod(self.control_secs));
+        }
+        for (drone, flight) in self.drones.iter().enumerate() {
+            if let Some(frame) = flight.frames.iter().position(|placement| !placement.is_finite()) {
+                return Err(FlightError::NotFinite { drone, frame });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Placement {
+    fn is_finite(&self) -> bool {
+        let Attitude { w, x, y, z } = self.attitude;
+        [w, x, y, z].into_iter().chain(self.position.iter().copied()).all(f32::is_finite)
+    }
+}
