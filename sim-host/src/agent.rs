@@ -8,14 +8,17 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use crate::contact::{Arena, Motion};
+use crate::episode_end;
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
-use crate::reward::{Ends, StepView};
+use crate::reward::RewardTerm;
 use crate::scenario::{Clock, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
+use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
-use crate::termination::{self, FlightView};
+use crate::term::{Ends, FlightView, Memory, StepView, contains};
+use crate::termination::Termination;
 
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
 /// mass and thrust factors − 1 (2), share of the episode left (1).
@@ -120,8 +123,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             ends: Ends { success: nothing, failure: nothing, time_up: nothing },
             totals: nothing,
             term_totals: columns(scenario.rewards.len()),
-            term_memory: scenario.rewards.iter().map(|term| columns(term.term.memory_len())).collect(),
-            rule_memory: scenario.terminations.iter().map(|rule| columns(rule.rule.memory_len())).collect(),
+            term_memory: scenario.rewards.iter().map(|term| columns(term.memory().columns)).collect(),
+            rule_memory: scenario.terminations.iter().map(|rule| columns(rule.memory().columns)).collect(),
             controls: vec![ControlMemory::new(); LANES],
             streams: (0..LANES as u32).map(stream).collect(),
             sensors: Vec::new(),
@@ -164,7 +167,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             }
             Success::Visit { region, .. } => {
                 for lane in 0..LANES {
-                    let inside = termination::contains(&region, &self.swarm, lane);
+                    let inside = contains(&region, &self.swarm, lane);
                     self.visits[lane] += if inside { R::one() } else { R::zero() };
                 }
             }
@@ -172,45 +175,63 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
+    /// Ends episodes by the rules of the task.
     #[inline(always)]
-    pub(crate) fn judge(&mut self, scenario: &Scenario) {
-        let view = FlightView {
-            swarm: &self.swarm,
-            touches: &self.touches,
-            distances: &self.distances,
-            steps: &self.steps,
-            episode_steps: R::from_f64(f64::from(scenario.episode_steps())),
-        };
-        termination::find_endings(&view, scenario, &mut self.rule_memory, &mut self.codes);
-        self.ends = self.find_ends(scenario);
-    }
-
-    #[inline(always)]
-    pub(crate) fn reward(
+    pub(crate) fn judge(
         &mut self,
-        scenario: &Scenario,
+        stage: &Stage<'_, R>,
         actions: &[Column<LANES, R>],
         team: &[[Column<LANES, R>; 3]],
     ) {
-        let view = StepView {
+        let (mut memory, mut codes) = (core::mem::take(&mut self.rule_memory), self.codes);
+        episode_end::find_endings(&self.view(stage, actions, team), stage.scenario, &mut memory, &mut codes);
+        (self.rule_memory, self.codes) = (memory, codes);
+        self.ends = self.find_ends(stage.scenario);
+    }
+
+    /// Sums the terms of the reward.
+    #[inline(always)]
+    pub(crate) fn reward(
+        &mut self,
+        stage: &Stage<'_, R>,
+        actions: &[Column<LANES, R>],
+        team: &[[Column<LANES, R>; 3]],
+    ) {
+        let (mut memory, mut term_values) =
+            (core::mem::take(&mut self.term_memory), core::mem::take(&mut self.term_values));
+        let view = StepView { flight: self.view(stage, actions, team), ends: &self.ends };
+        for ((term, memory), values) in stage.scenario.rewards.iter().zip(&mut memory).zip(&mut term_values) {
+            term.evaluate(&view, memory, values);
+        }
+        self.rewards = [R::zero(); LANES];
+        for (values, totals) in term_values.iter().zip(&mut self.term_totals) {
+            add(&mut self.rewards, values);
+            add(totals, values);
+        }
+        (self.term_memory, self.term_values) = (memory, term_values);
+    }
+
+    /// What terms and rules look at.
+    #[inline(always)]
+    fn view<'a>(
+        &'a self,
+        stage: &Stage<'a, R>,
+        actions: &'a [Column<LANES, R>],
+        team: &'a [[Column<LANES, R>; 3]],
+    ) -> FlightView<'a, LANES, R> {
+        FlightView {
             swarm: &self.swarm,
-            actions,
-            previous_actions: self.history.last().expect("there is a previous action"),
+            goal: &self.goal,
             distances: &self.distances,
             previous_distances: &self.previous_distances,
+            actions,
+            previous_actions: self.history.last().expect("there is a previous action"),
             touches: &self.touches,
             steps: &self.steps,
-            ends: &self.ends,
             agent: self.index,
             team,
-            control_secs: R::from_f64(1.0 / scenario.physics.control_rate_hz),
-        };
-        self.rewards = [R::zero(); LANES];
-        for (index, weighted) in scenario.rewards.iter().enumerate() {
-            let values = &mut self.term_values[index];
-            weighted.evaluate(&view, &mut self.term_memory[index], values);
-            add(&mut self.rewards, values);
-            add(&mut self.term_totals[index], values);
+            arena: stage.arena,
+            control_rate_hz: stage.scenario.physics.control_rate_hz,
         }
     }
 
@@ -225,8 +246,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     fn find_ends(&self, scenario: &Scenario) -> Ends<LANES, R> {
         let codes = &self.codes;
         let mark = |marked: bool| if marked { R::one() } else { R::zero() };
-        let success = termination::code(Ending::Success);
-        let lost = |lane: usize| (codes[lane] == 0.0) | termination::is_failure(codes[lane]);
+        let success = episode_end::code(Ending::Success);
+        let lost = |lane: usize| (codes[lane] == 0.0) | episode_end::is_failure(codes[lane]);
         Ends {
             success: match scenario.success {
                 Success::Reach { .. } | Success::Ending => {
@@ -235,15 +256,15 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
                 Success::Settle { within_secs, .. } => {
                     let limit = R::from_f64(f64::from(within_secs) * scenario.physics.control_rate_hz + 1e-3);
                     let settled = |lane: usize| self.last_outside[lane] <= limit;
-                    core::array::from_fn(|lane| mark(termination::is_time_limit(codes[lane]) & settled(lane)))
+                    core::array::from_fn(|lane| mark(episode_end::is_time_limit(codes[lane]) & settled(lane)))
                 }
                 Success::Visit { periods, .. } => {
                     let least = R::from_f64(f64::from(periods));
                     core::array::from_fn(|lane| mark(!lost(lane) & (self.visits[lane] >= least)))
                 }
             },
-            failure: core::array::from_fn(|lane| mark(termination::is_failure(codes[lane]))),
-            time_up: core::array::from_fn(|lane| mark(termination::is_time_limit(codes[lane]))),
+            failure: core::array::from_fn(|lane| mark(episode_end::is_failure(codes[lane]))),
+            time_up: core::array::from_fn(|lane| mark(episode_end::is_time_limit(codes[lane]))),
         }
     }
 
@@ -256,7 +277,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         finished: &mut impl FnMut(Finished<R>),
     ) {
         for lane in 0..LANES {
-            let Some(ending) = termination::decode(self.codes[lane]) else { continue };
+            let Some(ending) = episode_end::decode(self.codes[lane]) else { continue };
             finished(Finished {
                 lane,
                 episode: self.episode(first, lane, ending),
@@ -313,17 +334,11 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// What terms, rules and controllers remember of an episode is gone with it.
     fn forget(&mut self, scenario: &Scenario, lane: usize) {
-        for (weighted, memory) in scenario.rewards.iter().zip(&mut self.term_memory) {
-            if weighted.term.memory_lasts() {
-                continue;
-            }
-            for column in memory {
-                column[lane] = R::from_f64(weighted.term.memory_start());
-            }
-        }
-        for (rule, memory) in scenario.terminations.iter().zip(&mut self.rule_memory) {
-            for column in memory {
-                column[lane] = R::from_f64(rule.rule.memory_start());
+        let terms = scenario.rewards.iter().map(RewardTerm::memory).zip(&mut self.term_memory);
+        let rules = scenario.terminations.iter().map(Termination::memory).zip(&mut self.rule_memory);
+        for (Memory { start, lasts, .. }, columns) in terms.chain(rules) {
+            for column in columns {
+                column[lane] = if lasts { column[lane] } else { R::from_f64(start) };
             }
         }
         if scenario.action.persistence() == Persistence::ResetEachEpisode {

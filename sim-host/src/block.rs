@@ -10,11 +10,12 @@ use nalgebra::Vector3;
 
 use crate::agent::{Agent, Finished};
 use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Touch};
+use crate::episode_end;
 use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards, TeamSuccess};
 use crate::seed::{Purpose, Seed};
 use crate::sensor::Course;
-use crate::swarm::{Column, Stage, Swarm, one_lane, row, set_row, vector};
-use crate::termination;
+use crate::stage::Stage;
+use crate::swarm::{Column, Swarm, one_lane, row, set_row, vector};
 use crate::world::Pose;
 
 /// `LANES` environments that step together, with all their drones.
@@ -62,13 +63,13 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let scenario = stage.scenario;
         self.fly(stage);
         let len = scenario.action.len();
-        for agent in &mut self.agents {
+        for (agent, actions) in self.agents.iter_mut().zip(actions) {
             agent.measure(scenario);
-            agent.judge(scenario);
+            agent.judge(stage, &actions[..len], &self.team);
         }
         self.succeed_together(scenario);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
-            agent.reward(scenario, &actions[..len], &self.team);
+            agent.reward(stage, &actions[..len], &self.team);
         }
         self.end_together(scenario);
         self.share(scenario);
@@ -288,7 +289,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             };
             for agent in &mut self.agents {
                 if agent.codes[lane] == 0.0 {
-                    agent.codes[lane] = termination::code_of_teammate(first);
+                    agent.codes[lane] = episode_end::code_of_teammate(first);
                 }
             }
         }

@@ -5,18 +5,17 @@
 
 mod agents;
 mod airframe;
-mod area;
+pub(crate) mod area;
 mod aviary;
 mod camera;
-mod geometry;
+pub(crate) mod geometry;
 mod mesh;
 mod notation;
 mod physics;
 mod pilot;
-mod reward;
 mod sensor;
 mod start;
-mod termination;
+mod success;
 #[cfg(test)]
 mod tests;
 mod urdf;
@@ -37,8 +36,8 @@ pub use airframe::{
     AirframeConfig, AirframeNumbers, CollisionConfig, DownwashConfig, KnownAirframe, LayoutConfig, RotorNumbering,
     RotorOrderConfig, read_airframe,
 };
-pub use area::AreaConfig;
-pub use aviary::{AviaryConfig, AviaryParts, BoxConfig};
+pub use area::{AreaConfig, BoxConfig};
+pub use aviary::{AviaryConfig, AviaryParts};
 pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, ReferenceCameraConfig};
 pub use notation::{Document, DroneNotations};
 pub use physics::{
@@ -50,13 +49,12 @@ pub use pilot::{
     ReferenceActionKindConfig, ReferenceControllerConfig, ReferenceObservationConfig, ReferencePrecisionConfig,
     RotorSpeedsConfig, ThrustBodyRatesConfig, VelocityConfig,
 };
-pub use reward::{AgentSetConfig, NeighbourConfig, RewardConfig};
 pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GyroscopeConfig, ImuConfig,
     MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,
 };
 pub use start::{RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
-pub use termination::{ClockConfig, SuccessConfig, TerminationConfig};
+pub use success::{ClockConfig, SuccessConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
     ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MeshConfig, MovableConfig, RoomConfig, SolidConfig,
@@ -64,7 +62,10 @@ pub use world::{
 };
 
 use crate::contact::DistanceField;
-use crate::scenario::{Aviary, CriticView, EndRule, Goals, Preset, Scenario, TeamSuccess, Termination};
+use crate::reward::RewardTerm;
+use crate::scenario::{Aviary, CriticView, Goals, Preset, Scenario, TeamSuccess};
+use crate::term::{GoalKind, RewardTask, RuleTask};
+use crate::termination::Termination;
 use crate::world::Cuboid;
 
 /// Default of [`ScenarioConfig::episode_secs`].
@@ -112,10 +113,10 @@ pub struct ScenarioConfig {
     #[serde(default)]
     pub randomisation: RandomisationConfig,
     /// What is rewarded: a sum of weighted terms.
-    pub rewards: Vec<RewardConfig>,
+    pub rewards: Vec<RewardTerm>,
     /// What ends an episode in failure.
     #[serde(default)]
-    pub terminations: Vec<TerminationConfig>,
+    pub terminations: Vec<Termination>,
     /// Time after which an episode ends, which is no failure.
     #[serde(default = "episode_secs")]
     pub episode_secs: f64,
@@ -146,24 +147,26 @@ impl ScenarioConfig {
         let aviary = self.aviary.check(&airframe, &field.at("aviary"))?;
         let agents = self.agents.check(&aviary.world, &field.at("agents"))?;
         self.check_team(agents.count, field)?;
-        let rate = physics.control_rate_hz;
         let goals = self.goals.as_ref();
         let goals = goals.map(|goals| goals.check(agents.count, &aviary.world, &field.at("goals"))).transpose()?;
-        let terminations =
-            TerminationConfig::check_all(&self.terminations, &aviary, rate, &field.at("terminations"))?;
+        let task = RuleTask { goal: aviary.goal };
+        let terminations = Termination::check_all(&self.terminations, &task, &field.at("terminations"))?;
         self.physics.settle_contacts(&mut physics, &terminations);
         let goals = goals.unwrap_or(Goals::Fixed);
         let first_goals = goals.first(&aviary.goal, agents.count);
         let start = self.start.check(&aviary, &airframe, &terminations, &first_goals, &field.at("start"))?;
         self.check_quiet_air(physics.preset, field)?;
-        let ways = ways_of(&aviary, &airframe, &terminations);
-        self.check_ways(&goals, field)?;
+        let task = RewardTask {
+            goals: if goals == Goals::Fixed { GoalKind::OnePlace } else { GoalKind::Several },
+            contacts: physics.contacts,
+            ways: ways_of(&aviary, &airframe, &terminations),
+        };
         let (clock, time_limit) = self.clock.check();
         Ok(Scenario {
             name: name.to_owned(),
             critic: self.critic,
             randomisation: self.randomisation.check(&field.at("randomisation"))?,
-            rewards: RewardConfig::check_all(&self.rewards, rate, &ways, &field.at("rewards"))?,
+            rewards: RewardTerm::check_all(&self.rewards, &task, &field.at("rewards"))?,
             episode_secs: field.at("episode_secs").number(self.episode_secs, &EPISODE_LIMITS)?,
             success: self.success.check(&aviary, self.episode_secs, &terminations, &field.at("success"))?,
             goals,
@@ -202,23 +205,6 @@ impl ScenarioConfig {
         }
     }
 
-    /// Refuses `advance` towards a goal that is not one place.
-    fn check_ways(&self, goals: &Goals, field: &Field<'_>) -> Result<(), ConfigError> {
-        let advance = |reward: &RewardConfig| matches!(reward, RewardConfig::Advance { .. });
-        let goal_stands = match goals {
-            Goals::Fixed => true,
-            Goals::PerAgent(_) | Goals::Line(_) | Goals::Wave { .. } => false,
-        };
-        match self.rewards.iter().position(advance) {
-            Some(index) if !goal_stands => {
-                let field = field.at("rewards").at(index).at("advance");
-                Err(field
-                    .reject("`advance` beside `goals`", "`progress`: ways lead to one goal that stands still"))
-            }
-            Some(_) | None => Ok(()),
-        }
-    }
-
     /// Refuses randomisation in the reference's physics, which has none.
     fn check_quiet_air(&self, preset: Preset, field: &Field<'_>) -> Result<(), ConfigError> {
         let drawn = self.randomisation;
@@ -240,10 +226,8 @@ impl ScenarioConfig {
 }
 
 /// The ways to the goal inside the bounds of the terminations, or where there are none within reach of what stands there.
-fn ways_of(aviary: &Aviary, airframe: &Airframe, terminations: &[EndRule]) -> Arc<DistanceField> {
-    let bounds = terminations
-        .iter()
-        .find_map(|rule| if let Termination::OutOfBounds(bounds) = rule.rule { Some(bounds) } else { None });
+fn ways_of(aviary: &Aviary, airframe: &Airframe, terminations: &[Termination]) -> Arc<DistanceField> {
+    let bounds = terminations.iter().find_map(Termination::bounds);
     let around_goal = Cuboid { low: aviary.goal.add_scalar(-1.0), high: aviary.goal.add_scalar(1.0) };
     let all =
         |whole: Cuboid, part: Cuboid| Cuboid { low: whole.low.inf(&part.low), high: whole.high.sup(&part.high) };

@@ -24,6 +24,8 @@ pub enum Ending {
     Teammate,
     /// The episode's time was over.
     TimeLimit,
+    /// The drone broke another of the task's limits.
+    Limit,
 }
 
 impl Ending {
@@ -39,6 +41,7 @@ impl Ending {
             Self::Overdue => "overdue",
             Self::Teammate => "teammate ended",
             Self::TimeLimit => "time limit",
+            Self::Limit => "beyond a limit",
         }
     }
 
@@ -53,6 +56,7 @@ impl Ending {
             | Self::Distance
             | Self::OutOfFuel
             | Self::Overdue
+            | Self::Limit
             | Self::Teammate => Outcome::Terminated,
         }
     }
@@ -66,7 +70,8 @@ impl Ending {
             | Self::Tilt
             | Self::Distance
             | Self::OutOfFuel
-            | Self::Overdue => true,
+            | Self::Overdue
+            | Self::Limit => true,
         }
     }
 }

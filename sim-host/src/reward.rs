@@ -1,53 +1,126 @@
-//! What a step is worth: named terms over the lanes of a block.
+//! What a step is worth: a sum of weighted terms.
+//!
+//! A term is a file: its keys in YAML, what is wrong with them, what it remembers and what it pays. To add one, write
+//! `reward/NAME.rs` and its name in the two lists here; schema and messages follow (`BLESS=1 cargo test -p
+//! kestrel-train`). A term of a user's own crate implements [`RewardFunction`].
 
-mod component;
+#[macro_use]
+mod list;
+
+mod action;
+mod action_change;
+mod advance;
+mod alive;
+mod body_rates;
+mod custom;
+mod distance;
+mod failure;
+mod progress;
+mod proximity;
+mod reference;
+mod shaping;
+mod success;
 #[cfg(test)]
 mod tests;
+mod tilt;
+#[cfg(test)]
+mod trial;
+mod velocity;
 
+use std::sync::Arc;
+
+use kestrel_config::{ConfigError, Field, Limits};
 use kestrel_core::real::Real;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use custom::{Custom, RewardFunction};
+pub use reference::height_difference::Neighbour;
+
+pub use crate::term::{AgentSet, DroneView, Memory, Paid};
 
 use crate::contact::DistanceField;
-use crate::scenario::{AgentSet, RewardTerm, WeightedTerm};
-use crate::swarm::{Column, Swarm, row};
+use crate::swarm::Column;
+use crate::term::{RewardTask, StepView, Term};
 
-/// What the terms look at.
-pub(crate) struct StepView<'a, const LANES: usize, R: Real> {
-    pub(crate) swarm: &'a Swarm<LANES, R>,
-    pub(crate) actions: &'a [Column<LANES, R>],
-    pub(crate) previous_actions: &'a [Column<LANES, R>],
-    pub(crate) distances: &'a Column<LANES, R>,
-    pub(crate) previous_distances: &'a Column<LANES, R>,
-    /// One while touching an obstacle, one while touching the landing zone.
-    pub(crate) touches: &'a [Column<LANES, R>; 2],
-    /// Control periods flown, this one included.
-    pub(crate) steps: &'a Column<LANES, R>,
-    pub(crate) ends: &'a Ends<LANES, R>,
-    /// Which drone of its environment this is.
-    pub(crate) agent: usize,
-    /// Positions of all drones of the environments.
-    pub(crate) team: &'a [[Column<LANES, R>; 3]],
-    pub(crate) control_secs: R,
+reward_terms! {
+    "alive" Alive in alive;
+    "proximity" Proximity in proximity;
+    "distance" Distance in distance;
+    "velocity" Velocity in velocity;
+    "body_rates" BodyRates in body_rates;
+    "tilt" Tilt in tilt;
+    "action" Action in action;
+    "action_change" ActionChange in action_change;
+    "progress" Progress in progress;
+    "advance" Advance in advance;
+    "shaping" Shaping in shaping;
+    "success" Success in success;
+    "failure" Failure in failure;
+
+    "bounds" Bounds in reference::bounds;
+    "collision" Collision in reference::collision;
+    "no_collision" NoCollision in reference::no_collision;
+    "delta_distance" DeltaDistance in reference::delta_distance;
+    "delta_distance_v2" DeltaDistanceV2 in reference::delta_distance_v2;
+    "safe_delta_distance" SafeDeltaDistance in reference::safe_delta_distance;
+    "distance_root" DistanceRoot in reference::distance_root;
+    "distance_root_v2" DistanceRootV2 in reference::distance_root_v2;
+    "safe_distance" SafeDistance in reference::safe_distance;
+    "drop_altitude" DropAltitude in reference::drop_altitude;
+    "field_coverage" FieldCoverage in reference::field_coverage;
+    "landing" Landing in reference::landing;
+    "landing_v2" LandingV2 in reference::landing_v2;
+    "orientation" Orientation in reference::orientation;
+    "rebase" Rebase in reference::rebase;
+    "slowdown" Slowdown in reference::slowdown;
+    "speed" Speed in reference::speed;
+    "touch_landing_zone" TouchLandingZone in reference::touch_landing_zone;
+    "waypoint" Waypoint in reference::waypoint;
+    "enter_area" EnterArea in reference::enter_area;
+    "increase_x" IncreaseX in reference::increase_x;
+    "increase_x_v2" IncreaseXV2 in reference::increase_x_v2;
+    "squared_distance" SquaredDistance in reference::squared_distance;
+    "quartic_distance" QuarticDistance in reference::quartic_distance;
+    "climb" Climb in reference::climb;
+    "exit" Exit in reference::exit;
+    "land_vision" LandVision in reference::land_vision;
+    "height_difference" HeightDifference in reference::height_difference;
+    "meeting" Meeting in reference::meeting;
 }
 
-/// One where an episode just ended so, zero elsewhere.
-#[derive(Clone, Debug)]
-pub(crate) struct Ends<const LANES: usize, R> {
-    pub(crate) success: Column<LANES, R>,
-    pub(crate) failure: Column<LANES, R>,
-    pub(crate) time_up: Column<LANES, R>,
-}
+/// Most reward terms; every one is a column of the log.
+const TERMS_LIMIT: usize = 16;
 
-impl AgentSet {
-    fn contains(self, agent: usize) -> bool {
-        match self {
-            Self::All => true,
-            Self::First => agent == 0,
-            Self::Others => agent > 0,
+const WEIGHT: Limits = Limits::from(-10_000.0, 10_000.0, "");
+
+impl RewardTerm {
+    /// The terms as they run, at least one; `field` is their list.
+    ///
+    /// # Errors
+    /// When the list is empty or too long, or a number is out of range.
+    pub(crate) fn check_all(
+        terms: &[Self],
+        task: &RewardTask,
+        field: &Field<'_>,
+    ) -> Result<Vec<Self>, ConfigError> {
+        if terms.is_empty() || terms.len() > TERMS_LIMIT {
+            return Err(field.refuse("", format!("a list of 1 to {TERMS_LIMIT}")));
         }
+        let check = |(index, term): (usize, &Self)| {
+            let field = field.at(index).at(term.name());
+            field.at("weight").number(term.weight(), &WEIGHT)?;
+            term.check(task, &field)?;
+            Ok(term.clone().prepared(task))
+        };
+        terms.iter().enumerate().map(check).collect()
     }
-}
 
-impl WeightedTerm {
+    /// The ways to the goal that it pays for, if it is about ways and was checked as part of a task.
+    pub fn ways(&self) -> Option<&Arc<DistanceField>> {
+        if let Self::Advance(advance) = self { advance.ways() } else { None }
+    }
+
     /// The term's value in each lane, multiplied by its weight and, if it is a rate, by the control period.
     #[inline(always)]
     pub(crate) fn evaluate<const LANES: usize, R: Real>(
@@ -56,108 +129,15 @@ impl WeightedTerm {
         memory: &mut [Column<LANES, R>],
         values: &mut Column<LANES, R>,
     ) {
-        if !self.agents.contains(view.agent) {
+        if !self.agents().contains(view.agent) {
             *values = [R::zero(); LANES];
             return;
         }
-        let weight = R::from_f64(self.weight);
-        let rate = weight * view.control_secs;
-        let swarm = view.swarm;
-        match &self.term {
-            RewardTerm::Alive => values.fill(rate),
-            RewardTerm::Proximity { scale_m } => {
-                let per_square = R::one() / R::from_f32(scale_m * scale_m);
-                let one = R::one();
-                each(values, |i| rate / (one + view.distances[i] * view.distances[i] * per_square));
-            }
-            RewardTerm::Distance => each(values, |i| rate * view.distances[i]),
-            RewardTerm::Velocity => each(values, |i| rate * squared_length(&swarm.velocity, i)),
-            RewardTerm::BodyRates => each(values, |i| rate * squared_length(&swarm.body_rates, i)),
-            RewardTerm::Tilt => each(values, |i| rate * (R::one() - swarm.state(i).world_from_body.up_cosine())),
-            RewardTerm::Action => each(values, |i| rate * squared_length(view.actions, i)),
-            RewardTerm::ActionChange => each(values, |i| rate * squared_change(view, i)),
-            RewardTerm::Progress => {
-                each(values, |i| weight * (view.previous_distances[i] - view.distances[i]));
-            }
-            RewardTerm::Advance(ways) => advance(view, ways, weight, &mut memory[0], values),
-            RewardTerm::Shaping { discount } => {
-                let discount = R::from_f32(*discount);
-                each(values, |i| weight * (view.previous_distances[i] - discount * view.distances[i]));
-            }
-            RewardTerm::Success => each(values, |i| weight * view.ends.success[i]),
-            RewardTerm::Failure => each(values, |i| weight * view.ends.failure[i]),
-            RewardTerm::Component(component) => {
-                component.evaluate(view, memory, values);
-                each_scaled(values, weight);
-            }
-        }
+        let weight = R::from_f64(self.weight());
+        let worth = match self.paid() {
+            Paid::PerSecond => weight * R::from_f64(1.0 / view.control_rate_hz),
+            Paid::PerStep => weight,
+        };
+        self.evaluate_term(view, worth, memory, values);
     }
-}
-
-impl RewardTerm {
-    /// Columns that the term remembers an episode by.
-    pub(crate) fn memory_len(&self) -> usize {
-        match self {
-            Self::Component(component) => component.memory_len(),
-            Self::Advance(_) => 1,
-            Self::Alive
-            | Self::Proximity { .. }
-            | Self::Distance
-            | Self::Velocity
-            | Self::BodyRates
-            | Self::Tilt
-            | Self::Action
-            | Self::ActionChange
-            | Self::Progress
-            | Self::Shaping { .. }
-            | Self::Success
-            | Self::Failure => 0,
-        }
-    }
-}
-
-/// Metres that the way became shorter; none in the first step, before which it is not known.
-///
-/// Not inlined into the kernels: it is looked up, lane by lane.
-#[inline(never)]
-fn advance<const LANES: usize, R: Real>(
-    view: &StepView<'_, LANES, R>,
-    ways: &DistanceField,
-    weight: R,
-    before: &mut Column<LANES, R>,
-    values: &mut Column<LANES, R>,
-) {
-    for lane in 0..LANES {
-        let length = R::from_f32(ways.length(row(&view.swarm.position, lane).map(Real::to_f32)));
-        let gained = if component::is_unset(before[lane]) { R::zero() } else { before[lane] - length };
-        values[lane] = weight * gained;
-        before[lane] = length;
-    }
-}
-
-#[inline(always)]
-fn each<const LANES: usize, R>(values: &mut Column<LANES, R>, value: impl Fn(usize) -> R) {
-    for (lane, slot) in values.iter_mut().enumerate() {
-        *slot = value(lane);
-    }
-}
-
-#[inline(always)]
-fn each_scaled<const LANES: usize, R: Real>(values: &mut Column<LANES, R>, weight: R) {
-    for value in values {
-        *value *= weight;
-    }
-}
-
-#[inline(always)]
-fn squared_length<const LANES: usize, R: Real>(columns: &[Column<LANES, R>], lane: usize) -> R {
-    columns.iter().fold(R::zero(), |sum, column| sum + column[lane] * column[lane])
-}
-
-#[inline(always)]
-fn squared_change<const LANES: usize, R: Real>(view: &StepView<'_, LANES, R>, lane: usize) -> R {
-    view.actions.iter().zip(view.previous_actions).fold(R::zero(), |sum, (now, before)| {
-        let change = now[lane] - before[lane];
-        sum + change * change
-    })
 }

@@ -14,12 +14,13 @@ use serde::{Deserialize, Serialize};
 use crate::agent::{Agent, Finished, PRIVILEGED_LEN};
 use crate::block::{Actions, Block, MOTION_LEN, motion_from_array, motion_to_array};
 use crate::contact::{Arena, ContactMemory, ContactReport, ContactSolver};
+use crate::episode_end;
 use crate::outcome::{Episode, Outcome};
 use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
-use crate::swarm::{Mechanics, Stage};
-use crate::termination;
+use crate::stage::Stage;
+use crate::swarm::Mechanics;
 use crate::world::Pose;
 use imaging::{Imaging, ImagingState};
 
@@ -336,7 +337,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                     continue;
                 }
                 for (outcome, code) in outcomes.iter_mut().zip(agent.codes) {
-                    *outcome = termination::outcome(code);
+                    *outcome = episode_end::outcome(code);
                 }
             }
         }

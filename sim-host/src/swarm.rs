@@ -1,6 +1,5 @@
 //! Many drones as columns: lane `i` of every column belongs to drone `i`.
 
-use kestrel_core::action::Controls;
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::downwash::Jet;
@@ -12,22 +11,12 @@ use kestrel_core::vehicle::{Air, State, Vehicle};
 use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use crate::contact::{Arena, ContactSolver, Motion};
-use crate::scenario::{Downwash, Physics, Preset, Scenario};
+use crate::contact::Motion;
+use crate::physics::{Downwash, Physics, Preset};
 use crate::world::Pose;
 
 /// One value per lane.
 pub(crate) type Column<const LANES: usize, R = f32> = [R; LANES];
-
-/// What a step needs beside the block.
-pub(crate) struct Stage<'a, R: Real> {
-    pub(crate) scenario: &'a Scenario,
-    pub(crate) controls: &'a Controls<R>,
-    pub(crate) mechanics: &'a Mechanics<R>,
-    pub(crate) arena: Option<&'a Arena>,
-    pub(crate) solver: Option<&'a ContactSolver>,
-    pub(crate) control_secs: R,
-}
 
 /// States and parameters of `LANES` drones that fly in air without bounds.
 #[derive(Clone, Debug)]
@@ -165,6 +154,20 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             body_rates: vector(&self.body_rates, lane),
             rotor_speeds: row(&self.rotor_speeds, lane),
         }
+    }
+
+    /// What flies, before randomisation.
+    pub fn airframe(&self) -> &Airframe {
+        &self.airframe
+    }
+
+    /// Where the nose of the drone in a lane points, a unit vector in the world.
+    ///
+    /// # Panics
+    /// When there is no such lane.
+    #[inline(always)]
+    pub fn forward(&self, lane: usize) -> Vector3<R> {
+        quaternion(&self.attitude, lane).rotate(Vector3::new(R::one(), R::zero(), R::zero()))
     }
 
     /// Replaces the state of the drone in a lane.

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use super::Agent;
 use crate::scenario::{Clock, Scenario};
-use crate::swarm::Stage;
+use crate::stage::Stage;
 use crate::swarm::{Column, row, set_row, vector};
 
 impl<const LANES: usize, R: Real> Agent<LANES, R> {

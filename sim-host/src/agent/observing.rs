@@ -12,7 +12,7 @@ use super::{Agent, PrivilegedScales};
 use crate::contact::Arena;
 use crate::scenario::{CriticView, Preset, Scenario};
 use crate::sensor::Truth;
-use crate::swarm::Stage;
+use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 
 impl<const LANES: usize, R: Real> Agent<LANES, R> {

@@ -13,12 +13,10 @@ use super::field::Field;
 use super::geometry::holds;
 use super::world::{FurnitureConfig, MovableConfig, RoomConfig, SolidConfig, pillar};
 use crate::scenario::Aviary;
-use crate::world::{Cuboid, Floor, World};
+use crate::world::{Floor, World};
 
 /// Most solids and movables: contacts look at all of them near a drone.
 const SOLIDS_LIMIT: usize = 1024;
-
-const AXES: [char; 3] = ['x', 'y', 'z'];
 
 /// One place with obstacles; x forward, y left, z up, metres.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -61,16 +59,6 @@ pub struct AviaryConfig {
     /// Where its origin lies in the world around it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_m: Option<[f64; 3]>,
-}
-
-/// An axis-aligned box.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct BoxConfig {
-    /// Corner with the smallest coordinates: `[x, y, z]`.
-    pub low_m: [f64; 3],
-    /// Corner with the greatest coordinates: `[x, y, z]`.
-    pub high_m: [f64; 3],
 }
 
 /// A world as its file describes it, checked, with or without a task in it.
@@ -220,29 +208,4 @@ impl AviaryParts {
 
 fn points(field: &Field<'_>, points: &[[f64; 3]]) -> Result<Vec<Vector3<f64>>, ConfigError> {
     points.iter().enumerate().map(|(index, point)| field.at(index).place(*point)).collect()
-}
-
-impl BoxConfig {
-    /// The box.
-    ///
-    /// # Errors
-    /// When a coordinate is out of range or `low_m` is not below `high_m`.
-    pub fn check(&self, field: &Field<'_>) -> Result<Cuboid, ConfigError> {
-        let (low, high) = self.corners(field)?;
-        Ok(Cuboid { low: low.cast(), high: high.cast() })
-    }
-
-    /// The lowest and the highest corner \[m\].
-    pub(crate) fn corners(&self, field: &Field<'_>) -> Result<(Vector3<f64>, Vector3<f64>), ConfigError> {
-        let low = field.at("low_m").place(self.low_m)?;
-        let high = field.at("high_m").place(self.high_m)?;
-        // As f32, which contacts are: two corners that differ by less are none.
-        match (0..3).find(|axis| low[*axis] as f32 >= high[*axis] as f32) {
-            None => Ok((low, high)),
-            Some(axis) => {
-                let expected = format!("more than {}, the {} of `low_m`", self.low_m[axis], AXES[axis]);
-                Err(field.at("high_m").at(axis).refuse(self.high_m[axis], expected))
-            }
-        }
-    }
 }

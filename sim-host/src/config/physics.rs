@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ConfigError;
 use super::field::{Field, Limits};
-use crate::scenario::{Contacts, Downwash, EndRule, Physics, Preset, Termination};
+use crate::physics::{Contacts, Downwash, Physics, Preset};
+use crate::termination::Termination;
 
 /// Fewest physics steps per second: rotors with a time constant of 0.07 s need them.
 const STEPS_PER_SECOND_LEAST: f64 = 50.0;
@@ -211,12 +212,11 @@ impl PhysicsConfig {
     }
 
     /// Leaves contacts unsolved where touching anything ends the episode, unless the file says otherwise.
-    pub(crate) fn settle_contacts(&self, physics: &mut Physics, terminations: &[EndRule]) {
-        let ends = |rule: &EndRule| matches!(rule.rule, Termination::Collision { allowed: None });
-        let rests = |rule: &EndRule| matches!(rule.rule, Termination::Rest { .. });
+    pub(crate) fn settle_contacts(&self, physics: &mut Physics, terminations: &[Termination]) {
+        let asks = |contacts| terminations.iter().any(|rule| rule.contacts() == Some(contacts));
         if matches!(physics.preset, Preset::Bullet { mode: BulletMode::Dyn, .. }) {
             physics.contacts = Contacts::Absent;
-        } else if self.contacts.is_none() && terminations.iter().any(ends) && !terminations.iter().any(rests) {
+        } else if self.contacts.is_none() && asks(Contacts::Reported) && !asks(Contacts::Solved) {
             physics.contacts = Contacts::Reported;
         }
     }

@@ -5,14 +5,14 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::aviary::BoxConfig;
+use super::area::BoxConfig;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
 use super::ways_of;
-use crate::scenario::{
-    Aviary, EndRule, FreeSpace, PathStarts, Place, Randomisation, Start, StartPosition, Termination,
-};
+use crate::scenario::{Aviary, FreeSpace, PathStarts, Place, Randomisation, Start, StartPosition};
+use crate::term::StartLimit;
+use crate::termination::Termination;
 use crate::world::{Cuboid, Floor};
 
 /// Factors `1 ± fraction` stay well above zero.
@@ -140,7 +140,7 @@ impl StartConfig {
         &self,
         aviary: &Aviary,
         airframe: &Airframe,
-        terminations: &[EndRule],
+        terminations: &[Termination],
         goals: &[Vector3<f32>],
         field: &Field<'_>,
     ) -> Result<Start, ConfigError> {
@@ -159,7 +159,7 @@ impl StartConfig {
         };
         let region = Region { goals, position: &start.position };
         for termination in terminations {
-            survives(&start, &termination.rule, &region, (aviary, airframe), field)?;
+            survives(&start, termination.start_limit(), &region, (aviary, airframe), field)?;
         }
         Ok(start)
     }
@@ -169,7 +169,7 @@ impl StartPositionConfig {
     fn check(
         &self,
         (aviary, airframe): (&Aviary, &Airframe),
-        terminations: &[EndRule],
+        terminations: &[Termination],
         drones: usize,
         field: &Field<'_>,
     ) -> Result<StartPosition, ConfigError> {
@@ -246,44 +246,37 @@ impl StartPoseConfig {
     }
 }
 
-/// Refuses starts that `termination` would end.
+/// Refuses starts that a termination would end.
 fn survives(
     start: &Start,
-    termination: &Termination,
+    limit: StartLimit,
     region: &Region<'_>,
     (aviary, airframe): (&Aviary, &Airframe),
     field: &Field<'_>,
 ) -> Result<(), ConfigError> {
     let position = field.at("position");
-    match termination {
-        Termination::Collision { allowed: None } => {
-            region.clear(aviary, airframe.collision_radius as f32, &position)
-        }
-        Termination::OutOfBounds(bounds) if !surrounds(bounds, &region.hull()) => {
+    match limit {
+        StartLimit::Touching => region.clear(aviary, airframe.collision_radius as f32, &position),
+        StartLimit::Outside(bounds) if !surrounds(&bounds, &region.hull()) => {
             Err(position.reject("starts out of bounds", "all of them inside `out_of_bounds` of the terminations"))
         }
-        Termination::Tilt { limit } if start.tilt_limit >= *limit => {
+        StartLimit::Tilt(limit) if start.tilt_limit >= limit => {
             let expected = format!("less than {} degrees, which ends the episode", limit.to_degrees().round());
             Err(field.at("tilt_limit_deg").refuse(start.tilt_limit.to_degrees(), expected))
         }
-        Termination::Distance { limit_m } if region.farthest_from_goal() >= *limit_m => {
+        StartLimit::Distance(limit) if region.farthest_from_goal() >= limit => {
             let found = format!("starts up to {:.2} m from the goal", region.farthest_from_goal());
-            Err(position.reject(found, format!("less than {limit_m} m, where the episode ends")))
+            Err(position.reject(found, format!("less than {limit} m, where the episode ends")))
         }
-        Termination::Collision { .. }
-        | Termination::OutOfBounds(_)
-        | Termination::Tilt { .. }
-        | Termination::RollPitch { .. }
-        | Termination::Distance { .. }
-        | Termination::Landing
-        | Termination::Coverage(_)
-        | Termination::Fuel { .. }
-        | Termination::EleventhStep
-        | Termination::LevelWithin { .. }
-        | Termination::EnterArea(_)
-        | Termination::Hold { .. }
-        | Termination::Rest { .. }
-        | Termination::Arrival { .. } => Ok(()),
+        StartLimit::Speed(limit) if start.speed_limit >= limit => {
+            let expected = format!("less than {limit} m/s, which ends the episode");
+            Err(field.at("speed_limit_m_per_s").refuse(start.speed_limit, expected))
+        }
+        StartLimit::None
+        | StartLimit::Outside(_)
+        | StartLimit::Tilt(_)
+        | StartLimit::Distance(_)
+        | StartLimit::Speed(_) => Ok(()),
     }
 }
 

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::geometry::{contains, gap, surrounds};
 use super::*;
-use crate::scenario::RewardTerm;
+use crate::reward::{self, AgentSet};
 use crate::world::Cuboid;
 
 const SCENARIO: &str = "\
@@ -44,8 +44,10 @@ fn what_is_written_becomes_si() {
     assert_eq!(scenario.start.tilt_limit, std::f32::consts::FRAC_PI_2);
     assert_eq!(scenario.airframe.mass, 0.03);
     assert_eq!(scenario.airframe.inertia, CF2X.inertia);
-    assert_eq!(scenario.rewards[0].term, RewardTerm::Proximity { scale_m: 0.5 });
-    assert_eq!(scenario.rewards[1].weight, -0.1);
+    let proximity =
+        reward::Proximity { weight: scenario.rewards[0].weight(), scale_m: 0.5, agents: AgentSet::All };
+    assert_eq!(scenario.rewards[0], proximity.into());
+    assert_eq!(scenario.rewards[1].weight(), -0.1);
 }
 
 #[test]
@@ -95,7 +97,7 @@ fn overrides_reach_into_what_is_not_written_yet() {
     document.set(" aviary.floor = false").unwrap();
     let scenario = checked(&document).unwrap();
     assert_eq!(scenario.randomisation.mass, 0.2);
-    assert_eq!(scenario.rewards[1].term, RewardTerm::Alive);
+    assert_eq!(scenario.rewards[1], reward::Alive { weight: 1.0 }.into());
     assert_eq!(scenario.aviary.world.floor, crate::world::Floor::Absent);
 }
 
@@ -104,7 +106,7 @@ fn every_reward_is_called_in_yaml_as_in_the_log() {
     let names = ["alive", "distance", "velocity", "body_rates", "tilt", "action", "action_change", "progress"];
     for name in names.into_iter().chain(["success", "failure"]) {
         let scenario = scenario(&[&format!("rewards=[{name}: {{weight: 3}}]")]).unwrap();
-        assert_eq!((scenario.rewards[0].term.name(), scenario.rewards[0].weight), (name, 3.0));
+        assert_eq!((scenario.rewards[0].name(), scenario.rewards[0].weight()), (name, 3.0));
     }
 }
 

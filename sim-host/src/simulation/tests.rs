@@ -9,7 +9,8 @@ use kestrel_core::action::{ACTION_LEN, ActionSpace};
 
 use super::*;
 use crate::config::{Document, ScenarioConfig};
-use crate::scenario::{EndRule, Preset, StartPosition, Success, Termination};
+use crate::scenario::{Preset, StartPosition, Success};
+use crate::termination;
 use crate::testing::hover;
 use crate::world::{Cuboid, Floor, Solid};
 use nalgebra::Vector3;
@@ -201,7 +202,7 @@ proptest! {
     fn no_action_breaks_an_observation(bits in prop::collection::vec(any::<u32>(), 16), steps in 1_usize..40) {
         let mut scenario = hover();
         scenario.terminations =
-            vec![EndRule { rule: Termination::Distance { limit_m: 50.0 }, truncates: false }];
+            vec![termination::Distance { limit_m: 50.0 }.into()];
         let mut simulation = Simulation::<64>::new(&scenario, Seed(4), 0, 4);
         let actions: Vec<f32> = bits.into_iter().map(f32::from_bits).collect();
         for _ in 0..steps {

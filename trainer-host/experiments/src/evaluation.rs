@@ -228,6 +228,7 @@ fn endings(episodes: &[Episode]) -> Vec<(Ending, usize)> {
         Ending::Distance,
         Ending::OutOfFuel,
         Ending::Overdue,
+        Ending::Limit,
         Ending::Teammate,
     ];
     let count = |kind| episodes.iter().filter(|episode| episode.ending == kind).count();

@@ -9,7 +9,8 @@ pub mod files;
 mod tests;
 
 use kestrel_sim::config::AviaryConfig;
-use kestrel_sim::scenario::{Scenario, StartPosition, Termination};
+use kestrel_sim::scenario::{Scenario, StartPosition};
+use kestrel_sim::termination::Termination;
 use kestrel_sim::world::{Cuboid, Solid, World};
 use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
@@ -195,10 +196,7 @@ struct Site<'a> {
 
 impl<'a> Site<'a> {
     fn of(scenario: &'a Scenario) -> Result<Self, ObstructionError> {
-        let bounds = scenario.terminations.iter().find_map(|rule| match &rule.rule {
-            Termination::OutOfBounds(bounds) => Some(*bounds),
-            _ => None,
-        });
+        let bounds = scenario.terminations.iter().find_map(Termination::bounds);
         let StartPosition::Within(starts) = scenario.start.position else {
             return Err(ObstructionError::Unbounded("`evaluation.start.position.within`"));
         };

@@ -8,7 +8,8 @@ use std::sync::Arc;
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::vehicle::State;
 use kestrel_sim::contact::DistanceField;
-use kestrel_sim::scenario::{RewardTerm, Scenario};
+use kestrel_sim::reward::RewardTerm;
+use kestrel_sim::scenario::Scenario;
 use nalgebra::Vector3;
 
 use crate::scripted::ScriptedPilot;
@@ -29,9 +30,7 @@ pub(crate) struct Teacher {
 impl Teacher {
     /// That of a task whose reward says which way leads to its goal; no other has one.
     pub(crate) fn of(scenario: &Scenario) -> Option<Self> {
-        let ways = scenario.rewards.iter().find_map(|reward| {
-            if let RewardTerm::Advance(ways) = &reward.term { Some(Arc::clone(ways)) } else { None }
-        })?;
+        let ways = Arc::clone(scenario.rewards.iter().find_map(RewardTerm::ways)?);
         let pilot = ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs());
         Some(Self { pilot, ways })
     }

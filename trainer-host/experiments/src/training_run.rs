@@ -224,9 +224,8 @@ impl TrainingRun {
         let mut scalars = scalars(update);
         scalars.push(("steps_per_second".to_owned(), steps_per_second as f32));
         let terms = self.experiment.scenario.rewards.iter().zip(&update.episode_terms).enumerate();
-        scalars.extend(
-            terms.map(|(index, (reward, value))| (format!("reward/{index}_{}", reward.term.name()), *value)),
-        );
+        scalars
+            .extend(terms.map(|(index, (reward, value))| (format!("reward/{index}_{}", reward.name()), *value)));
         let scalars: Vec<(&str, f32)> = scalars.iter().map(|(tag, value)| (tag.as_str(), *value)).collect();
         Ok(self.events.write_scalars(update.steps, &scalars)?)
     }

@@ -7,7 +7,7 @@ use kestrel_experiments::evaluation::{Evaluation, Flyer, Starts, evaluate_exactl
 use kestrel_experiments::experiment_config::{self, Experiment};
 use kestrel_experiments::output::say;
 use kestrel_experiments::recording;
-use kestrel_sim::scenario::WeightedTerm;
+use kestrel_sim::reward::RewardTerm;
 use kestrel_sim::seed::{Purpose, Seed};
 
 use super::flight::Pilot;
@@ -67,9 +67,9 @@ fn terms(experiment: &Experiment, rows: &[Evaluation]) -> String {
     let rewards = &experiment.evaluation.scenario.rewards;
     let joined = |values: Vec<String>| values.concat();
     let pilots = joined(rows.iter().map(|row| format!(" {:>16}", row.pilot)).collect());
-    let line = |(index, weighted): (usize, &WeightedTerm)| {
+    let line = |(index, term): (usize, &RewardTerm)| {
         let returns = joined(rows.iter().map(|row| format!(" {:>16.4}", row.terms[index])).collect());
-        format!("\n{:<20}{returns}", weighted.term.name())
+        format!("\n{:<20}{returns}", term.name())
     };
     let lines = joined(rewards.iter().enumerate().map(line).collect());
     format!("\n{:<20}{pilots}{lines}", "mean return of")

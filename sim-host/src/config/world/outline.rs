@@ -3,7 +3,7 @@
 use super::mesh::MeshConfig;
 use super::shape::{ConeConfig, CylinderConfig, HullConfig, SphereConfig, TurnedBoxConfig};
 use super::superellipsoid::SuperellipsoidConfig;
-use crate::config::aviary::BoxConfig;
+use crate::config::area::BoxConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::Field;
 use crate::world::{Pose, Shape};

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::surface::{Surface, SurfaceKeys};
-use crate::config::aviary::BoxConfig;
+use crate::config::area::BoxConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::config::geometry::holds;

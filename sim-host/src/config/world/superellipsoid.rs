@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::config::aviary::BoxConfig;
+use crate::config::area::BoxConfig;
 use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::world::{Pose, Shape};

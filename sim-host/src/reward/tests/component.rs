@@ -133,11 +133,11 @@ fn landing_pays_ten_from_the_tenth_step_above_the_pad() {
     assert_near(published.at(0.149, 0.0, 0.1625), 0.8);
     let paid: Vec<f64> = (0..9).map(|_| published.at(0.0, 0.0, 0.1625)).collect();
     assert_all_near(&paid, &[0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 10.0]);
-    assert!(published.term.term.memory_lasts());
+    assert!(published.term.memory().lasts);
     let mut corrected = Trial::of(&format!("{text} }}"));
     assert_near(corrected.at(0.0, 0.0, 0.13847), 1.0);
     assert_near(corrected.at(0.0, 0.0, 0.33847), 0.8);
-    assert!(!corrected.term.term.memory_lasts());
+    assert!(!corrected.term.memory().lasts);
 }
 
 #[test]

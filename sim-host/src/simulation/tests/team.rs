@@ -37,7 +37,7 @@ fn third_is_lost(agents: &str) -> Simulation<1, f64> {
     let more = format!("{agents}\nrewards: [ distance: {{ weight: 50 }} ]\nepisode_secs: 0.2");
     let mut scenario = hanging(&THREE, &more);
     // A configuration that said so would be refused.
-    scenario.terminations = vec![EndRule::terminal(Termination::Distance { limit_m: 1.5 })];
+    scenario.terminations = vec![termination::Distance { limit_m: 1.5 }.into()];
     Simulation::new(&scenario, Seed(0), 0, 1)
 }
 

@@ -7,11 +7,12 @@ use kestrel_learn::ppo::{PpoSettings, UpdateMetrics};
 use kestrel_learn::rollout::ENV_BATCH;
 use kestrel_learn::schedule::Schedule;
 use kestrel_sim::contact::DistanceField;
+use kestrel_sim::reward;
 use kestrel_sim::scenario::{
-    Agents, Aviary, Clock, EndRule, Goals, Physics, Randomisation, RewardTerm, Start, StartPosition, Success,
-    Termination, TimeLimit, WeightedTerm,
+    Agents, Aviary, Clock, Goals, Physics, Randomisation, Start, StartPosition, Success, TimeLimit,
 };
 use kestrel_sim::sensor::SensorSuite;
+use kestrel_sim::termination::{self, Termination};
 use kestrel_sim::world::{Cuboid, World};
 use nalgebra::Vector3;
 
@@ -42,11 +43,8 @@ fn scenario(critic: CriticView) -> Scenario {
             body_rates_limit: 1.0,
         },
         randomisation: Randomisation { mass: 0.1, inertia: 0.1, thrust: 0.1, rotor_lag: 0.1, wind_speed: 0.1 },
-        rewards: vec![WeightedTerm::new(RewardTerm::Alive, 1.0), WeightedTerm::new(RewardTerm::Distance, -1.0)],
-        terminations: vec![
-            EndRule::terminal(Termination::COLLISION),
-            EndRule::terminal(Termination::Tilt { limit: 1.0 }),
-        ],
+        rewards: vec![reward::Alive { weight: 1.0 }.into(), reward::Distance { weight: -1.0 }.into()],
+        terminations: vec![Termination::Collision, termination::Tilt { limit_deg: 1.0_f64.to_degrees() }.into()],
         // Short, so that a rollout sees truncations too.
         episode_secs: 0.4,
         success: Success::Settle { radius_m: 0.3, within_secs: 0.2 },
@@ -131,7 +129,7 @@ fn mapped() -> Scenario {
         bounds,
         CF2X.collision_radius,
     ));
-    let advance = WeightedTerm::new(RewardTerm::Advance(ways), 1.0);
+    let advance = reward::Advance::new(1.0, ways).into();
     Scenario { rewards: [free.rewards, vec![advance]].concat(), ..free }
 }
 

@@ -1,7 +1,8 @@
 use std::fs;
 
 use kestrel_core::action::ActionSpace;
-use kestrel_sim::scenario::{EndRule, StartPosition, Success, Termination};
+use kestrel_sim::scenario::{StartPosition, Success};
+use kestrel_sim::termination::Termination;
 use proptest::prelude::*;
 
 use super::*;
@@ -91,7 +92,7 @@ fn hover_is_judged_by_hard_starts_on_drones_that_differ() {
 fn cross_has_four_walls_and_a_pad() {
     let cross = example("cross");
     assert_eq!(cross.scenario.aviary.world.solids.len(), 5);
-    assert!(cross.scenario.terminations.contains(&EndRule::terminal(Termination::COLLISION)));
+    assert!(cross.scenario.terminations.contains(&Termination::Collision));
     let pad = cross.scenario.aviary.world.bounds()[4];
     assert_eq!((pad.low.as_slice(), pad.high.as_slice()), (&[4.0, -1.0, 0.0][..], &[5.0, 1.0, 0.1][..]));
     assert_eq!(cross.evaluation.episodes, 256);
@@ -131,7 +132,7 @@ fn overrides_change_what_they_name() {
     assert_eq!((experiment.ppo.epochs, experiment.ppo.total_steps), (7, 2_000_000));
     assert_eq!(experiment.ppo.actor_hidden, [32, 16]);
     assert_eq!(experiment.ppo.learning_rate, Schedule::Constant(3e-4));
-    assert_eq!(experiment.scenario.rewards[0].weight, 5.0);
+    assert_eq!(experiment.scenario.rewards[0].weight(), 5.0);
     assert!(matches!(experiment.scenario.action, ActionSpace::ThrustBodyRates(_)));
     assert_eq!(experiment.scenario.name, "other");
 }
@@ -146,8 +147,8 @@ fn anchors_and_merge_keys_work() {
         "    - proximity: &near {weight: 1, scale_m: 0.5}\n    - proximity: {<<: *near, scale_m: 0.1}",
     );
     let rewards = trial(&merged).unwrap().scenario.rewards;
-    assert_eq!((rewards[1].weight, rewards[0].weight), (1.0, 1.0));
-    assert_ne!(rewards[0].term, rewards[1].term);
+    assert_eq!((rewards[1].weight(), rewards[0].weight()), (1.0, 1.0));
+    assert_ne!(rewards[0], rewards[1]);
 }
 
 #[test]

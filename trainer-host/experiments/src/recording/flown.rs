@@ -66,7 +66,7 @@ fn recording(
         config: experiment.resolved_yaml.clone(),
         seed: starts.seed.0,
         start,
-        components: scenario.rewards.iter().map(|weighted| weighted.term.name().to_owned()).collect(),
+        components: scenario.rewards.iter().map(|term| term.name().to_owned()).collect(),
         drones,
         movables: if scenario.aviary.world.movables.is_empty() { Vec::new() } else { movables },
     }

@@ -1,93 +1,14 @@
 //! Every rule at its limit, their order, and the clocks.
 
-use kestrel_core::airframe::CF2X;
 use kestrel_core::attitude::Attitude;
-use serde::Deserialize;
+use nalgebra::Vector3;
+use schemars::schema_for;
 
+use super::trial::{PITCH, RATE_HZ, ROLL, Trial, YAW, scenario};
 use super::*;
-use crate::config::{Document, TerminationConfig};
-use crate::testing::hover;
-
-/// Control rate of the trials \[Hz\], the reference's.
-const RATE_HZ: f64 = 48.0;
-
-/// A scenario that ends by the rules of a YAML list.
-fn scenario(rules: &str) -> Scenario {
-    #[derive(Deserialize)]
-    struct Rules {
-        terminations: Vec<TerminationConfig>,
-    }
-    let mut scenario = hover();
-    let document = Document::parse("trial.yaml", &format!("terminations: [ {rules} ]")).unwrap();
-    let rules: Rules = document.decode().unwrap();
-    let field = document.root().at("terminations");
-    scenario.terminations =
-        TerminationConfig::check_all(&rules.terminations, &scenario.aviary, RATE_HZ, &field).unwrap();
-    scenario
-}
-
-/// A drone under rules, step by step; what they remember stays.
-struct Trial {
-    scenario: Scenario,
-    memory: Vec<Vec<Column<1, f64>>>,
-    swarm: Swarm<1, f64>,
-    touches: [Column<1, f64>; 2],
-    distance: f64,
-    steps: f64,
-}
-
-impl Trial {
-    fn of(rules: &str) -> Self {
-        Self::under(scenario(rules))
-    }
-
-    fn under(scenario: Scenario) -> Self {
-        let columns = |rule: &EndRule| vec![[rule.rule.memory_start()]; rule.rule.memory_len()];
-        Self {
-            memory: scenario.terminations.iter().map(columns).collect(),
-            scenario,
-            swarm: Swarm::new(&CF2X),
-            touches: [[0.0]; 2],
-            distance: 0.0,
-            steps: 0.0,
-        }
-    }
-
-    /// How the next step ends, with the drone as it is.
-    fn step(&mut self) -> Option<Ending> {
-        decode(self.code())
-    }
-
-    fn code(&mut self) -> f32 {
-        self.steps += 1.0;
-        let view = FlightView {
-            swarm: &self.swarm,
-            touches: &self.touches,
-            distances: &[self.distance],
-            steps: &[self.steps],
-            episode_steps: f64::from(self.scenario.episode_steps()),
-        };
-        let mut codes = [f32::NAN];
-        find_endings(&view, &self.scenario, &mut self.memory, &mut codes);
-        codes[0]
-    }
-
-    fn at(&mut self, x: f64, y: f64, z: f64) -> Option<Ending> {
-        self.swarm.position = [[x], [y], [z]];
-        self.step()
-    }
-
-    /// Turned \[rad\] about an axis of a level drone.
-    fn turned(&mut self, axis: [f64; 3], angle: f64) -> Option<Ending> {
-        let Attitude { w, x, y, z } = Attitude::from_axis_angle(Vector3::from(axis), angle);
-        self.swarm.attitude = [[w], [x], [y], [z]];
-        self.step()
-    }
-}
-
-const ROLL: [f64; 3] = [1.0, 0.0, 0.0];
-const PITCH: [f64; 3] = [0.0, 1.0, 0.0];
-const YAW: [f64; 3] = [0.0, 0.0, 1.0];
+use crate::seed::{Purpose, Seed, Stream};
+use crate::termination::Termination;
+use crate::testing::{hover, smallest};
 
 #[test]
 fn codes_are_the_endings_in_lanes() {
@@ -349,4 +270,46 @@ fn episodes_have_the_reference_s_lengths() {
     // Section 2 of the fact sheet; upstream's eight seconds at 30 Hz.
     let lengths = [(5.0, 48.0), (10.0, 48.0), (20.0, 48.0), (30.0, 48.0), (5.0, 240.0), (8.0, 30.0)];
     assert_eq!(lengths.map(|(secs, rate)| steps(secs, rate)), [242, 482, 962, 1442, 1202, 242]);
+}
+
+/// The codes of a flight that has a little of everything, under one rule.
+fn codes(rule: &str) -> Vec<f32> {
+    let mut stream = Stream::new(Seed(1), 0, Purpose::Actions);
+    let mut draw = |low: f32, high: f32| f64::from(stream.between(low, high));
+    let mut trial = Trial::of(rule);
+    trial.scenario.episode_secs = 1000.0;
+    let mut step = |step: u32| {
+        let rests = step >= 150;
+        trial.swarm.position = [[draw(-0.5, 0.5)], [draw(-0.2, 1.2)], [draw(1.5, 2.5)]];
+        trial.distance = draw(0.0, 1.0);
+        trial.touches = [0.2, 0.3].map(|share| [f64::from(u8::from(draw(0.0, 1.0) < share))]);
+        trial.swarm.velocity = [0; 3].map(|_| [draw(-0.6, 0.6)]);
+        let axis = Vector3::new(draw(-1.0, 1.0), draw(-1.0, 1.0), draw(-1.0, 1.0));
+        let mut angle = draw(-0.02, 0.02);
+        if rests {
+            (trial.touches, trial.swarm.velocity, angle) = ([[0.0], [1.0]], [[0.0]; 3], 0.0);
+        }
+        let Attitude { w, x, y, z } = Attitude::from_axis_angle(axis.normalize(), angle);
+        trial.swarm.attitude = [[w], [x], [y], [z]];
+        trial.code()
+    };
+    (0..200).map(&mut step).collect()
+}
+
+#[test]
+fn every_key_reaches_its_own_termination() {
+    let schema = schema_for!(Termination).to_value();
+    let flights: Vec<(&str, Vec<f32>)> = Termination::KEYS
+        .iter()
+        .map(|key| {
+            let yaml = smallest(&schema, key);
+            assert_eq!(scenario(&yaml).terminations[0].name(), *key);
+            (*key, codes(&yaml))
+        })
+        .collect();
+    for (index, (key, codes)) in flights.iter().enumerate() {
+        assert!(codes.iter().any(|code| *code != 0.0), "`{key}` ends nothing");
+        let twin = flights[..index].iter().find(|(_, others)| others == codes);
+        assert!(twin.is_none(), "`{key}` ends what `{}` does", twin.map_or("", |(key, _)| key));
+    }
 }

@@ -1,0 +1,74 @@
+use std::sync::Arc;
+
+use crate::contact::DistanceField;
+use crate::term::prelude::*;
+
+/// Metres by which the shortest free way to the goal became shorter in this step. Ways lead around what stands in the
+/// way and keep off it: a metre right beside something counts as three. Before an obstacle `progress` pays for
+/// flying into it, and this for flying around it.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct Advance {
+    /// What one unit is worth.
+    pub weight: f64,
+    /// To the goal of the task.
+    #[serde(skip)]
+    ways: Option<Arc<DistanceField>>,
+}
+
+impl Term for Advance {
+    const PAID: Paid = Paid::PerStep;
+
+    fn check(&self, task: &RewardTask, field: &Field<'_>) -> Result<(), ConfigError> {
+        match task.goals {
+            GoalKind::OnePlace => Ok(()),
+            GoalKind::Several => {
+                Err(field
+                    .reject("`advance` beside `goals`", "`progress`: ways lead to one goal that stands still"))
+            }
+        }
+    }
+
+    fn prepared(self, task: &RewardTask) -> Self {
+        Self { ways: Some(Arc::clone(&task.ways)), ..self }
+    }
+
+    fn memory(&self) -> Memory {
+        Memory { columns: 1, start: f64::NAN, lasts: false }
+    }
+
+    #[inline(never)]
+    fn evaluate<const LANES: usize, R: Real>(
+        &self,
+        view: &StepView<'_, LANES, R>,
+        worth: R,
+        memory: &mut [Column<LANES, R>],
+        values: &mut Column<LANES, R>,
+    ) {
+        let Some(ways) = &self.ways else {
+            values.fill(R::zero());
+            return;
+        };
+        let before = &mut memory[0];
+        for lane in 0..LANES {
+            let length = R::from_f32(ways.length(row(&view.swarm.position, lane).map(Real::to_f32)));
+            // None in the first step, before which it is not known.
+            let gained = if is_unset(before[lane]) { R::zero() } else { before[lane] - length };
+            values[lane] = worth * gained;
+            before[lane] = length;
+        }
+    }
+}
+
+impl Advance {
+    /// The term with the ways that it pays for.
+    pub fn new(weight: f64, ways: Arc<DistanceField>) -> Self {
+        Self { weight, ways: Some(ways) }
+    }
+
+    /// The ways that it pays for, once it was checked as part of a task.
+    pub fn ways(&self) -> Option<&Arc<DistanceField>> {
+        self.ways.as_ref()
+    }
+}
