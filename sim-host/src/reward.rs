@@ -12,6 +12,7 @@ mod action_change;
 mod advance;
 mod alive;
 mod body_rates;
+mod clearance;
 mod custom;
 mod distance;
 mod failure;
@@ -57,6 +58,7 @@ reward_terms! {
     "shaping" Shaping in shaping;
     "success" Success in success;
     "failure" Failure in failure;
+    "clearance" Clearance in clearance;
 
     "bounds" Bounds in reference::bounds;
     "collision" Collision in reference::collision;
