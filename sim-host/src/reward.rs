@@ -15,6 +15,7 @@ mod body_rates;
 mod clearance;
 mod custom;
 mod distance;
+mod energy;
 mod failure;
 mod progress;
 mod proximity;
@@ -59,6 +60,7 @@ reward_terms! {
     "success" Success in success;
     "failure" Failure in failure;
     "clearance" Clearance in clearance;
+    "energy" Energy in energy;
 
     "bounds" Bounds in reference::bounds;
     "collision" Collision in reference::collision;
