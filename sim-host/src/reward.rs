@@ -17,6 +17,7 @@ mod custom;
 mod distance;
 mod energy;
 mod failure;
+mod heading_error;
 mod progress;
 mod proximity;
 mod reference;
@@ -61,6 +62,7 @@ reward_terms! {
     "failure" Failure in failure;
     "clearance" Clearance in clearance;
     "energy" Energy in energy;
+    "heading_error" HeadingError in heading_error;
 
     "bounds" Bounds in reference::bounds;
     "collision" Collision in reference::collision;

@@ -1,0 +1,59 @@
+use crate::term::prelude::*;
+
+/// Angle in radians from the drone's heading to one that is asked for, by the shorter way, from 0 to π.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct HeadingError {
+    /// What one unit is worth.
+    pub weight: f64,
+    /// The heading that is asked for, counter-clockwise from +x.
+    #[serde(default)]
+    pub heading_deg: f64,
+}
+
+impl Term for HeadingError {
+    const PAID: Paid = Paid::PerSecond;
+
+    fn check(&self, _: &RewardTask, field: &Field<'_>) -> Result<(), ConfigError> {
+        field.at("heading_deg").number(self.heading_deg, &Limits::from(-360.0, 360.0, "degrees")).map(drop)
+    }
+
+    #[inline(never)]
+    fn evaluate<const LANES: usize, R: Real>(
+        &self,
+        view: &StepView<'_, LANES, R>,
+        worth: R,
+        _: &mut [Column<LANES, R>],
+        values: &mut Column<LANES, R>,
+    ) {
+        let (sine, cosine) = R::from_f64(self.heading_deg.to_radians()).sin_cos();
+        each(values, |i| {
+            let nose = view.swarm.forward(i);
+            let (along, aside) = (cosine * nose.x + sine * nose.y, cosine * nose.y - sine * nose.x);
+            worth * aside.atan2(along).abs()
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::PI;
+
+    use super::super::trial::{PITCH, ROLL, Trial, YAW, assert_near, turn};
+
+    #[test]
+    fn the_angle_is_taken_by_the_shorter_way() {
+        let mut north = Trial::of("heading_error: { weight: 48, heading_deg: 90 }");
+        let mut east = Trial::of("heading_error: { weight: 48 }");
+        for (heading, from_north, from_east) in
+            [(0.0, PI / 2.0, 0.0), (0.7, PI / 2.0 - 0.7, 0.7), (-2.5, PI - 0.929_203_673_205_103_4, 2.5)]
+        {
+            assert_near(north.turned(turn(YAW, heading)), from_north);
+            assert_near(east.turned(turn(YAW, heading)), from_east);
+        }
+        // Roll about the nose and a climbing nose leave the heading.
+        assert_near(east.turned(turn(ROLL, 1.2)), 0.0);
+        assert_near(east.turned(turn(PITCH, -0.8)), 0.0);
+    }
+}
