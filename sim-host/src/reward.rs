@@ -18,6 +18,7 @@ mod distance;
 mod energy;
 mod failure;
 mod heading_error;
+mod jerk;
 mod progress;
 mod proximity;
 mod reference;
@@ -63,6 +64,7 @@ reward_terms! {
     "clearance" Clearance in clearance;
     "energy" Energy in energy;
     "heading_error" HeadingError in heading_error;
+    "jerk" Jerk in jerk;
 
     "bounds" Bounds in reference::bounds;
     "collision" Collision in reference::collision;
