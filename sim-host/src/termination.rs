@@ -22,6 +22,7 @@ mod landing;
 mod out_of_bounds;
 mod rest;
 mod roll_pitch;
+mod speed;
 mod tilt;
 
 use kestrel_config::{ConfigError, Field};
@@ -57,6 +58,7 @@ terminations! {
         "exit" Exit in exit;
         "rest" Rest in rest;
         "hold" Hold in hold;
+        "speed" Speed in speed;
     }
 }
 
