@@ -17,6 +17,7 @@ mod enter_area;
 mod exit;
 mod field_covered;
 mod fuel;
+mod heading;
 mod hold;
 mod landing;
 mod out_of_bounds;
@@ -59,6 +60,7 @@ terminations! {
         "rest" Rest in rest;
         "hold" Hold in hold;
         "speed" Speed in speed;
+        "heading" Heading in heading;
     }
 }
 
