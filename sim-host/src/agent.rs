@@ -143,12 +143,12 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Distance to the goal, and whether the drone has settled or visited.
     #[inline(always)]
-    pub(crate) fn measure(&mut self, scenario: &Scenario) {
+    pub(crate) fn update_metrics(&mut self, scenario: &Scenario) {
         for lane in 0..LANES {
             self.steps[lane] += R::one();
         }
         if scenario.clock == Clock::Elapsed {
-            self.aim(scenario);
+            self.update_goal(scenario);
         }
         self.previous_distances = self.distances;
         let [x, y, z] = &self.swarm.position;
@@ -177,7 +177,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Ends episodes by the rules of the task.
     #[inline(always)]
-    pub(crate) fn judge(
+    pub(crate) fn terminate(
         &mut self,
         stage: &Stage<'_, R>,
         actions: &[Column<LANES, R>],
@@ -237,7 +237,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Adds the rewards of the step to the episode.
     #[inline(always)]
-    pub(crate) fn bank(&mut self) {
+    pub(crate) fn accumulate_return(&mut self) {
         add(&mut self.totals, &self.rewards);
     }
 
@@ -327,13 +327,13 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         for column in counts.into_iter().chain(&mut self.touches).chain(&mut self.term_totals) {
             column[lane] = R::zero();
         }
-        self.forget(scenario, lane);
-        self.aim_lane(scenario, lane);
+        self.reset_memory(scenario, lane);
+        self.update_goal_of(scenario, lane);
         self.distances[lane] = length(&(beginning.drone.motion.position - vector(&self.goal, lane)));
     }
 
     /// What terms, rules and controllers remember of an episode is gone with it.
-    fn forget(&mut self, scenario: &Scenario, lane: usize) {
+    fn reset_memory(&mut self, scenario: &Scenario, lane: usize) {
         let terms = scenario.rewards.iter().map(RewardTerm::memory).zip(&mut self.term_memory);
         let rules = scenario.terminations.iter().map(Termination::memory).zip(&mut self.rule_memory);
         for (Memory { start, lasts, .. }, columns) in terms.chain(rules) {
@@ -348,7 +348,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Adds the actions of the step to the history; an action space always fills the same columns.
     #[inline(always)]
-    pub(crate) fn remember(&mut self, actions: &[Column<LANES, R>]) {
+    pub(crate) fn push_history(&mut self, actions: &[Column<LANES, R>]) {
         if self.history.len() > 1 {
             self.history.rotate_left(1);
         }

@@ -52,8 +52,8 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             targets: vec![[nothing; 4]; count],
             pushes: vec![nothing; count],
         };
-        block.locate();
-        (0..LANES).for_each(|lane| block.show_restarted(scenario, lane));
+        block.update_positions();
+        (0..LANES).for_each(|lane| block.observe_restarted(scenario, lane));
         block
     }
 
@@ -64,19 +64,19 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         self.fly(stage);
         let len = scenario.action.len();
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
-            agent.measure(scenario);
-            agent.judge(stage, &actions[..len], &self.team);
+            agent.update_metrics(scenario);
+            agent.terminate(stage, &actions[..len], &self.team);
         }
         self.succeed_together(scenario);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
             agent.reward(stage, &actions[..len], &self.team);
         }
         self.end_together(scenario);
-        self.share(scenario);
-        self.look_around(scenario, 0..LANES);
+        self.share_rewards(scenario);
+        self.observe_neighbours(scenario, 0..LANES);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
-            agent.bank();
-            agent.remember(&actions[..len]);
+            agent.accumulate_return();
+            agent.push_history(&actions[..len]);
             agent.observe(stage);
         }
     }
@@ -85,8 +85,8 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     #[inline(always)]
     pub(crate) fn command(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
         for ((agent, actions), targets) in self.agents.iter_mut().zip(actions).zip(&mut self.targets) {
-            if stage.scenario.clock == Clock::Published {
-                agent.aim(stage.scenario);
+            if stage.scenario.clock == Clock::Reference {
+                agent.update_goal(stage.scenario);
             }
             agent.command(stage, actions, targets);
         }
@@ -129,7 +129,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
                 }
             }
         }
-        self.locate();
+        self.update_positions();
     }
 
     /// Some substeps of all lanes as if nothing stood in their way.
@@ -137,7 +137,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     fn fly_freely(&mut self, stage: &Stage<'_, R>, substeps: u32) {
         for _ in 0..substeps {
             if stage.scenario.physics.has_downwash() {
-                self.locate();
+                self.update_positions();
                 stage.mechanics.push_down(&self.team, &mut self.pushes);
             }
             for ((agent, targets), push) in self.agents.iter_mut().zip(&self.targets).zip(&self.pushes) {
@@ -147,7 +147,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     }
 
     #[inline(always)]
-    fn locate(&mut self) {
+    pub(crate) fn update_positions(&mut self) {
         for (place, agent) in self.team.iter_mut().zip(&self.agents) {
             *place = agent.swarm.position;
         }
@@ -310,7 +310,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     }
 
     /// Shows drones the nearest of their team in these lanes, where they measure them.
-    fn look_around(&mut self, scenario: &Scenario, lanes: Range<usize>) {
+    fn observe_neighbours(&mut self, scenario: &Scenario, lanes: Range<usize>) {
         let Some(mates) = scenario.sensors.mates() else { return };
         let mut values = vec![R::zero(); mates.len()];
         for lane in lanes {
@@ -320,22 +320,22 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             let team: Vec<Course<R>> = self.agents.iter().map(course).collect();
             for (index, agent) in self.agents.iter_mut().enumerate() {
                 mates.read(index, &team, &mut values);
-                agent.notice(lane, &values);
+                agent.take_neighbours(lane, &values);
             }
         }
     }
 
     /// Shows all drones of a lane where those are that began anew.
-    fn show_restarted(&mut self, scenario: &Scenario, lane: usize) {
+    fn observe_restarted(&mut self, scenario: &Scenario, lane: usize) {
         if scenario.sensors.mates().is_some() {
-            self.look_around(scenario, lane..lane + 1);
+            self.observe_neighbours(scenario, lane..lane + 1);
             self.agents.iter_mut().for_each(|agent| agent.observe_lane(scenario, lane));
         }
     }
 
     /// Pays every drone the sum of all, where they share.
     #[inline(always)]
-    fn share(&mut self, scenario: &Scenario) {
+    fn share_rewards(&mut self, scenario: &Scenario) {
         if self.agents.len() == 1 || scenario.agents.rewards == TeamRewards::Own {
             return;
         }
@@ -366,10 +366,10 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         for (index, agent) in self.agents.iter_mut().enumerate() {
             agent.restart_ended(scenario, arena, first, &mut |done| finished(index, done));
         }
-        self.locate();
+        self.update_positions();
         for lane in 0..LANES {
             if self.agents.iter().any(|agent| agent.codes[lane] > 0.0) {
-                self.show_restarted(scenario, lane);
+                self.observe_restarted(scenario, lane);
             }
         }
     }
@@ -384,10 +384,6 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     pub(crate) fn movables_mut(&mut self) -> impl Iterator<Item = &mut Motion> {
         self.movables.iter_mut().flatten()
-    }
-
-    pub(crate) fn locate_all(&mut self) {
-        self.locate();
     }
 }
 

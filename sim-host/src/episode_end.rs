@@ -97,7 +97,7 @@ pub(crate) fn find_endings<const LANES: usize, R: Real>(
         let code = code(rule.ending()) + if rule.truncates() { UNUSUAL } else { 0.0 };
         rule.mark(view, memory, code, codes);
     }
-    if scenario.clock == Clock::Published {
+    if scenario.clock == Clock::Reference {
         mark(codes, time_limit, |lane| view.steps[lane] < episode_steps);
     }
     mark_broken(view, codes);

@@ -9,7 +9,6 @@ mod list;
 
 mod action;
 mod action_change;
-mod advance;
 mod alive;
 mod body_rates;
 mod clearance;
@@ -17,6 +16,7 @@ mod custom;
 mod distance;
 mod energy;
 mod failure;
+mod geodesic_progress;
 mod heading_error;
 mod jerk;
 mod progress;
@@ -57,7 +57,7 @@ reward_terms! {
     "action" Action in action;
     "action_change" ActionChange in action_change;
     "progress" Progress in progress;
-    "advance" Advance in advance;
+    "advance" GeodesicProgress in geodesic_progress;
     "shaping" Shaping in shaping;
     "success" Success in success;
     "failure" Failure in failure;
@@ -126,7 +126,7 @@ impl RewardTerm {
 
     /// The ways to the goal that it pays for, if it is about ways and was checked as part of a task.
     pub fn ways(&self) -> Option<&Arc<DistanceField>> {
-        if let Self::Advance(advance) = self { advance.ways() } else { None }
+        if let Self::GeodesicProgress(term) = self { term.ways() } else { None }
     }
 
     /// The term's value in each lane, multiplied by its weight and, if it is a rate, by the control period.

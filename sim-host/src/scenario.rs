@@ -138,7 +138,7 @@ pub enum Clock {
     Elapsed,
     /// As the reference counts: the clock is read before it advances and must exceed the limit, so that an episode has
     /// two control periods more, and moving goals are one period late.
-    Published,
+    Reference,
 }
 
 /// What running out of time means.
@@ -404,7 +404,7 @@ impl Scenario {
         match self.clock {
             Clock::Elapsed => periods.round().max(1.0) as u32,
             // A limit in single precision may stand a hair below the whole number that it means.
-            Clock::Published => (periods + 1e-3).floor() as u32 + 2,
+            Clock::Reference => (periods + 1e-3).floor() as u32 + 2,
         }
     }
 }

@@ -109,8 +109,8 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             scenario: scenario.clone(),
             arena,
         };
-        simulation.publish();
-        simulation.look(|_| true);
+        simulation.gather_outputs();
+        simulation.take_images(|_| true);
         simulation
     }
 
@@ -308,13 +308,13 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             for (motion, saved) in block.movables_mut().zip(&mut movables) {
                 *motion = motion_from_array(saved);
             }
-            block.locate_all();
+            block.update_positions();
         }
         if let (Some(imaging), Some(state)) = (&mut self.imaging, &state.imaging) {
             imaging.restore(state);
         }
         self.episodes.clone_from(&state.episodes);
-        self.publish();
+        self.gather_outputs();
         true
     }
 
@@ -325,7 +325,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     }
 
     /// Copies rewards and outcomes out of the blocks.
-    fn publish_rewards(&mut self) {
+    fn gather_rewards(&mut self) {
         for (index, block) in self.blocks.iter().enumerate() {
             for (number, agent) in block.agents.iter().enumerate() {
                 let rows = rows_of_block::<LANES>(self.environments, number, index);
@@ -344,7 +344,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     }
 
     /// Takes the images that are due, of drones whose last step had such an outcome.
-    fn look(&mut self, is_asked: impl Fn(Outcome) -> bool) {
+    fn take_images(&mut self, is_asked: impl Fn(Outcome) -> bool) {
         let Some(mut imaging) = self.imaging.take() else { return };
         for row in 0..self.rows() {
             if !is_asked(self.outcomes[row]) {
@@ -392,7 +392,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     }
 
     /// Copies the blocks' observations into the columns.
-    fn publish(&mut self) {
+    fn gather_outputs(&mut self) {
         let all = self.rows();
         for (index, block) in self.blocks.iter().enumerate() {
             for (number, agent) in block.agents.iter().enumerate() {
@@ -456,11 +456,11 @@ where
         let len = self.scenario.action.len();
         assert_eq!(actions.len(), len * self.rows(), "actions are [{len}][rows]");
         self.fly(actions, rotor_speeds);
-        self.publish_rewards();
-        self.look(|_| true);
+        self.gather_rewards();
+        self.take_images(|_| true);
         self.restart_ended();
-        self.publish();
-        self.look(|outcome| outcome != Outcome::Running);
+        self.gather_outputs();
+        self.take_images(|outcome| outcome != Outcome::Running);
     }
 }
 

@@ -74,21 +74,21 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Moves the goals, where they move, to where they are after `steps` control periods.
     #[inline(always)]
-    pub(crate) fn aim(&mut self, scenario: &Scenario) {
+    pub(crate) fn update_goal(&mut self, scenario: &Scenario) {
         if scenario.goals.is_moving() {
             for lane in 0..LANES {
-                self.aim_lane(scenario, lane);
+                self.update_goal_of(scenario, lane);
             }
         }
     }
 
-    pub(super) fn aim_lane(&mut self, scenario: &Scenario, lane: usize) {
+    pub(super) fn update_goal_of(&mut self, scenario: &Scenario, lane: usize) {
         let secs = self.steps[lane].to_f64() / scenario.physics.control_rate_hz;
         let goal = scenario.goals.at(&scenario.aviary.goal, self.index, secs);
         // The reference takes differences of the points that it has passed.
         let lag_secs = match scenario.clock {
             Clock::Elapsed => 0.0,
-            Clock::Published => 1.0 / scenario.physics.control_rate_hz,
+            Clock::Reference => 1.0 / scenario.physics.control_rate_hz,
         };
         let velocity = scenario.goals.velocity_at(secs, lag_secs);
         set_row(&mut self.goal, lane, [goal.x, goal.y, goal.z].map(R::from_f64));

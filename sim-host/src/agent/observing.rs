@@ -151,7 +151,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     }
 
     /// Takes in what it measures of its team mates in a lane, `[values]`.
-    pub(crate) fn notice(&mut self, lane: usize, values: &[R]) {
+    pub(crate) fn take_neighbours(&mut self, lane: usize, values: &[R]) {
         let first = self.measurements.len() - values.len();
         for (column, value) in self.measurements[first..].iter_mut().zip(values) {
             column[lane] = *value;

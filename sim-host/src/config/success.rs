@@ -61,7 +61,7 @@ fn one_period() -> u64 {
 impl ClockConfig {
     /// How time is counted, and what its end means.
     pub fn check(self) -> (Clock, TimeLimit) {
-        let clock = if self.as_published { Clock::Published } else { Clock::Elapsed };
+        let clock = if self.as_published { Clock::Reference } else { Clock::Elapsed };
         (clock, if self.terminal { TimeLimit::Terminates } else { TimeLimit::Truncates })
     }
 }

@@ -255,14 +255,14 @@ fn last_step(clock: Clock, time_limit: TimeLimit) -> (f64, Ending, Outcome) {
 fn the_published_clock_is_two_periods_late_and_looks_at_nothing_else() {
     assert_eq!(last_step(Clock::Elapsed, TimeLimit::Truncates), (24.0, Ending::Success, Outcome::Truncated));
     assert_eq!(last_step(Clock::Elapsed, TimeLimit::Terminates), (24.0, Ending::Success, Outcome::Terminated));
-    assert_eq!(last_step(Clock::Published, TimeLimit::Truncates), (26.0, Ending::TimeLimit, Outcome::Truncated));
-    assert_eq!(last_step(Clock::Published, TimeLimit::Terminates), (26.0, Ending::TimeLimit, Outcome::Terminated));
+    assert_eq!(last_step(Clock::Reference, TimeLimit::Truncates), (26.0, Ending::TimeLimit, Outcome::Truncated));
+    assert_eq!(last_step(Clock::Reference, TimeLimit::Terminates), (26.0, Ending::TimeLimit, Outcome::Terminated));
 }
 
 #[test]
 fn episodes_have_the_reference_s_lengths() {
     let mut scenario = hover();
-    scenario.clock = Clock::Published;
+    scenario.clock = Clock::Reference;
     let mut steps = |secs: f32, rate: f64| {
         (scenario.episode_secs, scenario.physics.control_rate_hz) = (secs, rate);
         scenario.episode_steps()

@@ -129,7 +129,7 @@ fn mapped() -> Scenario {
         bounds,
         CF2X.collision_radius,
     ));
-    let advance = reward::Advance::new(1.0, ways).into();
+    let advance = reward::GeodesicProgress::new(1.0, ways).into();
     Scenario { rewards: [free.rewards, vec![advance]].concat(), ..free }
 }
 

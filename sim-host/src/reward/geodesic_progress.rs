@@ -9,7 +9,7 @@ use crate::term::prelude::*;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
-pub struct Advance {
+pub struct GeodesicProgress {
     /// What one unit is worth.
     pub weight: f64,
     /// To the goal of the task.
@@ -17,7 +17,7 @@ pub struct Advance {
     ways: Option<Arc<DistanceField>>,
 }
 
-impl Term for Advance {
+impl Term for GeodesicProgress {
     const PAID: Paid = Paid::PerStep;
 
     fn check(&self, task: &RewardTask, field: &Field<'_>) -> Result<(), ConfigError> {
@@ -61,7 +61,7 @@ impl Term for Advance {
     }
 }
 
-impl Advance {
+impl GeodesicProgress {
     /// The term with the ways that it pays for.
     pub fn new(weight: f64, ways: Arc<DistanceField>) -> Self {
         Self { weight, ways: Some(ways) }
