@@ -4,7 +4,7 @@
 //!
 //! rl-baselines3-zoo publishes −172 ± 104 for PPO after 100 000 steps (`benchmark.md` of DLR-RM/rl-baselines3-zoo: one
 //! run, 750 episodes of the mean action, ± is the standard deviation over episodes). Discount, trace, clip range,
-//! epochs, step size and the size of rollout and minibatch are those of its `hyperparams/ppo.yml`.
+//! epochs, step size and minibatch are those of its `hyperparams/ppo.yml`.
 
 use std::error::Error;
 
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let seed = std::env::args().nth(1).map_or(Ok(0), |seed| seed.parse())?;
     let settings = PpoSettings {
         environments: 256,
-        steps_per_rollout: 16,
+        steps_per_rollout: 8,
         total_steps: 100_000,
         epochs: 10,
         minibatch: 64,
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         gae_lambda: 0.95,
         clip_range: 0.2,
         learning_rate: Schedule::Constant(1e-3),
-        initial_log_std: 0.0,
+        initial_log_std: -0.7,
         reward_scale: 0.1,
         ..PpoSettings::default()
     };

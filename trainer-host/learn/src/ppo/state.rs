@@ -44,7 +44,7 @@ pub enum RestoreError {
         network: &'static str,
     },
     /// Another number of environments.
-    #[error("the saved run has {found} environment batches of environments, the settings ask for {expected}")]
+    #[error("the saved run has {found} environment batches, the settings ask for {expected}")]
     EnvBatches {
         /// In the saved state.
         found: usize,

@@ -18,7 +18,7 @@ use crate::rollout::ENV_BATCH;
 #[serde(deny_unknown_fields)]
 pub struct CoresetSettings {
     /// Bytes of the whole set; left out: as many as a diagonal anchor has, two numbers per parameter.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes: Option<usize>,
     /// Factor on the mean divergence \[nat\] over the states.
     #[serde(default = "super::one")]
@@ -41,7 +41,8 @@ impl CoresetSettings {
 /// States of earlier tasks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Coreset {
-    settings: CoresetSettings,
+    /// Bytes, where they are given, and the strength: as checkpoints hold them.
+    settings: (Option<usize>, f32),
     capacity: usize,
     /// For each task its states, in random order: each an observation, then the mean action.
     tasks: Vec<Vec<Vec<f32>>>,
@@ -51,7 +52,11 @@ impl Coreset {
     pub(super) fn new(settings: &CoresetSettings, Learning { actor, .. }: Learning<'_>) -> Self {
         let state_bytes = 4 * (actor.mlp().inputs() + actor.action_len());
         let bytes = settings.bytes.unwrap_or(8 * actor.mlp().parameter_count());
-        Self { settings: *settings, capacity: (bytes / state_bytes).max(1), tasks: Vec::new() }
+        Self {
+            settings: (settings.bytes, settings.strength),
+            capacity: (bytes / state_bytes).max(1),
+            tasks: Vec::new(),
+        }
     }
 
     /// The states of all tasks: each an observation, then the mean action.
@@ -69,7 +74,7 @@ impl Regulariser for Coreset {
     fn add_gradient(&mut self, Learning { actor, .. }: Learning<'_>, gradient: &mut Gradient) {
         let count = self.states().count();
         if count > 0 {
-            let weight = self.settings.strength / count as f32;
+            let weight = self.settings.1 / count as f32;
             let states: Vec<&[f32]> = self.states().map(Vec::as_slice).collect();
             clone_behaviour(actor, &states, weight, &mut gradient.actor);
         }

@@ -33,9 +33,10 @@ fn all_agents_of_all_environments_act() {
         for env_batch in &mut trainer.env_batches.clone() {
             env_batch.collect(&collection(&trainer));
             env_batch.collect(&Collection { first_step: 12, ..collection(&trainer) });
-            episodes += env_batch.take_episodes().iter().filter(|episode| episode.steps == 20).count();
+            episodes += env_batch.take_episodes().len();
         }
-        assert!(episodes > 700, "{episodes} of 768 reached the end, teams of {agents}");
+        // After twenty steps the first episode of each agent has ended, one way or the other.
+        assert!(episodes >= 768, "{episodes} episodes of 768 agents, teams of {agents}");
     }
 }
 
