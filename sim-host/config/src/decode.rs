@@ -226,6 +226,10 @@ impl<'de> Deserializer<'de> for &Node {
         visitor.visit_u64(self.whole(u64::MAX)?)
     }
 
+    fn deserialize_f32<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
+        visitor.visit_f64(self.number()?)
+    }
+
     fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
         visitor.visit_f64(self.number()?)
     }
@@ -291,7 +295,7 @@ impl<'de> Deserializer<'de> for &Node {
     }
 
     forward_to_deserialize_any! {
-        i8 i16 i32 i64 i128 u8 u16 u128 f32 char str bytes byte_buf unit unit_struct
+        i8 i16 i32 i64 i128 u8 u16 u128 char str bytes byte_buf unit unit_struct
         tuple_struct map identifier ignored_any
     }
 }

@@ -13,10 +13,10 @@ use crate::rollout::{EnvBatch, Rollout};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum CarryOver {
     /// The next task begins with it.
-    #[serde(rename = "inherited", alias = "carried_over")]
+    #[serde(rename = "inherited")]
     CarriedOver,
     /// The next task begins afresh.
-    #[serde(rename = "reset", alias = "reinitialised")]
+    #[serde(rename = "reset")]
     Reinitialised,
 }
 
