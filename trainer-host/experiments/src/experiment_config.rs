@@ -22,6 +22,7 @@ pub use teacher::TeacherConfig;
 pub(crate) use teacher::refuse_lost_teacher;
 pub use training::{ScheduleConfig, TrainingConfig};
 
+use crate::config_file::ConfigFile;
 use kestrel_learn::ppo::PpoSettings;
 use kestrel_learn::rollout::batch_rows;
 
@@ -84,7 +85,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError
 /// # Errors
 /// As [`load`], and when the drones do not fill the environment batches that train.
 pub fn load_to_train(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError> {
-    let document = with_overrides(Document::read(path)?, overrides)?;
+    let document = ExperimentConfig::overridden(Document::read(path)?, overrides)?;
     let experiment = checked(&document)?;
     let tasks = std::slice::from_ref(&experiment.scenario);
     refuse_broken_batches(tasks, experiment.ppo.environments, &document.root().at("training"))?;
@@ -105,16 +106,7 @@ pub fn schema() -> String {
 }
 
 fn from_document(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
-    checked(&with_overrides(document, overrides)?)
-}
-
-fn with_overrides(mut document: Document, overrides: &[String]) -> Result<Document, ConfigError> {
-    document.require_version(VERSION)?;
-    for assignment in overrides {
-        document.set(assignment)?;
-    }
-    document.require_version(VERSION)?;
-    Ok(document)
+    checked(&ExperimentConfig::overridden(document, overrides)?)
 }
 
 fn checked(document: &Document) -> Result<Experiment, ConfigError> {
@@ -137,6 +129,11 @@ pub(crate) fn refuse_broken_batches(
     Err(training.at("environments").refuse(environments, expected))
 }
 
+impl ConfigFile for ExperimentConfig {
+    const VERSION: u32 = VERSION;
+    const HEADER: &'static str = RESOLVED_HEADER;
+}
+
 impl ExperimentConfig {
     /// The experiment at `root`, checked.
     ///
@@ -157,11 +154,6 @@ impl ExperimentConfig {
             resolved_yaml: self.resolved(),
             scenario,
         })
-    }
-
-    fn resolved(&self) -> String {
-        let yaml = serde_yaml::to_string(self).expect("plain structs of numbers and names are YAML");
-        format!("{RESOLVED_HEADER}{yaml}")
     }
 }
 

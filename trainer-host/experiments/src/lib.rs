@@ -7,6 +7,7 @@ pub mod atomic_file;
 pub mod aviary_files;
 pub mod aviary_generator;
 pub mod checkpoint;
+pub(crate) mod config_file;
 pub mod drone_environment;
 pub mod evaluation;
 pub mod experiment_config;

@@ -9,9 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::atomic_file::FileError;
 use crate::checkpoint::{CheckpointError, Checkpoints};
+use crate::config_file::ConfigFile;
 use crate::drone_environment::{Trainer, TrainerState};
 use crate::evaluation::{Evaluation, Flyer, Starts, evaluate};
-use crate::experiment_config::Experiment;
+use crate::experiment_config::{Experiment, ExperimentConfig};
 use crate::interrupt::Interrupt;
 use crate::progress::{Progress, ProgressReport};
 use crate::run_directory::metrics::MetricsLog;
@@ -155,7 +156,7 @@ impl TrainingRun {
             return Err(TrainingError::Seed { found: found.0, expected: expected.0 });
         }
         let trainer = Trainer::restore(std::slice::from_ref(&experiment.scenario), &experiment.ppo, trainer)?;
-        refuse_changes(&config, &experiment.resolved_yaml)?;
+        refuse_changes(&ExperimentConfig::resolved_again(&config), &experiment.resolved_yaml)?;
         Ok((Self::open(experiment, directory, trainer, best, training_secs)?, restored.warning))
     }
 

@@ -16,6 +16,7 @@ use super::objective::Objective;
 use super::sampler::Algorithm;
 use super::space::Dimension;
 use super::{Search, Trial};
+use crate::config_file::ConfigFile;
 use crate::experiment_config::check_name;
 use crate::study::Study;
 use crate::study::config::StudyConfig;
@@ -146,18 +147,19 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Search, ConfigError> {
     from_document(Document::read(path)?, overrides)
 }
 
-fn from_document(mut document: Document, overrides: &[String]) -> Result<Search, ConfigError> {
-    document.require_version(VERSION)?;
-    for assignment in overrides {
-        document.set(assignment)?;
-    }
-    document.require_version(VERSION)?;
+fn from_document(document: Document, overrides: &[String]) -> Result<Search, ConfigError> {
+    let document = SearchConfig::overridden(document, overrides)?;
     document.decode::<SearchConfig>()?.check(&document)
 }
 
 /// The JSON schema of the search file, for editors.
 pub fn schema() -> String {
     schema_of::<SearchConfig>()
+}
+
+impl ConfigFile for SearchConfig {
+    const VERSION: u32 = VERSION;
+    const HEADER: &'static str = RESOLVED_HEADER;
 }
 
 impl SearchConfig {
@@ -183,11 +185,6 @@ impl SearchConfig {
         };
         study_space::check_values(&search, &root.at("space"))?;
         Ok(search)
-    }
-
-    fn resolved(&self) -> String {
-        let yaml = serde_yaml::to_string(self).expect("plain structs of numbers and names are YAML");
-        format!("{RESOLVED_HEADER}{yaml}")
     }
 }
 

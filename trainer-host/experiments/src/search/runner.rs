@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use kestrel_sim::config::ConfigError;
 
+use super::config::SearchConfig;
 use super::log;
 use super::{Search, Trial, halving};
 use crate::atomic_file::{FileError, remove_unfinished, write_atomically};
@@ -64,7 +65,7 @@ impl<'a> SearchRun<'a> {
         }
         let lock = RunLock::acquire(directory).map_err(RunError::from)?;
         if !is_new {
-            refuse_changes(&config, &search.resolved_yaml, &[&["trials"]])?;
+            refuse_changes::<SearchConfig>(&config, &search.resolved_yaml, &[&["trials"]])?;
         }
         remove_unfinished(directory)?;
         write_atomically(&config, search.resolved_yaml.as_bytes())?;

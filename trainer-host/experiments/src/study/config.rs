@@ -19,6 +19,7 @@ use super::Study;
 use super::procedure::Method;
 use claim::Claim;
 
+use crate::config_file::ConfigFile;
 use crate::experiment_config::{
     Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_batches, refuse_lost_teacher,
     refuse_unsuited_encoder,
@@ -173,18 +174,19 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Study, ConfigError> {
     from_document(Document::read(path)?, overrides)
 }
 
-fn from_document(mut document: Document, overrides: &[String]) -> Result<Study, ConfigError> {
-    document.require_version(VERSION)?;
-    for assignment in overrides {
-        document.set(assignment)?;
-    }
-    document.require_version(VERSION)?;
+fn from_document(document: Document, overrides: &[String]) -> Result<Study, ConfigError> {
+    let document = StudyConfig::overridden(document, overrides)?;
     document.decode::<StudyConfig>()?.check(&document.root())
 }
 
 /// The JSON schema of the study file, for editors.
 pub fn schema() -> String {
     schema_of::<StudyConfig>()
+}
+
+impl ConfigFile for StudyConfig {
+    const VERSION: u32 = VERSION;
+    const HEADER: &'static str = RESOLVED_HEADER;
 }
 
 impl StudyConfig {
@@ -284,11 +286,6 @@ impl StudyConfig {
             claim.check(&methods, &field.at(index))?;
         }
         Ok(self.claims.clone())
-    }
-
-    fn resolved(&self) -> String {
-        let yaml = serde_yaml::to_string(self).expect("plain structs of numbers and names are YAML");
-        format!("{RESOLVED_HEADER}{yaml}")
     }
 }
 

@@ -12,12 +12,14 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use super::config::StudyConfig;
 use super::data::{StudyError, StudyManifest};
 use super::job::{JobResult, JobRun, JobState};
 use super::rows::{Job, write_curve, write_episodes};
 use super::{JobId, Study};
 use crate::atomic_file::{FileError, read, remove_unfinished, replace_atomically, write_atomically};
 use crate::checkpoint::{CheckpointError, Checkpoints};
+use crate::config_file::ConfigFile;
 use crate::output::warn;
 use crate::run_directory::RunDirectoryError;
 use crate::run_directory::lock::RunLock;
@@ -123,7 +125,7 @@ impl<'a> StudyDirectory<'a> {
         }
         let lock = RunLock::acquire(path)?;
         if !is_new {
-            refuse_changes(&config, &study.resolved_yaml, FREE)?;
+            refuse_changes::<StudyConfig>(&config, &study.resolved_yaml, FREE)?;
         }
         let known = path.join("study.json").exists().then(|| StudyManifest::load(path)).transpose()?;
         // The study first: a directory that has nothing else yet is still recognised as its own.
@@ -297,10 +299,11 @@ pub(crate) fn is_empty(directory: &Path) -> Result<bool, FileError> {
     Ok(entries(directory)?.iter().all(begun))
 }
 
-/// Refuses another configuration than that in the file at `path`; only what is at the keys `free` may differ.
-pub(crate) fn refuse_changes(path: &Path, now: &str, free: &[&[&str]]) -> Result<(), RunError> {
+/// Refuses another configuration than that in the file at `path`; only what is at the keys `free` may differ. Both are
+/// compared with every default filled in.
+pub(crate) fn refuse_changes<C: ConfigFile>(path: &Path, now: &str, free: &[&[&str]]) -> Result<(), RunError> {
     let bytes = read(path)?;
-    let saved = String::from_utf8_lossy(&bytes);
+    let saved = C::resolved_again(&String::from_utf8_lossy(&bytes));
     let (saved, now) = (fixed_lines(&saved, free), fixed_lines(now, free));
     let text = |line: Option<&(usize, &str)>| line.map_or(String::new(), |(_, line)| line.trim().to_owned());
     let mut indices = 0..saved.len().max(now.len());

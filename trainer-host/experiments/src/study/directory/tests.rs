@@ -117,6 +117,20 @@ fn only_the_number_of_seeds_may_change() {
 }
 
 #[test]
+fn a_study_that_began_before_a_setting_had_a_key_goes_on() {
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[]);
+    drop(StudyDirectory::open_trial(&study, place.path()).unwrap());
+    let path = place.path().join("study.yaml");
+    let is_new = |line: &&str| line.trim_start().starts_with("gae_lambda:");
+    let before: Vec<&str> = study.resolved_yaml.lines().filter(|line| !is_new(line)).collect();
+    assert!(before.len() < study.resolved_yaml.lines().count());
+    fs::write(&path, before.join("\n")).unwrap();
+    drop(StudyDirectory::open_trial(&study, place.path()).unwrap());
+    assert_eq!(fs::read_to_string(&path).unwrap(), study.resolved_yaml);
+}
+
+#[test]
 fn other_directories_are_left_alone() {
     let place = tempfile::tempdir().unwrap();
     fs::write(place.path().join("thesis.tex"), "").unwrap();
