@@ -18,7 +18,7 @@ fn paid(yaml: &str) -> Vec<f64> {
     let mut trial = Trial::of(yaml);
     trial.team = vec![[[0.3], [0.1], [0.7]]; 3];
     trial.agent = 1;
-    let block = Solid::block("block", Vector3::new(0.5, 1.0, 2.0), Vector3::repeat(0.4));
+    let block = Solid::block("block", Vector3::new(0.3, 0.8, 1.8), Vector3::new(0.7, 1.2, 2.2));
     let world = World { solids: vec![block], ..World::empty() };
     trial.arena = Some(Arena::new(&world, &CF2X, ContactReport::Touch));
     let mut pay = |step: u32| {
