@@ -142,12 +142,12 @@ fn studied(place: &Path, name: &str, study: &str) -> String {
     output(place, &["study", "run", &format!("{name}.yaml"), "--directory", name]);
     let files = crate::study::files(&place.join(name));
     let tables = files.iter().filter(|(path, _)| path.extension().is_some_and(|extension| extension == "csv"));
-    tables
-        .map(|(path, content)| {
-            let numbers = numbers_of_text(std::str::from_utf8(content).unwrap());
-            format!("{name} {} {}\n", path.display(), digest(numbers.as_bytes()))
-        })
-        .collect()
+    let mut lines = String::new();
+    for (path, content) in tables {
+        let numbers = numbers_of_text(std::str::from_utf8(content).unwrap());
+        writeln!(lines, "{name} {} {}", path.display(), digest(numbers.as_bytes())).unwrap();
+    }
+    lines
 }
 
 #[test]

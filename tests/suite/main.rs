@@ -7,4 +7,5 @@ mod goldens;
 mod layering;
 mod learning;
 mod plot;
+mod source;
 mod tune;

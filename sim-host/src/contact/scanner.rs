@@ -74,7 +74,9 @@ impl Scanner {
         let (mut slabs, mut bodies) = (Vec::new(), Vec::new());
         for solid in &world.solids {
             let first = slabs.len() as u32;
-            slabs.extend(planes(solid).into_iter().map(|plane| Slab::new(plane, &directions)));
+            slabs.extend(
+                planes(solid).into_iter().map(|(normal, low, high)| Slab::new(normal, low, high, &directions)),
+            );
             bodies.push([first, slabs.len() as u32]);
         }
         let mut per_descent = [0.0; BEAM_LIMIT];
@@ -113,7 +115,7 @@ impl Scanner {
 }
 
 impl Slab {
-    fn new((normal, low, high): (Vector3<f64>, f64, f64), directions: &[Vector3<f64>]) -> Self {
+    fn new(normal: Vector3<f64>, low: f64, high: f64, directions: &[Vector3<f64>]) -> Self {
         let per_metre = |beam: usize| {
             let rate = directions.get(beam).map_or(0.0, |direction| direction.dot(&normal));
             if rate.abs() < 1.0 / PARALLEL { PARALLEL as f32 } else { (1.0 / rate) as f32 }
