@@ -19,6 +19,7 @@ use crate::vehicle::State;
 pub use crate::without_reference::{ControlMemory, ReferenceActions, ReferenceControls};
 
 pub use crate::limits::{ACTION_LEN, ACTION_LIMIT};
+pub use crate::persistence::Persistence;
 pub use crate::setpoint::Setpoint;
 
 /// The action spaces; the identifier and its numbers travel in the policy file.
@@ -49,16 +50,6 @@ pub enum Controls<R> {
     Reference(ReferenceControls<R>),
     /// [`Velocities`].
     Velocities(Velocities),
-}
-
-/// How long a controller remembers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Persistence {
-    /// Until the episode ends: what the reference meant.
-    #[default]
-    ResetEachEpisode,
-    /// For ever: what the reference does.
-    Persist,
 }
 
 /// One action per rotor: `hover_rotor_speed · (1 + fraction · action)`.

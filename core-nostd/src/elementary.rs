@@ -7,8 +7,6 @@
 
 use core::f32::consts::{FRAC_PI_2, LOG2_E, SQRT_2};
 
-use crate::real::Real;
-
 /// `FRAC_PI_2 + FRAC_PI_2_REST` is π/2 to 48 bits.
 const FRAC_PI_2_REST: f32 = -4.371_139e-8;
 
@@ -21,6 +19,19 @@ const FRACTION_BITS: u32 = f32::MANTISSA_DIGITS - 1;
 
 /// Added to a small number, it leaves the nearest whole number in the lowest bits of the sum.
 const ROUNDER: f32 = 1.5 * (1_u32 << FRACTION_BITS) as f32;
+
+/// Square root, the same bits from either library; NaN below zero.
+#[inline(always)]
+pub(crate) fn sqrt(value: f32) -> f32 {
+    #[cfg(feature = "std")]
+    {
+        value.sqrt()
+    }
+    #[cfg(not(feature = "std"))]
+    {
+        libm::sqrtf(value)
+    }
+}
 
 /// Angle \[rad\] of the point, in \[-π, π\], signs of zeros as in `libm`; NaN if both coordinates are infinite. Within
 /// 3 units in the last place.
@@ -69,7 +80,7 @@ pub(crate) fn asin(sine: f32) -> f32 {
     let magnitude = sine.abs();
     let flat = magnitude < 0.5;
     let square = if flat { magnitude * magnitude } else { 0.5 * (1.0 - magnitude) };
-    let base = if flat { magnitude } else { Real::sqrt(square) };
+    let base = if flat { magnitude } else { sqrt(square) };
     let angle = base + base * (square * polynomial(square, coefficients));
     let angle = if flat { angle } else { FRAC_PI_2 - (2.0 * angle - FRAC_PI_2_REST) };
     angle.copysign(sine)

@@ -6,6 +6,37 @@
 //! [`policy_file`] and computed as an [`mlp`] or in [`fixed`] point, whose [`action`] becomes rotor targets again. The
 //! [`pilot`] is all of that in one call. An [`instrument`] is what simulated sensors make of the truth.
 //!
+//! ```
+//! use kestrel_core::airframe::CF2X;
+//! use kestrel_core::attitude::Attitude;
+//! use kestrel_core::dynamics::Integrator;
+//! use kestrel_core::nalgebra::Vector3;
+//! use kestrel_core::pilot::Pilot;
+//! use kestrel_core::policy_file::{Aligned, PolicyError, PolicyFile};
+//! use kestrel_core::vehicle::{Air, State, Vehicle};
+//!
+//! # fn main() -> Result<(), PolicyError> {
+//! let policy = Aligned(*include_bytes!("../../assets/pilots/hover.kestrel"));
+//! let mut pilot = Pilot::new(PolicyFile::parse(&policy.0)?);
+//! pilot.self_test()?;
+//! let (crazyflie, goal) = (Vehicle::<f32>::new(&CF2X), Vector3::new(0.0, 0.0, 1.0));
+//! let mut drone = State {
+//!     position: Vector3::new(0.3, -0.2, 0.8),
+//!     world_from_body: Attitude::level(),
+//!     velocity: Vector3::zeros(),
+//!     body_rates: Vector3::zeros(),
+//!     rotor_speeds: [CF2X.hover_rotor_speed() as f32; 4],
+//! };
+//! let secs = pilot.policy().metadata().control_period_secs;
+//! for _ in 0..(5.0 / secs) as usize {
+//!     let rotor_targets = pilot.tick(&drone, &goal);
+//!     drone = Integrator::SemiImplicitEuler.advance(&crazyflie, &drone, &rotor_targets, &Air::still(), secs);
+//! }
+//! assert!((drone.position - goal).norm() < 0.1);
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! | feature | holds |
 //! |---|---|
 //! | (none) | all of the above: the quadrotor's physics, neural-network inference in float and fixed point, the pilot |
@@ -15,11 +46,14 @@
 //! | `std` | square roots of the standard library, which vectorise; the bits are the same |
 //! | `smlad`, `assembly` | 16-bit products by ARM's DSP extension, and the loop around them in assembly |
 
+pub use nalgebra;
+
 pub mod action;
 pub mod activation;
 pub mod airframe;
 #[cfg(feature = "learning")]
 pub mod anchor;
+mod arithmetic;
 pub mod attitude;
 pub mod crc32;
 pub mod downwash;
@@ -33,6 +67,7 @@ mod limits;
 pub mod mlp;
 pub mod observation;
 pub mod outcome;
+mod persistence;
 pub mod philox;
 pub mod pilot;
 mod policy_error;

@@ -1,18 +1,17 @@
 //! What a policy observes: layouts that turn a state into a vector of numbers of order one.
 
+pub(crate) mod input;
 mod pilot;
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+pub use input::ObservationInput;
 pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout, PilotMeasuredLayout};
 
-use crate::limits::ACTION_LIMIT;
 pub use crate::limits::{HISTORY_LIMIT, OBSERVATION_LIMIT};
 use crate::real::Real;
 #[cfg(feature = "reference")]
 pub use crate::reference::{KinematicLayout, REFERENCE_LEN, ReferenceLayout};
-use crate::vehicle::State;
 #[cfg(not(feature = "reference"))]
 pub use crate::without_reference::{KinematicLayout, ReferenceLayout};
 
@@ -38,21 +37,6 @@ pub enum ObservationLayout {
 pub struct MeasuredLayout {
     /// How many values they deliver.
     pub len: u8,
-}
-
-/// Everything that some layout shows of one drone.
-#[derive(Clone, Copy, Debug)]
-pub struct ObservationInput<'a, R> {
-    /// Where the drone is and how it moves.
-    pub state: &'a State<R>,
-    /// Angular velocity \[rad/s\], world, as the physics reports it: not what the state has in the reference's DYN.
-    pub angular_velocity_in_world: Vector3<R>,
-    /// Where it should be \[m\], world.
-    pub goal: &'a Vector3<R>,
-    /// Past actions, the oldest first; the last is the previous action.
-    pub history: &'a [[R; ACTION_LIMIT]],
-    /// What its sensors deliver.
-    pub measurements: &'a [R],
 }
 
 impl ObservationLayout {
@@ -135,18 +119,13 @@ impl ObservationLayout {
     }
 }
 
-impl<R: Real> ObservationInput<'_, R> {
-    /// The last action; zero before the first.
-    #[inline(always)]
-    pub fn previous_action(&self) -> [R; ACTION_LIMIT] {
-        self.history.last().copied().unwrap_or([R::zero(); ACTION_LIMIT])
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::attitude::Attitude;
+    use crate::limits::ACTION_LIMIT;
+    use crate::vehicle::State;
+    use nalgebra::Vector3;
 
     const PILOT: PilotLayout = PilotLayout { position_scale_m: 2.0, velocity_scale: 4.0, body_rates_scale: 10.0 };
 

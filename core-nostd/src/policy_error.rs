@@ -2,9 +2,9 @@
 
 use thiserror::Error;
 
+use crate::arithmetic::Arithmetic;
 #[cfg(feature = "encoder")]
 use crate::encoder::EncoderError;
-use crate::policy_file::Arithmetic;
 
 /// One variant per kind of damage or misuse; each names what was found and what was expected.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]

@@ -10,6 +10,7 @@ mod parameters;
 mod vision;
 mod writer;
 
+pub use crate::arithmetic::{Arithmetic, FLOAT_SELF_TEST_TOLERANCE};
 pub use crate::policy_error::PolicyError;
 pub use header::{FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat, VISION_FORMAT_VERSION};
 pub use metadata::{NAME_LIMIT, PolicyMetadata};
@@ -22,18 +23,6 @@ use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
 use crate::mlp::{self, Mlp};
 use header::{EncoderSizes, Header, Sections};
 use metadata::{action_identifier, layout_identifier};
-
-/// Greatest deviation from a golden action that a float policy may have; fixed point may have none.
-pub const FLOAT_SELF_TEST_TOLERANCE: f32 = 1e-5;
-
-/// What a policy is computed with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Arithmetic {
-    /// IEEE single precision.
-    Float32,
-    /// 16-bit integers with 32-bit sums.
-    Fixed16,
-}
 
 /// A policy whose parameters lie in borrowed bytes.
 #[derive(Clone, Debug)]
@@ -61,23 +50,6 @@ pub struct Aligned<const N: usize>(pub [u8; N]);
 enum Network<'a> {
     Float32(Mlp<'a>),
     Fixed16(FixedMlp<'a>),
-}
-
-impl Arithmetic {
-    /// As written in reports.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Float32 => "float32",
-            Self::Fixed16 => "fixed16",
-        }
-    }
-
-    const fn self_test_tolerance(self) -> f32 {
-        match self {
-            Self::Float32 => FLOAT_SELF_TEST_TOLERANCE,
-            Self::Fixed16 => 0.0,
-        }
-    }
 }
 
 impl<'a> PolicyFile<'a> {

@@ -7,8 +7,8 @@ use core::marker::PhantomData;
 use serde::{Deserialize, Serialize};
 
 use crate::limits::ACTION_LIMIT;
-use crate::observation::ObservationInput;
-use crate::policy_file::PolicyError;
+use crate::observation::input::ObservationInput;
+use crate::policy_error::PolicyError;
 use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 
@@ -49,7 +49,7 @@ impl ReferenceActions {
         match *self {}
     }
 
-    pub(crate) const fn persistence(&self) -> crate::action::Persistence {
+    pub(crate) const fn persistence(&self) -> crate::persistence::Persistence {
         match *self {}
     }
 

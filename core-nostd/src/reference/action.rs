@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::action::Persistence;
 use crate::airframe::{Airframe, Downwash, DragCoefficients, Layout};
 use crate::limits::ACTION_LIMIT;
+use crate::persistence::Persistence;
 use crate::policy_error::{PolicyError, finite, positive};
 use crate::real::Real;
 use crate::reference::controller::command::{self, Hover, Precision};

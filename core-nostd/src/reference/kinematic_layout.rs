@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::euler::EulerAngles;
 use crate::limits::{ACTION_LIMIT, HISTORY_LIMIT};
-use crate::observation::ObservationInput;
+use crate::observation::input::ObservationInput;
 use crate::policy_error::{PolicyError, holds};
 use crate::real::Real;
 

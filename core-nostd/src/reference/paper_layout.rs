@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::euler::EulerAngles;
-use crate::observation::ObservationInput;
+use crate::observation::input::ObservationInput;
 use crate::policy_error::{PolicyError, positive};
 use crate::real::Real;
 use crate::reference::vector::length;
