@@ -16,15 +16,16 @@ fn paid(yaml: &str) -> Vec<f64> {
     let mut stream = Stream::of_agent(Seed(1), 0, 0, Purpose::Actions);
     let mut draw = |low: f32, high: f32| f64::from(stream.between(low, high));
     let mut trial = Trial::of(yaml);
-    trial.team = vec![[[0.3], [0.1], [0.7]]; 3];
+    trial.team = vec![[[0.3], [0.1], [0.7]]; 4];
     trial.agent = 1;
     let block = Solid::block("block", Vector3::new(0.3, 0.8, 1.8), Vector3::new(0.7, 1.2, 2.2));
     let world = World { solids: vec![block], ..World::empty() };
     trial.arena = Some(Arena::new(&world, &CF2X, ContactReport::Touch));
     let mut pay = |step: u32| {
-        // Towards the landing zone of the smallest terms, past it, and back.
+        // Towards the landing zone of the smallest terms, and from there away, most along x.
         let way = f64::from(step) / 100.0;
-        let place = [0.0, 1.0, 2.0].map(|middle| middle + draw(-0.5, 0.5) * (1.0 - way).abs());
+        let beyond = [0.8 * (way - 1.0).max(0.0), 1.0, 2.0];
+        let place = beyond.map(|middle| middle + draw(-0.5, 0.5) * (1.0 - way).abs());
         trial.swarm.velocity = [0; 3].map(|_| [draw(-1.0, 1.0) * way]);
         trial.swarm.body_rates = [0; 3].map(|_| [draw(-3.0, 3.0)]);
         trial.swarm.rotor_speeds = [0; 4].map(|_| [draw(1000.0, 2000.0)]);
@@ -54,9 +55,10 @@ fn every_key_reaches_its_own_term() {
             (*key, paid(&yaml))
         })
         .collect();
-    for (index, (key, values)) in flights.iter().enumerate() {
-        assert!(values.iter().any(|value| *value != 0.0), "`{key}` pays nothing");
-        let twin = flights[..index].iter().find(|(_, others)| others == values);
-        assert!(twin.is_none(), "`{key}` pays as `{}` does", twin.map_or("", |(key, _)| key));
-    }
+    let twin = |index: usize| flights[..index].iter().find(|(_, others)| *others == flights[index].1);
+    let pays = |values: &[f64]| values.iter().any(|value| *value != 0.0);
+    let idle: Vec<_> = flights.iter().filter(|(_, values)| !pays(values)).map(|(key, _)| key).collect();
+    assert!(idle.is_empty(), "{idle:?} pay nothing");
+    let twins: Vec<_> = (0..flights.len()).filter_map(|index| Some((flights[index].0, twin(index)?.0))).collect();
+    assert!(twins.is_empty(), "{twins:?} pay the same");
 }
