@@ -3,8 +3,11 @@
 //! `cargo run --release -p kestrel-learn --example pendulum [-- SEED]`
 //!
 //! rl-baselines3-zoo publishes −172 ± 104 for PPO after 100 000 steps (`benchmark.md` of DLR-RM/rl-baselines3-zoo: one
-//! run, 750 episodes of the mean action, ± is the standard deviation over episodes). Discount, trace, clip range,
-//! epochs, step size and minibatch are those of its `hyperparams/ppo.yml`.
+//! run, 750 episodes of the mean action, ± is the standard deviation over episodes), with state-dependent exploration
+//! and four environments. Here seeds 0 to 5 come to −217 to −270: a batch has at least 256 environments, which then
+//! have seen no more than two episodes. With 32 steps per rollout and a step size of 1e-3 they come to −223 to −256
+//! after 300 000 steps, and to −174 to −237 after a million. Without a lower limit of the standard deviation it
+//! shrinks to a tenth before a pendulum is up, and returns are −230 to −900.
 
 use std::error::Error;
 
@@ -21,13 +24,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         steps_per_rollout: 8,
         total_steps: 100_000,
         epochs: 10,
-        minibatch: 64,
+        minibatch: 256,
         discount: 0.9,
         gae_lambda: 0.95,
         clip_range: 0.2,
-        learning_rate: Schedule::Constant(1e-3),
+        learning_rate: Schedule::Constant(3e-3),
         initial_log_std: -0.7,
-        reward_scale: 0.1,
+        lowest_log_std: -1.0,
+        reward_scale: 0.05,
         ..PpoSettings::default()
     };
     let mut trainer = Trainer::<Pendulum>::new(&[SwingUp], &settings, Seed(seed));

@@ -181,9 +181,9 @@ mod tests {
     use crate::ppo::{PpoSettings, Trainer};
     use crate::schedule::Schedule;
 
-    /// Mean return that says that a pendulum is swung up: a random policy has about −1200, rl-baselines3-zoo's PPO −172 after
-    /// as many steps, with a standard deviation of 104 over episodes (`benchmark.md` of DLR-RM/rl-baselines3-zoo).
-    const SWUNG_UP: f32 = -400.0;
+    /// Mean return that every seed reaches: 0 to 5 come to −217 to −270. A random policy has about −1200;
+    /// rl-baselines3-zoo's PPO has −172 after as many steps, in one run (`benchmark.md` of DLR-RM/rl-baselines3-zoo).
+    const SWUNG_UP: f32 = -300.0;
 
     #[test]
     fn a_step_is_that_of_gymnasium() {
@@ -230,11 +230,12 @@ mod tests {
             steps_per_rollout: 8,
             total_steps: 100_000,
             epochs: 10,
-            minibatch: 64,
+            minibatch: 256,
             discount: 0.9,
-            learning_rate: Schedule::Constant(1e-3),
+            learning_rate: Schedule::Constant(3e-3),
             initial_log_std: -0.7,
-            reward_scale: 0.1,
+            lowest_log_std: -1.0,
+            reward_scale: 0.05,
             ..PpoSettings::default()
         };
         let mut trainer = Trainer::<Pendulum>::new(&[SwingUp], &settings, Seed(0));
