@@ -16,7 +16,7 @@ use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
 use kestrel_shim::true_state::{TrueStateLog, TrueStateLogError};
 use kestrel_sim::flight::Flight;
-use kestrel_sim::scenario::{Aviary, Downwash, Physics, Preset, Scenario};
+use kestrel_sim::scenario::{Downwash, Physics, Preset, Scenario};
 use kestrel_sim::seed::Seed;
 use nalgebra::Vector3;
 
@@ -195,8 +195,7 @@ fn flat_floor(control_secs: f32) -> Scenario {
     let (integrator, ground, downwash) = (Integrator::SemiImplicitEuler, Ground::Near, Downwash::Absent);
     let preset = Preset::Clean { integrator, ground, downwash };
     let physics = Physics { preset, ..Physics::clean(integrator, substeps, 1.0 / f64::from(control_secs)) };
-    let hover = Scenario::hover(&CF2X, physics);
-    Scenario { aviary: Aviary { goal: Vector3::zeros(), ..hover.aviary }, ..hover }
+    Scenario::hover(&CF2X, physics)
 }
 
 fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {

@@ -140,6 +140,14 @@ fn every_task_has_a_place_from_which_a_vehicle_takes_off() {
 }
 
 #[test]
+fn without_a_task_a_drone_stands_level_at_the_origin() {
+    let flight = Flight::landed(&flat_floor(0.02));
+    let state = flight.state();
+    assert!((state.position - Vector3::new(0.0, 0.0, 0.0125)).norm() < 2e-3, "{state:?}");
+    assert!(state.world_from_body.up_cosine() > 0.999, "{state:?}");
+}
+
+#[test]
 fn an_interrupt_ends_the_flight() {
     let summary = fly(Place::FlatFloor, &climber(0.01), &options(1e9), &|| true).unwrap();
     assert!(summary.secs < 0.02);
