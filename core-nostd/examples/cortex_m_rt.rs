@@ -17,14 +17,18 @@ static POLICY: Aligned<{ include_bytes!("../../assets/pilots/hover.kestrel").len
 #[derive(Default)]
 struct Board {
     rotor_targets: [f32; 4],
+    periods: u32,
+    position: Vector3<f32>,
 }
 
 impl Board {
-    fn wait_for_control_period(&mut self) {}
+    fn wait_for_control_period(&mut self) {
+        self.periods += 1;
+    }
 
     fn estimated_state(&self) -> State<f32> {
         State {
-            position: Vector3::new(0.0, 0.0, 0.9),
+            position: self.position,
             world_from_body: Attitude::level(),
             velocity: Vector3::zeros(),
             body_rates: Vector3::zeros(),
@@ -38,7 +42,7 @@ impl Board {
 }
 
 fn main() {
-    let mut board = Board::default();
+    let mut board = Board { position: Vector3::new(0.0, 0.0, 0.9), ..Board::default() };
     // A policy that does not compute here what it did where it was exported does not fly.
     let Ok(policy) = PolicyFile::parse(&POLICY.0) else { return };
     let mut pilot = Pilot::new(policy);

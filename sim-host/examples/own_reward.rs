@@ -23,7 +23,7 @@ success: { settle: { radius_m: 0.1, within_secs: 4 } }
 struct Record;
 
 impl RewardFunction for Record {
-    fn name(&self) -> &str {
+    fn name(&self) -> &'static str {
         "record"
     }
 
@@ -49,7 +49,7 @@ impl RewardFunction for Record {
 struct Summit;
 
 impl TerminationFunction for Summit {
-    fn name(&self) -> &str {
+    fn name(&self) -> &'static str {
         "summit"
     }
 

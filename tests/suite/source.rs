@@ -44,7 +44,7 @@ fn sources() -> Vec<Source> {
                 if !["tests", "target", "examples"].contains(&name) {
                     folders.push(path);
                 }
-            } else if name.ends_with(".rs")
+            } else if path.extension().is_some_and(|extension| extension == "rs")
                 && !["tests.rs", "without_reference.rs"].contains(&name)
                 && path.components().any(|part| part.as_os_str() == "src")
             {

@@ -44,10 +44,12 @@ impl ReferenceLayout {
     }
 
     /// Number of values.
+    #[expect(clippy::unused_self, reason = "without the feature `reference` a layout is a type without a value")]
     pub(crate) const fn len(&self) -> usize {
         REFERENCE_LEN
     }
 
+    #[expect(clippy::unused_self, reason = "without the feature `reference` a layout is a type without a value")]
     pub(crate) const fn history_len(&self) -> usize {
         0
     }

@@ -1,4 +1,4 @@
-//! Words as outlines: DejaVu Sans, reduced to Latin, Greek and common signs.
+//! Words as outlines: the font "`DejaVu` Sans", reduced to Latin, Greek and common signs.
 
 use tiny_skia::{Path, PathBuilder};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};

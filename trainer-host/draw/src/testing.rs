@@ -49,7 +49,9 @@ pub(crate) fn flown(scenario: &Scenario) -> FlightRecording {
                 None => drone.frames.push(frame(&simulation.state(row))),
             }
         }
-        ended.iter().for_each(|episode| flying[episode.agent as usize] = false);
+        for episode in &ended {
+            flying[episode.agent as usize] = false;
+        }
     }
     flight
 }

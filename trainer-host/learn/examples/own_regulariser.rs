@@ -8,7 +8,7 @@ use kestrel_learn::pendulum::{Pendulum, SwingUp};
 use kestrel_learn::ppo::{CarryOver, PpoSettings, Trainer};
 use kestrel_learn::regulariser::{EndedTask, FineTuning, Learning, Regulariser};
 
-/// ½ `strength` ‖θ − θ_last‖², of all parameters of the policy.
+/// ½ `strength` ‖θ − θ′‖², θ′ those of the last task's end, of all parameters of the policy.
 struct NearLast {
     strength: f32,
     last: Vec<f32>,

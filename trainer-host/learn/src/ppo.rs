@@ -1,6 +1,6 @@
 //! Proximal policy optimisation (Schulman et al. 2017), with the details of Huang et al. 2022.
 //!
-//! [`Trainer::update`] is algorithm 1 of the paper, and this file its page: collect a rollout with the policy π_old,
+//! [`Trainer::update`] is algorithm 1 of the paper, and this file its page: collect a rollout with the policy `π_old`,
 //! estimate advantages, then several epochs of minibatches with the [clipped surrogate](clipped_surrogate), the
 //! critic's squared error and an entropy bonus, each followed by a step of Adam. Where a method of continual learning
 //! remembers earlier tasks, its [`Regulariser`] adds its penalty's gradient to every minibatch's.
@@ -114,7 +114,7 @@ impl<E: Environment> Trainer<E> {
         metrics
     }
 
-    /// Every environment batch takes T steps with π_old, and estimates their advantages (eq. 11 and 12).
+    /// Every environment batch takes T steps with `π_old`, and estimates their advantages (eq. 11 and 12).
     fn collect(&mut self) {
         let progress = self.progress();
         let is_due = self.settings.quantised_from.is_some_and(|share| progress >= f64::from(share));
@@ -267,13 +267,13 @@ struct Surrogate {
     loss: f32,
     /// Its derivative with respect to log π(a|s).
     gradient: f32,
-    /// Estimate of KL(π_old, π): unbiased, and of little variance (Schulman 2020, "k3").
+    /// Estimate of `KL(π_old, π)`: unbiased, and of little variance (Schulman 2020, "k3").
     approx_kl: f32,
     is_clipped: bool,
 }
 
 /// The clipped surrogate objective, eq. 7: min(r A, clip(r, 1 − ε, 1 + ε) A), from the logarithm of the ratio
-/// r = π(a|s) / π_old(a|s) (eq. 6) and the advantage A.
+/// `r = π(a|s) / π_old(a|s)` (eq. 6) and the advantage A.
 #[inline(always)]
 fn clipped_surrogate(log_ratio: f32, advantage: f32, clip_range: f32) -> Surrogate {
     let log_ratio = log_ratio.clamp(-LOG_RATIO_LIMIT, LOG_RATIO_LIMIT);

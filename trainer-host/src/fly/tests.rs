@@ -10,7 +10,7 @@ use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyMetadata};
 use kestrel_shim::link::LinkError;
 use kestrel_shim::lockstep::SimulationRate;
 use kestrel_shim::steering::Steering;
-use kestrel_sim::contact::{Arena, ContactReport};
+use kestrel_sim::contact::{Arena, ContactReport, Touch};
 use kestrel_sim::scenario::{Aviary, Physics};
 use kestrel_sim::world::{Pose, Solid};
 
@@ -135,7 +135,7 @@ fn every_task_has_a_place_from_which_a_vehicle_takes_off() {
         assert!((0.0..0.3).contains(&state.position.z), "{name}: {state:?}");
         let pose = Pose::at((state.position + Vector3::new(0.0, 0.0, 0.02)).cast());
         let arena = Arena::new(&scenario.aviary.world, &scenario.airframe, ContactReport::Touch);
-        assert_eq!(arena.touch(&pose, &[]), Default::default(), "{name}: {state:?}");
+        assert_eq!(arena.touch(&pose, &[]), Touch::default(), "{name}: {state:?}");
     }
 }
 

@@ -37,7 +37,7 @@ impl Term for Rebase {
         let target = Vector3::from(self.landing_zone_m);
         let periods = counted_periods(self.interval_secs, view.control_rate_hz, self.as_published);
         each(values, |i| {
-            let due = view.steps[i].to_f64() as u64 % u64::from(periods) == 0;
+            let due = (view.steps[i].to_f64() as u64).is_multiple_of(u64::from(periods));
             let near = distance(view.swarm, &target, i) < R::from_f64(0.125);
             let value = match (due, near) {
                 (true, true) => R::one(),

@@ -1,6 +1,6 @@
 //! Ranks that are threads of one process: what tests work with.
 
-use std::sync::{Arc, Barrier, Mutex};
+use std::sync::{Arc, Barrier, Mutex, MutexGuard};
 
 use super::Ranks;
 
@@ -9,6 +9,12 @@ use super::Ranks;
 struct Table {
     said: Mutex<Vec<Vec<u8>>>,
     barrier: Barrier,
+}
+
+impl Table {
+    fn said(&self) -> MutexGuard<'_, Vec<Vec<u8>>> {
+        self.said.lock().expect("no rank panics while it says something")
+    }
 }
 
 /// One of several threads.
@@ -31,7 +37,7 @@ pub fn run_as<T: Send>(size: usize, work: impl Fn(Arc<dyn Ranks>) -> T + Sync) -
                 scope.spawn(move || work(Arc::new(Thread { rank, table })))
             })
             .collect();
-        spawned.into_iter().map(|thread| thread.join().unwrap()).collect()
+        spawned.into_iter().map(|thread| thread.join().expect("a rank does its work")).collect()
     })
 }
 
@@ -41,7 +47,7 @@ impl Ranks for Thread {
     }
 
     fn size(&self) -> usize {
-        self.table.said.lock().unwrap().len()
+        self.table.said().len()
     }
 
     fn share(&self, all: &mut [f32]) {
@@ -50,14 +56,14 @@ impl Ranks for Thread {
             all[self.rank * each..(self.rank + 1) * each].iter().flat_map(|value| value.to_le_bytes()).collect();
         let bytes = self.gather(&mine).concat();
         for (value, bytes) in all.iter_mut().zip(bytes.chunks_exact(4)) {
-            *value = f32::from_le_bytes(bytes.try_into().unwrap());
+            *value = f32::from_le_bytes(bytes.try_into().expect("four bytes a value"));
         }
     }
 
     fn gather(&self, mine: &[u8]) -> Vec<Vec<u8>> {
-        self.table.said.lock().unwrap()[self.rank] = mine.to_vec();
+        self.table.said()[self.rank] = mine.to_vec();
         self.table.barrier.wait();
-        let said = self.table.said.lock().unwrap().clone();
+        let said = self.table.said().clone();
         self.table.barrier.wait();
         said
     }

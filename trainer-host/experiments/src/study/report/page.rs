@@ -94,7 +94,7 @@ impl Page {
     pub fn keep(&mut self, earlier: &str) -> Result<(), NoPage> {
         let earlier = earlier.strip_prefix(TITLE).ok_or(NoPage)?;
         let (head, earlier) = earlier.split_once(METHOD).unwrap_or(("", earlier));
-        self.head = head.to_owned();
+        head.clone_into(&mut self.head);
         let mut sections = Vec::new();
         for section in earlier.split("\n## ").skip(1) {
             let name = section.lines().next().unwrap_or_default();
