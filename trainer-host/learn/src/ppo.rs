@@ -1,7 +1,7 @@
 //! Proximal policy optimisation (Schulman et al. 2017), with the details of Huang et al. 2022.
 //!
 //! [`Trainer::update`] is algorithm 1 of the paper, and this file its page: collect a rollout with the policy `π_old`,
-//! estimate advantages, then several epochs of minibatches with the [clipped surrogate](clipped_surrogate), the
+//! estimate advantages, then several epochs of minibatches with the clipped surrogate (`clipped_surrogate`), the
 //! critic's squared error and an entropy bonus, each followed by a step of Adam. Where a method of continual learning
 //! remembers earlier tasks, its [`Regulariser`] adds its penalty's gradient to every minibatch's.
 //!
