@@ -44,8 +44,8 @@
 static KestrelPilot pilot;
 static int32_t refusal = KESTREL_NO_POLICY;
 
-/* Reading a policy takes 1.8 KB of stack, once; the task that starts the system has 1.2. */
-#define READING_STACK_WORDS 768
+/* Reading a policy takes up to 6 KB of stack, once; the task that starts the system has 1.2. */
+#define READING_STACK_WORDS 2048
 static StackType_t reading_stack[READING_STACK_WORDS];
 static StaticTask_t reading_task;
 static volatile bool has_read;
