@@ -12,8 +12,16 @@ const SIZE_LIMIT: u64 = 1 << 28;
 /// The text of a file.
 ///
 /// # Errors
-/// When there is no such file, it is something else, larger than 256 MiB, or not UTF-8.
+/// When it cannot be had or is not UTF-8.
 pub(super) fn text_of(path: &Path) -> Result<String, RecordingError> {
+    String::from_utf8(bytes_of(path)?).map_err(|error| not_text(path, &error))
+}
+
+/// All that is in a file.
+///
+/// # Errors
+/// When there is no such file, it is something else, or larger than 256 MiB.
+pub(super) fn bytes_of(path: &Path) -> Result<Vec<u8>, RecordingError> {
     let broken = |error: std::io::Error| match error.kind() {
         ErrorKind::NotFound => RecordingError::about(path, "no such file", "a file of the recording"),
         _ => RecordingError::about(path, format_args!("a file that cannot be read ({error})"), "a readable file"),
@@ -26,7 +34,7 @@ pub(super) fn text_of(path: &Path) -> Result<String, RecordingError> {
     if bytes.len() as u64 > SIZE_LIMIT {
         return Err(RecordingError::about(path, "more than 256 MiB", "a recording, which has a few"));
     }
-    String::from_utf8(bytes).map_err(|error| not_text(path, &error))
+    Ok(bytes)
 }
 
 fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> RecordingError {

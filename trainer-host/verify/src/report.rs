@@ -30,6 +30,14 @@ pub enum Kind {
     UnitDslPid,
     /// Constants of the drones, relative.
     UnitConstants,
+    /// View and projection of the camera, single precision.
+    UnitCamera,
+    /// Share of a scene's pixels whose silhouette is off by more than a pixel.
+    CameraLabels,
+    /// Share of its pixels whose depth is off by more than 1 %, or 4 % on a sphere.
+    CameraDepths,
+    /// Share of its pixels whose colour is off by more than three levels of 255.
+    CameraColours,
     /// Rotor speeds \[RPM\] of actions in recorded states of upstream's learning environments.
     RlRpm,
     /// Their states under recorded rotor speeds.
@@ -58,7 +66,7 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 28] = [
         Self::OneStep,
         Self::OpenLoop,
         Self::ContactRest,
@@ -71,6 +79,10 @@ impl Kind {
         Self::UnitAttitude,
         Self::UnitDslPid,
         Self::UnitConstants,
+        Self::UnitCamera,
+        Self::CameraLabels,
+        Self::CameraDepths,
+        Self::CameraColours,
         Self::RlRpm,
         Self::RlStates,
         Self::RlTask,
@@ -100,6 +112,10 @@ impl Kind {
             Self::UnitAttitude => "unit.attitude",
             Self::UnitDslPid => "unit.dslpid_calls",
             Self::UnitConstants => "unit.constants",
+            Self::UnitCamera => "unit.camera_matrices",
+            Self::CameraLabels => "camera.labels",
+            Self::CameraDepths => "camera.depths",
+            Self::CameraColours => "camera.colours",
             Self::RlRpm => "rl.rpm",
             Self::RlStates => "rl.states",
             Self::RlTask => "rl.task",
@@ -119,12 +135,15 @@ impl Kind {
     /// contact the order of a solver's iterations and a tenth of a millimetre of a tilted wall have their part.
     pub const fn default_tolerance(self) -> f64 {
         match self {
-            Self::ContactRest => 1e-3,
+            Self::ContactRest | Self::CameraLabels => 1e-3,
             Self::ContactSide => 0.0,
             Self::ContactRebound => 0.1,
             Self::ContactTimeToRest => 0.2,
             Self::ThesisContact => 1e-4,
-            Self::ClosedLoopRpm
+            Self::CameraDepths => 5e-3,
+            Self::CameraColours => 1e-2,
+            Self::UnitCamera
+            | Self::ClosedLoopRpm
             | Self::ClosedLoopFlight
             | Self::RlRpm
             | Self::RlTask
@@ -188,6 +207,11 @@ pub(super) struct Worst {
 }
 
 impl Worst {
+    /// Of rows that are judged together.
+    pub(super) fn of(rows: usize, error: f64, row: impl fmt::Display) -> Self {
+        Self { rows, error, row: row.to_string() }
+    }
+
     /// Whether there was no row.
     pub(super) fn is_empty(&self) -> bool {
         self.rows == 0

@@ -178,6 +178,18 @@ impl Table {
         Ok(columns)
     }
 
+    /// The columns of a matrix of four rows, `a0` to `a15`.
+    ///
+    /// # Errors
+    /// The first column that is missing.
+    pub(super) fn sixteen(&self, prefix: &str) -> Result<Columns<16>, RecordingError> {
+        let mut columns = [0; 16];
+        for (index, column) in columns.iter_mut().enumerate() {
+            *column = self.column(&format!("{prefix}{index}"))?;
+        }
+        Ok(columns)
+    }
+
     /// The columns `a0`, `a1`, … of a prefix, as many as there are.
     pub(super) fn numbered(&self, prefix: &str) -> Vec<usize> {
         (0..).map_while(|index| self.position(&format!("{prefix}{index}"))).collect()

@@ -12,6 +12,7 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde_json::Value;
 
+use super::camera;
 use super::error::RecordingError;
 use super::index::{Json, Part};
 use super::model::{Models, Publisher};
@@ -31,8 +32,8 @@ pub(super) fn compare(folder: &Path, models: &Models, ledger: &mut Ledger) -> Re
     if let Some(path) = file("constants.json") {
         constants(&Json::read(&path)?, models, ledger)?;
     }
-    if file("camera_matrices.csv").is_some() {
-        ledger.note("unit/camera_matrices.csv is not compared: there is no camera yet");
+    if let Some(path) = file("camera_matrices.csv") {
+        ledger.add(Kind::UnitCamera, "camera_matrices.csv", &camera::matrices(&Table::read(&path)?)?);
     }
     Ok(())
 }
