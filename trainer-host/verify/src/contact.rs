@@ -15,12 +15,21 @@ use super::model::Physics;
 use super::open_loop::{Run, StaticBox, advance};
 use super::report::{Kind, Ledger, Worst};
 
-/// Speed below which a drone is at rest \[m/s\].
+/// A drone is at rest once it has been slower than this \[m/s\] for [`QUIET_STEPS`].
 const REST: f64 = 0.01;
 
-/// Physics steps after the first contact in which the drone rebounds; one that comes to rest in as many last steps may
-/// as well do so after them.
+/// Physics steps, a tenth of a second, in which a drone that nothing carries becomes faster than 1 m/s. What it does after
+/// them does not count: Bullet exchanges the contact points of a resting body now and then, which kicks it to some
+/// 2 cm/s for one to three steps. When that happens is decided by rounding; 3 of 60 drones do it that lie flat.
+const QUIET_STEPS: usize = 24;
+
+/// Physics steps after the first contact in which the drone rebounds.
 const REBOUND_STEPS: usize = 60;
+
+/// Physics steps, a second, after the first contact. A drone that still rattles then does so from one corner to the next
+/// until chance ends it: of eight falls whose starts were turned by 1e-13 rad, Bullet itself let half come to rest after
+/// 451 to 491 steps, and half never.
+const RATTLE_STEPS: usize = 240;
 
 /// The way of one drone at the recorded physics steps.
 type Track = BTreeMap<usize, Passing>;
@@ -37,7 +46,7 @@ struct Passing {
 struct Outcome {
     /// Greatest speed against the direction of arrival \[m/s\].
     rebound: f64,
-    /// Physics step from which on the drone does not move.
+    /// Physics step from which on the drone is at rest.
     rest: Option<usize>,
     /// At the end of the record \[m, world\].
     end: Vector3<f64>,
@@ -66,8 +75,7 @@ pub(super) fn compare(run: &Run, ledger: &mut Ledger) {
         if !world.solids.is_empty() {
             add(Kind::ContactSide, wrong_sides(&world, &found.end, &expected.end));
         }
-        let settled = run.last_step().saturating_sub(REBOUND_STEPS);
-        if let Some(rest) = expected.rest.filter(|rest| *rest < settled) {
+        if let Some(rest) = expected.rest.filter(|rest| *rest < contact + RATTLE_STEPS) {
             add(Kind::ContactRest, (found.end - expected.end).norm());
             let time = |step: usize| (step - contact) as f64;
             let error = found.rest.map_or(f64::INFINITY, |found| relative(time(found), time(rest)));
@@ -103,14 +111,24 @@ fn wrong_sides(world: &World, found: &Vector3<f64>, expected: &Vector3<f64>) -> 
 /// What comes of the first contact; none if nothing is recorded before or after it.
 fn outcome(track: &Track, contact: usize) -> Option<Outcome> {
     let (_, arriving) = track.range(..contact).next_back()?;
-    let (last, end) = track.range(contact..).next_back()?;
+    let (_, end) = track.range(contact..).next_back()?;
     let direction = arriving.velocity.normalize();
     let rebounding = track.range(contact..contact + REBOUND_STEPS);
     let rebound = rebounding.map(|(_, passing)| -passing.velocity.dot(&direction)).fold(f64::MIN, f64::max);
-    let moving = track.range(contact..).rfind(|(_, passing)| passing.velocity.norm() >= REST);
-    let moved_until = moving.map_or(contact, |(step, _)| *step);
-    let rest = track.range(moved_until + 1..).next().map(|(step, _)| *step).filter(|step| step < last);
-    Some(Outcome { rebound, rest, end: end.position })
+    Some(Outcome { rebound, rest: rest(track, contact), end: end.position })
+}
+
+/// The step from which on the drone is at rest for the first time.
+fn rest(track: &Track, contact: usize) -> Option<usize> {
+    let mut since = None;
+    for (&step, passing) in track.range(contact..) {
+        if passing.velocity.norm() >= REST {
+            since = None;
+        } else if step - *since.get_or_insert(step) >= QUIET_STEPS {
+            return since;
+        }
+    }
+    None
 }
 
 /// The tracks of all drones from what they did step by step.
@@ -173,4 +191,33 @@ fn world(boxes: &[StaticBox]) -> World {
         ..Solid::block("box", Vector3::zeros(), Vector3::zeros())
     };
     World { solids: boxes.iter().map(solid).collect(), ..World::empty() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Falls, is slower than [`REST`] for a moment, settles at step 40, and is kicked at the steps of `kicks`.
+    fn settling(kicks: &[usize]) -> Track {
+        let speed = |step: usize| match step {
+            _ if kicks.contains(&step) => 0.02,
+            0..10 => step as f64,
+            10..40 if step == 30 => 0.009,
+            10..40 => 0.5 * 0.88_f64.powi(step as i32 - 10),
+            _ => 0.005,
+        };
+        let passing =
+            |step| Passing { position: Vector3::zeros(), velocity: Vector3::new(0.0, 0.0, -speed(step)) };
+        (0..200).map(|step| (step, passing(step))).collect()
+    }
+
+    #[test]
+    fn a_kick_of_the_solver_does_not_wake_a_drone_that_rests() {
+        let rest = |track: &Track| outcome(track, 10).unwrap().rest;
+        assert_eq!(rest(&settling(&[])), Some(40));
+        assert_eq!(rest(&settling(&[90, 91, 150, 198])), Some(40));
+        assert_eq!(rest(&settling(&[60])), Some(61), "it was not at rest yet");
+        let restless: Vec<usize> = (10..200).step_by(20).collect();
+        assert_eq!(rest(&settling(&restless)), None);
+    }
 }
