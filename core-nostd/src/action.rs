@@ -298,7 +298,7 @@ mod tests {
         let rates = Vector3::new(0.5, -0.2, 0.1);
         let rotor_speeds = space.rotor_targets(&[0.0, 0.1, -0.1, 0.05_f64], &rates);
         let state = State { rotor_speeds, ..turning(rates) };
-        let (_, turning) = Vehicle::new(&CF2X).accelerations(&state, &Air::still());
+        let (_, turning) = Vehicle::new(&CF2X).accelerations(&state, &[0.0; 4], &Air::still());
         let gyroscopic = Vehicle::<f64>::new(&CF2X).gyroscopic;
         let expected = [10.0 * (0.6 - 0.5), 10.0 * (-0.6 + 0.2), 4.0 * (0.3 - 0.1)];
         let coupling = [rates.y * rates.z, rates.z * rates.x, rates.x * rates.y];

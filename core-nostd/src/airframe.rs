@@ -49,6 +49,37 @@ pub struct Airframe {
     pub collision_offset: f64,
     /// Speed that the maker states \[m/s\]; the reference's velocity action is a share of it.
     pub nominal_speed: f64,
+    /// What real flights show beside thrust and rotor drag; policy files do not hold it.
+    #[serde(skip)]
+    pub effects: FlightEffects,
+}
+
+/// Forces and moments of a real drone that the reference's model leaves out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FlightEffects {
+    /// Moment about body x and y per air speed across the rotors and summed rotor speed \[N s²/rad\]: blade flapping,
+    /// and drag above the centre of mass. It lifts the side that meets the air.
+    pub flapping_moment: f64,
+    /// Moment about body x, y, z against a body rate \[N m s/rad\].
+    pub rate_damping: [f64; 3],
+    /// Inertia of a rotor and what turns with it, about its axis \[kg m²\]: it reacts to a change of speed, and its
+    /// momentum turns with the body.
+    pub rotor_inertia: f64,
+    /// Drag of the body per squared air speed \[N s²/m²\].
+    pub body_drag: f64,
+    /// Share of a commanded rotor speed that the battery's resistance costs at full thrust.
+    pub battery_sag: f64,
+}
+
+impl FlightEffects {
+    /// As the reference has it.
+    pub const NONE: Self = Self {
+        flapping_moment: 0.0,
+        rate_damping: [0.0; 3],
+        rotor_inertia: 0.0,
+        body_drag: 0.0,
+        battery_sag: 0.0,
+    };
 }
 
 /// Which way round the rotors are numbered, seen from above.
@@ -208,6 +239,30 @@ pub const CF2X: Airframe = Airframe {
     collision_height: 0.025,
     collision_offset: 0.0,
     nominal_speed: 30.0 / 3.6,
+    effects: FlightEffects::NONE,
+};
+
+/// Crazyflie 2.1 as it flies: [`CF2X`] with what flights of real ones show, as `kestrel identify` finds it.
+///
+/// Inertia about x and y, rotor inertia, rate damping, time constants and the rotors' greatest speed: 1 kHz logs of
+/// motors, gyroscope and accelerometer (Eschmann 2024). Drag and flapping moment: motion capture (`NanoBench`, Ullah &
+/// Baca 2026). These flights tell ratios only: mass, thrust coefficient and lever are [`CF2X`]'s, and the inertia about z
+/// is [`CF2P`]'s, to which the reaction torque of 8.0 mm of lever belongs.
+pub const CRAZYFLIE_2_1: Airframe = Airframe {
+    inertia: [1.93e-5, 2.01e-5, 3.2347e-5],
+    torque_coefficient: 0.0080 * CF2X.thrust_coefficient,
+    rotor_speed_limit: 2153.0,
+    rotor_rise_secs: 0.055,
+    rotor_fall_secs: 0.118,
+    drag_coefficients: DragCoefficients { planar: 1.54e-6, axial: 2.0e-6 },
+    effects: FlightEffects {
+        flapping_moment: 4.6e-8,
+        rate_damping: [7.8e-5, 7.8e-5, 5.4e-5],
+        rotor_inertia: 4.8e-8,
+        body_drag: 0.0,
+        battery_sag: 0.0,
+    },
+    ..CF2X
 };
 
 /// Crazyflie 2.x flying with a plus layout: `cf2p.urdf` of gym-pybullet-drones, but with the rotors clockwise from
@@ -237,6 +292,7 @@ pub const HUMMINGBIRD: Airframe = Airframe {
     collision_height: 0.15,
     collision_offset: -0.075,
     nominal_speed: 50.0 / 3.6,
+    effects: FlightEffects::NONE,
 };
 
 /// Racing quadrotor of gym-pybullet-drones 2.x: `racer.urdf`; drag, ground effect, downwash and collision numbers are

@@ -44,7 +44,8 @@ pub fn semi_implicit_euler<R: Real>(
 ) -> State<R> {
     let spin_up = vehicle.rotor_accelerations(&state.rotor_speeds, rotor_targets);
     let rotor_speeds = core::array::from_fn(|i| state.rotor_speeds[i] + spin_up[i] * secs);
-    let (acceleration, angular_acceleration) = vehicle.accelerations(&State { rotor_speeds, ..*state }, air);
+    let (acceleration, angular_acceleration) =
+        vehicle.accelerations(&State { rotor_speeds, ..*state }, &spin_up, air);
     let velocity = moved(&state.velocity, &acceleration, secs);
     let body_rates = moved(&state.body_rates, &angular_acceleration, secs);
     let turning = state.world_from_body.derivative(body_rates);
@@ -135,7 +136,7 @@ fn renormalized<R: Real>(attitude: &Attitude<R>) -> Attitude<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::airframe::{Airframe, CF2P, CF2X, GRAVITY};
+    use crate::airframe::{Airframe, CF2P, CF2X, FlightEffects, GRAVITY};
     use crate::vehicle::Ground;
 
     const BOTH: [Integrator; 2] = [Integrator::SemiImplicitEuler, Integrator::RungeKutta4];
@@ -198,14 +199,14 @@ mod tests {
         for (targets, axis) in cases {
             let vehicle = Vehicle::<f64>::new(&CF2X);
             let state = State { rotor_speeds: targets, ..at_rest(hover) };
-            let (_, turning) = vehicle.accelerations(&state, &Air::still());
+            let (_, turning) = vehicle.accelerations(&state, &[0.0; 4], &Air::still());
             for other in 0..3 {
                 assert!(if other == axis { turning[other] > 0.1 } else { turning[other].abs() < 1e-9 });
             }
         }
         let vehicle = Vehicle::<f64>::new(&CF2P);
         let state = State { rotor_speeds: [hover, hover, hover, fast], ..at_rest(hover) };
-        let (_, turning) = vehicle.accelerations(&state, &Air::still());
+        let (_, turning) = vehicle.accelerations(&state, &[0.0; 4], &Air::still());
         assert!(turning.x > 0.1 && turning.y.abs() < 1e-9);
     }
 
@@ -214,7 +215,8 @@ mod tests {
         let hover = CF2X.hover_rotor_speed();
         let speeds = [hover, hover, 1.1 * hover, hover];
         let vehicle = Vehicle::<f64>::new(&CF2X);
-        let (_, turning) = vehicle.accelerations(&State { rotor_speeds: speeds, ..at_rest(hover) }, &Air::still());
+        let (_, turning) =
+            vehicle.accelerations(&State { rotor_speeds: speeds, ..at_rest(hover) }, &[0.0; 4], &Air::still());
         let thrusts = speeds.map(|speed| CF2X.thrust_coefficient * speed * speed);
         let positions = CF2X.rotor_positions();
         let roll: f64 = (0..4).map(|i| positions[i][1] * thrusts[i]).sum();
@@ -268,11 +270,81 @@ mod tests {
         let hover = CF2X.hover_rotor_speed();
         let vehicle = Vehicle::<f64>::new(&CF2X);
         let moving = State { velocity: Vector3::new(1.0, 0.0, 0.0), ..at_rest(hover) };
-        let (deceleration, _) = vehicle.accelerations(&moving, &Air::still());
+        let (deceleration, _) = vehicle.accelerations(&moving, &[0.0; 4], &Air::still());
         let expected = 4.0 * hover * CF2X.drag_coefficients.planar / CF2X.mass;
         assert!((deceleration.x + expected).abs() < 1e-9);
         let carried = Air { wind: moving.velocity, ..Air::still() };
-        assert!(vehicle.accelerations(&moving, &carried).0.norm() < 1e-9);
+        assert!(vehicle.accelerations(&moving, &[0.0; 4], &carried).0.norm() < 1e-9);
+    }
+
+    /// A drone whose rotors neither lift nor drag, so that nothing from outside turns it.
+    fn adrift(effects: FlightEffects) -> Airframe {
+        let inertia = [1.8e-5, 2.1e-5, 3.0e-5];
+        Airframe { thrust_coefficient: 1e-30, torque_coefficient: 1e-30, inertia, effects, ..CF2X }
+    }
+
+    #[test]
+    fn rotors_and_body_keep_their_momentum_together() {
+        let airframe = adrift(FlightEffects { rotor_inertia: 3.3e-8, ..FlightEffects::NONE });
+        let momentum = |state: &State<f64>| {
+            let [a, b, c, d] = state.rotor_speeds;
+            let of_body = Vector3::from(airframe.inertia).component_mul(&state.body_rates);
+            let of_rotors = Vector3::new(0.0, 0.0, airframe.effects.rotor_inertia * ((a + c) - (b + d)));
+            state.world_from_body.rotate(of_body + of_rotors)
+        };
+        let start = State { body_rates: Vector3::new(2.0, -1.0, 0.5), ..at_rest(1000.0) };
+        let end = fly(Integrator::RungeKutta4, &airframe, start, [2000.0, 0.0, 1500.0, 500.0], 0.0005);
+        assert!((momentum(&end) - momentum(&start)).norm() < 1e-6 * momentum(&start).norm());
+        assert!((end.body_rates - start.body_rates).norm() > 0.5, "they exchange it");
+    }
+
+    #[test]
+    fn the_side_that_meets_the_air_is_lifted() {
+        let effects = FlightEffects { flapping_moment: 3e-8, ..FlightEffects::NONE };
+        let vehicle = Vehicle::<f64>::new(&Airframe { effects, ..CF2X });
+        let hover = CF2X.hover_rotor_speed();
+        let gain = 4.0 * hover * 3e-8 / 1.4e-5;
+        let turning = |velocity: Vector3<f64>| {
+            let state = State { velocity, ..at_rest(hover) };
+            vehicle.accelerations(&state, &[0.0; 4], &Air::still()).1
+        };
+        // Forward flight lifts the nose (−y), flight to the left the left side (+x).
+        assert!((turning(Vector3::new(2.0, 0.0, 0.0)) - Vector3::new(0.0, -2.0 * gain, 0.0)).norm() < 1e-9);
+        assert!((turning(Vector3::new(0.0, 1.0, 0.0)) - Vector3::new(gain, 0.0, 0.0)).norm() < 1e-9);
+        assert!(turning(Vector3::new(0.0, 0.0, 3.0)).norm() < 1e-9);
+    }
+
+    #[test]
+    fn damping_slows_each_rate_with_its_own_time() {
+        let effects = FlightEffects { rate_damping: [8e-5, 9e-5, 3e-5], ..FlightEffects::NONE };
+        let airframe = adrift(effects);
+        for axis in 0..3 {
+            let mut start = at_rest(0.0);
+            start.body_rates[axis] = 3.0;
+            let end = fly(Integrator::RungeKutta4, &airframe, start, [0.0; 4], 0.001);
+            let rate = effects.rate_damping[axis] / airframe.inertia[axis];
+            assert!((end.body_rates[axis] - 3.0 * libm::exp(-rate)).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_body_falls_no_faster_than_its_drag_allows() {
+        let mut airframe = adrift(FlightEffects { body_drag: 0.05, ..FlightEffects::NONE });
+        airframe.drag_coefficients.axial = 0.0;
+        airframe.drag_coefficients.planar = 0.0;
+        let end = fly(Integrator::RungeKutta4, &airframe, at_rest(0.0), [0.0; 4], 0.001);
+        let terminal = libm::sqrt(airframe.weight() / 0.05);
+        assert!((end.velocity.z + terminal * libm::tanh(GRAVITY / terminal)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_loaded_battery_turns_the_rotors_slower() {
+        let airframe = Airframe { effects: FlightEffects { battery_sag: 0.1, ..FlightEffects::NONE }, ..CF2X };
+        let limit = airframe.rotor_speed_limit;
+        let end = fly(Integrator::RungeKutta4, &airframe, at_rest(limit), [limit; 4], 0.001);
+        // Where the rotor speed x is the share of the limit: x = 1 − 0.1 x².
+        let share = (libm::sqrt(1.4) - 1.0) / 0.2;
+        assert!((end.rotor_speeds[0] / limit - share).abs() < 1e-3, "{}", end.rotor_speeds[0] / limit);
     }
 
     #[test]
@@ -281,7 +353,7 @@ mod tests {
         let vehicle = Vehicle::<f64>::new(&CF2X);
         let gain = |height: f64| {
             let state = State { position: Vector3::new(0.0, 0.0, height), ..at_rest(hover) };
-            vehicle.accelerations(&state, &Air { ground: Ground::Near, ..Air::still() }).0.z / GRAVITY
+            vehicle.accelerations(&state, &[0.0; 4], &Air { ground: Ground::Near, ..Air::still() }).0.z / GRAVITY
         };
         // The reference system's figures at its start height and at its limit.
         assert!((gain(0.1125) - 0.030_048).abs() < 1e-5);

@@ -1,10 +1,13 @@
 //! What a policy observes: layouts that turn a state into a vector of numbers of order one.
 
+mod body;
 pub(crate) mod input;
 mod pilot;
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+pub use body::{BODY_MOTION_LEN, BodyLayout};
 pub use input::ObservationInput;
 pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout, PilotMeasuredLayout};
 
@@ -12,6 +15,7 @@ pub use crate::limits::{HISTORY_LIMIT, OBSERVATION_LIMIT};
 use crate::real::Real;
 #[cfg(feature = "reference")]
 pub use crate::reference::{KinematicLayout, REFERENCE_LEN, ReferenceLayout};
+use crate::vehicle::State;
 #[cfg(not(feature = "reference"))]
 pub use crate::without_reference::{KinematicLayout, ReferenceLayout};
 
@@ -30,6 +34,8 @@ pub enum ObservationLayout {
     PilotFor(PilotForLayout),
     /// [`PilotMeasuredLayout`]: the `pilot` layout, then sensors.
     PilotMeasured(PilotMeasuredLayout),
+    /// [`BodyLayout`]: in the drone's own axes, then sensors.
+    Body(BodyLayout),
 }
 
 /// What sensors deliver, in the scenario's order and scales.
@@ -50,6 +56,7 @@ impl ObservationLayout {
             Self::Measured(layout) => layout.len as usize,
             Self::PilotFor(layout) => layout.len(),
             Self::PilotMeasured(layout) => layout.len(),
+            Self::Body(layout) => layout.len(),
         }
     }
 
@@ -61,13 +68,14 @@ impl ObservationLayout {
             Self::Kinematic(_) => "kinematic",
             Self::Measured(_) => "measured",
             Self::PilotMeasured(_) => "pilot_measured",
+            Self::Body(_) => "body",
         }
     }
 
     /// Whether it shows where the drone should be: only such a policy can be told where to fly.
     pub const fn shows_goal(&self) -> bool {
         match self {
-            Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) => true,
+            Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) | Self::Body(_) => true,
             Self::Reference(_) | Self::Kinematic(_) | Self::Measured(_) => false,
         }
     }
@@ -77,6 +85,7 @@ impl ObservationLayout {
         match self {
             Self::Measured(layout) => layout.len as usize,
             Self::PilotMeasured(layout) => layout.measured_len as usize,
+            Self::Body(layout) => layout.measured_len as usize,
             Self::Pilot(_) | Self::PilotFor(_) | Self::Reference(_) | Self::Kinematic(_) => 0,
         }
     }
@@ -88,6 +97,41 @@ impl ObservationLayout {
             Self::Measured(_) => 0,
             Self::Reference(layout) => layout.history_len(),
             Self::Kinematic(layout) => layout.history_len(),
+            Self::Body(layout) => layout.history_len(),
+        }
+    }
+
+    /// Whether it shows where the drone should face: only such a policy can be told a heading.
+    pub const fn shows_heading(&self) -> bool {
+        match self {
+            Self::Body(_) => true,
+            Self::Pilot(_)
+            | Self::PilotFor(_)
+            | Self::PilotMeasured(_)
+            | Self::Reference(_)
+            | Self::Kinematic(_)
+            | Self::Measured(_) => false,
+        }
+    }
+
+    /// The integral of the position error, world, after a control period of `secs` that ended in `state`; layouts that
+    /// do not show it leave it.
+    #[inline(always)]
+    pub fn integrate<R: Real>(
+        &self,
+        integral: &Vector3<R>,
+        state: &State<R>,
+        goal: &Vector3<R>,
+        secs: R,
+    ) -> Vector3<R> {
+        match self {
+            Self::Body(layout) => layout.integrate(integral, state, goal, secs),
+            Self::Pilot(_)
+            | Self::PilotFor(_)
+            | Self::PilotMeasured(_)
+            | Self::Reference(_)
+            | Self::Kinematic(_)
+            | Self::Measured(_) => *integral,
         }
     }
 
@@ -115,6 +159,7 @@ impl ObservationLayout {
             }
             Self::PilotFor(layout) => layout.encode(input, out),
             Self::PilotMeasured(layout) => layout.encode(input, out),
+            Self::Body(layout) => layout.encode(input, out),
         }
     }
 }
@@ -124,8 +169,6 @@ mod tests {
     use super::*;
     use crate::attitude::Attitude;
     use crate::limits::ACTION_LIMIT;
-    use crate::vehicle::State;
-    use nalgebra::Vector3;
 
     const PILOT: PilotLayout = PilotLayout { position_scale_m: 2.0, velocity_scale: 4.0, body_rates_scale: 10.0 };
 
@@ -149,6 +192,8 @@ mod tests {
             state: &state,
             angular_velocity_in_world: Vector3::new(0.0, 3.0, -4.0),
             goal: &Vector3::new(0.0, 0.0, 1.0),
+            heading: 0.0,
+            integral: &Vector3::zeros(),
             history,
             measurements: &[0.25, -0.5],
         };
@@ -196,6 +241,8 @@ mod tests {
             state: &state,
             angular_velocity_in_world: Vector3::zeros(),
             goal: &Vector3::zeros(),
+            heading: 0.0,
+            integral: &Vector3::zeros(),
             history: &[],
             measurements: &[],
         };

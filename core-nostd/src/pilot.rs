@@ -13,6 +13,7 @@ pub use vision::VisionRunner;
 
 use crate::limits::ACTION_LIMIT;
 use crate::policy_file::{PolicyError, PolicyFile, PolicyMetadata, PolicyScratch};
+use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 use controller::PolicyController;
 
@@ -96,9 +97,20 @@ impl<'a, P: PolicyRunner<'a>> Pilot<'a, P> {
     /// As [`Self::tick`], for a policy that observes what sensors measure, in the order and the scales of its training.
     /// The controllers behind action spaces still read the estimated `state`: body rates, or pose and velocity.
     pub fn tick_measured(&mut self, measurements: &[f32], state: &State<f32>, goal: &Vector3<f32>) -> [f32; 4] {
-        let observation = self.controller.observe(self.policy.metadata(), measurements, state, goal);
+        self.tick_towards(measurements, state, &Setpoint::at(*goal))
+    }
+
+    /// As [`Self::tick_measured`], facing as the set-point says where the layout shows a heading; of its other values only
+    /// the position is read.
+    pub fn tick_towards(
+        &mut self,
+        measurements: &[f32],
+        state: &State<f32>,
+        setpoint: &Setpoint<f32>,
+    ) -> [f32; 4] {
+        let observation = self.controller.observe(self.policy.metadata(), measurements, state, setpoint);
         let action = self.policy.act(observation, &mut self.scratch);
-        self.controller.rotor_targets(self.policy.metadata(), action, state, goal)
+        self.controller.rotor_targets(self.policy.metadata(), action, state, setpoint)
     }
 
     /// Computes the golden vectors again, in the pilot's own memory, and forgets the last image.

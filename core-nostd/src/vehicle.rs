@@ -11,11 +11,19 @@
 //! Ω̇ᵢ = (Ωᵢ* − Ωᵢ) / T,   T = rise or fall time constant
 //! ```
 //!
+//! A drone whose [`FlightEffects`] are known has besides, with w in body axes,
+//!
+//! ```text
+//! m v̇ += −c_b |w| w
+//! J ω̇ += c_f ΣΩᵢ (w_y, −w_x, 0) − D ω + J_r [Σ sᵢ Ω̇ᵢ e₃ + ω × e₃ Σ sᵢ Ωᵢ]
+//! Ωᵢ* becomes Ωᵢ* (b − c_s ΣΩᵢ²)
+//! ```
+//!
 //! (Mahony, Kumar & Corke 2012, eqs. 1–8; rotor drag after Förster 2015.)
 
 use nalgebra::Vector3;
 
-use crate::airframe::{Airframe, GRAVITY, Layout};
+use crate::airframe::{Airframe, FlightEffects, GRAVITY, Layout};
 use crate::attitude::Attitude;
 use crate::real::Real;
 
@@ -128,6 +136,27 @@ pub struct Vehicle<R> {
     pub ground_effect: R,
     /// Height below which the ground effect grows no further \[m\].
     pub ground_effect_floor: R,
+    /// What a real drone has beside; `None` where its airframe has none of it, and nothing is computed.
+    pub effects: Option<EffectGains<R>>,
+}
+
+/// [`FlightEffects`] over mass and inertia.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EffectGains<R> {
+    /// Angular acceleration about body x and y per air speed and summed rotor speed \[1/(m rad)\].
+    pub flapping: [R; 2],
+    /// Angular deceleration per body rate \[1/s\].
+    pub rate_damping: Vector3<R>,
+    /// Inertia of a rotor over the drone's about each body axis; negative where the first rotor turns clockwise.
+    pub rotor_inertia: Vector3<R>,
+    /// Deceleration per squared air speed \[1/m\].
+    pub body_drag: R,
+    /// Thrust of each rotor over that of the airframe: one, but for motors that differ.
+    pub rotor_thrusts: [R; 4],
+    /// Share of a commanded rotor speed that an unloaded battery reaches: one when it is full.
+    pub battery: R,
+    /// What the load takes of that share, per summed squared rotor speed \[s²/rad²\].
+    pub battery_sag: R,
 }
 
 impl<R: Real> Vehicle<R> {
@@ -163,21 +192,24 @@ impl<R: Real> Vehicle<R> {
             diagonal: real(diagonal),
             ground_effect: real(airframe.ground_effect_coefficient * quarter_radius * quarter_radius),
             ground_effect_floor: real(floor),
+            effects: (airframe.effects != FlightEffects::NONE).then(|| EffectGains::new(airframe)),
         }
     }
 
     /// Rotor accelerations \[rad/s²\] towards their target speeds \[rad/s\].
     #[inline(always)]
     pub fn rotor_accelerations(&self, rotor_speeds: &[R; 4], targets: &[R; 4]) -> [R; 4] {
+        let share = self.effects.as_ref().map(|effects| effects.battery_share(rotor_speeds));
         core::array::from_fn(|i| {
-            let missing = targets[i] - rotor_speeds[i];
+            let missing = share.map_or(targets[i], |share| targets[i] * share) - rotor_speeds[i];
             missing * R::zero().where_less(missing, self.rotor_rise_rate, self.rotor_fall_rate)
         })
     }
 
-    /// Linear \[m/s², world\] and angular \[rad/s², body\] acceleration.
+    /// Linear \[m/s², world\] and angular \[rad/s², body\] acceleration while the rotors' speeds change by `spin_up`
+    /// \[rad/s²\].
     #[inline(always)]
-    pub fn accelerations(&self, state: &State<R>, air: &Air<R>) -> (Vector3<R>, Vector3<R>) {
+    pub fn accelerations(&self, state: &State<R>, spin_up: &[R; 4], air: &Air<R>) -> (Vector3<R>, Vector3<R>) {
         let squares = self.squared_speeds(state, air.ground);
         let body_z = state.world_from_body.body_z();
         let drag = self.drag(state, &body_z, air);
@@ -190,26 +222,34 @@ impl<R: Real> Vehicle<R> {
             push(body_z.y, air.force.y, drag.air_velocity.y),
             push(body_z.z, air.force.z, drag.air_velocity.z) - R::from_f64(GRAVITY),
         );
-        (linear, self.angular_acceleration(&state.body_rates, &squares))
+        let mut angular = self.angular_acceleration(&state.body_rates, &squares);
+        if let Some(effects) = &self.effects {
+            angular += effects.angular_acceleration(state, spin_up, &drag.air_velocity);
+        }
+        (linear, angular)
     }
 
     /// Time derivative of the whole state.
     #[inline(always)]
     pub fn derivative(&self, state: &State<R>, rotor_targets: &[R; 4], air: &Air<R>) -> Derivative<R> {
-        let (velocity, body_rates) = self.accelerations(state, air);
+        let rotor_speeds = self.rotor_accelerations(&state.rotor_speeds, rotor_targets);
+        let (velocity, body_rates) = self.accelerations(state, &rotor_speeds, air);
         Derivative {
             position: state.velocity,
             world_from_body: state.world_from_body.derivative(state.body_rates),
             velocity,
             body_rates,
-            rotor_speeds: self.rotor_accelerations(&state.rotor_speeds, rotor_targets),
+            rotor_speeds,
         }
     }
 
     /// Squared rotor speeds \[rad²/s²\], raised by the ground effect.
     #[inline(always)]
     fn squared_speeds(&self, state: &State<R>, ground: Ground) -> [R; 4] {
-        let squares = state.rotor_speeds.map(|speed| speed * speed);
+        let mut squares = state.rotor_speeds.map(|speed| speed * speed);
+        if let Some(effects) = &self.effects {
+            squares = core::array::from_fn(|rotor| squares[rotor] * effects.rotor_thrusts[rotor]);
+        }
         match ground {
             Ground::Distant => squares,
             Ground::Near => self.cushioned(state, squares),
@@ -236,11 +276,11 @@ impl<R: Real> Vehicle<R> {
         let (velocity, wind) = (&state.velocity, &air.wind);
         let air_velocity = Vector3::new(velocity.x - wind.x, velocity.y - wind.y, velocity.z - wind.z);
         let along = (body_z.x * air_velocity.x + body_z.y * air_velocity.y) + body_z.z * air_velocity.z;
-        Drag {
-            planar: self.planar_drag * summed_speed,
-            axial: self.extra_axial_drag * summed_speed * along,
-            air_velocity,
+        let mut planar = self.planar_drag * summed_speed;
+        if let Some(effects) = &self.effects {
+            planar += effects.body_drag * length(&air_velocity);
         }
+        Drag { planar, axial: self.extra_axial_drag * summed_speed * along, air_velocity }
     }
 
     /// Euler's equation for a diagonal inertia \[rad/s²\].
@@ -257,6 +297,57 @@ impl<R: Real> Vehicle<R> {
             yaw * gain.z + gyroscopic.z * (rates.x * rates.y),
         )
     }
+}
+
+impl<R: Real> EffectGains<R> {
+    /// The gains of an airframe with equal motors.
+    #[inline(always)]
+    pub fn new(airframe: &Airframe) -> Self {
+        let real = R::from_f64;
+        let (effects, [jx, jy, jz]) = (&airframe.effects, airframe.inertia);
+        let [dx, dy, dz] = effects.rate_damping;
+        let rotor = libm::copysign(effects.rotor_inertia, airframe.torque_coefficient);
+        Self {
+            flapping: [real(effects.flapping_moment / jx), real(effects.flapping_moment / jy)],
+            rate_damping: Vector3::new(real(dx / jx), real(dy / jy), real(dz / jz)),
+            rotor_inertia: Vector3::new(real(rotor / jx), real(rotor / jy), real(rotor / jz)),
+            body_drag: real(effects.body_drag / airframe.mass),
+            rotor_thrusts: [R::one(); 4],
+            battery: R::one(),
+            battery_sag: real(
+                effects.battery_sag / (4.0 * airframe.rotor_speed_limit * airframe.rotor_speed_limit),
+            ),
+        }
+    }
+
+    /// Share of a commanded rotor speed that the battery reaches under the load of these rotor speeds \[rad/s\].
+    #[inline(always)]
+    fn battery_share(&self, rotor_speeds: &[R; 4]) -> R {
+        let [a, b, c, d] = rotor_speeds.map(|speed| speed * speed);
+        self.battery - self.battery_sag * ((a + b) + (c + d))
+    }
+
+    /// What they add to Euler's equation \[rad/s²\]; `air_velocity` \[m/s\] is that of the drone in the air, world.
+    #[inline(always)]
+    fn angular_acceleration(&self, state: &State<R>, spin_up: &[R; 4], air_velocity: &Vector3<R>) -> Vector3<R> {
+        let air_velocity = state.world_from_body.rotate_inverse(*air_velocity);
+        let ([a, b, c, d], rates) = (state.rotor_speeds, &state.body_rates);
+        let summed_speed = (a + b) + (c + d);
+        let momentum = (b + d) - (a + c);
+        let reaction = (spin_up[1] + spin_up[3]) - (spin_up[0] + spin_up[2]);
+        let [flapping_x, flapping_y] = self.flapping.map(|gain| gain * summed_speed);
+        let (damping, rotor) = (&self.rate_damping, &self.rotor_inertia);
+        Vector3::new(
+            flapping_x * air_velocity.y - damping.x * rates.x + rotor.x * (rates.y * momentum),
+            -(flapping_y * air_velocity.x) - damping.y * rates.y - rotor.y * (rates.x * momentum),
+            rotor.z * reaction - damping.z * rates.z,
+        )
+    }
+}
+
+#[inline(always)]
+fn length<R: Real>(vector: &Vector3<R>) -> R {
+    ((vector.x * vector.x + vector.y * vector.y) + vector.z * vector.z).sqrt()
 }
 
 /// Rotor drag in the two parts that the model needs.

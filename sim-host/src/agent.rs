@@ -5,10 +5,12 @@ mod observing;
 
 use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Persistence};
 use kestrel_core::real::Real;
+use kestrel_core::reference::bullet::BulletState;
 use nalgebra::Vector3;
 
 use crate::contact::{Arena, Motion};
 use crate::episode_end;
+use crate::latency::{LatencyMemory, States};
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
 use crate::reward::RewardTerm;
@@ -16,7 +18,7 @@ use crate::scenario::{Clock, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
 use crate::stage::Stage;
-use crate::swarm::{Column, Swarm, row, set_row, vector};
+use crate::swarm::{Column, Mechanics, Swarm, row, set_row, vector};
 use crate::term::{Ends, FlightView, Memory, StepView, contains};
 use crate::termination::Termination;
 
@@ -41,6 +43,8 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     /// The last actions, oldest first; the last one is the previous action.
     history: Vec<[Column<LANES, R>; ACTION_LIMIT]>,
     goal: [Column<LANES, R>; 3],
+    /// Of the position error, world, where the observation shows it.
+    integral: [Column<LANES, R>; 3],
     goal_velocity: [Column<LANES, R>; 3],
     distances: Column<LANES, R>,
     /// Those of the step before.
@@ -64,6 +68,8 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     /// Velocity at the last reading of the sensors.
     read_velocity: [Column<LANES, R>; 3],
     scales: PrivilegedScales<R>,
+    /// None where nothing is late.
+    pub(crate) latency: Option<LatencyMemory<LANES, R>>,
 }
 
 /// An agent whose episode ended in this step.
@@ -114,6 +120,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             factors: [[R::one(); LANES]; 2],
             history: vec![[nothing; ACTION_LIMIT]; scenario.observation.history_len().max(1)],
             goal: [nothing; 3],
+            integral: [nothing; 3],
             goal_velocity: [nothing; 3],
             distances: nothing,
             previous_distances: nothing,
@@ -131,6 +138,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             measurements: columns(scenario.sensors.len()),
             read_velocity: [nothing; 3],
             scales: PrivilegedScales::of(scenario),
+            latency: LatencyMemory::new(&scenario.latency, &scenario.physics),
         };
         if !scenario.sensors.instruments().is_empty() {
             agent.sensors = agent.streams.iter_mut().map(|stream| scenario.sensors.begin(stream)).collect();
@@ -310,6 +318,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             self.sense_lane(scenario, arena, lane);
         }
         self.scan_lane(scenario, arena, lane);
+        self.begin_integral(scenario, lane);
         self.observe_lane(scenario, lane);
         let scales = self.scales;
         self.reveal_lane(&scales, lane);
@@ -320,6 +329,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         self.swarm.set_vehicle(lane, &beginning.vehicle);
         set_row(&mut self.swarm.wind, lane, beginning.wind.into());
         set_row(&mut self.factors, lane, beginning.factors);
+        if let Some(latency) = &mut self.latency {
+            latency.begin(lane, &beginning.drone.motion, beginning.delays);
+        }
         for past in &mut self.history {
             set_row(past, lane, [R::zero(); ACTION_LIMIT]);
         }
@@ -330,6 +342,15 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         self.reset_memory(scenario, lane);
         self.update_goal_of(scenario, lane);
         self.distances[lane] = length(&(beginning.drone.motion.position - vector(&self.goal, lane)));
+    }
+
+    /// The integral of the position error after the first look.
+    fn begin_integral(&mut self, scenario: &Scenario, lane: usize) {
+        let (state, goal) = (self.known().state(lane), vector(&self.goal, lane));
+        let nothing = Vector3::new(R::zero(), R::zero(), R::zero());
+        let secs = R::from_f32(scenario.physics.control_secs());
+        let integral = scenario.observation.integrate(&nothing, &state, &goal, secs);
+        set_row(&mut self.integral, lane, integral.into());
     }
 
     /// What terms, rules and controllers remember of an episode is gone with it.
@@ -387,6 +408,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(&mut self.factors)
             .chain(self.history.iter_mut().flatten())
             .chain(&mut self.goal)
+            .chain(&mut self.integral)
             .chain(&mut self.goal_velocity)
             .chain([
                 &mut self.distances,
@@ -400,6 +422,50 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(&mut self.read_velocity)
             .chain(self.term_memory.iter_mut().flatten())
             .chain(self.rule_memory.iter_mut().flatten())
+            .chain(self.latency.iter_mut().flat_map(LatencyMemory::columns_mut))
+    }
+
+    /// The states that policy and rate controller see.
+    #[inline(always)]
+    pub(crate) fn known(&self) -> States<'_, LANES, R> {
+        match &self.latency {
+            None => self.swarm.states(),
+            Some(latency) => latency.known(&self.swarm.rotor_speeds),
+        }
+    }
+
+    /// Puts the drone of a lane elsewhere; it knows at once.
+    pub(crate) fn put(&mut self, lane: usize, drone: &BulletState<R>) {
+        self.swarm.set_drone(lane, drone);
+        if let Some(latency) = &mut self.latency {
+            latency.know(lane, &drone.motion);
+        }
+    }
+
+    /// A substep of all lanes, the first of the control period being number zero.
+    #[inline(always)]
+    pub(crate) fn advance(
+        &mut self,
+        mechanics: &Mechanics<R>,
+        substep: u32,
+        targets: &[Column<LANES, R>; 4],
+        push: &Column<LANES, R>,
+    ) {
+        let late;
+        let targets = match &mut self.latency {
+            None => targets,
+            Some(latency) => {
+                if substep == 0 {
+                    latency.begin_period(&self.swarm.states());
+                }
+                late = latency.targets(substep, targets);
+                &late
+            }
+        };
+        self.swarm.advance(mechanics, targets, push);
+        if let Some(latency) = &mut self.latency {
+            latency.add(substep + 1, &self.swarm.states());
+        }
     }
 
     pub(crate) fn streams_mut(&mut self) -> &mut [Stream] {

@@ -6,6 +6,7 @@ use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::real::Real;
+use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 use crate::agent::{Agent, Finished};
@@ -110,38 +111,47 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         for agent in &mut self.agents {
             agent.touches = [[R::zero(); LANES]; 2];
         }
-        let substeps = stage.scenario.physics.substeps;
         let lonely = self.agents.len() == 1;
-        match (stage.arena.filter(|arena| !(lonely && arena.is_empty())), stage.solver) {
-            (None, _) => self.fly_freely(stage, substeps),
-            (Some(arena), None) => {
-                let before = substeps - u32::from(reports_early(stage.scenario));
-                self.fly_freely(stage, before);
-                self.report(arena);
-                self.fly_freely(stage, substeps - before);
+        let arena = stage.arena.filter(|arena| !(lonely && arena.is_empty()));
+        let solving = arena.zip(stage.solver);
+        let before = solving.map(|(arena, _)| {
+            let near = self.lanes_that_may_touch(stage.scenario, arena);
+            let drones_by_lane: Vec<LaneDrones<R>> = lanes_of(&near).map(|lane| self.drones(lane)).collect();
+            (near, drones_by_lane)
+        });
+        self.fly_freely(stage, if solving.is_none() { arena } else { None });
+        if let (Some(contacts), Some((near, drones_by_lane))) = (solving, before) {
+            for (lane, drones) in lanes_of(&near).zip(drones_by_lane) {
+                self.fly_touching(stage, contacts, lane, drones);
             }
-            (Some(arena), Some(solver)) => {
-                let near = self.lanes_that_may_touch(stage.scenario, arena);
-                let drones_by_lane: Vec<LaneDrones<R>> = lanes_of(&near).map(|lane| self.drones(lane)).collect();
-                self.fly_freely(stage, substeps);
-                for (lane, drones) in lanes_of(&near).zip(drones_by_lane) {
-                    self.fly_touching(stage, (arena, solver), lane, drones);
-                }
+        }
+        for (agent, targets) in self.agents.iter_mut().zip(&self.targets) {
+            if let Some(latency) = &mut agent.latency {
+                latency.end_period(targets);
             }
         }
         self.update_positions();
     }
 
-    /// Some substeps of all lanes as if nothing stood in their way.
+    /// All lanes as if nothing stood in their way; what touches something in the `reporting` arena is marked.
     #[inline(always)]
-    fn fly_freely(&mut self, stage: &Stage<'_, R>, substeps: u32) {
-        for _ in 0..substeps {
+    fn fly_freely(&mut self, stage: &Stage<'_, R>, reporting: Option<&Arena>) {
+        let substeps = stage.scenario.physics.substeps;
+        let report_at = substeps - u32::from(reports_early(stage.scenario));
+        // Written once: the step is inlined here for every instruction set.
+        for substep in 0..=substeps {
+            if let (Some(arena), true) = (reporting, substep == report_at) {
+                self.report(arena);
+            }
+            if substep == substeps {
+                break;
+            }
             if stage.scenario.physics.has_downwash() {
                 self.update_positions();
                 stage.mechanics.push_down(&self.team, &mut self.pushes);
             }
             for ((agent, targets), push) in self.agents.iter_mut().zip(&self.targets).zip(&self.pushes) {
-                agent.swarm.advance(stage.mechanics, targets, push);
+                agent.advance(stage.mechanics, substep, targets, push);
             }
         }
     }
@@ -252,6 +262,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let physics = &stage.scenario.physics;
         let mut touches = Vec::new();
         let mut pushes = vec![[R::zero()]; drones.len()];
+        let mut states: Vec<Vec<State<R>>> = drones.iter().map(|drone| vec![drone.state(0)]).collect();
         for substep in 0..physics.substeps {
             let before: Vec<Motion> = drones.iter().map(|drone| drone.motion(0)).collect();
             if substep + 1 == physics.substeps && reports_early(stage.scenario) {
@@ -261,18 +272,24 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
                 let team: Vec<[Column<1, R>; 3]> = drones.iter().map(|drone| drone.position).collect();
                 stage.mechanics.push_down(&team, &mut pushes);
             }
-            for ((drone, targets), push) in drones.iter_mut().zip(&self.targets).zip(&pushes) {
-                drone.advance(stage.mechanics, &one_lane(targets, lane), push);
+            for (index, (drone, push)) in drones.iter_mut().zip(&pushes).enumerate() {
+                let (agent, targets) = (&self.agents[index], &self.targets[index]);
+                let late = agent.latency.as_ref().map(|latency| latency.targets(substep, targets));
+                drone.advance(stage.mechanics, &one_lane(late.as_ref().unwrap_or(targets), lane), push);
             }
             let bodies = (&mut self.movables[lane], &mut self.contacts[lane]);
             resolve(solver, &before, &mut drones, bodies, physics.substep_secs());
+            states.iter_mut().zip(&drones).for_each(|(states, drone)| states.push(drone.state(0)));
         }
         if !reports_early(stage.scenario) {
             let drones: Vec<Motion> = drones.iter().map(|drone| drone.motion(0)).collect();
             touches = touching(arena, &drones, &self.movables[lane]);
         }
-        for (agent, drone) in self.agents.iter_mut().zip(&drones) {
+        for ((agent, drone), states) in self.agents.iter_mut().zip(&drones).zip(&states) {
             agent.swarm.set_drone(lane, &drone.drone(0));
+            if let Some(latency) = &mut agent.latency {
+                latency.replace(lane, states);
+            }
         }
         self.mark_touches(lane, &touches);
     }

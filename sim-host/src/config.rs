@@ -25,7 +25,7 @@ mod world;
 use std::sync::Arc;
 
 use kestrel_config::{error, field};
-use kestrel_core::airframe::Airframe;
+use kestrel_core::airframe::{Airframe, FlightEffects};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -33,8 +33,8 @@ pub use kestrel_config::{ConfigError, Field, Limits, schema_of};
 
 pub use agents::{AgentsConfig, GoalsConfig};
 pub use airframe::{
-    AirframeConfig, AirframeNumbers, CollisionConfig, DownwashConfig, KnownAirframe, LayoutConfig, RotorNumbering,
-    RotorOrderConfig, read_airframe,
+    AirframeConfig, AirframeNumbers, CollisionConfig, DownwashConfig, EffectsConfig, KnownAirframe, LayoutConfig,
+    RotorNumbering, RotorOrderConfig, read_airframe,
 };
 pub use area::{AreaConfig, BoxConfig};
 pub use aviary::{AviaryConfig, AviaryParts};
@@ -53,7 +53,7 @@ pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GyroscopeConfig, ImuConfig,
     MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,
 };
-pub use start::{RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
+pub use start::{LatencyConfig, RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
 pub use success::{ClockConfig, SuccessConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
@@ -109,6 +109,9 @@ pub struct ScenarioConfig {
     pub critic: CriticView,
     /// How episodes begin.
     pub start: StartConfig,
+    /// How late the drone knows its state, and its motors their command.
+    #[serde(default, skip_serializing_if = "LatencyConfig::is_none")]
+    pub latency: LatencyConfig,
     /// What differs from episode to episode.
     #[serde(default)]
     pub randomisation: RandomisationConfig,
@@ -156,6 +159,7 @@ impl ScenarioConfig {
         let first_goals = goals.first(&aviary.goal, agents.count);
         let start = self.start.check(&aviary, &airframe, &terminations, &first_goals, &field.at("start"))?;
         self.check_quiet_air(physics.preset, field)?;
+        self.check_effects(&airframe, field)?;
         let task = RewardTask {
             goals: if goals == Goals::Fixed { GoalKind::OnePlace } else { GoalKind::Several },
             contacts: physics.contacts,
@@ -165,6 +169,7 @@ impl ScenarioConfig {
         Ok(Scenario {
             name: name.to_owned(),
             critic: self.critic,
+            latency: self.latency.check(1.0 / physics.control_rate_hz, &field.at("latency"))?,
             randomisation: self.randomisation.check(&field.at("randomisation"))?,
             rewards: RewardTerm::check_all(&self.rewards, &task, &field.at("rewards"))?,
             episode_secs: field.at("episode_secs").number(self.episode_secs, &EPISODE_LIMITS)?,
@@ -213,6 +218,8 @@ impl ScenarioConfig {
             ("inertia_fraction", drawn.inertia_fraction),
             ("thrust_fraction", drawn.thrust_fraction),
             ("rotor_lag_fraction", drawn.rotor_lag_fraction),
+            ("torque_fraction", drawn.torque_fraction),
+            ("effects_fraction", drawn.effects_fraction),
             ("wind_speed_m_per_s", drawn.wind_speed_m_per_s),
         ];
         match (preset, spreads.into_iter().find(|(_, spread)| *spread != 0.0)) {
@@ -222,6 +229,23 @@ impl ScenarioConfig {
             }
             (Preset::Bullet { .. } | Preset::Clean { .. }, _) => Ok(()),
         }
+    }
+
+    /// Refuses what only an airframe with effects can draw.
+    fn check_effects(&self, airframe: &Airframe, field: &Field<'_>) -> Result<(), ConfigError> {
+        if airframe.effects != FlightEffects::NONE {
+            return Ok(());
+        }
+        let expected = |value: &str| format!("{value}, because the airframe has no `effects`");
+        let field = field.at("randomisation");
+        if self.randomisation.motor_fraction != 0.0 {
+            return Err(field.at("motor_fraction").refuse(self.randomisation.motor_fraction, expected("0")));
+        }
+        let [least, most] = self.randomisation.battery_share;
+        if least != 1.0 || most != 1.0 {
+            return Err(field.at("battery_share").reject(format!("[{least}, {most}]"), expected("[1, 1]")));
+        }
+        Ok(())
     }
 }
 

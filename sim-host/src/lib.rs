@@ -31,6 +31,7 @@ pub mod config;
 pub mod contact;
 mod episode_end;
 pub mod flight;
+pub mod latency;
 pub mod outcome;
 pub mod outline;
 pub mod physics;

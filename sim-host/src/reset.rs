@@ -3,13 +3,14 @@
 #[cfg(test)]
 mod tests;
 
-use kestrel_core::airframe::Airframe;
+use kestrel_core::airframe::{Airframe, DragCoefficients, FlightEffects};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::real::Real;
 use kestrel_core::reference::bullet::BulletState;
-use kestrel_core::vehicle::{State, Vehicle};
+use kestrel_core::vehicle::{EffectGains, State, Vehicle};
 use nalgebra::Vector3;
 
+use crate::latency::Delays;
 use crate::scenario::{FreeSpace, PathStarts, Place, Preset, Randomisation, Scenario, Start, StartPosition};
 use crate::seed::Stream;
 use crate::world::Cuboid;
@@ -25,6 +26,7 @@ pub(crate) struct Beginning<R> {
     pub(crate) wind: Vector3<R>,
     /// Mass and thrust relative to the nominal ones, for privileged critics.
     pub(crate) factors: [R; 2],
+    pub(crate) delays: Delays,
 }
 
 /// Draws the next episode of an agent from its stream.
@@ -32,12 +34,29 @@ pub(crate) fn begin<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Str
     let motion = start_state(scenario, agent, stream);
     let (airframe, factors) = airframe(&scenario.airframe, &scenario.randomisation, stream);
     let wind = stream.direction() * (scenario.randomisation.wind_speed * stream.uniform());
+    let mut vehicle = Vehicle::new(&airframe);
+    if let Some(effects) = &mut vehicle.effects {
+        draw_motors(effects, &scenario.randomisation, stream);
+    }
     Beginning {
         drone: BulletState::placed(motion),
-        vehicle: Vehicle::new(&airframe),
+        vehicle,
         wind: wind.map(R::from_f32),
         factors: factors.map(R::from_f32),
+        delays: scenario.latency.draw(stream),
     }
+}
+
+/// Motors that differ from each other, and what the battery gives them.
+fn draw_motors<R: Real>(effects: &mut EffectGains<R>, spread: &Randomisation, stream: &mut Stream) {
+    effects.rotor_thrusts = core::array::from_fn(|_| R::from_f32(factor(spread.motor, stream)));
+    let [least, most] = spread.battery;
+    effects.battery = R::from_f32(if least < most { stream.between(least, most) } else { least });
+}
+
+/// Uniform in `1 ± spread`; nothing is drawn where there is no spread.
+fn factor(spread: f32, stream: &mut Stream) -> f32 {
+    if spread > 0.0 { stream.between(1.0 - spread, 1.0 + spread) } else { 1.0 }
 }
 
 fn start_state<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Stream) -> State<R> {
@@ -132,16 +151,30 @@ fn attitude(heading_limit: f32, tilt_limit: f32, stream: &mut Stream) -> Attitud
 
 /// The drone of an episode and its mass and thrust factors.
 fn airframe(airframe: &Airframe, spread: &Randomisation, stream: &mut Stream) -> (Airframe, [f32; 2]) {
-    let mut factor = |spread: f32| stream.between(1.0 - spread, 1.0 + spread);
-    let (mass, thrust, lag) = (factor(spread.mass), factor(spread.thrust), factor(spread.rotor_lag));
-    let inertia = [factor(spread.inertia), factor(spread.inertia), factor(spread.inertia)];
+    // Drawn even without a spread: what follows in the stream does not depend on it.
+    let mut always = |spread: f32| stream.between(1.0 - spread, 1.0 + spread);
+    let (mass, thrust, lag) = (always(spread.mass), always(spread.thrust), always(spread.rotor_lag));
+    let inertia = [always(spread.inertia), always(spread.inertia), always(spread.inertia)];
+    let torque = factor(spread.torque, stream);
+    let mut drawn = |value: f64| value * f64::from(factor(spread.effects, stream));
+    let (effects, drag) = (&airframe.effects, &airframe.drag_coefficients);
+    let drag_coefficients = DragCoefficients { planar: drawn(drag.planar), axial: drawn(drag.axial) };
+    let effects = FlightEffects {
+        flapping_moment: drawn(effects.flapping_moment),
+        rate_damping: effects.rate_damping.map(&mut drawn),
+        rotor_inertia: drawn(effects.rotor_inertia),
+        body_drag: drawn(effects.body_drag),
+        battery_sag: drawn(effects.battery_sag),
+    };
     let drawn = Airframe {
         mass: airframe.mass * f64::from(mass),
         inertia: core::array::from_fn(|axis| airframe.inertia[axis] * f64::from(inertia[axis])),
         thrust_coefficient: airframe.thrust_coefficient * f64::from(thrust),
-        torque_coefficient: airframe.torque_coefficient * f64::from(thrust),
+        torque_coefficient: airframe.torque_coefficient * f64::from(thrust * torque),
         rotor_rise_secs: airframe.rotor_rise_secs * f64::from(lag),
         rotor_fall_secs: airframe.rotor_fall_secs * f64::from(lag),
+        drag_coefficients,
+        effects,
         ..*airframe
     };
     (drawn, [mass, thrust])

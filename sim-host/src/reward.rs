@@ -2,7 +2,7 @@
 //!
 //! A term is a file: its keys in YAML, what is wrong with them, what it remembers and what it pays. To add one, write
 //! `reward/NAME.rs` and its name in the two lists here; schema and messages follow (`BLESS=1 cargo test -p
-//! kestrel-train`). A term of a user's own crate implements [`RewardFunction`].
+//! kestrel-experiments config::`). A term of a user's own crate implements [`RewardFunction`].
 
 #[macro_use]
 mod list;

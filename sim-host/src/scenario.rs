@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::OnboardCamera;
 use crate::contact::DistanceField;
+use crate::latency::Latency;
 use crate::reward::RewardTerm;
 use crate::sensor::SensorSuite;
 use crate::termination::Termination;
@@ -49,6 +50,8 @@ pub struct Scenario {
     pub critic: CriticView,
     /// Where episodes begin.
     pub start: Start,
+    /// How late the drone knows its state, and its motors their command.
+    pub latency: Latency,
     /// What differs from episode to episode.
     pub randomisation: Randomisation,
     /// What is rewarded.
@@ -257,13 +260,31 @@ pub struct Randomisation {
     pub thrust: f32,
     /// Of the rotors' time constants.
     pub rotor_lag: f32,
+    /// Of the reaction torque of the rotors, beside that of their thrust.
+    pub torque: f32,
+    /// Of the rotors' drag, and of each of the airframe's effects.
+    pub effects: f32,
+    /// Of the thrust of each motor by itself.
+    pub motor: f32,
+    /// Least and greatest share of a commanded rotor speed that the battery reaches.
+    pub battery: [f32; 2],
     /// Greatest wind speed \[m/s\]; its direction is uniform.
     pub wind_speed: f32,
 }
 
 impl Randomisation {
     /// Nominal drones in still air.
-    pub const NONE: Self = Self { mass: 0.0, inertia: 0.0, thrust: 0.0, rotor_lag: 0.0, wind_speed: 0.0 };
+    pub const NONE: Self = Self {
+        mass: 0.0,
+        inertia: 0.0,
+        thrust: 0.0,
+        rotor_lag: 0.0,
+        torque: 0.0,
+        effects: 0.0,
+        motor: 0.0,
+        battery: [1.0; 2],
+        wind_speed: 0.0,
+    };
 }
 
 impl Agents {
@@ -388,6 +409,7 @@ impl Scenario {
                 speed_limit: 0.0,
                 body_rates_limit: 0.0,
             },
+            latency: Latency::NONE,
             randomisation: Randomisation::NONE,
             rewards: Vec::new(),
             terminations: Vec::new(),

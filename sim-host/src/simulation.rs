@@ -198,11 +198,20 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         agent.swarm.state(lane)
     }
 
+    /// The state that a drone knows: the true one, or an older one where its scenario has a latency.
+    ///
+    /// # Panics
+    /// When there is no such row.
+    pub fn known_state(&self, row: usize) -> State<R> {
+        let (agent, lane) = self.agent(row);
+        agent.known().state(lane)
+    }
+
     /// Puts a drone into another state between two steps; what it sees and is paid for follows with the next one.
     pub(crate) fn put(&mut self, row: usize, state: State<R>) {
         let (agent, environment) = (row / self.environments, row % self.environments);
-        let swarm = &mut self.blocks[environment / LANES].agents[agent].swarm;
-        swarm.set_drone(environment % LANES, &BulletState::placed(state));
+        let agent = &mut self.blocks[environment / LANES].agents[agent];
+        agent.put(environment % LANES, &BulletState::placed(state));
     }
 
     /// Angular velocity of a drone \[rad/s\], world, as the physics preset reports it.

@@ -7,11 +7,12 @@ use kestrel_core::dynamics::Integrator::{self, RungeKutta4, SemiImplicitEuler};
 use kestrel_core::real::Real;
 use kestrel_core::reference::bullet::{Bullet, BulletMode, BulletState, Quirks};
 use kestrel_core::vehicle::Ground::{self, Distant, Near};
-use kestrel_core::vehicle::{Air, State, Vehicle};
+use kestrel_core::vehicle::{Air, EffectGains, State, Vehicle};
 use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
 use crate::contact::Motion;
+use crate::latency::States;
 use crate::physics::{Downwash, Physics, Preset};
 use crate::world::Pose;
 
@@ -29,6 +30,8 @@ pub struct Swarm<const LANES: usize, R: Real = f32> {
     pub(crate) wind: [Column<LANES, R>; 3],
     /// The fields of [`Vehicle`] that randomisation touches, in the order of `Swarm::vehicle`.
     pub(crate) gains: [Column<LANES, R>; 12],
+    /// The fields of [`EffectGains`], in the order of [`effect_gains`]; empty where the airframe has no effects.
+    effects: Vec<Column<LANES, R>>,
     /// Attitude of the links, in the `bullet` preset.
     link_attitude: [Column<LANES, R>; 4],
     /// Angular velocity as the `bullet` preset reports it \[rad/s\], world.
@@ -36,6 +39,9 @@ pub struct Swarm<const LANES: usize, R: Real = f32> {
     airframe: Airframe,
     nominal: Vehicle<R>,
 }
+
+/// Columns of [`EffectGains`].
+const EFFECTS: usize = 15;
 
 /// What stays the same for a substep.
 struct Held<'a, const LANES: usize, R> {
@@ -129,12 +135,16 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             rotor_speeds: [nothing; 4],
             wind: [nothing; 3],
             gains: [nothing; 12],
+            effects: Vec::new(),
             link_attitude: level,
             reported: [nothing; 3],
             airframe: *airframe,
             nominal: Vehicle::new(airframe),
         };
         let nominal = swarm.nominal;
+        if nominal.effects.is_some() {
+            swarm.effects = vec![nothing; EFFECTS];
+        }
         for lane in 0..LANES {
             swarm.set_vehicle(lane, &nominal);
         }
@@ -153,6 +163,18 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             velocity: vector(&self.velocity, lane),
             body_rates: vector(&self.body_rates, lane),
             rotor_speeds: row(&self.rotor_speeds, lane),
+        }
+    }
+
+    /// The states of all drones.
+    #[inline(always)]
+    pub(crate) fn states(&self) -> States<'_, LANES, R> {
+        States {
+            position: &self.position,
+            attitude: &self.attitude,
+            velocity: &self.velocity,
+            body_rates: &self.body_rates,
+            rotor_speeds: &self.rotor_speeds,
         }
     }
 
@@ -216,6 +238,7 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
         set_row(&mut self.reported, lane, drone.reported_angular_velocity.into());
     }
 
+    /// What flies in a lane, but for its effects.
     #[inline(always)]
     fn vehicle(&self, nominal: &Vehicle<R>, lane: usize) -> Vehicle<R> {
         let [mass, thrust, roll, pitch, yaw, gx, gy, gz, rise, fall, drag, axial] = &self.gains;
@@ -249,6 +272,14 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             vehicle.extra_axial_drag,
         ];
         set_row(&mut self.gains, lane, values);
+        if let (Some(columns), Some(effects)) = (self.effects.first_chunk_mut::<EFFECTS>(), &vehicle.effects) {
+            let ([fx, fy], [a, b, c, d]) = (effects.flapping, effects.rotor_thrusts);
+            let [dx, dy, dz]: [R; 3] = effects.rate_damping.into();
+            let [rx, ry, rz]: [R; 3] = effects.rotor_inertia.into();
+            let EffectGains { body_drag, battery, battery_sag, .. } = *effects;
+            let values = [fx, fy, dx, dy, dz, rx, ry, rz, body_drag, a, b, c, d, battery, battery_sag];
+            set_row(columns, lane, values);
+        }
     }
 
     /// Advances every drone by one substep with rotor targets held, under what the drones above push down with
@@ -295,12 +326,31 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
 
     #[inline(always)]
     fn advance_clean(&mut self, integrator: Integrator, ground: Ground, held: &Held<'_, LANES, R>) {
+        let effects = core::mem::take(&mut self.effects);
+        match effects.first_chunk::<EFFECTS>() {
+            None => self.advance_lanes(integrator, ground, held, |_| None),
+            Some(columns) => {
+                self.advance_lanes(integrator, ground, held, |lane| Some(effect_gains(columns, lane)));
+            }
+        }
+        self.effects = effects;
+    }
+
+    #[inline(always)]
+    fn advance_lanes(
+        &mut self,
+        integrator: Integrator,
+        ground: Ground,
+        held: &Held<'_, LANES, R>,
+        effects: impl Fn(usize) -> Option<EffectGains<R>>,
+    ) {
         // A copy, which no store to a column can change: the loop reads it once.
         let (nominal, secs) = (self.nominal, held.secs);
         for lane in 0..LANES {
             let force = Vector3::new(R::zero(), R::zero(), -held.downwash[lane]);
             let air = Air { wind: vector(&self.wind, lane), force, ground };
-            let (vehicle, state) = (self.vehicle(&nominal, lane), self.state(lane));
+            let vehicle = Vehicle { effects: effects(lane), ..self.vehicle(&nominal, lane) };
+            let state = self.state(lane);
             let next = integrator.advance(&vehicle, &state, &row(held.targets, lane), &air, secs);
             self.set_state(lane, &next);
         }
@@ -325,6 +375,7 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             rotor_speeds: one_lane(&self.rotor_speeds, lane),
             wind: one_lane(&self.wind, lane),
             gains: one_lane(&self.gains, lane),
+            effects: self.effects.iter().map(|column| [column[lane]]).collect(),
             link_attitude: one_lane(&self.link_attitude, lane),
             reported: one_lane(&self.reported, lane),
             airframe: self.airframe,
@@ -348,8 +399,27 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             .chain(&mut self.rotor_speeds)
             .chain(&mut self.wind)
             .chain(&mut self.gains)
+            .chain(&mut self.effects)
             .chain(&mut self.link_attitude)
             .chain(&mut self.reported)
+    }
+}
+
+/// The effects of the drone in a lane.
+#[inline(always)]
+fn effect_gains<R: Real, const LANES: usize>(
+    columns: &[Column<LANES, R>; EFFECTS],
+    lane: usize,
+) -> EffectGains<R> {
+    let [fx, fy, dx, dy, dz, rx, ry, rz, body_drag, a, b, c, d, battery, battery_sag] = row(columns, lane);
+    EffectGains {
+        flapping: [fx, fy],
+        rate_damping: Vector3::new(dx, dy, dz),
+        rotor_inertia: Vector3::new(rx, ry, rz),
+        body_drag,
+        rotor_thrusts: [a, b, c, d],
+        battery,
+        battery_sag,
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A termination is a file: its keys in YAML, what is wrong with them, what it remembers and where it ends an episode. To
 //! add one, write `termination/NAME.rs` and its name in the two lists here; schema and messages follow (`BLESS=1 cargo
-//! test -p kestrel-train`). A termination of a user's own crate implements [`TerminationFunction`].
+//! test -p kestrel-experiments config::`). A termination of a user's own crate implements [`TerminationFunction`].
 
 #[macro_use]
 mod list;

@@ -13,7 +13,14 @@ pub(crate) fn hover() -> Scenario {
     Scenario {
         critic: CriticView::Privileged,
         start: Start { tilt_limit: 1.5, speed_limit: 1.0, body_rates_limit: 3.0, ..least.start },
-        randomisation: Randomisation { mass: 0.1, inertia: 0.1, thrust: 0.1, rotor_lag: 0.3, wind_speed: 0.5 },
+        randomisation: Randomisation {
+            mass: 0.1,
+            inertia: 0.1,
+            thrust: 0.1,
+            rotor_lag: 0.3,
+            wind_speed: 0.5,
+            ..Randomisation::NONE
+        },
         rewards: vec![
             reward::Alive { weight: 1.0 }.into(),
             reward::Proximity { weight: 2.0, scale_m: 0.5, agents: AgentSet::All }.into(),

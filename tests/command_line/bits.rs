@@ -72,7 +72,7 @@ struct Family {
 }
 
 const FAMILIES: [Family; 8] = [
-    Family { config: "hover.yaml", sets: &[] },
+    Family { config: "hover-cf2x.yaml", sets: &["name=hover"] },
     Family { config: "cross.yaml", sets: &["training.quantised_from=0.5", "training.value_scale=popart"] },
     Family { config: "aviaries/land.yaml", sets: &[] },
     Family { config: "aviaries/land-as-published.yaml", sets: &["evaluation.episodes=8"] },

@@ -7,5 +7,6 @@ mod goldens;
 mod layering;
 mod learning;
 mod plot;
+mod readme;
 mod source;
 mod tune;

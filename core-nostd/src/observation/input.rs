@@ -15,6 +15,11 @@ pub struct ObservationInput<'a, R> {
     pub angular_velocity_in_world: Vector3<R>,
     /// Where it should be \[m\], world.
     pub goal: &'a Vector3<R>,
+    /// Where it should face \[rad\], counter-clockwise from the world's x axis.
+    pub heading: R,
+    /// The integral of the position error, world, as [`ObservationLayout::integrate`](super::ObservationLayout::integrate)
+    /// sums it up.
+    pub integral: &'a Vector3<R>,
     /// Past actions, the oldest first; the last is the previous action.
     pub history: &'a [[R; ACTION_LIMIT]],
     /// What its sensors deliver.

@@ -146,7 +146,7 @@ impl PilotMeasuredLayout {
 
 /// `vector` shortened to length one where it is longer.
 #[inline(always)]
-fn direction_limited<R: Real>([x, y, z]: [R; 3]) -> [R; 3] {
+pub(super) fn direction_limited<R: Real>([x, y, z]: [R; 3]) -> [R; 3] {
     let square = (x * x + y * y) + z * z;
     let scale = R::one() / square.at_least(R::one()).sqrt();
     [x * scale, y * scale, z * scale]

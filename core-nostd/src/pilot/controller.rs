@@ -17,6 +17,8 @@ pub(super) struct PolicyController {
     memory: ControlMemory<f32>,
     /// The newest action is the last.
     history: [[f32; ACTION_LIMIT]; HISTORY_LIMIT],
+    /// Of the position error, world.
+    integral: Vector3<f32>,
     /// The last observation; here, and not on the stack of a firmware's task.
     observation: [f32; OBSERVATION_LIMIT],
 }
@@ -27,12 +29,14 @@ impl PolicyController {
             controls: Controls::new(&metadata.action),
             memory: ControlMemory::new(),
             history: [[0.0; ACTION_LIMIT]; HISTORY_LIMIT],
+            integral: Vector3::new(0.0, 0.0, 0.0),
             observation: [0.0; OBSERVATION_LIMIT],
         }
     }
 
     pub(super) fn reset(&mut self, metadata: &PolicyMetadata<'_>) {
         self.history = [[0.0; ACTION_LIMIT]; HISTORY_LIMIT];
+        self.integral = Vector3::new(0.0, 0.0, 0.0);
         match metadata.action.persistence() {
             Persistence::ResetEachEpisode => self.memory = ControlMemory::new(),
             Persistence::Persist => {}
@@ -45,16 +49,20 @@ impl PolicyController {
         metadata: &PolicyMetadata<'_>,
         measurements: &[f32],
         state: &State<f32>,
-        goal: &Vector3<f32>,
+        setpoint: &Setpoint<f32>,
     ) -> &[f32] {
+        let (layout, goal) = (&metadata.observation, &setpoint.position);
+        self.integral = layout.integrate(&self.integral, state, goal, metadata.control_period_secs);
         let input = ObservationInput {
             state,
             angular_velocity_in_world: state.world_from_body.rotate(state.body_rates),
             goal,
+            heading: setpoint.yaw,
+            integral: &self.integral,
             history: &self.history,
             measurements,
         };
-        metadata.observation.encode(&input, &mut self.observation);
+        layout.encode(&input, &mut self.observation);
         self.observation.get(..metadata.observation.len()).unwrap_or_default()
     }
 
@@ -64,11 +72,11 @@ impl PolicyController {
         metadata: &PolicyMetadata<'_>,
         action: [f32; ACTION_LIMIT],
         state: &State<f32>,
-        goal: &Vector3<f32>,
+        setpoint: &Setpoint<f32>,
     ) -> [f32; 4] {
         self.remember(metadata, action);
-        let (setpoint, secs) = (Setpoint::at(*goal), metadata.control_period_secs);
-        let targets = self.controls.rotor_targets(&action, state, &setpoint, &mut self.memory, secs);
+        let secs = metadata.control_period_secs;
+        let targets = self.controls.rotor_targets(&action, state, setpoint, &mut self.memory, secs);
         within_limits(metadata, targets)
     }
 

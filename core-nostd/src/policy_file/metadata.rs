@@ -11,7 +11,7 @@ use crate::policy_error::{PolicyError, finite, holds, positive};
 pub const NAME_LIMIT: usize = 64;
 
 /// Layouts are numbered from one to this.
-pub(crate) const LAYOUT_COUNT: u16 = 6;
+pub(crate) const LAYOUT_COUNT: u16 = 7;
 
 /// Action spaces are numbered from one to this.
 pub(crate) const SPACE_COUNT: u16 = 4;
@@ -42,6 +42,7 @@ pub(crate) const fn layout_identifier(layout: &ObservationLayout) -> u16 {
         ObservationLayout::Measured(_) => 4,
         ObservationLayout::PilotFor(_) => 5,
         ObservationLayout::PilotMeasured(_) => 6,
+        ObservationLayout::Body(_) => 7,
     }
 }
 
@@ -84,6 +85,11 @@ fn check_observation(layout: &ObservationLayout, action_len: usize) -> Result<()
             let expected = "four, as many as the layout shows";
             holds(action_len == ACTION_LEN, "values of an action", action_len, expected)?;
             holds(pilot.measured_len > 0, "measured_len", usize::from(pilot.measured_len), "at least 1")
+        }
+        ObservationLayout::Body(body) => {
+            check_scales(&body.scales)?;
+            let found = usize::from(body.action_len);
+            holds(found == action_len, "action_len", found, "that of the action")
         }
         ObservationLayout::Reference(layout) => layout.check(action_len),
         ObservationLayout::Kinematic(layout) => layout.check(action_len),

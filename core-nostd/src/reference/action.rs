@@ -343,13 +343,13 @@ mod tests {
     fn space(
         kind: ReferenceActionKind,
         airframe: Airframe,
-        controller: ReferenceController,
+        controller: &ReferenceController,
     ) -> ReferenceControls<f64> {
         ReferenceControls::new(&ReferenceActions {
             kind,
             precision: Precision::Exact,
             airframe,
-            controller,
+            controller: *controller,
             persistence: Persistence::ResetEachEpisode,
         })
     }
@@ -374,7 +374,7 @@ mod tests {
         ];
         for (airframe, controller) in fleet {
             for kind in ReferenceActionKind::ALL {
-                let controls = space(kind, airframe, controller);
+                let controls = space(kind, airframe, &controller);
                 let stay = [0.3, -0.2, 1.0, 0.0, 0.0, 0.0];
                 let action = if kind == ReferenceActionKind::Waypoint { stay } else { [0.0; ACTION_LIMIT] };
                 let setpoint = Setpoint::at(state.position);
@@ -391,7 +391,7 @@ mod tests {
     fn an_action_of_minus_one_silences_a_tuned_gain() {
         let mut state = hovering();
         state.velocity = Vector3::new(0.0, 0.0, 0.4);
-        let controls = space(ReferenceActionKind::Tun, CF2X, ReferenceController::Dsl(CF2X));
+        let controls = space(ReferenceActionKind::Tun, CF2X, &ReferenceController::Dsl(CF2X));
         let targets = |setpoint_height: f64, action| {
             let setpoint = Setpoint::at(Vector3::new(0.3, -0.2, setpoint_height));
             controls.rotor_targets(&action, &state, &setpoint, &mut ControlMemory::new(), 0.01)
@@ -415,7 +415,7 @@ mod tests {
         for (controller, used) in
             [(ReferenceController::Dsl(CF2X), 0..9), (ReferenceController::Simple(HUMMINGBIRD), 9..21)]
         {
-            let controls = space(ReferenceActionKind::Pid, *controller.airframe(), controller);
+            let controls = space(ReferenceActionKind::Pid, *controller.airframe(), &controller);
             let mut state = hovering();
             state.world_from_body = Attitude::from_axis_angle(Vector3::new(0.6, 0.0, 0.8), 0.3);
             let mut memory = ControlMemory::new();

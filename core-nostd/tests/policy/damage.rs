@@ -136,7 +136,7 @@ fn versions_are_told_apart() {
 fn unknown_identifiers_are_told_apart() {
     for bytes in files() {
         assert_eq!(forged(&bytes, 10, 3), PolicyError::Arithmetic { found: 3 });
-        assert_eq!(forged(&bytes, 16, 7), PolicyError::ObservationLayout { found: 7 });
+        assert_eq!(forged(&bytes, 16, 8), PolicyError::ObservationLayout { found: 8 });
         assert_eq!(forged(&bytes, 18, 9), PolicyError::ActionSpace { found: 9 });
         let contradiction = PolicyError::MetadataMismatch { field: "action space", found: 1, expected: 2 };
         assert_eq!(forged(&bytes, 18, 2), contradiction);

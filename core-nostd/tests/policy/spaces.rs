@@ -5,12 +5,14 @@ use kestrel_core::action::{
     ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, ReferenceActionKind, ReferenceActions,
     ReferenceController, Velocities,
 };
-use kestrel_core::airframe::{Airframe, CF2X, Downwash, DragCoefficients, HUMMINGBIRD, Layout, RotorOrder};
+use kestrel_core::airframe::{
+    Airframe, CF2X, Downwash, DragCoefficients, FlightEffects, HUMMINGBIRD, Layout, RotorOrder,
+};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::crc32::crc32;
 use kestrel_core::observation::{
-    KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PilotForLayout,
-    PilotMeasuredLayout, ReferenceLayout,
+    BodyLayout, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout,
+    PilotForLayout, PilotMeasuredLayout, ReferenceLayout,
 };
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{
@@ -63,6 +65,8 @@ fn layouts(action_len: u8) -> Vec<ObservationLayout> {
         ObservationLayout::Kinematic(KinematicLayout { past_actions: 0, action_len }),
         ObservationLayout::Kinematic(KinematicLayout { past_actions: 15, action_len }),
         ObservationLayout::Measured(MeasuredLayout { len: 11 }),
+        ObservationLayout::Body(BodyLayout { scales, action_len, measured_len: 0 }),
+        ObservationLayout::Body(BodyLayout { scales, action_len, measured_len: 11 }),
     ];
     [of_pilot, others].concat()
 }
@@ -96,15 +100,21 @@ struct Expected {
     controls: Controls<f32>,
     memory: ControlMemory<f32>,
     history: Vec<[f32; ACTION_LIMIT]>,
+    integral: Vector3<f32>,
 }
 
 impl Expected {
     fn tick(&mut self, policy: &PolicyFile<'_>, state: &State<f32>, goal: &Vector3<f32>) -> [f32; 4] {
         let metadata = policy.metadata();
+        if let ObservationLayout::Body(layout) = metadata.observation {
+            self.integral = layout.integrate(&self.integral, state, goal, metadata.control_period_secs);
+        }
         let input = ObservationInput {
             state,
             angular_velocity_in_world: state.world_from_body.rotate(state.body_rates),
             goal,
+            heading: 0.0,
+            integral: &self.integral,
             history: &self.history,
             measurements: &MEASUREMENTS,
         };
@@ -136,8 +146,12 @@ fn a_pilot_flies_every_layout_with_every_action_space() {
             let policy = PolicyFile::parse(&bytes).unwrap();
             assert_eq!((policy.metadata(), policy.self_test()), (&metadata, Ok(())));
             let mut pilot = Pilot::new(policy.clone());
-            let mut expected =
-                Expected { controls: Controls::new(&action), memory: ControlMemory::new(), history: Vec::new() };
+            let mut expected = Expected {
+                controls: Controls::new(&action),
+                memory: ControlMemory::new(),
+                history: Vec::new(),
+                integral: Vector3::zeros(),
+            };
             for step in 0..20_u8 {
                 let (mut state, goal) = (tilted(), Vector3::new(0.0, 0.1, 1.0));
                 state.position.z += 0.01 * f32::from(step);
@@ -257,6 +271,7 @@ fn the_references_metadata_have_not_moved() {
         collision_height: 21.0,
         collision_offset: 22.0,
         nominal_speed: 23.0,
+        effects: FlightEffects::NONE,
     };
     let action = ActionSpace::Reference(ReferenceActions {
         kind: ReferenceActionKind::Tun,
@@ -273,8 +288,15 @@ fn the_references_metadata_have_not_moved() {
             (len, crc32(&bytes[HEADER_LEN..HEADER_LEN + len]))
         })
         .collect();
-    let recorded =
-        [(406, 0xE9AD_EE34), (401, 0x6B3F_E947), (395, 0x6911_A969), (395, 0x2D8C_0AB9), (394, 0x7D4D_EC9B)];
+    let recorded = [
+        (406, 0xE9AD_EE34),
+        (401, 0x6B3F_E947),
+        (395, 0x6911_A969),
+        (395, 0x2D8C_0AB9),
+        (394, 0x7D4D_EC9B),
+        (407, 0x5D3E_BCE7),
+        (407, 0x1E02_3664),
+    ];
     assert_eq!(found, recorded);
 }
 
@@ -283,7 +305,7 @@ proptest! {
     fn rotors_get_what_they_can_do_whatever_the_state(
         bits in prop::collection::vec(any::<u32>(), 20),
         space in 0_usize..12,
-        layout in 0_usize..5,
+        layout in 0_usize..7,
     ) {
         let v: Vec<f32> = bits.into_iter().map(f32::from_bits).collect();
         let action = spaces()[space];
@@ -307,7 +329,7 @@ proptest! {
     #[test]
     fn forged_files_of_the_references_spaces_never_panic(
         space in 2_usize..12,
-        layout in 0_usize..5,
+        layout in 0_usize..7,
         changes in prop::collection::vec((8_usize..500, any::<u8>()), 1..6),
     ) {
         let action = spaces()[space];

@@ -214,6 +214,8 @@ fn observations_are_the_thesiss() {
                 state: &drone.motion,
                 angular_velocity_in_world: drone.reported_angular_velocity,
                 goal: &Vector3::zeros(),
+                heading: 0.0,
+                integral: &Vector3::zeros(),
                 history: &[],
                 measurements: &[],
             };

@@ -9,7 +9,7 @@
 /*
  Words of a `KestrelPilot`.
  */
-#define KESTREL_PILOT_WORDS 560
+#define KESTREL_PILOT_WORDS 592
 
 /*
  A pilot takes place and flies.

@@ -21,7 +21,7 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 /// Words of a `KestrelPilot`.
-pub const KESTREL_PILOT_WORDS: usize = 560;
+pub const KESTREL_PILOT_WORDS: usize = 592;
 
 /// A pilot takes place and flies.
 pub const KESTREL_OK: i32 = 0;

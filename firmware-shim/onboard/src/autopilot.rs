@@ -23,7 +23,7 @@
 //! attitude or body rates is flown by the cascade's inner half.
 
 use kestrel_core::airframe::Airframe;
-use kestrel_core::observation::{ObservationLayout, PilotForLayout, PilotMeasuredLayout};
+use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotForLayout, PilotMeasuredLayout};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
@@ -202,9 +202,8 @@ fn leash_m(layout: &ObservationLayout) -> f32 {
     match layout {
         ObservationLayout::Pilot(scales)
         | ObservationLayout::PilotFor(PilotForLayout { scales, .. })
-        | ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, .. }) => {
-            LEASH_M.min(scales.position_scale_m)
-        }
+        | ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, .. })
+        | ObservationLayout::Body(BodyLayout { scales, .. }) => LEASH_M.min(scales.position_scale_m),
         ObservationLayout::Reference(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
             LEASH_M
         }

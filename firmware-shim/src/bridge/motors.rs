@@ -207,7 +207,7 @@ mod tests {
             body_rates: Vector3::zeros(),
             rotor_speeds: motors.rotor_targets(&throttles),
         };
-        let (_, turning) = Vehicle::<f32>::new(airframe).accelerations(&state, &Air::still());
+        let (_, turning) = Vehicle::<f32>::new(airframe).accelerations(&state, &[0.0; 4], &Air::still());
         [turning.x.signum(), -turning.y.signum(), -turning.z.signum()]
     }
 

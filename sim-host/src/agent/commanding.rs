@@ -48,9 +48,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     ) {
         let mut memory = ControlMemory::new();
         let setpoint = Setpoint::at(Vector3::new(R::zero(), R::zero(), R::zero()));
+        let known = self.known();
         for lane in 0..LANES {
-            let action = row(actions, lane);
-            let state = self.swarm.state(lane);
+            let (action, state) = (row(actions, lane), known.state(lane));
             let speeds = controls.rotor_targets(&action, &state, &setpoint, &mut memory, stage.control_secs);
             set_row(targets, lane, speeds);
         }
@@ -65,7 +65,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         for lane in 0..LANES {
             let setpoint =
                 Setpoint { velocity: vector(&self.goal_velocity, lane), ..Setpoint::at(vector(&self.goal, lane)) };
-            let (action, state) = (row(actions, lane), self.swarm.state(lane));
+            let (action, state) = (row(actions, lane), self.known().state(lane));
             let memory = &mut self.controls[lane];
             let speeds = stage.controls.rotor_targets(&action, &state, &setpoint, memory, stage.control_secs);
             set_row(targets, lane, speeds);

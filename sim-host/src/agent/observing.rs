@@ -3,7 +3,8 @@
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::instrument::specific_force;
 use kestrel_core::observation::{
-    OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PILOT_LEN, PilotLayout, REFERENCE_LEN, ReferenceLayout,
+    BODY_MOTION_LEN, BodyLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PILOT_LEN, PilotLayout,
+    REFERENCE_LEN, ReferenceLayout,
 };
 use kestrel_core::real::Real;
 use nalgebra::Vector3;
@@ -29,6 +30,13 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
                     self.scan_lane(scenario, stage.arena, lane);
                     self.observe_lane(scenario, lane);
                 }
+            }
+            ObservationLayout::Body(layout) => {
+                for lane in 0..LANES {
+                    self.sense_lane(scenario, stage.arena, lane);
+                    self.scan_lane(scenario, stage.arena, lane);
+                }
+                self.observe_in_body_axes(layout, stage.control_secs);
             }
             ObservationLayout::PilotMeasured(layout) => {
                 for lane in 0..LANES {
@@ -56,10 +64,42 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     fn observe_as_pilot(&mut self, layout: PilotLayout) {
         let Some((columns, _)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() else { return };
         let [a, b, c, d, ..] = self.history.last().expect("there is a previous action");
+        let known = match &self.latency {
+            None => self.swarm.states(),
+            Some(latency) => latency.known(&self.swarm.rotor_speeds),
+        };
         for lane in 0..LANES {
-            let (state, goal) = (self.swarm.state(lane), vector(&self.goal, lane));
+            let (state, goal) = (known.state(lane), vector(&self.goal, lane));
             let observation = layout.encode(&state, &goal, &[a[lane], b[lane], c[lane], d[lane]]);
             set_row(columns, lane, observation);
+        }
+    }
+
+    #[inline(always)]
+    fn observe_in_body_axes(&mut self, layout: &BodyLayout, control_secs: R) {
+        let known = match &self.latency {
+            None => self.swarm.states(),
+            Some(latency) => latency.known(&self.swarm.rotor_speeds),
+        };
+        let Some((motions, columns)) = self.observations.split_first_chunk_mut::<BODY_MOTION_LEN>() else {
+            return;
+        };
+        let (past, columns) = columns.split_at_mut(layout.past_len());
+        let Some((integrals, measured)) = columns.split_first_chunk_mut::<3>() else { return };
+        for lane in 0..LANES {
+            let (state, goal) = (known.state(lane), vector(&self.goal, lane));
+            let integral = layout.integrate(&vector(&self.integral, lane), &state, &goal, control_secs);
+            set_row(&mut self.integral, lane, integral.into());
+            let (motion, integral) = layout.motion(&state, &goal, R::zero(), &integral);
+            set_row(motions, lane, motion);
+            set_row(integrals, lane, integral);
+        }
+        let actions = self.history.iter().rev().flat_map(|action| &action[..usize::from(layout.action_len)]);
+        for (column, action) in past.iter_mut().zip(actions) {
+            *column = action.map(|value| value.limited(-R::one(), R::one()));
+        }
+        for (column, values) in measured.iter_mut().zip(&self.measurements) {
+            *column = *values;
         }
     }
 
@@ -85,11 +125,13 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         for (value, column) in measurements.iter_mut().zip(&self.measurements) {
             *value = column[lane];
         }
-        let state = self.swarm.state(lane);
+        let (state, goal) = (self.known().state(lane), vector(&self.goal, lane));
         let seen = ObservationInput {
             state: &state,
             angular_velocity_in_world: self.angular_velocity(scenario, lane),
-            goal: &vector(&self.goal, lane),
+            goal: &goal,
+            heading: R::zero(),
+            integral: &vector(&self.integral, lane),
             history: &history[..self.history.len()],
             measurements: &measurements[..self.measurements.len()],
         };
@@ -181,6 +223,8 @@ fn encode_lanes<const LANES: usize, R: Real>(
             state: &state,
             angular_velocity_in_world: turning(swarm, lane),
             goal: &goal,
+            heading: R::zero(),
+            integral: &Vector3::new(R::zero(), R::zero(), R::zero()),
             history: &[],
             measurements: &[],
         };

@@ -4,8 +4,8 @@ use std::fmt;
 use std::path::Path;
 
 use kestrel_core::airframe::{
-    Airframe, CF2P, CF2X, Downwash, DragCoefficients, GRAVITY, HUMMINGBIRD, Layout, RACER,
-    RADIANS_PER_SECOND_PER_RPM, RotorOrder,
+    Airframe, CF2P, CF2X, CRAZYFLIE_2_1, Downwash, DragCoefficients, FlightEffects, GRAVITY, HUMMINGBIRD, Layout,
+    RACER, RADIANS_PER_SECOND_PER_RPM, RotorOrder,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
@@ -38,9 +38,12 @@ pub enum AirframeConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum KnownAirframe {
-    /// Crazyflie 2.x, rotors diagonal to the direction of flight.
+    /// Crazyflie 2.x, rotors diagonal to the direction of flight, as gym-pybullet-drones has it.
     #[default]
     Cf2x,
+    /// Crazyflie 2.1, identified from real flights.
+    #[serde(rename = "crazyflie_2_1")]
+    Crazyflie21,
     /// Crazyflie 2.x, one rotor ahead.
     Cf2p,
     /// `AscTec` Hummingbird.
@@ -109,6 +112,26 @@ pub struct AirframeNumbers {
     /// Speed that the maker states; the reference's velocity action is a share of it.
     #[serde(default = "nominal_speed_km_per_h")]
     pub nominal_speed_km_per_h: f64,
+    /// What real flights show beside thrust and rotor drag; nothing by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effects: Option<EffectsConfig>,
+}
+
+/// Forces and moments of a real drone, as `kestrel identify` finds them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct EffectsConfig {
+    /// Moment about body x and y per air speed across the rotors and summed rotor speed \[N m/(m/s) per rad/s\]: blade
+    /// flapping, and drag above the centre of mass.
+    pub flapping_moment_n_s2_per_rad: f64,
+    /// Moment about body x, y, z against a body rate.
+    pub rate_damping_n_m_s_per_rad: [f64; 3],
+    /// Inertia of a rotor, with all that turns with it.
+    pub rotor_inertia_kg_m2: f64,
+    /// Drag of the body per squared air speed.
+    pub body_drag_n_s2_per_m2: f64,
+    /// Share of a commanded rotor speed that the battery's resistance costs at full thrust.
+    pub battery_sag: f64,
 }
 
 /// Rotors in the body plane.
@@ -196,6 +219,7 @@ impl KnownAirframe {
     pub const fn airframe(self) -> Airframe {
         match self {
             Self::Cf2x => CF2X,
+            Self::Crazyflie21 => CRAZYFLIE_2_1,
             Self::Cf2p => CF2P,
             Self::Hb => HUMMINGBIRD,
             Self::Racer => RACER,
@@ -287,6 +311,7 @@ impl AirframeNumbers {
             collision_height,
             collision_offset,
             nominal_speed: speed / 3.6,
+            effects: self.effects.unwrap_or_default().check(&field.at("effects"))?,
         })
     }
 
@@ -313,6 +338,35 @@ impl AirframeNumbers {
         Ok(DragCoefficients {
             planar: within(&field.at("drag_planar_kg_per_rad"), self.drag_planar_kg_per_rad, &limits)?,
             axial: within(&field.at("drag_axial_kg_per_rad"), self.drag_axial_kg_per_rad, &limits)?,
+        })
+    }
+}
+
+impl EffectsConfig {
+    fn check(&self, field: &Field<'_>) -> Result<FlightEffects, ConfigError> {
+        let damping = field.at("rate_damping_n_m_s_per_rad");
+        let number = |key: &str, value: f64, limits| within(&field.at(key), value, &limits);
+        for (axis, value) in self.rate_damping_n_m_s_per_rad.into_iter().enumerate() {
+            within(&damping.at(axis), value, &Limits::from(0.0, 10.0, "N m s/rad"))?;
+        }
+        Ok(FlightEffects {
+            flapping_moment: number(
+                "flapping_moment_n_s2_per_rad",
+                self.flapping_moment_n_s2_per_rad,
+                Limits::from(0.0, 1.0, "N s²/rad"),
+            )?,
+            rate_damping: self.rate_damping_n_m_s_per_rad,
+            rotor_inertia: number(
+                "rotor_inertia_kg_m2",
+                self.rotor_inertia_kg_m2,
+                Limits::from(0.0, 1.0, "kg m²"),
+            )?,
+            body_drag: number(
+                "body_drag_n_s2_per_m2",
+                self.body_drag_n_s2_per_m2,
+                Limits::from(0.0, 10.0, "N s²/m²"),
+            )?,
+            battery_sag: number("battery_sag", self.battery_sag, Limits::from(0.0, 0.3, ""))?,
         })
     }
 }
@@ -417,7 +471,7 @@ impl<'de> Visitor<'de> for NameOrNumbers {
     type Value = AirframeConfig;
 
     fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str("`cf2x`, `cf2p`, `hb`, `racer` or an airframe in numbers")
+        formatter.write_str("`cf2x`, `crazyflie_2_1`, `cf2p`, `hb`, `racer` or an airframe in numbers")
     }
 
     fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<AirframeConfig, E> {

@@ -5,7 +5,7 @@ mod reference;
 use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{
-    HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN,
+    BodyLayout, HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN,
     PilotForLayout, PilotLayout, PilotMeasuredLayout, ReferenceLayout,
 };
 use schemars::JsonSchema;
@@ -88,6 +88,9 @@ pub enum ObservationConfig {
     Measured,
     /// The `pilot` observation, then what the sensors deliver.
     PilotMeasured(PilotConfig),
+    /// In the drone's own axes: position relative to the goal, rotation matrix relative to the wanted heading, velocity,
+    /// body rates, the last two actions, a leaky integral of the position error, then what the sensors deliver.
+    Body(PilotConfig),
 }
 
 /// What the `pilot` observation divides by, so that all values are of order one.
@@ -251,6 +254,10 @@ impl ObservationConfig {
                 let field = field.at("pilot_measured");
                 pilot_measured_layout(config.check(&field)?, action_len, measured_len, &field)
             }
+            Self::Body(config) => {
+                let field = field.at("body");
+                body_layout(config.check(&field)?, action_len, measured_len, &field)
+            }
             Self::Measured => measured_layout(measured_len, field).map(ObservationLayout::Measured),
         }
     }
@@ -279,6 +286,21 @@ fn pilot_measured_layout(
         return Err(field.reject(format!("`pilot_measured` beside an action of {action_len} values"), expected));
     }
     Ok(ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, measured_len: measured_len as u8 }))
+}
+
+fn body_layout(
+    scales: PilotLayout,
+    action_len: usize,
+    measured_len: usize,
+    field: &Field<'_>,
+) -> Result<ObservationLayout, ConfigError> {
+    let layout = |measured_len| BodyLayout { scales, action_len: action_len as u8, measured_len };
+    let most = OBSERVATION_LIMIT - layout(0).len();
+    if measured_len > most {
+        let found = format!("sensors that deliver {measured_len} values");
+        return Err(field.reject(found, format!("at most {most} of `scenario.sensors`")));
+    }
+    Ok(ObservationLayout::Body(layout(measured_len as u8)))
 }
 
 fn measured_layout(len: usize, field: &Field<'_>) -> Result<MeasuredLayout, ConfigError> {

@@ -10,6 +10,7 @@ use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
 use super::ways_of;
+use crate::latency::Latency;
 use crate::scenario::{Aviary, FreeSpace, PathStarts, Place, Randomisation, Start, StartPosition};
 use crate::term::StartLimit;
 use crate::termination::Termination;
@@ -100,7 +101,7 @@ pub struct StartPoseConfig {
 }
 
 /// Parameters drawn at each reset, as factors uniform in `1 ± fraction`, and a constant wind.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RandomisationConfig {
     /// Of the mass.
@@ -111,8 +112,83 @@ pub struct RandomisationConfig {
     pub thrust_fraction: f64,
     /// Of the time constants of the rotors.
     pub rotor_lag_fraction: f64,
+    /// Of the reaction torque of the rotors, beside what the thrust changes of it.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub torque_fraction: f64,
+    /// Of rotor drag, flapping moment, rate damping, rotor inertia, body drag and battery sag, each by itself.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub effects_fraction: f64,
+    /// Of the thrust of each motor by itself; for airframes with `effects`.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub motor_fraction: f64,
+    /// Least and greatest share of a commanded rotor speed that the battery reaches; for airframes with `effects`.
+    #[serde(skip_serializing_if = "is_full")]
+    pub battery_share: [f64; 2],
     /// Greatest speed of the wind, whose direction is random.
     pub wind_speed_m_per_s: f64,
+}
+
+/// How late things are; each delay is uniform within its bounds and constant in an episode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LatencyConfig {
+    /// Least and greatest age of the state that policy and rate controller see, at most a control period.
+    pub state_secs: [f64; 2],
+    /// Least and greatest time from a command to the motors, at most a control period.
+    pub motor_secs: [f64; 2],
+}
+
+impl Default for RandomisationConfig {
+    fn default() -> Self {
+        Self {
+            mass_fraction: 0.0,
+            inertia_fraction: 0.0,
+            thrust_fraction: 0.0,
+            rotor_lag_fraction: 0.0,
+            torque_fraction: 0.0,
+            effects_fraction: 0.0,
+            motor_fraction: 0.0,
+            battery_share: [1.0; 2],
+            wind_speed_m_per_s: 0.0,
+        }
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
+fn is_zero(fraction: &f64) -> bool {
+    *fraction == 0.0
+}
+
+fn is_full(share: &[f64; 2]) -> bool {
+    *share == [1.0; 2]
+}
+
+impl LatencyConfig {
+    pub(super) fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The delays, none of which is longer than a control period \[s\].
+    ///
+    /// # Errors
+    /// When a number is out of range.
+    pub fn check(&self, control_secs: f64, field: &Field<'_>) -> Result<Latency, ConfigError> {
+        let longest = Limits::from(0.0, control_secs, "s, the control period");
+        let delay = |key: &str, bounds| range(&field.at(key), bounds, &longest);
+        Ok(Latency {
+            state_secs: delay("state_secs", self.state_secs)?,
+            motor_secs: delay("motor_secs", self.motor_secs)?,
+        })
+    }
+}
+
+/// Two numbers within `limits`, the second not less than the first.
+fn range(field: &Field<'_>, [least, most]: [f64; 2], limits: &Limits) -> Result<[f32; 2], ConfigError> {
+    let bounds = [field.at(0).number(least, limits)?, field.at(1).number(most, limits)?];
+    if most < least {
+        return Err(field.at(1).refuse(most, format!("{least} or more, the least before it")));
+    }
+    Ok(bounds)
 }
 
 impl RandomisationConfig {
@@ -126,6 +202,10 @@ impl RandomisationConfig {
             inertia: field.at("inertia_fraction").number(self.inertia_fraction, &FRACTION)?,
             thrust: field.at("thrust_fraction").number(self.thrust_fraction, &FRACTION)?,
             rotor_lag: field.at("rotor_lag_fraction").number(self.rotor_lag_fraction, &FRACTION)?,
+            torque: field.at("torque_fraction").number(self.torque_fraction, &FRACTION)?,
+            effects: field.at("effects_fraction").number(self.effects_fraction, &FRACTION)?,
+            motor: field.at("motor_fraction").number(self.motor_fraction, &FRACTION)?,
+            battery: range(&field.at("battery_share"), self.battery_share, &Limits::from(0.5, 1.2, ""))?,
             wind_speed: field.at("wind_speed_m_per_s").number(self.wind_speed_m_per_s, &SPEED)?,
         })
     }

@@ -189,7 +189,7 @@ pub(crate) mod tests {
     use kestrel_sim::seed::{Purpose, Seed, Stream};
 
     use super::*;
-    use kestrel_learn::actor_critic::Actor;
+    use kestrel_learn::actor_critic::{Actor, ActorLengths};
     use kestrel_learn::network::InputBatch;
 
     pub(crate) const METADATA: PolicyMetadata<'static> = PolicyMetadata {
@@ -210,7 +210,12 @@ pub(crate) mod tests {
     };
 
     fn actor() -> Actor {
-        Actor::state_based((PILOT_LEN, 4), &[64, 64], 0.0, &mut Stream::new(Seed(3), 0, Purpose::Weights))
+        Actor::state_based(
+            ActorLengths { observation: PILOT_LEN, action: 4 },
+            &[64, 64],
+            0.0,
+            &mut Stream::new(Seed(3), 0, Purpose::Weights),
+        )
     }
 
     fn calibration(count: usize) -> Vec<f32> {

@@ -32,24 +32,33 @@ pub struct Actor {
     parameters: Vec<f32>,
 }
 
+/// How many values an [`Actor`] reads and commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ActorLengths {
+    /// Of an observation, images apart.
+    pub observation: usize,
+    /// Of an action.
+    pub action: usize,
+}
+
 impl Actor {
     /// With random orthogonal weights, and encoders for images if it has an encoder.
     pub fn new(
-        (observation_len, action_len): (usize, usize),
+        ActorLengths { observation, action }: ActorLengths,
         encoder: Option<Encoder>,
         hidden: &[usize],
         initial_log_std: f32,
         stream: &mut Stream,
     ) -> Self {
-        let mlp = Mlp::new(inputs(observation_len, observation_len, encoder.as_ref()), hidden, action_len);
+        let mlp = Mlp::new(inputs(observation, observation, encoder.as_ref()), hidden, action);
         let mut parameters = mlp.initialise(ACTOR_HEAD_GAIN, stream);
-        parameters.extend(std::iter::repeat_n(initial_log_std, action_len));
+        parameters.extend(std::iter::repeat_n(initial_log_std, action));
         parameters.extend(encoder.iter().flat_map(|encoder| encoder.initialise(stream)));
         Self { mlp, encoder, parameters }
     }
 
     /// Of observations alone.
-    pub fn state_based(lengths: (usize, usize), hidden: &[usize], log_std: f32, stream: &mut Stream) -> Self {
+    pub fn state_based(lengths: ActorLengths, hidden: &[usize], log_std: f32, stream: &mut Stream) -> Self {
         Self::new(lengths, None, hidden, log_std, stream)
     }
 

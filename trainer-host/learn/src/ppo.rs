@@ -43,7 +43,7 @@ use std::time::Instant;
 use kestrel_core::seed::{Purpose, Seed, Stream};
 use rayon::prelude::*;
 
-pub use crate::actor_critic::{Actor, Critic};
+pub use crate::actor_critic::{Actor, ActorLengths, Critic};
 use crate::actor_critic::{EncoderWeights, Gradient, Networks};
 use crate::adam::Adam;
 use crate::advantage::{Moments, normalise};

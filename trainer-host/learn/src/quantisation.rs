@@ -74,9 +74,15 @@ mod tests {
     use kestrel_core::seed::{Purpose, Seed, Stream};
 
     use super::*;
+    use crate::actor_critic::ActorLengths;
 
     fn actor() -> Actor {
-        Actor::state_based((9, 4), &[16, 16], -0.5, &mut Stream::new(Seed(3), 0, Purpose::Weights))
+        Actor::state_based(
+            ActorLengths { observation: 9, action: 4 },
+            &[16, 16],
+            -0.5,
+            &mut Stream::new(Seed(3), 0, Purpose::Weights),
+        )
     }
 
     #[test]

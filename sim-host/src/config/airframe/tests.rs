@@ -80,7 +80,7 @@ fn a_vehicle_is_a_name_or_numbers() {
 
 #[test]
 fn numbers_survive_being_written() {
-    for name in ["cf2x", "cf2p", "hb", "racer"] {
+    for name in ["cf2x", "crazyflie_2_1", "cf2p", "hb", "racer"] {
         let document = Document::parse(name, &shipped(name)).unwrap();
         let config = VehicleConfig {
             airframe: AirframeConfig::Custom(document.decode().unwrap()),
@@ -125,7 +125,10 @@ fn wrong_numbers_are_named() {
         assert!(message.starts_with("mine.yaml:") && message.contains(expected), "{message}");
     }
     let message = vehicle("airframe: cf2y").unwrap_err().to_string();
-    assert!(message.contains("found `cf2y`, expected `cf2x`, `cf2p`, `hb` or `racer`"), "{message}");
+    assert!(
+        message.contains("found `cf2y`, expected `cf2x`, `crazyflie_2_1`, `cf2p`, `hb` or `racer`"),
+        "{message}"
+    );
     let message = vehicle("airframe: [1]").unwrap_err().to_string();
     assert!(message.contains("or an airframe in numbers"), "{message}");
 }

@@ -137,6 +137,53 @@ fn several_drones_that_push_each_other() {
     assert_deterministic(CROWD, 60, &[TimeLimit]);
 }
 
+/// A drone with everything that real flights show, late, and unlike its neighbours, between walls.
+const REAL: &str = "
+aviary: { goal_m: [0, 0, 1], room: { low_m: [-0.5, -0.5, 0], high_m: [0.5, 0.5, 2] } }
+vehicle: { airframe: crazyflie_2_1 }
+physics: { substeps: 4, control_rate_hz: 50 }
+action: { thrust_body_rates: {} }
+latency: { state_secs: [0, 0.015], motor_secs: [0.001, 0.02] }
+randomisation:
+  mass_fraction: 0.1
+  torque_fraction: 0.2
+  effects_fraction: 0.5
+  motor_fraction: 0.05
+  battery_share: [0.9, 1.02]
+  wind_speed_m_per_s: 1
+start: { position: { within: { low_m: [-0.3, -0.3, 0.3], high_m: [0.3, 0.3, 1.5] } }, speed_limit_m_per_s: 1 }
+rewards: [ proximity: { weight: 1, scale_m: 0.5 } ]
+episode_secs: 0.6
+success: { settle: { radius_m: 0.5, within_secs: 0.3 } }
+";
+
+#[test]
+fn late_drones_with_effects() {
+    assert_deterministic(REAL, 60, &[TimeLimit]);
+    assert_deterministic(&format!("{REAL}terminations: [ collision ]"), 60, &[Collision]);
+}
+
+#[test]
+fn a_drone_knows_what_was_so_many_substeps_ago() {
+    // A substep is 5 ms: 12.5 ms ago is the middle between the states after the first and the second of four.
+    let late = |secs: &str| scenario(&REAL.replace("[0, 0.015]", &format!("[{secs}, {secs}]")));
+    let mut simulation = Simulation::<8>::new(&late("0.0125"), Seed(3), 0, 4);
+    let start = simulation.state(0);
+    assert_eq!(simulation.known_state(0), start, "at its start");
+    simulation.step_with_rotor_speeds(&[0.0; 16], &[start.rotor_speeds; 4]);
+    // Free flight of the first moments, by the velocities that the substeps end with.
+    let (known, now) = (simulation.known_state(0), simulation.state(0));
+    let passed = f64::from((now.position - known.position).norm());
+    let expected = 0.0125 * f64::from(now.velocity.norm());
+    assert!((passed / expected - 1.0).abs() < 0.1, "{passed} m in 12.5 ms, expected about {expected}");
+    assert!((known.world_from_body.up_cosine() - 1.0).abs() < 0.1);
+    let before = simulation.state(0);
+    let mut whole = Simulation::<8>::new(&late("0.02"), Seed(3), 0, 4);
+    whole.step_with_rotor_speeds(&[0.0; 16], &[start.rotor_speeds; 4]);
+    assert_eq!(whole.known_state(0).position, start.position, "a control period ago");
+    assert_eq!(whole.state(0), before, "what it knows changes no flight of the same rotors");
+}
+
 /// Drones fall on a stack of bricks and push them about.
 const BRICKS: &str = "
 aviary:

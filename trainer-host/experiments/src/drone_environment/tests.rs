@@ -7,6 +7,7 @@ use kestrel_learn::ppo::{PpoSettings, UpdateMetrics};
 use kestrel_learn::rollout::ENV_BATCH;
 use kestrel_learn::schedule::Schedule;
 use kestrel_sim::contact::DistanceField;
+use kestrel_sim::latency::Latency;
 use kestrel_sim::reward;
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, Goals, Physics, Randomisation, Start, StartPosition, Success, TimeLimit,
@@ -42,7 +43,15 @@ fn scenario(critic: CriticView) -> Scenario {
             speed_limit: 0.3,
             body_rates_limit: 1.0,
         },
-        randomisation: Randomisation { mass: 0.1, inertia: 0.1, thrust: 0.1, rotor_lag: 0.1, wind_speed: 0.1 },
+        latency: Latency::NONE,
+        randomisation: Randomisation {
+            mass: 0.1,
+            inertia: 0.1,
+            thrust: 0.1,
+            rotor_lag: 0.1,
+            wind_speed: 0.1,
+            ..Randomisation::NONE
+        },
         rewards: vec![reward::Alive { weight: 1.0 }.into(), reward::Distance { weight: -1.0 }.into()],
         terminations: vec![Termination::Collision, termination::Tilt { limit_deg: 1.0_f64.to_degrees() }.into()],
         // Short, so that a rollout sees truncations too.

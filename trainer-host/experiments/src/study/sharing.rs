@@ -200,12 +200,18 @@ fn first_rows(actors: &[&Actor]) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kestrel_learn::actor_critic::ActorLengths;
     use kestrel_sim::seed::{Purpose, Stream};
 
     fn actors() -> Vec<Actor> {
         (0..2)
             .map(|seed| {
-                Actor::state_based((3, 2), &[4], seed as f32, &mut Stream::new(Seed(seed), 0, Purpose::Weights))
+                Actor::state_based(
+                    ActorLengths { observation: 3, action: 2 },
+                    &[4],
+                    seed as f32,
+                    &mut Stream::new(Seed(seed), 0, Purpose::Weights),
+                )
             })
             .collect()
     }

@@ -4,7 +4,7 @@ use kestrel_core::seed::{Purpose, Seed, Stream};
 
 use super::minibatch::{SHARDS, Shard};
 use super::workspace::Workspaces;
-use super::{Actor, Critic, EncoderSharing, PpoSettings, Trainer};
+use super::{Actor, ActorLengths, Critic, EncoderSharing, PpoSettings, Trainer};
 use crate::actor_critic::{ActorCriticWorkspace, CriticEncoder, EncoderWeights, Gradient};
 use crate::adam::Adam;
 use crate::encoder::Encoder;
@@ -135,5 +135,5 @@ fn networks(shapes: &[TaskShape], settings: &PpoSettings, streams: [Stream; 2]) 
     let (hidden, tasks) = (&settings.critic_hidden, shapes.len());
     let critic = Critic::new((observation, features), critic_encoder, hidden, tasks, &mut of_critic);
     let (hidden, log_std) = (&settings.actor_hidden, settings.initial_log_std);
-    (Actor::new((observation, action), encoder, hidden, log_std, &mut of_actor), critic)
+    (Actor::new(ActorLengths { observation, action }, encoder, hidden, log_std, &mut of_actor), critic)
 }

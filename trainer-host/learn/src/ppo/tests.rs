@@ -300,7 +300,8 @@ fn the_gradient_of_the_whole_loss_is_that_of_finite_differences() {
 fn check_gradient(action_len: usize) {
     let settings = PpoSettings { entropy_weight: 0.02, ..settings() };
     let mut stream = Stream::new(Seed(13), 0, Purpose::Weights);
-    let mut actor = Actor::state_based((5, action_len), &[8, 8], -0.3, &mut stream);
+    let mut actor =
+        Actor::state_based(ActorLengths { observation: 5, action: action_len }, &[8, 8], -0.3, &mut stream);
     for parameter in actor.parameters_mut() {
         *parameter += 0.1 * stream.normal();
     }
@@ -338,8 +339,10 @@ fn check_gradient(action_len: usize) {
 fn the_logged_losses_are_those_of_the_reference() {
     let settings = PpoSettings { entropy_weight: 0.0, ..settings() };
     let mut stream = Stream::new(Seed(14), 0, Purpose::Weights);
-    let (actor, critic) =
-        (Actor::state_based((5, 4), &[8], -0.3, &mut stream), Critic::state_based(5, &[8], 1, &mut stream));
+    let (actor, critic) = (
+        Actor::state_based(ActorLengths { observation: 5, action: 4 }, &[8], -0.3, &mut stream),
+        Critic::state_based(5, &[8], 1, &mut stream),
+    );
     let samples = Samples::new(&actor, 5);
     let mut shard = Shard::new(&actor, &critic);
     let networks = Networks { actor: &actor, critic: &critic, encoders: &EncoderWeights::default() };

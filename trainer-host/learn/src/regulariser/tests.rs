@@ -1,5 +1,5 @@
 use super::*;
-use crate::actor_critic::{Actor, Critic, Gradient};
+use crate::actor_critic::{Actor, ActorLengths, Critic, Gradient};
 use crate::rollout::ENV_BATCH;
 use kestrel_core::seed::{Purpose, Stream};
 
@@ -8,7 +8,8 @@ const OUTPUTS: usize = 3;
 
 fn networks() -> (Actor, Critic) {
     let mut stream = Stream::new(Seed(1), 0, Purpose::Weights);
-    let mut actor = Actor::state_based((INPUTS, OUTPUTS), &[6], -0.7, &mut stream);
+    let mut actor =
+        Actor::state_based(ActorLengths { observation: INPUTS, action: OUTPUTS }, &[6], -0.7, &mut stream);
     actor.parameters_mut().iter_mut().for_each(|parameter| *parameter += 0.2 * stream.normal());
     (actor, Critic::state_based(INPUTS, &[4], 1, &mut stream))
 }
@@ -131,7 +132,12 @@ fn predicted_and_true(actor: &Actor, curvature: Curvature, distance: f32) -> (f6
 
 #[test]
 fn factors_predict_the_divergence_of_a_layer_and_that_of_two_better_than_a_diagonal() {
-    let single = Actor::state_based((INPUTS, OUTPUTS), &[], -0.7, &mut Stream::new(Seed(4), 0, Purpose::Weights));
+    let single = Actor::state_based(
+        ActorLengths { observation: INPUTS, action: OUTPUTS },
+        &[],
+        -0.7,
+        &mut Stream::new(Seed(4), 0, Purpose::Weights),
+    );
     let (predicted, found) = predicted_and_true(&single, Curvature::Kronecker, 0.3);
     // But for what damping moves to other inputs: a hundredth of the mean.
     assert!((predicted / found - 1.0).abs() < 0.02, "{predicted}, not {found}");

@@ -1,0 +1,217 @@
+//! What a drone knows late, and what its motors hear late.
+//!
+//! A policy acts on an estimate of the state that is some milliseconds old, and its command reaches the motors some
+//! milliseconds after. Both delays are drawn for each episode.
+
+use kestrel_core::attitude::Attitude;
+use kestrel_core::real::Real;
+use kestrel_core::vehicle::State;
+
+use crate::physics::Physics;
+use crate::seed::Stream;
+use crate::swarm::{Column, row, set_row, vector};
+
+/// Delays, each uniform within its bounds and constant in an episode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Latency {
+    /// Least and greatest age of the state that policy and rate controller see \[s\], at most a control period.
+    pub state_secs: [f32; 2],
+    /// Least and greatest time from a command to the motors \[s\], at most a control period.
+    pub motor_secs: [f32; 2],
+}
+
+impl Latency {
+    /// None.
+    pub const NONE: Self = Self { state_secs: [0.0; 2], motor_secs: [0.0; 2] };
+
+    /// The delays of an episode \[s\]; nothing is drawn where there are none.
+    pub(crate) fn draw(&self, stream: &mut Stream) -> Delays {
+        let mut between = |[least, most]: [f32; 2]| if most > 0.0 { stream.between(least, most) } else { 0.0 };
+        Delays { state_secs: between(self.state_secs), motor_secs: between(self.motor_secs) }
+    }
+}
+
+/// The delays of one drone in one episode.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Delays {
+    pub(crate) state_secs: f32,
+    pub(crate) motor_secs: f32,
+}
+
+/// The states of the drones of a block in columns: the true ones, or those that are known.
+#[derive(Clone, Copy)]
+pub(crate) struct States<'a, const LANES: usize, R> {
+    pub(crate) position: &'a [Column<LANES, R>; 3],
+    pub(crate) attitude: &'a [Column<LANES, R>; 4],
+    pub(crate) velocity: &'a [Column<LANES, R>; 3],
+    pub(crate) body_rates: &'a [Column<LANES, R>; 3],
+    pub(crate) rotor_speeds: &'a [Column<LANES, R>; 4],
+}
+
+/// What a block remembers in order to be late.
+#[derive(Clone, Debug)]
+pub(crate) struct LatencyMemory<const LANES: usize, R> {
+    /// What is known of the motion.
+    known: Motions<LANES, R>,
+    /// What will be known at the end of the control period, summed up substep by substep.
+    coming: Motions<LANES, R>,
+    /// Delay of the state, in substeps.
+    state_delay: Column<LANES, R>,
+    /// Delay of the motors, in substeps.
+    motor_delay: Column<LANES, R>,
+    /// Rotor targets before those of this control period \[rad/s\].
+    targets_before: [Column<LANES, R>; 4],
+    /// In a control period.
+    substeps: u32,
+    substeps_per_sec: f64,
+}
+
+/// A motion without rotor speeds: position, attitude, velocity, body rates.
+type Motions<const LANES: usize, R> = [Column<LANES, R>; MOTION_LEN];
+
+const MOTION_LEN: usize = 13;
+
+impl<'a, const LANES: usize, R: Real> States<'a, LANES, R> {
+    /// The state in a lane.
+    #[inline(always)]
+    pub(crate) fn state(&self, lane: usize) -> State<R> {
+        let [w, x, y, z] = row(self.attitude, lane);
+        State {
+            position: vector(self.position, lane),
+            world_from_body: Attitude { w, x, y, z },
+            velocity: vector(self.velocity, lane),
+            body_rates: vector(self.body_rates, lane),
+            rotor_speeds: row(self.rotor_speeds, lane),
+        }
+    }
+
+    /// All columns but the rotors'.
+    #[inline(always)]
+    fn motion(&self) -> [&'a Column<LANES, R>; MOTION_LEN] {
+        let ([x, y, z], [a, b, c, d]) = (self.position, self.attitude);
+        let ([u, v, w], [p, q, r]) = (self.velocity, self.body_rates);
+        [x, y, z, a, b, c, d, u, v, w, p, q, r]
+    }
+}
+
+impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
+    /// Nothing where nothing is late.
+    pub(crate) fn new(latency: &Latency, physics: &Physics) -> Option<Self> {
+        if *latency == Latency::NONE {
+            return None;
+        }
+        let nothing = [R::zero(); LANES];
+        Some(Self {
+            known: [nothing; MOTION_LEN],
+            coming: [nothing; MOTION_LEN],
+            state_delay: nothing,
+            motor_delay: nothing,
+            targets_before: [nothing; 4],
+            substeps: physics.substeps,
+            substeps_per_sec: 1.0 / physics.substep_secs(),
+        })
+    }
+
+    /// A lane begins an episode in a state that it knows.
+    pub(crate) fn begin(&mut self, lane: usize, state: &State<R>, delays: Delays) {
+        self.know(lane, state);
+        set_row(&mut self.targets_before, lane, state.rotor_speeds);
+        let substeps = |secs: f32| R::from_f64(f64::from(secs) * self.substeps_per_sec);
+        self.state_delay[lane] = substeps(delays.state_secs);
+        self.motor_delay[lane] = substeps(delays.motor_secs);
+    }
+
+    /// A lane knows this state from now on.
+    pub(crate) fn know(&mut self, lane: usize, state: &State<R>) {
+        set_row(&mut self.known, lane, motion_of(state));
+    }
+
+    /// What the motors follow in a substep of the control period whose command is `targets`: until the delay is over, the
+    /// command before.
+    #[inline(always)]
+    pub(crate) fn targets(&self, substep: u32, targets: &[Column<LANES, R>; 4]) -> [Column<LANES, R>; 4] {
+        let passed = R::from_f64(f64::from(substep));
+        let mut late = *targets;
+        for (late, before) in late.iter_mut().zip(&self.targets_before) {
+            for lane in 0..LANES {
+                let share = (self.motor_delay[lane] - passed).limited(R::zero(), R::one());
+                late[lane] += (before[lane] - late[lane]) * share;
+            }
+        }
+        late
+    }
+
+    /// Begins a control period with the motion at its start.
+    #[inline(always)]
+    pub(crate) fn begin_period(&mut self, states: &States<'_, LANES, R>) {
+        self.coming = [[R::zero(); LANES]; MOTION_LEN];
+        self.add(0, states);
+    }
+
+    /// Takes in the motion of all lanes after so many substeps of the control period.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, substeps: u32, states: &States<'_, LANES, R>) {
+        let age = R::from_f64(f64::from(self.substeps - substeps));
+        let shares = self.state_delay.map(|delay| share(delay, age));
+        for (coming, motion) in self.coming.iter_mut().zip(states.motion()) {
+            for lane in 0..LANES {
+                coming[lane] += shares[lane] * motion[lane];
+            }
+        }
+    }
+
+    /// The same for a lane that went another way in this control period: its states from the start on.
+    pub(crate) fn replace(&mut self, lane: usize, states: &[State<R>]) {
+        let mut sum = [R::zero(); MOTION_LEN];
+        for (age, state) in (0..states.len()).rev().zip(states) {
+            let share = share(self.state_delay[lane], R::from_f64(age as f64));
+            for (sum, value) in sum.iter_mut().zip(motion_of(state)) {
+                *sum += share * value;
+            }
+        }
+        set_row(&mut self.coming, lane, sum);
+    }
+
+    /// Ends a control period, whose command was `targets`.
+    #[inline(always)]
+    pub(crate) fn end_period(&mut self, targets: &[Column<LANES, R>; 4]) {
+        self.targets_before = *targets;
+        self.known = self.coming;
+        let [_, _, _, attitude @ .., _, _, _, _, _, _] = &mut self.known;
+        for lane in 0..LANES {
+            let [w, x, y, z] = row(attitude, lane);
+            let between = Attitude { w, x, y, z }.normalized();
+            set_row(attitude, lane, [between.w, between.x, between.y, between.z]);
+        }
+    }
+
+    /// What is known; the speeds of the rotors are nobody's to know.
+    #[inline(always)]
+    pub(crate) fn known<'a>(&'a self, rotor_speeds: &'a [Column<LANES, R>; 4]) -> States<'a, LANES, R> {
+        let (position, rest) = self.known.split_first_chunk().expect("a motion has 13 values");
+        let (attitude, rest) = rest.split_first_chunk().expect("a motion has 13 values");
+        let (velocity, rest) = rest.split_first_chunk().expect("a motion has 13 values");
+        let (body_rates, _) = rest.split_first_chunk().expect("a motion has 13 values");
+        States { position, attitude, velocity, body_rates, rotor_speeds }
+    }
+
+    /// Every column, for saving and restoring.
+    pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Column<LANES, R>> {
+        let delays = [&mut self.state_delay, &mut self.motor_delay];
+        self.known.iter_mut().chain(delays).chain(&mut self.targets_before)
+    }
+}
+
+/// Share of a motion of some age in what is known with a delay, both in substeps: linear between two ages.
+#[inline(always)]
+fn share<R: Real>(delay: R, age: R) -> R {
+    (R::one() - (delay - age).abs()).at_least(R::zero())
+}
+
+#[inline(always)]
+fn motion_of<R: Real>(state: &State<R>) -> [R; MOTION_LEN] {
+    let ([x, y, z], [u, v, w], [p, q, r]): ([R; 3], [R; 3], [R; 3]) =
+        (state.position.into(), state.velocity.into(), state.body_rates.into());
+    let Attitude { w: a, x: b, y: c, z: d } = state.world_from_body;
+    [x, y, z, a, b, c, d, u, v, w, p, q, r]
+}
