@@ -15,7 +15,7 @@ use super::outline::{MARGIN, Outline, distance};
 use super::scanner::Scanner;
 use super::{ContactReport, Motion, TOUCH_GAP, Touch};
 use crate::sensor::{BEAM_LIMIT, Scan};
-use crate::world::{Floor, Pose, World};
+use crate::world::{BOX_CONTACT_GAP, Floor, Pose, World};
 
 /// Bullet keeps a contact until it opens by this share of the smaller body's radius
 /// (`gContactBreakingThreshold`).
@@ -188,7 +188,7 @@ impl Arena {
         let reach = f64::from(self.reach);
         for index in self.solids_within(&drone.position, reach) {
             let body = &self.solids[index];
-            if distance([&self.drone.shape, &body.outline.shape], [&hull, &body.shape_pose]) <= body.gap {
+            if self.touches_solid(&hull, body) {
                 touch |= body.touched();
             }
         }
@@ -232,6 +232,23 @@ impl Arena {
         let half = Vector3::repeat(radius + ROUNDING);
         let ball = BvhNode::leaf(Aabb::new(to_vector(&(middle - half)), to_vector(&(middle + half))), 0);
         self.tree.leaves(move |node| node.intersects(&ball)).map(|leaf| leaf as usize)
+    }
+
+    /// Whether a solid is as near as [`ContactReport`] says. Bullet tests a surface of triangles only when the box around
+    /// the drone's hull meets those of the triangles, so that its gap is one between boxes: it matters when the drone is level
+    /// and heads along an axis. Then it finds the contact up to the gap of a box, as elsewhere.
+    fn touches_solid(&self, hull: &Pose, body: &Body) -> bool {
+        let apart = || distance([&self.drone.shape, &body.outline.shape], [hull, &body.shape_pose]);
+        match self.report {
+            ContactReport::Touch => apart() <= body.gap,
+            ContactReport::Bullet => {
+                let rows = hull.world_from_body.rows().map(Vector3::from);
+                let half = Vector3::from(rows.map(|row| row.abs().dot(&self.bounds)));
+                let (low, high) = &body.extent;
+                let beyond = (low - hull.position).sup(&(hull.position - high)) - half;
+                beyond.max() <= body.gap - 2.0 * MARGIN && apart() <= body.gap.max(BOX_CONTACT_GAP)
+            }
+        }
     }
 
     /// Whether the lowest corner of the drone's hull is near the floor.

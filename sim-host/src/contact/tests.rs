@@ -142,6 +142,22 @@ fn contact_is_reported_from_the_gap_on() {
 }
 
 #[test]
+fn a_surface_of_triangles_is_met_by_the_box_around_the_hull_first() {
+    // Where PyBullet reports contact with a wall of triangles at x = 1, by bisection: dead ahead at a gap of 2.03 mm, at
+    // 2.78 mm of a hull whose box reaches farther than its corners.
+    let mut wall = Solid::block("wall", Vector3::new(1.0, -2.0, 0.0), Vector3::new(1.1, 2.0, 2.0));
+    wall.contact_gap = 1.98e-3;
+    let arena = Arena::new(&World { solids: vec![wall], ..World::empty() }, &CF2X, ContactReport::Bullet);
+    let touches = |heading: f64, gap: f64| {
+        let ahead = |corner: u32| (heading - std::f64::consts::TAU * f64::from(corner) / 32.0).cos();
+        let reach = 0.06 * (0..32).map(ahead).fold(0.0, f64::max);
+        arena.touch(&turned(at(1.0 - gap - reach, 0.0, 1.0), Vector3::z(), heading), &[]).obstacle
+    };
+    assert!(touches(0.0, 1.9e-3) && !touches(0.0, 2.1e-3));
+    assert!(touches(0.1, 2.7e-3) && !touches(0.1, 2.9e-3));
+}
+
+#[test]
 fn movables_are_touched_where_they_are_now() {
     let block = Solid::block("block", Vector3::repeat(-0.025), Vector3::repeat(0.025));
     let movables = vec![Movable { solid: block, mass: 0.1 }];

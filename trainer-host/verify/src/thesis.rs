@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use kestrel_core::airframe::Airframe;
 use kestrel_core::reference::bullet::{Bullet, BulletMode, Quirks, RotorPrecision};
 use kestrel_core::reference::controller::{DslPid, DslPidMemory, command};
+use kestrel_core::vehicle::State;
+use kestrel_sim::contact::{Arena, ContactReport};
+use kestrel_sim::scenario::Scenario;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -20,6 +23,9 @@ use super::task::{Components, Flown, Recorded, scenario, worlds};
 
 /// The drone of the thesis.
 const MODEL: &str = "cf2x";
+
+/// Deviation from free flight \[SI\] that is none of rounding; an impact has a thousand times as much.
+const IMPACT: f64 = 1e-6;
 
 /// The fork's physics step \[s\] in its single steps.
 const STEP_SECS: f64 = 1.0 / 240.0;
@@ -108,21 +114,30 @@ pub(super) fn compare(folder: &Path, models: &Models, ledger: &mut Ledger) -> Re
         return Ok(());
     }
     for case in Json::read(&index)?.cases()? {
-        let episode = ThesisEpisode::read(folder, &case, models)?;
-        ledger.add(Kind::ThesisRpm, &episode.id, &episode.worst_command());
-        ledger.add(Kind::ThesisStates, &episode.id, &episode.worst_state());
-        match worlds() {
-            Some(worlds) => match episode.task(&worlds)? {
-                Some(text) => {
-                    let [free, touching] = episode.worst_task(&text)?;
-                    ledger.add(Kind::ThesisTask, &episode.id, &free);
-                    if !touching.is_empty() {
-                        ledger.add(Kind::ThesisContact, &episode.id, &touching);
-                    }
-                }
-                None => ledger.note(format!("the aviary {} of {} is not known", episode.environment, episode.id)),
-            },
-            None => ledger.note(format!("the task of {} needs the folder assets/worlds", episode.id)),
+        compare_episode(&ThesisEpisode::read(folder, &case, models)?, ledger)?;
+    }
+    Ok(())
+}
+
+fn compare_episode(episode: &ThesisEpisode, ledger: &mut Ledger) -> Result<(), RecordingError> {
+    let mut task = None;
+    match worlds() {
+        Some(worlds) => match episode.task(&worlds)? {
+            Some(text) => task = Some(scenario(&episode.id, &text)?),
+            None => ledger.note(format!("the aviary {} of {} is not known", episode.environment, episode.id)),
+        },
+        None => ledger.note(format!("the task of {} needs the folder assets/worlds", episode.id)),
+    }
+    let arena = task.as_ref().map(|task| Arena::new(&task.aviary.world, &episode.airframe, ContactReport::Bullet));
+    let (states, impact) = episode.worst_state(arena.as_ref());
+    let free = &episode.steps[..episode.whole_steps().min(impact.unwrap_or(usize::MAX))];
+    ledger.add(Kind::ThesisStates, &episode.id, &states);
+    ledger.add(Kind::ThesisRpm, &episode.id, &episode.worst_command(free));
+    if let Some(task) = task {
+        let [free, touching] = episode.worst_task(&task, impact);
+        ledger.add(Kind::ThesisTask, &episode.id, &free);
+        if !touching.is_empty() {
+            ledger.add(Kind::ThesisContact, &episode.id, &touching);
         }
     }
     Ok(())
@@ -190,13 +205,10 @@ impl ThesisEpisode {
         })
     }
 
-    /// Steps before the control step in which the first contact was seen, and before steps are left out.
-    fn free_steps(&self) -> &[ThesisStep] {
-        let touching = self.steps.iter().position(|step| step.contacts > 0);
-        let thinned = self.steps.iter().enumerate().position(|(index, step)| step.control_step != index);
-        let all = self.steps.len();
-        let free = touching.map_or(all, |index| index.saturating_sub(1)).min(thinned.unwrap_or(all));
-        &self.steps[..free]
+    /// How many steps there are before one with a contact at its end, and before steps are left out.
+    fn whole_steps(&self) -> usize {
+        let ending = |(index, step): (usize, &ThesisStep)| step.contacts > 0 || step.control_step != index;
+        self.steps.iter().enumerate().position(ending).unwrap_or(self.steps.len())
     }
 
     /// The task as YAML, if its aviary is known.
@@ -237,14 +249,16 @@ start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
         )))
     }
 
-    /// Until the episode is over; the recording goes on beyond that. Of steps that it leaves out the actions are those
-    /// of the step before. Steps without and with contact are judged apart.
-    fn worst_task(&self, text: &str) -> Result<[Worst; 2], RecordingError> {
+    /// Until the episode is over or the first impact, in whose step contact is judged apart if the recording shows it; the
+    /// recording goes on beyond that. Of steps that it leaves out the actions are those of the step before.
+    fn worst_task(&self, task: &Scenario, impact: Option<usize>) -> [Worst; 2] {
         let mut worst = [Worst::default(), Worst::default()];
-        let mut flown = Flown::new(&scenario(&self.id, text)?);
+        let mut flown = Flown::new(task);
         let mut control_step = 0;
         let (mut action, mut rpm) = ([0.0; 4], [0.0; 4]);
-        for step in &self.steps {
+        let end = impact.unwrap_or(self.steps.len());
+        let shown = self.steps.get(end).filter(|step| step.contacts > 0);
+        for step in self.steps[..end].iter().chain(shown) {
             let compared = |control_step| control_step == step.control_step;
             while control_step <= step.control_step {
                 if compared(control_step) {
@@ -263,20 +277,20 @@ start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
                     compared: compared(control_step),
                 };
                 if !flown.step(&recorded, &mut worst[usize::from(step.contacts > 0)]) {
-                    return Ok(worst);
+                    return worst;
                 }
                 control_step += 1;
             }
         }
-        Ok(worst)
+        worst
     }
 
-    fn worst_command(&self) -> Worst {
+    fn worst_command(&self, free: &[ThesisStep]) -> Worst {
         let controller = DslPid::new(&self.airframe);
         let mut memory = DslPidMemory::new();
         let mut state = Logged::at_rest(self.start).placed().motion;
         let mut worst = Worst::default();
-        for step in self.free_steps() {
+        for step in free {
             let speeds = match self.action {
                 ActionKind::Rpm => command::rotor_speeds_all_in_single(&self.airframe, &step.action),
                 ActionKind::Vel => {
@@ -290,7 +304,9 @@ start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
         worst
     }
 
-    fn worst_state(&self) -> Worst {
+    /// Up to the first impact, and in which step that is. It may be over when the control step is, and the recording shows no
+    /// contact: then free flight does not lead to where the drone was.
+    fn worst_state(&self, arena: Option<&Arena>) -> (Worst, Option<usize>) {
         // numpy 1 keeps rotor speeds, and with them thrusts, in the precision of the action.
         let rotor_precision = match self.action {
             ActionKind::Rpm => RotorPrecision::Single,
@@ -299,13 +315,24 @@ start: {{ position: {{ exactly: [{{ position_m: {:?} }}] }} }}
         let bullet = Bullet::new(&self.airframe, BulletMode::Pyb, Quirks { rotor_precision, ..Quirks::fork() });
         let mut drone = Logged::at_rest(self.start).placed();
         let mut worst = Worst::default();
-        for step in self.free_steps() {
+        for (index, step) in self.steps[..self.whole_steps()].iter().enumerate() {
             let speeds = rotor_speeds(step.rpm);
             let Some(after) = flown(&bullet, &self.airframe, &self.clock, drone, &speeds) else { break };
-            worst.add(step.motion.deviation(&after), &step.row);
+            let deviation = step.motion.deviation(&after);
+            if deviation > IMPACT && arena.is_some_and(|arena| self.can_touch(arena, &drone.motion)) {
+                return (worst, Some(index));
+            }
+            worst.add(deviation, &step.row);
             drone = after;
         }
-        worst
+        (worst, self.steps.iter().position(|step| step.contacts > 0))
+    }
+
+    /// Whether a drone can touch anything within the coming control step.
+    fn can_touch(&self, arena: &Arena, drone: &State<f64>) -> bool {
+        let [x, y, z] = [drone.position.x, drone.position.y, drone.position.z].map(|coordinate| coordinate as f32);
+        let way = drone.velocity.norm() * self.clock.control_secs();
+        f64::from(arena.clearance(x, y, z)) < f64::from(arena.reach()) + way
     }
 }
 
