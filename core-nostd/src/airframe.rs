@@ -244,22 +244,22 @@ pub const CF2X: Airframe = Airframe {
 
 /// Crazyflie 2.1 as it flies: [`CF2X`] with what flights of real ones show, as `kestrel identify` finds it.
 ///
-/// Inertia about x and y, rotor inertia, rate damping, time constants and the rotors' greatest speed: 1 kHz logs of
-/// motors, gyroscope and accelerometer (Eschmann 2024). Drag and flapping moment: motion capture (`NanoBench`, Ullah &
-/// Baca 2026). These flights tell ratios only: mass, thrust coefficient and lever are [`CF2X`]'s, and the inertia about z
-/// is [`CF2P`]'s, to which the reaction torque of 8.0 mm of lever belongs.
+/// Inertia about x and y, reaction torque, rotor inertia, rate damping, time constants and the rotors' greatest speed:
+/// 1 kHz logs of motors, gyroscope and accelerometer (Eschmann 2024). Drag: motion capture (`NanoBench`, Ullah & Baca
+/// 2026); the flapping moment is what both say. These flights tell ratios only: mass, thrust coefficient and lever are
+/// [`CF2X`]'s, and the inertia about z is [`CF2P`]'s.
 pub const CRAZYFLIE_2_1: Airframe = Airframe {
-    inertia: [1.93e-5, 2.01e-5, 3.2347e-5],
-    torque_coefficient: 0.0080 * CF2X.thrust_coefficient,
-    rotor_speed_limit: 2153.0,
-    rotor_rise_secs: 0.055,
-    rotor_fall_secs: 0.118,
-    drag_coefficients: DragCoefficients { planar: 1.54e-6, axial: 2.0e-6 },
+    inertia: [1.93e-5, 2.57e-5, 3.2347e-5],
+    torque_coefficient: 1.69e-10,
+    rotor_speed_limit: 2224.0,
+    rotor_rise_secs: 0.065,
+    rotor_fall_secs: 0.12,
+    drag_coefficients: DragCoefficients { planar: 1.55e-6, axial: 2.0e-6 },
     effects: FlightEffects {
-        flapping_moment: 4.6e-8,
-        rate_damping: [7.8e-5, 7.8e-5, 5.4e-5],
-        rotor_inertia: 4.8e-8,
-        body_drag: 0.0,
+        flapping_moment: 4.8e-8,
+        rate_damping: [1.6e-4, 1.7e-4, 5.4e-5],
+        rotor_inertia: 4.6e-8,
+        body_drag: 1.3e-3,
         battery_sag: 0.0,
     },
     ..CF2X

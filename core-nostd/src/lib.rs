@@ -77,7 +77,7 @@ pub mod real;
 #[cfg(feature = "reference")]
 pub mod reference;
 pub mod seed;
-mod setpoint;
+pub mod setpoint;
 pub mod vehicle;
 #[cfg(not(feature = "reference"))]
 mod without_reference;

@@ -8,7 +8,7 @@
 //! | [`MessageKind::Policy`] | a policy file | [`MessageKind::Code`] | `i32`: zero, or [`PolicyError::code`] |
 //! | [`MessageKind::Reset`] | | [`MessageKind::Code`] | zero, or [`NO_POLICY`] |
 //! | [`MessageKind::Test`] | | [`MessageKind::Code`] | zero, [`NO_POLICY`], or [`PolicyError::code`] of the self-test |
-//! | [`MessageKind::Tick`] | 13 `f32` of the state, 3 of the goal, then measurements | [`MessageKind::Targets`] | 4 `f32`, rad/s |
+//! | [`MessageKind::Tick`] | 13 `f32` of the state, 3 of the goal, the heading, then measurements | [`MessageKind::Targets`] | 4 `f32`, rad/s |
 //!
 //! Whatever is damaged, too long or asked at the wrong time is answered by a [`MessageKind::Code`] from 100 on, and nothing else happens.
 
@@ -17,6 +17,7 @@ use crate::crc32::Crc32;
 use crate::observation::OBSERVATION_LIMIT;
 use crate::pilot::Pilot;
 use crate::policy_file::PolicyFile;
+use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 use nalgebra::Vector3;
 
@@ -35,8 +36,8 @@ pub const DAMAGED: i32 = 102;
 /// The payload is longer than the room for it, or not as long as its kind asks for.
 pub const LENGTH: i32 = 103;
 
-/// Numbers of a state and a goal.
-const STATE_LEN: usize = 16;
+/// Numbers of a state, a goal and a heading.
+const STATE_LEN: usize = 17;
 
 /// Most numbers of a tick.
 const TICK_LIMIT: usize = STATE_LEN + OBSERVATION_LIMIT;
@@ -236,7 +237,7 @@ fn tick(pilot: &mut Pilot<'_>, payload: &[u8]) -> Option<[f32; 4]> {
     for (value, bytes) in measurements.iter_mut().zip(measured) {
         *value = f32::from_le_bytes(*bytes);
     }
-    let [px, py, pz, w, x, y, z, vx, vy, vz, p, q, r, gx, gy, gz] = first.map(f32::from_le_bytes);
+    let [px, py, pz, w, x, y, z, vx, vy, vz, p, q, r, gx, gy, gz, yaw] = first.map(f32::from_le_bytes);
     let state = State {
         position: Vector3::new(px, py, pz),
         world_from_body: Attitude { w, x, y, z },
@@ -244,13 +245,16 @@ fn tick(pilot: &mut Pilot<'_>, payload: &[u8]) -> Option<[f32; 4]> {
         body_rates: Vector3::new(p, q, r),
         rotor_speeds: [0.0; 4],
     };
-    Some(pilot.tick_measured(measurements, &state, &Vector3::new(gx, gy, gz)))
+    let setpoint = Setpoint { yaw, ..Setpoint::at(Vector3::new(gx, gy, gz)) };
+    Some(pilot.tick_towards(measurements, &state, &setpoint))
 }
 
 /// The payload of a tick, but for its measurements.
-pub fn tick_payload(state: &State<f32>, goal: &Vector3<f32>) -> [[u8; 4]; STATE_LEN] {
+pub fn tick_payload(state: &State<f32>, setpoint: &Setpoint<f32>) -> [[u8; 4]; STATE_LEN] {
     let State { position: p, world_from_body: q, velocity: v, body_rates: w, .. } = state;
-    [p.x, p.y, p.z, q.w, q.x, q.y, q.z, v.x, v.y, v.z, w.x, w.y, w.z, goal.x, goal.y, goal.z].map(f32::to_le_bytes)
+    let Setpoint { position: goal, yaw, .. } = setpoint;
+    let values = [p.x, p.y, p.z, q.w, q.x, q.y, q.z, v.x, v.y, v.z, w.x, w.y, w.z, goal.x, goal.y, goal.z, *yaw];
+    values.map(f32::to_le_bytes)
 }
 
 #[cfg(test)]

@@ -185,7 +185,7 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
         if let Some(crtp) = crtp {
             crtp.exchange(vehicle, plant.state())?;
         }
-        *rotor_targets = vehicle.tick(plant.state(), &mut |frame| {
+        *rotor_targets = vehicle.tick(plant.known_state(), &mut |frame| {
             note(log, secs, frame);
             links.send(frame);
         });

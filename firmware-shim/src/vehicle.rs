@@ -384,8 +384,15 @@ impl<P: PolicyBackend> Vehicle<P> {
                 self.send_status_text(answer.text);
             }
             Request::Command(command) => self.handle_command(command, sender),
-            Request::PositionTarget(target) => self.follow(target.set_point(&self.profile.origin)),
-            Request::AttitudeTarget(target) => self.follow(target.set_point()),
+            Request::PositionTarget(target) => {
+                if self.follow(target.set_point(&self.profile.origin)) {
+                    let refused = self.controller.autopilot_mut().face(target.facing()).err();
+                    self.send_status_text(refused.map(Refusal::text));
+                }
+            }
+            Request::AttitudeTarget(target) => {
+                self.follow(target.set_point());
+            }
             Request::TimeSync(theirs_ns) => {
                 let ours_ns = (self.elapsed_secs() * 1e9) as i64;
                 self.controller.answer(sent::timesync(*theirs_ns, ours_ns, sender.address));
@@ -394,12 +401,13 @@ impl<P: PolicyBackend> Vehicle<P> {
         }
     }
 
-    /// Follows a set-point, or says why not.
-    fn follow(&mut self, set_point: Result<SetPoint, SetPointError>) {
+    /// Follows a set-point, or says why not; whether it does.
+    fn follow(&mut self, set_point: Result<SetPoint, SetPointError>) -> bool {
         let outcome = set_point
             .map_err(SetPointError::text)
             .and_then(|set_point| self.set_point(set_point).map_err(Refusal::text));
         self.send_status_text(outcome.err());
+        outcome.is_ok()
     }
 
     fn handle_parameter(&mut self, request: &parameter_received::ParameterRequest, sender: [u8; 2]) {

@@ -35,6 +35,7 @@ pub struct Flight {
     simulation: Simulation<1, f64>,
     actions: Vec<f64>,
     state: State<f32>,
+    known_state: State<f32>,
     periods: u64,
 }
 
@@ -91,12 +92,18 @@ impl Flight {
         let mut simulation = Simulation::new(&scenario, seed, 0, 1);
         let state = State { rotor_speeds: [0.0; 4], ..simulation.state(0) };
         simulation.put(0, state);
-        Self { actions: vec![0.0; scenario.action.len()], simulation, state: single(&state), periods: 0 }
+        let (actions, state) = (vec![0.0; scenario.action.len()], single(&state));
+        Self { actions, simulation, state, known_state: state, periods: 0 }
     }
 
     /// The true state.
     pub fn state(&self) -> &State<f32> {
         &self.state
+    }
+
+    /// The state that the drone knows: older than the true one where the scenario has a latency.
+    pub fn known_state(&self) -> &State<f32> {
+        &self.known_state
     }
 
     /// The scenario it flies in.
@@ -118,6 +125,7 @@ impl Flight {
             self.simulation.put(0, limited);
         }
         self.state = single(&limited);
+        self.known_state = single(&self.simulation.known_state(0));
         self.periods += 1;
     }
 }

@@ -123,7 +123,7 @@ fn the_pilots_of_the_assets_fly_the_frozen_flights() {
     let place = tempfile::tempdir().unwrap();
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/pilots");
     let mut lines = String::new();
-    for (name, episodes) in [("hover", "64"), ("cross", "32")] {
+    for (name, episodes) in [("hover-cf2x", "64"), ("cross", "32")] {
         let experiment = config(&format!("{name}.yaml"));
         let run = ["train", experiment.to_str().unwrap(), "--run", name];
         output(place.path(), &[&run[..], &TINY[..]].concat());

@@ -22,7 +22,7 @@ def row(library, policy, count, simulator):
     starts = Starts(count)
     begun = time.monotonic()
     drones = module.Drones(starts, simulator)
-    found = summary(*fly(Pilot(library, policy, count), drones, starts))
+    found = summary(*fly(Pilot(library, policy, starts.headings), drones, starts))
     lengths = [f"{100 * found[name]:.2f}" for name in ("mean", "median")]
     angles = [f"{numpy.degrees(found[name]):.1f}" for name in ("turn", "most")]
     share = f"{100 * found['settled']:.1f}"

@@ -31,13 +31,11 @@ int32_t simulators_begin(const uint8_t *bytes, size_t len, size_t count) {
 /* Seconds between two ticks. */
 float simulators_period(void) { return kestrel_control_period(&pilots[0]); }
 
-/* One control period of all drones; how many were refused, whose thrusts are zero. */
-size_t simulators_tick(const KestrelState *states, const float *goal, float (*thrusts)[4]) {
-  float place[3];
+/* One control period of all drones, each to its goal; how many were refused, whose thrusts are zero. */
+size_t simulators_tick(const KestrelState *states, const float (*goals)[4], float (*thrusts)[4]) {
   size_t refused = 0;
-  memcpy(place, goal, sizeof place);
   for (size_t drone = 0; drone < drones; drone++) {
-    refused += kestrel_tick(&pilots[drone], &states[drone], (const float(*)[3]) & place, &thrusts[drone]) != KESTREL_OK;
+    refused += kestrel_tick(&pilots[drone], &states[drone], &goals[drone], &thrusts[drone]) != KESTREL_OK;
   }
   return refused;
 }

@@ -214,6 +214,10 @@ impl Plant for SimulatedFlight {
         self.0.state()
     }
 
+    fn known_state(&self) -> &State<f32> {
+        self.0.known_state()
+    }
+
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         self.0.step(rotor_targets);
     }

@@ -12,9 +12,9 @@ use std::time::Duration;
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_core::processor_in_the_loop::{MessageHeader, MessageKind, NO_POLICY, SerialPort, send, tick_payload};
+use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 use kestrel_shim::policy_backend::PolicyBackend;
-use nalgebra::Vector3;
 use thiserror::Error;
 
 pub(crate) use comparison::compare;
@@ -137,14 +137,14 @@ impl Qemu {
         Ok(Self { line, control_secs: metadata.control_period_secs, observation: metadata.observation })
     }
 
-    /// As [`kestrel_core::pilot::Pilot::tick_measured`], over there; nothing when nobody answers.
-    pub(crate) fn tick_measured(
+    /// As [`kestrel_core::pilot::Pilot::tick_towards`], over there; nothing when nobody answers.
+    pub(crate) fn tick_towards(
         &mut self,
         measurements: &[f32],
         state: &State<f32>,
-        goal: &Vector3<f32>,
+        setpoint: &Setpoint<f32>,
     ) -> Option<[f32; 4]> {
-        let numbers = tick_payload(state, goal);
+        let numbers = tick_payload(state, setpoint);
         let measurements: Vec<u8> = measurements.iter().flat_map(|value| value.to_le_bytes()).collect();
         match self.line.ask(MessageKind::Tick, &[numbers.as_flattened(), &measurements])? {
             Answer::Targets(targets) => Some(targets),
@@ -171,8 +171,8 @@ impl PolicyBackend for Qemu {
         let _heard = self.line.ask(MessageKind::Reset, &[]);
     }
 
-    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
-        self.tick_measured(&[], state, goal)
+    fn tick(&mut self, state: &State<f32>, setpoint: &Setpoint<f32>) -> Option<[f32; 4]> {
+        self.tick_towards(&[], state, setpoint)
     }
 }
 

@@ -81,10 +81,12 @@ fn a_pilot_on_another_processor_is_the_pilot() {
                 pilot.reset();
             }
             let measurements: Vec<f32> = (0..measured).map(|index| 0.05 * index as f32).collect();
-            let mut payload = tick_payload(&state(step), &goal).as_flattened().to_vec();
+            let mut payload =
+                tick_payload(&state(step), &Setpoint { yaw: 0.4, ..Setpoint::at(goal) }).as_flattened().to_vec();
             payload.extend(measurements.iter().flat_map(|value| value.to_le_bytes()));
             asked.push(frame(MessageKind::Tick, &payload));
-            let targets = pilot.tick_measured(&measurements, &state(step), &goal);
+            let targets =
+                pilot.tick_towards(&measurements, &state(step), &Setpoint { yaw: 0.4, ..Setpoint::at(goal) });
             expected
                 .push((MessageKind::Targets, targets.iter().flat_map(|target| target.to_le_bytes()).collect()));
         }
@@ -98,7 +100,8 @@ fn what_is_wrong_gets_a_number_and_the_line_goes_on() {
     damaged[10] ^= 1;
     let mut unknown = frame(MessageKind::Reset, &[]);
     unknown[1] = 77;
-    let tick = || frame(MessageKind::Tick, tick_payload(&state(0), &Vector3::zeros()).as_flattened());
+    let tick =
+        || frame(MessageKind::Tick, tick_payload(&state(0), &Setpoint::at(Vector3::zeros())).as_flattened());
     let mut altered = HOVER.to_vec();
     *altered.last_mut().unwrap() ^= 1;
     let asked = [

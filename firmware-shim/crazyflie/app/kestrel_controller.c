@@ -61,6 +61,9 @@ static uint32_t held;
 /* Whether the policy flew at the last tick. */
 static uint8_t flying;
 
+/* Where the nose shall point: deg, as the set-points have it, counter-clockwise. */
+static float heading;
+
 static uint8_t enable = 1;
 
 void appMain(void) {
@@ -118,8 +121,19 @@ static bool is_fresh_position(const setpoint_t *setpoint) {
   return is_position && xTaskGetTickCount() - setpoint->timestamp < STALE_TICKS;
 }
 
+/* The heading of the set-point, as the stock controller takes it: an angle, a rate, or what it was when it began. */
+static void turn(const setpoint_t *setpoint) {
+  if (setpoint->mode.yaw == modeAbs) {
+    heading = setpoint->attitude.yaw;
+  } else if (setpoint->mode.yaw == modeVelocity) {
+    heading += setpoint->attitudeRate.yaw * (float)period / RATE_MAIN_LOOP;
+    heading -= 360.0f * (float)((heading > 180.0f) - (heading < -180.0f));
+  }
+}
+
 static int32_t act(const setpoint_t *setpoint, const sensorData_t *sensors, const state_t *state) {
-  const float goal[3] = {setpoint->position.x, setpoint->position.y, setpoint->position.z};
+  turn(setpoint);
+  const float goal[4] = {setpoint->position.x, setpoint->position.y, setpoint->position.z, RADIANS_PER_DEGREE * heading};
   const KestrelState here = {
       .position = {state->position.x, state->position.y, state->position.z},
       .attitude = {state->attitudeQuaternion.w, state->attitudeQuaternion.x, state->attitudeQuaternion.y,
@@ -143,6 +157,7 @@ static bool flies(const setpoint_t *setpoint, const sensorData_t *sensors, const
   if (!flying || step % period == 0) {
     if (!flying) {
       kestrel_reset(&pilot);
+      heading = state->attitude.yaw;
     }
     answer = act(setpoint, sensors, state);
   }

@@ -103,13 +103,14 @@ int32_t kestrel_take_policy(KestrelPilot *pilot,
 void kestrel_reset(KestrelPilot *pilot);
 
 /*
- One control period on the way to `goal` (m, world): writes the thrust of each rotor in the order front right, back right,
- back left, front left, in units of what each rotor carries while the drone hovers: a quarter of its weight. Returns
+ One control period on the way to `goal`: x, y, z (m, world) and the heading there (rad, counter-clockwise from x; a
+ policy that sees no heading does not turn). Writes the thrust of each rotor in the order front right, back right, back
+ left, front left, in units of what each rotor carries while the drone hovers: a quarter of its weight. Returns
  `KESTREL_OK`, or why `thrusts` are all zero and something else has to fly.
  */
 int32_t kestrel_tick(KestrelPilot *pilot,
                      const KestrelState *state,
-                     const float (*goal)[3],
+                     const float (*goal)[4],
                      float (*thrusts)[4]);
 
 /*

@@ -17,6 +17,7 @@ use kestrel_core::attitude::Attitude;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_core::processor_in_the_loop::NO_POLICY;
+use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
@@ -117,7 +118,7 @@ impl KestrelPilot {
         (*mark == TAKEN).then(|| unsafe { pilot.assume_init_mut() })
     }
 
-    fn tick(&mut self, state: &KestrelState, goal: &[f32; 3], thrusts: &mut [f32; 4]) -> i32 {
+    fn tick(&mut self, state: &KestrelState, goal: &[f32; 4], thrusts: &mut [f32; 4]) -> i32 {
         *thrusts = [0.0; 4];
         let Some(pilot) = self.pilot() else { return KESTREL_NO_POLICY };
         let refusal = state.refusal(goal);
@@ -132,7 +133,9 @@ impl KestrelPilot {
             body_rates: Vector3::from(body_rates),
             rotor_speeds: [0.0; 4],
         };
-        let speeds = pilot.tick(&state, &Vector3::from(*goal));
+        let [gx, gy, gz, yaw] = *goal;
+        let setpoint = Setpoint { yaw, ..Setpoint::at(Vector3::new(gx, gy, gz)) };
+        let speeds = pilot.tick_towards(&[], &state, &setpoint);
         let per_hover_thrust = 1.0 / pilot.policy().metadata().action.hover_speed_squared();
         let answer = speeds.map(|speed| speed * speed * per_hover_thrust);
         if !answer.iter().all(|thrust| thrust.is_finite()) {
@@ -145,11 +148,11 @@ impl KestrelPilot {
 
 impl KestrelState {
     /// Why nothing should fly by this state toward this goal; `KESTREL_OK` if nothing speaks against it.
-    fn refusal(&self, goal: &[f32; 3]) -> i32 {
+    fn refusal(&self, goal: &[f32; 4]) -> i32 {
         let [w, x, y, z] = self.attitude;
         let norm_squared = w * w + x * x + y * y + z * z;
         // Comparisons are false for NaN: what is not plausible includes what is not finite.
-        let within = |values: &[f32; 3], limit: f32| values.iter().all(|value| value.abs() <= limit);
+        let within = |values: &[f32], limit: f32| values.iter().all(|value| value.abs() <= limit);
         let checks = [
             (within(&self.position, 1000.0), KESTREL_POSITION),
             ((0.81..=1.21).contains(&norm_squared), KESTREL_ATTITUDE),
@@ -186,14 +189,15 @@ pub extern "C" fn kestrel_reset(pilot: &mut KestrelPilot) {
     }
 }
 
-/// One control period on the way to `goal` (m, world): writes the thrust of each rotor in the order front right, back right,
-/// back left, front left, in units of what each rotor carries while the drone hovers: a quarter of its weight. Returns
+/// One control period on the way to `goal`: x, y, z (m, world) and the heading there (rad, counter-clockwise from x; a
+/// policy that sees no heading does not turn). Writes the thrust of each rotor in the order front right, back right, back
+/// left, front left, in units of what each rotor carries while the drone hovers: a quarter of its weight. Returns
 /// `KESTREL_OK`, or why `thrusts` are all zero and something else has to fly.
 #[unsafe(no_mangle)]
 pub extern "C" fn kestrel_tick(
     pilot: &mut KestrelPilot,
     state: &KestrelState,
-    goal: &[f32; 3],
+    goal: &[f32; 4],
     thrusts: &mut [f32; 4],
 ) -> i32 {
     pilot.tick(state, goal, thrusts)

@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::{env, fs};
 
+use kestrel_core::airframe::CRAZYFLIE_2_1;
 use kestrel_core::policy_file::PolicyError;
+use kestrel_core::setpoint::Setpoint;
 
 use super::*;
 
@@ -56,7 +58,7 @@ fn c_flies_as_the_pilot_does() {
             kestrel_reset(&mut pilot);
             wrapped.reset();
         }
-        let (mut thrusts, state, goal) = ([9.0; 4], state(step), [0.1, 0.2, 1.0]);
+        let (mut thrusts, state, goal) = ([9.0; 4], state(step), [0.1, 0.2, 1.0, 0.4]);
         assert_eq!(kestrel_tick(&mut pilot, &state, &goal, &mut thrusts), KESTREL_OK);
         let [w, x, y, z] = state.attitude;
         let state = State {
@@ -66,7 +68,8 @@ fn c_flies_as_the_pilot_does() {
             body_rates: Vector3::from(state.body_rates),
             rotor_speeds: [0.0; 4],
         };
-        for (thrust, speed) in thrusts.into_iter().zip(wrapped.tick(&state, &Vector3::from(goal))) {
+        let setpoint = Setpoint { yaw: 0.4, ..Setpoint::at(Vector3::new(0.1, 0.2, 1.0)) };
+        for (thrust, speed) in thrusts.into_iter().zip(wrapped.tick_towards(&[], &state, &setpoint)) {
             assert!((thrust - speed.powi(2) / hover_speed_squared).abs() < 1e-6);
         }
         assert!(thrusts.iter().sum::<f32>() > 0.1);
@@ -78,8 +81,9 @@ fn a_drone_that_hovers_carries_a_quarter_of_its_weight_with_each_rotor() {
     let mut pilot = KestrelPilot::new();
     assert_eq!(kestrel_greatest_thrust(&mut pilot), 0.0);
     assert_eq!(pilot.take(hover()), KESTREL_OK);
-    // CF2X has 2.25 times the thrust that it weighs.
-    assert!((kestrel_greatest_thrust(&mut pilot) - 2.25).abs() < 1e-4);
+    // The Crazyflie 2.1 has twice the thrust that it weighs.
+    let drone = CRAZYFLIE_2_1;
+    assert!((f64::from(kestrel_greatest_thrust(&mut pilot)) - drone.thrust_limit() / drone.weight()).abs() < 1e-4);
 }
 
 #[test]
@@ -87,8 +91,8 @@ fn what_is_not_plausible_stops_and_says_which() {
     let mut pilot = KestrelPilot::new();
     assert_eq!(pilot.take(hover()), KESTREL_OK);
     for broken in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e4, -1e30] {
-        for number in 0..16 {
-            let (mut state, mut goal) = (state(number), [0.0; 3]);
+        for number in 0..17 {
+            let (mut state, mut goal) = (state(number), [0.0; 4]);
             let (value, expected) = match number {
                 0..3 => (&mut state.position[number as usize], KESTREL_POSITION),
                 3..7 => (&mut state.attitude[number as usize - 3], KESTREL_ATTITUDE),
@@ -124,7 +128,7 @@ fn a_damaged_policy_is_refused_by_a_number_and_nothing_flies() {
         assert_eq!(pilot.take(hover()), KESTREL_OK);
         assert_eq!(pilot.take(policy), code(expected), "{expected}");
         let mut thrusts = [9.0; 4];
-        assert_eq!(kestrel_tick(&mut pilot, &state(0), &[0.0; 3], &mut thrusts), KESTREL_NO_POLICY);
+        assert_eq!(kestrel_tick(&mut pilot, &state(0), &[0.0; 4], &mut thrusts), KESTREL_NO_POLICY);
         assert_eq!(thrusts, [0.0; 4]);
         assert_eq!(kestrel_control_period(&mut pilot), 0.0);
         kestrel_reset(&mut pilot);

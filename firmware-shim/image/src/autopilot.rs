@@ -11,6 +11,7 @@ use kestrel_core::attitude::Attitude;
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile};
+use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 use kestrel_onboard::controller::Controller;
 use kestrel_onboard::fence::{ZoneError, ZoneKind, Zones};
@@ -70,9 +71,9 @@ impl PolicyBackend for Fallible<'_> {
         self.pilot.reset();
     }
 
-    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
+    fn tick(&mut self, state: &State<f32>, setpoint: &Setpoint<f32>) -> Option<[f32; 4]> {
         match self.health.get() {
-            Health::Works => Some(self.pilot.tick(state, goal)),
+            Health::Works => Some(self.pilot.tick_towards(&[], state, setpoint)),
             Health::Hangs => None,
             Health::Saturates => Some([CF2X.rotor_speed_limit as f32; 4]),
         }

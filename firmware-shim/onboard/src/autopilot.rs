@@ -30,10 +30,10 @@ use nalgebra::Vector3;
 use crate::controller::{Controller, Controllers};
 use crate::failsafe::{Failsafe, FailsafeEvent, FailsafeInput};
 use crate::fence::{Fence, Zones};
-use crate::goal::MovingGoal;
+use crate::goal::{Facing, MovingGoal};
 use crate::policy_backend::PolicyBackend;
 use crate::settings::{AutopilotSettings, FailsafeAction, FailsafeReaction, Fallback};
-use crate::steering::AttitudeSetPoint;
+use crate::steering::{AttitudeSetPoint, yaw};
 
 mod arming;
 mod command;
@@ -230,7 +230,7 @@ impl<P: PolicyBackend> Autopilot<P> {
             ticks_since_set_point: u32::MAX,
             surroundings: Surroundings::default(),
             known_state: None,
-            goal: MovingGoal::at(nowhere),
+            goal: MovingGoal::at(nowhere, 0.0),
             attitude_set_point: None,
             home: nowhere,
             last_inside: nowhere,
@@ -385,7 +385,7 @@ impl<P: PolicyBackend> Autopilot<P> {
             && action > FailsafeAction::Warn
             && self.active_controller() == Controller::Policy
         {
-            self.controllers.begin(Controller::Cascade, state);
+            self.engage(Controller::Cascade, state);
         }
         if action <= self.mode.action() {
             return;
@@ -401,6 +401,12 @@ impl<P: PolicyBackend> Autopilot<P> {
             FailsafeAction::Land => self.sink(),
             FailsafeAction::StopMotors => self.enter(Mode::Disarmed),
         }
+    }
+
+    /// Begins with a controller, which holds the heading of now: a policy may have turned the drone from what was wanted.
+    fn engage(&mut self, controller: Controller, state: &State<f32>) {
+        self.goal.face(Facing::Toward(yaw(&state.world_from_body)));
+        self.controllers.begin(controller);
     }
 
     /// Rotor targets of this period; the last ones are held while the policy gives none.

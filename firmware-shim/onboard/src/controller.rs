@@ -1,6 +1,7 @@
 //! The active controller: the policy, or the cascade of controllers that takes its place.
 
 use kestrel_core::airframe::Airframe;
+use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 
 use crate::goal::MovingGoal;
@@ -69,13 +70,13 @@ impl<P: PolicyBackend> Controllers<P> {
     }
 
     /// Begins a flight, or hands over in flight.
-    pub fn begin(&mut self, controller: Controller, state: &State<f32>) {
+    pub fn begin(&mut self, controller: Controller) {
         self.active = controller;
         self.silent_secs = 0.0;
         self.saturated_secs = 0.0;
         match controller {
             Controller::Policy => self.backend.reset(),
-            Controller::Cascade => self.steering.begin(state),
+            Controller::Cascade => self.steering.begin(),
         }
     }
 
@@ -83,12 +84,13 @@ impl<P: PolicyBackend> Controllers<P> {
     pub fn toward(&mut self, state: &State<f32>, goal: &MovingGoal, secs: f32) -> Option<[f32; 4]> {
         match self.active {
             Controller::Policy => {
-                let targets = self.backend.tick(state, &goal.position()).filter(is_finite);
+                let setpoint = Setpoint { yaw: goal.heading(), ..Setpoint::at(goal.position()) };
+                let targets = self.backend.tick(state, &setpoint).filter(is_finite);
                 self.judge(targets.as_ref(), secs);
                 targets.map(|targets| self.limited(targets))
             }
             Controller::Cascade => {
-                let targets = self.steering.toward(state, &goal.position(), &goal.velocity(), secs);
+                let targets = self.steering.toward(state, goal, secs);
                 Some(self.limited(targets))
             }
         }

@@ -171,7 +171,9 @@ impl<P: PolicyBackend, const ANSWERS: usize> FlightController<P, ANSWERS> {
             }
             Request::PositionTarget(target) => {
                 let set_point = target.set_point(&self.identity.origin);
-                let _ = set_point.map(|set_point| self.autopilot.set_point(set_point));
+                if set_point.is_ok_and(|set_point| self.autopilot.set_point(set_point).is_ok()) {
+                    let _ = self.autopilot.face(target.facing());
+                }
             }
             Request::AttitudeTarget(target) => {
                 let _ = target.set_point().map(|set_point| self.autopilot.set_point(set_point));

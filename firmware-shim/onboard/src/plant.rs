@@ -16,6 +16,11 @@ pub trait Plant {
     /// The true state.
     fn state(&self) -> &State<f32>;
 
+    /// The state that the drone knows; the true one where nothing is late.
+    fn known_state(&self) -> &State<f32> {
+        self.state()
+    }
+
     /// Advances one control period with rotor targets \[rad/s\] held.
     fn step(&mut self, rotor_targets: &[f32; 4]);
 }

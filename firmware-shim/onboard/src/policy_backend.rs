@@ -2,8 +2,8 @@
 
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::pilot::Pilot;
+use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
-use nalgebra::Vector3;
 
 /// What computes the ticks of a pilot.
 pub trait PolicyBackend {
@@ -19,8 +19,8 @@ pub trait PolicyBackend {
     /// As [`Pilot::reset`].
     fn reset(&mut self);
 
-    /// As [`Pilot::tick`]; nothing when the processor does not answer.
-    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]>;
+    /// As [`Pilot::tick_towards`]; nothing when the processor does not answer.
+    fn tick(&mut self, state: &State<f32>, setpoint: &Setpoint<f32>) -> Option<[f32; 4]>;
 }
 
 impl PolicyBackend for Pilot<'_> {
@@ -40,7 +40,7 @@ impl PolicyBackend for Pilot<'_> {
         Pilot::reset(self);
     }
 
-    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
-        Some(Pilot::tick(self, state, goal))
+    fn tick(&mut self, state: &State<f32>, setpoint: &Setpoint<f32>) -> Option<[f32; 4]> {
+        Some(self.tick_towards(&[], state, setpoint))
     }
 }

@@ -11,6 +11,8 @@ use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
+use crate::goal::MovingGoal;
+
 /// Greatest body rates that are asked for \[rad/s\], about x, y, z.
 const BODY_RATES_LIMIT: [f32; 3] = [8.0, 8.0, 3.0];
 
@@ -44,8 +46,6 @@ pub struct Steering {
     velocities: Velocities,
     /// What the integral asks for \[m/s, world\].
     drift: Vector3<f32>,
-    /// The heading that is held.
-    heading: Attitude<f32>,
 }
 
 /// What a peer steers by directly.
@@ -82,30 +82,23 @@ impl Steering {
                 attitude_gain: ATTITUDE_GAIN,
             },
             drift: Vector3::zeros(),
-            heading: Attitude::level(),
         }
     }
 
-    /// Takes over from this state, and holds its heading from now on.
-    pub fn begin(&mut self, state: &State<f32>) {
+    /// Takes over: forgets what the integral asks for.
+    pub fn begin(&mut self) {
         self.drift = Vector3::zeros();
-        self.heading = heading(&state.world_from_body);
     }
 
-    /// Rotor targets \[rad/s\] toward a goal \[m, world\] that moves at a velocity \[m/s, world\], `secs` after the last
-    /// call.
-    pub fn toward(
-        &mut self,
-        state: &State<f32>,
-        goal: &Vector3<f32>,
-        velocity: &Vector3<f32>,
-        secs: f32,
-    ) -> [f32; 4] {
-        let error = goal - state.position;
+    /// Rotor targets \[rad/s\] toward a goal, `secs` after the last call.
+    pub fn toward(&mut self, state: &State<f32>, goal: &MovingGoal, secs: f32) -> [f32; 4] {
+        let error = goal.position() - state.position;
         let drift = self.drift + error * (INTEGRAL_GAIN * secs);
         self.drift = drift.map(|speed| speed.clamp(-INTEGRAL_LIMIT, INTEGRAL_LIMIT));
-        let wanted = (velocity + error * POSITION_GAIN + self.drift) / SPEED_LIMIT;
-        let yaw_rate = turn(&heading(&state.world_from_body), &self.heading).z * HEADING_GAIN;
+        let wanted = (goal.velocity() + error * POSITION_GAIN + self.drift) / SPEED_LIMIT;
+        let (sine, cosine) = libm::sincosf(0.5 * goal.heading());
+        let wanted_heading = Attitude { w: cosine, x: 0.0, y: 0.0, z: sine };
+        let yaw_rate = turn(&heading(&state.world_from_body), &wanted_heading).z * HEADING_GAIN;
         let [_, _, yaw_rate_limit] = BODY_RATES_LIMIT;
         self.velocities.rotor_targets(&[wanted.x, wanted.y, wanted.z, yaw_rate / yaw_rate_limit], state)
     }
@@ -150,6 +143,12 @@ impl AttitudeSetPoint {
     }
 }
 
+/// Where the nose points \[rad\], counter-clockwise from the world's x axis.
+pub fn yaw(attitude: &Attitude<f32>) -> f32 {
+    let Attitude { w, z, .. } = heading(attitude);
+    2.0 * libm::atan2f(z, w)
+}
+
 /// The part of an attitude that turns about the vertical; level where there is none.
 pub fn heading(attitude: &Attitude<f32>) -> Attitude<f32> {
     let square = attitude.w * attitude.w + attitude.z * attitude.z;
@@ -186,28 +185,28 @@ mod tests {
         let turned = Attitude::from_axis_angle(Vector3::z(), heading_rad).map(|value| value as f32);
         plant.put(State { world_from_body: turned, ..*plant.state() });
         let mut steering = Steering::new(&CF2X);
-        steering.begin(plant.state());
-        fly(&mut plant, &mut steering, Vector3::new(0.0, 0.0, 1.0), 6.0);
+        let heading = yaw(&plant.state().world_from_body);
+        fly(&mut plant, &mut steering, MovingGoal::at(Vector3::new(0.0, 0.0, 1.0), heading), 6.0);
         (plant, steering)
     }
 
-    fn fly(plant: &mut FlatFloor, steering: &mut Steering, goal: Vector3<f32>, secs: f32) {
+    fn fly(plant: &mut FlatFloor, steering: &mut Steering, goal: MovingGoal, secs: f32) {
         for _ in 0..(secs / CONTROL_SECS) as u32 {
-            let targets = steering.toward(plant.state(), &goal, &Vector3::zeros(), CONTROL_SECS);
+            let targets = steering.toward(plant.state(), &goal, CONTROL_SECS);
             plant.step(&targets);
         }
     }
 
     #[test]
-    fn it_reaches_a_point_with_any_heading_and_keeps_it() {
-        for heading_rad in [0.0, 1.5, -2.5, core::f64::consts::PI] {
-            let (mut plant, mut steering) = hovering(heading_rad);
-            let before = heading(&plant.state().world_from_body);
+    fn it_reaches_a_point_with_any_heading_and_turns_to_any() {
+        for (from, to) in [(0.0, 0.0_f32), (1.5, 1.5), (-2.5, 1.0), (core::f64::consts::PI, -2.0)] {
+            let (mut plant, mut steering) = hovering(from);
+            assert!((yaw(&plant.state().world_from_body) - from as f32).abs() < 0.05);
             let goal = Vector3::new(0.3, -0.2, 1.2);
-            fly(&mut plant, &mut steering, goal, 10.0);
+            fly(&mut plant, &mut steering, MovingGoal::at(goal, to), 10.0);
             let state = plant.state();
-            assert!((state.position - goal).norm() < 0.05, "{} with {heading_rad}", state.position);
-            assert!(turn(&before, &heading(&state.world_from_body)).norm() < 0.05);
+            assert!((state.position - goal).norm() < 0.05, "{} with {from}", state.position);
+            assert!((yaw(&state.world_from_body) - to).abs() < 0.05, "{}", yaw(&state.world_from_body));
         }
     }
 
@@ -220,9 +219,9 @@ mod tests {
         state.world_from_body =
             Attitude::from_axis_angle(Vector3::new(1.0, 1.0, 0.0), 1.0).map(|value| value as f32);
         plant.put(state);
-        steering.begin(plant.state());
+        steering.begin();
         let goal = Vector3::new(0.0, 0.0, 3.0);
-        fly(&mut plant, &mut steering, goal, 10.0);
+        fly(&mut plant, &mut steering, MovingGoal::at(goal, 0.0), 10.0);
         assert!((plant.state().position - goal).norm() < 0.1, "{}", plant.state().position);
     }
 
@@ -291,7 +290,7 @@ mod tests {
     fn the_integral_does_not_wind_up_while_a_goal_is_out_of_reach() {
         let (plant, mut steering) = hovering(0.0);
         for _ in 0..1000 {
-            steering.toward(plant.state(), &Vector3::new(9.0, -9.0, 9.0), &Vector3::zeros(), 0.1);
+            steering.toward(plant.state(), &MovingGoal::at(Vector3::new(9.0, -9.0, 9.0), 0.0), 0.1);
         }
         assert_eq!(steering.drift, Vector3::new(INTEGRAL_LIMIT, -INTEGRAL_LIMIT, INTEGRAL_LIMIT));
     }

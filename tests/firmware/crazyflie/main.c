@@ -167,7 +167,7 @@ static void damage(void) {
   copy[8] = 200;
   printf("of a later version: %d\n", (int)kestrel_take_policy(&pilot, copy, kestrel_policy_len));
   const KestrelState state = {.attitude = {1.0f}};
-  const float goal[3] = {0.0f};
+  const float goal[4] = {0.0f};
   float thrusts[4] = {1.0f, 1.0f, 1.0f, 1.0f};
   const int32_t answer = kestrel_tick(&pilot, &state, &goal, &thrusts);
   printf("then a tick: %d, thrust %d\n", (int)answer, (int)thrusts[0]);

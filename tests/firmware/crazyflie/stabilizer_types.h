@@ -8,7 +8,9 @@ typedef struct { float x, y, z; } point_t;
 typedef struct { float x, y, z; } velocity_t;
 typedef struct { float x, y, z, w; } quaternion_t;
 typedef struct { Axis3f gyro; } sensorData_t; /* deg/s */
+typedef struct { float roll, pitch, yaw; } attitude_t; /* deg, or deg/s */
 typedef struct {
+  attitude_t attitude;
   quaternion_t attitudeQuaternion;
   point_t position;
   velocity_t velocity;
@@ -22,6 +24,7 @@ typedef struct {
 typedef enum { modeDisable = 0, modeAbs, modeVelocity } stab_mode_t;
 typedef struct {
   uint32_t timestamp;
+  attitude_t attitude, attitudeRate;
   point_t position;
   struct { stab_mode_t x, y, z, roll, pitch, yaw, quat; } mode;
 } setpoint_t;

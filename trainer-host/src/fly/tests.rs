@@ -7,6 +7,7 @@ use kestrel_core::dynamics::Integrator;
 use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyMetadata};
+use kestrel_shim::goal::MovingGoal;
 use kestrel_shim::link::LinkError;
 use kestrel_shim::lockstep::SimulationRate;
 use kestrel_shim::steering::Steering;
@@ -90,11 +91,10 @@ fn a_drone_is_never_inside_of_a_wall_that_stands_before_its_set_points() {
     };
     let mut plant = SimulatedFlight(Flight::landed(&scenario));
     let mut steering = Steering::new(&CF2X);
-    steering.begin(plant.state());
     let mut greatest = f32::MIN;
     for goal in [[1.0, 2.0, 1.0], [5.0, 2.0, 1.0], [3.0, 0.0, 0.5], [1.85, 1.0, 1.0]] {
         for _ in 0..500 {
-            let targets = steering.toward(plant.state(), &goal.into(), &Vector3::zeros(), 0.01);
+            let targets = steering.toward(plant.state(), &MovingGoal::at(goal.into(), 0.0), 0.01);
             plant.step(&targets);
             greatest = greatest.max(front(plant.state()));
             assert!(greatest < 1.8 + 1e-3 && plant.state().position.z > 0.0, "{:?}", plant.state());

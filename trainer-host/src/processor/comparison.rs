@@ -6,6 +6,7 @@ use std::path::Path;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_core::real::Real;
+use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 use kestrel_shim::policy_backend::PolicyBackend;
 use kestrel_sim::outcome::Outcome;
@@ -66,15 +67,15 @@ pub(crate) fn compare(
         pilot.reset();
         remote.reset();
         while simulation.outcomes()[0] == Outcome::Running {
-            let state: State<f32> = simulation.state(0).map(Real::to_f32);
-            let goal = simulation.goal(0).map(Real::to_f32);
+            let state: State<f32> = simulation.known_state(0).map(Real::to_f32);
+            let setpoint = Setpoint::at(simulation.goal(0).map(Real::to_f32));
             // Measurements are the end of an observation.
             let observation = simulation.observations();
             let measurements: Vec<f32> =
                 observation[observation.len() - measured..].iter().map(|value| value.to_f32()).collect();
             let silent = || ProcessorError::Silent { path: image.to_owned() };
-            let targets = remote.tick_measured(&measurements, &state, &goal).ok_or_else(silent)?;
-            let expected = pilot.tick_measured(&measurements, &state, &goal);
+            let targets = remote.tick_towards(&measurements, &state, &setpoint).ok_or_else(silent)?;
+            let expected = pilot.tick_towards(&measurements, &state, &setpoint);
             sums.ticks += 1;
             sums.different += u64::from(targets.map(f32::to_bits) != expected.map(f32::to_bits));
             let actions: Vec<f64> = pilot.previous_action().iter().map(|action| f64::from(*action)).collect();

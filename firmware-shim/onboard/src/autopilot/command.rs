@@ -4,15 +4,18 @@ use nalgebra::Vector3;
 
 use super::{Authority, Autopilot, FENCE_MARGIN_M, Mode};
 use crate::controller::Controller;
-use crate::goal::MovingGoal;
+use crate::goal::{Facing, MovingGoal};
 use crate::policy_backend::PolicyBackend;
-use crate::steering::AttitudeSetPoint;
+use crate::steering::{AttitudeSetPoint, yaw};
 
 /// Heights that a take-off may climb \[m\]: above ground effect, and within sight.
 pub const ALTITUDES_M: core::ops::RangeInclusive<f32> = 0.2..=20.0;
 
 /// Greatest speed that can be commanded \[m/s\]: what hover policies start their episodes with.
 pub const SPEED_LIMIT: f32 = 1.0;
+
+/// Fastest turn that is followed \[rad/s\]: what policies and the cascade are trained and built for.
+const TURNING_LIMIT: f32 = 3.0;
 
 /// Least speed on the way to a point \[m/s\]: slower ones never arrive.
 pub const SPEED_MINIMUM: f32 = 0.05;
@@ -213,13 +216,32 @@ impl<P: PolicyBackend> Autopilot<P> {
             }
             (Mode::Offboard, SetPoint::Attitude(attitude)) => {
                 // Where to hold when the stream ends.
-                self.goal = self.known_state.map_or(self.goal, |state| MovingGoal::at(state.position));
+                self.goal = self
+                    .known_state
+                    .map_or(self.goal, |state| MovingGoal::at(state.position, yaw(&state.world_from_body)));
                 self.attitude_set_point = Some(attitude);
             }
             (_, SetPoint::Position(_)) if self.authority == Authority::Failsafe => return Err(Refusal::Failsafe),
             (_, SetPoint::Position(point)) => return self.go_to(point),
             (_, SetPoint::Velocity(_) | SetPoint::Attitude(_)) => return Err(Refusal::NotOffboard),
         }
+        Ok(())
+    }
+
+    /// Points the nose somewhere, in flight; policies that see no heading do not.
+    ///
+    /// # Errors
+    /// When it is no number.
+    pub fn face(&mut self, facing: Facing) -> Result<(), Refusal> {
+        let finite = match facing {
+            Facing::Kept => true,
+            Facing::Toward(heading) => heading.is_finite(),
+            Facing::Turning(rate) => rate.is_finite() && rate.abs() <= TURNING_LIMIT,
+        };
+        if !finite {
+            return Err(Refusal::Speed);
+        }
+        self.goal.face(facing);
         Ok(())
     }
 
@@ -273,9 +295,9 @@ impl<P: PolicyBackend> Autopilot<P> {
     fn lift_off(&mut self) -> Result<(), Refusal> {
         let state = self.known_state.ok_or(Refusal::StateUnknown)?;
         self.last_inside = state.position;
-        self.goal = MovingGoal::at(state.position);
+        self.goal = MovingGoal::at(state.position, 0.0);
         self.failsafe.reset();
-        self.controllers.begin(self.active_controller(), &state);
+        self.engage(self.active_controller(), &state);
         self.rotor_targets = self.controllers.idle();
         Ok(())
     }
@@ -378,7 +400,7 @@ impl<P: PolicyBackend> Autopilot<P> {
             return Err(Refusal::SelfTest);
         }
         let state = self.known_state.ok_or(Refusal::StateUnknown)?;
-        self.controllers.begin(controller, &state);
+        self.engage(controller, &state);
         Ok(())
     }
 }

@@ -2,6 +2,7 @@ mod faults;
 
 use kestrel_core::airframe::CF2X;
 use kestrel_core::pilot::Pilot;
+use kestrel_core::setpoint::Setpoint;
 use proptest::prelude::*;
 
 use kestrel_core::attitude::Attitude;
@@ -53,9 +54,9 @@ impl PolicyBackend for Faulty {
         PolicyBackend::reset(&mut self.pilot);
     }
 
-    fn tick(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> Option<[f32; 4]> {
+    fn tick(&mut self, state: &State<f32>, setpoint: &Setpoint<f32>) -> Option<[f32; 4]> {
         match self.answer {
-            Answer::Right => PolicyBackend::tick(&mut self.pilot, state, goal),
+            Answer::Right => PolicyBackend::tick(&mut self.pilot, state, setpoint),
             Answer::Silent => None,
             Answer::Always(targets) => Some(targets),
         }

@@ -8,6 +8,7 @@ use crate::autopilot::SetPoint;
 use crate::axes::{enu_from_flu, enu_from_ned, flu_from_frd};
 use crate::fields::{f32_at, i32_at, u16_at};
 use crate::geodesy::{Geodetic, Home};
+use crate::goal::Facing;
 use crate::steering::AttitudeSetPoint;
 
 /// `MAV_FRAME_LOCAL_NED`.
@@ -21,6 +22,8 @@ const GLOBAL_RELATIVE: [u8; 2] = [3, 6];
 const POSITION_IGNORED: u16 = 0b0000_0000_0111;
 const VELOCITY_IGNORED: u16 = 0b0000_0011_1000;
 const ACCELERATION_IGNORED: u16 = 0b0001_1100_0000;
+const YAW_IGNORED: u16 = 0b0100_0000_0000;
+const YAW_RATE_IGNORED: u16 = 0b1000_0000_0000;
 
 /// Attitude type mask: the rates of roll, pitch and yaw, the thrust and the attitude are to be ignored.
 const RATES_IGNORED: u8 = 0b0000_0111;
@@ -42,6 +45,8 @@ pub struct PositionTarget {
     pub position: TargetPosition,
     /// North, east, down \[m/s\].
     pub velocity_ned: [f32; 3],
+    /// Clockwise from north \[rad\], and its rate \[rad/s\].
+    pub yaw: [f32; 2],
 }
 
 /// A position, as sent.
@@ -87,6 +92,7 @@ pub(super) fn local_target(fields: &[u8; 53]) -> (Address, Request) {
         type_mask: u16_at(fields, 48),
         position: TargetPosition::Local(core::array::from_fn(|i| f32_at(fields, 4 + 4 * i))),
         velocity_ned: core::array::from_fn(|i| f32_at(fields, 16 + 4 * i)),
+        yaw: core::array::from_fn(|i| f32_at(fields, 40 + 4 * i)),
     };
     (Address { system: fields[50], component: fields[51] }, Request::PositionTarget(target))
 }
@@ -98,6 +104,7 @@ pub(super) fn global_target(fields: &[u8; 53]) -> (Address, Request) {
         type_mask: u16_at(fields, 48),
         position: TargetPosition::Global([i32_at(fields, 4), i32_at(fields, 8)], f32_at(fields, 12)),
         velocity_ned: core::array::from_fn(|i| f32_at(fields, 16 + 4 * i)),
+        yaw: core::array::from_fn(|i| f32_at(fields, 40 + 4 * i)),
     };
     (Address { system: fields[50], component: fields[51] }, Request::PositionTarget(target))
 }
@@ -113,8 +120,7 @@ pub(super) fn attitude_target(fields: &[u8; 39]) -> (Address, Request) {
 }
 
 impl PositionTarget {
-    /// What is to be followed in a world whose origin is at `origin`: the position if there is one, else the velocity. Yaw
-    /// and yaw rate are not looked at: the policies hold any heading.
+    /// What is to be followed in a world whose origin is at `origin`: the position if there is one, else the velocity.
     ///
     /// # Errors
     /// What keeps the vehicle from following it.
@@ -129,6 +135,18 @@ impl PositionTarget {
             (POSITION_IGNORED, 0) => self.velocity().map(SetPoint::Velocity),
             (POSITION_IGNORED, VELOCITY_IGNORED) => Err(SetPointError::Motion),
             (_, _) => Err(SetPointError::Partial),
+        }
+    }
+
+    /// Where the nose shall point meanwhile: the yaw if there is one, else the yaw rate. NaN is none, as for PX4.
+    pub fn facing(&self) -> Facing {
+        let [yaw, yaw_rate] = self.yaw;
+        if self.type_mask & YAW_IGNORED == 0 && !yaw.is_nan() {
+            Facing::Toward(core::f32::consts::FRAC_PI_2 - yaw)
+        } else if self.type_mask & YAW_RATE_IGNORED == 0 && !yaw_rate.is_nan() {
+            Facing::Turning(-yaw_rate)
+        } else {
+            Facing::Kept
         }
     }
 

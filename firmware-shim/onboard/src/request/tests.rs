@@ -14,6 +14,7 @@ use super::*;
 use crate::autopilot::SetPoint;
 use crate::frame::{Encoder, Frames, Payload};
 use crate::geodesy::{Geodetic, Home};
+use crate::goal::Facing;
 use crate::steering::AttitudeSetPoint;
 
 fn try_read<D: mavlink::MessageData>(message: &D) -> Option<(Address, Request)> {
@@ -124,6 +125,8 @@ fn a_set_point_is_read_as_the_mavlink_crate_writes_it() {
         vx: 0.1,
         vy: 0.2,
         vz: -0.3,
+        yaw: 0.5,
+        yaw_rate: 0.25,
         type_mask: PositionTargetTypemask::from_bits_truncate(0b1101_1111_1000),
         target_system: 8,
         target_component: 9,
@@ -135,8 +138,16 @@ fn a_set_point_is_read_as_the_mavlink_crate_writes_it() {
         type_mask: 0b1101_1111_1000,
         position: TargetPosition::Local([1.0, 2.0, -3.0]),
         velocity_ned: [0.1, 0.2, -0.3],
+        yaw: [0.5, 0.25],
     };
     assert_eq!(read(&sent), (TARGET, Request::PositionTarget(expected)));
+    assert_eq!(expected.facing(), Facing::Kept, "both are to be ignored");
+    let facing = |type_mask| PositionTarget { type_mask, ..expected }.facing();
+    // Half a radian to the right of north, where the world's x axis is east.
+    assert_eq!(facing(0b1001_1111_1000), Facing::Toward(core::f32::consts::FRAC_PI_2 - 0.5));
+    assert_eq!(facing(0b0101_1111_1000), Facing::Turning(-0.25));
+    let unknown = PositionTarget { type_mask: 0b1001_1111_1000, yaw: [f32::NAN, 0.0], ..expected };
+    assert_eq!(unknown.facing(), Facing::Kept);
     assert_eq!(expected.set_point(&Home::default()), Ok(SetPoint::Position(Vector3::new(2.0, 1.0, 3.0))));
     let velocity = PositionTarget { type_mask: 2503, ..expected };
     let flown = SetPoint::Velocity(Vector3::new(0.2, 0.1, 0.3));
@@ -164,7 +175,8 @@ fn a_global_set_point_is_read_as_the_mavlink_crate_writes_it() {
 #[test]
 fn only_whole_finite_reachable_positions_are_followed() {
     let position = TargetPosition::Local([0.0, 0.0, -1.0]);
-    let good = PositionTarget { frame: 1, type_mask: 0b1101_1111_1000, position, velocity_ned: [0.0; 3] };
+    let good =
+        PositionTarget { frame: 1, type_mask: 0b1101_1111_1000, position, velocity_ned: [0.0; 3], yaw: [0.0; 2] };
     let home = Home::default();
     let at = |ned| PositionTarget { position: TargetPosition::Local(ned), ..good }.set_point(&home);
     let masked = |type_mask| PositionTarget { type_mask, ..good }.set_point(&home);
