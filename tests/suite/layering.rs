@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which package may name which of the others.
-const ARROWS: [(&str, &[&str]); 13] = [
+const ARROWS: [(&str, &[&str]); 14] = [
     ("kestrel-core", &[]),
     ("kestrel-onboard", &["kestrel-core"]),
     ("kestrel-config", &[]),
@@ -20,6 +20,7 @@ const ARROWS: [(&str, &[&str]); 13] = [
     ("kestrel-export", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-draw", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-verify", &["kestrel-core", "kestrel-sim"]),
+    ("kestrel-identify", &["kestrel-core"]),
     ("kestrel-experiments", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-draw"]),
     (
         "kestrel",
@@ -32,6 +33,7 @@ const ARROWS: [(&str, &[&str]); 13] = [
             "kestrel-draw",
             "kestrel-experiments",
             "kestrel-verify",
+            "kestrel-identify",
         ],
     ),
 ];

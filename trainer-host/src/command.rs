@@ -9,6 +9,7 @@ mod evaluate;
 mod export;
 mod flight;
 mod fly;
+mod identify;
 mod inspect;
 mod look;
 mod render;
@@ -51,7 +52,9 @@ pub(crate) enum Command {
     Fly(Box<fly::Arguments>),
     /// Lend a task's aviary to another autopilot: PX4, ArduPilot or Betaflight
     Bridge(bridge::Arguments),
-    /// Compare the simulator with a recording of the reference system
+    /// Find a drone's airframe, with its uncertainty, in logs of its flights
+    Identify(identify::Arguments),
+    /// Compare the simulator with a recording of the reference system, or of real flights
     #[cfg(feature = "verify")]
     Verify(verify::Arguments),
     /// Show a flight as cameras see it: from behind, on board, depth, labels
@@ -95,6 +98,7 @@ impl Command {
             Self::Inspect(arguments) => inspect::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Bridge(arguments) => bridge::run(&arguments),
+            Self::Identify(arguments) => identify::run(&arguments),
             #[cfg(feature = "verify")]
             Self::Verify(arguments) => verify::run(&arguments),
             Self::Render(arguments) => render::run(&arguments),

@@ -20,13 +20,13 @@ const LEFT_LABELS: u32 = 120;
 /// Space between a number and its axis \[px\].
 const LABEL_GAP: u32 = 12;
 
-const FONT: &str = "Helvetica Neue, Helvetica, Arial, sans-serif";
-const INK: RGBColor = RGBColor(0x1f, 0x29, 0x33);
-const MUTED: RGBColor = RGBColor(0x6b, 0x76, 0x83);
-const GRID: RGBColor = RGBColor(0xe4, 0xe8, 0xee);
-const PAPER: RGBColor = RGBColor(0xff, 0xff, 0xff);
-const BLUE: RGBColor = RGBColor(0x2f, 0x6f, 0xde);
-const GREEN: RGBColor = RGBColor(0x12, 0x9a, 0x74);
+pub(crate) const FONT: &str = "Helvetica Neue, Helvetica, Arial, sans-serif";
+pub(crate) const INK: RGBColor = RGBColor(0x1f, 0x29, 0x33);
+pub(crate) const MUTED: RGBColor = RGBColor(0x6b, 0x76, 0x83);
+pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe8, 0xee);
+pub(crate) const PAPER: RGBColor = RGBColor(0xff, 0xff, 0xff);
+pub(crate) const BLUE: RGBColor = RGBColor(0x2f, 0x6f, 0xde);
+pub(crate) const GREEN: RGBColor = RGBColor(0x12, 0x9a, 0x74);
 
 /// One update of a run, a row of `metrics.jsonl`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -58,19 +58,19 @@ pub fn learning_curve(title: &str, points: &[CurvePoint]) -> Result<String, Curv
     let mut svg = String::new();
     let canvas = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
     canvas.fill(&PAPER)?;
-    let (heading, panels) = canvas.split_vertically(TITLE_HEIGHT);
+    let (top, panels) = canvas.split_vertically(TITLE_HEIGHT);
     let (upper, lower) = panels.split_vertically(RETURN_HEIGHT);
     let last_steps = points.iter().map(|point| point.steps).max().unwrap_or(0).max(1);
     let (returns, successes) = (Series::of_returns(points), Series::of_successes(points));
-    draw_heading(&heading, title, &summary(points, &returns, &successes))?;
+    heading(&top, title, &summary(points, &returns, &successes))?;
     draw_panel(&upper, last_steps, &returns, "")?;
     draw_panel(&lower, last_steps, &successes, "environment steps")?;
     canvas.present()?;
-    drop((heading, panels, upper, lower, canvas));
+    drop((top, panels, upper, lower, canvas));
     Ok(svg)
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// What one panel shows.
@@ -134,11 +134,11 @@ fn summary(points: &[CurvePoint], returns: &Series, successes: &Series) -> Strin
     }
 }
 
-fn font(size: u32, colour: &RGBColor) -> TextStyle<'_> {
+pub(crate) fn font(size: u32, colour: &RGBColor) -> TextStyle<'_> {
     (FONT, size).into_font().color(colour)
 }
 
-fn draw_heading(area: &Area<'_>, title: &str, summary: &str) -> Result<(), CurveError> {
+pub(crate) fn heading(area: &Area<'_>, title: &str, summary: &str) -> Result<(), CurveError> {
     let bold = FontDesc::new(FontFamily::Name(FONT), 38.0, FontStyle::Bold).color(&INK);
     area.draw(&Text::new(title.to_owned(), (44, 30), bold))?;
     area.draw(&Text::new(summary.to_owned(), (44, 84), font(25, &MUTED)))?;

@@ -1,9 +1,10 @@
-//! Pictures: the [`curve`] of a training, [`plan`]s of aviaries, [`recorded_flight`]s as [`video`]s, and the
+//! Pictures: the [`curve`] of a training, the [`horizon`] of predictions, [`plan`]s of aviaries, [`recorded_flight`]s as [`video`]s, and the
 //! [`viewer`]. Nothing here knows how a flight came about.
 
 pub mod curve;
 pub mod drawing;
 mod font;
+pub mod horizon;
 pub mod picture;
 pub mod plan;
 pub mod recorded_flight;

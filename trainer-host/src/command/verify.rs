@@ -1,25 +1,35 @@
 //! `kestrel verify`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
+use kestrel_core::airframe::Airframe;
+use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::output::say;
+use kestrel_identify::{IdentifyError, verify_real};
 use kestrel_sim::config::read_airframe;
 use kestrel_verify::{Models, Tolerances, verify};
 
 use super::Done;
+use super::identify::airframe_called;
 
 /// Arguments of `kestrel verify`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Folder with a recording: index.json and the tables that it names, or `physics_golden.json`
-    recording: PathBuf,
+    #[arg(required_unless_present = "real")]
+    recording: Option<PathBuf>,
+
+    /// Folder with real flights: crazyflie-usd-logs, nanobench
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["recording", "tolerance"])]
+    real: Option<PathBuf>,
 
     /// Greatest error that passes of a kind (`closed_loop.rpm`) or a group of them (`closed_loop`)
     #[arg(long, value_name = "KIND=X", value_parser = tolerance)]
     tolerance: Vec<(String, f64)>,
 
-    /// A drone that the recording names, from its YAML or URDF file; its rotors keep their order
+    /// A drone that the recording names, from its YAML or URDF file; its rotors keep their order. With --real: the drone
+    /// that is judged [default: crazyflie_2_1]
     #[arg(long, value_name = "NAME=FILE", value_parser = named_file)]
     airframe: Vec<(String, PathBuf)>,
 }
@@ -41,6 +51,14 @@ fn tolerance(text: &str) -> Result<(String, f64), String> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    match (&arguments.recording, &arguments.real) {
+        (_, Some(flights)) => run_real(flights, arguments),
+        (Some(recording), None) => run_recording(recording, arguments),
+        (None, None) => bail!("found no folder, expected a recording or --real FOLDER"),
+    }
+}
+
+fn run_recording(recording: &Path, arguments: &Arguments) -> Result<Done> {
     let mut tolerances = Tolerances::default();
     for (kind, value) in &arguments.tolerance {
         tolerances.set(kind, *value).map_err(anyhow::Error::msg)?;
@@ -49,7 +67,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     for (name, file) in &arguments.airframe {
         models.insert(name.clone(), read_airframe(file)?);
     }
-    let report = verify(&arguments.recording, &models, tolerances)?;
+    let report = verify(recording, &models, tolerances)?;
     say(&report)?;
     Ok(if report.passed() { Done::Finished } else { Done::Deviating })
+}
+
+/// The judged airframe first, then the one that gym-pybullet-drones has.
+fn run_real(flights: &Path, arguments: &Arguments) -> Result<Done> {
+    let mut airframes: Vec<(String, Airframe)> = Vec::new();
+    for (name, file) in &arguments.airframe {
+        airframes.push((name.clone(), read_airframe(file)?));
+    }
+    for name in ["crazyflie_2_1", "cf2x"] {
+        airframes.push((name.to_owned(), airframe_called(name)?));
+    }
+    let interrupt = Interrupt::watch("Stopping: nothing is compared.")?;
+    match verify_real(flights, &airframes, &|| !interrupt.requested()) {
+        Ok(report) => {
+            say(&report)?;
+            Ok(if report.passed() { Done::Finished } else { Done::Deviating })
+        }
+        Err(IdentifyError::Interrupted) => Ok(Done::Interrupted),
+        Err(IdentifyError::Log(error)) => Err(error.into()),
+    }
 }

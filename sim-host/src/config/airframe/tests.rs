@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use kestrel_core::airframe::{Airframe, CF2P, CF2X, HUMMINGBIRD, RACER, RotorOrder};
+use kestrel_core::airframe::{Airframe, CF2P, CF2X, CRAZYFLIE_2_1, HUMMINGBIRD, RACER, RotorOrder};
 
 use super::*;
 use crate::config::VehicleConfig;
@@ -60,7 +60,9 @@ const CLOCKWISE: [&str; 4] = ["0.028 -0.028 0", "-0.028 -0.028 0", "-0.028 0.028
 
 #[test]
 fn shipped_airframes_are_the_constants() {
-    for (name, constant) in [("cf2x", CF2X), ("cf2p", CF2P), ("hb", HUMMINGBIRD), ("racer", RACER)] {
+    let known =
+        [("cf2x", CF2X), ("crazyflie_2_1", CRAZYFLIE_2_1), ("cf2p", CF2P), ("hb", HUMMINGBIRD), ("racer", RACER)];
+    for (name, constant) in known {
         assert_eq!(read_airframe(&asset(&format!("{name}.yaml"))).unwrap(), constant, "{name}");
     }
 }

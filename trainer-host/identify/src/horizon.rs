@@ -1,0 +1,170 @@
+//! How far predictions of held-out windows are off, over time, beside holding the state.
+
+use nalgebra::Vector3;
+
+use crate::course::{Course, Part};
+use crate::drone::Trim;
+use crate::least_squares::Estimate;
+use crate::motion::Driven;
+
+/// Length of the windows \[s\].
+const HORIZON_SECS: f64 = 0.5;
+
+/// Time between the starts of two windows \[s\].
+const STRIDE_SECS: f64 = 0.05;
+
+/// One step of the horizon \[s\], as the published benchmarks have it.
+pub const STEP_SECS: f64 = 0.01;
+
+/// What is predicted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signal {
+    /// Body rates about x and y: norm of the error \[rad/s\].
+    Tilting,
+    /// Body rate about z: size of the error \[rad/s\].
+    Yawing,
+    /// Velocity: norm of the error \[m/s\].
+    Velocity,
+    /// Position: norm of the error \[m\].
+    Position,
+}
+
+impl Signal {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Tilting, Self::Yawing, Self::Velocity, Self::Position];
+
+    /// As in tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tilting => "roll and pitch rate [rad/s]",
+            Self::Yawing => "yaw rate [rad/s]",
+            Self::Velocity => "velocity [m/s]",
+            Self::Position => "position [m]",
+        }
+    }
+}
+
+/// Mean errors of one signal over the horizon.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Horizon {
+    /// Of what.
+    pub signal: Signal,
+    /// Number of windows.
+    pub windows: usize,
+    /// Mean error after 1, 2, … steps of holding the state, and then of each model.
+    pub curves: Vec<Vec<f64>>,
+}
+
+impl Horizon {
+    /// Mean error of a curve after a number of steps, from one on.
+    pub fn after(&self, curve: usize, steps: usize) -> f64 {
+        self.curves[curve][(steps - 1).min(self.curves[curve].len() - 1)]
+    }
+}
+
+/// Errors of the held-out windows by holding the state and by each estimate; signals without windows are left out.
+pub(crate) fn horizons(courses: &[Course<'_>], estimates: &[&Estimate]) -> Vec<Horizon> {
+    let mut sums: Vec<Sum> = Signal::ALL.map(|signal| Sum::new(signal, estimates.len() + 1)).into();
+    for (index, course) in courses.iter().enumerate() {
+        let drivens: Vec<Driven<'_>> = estimates
+            .iter()
+            .map(|estimate| Driven::new(course, &estimate.drone, &trim_of(courses, index, estimate)))
+            .collect();
+        add_rotation(course, &drivens, &mut sums);
+        add_translation(course, &drivens, &mut sums);
+    }
+    sums.into_iter().filter(|sum| sum.windows > 0).map(Sum::horizon).collect()
+}
+
+/// Of a flight that was not fitted, the mean of those that were.
+fn trim_of(courses: &[Course<'_>], index: usize, estimate: &Estimate) -> Trim {
+    let fitted = |course: &Course<'_>| {
+        !course.rotation(Part::Fitted).starts.is_empty() || !course.translation(Part::Fitted).starts.is_empty()
+    };
+    if fitted(&courses[index]) {
+        return estimate.trims[index];
+    }
+    let fitted: Vec<&Trim> =
+        courses.iter().zip(&estimate.trims).filter(|(course, _)| fitted(course)).map(|(_, trim)| trim).collect();
+    let count = fitted.len().max(1) as f64;
+    let tilt = [0, 1].map(|axis| fitted.iter().map(|trim| trim.tilt[axis]).sum::<f64>() / count);
+    Trim { tilt, ..Trim::default() }
+}
+
+fn add_rotation(course: &Course<'_>, drivens: &[Driven<'_>], sums: &mut [Sum]) {
+    let flight = course.flight;
+    if course.rotation(Part::HeldOut).starts.is_empty() {
+        return;
+    }
+    let windows = course.windows(Part::HeldOut, HORIZON_SECS, STRIDE_SECS);
+    let stride = flight.rows_in(STEP_SECS);
+    for start in windows.starts {
+        let seen: Vec<Vector3<f64>> =
+            (1..=windows.rows / stride).map(|step| flight.body_rates[start + step * stride]).collect();
+        let mut add = |curve: usize, step: usize, error: Vector3<f64>| {
+            sums[0].add(curve, step, error.xy().norm());
+            sums[1].add(curve, step, error.z.abs());
+        };
+        for (step, rates) in seen.iter().enumerate() {
+            add(0, step, course.start_rates[start] - rates);
+        }
+        for (model, driven) in drivens.iter().enumerate() {
+            for (step, rates) in driven.turned(start, windows.rows, stride).iter().enumerate() {
+                add(model + 1, step, rates - seen[step]);
+            }
+        }
+        sums[0].windows += 1;
+        sums[1].windows += 1;
+    }
+}
+
+fn add_translation(course: &Course<'_>, drivens: &[Driven<'_>], sums: &mut [Sum]) {
+    let (flight, Some(motion)) = (course.flight, &course.flight.motion) else { return };
+    let windows = course.windows(Part::HeldOut, HORIZON_SECS, STRIDE_SECS);
+    let stride = flight.rows_in(STEP_SECS);
+    for start in windows.starts {
+        let mut add = |curve: usize, step: usize, velocity: Vector3<f64>, position: Vector3<f64>| {
+            let row = start + (step + 1) * stride;
+            sums[2].add(curve, step, (velocity - motion.velocities[row]).norm());
+            sums[3].add(curve, step, (position - motion.positions[row]).norm());
+        };
+        for step in 0..windows.rows / stride {
+            add(0, step, motion.velocities[start], motion.positions[start]);
+        }
+        for (model, driven) in drivens.iter().enumerate() {
+            for (step, moved) in driven.moved(start, windows.rows, stride).iter().enumerate() {
+                add(model + 1, step, moved.velocity, moved.position);
+            }
+        }
+        sums[2].windows += 1;
+        sums[3].windows += 1;
+    }
+}
+
+/// Sums of errors, a curve each model.
+struct Sum {
+    signal: Signal,
+    windows: usize,
+    curves: Vec<Vec<(f64, usize)>>,
+}
+
+impl Sum {
+    fn new(signal: Signal, curves: usize) -> Self {
+        Self { signal, windows: 0, curves: vec![Vec::new(); curves] }
+    }
+
+    fn add(&mut self, curve: usize, step: usize, error: f64) {
+        let curve = &mut self.curves[curve];
+        if curve.len() <= step {
+            curve.resize(step + 1, (0.0, 0));
+        }
+        curve[step].0 += error;
+        curve[step].1 += 1;
+    }
+
+    fn horizon(self) -> Horizon {
+        let mean = |(sum, count): (f64, usize)| sum / count.max(1) as f64;
+        let curves = self.curves.into_iter().map(|curve| curve.into_iter().map(mean).collect()).collect();
+        Horizon { signal: self.signal, windows: self.windows, curves }
+    }
+}

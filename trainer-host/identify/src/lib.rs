@@ -1,0 +1,34 @@
+//! System identification: from flight logs to an airframe with its uncertainty.
+//!
+//! A [`log`] becomes a [`flight`] on one clock. [`identify`] follows it in short windows from measured starts, with the
+//! core's vehicle, and searches the numbers of the [`drone`] that leave the least error. Numbers that the flights cannot
+//! tell stay as they were, and the [`horizon`] says how far predictions of flights that were not fitted are off.
+
+mod airframe_file;
+mod alignment;
+mod balance;
+mod course;
+pub mod drone;
+mod error;
+pub mod flight;
+mod hold_out;
+pub mod horizon;
+mod identification;
+mod least_squares;
+pub mod log;
+mod motion;
+mod parameter;
+mod real;
+mod report;
+mod residual;
+mod smoothing;
+mod track;
+
+pub use airframe_file::airframe_file;
+pub use error::LogError;
+pub use hold_out::{HoldOut, Span};
+pub use identification::{Finding, Identification, IdentifyError, Kept, Settings, Verdict, identify};
+pub use parameter::Parameter;
+pub use real::{RealFinding, RealReport, verify_real};
+pub use report::MODELS;
+pub use track::Track;

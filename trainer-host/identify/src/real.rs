@@ -1,0 +1,174 @@
+//! Real flights of a Crazyflie 2.1 that the project was measured on, and what must be true of them.
+
+use std::fmt;
+use std::path::Path;
+
+use kestrel_core::airframe::Airframe;
+
+use crate::drone::drone_of;
+use crate::error::LogError;
+use crate::flight::Flight;
+use crate::hold_out::{HoldOut, Span};
+use crate::horizon::{Horizon, Signal, horizons};
+use crate::identification::{Fit, IdentifyError};
+use crate::log::read;
+use crate::report::HorizonTable;
+
+/// Folder of the logs at 1 kHz (Eschmann 2024).
+const LOGS: &str = "crazyflie-usd-logs";
+
+/// Folder of the flights with motion capture (`NanoBench`, Ullah & Baca 2026).
+const MOTION: &str = "nanobench";
+
+/// Stretches of the logs that judge, and the signal that each was flown for.
+const STRETCHES: [(&str, [f64; 2], Signal); 2] =
+    [("log15", [75.0, 90.0], Signal::Tilting), ("log16", [45.0, 49.0], Signal::Yawing)];
+
+/// Logs without a judging stretch: thrust.
+const OTHER_LOG: &str = "log10";
+
+/// Greatest mean errors after half a second: a fit that other people's tools give, and what the flights say without any
+/// model of the air (`RESULTS.md`).
+const LIMITS: [(Signal, f64); 4] =
+    [(Signal::Tilting, 2.8), (Signal::Yawing, 0.6), (Signal::Velocity, 0.18), (Signal::Position, 0.048)];
+
+/// Steps of half a second.
+const JUDGED_STEPS: usize = 50;
+
+/// One figure of the comparison.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RealFinding {
+    /// Flights that it was measured in.
+    pub flights: String,
+    /// Errors over time: holding the state, then each airframe.
+    pub horizon: Horizon,
+    /// Greatest error of the first airframe after half a second.
+    pub limit: f64,
+}
+
+impl RealFinding {
+    /// Whether the first airframe's error is within the limit.
+    pub fn passed(&self) -> bool {
+        self.horizon.after(1, JUDGED_STEPS) <= self.limit
+    }
+}
+
+/// What airframes predict of real flights.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RealReport {
+    /// `hold`, then the airframes.
+    models: Vec<String>,
+    /// Each signal.
+    pub findings: Vec<RealFinding>,
+}
+
+impl RealReport {
+    /// Whether the first airframe is within every limit.
+    pub fn passed(&self) -> bool {
+        self.findings.iter().all(RealFinding::passed)
+    }
+}
+
+/// Compares airframes with the real flights in `folder`; the motors' answer to a command and the trims are fitted to the
+/// other parts of the flights, for each airframe alike. The first airframe is judged.
+///
+/// # Errors
+/// When the flights are missing or damaged, or `go_on` says no.
+pub fn verify_real(
+    folder: &Path,
+    airframes: &[(String, Airframe)],
+    go_on: &dyn Fn() -> bool,
+) -> Result<RealReport, IdentifyError> {
+    let mut findings = Vec::new();
+    let (logs, motion) = (folder.join(LOGS), folder.join(MOTION));
+    if !logs.is_dir() && !motion.is_dir() {
+        let expected = format!("a folder with {LOGS} or {MOTION}");
+        return Err(LogError::at(folder.display(), "no real flights", expected).into());
+    }
+    if logs.is_dir() {
+        findings.extend(turning(&logs, airframes, go_on)?);
+    }
+    if motion.is_dir() {
+        findings.extend(moving(&motion, airframes, go_on)?);
+    }
+    let models = std::iter::once("hold".to_owned()).chain(airframes.iter().map(|(name, _)| name.clone()));
+    Ok(RealReport { models: models.collect(), findings })
+}
+
+/// Body rates in the stretches of the logs.
+fn turning(
+    logs: &Path,
+    airframes: &[(String, Airframe)],
+    go_on: &dyn Fn() -> bool,
+) -> Result<Vec<RealFinding>, IdentifyError> {
+    let names = STRETCHES.iter().map(|(name, ..)| *name).chain([OTHER_LOG]);
+    let flights: Vec<Flight> = names.map(|name| read(&logs.join(name))).collect::<Result<_, _>>()?;
+    let spans = STRETCHES.map(|(name, secs, _)| Span { name: name.to_owned(), secs: Some(secs) });
+    let courses = HoldOut::Spans(spans.to_vec()).courses(&flights)?;
+    let estimates = estimates(&Fit::new(&courses)?, airframes, go_on)?;
+    let mut findings = Vec::new();
+    for (index, (name, [from, to], signal)) in STRETCHES.into_iter().enumerate() {
+        let of_flight: Vec<_> = estimates.iter().map(|estimate| estimate.of_flight(index)).collect();
+        let of_flight: Vec<_> = of_flight.iter().collect();
+        let horizons = horizons(&courses[index..=index], &of_flight);
+        findings.extend(judged(horizons, &format!("{name}, {from} to {to} s"), &[signal]));
+    }
+    Ok(findings)
+}
+
+/// Velocity and position in the test flights.
+fn moving(
+    motion: &Path,
+    airframes: &[(String, Airframe)],
+    go_on: &dyn Fn() -> bool,
+) -> Result<Vec<RealFinding>, IdentifyError> {
+    let mut flights = flights(&motion.join("train"))?;
+    let tests = self::flights(&motion.join("test"))?;
+    let spans = tests.iter().map(|flight| Span { name: flight.name.clone(), secs: None }).collect();
+    let label = format!("{} test flights of {MOTION}", tests.len());
+    flights.extend(tests);
+    let courses = HoldOut::Spans(spans).courses(&flights)?;
+    let estimates = estimates(&Fit::new(&courses)?, airframes, go_on)?;
+    let horizons = horizons(&courses, &estimates.iter().collect::<Vec<_>>());
+    Ok(judged(horizons, &label, &[Signal::Velocity, Signal::Position]))
+}
+
+fn estimates(
+    fit: &Fit<'_>,
+    airframes: &[(String, Airframe)],
+    go_on: &dyn Fn() -> bool,
+) -> Result<Vec<crate::least_squares::Estimate>, IdentifyError> {
+    airframes.iter().map(|(_, airframe)| fit.with_curve_alone(&drone_of(airframe), go_on)).collect()
+}
+
+fn judged(horizons: Vec<Horizon>, flights: &str, signals: &[Signal]) -> Vec<RealFinding> {
+    let limit = |signal: Signal| LIMITS.iter().find(|(of, _)| *of == signal).map(|(_, limit)| *limit);
+    let wanted = horizons.into_iter().filter(|horizon| signals.contains(&horizon.signal));
+    let finding = |horizon: Horizon| {
+        Some(RealFinding { flights: flights.to_owned(), limit: limit(horizon.signal)?, horizon })
+    };
+    wanted.filter_map(finding).collect()
+}
+
+/// Every log of a folder, in the order of their names.
+fn flights(folder: &Path) -> Result<Vec<Flight>, LogError> {
+    let refuse = |error: std::io::Error| LogError::at(folder.display(), error, "a readable folder of flights");
+    let entries = std::fs::read_dir(folder).map_err(refuse)?;
+    let mut paths = entries.map(|entry| Ok(entry.map_err(refuse)?.path())).collect::<Result<Vec<_>, _>>()?;
+    paths.sort();
+    paths.iter().map(|path| read(path)).collect()
+}
+
+impl fmt::Display for RealReport {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let models: Vec<&str> = self.models.iter().map(String::as_str).collect();
+        for (index, finding) in self.findings.iter().enumerate() {
+            let RealFinding { flights, horizon, limit } = finding;
+            let verdict = if finding.passed() { "ok" } else { "FAIL" };
+            let gap = if index == 0 { "" } else { "\n\n" };
+            write!(formatter, "{gap}{flights}\n{}", HorizonTable { horizon, models: &models })?;
+            write!(formatter, "\n  {verdict}: {} after 500 ms, at most {limit}", self.models[1])?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,170 @@
+//! `kestrel identify`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use kestrel_core::airframe::Airframe;
+use kestrel_draw::horizon::{HorizonPanel, horizon_chart};
+use kestrel_experiments::atomic_file::write_atomically;
+use kestrel_experiments::interrupt::Interrupt;
+use kestrel_experiments::output::{say, warn};
+use kestrel_experiments::progress::Progress;
+use kestrel_identify::flight::{CommandRecord, Flight};
+use kestrel_identify::horizon::STEP_SECS;
+use kestrel_identify::{
+    HoldOut, Identification, IdentifyError, MODELS, Parameter, Settings, Span, airframe_file, identify, log,
+};
+use kestrel_sim::config::{Document, VehicleConfig, read_airframe};
+
+use super::Done;
+
+/// Steps of the searches that the progress bar expects; most drones take so many.
+const EXPECTED_STEPS: u64 = 60;
+
+/// Arguments of `kestrel identify`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Flight logs: Crazyflie's µSD card, PX4's ULog, tables (CSV), each packed with gzip or not
+    #[arg(required = true, value_name = "LOG")]
+    logs: Vec<PathBuf>,
+
+    /// The airframe's file; a picture of the errors is written beside it, ending in .svg
+    #[arg(short, long, value_name = "FILE", default_value = "airframe.yaml")]
+    output: PathBuf,
+
+    /// The airframe as believed so far, by name or file: it gives mass, lever and whatever the flights do not tell
+    #[arg(long, value_name = "NAME|FILE", default_value = "cf2x")]
+    airframe: String,
+
+    /// Take-off mass, weighed [default: the airframe's]
+    #[arg(long, value_name = "KILOGRAMS", value_parser = mass)]
+    mass_kg: Option<f64>,
+
+    /// Flight that is not fitted but predicted, or a stretch of it [default: the last quarter of each]
+    #[arg(long, value_name = "NAME[:FROM-TO]")]
+    hold_out: Vec<Span>,
+
+    /// Number that stays the airframe's, by its name or the beginning of it, such as `delay`
+    #[arg(long, value_name = "NUMBER", value_parser = parameters)]
+    keep: Vec<Parameters>,
+
+    /// The logs hold every command that reached the motors, however few there are per second
+    #[arg(long)]
+    complete_commands: bool,
+
+    /// Threads to use; the results do not depend on it [default: all cores]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+/// Numbers whose names begin alike.
+#[derive(Clone, Debug)]
+struct Parameters(Vec<Parameter>);
+
+fn parameters(text: &str) -> Result<Parameters, String> {
+    let named: Vec<Parameter> =
+        Parameter::ALL.into_iter().filter(|parameter| parameter.name().starts_with(text)).collect();
+    if named.is_empty() {
+        return Err(format!("expected one of {}", Parameter::ALL.map(Parameter::name).join(", ")));
+    }
+    Ok(Parameters(named))
+}
+
+fn mass(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(mass) if (0.001..=100.0).contains(&mass) => Ok(mass),
+        Ok(_) | Err(_) => Err("expected 0.001 to 100 kg".to_owned()),
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    let settings = settings(arguments)?;
+    let flights: Vec<Flight> = arguments.logs.iter().map(|path| flight(path, arguments)).collect::<Result<_>>()?;
+    let Some(found) = identified(&flights, &settings, arguments.threads)? else { return Ok(Done::Interrupted) };
+    say(&found)?;
+    say(format_args!("\n{}", found.thrust_curve_line()))?;
+    write(&found, arguments)?;
+    Ok(Done::Finished)
+}
+
+fn settings(arguments: &Arguments) -> Result<Settings> {
+    let airframe = airframe_called(&arguments.airframe)?;
+    let airframe = Airframe { mass: arguments.mass_kg.unwrap_or(airframe.mass), ..airframe };
+    let spans = arguments.hold_out.clone();
+    let hold_out = if spans.is_empty() { HoldOut::LastQuarter } else { HoldOut::Spans(spans) };
+    let kept = arguments.keep.iter().flat_map(|Parameters(kept)| kept.clone()).collect();
+    Ok(Settings { airframe, hold_out, kept })
+}
+
+/// The airframe of a file, or the known one of that name.
+pub(super) fn airframe_called(name: &str) -> Result<Airframe> {
+    let file = Path::new(name);
+    if file.is_file() {
+        return Ok(read_airframe(file)?);
+    }
+    let document = Document::parse("--airframe", &format!("airframe: {name}"))?;
+    let field = document.root().at("airframe");
+    Ok(document.decode::<VehicleConfig>()?.airframe.check(None, &field, &field)?)
+}
+
+fn flight(path: &Path, arguments: &Arguments) -> Result<Flight> {
+    let mut flight = log::read(path)?;
+    if arguments.complete_commands {
+        flight.command_record = CommandRecord::Complete;
+    }
+    Ok(flight)
+}
+
+/// `None` if the user stopped it.
+fn identified(flights: &[Flight], settings: &Settings, threads: Option<u16>) -> Result<Option<Identification>> {
+    let interrupt = Interrupt::watch("Stopping: nothing is written.")?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from)).build()?;
+    let found = pool.install(|| {
+        let progress = std::cell::RefCell::new((Progress::counting("steps", EXPECTED_STEPS, 0), 0));
+        let found = identify(flights, settings, &|| {
+            let (progress, done) = &mut *progress.borrow_mut();
+            *done += 1;
+            progress.show_steps((*done).min(EXPECTED_STEPS), String::new);
+            !interrupt.requested()
+        });
+        progress.borrow().0.finish();
+        found
+    });
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(IdentifyError::Interrupted) => Ok(None),
+        Err(IdentifyError::Log(error)) => Err(error.into()),
+    }
+}
+
+fn write(found: &Identification, arguments: &Arguments) -> Result<()> {
+    let file_name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let logs: Vec<String> = arguments.logs.iter().map(file_name).collect();
+    let sources = [
+        format!("Flights: {}.", logs.join(", ")),
+        format!(
+            "What they do not tell, and what no flight tells (mass, lever, thrust per speed): {}.",
+            arguments.airframe
+        ),
+        found.thrust_curve_line(),
+    ];
+    let file = airframe_file(found, &sources);
+    let picture = arguments.output.with_extension("svg");
+    let panels: Vec<HorizonPanel> = found
+        .horizons
+        .iter()
+        .map(|horizon| HorizonPanel {
+            name: horizon.signal.name().to_owned(),
+            models: MODELS.map(str::to_owned).into_iter().zip(horizon.curves.clone()).collect(),
+        })
+        .collect();
+    let title = format!("Predictions of {} by its flights", arguments.airframe);
+    let summary = "mean error of windows that were not fitted";
+    write_atomically(&arguments.output, file.as_bytes())?;
+    write_atomically(&picture, horizon_chart(&title, summary, STEP_SECS, &panels)?.as_bytes())?;
+    if let Err(error) = read_airframe(&arguments.output) {
+        warn(format_args!("warning: this is no airframe that a scenario accepts: {error}"));
+    }
+    let written = format!("{} and {}", arguments.output.display(), picture.display());
+    say(format_args!("\nWritten: {written}")).context("the table")
+}
