@@ -24,9 +24,9 @@ pub use crate::setpoint::Setpoint;
 
 /// The action spaces; the identifier and its numbers travel in the policy file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(
+#[allow(
     clippy::large_enum_variant,
-    reason = "there is one per scenario or policy, and no allocator to box it with"
+    reason = "with few features one is; there is one per scenario or policy, and no allocator to box it with"
 )]
 pub enum ActionSpace {
     /// [`RotorSpeeds`].

@@ -161,10 +161,10 @@ enum Socket {
 
 impl BridgeError {
     fn opening(protocol: &'static str, address: SocketAddr, reason: io::Error) -> Self {
-        match reason.kind() {
-            ErrorKind::AddrInUse => Self::Busy { protocol, address },
-            _ => Self::Open { protocol, address, reason },
+        if reason.kind() == ErrorKind::AddrInUse {
+            return Self::Busy { protocol, address };
         }
+        Self::Open { protocol, address, reason }
     }
 }
 

@@ -13,7 +13,7 @@ pub mod tcp;
 pub mod udp;
 
 use std::fmt;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -63,6 +63,24 @@ impl fmt::Display for LinkAddress {
             Self::Tcp(address) => write!(formatter, "TCP address {address}"),
             Self::Serial(path) => write!(formatter, "serial device {}", path.display()),
         }
+    }
+}
+
+/// Whether a socket has nothing to say: a peer that is gone makes noise, too.
+pub(crate) fn is_silence(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::WouldBlock | ErrorKind::Interrupted | ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset
+    )
+}
+
+impl LinkError {
+    /// Why a place could not be opened.
+    pub(crate) fn opening(place: LinkAddress, reason: io::Error) -> Self {
+        if matches!(reason.kind(), ErrorKind::AddrInUse | ErrorKind::ResourceBusy) {
+            return Self::Busy { place };
+        }
+        Self::Open { place, reason }
     }
 }
 

@@ -68,11 +68,10 @@ fn is_test(attributes: &[syn::Attribute]) -> bool {
 
 /// How many values a tuple holds, those of tuples within it included.
 fn parts(kind: &syn::Type) -> usize {
-    match kind {
-        syn::Type::Reference(reference) => parts(&reference.elem),
-        syn::Type::Tuple(tuple) => tuple.elems.iter().map(parts).sum(),
-        _ => 1,
+    if let syn::Type::Reference(reference) = kind {
+        return parts(&reference.elem);
     }
+    if let syn::Type::Tuple(tuple) = kind { tuple.elems.iter().map(parts).sum() } else { 1 }
 }
 
 /// Parameters that are tuples of more than two parts, and functions that are too long.

@@ -7,6 +7,8 @@ pub mod client;
 pub mod producer;
 pub mod server;
 
+use std::io::{self, ErrorKind};
+
 use kestrel_core::vehicle::State;
 use kestrel_onboard::fields::{f32_at, u16_at, u64_at};
 use mavlink::dialects::common::{
@@ -19,6 +21,11 @@ use super::sensors::{GnssFix, Measurement};
 use crate::frame::{Encoder, Frame, Payload, Receiver};
 use crate::geodesy::{Geodetic, Home};
 use crate::message::{frd_from_flu, ned_from_enu};
+
+/// Whether a socket only has nothing to say yet.
+fn is_pause(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
+}
 
 /// Simulated time of the first sensor message \[µs\]: PX4 takes zero for "never".
 const START_MICROS: u64 = 1_000_000;

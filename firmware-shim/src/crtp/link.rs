@@ -1,6 +1,6 @@
 //! The UDP socket of a server: one packet a datagram, one client at a time.
 
-use std::io::{self, ErrorKind};
+use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use super::access::{CommandOutcome, VehicleAccess};
 use super::packet::{PACKET_LIMIT, Packet};
 use super::platform;
 use super::server::CrtpServer;
-use crate::link::{LinkAddress, LinkError};
+use crate::link::{LinkAddress, LinkError, is_silence};
 use crate::policy_backend::PolicyBackend;
 use crate::vehicle::Vehicle;
 
@@ -54,10 +54,7 @@ impl CrtpLink {
     /// [`LinkError::Busy`] or [`LinkError::Open`].
     pub fn open(address: SocketAddr) -> Result<Self, LinkError> {
         let place = || LinkAddress::Udp(address);
-        let failed = |reason: io::Error| match reason.kind() {
-            ErrorKind::AddrInUse => LinkError::Busy { place: place() },
-            _ => LinkError::Open { place: place(), reason },
-        };
+        let failed = |reason| LinkError::opening(place(), reason);
         let socket = UdpSocket::bind(address).map_err(failed)?;
         socket.set_nonblocking(true).map_err(failed)?;
         Ok(Self { socket, address, server: CrtpServer::default(), client: None, waiting: None })
@@ -101,13 +98,8 @@ impl CrtpLink {
         let mut buffer = [0; PACKET_LIMIT + 1];
         match self.socket.recv_from(&mut buffer) {
             Ok((len, sender)) => Ok(Some((Packet::parse(&buffer[..len]), sender))),
-            Err(error) => match error.kind() {
-                ErrorKind::WouldBlock
-                | ErrorKind::Interrupted
-                | ErrorKind::ConnectionRefused
-                | ErrorKind::ConnectionReset => Ok(None),
-                _ => Err(self.failed(error)),
-            },
+            Err(error) if is_silence(&error) => Ok(None),
+            Err(error) => Err(self.failed(error)),
         }
     }
 

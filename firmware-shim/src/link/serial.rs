@@ -106,7 +106,7 @@ impl Link for SerialLink {
 #[cfg(unix)]
 mod device {
     use std::fs::{File, TryLockError};
-    use std::io::{self, ErrorKind};
+    use std::io;
 
     use rustix::fs::{Mode, OFlags, open as open_file};
     use rustix::termios::{ControlModes, OptionalActions, Termios, ioctl_tiocexcl, isatty, tcgetattr, tcsetattr};
@@ -117,10 +117,7 @@ mod device {
     /// Opens a device for this program alone, raw and never blocking.
     pub(super) fn open(port: &SerialPort) -> Result<File, LinkError> {
         let place = || LinkAddress::Serial(port.path.clone());
-        let refused = |reason: io::Error| match reason.kind() {
-            ErrorKind::ResourceBusy => LinkError::Busy { place: place() },
-            _ => LinkError::Open { place: place(), reason },
-        };
+        let refused = |reason| LinkError::opening(place(), reason);
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let file = File::from(open_file(&port.path, flags, Mode::empty()).map_err(|error| refused(error.into()))?);
         let path = || port.path.display().to_string();

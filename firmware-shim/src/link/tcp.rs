@@ -46,10 +46,7 @@ impl TcpLink {
             let address = listener.local_addr()?;
             Ok((listener, address))
         };
-        let (listener, address) = bound().map_err(|reason: io::Error| match reason.kind() {
-            ErrorKind::AddrInUse => LinkError::Busy { place },
-            _ => LinkError::Open { place, reason },
-        })?;
+        let (listener, address) = bound().map_err(|reason| LinkError::opening(place, reason))?;
         let clients = [const { None }; CLIENTS];
         Ok(Self { listener, address, clients, turn: 0, stall_limit: STALL_LIMIT })
     }

@@ -1,9 +1,8 @@
 //! The UDP socket of a vehicle: datagrams from peers, frames to all of them.
 
-use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, UdpSocket};
 
-use super::{DATAGRAM_LIMIT, ENDPOINTS, Link, LinkAddress, LinkError, Received};
+use super::{DATAGRAM_LIMIT, ENDPOINTS, Link, LinkAddress, LinkError, Received, is_silence};
 
 /// Peers besides the ground station; a fifth takes the place of the one silent for longest.
 const PEERS: usize = 4;
@@ -79,10 +78,7 @@ impl UdpLink {
             let address = socket.local_addr()?;
             Ok((socket, address))
         };
-        let (socket, address) = bound().map_err(|reason: io::Error| match reason.kind() {
-            ErrorKind::AddrInUse => LinkError::Busy { place },
-            _ => LinkError::Open { place, reason },
-        })?;
+        let (socket, address) = bound().map_err(|reason| LinkError::opening(place, reason))?;
         Ok(Self {
             socket,
             address,
@@ -138,13 +134,8 @@ impl Link for UdpLink {
     fn receive<'b>(&mut self, buffer: &'b mut [u8; DATAGRAM_LIMIT]) -> Result<Option<Received<'b>>, LinkError> {
         match self.socket.recv_from(buffer) {
             Ok((len, sender)) => Ok(Some(Received { datagram: &buffer[..len], endpoint: self.endpoint(sender) })),
-            Err(reason) => match reason.kind() {
-                ErrorKind::WouldBlock
-                | ErrorKind::Interrupted
-                | ErrorKind::ConnectionRefused
-                | ErrorKind::ConnectionReset => Ok(None),
-                _ => Err(LinkError::Failed { place: LinkAddress::Udp(self.address), reason }),
-            },
+            Err(reason) if is_silence(&reason) => Ok(None),
+            Err(reason) => Err(LinkError::Failed { place: LinkAddress::Udp(self.address), reason }),
         }
     }
 

@@ -303,10 +303,8 @@ impl MissionProtocol {
     }
 
     fn send_end(&self, ended: &Ended, send: &mut dyn FnMut(Payload)) {
-        let identifier = match ended.result {
-            MavMissionResult::MAV_MISSION_ACCEPTED => self.identifier(ended.plan),
-            _ => 0,
-        };
+        let accepted = ended.result == MavMissionResult::MAV_MISSION_ACCEPTED;
+        let identifier = if accepted { self.identifier(ended.plan) } else { 0 };
         send(sent::acknowledge(ended.plan as u8, ended.result, identifier, ended.sender));
     }
 

@@ -249,10 +249,9 @@ mod tests {
                 command: MavCmd::MAV_CMD_NAV_WAYPOINT,
                 ..MISSION_ITEM_DATA::default()
             };
-            match asked(&sent) {
-                MissionRequest::Item { item, .. } => item.place,
-                request => panic!("{request:?}"),
-            }
+            let request = asked(&sent);
+            let MissionRequest::Item { item, .. } = request else { panic!("{request:?}") };
+            item.place
         };
         assert_eq!(place(47.5, -8.25, MavFrame::MAV_FRAME_GLOBAL), [475_000_000, -82_500_000]);
         assert_eq!(place(1.5, -2.0, MavFrame::MAV_FRAME_LOCAL_NED), [15_000, -20_000]);

@@ -77,14 +77,18 @@ impl<N: Notations> Document<N> {
         let Some(version) = self.root.child("version") else {
             return Err(ConfigError::at(&self.root.place, "", "no key `version`", this));
         };
-        match &version.value {
-            Value::Whole(found) if *found == i128::from(supported) => Ok(()),
-            Value::Whole(found) if *found > i128::from(supported) => {
-                let newer = format!("{this} (a newer Kestrel wrote the file)");
-                Err(ConfigError::at(&version.place, "version", found, newer))
-            }
-            other => Err(ConfigError::at(&version.place, "version", other, this)),
-        }
+        let newer = match version.value {
+            Value::Whole(found) if found == i128::from(supported) => return Ok(()),
+            Value::Whole(found) => found > i128::from(supported),
+            Value::Nothing
+            | Value::Truth(_)
+            | Value::Number(..)
+            | Value::Text(_)
+            | Value::List(_)
+            | Value::Mapping(_) => false,
+        };
+        let expected = if newer { format!("{this} (a newer Kestrel wrote the file)") } else { this };
+        Err(ConfigError::at(&version.place, "version", &version.value, expected))
     }
 
     /// Applies one override, `training.epochs=3`: a dotted path (list items by index, from zero) and a YAML value.
@@ -195,6 +199,7 @@ impl SyntaxFault {
     }
 
     /// What was found and what was expected, in words for people who write configurations.
+    #[expect(clippy::wildcard_enum_match_arm, reason = "the parser's errors may become more")]
     fn said(&self) -> (String, &'static str) {
         match innermost(&self.error) {
             YamlError::DuplicateMappingKey { key: Some(key), .. } => {
@@ -218,10 +223,8 @@ impl SyntaxFault {
 
 /// The error behind snippets and aliases.
 fn innermost(error: &YamlError) -> &YamlError {
-    match error.without_snippet() {
-        YamlError::AliasError { error, .. } => innermost(error),
-        other => other,
-    }
+    let error = error.without_snippet();
+    if let YamlError::AliasError { error, .. } = error { innermost(error) } else { error }
 }
 
 /// The parser's message without its ` at line 3, column 4`: the place is said in front.

@@ -64,9 +64,9 @@ pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable> {
     }
     let mut bytes = Vec::new();
     let read = File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut bytes));
-    read.map_err(|error| match error.kind() {
-        ErrorKind::NotFound => Unreadable::Missing,
-        _ => Unreadable::Broken(error),
+    read.map_err(|error| {
+        let missing = error.kind() == ErrorKind::NotFound;
+        if missing { Unreadable::Missing } else { Unreadable::Broken(error) }
     })?;
     if bytes.len() as u64 > limit { Err(Unreadable::Long(limit)) } else { Ok(bytes) }
 }

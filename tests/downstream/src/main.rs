@@ -1,7 +1,10 @@
-//! What a user's own crate can add without a fork: an environment, and a regulariser of continual learning.
+//! What a user's own crate can add without a fork: an environment, a regulariser of continual learning, a reward and a
+//! termination.
 //!
-//! `cargo run --manifest-path tests/downstream/Cargo.toml` trains on one task, then on another with the regulariser and
-//! without, and fails if nothing was learned or nothing kept.
+//! `tests/downstream/run` trains on one task, then on another with the regulariser and without, and a drone on a task whose
+//! reward and end are its own; it fails if nothing was learned or nothing kept.
+
+mod climb;
 
 use kestrel_core::seed::{Purpose, Seed, Stream};
 use kestrel_learn::actor_critic::Gradient;
@@ -177,5 +180,8 @@ fn main() {
     );
     assert!(learned > before + 1.0, "PPO learns the environment");
     assert!(near < 0.5 * free, "the regulariser keeps the policy near the first task's");
-    println!("2 passed; 0 failed");
+    let [before, learned] = climb::returns().expect("the task is right");
+    println!("climb: return {before:.2} untrained, {learned:.2} learned, of 20 for the whole way up");
+    assert!(before < 15.0 && learned > 18.0, "PPO learns by a reward and a termination of its user's");
+    println!("3 passed; 0 failed");
 }

@@ -251,12 +251,12 @@ mod tests {
         drone.motion.position
     }
 
-    fn published(kind: ReferenceActionKind, airframe: Airframe, controller: ReferenceController) -> ActionSpace {
+    fn published(kind: ReferenceActionKind, airframe: &Airframe, controller: &ReferenceController) -> ActionSpace {
         ActionSpace::Reference(ReferenceActions {
             kind,
             precision: Precision::Exact,
-            airframe,
-            controller,
+            airframe: *airframe,
+            controller: *controller,
             persistence: Persistence::ResetEachEpisode,
         })
     }
@@ -264,9 +264,9 @@ mod tests {
     #[test]
     fn it_arrives_in_every_action_space_that_lets_it() {
         let goal = Vector3::new(0.4, -0.3, 0.9);
-        let crazyflie = |kind| (CF2X, published(kind, CF2X, ReferenceController::Dsl(CF2X)));
+        let crazyflie = |kind| (CF2X, published(kind, &CF2X, &ReferenceController::Dsl(CF2X)));
         let hummingbird =
-            |kind| (HUMMINGBIRD, published(kind, HUMMINGBIRD, ReferenceController::Simple(HUMMINGBIRD)));
+            |kind| (HUMMINGBIRD, published(kind, &HUMMINGBIRD, &ReferenceController::Simple(HUMMINGBIRD)));
         let rates = ThrustBodyRates::new(&CF2X, 1.0, [6.0, 6.0, 3.0], RATE_GAINS);
         let velocities = Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 5.0 };
         let spaces = [
@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     fn it_stays_on_its_route() {
-        let space = published(ReferenceActionKind::Pid, CF2X, ReferenceController::Dsl(CF2X));
+        let space = published(ReferenceActionKind::Pid, &CF2X, &ReferenceController::Dsl(CF2X));
         let corner = Vector3::new(1.0, 0.0, 1.0);
         let mut pilot = ScriptedPilot::new(&CF2X, &space, CONTROL_SECS).along(&[corner]);
         let goal = Vector3::new(1.0, 1.0, 1.0);
@@ -313,7 +313,7 @@ mod tests {
     #[test]
     fn it_finds_the_height_where_it_can_only_climb() {
         for kind in [ReferenceActionKind::OneDRpm, ReferenceActionKind::OneDDyn, ReferenceActionKind::OneDPid] {
-            let space = published(kind, CF2X, ReferenceController::Dsl(CF2X));
+            let space = published(kind, &CF2X, &ReferenceController::Dsl(CF2X));
             let position = destination(&CF2X, &space, Vector3::new(0.4, -0.3, 1.3));
             assert!((position - Vector3::new(0.0, 0.0, 1.3)).norm() < 0.02, "{}: {position}", kind.name());
         }

@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
     tolerance: Vec<(String, f64)>,
 
     /// A drone that the recording names, from its YAML or URDF file; its rotors keep their order. With --real: the drone
-    /// that is judged [default: crazyflie_2_1]
+    /// that is judged [default: `crazyflie_2_1`]
     #[arg(long, value_name = "NAME=FILE", value_parser = named_file)]
     airframe: Vec<(String, PathBuf)>,
 }

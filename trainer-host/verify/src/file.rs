@@ -22,9 +22,11 @@ pub(super) fn text_of(path: &Path) -> Result<String, RecordingError> {
 /// # Errors
 /// When there is no such file, it is something else, or larger than 256 MiB.
 pub(super) fn bytes_of(path: &Path) -> Result<Vec<u8>, RecordingError> {
-    let broken = |error: std::io::Error| match error.kind() {
-        ErrorKind::NotFound => RecordingError::about(path, "no such file", "a file of the recording"),
-        _ => RecordingError::about(path, format_args!("a file that cannot be read ({error})"), "a readable file"),
+    let broken = |error: std::io::Error| {
+        if error.kind() == ErrorKind::NotFound {
+            return RecordingError::about(path, "no such file", "a file of the recording");
+        }
+        RecordingError::about(path, format_args!("a file that cannot be read ({error})"), "a readable file")
     };
     if !fs::metadata(path).map_err(broken)?.is_file() {
         return Err(RecordingError::about(path, "no plain file", "a file of the recording"));

@@ -181,7 +181,9 @@ fn an_ardupilot_that_stops_asking_stops_the_simulation() {
                 Next::Fly
             }
             BridgeEvent::Gone => Next::End,
-            _ => Next::Fly,
+            BridgeEvent::Waiting | BridgeEvent::Connected(_) | BridgeEvent::Engaged | BridgeEvent::Unanswered => {
+                Next::Fly
+            }
         });
     });
     assert_eq!(steps, 1);

@@ -167,7 +167,10 @@ fn a_betaflight_of_either_build_flies_to_a_point_and_lands() {
                         judge.see(step.secs, step.state);
                         now_secs = step.secs;
                     }
-                    _ => {}
+                    BridgeEvent::Waiting
+                    | BridgeEvent::Connected(_)
+                    | BridgeEvent::Unanswered
+                    | BridgeEvent::Gone => {}
                 }
                 let end = start_secs.is_some_and(|start| now_secs > start + f64::from(FLIGHT_SECS));
                 if end { Next::End } else { Next::Fly }

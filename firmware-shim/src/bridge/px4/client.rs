@@ -1,6 +1,6 @@
 //! A PX4-compatible simulator as the [`Plant`] of our vehicle: the TCP socket behind [`Producer`].
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -9,6 +9,7 @@ use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
+use super::is_pause;
 use super::producer::{Producer, SensorReadings};
 use crate::bridge::motors::Motors;
 use crate::plant::Plant;
@@ -149,10 +150,8 @@ impl Link {
                     self.unread = 0..len;
                     self.heard = Instant::now();
                 }
-                Err(error) => match error.kind() {
-                    ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted => return Wait::Silent,
-                    _ => return Wait::Gone,
-                },
+                Err(error) if is_pause(&error) => return Wait::Silent,
+                Err(_) => return Wait::Gone,
             }
         }
         Wait::Silent

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::Px4Simulator;
+use super::{Px4Simulator, is_pause};
 use crate::bridge::BridgeError;
 use crate::bridge::drone::Drone;
 use crate::bridge::event::{BridgeCounts, BridgeEvent, BridgeStep};
@@ -59,10 +59,8 @@ impl Listener {
                 let ready = ready.and_then(|()| stream.set_write_timeout(Some(ANSWER_LIMIT)));
                 Ok(ready.is_ok().then_some((stream, address)))
             }
-            Err(error) => match error.kind() {
-                ErrorKind::WouldBlock | ErrorKind::Interrupted | ErrorKind::ConnectionAborted => Ok(None),
-                _ => Err(BridgeError::Socket(error)),
-            },
+            Err(error) if error.kind() == ErrorKind::ConnectionAborted || is_pause(&error) => Ok(None),
+            Err(error) => Err(BridgeError::Socket(error)),
         }
     }
 }
@@ -180,10 +178,8 @@ impl<'a, 'p> Px4Server<'a, 'p> {
             match stream.read(&mut bytes) {
                 Ok(0) => return Answer::Gone,
                 Ok(len) => self.simulator.receive(&bytes[..len]),
-                Err(error) => match error.kind() {
-                    ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted => {}
-                    _ => return Answer::Gone,
-                },
+                Err(error) if is_pause(&error) => {}
+                Err(_) => return Answer::Gone,
             }
         }
         Answer::Given

@@ -1,3 +1,5 @@
+#![expect(clippy::wildcard_enum_match_arm, reason = "a message is one of the dialect's hundreds")]
+
 use mavlink::dialects::common::{MavMessage, MavParamType, PARAM_ERROR_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA};
 use proptest::prelude::*;
 

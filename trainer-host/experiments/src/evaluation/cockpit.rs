@@ -48,7 +48,11 @@ impl<'a, R: Real> Cockpit<'a, R> {
             pass: None,
             onlookers: match flyer {
                 Flyer::Policy(Policy::Seeing(policy)) => vec![Onlooker::of(policy); simulation.rows()],
-                _ => Vec::new(),
+                Flyer::Policy(Policy::Blind(_))
+                | Flyer::Actor(_)
+                | Flyer::Nothing
+                | Flyer::Random
+                | Flyer::Scripted => Vec::new(),
             },
             observations: Vec::new(),
             actions: vec![0.0; scenario.action.len() * simulation.rows()],

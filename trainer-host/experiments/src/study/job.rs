@@ -271,7 +271,14 @@ impl<'a> JobRun<'a> {
                 }
                 trainer.consolidate(&mut self.progress.memory);
             }
-            _ => {}
+            (
+                Learner::One(_) | Learner::Many(_),
+                Procedure::Sequential { .. }
+                | Procedure::Distil { .. }
+                | Procedure::Joint
+                | Procedure::Sharing { .. }
+                | Procedure::Experts,
+            ) => {}
         }
         let actor = self.progress.keeper.clone().unwrap_or_else(|| self.learner.actor());
         self.progress.stage += 1;

@@ -80,9 +80,9 @@ impl Claim {
             Expected::FewerStepsThan(other) => known(other, &expected.at("fewer_steps_than")),
             Expected::MoreThanDoingNothing => Ok(()),
         }?;
-        match (&self.expected, self.measure) {
-            (Expected::AtLeast(_), _) | (_, Measure::MeanSuccess) => Ok(()),
-            _ => Err(field.at("measure").reject("another measure", "none but with `at_least`")),
+        if self.measure == Measure::MeanSuccess || matches!(self.expected, Expected::AtLeast(_)) {
+            return Ok(());
         }
+        Err(field.at("measure").reject("another measure", "none but with `at_least`"))
     }
 }
