@@ -241,11 +241,14 @@ impl ScenarioConfig {
         if self.randomisation.motor_fraction != 0.0 {
             return Err(field.at("motor_fraction").refuse(self.randomisation.motor_fraction, expected("0")));
         }
-        let [least, most] = self.randomisation.battery_share;
-        if least != 1.0 || most != 1.0 {
-            return Err(field.at("battery_share").reject(format!("[{least}, {most}]"), expected("[1, 1]")));
+        let shares = [
+            ("battery_share", self.randomisation.battery_share),
+            ("rate_damping_share", self.randomisation.rate_damping_share),
+        ];
+        match shares.into_iter().find(|(_, share)| *share != [1.0; 2]) {
+            None => Ok(()),
+            Some((key, share)) => Err(field.at(key).reject(format!("{share:?}"), expected("[1, 1]"))),
         }
-        Ok(())
     }
 }
 

@@ -50,8 +50,12 @@ pub(crate) fn begin<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Str
 /// Motors that differ from each other, and what the battery gives them.
 fn draw_motors<R: Real>(effects: &mut EffectGains<R>, spread: &Randomisation, stream: &mut Stream) {
     effects.rotor_thrusts = core::array::from_fn(|_| R::from_f32(factor(spread.motor, stream)));
-    let [least, most] = spread.battery;
-    effects.battery = R::from_f32(if least < most { stream.between(least, most) } else { least });
+    effects.battery = R::from_f32(share(spread.battery, stream));
+}
+
+/// Uniform within bounds; nothing is drawn where they are one number.
+fn share([least, most]: [f32; 2], stream: &mut Stream) -> f32 {
+    if least < most { stream.between(least, most) } else { least }
 }
 
 /// Uniform in `1 ± spread`; nothing is drawn where there is no spread.
@@ -159,13 +163,15 @@ fn airframe(airframe: &Airframe, spread: &Randomisation, stream: &mut Stream) ->
     let mut drawn = |value: f64| value * f64::from(factor(spread.effects, stream));
     let (effects, drag) = (&airframe.effects, &airframe.drag_coefficients);
     let drag_coefficients = DragCoefficients { planar: drawn(drag.planar), axial: drawn(drag.axial) };
-    let effects = FlightEffects {
+    let mut effects = FlightEffects {
         flapping_moment: drawn(effects.flapping_moment),
-        rate_damping: effects.rate_damping.map(&mut drawn),
+        rate_damping: effects.rate_damping,
         rotor_inertia: drawn(effects.rotor_inertia),
         body_drag: drawn(effects.body_drag),
         battery_sag: drawn(effects.battery_sag),
     };
+    let damping = f64::from(share(spread.rate_damping, stream));
+    effects.rate_damping = effects.rate_damping.map(|damping_of_axis| damping_of_axis * damping);
     let drawn = Airframe {
         mass: airframe.mass * f64::from(mass),
         inertia: core::array::from_fn(|axis| airframe.inertia[axis] * f64::from(inertia[axis])),

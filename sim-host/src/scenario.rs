@@ -262,8 +262,10 @@ pub struct Randomisation {
     pub rotor_lag: f32,
     /// Of the reaction torque of the rotors, beside that of their thrust.
     pub torque: f32,
-    /// Of the rotors' drag, and of each of the airframe's effects.
+    /// Of the rotors' drag, and of each of the airframe's effects but the rate damping.
     pub effects: f32,
+    /// Least and greatest share of the airframe's rate damping.
+    pub rate_damping: [f32; 2],
     /// Of the thrust of each motor by itself.
     pub motor: f32,
     /// Least and greatest share of a commanded rotor speed that the battery reaches.
@@ -281,6 +283,7 @@ impl Randomisation {
         rotor_lag: 0.0,
         torque: 0.0,
         effects: 0.0,
+        rate_damping: [1.0; 2],
         motor: 0.0,
         battery: [1.0; 2],
         wind_speed: 0.0,

@@ -115,9 +115,12 @@ pub struct RandomisationConfig {
     /// Of the reaction torque of the rotors, beside what the thrust changes of it.
     #[serde(skip_serializing_if = "is_zero")]
     pub torque_fraction: f64,
-    /// Of rotor drag, flapping moment, rate damping, rotor inertia, body drag and battery sag, each by itself.
+    /// Of rotor drag, flapping moment, rotor inertia, body drag and battery sag, each by itself.
     #[serde(skip_serializing_if = "is_zero")]
     pub effects_fraction: f64,
+    /// Least and greatest share of the airframe's rate damping, which flights tell least of.
+    #[serde(skip_serializing_if = "is_full")]
+    pub rate_damping_share: [f64; 2],
     /// Of the thrust of each motor by itself; for airframes with `effects`.
     #[serde(skip_serializing_if = "is_zero")]
     pub motor_fraction: f64,
@@ -147,6 +150,7 @@ impl Default for RandomisationConfig {
             rotor_lag_fraction: 0.0,
             torque_fraction: 0.0,
             effects_fraction: 0.0,
+            rate_damping_share: [1.0; 2],
             motor_fraction: 0.0,
             battery_share: [1.0; 2],
             wind_speed_m_per_s: 0.0,
@@ -204,6 +208,11 @@ impl RandomisationConfig {
             rotor_lag: field.at("rotor_lag_fraction").number(self.rotor_lag_fraction, &FRACTION)?,
             torque: field.at("torque_fraction").number(self.torque_fraction, &FRACTION)?,
             effects: field.at("effects_fraction").number(self.effects_fraction, &FRACTION)?,
+            rate_damping: range(
+                &field.at("rate_damping_share"),
+                self.rate_damping_share,
+                &Limits::from(0.0, 3.0, ""),
+            )?,
             motor: field.at("motor_fraction").number(self.motor_fraction, &FRACTION)?,
             battery: range(&field.at("battery_share"), self.battery_share, &Limits::from(0.5, 1.2, ""))?,
             wind_speed: field.at("wind_speed_m_per_s").number(self.wind_speed_m_per_s, &SPEED)?,

@@ -148,6 +148,7 @@ randomisation:
   mass_fraction: 0.1
   torque_fraction: 0.2
   effects_fraction: 0.5
+  rate_damping_share: [0, 1]
   motor_fraction: 0.05
   battery_share: [0.9, 1.02]
   wind_speed_m_per_s: 1
