@@ -114,7 +114,8 @@ impl Flight {
     pub fn resampled(recording: &Recording) -> Result<Self, LogError> {
         let [start, end] = common_span(recording)?;
         let period = period_secs(recording);
-        let rows = ((end - start) / period) as usize + 1;
+        // A thousandth of a row for the rounding of time stamps.
+        let rows = ((end - start) / period + 1e-3) as usize + 1;
         let times: Vec<f64> = (0..rows).map(|row| start + row as f64 * period).collect();
         let gap = GAP_SECS.max(3.0 * period);
         let column = |track: &Track<3>| -> Option<Vec<Vector3<f64>>> {

@@ -195,11 +195,14 @@ impl<'a> Fit<'a> {
         given: &Drone,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Estimate, IdentifyError> {
-        let curve = [Parameter::IdleShare, Parameter::Delay, Parameter::FullVolts];
-        let parameters: Vec<Parameter> = curve
-            .into_iter()
-            .filter(|parameter| *parameter != Parameter::FullVolts || self.any(has_volts))
-            .collect();
+        let mut parameters = vec![Parameter::IdleShare];
+        // Logs of all commands were written on board, with one clock: what is late there is the airframe's lag.
+        if self.any(|residuals| residuals.course.flight.command_record == CommandRecord::Sampled) {
+            parameters.push(Parameter::Delay);
+        }
+        if self.any(has_volts) {
+            parameters.push(Parameter::FullVolts);
+        }
         let mut residuals: Vec<Residuals<'_>> =
             self.residuals.iter().map(|residuals| Residuals::new(residuals.course, Part::Fitted)).collect();
         let mut estimate = self.start(given, &parameters);

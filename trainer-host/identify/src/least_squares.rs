@@ -35,13 +35,6 @@ pub(crate) struct Estimate {
     pub(crate) trims: Vec<Trim>,
 }
 
-impl Estimate {
-    /// The same drone with the trim of one flight.
-    pub(crate) fn of_flight(&self, flight: usize) -> Self {
-        Self { drone: self.drone, trims: vec![self.trims[flight]] }
-    }
-}
-
 /// What is known of a number before the windows are read.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prior {

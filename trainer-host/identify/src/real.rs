@@ -11,6 +11,7 @@ use crate::flight::Flight;
 use crate::hold_out::{HoldOut, Span};
 use crate::horizon::{Horizon, Signal, horizons};
 use crate::identification::{Fit, IdentifyError};
+use crate::least_squares::Estimate;
 use crate::log::read;
 use crate::report::HorizonTable;
 
@@ -23,9 +24,6 @@ const MOTION: &str = "nanobench";
 /// Stretches of the logs that judge, and the signal that each was flown for.
 const STRETCHES: [(&str, [f64; 2], Signal); 2] =
     [("log15", [75.0, 90.0], Signal::Tilting), ("log16", [45.0, 49.0], Signal::Yawing)];
-
-/// Logs without a judging stretch: thrust.
-const OTHER_LOG: &str = "log10";
 
 /// Greatest mean errors after half a second: a fit that other people's tools give, and what the flights say without any
 /// model of the air (`RESULTS.md`).
@@ -95,23 +93,25 @@ pub fn verify_real(
     Ok(RealReport { models: models.collect(), findings })
 }
 
-/// Body rates in the stretches of the logs.
+/// Body rates in the stretches of the logs, with the air speed that the accelerometer's drag tells, and in still air. No
+/// log has a voltage, so that each tells by its other parts what charge its motors had.
 fn turning(
     logs: &Path,
     airframes: &[(String, Airframe)],
     go_on: &dyn Fn() -> bool,
 ) -> Result<Vec<RealFinding>, IdentifyError> {
-    let names = STRETCHES.iter().map(|(name, ..)| *name).chain([OTHER_LOG]);
-    let flights: Vec<Flight> = names.map(|name| read(&logs.join(name))).collect::<Result<_, _>>()?;
-    let spans = STRETCHES.map(|(name, secs, _)| Span { name: name.to_owned(), secs: Some(secs) });
-    let courses = HoldOut::Spans(spans.to_vec()).courses(&flights)?;
-    let estimates = estimates(&Fit::new(&courses)?, airframes, go_on)?;
     let mut findings = Vec::new();
-    for (index, (name, [from, to], signal)) in STRETCHES.into_iter().enumerate() {
-        let of_flight: Vec<_> = estimates.iter().map(|estimate| estimate.of_flight(index)).collect();
-        let of_flight: Vec<_> = of_flight.iter().collect();
-        let horizons = horizons(&courses[index..=index], &of_flight);
-        findings.extend(judged(horizons, &format!("{name}, {from} to {to} s"), &[signal]));
+    for (name, [from, to], signal) in STRETCHES {
+        let measured = read(&logs.join(name))?;
+        let still = Flight { specific_forces: None, ..measured.clone() };
+        for (flight, air) in [(measured, "air speed by the accelerometer"), (still, "air taken as still")] {
+            let label = format!("{name}, {from} to {to} s, {air}");
+            let flights = [flight];
+            let span = Span { name: name.to_owned(), secs: Some([from, to]) };
+            let courses = HoldOut::Spans(vec![span]).courses(&flights)?;
+            let estimates = estimates(&Fit::new(&courses)?, airframes, go_on)?;
+            findings.extend(judged(horizons(&courses, &estimates.iter().collect::<Vec<_>>()), &label, &[signal]));
+        }
     }
     Ok(findings)
 }
@@ -137,7 +137,7 @@ fn estimates(
     fit: &Fit<'_>,
     airframes: &[(String, Airframe)],
     go_on: &dyn Fn() -> bool,
-) -> Result<Vec<crate::least_squares::Estimate>, IdentifyError> {
+) -> Result<Vec<Estimate>, IdentifyError> {
     airframes.iter().map(|(_, airframe)| fit.with_curve_alone(&drone_of(airframe), go_on)).collect()
 }
 

@@ -80,23 +80,22 @@ impl<'a> Residuals<'a> {
         errors
     }
 
-    /// Takes the median size of the present errors of all flights as each signal's: what one flight shows of a signal
-    /// that it hardly moves says nothing about how well the model follows it.
+    /// Takes the root mean square of the present errors of all flights as each signal's size: what one flight shows of a
+    /// signal that it hardly moves says nothing about how well the model follows it.
     pub(crate) fn resize_all(flights: &mut [Self], drone: &Drone, trims: &[Trim]) {
-        let mut sizes: [Vec<f64>; SIGNALS] = std::array::from_fn(|_| Vec::new());
+        let mut sums = [(0.0, 0.0); SIGNALS];
         for (flight, trim) in flights.iter().zip(trims) {
             for (error, signal) in flight.raw(drone, trim).into_iter().zip(&flight.signals) {
-                sizes[usize::from(*signal)].push(error.abs());
+                let (squares, count) = &mut sums[usize::from(*signal)];
+                *squares += error * error;
+                *count += 1.0;
             }
         }
-        let mut size = |signal: usize| {
-            let sizes = &mut sizes[signal];
-            sizes.sort_by(f64::total_cmp);
-            // The median of a normal error is 0.6745 standard deviations.
-            let median = sizes.get(sizes.len() / 2).copied().unwrap_or(1.0);
-            (median / 0.6745).max(SMALLEST_ERROR[signal])
+        let size = |signal: usize| {
+            let (squares, count): (f64, f64) = sums[signal];
+            (squares / count.max(1.0)).sqrt().max(SMALLEST_ERROR[signal])
         };
-        let sizes = std::array::from_fn(&mut size);
+        let sizes = std::array::from_fn(size);
         for flight in flights {
             flight.sizes = sizes;
         }

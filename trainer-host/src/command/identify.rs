@@ -124,10 +124,13 @@ fn identified(flights: &[Flight], settings: &Settings, threads: Option<u16>) -> 
         let found = identify(flights, settings, &|| {
             let (progress, done) = &mut *progress.borrow_mut();
             *done += 1;
-            progress.show_steps((*done).min(EXPECTED_STEPS), String::new);
+            // Searches that need more steps than most stay just before the end.
+            progress.show_steps((*done).min(EXPECTED_STEPS - 1), String::new);
             !interrupt.requested()
         });
-        progress.borrow().0.finish();
+        let (mut progress, _) = progress.into_inner();
+        progress.show_steps(EXPECTED_STEPS, String::new);
+        progress.finish();
         found
     });
     match found {

@@ -60,11 +60,15 @@ const CLOCKWISE: [&str; 4] = ["0.028 -0.028 0", "-0.028 -0.028 0", "-0.028 0.028
 
 #[test]
 fn shipped_airframes_are_the_constants() {
-    let known =
-        [("cf2x", CF2X), ("crazyflie_2_1", CRAZYFLIE_2_1), ("cf2p", CF2P), ("hb", HUMMINGBIRD), ("racer", RACER)];
+    let known = [("cf2x", CF2X), ("cf2p", CF2P), ("hb", HUMMINGBIRD), ("racer", RACER)];
     for (name, constant) in known {
         assert_eq!(read_airframe(&asset(&format!("{name}.yaml"))).unwrap(), constant, "{name}");
     }
+    // Its torque is rounded in SI units, not in RPM.
+    let shipped = read_airframe(&asset("crazyflie_2_1.yaml")).unwrap();
+    let torque = CRAZYFLIE_2_1.torque_coefficient;
+    assert!((shipped.torque_coefficient / torque - 1.0).abs() < 1e-12);
+    assert_eq!(Airframe { torque_coefficient: torque, ..shipped }, CRAZYFLIE_2_1);
 }
 
 #[test]
