@@ -24,6 +24,7 @@ starts=${2:-256}
 shift $(($# < 2 ? $# : 2))
 [ $# -gt 0 ] || set -- rotorpy pybullet pyflyt crazyflow crazyflow-P250 crazyflow-T350 crazyflow-brushless
 heading=${HEADING_DEG:-180}
+policy=$(realpath "$policy")
 out=target/simulators
 mkdir -p "$out"
 
@@ -42,8 +43,9 @@ environment() { # SIMULATOR: which one it needs
 
 fly() { # SIMULATOR: its row of the table
   local python
-  python=target/venv-$(environment "$1")/bin/python
-  "$python" tests/simulators/flights.py "$out/pilot.so" "$policy" "$starts" "$1" 2>"$out/$1.log" | grep "^| $1 |"
+  python=$PWD/target/venv-$(environment "$1")/bin/python
+  # Where a simulator may leave what it wants.
+  (cd "$out" && "$python" "$OLDPWD/tests/simulators/flights.py" ./pilot.so "$policy" "$starts" "$1" 2>"$1.log") | grep "^| $1 |"
 }
 
 good() { # ROW: whether enough of the starts settled, and held their heading
@@ -67,7 +69,7 @@ for simulator; do
 done
 for simulator; do
   good "${rows[0]}"
-  verdict $? "$policy flies the Crazyflie of $simulator"
+  verdict $? "$(basename "$policy") flies the Crazyflie of $simulator"
   rows=("${rows[@]:1}")
 done
 summary

@@ -80,9 +80,9 @@ fn task() -> Result<Scenario, ConfigError> {
 pub(crate) fn returns() -> Result<[f32; 2], ConfigError> {
     let task = task()?;
     let settings = PpoSettings {
-        environments: 128,
+        environments: 256,
         steps_per_rollout: 64,
-        minibatch: 2048,
+        minibatch: 4096,
         discount: 0.98,
         learning_rate: Schedule::Constant(3e-3),
         ..PpoSettings::default()

@@ -84,6 +84,7 @@ impl ApplicationHandler for Viewer<'_> {
         }
     }
 
+    #[expect(clippy::wildcard_enum_match_arm, reason = "a window hears of much that is not for it")]
     fn window_event(&mut self, events: &ActiveEventLoop, _window: WindowId, event: WindowEvent) {
         match event {
             WindowEvent::CloseRequested => events.exit(),
