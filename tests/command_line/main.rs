@@ -5,6 +5,7 @@
 mod aviary;
 mod bits;
 mod errors;
+mod identify;
 mod kestrel;
 mod render;
 mod runs;
