@@ -27,8 +27,8 @@ fn wrong_experiments_are_named_with_line_found_and_expected() {
     let cases = [
         (hover_with("tilt_limit_deg", "tilt_limit_degs"), "unknown key `tilt_limit_degs`"),
         (hover_with("control_rate_hz: 50", "control_rate_hz: fast"), "the text \"fast\", expected a number"),
-        (hover_with("airframe: cf2x", "airframe: cf2x\n    mass_kg: -0.027"), "found -0.027"),
-        (hover_with("mass_fraction: 0.1", "mass_fraction: -0.1"), "found -0.1"),
+        (hover_with("airframe: crazyflie_2_1", "mass_kg: -0.027\n    airframe: crazyflie_2_1"), "found -0.027"),
+        (hover_with("mass_fraction: 0.2", "mass_fraction: -0.1"), "found -0.1"),
         (hover_with("version: 1", "version: 2"), "found 2, expected `version: 1`"),
     ];
     for (text, expected) in cases {
@@ -132,10 +132,10 @@ fn a_run_whose_configuration_was_changed_is_refused_once() {
     let place = tempfile::tempdir().unwrap();
     let cases = [
         ("seed: 0", "seed: 5", "resume", "began with seed 0"),
-        ("- 64\n", "- 32\n", "resume", "layers [22, 64, 64, 4]"),
-        ("mass_fraction: 0.1", "mass_fraction: 0.2", "resume", "trained with `mass_fraction: 0.1`"),
+        ("- 64\n", "- 32\n", "resume", "layers [29, 64, 64, 4]"),
+        ("mass_fraction: 0.2", "mass_fraction: 0.1", "resume", "trained with `mass_fraction: 0.2`"),
         ("control_rate_hz: 50", "control_rate_hz: 100", "evaluate", "another control rate"),
-        ("fraction_of_hover: 0.8", "fraction_of_hover: 0.7", "evaluate", "another action"),
+        ("fraction_of_hover: 0.95", "fraction_of_hover: 0.7", "evaluate", "another action"),
     ];
     for (index, (right, wrong, command, expected)) in cases.into_iter().enumerate() {
         let run = format!("run{index}");

@@ -32,7 +32,7 @@ fn fly(experiment: &Experiment, flyer: Flyer<'_>) -> Evaluation {
 
 #[test]
 fn the_scripted_pilot_survives_where_doing_nothing_and_chance_do_not() {
-    let experiment = hover(&[]);
+    let experiment = experiment("hover-cf2x.yaml", &[]);
     let lost = |evaluation: &Evaluation| {
         evaluation.endings.iter().filter(|(ending, _)| ending.is_failure()).map(|(_, count)| count).sum::<usize>()
     };

@@ -116,7 +116,7 @@ fn what_is_wrong_gets_a_number_and_the_line_goes_on() {
         damaged,
         unknown,
         frame(MessageKind::Tick, &[0; 63]),
-        frame(MessageKind::Tick, &[0; 68]),
+        frame(MessageKind::Tick, &[0; 72]),
         frame(MessageKind::Tick, &[0; 9_000]),
         frame(MessageKind::Targets, &[]),
         frame(MessageKind::Reset, &[]),

@@ -102,7 +102,7 @@ fn cross_has_four_walls_and_a_pad() {
 #[test]
 fn a_resolved_configuration_loads_to_the_same_experiment() {
     let odd = [
-        "scenario.vehicle.mass_kg=0.0301",
+        "scenario.vehicle.mass_kg=0.0271",
         "training.learning_rate={constant: 3.3e-4}",
         "training.target_kl=0.017",
     ]
