@@ -134,7 +134,7 @@ fn a_run_whose_configuration_was_changed_is_refused_once() {
         ("seed: 0", "seed: 5", "resume", "began with seed 0"),
         ("- 64\n", "- 32\n", "resume", "layers [29, 64, 64, 4]"),
         ("mass_fraction: 0.2", "mass_fraction: 0.1", "resume", "trained with `mass_fraction: 0.2`"),
-        ("control_rate_hz: 50", "control_rate_hz: 100", "evaluate", "another control rate"),
+        ("control_rate_hz: 50", "control_rate_hz: 40", "evaluate", "another control rate"),
         ("fraction_of_hover: 0.95", "fraction_of_hover: 0.7", "evaluate", "another action"),
     ];
     for (index, (right, wrong, command, expected)) in cases.into_iter().enumerate() {

@@ -370,8 +370,7 @@ impl<P: PolicyBackend> Autopilot<P> {
             fence_margin_m: margin_m,
             battery: self.surroundings.battery,
             silent_secs: self.controllers.silent_secs(),
-            // On its way down, and on the floor above a goal that sank, a policy may want no thrust at all.
-            saturated_secs: if self.mode == Mode::Landing { 0.0 } else { self.controllers.saturated_secs() },
+            saturated_secs: self.controllers.saturated_secs(),
         };
         let events = self.failsafe.watch(&situation, &self.settings, self.control_secs);
         for event in &events {

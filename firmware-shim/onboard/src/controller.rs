@@ -86,7 +86,9 @@ impl<P: PolicyBackend> Controllers<P> {
             Controller::Policy => {
                 let setpoint = Setpoint { yaw: goal.heading(), ..Setpoint::at(goal.position()) };
                 let targets = self.backend.tick(state, &setpoint).filter(is_finite);
-                self.judge(targets.as_ref(), secs);
+                // Above its goal, on the floor too, a policy may want no thrust at all.
+                let least = if goal.position().z < state.position.z { f32::NEG_INFINITY } else { self.limits[0] };
+                self.judge(targets.as_ref(), least, secs);
                 targets.map(|targets| self.limited(targets))
             }
             Controller::Cascade => {
@@ -107,15 +109,16 @@ impl<P: PolicyBackend> Controllers<P> {
         self.limited(self.steering.follow(state, attitude_set_point))
     }
 
-    fn judge(&mut self, targets: Option<&[f32; 4]>, secs: f32) {
+    /// Counts how long the policy is silent, or keeps a rotor at `least` or at its greatest speed \[rad/s\].
+    fn judge(&mut self, targets: Option<&[f32; 4]>, least: f32, secs: f32) {
         let Some(targets) = targets else {
             self.silent_secs += secs;
             return;
         };
         self.silent_secs = 0.0;
-        let [low, high] = self.limits;
+        let [_, high] = self.limits;
         let margin = AT_LIMIT * high;
-        let saturated = targets.iter().any(|target| !(low + margin..high - margin).contains(target));
+        let saturated = targets.iter().any(|target| !(least + margin..high - margin).contains(target));
         self.saturated_secs = if saturated { self.saturated_secs + secs } else { 0.0 };
     }
 

@@ -146,7 +146,7 @@ impl AttitudeSetPoint {
 /// Where the nose points \[rad\], counter-clockwise from the world's x axis.
 pub fn yaw(attitude: &Attitude<f32>) -> f32 {
     let Attitude { w, z, .. } = heading(attitude);
-    2.0 * libm::atan2f(z, w)
+    libm::atan2f(2.0 * w * z, w * w - z * z)
 }
 
 /// The part of an attitude that turns about the vertical; level where there is none.
