@@ -11,6 +11,7 @@ pub use body::{BODY_MOTION_LEN, BodyLayout};
 pub use input::ObservationInput;
 pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout, PilotMeasuredLayout};
 
+use crate::limits::ACTION_LEN;
 pub use crate::limits::{HISTORY_LIMIT, OBSERVATION_LIMIT};
 use crate::real::Real;
 #[cfg(feature = "reference")]
@@ -145,9 +146,11 @@ impl ObservationLayout {
             }
         };
         match self {
-            Self::Pilot(layout) => {
-                let [a, b, c, d, _, _] = input.previous_action();
-                write(&layout.encode(input.state, input.goal, &[a, b, c, d]), out);
+            // One copy for all three: this is flash on a microcontroller.
+            Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) => {
+                if let Some((scales, [action_len, measured_len])) = self.as_pilot() {
+                    scales.encode_all(input, [action_len, measured_len], out);
+                }
             }
             Self::Reference(layout) => write(&layout.encode(input), out),
             Self::Kinematic(layout) => layout.encode(input, out),
@@ -157,9 +160,17 @@ impl ObservationLayout {
                     *slot = value;
                 }
             }
-            Self::PilotFor(layout) => layout.encode(input, out),
-            Self::PilotMeasured(layout) => layout.encode(input, out),
             Self::Body(layout) => layout.encode(input, out),
+        }
+    }
+
+    /// The scales of the `pilot` layouts, and how many values of action and sensors follow.
+    const fn as_pilot(&self) -> Option<(PilotLayout, [u8; 2])> {
+        match self {
+            Self::Pilot(scales) => Some((*scales, [ACTION_LEN as u8, 0])),
+            Self::PilotFor(layout) => Some((layout.scales, [layout.action_len, 0])),
+            Self::PilotMeasured(layout) => Some((layout.scales, [ACTION_LEN as u8, layout.measured_len])),
+            Self::Reference(_) | Self::Kinematic(_) | Self::Measured(_) | Self::Body(_) => None,
         }
     }
 }
@@ -192,7 +203,7 @@ mod tests {
             state: &state,
             angular_velocity_in_world: Vector3::new(0.0, 3.0, -4.0),
             goal: &Vector3::new(0.0, 0.0, 1.0),
-            heading: 0.0,
+            heading: [1.0, 0.0],
             integral: &Vector3::zeros(),
             history,
             measurements: &[0.25, -0.5],
@@ -241,7 +252,7 @@ mod tests {
             state: &state,
             angular_velocity_in_world: Vector3::zeros(),
             goal: &Vector3::zeros(),
-            heading: 0.0,
+            heading: [1.0, 0.0],
             integral: &Vector3::zeros(),
             history: &[],
             measurements: &[],

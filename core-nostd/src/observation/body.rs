@@ -95,7 +95,7 @@ impl BodyLayout {
         &self,
         state: &State<R>,
         goal: &Vector3<R>,
-        heading: R,
+        [cosine, sine]: [R; 2],
         integral: &Vector3<R>,
     ) -> ([R; BODY_MOTION_LEN], [R; INTEGRAL_LEN]) {
         let per_speed = R::one() / R::from_f32(self.scales.velocity_scale);
@@ -110,7 +110,6 @@ impl BodyLayout {
         };
         let [px, py, pz] = into_body(self.position_error(state, goal));
         let [u, v, w] = into_body(state.velocity.into()).map(|speed| speed * per_speed);
-        let (sine, cosine) = heading.sin_cos();
         let forward = |x: R, y: R| cosine * x + sine * y;
         let left = |x: R, y: R| cosine * y - sine * x;
         let rates = &state.body_rates;
@@ -141,15 +140,28 @@ impl BodyLayout {
     #[inline(always)]
     pub fn encode<R: Real>(&self, input: &ObservationInput<'_, R>, out: &mut [R]) {
         let (motion, integral) = self.motion(input.state, input.goal, input.heading, input.integral);
-        let zero = R::zero();
-        let past = input.history.iter().rev().copied().chain(core::iter::repeat([zero; 6])).take(PAST_ACTIONS);
-        let actions = past.flat_map(|action| action.into_iter().take(usize::from(self.action_len)));
-        let actions = actions.map(|value| value.limited(-R::one(), R::one()));
-        let measured = input.measurements.iter().copied().chain(core::iter::repeat(zero));
-        let values = motion.into_iter().chain(actions).chain(integral);
-        let values = values.chain(measured.take(usize::from(self.measured_len)));
-        for (slot, value) in out.iter_mut().zip(values) {
-            *slot = value;
+        // Loops, and no chain of iterators: this is flash on a microcontroller.
+        let mut slots = out.iter_mut();
+        let mut write = |value: R| {
+            if let Some(slot) = slots.next() {
+                *slot = value;
+            }
+        };
+        for value in motion {
+            write(value);
+        }
+        for age in 1..=PAST_ACTIONS {
+            let past = input.history.len().checked_sub(age).and_then(|index| input.history.get(index));
+            for index in 0..usize::from(self.action_len) {
+                let value = past.and_then(|action| action.get(index)).copied().unwrap_or(R::zero());
+                write(value.limited(-R::one(), R::one()));
+            }
+        }
+        for value in integral {
+            write(value);
+        }
+        for index in 0..usize::from(self.measured_len) {
+            write(input.measurements.get(index).copied().unwrap_or(R::zero()));
         }
     }
 }
@@ -183,7 +195,7 @@ mod tests {
             state,
             angular_velocity_in_world: Vector3::zeros(),
             goal: &Vector3::new(0.0, 0.0, 1.0),
-            heading,
+            heading: [libm::cos(heading), libm::sin(heading)],
             integral,
             history: &history,
             measurements: &[0.25],

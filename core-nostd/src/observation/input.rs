@@ -15,8 +15,8 @@ pub struct ObservationInput<'a, R> {
     pub angular_velocity_in_world: Vector3<R>,
     /// Where it should be \[m\], world.
     pub goal: &'a Vector3<R>,
-    /// Where it should face \[rad\], counter-clockwise from the world's x axis.
-    pub heading: R,
+    /// Where it should face: x and y of a unit vector, world.
+    pub heading: [R; 2],
     /// The integral of the position error, world, as [`ObservationLayout::integrate`](super::ObservationLayout::integrate)
     /// sums it up.
     pub integral: &'a Vector3<R>,

@@ -51,6 +51,24 @@ impl PilotLayout {
         observation
     }
 
+    /// Writes the observation with so many values of the previous action and of the sensors to the start of `out`;
+    /// measurements that are missing read as zero.
+    #[inline(always)]
+    pub(super) fn encode_all<R: Real>(
+        &self,
+        input: &ObservationInput<'_, R>,
+        [action_len, measured_len]: [u8; 2],
+        out: &mut [R],
+    ) {
+        let motion = self.motion(input.state, input.goal);
+        let action = input.previous_action().map(|value| value.limited(-R::one(), R::one()));
+        let measured = input.measurements.iter().copied().chain(core::iter::repeat(R::zero()));
+        let values = motion.into_iter().chain(action.into_iter().take(usize::from(action_len)));
+        for (slot, value) in out.iter_mut().zip(values.chain(measured.take(usize::from(measured_len)))) {
+            *slot = value;
+        }
+    }
+
     /// What comes before the previous action.
     #[inline(always)]
     pub(super) fn motion<R: Real>(&self, state: &State<R>, goal: &Vector3<R>) -> [R; MOTION_LEN] {
@@ -102,17 +120,6 @@ impl PilotForLayout {
     pub const fn len(&self) -> usize {
         MOTION_LEN + self.action_len as usize
     }
-
-    /// Writes the observation to the start of `out`.
-    #[inline(always)]
-    pub fn encode<R: Real>(&self, input: &ObservationInput<'_, R>, out: &mut [R]) {
-        let motion = self.scales.motion(input.state, input.goal);
-        let action = input.previous_action().map(|value| value.limited(-R::one(), R::one()));
-        let values = motion.iter().chain(action.iter().take(usize::from(self.action_len)));
-        for (slot, value) in out.iter_mut().zip(values) {
-            *slot = *value;
-        }
-    }
 }
 
 /// The `pilot` layout, then what the sensors deliver, in the scenario's order and scales.
@@ -129,18 +136,6 @@ impl PilotMeasuredLayout {
     #[expect(clippy::len_without_is_empty, reason = "no layout is empty")]
     pub const fn len(&self) -> usize {
         PILOT_LEN + self.measured_len as usize
-    }
-
-    /// Writes the observation to the start of `out`; measurements that are missing read as zero.
-    #[inline(always)]
-    pub fn encode<R: Real>(&self, input: &ObservationInput<'_, R>, out: &mut [R]) {
-        let [a, b, c, d, _, _] = input.previous_action();
-        let pilot = self.scales.encode(input.state, input.goal, &[a, b, c, d]);
-        let measured = input.measurements.iter().copied().chain(core::iter::repeat(R::zero()));
-        let values = pilot.into_iter().chain(measured.take(usize::from(self.measured_len)));
-        for (slot, value) in out.iter_mut().zip(values) {
-            *slot = value;
-        }
     }
 }
 

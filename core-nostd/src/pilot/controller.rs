@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 
 use crate::action::{ActionSpace, ControlMemory, Controls, Persistence};
+use crate::elementary::sin_cos_of_half_turn;
 use crate::limits::{ACTION_LIMIT, HISTORY_LIMIT, OBSERVATION_LIMIT};
-use crate::observation::ObservationInput;
+use crate::observation::{ObservationInput, ObservationLayout};
 use crate::policy_file::PolicyMetadata;
 use crate::real::Real;
 use crate::setpoint::Setpoint;
@@ -57,7 +58,7 @@ impl PolicyController {
             state,
             angular_velocity_in_world: state.world_from_body.rotate(state.body_rates),
             goal,
-            heading: setpoint.yaw,
+            heading: facing(layout, setpoint.yaw),
             integral: &self.integral,
             history: &self.history,
             measurements,
@@ -92,6 +93,16 @@ impl PolicyController {
     pub(super) fn previous_action(&self, metadata: &PolicyMetadata<'_>) -> &[f32] {
         self.history[HISTORY_LIMIT - 1].get(..metadata.action.len()).unwrap_or_default()
     }
+}
+
+/// Where the nose should point, x and y in the world; forward where the layout does not show it.
+fn facing(layout: &ObservationLayout, yaw: f32) -> [f32; 2] {
+    if !layout.shows_heading() {
+        return [1.0, 0.0];
+    }
+    let turns = (yaw / core::f32::consts::TAU + 0.5_f32.copysign(yaw)) as i32;
+    let [sine, cosine] = sin_cos_of_half_turn(yaw - turns as f32 * core::f32::consts::TAU);
+    [cosine, sine]
 }
 
 /// The reference's actions know no limit; rotors do.

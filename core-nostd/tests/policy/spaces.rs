@@ -113,7 +113,7 @@ impl Expected {
             state,
             angular_velocity_in_world: state.world_from_body.rotate(state.body_rates),
             goal,
-            heading: 0.0,
+            heading: [1.0, 0.0],
             integral: &self.integral,
             history: &self.history,
             measurements: &MEASUREMENTS,

@@ -101,7 +101,7 @@ fn compare_observation(
         state: &drone.motion,
         angular_velocity_in_world: drone.reported_angular_velocity,
         goal: &Vector3::zeros(),
-        heading: 0.0,
+        heading: [1.0, 0.0],
         integral: &Vector3::zeros(),
         history,
         measurements: &[],

@@ -16,6 +16,9 @@ use crate::sensor::Truth;
 use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 
+/// Where the drones of every task shall face: along the world's x axis. What is learned holds for all headings.
+const FORWARD: [f32; 2] = [1.0, 0.0];
+
 impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Encodes every lane.
     #[inline(always)]
@@ -90,7 +93,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             let (state, goal) = (known.state(lane), vector(&self.goal, lane));
             let integral = layout.integrate(&vector(&self.integral, lane), &state, &goal, control_secs);
             set_row(&mut self.integral, lane, integral.into());
-            let (motion, integral) = layout.motion(&state, &goal, R::zero(), &integral);
+            let (motion, integral) = layout.motion(&state, &goal, FORWARD.map(R::from_f32), &integral);
             set_row(motions, lane, motion);
             set_row(integrals, lane, integral);
         }
@@ -130,7 +133,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             state: &state,
             angular_velocity_in_world: self.angular_velocity(scenario, lane),
             goal: &goal,
-            heading: R::zero(),
+            heading: FORWARD.map(R::from_f32),
             integral: &vector(&self.integral, lane),
             history: &history[..self.history.len()],
             measurements: &measurements[..self.measurements.len()],
@@ -223,7 +226,7 @@ fn encode_lanes<const LANES: usize, R: Real>(
             state: &state,
             angular_velocity_in_world: turning(swarm, lane),
             goal: &goal,
-            heading: R::zero(),
+            heading: FORWARD.map(R::from_f32),
             integral: &Vector3::new(R::zero(), R::zero(), R::zero()),
             history: &[],
             measurements: &[],

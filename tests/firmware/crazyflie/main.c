@@ -81,7 +81,7 @@ static bool tick(const sensorData_t *sensors, const setpoint_t *setpoint, contro
 }
 
 static setpoint_t position_at(uint32_t timestamp) {
-  setpoint_t setpoint = {.timestamp = timestamp, .position = {0.2f, -0.1f, 1.0f}};
+  setpoint_t setpoint = {.timestamp = timestamp, .position = {0.1f, 0.0f, 1.0f}};
   setpoint.mode.x = setpoint.mode.y = setpoint.mode.z = modeAbs;
   return setpoint;
 }
