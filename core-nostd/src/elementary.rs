@@ -39,13 +39,13 @@ pub(crate) fn sqrt(value: f32) -> f32 {
 pub(crate) fn sin_cos_of_half_turn(angle: f32) -> [f32; 2] {
     let half = 0.5 * angle;
     let square = half * half;
-    let sine_over = ((((-2.39e-8 * square + 2.752_6e-6) * square - 1.984_09e-4) * square + 8.333_331_5e-3)
+    let sine_over = ((((-2.39e-8 * square + 2.752_6e-6) * square - 1.984_09e-4) * square + 8.333_332e-3)
         * square
         - 0.166_666_67)
         * square
         + 1.0;
     let cosine =
-        ((((-2.605e-7 * square + 2.476_09e-5) * square - 1.388_839_7e-3) * square + 0.041_666_642) * square - 0.5)
+        ((((-2.605e-7 * square + 2.476_09e-5) * square - 1.388_839_7e-3) * square + 0.041_666_64) * square - 0.5)
             * square
             + 1.0;
     let sine = half * sine_over;
