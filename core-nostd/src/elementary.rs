@@ -39,8 +39,7 @@ pub(crate) fn sqrt(value: f32) -> f32 {
 pub(crate) fn sin_cos_of_half_turn(angle: f32) -> [f32; 2] {
     let half = 0.5 * angle;
     let square = half * half;
-    let sine_over = ((((-2.39e-8 * square + 2.752_6e-6) * square - 1.984_09e-4) * square + 8.333_332e-3)
-        * square
+    let sine_over = ((((-2.39e-8 * square + 2.752_6e-6) * square - 1.984_09e-4) * square + 8.333_332e-3) * square
         - 0.166_666_67)
         * square
         + 1.0;
