@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use crate::contact::{Arena, Motion};
 use crate::episode_end;
-use crate::latency::{LatencyMemory, States};
+use crate::latency::{LatencyMemory, States, known_states};
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
 use crate::reward::RewardTerm;
@@ -428,10 +428,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// The states that policy and rate controller see.
     #[inline(always)]
     pub(crate) fn known(&self) -> States<'_, LANES, R> {
-        match &self.latency {
-            None => self.swarm.states(),
-            Some(latency) => latency.known(&self.swarm.rotor_speeds),
-        }
+        known_states(&self.swarm, self.latency.as_ref())
     }
 
     /// Puts the drone of a lane elsewhere; it knows at once.

@@ -9,7 +9,7 @@ use kestrel_core::vehicle::State;
 
 use crate::physics::Physics;
 use crate::seed::Stream;
-use crate::swarm::{Column, row, set_row, vector};
+use crate::swarm::{Column, Swarm, row, set_row, vector};
 
 /// Delays, each uniform within its bounds and constant in an episode.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -200,6 +200,15 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
         let delays = [&mut self.state_delay, &mut self.motor_delay];
         self.known.iter_mut().chain(delays).chain(&mut self.targets_before)
     }
+}
+
+/// The states that drones know: the true ones where nothing is late.
+#[inline(always)]
+pub(crate) fn known_states<'a, const LANES: usize, R: Real>(
+    swarm: &'a Swarm<LANES, R>,
+    latency: Option<&'a LatencyMemory<LANES, R>>,
+) -> States<'a, LANES, R> {
+    latency.map_or_else(|| swarm.states(), |latency| latency.known(&swarm.rotor_speeds))
 }
 
 /// Share of a motion of some age in what is known with a delay, both in substeps: linear between two ages.

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::ObservationInput;
-use super::pilot::{PilotLayout, direction_limited};
+use super::pilot::PilotLayout;
 use crate::real::Real;
 use crate::vehicle::State;
 
@@ -73,20 +73,9 @@ impl BodyLayout {
         goal: &Vector3<R>,
         secs: R,
     ) -> Vector3<R> {
-        let [x, y, z] = self.position_error(state, goal);
+        let [x, y, z] = self.scales.position_error(state, goal);
         let (kept, gain) = (R::one() - R::from_f64(LEAK_PER_SEC) * secs, R::from_f64(GAIN_PER_SEC) * secs);
         Vector3::new(integral.x * kept + x * gain, integral.y * kept + y * gain, integral.z * kept + z * gain)
-    }
-
-    /// Position minus goal, world, in units of one.
-    #[inline(always)]
-    fn position_error<R: Real>(&self, state: &State<R>, goal: &Vector3<R>) -> [R; 3] {
-        let per_metre = R::one() / R::from_f32(self.scales.position_scale_m);
-        direction_limited([
-            (state.position.x - goal.x) * per_metre,
-            (state.position.y - goal.y) * per_metre,
-            (state.position.z - goal.z) * per_metre,
-        ])
     }
 
     /// What comes before the past actions, and the integral in body axes.
@@ -108,7 +97,7 @@ impl BodyLayout {
                 (xz * x + yz * y) + zz * z,
             ]
         };
-        let [px, py, pz] = into_body(self.position_error(state, goal));
+        let [px, py, pz] = into_body(self.scales.position_error(state, goal));
         let [u, v, w] = into_body(state.velocity.into()).map(|speed| speed * per_speed);
         let forward = |x: R, y: R| cosine * x + sine * y;
         let left = |x: R, y: R| cosine * y - sine * x;

@@ -69,17 +69,23 @@ impl PilotLayout {
         }
     }
 
-    /// What comes before the previous action.
+    /// Position minus goal, world, in units of one; its length is limited to 1.
     #[inline(always)]
-    pub(super) fn motion<R: Real>(&self, state: &State<R>, goal: &Vector3<R>) -> [R; MOTION_LEN] {
+    pub(super) fn position_error<R: Real>(&self, state: &State<R>, goal: &Vector3<R>) -> [R; 3] {
         let per_metre = R::one() / R::from_f32(self.position_scale_m);
-        let per_speed = R::one() / R::from_f32(self.velocity_scale);
-        let per_rate = R::one() / R::from_f32(self.body_rates_scale);
-        let [x, y, z] = direction_limited([
+        direction_limited([
             (state.position.x - goal.x) * per_metre,
             (state.position.y - goal.y) * per_metre,
             (state.position.z - goal.z) * per_metre,
-        ]);
+        ])
+    }
+
+    /// What comes before the previous action.
+    #[inline(always)]
+    pub(super) fn motion<R: Real>(&self, state: &State<R>, goal: &Vector3<R>) -> [R; MOTION_LEN] {
+        let per_speed = R::one() / R::from_f32(self.velocity_scale);
+        let per_rate = R::one() / R::from_f32(self.body_rates_scale);
+        let [x, y, z] = self.position_error(state, goal);
         let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = state.world_from_body.rows();
         let (velocity, rates) = (&state.velocity, &state.body_rates);
         [
@@ -141,7 +147,7 @@ impl PilotMeasuredLayout {
 
 /// `vector` shortened to length one where it is longer.
 #[inline(always)]
-pub(super) fn direction_limited<R: Real>([x, y, z]: [R; 3]) -> [R; 3] {
+fn direction_limited<R: Real>([x, y, z]: [R; 3]) -> [R; 3] {
     let square = (x * x + y * y) + z * z;
     let scale = R::one() / square.at_least(R::one()).sqrt();
     [x * scale, y * scale, z * scale]

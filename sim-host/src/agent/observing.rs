@@ -11,6 +11,7 @@ use nalgebra::Vector3;
 
 use super::{Agent, PrivilegedScales};
 use crate::contact::Arena;
+use crate::latency::known_states;
 use crate::scenario::{CriticView, Preset, Scenario};
 use crate::sensor::Truth;
 use crate::stage::Stage;
@@ -67,10 +68,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     fn observe_as_pilot(&mut self, layout: PilotLayout) {
         let Some((columns, _)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() else { return };
         let [a, b, c, d, ..] = self.history.last().expect("there is a previous action");
-        let known = match &self.latency {
-            None => self.swarm.states(),
-            Some(latency) => latency.known(&self.swarm.rotor_speeds),
-        };
+        let known = known_states(&self.swarm, self.latency.as_ref());
         for lane in 0..LANES {
             let (state, goal) = (known.state(lane), vector(&self.goal, lane));
             let observation = layout.encode(&state, &goal, &[a[lane], b[lane], c[lane], d[lane]]);
@@ -80,10 +78,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     #[inline(always)]
     fn observe_in_body_axes(&mut self, layout: &BodyLayout, control_secs: R) {
-        let known = match &self.latency {
-            None => self.swarm.states(),
-            Some(latency) => latency.known(&self.swarm.rotor_speeds),
-        };
+        let known = known_states(&self.swarm, self.latency.as_ref());
         let Some((motions, columns)) = self.observations.split_first_chunk_mut::<BODY_MOTION_LEN>() else {
             return;
         };

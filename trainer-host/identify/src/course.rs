@@ -100,10 +100,8 @@ pub(crate) struct Windows {
 impl<'a> Course<'a> {
     pub(crate) fn new(flight: &'a Flight, held_out: Vec<bool>) -> Self {
         let steps_per_row = (flight.period_secs / LONGEST_STEP_SECS).ceil().max(1.0) as usize;
-        let start_rates = match flight.period_secs {
-            fine if fine <= SMOOTHED_PERIOD_SECS => parabola(&flight.body_rates),
-            _ => flight.body_rates.clone(),
-        };
+        let fine = flight.period_secs <= SMOOTHED_PERIOD_SECS;
+        let start_rates = if fine { parabola(&flight.body_rates) } else { flight.body_rates.clone() };
         Self {
             flight,
             steps_per_row,

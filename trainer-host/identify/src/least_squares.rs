@@ -35,6 +35,12 @@ pub(crate) struct Estimate {
     pub(crate) trims: Vec<Trim>,
 }
 
+/// An estimate, and the sum of squares that it leaves.
+struct Fit {
+    estimate: Estimate,
+    cost: f64,
+}
+
 /// What is known of a number before the windows are read.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prior {
@@ -122,33 +128,32 @@ impl<'a> Search<'a> {
     }
 
     /// The estimate with the least sum of squares near `estimate`; `go_on` is asked before each step.
-    pub(crate) fn run(&self, mut estimate: Estimate, go_on: &dyn Fn() -> bool) -> Result<Estimate, Interrupted> {
+    pub(crate) fn run(&self, estimate: Estimate, go_on: &dyn Fn() -> bool) -> Result<Estimate, Interrupted> {
         let mut damping = 1e-3;
-        let mut cost = self.cost(&estimate);
+        let mut fit = Fit { cost: self.cost(&estimate), estimate };
         for _ in 0..STEPS_LIMIT {
             if !go_on() {
                 return Err(Interrupted);
             }
-            let normal = self.normal(&estimate);
-            let Some((better, better_cost)) = self.step(&normal, (&estimate, cost), &mut damping) else { break };
-            let gain = (cost - better_cost) / cost;
-            (estimate, cost) = (better, better_cost);
+            let normal = self.normal(&fit.estimate);
+            let Some(better) = self.step(&normal, &fit, &mut damping) else { break };
+            let gain = (fit.cost - better.cost) / fit.cost;
+            fit = better;
             if gain < WORTHWHILE {
                 break;
             }
         }
-        Ok(estimate)
+        Ok(fit.estimate)
     }
 
     /// A step that lowers the cost, with as much damping as it needs.
-    fn step(&self, normal: &Normal, from: (&Estimate, f64), damping: &mut f64) -> Option<(Estimate, f64)> {
-        let (estimate, cost) = from;
+    fn step(&self, normal: &Normal, from: &Fit, damping: &mut f64) -> Option<Fit> {
         while *damping < DAMPING_LIMIT {
-            let better = self.moved(normal, estimate, *damping).map(|moved| (self.cost(&moved), moved));
-            match better {
-                Some((better, moved)) if better < cost => {
+            let moved = self.moved(normal, &from.estimate, *damping);
+            match moved.map(|estimate| Fit { cost: self.cost(&estimate), estimate }) {
+                Some(better) if better.cost < from.cost => {
                     *damping = (*damping * 0.1).max(1e-9);
-                    return Some((moved, better));
+                    return Some(better);
                 }
                 Some(_) | None => *damping *= 5.0,
             }

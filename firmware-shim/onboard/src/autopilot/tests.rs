@@ -464,6 +464,22 @@ fn streams_of_every_kind_are_followed() {
 }
 
 #[test]
+fn the_cascade_turns_the_nose_where_it_is_told() {
+    let mut rig = Rig::flown(Mode::Holding, Controller::Cascade);
+    let nose = |rig: &Rig| yaw(&rig.plant.state().world_from_body);
+    assert!(nose(&rig).abs() < 0.05, "it keeps the heading of its start");
+    rig.autopilot.face(Facing::Toward(1.2)).unwrap();
+    rig.fly(5.0);
+    assert!((nose(&rig) - 1.2).abs() < 0.05, "{}", nose(&rig));
+    rig.autopilot.face(Facing::Turning(-0.5)).unwrap();
+    rig.fly(2.0);
+    assert!((nose(&rig) - 0.2).abs() < 0.35, "a radian to the right, some of it still to come: {}", nose(&rig));
+    for wrong in [Facing::Toward(f32::NAN), Facing::Turning(f32::INFINITY), Facing::Turning(9.0)] {
+        assert_eq!(rig.autopilot.face(wrong), Err(Refusal::Speed));
+    }
+}
+
+#[test]
 fn the_offboard_mode_wants_a_stream_and_streams_want_the_offboard_mode() {
     let mut rig = Rig::in_mode(Mode::Holding);
     let velocity = SetPoint::Velocity(Vector3::new(0.1, 0.0, 0.0));

@@ -185,6 +185,64 @@ fn a_drone_knows_what_was_so_many_substeps_ago() {
     assert_eq!(whole.state(0), before, "what it knows changes no flight of the same rotors");
 }
 
+#[test]
+fn motors_hear_a_command_when_its_delay_is_over() {
+    let delayed = |secs: &str, command: f32| {
+        let scenario = scenario(&REAL.replace("[0.001, 0.02]", &format!("[{secs}, {secs}]")));
+        let mut simulation = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
+        let hover = simulation.state(0).rotor_speeds;
+        simulation.step_with_rotor_speeds(&[0.0; 4], &[hover.map(|speed| command * speed)]);
+        simulation.state(0).rotor_speeds.iter().zip(hover).map(|(now, before)| now - before).sum::<f32>()
+    };
+    let gains = ["0", "0.005", "0.01", "0.02"].map(|secs| delayed(secs, 1.2));
+    assert!(gains.windows(2).all(|pair| pair[0] > pair[1] + 20.0), "{gains:?}");
+    // A control period late, they follow what was commanded before, whatever is commanded now.
+    assert_eq!(gains[3], delayed("0.02", 0.5));
+}
+
+#[test]
+fn every_part_of_a_real_drone_is_drawn_and_nothing_else_for_a_model_without_effects() {
+    let drawn = scenario(REAL);
+    let begin = |scenario: &Scenario, environment| {
+        crate::reset::begin::<f64>(scenario, 0, &mut Stream::new(Seed(1), environment, Purpose::Reset))
+    };
+    let nominal = kestrel_core::vehicle::Vehicle::<f64>::new(&drawn.airframe).effects.unwrap();
+    let vehicles: Vec<_> = (0..64).map(|environment| begin(&drawn, environment)).collect();
+    let spread = |part: &dyn Fn(&kestrel_core::vehicle::EffectGains<f64>) -> f64| {
+        let shares: Vec<f64> =
+            vehicles.iter().map(|begun| part(&begun.vehicle.effects.unwrap()) / part(&nominal)).collect();
+        [shares.iter().copied().fold(f64::INFINITY, f64::min), shares.iter().copied().fold(0.0, f64::max)]
+    };
+    let near = |[least, most]: [f64; 2], low: f64, high: f64| {
+        let slack = 0.15 * (high - low);
+        (low - 1e-6..low + slack).contains(&least) && (high - slack..high + 1e-6).contains(&most)
+    };
+    assert!(near(spread(&|effects| effects.flapping[0]), 0.5, 1.5));
+    assert!(near(spread(&|effects| effects.rotor_inertia.z), 0.5, 1.5));
+    assert!(near(spread(&|effects| effects.body_drag * 1.0), 0.45, 1.67), "over a mass of ± 10 %");
+    assert!(near(spread(&|effects| effects.rate_damping.z), 0.0, 1.0));
+    assert!(near(spread(&|effects| effects.rotor_thrusts[2]), 0.95, 1.05));
+    assert!(near(spread(&|effects| effects.battery), 0.9, 1.02));
+    let delays: Vec<f32> = vehicles.iter().map(|begun| begun.delays.state_secs).collect();
+    assert!(delays.iter().all(|secs| (0.0..=0.015).contains(secs)) && delays.iter().any(|secs| *secs > 0.012));
+    assert!(begin(&hover(), 0).vehicle.effects.is_none());
+}
+
+#[test]
+fn what_cannot_be_late_or_drawn_is_refused() {
+    let refused = |yaml: &str| {
+        let document = Document::parse("trial.yaml", yaml).unwrap();
+        let config: ScenarioConfig = document.decode().unwrap();
+        config.check("trial", &document.root()).unwrap_err().to_string()
+    };
+    let late = refused(&REAL.replace("[0, 0.015]", "[0, 0.03]"));
+    assert!(late.contains("latency.state_secs") && late.contains("the control period"), "{late}");
+    let turned = refused(&REAL.replace("[0, 0.015]", "[0.01, 0.005]"));
+    assert!(turned.contains("0.01 or more"), "{turned}");
+    let plain = refused(&REAL.replace("crazyflie_2_1", "cf2x"));
+    assert!(plain.contains("no `effects`"), "{plain}");
+}
+
 /// Drones fall on a stack of bricks and push them about.
 const BRICKS: &str = "
 aviary:
