@@ -309,7 +309,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     }
 
     /// Begins the lane's next episode; its last reward and code stay readable.
-    fn reset(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
+    pub(crate) fn reset(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
         let beginning = reset::begin(scenario, self.index, &mut self.streams[lane]);
         self.place(scenario, lane, &beginning);
         if let Some(memory) = self.sensors.get_mut(lane) {
@@ -463,6 +463,11 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         if let Some(latency) = &mut self.latency {
             latency.add(substep + 1, &self.swarm.states());
         }
+    }
+
+    /// From now on reads no sensor: what it measured last stays.
+    pub(crate) fn forget_sensors(&mut self) {
+        self.sensors.clear();
     }
 
     pub(crate) fn streams_mut(&mut self) -> &mut [Stream] {

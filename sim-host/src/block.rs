@@ -82,6 +82,19 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
     }
 
+    /// As [`Self::advance`], without what has no derivative: contacts, endings, sensors, neighbours.
+    pub(crate) fn advance_untouched(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
+        let len = stage.scenario.action.len();
+        self.fly_freely(stage, None);
+        self.end_flight();
+        for (agent, actions) in self.agents.iter_mut().zip(actions) {
+            agent.update_metrics(stage.scenario);
+            agent.reward(stage, &actions[..len], &self.team);
+            agent.push_history(&actions[..len]);
+            agent.observe(stage);
+        }
+    }
+
     /// Actions to rotor targets, held over the substeps.
     #[inline(always)]
     pub(crate) fn command(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
@@ -125,6 +138,12 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
                 self.fly_touching(stage, contacts, lane, drones);
             }
         }
+        self.end_flight();
+    }
+
+    /// Nothing is on its way any more at the end of a control period.
+    #[inline(always)]
+    fn end_flight(&mut self) {
         for (agent, targets) in self.agents.iter_mut().zip(&self.targets) {
             if let Some(latency) = &mut agent.latency {
                 latency.end_period(targets);
@@ -362,6 +381,15 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
                 agent.rewards[lane] = sum;
             }
         }
+    }
+
+    /// Starts the next episode of a lane, whatever became of the last.
+    pub(crate) fn restart(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
+        self.contacts[lane] = ContactMemory::default();
+        self.movables[lane] = standing(scenario);
+        self.agents.iter_mut().for_each(|agent| agent.reset(scenario, arena, lane));
+        self.update_positions();
+        self.observe_restarted(scenario, lane);
     }
 
     /// Takes the ended episodes out and starts the next ones, by agent and lane.

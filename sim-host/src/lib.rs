@@ -2,7 +2,7 @@
 //!
 //! Read in the order of the data: a [`config`] file becomes a [`scenario`], which says what is simulated, and a
 //! [`seed`] what is random (domain randomisation included); a [`simulation`] steps its environments and reports each
-//! [`outcome`]. A [`flight`] is one drone for software in the loop.
+//! [`outcome`]. A [`flight`] is one drone for software in the loop, and a [`gradient`] differentiates a step.
 //!
 //! ```
 //! use kestrel_sim::kestrel_core::airframe::CF2X;
@@ -31,6 +31,7 @@ pub mod config;
 pub mod contact;
 mod episode_end;
 pub mod flight;
+pub mod gradient;
 pub mod latency;
 pub mod outcome;
 pub mod outline;

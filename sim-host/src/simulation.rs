@@ -1,5 +1,6 @@
 //! The façade: many environments stepped by one thread. Threads run several simulations side by side.
 
+mod differentiated;
 mod imaging;
 
 use std::sync::Arc;

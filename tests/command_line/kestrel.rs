@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// A training that takes a moment: four updates.
-pub(crate) const TINY: [&str; 12] = [
+/// A training by PPO that takes a moment: four updates.
+pub(crate) const TINY: [&str; 14] = [
+    "--set",
+    "training.analytic=null",
     "--set",
     "training.environments=256",
     "--set",

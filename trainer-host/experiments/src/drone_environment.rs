@@ -1,5 +1,7 @@
 //! Our simulator as an [`Environment`] of the learner: a row is a drone.
 
+mod derivatives;
+
 use std::ops::Range;
 
 use kestrel_core::encoder::Volume;
@@ -8,6 +10,8 @@ use kestrel_sim::camera::OnboardCamera;
 use kestrel_sim::scenario::{CriticView, Scenario};
 use kestrel_sim::seed::Seed;
 use kestrel_sim::simulation::{Simulation, SimulationState};
+
+pub use derivatives::FlightTape;
 
 use crate::teacher::Teacher;
 use kestrel_learn::environment::{Environment, Episode, Outcome, TaskShape};

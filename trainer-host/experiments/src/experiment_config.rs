@@ -10,6 +10,7 @@ mod training;
 use std::path::Path;
 
 use kestrel_sim::config::{ConfigError, Document, Field, ScenarioConfig, schema_of};
+use kestrel_sim::gradient::StepGradient;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
 use schemars::JsonSchema;
@@ -20,9 +21,10 @@ pub(crate) use eye::refuse_unsuited_encoder;
 pub use eye::{ConvolutionConfig, CustomEyeConfig, EyeConfig, EyeNetworkConfig, NatureConfig};
 pub use teacher::TeacherConfig;
 pub(crate) use teacher::refuse_lost_teacher;
-pub use training::{ScheduleConfig, TrainingConfig};
+pub use training::{AnalyticConfig, ScheduleConfig, TrainingConfig};
 
 use crate::config_file::ConfigFile;
+use kestrel_learn::analytic::AnalyticSettings;
 use kestrel_learn::ppo::PpoSettings;
 use kestrel_learn::rollout::batch_rows;
 
@@ -46,7 +48,7 @@ pub struct ExperimentConfig {
     pub name: String,
     /// The task.
     pub scenario: ScenarioConfig,
-    /// How the policy is trained (PPO).
+    /// How the policy is trained: by PPO, or by gradients through the physics (`analytic`).
     #[serde(default)]
     pub training: TrainingConfig,
     /// How the trained policy is judged.
@@ -61,8 +63,10 @@ pub struct Experiment {
     pub name: String,
     /// The task.
     pub scenario: Scenario,
-    /// How the policy is trained.
+    /// How the policy is trained, unless by gradients through the physics.
     pub ppo: PpoSettings,
+    /// How it is trained by these, where it is.
+    pub analytic: Option<AnalyticSettings>,
     /// What all randomness of training follows from.
     pub seed: Seed,
     /// How the trained policy is judged.
@@ -87,6 +91,10 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError
 pub fn load_to_train(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError> {
     let document = ExperimentConfig::overridden(Document::read(path)?, overrides)?;
     let experiment = checked(&document)?;
+    if experiment.analytic.is_some() {
+        refuse_without_derivatives(&experiment.scenario, &document.root().at("training").at("analytic"))?;
+        return Ok(experiment);
+    }
     let tasks = std::slice::from_ref(&experiment.scenario);
     refuse_broken_batches(tasks, experiment.ppo.environments, &document.root().at("training"))?;
     Ok(experiment)
@@ -129,6 +137,15 @@ pub(crate) fn refuse_broken_batches(
     Err(training.at("environments").refuse(environments, expected))
 }
 
+/// Refuses a task through which no gradient goes.
+fn refuse_without_derivatives(scenario: &Scenario, analytic: &Field<'_>) -> Result<(), ConfigError> {
+    let refuse = |found: String| analytic.reject(found, "a task through whose flight gradients go, or PPO");
+    if scenario.camera.is_some() {
+        return Err(refuse("a camera, whose images have no derivatives".to_owned()));
+    }
+    StepGradient::new(scenario).map(drop).map_err(|refusal| refuse(refusal.to_string()))
+}
+
 impl ConfigFile for ExperimentConfig {
     const VERSION: u32 = VERSION;
     const HEADER: &'static str = RESOLVED_HEADER;
@@ -149,6 +166,7 @@ impl ExperimentConfig {
         Ok(Experiment {
             name: self.name.clone(),
             ppo,
+            analytic: self.training.check_analytic(&training)?,
             seed: Seed(self.training.seed),
             evaluation: self.evaluation.check(&self.scenario, &scenario, root)?,
             resolved_yaml: self.resolved(),

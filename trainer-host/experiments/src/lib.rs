@@ -14,6 +14,7 @@ pub mod experiment_config;
 #[cfg(test)]
 pub(crate) mod golden;
 pub mod interrupt;
+mod learner;
 pub mod obstruction;
 pub mod output;
 pub mod progress;

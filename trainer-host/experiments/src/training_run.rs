@@ -14,11 +14,13 @@ use crate::drone_environment::{Trainer, TrainerState};
 use crate::evaluation::{Evaluation, Flyer, Starts, evaluate};
 use crate::experiment_config::{Experiment, ExperimentConfig};
 use crate::interrupt::Interrupt;
+use crate::learner::Learner;
 use crate::progress::{Progress, ProgressReport};
 use crate::run_directory::metrics::MetricsLog;
 use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::tensorboard::EventFile;
 use kestrel_learn::actor_critic::Actor;
+use kestrel_learn::analytic::AnalyticError;
 use kestrel_learn::ppo::{RestoreError, UpdateMetrics};
 use kestrel_learn::ranks::{self, Order, Ranks, UnequalShares};
 
@@ -47,7 +49,7 @@ pub struct BestPolicy {
 pub struct TrainingRun {
     experiment: Experiment,
     directory: RunDirectory,
-    trainer: Trainer,
+    learner: Learner,
     best: Option<BestPolicy>,
     training_secs: f64,
     metrics: MetricsLog,
@@ -120,6 +122,15 @@ pub enum TrainingError {
     /// Too many processes.
     #[error(transparent)]
     Ranks(#[from] UnequalShares),
+    /// The task has no derivatives, or the checkpoint does not fit it.
+    #[error(transparent)]
+    Analytic(#[from] AnalyticError),
+    /// Several processes.
+    #[error("gradients through the physics are computed by one process, but there are {found}")]
+    Alone {
+        /// Processes.
+        found: usize,
+    },
     /// The policy file cannot be written.
     #[error(transparent)]
     Policy(#[from] PolicyError),
@@ -134,8 +145,8 @@ impl TrainingRun {
     /// # Errors
     /// When files cannot be created.
     pub fn begin(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
-        let trainer = Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, experiment.seed);
-        let run = Self::open(experiment, directory, trainer, None, 0.0)?;
+        let learner = Learner::begin(&experiment)?;
+        let run = Self::open(experiment, directory, learner, None, 0.0)?;
         // A run that is killed in its first seconds can then go on as any other.
         run.save()?;
         Ok(run)
@@ -155,21 +166,21 @@ impl TrainingRun {
         if found != expected {
             return Err(TrainingError::Seed { found: found.0, expected: expected.0 });
         }
-        let trainer = Trainer::restore(std::slice::from_ref(&experiment.scenario), &experiment.ppo, trainer)?;
+        let learner = Learner::restore(&experiment, trainer)?;
         refuse_changes(&ExperimentConfig::resolved_again(&config), &experiment.resolved_yaml)?;
-        Ok((Self::open(experiment, directory, trainer, best, training_secs)?, restored.warning))
+        Ok((Self::open(experiment, directory, learner, best, training_secs)?, restored.warning))
     }
 
     fn open(
         experiment: Experiment,
         directory: RunDirectory,
-        trainer: Trainer,
+        learner: Learner,
         best: Option<BestPolicy>,
         training_secs: f64,
     ) -> Result<Self, TrainingError> {
-        let metrics = MetricsLog::continue_after(&directory.metrics(), trainer.updates())?;
-        let events = EventFile::create(directory.path(), trainer.steps())?;
-        Ok(Self { experiment, directory, trainer, best, training_secs, metrics, events })
+        let metrics = MetricsLog::continue_after(&directory.metrics(), learner.updates())?;
+        let events = EventFile::create(directory.path(), learner.steps())?;
+        Ok(Self { experiment, directory, learner, best, training_secs, metrics, events })
     }
 
     /// From now on shares the work with all ranks, of which this is the first; the others [`follow`].
@@ -177,9 +188,9 @@ impl TrainingRun {
     /// # Errors
     /// When the work cannot be dealt to so many.
     pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), TrainingError> {
-        let state = self.trainer.save();
-        self.trainer.work_with(ranks)?;
-        ranks::order(ranks, &Order::Begin(Box::new(state)));
+        let state = self.learner.save();
+        self.learner.work_with(ranks)?;
+        self.learner.order(&Order::Begin(Box::new(state)));
         Ok(())
     }
 
@@ -188,10 +199,10 @@ impl TrainingRun {
     /// # Errors
     /// When a file cannot be written; earlier checkpoints are then still whole.
     pub fn train(&mut self, interrupt: &Interrupt) -> Result<End, TrainingError> {
-        let total_steps = self.experiment.ppo.total_steps;
-        let mut progress = Progress::new(total_steps, self.trainer.steps());
+        let total_steps = self.experiment.total_steps();
+        let mut progress = Progress::new(total_steps, self.learner.steps());
         let mut saved_at = Instant::now();
-        while self.trainer.steps() < total_steps && !interrupt.requested() {
+        while self.learner.steps() < total_steps && !interrupt.requested() {
             let update = self.update()?;
             progress.show(&report(&update));
             if saved_at.elapsed() > CHECKPOINT_INTERVAL {
@@ -201,20 +212,20 @@ impl TrainingRun {
         }
         progress.finish();
         self.save()?;
-        Ok(if self.trainer.steps() < total_steps { End::Interrupted } else { End::Finished })
+        Ok(if self.learner.steps() < total_steps { End::Interrupted } else { End::Finished })
     }
 
     /// One update, logged; now and then a test flight.
     fn update(&mut self) -> Result<UpdateMetrics, TrainingError> {
         let start = Instant::now();
-        let steps_before = self.trainer.steps();
-        ranks::order::<()>(self.trainer.ranks(), &Order::Update);
-        let update = self.trainer.update();
+        let steps_before = self.learner.steps();
+        self.learner.order(&Order::Update);
+        let update = self.learner.update();
         if self.selection_is_due() {
             self.select();
         }
         self.training_secs += start.elapsed().as_secs_f64();
-        self.log(&update, self.trainer.steps() - steps_before)?;
+        self.log(&update, self.learner.steps() - steps_before)?;
         Ok(update)
     }
 
@@ -233,33 +244,32 @@ impl TrainingRun {
 
     /// Whether this update is one of those after which the policy is tested; the last always is.
     fn selection_is_due(&self) -> bool {
-        let batch = self.experiment.ppo.batch() as u64;
-        let updates = self.experiment.ppo.total_steps.div_ceil(batch);
-        let done = self.trainer.updates();
+        let updates = self.experiment.total_steps().div_ceil(self.experiment.batch() as u64);
+        let done = self.learner.updates();
         done >= updates || done.is_multiple_of((updates / SELECTIONS).max(1))
     }
 
     fn select(&mut self) {
         let evaluation = &self.experiment.evaluation;
         let starts = Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: SELECTION_EPISODES };
-        let found = evaluate(&evaluation.scenario, Flyer::Actor(self.trainer.actor()), starts);
+        let found = evaluate(&evaluation.scenario, Flyer::Actor(self.learner.actor()), starts);
         let rank = |evaluation: &Evaluation| (evaluation.success_rate, evaluation.episode_return.max(f64::MIN));
         // Ties go to the later policy, which has been trained for longer; a return that is NaN ranks last.
         if self.best.as_ref().is_none_or(|best| rank(&best.evaluation) <= rank(&found)) {
-            let actor = self.trainer.actor().clone();
-            self.best = Some(BestPolicy { actor, steps: self.trainer.steps(), evaluation: found });
+            let actor = self.learner.actor().clone();
+            self.best = Some(BestPolicy { actor, steps: self.learner.steps(), evaluation: found });
         }
     }
 
     fn save(&self) -> Result<(), TrainingError> {
-        ranks::order::<()>(self.trainer.ranks(), &Order::Save);
+        self.learner.order(&Order::Save);
         let checkpoint = Checkpoint {
-            trainer: self.trainer.save(),
+            trainer: self.learner.save(),
             best: self.best.clone(),
             training_secs: self.training_secs,
             config: self.experiment.resolved_yaml.clone(),
         };
-        Checkpoints::in_directory(&self.directory.checkpoints()).save(self.trainer.updates(), &checkpoint)?;
+        Checkpoints::in_directory(&self.directory.checkpoints()).save(self.learner.updates(), &checkpoint)?;
         Ok(())
     }
 
@@ -275,7 +285,7 @@ impl TrainingRun {
 
     /// Environment steps so far.
     pub fn steps(&self) -> u64 {
-        self.trainer.steps()
+        self.learner.steps()
     }
 
     /// Time spent in training, selection included \[s\].
@@ -287,7 +297,7 @@ impl TrainingRun {
     pub fn best(&self) -> (&Actor, u64) {
         match &self.best {
             Some(best) => (&best.actor, best.steps),
-            None => (self.trainer.actor(), self.trainer.steps()),
+            None => (self.learner.actor(), self.learner.steps()),
         }
     }
 }
@@ -312,8 +322,11 @@ pub fn follow(experiment: &Experiment, ranks: &Arc<dyn Ranks>) -> Result<(), Tra
 }
 
 /// The policy with which training of `experiment` begins.
-pub fn untrained_actor(experiment: &Experiment) -> Actor {
-    Trainer::new(std::slice::from_ref(&experiment.scenario), &experiment.ppo, experiment.seed).actor().clone()
+///
+/// # Errors
+/// When the task has no derivatives that the experiment asks for.
+pub fn untrained_actor(experiment: &Experiment) -> Result<Actor, TrainingError> {
+    Ok(Learner::begin(experiment)?.actor().clone())
 }
 
 /// The best policy in the newest checkpoint of a run, and the steps it was trained for.
@@ -325,7 +338,7 @@ pub fn best_policy(experiment: &Experiment, directory: &RunDirectory) -> Result<
     if let Some(best) = restored.state.best {
         return Ok((best.actor, best.steps));
     }
-    let steps = restored.updates * experiment.ppo.batch() as u64;
+    let steps = restored.updates * experiment.batch() as u64;
     Ok((restored.state.trainer.actor().clone(), steps))
 }
 

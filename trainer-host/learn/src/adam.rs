@@ -10,8 +10,12 @@ use crate::network::{PIECE, dispatch};
 const FIRST_DECAY: f32 = 0.9;
 /// Decay of the mean squared gradient (Kingma and Ba 2015).
 const SECOND_DECAY: f32 = 0.999;
+/// The same for gradients that are nearly exact: a hundred steps are remembered, not a thousand.
+const SHORT_SECOND_DECAY: f32 = 0.99;
 /// Added to the root, as in `CleanRL` and Stable-Baselines3: large enough to keep rare gradients from exploding.
 const EPSILON: f32 = 1e-5;
+/// The paper's own, for gradients without noise, however small they are.
+const SMALL_EPSILON: f32 = 1e-8;
 
 /// Adam with bias correction (Kingma and Ba 2015, algorithm 1) for one slice of parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +23,15 @@ pub struct Adam {
     first: Vec<f32>,
     second: Vec<f32>,
     steps: u32,
+}
+
+/// How long Adam remembers the size of gradients.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Remembering {
+    /// A thousand steps, as everywhere.
+    Long,
+    /// A hundred.
+    Short,
 }
 
 impl Adam {
@@ -55,26 +68,47 @@ impl Adam {
     /// # Panics
     /// When the slices are not as long as the optimiser's state.
     pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], gradient_scale: f32, learning_rate: f32) {
+        self.step_remembering(Remembering::Long, parameters, (gradient, gradient_scale), learning_rate);
+    }
+
+    /// As [`Self::step`], along a gradient times a scale.
+    pub(crate) fn step_remembering(
+        &mut self,
+        remembering: Remembering,
+        parameters: &mut [f32],
+        (gradient, gradient_scale): (&[f32], f32),
+        learning_rate: f32,
+    ) {
+        let (second_decay, smallest) = match remembering {
+            Remembering::Long => (SECOND_DECAY, EPSILON),
+            Remembering::Short => (SHORT_SECOND_DECAY, SMALL_EPSILON),
+        };
         assert!(parameters.len() == self.first.len() && gradient.len() == self.first.len(), "one slice, one Adam");
         self.steps += 1;
         let correction = |decay: f32| 1.0 - libm::pow(f64::from(decay), f64::from(self.steps));
-        let second_correction = correction(SECOND_DECAY).sqrt();
+        let second_correction = correction(second_decay).sqrt();
         // The corrections of both moments moved into the step size and the epsilon (ibid., section 2).
         let step_size = (f64::from(learning_rate) * second_correction / correction(FIRST_DECAY)) as f32;
-        let epsilon = (f64::from(EPSILON) * second_correction) as f32;
+        let epsilon = (f64::from(smallest) * second_correction) as f32;
         let moments = self.first.par_chunks_mut(PIECE).zip(self.second.par_chunks_mut(PIECE));
         let pieces = parameters.par_chunks_mut(PIECE).zip(gradient.par_chunks(PIECE)).zip(moments);
         pieces.for_each(|((parameters, gradient), (first, second))| {
-            dispatch(Descend { parameters, gradient, first, second, gradient_scale, step_size, epsilon });
+            let slices = Moments { first, second, second_decay };
+            dispatch(Descend { parameters, gradient, slices, gradient_scale, step_size, epsilon });
         });
     }
+}
+
+struct Moments<'a> {
+    first: &'a mut [f32],
+    second: &'a mut [f32],
+    second_decay: f32,
 }
 
 struct Descend<'a> {
     parameters: &'a mut [f32],
     gradient: &'a [f32],
-    first: &'a mut [f32],
-    second: &'a mut [f32],
+    slices: Moments<'a>,
     gradient_scale: f32,
     step_size: f32,
     epsilon: f32,
@@ -85,12 +119,13 @@ impl WithSimd for Descend<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let moments = self.first.iter_mut().zip(self.second);
+        let Moments { first, second, second_decay } = self.slices;
+        let moments = first.iter_mut().zip(second);
         for ((parameter, gradient), (first, second)) in self.parameters.iter_mut().zip(self.gradient).zip(moments)
         {
             let gradient = gradient * self.gradient_scale;
             *first = FIRST_DECAY * *first + (1.0 - FIRST_DECAY) * gradient;
-            *second = SECOND_DECAY * *second + (1.0 - SECOND_DECAY) * gradient * gradient;
+            *second = second_decay * *second + (1.0 - second_decay) * gradient * gradient;
             *parameter -= self.step_size * *first / (second.sqrt() + self.epsilon);
         }
     }

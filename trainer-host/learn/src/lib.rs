@@ -2,7 +2,7 @@
 //!
 //! Read in the order of the data: an [`environment`] and the policy of the [`actor_critic`] make a [`rollout`], that gets
 //! [`advantage`]s, the update of [`ppo`] learns from both by [`adam`], and a [`regulariser`] keeps what earlier tasks have
-//! taught. The crate names no drone: [`pendulum`] is the environment that ships with it.
+//! taught. Where an environment has derivatives, [`analytic`] learns from them instead. The crate names no drone: [`pendulum`] is the environment that ships with it.
 //!
 //! ```
 //! use kestrel_core::seed::Seed;
@@ -19,6 +19,7 @@
 pub mod actor_critic;
 pub mod adam;
 pub mod advantage;
+pub mod analytic;
 pub mod encoder;
 pub mod environment;
 pub mod gaussian;

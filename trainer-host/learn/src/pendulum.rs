@@ -7,6 +7,7 @@
 use kestrel_core::seed::{Purpose, Seed, Stream};
 use serde::{Deserialize, Serialize};
 
+use crate::analytic::Differentiable;
 use crate::environment::{Environment, Episode, Outcome, TaskShape};
 
 /// Acceleration of gravity \[m/s²\].
@@ -174,9 +175,95 @@ impl Environment for Pendulum {
     }
 }
 
+/// A window of swings: what each pendulum was and did before each step.
+#[derive(Clone, Debug)]
+pub struct SwingTape {
+    steps: Vec<Vec<Moment>>,
+    /// Derivatives by the state after the step that comes next on the way back.
+    by_state: Vec<[f32; 2]>,
+}
+
+/// A pendulum before a step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moment {
+    angle: f32,
+    speed: f32,
+    action: f32,
+    /// Afterwards; none where its episode ended with the step.
+    next_angle: Option<f32>,
+}
+
+impl Moment {
+    /// Derivatives by state and action before the step, from those by angle and speed after it. What was observed
+    /// after it is part of the latter.
+    fn pull_back(&self, [by_angle, by_speed]: [f32; 2]) -> ([f32; 2], f32) {
+        let torque = TORQUE_LIMIT * self.action.clamp(-1.0, 1.0);
+        let away = libm::remainderf(self.angle, core::f32::consts::TAU);
+        let (lever, gain) = (1.5 * GRAVITY / LENGTH_M, 3.0 / (LENGTH_M * LENGTH_M));
+        let speed = self.speed + (lever * libm::sinf(self.angle) + gain * torque) * STEP_SECS;
+        // angle' = angle + speed' · dt; at its limit the speed does not follow.
+        let by_new_speed = by_speed + by_angle * STEP_SECS;
+        let by_free_speed = if speed.abs() < SPEED_LIMIT { by_new_speed } else { 0.0 };
+        let by_state = [
+            by_angle + by_free_speed * lever * libm::cosf(self.angle) * STEP_SECS - 2.0 * away,
+            by_free_speed - 0.2 * self.speed,
+        ];
+        (by_state, TORQUE_LIMIT * (by_free_speed * gain * STEP_SECS - 0.002 * torque))
+    }
+}
+
+impl Differentiable for Pendulum {
+    type Tape = SwingTape;
+
+    const ENVIRONMENTS: usize = 64;
+
+    fn tape(_task: &SwingUp, steps: usize) -> Result<SwingTape, String> {
+        Ok(SwingTape {
+            steps: vec![vec![Moment::default(); Self::ENVIRONMENTS]; steps],
+            by_state: vec![[0.0; 2]; Self::ENVIRONMENTS],
+        })
+    }
+
+    fn step_on(&mut self, tape: &mut SwingTape, step: usize, actions: &[f32]) {
+        for ((moment, swing), action) in tape.steps[step].iter_mut().zip(&self.state).zip(actions) {
+            *moment = Moment { angle: swing.angle, speed: swing.speed, action: *action, next_angle: None };
+        }
+        self.step(actions);
+        for ((moment, swing), outcome) in tape.steps[step].iter_mut().zip(&self.state).zip(&self.outcomes) {
+            moment.next_angle = (*outcome == Outcome::Running).then_some(swing.angle);
+        }
+    }
+
+    fn pull_back(tape: &mut SwingTape, step: usize, by_observations: &[f32], limit: f32, by_actions: &mut [f32]) {
+        if step + 1 == tape.steps.len() {
+            tape.by_state.fill([0.0; 2]);
+        }
+        let rows = by_actions.len();
+        for (row, (moment, by_state)) in tape.steps[step].iter().zip(&mut tape.by_state).enumerate() {
+            let [cosine, sine, speed] = core::array::from_fn(|value| by_observations[value * rows + row]);
+            let after = moment.next_angle.map_or([0.0; 2], |angle| {
+                let seen = sine * libm::cosf(angle) - cosine * libm::sinf(angle);
+                [by_state[0] + seen, by_state[1] + speed]
+            });
+            let (before, by_action) = moment.pull_back(after);
+            let length = (before[0] * before[0] + before[1] * before[1]).sqrt();
+            *by_state = before.map(|value| value * (limit / length.max(f32::MIN_POSITIVE)).min(1.0));
+            by_actions[row] = by_action;
+        }
+    }
+
+    fn restart(&mut self, environments: &[usize]) {
+        for environment in environments {
+            self.state[*environment].reset();
+        }
+        self.observe();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::analytic::{AnalyticSettings, AnalyticTrainer};
     use crate::environment::evaluate;
     use crate::ppo::{PpoSettings, Trainer};
     use crate::schedule::Schedule;
@@ -194,6 +281,19 @@ mod tests {
         let speed = 1.0 + (15.0 * libm::sin(0.5) + 3.0) * 0.05;
         assert!((f64::from(swing.speed) - speed).abs() < 1e-6, "{}", swing.speed);
         assert!((f64::from(swing.angle) - (0.5 + speed * 0.05)).abs() < 1e-6, "{}", swing.angle);
+    }
+
+    #[test]
+    fn gradients_swing_it_up_too() {
+        let settings =
+            AnalyticSettings { environments: 256, total_steps: 1_638_400, ..AnalyticSettings::default() };
+        let mut trainer = AnalyticTrainer::<Pendulum>::new(&SwingUp, &settings, Seed(0)).unwrap();
+        while trainer.steps() < settings.total_steps {
+            trainer.update();
+        }
+        let returns = evaluate::<Pendulum>(&SwingUp, trainer.actor(), Seed(9), 256);
+        let mean = returns.iter().sum::<f32>() / returns.len() as f32;
+        assert!(mean > SWUNG_UP, "{mean}");
     }
 
     #[test]

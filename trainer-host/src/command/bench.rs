@@ -65,7 +65,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         let task = experiment_config::load(&arguments.aviaries.join(seeing.file), &overrides)?;
         print(&[bench::seeing(seeing, &task, duration)])?;
     }
-    let actor = untrained_actor(&experiment);
+    let actor = untrained_actor(&experiment)?;
     let export = results::exported(&experiment, &actor, 0)?;
     let files = [PolicyFile::parse(&export.float_policy)?, PolicyFile::parse(&export.fixed_policy)?];
     print(&bench::inference(&actor, &files, duration))?;

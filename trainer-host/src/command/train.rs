@@ -65,10 +65,11 @@ fn lead(arguments: &Arguments, ranks: &Arc<dyn Ranks>) -> Result<Done> {
     let path = run.directory().path().to_owned();
     let experiment = run.experiment();
     say(format_args!(
-        "Training in {}: {} of {} steps done",
+        "Training in {} by {}: {} of {} steps done",
         path.display(),
+        experiment.method(),
         run.steps(),
-        experiment.ppo.total_steps
+        experiment.total_steps()
     ))?;
     match run.train(&interrupt)? {
         End::Finished => finish(&run, &interrupt),

@@ -3,6 +3,7 @@ use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::airframe::CF2X;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::{ObservationLayout, PilotLayout};
+use kestrel_learn::analytic::{AnalyticSettings, AnalyticTrainer};
 use kestrel_learn::ppo::{PpoSettings, UpdateMetrics};
 use kestrel_learn::rollout::ENV_BATCH;
 use kestrel_learn::schedule::Schedule;
@@ -154,4 +155,29 @@ fn a_teacher_says_what_it_would_do_in_the_state_of_each_row() {
     }
     assert!(DroneEnvironment::has_teacher(&mapped()));
     assert!(!DroneEnvironment::has_teacher(&scenario(CriticView::Observation)));
+}
+
+#[test]
+fn gradients_through_the_flight_teach_within_a_few_windows_whatever_the_threads() {
+    let settings = AnalyticSettings { environments: 128, steps_per_window: 16, ..AnalyticSettings::default() };
+    let rewards = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let task = scenario(CriticView::Privileged);
+            let mut trainer = AnalyticTrainer::<DroneEnvironment>::new(&task, &settings, Seed(1)).unwrap();
+            (0..60).map(|_| -trainer.update().policy_loss).collect::<Vec<f32>>()
+        })
+    };
+    let found = rewards(1);
+    assert_eq!(rewards(2), found);
+    let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+    let (first, last) = (mean(&found[..5]), mean(&found[55..]));
+    assert!(last > first, "{first} {last}");
+}
+
+#[test]
+fn what_an_agent_did_is_found_where_columns_lie_feature_by_feature() {
+    // Two agents with three features: [f0 a0, f0 a1, f1 a0, …] is [a0 f0, a0 f1, a0 f2, a1 f0, …].
+    let places: Vec<usize> = (0..6).map(|index| derivatives::by_agent(index, 6, 2)).collect();
+    assert_eq!(places, [0, 3, 1, 4, 2, 5]);
 }

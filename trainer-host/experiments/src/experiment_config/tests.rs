@@ -284,3 +284,35 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn gradients_are_refused_where_none_go() {
+    let refusal = |name: &str, sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+        load_to_train(&in_repository(&format!("configs/{name}.yaml")), &sets).unwrap_err().to_string()
+    };
+    let analytic = "training.analytic={}";
+    let through = "expected a task through whose flight gradients go, or PPO";
+    for (name, found) in [
+        ("aviaries/room-0-vision", "a camera, whose images have no derivatives"),
+        ("aviaries/hover-as-published", "bullet physics, which has no derivatives"),
+        ("aviaries/tune", "a goal that moves"),
+    ] {
+        let message = refusal(name, &[analytic]);
+        assert_eq!(message, format!("--set {analytic}: found {found}, {through}"));
+    }
+    let message = refusal("hover", &["training.analytic.environments=100"]);
+    assert!(message.ends_with("found 100, expected a multiple of 64, at most 65536"), "{message}");
+    let message = refusal("hover", &["training.analytic.total_steps=100"]);
+    assert!(message.contains("found 100, expected at least 5120, one window"), "{message}");
+}
+
+#[test]
+fn hover_learns_by_gradients_unless_told_otherwise() {
+    let by = |sets: &[String]| {
+        let experiment = load_to_train(&in_repository("configs/hover.yaml"), sets).unwrap();
+        (experiment.method(), experiment.total_steps(), experiment.batch())
+    };
+    assert_eq!(by(&[]), ("gradients through the physics", 3_072_000, 64 * 80));
+    assert_eq!(by(&["training.analytic=null".to_owned()]), ("PPO", 4_915_200, 1024 * 32));
+}

@@ -1,9 +1,11 @@
 //! How the policy is trained.
 
 use kestrel_sim::config::{ConfigError, Field, Limits};
+use kestrel_sim::gradient::LANES;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use kestrel_learn::analytic::AnalyticSettings;
 use kestrel_learn::ppo::{PpoSettings, ValueScaling, fits_minibatch};
 use kestrel_learn::rollout::{CriticScope, ENV_BATCH};
 use kestrel_learn::schedule::Schedule;
@@ -25,7 +27,7 @@ const DISCOUNT: Limits = Limits::between(0.0, 1.0, "");
 const UNIT: Limits = Limits::from(0.0, 1.0, "");
 const RATE: Limits = Limits::above(0.0, 1.0, "");
 
-/// Proximal policy optimisation (Schulman et al. 2017) with separate actor and critic.
+/// Proximal policy optimisation (Schulman et al. 2017) with separate actor and critic, or gradients through the physics.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainingConfig {
@@ -84,6 +86,80 @@ pub struct TrainingConfig {
     pub teacher: Option<TeacherConfig>,
     /// Rewards are multiplied by this before learning, so that returns are of order one.
     pub reward_scale: f64,
+    /// Train by gradients through the physics instead of PPO, whose keys then wait until this one is taken away.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub analytic: Option<AnalyticConfig>,
+}
+
+/// Backpropagation through time: the derivative of the rewards of a window of flight goes back through physics, policy
+/// and observation to the policy's parameters. For tasks in free air whose rewards have derivatives (`distance`,
+/// `proximity`, `velocity`, …); those that have none (`failure`, `success`) teach nothing.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct AnalyticConfig {
+    /// Steps of all drones together after which training ends.
+    pub total_steps: u64,
+    /// Environments that fly at the same time: a multiple of 64.
+    pub environments: u64,
+    /// Steps of a window, through which derivatives go back.
+    pub steps_per_window: u64,
+    /// Step size of Adam.
+    pub learning_rate: ScheduleConfig,
+    /// Longest gradient of the mean reward of a step; longer ones are scaled down to it.
+    pub gradient_norm_limit: f64,
+    /// Share of the episodes that are ended before a window, so that drones are at different moments of theirs.
+    pub restart_share: f64,
+    /// Longest derivative by the state of a drone on the way back; longer ones are scaled down to it.
+    pub adjoint_limit: f64,
+}
+
+impl Default for AnalyticConfig {
+    fn default() -> Self {
+        let AnalyticSettings { environments, steps_per_window, total_steps, .. } = AnalyticSettings::default();
+        Self {
+            total_steps,
+            environments: environments as u64,
+            steps_per_window: steps_per_window as u64,
+            learning_rate: ScheduleConfig::Linear { from: 12e-3, to: 6e-4 },
+            gradient_norm_limit: 1.0,
+            restart_share: 0.3,
+            adjoint_limit: 100.0,
+        }
+    }
+}
+
+impl AnalyticConfig {
+    fn check(&self, actor_hidden: Vec<usize>, field: &Field<'_>) -> Result<AnalyticSettings, ConfigError> {
+        let environments = field.at("environments");
+        if self.environments == 0
+            || self.environments > PARALLEL_LIMIT
+            || !self.environments.is_multiple_of(LANES as u64)
+        {
+            let expected = format!("a multiple of {LANES}, at most {PARALLEL_LIMIT}");
+            return Err(environments.refuse(self.environments, expected));
+        }
+        let number = |key: &str, value: f64, limits: Limits| field.at(key).number(value, &limits);
+        let steps_per_window = field.at("steps_per_window").whole(self.steps_per_window, 1..=4096)?;
+        let window = self.environments * steps_per_window;
+        if self.total_steps < window {
+            let expected = format!("at least {window}, one window (environments · steps_per_window)");
+            return Err(field.at("total_steps").refuse(self.total_steps, expected));
+        }
+        Ok(AnalyticSettings {
+            environments: self.environments as usize,
+            steps_per_window: steps_per_window as usize,
+            total_steps: self.total_steps,
+            learning_rate: self.learning_rate.check(&field.at("learning_rate"))?,
+            gradient_norm_limit: number(
+                "gradient_norm_limit",
+                self.gradient_norm_limit,
+                Limits::above(0.0, 1e6, ""),
+            )?,
+            restart_share: number("restart_share", self.restart_share, UNIT)?,
+            adjoint_limit: number("adjoint_limit", self.adjoint_limit, Limits::above(0.0, 1e9, ""))?,
+            actor_hidden,
+        })
+    }
 }
 
 /// Whose observations the critic reads. The policy reads the drone's own in any case.
@@ -161,6 +237,7 @@ impl Default for TrainingConfig {
             quantised_from: None,
             teacher: None,
             reward_scale: 1.0,
+            analytic: None,
         }
     }
 }
@@ -216,6 +293,21 @@ impl TrainingConfig {
             teacher,
             reward_scale: number("reward_scale", self.reward_scale, Limits::above(0.0, 1e6, ""))?,
         })
+    }
+
+    /// The settings of training by gradients through the physics, where it is asked for.
+    pub(super) fn check_analytic(&self, field: &Field<'_>) -> Result<Option<AnalyticSettings>, ConfigError> {
+        let Some(analytic) = &self.analytic else { return Ok(None) };
+        let actor_hidden = hidden(&self.actor_hidden, &field.at("actor_hidden"))?;
+        analytic.check(actor_hidden, &field.at("analytic")).map(Some)
+    }
+
+    /// Refuses [`Self::analytic`] where PPO trains.
+    pub(crate) fn refuse_analytic(&self, field: &Field<'_>) -> Result<(), ConfigError> {
+        match self.analytic {
+            None => Ok(()),
+            Some(_) => Err(field.at("analytic").refuse("", "none: studies train by PPO")),
+        }
     }
 
     /// Environments, rollout, minibatch and total divide each other.

@@ -198,6 +198,7 @@ impl StudyConfig {
         check_name(&self.name, &root.at("name"))?;
         let tasks = self.check_tasks(&root.at("tasks"))?;
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
+        self.training.refuse_analytic(&root.at("training"))?;
         let training = self.training.check(&root.at("training"))?;
         refuse_other_teams(&tasks, &training, &root.at("training"))?;
         refuse_unsuited(&tasks, &training, &root.at("training"))?;

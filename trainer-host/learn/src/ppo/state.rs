@@ -12,13 +12,13 @@ use crate::environment::Environment;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainerState<S> {
     seed: Seed,
-    actor: Actor,
+    pub(crate) actor: Actor,
     critic: Critic,
-    actor_optimiser: Adam,
+    pub(crate) actor_optimiser: Adam,
     critic_optimiser: Adam,
-    learning_rate: f32,
-    updates: u64,
-    env_batches: Vec<S>,
+    pub(crate) learning_rate: f32,
+    pub(crate) updates: u64,
+    pub(crate) env_batches: Vec<S>,
 }
 
 /// A state that does not belong to the scenario and settings it is restored with.
@@ -70,6 +70,50 @@ pub enum RestoreError {
 }
 
 impl<S> TrainerState<S> {
+    /// Of a run that was not PPO's: seed, updates and learning rate; the networks; what Adam knows of the actor.
+    pub(crate) fn of(
+        (seed, updates, learning_rate): (Seed, u64, f32),
+        (actor, critic): (Actor, Critic),
+        actor_optimiser: Adam,
+        env_batches: Vec<S>,
+    ) -> Self {
+        let critic_optimiser = Adam::new(critic.parameters().len());
+        Self { seed, actor, critic, actor_optimiser, critic_optimiser, learning_rate, updates, env_batches }
+    }
+
+    /// Whether it has these shapes, and so many environment batches.
+    pub(crate) fn check(
+        &self,
+        (actor, critic): (&Actor, &Critic),
+        env_batches: usize,
+    ) -> Result<(), RestoreError> {
+        let (found, expected) = (self.env_batches.len(), env_batches);
+        if found != expected {
+            return Err(RestoreError::EnvBatches { found, expected });
+        }
+        let actors = (self.actor.is_like(actor), self.actor.mlp(), actor.mlp());
+        let critics = (self.critic.is_like(critic), self.critic.mlp(), critic.mlp());
+        for (network, (is_like, found, expected)) in [("actor", actors), ("critic", critics)] {
+            if found != expected {
+                let (found, expected) = (found.widths().to_vec(), expected.widths().to_vec());
+                return Err(RestoreError::Network { network, found, expected });
+            }
+            if !is_like {
+                return Err(RestoreError::Encoder { network });
+            }
+        }
+        let lengths = [
+            ("actor", self.actor.parameters().len(), actor.parameters().len()),
+            ("actor", self.actor_optimiser.parameter_count(), actor.parameters().len()),
+            ("critic", self.critic.parameters().len(), critic.parameters().len()),
+            ("critic", self.critic_optimiser.parameter_count(), critic.parameters().len()),
+        ];
+        match lengths.into_iter().find(|(_, found, expected)| found != expected) {
+            Some((network, found, expected)) => Err(RestoreError::Parameters { network, found, expected }),
+            None => Ok(()),
+        }
+    }
+
     /// The saved policy.
     pub fn actor(&self) -> &Actor {
         &self.actor
@@ -112,7 +156,7 @@ impl<E: Environment> Trainer<E> {
     ) -> Result<Self, RestoreError> {
         settings.check()?;
         let mut trainer = Self::new(tasks, settings, state.seed);
-        trainer.check(&state)?;
+        state.check((&trainer.actor, &trainer.critic), trainer.env_batches.len())?;
         for (env_batch, saved) in trainer.env_batches.iter_mut().zip(&state.env_batches) {
             if !env_batch.restore(saved) {
                 let task = E::name(&tasks[env_batch.rollout().task()]).to_owned();
@@ -126,34 +170,5 @@ impl<E: Environment> Trainer<E> {
         trainer.learning_rate = state.learning_rate;
         trainer.updates = state.updates;
         Ok(trainer)
-    }
-
-    /// Whether the state has this run's shapes.
-    fn check(&self, state: &TrainerState<E::State>) -> Result<(), RestoreError> {
-        let (found, expected) = (state.env_batches.len(), self.env_batches.len());
-        if found != expected {
-            return Err(RestoreError::EnvBatches { found, expected });
-        }
-        let actors = (state.actor.is_like(&self.actor), state.actor.mlp(), self.actor.mlp());
-        let critics = (state.critic.is_like(&self.critic), state.critic.mlp(), self.critic.mlp());
-        for (network, (is_like, found, expected)) in [("actor", actors), ("critic", critics)] {
-            if found != expected {
-                let (found, expected) = (found.widths().to_vec(), expected.widths().to_vec());
-                return Err(RestoreError::Network { network, found, expected });
-            }
-            if !is_like {
-                return Err(RestoreError::Encoder { network });
-            }
-        }
-        let lengths = [
-            ("actor", state.actor.parameters().len(), self.actor.parameters().len()),
-            ("actor", state.actor_optimiser.parameter_count(), self.actor.parameters().len()),
-            ("critic", state.critic.parameters().len(), self.critic.parameters().len()),
-            ("critic", state.critic_optimiser.parameter_count(), self.critic.parameters().len()),
-        ];
-        match lengths.into_iter().find(|(_, found, expected)| found != expected) {
-            Some((network, found, expected)) => Err(RestoreError::Parameters { network, found, expected }),
-            None => Ok(()),
-        }
     }
 }

@@ -149,7 +149,11 @@ impl MethodConfig {
     /// # Errors
     /// When a number is out of range, or training settings do not fit together.
     pub(super) fn check(&self, field: &Field<'_>, tasks: usize) -> Result<Method, ConfigError> {
-        let training = self.training.as_ref().map(|training| training.check(&field.at("training")));
+        let check = |training: &TrainingConfig| {
+            training.refuse_analytic(&field.at("training"))?;
+            training.check(&field.at("training"))
+        };
+        let training = self.training.as_ref().map(check);
         Ok(Method {
             name: self.name.clone(),
             about: self.about.clone(),

@@ -1,0 +1,162 @@
+use kestrel_core::action::{ThrustBodyRates, Velocities};
+use kestrel_core::airframe::CRAZYFLIE_2_1;
+use kestrel_core::dynamics::Integrator;
+use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotLayout};
+use kestrel_core::vehicle::Ground;
+
+use super::*;
+use crate::latency::Latency;
+use crate::scenario::{Downwash, Physics};
+use crate::seed::Stream;
+use crate::simulation::Simulation;
+use crate::testing;
+
+const SCALES: PilotLayout = PilotLayout { position_scale_m: 0.5, velocity_scale: 2.0, body_rates_scale: 10.0 };
+
+/// A task for every action space, integrator and layout; but for the first on the drone that has all effects, late.
+fn scenarios() -> Vec<Scenario> {
+    let rates = ThrustBodyRates::new(&CRAZYFLIE_2_1, 0.9, [8.0, 8.0, 3.0], [10.0, 10.0, 5.0]);
+    let velocities = Velocities { rates, speed_limit: 1.0, velocity_gain: 3.0, attitude_gain: 8.0 };
+    let late = Scenario {
+        airframe: CRAZYFLIE_2_1,
+        physics: Physics::clean(Integrator::SemiImplicitEuler, 4, 50.0),
+        action: ActionSpace::ThrustBodyRates(rates),
+        latency: Latency { state_secs: [0.0, 0.015], motor_secs: [0.0, 0.005] },
+        ..testing::hover()
+    };
+    let near =
+        Preset::Clean { integrator: Integrator::RungeKutta4, ground: Ground::Near, downwash: Downwash::Absent };
+    let body = BodyLayout { scales: SCALES, action_len: 4, measured_len: 0 };
+    vec![
+        testing::hover(),
+        Scenario { physics: Physics { preset: near, ..late.physics }, ..late.clone() },
+        Scenario { action: ActionSpace::Velocities(velocities), ..late.clone() },
+        Scenario { observation: ObservationLayout::Body(body), ..late },
+    ]
+}
+
+fn actions(scenario: &Scenario, rows: usize, stream: &mut Stream) -> Vec<f32> {
+    (0..scenario.action.len() * rows).map(|_| stream.between(-0.9, 0.9)).collect()
+}
+
+#[test]
+fn the_program_computes_the_bits_of_the_simulation() {
+    for scenario in scenarios() {
+        let gradient = StepGradient::new(&scenario).unwrap();
+        let mut simulation: Simulation = Simulation::new(&scenario, Seed(3), 0, 2 * LANES);
+        let (mut records, mut workspace) = (vec![gradient.record(); 2], gradient.workspace());
+        let mut stream = Stream::new(Seed(4), 0, Purpose::Reset);
+        for _ in 0..20 {
+            let actions = actions(&scenario, simulation.rows(), &mut stream);
+            simulation.take_down(&gradient, &actions, &mut records);
+            simulation.step(&actions);
+            for (block, record) in records.iter().enumerate() {
+                gradient.run(record, &mut workspace);
+                let rows: Vec<usize> = (block * LANES..(block + 1) * LANES)
+                    .filter(|row| simulation.outcomes()[*row] == crate::outcome::Outcome::Running)
+                    .collect();
+                for (index, column) in gradient.observations(&workspace).enumerate() {
+                    for row in &rows {
+                        let found = column[row % LANES];
+                        assert_eq!(found, simulation.observations()[index * simulation.rows() + row]);
+                    }
+                }
+                let speaking = |row| {
+                    let terms = simulation.terms(row).into_iter().enumerate();
+                    terms.filter(|(index, _)| !gradient.silent_terms().contains(index)).map(|(_, value)| value)
+                };
+                for row in &rows {
+                    let found = gradient.rewards(&workspace).map(|column| column[row % LANES]);
+                    assert!(found.eq(speaking(*row)), "{}", scenario.action.name());
+                }
+            }
+        }
+        assert_eq!(gradient.silent_terms(), [0, 6], "being alive and failing have no derivative");
+    }
+}
+
+/// Weighted sum of what a period computes.
+fn objective(period: &Period<f64>, silent: &[usize], weights: &[f64]) -> f64 {
+    let terms = period.terms.iter().enumerate().filter(|(index, _)| !silent.contains(index));
+    let seen = period.observations.iter().chain(&period.after).zip(weights);
+    terms.map(|(_, term)| *term).sum::<f64>() + seen.map(|(value, weight)| value * weight).sum::<f64>()
+}
+
+#[test]
+fn derivatives_are_those_of_central_differences_in_double_precision() {
+    for scenario in scenarios() {
+        let gradient = StepGradient::new(&scenario).unwrap();
+        let mut simulation: Simulation = Simulation::new(&scenario, Seed(5), 0, LANES);
+        let mut stream = Stream::new(Seed(6), 0, Purpose::Reset);
+        for _ in 0..7 {
+            let actions = actions(&scenario, LANES, &mut stream);
+            simulation.step(&actions);
+        }
+        let mut records = [gradient.record()];
+        simulation.take_down(&gradient, &actions(&scenario, LANES, &mut stream), &mut records);
+        let mut workspace = gradient.workspace();
+        gradient.run(&records[0], &mut workspace);
+        compare(&scenario, &gradient, (&records[0], &mut workspace), &mut stream);
+    }
+}
+
+fn compare(
+    scenario: &Scenario,
+    gradient: &StepGradient,
+    (record, workspace): (&StepRecord, &mut Workspace),
+    stream: &mut Stream,
+) {
+    let observations: Vec<f32> = (0..scenario.observation.len()).map(|_| stream.between(-1.0, 1.0)).collect();
+    let carries: Vec<f32> = gradient.carries.iter().map(|_| stream.between(-1e-3, 1e-3)).collect();
+    let mut state: Vec<[f32; LANES]> = carries.iter().map(|weight| [*weight; LANES]).collect();
+    let seen: Vec<[f32; LANES]> = observations.iter().map(|weight| [*weight; LANES]).collect();
+    let by_actions: Vec<[f32; LANES]> = gradient.pull_back(workspace, &mut state, &seen).collect();
+    let column_of = |carry: &Carry| match gradient.sources[carry.read as usize] {
+        Source::Column(column) => column,
+        Source::Action(_) => usize::MAX,
+    };
+    for lane in [0, 17, 63] {
+        let values = |index: usize| {
+            let places = gradient.sources.iter().zip(&record.values);
+            let is_here = |source: &Source| match *source {
+                Source::Column(column) => column == index,
+                Source::Action(action) => action + columns(scenario) == index,
+            };
+            places.filter(|(source, _)| is_here(source)).map(|(_, column)| f64::from(column[lane])).next()
+        };
+        let mut weights = vec![0.0; observations.len() + columns(scenario)];
+        weights.iter_mut().zip(&observations).for_each(|(weight, value)| *weight = f64::from(*value));
+        for (carry, weight) in gradient.carries.iter().zip(&carries) {
+            weights[observations.len() + column_of(carry)] = f64::from(*weight);
+        }
+        let at = |moved: usize, by: f64| {
+            let input = |index| values(index).unwrap_or(0.0) + if index == moved { by } else { 0.0 };
+            objective(&Period::fly(scenario, input), &gradient.silent, &weights)
+        };
+        let carried = gradient.carries.iter().map(column_of).zip(&state);
+        let acted = by_actions.iter().enumerate().map(|(action, column)| (columns(scenario) + action, column));
+        for (input, column) in carried.chain(acted) {
+            let step = 1e-6 * values(input).unwrap_or(0.0).abs().max(1.0);
+            let expected = (at(input, step) - at(input, -step)) / (2.0 * step);
+            let found = f64::from(column[lane]);
+            let error = (found - expected).abs() / (expected.abs() + 1e-2);
+            assert!(error < 1e-3, "{}, input {input}: {found}, {expected}", scenario.action.name());
+        }
+    }
+}
+
+fn columns(scenario: &Scenario) -> usize {
+    Period::<f64>::fly(scenario, |_| 0.0).columns
+}
+
+#[test]
+fn what_has_no_derivative_is_refused_by_name() {
+    let scenario = testing::hover();
+    let silent = Scenario { rewards: vec![crate::reward::Alive { weight: 1.0 }.into()], ..scenario.clone() };
+    assert_eq!(
+        StepGradient::new(&silent).unwrap_err().to_string(),
+        "rewards without a derivative by the flight: alive"
+    );
+    let moving = Scenario { goals: crate::scenario::Goals::Line([1.0, 0.0, 0.0].into()), ..scenario };
+    assert_eq!(StepGradient::new(&moving).unwrap_err(), NotDifferentiable::MovingGoal);
+}

@@ -1,0 +1,356 @@
+//! Policy gradients through the environment itself: backpropagation through time.
+//!
+//! Where every step has a derivative, nothing has to be estimated from samples. [`AnalyticTrainer::update`] flies a
+//! window of T steps with the mean actions, sums up the rewards, and carries the derivative of the sum from the last
+//! step to the first: through the step to state and action, through the policy's network to its parameters and to what
+//! it observed, and from there to the state again. One step of Adam follows (analytic policy gradient, Freeman et al.
+//! 2021, "Brax"; for quadrotors Wiedemann et al. 2023).
+//!
+//! The window begins where the last one ended, so that episodes are longer than a window; what it starts from counts as
+//! given. Some episodes are ended before each window, so that the drones are at different moments of theirs. A
+//! derivative that has grown too long on its way back is shortened, row by row: in chaotic flight it would say nothing.
+//!
+//! Sums have an order of their own for any number of threads: each environment batch has its own gradient.
+
+use std::time::Instant;
+
+use kestrel_core::seed::{Purpose, Seed, Stream};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::actor_critic::{Actor, ActorLengths, Critic};
+use crate::adam::{Adam, Remembering};
+use crate::environment::{Environment, TaskShape};
+use crate::network::{Accumulate, Workspace, dispatch, square};
+use crate::ppo::{RestoreError, TrainerState, UpdateMetrics};
+use crate::schedule::Schedule;
+
+/// Logarithm of the standard deviation that the policy is left with: actions are never drawn.
+const LOG_STD: f32 = -3.0;
+
+/// What training by gradients through the environment is made with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AnalyticSettings {
+    /// Environments in parallel, a multiple of [`Differentiable::ENVIRONMENTS`].
+    pub environments: usize,
+    /// Steps of a window, through which derivatives go back.
+    pub steps_per_window: usize,
+    /// Environment steps of the whole training; a linear schedule ends there.
+    pub total_steps: u64,
+    /// Step size of Adam.
+    pub learning_rate: Schedule,
+    /// Longest gradient of the mean reward of a step; longer ones are scaled down.
+    pub gradient_norm_limit: f32,
+    /// Share of the environments whose episodes are ended before a window, in \[0, 1\].
+    pub restart_share: f32,
+    /// Longest derivative of the window's rewards by the state of a lane, in rewards per unit of the state.
+    pub adjoint_limit: f32,
+    /// Widths of the actor's hidden layers.
+    pub actor_hidden: Vec<usize>,
+}
+
+impl Default for AnalyticSettings {
+    fn default() -> Self {
+        Self {
+            environments: 64,
+            steps_per_window: 64,
+            total_steps: 1_228_800,
+            learning_rate: Schedule::Linear { from: 12e-3, to: 6e-4 },
+            gradient_norm_limit: 1.0,
+            restart_share: 0.3,
+            adjoint_limit: 100.0,
+            actor_hidden: vec![64, 64],
+        }
+    }
+}
+
+impl AnalyticSettings {
+    /// Environment steps of an update, where every environment has one agent.
+    pub fn batch(&self) -> usize {
+        self.environments * self.steps_per_window
+    }
+}
+
+/// An environment whose steps have derivatives.
+pub trait Differentiable: Environment {
+    /// What is remembered of a window of steps, and room to go back through it.
+    type Tape: Clone + Send + std::fmt::Debug;
+
+    /// Environments of a batch, which are differentiated together.
+    const ENVIRONMENTS: usize;
+
+    /// A tape for windows of so many steps.
+    ///
+    /// # Errors
+    /// What of the task has no derivatives, a noun.
+    fn tape(task: &Self::Task, steps: usize) -> Result<Self::Tape, String>;
+
+    /// As [`Environment::step`], remembered as a step of the window.
+    fn step_on(&mut self, tape: &mut Self::Tape, step: usize, actions: &[f32]);
+
+    /// Carries derivatives of the rewards through a step of the window, from the last to the first; nothing that came
+    /// after an ended episode counts.
+    ///
+    /// `by_observations [observation_len][rows]` are those by what was observed after the step; those by the actions go
+    /// to `by_actions [action_len][rows]`. Those by the state stay on the tape, none longer than `limit`.
+    fn pull_back(tape: &mut Self::Tape, step: usize, by_observations: &[f32], limit: f32, by_actions: &mut [f32]);
+
+    /// Ends the episodes of some environments and begins new ones.
+    fn restart(&mut self, environments: &[usize]);
+}
+
+/// A training run between two updates.
+#[derive(Clone, Debug)]
+pub struct AnalyticTrainer<E: Differentiable> {
+    settings: AnalyticSettings,
+    seed: Seed,
+    actor: Actor,
+    /// Not trained; the state of a run has one.
+    critic: Critic,
+    optimiser: Adam,
+    learning_rate: f32,
+    updates: u64,
+    batches: Vec<Batch<E>>,
+    gradient: Vec<f32>,
+}
+
+/// Environments that are differentiated together, by one thread.
+#[derive(Clone, Debug)]
+struct Batch<E: Differentiable> {
+    environment: E,
+    tape: E::Tape,
+    /// What each step of the window began with, and what the network made of it.
+    steps: Vec<Step>,
+    /// Derivatives by the actions of a step `[action_len][rows]`.
+    by_actions: Vec<f32>,
+    /// Derivatives by what a step observed `[observation_len][rows]`.
+    by_observations: Vec<f32>,
+    gradient: Vec<f32>,
+    /// Sum of the rewards of the window.
+    reward: f64,
+}
+
+#[derive(Clone, Debug)]
+struct Step {
+    observations: Vec<f32>,
+    network: Workspace,
+}
+
+/// Why a task cannot be trained so.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum AnalyticError {
+    /// What of the task has no derivatives.
+    #[error("no gradients go through {0}")]
+    Task(String),
+    /// Images are not differentiated.
+    #[error("a policy with a camera cannot be trained by derivatives of its flight yet")]
+    Images,
+    /// Environments that fill no batches.
+    #[error("{found} environments: expected a multiple of {expected}")]
+    Environments {
+        /// In the settings.
+        found: usize,
+        /// Environments of a batch.
+        expected: usize,
+    },
+    /// A state that does not fit.
+    #[error(transparent)]
+    Restore(#[from] RestoreError),
+}
+
+impl<E: Differentiable> AnalyticTrainer<E> {
+    /// A run at its beginning.
+    ///
+    /// # Errors
+    /// When the task cannot be trained so.
+    pub fn new(task: &E::Task, settings: &AnalyticSettings, seed: Seed) -> Result<Self, AnalyticError> {
+        let shape = E::shape(task);
+        if shape.image.is_some() {
+            return Err(AnalyticError::Images);
+        }
+        if settings.environments == 0 || !settings.environments.is_multiple_of(E::ENVIRONMENTS) {
+            return Err(AnalyticError::Environments { found: settings.environments, expected: E::ENVIRONMENTS });
+        }
+        let weights = |network| Stream::new(seed, network, Purpose::Weights);
+        let lengths = ActorLengths { observation: shape.observation_len, action: shape.action_len };
+        let hidden = &settings.actor_hidden;
+        let actor = Actor::state_based(lengths, hidden, LOG_STD, &mut weights(0));
+        let critic = Critic::state_based(shape.observation_len + shape.privileged_len, hidden, 1, &mut weights(1));
+        let tape = E::tape(task, settings.steps_per_window).map_err(AnalyticError::Task)?;
+        let batch = |index: usize| {
+            let environment = E::begin(task, seed, (index * E::ENVIRONMENTS) as u32, E::ENVIRONMENTS);
+            Batch::new(environment, tape.clone(), (&actor, &shape), settings.steps_per_window)
+        };
+        Ok(Self {
+            batches: (0..settings.environments / E::ENVIRONMENTS).map(batch).collect(),
+            settings: settings.clone(),
+            seed,
+            optimiser: Adam::new(actor.parameters().len()),
+            gradient: vec![0.0; actor.parameters().len()],
+            learning_rate: settings.learning_rate.initial(),
+            updates: 0,
+            critic,
+            actor,
+        })
+    }
+
+    /// A window of flight, the derivative of its rewards, and a step along it. The bits do not depend on the number of
+    /// threads of the current rayon pool.
+    pub fn update(&mut self) -> UpdateMetrics {
+        let start = Instant::now();
+        let (actor, first) = (&self.actor, self.updates * self.batches.len() as u64);
+        let restarts = |batch: usize| Stream::new(self.seed, (first + batch as u64) as u32, Purpose::Shuffle);
+        let share = self.settings.restart_share;
+        self.batches.par_iter_mut().enumerate().for_each(|(index, batch)| {
+            batch.restart(share, &mut restarts(index));
+            batch.fly(actor);
+        });
+        let rollout_secs = start.elapsed().as_secs_f64();
+        let limit = self.settings.adjoint_limit;
+        self.batches.par_iter_mut().for_each(|batch| batch.differentiate(actor, limit));
+        let mut metrics = UpdateMetrics { learning_rate: self.learning_rate, rollout_secs, ..Default::default() };
+        self.descend(&mut metrics);
+        self.updates += 1;
+        let progress = self.steps() as f64 / self.settings.total_steps.max(1) as f64;
+        self.learning_rate = self.settings.learning_rate.next(self.learning_rate, progress, 0.0);
+        (metrics.steps, metrics.updates) = (self.steps(), self.updates);
+        metrics.log_std = self.actor.log_std().iter().sum::<f32>() / self.actor.action_len() as f32;
+        let episodes: Vec<_> =
+            self.batches.iter_mut().flat_map(|batch| batch.environment.take_episodes()).collect();
+        metrics.describe(&episodes);
+        metrics.update_secs = start.elapsed().as_secs_f64() - rollout_secs;
+        metrics
+    }
+
+    /// One step of Adam along the mean gradient, clipped to the longest.
+    fn descend(&mut self, metrics: &mut UpdateMetrics) {
+        self.gradient.fill(0.0);
+        for batch in &self.batches {
+            dispatch(Accumulate { values: &batch.gradient, sums: &mut self.gradient });
+        }
+        let samples = (self.steps_in_update() as f32).max(1.0);
+        let norm = square(&self.gradient).sqrt() / samples;
+        let reward: f64 = self.batches.iter().map(|batch| batch.reward).sum();
+        (metrics.gradient_norm, metrics.policy_loss) = (norm, -(reward / f64::from(samples)) as f32);
+        // Descent, along the negative gradient of what is paid.
+        let scale = -(self.settings.gradient_norm_limit / (norm + 1e-6)).min(1.0) / samples;
+        let gradient = (&self.gradient[..], scale);
+        if norm.is_finite() {
+            let parameters = self.actor.parameters_mut();
+            self.optimiser.step_remembering(Remembering::Short, parameters, gradient, self.learning_rate);
+        }
+    }
+
+    fn steps_in_update(&self) -> usize {
+        self.batches.iter().map(|batch| batch.steps.len() * batch.environment.rewards().len()).sum()
+    }
+
+    /// Environment steps since the start of training.
+    pub fn steps(&self) -> u64 {
+        self.updates * self.steps_in_update() as u64
+    }
+
+    /// Updates since the start of training.
+    pub fn updates(&self) -> u64 {
+        self.updates
+    }
+
+    /// The policy.
+    pub fn actor(&self) -> &Actor {
+        &self.actor
+    }
+
+    /// Goes on with a saved run, to the bits that it would have come to without the interruption.
+    ///
+    /// # Errors
+    /// When the task cannot be trained so, or the state is of another one or of settings of another shape.
+    pub fn restore(
+        task: &E::Task,
+        settings: &AnalyticSettings,
+        state: TrainerState<E::State>,
+    ) -> Result<Self, AnalyticError> {
+        let mut trainer = Self::new(task, settings, state.seed())?;
+        state.check((&trainer.actor, &trainer.critic), trainer.batches.len())?;
+        for (batch, saved) in trainer.batches.iter_mut().zip(&state.env_batches) {
+            if !batch.environment.restore(saved) {
+                return Err(RestoreError::Task { task: E::name(task).to_owned() }.into());
+            }
+        }
+        trainer.actor = state.actor;
+        trainer.optimiser = state.actor_optimiser;
+        trainer.learning_rate = state.learning_rate;
+        trainer.updates = state.updates;
+        Ok(trainer)
+    }
+
+    /// The run between two updates.
+    pub fn save(&self) -> TrainerState<E::State> {
+        TrainerState::of(
+            (self.seed, self.updates, self.learning_rate),
+            (self.actor.clone(), self.critic.clone()),
+            self.optimiser.clone(),
+            self.batches.iter().map(|batch| batch.environment.save()).collect(),
+        )
+    }
+}
+
+impl<E: Differentiable> Batch<E> {
+    fn new(environment: E, tape: E::Tape, (actor, shape): (&Actor, &TaskShape), steps: usize) -> Self {
+        let rows = E::ENVIRONMENTS * shape.agents;
+        let step = Step {
+            observations: vec![0.0; shape.observation_len * rows],
+            network: Workspace::new(actor.mlp(), rows),
+        };
+        Self {
+            environment,
+            tape,
+            by_actions: vec![0.0; shape.action_len * rows],
+            by_observations: step.observations.clone(),
+            steps: vec![step; steps],
+            gradient: vec![0.0; actor.parameters().len()],
+            reward: 0.0,
+        }
+    }
+
+    /// Ends the episodes of a share of the environments.
+    fn restart(&mut self, share: f32, stream: &mut Stream) {
+        let chosen: Vec<usize> = (0..E::ENVIRONMENTS).filter(|_| stream.uniform() < share).collect();
+        self.environment.restart(&chosen);
+    }
+
+    /// A window of steps with the mean actions.
+    fn fly(&mut self, actor: &Actor) {
+        let Self { environment, tape, steps, .. } = self;
+        self.reward = 0.0;
+        for (index, Step { observations, network }) in steps.iter_mut().enumerate() {
+            observations.copy_from_slice(environment.observations());
+            let actions = actor.mlp().forward(actor.parameters(), observations, network);
+            environment.step_on(tape, index, actions);
+            self.reward += environment.rewards().iter().map(|reward| f64::from(*reward)).sum::<f64>();
+        }
+    }
+
+    /// From the last step to the first.
+    fn differentiate(&mut self, actor: &Actor, limit: f32) {
+        self.gradient.fill(0.0);
+        self.by_observations.fill(0.0);
+        for (index, Step { observations, network }) in self.steps.iter_mut().enumerate().rev() {
+            E::pull_back(&mut self.tape, index, &self.by_observations, limit, &mut self.by_actions);
+            let (actions, deltas) = network.output_delta();
+            for ((delta, action), by_action) in deltas.iter_mut().zip(actions).zip(&self.by_actions) {
+                *delta = heard(*action, *by_action);
+            }
+            let (mlp, gradient) = (actor.mlp(), &mut self.gradient[..actor.mlp().parameter_count()]);
+            mlp.backward_to_inputs(actor.parameters(), observations, network, gradient, &mut self.by_observations);
+        }
+    }
+}
+
+/// The derivative that an action beyond its range hears: that of the limit, where it leads back.
+fn heard(action: f32, derivative: f32) -> f32 {
+    let leads_out = (action > 1.0 && derivative > 0.0) || (action < -1.0 && derivative < 0.0);
+    if leads_out { 0.0 } else { derivative }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,79 @@
+use super::*;
+use crate::pendulum::{Pendulum, SwingUp};
+
+fn settings() -> AnalyticSettings {
+    AnalyticSettings { environments: 128, steps_per_window: 20, adjoint_limit: 1e9, ..AnalyticSettings::default() }
+}
+
+fn trainer() -> AnalyticTrainer<Pendulum> {
+    AnalyticTrainer::new(&SwingUp, &settings(), Seed(1)).unwrap()
+}
+
+/// Rewards of the first window with a policy.
+fn rewards(actor: &Actor) -> f64 {
+    let mut trainer = trainer();
+    trainer.batches.iter_mut().for_each(|batch| batch.fly(actor));
+    trainer.batches.iter().map(|batch| batch.reward).sum()
+}
+
+#[test]
+fn the_gradient_of_a_window_is_that_of_differences() {
+    let mut trainer = trainer();
+    // The first actions are nearly zero; larger ones show more.
+    trainer.actor.parameters_mut().iter_mut().for_each(|parameter| *parameter *= 1.5);
+    let actor = trainer.actor.clone();
+    let mut gradient = vec![0.0; actor.parameters().len()];
+    for batch in &mut trainer.batches {
+        batch.fly(&actor);
+        batch.differentiate(&actor, 1e9);
+        gradient.iter_mut().zip(&batch.gradient).for_each(|(sum, value)| *sum += value);
+    }
+    let mut stream = Stream::new(Seed(2), 0, Purpose::Weights);
+    for _ in 0..4 {
+        let direction: Vec<f32> = gradient.iter().map(|_| stream.normal()).collect();
+        let expected: f64 = gradient.iter().zip(&direction).map(|(one, other)| f64::from(one * other)).sum();
+        let moved = |by: f32| {
+            let mut actor = actor.clone();
+            actor.parameters_mut().iter_mut().zip(&direction).for_each(|(value, way)| *value += by * way);
+            rewards(&actor)
+        };
+        let found = (moved(1e-3) - moved(-1e-3)) / 2e-3;
+        assert!((found - expected).abs() < 0.01 * expected.abs() + 1.0, "{found} {expected}");
+    }
+}
+
+#[test]
+fn bits_depend_neither_on_threads_nor_on_an_interruption() {
+    let run = |threads: usize, is_interrupted: bool| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut trainer = trainer();
+            for _ in 0..3 {
+                trainer.update();
+                if is_interrupted {
+                    trainer = AnalyticTrainer::restore(&SwingUp, &settings(), trainer.save()).unwrap();
+                }
+            }
+            trainer.actor.parameters().to_vec()
+        })
+    };
+    let bits = run(1, false);
+    assert_eq!(run(3, false), bits);
+    assert_eq!(run(2, true), bits);
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let odd = AnalyticSettings { environments: 100, ..settings() };
+    let refusal = AnalyticTrainer::<Pendulum>::new(&SwingUp, &odd, Seed(0)).unwrap_err();
+    assert_eq!(refusal.to_string(), "100 environments: expected a multiple of 64");
+    let wide = AnalyticSettings { actor_hidden: vec![8], ..settings() };
+    let refusal = AnalyticTrainer::<Pendulum>::restore(&SwingUp, &wide, trainer().save()).unwrap_err();
+    assert!(refusal.to_string().contains("the saved actor has layers [3, 64, 64, 1]"), "{refusal}");
+}
+
+#[test]
+fn an_action_beyond_its_limit_hears_the_way_back_only() {
+    assert_eq!([heard(1.5, 1.0), heard(1.5, -1.0), heard(-1.5, -1.0), heard(-1.5, 1.0)], [0.0, -1.0, 0.0, 1.0]);
+    assert_eq!(heard(0.5, 1.0), 1.0);
+}
