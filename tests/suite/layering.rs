@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which package may name which of the others.
-const ARROWS: [(&str, &[&str]); 14] = [
+const ARROWS: [(&str, &[&str]); 15] = [
     ("kestrel-core", &[]),
     ("kestrel-onboard", &["kestrel-core"]),
     ("kestrel-config", &[]),
@@ -22,6 +22,7 @@ const ARROWS: [(&str, &[&str]); 14] = [
     ("kestrel-verify", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-identify", &["kestrel-core"]),
     ("kestrel-experiments", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-draw"]),
+    ("kestrel-python", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-experiments"]),
     (
         "kestrel",
         &[

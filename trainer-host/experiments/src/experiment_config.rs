@@ -89,15 +89,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError
 /// # Errors
 /// As [`load`], and when the drones do not fill the environment batches that train.
 pub fn load_to_train(path: &Path, overrides: &[String]) -> Result<Experiment, ConfigError> {
-    let document = ExperimentConfig::overridden(Document::read(path)?, overrides)?;
-    let experiment = checked(&document)?;
-    if experiment.analytic.is_some() {
-        refuse_without_derivatives(&experiment.scenario, &document.root().at("training").at("analytic"))?;
-        return Ok(experiment);
-    }
-    let tasks = std::slice::from_ref(&experiment.scenario);
-    refuse_broken_batches(tasks, experiment.ppo.environments, &document.root().at("training"))?;
-    Ok(experiment)
+    to_train(Document::read(path)?, overrides)
 }
 
 /// The experiment in the YAML `text`, which messages call `name`; otherwise as [`load`].
@@ -108,9 +100,29 @@ pub fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Experiment,
     from_document(Document::parse(name, text)?, overrides)
 }
 
+/// As [`parse`], for training, which not every experiment is fit for.
+///
+/// # Errors
+/// As [`load_to_train`].
+pub fn parse_to_train(name: &str, text: &str, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    to_train(Document::parse(name, text)?, overrides)
+}
+
 /// The JSON schema of the experiment file, for editors.
 pub fn schema() -> String {
     schema_of::<ExperimentConfig>()
+}
+
+fn to_train(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
+    let document = ExperimentConfig::overridden(document, overrides)?;
+    let experiment = checked(&document)?;
+    if experiment.analytic.is_some() {
+        refuse_without_derivatives(&experiment.scenario, &document.root().at("training").at("analytic"))?;
+        return Ok(experiment);
+    }
+    let tasks = std::slice::from_ref(&experiment.scenario);
+    refuse_broken_batches(tasks, experiment.ppo.environments, &document.root().at("training"))?;
+    Ok(experiment)
 }
 
 fn from_document(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {

@@ -1,0 +1,310 @@
+"""What users of gymnasium and PettingZoo rely on, through the installed wheel."""
+
+import copy
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import warnings
+
+import gymnasium
+import kestrel_drones
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from kestrel_drones import KestrelError
+from kestrel_drones._tasks import TEAMS, load, task_id
+from pettingzoo.test import parallel_api_test
+
+# A drone that ends often, so that few steps see all kinds of ends.
+SHORT = {"scenario": {"episode_secs": 0.4, "success": {"settle": {"within_secs": 0.2}}}}
+
+# Learns nothing, in seconds.
+TINY = {"training": {"total_steps": 32768, "environments": 256}, "evaluation": {"episodes": 64}}
+
+SINGLES = [name for name in kestrel_drones.task_paths() if name not in TEAMS]
+
+# One of each family, for the quick form.
+SAMPLE = ["hover", "cross", "hover-cf2x", "room-1", "room-2-vision", "land", "hover-as-published", "stream-03"]
+
+WHOLE = os.environ.get("WHOLE") == "1"
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory):
+    return kestrel_drones.train("hover", seed=1, out=tmp_path_factory.mktemp("runs") / "tiny", **TINY)
+
+
+def random_flight(steps, **keywords):
+    """Everything that an environment says during so many random steps."""
+    envs = kestrel_drones.make_vec("hover", **{"num_envs": 200, **SHORT, **keywords})
+    observations, _ = envs.reset()
+    random = np.random.default_rng(3)
+    said = [observations]
+    for _ in range(steps):
+        said += envs.step(random.uniform(-1, 1, envs.action_space.shape))[:4]
+    return said
+
+
+def same(one, other):
+    return all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
+
+
+def test_every_shipped_task_is_registered_and_no_team():
+    for name in kestrel_drones.task_paths():
+        assert (task_id(name) in gymnasium.registry) == (name not in TEAMS)
+    assert gymnasium.spec("kestrel/Room1-v0").kwargs == {"config": "room-1"}
+
+
+@pytest.mark.parametrize("name", kestrel_drones.task_paths())
+def test_every_shipped_task_is_what_its_interface_needs(name):
+    assert (load(name, {}).agents > 1) == (name in TEAMS)
+
+
+@pytest.mark.parametrize("name", SINGLES if WHOLE else SAMPLE)
+def test_gymnasium_finds_no_fault(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # Observations have no limits, and say so.
+        warnings.filterwarnings("ignore", message=".*A Box observation space (min|max)imum value is.*")
+        check_env(gymnasium.make(task_id(name)).unwrapped)
+
+
+@pytest.mark.parametrize("name", SINGLES if WHOLE else SAMPLE)
+def test_gymnasium_makes_many(name):
+    envs = gymnasium.make_vec(task_id(name), num_envs=70)
+    observations, infos = envs.reset(seed=1)
+    assert observations in envs.observation_space and infos == {}
+    envs.action_space.seed(1)
+    observations, rewards, terminations, truncations, infos = envs.step(envs.action_space.sample())
+    assert observations in envs.observation_space
+    assert rewards.shape == terminations.shape == truncations.shape == (70,)
+    assert rewards.dtype == np.float32 and terminations.dtype == truncations.dtype == bool
+
+
+@pytest.mark.parametrize("name", sorted(TEAMS) if WHOLE else ["multi-hover", "crossing-3", "swarm"])
+def test_pettingzoo_finds_no_fault(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(kestrel_drones.parallel_env(name), num_cycles=200)
+
+
+def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads():
+    reference = random_flight(60, threads=1, seed=5)
+    for threads in (2, 3, None):
+        assert same(reference, random_flight(60, threads=threads, seed=5))
+    assert not same(reference, random_flight(60, threads=1, seed=6))
+
+
+def test_an_environment_does_not_depend_on_how_many_there_are():
+    few, many = (kestrel_drones.make_vec("hover", num_envs=count, seed=5).reset()[0] for count in (3, 300))
+    assert few.tobytes() == many[:3].tobytes()
+
+
+def test_an_episode_begins_anew_in_the_step_that_ends_it():
+    envs = kestrel_drones.make_vec("hover", num_envs=130, seed=2, **SHORT)
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    single = kestrel_drones.make("hover", **SHORT)
+    observation, _ = single.reset(seed=2)
+    assert observation.tobytes() == envs.reset()[0][0].tobytes()
+    random = np.random.default_rng(4)
+    ends = 0
+    while ends < 3:
+        actions = random.uniform(-1, 1, envs.action_space.shape).astype(np.float32)
+        observations, rewards, terminations, truncations, infos = envs.step(actions)
+        observation, reward, terminated, truncated, info = single.step(actions[0])
+        assert (reward, terminated, truncated) == (rewards[0], terminations[0], truncations[0])
+        ended = terminations | truncations
+        assert ended.any() == ("final_obs" in infos)
+        if ended.any():
+            assert (infos["_final_obs"] == ended).all() and (infos["_final_info"] == ended).all()
+            assert all((value is not None) == end for value, end in zip(infos["final_obs"], ended, strict=True))
+        if not ended[0]:
+            assert observation.tobytes() == observations[0].tobytes()
+            continue
+        ends += 1
+        final = infos["final_info"]
+        assert observation.tobytes() == infos["final_obs"][0].tobytes()
+        assert (info["is_success"], info["ending"]) == (final["is_success"][0], final["ending"][0])
+        terms = {name: final["episode_reward_terms"][name][0] for name in info["episode_reward_terms"]}
+        assert info["episode_reward_terms"] == terms
+        assert single.reset()[0].tobytes() == observations[0].tobytes()
+
+
+def test_rewards_are_the_sum_of_their_terms():
+    env = kestrel_drones.make("hover")
+    env.reset(seed=0)
+    for _ in range(20):
+        _, reward, _, _, info = env.step(np.zeros(4))
+        assert sum(info["reward_terms"].values()) == pytest.approx(reward, abs=1e-6)
+    assert {"alive", "proximity", "proximity_2", "proximity_3"} < set(info["reward_terms"])
+
+
+def test_wrappers_of_gymnasium_fit():
+    envs = gymnasium.wrappers.vector.RecordEpisodeStatistics(kestrel_drones.make_vec("hover", num_envs=64, **SHORT))
+    envs = gymnasium.wrappers.vector.ClipReward(envs, -1, 1)
+    envs.reset(seed=0)
+    for _ in range(25):
+        infos = envs.step(envs.action_space.sample())[-1]
+        if "episode" in infos:
+            return
+    raise AssertionError("no episode ended")
+
+
+def test_what_a_step_returned_stays_as_it_was():
+    envs = kestrel_drones.make_vec("hover", num_envs=64, seed=1)
+    before, _ = envs.reset()
+    kept = copy.deepcopy(before)
+    envs.step(np.zeros(envs.action_space.shape))
+    assert before.tobytes() == kept.tobytes()
+
+
+def test_images_stand_beside_observations():
+    envs = kestrel_drones.make_vec("room-1-vision", num_envs=3, seed=1)
+    observations, _ = envs.reset()
+    assert observations in envs.observation_space
+    assert len(np.unique(observations["image"])) > 5
+
+
+def test_critics_may_know_more():
+    envs = kestrel_drones.make_vec("hover", num_envs=5, seed=1)
+    envs.reset()
+    assert envs.privileged().shape[0] == 5 and envs.privileged().shape[1] > 0
+
+
+def test_other_threads_of_python_go_on_while_drones_fly():
+    envs = kestrel_drones.make_vec("room-1", num_envs=4096, threads=1)
+    envs.reset()
+    counted, done = [0], threading.Event()
+
+    def count():
+        while not done.is_set():
+            counted[0] += 1
+            time.sleep(1e-4)
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    actions = np.zeros(envs.action_space.shape, dtype=np.float32)
+    begun = time.monotonic()
+    while time.monotonic() - begun < 0.5:
+        envs.step(actions)
+    done.set()
+    counter.join()
+    assert counted[0] > 100, counted
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: kestrel_drones.make_vec("hovver"), "hovver: found no such task, expected .* such as hover"),
+        (lambda: kestrel_drones.make_vec("none.yaml"), "none.yaml: .*expected a configuration"),
+        (lambda: kestrel_drones.make_vec("multi-hover"), "found a team of 2 drones, expected one drone: .*parallel_env"),
+        (lambda: kestrel_drones.make_vec("hover", num_envs=0), "num_envs: found 0, expected 1 to"),
+        (lambda: kestrel_drones.make_vec("hover", threads=0), "threads: found 0, expected 1 or more"),
+        (lambda: kestrel_drones.make_vec("hover", starts="late"), "starts: found late, expected training or evaluation"),
+        (lambda: kestrel_drones.make_vec("hover", training={"epochs": -1}), "--set training.epochs=-1: found -1"),
+        (lambda: kestrel_drones.make_vec("hover").step(np.zeros((1, 4))), "found no reset before it"),
+        (lambda: kestrel_drones.make_vec({"version": 1, "nome": 2}), "configuration:1.*unknown key `nome`"),
+        (lambda: kestrel_drones.train("multi-hover", training={"environments": 100}), "expected a multiple of"),
+        (lambda: kestrel_drones.Policy.load("none.kestrel"), "none.kestrel: "),
+        (lambda: kestrel_drones.Policy.load("hover").act(np.zeros(3)), r"observations: found \[1, 3\], expected"),
+        (lambda: kestrel_drones.evaluate("nowhere"), "nowhere holds no run"),
+    ],
+)
+def test_errors_say_where_what_and_what_was_expected(make, message):
+    with pytest.raises(KestrelError, match=message):
+        make()
+
+
+def test_actions_of_another_shape_are_refused():
+    envs = kestrel_drones.make_vec("hover", num_envs=5)
+    envs.reset()
+    with pytest.raises(KestrelError, match=r"actions: found \[5, 3\], expected \[5, 4\]"):
+        envs.step(np.zeros((5, 3)))
+
+
+def test_a_file_and_a_dictionary_are_the_same_task(tmp_path):
+    own = {
+        "version": 1,
+        "name": "own",
+        "import": str(kestrel_drones.task_path("hover")),
+        **SHORT,
+    }
+    path = tmp_path / "own.yaml"
+    path.write_text(json.dumps(own), encoding="utf-8")
+    files = [kestrel_drones.make_vec(config, num_envs=2, seed=1) for config in (own, path, str(path))]
+    assert len({envs.task.yaml for envs in files}) == 1
+    assert len({envs.reset()[0].tobytes() for envs in files}) == 1
+
+
+def test_a_run_directory_holds_what_kestrel_train_makes(run):
+    names = {path.name for path in run.path.iterdir()}
+    expected = {"config.yaml", "metrics.jsonl", "checkpoints", "policy.kestrel", "policy-f32.kestrel", "evaluation.json"}
+    assert expected | {"learning-curve.svg", "flight.gif", "export.json"} <= names
+    assert [row["updates"] for row in run.rows] == list(range(1, 5)) and run.rows[-1]["steps"] == 32768
+    assert run.evaluation["rows"][0]["pilot"] == "fixed16"
+
+
+def test_the_same_seed_trains_the_same_policy(run, tmp_path):
+    again = kestrel_drones.train("hover", seed=1, out=tmp_path / "again", threads=1, **TINY)
+    assert (again.path / "policy.kestrel").read_bytes() == (run.path / "policy.kestrel").read_bytes()
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_policy_flies_in_python_as_in_the_evaluation_of_rust(run, index):
+    report = kestrel_drones.evaluate(run)["rows"][index]
+    policy = kestrel_drones.Policy.load(run.path / ["policy.kestrel", "policy-f32.kestrel"][index])
+    assert policy.arithmetic == report["pilot"]
+    envs = kestrel_drones.make_vec(run.path / "config.yaml", num_envs=64, starts="evaluation", seed=0)
+    observations, _ = envs.reset()
+    returns = np.full(64, np.nan)
+    total, success = np.zeros(64, np.float32), np.zeros(64, bool)
+    while np.isnan(returns).any():
+        observations, rewards, terminations, truncations, infos = envs.step(policy.act(observations))
+        total += rewards
+        first = (terminations | truncations) & np.isnan(returns)
+        if first.any():
+            returns[first] = total[first]
+            success[first] = infos["final_info"]["is_success"][first]
+    assert returns.sum() / 64 == report["episode_return"]
+    assert success.mean() == report["success_rate"]
+
+
+def test_one_observation_or_many_give_the_same_action():
+    policy = kestrel_drones.Policy.load("hover")
+    observations, _ = kestrel_drones.make_vec("hover", num_envs=4, seed=1).reset()
+    assert (policy.act(observations[2]) == policy.act(observations)[2]).all()
+
+
+def test_policies_are_exported(run):
+    for target in ("file", "rust", "c", "crazyflie", "onnx", "safetensors"):
+        assert all(path.exists() for path in kestrel_drones.export(run, target))
+    with pytest.raises(KestrelError, match="target: found cobol, expected file, rust"):
+        kestrel_drones.export(run, "cobol")
+
+
+def test_ctrl_c_stops_with_a_checkpoint_from_which_training_goes_on(tmp_path):
+    code = """if True:
+        import kestrel_drones, sys
+        try:
+            kestrel_drones.train("hover", out=sys.argv[1], training={"total_steps": 4_000_000, "environments": 256})
+        except KeyboardInterrupt:
+            print("interrupted")
+    """
+    out = tmp_path / "stopped"
+    child = subprocess.Popen([sys.executable, "-c", code, out], stdout=subprocess.PIPE, text=True)
+    metrics = out / "metrics.jsonl"
+    while not metrics.exists() or not metrics.read_text():
+        assert child.poll() is None
+        time.sleep(0.05)
+    child.send_signal(signal.SIGINT)
+    assert child.communicate(timeout=30)[0] == "interrupted\n"
+    rows = kestrel_drones.Run(out).rows
+    config = out / "config.yaml"
+    budget = rows[-1]["steps"] + 8192
+    config.write_text(config.read_text().replace("total_steps: 4000000", f"total_steps: {budget}"))
+    assert kestrel_drones.resume(out).rows[-1]["steps"] == budget

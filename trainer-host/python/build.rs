@@ -1,0 +1,42 @@
+//! Puts the shipped tasks, with all that they import, where maturin takes them into the wheel.
+
+use std::path::{Path, PathBuf};
+use std::{env, fs, io};
+
+/// Folders of the repository; the wheel has them in `kestrel_drones/shipped`.
+const FOLDERS: [&str; 7] = [
+    "configs",
+    "assets/airframes",
+    "assets/furniture",
+    "assets/meshes",
+    "assets/movables",
+    "assets/pilots",
+    "assets/worlds",
+];
+
+fn main() -> io::Result<()> {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let shipped = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default()).join("shipped");
+    if shipped.exists() {
+        fs::remove_dir_all(&shipped)?;
+    }
+    for folder in FOLDERS {
+        println!("cargo::rerun-if-changed={}", repository.join(folder).display());
+        copy(&repository.join(folder), &shipped.join(folder))?;
+    }
+    Ok(())
+}
+
+fn copy(from: &Path, to: &Path) -> io::Result<()> {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        let target = to.join(entry.file_name());
+        if entry.file_type()?.is_dir() {
+            copy(&entry.path(), &target)?;
+        } else {
+            fs::copy(entry.path(), target)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,68 @@
+"""Training runs, as ``kestrel train``, ``evaluate`` and ``export`` make and read them."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from . import _native, _tasks
+from ._policy import Policy
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run directory: configuration, metrics, checkpoints, learning curve, policies, evaluation and a flight as GIF."""
+
+    path: Path
+
+    @property
+    def rows(self):
+        """The learning curve: a dictionary per update, which ``pandas.DataFrame(run.rows)`` takes."""
+        with open(self.path / "metrics.jsonl", encoding="utf-8") as lines:
+            return [json.loads(line) for line in lines if line.endswith("\n")]
+
+    @property
+    def policy(self):
+        """The best policy, in fixed point."""
+        return Policy.load(self.path)
+
+    @property
+    def evaluation(self):
+        """How it flew beside the baselines: ``rows`` with ``pilot``, ``success_rate``, ``episode_return`` and more."""
+        return json.loads((self.path / "evaluation.json").read_text(encoding="utf-8"))
+
+    def _repr_html_(self):
+        """The learning curve in a notebook."""
+        curve = self.path / "learning-curve.svg"
+        return curve.read_text(encoding="utf-8") if curve.exists() else None
+
+
+def train(config, *, seed=None, out=None, threads=None, **set):
+    """Trains a policy with PPO and returns the run, whose directory is ``out``, or the next free one in ``runs``.
+
+    ``config`` and further keywords are those of ``DroneVectorEnv``: ``train("hover", training={"total_steps": 1_000_000})``.
+    Ctrl-C stops after the update in progress, with a checkpoint from which ``resume`` goes on.
+    """
+    overrides = _tasks.overrides(set) + ([] if seed is None else [f"training.seed={seed}"])
+    return Run(Path(_native.train(_tasks.source(config), overrides, out, threads)))
+
+
+def resume(run, *, threads=None):
+    """Goes on with a run that was stopped."""
+    return Run(Path(_native.resume(_directory(run), threads)))
+
+
+def evaluate(run, *, episodes=None, seed=None, threads=None):
+    """Flies a run's policies and the baselines from the starts of its evaluation; returns the report."""
+    keys = {"evaluation.episodes": episodes, "evaluation.seed": seed}
+    overrides = [f"{key}={value}" for key, value in keys.items() if value is not None]
+    return json.loads(Path(_native.evaluate(_directory(run), overrides, threads)).read_text(encoding="utf-8"))
+
+
+def export(run, target="file"):
+    """Exports a run's policy and returns the paths; ``target`` is file, rust, c, crazyflie, onnx or safetensors."""
+    return [Path(path) for path in _native.export(_directory(run), target)]
+
+
+def _directory(run):
+    return run.path if isinstance(run, Run) else Path(os.fspath(run))

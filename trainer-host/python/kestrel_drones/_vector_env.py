@@ -1,0 +1,91 @@
+"""Many environments of one task that step together in Rust."""
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from . import _tasks
+from ._native import Environments
+
+
+class DroneVectorEnv(VectorEnv):
+    """``num_envs`` environments of a task, as gymnasium's vector environments are.
+
+    ``config`` is the name of a shipped task, the path of a YAML file or a dictionary; further keywords are laid over it:
+    ``DroneVectorEnv("hover", scenario={"start": {"tilt_limit_deg": 45}})``. Environment ``i`` draws what is random from
+    ``seed`` and ``i``; the bits do not depend on ``threads``, which are all cores by default. ``starts`` is ``"training"``
+    or ``"evaluation"``, which has the task's own starts and time limit.
+
+    An episode that ends begins anew in the same step: ``infos["final_obs"]`` and ``infos["final_info"]`` hold what it ended
+    with (``is_success``, ``ending``, and ``episode_reward_terms``, the return of each term by name). Every array is new and
+    belongs to the caller; the simulator's columns ``[values][rows]`` are transposed into it once.
+    """
+
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def __init__(self, config, num_envs=1, *, seed=0, threads=None, starts="training", **set):
+        task = _tasks.load(config, set)
+        _tasks.refuse_team(task)
+        self.task = task
+        self.num_envs = num_envs
+        self.single_observation_space = _tasks.observation_space(task)
+        self.single_action_space = _tasks.action_space(task)
+        self.native = Environments(task, num_envs, starts, threads)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.metadata = {**self.metadata, "render_fps": task.control_rate_hz}
+        self._first_seed = seed
+
+    def reset(self, *, seed=None, options=None):
+        """Begins new episodes everywhere, from ``seed``, or the constructor's, or one that follows from the last."""
+        if seed is None:
+            seed, self._first_seed = self._first_seed, None
+        super().reset(seed=seed)
+        self.native.reset(int(self.np_random.integers(2**63)) if seed is None else seed)
+        return self._batch(self.native.observations(), self.native.images()), {}
+
+    def step(self, actions):
+        """One control period of every environment with ``actions [num_envs, values]``."""
+        step = self.native.step(np.asarray(actions, dtype=np.float32))
+        ended = step["ended"]
+        infos = {} if ended is None else self._infos(ended)
+        observations = self._batch(step["observations"], step["images"])
+        return observations, step["rewards"], step["terminations"], step["truncations"], infos
+
+    def reward_terms(self):
+        """Each term of the last step's rewards by name, ``[num_envs]``."""
+        return dict(zip(self.task.reward_terms, self.native.reward_terms().T, strict=True))
+
+    def privileged(self):
+        """What only a critic may know now, such as wind and mass: ``[num_envs, values]``, of no values in some tasks."""
+        return self.native.privileged()
+
+    @staticmethod
+    def _batch(observations, images):
+        return observations if images is None else {"observation": observations, "image": images}
+
+    def _infos(self, ended):
+        """What gymnasium calls ``final_obs`` and ``final_info``, with a mask beside each."""
+        rows = ended["rows"]
+        mask = np.zeros(self.num_envs, dtype=bool)
+        mask[rows] = True
+
+        def spread(values):
+            array = np.zeros(self.num_envs, dtype=values.dtype)
+            array[rows] = values
+            return array
+
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for index, row in enumerate(rows):
+            images = None if ended["images"] is None else ended["images"][index]
+            final_obs[row] = self._batch(ended["observations"][index], images)
+        terms = {}
+        for name, values in zip(self.task.reward_terms, ended["terms"].T, strict=True):
+            terms |= {name: spread(values), f"_{name}": mask.copy()}
+        infos = {
+            "is_success": spread(ended["successes"]),
+            "ending": spread(np.array(ended["endings"], dtype=object)),
+            "episode_reward_terms": terms,
+        }
+        masked = infos | {f"_{key}": mask.copy() for key in infos}
+        return {"final_obs": final_obs, "_final_obs": mask, "final_info": masked, "_final_info": mask.copy()}

@@ -1,0 +1,27 @@
+//! The native half of the Python package `kestrel-drones`: converts and calls, and knows no task, physics or file format
+//! of its own.
+//!
+//! A [`task`] is a checked configuration; [`environments`] step it; a [`policy`] acts in it; a [`run`] trains one. What
+//! users of gymnasium and PettingZoo see is Python, in the folder `kestrel_drones`.
+
+mod environments;
+mod error;
+mod policy;
+mod run;
+mod task;
+
+use pyo3::prelude::*;
+
+/// The module `kestrel_drones._native`.
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("KestrelError", module.py().get_type::<error::KestrelError>())?;
+    module.add_class::<task::Task>()?;
+    module.add_class::<environments::Environments>()?;
+    module.add_class::<policy::Policy>()?;
+    module.add_function(wrap_pyfunction!(run::train, module)?)?;
+    module.add_function(wrap_pyfunction!(run::resume, module)?)?;
+    module.add_function(wrap_pyfunction!(run::evaluate, module)?)?;
+    module.add_function(wrap_pyfunction!(run::export, module)?)
+}
