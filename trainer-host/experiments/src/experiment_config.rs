@@ -172,7 +172,8 @@ impl ExperimentConfig {
         check_name(&self.name, &root.at("name"))?;
         let scenario = self.scenario.check(&self.name, &root.at("scenario"))?;
         let training = root.at("training");
-        let ppo = self.training.check(&training)?;
+        let filled = self.training.for_teams(std::iter::once(scenario.agents.count as usize));
+        let ppo = filled.check(&training)?;
         refuse_unsuited_encoder(&ppo.encoder, scenario.camera.as_ref(), &training)?;
         refuse_lost_teacher(ppo.teacher, &scenario, &training)?;
         Ok(Experiment {
@@ -181,7 +182,7 @@ impl ExperimentConfig {
             analytic: self.training.check_analytic(&training)?,
             seed: Seed(self.training.seed),
             evaluation: self.evaluation.check(&self.scenario, &scenario, root)?,
-            resolved_yaml: self.resolved(),
+            resolved_yaml: Self { training: filled, ..self.clone() }.resolved(),
             scenario,
         })
     }

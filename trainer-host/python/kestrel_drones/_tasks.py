@@ -28,6 +28,7 @@ TEAMS = {
     "meetup",
     "meetup-as-published",
     "multi-cross",
+    "multi-cross-as-published",
     "multi-hover",
     "multi-hover-as-published",
     "swarm",

@@ -181,6 +181,19 @@ fn what_cannot_be_trained_is_refused_before_it_begins() {
 }
 
 #[test]
+fn every_task_that_ships_is_ready_to_train() {
+    let folder = in_repository("configs/aviaries");
+    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let tasks: Vec<_> = files.filter(|path| path.extension().is_some_and(|end| end == "yaml")).collect();
+    assert!(tasks.len() > 80, "{} tasks", tasks.len());
+    for path in tasks {
+        load_to_train(&path, &[]).unwrap();
+    }
+    let trio = load_to_train(&in_repository("configs/aviaries/multi-cross.yaml"), &[]).unwrap();
+    assert_eq!((trio.scenario.agents.count, trio.ppo.environments), (3, 1536));
+}
+
+#[test]
 fn a_crossing_team_is_ready_to_train() {
     let path = in_repository("configs/aviaries/crossing-3.yaml");
     let crossing = load_to_train(&path, &[]).unwrap();

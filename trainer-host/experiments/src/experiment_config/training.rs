@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use kestrel_learn::analytic::AnalyticSettings;
 use kestrel_learn::ppo::{PpoSettings, ValueScaling, fits_minibatch};
-use kestrel_learn::rollout::{CriticScope, ENV_BATCH};
+use kestrel_learn::rollout::{CriticScope, ENV_BATCH, batch_rows};
 use kestrel_learn::schedule::Schedule;
 
 use super::eye::EyeConfig;
@@ -19,6 +19,9 @@ const ROLLOUT_LIMIT: u64 = 1 << 24;
 /// Most environments, and most samples of a minibatch: every environment batch of them has a workspace of its own, about 1 MB
 /// with hidden layers of 64.
 const PARALLEL_LIMIT: u64 = 1 << 16;
+
+/// Environments where a file says nothing, as far as teams allow.
+const ENVIRONMENTS: u64 = 1024;
 
 /// Widest hidden layer.
 const HIDDEN_LIMIT: u64 = 1024;
@@ -36,8 +39,10 @@ pub struct TrainingConfig {
     /// Steps of all drones together after which training ends.
     pub total_steps: u64,
     /// Environments that fly at the same time: a multiple of 256. Where several drones share one, drones in all, and also
-    /// a multiple of what divides evenly into 256 and into teams: 768 for teams of 3.
-    pub environments: u64,
+    /// a multiple of what divides evenly into 256 and into teams: 768 for teams of 3. Left out, 1,024 or the next such
+    /// number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub environments: Option<u64>,
     /// Steps of each drone between two updates.
     pub steps_per_rollout: u64,
     /// Passes over a rollout in one update.
@@ -214,7 +219,7 @@ impl Default for TrainingConfig {
         Self {
             seed: 0,
             total_steps: 10_000_000,
-            environments: 1024,
+            environments: None,
             steps_per_rollout: 32,
             epochs: 4,
             minibatch: 4096,
@@ -243,6 +248,17 @@ impl Default for TrainingConfig {
 }
 
 impl TrainingConfig {
+    /// The same, with whole teams of so many drones where it does not say how many drones.
+    #[must_use]
+    pub fn for_teams(&self, teams: impl Iterator<Item = usize>) -> Self {
+        let fitting = ENVIRONMENTS.next_multiple_of(batch_rows(teams) as u64);
+        Self { environments: Some(self.environments.unwrap_or(fitting)), ..self.clone() }
+    }
+
+    fn environments(&self) -> u64 {
+        self.environments.unwrap_or(ENVIRONMENTS)
+    }
+
     /// The settings of PPO.
     ///
     /// # Errors
@@ -258,7 +274,7 @@ impl TrainingConfig {
         let teacher = self.teacher.map(|teacher| teacher.check(&field.at("teacher"))).transpose()?;
         let target_kl = self.target_kl.map(|target| number("target_kl", target, RATE)).transpose()?;
         Ok(PpoSettings {
-            environments: self.environments as usize,
+            environments: self.environments() as usize,
             steps_per_rollout: self.steps_per_rollout as usize,
             total_steps: self.total_steps,
             epochs: field.at("epochs").whole(self.epochs, 1..=100)? as u32,
@@ -313,12 +329,12 @@ impl TrainingConfig {
     /// Environments, rollout, minibatch and total divide each other.
     fn check_sizes(&self, field: &Field<'_>) -> Result<(), ConfigError> {
         field.at("steps_per_rollout").whole(self.steps_per_rollout, 1..=65_536)?;
-        check_panels(self.environments, &field.at("environments"))?;
+        check_panels(self.environments(), &field.at("environments"))?;
         if !fits_minibatch(self.minibatch as usize) || self.minibatch > PARALLEL_LIMIT {
             let expected = format!("a multiple of {ENV_BATCH}, at most {PARALLEL_LIMIT}, or 32, 64 or 128");
             return Err(field.at("minibatch").refuse(self.minibatch, expected));
         }
-        let rollout = self.environments.saturating_mul(self.steps_per_rollout);
+        let rollout = self.environments().saturating_mul(self.steps_per_rollout);
         if rollout > ROLLOUT_LIMIT {
             let found = format!("a rollout of {rollout} samples (environments · steps_per_rollout)");
             return Err(field.reject(found, format!("at most {ROLLOUT_LIMIT}")));

@@ -199,7 +199,7 @@ impl StudyConfig {
         let tasks = self.check_tasks(&root.at("tasks"))?;
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
         self.training.refuse_analytic(&root.at("training"))?;
-        let training = self.training.check(&root.at("training"))?;
+        let training = self.training.for_teams(teams(&tasks)).check(&root.at("training"))?;
         refuse_other_teams(&tasks, &training, &root.at("training"))?;
         refuse_unsuited(&tasks, &training, &root.at("training"))?;
         let methods = self.check_methods(&root.at("methods"), &tasks)?;
@@ -254,7 +254,7 @@ impl StudyConfig {
             if methods.iter().any(|other| other.name == method.name) {
                 return Err(field.at("name").refuse(&method.name, "a name that no other method has"));
             }
-            let checked = method.check(&field, tasks.len())?;
+            let checked = method.check(&field, tasks)?;
             if let Some(training) = &checked.training {
                 refuse_other_teams(tasks, training, &field.at("training"))?;
                 refuse_unsuited(tasks, training, &field.at("training"))?;
@@ -288,6 +288,11 @@ impl StudyConfig {
         }
         Ok(self.claims.clone())
     }
+}
+
+/// Drones of each task that fly together.
+fn teams(tasks: &[Experiment]) -> impl Iterator<Item = usize> {
+    tasks.iter().map(|task| task.scenario.agents.count as usize)
 }
 
 /// One policy flies all tasks: they must agree in what it sees and commands.

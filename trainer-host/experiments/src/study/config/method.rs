@@ -4,7 +4,8 @@ use kestrel_sim::config::{ConfigError, Field, Limits};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::experiment_config::TrainingConfig;
+use super::teams;
+use crate::experiment_config::{Experiment, TrainingConfig};
 use crate::study::procedure::{Method, Procedure, WarmStartRule};
 use crate::study::sharing::{LogStds, Merge, Optimisers, Rows};
 use kestrel_learn::ppo::CarryOver;
@@ -148,16 +149,16 @@ impl MethodConfig {
     ///
     /// # Errors
     /// When a number is out of range, or training settings do not fit together.
-    pub(super) fn check(&self, field: &Field<'_>, tasks: usize) -> Result<Method, ConfigError> {
+    pub(super) fn check(&self, field: &Field<'_>, tasks: &[Experiment]) -> Result<Method, ConfigError> {
         let check = |training: &TrainingConfig| {
             training.refuse_analytic(&field.at("training"))?;
-            training.check(&field.at("training"))
+            training.for_teams(teams(tasks)).check(&field.at("training"))
         };
         let training = self.training.as_ref().map(check);
         Ok(Method {
             name: self.name.clone(),
             about: self.about.clone(),
-            procedure: self.learn.check(&field.at("learn"), tasks)?,
+            procedure: self.learn.check(&field.at("learn"), tasks.len())?,
             training: training.transpose()?,
         })
     }
