@@ -27,8 +27,8 @@ ranks() { # NUMBER PROGRAM ARGUMENTS...
 train() { # FOLDER LAUNCHER...: trains in $place/FOLDER
   local folder=$1
   shift
-  "$@" train configs/hover.yaml --run "$place/$folder" --threads 1 --set training.total_steps=131072 \
-    --set evaluation.episodes=16
+  "$@" train configs/hover.yaml --run "$place/$folder" --threads 1 --set training.analytic=null \
+    --set training.total_steps=131072 --set evaluation.episodes=16
 }
 
 study() { # FOLDER LAUNCHER...

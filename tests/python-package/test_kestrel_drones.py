@@ -24,7 +24,7 @@ from pettingzoo.test import parallel_api_test
 SHORT = {"scenario": {"episode_secs": 0.4, "success": {"settle": {"within_secs": 0.2}}}}
 
 # Learns nothing, in seconds.
-TINY = {"training": {"total_steps": 32768, "environments": 256}, "evaluation": {"episodes": 64}}
+TINY = {"training": {"analytic": None, "total_steps": 32768, "environments": 256}, "evaluation": {"episodes": 64}}
 
 SINGLES = [name for name in kestrel_drones.task_paths() if name not in TEAMS]
 

@@ -94,7 +94,7 @@ def main():
     passed = failed = 0
     with tempfile.TemporaryDirectory() as folder:
         run = pathlib.Path(folder) / "run"
-        short = ["--set", "training.total_steps=131072", "--set", "evaluation.episodes=16"]
+        short = ["--set", "training.analytic.total_steps=102400", "--set", "evaluation.episodes=16"]
         subprocess.run([kestrel, "train", "configs/hover.yaml", "--run", str(run), *short], check=True, capture_output=True)
         for name, passes in checks(kestrel, run):
             print(f"{'ok     ' if passes else 'FAILED '} {name}")

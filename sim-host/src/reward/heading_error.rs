@@ -19,7 +19,7 @@ impl Term for HeadingError {
         field.at("heading_deg").number(self.heading_deg, &Limits::from(-360.0, 360.0, "degrees")).map(drop)
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn evaluate<const LANES: usize, R: Real>(
         &self,
         view: &StepView<'_, LANES, R>,
