@@ -66,26 +66,27 @@ class DroneVectorEnv(VectorEnv):
 
     def _infos(self, ended):
         """What gymnasium calls ``final_obs`` and ``final_info``, with a mask beside each."""
-        rows = ended["rows"]
+        rows, names = ended["rows"], self.task.reward_terms
         mask = np.zeros(self.num_envs, dtype=bool)
         mask[rows] = True
-
-        def spread(values):
-            array = np.zeros(self.num_envs, dtype=values.dtype)
-            array[rows] = values
-            return array
-
-        final_obs = np.full(self.num_envs, None, dtype=object)
+        final_obs, endings = np.full((2, self.num_envs), None, dtype=object)
+        endings[rows] = ended["endings"]
         for index, row in enumerate(rows):
             images = None if ended["images"] is None else ended["images"][index]
             final_obs[row] = self._batch(ended["observations"][index], images)
-        terms = {}
-        for name, values in zip(self.task.reward_terms, ended["terms"].T, strict=True):
-            terms |= {name: spread(values), f"_{name}": mask.copy()}
+        successes = np.zeros(self.num_envs, dtype=bool)
+        successes[rows] = ended["successes"]
+        terms = np.zeros((len(names), self.num_envs), dtype=np.float32)
+        terms[:, rows] = ended["terms"].T
         infos = {
-            "is_success": spread(ended["successes"]),
-            "ending": spread(np.array(ended["endings"], dtype=object)),
-            "episode_reward_terms": terms,
+            "is_success": successes,
+            "ending": endings,
+            "episode_reward_terms": self._masked(dict(zip(names, terms, strict=True)), mask),
         }
-        masked = infos | {f"_{key}": mask.copy() for key in infos}
-        return {"final_obs": final_obs, "_final_obs": mask, "final_info": masked, "_final_info": mask.copy()}
+        final_info = self._masked(infos, mask)
+        return self._masked({"final_obs": final_obs, "final_info": final_info}, mask)
+
+    @staticmethod
+    def _masked(infos, mask):
+        """The same with gymnasium's mask beside each."""
+        return infos | {f"_{key}": mask for key in infos}

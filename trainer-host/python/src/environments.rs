@@ -1,12 +1,14 @@
 //! Many environments of one task, whose columns become rows of numpy.
 
 use std::thread::available_parallelism;
+use std::time::Instant;
 
 use kestrel_sim::outcome::{Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed};
 use kestrel_sim::simulation::Simulation;
-use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArrayDyn};
+use numpy::ndarray::ArrayViewD;
+use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -33,7 +35,8 @@ pub(crate) struct Environments {
     scenario: Scenario,
     purpose: Purpose,
     image: Option<[usize; 3]>,
-    environments: usize,
+    /// Environments in all.
+    count: usize,
     /// Environments of each simulation; the last may have fewer.
     share: usize,
     simulations: Vec<Columns>,
@@ -106,7 +109,7 @@ impl Environments {
             scenario: scenario.clone(),
             purpose,
             image: task.image_shape(),
-            environments,
+            count: environments,
             share,
             simulations: Vec::new(),
             pool: pool.transpose().map_err(refused)?,
@@ -116,13 +119,14 @@ impl Environments {
     /// Begins new episodes in all environments, whose randomness follows from `seed` and their index.
     fn reset(&mut self, py: Python<'_>, seed: u64) {
         py.detach(|| {
-            let Self { scenario, purpose, environments, share, pool, .. } = self;
+            let Self { scenario, purpose, count, share, pool, .. } = self;
             let begin = |first: usize| {
-                let count = (*share).min(*environments - first);
-                let simulation = Simulation::with_purpose(scenario, Seed(seed), *purpose, first as u32, count);
+                let environments = (*share).min(*count - first);
+                let simulation =
+                    Simulation::with_purpose(scenario, Seed(seed), *purpose, first as u32, environments);
                 Columns { actions: vec![0.0; scenario.action.len() * simulation.rows()], simulation }
             };
-            let firsts: Vec<usize> = (0..*environments).step_by(*share).collect();
+            let firsts: Vec<usize> = (0..*count).step_by(*share).collect();
             self.simulations = match pool {
                 Some(pool) => pool.install(|| firsts.into_par_iter().map(begin).collect()),
                 None => firsts.into_iter().map(begin).collect(),
@@ -132,7 +136,7 @@ impl Environments {
 
     /// One step with `actions [rows][action_len]`; ended episodes begin anew.
     fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArrayDyn<'py, f32>) -> PyResult<Step<'py>> {
-        self.load(&actions)?;
+        self.load(actions.as_array())?;
         let observations = py.detach(|| {
             self.advance(|columns, observations| {
                 columns.simulation.step(&columns.actions);
@@ -151,6 +155,41 @@ impl Environments {
             ended: self.ended(py)?,
             observations: self.rows_of(py, observations)?,
         })
+    }
+
+    /// Steps per second of all environments with `actions [steps][rows][action_len]` in turn, for about `secs`, without
+    /// Python: what the simulator does alone, for benchmarks.
+    fn rate(&mut self, py: Python<'_>, actions: PyReadonlyArray3<'_, f32>, secs: f64) -> PyResult<f64> {
+        let mut script = Vec::new();
+        for step in actions.as_array().outer_iter() {
+            self.load(step.into_dyn())?;
+            script.push(self.simulations.iter().map(|columns| columns.actions.clone()).collect::<Vec<_>>());
+        }
+        let (begun, script) = (Instant::now(), &script);
+        let fly = |index: usize, simulation: &mut Simulation| {
+            for actions in script {
+                simulation.step(&actions[index]);
+            }
+            simulation.take_episodes();
+        };
+        let mut steps = 0;
+        py.detach(|| {
+            while begun.elapsed().as_secs_f64() < secs {
+                let simulations = &mut self.simulations;
+                match &self.pool {
+                    Some(pool) => pool.install(|| {
+                        let numbered = simulations.par_iter_mut().enumerate();
+                        numbered.for_each(|(index, columns)| fly(index, &mut columns.simulation));
+                    }),
+                    None => simulations
+                        .iter_mut()
+                        .enumerate()
+                        .for_each(|(index, columns)| fly(index, &mut columns.simulation)),
+                }
+                steps += script.len() * self.count;
+            }
+        });
+        Ok(steps as f64 / begun.elapsed().as_secs_f64())
     }
 
     /// What the drones observe now, `[rows][observation_len]`.
@@ -194,7 +233,7 @@ impl Environments {
     }
 
     fn rows(&self) -> usize {
-        self.environments * self.scenario.agents.count as usize
+        self.count * self.scenario.agents.count as usize
     }
 
     /// Does something with every simulation and its part of `[rows][observation_len]`.
@@ -202,25 +241,24 @@ impl Environments {
         let rows = self.share * self.scenario.agents.count as usize;
         let part = rows * self.scenario.observation.len();
         let mut observations = vec![0.0; self.rows() * self.scenario.observation.len()];
-        match &self.pool {
-            Some(pool) => pool.install(|| {
+        let simulations = &mut self.simulations;
+        if let Some(pool) = &self.pool {
+            pool.install(|| {
                 let parts = observations.par_chunks_mut(part);
-                self.simulations.par_iter_mut().zip(parts).for_each(|(columns, part)| act(columns, part));
-            }),
-            None => {
-                let parts = observations.chunks_mut(part);
-                self.simulations.iter_mut().zip(parts).for_each(|(columns, part)| act(columns, part));
-            }
+                simulations.par_iter_mut().zip(parts).for_each(|(columns, part)| act(columns, part));
+            });
+        } else {
+            let parts = observations.chunks_mut(part);
+            simulations.iter_mut().zip(parts).for_each(|(columns, part)| act(columns, part));
         }
         observations
     }
 
     /// Takes the actions over, so that nobody writes to them while threads read them.
-    fn load(&mut self, actions: &PyReadonlyArrayDyn<'_, f32>) -> PyResult<()> {
+    fn load(&mut self, actions: ArrayViewD<'_, f32>) -> PyResult<()> {
         if self.simulations.is_empty() {
             return Err(expected("step", "no reset before it", "reset() first"));
         }
-        let actions = actions.as_array();
         let wanted = [self.rows(), self.scenario.action.len()];
         if actions.shape() != wanted {
             return Err(expected("actions", format_args!("{:?}", actions.shape()), format_args!("{wanted:?}")));
@@ -285,12 +323,22 @@ impl Environments {
     }
 }
 
+/// Rows that are transposed together: a cache line of each column.
+const TILE: usize = 16;
+
 /// Columns `[values][rows]` as `[rows][values]`.
 fn transpose(columns: &[f32], rows: usize, target: &mut [f32]) {
     let len = columns.len() / rows;
-    for (row, values) in target.chunks_exact_mut(len.max(1)).enumerate() {
-        for (value, column) in values.iter_mut().zip(columns.chunks_exact(rows)) {
-            *value = column[row];
+    if len == 0 {
+        return;
+    }
+    for (tile, target) in target.chunks_mut(TILE * len).enumerate() {
+        let first = tile * TILE;
+        let count = target.len() / len;
+        for (value, column) in columns.chunks_exact(rows).enumerate() {
+            for (row, number) in target.chunks_exact_mut(len).zip(&column[first..first + count]) {
+                row[value] = *number;
+            }
         }
     }
 }

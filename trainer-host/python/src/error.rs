@@ -13,7 +13,6 @@ pyo3::create_exception!(
 );
 
 /// The exception of an error, with its causes.
-#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
 pub(crate) fn refused(error: impl Error) -> PyErr {
     let mut message = error.to_string();
     let mut cause = error.source();

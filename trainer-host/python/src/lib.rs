@@ -2,7 +2,9 @@
 //! of its own.
 //!
 //! A [`task`] is a checked configuration; [`environments`] step it; a [`policy`] acts in it; a [`run`] trains one. What
-//! users of gymnasium and PettingZoo see is Python, in the folder `kestrel_drones`.
+//! users of gymnasium and `PettingZoo` see is Python, in the folder `kestrel_drones`.
+
+#![expect(clippy::needless_pass_by_value, reason = "PyO3 hands arguments over by value")]
 
 mod environments;
 mod error;

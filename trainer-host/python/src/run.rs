@@ -35,12 +35,11 @@ pub(crate) fn train(
         None => experiment_config::load_to_train(name.as_ref(), &overrides),
     };
     let experiment = experiment.map_err(refused)?;
-    let directory = match out {
-        Some(path) => RunDirectory::create(&path, &experiment.resolved_yaml),
-        None => {
-            let stem = format!("{}-seed{}", experiment.name, experiment.seed.0);
-            RunDirectory::create_next("runs".as_ref(), &stem, &experiment.resolved_yaml)
-        }
+    let directory = if let Some(path) = out {
+        RunDirectory::create(&path, &experiment.resolved_yaml)
+    } else {
+        let stem = format!("{}-seed{}", experiment.name, experiment.seed.0);
+        RunDirectory::create_next("runs".as_ref(), &stem, &experiment.resolved_yaml)
     };
     let directory = directory.map_err(refused)?;
     work(py, threads, |interrupt| finish(TrainingRun::begin(experiment, directory)?, interrupt))
@@ -123,6 +122,7 @@ fn finish(mut run: TrainingRun, interrupt: &Interrupt) -> Result<PathBuf, RunErr
 }
 
 /// Works in threads of its own, while this one asks Python for signals.
+#[expect(clippy::redundant_closure_for_method_calls, reason = "the method is not general enough in its lifetime")]
 fn work<T: Send>(
     py: Python<'_>,
     threads: Option<usize>,
