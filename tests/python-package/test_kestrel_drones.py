@@ -86,11 +86,22 @@ def test_gymnasium_makes_many(name):
     assert rewards.dtype == np.float32 and terminations.dtype == truncations.dtype == bool
 
 
-@pytest.mark.parametrize("name", sorted(TEAMS) if WHOLE else ["multi-hover", "crossing-3", "swarm"])
+@pytest.mark.parametrize("name", sorted(TEAMS) if WHOLE else ["multi-hover", "crossing-3", "multi-cross", "swarm"])
 def test_pettingzoo_finds_no_fault(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         parallel_api_test(kestrel_drones.parallel_env(name), num_cycles=200)
+
+
+def test_a_drone_that_ends_alone_leaves_its_team():
+    env = kestrel_drones.parallel_env("multi-cross")
+    env.reset(seed=1)
+    falling = {"drone_1": np.full(4, -1.0)}
+    while len(env.agents) == 3:
+        observations, _, terminations, truncations, infos = env.step({a: falling.get(a, np.zeros(4)) for a in env.agents})
+    assert env.agents == ["drone_0", "drone_2"] and terminations["drone_1"] and not truncations["drone_1"]
+    assert "ending" in infos["drone_1"] and "ending" not in infos["drone_0"] and len(observations) == 3
+    assert set(env.step({agent: np.zeros(4) for agent in env.agents})[0]) == {"drone_0", "drone_2"}
 
 
 def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads():
@@ -170,6 +181,19 @@ def test_images_stand_beside_observations():
     assert len(np.unique(observations["image"])) > 5
 
 
+def test_a_picture_shows_the_drone_in_its_world():
+    env = gymnasium.make("kestrel/Room1-v0", render_mode="rgb_array")
+    env.reset(seed=0)
+    before = env.render()
+    assert before.shape == (240, 320, 3) and before.dtype == np.uint8 and len(np.unique(before)) > 20
+    for _ in range(20):
+        env.step(np.full(env.action_space.shape, 0.2, dtype=np.float32))
+    assert (env.render() != before).mean() > 0.05
+    envs = gymnasium.make_vec("kestrel/Hover-v0", num_envs=2, render_mode="rgb_array")
+    envs.reset(seed=0)
+    assert len(envs.render()) == 2
+
+
 def test_critics_may_know_more():
     envs = kestrel_drones.make_vec("hover", num_envs=5, seed=1)
     envs.reset()
@@ -205,6 +229,7 @@ def test_other_threads_of_python_go_on_while_drones_fly():
         (lambda: kestrel_drones.make_vec("multi-hover"), "found a team of 2 drones, expected one drone: .*parallel_env"),
         (lambda: kestrel_drones.make_vec("hover", num_envs=0), "num_envs: found 0, expected 1 to"),
         (lambda: kestrel_drones.make_vec("hover", threads=0), "threads: found 0, expected 1 or more"),
+        (lambda: kestrel_drones.make("hover", render_mode="human"), "render_mode: found human, expected rgb_array"),
         (lambda: kestrel_drones.make_vec("hover", starts="late"), "starts: found late, expected training or evaluation"),
         (lambda: kestrel_drones.make_vec("hover", training={"epochs": -1}), "--set training.epochs=-1: found -1"),
         (lambda: kestrel_drones.make_vec("hover").step(np.zeros((1, 4))), "found no reset before it"),

@@ -14,9 +14,11 @@ class DroneEnv(gymnasium.Env):
     that of environment 0 there.
     """
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["rgb_array"]}
 
-    def __init__(self, config, *, starts="training", **set):
+    def __init__(self, config, *, starts="training", render_mode=None, **set):
+        _tasks.refuse_other_mode(render_mode)
+        self.render_mode = render_mode
         self.task = _tasks.load(config, set)
         _tasks.refuse_team(self.task)
         self.observation_space = _tasks.observation_space(self.task)
@@ -49,6 +51,10 @@ class DroneEnv(gymnasium.Env):
             info["episode_reward_terms"] = self._terms(ended["terms"])
         terminated, truncated = bool(step["terminations"][0]), bool(step["truncations"][0])
         return observation, float(step["rewards"][0]), terminated, truncated, info
+
+    def render(self):
+        """A picture ``[240, 320, 3]`` from behind the drone, where ``render_mode`` asks for it."""
+        return None if self.render_mode is None else self.native.render(0, _tasks.RENDER_SIZE)
 
     def _terms(self, rows):
         return dict(zip(self.task.reward_terms, rows[0].tolist(), strict=True))

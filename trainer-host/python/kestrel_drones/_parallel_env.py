@@ -11,16 +11,19 @@ from ._native import Environments, KestrelError
 class DroneParallelEnv(ParallelEnv):
     """A team's task as PettingZoo's parallel environment; the agents are ``drone_0``, ``drone_1``, …
 
-    ``config``, ``starts`` and further keywords are those of ``DroneVectorEnv``. The episode of a team ends for all at once.
+    ``config``, ``starts`` and further keywords are those of ``DroneVectorEnv``. Where the task says
+    that an episode ends for one alone (``ends: alone``), that drone leaves ``agents``; its body begins anew and hovers.
     """
 
-    metadata = {"name": "kestrel", "render_modes": [], "is_parallelizable": True}
-    render_mode = None
+    metadata = {"name": "kestrel", "render_modes": ["rgb_array"], "is_parallelizable": True}
 
-    def __init__(self, config, *, starts="training", **set):
+    def __init__(self, config, *, starts="training", render_mode=None, **set):
+        _tasks.refuse_other_mode(render_mode)
+        self.render_mode = render_mode
         self.task = _tasks.load(config, set)
         self.metadata = {**self.metadata, "name": self.task.name, "render_fps": self.task.control_rate_hz}
         self.possible_agents = [f"drone_{index}" for index in range(self.task.agents)]
+        self._rows = {agent: row for row, agent in enumerate(self.possible_agents)}
         self.agents = []
         self.observation_spaces = {agent: _tasks.observation_space(self.task) for agent in self.possible_agents}
         self.action_spaces = {agent: _tasks.action_space(self.task) for agent in self.possible_agents}
@@ -45,8 +48,8 @@ class DroneParallelEnv(ParallelEnv):
             self.native.reset(int(self._np_random.integers(2**63)) if seed is None else seed)
         self._begun = False
         self.agents = list(self.possible_agents)
-        observations = self._observations(self.native.observations(), self.native.images())
-        return observations, {agent: {} for agent in self.agents}
+        columns = {"observations": self.native.observations(), "images": self.native.images()}
+        return {agent: self._observation(columns, self._rows[agent]) for agent in self.agents}, {a: {} for a in self.agents}
 
     def step(self, actions):
         """One control period; every agent acts."""
@@ -54,26 +57,37 @@ class DroneParallelEnv(ParallelEnv):
         if missing or not self.agents:
             found = f"none for {', '.join(missing)}" if missing else "a step after the end of the episode"
             raise KestrelError(f"actions: found {found}, expected one for each of env.agents after reset()")
-        step = self.native.step(np.stack([actions[agent] for agent in self.agents]).astype(np.float32, copy=False))
-        agents, ended, terms = self.agents, step["ended"], self.native.reward_terms()
-        infos = {agent: {"reward_terms": self._terms(row)} for agent, row in zip(agents, terms, strict=True)}
-        last = step if ended is None else ended
-        if ended is not None:
-            self._begun = True
-            self.agents = []
-            for index, agent in enumerate(agents):
+        table = np.zeros((len(self.possible_agents), self.task.action_len), dtype=np.float32)
+        for agent in self.agents:
+            table[self._rows[agent]] = actions[agent]
+        step, agents = self.native.step(table), self.agents
+        ended = step["ended"] or {"rows": []}
+        place = {row: index for index, row in enumerate(ended["rows"])}
+        self._begun = len(place) == len(self.possible_agents)
+        self.agents = [agent for agent in agents if self._rows[agent] not in place]
+        terms = self.native.reward_terms()
+        observations, infos = {}, {}
+        for agent in agents:
+            row = self._rows[agent]
+            infos[agent] = {"reward_terms": self._terms(terms[row])}
+            index = place.get(row)
+            observations[agent] = self._observation(step if index is None else ended, row if index is None else index)
+            if index is not None:
                 infos[agent]["is_success"] = bool(ended["successes"][index])
                 infos[agent]["ending"] = ended["endings"][index]
                 infos[agent]["episode_reward_terms"] = self._terms(ended["terms"][index])
         columns = [step[key].tolist() for key in ("rewards", "terminations", "truncations")]
-        rewards, terminations, truncations = (dict(zip(agents, column, strict=True)) for column in columns)
-        return self._observations(last["observations"], last["images"]), rewards, terminations, truncations, infos
+        rewards, terminations, truncations = ({agent: column[self._rows[agent]] for agent in agents} for column in columns)
+        return observations, rewards, terminations, truncations, infos
+
+    def render(self):
+        """A picture ``[240, 320, 3]`` from behind the team, where ``render_mode`` asks for it."""
+        return None if self.render_mode is None else self.native.render(0, _tasks.RENDER_SIZE)
 
     def _terms(self, row):
         return dict(zip(self.task.reward_terms, row.tolist(), strict=True))
 
-    def _observations(self, observations, images):
-        if images is None:
-            return dict(zip(self.possible_agents, observations, strict=True))
-        pairs = zip(self.possible_agents, observations, images, strict=True)
-        return {agent: {"observation": observation, "image": image} for agent, observation, image in pairs}
+    @staticmethod
+    def _observation(columns, row):
+        observation, images = columns["observations"][row], columns["images"]
+        return observation if images is None else {"observation": observation, "image": images[row]}

@@ -120,6 +120,16 @@ def action_space(task):
     return spaces.Box(-1.0, 1.0, (task.action_len,), np.float32)
 
 
+# Rows and columns of what render() returns.
+RENDER_SIZE = [240, 320]
+
+
+def refuse_other_mode(render_mode):
+    """There are pictures, and no window."""
+    if render_mode not in (None, "rgb_array"):
+        raise KestrelError(f"render_mode: found {render_mode}, expected rgb_array or None")
+
+
 def refuse_team(task):
     """A team needs PettingZoo's interface."""
     if task.agents > 1:

@@ -21,9 +21,11 @@ class DroneVectorEnv(VectorEnv):
     belongs to the caller; the simulator's columns ``[values][rows]`` are transposed into it once.
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": ["rgb_array"]}
 
-    def __init__(self, config, num_envs=1, *, seed=0, threads=None, starts="training", **set):
+    def __init__(self, config, num_envs=1, *, seed=0, threads=None, starts="training", render_mode=None, **set):
+        _tasks.refuse_other_mode(render_mode)
+        self.render_mode = render_mode
         task = _tasks.load(config, set)
         _tasks.refuse_team(task)
         self.task = task
@@ -51,6 +53,12 @@ class DroneVectorEnv(VectorEnv):
         infos = {} if ended is None else self._infos(ended)
         observations = self._batch(step["observations"], step["images"])
         return observations, step["rewards"], step["terminations"], step["truncations"], infos
+
+    def render(self):
+        """A picture ``[240, 320, 3]`` of every environment, from behind its drone, where ``render_mode`` asks for them."""
+        if self.render_mode is None:
+            return None
+        return tuple(self.native.render(row, _tasks.RENDER_SIZE) for row in range(self.num_envs))
 
     def reward_terms(self):
         """Each term of the last step's rewards by name, ``[num_envs]``."""

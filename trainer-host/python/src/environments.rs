@@ -8,12 +8,13 @@ use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed};
 use kestrel_sim::simulation::Simulation;
 use numpy::ndarray::ArrayViewD;
-use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArrayDyn};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::{expected, refused};
+use crate::render::picture;
 use crate::task::Task;
 
 /// Most environments: a seed has streams for four thousand million, a machine memory for fewer.
@@ -216,6 +217,25 @@ impl Environments {
             transpose(columns, rows, &mut values[begin..]);
         }
         self.rows_of(py, values)
+    }
+
+    /// A picture `[rows][columns][3]` of an environment, in red, green and blue, as a camera behind its drones sees it.
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        environment: usize,
+        size: [usize; 2],
+    ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        if environment >= self.count || self.simulations.is_empty() {
+            return Err(expected(
+                "render",
+                format_args!("environment {environment}"),
+                "one of those that reset() began",
+            ));
+        }
+        let simulation = &self.simulations[environment / self.share].simulation;
+        let pixels = py.detach(|| picture(simulation, environment % self.share, size));
+        PyArray1::from_vec(py, pixels).reshape([size[0], size[1], 3])
     }
 
     /// Each weighted term of the last step's rewards, `[rows][terms]`.

@@ -9,6 +9,7 @@
 mod environments;
 mod error;
 mod policy;
+mod render;
 mod run;
 mod task;
 
