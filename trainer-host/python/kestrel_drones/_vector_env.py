@@ -77,11 +77,15 @@ class DroneVectorEnv(VectorEnv):
         rows, names = ended["rows"], self.task.reward_terms
         mask = np.zeros(self.num_envs, dtype=bool)
         mask[rows] = True
-        final_obs, endings = np.full((2, self.num_envs), None, dtype=object)
+        final_obs, endings = np.empty(self.num_envs, dtype=object), np.empty(self.num_envs, dtype=object)  # of None
         endings[rows] = ended["endings"]
-        for index, row in enumerate(rows):
-            images = None if ended["images"] is None else ended["images"][index]
-            final_obs[row] = self._batch(ended["observations"][index], images)
+        if ended["images"] is None:
+            last = ended["observations"]
+        else:
+            pairs = zip(ended["observations"], ended["images"], strict=True)
+            last = [self._batch(observation, image) for observation, image in pairs]
+        for row, observation in zip(rows.tolist(), last, strict=True):
+            final_obs[row] = observation
         successes = np.zeros(self.num_envs, dtype=bool)
         successes[rows] = ended["successes"]
         terms = np.zeros((len(names), self.num_envs), dtype=np.float32)

@@ -144,14 +144,16 @@ impl Environments {
                 transpose(columns.simulation.observations(), columns.simulation.rows(), observations);
             })
         });
-        let outcomes = |wanted: Outcome| -> Vec<bool> {
-            self.simulations().flat_map(Simulation::outcomes).map(|outcome| *outcome == wanted).collect()
-        };
-        let rewards = self.simulations().flat_map(Simulation::rewards).copied().collect();
+        let (mut rewards, mut terminations, mut truncations) = (Vec::new(), Vec::new(), Vec::new());
+        for simulation in self.simulations() {
+            rewards.extend_from_slice(simulation.rewards());
+            terminations.extend(simulation.outcomes().iter().map(|outcome| *outcome == Outcome::Terminated));
+            truncations.extend(simulation.outcomes().iter().map(|outcome| *outcome == Outcome::Truncated));
+        }
         Ok(Step {
             rewards: PyArray1::from_vec(py, rewards),
-            terminations: PyArray1::from_vec(py, outcomes(Outcome::Terminated)),
-            truncations: PyArray1::from_vec(py, outcomes(Outcome::Truncated)),
+            terminations: PyArray1::from_vec(py, terminations),
+            truncations: PyArray1::from_vec(py, truncations),
             images: self.images(py)?,
             ended: self.ended(py)?,
             observations: self.rows_of(py, observations)?,
@@ -283,14 +285,18 @@ impl Environments {
         if actions.shape() != wanted {
             return Err(expected("actions", format_args!("{:?}", actions.shape()), format_args!("{wanted:?}")));
         }
-        let mut rows = actions.rows().into_iter();
+        let actions = actions.as_standard_layout();
+        let mut rows = actions.as_slice().expect("it is in standard layout");
+        let len = wanted[1];
         for columns in &mut self.simulations {
             let count = columns.simulation.rows();
-            for (index, row) in rows.by_ref().take(count).enumerate() {
-                for (column, value) in columns.actions.chunks_exact_mut(count).zip(row) {
-                    column[index] = *value;
+            let (own, others) = rows.split_at(count * len);
+            for (value, column) in columns.actions.chunks_exact_mut(count).enumerate() {
+                for (number, row) in column.iter_mut().zip(own.chunks_exact(len)) {
+                    *number = row[value];
                 }
             }
+            rows = others;
         }
         Ok(())
     }
