@@ -317,7 +317,7 @@ fn gradients_are_refused_where_none_go() {
     let message = refusal("hover", &["training.analytic.environments=100"]);
     assert!(message.ends_with("found 100, expected a multiple of 64, at most 65536"), "{message}");
     let message = refusal("hover", &["training.analytic.total_steps=100"]);
-    assert!(message.contains("found 100, expected at least 5120, one window"), "{message}");
+    assert!(message.contains("found 100, expected at least 8192, one window"), "{message}");
 }
 
 #[test]
@@ -326,6 +326,6 @@ fn hover_learns_by_gradients_unless_told_otherwise() {
         let experiment = load_to_train(&in_repository("configs/hover.yaml"), sets).unwrap();
         (experiment.method(), experiment.total_steps(), experiment.batch())
     };
-    assert_eq!(by(&[]), ("gradients through the physics", 3_072_000, 64 * 80));
+    assert_eq!(by(&[]), ("gradients through the physics", 2_457_600, 128 * 64));
     assert_eq!(by(&["training.analytic=null".to_owned()]), ("PPO", 4_915_200, 1024 * 32));
 }
