@@ -71,7 +71,7 @@ def main():
         print(f"{'SB3':<10} {seed:>4} {model.num_timesteps:>10} {secs:>8.1f} {100 * rate:>6.1f} %", flush=True)
         if asked.kestrel:
             with tempfile.TemporaryDirectory() as folder:
-                training = {"total_steps": asked.steps}
+                training = {"analytic": None, "total_steps": asked.steps}
                 begun = time.perf_counter()
                 run = kestrel_drones.train(
                     asked.task, seed=seed, out=Path(folder) / "run", threads=asked.threads, training=training

@@ -40,7 +40,7 @@ class Run:
 def train(config, *, seed=None, out=None, threads=None, **set):
     """Trains a policy with PPO and returns the run, whose directory is ``out``, or the next free one in ``runs``.
 
-    ``config`` and further keywords are those of ``DroneVectorEnv``: ``train("hover", training={"total_steps": 1_000_000})``.
+    ``config`` and further keywords are those of ``DroneVectorEnv``: ``train("cross", training={"total_steps": 1_000_000})``.
     Ctrl-C stops after the update in progress, with a checkpoint from which ``resume`` goes on.
     """
     overrides = _tasks.overrides(set) + ([] if seed is None else [f"training.seed={seed}"])
