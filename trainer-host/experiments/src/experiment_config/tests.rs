@@ -309,7 +309,7 @@ fn gradients_are_refused_where_none_go() {
     for (name, found) in [
         ("aviaries/room-0-vision", "a camera, whose images have no derivatives"),
         ("aviaries/hover-as-published", "bullet physics, which has no derivatives"),
-        ("aviaries/tune", "a goal that moves"),
+        ("aviaries/tune", "the action space tun of the reference system, which has no derivatives"),
     ] {
         let message = refusal(name, &[analytic]);
         assert_eq!(message, format!("--set {analytic}: found {found}, {through}"));
