@@ -76,16 +76,22 @@ enum Factor {
     /// Half the inverse of a root; zero at zero, where there is none.
     Root(u32),
     Sign(u32),
+    Angular(Angular),
+    /// One where the first is less than the second.
+    WhereLess([u32; 2]),
+    WhereNotLess([u32; 2]),
+}
+
+/// Derivatives of functions of angles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Angular {
     Cosine(u32),
     MinusSine(u32),
     /// One over √(1 − x²).
     ArcSine(u32),
     /// Of the angle of a point (ordinate, abscissa) by its ordinate.
-    AngleByOrdinate([u32; 2]),
-    AngleByAbscissa([u32; 2]),
-    /// One where the first is less than the second.
-    WhereLess([u32; 2]),
-    WhereNotLess([u32; 2]),
+    ByOrdinate([u32; 2]),
+    ByAbscissa([u32; 2]),
 }
 
 /// The operands by which a result has a derivative.
@@ -352,7 +358,8 @@ impl Instruction {
                     Binary::Product => (Factor::Value(other), Factor::Value(one)),
                     Binary::Quotient => (Factor::Inverse(other), Factor::MinusRatio([result, other])),
                     Binary::ArcTangent => {
-                        (Factor::AngleByOrdinate([one, other]), Factor::AngleByAbscissa([one, other]))
+                        let by_ordinate = Factor::Angular(Angular::ByOrdinate([one, other]));
+                        (by_ordinate, Factor::Angular(Angular::ByAbscissa([one, other])))
                     }
                 };
                 [Some((one, by_one)), Some((other, by_other)), None, None]
@@ -383,9 +390,9 @@ fn unary_factor(function: Unary, operand: u32, result: u32) -> Option<Factor> {
         Unary::Negative => Some(Factor::MinusOne),
         Unary::Root => Some(Factor::Root(result)),
         Unary::Magnitude => Some(Factor::Sign(operand)),
-        Unary::Sine => Some(Factor::Cosine(operand)),
-        Unary::Cosine => Some(Factor::MinusSine(operand)),
-        Unary::ArcSine => Some(Factor::ArcSine(operand)),
+        Unary::Sine => Some(Factor::Angular(Angular::Cosine(operand))),
+        Unary::Cosine => Some(Factor::Angular(Angular::MinusSine(operand))),
+        Unary::ArcSine => Some(Factor::Angular(Angular::ArcSine(operand))),
         Unary::Exponential => Some(Factor::Value(result)),
         Unary::Logarithm => Some(Factor::Inverse(operand)),
         Unary::Floor => None,
@@ -513,8 +520,6 @@ impl WithSimd for PullBack<'_> {
 #[inline(always)]
 fn pull(values: &[Lane], factor: Factor, from: &Lane, to: &mut Lane, write: impl Fn(&mut f32, f32)) {
     let value = |slot: u32| &values[slot as usize];
-    // Nothing is asked for where an adjoint is zero: there a derivative may be infinite.
-    let finite = |adjoint: f32, part: f32| if adjoint == 0.0 { 0.0 } else { part };
     match factor {
         Factor::One => each(from, to, write, |_, adjoint| adjoint),
         Factor::MinusOne => each(from, to, write, |_, adjoint| -adjoint),
@@ -542,32 +547,7 @@ fn pull(values: &[Lane], factor: Factor, from: &Lane, to: &mut Lane, write: impl
             let signed = value(signed);
             each(from, to, write, |lane, adjoint| if signed[lane] < 0.0 { -adjoint } else { adjoint });
         }
-        Factor::Cosine(angle) => {
-            let angle = value(angle);
-            each(from, to, write, |lane, adjoint| adjoint * Real::cos(angle[lane]));
-        }
-        Factor::MinusSine(angle) => {
-            let angle = value(angle);
-            each(from, to, write, |lane, adjoint| -adjoint * Real::sin(angle[lane]));
-        }
-        Factor::ArcSine(sine) => {
-            let sine = value(sine);
-            each(from, to, write, |lane, adjoint| {
-                adjoint / Real::sqrt((1.0 - sine[lane] * sine[lane]).max(f32::EPSILON))
-            });
-        }
-        Factor::AngleByOrdinate([ordinate, abscissa]) => {
-            let (y, x) = (value(ordinate), value(abscissa));
-            each(from, to, write, |lane, adjoint| {
-                finite(adjoint, adjoint * x[lane] / (x[lane] * x[lane] + y[lane] * y[lane]))
-            });
-        }
-        Factor::AngleByAbscissa([ordinate, abscissa]) => {
-            let (y, x) = (value(ordinate), value(abscissa));
-            each(from, to, write, |lane, adjoint| {
-                finite(adjoint, -adjoint * y[lane] / (x[lane] * x[lane] + y[lane] * y[lane]))
-            });
-        }
+        Factor::Angular(factor) => pull_angle(values, factor, from, to, write),
         Factor::WhereLess([low, high]) => {
             let (low, high) = (value(low), value(high));
             each(from, to, write, |lane, adjoint| if low[lane] < high[lane] { adjoint } else { 0.0 });
@@ -577,6 +557,45 @@ fn pull(values: &[Lane], factor: Factor, from: &Lane, to: &mut Lane, write: impl
             each(from, to, write, |lane, adjoint| if low[lane] < high[lane] { 0.0 } else { adjoint });
         }
     }
+}
+
+#[inline(always)]
+fn pull_angle(values: &[Lane], factor: Angular, from: &Lane, to: &mut Lane, write: impl Fn(&mut f32, f32)) {
+    let value = |slot: u32| &values[slot as usize];
+    match factor {
+        Angular::Cosine(angle) => {
+            let angle = value(angle);
+            each(from, to, write, |lane, adjoint| adjoint * Real::cos(angle[lane]));
+        }
+        Angular::MinusSine(angle) => {
+            let angle = value(angle);
+            each(from, to, write, |lane, adjoint| -adjoint * Real::sin(angle[lane]));
+        }
+        Angular::ArcSine(sine) => {
+            let sine = value(sine);
+            each(from, to, write, |lane, adjoint| {
+                adjoint / Real::sqrt((1.0 - sine[lane] * sine[lane]).max(f32::EPSILON))
+            });
+        }
+        Angular::ByOrdinate([ordinate, abscissa]) => {
+            let (y, x) = (value(ordinate), value(abscissa));
+            each(from, to, write, |lane, adjoint| {
+                finite(adjoint, adjoint * x[lane] / (x[lane] * x[lane] + y[lane] * y[lane]))
+            });
+        }
+        Angular::ByAbscissa([ordinate, abscissa]) => {
+            let (y, x) = (value(ordinate), value(abscissa));
+            each(from, to, write, |lane, adjoint| {
+                finite(adjoint, -adjoint * y[lane] / (x[lane] * x[lane] + y[lane] * y[lane]))
+            });
+        }
+    }
+}
+
+/// Nothing is asked for where an adjoint is zero: there a derivative may be infinite.
+#[inline(always)]
+fn finite(adjoint: f32, part: f32) -> f32 {
+    if adjoint == 0.0 { 0.0 } else { part }
 }
 
 #[inline(always)]

@@ -285,12 +285,16 @@ impl<E: Differentiable> AnalyticTrainer<E> {
 
     /// The run between two updates.
     pub fn save(&self) -> TrainerState<E::State> {
-        TrainerState::of(
-            (self.seed, self.updates, self.learning_rate),
-            (self.actor.clone(), self.critic.clone()),
-            self.optimiser.clone(),
-            self.batches.iter().map(|batch| batch.environment.save()).collect(),
-        )
+        TrainerState {
+            seed: self.seed,
+            actor: self.actor.clone(),
+            critic: self.critic.clone(),
+            actor_optimiser: self.optimiser.clone(),
+            critic_optimiser: Adam::new(self.critic.parameters().len()),
+            learning_rate: self.learning_rate,
+            updates: self.updates,
+            env_batches: self.batches.iter().map(|batch| batch.environment.save()).collect(),
+        }
     }
 }
 

@@ -165,6 +165,7 @@ fn what_cannot_be_trained_is_refused_before_it_begins() {
         "scenario.agents.count=3",
         "scenario.goals={line: {velocity_m_per_s: [0, 0, 0.1]}}",
         "scenario.start.position={within: {low_m: [0, 0, 0.5], high_m: [1, 1, 1]}}",
+        "evaluation.start.position={within: {low_m: [0, 0, 0.5], high_m: [1, 1, 1]}}",
     ]
     .map(str::to_owned);
     let flown = load(&path, &overrides).unwrap();
@@ -197,11 +198,11 @@ fn every_task_that_ships_is_ready_to_train() {
 fn a_crossing_team_is_ready_to_train() {
     let path = in_repository("configs/aviaries/crossing-3.yaml");
     let crossing = load_to_train(&path, &[]).unwrap();
-    assert_eq!(crossing.ppo.critic_scope, CriticScope::Own);
+    assert_eq!(crossing.ppo.critic_scope, CriticScope::Team);
     // Pilot, and position and velocity of two mates.
     assert_eq!(crossing.scenario.observation.len(), 22 + 12);
-    let mappo = ["training.critic_scope=team", "training.value_scale=popart"].map(str::to_owned);
-    assert_eq!(load_to_train(&path, &mappo).unwrap().ppo.critic_scope, CriticScope::Team);
+    let ippo = ["training.critic_scope=own".to_owned()];
+    assert_eq!(load_to_train(&path, &ippo).unwrap().ppo.critic_scope, CriticScope::Own);
 }
 
 #[test]

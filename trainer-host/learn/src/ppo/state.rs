@@ -11,11 +11,11 @@ use crate::environment::Environment;
 /// Everything that a run needs to go on to the same bits, beside its scenarios and settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainerState<S> {
-    seed: Seed,
+    pub(crate) seed: Seed,
     pub(crate) actor: Actor,
-    critic: Critic,
+    pub(crate) critic: Critic,
     pub(crate) actor_optimiser: Adam,
-    critic_optimiser: Adam,
+    pub(crate) critic_optimiser: Adam,
     pub(crate) learning_rate: f32,
     pub(crate) updates: u64,
     pub(crate) env_batches: Vec<S>,
@@ -70,17 +70,6 @@ pub enum RestoreError {
 }
 
 impl<S> TrainerState<S> {
-    /// Of a run that was not PPO's: seed, updates and learning rate; the networks; what Adam knows of the actor.
-    pub(crate) fn of(
-        (seed, updates, learning_rate): (Seed, u64, f32),
-        (actor, critic): (Actor, Critic),
-        actor_optimiser: Adam,
-        env_batches: Vec<S>,
-    ) -> Self {
-        let critic_optimiser = Adam::new(critic.parameters().len());
-        Self { seed, actor, critic, actor_optimiser, critic_optimiser, learning_rate, updates, env_batches }
-    }
-
     /// Whether it has these shapes, and so many environment batches.
     pub(crate) fn check(
         &self,
