@@ -1,6 +1,6 @@
 //! Derivatives of a control period: of rewards and observations by actions and by the state before.
 //!
-//! The step of [`Simulation`] is generic in its number type. [`StepGradient::new`] runs it once with numbers that
+//! The step of a simulation is generic in its number type. [`StepGradient::new`] runs it once with numbers that
 //! remember how they were computed, from the command to the observation: action space, latency, every substep of the
 //! vehicle, each reward term. What comes out is a program over lanes that computes the bits of the simulation, and
 //! pulls derivatives of what it computes back to what it began with (reverse-mode automatic differentiation). Chained

@@ -21,8 +21,9 @@ use kestrel_sim::world::{Pose, Solid, World};
 use nalgebra::Vector3;
 
 pub(crate) use eye::eyes;
-use kestrel_experiments::drone_environment::Trainer;
+use kestrel_experiments::drone_environment::{DroneEnvironment, Trainer};
 use kestrel_learn::actor_critic::Actor;
+use kestrel_learn::analytic::{AnalyticSettings, AnalyticTrainer};
 use kestrel_learn::ppo::PpoSettings;
 use kestrel_learn::regulariser::{
     CoresetSettings, Coupling, Curvature, FunctionSpaceSettings, GradientTerm, Learning, QuadraticSettings,
@@ -346,6 +347,22 @@ pub(crate) fn training(scenario: &Scenario, settings: &PpoSettings, duration: Du
         limit: "its pull in every minibatch; the aim is nine tenths of PPO alone",
     }));
     figures
+}
+
+/// Line for training by gradients through the physics, if the task has them.
+pub(crate) fn gradients(scenario: &Scenario, settings: &AnalyticSettings, duration: Duration) -> Option<Figure> {
+    let mut trainer = AnalyticTrainer::<DroneEnvironment>::new(scenario, settings, Seed(0)).ok()?;
+    let rate = best_rate(duration, || {
+        let before = trainer.steps();
+        trainer.update();
+        trainer.steps() - before
+    });
+    Some(Figure {
+        what: "steps trained by gradients, all cores".into(),
+        per_second: rate,
+        aim: 3e6,
+        limit: "values and derivatives between first and second cache, then matrix products",
+    })
 }
 
 /// Lines for inference of `actor` and of its exports.

@@ -6,14 +6,15 @@ use kestrel_core::vehicle::Ground;
 
 use super::*;
 use crate::latency::Latency;
-use crate::scenario::{Downwash, Physics};
+use crate::scenario::{Agents, Downwash, Physics};
 use crate::seed::Stream;
 use crate::simulation::Simulation;
 use crate::testing;
 
 const SCALES: PilotLayout = PilotLayout { position_scale_m: 0.5, velocity_scale: 2.0, body_rates_scale: 10.0 };
 
-/// A task for every action space, integrator and layout; but for the first on the drone that has all effects, late.
+/// A task for every action space, integrator and layout, and one for a team; but for the first two on the drone that has
+/// all effects, late.
 fn scenarios() -> Vec<Scenario> {
     let rates = ThrustBodyRates::new(&CRAZYFLIE_2_1, 0.9, [8.0, 8.0, 3.0], [10.0, 10.0, 5.0]);
     let velocities = Velocities { rates, speed_limit: 1.0, velocity_gain: 3.0, attitude_gain: 8.0 };
@@ -27,8 +28,15 @@ fn scenarios() -> Vec<Scenario> {
     let near =
         Preset::Clean { integrator: Integrator::RungeKutta4, ground: Ground::Near, downwash: Downwash::Absent };
     let body = BodyLayout { scales: SCALES, action_len: 4, measured_len: 0 };
+    let team = Agents { count: 2, ..Agents::ONE };
+    let pushed = Preset::Clean {
+        integrator: Integrator::SemiImplicitEuler,
+        ground: Ground::Distant,
+        downwash: Downwash::Felt,
+    };
     vec![
         testing::hover(),
+        Scenario { agents: team, physics: Physics { preset: pushed, ..late.physics }, ..testing::hover() },
         Scenario { physics: Physics { preset: near, ..late.physics }, ..late.clone() },
         Scenario { action: ActionSpace::Velocities(velocities), ..late.clone() },
         Scenario { observation: ObservationLayout::Body(body), ..late },
@@ -52,32 +60,39 @@ fn the_program_computes_the_bits_of_the_simulation() {
             simulation.step(&actions);
             for (block, record) in records.iter().enumerate() {
                 gradient.run(record, &mut workspace);
-                let rows: Vec<usize> = (block * LANES..(block + 1) * LANES)
-                    .filter(|row| simulation.outcomes()[*row] == crate::outcome::Outcome::Running)
-                    .collect();
-                for (index, column) in gradient.observations(&workspace).enumerate() {
-                    for row in &rows {
-                        let found = column[row % LANES];
-                        assert_eq!(found, simulation.observations()[index * simulation.rows() + row]);
-                    }
-                }
-                let speaking = |row| {
-                    let terms = simulation.terms(row).into_iter().enumerate();
-                    terms.filter(|(index, _)| !gradient.silent_terms().contains(index)).map(|(_, value)| value)
-                };
-                for row in &rows {
-                    let found = gradient.rewards(&workspace).map(|column| column[row % LANES]);
-                    assert!(found.eq(speaking(*row)), "{}", scenario.action.name());
-                }
+                assert_same(&simulation, &gradient, &workspace, block);
             }
         }
         assert_eq!(gradient.silent_terms(), [0, 6], "being alive and failing have no derivative");
     }
 }
 
+/// That a block of the simulation has the observations and rewards of a workspace, but where an episode has ended.
+fn assert_same(simulation: &Simulation, gradient: &StepGradient, workspace: &Workspace, block: usize) {
+    let (rows, environments, len) = (simulation.rows(), simulation.environments(), simulation.observation_len());
+    let seen: Vec<[f32; LANES]> = gradient.observations(workspace).copied().collect();
+    let rewards: Vec<[f32; LANES]> = gradient.rewards(workspace).copied().collect();
+    let agents = rows / environments;
+    for (agent, lane) in (0..agents).flat_map(|agent| (0..LANES).map(move |lane| (agent, lane))) {
+        let row = agent * environments + block * LANES + lane;
+        if simulation.outcomes()[row] != crate::outcome::Outcome::Running {
+            continue;
+        }
+        for (index, column) in seen[agent * len..(agent + 1) * len].iter().enumerate() {
+            assert_eq!(column[lane], simulation.observations()[index * rows + row]);
+        }
+        let terms = simulation.terms(row).into_iter().enumerate();
+        let speaking = terms.filter(|(index, _)| !gradient.silent_terms().contains(index));
+        let count = rewards.len() / agents;
+        let found = rewards[agent * count..(agent + 1) * count].iter().map(|column| column[lane]);
+        assert!(found.eq(speaking.map(|(_, value)| value)), "row {row}");
+    }
+}
+
 /// Weighted sum of what a period computes.
 fn objective(period: &Period<f64>, silent: &[usize], weights: &[f64]) -> f64 {
-    let terms = period.terms.iter().enumerate().filter(|(index, _)| !silent.contains(index));
+    let count = testing::hover().rewards.len();
+    let terms = period.terms.iter().enumerate().filter(|(index, _)| !silent.contains(&(index % count)));
     let seen = period.observations.iter().chain(&period.after).zip(weights);
     terms.map(|(_, term)| *term).sum::<f64>() + seen.map(|(value, weight)| value * weight).sum::<f64>()
 }
@@ -89,11 +104,12 @@ fn derivatives_are_those_of_central_differences_in_double_precision() {
         let mut simulation: Simulation = Simulation::new(&scenario, Seed(5), 0, LANES);
         let mut stream = Stream::new(Seed(6), 0, Purpose::Reset);
         for _ in 0..7 {
-            let actions = actions(&scenario, LANES, &mut stream);
+            let actions = actions(&scenario, simulation.rows(), &mut stream);
             simulation.step(&actions);
         }
         let mut records = [gradient.record()];
-        simulation.take_down(&gradient, &actions(&scenario, LANES, &mut stream), &mut records);
+        let rows = simulation.rows();
+        simulation.take_down(&gradient, &actions(&scenario, rows, &mut stream), &mut records);
         let mut workspace = gradient.workspace();
         gradient.run(&records[0], &mut workspace);
         compare(&scenario, &gradient, (&records[0], &mut workspace), &mut stream);
@@ -106,7 +122,8 @@ fn compare(
     (record, workspace): (&StepRecord, &mut Workspace),
     stream: &mut Stream,
 ) {
-    let observations: Vec<f32> = (0..scenario.observation.len()).map(|_| stream.between(-1.0, 1.0)).collect();
+    let seen_len = scenario.agents.count as usize * scenario.observation.len();
+    let observations: Vec<f32> = (0..seen_len).map(|_| stream.between(-1.0, 1.0)).collect();
     let carries: Vec<f32> = gradient.carries.iter().map(|_| stream.between(-1e-3, 1e-3)).collect();
     let mut state: Vec<[f32; LANES]> = carries.iter().map(|weight| [*weight; LANES]).collect();
     let seen: Vec<[f32; LANES]> = observations.iter().map(|weight| [*weight; LANES]).collect();

@@ -6,6 +6,7 @@ use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::analytic::AnalyticTrainer;
 use kestrel_learn::ppo::UpdateMetrics;
 use kestrel_learn::ranks::{self, Order, Ranks};
+use kestrel_sim::gradient::StepGradient;
 
 use crate::drone_environment::{DroneEnvironment, Trainer, TrainerState};
 use crate::experiment_config::Experiment;
@@ -112,6 +113,13 @@ impl Experiment {
     pub fn batch(&self) -> usize {
         let agents = self.scenario.agents.count as usize;
         self.analytic.as_ref().map_or(self.ppo.batch(), |analytic| analytic.batch() * agents)
+    }
+
+    /// Names of the rewards that teach nothing, because no gradient goes through them: none where PPO trains.
+    pub fn silent_rewards(&self) -> Vec<&str> {
+        let traced = self.analytic.as_ref().and_then(|_| StepGradient::new(&self.scenario).ok());
+        let silent = traced.iter().flat_map(|gradient| gradient.silent_terms());
+        silent.map(|term| self.scenario.rewards[*term].name()).collect()
     }
 
     /// What trains it, for people.

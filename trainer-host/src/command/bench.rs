@@ -60,6 +60,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     #[cfg(feature = "gpu")]
     print_gpu(&arguments.aviaries, duration)?;
     print(&bench::training(scenario, &experiment.ppo, duration))?;
+    let settings = experiment.analytic.clone().unwrap_or_default();
+    print(&Vec::from_iter(bench::gradients(scenario, &settings, duration)))?;
     for seeing in &bench::SEEING {
         let overrides: Vec<String> = seeing.overrides.iter().map(|&set| set.to_owned()).collect();
         let task = experiment_config::load(&arguments.aviaries.join(seeing.file), &overrides)?;

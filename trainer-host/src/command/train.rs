@@ -71,6 +71,10 @@ fn lead(arguments: &Arguments, ranks: &Arc<dyn Ranks>) -> Result<Done> {
         run.steps(),
         experiment.total_steps()
     ))?;
+    let silent = experiment.silent_rewards();
+    if !silent.is_empty() {
+        say(format_args!("No gradient goes through these rewards, which teach nothing: {}", silent.join(", ")))?;
+    }
     match run.train(&interrupt)? {
         End::Finished => finish(&run, &interrupt),
         End::Interrupted => {

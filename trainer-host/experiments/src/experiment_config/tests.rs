@@ -323,10 +323,11 @@ fn gradients_are_refused_where_none_go() {
 
 #[test]
 fn hover_learns_by_gradients_unless_told_otherwise() {
-    let by = |sets: &[String]| {
-        let experiment = load_to_train(&in_repository("configs/hover.yaml"), sets).unwrap();
-        (experiment.method(), experiment.total_steps(), experiment.batch())
-    };
-    assert_eq!(by(&[]), ("gradients through the physics", 2_457_600, 128 * 64));
-    assert_eq!(by(&["training.analytic=null".to_owned()]), ("PPO", 4_915_200, 1024 * 32));
+    let load = |sets: &[String]| load_to_train(&in_repository("configs/hover.yaml"), sets).unwrap();
+    let by = |experiment: &Experiment| (experiment.method(), experiment.total_steps(), experiment.batch());
+    let (gradients, ppo) = (load(&[]), load(&["training.analytic=null".to_owned()]));
+    assert_eq!(by(&gradients), ("gradients through the physics", 2_457_600, 128 * 64));
+    assert_eq!(by(&ppo), ("PPO", 4_915_200, 1024 * 32));
+    assert_eq!(gradients.silent_rewards(), ["alive", "failure"]);
+    assert!(ppo.silent_rewards().is_empty());
 }
