@@ -314,7 +314,9 @@ def test_policies_are_exported(run):
 
 def test_ctrl_c_stops_with_a_checkpoint_from_which_training_goes_on(tmp_path):
     code = """if True:
-        import kestrel_drones, sys
+        import kestrel_drones, signal, sys
+        # A shell that starts the tests in the background has them ignore it.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
             kestrel_drones.train("hover", out=sys.argv[1], training={"analytic": None, "total_steps": 4_000_000, "environments": 256})
         except KeyboardInterrupt:

@@ -118,7 +118,7 @@ impl Experiment {
     /// Names of the rewards that teach nothing, because no gradient goes through them: none where PPO trains.
     pub fn silent_rewards(&self) -> Vec<&str> {
         let traced = self.analytic.as_ref().and_then(|_| StepGradient::new(&self.scenario).ok());
-        let silent = traced.iter().flat_map(|gradient| gradient.silent_terms());
+        let silent = traced.iter().flat_map(StepGradient::silent_terms);
         silent.map(|term| self.scenario.rewards[*term].name()).collect()
     }
 
