@@ -52,6 +52,8 @@ says() { # WORDS COMMAND...: fails, and says this
   ! "$@" >"$place/said" 2>&1 && grep -q "$words" "$place/said"
 }
 check "three ranks are refused" says "3 ranks cannot share" train run-3 ranks 3 target/kestrel-without-gpus
+check "gradients are for one rank" says "computed by one process" \
+  ranks 2 target/kestrel-without-gpus train configs/hover.yaml --run "$place/run-gradients"
 check "a program without MPI refuses" says "was built without MPI" train run-n ranks 2 target/debug/kestrel
 
 summary

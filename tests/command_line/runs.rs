@@ -123,12 +123,23 @@ fn wait_for_update(run: &Path) {
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_goes_on_to_the_same_bits() {
+    assert_goes_on(&[&TINY[..], &["--set", "training.total_steps=81920"]].concat());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_by_gradients_goes_on_to_the_same_bits() {
+    assert_goes_on(&["--set", "training.analytic.total_steps=819200", "--set", "evaluation.episodes=32"]);
+}
+
+/// That a training with these arguments leaves the same files, whether it is interrupted or not.
+#[cfg(unix)]
+fn assert_goes_on(more: &[&str]) {
     let place = tempfile::tempdir().unwrap();
     let config = config("hover.yaml");
-    let longer = ["--set", "training.total_steps=81920"];
-    train_tiny(place.path(), "whole", &longer);
-    let arguments = [&["train", config.to_str().unwrap(), "--run", "halves"], &TINY[..], &longer].concat();
-    let mut child = command(place.path()).args(arguments).stdout(Stdio::piped()).spawn().unwrap();
+    let arguments = |run| [&["train", config.to_str().unwrap(), "--run", run], more].concat();
+    assert!(kestrel(place.path(), &arguments("whole")).status.success());
+    let mut child = command(place.path()).args(arguments("halves")).stdout(Stdio::piped()).spawn().unwrap();
     let run = place.path().join("halves");
     wait_for_update(&run);
     let signal = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();

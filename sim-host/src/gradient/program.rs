@@ -38,8 +38,8 @@ enum Instruction {
         then: u32,
         otherwise: u32,
     },
-    /// A sum or a difference, one of whose parts at least is a product that is used nowhere else.
-    Combination {
+    /// The sum of both parts, or the first minus the second.
+    Sum {
         parts: [Part; 2],
         is_difference: bool,
     },
@@ -48,6 +48,7 @@ enum Instruction {
 #[derive(Clone, Copy, Debug)]
 enum Part {
     Value(u32),
+    /// A product that is used nowhere else, and has no slot.
     Product([u32; 2]),
 }
 
@@ -126,7 +127,10 @@ impl Program {
                 Operation::Input(index) => inputs.push((place, *index as usize)),
                 Operation::Constant(bits) => constants.push((place, f32::from_bits(*bits))),
                 Operation::Binary(..) if is_merged(place as u32) => {}
-                Operation::Unary(..) | Operation::Binary(..) | Operation::Select { .. } => rest.push(place),
+                Operation::Unary(..)
+                | Operation::Binary(..)
+                | Operation::Sum { .. }
+                | Operation::Select { .. } => rest.push(place),
             }
         }
         let mut slot_of = vec![0; trace.len()];
@@ -141,6 +145,7 @@ impl Program {
             | Operation::Constant(_)
             | Operation::Unary(..)
             | Operation::Binary(..)
+            | Operation::Sum { .. }
             | Operation::Select { .. } => Part::Value(slot(place)),
         };
         let instructions: Vec<Instruction> =
@@ -303,7 +308,7 @@ fn uses(trace: &[Operation], outputs: &[u32]) -> Vec<Uses> {
         if uses[place] == Uses::None {
             continue;
         }
-        let is_sum = matches!(trace[place], Operation::Binary(Binary::Sum | Binary::Difference, _));
+        let is_sum = matches!(trace[place], Operation::Sum { .. });
         for operand in operands(&trace[place]).into_iter().flatten() {
             let found = &mut uses[operand as usize];
             *found = if *found == Uses::None && is_sum { Uses::OnceInSum } else { Uses::More };
@@ -316,7 +321,9 @@ fn operands(operation: &Operation) -> [Option<u32>; 4] {
     match *operation {
         Operation::Input(_) | Operation::Constant(_) => [None; 4],
         Operation::Unary(_, one) => [Some(one), None, None, None],
-        Operation::Binary(_, [one, other]) => [Some(one), Some(other), None, None],
+        Operation::Binary(_, [one, other]) | Operation::Sum { of: [one, other], .. } => {
+            [Some(one), Some(other), None, None]
+        }
         Operation::Select { less: [low, high], then, otherwise } => {
             [Some(low), Some(high), Some(then), Some(otherwise)]
         }
@@ -329,16 +336,8 @@ impl Instruction {
         match *operation {
             Operation::Input(_) | Operation::Constant(_) => None,
             Operation::Unary(function, one) => Some(Self::Unary(function, slot(one))),
-            Operation::Binary(function, pair) => {
-                let is_sum = matches!(function, Binary::Sum | Binary::Difference);
-                let parts = pair.map(part);
-                let has_product = parts.iter().any(|part| matches!(part, Part::Product(_)));
-                Some(if is_sum && has_product {
-                    Self::Combination { parts, is_difference: function == Binary::Difference }
-                } else {
-                    Self::Binary(function, pair.map(slot))
-                })
-            }
+            Operation::Binary(function, pair) => Some(Self::Binary(function, pair.map(slot))),
+            Operation::Sum { of, is_difference } => Some(Self::Sum { parts: of.map(part), is_difference }),
             Operation::Select { less, then, otherwise } => {
                 Some(Self::Select { less: less.map(&slot), then: slot(then), otherwise: slot(otherwise) })
             }
@@ -353,8 +352,6 @@ impl Instruction {
             }
             Self::Binary(function, [one, other]) => {
                 let (by_one, by_other) = match function {
-                    Binary::Sum => (Factor::One, Factor::One),
-                    Binary::Difference => (Factor::One, Factor::MinusOne),
                     Binary::Product => (Factor::Value(other), Factor::Value(one)),
                     Binary::Quotient => (Factor::Inverse(other), Factor::MinusRatio([result, other])),
                     Binary::ArcTangent => {
@@ -367,7 +364,7 @@ impl Instruction {
             Self::Select { less, then, otherwise } => {
                 [Some((then, Factor::WhereLess(less))), Some((otherwise, Factor::WhereNotLess(less))), None, None]
             }
-            Self::Combination { parts: [first, second], is_difference } => {
+            Self::Sum { parts: [first, second], is_difference } => {
                 let ([a, b], [c, d]) = (first.derivatives(false), second.derivatives(is_difference));
                 [a, b, c, d]
             }
@@ -418,7 +415,7 @@ impl WithSimd for Run<'_> {
                 Instruction::Binary(function, [one, other]) => {
                     combine(result, function, value(one), value(other));
                 }
-                Instruction::Combination { parts, is_difference } => {
+                Instruction::Sum { parts, is_difference } => {
                     if is_difference {
                         add_up(result, parts, value, |one, other| one - other);
                     } else {
@@ -462,7 +459,7 @@ fn combine(result: &mut Lane, function: Binary, one: &Lane, other: &Lane) {
             }
         };
     }
-    each!(Sum, Difference, Product, Quotient, ArcTangent);
+    each!(Product, Quotient, ArcTangent);
 }
 
 #[inline(always)]

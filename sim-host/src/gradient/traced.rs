@@ -20,6 +20,11 @@ pub(super) enum Operation {
     Constant(u32),
     Unary(Unary, u32),
     Binary(Binary, [u32; 2]),
+    /// The sum of two, or the first minus the second.
+    Sum {
+        of: [u32; 2],
+        is_difference: bool,
+    },
     /// `then` where `less[0] < less[1]`, `otherwise` elsewhere.
     Select {
         less: [u32; 2],
@@ -42,11 +47,9 @@ pub(super) enum Unary {
     Floor,
 }
 
-/// Functions of two numbers.
+/// Functions of two numbers, sums apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Binary {
-    Sum,
-    Difference,
     Product,
     Quotient,
     /// Of the ordinate, then the abscissa.
@@ -74,8 +77,6 @@ impl Binary {
     #[inline(always)]
     pub(super) fn of(self, one: f32, other: f32) -> f32 {
         match self {
-            Self::Sum => one + other,
-            Self::Difference => one - other,
             Self::Product => one * other,
             Self::Quotient => one / other,
             Self::ArcTangent => Real::atan2(one, other),
@@ -102,7 +103,11 @@ impl Recorder {
     fn constant(&self, place: u32) -> Option<f32> {
         match self.operations[place as usize] {
             Operation::Constant(bits) => Some(f32::from_bits(bits)),
-            Operation::Input(_) | Operation::Unary(..) | Operation::Binary(..) | Operation::Select { .. } => None,
+            Operation::Input(_)
+            | Operation::Unary(..)
+            | Operation::Binary(..)
+            | Operation::Sum { .. }
+            | Operation::Select { .. } => None,
         }
     }
 }
@@ -153,6 +158,15 @@ impl Traced {
         }
     }
 
+    fn sum(self, other: Self, is_difference: bool) -> Self {
+        match (self.value(), other.value()) {
+            (Some(one), Some(other)) => Self::constant(if is_difference { one - other } else { one + other }),
+            (Some(_) | None, Some(_) | None) => {
+                Self::done(Operation::Sum { of: [self.place, other.place], is_difference })
+            }
+        }
+    }
+
     fn binary(self, function: Binary, other: Self) -> Self {
         match (self.value(), other.value()) {
             (Some(one), Some(other)) => Self::constant(function.of(one, other)),
@@ -176,27 +190,27 @@ impl PartialOrd for Traced {
 }
 
 macro_rules! operators {
-    ($($operator:ident $method:ident $assigning:ident $assign:ident $function:ident),*) => {$(
+    ($($operator:ident $method:ident $assigning:ident $assign:ident: $compute:expr;)*) => {$(
         impl $operator for Traced {
             type Output = Self;
 
             fn $method(self, other: Self) -> Self {
-                self.binary(Binary::$function, other)
+                $compute(self, other)
             }
         }
 
         impl $assigning for Traced {
             fn $assign(&mut self, other: Self) {
-                *self = self.binary(Binary::$function, other);
+                *self = $compute(*self, other);
             }
         }
     )*};
 }
 operators! {
-    Add add AddAssign add_assign Sum,
-    Sub sub SubAssign sub_assign Difference,
-    Mul mul MulAssign mul_assign Product,
-    Div div DivAssign div_assign Quotient
+    Add add AddAssign add_assign: |one: Self, other| one.sum(other, false);
+    Sub sub SubAssign sub_assign: |one: Self, other| one.sum(other, true);
+    Mul mul MulAssign mul_assign: |one: Self, other| one.binary(Binary::Product, other);
+    Div div DivAssign div_assign: |one: Self, other| one.binary(Binary::Quotient, other);
 }
 
 impl Neg for Traced {

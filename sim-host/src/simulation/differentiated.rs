@@ -35,7 +35,8 @@ impl Simulation {
         }
     }
 
-    /// Ends the episodes of some environments without a word, and begins their next ones.
+    /// Ends the episodes of some environments without a word, and begins their next ones; images stay as they were until
+    /// the next step.
     ///
     /// # Panics
     /// When there is no such environment.

@@ -208,13 +208,13 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         let rollout_secs = start.elapsed().as_secs_f64();
         let limit = self.settings.adjoint_limit;
         self.batches.par_iter_mut().for_each(|batch| batch.differentiate(actor, limit));
-        let mut metrics = UpdateMetrics { learning_rate: self.learning_rate, rollout_secs, ..Default::default() };
+        let mut metrics =
+            UpdateMetrics { learning_rate: self.learning_rate, rollout_secs, ..UpdateMetrics::without_ppo() };
         self.descend(&mut metrics);
         self.updates += 1;
         let progress = self.steps() as f64 / self.settings.total_steps.max(1) as f64;
         self.learning_rate = self.settings.learning_rate.next(self.learning_rate, progress, 0.0);
         (metrics.steps, metrics.updates) = (self.steps(), self.updates);
-        metrics.log_std = self.actor.log_std().iter().sum::<f32>() / self.actor.action_len() as f32;
         let episodes: Vec<_> =
             self.batches.iter_mut().flat_map(|batch| batch.environment.take_episodes()).collect();
         metrics.describe(&episodes);

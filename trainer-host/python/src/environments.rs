@@ -3,6 +3,7 @@
 use std::thread::available_parallelism;
 use std::time::Instant;
 
+use kestrel_sim::gradient::LANES;
 use kestrel_sim::outcome::{Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed};
@@ -19,9 +20,6 @@ use crate::task::Task;
 
 /// Most environments: a seed has streams for four thousand million, a machine memory for fewer.
 const ENVIRONMENTS_LIMIT: usize = 1 << 20;
-
-/// Lanes of a block, which a simulation fills.
-const LANES: usize = 64;
 
 /// Most environments of one simulation: its columns then stay in the first-level cache while they are transposed.
 const SIMULATION_LIMIT: usize = 256;

@@ -1,6 +1,7 @@
 use std::fs;
 
 use kestrel_core::action::ActionSpace;
+use kestrel_sim::gradient::StepGradient;
 use kestrel_sim::scenario::{StartPosition, Success};
 use kestrel_sim::termination::Termination;
 use proptest::prelude::*;
@@ -328,6 +329,8 @@ fn hover_learns_by_gradients_unless_told_otherwise() {
     let (gradients, ppo) = (load(&[]), load(&["training.analytic=null".to_owned()]));
     assert_eq!(by(&gradients), ("gradients through the physics", 2_457_600, 128 * 64));
     assert_eq!(by(&ppo), ("PPO", 4_915_200, 1024 * 32));
+    let traced = StepGradient::new(&gradients.scenario).unwrap();
+    assert_eq!(traced.operations(), (881, 1484), "docs/decisions.md says how many");
     assert_eq!(gradients.silent_rewards(), ["alive", "failure"]);
     assert!(ppo.silent_rewards().is_empty());
 }

@@ -11,7 +11,8 @@ pub struct UpdateMetrics {
     pub steps: u64,
     /// Updates since the start of training.
     pub updates: u64,
-    /// Negative clipped surrogate, mean over all minibatches.
+    /// Negative clipped surrogate, mean over all minibatches; by gradients through the environment the negative mean
+    /// reward of a step.
     pub policy_loss: f32,
     /// Mean squared error of the critic, mean over all minibatches.
     pub value_loss: f32,
@@ -46,6 +47,20 @@ pub struct UpdateMetrics {
 }
 
 impl UpdateMetrics {
+    /// NaN where there is no critic, no distribution and no surrogate.
+    pub(crate) fn without_ppo() -> Self {
+        let nothing = f32::NAN;
+        Self {
+            value_loss: nothing,
+            entropy: nothing,
+            approx_kl: nothing,
+            clip_fraction: nothing,
+            explained_variance: nothing,
+            log_std: nothing,
+            ..Self::default()
+        }
+    }
+
     /// Environment steps per second of this update, from its `steps_in_update`.
     pub fn steps_per_second(&self, steps_in_update: usize) -> f64 {
         steps_in_update as f64 / (self.rollout_secs + self.update_secs)
