@@ -210,7 +210,7 @@ exported_c() { # of 22-64-64-4, as peers are measured
 
 processor() {
   local task
-  image pilot.elf pilot thumbv7em-none-eabihf --features assembly,serial && programs
+  image pilot.elf pilot thumbv7em-none-eabihf --no-default-features --features assembly,serial && programs
   verdict $? "the image of a pilot behind a serial line links without a panic"
   for task in hover cross; do
     in_the_loop "$task"
@@ -221,8 +221,8 @@ processor() {
 counted() { # NAME TARGET MACHINE FEATURES: the files that budget.py wants of an image
   local name=$1 target=$2 machine=$3 features=$4 mark
   image "$name.elf" budget "$target" --features "$features" &&
-    image "flight-$name.elf" flight "$target" --features "$features" &&
-    image "inference-$name.elf" inference "$target" --features "$features" &&
+    image "flight-$name.elf" flight "$target" --no-default-features --features "$features" &&
+    image "inference-$name.elf" inference "$target" --no-default-features --features "$features" &&
     mark=$(python3 tests/firmware/budget.py --folder "$out" --committed firmware-shim/image --mark "$out/$name.elf") &&
     emulated "$machine" "$out/$name.elf" -plugin "$out/instruction_count.so,out=$out/$name.counts,mark=$mark" >"$out/$name.txt" &&
     emulated "$machine" "$out/flight-$name.elf" &&

@@ -16,6 +16,8 @@
 //! serve eight products. Rows are filled up with zeros to a multiple of four, columns to a multiple of two. A pair of
 //! weights is a word, which ARM's SMLAD multiplies with a pair of inputs in one instruction (feature `smlad`).
 
+#[cfg(feature = "recurrent")]
+mod gru;
 mod layer;
 #[cfg(feature = "learning")]
 mod learner;
@@ -24,14 +26,20 @@ mod packing;
 mod smlad;
 mod tanh;
 
+#[cfg(feature = "recurrent")]
+pub use gru::{FixedGru, HIDDEN_FRACTION_BITS};
 #[cfg(feature = "learning")]
 pub use learner::OutputLearner;
 pub use tanh::TABLE as TANGENTS;
 
+#[cfg(feature = "recurrent")]
+pub(crate) use gru::{gru_bytes, gru_format};
 pub(crate) use layer::layer_bytes;
 
 use heapless::Vec;
 
+#[cfg(feature = "recurrent")]
+use crate::gru::HiddenState;
 use crate::limits::{ACTION_LIMIT, LAYER_LIMIT, ROW_BLOCK, WIDTH_LIMIT};
 use crate::policy_error::PolicyError;
 use crate::real::Real;
@@ -97,6 +105,21 @@ impl FixedMlp<'_> {
     pub fn act(&self, observation: &[f32], scratch: &mut FixedScratch) -> [f32; ACTION_LIMIT] {
         let FixedScratch { activations, sums } = scratch;
         self.read_observation(observation, activations.get_mut(..self.inputs()).unwrap_or_default());
+        self.forward(activations, sums)
+    }
+
+    #[cfg(feature = "recurrent")]
+    /// As [`Self::act`], with the `hidden` state behind the observation, which `memory` has taken in before.
+    pub(crate) fn act_recurrent(
+        &self,
+        observation: &[f32],
+        memory: &FixedGru<'_>,
+        hidden: &mut HiddenState,
+        scratch: &mut FixedScratch,
+    ) -> [f32; ACTION_LIMIT] {
+        let FixedScratch { activations, sums } = scratch;
+        self.read_observation(observation, activations.get_mut(..memory.observation_len()).unwrap_or_default());
+        memory.advance(activations, sums, &mut hidden.fixed);
         self.forward(activations, sums)
     }
 

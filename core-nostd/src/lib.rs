@@ -42,6 +42,7 @@
 //! | (none) | all of the above: the quadrotor's physics, neural-network inference in float and fixed point, the pilot |
 //! | `encoder` | vision policies: the CNN encoder in front of the network (`encoder`) |
 //! | `learning` | continual learning on board: the regulariser (`anchor`), an output layer that learns |
+//! | `recurrent` | policies with a memory: a gated recurrent unit in front of the network (`gru`) |
 //! | `reference` | what only compares with gym-pybullet-drones: its physics, controllers, actions and observations |
 //! | `std` | square roots of the standard library, which vectorise; the bits are the same |
 //! | `smlad`, `assembly` | 16-bit products by ARM's DSP extension, and the loop around them in assembly |
@@ -62,6 +63,8 @@ mod elementary;
 #[cfg(feature = "encoder")]
 pub mod encoder;
 pub mod fixed;
+#[cfg(feature = "recurrent")]
+pub mod gru;
 pub mod instrument;
 mod limits;
 pub mod mlp;

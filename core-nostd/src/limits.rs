@@ -18,5 +18,9 @@ pub const OBSERVATION_LIMIT: usize = WIDTH_LIMIT;
 /// Most past actions that an observation layout reads.
 pub const HISTORY_LIMIT: usize = 32;
 
+#[cfg(feature = "recurrent")]
+/// Most units of a recurrent policy's memory; their gates are the outputs of one layer.
+pub const UNITS_LIMIT: usize = WIDTH_LIMIT / 2;
+
 /// Rows of a stored layer are filled up to a multiple of this.
 pub(crate) const ROW_BLOCK: usize = 4;

@@ -8,6 +8,8 @@
 use heapless::Vec;
 
 use crate::activation::tanh;
+#[cfg(feature = "recurrent")]
+use crate::gru::{Gru, HiddenState};
 use crate::limits::{ACTION_LIMIT, ROW_BLOCK};
 pub use crate::limits::{LAYER_LIMIT, WIDTH_LIMIT};
 use crate::policy_error::PolicyError;
@@ -47,7 +49,7 @@ pub struct FloatScratch {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct FloatLayer<'a> {
+pub(crate) struct FloatLayer<'a> {
     inputs: usize,
     padded_outputs: usize,
     /// Little-endian `f32`.
@@ -64,6 +66,21 @@ impl Mlp<'_> {
     pub fn act(&self, observation: &[f32], scratch: &mut FloatScratch) -> [f32; ACTION_LIMIT] {
         let FloatScratch { inputs, outputs } = scratch;
         read_observation(observation, inputs.get_mut(..self.inputs()).unwrap_or_default());
+        self.forward(inputs, outputs)
+    }
+
+    #[cfg(feature = "recurrent")]
+    /// As [`Self::act`], with the `hidden` state behind the observation, which `memory` has taken in before.
+    pub(crate) fn act_recurrent(
+        &self,
+        observation: &[f32],
+        memory: &Gru<'_>,
+        hidden: &mut HiddenState,
+        scratch: &mut FloatScratch,
+    ) -> [f32; ACTION_LIMIT] {
+        let FloatScratch { inputs, outputs } = scratch;
+        read_observation(observation, inputs.get_mut(..memory.observation_len()).unwrap_or_default());
+        memory.advance(inputs, outputs, &mut hidden.float);
         self.forward(inputs, outputs)
     }
 
@@ -91,7 +108,7 @@ impl Mlp<'_> {
 
     /// The bias in `row` of `layer`; zero beyond the rows.
     pub(crate) fn bias(&self, layer: usize, row: usize) -> f32 {
-        self.layers.get(layer).map_or(0.0, |layer| word_at(layer.bias, row))
+        self.layers.get(layer).map_or(0.0, |layer| layer.bias(row))
     }
 
     /// Values that the first layer reads.
@@ -125,14 +142,14 @@ fn read_observation(observation: &[f32], inputs: &mut [f32]) {
 }
 
 impl<'a> FloatLayer<'a> {
-    fn apply(&self, inputs: &[f32], outputs: &mut [f32]) {
+    pub(crate) fn apply(&self, inputs: &[f32], outputs: &mut [f32]) {
         let inputs = inputs.get(..self.inputs).unwrap_or_default();
         let outputs = outputs.get_mut(..self.padded_outputs).unwrap_or_default();
         dense(self.weights, self.bias, inputs, outputs);
     }
 
     /// Splits the parameters of a layer off `bytes`.
-    fn split(bytes: &'a [u8], inputs: usize, outputs: usize) -> Result<(Self, &'a [u8]), PolicyError> {
+    pub(crate) fn split(bytes: &'a [u8], inputs: usize, outputs: usize) -> Result<(Self, &'a [u8]), PolicyError> {
         let expected = layer_bytes(inputs, outputs);
         let found = bytes.len();
         let (layer, rest) = bytes.split_at_checked(expected).ok_or(PolicyError::Length { found, expected })?;
@@ -141,7 +158,7 @@ impl<'a> FloatLayer<'a> {
         Ok((Self { inputs, padded_outputs, bias, weights }, rest))
     }
 
-    fn weight(&self, row: usize, column: usize) -> f32 {
+    pub(crate) fn weight(&self, row: usize, column: usize) -> f32 {
         if column >= self.inputs {
             return 0.0;
         }
@@ -151,7 +168,12 @@ impl<'a> FloatLayer<'a> {
         word_at(self.weights, start + (row / height * self.inputs + column) * height + row % height)
     }
 
-    fn check(&self, layer: usize) -> Result<(), PolicyError> {
+    /// The bias in `row`; zero beyond the rows.
+    pub(crate) fn bias(&self, row: usize) -> f32 {
+        word_at(self.bias, row)
+    }
+
+    pub(crate) fn check(&self, layer: usize) -> Result<(), PolicyError> {
         let finite =
             |bytes: &[u8]| bytes.as_chunks::<4>().0.iter().all(|&word| f32::from_le_bytes(word).is_finite());
         let valid = finite(self.bias) && finite(self.weights);

@@ -1,6 +1,8 @@
 //! A policy at the controls: the one call that a firmware makes every control period.
 
 mod controller;
+#[cfg(feature = "recurrent")]
+mod recurrent;
 #[cfg(feature = "encoder")]
 mod vision;
 
@@ -8,6 +10,8 @@ use core::marker::PhantomData;
 
 use nalgebra::Vector3;
 
+#[cfg(feature = "recurrent")]
+pub use recurrent::RecurrentRunner;
 #[cfg(feature = "encoder")]
 pub use vision::VisionRunner;
 
@@ -35,7 +39,8 @@ pub trait PolicyRunner<'a> {
     fn self_test(&mut self, scratch: &mut PolicyScratch) -> Result<(), PolicyError>;
 }
 
-/// Flies one drone with one policy: a state-based one, or with `VisionRunner` (feature `encoder`) a vision policy.
+/// Flies one drone with one policy: a state-based one, with `RecurrentRunner` (feature
+/// `recurrent`) a recurrent one, or with `VisionRunner` (feature `encoder`) a vision policy.
 #[derive(Clone, Debug)]
 pub struct Pilot<'a, P = PolicyFile<'a>> {
     policy: P,

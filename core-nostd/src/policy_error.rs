@@ -57,6 +57,20 @@ pub enum PolicyError {
     /// The policy has no encoder, where one was expected.
     #[error("found a state-based policy, expected a vision policy: read it as a `PolicyFile`")]
     StateBased,
+    /// The policy has a memory, where one without was expected.
+    #[error("found a recurrent policy, expected one without memory: read it as a `RecurrentPolicy`")]
+    Recurrent,
+    #[cfg(feature = "recurrent")]
+    /// The memory is of a size that no policy can have.
+    #[error(
+        "memory of {found} units beside {observation} observed values, expected a multiple of 4 from 4 to 64, and at most 128 together"
+    )]
+    Units {
+        /// Units of the memory.
+        found: usize,
+        /// Values of the observation.
+        observation: usize,
+    },
     #[cfg(feature = "encoder")]
     /// The encoder is not possible, or was given what it cannot take.
     #[error(transparent)]
@@ -331,6 +345,9 @@ impl PolicyError {
             Self::EncoderWorkspace { .. } => 32,
             Self::GoldenImages { .. } => 33,
             Self::MissingFeature { .. } => 34,
+            Self::Recurrent => 35,
+            #[cfg(feature = "recurrent")]
+            Self::Units { .. } => 36,
         }
     }
 }

@@ -6,14 +6,21 @@
 mod header;
 mod metadata;
 mod parameters;
+#[cfg(feature = "recurrent")]
+mod recurrent;
 #[cfg(feature = "encoder")]
 mod vision;
 mod writer;
 
 pub use crate::arithmetic::{Arithmetic, FLOAT_SELF_TEST_TOLERANCE};
 pub use crate::policy_error::PolicyError;
-pub use header::{FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat, VISION_FORMAT_VERSION};
+pub use header::{
+    FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat, RECURRENT_FORMAT_VERSION,
+    VISION_FORMAT_VERSION,
+};
 pub use metadata::{NAME_LIMIT, PolicyMetadata};
+#[cfg(feature = "recurrent")]
+pub use recurrent::{MEMORY_HEADER_LEN, MemoryDraft, PolicyMemory, RecurrentDraft, RecurrentPolicy};
 #[cfg(feature = "encoder")]
 pub use vision::{ENCODER_HEADER_LEN, EncoderDraft, EncoderWorkspace, PolicyEncoder, VisionDraft, VisionPolicy};
 pub use writer::PolicyDraft;
@@ -21,7 +28,7 @@ pub use writer::PolicyDraft;
 use crate::fixed::{self, FixedMlp};
 use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
 use crate::mlp::{self, Mlp};
-use header::{EncoderSizes, Header, Sections};
+use header::{FrontSizes, Header, Sections};
 use metadata::{action_identifier, layout_identifier};
 
 /// A policy whose parameters lie in borrowed bytes.
@@ -59,12 +66,12 @@ impl<'a> PolicyFile<'a> {
     /// A variant per kind of damage; every altered bit and every cut is found.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PolicyError> {
         let header = Header::parse(bytes, FORMAT_VERSION)?;
-        Self::read(bytes, header, EncoderSizes::default()).map(|(policy, _)| policy)
+        Self::read(bytes, header, FrontSizes::default()).map(|(policy, _)| policy)
     }
 
-    /// The policy behind an encoder of these sizes, and the encoder's parameters.
-    fn read(bytes: &'a [u8], header: Header, encoder: EncoderSizes) -> Result<(Self, &'a [u8]), PolicyError> {
-        let Sections { metadata, golden, parameters, encoder_parameters, checksum } = header.sections(encoder);
+    /// The policy behind an encoder or a memory of these sizes, and the parameters of that.
+    fn read(bytes: &'a [u8], header: Header, front: FrontSizes) -> Result<(Self, &'a [u8]), PolicyError> {
+        let Sections { metadata, golden, parameters, front_parameters, checksum } = header.sections(front);
         let (found, expected) = (bytes.len(), checksum.end);
         if found != expected {
             return Err(PolicyError::Length { found, expected });
@@ -75,8 +82,8 @@ impl<'a> PolicyFile<'a> {
         }
         let section = |range| bytes.get(range).unwrap_or_default();
         let metadata = read_metadata(section(metadata), &header)?;
-        let network = Network::from_parameters(&header, encoder.features, section(parameters))?;
-        Ok((Self { metadata, network, golden: section(golden), header }, section(encoder_parameters)))
+        let network = Network::from_parameters(&header, front.features, section(parameters))?;
+        Ok((Self { metadata, network, golden: section(golden), header }, section(front_parameters)))
     }
 
     /// Name, observation layout, action space, control period.

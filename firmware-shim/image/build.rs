@@ -11,12 +11,17 @@ use kestrel_core::airframe::CF2X;
 use kestrel_core::fixed::FixedFormat;
 use kestrel_core::mlp::{DenseLayer, WIDTH_LIMIT};
 use kestrel_core::observation::{MeasuredLayout, ObservationLayout};
-use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata};
+use kestrel_core::policy_file::{
+    MemoryDraft, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, RecurrentDraft,
+};
 
 const PILOTS: &str = "../../assets/pilots";
 
 /// The network whose instructions are budgeted.
 const MEASURED_WIDTHS: [usize; 4] = [16, 64, 64, 4];
+
+/// Units of the memory that is budgeted in front of it.
+const MEASURED_UNITS: usize = 32;
 
 /// STM32F405 of the Crazyflie 2.1: 128 KiB of the RAM that code and data may both use (RM0090, section 2.3).
 const STM32F405: &str =
@@ -55,26 +60,36 @@ fn write_policies(out: &Path) -> Result<(), Box<dyn Error>> {
     for path in &paths {
         let name = path.file_stem().and_then(|stem| stem.to_str()).ok_or("a policy has no name")?;
         for file in in_both_arithmetics(&fs::read(path)?)? {
-            write_artifact(&mut source, out, name, &file)?;
+            let arithmetic = PolicyFile::parse(&aligned(&file)[..file.len()])?.arithmetic().name();
+            write_artifact(&mut source, out, (name, arithmetic), &file)?;
             source.push_str(",\n");
         }
     }
     source.push_str("];\n/// The network whose instructions are budgeted, 16-64-64-4, in both arithmetics.\npub static MEASURED: &[Artifact] = &[\n");
-    for file in measured_network()? {
-        write_artifact(&mut source, out, "16-64-64-4", &file)?;
+    for (arithmetic, file) in measured_network()? {
+        write_artifact(&mut source, out, ("16-64-64-4", arithmetic), &file)?;
+        source.push_str(",\n");
+    }
+    source.push_str("];\n#[cfg(feature = \"recurrent\")]\n/// The same behind a memory of 32 units, in both arithmetics.\npub static RECURRENT: &[Artifact] = &[\n");
+    for (arithmetic, file) in measured_memory()? {
+        write_artifact(&mut source, out, ("16-64-64-4 behind a memory of 32", arithmetic), &file)?;
         source.push_str(",\n");
     }
     source.push_str("];\n/// The one policy of the program `flight`: 16-64-64-4 in fixed point.\npub static FLOWN: Artifact =\n");
-    let [flown, _] = measured_network()?;
-    write_artifact(&mut source, out, "16-64-64-4", &flown)?;
+    let [(arithmetic, flown), _] = measured_network()?;
+    write_artifact(&mut source, out, ("16-64-64-4", arithmetic), &flown)?;
     source.push_str(";\n");
     write_network(&mut source, out, &flown)?;
     fs::write(out.join("policies.rs"), source)?;
     Ok(())
 }
 
-fn write_artifact(source: &mut String, out: &Path, name: &str, file: &[u8]) -> Result<(), Box<dyn Error>> {
-    let arithmetic = PolicyFile::parse(&aligned(file)[..file.len()])?.arithmetic().name();
+fn write_artifact(
+    source: &mut String,
+    out: &Path,
+    (name, arithmetic): (&str, &str),
+    file: &[u8],
+) -> Result<(), Box<dyn Error>> {
     let file_name = format!("{name}-{arithmetic}.kestrel");
     fs::write(out.join(&file_name), file)?;
     let bytes = format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file_name}\"))");
@@ -134,30 +149,51 @@ fn in_both_arithmetics(file: &[u8]) -> Result<[Vec<u8>; 2], PolicyError> {
 }
 
 /// Weights like those of trained networks (uniform, standard deviation 1/√inputs); their values cost no instructions.
-fn measured_network() -> Result<[Vec<u8>; 2], PolicyError> {
+fn measured_network() -> Result<[(&'static str, Vec<u8>); 2], PolicyError> {
     let mut state = 1;
-    let mut layers = Vec::new();
-    for pair in MEASURED_WIDTHS.windows(2) {
-        let (inputs, outputs) = (pair[0], pair[1]);
-        let limit = (3.0 / inputs as f32).sqrt();
-        let weights = (0..inputs * outputs).map(|_| limit * uniform(&mut state)).collect();
-        layers.push((inputs, outputs, weights, (0..outputs).map(|_| 0.1 * uniform(&mut state)).collect()));
-    }
-    let network = Network { layers };
-    let metadata = PolicyMetadata {
+    let network = Network::random(&MEASURED_WIDTHS, &mut state);
+    let metadata = measured_metadata();
+    let observations: Vec<f32> = (0..8 * MEASURED_WIDTHS[0]).map(|_| uniform(&mut state)).collect();
+    let format = FixedFormat::finest(&network.layers(), 2.0)?;
+    Ok([
+        ("fixed16", network.file(&metadata, ParameterFormat::Fixed16(format), &observations)?),
+        ("float32", network.file(&metadata, ParameterFormat::Float32, &observations)?),
+    ])
+}
+
+/// As [`measured_network`], with a memory.
+fn measured_memory() -> Result<[(&'static str, Vec<u8>); 2], PolicyError> {
+    let mut state = 2;
+    let [observed, first, second, outputs] = MEASURED_WIDTHS;
+    let inputs = observed + MEASURED_UNITS;
+    let [network, gates, candidate] =
+        [&[inputs, first, second, outputs][..], &[inputs, 2 * MEASURED_UNITS], &[inputs, MEASURED_UNITS]]
+            .map(|widths| Network::random(widths, &mut state));
+    let observations: Vec<f32> = (0..8 * observed).map(|_| uniform(&mut state)).collect();
+    let (layers, format) = (network.layers(), FixedFormat::finest(&network.layers(), 2.0)?);
+    let memory =
+        MemoryDraft { gates: gates.layers()[0], candidate: candidate.layers()[0], weight_fraction_bits: [0; 2] };
+    let memory = MemoryDraft { weight_fraction_bits: memory.finest_bits(format)?, ..memory };
+    let file = |parameters| -> Result<Vec<u8>, PolicyError> {
+        let (metadata, golden_observations) = (measured_metadata(), &observations[..]);
+        let policy = PolicyDraft { metadata, parameters, layers: &layers, golden_observations };
+        let draft = RecurrentDraft { policy, memory };
+        let mut bytes = vec![0; draft.file_len()?];
+        draft.write(&mut bytes)?;
+        Ok(bytes)
+    };
+    Ok([("fixed16", file(ParameterFormat::Fixed16(format))?), ("float32", file(ParameterFormat::Float32)?)])
+}
+
+fn measured_metadata() -> PolicyMetadata<'static> {
+    PolicyMetadata {
         name: "measured",
         observation: ObservationLayout::Measured(MeasuredLayout { len: MEASURED_WIDTHS[0] as u8 }),
         action: ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3)),
         control_period_secs: 0.001,
         seed: 1,
         training_steps: 0,
-    };
-    let observations: Vec<f32> = (0..8 * MEASURED_WIDTHS[0]).map(|_| uniform(&mut state)).collect();
-    let format = FixedFormat::finest(&network.layers(), 2.0)?;
-    Ok([
-        network.file(&metadata, ParameterFormat::Fixed16(format), &observations)?,
-        network.file(&metadata, ParameterFormat::Float32, &observations)?,
-    ])
+    }
 }
 
 /// In [-1, 1), by Knuth's 64-bit linear congruential generator (MMIX).
@@ -171,6 +207,17 @@ fn largest(values: &[f32]) -> f32 {
 }
 
 impl Network {
+    fn random(widths: &[usize], state: &mut u64) -> Self {
+        let mut layers = Vec::new();
+        for pair in widths.windows(2) {
+            let (inputs, outputs) = (pair[0], pair[1]);
+            let limit = (3.0 / inputs as f32).sqrt();
+            let weights = (0..inputs * outputs).map(|_| limit * uniform(state)).collect();
+            layers.push((inputs, outputs, weights, (0..outputs).map(|_| 0.1 * uniform(state)).collect()));
+        }
+        Self { layers }
+    }
+
     fn of(policy: &PolicyFile<'_>) -> Self {
         let layer = |(index, (inputs, outputs)): (usize, (usize, usize))| {
             let weights = (0..outputs)

@@ -132,6 +132,33 @@ fn an_interrupted_run_by_gradients_goes_on_to_the_same_bits() {
     assert_goes_on(&["--set", "training.analytic.total_steps=819200", "--set", "evaluation.episodes=32"]);
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_that_remembers_goes_on_to_the_same_bits() {
+    let memory = ["--set", "training.memory.units=8", "--set", "training.memory.steps_per_window=4"];
+    let longer = ["--set", "training.total_steps=65536"];
+    assert_goes_on(&[&TINY[..], &memory, &longer].concat());
+}
+
+#[test]
+fn a_recurrent_policy_is_exported_to_what_takes_it_and_refused_by_name_elsewhere() {
+    let place = tempfile::tempdir().unwrap();
+    let memory = ["--set", "training.memory.units=8", "--set", "training.memory.steps_per_window=4"];
+    assert!(train_tiny(place.path(), "run", &memory).status.success());
+    let inspected = kestrel(place.path(), &["inspect", "run/policy.kestrel"]);
+    let said = String::from_utf8(inspected.stdout).unwrap();
+    assert!(said.contains("memory of 8 units: 888 multiply-accumulates per step, "), "{said}");
+    for target in ["file", "rust", "onnx", "safetensors"] {
+        assert!(kestrel(place.path(), &["export", "run", "--target", target]).status.success(), "{target}");
+    }
+    let module = fs::read_to_string(place.path().join("run/policy.rs")).unwrap();
+    assert!(module.contains("Pilot::with_memory(RecurrentPolicy::parse(&POLICY.0)?)"), "{module}");
+    for target in ["c", "crazyflie"] {
+        let said = refusal(&kestrel(place.path(), &["export", "run", "--target", target]));
+        assert!(said.contains("found a recurrent policy, expected one without memory"), "{target}: {said}");
+    }
+}
+
 /// That a training with these arguments leaves the same files, whether it is interrupted or not.
 #[cfg(unix)]
 fn assert_goes_on(more: &[&str]) {

@@ -39,6 +39,13 @@ def run(tmp_path_factory):
     return kestrel_drones.train("hover", seed=1, out=tmp_path_factory.mktemp("runs") / "tiny", **TINY)
 
 
+@pytest.fixture(scope="session")
+def remembering(tmp_path_factory):
+    training = {**TINY["training"], "memory": {"units": 8, "steps_per_window": 16}}
+    out = tmp_path_factory.mktemp("runs") / "remembering"
+    return kestrel_drones.train("hover", seed=1, out=out, **{**TINY, "training": training})
+
+
 def random_flight(steps, **keywords):
     """Everything that an environment says during so many random steps."""
     envs = kestrel_drones.make_vec("hover", **{"num_envs": 200, **SHORT, **keywords})
@@ -279,17 +286,19 @@ def test_the_same_seed_trains_the_same_policy(run, tmp_path):
     assert (again.path / "policy.kestrel").read_bytes() == (run.path / "policy.kestrel").read_bytes()
 
 
-@pytest.mark.parametrize("index", [0, 1])
-def test_a_policy_flies_in_python_as_in_the_evaluation_of_rust(run, index):
+def assert_flies_as_in_rust(run, index):
     report = kestrel_drones.evaluate(run)["rows"][index]
     policy = kestrel_drones.Policy.load(run.path / ["policy.kestrel", "policy-f32.kestrel"][index])
     assert policy.arithmetic == report["pilot"]
     envs = kestrel_drones.make_vec(run.path / "config.yaml", num_envs=64, starts="evaluation", seed=0)
+    memory = policy.memory(64) if policy.is_recurrent else None
     observations, _ = envs.reset()
     returns = np.full(64, np.nan)
     total, success = np.zeros(64, np.float32), np.zeros(64, bool)
     while np.isnan(returns).any():
-        observations, rewards, terminations, truncations, infos = envs.step(policy.act(observations))
+        observations, rewards, terminations, truncations, infos = envs.step(policy.act(observations, memory))
+        if memory is not None:
+            memory.clear(terminations | truncations)
         total += rewards
         first = (terminations | truncations) & np.isnan(returns)
         if first.any():
@@ -297,6 +306,32 @@ def test_a_policy_flies_in_python_as_in_the_evaluation_of_rust(run, index):
             success[first] = infos["final_info"]["is_success"][first]
     assert returns.sum() / 64 == report["episode_return"]
     assert success.mean() == report["success_rate"]
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_policy_flies_in_python_as_in_the_evaluation_of_rust(run, index):
+    assert_flies_as_in_rust(run, index)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_recurrent_policy_remembers_in_python_as_in_rust(remembering, index):
+    assert_flies_as_in_rust(remembering, index)
+
+
+def test_a_recurrent_policy_wants_the_memory_of_as_many_rows(remembering):
+    policy = remembering.policy
+    observations, _ = kestrel_drones.make_vec(remembering.path / "config.yaml", num_envs=3).reset()
+    with pytest.raises(kestrel_drones.KestrelError, match="memory: found None, expected"):
+        policy.act(observations)
+    with pytest.raises(kestrel_drones.KestrelError, match="memory: found 2, expected 3 rows"):
+        policy.act(observations, policy.memory(2))
+    memory = policy.memory(3)
+    first = policy.act(observations, memory)
+    assert (policy.act(observations, memory) != first).any()
+    memory.clear([True, True, True])
+    assert (policy.act(observations, memory) == first).all()
+    with pytest.raises(kestrel_drones.KestrelError, match="rows: found 1, expected 3"):
+        memory.clear([True])
 
 
 def test_one_observation_or_many_give_the_same_action():

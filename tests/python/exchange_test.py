@@ -87,6 +87,34 @@ def checks(kestrel, run):
         yield "PyTorch finds the golden actions", close(by_torch(tensors_path, observations), actions)
 
 
+def recurrent_checks(kestrel, run):
+    """As `checks`, of a policy with a memory: the golden vectors are one flight."""
+    model_path, _ = export(kestrel, run, "onnx")
+    tensors_path, _ = export(kestrel, run, "safetensors")
+    session = onnxruntime.InferenceSession(model_path, providers=["CPUExecutionProvider"])
+    tensors = load_file(tensors_path)
+    units = len(tensors["memory.candidate.bias"])
+
+    def sigmoid(values):
+        return 1.0 / (1.0 + numpy.exp(-values))
+
+    def layer(name, values):
+        return values @ tensors[f"memory.{name}.weight"].T + tensors[f"memory.{name}.bias"]
+
+    by_onnx, hidden = [], numpy.zeros((1, units), numpy.float32)
+    by_hand, remembered = [], hidden
+    for observation in tensors["golden.observations"][:, None]:
+        action, hidden = session.run(["action", "next_hidden"], {"observation": observation, "hidden": hidden})
+        by_onnx.append(action[0])
+        gates = sigmoid(layer("gates", numpy.hstack([observation, remembered])))
+        candidate = numpy.tanh(layer("candidate", numpy.hstack([observation, gates[:, :units] * remembered])))
+        remembered = candidate + gates[:, units:] * (remembered - candidate)
+        by_hand.append(by_numpy(tensors, numpy.hstack([observation, remembered]))[0])
+    for name, found in [("onnxruntime", by_onnx), ("numpy", by_hand)]:
+        error = numpy.abs(numpy.array(found) - tensors["golden.actions"]).max()
+        yield f"{name} remembers what a recurrent policy does", error <= TOLERANCE
+
+
 def main():
     if len(sys.argv) != 2:
         sys.exit(__doc__)
@@ -96,7 +124,12 @@ def main():
         run = pathlib.Path(folder) / "run"
         short = ["--set", "training.analytic.total_steps=102400", "--set", "evaluation.episodes=16"]
         subprocess.run([kestrel, "train", "configs/hover.yaml", "--run", str(run), *short], check=True, capture_output=True)
-        for name, passes in checks(kestrel, run):
+        other = pathlib.Path(folder) / "recurrent"
+        short = ["training.analytic=null", "training.total_steps=32768", "training.environments=256",
+                 "training.memory.units=12", "evaluation.episodes=16"]
+        short = [word for value in short for word in ("--set", value)]
+        subprocess.run([kestrel, "train", "configs/hover.yaml", "--run", str(other), *short], check=True, capture_output=True)
+        for name, passes in [*checks(kestrel, run), *recurrent_checks(kestrel, other)]:
             print(f"{'ok     ' if passes else 'FAILED '} {name}")
             passed, failed = passed + bool(passes), failed + (not passes)
     print(f"{passed} passed, {failed} failed")

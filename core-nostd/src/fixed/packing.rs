@@ -28,6 +28,16 @@ impl FixedFormat {
         Ok(format)
     }
 
+    #[cfg(feature = "recurrent")]
+    /// The finest format of the weights of a `layer` that reads what the network reads.
+    pub(crate) fn finest_weight_bits(self, layer: &DenseLayer<'_>) -> Option<u8> {
+        let fits = |bits: &u8| {
+            let format = self.with_weight_bits(0, *bits);
+            format.sum_fraction_bits(0).is_ok() && layer.fits(format, 0)
+        };
+        (0..=WEIGHT_FRACTION_BITS_LIMIT).rev().find(fits)
+    }
+
     fn with_weight_bits(mut self, layer: usize, bits: u8) -> Self {
         if let Some(slot) = self.weight_fraction_bits.get_mut(layer) {
             *slot = bits;

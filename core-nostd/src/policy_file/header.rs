@@ -17,8 +17,11 @@ pub const MAGIC: [u8; 8] = *b"\x89KPOL\r\n\x1a";
 /// The format version of policies without an encoder.
 pub const FORMAT_VERSION: u16 = 1;
 
-/// The format version of policies with an encoder, and the newest that is read.
+/// The format version of policies with an encoder.
 pub const VISION_FORMAT_VERSION: u16 = 2;
+
+/// The format version of recurrent policies, and the newest that is read.
+pub const RECURRENT_FORMAT_VERSION: u16 = 3;
 
 /// Bytes of the header; the metadata follow.
 pub const HEADER_LEN: usize = 40;
@@ -49,9 +52,9 @@ pub(crate) struct Header {
     pub(crate) widths: Vec<u16, { LAYER_LIMIT + 1 }>,
 }
 
-/// What an encoder adds to a file; nothing in a state-based policy.
+/// What an encoder or a memory in front of the network adds to a file; nothing in a state-based policy.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct EncoderSizes {
+pub(crate) struct FrontSizes {
     pub(crate) header_len: usize,
     /// Values that the first layer reads behind the observation.
     pub(crate) features: usize,
@@ -66,7 +69,7 @@ pub(crate) struct Sections {
     pub(crate) metadata: Range<usize>,
     pub(crate) golden: Range<usize>,
     pub(crate) parameters: Range<usize>,
-    pub(crate) encoder_parameters: Range<usize>,
+    pub(crate) front_parameters: Range<usize>,
     pub(crate) checksum: Range<usize>,
 }
 
@@ -177,17 +180,17 @@ impl Header {
         4 * (self.observation_len() + self.action_len()) + image_len.next_multiple_of(4)
     }
 
-    pub(crate) fn sections(&self, encoder: EncoderSizes) -> Sections {
-        let metadata = HEADER_LEN + encoder.header_len;
+    pub(crate) fn sections(&self, front: FrontSizes) -> Sections {
+        let metadata = HEADER_LEN + front.header_len;
         let golden = metadata + self.metadata_len.next_multiple_of(4);
-        let parameters = golden + self.golden_vectors * self.golden_bytes(encoder.image_len);
-        let encoder_parameters = parameters + self.parameter_bytes(encoder.features);
-        let checksum = encoder_parameters + encoder.parameter_bytes;
+        let parameters = golden + self.golden_vectors * self.golden_bytes(front.image_len);
+        let front_parameters = parameters + self.parameter_bytes(front.features);
+        let checksum = front_parameters + front.parameter_bytes;
         Sections {
             metadata: metadata..metadata + self.metadata_len,
             golden: golden..parameters,
-            parameters: parameters..encoder_parameters,
-            encoder_parameters: encoder_parameters..checksum,
+            parameters: parameters..front_parameters,
+            front_parameters: front_parameters..checksum,
             checksum: checksum..checksum + CHECKSUM_LEN,
         }
     }
@@ -233,12 +236,13 @@ pub(super) fn check_envelope(bytes: &[u8], version: u16) -> Result<(), PolicyErr
     if bytes.len() < HEADER_LEN {
         return Err(truncated);
     }
-    let (found, newest) = (u16_at(bytes, 8), VISION_FORMAT_VERSION);
+    let (found, newest) = (u16_at(bytes, 8), RECURRENT_FORMAT_VERSION);
     match found {
         0 => return Err(PolicyError::Version { found, newest }),
         _ if found == version => {}
         FORMAT_VERSION => return Err(PolicyError::StateBased),
         VISION_FORMAT_VERSION => return Err(PolicyError::Vision),
+        RECURRENT_FORMAT_VERSION => return Err(PolicyError::Recurrent),
         _ => return Err(PolicyError::NewerVersion { found, newest }),
     }
     check_length_and_checksum(bytes)

@@ -1,6 +1,6 @@
 //! Writing policy files, into the caller's bytes: the one definition of the format beside its reader.
 
-use super::header::{CHECKSUM_LEN, EncoderSizes, Header, Sections, collected};
+use super::header::{CHECKSUM_LEN, FrontSizes, Header, Sections, collected};
 use super::metadata::{action_identifier, layout_identifier};
 use super::{FORMAT_VERSION, HEADER_LEN, Network, ParameterFormat, PolicyError, PolicyMetadata, PolicyScratch};
 use crate::crc32::crc32;
@@ -27,7 +27,7 @@ impl PolicyDraft<'_> {
     /// # Errors
     /// The variant of whatever no policy file can hold.
     pub fn file_len(&self) -> Result<usize, PolicyError> {
-        Ok(self.header(0)?.sections(EncoderSizes::default()).checksum.end)
+        Ok(self.header(0)?.sections(FrontSizes::default()).checksum.end)
     }
 
     /// Writes the file to the start of `bytes`, which start on a four-byte boundary of memory, and returns its length; the
@@ -37,7 +37,7 @@ impl PolicyDraft<'_> {
     /// The variant of whatever no policy file can hold, [`PolicyError::Misaligned`] or [`PolicyError::BufferTooSmall`].
     pub fn write(&self, bytes: &mut [u8]) -> Result<usize, PolicyError> {
         let header = self.header(0)?;
-        let (file, sections) = self.write_parts(&header, EncoderSizes::default(), FORMAT_VERSION, bytes)?;
+        let (file, sections) = self.write_parts(&header, FrontSizes::default(), FORMAT_VERSION, bytes)?;
         self.write_actions(&header, &sections, file)?;
         Ok(seal(file))
     }
@@ -56,7 +56,7 @@ impl PolicyDraft<'_> {
     pub(super) fn write_parts<'b>(
         &self,
         header: &Header,
-        encoder: EncoderSizes,
+        encoder: FrontSizes,
         version: u16,
         bytes: &'b mut [u8],
     ) -> Result<(&'b mut [u8], Sections), PolicyError> {
@@ -135,7 +135,7 @@ impl PolicyDraft<'_> {
         for (index, layer) in self.layers.iter().enumerate() {
             bytes = match &self.parameters {
                 ParameterFormat::Float32 => copy_words(layer.packed().map(f32::to_le_bytes), bytes),
-                ParameterFormat::Fixed16(format) => write_fixed_layer(layer, *format, index, bytes)?,
+                ParameterFormat::Fixed16(format) => write_layer(layer, *format, index, bytes)?,
             };
         }
         Ok(())
@@ -164,7 +164,8 @@ impl PolicyDraft<'_> {
     }
 }
 
-fn write_fixed_layer<'b>(
+/// Writes a layer that stands where number `index` of a network does, and returns what follows it.
+pub(super) fn write_layer<'b>(
     layer: &DenseLayer<'_>,
     format: FixedFormat,
     index: usize,
@@ -208,7 +209,7 @@ pub(super) fn copy(source: &[u8], destination: &mut [u8]) {
 }
 
 /// Copies `words` to the start of `bytes` and returns what follows them.
-fn copy_words<const N: usize>(words: impl Iterator<Item = [u8; N]>, bytes: &mut [u8]) -> &mut [u8] {
+pub(super) fn copy_words<const N: usize>(words: impl Iterator<Item = [u8; N]>, bytes: &mut [u8]) -> &mut [u8] {
     let mut rest = bytes;
     for word in words {
         match rest.split_first_chunk_mut::<N>() {

@@ -127,8 +127,9 @@ fn bytes_off_the_boundary_are_reported() {
 fn versions_are_told_apart() {
     for bytes in files() {
         assert_eq!(forged(&bytes, 8, 2), PolicyError::Vision);
-        assert_eq!(forged(&bytes, 8, 3), PolicyError::NewerVersion { found: 3, newest: 2 });
-        assert_eq!(forged(&bytes, 8, 0), PolicyError::Version { found: 0, newest: 2 });
+        assert_eq!(forged(&bytes, 8, 3), PolicyError::Recurrent);
+        assert_eq!(forged(&bytes, 8, 4), PolicyError::NewerVersion { found: 4, newest: 3 });
+        assert_eq!(forged(&bytes, 8, 0), PolicyError::Version { found: 0, newest: 3 });
     }
 }
 
@@ -204,12 +205,12 @@ fn metadata_must_decode_and_make_sense() {
 fn messages_say_what_was_found_and_expected() {
     let [float, _] = files();
     let messages = [
-        forged(&float, 8, 3).to_string(),
+        forged(&float, 8, 4).to_string(),
         PolicyFile::parse(&float[..100]).unwrap_err().to_string(),
         PolicyFile::parse(b"hello world").unwrap_err().to_string(),
     ];
     let expected = [
-        "policy file has format version 3, this release reads up to 2: update kestrel, or export again".to_owned(),
+        "policy file has format version 4, this release reads up to 3: update kestrel, or export again".to_owned(),
         format!("policy file is truncated: found 100 bytes, expected {}", float.len()),
         "not a policy file: it begins with [68, 65, 6c, 6c, 6f, 20, 77, 6f], expected [89, 4b, 50, 4f, 4c, 0d, 0a, 1a]"
             .to_owned(),

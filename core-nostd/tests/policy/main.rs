@@ -7,6 +7,7 @@ mod file;
 mod inference;
 mod learner;
 mod pilot;
+mod recurrent;
 mod spaces;
 mod support;
 mod vision;

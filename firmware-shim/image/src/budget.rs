@@ -8,8 +8,12 @@ use core::hint::black_box;
 use kestrel_core::anchor::fixed::{FixedAnchor, Fraction, ProximalShares};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::fixed::{FixedScratch, OutputLearner};
+#[cfg(feature = "recurrent")]
+use kestrel_core::gru::HiddenState;
 use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
+#[cfg(feature = "recurrent")]
+use kestrel_core::policy_file::RecurrentPolicy;
 use kestrel_core::policy_file::{PolicyError, PolicyFile, PolicyScratch};
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -17,6 +21,8 @@ use nalgebra::Vector3;
 use crate::input::Inputs;
 use crate::learning::OUTPUT_PARAMETERS;
 use crate::machine::{Verdict, decimal, print};
+#[cfg(feature = "recurrent")]
+use crate::policy::RECURRENT;
 use crate::policy::{Artifact, MEASURED, NETWORK, PILOTS};
 use crate::probe::{mark, stack_below};
 
@@ -30,6 +36,8 @@ pub fn run() -> Verdict {
     let steps = MEASURED.iter().map(step);
     let ticks = PILOTS.iter().map(tick);
     let learning = core::iter::once_with(learn);
+    #[cfg(feature = "recurrent")]
+    let learning = learning.chain(RECURRENT.iter().map(recurrent_step));
     if steps.chain(ticks).chain(learning).all(|result| result.is_ok()) { Verdict::Passed } else { Verdict::Failed }
 }
 
@@ -76,6 +84,23 @@ fn step(artifact: &Artifact) -> Result<(), PolicyError> {
     window("parse", policy.arithmetic().name(), || {
         let _ = black_box(PolicyFile::parse(black_box(artifact.bytes)));
     });
+    Ok(())
+}
+
+#[cfg(feature = "recurrent")]
+/// One inference of a policy that remembers.
+fn recurrent_step(artifact: &Artifact) -> Result<(), PolicyError> {
+    let policy = RecurrentPolicy::parse(artifact.bytes)?;
+    let (mut hidden, mut scratch) = (HiddenState::new(), PolicyScratch::new());
+    let mut inputs = Inputs::new(5);
+    let mut observation = [0.0; WIDTH_LIMIT];
+    let observation = observation.get_mut(..policy.metadata().observation.len()).unwrap_or_default();
+    for _ in 0..REPETITIONS {
+        inputs.fill_usual(observation);
+        window("recurrent-step", policy.arithmetic().name(), || {
+            black_box(policy.act(black_box(observation), &mut hidden, &mut scratch));
+        });
+    }
     Ok(())
 }
 

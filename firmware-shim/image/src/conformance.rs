@@ -1,8 +1,12 @@
 //! The same bits everywhere: digests of what every policy does with the same inputs.
 
 use kestrel_core::action::ACTION_LIMIT;
+#[cfg(feature = "recurrent")]
+use kestrel_core::gru::HiddenState;
 use kestrel_core::mlp::WIDTH_LIMIT;
 use kestrel_core::pilot::Pilot;
+#[cfg(feature = "recurrent")]
+use kestrel_core::policy_file::RecurrentPolicy;
 use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile, PolicyScratch};
 
 use crate::autopilot;
@@ -11,6 +15,8 @@ use crate::input::Inputs;
 use crate::learning;
 use crate::link;
 use crate::machine::{Verdict, hexadecimal, print};
+#[cfg(feature = "recurrent")]
+use crate::policy::RECURRENT;
 use crate::policy::{Artifact, MEASURED, PILOTS};
 
 /// Inputs of each policy in fixed point.
@@ -29,11 +35,14 @@ const TICKS: u32 = 2_000;
 /// it was exported, or a flight does not go as it should.
 pub fn run() -> Verdict {
     let parts = learning::run().and(link::run()).and(autopilot::run());
-    PILOTS.iter().chain(MEASURED).map(check).fold(parts, Verdict::and)
+    let policies = PILOTS.iter().chain(MEASURED).map(|artifact| check(artifact, digests(artifact)));
+    #[cfg(feature = "recurrent")]
+    let policies = policies.chain(RECURRENT.iter().map(|artifact| check(artifact, recurrent_digests(artifact))));
+    policies.fold(parts, Verdict::and)
 }
 
-fn check(artifact: &Artifact) -> Verdict {
-    if digests(artifact).is_ok() {
+fn check(artifact: &Artifact, digests: Result<(), PolicyError>) -> Verdict {
+    if digests.is_ok() {
         return Verdict::Passed;
     }
     print(&[artifact.name, ": refused\n"]);
@@ -44,31 +53,49 @@ fn digests(artifact: &Artifact) -> Result<(), PolicyError> {
     let policy = PolicyFile::parse(artifact.bytes)?;
     let mut scratch = PolicyScratch::new();
     policy.self_test_with(&mut scratch)?;
-    line(artifact, &policy, "golden", golden(&policy, &mut scratch));
+    let arithmetic = policy.arithmetic();
+    line(artifact, arithmetic, "golden", golden(&policy, &mut scratch));
     let mut inputs = Inputs::new(1);
     let mut digest = Digest::new();
     match policy.arithmetic() {
         Arithmetic::Fixed16 => {
             random(&policy, INPUTS, &mut inputs, &mut digest, &mut scratch);
-            line(artifact, &policy, "100,000 inputs", digest);
+            line(artifact, arithmetic, "100,000 inputs", digest);
         }
         Arithmetic::Float32 => {
             random(&policy, FIRST_FLOAT_INPUTS, &mut inputs, &mut digest, &mut scratch);
-            line(artifact, &policy, "5,000 inputs", digest);
+            line(artifact, arithmetic, "5,000 inputs", digest);
             if FLOAT_INPUTS > FIRST_FLOAT_INPUTS {
                 random(&policy, FLOAT_INPUTS - FIRST_FLOAT_INPUTS, &mut inputs, &mut digest, &mut scratch);
-                line(artifact, &policy, "100,000 inputs", digest);
+                line(artifact, arithmetic, "100,000 inputs", digest);
             }
         }
     }
-    line(artifact, &policy, "2,000 ticks", ticks(&policy));
+    line(artifact, arithmetic, "2,000 ticks", ticks(&policy));
     Ok(())
 }
 
-fn line(artifact: &Artifact, policy: &PolicyFile<'_>, what: &str, digest: Digest) {
+#[cfg(feature = "recurrent")]
+/// One long flight on random inputs, all of which the policy remembers.
+fn recurrent_digests(artifact: &Artifact) -> Result<(), PolicyError> {
+    let policy = RecurrentPolicy::parse(artifact.bytes)?;
+    let (mut hidden, mut scratch) = (HiddenState::new(), PolicyScratch::new());
+    policy.self_test_with(&mut hidden, &mut scratch)?;
+    let (mut inputs, mut digest) = (Inputs::new(1), Digest::new());
+    let mut observation = [0.0; WIDTH_LIMIT];
+    let observation = observation.get_mut(..policy.metadata().observation.len()).unwrap_or_default();
+    for _ in 0..FIRST_FLOAT_INPUTS {
+        inputs.fill(observation);
+        digest.add(&policy.act(observation, &mut hidden, &mut scratch));
+    }
+    line(artifact, policy.arithmetic(), "5,000 inputs", digest);
+    Ok(())
+}
+
+fn line(artifact: &Artifact, arithmetic: Arithmetic, what: &str, digest: Digest) {
     let digits = hexadecimal(digest.value());
     let digits = core::str::from_utf8(&digits).unwrap_or_default();
-    print(&[artifact.name, " ", policy.arithmetic().name(), ": ", what, " ", digits, "\n"]);
+    print(&[artifact.name, " ", arithmetic.name(), ": ", what, " ", digits, "\n"]);
 }
 
 fn golden(policy: &PolicyFile<'_>, scratch: &mut PolicyScratch) -> Digest {

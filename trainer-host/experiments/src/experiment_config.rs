@@ -2,6 +2,7 @@
 
 mod evaluation;
 mod eye;
+mod memory;
 mod teacher;
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,8 @@ use serde::{Deserialize, Serialize};
 pub use evaluation::{EvaluationConfig, EvaluationSettings};
 pub(crate) use eye::refuse_unsuited_encoder;
 pub use eye::{ConvolutionConfig, CustomEyeConfig, EyeConfig, EyeNetworkConfig, NatureConfig};
+pub use memory::MemoryConfig;
+pub(crate) use memory::refuse_unsuited_memory;
 pub use teacher::TeacherConfig;
 pub(crate) use teacher::refuse_lost_teacher;
 pub use training::{AnalyticConfig, ScheduleConfig, TrainingConfig};
@@ -176,6 +179,7 @@ impl ExperimentConfig {
         let ppo = filled.check(&training)?;
         refuse_unsuited_encoder(&ppo.encoder, scenario.camera.as_ref(), &training)?;
         refuse_lost_teacher(ppo.teacher, &scenario, &training)?;
+        refuse_unsuited_memory(&ppo, &scenario, &training)?;
         Ok(Experiment {
             name: self.name.clone(),
             ppo,

@@ -51,10 +51,14 @@ impl Learner {
     /// # Errors
     /// When it cannot be dealt to so many.
     pub(crate) fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), TrainingError> {
+        let alone = |what| TrainingError::Alone { what, found: ranks.size() };
         match self {
-            Self::Ppo(trainer) => Ok(trainer.work_with(ranks)?),
             Self::Analytic(_) if ranks.size() == 1 => Ok(()),
-            Self::Analytic(_) => Err(TrainingError::Alone { found: ranks.size() }),
+            Self::Analytic(_) => Err(alone("gradients through the physics are computed")),
+            Self::Ppo(trainer) if ranks.size() > 1 && trainer.actor().memory().is_some() => {
+                Err(alone("policies that remember are trained"))
+            }
+            Self::Ppo(trainer) => Ok(trainer.work_with(ranks)?),
         }
     }
 

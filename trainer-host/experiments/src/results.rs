@@ -20,6 +20,7 @@ use kestrel_draw::curve::{CurveError, CurvePoint, learning_curve};
 use kestrel_draw::video::{VideoError, flight_gif};
 use kestrel_export::exchange::{ExchangeError, onnx_model, safetensors_file};
 use kestrel_export::policy::Policy;
+use kestrel_export::recurrent::{RecurrentActor, export_recurrent};
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
 use kestrel_export::source::{CSource, SourceError, c_source, crazyflie_app, rust_module};
 use kestrel_export::{DenseLayer, Export, ExportError, ExportReport, export};
@@ -206,12 +207,20 @@ pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> 
     let starts = Starts { purpose: Purpose::Selection, ..starts(experiment) };
     let met = sightings_in_flight(&evaluation.scenario, actor, starts);
     let (Some(encoder), Some(camera)) = (actor.encoder(), &scenario.camera) else {
-        let Export { float_policy, fixed_policy, report } = export(&layers, &metadata, &met.observations)?;
+        let export = match actor.memory() {
+            None => export(&layers, &metadata, &met.observations),
+            Some(memory) => {
+                let [gates, candidate] = memory.layers(actor.front_parameters()).map(DenseLayer::from);
+                let actor = RecurrentActor { gates, candidate, layers: &layers };
+                export_recurrent(&actor, &metadata, &met.observations)
+            }
+        };
+        let Export { float_policy, fixed_policy, report } = export?;
         return Ok(Exported { float_policy, fixed_policy, report: Report::Blind(report) });
     };
     let actor = SeeingActor {
         shape: *encoder.cnn().shape(),
-        encoder_parameters: encoder.cnn_parameters(actor.encoder_parameters()),
+        encoder_parameters: encoder.cnn_parameters(actor.front_parameters()),
         layers: &layers,
         control_periods_per_image: camera.control_periods_per_image as u16,
     };

@@ -126,8 +126,10 @@ pub enum TrainingError {
     #[error(transparent)]
     Analytic(#[from] AnalyticError),
     /// Several processes.
-    #[error("gradients through the physics are computed by one process, but there are {found}")]
+    #[error("{what} by one process, but there are {found}")]
     Alone {
+        /// What is done alone.
+        what: &'static str,
         /// Processes.
         found: usize,
     },

@@ -13,6 +13,8 @@ use thiserror::Error;
 pub use onnx::onnx_model;
 pub use safetensors::safetensors_file;
 
+use crate::policy::Policy;
+
 /// Why a policy cannot be written in another program's form.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ExchangeError {
@@ -34,32 +36,77 @@ struct Layer {
     biases: Vec<f32>,
 }
 
-/// Reads a policy with `f32` weights from bytes that start on a four-byte boundary of memory.
-fn float_policy(bytes: &[u8]) -> Result<PolicyFile<'_>, ExchangeError> {
-    let policy = PolicyFile::parse(bytes)?;
-    policy.self_test()?;
-    match policy.arithmetic() {
-        Arithmetic::Float32 => Ok(policy),
-        Arithmetic::Fixed16 => Err(ExchangeError::Fixed),
+/// A policy with `f32` weights.
+struct Exchanged {
+    name: String,
+    observation_len: usize,
+    action_len: usize,
+    /// Gates and candidate of a recurrent policy, which [`kestrel_core::gru`] defines.
+    memory: Option<[Layer; 2]>,
+    /// From the observation, and the hidden state behind it, to the action; tangents stand between them.
+    layers: Vec<Layer>,
+    /// Observations and actions of the golden vectors, which are one flight.
+    golden: [Vec<f32>; 2],
+    /// What a user must know of it, as JSON.
+    metadata: String,
+}
+
+impl Exchanged {
+    /// Reads it from bytes that start on a four-byte boundary of memory.
+    fn parse(bytes: &[u8]) -> Result<Self, ExchangeError> {
+        let policy = Policy::parse(bytes)?;
+        policy.self_test()?;
+        if policy.arithmetic() == Arithmetic::Fixed16 {
+            return Err(ExchangeError::Fixed);
+        }
+        match &policy {
+            Policy::Blind(policy) => Ok(Self::of(policy, None)),
+            Policy::Recurrent(policy) => {
+                let inputs = policy.metadata().observation.len() + policy.units();
+                let memory = [(0, 2 * policy.units()), (1, policy.units())].map(|(index, outputs)| {
+                    let weight = |row, column| policy.memory_weight(index, row, column);
+                    Layer::read((inputs, outputs), weight, |row| policy.memory_bias(index, row))
+                });
+                Ok(Self::of(policy.network(), Some(memory)))
+            }
+            Policy::Seeing(_) => Err(PolicyError::Vision.into()),
+        }
+    }
+
+    fn of(network: &PolicyFile<'_>, memory: Option<[Layer; 2]>) -> Self {
+        let metadata = network.metadata();
+        let (observation_len, action_len) = (metadata.observation.len(), metadata.action.len());
+        let layer = |(index, shape)| {
+            let weight = |row, column| network.weight(index, row, column);
+            Layer::read(shape, weight, |row| network.bias(index, row))
+        };
+        let mut golden = [Vec::new(), Vec::new()];
+        for (observation, action) in network.golden_vectors() {
+            golden[0].extend_from_slice(&observation[..observation_len]);
+            golden[1].extend_from_slice(&action[..action_len]);
+        }
+        Self {
+            name: metadata.name.to_owned(),
+            observation_len,
+            action_len,
+            memory,
+            layers: network.shapes().enumerate().map(layer).collect(),
+            golden,
+            metadata: serde_json::to_string(metadata).expect("numbers and text"),
+        }
     }
 }
 
-/// From the observation to the action; tangents stand between them.
-fn layers(policy: &PolicyFile<'_>) -> Vec<Layer> {
-    let layer = |(index, (inputs, outputs))| Layer {
-        inputs,
-        outputs,
-        weights: (0..outputs)
-            .flat_map(|row| (0..inputs).map(move |column| policy.weight(index, row, column)))
-            .collect(),
-        biases: (0..outputs).map(|row| policy.bias(index, row)).collect(),
-    };
-    policy.shapes().enumerate().map(layer).collect()
-}
-
-/// What a user must know of a policy, as JSON.
-fn metadata(policy: &PolicyFile<'_>) -> String {
-    serde_json::to_string(policy.metadata()).expect("numbers and text")
+impl Layer {
+    fn read(
+        (inputs, outputs): (usize, usize),
+        weight: impl Fn(usize, usize) -> f32,
+        bias: impl Fn(usize) -> f32,
+    ) -> Self {
+        let places = (0..outputs).flat_map(|row| (0..inputs).map(move |column| (row, column)));
+        let weights = places.map(|(row, column)| weight(row, column)).collect();
+        Self { inputs, outputs, weights, biases: (0..outputs).map(bias).collect() }
+    }
 }
 
 fn bytes_of(values: &[f32]) -> Vec<u8> {

@@ -37,6 +37,16 @@ impl fmt::Display for Inspection<'_> {
                 write_network(f, &shapes, policy.parameter_bytes(), policy.arithmetic())?;
                 write_eye(f, policy)
             }
+            Policy::Recurrent(policy) => {
+                let shapes: Vec<_> = policy.shapes().collect();
+                let behind: usize = shapes.iter().map(|(inputs, outputs)| inputs * outputs).sum();
+                let products = policy.multiply_accumulates() - behind;
+                let network = policy.network().parameter_bytes();
+                write_network(f, &shapes, network, policy.arithmetic())?;
+                write!(f, "\n  memory of {} units: {products} multiply-accumulates per step", policy.units())?;
+                writeln!(f, ", {} bytes of weights", policy.parameter_bytes() - network)?;
+                write!(f, "    {}", Cycles::of_network(products, policy.arithmetic()))
+            }
         }
     }
 }

@@ -4,6 +4,7 @@ pub mod cycles;
 pub mod exchange;
 pub mod inspection;
 pub mod policy;
+pub mod recurrent;
 mod report;
 pub mod seeing;
 pub mod source;
@@ -132,13 +133,14 @@ fn report(
 ) -> Result<ExportReport, PolicyError> {
     let (float, fixed) = (PolicyFile::parse(float_policy)?, PolicyFile::parse(fixed_policy)?);
     let difference = Difference::between(&float, &fixed, calibration);
+    let observations = calibration.len() / float.metadata().observation.len();
     Ok(ExportReport {
         name: float.metadata().name.to_owned(),
-        calibration_observations: calibration.len() / float.metadata().observation.len(),
+        calibration_observations: observations,
         largest_observation: largest_magnitude(calibration),
         saturations: difference.saturations,
         largest_action_error: difference.largest,
-        mean_action_error: difference.mean,
+        mean_action_error: difference.sum / (observations * float.metadata().action.len()) as f64,
         multiply_accumulates: fixed.multiply_accumulates(),
         float: FileSize { weight_bytes: float.parameter_bytes(), file_bytes: float_policy.len() },
         fixed: FileSize { weight_bytes: fixed.parameter_bytes(), file_bytes: fixed_policy.len() },
@@ -157,27 +159,31 @@ fn layer_report(layer: &DenseLayer<'_>, format: FixedFormat, index: usize) -> La
 }
 
 /// How far the fixed-point actions are from the float ones.
+#[derive(Default)]
 struct Difference {
     largest: f32,
-    mean: f64,
+    sum: f64,
     saturations: usize,
 }
 
 impl Difference {
     fn between(float: &PolicyFile<'_>, fixed: &PolicyFile<'_>, calibration: &[f32]) -> Self {
-        let mut scratch = float.scratch();
-        let (mut largest, mut sum, mut saturations) = (0.0_f32, 0.0, 0);
-        let observations = calibration.chunks_exact(float.metadata().observation.len());
-        let actions = observations.len() * float.metadata().action.len();
-        for observation in observations {
+        let (mut scratch, mut difference) = (float.scratch(), Self::default());
+        for observation in calibration.chunks_exact(float.metadata().observation.len()) {
             let wanted = float.act(observation, &mut scratch);
-            for (wanted, found) in wanted.into_iter().zip(fixed.act(observation, &mut scratch)) {
-                largest = largest.max((found - wanted).abs());
-                sum += f64::from((found - wanted).abs());
-            }
-            saturations += fixed.saturations(observation);
+            let found = fixed.act(observation, &mut scratch);
+            difference.add(&wanted, &found, fixed.saturations(observation));
         }
-        Self { largest, mean: sum / actions as f64, saturations }
+        difference
+    }
+
+    /// Adds two actions on one observation, of which so many values lie beyond the range of the input format.
+    fn add(&mut self, wanted: &[f32], found: &[f32], saturations: usize) {
+        for (wanted, found) in wanted.iter().zip(found) {
+            self.largest = self.largest.max((found - wanted).abs());
+            self.sum += f64::from((found - wanted).abs());
+        }
+        self.saturations += saturations;
     }
 }
 

@@ -1,7 +1,8 @@
-//! A policy file of either kind.
+//! A policy file of any kind.
 
+use kestrel_core::gru::HiddenState;
 use kestrel_core::policy_file::{
-    Arithmetic, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch, VisionPolicy,
+    Arithmetic, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch, RecurrentPolicy, VisionPolicy,
 };
 use kestrel_sim::camera::OnboardCamera;
 use kestrel_sim::scenario::Scenario;
@@ -15,6 +16,8 @@ pub enum Policy<'a> {
     Blind(Box<PolicyFile<'a>>),
     /// A policy with an eye.
     Seeing(Box<VisionPolicy<'a>>),
+    /// A policy with a memory.
+    Recurrent(Box<RecurrentPolicy<'a>>),
 }
 
 impl<'a> Policy<'a> {
@@ -26,6 +29,9 @@ impl<'a> Policy<'a> {
         match PolicyFile::parse(bytes) {
             Ok(policy) => Ok(Self::Blind(Box::new(policy))),
             Err(PolicyError::Vision) => VisionPolicy::parse(bytes).map(|policy| Self::Seeing(Box::new(policy))),
+            Err(PolicyError::Recurrent) => {
+                RecurrentPolicy::parse(bytes).map(|policy| Self::Recurrent(Box::new(policy)))
+            }
             Err(error) => Err(error),
         }
     }
@@ -41,6 +47,7 @@ impl<'a> Policy<'a> {
                 let mut memory = Memory::of(policy);
                 policy.self_test_with(&mut memory.borrowed(), &mut PolicyScratch::new())
             }
+            Self::Recurrent(policy) => policy.self_test_with(&mut HiddenState::new(), &mut PolicyScratch::new()),
         }
     }
 
@@ -49,6 +56,7 @@ impl<'a> Policy<'a> {
         match self {
             Self::Blind(policy) => policy.metadata(),
             Self::Seeing(policy) => policy.metadata(),
+            Self::Recurrent(policy) => policy.metadata(),
         }
     }
 
@@ -57,6 +65,7 @@ impl<'a> Policy<'a> {
         match self {
             Self::Blind(policy) => policy.arithmetic(),
             Self::Seeing(policy) => policy.arithmetic(),
+            Self::Recurrent(policy) => policy.arithmetic(),
         }
     }
 
@@ -79,14 +88,14 @@ impl<'a> Policy<'a> {
     /// Whether the images of a camera are what it looks at.
     fn suits(&self, camera: Option<&OnboardCamera>) -> bool {
         match (self, camera) {
-            (Self::Blind(_), None) => true,
+            (Self::Blind(_) | Self::Recurrent(_), None) => true,
             (Self::Seeing(policy), Some(camera)) => {
                 let image = policy.encoder().shape().image();
                 let found = [image.rows, image.columns, image.channels].map(usize::from);
                 found == [camera.camera.rows, camera.camera.columns, camera.pixel_len()]
                     && u32::from(policy.control_periods_per_image()) == camera.control_periods_per_image
             }
-            (Self::Blind(_), Some(_)) | (Self::Seeing(_), None) => false,
+            (Self::Blind(_) | Self::Recurrent(_), Some(_)) | (Self::Seeing(_), None) => false,
         }
     }
 }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::advantage::Moments;
 use crate::encoder::Encoder;
 use crate::gaussian::Gaussian;
+use crate::gru::Gru;
 use crate::network::cnn::Cnn;
 use crate::network::{Dense, InputBatch, Mlp};
 pub use gradient::Gradient;
@@ -27,9 +28,47 @@ const CRITIC_HEAD_GAIN: f32 = 1.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actor {
     mlp: Mlp,
-    encoder: Option<Encoder>,
-    /// The network's, then `log_std [action length]`, then those of the encoder.
+    front: Front,
+    /// The network's, then `log_std [action length]`, then those in front of it.
     parameters: Vec<f32>,
+}
+
+/// What stands in front of an actor's network, which reads the observation and what this makes of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Front {
+    /// Nothing: it acts on the observation alone.
+    Nothing,
+    /// What looks at images.
+    Encoder(Encoder),
+    /// What remembers.
+    Memory(Gru),
+}
+
+impl Front {
+    /// Values that it makes.
+    pub fn outputs(&self) -> usize {
+        match self {
+            Self::Nothing => 0,
+            Self::Encoder(encoder) => encoder.outputs(),
+            Self::Memory(memory) => memory.units(),
+        }
+    }
+
+    fn initialise(&self, stream: &mut Stream) -> Vec<f32> {
+        match self {
+            Self::Nothing => Vec::new(),
+            Self::Encoder(encoder) => encoder.initialise(stream),
+            Self::Memory(memory) => memory.initialise(stream),
+        }
+    }
+
+    /// Inputs of a network that reads so many values, which begin with the observation, and what this makes.
+    fn inputs(&self, observation_len: usize, values_len: usize) -> usize {
+        match self {
+            Self::Nothing | Self::Memory(_) => values_len + self.outputs(),
+            Self::Encoder(seen) => values_len - observation_len + seen.unread(observation_len) + seen.outputs(),
+        }
+    }
 }
 
 /// How many values an [`Actor`] reads and commands.
@@ -42,24 +81,24 @@ pub struct ActorLengths {
 }
 
 impl Actor {
-    /// With random orthogonal weights, and encoders for images if it has an encoder.
+    /// With random orthogonal weights, behind what stands in `front` of it.
     pub fn new(
         ActorLengths { observation, action }: ActorLengths,
-        encoder: Option<Encoder>,
+        front: Front,
         hidden: &[usize],
         initial_log_std: f32,
         stream: &mut Stream,
     ) -> Self {
-        let mlp = Mlp::new(inputs(observation, observation, encoder.as_ref()), hidden, action);
+        let mlp = Mlp::new(front.inputs(observation, observation), hidden, action);
         let mut parameters = mlp.initialise(ACTOR_HEAD_GAIN, stream);
         parameters.extend(std::iter::repeat_n(initial_log_std, action));
-        parameters.extend(encoder.iter().flat_map(|encoder| encoder.initialise(stream)));
-        Self { mlp, encoder, parameters }
+        parameters.extend(front.initialise(stream));
+        Self { mlp, front, parameters }
     }
 
     /// Of observations alone.
     pub fn state_based(lengths: ActorLengths, hidden: &[usize], log_std: f32, stream: &mut Stream) -> Self {
-        Self::new(lengths, None, hidden, log_std, stream)
+        Self::new(lengths, Front::Nothing, hidden, log_std, stream)
     }
 
     /// Shape of the mean's network.
@@ -69,27 +108,45 @@ impl Actor {
 
     /// What looks at images in front of it.
     pub fn encoder(&self) -> Option<&Encoder> {
-        self.encoder.as_ref()
+        match &self.front {
+            Front::Encoder(encoder) => Some(encoder),
+            Front::Nothing | Front::Memory(_) => None,
+        }
     }
 
-    /// Parameters of [`Self::encoder`].
-    pub fn encoder_parameters(&self) -> &[f32] {
-        self.network_ref().encoder_parameters()
+    /// What remembers in front of it.
+    pub fn memory(&self) -> Option<&Gru> {
+        match &self.front {
+            Front::Memory(memory) => Some(memory),
+            Front::Nothing | Front::Encoder(_) => None,
+        }
+    }
+
+    /// Values of the hidden state of [`Self::memory`]; none without.
+    pub fn units(&self) -> usize {
+        self.memory().map_or(0, Gru::units)
+    }
+
+    /// Parameters of what stands in front of the network.
+    pub fn front_parameters(&self) -> &[f32] {
+        self.network_ref().front_parameters()
     }
 
     /// The layers between observation, features and mean action, first to last; tanh after all but the last.
     pub fn layers(&self) -> Vec<Dense<'_>> {
-        let trunk = self.encoder.iter().flat_map(|seen| seen.trunk_layers(self.encoder_parameters()));
+        let trunk = self.encoder().into_iter().flat_map(|seen| seen.trunk_layers(self.front_parameters()));
         trunk.chain(self.mlp.layers(&self.parameters)).collect()
     }
 
     /// Weights and biases of each of [`Self::layers`], to be written.
     pub(crate) fn layers_mut(&mut self) -> Vec<(&mut [f32], &mut [f32])> {
-        let Self { mlp, encoder, parameters } = self;
+        let Self { mlp, front, parameters } = self;
         let (network, rest) = parameters.split_at_mut(mlp.parameter_count());
         let seen = &mut rest[mlp.outputs()..];
-        let trunk = encoder.as_ref().map(|encoder| encoder.trunk_layers_mut(seen));
-        let mut layers = trunk.unwrap_or_default();
+        let mut layers = match front {
+            Front::Encoder(encoder) => encoder.trunk_layers_mut(seen),
+            Front::Nothing | Front::Memory(_) => Vec::new(),
+        };
         layers.extend(mlp.layers_mut(network));
         layers
     }
@@ -97,7 +154,8 @@ impl Actor {
     /// The encoder in front of it, and its parameters, to be written.
     pub(crate) fn cnn_mut(&mut self) -> Option<(&Cnn, &mut [f32])> {
         let from = self.log_std_places().end;
-        let encoder = self.encoder.as_ref()?.cnn();
+        let Front::Encoder(encoder) = &self.front else { return None };
+        let encoder = encoder.cnn();
         Some((encoder, &mut self.parameters[from..][..encoder.parameter_count()]))
     }
 
@@ -127,7 +185,7 @@ impl Actor {
 
     /// Whether another one has the same shape.
     pub(crate) fn is_like(&self, other: &Self) -> bool {
-        (&self.mlp, &self.encoder) == (&other.mlp, &other.encoder)
+        (&self.mlp, &self.front) == (&other.mlp, &other.front)
     }
 
     /// Where `log_std` is among the parameters.
@@ -137,11 +195,12 @@ impl Actor {
     }
 
     fn network_ref(&self) -> NetworkRef<'_> {
-        let Self { mlp, encoder, parameters } = self;
-        NetworkRef { mlp, encoder: encoder.as_ref(), parameters, encoder_from: self.log_std_places().end }
+        let Self { mlp, parameters, .. } = self;
+        let front_from = self.log_std_places().end;
+        NetworkRef { mlp, encoder: self.encoder(), memory: self.memory(), parameters, front_from }
     }
 
-    /// The network's parameters, then `log_std [action length]`, then those of the encoder.
+    /// The network's parameters, then `log_std [action length]`, then those in front of it.
     pub fn parameters(&self) -> &[f32] {
         &self.parameters
     }
@@ -173,21 +232,20 @@ pub struct Critic {
 
 impl Critic {
     /// With random orthogonal weights, and a head for each of the tasks. It reads `values_len` values: the observation,
-    /// of the actor's length, then what only critics read; and sees through the actor's encoder or has one of its
-    /// own, of the same shape.
+    /// of the actor's length, then what only critics read; and what stands in front of the actor, or an encoder of its own
+    /// of the same shape. A memory is always the actor's.
     pub fn new(
         (observation_len, values_len): (usize, usize),
-        batch: CriticEncoder<'_>,
+        (front, sharing): (&Front, EncoderSharing),
         hidden: &[usize],
         tasks: usize,
         stream: &mut Stream,
     ) -> Self {
-        let (seen, own) = match batch {
-            CriticEncoder::None => (None, None),
-            CriticEncoder::Shared(encoder) => (Some(encoder), None),
-            CriticEncoder::Separate(encoder) => (Some(encoder), Some(encoder.clone())),
+        let own = match (front, sharing) {
+            (Front::Encoder(encoder), EncoderSharing::Separate) => Some(encoder.clone()),
+            (Front::Nothing | Front::Encoder(_) | Front::Memory(_), _) => None,
         };
-        let mlp = Mlp::new(inputs(observation_len, values_len, seen), hidden, tasks);
+        let mlp = Mlp::new(front.inputs(observation_len, values_len), hidden, tasks);
         let mut parameters = mlp.initialise(CRITIC_HEAD_GAIN, stream);
         parameters.extend(own.iter().flat_map(|encoder| encoder.initialise(stream)));
         Self { mlp, encoder: own, parameters, scales: vec![ValueScale::default(); tasks] }
@@ -195,7 +253,7 @@ impl Critic {
 
     /// Of so many values alone.
     pub fn state_based(values_len: usize, hidden: &[usize], tasks: usize, stream: &mut Stream) -> Self {
-        Self::new((values_len, values_len), CriticEncoder::None, hidden, tasks, stream)
+        Self::new((values_len, values_len), (&Front::Nothing, EncoderSharing::Shared), hidden, tasks, stream)
     }
 
     /// Shape of the network.
@@ -210,7 +268,8 @@ impl Critic {
 
     fn network_ref(&self) -> NetworkRef<'_> {
         let Self { mlp, encoder, parameters, .. } = self;
-        NetworkRef { mlp, encoder: encoder.as_ref(), parameters, encoder_from: mlp.parameter_count() }
+        let front_from = mlp.parameter_count();
+        NetworkRef { mlp, encoder: encoder.as_ref(), memory: None, parameters, front_from }
     }
 
     /// Writes the values `[columns]` that `heads [tasks][columns]` mean in a task.
@@ -256,23 +315,14 @@ impl Critic {
     }
 }
 
-/// How a critic sees images.
-#[derive(Clone, Copy, Debug)]
-pub enum CriticEncoder<'a> {
-    /// There are none.
-    None,
-    /// Through the actor's encoder, which learns from both.
-    Shared(&'a Encoder),
-    /// With an encoder of its own, of this shape.
-    Separate(&'a Encoder),
-}
-
-/// Inputs of a network that reads so many values, which begin with the observation, and what an encoder makes.
-fn inputs(observation_len: usize, values_len: usize, encoder: Option<&Encoder>) -> usize {
-    match encoder {
-        None => values_len,
-        Some(seen) => values_len - observation_len + seen.unread(observation_len) + seen.outputs(),
-    }
+/// Whether actor and critic have one encoder.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EncoderSharing {
+    /// They do, and it learns from both.
+    #[default]
+    Shared,
+    /// Each has its own.
+    Separate,
 }
 
 /// Mean and spread of a task's returns, by which its head of the critic is scaled; mean 0 and spread 1 until the first

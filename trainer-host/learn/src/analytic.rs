@@ -294,6 +294,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
             learning_rate: self.learning_rate,
             updates: self.updates,
             env_batches: self.batches.iter().map(|batch| batch.environment.save()).collect(),
+            hidden: Vec::new(),
         }
     }
 }

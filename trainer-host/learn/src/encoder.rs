@@ -84,7 +84,7 @@ impl Encoder {
     pub(crate) fn encode(
         &self,
         (parameters, weights): (&[f32], &CnnWeights),
-        InputBatch { values, images }: InputBatch<'_>,
+        InputBatch { values, images, .. }: InputBatch<'_>,
         workspace: &mut EncoderWorkspace,
     ) {
         let EncoderWorkspace { cnn, trunk: place, outputs } = workspace;

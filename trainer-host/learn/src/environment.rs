@@ -16,7 +16,8 @@ use kestrel_core::seed::Seed;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::actor_critic::Actor;
+use crate::actor_critic::{Actor, ActorWorkspace};
+use crate::gru::forget;
 use crate::network::InputBatch;
 
 /// What an agent of a task sees and does.
@@ -132,11 +133,14 @@ pub fn evaluate<E: Environment>(task: &E::Task, actor: &Actor, seed: Seed, envir
     let mut environment = E::begin(task, seed, 0, environments);
     let rows = environments * E::shape(task).agents;
     let mut actions = vec![0.0; rows * actor.action_len()];
+    let (mut pass, mut hidden) = (ActorWorkspace::new(actor, rows), vec![0.0; rows * actor.units()]);
     let (mut returns, mut outcomes) = (vec![0.0; rows], vec![Outcome::Running; rows]);
     while outcomes.contains(&Outcome::Running) {
-        let inputs = InputBatch { values: environment.observations(), images: environment.images() };
-        actor.act_mean(inputs, &mut actions);
+        let (values, images) = (environment.observations(), environment.images());
+        actions.copy_from_slice(pass.means(actor, InputBatch { values, images, hidden: &hidden }));
+        hidden.copy_from_slice(pass.hidden());
         environment.step(&actions);
+        forget(&mut hidden, environment.outcomes());
         for (row, (reward, outcome)) in environment.rewards().iter().zip(environment.outcomes()).enumerate() {
             if outcomes[row] == Outcome::Running {
                 returns[row] += reward;

@@ -2,7 +2,8 @@
 //!
 //! Read in the order of the data: an [`environment`] and the policy of the [`actor_critic`] make a [`rollout`], that gets
 //! [`advantage`]s, the update of [`ppo`] learns from both by [`adam`], and a [`regulariser`] keeps what earlier tasks have
-//! taught. Where an environment has derivatives, [`analytic`] learns from them instead. The crate names no drone: [`pendulum`] is the environment that ships with it.
+//! taught. Where an environment has derivatives, [`analytic`] learns from them instead. A policy that
+//! remembers has a [`gru`] in front. The crate names no drone: [`pendulum`] is the environment that ships with it.
 //!
 //! ```
 //! use kestrel_core::seed::Seed;
@@ -23,6 +24,7 @@ pub mod analytic;
 pub mod encoder;
 pub mod environment;
 pub mod gaussian;
+pub mod gru;
 pub mod network;
 pub mod pendulum;
 pub mod ppo;

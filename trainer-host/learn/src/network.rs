@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use aligned::Aligned;
 pub use dense::Dense;
-use dense::DenseGradient;
+pub(crate) use dense::DenseGradient;
 pub(crate) use kernel::{Accumulate, dispatch, dot, square};
 pub(crate) use sample_matrix::SampleMatrix;
 pub use trunk::{SharedTrunk, SharedTrunkWorkspace};
@@ -27,12 +27,14 @@ pub struct InputBatch<'a> {
     pub values: &'a [f32],
     /// `[columns][image]`; empty without a camera.
     pub images: &'a [u8],
+    /// `[units][columns]`: what a recurrent policy remembers of the steps before; empty where nothing is remembered.
+    pub hidden: &'a [f32],
 }
 
 impl<'a> InputBatch<'a> {
-    /// Of agents without images.
+    /// Of agents without images or memory.
     pub fn without_images(values: &'a [f32]) -> Self {
-        Self { values, images: &[] }
+        Self { values, images: &[], hidden: &[] }
     }
 }
 
@@ -106,6 +108,13 @@ impl Mlp {
     pub(crate) fn layers_mut<'a>(&self, parameters: &'a mut [f32]) -> Vec<(&'a mut [f32], &'a mut [f32])> {
         let layers = self.layer_gradients(parameters).into_iter();
         layers.map(|DenseGradient { weights, biases }| (weights, biases)).collect()
+    }
+
+    /// The gradient of a network of one layer.
+    pub(crate) fn only_gradient<'a>(&self, gradient: &'a mut [f32]) -> DenseGradient<'a> {
+        let [weights, biases] = [self.inputs() * self.outputs(), self.outputs()];
+        let (weights, rest) = gradient.split_at_mut(weights);
+        DenseGradient { weights, biases: &mut rest[..biases] }
     }
 
     fn layer_gradients<'a>(&self, gradient: &'a mut [f32]) -> Vec<DenseGradient<'a>> {

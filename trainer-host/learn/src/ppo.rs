@@ -8,7 +8,8 @@
 //! A minibatch is a random set of *slices*: up to [`ENV_BATCH`](crate::rollout::ENV_BATCH) rows of one environment batch
 //! at one step. Nothing is gathered, a slice is read where the rollout wrote it. That is as good as single samples: the
 //! environments of a slice are independent of each other and at different moments of their episodes, and a minibatch
-//! draws its slices from all environment batches and all steps.
+//! draws its slices from all environment batches and all steps. Where the policy has a memory ([`crate::gru`]), a window of
+//! such slices, step after step, takes the place of one, and the gradient goes back through it.
 //!
 //! Several agents of one environment train one policy together, each from what it observes itself (IPPO with shared
 //! parameters). With [`CriticScope::Team`] their critic reads what all of them observe; with [`ValueScaling::PopArt`]
@@ -47,7 +48,7 @@ pub use crate::actor_critic::{Actor, ActorLengths, Critic};
 use crate::actor_critic::{EncoderWeights, Gradient, Networks};
 use crate::adam::Adam;
 use crate::advantage::{Moments, normalise};
-use crate::environment::Environment;
+use crate::environment::{Environment, Outcome};
 use crate::quantisation::Quantised;
 use crate::ranks::{self, Ranks};
 use crate::regulariser::{FineTuning, Learning, OptimiserStep, Regulariser};
@@ -56,10 +57,11 @@ use crate::rollout::{Collection, EnvBatch, MinibatchSlice};
 pub use continual::{CarryOver, WarmStart};
 use loss::{LossSums, PolicyLoss, ValueLoss};
 pub use metrics::UpdateMetrics;
-use minibatch::{SHARDS, Shard, SliceIndex};
+use minibatch::{SHARDS, Shard, WindowIndex};
 pub use settings::fits_minibatch;
 pub use settings::{
-    EncoderKind, EncoderSettings, EncoderSharing, PpoSettings, SettingsError, TeacherSettings, ValueScaling,
+    EncoderKind, EncoderSettings, EncoderSharing, MemorySettings, PpoSettings, SettingsError, TeacherSettings,
+    ValueScaling,
 };
 pub use state::{RestoreError, TrainerState};
 use workspace::{SliceWorkspace, Workspaces};
@@ -167,7 +169,7 @@ impl<E: Environment> Trainer<E> {
         let (mut all, mut norms, mut minibatches) = (LossSums::default(), 0.0, 0_u32);
         'epochs: for epoch in 0..self.settings.epochs {
             let mut this_epoch = LossSums::default();
-            for minibatch in self.shuffled(epoch).chunks(self.settings.minibatch / self.columns()) {
+            for minibatch in self.shuffled(epoch).chunks(self.settings.minibatch / self.window_samples()) {
                 let sums = self.differentiate(minibatch);
                 regulariser
                     .add_gradient(Learning { actor: &self.actor, critic: &self.critic }, &mut self.gradient);
@@ -191,12 +193,12 @@ impl<E: Environment> Trainer<E> {
         metrics.clip_fraction = all.mean(all.clipped);
     }
 
-    /// All slices of the rollout in random order.
-    fn shuffled(&self, epoch: u32) -> Vec<SliceIndex> {
-        let slices = |(env_batch, of): (usize, &EnvBatch<E>)| {
-            (0..of.rollout().slices()).map(move |slice| SliceIndex { env_batch, slice })
+    /// All windows of the rollout in random order.
+    fn shuffled(&self, epoch: u32) -> Vec<WindowIndex> {
+        let windows = |(env_batch, of): (usize, &EnvBatch<E>)| {
+            (0..of.rollout().windows()).map(move |window| WindowIndex { env_batch, window })
         };
-        let mut all: Vec<SliceIndex> = self.env_batches.iter().enumerate().flat_map(slices).collect();
+        let mut all: Vec<WindowIndex> = self.env_batches.iter().enumerate().flat_map(windows).collect();
         let pass = self.updates * u64::from(self.settings.epochs) + u64::from(epoch);
         let mut stream = Stream::new(self.seed, pass as u32, Purpose::Shuffle);
         for last in (1..all.len()).rev() {
@@ -240,16 +242,33 @@ struct Loss<'a> {
 }
 
 impl Loss<'_> {
-    /// Adds a slice's part of the gradient to a shard: all but that of the entropy S, which no sample enters.
-    fn differentiate(
+    /// Adds a window's part of the gradient to a shard: all but that of the entropy S, which no sample enters.
+    fn differentiate<'r>(
         &self,
-        slice: &MinibatchSlice<'_>,
+        window: impl Iterator<Item = MinibatchSlice<'r>>,
         networks: &Networks<'_>,
         workspace: &mut SliceWorkspace,
         shard: &mut Shard,
     ) {
+        let mut outcomes: Vec<&[Outcome]> = Vec::new();
+        for slice in window {
+            self.differentiate_slice(&slice, outcomes.last().copied(), (networks, workspace), shard);
+            outcomes.push(slice.outcomes);
+        }
+        workspace.backward_window(networks.actor, |step| outcomes[step], &mut shard.gradient);
+    }
+
+    /// As [`Self::differentiate`], of one slice; a memory has to wait for the whole window. `before` are the outcomes of the
+    /// slice before it in the window.
+    fn differentiate_slice(
+        &self,
+        slice: &MinibatchSlice<'_>,
+        before: Option<&[Outcome]>,
+        (networks, workspace): (&Networks<'_>, &mut SliceWorkspace),
+        shard: &mut Shard,
+    ) {
         let Networks { actor, critic, .. } = networks;
-        workspace.forward(networks, slice.batch);
+        workspace.forward(networks, slice.batch, before);
         let (means, mean_gradient) = workspace.action_deltas();
         let log_std_gradient = &mut shard.gradient.actor[actor.log_std_places()];
         let policy = PolicyLoss { loss: *self, slice, means, gaussian: &actor.gaussian() };

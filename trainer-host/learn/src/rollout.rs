@@ -10,7 +10,9 @@ use crate::actor_critic::{ActorCriticWorkspace, Networks};
 use crate::advantage::{Columns, gae};
 use crate::environment::{Environment, Episode, Outcome, TaskShape};
 use crate::gaussian::Noise;
+use crate::gru::forget;
 use crate::network::InputBatch;
+use crate::ppo::MemorySettings;
 use critic_input::CriticInput;
 pub use critic_input::CriticScope;
 
@@ -79,6 +81,8 @@ pub struct EnvBatch<E> {
     /// Actions of one step `[action length][rows]`.
     commands: Vec<f32>,
     truncated: Vec<Truncated>,
+    /// What the agents remember between two steps, `[slices of a step][units][columns]`.
+    hidden: Vec<f32>,
 }
 
 /// What was observed at the end of an episode that was cut off.
@@ -89,6 +93,8 @@ struct Truncated {
     /// What the critic reads.
     values: Vec<f32>,
     image: Vec<u8>,
+    /// What it remembered of the steps before.
+    hidden: Vec<f32>,
 }
 
 /// What the rollouts of an environment batch hold.
@@ -100,6 +106,8 @@ pub struct RolloutPlan {
     pub columns: usize,
     /// Whose observations the critic reads.
     pub critic_scope: CriticScope,
+    /// What the policy remembers.
+    pub memory: Option<MemorySettings>,
     /// Whether a teacher says what it would do.
     pub has_teacher: bool,
 }
@@ -146,6 +154,7 @@ impl<E: Environment> EnvBatch<E> {
             normals: vec![0.0; lengths.action * columns],
             commands: vec![0.0; lengths.action * rows.count],
             truncated: Vec::new(),
+            hidden: vec![0.0; plan.units() * rows.count],
         }
     }
 
@@ -155,7 +164,7 @@ impl<E: Environment> EnvBatch<E> {
             for part in 0..self.noises.len() {
                 let slice = step * self.noises.len() + part;
                 self.observe(slice, part);
-                self.workspace.encode(&collection.networks, self.rollout.input_batch(slice));
+                self.encode(&collection.networks, slice, part);
                 self.act(&collection.networks, slice, (part, collection.first_step + step as u64));
                 self.predict_value(&collection.networks, slice);
                 if collection.asks_teacher {
@@ -174,6 +183,16 @@ impl<E: Environment> EnvBatch<E> {
     #[cfg(test)]
     pub(crate) fn environment(&self) -> &E {
         &self.environment
+    }
+
+    /// What the agents remember between two rollouts, `[slices of a step][units][columns]`; empty without memory.
+    pub(crate) fn hidden(&self) -> &[f32] {
+        &self.hidden
+    }
+
+    /// As [`Self::hidden`], to be written.
+    pub(crate) fn hidden_mut(&mut self) -> &mut [f32] {
+        &mut self.hidden
     }
 
     /// What was collected last.
@@ -212,6 +231,15 @@ impl<E: Environment> EnvBatch<E> {
         rollout.images[images].copy_from_slice(seen);
     }
 
+    /// Looks at a slice, and remembers it.
+    fn encode(&mut self, networks: &Networks<'_>, slice: usize, part: usize) {
+        let Self { rollout, workspace, hidden, noises, .. } = self;
+        let hidden = part_mut(hidden, part, noises.len());
+        rollout.keep_hidden(slice, noises.len(), hidden);
+        workspace.encode(networks, InputBatch { hidden, ..rollout.input_batch(slice) });
+        hidden.copy_from_slice(workspace.hidden());
+    }
+
     fn act(&mut self, networks: &Networks<'_>, slice: usize, (part, noise_step): (usize, u64)) {
         let Self { rollout, workspace, .. } = self;
         let means = workspace.mean_actions(networks, rollout.input_batch(slice));
@@ -241,8 +269,9 @@ impl<E: Environment> EnvBatch<E> {
     }
 
     fn record(&mut self, step: usize, reward_scale: f32) {
-        let Self { environment, critic_input, rollout, truncated, .. } = self;
-        let (rows, image_len) = (rollout.rows, rollout.lengths.image);
+        let Self { environment, critic_input, rollout, truncated, hidden, .. } = self;
+        let (rows, image_len, columns) = (rollout.rows, rollout.lengths.image, rollout.columns);
+        let parts = rows / columns;
         let column = step * rows..(step + 1) * rows;
         for (scaled, reward) in rollout.rewards[column.clone()].iter_mut().zip(environment.rewards()) {
             *scaled = reward * reward_scale;
@@ -254,20 +283,28 @@ impl<E: Environment> EnvBatch<E> {
                     place: step * rows + row,
                     values: critic_input.at_end(environment, row),
                     image: environment.final_images()[row * image_len..][..image_len].to_vec(),
+                    hidden: part_mut(hidden, row / columns, parts)
+                        .chunks_exact(columns)
+                        .map(|unit| unit[row % columns])
+                        .collect(),
                 });
             }
+        }
+        for (part, outcomes) in environment.outcomes().chunks_exact(columns).enumerate() {
+            forget(part_mut(hidden, part, parts), outcomes);
         }
     }
 
     fn predict_last_values(&mut self, networks: &Networks<'_>) {
-        let Self { environment, critic_input, rollout, workspace, .. } = self;
+        let Self { environment, critic_input, rollout, workspace, hidden, noises, .. } = self;
         let (columns, image_len) = (rollout.columns, rollout.lengths.image);
         let mut values = vec![0.0; rollout.lengths.features * columns];
         for (part, last) in rollout.last_values.chunks_exact_mut(columns).enumerate() {
             let first = part * columns;
             critic_input.write(environment, (first, columns), &mut values);
             let images = &environment.images()[first * image_len..][..columns * image_len];
-            let batch = InputBatch { values: &values, images };
+            let hidden = part_mut(hidden, part, noises.len());
+            let batch = InputBatch { values: &values, images, hidden };
             workspace.encode(networks, batch);
             networks.critic.write_values(workspace.predict_value(networks, batch), rollout.task, last);
         }
@@ -279,14 +316,18 @@ impl<E: Environment> EnvBatch<E> {
         let (columns, image_len) = (rollout.columns, rollout.lengths.image);
         let mut slice = vec![0.0; rollout.lengths.features * columns];
         let mut images = vec![0; image_len * columns];
+        let mut hidden = vec![0.0; rollout.units() * columns];
         for group in truncated.chunks(columns) {
             for (column, seen) in group.iter().enumerate() {
                 for (row, value) in slice.chunks_exact_mut(columns).zip(&seen.values) {
                     row[column] = *value;
                 }
                 images[column * image_len..][..image_len].copy_from_slice(&seen.image);
+                for (unit, value) in hidden.chunks_exact_mut(columns).zip(&seen.hidden) {
+                    unit[column] = *value;
+                }
             }
-            let batch = InputBatch { values: &slice, images: &images };
+            let batch = InputBatch { values: &slice, images: &images, hidden: &hidden };
             workspace.encode(networks, batch);
             let mut values = [0.0; ENV_BATCH];
             let heads = workspace.predict_value(networks, batch);
@@ -296,6 +337,19 @@ impl<E: Environment> EnvBatch<E> {
             }
         }
         truncated.clear();
+    }
+}
+
+/// One of so many equal parts.
+fn part_mut(values: &mut [f32], part: usize, parts: usize) -> &mut [f32] {
+    let len = values.len() / parts;
+    &mut values[part * len..][..len]
+}
+
+impl RolloutPlan {
+    /// Values of a hidden state.
+    fn units(&self) -> usize {
+        self.memory.map_or(0, |memory| memory.units)
     }
 }
 
@@ -332,6 +386,9 @@ pub struct Rollout {
     /// Samples of a slice.
     columns: usize,
     lengths: Lengths,
+    memory: Option<MemorySettings>,
+    /// What was remembered at the start of each window, `[windows][units][columns]`.
+    hidden: Vec<f32>,
     /// `[slices][features][columns]`: observation, privileged values, then those of team mates. The actor reads the
     /// observation.
     observations: Vec<f32>,
@@ -368,17 +425,22 @@ pub struct MinibatchSlice<'a> {
     pub advantages: &'a [f32],
     /// `[columns]`: what the critic should have said.
     pub returns: &'a [f32],
+    /// `[columns]`: which episodes ended with it.
+    pub outcomes: &'a [Outcome],
 }
 
 impl Rollout {
     fn new(task: usize, plan: RolloutPlan, rows: usize, lengths: Lengths) -> Self {
-        let RolloutPlan { steps, columns, .. } = plan;
+        let RolloutPlan { steps, columns, memory, .. } = plan;
+        let windows = memory.map_or(0, |memory| steps / memory.steps_per_window);
         let column = || vec![0.0; steps * rows];
         Self {
             task,
             steps,
             rows,
             columns,
+            memory,
+            hidden: vec![0.0; windows * plan.units() * rows],
             observations: vec![0.0; steps * lengths.features * rows],
             images: vec![0; steps * lengths.image * rows],
             actions: vec![0.0; steps * lengths.action * rows],
@@ -400,7 +462,7 @@ impl Rollout {
     pub(crate) fn of_observations(observations: Vec<f32>, features: usize, action_len: usize) -> Self {
         let steps = observations.len() / (features * ENV_BATCH);
         let critic_scope = CriticScope::Own;
-        let plan = RolloutPlan { steps, columns: ENV_BATCH, critic_scope, has_teacher: false };
+        let plan = RolloutPlan { steps, columns: ENV_BATCH, critic_scope, memory: None, has_teacher: false };
         let lengths = Lengths { observation: features, features, image: 0, action: action_len };
         Self { observations, ..Self::new(0, plan, ENV_BATCH, lengths) }
     }
@@ -408,6 +470,43 @@ impl Rollout {
     /// Index of its task among those of the run.
     pub fn task(&self) -> usize {
         self.task
+    }
+
+    /// Number of windows: slices that are differentiated together because the policy remembers; without memory, of slices.
+    pub fn windows(&self) -> usize {
+        self.slices() / self.steps_per_window()
+    }
+
+    /// The slices of a window, step after step; the first has the hidden state.
+    ///
+    /// # Panics
+    /// When the rollout has no such window.
+    pub fn window(&self, index: usize) -> impl Iterator<Item = MinibatchSlice<'_>> {
+        let (parts, steps) = (self.rows / self.columns, self.steps_per_window());
+        let first = index / parts * steps * parts + index % parts;
+        let units = self.units() * self.columns;
+        let hidden = &self.hidden[index * units..][..units];
+        (0..steps).map(move |step| {
+            let slice = self.slice(first + step * parts);
+            MinibatchSlice { batch: InputBatch { hidden, ..slice.batch }, ..slice }
+        })
+    }
+
+    fn steps_per_window(&self) -> usize {
+        self.memory.map_or(1, |memory| memory.steps_per_window)
+    }
+
+    fn units(&self) -> usize {
+        self.memory.map_or(0, |memory| memory.units)
+    }
+
+    /// Keeps what is remembered before a slice, of which a step has so many, where a window begins.
+    fn keep_hidden(&mut self, slice: usize, parts: usize, hidden: &[f32]) {
+        let (step, part) = (slice / parts, slice % parts);
+        if self.memory.is_some() && step.is_multiple_of(self.steps_per_window()) {
+            let window = step / self.steps_per_window() * parts + part;
+            self.hidden[window * hidden.len()..][..hidden.len()].copy_from_slice(hidden);
+        }
     }
 
     /// Number of slices.
@@ -433,6 +532,7 @@ impl Rollout {
             log_probs: &self.log_probs[self.column_of(index)],
             advantages: &self.advantages[self.column_of(index)],
             returns: &self.returns[self.column_of(index)],
+            outcomes: &self.outcomes[self.column_of(index)],
         }
     }
 
@@ -470,6 +570,7 @@ impl Rollout {
         InputBatch {
             values: &self.observations[self.inputs_of(slice)],
             images: &self.images[self.images_of(slice)],
+            hidden: &[],
         }
     }
 

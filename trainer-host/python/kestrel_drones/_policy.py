@@ -41,16 +41,29 @@ class Policy:
         """Time from one action to the next [s]."""
         return self.native.control_secs
 
-    def act(self, observation):
-        """The action for an observation, or one for each row of many: an array, or a dictionary with the images."""
+    @property
+    def is_recurrent(self):
+        """Whether it acts on what it remembers."""
+        return self.native.is_recurrent
+
+    def memory(self, rows=1):
+        """What a recurrent policy remembers of ``rows`` flights: empty. ``memory.clear(terminated | truncated)`` begins
+        those anew whose episodes have ended."""
+        return _native.Memory(rows)
+
+    def act(self, observation, memory=None):
+        """The action for an observation, or one for each row of many: an array, or a dictionary with the images.
+
+        A recurrent policy takes the observations into its ``memory`` and acts on that.
+        """
         images = None
         if isinstance(observation, dict):
             observation, images = observation["observation"], np.asarray(observation["image"], dtype=np.uint8)
         values = np.asarray(observation, dtype=np.float32)
         if values.ndim == 1:
             images = None if images is None else images[None]
-            return self.native.act(values[None], images)[0]
-        return self.native.act(values, images)
+            return self.native.act(values[None], images, memory)[0]
+        return self.native.act(values, images, memory)
 
     def __repr__(self):
         return f"Policy({self.name}, {self.arithmetic})"

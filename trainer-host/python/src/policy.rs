@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use kestrel_core::policy_file::{PolicyError, PolicyScratch, VisionPolicy};
+use kestrel_core::gru::HiddenState;
+use kestrel_core::policy_file::{PolicyError, PolicyScratch, RecurrentPolicy, VisionPolicy};
 use kestrel_export::policy::Policy as PolicyFile;
-use kestrel_export::seeing::Memory;
+use kestrel_export::seeing::Memory as EncoderMemory;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray4};
 use pyo3::prelude::*;
 
@@ -15,6 +16,36 @@ use crate::error::{KestrelError, expected, refused};
 pub(crate) struct Policy {
     /// The whole file; parsing it borrows and copies nothing.
     bytes: Vec<u8>,
+}
+
+/// What a recurrent policy remembers of the flights of some drones, a row each.
+#[pyclass(module = "kestrel_drones._native")]
+pub(crate) struct Memory {
+    rows: Vec<HiddenState>,
+}
+
+#[pymethods]
+impl Memory {
+    /// The flights of so many drones, at their start.
+    #[new]
+    fn new(rows: usize) -> Self {
+        Self { rows: vec![HiddenState::new(); rows] }
+    }
+
+    /// Begins new flights of those drones for which `rows` is true.
+    fn clear(&mut self, rows: Vec<bool>) -> PyResult<()> {
+        if rows.len() != self.rows.len() {
+            return Err(expected("rows", rows.len(), format_args!("{}: one for each drone", self.rows.len())));
+        }
+        for (memory, _) in self.rows.iter_mut().zip(rows).filter(|(_, cleared)| *cleared) {
+            memory.clear();
+        }
+        Ok(())
+    }
+
+    fn __len__(&self) -> usize {
+        self.rows.len()
+    }
 }
 
 #[pymethods]
@@ -59,14 +90,22 @@ impl Policy {
         Ok(self.parsed()?.metadata().control_period_secs)
     }
 
+    /// Whether it acts on what it remembers.
+    #[getter]
+    fn is_recurrent(&self) -> PyResult<bool> {
+        Ok(matches!(self.parsed()?, PolicyFile::Recurrent(_)))
+    }
+
     /// Actions `[rows][action_len]` for `observations [rows][observation_len]`, and for
-    /// `images [rows][image rows][columns][channels]` where the policy looks at some.
-    #[pyo3(signature = (observations, images=None))]
+    /// `images [rows][image rows][columns][channels]` where the policy looks at some. One that remembers takes and changes the
+    /// `memory` of as many rows.
+    #[pyo3(signature = (observations, images=None, memory=None))]
     fn act<'py>(
         &self,
         py: Python<'py>,
         observations: PyReadonlyArray2<'py, f32>,
         images: Option<PyReadonlyArray4<'py, u8>>,
+        mut memory: Option<PyRefMut<'py, Memory>>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let policy = self.parsed()?;
         let (len, width) = (policy.metadata().observation.len(), policy.metadata().action.len());
@@ -77,13 +116,23 @@ impl Policy {
         let observations: Vec<f32> = observations.as_array().iter().copied().collect();
         let images = images.map(|images| images.as_array().iter().copied().collect::<Vec<u8>>());
         let rows = observations.chunks_exact(len);
+        let memory = memory.as_deref_mut().map(|memory| &mut memory.rows);
         let actions = match (&policy, images) {
+            (PolicyFile::Recurrent(policy), None) => {
+                let Some(memory) = memory else {
+                    return Err(expected("memory", "None", "what `Policy.memory` returned"));
+                };
+                if memory.len() != shape[0] {
+                    return Err(expected("memory", memory.len(), format_args!("{} rows", shape[0])));
+                }
+                py.detach(|| Ok(act_recurrent(policy, rows, memory)))
+            }
             (PolicyFile::Blind(policy), None) => py.detach(|| {
                 let mut scratch = PolicyScratch::new();
                 Ok(rows.flat_map(|row| policy.act(row, &mut scratch).into_iter().take(width)).collect())
             }),
             (PolicyFile::Seeing(policy), Some(images)) => py.detach(|| act_seeing(policy, rows, &images)),
-            (PolicyFile::Blind(_), Some(_)) => {
+            (PolicyFile::Blind(_) | PolicyFile::Recurrent(_), Some(_)) => {
                 return Err(expected("images", "some", "None: this policy sees none"));
             }
             (PolicyFile::Seeing(_), None) => return Err(expected("images", "None", "one for each observation")),
@@ -99,13 +148,24 @@ impl Policy {
     }
 }
 
+/// Takes each observation into the memory of its row, and acts.
+fn act_recurrent<'a>(
+    policy: &RecurrentPolicy<'_>,
+    rows: impl Iterator<Item = &'a [f32]>,
+    memory: &mut [HiddenState],
+) -> Vec<f32> {
+    let mut scratch = PolicyScratch::new();
+    let actions = rows.zip(memory).map(|(row, memory)| policy.act(row, memory, &mut scratch));
+    actions.flat_map(|action| action.into_iter().take(policy.metadata().action.len())).collect()
+}
+
 /// Encodes each image and acts.
 fn act_seeing<'a>(
     policy: &VisionPolicy<'_>,
     rows: impl ExactSizeIterator<Item = &'a [f32]>,
     images: &[u8],
 ) -> Result<Vec<f32>, PolicyError> {
-    let (mut memory, mut scratch) = (Memory::of(policy), PolicyScratch::new());
+    let (mut memory, mut scratch) = (EncoderMemory::of(policy), PolicyScratch::new());
     let image_len = images.len() / rows.len().max(1);
     let mut actions = Vec::new();
     for (row, observation) in rows.enumerate() {

@@ -1,7 +1,7 @@
 //! The header of an encoder, which follows that of the policy.
 
 use super::super::PolicyError;
-use super::super::header::{EncoderSizes, HEADER_LEN, ParameterFormat, u8_at, u16_at};
+use super::super::header::{FrontSizes, HEADER_LEN, ParameterFormat, u8_at, u16_at};
 use crate::encoder::{CONVOLUTION_LIMIT, Convolution, EncoderError, EncoderShape, STAGE_LIMIT, Volume};
 
 /// Bytes of the encoder's header, which follows the header; the metadata follow.
@@ -48,8 +48,8 @@ impl EncoderHeader {
     }
 
     /// What the encoder adds to a file with these parameters.
-    pub(super) fn sizes(&self, parameters: ParameterFormat) -> EncoderSizes {
-        EncoderSizes {
+    pub(super) fn sizes(&self, parameters: ParameterFormat) -> FrontSizes {
+        FrontSizes {
             header_len: ENCODER_HEADER_LEN,
             features: self.shape.features(),
             image_len: self.shape.image().len(),

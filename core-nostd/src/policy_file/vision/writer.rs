@@ -59,7 +59,7 @@ impl VisionDraft<'_> {
         let sizes = encoder_header.sizes(header.parameters);
         let (file, sections) = self.policy.write_parts(&header, sizes, VISION_FORMAT_VERSION, bytes)?;
         copy(&encoder_header.encode(), section(file, HEADER_LEN..HEADER_LEN + ENCODER_HEADER_LEN));
-        self.write_encoder(section(file, sections.encoder_parameters.clone()))?;
+        self.write_encoder(section(file, sections.front_parameters.clone()))?;
         self.write_actions(&header, &encoder_header, file, memory)?;
         Ok(seal(file))
     }
@@ -76,7 +76,7 @@ impl VisionDraft<'_> {
         let sections = header.sections(sizes);
         let (front, rest) = file.split_at_mut_checked(sections.parameters.start).unwrap_or_default();
         let (parameters, rest) = rest.split_at_checked(sections.parameters.len()).unwrap_or_default();
-        let encoder_parameters = rest.get(..sections.encoder_parameters.len()).unwrap_or_default();
+        let encoder_parameters = rest.get(..sections.front_parameters.len()).unwrap_or_default();
         let network = Network::from_parameters(header, sizes.features, parameters)?;
         let encoder = PolicyEncoder::from_parameters(encoder_header, header.parameters, encoder_parameters)?;
         memory.check(encoder.memory_len(&network), encoder.arithmetic())?;

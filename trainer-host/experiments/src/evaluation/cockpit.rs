@@ -1,6 +1,7 @@
 //! Flyers at work.
 
 use kestrel_core::action::ACTION_LIMIT;
+use kestrel_core::gru::HiddenState;
 use kestrel_core::observation::OBSERVATION_LIMIT;
 use kestrel_core::policy_file::{PolicyScratch, VisionPolicy};
 use kestrel_core::real::Real;
@@ -13,6 +14,7 @@ use crate::scripted::ScriptedPilot;
 use kestrel_export::policy::Policy;
 use kestrel_export::seeing::Memory;
 use kestrel_learn::actor_critic::ActorWorkspace;
+use kestrel_learn::gru::forget;
 use kestrel_learn::network::InputBatch;
 
 /// A flyer at work on the environments of one simulation.
@@ -23,8 +25,12 @@ pub(crate) struct Cockpit<'a, R> {
     noise: Stream,
     /// Of an actor, once it has acted.
     pass: Option<ActorWorkspace>,
+    /// What an actor remembers, `[units][rows]`.
+    hidden: Vec<f32>,
     /// Of a policy with an eye, one per drone.
     onlookers: Vec<Onlooker>,
+    /// Of a recurrent policy, one per drone.
+    memories: Vec<HiddenState>,
     observations: Vec<f32>,
     actions: Vec<f32>,
     converted: Vec<R>,
@@ -46,9 +52,21 @@ impl<'a, R: Real> Cockpit<'a, R> {
                 .collect(),
             noise: Stream::new(seed, first, Purpose::Baseline),
             pass: None,
+            hidden: match flyer {
+                Flyer::Actor(actor) => vec![0.0; actor.units() * simulation.rows()],
+                Flyer::Policy(_) | Flyer::Nothing | Flyer::Random | Flyer::Scripted => Vec::new(),
+            },
             onlookers: match flyer {
                 Flyer::Policy(Policy::Seeing(policy)) => vec![Onlooker::of(policy); simulation.rows()],
-                Flyer::Policy(Policy::Blind(_))
+                Flyer::Policy(Policy::Blind(_) | Policy::Recurrent(_))
+                | Flyer::Actor(_)
+                | Flyer::Nothing
+                | Flyer::Random
+                | Flyer::Scripted => Vec::new(),
+            },
+            memories: match flyer {
+                Flyer::Policy(Policy::Recurrent(_)) => vec![HiddenState::new(); simulation.rows()],
+                Flyer::Policy(Policy::Blind(_) | Policy::Seeing(_))
                 | Flyer::Actor(_)
                 | Flyer::Nothing
                 | Flyer::Random
@@ -65,12 +83,21 @@ impl<'a, R: Real> Cockpit<'a, R> {
         match self.flyer {
             Flyer::Actor(actor) => {
                 self.observe(simulation);
-                let batch = InputBatch { values: &self.observations, images: simulation.images() };
-                let pass = self.pass.get_or_insert_with(|| ActorWorkspace::new(actor, simulation.rows()));
-                self.actions.copy_from_slice(pass.means(actor, batch));
+                let Self { pass, hidden, observations: values, actions, .. } = self;
+                forget(hidden, simulation.outcomes());
+                let pass = pass.get_or_insert_with(|| ActorWorkspace::new(actor, simulation.rows()));
+                actions.copy_from_slice(
+                    pass.means(actor, InputBatch { values, images: simulation.images(), hidden }),
+                );
+                hidden.copy_from_slice(pass.hidden());
             }
             Flyer::Policy(policy) => {
                 self.observe(simulation);
+                for (memory, outcome) in self.memories.iter_mut().zip(simulation.outcomes()) {
+                    if *outcome != Outcome::Running {
+                        memory.clear();
+                    }
+                }
                 self.act_one_by_one(policy, simulation.images());
             }
             Flyer::Nothing => {}
@@ -104,6 +131,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
                     let image = &images[row * images.len() / rows..][..images.len() / rows];
                     self.onlookers[row].act(policy, image, observation, &mut scratch)
                 }
+                Policy::Recurrent(policy) => policy.act(observation, &mut self.memories[row], &mut scratch),
             };
             write_action(&mut self.actions, rows, row, &action);
         }

@@ -153,7 +153,7 @@ fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
     let encoder = actor.encoder().expect("it sees");
     let seeing_actor = SeeingActor {
         shape: *encoder.cnn().shape(),
-        encoder_parameters: encoder.cnn_parameters(actor.encoder_parameters()),
+        encoder_parameters: encoder.cnn_parameters(actor.front_parameters()),
         layers: &layers,
         control_periods_per_image: 2,
     };

@@ -11,6 +11,7 @@ use kestrel_learn::rollout::{CriticScope, ENV_BATCH, batch_rows};
 use kestrel_learn::schedule::Schedule;
 
 use super::eye::EyeConfig;
+use super::memory::MemoryConfig;
 use super::teacher::TeacherConfig;
 
 /// Most samples of one rollout: at 60 values each they fill 4 GiB.
@@ -75,6 +76,9 @@ pub struct TrainingConfig {
     pub critic_hidden: Vec<u64>,
     /// How a policy with a camera looks at its images.
     pub eye: EyeConfig,
+    /// What the policy remembers from step to step; nothing where this is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub memory: Option<MemoryConfig>,
     /// An update stops early once its KL divergence exceeds one and a half times this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target_kl: Option<f64>,
@@ -236,6 +240,7 @@ impl Default for TrainingConfig {
             actor_hidden: vec![64, 64],
             critic_hidden: vec![64, 64],
             eye: EyeConfig::default(),
+            memory: None,
             target_kl: None,
             critic_scope: CriticScopeConfig::Own,
             value_scale: ValueScaleConfig::Fixed,
@@ -272,6 +277,8 @@ impl TrainingConfig {
             number("highest_log_std", self.highest_log_std, Limits::from(self.lowest_log_std, 10.0, ""))?;
         let quantised_from = self.quantised_from.map(|share| number("quantised_from", share, UNIT)).transpose()?;
         let teacher = self.teacher.map(|teacher| teacher.check(&field.at("teacher"))).transpose()?;
+        let sizes = (self.steps_per_rollout, self.minibatch);
+        let memory = self.memory.map(|memory| memory.check(sizes, field)).transpose()?;
         let target_kl = self.target_kl.map(|target| number("target_kl", target, RATE)).transpose()?;
         Ok(PpoSettings {
             environments: self.environments() as usize,
@@ -296,6 +303,7 @@ impl TrainingConfig {
             actor_hidden: hidden(&self.actor_hidden, &field.at("actor_hidden"))?,
             critic_hidden: hidden(&self.critic_hidden, &field.at("critic_hidden"))?,
             encoder: self.eye.check(&field.at("eye"))?,
+            memory,
             target_kl,
             critic_scope: match self.critic_scope {
                 CriticScopeConfig::Own => CriticScope::Own,
@@ -314,6 +322,11 @@ impl TrainingConfig {
     /// The settings of training by gradients through the physics, where it is asked for.
     pub(super) fn check_analytic(&self, field: &Field<'_>) -> Result<Option<AnalyticSettings>, ConfigError> {
         let Some(analytic) = &self.analytic else { return Ok(None) };
+        if self.memory.is_some() {
+            return Err(field
+                .at("memory")
+                .reject("a memory beside `analytic`", "one of both: PPO trains what remembers"));
+        }
         let actor_hidden = hidden(&self.actor_hidden, &field.at("actor_hidden"))?;
         analytic.check(actor_hidden, &field.at("analytic")).map(Some)
     }
@@ -323,6 +336,14 @@ impl TrainingConfig {
         match self.analytic {
             None => Ok(()),
             Some(_) => Err(field.at("analytic").refuse("", "none: studies train by PPO")),
+        }
+    }
+
+    /// Refuses [`Self::memory`] where methods of continual learning show the policy single observations.
+    pub(crate) fn refuse_memory(&self, field: &Field<'_>) -> Result<(), ConfigError> {
+        match self.memory {
+            None => Ok(()),
+            Some(_) => Err(field.at("memory").refuse("", "none: studies train policies without memory")),
         }
     }
 

@@ -199,6 +199,7 @@ impl StudyConfig {
         let tasks = self.check_tasks(&root.at("tasks"))?;
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
         self.training.refuse_analytic(&root.at("training"))?;
+        self.training.refuse_memory(&root.at("training"))?;
         let training = self.training.for_teams(teams(&tasks)).check(&root.at("training"))?;
         refuse_other_teams(&tasks, &training, &root.at("training"))?;
         refuse_unsuited(&tasks, &training, &root.at("training"))?;

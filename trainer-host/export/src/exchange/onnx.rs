@@ -1,10 +1,10 @@
-//! ONNX: a graph of `Gemm`, `Tanh` and `Clip`, which every version of its runtimes since 2021 takes.
+//! ONNX: a graph of `Gemm`, `Tanh` and `Clip`, and of elementary operators for a memory, which every version of its runtimes since 2021 takes.
 
 mod schema;
 
 use prost::Message;
 
-use super::{ExchangeError, Layer, bytes_of, float_policy, layers, metadata};
+use super::{ExchangeError, Exchanged, Layer, bytes_of};
 use schema::{
     Attribute, Dimension, Entry, Graph, Model, Node, OperatorSet, Tensor, TensorType, Type, Value, attribute,
     data, dimension,
@@ -15,50 +15,99 @@ const FORMAT_VERSION: i64 = 8;
 const OPERATORS_VERSION: i64 = 15;
 
 /// The policy file `bytes` in float, which start on a four-byte boundary of memory, as an ONNX model: from `observation [batch, observation length]` to `action [batch,
-/// action length]`, limited to \[-1, 1\]. The model's metadata says under `kestrel` what the policy sees and commands.
+/// action length]`, limited to \[-1, 1\]. A recurrent policy also reads `hidden [batch, units]`, zeros at the start of a
+/// flight, and gives `next_hidden` to be read at the next step. The model's metadata says under `kestrel` what the policy
+/// sees and commands.
 ///
 /// # Errors
 /// [`ExchangeError`].
 pub fn onnx_model(bytes: &[u8]) -> Result<Vec<u8>, ExchangeError> {
-    let policy = float_policy(bytes)?;
-    let about = policy.metadata();
-    let (observation_len, action_len) = (about.observation.len(), about.action.len());
+    let policy = Exchanged::parse(bytes)?;
     let model = Model {
         format_version: FORMAT_VERSION,
         producer: "kestrel".to_owned(),
         producer_version: env!("CARGO_PKG_VERSION").to_owned(),
-        graph: Some(graph(about.name, &layers(&policy), observation_len, action_len)),
+        graph: Some(graph(&policy)),
         operators: vec![OperatorSet { domain: String::new(), version: OPERATORS_VERSION }],
-        metadata: vec![Entry { key: "kestrel".to_owned(), value: metadata(&policy) }],
+        metadata: vec![Entry { key: "kestrel".to_owned(), value: policy.metadata }],
     };
     Ok(model.encode_to_vec())
 }
 
-fn graph(name: &str, layers: &[Layer], observation_len: usize, action_len: usize) -> Graph {
-    let (mut nodes, mut tensors) = (Vec::new(), vec![scalar("lowest", -1.0), scalar("highest", 1.0)]);
+fn graph(policy: &Exchanged) -> Graph {
+    let mut graph = Graph {
+        nodes: Vec::new(),
+        name: policy.name.clone(),
+        tensors: vec![scalar("lowest", -1.0), scalar("highest", 1.0)],
+        inputs: vec![value("observation", policy.observation_len)],
+        outputs: vec![value("action", policy.action_len)],
+    };
     let mut input = "observation".to_owned();
-    for (index, Layer { inputs, outputs, weights, biases }) in layers.iter().enumerate() {
-        let [weight, bias, sum] = ["weight", "bias", "sum"].map(|what| format!("{what}.{index}"));
-        tensors.push(tensor(&weight, &[*outputs, *inputs], weights));
-        tensors.push(tensor(&bias, &[*outputs], biases));
-        let transposed = Attribute { name: "transB".to_owned(), integer: 1, kind: attribute::INTEGER };
-        nodes.push(node("Gemm", [input, weight, bias].into(), &sum, vec![transposed]));
-        input = if index + 1 == layers.len() {
+    if let Some(memory) = &policy.memory {
+        input = remember(&mut graph, memory);
+    }
+    for (index, layer) in policy.layers.iter().enumerate() {
+        let sum = affine(&mut graph, &index.to_string(), layer, input);
+        input = if index + 1 == policy.layers.len() {
             sum
         } else {
             let output = format!("tanh.{index}");
-            nodes.push(node("Tanh", vec![sum], &output, Vec::new()));
+            graph.nodes.push(node("Tanh", vec![sum], &output, Vec::new()));
             output
         };
     }
-    nodes.push(node("Clip", vec![input, "lowest".to_owned(), "highest".to_owned()], "action", Vec::new()));
-    Graph {
-        nodes,
-        name: name.to_owned(),
-        tensors,
-        inputs: vec![value("observation", observation_len)],
-        outputs: vec![value("action", action_len)],
+    let limits = vec![input, "lowest".to_owned(), "highest".to_owned()];
+    graph.nodes.push(node("Clip", limits, "action", Vec::new()));
+    graph
+}
+
+/// The nodes of a memory, as [`kestrel_core::gru`] defines it; returns the name of observation and hidden state together.
+fn remember(graph: &mut Graph, [gates, candidate]: &[Layer; 2]) -> String {
+    let Layer { inputs, outputs: units, .. } = *candidate;
+    graph.inputs.push(value("hidden", units));
+    graph.outputs.push(value("next_hidden", units));
+    let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<String>>();
+    let together = |graph: &mut Graph, hidden: &str, output: &str| {
+        let axis = Attribute { name: "axis".to_owned(), integer: 1, kind: attribute::INTEGER };
+        graph.nodes.push(node("Concat", names(&["observation", hidden]), output, vec![axis]));
+    };
+    together(graph, "hidden", "seen");
+    let gate = |graph: &mut Graph, name: &str, first: usize| {
+        let part = Layer {
+            inputs,
+            outputs: units,
+            weights: gates.weights[first * inputs..][..units * inputs].to_vec(),
+            biases: gates.biases[first..][..units].to_vec(),
+        };
+        let sum = affine(graph, name, &part, "seen".to_owned());
+        graph.nodes.push(node("Sigmoid", vec![sum], name, Vec::new()));
+    };
+    gate(graph, "r", 0);
+    gate(graph, "z", units);
+    graph.nodes.push(node("Mul", names(&["r", "hidden"]), "gated", Vec::new()));
+    together(graph, "gated", "gated_seen");
+    let sum = affine(graph, "n", candidate, "gated_seen".to_owned());
+    graph.nodes.push(node("Tanh", vec![sum], "n", Vec::new()));
+    for (operator, inputs, output) in [
+        ("Sub", ["hidden", "n"], "change"),
+        ("Mul", ["z", "change"], "kept"),
+        ("Add", ["n", "kept"], "next_hidden"),
+    ] {
+        graph.nodes.push(node(operator, names(&inputs), output, Vec::new()));
     }
+    together(graph, "next_hidden", "remembered");
+    "remembered".to_owned()
+}
+
+/// The node of a layer and its numbers; returns the name of its sums.
+fn affine(graph: &mut Graph, name: &str, layer: &Layer, input: String) -> String {
+    let Layer { inputs, outputs, weights, biases } = layer;
+    let [weight, bias, sum] = ["weight", "bias", "sum"].map(|what| format!("{what}.{name}"));
+    graph.tensors.push(tensor(&weight, &[*outputs, *inputs], weights));
+    graph.tensors.push(tensor(&bias, &[*outputs], biases));
+    let transposed = Attribute { name: "transB".to_owned(), integer: 1, kind: attribute::INTEGER };
+    graph.nodes.push(node("Gemm", [input, weight, bias].into(), &sum, vec![transposed]));
+    sum
 }
 
 fn node(operator: &str, inputs: Vec<String>, output: &str, attributes: Vec<Attribute>) -> Node {

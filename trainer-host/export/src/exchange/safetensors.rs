@@ -3,13 +3,14 @@
 use ::safetensors::serialize;
 use ::safetensors::tensor::{Dtype, TensorView};
 
-use super::{ExchangeError, Layer, bytes_of, float_policy, layers, metadata};
+use super::{ExchangeError, Exchanged, Layer, bytes_of};
 
 /// Modules of a `Sequential` from one dense layer to the next: the layer and its tangents.
 const STRIDE: usize = 2;
 
 /// The policy file `bytes` in float, which start on a four-byte boundary of memory, as a safetensors file: `0.weight [outputs, inputs]`, `0.bias`, `2.weight`, ...; beside
-/// them `golden.observations` and `golden.actions`, which whoever builds the network anew can check it with. Actions are
+/// them, for a recurrent policy, `memory.gates` and `memory.candidate` as [`kestrel_core::gru`] has them, and
+/// `golden.observations` and `golden.actions`, which whoever builds the network anew can check it with. Actions are
 /// limited to \[-1, 1\] behind the last layer. The file's metadata says under `kestrel` what the policy sees and commands.
 ///
 /// # Errors
@@ -18,28 +19,23 @@ const STRIDE: usize = 2;
 /// # Panics
 /// Never: names and shapes are sound.
 pub fn safetensors_file(bytes: &[u8]) -> Result<Vec<u8>, ExchangeError> {
-    let policy = float_policy(bytes)?;
+    let Exchanged { observation_len, action_len, memory, layers, golden, metadata, .. } = Exchanged::parse(bytes)?;
     let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
-    for (index, Layer { inputs, outputs, weights, biases }) in layers(&policy).into_iter().enumerate() {
-        let module = index * STRIDE;
+    let of_memory =
+        ["memory.gates", "memory.candidate"].map(str::to_owned).into_iter().zip(memory.into_iter().flatten());
+    let modules = layers.into_iter().enumerate().map(|(index, layer)| ((index * STRIDE).to_string(), layer));
+    for (module, Layer { inputs, outputs, weights, biases }) in of_memory.chain(modules) {
         tensors.push((format!("{module}.weight"), vec![outputs, inputs], bytes_of(&weights)));
         tensors.push((format!("{module}.bias"), vec![outputs], bytes_of(&biases)));
     }
-    let lens = [policy.metadata().observation.len(), policy.metadata().action.len()];
-    let (mut observations, mut actions) = (Vec::new(), Vec::new());
-    for (observation, action) in policy.golden_vectors() {
-        observations.extend_from_slice(&observation[..lens[0]]);
-        actions.extend_from_slice(&action[..lens[1]]);
-    }
-    for (name, len, values) in
-        [("golden.observations", lens[0], observations), ("golden.actions", lens[1], actions)]
-    {
+    let names = [("golden.observations", observation_len), ("golden.actions", action_len)];
+    for ((name, len), values) in names.into_iter().zip(golden) {
         tensors.push((name.to_owned(), vec![values.len() / len, len], bytes_of(&values)));
     }
     let views = tensors.iter().map(|(name, shape, data)| {
         (name, TensorView::new(Dtype::F32, shape.clone(), data).expect("as many values as the shape says"))
     });
     // One entry only: the order of several would not be the same each time.
-    let about = [("kestrel".to_owned(), metadata(&policy))].into();
+    let about = [("kestrel".to_owned(), metadata)].into();
     Ok(serialize(views, Some(about)).expect("names and shapes are sound"))
 }

@@ -4,11 +4,12 @@ use kestrel_core::seed::{Purpose, Seed, Stream};
 
 use super::minibatch::{SHARDS, Shard};
 use super::workspace::Workspaces;
-use super::{Actor, ActorLengths, Critic, EncoderSharing, PpoSettings, Trainer};
-use crate::actor_critic::{ActorCriticWorkspace, CriticEncoder, EncoderWeights, Gradient};
+use super::{Actor, ActorLengths, Critic, PpoSettings, Trainer};
+use crate::actor_critic::{ActorCriticWorkspace, EncoderWeights, Front, Gradient};
 use crate::adam::Adam;
 use crate::encoder::Encoder;
 use crate::environment::{Environment, TaskShape};
+use crate::gru::Gru;
 use crate::ranks;
 use crate::rollout::{BatchRows, EnvBatch, Lengths, RolloutPlan, batch_rows, slice_columns};
 
@@ -40,6 +41,7 @@ impl<E: Environment> Trainer<E> {
             steps: settings.steps_per_rollout,
             columns: slice_columns(settings.minibatch, actor.encoder().is_some()),
             critic_scope: settings.critic_scope,
+            memory: settings.memory,
             has_teacher: settings.teacher.is_some(),
         };
         let workspace = ActorCriticWorkspace::new(&actor, &critic, plan.columns);
@@ -108,6 +110,11 @@ impl<E: Environment> Trainer<E> {
         self.env_batches[0].rollout().columns()
     }
 
+    /// Samples of a window.
+    pub(super) fn window_samples(&self) -> usize {
+        self.columns() * self.settings.steps_per_window()
+    }
+
     /// Number of tasks.
     pub(super) fn tasks(&self) -> usize {
         self.critic.mlp().outputs()
@@ -123,17 +130,16 @@ impl<E: Environment> Trainer<E> {
 fn networks(shapes: &[TaskShape], settings: &PpoSettings, streams: [Stream; 2]) -> (Actor, Critic) {
     let [mut of_actor, mut of_critic] = streams;
     let Lengths { observation, action, features, .. } = Lengths::new(&shapes[0], settings.critic_scope);
-    let encoder = shapes[0].image.map(|image| {
-        let cnn = settings.encoder.kind.cnn(image).expect("encoders are checked where they are read");
-        Encoder::new(cnn, &settings.encoder.trunk, observation)
-    });
-    let critic_encoder = match (&encoder, settings.encoder.sharing) {
-        (None, _) => CriticEncoder::None,
-        (Some(encoder), EncoderSharing::Shared) => CriticEncoder::Shared(encoder),
-        (Some(encoder), EncoderSharing::Separate) => CriticEncoder::Separate(encoder),
+    let front = match (shapes[0].image, settings.memory) {
+        (None, None) => Front::Nothing,
+        (None, Some(memory)) => Front::Memory(Gru::new(observation, memory.units)),
+        (Some(image), _) => {
+            let cnn = settings.encoder.kind.cnn(image).expect("encoders are checked where they are read");
+            Front::Encoder(Encoder::new(cnn, &settings.encoder.trunk, observation))
+        }
     };
-    let (hidden, tasks) = (&settings.critic_hidden, shapes.len());
-    let critic = Critic::new((observation, features), critic_encoder, hidden, tasks, &mut of_critic);
+    let (hidden, tasks, sharing) = (&settings.critic_hidden, shapes.len(), settings.encoder.sharing);
+    let critic = Critic::new((observation, features), (&front, sharing), hidden, tasks, &mut of_critic);
     let (hidden, log_std) = (&settings.actor_hidden, settings.initial_log_std);
-    (Actor::new(ActorLengths { observation, action }, encoder, hidden, log_std, &mut of_actor), critic)
+    (Actor::new(ActorLengths { observation, action }, front, hidden, log_std, &mut of_actor), critic)
 }

@@ -12,18 +12,18 @@ use crate::rollout::{EnvBatch, Rollout};
 /// Parts of a minibatch: enough for the cores of a workstation, few enough that adding them up costs nothing.
 pub(super) const SHARDS: usize = 16;
 
-/// One slice of one environment batch.
+/// One window of one environment batch: slices that are differentiated together, one as a rule.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SliceIndex {
+pub(super) struct WindowIndex {
     pub(super) env_batch: usize,
-    pub(super) slice: usize,
+    pub(super) window: usize,
 }
 
 impl<E: Environment> Trainer<E> {
     /// The gradient of a minibatch's loss: clipped surrogate, value error and entropy.
-    pub(super) fn differentiate(&mut self, minibatch: &[SliceIndex]) -> LossSums {
+    pub(super) fn differentiate(&mut self, minibatch: &[WindowIndex]) -> LossSums {
         let mine = ranks::part(&self.ranks, SHARDS);
-        let columns = self.columns();
+        let (columns, samples) = (self.columns(), self.window_samples());
         let Self { settings, env_batches, shards, workspaces, actor, critic, quantised, encoders, .. } = self;
         let actor = quantised.as_mut().map_or(&*actor, |quantised| {
             quantised.follow(actor);
@@ -32,7 +32,7 @@ impl<E: Environment> Trainer<E> {
         encoders.arrange(actor, critic);
         let networks = Networks { actor, critic, encoders };
         workspaces.provide(&networks, columns);
-        let sample_weight = 1.0 / (minibatch.len() * columns) as f32;
+        let sample_weight = 1.0 / (minibatch.len() * samples) as f32;
         let loss = Loss { settings, sample_weight, imitation_weight: self.imitation_weight };
         let rollouts: Vec<&Rollout> = env_batches.iter().map(EnvBatch::rollout).collect();
         let part = |shard: usize| shard * minibatch.len() / SHARDS..(shard + 1) * minibatch.len() / SHARDS;
@@ -41,8 +41,8 @@ impl<E: Environment> Trainer<E> {
             if !part(index).is_empty() {
                 shard.clear();
             }
-            for SliceIndex { env_batch, slice } in &minibatch[part(index)] {
-                loss.differentiate(&rollouts[*env_batch].slice(*slice), &networks, &mut workspace, shard);
+            for WindowIndex { env_batch, window } in &minibatch[part(index)] {
+                loss.differentiate(rollouts[*env_batch].window(*window), &networks, &mut workspace, shard);
             }
         });
         self.share_shards();

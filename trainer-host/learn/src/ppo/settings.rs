@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use kestrel_core::encoder::{Convolution, EncoderError, EncoderShape, Volume};
 
+pub use crate::actor_critic::EncoderSharing;
 use crate::network::cnn::Cnn;
 use crate::rollout::{CriticScope, ENV_BATCH, SMALLEST_MINIBATCH};
 use crate::schedule::Schedule;
@@ -49,6 +50,8 @@ pub struct PpoSettings {
     pub critic_hidden: Vec<usize>,
     /// How a policy with a camera looks at its images.
     pub encoder: EncoderSettings,
+    /// What the policy remembers from step to step; nothing as a rule.
+    pub memory: Option<MemorySettings>,
     /// An update stops once a minibatch's `approx_kl` exceeds one and a half times this, as Stable-Baselines3.
     pub target_kl: Option<f32>,
     /// Whose observations the critic reads.
@@ -84,6 +87,7 @@ impl Default for PpoSettings {
             actor_hidden: vec![64, 64],
             critic_hidden: vec![64, 64],
             encoder: EncoderSettings::default(),
+            memory: None,
             target_kl: None,
             critic_scope: CriticScope::Own,
             value_scale: ValueScaling::Fixed,
@@ -92,6 +96,15 @@ impl Default for PpoSettings {
             reward_scale: 1.0,
         }
     }
+}
+
+/// A gated recurrent unit in front of the policy, and how far gradients go back through it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MemorySettings {
+    /// Values of its hidden state: a multiple of 4.
+    pub units: usize,
+    /// Steps that are differentiated together, a divisor of those of a rollout. A minibatch is made of such windows.
+    pub steps_per_window: usize,
 }
 
 /// How images are encoded.
@@ -124,16 +137,6 @@ pub enum EncoderKind {
         /// What the dense layer behind them makes.
         features: u16,
     },
-}
-
-/// Whether actor and critic have one encoder.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum EncoderSharing {
-    /// They do, and it learns from both.
-    #[default]
-    Shared,
-    /// Each has its own.
-    Separate,
 }
 
 impl EncoderKind {
@@ -192,6 +195,16 @@ pub enum SettingsError {
         /// What else it may be.
         or: &'static str,
     },
+    /// Steps and minibatches of a policy with memory come in windows.
+    #[error("{name} is {found}, expected a multiple of {of}: whole windows of a memory")]
+    NotWindows {
+        /// Which setting.
+        name: &'static str,
+        /// Its value.
+        found: usize,
+        /// Of a window.
+        of: usize,
+    },
     /// A count that must not be zero.
     #[error("{name} is 0, expected at least 1")]
     Zero {
@@ -226,6 +239,11 @@ impl PpoSettings {
         self.check_learning_rate()
     }
 
+    /// Steps that are differentiated together.
+    pub fn steps_per_window(&self) -> usize {
+        self.memory.map_or(1, |memory| memory.steps_per_window)
+    }
+
     fn check_counts(&self) -> Result<(), SettingsError> {
         let env_batches = |found: usize| found != 0 && found.is_multiple_of(ENV_BATCH);
         if !env_batches(self.environments) {
@@ -235,12 +253,28 @@ impl PpoSettings {
             let or = ", or 32, 64 or 128";
             return Err(SettingsError::NotBatches { name: "minibatch", found: self.minibatch, or });
         }
+        let steps = self.steps_per_window();
+        if self.memory.is_some() && steps != 0 {
+            if !self.steps_per_rollout.is_multiple_of(steps) {
+                return Err(SettingsError::NotWindows {
+                    name: "steps_per_rollout",
+                    found: self.steps_per_rollout,
+                    of: steps,
+                });
+            }
+            if !self.minibatch.is_multiple_of(ENV_BATCH * steps) {
+                let of = ENV_BATCH * steps;
+                return Err(SettingsError::NotWindows { name: "minibatch", found: self.minibatch, of });
+            }
+        }
         let narrowest = |hidden: &[usize]| hidden.iter().copied().min().unwrap_or(1);
         let counts = [
             ("steps_per_rollout", self.steps_per_rollout),
             ("epochs", self.epochs as usize),
             ("actor_hidden", narrowest(&self.actor_hidden)),
             ("critic_hidden", narrowest(&self.critic_hidden)),
+            ("memory.units", self.memory.map_or(1, |memory| memory.units)),
+            ("memory.steps_per_window", self.steps_per_window()),
         ];
         match counts.into_iter().find(|(_, count)| *count == 0) {
             Some((name, _)) => Err(SettingsError::Zero { name }),

@@ -1,15 +1,20 @@
 //! Saving a run and going on with it.
 
+use std::fmt;
+use std::marker::PhantomData;
+
 use kestrel_core::seed::Seed;
-use serde::{Deserialize, Serialize};
+use serde::de::{Error as _, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 use super::{Actor, Critic, PpoSettings, SettingsError, Trainer};
 use crate::adam::Adam;
 use crate::environment::Environment;
+use crate::rollout::EnvBatch;
 
 /// Everything that a run needs to go on to the same bits, beside its scenarios and settings.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainerState<S> {
     pub(crate) seed: Seed,
     pub(crate) actor: Actor,
@@ -19,6 +24,52 @@ pub struct TrainerState<S> {
     pub(crate) learning_rate: f32,
     pub(crate) updates: u64,
     pub(crate) env_batches: Vec<S>,
+    /// What the agents of all environment batches remember; not written without memory, as before there was any.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) hidden: Vec<f32>,
+}
+
+impl<'de, S: Deserialize<'de>> Deserialize<'de> for TrainerState<S> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const FIELDS: usize = 9;
+        deserializer.deserialize_tuple(FIELDS, Fields(PhantomData))
+    }
+}
+
+/// The fields of a [`TrainerState`] one after the other; the last only where the actor has a memory.
+struct Fields<S>(PhantomData<S>);
+
+impl<'de, S: Deserialize<'de>> Visitor<'de> for Fields<S> {
+    type Value = TrainerState<S>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the state of a trainer")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut fields: A) -> Result<TrainerState<S>, A::Error> {
+        let mut read = 0;
+        macro_rules! next {
+            () => {{
+                read += 1;
+                fields.next_element()?.ok_or_else(|| A::Error::invalid_length(read - 1, &self))?
+            }};
+        }
+        let mut state = TrainerState {
+            seed: next!(),
+            actor: next!(),
+            critic: next!(),
+            actor_optimiser: next!(),
+            critic_optimiser: next!(),
+            learning_rate: next!(),
+            updates: next!(),
+            env_batches: next!(),
+            hidden: Vec::new(),
+        };
+        if state.actor.memory().is_some() {
+            state.hidden = next!();
+        }
+        Ok(state)
+    }
 }
 
 /// A state that does not belong to the scenario and settings it is restored with.
@@ -131,6 +182,7 @@ impl<E: Environment> Trainer<E> {
             learning_rate: self.learning_rate,
             updates: self.updates,
             env_batches: self.environment_states(),
+            hidden: self.env_batches.iter().flat_map(EnvBatch::hidden).copied().collect(),
         }
     }
 
@@ -151,6 +203,16 @@ impl<E: Environment> Trainer<E> {
                 let task = E::name(&tasks[env_batch.rollout().task()]).to_owned();
                 return Err(RestoreError::Task { task });
             }
+        }
+        let (found, expected) = (state.hidden.len(), trainer.env_batches.iter().map(|of| of.hidden().len()).sum());
+        if found != expected {
+            return Err(RestoreError::Parameters { network: "memory", found, expected });
+        }
+        let mut remembered = state.hidden.as_slice();
+        for hidden in trainer.env_batches.iter_mut().map(EnvBatch::hidden_mut) {
+            let (mine, others) = remembered.split_at(hidden.len());
+            hidden.copy_from_slice(mine);
+            remembered = others;
         }
         trainer.actor = state.actor;
         trainer.critic = state.critic;

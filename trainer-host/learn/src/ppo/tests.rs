@@ -1,9 +1,12 @@
 mod distributed;
 mod probe;
+mod recurrent;
 mod special_cases;
 mod teaching;
 mod teams;
 mod vision;
+
+use std::iter;
 
 use super::*;
 use crate::network::{InputBatch, Mlp};
@@ -39,6 +42,7 @@ fn settings() -> PpoSettings {
         actor_hidden: vec![16, 16],
         critic_hidden: vec![16],
         encoder: EncoderSettings::default(),
+        memory: None,
         target_kl: None,
         critic_scope: CriticScope::Own,
         value_scale: ValueScaling::Fixed,
@@ -160,7 +164,7 @@ fn settings_out_of_range_are_named() {
 fn a_shuffle_keeps_every_sample_and_differs_between_epochs() {
     let trainer = Trainer::new(&[task(false)], &settings(), Seed(8));
     let flat = |epoch| -> Vec<usize> {
-        trainer.shuffled(epoch).iter().map(|index| index.env_batch * 12 + index.slice).collect()
+        trainer.shuffled(epoch).iter().map(|index| index.env_batch * 12 + index.window).collect()
     };
     let mut sorted = flat(0);
     assert_ne!(sorted, flat(1));
@@ -286,6 +290,7 @@ impl Samples {
             log_probs: &self.log_probs,
             advantages: &self.advantages,
             returns: &self.returns,
+            outcomes: &[],
         }
     }
 }
@@ -311,7 +316,7 @@ fn check_gradient(action_len: usize) {
     let networks = Networks { actor: &actor, critic: &critic, encoders: &EncoderWeights::default() };
     let mut workspace = SliceWorkspace::new(&networks, ENV_BATCH);
     let loss = Loss { settings: &settings, sample_weight: 1.0 / ENV_BATCH as f32, imitation_weight: 0.0 };
-    loss.differentiate(&samples.slice(), &networks, &mut workspace, &mut shard);
+    loss.differentiate(iter::once(samples.slice()), &networks, &mut workspace, &mut shard);
     assert!(shard.sums.clipped > 0.3 * ENV_BATCH as f64 && shard.sums.clipped < 0.7 * ENV_BATCH as f64);
     let log_std = actor.mlp().parameter_count();
     shard.gradient.actor[log_std..].iter_mut().for_each(|gradient| *gradient -= settings.entropy_weight);
@@ -348,7 +353,7 @@ fn the_logged_losses_are_those_of_the_reference() {
     let networks = Networks { actor: &actor, critic: &critic, encoders: &EncoderWeights::default() };
     let mut workspace = SliceWorkspace::new(&networks, ENV_BATCH);
     let loss = Loss { settings: &settings, sample_weight: 1.0 / ENV_BATCH as f32, imitation_weight: 0.0 };
-    loss.differentiate(&samples.slice(), &networks, &mut workspace, &mut shard);
+    loss.differentiate(iter::once(samples.slice()), &networks, &mut workspace, &mut shard);
     let parameters: Vec<f64> =
         actor.parameters().iter().chain(critic.parameters()).copied().map(f64::from).collect();
     let (actor, critic) = (actor.mlp().clone(), critic.mlp().clone());

@@ -2,7 +2,8 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use crate::actor_critic::{ActorCriticWorkspace, Gradient, Networks};
+use crate::actor_critic::{Actor, ActorCriticWorkspace, Gradient, Networks};
+use crate::environment::Outcome;
 use crate::network::InputBatch;
 
 /// One workspace for each thread: what is worked on stays in the cache of one core.
@@ -48,13 +49,22 @@ impl SliceWorkspace {
         Self { values: Vec::new(), networks: ActorCriticWorkspace::new(networks.actor, networks.critic, columns) }
     }
 
-    /// Evaluates both networks on a slice.
-    pub(crate) fn forward(&mut self, networks: &Networks<'_>, batch: InputBatch<'_>) {
+    /// Evaluates both networks on a slice: the first of a window, or one that follows the slice of these `outcomes
+    /// [columns]`.
+    pub(crate) fn forward(
+        &mut self,
+        networks: &Networks<'_>,
+        batch: InputBatch<'_>,
+        outcomes: Option<&[Outcome]>,
+    ) {
         let Self { values, networks: workspace } = self;
         values.clear();
         values.extend_from_slice(batch.values);
         let batch = InputBatch { values, ..batch };
-        workspace.encode(networks, batch);
+        match outcomes {
+            None => workspace.encode(networks, batch),
+            Some(outcomes) => workspace.encode_next(networks, batch, outcomes),
+        }
         workspace.mean_actions(networks, batch);
         workspace.predict_value(networks, batch);
     }
@@ -71,7 +81,18 @@ impl SliceWorkspace {
 
     /// Adds the gradient of both networks for the slice that [`Self::forward`] evaluated last, whose images these are.
     pub(crate) fn backward(&mut self, networks: &Networks<'_>, images: &[u8], gradient: &mut Gradient) {
-        let batch = InputBatch { values: &self.values, images };
+        let batch = InputBatch { values: &self.values, images, hidden: &[] };
         self.networks.backward(networks, batch, (&mut gradient.actor, &mut gradient.critic));
+    }
+
+    /// Adds the gradient of the memory, if there is one, for the window whose slices went through [`Self::backward`];
+    /// `outcomes` are those of each of them.
+    pub(crate) fn backward_window<'o>(
+        &mut self,
+        actor: &Actor,
+        outcomes: impl Fn(usize) -> &'o [Outcome],
+        gradient: &mut Gradient,
+    ) {
+        self.networks.backward_window(actor, outcomes, &mut gradient.actor);
     }
 }

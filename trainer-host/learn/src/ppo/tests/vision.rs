@@ -37,7 +37,7 @@ fn differentiated(slice: MinibatchSlice<'_>, (actor, critic): (&Actor, &Critic),
     let mut shard = Shard::new(actor, critic);
     let columns = slice.returns.len();
     let loss = Loss { settings, sample_weight: 1.0 / columns as f32, imitation_weight: 0.0 };
-    loss.differentiate(&slice, &networks, &mut SliceWorkspace::new(&networks, columns), &mut shard);
+    loss.differentiate(iter::once(slice), &networks, &mut SliceWorkspace::new(&networks, columns), &mut shard);
     shard
 }
 

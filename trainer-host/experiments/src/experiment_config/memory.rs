@@ -1,0 +1,78 @@
+//! What a policy remembers from step to step.
+
+use kestrel_core::gru::UNITS_LIMIT;
+use kestrel_core::observation::OBSERVATION_LIMIT;
+use kestrel_learn::ppo::{MemorySettings, PpoSettings};
+use kestrel_learn::rollout::ENV_BATCH;
+use kestrel_sim::config::{ConfigError, Field};
+use kestrel_sim::scenario::Scenario;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A gated recurrent unit (GRU, Cho et al. 2014) between the observation and the policy, for tasks in which what has been
+/// seen before matters: the layers of actor and critic read the observation and its hidden state. PPO trains it by
+/// truncated backpropagation through time.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MemoryConfig {
+    /// Values of the hidden state: a multiple of 4, at most 64, and at most 128 with the observation.
+    pub units: u64,
+    /// Steps through which gradients go back: a divisor of `steps_per_rollout`. A minibatch is made of windows of so many
+    /// steps of 256 drones.
+    pub steps_per_window: u64,
+}
+
+impl Default for MemoryConfig {
+    fn default() -> Self {
+        Self { units: 32, steps_per_window: 16 }
+    }
+}
+
+impl MemoryConfig {
+    /// The settings, for rollouts of so many steps and minibatches of so many samples.
+    pub(super) fn check(
+        &self,
+        (steps_per_rollout, minibatch): (u64, u64),
+        training: &Field<'_>,
+    ) -> Result<MemorySettings, ConfigError> {
+        let field = training.at("memory");
+        let units = self.units as usize;
+        if !units.is_multiple_of(4) || !(4..=UNITS_LIMIT).contains(&units) {
+            let expected = format!("a multiple of 4 from 4 to {UNITS_LIMIT}");
+            return Err(field.at("units").refuse(self.units, expected));
+        }
+        let steps = field.at("steps_per_window").whole(self.steps_per_window, 1..=steps_per_rollout)?;
+        if !steps_per_rollout.is_multiple_of(steps) {
+            let expected = format!("a divisor of the {steps_per_rollout} of `steps_per_rollout`");
+            return Err(field.at("steps_per_window").refuse(steps, expected));
+        }
+        let window = steps * ENV_BATCH as u64;
+        if !minibatch.is_multiple_of(window) {
+            let expected = format!("a multiple of {window}: whole windows of {steps} steps of {ENV_BATCH} drones");
+            return Err(training.at("minibatch").refuse(minibatch, expected));
+        }
+        Ok(MemorySettings { units, steps_per_window: steps as usize })
+    }
+}
+
+/// Refuses a memory where it cannot be; `field` is the training's.
+pub(crate) fn refuse_unsuited_memory(
+    ppo: &PpoSettings,
+    task: &Scenario,
+    field: &Field<'_>,
+) -> Result<(), ConfigError> {
+    let Some(memory) = ppo.memory else { return Ok(()) };
+    let field = field.at("memory");
+    if task.camera.is_some() {
+        return Err(field.reject("a memory beside a camera", "none: vision policies remember nothing yet"));
+    }
+    if ppo.quantised_from.is_some() {
+        return Err(field.reject("a memory beside `quantised_from`", "one of both"));
+    }
+    let (observed, units) = (task.observation.len(), memory.units);
+    if observed + units > OBSERVATION_LIMIT {
+        let expected = format!("at most {} beside {observed} observed values", OBSERVATION_LIMIT - observed);
+        return Err(field.at("units").refuse(units, expected));
+    }
+    Ok(())
+}
