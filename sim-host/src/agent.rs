@@ -8,12 +8,13 @@ use kestrel_core::real::Real;
 use kestrel_core::reference::bullet::BulletState;
 use nalgebra::Vector3;
 
-use crate::contact::{Arena, Motion};
+use crate::contact::Motion;
 use crate::episode_end;
 use crate::latency::{LatencyMemory, States, known_states};
 use crate::outcome::{Ending, Episode};
 use crate::reset::{self, Beginning};
 use crate::reward::RewardTerm;
+use crate::rooms::{Arenas, room};
 use crate::scenario::{Clock, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
@@ -39,6 +40,8 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     /// Each term's value in the last step.
     pub(crate) term_values: Vec<Column<LANES, R>>,
     index: usize,
+    /// Numbers of the rooms of the lanes; none where no room is drawn.
+    rooms: Option<Column<LANES, R>>,
     factors: [Column<LANES, R>; 2],
     /// The last actions, oldest first; the last one is the previous action.
     history: Vec<[Column<LANES, R>; ACTION_LIMIT]>,
@@ -100,7 +103,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Agent `index` of environments `first..first + LANES` at the start of their first episodes.
     pub(crate) fn new(
         scenario: &Scenario,
-        arena: Option<&Arena>,
+        arenas: Option<&Arenas>,
         index: usize,
         (seed, purpose): (Seed, Purpose),
         first: u32,
@@ -117,6 +120,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             touches: [nothing; 2],
             term_values: columns(scenario.rewards.len()),
             index,
+            rooms: scenario.drawn.as_ref().map(|_| nothing),
             factors: [[R::one(); LANES]; 2],
             history: vec![[nothing; ACTION_LIMIT]; scenario.observation.history_len().max(1)],
             goal: [nothing; 3],
@@ -144,7 +148,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             agent.sensors = agent.streams.iter_mut().map(|stream| scenario.sensors.begin(stream)).collect();
         }
         for lane in 0..LANES {
-            agent.reset(scenario, arena, lane);
+            agent.reset(scenario, arenas, lane, (first + lane as u32) % scenario.rooms());
         }
         agent
     }
@@ -238,7 +242,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             steps: &self.steps,
             agent: self.index,
             team,
-            arena: stage.arena,
+            arenas: stage.arenas,
+            rooms: self.rooms(),
             control_rate_hz: stage.scenario.physics.control_rate_hz,
         }
     }
@@ -280,7 +285,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     pub(crate) fn restart_ended(
         &mut self,
         scenario: &Scenario,
-        arena: Option<&Arena>,
+        arenas: Option<&Arenas>,
         first: u32,
         finished: &mut impl FnMut(Finished<R>),
     ) {
@@ -292,7 +297,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
                 observation: self.observations.iter().map(|column| column[lane]).collect(),
                 privileged: row(&self.privileged, lane),
             });
-            self.reset(scenario, arena, lane);
+            self.restart(scenario, arenas, lane);
         }
     }
 
@@ -309,15 +314,25 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     }
 
     /// Begins the lane's next episode; its last reward and code stay readable.
-    pub(crate) fn reset(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
-        let beginning = reset::begin(scenario, self.index, &mut self.streams[lane]);
+    pub(crate) fn restart(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
+        // Nothing is drawn where there is one place only.
+        let room = scenario.drawn.as_ref().map_or(0, |rooms| self.streams[lane].below(rooms.range().count));
+        self.reset(scenario, arenas, lane, room);
+    }
+
+    /// Begins an episode in this room.
+    fn reset(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize, room: u32) {
+        if let Some(rooms) = &mut self.rooms {
+            rooms[lane] = R::from_f64(f64::from(room));
+        }
+        let beginning = reset::begin(scenario, (self.index, room), &mut self.streams[lane]);
         self.place(scenario, lane, &beginning);
         if let Some(memory) = self.sensors.get_mut(lane) {
             *memory = scenario.sensors.begin(&mut self.streams[lane]);
             set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
-            self.sense_lane(scenario, arena, lane);
+            self.sense_lane(scenario, arenas, lane);
         }
-        self.scan_lane(scenario, arena, lane);
+        self.scan_lane(scenario, arenas, lane);
         self.begin_integral(scenario, lane);
         self.observe_lane(scenario, lane);
         let scales = self.scales;
@@ -383,6 +398,18 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         self.codes.iter().fold(true, |running, code| running & (*code == 0.0))
     }
 
+    /// The rooms of the lanes, where rooms are drawn.
+    #[inline(always)]
+    pub(crate) fn rooms(&self) -> Option<&Column<LANES, R>> {
+        self.rooms.as_ref()
+    }
+
+    /// The room of a lane, zero where none is drawn.
+    #[inline(always)]
+    pub(crate) fn room(&self, lane: usize) -> u32 {
+        room(self.rooms(), lane)
+    }
+
     /// Where the drone is and how it moves.
     pub(crate) fn motion(&self, lane: usize) -> Motion {
         self.swarm.motion(lane)
@@ -423,6 +450,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(self.term_memory.iter_mut().flatten())
             .chain(self.rule_memory.iter_mut().flatten())
             .chain(self.latency.iter_mut().flat_map(LatencyMemory::columns_mut))
+            .chain(&mut self.rooms)
     }
 
     /// The states that policy and rate controller see.

@@ -12,6 +12,7 @@ use nalgebra::Vector3;
 use crate::agent::{Agent, Finished};
 use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Touch};
 use crate::episode_end;
+use crate::rooms::Arenas;
 use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards, TeamSuccess};
 use crate::seed::{Purpose, Seed};
 use crate::sensor::Course;
@@ -41,11 +42,11 @@ pub(crate) type Actions<const LANES: usize, R> = [Column<LANES, R>; ACTION_LIMIT
 
 impl<const LANES: usize, R: Real> Block<LANES, R> {
     /// Environments `first..first + LANES` at the start of their first episodes.
-    pub(crate) fn new(scenario: &Scenario, arena: Option<&Arena>, source: (Seed, Purpose), first: u32) -> Self {
+    pub(crate) fn new(scenario: &Scenario, arenas: Option<&Arenas>, source: (Seed, Purpose), first: u32) -> Self {
         let count = scenario.agents.count as usize;
         let nothing = [R::zero(); LANES];
         let mut block = Self {
-            agents: (0..count).map(|index| Agent::new(scenario, arena, index, source, first)).collect(),
+            agents: (0..count).map(|index| Agent::new(scenario, arenas, index, source, first)).collect(),
             movables: vec![standing(scenario); LANES],
             movable_reaches: scenario.aviary.world.movables.iter().map(|body| body.solid.shape.reach()).collect(),
             contacts: vec![ContactMemory::default(); LANES],
@@ -125,17 +126,18 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.touches = [[R::zero(); LANES]; 2];
         }
         let lonely = self.agents.len() == 1;
-        let arena = stage.arena.filter(|arena| !(lonely && arena.is_empty()));
-        let solving = arena.zip(stage.solver);
-        let before = solving.map(|(arena, _)| {
-            let near = self.lanes_that_may_touch(stage.scenario, arena);
+        let arenas = stage.arenas.filter(|arenas| !(lonely && arenas.is_empty()));
+        let solving = arenas.zip(stage.solver);
+        let before = solving.map(|(arenas, _)| {
+            let near = self.lanes_that_may_touch(stage.scenario, arenas);
             let drones_by_lane: Vec<LaneDrones<R>> = lanes_of(&near).map(|lane| self.drones(lane)).collect();
             (near, drones_by_lane)
         });
-        self.fly_freely(stage, if solving.is_none() { arena } else { None });
-        if let (Some(contacts), Some((near, drones_by_lane))) = (solving, before) {
+        self.fly_freely(stage, if solving.is_none() { arenas } else { None });
+        if let (Some((arenas, solver)), Some((near, drones_by_lane))) = (solving, before) {
             for (lane, drones) in lanes_of(&near).zip(drones_by_lane) {
-                self.fly_touching(stage, contacts, lane, drones);
+                // Rooms that are drawn have no solver.
+                self.fly_touching(stage, (arenas.of(0), solver), lane, drones);
             }
         }
         self.end_flight();
@@ -152,15 +154,15 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         self.update_positions();
     }
 
-    /// All lanes as if nothing stood in their way; what touches something in the `reporting` arena is marked.
+    /// All lanes as if nothing stood in their way; what touches something in the `reporting` arenas is marked.
     #[inline(always)]
-    fn fly_freely(&mut self, stage: &Stage<'_, R>, reporting: Option<&Arena>) {
+    fn fly_freely(&mut self, stage: &Stage<'_, R>, reporting: Option<&Arenas>) {
         let substeps = stage.scenario.physics.substeps;
         let report_at = substeps - u32::from(reports_early(stage.scenario));
         // Written once: the step is inlined here for every instruction set.
         for substep in 0..=substeps {
-            if let (Some(arena), true) = (reporting, substep == report_at) {
-                self.report(arena);
+            if let (Some(arenas), true) = (reporting, substep == report_at) {
+                self.report(arenas);
             }
             if substep == substeps {
                 break;
@@ -189,15 +191,16 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// Marks what touches something where it is now; nothing is pushed by it.
     #[inline(always)]
-    fn report(&mut self, arena: &Arena) {
+    fn report(&mut self, arenas: &Arenas) {
         let mut near = [0.0; LANES];
-        let reach = arena.reach();
-        self.mark_near(arena, &mut near, |_, _| reach);
+        // What touches at which gap is the same in all rooms.
+        let reach = arenas.of(self.agents[0].room(0)).reach();
+        self.mark_near(arenas, &mut near, |_, _| reach);
         self.mark_meetings(&mut near, |_, _| reach);
         self.mark_movables(&mut near, |_, _| reach);
         for lane in lanes_of(&near) {
             let drones: Vec<Motion> = self.agents.iter().map(|agent| agent.swarm.motion(lane)).collect();
-            let touches = touching(arena, &drones, &self.movables[lane]);
+            let touches = touching(arenas.of(self.agents[0].room(lane)), &drones, &self.movables[lane]);
             self.mark_touches(lane, &touches);
         }
     }
@@ -211,14 +214,14 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// One in lanes in which a drone can touch something within the coming control period.
     #[inline(always)]
-    fn lanes_that_may_touch(&self, scenario: &Scenario, arena: &Arena) -> Column<LANES> {
+    fn lanes_that_may_touch(&self, scenario: &Scenario, arenas: &Arenas) -> Column<LANES> {
         let secs = scenario.physics.control_secs();
-        let reach = arena.reach() + 0.5 * greatest_acceleration(scenario) * secs * secs;
+        let reach = arenas.of(0).reach() + 0.5 * greatest_acceleration(scenario) * secs * secs;
         let travels: Vec<Column<LANES>> =
             self.agents.iter().map(|agent| reaches(&agent.swarm, reach, secs)).collect();
         let travel = |agent: usize, lane: usize| travels[agent][lane];
         let mut near = [0.0; LANES];
-        self.mark_near(arena, &mut near, travel);
+        self.mark_near(arenas, &mut near, travel);
         self.mark_meetings(&mut near, travel);
         self.mark_movables(&mut near, travel);
         near
@@ -226,9 +229,10 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// Marks lanes in which a drone is within a distance of something that never moves.
     #[inline(always)]
-    fn mark_near(&self, arena: &Arena, near: &mut Column<LANES>, reach: impl Fn(usize, usize) -> f32) {
+    fn mark_near(&self, arenas: &Arenas, near: &mut Column<LANES>, reach: impl Fn(usize, usize) -> f32) {
         for (index, agent) in self.agents.iter().enumerate() {
-            let clearances = arena.clearances(&agent.swarm.position.each_ref().map(|axis| axis.map(Real::to_f32)));
+            let clearances = arenas
+                .clearances(agent.rooms(), &agent.swarm.position.each_ref().map(|axis| axis.map(Real::to_f32)));
             for lane in 0..LANES {
                 let room = clearances[lane] - reach(index, lane);
                 near[lane] = if room > 0.0 { near[lane] } else { 1.0 };
@@ -384,10 +388,10 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     }
 
     /// Starts the next episode of a lane, whatever became of the last.
-    pub(crate) fn restart(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
+    pub(crate) fn restart(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
         self.contacts[lane] = ContactMemory::default();
         self.movables[lane] = standing(scenario);
-        self.agents.iter_mut().for_each(|agent| agent.reset(scenario, arena, lane));
+        self.agents.iter_mut().for_each(|agent| agent.restart(scenario, arenas, lane));
         self.update_positions();
         self.observe_restarted(scenario, lane);
     }
@@ -396,7 +400,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     pub(crate) fn restart_ended(
         &mut self,
         scenario: &Scenario,
-        arena: Option<&Arena>,
+        arenas: Option<&Arenas>,
         first: u32,
         finished: &mut impl FnMut(usize, Finished<R>),
     ) {
@@ -409,7 +413,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             }
         }
         for (index, agent) in self.agents.iter_mut().enumerate() {
-            agent.restart_ended(scenario, arena, first, &mut |done| finished(index, done));
+            agent.restart_ended(scenario, arenas, first, &mut |done| finished(index, done));
         }
         self.update_positions();
         for lane in 0..LANES {

@@ -8,6 +8,7 @@ mod airframe;
 pub(crate) mod area;
 mod aviary;
 mod camera;
+mod drawn;
 pub(crate) mod geometry;
 mod mesh;
 mod notation;
@@ -38,7 +39,10 @@ pub use airframe::{
 };
 pub use area::{AreaConfig, BoxConfig};
 pub use aviary::{AviaryConfig, AviaryParts};
+pub(crate) use world::{Placement, pillar_around, turned};
+
 pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, ReferenceCameraConfig};
+pub use drawn::{DrawnConfig, FurnishedRoomsConfig, GeneratorConfig, ModelConfig, WorldsConfig};
 pub use notation::{Document, DroneNotations};
 pub use physics::{
     BulletConfig, DragFrameConfig, DynReportConfig, IntegratorConfig, ModeConfig, PhysicsConfig, QuirksConfig,
@@ -63,6 +67,7 @@ pub use world::{
 
 use crate::contact::DistanceField;
 use crate::reward::RewardTerm;
+use crate::rooms::{Ways, Workshop};
 use crate::scenario::{Aviary, CriticView, Goals, Preset, Scenario, TeamSuccess};
 use crate::term::{GoalKind, RewardTask, RuleTask};
 use crate::termination::Termination;
@@ -147,23 +152,35 @@ impl ScenarioConfig {
         let observation = self.observation.check(action.len(), sensors.len(), &field.at("observation"))?;
         let camera =
             self.camera.as_ref().map(|camera| camera.check(&airframe, &field.at("camera"))).transpose()?;
-        let aviary = self.aviary.check(&airframe, &field.at("aviary"))?;
+        let drawn = self.drawn_rooms(&airframe, field)?;
+        let aviary = match &drawn {
+            None => self.aviary.check(&airframe, &field.at("aviary"))?,
+            Some(rooms) => rooms.room(0).aviary.clone(),
+        };
         let agents = self.agents.check(&aviary.world, &field.at("agents"))?;
         self.check_team(agents.count, field)?;
         let goals = self.goals.as_ref();
         let goals = goals.map(|goals| goals.check(agents.count, &aviary.world, &field.at("goals"))).transpose()?;
-        let task = RuleTask { goal: aviary.goal };
+        let task = RuleTask { goals: drawn.as_ref().map_or(at(aviary.goal), |_| Workshop::goals()) };
         let terminations = Termination::check_all(&self.terminations, &task, &field.at("terminations"))?;
         self.physics.settle_contacts(&mut physics, &terminations);
+        self.check_drawn(&physics, field)?;
         let goals = goals.unwrap_or(Goals::Fixed);
         let first_goals = goals.first(&aviary.goal, agents.count);
-        let start = self.start.check(&aviary, &airframe, &terminations, &first_goals, &field.at("start"))?;
+        let field_of_start = field.at("start");
+        let start = match &drawn {
+            None => self.start.check(&aviary, &airframe, &terminations, &first_goals, &field_of_start)?,
+            Some(rooms) => self.start.check_in_rooms(rooms, &airframe, &terminations, &field_of_start)?,
+        };
         self.check_quiet_air(physics.preset, field)?;
         self.check_effects(&airframe, field)?;
         let task = RewardTask {
             goals: if goals == Goals::Fixed { GoalKind::OnePlace } else { GoalKind::Several },
             contacts: physics.contacts,
-            ways: ways_of(&aviary, &airframe, &terminations),
+            ways: match &drawn {
+                None => Ways::Same(ways_of(&aviary, &airframe, &terminations)),
+                Some(rooms) => Ways::Drawn(Arc::clone(rooms)),
+            },
         };
         let (clock, time_limit) = self.clock.check();
         Ok(Scenario {
@@ -180,6 +197,7 @@ impl ScenarioConfig {
             clock,
             time_limit,
             aviary,
+            drawn,
             airframe,
             physics,
             action,
@@ -250,6 +268,11 @@ impl ScenarioConfig {
             Some((key, share)) => Err(field.at(key).reject(format!("{share:?}"), expected("[1, 1]"))),
         }
     }
+}
+
+/// The box of one point.
+fn at(point: nalgebra::Vector3<f32>) -> Cuboid {
+    Cuboid { low: point, high: point }
 }
 
 /// The ways to the goal inside the bounds of the terminations, or where there are none within reach of what stands there.

@@ -65,6 +65,7 @@ impl Flight {
     }
 
     fn new(scenario: &Scenario, position: Vector3<f64>, randomisation: &Randomisation, seed: Seed) -> Self {
+        let scenario = &scenario.in_room(0);
         let mut scenario = Scenario {
             agents: Agents::ONE,
             goals: Goals::Fixed,

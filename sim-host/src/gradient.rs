@@ -238,7 +238,7 @@ impl<R: Real> Period<R> {
             scenario,
             controls: &Controls::new(&scenario.action),
             mechanics: &Mechanics::new(&scenario.physics, &scenario.airframe),
-            arena: None,
+            arenas: None,
             solver: None,
             control_secs: R::from_f64(1.0 / scenario.physics.control_rate_hz),
         };

@@ -38,6 +38,7 @@ pub mod outline;
 pub mod physics;
 mod reset;
 pub mod reward;
+pub mod rooms;
 pub mod scenario;
 pub use kestrel_core::seed;
 pub mod sensor;

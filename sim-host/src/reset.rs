@@ -11,7 +11,7 @@ use kestrel_core::vehicle::{EffectGains, State, Vehicle};
 use nalgebra::Vector3;
 
 use crate::latency::Delays;
-use crate::scenario::{FreeSpace, PathStarts, Place, Preset, Randomisation, Scenario, Start, StartPosition};
+use crate::scenario::{FreeSpace, PathStarts, Place, Preset, Randomisation, Scenario, StartPosition};
 use crate::seed::Stream;
 use crate::world::Cuboid;
 
@@ -30,8 +30,12 @@ pub(crate) struct Beginning<R> {
 }
 
 /// Draws the next episode of an agent from its stream.
-pub(crate) fn begin<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Stream) -> Beginning<R> {
-    let motion = start_state(scenario, agent, stream);
+pub(crate) fn begin<R: Real>(
+    scenario: &Scenario,
+    (agent, room): (usize, u32),
+    stream: &mut Stream,
+) -> Beginning<R> {
+    let motion = start_state(scenario, (agent, room), stream);
     let (airframe, factors) = airframe(&scenario.airframe, &scenario.randomisation, stream);
     let wind = stream.direction() * (scenario.randomisation.wind_speed * stream.uniform());
     let mut vehicle = Vehicle::new(&airframe);
@@ -63,15 +67,15 @@ fn factor(spread: f32, stream: &mut Stream) -> f32 {
     if spread > 0.0 { stream.between(1.0 - spread, 1.0 + spread) } else { 1.0 }
 }
 
-fn start_state<R: Real>(scenario: &Scenario, agent: usize, stream: &mut Stream) -> State<R> {
+fn start_state<R: Real>(scenario: &Scenario, (agent, room): (usize, u32), stream: &mut Stream) -> State<R> {
     let start = &scenario.start;
     let rotor_speed = match scenario.physics.preset {
         Preset::Clean { .. } => scenario.airframe.hover_rotor_speed() as f32,
         // What the reference remembers of rotors are the speeds of the step before, and at a reset there is none.
         Preset::Bullet { .. } => 0.0,
     };
-    let goal = scenario.goals.at(&scenario.aviary.goal, agent, 0.0).cast();
-    let position = position(start, &goal, stream);
+    let goal = scenario.goals.at(&scenario.aviary_of(room).goal, agent, 0.0).cast();
+    let position = position(&start.position, (&goal, scenario.obstacles_of(room)), stream);
     let attitude = attitude(start.heading_limit, start.tilt_limit, stream);
     let velocity = stream.direction() * (start.speed_limit * stream.uniform());
     let body_rates = stream.direction() * (start.body_rates_limit * stream.uniform());
@@ -101,25 +105,29 @@ fn put<R: Real>(place: &Place, tilt_limit: f32, stream: &mut Stream, state: &mut
     }
 }
 
-fn position(start: &Start, goal: &Vector3<f32>, stream: &mut Stream) -> Vector3<f32> {
-    match &start.position {
+fn position(
+    place: &StartPosition,
+    (goal, obstacles): (&Vector3<f32>, &[Cuboid]),
+    stream: &mut Stream,
+) -> Vector3<f32> {
+    match place {
         StartPosition::AroundGoal { nearest_m, farthest_m } => {
             goal + stream.direction() * stream.between(*nearest_m, *farthest_m)
         }
         StartPosition::Within(cuboid) => {
             Vector3::from_fn(|axis, _| stream.between(cuboid.low[axis], cuboid.high[axis]))
         }
-        StartPosition::FreeWithin(space) => free_position(space, stream),
+        StartPosition::FreeWithin(space) => free_position(space, obstacles, stream),
         StartPosition::AlongWay(starts) => position_on_way(starts, stream),
         StartPosition::Exactly(_) => Vector3::zeros(),
     }
 }
 
 /// Uniform in the free part of a box; where that is very small, the place that is known to be free.
-fn free_position(space: &FreeSpace, stream: &mut Stream) -> Vector3<f32> {
+fn free_position(space: &FreeSpace, obstacles: &[Cuboid], stream: &mut Stream) -> Vector3<f32> {
     let Cuboid { low, high } = &space.region;
     let mut draws = (0..DRAWS).map(|_| Vector3::from_fn(|axis, _| stream.between(low[axis], high[axis])));
-    draws.find(|point| space.holds(point)).unwrap_or(space.refuge)
+    draws.find(|point| space.holds_among(point, obstacles)).unwrap_or(space.refuge)
 }
 
 /// In the box, or around a point of a way from there.

@@ -31,8 +31,6 @@ mod tilt;
 mod trial;
 mod velocity;
 
-use std::sync::Arc;
-
 use kestrel_config::{ConfigError, Field, Limits};
 use kestrel_core::real::Real;
 use schemars::JsonSchema;
@@ -43,7 +41,7 @@ pub use reference::height_difference::Neighbour;
 
 pub use crate::term::{AgentSet, DroneView, Memory, Paid};
 
-use crate::contact::DistanceField;
+use crate::rooms::Ways;
 use crate::swarm::Column;
 use crate::term::{RewardTask, StepView, Term};
 
@@ -125,8 +123,13 @@ impl RewardTerm {
     }
 
     /// The ways to the goal that it pays for, if it is about ways and was checked as part of a task.
-    pub fn ways(&self) -> Option<&Arc<DistanceField>> {
+    pub fn ways(&self) -> Option<&Ways> {
         if let Self::GeodesicProgress(term) = self { term.ways() } else { None }
+    }
+
+    /// The same for other ways to the goal, if it is about ways.
+    pub(crate) fn along(&self, ways: &Ways) -> Self {
+        if let Self::GeodesicProgress(term) = self { term.along(ways.clone()).into() } else { self.clone() }
     }
 
     /// The term's value in each lane, multiplied by its weight and, if it is a rate, by the control period.

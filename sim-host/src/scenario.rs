@@ -13,6 +13,7 @@ use crate::camera::OnboardCamera;
 use crate::contact::DistanceField;
 use crate::latency::Latency;
 use crate::reward::RewardTerm;
+use crate::rooms::{Room, Rooms, Ways};
 use crate::sensor::SensorSuite;
 use crate::termination::Termination;
 use crate::world::{Cuboid, World};
@@ -28,8 +29,10 @@ pub use crate::physics::{Contacts, Downwash, Physics, Preset};
 pub struct Scenario {
     /// Name for people.
     pub name: String,
-    /// The place.
+    /// The place; the first of the rooms where episodes draw theirs.
     pub aviary: Aviary,
+    /// The rooms of which every episode draws one, unless all are in one place.
+    pub drawn: Option<Arc<Rooms>>,
     /// How the goal moves.
     pub goals: Goals,
     /// Who flies there together.
@@ -341,12 +344,29 @@ impl Goals {
     }
 }
 
+impl Start {
+    /// The same with more to keep off.
+    fn among(&self, obstacles: &[Cuboid]) -> Self {
+        let mut start = self.clone();
+        if let StartPosition::FreeWithin(space) = &mut start.position {
+            space.obstacles.extend_from_slice(obstacles);
+        }
+        start
+    }
+}
+
 impl FreeSpace {
     /// Whether a point \[m, world\] is far enough from everything.
     pub fn holds(&self, point: &Vector3<f32>) -> bool {
+        self.holds_among(point, &[])
+    }
+
+    /// Whether it is also far enough from these.
+    pub(crate) fn holds_among(&self, point: &Vector3<f32>, obstacles: &[Cuboid]) -> bool {
         let limit = self.clearance_m * self.clearance_m;
         self.obstacles
             .iter()
+            .chain(obstacles)
             .all(|Cuboid { low, high }| (point - point.sup(low).inf(high)).norm_squared() >= limit)
     }
 }
@@ -392,6 +412,7 @@ impl Scenario {
         Self {
             name: "hover".into(),
             aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), routes: Vec::new(), world: World::empty() },
+            drawn: None,
             airframe: *airframe,
             goals: Goals::Fixed,
             agents: Agents::ONE,
@@ -421,6 +442,56 @@ impl Scenario {
             time_limit: TimeLimit::Truncates,
             success: Success::Settle { radius_m: 0.05, within_secs: 4.0 },
         }
+    }
+
+    /// How many rooms episodes draw from; one where all are in one place.
+    pub fn rooms(&self) -> u32 {
+        self.drawn.as_ref().map_or(1, |rooms| rooms.range().count)
+    }
+
+    /// The place of a room.
+    ///
+    /// # Panics
+    /// When rooms are drawn and there is no such one.
+    pub fn aviary_of(&self, room: u32) -> &Aviary {
+        self.drawn.as_ref().map_or(&self.aviary, |rooms| &rooms.room(room).aviary)
+    }
+
+    /// Bounds of what stands in a room that is drawn; where none is, what there is to keep off stands with the start.
+    pub(crate) fn obstacles_of(&self, room: u32) -> &[Cuboid] {
+        self.drawn.as_ref().map_or(&[], |rooms| &rooms.room(room).obstacles)
+    }
+
+    /// The same task in one of its rooms only.
+    ///
+    /// # Panics
+    /// As [`Self::aviary_of`].
+    #[must_use]
+    pub fn in_room(&self, room: u32) -> Self {
+        let Some(rooms) = &self.drawn else { return self.clone() };
+        let Room { aviary, ways, obstacles } = rooms.room(room);
+        Self {
+            aviary: aviary.clone(),
+            start: self.start.among(obstacles),
+            rewards: self.rewards_along(&Ways::Same(Arc::clone(ways))),
+            drawn: None,
+            ..self.clone()
+        }
+    }
+
+    /// The same task in other rooms.
+    #[must_use]
+    pub fn in_rooms(&self, rooms: &Arc<Rooms>) -> Self {
+        Self {
+            aviary: rooms.room(0).aviary.clone(),
+            rewards: self.rewards_along(&Ways::Drawn(Arc::clone(rooms))),
+            drawn: Some(Arc::clone(rooms)),
+            ..self.clone()
+        }
+    }
+
+    fn rewards_along(&self, ways: &Ways) -> Vec<RewardTerm> {
+        self.rewards.iter().map(|term| term.along(ways)).collect()
     }
 
     /// Control periods after which an episode is cut off.

@@ -17,6 +17,7 @@ use crate::block::{Actions, Block, MOTION_LEN, motion_from_array, motion_to_arra
 use crate::contact::{Arena, ContactMemory, ContactReport, ContactSolver};
 use crate::episode_end;
 use crate::outcome::{Episode, Outcome};
+use crate::rooms::{Arenas, Room};
 use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
@@ -36,7 +37,7 @@ pub struct Simulation<const LANES: usize = 64, R: Real = f32> {
     scenario: Scenario,
     controls: Controls<R>,
     mechanics: Mechanics<R>,
-    arena: Option<Arc<Arena>>,
+    arenas: Option<Arenas>,
     solver: Option<Arc<ContactSolver>>,
     arch: Arch,
     first_environment: u32,
@@ -87,15 +88,15 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             CriticView::Privileged => PRIVILEGED_LEN,
         };
         let nothing = |len: usize| vec![R::zero(); len * rows];
-        let arena = arena(scenario);
+        let arenas = arenas(scenario);
         let mut simulation = Self {
             controls: Controls::new(&scenario.action),
             mechanics: Mechanics::new(&scenario.physics, &scenario.airframe),
-            solver: solver(scenario, arena.as_deref()),
+            solver: solver(scenario, arenas.as_ref()),
             arch: Arch::new(),
             first_environment,
             environments,
-            blocks: firsts.map(|first| Block::new(scenario, arena.as_deref(), (seed, purpose), first)).collect(),
+            blocks: firsts.map(|first| Block::new(scenario, arenas.as_ref(), (seed, purpose), first)).collect(),
             observations: nothing(observation_len),
             privileged: nothing(privileged_len),
             rewards: nothing(1),
@@ -108,7 +109,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             }),
             episodes: Vec::new(),
             scenario: scenario.clone(),
-            arena,
+            arenas,
         };
         simulation.gather_outputs();
         simulation.take_images(|_| true);
@@ -224,6 +225,15 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         agent.angular_velocity(&self.scenario, lane)
     }
 
+    /// The room that a drone is in, zero where none is drawn.
+    ///
+    /// # Panics
+    /// When there is no such row.
+    pub fn room(&self, row: usize) -> u32 {
+        let (agent, lane) = self.agent(row);
+        agent.room(lane)
+    }
+
     /// The goal of a drone \[m, world\].
     ///
     /// # Panics
@@ -319,6 +329,10 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 *motion = motion_from_array(saved);
             }
             block.update_positions();
+            // Another process may have made the rooms in which they are.
+            for lane in 0..LANES {
+                let _made = self.scenario.aviary_of(block.agents[0].room(lane));
+            }
         }
         if let (Some(imaging), Some(state)) = (&mut self.imaging, &state.imaging) {
             imaging.restore(state);
@@ -383,7 +397,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             let first = self.first_environment + (index * LANES) as u32;
             block.restart_ended(
                 &self.scenario,
-                self.arena.as_deref(),
+                self.arenas.as_ref(),
                 first,
                 &mut |agent: usize, finished: Finished<R>| {
                     let environment = index * LANES + finished.lane;
@@ -481,7 +495,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 scenario: &self.scenario,
                 controls: &self.controls,
                 mechanics: &self.mechanics,
-                arena: self.arena.as_deref(),
+                arenas: self.arenas.as_ref(),
                 solver: self.solver.as_deref(),
                 control_secs: R::from_f64(1.0 / self.scenario.physics.control_rate_hz),
             },
@@ -493,8 +507,20 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     }
 }
 
+impl Scenario {
+    /// Makes a room that is drawn ready before a drone comes in, which otherwise does it: the room, its ways, its arena.
+    pub fn prepare_room(&self, room: u32) {
+        let Some(rooms) = &self.drawn else { return };
+        let Room { ways, aviary, .. } = rooms.room(room);
+        ways.length(aviary.goal.into());
+        if let Some(arenas) = arenas(self) {
+            arenas.of(room);
+        }
+    }
+}
+
 /// What the drones can touch, unless nothing is touched.
-fn arena(scenario: &Scenario) -> Option<Arc<Arena>> {
+fn arenas(scenario: &Scenario) -> Option<Arenas> {
     let report = match scenario.physics.preset {
         Preset::Clean { .. } => ContactReport::Touch,
         Preset::Bullet { .. } => ContactReport::Bullet,
@@ -502,19 +528,22 @@ fn arena(scenario: &Scenario) -> Option<Arc<Arena>> {
     match scenario.physics.contacts {
         Contacts::Absent => None,
         Contacts::Reported | Contacts::Solved => {
-            let (world, airframe) = (&scenario.aviary.world, &scenario.airframe);
-            Some(Arena::shared(world, airframe, report, scenario.sensors.scan()))
+            let (airframe, scan) = (&scenario.airframe, scenario.sensors.scan());
+            Some(match &scenario.drawn {
+                None => Arenas::Same(Arena::shared(&scenario.aviary.world, airframe, report, scan)),
+                Some(drawn) => Arenas::of_rooms(drawn, airframe, report, scan),
+            })
         }
     }
 }
 
 /// What contacts do to them, where they do anything.
-fn solver(scenario: &Scenario, arena: Option<&Arena>) -> Option<Arc<ContactSolver>> {
-    match (scenario.physics.contacts, arena) {
-        (Contacts::Solved, Some(arena)) => {
+fn solver(scenario: &Scenario, arenas: Option<&Arenas>) -> Option<Arc<ContactSolver>> {
+    match (scenario.physics.contacts, arenas) {
+        (Contacts::Solved, Some(Arenas::Same(arena))) => {
             Some(Arc::new(ContactSolver::new(arena, &scenario.aviary.world, &scenario.airframe)))
         }
-        (Contacts::Solved, None) | (Contacts::Absent | Contacts::Reported, _) => None,
+        (Contacts::Solved, Some(Arenas::Drawn(_)) | None) | (Contacts::Absent | Contacts::Reported, _) => None,
     }
 }
 

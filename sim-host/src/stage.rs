@@ -3,7 +3,8 @@
 use kestrel_core::action::Controls;
 use kestrel_core::real::Real;
 
-use crate::contact::{Arena, ContactSolver};
+use crate::contact::ContactSolver;
+use crate::rooms::Arenas;
 use crate::scenario::Scenario;
 use crate::swarm::Mechanics;
 
@@ -12,7 +13,7 @@ pub(crate) struct Stage<'a, R: Real> {
     pub(crate) scenario: &'a Scenario,
     pub(crate) controls: &'a Controls<R>,
     pub(crate) mechanics: &'a Mechanics<R>,
-    pub(crate) arena: Option<&'a Arena>,
+    pub(crate) arenas: Option<&'a Arenas>,
     pub(crate) solver: Option<&'a ContactSolver>,
     pub(crate) control_secs: R,
 }

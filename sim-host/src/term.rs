@@ -7,20 +7,18 @@ mod lanes;
 mod reference;
 mod roll_pitch_limit;
 
-use std::sync::Arc;
-
 use kestrel_config::{ConfigError, Field, Limits};
 use kestrel_core::real::Real;
-use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use drone_view::DroneView;
 pub(crate) use lanes::{contains, mark};
 
-use crate::contact::{Arena, DistanceField, Touch};
+use crate::contact::Touch;
 use crate::outcome::Ending;
 use crate::physics::Contacts;
+use crate::rooms::{Arenas, Ways, room};
 use crate::swarm::{Column, Swarm, vector};
 use crate::world::Cuboid;
 
@@ -193,7 +191,7 @@ pub(crate) struct RewardTask {
     pub(crate) goals: GoalKind,
     pub(crate) contacts: Contacts,
     /// To the goal.
-    pub(crate) ways: Arc<DistanceField>,
+    pub(crate) ways: Ways,
 }
 
 /// How many places the goals of a task are at.
@@ -207,8 +205,8 @@ pub(crate) enum GoalKind {
 
 /// What terminations are checked against.
 pub(crate) struct RuleTask {
-    /// \[m, world\].
-    pub(crate) goal: Vector3<f32>,
+    /// Where goals can be \[m, world\]: a point, unless worlds are drawn.
+    pub(crate) goals: Cuboid,
 }
 
 /// Which starts a termination would end at once.
@@ -246,7 +244,9 @@ pub(crate) struct FlightView<'a, const LANES: usize, R: Real> {
     /// Positions of all drones of the environments.
     pub(crate) team: &'a [[Column<LANES, R>; 3]],
     /// What stands there, unless contacts are absent.
-    pub(crate) arena: Option<&'a Arena>,
+    pub(crate) arenas: Option<&'a Arenas>,
+    /// The room of each lane, where rooms are drawn.
+    pub(crate) rooms: Option<&'a Column<LANES, R>>,
     pub(crate) control_rate_hz: f64,
 }
 
@@ -297,9 +297,10 @@ impl<const LANES: usize, R: Real> FlightView<'_, LANES, R> {
                     obstacle: self.touches[0][lane].to_f64() > 0.5,
                     landing: self.touches[1][lane].to_f64() > 0.5,
                 },
-                clearance: self
-                    .arena
-                    .map_or(f64::INFINITY, |arena| f64::from(arena.clearance(position.x, position.y, position.z))),
+                clearance: self.arenas.map_or(f64::INFINITY, |arenas| {
+                    let arena = arenas.of(room(self.rooms, lane));
+                    f64::from(arena.clearance(position.x, position.y, position.z))
+                }),
                 agent: self.agent,
                 team: &self.team.iter().map(|place| vector(place, lane).map(Real::to_f64)).collect::<Vec<_>>(),
                 period: self.steps[lane].to_f64() as u32,

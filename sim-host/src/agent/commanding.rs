@@ -84,7 +84,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     pub(super) fn update_goal_of(&mut self, scenario: &Scenario, lane: usize) {
         let secs = self.steps[lane].to_f64() / scenario.physics.control_rate_hz;
-        let goal = scenario.goals.at(&scenario.aviary.goal, self.index, secs);
+        let goal = scenario.goals.at(&scenario.aviary_of(self.room(lane)).goal, self.index, secs);
         // The reference takes differences of the points that it has passed.
         let lag_secs = match scenario.clock {
             Clock::Elapsed => 0.0,

@@ -10,8 +10,8 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use super::{Agent, PrivilegedScales};
-use crate::contact::Arena;
 use crate::latency::known_states;
+use crate::rooms::Arenas;
 use crate::scenario::{CriticView, Preset, Scenario};
 use crate::sensor::Truth;
 use crate::stage::Stage;
@@ -30,22 +30,22 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             ObservationLayout::Reference(layout) => self.observe_as_paper(scenario, *layout),
             ObservationLayout::PilotFor(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
                 for lane in 0..LANES {
-                    self.sense_lane(scenario, stage.arena, lane);
-                    self.scan_lane(scenario, stage.arena, lane);
+                    self.sense_lane(scenario, stage.arenas, lane);
+                    self.scan_lane(scenario, stage.arenas, lane);
                     self.observe_lane(scenario, lane);
                 }
             }
             ObservationLayout::Body(layout) => {
                 for lane in 0..LANES {
-                    self.sense_lane(scenario, stage.arena, lane);
-                    self.scan_lane(scenario, stage.arena, lane);
+                    self.sense_lane(scenario, stage.arenas, lane);
+                    self.scan_lane(scenario, stage.arenas, lane);
                 }
                 self.observe_in_body_axes(layout, stage.control_secs);
             }
             ObservationLayout::PilotMeasured(layout) => {
                 for lane in 0..LANES {
-                    self.sense_lane(scenario, stage.arena, lane);
-                    self.scan_lane(scenario, stage.arena, lane);
+                    self.sense_lane(scenario, stage.arenas, lane);
+                    self.scan_lane(scenario, stage.arenas, lane);
                 }
                 self.observe_as_pilot(layout.scales);
                 if let Some((_, columns)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() {
@@ -140,7 +140,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     }
 
     /// Reads the sensors, where there are any.
-    pub(super) fn sense_lane(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
+    pub(super) fn sense_lane(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
+        let arena = arenas.map(|arenas| arenas.of(self.room(lane)));
         let Some(memory) = self.sensors.get_mut(lane) else { return };
         let state = self.swarm.state(lane).map(Real::to_f64);
         let before = vector(&self.read_velocity, lane).map(Real::to_f64);
@@ -162,9 +163,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Casts the beams of the scan, where there is one.
     #[inline(always)]
-    pub(super) fn scan_lane(&mut self, scenario: &Scenario, arena: Option<&Arena>, lane: usize) {
-        let (Some(scan), Some(arena)) = (scenario.sensors.scan(), arena) else { return };
-        let nearness = arena.nearness(row(&self.swarm.position, lane).map(Real::to_f32));
+    pub(super) fn scan_lane(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
+        let (Some(scan), Some(arenas)) = (scenario.sensors.scan(), arenas) else { return };
+        let nearness = arenas.of(self.room(lane)).nearness(row(&self.swarm.position, lane).map(Real::to_f32));
         let columns = self.measurements.iter_mut().skip(scenario.sensors.instruments_len()).take(scan.len());
         for (column, value) in columns.zip(nearness) {
             column[lane] = R::from_f32(value);

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Document;
+use super::drawn::DrawnConfig;
 use super::error::ConfigError;
 use super::field::Field;
 use super::geometry::holds;
@@ -56,6 +57,9 @@ pub struct AviaryConfig {
     /// Other worlds set into this one at their `at_m`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub worlds: Vec<AviaryConfig>,
+    /// Worlds of which every episode draws one, instead of all the other keys.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawn: Option<DrawnConfig>,
     /// Where its origin lies in the world around it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_m: Option<[f64; 3]>,
@@ -101,11 +105,34 @@ impl AviaryConfig {
         Ok(Aviary { goal: goal.cast(), routes: routes.iter().map(cast).collect(), world })
     }
 
+    /// The first key that describes one world, if there is one.
+    pub(super) fn key_of_one_world(&self) -> Option<&'static str> {
+        let keys = [
+            ("goal_m", self.goal_m.is_some()),
+            ("starts_m", !self.starts_m.is_empty()),
+            ("route_m", !self.route_m.is_empty()),
+            ("floor", !self.floor),
+            ("room", self.room.is_some()),
+            ("solids", !self.solids.is_empty()),
+            ("pillars", !self.pillars.is_empty()),
+            ("furniture", !self.furniture.is_empty()),
+            ("movables", !self.movables.is_empty()),
+            ("worlds", !self.worlds.is_empty()),
+            ("at_m", self.at_m.is_some()),
+        ];
+        keys.into_iter().find(|(_, written)| *written).map(|(key, _)| key)
+    }
+
     /// The place, whether or not there is a goal.
     ///
     /// # Errors
     /// When a solid is wrong or around the goal, or there are too many.
     pub fn place(&self, field: &Field<'_>) -> Result<AviaryParts, ConfigError> {
+        if self.drawn.is_some() {
+            return Err(field
+                .at("drawn")
+                .reject("drawn worlds in a world", "them in the `aviary` of a task only"));
+        }
         let goal = self.goal_m.map(|goal| field.at("goal_m").place(goal)).transpose()?;
         let world = self.own_world(goal.as_ref(), field)?;
         let route = points(&field.at("route_m"), &self.route_m)?;

@@ -20,4 +20,6 @@ pub use solid::{MovableConfig, SolidConfig};
 pub use superellipsoid::SuperellipsoidConfig;
 pub use visual::VisualConfig;
 
-pub(crate) use solid::pillar;
+pub(crate) use furniture::{Placement, SCALES};
+pub(crate) use shape::turned;
+pub(crate) use solid::{pillar, pillar_around};

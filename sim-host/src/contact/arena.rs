@@ -9,7 +9,7 @@ use rapier3d::parry::bounding_volume::Aabb;
 use rapier3d::parry::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 
 use super::body::Body;
-use super::clearance_map::ClearanceMap;
+use super::clearance_map::{COARSE_CELLS, ClearanceMap, FINE_CELLS};
 use super::frame::to_vector;
 use super::outline::{MARGIN, Outline, distance};
 use super::scanner::Scanner;
@@ -70,6 +70,23 @@ impl Arena {
     /// # Panics
     /// If the points of a hull lie in one plane.
     pub fn new(world: &World, airframe: &Airframe, report: ContactReport) -> Self {
+        let arena = Self::without_map(world, airframe, report);
+        Self { map: ClearanceMap::new(&arena.solids, FINE_CELLS), ..arena }
+    }
+
+    /// As [`Self::new`] for a world of many, with the beams of a scan: it says the same with a sixteenth of the memory,
+    /// but [`Self::clearance`], whose bound is lower.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn coarse(world: &World, airframe: &Airframe, report: ContactReport, scan: Option<&Scan>) -> Self {
+        let arena = Self::without_map(world, airframe, report);
+        let scanner = scan.map(|scan| Scanner::new(world, scan));
+        Self { map: ClearanceMap::new(&arena.solids, COARSE_CELLS), scanner, ..arena }
+    }
+
+    /// As [`Self::new`], with the floor alone in [`Self::clearance`].
+    pub(super) fn without_map(world: &World, airframe: &Airframe, report: ContactReport) -> Self {
         let solids: Vec<_> = world.tangible().map(|solid| Body::new(solid, report)).collect();
         let movables: Vec<_> = world.movables.iter().map(|movable| Body::new(&movable.solid, report)).collect();
         let drone = Outline::of_drone(airframe);
@@ -93,7 +110,7 @@ impl Arena {
             floor_gap,
             drone_gap,
             tree: tree(&solids),
-            map: ClearanceMap::new(&solids),
+            map: None,
             scanner: None,
             floor_height: match world.floor {
                 Floor::Solid => 0.0,

@@ -5,7 +5,10 @@ use nalgebra::Vector3;
 use super::body::Body;
 
 /// Greatest number of cells: half a mebibyte, which stays in the second-level cache.
-const CELL_LIMIT: f64 = 524_288.0;
+pub(super) const FINE_CELLS: f64 = 524_288.0;
+
+/// The same for a world of many: sixty-four lanes look into as many maps.
+pub(super) const COARSE_CELLS: f64 = 32_768.0;
 
 /// Smallest edge of a cell \[m\]: less than a drone's radius gains nothing.
 const SMALLEST_CELL: f64 = 0.03;
@@ -42,13 +45,13 @@ pub(super) struct ClearanceMap {
 }
 
 impl ClearanceMap {
-    /// `None` if there is nothing to be distant from.
-    pub(super) fn new(bodies: &[Body]) -> Option<Self> {
+    /// With so many cells at most; `None` if there is nothing to be distant from.
+    pub(super) fn new(bodies: &[Body], most_cells: f64) -> Option<Self> {
         let extents = bodies.iter().map(|body| body.extent);
         let (low, high) = extents.reduce(|(low, high), (a, b)| (low.inf(&a), high.sup(&b)))?;
         let rim = Vector3::repeat(RIM);
         let (low, size) = (low - rim, high - low + 2.0 * rim);
-        let cell = SMALLEST_CELL.max(libm::cbrt(size.product() / CELL_LIMIT));
+        let cell = SMALLEST_CELL.max(libm::cbrt(size.product() / most_cells));
         let counts = size.map(|length| libm::ceil(length / cell).max(1.0) as usize);
         let mut map = Self {
             low: low.map(|value| value as f32).into(),

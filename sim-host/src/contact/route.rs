@@ -30,6 +30,19 @@ pub struct Passage<'a> {
 }
 
 impl Passage<'_> {
+    /// Whether every start sees the goal: nothing is within four fifths of the clearance of the lines between.
+    pub fn is_straight(&self) -> bool {
+        let probe = Probe::new(self.world, self.clearance_m * LEG_SHARE);
+        corners(&self.starts).iter().all(|begin| probe.is_free(begin, &self.goal.cast()))
+    }
+
+    /// Whether a free path keeps the clearance, on a grid of 10 cm.
+    pub fn is_free(&self) -> bool {
+        let middle = (self.starts.low + self.starts.high) / 2.0;
+        let field = DistanceField::new(self.world, &self.goal, self.bounds, self.clearance_m).coarse();
+        field.free_path_from(middle.into()).is_some()
+    }
+
     /// Points to fly through on the shortest free path \[m, world\], in centimetres, without the start and the goal: none
     /// where every start sees the goal. `None` where no path is free.
     ///
@@ -62,7 +75,7 @@ impl Probe {
     fn new(world: &World, radius: f64) -> Self {
         let airframe =
             Airframe { collision_radius: radius, collision_height: 2.0 * radius, collision_offset: 0.0, ..CF2X };
-        Self(Arena::new(world, &airframe, ContactReport::Touch))
+        Self(Arena::without_map(world, &airframe, ContactReport::Touch))
     }
 
     /// Whether the leg touches nothing but what there is to land on.

@@ -26,7 +26,8 @@ pub(crate) fn scenario(rules: &str) -> Scenario {
     let mut scenario = hover();
     let document = Document::parse("trial.yaml", &format!("terminations: [ {rules} ]")).unwrap();
     let rules: Rules = document.decode().unwrap();
-    let task = RuleTask { goal: scenario.aviary.goal };
+    let goal = scenario.aviary.goal;
+    let task = RuleTask { goals: crate::world::Cuboid { low: goal, high: goal } };
     let field = document.root().at("terminations");
     scenario.terminations = Termination::check_all(&rules.terminations, &task, &field).unwrap();
     scenario
@@ -77,7 +78,8 @@ impl Trial {
             steps: &[self.steps],
             agent: 0,
             team: &[],
-            arena: None,
+            arenas: None,
+            rooms: None,
             control_rate_hz: RATE_HZ,
         };
         let mut codes = [f32::NAN];

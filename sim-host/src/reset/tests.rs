@@ -6,7 +6,7 @@ const EPISODES: u32 = 2000;
 
 /// What so many episodes of a task begin from.
 fn beginnings(scenario: &Scenario) -> Vec<Beginning<f32>> {
-    let begin = |environment| begin(scenario, 0, &mut Stream::new(Seed(7), environment, Purpose::Reset));
+    let begin = |environment| begin(scenario, (0, 0), &mut Stream::new(Seed(7), environment, Purpose::Reset));
     (0..EPISODES).map(begin).collect()
 }
 

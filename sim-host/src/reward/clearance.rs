@@ -36,11 +36,12 @@ impl Term for Clearance {
         _: &mut [Column<LANES, R>],
         values: &mut Column<LANES, R>,
     ) {
-        let Some(arena) = view.arena else {
+        let Some(arenas) = view.arenas else {
             values.fill(worth);
             return;
         };
-        let free = arena.clearances(&view.swarm.position.each_ref().map(|axis| axis.map(Real::to_f32)));
+        let free =
+            arenas.clearances(view.rooms, &view.swarm.position.each_ref().map(|axis| axis.map(Real::to_f32)));
         let share = |lane: usize| R::from_f32(free[lane] / self.reach_m as f32);
         each(values, |i| worth * share(i).limited(R::zero(), R::one()));
     }
@@ -56,6 +57,7 @@ mod tests {
     use super::*;
     use crate::config::Document;
     use crate::contact::{Arena, ContactReport};
+    use crate::rooms::{Arenas, Ways};
     use crate::world::{Floor, Solid, World};
 
     #[test]
@@ -63,7 +65,7 @@ mod tests {
         let wall = Solid::block("wall", Vector3::new(1.0, -2.0, 0.0), Vector3::new(1.2, 2.0, 3.0));
         let world = World { floor: Floor::Solid, solids: vec![wall], ..World::empty() };
         let mut trial = Trial::of("clearance: { weight: 48, reach_m: 0.4 }");
-        trial.arena = Some(Arena::new(&world, &CF2X, ContactReport::Touch));
+        trial.arenas = Some(Arenas::Same(Arc::new(Arena::new(&world, &CF2X, ContactReport::Touch))));
         assert_all_near(
             &trial.along(&[[-3.0, 0.0, 1.0], [-3.0, 0.0, 0.25], [-3.0, 0.0, -0.1]]),
             &[1.0, 0.625, 0.0],
@@ -77,7 +79,7 @@ mod tests {
     fn it_takes_contacts() {
         let document = Document::parse("trial.yaml", "{ weight: 1, reach_m: 0.4 }").unwrap();
         let refused = |contacts| {
-            let task = RewardTask { goals: GoalKind::OnePlace, contacts, ways: Arc::new(ways()) };
+            let task = RewardTask { goals: GoalKind::OnePlace, contacts, ways: Ways::Same(Arc::new(ways())) };
             Clearance { weight: 1.0, reach_m: 0.4 }.check(&task, &document.root()).is_err()
         };
         let all = [Contacts::Absent, Contacts::Reported, Contacts::Solved];

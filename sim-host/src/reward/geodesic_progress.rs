@@ -1,6 +1,4 @@
-use std::sync::Arc;
-
-use crate::contact::DistanceField;
+use crate::rooms::{Ways, room};
 use crate::term::prelude::*;
 
 /// Metres by which the shortest free way to the goal became shorter in this step. Ways lead around what stands in the
@@ -14,7 +12,7 @@ pub struct GeodesicProgress {
     pub weight: f64,
     /// To the goal of the task.
     #[serde(skip)]
-    ways: Option<Arc<DistanceField>>,
+    ways: Option<Ways>,
 }
 
 impl Term for GeodesicProgress {
@@ -31,7 +29,7 @@ impl Term for GeodesicProgress {
     }
 
     fn prepared(self, task: &RewardTask) -> Self {
-        Self { ways: Some(Arc::clone(&task.ways)), ..self }
+        Self { ways: Some(task.ways.clone()), ..self }
     }
 
     fn memory(&self) -> Memory {
@@ -52,7 +50,9 @@ impl Term for GeodesicProgress {
         };
         let before = &mut memory[0];
         for lane in 0..LANES {
-            let length = R::from_f32(ways.length(row(&view.swarm.position, lane).map(Real::to_f32)));
+            let length = R::from_f32(
+                ways.of(room(view.rooms, lane)).length(row(&view.swarm.position, lane).map(Real::to_f32)),
+            );
             // None in the first step, before which it is not known.
             let gained = if is_unset(before[lane]) { R::zero() } else { before[lane] - length };
             values[lane] = worth * gained;
@@ -63,12 +63,17 @@ impl Term for GeodesicProgress {
 
 impl GeodesicProgress {
     /// The term with the ways that it pays for.
-    pub fn new(weight: f64, ways: Arc<DistanceField>) -> Self {
+    pub fn new(weight: f64, ways: Ways) -> Self {
         Self { weight, ways: Some(ways) }
     }
 
     /// The ways that it pays for, once it was checked as part of a task.
-    pub fn ways(&self) -> Option<&Arc<DistanceField>> {
+    pub fn ways(&self) -> Option<&Ways> {
         self.ways.as_ref()
+    }
+
+    /// The same for other ways.
+    pub(super) fn along(&self, ways: Ways) -> Self {
+        Self { ways: Some(ways), ..*self }
     }
 }

@@ -9,8 +9,9 @@ use serde::Deserialize;
 
 use super::RewardTerm;
 use crate::config::Document;
-use crate::contact::{Arena, DistanceField};
+use crate::contact::DistanceField;
 use crate::physics::Contacts;
+use crate::rooms::{Arenas, Ways};
 use crate::swarm::{Column, Swarm};
 use crate::term::{Ends, FlightView, GoalKind, RewardTask, StepView};
 use crate::world::{Cuboid, Solid, World};
@@ -33,7 +34,8 @@ pub(super) fn term(yaml: &str) -> RewardTerm {
     }
     let document = Document::parse("trial.yaml", &format!("rewards: [ {yaml} ]")).unwrap();
     let rewards: Rewards = document.decode().unwrap();
-    let task = RewardTask { goals: GoalKind::OnePlace, contacts: Contacts::Reported, ways: Arc::new(ways()) };
+    let task =
+        RewardTask { goals: GoalKind::OnePlace, contacts: Contacts::Reported, ways: Ways::Same(Arc::new(ways())) };
     RewardTerm::check_all(&rewards.rewards, &task, &document.root().at("rewards")).unwrap().remove(0)
 }
 
@@ -51,7 +53,7 @@ pub(super) struct Trial {
     pub(super) previous_action: [f64; 4],
     pub(super) touches: [Column<1, f64>; 2],
     pub(super) ends: Ends<1, f64>,
-    pub(super) arena: Option<Arena>,
+    pub(super) arenas: Option<Arenas>,
 }
 
 impl Trial {
@@ -70,7 +72,7 @@ impl Trial {
             previous_action: [0.0; 4],
             touches: [[0.0]; 2],
             ends: Ends { success: [0.0], failure: [0.0], time_up: [0.0] },
-            arena: None,
+            arenas: None,
         }
     }
 
@@ -116,7 +118,8 @@ impl Trial {
             steps: &[self.steps],
             agent: self.agent,
             team: &self.team,
-            arena: self.arena.as_ref(),
+            arenas: self.arenas.as_ref(),
+            rooms: None,
             control_rate_hz: RATE_HZ,
         };
         let view = StepView { flight, ends: &self.ends };

@@ -42,8 +42,8 @@ impl Simulation {
     /// When there is no such environment.
     pub fn restart(&mut self, environments: impl IntoIterator<Item = usize>) {
         for environment in environments {
-            let (scenario, arena) = (&self.scenario, self.arena.as_deref());
-            self.blocks[environment / LANES].restart(scenario, arena, environment % LANES);
+            let (scenario, arenas) = (&self.scenario, self.arenas.as_ref());
+            self.blocks[environment / LANES].restart(scenario, arenas, environment % LANES);
         }
         self.gather_outputs();
     }

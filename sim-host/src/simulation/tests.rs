@@ -71,7 +71,7 @@ fn a_lane_equals_a_lone_drone_bit_for_bit() {
     let scenario = hover();
     let mut simulation = Simulation::<64>::new(&scenario, Seed(1), 0, 3);
     let mut stream = Stream::new(Seed(1), 2, Purpose::Reset);
-    let beginning = crate::reset::begin::<f32>(&scenario, 0, &mut stream);
+    let beginning = crate::reset::begin::<f32>(&scenario, (0, 0), &mut stream);
     let mut state = beginning.drone.motion;
     let Preset::Clean { integrator, ground, .. } = scenario.physics.preset else { panic!("hover is clean") };
     let air = kestrel_core::vehicle::Air { wind: beginning.wind, force: Vector3::zeros(), ground };

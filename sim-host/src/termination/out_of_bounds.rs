@@ -1,4 +1,4 @@
-use crate::config::geometry::contains;
+use crate::config::geometry::surrounds;
 use crate::term::prelude::*;
 
 /// The centre of mass leaves the box (`BoundsTerm`).
@@ -38,7 +38,7 @@ pub(super) fn check_around_goal(
     task: &RuleTask,
     field: &Field<'_>,
 ) -> Result<(), ConfigError> {
-    if contains(&bounds.check(field)?, &task.goal) {
+    if surrounds(&bounds.check(field)?, &task.goals) {
         return Ok(());
     }
     Err(field.reject("bounds without the goal", "bounds with `goal_m` inside"))

@@ -1,36 +1,39 @@
 //! Rooms that nobody has seen: furniture, pillars and partitions at random places, with a free way to a table.
 //!
 //! A draw that is refused is drawn anew, so that every room can be flown: it has a way that keeps its distance
-//! ([`kestrel_sim::contact::Passage`]), which is not straight, and the scripted pilot flies it. What is written are a world file and a
-//! task that imports it, which nothing distinguishes from those written by hand.
+//! ([`Passage`]), which is not straight, and the scripted pilot flies it. What is written are a world file and a task that imports it, which nothing distinguishes from those written by hand.
 
-mod room;
 #[cfg(test)]
 mod tests;
 pub(crate) mod text;
 
 use std::path::{Path, PathBuf};
 
-use kestrel_sim::config::ConfigError;
+use kestrel_sim::config::{AviaryConfig, ConfigError, Document};
+use kestrel_sim::rooms::{CLEARANCE_M, Model, ROOM, RoomPlan, STARTS, Workshop};
 use kestrel_sim::seed::{Purpose, Seed, Stream};
-use kestrel_sim::world::Cuboid;
-use nalgebra::{Vector3, vector};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::evaluation::{Flyer, Starts, evaluate};
 use crate::experiment_config;
 use kestrel_sim::contact::Passage;
-use room::{Room, Workshop};
 use text::{Layout, Manuscript};
 
-/// Corners of the room \[m\]: those of rooms 0 to 2, and of `configs/aviaries/parts/room.yaml`.
-pub(crate) const ROOM: Cuboid = Cuboid { low: vector![-1.0, -1.5, 0.0], high: vector![7.0, 1.5, 1.5] };
+/// What to land on.
+const TABLE: &str = "table-square";
 
-/// Where the evaluations of `configs/aviaries/parts/room.yaml` start \[m\].
-const STARTS: Cuboid = Cuboid { low: vector![-0.7, -0.3, 0.4], high: vector![-0.4, 0.3, 0.65] };
-
-/// Least distance between the way to the table and everything else \[m\]: a Crazyflie's hull has a radius of 0.06 m.
-pub const CLEARANCE_M: f64 = 0.2;
+/// Furniture, and how many times larger than its parts say: the sizes of rooms 0 to 2 and a little around them.
+const FURNITURE: [(&str, [f32; 2]); 8] = [
+    ("armchair", [0.8, 1.2]),
+    ("coffee-table", [0.6, 1.2]),
+    ("couch", [0.5, 0.8]),
+    ("cupboard", [0.18, 0.24]),
+    ("dresser", [0.12, 0.16]),
+    ("kit-chair", [0.008, 0.012]),
+    ("lamp", [0.7, 0.95]),
+    ("tv-stand", [0.7, 1.1]),
+];
 
 /// Draws before a room is given up; of the first thirty with fourteen pieces one had no free way.
 const DRAWS: u32 = 30;
@@ -94,6 +97,15 @@ pub enum GeneratorError {
     },
 }
 
+/// A room and the route through it.
+#[derive(Clone, Debug, PartialEq)]
+struct Room {
+    /// What stands there.
+    plan: RoomPlan,
+    /// Points to fly through \[m\].
+    route: Vec<[f64; 3]>,
+}
+
 /// Whether a draw is kept, or what is wrong with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
@@ -120,20 +132,36 @@ impl Order {
 /// # Errors
 /// When a part is wrong, or a room cannot be made.
 pub fn generate(order: &Order) -> Result<Vec<Files>, GeneratorError> {
+    let workshop = workshop(&order.furniture, order.pieces)?;
     let rooms: Vec<Result<Files, GeneratorError>> =
-        (0..order.count).into_par_iter().map(|index| make(order, index)).collect();
+        (0..order.count).into_par_iter().map(|index| make(order, &workshop, index)).collect();
     // The first room's error, not that of the first thread.
     rooms.into_iter().collect()
 }
 
-fn make(order: &Order, index: usize) -> Result<Files, GeneratorError> {
+/// What the rooms are made of, from a folder of furniture.
+fn workshop(furniture: &Path, pieces: usize) -> Result<Workshop, ConfigError> {
+    let pieces_of_furniture = FURNITURE.iter().map(|(file, _)| format!("  - {{ import: {file}.yaml }}\n"));
+    let table = format!("  - {{ import: {TABLE}.yaml, name: goal table, role: landing }}\n");
+    let list: String = pieces_of_furniture.chain([table]).collect();
+    let name = furniture.join("a random room").display().to_string();
+    let document = Document::parse(&name, &format!("furniture:\n{list}"))?;
+    let field = document.root().at("furniture");
+    let read = document.decode::<AviaryConfig>()?.furniture;
+    let parts = |index: usize| read[index].parts(&field.at(index));
+    let model =
+        |(index, (_, scales)): (usize, &(&str, [f32; 2]))| Ok(Model { parts: parts(index)?, scales: *scales });
+    let furniture = FURNITURE.iter().enumerate().map(model).collect::<Result<_, _>>()?;
+    Ok(Workshop { table: parts(FURNITURE.len())?, furniture, pieces })
+}
+
+fn make(order: &Order, workshop: &Workshop, index: usize) -> Result<Files, GeneratorError> {
     let name = order.room_name(index);
-    let workshop = Workshop { furniture: &order.furniture, pieces: order.pieces };
     let mut stream = Stream::new(order.seed, index as u32, Purpose::Furnishing);
     let (mut blocked, mut straight, mut missed) = (0, 0, 0);
     for _ in 0..DRAWS {
-        let mut room = workshop.draw(&mut stream)?;
-        match settle(order, &name, &mut room)? {
+        let mut room = Room { plan: workshop.draw(order.pieces, &mut stream), route: Vec::new() };
+        match settle(order, (&name, workshop), &mut room)? {
             Verdict::Kept => return Ok(written(order, index, &room)),
             Verdict::Blocked => blocked += 1,
             Verdict::Straight => straight += 1,
@@ -144,9 +172,9 @@ fn make(order: &Order, index: usize) -> Result<Files, GeneratorError> {
 }
 
 /// Gives the room its route, if it has one, and judges it.
-fn settle(order: &Order, name: &str, room: &mut Room) -> Result<Verdict, ConfigError> {
-    let world = room.world(&order.furniture)?;
-    let goal = Vector3::from(room.goal).cast();
+fn settle(order: &Order, (name, workshop): (&str, &Workshop), room: &mut Room) -> Result<Verdict, ConfigError> {
+    let world = workshop.world(&room.plan);
+    let goal = Vector3::from(room.plan.goal).cast();
     let passage = Passage { world: &world, bounds: ROOM, starts: STARTS, goal, clearance_m: CLEARANCE_M };
     let Some(route) = passage.route() else { return Ok(Verdict::Blocked) };
     if route.is_empty() {

@@ -13,7 +13,7 @@ use kestrel_sim::simulation::{Compiled, Simulation};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::statistics::proportion::{Z_95, wilson};
+use crate::statistics::proportion::{Z_95, wilson, wilson_of_groups};
 use kestrel_export::policy::Policy;
 use kestrel_learn::actor_critic::Actor;
 
@@ -57,7 +57,7 @@ pub struct Evaluation {
     pub episodes: usize,
     /// Share of episodes that were a success.
     pub success_rate: f64,
-    /// Its 95 % confidence interval (Wilson).
+    /// Its 95 % confidence interval (Wilson); over worlds, where every episode draws one.
     pub success_interval: [f64; 2],
     /// Mean undiscounted return.
     pub episode_return: f64,
@@ -206,7 +206,7 @@ fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluati
         pilot: pilot.to_owned(),
         episodes: episodes.len(),
         success_rate: successes as f64 / count,
-        success_interval: wilson(successes as f64, count),
+        success_interval: success_interval(scenario, episodes),
         episode_return: mean,
         return_interval: [mean - margin, mean + margin],
         length_secs: steps / count / scenario.physics.control_rate_hz,
@@ -216,6 +216,23 @@ fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluati
             .map(|term| episodes.iter().map(|episode| f64::from(episode.terms[term])).sum::<f64>() / count)
             .collect(),
     }
+}
+
+/// Of the share of successes.
+fn success_interval(scenario: &Scenario, episodes: &[Episode]) -> [f64; 2] {
+    let worlds = scenario.rooms();
+    let mut groups: Vec<(f64, f64)> = vec![(0.0, 0.0); worlds as usize];
+    for episode in episodes {
+        // The first episode of an environment is in the world of its number.
+        let (successes, count) = &mut groups[(episode.environment % worlds) as usize];
+        *successes += f64::from(u8::from(episode.success));
+        *count += 1.0;
+    }
+    if let [(successes, count)] = groups[..] {
+        return wilson(successes, count.max(1.0));
+    }
+    groups.retain(|(_, count)| *count > 0.0);
+    wilson_of_groups(&groups)
 }
 
 fn endings(episodes: &[Episode]) -> Vec<(Ending, usize)> {

@@ -157,7 +157,7 @@ impl Recording {
     /// # Errors
     /// When its movable bodies are not those of the world.
     pub fn flight(&self, experiment: &Experiment, path: &Path) -> Result<FlightRecording, RecordingError> {
-        let scenario = &experiment.scenario;
+        let scenario = &experiment.evaluation.scenario;
         let world = &scenario.aviary.world;
         if let Some(bodies) = self.movables.first().filter(|bodies| bodies.len() != world.movables.len()) {
             let expected = format!("the {} of its world", world.movables.len());

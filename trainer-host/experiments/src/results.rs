@@ -35,6 +35,20 @@ pub struct EvaluationReport {
     pub seed: u64,
     /// The exported policies first, then the baselines.
     pub rows: Vec<Evaluation>,
+    /// In which worlds, where every episode draws one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worlds: Option<WorldsReport>,
+}
+
+/// Worlds that training did not see, beside those that it did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WorldsReport {
+    /// How many worlds the rows of the report are about, none of which training saw.
+    pub unseen: u32,
+    /// How many training drew from.
+    pub seen: u32,
+    /// As the report's rows, in the worlds of training: the exported policy and the scripted pilot.
+    pub rows_in_seen: Vec<Evaluation>,
 }
 
 /// Why a result cannot be made.
@@ -205,7 +219,7 @@ pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> 
     let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
     // Ranges come from the starts that selected the policy: those that judge it stay unseen.
     let starts = Starts { purpose: Purpose::Selection, ..starts(experiment) };
-    let met = sightings_in_flight(&evaluation.scenario, actor, starts);
+    let met = sightings_in_flight(evaluation.selection(), actor, starts);
     let (Some(encoder), Some(camera)) = (actor.encoder(), &scenario.camera) else {
         let export = match actor.memory() {
             None => export(&layers, &metadata, &met.observations),
@@ -242,8 +256,15 @@ pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result
     refuse_other_task(&float, &float_path, scenario)?;
     let flyers = [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
     let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(experiment)));
-    let report =
-        EvaluationReport { name: experiment.name.clone(), seed: experiment.evaluation.seed.0, rows: rows.into() };
+    let worlds = experiment.evaluation.seen.as_ref().map(|seen| WorldsReport {
+        unseen: scenario.rooms(),
+        seen: seen.rooms(),
+        rows_in_seen: [Flyer::Policy(&fixed), Flyer::Scripted]
+            .map(|flyer| evaluate(seen, flyer, starts(experiment)))
+            .into(),
+    });
+    let seed = experiment.evaluation.seed.0;
+    let report = EvaluationReport { name: experiment.name.clone(), seed, rows: rows.into(), worlds };
     write_json(&directory.evaluation_report(), &report)?;
     Ok(report)
 }

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::vehicle::State;
-use kestrel_sim::contact::DistanceField;
 use kestrel_sim::reward::RewardTerm;
+use kestrel_sim::rooms::Ways;
 use kestrel_sim::scenario::Scenario;
 use nalgebra::Vector3;
 
@@ -24,25 +24,28 @@ const APPARENT_DISTANCE_M: f32 = 0.8;
 #[derive(Clone, Debug)]
 pub(crate) struct Teacher {
     pilot: ScriptedPilot,
-    ways: Arc<DistanceField>,
+    ways: Ways,
 }
 
 impl Teacher {
-    /// That of a task whose reward says which way leads to its goal; no other has one.
+    /// That of a task whose worlds are drawn, or whose reward says which way leads to its goal; no other has one.
     pub(crate) fn of(scenario: &Scenario) -> Option<Self> {
-        let ways = Arc::clone(scenario.rewards.iter().find_map(RewardTerm::ways)?);
+        let ways = match &scenario.drawn {
+            Some(rooms) => Ways::Drawn(Arc::clone(rooms)),
+            None => scenario.rewards.iter().find_map(RewardTerm::ways)?.clone(),
+        };
         let pilot = ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs());
         Some(Self { pilot, ways })
     }
 
-    /// What it would do, each value within \[-1, 1\], zeros behind the last.
-    pub(crate) fn act(&mut self, state: &State<f32>) -> [f32; ACTION_LIMIT] {
+    /// What it would do in a room, each value within \[-1, 1\], zeros behind the last.
+    pub(crate) fn act(&mut self, state: &State<f32>, room: u32) -> [f32; ACTION_LIMIT] {
         self.pilot.reset();
-        self.pilot.act(state, &self.target(&state.position))
+        self.pilot.act(state, &self.target(&state.position, room))
     }
 
-    fn target(&self, position: &Vector3<f32>) -> Vector3<f32> {
-        let ahead = self.ways.ahead((*position).into(), LOOKAHEAD_M);
+    fn target(&self, position: &Vector3<f32>, room: u32) -> Vector3<f32> {
+        let ahead = self.ways.of(room).ahead((*position).into(), LOOKAHEAD_M);
         let leg = ahead - position;
         position + leg * (APPARENT_DISTANCE_M / leg.norm().max(LOOKAHEAD_M / 2.0))
     }
@@ -69,7 +72,7 @@ mod tests {
         while successes.contains(&None) {
             let mut actions = vec![0.0; scenario.action.len() * FLIGHTS];
             for row in 0..FLIGHTS {
-                let action = teacher.act(&simulation.state(row));
+                let action = teacher.act(&simulation.state(row), simulation.room(row));
                 for (column, value) in actions.chunks_exact_mut(FLIGHTS).zip(action) {
                     column[row] = value;
                 }

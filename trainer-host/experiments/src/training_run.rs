@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::atomic_file::FileError;
 use crate::checkpoint::{CheckpointError, Checkpoints};
 use crate::config_file::ConfigFile;
+use crate::drawn_worlds::prepare;
 use crate::drone_environment::{Trainer, TrainerState};
 use crate::evaluation::{Evaluation, Flyer, Starts, evaluate};
 use crate::experiment_config::{Experiment, ExperimentConfig};
@@ -147,6 +148,7 @@ impl TrainingRun {
     /// # Errors
     /// When files cannot be created.
     pub fn begin(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
+        prepare(&experiment.scenario, experiment.ppo.environments);
         let learner = Learner::begin(&experiment)?;
         let run = Self::open(experiment, directory, learner, None, 0.0)?;
         // A run that is killed in its first seconds can then go on as any other.
@@ -254,7 +256,7 @@ impl TrainingRun {
     fn select(&mut self) {
         let evaluation = &self.experiment.evaluation;
         let starts = Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: SELECTION_EPISODES };
-        let found = evaluate(&evaluation.scenario, Flyer::Actor(self.learner.actor()), starts);
+        let found = evaluate(evaluation.selection(), Flyer::Actor(self.learner.actor()), starts);
         let rank = |evaluation: &Evaluation| (evaluation.success_rate, evaluation.episode_return.max(f64::MIN));
         // Ties go to the later policy, which has been trained for longer; a return that is NaN ranks last.
         if self.best.as_ref().is_none_or(|best| rank(&best.evaluation) <= rank(&found)) {

@@ -1,12 +1,18 @@
 //! Tables for people.
 
 use kestrel_experiments::evaluation::Evaluation;
-use kestrel_experiments::results::EvaluationReport;
+use kestrel_experiments::results::{EvaluationReport, WorldsReport};
 use kestrel_sim::outcome::Ending;
 
 /// The rows of an evaluation, one line each, below the starts that they flew from.
 pub(crate) fn evaluations(report: &EvaluationReport) -> String {
-    rows(&format!("{} starts of seed {}:", episodes(&report.rows), report.seed), &report.rows, 2)
+    let starts = format!("{} starts of seed {}", episodes(&report.rows), report.seed);
+    let Some(WorldsReport { unseen, seen, rows_in_seen }) = &report.worlds else {
+        return rows(&format!("{starts}:"), &report.rows, 2);
+    };
+    let title = format!("{starts} in {unseen} worlds that training did not see:");
+    let title_in_seen = format!("{starts} in the {seen} worlds of training:");
+    rows(&title, &report.rows, 2) + "\n\n" + &rows(&title_in_seen, rows_in_seen, 2)
 }
 
 /// The baselines of a task, one line each.

@@ -44,6 +44,9 @@ pub struct FurnitureConfig {
     pub scale: f64,
 }
 
+/// How many times larger a piece may be than its parts say.
+pub(crate) const SCALES: Limits = Limits::from(1e-4, 1e4, "");
+
 fn scale() -> f64 {
     1.0
 }
@@ -54,14 +57,17 @@ impl FurnitureConfig {
     /// # Errors
     /// When a part is wrong or a number is out of range.
     pub fn check(&self, field: &Field<'_>) -> Result<Vec<Solid>, ConfigError> {
-        let yaw = field.at("yaw_deg").real(self.yaw_deg, &Limits::from(-360.0, 360.0, "degrees"))?;
-        let placement = Placement {
-            origin: Pose {
-                position: field.at("at_m").place(self.at_m)?,
-                world_from_body: turned(Vector3::new(0.0, 0.0, yaw)),
-            },
-            scale: field.at("scale").real(self.scale, &Limits::from(1e-4, 1e4, ""))?,
-        };
+        let yaw_deg = field.at("yaw_deg").real(self.yaw_deg, &Limits::from(-360.0, 360.0, "degrees"))?;
+        let at = field.at("at_m").place(self.at_m)?;
+        let placement = Placement::new(at.into(), yaw_deg, field.at("scale").real(self.scale, &SCALES)?);
+        Ok(self.parts(field)?.into_iter().map(|part| placement.apply(part)).collect())
+    }
+
+    /// Its parts in its own frame, each named after the piece.
+    ///
+    /// # Errors
+    /// When a part is wrong.
+    pub fn parts(&self, field: &Field<'_>) -> Result<Vec<Solid>, ConfigError> {
         let Self { role, friction, contact_gap_m, colour, .. } = *self;
         let surface = Surface::default().with(SurfaceKeys { role, friction, contact_gap_m, colour }, field)?;
         let field = field.at("parts");
@@ -70,7 +76,7 @@ impl FurnitureConfig {
             for solid in part.check_on(surface, &field.at(index))? {
                 let is_named = part.name.is_some() || part.mesh.is_some();
                 let name = if is_named { format!("{}: {}", self.name, solid.name) } else { self.name.clone() };
-                solids.push(Solid { name, ..placement.apply(solid) });
+                solids.push(Solid { name, ..solid });
             }
         }
         Ok(solids)
@@ -78,13 +84,19 @@ impl FurnitureConfig {
 }
 
 /// From the frame of a piece into the world.
-struct Placement {
+pub(crate) struct Placement {
     origin: Pose,
     scale: f64,
 }
 
 impl Placement {
-    fn apply(&self, solid: Solid) -> Solid {
+    /// At a point \[m\], turned by an angle \[degrees\] about z, so many times larger.
+    pub(crate) fn new(at: [f64; 3], yaw_deg: f64, scale: f64) -> Self {
+        let world_from_body = turned(Vector3::new(0.0, 0.0, yaw_deg));
+        Self { origin: Pose { position: at.into(), world_from_body }, scale }
+    }
+
+    pub(crate) fn apply(&self, solid: Solid) -> Solid {
         let Self { origin, scale } = self;
         let enlarged = |pose: Pose| Pose { position: pose.position * *scale, ..pose };
         let visual = solid.visual.map(|look| VisualGeometry {

@@ -153,7 +153,7 @@ fn pose(center_m: [f64; 3], rpy_deg: [f64; 3], field: &Field<'_>) -> Result<Pose
 }
 
 /// The orientation after roll, pitch and yaw \[degrees\].
-pub(super) fn turned(rpy_deg: Vector3<f64>) -> Attitude<f64> {
+pub(crate) fn turned(rpy_deg: Vector3<f64>) -> Attitude<f64> {
     let [roll, pitch, yaw] = [0, 1, 2].map(|axis| {
         let mut direction = Vector3::zeros();
         direction[axis] = 1.0;

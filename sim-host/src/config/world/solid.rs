@@ -176,10 +176,15 @@ pub(crate) fn pillar(center: [f64; 2], field: &Field<'_>) -> Result<Solid, Confi
     let [x, y] = center;
     let limits = Limits::from(-1000.0, 1000.0, "m");
     let (x, y) = (field.at(0).real(x, &limits)?, field.at(1).real(y, &limits)?);
+    Ok(pillar_around([x, y]))
+}
+
+/// The same pillar, anywhere.
+pub(crate) fn pillar_around([x, y]: [f64; 2]) -> Solid {
     let pose = Pose {
         position: Vector3::new(x, y, 0.5),
         world_from_body: Attitude::from_axis_angle(Vector3::y(), PILLAR_PITCH),
     };
     let surface = Surface { friction: 1.0, colour: [0.1, 0.7, 0.1], ..Surface::default() };
-    Ok(surface.around("pillar", Shape::Cuboid(PILLAR_HALF), pose))
+    surface.around("pillar", Shape::Cuboid(PILLAR_HALF), pose)
 }

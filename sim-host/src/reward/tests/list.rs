@@ -1,5 +1,7 @@
 //! Every key of the list is a term of its own.
 
+use std::sync::Arc;
+
 use kestrel_core::airframe::CF2X;
 use kestrel_core::attitude::Attitude;
 use schemars::schema_for;
@@ -7,6 +9,7 @@ use schemars::schema_for;
 use super::*;
 use crate::contact::{Arena, ContactReport};
 use crate::reward::RewardTerm;
+use crate::rooms::Arenas;
 use crate::seed::{Purpose, Seed, Stream};
 use crate::testing::smallest;
 use crate::world::{Solid, World};
@@ -20,7 +23,7 @@ fn paid(yaml: &str) -> Vec<f64> {
     trial.agent = 1;
     let block = Solid::block("block", Vector3::new(0.3, 0.8, 1.8), Vector3::new(0.7, 1.2, 2.2));
     let world = World { solids: vec![block], ..World::empty() };
-    trial.arena = Some(Arena::new(&world, &CF2X, ContactReport::Touch));
+    trial.arenas = Some(Arenas::Same(Arc::new(Arena::new(&world, &CF2X, ContactReport::Touch))));
     let mut pay = |step: u32| {
         // Towards the landing zone of the smallest terms, and from there away, most along x.
         let way = f64::from(step) / 100.0;

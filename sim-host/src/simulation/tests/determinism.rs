@@ -204,7 +204,7 @@ fn motors_hear_a_command_when_its_delay_is_over() {
 fn every_part_of_a_real_drone_is_drawn_and_nothing_else_for_a_model_without_effects() {
     let drawn = scenario(REAL);
     let begin = |scenario: &Scenario, environment| {
-        crate::reset::begin::<f64>(scenario, 0, &mut Stream::new(Seed(1), environment, Purpose::Reset))
+        crate::reset::begin::<f64>(scenario, (0, 0), &mut Stream::new(Seed(1), environment, Purpose::Reset))
     };
     let nominal = kestrel_core::vehicle::Vehicle::<f64>::new(&drawn.airframe).effects.unwrap();
     let vehicles: Vec<_> = (0..64).map(|environment| begin(&drawn, environment)).collect();
@@ -330,4 +330,29 @@ fn sensors_and_past_actions() {
     assert_deterministic(SENSORS, 90, &[TimeLimit]);
     let past = SENSORS.replace("observation: measured", "observation: { kinematic: { past_actions: 5 } }");
     assert_deterministic(&past, 90, &[TimeLimit]);
+}
+
+#[test]
+fn drawn_rooms_are_the_same_for_any_lanes_division_and_resumption() {
+    let scenario = || crate::rooms::tests::checked(crate::rooms::tests::ROOMS).unwrap();
+    let steps = 150;
+    let reference = fly::<64>(&scenario(), &[(0, ENVIRONMENTS)], steps);
+    let endings: Vec<Ending> = reference.episodes.iter().map(|episode| episode.ending).collect();
+    assert!(endings.contains(&Collision) && endings.contains(&TimeLimit), "{endings:?}");
+    assert!(reference == fly::<1>(&scenario(), &[(0, ENVIRONMENTS)], steps), "one lane");
+    assert!(reference == fly::<8>(&scenario(), &[(0, 3), (3, 1), (4, 7)], steps), "divided");
+    assert!(reference == fly_in_two::<64>(&scenario(), steps), "restored, 64 lanes");
+    // In another process no room has been made yet.
+    let mut first = Simulation::<8>::new(&scenario(), Seed(5), 0, ENVIRONMENTS);
+    (0..80).for_each(|step| first.step(&actions_of(first.scenario(), 0, ENVIRONMENTS, step)));
+    let mut resumed = Simulation::<8>::new(&scenario(), Seed(6), 0, 1);
+    assert!(!resumed.restore(&first.save()));
+    let mut resumed = Simulation::<8>::new(&scenario(), Seed(6), 3, ENVIRONMENTS);
+    assert!(resumed.restore(&first.save()));
+    for step in 80..120 {
+        let actions = actions_of(&scenario(), 0, ENVIRONMENTS, step);
+        first.step(&actions);
+        resumed.step(&actions);
+        assert_eq!(first.observations(), resumed.observations(), "step {step}");
+    }
 }

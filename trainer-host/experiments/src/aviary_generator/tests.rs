@@ -4,7 +4,8 @@ use kestrel_sim::contact::DistanceField;
 use kestrel_sim::world::{Role, Solid};
 use tempfile::TempDir;
 
-use super::room::{Kind, overlap};
+use kestrel_sim::rooms::{Kind, overlap};
+
 use super::*;
 use crate::golden::in_repository;
 
@@ -23,10 +24,9 @@ fn order(place: &TempDir) -> Order {
     }
 }
 
-fn draws(count: u32, pieces: usize) -> Vec<Room> {
-    let furniture = in_repository("assets/furniture");
-    let workshop = Workshop { furniture: &furniture, pieces };
-    let draw = |index| workshop.draw(&mut Stream::new(Seed(0), index, Purpose::Furnishing)).unwrap();
+fn draws(count: u32, pieces: usize) -> Vec<RoomPlan> {
+    let workshop = workshop(&in_repository("assets/furniture"), pieces).unwrap();
+    let draw = |index| workshop.draw(pieces, &mut Stream::new(Seed(0), index, Purpose::Furnishing));
     (0..count).map(draw).collect()
 }
 
@@ -71,9 +71,9 @@ fn a_room_does_not_depend_on_how_many_there_are() {
 
 #[test]
 fn pieces_stand_apart_in_the_room_and_leave_starts_and_table_free() {
-    let folder = in_repository("assets/furniture");
+    let workshop = workshop(&in_repository("assets/furniture"), 12).unwrap();
     for room in draws(20, 12) {
-        let world = room.world(&folder).unwrap();
+        let world = workshop.world(&room);
         let (walls, inside): (Vec<_>, Vec<_>) =
             world.solids.iter().partition(|solid| solid.name.ends_with("wall"));
         assert_eq!(walls.len(), 4);

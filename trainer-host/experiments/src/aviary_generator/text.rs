@@ -3,8 +3,9 @@
 use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};
 
-use super::room::{Kind, Piece, Room};
-use super::{ROOM, STARTS};
+use kestrel_sim::rooms::{Kind, Piece, ROOM, STARTS, WALL_COLOUR, WALL_M};
+
+use super::{FURNITURE, Room, TABLE};
 
 /// How a file names others: paths from its own folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,7 +40,7 @@ pub(crate) struct Manuscript<'a> {
 impl Manuscript<'_> {
     /// The world file.
     pub(super) fn world(&self, room: &Room) -> String {
-        let pieces = room.pieces.len() - 1;
+        let pieces = room.plan.pieces.len() - 1;
         format!(
             "# Written by: {}\n\nabout: a random room with {pieces} things between the start and a table ({})\n{}",
             self.command,
@@ -74,13 +75,14 @@ pub(super) fn contents(room: &Room, folder: &str) -> String {
     let start = [start.x, start.y, 0.5].map(|metres| (f64::from(metres) * 100.0).round() / 100.0);
     let route: Vec<String> = room.route.iter().map(point).collect();
     let [low, high] = [ROOM.low, ROOM.high].map(|corner| point(&corner.cast::<f64>().into()));
-    let mut text = format!("goal_m: {}\nstarts_m: [{}]\n", point(&room.goal), point(&start));
+    let mut text = format!("goal_m: {}\nstarts_m: [{}]\n", point(&room.plan.goal), point(&start));
     if !route.is_empty() {
         writeln!(text, "route_m: [{}]", route.join(", ")).expect("strings take all text");
     }
-    writeln!(text, "room: {{ low_m: {low}, high_m: {high}, wall_m: 0.1, colour: [1, 0.4, 0.4] }}")
+    let [r, g, b] = WALL_COLOUR;
+    writeln!(text, "room: {{ low_m: {low}, high_m: {high}, wall_m: {WALL_M}, colour: [{r}, {g}, {b}] }}")
         .expect("strings take all text");
-    text + &furnishing(&room.pieces, folder)
+    text + &furnishing(&room.plan.pieces, folder)
 }
 
 /// The keys that say what stands there.
@@ -97,10 +99,11 @@ pub(super) fn furnishing(pieces: &[Piece], folder: &str) -> String {
 fn imported(Piece { kind, at: [x, y, z] }: &Piece, folder: &str) -> Option<String> {
     match kind {
         Kind::Table => Some(format!(
-            "{{ import: {folder}table-square.yaml, name: goal table, at_m: [{x}, {y}, {z}], role: landing }}"
+            "{{ import: {folder}{TABLE}.yaml, name: goal table, at_m: [{x}, {y}, {z}], role: landing }}"
         )),
-        Kind::Furniture { file, yaw_deg, scale } => Some(format!(
-            "{{ import: {folder}{file}.yaml, at_m: [{x}, {y}, {z}], yaw_deg: {yaw_deg}, scale: {scale} }}"
+        Kind::Furniture { model, yaw_deg, scale } => Some(format!(
+            "{{ import: {folder}{}.yaml, at_m: [{x}, {y}, {z}], yaw_deg: {yaw_deg}, scale: {scale} }}",
+            FURNITURE[*model].0
         )),
         Kind::Pillar | Kind::Partition { .. } => None,
     }

@@ -10,6 +10,7 @@ use kestrel_learn::schedule::Schedule;
 use kestrel_sim::contact::DistanceField;
 use kestrel_sim::latency::Latency;
 use kestrel_sim::reward;
+use kestrel_sim::rooms::Ways;
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, Goals, Physics, Randomisation, Start, StartPosition, Success, TimeLimit,
 };
@@ -22,6 +23,7 @@ fn scenario(critic: CriticView) -> Scenario {
     Scenario {
         name: "hover".into(),
         aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), routes: Vec::new(), world: World::empty() },
+        drawn: None,
         airframe: CF2X,
         physics: Physics::clean(Integrator::SemiImplicitEuler, 1, 50.0),
         goals: Goals::Fixed,
@@ -139,7 +141,7 @@ fn mapped() -> Scenario {
         bounds,
         CF2X.collision_radius,
     ));
-    let advance = reward::GeodesicProgress::new(1.0, ways).into();
+    let advance = reward::GeodesicProgress::new(1.0, Ways::Same(ways)).into();
     Scenario { rewards: [free.rewards, vec![advance]].concat(), ..free }
 }
 
@@ -151,7 +153,7 @@ fn a_teacher_says_what_it_would_do_in_the_state_of_each_row() {
     let mut teacher = Teacher::of(&mapped()).expect("it has a map");
     for (column, row) in (2..7).enumerate() {
         let said: Vec<f32> = actions.chunks_exact(5).map(|values| values[column]).collect();
-        assert_eq!(said, teacher.act(&environment.simulation.state(row))[..4]);
+        assert_eq!(said, teacher.act(&environment.simulation.state(row), 0)[..4]);
     }
     assert!(DroneEnvironment::has_teacher(&mapped()));
     assert!(!DroneEnvironment::has_teacher(&scenario(CriticView::Observation)));

@@ -11,6 +11,7 @@ use kestrel_sim::simulation::Simulation;
 
 use super::Flyer;
 use crate::scripted::ScriptedPilot;
+use crate::teacher::Teacher;
 use kestrel_export::policy::Policy;
 use kestrel_export::seeing::Memory;
 use kestrel_learn::actor_critic::ActorWorkspace;
@@ -22,6 +23,8 @@ pub(crate) struct Cockpit<'a, R> {
     flyer: Flyer<'a>,
     /// One per drone.
     scripted: Vec<ScriptedPilot>,
+    /// In worlds that are drawn, through which no route is written down, the way itself leads the scripted pilot.
+    guide: Option<Teacher>,
     noise: Stream,
     /// Of an actor, once it has acted.
     pass: Option<ActorWorkspace>,
@@ -50,6 +53,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
             scripted: (0..simulation.rows())
                 .map(|row| pilot.clone().along(scenario.aviary.route(row / simulation.environments())))
                 .collect(),
+            guide: scenario.drawn.as_ref().and_then(|_| Teacher::of(scenario)),
             noise: Stream::new(seed, first, Purpose::Baseline),
             pass: None,
             hidden: match flyer {
@@ -139,6 +143,13 @@ impl<'a, R: Real> Cockpit<'a, R> {
 
     fn follow_script<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) {
         let rows = simulation.rows();
+        if let Some(guide) = &mut self.guide {
+            for row in 0..rows {
+                let action = guide.act(&simulation.state(row).map(Real::to_f32), simulation.room(row));
+                write_action(&mut self.actions, rows, row, &action);
+            }
+            return;
+        }
         for (row, pilot) in self.scripted.iter_mut().enumerate() {
             if simulation.outcomes()[row] != Outcome::Running {
                 pilot.reset();

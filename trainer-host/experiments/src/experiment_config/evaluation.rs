@@ -1,10 +1,16 @@
 //! How the trained policy is judged.
 
-use kestrel_sim::config::{ConfigError, EPISODE_LIMITS, Field, ScenarioConfig, StartConfig};
+use std::sync::Arc;
+
+use kestrel_sim::config::{ConfigError, EPISODE_LIMITS, Field, ScenarioConfig, StartConfig, WorldsConfig};
+use kestrel_sim::rooms::{RoomRange, Rooms};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// Worlds of an evaluation that does not say how many.
+const UNSEEN_WORLDS: u32 = 200;
 
 /// How the trained policy is judged: without exploration, from starts it was not trained on.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -20,6 +26,10 @@ pub struct EvaluationConfig {
     /// Time after which an episode is cut off, if not as in training.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub episode_secs: Option<f64>,
+    /// In which worlds, where every episode draws one (`scenario.aviary.drawn`): none of those of training. Left out, the
+    /// 200 after those.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub worlds: Option<WorldsConfig>,
 }
 
 /// How the trained policy is judged, checked.
@@ -29,13 +39,22 @@ pub struct EvaluationSettings {
     pub episodes: usize,
     /// What the starts follow from.
     pub seed: Seed,
-    /// The task with the starts and the episode length of the evaluation.
+    /// The task with the starts, the episode length and the worlds of the evaluation.
     pub scenario: Scenario,
+    /// The same in the worlds of training, where every episode draws one: in them policies are selected.
+    pub seen: Option<Scenario>,
+}
+
+impl EvaluationSettings {
+    /// The task in which policies are selected and calibrated: that of the evaluation, but in worlds of training.
+    pub fn selection(&self) -> &Scenario {
+        self.seen.as_ref().unwrap_or(&self.scenario)
+    }
 }
 
 impl Default for EvaluationConfig {
     fn default() -> Self {
-        Self { episodes: 1024, seed: 0, start: None, episode_secs: None }
+        Self { episodes: 1024, seed: 0, start: None, episode_secs: None, worlds: None }
     }
 }
 
@@ -56,13 +75,44 @@ impl EvaluationConfig {
         if let Some(start) = &self.start {
             let Scenario { aviary, airframe, terminations, agents, goals, .. } = &scenario;
             let goals = goals.first(&aviary.goal, agents.count);
-            scenario.start = start.check(aviary, airframe, terminations, &goals, &field.at("start"))?;
+            let field = field.at("start");
+            scenario.start = match &scenario.drawn {
+                None => start.check(aviary, airframe, terminations, &goals, &field)?,
+                Some(rooms) => start.check_in_rooms(rooms, airframe, terminations, &field)?,
+            };
         }
         if let Some(secs) = self.episode_secs {
             scenario.episode_secs = field.at("episode_secs").number(secs, &EPISODE_LIMITS)?;
             let success = root.at("scenario").at("success");
             written.success.check(&scenario.aviary, secs, &scenario.terminations, &success)?;
         }
-        Ok(EvaluationSettings { episodes: episodes as usize, seed: Seed(self.seed), scenario })
+        let (scenario, seen) = match self.unseen_worlds(&scenario, &field)? {
+            None => (scenario, None),
+            Some(rooms) => (scenario.in_rooms(&Arc::new(rooms)), Some(scenario)),
+        };
+        Ok(EvaluationSettings { episodes: episodes as usize, seed: Seed(self.seed), scenario, seen })
     }
+
+    /// The worlds in which the policy is judged, where training draws its own.
+    fn unseen_worlds(&self, scenario: &Scenario, field: &Field<'_>) -> Result<Option<Rooms>, ConfigError> {
+        let field = field.at("worlds");
+        let Some(rooms) = &scenario.drawn else {
+            let refused = |_| field.reject("worlds", "none: only a task with `aviary.drawn` has several");
+            return self.worlds.map_or(Ok(None), |worlds| Err(refused(worlds)));
+        };
+        let training = rooms.range();
+        let range = match self.worlds {
+            Some(worlds) => worlds.check(&field)?,
+            None => RoomRange { first: training.first + training.count, count: UNSEEN_WORLDS, ..training },
+        };
+        if range.overlaps(&training) {
+            return Err(field.reject(shown(range), format!("none of the worlds of training, {}", shown(training))));
+        }
+        Ok(Some(rooms.elsewhere(range)))
+    }
+}
+
+/// The range in words.
+fn shown(RoomRange { seed, first, count }: RoomRange) -> String {
+    format!("numbers {first} to {} of seed {}", u64::from(first) + u64::from(count) - 1, seed.0)
 }

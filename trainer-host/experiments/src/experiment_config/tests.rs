@@ -334,3 +334,45 @@ fn hover_learns_by_gradients_unless_told_otherwise() {
     assert_eq!(gradients.silent_rewards(), ["alive", "failure"]);
     assert!(ppo.silent_rewards().is_empty());
 }
+
+/// The first line of what is wrong with the task of drawn rooms after such changes.
+fn refused_rooms(overrides: &[&str]) -> String {
+    let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
+    let path = in_repository("configs/aviaries/unseen-rooms.yaml");
+    let message = load_to_train(&path, &overrides).unwrap_err().to_string();
+    message
+        .lines()
+        .next()
+        .unwrap_or_default()
+        .rsplit_once(".yaml")
+        .map_or(message.clone(), |(_, rest)| rest.to_owned())
+}
+
+#[test]
+fn policies_are_judged_in_worlds_that_training_does_not_draw() {
+    let rooms = example("aviaries/unseen-rooms");
+    let training = rooms.scenario.drawn.as_ref().unwrap().range();
+    let judged = rooms.evaluation.scenario.drawn.as_ref().unwrap().range();
+    assert!(!training.overlaps(&judged) && judged.count == 200, "{training:?}, {judged:?}");
+    assert_eq!(rooms.evaluation.selection().drawn, rooms.scenario.drawn);
+    assert_eq!(rooms.evaluation.selection().start, rooms.evaluation.scenario.start);
+    assert_ne!(rooms.evaluation.scenario.aviary, rooms.scenario.aviary);
+    // The configuration of a run needs no other file.
+    assert_eq!(parse("run.yaml", &rooms.resolved_yaml, &[]).unwrap(), rooms);
+
+    let found = refused_rooms(&["evaluation.worlds={seed: 0, first: 1023, count: 5}"]);
+    let expected =
+        "found numbers 1023 to 1027 of seed 0, expected none of the worlds of training, numbers 0 to 1023";
+    assert!(found.contains(expected), "{found}");
+    let found = refused_rooms(&["training.analytic={}"]);
+    assert!(
+        found.contains("training.analytic={}: found `aviary.drawn`, whose worlds no derivative sees"),
+        "{found}"
+    );
+    let path = in_repository("configs/aviaries/unseen-rooms.yaml");
+    let left_out = load(&path, &["evaluation={episodes: 10}".to_owned()]).unwrap().evaluation.scenario;
+    let range = left_out.drawn.as_ref().unwrap().range();
+    assert_eq!((range.seed, range.first, range.count), (Seed(0), 1024, 200));
+    let fixed = trial(&format!("{MINIMAL}evaluation: {{ worlds: {{ count: 3 }} }}\n")).unwrap_err().to_string();
+    assert!(fixed.contains("evaluation.worlds: found worlds, expected none"), "{fixed}");
+}

@@ -1,0 +1,258 @@
+//! Worlds of which every episode draws one.
+
+use std::sync::Arc;
+
+use kestrel_core::airframe::Airframe;
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::error::ConfigError;
+use super::field::{Field, Limits};
+use super::geometry::surrounds;
+use super::world::{FurnitureConfig, SCALES};
+use super::{ScenarioConfig, StartConfig, SuccessConfig};
+use crate::physics::{Contacts, Physics};
+use crate::rooms::{Model, ROOM, RoomPlanner, RoomRange, Rooms, Workshop};
+use crate::scenario::{Start, StartPosition};
+use crate::seed::Seed;
+use crate::termination::Termination;
+use crate::world::{Cuboid, Solid};
+
+/// Most worlds of a range.
+const WORLDS_LIMIT: u64 = 100_000;
+
+/// Most pieces that may be asked for: far fewer find a place.
+const PIECES_LIMIT: u64 = 100;
+
+/// Most models of furniture.
+const MODELS_LIMIT: usize = 100;
+
+/// Where a file says nothing: as `kestrel aviary generate`.
+const PIECES: u64 = 14;
+
+/// Worlds of which every episode draws one.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DrawnConfig {
+    /// Which worlds.
+    pub worlds: WorldsConfig,
+    /// What makes them.
+    pub from: GeneratorConfig,
+}
+
+/// A range of worlds: number `k` of a seed is the same world in every range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WorldsConfig {
+    /// What everything random in them follows from.
+    #[serde(default)]
+    pub seed: u64,
+    /// Number of the first.
+    #[serde(default)]
+    pub first: u64,
+    /// How many: 1 to 100,000.
+    pub count: u64,
+}
+
+/// What makes worlds.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum GeneratorConfig {
+    /// Rooms like rooms 0 to 2, as `kestrel aviary generate` makes them.
+    FurnishedRooms(FurnishedRoomsConfig),
+}
+
+/// Furniture, the reference's pillars and partitions between the start at the left end of a room of 8 x 3 x 1.5 m and a
+/// table in its far third. Every room has a free way to the table, which is not straight.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FurnishedRoomsConfig {
+    /// Most things in a room beside the table; at least half as many stand there, as far as they find a place and leave
+    /// a way.
+    #[serde(default = "pieces")]
+    pub pieces: u64,
+    /// What to land on; its `at_m`, `yaw_deg` and `scale` are not heeded.
+    pub table: FurnitureConfig,
+    /// What stands around; a quarter of all things are pillars and a fifth partitions.
+    pub furniture: Vec<ModelConfig>,
+}
+
+/// A piece of furniture that is drawn turned and scaled.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ModelConfig {
+    /// The piece; its `at_m`, `yaw_deg` and `scale` are not heeded.
+    pub piece: FurnitureConfig,
+    /// Least and greatest scale.
+    pub scales: [f64; 2],
+}
+
+const fn pieces() -> u64 {
+    PIECES
+}
+
+impl WorldsConfig {
+    /// The range.
+    ///
+    /// # Errors
+    /// When it has no world or too many.
+    pub fn check(&self, field: &Field<'_>) -> Result<RoomRange, ConfigError> {
+        let count = field.at("count").whole(self.count, 1..=WORLDS_LIMIT)?;
+        let first = field.at("first").whole(self.first, 0..=u64::from(u32::MAX) - count)?;
+        Ok(RoomRange { seed: Seed(self.seed), first: first as u32, count: count as u32 })
+    }
+}
+
+impl DrawnConfig {
+    /// The worlds of a task that ends like this.
+    ///
+    /// # Errors
+    /// When a number is out of range or a piece of furniture is wrong.
+    pub(super) fn check(
+        &self,
+        airframe: &Airframe,
+        bounds: Option<Cuboid>,
+        field: &Field<'_>,
+    ) -> Result<Arc<Rooms>, ConfigError> {
+        let range = self.worlds.check(&field.at("worlds"))?;
+        let GeneratorConfig::FurnishedRooms(furnished) = &self.from;
+        let workshop = furnished.check(&field.at("from").at("furnished_rooms"))?;
+        let radius = airframe.collision_radius;
+        Ok(Arc::new(Rooms::new(RoomPlanner { workshop, bounds: bounds.unwrap_or(ROOM), radius }, range)))
+    }
+}
+
+impl FurnishedRoomsConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Workshop, ConfigError> {
+        let models = field.at("furniture");
+        if !(1..=MODELS_LIMIT).contains(&self.furniture.len()) {
+            return Err(models.refuse("", format!("a list of 1 to {MODELS_LIMIT} pieces")));
+        }
+        let model = |(index, model): (usize, &ModelConfig)| model.check(&models.at(index));
+        Ok(Workshop {
+            table: parts(&self.table, &field.at("table"))?,
+            furniture: self.furniture.iter().enumerate().map(model).collect::<Result<_, _>>()?,
+            pieces: field.at("pieces").whole(self.pieces, 1..=PIECES_LIMIT)? as usize,
+        })
+    }
+}
+
+impl ModelConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Model, ConfigError> {
+        let scales = field.at("scales");
+        let [least, most] = self.scales;
+        let least = scales.at(0).number(least, &SCALES)?;
+        let most = scales.at(1).number(most, &Limits::from(f64::from(least), 1e4, ""))?;
+        Ok(Model { parts: parts(&self.piece, &field.at("piece"))?, scales: [least, most] })
+    }
+}
+
+/// The parts of a piece, which look as they are: no camera sees drawn worlds.
+fn parts(piece: &FurnitureConfig, field: &Field<'_>) -> Result<Vec<Solid>, ConfigError> {
+    let parts = piece.parts(field)?.into_iter();
+    Ok(parts.map(|part| Solid { visual: None, ..part }).collect())
+}
+
+impl ScenarioConfig {
+    /// The worlds of which episodes draw theirs, if they do.
+    pub(super) fn drawn_rooms(
+        &self,
+        airframe: &Airframe,
+        field: &Field<'_>,
+    ) -> Result<Option<Arc<Rooms>>, ConfigError> {
+        let Some(drawn) = &self.aviary.drawn else { return Ok(None) };
+        let field = field.at("aviary");
+        if let Some(key) = self.aviary.key_of_one_world() {
+            return Err(field.at(key).reject("a key beside `drawn`", "none: `drawn` says everything"));
+        }
+        let bounds = self.terminations.iter().find_map(Termination::bounds);
+        drawn.check(airframe, bounds, &field.at("drawn")).map(Some)
+    }
+
+    /// Refuses what has no meaning, or none yet, where every episode is in another world.
+    pub(super) fn check_drawn(&self, physics: &Physics, field: &Field<'_>) -> Result<(), ConfigError> {
+        if self.aviary.drawn.is_none() {
+            return Ok(());
+        }
+        let one = |key: &str, found: &str, expected: &str| Err(field.at(key).reject(found, expected));
+        if self.camera.is_some() {
+            return one("camera", "a camera beside `aviary.drawn`", "beams (`scan`): images are of one world");
+        }
+        if self.agents.count > 1 {
+            let expected = "1: drones of a team are in one world";
+            return Err(field.at("agents").at("count").refuse(self.agents.count, expected));
+        }
+        if self.goals.is_some() {
+            return one("goals", "goals beside `aviary.drawn`", "none: every drawn world has its own");
+        }
+        match self.success {
+            SuccessConfig::Reach { .. } | SuccessConfig::Visit { .. } => {
+                return one("success", "a region beside `aviary.drawn`", "`ending` or `settle`");
+            }
+            SuccessConfig::Ending | SuccessConfig::Settle { .. } => {}
+        }
+        match physics.contacts {
+            Contacts::Absent | Contacts::Reported => Ok(()),
+            Contacts::Solved => {
+                let expected = "`reported`, or a termination `collision`: drawn worlds push nothing";
+                Err(field.at("physics").at("contacts").reject("solved contacts beside `aviary.drawn`", expected))
+            }
+        }
+    }
+}
+
+impl StartConfig {
+    /// As [`Self::check`], in all of these rooms.
+    ///
+    /// # Errors
+    /// As there, and when rooms do not promise that a start is free.
+    pub fn check_in_rooms(
+        &self,
+        rooms: &Rooms,
+        airframe: &Airframe,
+        terminations: &[Termination],
+        field: &Field<'_>,
+    ) -> Result<Start, ConfigError> {
+        let bare = rooms.bare();
+        let mut start = self.check(&bare, airframe, terminations, &[bare.goal], field)?;
+        settle_start(&mut start, airframe.collision_radius as f32, field)?;
+        Ok(start)
+    }
+}
+
+/// Refuses starts of which drawn rooms do not promise that they are free, and makes sure of a free place.
+fn settle_start(start: &mut Start, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
+    let free = Workshop::kept_free();
+    let within = |clearance: f32| Cuboid {
+        low: free.low + Vector3::new(clearance, clearance, 0.0),
+        high: free.high - Vector3::new(clearance, clearance, 0.0),
+    };
+    let position = field.at("position");
+    let shown = |Cuboid { low, high }: Cuboid| {
+        format!("x from {} to {} m and y from {} to {} m", low.x, high.x, low.y, high.y)
+    };
+    match &mut start.position {
+        StartPosition::Within(region) => {
+            let promised = within(radius);
+            if surrounds(&promised, region) {
+                return Ok(());
+            }
+            let expected = format!("inside {}, which all drawn rooms keep free", shown(promised));
+            Err(position.at("within").reject("a box in which something may stand", expected))
+        }
+        StartPosition::FreeWithin(space) => {
+            let promised = within(space.clearance_m);
+            let (low, high) = (space.region.low.sup(&promised.low), space.region.high.inf(&promised.high));
+            if (high - low).min() < 0.0 {
+                let expected = format!("one that reaches {}, which all drawn rooms keep free", shown(promised));
+                return Err(position.at("free_within").reject("a box in which all may be occupied", expected));
+            }
+            space.refuge = (low + high) / 2.0;
+            Ok(())
+        }
+        StartPosition::AroundGoal { .. } | StartPosition::AlongWay(_) | StartPosition::Exactly(_) => {
+            Err(position.reject("another start beside `aviary.drawn`", "`within` or `free_within`"))
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Drawn rooms are each a world of its own.
+
+use std::sync::Arc;
+
+use super::*;
+use crate::config::{Document, ScenarioConfig};
+use crate::scenario::Scenario;
+use crate::simulation::Simulation;
+
+/// Fly to the table of another room in every episode: boxes, pillars and partitions are in the way.
+pub(crate) const ROOMS: &str = "
+aviary:
+  drawn:
+    worlds: { seed: 3, count: 5 }
+    from:
+      furnished_rooms:
+        pieces: 8
+        table: { name: table, role: landing, parts: [{ low_m: [-0.3, -0.3, 0], high_m: [0.3, 0.3, 0.6] }] }
+        furniture:
+          - { piece: { name: box, parts: [{ low_m: [-0.2, -0.3, 0], high_m: [0.2, 0.3, 1] }] }, scales: [0.8, 1.2] }
+physics: { substeps: 2, control_rate_hz: 50 }
+action: { velocity: { speed_limit_m_per_s: 2 } }
+sensors: [{ scan: { rings: [{ beams: 7 }, { elevation_deg: -40, beams: 3 }], limit_m: 2 } }]
+observation:
+  pilot_measured: { position_scale_m: 8, velocity_scale_m_per_s: 2, body_rates_scale_rad_per_s: 10 }
+start:
+  position: { free_within: { low_m: [-0.8, -1.3, 0.2], high_m: [6.8, 1.3, 1.3], clearance_m: 0.12 } }
+  speed_limit_m_per_s: 8
+rewards: [{ advance: { weight: 2 } }, { clearance: { weight: 1, reach_m: 0.3 } }]
+terminations: [landing, collision, { out_of_bounds: { low_m: [-1, -1.5, 0], high_m: [7, 1.5, 1.5] } }]
+episode_secs: 1
+success: ending
+";
+
+pub(crate) fn checked(yaml: &str) -> Result<Scenario, String> {
+    let document = Document::parse("trial.yaml", yaml).unwrap();
+    let config: ScenarioConfig = document.decode().unwrap();
+    let first_line = |text: String| text.lines().next().unwrap_or_default().to_owned();
+    config.check("trial", &document.root()).map_err(|error| first_line(error.to_string()))
+}
+
+fn scenario() -> Scenario {
+    checked(ROOMS).unwrap()
+}
+
+/// Noise for one environment that depends on nothing but it, the step and the value.
+fn noise(environment: u32, step: u32, len: usize) -> Vec<f32> {
+    let mut stream = Stream::new(Seed(u64::from(step)), environment, Purpose::Actions);
+    (0..len).map(|_| stream.between(-1.0, 1.0)).collect()
+}
+
+/// Observations and rewards of an environment's first episode, and how it ended.
+fn first_episode(scenario: &Scenario, environment: u32) -> (Vec<u32>, String) {
+    let mut simulation = Simulation::<1>::new(scenario, Seed(9), environment, 1);
+    let mut trace = Vec::new();
+    for step in 0.. {
+        trace.extend(simulation.observations().iter().map(|value| value.to_bits()));
+        simulation.step(&noise(environment, step, 4));
+        if let Some(episode) = simulation.take_episodes().pop() {
+            return (trace, format!("{:?} {:?}", episode.ending, episode.terms));
+        }
+        trace.push(simulation.rewards()[0].to_bits());
+    }
+    unreachable!("an episode ends")
+}
+
+#[test]
+fn in_its_room_a_drone_flies_as_in_that_world_alone() {
+    // The bound of the reward `clearance` is lower in rooms that are drawn.
+    let mut scenario = scenario();
+    scenario.rewards.truncate(1);
+    let mut endings = std::collections::BTreeSet::new();
+    for environment in 0..40 {
+        let alone = scenario.in_room(environment % 5);
+        assert_eq!(alone.drawn, None);
+        let flown = first_episode(&scenario, environment);
+        assert_eq!(flown, first_episode(&alone, environment), "environment {environment}");
+        endings.insert(flown.1.split(' ').next().unwrap_or_default().to_owned());
+    }
+    assert!(endings.contains("Collision"), "{endings:?}");
+}
+
+#[test]
+fn neighbouring_lanes_are_in_different_rooms() {
+    let scenario = scenario();
+    let mut simulation = Simulation::<64>::new(&scenario, Seed(1), 0, 64);
+    let rooms: Vec<u32> = (0..64).map(|row| simulation.room(row)).collect();
+    assert_eq!(rooms, (0..64).map(|row| row % 5).collect::<Vec<u32>>());
+    for row in 0..64 {
+        let room = scenario.drawn.as_ref().unwrap().room(rooms[row]);
+        assert_eq!(simulation.goal(row), room.aviary.goal);
+        let world = &room.aviary.world;
+        let arena = Arena::coarse(world, &scenario.airframe, ContactReport::Touch, scenario.sensors.scan());
+        let nearness = arena.nearness(simulation.state(row).position.into());
+        let seen: Vec<f32> = (22..32).map(|value| simulation.observations()[value * 64 + row]).collect();
+        assert_eq!(seen, nearness[..10], "row {row}");
+    }
+    // Later episodes draw: after a few, all rooms are still flown, no longer in turn.
+    for _ in 0..120 {
+        simulation.step(&[0.0; 256]);
+    }
+    let later: Vec<u32> = (0..64).map(|row| simulation.room(row)).collect();
+    assert!(later != rooms && (0..5).all(|room| later.contains(&room)), "{later:?}");
+}
+
+#[test]
+fn every_room_has_a_way_that_is_not_straight() {
+    let scenario = scenario();
+    let rooms = scenario.drawn.as_ref().unwrap().elsewhere(RoomRange { seed: Seed(5), first: 7, count: 24 });
+    for index in 0..24 {
+        let Room { aviary, ways, .. } = rooms.room(index);
+        assert!(ways.free_path_from([-0.55, 0.0, 0.5]).is_some(), "room {index}");
+        let narrow = DistanceField::new(&aviary.world, &aviary.goal, ROOM, 0.6 * CLEARANCE_M);
+        assert!(narrow.free_path_from([-0.55, 0.0, 0.5]).is_some(), "room {index}");
+        let goals = Workshop::goals();
+        assert!((0..3).all(|axis| (goals.low[axis]..=goals.high[axis]).contains(&aviary.goal[axis])));
+    }
+    let again = rooms.elsewhere(RoomRange { seed: Seed(5), first: 20, count: 1 });
+    assert_eq!(again.room(0).aviary, rooms.room(13).aviary, "a number is a room in every range");
+    assert_ne!(rooms.room(12).aviary, rooms.room(13).aviary);
+}
+
+#[test]
+fn a_crowded_room_has_fewer_pieces_rather_than_no_way() {
+    let crowded = checked(&ROOMS.replace("pieces: 8", "pieces: 100")).unwrap();
+    let Room { ways, aviary, .. } = crowded.drawn.as_ref().unwrap().room(0);
+    assert!(ways.free_path_from([-0.55, 0.0, 0.5]).is_some());
+    assert!(aviary.world.solids.len() > 10);
+}
+
+#[test]
+fn ranges_overlap_where_they_share_a_number_of_a_seed() {
+    let range = |seed, first, count| RoomRange { seed: Seed(seed), first, count };
+    assert!(range(1, 0, 10).overlaps(&range(1, 9, 1)) && range(1, 9, 1).overlaps(&range(1, 0, 10)));
+    assert!(!range(1, 0, 10).overlaps(&range(1, 10, 5)) && !range(1, 0, 10).overlaps(&range(2, 0, 10)));
+    assert!(!range(1, u32::MAX, 1).overlaps(&range(1, 0, 1)));
+}
+
+#[test]
+fn what_has_no_meaning_in_drawn_worlds_is_refused() {
+    let refused = |from: &str, to: &str| checked(&ROOMS.replace(from, to)).unwrap_err();
+    let found = refused("episode_secs: 1", "agents: { count: 2 }");
+    assert!(found.contains("agents.count: found 2, expected 1: drones of a team are in one world"), "{found}");
+    let found = refused("episode_secs: 1", "camera: { paper: {} }");
+    assert!(found.contains("camera: found a camera beside `aviary.drawn`, expected beams"), "{found}");
+    let found =
+        refused("success: ending", "success: { visit: { region: { low_m: [0, 0, 0], high_m: [1, 1, 1] } } }");
+    assert!(found.contains("success: found a region beside `aviary.drawn`"), "{found}");
+    let found = refused("  drawn:", "  goal_m: [0, 0, 1]\n  drawn:");
+    assert!(found.contains("aviary.goal_m: found a key beside `drawn`"), "{found}");
+    let found = refused("count: 5", "count: 0");
+    assert!(found.contains("worlds.count: found 0, expected a whole number from 1 to 100000"), "{found}");
+    let found = refused("scales: [0.8, 1.2]", "scales: [0.8, 0.2]");
+    assert!(found.contains("furniture.0.scales.1: found 0.2"), "{found}");
+    let start = "free_within: { low_m: [-0.8, -1.3, 0.2], high_m: [6.8, 1.3, 1.3], clearance_m: 0.12 }";
+    let found = refused(start, "within: { low_m: [-0.7, -0.3, 0.4], high_m: [3, 0.3, 0.6] }");
+    assert!(found.contains("start.position.within: found a box in which something may stand"), "{found}");
+    let found = refused(start, "around_goal: { farthest_m: 0.1 }");
+    assert!(found.contains("start.position: found another start beside `aviary.drawn`"), "{found}");
+    let found = refused("physics: {", "physics: { contacts: solved,");
+    assert!(found.contains("physics.contacts: found solved contacts"), "{found}");
+    assert!(
+        checked(&ROOMS.replace(start, "within: { low_m: [-0.7, -0.3, 0.4], high_m: [-0.4, 0.3, 0.6] }")).is_ok()
+    );
+}
+
+#[test]
+fn the_arenas_of_an_airframe_are_made_once() {
+    let scenario = scenario();
+    let rooms = scenario.drawn.as_ref().unwrap();
+    let arenas = || rooms.arenas(&scenario.airframe, ContactReport::Touch, None);
+    assert!(Arc::ptr_eq(&arenas(), &arenas()));
+    let other = rooms.arenas(&scenario.airframe, ContactReport::Bullet, None);
+    assert!(!Arc::ptr_eq(&arenas(), &other));
+}
