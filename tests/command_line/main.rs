@@ -10,5 +10,6 @@ mod kestrel;
 mod render;
 mod runs;
 mod search;
+mod several;
 mod study;
 mod verify;

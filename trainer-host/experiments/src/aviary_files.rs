@@ -7,6 +7,7 @@ use kestrel_draw::plan::Subject;
 use kestrel_sim::config::{AviaryConfig, ConfigError, Document};
 
 use crate::experiment_config;
+use crate::study::config::multi_task::TASKS;
 
 #[cfg(test)]
 mod tests;
@@ -47,7 +48,8 @@ pub fn find(name: &str) -> Result<PathBuf, AviaryFileError> {
     })
 }
 
-/// The YAML files in these folders, or in those where aviaries are looked for by name, sorted in each.
+/// The YAML files in these folders, or in those where aviaries are looked for by name, sorted in each; without those of
+/// several tasks, which name the files of their aviaries.
 pub fn in_folders(folders: &[PathBuf]) -> Vec<PathBuf> {
     let default = FOLDERS.map(PathBuf::from);
     let folders = if folders.is_empty() { &default[..] } else { folders };
@@ -58,10 +60,15 @@ fn yaml_files(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries
         .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|ending| ending == "yaml"))
+        .filter(|path| path.extension().is_some_and(|ending| ending == "yaml") && !holds_tasks(path))
         .collect();
     paths.sort();
     paths
+}
+
+/// A file that cannot be read is no such file: who reads it next says what is wrong with it.
+fn holds_tasks(path: &Path) -> bool {
+    Document::read(path).is_ok_and(|document| document.holds(TASKS))
 }
 
 fn stem(path: &Path) -> String {

@@ -35,7 +35,7 @@ use kestrel_learn::rollout::batch_rows;
 pub const VERSION: u32 = 1;
 
 /// Longest name; it becomes part of paths.
-const NAME_LIMIT: usize = 64;
+pub(crate) const NAME_LIMIT: usize = 64;
 
 /// Written above every resolved configuration.
 const RESOLVED_HEADER: &str =
@@ -116,7 +116,7 @@ pub fn schema() -> String {
     schema_of::<ExperimentConfig>()
 }
 
-fn to_train(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
+pub(crate) fn to_train(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
     let document = ExperimentConfig::overridden(document, overrides)?;
     let experiment = checked(&document)?;
     if experiment.analytic.is_some() {
@@ -128,7 +128,7 @@ fn to_train(document: Document, overrides: &[String]) -> Result<Experiment, Conf
     Ok(experiment)
 }
 
-fn from_document(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
+pub(crate) fn from_document(document: Document, overrides: &[String]) -> Result<Experiment, ConfigError> {
     checked(&ExperimentConfig::overridden(document, overrides)?)
 }
 

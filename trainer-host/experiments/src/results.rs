@@ -11,9 +11,10 @@ use kestrel_sim::seed::Purpose;
 use serde::{Deserialize, Serialize};
 
 use crate::atomic_file::{FileError, write_atomically};
-use crate::evaluation::{Evaluation, Flyer, Starts, evaluate, sightings_in_flight};
+use crate::evaluation::{Evaluation, Flyer, Sightings, Starts, evaluate, sightings_in_flight};
 use crate::experiment_config::Experiment;
 use crate::recording::{self, Recording, RecordingError};
+use crate::run_config::Subject;
 use crate::run_directory::metrics::read_rows;
 use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
 use kestrel_draw::curve::{CurveError, CurvePoint, learning_curve};
@@ -76,6 +77,16 @@ pub enum ResultsError {
         /// What differs.
         differing: &'static str,
     },
+    /// A policy cannot fly a task.
+    #[error("{}: found a policy for another {differing}, expected that of the task {task:?}", path.display())]
+    OtherLayout {
+        /// The file.
+        path: PathBuf,
+        /// Name of the task.
+        task: String,
+        /// What differs.
+        differing: &'static str,
+    },
     /// The picture of the flight failed.
     #[error(transparent)]
     Video(#[from] VideoError),
@@ -134,12 +145,12 @@ impl fmt::Display for Report {
 /// # Errors
 /// When the actor does not fit, or a file cannot be written.
 pub fn export_policy(
-    experiment: &Experiment,
+    subject: &Subject<'_>,
     directory: &RunDirectory,
     actor: &Actor,
     training_steps: u64,
 ) -> Result<Report, ResultsError> {
-    let Exported { float_policy, fixed_policy, report } = exported(experiment, actor, training_steps)?;
+    let Exported { float_policy, fixed_policy, report } = exported(subject, actor, training_steps)?;
     write_atomically(&directory.policy_f32(), &float_policy)?;
     write_atomically(&directory.policy(), &fixed_policy)?;
     write_json(&directory.export_report(), &report)?;
@@ -202,24 +213,29 @@ pub fn export_safetensors(directory: &RunDirectory) -> Result<PathBuf, ResultsEr
     Ok(path)
 }
 
-/// The policy files of `actor`, in memory, with Q formats calibrated on its flights.
+/// The policy files of `actor`, in memory, with Q formats calibrated on its flights in every task.
 ///
 /// # Errors
 /// When the actor does not fit.
-pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> Result<Exported, ResultsError> {
-    let Experiment { scenario, evaluation, .. } = experiment;
+pub fn exported(subject: &Subject<'_>, actor: &Actor, training_steps: u64) -> Result<Exported, ResultsError> {
+    let scenario = &subject.tasks[0].scenario;
     let metadata = PolicyMetadata {
-        name: &experiment.name,
+        name: subject.name,
         observation: scenario.observation,
         action: scenario.action,
         control_period_secs: scenario.physics.control_secs(),
-        seed: experiment.seed.0,
+        seed: subject.seed.0,
         training_steps,
     };
     let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
-    // Ranges come from the starts that selected the policy: those that judge it stay unseen.
-    let starts = Starts { purpose: Purpose::Selection, ..starts(experiment) };
-    let met = sightings_in_flight(evaluation.selection(), actor, starts);
+    let mut met = Sightings::default();
+    for task in subject.tasks {
+        // Ranges come from the starts that selected the policy: those that judge it stay unseen.
+        let starts = Starts { purpose: Purpose::Selection, ..starts(task) };
+        let Sightings { observations, images } = sightings_in_flight(task.evaluation.selection(), actor, starts);
+        met.observations.extend(observations);
+        met.images.extend(images);
+    }
     let (Some(encoder), Some(camera)) = (actor.encoder(), &scenario.camera) else {
         let export = match actor.memory() {
             None => export(&layers, &metadata, &met.observations),
@@ -243,30 +259,84 @@ pub fn exported(experiment: &Experiment, actor: &Actor, training_steps: u64) -> 
     Ok(Exported { float_policy, fixed_policy, report: Report::Seeing(report) })
 }
 
-/// Flies the run's exported policies and the baselines, and writes `evaluation.json`.
+/// Flies the run's exported policies and the baselines in each task, and writes `evaluation.json`.
 ///
 /// # Errors
 /// When a policy file is missing or damaged, or the report cannot be written.
-pub fn evaluate_run(experiment: &Experiment, directory: &RunDirectory) -> Result<EvaluationReport, ResultsError> {
-    let scenario = &experiment.evaluation.scenario;
+pub fn evaluate_run(
+    subject: &Subject<'_>,
+    directory: &RunDirectory,
+) -> Result<Vec<EvaluationReport>, ResultsError> {
     let (fixed_path, float_path) = (directory.policy(), directory.policy_f32());
     let (fixed, float) = (read(&fixed_path)?, read(&float_path)?);
     let (fixed, float) = (parse(&fixed, &fixed_path)?, parse(&float, &float_path)?);
-    refuse_other_task(&fixed, &fixed_path, scenario)?;
-    refuse_other_task(&float, &float_path, scenario)?;
-    let flyers = [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
-    let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(experiment)));
-    let worlds = experiment.evaluation.seen.as_ref().map(|seen| WorldsReport {
-        unseen: scenario.rooms(),
-        seen: seen.rooms(),
-        rows_in_seen: [Flyer::Policy(&fixed), Flyer::Scripted]
-            .map(|flyer| evaluate(seen, flyer, starts(experiment)))
-            .into(),
-    });
-    let seed = experiment.evaluation.seed.0;
-    let report = EvaluationReport { name: experiment.name.clone(), seed, rows: rows.into(), worlds };
-    write_json(&directory.evaluation_report(), &report)?;
-    Ok(report)
+    let report = |task: &Experiment| {
+        let scenario = &task.evaluation.scenario;
+        refuse_other_task(&fixed, &fixed_path, scenario)?;
+        refuse_other_task(&float, &float_path, scenario)?;
+        let flyers =
+            [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
+        let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(task)));
+        let worlds = task.evaluation.seen.as_ref().map(|seen| WorldsReport {
+            unseen: scenario.rooms(),
+            seen: seen.rooms(),
+            rows_in_seen: [Flyer::Policy(&fixed), Flyer::Scripted]
+                .map(|flyer| evaluate(seen, flyer, starts(task)))
+                .into(),
+        });
+        Ok(EvaluationReport { name: task.name.clone(), seed: task.evaluation.seed.0, rows: rows.into(), worlds })
+    };
+    let reports = subject.tasks.iter().map(report).collect::<Result<Vec<_>, ResultsError>>()?;
+    match reports.as_slice() {
+        [report] => write_json(&directory.evaluation_report(), report)?,
+        reports => write_json(&directory.evaluation_report(), &reports)?,
+    }
+    Ok(reports)
+}
+
+/// A policy file, read to be flown in any task that it fits.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct JudgedPolicy {
+    /// Where it is.
+    pub path: PathBuf,
+    bytes: Vec<u8>,
+}
+
+impl JudgedPolicy {
+    /// The policy file at `path`, or the fixed-point policy of the run directory there.
+    ///
+    /// # Errors
+    /// When there is none, or it is damaged.
+    pub fn read(path: &Path) -> Result<Self, ResultsError> {
+        let path = if path.is_dir() { RunDirectory::open(path)?.exported_policy()? } else { path.to_owned() };
+        let bytes = read(&path)?;
+        parse(&bytes, &path)?;
+        Ok(Self { path, bytes })
+    }
+
+    /// Whether it fits a task.
+    ///
+    /// # Errors
+    /// When it has another observation, action, camera or control rate than the task.
+    pub fn check(&self, task: &Experiment) -> Result<(), ResultsError> {
+        match parse(&self.bytes, &self.path)?.differing(&task.evaluation.scenario) {
+            None => Ok(()),
+            Some(differing) => {
+                let (path, task) = (self.path.clone(), task.name.clone());
+                Err(ResultsError::OtherLayout { path, task, differing })
+            }
+        }
+    }
+
+    /// How it flies a task from the starts of its evaluation.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn evaluate(&self, task: &Experiment) -> Result<Evaluation, ResultsError> {
+        self.check(task)?;
+        let policy = parse(&self.bytes, &self.path)?;
+        Ok(evaluate(&task.evaluation.scenario, Flyer::Policy(&policy), starts(task)))
+    }
 }
 
 /// The bytes of the run's fixed-point policy, which is one of the experiment's task.
@@ -317,20 +387,27 @@ fn refuse_other_task(policy: &Policy<'_>, path: &Path, scenario: &Scenario) -> R
     }
 }
 
-/// Draws `learning-curve.svg` and `flight.gif`.
+/// Draws `learning-curve.svg`, and the flight in each task; the paths of what it drew.
 ///
 /// # Errors
 /// When the metrics or the policy are damaged, or a file cannot be written.
-pub fn draw(experiment: &Experiment, directory: &RunDirectory) -> Result<(), ResultsError> {
+pub fn draw(subject: &Subject<'_>, directory: &RunDirectory) -> Result<Vec<PathBuf>, ResultsError> {
     let points: Vec<CurvePoint> = read_rows(&directory.metrics())?;
     let curve = learning_curve(&directory.name(), &points)?;
     write_atomically(&directory.learning_curve(), curve.as_bytes())?;
-    let recording = record_run(experiment, directory)?;
-    let name = directory.flight();
-    let flight = recording.flight(experiment, &name)?;
-    let gif = flight_gif(flight, &experiment.evaluation.scenario, &name.display().to_string())?;
-    write_atomically(&name, &gif)?;
-    Ok(())
+    let mut drawn = vec![directory.learning_curve()];
+    for task in subject.tasks {
+        let name = match subject.tasks {
+            [_] => directory.flight(),
+            _ => directory.flight_in(&task.name),
+        };
+        let recording = record_run(task, directory)?;
+        let flight = recording.flight(task, &name)?;
+        let gif = flight_gif(flight, &task.evaluation.scenario, &name.display().to_string())?;
+        write_atomically(&name, &gif)?;
+        drawn.push(name);
+    }
+    Ok(drawn)
 }
 
 /// The starts of an experiment's evaluation.

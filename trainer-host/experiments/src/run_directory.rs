@@ -23,7 +23,7 @@ pub(crate) mod lock;
 /// | `learning-curve.svg` | return and success over environment steps |
 /// | `policy.kestrel`, `policy-f32.kestrel` | the exported policy, fixed point and float |
 /// | `export.json`, `evaluation.json` | reports |
-/// | `flight.gif` | one evaluated flight |
+/// | `flight.gif` | one evaluated flight; `flight-TASK.gif` where there are several tasks |
 #[derive(Debug)]
 pub struct RunDirectory {
     path: PathBuf,
@@ -93,6 +93,18 @@ impl RunDirectory {
         Ok(run)
     }
 
+    /// Makes a directory at `path` that keeps a policy and the configuration `config` that made it, without checkpoints.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn keep(path: &Path, config: &str) -> Result<Self, RunDirectoryError> {
+        fs::create_dir_all(path).map_err(|cause| FileError::new("create", path, cause))?;
+        remove_unfinished(path)?;
+        let kept = Self { path: path.to_owned(), _lock: None };
+        write_atomically(&kept.config(), config.as_bytes())?;
+        Ok(kept)
+    }
+
     /// Begins a run in `runs/stem-1`, or in the first higher number that nobody has taken.
     ///
     /// # Errors
@@ -145,6 +157,14 @@ impl RunDirectory {
         if there { Ok(()) } else { Err(RunDirectoryError::NoPolicy(self.path.clone())) }
     }
 
+    /// The fixed-point policy, which is there.
+    ///
+    /// # Errors
+    /// As [`Self::require_policies`].
+    pub fn exported_policy(&self) -> Result<PathBuf, RunDirectoryError> {
+        self.require_policies().map(|()| self.policy())
+    }
+
     /// The directory itself.
     pub fn path(&self) -> &Path {
         &self.path
@@ -176,6 +196,11 @@ impl RunDirectory {
         self.path.join("checkpoints")
     }
 
+    /// Whether it has a place for checkpoints: the directory of a study's job has none.
+    pub fn holds_checkpoints(&self) -> bool {
+        self.checkpoints().is_dir()
+    }
+
     /// The learning curve.
     pub fn learning_curve(&self) -> PathBuf {
         self.path.join("learning-curve.svg")
@@ -204,6 +229,11 @@ impl RunDirectory {
     /// The animated flight.
     pub fn flight(&self) -> PathBuf {
         self.path.join("flight.gif")
+    }
+
+    /// The animated flight in one of several tasks.
+    pub fn flight_in(&self, task: &str) -> PathBuf {
+        self.path.join(format!("flight-{task}.gif"))
     }
 }
 

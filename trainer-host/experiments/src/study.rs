@@ -9,6 +9,7 @@
 //! study.json                     for readers: tasks, orders, methods with their bytes, seeds, baselines
 //! rows/METHOD/ORDER-SEED.csv     every test flight of a job, after each of its stages
 //! curves/METHOD/ORDER-SEED.csv   success while it trained
+//! policies/METHOD/ORDER-SEED/    its policy, and the configuration that trains it again; of experts a folder a task
 //! unfinished/METHOD-ORDER-SEED   checkpoints of jobs in progress
 //! report.md, report/*.svg        what it means
 //! ```

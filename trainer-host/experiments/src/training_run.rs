@@ -1,5 +1,6 @@
 //! A training run: updates, measurements and checkpoints, until the budget is spent or the user stops it.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -17,9 +18,8 @@ use crate::experiment_config::{Experiment, ExperimentConfig};
 use crate::interrupt::Interrupt;
 use crate::learner::Learner;
 use crate::progress::{Progress, ProgressReport};
-use crate::run_directory::metrics::MetricsLog;
 use crate::run_directory::{RunDirectory, RunDirectoryError};
-use crate::tensorboard::EventFile;
+use crate::run_log::{MetricsRow, RunLog};
 use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::analytic::AnalyticError;
 use kestrel_learn::ppo::{RestoreError, UpdateMetrics};
@@ -53,8 +53,7 @@ pub struct TrainingRun {
     learner: Learner,
     best: Option<BestPolicy>,
     training_secs: f64,
-    metrics: MetricsLog,
-    events: EventFile,
+    log: RunLog,
 }
 
 /// What a checkpoint holds.
@@ -67,13 +66,34 @@ struct Checkpoint {
     config: String,
 }
 
-/// A row of `metrics.jsonl`.
-#[derive(Serialize)]
-struct MetricsRow<'a> {
-    #[serde(flatten)]
-    update: &'a UpdateMetrics,
-    steps_per_second: f64,
-    training_secs: f64,
+/// A run between two updates.
+pub(crate) trait Stepwise {
+    /// Environment steps so far.
+    fn steps(&self) -> u64;
+    /// Environment steps after which it ends at the latest.
+    fn total_steps(&self) -> u64;
+    /// Whether nothing is left to do.
+    fn is_finished(&self) -> bool;
+    /// One update, logged.
+    fn update(&mut self) -> Result<ProgressReport, TrainingError>;
+    /// Leaves a checkpoint.
+    fn save(&self) -> Result<(), TrainingError>;
+}
+
+/// Trains until `run` is finished or `interrupt` asks to stop, and leaves a checkpoint either way.
+pub(crate) fn train(run: &mut impl Stepwise, interrupt: &Interrupt) -> Result<End, TrainingError> {
+    let mut progress = Progress::new(run.total_steps(), run.steps());
+    let mut saved_at = Instant::now();
+    while !run.is_finished() && !interrupt.requested() {
+        progress.show(&run.update()?);
+        if saved_at.elapsed() > CHECKPOINT_INTERVAL {
+            run.save()?;
+            saved_at = Instant::now();
+        }
+    }
+    progress.finish();
+    run.save()?;
+    Ok(if run.is_finished() { End::Finished } else { End::Interrupted })
 }
 
 /// Why training ended.
@@ -182,9 +202,8 @@ impl TrainingRun {
         best: Option<BestPolicy>,
         training_secs: f64,
     ) -> Result<Self, TrainingError> {
-        let metrics = MetricsLog::continue_after(&directory.metrics(), learner.updates())?;
-        let events = EventFile::create(directory.path(), learner.steps())?;
-        Ok(Self { experiment, directory, learner, best, training_secs, metrics, events })
+        let log = RunLog::continue_after(&directory, learner.updates(), learner.steps())?;
+        Ok(Self { experiment, directory, learner, best, training_secs, log })
     }
 
     /// From now on shares the work with all ranks, of which this is the first; the others [`follow`].
@@ -203,47 +222,16 @@ impl TrainingRun {
     /// # Errors
     /// When a file cannot be written; earlier checkpoints are then still whole.
     pub fn train(&mut self, interrupt: &Interrupt) -> Result<End, TrainingError> {
-        let total_steps = self.experiment.total_steps();
-        let mut progress = Progress::new(total_steps, self.learner.steps());
-        let mut saved_at = Instant::now();
-        while self.learner.steps() < total_steps && !interrupt.requested() {
-            let update = self.update()?;
-            progress.show(&report(&update));
-            if saved_at.elapsed() > CHECKPOINT_INTERVAL {
-                self.save()?;
-                saved_at = Instant::now();
-            }
-        }
-        progress.finish();
-        self.save()?;
-        Ok(if self.learner.steps() < total_steps { End::Interrupted } else { End::Finished })
-    }
-
-    /// One update, logged; now and then a test flight.
-    fn update(&mut self) -> Result<UpdateMetrics, TrainingError> {
-        let start = Instant::now();
-        let steps_before = self.learner.steps();
-        self.learner.order(&Order::Update);
-        let update = self.learner.update();
-        if self.selection_is_due() {
-            self.select();
-        }
-        self.training_secs += start.elapsed().as_secs_f64();
-        self.log(&update, self.learner.steps() - steps_before)?;
-        Ok(update)
+        train(self, interrupt)
     }
 
     fn log(&mut self, update: &UpdateMetrics, steps: u64) -> Result<(), TrainingError> {
         let steps_per_second = update.steps_per_second(steps as usize);
-        let row = MetricsRow { update, steps_per_second, training_secs: self.training_secs };
-        self.metrics.append(&row)?;
-        let mut scalars = scalars(update);
-        scalars.push(("steps_per_second".to_owned(), steps_per_second as f32));
+        let row =
+            MetricsRow { update, steps_per_second, training_secs: self.training_secs, flights: BTreeMap::new() };
         let terms = self.experiment.scenario.rewards.iter().zip(&update.episode_terms).enumerate();
-        scalars
-            .extend(terms.map(|(index, (reward, value))| (format!("reward/{index}_{}", reward.name()), *value)));
-        let scalars: Vec<(&str, f32)> = scalars.iter().map(|(tag, value)| (tag.as_str(), *value)).collect();
-        Ok(self.events.write_scalars(update.steps, &scalars)?)
+        let terms = terms.map(|(index, (reward, value))| (format!("reward/{index}_{}", reward.name()), *value));
+        Ok(self.log.append(&row, terms.collect())?)
     }
 
     /// Whether this update is one of those after which the policy is tested; the last always is.
@@ -263,18 +251,6 @@ impl TrainingRun {
             let actor = self.learner.actor().clone();
             self.best = Some(BestPolicy { actor, steps: self.learner.steps(), evaluation: found });
         }
-    }
-
-    fn save(&self) -> Result<(), TrainingError> {
-        self.learner.order(&Order::Save);
-        let checkpoint = Checkpoint {
-            trainer: self.learner.save(),
-            best: self.best.clone(),
-            training_secs: self.training_secs,
-            config: self.experiment.resolved_yaml.clone(),
-        };
-        Checkpoints::in_directory(&self.directory.checkpoints()).save(self.learner.updates(), &checkpoint)?;
-        Ok(())
     }
 
     /// The experiment that is run.
@@ -303,6 +279,46 @@ impl TrainingRun {
             Some(best) => (&best.actor, best.steps),
             None => (self.learner.actor(), self.learner.steps()),
         }
+    }
+}
+
+impl Stepwise for TrainingRun {
+    fn steps(&self) -> u64 {
+        self.learner.steps()
+    }
+
+    fn total_steps(&self) -> u64 {
+        self.experiment.total_steps()
+    }
+
+    fn is_finished(&self) -> bool {
+        self.learner.steps() >= self.experiment.total_steps()
+    }
+
+    /// One update, logged; now and then a test flight.
+    fn update(&mut self) -> Result<ProgressReport, TrainingError> {
+        let start = Instant::now();
+        let steps_before = self.learner.steps();
+        self.learner.order(&Order::Update);
+        let update = self.learner.update();
+        if self.selection_is_due() {
+            self.select();
+        }
+        self.training_secs += start.elapsed().as_secs_f64();
+        self.log(&update, self.learner.steps() - steps_before)?;
+        Ok(report(&update))
+    }
+
+    fn save(&self) -> Result<(), TrainingError> {
+        self.learner.order(&Order::Save);
+        let checkpoint = Checkpoint {
+            trainer: self.learner.save(),
+            best: self.best.clone(),
+            training_secs: self.training_secs,
+            config: self.experiment.resolved_yaml.clone(),
+        };
+        Checkpoints::in_directory(&self.directory.checkpoints()).save(self.learner.updates(), &checkpoint)?;
+        Ok(())
     }
 }
 
@@ -347,7 +363,7 @@ pub fn best_policy(experiment: &Experiment, directory: &RunDirectory) -> Result<
 }
 
 /// Refuses a configuration that differs in more than the budget, which may be raised.
-fn refuse_changes(saved: &str, now: &str) -> Result<(), TrainingError> {
+pub(crate) fn refuse_changes(saved: &str, now: &str) -> Result<(), TrainingError> {
     let lines = saved.lines().count().max(now.lines().count());
     let padded = |text: &'static str| std::iter::repeat(text);
     let pairs = now.lines().chain(padded("")).zip(saved.lines().chain(padded("")));
@@ -359,30 +375,11 @@ fn refuse_changes(saved: &str, now: &str) -> Result<(), TrainingError> {
     })
 }
 
-fn report(update: &UpdateMetrics) -> ProgressReport {
+/// What the user sees of an update.
+pub(crate) fn report(update: &UpdateMetrics) -> ProgressReport {
     ProgressReport {
         steps: update.steps,
         episode_return: update.episode_return,
         success_rate: update.success_rate,
     }
-}
-
-fn scalars(update: &UpdateMetrics) -> Vec<(String, f32)> {
-    let nothing = f32::NAN;
-    [
-        ("policy_loss", update.policy_loss),
-        ("value_loss", update.value_loss),
-        ("entropy", update.entropy),
-        ("approx_kl", update.approx_kl),
-        ("clip_fraction", update.clip_fraction),
-        ("explained_variance", update.explained_variance),
-        ("learning_rate", update.learning_rate),
-        ("log_std", update.log_std),
-        ("gradient_norm", update.gradient_norm),
-        ("episode_return", update.episode_return.unwrap_or(nothing)),
-        ("episode_length", update.episode_length.unwrap_or(nothing)),
-        ("success_rate", update.success_rate.unwrap_or(nothing)),
-    ]
-    .map(|(tag, value)| (tag.to_owned(), value))
-    .into()
 }

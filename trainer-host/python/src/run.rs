@@ -8,6 +8,7 @@ use std::time::Duration;
 use kestrel_experiments::experiment_config::{self, Experiment};
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::results::{self, ResultsError};
+use kestrel_experiments::run_config::Subject;
 use kestrel_experiments::run_directory::RunDirectory;
 use kestrel_experiments::training_run::{End, TrainingError, TrainingRun, best_policy};
 use pyo3::prelude::*;
@@ -64,7 +65,7 @@ pub(crate) fn evaluate(
     let (directory, experiment) = open(&path, &overrides)?;
     directory.require_policies().map_err(refused)?;
     work(py, threads, |_| {
-        results::evaluate_run(&experiment, &directory)?;
+        results::evaluate_run(&Subject::of(&experiment), &directory)?;
         Ok(directory.evaluation_report())
     })
 }
@@ -84,7 +85,7 @@ pub(crate) fn export(py: Python<'_>, path: PathBuf, target: &str) -> PyResult<Ve
     };
     work(py, None, |_| {
         let (actor, steps) = best_policy(&experiment, &directory)?;
-        results::export_policy(&experiment, &directory, &actor, steps)?;
+        results::export_policy(&Subject::of(&experiment), &directory, &actor, steps)?;
         Ok(write(&directory)?)
     })
 }
@@ -107,15 +108,15 @@ fn open(path: &std::path::Path, overrides: &[String]) -> PyResult<(RunDirectory,
 /// Trains to the end, exports, evaluates and draws; between these steps it may be interrupted.
 fn finish(mut run: TrainingRun, interrupt: &Interrupt) -> Result<PathBuf, RunError> {
     let end = run.train(interrupt)?;
-    let (experiment, directory) = (run.experiment(), run.directory());
+    let (subject, directory) = (Subject::of(run.experiment()), run.directory());
     if end == End::Finished {
         let (actor, steps) = run.best();
-        results::export_policy(experiment, directory, actor, steps)?;
+        results::export_policy(&subject, directory, actor, steps)?;
         if !interrupt.requested() {
-            results::evaluate_run(experiment, directory)?;
+            results::evaluate_run(&subject, directory)?;
         }
         if !interrupt.requested() {
-            results::draw(experiment, directory)?;
+            results::draw(&subject, directory)?;
         }
     }
     Ok(directory.path().to_owned())

@@ -12,6 +12,7 @@ use kestrel_experiments::experiment_config;
 use kestrel_experiments::output::say;
 use kestrel_experiments::progress::amount;
 use kestrel_experiments::results;
+use kestrel_experiments::run_config::Subject;
 use kestrel_experiments::training_run::untrained_actor;
 
 use super::Done;
@@ -68,7 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         print(&[bench::seeing(seeing, &task, duration)])?;
     }
     let actor = untrained_actor(&experiment)?;
-    let export = results::exported(&experiment, &actor, 0)?;
+    let export = results::exported(&Subject::of(&experiment), &actor, 0)?;
     let files = [PolicyFile::parse(&export.float_policy)?, PolicyFile::parse(&export.fixed_policy)?];
     print(&bench::inference(&actor, &files, duration))?;
     Ok(Done::Finished)

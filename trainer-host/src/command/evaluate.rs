@@ -1,21 +1,34 @@
 //! `kestrel evaluate`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::processor::{ProcessorKind, ProcessorOptions, compare};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use kestrel_core::policy_file::PolicyFile;
+use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::output::say;
 use kestrel_experiments::progress::Progress;
-use kestrel_experiments::results;
+use kestrel_experiments::results::{self, JudgedPolicy};
+use kestrel_experiments::run_config::RunConfig;
+use kestrel_experiments::run_directory::RunDirectory;
 
 use super::{Done, run, table};
 
 /// Arguments of `kestrel evaluate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Directory of the run
-    run: PathBuf,
+    /// Directory of a run; with --tasks any number of them, and of policy files
+    #[arg(value_name = "RUN|POLICY", required = true)]
+    subjects: Vec<PathBuf>,
+
+    /// Fly the fixed-point policies in these tasks, and print how each does in each: experiment files, or directories of
+    /// runs
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["record", "processor", "task"])]
+    tasks: Vec<PathBuf>,
+
+    /// Only this task of a run that has several
+    #[arg(long, value_name = "NAME")]
+    task: Option<String>,
 
     /// Starts to fly from [default: the experiment's]
     #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
@@ -38,25 +51,73 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let episodes = arguments.episodes.map(|episodes| format!("evaluation.episodes={episodes}"));
     let seed = arguments.seed.map(|seed| format!("evaluation.seed={seed}"));
     let overrides: Vec<String> = episodes.into_iter().chain(seed).collect();
-    let (directory, experiment) = run::open(&arguments.run, &overrides)?;
-    directory.require_policies()?;
-    if arguments.processor.processor == ProcessorKind::Qemu {
-        ensure!(arguments.record.is_none(), "found --record beside --processor qemu, expected one of them");
-        let mut progress = Progress::counting("episodes", experiment.evaluation.episodes as u64, 0);
-        let shown = |done| progress.show_steps(done, String::new);
-        let file = results::checked_policy(&experiment, &directory)?;
-        let policy = PolicyFile::parse(&file).with_context(|| directory.policy().display().to_string())?;
-        let (scenario, starts) = (&experiment.evaluation.scenario, results::starts(&experiment));
-        let comparison = compare(scenario, starts, (&file, policy), &arguments.processor.image, shown)?;
-        progress.finish();
-        say(comparison)?;
-        return Ok(if comparison.different == 0 { Done::Finished } else { Done::Deviating });
+    if !arguments.tasks.is_empty() {
+        return fly_tasks(arguments, &overrides);
     }
-    let report = results::evaluate_run(&experiment, &directory)?;
-    say(table::evaluations(&report))?;
+    let [path] = arguments.subjects.as_slice() else {
+        bail!("found {} runs, expected one, or tasks to fly in: --tasks FILE…", arguments.subjects.len());
+    };
+    ensure!(
+        !path.is_file(),
+        "{}: found a file, expected the directory of a run, or tasks to fly in: --tasks FILE…",
+        path.display()
+    );
+    let (directory, config) = run::open(path, &overrides)?;
+    directory.require_policies()?;
+    let task = config.task(arguments.task.as_deref())?;
+    if arguments.processor.processor == ProcessorKind::Qemu {
+        return compare_processor(arguments, &directory, task);
+    }
+    let mut subject = config.subject();
+    if arguments.task.is_some() {
+        subject.tasks = std::slice::from_ref(task);
+    }
+    say(table::evaluations(&results::evaluate_run(&subject, &directory)?))?;
     if let Some(path) = &arguments.record {
-        results::record_run(&experiment, &directory)?.write(path)?;
+        results::record_run(task, &directory)?.write(path)?;
         say(format_args!("\nRecorded: kestrel replay {}", path.display()))?;
     }
     Ok(Done::Finished)
+}
+
+/// Flies the fixed-point policy on the emulated processor beside this machine.
+fn compare_processor(arguments: &Arguments, directory: &RunDirectory, task: &Experiment) -> Result<Done> {
+    ensure!(arguments.record.is_none(), "found --record beside --processor qemu, expected one of them");
+    let mut progress = Progress::counting("episodes", task.evaluation.episodes as u64, 0);
+    let shown = |done| progress.show_steps(done, String::new);
+    let file = results::checked_policy(task, directory)?;
+    let policy = PolicyFile::parse(&file).with_context(|| directory.policy().display().to_string())?;
+    let (scenario, starts) = (&task.evaluation.scenario, results::starts(task));
+    let comparison = compare(scenario, starts, (&file, policy), &arguments.processor.image, shown)?;
+    progress.finish();
+    say(comparison)?;
+    Ok(if comparison.different == 0 { Done::Finished } else { Done::Deviating })
+}
+
+/// Flies every policy in every task, after all of them fit.
+fn fly_tasks(arguments: &Arguments, overrides: &[String]) -> Result<Done> {
+    let mut tasks: Vec<Experiment> = Vec::new();
+    for path in &arguments.tasks {
+        tasks.extend_from_slice(task_config(path, overrides)?.subject().tasks);
+    }
+    let policies =
+        arguments.subjects.iter().map(|path| JudgedPolicy::read(path)).collect::<Result<Vec<_>, _>>()?;
+    for task in &tasks {
+        policies.iter().try_for_each(|policy| policy.check(task))?;
+    }
+    let mut progress = Progress::counting("tasks", tasks.len() as u64, 0);
+    let mut flown = Vec::new();
+    for task in &tasks {
+        flown.push(policies.iter().map(|policy| policy.evaluate(task)).collect::<Result<Vec<_>, _>>()?);
+        progress.show_steps(flown.len() as u64, String::new);
+    }
+    progress.finish();
+    let names: Vec<String> = tasks.into_iter().map(|task| task.name).collect();
+    let subjects: Vec<String> = arguments.subjects.iter().map(|path| path.display().to_string()).collect();
+    say(table::matrix(&subjects, &names, &flown))?;
+    Ok(Done::Finished)
+}
+
+fn task_config(path: &Path, overrides: &[String]) -> Result<RunConfig> {
+    if path.is_dir() { Ok(run::open(path, overrides)?.1) } else { Ok(RunConfig::load(path, overrides)?) }
 }

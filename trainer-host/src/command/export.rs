@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use kestrel_experiments::output::say;
 use kestrel_experiments::results;
-use kestrel_experiments::training_run::best_policy;
+use kestrel_experiments::run_config::policy_of;
 
 use super::{Done, run};
 
@@ -37,10 +37,14 @@ enum Target {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let (directory, experiment) = run::open(&arguments.run, &[])?;
-    let (actor, steps) = best_policy(&experiment, &directory)?;
-    let report = results::export_policy(&experiment, &directory, &actor, steps)?;
-    say(format_args!("{report}\n"))?;
+    let (directory, config) = run::open(&arguments.run, &[])?;
+    if directory.holds_checkpoints() {
+        let (actor, steps) = policy_of(&config, &directory)?;
+        say(format_args!("{}\n", results::export_policy(&config.subject(), &directory, &actor, steps)?))?;
+    } else {
+        // Of a job of a study there is the exported policy alone.
+        directory.require_policies()?;
+    }
     say(directory.policy().display())?;
     say(directory.policy_f32().display())?;
     let written = match arguments.target {

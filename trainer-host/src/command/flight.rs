@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail, ensure};
 use kestrel_draw::video::RecordedScene;
 use kestrel_experiments::evaluation::Flyer;
-use kestrel_experiments::experiment_config::{self, Experiment};
+use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::recording::Recording;
 use kestrel_experiments::results::{record_pilot, record_policy, record_run, record_start};
+use kestrel_experiments::run_config::RunConfig;
 
 use super::run;
 
@@ -17,6 +18,10 @@ pub(crate) struct FlightArguments {
     /// Experiment file, directory of a run, or recording (from `--record`)
     #[arg(value_name = "EXPERIMENT|RUN|RECORDING")]
     subject: PathBuf,
+
+    /// Which task, where there are several [default: the first]
+    #[arg(long, value_name = "NAME")]
+    task: Option<String>,
 
     /// Policy file that flies the experiment
     #[arg(long, value_name = "FILE", conflicts_with = "pilot")]
@@ -90,12 +95,14 @@ impl FlightArguments {
         let overrides: Vec<String> = self.overrides.iter().cloned().chain(seed).collect();
         if path.is_dir() {
             self.refuse_pilots("the directory of a run")?;
-            let (directory, experiment) = run::open(&path, &overrides)?;
+            let (directory, config) = run::open(&path, &overrides)?;
             directory.require_policies()?;
+            let experiment = config.task(self.task.as_deref())?.clone();
             return Ok(Flown { recording: record_run(&experiment, &directory)?, experiment, path });
         }
         if !is_yaml(&path) {
             self.refuse_pilots("no experiment file")?;
+            ensure!(self.task.is_none(), "{}: found --task beside a recording, which is of one", path.display());
             if let Some(overridden) = overrides.first() {
                 bail!(
                     "{}: found `{overridden}` for a recording, expected it for a run or an experiment",
@@ -105,7 +112,7 @@ impl FlightArguments {
             let recording = Recording::read(&path)?;
             return Ok(Flown { experiment: recording.experiment(&path)?, recording, path });
         }
-        let experiment = experiment_config::load(&path, &overrides)?;
+        let experiment = RunConfig::load(&path, &overrides)?.task(self.task.as_deref())?.clone();
         let recording = match (&self.policy, self.pilot) {
             (Some(policy), _) => record_policy(&experiment, policy)?,
             (None, None) if start_alone => record_start(&experiment),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::fly::{FlyOptions, Place, fly};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::output::say;
 use kestrel_shim::policy_bytes::PolicyBytes;
@@ -17,6 +17,10 @@ pub(crate) struct Arguments {
     #[arg(value_name = "RUN|POLICY")]
     pilot: PathBuf,
 
+    /// In which task of a run that has several [default: the first]
+    #[arg(long, value_name = "NAME")]
+    task: Option<String>,
+
     #[command(flatten)]
     options: FlyOptions,
 }
@@ -26,11 +30,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let stop = || interrupt.requested();
     let path = &arguments.pilot;
     let summary = if path.is_dir() {
-        let (directory, experiment) = run::open(path, &[])?;
-        directory.require_policies()?;
-        let policy = PolicyBytes::read(&directory.policy())?;
-        fly(Place::Scenario(&experiment.scenario), policy.bytes(), &arguments.options, &stop)
+        let (directory, config) = run::open(path, &[])?;
+        let policy = PolicyBytes::read(&directory.exported_policy()?)?;
+        fly(
+            Place::Scenario(&config.task(arguments.task.as_deref())?.scenario),
+            policy.bytes(),
+            &arguments.options,
+            &stop,
+        )
     } else {
+        ensure!(arguments.task.is_none(), "found --task beside a policy file, expected the directory of a run");
         fly(Place::FlatFloor, PolicyBytes::read(path)?.bytes(), &arguments.options, &stop)
     }
     .with_context(|| path.display().to_string())?;

@@ -18,6 +18,8 @@ pub(crate) struct Arguments {
 enum Kind {
     /// What `kestrel train` reads
     Experiment,
+    /// What `kestrel train` reads where one policy learns several tasks
+    Tasks,
     /// What `kestrel study` reads
     Study,
     /// What `kestrel search` reads
@@ -27,6 +29,7 @@ enum Kind {
 pub(crate) fn print(arguments: &Arguments) -> Result<Done> {
     let schema = match arguments.kind {
         Kind::Experiment => experiment_config::schema(),
+        Kind::Tasks => study::config::multi_task::schema(),
         Kind::Study => study::config::schema(),
         Kind::Search => search::config::schema(),
     };

@@ -4,12 +4,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use kestrel_experiments::experiment_config::{self, Experiment};
+use kestrel_experiments::checkpoint::CheckpointError;
+use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::interrupt::Interrupt;
+use kestrel_experiments::multi_task_run::MultiTaskRun;
 use kestrel_experiments::output::{say, warn};
 use kestrel_experiments::results;
+use kestrel_experiments::run_config::{RunConfig, Subject};
 use kestrel_experiments::run_directory::RunDirectory;
+use kestrel_experiments::study::{Study, runner};
 use kestrel_experiments::training_run::{self, End, TrainingRun};
+use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::ranks::{self, Ranks};
 
 use super::{Done, table};
@@ -17,7 +22,7 @@ use super::{Done, table};
 /// Arguments of `kestrel train`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Experiment file, such as configs/hover.yaml
+    /// Experiment file, such as configs/hover.yaml, or of several tasks, such as configs/crosses.yaml
     #[arg(required_unless_present = "resume", conflicts_with = "resume")]
     config: Option<PathBuf>,
 
@@ -47,100 +52,142 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")?;
     let membership = ranks::join()?;
     let ranks = &membership.ranks;
+    let config = config(arguments)?;
     if ranks.rank() > 0 {
         Interrupt::leave_to_others()?;
-        training_run::follow(&experiment(arguments)?, ranks)?;
+        match &config {
+            RunConfig::One(experiment) => training_run::follow(experiment, ranks)?,
+            RunConfig::Several(study) => runner::follow(study, ranks)?,
+        }
         return Ok(Done::Finished);
     }
-    let done = lead(arguments, ranks);
+    let done = lead(arguments, config, ranks);
     ranks::end(ranks);
     done
 }
 
 /// Trains as the first of the ranks, or as the only one.
-fn lead(arguments: &Arguments, ranks: &Arc<dyn Ranks>) -> Result<Done> {
+fn lead(arguments: &Arguments, config: RunConfig, ranks: &Arc<dyn Ranks>) -> Result<Done> {
     let interrupt = Interrupt::watch("Stopping after the step in progress; Ctrl-C again ends at once.")?;
-    let mut run = open(arguments)?;
+    let directory = directory(arguments, &config)?;
+    match config {
+        RunConfig::One(experiment) => lead_one(arguments, *experiment, directory, (ranks, &interrupt)),
+        RunConfig::Several(study) => lead_several(arguments, &study, directory, (ranks, &interrupt)),
+    }
+}
+
+fn lead_one(
+    arguments: &Arguments,
+    experiment: Experiment,
+    directory: RunDirectory,
+    (ranks, interrupt): (&Arc<dyn Ranks>, &Interrupt),
+) -> Result<Done> {
+    let mut run = if arguments.resume.is_some() {
+        restored(TrainingRun::resume(experiment, directory)?)
+    } else {
+        TrainingRun::begin(experiment, directory)?
+    };
     run.work_with(ranks)?;
-    let path = run.directory().path().to_owned();
     let experiment = run.experiment();
-    say(format_args!(
-        "Training in {} by {}: {} of {} steps done",
-        path.display(),
-        experiment.method(),
-        run.steps(),
-        experiment.total_steps()
-    ))?;
+    begun(run.directory(), experiment.method(), [run.steps(), experiment.total_steps()])?;
     let silent = experiment.silent_rewards();
     if !silent.is_empty() {
         say(format_args!("No gradient goes through these rewards, which teach nothing: {}", silent.join(", ")))?;
     }
-    match run.train(&interrupt)? {
-        End::Finished => finish(&run, &interrupt),
-        End::Interrupted => {
-            say(format_args!("Saved after {} steps.", run.steps()))?;
-            stopped(&path)
-        }
+    if run.train(interrupt)? == End::Interrupted {
+        return saved(run.directory(), run.steps());
     }
+    let (actor, steps) = run.best();
+    let [trained, secs] = [run.steps() as f64, run.training_secs()];
+    say(format_args!("Trained {trained} steps in {secs:.1} s; the best policy is that after {steps} steps.\n"))?;
+    finish(&Subject::of(run.experiment()), run.directory(), (actor, steps), interrupt)
 }
 
-fn open(arguments: &Arguments) -> Result<TrainingRun> {
-    if let Some(path) = &arguments.resume {
-        let directory = RunDirectory::resume(path)?;
-        let experiment = experiment_config::load_to_train(&directory.config(), &[])?;
-        let (run, warning) = TrainingRun::resume(experiment, directory)?;
-        if let Some(warning) = warning {
-            warn(format_args!("warning: {warning}; going on from the checkpoint before it"));
-        }
-        return Ok(run);
-    }
-    let experiment = load(arguments)?;
-    let directory = if let Some(path) = &arguments.run {
-        RunDirectory::create(path, &experiment.resolved_yaml)?
+fn lead_several(
+    arguments: &Arguments,
+    study: &Study,
+    directory: RunDirectory,
+    (ranks, interrupt): (&Arc<dyn Ranks>, &Interrupt),
+) -> Result<Done> {
+    let mut run = if arguments.resume.is_some() {
+        restored(MultiTaskRun::resume(study, directory)?)
     } else {
-        let stem = format!("{}-seed{}", experiment.name, experiment.seed.0);
-        RunDirectory::create_next("runs".as_ref(), &stem, &experiment.resolved_yaml)?
+        MultiTaskRun::begin(study, directory)?
     };
-    Ok(TrainingRun::begin(experiment, directory)?)
+    run.work_with(ranks)?;
+    let method = format!("PPO, {} tasks {}", study.tasks.len(), study.methods[0].procedure.manner());
+    begun(run.directory(), &method, [run.steps(), run.total_steps()])?;
+    if run.train(interrupt)? == End::Interrupted {
+        return saved(run.directory(), run.steps());
+    }
+    let subject = Subject { name: &study.name, seed: study.seeds[0], tasks: &study.tasks };
+    say(format_args!("Trained {} steps in {:.1} s.\n", run.steps(), run.training_secs()))?;
+    say(format_args!("{}\n", table::stages(subject.tasks, run.flights())))?;
+    finish(&subject, run.directory(), (&run.actor(), run.steps()), interrupt)
+}
+
+/// The run, and a word where its newest checkpoint was damaged.
+fn restored<R>((run, warning): (R, Option<CheckpointError>)) -> R {
+    if let Some(warning) = warning {
+        warn(format_args!("warning: {warning}; going on from the checkpoint before it"));
+    }
+    run
+}
+
+/// The directory of the run, new or as it was left.
+fn directory(arguments: &Arguments, config: &RunConfig) -> Result<RunDirectory> {
+    if let Some(path) = &arguments.resume {
+        return Ok(RunDirectory::resume(path)?);
+    }
+    if let Some(path) = &arguments.run {
+        return Ok(RunDirectory::create(path, config.resolved_yaml())?);
+    }
+    let Subject { name, seed, .. } = config.subject();
+    let stem = format!("{name}-seed{}", seed.0);
+    Ok(RunDirectory::create_next("runs".as_ref(), &stem, config.resolved_yaml())?)
 }
 
 /// What is run.
-fn experiment(arguments: &Arguments) -> Result<Experiment> {
-    match &arguments.resume {
-        Some(path) => Ok(experiment_config::load_to_train(&RunDirectory::config_in(path), &[])?),
-        None => load(arguments),
+fn config(arguments: &Arguments) -> Result<RunConfig> {
+    if let Some(path) = &arguments.resume {
+        return Ok(RunConfig::load_to_train(RunDirectory::open(path)?.config().as_path(), &[])?);
     }
-}
-
-fn load(arguments: &Arguments) -> Result<Experiment> {
     let path = arguments.config.as_deref().context("an experiment file is needed, such as configs/hover.yaml")?;
     let seed = arguments.seed.map(|seed| format!("training.seed={seed}"));
     let overrides: Vec<String> = arguments.set.iter().cloned().chain(seed).collect();
-    Ok(experiment_config::load_to_train(path, &overrides)?)
+    Ok(RunConfig::load_to_train(path, &overrides)?)
+}
+
+fn begun(directory: &RunDirectory, method: &str, [steps, total]: [u64; 2]) -> Result<()> {
+    let path = directory.path().display();
+    Ok(say(format_args!("Training in {path} by {method}: {steps} of {total} steps done"))?)
 }
 
 /// Exports, evaluates and draws; between these steps it may be interrupted.
-fn finish(run: &TrainingRun, interrupt: &Interrupt) -> Result<Done> {
-    let (experiment, directory) = (run.experiment(), run.directory());
-    let (actor, steps) = run.best();
-    say(format_args!(
-        "Trained {} steps in {:.1} s; the best policy is that after {steps} steps.\n",
-        run.steps(),
-        run.training_secs()
-    ))?;
-    say(format_args!("{}\n", results::export_policy(experiment, directory, actor, steps)?))?;
+fn finish(
+    subject: &Subject<'_>,
+    directory: &RunDirectory,
+    (actor, steps): (&Actor, u64),
+    interrupt: &Interrupt,
+) -> Result<Done> {
+    say(format_args!("{}\n", results::export_policy(subject, directory, actor, steps)?))?;
     if interrupt.requested() {
         return stopped(directory.path());
     }
-    say(format_args!("{}\n", table::evaluations(&results::evaluate_run(experiment, directory)?)))?;
+    say(format_args!("{}\n", table::evaluations(&results::evaluate_run(subject, directory)?)))?;
     if interrupt.requested() {
         return stopped(directory.path());
     }
-    results::draw(experiment, directory)?;
-    for path in [directory.learning_curve(), directory.flight(), directory.policy()] {
+    for path in results::draw(subject, directory)?.into_iter().chain([directory.policy()]) {
         say(path.display())?;
     }
     Ok(Done::Finished)
+}
+
+/// Says what was saved, and how to go on.
+fn saved(directory: &RunDirectory, steps: u64) -> Result<Done> {
+    say(format_args!("Saved after {steps} steps."))?;
+    stopped(directory.path())
 }
 
 /// Says how to go on.

@@ -2,6 +2,7 @@
 
 pub mod claim;
 mod method;
+pub mod multi_task;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -16,7 +17,7 @@ use serde::{Deserialize, Serialize};
 pub use method::{MethodConfig, ProcedureConfig, SequentialConfig, SharingConfig};
 
 use super::Study;
-use super::procedure::Method;
+use super::procedure::{Method, Procedure};
 use claim::Claim;
 
 use crate::config_file::ConfigFile;
@@ -196,7 +197,7 @@ impl StudyConfig {
     /// The first thing that is wrong.
     pub(crate) fn check(&self, root: &Field<'_>) -> Result<Study, ConfigError> {
         check_name(&self.name, &root.at("name"))?;
-        let tasks = self.check_tasks(&root.at("tasks"))?;
+        let tasks = check_tasks(&self.tasks, &root.at("tasks"))?;
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
         self.training.refuse_analytic(&root.at("training"))?;
         self.training.refuse_memory(&root.at("training"))?;
@@ -225,25 +226,6 @@ impl StudyConfig {
         })
     }
 
-    fn check_tasks(&self, field: &Field<'_>) -> Result<Vec<Experiment>, ConfigError> {
-        if self.tasks.is_empty() {
-            return Err(field.refuse("", "at least one task"));
-        }
-        let mut tasks: Vec<Experiment> = Vec::new();
-        for (index, task) in self.tasks.iter().enumerate() {
-            let field = field.at(index);
-            let task = task.check(&field)?;
-            if tasks.iter().any(|other| other.name == task.name) {
-                return Err(field.at("name").refuse(&task.name, "a name that no other task has"));
-            }
-            if let Some(first) = tasks.first() {
-                refuse_other_layout(first, &task, &field)?;
-            }
-            tasks.push(task);
-        }
-        Ok(tasks)
-    }
-
     fn check_methods(&self, field: &Field<'_>, tasks: &[Experiment]) -> Result<Vec<Method>, ConfigError> {
         if self.methods.is_empty() {
             return Err(field.refuse("", "at least one method"));
@@ -260,11 +242,7 @@ impl StudyConfig {
                 refuse_other_teams(tasks, training, &field.at("training"))?;
                 refuse_unsuited(tasks, training, &field.at("training"))?;
             }
-            if tasks[0].scenario.camera.is_some() && checked.procedure.keeps_states() {
-                let expected = "`sequential` without a consolidator, `joint`, `sharing` or `experts`: what the others \
-                                keep of a task has no images";
-                return Err(field.at("learn").reject("tasks with a camera", expected));
-            }
+            refuse_lost_images(tasks, &checked.procedure, &field.at("learn"))?;
             methods.push(checked);
         }
         Ok(methods)
@@ -291,6 +269,36 @@ impl StudyConfig {
     }
 }
 
+/// Tasks that one policy can fly.
+fn check_tasks(configs: &[ExperimentConfig], field: &Field<'_>) -> Result<Vec<Experiment>, ConfigError> {
+    if configs.is_empty() {
+        return Err(field.refuse("", "at least one task"));
+    }
+    let mut tasks: Vec<Experiment> = Vec::new();
+    for (index, task) in configs.iter().enumerate() {
+        let field = field.at(index);
+        let task = task.check(&field)?;
+        if tasks.iter().any(|other| other.name == task.name) {
+            return Err(field.at("name").refuse(&task.name, "a name that no other task has"));
+        }
+        if let Some(first) = tasks.first() {
+            refuse_other_layout(first, &task, &field)?;
+        }
+        tasks.push(task);
+    }
+    Ok(tasks)
+}
+
+/// Refuses a way to learn that keeps states of tasks whose images it would lose.
+fn refuse_lost_images(tasks: &[Experiment], procedure: &Procedure, learn: &Field<'_>) -> Result<(), ConfigError> {
+    if tasks[0].scenario.camera.is_none() || !procedure.keeps_states() {
+        return Ok(());
+    }
+    let expected = "`sequential` without a consolidator, `joint`, `sharing` or `experts`: what the others keep of a task \
+                    has no images";
+    Err(learn.reject("tasks with a camera", expected))
+}
+
 /// Drones of each task that fly together.
 fn teams(tasks: &[Experiment]) -> impl Iterator<Item = usize> {
     tasks.iter().map(|task| task.scenario.agents.count as usize)
@@ -300,6 +308,12 @@ fn teams(tasks: &[Experiment]) -> impl Iterator<Item = usize> {
 fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>) -> Result<(), ConfigError> {
     let field = field.at("scenario");
     let expected = |what: &str| format!("the {what} of the task {:?}: one policy flies them all", first.name);
+    // First: sensors count control periods.
+    let rate_hz = task.scenario.physics.control_rate_hz;
+    if rate_hz != first.scenario.physics.control_rate_hz {
+        let expected = expected(&format!("control rate {}", first.scenario.physics.control_rate_hz));
+        return Err(field.at("physics").at("control_rate_hz").refuse(rate_hz, expected));
+    }
     if task.scenario.observation != first.scenario.observation {
         return Err(field.at("observation").reject("another observation", expected("observation")));
     }

@@ -1,7 +1,7 @@
 //! The directory of a study that runs: opened by one process, whole after every interruption.
 //!
 //! `study.yaml` is the resolved study, `study.json` what reports read, `rows/` and `curves/` what finished jobs have
-//! left, `unfinished/` the checkpoints of the others.
+//! left, `policies/` their policies, `unfinished/` the checkpoints of the others.
 
 mod manifest;
 #[cfg(test)]
@@ -12,20 +12,25 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::config::StudyConfig;
-use super::data::{StudyError, StudyManifest};
+use super::config::{StudyConfig, multi_task};
+use super::data::{MethodKind, StudyError, StudyManifest};
 use super::job::{JobResult, JobRun, JobState};
 use super::rows::{Job, write_curve, write_episodes};
 use super::{JobId, Study};
+use manifest::Baselines;
+
 use crate::atomic_file::{FileError, read, remove_unfinished, replace_atomically, write_atomically};
 use crate::checkpoint::{CheckpointError, Checkpoints};
 use crate::config_file::ConfigFile;
 use crate::output::warn;
-use crate::run_directory::RunDirectoryError;
+use crate::results::{self, ResultsError};
 use crate::run_directory::lock::RunLock;
+use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::sealed_file::SealError;
+use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::ppo::RestoreError;
 use kestrel_learn::ranks::UnequalShares;
+use kestrel_sim::config::ConfigError;
 
 /// The resolved study in its directory.
 const CONFIG: &str = "study.yaml";
@@ -82,6 +87,12 @@ pub enum RunError {
         /// What does not fit.
         cause: RestoreError,
     },
+    /// A policy cannot be kept.
+    #[error(transparent)]
+    Results(#[from] Box<ResultsError>),
+    /// The configuration of a job is none.
+    #[error(transparent)]
+    Config(#[from] Box<ConfigError>),
     /// The system refused a file operation.
     #[error(transparent)]
     File(#[from] FileError),
@@ -96,6 +107,7 @@ pub struct StudyDirectory<'a> {
     study: &'a Study,
     path: PathBuf,
     manifest: Mutex<StudyManifest>,
+    baselines: Baselines,
     _lock: RunLock,
 }
 
@@ -105,18 +117,18 @@ impl<'a> StudyDirectory<'a> {
     /// # Errors
     /// When the directory is in use, holds anything else or another study, or cannot be written.
     pub fn open(study: &'a Study, path: &Path) -> Result<Self, RunError> {
-        Self::prepare(study, path, manifest::Baselines::Flown)
+        Self::prepare(study, path, Baselines::Flown)
     }
 
-    /// As [`Self::open`], without trivial pilots: nobody reports on a trial of a search.
+    /// As [`Self::open`], without trivial pilots, and no policies are kept: nobody reports on a trial of a search.
     ///
     /// # Errors
     /// As there.
     pub fn open_trial(study: &'a Study, path: &Path) -> Result<Self, RunError> {
-        Self::prepare(study, path, manifest::Baselines::LeftOut)
+        Self::prepare(study, path, Baselines::LeftOut)
     }
 
-    fn prepare(study: &'a Study, path: &Path, baselines: manifest::Baselines) -> Result<Self, RunError> {
+    fn prepare(study: &'a Study, path: &Path, baselines: Baselines) -> Result<Self, RunError> {
         create(path)?;
         let config = path.join(CONFIG);
         let is_new = !config.is_file();
@@ -132,7 +144,8 @@ impl<'a> StudyDirectory<'a> {
         write_atomically(&config, study.resolved_yaml.as_bytes())?;
         let manifest = manifest::of(study, known, baselines);
         manifest.save(path)?;
-        let directory = Self { study, path: path.to_owned(), manifest: Mutex::new(manifest), _lock: lock };
+        let directory =
+            Self { study, path: path.to_owned(), manifest: Mutex::new(manifest), baselines, _lock: lock };
         directory.tidy()?;
         Ok(directory)
     }
@@ -184,6 +197,38 @@ impl<'a> StudyDirectory<'a> {
     pub fn save_job(&self, id: JobId, run: &JobRun<'_>) -> Result<(), RunError> {
         Checkpoints::in_directory(&self.checkpoints(id)).save(run.steps(), &run.save())?;
         Ok(())
+    }
+
+    /// Keeps the policy of a job after its last stage, beside the configuration that trains it again; where each task has a
+    /// policy of its own, after every stage.
+    ///
+    /// # Errors
+    /// The system's reason, or why the policy fits no file.
+    pub fn leave_policy(&self, id: JobId, stage: usize, (actor, steps): (&Actor, u64)) -> Result<(), RunError> {
+        let order = &self.study.orders[id.order];
+        let procedure = &self.study.methods[id.method].procedure;
+        let (folder, config) = match (self.baselines, procedure.kind()) {
+            (Baselines::LeftOut, _) => return Ok(()),
+            (Baselines::Flown, MethodKind::Experts) => {
+                let task = &self.study.tasks[order[stage]].name;
+                (self.policies(id).join(task), multi_task::expert_of_job(self.study, id, stage))
+            }
+            (Baselines::Flown, MethodKind::Sequential | MethodKind::Joint) => {
+                if stage + 1 < procedure.stages(order.len()) {
+                    return Ok(());
+                }
+                (self.policies(id), multi_task::of_job(self.study, id))
+            }
+        };
+        let config = config.map_err(Box::new)?;
+        let run = RunDirectory::keep(&folder, config.resolved_yaml())?;
+        results::export_policy(&config.subject(), &run, actor, steps).map_err(Box::new)?;
+        Ok(())
+    }
+
+    /// Where the policies of a job are.
+    fn policies(&self, id: JobId) -> PathBuf {
+        self.job(id).policies_path(&self.path)
     }
 
     /// Writes what a job found, rows last, because they say that it is done; then its checkpoints go.

@@ -14,7 +14,7 @@ use super::{JobId, Study};
 use crate::drone_environment::{Trainer, TrainerState};
 use crate::evaluation::{Flyer, Starts, fly_episodes};
 use kestrel_learn::actor_critic::Actor;
-use kestrel_learn::ppo::{CarryOver, PpoSettings, RestoreError, WarmStart};
+use kestrel_learn::ppo::{CarryOver, PpoSettings, RestoreError, UpdateMetrics, WarmStart};
 use kestrel_learn::ranks::{self, Ranks, UnequalShares};
 use kestrel_learn::regulariser::{Learning, Regulariser, RegulariserSettings, ShippedRegulariser, distil};
 use kestrel_learn::rollout::batch_rows;
@@ -62,6 +62,17 @@ pub struct JobState {
 enum LearnerState {
     One(Box<TrainerState>),
     Many(SharingState),
+}
+
+/// What one update of a job came to.
+#[derive(Clone, Debug)]
+pub struct Advance {
+    /// Its figures; steps and updates are those of the stage.
+    pub update: UpdateMetrics,
+    /// Success rate in each task of the stage, where test flights were due: the task's index and a share in \[0, 1\].
+    pub flown: Vec<(usize, f64)>,
+    /// The stage that this update ended, from 0, if it did, and the policy after it.
+    pub ended: Option<(usize, Actor)>,
 }
 
 /// What a finished job leaves.
@@ -168,16 +179,27 @@ impl<'a> JobRun<'a> {
     ///
     /// # Panics
     /// When the job is finished.
-    pub fn advance(&mut self) {
+    pub fn advance(&mut self) -> Advance {
         assert!(!self.is_finished(), "a finished job has nothing left to do");
-        match &mut self.learner {
-            Learner::One(trainer) => drop(trainer.update_with(&mut self.progress.memory)),
-            Learner::Many(sharing) => drop(sharing.update()),
-        }
-        let solved = self.flight_is_due() && self.fly();
-        if solved || self.learner.steps() >= self.stage_steps() {
-            self.end_stage();
-        }
+        let update = match &mut self.learner {
+            Learner::One(trainer) => trainer.update_with(&mut self.progress.memory),
+            Learner::Many(sharing) => UpdateMetrics::together(&sharing.update()).expect("a study has tasks"),
+        };
+        let flown = if self.flight_is_due() { self.fly() } else { Vec::new() };
+        let stop = self.study.evaluation.stop_at_success;
+        let solved = !flown.is_empty() && stop.is_some_and(|stop| flown.iter().all(|(_, share)| *share >= stop));
+        let ends = solved || self.learner.steps() >= self.stage_steps();
+        Advance { update, flown, ended: ends.then(|| self.end_stage()) }
+    }
+
+    /// The policy as it is now: what is flown and kept.
+    pub fn actor(&self) -> Actor {
+        self.progress.keeper.clone().unwrap_or_else(|| self.learner.actor())
+    }
+
+    /// Flights of every task before training and after each stage so far.
+    pub fn rows(&self) -> &[EpisodeRow] {
+        &self.progress.rows
     }
 
     /// What the job leaves.
@@ -226,20 +248,20 @@ impl<'a> JobRun<'a> {
         self.learner.steps() >= due
     }
 
-    /// Flies the tasks of the stage for the curve; whether that was good enough to end the stage.
-    fn fly(&mut self) -> bool {
+    /// Flies the tasks of the stage for the curve; the success rate in each.
+    fn fly(&mut self) -> Vec<(usize, f64)> {
         let steps = self.learner.steps();
         let evaluation = &self.study.evaluation;
         self.progress.flights = steps * evaluation.flights_per_stage / self.stage_steps();
         let actor = self.learner.actor();
         let starts =
             Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: evaluation.flight_episodes };
-        let (mut successes, mut total, mut count, mut worst) = (0, 0.0, 0, f64::INFINITY);
+        let (mut successes, mut total, mut count, mut shares) = (0, 0.0, 0, Vec::new());
         for task in stage_indices(self.study, self.id, self.progress.stage) {
             let scenario = &self.study.tasks[task].evaluation.scenario;
             let flights = fly_episodes(scenario, Flyer::Actor(&actor), starts);
             let good = flights.iter().filter(|flight| flight.success).count();
-            worst = worst.min(good as f64 / flights.len() as f64);
+            shares.push((task, good as f64 / flights.len() as f64));
             successes += good;
             count += flights.len();
             total += flights.iter().map(|flight| f64::from(flight.total_reward)).sum::<f64>();
@@ -250,10 +272,10 @@ impl<'a> JobRun<'a> {
             success_rate: (successes as f64 / count as f64) as f32,
             episode_return: (total / count as f64) as f32,
         });
-        evaluation.stop_at_success.is_some_and(|stop| worst >= stop)
+        shares
     }
 
-    fn end_stage(&mut self) {
+    fn end_stage(&mut self) -> (usize, Actor) {
         let study = self.study;
         match (&mut self.learner, &study.methods[self.id.method].procedure) {
             (Learner::One(trainer), Procedure::Sequential { warm_start_rule, .. }) => {
@@ -280,13 +302,14 @@ impl<'a> JobRun<'a> {
                 | Procedure::Experts,
             ) => {}
         }
-        let actor = self.progress.keeper.clone().unwrap_or_else(|| self.learner.actor());
+        let (ended, actor) = (self.progress.stage, self.actor());
         self.progress.stage += 1;
         self.progress.flights = 0;
         self.judge(self.progress.stage, &actor);
         if !self.is_finished() {
             self.begin_stage();
         }
+        (ended, actor)
     }
 
     fn begin_stage(&mut self) {
@@ -391,7 +414,7 @@ fn stage_settings(study: &Study, id: JobId) -> PpoSettings {
 }
 
 /// Seed of a stage: the same for all methods, so that they begin alike and can be compared in pairs.
-fn stage_seed(seed: Seed, stage: usize) -> Seed {
+pub(super) fn stage_seed(seed: Seed, stage: usize) -> Seed {
     if stage == 0 {
         return seed;
     }

@@ -80,6 +80,18 @@ impl Procedure {
         }
     }
 
+    /// In which manner several tasks are learned, for people.
+    pub fn manner(&self) -> &'static str {
+        match self {
+            Self::Sequential { regulariser: RegulariserSettings::None, .. } => "one after the other",
+            Self::Sequential { .. } => "one after the other, with a regulariser",
+            Self::Joint => "at once",
+            Self::Sharing { .. } => "at once, by policies that are averaged",
+            Self::Experts => "each by a policy of its own",
+            Self::Distil { .. } => "one after the other, each taught to the policy that is kept",
+        }
+    }
+
     /// What its stages are.
     pub fn kind(&self) -> MethodKind {
         match self {

@@ -69,6 +69,11 @@ impl Job {
         directory.join("curves").join(&self.method).join(self.file())
     }
 
+    /// The folder of its policy, or of its policies by task.
+    pub fn policies_path(&self, directory: &Path) -> PathBuf {
+        directory.join("policies").join(&self.method).join(format!("{}-{}", self.order, self.seed))
+    }
+
     fn file(&self) -> String {
         format!("{}-{}.csv", self.order, self.seed)
     }

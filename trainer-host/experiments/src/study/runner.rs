@@ -144,7 +144,9 @@ fn work_on(directory: &StudyDirectory<'_>, id: JobId, shared: &Shared<'_>) -> Re
             return save(&run);
         }
         ranks::order::<()>(shared.ranks, &Order::Update);
-        run.advance();
+        if let Some((stage, actor)) = run.advance().ended {
+            directory.leave_policy(id, stage, (&actor, run.steps()))?;
+        }
         if run.is_finished() {
             break;
         }
@@ -175,7 +177,7 @@ pub fn follow(study: &Study, ranks: &Arc<dyn Ranks>) -> Result<(), FollowError> 
                 let (id, state) = *begun;
                 job.insert(JobRun::restore(study, id, state)?).work_with(ranks)?;
             }
-            (Order::Update, Some(job)) => job.advance(),
+            (Order::Update, Some(job)) => drop(job.advance()),
             (Order::Save, Some(job)) => drop(job.save()),
             (Order::Update | Order::Save, None) | (Order::End, _) => return Ok(()),
         }

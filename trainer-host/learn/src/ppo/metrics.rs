@@ -61,6 +61,37 @@ impl UpdateMetrics {
         }
     }
 
+    /// What several learners report together: means, and sums of steps, episodes and times; reward terms are left out,
+    /// because they may be others. None for no learner.
+    pub fn together(learners: &[Self]) -> Option<Self> {
+        let count = learners.len() as f32;
+        let mean = |value: fn(&Self) -> f32| learners.iter().map(value).sum::<f32>() / count;
+        let mean_of_some = |value: fn(&Self) -> Option<f32>| {
+            let some: Vec<f32> = learners.iter().filter_map(value).collect();
+            (!some.is_empty()).then(|| some.iter().sum::<f32>() / some.len() as f32)
+        };
+        Some(Self {
+            steps: learners.iter().map(|learner| learner.steps).sum(),
+            updates: learners.first()?.updates,
+            policy_loss: mean(|learner| learner.policy_loss),
+            value_loss: mean(|learner| learner.value_loss),
+            entropy: mean(|learner| learner.entropy),
+            approx_kl: mean(|learner| learner.approx_kl),
+            clip_fraction: mean(|learner| learner.clip_fraction),
+            explained_variance: mean(|learner| learner.explained_variance),
+            learning_rate: mean(|learner| learner.learning_rate),
+            log_std: mean(|learner| learner.log_std),
+            gradient_norm: mean(|learner| learner.gradient_norm),
+            episodes: learners.iter().map(|learner| learner.episodes).sum(),
+            episode_return: mean_of_some(|learner| learner.episode_return),
+            episode_length: mean_of_some(|learner| learner.episode_length),
+            success_rate: mean_of_some(|learner| learner.success_rate),
+            episode_terms: Vec::new(),
+            rollout_secs: learners.iter().map(|learner| learner.rollout_secs).sum(),
+            update_secs: learners.iter().map(|learner| learner.update_secs).sum(),
+        })
+    }
+
     /// Environment steps per second of this update, from its `steps_in_update`.
     pub fn steps_per_second(&self, steps_in_update: usize) -> f64 {
         steps_in_update as f64 / (self.rollout_secs + self.update_secs)

@@ -165,7 +165,8 @@ impl MethodConfig {
 }
 
 impl ProcedureConfig {
-    fn check(&self, field: &Field<'_>, tasks: usize) -> Result<Procedure, ConfigError> {
+    /// The way to learn so many tasks, checked.
+    pub(super) fn check(&self, field: &Field<'_>, tasks: usize) -> Result<Procedure, ConfigError> {
         match self {
             Self::Sequential(config) => config.check(&field.at("sequential")),
             Self::Joint {} => Ok(Procedure::Joint),

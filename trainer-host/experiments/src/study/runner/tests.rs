@@ -2,6 +2,10 @@ use std::fs;
 use std::path::Path;
 
 use super::*;
+use crate::multi_task_run::MultiTaskRun;
+use crate::results;
+use crate::run_config::{RunConfig, Subject};
+use crate::run_directory::RunDirectory;
 use crate::study::Study;
 use crate::study::config::tests::tiny;
 use crate::study::data::StudyData;
@@ -102,4 +106,41 @@ fn any_number_of_ranks_leaves_the_same_study() {
         });
         assert_eq!(found(&path(size)), found(&path(1)), "{size} ranks");
     }
+}
+
+#[test]
+fn every_job_keeps_its_policy_beside_the_configuration_that_trains_it_again() {
+    const METHODS: &str = "methods=[{name: kept, learn: {sequential: {consolidator: {anchor: {strength: {fixed: 1}}}}}}, \
+                           {name: joint, learn: {joint: {}}, training: {environments: 256, steps_per_rollout: 16, \
+                           minibatch: 1024, total_steps: 8192, epochs: 1, actor_hidden: [8], critic_hidden: [8]}}, \
+                           {name: experts, learn: {experts: {}}}]";
+    let place = tempfile::tempdir().unwrap();
+    let study = tiny(&[METHODS, "orders={these: [[high, low]]}", "seeds.first=5"]);
+    finish(&study, place.path(), 2);
+    for method in ["kept", "joint"] {
+        let kept = RunDirectory::open(&place.path().join("policies").join(method).join("0-5")).unwrap();
+        let RunConfig::Several(sole) = RunConfig::load_to_train(&kept.config(), &[]).unwrap() else {
+            panic!("{method} has several tasks");
+        };
+        let again = RunDirectory::create(&place.path().join(method), &sole.resolved_yaml).unwrap();
+        let mut run = MultiTaskRun::begin(&sole, again).unwrap();
+        run.train(&Interrupt::default()).unwrap();
+        let subject = Subject { name: &sole.name, seed: sole.seeds[0], tasks: &sole.tasks };
+        results::export_policy(&subject, run.directory(), &run.actor(), run.steps()).unwrap();
+        let [found, expected] = [&kept, run.directory()].map(|run| fs::read(run.policy()).unwrap());
+        assert!(found == expected, "{method} trained again is another policy");
+    }
+    for task in ["low", "high"] {
+        let kept = RunDirectory::open(&place.path().join("policies/experts/0-5").join(task)).unwrap();
+        let config = RunConfig::load_to_train(&kept.config(), &[]).unwrap();
+        assert_eq!(config.subject().name, task);
+        let reports = results::evaluate_run(&config.subject(), &kept).unwrap();
+        assert_eq!(reports.len(), 1);
+    }
+    let policies = |path: &Path| fs::read_dir(path.join("policies")).map_or(0, Iterator::count);
+    assert_eq!(policies(place.path()), 3);
+    let trial = place.path().join("trial");
+    let directory = StudyDirectory::open_trial(&study, &trial).unwrap();
+    run(&[directory], 1, &Interrupt::default(), &ranks::alone()).unwrap();
+    assert_eq!(policies(&trial), 0, "a search keeps none");
 }
