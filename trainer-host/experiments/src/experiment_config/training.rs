@@ -339,14 +339,6 @@ impl TrainingConfig {
         }
     }
 
-    /// Refuses [`Self::memory`] where methods of continual learning show the policy single observations.
-    pub(crate) fn refuse_memory(&self, field: &Field<'_>) -> Result<(), ConfigError> {
-        match self.memory {
-            None => Ok(()),
-            Some(_) => Err(field.at("memory").refuse("", "none: studies train policies without memory")),
-        }
-    }
-
     /// Environments, rollout, minibatch and total divide each other.
     fn check_sizes(&self, field: &Field<'_>) -> Result<(), ConfigError> {
         field.at("steps_per_rollout").whole(self.steps_per_rollout, 1..=65_536)?;

@@ -23,7 +23,7 @@ use claim::Claim;
 use crate::config_file::ConfigFile;
 use crate::experiment_config::{
     Experiment, ExperimentConfig, TrainingConfig, check_name, refuse_broken_batches, refuse_lost_teacher,
-    refuse_unsuited_encoder,
+    refuse_unsuited_encoder, refuse_unsuited_memory,
 };
 use kestrel_learn::ppo::PpoSettings;
 
@@ -200,11 +200,10 @@ impl StudyConfig {
         let tasks = check_tasks(&self.tasks, &root.at("tasks"))?;
         let orders = self.orders.check(&tasks, &root.at("orders"))?;
         self.training.refuse_analytic(&root.at("training"))?;
-        self.training.refuse_memory(&root.at("training"))?;
         let training = self.training.for_teams(teams(&tasks)).check(&root.at("training"))?;
         refuse_other_teams(&tasks, &training, &root.at("training"))?;
         refuse_unsuited(&tasks, &training, &root.at("training"))?;
-        let methods = self.check_methods(&root.at("methods"), &tasks)?;
+        let methods = self.check_methods(&root.at("methods"), &tasks, &training)?;
         let count = root.at("seeds").at("count").whole(self.seeds.count, 1..=10_000)?;
         let jobs = count * (methods.len() * orders.len()) as u64;
         if jobs > JOB_LIMIT {
@@ -226,7 +225,12 @@ impl StudyConfig {
         })
     }
 
-    fn check_methods(&self, field: &Field<'_>, tasks: &[Experiment]) -> Result<Vec<Method>, ConfigError> {
+    fn check_methods(
+        &self,
+        field: &Field<'_>,
+        tasks: &[Experiment],
+        training: &PpoSettings,
+    ) -> Result<Vec<Method>, ConfigError> {
         if self.methods.is_empty() {
             return Err(field.refuse("", "at least one method"));
         }
@@ -243,6 +247,11 @@ impl StudyConfig {
                 refuse_unsuited(tasks, training, &field.at("training"))?;
             }
             refuse_lost_images(tasks, &checked.procedure, &field.at("learn"))?;
+            refuse_lost_memory(
+                checked.training.as_ref().unwrap_or(training),
+                &checked.procedure,
+                &field.at("learn"),
+            )?;
             methods.push(checked);
         }
         Ok(methods)
@@ -299,6 +308,22 @@ fn refuse_lost_images(tasks: &[Experiment], procedure: &Procedure, learn: &Field
     Err(learn.reject("tasks with a camera", expected))
 }
 
+/// Refuses a memory where methods of continual learning would show the policy single observations.
+fn refuse_lost_memory(
+    training: &PpoSettings,
+    procedure: &Procedure,
+    learn: &Field<'_>,
+) -> Result<(), ConfigError> {
+    let keeps_it = match procedure {
+        Procedure::Joint | Procedure::Experts => true,
+        Procedure::Sequential { .. } | Procedure::Sharing { .. } | Procedure::Distil { .. } => false,
+    };
+    if training.memory.is_none() || keeps_it {
+        return Ok(());
+    }
+    Err(learn.reject("policies with a memory", "`joint` or `experts`: other methods do not carry a hidden state"))
+}
+
 /// Drones of each task that fly together.
 fn teams(tasks: &[Experiment]) -> impl Iterator<Item = usize> {
     tasks.iter().map(|task| task.scenario.agents.count as usize)
@@ -336,7 +361,8 @@ fn refuse_other_layout(first: &Experiment, task: &Experiment, field: &Field<'_>)
 fn refuse_unsuited(tasks: &[Experiment], training: &PpoSettings, field: &Field<'_>) -> Result<(), ConfigError> {
     tasks.iter().try_for_each(|task| {
         refuse_unsuited_encoder(&training.encoder, task.scenario.camera.as_ref(), field)?;
-        refuse_lost_teacher(training.teacher, &task.scenario, field)
+        refuse_lost_teacher(training.teacher, &task.scenario, field)?;
+        refuse_unsuited_memory(training, &task.scenario, field)
     })
 }
 

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     ExperimentConfig, MethodConfig, ProcedureConfig, StudyConfig, StudyEvaluationConfig, TrainingConfig, VERSION,
-    check_name, check_tasks, refuse_lost_images, refuse_other_teams, refuse_unsuited, teams,
+    check_name, check_tasks, refuse_lost_images, refuse_lost_memory, refuse_other_teams, refuse_unsuited, teams,
 };
 use crate::config_file::ConfigFile;
 use crate::experiment_config::NAME_LIMIT;
@@ -138,6 +138,7 @@ impl MultiTaskConfig {
         let learn = root.at("learn");
         let procedure = self.learn.check(&learn, tasks.len())?;
         refuse_lost_images(&tasks, &procedure, &learn)?;
+        refuse_lost_memory(&training, &procedure, &learn)?;
         if procedure == Procedure::Experts {
             let expected = "a way to one policy; `kestrel train` each of the tasks, or run a study";
             return Err(learn.refuse("experts", expected));
