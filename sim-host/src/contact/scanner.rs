@@ -58,11 +58,11 @@ struct Slab {
 struct Cells {
     low: [f32; 3],
     counts: [usize; 3],
-    /// First entry of `visible` of each cell, and the end of the last.
+    /// First entry of `visible` of each cell, and the end of the last; a world has 1,024 bodies at most.
     starts: Vec<u32>,
-    visible: Vec<u32>,
+    visible: Vec<u16>,
     /// Every body, for points outside of all cells.
-    all: Vec<u32>,
+    all: Vec<u16>,
 }
 
 /// Lowest and highest coordinates \[m, world\].
@@ -145,7 +145,7 @@ impl Slab {
 
 impl Cells {
     fn new(extents: &[Extent], scan: &Scan) -> Self {
-        let all = (0..extents.len() as u32).collect();
+        let all = (0..extents.len() as u16).collect();
         let hull = extents.iter().copied().reduce(|(low, high), (a, b)| (low.inf(&a), high.sup(&b)));
         let Some((low, high)) = hull else {
             return Self { low: [0.0; 3], counts: [0; 3], starts: vec![0], visible: Vec::new(), all };
@@ -157,14 +157,14 @@ impl Cells {
             let corner = low + Vector3::new(x as f32, y as f32, z as f32) * CELL;
             let cell = (corner, corner.add_scalar(CELL));
             let seen = extents.iter().enumerate().filter(|(_, body)| may_see(&cell, body, scan));
-            visible.extend(seen.map(|(body, _)| body as u32));
+            visible.extend(seen.map(|(body, _)| body as u16));
             starts.push(visible.len() as u32);
         }
         Self { low: low.into(), counts, starts, visible, all }
     }
 
     #[inline(always)]
-    fn visible_from(&self, point: [f32; 3]) -> &[u32] {
+    fn visible_from(&self, point: [f32; 3]) -> &[u16] {
         let mut index = 0;
         for axis in [2, 1, 0] {
             // Whatever is below the first cell, or not a number, is cast to a number beyond the last.
