@@ -185,6 +185,7 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
         if let Some(crtp) = crtp {
             crtp.exchange(vehicle, plant.state())?;
         }
+        vehicle.tend_task(*plant);
         *rotor_targets = vehicle.tick(plant.known_state(), &mut |frame| {
             note(log, secs, frame);
             links.send(frame);

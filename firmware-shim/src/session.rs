@@ -30,7 +30,7 @@ use crate::persistent_store::{PersistentStore, PersistentStoreError};
 use crate::plant::Plant;
 use crate::policy_backend::PolicyBackend;
 use crate::policy_bytes::PolicyBytes;
-use crate::vehicle::{Vehicle, VehicleProfile};
+use crate::vehicle::{PolicyRole, Vehicle, VehicleProfile};
 
 /// Latest start of a log, the year 2100 \[s since 1970\]: its microseconds are of 64 bits.
 const LOG_START_LIMIT: u64 = 4_102_444_800;
@@ -126,7 +126,8 @@ pub enum SessionError {
     },
     /// The policy needs sensors that the vehicle has not.
     #[error(
-        "policy \"{name}\" has the observation `{observation}`, which shows what sensors measure: this vehicle has none and needs one trained with `pilot`"
+        "policy \"{name}\" has the observation `{observation}`, which shows what sensors measure: this vehicle has none and needs one trained with `pilot`; \
+         `kestrel fly RUN` has those of its task"
     )]
     SensorsMissing {
         /// Of the policy.
@@ -280,6 +281,36 @@ impl<P: PolicyBackend> Session<P> {
         if layout.measured_len() > 0 {
             return Err(SessionError::SensorsMissing { name: name.to_owned(), observation: layout.name() });
         }
+        Self::unchecked(backend, policy, airframe, options)
+    }
+
+    /// As [`Self::with`], with a policy that flies nothing but the task of the plant: else the cascade flies.
+    ///
+    /// # Errors
+    /// If a link or the log cannot be had.
+    pub fn for_task(
+        backend: P,
+        policy: &PolicyIdentity,
+        airframe: &Airframe,
+        options: &SessionOptions,
+    ) -> Result<Self, SessionError> {
+        let mut session = Self::unchecked(backend, policy, airframe, options)?;
+        session.vehicle.offer_task(PolicyRole::TaskAlone);
+        Ok(session)
+    }
+
+    /// Lets peers ask for the task of the plant.
+    pub fn offer_task(&mut self) {
+        self.vehicle.offer_task(PolicyRole::SetPointsToo);
+    }
+
+    fn unchecked(
+        backend: P,
+        policy: &PolicyIdentity,
+        airframe: &Airframe,
+        options: &SessionOptions,
+    ) -> Result<Self, SessionError> {
+        let name = policy.name.as_str();
         let mut vehicle = Vehicle::new(backend, airframe, options.profile(policy.clone()));
         let store = PersistentStore::open(&mut vehicle, options.parameters.clone(), options.signing_key.clone())?;
         let (links, mut bound) = options.open_links()?;

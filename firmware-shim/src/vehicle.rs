@@ -4,6 +4,7 @@
 mod command;
 mod loss;
 mod mission;
+mod task;
 
 use core::time::Duration;
 
@@ -38,6 +39,8 @@ use crate::telemetry::{TelemetrySchedule, TelemetryStream};
 
 use self::mission::Reached;
 use loss::Losses;
+pub use task::PolicyRole;
+use task::TaskPhase;
 
 /// Answers that wait for the next tick; what a flood asks beyond it goes unanswered.
 const ANSWERS: usize = 32;
@@ -73,6 +76,8 @@ pub struct Vehicle<P> {
     /// Streams that a peer wants once more, out of turn.
     requested: heapless::Vec<TelemetryStream, { TelemetryStream::ALL.len() }>,
     losses: Losses,
+    /// The task of its plant, if that has one.
+    task: Option<(TaskPhase, PolicyRole)>,
     last_text: Option<(&'static str, f64)>,
     battery: Battery,
     latency_secs: f32,
@@ -97,6 +102,7 @@ impl<P: PolicyBackend> Vehicle<P> {
             profile,
             requested: heapless::Vec::new(),
             losses: Losses::default(),
+            task: None,
             last_text: None,
             battery: Battery::full(),
             latency_secs: 0.0,
@@ -186,7 +192,10 @@ impl<P: PolicyBackend> Vehicle<P> {
             | Command::Offboard
             | Command::Pause
             | Command::Return
-            | Command::Land => self.pause_mission(),
+            | Command::Land => {
+                self.pause_mission();
+                self.stop_task();
+            }
         }
         Ok(())
     }

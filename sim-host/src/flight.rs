@@ -117,6 +117,12 @@ impl Flight {
         self.periods as f64 / self.scenario().physics.control_rate_hz
     }
 
+    /// Goes on from another state, as if nothing had happened before.
+    pub fn put(&mut self, state: &State<f32>) {
+        self.simulation.put(0, state.map(f64::from));
+        (self.state, self.known_state) = (*state, *state);
+    }
+
     /// Advances one control period with rotor targets \[rad/s\] held.
     pub fn step(&mut self, rotor_targets: &[f32; 4]) {
         self.simulation.step_with_rotor_speeds(&self.actions, &[rotor_targets.map(f64::from)]);

@@ -4,13 +4,15 @@ use std::path::PathBuf;
 
 use kestrel_core::airframe::{Airframe, CF2X};
 use kestrel_core::dynamics::Integrator;
-use kestrel_core::policy_file::{PolicyError, PolicyFile};
+use kestrel_core::observation::ObservationLayout;
+use kestrel_core::policy_file::{PolicyError, PolicyMetadata};
+use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::{Ground, State};
 use kestrel_shim::autopilot::Mode;
 use kestrel_shim::endpoint::Counts;
 use kestrel_shim::lockstep::{ControlPeriod, Next};
 use kestrel_shim::message::sent::identity::PolicyIdentity;
-use kestrel_shim::plant::Plant;
+use kestrel_shim::plant::{Plant, TaskEnding};
 use kestrel_shim::policy_backend::PolicyBackend;
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
@@ -21,7 +23,11 @@ use kestrel_sim::seed::Seed;
 use nalgebra::Vector3;
 
 use crate::processor::{ProcessorError, ProcessorKind, ProcessorOptions, Qemu};
+use kestrel_experiments::evaluation::{EpisodeFlight, Flyer};
+use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::output::{OutputError, say};
+use kestrel_experiments::results::starts;
+use kestrel_export::policy::Policy;
 
 /// Control periods of policy and scenario may differ by this share: both are written in decimal somewhere.
 const PERIOD_TOLERANCE: f32 = 1e-5;
@@ -53,8 +59,9 @@ pub(crate) struct FlyOptions {
 /// Where to fly.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place<'a> {
-    /// The aviary, the airframe and the physics of a scenario, from the floor or a pad below its starts.
-    Scenario(&'a Scenario),
+    /// The aviary, the airframe and the physics of a task, from the floor or a pad below its starts; the policy flies the
+    /// task when a peer asks for it.
+    Task(&'a Experiment),
     /// An endless floor for a Crazyflie, when only the policy is known.
     FlatFloor,
 }
@@ -90,6 +97,14 @@ pub(crate) enum FlyError {
         /// Of the scenario \[s\].
         expected_secs: f32,
     },
+    /// The policy was trained for another task, whose sensors this one has not.
+    #[error("the policy was trained for another {differing} than the task \"{task}\" has")]
+    OtherTask {
+        /// Name of the task.
+        task: String,
+        /// What differs.
+        differing: &'static str,
+    },
     /// The policy fails its self-test, or the network refuses.
     #[error(transparent)]
     Session(Box<SessionError>),
@@ -123,12 +138,23 @@ pub(crate) fn fly(
     interrupted: &dyn Fn() -> bool,
 ) -> Result<FlightSummary, FlyError> {
     let bytes = PolicyBytes::copy_of(policy);
+    let flown = Policy::parse(bytes.bytes())?;
+    let identity = PolicyIdentity::of(flown.metadata().name, bytes.bytes());
+    let mut plant = place.plant(&flown, options.episode)?;
+    let host = options.processor.processor == ProcessorKind::Host;
+    if host && plant.task.is_some() && flies_tasks_alone(&flown) {
+        let backend = TaskAlone::of(&flown)?;
+        let session = Session::for_task(backend, &identity, place.airframe(), &options.session)?;
+        return conduct(session, &mut plant, options, interrupted);
+    }
     let policy = bytes.policy()?;
-    let mut plant = place.plant(&policy, options.episode)?;
-    let identity = PolicyIdentity::of(policy.metadata().name, bytes.bytes());
     match options.processor.processor {
         ProcessorKind::Host => {
-            conduct(Session::open(&bytes, place.airframe(), &options.session)?, &mut plant, options, interrupted)
+            let mut session = Session::open(&bytes, place.airframe(), &options.session)?;
+            if plant.task.is_some() {
+                session.offer_task();
+            }
+            conduct(session, &mut plant, options, interrupted)
         }
         ProcessorKind::Qemu => {
             let processor = Qemu::start(&options.processor.image, bytes.bytes(), &policy)?;
@@ -145,7 +171,7 @@ pub(crate) fn fly(
 /// Flies a session to its end.
 fn conduct<P: PolicyBackend>(
     mut session: Session<P>,
-    plant: &mut SimulatedFlight,
+    plant: &mut TaskPlant<'_>,
     options: &FlyOptions,
     interrupted: &dyn Fn() -> bool,
 ) -> Result<FlightSummary, FlyError> {
@@ -170,20 +196,26 @@ impl Place<'_> {
     const fn airframe(&self) -> &Airframe {
         match self {
             Self::FlatFloor => &CF2X,
-            Self::Scenario(scenario) => &scenario.airframe,
+            Self::Task(experiment) => &experiment.scenario.airframe,
         }
     }
 
-    fn plant(&self, policy: &PolicyFile, episode: Option<u64>) -> Result<SimulatedFlight, FlyError> {
+    fn plant<'b>(&'b self, policy: &'b Policy<'b>, episode: Option<u64>) -> Result<TaskPlant<'b>, FlyError> {
         let control_secs = policy.metadata().control_period_secs;
         match self {
-            Self::FlatFloor => Ok(SimulatedFlight(Flight::landed(&flat_floor(control_secs)))),
-            Self::Scenario(scenario) => {
+            Self::FlatFloor => Ok(TaskPlant::new(Flight::landed(&flat_floor(control_secs)), None)),
+            Self::Task(experiment) => {
+                let scenario = &experiment.scenario;
                 check_period(scenario, control_secs)?;
-                Ok(SimulatedFlight(match episode {
+                let flight = match episode {
                     None => Flight::landed(scenario),
                     Some(seed) => Flight::randomised(scenario, Seed(seed)),
-                }))
+                };
+                match policy.differing(&experiment.evaluation.scenario) {
+                    None => Ok(TaskPlant::new(flight, Some(TaskOfPolicy { experiment, policy }))),
+                    Some(_) if !flies_tasks_alone(policy) => Ok(TaskPlant::new(flight, None)),
+                    Some(differing) => Err(FlyError::OtherTask { task: experiment.name.clone(), differing }),
+                }
             }
         }
     }
@@ -220,6 +252,116 @@ impl Plant for SimulatedFlight {
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         self.0.step(rotor_targets);
+    }
+}
+
+/// Whether no set-point of a peer is what the policy flies to, or it sees what only its task has.
+fn flies_tasks_alone(policy: &Policy<'_>) -> bool {
+    let layout = &policy.metadata().observation;
+    match policy {
+        Policy::Seeing(_) | Policy::Recurrent(_) => true,
+        Policy::Blind(_) => !layout.shows_goal() || layout.measured_len() > 0,
+    }
+}
+
+/// In place of a policy that flies its task alone: the plant has it. Peers who select it get no answer of it, and the
+/// autopilot's fallback.
+struct TaskAlone {
+    control_secs: f32,
+    observation: ObservationLayout,
+}
+
+impl TaskAlone {
+    fn of(policy: &Policy<'_>) -> Result<Self, FlyError> {
+        let &PolicyMetadata { name, control_period_secs, observation, .. } = policy.metadata();
+        policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
+        Ok(Self { control_secs: control_period_secs, observation })
+    }
+}
+
+impl PolicyBackend for TaskAlone {
+    fn control_secs(&self) -> f32 {
+        self.control_secs
+    }
+
+    fn observation(&self) -> &ObservationLayout {
+        &self.observation
+    }
+
+    fn healthy(&mut self) -> bool {
+        true
+    }
+
+    fn reset(&mut self) {}
+
+    fn tick(&mut self, _state: &State<f32>, _setpoint: &Setpoint<f32>) -> Option<[f32; 4]> {
+        None
+    }
+}
+
+/// The task that a policy was trained for.
+#[derive(Clone, Copy)]
+struct TaskOfPolicy<'a> {
+    experiment: &'a Experiment,
+    policy: &'a Policy<'a>,
+}
+
+/// A flight that now and then is an episode of a task: the same that `kestrel evaluate` flies, sensors, noise and team mates
+/// included.
+struct TaskPlant<'a> {
+    flight: SimulatedFlight,
+    launch: State<f32>,
+    task: Option<TaskOfPolicy<'a>>,
+    episode: Option<EpisodeFlight<'a>>,
+    ending: Option<TaskEnding>,
+}
+
+impl<'a> TaskPlant<'a> {
+    fn new(flight: Flight, task: Option<TaskOfPolicy<'a>>) -> Self {
+        Self { launch: *flight.state(), flight: SimulatedFlight(flight), task, episode: None, ending: None }
+    }
+}
+
+impl Plant for TaskPlant<'_> {
+    fn state(&self) -> &State<f32> {
+        self.flight.state()
+    }
+
+    fn known_state(&self) -> &State<f32> {
+        self.flight.known_state()
+    }
+
+    fn step(&mut self, rotor_targets: &[f32; 4]) {
+        let Some(episode) = &mut self.episode else { return self.flight.step(rotor_targets) };
+        match episode.step() {
+            None => self.flight.0.put(&episode.state()),
+            Some(ended) => {
+                let secs = ended.steps as f32 * self.flight.0.scenario().physics.control_secs();
+                let verdict = if ended.success { "success" } else { "failure" };
+                self.ending = Some(TaskEnding { verdict, cause: ended.ending.name(), secs });
+                self.episode = None;
+            }
+        }
+    }
+
+    fn reset(&mut self) {
+        self.flight.0.put(&self.launch);
+    }
+
+    fn begin_task(&mut self, start: u32) {
+        let Some(TaskOfPolicy { experiment, policy }) = self.task else { return };
+        let scenario = &experiment.evaluation.scenario;
+        let episode = EpisodeFlight::begin(scenario, Flyer::Policy(policy), starts(experiment), start);
+        self.flight.0.put(&episode.state());
+        (self.episode, self.ending) = (Some(episode), None);
+    }
+
+    fn end_task(&mut self) {
+        self.episode = None;
+    }
+
+    fn take_ending(&mut self) -> Option<TaskEnding> {
+        self.ending.take()
     }
 }
 

@@ -469,6 +469,15 @@ impl<P: PolicyBackend> Autopilot<P> {
         self.fence.margin_m(point)
     }
 
+    /// Holds where the drone is, if it flies: something else has flown it there.
+    pub fn take_over(&mut self) {
+        let Some(state) = self.known_state.filter(|_| self.mode.flies()) else { return };
+        self.goal = MovingGoal::at(state.position, yaw(&state.world_from_body));
+        self.attitude_set_point = None;
+        self.authority = Authority::Peers;
+        self.enter(Mode::Holding);
+    }
+
     /// Stops where the goal is.
     fn stay(&mut self) {
         self.goal.stop();

@@ -23,6 +23,32 @@ pub trait Plant {
 
     /// Advances one control period with rotor targets \[rad/s\] held.
     fn step(&mut self, rotor_targets: &[f32; 4]);
+
+    /// Puts the drone back to where it was launched; of no effect where there is no task.
+    fn reset(&mut self) {}
+
+    /// Puts the drone to a start of its task, whose policy then flies it, whatever the rotor targets, until the episode ends;
+    /// of no effect where there is no task.
+    fn begin_task(&mut self, _start: u32) {}
+
+    /// Ends the task where the drone is.
+    fn end_task(&mut self) {}
+
+    /// How the task has ended, once after it has.
+    fn take_ending(&mut self) -> Option<TaskEnding> {
+        None
+    }
+}
+
+/// How an episode of a task has ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaskEnding {
+    /// Success or failure, by the true state.
+    pub verdict: &'static str,
+    /// What ended it, such as `time limit` or `collision`.
+    pub cause: &'static str,
+    /// Its length \[s\].
+    pub secs: f32,
 }
 
 /// The core's dynamics above an endless floor at z = 0, without wind.

@@ -29,6 +29,7 @@ impl<P: PolicyBackend> Vehicle<P> {
             511 => self.set_interval(first, second),
             512 => self.send_once(first, second),
             520 => self.send_once(148.0, 0.0),
+            31010 => self.ask_for_task(first),
             _ => self.carry_out(self.controller.order(request)),
         }
     }

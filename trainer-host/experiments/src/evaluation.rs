@@ -138,15 +138,38 @@ pub fn sightings_in_flight(scenario: &Scenario, actor: &Actor, starts: Starts) -
 
 /// Flies the episode that [`evaluate`] flies as number `start`, and keeps every state of the first drone.
 pub fn record(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts, start: u32) -> FlightPath {
-    let mut simulation = starting_at(scenario, starts, start, 1);
-    let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, start);
-    let mut states = vec![simulation.state(0)];
+    let mut flight = EpisodeFlight::begin(scenario, flyer, starts, start);
+    let mut states = vec![flight.state()];
     loop {
-        simulation.step(cockpit.act(&simulation));
-        if let Some(episode) = simulation.take_episodes().into_iter().find(|episode| episode.agent == 0) {
+        if let Some(episode) = flight.step() {
             return FlightPath { states, episode };
         }
-        states.push(simulation.state(0));
+        states.push(flight.state());
+    }
+}
+
+/// The episode that [`evaluate`] flies as number `start`, control period by control period, of the first drone.
+pub struct EpisodeFlight<'a> {
+    simulation: Simulation,
+    cockpit: Cockpit<'a, f32>,
+}
+
+impl<'a> EpisodeFlight<'a> {
+    /// At its start.
+    pub fn begin(scenario: &Scenario, flyer: Flyer<'a>, starts: Starts, start: u32) -> Self {
+        let simulation = starting_at(scenario, starts, start, 1);
+        Self { cockpit: Cockpit::new(&simulation, flyer, starts.seed, start), simulation }
+    }
+
+    /// The true state; once the episode has ended, that of another start.
+    pub fn state(&self) -> State<f32> {
+        self.simulation.state(0)
+    }
+
+    /// Flies on for one control period; the episode, if that ended it.
+    pub fn step(&mut self) -> Option<Episode> {
+        self.simulation.step(self.cockpit.act(&self.simulation));
+        self.simulation.take_episodes().into_iter().find(|episode| episode.agent == 0)
     }
 }
 

@@ -32,12 +32,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let summary = if path.is_dir() {
         let (directory, config) = run::open(path, &[])?;
         let policy = PolicyBytes::read(&directory.exported_policy()?)?;
-        fly(
-            Place::Scenario(&config.task(arguments.task.as_deref())?.scenario),
-            policy.bytes(),
-            &arguments.options,
-            &stop,
-        )
+        fly(Place::Task(config.task(arguments.task.as_deref())?), policy.bytes(), &arguments.options, &stop)
     } else {
         ensure!(arguments.task.is_none(), "found --task beside a policy file, expected the directory of a run");
         fly(Place::FlatFloor, PolicyBytes::read(path)?.bytes(), &arguments.options, &stop)

@@ -7,6 +7,7 @@ use kestrel_core::dynamics::Integrator;
 use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyMetadata};
+use kestrel_experiments::experiment_config::{self, EvaluationSettings};
 use kestrel_shim::goal::MovingGoal;
 use kestrel_shim::link::LinkError;
 use kestrel_shim::lockstep::SimulationRate;
@@ -57,6 +58,14 @@ fn scenario() -> Scenario {
     Scenario { aviary, action: action(), observation: LAYOUT, ..least }
 }
 
+/// The scenario as a task.
+fn task(scenario: &Scenario) -> Experiment {
+    let config = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/hover.yaml");
+    let hover = experiment_config::load(config.as_ref(), &[]).unwrap();
+    let evaluation = EvaluationSettings { scenario: scenario.clone(), ..hover.evaluation };
+    Experiment { scenario: scenario.clone(), evaluation, ..hover }
+}
+
 /// As fast as it goes, on any free port, to a ground station that is nowhere.
 fn options(for_secs: f64) -> FlyOptions {
     let session = SessionOptions {
@@ -72,7 +81,7 @@ fn options(for_secs: f64) -> FlyOptions {
 #[test]
 fn a_flight_begins_on_the_floor_below_the_starts_and_ends_in_time() {
     let scenario = scenario();
-    let summary = fly(Place::Scenario(&scenario), &climber(0.01), &options(2.0), &|| false).unwrap();
+    let summary = fly(Place::Task(&task(&scenario)), &climber(0.01), &options(2.0), &|| false).unwrap();
     assert!((summary.secs - 2.0).abs() < 0.006, "{}", summary.secs);
     assert!((summary.position - Vector3::new(1.0, 2.0, 0.0125)).norm() < 2e-3, "{summary:?}");
     assert_eq!((summary.mode, summary.counts.frames), (Mode::Disarmed, 0));
@@ -189,7 +198,7 @@ fn a_full_disk_ends_the_flight_with_an_error() {
 #[test]
 fn a_policy_of_another_pace_is_refused() {
     let scenario = scenario();
-    let error = fly(Place::Scenario(&scenario), &climber(0.02), &options(1.0), &|| false).unwrap_err();
+    let error = fly(Place::Task(&task(&scenario)), &climber(0.02), &options(1.0), &|| false).unwrap_err();
     let text = error.to_string();
     assert!(text.contains("every 0.02 s") && text.contains("0.01 s") && text.contains("hover"), "{text}");
 }
@@ -220,7 +229,7 @@ fn the_same_flight_has_the_same_log() {
     let log = |name: &str| {
         let path = folder.path().join(name);
         let options = FlyOptions { true_state_log: Some(path.clone()), ..options(3.0) };
-        fly(Place::Scenario(&scenario), &climber(0.01), &options, &|| false).unwrap();
+        fly(Place::Task(&task(&scenario)), &climber(0.01), &options, &|| false).unwrap();
         fs::read(path).unwrap()
     };
     assert_eq!(log("first"), log("second"));
