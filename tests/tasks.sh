@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# Runs fly their tasks behind MAVLink, as often with success as `kestrel evaluate` says: one that sees beams, one that
+# remembers. Both are trained for seconds, to be neither perfect nor hopeless.
+#
+#   tests/tasks.sh KESTREL
+#
+# Needs the Python environment of tests/run. Ends with "N passed, N failed".
+set -euo pipefail
+cd "$(dirname "$0")/.."
+kestrel=$1
+out=$(mktemp -d)
+trap 'rm -rf "$out"' EXIT
+
+trained() { # NAME CONFIG [KESTREL OPTION...]: a run in $out
+  local name=$1 config=$2
+  shift 2
+  "$kestrel" train "configs/aviaries/$config.yaml" --run "$out/$name" --set evaluation.episodes=16 "$@" >"$out/$name.log" 2>&1 ||
+    { cat "$out/$name.log"; exit 1; }
+}
+
+trained beams room-0 --set training.total_steps=524288
+trained memory incremental-cross-0 --set training.total_steps=262144 --set training.minibatch=4096 \
+  --set training.memory.units=8
+target/venv/bin/python tests/python/task_test.py "$kestrel" 12 "$out/beams" "$out/memory"
