@@ -19,6 +19,6 @@ trained() { # NAME CONFIG [KESTREL OPTION...]: a run in $out
 }
 
 trained beams room-0 --set training.total_steps=524288
-trained memory incremental-cross-0 --set training.total_steps=262144 --set training.minibatch=4096 \
+trained memory takeoff --set training.total_steps=1048576 --set training.minibatch=4096 \
   --set training.memory.units=8
 target/venv/bin/python tests/python/task_test.py "$kestrel" 12 "$out/beams" "$out/memory"

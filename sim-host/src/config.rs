@@ -71,7 +71,7 @@ use crate::rooms::{Ways, Workshop};
 use crate::scenario::{Aviary, CriticView, Goals, Preset, Scenario, TeamSuccess};
 use crate::term::{GoalKind, RewardTask, RuleTask};
 use crate::termination::Termination;
-use crate::world::Cuboid;
+use crate::world::{Cuboid, World};
 
 /// Default of [`ScenarioConfig::episode_secs`].
 const EPISODE_SECS: f64 = 8.0;
@@ -159,13 +159,11 @@ impl ScenarioConfig {
         };
         let agents = self.agents.check(&aviary.world, &field.at("agents"))?;
         self.check_team(agents.count, field)?;
-        let goals = self.goals.as_ref();
-        let goals = goals.map(|goals| goals.check(agents.count, &aviary.world, &field.at("goals"))).transpose()?;
+        let goals = self.check_goals(agents.count, &aviary.world, field)?;
         let task = RuleTask { goals: drawn.as_ref().map_or(at(aviary.goal), |_| Workshop::goals()) };
         let terminations = Termination::check_all(&self.terminations, &task, &field.at("terminations"))?;
         self.physics.settle_contacts(&mut physics, &terminations);
         self.check_drawn(&physics, field)?;
-        let goals = goals.unwrap_or(Goals::Fixed);
         let first_goals = goals.first(&aviary.goal, agents.count);
         let field_of_start = field.at("start");
         let start = match &drawn {
@@ -174,14 +172,12 @@ impl ScenarioConfig {
         };
         self.check_quiet_air(physics.preset, field)?;
         self.check_effects(&airframe, field)?;
-        let task = RewardTask {
-            goals: if goals == Goals::Fixed { GoalKind::OnePlace } else { GoalKind::Several },
-            contacts: physics.contacts,
-            ways: match &drawn {
-                None => Ways::Same(ways_of(&aviary, &airframe, &terminations)),
-                Some(rooms) => Ways::Drawn(Arc::clone(rooms)),
-            },
+        let ways = match &drawn {
+            None => Ways::Same(ways_of(&aviary, &airframe, &terminations)),
+            Some(rooms) => Ways::Drawn(Arc::clone(rooms)),
         };
+        let kind = if goals == Goals::Fixed { GoalKind::OnePlace } else { GoalKind::Several };
+        let task = RewardTask { goals: kind, contacts: physics.contacts, ways };
         let (clock, time_limit) = self.clock.check();
         Ok(Scenario {
             name: name.to_owned(),
@@ -206,6 +202,12 @@ impl ScenarioConfig {
             start,
             terminations,
         })
+    }
+
+    /// How the goals of so many drones differ or move.
+    fn check_goals(&self, drones: u32, world: &World, field: &Field<'_>) -> Result<Goals, ConfigError> {
+        let goals = self.goals.as_ref();
+        Ok(goals.map(|goals| goals.check(drones, world, &field.at("goals"))).transpose()?.unwrap_or(Goals::Fixed))
     }
 
     /// Refuses a sensor that sees more team mates than there are, and a success of all that ends the episode of the first.
