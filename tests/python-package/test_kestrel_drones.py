@@ -41,7 +41,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def remembering(tmp_path_factory):
-    training = {**TINY["training"], "memory": {"units": 8, "steps_per_window": 16}}
+    training = {**TINY["training"], "memory": {"units": 8, "steps_per_window": 4}}
     out = tmp_path_factory.mktemp("runs") / "remembering"
     return kestrel_drones.train("hover", seed=1, out=out, **{**TINY, "training": training})
 

@@ -126,7 +126,7 @@ def main():
         subprocess.run([kestrel, "train", "configs/hover.yaml", "--run", str(run), *short], check=True, capture_output=True)
         other = pathlib.Path(folder) / "recurrent"
         short = ["training.analytic=null", "training.total_steps=32768", "training.environments=256",
-                 "training.memory.units=12", "evaluation.episodes=16"]
+                 "training.memory.units=12", "training.memory.steps_per_window=4", "evaluation.episodes=16"]
         short = [word for value in short for word in ("--set", value)]
         subprocess.run([kestrel, "train", "configs/hover.yaml", "--run", str(other), *short], check=True, capture_output=True)
         for name, passes in [*checks(kestrel, run), *recurrent_checks(kestrel, other)]:

@@ -2,6 +2,7 @@
 
 import difflib
 import functools
+import functools
 import json
 import os
 from collections.abc import Mapping
@@ -36,11 +37,14 @@ TEAMS = {
 
 
 @functools.cache
+@functools.cache
 def task_paths():
-    """The shipped tasks: name and path of the YAML file."""
+    """The shipped tasks: name and path of the YAML file. Files with several tasks are for the command line."""
     paths = {}
     for folder in FOLDERS:
         for path in sorted((SHIPPED / folder).glob("*.yaml")):
+            if "\ntasks:" in path.read_text(encoding="utf-8"):
+                continue
             name = path.stem if path.stem not in paths else f"{path.parent.name}/{path.stem}"
             paths[name] = path
     return paths
