@@ -2,7 +2,6 @@
 
 import difflib
 import functools
-import functools
 import json
 import os
 from collections.abc import Mapping
