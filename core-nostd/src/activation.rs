@@ -23,6 +23,13 @@ pub fn tanh<R: Real>(x: R) -> R {
     (numerator / polynomial(&DENOMINATOR, square)).limited(-R::one(), R::one())
 }
 
+/// Logistic function, `0.5 + 0.5 tanh(x / 2)`, to within 1e-6 and never outside \[0, 1\]; NaN counts as -∞.
+#[inline(always)]
+pub fn sigmoid<R: Real>(x: R) -> R {
+    let half = R::from_f64(0.5);
+    half + half * tanh(half * x)
+}
+
 #[inline(always)]
 fn polynomial<R: Real, const N: usize>(coefficients: &[f64; N], x: R) -> R {
     let mut value = R::from_f64(coefficients[N - 1]);
@@ -46,6 +53,15 @@ mod tests {
             assert!(tanh(x) <= 1.0);
         }
         assert!(tanh(50.0_f32) > 0.999_999);
+    }
+
+    #[test]
+    fn sigmoid_is_the_logistic_function() {
+        for x in [-30.0_f32, -2.0, 0.0, 0.5, 30.0] {
+            let exact = 1.0 / (1.0 + libm::exp(-f64::from(x)));
+            assert!((f64::from(sigmoid(x)) - exact).abs() < 1e-6, "{x}");
+        }
+        assert_eq!(sigmoid(f32::NAN), sigmoid(f32::NEG_INFINITY));
     }
 
     proptest! {

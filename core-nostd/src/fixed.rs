@@ -33,7 +33,7 @@ pub use learner::OutputLearner;
 pub use tanh::TABLE as TANGENTS;
 
 #[cfg(feature = "recurrent")]
-pub(crate) use gru::{gru_bytes, gru_format};
+pub(crate) use gru::gru_format;
 pub(crate) use layer::layer_bytes;
 
 use heapless::Vec;

@@ -13,9 +13,9 @@
 //! `PyTorch`'s and Keras's multiply by r behind the matrix instead. The policy file has two layers for it, as
 //! [`crate::mlp`] lays them out: the gates, rows of r before those of z, and the candidate n.
 
-use crate::activation::tanh;
+use crate::activation::{sigmoid, tanh};
 use crate::limits::{ROW_BLOCK, WIDTH_LIMIT};
-use crate::mlp::{FloatLayer, layer_bytes};
+use crate::mlp::FloatLayer;
 use crate::policy_error::PolicyError;
 
 pub use crate::limits::UNITS_LIMIT;
@@ -25,8 +25,7 @@ pub use crate::limits::UNITS_LIMIT;
 pub struct Gru<'a> {
     gates: FloatLayer<'a>,
     candidate: FloatLayer<'a>,
-    observation_len: usize,
-    units: usize,
+    shape: MemoryShape,
 }
 
 /// What a recurrent policy remembers, in either arithmetic (384 bytes): zero at the start of an episode.
@@ -37,37 +36,44 @@ pub struct HiddenState {
     pub(crate) fixed: [i16; UNITS_LIMIT],
 }
 
-/// Refuses sizes of memory that no policy can have.
-pub(crate) fn check_units(observation_len: usize, units: usize) -> Result<(), PolicyError> {
-    let fits = units.is_multiple_of(ROW_BLOCK)
-        && (ROW_BLOCK..=UNITS_LIMIT).contains(&units)
-        && observation_len + units <= WIDTH_LIMIT;
-    fits.then_some(()).ok_or(PolicyError::Units { found: units, observation: observation_len })
+/// Sizes of a memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MemoryShape {
+    /// Values of an observation.
+    pub(crate) observation_len: usize,
+    /// Values of the hidden state.
+    pub(crate) units: usize,
 }
 
-/// The logistic function.
-fn sigmoid(x: f32) -> f32 {
-    0.5 + 0.5 * tanh(0.5 * x)
+impl MemoryShape {
+    /// Values that gates and candidate read.
+    pub(crate) fn inputs(self) -> usize {
+        self.observation_len + self.units
+    }
+
+    /// Refuses sizes that no policy can have.
+    pub(crate) fn check(self) -> Result<(), PolicyError> {
+        let Self { observation_len, units } = self;
+        let fits = units.is_multiple_of(ROW_BLOCK)
+            && (ROW_BLOCK..=UNITS_LIMIT).contains(&units)
+            && self.inputs() <= WIDTH_LIMIT;
+        fits.then_some(()).ok_or(PolicyError::Units { found: units, observation: observation_len })
+    }
 }
 
 impl<'a> Gru<'a> {
     /// A view of `parameters`, of both layers one after the other; the sizes were checked.
-    pub(crate) fn from_parameters(
-        observation_len: usize,
-        units: usize,
-        parameters: &'a [u8],
-    ) -> Result<Self, PolicyError> {
-        let inputs = observation_len + units;
-        let (gates, rest) = FloatLayer::split(parameters, inputs, 2 * units)?;
-        let (candidate, _) = FloatLayer::split(rest, inputs, units)?;
+    pub(crate) fn from_parameters(shape: MemoryShape, parameters: &'a [u8]) -> Result<Self, PolicyError> {
+        let (gates, rest) = FloatLayer::split(parameters, shape.inputs(), 2 * shape.units)?;
+        let (candidate, _) = FloatLayer::split(rest, shape.inputs(), shape.units)?;
         gates.check(0)?;
         candidate.check(1)?;
-        Ok(Self { gates, candidate, observation_len, units })
+        Ok(Self { gates, candidate, shape })
     }
 
     /// Values of an observation.
     pub(crate) fn observation_len(&self) -> usize {
-        self.observation_len
+        self.shape.observation_len
     }
 
     /// Takes the observation at the start of `inputs` into the `hidden` state, and writes that behind it.
@@ -77,21 +83,22 @@ impl<'a> Gru<'a> {
         sums: &mut [f32; WIDTH_LIMIT],
         hidden: &mut [f32; UNITS_LIMIT],
     ) {
-        let hidden = hidden.get_mut(..self.units).unwrap_or_default();
-        copy(hidden, inputs.get_mut(self.observation_len..).unwrap_or_default());
+        let MemoryShape { observation_len, units } = self.shape;
+        let hidden = hidden.get_mut(..units).unwrap_or_default();
+        copy(hidden, inputs.get_mut(observation_len..).unwrap_or_default());
         self.gates.apply(inputs, sums);
-        let back = inputs.get_mut(self.observation_len..).unwrap_or_default();
+        let back = inputs.get_mut(observation_len..).unwrap_or_default();
         for ((input, hidden), sum) in back.iter_mut().zip(&*hidden).zip(&*sums) {
             *input = sigmoid(*sum) * hidden;
         }
         // The candidate's sums take the place of those of r.
         self.candidate.apply(inputs, sums);
-        let (candidates, updates) = sums.split_at_mut_checked(self.units).unwrap_or_default();
+        let (candidates, updates) = sums.split_at_mut_checked(units).unwrap_or_default();
         for ((hidden, candidate), update) in hidden.iter_mut().zip(candidates).zip(updates) {
             let (kept, candidate) = (sigmoid(*update), tanh(*candidate));
             *hidden = candidate + kept * (*hidden - candidate);
         }
-        copy(hidden, inputs.get_mut(self.observation_len..).unwrap_or_default());
+        copy(hidden, inputs.get_mut(observation_len..).unwrap_or_default());
     }
 
     /// Weight and bias readers for exporters: of the gates, then of the candidate.
@@ -104,11 +111,6 @@ fn copy(source: &[f32], destination: &mut [f32]) {
     for (slot, value) in destination.iter_mut().zip(source) {
         *slot = *value;
     }
-}
-
-/// Bytes of both layers in a policy file.
-pub(crate) const fn gru_bytes(observation_len: usize, units: usize) -> usize {
-    layer_bytes(observation_len + units, 2 * units) + layer_bytes(observation_len + units, units)
 }
 
 impl HiddenState {

@@ -3,8 +3,9 @@
 //! The hidden state is in 2⁻¹⁵, gates in 2⁻¹⁴. Matrices read it in the format of the observation beside it, rounded: their
 //! sums are those of a first layer.
 
-use super::layer::{FixedLayer, layer_bytes};
+use super::layer::FixedLayer;
 use super::{ACTIVATION_FRACTION_BITS, FixedFormat, requantised, split_layer, tanh};
+use crate::gru::MemoryShape;
 use crate::limits::{LAYER_LIMIT, UNITS_LIMIT, WIDTH_LIMIT};
 use crate::policy_error::PolicyError;
 
@@ -21,8 +22,7 @@ const HALF_GATE: i32 = 1 << (GATE_FRACTION_BITS - 1);
 pub struct FixedGru<'a> {
     gates: FixedLayer<'a>,
     candidate: FixedLayer<'a>,
-    observation_len: usize,
-    units: usize,
+    shape: MemoryShape,
     /// Bits that the hidden state loses beside the observation.
     shift: u32,
 }
@@ -31,12 +31,12 @@ impl<'a> FixedGru<'a> {
     /// A view of `parameters`, of both layers one after the other; the sizes were checked. The observation is in the format
     /// of `network`.
     pub(crate) fn from_parameters(
-        (observation_len, units): (usize, usize),
+        shape: MemoryShape,
         network: FixedFormat,
         weight_fraction_bits: [u8; 2],
         parameters: &'a [u8],
     ) -> Result<Self, PolicyError> {
-        let inputs = observation_len + units;
+        let (inputs, units) = (shape.inputs(), shape.units);
         let bits = |weights: u8| gru_format(network, weights).sum_fraction_bits(0);
         let [gate_bits, candidate_bits] = weight_fraction_bits;
         let (gates, rest) = split_layer(parameters, inputs, 2 * units)?;
@@ -46,12 +46,12 @@ impl<'a> FixedGru<'a> {
         gates.check(0)?;
         candidate.check(0)?;
         let shift = HIDDEN_FRACTION_BITS - u32::from(network.input_fraction_bits);
-        Ok(Self { gates, candidate, observation_len, units, shift })
+        Ok(Self { gates, candidate, shape, shift })
     }
 
     /// Values of an observation.
     pub(crate) fn observation_len(&self) -> usize {
-        self.observation_len
+        self.shape.observation_len
     }
 
     /// Takes the observation at the start of `activations` into the `hidden` state, and writes that behind it.
@@ -61,17 +61,17 @@ impl<'a> FixedGru<'a> {
         sums: &mut [i32; WIDTH_LIMIT],
         hidden: &mut [i16; UNITS_LIMIT],
     ) {
-        let hidden = hidden.get_mut(..self.units).unwrap_or_default();
+        let hidden = hidden.get_mut(..self.shape.units).unwrap_or_default();
         self.show(hidden, activations);
         self.gates.apply(activations, sums);
-        let back = activations.get_mut(self.observation_len..).unwrap_or_default();
+        let back = activations.get_mut(self.shape.observation_len..).unwrap_or_default();
         for ((input, hidden), sum) in back.iter_mut().zip(&*hidden).zip(&*sums) {
             let gate = sigmoid(requantised(*sum, self.gates.multiplier));
             *input = self.rounded((gate * i32::from(*hidden) + HALF_GATE) >> GATE_FRACTION_BITS);
         }
         // The candidate's sums take the place of those of r.
         self.candidate.apply(activations, sums);
-        let (candidates, updates) = sums.split_at_mut_checked(self.units).unwrap_or_default();
+        let (candidates, updates) = sums.split_at_mut_checked(self.shape.units).unwrap_or_default();
         for ((hidden, candidate), update) in hidden.iter_mut().zip(candidates).zip(updates) {
             let kept = sigmoid(requantised(*update, self.gates.multiplier));
             let candidate = i32::from(tanh::tanh(requantised(*candidate, self.candidate.multiplier)))
@@ -85,7 +85,7 @@ impl<'a> FixedGru<'a> {
     }
 
     fn show(&self, hidden: &[i16], activations: &mut [i16; WIDTH_LIMIT]) {
-        let back = activations.get_mut(self.observation_len..).unwrap_or_default();
+        let back = activations.get_mut(self.shape.observation_len..).unwrap_or_default();
         for (slot, value) in back.iter_mut().zip(hidden) {
             *slot = self.rounded(i32::from(*value));
         }
@@ -123,9 +123,4 @@ pub(crate) fn gru_format(network: FixedFormat, weights: u8) -> FixedFormat {
     let mut weight_fraction_bits = [0; LAYER_LIMIT];
     weight_fraction_bits[0] = weights;
     FixedFormat { weight_fraction_bits, ..network }
-}
-
-/// Bytes of both layers in a policy file.
-pub(crate) const fn gru_bytes(observation_len: usize, units: usize) -> usize {
-    layer_bytes(observation_len + units, 2 * units) + layer_bytes(observation_len + units, units)
 }

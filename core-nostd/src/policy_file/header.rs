@@ -89,7 +89,7 @@ impl ParameterFormat {
         }
     }
 
-    fn layer_bytes(self, inputs: usize, outputs: usize) -> usize {
+    pub(super) fn layer_bytes(self, inputs: usize, outputs: usize) -> usize {
         match self {
             Self::Float32 => mlp::layer_bytes(inputs, outputs),
             Self::Fixed16(_) => fixed::layer_bytes(inputs, outputs),

@@ -5,8 +5,8 @@ use super::writer::{copy, copy_words, seal, section, write_layer};
 use super::{
     Arithmetic, Network, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch,
 };
-use crate::fixed::{self, FixedFormat, FixedGru, gru_format};
-use crate::gru::{self, Gru, HiddenState, check_units};
+use crate::fixed::{FixedFormat, FixedGru, gru_format};
+use crate::gru::{Gru, HiddenState, MemoryShape};
 use crate::limits::ACTION_LIMIT;
 use crate::mlp::DenseLayer;
 
@@ -76,7 +76,7 @@ impl MemoryHeader {
             let found = u16::from(u8_at(bytes, at));
             return Err(PolicyError::UnusedField { offset: HEADER_LEN + at, found });
         }
-        check_units(header.observation_len(), parsed.units)?;
+        parsed.shape(header).check()?;
         Ok(parsed)
     }
 
@@ -86,30 +86,29 @@ impl MemoryHeader {
         [low, high, gates, candidate, 0, 0, 0, 0]
     }
 
+    fn shape(&self, header: &Header) -> MemoryShape {
+        MemoryShape { observation_len: header.observation_len(), units: self.units }
+    }
+
     fn sizes(&self, header: &Header) -> FrontSizes {
-        let observation_len = header.observation_len();
+        let inputs = self.shape(header).inputs();
+        let bytes = |outputs| header.parameters.layer_bytes(inputs, outputs);
         FrontSizes {
             header_len: MEMORY_HEADER_LEN,
             features: self.units,
             image_len: 0,
-            parameter_bytes: match header.parameters {
-                ParameterFormat::Float32 => gru::gru_bytes(observation_len, self.units),
-                ParameterFormat::Fixed16(_) => fixed::gru_bytes(observation_len, self.units),
-            },
+            parameter_bytes: bytes(2 * self.units) + bytes(self.units),
         }
     }
 }
 
 impl<'a> PolicyMemory<'a> {
     fn from_parameters(header: &Header, memory: &MemoryHeader, parameters: &'a [u8]) -> Result<Self, PolicyError> {
-        let observation_len = header.observation_len();
+        let shape = memory.shape(header);
         match header.parameters {
-            ParameterFormat::Float32 => {
-                Gru::from_parameters(observation_len, memory.units, parameters).map(Self::Float32)
-            }
+            ParameterFormat::Float32 => Gru::from_parameters(shape, parameters).map(Self::Float32),
             ParameterFormat::Fixed16(format) => {
-                let sizes = (observation_len, memory.units);
-                FixedGru::from_parameters(sizes, format, memory.weight_fraction_bits, parameters)
+                FixedGru::from_parameters(shape, format, memory.weight_fraction_bits, parameters)
                     .map(Self::Fixed16)
             }
         }
@@ -181,8 +180,8 @@ impl<'a> RecurrentPolicy<'a> {
 
     /// Multiplications of an action, the memory's included, padding not counted.
     pub fn multiply_accumulates(&self) -> usize {
-        let inputs = self.policy.header.observation_len() + self.header.units;
-        self.policy.multiply_accumulates() + 3 * inputs * self.header.units
+        let shape = self.header.shape(&self.policy.header);
+        self.policy.multiply_accumulates() + 3 * shape.inputs() * shape.units
     }
 
     /// Bytes of weights and biases, the memory's and padding included.
@@ -310,9 +309,10 @@ impl RecurrentDraft<'_> {
 
     fn headers(&self) -> Result<(Header, MemoryHeader), PolicyError> {
         let MemoryDraft { gates, candidate, weight_fraction_bits } = &self.memory;
-        let (observation_len, units) = (self.policy.metadata.observation.len(), candidate.outputs);
-        check_units(observation_len, units)?;
-        let inputs = observation_len + units;
+        let shape =
+            MemoryShape { observation_len: self.policy.metadata.observation.len(), units: candidate.outputs };
+        shape.check()?;
+        let (inputs, units) = (shape.inputs(), shape.units);
         for (index, (layer, outputs)) in [(gates, 2 * units), (candidate, units)].into_iter().enumerate() {
             if !layer.is_complete() || (layer.inputs, layer.outputs) != (inputs, outputs) {
                 let (weights, biases) = (layer.weights.len(), layer.bias.len());

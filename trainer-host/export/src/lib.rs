@@ -132,20 +132,41 @@ fn report(
     calibration: &[f32],
 ) -> Result<ExportReport, PolicyError> {
     let (float, fixed) = (PolicyFile::parse(float_policy)?, PolicyFile::parse(fixed_policy)?);
-    let difference = Difference::between(&float, &fixed, calibration);
-    let observations = calibration.len() / float.metadata().observation.len();
-    Ok(ExportReport {
-        name: float.metadata().name.to_owned(),
-        calibration_observations: observations,
-        largest_observation: largest_magnitude(calibration),
-        saturations: difference.saturations,
-        largest_action_error: difference.largest,
-        mean_action_error: difference.sum / (observations * float.metadata().action.len()) as f64,
+    let contents = Contents {
         multiply_accumulates: fixed.multiply_accumulates(),
         float: FileSize { weight_bytes: float.parameter_bytes(), file_bytes: float_policy.len() },
         fixed: FileSize { weight_bytes: fixed.parameter_bytes(), file_bytes: fixed_policy.len() },
         layers: layers.iter().enumerate().map(|(index, layer)| layer_report(layer, format, index)).collect(),
-    })
+    };
+    Ok(contents.report(float.metadata(), calibration, &Difference::between(&float, &fixed, calibration)))
+}
+
+/// What is in two files of one actor.
+struct Contents {
+    multiply_accumulates: usize,
+    float: FileSize,
+    fixed: FileSize,
+    layers: Vec<LayerReport>,
+}
+
+impl Contents {
+    /// With how the files differ on some observations.
+    fn report(self, metadata: &PolicyMetadata<'_>, calibration: &[f32], difference: &Difference) -> ExportReport {
+        let Self { multiply_accumulates, float, fixed, layers } = self;
+        let observations = calibration.len() / metadata.observation.len();
+        ExportReport {
+            name: metadata.name.to_owned(),
+            calibration_observations: observations,
+            largest_observation: largest_magnitude(calibration),
+            saturations: difference.saturations,
+            largest_action_error: difference.largest,
+            mean_action_error: difference.sum / (observations * metadata.action.len()) as f64,
+            multiply_accumulates,
+            float,
+            fixed,
+            layers,
+        }
+    }
 }
 
 fn layer_report(layer: &DenseLayer<'_>, format: FixedFormat, index: usize) -> LayerReport {

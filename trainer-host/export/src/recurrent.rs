@@ -9,8 +9,8 @@ use kestrel_core::policy_file::{
 };
 
 use crate::{
-    Difference, Export, ExportError, ExportReport, FileSize, GOLDEN_VECTORS, check_calibration,
-    golden_observations, largest_magnitude, layer_report,
+    Contents, Difference, Export, ExportError, ExportReport, FileSize, GOLDEN_VECTORS, LayerReport,
+    check_calibration, golden_observations, largest_magnitude, layer_report,
 };
 
 /// The parts of an actor with a memory, which is [`kestrel_core::gru`]'s.
@@ -73,7 +73,7 @@ fn report(
         difference.add(&wanted, &found, fixed.saturations(observation));
     }
     let input_fraction_bits = u32::from(format.input_fraction_bits);
-    let of_memory = [(actor.gates, 0), (actor.candidate, 1)].map(|(layer, index)| crate::LayerReport {
+    let of_memory = [(actor.gates, 0), (actor.candidate, 1)].map(|(layer, index)| LayerReport {
         inputs: layer.inputs,
         outputs: layer.outputs,
         input_fraction_bits,
@@ -81,19 +81,13 @@ fn report(
         largest_weight: largest_magnitude(layer.weights),
     });
     let behind = actor.layers.iter().enumerate().map(|(index, layer)| layer_report(layer, format, index));
-    let observations = calibration.len() / observation_len;
-    Ok(ExportReport {
-        name: float.metadata().name.to_owned(),
-        calibration_observations: observations,
-        largest_observation: largest_magnitude(calibration),
-        saturations: difference.saturations,
-        largest_action_error: difference.largest,
-        mean_action_error: difference.sum / (observations * float.metadata().action.len()) as f64,
+    let contents = Contents {
         multiply_accumulates: fixed.multiply_accumulates(),
         float: FileSize { weight_bytes: float.parameter_bytes(), file_bytes: float_file.len() },
         fixed: FileSize { weight_bytes: fixed.parameter_bytes(), file_bytes: fixed_file.len() },
         layers: of_memory.into_iter().chain(behind).collect(),
-    })
+    };
+    Ok(contents.report(float.metadata(), calibration, &difference))
 }
 
 #[cfg(test)]

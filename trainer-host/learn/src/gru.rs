@@ -3,7 +3,7 @@
 //! A window of steps leaves a tape behind, along which the loss gradient goes back through time (truncated
 //! backpropagation, Williams & Peng 1990).
 
-use kestrel_core::activation::tanh;
+use kestrel_core::activation::{sigmoid, tanh};
 use kestrel_core::seed::Stream;
 use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
@@ -226,12 +226,6 @@ pub fn forget(values: &mut [f32], outcomes: &[Outcome]) {
             *value = if *outcome == Outcome::Running { *value } else { 0.0 };
         }
     }
-}
-
-/// The logistic function, as the core computes it.
-#[inline(always)]
-fn sigmoid(x: f32) -> f32 {
-    0.5 + 0.5 * tanh(0.5 * x)
 }
 
 /// Sums become gates, `[r, z]`, and `gated = r hidden`.
