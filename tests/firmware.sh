@@ -120,8 +120,9 @@ app_on_target() { # $out/app-stm32f405.elf, around the pilot.o of the app's own 
   local flags=("${machine[@]}" -g3 -fno-math-errno -mfp16-format=ieee -std=gnu11 -fno-strict-aliasing
     -ffunction-sections -fdata-sections -Os -Wall -Wextra -Werror)
   rm -f "$out/pilot.o"
-  make --silent -f firmware-shim/crazyflie/app/Kbuild obj="$out" KESTREL="$PWD" CARGO="$cargo" LD=arm-none-eabi-ld \
-    OBJCOPY=arm-none-eabi-objcopy "$out/pilot.o" || return 1
+  # crazyflie-firmware links with its compiler.
+  make --silent -f firmware-shim/crazyflie/app/Kbuild obj="$out" KESTREL="$PWD" CARGO="$cargo" LD=arm-none-eabi-gcc \
+    "$out/pilot.o" || return 1
   for file in "${app[@]}" tests/firmware/crazyflie/start.c; do
     objects+=("$out/$(basename "$file" .c).o")
     arm-none-eabi-gcc "${flags[@]}" "${include[@]}" -c "$file" -o "${objects[-1]}" || return 1
@@ -137,6 +138,10 @@ only_entries() { # whether the firmware sees of the pilot what it calls, and the
   [ "$names" = "T kestrel_control_period T kestrel_greatest_thrust T kestrel_reset T kestrel_take_policy T kestrel_tick " ]
 }
 
+app_size() { # COLUMN of `size`, beside initial values: of the pilot and of its controller
+  arm-none-eabi-size "$out/pilot.o" "$out/kestrel_controller.o" | awk -v column="$1" 'NR > 1 { sum += $column + $2 } END { print sum }'
+}
+
 crazyflie() {
   local size
   local include=(-I firmware-shim/crazyflie/include -I tests/firmware/crazyflie)
@@ -148,15 +153,20 @@ crazyflie() {
   verdict $? "with the thrust of the upgrade kit"
   app_here "$out/app-brushless.txt" -DCONFIG_PLATFORM_CF21BL && right_thrust "$out/app-brushless.txt"
   verdict $? "with the thrust of a Crazyflie 2.1 Brushless"
+  app_here "$out/app-pwm.txt" -DWITHOUT_COMPENSATION && right_thrust "$out/app-pwm.txt" && grep -q 'by PWM: 1' "$out/app-pwm.txt"
+  verdict $? "with duty cycles for an empty battery, in a firmware that does not compensate it"
   grep -q 'a set-point is flown to for 999 ms' "$out/app.txt" && grep -q ' 0 rotors stopped' "$out/app.txt"
   verdict $? "it holds through a lost sample, and stops listening to an old set-point"
   app_on_target
   verdict $? "it links with Bitcraze's flags, without a panic"
   only_entries
   verdict $? "it takes the place of nothing in the firmware's libraries"
-  size=$(arm-none-eabi-size "$out/pilot.o" | awk 'NR == 2 { print $1 + $2 }')
-  [ "$size" -gt 10000 ] && [ "$size" -le 31744 ]
-  verdict $? "it takes $size bytes of flash beside the policy, at most 31,744"
+  size=$(app_size 1)
+  [ "$size" -gt 10000 ] && [ "$size" -le 30000 ]
+  verdict $? "it takes $size bytes of flash beside the policy, at most 30,000"
+  size=$(app_size 3)
+  [ "$size" -gt 1000 ] && [ "$size" -le 6000 ]
+  verdict $? "it takes $size bytes of RAM, at most 6,000"
   emulated netduinoplus2 "$out/app-stm32f405.elf" >"$out/app-stm32f405.txt" && diff "$out/app.txt" "$out/app-stm32f405.txt"
   verdict $? "it flies the same on the STM32F405, and refuses the same policies"
 }

@@ -13,6 +13,8 @@ use crate::gru::{Gru, HiddenState};
 use crate::limits::{ACTION_LIMIT, ROW_BLOCK};
 pub use crate::limits::{LAYER_LIMIT, WIDTH_LIMIT};
 use crate::policy_error::PolicyError;
+#[cfg(not(feature = "float"))]
+use crate::policy_file::ParameterFormat;
 use crate::real::Real;
 
 const WIDE_ROW_BLOCK: usize = 16;
@@ -33,19 +35,30 @@ pub struct DenseLayer<'a> {
     pub bias: &'a [f32],
 }
 
-/// A network whose parameters lie in borrowed bytes.
+/// A network whose parameters lie in borrowed bytes; without the feature `float` there is none.
 #[derive(Clone, Debug)]
 pub struct Mlp<'a> {
+    /// Without a value, and with it all that follows, where there is none.
+    _supported: Supported,
     layers: Vec<FloatLayer<'a>, LAYER_LIMIT>,
     /// Values of the action.
     outputs: usize,
 }
 
+#[cfg(feature = "float")]
+type Supported = ();
+
+#[cfg(not(feature = "float"))]
+type Supported = core::convert::Infallible;
+
+/// Values of the scratch at either end of a layer.
+const SCRATCH_LEN: usize = if cfg!(feature = "float") { WIDTH_LIMIT } else { 0 };
+
 /// The two ends of a layer; owned by the caller so that neither stack nor time is spent on it.
 #[derive(Clone, Debug)]
 pub struct FloatScratch {
-    inputs: [f32; WIDTH_LIMIT],
-    outputs: [f32; WIDTH_LIMIT],
+    inputs: [f32; SCRATCH_LEN],
+    outputs: [f32; SCRATCH_LEN],
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -216,7 +229,7 @@ fn row_blocks<const ROWS: usize>(weights: &[u8], bias: &[u8], inputs: &[f32], ou
 impl FloatScratch {
     /// Contents do not matter: every inference writes before it reads.
     pub const fn new() -> Self {
-        Self { inputs: [0.0; WIDTH_LIMIT], outputs: [0.0; WIDTH_LIMIT] }
+        Self { inputs: [0.0; SCRATCH_LEN], outputs: [0.0; SCRATCH_LEN] }
     }
 }
 
@@ -235,8 +248,10 @@ impl<'a> Mlp<'a> {
     /// A view of `parameters`, the layers between `widths` one after the other.
     ///
     /// # Errors
-    /// [`PolicyError::NotFinite`], or [`PolicyError::Length`] where the parameters end too early.
+    /// [`PolicyError::NotFinite`], or [`PolicyError::Length`] where the parameters end too early; [`PolicyError::Arithmetic`]
+    /// without the feature `float`.
     pub(crate) fn from_parameters(widths: &[u16], parameters: &'a [u8]) -> Result<Self, PolicyError> {
+        let _supported = supported()?;
         let mut layers = Vec::new();
         let mut rest = parameters;
         for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {
@@ -245,8 +260,18 @@ impl<'a> Mlp<'a> {
             layers.push(layer).map_err(|_| PolicyError::LayerCount { found: LAYER_LIMIT + 1 })?;
             rest = following;
         }
-        Ok(Self { layers, outputs: usize::from(widths.last().copied().unwrap_or_default()) })
+        Ok(Self { _supported, layers, outputs: usize::from(widths.last().copied().unwrap_or_default()) })
     }
+}
+
+#[cfg(feature = "float")]
+const fn supported() -> Result<Supported, PolicyError> {
+    Ok(())
+}
+
+#[cfg(not(feature = "float"))]
+const fn supported() -> Result<Supported, PolicyError> {
+    Err(PolicyError::Arithmetic { found: ParameterFormat::Float32.identifier() })
 }
 
 impl DenseLayer<'_> {

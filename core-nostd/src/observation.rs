@@ -7,6 +7,7 @@ mod pilot;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+pub(crate) use body::PAST_ACTIONS;
 pub use body::{BODY_MOTION_LEN, BodyLayout};
 pub use input::ObservationInput;
 pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout, PilotMeasuredLayout};

@@ -1,7 +1,7 @@
 //! Simulator bridges (SITL, HIL): our simulator behind another autopilot, and our autopilot behind another simulator.
 //!
-//! A [`Plant`] with [`motors`] and [`sensors`] is a [`drone`]; PX4 ([`px4`]), ArduPilot
-//! ([`ardupilot`]) or Betaflight ([`betaflight`]) flies it. What they say and are told is pure logic, as everywhere in
+//! A [`Plant`] with [`motors`] and [`sensors`] is a [`drone`]; PX4 ([`px4`]), ArduPilot ([`ardupilot`]), Betaflight
+//! ([`betaflight`]) or Bitcraze's firmware ([`crazyflie`]) flies it. What they say and are told is pure logic, as everywhere in
 //! this crate: bytes in, bytes out, simulated time; only the modules called `server` and `client`, and [`datagram`], know
 //! sockets and clocks. The other direction is a plant of its own: [`px4::client::ExternalSimulator`].
 //!
@@ -9,6 +9,7 @@
 
 pub mod ardupilot;
 pub mod betaflight;
+pub mod crazyflie;
 pub mod datagram;
 pub mod drone;
 pub mod event;
@@ -29,6 +30,7 @@ use std::time::Duration;
 
 use kestrel_core::airframe::Airframe;
 
+use crate::crtp::link::DEFAULT_PORT;
 use crate::geodesy::Home;
 use crate::lockstep::{Next, SimulationRate};
 use crate::plant::Plant;
@@ -55,6 +57,8 @@ pub enum ExternalAutopilot {
     Betaflight,
     /// The same, built with `ENABLE_GAZEBO_BRIDGE=0`
     BetaflightLegacy,
+    /// Bitcraze's firmware, built for a host as CrazySim builds it, UDP 19950 and up; clients at UDP 19850 and up
+    Crazyflie,
 }
 
 /// Options of every command that bridges its simulation to an autopilot.
@@ -72,13 +76,19 @@ pub struct BridgeOptions {
     #[arg(long, value_name = "ADDRESS")]
     pub listen: Option<SocketAddr>,
 
-    /// Steps per simulated second, 50 to 2000 [default: 250 for PX4, 1200 for ArduPilot, 500 for Betaflight]
+    /// Steps per simulated second, 50 to 2000 [default: 250 for PX4, 1200 for ArduPilot, 500 for Betaflight, 1000 for
+    /// Crazyflie]
     #[arg(long, value_name = "HERTZ", value_parser = clap::value_parser!(u32).range(50..=2000))]
     pub rate_hz: Option<u32>,
 
-    /// How the peer numbers its motors [default: quad-x, betaflight for Betaflight]
+    /// How the peer numbers its motors [default: quad-x, betaflight for Betaflight, crazyflie for Crazyflie]
     #[arg(long, value_enum, value_name = "ORDER")]
     pub motors: Option<MotorOrder>,
+
+    /// Thrust that the peer takes for the greatest of a motor, in newtons [default: 0.12 for Crazyflie, `THRUST_MAX` of its
+    /// firmware; else the airframe's]
+    #[arg(long, value_name = "NEWTONS", value_parser = positive_newtons)]
+    pub motor_thrust: Option<f64>,
 
     /// Seed of the instruments' noise, or "off"
     #[arg(long, value_name = "SEED", default_value_t = Noise::Seeded(0))]
@@ -131,8 +141,16 @@ pub enum BridgeError {
     #[error("Betaflight's ports are fixed: expected --instance 0, found {0}")]
     Instance(u16),
     /// The autopilot takes no remote control from its simulator.
-    #[error("ArduPilot takes no remote control from its simulator: expected no --radio, found {0}")]
-    Radio(Radio),
+    #[error("{peer} takes no remote control from its simulator: expected no --radio, found {radio}")]
+    Radio {
+        /// Who does not.
+        peer: &'static str,
+        /// What it would be.
+        radio: Radio,
+    },
+    /// The autopilot has a clock of its own.
+    #[error("Bitcraze's firmware has a clock of its own: expected --rate-hz 1000 and --speed 1, found {0}")]
+    Clock(String),
     /// The airframe is none that autopilots fly.
     #[error(transparent)]
     Motors(#[from] MotorError),
@@ -157,6 +175,8 @@ pub struct SimulatorBridge {
 enum Socket {
     Tcp(Listener),
     Udp(DatagramSocket),
+    /// The autopilot's, and the one at which its clients look for it.
+    UdpWithClients(DatagramSocket, DatagramSocket),
 }
 
 impl BridgeError {
@@ -174,6 +194,7 @@ impl ExternalAutopilot {
             Self::Px4 => "PX4",
             Self::Ardupilot => "ArduPilot",
             Self::Betaflight | Self::BetaflightLegacy => "Betaflight",
+            Self::Crazyflie => "Bitcraze's firmware",
         }
     }
 
@@ -182,6 +203,7 @@ impl ExternalAutopilot {
             Self::Px4 => 250,
             Self::Ardupilot => 1200,
             Self::Betaflight | Self::BetaflightLegacy => 500,
+            Self::Crazyflie => crazyflie::RATE_HZ,
         }
     }
 
@@ -190,6 +212,16 @@ impl ExternalAutopilot {
             Self::Px4 => (MotorOrder::QuadX, ThrustCurve::PX4),
             Self::Ardupilot => (MotorOrder::QuadX, ThrustCurve::ARDUPILOT),
             Self::Betaflight | Self::BetaflightLegacy => (MotorOrder::Betaflight, ThrustCurve::BETAFLIGHT),
+            // Battery compensation makes thrust of the ratios.
+            Self::Crazyflie => (MotorOrder::Crazyflie, ThrustCurve::PX4),
+        }
+    }
+
+    /// Thrust that it takes for the greatest of a motor \[N\], if it has its own idea of it: `THRUST_MAX` of a Crazyflie 2.1.
+    const fn motor_thrust(self) -> Option<f64> {
+        match self {
+            Self::Px4 | Self::Ardupilot | Self::Betaflight | Self::BetaflightLegacy => None,
+            Self::Crazyflie => Some(0.12),
         }
     }
 
@@ -201,6 +233,7 @@ impl ExternalAutopilot {
             Self::Betaflight | Self::BetaflightLegacy => {
                 return betaflight::server::BetaflightAddresses::default().outputs;
             }
+            Self::Crazyflie => 19950 + instance,
         };
         SocketAddr::from(([127, 0, 0, 1], port))
     }
@@ -218,17 +251,26 @@ impl BridgeOptions {
     }
 
     fn check(&self) -> Result<(), BridgeError> {
-        match (self.peer, self.instance, self.radio) {
-            (ExternalAutopilot::Betaflight | ExternalAutopilot::BetaflightLegacy, 1.., _) => {
+        let peer = self.peer.name();
+        match (self.peer, self.radio) {
+            (ExternalAutopilot::Betaflight | ExternalAutopilot::BetaflightLegacy, _) if self.instance > 0 => {
                 Err(BridgeError::Instance(self.instance))
             }
-            (ExternalAutopilot::Ardupilot, _, Some(radio)) => Err(BridgeError::Radio(radio)),
+            (ExternalAutopilot::Ardupilot | ExternalAutopilot::Crazyflie, Some(radio)) => {
+                Err(BridgeError::Radio { peer, radio })
+            }
+            (ExternalAutopilot::Crazyflie, None) if self.rate_hz() != crazyflie::RATE_HZ => {
+                Err(BridgeError::Clock(format!("--rate-hz {}", self.rate_hz())))
+            }
+            (ExternalAutopilot::Crazyflie, None) if self.speed != SimulationRate::Speed(1.0) => {
+                Err(BridgeError::Clock("another --speed".to_owned()))
+            }
             (
                 ExternalAutopilot::Px4
                 | ExternalAutopilot::Ardupilot
                 | ExternalAutopilot::Betaflight
-                | ExternalAutopilot::BetaflightLegacy,
-                _,
+                | ExternalAutopilot::BetaflightLegacy
+                | ExternalAutopilot::Crazyflie,
                 _,
             ) => Ok(()),
         }
@@ -236,7 +278,26 @@ impl BridgeOptions {
 
     fn motors(&self, airframe: &Airframe) -> Result<Motors, MotorError> {
         let (order, curve) = self.peer.motors();
-        Motors::new(airframe, self.motors.unwrap_or(order), curve)
+        let motors = Motors::new(airframe, self.motors.unwrap_or(order), curve)?;
+        Ok(match self.motor_thrust.or(self.peer.motor_thrust()) {
+            Some(newtons) => motors.with_greatest_thrust(newtons, airframe),
+            None => motors,
+        })
+    }
+
+    /// Where clients of Bitcraze's firmware look for it.
+    fn clients_address(&self) -> SocketAddr {
+        let chosen = |address: SocketAddr| if address.port() == 0 { 0 } else { DEFAULT_PORT + self.instance };
+        let port = self.listen.map_or(DEFAULT_PORT + self.instance, chosen);
+        SocketAddr::from(([127, 0, 0, 1], port))
+    }
+}
+
+/// A thrust on the command line.
+fn positive_newtons(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(newtons) if newtons > 0.0 && newtons <= 1000.0 => Ok(newtons),
+        Ok(_) | Err(_) => Err(format!("expected a thrust above 0 and up to 1000 N, found \"{text}\"")),
     }
 }
 
@@ -254,6 +315,10 @@ impl SimulatorBridge {
             ExternalAutopilot::Ardupilot | ExternalAutopilot::Betaflight | ExternalAutopilot::BetaflightLegacy => {
                 Socket::Udp(DatagramSocket::open(address)?)
             }
+            ExternalAutopilot::Crazyflie => Socket::UdpWithClients(
+                DatagramSocket::open(address)?,
+                DatagramSocket::open(options.clients_address())?,
+            ),
         };
         let announcement = announcement(options, socket.address()?);
         Ok(Self { options: *options, motors, socket, announcement })
@@ -289,9 +354,15 @@ impl SimulatorBridge {
                 px4::server::Px4Server::new(&mut drone, simulator, period, options.speed)
                     .serve(listener, &mut until)
             }
-            (Socket::Udp(socket), ExternalAutopilot::Px4 | ExternalAutopilot::Ardupilot) => {
-                ardupilot::server::serve(&mut drone, socket, period, options.speed, &mut until)
+            (Socket::UdpWithClients(socket, clients), _) => {
+                let simulator = crazyflie::CrazyflieSimulator::new(options.noise);
+                crazyflie::server::CrazyflieServer::new(&mut drone, simulator, period, clients)
+                    .serve(socket, &mut until)
             }
+            (
+                Socket::Udp(socket),
+                ExternalAutopilot::Px4 | ExternalAutopilot::Ardupilot | ExternalAutopilot::Crazyflie,
+            ) => ardupilot::server::serve(&mut drone, socket, period, options.speed, &mut until),
             (Socket::Udp(socket), ExternalAutopilot::Betaflight | ExternalAutopilot::BetaflightLegacy) => {
                 let build = if options.peer == ExternalAutopilot::Betaflight {
                     BetaflightBuild::Gazebo
@@ -311,7 +382,7 @@ impl Socket {
     fn address(&self) -> Result<SocketAddr, BridgeError> {
         match self {
             Self::Tcp(listener) => listener.address(),
-            Self::Udp(socket) => socket.address(),
+            Self::Udp(socket) | Self::UdpWithClients(socket, _) => socket.address(),
         }
     }
 }
@@ -330,9 +401,10 @@ fn announcement(options: &BridgeOptions, address: SocketAddr) -> String {
     let (rate_hz, name) = (options.rate_hz(), peer.name());
     let protocol = match peer {
         ExternalAutopilot::Px4 => "TCP",
-        ExternalAutopilot::Ardupilot | ExternalAutopilot::Betaflight | ExternalAutopilot::BetaflightLegacy => {
-            "UDP"
-        }
+        ExternalAutopilot::Ardupilot
+        | ExternalAutopilot::Betaflight
+        | ExternalAutopilot::BetaflightLegacy
+        | ExternalAutopilot::Crazyflie => "UDP",
     };
     let how = match peer {
         ExternalAutopilot::Px4 => format!(
@@ -353,6 +425,12 @@ fn announcement(options: &BridgeOptions, address: SocketAddr) -> String {
             "obj/betaflight_SITL.elf, built with ENABLE_GAZEBO_BRIDGE=0\n  sticks: --radio, or any program that sends to UDP 9004"
                 .to_owned()
         }
+        ExternalAutopilot::Crazyflie => format!(
+            "cf2 {} 127.0.0.1, built as CrazySim builds crazyflie-firmware for a host\n  \
+             clients, such as cflib: udp://127.0.0.1:{}",
+            address.port(),
+            DEFAULT_PORT + instance
+        ),
     };
     format!(
         "A drone waits for {name} at {protocol} {address}: {rate_hz} steps per second, {pace}, {errors}, home {home}.\n\

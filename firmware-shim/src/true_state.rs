@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, LineWriter, Write};
 use std::path::{Path, PathBuf};
 
+use kestrel_core::attitude::Attitude;
+use kestrel_core::vehicle::State;
 use serde::Serialize;
 
 use crate::bridge::event::BridgeStep;
@@ -28,6 +30,8 @@ struct LogLine {
     position: [f32; 3],
     /// \[m/s\], world.
     velocity: [f32; 3],
+    /// Unit quaternion w, x, y, z: from body to world.
+    attitude: [f32; 4],
     armed: bool,
     mode: &'static str,
     /// \[rad/s\].
@@ -43,6 +47,8 @@ struct StepLine {
     position: [f32; 3],
     /// \[m/s\], world.
     velocity: [f32; 3],
+    /// Unit quaternion w, x, y, z: from body to world.
+    attitude: [f32; 4],
     /// \[rad/s\].
     rotor_targets: [f32; 4],
 }
@@ -76,6 +82,7 @@ impl TrueStateLog {
             secs: period.secs,
             position: period.state.position.into(),
             velocity: period.state.velocity.into(),
+            attitude: quaternion(period.state),
             armed: period.mode.armed(),
             mode: period.mode.name(),
             rotor_targets: period.rotor_targets,
@@ -91,6 +98,7 @@ impl TrueStateLog {
             secs: step.secs,
             position: step.state.position.into(),
             velocity: step.state.velocity.into(),
+            attitude: quaternion(step.state),
             rotor_targets: step.rotor_targets,
         })
     }
@@ -101,6 +109,11 @@ impl TrueStateLog {
         let whole = written.and_then(|()| file.write_all(b"\n"));
         whole.map_err(|reason| TrueStateLogError { path: path.clone(), reason })
     }
+}
+
+fn quaternion(state: &State<f32>) -> [f32; 4] {
+    let Attitude { w, x, y, z } = state.world_from_body;
+    [w, x, y, z]
 }
 
 #[cfg(test)]
@@ -130,8 +143,8 @@ mod tests {
         write(Some(&path)).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::remove_file(&path).unwrap();
-        let line = "{\"secs\":0.5,\"position\":[0.0,0.0,0.0125],\"velocity\":[0.0,0.0,0.0],\"armed\":true,\
-                    \"mode\":\"taking off\",\"rotor_targets\":[1.0,1.0,1.0,1.0]}\n";
+        let line = "{\"secs\":0.5,\"position\":[0.0,0.0,0.0125],\"velocity\":[0.0,0.0,0.0],\
+                    \"attitude\":[1.0,0.0,0.0,0.0],\"armed\":true,\"mode\":\"taking off\",\"rotor_targets\":[1.0,1.0,1.0,1.0]}\n";
         assert_eq!(text, line.repeat(2));
     }
 
@@ -144,7 +157,7 @@ mod tests {
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::remove_file(&path).unwrap();
         let line = "{\"secs\":0.5,\"position\":[0.0,0.0,0.0125],\"velocity\":[0.0,0.0,0.0],\
-                    \"rotor_targets\":[1.0,1.0,1.0,1.0]}\n";
+                    \"attitude\":[1.0,0.0,0.0,0.0],\"rotor_targets\":[1.0,1.0,1.0,1.0]}\n";
         assert_eq!(text, line);
     }
 

@@ -4,6 +4,7 @@ mod bench;
 mod bridge;
 mod command;
 mod fly;
+mod pilots;
 mod processor;
 
 use std::process::ExitCode;

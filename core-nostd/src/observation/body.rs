@@ -15,7 +15,7 @@ pub const BODY_MOTION_LEN: usize = 18;
 const INTEGRAL_LEN: usize = 3;
 
 /// Past actions that are seen: with a late state the last one is not enough to know what is coming.
-const PAST_ACTIONS: usize = 2;
+pub(crate) const PAST_ACTIONS: usize = 2;
 
 /// How fast the integral forgets \[1/s\].
 const LEAK_PER_SEC: f64 = 0.5;

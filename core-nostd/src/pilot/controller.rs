@@ -5,11 +5,14 @@ use nalgebra::Vector3;
 use crate::action::{ActionSpace, ControlMemory, Controls, Persistence};
 use crate::elementary::sin_cos_of_half_turn;
 use crate::limits::{ACTION_LIMIT, HISTORY_LIMIT, OBSERVATION_LIMIT};
-use crate::observation::{ObservationInput, ObservationLayout};
+use crate::observation::{ObservationInput, ObservationLayout, PAST_ACTIONS};
 use crate::policy_file::PolicyMetadata;
 use crate::real::Real;
 use crate::setpoint::Setpoint;
 use crate::vehicle::State;
+
+/// Past actions that are kept: as many as the layouts of these features read.
+const KEPT_ACTIONS: usize = if cfg!(feature = "reference") { HISTORY_LIMIT } else { PAST_ACTIONS };
 
 /// The past actions and the controller of one policy, whose metadata every call takes.
 #[derive(Clone, Debug)]
@@ -17,7 +20,7 @@ pub(super) struct PolicyController {
     controls: Controls<f32>,
     memory: ControlMemory<f32>,
     /// The newest action is the last.
-    history: [[f32; ACTION_LIMIT]; HISTORY_LIMIT],
+    history: [[f32; ACTION_LIMIT]; KEPT_ACTIONS],
     /// Of the position error, world.
     integral: Vector3<f32>,
     /// The last observation; here, and not on the stack of a firmware's task.
@@ -29,14 +32,14 @@ impl PolicyController {
         Self {
             controls: Controls::new(&metadata.action),
             memory: ControlMemory::new(),
-            history: [[0.0; ACTION_LIMIT]; HISTORY_LIMIT],
+            history: [[0.0; ACTION_LIMIT]; KEPT_ACTIONS],
             integral: Vector3::new(0.0, 0.0, 0.0),
             observation: [0.0; OBSERVATION_LIMIT],
         }
     }
 
     pub(super) fn reset(&mut self, metadata: &PolicyMetadata<'_>) {
-        self.history = [[0.0; ACTION_LIMIT]; HISTORY_LIMIT];
+        self.history = [[0.0; ACTION_LIMIT]; KEPT_ACTIONS];
         self.integral = Vector3::new(0.0, 0.0, 0.0);
         match metadata.action.persistence() {
             Persistence::ResetEachEpisode => self.memory = ControlMemory::new(),
@@ -83,15 +86,15 @@ impl PolicyController {
 
     /// Pushes the oldest action that the layout reads out of the history.
     fn remember(&mut self, metadata: &PolicyMetadata<'_>, action: [f32; ACTION_LIMIT]) {
-        let needed = metadata.observation.history_len().clamp(1, HISTORY_LIMIT);
-        for index in HISTORY_LIMIT - needed..HISTORY_LIMIT - 1 {
+        let needed = metadata.observation.history_len().clamp(1, KEPT_ACTIONS);
+        for index in KEPT_ACTIONS - needed..KEPT_ACTIONS - 1 {
             self.history[index] = self.history[index + 1];
         }
-        self.history[HISTORY_LIMIT - 1] = action;
+        self.history[KEPT_ACTIONS - 1] = action;
     }
 
     pub(super) fn previous_action(&self, metadata: &PolicyMetadata<'_>) -> &[f32] {
-        self.history[HISTORY_LIMIT - 1].get(..metadata.action.len()).unwrap_or_default()
+        self.history[KEPT_ACTIONS - 1].get(..metadata.action.len()).unwrap_or_default()
     }
 }
 

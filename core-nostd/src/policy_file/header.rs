@@ -82,7 +82,7 @@ impl ParameterFormat {
         }
     }
 
-    const fn identifier(self) -> u8 {
+    pub(crate) const fn identifier(self) -> u8 {
         match self {
             Self::Float32 => 1,
             Self::Fixed16(_) => 2,

@@ -4,10 +4,12 @@
  * the firmware's own PID controller. A policy that does not compute here what it did where it was exported is refused, and
  * the Crazyflie does not arm.
  *
- * Parameters (group kestrel): `enable`, 0 leaves everything to the PID controller. Logs: `answer` (why the policy does not
- * fly, 0 if it does), `flying`, `held` (ticks for which the last thrusts were held), `m1` ... `m4` (thrust in quarters of the
- * weight).
+ * Parameters (group kestrel): `enable`, 0 leaves everything to the PID controller; `pwm`, 1 if the firmware takes duty cycles
+ * for its normalized forces, and then `fullThrust` (N of a motor at full throttle and a full battery; 0 for what the policy was
+ * trained with) and `fullVoltage` (V of that battery). Logs: `answer` (why the policy does not fly, 0 if it does), `flying`,
+ * `held` (ticks for which the last thrusts were held), `m1` ... `m4` (thrust in quarters of the weight).
  */
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -20,6 +22,7 @@
 #include "controller_pid.h"
 #include "log.h"
 #include "param.h"
+#include "pm.h"
 #include "platform_defaults.h"
 
 #define DEBUG_MODULE "KESTREL"
@@ -31,8 +34,18 @@
 #define RADIANS_PER_DEGREE 0.017453292519943295f
 #define GRAVITY 9.81f /* m/s^2 */
 
-/* A quarter of the drone's weight as a share of the greatest thrust of a motor, both as this firmware has them. */
-#define SHARE_OF_QUARTER_WEIGHT (0.25f * CF_MASS * GRAVITY / THRUST_MAX)
+/* A quarter of the drone's weight, as this firmware has it [N]. */
+#define QUARTER_WEIGHT (0.25f * CF_MASS * GRAVITY)
+
+/* A firmware that compensates the battery makes thrust of shares. Another makes duty cycles of them. */
+#ifdef CONFIG_ENABLE_THRUST_BAT_COMPENSATED
+#define PWM 0
+#else
+#define PWM 1
+#endif
+
+/* Below, the measurement of the battery's voltage is broken, or there is no battery [V]. */
+#define LEAST_VOLTAGE 2.0f
 
 /* While a state is refused, the last thrusts are held so long before the PID controller takes over: one lost sample is
  * forgiven, and 10 ms is less than an attitude loop needs. */
@@ -44,8 +57,8 @@
 static KestrelPilot pilot;
 static int32_t refusal = KESTREL_NO_POLICY;
 
-/* Reading a policy takes up to 6 KB of stack, once; the task that starts the system has 1.2. */
-#define READING_STACK_WORDS 2048
+/* Reading a policy takes 2.1 KB of stack, once; the task that starts the system has 1.2. */
+#define READING_STACK_WORDS 640
 static StackType_t reading_stack[READING_STACK_WORDS];
 static StaticTask_t reading_task;
 static volatile bool has_read;
@@ -65,6 +78,9 @@ static uint8_t flying;
 static float heading;
 
 static uint8_t enable = 1;
+static uint8_t pwm = PWM;
+static float full_thrust;
+static float full_voltage = 4.2f;
 
 void appMain(void) {
   while (true) {
@@ -95,13 +111,46 @@ void controllerOutOfTreeInit(void) {
   }
 }
 
+/* Thrust of a motor at full throttle and a full battery [N]. */
+static float greatest_thrust(void) {
+  if (!pwm) {
+    return THRUST_MAX;
+  }
+  return full_thrust > 0.0f ? full_thrust : QUARTER_WEIGHT * kestrel_greatest_thrust(&pilot);
+}
+
 /* What a firmware of another drone would get wrong is said before it arms. */
 static bool can_carry(void) {
-  const int percent_here = (int)(100.0f / SHARE_OF_QUARTER_WEIGHT);
+  const int percent_here = (int)(100.0f * greatest_thrust() / QUARTER_WEIGHT);
   const int percent_trained = (int)(100.0f * kestrel_greatest_thrust(&pilot));
-  DEBUG_PRINT("%d g, %d mN a motor: thrust %d %% of the weight, trained with %d %%\n", (int)(1000.0f * CF_MASS + 0.5f),
-              (int)(1000.0f * THRUST_MAX + 0.5f), percent_here, percent_trained);
+  DEBUG_PRINT("%d g, %d mN a motor%s: thrust %d %% of the weight, trained with %d %%\n", (int)(1000.0f * CF_MASS + 0.5f),
+              (int)(1000.0f * greatest_thrust() + 0.5f), pwm ? " by PWM" : "", percent_here, percent_trained);
   return percent_here > 110;
+}
+
+/* Duty cycle for a share of the greatest thrust: a rotor turns in proportion to the voltage of its motor, and its thrust grows
+ * with the square of that. */
+static float duty_of(float share) {
+  const float voltage = pmGetBatteryVoltage();
+  const float duty = sqrtf(share) * (voltage > LEAST_VOLTAGE ? full_voltage / voltage : 1.0f);
+  return duty < 1.0f ? duty : 1.0f;
+}
+
+/* What the firmware calls normalized forces: shares of the greatest thrust, or duty cycles. A policy may have been trained with
+ * stronger motors. What is missing is taken from all rotors alike, so that the drone sinks and does not tip over. */
+static void command(control_t *control) {
+  const float limit = greatest_thrust() / QUARTER_WEIGHT;
+  float excess = 0.0f;
+  for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
+    const float beyond = thrusts[rotor] - limit;
+    excess = beyond > excess ? beyond : excess;
+  }
+  control->controlMode = controlModeForce;
+  for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
+    const float left = thrusts[rotor] - excess;
+    const float share = left > 0.0f ? left / limit : 0.0f;
+    control->normalizedForces[rotor] = pwm ? duty_of(share) : share;
+  }
 }
 
 bool controllerOutOfTreeTest(void) {
@@ -173,16 +222,18 @@ void controllerOutOfTree(control_t *control, const setpoint_t *setpoint, const s
   if (!flying) {
     return;
   }
-  control->controlMode = controlModeForce;
-  for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
-    const float share = SHARE_OF_QUARTER_WEIGHT * thrusts[rotor];
-    control->normalizedForces[rotor] = share < 1.0f ? share : 1.0f;
-  }
+  command(control);
 }
 
 PARAM_GROUP_START(kestrel)
 /* 0: the PID controller flies */
 PARAM_ADD(PARAM_UINT8, enable, &enable)
+/* 1: normalized forces are duty cycles, as in a firmware that does not compensate its battery */
+PARAM_ADD(PARAM_UINT8, pwm, &pwm)
+/* Thrust of a motor at full throttle and a full battery [N]; 0: what the policy was trained with */
+PARAM_ADD(PARAM_FLOAT, fullThrust, &full_thrust)
+/* Voltage of a full battery [V] */
+PARAM_ADD(PARAM_FLOAT, fullVoltage, &full_voltage)
 PARAM_GROUP_STOP(kestrel)
 
 LOG_GROUP_START(kestrel)

@@ -9,7 +9,7 @@
 /*
  Words of a `KestrelPilot`.
  */
-#define KESTREL_PILOT_WORDS 592
+#define KESTREL_PILOT_WORDS 248
 
 /*
  A pilot takes place and flies.

@@ -47,6 +47,21 @@ impl DatagramSocket {
         }
     }
 
+    /// The next datagram and its sender, if one has arrived.
+    ///
+    /// # Errors
+    /// [`BridgeError::Socket`] if the socket itself fails.
+    pub fn poll(&mut self) -> Result<Option<(&[u8], SocketAddr)>, BridgeError> {
+        self.socket.set_nonblocking(true).map_err(BridgeError::Socket)?;
+        let received = self.socket.recv_from(&mut self.bytes);
+        self.socket.set_nonblocking(false).map_err(BridgeError::Socket)?;
+        match received {
+            Ok((len, sender)) => Ok(Some((&self.bytes[..len], sender))),
+            Err(error) if passes(&error) => Ok(None),
+            Err(error) => Err(BridgeError::Socket(error)),
+        }
+    }
+
     /// Forgets what has arrived.
     ///
     /// # Errors

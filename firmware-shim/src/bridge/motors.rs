@@ -42,6 +42,8 @@ pub struct Motors {
     rotors: [usize; 4],
     curve: ThrustCurve,
     rotor_speed_limit: f32,
+    /// Rotor speed of full throttle \[rad/s\]: beyond the limit if the autopilot takes the motors for stronger than they are.
+    full_speed: f32,
 }
 
 /// Why an airframe does not fit an autopilot.
@@ -146,7 +148,14 @@ impl Motors {
         for (rotor, corner) in rotors.iter_mut().zip(order.corners()) {
             *rotor = rotor_at(airframe, corner).ok_or(MotorError::Spin)?;
         }
-        Ok(Self { rotors, curve, rotor_speed_limit: airframe.rotor_speed_limit as f32 })
+        let rotor_speed_limit = airframe.rotor_speed_limit as f32;
+        Ok(Self { rotors, curve, rotor_speed_limit, full_speed: rotor_speed_limit })
+    }
+
+    /// The same of an autopilot that takes full throttle for a thrust of so many newtons, whatever the airframe's motors can.
+    #[must_use]
+    pub fn with_greatest_thrust(self, newtons: f64, airframe: &Airframe) -> Self {
+        Self { full_speed: (newtons / airframe.thrust_coefficient).sqrt() as f32, ..self }
     }
 
     /// Rotor targets \[rad/s\] of throttles from 0 to 1, in the airframe's order. What is no number stops its motor, what
@@ -155,7 +164,8 @@ impl Motors {
         let mut targets = [0.0; 4];
         for (rotor, throttle) in self.rotors.iter().zip(throttles) {
             let throttle = if throttle.is_finite() { throttle.clamp(0.0, 1.0) } else { 0.0 };
-            targets[*rotor] = self.rotor_speed_limit * self.curve.thrust_share(throttle).sqrt();
+            let wanted = self.full_speed * self.curve.thrust_share(throttle).sqrt();
+            targets[*rotor] = wanted.min(self.rotor_speed_limit);
         }
         targets
     }
@@ -163,7 +173,7 @@ impl Motors {
     /// Throttles from 0 to 1, in the autopilot's order, of rotor targets \[rad/s\].
     pub fn throttles(&self, rotor_targets: &[f32; 4]) -> [f32; 4] {
         self.rotors.map(|rotor| {
-            let share = rotor_targets[rotor] / self.rotor_speed_limit;
+            let share = rotor_targets[rotor] / self.full_speed;
             let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
             self.curve.throttle(share * share)
         })
@@ -272,6 +282,17 @@ mod tests {
             assert_eq!(throttle_of_pulse(pulse_us), throttle);
         }
         assert_eq!(throttle_of_pulse(f32::NAN), 0.0);
+    }
+
+    #[test]
+    fn full_throttle_is_the_thrust_that_an_autopilot_takes_it_for() {
+        let motors = Motors::new(&CF2X, MotorOrder::Crazyflie, ThrustCurve::PX4).unwrap();
+        let thrust = |speed: f32| CF2X.thrust_coefficient * f64::from(speed).powi(2);
+        let firmware = motors.with_greatest_thrust(0.12, &CF2X);
+        assert!((thrust(firmware.rotor_targets(&[1.0; 4])[0]) - 0.12).abs() < 1e-6);
+        assert!((thrust(firmware.rotor_targets(&[0.25; 4])[0]) - 0.03).abs() < 1e-6);
+        let stronger = motors.with_greatest_thrust(1.0, &CF2X);
+        assert_eq!(stronger.rotor_targets(&[1.0; 4]), [CF2X.rotor_speed_limit as f32; 4]);
     }
 
     #[test]

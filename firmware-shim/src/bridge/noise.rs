@@ -34,6 +34,8 @@ pub(super) enum Purpose {
     GpsPosition = 9,
     GpsPositionDrift = 10,
     GpsVelocity = 11,
+    MotionCapturePosition = 12,
+    MotionCaptureAttitude = 13,
 }
 
 impl FromStr for Noise {

@@ -28,6 +28,10 @@ pub(super) const QUAD_X: [Place; 4] = [[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0], [1.0,
 pub(super) const BETAFLIGHT: [Place; 4] =
     [[-1.0, 1.0, -1.0], [1.0, 1.0, 1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, -1.0]];
 
+/// Bitcraze's: FR CCW, RR CW, RL CCW, FL CW.
+pub(super) const CRAZYFLIE: [Place; 4] =
+    [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, -1.0]];
+
 /// What a peer knows of its drone.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {

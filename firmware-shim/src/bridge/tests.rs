@@ -26,6 +26,7 @@ fn every_peer_has_its_customary_address_and_rate() {
         ("--peer px4 --instance 3 --rate-hz 500", "127.0.0.1:4563", 500),
         ("--peer ardupilot --instance 2", "127.0.0.1:9022", 1200),
         ("--peer betaflight", "127.0.0.1:9001", 500),
+        ("--peer crazyflie --instance 1", "127.0.0.1:19951", 1000),
     ] {
         let options = parsed(arguments).unwrap();
         assert_eq!(options.peer.address(options.instance), address.parse().unwrap());
@@ -45,6 +46,7 @@ fn wrong_options_are_refused_in_one_message() {
         ("--peer px4 --noise loud", "found \"loud\""),
         ("--peer px4 --radio 1,2", "found \"1,2\""),
         ("--peer px4 --motors hex", "possible values: quad-x, crazyflie, betaflight"),
+        ("--peer crazyflie --motor-thrust 0", "expected a thrust above 0"),
         ("--peer px4 --for-secs 0", "expected a positive number of seconds"),
     ] {
         let error = parsed(arguments).unwrap_err();
@@ -63,7 +65,13 @@ fn what_a_peer_cannot_do_is_said_before_it_waits() {
     for (arguments, expected) in [
         ("--peer betaflight --instance 1", "expected --instance 0, found 1"),
         ("--peer betaflight-legacy --instance 1", "expected --instance 0, found 1"),
-        ("--peer ardupilot --radio 1500", "expected no --radio, found 1500"),
+        (
+            "--peer ardupilot --radio 1500",
+            "ArduPilot takes no remote control from its simulator: expected no --radio, found 1500",
+        ),
+        ("--peer crazyflie --radio 1500", "expected no --radio, found 1500"),
+        ("--peer crazyflie --rate-hz 500", "expected --rate-hz 1000 and --speed 1, found --rate-hz 500"),
+        ("--peer crazyflie --speed 2", "found another --speed"),
     ] {
         let error = opened(arguments).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
@@ -75,7 +83,7 @@ fn what_a_peer_cannot_do_is_said_before_it_waits() {
 
 #[test]
 fn a_busy_port_is_one_clear_error_for_tcp_and_udp() {
-    for peer in ["px4", "ardupilot", "betaflight"] {
+    for peer in ["px4", "ardupilot", "betaflight", "crazyflie"] {
         let first = opened(&format!("--peer {peer}")).unwrap();
         let address = first.socket.address().unwrap();
         let second = parsed(&format!("--peer {peer} --listen {address}")).unwrap();
@@ -91,6 +99,7 @@ fn the_announcement_says_what_to_start_and_where_it_waits() {
         ("--peer px4 --instance 2 --speed max", ["PX4", "bin/px4 -i 2", "as fast as the autopilot answers"]),
         ("--peer ardupilot --noise off", ["ArduPilot", "--model JSON", "without noise"]),
         ("--peer betaflight --speed 0.5", ["Betaflight", "betaflight_SITL", "0.5 times"]),
+        ("--peer crazyflie", ["Bitcraze's firmware", "cf2", "in real time"]),
     ] {
         let bridge = opened(arguments).unwrap();
         let address = bridge.socket.address().unwrap().to_string();

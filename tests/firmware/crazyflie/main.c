@@ -7,6 +7,7 @@
 #include "controller_pid.h"
 #include "kestrel.h"
 #include "platform_defaults.h"
+#include "pm.h"
 #include "policy.h"
 #include "task.h"
 
@@ -17,17 +18,41 @@ static int pid_ticks;
 static uint32_t now;
 
 extern const void *const log_answer, *const log_m1, *const log_m2, *const log_m3, *const log_m4;
-extern void *const param_enable;
+extern void *const param_enable, *const param_fullThrust, *const param_fullVoltage, *const param_pwm;
 
-/* A task runs at once, on the stack of who creates it. */
+#ifdef __arm__
+#define DEPTH_WORDS 2048
+#define PAINT 0xa5a5a5a5u
+
+/* Bytes of stack that a task takes: words below the stack pointer lose their paint. */
+static uint32_t stack_of(TaskFunction_t code, void *argument) {
+  uint32_t *top, *word;
+  __asm__ volatile("mov %0, sp" : "=r"(top));
+  for (word = top - DEPTH_WORDS; word < top - 8; word++) *word = PAINT;
+  code(argument);
+  for (word = top - DEPTH_WORDS; word < top && *word == PAINT;) word++;
+  return 4 * (uint32_t)(top - word);
+}
+#else
+static uint32_t stack_of(TaskFunction_t code, void *argument) {
+  code(argument);
+  return 0;
+}
+#endif
+
+/* FreeRTOS keeps the registers of a task on its stack, those of the floating-point unit too. */
+#define CONTEXT_BYTES 204
+
+/* A task runs at once, on the stack of who creates it; one that takes more than it has is said. */
 uint32_t xTaskGetTickCount(void) { return now; }
 void vTaskDelay(uint32_t ticks) { (void)ticks; }
 void vTaskDelete(TaskHandle_t task) { (void)task; }
 UBaseType_t uxTaskPriorityGet(TaskHandle_t task) { return task == NULL; }
 TaskHandle_t xTaskCreateStatic(TaskFunction_t code, const char *name, uint32_t stack_words, void *argument,
                                UBaseType_t priority, StackType_t *stack, StaticTask_t *task) {
-  (void)name, (void)stack_words, (void)priority, (void)stack;
-  code(argument);
+  (void)name, (void)priority, (void)stack;
+  const uint32_t taken = stack_of(code, argument);
+  if (taken + CONTEXT_BYTES > 4 * stack_words) printf("the stack overflows: %lu of %lu bytes\n", (unsigned long)taken, (unsigned long)(4 * stack_words));
   return task;
 }
 void controllerPidInit(void) {}
@@ -57,17 +82,46 @@ static void add(float value) {
   }
 }
 
+#define FULL_THRUST 0.15f /* N of a motor at full throttle and a full battery, without compensation */
+#define FULL_VOLTAGE 4.2f
+static float voltage = 3.6f;
+
+float pmGetBatteryVoltage(void) { return voltage; }
+
+/* Of a motor with a full battery [N]. */
+#ifdef CONFIG_ENABLE_THRUST_BAT_COMPENSATED
+#define GREATEST THRUST_MAX
+#else
+#define GREATEST FULL_THRUST
+#endif
+
+/* Thrust of a motor [N] that is commanded so: with compensation a share of the greatest, without a duty cycle. */
+static float thrust_of(float command) {
+#ifdef CONFIG_ENABLE_THRUST_BAT_COMPENSATED
+  return command * THRUST_MAX;
+#else
+  const float share = command * voltage / FULL_VOLTAGE;
+  return FULL_THRUST * share * share;
+#endif
+}
+
 /* Whether the motors get what the policy asked for, in shares of the weight: a rotor that shall carry a quarter of the weight gets
- * the thrust that this firmware's own constants say. */
+ * the thrust that this firmware's own constants say, less what one of them cannot give. */
 static bool carries(const control_t *control) {
   const float quarter_weight = CF_MASS * 9.81f / 4.0f;
+  const float greatest = GREATEST;
   const void *const asked[] = {log_m1, log_m2, log_m3, log_m4};
+  float excess = 0.0f;
+  for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
+    const float beyond = *(const float *)asked[rotor] * quarter_weight - greatest;
+    excess = beyond > excess ? beyond : excess;
+  }
   bool all = true;
   for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
-    const float newtons = *(const float *)asked[rotor] * quarter_weight;
-    const float wanted = newtons < THRUST_MAX ? newtons : THRUST_MAX;
-    const float error = control->normalizedForces[rotor] * THRUST_MAX - wanted;
-    all = all && error < 1e-4f * THRUST_MAX && error > -1e-4f * THRUST_MAX;
+    const float left = *(const float *)asked[rotor] * quarter_weight - excess;
+    const float most = thrust_of(1.0f), wanted = left < 0.0f ? 0.0f : left < most ? left : most;
+    const float error = thrust_of(control->normalizedForces[rotor]) - wanted;
+    all = all && error < 1e-4f * greatest && error > -1e-4f * greatest;
   }
   return all;
 }
@@ -174,7 +228,10 @@ static void damage(void) {
 }
 
 int main(void) {
+  *(float *)param_fullThrust = FULL_THRUST;
+  *(float *)param_fullVoltage = FULL_VOLTAGE;
   controllerOutOfTreeInit();
+  printf("by PWM: %d\n", *(const uint8_t *)param_pwm);
   printf("the controller's test: %d\n", controllerOutOfTreeTest());
   fly();
   lose_a_sensor();

@@ -1,5 +1,9 @@
-/* Mass and greatest thrust of a motor with battery compensation, as of crazyflie-firmware's commit 2a18fc2. */
+/* Mass and greatest thrust of a motor, as of crazyflie-firmware's commit 2a18fc2; with battery compensation unless WITHOUT_COMPENSATION
+ * is defined. */
 #pragma once
+#ifndef WITHOUT_COMPENSATION
+#define CONFIG_ENABLE_THRUST_BAT_COMPENSATED
+#endif
 #if defined(CONFIG_PLATFORM_CF21BL)
 #define CF_MASS 0.0393f /* kg */
 #define THRUST_MAX 0.2f /* N */

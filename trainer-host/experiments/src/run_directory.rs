@@ -105,6 +105,16 @@ impl RunDirectory {
         Ok(kept)
     }
 
+    /// Makes a directory at `path` for policies alone: no run is in it.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn of_policies(path: &Path) -> Result<Self, RunDirectoryError> {
+        fs::create_dir_all(path).map_err(|cause| FileError::new("create", path, cause))?;
+        remove_unfinished(path)?;
+        Ok(Self { path: path.to_owned(), _lock: None })
+    }
+
     /// Begins a run in `runs/stem-1`, or in the first higher number that nobody has taken.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 //! From a trained actor to policy files: once in float, once in fixed point, with a report of what rounding costs.
 
+pub mod cost;
 pub mod cycles;
 pub mod exchange;
 pub mod inspection;

@@ -1,22 +1,34 @@
 //! `kestrel export`.
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result, bail, ensure};
+use kestrel_core::policy_file::Arithmetic;
+use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::say;
 use kestrel_experiments::results;
 use kestrel_experiments::run_config::policy_of;
+use kestrel_experiments::run_directory::RunDirectory;
+use kestrel_export::cost::{Built, Cost, Form};
+use kestrel_export::policy::Policy;
+use kestrel_shim::policy_bytes::PolicyBytes;
 
 use super::{Done, run};
+use crate::pilots;
 
 /// Arguments of `kestrel export`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Directory of the run
-    run: PathBuf,
+    /// Directory of a run, a policy file, or the name of a pilot that comes with the program
+    #[arg(value_name = "RUN|POLICY|PILOT")]
+    source: PathBuf,
     /// What to write besides the policy files
     #[arg(long, value_enum, default_value_t = Target::File)]
     target: Target,
+    /// Folder to write to [default: the run's; for a policy a folder of its name, here]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
 }
 
 /// Forms of a policy.
@@ -36,17 +48,38 @@ enum Target {
     Safetensors,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let (directory, config) = run::open(&arguments.run, &[])?;
-    if directory.holds_checkpoints() {
-        let (actor, steps) = policy_of(&config, &directory)?;
-        say(format_args!("{}\n", results::export_policy(&config.subject(), &directory, &actor, steps)?))?;
-    } else {
-        // Of a job of a study there is the exported policy alone.
-        directory.require_policies()?;
+impl Target {
+    /// Which of a run's two policies it is made of.
+    const fn arithmetic(self) -> Option<Arithmetic> {
+        match self {
+            Self::File => None,
+            Self::Rust | Self::C | Self::Crazyflie => Some(Arithmetic::Fixed16),
+            Self::Onnx | Self::Safetensors => Some(Arithmetic::Float32),
+        }
     }
-    say(directory.policy().display())?;
-    say(directory.policy_f32().display())?;
+
+    /// What a microcontroller is given.
+    const fn form(self) -> Option<Form> {
+        match self {
+            Self::File | Self::Onnx | Self::Safetensors => None,
+            Self::Rust => Some(Form::Rust),
+            Self::C => Some(Form::C),
+            Self::Crazyflie => Some(Form::Crazyflie),
+        }
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
+    let directory = directory_of(arguments)?;
+    for path in [directory.policy(), directory.policy_f32()] {
+        if path.exists() {
+            say(path.display())?;
+        }
+    }
+    let cost = match arguments.target.form() {
+        Some(form) => Some(expected_cost(&directory, form)?),
+        None => None,
+    };
     let written = match arguments.target {
         Target::File => Vec::new(),
         Target::Rust => vec![results::export_rust(&directory)?],
@@ -55,8 +88,87 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         Target::Onnx => vec![results::export_onnx(&directory)?],
         Target::Safetensors => vec![results::export_safetensors(&directory)?],
     };
-    for path in written {
+    for path in &written {
         say(path.display())?;
     }
+    if let Some(cost) = cost {
+        compare(&cost, &written)?;
+    }
     Ok(Done::Finished)
+}
+
+/// Where the policies lie, made anew of a run's checkpoints if it has some.
+fn directory_of(arguments: &Arguments) -> Result<RunDirectory> {
+    let (source, output) = (&arguments.source, arguments.output.as_deref());
+    if source.is_dir() {
+        let (directory, config) = run::open(source, &[])?;
+        if directory.holds_checkpoints() {
+            let (actor, steps) = policy_of(&config, &directory)?;
+            say(format_args!("{}\n", results::export_policy(&config.subject(), &directory, &actor, steps)?))?;
+        } else {
+            // Of a job of a study there is the exported policy alone.
+            directory.require_policies()?;
+        }
+        let Some(output) = output else { return Ok(directory) };
+        let copies = RunDirectory::of_policies(output)?;
+        for (from, to) in [(directory.policy(), copies.policy()), (directory.policy_f32(), copies.policy_f32())] {
+            write_atomically(&to, &fs::read(&from).with_context(|| format!("cannot read {}", from.display()))?)?;
+        }
+        return Ok(copies);
+    }
+    let (bytes, stem) = policy_file(source)?;
+    let copies = RunDirectory::of_policies(output.unwrap_or(Path::new(&stem)))?;
+    let policy = Policy::parse(bytes.bytes()).with_context(|| format!("cannot export {}", source.display()))?;
+    let found = policy.arithmetic();
+    if let Some(expected) = arguments.target.arithmetic() {
+        ensure!(
+            found == expected,
+            "{} is in {}, expected a policy in {} for this target: export the run that it is from",
+            source.display(),
+            found.name(),
+            expected.name()
+        );
+    }
+    let path = match found {
+        Arithmetic::Fixed16 => copies.policy(),
+        Arithmetic::Float32 => copies.policy_f32(),
+    };
+    write_atomically(&path, bytes.bytes())?;
+    Ok(copies)
+}
+
+/// A policy by its file or its name, and what a folder for it is called.
+fn policy_file(source: &Path) -> Result<(PolicyBytes, String)> {
+    let shipped = source.to_str().and_then(pilots::pilot);
+    if source.exists() || shipped.is_none() && source.extension().is_some() {
+        let stem = source.file_stem().unwrap_or(source.as_os_str()).to_string_lossy().into_owned();
+        return Ok((PolicyBytes::read(source)?, stem));
+    }
+    match shipped {
+        Some(file) => Ok((PolicyBytes::copy_of(file), source.display().to_string())),
+        None => bail!(
+            "found neither a run nor a policy file at {}, expected one of them or a pilot that comes with the program: {}",
+            source.display(),
+            pilots::names()
+        ),
+    }
+}
+
+/// Says what a microcontroller will spend on it.
+fn expected_cost(directory: &RunDirectory, form: Form) -> Result<Cost> {
+    let path = directory.policy();
+    let bytes = PolicyBytes::read(&path)?;
+    let policy = Policy::parse(bytes.bytes()).with_context(|| format!("cannot export {}", path.display()))?;
+    let cost = Cost::of(&policy, form, bytes.bytes().len());
+    say(format_args!("It will take {cost}."))?;
+    Ok(cost)
+}
+
+/// Compares what was written with what it was to cost, if this machine has a compiler for the microcontroller.
+fn compare(cost: &Cost, written: &[PathBuf]) -> Result<()> {
+    let built = Built::of(written).context("cannot compile what was written for a Cortex-M4")?;
+    let Some(built) = built else { return Ok(()) };
+    say(format_args!("{built}"))?;
+    ensure!(built.within(cost), "it takes more than was said: please report this");
+    Ok(())
 }
