@@ -149,6 +149,11 @@ impl Motors {
         Ok(Self { rotors, curve, rotor_speed_limit: airframe.rotor_speed_limit as f32 })
     }
 
+    /// Rotor of the airframe that each motor turns.
+    pub const fn rotors(&self) -> [usize; 4] {
+        self.rotors
+    }
+
     /// Rotor targets \[rad/s\] of throttles from 0 to 1, in the airframe's order. What is no number stops its motor, what
     /// is out of range is limited.
     pub fn rotor_targets(&self, throttles: &[f32; 4]) -> [f32; 4] {

@@ -21,6 +21,7 @@ use kestrel_draw::curve::{CurveError, CurvePoint, learning_curve};
 use kestrel_draw::video::{VideoError, flight_gif};
 use kestrel_export::exchange::{ExchangeError, onnx_model, safetensors_file};
 use kestrel_export::policy::Policy;
+use kestrel_export::px4::{self, Px4Error, px4_files};
 use kestrel_export::recurrent::{RecurrentActor, export_recurrent};
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
 use kestrel_export::source::{CSource, SourceError, c_source, crazyflie_app, rust_module};
@@ -105,6 +106,9 @@ pub enum ResultsError {
     /// The policy cannot be written for other programs.
     #[error(transparent)]
     Exchange(#[from] ExchangeError),
+    /// The policy cannot fly in PX4.
+    #[error(transparent)]
+    Px4(#[from] Px4Error),
     /// The system refused a file operation.
     #[error(transparent)]
     File(#[from] FileError),
@@ -186,11 +190,31 @@ pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> 
 pub fn export_crazyflie(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
     let folder = directory.policy().with_file_name("crazyflie");
     let files = crazyflie_app(&read(&directory.policy())?)?;
-    fs::create_dir_all(&folder).map_err(|cause| FileError::new("create", &folder, cause))?;
-    for (name, text) in files {
-        write_atomically(&folder.join(name), text.as_bytes())?;
-    }
+    write_files(&folder, files.iter().map(|(name, text)| (*name, text.as_bytes())))?;
     Ok(folder)
+}
+
+/// Writes the run's float policy for PX4's neural control into the folder `px4`, and returns its path. `rotors` are those that
+/// PX4's motors 1 to 4 turn.
+///
+/// # Errors
+/// As [`export_rust`]; also when PX4 cannot show the policy what it sees, or do what it commands.
+pub fn export_px4(directory: &RunDirectory, rotors: [usize; 4]) -> Result<PathBuf, ResultsError> {
+    let folder = directory.policy().with_file_name(px4::FOLDER);
+    let files = px4_files(&read(&directory.policy_f32())?, rotors)?;
+    write_files(&folder, files.iter().map(|(name, bytes)| (*name, bytes.as_slice())))?;
+    Ok(folder)
+}
+
+fn write_files<'f>(
+    folder: &Path,
+    files: impl Iterator<Item = (&'f str, &'f [u8])>,
+) -> Result<(), ResultsError> {
+    fs::create_dir_all(folder).map_err(|cause| FileError::new("create", folder, cause))?;
+    for (name, contents) in files {
+        write_atomically(&folder.join(name), contents)?;
+    }
+    Ok(())
 }
 
 /// Writes the run's float policy as `policy.onnx` and returns its path.

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 use kestrel_experiments::output::say;
 use kestrel_experiments::results;
-use kestrel_experiments::run_config::policy_of;
+use kestrel_experiments::run_config::{RunConfig, policy_of};
+use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 
 use super::{Done, run};
 
@@ -30,6 +31,8 @@ enum Target {
     C,
     /// An app for crazyflie-firmware with the policy in fixed point: the folder crazyflie
     Crazyflie,
+    /// For PX4's neural control module, in float: the folder px4
+    Px4,
     /// A model for ONNX runtimes, in float: policy.onnx
     Onnx,
     /// Weights by name for PyTorch and others, in float: policy.safetensors
@@ -52,6 +55,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         Target::Rust => vec![results::export_rust(&directory)?],
         Target::C => results::export_c(&directory)?.into(),
         Target::Crazyflie => vec![results::export_crazyflie(&directory)?],
+        Target::Px4 => vec![results::export_px4(&directory, px4_motors(&config)?)?],
         Target::Onnx => vec![results::export_onnx(&directory)?],
         Target::Safetensors => vec![results::export_safetensors(&directory)?],
     };
@@ -59,4 +63,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         say(path.display())?;
     }
     Ok(Done::Finished)
+}
+
+/// Rotors of the task's drone that PX4's motors turn.
+fn px4_motors(config: &RunConfig) -> Result<[usize; 4]> {
+    let airframe = &config.subject().tasks[0].scenario.airframe;
+    Ok(Motors::new(airframe, MotorOrder::QuadX, ThrustCurve::PX4)?.rotors())
 }

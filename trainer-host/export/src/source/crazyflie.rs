@@ -5,7 +5,7 @@ use std::fmt::Write;
 use kestrel_core::action::ActionSpace;
 use kestrel_core::policy_file::PolicyFile;
 
-use super::{SourceError, comment, rows};
+use super::{SourceError, comment, for_px4, rows};
 
 /// What is the same for every policy: file name and contents.
 const APP: [(&str, &str); 5] = [
@@ -30,6 +30,9 @@ pub fn crazyflie_app(bytes: &[u8]) -> Result<Vec<(&'static str, String)>, Source
     }
     if let ActionSpace::Reference(_) = policy.metadata().action {
         return Err(SourceError::Published);
+    }
+    if let Some(found) = for_px4(&policy) {
+        return Err(SourceError::Px4 { found });
     }
     let mut files: Vec<(&str, String)> = APP.map(|(name, text)| (name, text.to_owned())).into();
     let about = comment(policy.metadata().name);
