@@ -86,11 +86,9 @@ impl ObservationLayout {
     /// Whether it shows where the drone should be: only such a policy can be told where to fly.
     pub const fn shows_goal(&self) -> bool {
         match self {
-            Self::Pilot(_)
-            | Self::PilotFor(_)
-            | Self::PilotMeasured(_)
-            | Self::Body(_)
-            | Self::Px4Neural(_) => true,
+            Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) | Self::Body(_) | Self::Px4Neural(_) => {
+                true
+            }
             Self::Reference(_) | Self::Kinematic(_) | Self::Measured(_) => false,
         }
     }
@@ -101,11 +99,7 @@ impl ObservationLayout {
             Self::Measured(layout) => layout.len as usize,
             Self::PilotMeasured(layout) => layout.measured_len as usize,
             Self::Body(layout) => layout.measured_len as usize,
-            Self::Pilot(_)
-            | Self::PilotFor(_)
-            | Self::Reference(_)
-            | Self::Kinematic(_)
-            | Self::Px4Neural(_) => 0,
+            Self::Pilot(_) | Self::PilotFor(_) | Self::Reference(_) | Self::Kinematic(_) | Self::Px4Neural(_) => 0,
         }
     }
 
@@ -191,11 +185,9 @@ impl ObservationLayout {
             Self::Pilot(scales) => Some((*scales, [ACTION_LEN as u8, 0])),
             Self::PilotFor(layout) => Some((layout.scales, [layout.action_len, 0])),
             Self::PilotMeasured(layout) => Some((layout.scales, [ACTION_LEN as u8, layout.measured_len])),
-            Self::Reference(_)
-            | Self::Kinematic(_)
-            | Self::Measured(_)
-            | Self::Body(_)
-            | Self::Px4Neural(_) => None,
+            Self::Reference(_) | Self::Kinematic(_) | Self::Measured(_) | Self::Body(_) | Self::Px4Neural(_) => {
+                None
+            }
         }
     }
 }

@@ -249,7 +249,9 @@ impl<'a> Network<'a> {
             *inputs += features as u16;
         }
         match &header.parameters {
-            ParameterFormat::Float32 => Mlp::from_parameters(&widths, header.activation, parameters).map(Self::Float32),
+            ParameterFormat::Float32 => {
+                Mlp::from_parameters(&widths, header.activation, parameters).map(Self::Float32)
+            }
             ParameterFormat::Fixed16(format) => {
                 FixedMlp::from_parameters(&widths, *format, parameters).map(Self::Fixed16)
             }

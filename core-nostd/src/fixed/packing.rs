@@ -1,6 +1,8 @@
 //! From trained weights to the integers of a policy file: choosing formats, rounding, laying out.
 
-use super::{COLUMN_GROUP, FixedFormat, INPUT_FRACTION_BITS_LIMIT, OBSERVATION_CODE_LIMIT, WEIGHT_FRACTION_BITS_LIMIT};
+use super::{
+    COLUMN_GROUP, FixedFormat, INPUT_FRACTION_BITS_LIMIT, OBSERVATION_CODE_LIMIT, WEIGHT_FRACTION_BITS_LIMIT,
+};
 use crate::limits::{LAYER_LIMIT, ROW_BLOCK};
 use crate::mlp::{DenseLayer, hidden_activation};
 use crate::policy_error::PolicyError;

@@ -38,9 +38,15 @@ mod tests {
     #[test]
     fn a_rectified_sum_is_rounded_and_cut_off() {
         let half = 1 << (RESULT_SHIFT - 1);
-        for (sum, expected) in
-            [(i32::MIN, 0), (-1, 0), (0, 0), (half - 1, 0), (half, 1), (1 << SUM_FRACTION_BITS, 2048), (i32::MAX, i16::MAX)]
-        {
+        for (sum, expected) in [
+            (i32::MIN, 0),
+            (-1, 0),
+            (0, 0),
+            (half - 1, 0),
+            (half, 1),
+            (1 << SUM_FRACTION_BITS, 2048),
+            (i32::MAX, i16::MAX),
+        ] {
             assert_eq!(relu(sum), expected, "{sum}");
         }
     }

@@ -75,7 +75,8 @@ fn the_format_has_not_moved() {
     };
     let shapes = [(PILOT_LEN, 20), (20, 5), (5, 4)];
     let parameters = shapes.map(|(inputs, outputs)| (numbers(inputs * outputs, 5), numbers(outputs, 3)));
-    let mut layers = [DenseLayer { inputs: 0, outputs: 0, weights: &[], bias: &[], activation: Activation::Tanh }; 3];
+    let mut layers =
+        [DenseLayer { inputs: 0, outputs: 0, weights: &[], bias: &[], activation: Activation::Tanh }; 3];
     for (layer, ((inputs, outputs), (weights, bias))) in layers.iter_mut().zip(shapes.iter().zip(&parameters)) {
         *layer = DenseLayer { inputs: *inputs, outputs: *outputs, weights, bias, ..*layer };
     }

@@ -44,7 +44,8 @@ fn hummingbird() -> ActionSpace {
 fn spaces() -> Vec<ActionSpace> {
     let reference = ReferenceActionKind::ALL
         .map(|kind| ActionSpace::Reference(reference(kind, Persistence::ResetEachEpisode)));
-    [vec![rotor_speeds(), thrust_body_rates(), velocities(), rotor_thrusts(), hummingbird()], reference.to_vec()].concat()
+    [vec![rotor_speeds(), thrust_body_rates(), velocities(), rotor_thrusts(), hummingbird()], reference.to_vec()]
+        .concat()
 }
 
 fn velocities() -> ActionSpace {

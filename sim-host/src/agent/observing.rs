@@ -3,8 +3,8 @@
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::instrument::specific_force;
 use kestrel_core::observation::{
-    BODY_MOTION_LEN, BodyLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PILOT_LEN, PX4_NEURAL_LEN,
-    PilotLayout, Px4NeuralLayout, REFERENCE_LEN, ReferenceLayout,
+    BODY_MOTION_LEN, BodyLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PILOT_LEN,
+    PX4_NEURAL_LEN, PilotLayout, Px4NeuralLayout, REFERENCE_LEN, ReferenceLayout,
 };
 use kestrel_core::real::Real;
 use nalgebra::Vector3;

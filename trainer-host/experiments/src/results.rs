@@ -206,10 +206,7 @@ pub fn export_px4(directory: &RunDirectory, rotors: [usize; 4]) -> Result<PathBu
     Ok(folder)
 }
 
-fn write_files<'f>(
-    folder: &Path,
-    files: impl Iterator<Item = (&'f str, &'f [u8])>,
-) -> Result<(), ResultsError> {
+fn write_files<'f>(folder: &Path, files: impl Iterator<Item = (&'f str, &'f [u8])>) -> Result<(), ResultsError> {
     fs::create_dir_all(folder).map_err(|cause| FileError::new("create", folder, cause))?;
     for (name, contents) in files {
         write_atomically(&folder.join(name), contents)?;

@@ -341,7 +341,13 @@ pub(crate) mod tests {
     #[test]
     fn what_the_file_cannot_hold_is_said() {
         let weights = [0.0; PILOT_LEN * 4];
-        let layer = DenseLayer { inputs: PILOT_LEN, outputs: 4, weights: &weights, bias: &[f32::NAN; 4], activation: Activation::Tanh };
+        let layer = DenseLayer {
+            inputs: PILOT_LEN,
+            outputs: 4,
+            weights: &weights,
+            bias: &[f32::NAN; 4],
+            activation: Activation::Tanh,
+        };
         let error = export(&[layer], &METADATA, &calibration(1)).unwrap_err();
         assert_eq!(error, ExportError::Policy(PolicyError::WeightsTooLarge { layer: 0 }));
     }

@@ -113,14 +113,18 @@ fn model(policy: &PolicyFile<'_>, space: &RotorThrusts, motors: &MotorParameters
     let (_, hidden) = shapes.split_last().expect("a network has a layer");
     let layer = |(index, (inputs, _)): (usize, &(usize, usize)), rows: &[usize]| Dense {
         inputs: *inputs,
-        weights: rows.iter().flat_map(|row| (0..*inputs).map(|column| policy.weight(index, *row, column))).collect(),
+        weights: rows
+            .iter()
+            .flat_map(|row| (0..*inputs).map(|column| policy.weight(index, *row, column)))
+            .collect(),
         biases: rows.iter().map(|row| policy.bias(index, *row)).collect(),
         follow: Follow::Rectifier,
     };
     let mut layers: Vec<Dense> =
         hidden.iter().enumerate().map(|shape| layer(shape, &(0..shape.1.1).collect::<Vec<usize>>())).collect();
     let mut output = layer((hidden.len(), &shapes[hidden.len()]), &rotors);
-    let [lowest, highest] = [space.lowest_rotor_speed, space.rotor_speed_limit].map(|speed| motors.output_of(speed));
+    let [lowest, highest] =
+        [space.lowest_rotor_speed, space.rotor_speed_limit].map(|speed| motors.output_of(speed));
     // Actions of -1 and 1 become the lowest and the highest output, of which the lowest is taken away before the rectifier.
     let per_action = 0.5 * (highest - lowest);
     for weight in &mut output.weights {

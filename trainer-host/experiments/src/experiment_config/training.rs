@@ -313,7 +313,9 @@ impl TrainingConfig {
         let teacher = self.teacher.map(|teacher| teacher.check(&field.at("teacher"))).transpose()?;
         let encoder = self.eye.check(&field.at("eye"))?;
         if self.activation == ActivationConfig::Relu && !encoder.trunk.is_empty() {
-            return Err(field.at("activation").refuse("relu", "tanh beside `eye.trunk`, whose layers have tangents"));
+            return Err(field
+                .at("activation")
+                .refuse("relu", "tanh beside `eye.trunk`, whose layers have tangents"));
         }
         let sizes = (self.steps_per_rollout, self.minibatch);
         let memory = self.memory.map(|memory| memory.check(sizes, field)).transpose()?;

@@ -72,7 +72,12 @@ fn computed(bytes: &[u8], observation: &[f32]) -> Vec<f32> {
 }
 
 fn x500() -> Airframe {
-    Airframe { mass: 2.06, thrust_coefficient: 8.54858e-6, rotor_speed_limit: 1000.0, ..kestrel_core::airframe::CF2X }
+    Airframe {
+        mass: 2.06,
+        thrust_coefficient: 8.54858e-6,
+        rotor_speed_limit: 1000.0,
+        ..kestrel_core::airframe::CF2X
+    }
 }
 
 fn policies(activation: Activation, space: RotorThrusts) -> Export {
@@ -131,7 +136,9 @@ fn the_sources_hold_the_model_and_the_parameters_its_motors() {
     assert_eq!(held.map(|word| u8::from_str_radix(word, 16).unwrap()).collect::<Vec<u8>>(), model);
     assert!(text("control_net.hpp").contains(&format!("control_net_tflite_size = {};", model.len())));
     let parameters = text("kestrel.params");
-    for line in ["MC_NN_MIN_RPM\t1432\t6", "MC_NN_MAX_RPM\t9549\t6", "MC_NN_THRST_COEF\t5.0000\t9", "THR_MDL_FAC\t0.8\t9"] {
+    for line in
+        ["MC_NN_MIN_RPM\t1432\t6", "MC_NN_MAX_RPM\t9549\t6", "MC_NN_THRST_COEF\t5.0000\t9", "THR_MDL_FAC\t0.8\t9"]
+    {
         assert!(parameters.contains(line), "{line}: {parameters}");
     }
 }
@@ -148,10 +155,18 @@ fn what_px4_cannot_fly_is_refused_by_name() {
     let space = RotorThrusts::new(&x500(), 0.05, 150.0);
     let refusal = |bytes: &[u8]| px4_files(bytes, ROTORS).unwrap_err().to_string();
     let tangents = policies(Activation::Tanh, space);
-    assert!(refusal(&tangents.float_policy).contains("with tangents, expected one with `training.activation: relu`"));
+    assert!(
+        refusal(&tangents.float_policy).contains("with tangents, expected one with `training.activation: relu`")
+    );
     assert!(refusal(&tangents.fixed_policy).contains("in fixed16, expected one in float32"));
     let crazyflie = export(
-        &[DenseLayer { inputs: 22, outputs: 4, weights: &[0.1; 88], bias: &[0.0; 4], activation: Activation::Tanh }],
+        &[DenseLayer {
+            inputs: 22,
+            outputs: 4,
+            weights: &[0.1; 88],
+            bias: &[0.0; 4],
+            activation: Activation::Tanh,
+        }],
         &METADATA,
         &[0.5; 22],
     );
@@ -159,7 +174,8 @@ fn what_px4_cannot_fly_is_refused_by_name() {
     assert!(crazyflie.contains("that sees `pilot`, expected one that sees `px4_neural`"), "{crazyflie}");
     // As fast as an idling motor to within a revolution per minute.
     let idling = RotorThrusts { lowest_rotor_speed: 150.01, idle_rotor_speed: 150.0, ..space };
-    let error = MotorParameters::new(&RotorThrusts { idle_rotor_speed: 150.02, ..idling }).unwrap_err().to_string();
+    let error =
+        MotorParameters::new(&RotorThrusts { idle_rotor_speed: 150.02, ..idling }).unwrap_err().to_string();
     assert!(error.contains("PX4 disarms a motor below it"), "{error}");
     let fast = MotorParameters::new(&RotorThrusts { rotor_speed_limit: 1e4, ..space }).unwrap_err().to_string();
     assert!(fast.contains("at most the 80000"), "{fast}");

@@ -13,7 +13,9 @@ pub fn rust_module(bytes: &[u8]) -> Result<String, SourceError> {
     let policy = Policy::parse(bytes)?;
     policy.self_test()?;
     let Kind { feature, runner, pilot_type, file_type, constructor } = match &policy {
-        Policy::Blind(policy) if for_px4(policy).is_some() => Kind { feature: "; it needs the feature `px4`", ..STATE_BASED },
+        Policy::Blind(policy) if for_px4(policy).is_some() => {
+            Kind { feature: "; it needs the feature `px4`", ..STATE_BASED }
+        }
         Policy::Blind(_) => STATE_BASED,
         Policy::Recurrent(policy) if for_px4(policy.network()).is_some() => {
             Kind { feature: "; it needs the features `recurrent` and `px4`", ..RECURRENT }

@@ -164,7 +164,8 @@ fn the_crazyflies_app_compiles_and_holds_the_same_file() {
 #[test]
 fn a_policy_with_other_sensors_or_without_a_goal_gets_no_app() {
     let weights = [0.01; 22 * 4];
-    let layer = DenseLayer { inputs: 22, outputs: 4, weights: &weights, bias: &[0.0; 4], activation: Activation::Tanh };
+    let layer =
+        DenseLayer { inputs: 22, outputs: 4, weights: &weights, bias: &[0.0; 4], activation: Activation::Tanh };
     let observation = ObservationLayout::Measured(MeasuredLayout { len: 22 });
     let metadata = PolicyMetadata { observation, ..METADATA };
     let policy = export(&[layer], &metadata, &[0.5; 44]).unwrap().fixed_policy;
