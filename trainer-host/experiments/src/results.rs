@@ -23,7 +23,9 @@ use kestrel_export::exchange::{ExchangeError, onnx_model, safetensors_file};
 use kestrel_export::policy::Policy;
 use kestrel_export::recurrent::{RecurrentActor, export_recurrent};
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
-use kestrel_export::source::{CSource, SourceError, c_source, crazyflie_app, rust_module};
+use kestrel_export::source::{
+    CSource, GUARD, SourceError, betaflight_controller, c_source, crazyflie_app, rust_module,
+};
 use kestrel_export::{DenseLayer, Export, ExportError, ExportReport, export};
 use kestrel_learn::actor_critic::Actor;
 
@@ -167,15 +169,16 @@ pub fn export_rust(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
     Ok(path)
 }
 
-/// Writes the run's fixed-point policy as `policy.h` and `policy.c`, and returns their paths.
+/// Writes the run's fixed-point policy as `policy.h` and `policy.c`, and `kestrel_guard.h` beside them, and returns their paths.
 ///
 /// # Errors
 /// As [`export_rust`].
-pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> {
-    let paths = ["h", "c"].map(|extension| directory.policy().with_extension(extension));
+pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 3], ResultsError> {
+    let paths = ["policy.h", "policy.c", "kestrel_guard.h"].map(|name| directory.policy().with_file_name(name));
     let CSource { header, source } = c_source(&read(&directory.policy())?)?;
     write_atomically(&paths[0], header.as_bytes())?;
     write_atomically(&paths[1], source.as_bytes())?;
+    write_atomically(&paths[2], GUARD.as_bytes())?;
     Ok(paths)
 }
 
@@ -184,8 +187,25 @@ pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> 
 /// # Errors
 /// As [`export_rust`]; also when the policy sees what an app cannot show it.
 pub fn export_crazyflie(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
-    let folder = directory.policy().with_file_name("crazyflie");
-    let files = crazyflie_app(&read(&directory.policy())?)?;
+    write_folder(directory, "crazyflie", crazyflie_app(&read(&directory.policy())?)?)
+}
+
+/// Writes a controller for Betaflight's neural forks with the run's fixed-point policy into the folder `betaflight`, and returns its
+/// path.
+///
+/// # Errors
+/// As [`export_crazyflie`].
+pub fn export_betaflight(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    write_folder(directory, "betaflight", betaflight_controller(&read(&directory.policy())?)?)
+}
+
+/// Writes files into a folder beside the policy, whose path it returns.
+fn write_folder(
+    directory: &RunDirectory,
+    name: &str,
+    files: Vec<(&'static str, String)>,
+) -> Result<PathBuf, ResultsError> {
+    let folder = directory.policy().with_file_name(name);
     fs::create_dir_all(&folder).map_err(|cause| FileError::new("create", &folder, cause))?;
     for (name, text) in files {
         write_atomically(&folder.join(name), text.as_bytes())?;

@@ -26,10 +26,12 @@ enum Target {
     File,
     /// A Rust module for firmwares that link kestrel-core: policy.rs
     Rust,
-    /// C99 without a library, in fixed point: policy.h and policy.c
+    /// C99 without a library, in fixed point: policy.h, policy.c and kestrel_guard.h
     C,
     /// An app for crazyflie-firmware with the policy in fixed point: the folder crazyflie
     Crazyflie,
+    /// The neural interface of Betaflight's forks with the policy in fixed point: the folder betaflight
+    Betaflight,
     /// A model for ONNX runtimes, in float: policy.onnx
     Onnx,
     /// Weights by name for PyTorch and others, in float: policy.safetensors
@@ -52,6 +54,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         Target::Rust => vec![results::export_rust(&directory)?],
         Target::C => results::export_c(&directory)?.into(),
         Target::Crazyflie => vec![results::export_crazyflie(&directory)?],
+        Target::Betaflight => vec![results::export_betaflight(&directory)?],
         Target::Onnx => vec![results::export_onnx(&directory)?],
         Target::Safetensors => vec![results::export_safetensors(&directory)?],
     };
