@@ -4,42 +4,18 @@
 #include <string.h>
 
 #include "controller.h"
-#include "controller_pid.h"
+#include "firmware.h"
 #include "kestrel.h"
 #include "platform_defaults.h"
 #include "policy.h"
-#include "task.h"
 
 #define TICKS 20000
+#define SPECIAL_STATES 12000
 
 static uint32_t random_state = 1;
-static int pid_ticks;
-static uint32_t now;
 
 extern const void *const log_answer, *const log_m1, *const log_m2, *const log_m3, *const log_m4;
 extern void *const param_enable;
-
-/* A task runs at once, on the stack of who creates it. */
-uint32_t xTaskGetTickCount(void) { return now; }
-void vTaskDelay(uint32_t ticks) { (void)ticks; }
-void vTaskDelete(TaskHandle_t task) { (void)task; }
-UBaseType_t uxTaskPriorityGet(TaskHandle_t task) { return task == NULL; }
-TaskHandle_t xTaskCreateStatic(TaskFunction_t code, const char *name, uint32_t stack_words, void *argument,
-                               UBaseType_t priority, StackType_t *stack, StaticTask_t *task) {
-  (void)name, (void)stack_words, (void)priority, (void)stack;
-  code(argument);
-  return task;
-}
-void controllerPidInit(void) {}
-bool controllerPidTest(void) { return true; }
-
-void controllerPid(control_t *control, const setpoint_t *setpoint, const sensorData_t *sensors, const state_t *state,
-                   const stabilizerStep_t stabilizerStep) {
-  (void)setpoint, (void)sensors, (void)state, (void)stabilizerStep;
-  pid_ticks++;
-  memset(control, 0, sizeof *control);
-  control->controlMode = controlModeLegacy;
-}
 
 /* In [-1, 1): the high bits of Knuth's generator. */
 static float uniform(void) {
@@ -143,6 +119,54 @@ static void wait_for_orders(void) {
   printf("switched off, the policy flies: %d\n", tick(&quiet, &next, &control));
 }
 
+/* Not a number (quiet, signalling), infinite, subnormal, zero, huge, or about as large as the limits. */
+static float special(void) {
+  random_state = random_state * 1664525u + 1013904223u;
+  const uint32_t noise = random_state;
+  random_state = random_state * 1664525u + 1013904223u;
+  const uint32_t bits = (noise & 0xffff0000u) | random_state >> 16;
+  const uint32_t kinds[] = {
+      (bits & 0x803fffffu) | 0x7fc00000u, (bits & 0x803fffffu) | 0x7f800001u, (bits & 0x80000000u) | 0x7f800000u,
+      bits & 0x807fffffu, bits & 0x80000000u, (bits & 0x80ffffffu) | 0x7e000000u, (bits & 0x83ffffffu) | 0x40000000u,
+  };
+  float value;
+  memcpy(&value, &kinds[(noise >> 8) % 7], sizeof value);
+  return value;
+}
+
+/* In every second tick one number of the state is special: the tick is refused with a code, or flown; no rotor stops. */
+static void meet_special_values(void) {
+  control_t control;
+  int refused = 0, stopped = 0, flown = 0;
+  *(uint8_t *)param_enable = 1;
+  for (int input = 0; input < 2 * SPECIAL_STATES; input++) {
+    float v[13] = {0.1f, 0.0f, 1.0f, 1.0f, 0.0f, 0.0f, 0.0f};
+    if (input % 2 == 1) {
+      v[input % 13] = special();
+    }
+    const setpoint_t setpoint = position_at(now++);
+    const sensorData_t sensors = {.gyro = {v[10], v[11], v[12]}};
+    const state_t state = {
+        .attitudeQuaternion = {.w = v[3], .x = v[4], .y = v[5], .z = v[6]},
+        .position = {v[0], v[1], v[2]},
+        .velocity = {v[7], v[8], v[9]},
+    };
+    controllerOutOfTree(&control, &setpoint, &sensors, &state, 0);
+    const bool policy = control.controlMode == controlModeForce;
+    const int32_t answer = *(const int32_t *)log_answer;
+    refused += answer != KESTREL_OK;
+    flown += policy;
+    digest = (digest ^ (uint32_t)answer) * 0x100000001b3u;
+    for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
+      add(control.normalizedForces[rotor]);
+      /* A rotor may stop because the policy wants it to in a state that it accepts. */
+      stopped += answer != KESTREL_OK && policy && !(control.normalizedForces[rotor] > 0.01f);
+    }
+  }
+  printf("of %d special states %d refused, %d flown or held, in which %d rotors stopped: %08lx%08lx\n", SPECIAL_STATES,
+         refused, flown, stopped, (unsigned long)(digest >> 32), (unsigned long)(digest & 0xffffffffu));
+}
+
 /* Every bit of a policy is under its checksum. */
 static void damage(void) {
   static uint8_t copy[65536] __attribute__((aligned(8)));
@@ -179,6 +203,7 @@ int main(void) {
   fly();
   lose_a_sensor();
   wait_for_orders();
+  meet_special_values();
   damage();
   return 0;
 }

@@ -21,10 +21,12 @@ use kestrel_draw::curve::{CurveError, CurvePoint, learning_curve};
 use kestrel_draw::video::{VideoError, flight_gif};
 use kestrel_export::exchange::{ExchangeError, onnx_model, safetensors_file};
 use kestrel_export::policy::Policy;
-use kestrel_export::px4::{self, Px4Error, px4_files};
+use kestrel_export::px4::{Px4Error, px4_files};
 use kestrel_export::recurrent::{RecurrentActor, export_recurrent};
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
-use kestrel_export::source::{CSource, SourceError, c_source, crazyflie_app, rust_module};
+use kestrel_export::source::{
+    CSource, GUARD, SourceError, betaflight_controller, c_source, crazyflie_app, rust_module,
+};
 use kestrel_export::{DenseLayer, Export, ExportError, ExportReport, export};
 use kestrel_learn::actor_critic::Actor;
 
@@ -171,15 +173,16 @@ pub fn export_rust(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
     Ok(path)
 }
 
-/// Writes the run's fixed-point policy as `policy.h` and `policy.c`, and returns their paths.
+/// Writes the run's fixed-point policy as `policy.h` and `policy.c`, and `kestrel_guard.h` beside them, and returns their paths.
 ///
 /// # Errors
 /// As [`export_rust`].
-pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> {
-    let paths = ["h", "c"].map(|extension| directory.policy().with_extension(extension));
+pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 3], ResultsError> {
+    let paths = ["policy.h", "policy.c", "kestrel_guard.h"].map(|name| directory.policy().with_file_name(name));
     let CSource { header, source } = c_source(&read(&directory.policy())?)?;
     write_atomically(&paths[0], header.as_bytes())?;
     write_atomically(&paths[1], source.as_bytes())?;
+    write_atomically(&paths[2], GUARD.as_bytes())?;
     Ok(paths)
 }
 
@@ -188,9 +191,29 @@ pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> 
 /// # Errors
 /// As [`export_rust`]; also when the policy sees what an app cannot show it.
 pub fn export_crazyflie(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
-    let folder = directory.policy().with_file_name("crazyflie");
-    let files = crazyflie_app(&read(&directory.policy())?)?;
-    write_files(&folder, files.iter().map(|(name, text)| (*name, text.as_bytes())))?;
+    write_folder(directory, "crazyflie", crazyflie_app(&read(&directory.policy())?)?)
+}
+
+/// Writes a controller for Betaflight's neural forks with the run's fixed-point policy into the folder `betaflight`, and returns its
+/// path.
+///
+/// # Errors
+/// As [`export_crazyflie`].
+pub fn export_betaflight(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    write_folder(directory, "betaflight", betaflight_controller(&read(&directory.policy())?)?)
+}
+
+/// Writes files into a folder beside the policy, whose path it returns.
+fn write_folder(
+    directory: &RunDirectory,
+    name: &str,
+    files: Vec<(&'static str, impl AsRef<[u8]>)>,
+) -> Result<PathBuf, ResultsError> {
+    let folder = directory.policy().with_file_name(name);
+    fs::create_dir_all(&folder).map_err(|cause| FileError::new("create", &folder, cause))?;
+    for (name, contents) in files {
+        write_atomically(&folder.join(name), contents.as_ref())?;
+    }
     Ok(folder)
 }
 
@@ -200,18 +223,7 @@ pub fn export_crazyflie(directory: &RunDirectory) -> Result<PathBuf, ResultsErro
 /// # Errors
 /// As [`export_rust`]; also when PX4 cannot show the policy what it sees, or do what it commands.
 pub fn export_px4(directory: &RunDirectory, rotors: [usize; 4]) -> Result<PathBuf, ResultsError> {
-    let folder = directory.policy().with_file_name(px4::FOLDER);
-    let files = px4_files(&read(&directory.policy_f32())?, rotors)?;
-    write_files(&folder, files.iter().map(|(name, bytes)| (*name, bytes.as_slice())))?;
-    Ok(folder)
-}
-
-fn write_files<'f>(folder: &Path, files: impl Iterator<Item = (&'f str, &'f [u8])>) -> Result<(), ResultsError> {
-    fs::create_dir_all(folder).map_err(|cause| FileError::new("create", folder, cause))?;
-    for (name, contents) in files {
-        write_atomically(&folder.join(name), contents)?;
-    }
-    Ok(())
+    write_folder(directory, "px4", px4_files(&read(&directory.policy_f32())?, rotors)?)
 }
 
 /// Writes the run's float policy as `policy.onnx` and returns its path.

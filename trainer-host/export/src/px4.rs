@@ -22,9 +22,6 @@ use crate::source::{comment, rows};
 use model::{Dense, Follow, Model};
 use parameters::MotorParameters;
 
-/// Name of the folder that the files go to.
-pub const FOLDER: &str = "px4";
-
 /// What lies beside the model.
 const README: &str = include_str!("px4/README.txt");
 

@@ -1,6 +1,7 @@
 //! Policies as source code, for firmwares without a file system: a Rust module for those that link `kestrel-core`, C for
 //! all others. The same policy file gives the same bytes.
 
+mod betaflight;
 mod c;
 mod crazyflie;
 mod rust;
@@ -12,9 +13,13 @@ use kestrel_core::observation::ObservationLayout;
 use kestrel_core::policy_file::{Activation, PolicyError, PolicyFile, PolicyMetadata};
 use thiserror::Error;
 
+pub use betaflight::betaflight_controller;
 pub use c::{CSource, c_source};
 pub use crazyflie::crazyflie_app;
 pub use rust::rust_module;
+
+/// `kestrel_guard.h`: when a policy in C goes on flying, when it is held, and when another controller takes over.
+pub const GUARD: &str = include_str!("../../../firmware-shim/crazyflie/include/kestrel_guard.h");
 
 /// Why there is no source of a policy.
 #[derive(Clone, Debug, Error, PartialEq)]

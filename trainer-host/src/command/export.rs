@@ -27,10 +27,12 @@ enum Target {
     File,
     /// A Rust module for firmwares that link kestrel-core: policy.rs
     Rust,
-    /// C99 without a library, in fixed point: policy.h and policy.c
+    /// C99 without a library, in fixed point: policy.h, policy.c and kestrel_guard.h
     C,
     /// An app for crazyflie-firmware with the policy in fixed point: the folder crazyflie
     Crazyflie,
+    /// The neural interface of Betaflight's forks with the policy in fixed point: the folder betaflight
+    Betaflight,
     /// For PX4's neural control module, in float: the folder px4
     Px4,
     /// A model for ONNX runtimes, in float: policy.onnx
@@ -55,6 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         Target::Rust => vec![results::export_rust(&directory)?],
         Target::C => results::export_c(&directory)?.into(),
         Target::Crazyflie => vec![results::export_crazyflie(&directory)?],
+        Target::Betaflight => vec![results::export_betaflight(&directory)?],
         Target::Px4 => vec![results::export_px4(&directory, px4_motors(&config)?)?],
         Target::Onnx => vec![results::export_onnx(&directory)?],
         Target::Safetensors => vec![results::export_safetensors(&directory)?],

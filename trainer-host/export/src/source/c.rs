@@ -77,6 +77,10 @@ typedef struct {{
 void kestrel_act(const float observation[KESTREL_OBSERVATION_LEN], kestrel_scratch *scratch,
                  float action[KESTREL_ACTION_LEN]);
 
+/* 0 if an observation is finite, else the number of its first value that is not, from 1 on: what kestrel_guard() of
+ * kestrel_guard.h takes as the code of a tick. */
+int kestrel_refusal(const float observation[KESTREL_OBSERVATION_LEN]);
+
 /* Computes the golden vectors of the export again, then inputs that are not finite, too large or too small: 0 if all bits are
  * equal, else the number of the first that is not. Before arming; do not fly on anything but 0. */
 int kestrel_self_test(kestrel_scratch *scratch);
