@@ -46,7 +46,8 @@ impl MotorParameters {
         let motors = Self {
             coefficient,
             min_rpm: rpm(space.idle_rotor_speed).round() as i32,
-            max_rpm: rpm(space.rotor_speed_limit).round() as i32,
+            // Never below the greatest speed, which would become a command beyond 1.
+            max_rpm: rpm(space.rotor_speed_limit).ceil() as i32,
         };
         let (found, expected) = (rpm(space.lowest_rotor_speed), motors.min_rpm);
         if found > f64::from(expected) { Ok(motors) } else { Err(Px4Error::Stopping { found, expected }) }

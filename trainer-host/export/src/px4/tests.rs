@@ -137,7 +137,7 @@ fn the_sources_hold_the_model_and_the_parameters_its_motors() {
     assert!(text("control_net.hpp").contains(&format!("control_net_tflite_size = {};", model.len())));
     let parameters = text("kestrel.params");
     for line in
-        ["MC_NN_MIN_RPM\t1432\t6", "MC_NN_MAX_RPM\t9549\t6", "MC_NN_THRST_COEF\t5.0000\t9", "THR_MDL_FAC\t0.8\t9"]
+        ["MC_NN_MIN_RPM\t1432\t6", "MC_NN_MAX_RPM\t9550\t6", "MC_NN_THRST_COEF\t5.0000\t9", "THR_MDL_FAC\t0.8\t9"]
     {
         assert!(parameters.contains(line), "{line}: {parameters}");
     }

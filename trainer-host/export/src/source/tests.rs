@@ -5,6 +5,7 @@ use std::process::Command;
 
 use kestrel_core::observation::{MeasuredLayout, ObservationLayout};
 use kestrel_core::policy_file::{Activation, PolicyFile, PolicyMetadata};
+use kestrel_sim::seed::{Purpose, Seed, Stream};
 
 use super::*;
 use crate::tests::METADATA;
@@ -158,6 +159,25 @@ fn the_c_of_every_pilot_computes_the_same_bits() {
         }
         assert_eq!(c_source(&bytes).unwrap(), policy, "the same bytes again");
     }
+}
+
+#[test]
+fn rectifiers_in_c_compute_the_same_bits() {
+    let mut stream = Stream::new(Seed(5), 0, Purpose::Weights);
+    let mut normals = |count: usize, gain: f32| (0..count).map(|_| gain * stream.normal()).collect::<Vec<f32>>();
+    let (first, second) = (normals(22 * 17, 2.0), normals(17 * 4, 0.1));
+    let layers = [
+        DenseLayer { inputs: 22, outputs: 17, weights: &first, bias: &[0.1; 17], activation: Activation::Relu },
+        DenseLayer { inputs: 17, outputs: 4, weights: &second, bias: &[0.0; 4], activation: Activation::Relu },
+    ];
+    let bytes = export(&layers, &METADATA, &normals(22 * 8, 1.0)).unwrap().fixed_policy;
+    let policy = c_source(&bytes).unwrap();
+    assert!(!policy.source.contains("TANGENTS"));
+    let expected = expected(&PolicyFile::parse(&bytes).unwrap());
+    for optimisation in [OPTIMISATIONS[3], OPTIMISATIONS[9], OPTIMISATIONS[11]] {
+        assert_eq!(printed(&policy, optimisation), expected, "{optimisation:?}");
+    }
+    assert!(crazyflie_app(&bytes).unwrap_err().to_string().contains("found a policy with rectifiers"));
 }
 
 #[test]
