@@ -1,7 +1,7 @@
-use kestrel_core::action::{ThrustBodyRates, Velocities};
+use kestrel_core::action::{RotorThrusts, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::CRAZYFLIE_2_1;
 use kestrel_core::dynamics::Integrator;
-use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotLayout};
+use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotLayout, Px4NeuralLayout};
 use kestrel_core::vehicle::Ground;
 
 use super::*;
