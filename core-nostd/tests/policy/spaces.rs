@@ -305,6 +305,7 @@ fn the_references_metadata_have_not_moved() {
         (394, 0x7D4D_EC9B),
         (407, 0x5D3E_BCE7),
         (407, 0x1E02_3664),
+        (393, 0xB6C3_EB0D),
     ];
     assert_eq!(found, recorded);
 }
