@@ -1,4 +1,4 @@
-//! A policy for PX4's neural control module `mc_nn_control`: the network as a TFLite model in the module's source files, and
+//! A policy for PX4's neural control module `mc_nn_control`: the network as a `TFLite` model in the module's source files, and
 //! the parameters with which PX4 reads its outputs as we do.
 //!
 //! The module shows the network 15 values, clamps its four outputs to \[-1, 1\], and reads each, plus one, as the thrust of

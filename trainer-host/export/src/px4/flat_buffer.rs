@@ -1,4 +1,4 @@
-//! FlatBuffers, as many of their types as a model needs: tables of bytes, words, text, tables and vectors.
+//! `FlatBuffers`, as many of their types as a model needs: tables of bytes, words, text, tables and vectors.
 //!
 //! A table is written behind its description of fields (the vtable), and what it refers to behind itself, because references
 //! point forward.

@@ -1,4 +1,4 @@
-//! A TFLite model of dense layers: one input vector, one output vector, `FULLY_CONNECTED` operators and nothing else.
+//! A `TFLite` model of dense layers: one input vector, one output vector, `FULLY_CONNECTED` operators and nothing else.
 //!
 //! Numbers of fields and of operators are those of TensorFlow Lite's schema, version 3.
 
