@@ -35,9 +35,9 @@ static KestrelGuard guard;
 static float goal[4];
 static uint32_t goal_age_us;
 
-/* Calls since the last action, and of the last action. */
+/* Calls since the last action; why there was none, and what it commanded. */
 static uint32_t calls;
-static int32_t answer;
+static int32_t answer = KESTREL_NO_POLICY;
 static float commands[4];
 
 int32_t nn_test(void) {
@@ -61,6 +61,7 @@ void nn_reset(void) {
   (void)nn_test();
   memset(&guard, 0, sizeof guard);
   guard.hold_us = HOLD_US;
+  answer = KESTREL_NO_POLICY;
   nn_set_goal(start_pos, start_yaw);
 }
 
@@ -123,15 +124,12 @@ static uint32_t calls_per_second(float period_secs) {
 }
 
 void nn_control(const float world_state[16], float motor_cmds[4]) {
-  if (nn_test() != KESTREL_OK) {
-    answer = refusal;
-  }
-  const float period_secs = refusal == KESTREL_OK ? kestrel_control_period(&pilot) : 1.0f;
+  const float period_secs = nn_test() == KESTREL_OK ? kestrel_control_period(&pilot) : 1.0f;
   const uint32_t hz = calls_per_second(period_secs);
   const uint32_t calls_per_action = (uint32_t)(period_secs * (float)hz + 0.5f);
   const uint32_t call_us = MICROSECONDS / hz;
-  /* A policy that is refused is asked again in every call. */
-  if (!guard.flies || answer != KESTREL_OK || ++calls >= calls_per_action) {
+  /* A state that was refused is asked again in every call, which takes no inference. */
+  if (answer != KESTREL_OK || ++calls >= calls_per_action) {
     if (!guard.flies) {
       kestrel_reset(&pilot);
     }

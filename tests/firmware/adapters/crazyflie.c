@@ -18,7 +18,7 @@
 #define DEGREES_PER_RADIAN 57.29577951308232f
 
 /* Rotor speed (rad/s) at which the airframe crazyflie_2_1 hovers: of 27 g, 9.8 m/s^2 and 2.8815e-8 N s^2. */
-#define HOVER_SPEED 1515.1f
+#define HOVER_SPEED 1515.13f
 
 /* Ticks of the stabilizer in a control period of the policy. */
 static uint32_t ticks;
