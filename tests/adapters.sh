@@ -40,7 +40,6 @@ flies_as_here() { # NAME POINTS: by how many points of a hundred fewer flights m
       END { exit !(here > 50 && program >= here - points) }' "$out/$1.txt"
 }
 
-# Without checkpoints it is the policy file that is exported.
 in_doubt() { # FLAG...: what the controller of Betaflight's forks does, compiled so
   local include=(-I "$run/betaflight" -Wall -Wextra -Werror)
   gcc -std=c99 "$@" "${include[@]}" -c "$run/betaflight/nn_controller.c" -o "$out/nn_controller.o" &&
@@ -52,6 +51,7 @@ in_doubt() { # FLAG...: what the controller of Betaflight's forks does, compiled
     grep -q 'a goal is flown to for 499 ms, then code 120' "$out/doubts.txt"
 }
 
+# Without checkpoints it is the policy file that is exported.
 programs && pilot_library cargo && run_with_pilot hover "$run" && rm -r "$run/checkpoints" &&
   target/debug/kestrel export "$run" --target crazyflie >/dev/null &&
   target/debug/kestrel export "$run" --target betaflight >/dev/null

@@ -166,7 +166,10 @@ fn a_program_that_cannot_fly_is_refused_with_a_reason() {
     assert!(stopped.contains("refuses a control period with code 104"), "{stopped}");
     program_that_says(place.path(), &[NO_POLICY + 1], "exec sleep 60");
     let nonsense = message("evaluate", &program);
-    assert!(nonsense.contains("program does not answer within 20 s: expected the processor-in-the-loop"), "{nonsense}");
+    assert!(
+        nonsense.contains("program does not answer within 20 s: expected the processor-in-the-loop"),
+        "{nonsense}"
+    );
 }
 
 #[test]

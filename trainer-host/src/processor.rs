@@ -227,7 +227,11 @@ impl RemoteProcessor {
     ///
     /// # Errors
     /// When image, emulator or program are missing, nobody answers, or the policy is refused there.
-    pub(crate) fn start(kind: RemoteKind<'_>, file: &[u8], policy: &PolicyFile<'_>) -> Result<Self, ProcessorError> {
+    pub(crate) fn start(
+        kind: RemoteKind<'_>,
+        file: &[u8],
+        policy: &PolicyFile<'_>,
+    ) -> Result<Self, ProcessorError> {
         let metadata = policy.metadata();
         let (path, emulated) = match kind {
             RemoteKind::Qemu(image) => (image, true),

@@ -82,7 +82,9 @@ pub(crate) fn export(py: Python<'_>, path: PathBuf, target: &str) -> PyResult<Ve
         "betaflight" => |directory| Ok(vec![results::export_betaflight(directory)?]),
         "onnx" => |directory| Ok(vec![results::export_onnx(directory)?]),
         "safetensors" => |directory| Ok(vec![results::export_safetensors(directory)?]),
-        other => return Err(expected("target", other, "file, rust, c, crazyflie, betaflight, onnx or safetensors")),
+        other => {
+            return Err(expected("target", other, "file, rust, c, crazyflie, betaflight, onnx or safetensors"));
+        }
     };
     work(py, None, |_| {
         let (actor, steps) = best_policy(&experiment, &directory)?;

@@ -79,7 +79,11 @@ impl fmt::Display for FlownBeside {
         writeln!(f, "{} episodes, success and mean distance to the goal:", program.episodes)?;
         writeln!(f, "  the program   {program}")?;
         writeln!(f, "  this machine  {host}")?;
-        write!(f, "largest difference of a rotor target: {difference:.3} rad/s, in {} control periods", program.ticks)
+        write!(
+            f,
+            "largest difference of a rotor target: {difference:.3} rad/s, in {} control periods",
+            program.ticks
+        )
     }
 }
 
@@ -196,8 +200,7 @@ impl Judged<'_> {
             simulation.step_with_rotor_speeds(&actions, &[speeds]);
         }
         flights.episodes += 1;
-        flights.successes +=
-            simulation.take_episodes().first().map_or(0, |episode| u32::from(episode.success));
+        flights.successes += simulation.take_episodes().first().map_or(0, |episode| u32::from(episode.success));
         Ok(())
     }
 }

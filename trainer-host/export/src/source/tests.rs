@@ -254,7 +254,10 @@ fn one_refused_tick_is_held_and_several_hand_over() {
     std::fs::write(place.path().join("kestrel_guard.h"), GUARD).unwrap();
     std::fs::write(place.path().join("main.c"), GUARDED).unwrap();
     for language in ["-std=c99", "-xc++"] {
-        compiled(place.path(), &[&[language, "-Os", "-ffast-math"][..], &STRICT, &["main.c", "-o", "main"]].concat());
+        compiled(
+            place.path(),
+            &[&[language, "-Os", "-ffast-math"][..], &STRICT, &["main.c", "-o", "main"]].concat(),
+        );
         let output = Command::new(place.path().join("main")).output().unwrap();
         // Nothing flew yet; then 0: another controller, 1: held, 2: flies.
         let expected = "104:0 0:2 104:1 0:2 104:1 104:1 104:1 104:0 0:2 104:1 120:0\n";
