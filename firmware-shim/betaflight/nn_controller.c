@@ -35,9 +35,9 @@ static KestrelGuard guard;
 static float goal[4];
 static uint32_t goal_age_us;
 
-/* Calls since the last action, and of the last action. */
+/* Calls since the last action; why there was none, and what it commanded. */
 static uint32_t calls;
-static int32_t answer;
+static int32_t answer = KESTREL_NO_POLICY;
 static float commands[4];
 
 int32_t nn_test(void) {
@@ -61,16 +61,27 @@ void nn_reset(void) {
   (void)nn_test();
   memset(&guard, 0, sizeof guard);
   guard.hold_us = HOLD_US;
+  answer = KESTREL_NO_POLICY;
   nn_set_goal(start_pos, start_yaw);
 }
 
-/* What a motor has to be told to carry this many quarters of the weight. */
-static float command_for(float quarter_weights) {
+/* What the motors have to be told to carry so many quarters of the weight, in the order front right, rear right, rear left, front
+ * left. Where one would have to give more than it can, all give less: the moment counts more than the thrust. */
+static void command(const float quarter_weights[4]) {
+  static const int motor[4] = {1, 0, 2, 3};
   const float known = nn_thrust_to_weight > 0.0f ? nn_thrust_to_weight : kestrel_greatest_thrust(&pilot);
-  const float share = quarter_weights / (known > 0.0f ? known : DOUBLE_WEIGHT);
+  const float greatest = known > 0.0f ? known : DOUBLE_WEIGHT;
   const float k = nn_motor_nonlinearity, linear = 1.0f - k;
-  const float command = k > 0.01f ? (sqrtf(linear * linear + 4.0f * k * share) - linear) / (2.0f * k) : share;
-  return command < 1.0f ? command : 1.0f;
+  float excess = 0.0f;
+  for (int rotor = 0; rotor < 4; rotor++) {
+    const float over = quarter_weights[rotor] - greatest;
+    excess = over > excess ? over : excess;
+  }
+  for (int rotor = 0; rotor < 4; rotor++) {
+    const float left = quarter_weights[rotor] - excess;
+    const float share = left > 0.0f ? left / greatest : 0.0f;
+    commands[motor[rotor]] = k > 0.01f ? (sqrtf(linear * linear + 4.0f * k * share) - linear) / (2.0f * k) : share;
+  }
 }
 
 /* Also what is not a number: told by the bits, because a compiler with -ffast-math takes every comparison for one of finite
@@ -95,8 +106,6 @@ static void attitude_of(const float angles[3], float attitude[4]) {
 }
 
 static int32_t act(const float world_state[16]) {
-  /* Of our rotors front right, rear right, rear left, front left. */
-  static const int motor[4] = {1, 0, 2, 3};
   const float towards[4] = {goal[0], goal[1], goal[2], goal[3]};
   KestrelState state;
   float thrusts[4];
@@ -112,8 +121,8 @@ static int32_t act(const float world_state[16]) {
   }
   attitude_of(world_state + 6, state.attitude);
   const int32_t result = kestrel_tick(&pilot, &state, &towards, &thrusts);
-  for (int rotor = 0; result == KESTREL_OK && rotor < 4; rotor++) {
-    commands[motor[rotor]] = command_for(thrusts[rotor]);
+  if (result == KESTREL_OK) {
+    command(thrusts);
   }
   return result;
 }
@@ -123,15 +132,13 @@ static uint32_t calls_per_second(float period_secs) {
 }
 
 void nn_control(const float world_state[16], float motor_cmds[4]) {
-  if (nn_test() != KESTREL_OK) {
-    answer = refusal;
-  }
-  const float period_secs = refusal == KESTREL_OK ? kestrel_control_period(&pilot) : 1.0f;
+  static const float hover[4] = {1.0f, 1.0f, 1.0f, 1.0f};
+  const float period_secs = nn_test() == KESTREL_OK ? kestrel_control_period(&pilot) : 1.0f;
   const uint32_t hz = calls_per_second(period_secs);
   const uint32_t calls_per_action = (uint32_t)(period_secs * (float)hz + 0.5f);
   const uint32_t call_us = MICROSECONDS / hz;
-  /* A policy that is refused is asked again in every call. */
-  if (!guard.flies || answer != KESTREL_OK || ++calls >= calls_per_action) {
+  /* A state that was refused is asked again in every call, which takes no inference. */
+  if (answer != KESTREL_OK || ++calls >= calls_per_action) {
     if (!guard.flies) {
       kestrel_reset(&pilot);
     }
@@ -141,9 +148,7 @@ void nn_control(const float world_state[16], float motor_cmds[4]) {
   goal_age_us = goal_age_us + call_us < goal_age_us ? UINT32_MAX : goal_age_us + call_us;
   guard.stale_us = nn_goal_timeout_us;
   if (kestrel_guard(&guard, answer, goal_age_us, call_us) == KESTREL_HAND_OVER) {
-    for (int rotor = 0; rotor < 4; rotor++) {
-      commands[rotor] = command_for(1.0f);
-    }
+    command(hover);
   }
   memcpy(motor_cmds, commands, sizeof commands);
 }

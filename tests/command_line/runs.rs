@@ -83,9 +83,12 @@ fn the_run_can_be_evaluated_and_exported_again() {
             assert!(printed.contains(file), "no {file} in:\n{printed}");
         }
     }
-    for (target, written) in
-        [("crazyflie", "crazyflie/policy.c"), ("onnx", "policy.onnx"), ("safetensors", "policy.safetensors")]
-    {
+    for (target, written) in [
+        ("crazyflie", "crazyflie/policy.c"),
+        ("betaflight", "betaflight/policy.c"),
+        ("onnx", "policy.onnx"),
+        ("safetensors", "policy.safetensors"),
+    ] {
         let output = kestrel(place.path(), &["export", "run", "--target", target]);
         let printed = String::from_utf8(output.stdout).unwrap();
         assert!(place.path().join("run").join(written).is_file(), "{written}");
@@ -222,7 +225,7 @@ fn a_recurrent_policy_is_exported_to_what_takes_it_and_refused_by_name_elsewhere
     }
     let module = fs::read_to_string(place.path().join("run/policy.rs")).unwrap();
     assert!(module.contains("Pilot::with_memory(RecurrentPolicy::parse(&POLICY.0)?)"), "{module}");
-    for target in ["c", "crazyflie"] {
+    for target in ["c", "crazyflie", "betaflight"] {
         let said = refusal(&kestrel(place.path(), &["export", "run", "--target", target]));
         assert!(said.contains("found a recurrent policy, expected one without memory"), "{target}: {said}");
     }

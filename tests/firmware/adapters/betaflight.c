@@ -14,7 +14,9 @@
 #define MASS 0.027f
 #define GRAVITY 9.8f
 #define THRUST_COEFFICIENT 2.8815e-8f
+#ifndef GREATEST_SPEED
 #define GREATEST_SPEED 2224.0f
+#endif
 
 /* The inner loop calls faster than the policy acts. */
 #define CALLS_PER_SECOND 500
