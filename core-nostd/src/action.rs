@@ -1,10 +1,14 @@
 //! What a policy commands: action spaces that turn a few numbers in \[-1, 1\] into rotor targets.
 
+#[cfg(feature = "px4")]
+mod rotor_thrusts;
 mod velocity;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "px4")]
+pub use rotor_thrusts::RotorThrusts;
 pub use velocity::Velocities;
 
 use crate::airframe::{Airframe, Layout};
@@ -15,6 +19,8 @@ pub use crate::reference::action::{
     ReferenceControls,
 };
 use crate::vehicle::State;
+#[cfg(not(feature = "px4"))]
+pub use crate::without_px4::RotorThrusts;
 #[cfg(not(feature = "reference"))]
 pub use crate::without_reference::{ControlMemory, ReferenceActions, ReferenceControls};
 
@@ -37,6 +43,8 @@ pub enum ActionSpace {
     Reference(ReferenceActions),
     /// [`Velocities`].
     Velocities(Velocities),
+    /// [`RotorThrusts`].
+    RotorThrusts(RotorThrusts),
 }
 
 /// An action space ready for arithmetic; built once.
@@ -50,6 +58,8 @@ pub enum Controls<R> {
     Reference(ReferenceControls<R>),
     /// [`Velocities`].
     Velocities(Velocities),
+    /// [`RotorThrusts`].
+    RotorThrusts(RotorThrusts),
 }
 
 /// One action per rotor: `hover_rotor_speed · (1 + fraction · action)`.
@@ -163,7 +173,9 @@ impl ActionSpace {
     #[expect(clippy::len_without_is_empty, reason = "no action is empty")]
     pub const fn len(&self) -> usize {
         match self {
-            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) => ACTION_LEN,
+            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) | Self::RotorThrusts(_) => {
+                ACTION_LEN
+            }
             Self::Reference(space) => space.len(),
         }
     }
@@ -175,6 +187,7 @@ impl ActionSpace {
             Self::ThrustBodyRates(_) => "thrust_body_rates",
             Self::Reference(space) => space.name(),
             Self::Velocities(_) => "velocity",
+            Self::RotorThrusts(_) => "rotor_thrusts",
         }
     }
 
@@ -186,6 +199,7 @@ impl ActionSpace {
                 space.speed_squared_limit.sqrt()
             }
             Self::Reference(space) => space.rotor_speed_limit(),
+            Self::RotorThrusts(space) => space.rotor_speed_limit(),
         }
     }
 
@@ -196,13 +210,16 @@ impl ActionSpace {
             Self::ThrustBodyRates(space) => space.hover_speed_squared,
             Self::Reference(space) => space.hover_speed_squared(),
             Self::Velocities(space) => space.rates.hover_speed_squared,
+            Self::RotorThrusts(space) => space.hover_speed_squared(),
         }
     }
 
     /// How long the controller behind the space remembers; a space without one does not.
     pub const fn persistence(&self) -> Persistence {
         match self {
-            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) => Persistence::ResetEachEpisode,
+            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) | Self::RotorThrusts(_) => {
+                Persistence::ResetEachEpisode
+            }
             Self::Reference(space) => space.persistence(),
         }
     }
@@ -216,6 +233,7 @@ impl<R: Real> Controls<R> {
             ActionSpace::ThrustBodyRates(space) => Self::ThrustBodyRates(*space),
             ActionSpace::Reference(space) => Self::Reference(ReferenceControls::new(space)),
             ActionSpace::Velocities(space) => Self::Velocities(*space),
+            ActionSpace::RotorThrusts(space) => Self::RotorThrusts(*space),
         }
     }
 
@@ -239,6 +257,7 @@ impl<R: Real> Controls<R> {
             Self::ThrustBodyRates(space) => space.rotor_targets(&[a, b, c, d], &state.body_rates),
             Self::Reference(controls) => controls.rotor_targets(action, state, setpoint, memory, secs),
             Self::Velocities(space) => space.rotor_targets(&[a, b, c, d], state),
+            Self::RotorThrusts(space) => space.rotor_targets(&[a, b, c, d]),
         }
     }
 }

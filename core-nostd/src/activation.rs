@@ -1,6 +1,29 @@
-//! The activation function of every network, the same bits wherever it runs.
+//! The activation functions of every network, the same bits wherever they run.
+
+use serde::{Deserialize, Serialize};
 
 use crate::real::Real;
+
+/// What follows the sums of a hidden layer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Activation {
+    /// Hyperbolic tangent, [`tanh`].
+    #[default]
+    Tanh,
+    /// Rectifier, [`relu`].
+    Relu,
+}
+
+impl Activation {
+    /// As written in configurations.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tanh => "tanh",
+            Self::Relu => "relu",
+        }
+    }
+}
 
 /// Where the approximation is cut off: `tanh` is within 4e-7 of one there.
 const SATURATION: f64 = 7.8;
@@ -28,6 +51,12 @@ pub fn tanh<R: Real>(x: R) -> R {
 pub fn sigmoid<R: Real>(x: R) -> R {
     let half = R::from_f64(0.5);
     half + half * tanh(half * x)
+}
+
+/// `x` where it is positive, zero elsewhere and for NaN.
+#[inline(always)]
+pub fn relu<R: Real>(x: R) -> R {
+    if x > R::zero() { x } else { R::zero() }
 }
 
 #[inline(always)]
@@ -62,6 +91,13 @@ mod tests {
             assert!((f64::from(sigmoid(x)) - exact).abs() < 1e-6, "{x}");
         }
         assert_eq!(sigmoid(f32::NAN), sigmoid(f32::NEG_INFINITY));
+    }
+
+    #[test]
+    fn relu_keeps_what_is_positive() {
+        for (x, expected) in [(-1.0_f32, 0.0), (-0.0, 0.0), (0.0, 0.0), (2.5, 2.5), (f32::NAN, 0.0)] {
+            assert_eq!(relu(x).to_bits(), f32::to_bits(expected));
+        }
     }
 
     proptest! {

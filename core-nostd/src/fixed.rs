@@ -12,6 +12,9 @@
 //!
 //! where the shift is a constant, so that it costs one instruction (`smmul`) on a Cortex-M4.
 //!
+//! With rectifiers in place of tangents (feature `px4`) activations are in 2⁻¹¹, from 0 to 16, and `x` is 11 behind a
+//! hidden layer.
+//!
 //! Weights are stored as `[row block of 4][column pair][row][2]`: one pointer walks through memory and two inputs
 //! serve eight products. Rows are filled up with zeros to a multiple of four, columns to a multiple of two. A pair of
 //! weights is a word, which ARM's SMLAD multiplies with a pair of inputs in one instruction (feature `smlad`).
@@ -22,6 +25,8 @@ mod layer;
 #[cfg(feature = "learning")]
 mod learner;
 mod packing;
+#[cfg(feature = "px4")]
+mod relu;
 #[cfg(all(feature = "smlad", target_arch = "arm"))]
 mod smlad;
 mod tanh;
@@ -38,6 +43,7 @@ pub(crate) use layer::layer_bytes;
 
 use heapless::Vec;
 
+use crate::activation::Activation;
 #[cfg(feature = "recurrent")]
 use crate::gru::HiddenState;
 use crate::limits::{ACTION_LIMIT, LAYER_LIMIT, ROW_BLOCK, WIDTH_LIMIT};
@@ -48,7 +54,11 @@ use layer::{COLUMN_GROUP, FixedLayer};
 /// Activations are in 2⁻¹³: a rounding of 6e-5, which leaves 18 bits for the sums of weights.
 pub const ACTIVATION_FRACTION_BITS: u32 = 13;
 
-/// Arguments of `tanh` are in 2⁻¹⁶.
+/// Activations behind rectifiers are in 2⁻¹¹: they reach 16, more than a policy of values of order one has, and are rounded
+/// by 2.4e-4.
+pub const RECTIFIED_FRACTION_BITS: u32 = 11;
+
+/// Arguments of activations are in 2⁻¹⁶.
 pub const SUM_FRACTION_BITS: u32 = 16;
 
 /// The constant shift of requantisation: sums are multiplied by two to the power of this and
@@ -74,6 +84,8 @@ pub struct FixedFormat {
     pub input_fraction_bits: u8,
     /// Fraction bits of each layer's weights, 0 to [`WEIGHT_FRACTION_BITS_LIMIT`]; zero beyond the last layer.
     pub weight_fraction_bits: [u8; LAYER_LIMIT],
+    /// What follows the sums of hidden layers, and with it the format of what the next layer reads.
+    pub activation: Activation,
 }
 
 /// A network whose parameters lie in borrowed bytes.
@@ -82,7 +94,7 @@ pub struct FixedMlp<'a> {
     layers: Vec<FixedLayer<'a>, LAYER_LIMIT>,
     /// Values of the action.
     outputs: usize,
-    #[cfg(feature = "learning")]
+    #[cfg(any(feature = "learning", feature = "px4"))]
     format: FixedFormat,
     /// Quantised value of an observation of one.
     input_scale: f32,
@@ -161,7 +173,7 @@ impl FixedMlp<'_> {
     /// The action on what lies in `activations`.
     fn forward(&self, activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT]) -> [f32; ACTION_LIMIT] {
         let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LIMIT] };
-        Self::hide(hidden_layers, activations, sums);
+        self.hide(hidden_layers, activations, sums);
         output_layer.apply(activations, sums);
         let mut action = [0.0; ACTION_LIMIT];
         for (action, sum) in action.iter_mut().zip(sums.iter().take(self.outputs)) {
@@ -170,9 +182,19 @@ impl FixedMlp<'_> {
         action
     }
 
-    /// Takes `activations` through the hidden layers. A function of its own, which has more registers.
+    /// Takes `activations` through the hidden layers.
+    #[inline(always)]
+    fn hide(&self, layers: &[FixedLayer<'_>], activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT]) {
+        #[cfg(feature = "px4")]
+        if self.format.activation == Activation::Relu {
+            return relu::hide(layers, activations, sums);
+        }
+        Self::hide_by_tangents(layers, activations, sums);
+    }
+
+    /// A function of its own, which has more registers.
     #[inline(never)]
-    fn hide(layers: &[FixedLayer<'_>], activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT]) {
+    fn hide_by_tangents(layers: &[FixedLayer<'_>], activations: &mut [i16], sums: &mut [i32; WIDTH_LIMIT]) {
         for layer in layers {
             layer.apply(activations, sums);
             let sums = sums.get(..layer.padded_outputs).unwrap_or_default();
@@ -232,7 +254,20 @@ impl Default for FixedScratch {
 impl FixedFormat {
     /// Fraction bits of the inputs of a layer.
     pub fn fraction_bits_into(self, layer: usize) -> u32 {
-        if layer == 0 { u32::from(self.input_fraction_bits) } else { ACTIVATION_FRACTION_BITS }
+        match (layer, self.activation) {
+            (0, _) => u32::from(self.input_fraction_bits),
+            (_, Activation::Tanh) => ACTIVATION_FRACTION_BITS,
+            (_, Activation::Relu) => RECTIFIED_FRACTION_BITS,
+        }
+    }
+
+    /// Greatest magnitude of a quantised input of layer number `layer`.
+    const fn input_limit(self, layer: usize) -> i16 {
+        match (layer, self.activation) {
+            (0, _) => OBSERVATION_CODE_LIMIT,
+            (_, Activation::Tanh) => 1 << ACTIVATION_FRACTION_BITS,
+            (_, Activation::Relu) => i16::MAX,
+        }
     }
 
     /// Fraction bits of the sums and biases of a layer.
@@ -267,7 +302,7 @@ impl<'a> FixedMlp<'a> {
         let mut network = Self {
             layers: Vec::new(),
             outputs,
-            #[cfg(feature = "learning")]
+            #[cfg(any(feature = "learning", feature = "px4"))]
             format,
             input_scale,
             output_scale: 1.0,
@@ -281,7 +316,7 @@ impl<'a> FixedMlp<'a> {
             let bits = format.sum_fraction_bits(index)?;
             let (bytes, following) = split_layer(rest, inputs, outputs)?;
             let layer = FixedLayer::new(bytes, inputs, outputs, bits)?;
-            layer.check(index)?;
+            layer.check(index, format.input_limit(index))?;
             network.layers.push(layer).map_err(|_| PolicyError::LayerCount { found: LAYER_LIMIT + 1 })?;
             network.output_scale = 1.0 / (1_u64 << bits) as f32;
             rest = following;
@@ -294,9 +329,4 @@ impl<'a> FixedMlp<'a> {
 fn split_layer(bytes: &[u8], inputs: usize, outputs: usize) -> Result<(&[u8], &[u8]), PolicyError> {
     let expected = layer_bytes(inputs, outputs);
     bytes.split_at_checked(expected).ok_or(PolicyError::Length { found: bytes.len(), expected })
-}
-
-/// Greatest magnitude of a quantised input of layer number `layer`.
-const fn input_limit(layer: usize) -> i16 {
-    if layer == 0 { OBSERVATION_CODE_LIMIT } else { 1 << ACTIVATION_FRACTION_BITS }
 }

@@ -42,6 +42,7 @@
 //! | (none) | all of the above: the quadrotor's physics, neural-network inference in float and fixed point, the pilot |
 //! | `encoder` | vision policies: the CNN encoder in front of the network (`encoder`) |
 //! | `learning` | continual learning on board: the regulariser (`anchor`), an output layer that learns |
+//! | `px4` | what flies in PX4's neural control: rectifiers, the observation `px4_neural`, the actions `rotor_thrusts` |
 //! | `recurrent` | policies with a memory: a gated recurrent unit in front of the network (`gru`) |
 //! | `reference` | what only compares with gym-pybullet-drones: its physics, controllers, actions and observations |
 //! | `std` | square roots of the standard library, which vectorise; the bits are the same |
@@ -82,5 +83,7 @@ pub mod reference;
 pub mod seed;
 pub mod setpoint;
 pub mod vehicle;
+#[cfg(not(feature = "px4"))]
+mod without_px4;
 #[cfg(not(feature = "reference"))]
 mod without_reference;

@@ -1,4 +1,4 @@
-//! Multilayer perceptrons in `f32`: hyperbolic tangents between layers, a linear output limited to \[-1, 1\].
+//! Multilayer perceptrons in `f32`: an activation function between layers, a linear output limited to \[-1, 1\].
 //!
 //! Weights stay where the policy file has them (flash, usually). Each layer is a bias per row, then the weights in
 //! blocks of sixteen rows, then of four (rows are filled up with zeros to a multiple of four), each block column by
@@ -7,7 +7,9 @@
 
 use heapless::Vec;
 
-use crate::activation::tanh;
+#[cfg(feature = "px4")]
+use crate::activation::relu;
+use crate::activation::{Activation, tanh};
 #[cfg(feature = "recurrent")]
 use crate::gru::{Gru, HiddenState};
 use crate::limits::{ACTION_LIMIT, ROW_BLOCK};
@@ -33,6 +35,8 @@ pub struct DenseLayer<'a> {
     pub weights: &'a [f32],
     /// `[outputs]`.
     pub bias: &'a [f32],
+    /// What follows the sums; nothing does where the layer is the last of a network.
+    pub activation: Activation,
 }
 
 /// A network whose parameters lie in borrowed bytes; without the feature `float` there is none.
@@ -43,6 +47,8 @@ pub struct Mlp<'a> {
     layers: Vec<FloatLayer<'a>, LAYER_LIMIT>,
     /// Values of the action.
     outputs: usize,
+    #[cfg(feature = "px4")]
+    activation: Activation,
 }
 
 #[cfg(feature = "float")]
@@ -134,9 +140,7 @@ impl Mlp<'_> {
         let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return [0.0; ACTION_LIMIT] };
         for layer in hidden_layers {
             layer.apply(inputs, outputs);
-            for value in outputs.iter_mut().take(layer.padded_outputs) {
-                *value = tanh(*value);
-            }
+            self.activate(outputs.iter_mut().take(layer.padded_outputs));
             core::mem::swap(&mut inputs, &mut outputs);
         }
         output_layer.apply(inputs, outputs);
@@ -145,6 +149,16 @@ impl Mlp<'_> {
             *action = output.limited(-1.0, 1.0);
         }
         action
+    }
+
+    /// What follows the sums of a hidden layer.
+    #[inline(always)]
+    fn activate<'s>(&self, sums: impl Iterator<Item = &'s mut f32>) {
+        #[cfg(feature = "px4")]
+        if self.activation == Activation::Relu {
+            return sums.for_each(|sum| *sum = relu(*sum));
+        }
+        sums.for_each(|sum| *sum = tanh(*sum));
     }
 }
 
@@ -245,12 +259,17 @@ pub(crate) const fn layer_bytes(inputs: usize, outputs: usize) -> usize {
 }
 
 impl<'a> Mlp<'a> {
-    /// A view of `parameters`, the layers between `widths` one after the other.
+    /// A view of `parameters`, the layers between `widths` one after the other, with `activation` between them.
     ///
     /// # Errors
     /// [`PolicyError::NotFinite`], or [`PolicyError::Length`] where the parameters end too early; [`PolicyError::Arithmetic`]
     /// without the feature `float`.
-    pub(crate) fn from_parameters(widths: &[u16], parameters: &'a [u8]) -> Result<Self, PolicyError> {
+    #[cfg_attr(not(feature = "px4"), expect(unused_variables, reason = "there is one activation"))]
+    pub(crate) fn from_parameters(
+        widths: &[u16],
+        activation: Activation,
+        parameters: &'a [u8],
+    ) -> Result<Self, PolicyError> {
         let _supported = supported()?;
         let mut layers = Vec::new();
         let mut rest = parameters;
@@ -260,7 +279,21 @@ impl<'a> Mlp<'a> {
             layers.push(layer).map_err(|_| PolicyError::LayerCount { found: LAYER_LIMIT + 1 })?;
             rest = following;
         }
-        Ok(Self { _supported, layers, outputs: usize::from(widths.last().copied().unwrap_or_default()) })
+        Ok(Self {
+            _supported,
+            layers,
+            outputs: usize::from(widths.last().copied().unwrap_or_default()),
+            #[cfg(feature = "px4")]
+            activation,
+        })
+    }
+}
+
+/// What follows the sums of hidden layers; a network without one counts as one with tangents.
+pub(crate) fn hidden_activation(layers: &[DenseLayer<'_>]) -> Activation {
+    match layers {
+        [first, _, ..] => first.activation,
+        [] | [_] => Activation::Tanh,
     }
 }
 

@@ -3,6 +3,8 @@
 mod body;
 pub(crate) mod input;
 mod pilot;
+#[cfg(feature = "px4")]
+mod px4_neural;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -11,6 +13,8 @@ pub(crate) use body::PAST_ACTIONS;
 pub use body::{BODY_MOTION_LEN, BodyLayout};
 pub use input::ObservationInput;
 pub use pilot::{PILOT_LEN, PilotForLayout, PilotLayout, PilotMeasuredLayout};
+#[cfg(feature = "px4")]
+pub use px4_neural::{PX4_NEURAL_LEN, Px4NeuralLayout};
 
 use crate::limits::ACTION_LEN;
 pub use crate::limits::{HISTORY_LIMIT, OBSERVATION_LIMIT};
@@ -18,6 +22,8 @@ use crate::real::Real;
 #[cfg(feature = "reference")]
 pub use crate::reference::{KinematicLayout, REFERENCE_LEN, ReferenceLayout};
 use crate::vehicle::State;
+#[cfg(not(feature = "px4"))]
+pub use crate::without_px4::Px4NeuralLayout;
 #[cfg(not(feature = "reference"))]
 pub use crate::without_reference::{KinematicLayout, ReferenceLayout};
 
@@ -38,6 +44,8 @@ pub enum ObservationLayout {
     PilotMeasured(PilotMeasuredLayout),
     /// [`BodyLayout`]: in the drone's own axes, then sensors.
     Body(BodyLayout),
+    /// [`Px4NeuralLayout`]: what PX4's neural control shows.
+    Px4Neural(Px4NeuralLayout),
 }
 
 /// What sensors deliver, in the scenario's order and scales.
@@ -59,6 +67,7 @@ impl ObservationLayout {
             Self::PilotFor(layout) => layout.len(),
             Self::PilotMeasured(layout) => layout.len(),
             Self::Body(layout) => layout.len(),
+            Self::Px4Neural(layout) => layout.len(),
         }
     }
 
@@ -71,13 +80,16 @@ impl ObservationLayout {
             Self::Measured(_) => "measured",
             Self::PilotMeasured(_) => "pilot_measured",
             Self::Body(_) => "body",
+            Self::Px4Neural(_) => "px4_neural",
         }
     }
 
     /// Whether it shows where the drone should be: only such a policy can be told where to fly.
     pub const fn shows_goal(&self) -> bool {
         match self {
-            Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) | Self::Body(_) => true,
+            Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) | Self::Body(_) | Self::Px4Neural(_) => {
+                true
+            }
             Self::Reference(_) | Self::Kinematic(_) | Self::Measured(_) => false,
         }
     }
@@ -88,7 +100,7 @@ impl ObservationLayout {
             Self::Measured(layout) => layout.len as usize,
             Self::PilotMeasured(layout) => layout.measured_len as usize,
             Self::Body(layout) => layout.measured_len as usize,
-            Self::Pilot(_) | Self::PilotFor(_) | Self::Reference(_) | Self::Kinematic(_) => 0,
+            Self::Pilot(_) | Self::PilotFor(_) | Self::Reference(_) | Self::Kinematic(_) | Self::Px4Neural(_) => 0,
         }
     }
 
@@ -96,7 +108,7 @@ impl ObservationLayout {
     pub const fn history_len(&self) -> usize {
         match self {
             Self::Pilot(_) | Self::PilotFor(_) | Self::PilotMeasured(_) => 1,
-            Self::Measured(_) => 0,
+            Self::Measured(_) | Self::Px4Neural(_) => 0,
             Self::Reference(layout) => layout.history_len(),
             Self::Kinematic(layout) => layout.history_len(),
             Self::Body(layout) => layout.history_len(),
@@ -112,7 +124,8 @@ impl ObservationLayout {
             | Self::PilotMeasured(_)
             | Self::Reference(_)
             | Self::Kinematic(_)
-            | Self::Measured(_) => false,
+            | Self::Measured(_)
+            | Self::Px4Neural(_) => false,
         }
     }
 
@@ -133,7 +146,8 @@ impl ObservationLayout {
             | Self::PilotMeasured(_)
             | Self::Reference(_)
             | Self::Kinematic(_)
-            | Self::Measured(_) => *integral,
+            | Self::Measured(_)
+            | Self::Px4Neural(_) => *integral,
         }
     }
 
@@ -162,6 +176,7 @@ impl ObservationLayout {
                 }
             }
             Self::Body(layout) => layout.encode(input, out),
+            Self::Px4Neural(layout) => write(&layout.encode(input.state, input.goal), out),
         }
     }
 
@@ -171,7 +186,9 @@ impl ObservationLayout {
             Self::Pilot(scales) => Some((*scales, [ACTION_LEN as u8, 0])),
             Self::PilotFor(layout) => Some((layout.scales, [layout.action_len, 0])),
             Self::PilotMeasured(layout) => Some((layout.scales, [ACTION_LEN as u8, layout.measured_len])),
-            Self::Reference(_) | Self::Kinematic(_) | Self::Measured(_) | Self::Body(_) => None,
+            Self::Reference(_) | Self::Kinematic(_) | Self::Measured(_) | Self::Body(_) | Self::Px4Neural(_) => {
+                None
+            }
         }
     }
 }
@@ -285,6 +302,13 @@ mod tests {
         assert_eq!(both[PILOT_LEN..], [0.25, -0.5, 0.0]);
         let one: [f64; PILOT_LEN + 1] = encoded(&layout(1), &HISTORY);
         assert_eq!(one[PILOT_LEN..], [0.25]);
+    }
+
+    #[test]
+    fn the_px4_neural_layout_is_what_px4_shows() {
+        let layout = ObservationLayout::Px4Neural(Px4NeuralLayout);
+        let level = [-1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, -5.0];
+        assert_eq!(encoded::<PX4_NEURAL_LEN>(&layout, &HISTORY), level);
     }
 
     #[test]

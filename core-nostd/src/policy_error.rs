@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use crate::activation::Activation;
 use crate::arithmetic::Arithmetic;
 #[cfg(feature = "encoder")]
 use crate::encoder::EncoderError;
@@ -121,9 +122,29 @@ pub enum PolicyError {
         /// Identifier in the file.
         found: u8,
     },
+    /// What follows hidden layers has no known identifier.
+    #[error("policy file has activation {found}, expected 0 (tanh) or 1 (relu)")]
+    Activation {
+        /// Identifier in the file.
+        found: u8,
+    },
+    /// Hidden layers differ in what follows them.
+    #[error(
+        "policy layer {layer} is followed by {found}, expected {expected} as after the first",
+        found = found.name(),
+        expected = expected.name()
+    )]
+    MixedActivations {
+        /// Layer, counted from zero.
+        layer: usize,
+        /// What follows it.
+        found: Activation,
+        /// What follows the first layer.
+        expected: Activation,
+    },
     /// The observation layout has no known identifier.
     #[error(
-        "policy file has observation layout {found}, expected 1 (pilot), 2 (paper), 3 (kinematic), 4 (measured), 5 (pilot for another action) or 6 (pilot measured)"
+        "policy file has observation layout {found}, expected 1 (pilot), 2 (paper), 3 (kinematic), 4 (measured), 5 (pilot for another action), 6 (pilot measured), 7 (body) or 8 (px4_neural)"
     )]
     ObservationLayout {
         /// Identifier in the file.
@@ -131,7 +152,7 @@ pub enum PolicyError {
     },
     /// The action space has no known identifier.
     #[error(
-        "policy file has action space {found}, expected 1 (rotor speeds), 2 (thrust and body rates), 3 (published) or 4 (velocity)"
+        "policy file has action space {found}, expected 1 (rotor speeds), 2 (thrust and body rates), 3 (published), 4 (velocity) or 5 (rotor thrusts)"
     )]
     ActionSpace {
         /// Identifier in the file.
@@ -348,6 +369,8 @@ impl PolicyError {
             Self::Recurrent => 35,
             #[cfg(feature = "recurrent")]
             Self::Units { .. } => 36,
+            Self::Activation { .. } => 37,
+            Self::MixedActivations { .. } => 38,
         }
     }
 }

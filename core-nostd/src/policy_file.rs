@@ -12,6 +12,7 @@ mod recurrent;
 mod vision;
 mod writer;
 
+pub use crate::activation::Activation;
 pub use crate::arithmetic::{Arithmetic, FLOAT_SELF_TEST_TOLERANCE};
 pub use crate::policy_error::PolicyError;
 pub use header::{
@@ -99,6 +100,11 @@ impl<'a> PolicyFile<'a> {
     /// Number format of the parameters.
     pub fn parameter_format(&self) -> ParameterFormat {
         self.header.parameters
+    }
+
+    /// What follows the sums of hidden layers.
+    pub fn activation(&self) -> Activation {
+        self.header.activation
     }
 
     /// Inputs and outputs of each layer.
@@ -243,7 +249,9 @@ impl<'a> Network<'a> {
             *inputs += features as u16;
         }
         match &header.parameters {
-            ParameterFormat::Float32 => Mlp::from_parameters(&widths, parameters).map(Self::Float32),
+            ParameterFormat::Float32 => {
+                Mlp::from_parameters(&widths, header.activation, parameters).map(Self::Float32)
+            }
             ParameterFormat::Fixed16(format) => {
                 FixedMlp::from_parameters(&widths, *format, parameters).map(Self::Fixed16)
             }

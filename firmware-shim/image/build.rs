@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
+use kestrel_core::activation::Activation;
 use kestrel_core::airframe::CF2X;
 use kestrel_core::fixed::FixedFormat;
 use kestrel_core::mlp::{DenseLayer, WIDTH_LIMIT};
@@ -107,7 +108,7 @@ fn write_network(source: &mut String, out: &Path, file: &[u8]) -> Result<(), Box
     // The checksum follows the parameters (POLICY_FORMAT.md).
     let end = file.len() - 4;
     fs::write(out.join("parameters.bin"), &file[end - policy.parameter_bytes()..end])?;
-    let FixedFormat { input_fraction_bits, weight_fraction_bits } = format;
+    let FixedFormat { input_fraction_bits, weight_fraction_bits, .. } = format;
     let bytes = "include_bytes!(concat!(env!(\"OUT_DIR\"), \"/parameters.bin\"))";
     writeln!(
         source,
@@ -236,6 +237,7 @@ impl Network {
                 outputs: *outputs,
                 weights,
                 bias,
+                activation: Activation::Tanh,
             })
             .collect()
     }

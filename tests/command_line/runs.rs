@@ -2,12 +2,18 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+#[cfg(unix)]
+use std::fs::Permissions;
 use std::io::{BufRead, BufReader};
+#[cfg(unix)]
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Stdio;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+#[cfg(unix)]
+use kestrel_core::processor_in_the_loop::{MessageKind, NO_POLICY, SerialPort, send};
 use serde_json::Value;
 
 use crate::kestrel::{TINY, command, config, kestrel, refusal, train_tiny};
@@ -77,9 +83,12 @@ fn the_run_can_be_evaluated_and_exported_again() {
             assert!(printed.contains(file), "no {file} in:\n{printed}");
         }
     }
-    for (target, written) in
-        [("crazyflie", "crazyflie/policy.c"), ("onnx", "policy.onnx"), ("safetensors", "policy.safetensors")]
-    {
+    for (target, written) in [
+        ("crazyflie", "crazyflie/policy.c"),
+        ("betaflight", "betaflight/policy.c"),
+        ("onnx", "policy.onnx"),
+        ("safetensors", "policy.safetensors"),
+    ] {
         let output = kestrel(place.path(), &["export", "run", "--target", target]);
         let printed = String::from_utf8(output.stdout).unwrap();
         assert!(place.path().join("run").join(written).is_file(), "{written}");
@@ -98,6 +107,69 @@ fn the_run_can_be_evaluated_and_exported_again() {
             "{message}"
         );
     }
+}
+
+/// A line that keeps what is sent.
+#[cfg(unix)]
+struct Written(Vec<u8>);
+
+#[cfg(unix)]
+impl SerialPort for Written {
+    fn read(&mut self) -> Option<u8> {
+        None
+    }
+
+    fn write(&mut self, byte: u8) {
+        self.0.push(byte);
+    }
+}
+
+/// A program that says these codes of the processor-in-the-loop protocol at once, then runs `ending`.
+#[cfg(unix)]
+fn program_that_says(place: &Path, codes: &[i32], ending: &str) {
+    let mut frames = Written(Vec::new());
+    for code in codes {
+        send(&mut frames, MessageKind::Code, &[&code.to_le_bytes()]);
+    }
+    fs::write(place.join("frames"), frames.0).unwrap();
+    fs::write(place.join("program"), format!("#!/bin/sh\ncat frames\n{ending}\n")).unwrap();
+    fs::set_permissions(place.join("program"), Permissions::from_mode(0o755)).unwrap();
+}
+
+#[cfg(unix)]
+#[test]
+fn a_program_that_cannot_fly_is_refused_with_a_reason() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    let message = |command: &str, image: &[&str]| {
+        let arguments = [&[command, "run", "--processor", "program"], image].concat();
+        refusal(&kestrel(place.path(), &arguments))
+    };
+    let program = ["--image", "program"];
+    for command in ["evaluate", "fly"] {
+        let unnamed = message(command, &[]);
+        assert!(unnamed.contains("found --processor program alone, expected the program too"), "{unnamed}");
+        let missing = message(command, &["--image", "none"]);
+        assert!(missing.contains("cannot start none: No such file"), "{missing}");
+    }
+    fs::write(place.path().join("program"), "#!/bin/sh\n").unwrap();
+    let not_executable = message("evaluate", &program);
+    assert!(not_executable.contains("cannot start program: Permission denied"), "{not_executable}");
+    program_that_says(place.path(), &[], "exit 3");
+    let ended = message("evaluate", &program);
+    assert!(ended.contains("program ended before it was told to, with exit status: 3"), "{ended}");
+    program_that_says(place.path(), &[NO_POLICY, 17], "exec sleep 60");
+    let refused = message("evaluate", &program);
+    assert!(refused.contains("refuses the policy with code 17"), "{refused}");
+    program_that_says(place.path(), &[NO_POLICY, 0, 0, 104], "exec sleep 60");
+    let stopped = message("evaluate", &program);
+    assert!(stopped.contains("refuses a control period with code 104"), "{stopped}");
+    program_that_says(place.path(), &[NO_POLICY + 1], "exec sleep 60");
+    let nonsense = message("evaluate", &program);
+    assert!(
+        nonsense.contains("program does not answer within 20 s: expected the processor-in-the-loop"),
+        "{nonsense}"
+    );
 }
 
 #[test]
@@ -153,7 +225,7 @@ fn a_recurrent_policy_is_exported_to_what_takes_it_and_refused_by_name_elsewhere
     }
     let module = fs::read_to_string(place.path().join("run/policy.rs")).unwrap();
     assert!(module.contains("Pilot::with_memory(RecurrentPolicy::parse(&POLICY.0)?)"), "{module}");
-    for target in ["c", "crazyflie"] {
+    for target in ["c", "crazyflie", "betaflight"] {
         let said = refusal(&kestrel(place.path(), &["export", "run", "--target", target]));
         assert!(said.contains("found a recurrent policy, expected one without memory"), "{target}: {said}");
     }

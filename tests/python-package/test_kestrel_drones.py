@@ -341,7 +341,7 @@ def test_one_observation_or_many_give_the_same_action():
 
 
 def test_policies_are_exported(run):
-    for target in ("file", "rust", "c", "crazyflie", "onnx", "safetensors"):
+    for target in ("file", "rust", "c", "crazyflie", "betaflight", "onnx", "safetensors"):
         assert all(path.exists() for path in kestrel_drones.export(run, target))
     with pytest.raises(KestrelError, match="target: found cobol, expected file, rust"):
         kestrel_drones.export(run, "cobol")

@@ -22,7 +22,7 @@ use kestrel_sim::scenario::{Downwash, Physics, Preset, Scenario};
 use kestrel_sim::seed::Seed;
 use nalgebra::Vector3;
 
-use crate::processor::{ProcessorError, ProcessorKind, ProcessorOptions, Qemu};
+use crate::processor::{ProcessorError, ProcessorOptions, RemoteProcessor};
 use kestrel_experiments::evaluation::{EpisodeFlight, Flyer};
 use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::output::{OutputError, say};
@@ -108,7 +108,7 @@ pub(crate) enum FlyError {
     /// The policy fails its self-test, or the network refuses.
     #[error(transparent)]
     Session(Box<SessionError>),
-    /// The emulated processor does not start, or refuses the policy.
+    /// The other processor does not start, or refuses the policy.
     #[error(transparent)]
     Processor(#[from] ProcessorError),
     /// Nobody can be told how to connect.
@@ -141,31 +141,23 @@ pub(crate) fn fly(
     let flown = Policy::parse(bytes.bytes())?;
     let identity = PolicyIdentity::of(flown.metadata().name, bytes.bytes());
     let mut plant = place.plant(&flown, options.episode)?;
-    let host = options.processor.processor == ProcessorKind::Host;
-    if host && plant.task.is_some() && flies_tasks_alone(&flown) {
+    let remote = options.processor.remote()?;
+    if remote.is_none() && plant.task.is_some() && flies_tasks_alone(&flown) {
         let backend = TaskAlone::of(&flown)?;
         let session = Session::for_task(backend, &identity, place.airframe(), &options.session)?;
         return conduct(session, &mut plant, options, interrupted);
     }
     let policy = bytes.policy()?;
-    match options.processor.processor {
-        ProcessorKind::Host => {
-            let mut session = Session::open(&bytes, place.airframe(), &options.session)?;
-            if plant.task.is_some() {
-                session.offer_task();
-            }
-            conduct(session, &mut plant, options, interrupted)
+    let Some(remote) = remote else {
+        let mut session = Session::open(&bytes, place.airframe(), &options.session)?;
+        if plant.task.is_some() {
+            session.offer_task();
         }
-        ProcessorKind::Qemu => {
-            let processor = Qemu::start(&options.processor.image, bytes.bytes(), &policy)?;
-            conduct(
-                Session::with(processor, &identity, place.airframe(), &options.session)?,
-                &mut plant,
-                options,
-                interrupted,
-            )
-        }
-    }
+        return conduct(session, &mut plant, options, interrupted);
+    };
+    let processor = RemoteProcessor::start(remote, bytes.bytes(), &policy)?;
+    let session = Session::with(processor, &identity, place.airframe(), &options.session)?;
+    conduct(session, &mut plant, options, interrupted)
 }
 
 /// Flies a session to its end.

@@ -1,10 +1,11 @@
-//! A policy on an emulated microcontroller, behind a serial line.
+//! A policy on another processor, behind a serial line: an emulated microcontroller, or a program of this machine that brings an
+//! autopilot's own interface.
 
 mod comparison;
 
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
@@ -17,14 +18,20 @@ use kestrel_core::vehicle::State;
 use kestrel_shim::policy_backend::PolicyBackend;
 use thiserror::Error;
 
-pub(crate) use comparison::compare;
+pub(crate) use comparison::{Judged, compare, fly_beside};
 
 /// The emulator, and the board whose processor is the Crazyflie's.
 const EMULATOR: &str = "qemu-system-arm";
 const BOARD: &str = "netduinoplus2";
 
+/// Where `cargo build` puts the program `pilot`.
+const PILOT_IMAGE: &str = "target/thumbv7em-none-eabihf/firmware/pilot";
+
 /// An answer takes milliseconds; a machine that is busy with other things may take its time.
 const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Between the last byte of a program and its end.
+const ENDING_LIMIT: Duration = Duration::from_secs(1);
 
 /// Bytes that are passed on at once.
 const BURST: usize = 4096;
@@ -40,6 +47,8 @@ pub(crate) enum ProcessorKind {
     Host,
     /// The Crazyflie's STM32F405, emulated by QEMU, behind a serial line
     Qemu,
+    /// A program of this machine that speaks the same protocol on its standard input and output
+    Program,
 }
 
 /// Options of commands that can have a policy computed elsewhere.
@@ -49,9 +58,34 @@ pub(crate) struct ProcessorOptions {
     #[arg(long, value_enum, default_value_t = ProcessorKind::Host)]
     pub(crate) processor: ProcessorKind,
 
-    /// Image of the program `pilot`, for an emulated processor
-    #[arg(long, value_name = "FILE", default_value = "target/thumbv7em-none-eabihf/firmware/pilot")]
-    pub(crate) image: PathBuf,
+    /// Image of the program `pilot` for an emulated processor [default:
+    /// target/thumbv7em-none-eabihf/firmware/pilot], or the program of this machine
+    #[arg(long, value_name = "FILE")]
+    image: Option<PathBuf>,
+}
+
+impl ProcessorOptions {
+    /// What computes the policy, if this machine's pilot does not.
+    ///
+    /// # Errors
+    /// When a program is wanted, but none is named.
+    pub(crate) fn remote(&self) -> Result<Option<RemoteKind<'_>>, ProcessorError> {
+        let image = self.image.as_deref();
+        Ok(match self.processor {
+            ProcessorKind::Host => None,
+            ProcessorKind::Qemu => Some(RemoteKind::Qemu(image.unwrap_or(Path::new(PILOT_IMAGE)))),
+            ProcessorKind::Program => Some(RemoteKind::Program(image.ok_or(ProcessorError::Unnamed)?)),
+        })
+    }
+}
+
+/// Another processor, with what runs there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RemoteKind<'a> {
+    /// An emulated microcontroller, with its image.
+    Qemu(&'a Path),
+    /// A program of this machine.
+    Program(&'a Path),
 }
 
 /// Why there is no processor.
@@ -71,10 +105,38 @@ pub(crate) enum ProcessorError {
     /// The emulator does not start.
     #[error("cannot start {EMULATOR}: {0}; on Debian it is in the package qemu-system-arm")]
     Emulator(io::Error),
-    /// The processor says nothing, or nothing that makes sense.
+    /// A program is wanted, but none is named.
+    #[error("found --processor program alone, expected the program too: --image FILE")]
+    Unnamed,
+    /// The program does not start.
+    #[error("cannot start {}: {reason}; expected a program of this machine that may be executed", path.display())]
+    Program {
+        /// The program.
+        path: PathBuf,
+        /// Reason of the operating system.
+        reason: io::Error,
+    },
+    /// The program is over.
+    #[error("{} ended before it was told to, with {status}", path.display())]
+    Ended {
+        /// What ran.
+        path: PathBuf,
+        /// How it ended.
+        status: ExitStatus,
+    },
+    /// The emulated processor says nothing, or nothing that makes sense.
     #[error("the processor does not answer: is {} an image of the program `pilot`?", path.display())]
     Silent {
         /// The image.
+        path: PathBuf,
+    },
+    /// The program says nothing, or nothing that makes sense.
+    #[error(
+        "{} does not answer within {} s: expected the processor-in-the-loop protocol on its standard input and output",
+        path.display(), PATIENCE.as_secs()
+    )]
+    SilentProgram {
+        /// The program.
         path: PathBuf,
     },
     /// One processor flies one drone.
@@ -89,12 +151,26 @@ pub(crate) enum ProcessorError {
         /// See [`kestrel_core::policy_file::PolicyError::code`] and [`kestrel_core::processor_in_the_loop`].
         code: i32,
     },
+    /// The processor refuses to fly on.
+    #[error("the processor refuses a control period with code {code}")]
+    RefusedTick {
+        /// Of the program's own.
+        code: i32,
+    },
+    /// The processor's answer is none that motors could follow.
+    #[error("the processor asks for rotor speeds of {found:?} rad/s, expected finite numbers")]
+    Targets {
+        /// What it asks for \[rad/s\].
+        found: [f32; 4],
+    },
 }
 
-/// An emulated processor with a policy in its memory.
+/// Another processor with a policy in its memory.
 #[derive(Debug)]
-pub(crate) struct Qemu {
+pub(crate) struct RemoteProcessor {
     line: QueuePort,
+    path: PathBuf,
+    emulated: bool,
     control_secs: f32,
     observation: ObservationLayout,
 }
@@ -106,6 +182,7 @@ struct QueuePort {
     outgoing: BufWriter<ChildStdin>,
     incoming: Receiver<Vec<u8>>,
     burst: std::vec::IntoIter<u8>,
+    connected: bool,
 }
 
 /// What the other side said.
@@ -115,45 +192,101 @@ enum Answer {
     Targets([f32; 4]),
 }
 
-impl Qemu {
-    /// Starts the emulator with an image of the program `pilot`, and sends the policy in `file`.
-    ///
-    /// # Errors
-    /// When image or emulator are missing, nobody answers, or the policy is refused there.
-    pub(crate) fn start(image: &Path, file: &[u8], policy: &PolicyFile<'_>) -> Result<Self, ProcessorError> {
-        std::fs::File::open(image).map_err(|reason| ProcessorError::Image { path: image.to_owned(), reason })?;
-        let silent = || ProcessorError::Silent { path: image.to_owned() };
-        let mut line = QueuePort::open(image)?;
-        // What is sent before the line is open there would be lost.
-        if line.answer() != Some(Answer::Code(NO_POLICY)) {
-            return Err(silent());
+impl RemoteKind<'_> {
+    /// As the option has it.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Qemu(_) => "qemu",
+            Self::Program(_) => "program",
         }
-        match line.ask(MessageKind::Policy, &[file]) {
-            Some(Answer::Code(0)) => {}
-            Some(Answer::Code(code)) => return Err(ProcessorError::Refused { code }),
-            Some(Answer::Targets(_)) | None => return Err(silent()),
-        }
-        let metadata = policy.metadata();
-        Ok(Self { line, control_secs: metadata.control_period_secs, observation: metadata.observation })
     }
 
-    /// As [`kestrel_core::pilot::Pilot::tick_towards`], over there; nothing when nobody answers.
+    /// The process that is the processor.
+    fn start(self) -> Result<QueuePort, ProcessorError> {
+        match self {
+            Self::Qemu(image) => {
+                std::fs::File::open(image)
+                    .map_err(|reason| ProcessorError::Image { path: image.to_owned(), reason })?;
+                let mut command = Command::new(EMULATOR);
+                command
+                    .args(["-M", BOARD, "-display", "none", "-monitor", "none", "-serial", "stdio", "-kernel"])
+                    .arg(image)
+                    .stderr(Stdio::null());
+                QueuePort::open(&mut command).map_err(ProcessorError::Emulator)
+            }
+            // A name alone would be looked for among the commands of the system.
+            Self::Program(path) => std::path::absolute(path)
+                .and_then(|program| QueuePort::open(&mut Command::new(program)))
+                .map_err(|reason| ProcessorError::Program { path: path.to_owned(), reason }),
+        }
+    }
+}
+
+impl RemoteProcessor {
+    /// Starts a processor, and sends the policy in `file`.
+    ///
+    /// # Errors
+    /// When image, emulator or program are missing, nobody answers, or the policy is refused there.
+    pub(crate) fn start(
+        kind: RemoteKind<'_>,
+        file: &[u8],
+        policy: &PolicyFile<'_>,
+    ) -> Result<Self, ProcessorError> {
+        let metadata = policy.metadata();
+        let (path, emulated) = match kind {
+            RemoteKind::Qemu(image) => (image, true),
+            RemoteKind::Program(program) => (program, false),
+        };
+        let mut remote = Self {
+            line: kind.start()?,
+            path: path.to_owned(),
+            emulated,
+            control_secs: metadata.control_period_secs,
+            observation: metadata.observation,
+        };
+        // What is sent before the line is open there would be lost.
+        if remote.line.answer() != Some(Answer::Code(NO_POLICY)) {
+            return Err(remote.failure());
+        }
+        match remote.line.ask(MessageKind::Policy, &[file]) {
+            Some(Answer::Code(0)) => Ok(remote),
+            Some(Answer::Code(code)) => Err(ProcessorError::Refused { code }),
+            Some(Answer::Targets(_)) | None => Err(remote.failure()),
+        }
+    }
+
+    /// As [`kestrel_core::pilot::Pilot::tick_towards`], over there.
+    ///
+    /// # Errors
+    /// When nobody answers, the state is refused, or the answer is not finite.
     pub(crate) fn tick_towards(
         &mut self,
         measurements: &[f32],
         state: &State<f32>,
         setpoint: &Setpoint<f32>,
-    ) -> Option<[f32; 4]> {
+    ) -> Result<[f32; 4], ProcessorError> {
         let numbers = tick_payload(state, setpoint);
         let measurements: Vec<u8> = measurements.iter().flat_map(|value| value.to_le_bytes()).collect();
-        match self.line.ask(MessageKind::Tick, &[numbers.as_flattened(), &measurements])? {
-            Answer::Targets(targets) => Some(targets),
-            Answer::Code(_) => None,
+        match self.line.ask(MessageKind::Tick, &[numbers.as_flattened(), &measurements]) {
+            Some(Answer::Targets(targets)) if targets.iter().all(|target| target.is_finite()) => Ok(targets),
+            Some(Answer::Targets(found)) => Err(ProcessorError::Targets { found }),
+            Some(Answer::Code(code)) => Err(ProcessorError::RefusedTick { code }),
+            None => Err(self.failure()),
+        }
+    }
+
+    /// Why there was no answer.
+    fn failure(&mut self) -> ProcessorError {
+        let path = self.path.clone();
+        match self.line.status() {
+            Some(status) => ProcessorError::Ended { path, status },
+            None if self.emulated => ProcessorError::Silent { path },
+            None => ProcessorError::SilentProgram { path },
         }
     }
 }
 
-impl PolicyBackend for Qemu {
+impl PolicyBackend for RemoteProcessor {
     fn control_secs(&self) -> f32 {
         self.control_secs
     }
@@ -172,19 +305,14 @@ impl PolicyBackend for Qemu {
     }
 
     fn tick(&mut self, state: &State<f32>, setpoint: &Setpoint<f32>) -> Option<[f32; 4]> {
-        self.tick_towards(&[], state, setpoint)
+        self.tick_towards(&[], state, setpoint).ok()
     }
 }
 
 impl QueuePort {
-    fn open(image: &Path) -> Result<Self, ProcessorError> {
-        let mut command = Command::new(EMULATOR);
-        command
-            .args(["-M", BOARD, "-display", "none", "-monitor", "none", "-serial", "stdio", "-kernel"])
-            .arg(image);
-        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut process = command.spawn().map_err(ProcessorError::Emulator)?;
-        let missing = || ProcessorError::Emulator(io::ErrorKind::BrokenPipe.into());
+    fn open(command: &mut Command) -> io::Result<Self> {
+        let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+        let missing = || io::Error::from(io::ErrorKind::BrokenPipe);
         let outgoing = BufWriter::new(process.stdin.take().ok_or_else(missing)?);
         let mut output = BufReader::new(process.stdout.take().ok_or_else(missing)?);
         let (sender, incoming) = channel();
@@ -196,7 +324,21 @@ impl QueuePort {
                 }
             }
         });
-        Ok(Self { process, outgoing, incoming, burst: Vec::new().into_iter() })
+        Ok(Self { process, outgoing, incoming, burst: Vec::new().into_iter(), connected: true })
+    }
+
+    /// How the process ended, if it did.
+    fn status(&mut self) -> Option<ExitStatus> {
+        let mut waited = Duration::ZERO;
+        loop {
+            let status = self.process.try_wait().ok().flatten();
+            if status.is_some() || self.connected || waited >= ENDING_LIMIT {
+                return status;
+            }
+            let pause = Duration::from_millis(10);
+            thread::sleep(pause);
+            waited += pause;
+        }
     }
 
     fn ask(&mut self, kind: MessageKind, payload: &[&[u8]]) -> Option<Answer> {
@@ -237,7 +379,11 @@ impl SerialPort for QueuePort {
                 self.burst = burst.into_iter();
                 self.burst.next()
             }
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                self.connected = false;
+                None
+            }
         }
     }
 

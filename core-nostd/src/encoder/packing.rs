@@ -3,6 +3,7 @@
 use super::fixed::{CODE_BITS, REQUANTISATION_SHIFT, limit_of};
 use super::stage::{FILTER_BLOCK, TERM_GROUP};
 use super::{EncoderError, EncoderShape, EncoderStage, STAGE_LIMIT};
+use crate::activation::Activation;
 use crate::fixed::INPUT_FRACTION_BITS_LIMIT;
 use crate::mlp::DenseLayer;
 
@@ -258,7 +259,8 @@ fn layers<'a>(
     };
     shape.stages().iter().map(move |stage| {
         let (inputs, outputs) = (stage.terms(), stage.filters());
-        (*stage, DenseLayer { inputs, outputs, weights: take(inputs * outputs), bias: take(outputs) })
+        let (weights, bias) = (take(inputs * outputs), take(outputs));
+        (*stage, DenseLayer { inputs, outputs, weights, bias, activation: Activation::Relu })
     })
 }
 

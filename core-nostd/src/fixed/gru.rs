@@ -43,8 +43,8 @@ impl<'a> FixedGru<'a> {
         let (candidate, _) = split_layer(rest, inputs, units)?;
         let gates = FixedLayer::new(gates, inputs, 2 * units, bits(gate_bits)?)?;
         let candidate = FixedLayer::new(candidate, inputs, units, bits(candidate_bits)?)?;
-        gates.check(0)?;
-        candidate.check(0)?;
+        gates.check(0, network.input_limit(0))?;
+        candidate.check(0, network.input_limit(0))?;
         let shift = HIDDEN_FRACTION_BITS - u32::from(network.input_fraction_bits);
         Ok(Self { gates, candidate, shape, shift })
     }

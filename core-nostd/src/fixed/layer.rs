@@ -1,6 +1,6 @@
 //! One layer in integers: parameters that are read where they lie, and the sums of products with them.
 
-use super::{REQUANTISATION_SHIFT, SUM_FRACTION_BITS, input_limit};
+use super::{REQUANTISATION_SHIFT, SUM_FRACTION_BITS};
 use crate::limits::{ROW_BLOCK, WIDTH_LIMIT};
 use crate::policy_error::PolicyError;
 
@@ -62,13 +62,13 @@ impl<'a> FixedLayer<'a> {
         if column.is_multiple_of(COLUMN_GROUP) { word as i16 } else { (word >> i16::BITS) as i16 }
     }
 
-    /// Refuses a layer of which a sum could leave 32 bits with the inputs that layer number `layer` can have.
-    pub(super) fn check(&self, layer: usize) -> Result<(), PolicyError> {
+    /// Refuses layer number `layer` where a sum could leave 32 bits with inputs up to `input_limit`.
+    pub(super) fn check(&self, layer: usize, input_limit: i16) -> Result<(), PolicyError> {
         let blocks = self.weights.chunks_exact(self.inputs.div_ceil(COLUMN_GROUP).max(1));
         for (block, (biases, groups)) in self.bias.iter().zip(blocks).enumerate() {
             for (index, bias) in biases.iter().enumerate() {
                 let magnitude: i64 = groups.iter().map(|group| magnitude_of_pair(group[index])).sum();
-                let largest = magnitude * i64::from(input_limit(layer)) + i64::from(bias.unsigned_abs());
+                let largest = magnitude * i64::from(input_limit) + i64::from(bias.unsigned_abs());
                 if largest > i64::from(i32::MAX) {
                     return Err(PolicyError::Overflow { layer, row: block * ROW_BLOCK + index, largest });
                 }

@@ -46,7 +46,7 @@ impl FixedMlp<'_> {
         let FixedScratch { activations, sums } = scratch;
         self.read_observation(observation, activations.get_mut(..self.inputs()).unwrap_or_default());
         let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return &[] };
-        Self::hide(hidden_layers, activations, sums);
+        self.hide(hidden_layers, activations, sums);
         activations.get(..output_layer.inputs).unwrap_or_default()
     }
 }

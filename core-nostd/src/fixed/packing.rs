@@ -1,8 +1,10 @@
 //! From trained weights to the integers of a policy file: choosing formats, rounding, laying out.
 
-use super::{COLUMN_GROUP, FixedFormat, INPUT_FRACTION_BITS_LIMIT, WEIGHT_FRACTION_BITS_LIMIT, input_limit};
+use super::{
+    COLUMN_GROUP, FixedFormat, INPUT_FRACTION_BITS_LIMIT, OBSERVATION_CODE_LIMIT, WEIGHT_FRACTION_BITS_LIMIT,
+};
 use crate::limits::{LAYER_LIMIT, ROW_BLOCK};
-use crate::mlp::DenseLayer;
+use crate::mlp::{DenseLayer, hidden_activation};
 use crate::policy_error::PolicyError;
 
 impl FixedFormat {
@@ -14,7 +16,8 @@ impl FixedFormat {
     /// or where it holds a number that is not finite.
     pub fn finest(layers: &[DenseLayer<'_>], largest_observation: f32) -> Result<Self, PolicyError> {
         let input_fraction_bits = finest_input_bits(largest_observation);
-        let mut format = Self { input_fraction_bits, weight_fraction_bits: [0; LAYER_LIMIT] };
+        let activation = hidden_activation(layers);
+        let mut format = Self { input_fraction_bits, weight_fraction_bits: [0; LAYER_LIMIT], activation };
         if layers.len() > LAYER_LIMIT {
             return Err(PolicyError::LayerCount { found: layers.len() });
         }
@@ -47,7 +50,7 @@ impl FixedFormat {
 }
 
 fn finest_input_bits(largest_observation: f32) -> u8 {
-    let fits = |bits: &u8| largest_observation * (1_u32 << bits) as f32 <= f32::from(input_limit(0));
+    let fits = |bits: &u8| largest_observation * (1_u32 << bits) as f32 <= f32::from(OBSERVATION_CODE_LIMIT);
     (0..=INPUT_FRACTION_BITS_LIMIT).rev().find(fits).unwrap_or(0)
 }
 
@@ -55,7 +58,7 @@ impl DenseLayer<'_> {
     /// Whether the layer, as number `index`, keeps its weights and sums in range in these formats.
     pub(crate) fn fits(&self, format: FixedFormat, index: usize) -> bool {
         let weight_bits = format.weight_fraction_bits.get(index).copied().unwrap_or_default();
-        let (input_bits, limit) = (format.fraction_bits_into(index), input_limit(index));
+        let (input_bits, limit) = (format.fraction_bits_into(index), format.input_limit(index));
         (0..self.outputs).all(|row| self.fixed_row_fits(row, weight_bits, input_bits, limit))
     }
 

@@ -111,7 +111,10 @@ fn facing(layout: &ObservationLayout, yaw: f32) -> [f32; 2] {
 /// The reference's actions know no limit; rotors do.
 fn within_limits(metadata: &PolicyMetadata<'_>, targets: [f32; 4]) -> [f32; 4] {
     match &metadata.action {
-        ActionSpace::RotorSpeeds(_) | ActionSpace::ThrustBodyRates(_) | ActionSpace::Velocities(_) => targets,
+        ActionSpace::RotorSpeeds(_)
+        | ActionSpace::ThrustBodyRates(_)
+        | ActionSpace::Velocities(_)
+        | ActionSpace::RotorThrusts(_) => targets,
         ActionSpace::Reference(space) => targets.map(|target| target.limited(0.0, space.rotor_speed_limit())),
     }
 }

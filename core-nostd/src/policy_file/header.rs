@@ -5,7 +5,10 @@ use core::ops::Range;
 use heapless::Vec;
 
 use super::metadata::{LAYOUT_COUNT, SPACE_COUNT};
+#[cfg(not(feature = "px4"))]
+use super::metadata::{PX4_NEURAL, ROTOR_THRUSTS};
 use super::{Arithmetic, PolicyError};
+use crate::activation::Activation;
 use crate::crc32::crc32;
 use crate::fixed::{self, FixedFormat};
 use crate::limits::{ACTION_LEN, LAYER_LIMIT, WIDTH_LIMIT};
@@ -31,6 +34,9 @@ pub const GOLDEN_LIMIT: usize = 64;
 
 pub(super) const CHECKSUM_LEN: usize = 4;
 
+/// Where the header says what follows the sums of hidden layers.
+const ACTIVATION: usize = 39;
+
 /// Number format of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterFormat {
@@ -44,6 +50,7 @@ pub enum ParameterFormat {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Header {
     pub(crate) parameters: ParameterFormat,
+    pub(crate) activation: Activation,
     pub(crate) observation_layout: u16,
     pub(crate) action_space: u16,
     pub(crate) metadata_len: usize,
@@ -115,6 +122,7 @@ impl Header {
         check_envelope(bytes, version)?;
         let header = Self {
             parameters: parse_parameter_format(bytes)?,
+            activation: parse_activation(bytes)?,
             observation_layout: u16_at(bytes, 16),
             action_space: u16_at(bytes, 18),
             metadata_len: usize::from(u16_at(bytes, 20)),
@@ -136,6 +144,8 @@ impl Header {
         }
         #[cfg(not(feature = "reference"))]
         check_reference(self.observation_layout, self.action_space)?;
+        #[cfg(not(feature = "px4"))]
+        self.check_px4()?;
         for (layer, width) in self.widths.iter().map(|width| usize::from(*width)).enumerate() {
             if !(1..=WIDTH_LIMIT).contains(&width) {
                 return Err(PolicyError::Width { layer, found: width });
@@ -151,6 +161,18 @@ impl Header {
             return Err(PolicyError::GoldenObservations { found: self.golden_vectors * expected, expected });
         }
         Ok(())
+    }
+
+    /// Refuses what only a policy for PX4 has.
+    #[cfg(not(feature = "px4"))]
+    fn check_px4(&self) -> Result<(), PolicyError> {
+        let missing = |needs| Err(PolicyError::MissingFeature { needs, feature: "px4" });
+        match (self.activation, self.observation_layout, self.action_space) {
+            (Activation::Relu, _, _) => missing("rectifiers"),
+            (Activation::Tanh, PX4_NEURAL, _) => missing("the observation layout px4_neural"),
+            (Activation::Tanh, _, ROTOR_THRUSTS) => missing("the action space rotor_thrusts"),
+            (Activation::Tanh, _, _) => Ok(()),
+        }
     }
 
     /// Values of an observation.
@@ -210,7 +232,8 @@ impl Header {
         for (slot, width) in bytes[24..34].as_chunks_mut::<2>().0.iter_mut().zip(&self.widths) {
             *slot = width.to_le_bytes();
         }
-        bytes[34..39].copy_from_slice(&self.parameters.fraction_bits());
+        bytes[34..ACTIVATION].copy_from_slice(&self.parameters.fraction_bits());
+        bytes[ACTIVATION] = self.activation as u8;
         bytes
     }
 }
@@ -267,8 +290,17 @@ fn parse_parameter_format(bytes: &[u8]) -> Result<ParameterFormat, PolicyError> 
         2 => Ok(ParameterFormat::Fixed16(FixedFormat {
             input_fraction_bits: u8_at(bytes, 34),
             weight_fraction_bits: core::array::from_fn(|layer| u8_at(bytes, 35 + layer)),
+            activation: parse_activation(bytes)?,
         })),
         found => Err(PolicyError::Arithmetic { found }),
+    }
+}
+
+fn parse_activation(bytes: &[u8]) -> Result<Activation, PolicyError> {
+    match u8_at(bytes, ACTIVATION) {
+        0 => Ok(Activation::Tanh),
+        1 => Ok(Activation::Relu),
+        found => Err(PolicyError::Activation { found }),
     }
 }
 
@@ -297,7 +329,7 @@ fn check_unused(bytes: &[u8], layers: usize, parameters: ParameterFormat) -> Res
         ParameterFormat::Fixed16(_) => 1 + layers,
     };
     let widths = (1 + layers..=LAYER_LIMIT).map(|index| 24 + 2 * index).map(|at| (at, u16_at(bytes, at)));
-    let bits = (34 + used_bits..HEADER_LEN).map(|at| (at, u16::from(u8_at(bytes, at))));
+    let bits = (34 + used_bits..ACTIVATION).map(|at| (at, u16::from(u8_at(bytes, at))));
     match widths.chain(bits).find(|(_, value)| *value != 0) {
         Some((offset, found)) => Err(PolicyError::UnusedField { offset, found }),
         None => Ok(()),

@@ -11,10 +11,16 @@ use crate::policy_error::{PolicyError, finite, holds, positive};
 pub const NAME_LIMIT: usize = 64;
 
 /// Layouts are numbered from one to this.
-pub(crate) const LAYOUT_COUNT: u16 = 7;
+pub(crate) const LAYOUT_COUNT: u16 = PX4_NEURAL;
+
+/// Number of the layout `px4_neural`.
+pub(crate) const PX4_NEURAL: u16 = 8;
 
 /// Action spaces are numbered from one to this.
-pub(crate) const SPACE_COUNT: u16 = 4;
+pub(crate) const SPACE_COUNT: u16 = ROTOR_THRUSTS;
+
+/// Number of the action space `rotor_thrusts`.
+pub(crate) const ROTOR_THRUSTS: u16 = 5;
 
 /// The metadata of a policy, in postcard encoding inside the file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,6 +49,7 @@ pub(crate) const fn layout_identifier(layout: &ObservationLayout) -> u16 {
         ObservationLayout::PilotFor(_) => 5,
         ObservationLayout::PilotMeasured(_) => 6,
         ObservationLayout::Body(_) => 7,
+        ObservationLayout::Px4Neural(_) => PX4_NEURAL,
     }
 }
 
@@ -53,6 +60,7 @@ pub(crate) const fn action_identifier(space: &ActionSpace) -> u16 {
         ActionSpace::ThrustBodyRates(_) => 2,
         ActionSpace::Reference(_) => 3,
         ActionSpace::Velocities(_) => 4,
+        ActionSpace::RotorThrusts(_) => ROTOR_THRUSTS,
     }
 }
 
@@ -96,6 +104,7 @@ fn check_observation(layout: &ObservationLayout, action_len: usize) -> Result<()
         ObservationLayout::Measured(measured) => {
             holds(measured.len > 0, "len", usize::from(measured.len), "at least 1")
         }
+        ObservationLayout::Px4Neural(_) => Ok(()),
     }
 }
 
@@ -121,6 +130,7 @@ fn check_action(space: &ActionSpace) -> Result<(), PolicyError> {
             positive("attitude_gain", space.attitude_gain)
         }
         ActionSpace::Reference(space) => space.check(),
+        ActionSpace::RotorThrusts(space) => space.check(),
     }
 }
 

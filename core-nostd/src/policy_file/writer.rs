@@ -6,7 +6,7 @@ use super::{FORMAT_VERSION, HEADER_LEN, Network, ParameterFormat, PolicyError, P
 use crate::crc32::crc32;
 use crate::fixed::FixedFormat;
 use crate::limits::{ACTION_LIMIT, LAYER_LIMIT};
-use crate::mlp::DenseLayer;
+use crate::mlp::{DenseLayer, hidden_activation};
 
 /// What goes into a policy file. The golden actions are computed while it is written.
 #[derive(Clone, Copy, Debug)]
@@ -81,6 +81,7 @@ impl PolicyDraft<'_> {
         }
         let header = Header {
             parameters: self.canonical_parameters(),
+            activation: hidden_activation(self.layers),
             observation_layout: layout_identifier(&self.metadata.observation),
             action_space: action_identifier(&self.metadata.action),
             metadata_len: metadata_len(&self.metadata)?,
@@ -113,6 +114,10 @@ impl PolicyDraft<'_> {
             if !layer.is_complete() || layer.inputs != inputs {
                 return Err(layer_shape(index, layer, inputs));
             }
+            let (found, expected) = (layer.activation, hidden_activation(self.layers));
+            if index + 1 < self.layers.len() && found != expected {
+                return Err(PolicyError::MixedActivations { layer: index, found, expected });
+            }
         }
         Ok(())
     }
@@ -123,6 +128,7 @@ impl PolicyDraft<'_> {
         for bits in format.weight_fraction_bits.iter_mut().skip(self.layers.len()) {
             *bits = 0;
         }
+        format.activation = hidden_activation(self.layers);
         ParameterFormat::Fixed16(format)
     }
 
@@ -132,8 +138,9 @@ impl PolicyDraft<'_> {
     }
 
     fn write_parameters(&self, mut bytes: &mut [u8]) -> Result<(), PolicyError> {
+        let parameters = self.canonical_parameters();
         for (index, layer) in self.layers.iter().enumerate() {
-            bytes = match &self.parameters {
+            bytes = match &parameters {
                 ParameterFormat::Float32 => copy_words(layer.packed().map(f32::to_le_bytes), bytes),
                 ParameterFormat::Fixed16(format) => write_layer(layer, *format, index, bytes)?,
             };

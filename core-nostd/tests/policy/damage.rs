@@ -137,7 +137,7 @@ fn versions_are_told_apart() {
 fn unknown_identifiers_are_told_apart() {
     for bytes in files() {
         assert_eq!(forged(&bytes, 10, 3), PolicyError::Arithmetic { found: 3 });
-        assert_eq!(forged(&bytes, 16, 8), PolicyError::ObservationLayout { found: 8 });
+        assert_eq!(forged(&bytes, 16, 9), PolicyError::ObservationLayout { found: 9 });
         assert_eq!(forged(&bytes, 18, 9), PolicyError::ActionSpace { found: 9 });
         let contradiction = PolicyError::MetadataMismatch { field: "action space", found: 1, expected: 2 };
         assert_eq!(forged(&bytes, 18, 2), contradiction);
@@ -166,7 +166,7 @@ fn unused_fields_are_zero() {
     assert_eq!(forged(&float, 30, 1), PolicyError::UnusedField { offset: 30, found: 1 });
     assert_eq!(forged(&float, 34, 1), PolicyError::UnusedField { offset: 34, found: 1 });
     assert_eq!(forged(&fixed, 37, 1), PolicyError::UnusedField { offset: 37, found: 1 });
-    assert_eq!(forged(&fixed, 39, 1), PolicyError::UnusedField { offset: 39, found: 1 });
+    assert_eq!(forged(&fixed, 39, 2), PolicyError::Activation { found: 2 });
 }
 
 #[test]

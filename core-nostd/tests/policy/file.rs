@@ -1,6 +1,7 @@
 //! Writing and reading policy files.
 
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
+use kestrel_core::activation::Activation;
 use kestrel_core::crc32::crc32;
 use kestrel_core::fixed::{self, FixedFormat, FixedMlp};
 use kestrel_core::mlp::DenseLayer;
@@ -24,6 +25,7 @@ proptest! {
         hidden in prop::collection::vec(1_usize..=128, 0..=3),
         vectors in 1_usize..=64,
         fixed: bool,
+        rectified: bool,
         rates: bool,
     ) {
         let [position_scale_m, velocity_scale, body_rates_scale] = scales;
@@ -37,6 +39,7 @@ proptest! {
         };
         let widths = [vec![PILOT_LEN], hidden, vec![4]].concat();
         let model = Model::random(seed, &widths, 1.0);
+        let model = if rectified { model.rectified() } else { model };
         let parameters = if fixed { model.fixed_format() } else { ParameterFormat::Float32 };
         let layers = model.layers();
         let golden_observations = &observations(seed, vectors, 2.0);
@@ -72,9 +75,10 @@ fn the_format_has_not_moved() {
     };
     let shapes = [(PILOT_LEN, 20), (20, 5), (5, 4)];
     let parameters = shapes.map(|(inputs, outputs)| (numbers(inputs * outputs, 5), numbers(outputs, 3)));
-    let mut layers = [DenseLayer { inputs: 0, outputs: 0, weights: &[], bias: &[] }; 3];
+    let mut layers =
+        [DenseLayer { inputs: 0, outputs: 0, weights: &[], bias: &[], activation: Activation::Tanh }; 3];
     for (layer, ((inputs, outputs), (weights, bias))) in layers.iter_mut().zip(shapes.iter().zip(&parameters)) {
-        *layer = DenseLayer { inputs: *inputs, outputs: *outputs, weights, bias };
+        *layer = DenseLayer { inputs: *inputs, outputs: *outputs, weights, bias, ..*layer };
     }
     let action = ActionSpace::RotorSpeeds(RotorSpeeds {
         hover_rotor_speed: 1500.0,

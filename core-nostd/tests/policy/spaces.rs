@@ -3,7 +3,7 @@
 use kestrel_core::action::Setpoint;
 use kestrel_core::action::{
     ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, ReferenceActionKind, ReferenceActions,
-    ReferenceController, Velocities,
+    ReferenceController, RotorThrusts, Velocities,
 };
 use kestrel_core::airframe::{
     Airframe, CF2X, Downwash, DragCoefficients, FlightEffects, HUMMINGBIRD, Layout, RotorOrder,
@@ -12,7 +12,7 @@ use kestrel_core::attitude::Attitude;
 use kestrel_core::crc32::crc32;
 use kestrel_core::observation::{
     BodyLayout, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout,
-    PilotForLayout, PilotMeasuredLayout, ReferenceLayout,
+    PilotForLayout, PilotMeasuredLayout, Px4NeuralLayout, ReferenceLayout,
 };
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{
@@ -44,12 +44,17 @@ fn hummingbird() -> ActionSpace {
 fn spaces() -> Vec<ActionSpace> {
     let reference = ReferenceActionKind::ALL
         .map(|kind| ActionSpace::Reference(reference(kind, Persistence::ResetEachEpisode)));
-    [vec![rotor_speeds(), thrust_body_rates(), velocities(), hummingbird()], reference.to_vec()].concat()
+    [vec![rotor_speeds(), thrust_body_rates(), velocities(), rotor_thrusts(), hummingbird()], reference.to_vec()]
+        .concat()
 }
 
 fn velocities() -> ActionSpace {
     let ActionSpace::ThrustBodyRates(rates) = thrust_body_rates() else { unreachable!() };
     ActionSpace::Velocities(Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 5.0 })
+}
+
+fn rotor_thrusts() -> ActionSpace {
+    ActionSpace::RotorThrusts(RotorThrusts::new(&CF2X, 0.05, 300.0))
 }
 
 /// Every layout that goes with actions of a length.
@@ -67,6 +72,7 @@ fn layouts(action_len: u8) -> Vec<ObservationLayout> {
         ObservationLayout::Measured(MeasuredLayout { len: 11 }),
         ObservationLayout::Body(BodyLayout { scales, action_len, measured_len: 0 }),
         ObservationLayout::Body(BodyLayout { scales, action_len, measured_len: 11 }),
+        ObservationLayout::Px4Neural(Px4NeuralLayout),
     ];
     [of_pilot, others].concat()
 }
@@ -126,7 +132,10 @@ impl Expected {
         let (setpoint, secs) = (Setpoint::at(*goal), metadata.control_period_secs);
         let targets = self.controls.rotor_targets(&action, state, &setpoint, &mut self.memory, secs);
         match &metadata.action {
-            ActionSpace::RotorSpeeds(_) | ActionSpace::ThrustBodyRates(_) | ActionSpace::Velocities(_) => targets,
+            ActionSpace::RotorSpeeds(_)
+            | ActionSpace::ThrustBodyRates(_)
+            | ActionSpace::Velocities(_)
+            | ActionSpace::RotorThrusts(_) => targets,
             // The reference commands what no rotor can do: the Hummingbird's first step asks for ten times its limit.
             ActionSpace::Reference(space) => {
                 targets.map(|target| target.min(space.airframe.rotor_speed_limit as f32))
@@ -296,6 +305,7 @@ fn the_references_metadata_have_not_moved() {
         (394, 0x7D4D_EC9B),
         (407, 0x5D3E_BCE7),
         (407, 0x1E02_3664),
+        (393, 0xB6C3_EB0D),
     ];
     assert_eq!(found, recorded);
 }

@@ -1,6 +1,7 @@
 //! Networks, states and files to test with.
 
 use kestrel_core::action::{ActionSpace, RotorSpeeds, ThrustBodyRates};
+use kestrel_core::activation::Activation;
 use kestrel_core::airframe::CF2X;
 use kestrel_core::crc32::crc32;
 use kestrel_core::fixed::FixedFormat;
@@ -31,6 +32,7 @@ impl Random {
 /// A network that owns its weights.
 pub(crate) struct Model {
     layers: Vec<(usize, usize, Vec<f32>, Vec<f32>)>,
+    activation: Activation,
 }
 
 impl Model {
@@ -43,7 +45,12 @@ impl Model {
             let bias = (0..pair[1]).map(|_| random.within(0.1)).collect();
             (pair[0], pair[1], weights, bias)
         });
-        Self { layers: layers.collect() }
+        Self { layers: layers.collect(), activation: Activation::Tanh }
+    }
+
+    /// The same weights with rectifiers behind hidden layers.
+    pub(crate) fn rectified(self) -> Self {
+        Self { activation: Activation::Relu, ..self }
     }
 
     /// 22-64-64-4, as trained networks are.
@@ -59,11 +66,12 @@ impl Model {
                 outputs: *outputs,
                 weights,
                 bias,
+                activation: self.activation,
             })
             .collect()
     }
 
-    /// The output in `f64` with an exact hyperbolic tangent, limited to \[-1, 1\].
+    /// The output in `f64` with an exact activation, limited to \[-1, 1\].
     pub(crate) fn reference(&self, observation: &[f32]) -> Vec<f64> {
         let mut values: Vec<f64> = observation.iter().map(|&value| f64::from(value)).collect();
         for (index, (inputs, outputs, weights, bias)) in self.layers.iter().enumerate() {
@@ -73,7 +81,11 @@ impl Model {
                         (0..*inputs).map(|column| f64::from(weights[row * inputs + column]) * values[column]);
                     f64::from(bias[row]) + products.sum::<f64>()
                 })
-                .map(|sum| if index + 1 < self.layers.len() { libm::tanh(sum) } else { sum.clamp(-1.0, 1.0) })
+                .map(|sum| match self.activation {
+                    _ if index + 1 == self.layers.len() => sum.clamp(-1.0, 1.0),
+                    Activation::Tanh => libm::tanh(sum),
+                    Activation::Relu => sum.max(0.0),
+                })
                 .collect();
         }
         values

@@ -1,5 +1,6 @@
 //! The policies in the image.
 
+use kestrel_core::activation::Activation;
 use kestrel_core::fixed::{FixedFormat, FixedMlp};
 use kestrel_core::policy_file::{Aligned, PolicyError};
 
@@ -34,7 +35,7 @@ impl Embedded {
         let (input_fraction_bits, weight_fraction_bits) = (self.input_fraction_bits, self.weight_fraction_bits);
         FixedMlp::from_parameters(
             &self.widths,
-            FixedFormat { input_fraction_bits, weight_fraction_bits },
+            FixedFormat { input_fraction_bits, weight_fraction_bits, activation: Activation::Tanh },
             self.parameters,
         )
     }

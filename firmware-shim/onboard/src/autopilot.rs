@@ -204,9 +204,10 @@ fn leash_m(layout: &ObservationLayout) -> f32 {
         | ObservationLayout::PilotFor(PilotForLayout { scales, .. })
         | ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, .. })
         | ObservationLayout::Body(BodyLayout { scales, .. }) => LEASH_M.min(scales.position_scale_m),
-        ObservationLayout::Reference(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
-            LEASH_M
-        }
+        ObservationLayout::Reference(_)
+        | ObservationLayout::Kinematic(_)
+        | ObservationLayout::Measured(_)
+        | ObservationLayout::Px4Neural(_) => LEASH_M,
     }
 }
 

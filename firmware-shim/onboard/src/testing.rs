@@ -1,6 +1,7 @@
 //! Policies for tests that need no training; for hosts, by the feature `testing`.
 
 use kestrel_core::action::{ACTION_LEN, ActionSpace, ThrustBodyRates};
+use kestrel_core::activation::Activation;
 use kestrel_core::airframe::{CF2X, GRAVITY};
 use kestrel_core::crc32::crc32;
 use kestrel_core::mlp::DenseLayer;
@@ -70,6 +71,7 @@ fn linear_policy(control_period_secs: f32, observation: ObservationLayout, weigh
             outputs: ACTION_LEN,
             weights,
             bias: &[0.0; ACTION_LEN],
+            activation: Activation::Tanh,
         }],
         golden_observations: &vec![GOLDEN_VALUE; observation.len()],
     };

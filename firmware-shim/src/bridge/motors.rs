@@ -158,6 +158,11 @@ impl Motors {
         Self { full_speed: (newtons / airframe.thrust_coefficient).sqrt() as f32, ..self }
     }
 
+    /// Rotor of the airframe that each motor turns.
+    pub const fn rotors(&self) -> [usize; 4] {
+        self.rotors
+    }
+
     /// Rotor targets \[rad/s\] of throttles from 0 to 1, in the airframe's order. What is no number stops its motor, what
     /// is out of range is limited.
     pub fn rotor_targets(&self, throttles: &[f32; 4]) -> [f32; 4] {

@@ -31,6 +31,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             Controls::Velocities(numbers) => {
                 self.command_lanes(stage, &Controls::Velocities(numbers), actions, targets);
             }
+            Controls::RotorThrusts(numbers) => {
+                self.command_lanes(stage, &Controls::RotorThrusts(numbers), actions, targets);
+            }
             Controls::Reference(published) => match published.rpm() {
                 Some((hover, precision)) => command_around(&hover, precision, actions, targets),
                 None => self.command_each(stage, actions, targets),

@@ -3,8 +3,8 @@
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::instrument::specific_force;
 use kestrel_core::observation::{
-    BODY_MOTION_LEN, BodyLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PILOT_LEN, PilotLayout,
-    REFERENCE_LEN, ReferenceLayout,
+    BODY_MOTION_LEN, BodyLayout, OBSERVATION_LIMIT, ObservationInput, ObservationLayout, PILOT_LEN,
+    PX4_NEURAL_LEN, PilotLayout, Px4NeuralLayout, REFERENCE_LEN, ReferenceLayout,
 };
 use kestrel_core::real::Real;
 use nalgebra::Vector3;
@@ -42,6 +42,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
                 }
                 self.observe_in_body_axes(layout, stage.control_secs);
             }
+            ObservationLayout::Px4Neural(layout) => self.observe_as_px4_neural(*layout),
             ObservationLayout::PilotMeasured(layout) => {
                 for lane in 0..LANES {
                     self.sense_lane(scenario, stage.arenas, lane);
@@ -73,6 +74,16 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             let (state, goal) = (known.state(lane), vector(&self.goal, lane));
             let observation = layout.encode(&state, &goal, &[a[lane], b[lane], c[lane], d[lane]]);
             set_row(columns, lane, observation);
+        }
+    }
+
+    #[inline(always)]
+    fn observe_as_px4_neural(&mut self, layout: Px4NeuralLayout) {
+        let Some((columns, _)) = self.observations.split_first_chunk_mut::<PX4_NEURAL_LEN>() else { return };
+        let known = known_states(&self.swarm, self.latency.as_ref());
+        for lane in 0..LANES {
+            let (state, goal) = (known.state(lane), vector(&self.goal, lane));
+            set_row(columns, lane, layout.encode(&state, &goal));
         }
     }
 

@@ -2,11 +2,11 @@
 
 mod reference;
 
-use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, ThrustBodyRates, Velocities};
+use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, RotorThrusts, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{
     BodyLayout, HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN,
-    PilotForLayout, PilotLayout, PilotMeasuredLayout, ReferenceLayout,
+    PilotForLayout, PilotLayout, PilotMeasuredLayout, Px4NeuralLayout, ReferenceLayout,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -34,6 +34,8 @@ pub enum ActionConfig {
     Velocity(VelocityConfig),
     /// An action type of gym-pybullet-drones, exactly.
     Published(ReferenceActionConfig),
+    /// One thrust per rotor, up to the greatest: what PX4's neural control commands.
+    RotorThrusts(RotorThrustsConfig),
 }
 
 /// One speed per rotor, around the one at which the drone hovers.
@@ -43,6 +45,18 @@ pub struct RotorSpeedsConfig {
     /// A full action changes the hover speed by this fraction, in (0, 1]. The Crazyflie's rotors reach 1.5 times the
     /// hover speed, so 0.5 is all they have; the reference system has 0.05.
     pub fraction_of_hover: f64,
+}
+
+/// One thrust per rotor, linear in the action: the lowest at -1, the greatest that the airframe has at 1.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RotorThrustsConfig {
+    /// The lowest thrust as a share of the greatest. Its rotor speed is above that of an idling motor, so that no action
+    /// stops a rotor.
+    pub lowest_share: f64,
+    /// Rotor speed of a motor that is armed and commanded zero, as a share of the greatest speed. PX4's Gazebo has 0.15
+    /// for the x500.
+    pub idle_speed_share: f64,
 }
 
 /// Collective thrust and body rates.
@@ -91,6 +105,9 @@ pub enum ObservationConfig {
     /// In the drone's own axes: position relative to the goal, rotation matrix relative to the wanted heading, velocity,
     /// body rates, the last two actions, a leaky integral of the position error, then what the sensors deliver.
     Body(PilotConfig),
+    /// The 15 inputs of PX4's neural control, undivided: goal minus position, two rows of the rotation matrix, velocity, all
+    /// in world axes, whose x is east there, and body rates.
+    Px4Neural,
 }
 
 /// What the `pilot` observation divides by, so that all values are of order one.
@@ -131,6 +148,13 @@ impl Default for ActionConfig {
 impl Default for RotorSpeedsConfig {
     fn default() -> Self {
         Self { fraction_of_hover: 0.5 }
+    }
+}
+
+impl Default for RotorThrustsConfig {
+    /// A twentieth of the thrust turns a rotor at 0.22 of its greatest speed, half as fast again as a motor that idles.
+    fn default() -> Self {
+        Self { lowest_share: 0.05, idle_speed_share: 0.15 }
     }
 }
 
@@ -199,7 +223,20 @@ impl ActionConfig {
             }
             Self::Velocity(config) => config.check(airframe, &field.at("velocity")).map(ActionSpace::Velocities),
             Self::Published(config) => Ok(ActionSpace::Reference(config.check(airframe))),
+            Self::RotorThrusts(config) => {
+                config.check(airframe, &field.at("rotor_thrusts")).map(ActionSpace::RotorThrusts)
+            }
         }
+    }
+}
+
+impl RotorThrustsConfig {
+    fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<RotorThrusts, ConfigError> {
+        let idle = field.at("idle_speed_share").real(self.idle_speed_share, &Limits::above(0.0, 0.9, ""))?;
+        let hover = airframe.weight() / airframe.thrust_limit();
+        let between_idling_and_hovering = Limits::between(idle * idle, hover, "");
+        let lowest = field.at("lowest_share").real(self.lowest_share, &between_idling_and_hovering)?;
+        Ok(RotorThrusts::new(airframe, lowest, idle * airframe.rotor_speed_limit))
     }
 }
 
@@ -259,6 +296,7 @@ impl ObservationConfig {
                 body_layout(config.check(&field)?, action_len, measured_len, &field)
             }
             Self::Measured => measured_layout(measured_len, field).map(ObservationLayout::Measured),
+            Self::Px4Neural => Ok(ObservationLayout::Px4Neural(Px4NeuralLayout)),
         }
     }
 }

@@ -1,7 +1,7 @@
-use kestrel_core::action::{ThrustBodyRates, Velocities};
+use kestrel_core::action::{RotorThrusts, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::CRAZYFLIE_2_1;
 use kestrel_core::dynamics::Integrator;
-use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotLayout};
+use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotLayout, Px4NeuralLayout};
 use kestrel_core::vehicle::Ground;
 
 use super::*;
@@ -39,7 +39,12 @@ fn scenarios() -> Vec<Scenario> {
         Scenario { agents: team, physics: Physics { preset: pushed, ..late.physics }, ..testing::hover() },
         Scenario { physics: Physics { preset: near, ..late.physics }, ..late.clone() },
         Scenario { action: ActionSpace::Velocities(velocities), ..late.clone() },
-        Scenario { observation: ObservationLayout::Body(body), ..late },
+        Scenario { observation: ObservationLayout::Body(body), ..late.clone() },
+        Scenario {
+            action: ActionSpace::RotorThrusts(RotorThrusts::new(&CRAZYFLIE_2_1, 0.05, 300.0)),
+            observation: ObservationLayout::Px4Neural(Px4NeuralLayout),
+            ..late
+        },
     ]
 }
 

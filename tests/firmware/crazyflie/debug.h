@@ -1,3 +1,7 @@
 #pragma once
 #include <stdio.h>
-#define DEBUG_PRINT(...) printf(DEBUG_MODULE ": " __VA_ARGS__)
+/* Standard output, unless a test needs that for itself. */
+#ifndef DEBUG_STREAM
+#define DEBUG_STREAM stdout
+#endif
+#define DEBUG_PRINT(...) fprintf(DEBUG_STREAM, DEBUG_MODULE ": " __VA_ARGS__)

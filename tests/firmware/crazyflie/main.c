@@ -12,6 +12,7 @@
 #include "task.h"
 
 #define TICKS 20000
+#define SPECIAL_STATES 12000
 
 static uint32_t random_state = 1;
 static int pid_ticks;
@@ -197,6 +198,54 @@ static void wait_for_orders(void) {
   printf("switched off, the policy flies: %d\n", tick(&quiet, &next, &control));
 }
 
+/* Not a number (quiet, signalling), infinite, subnormal, zero, huge, or about as large as the limits. */
+static float special(void) {
+  random_state = random_state * 1664525u + 1013904223u;
+  const uint32_t noise = random_state;
+  random_state = random_state * 1664525u + 1013904223u;
+  const uint32_t bits = (noise & 0xffff0000u) | random_state >> 16;
+  const uint32_t kinds[] = {
+      (bits & 0x803fffffu) | 0x7fc00000u, (bits & 0x803fffffu) | 0x7f800001u, (bits & 0x80000000u) | 0x7f800000u,
+      bits & 0x807fffffu, bits & 0x80000000u, (bits & 0x80ffffffu) | 0x7e000000u, (bits & 0x83ffffffu) | 0x40000000u,
+  };
+  float value;
+  memcpy(&value, &kinds[(noise >> 8) % 7], sizeof value);
+  return value;
+}
+
+/* In every second tick one number of the state is special: the tick is refused with a code, or flown; no rotor stops. */
+static void meet_special_values(void) {
+  control_t control;
+  int refused = 0, stopped = 0, flown = 0;
+  *(uint8_t *)param_enable = 1;
+  for (int input = 0; input < 2 * SPECIAL_STATES; input++) {
+    float v[13] = {0.1f, 0.0f, 1.0f, 1.0f, 0.0f, 0.0f, 0.0f};
+    if (input % 2 == 1) {
+      v[input % 13] = special();
+    }
+    const setpoint_t setpoint = position_at(now++);
+    const sensorData_t sensors = {.gyro = {v[10], v[11], v[12]}};
+    const state_t state = {
+        .attitudeQuaternion = {.w = v[3], .x = v[4], .y = v[5], .z = v[6]},
+        .position = {v[0], v[1], v[2]},
+        .velocity = {v[7], v[8], v[9]},
+    };
+    controllerOutOfTree(&control, &setpoint, &sensors, &state, 0);
+    const bool policy = control.controlMode == controlModeForce;
+    const int32_t answer = *(const int32_t *)log_answer;
+    refused += answer != KESTREL_OK;
+    flown += policy;
+    digest = (digest ^ (uint32_t)answer) * 0x100000001b3u;
+    for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
+      add(control.normalizedForces[rotor]);
+      /* A rotor may stop because the policy wants it to in a state that it accepts. */
+      stopped += answer != KESTREL_OK && policy && !(control.normalizedForces[rotor] > 0.01f);
+    }
+  }
+  printf("of %d special states %d refused, %d flown or held, in which %d rotors stopped: %08lx%08lx\n", SPECIAL_STATES,
+         refused, flown, stopped, (unsigned long)(digest >> 32), (unsigned long)(digest & 0xffffffffu));
+}
+
 /* Every bit of a policy is under its checksum. */
 static void damage(void) {
   static uint8_t copy[65536] __attribute__((aligned(8)));
@@ -236,6 +285,7 @@ int main(void) {
   fly();
   lose_a_sensor();
   wait_for_orders();
+  meet_special_values();
   damage();
   return 0;
 }

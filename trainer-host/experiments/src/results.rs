@@ -21,9 +21,12 @@ use kestrel_draw::curve::{CurveError, CurvePoint, learning_curve};
 use kestrel_draw::video::{VideoError, flight_gif};
 use kestrel_export::exchange::{ExchangeError, onnx_model, safetensors_file};
 use kestrel_export::policy::Policy;
+use kestrel_export::px4::{Px4Error, px4_files};
 use kestrel_export::recurrent::{RecurrentActor, export_recurrent};
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
-use kestrel_export::source::{CSource, SourceError, c_source, crazyflie_app, rust_module};
+use kestrel_export::source::{
+    CSource, GUARD, SourceError, betaflight_controller, c_source, crazyflie_app, rust_module,
+};
 use kestrel_export::{DenseLayer, Export, ExportError, ExportReport, export};
 use kestrel_learn::actor_critic::Actor;
 
@@ -105,6 +108,9 @@ pub enum ResultsError {
     /// The policy cannot be written for other programs.
     #[error(transparent)]
     Exchange(#[from] ExchangeError),
+    /// The policy cannot fly in PX4.
+    #[error(transparent)]
+    Px4(#[from] Px4Error),
     /// The system refused a file operation.
     #[error(transparent)]
     File(#[from] FileError),
@@ -167,15 +173,16 @@ pub fn export_rust(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
     Ok(path)
 }
 
-/// Writes the run's fixed-point policy as `policy.h` and `policy.c`, and returns their paths.
+/// Writes the run's fixed-point policy as `policy.h` and `policy.c`, and `kestrel_guard.h` beside them, and returns their paths.
 ///
 /// # Errors
 /// As [`export_rust`].
-pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> {
-    let paths = ["h", "c"].map(|extension| directory.policy().with_extension(extension));
+pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 3], ResultsError> {
+    let paths = ["policy.h", "policy.c", "kestrel_guard.h"].map(|name| directory.policy().with_file_name(name));
     let CSource { header, source } = c_source(&read(&directory.policy())?)?;
     write_atomically(&paths[0], header.as_bytes())?;
     write_atomically(&paths[1], source.as_bytes())?;
+    write_atomically(&paths[2], GUARD.as_bytes())?;
     Ok(paths)
 }
 
@@ -184,13 +191,39 @@ pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 2], ResultsError> 
 /// # Errors
 /// As [`export_rust`]; also when the policy sees what an app cannot show it.
 pub fn export_crazyflie(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
-    let folder = directory.policy().with_file_name("crazyflie");
-    let files = crazyflie_app(&read(&directory.policy())?)?;
+    write_folder(directory, "crazyflie", crazyflie_app(&read(&directory.policy())?)?)
+}
+
+/// Writes a controller for Betaflight's neural forks with the run's fixed-point policy into the folder `betaflight`, and returns its
+/// path.
+///
+/// # Errors
+/// As [`export_crazyflie`].
+pub fn export_betaflight(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
+    write_folder(directory, "betaflight", betaflight_controller(&read(&directory.policy())?)?)
+}
+
+/// Writes files into a folder beside the policy, whose path it returns.
+fn write_folder(
+    directory: &RunDirectory,
+    name: &str,
+    files: Vec<(&'static str, impl AsRef<[u8]>)>,
+) -> Result<PathBuf, ResultsError> {
+    let folder = directory.policy().with_file_name(name);
     fs::create_dir_all(&folder).map_err(|cause| FileError::new("create", &folder, cause))?;
-    for (name, text) in files {
-        write_atomically(&folder.join(name), text.as_bytes())?;
+    for (name, contents) in files {
+        write_atomically(&folder.join(name), contents.as_ref())?;
     }
     Ok(folder)
+}
+
+/// Writes the run's float policy for PX4's neural control into the folder `px4`, and returns its path. `rotors` are those that
+/// PX4's motors 1 to 4 turn.
+///
+/// # Errors
+/// As [`export_rust`]; also when PX4 cannot show the policy what it sees, or do what it commands.
+pub fn export_px4(directory: &RunDirectory, rotors: [usize; 4]) -> Result<PathBuf, ResultsError> {
+    write_folder(directory, "px4", px4_files(&read(&directory.policy_f32())?, rotors)?)
 }
 
 /// Writes the run's float policy as `policy.onnx` and returns its path.

@@ -99,6 +99,10 @@ impl ScriptedPilot {
                 let targets = self.rotor_targets(state, thrust_share, &rates);
                 action(targets.map(|target| (target / space.hover_rotor_speed - 1.0) / space.fraction))
             }
+            ActionSpace::RotorThrusts(space) => {
+                let targets = self.rotor_targets(state, thrust_share, &rates);
+                action(targets.map(|target| space.action_of(target)))
+            }
             ActionSpace::ThrustBodyRates(space) => action(normalised(space, thrust_share, &rates)),
             ActionSpace::Velocities(space) => {
                 let wish = pull(&error) * POSITION_GAIN + self.integral;

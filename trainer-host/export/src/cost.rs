@@ -53,6 +53,14 @@ const CORE_CODE: usize = 30_000;
 const CORE_MEMORY: usize = 2900;
 const CORE_STACK: usize = 2300;
 
+/// The controller for Betaflight's forks, which reads the policy on the stack of its caller \[bytes\].
+const BETAFLIGHT_CODE: usize = 26_500;
+const BETAFLIGHT_MEMORY: usize = 2400;
+
+/// What PX4's model has beside its weights, and the arena of its interpreter \[bytes\].
+const MODEL_REST: usize = 2000;
+const ARENA: usize = 10 << 10;
+
 /// Observation, rate loop and mixer of a control period \[instructions\].
 const AROUND_NETWORK: f64 = 1400.0;
 
@@ -65,6 +73,10 @@ pub enum Form {
     C,
     /// The app for crazyflie-firmware.
     Crazyflie,
+    /// The controller for Betaflight's forks.
+    Betaflight,
+    /// The model for PX4's neural control.
+    Px4,
 }
 
 /// What a policy will take.
@@ -129,15 +141,27 @@ impl Cost {
                 stack: C_STACK,
                 instructions: network.map(c_instructions),
             },
-            Form::Crazyflie | Form::Rust => {
-                let (code, ram, stack) = match form {
-                    Form::Crazyflie => (APP_CODE, APP_MEMORY, APP_STACK),
-                    Form::Rust | Form::C => (CORE_CODE, CORE_MEMORY, CORE_STACK),
-                };
-                let instructions = network.map(tick_instructions);
-                Self { form, flash: code + file_len, policy: file_len, ram, stack, instructions }
+            Form::Px4 => {
+                let weights = network.map_or(file_len, PolicyFile::parameter_bytes);
+                let flash = weights + MODEL_REST;
+                Self { form, flash, policy: weights, ram: ARENA, stack: 0, instructions: None }
             }
+            Form::Crazyflie => Self::of_pilot(form, (network, file_len), [APP_CODE, APP_MEMORY, APP_STACK]),
+            Form::Betaflight => {
+                Self::of_pilot(form, (network, file_len), [BETAFLIGHT_CODE, BETAFLIGHT_MEMORY, CORE_STACK])
+            }
+            Form::Rust => Self::of_pilot(form, (network, file_len), [CORE_CODE, CORE_MEMORY, CORE_STACK]),
         }
+    }
+
+    /// Of a file of so many bytes and a pilot with this code, memory and stack.
+    fn of_pilot(
+        form: Form,
+        (network, file_len): (Option<&PolicyFile<'_>>, usize),
+        [code, ram, stack]: [usize; 3],
+    ) -> Self {
+        let instructions = network.map(tick_instructions);
+        Self { form, flash: code + file_len, policy: file_len, ram, stack, instructions }
     }
 }
 
@@ -237,11 +261,13 @@ impl fmt::Display for Cost {
             f,
             "about {kilobytes:.1} kB of flash, {of_policy:.1} of them for the policy, {memory:.1} kB of RAM"
         )?;
-        write!(f, ", {stack} bytes of stack")?;
+        if *stack > 0 {
+            write!(f, ", {stack} bytes of stack")?;
+        }
         let Some(instructions) = instructions else { return Ok(()) };
         let call = match form {
             Form::C => "an action",
-            Form::Rust | Form::Crazyflie => "a control period",
+            Form::Rust | Form::Crazyflie | Form::Betaflight | Form::Px4 => "a control period",
         };
         write!(f, " and {instructions} instructions {call} of a Cortex-M4")
     }

@@ -7,7 +7,7 @@
 mod onnx;
 mod safetensors;
 
-use kestrel_core::policy_file::{Arithmetic, PolicyError, PolicyFile};
+use kestrel_core::policy_file::{Activation, Arithmetic, PolicyError, PolicyFile};
 use thiserror::Error;
 
 pub use onnx::onnx_model;
@@ -43,8 +43,10 @@ struct Exchanged {
     action_len: usize,
     /// Gates and candidate of a recurrent policy, which [`kestrel_core::gru`] defines.
     memory: Option<[Layer; 2]>,
-    /// From the observation, and the hidden state behind it, to the action; tangents stand between them.
+    /// From the observation, and the hidden state behind it, to the action.
     layers: Vec<Layer>,
+    /// What stands between them.
+    activation: Activation,
     /// Observations and actions of the golden vectors, which are one flight.
     golden: [Vec<f32>; 2],
     /// What a user must know of it, as JSON.
@@ -91,9 +93,19 @@ impl Exchanged {
             action_len,
             memory,
             layers: network.shapes().enumerate().map(layer).collect(),
+            activation: network.activation(),
             golden,
-            metadata: serde_json::to_string(metadata).expect("numbers and text"),
+            metadata: about(network),
         }
+    }
+}
+
+/// What a user must know of a policy, as JSON: its metadata, and its activation where that is not the tangent.
+fn about(policy: &PolicyFile<'_>) -> String {
+    let text = serde_json::to_string(policy.metadata()).expect("numbers and text");
+    match policy.activation() {
+        Activation::Tanh => text,
+        Activation::Relu => text.replacen('{', "{\"activation\":\"relu\",", 1),
     }
 }
 

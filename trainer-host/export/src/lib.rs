@@ -5,6 +5,7 @@ pub mod cycles;
 pub mod exchange;
 pub mod inspection;
 pub mod policy;
+pub mod px4;
 pub mod recurrent;
 mod report;
 pub mod seeing;
@@ -212,6 +213,7 @@ impl Difference {
 #[cfg(test)]
 pub(crate) mod tests {
     use kestrel_core::action::{ActionSpace, RotorSpeeds};
+    use kestrel_core::activation::Activation;
     use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
     use kestrel_core::policy_file::Arithmetic;
     use kestrel_sim::seed::{Purpose, Seed, Stream};
@@ -340,7 +342,13 @@ pub(crate) mod tests {
     #[test]
     fn what_the_file_cannot_hold_is_said() {
         let weights = [0.0; PILOT_LEN * 4];
-        let layer = DenseLayer { inputs: PILOT_LEN, outputs: 4, weights: &weights, bias: &[f32::NAN; 4] };
+        let layer = DenseLayer {
+            inputs: PILOT_LEN,
+            outputs: 4,
+            weights: &weights,
+            bias: &[f32::NAN; 4],
+            activation: Activation::Tanh,
+        };
         let error = export(&[layer], &METADATA, &calibration(1)).unwrap_err();
         assert_eq!(error, ExportError::Policy(PolicyError::WeightsTooLarge { layer: 0 }));
     }

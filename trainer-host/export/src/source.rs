@@ -1,18 +1,25 @@
 //! Policies as source code, for firmwares without a file system: a Rust module for those that link `kestrel-core`, C for
 //! all others. The same policy file gives the same bytes.
 
+mod betaflight;
 mod c;
 mod crazyflie;
 mod rust;
 
 use std::fmt::Write;
 
-use kestrel_core::policy_file::PolicyError;
+use kestrel_core::action::ActionSpace;
+use kestrel_core::observation::ObservationLayout;
+use kestrel_core::policy_file::{Activation, PolicyError, PolicyFile, PolicyMetadata};
 use thiserror::Error;
 
+pub use betaflight::betaflight_controller;
 pub use c::{CSource, c_source};
 pub use crazyflie::crazyflie_app;
 pub use rust::rust_module;
+
+/// `kestrel_guard.h`: when a policy in C goes on flying, when it is held, and when another controller takes over.
+pub const GUARD: &str = include_str!("../../../firmware-shim/crazyflie/include/kestrel_guard.h");
 
 /// Why there is no source of a policy.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -28,6 +35,12 @@ pub enum SourceError {
         "found a policy with the reference's actions, expected rotor speeds, thrust and body rates, or velocities"
     )]
     Published,
+    /// The library of the app leaves out what is for PX4.
+    #[error("found a policy with {found}, expected one without: the app leaves out what is for PX4")]
+    Px4 {
+        /// What of it.
+        found: &'static str,
+    },
     /// An app shows a policy the Crazyflie's own motion and where it should be, and nothing else.
     #[error(
         "found a policy that sees `{found}`, expected one trained with `pilot`: an app shows it the drone's motion and the goal alone"
@@ -38,8 +51,19 @@ pub enum SourceError {
     },
 }
 
+/// What of the policy only a `kestrel-core` with the feature `px4` reads.
+fn for_px4(policy: &PolicyFile<'_>) -> Option<&'static str> {
+    let PolicyMetadata { observation, action, .. } = policy.metadata();
+    match (policy.activation(), observation, action) {
+        (Activation::Relu, _, _) => Some("rectifiers (`training.activation: relu`)"),
+        (_, ObservationLayout::Px4Neural(_), _) => Some("the observation `px4_neural`"),
+        (_, _, ActionSpace::RotorThrusts(_)) => Some("the action `rotor_thrusts`"),
+        (Activation::Tanh, _, _) => None,
+    }
+}
+
 /// `values` in rows of `per_row`, each followed by a comma.
-fn rows(values: impl Iterator<Item = String>, per_row: usize) -> String {
+pub(crate) fn rows(values: impl Iterator<Item = String>, per_row: usize) -> String {
     let mut text = String::new();
     for (index, value) in values.enumerate() {
         let gap = if index % per_row == 0 { "\n    " } else { " " };
@@ -49,7 +73,7 @@ fn rows(values: impl Iterator<Item = String>, per_row: usize) -> String {
 }
 
 /// Text that ends no comment and no line.
-fn comment(text: &str) -> String {
+pub(crate) fn comment(text: &str) -> String {
     text.chars().map(|letter| if letter.is_control() || "*/\\".contains(letter) { '_' } else { letter }).collect()
 }
 

@@ -5,6 +5,7 @@ mod pass;
 
 use std::ops::Range;
 
+use kestrel_core::activation::Activation;
 use kestrel_core::seed::Stream;
 use serde::{Deserialize, Serialize};
 
@@ -96,6 +97,12 @@ impl Actor {
         Self { mlp, front, parameters }
     }
 
+    /// The same parameters with another activation behind the hidden layers of the mean's network.
+    #[must_use]
+    pub fn with_activation(self, activation: Activation) -> Self {
+        Self { mlp: self.mlp.with_activation(activation), ..self }
+    }
+
     /// Of observations alone.
     pub fn state_based(lengths: ActorLengths, hidden: &[usize], log_std: f32, stream: &mut Stream) -> Self {
         Self::new(lengths, Front::Nothing, hidden, log_std, stream)
@@ -132,7 +139,7 @@ impl Actor {
         self.network_ref().front_parameters()
     }
 
-    /// The layers between observation, features and mean action, first to last; tanh after all but the last.
+    /// The layers between observation, features and mean action, first to last; an activation after all but the last.
     pub fn layers(&self) -> Vec<Dense<'_>> {
         let trunk = self.encoder().into_iter().flat_map(|seen| seen.trunk_layers(self.front_parameters()));
         trunk.chain(self.mlp.layers(&self.parameters)).collect()
@@ -249,6 +256,12 @@ impl Critic {
         let mut parameters = mlp.initialise(CRITIC_HEAD_GAIN, stream);
         parameters.extend(own.iter().flat_map(|encoder| encoder.initialise(stream)));
         Self { mlp, encoder: own, parameters, scales: vec![ValueScale::default(); tasks] }
+    }
+
+    /// The same parameters with another activation behind the hidden layers of its network.
+    #[must_use]
+    pub fn with_activation(self, activation: Activation) -> Self {
+        Self { mlp: self.mlp.with_activation(activation), ..self }
     }
 
     /// Of so many values alone.

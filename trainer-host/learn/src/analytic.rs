@@ -14,6 +14,7 @@
 
 use std::time::Instant;
 
+use kestrel_core::activation::Activation;
 use kestrel_core::seed::{Purpose, Seed, Stream};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -47,6 +48,8 @@ pub struct AnalyticSettings {
     pub adjoint_limit: f32,
     /// Widths of the actor's hidden layers.
     pub actor_hidden: Vec<usize>,
+    /// What follows them.
+    pub activation: Activation,
 }
 
 impl Default for AnalyticSettings {
@@ -60,6 +63,7 @@ impl Default for AnalyticSettings {
             restart_share: 0.3,
             adjoint_limit: 100.0,
             actor_hidden: vec![64, 64],
+            activation: Activation::Tanh,
         }
     }
 }
@@ -175,6 +179,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         let lengths = ActorLengths { observation: shape.observation_len, action: shape.action_len };
         let hidden = &settings.actor_hidden;
         let actor = Actor::state_based(lengths, hidden, LOG_STD, &mut weights(0));
+        let actor = actor.with_activation(settings.activation);
         let critic = Critic::state_based(shape.observation_len + shape.privileged_len, hidden, 1, &mut weights(1));
         let tape = E::tape(task, settings.steps_per_window).map_err(AnalyticError::Task)?;
         let batch = |index: usize| {

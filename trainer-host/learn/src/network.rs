@@ -10,6 +10,7 @@ mod kernel;
 mod sample_matrix;
 mod trunk;
 
+use kestrel_core::activation::Activation;
 use kestrel_core::seed::Stream;
 use serde::{Deserialize, Serialize};
 
@@ -42,15 +43,43 @@ impl<'a> InputBatch<'a> {
 /// one are one piece.
 pub(crate) const PIECE: usize = 1 << 15;
 
-/// Gain of orthogonal weights before a tanh, the choice of `CleanRL` and Stable-Baselines3.
+/// Gain of orthogonal weights before an activation, the choice of `CleanRL` and Stable-Baselines3 for tanh, and that of
+/// He et al. (2015) for rectifiers.
 const HIDDEN_GAIN: f32 = std::f32::consts::SQRT_2;
 
-/// The shape of a multilayer perceptron: tanh after every layer but the last.
+/// The shape of a multilayer perceptron: an activation, tanh by default, after every layer but the last.
 ///
 /// Its parameters are one slice: for each layer the weights `[outputs][inputs]`, then the biases `[outputs]`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "Saved", into = "Saved")]
 pub struct Mlp {
     widths: Vec<usize>,
+    activation: Activation,
+}
+
+/// A shape in a checkpoint: the widths, behind a zero where rectifiers stand between the layers. Networks with tangents keep
+/// the bytes that they have had since there was nothing else.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    widths: Vec<usize>,
+}
+
+impl From<Saved> for Mlp {
+    fn from(Saved { widths }: Saved) -> Self {
+        match widths.split_first() {
+            Some((0, widths)) => Self { widths: widths.to_vec(), activation: Activation::Relu },
+            Some(_) | None => Self { widths, activation: Activation::Tanh },
+        }
+    }
+}
+
+impl From<Mlp> for Saved {
+    fn from(Mlp { widths, activation }: Mlp) -> Self {
+        match activation {
+            Activation::Tanh => Self { widths },
+            Activation::Relu => Self { widths: [&[0], widths.as_slice()].concat() },
+        }
+    }
 }
 
 impl Mlp {
@@ -59,7 +88,13 @@ impl Mlp {
         let mut widths = vec![inputs];
         widths.extend_from_slice(hidden);
         widths.push(outputs);
-        Self { widths }
+        Self { widths, activation: Activation::Tanh }
+    }
+
+    /// The same shape with another activation.
+    #[must_use]
+    pub fn with_activation(self, activation: Activation) -> Self {
+        Self { activation, ..self }
     }
 
     /// Number of inputs, widths of the hidden layers, number of outputs.
@@ -100,6 +135,7 @@ impl Mlp {
             outputs: pair[1],
             weights: take(pair[0] * pair[1]),
             biases: take(pair[1]),
+            activation: self.activation,
         };
         self.widths.windows(2).map(layer).collect()
     }
@@ -164,7 +200,7 @@ impl Mlp {
         let (head, hidden) = layers.split_last().expect("a network has at least one layer");
         let mut input = SampleMatrix::by_feature(inputs, *columns);
         for ((layer, activation), transposed) in hidden.iter().zip(activations).zip(transposed) {
-            layer.affine_tanh(input, transposed, activation);
+            layer.affine_activated(input, transposed, activation);
             input = SampleMatrix::by_sample(activation, *columns);
         }
         (*head, input, outputs)

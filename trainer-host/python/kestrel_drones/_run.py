@@ -60,7 +60,8 @@ def evaluate(run, *, episodes=None, seed=None, threads=None):
 
 
 def export(run, target="file"):
-    """Exports a run's policy and returns the paths; ``target`` is file, rust, c, crazyflie, onnx or safetensors."""
+    """Exports a run's policy and returns the paths; ``target`` is file, rust, c, crazyflie, betaflight, onnx or
+    safetensors."""
     return [Path(path) for path in _native.export(_directory(run), target)]
 
 

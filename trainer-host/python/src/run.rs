@@ -79,9 +79,12 @@ pub(crate) fn export(py: Python<'_>, path: PathBuf, target: &str) -> PyResult<Ve
         "rust" => |directory| Ok(vec![results::export_rust(directory)?]),
         "c" => |directory| Ok(results::export_c(directory)?.into()),
         "crazyflie" => |directory| Ok(vec![results::export_crazyflie(directory)?]),
+        "betaflight" => |directory| Ok(vec![results::export_betaflight(directory)?]),
         "onnx" => |directory| Ok(vec![results::export_onnx(directory)?]),
         "safetensors" => |directory| Ok(vec![results::export_safetensors(directory)?]),
-        other => return Err(expected("target", other, "file, rust, c, crazyflie, onnx or safetensors")),
+        other => {
+            return Err(expected("target", other, "file, rust, c, crazyflie, betaflight, onnx or safetensors"));
+        }
     };
     work(py, None, |_| {
         let (actor, steps) = best_policy(&experiment, &directory)?;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::processor::{ProcessorKind, ProcessorOptions, compare};
+use crate::processor::{Judged, ProcessorOptions, RemoteKind, compare, fly_beside};
 use anyhow::{Context, Result, bail, ensure};
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_experiments::experiment_config::Experiment;
@@ -42,7 +42,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
 
-    /// With an emulated processor, it flies the fixed-point policy beside this machine, and nothing else is flown
+    /// With another processor, it flies the fixed-point policy beside this machine, and nothing else is flown
     #[command(flatten)]
     processor: ProcessorOptions,
 }
@@ -65,8 +65,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let (directory, config) = run::open(path, &overrides)?;
     directory.require_policies()?;
     let task = config.task(arguments.task.as_deref())?;
-    if arguments.processor.processor == ProcessorKind::Qemu {
-        return compare_processor(arguments, &directory, task);
+    if let Some(remote) = arguments.processor.remote()? {
+        return fly_elsewhere(arguments, remote, &directory, task);
     }
     let mut subject = config.subject();
     if arguments.task.is_some() {
@@ -80,18 +80,39 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     Ok(Done::Finished)
 }
 
-/// Flies the fixed-point policy on the emulated processor beside this machine.
-fn compare_processor(arguments: &Arguments, directory: &RunDirectory, task: &Experiment) -> Result<Done> {
-    ensure!(arguments.record.is_none(), "found --record beside --processor qemu, expected one of them");
+/// Flies the fixed-point policy on another processor beside this machine.
+fn fly_elsewhere(
+    arguments: &Arguments,
+    remote: RemoteKind<'_>,
+    directory: &RunDirectory,
+    task: &Experiment,
+) -> Result<Done> {
+    ensure!(
+        arguments.record.is_none(),
+        "found --record beside --processor {}, expected one of them",
+        remote.name()
+    );
     let mut progress = Progress::counting("episodes", task.evaluation.episodes as u64, 0);
     let shown = |done| progress.show_steps(done, String::new);
     let file = results::checked_policy(task, directory)?;
     let policy = PolicyFile::parse(&file).with_context(|| directory.policy().display().to_string())?;
-    let (scenario, starts) = (&task.evaluation.scenario, results::starts(task));
-    let comparison = compare(scenario, starts, (&file, policy), &arguments.processor.image, shown)?;
-    progress.finish();
-    say(comparison)?;
-    Ok(if comparison.different == 0 { Done::Finished } else { Done::Deviating })
+    let scenario = &task.evaluation.scenario;
+    let judged = Judged { scenario, starts: results::starts(task), file: &file, policy };
+    let done = match remote {
+        RemoteKind::Qemu(_) => {
+            let comparison = compare(&judged, remote, shown)?;
+            progress.finish();
+            say(comparison)?;
+            if comparison.different == 0 { Done::Finished } else { Done::Deviating }
+        }
+        RemoteKind::Program(_) => {
+            let flown = fly_beside(&judged, remote, shown)?;
+            progress.finish();
+            say(flown)?;
+            Done::Finished
+        }
+    };
+    Ok(done)
 }
 
 /// Flies every policy in every task, after all of them fit.

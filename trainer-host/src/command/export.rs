@@ -4,14 +4,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use kestrel_core::airframe::CF2X;
 use kestrel_core::policy_file::Arithmetic;
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::say;
 use kestrel_experiments::results;
-use kestrel_experiments::run_config::policy_of;
+use kestrel_experiments::run_config::{RunConfig, policy_of};
 use kestrel_experiments::run_directory::RunDirectory;
 use kestrel_export::cost::{Built, Cost, Form};
 use kestrel_export::policy::Policy;
+use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
 use kestrel_shim::policy_bytes::PolicyBytes;
 
 use super::{Done, run};
@@ -38,10 +40,14 @@ enum Target {
     File,
     /// A Rust module for firmwares that link kestrel-core: policy.rs
     Rust,
-    /// C99 without a library, in fixed point: policy.h and policy.c
+    /// C99 without a library, in fixed point: policy.h, policy.c and kestrel_guard.h
     C,
     /// An app for crazyflie-firmware with the policy in fixed point: the folder crazyflie
     Crazyflie,
+    /// The neural interface of Betaflight's forks with the policy in fixed point: the folder betaflight
+    Betaflight,
+    /// For PX4's neural control module, in float: the folder px4
+    Px4,
     /// A model for ONNX runtimes, in float: policy.onnx
     Onnx,
     /// Weights by name for PyTorch and others, in float: policy.safetensors
@@ -53,8 +59,8 @@ impl Target {
     const fn arithmetic(self) -> Option<Arithmetic> {
         match self {
             Self::File => None,
-            Self::Rust | Self::C | Self::Crazyflie => Some(Arithmetic::Fixed16),
-            Self::Onnx | Self::Safetensors => Some(Arithmetic::Float32),
+            Self::Rust | Self::C | Self::Crazyflie | Self::Betaflight => Some(Arithmetic::Fixed16),
+            Self::Px4 | Self::Onnx | Self::Safetensors => Some(Arithmetic::Float32),
         }
     }
 
@@ -65,12 +71,14 @@ impl Target {
             Self::Rust => Some(Form::Rust),
             Self::C => Some(Form::C),
             Self::Crazyflie => Some(Form::Crazyflie),
+            Self::Betaflight => Some(Form::Betaflight),
+            Self::Px4 => Some(Form::Px4),
         }
     }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let directory = directory_of(arguments)?;
+    let (directory, config) = directory_of(arguments)?;
     for path in [directory.policy(), directory.policy_f32()] {
         if path.exists() {
             say(path.display())?;
@@ -85,6 +93,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         Target::Rust => vec![results::export_rust(&directory)?],
         Target::C => results::export_c(&directory)?.into(),
         Target::Crazyflie => vec![results::export_crazyflie(&directory)?],
+        Target::Betaflight => vec![results::export_betaflight(&directory)?],
+        Target::Px4 => vec![results::export_px4(&directory, px4_motors(config.as_ref())?)?],
         Target::Onnx => vec![results::export_onnx(&directory)?],
         Target::Safetensors => vec![results::export_safetensors(&directory)?],
     };
@@ -97,8 +107,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     Ok(Done::Finished)
 }
 
-/// Where the policies lie, made anew of a run's checkpoints if it has some.
-fn directory_of(arguments: &Arguments) -> Result<RunDirectory> {
+/// Where the policies lie, made anew of a run's checkpoints if it has some, and the configuration of the run.
+fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig>)> {
     let (source, output) = (&arguments.source, arguments.output.as_deref());
     if source.is_dir() {
         let (directory, config) = run::open(source, &[])?;
@@ -109,12 +119,12 @@ fn directory_of(arguments: &Arguments) -> Result<RunDirectory> {
             // Of a job of a study there is the exported policy alone.
             directory.require_policies()?;
         }
-        let Some(output) = output else { return Ok(directory) };
+        let Some(output) = output else { return Ok((directory, Some(config))) };
         let copies = RunDirectory::of_policies(output)?;
         for (from, to) in [(directory.policy(), copies.policy()), (directory.policy_f32(), copies.policy_f32())] {
             write_atomically(&to, &fs::read(&from).with_context(|| format!("cannot read {}", from.display()))?)?;
         }
-        return Ok(copies);
+        return Ok((copies, Some(config)));
     }
     let (bytes, stem) = policy_file(source)?;
     let copies = RunDirectory::of_policies(output.unwrap_or(Path::new(&stem)))?;
@@ -134,7 +144,7 @@ fn directory_of(arguments: &Arguments) -> Result<RunDirectory> {
         Arithmetic::Float32 => copies.policy_f32(),
     };
     write_atomically(&path, bytes.bytes())?;
-    Ok(copies)
+    Ok((copies, None))
 }
 
 /// A policy by its file or its name, and what a folder for it is called.
@@ -156,7 +166,10 @@ fn policy_file(source: &Path) -> Result<(PolicyBytes, String)> {
 
 /// Says what a microcontroller will spend on it.
 fn expected_cost(directory: &RunDirectory, form: Form) -> Result<Cost> {
-    let path = directory.policy();
+    let path = match form {
+        Form::Px4 => directory.policy_f32(),
+        Form::Rust | Form::C | Form::Crazyflie | Form::Betaflight => directory.policy(),
+    };
     let bytes = PolicyBytes::read(&path)?;
     let policy = Policy::parse(bytes.bytes()).with_context(|| format!("cannot export {}", path.display()))?;
     let cost = Cost::of(&policy, form, bytes.bytes().len());
@@ -171,4 +184,10 @@ fn compare(cost: &Cost, written: &[PathBuf]) -> Result<()> {
     say(format_args!("{built}"))?;
     ensure!(built.within(cost), "it takes more than was said: please report this");
     Ok(())
+}
+
+/// Rotors of the task's drone that PX4's motors turn; of a policy alone, those of the airframes that come with the program.
+fn px4_motors(config: Option<&RunConfig>) -> Result<[usize; 4]> {
+    let airframe = config.map_or(CF2X, |config| config.subject().tasks[0].scenario.airframe);
+    Ok(Motors::new(&airframe, MotorOrder::QuadX, ThrustCurve::PX4)?.rotors())
 }

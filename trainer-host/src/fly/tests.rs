@@ -2,6 +2,7 @@ use std::fs;
 use std::net::UdpSocket;
 
 use kestrel_core::action::{ACTION_LEN, ActionSpace, ThrustBodyRates};
+use kestrel_core::activation::Activation;
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::mlp::DenseLayer;
@@ -44,6 +45,7 @@ fn climber(control_period_secs: f32) -> Vec<u8> {
             outputs: ACTION_LEN,
             weights: &weights,
             bias: &[0.0; ACTION_LEN],
+            activation: Activation::Tanh,
         }],
         golden_observations: &[0.1; PILOT_LEN],
     };

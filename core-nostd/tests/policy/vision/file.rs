@@ -1,6 +1,7 @@
 //! Writing and reading policies with an encoder.
 
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
+use kestrel_core::activation::Activation;
 use kestrel_core::crc32::crc32;
 use kestrel_core::encoder::{EncoderError, EncoderFormat};
 use kestrel_core::mlp::DenseLayer;
@@ -106,7 +107,8 @@ fn the_format_has_not_moved() {
     };
     let parameters = numbers(model.shape.parameter_count(), 5);
     let (weights, bias) = (numbers(27 * 4, 3), numbers(4, 7));
-    let layers = [DenseLayer { inputs: 27, outputs: 4, weights: &weights, bias: &bias }];
+    let layers =
+        [DenseLayer { inputs: 27, outputs: 4, weights: &weights, bias: &bias, activation: Activation::Tanh }];
     let golden_observations = numbers(VECTORS * PILOT_LEN, 7);
     let golden_images: Vec<u8> =
         (0..VECTORS * model.shape.image().len()).map(|at| (at * 37 % 251) as u8).collect();

@@ -5,6 +5,7 @@ use kestrel_sim::gradient::LANES;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use kestrel_core::activation::Activation;
 use kestrel_learn::analytic::AnalyticSettings;
 use kestrel_learn::ppo::{PpoSettings, ValueScaling, fits_minibatch};
 use kestrel_learn::rollout::{CriticScope, ENV_BATCH, batch_rows};
@@ -74,6 +75,9 @@ pub struct TrainingConfig {
     pub actor_hidden: Vec<u64>,
     /// Widths of the critic's hidden layers.
     pub critic_hidden: Vec<u64>,
+    /// What follows the hidden layers of both.
+    #[serde(skip_serializing_if = "ActivationConfig::is_default")]
+    pub activation: ActivationConfig,
     /// How a policy with a camera looks at its images.
     pub eye: EyeConfig,
     /// What the policy remembers from step to step; nothing where this is left out.
@@ -138,7 +142,11 @@ impl Default for AnalyticConfig {
 }
 
 impl AnalyticConfig {
-    fn check(&self, actor_hidden: Vec<usize>, field: &Field<'_>) -> Result<AnalyticSettings, ConfigError> {
+    fn check(
+        &self,
+        (actor_hidden, activation): (Vec<usize>, Activation),
+        field: &Field<'_>,
+    ) -> Result<AnalyticSettings, ConfigError> {
         let environments = field.at("environments");
         if self.environments == 0
             || self.environments > PARALLEL_LIMIT
@@ -167,7 +175,32 @@ impl AnalyticConfig {
             restart_share: number("restart_share", self.restart_share, UNIT)?,
             adjoint_limit: number("adjoint_limit", self.adjoint_limit, Limits::above(0.0, 1e9, ""))?,
             actor_hidden,
+            activation,
         })
+    }
+}
+
+/// What follows a hidden layer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ActivationConfig {
+    /// The hyperbolic tangent.
+    #[default]
+    Tanh,
+    /// The rectifier: what PX4's neural control computes.
+    Relu,
+}
+
+impl ActivationConfig {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
+    fn activation(self) -> Activation {
+        match self {
+            Self::Tanh => Activation::Tanh,
+            Self::Relu => Activation::Relu,
+        }
     }
 }
 
@@ -239,6 +272,7 @@ impl Default for TrainingConfig {
             highest_log_std: 0.5,
             actor_hidden: vec![64, 64],
             critic_hidden: vec![64, 64],
+            activation: ActivationConfig::Tanh,
             eye: EyeConfig::default(),
             memory: None,
             target_kl: None,
@@ -277,6 +311,12 @@ impl TrainingConfig {
             number("highest_log_std", self.highest_log_std, Limits::from(self.lowest_log_std, 10.0, ""))?;
         let quantised_from = self.quantised_from.map(|share| number("quantised_from", share, UNIT)).transpose()?;
         let teacher = self.teacher.map(|teacher| teacher.check(&field.at("teacher"))).transpose()?;
+        let encoder = self.eye.check(&field.at("eye"))?;
+        if self.activation == ActivationConfig::Relu && !encoder.trunk.is_empty() {
+            return Err(field
+                .at("activation")
+                .refuse("relu", "tanh beside `eye.trunk`, whose layers have tangents"));
+        }
         let sizes = (self.steps_per_rollout, self.minibatch);
         let memory = self.memory.map(|memory| memory.check(sizes, field)).transpose()?;
         let target_kl = self.target_kl.map(|target| number("target_kl", target, RATE)).transpose()?;
@@ -302,7 +342,8 @@ impl TrainingConfig {
             highest_log_std,
             actor_hidden: hidden(&self.actor_hidden, &field.at("actor_hidden"))?,
             critic_hidden: hidden(&self.critic_hidden, &field.at("critic_hidden"))?,
-            encoder: self.eye.check(&field.at("eye"))?,
+            activation: self.activation.activation(),
+            encoder,
             memory,
             target_kl,
             critic_scope: match self.critic_scope {
@@ -328,7 +369,7 @@ impl TrainingConfig {
                 .reject("a memory beside `analytic`", "one of both: PPO trains what remembers"));
         }
         let actor_hidden = hidden(&self.actor_hidden, &field.at("actor_hidden"))?;
-        analytic.check(actor_hidden, &field.at("analytic")).map(Some)
+        analytic.check((actor_hidden, self.activation.activation()), &field.at("analytic")).map(Some)
     }
 
     /// Refuses [`Self::analytic`] where PPO trains.

@@ -1,7 +1,8 @@
-//! ONNX: a graph of `Gemm`, `Tanh` and `Clip`, and of elementary operators for a memory, which every version of its runtimes since 2021 takes.
+//! ONNX: a graph of `Gemm`, `Tanh` or `Relu`, and `Clip`, and of elementary operators for a memory, which every version of its runtimes since 2021 takes.
 
 mod schema;
 
+use kestrel_core::policy_file::Activation;
 use prost::Message;
 
 use super::{ExchangeError, Exchanged, Layer, bytes_of};
@@ -51,8 +52,12 @@ fn graph(policy: &Exchanged) -> Graph {
         input = if index + 1 == policy.layers.len() {
             sum
         } else {
-            let output = format!("tanh.{index}");
-            graph.nodes.push(node("Tanh", vec![sum], &output, Vec::new()));
+            let operator = match policy.activation {
+                Activation::Tanh => "Tanh",
+                Activation::Relu => "Relu",
+            };
+            let output = format!("{}.{index}", policy.activation.name());
+            graph.nodes.push(node(operator, vec![sum], &output, Vec::new()));
             output
         };
     }

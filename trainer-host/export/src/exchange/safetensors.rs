@@ -1,17 +1,18 @@
-//! Weights by name, as PyTorch names those of `nn.Linear`s in an `nn.Sequential` with tangents between them.
+//! Weights by name, as PyTorch names those of `nn.Linear`s in an `nn.Sequential` with `nn.Tanh` or `nn.ReLU` between them.
 
 use ::safetensors::serialize;
 use ::safetensors::tensor::{Dtype, TensorView};
 
 use super::{ExchangeError, Exchanged, Layer, bytes_of};
 
-/// Modules of a `Sequential` from one dense layer to the next: the layer and its tangents.
+/// Modules of a `Sequential` from one dense layer to the next: the layer and its activation.
 const STRIDE: usize = 2;
 
 /// The policy file `bytes` in float, which start on a four-byte boundary of memory, as a safetensors file: `0.weight [outputs, inputs]`, `0.bias`, `2.weight`, ...; beside
 /// them, for a recurrent policy, `memory.gates` and `memory.candidate` as [`kestrel_core::gru`] has them, and
 /// `golden.observations` and `golden.actions`, which whoever builds the network anew can check it with. Actions are
-/// limited to \[-1, 1\] behind the last layer. The file's metadata says under `kestrel` what the policy sees and commands.
+/// limited to \[-1, 1\] behind the last layer. The file's metadata says under `kestrel` what the policy sees and commands, and its `activation` where
+/// that is not the tangent.
 ///
 /// # Errors
 /// [`ExchangeError`].

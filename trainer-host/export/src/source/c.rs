@@ -1,12 +1,24 @@
 //! C99 without a library of ours: header and source of a policy in fixed point.
 
 use kestrel_core::fixed::{FixedFormat, REQUANTISATION_SHIFT, SUM_FRACTION_BITS, TANGENTS};
-use kestrel_core::policy_file::{ParameterFormat, PolicyFile};
+use kestrel_core::policy_file::{Activation, ParameterFormat, PolicyFile};
 
 use super::{SourceError, comment, rows};
 
 /// What is the same for every policy.
 const CODE: &str = include_str!("policy.c.txt");
+
+/// Where the function of the tangent begins and ends in it.
+const TANGENT: [&str; 2] = ["/* tanh in 2^-13", "/* Two products"];
+
+/// In its place where rectifiers follow hidden layers.
+const RECTIFIER: &str = "/* The sum in 2^-16 where it is positive, in 2^-11, halves upwards; within 16 bits. */
+static int16_t rectified(int32_t sum) {
+    int32_t limited = sum < 0 ? 0 : sum > 32767 << 5 ? 32767 << 5 : sum;
+    return (int16_t)((limited + 16) >> 5);
+}
+
+";
 
 /// Bytes behind the parameters in a policy file: the checksum.
 const CHECKSUM_LEN: usize = 4;
@@ -65,6 +77,10 @@ typedef struct {{
 void kestrel_act(const float observation[KESTREL_OBSERVATION_LEN], kestrel_scratch *scratch,
                  float action[KESTREL_ACTION_LEN]);
 
+/* 0 if an observation is finite, else the number of its first value that is not, from 1 on: what kestrel_guard() of
+ * kestrel_guard.h takes as the code of a tick. */
+int kestrel_refusal(const float observation[KESTREL_OBSERVATION_LEN]);
+
 /* Computes the golden vectors of the export again, then inputs that are not finite, too large or too small: 0 if all bits are
  * equal, else the number of the first that is not. Before arming; do not fly on anything but 0. */
 int kestrel_self_test(kestrel_scratch *scratch);
@@ -114,11 +130,7 @@ static const struct {{ int pairs, blocks, shift; }} LAYER[LAYERS] = {{{layers}
 static const uint32_t PARAMETERS[{parameter_count}] = {{{parameters}
 }};
 
-/* Of tanh: in the high half the value at the start of each 1/64, rounding included, in the low half what it grows by. */
-static const uint32_t TANGENTS[{tangent_count}] = {{{tangents}
-}};
-
-/* Bits of the observations and of the actions on them. */
+{tangents}/* Bits of the observations and of the actions on them. */
 static const uint32_t GOLDEN[GOLDEN_VECTORS][KESTREL_OBSERVATION_LEN + KESTREL_ACTION_LEN] = {{{golden}
 }};
 ",
@@ -129,12 +141,37 @@ static const uint32_t GOLDEN[GOLDEN_VECTORS][KESTREL_OBSERVATION_LEN + KESTREL_A
         vectors = policy.golden_vectors().count(),
         parameter_count = parameters.len(),
         parameters = rows(parameters.iter().map(words), 8),
-        tangent_count = TANGENTS.len(),
-        tangents = rows(TANGENTS.iter().map(|entry| format!("0x{entry:08x}")), 8),
+        tangents = match format.activation {
+            Activation::Tanh => tangents(),
+            Activation::Relu => String::new(),
+        },
         golden = golden_rows(golden, observation_len + action_len),
         layers = rows(layers.iter().cloned(), 1),
     );
-    Ok(CODE.replace("CONSTANTS\n", &constants))
+    let code = match format.activation {
+        Activation::Tanh => CODE.to_owned(),
+        Activation::Relu => rectified_code(),
+    };
+    Ok(code.replace("CONSTANTS\n", &constants))
+}
+
+/// The table of the tangent.
+fn tangents() -> String {
+    format!(
+        "/* Of tanh: in the high half the value at the start of each 1/64, rounding included, in the low half what it grows by. */
+static const uint32_t TANGENTS[{count}] = {{{tangents}
+}};
+
+",
+        count = TANGENTS.len(),
+        tangents = rows(TANGENTS.iter().map(|entry| format!("0x{entry:08x}")), 8),
+    )
+}
+
+/// The code with rectifiers in place of tangents.
+fn rectified_code() -> String {
+    let [from, to] = TANGENT.map(|text| CODE.find(text).expect("the code has a tangent"));
+    [&CODE[..from], RECTIFIER, &CODE[to..]].concat().replace("tangent(", "rectified(")
 }
 
 /// Each vector in braces of its own.

@@ -2,7 +2,7 @@
 
 use kestrel_core::policy_file::PolicyError;
 
-use super::{SourceError, comment, rows};
+use super::{SourceError, comment, for_px4, rows};
 use crate::policy::Policy;
 
 /// The module of the policy file `bytes`, which start on a four-byte boundary of memory.
@@ -13,7 +13,13 @@ pub fn rust_module(bytes: &[u8]) -> Result<String, SourceError> {
     let policy = Policy::parse(bytes)?;
     policy.self_test()?;
     let Kind { feature, runner, pilot_type, file_type, constructor } = match &policy {
+        Policy::Blind(policy) if for_px4(policy).is_some() => {
+            Kind { feature: "; it needs the feature `px4`", ..STATE_BASED }
+        }
         Policy::Blind(_) => STATE_BASED,
+        Policy::Recurrent(policy) if for_px4(policy.network()).is_some() => {
+            Kind { feature: "; it needs the features `recurrent` and `px4`", ..RECURRENT }
+        }
         Policy::Recurrent(_) => RECURRENT,
         Policy::Seeing(_) => return Err(PolicyError::Vision.into()),
     };

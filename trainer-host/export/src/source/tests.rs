@@ -4,13 +4,15 @@ use std::path::Path;
 use std::process::Command;
 
 use kestrel_core::observation::{MeasuredLayout, ObservationLayout};
-use kestrel_core::policy_file::{PolicyFile, PolicyMetadata};
+use kestrel_core::policy_file::{Activation, PolicyFile, PolicyMetadata};
+use kestrel_sim::seed::{Purpose, Seed, Stream};
 
 use super::*;
 use crate::tests::METADATA;
 use crate::{DenseLayer, export};
 
-/// Feeds random observations, of which one value in sixteen is any bit pattern, and prints the FNV-1a digest of the actions.
+/// Feeds 100,000 random observations, of which one value in sixteen is any bit pattern, then 12,000 of which half the values are
+/// special, and prints the FNV-1a digest of the actions.
 const DRIVER: &str = r#"
 #include <stdio.h>
 #include <string.h>
@@ -23,16 +25,31 @@ static uint64_t next(void) {
     return state >> 32;
 }
 
+/* Not a number (quiet, signalling), infinite, subnormal, zero, huge, about as large as the limit of the network's inputs. */
+static uint32_t special(uint32_t kind, uint32_t bits) {
+    switch (kind) {
+        case 0: return (bits & 0x803fffffu) | 0x7fc00000u;
+        case 1: return (bits & 0x803fffffu) | 0x7f800001u;
+        case 2: return (bits & 0x80000000u) | 0x7f800000u;
+        case 3: return bits & 0x807fffffu;
+        case 4: return bits & 0x80000000u;
+        case 5: return (bits & 0x80ffffffu) | 0x7e000000u;
+        default: return (bits & 0x83ffffffu) | 0x40000000u;
+    }
+}
+
 int main(void) {
     static kestrel_scratch scratch;
     uint64_t digest = 0xcbf29ce484222325ull;
     int failed = kestrel_self_test(&scratch);
-    for (int input = 0; input < 100000; input++) {
+    for (int input = 0; input < 112000; input++) {
         float observation[KESTREL_OBSERVATION_LEN], action[KESTREL_ACTION_LEN];
         for (int index = 0; index < KESTREL_OBSERVATION_LEN; index++) {
             uint32_t bits = (uint32_t)next();
             observation[index] = (float)((int32_t)bits >> 8) / 4194304.0f;
-            if (next() % 16 == 0) memcpy(&observation[index], &bits, sizeof bits);
+            uint32_t choice = (uint32_t)next();
+            uint32_t other = input < 100000 ? bits : special(choice / 16 % 7, bits);
+            if (choice % 16 == 0 || (input >= 100000 && choice % 2 == 0)) memcpy(&observation[index], &other, sizeof other);
         }
         kestrel_act(observation, &scratch, action);
         unsigned char bytes[sizeof action];
@@ -44,6 +61,19 @@ int main(void) {
 }
 "#;
 
+/// As the driver's.
+fn special(kind: u32, bits: u32) -> u32 {
+    match kind {
+        0 => (bits & 0x803f_ffff) | 0x7fc0_0000,
+        1 => (bits & 0x803f_ffff) | 0x7f80_0001,
+        2 => (bits & 0x8000_0000) | 0x7f80_0000,
+        3 => bits & 0x807f_ffff,
+        4 => bits & 0x8000_0000,
+        5 => (bits & 0x80ff_ffff) | 0x7e00_0000,
+        _ => (bits & 0x83ff_ffff) | 0x4000_0000,
+    }
+}
+
 /// What the driver prints, by the core.
 fn expected(policy: &PolicyFile<'_>) -> String {
     let mut state = 0_u64;
@@ -53,12 +83,17 @@ fn expected(policy: &PolicyFile<'_>) -> String {
     };
     let mut digest = 0xcbf2_9ce4_8422_2325_u64;
     let mut scratch = policy.scratch();
-    for _ in 0..100_000 {
+    for input in 0..112_000 {
         let observation: Vec<f32> = (0..policy.metadata().observation.len())
             .map(|_| {
                 let bits = next() as u32;
                 let usual = (bits as i32 >> 8) as f32 / 4_194_304.0;
-                if next() % 16 == 0 { f32::from_bits(bits) } else { usual }
+                let choice = next() as u32;
+                match input {
+                    0..100_000 if choice % 16 == 0 => f32::from_bits(bits),
+                    100_000.. if choice % 2 == 0 => f32::from_bits(special(choice / 16 % 7, bits)),
+                    _ => usual,
+                }
             })
             .collect();
         let action = policy.act(&observation, &mut scratch);
@@ -74,8 +109,24 @@ fn pilot(name: &str) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
-/// What firmwares compile with; with `-ffast-math` every comparison is one of finite numbers.
-const OPTIMISATIONS: [&[&str]; 6] = [&["-O0"], &["-O1"], &["-O2"], &["-O3"], &["-Os"], &["-Os", "-ffast-math"]];
+/// What firmwares compile with. With `-ffast-math` every comparison is one of finite numbers, and subnormal numbers are zero.
+const OPTIMISATIONS: [&[&str]; 12] = [
+    &["-std=c99", "-O0"],
+    &["-std=c99", "-O1"],
+    &["-std=c99", "-O2"],
+    &["-std=c99", "-O3"],
+    &["-std=c99", "-Os"],
+    &["-std=c99", "-O0", "-ffast-math"],
+    &["-std=c99", "-O1", "-ffast-math"],
+    &["-std=c99", "-O2", "-ffast-math"],
+    &["-std=c99", "-O3", "-ffast-math"],
+    &["-std=c99", "-Os", "-ffast-math"],
+    &["-xc++", "-O2"],
+    &["-xc++", "-Os", "-ffast-math"],
+];
+
+/// What every C of ours compiles with.
+const STRICT: [&str; 5] = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"];
 
 /// The driver's output when the C of `policy` is compiled so, without a warning.
 fn printed(policy: &CSource, optimisation: &[&str]) -> String {
@@ -84,15 +135,17 @@ fn printed(policy: &CSource, optimisation: &[&str]) -> String {
     for (file, text) in [("policy.h", &policy.header), ("policy.c", &policy.source), ("main.c", &driver)] {
         std::fs::write(place.path().join(file), text).unwrap();
     }
-    let cc = |arguments: &[&str]| {
-        let compiled = Command::new("cc").arg("-std=c99").args(arguments).current_dir(&place).output().unwrap();
-        assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
-    };
-    let strict = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-c", "policy.c"];
-    cc(&[optimisation, &strict].concat());
-    cc(&["-O2", "main.c", "policy.o", "-o", "main"]);
+    compiled(place.path(), &[optimisation, &STRICT, &["-c", "policy.c"]].concat());
+    compiled(place.path(), &[optimisation, &["-c", "main.c"]].concat());
+    compiled(place.path(), &[&optimisation[1..], &["main.o", "policy.o", "-o", "main"]].concat());
     let output = Command::new(place.path().join("main")).output().unwrap();
     String::from_utf8(output.stdout).unwrap()
+}
+
+/// Runs the compiler in `place`.
+fn compiled(place: &Path, arguments: &[&str]) {
+    let output = Command::new("cc").args(arguments).current_dir(place).output().unwrap();
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]
@@ -106,6 +159,25 @@ fn the_c_of_every_pilot_computes_the_same_bits() {
         }
         assert_eq!(c_source(&bytes).unwrap(), policy, "the same bytes again");
     }
+}
+
+#[test]
+fn rectifiers_in_c_compute_the_same_bits() {
+    let mut stream = Stream::new(Seed(5), 0, Purpose::Weights);
+    let mut normals = |count: usize, gain: f32| (0..count).map(|_| gain * stream.normal()).collect::<Vec<f32>>();
+    let (first, second) = (normals(22 * 17, 2.0), normals(17 * 4, 0.1));
+    let layers = [
+        DenseLayer { inputs: 22, outputs: 17, weights: &first, bias: &[0.1; 17], activation: Activation::Relu },
+        DenseLayer { inputs: 17, outputs: 4, weights: &second, bias: &[0.0; 4], activation: Activation::Relu },
+    ];
+    let bytes = export(&layers, &METADATA, &normals(22 * 8, 1.0)).unwrap().fixed_policy;
+    let policy = c_source(&bytes).unwrap();
+    assert!(!policy.source.contains("TANGENTS"));
+    let expected = expected(&PolicyFile::parse(&bytes).unwrap());
+    for optimisation in [OPTIMISATIONS[3], OPTIMISATIONS[9], OPTIMISATIONS[11]] {
+        assert_eq!(printed(&policy, optimisation), expected, "{optimisation:?}");
+    }
+    assert!(crazyflie_app(&bytes).unwrap_err().to_string().contains("found a policy with rectifiers"));
 }
 
 #[test]
@@ -162,9 +234,62 @@ fn the_crazyflies_app_compiles_and_holds_the_same_file() {
 }
 
 #[test]
+fn the_controller_of_betaflights_forks_is_strict_c_and_c_plus_plus() {
+    let files = betaflight_controller(&pilot("hover.kestrel")).unwrap();
+    let place = tempfile::tempdir().unwrap();
+    for (name, text) in &files {
+        std::fs::write(place.path().join(name), text).unwrap();
+    }
+    for language in ["-std=c99", "-xc++"] {
+        for optimisation in ["-Os", "-O2", "-ffast-math"] {
+            for name in ["nn_controller.c", "policy.c"] {
+                compiled(place.path(), &[&[language, optimisation][..], &STRICT, &["-c", name]].concat());
+            }
+        }
+    }
+    assert!(files.iter().any(|(name, text)| *name == "policy.h" && text.contains("--target betaflight")));
+}
+
+/// Seven ticks of 4 ms that hold for 10 ms, then a set-point that grows old.
+const GUARDED: &str = r#"
+#include <stdio.h>
+#include "kestrel_guard.h"
+
+int main(void) {
+    KestrelGuard guard = {10000, 500000, 0, 0, 0};
+    const int32_t codes[] = {104, 0, 104, 0, 104, 104, 104, 104, 0, 104};
+    for (unsigned index = 0; index < sizeof codes / sizeof codes[0]; index++) {
+        const KestrelVerdict verdict = kestrel_guard(&guard, codes[index], 0, 4000);
+        printf("%d:%d ", (int)guard.code, (int)verdict);
+    }
+    const KestrelVerdict verdict = kestrel_guard(&guard, 0, 500000, 4000);
+    printf("%d:%d\n", (int)guard.code, (int)verdict);
+    return 0;
+}
+"#;
+
+#[test]
+fn one_refused_tick_is_held_and_several_hand_over() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("kestrel_guard.h"), GUARD).unwrap();
+    std::fs::write(place.path().join("main.c"), GUARDED).unwrap();
+    for language in ["-std=c99", "-xc++"] {
+        compiled(
+            place.path(),
+            &[&[language, "-Os", "-ffast-math"][..], &STRICT, &["main.c", "-o", "main"]].concat(),
+        );
+        let output = Command::new(place.path().join("main")).output().unwrap();
+        // Nothing flew yet; then 0: another controller, 1: held, 2: flies.
+        let expected = "104:0 0:2 104:1 0:2 104:1 104:1 104:1 104:0 0:2 104:1 120:0\n";
+        assert_eq!(String::from_utf8(output.stdout).unwrap(), expected);
+    }
+}
+
+#[test]
 fn a_policy_with_other_sensors_or_without_a_goal_gets_no_app() {
     let weights = [0.01; 22 * 4];
-    let layer = DenseLayer { inputs: 22, outputs: 4, weights: &weights, bias: &[0.0; 4] };
+    let layer =
+        DenseLayer { inputs: 22, outputs: 4, weights: &weights, bias: &[0.0; 4], activation: Activation::Tanh };
     let observation = ObservationLayout::Measured(MeasuredLayout { len: 22 });
     let metadata = PolicyMetadata { observation, ..METADATA };
     let policy = export(&[layer], &metadata, &[0.5; 44]).unwrap().fixed_policy;

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use kestrel_core::activation::Activation;
 use kestrel_core::mlp::DenseLayer;
 
 use super::aligned::Aligned;
@@ -22,17 +23,20 @@ pub struct Dense<'a> {
     pub weights: &'a [f32],
     /// `[outputs]`.
     pub biases: &'a [f32],
+    /// What follows hidden layers of the network.
+    pub activation: Activation,
 }
 
 impl<'a> From<Dense<'a>> for DenseLayer<'a> {
     fn from(layer: Dense<'a>) -> Self {
-        Self { inputs: layer.inputs, outputs: layer.outputs, weights: layer.weights, bias: layer.biases }
+        let Dense { inputs, outputs, weights, biases, activation } = layer;
+        Self { inputs, outputs, weights, bias: biases, activation }
     }
 }
 
 impl Dense<'_> {
-    /// `tanh(W x + b)` of every sample, into `outputs [columns][outputs]`; `transposed` is overwritten by `W'`.
-    pub(crate) fn affine_tanh(&self, inputs: SampleMatrix<'_>, transposed: &mut [f32], outputs: &mut [f32]) {
+    /// The activation of `W x + b` of every sample, into `outputs [columns][outputs]`; `transposed` is overwritten by `W'`.
+    pub(crate) fn affine_activated(&self, inputs: SampleMatrix<'_>, transposed: &mut [f32], outputs: &mut [f32]) {
         transpose(self.weights, self.inputs, transposed);
         dispatch(Product {
             left: inputs.samples(),
@@ -40,7 +44,10 @@ impl Dense<'_> {
             result: outputs,
             width: self.outputs,
             start: Start::Row(self.biases),
-            finish: Finish::Tanh,
+            finish: match self.activation {
+                Activation::Tanh => Finish::Tanh,
+                Activation::Relu => Finish::Relu,
+            },
         });
     }
 
@@ -63,7 +70,7 @@ impl Dense<'_> {
         });
     }
 
-    /// The loss gradient of what the layer below summed up, `W' d` times the derivative of tanh, from that of the
+    /// The loss gradient of what the layer below summed up, `W' d` times the derivative of its activation, from that of the
     /// outputs; `activations` and `below` are `[columns][inputs]`.
     pub(crate) fn backward(&self, deltas: SampleMatrix<'_>, activations: &[f32], below: &mut [f32]) {
         // Among the parameters they begin anywhere, and each of their vectors is loaded as often as there are samples.
@@ -75,7 +82,10 @@ impl Dense<'_> {
             result: below,
             width: self.inputs,
             start: Start::Zero,
-            finish: Finish::TanhDerivative(activations),
+            finish: match self.activation {
+                Activation::Tanh => Finish::TanhDerivative(activations),
+                Activation::Relu => Finish::ReluDerivative(activations),
+            },
         });
     }
 

@@ -21,7 +21,11 @@ fn reference(mlp: &Mlp, parameters: &[f64], input: &[f64]) -> Vec<f64> {
         let (biases, left) = left.split_at(pair[1]);
         let sums = weights.chunks_exact(pair[0]).zip(biases).map(|(row, bias)| inner(row, &values) + bias);
         let is_hidden = index + 2 < mlp.widths().len();
-        values = sums.map(|sum| if is_hidden { libm::tanh(sum) } else { sum }).collect();
+        let activated = |sum: f64| match mlp.activation {
+            Activation::Tanh => libm::tanh(sum),
+            Activation::Relu => sum.max(0.0),
+        };
+        values = sums.map(|sum| if is_hidden { activated(sum) } else { sum }).collect();
         rest = left;
     }
     values
@@ -47,14 +51,14 @@ fn loss(mlp: &Mlp, parameters: &[f64], inputs: &[f32], weights: &[f32]) -> f64 {
 }
 
 /// Central differences of the reference against backpropagation, for every parameter of every layer.
-fn check_gradient(inputs: usize, hidden: &[usize], outputs: usize) {
-    let mlp = Mlp::new(inputs, hidden, outputs);
+fn check_gradient(mlp: &Mlp) {
+    let (inputs, outputs) = (mlp.inputs(), mlp.outputs());
     let mut parameters = mlp.initialise(1.0, &mut stream(1));
     for (parameter, shift) in parameters.iter_mut().zip(normals(mlp.parameter_count(), 2)) {
         *parameter += 0.1 * shift;
     }
     let (slice, weights) = (normals(inputs * COLUMNS, 3), normals(outputs * COLUMNS, 4));
-    let mut workspace = Workspace::new(&mlp, COLUMNS);
+    let mut workspace = Workspace::new(mlp, COLUMNS);
     mlp.forward(&parameters, &slice, &mut workspace);
     workspace.output_delta().1.copy_from_slice(&weights);
     let mut gradient = vec![0.0; mlp.parameter_count()];
@@ -63,7 +67,7 @@ fn check_gradient(inputs: usize, hidden: &[usize], outputs: usize) {
     for (index, found) in gradient.iter().enumerate() {
         let mut at = |shift: f64| {
             shifted[index] = f64::from(parameters[index]) + shift;
-            loss(&mlp, &shifted, &slice, &weights)
+            loss(mlp, &shifted, &slice, &weights)
         };
         let expected = (at(1e-5) - at(-1e-5)) / 2e-5;
         at(0.0);
@@ -91,10 +95,24 @@ fn forward_is_the_reference_in_f64() {
 
 #[test]
 fn the_gradient_of_narrow_and_wide_layers_is_that_of_finite_differences() {
-    check_gradient(5, &[12, 9], 4);
-    check_gradient(3, &[3], 1);
-    check_gradient(7, &[], 4);
-    check_gradient(6, &[8, 5, 11], 10);
+    check_gradient(&Mlp::new(5, &[12, 9], 4));
+    check_gradient(&Mlp::new(3, &[3], 1));
+    check_gradient(&Mlp::new(7, &[], 4));
+    check_gradient(&Mlp::new(6, &[8, 5, 11], 10));
+    check_gradient(&Mlp::new(6, &[8, 5, 11], 4).with_activation(Activation::Relu));
+}
+
+/// A checkpoint of a network with tangents has the bytes that it had when there was nothing else.
+#[test]
+fn a_shape_is_saved_as_its_widths() {
+    let mlp = Mlp::new(22, &[64, 64], 4);
+    for (mlp, bytes) in
+        [(mlp.clone(), &[4, 22, 64, 64, 4][..]), (mlp.with_activation(Activation::Relu), &[5, 0, 22, 64, 64, 4])]
+    {
+        let saved = postcard::to_allocvec(&mlp).unwrap();
+        assert_eq!(saved, bytes);
+        assert_eq!(postcard::from_bytes::<Mlp>(&saved).unwrap(), mlp);
+    }
 }
 
 #[test]

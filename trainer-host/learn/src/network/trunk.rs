@@ -52,7 +52,7 @@ impl SharedTrunk {
     ) -> &'w [f32] {
         let SharedTrunkWorkspace { network, transposed, activations } = workspace;
         let (last, behind_hidden, outputs) = self.mlp.forward_hidden(parameters, inputs, network);
-        last.affine_tanh(behind_hidden, transposed, activations);
+        last.affine_activated(behind_hidden, transposed, activations);
         transpose(activations, self.mlp.outputs(), outputs);
         &network.outputs
     }

@@ -141,5 +141,6 @@ fn networks(shapes: &[TaskShape], settings: &PpoSettings, streams: [Stream; 2]) 
     let (hidden, tasks, sharing) = (&settings.critic_hidden, shapes.len(), settings.encoder.sharing);
     let critic = Critic::new((observation, features), (&front, sharing), hidden, tasks, &mut of_critic);
     let (hidden, log_std) = (&settings.actor_hidden, settings.initial_log_std);
-    (Actor::new(ActorLengths { observation, action }, front, hidden, log_std, &mut of_actor), critic)
+    let actor = Actor::new(ActorLengths { observation, action }, front, hidden, log_std, &mut of_actor);
+    (actor.with_activation(settings.activation), critic.with_activation(settings.activation))
 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use kestrel_core::activation::Activation;
 use kestrel_core::encoder::{Convolution, EncoderError, EncoderShape, Volume};
 
 pub use crate::actor_critic::EncoderSharing;
@@ -48,6 +49,8 @@ pub struct PpoSettings {
     pub actor_hidden: Vec<usize>,
     /// Widths of the critic's hidden layers.
     pub critic_hidden: Vec<usize>,
+    /// What follows the hidden layers of both.
+    pub activation: Activation,
     /// How a policy with a camera looks at its images.
     pub encoder: EncoderSettings,
     /// What the policy remembers from step to step; nothing as a rule.
@@ -86,6 +89,7 @@ impl Default for PpoSettings {
             highest_log_std: 0.5,
             actor_hidden: vec![64, 64],
             critic_hidden: vec![64, 64],
+            activation: Activation::Tanh,
             encoder: EncoderSettings::default(),
             memory: None,
             target_kl: None,

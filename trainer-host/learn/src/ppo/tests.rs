@@ -8,6 +8,8 @@ mod vision;
 
 use std::iter;
 
+use kestrel_core::activation::Activation;
+
 use super::*;
 use crate::network::{InputBatch, Mlp};
 use crate::rollout::{ENV_BATCH, MinibatchSlice, Rollout};
@@ -41,6 +43,7 @@ fn settings() -> PpoSettings {
         highest_log_std: 0.5,
         actor_hidden: vec![16, 16],
         critic_hidden: vec![16],
+        activation: Activation::Tanh,
         encoder: EncoderSettings::default(),
         memory: None,
         target_kl: None,

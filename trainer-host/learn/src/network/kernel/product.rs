@@ -44,6 +44,8 @@ pub(crate) enum Finish<'a> {
     Relu,
     /// They are multiplied by the derivative of tanh, `1 - a^2` of activations laid out as the result.
     TanhDerivative(&'a [f32]),
+    /// They are multiplied by the derivative of a rectifier: zero where activations laid out as the result are.
+    ReluDerivative(&'a [f32]),
 }
 
 /// `result[i][j] = finish(start[i][j] + sum over k of left[i][k] right[k][j])`.
@@ -242,6 +244,12 @@ impl Finish<'_> {
                 let activations = &activations[place..place + sums.len()];
                 for (sum, activation) in sums.iter_mut().zip(activations) {
                     *sum *= 1.0 - activation * activation;
+                }
+            }
+            Self::ReluDerivative(activations) => {
+                let activations = &activations[place..place + sums.len()];
+                for (sum, activation) in sums.iter_mut().zip(activations) {
+                    *sum = if *activation > 0.0 { *sum } else { 0.0 };
                 }
             }
         }

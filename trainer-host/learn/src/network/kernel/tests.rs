@@ -86,6 +86,9 @@ fn sums_begin_and_end_as_asked() {
     let sums = product(Start::Zero, Finish::Sum);
     let scaled: Vec<f32> = sums.iter().zip(&activations).map(|(sum, a)| sum * (1.0 - a * a)).collect();
     assert_eq!(product(Start::Zero, Finish::TanhDerivative(&activations)), scaled);
+    let passed: Vec<f32> =
+        sums.iter().zip(&activations).map(|(sum, a)| if *a > 0.0 { *sum } else { 0.0 }).collect();
+    assert_eq!(product(Start::Zero, Finish::ReluDerivative(&activations)), passed);
 }
 
 #[test]
