@@ -1,4 +1,4 @@
-//! The model is read back by the rules of FlatBuffers and computes what the policy commands.
+//! The model is read back by the rules of `FlatBuffers` and computes what the policy commands.
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::observation::{PX4_NEURAL_LEN, Px4NeuralLayout};
