@@ -40,7 +40,7 @@ enum Target {
     File,
     /// A Rust module for firmwares that link kestrel-core: policy.rs
     Rust,
-    /// C99 without a library, in fixed point: policy.h, policy.c and kestrel_guard.h
+    /// C99 without a library, in fixed point: policy.h and policy.c, with the guard of all policies in C
     C,
     /// An app for crazyflie-firmware with the policy in fixed point: the folder crazyflie
     Crazyflie,

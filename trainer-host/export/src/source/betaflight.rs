@@ -1,4 +1,4 @@
-//! A policy behind the neural interface of INDIflight and other forks of Betaflight.
+//! A policy behind the neural interface of `INDIflight` and other forks of Betaflight.
 
 use super::crazyflie::with_policy;
 use super::{GUARD, SourceError};

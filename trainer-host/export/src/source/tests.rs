@@ -90,8 +90,8 @@ fn expected(policy: &PolicyFile<'_>) -> String {
                 let usual = (bits as i32 >> 8) as f32 / 4_194_304.0;
                 let choice = next() as u32;
                 match input {
-                    0..100_000 if choice % 16 == 0 => f32::from_bits(bits),
-                    100_000.. if choice % 2 == 0 => f32::from_bits(special(choice / 16 % 7, bits)),
+                    0..100_000 if choice.is_multiple_of(16) => f32::from_bits(bits),
+                    100_000.. if choice.is_multiple_of(2) => f32::from_bits(special(choice / 16 % 7, bits)),
                     _ => usual,
                 }
             })
