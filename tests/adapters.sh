@@ -60,6 +60,8 @@ adapter crazyflie "$run/crazyflie/kestrel_controller.c" -DCONFIG_CRAZYFLIE_THRUS
 verdict $? "the controller of crazyflie-firmware builds"
 flies_as_here crazyflie 2
 verdict $? "a policy flies through the controller interface of crazyflie-firmware"
+adapter crazyflie "$run/crazyflie/kestrel_controller.c" && flies_as_here crazyflie 5
+verdict $? "it flies so with the motors of a stock Crazyflie"
 adapter betaflight "$run/betaflight/nn_controller.c"
 verdict $? "the neural interface of Betaflight's forks builds"
 flies_as_here betaflight 2

@@ -7,7 +7,7 @@
  * Parameters (group kestrel): `enable`, 0 leaves everything to the PID controller; `pwm`, 1 if the firmware takes duty cycles
  * for its normalized forces, and then `fullThrust` (N of a motor at full throttle and a full battery; 0 for what the policy was
  * trained with) and `fullVoltage` (V of that battery). Logs: `answer` (why the policy does not fly, 0 if it does), `flying`,
- * `held` (ticks for which the last thrusts were held), `m1` ... `m4` (thrust in quarters of the weight).
+ * `held` (microseconds for which the last thrusts were held), `m1` ... `m4` (thrust in quarters of the weight).
  */
 #include <math.h>
 #include <stdbool.h>
@@ -29,6 +29,7 @@
 #include "debug.h"
 
 #include "kestrel.h"
+#include "kestrel_guard.h"
 #include "policy.h"
 
 #define RADIANS_PER_DEGREE 0.017453292519943295f
@@ -47,12 +48,12 @@
 /* Below, the measurement of the battery's voltage is broken, or there is no battery [V]. */
 #define LEAST_VOLTAGE 2.0f
 
-/* While a state is refused, the last thrusts are held so long before the PID controller takes over: one lost sample is
- * forgiven, and 10 ms is less than an attitude loop needs. */
-#define HOLD_TICKS M2T(10)
+#define US_PER_MS 1000u
 
-/* A set-point that is older is no order any more: twice the time-out of the firmware's own commander. */
-#define STALE_TICKS M2T(1000)
+/* While a state is refused, the last thrusts are held for 10 ms before the PID controller takes over: one lost sample is
+ * forgiven, and that is less than an attitude loop needs. A set-point that is older than a second is no order any more: half the
+ * time-out of the firmware's own commander. */
+static KestrelGuard guard = {.hold_us = 10u * US_PER_MS, .stale_us = 1000u * US_PER_MS};
 
 static KestrelPilot pilot;
 static int32_t refusal = KESTREL_NO_POLICY;
@@ -69,7 +70,6 @@ static uint32_t period = 1;
 /* Of the last action that the policy answered. */
 static float thrusts[4];
 static int32_t answer = KESTREL_NO_POLICY;
-static uint32_t held;
 
 /* Whether the policy flew at the last tick. */
 static uint8_t flying;
@@ -97,7 +97,7 @@ static void read_policy(void *nothing) {
 
 void controllerOutOfTreeInit(void) {
   controllerPidInit();
-  flying = 0;
+  guard.flies = 0;
   if (has_read) {
     return;
   }
@@ -165,9 +165,14 @@ bool controllerOutOfTreeTest(void) {
   return controllerPidTest();
 }
 
-static bool is_fresh_position(const setpoint_t *setpoint) {
-  const bool is_position = setpoint->mode.x == modeAbs && setpoint->mode.y == modeAbs && setpoint->mode.z == modeAbs;
-  return is_position && xTaskGetTickCount() - setpoint->timestamp < STALE_TICKS;
+static bool is_position(const setpoint_t *setpoint) {
+  return setpoint->mode.x == modeAbs && setpoint->mode.y == modeAbs && setpoint->mode.z == modeAbs;
+}
+
+/* Age of a set-point in microseconds; four seconds and more are four. */
+static uint32_t age_of(const setpoint_t *setpoint) {
+  const uint32_t age_ms = T2M(xTaskGetTickCount() - setpoint->timestamp);
+  return US_PER_MS * (age_ms < 4000u ? age_ms : 4000u);
 }
 
 /* The heading of the set-point, as the stock controller takes it: an angle, a rate, or what it was when it began. */
@@ -203,23 +208,23 @@ static int32_t act(const setpoint_t *setpoint, const sensorData_t *sensors, cons
 
 /* Whether the policy flies this tick: it has answered, or did so just now. */
 static bool flies(const setpoint_t *setpoint, const sensorData_t *sensors, const state_t *state, uint32_t step) {
-  if (!flying || step % period == 0) {
-    if (!flying) {
+  if (!guard.flies || step % period == 0) {
+    if (!guard.flies) {
       kestrel_reset(&pilot);
       heading = state->attitude.yaw;
     }
     answer = act(setpoint, sensors, state);
   }
-  held = answer == KESTREL_OK ? 0 : held + 1;
-  return answer == KESTREL_OK || (flying && held <= HOLD_TICKS);
+  return kestrel_guard(&guard, answer, age_of(setpoint), US_PER_MS) != KESTREL_HAND_OVER;
 }
 
 void controllerOutOfTree(control_t *control, const setpoint_t *setpoint, const sensorData_t *sensors,
                          const state_t *state, const stabilizerStep_t stabilizerStep) {
   /* Runs along, so that it can take over in any tick. */
   controllerPid(control, setpoint, sensors, state, stabilizerStep);
-  flying = enable && refusal == KESTREL_OK && is_fresh_position(setpoint) && flies(setpoint, sensors, state, stabilizerStep);
+  flying = enable && refusal == KESTREL_OK && is_position(setpoint) && flies(setpoint, sensors, state, stabilizerStep);
   if (!flying) {
+    guard.flies = 0;
     return;
   }
   command(control);
@@ -237,9 +242,9 @@ PARAM_ADD(PARAM_FLOAT, fullVoltage, &full_voltage)
 PARAM_GROUP_STOP(kestrel)
 
 LOG_GROUP_START(kestrel)
-LOG_ADD(LOG_INT32, answer, &answer)
+LOG_ADD(LOG_INT32, answer, &guard.code)
 LOG_ADD(LOG_UINT8, flying, &flying)
-LOG_ADD(LOG_UINT32, held, &held)
+LOG_ADD(LOG_UINT32, held, &guard.refused_us)
 LOG_ADD(LOG_FLOAT, m1, &thrusts[0])
 LOG_ADD(LOG_FLOAT, m2, &thrusts[1])
 LOG_ADD(LOG_FLOAT, m3, &thrusts[2])

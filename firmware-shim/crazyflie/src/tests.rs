@@ -150,3 +150,54 @@ fn the_header_is_the_committed_one() {
     let committed = fs::read(&path).unwrap_or_default();
     assert!(committed == header, "{} is out of date: BLESS=1 writes it anew", path.display());
 }
+
+/// Not a number (quiet, signalling), infinite, subnormal, zero, huge, about as large as the limits.
+fn special(kind: u32, bits: u32) -> f32 {
+    f32::from_bits(match kind {
+        0 => (bits & 0x803f_ffff) | 0x7fc0_0000,
+        1 => (bits & 0x803f_ffff) | 0x7f80_0001,
+        2 => (bits & 0x8000_0000) | 0x7f80_0000,
+        3 => bits & 0x807f_ffff,
+        4 => bits & 0x8000_0000,
+        5 => (bits & 0x80ff_ffff) | 0x7e00_0000,
+        _ => (bits & 0x83ff_ffff) | 0x4000_0000,
+    })
+}
+
+#[test]
+fn twelve_thousand_states_with_special_values_are_refused_or_flown_as_the_core_flies() {
+    let mut pilot = KestrelPilot::new();
+    assert_eq!(pilot.take(hover()), KESTREL_OK);
+    let mut wrapped = Pilot::new(PolicyFile::parse(hover()).unwrap());
+    let per_hover_thrust = 1.0 / wrapped.policy().metadata().action.hover_speed_squared();
+    let (mut noise, mut refused) = (1_u64, 0);
+    let mut next = || {
+        noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (noise >> 32) as u32
+    };
+    for step in 0..12_000 {
+        let (mut state, mut goal, mut thrusts) = (state(step), [0.1, 0.2, 1.0, 0.4], [9.0; 4]);
+        let value = special(next() % 7, next());
+        let numbers = state.position.iter_mut().chain(&mut state.attitude).chain(&mut state.velocity);
+        let mut numbers = numbers.chain(&mut state.body_rates).chain(&mut goal);
+        *numbers.nth(step as usize % 17).unwrap() = value;
+        let answer = kestrel_tick(&mut pilot, &state, &goal, &mut thrusts);
+        if answer != KESTREL_OK {
+            refused += 1;
+            assert_eq!(thrusts, [0.0; 4]);
+            continue;
+        }
+        let [w, x, y, z] = state.attitude;
+        let flown = State {
+            position: Vector3::from(state.position),
+            world_from_body: Attitude { w, x, y, z },
+            velocity: Vector3::from(state.velocity),
+            body_rates: Vector3::from(state.body_rates),
+            rotor_speeds: [0.0; 4],
+        };
+        let setpoint = Setpoint { yaw: goal[3], ..Setpoint::at(Vector3::new(goal[0], goal[1], goal[2])) };
+        let speeds = wrapped.tick_towards(&[], &flown, &setpoint);
+        assert_eq!(thrusts.map(f32::to_bits), speeds.map(|speed| (speed * speed * per_hover_thrust).to_bits()));
+    }
+    assert!((6_000..11_000).contains(&refused), "{refused}");
+}

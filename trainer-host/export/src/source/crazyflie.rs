@@ -5,15 +5,16 @@ use std::fmt::Write;
 use kestrel_core::action::ActionSpace;
 use kestrel_core::policy_file::PolicyFile;
 
-use super::{SourceError, comment, for_px4, rows};
+use super::{GUARD, SourceError, comment, for_px4, rows};
 
 /// What is the same for every policy: file name and contents.
-const APP: [(&str, &str); 5] = [
+const APP: [(&str, &str); 6] = [
     ("kestrel_controller.c", include_str!("../../../../firmware-shim/crazyflie/app/kestrel_controller.c")),
     ("Kbuild", include_str!("../../../../firmware-shim/crazyflie/app/Kbuild")),
     ("Makefile", include_str!("../../../../firmware-shim/crazyflie/app/Makefile")),
     ("app-config", include_str!("../../../../firmware-shim/crazyflie/app/app-config")),
     ("kestrel.h", include_str!("../../../../firmware-shim/crazyflie/include/kestrel.h")),
+    ("kestrel_guard.h", GUARD),
 ];
 
 /// The app around the policy file `bytes`, which start on a four-byte boundary of memory: names and contents of its files.

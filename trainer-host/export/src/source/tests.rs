@@ -218,7 +218,16 @@ fn the_crazyflies_app_compiles_and_holds_the_same_file() {
     let names: Vec<&str> = files.iter().map(|(name, _)| *name).collect();
     assert_eq!(
         names,
-        ["kestrel_controller.c", "Kbuild", "Makefile", "app-config", "kestrel.h", "policy.h", "policy.c"]
+        [
+            "kestrel_controller.c",
+            "Kbuild",
+            "Makefile",
+            "app-config",
+            "kestrel.h",
+            "kestrel_guard.h",
+            "policy.h",
+            "policy.c"
+        ]
     );
     let (_, source) = files.last().unwrap();
     let words = source.split([' ', ',', '\n']).filter_map(|word| word.strip_prefix("0x"));
