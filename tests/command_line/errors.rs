@@ -43,7 +43,14 @@ fn missing_and_empty_files_are_named() {
     assert!(refusal(&kestrel(place.path(), &["train", "none.yaml"])).contains("none.yaml: found no such file"));
     assert!(message_for("").contains("trial.yaml"));
     assert!(refusal(&kestrel(place.path(), &["evaluate", "none"])).contains("none holds no run"));
-    assert!(refusal(&kestrel(place.path(), &["export", "none"])).contains("none holds no run"));
+    let nothing = refusal(&kestrel(place.path(), &["export", "none"]));
+    assert!(
+        nothing.contains("at none, expected one of them or a pilot") && nothing.contains("hover"),
+        "{nothing}"
+    );
+    assert!(
+        refusal(&kestrel(place.path(), &["export", "none.kestrel"])).contains("cannot read policy none.kestrel")
+    );
     assert!(refusal(&kestrel(place.path(), &["train", "--resume", "none"])).contains("none holds no run"));
     assert!(refusal(&kestrel(place.path(), &["fly", "none.kestrel"])).contains("none.kestrel"));
 }

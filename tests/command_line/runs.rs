@@ -67,6 +67,24 @@ fn one_command_leaves_the_whole_result() {
 }
 
 #[test]
+fn policies_are_exported_without_a_run() {
+    let place = tempfile::tempdir().unwrap();
+    let output = kestrel(place.path(), &["export", "hover", "--target", "c"]);
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(printed.contains("It will take about ") && printed.contains("instructions an action"), "{printed}");
+    assert!(place.path().join("hover/policy.c").is_file());
+    let file = ["export", "hover/policy.kestrel", "-o", "app", "--target", "crazyflie"];
+    assert!(kestrel(place.path(), &file).status.success());
+    let [again, first] = ["app", "hover"].map(|folder| fs::read(place.path().join(folder).join("policy.kestrel")));
+    assert!(again.unwrap() == first.unwrap() && place.path().join("app/crazyflie/kestrel_guard.h").is_file());
+    let wrong = refusal(&kestrel(place.path(), &["export", "hover", "--target", "onnx"]));
+    assert!(wrong.contains("hover is in fixed16, expected a policy in float32 for this target"), "{wrong}");
+    fs::write(place.path().join("other.kestrel"), "no policy").unwrap();
+    let other = refusal(&kestrel(place.path(), &["export", "other.kestrel"]));
+    assert!(other.contains("cannot export other.kestrel"), "{other}");
+}
+
+#[test]
 fn the_run_can_be_evaluated_and_exported_again() {
     let place = tempfile::tempdir().unwrap();
     train_tiny(place.path(), "run", &[]);
@@ -92,7 +110,8 @@ fn the_run_can_be_evaluated_and_exported_again() {
         let output = kestrel(place.path(), &["export", "run", "--target", target]);
         let printed = String::from_utf8(output.stdout).unwrap();
         assert!(place.path().join("run").join(written).is_file(), "{written}");
-        assert!(printed.trim_end().ends_with(written.trim_end_matches("/policy.c")), "{printed}");
+        let named = written.trim_end_matches("/policy.c");
+        assert!(printed.lines().any(|line| line.ends_with(named)), "no {named} in:\n{printed}");
     }
     assert!(kestrel(place.path(), &["evaluate", "run"]).status.success());
     assert!(fs::read(place.path().join("run/evaluation.json")).unwrap() == report);

@@ -88,7 +88,7 @@ fn the_core_needs_no_operating_system() {
     let expected =
         ["bytemuck", "heapless", "libm", "nalgebra", "postcard", "serde", "thiserror"].map(String::from);
     assert!(dependencies(&core).is_subset(&BTreeSet::from(expected)));
-    assert_eq!(core["features"]["default"], Value::Array(Vec::new()), "inference alone");
+    assert_eq!(core["features"]["default"], serde_json::json!(["float"]), "inference alone, in both arithmetics");
 }
 
 #[test]

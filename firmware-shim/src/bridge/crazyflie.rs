@@ -50,8 +50,8 @@ const ATTITUDE_DEVIATION: f32 = 2e-3;
 /// Motor outputs: a header and four ratios of 16 bits.
 const MOTORS_LEN: usize = 9;
 
-/// A packet as bytes.
-pub type Bytes = heapless::Vec<u8, PACKET_LIMIT>;
+/// A packet as it is sent.
+pub type PacketBytes = heapless::Vec<u8, PACKET_LIMIT>;
 
 /// What a datagram of the firmware is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +85,7 @@ impl CrazyflieSimulator {
     }
 
     /// The sample of a step, which is to be answered.
-    pub fn sample(&mut self, measurement: &Measurement) -> Bytes {
+    pub fn sample(&mut self, measurement: &Measurement) -> PacketBytes {
         self.waiting += 1;
         // Forward, right and down from forward, left and up is the same as back.
         let force = frd_from_flu(&Vector3::from(measurement.specific_force_frd));
@@ -100,7 +100,7 @@ impl CrazyflieSimulator {
     }
 
     /// Where the drone is, with the steps in which the motion capture says so. Counts the steps.
-    pub fn pose(&mut self, state: &State<f32>) -> Option<Bytes> {
+    pub fn pose(&mut self, state: &State<f32>) -> Option<PacketBytes> {
         let step = self.steps;
         self.steps += 1;
         step.is_multiple_of(STEPS_PER_POSE).then(|| {

@@ -1,7 +1,7 @@
 //! What an exported policy takes of a Cortex-M4: a model, and what a compiler makes of it.
 //!
 //! Flash and RAM are sums of parts. Instructions were fitted to QEMU's counts of exported C with 22 inputs and hidden layers of
-//! 16, 16-16, 32-32, 64-64 and 64-64-64 (1,697 to 17,134), which they meet within 2.1 %; `tests/firmware.sh` holds them to its
+//! 16, 16-16, 32-32, 64-64 and 64-64-64 (1,697 to 17,134), which they meet within 2 %; `tests/firmware.sh` holds them to its
 //! count within 3 %.
 
 use core::fmt;
@@ -23,7 +23,7 @@ const FLAGS: [&str; 6] =
     ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-Os", "-fstack-usage"];
 
 /// Code of the exported C and its table of tangents \[bytes\].
-const C_CODE: usize = 1410;
+const C_CODE: usize = 1460;
 const C_TANGENTS: usize = 1540;
 
 /// Least stack of the exported C: an action, and the self-test \[bytes\].
@@ -296,8 +296,8 @@ mod tests {
     #[test]
     fn exported_c_takes_what_a_compiler_and_an_emulator_counted() {
         let Cost { flash, ram, instructions, .. } = cost(Form::C);
-        // 15,804 bytes and 10,970 instructions at -Os, by gcc 12.2.
-        assert!((15_804..16_000).contains(&flash), "{flash}");
+        // 15,836 bytes and 10,970 instructions at -Os, by gcc 12.2.
+        assert!((15_836..16_000).contains(&flash), "{flash}");
         assert_eq!(ram, 6 * 64);
         assert!((10_700..11_300).contains(&instructions.unwrap()), "{instructions:?}");
     }

@@ -127,7 +127,6 @@ fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig
         return Ok((copies, Some(config)));
     }
     let (bytes, stem) = policy_file(source)?;
-    let copies = RunDirectory::of_policies(output.unwrap_or(Path::new(&stem)))?;
     let policy = Policy::parse(bytes.bytes()).with_context(|| format!("cannot export {}", source.display()))?;
     let found = policy.arithmetic();
     if let Some(expected) = arguments.target.arithmetic() {
@@ -139,6 +138,7 @@ fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig
             expected.name()
         );
     }
+    let copies = RunDirectory::of_policies(output.unwrap_or(Path::new(&stem)))?;
     let path = match found {
         Arithmetic::Fixed16 => copies.policy(),
         Arithmetic::Float32 => copies.policy_f32(),

@@ -24,7 +24,7 @@ fn rest() -> State<f32> {
     *FlatFloor::new(&CF2X, 1e-3).state()
 }
 
-fn sampled(state: &State<f32>) -> Bytes {
+fn sampled(state: &State<f32>) -> PacketBytes {
     let measurement = Instruments::new(Home::default(), Noise::Off, RATE_HZ).measure(state, state);
     CrazyflieSimulator::new(Noise::Off).sample(&measurement)
 }
