@@ -73,6 +73,9 @@ fn policies_are_exported_without_a_run() {
     let printed = String::from_utf8(output.stdout).unwrap();
     assert!(printed.contains("It will take about ") && printed.contains("instructions an action"), "{printed}");
     assert!(place.path().join("hover/policy.c").is_file());
+    // The folder of its name is no run.
+    assert!(kestrel(place.path(), &["export", "hover", "--target", "rust"]).status.success());
+    assert!(place.path().join("hover/policy.rs").is_file());
     let file = ["export", "hover/policy.kestrel", "-o", "app", "--target", "crazyflie"];
     assert!(kestrel(place.path(), &file).status.success());
     let [again, first] = ["app", "hover"].map(|folder| fs::read(place.path().join(folder).join("policy.kestrel")));

@@ -110,7 +110,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 /// Where the policies lie, made anew of a run's checkpoints if it has some, and the configuration of the run.
 fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig>)> {
     let (source, output) = (&arguments.source, arguments.output.as_deref());
-    if source.is_dir() {
+    let shipped = shipped(source);
+    if shipped.is_none() && source.is_dir() {
         let (directory, config) = run::open(source, &[])?;
         if directory.holds_checkpoints() {
             let (actor, steps) = policy_of(&config, &directory)?;
@@ -126,7 +127,7 @@ fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig
         }
         return Ok((copies, Some(config)));
     }
-    let (bytes, stem) = policy_file(source)?;
+    let (bytes, stem) = policy_file(source, shipped)?;
     let policy = Policy::parse(bytes.bytes()).with_context(|| format!("cannot export {}", source.display()))?;
     let found = policy.arithmetic();
     if let Some(expected) = arguments.target.arithmetic() {
@@ -147,15 +148,20 @@ fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig
     Ok((copies, None))
 }
 
-/// A policy by its file or its name, and what a folder for it is called.
-fn policy_file(source: &Path) -> Result<(PolicyBytes, String)> {
-    let shipped = source.to_str().and_then(pilots::pilot);
-    if source.exists() || shipped.is_none() && source.extension().is_some() {
-        let stem = source.file_stem().unwrap_or(source.as_os_str()).to_string_lossy().into_owned();
-        return Ok((PolicyBytes::read(source)?, stem));
-    }
+/// The pilot of that name, unless it is a file or a run: what was exported before may lie in a folder of its name.
+fn shipped(source: &Path) -> Option<&'static [u8]> {
+    let other = source.is_file() || RunDirectory::config_in(source).exists();
+    source.to_str().filter(|_| !other).and_then(pilots::pilot)
+}
+
+/// A policy of the program's own or by its file, and what a folder for it is called.
+fn policy_file(source: &Path, shipped: Option<&[u8]>) -> Result<(PolicyBytes, String)> {
     match shipped {
         Some(file) => Ok((PolicyBytes::copy_of(file), source.display().to_string())),
+        None if source.exists() || source.extension().is_some() => {
+            let stem = source.file_stem().unwrap_or(source.as_os_str()).to_string_lossy().into_owned();
+            Ok((PolicyBytes::read(source)?, stem))
+        }
         None => bail!(
             "found neither a run nor a policy file at {}, expected one of them or a pilot that comes with the program: {}",
             source.display(),
