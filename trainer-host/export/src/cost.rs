@@ -1,8 +1,7 @@
 //! What an exported policy takes of a Cortex-M4: a model, and what a compiler makes of it.
 //!
 //! Flash and RAM are sums of parts. Instructions were fitted to QEMU's counts of exported C with 22 inputs and hidden layers of
-//! 16, 16-16, 32-32, 64-64 and 64-64-64 (1,697 to 17,134), which they meet within 2 %; `tests/firmware.sh` holds them to its
-//! count within 3 %.
+//! 16, 16-16, 32-32, 64-64 and 64-64-64 (1,697 to 17,134), which they meet within 2 %.
 
 use core::fmt;
 use std::io::{self, ErrorKind};
@@ -19,8 +18,7 @@ const COMPILER: &str = "arm-none-eabi-gcc";
 const SIZE: &str = "arm-none-eabi-size";
 
 /// As crazyflie-firmware is built.
-const FLAGS: [&str; 6] =
-    ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-Os", "-fstack-usage"];
+const FLAGS: [&str; 5] = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-Os"];
 
 /// Code of the exported C and its table of tangents \[bytes\].
 const C_CODE: usize = 1460;
@@ -172,7 +170,7 @@ impl Built {
     /// [`BuildError`]: the compiler refuses it.
     pub fn of(written: &[PathBuf]) -> Result<Option<Self>, BuildError> {
         let Some(source) = written.iter().find_map(|path| c_file(path)) else { return Ok(None) };
-        let object = source.with_extension("o");
+        let object = std::env::temp_dir().join(format!("kestrel-{}.o", std::process::id()));
         let mut compiler = Command::new(COMPILER);
         compiler.args(FLAGS).arg("-c").arg(&source).arg("-o").arg(&object);
         let output = match compiler.output() {
@@ -185,11 +183,13 @@ impl Built {
             return Err(BuildError::Refused { path: source, message });
         }
         let sections = Command::new(SIZE).arg(&object).output();
-        for left in [&object, &source.with_extension("su")] {
-            // What is left behind is a file more.
-            let _removed = std::fs::remove_file(left);
-        }
-        let sections = sections.map_err(|reason| BuildError::Run { program: SIZE, reason })?;
+        // What is left behind lies where such things may lie.
+        let _removed = std::fs::remove_file(&object);
+        let sections = match sections {
+            Ok(sections) => sections,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(reason) => return Err(BuildError::Run { program: SIZE, reason }),
+        };
         let text = String::from_utf8_lossy(&sections.stdout).into_owned();
         let numbers: Vec<usize> = text
             .lines()
@@ -202,9 +202,9 @@ impl Built {
         }
     }
 
-    /// Whether it takes no more than was said.
+    /// Whether it takes no more than was said, by a compiler that may be another than that of the model: to 3 %.
     pub const fn within(&self, cost: &Cost) -> bool {
-        self.flash <= cost.flash && self.ram <= cost.ram
+        100 * self.flash <= 103 * cost.flash && self.ram <= cost.ram
     }
 }
 
@@ -316,6 +316,6 @@ mod tests {
         let cost = cost(Form::C);
         let built = Built { flash: cost.flash, ram: 0 };
         assert!(built.within(&cost));
-        assert!(!Built { flash: cost.flash + 1, ..built }.within(&cost));
+        assert!(!Built { flash: cost.flash * 104 / 100, ..built }.within(&cost));
     }
 }
