@@ -195,10 +195,10 @@ exported_c() { # of 22-64-64-4, as peers are measured
   g++ -x c++ -Os -ffast-math -Wall -Wextra -Wconversion -pedantic -Werror -c "$exported/policy.c" -o "$out/c-plus.o" &&
     gcc -O2 -I "$exported" "$out/c-plus.o" tests/firmware/c/main.c -o "$out/c-plus" 2>/dev/null
   verdict $? "it is C++ as well"
-  c_on_target "with the DSP extension" -Os 11000
-  c_on_target "with -ffast-math" -Os 11000 -ffast-math
+  c_on_target "with the DSP extension" -Os 10500
+  c_on_target "with -ffast-math" -Os 10500 -ffast-math
   c_on_target "portable" -Os 17900 -U__ARM_FEATURE_DSP
-  c_on_target "with the DSP extension" -O3 11000
+  c_on_target "with the DSP extension" -O3 10500
   c_on_target "portable" -O3 17900 -U__ARM_FEATURE_DSP
 }
 
