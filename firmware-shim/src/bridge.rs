@@ -90,6 +90,11 @@ pub struct BridgeOptions {
     #[arg(long, value_name = "NEWTONS", value_parser = positive_newtons)]
     pub motor_thrust: Option<f64>,
 
+    /// Share of the square in thrust over motor output, 0 to 1: PX4's THR_MDL_FAC, ArduPilot's MOT_THST_EXPO [default: 0 for
+    /// PX4 and Crazyflie, 0.65 for ArduPilot, 1 for Betaflight]
+    #[arg(long, value_name = "SHARE", value_parser = square_share)]
+    pub thrust_curve: Option<f32>,
+
     /// Seed of the instruments' noise, or "off"
     #[arg(long, value_name = "SEED", default_value_t = Noise::Seeded(0))]
     pub noise: Noise,
@@ -278,6 +283,7 @@ impl BridgeOptions {
 
     fn motors(&self, airframe: &Airframe) -> Result<Motors, MotorError> {
         let (order, curve) = self.peer.motors();
+        let curve = self.thrust_curve.map_or(curve, ThrustCurve::with_square_share);
         let motors = Motors::new(airframe, self.motors.unwrap_or(order), curve)?;
         Ok(match self.motor_thrust.or(self.peer.motor_thrust()) {
             Some(newtons) => motors.with_greatest_thrust(newtons, airframe),
@@ -290,6 +296,14 @@ impl BridgeOptions {
         let chosen = |address: SocketAddr| if address.port() == 0 { 0 } else { DEFAULT_PORT + self.instance };
         let port = self.listen.map_or(DEFAULT_PORT + self.instance, chosen);
         SocketAddr::from(([127, 0, 0, 1], port))
+    }
+}
+
+/// A thrust curve on the command line.
+fn square_share(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        Ok(_) | Err(_) => Err(format!("expected a share from 0 to 1, found \"{text}\"")),
     }
 }
 

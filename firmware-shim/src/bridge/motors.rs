@@ -121,6 +121,11 @@ impl ThrustCurve {
     /// does not correct for (`thrust_linear` 0, its default).
     pub const BETAFLIGHT: Self = Self { exponent_share: 1.0 };
 
+    /// The curve with this share of the square, from 0 to 1.
+    pub const fn with_square_share(exponent_share: f32) -> Self {
+        Self { exponent_share }
+    }
+
     fn thrust_share(self, throttle: f32) -> f32 {
         (1.0 - self.exponent_share) * throttle + self.exponent_share * throttle * throttle
     }

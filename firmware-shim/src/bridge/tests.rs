@@ -47,11 +47,22 @@ fn wrong_options_are_refused_in_one_message() {
         ("--peer px4 --radio 1,2", "found \"1,2\""),
         ("--peer px4 --motors hex", "possible values: quad-x, crazyflie, betaflight"),
         ("--peer crazyflie --motor-thrust 0", "expected a thrust above 0"),
+        ("--peer px4 --thrust-curve 1.5", "expected a share from 0 to 1, found \"1.5\""),
         ("--peer px4 --for-secs 0", "expected a positive number of seconds"),
     ] {
         let error = parsed(arguments).unwrap_err();
         assert!(error.contains(expected), "{error}");
     }
+}
+
+#[test]
+fn the_thrust_of_half_an_output_is_what_the_curve_says() {
+    let share = |arguments: &str| {
+        let speed = parsed(arguments).unwrap().motors(&CF2X).unwrap().rotor_targets(&[0.5; 4])[0];
+        (speed / CF2X.rotor_speed_limit as f32).powi(2)
+    };
+    assert!((share("--peer px4") - 0.5).abs() < 1e-6);
+    assert!((share("--peer px4 --thrust-curve 0.8") - 0.3).abs() < 1e-6);
 }
 
 #[test]
