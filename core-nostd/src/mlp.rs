@@ -15,7 +15,6 @@ use crate::gru::{Gru, HiddenState};
 use crate::limits::{ACTION_LIMIT, ROW_BLOCK};
 pub use crate::limits::{LAYER_LIMIT, WIDTH_LIMIT};
 use crate::policy_error::PolicyError;
-#[cfg(not(feature = "float"))]
 use crate::policy_file::ParameterFormat;
 use crate::real::Real;
 
@@ -42,7 +41,6 @@ pub struct DenseLayer<'a> {
 /// A network whose parameters lie in borrowed bytes; without the feature `float` there is none.
 #[derive(Clone, Debug)]
 pub struct Mlp<'a> {
-    /// Without a value, and with it all that follows, where there is none.
     _supported: Supported,
     layers: Vec<FloatLayer<'a>, LAYER_LIMIT>,
     /// Values of the action.
@@ -51,11 +49,18 @@ pub struct Mlp<'a> {
     activation: Activation,
 }
 
+/// What every network in float has: without the feature `float` it has no value, and then no network has.
+#[derive(Clone, Copy, Debug)]
+enum Supported {
+    #[cfg(feature = "float")]
+    Float,
+}
+
 #[cfg(feature = "float")]
-type Supported = ();
+const SUPPORTED: Option<Supported> = Some(Supported::Float);
 
 #[cfg(not(feature = "float"))]
-type Supported = core::convert::Infallible;
+const SUPPORTED: Option<Supported> = None;
 
 /// Values of the scratch at either end of a layer.
 const SCRATCH_LEN: usize = if cfg!(feature = "float") { WIDTH_LIMIT } else { 0 };
@@ -270,7 +275,8 @@ impl<'a> Mlp<'a> {
         activation: Activation,
         parameters: &'a [u8],
     ) -> Result<Self, PolicyError> {
-        let _supported = supported()?;
+        let refused = PolicyError::Arithmetic { found: ParameterFormat::Float32.identifier() };
+        let supported = SUPPORTED.ok_or(refused)?;
         let mut layers = Vec::new();
         let mut rest = parameters;
         for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {
@@ -280,7 +286,7 @@ impl<'a> Mlp<'a> {
             rest = following;
         }
         Ok(Self {
-            _supported,
+            _supported: supported,
             layers,
             outputs: usize::from(widths.last().copied().unwrap_or_default()),
             #[cfg(feature = "px4")]
@@ -295,16 +301,6 @@ pub(crate) fn hidden_activation(layers: &[DenseLayer<'_>]) -> Activation {
         [first, _, ..] => first.activation,
         [] | [_] => Activation::Tanh,
     }
-}
-
-#[cfg(feature = "float")]
-const fn supported() -> Result<Supported, PolicyError> {
-    Ok(())
-}
-
-#[cfg(not(feature = "float"))]
-const fn supported() -> Result<Supported, PolicyError> {
-    Err(PolicyError::Arithmetic { found: ParameterFormat::Float32.identifier() })
 }
 
 impl DenseLayer<'_> {

@@ -90,7 +90,7 @@ pub struct BridgeOptions {
     #[arg(long, value_name = "NEWTONS", value_parser = positive_newtons)]
     pub motor_thrust: Option<f64>,
 
-    /// Share of the square in thrust over motor output, 0 to 1: PX4's THR_MDL_FAC, ArduPilot's MOT_THST_EXPO [default: 0 for
+    /// Share of the square in thrust over motor output, 0 to 1: PX4's `THR_MDL_FAC`, ArduPilot's `MOT_THST_EXPO` [default: 0 for
     /// PX4 and Crazyflie, 0.65 for ArduPilot, 1 for Betaflight]
     #[arg(long, value_name = "SHARE", value_parser = square_share)]
     pub thrust_curve: Option<f32>,
