@@ -39,7 +39,8 @@
 //!
 //! | feature | holds |
 //! |---|---|
-//! | (none) | all of the above: the quadrotor's physics, neural-network inference in float and fixed point, the pilot |
+//! | (none) | all of the above: the quadrotor's physics, neural-network inference in fixed point, the pilot |
+//! | `float` | the same in float; on unless default features are switched off |
 //! | `encoder` | vision policies: the CNN encoder in front of the network (`encoder`) |
 //! | `learning` | continual learning on board: the regulariser (`anchor`), an output layer that learns |
 //! | `px4` | what flies in PX4's neural control: rectifiers, the observation `px4_neural`, the actions `rotor_thrusts` |

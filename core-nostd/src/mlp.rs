@@ -15,7 +15,6 @@ use crate::gru::{Gru, HiddenState};
 use crate::limits::{ACTION_LIMIT, ROW_BLOCK};
 pub use crate::limits::{LAYER_LIMIT, WIDTH_LIMIT};
 use crate::policy_error::PolicyError;
-use crate::policy_file::ParameterFormat;
 use crate::real::Real;
 
 const WIDE_ROW_BLOCK: usize = 16;
@@ -267,7 +266,7 @@ impl<'a> Mlp<'a> {
     /// A view of `parameters`, the layers between `widths` one after the other, with `activation` between them.
     ///
     /// # Errors
-    /// [`PolicyError::NotFinite`], or [`PolicyError::Length`] where the parameters end too early; [`PolicyError::Arithmetic`]
+    /// [`PolicyError::NotFinite`], or [`PolicyError::Length`] where the parameters end too early; [`PolicyError::MissingFeature`]
     /// without the feature `float`.
     #[cfg_attr(not(feature = "px4"), expect(unused_variables, reason = "there is one activation"))]
     pub(crate) fn from_parameters(
@@ -275,8 +274,8 @@ impl<'a> Mlp<'a> {
         activation: Activation,
         parameters: &'a [u8],
     ) -> Result<Self, PolicyError> {
-        let refused = PolicyError::Arithmetic { found: ParameterFormat::Float32.identifier() };
-        let supported = SUPPORTED.ok_or(refused)?;
+        let missing = PolicyError::MissingFeature { needs: "float32 arithmetic", feature: "float" };
+        let supported = SUPPORTED.ok_or(missing)?;
         let mut layers = Vec::new();
         let mut rest = parameters;
         for (index, (&inputs, &outputs)) in widths.iter().zip(widths.iter().skip(1)).enumerate() {

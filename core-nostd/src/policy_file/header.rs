@@ -89,7 +89,7 @@ impl ParameterFormat {
         }
     }
 
-    pub(crate) const fn identifier(self) -> u8 {
+    const fn identifier(self) -> u8 {
         match self {
             Self::Float32 => 1,
             Self::Fixed16(_) => 2,

@@ -51,8 +51,8 @@
 #define US_PER_MS 1000u
 
 /* While a state is refused, the last thrusts are held for 10 ms before the PID controller takes over: one lost sample is
- * forgiven, and that is less than an attitude loop needs. A set-point that is older than a second is no order any more: half the
- * time-out of the firmware's own commander. */
+ * forgiven, and that is less than an attitude loop needs. A set-point that is older than a second is no order any more: the
+ * firmware levels the drone after half a second without one, and stops the motors after two. */
 static KestrelGuard guard = {.hold_us = 10u * US_PER_MS, .stale_us = 1000u * US_PER_MS};
 
 static KestrelPilot pilot;

@@ -2,6 +2,7 @@
 
 use kestrel_core::vehicle::State;
 
+use super::event::{BridgeEvent, BridgeStep};
 use super::motors::Motors;
 use super::sensors::{Instruments, Measurement};
 use crate::plant::Plant;
@@ -44,6 +45,11 @@ impl<'p> Drone<'p> {
     /// What the instruments measured at the end of the last step.
     pub fn measurement(&self) -> &Measurement {
         &self.measurement
+    }
+
+    /// The last step as an event, at the simulated time of its end \[s\].
+    pub fn stepped(&self, secs: f64) -> BridgeEvent<'_> {
+        BridgeEvent::Stepped(BridgeStep { secs, state: self.state(), rotor_targets: self.rotor_targets })
     }
 
     /// What the rotors were told with the last step \[rad/s\].

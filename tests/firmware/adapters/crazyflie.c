@@ -5,11 +5,10 @@
 
 #include "adapter.h"
 #include "controller.h"
-#include "controller_pid.h"
 #include "kestrel.h"
 #include "platform_defaults.h"
 #include "policy.h"
-#include "task.h"
+#include "stubs.h"
 
 /* Another policy than the one that was compiled in, and a tick that the PID controller flew. */
 #define OTHER_POLICY 110
@@ -26,30 +25,8 @@ static stabilizerStep_t step;
 
 extern const void *const log_answer;
 
-/* The firmware around the app: a clock of milliseconds, a full battery, tasks that run at once, and a PID controller that does
- * nothing. */
-static uint32_t now;
 float pmGetBatteryVoltage(void);
 float pmGetBatteryVoltage(void) { return 4.2f; }
-uint32_t xTaskGetTickCount(void) { return now; }
-void vTaskDelay(uint32_t ticks) { (void)ticks; }
-void vTaskDelete(TaskHandle_t task) { (void)task; }
-UBaseType_t uxTaskPriorityGet(TaskHandle_t task) { return task == NULL; }
-TaskHandle_t xTaskCreateStatic(TaskFunction_t code, const char *name, uint32_t stack_words, void *argument,
-                               UBaseType_t priority, StackType_t *stack, StaticTask_t *task) {
-  (void)name, (void)stack_words, (void)priority, (void)stack;
-  code(argument);
-  return task;
-}
-void controllerPidInit(void) {}
-bool controllerPidTest(void) { return true; }
-
-void controllerPid(control_t *control, const setpoint_t *setpoint, const sensorData_t *sensors, const state_t *state,
-                   const stabilizerStep_t stabilizerStep) {
-  (void)setpoint, (void)sensors, (void)state, (void)stabilizerStep;
-  memset(control, 0, sizeof *control);
-  control->controlMode = controlModeLegacy;
-}
 
 int32_t adapter_take(const uint8_t *policy, size_t len) {
   static KestrelPilot pilot;

@@ -4,22 +4,21 @@
 #include <string.h>
 
 #include "controller.h"
-#include "controller_pid.h"
 #include "kestrel.h"
 #include "platform_defaults.h"
 #include "pm.h"
 #include "policy.h"
-#include "task.h"
 
 #define TICKS 20000
 #define SPECIAL_STATES 12000
 
 static uint32_t random_state = 1;
-static int pid_ticks;
-static uint32_t now;
 
 extern const void *const log_answer, *const log_m1, *const log_m2, *const log_m3, *const log_m4;
 extern void *const param_enable, *const param_fullThrust, *const param_fullVoltage, *const param_pwm;
+
+#include "FreeRTOS.h"
+#include "task.h"
 
 #ifdef __arm__
 #define DEPTH_WORDS 2048
@@ -44,28 +43,16 @@ static uint32_t stack_of(TaskFunction_t code, void *argument) {
 /* FreeRTOS keeps the registers of a task on its stack, those of the floating-point unit too. */
 #define CONTEXT_BYTES 204
 
-/* A task runs at once, on the stack of who creates it; one that takes more than it has is said. */
-uint32_t xTaskGetTickCount(void) { return now; }
-void vTaskDelay(uint32_t ticks) { (void)ticks; }
-void vTaskDelete(TaskHandle_t task) { (void)task; }
-UBaseType_t uxTaskPriorityGet(TaskHandle_t task) { return task == NULL; }
-TaskHandle_t xTaskCreateStatic(TaskFunction_t code, const char *name, uint32_t stack_words, void *argument,
-                               UBaseType_t priority, StackType_t *stack, StaticTask_t *task) {
-  (void)name, (void)priority, (void)stack;
-  const uint32_t taken = stack_of(code, argument);
-  if (taken + CONTEXT_BYTES > 4 * stack_words) printf("the stack overflows: %lu of %lu bytes\n", (unsigned long)taken, (unsigned long)(4 * stack_words));
-  return task;
+/* A task that takes more stack than it has is said. */
+static void run_task(TaskFunction_t code, void *argument, uint32_t stack_words) {
+  const uint32_t taken = stack_of(code, argument), given = 4 * stack_words;
+  if (taken + CONTEXT_BYTES > given) {
+    printf("the stack overflows: %lu of %lu bytes\n", (unsigned long)taken, (unsigned long)given);
+  }
 }
-void controllerPidInit(void) {}
-bool controllerPidTest(void) { return true; }
 
-void controllerPid(control_t *control, const setpoint_t *setpoint, const sensorData_t *sensors, const state_t *state,
-                   const stabilizerStep_t stabilizerStep) {
-  (void)setpoint, (void)sensors, (void)state, (void)stabilizerStep;
-  pid_ticks++;
-  memset(control, 0, sizeof *control);
-  control->controlMode = controlModeLegacy;
-}
+#define RUN_TASK run_task
+#include "stubs.h"
 
 /* In [-1, 1): the high bits of Knuth's generator. */
 static float uniform(void) {

@@ -7,7 +7,7 @@ use super::{ArdupilotSimulator, ServoRequest};
 use crate::bridge::BridgeError;
 use crate::bridge::datagram::DatagramSocket;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{BridgeCounts, BridgeEvent, BridgeStep};
+use crate::bridge::event::{BridgeCounts, BridgeEvent};
 use crate::lockstep::{Clock, Next, SimulationRate};
 
 /// One look for a datagram waits no longer than this.
@@ -89,10 +89,6 @@ impl Server<'_, '_> {
         self.counts.steps += 1;
         self.counts.answered += 1;
         self.simulator.answer(self.drone.measurement(), self.drone.state(), self.period.as_secs_f64());
-        watch(&BridgeEvent::Stepped(BridgeStep {
-            secs: self.counts.steps as f64 * self.period.as_secs_f64(),
-            state: self.drone.state(),
-            rotor_targets: self.drone.rotor_targets(),
-        }))
+        watch(&self.drone.stepped(self.counts.steps as f64 * self.period.as_secs_f64()))
     }
 }

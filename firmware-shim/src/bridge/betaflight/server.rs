@@ -8,7 +8,7 @@ use super::BetaflightSimulator;
 use crate::bridge::BridgeError;
 use crate::bridge::datagram::DatagramSocket;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{BridgeCounts, BridgeEvent, BridgeStep};
+use crate::bridge::event::{BridgeCounts, BridgeEvent};
 use crate::lockstep::{Clock, Next, SimulationRate};
 
 /// Motor outputs are awaited this long: Betaflight answers within a millisecond of its own clock, or not at all.
@@ -222,10 +222,6 @@ impl<'a, 'p> BetaflightServer<'a, 'p> {
     fn step(&mut self, watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next) -> Next {
         self.drone.step(&self.simulator.throttles());
         self.counts.steps += 1;
-        watch(&BridgeEvent::Stepped(BridgeStep {
-            secs: self.secs(),
-            state: self.drone.state(),
-            rotor_targets: self.drone.rotor_targets(),
-        }))
+        watch(&self.drone.stepped(self.secs()))
     }
 }

@@ -8,7 +8,7 @@ use super::{CrazyflieSimulator, HELLO, Said};
 use crate::bridge::BridgeError;
 use crate::bridge::datagram::DatagramSocket;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{BridgeCounts, BridgeEvent, BridgeStep};
+use crate::bridge::event::{BridgeCounts, BridgeEvent};
 use crate::lockstep::Next;
 
 /// One look for a firmware waits no longer than this.
@@ -192,10 +192,6 @@ impl<'a, 'p> CrazyflieServer<'a, 'p> {
         self.counts.steps += 1;
         // A step that took longer is not caught up with: the firmware's clock goes on.
         self.due = (self.due + self.period).max(Instant::now());
-        watch(&BridgeEvent::Stepped(BridgeStep {
-            secs: self.counts.steps as f64 * self.period.as_secs_f64(),
-            state: self.drone.state(),
-            rotor_targets: self.drone.rotor_targets(),
-        }))
+        watch(&self.drone.stepped(self.counts.steps as f64 * self.period.as_secs_f64()))
     }
 }

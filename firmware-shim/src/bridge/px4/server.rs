@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use super::{Px4Simulator, is_pause};
 use crate::bridge::BridgeError;
 use crate::bridge::drone::Drone;
-use crate::bridge::event::{BridgeCounts, BridgeEvent, BridgeStep};
+use crate::bridge::event::{BridgeCounts, BridgeEvent};
 use crate::lockstep::{Clock, Next, SimulationRate};
 
 /// An answer is awaited this long; PX4 itself gives up on a silent simulator after a second.
@@ -195,10 +195,6 @@ impl<'a, 'p> Px4Server<'a, 'p> {
                 return Next::End;
             }
         }
-        watch(&BridgeEvent::Stepped(BridgeStep {
-            secs: self.counts.steps as f64 * self.period.as_secs_f64(),
-            state: self.drone.state(),
-            rotor_targets: self.drone.rotor_targets(),
-        }))
+        watch(&self.drone.stepped(self.counts.steps as f64 * self.period.as_secs_f64()))
     }
 }

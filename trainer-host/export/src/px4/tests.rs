@@ -6,6 +6,8 @@ use kestrel_core::policy_file::PolicyMetadata;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 
 use super::*;
+use crate::cost::{Cost, Form};
+use crate::policy::Policy;
 use crate::tests::METADATA;
 use crate::{DenseLayer, Export, export};
 
@@ -122,6 +124,14 @@ fn the_model_commands_what_the_policy_does() {
         }
     }
     assert!(limited > 100, "the limits are met: {limited}");
+}
+
+#[test]
+fn the_model_takes_the_flash_that_was_said() {
+    let bytes = policies(Activation::Relu, RotorThrusts::new(&x500(), 0.05, 150.0)).float_policy;
+    let model = file(&px4_files(&bytes, ROTORS).unwrap(), "control_net.tflite");
+    let flash = Cost::of(&Policy::parse(&bytes).unwrap(), Form::Px4, bytes.len()).flash();
+    assert!((model.len()..model.len() + 500).contains(&flash), "{flash} for {}", model.len());
 }
 
 #[test]
