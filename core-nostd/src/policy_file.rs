@@ -3,6 +3,7 @@
 //! `POLICY_FORMAT.md` in this package is the specification. Nothing is copied when a file is parsed: the weights
 //! are read where they lie, in flash or in a host's buffer.
 
+mod airframe;
 mod header;
 mod metadata;
 mod parameters;
@@ -15,6 +16,7 @@ mod writer;
 pub use crate::activation::Activation;
 pub use crate::arithmetic::{Arithmetic, FLOAT_SELF_TEST_TOLERANCE};
 pub use crate::policy_error::PolicyError;
+pub use airframe::PolicyAirframe;
 pub use header::{
     FORMAT_VERSION, GOLDEN_LIMIT, HEADER_LEN, MAGIC, ParameterFormat, RECURRENT_FORMAT_VERSION,
     VISION_FORMAT_VERSION,
@@ -214,9 +216,13 @@ fn read_golden(bytes: &[u8], observation_len: usize) -> ([f32; WIDTH_LIMIT], [f3
 
 fn read_metadata<'a>(bytes: &'a [u8], header: &Header) -> Result<PolicyMetadata<'a>, PolicyError> {
     let undecodable = PolicyError::Metadata { found: bytes.len() };
-    let (metadata, rest) = postcard::take_from_bytes::<PolicyMetadata<'a>>(bytes).map_err(|_| undecodable)?;
+    let (mut metadata, rest) = postcard::take_from_bytes::<PolicyMetadata<'a>>(bytes).map_err(|_| undecodable)?;
     if !rest.is_empty() {
-        return Err(undecodable);
+        let (airframe, rest) = postcard::take_from_bytes(rest).map_err(|_| undecodable)?;
+        if !rest.is_empty() {
+            return Err(undecodable);
+        }
+        metadata.airframe = Some(airframe);
     }
     check_identifiers(&metadata, header)?;
     metadata.check()?;

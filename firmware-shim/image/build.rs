@@ -194,6 +194,7 @@ fn measured_metadata() -> PolicyMetadata<'static> {
         control_period_secs: 0.001,
         seed: 1,
         training_steps: 0,
+        airframe: None,
     }
 }
 

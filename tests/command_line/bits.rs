@@ -7,6 +7,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use kestrel_core::crc32::crc32;
+use kestrel_core::policy_file::{ENCODER_HEADER_LEN, HEADER_LEN};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
@@ -21,6 +23,25 @@ fn digest(bytes: &[u8]) -> String {
         let _infallible = write!(digits, "{byte:02x}");
         digits
     })
+}
+
+/// A policy file as it was before such files knew their drone: without the 56 bytes at the end of the metadata.
+fn without_airframe(mut file: Vec<u8>) -> Vec<u8> {
+    const AIRFRAME_LEN: usize = 56;
+    let metadata = match file[8] {
+        1 => HEADER_LEN,
+        2 => HEADER_LEN + ENCODER_HEADER_LEN,
+        other => panic!("no family has policy files of version {other}"),
+    };
+    let metadata_len = usize::from(u16::from_le_bytes([file[20], file[21]]));
+    let end = metadata + metadata_len;
+    file.drain(end - AIRFRAME_LEN..end);
+    file[20..22].copy_from_slice(&((metadata_len - AIRFRAME_LEN) as u16).to_le_bytes());
+    let len = file.len();
+    file[12..16].copy_from_slice(&(len as u32).to_le_bytes());
+    let checksum = crc32(&file[..len - 4]);
+    file[len - 4..].copy_from_slice(&checksum.to_le_bytes());
+    file
 }
 
 /// Compares `found` with the frozen file of that name, or writes it.
@@ -105,8 +126,8 @@ fn trained(place: &Path, family: &Family) -> String {
     let evaluation = numbers_of_json(&String::from_utf8(read("evaluation.json")).unwrap());
     format!(
         "{name} fixed {}\n{name} float {}\n{name} evaluation {}\n",
-        digest(&read("policy.kestrel")),
-        digest(&read("policy-f32.kestrel")),
+        digest(&without_airframe(read("policy.kestrel"))),
+        digest(&without_airframe(read("policy-f32.kestrel"))),
         digest(evaluation.as_bytes())
     )
 }

@@ -16,3 +16,25 @@ pub(crate) fn pilot(name: &str) -> Option<&'static [u8]> {
 pub(crate) fn names() -> String {
     PILOTS.map(|(name, _)| name).join(", ")
 }
+
+#[cfg(test)]
+mod tests {
+    use kestrel_core::airframe::{Airframe, CF2X, CRAZYFLIE_2_1};
+    use kestrel_core::policy_file::PolicyAirframe;
+    use kestrel_export::policy::Policy;
+    use kestrel_shim::policy_bytes::PolicyBytes;
+
+    use super::*;
+
+    #[test]
+    fn every_pilot_knows_its_drone() {
+        let drones: [(&str, &Airframe); 3] = [("cross", &CF2X), ("hover", &CRAZYFLIE_2_1), ("hover-cf2x", &CF2X)];
+        assert_eq!(drones.map(|(name, _)| name), PILOTS.map(|(name, _)| name));
+        for (name, drone) in drones {
+            let file = PolicyBytes::copy_of(pilot(name).unwrap());
+            let policy = Policy::parse(file.bytes()).unwrap();
+            assert_eq!(policy.metadata().airframe, Some(PolicyAirframe::from(drone)), "{name}");
+            policy.self_test().unwrap();
+        }
+    }
+}

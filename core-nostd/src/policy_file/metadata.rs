@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::airframe::PolicyAirframe;
 use crate::action::{ActionSpace, ThrustBodyRates};
 use crate::limits::ACTION_LEN;
 use crate::observation::{ObservationLayout, PilotLayout};
@@ -37,6 +38,9 @@ pub struct PolicyMetadata<'a> {
     pub seed: u64,
     /// Environment steps it was trained for.
     pub training_steps: u64,
+    /// The drone that it learned to fly; `None` in files of before this was written.
+    #[serde(skip)]
+    pub airframe: Option<PolicyAirframe>,
 }
 
 /// Number of `layout` in the header of a policy file.
@@ -72,7 +76,8 @@ impl PolicyMetadata<'_> {
         }
         positive("control_period_secs", self.control_period_secs)?;
         check_observation(&self.observation, self.action.len())?;
-        check_action(&self.action)
+        check_action(&self.action)?;
+        self.airframe.map_or(Ok(()), |airframe| airframe.check())
     }
 }
 

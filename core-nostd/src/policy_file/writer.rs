@@ -134,7 +134,10 @@ impl PolicyDraft<'_> {
 
     fn write_metadata(&self, bytes: &mut [u8]) -> Result<(), PolicyError> {
         let found = bytes.len();
-        postcard::to_slice(&self.metadata, bytes).map(|_| ()).map_err(|_| PolicyError::Metadata { found })
+        let too_long = |_| PolicyError::Metadata { found };
+        let used = postcard::to_slice(&self.metadata, bytes).map_err(too_long)?.len();
+        let Some(airframe) = &self.metadata.airframe else { return Ok(()) };
+        postcard::to_slice(airframe, section(bytes, used..found)).map_err(too_long).map(|_| ())
     }
 
     fn write_parameters(&self, mut bytes: &mut [u8]) -> Result<(), PolicyError> {
@@ -193,8 +196,11 @@ fn layer_shape(index: usize, layer: &DenseLayer<'_>, inputs: usize) -> PolicyErr
 }
 
 fn metadata_len(metadata: &PolicyMetadata<'_>) -> Result<usize, PolicyError> {
-    postcard::serialize_with_flavor(metadata, postcard::ser_flavors::Size::default())
-        .map_err(|_| PolicyError::Metadata { found: 0 })
+    let size = postcard::ser_flavors::Size::default;
+    let unwritable = |_| PolicyError::Metadata { found: 0 };
+    let metadata_only = postcard::serialize_with_flavor(metadata, size()).map_err(unwritable)?;
+    let Some(airframe) = &metadata.airframe else { return Ok(metadata_only) };
+    Ok(metadata_only + postcard::serialize_with_flavor(airframe, size()).map_err(unwritable)?)
 }
 
 /// Writes the checksum behind everything else of `file` and returns its length.

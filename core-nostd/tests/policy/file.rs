@@ -2,13 +2,14 @@
 
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::activation::Activation;
+use kestrel_core::airframe::CF2X;
 use kestrel_core::crc32::crc32;
 use kestrel_core::fixed::{self, FixedFormat, FixedMlp};
 use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::{
-    Aligned, Arithmetic, HEADER_LEN, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata,
-    PolicyScratch,
+    Aligned, Arithmetic, HEADER_LEN, ParameterFormat, PolicyAirframe, PolicyDraft, PolicyError, PolicyFile,
+    PolicyMetadata, PolicyScratch,
 };
 use proptest::prelude::*;
 
@@ -36,6 +37,7 @@ proptest! {
             control_period_secs,
             seed,
             training_steps,
+            airframe: rates.then(|| PolicyAirframe::from(&CF2X)),
         };
         let widths = [vec![PILOT_LEN], hidden, vec![4]].concat();
         let model = Model::random(seed, &widths, 1.0);
@@ -258,4 +260,40 @@ fn a_network_in_fixed_point_needs_no_file_around_it() {
     assert!(matches!(refusal(&widths, &parameters[..100]), PolicyError::Length { found: 100, .. }));
     assert!(matches!(refusal(&widths, &parameters[2..]), PolicyError::Misaligned { found: 2 }));
     assert_eq!(refusal(&[22, 129], parameters), PolicyError::Width { layer: 1, found: 129 });
+}
+
+#[test]
+fn a_file_knows_the_drone_and_an_older_one_does_not() {
+    let model = Model::random(7, &[PILOT_LEN, 8, 4], 1.0);
+    let (layers, golden) = (model.layers(), golden());
+    let older = draft(&layers, ParameterFormat::Float32, &golden);
+    let airframe = Some(PolicyAirframe::from(&CF2X));
+    let metadata = PolicyMetadata { airframe, ..older.metadata };
+    let mut file = write(&PolicyDraft { metadata, ..older });
+    assert_eq!(PolicyFile::parse(&file).unwrap().metadata(), &metadata);
+    let older = write(&older);
+    assert_eq!(PolicyFile::parse(&older).unwrap().metadata().airframe, None);
+    assert_eq!(file.len(), older.len() + 56);
+    // One byte more than the numbers of an airframe.
+    let len = u16::from_le_bytes([file[20], file[21]]);
+    file[20..22].copy_from_slice(&(len + 1).to_le_bytes());
+    seal(&mut file);
+    assert!(matches!(PolicyFile::parse(&file), Err(PolicyError::Metadata { .. } | PolicyError::Length { .. })));
+}
+
+#[test]
+fn a_drone_that_cannot_be_is_refused() {
+    let model = Model::random(8, &[PILOT_LEN, 8, 4], 1.0);
+    let (layers, golden) = (model.layers(), golden());
+    let valid = draft(&layers, ParameterFormat::Float32, &golden);
+    let airframe = PolicyAirframe::from(&CF2X);
+    for airframe in [
+        PolicyAirframe { mass: 0.0, ..airframe },
+        PolicyAirframe { rotor_thrust_limit: f32::INFINITY, ..airframe },
+        PolicyAirframe { torque_per_thrust: [f32::NAN; 4], ..airframe },
+    ] {
+        let metadata = PolicyMetadata { airframe: Some(airframe), ..valid.metadata };
+        let error = PolicyDraft { metadata, ..valid }.file_len().unwrap_err();
+        assert!(matches!(error, PolicyError::MetadataValue { .. }), "{error}");
+    }
 }

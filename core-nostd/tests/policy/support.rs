@@ -128,6 +128,7 @@ pub(crate) fn metadata(action: &ActionSpace) -> PolicyMetadata<'static> {
         control_period_secs: 0.01,
         seed: 7,
         training_steps: 12_000_000,
+        airframe: None,
     }
 }
 

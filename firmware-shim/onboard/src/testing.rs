@@ -64,6 +64,7 @@ fn linear_policy(control_period_secs: f32, observation: ObservationLayout, weigh
             control_period_secs,
             seed: 0,
             training_steps: 0,
+            airframe: None,
         },
         parameters: ParameterFormat::Float32,
         layers: &[DenseLayer {

@@ -3,8 +3,9 @@
 //! [`server`].
 //!
 //! The firmware's stabiliser makes one step for every sample of accelerometer and gyroscope, and answers with the ratios of
-//! its motors, thrust as a share of the greatest, at most once in a tick of its own clock. Where it is, a motion-capture system tells it 100 times a second, as its
-//! users have it. Whatever else it says is for a client, and what a client says is for it.
+//! its motors, thrust as a share of the greatest, at most once in a tick of its own clock. Where it is, a motion-capture
+//! system tells it 100 times a second, as its users have it. Whatever else it says is for a client, and what a client says
+//! is for it.
 
 pub mod server;
 
@@ -72,8 +73,9 @@ pub struct CrazyflieSimulator {
     noise: Noise,
     steps: u64,
     throttles: [f32; 4],
-    engaged: bool,
-    /// Samples since the last motor outputs.
+    /// Motor outputs that came.
+    answers: u64,
+    /// Samples since the last of them.
     waiting: u32,
     garbage: u64,
 }
@@ -81,7 +83,7 @@ pub struct CrazyflieSimulator {
 impl CrazyflieSimulator {
     /// A simulator whose motion capture errs as `noise` says.
     pub const fn new(noise: Noise) -> Self {
-        Self { noise, steps: 0, throttles: [0.0; 4], engaged: false, waiting: 0, garbage: 0 }
+        Self { noise, steps: 0, throttles: [0.0; 4], answers: 0, waiting: 0, garbage: 0 }
     }
 
     /// The sample of a step, which is to be answered.
@@ -123,7 +125,7 @@ impl CrazyflieSimulator {
         match (Packet::parse(datagram), ratios(datagram)) {
             (Some(packet), Some(ratios)) if packet.port == SIMULATION => {
                 self.throttles = ratios.map(|ratio| f32::from(ratio) / f32::from(u16::MAX));
-                self.engaged = true;
+                self.answers += 1;
                 self.waiting = 0;
                 Said::Motors
             }
@@ -147,9 +149,14 @@ impl CrazyflieSimulator {
         self.waiting
     }
 
-    /// Whether any ever was.
+    /// Motor outputs that came since the start.
+    pub const fn answers(&self) -> u64 {
+        self.answers
+    }
+
+    /// Whether any came.
     pub const fn engaged(&self) -> bool {
-        self.engaged
+        self.answers > 0
     }
 
     /// The last motor outputs, 0 to 1, clockwise from the front right.

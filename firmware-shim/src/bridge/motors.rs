@@ -13,10 +13,17 @@
 
 use std::fmt;
 
-use kestrel_core::airframe::{Airframe, Layout};
+use kestrel_core::airframe::Airframe;
+use kestrel_core::policy_file::PolicyAirframe;
 
 /// Pulses of a stopped motor and of one at full throttle \[µs\].
 const PULSES_US: [f32; 2] = [1000.0, 2000.0];
+
+/// Corners of an X, as [`PolicyAirframe::corners`] has them.
+const FRONT_RIGHT: usize = 0;
+const REAR_RIGHT: usize = 1;
+const REAR_LEFT: usize = 2;
+const FRONT_LEFT: usize = 3;
 
 /// How an autopilot numbers the motors of an X.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -57,45 +64,31 @@ pub enum MotorError {
     Spin,
 }
 
-/// Where a motor is, and with it which way it turns: across the X alike.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Corner {
-    FrontRight,
-    RearRight,
-    RearLeft,
-    FrontLeft,
-}
-
-impl Corner {
-    /// Signs of its position along body x and y (FLU).
-    const fn signs(self) -> [f64; 2] {
-        match self {
-            Self::FrontRight => [1.0, -1.0],
-            Self::RearRight => [-1.0, -1.0],
-            Self::RearLeft => [-1.0, 1.0],
-            Self::FrontLeft => [1.0, 1.0],
-        }
-    }
-
-    /// Sign of its reaction torque about body z (FLU): a motor that turns counter-clockwise pushes clockwise.
-    const fn torque_sign(self) -> f64 {
-        match self {
-            Self::FrontRight | Self::RearLeft => -1.0,
-            Self::RearRight | Self::FrontLeft => 1.0,
-        }
-    }
-}
-
 impl MotorOrder {
     /// The corners of motors 1 to 4.
     ///
     /// Sources: PX4's `Quadrotor x` geometry and airframe `4901_crazyflie21` (`CA_ROTORi_PX`, `_PY`, `_KM`); ArduPilot's
     /// `AP_MotorsMatrix`, `MOTOR_FRAME_TYPE_X`; Betaflight's `mixerQuadX`, propellers turning inward at the front.
-    const fn corners(self) -> [Corner; 4] {
+    const fn corners(self) -> [usize; 4] {
         match self {
-            Self::QuadX => [Corner::FrontRight, Corner::RearLeft, Corner::FrontLeft, Corner::RearRight],
-            Self::Crazyflie => [Corner::FrontRight, Corner::RearRight, Corner::RearLeft, Corner::FrontLeft],
-            Self::Betaflight => [Corner::RearRight, Corner::FrontRight, Corner::RearLeft, Corner::FrontLeft],
+            Self::QuadX => [FRONT_RIGHT, REAR_LEFT, FRONT_LEFT, REAR_RIGHT],
+            Self::Crazyflie => [FRONT_RIGHT, REAR_RIGHT, REAR_LEFT, FRONT_LEFT],
+            Self::Betaflight => [REAR_RIGHT, FRONT_RIGHT, REAR_LEFT, FRONT_LEFT],
+        }
+    }
+
+    /// Rotors of an airframe that motors 1 to 4 turn.
+    ///
+    /// # Errors
+    /// If the airframe is no X, or turns the other way round.
+    pub fn rotors(self, airframe: &PolicyAirframe) -> Result<[usize; 4], MotorError> {
+        let rotors = airframe.corners().ok_or(MotorError::Plus)?;
+        // Across the X they turn alike, and at the sides of a corner the other way.
+        let turns = rotors.map(|rotor| airframe.turns_counter_clockwise(rotor));
+        if turns == [true, false, true, false] {
+            Ok(self.corners().map(|corner| rotors[corner]))
+        } else {
+            Err(MotorError::Spin)
         }
     }
 }
@@ -145,14 +138,7 @@ impl Motors {
     /// # Errors
     /// If the airframe is no X, or turns the other way round.
     pub fn new(airframe: &Airframe, order: MotorOrder, curve: ThrustCurve) -> Result<Self, MotorError> {
-        match airframe.layout {
-            Layout::Cross { .. } => {}
-            Layout::Plus { .. } => return Err(MotorError::Plus),
-        }
-        let mut rotors = [0; 4];
-        for (rotor, corner) in rotors.iter_mut().zip(order.corners()) {
-            *rotor = rotor_at(airframe, corner).ok_or(MotorError::Spin)?;
-        }
+        let rotors = order.rotors(&PolicyAirframe::from(airframe))?;
         let rotor_speed_limit = airframe.rotor_speed_limit as f32;
         Ok(Self { rotors, curve, rotor_speed_limit, full_speed: rotor_speed_limit })
     }
@@ -194,15 +180,6 @@ impl Motors {
 pub fn throttle_of_pulse(pulse_us: f32) -> f32 {
     let [stopped, full] = PULSES_US;
     if pulse_us.is_finite() { ((pulse_us - stopped) / (full - stopped)).clamp(0.0, 1.0) } else { 0.0 }
-}
-
-/// The rotor at a corner that turns the right way.
-fn rotor_at(airframe: &Airframe, corner: Corner) -> Option<usize> {
-    let [forward, left] = corner.signs();
-    let here = |position: &[f64; 2]| position[0] * forward > 0.0 && position[1] * left > 0.0;
-    let rotor = airframe.rotor_positions().iter().position(here)?;
-    let torque = Layout::TORQUE_SIGNS[rotor] * airframe.torque_coefficient;
-    (torque * corner.torque_sign() > 0.0).then_some(rotor)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use kestrel_core::policy_file::{PolicyError, PolicyMetadata};
+use kestrel_core::policy_file::{PolicyAirframe, PolicyError, PolicyMetadata};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Purpose;
 use serde::{Deserialize, Serialize};
@@ -259,6 +259,7 @@ pub fn exported(subject: &Subject<'_>, actor: &Actor, training_steps: u64) -> Re
         control_period_secs: scenario.physics.control_secs(),
         seed: subject.seed.0,
         training_steps,
+        airframe: Some(PolicyAirframe::from(&scenario.airframe)),
     };
     let layers: Vec<DenseLayer<'_>> = actor.layers().into_iter().map(DenseLayer::from).collect();
     let mut met = Sightings::default();

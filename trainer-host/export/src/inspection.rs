@@ -2,8 +2,11 @@
 
 use core::fmt;
 
+use kestrel_core::airframe::GRAVITY;
 use kestrel_core::encoder::{EncoderShape, EncoderStage};
-use kestrel_core::policy_file::{Arithmetic, PolicyEncoder, PolicyError, PolicyMetadata, VisionPolicy};
+use kestrel_core::policy_file::{
+    Arithmetic, PolicyAirframe, PolicyEncoder, PolicyError, PolicyMetadata, VisionPolicy,
+};
 
 use crate::cycles::Cycles;
 use crate::policy::Policy;
@@ -56,11 +59,23 @@ fn write_metadata(
     metadata: &PolicyMetadata<'_>,
     arithmetic: Arithmetic,
 ) -> fmt::Result {
-    let PolicyMetadata { name, observation, action, control_period_secs, seed, training_steps } = metadata;
+    let PolicyMetadata { name, observation, action, control_period_secs, seed, training_steps, airframe } =
+        metadata;
     writeln!(f, "policy \"{name}\" in {}, which passes its self-test", arithmetic.name())?;
     writeln!(f, "  trained for {training_steps} steps from seed {seed}")?;
     writeln!(f, "  sees {} ({} values)", observation.name(), observation.len())?;
-    writeln!(f, "  commands {} ({} values) every {control_period_secs} s", action.name(), action.len())
+    writeln!(f, "  commands {} ({} values) every {control_period_secs} s", action.name(), action.len())?;
+    match airframe {
+        Some(airframe) => write_airframe(f, airframe),
+        None => Ok(()),
+    }
+}
+
+fn write_airframe(f: &mut fmt::Formatter<'_>, airframe: &PolicyAirframe) -> fmt::Result {
+    let PolicyAirframe { mass, rotor_thrust_limit, .. } = airframe;
+    let weights = 100.0 * airframe.thrust_to_weight(GRAVITY as f32);
+    write!(f, "  learned on a drone of {:.1} g whose rotors pull {rotor_thrust_limit:.3} N each", 1000.0 * mass)?;
+    writeln!(f, ", {weights:.0} % of its weight together")
 }
 
 fn write_network(

@@ -237,6 +237,7 @@ pub(crate) mod tests {
         control_period_secs: 0.01,
         seed: 1,
         training_steps: 1_000_000,
+        airframe: None,
     };
 
     fn actor() -> Actor {

@@ -41,6 +41,11 @@ pub enum SourceError {
         /// What of it.
         found: &'static str,
     },
+    /// Its rotors are not where a Crazyflie's motors are.
+    #[error(
+        "found a policy for rotors in another order, expected the Crazyflie's: clockwise from the front right, which turns counter-clockwise"
+    )]
+    Rotors,
     /// An app shows a policy the Crazyflie's own motion and where it should be, and nothing else.
     #[error(
         "found a policy that sees `{found}`, expected one trained with `pilot`: an app shows it the drone's motion and the goal alone"
@@ -60,6 +65,14 @@ fn for_px4(policy: &PolicyFile<'_>) -> Option<&'static str> {
         (_, _, ActionSpace::RotorThrusts(_)) => Some("the action `rotor_thrusts`"),
         (Activation::Tanh, _, _) => None,
     }
+}
+
+/// Whether the policy's rotors are the Crazyflie's motors 1 to 4, as far as it says.
+fn for_crazyflie(policy: &PolicyFile<'_>) -> bool {
+    policy.metadata().airframe.is_none_or(|airframe| {
+        let turns = [0, 1, 2, 3].map(|rotor| airframe.turns_counter_clockwise(rotor));
+        airframe.corners() == Some([0, 1, 2, 3]) && turns == [true, false, true, false]
+    })
 }
 
 /// `values` in rows of `per_row`, each followed by a comma.

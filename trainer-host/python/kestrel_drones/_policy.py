@@ -42,6 +42,15 @@ class Policy:
         return self.native.control_secs
 
     @property
+    def airframe(self):
+        """The drone that it learned to fly, ``None`` if its file is older.
+
+        A dictionary: ``mass_kg``, ``rotor_thrust_limit_n``, ``rotor_positions_m`` (forward and left of each rotor) and
+        ``torque_per_thrust_m`` (negative where a rotor turns counter-clockwise).
+        """
+        return self.native.airframe
+
+    @property
     def is_recurrent(self):
         """Whether it acts on what it remembers."""
         return self.native.is_recurrent

@@ -8,6 +8,7 @@ use kestrel_export::policy::Policy as PolicyFile;
 use kestrel_export::seeing::Memory as EncoderMemory;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray4};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::error::{KestrelError, expected, refused};
 
@@ -88,6 +89,20 @@ impl Policy {
     #[getter]
     fn control_secs(&self) -> PyResult<f32> {
         Ok(self.parsed()?.metadata().control_period_secs)
+    }
+
+    /// The drone that it learned to fly, `None` if its file is older: `mass_kg`, `rotor_thrust_limit_n`,
+    /// `rotor_positions_m [4][2]` (forward, left) and `torque_per_thrust_m [4]` (negative where a rotor turns
+    /// counter-clockwise).
+    #[getter]
+    fn airframe<'py>(&self, python: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(airframe) = self.parsed()?.metadata().airframe else { return Ok(None) };
+        let facts = PyDict::new(python);
+        facts.set_item("mass_kg", airframe.mass)?;
+        facts.set_item("rotor_thrust_limit_n", airframe.rotor_thrust_limit)?;
+        facts.set_item("rotor_positions_m", airframe.rotor_positions)?;
+        facts.set_item("torque_per_thrust_m", airframe.torque_per_thrust)?;
+        Ok(Some(facts))
     }
 
     /// Whether it acts on what it remembers.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use kestrel_core::airframe::CF2X;
-use kestrel_core::policy_file::Arithmetic;
+use kestrel_core::policy_file::{Arithmetic, PolicyAirframe};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::say;
 use kestrel_experiments::results;
@@ -13,7 +13,7 @@ use kestrel_experiments::run_config::{RunConfig, policy_of};
 use kestrel_experiments::run_directory::RunDirectory;
 use kestrel_export::cost::{Built, Cost, Form};
 use kestrel_export::policy::Policy;
-use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
+use kestrel_shim::bridge::motors::MotorOrder;
 use kestrel_shim::policy_bytes::PolicyBytes;
 
 use super::{Done, run};
@@ -94,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         Target::C => results::export_c(&directory)?.into(),
         Target::Crazyflie => vec![results::export_crazyflie(&directory)?],
         Target::Betaflight => vec![results::export_betaflight(&directory)?],
-        Target::Px4 => vec![results::export_px4(&directory, px4_motors(config.as_ref())?)?],
+        Target::Px4 => vec![results::export_px4(&directory, px4_motors(&directory, config.as_ref())?)?],
         Target::Onnx => vec![results::export_onnx(&directory)?],
         Target::Safetensors => vec![results::export_safetensors(&directory)?],
     };
@@ -192,8 +192,13 @@ fn compare(cost: &Cost, written: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// Rotors of the task's drone that PX4's motors turn; of a policy alone, those of the airframes that come with the program.
-fn px4_motors(config: Option<&RunConfig>) -> Result<[usize; 4]> {
-    let airframe = config.map_or(CF2X, |config| config.subject().tasks[0].scenario.airframe);
-    Ok(Motors::new(&airframe, MotorOrder::QuadX, ThrustCurve::PX4)?.rotors())
+/// Rotors of the policy's drone that PX4's motors turn; of a policy that does not say, the task's, or those of the airframes
+/// that come with the program.
+fn px4_motors(directory: &RunDirectory, config: Option<&RunConfig>) -> Result<[usize; 4]> {
+    let path = directory.policy_f32();
+    let bytes = PolicyBytes::read(&path)?;
+    let policy = Policy::parse(bytes.bytes()).with_context(|| format!("cannot export {}", path.display()))?;
+    let of_task = || config.map_or(CF2X, |config| config.subject().tasks[0].scenario.airframe);
+    let airframe = policy.metadata().airframe.unwrap_or_else(|| PolicyAirframe::from(&of_task()));
+    Ok(MotorOrder::QuadX.rotors(&airframe)?)
 }

@@ -38,6 +38,7 @@ fn climber(control_period_secs: f32) -> Vec<u8> {
             control_period_secs,
             seed: 0,
             training_steps: 0,
+            airframe: None,
         },
         parameters: ParameterFormat::Float32,
         layers: &[DenseLayer {

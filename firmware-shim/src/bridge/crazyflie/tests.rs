@@ -1,6 +1,7 @@
 //! A scripted firmware on real sockets.
 
 use std::net::{SocketAddr, UdpSocket};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -60,11 +61,11 @@ impl Firmware {
         Self { socket, bridge }
     }
 
-    /// Answers so many samples; a client's packet is sent back as it came.
-    fn fly(&self, answers: u32) {
+    /// Answers so many samples, at the simulation's time in steps; a client's packet is sent back as it came.
+    fn fly(&self, answers: u32, clock: &AtomicU32) {
         let (mut position, mut velocity, mut attitude) = ([0.0_f32; 3], [0.0_f32; 3], [0.0, 0.0, 0.0, 1.0]);
-        let (mut step, mut bytes) = (0, [0; 32]);
-        while step < answers {
+        let (mut answered, mut bytes) = (0, [0; 32]);
+        while answered < answers {
             let Ok(len) = self.socket.recv(&mut bytes) else { return };
             match (bytes[0] >> 4, len) {
                 (6, 30) => {
@@ -77,10 +78,10 @@ impl Firmware {
                     let sample = counts(&bytes);
                     let rates =
                         [3, 4, 5].map(|index| (f32::from(sample[index]) * DEGREES_PER_SECOND).to_radians());
-                    let throttles =
-                        fly(&seen(position, velocity, attitude, rates), step as f32 * 1e-3, &CRAZYFLIE);
+                    let secs = clock.load(Ordering::Relaxed) as f32 * 1e-3;
+                    let throttles = fly(&seen(position, velocity, attitude, rates), secs, &CRAZYFLIE);
                     self.socket.send_to(&motors(throttles), self.bridge).unwrap();
-                    step += 1;
+                    answered += 1;
                 }
                 _ => {
                     self.socket.send_to(&bytes[..len], self.bridge).unwrap();
@@ -121,15 +122,17 @@ fn a_firmware_flies_to_a_point_and_lands() {
     let mut sockets = sockets();
     let bridge = sockets[0].address().unwrap();
     let mut judge = Judge::default();
-    let mut steps = 0;
+    let clock = AtomicU32::new(0);
     let counts = thread::scope(|scope| {
-        scope.spawn(|| Firmware::new(bridge).fly(u32::MAX));
+        scope.spawn(|| Firmware::new(bridge).fly(u32::MAX, &clock));
         simulate(&mut sockets, &mut |event| {
+            let mut secs = f64::from(clock.load(Ordering::Relaxed)) * 1e-3;
             if let BridgeEvent::Stepped(step) = event {
-                steps += 1;
-                judge.see(f64::from(steps) * 1e-3, step.state);
+                secs += 1e-3;
+                clock.fetch_add(1, Ordering::Relaxed);
+                judge.see(secs, step.state);
             }
-            if f64::from(steps) * 1e-3 > f64::from(FLIGHT_SECS) { Next::End } else { Next::Fly }
+            if secs > f64::from(FLIGHT_SECS) { Next::End } else { Next::Fly }
         })
     });
     assert_eq!((counts.garbage, counts.connections), (0, 1));
@@ -141,7 +144,7 @@ fn a_client_and_the_firmware_hear_each_other() {
     let mut sockets = sockets();
     let (bridge, clients) = (sockets[0].address().unwrap(), sockets[1].address().unwrap());
     thread::scope(|scope| {
-        scope.spawn(|| Firmware::new(bridge).fly(u32::MAX));
+        scope.spawn(|| Firmware::new(bridge).fly(u32::MAX, &AtomicU32::new(0)));
         let client = scope.spawn(move || {
             let client = UdpSocket::bind("127.0.0.1:0").unwrap();
             client.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
@@ -162,11 +165,12 @@ fn a_firmware_that_goes_stops_the_motors_and_may_come_back() {
     let mut sockets = sockets();
     let bridge = sockets[0].address().unwrap();
     let (mut gone, mut engaged, mut last_targets) = (0, 0, [1.0; 4]);
+    let clock = AtomicU32::new(0);
     let counts = thread::scope(|scope| {
         scope.spawn(|| {
-            Firmware::new(bridge).fly(700);
+            Firmware::new(bridge).fly(700, &clock);
             thread::sleep(Duration::from_millis(1500));
-            Firmware::new(bridge).fly(50);
+            Firmware::new(bridge).fly(50, &clock);
         });
         simulate(&mut sockets, &mut |event| {
             match event {

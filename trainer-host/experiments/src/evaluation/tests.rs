@@ -55,6 +55,7 @@ fn metadata<'a>(name: &'a str, scenario: &Scenario) -> PolicyMetadata<'a> {
         control_period_secs: scenario.physics.control_secs(),
         seed: 3,
         training_steps: 0,
+        airframe: None,
     }
 }
 

@@ -22,6 +22,7 @@ const METADATA: PolicyMetadata<'static> = PolicyMetadata {
     control_period_secs: 0.01,
     seed: 1,
     training_steps: 1_000_000,
+    airframe: None,
 };
 
 /// 24 rows of 32 columns, 16 filters 5 × 5 / 2, 16 of 3 × 3 / 2, 64 features.

@@ -1,7 +1,7 @@
 //! C99 without a library of ours: header and source of a policy in fixed point.
 
 use kestrel_core::fixed::{FixedFormat, REQUANTISATION_SHIFT, SUM_FRACTION_BITS, TANGENTS};
-use kestrel_core::policy_file::{Activation, ParameterFormat, PolicyFile};
+use kestrel_core::policy_file::{Activation, ParameterFormat, PolicyAirframe, PolicyFile};
 
 use super::{SourceError, comment, rows};
 
@@ -49,6 +49,7 @@ fn header(policy: &PolicyFile<'_>) -> String {
     let (observation, observation_len) = (metadata.observation.name(), metadata.observation.len());
     let (action, action_len) = (metadata.action.name(), metadata.action.len());
     let width = widest(policy);
+    let airframe = metadata.airframe.as_ref().map(airframe_of).unwrap_or_default();
     format!(
         "/* The policy \"{name}\" in fixed point, written by `kestrel export --target c`.
  *
@@ -66,7 +67,7 @@ extern \"C\" {{
 
 #define KESTREL_OBSERVATION_LEN {observation_len}
 #define KESTREL_ACTION_LEN {action_len}
-
+{airframe}
 /* Working memory, of the caller's; contents do not matter between calls. */
 typedef struct {{
     int32_t sums[{width}];
@@ -90,6 +91,18 @@ int kestrel_self_test(kestrel_scratch *scratch);
 #endif
 
 #endif
+"
+    )
+}
+
+/// What makes newtons of its actions.
+fn airframe_of(airframe: &PolicyAirframe) -> String {
+    let PolicyAirframe { mass, rotor_thrust_limit, .. } = airframe;
+    format!(
+        "
+/* The drone that it learned to fly: take-off mass [kg], greatest thrust of one rotor [N]. */
+#define KESTREL_MASS_KG {mass:?}f
+#define KESTREL_ROTOR_THRUST_LIMIT_N {rotor_thrust_limit:?}f
 "
     )
 }

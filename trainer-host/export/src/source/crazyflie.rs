@@ -5,7 +5,7 @@ use std::fmt::Write;
 use kestrel_core::action::ActionSpace;
 use kestrel_core::policy_file::PolicyFile;
 
-use super::{GUARD, SourceError, comment, for_px4, rows};
+use super::{GUARD, SourceError, comment, for_crazyflie, for_px4, rows};
 
 /// What is the same for every policy: file name and contents.
 const APP: [(&str, &str); 6] = [
@@ -43,6 +43,9 @@ pub(super) fn with_policy(
     }
     if let Some(found) = for_px4(&policy) {
         return Err(SourceError::Px4 { found });
+    }
+    if !for_crazyflie(&policy) {
+        return Err(SourceError::Rotors);
     }
     let mut files: Vec<(&str, String)> = files.iter().map(|(name, text)| (*name, (*text).to_owned())).collect();
     let about = comment(policy.metadata().name);

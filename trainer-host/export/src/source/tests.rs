@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::process::Command;
 
+use kestrel_core::airframe::{Airframe, CF2P, CF2X, RotorOrder};
 use kestrel_core::observation::{MeasuredLayout, ObservationLayout};
-use kestrel_core::policy_file::{Activation, PolicyFile, PolicyMetadata};
+use kestrel_core::policy_file::{Activation, PolicyAirframe, PolicyFile, PolicyMetadata};
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 
 use super::*;
@@ -304,4 +305,22 @@ fn a_policy_with_other_sensors_or_without_a_goal_gets_no_app() {
     let policy = export(&[layer], &metadata, &[0.5; 44]).unwrap().fixed_policy;
     let error = crazyflie_app(&policy).unwrap_err().to_string();
     assert!(error.contains("found a policy that sees `measured`, expected one trained with `pilot`"), "{error}");
+}
+
+#[test]
+fn a_policy_for_rotors_in_another_order_gets_no_app() {
+    let weights = [0.01; 22 * 4];
+    let layer =
+        DenseLayer { inputs: 22, outputs: 4, weights: &weights, bias: &[0.0; 4], activation: Activation::Tanh };
+    let app = |airframe: &Airframe| {
+        let metadata = PolicyMetadata { airframe: Some(PolicyAirframe::from(airframe)), ..METADATA };
+        let policy = export(&[layer], &metadata, &[0.5; 44]).unwrap().fixed_policy;
+        let header = c_source(&policy).unwrap().header;
+        assert!(header.contains("#define KESTREL_MASS_KG 0.027f\n"), "{header}");
+        crazyflie_app(&policy).map(|_| ())
+    };
+    assert_eq!(app(&CF2X), Ok(()));
+    for other in [CF2X.numbered(RotorOrder::CounterClockwise), CF2P] {
+        assert_eq!(app(&other), Err(SourceError::Rotors));
+    }
 }
