@@ -22,6 +22,7 @@ use crate::stage::Stage;
 use crate::swarm::{Column, Mechanics, Swarm, row, set_row, vector};
 use crate::term::{Ends, FlightView, Memory, StepView, contains};
 use crate::termination::Termination;
+use crate::trajectory::TRAJECTORY_LEN;
 
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
 /// mass and thrust factors − 1 (2), share of the episode left (1).
@@ -49,6 +50,8 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     /// Of the position error, world, where the observation shows it.
     integral: [Column<LANES, R>; 3],
     goal_velocity: [Column<LANES, R>; 3],
+    /// What the goals follow; none where they follow no curve.
+    trajectory: Option<Box<[Column<LANES, R>; TRAJECTORY_LEN]>>,
     distances: Column<LANES, R>,
     /// Those of the step before.
     previous_distances: Column<LANES, R>,
@@ -126,6 +129,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             goal: [nothing; 3],
             integral: [nothing; 3],
             goal_velocity: [nothing; 3],
+            trajectory: scenario.goals.trajectories().map(|_| Box::new([nothing; TRAJECTORY_LEN])),
             distances: nothing,
             previous_distances: nothing,
             steps: nothing,
@@ -333,6 +337,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             self.sense_lane(scenario, arenas, lane);
         }
         self.scan_lane(scenario, arenas, lane);
+        self.look_ahead(scenario, lane..lane + 1);
         self.begin_integral(scenario, lane);
         self.observe_lane(scenario, lane);
         let scales = self.scales;
@@ -355,6 +360,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             column[lane] = R::zero();
         }
         self.reset_memory(scenario, lane);
+        if let (Some(columns), Some(trajectory)) = (&mut self.trajectory, beginning.trajectory) {
+            set_row(columns, lane, trajectory.to_array());
+        }
         self.update_goal_of(scenario, lane);
         self.distances[lane] = length(&(beginning.drone.motion.position - vector(&self.goal, lane)));
     }
@@ -424,6 +432,10 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         vector(&self.goal, lane)
     }
 
+    pub(crate) fn goal_velocity(&self, lane: usize) -> Vector3<R> {
+        vector(&self.goal_velocity, lane)
+    }
+
     /// Every column that the next step depends on, for saving and restoring.
     pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Column<LANES, R>> {
         self.swarm
@@ -451,6 +463,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(self.rule_memory.iter_mut().flatten())
             .chain(self.latency.iter_mut().flat_map(LatencyMemory::columns_mut))
             .chain(&mut self.rooms)
+            .chain(self.trajectory.iter_mut().flat_map(|columns| columns.iter_mut()))
     }
 
     /// The states that policy and rate controller see.

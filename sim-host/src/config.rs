@@ -160,6 +160,7 @@ impl ScenarioConfig {
         let agents = self.agents.check(&aviary.world, &field.at("agents"))?;
         self.check_team(agents.count, field)?;
         let goals = self.check_goals(agents.count, &aviary.world, field)?;
+        self.check_path(&goals, field)?;
         let task = RuleTask { goals: drawn.as_ref().map_or(at(aviary.goal), |_| Workshop::goals()) };
         let terminations = Termination::check_all(&self.terminations, &task, &field.at("terminations"))?;
         self.physics.settle_contacts(&mut physics, &terminations);
@@ -227,6 +228,20 @@ impl ScenarioConfig {
                     .at("success")
                     .reject(found, "`settle` or `visit` under `success`, or `own`"))
             }
+        }
+    }
+
+    /// Refuses a look at the way ahead of a goal that follows none.
+    fn check_path(&self, goals: &Goals, field: &Field<'_>) -> Result<(), ConfigError> {
+        match (self.sensors.last(), goals) {
+            (
+                Some(SensorConfig::Path(_)),
+                Goals::Fixed | Goals::PerAgent(_) | Goals::Line(_) | Goals::Wave { .. },
+            ) => {
+                let field = field.at("sensors").at(self.sensors.len() - 1);
+                Err(field.reject("`path` without a way", "a `trajectory` under `goals`"))
+            }
+            (Some(_) | None, _) => Ok(()),
         }
     }
 

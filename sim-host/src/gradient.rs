@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use crate::agent::Agent;
 use crate::block::{Actions, Block};
-use crate::scenario::{Preset, Scenario};
+use crate::scenario::{Goals, Preset, Scenario};
 use crate::seed::{Purpose, Seed};
 use crate::stage::Stage;
 use crate::swarm::Mechanics;
@@ -73,8 +73,8 @@ pub enum NotDifferentiable {
         /// Its name.
         name: &'static str,
     },
-    /// Goals that move are not traced.
-    #[error("a goal that moves")]
+    /// Goals that move as in the reference system are not traced.
+    #[error("a goal that moves along a line or in a wave")]
     MovingGoal,
     /// No reward has one.
     #[error("rewards without a derivative by the flight: {names}")]
@@ -103,7 +103,7 @@ impl StepGradient {
         if let ActionSpace::Reference(_) = scenario.action {
             return Err(NotDifferentiable::ActionSpace { name: scenario.action.name() });
         }
-        if scenario.goals.is_moving() {
+        if let Goals::Line(_) | Goals::Wave { .. } = scenario.goals {
             return Err(NotDifferentiable::MovingGoal);
         }
         let (trace, period) = record(|| Period::fly(scenario, Traced::input));

@@ -49,6 +49,7 @@ mod term;
 pub mod termination;
 #[cfg(test)]
 mod testing;
+pub mod trajectory;
 pub mod world;
 
 pub use agent::PRIVILEGED_LEN;

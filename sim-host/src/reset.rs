@@ -13,6 +13,7 @@ use nalgebra::Vector3;
 use crate::latency::Delays;
 use crate::scenario::{FreeSpace, PathStarts, Place, Preset, Randomisation, Scenario, StartPosition};
 use crate::seed::Stream;
+use crate::trajectory::Trajectory;
 use crate::world::Cuboid;
 
 /// Draws of a position before the search for a free one ends: in a box that is one tenth free it fails once in 10¹¹ times.
@@ -27,6 +28,8 @@ pub(crate) struct Beginning<R> {
     /// Mass and thrust relative to the nominal ones, for privileged critics.
     pub(crate) factors: [R; 2],
     pub(crate) delays: Delays,
+    /// What its goal follows, where it follows a curve.
+    pub(crate) trajectory: Option<Trajectory<R>>,
 }
 
 /// Draws the next episode of an agent from its stream.
@@ -35,7 +38,10 @@ pub(crate) fn begin<R: Real>(
     (agent, room): (usize, u32),
     stream: &mut Stream,
 ) -> Beginning<R> {
-    let motion = start_state(scenario, (agent, room), stream);
+    let trajectory = scenario.goals.trajectories().map(|trajectories| trajectories.draw::<R>(stream));
+    let goal = scenario.goals.at(&scenario.aviary_of(room).goal, agent, 0.0).cast();
+    let ahead = trajectory.map(|curve| curve.at(R::zero()).0.map(Real::to_f32)).unwrap_or_default();
+    let motion = start_state(scenario, (agent, room), &(goal + ahead), stream);
     let (airframe, factors) = airframe(&scenario.airframe, &scenario.randomisation, stream);
     let wind = stream.direction() * (scenario.randomisation.wind_speed * stream.uniform());
     let mut vehicle = Vehicle::new(&airframe);
@@ -48,6 +54,7 @@ pub(crate) fn begin<R: Real>(
         wind: wind.map(R::from_f32),
         factors: factors.map(R::from_f32),
         delays: scenario.latency.draw(stream),
+        trajectory,
     }
 }
 
@@ -67,15 +74,19 @@ fn factor(spread: f32, stream: &mut Stream) -> f32 {
     if spread > 0.0 { stream.between(1.0 - spread, 1.0 + spread) } else { 1.0 }
 }
 
-fn start_state<R: Real>(scenario: &Scenario, (agent, room): (usize, u32), stream: &mut Stream) -> State<R> {
+fn start_state<R: Real>(
+    scenario: &Scenario,
+    (agent, room): (usize, u32),
+    goal: &Vector3<f32>,
+    stream: &mut Stream,
+) -> State<R> {
     let start = &scenario.start;
     let rotor_speed = match scenario.physics.preset {
         Preset::Clean { .. } => scenario.airframe.hover_rotor_speed() as f32,
         // What the reference remembers of rotors are the speeds of the step before, and at a reset there is none.
         Preset::Bullet { .. } => 0.0,
     };
-    let goal = scenario.goals.at(&scenario.aviary_of(room).goal, agent, 0.0).cast();
-    let position = position(&start.position, (&goal, scenario.obstacles_of(room)), stream);
+    let position = position(&start.position, (goal, scenario.obstacles_of(room)), stream);
     let attitude = attitude(start.heading_limit, start.tilt_limit, stream);
     let velocity = stream.direction() * (start.speed_limit * stream.uniform());
     let body_rates = stream.direction() * (start.body_rates_limit * stream.uniform());

@@ -16,6 +16,7 @@ use crate::reward::RewardTerm;
 use crate::rooms::{Room, Rooms, Ways};
 use crate::sensor::SensorSuite;
 use crate::termination::Termination;
+use crate::trajectory::Trajectories;
 use crate::world::{Cuboid, World};
 
 mod success;
@@ -135,6 +136,8 @@ pub enum Goals {
         /// \[s\].
         until_secs: f64,
     },
+    /// Along a curve about [`Aviary::goal`], drawn for each episode.
+    Trajectory(Trajectories),
 }
 
 /// How the time of an episode is counted.
@@ -300,11 +303,12 @@ impl Agents {
 }
 
 impl Goals {
-    /// The goal of an agent \[m, world\] after a time \[s\] of its episode; `nominal` is that of the aviary.
+    /// The goal of an agent \[m, world\] after a time \[s\] of its episode; `nominal` is that of the aviary, and the centre
+    /// of a curve.
     pub fn at(&self, nominal: &Vector3<f32>, agent: usize, secs: f64) -> Vector3<f64> {
         let nominal: Vector3<f64> = nominal.cast();
         match self {
-            Self::Fixed => nominal,
+            Self::Fixed | Self::Trajectory(_) => nominal,
             Self::PerAgent(goals) => goals[agent],
             Self::Line(velocity) => nominal + velocity * secs,
             Self::Wave { amplitude, rate, until_secs } => {
@@ -318,11 +322,11 @@ impl Goals {
         (0..drones as usize).map(|agent| self.at(nominal, agent, 0.0).cast()).collect()
     }
 
-    /// Its velocity \[m/s, world\] on average over the `lag_secs` before then, or then where that is zero. The average of
+    /// Its velocity \[m/s, world\], that of a curve apart, on average over the `lag_secs` before then, or then where that is zero. The average of
     /// a wave that has come to rest is that of its last motion: the reference's target velocity never ends.
     pub fn velocity_at(&self, secs: f64, lag_secs: f64) -> Vector3<f64> {
         match self {
-            Self::Fixed | Self::PerAgent(_) => Vector3::zeros(),
+            Self::Fixed | Self::PerAgent(_) | Self::Trajectory(_) => Vector3::zeros(),
             Self::Line(velocity) => *velocity,
             Self::Wave { amplitude, rate, until_secs } => {
                 if lag_secs > 0.0 {
@@ -339,7 +343,15 @@ impl Goals {
     pub fn is_moving(&self) -> bool {
         match self {
             Self::Fixed | Self::PerAgent(_) => false,
-            Self::Line(_) | Self::Wave { .. } => true,
+            Self::Line(_) | Self::Wave { .. } | Self::Trajectory(_) => true,
+        }
+    }
+
+    /// The curves that episodes draw theirs from.
+    pub(crate) fn trajectories(&self) -> Option<&Trajectories> {
+        match self {
+            Self::Trajectory(trajectories) => Some(trajectories),
+            Self::Fixed | Self::PerAgent(_) | Self::Line(_) | Self::Wave { .. } => None,
         }
     }
 }

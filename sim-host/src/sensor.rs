@@ -17,6 +17,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::seed::Stream;
+use crate::trajectory::PathAhead;
 use instrument::{Instrument, InstrumentMemory};
 
 pub(crate) use mates::Course;
@@ -43,6 +44,7 @@ pub struct SensorSuite {
     instruments: Vec<Instrument>,
     scan: Option<Scan>,
     mates: Option<Mates>,
+    path: Option<PathAhead>,
     /// Time between two readings \[s\].
     control_secs: f64,
 }
@@ -58,7 +60,7 @@ pub struct SensorMemory {
 impl SensorSuite {
     /// These instruments, read every `control_secs` \[s\].
     pub fn new(instruments: Vec<Instrument>, control_secs: f64) -> Self {
-        Self { instruments, scan: None, mates: None, control_secs }
+        Self { instruments, scan: None, mates: None, path: None, control_secs }
     }
 
     /// The same with a scan, whose values follow those of the instruments.
@@ -71,6 +73,12 @@ impl SensorSuite {
     #[must_use]
     pub fn with_mates(self, mates: Option<Mates>) -> Self {
         Self { mates, ..self }
+    }
+
+    /// The same with an eye on the way ahead of the goal, whose values are the last.
+    #[must_use]
+    pub fn with_path(self, path: Option<PathAhead>) -> Self {
+        Self { path, ..self }
     }
 
     /// No instruments.
@@ -93,16 +101,22 @@ impl SensorSuite {
         self.mates.as_ref()
     }
 
+    /// What is seen of the way ahead of the goal; a simulation knows it.
+    pub fn path(&self) -> Option<&PathAhead> {
+        self.path.as_ref()
+    }
+
     /// Whether nothing is measured.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Number of values of a reading, those of scan and mates included.
+    /// Number of values of a reading, those of scan, mates and path included.
     pub fn len(&self) -> usize {
         self.instruments_len()
             + self.scan.as_ref().map_or(0, Scan::len)
             + self.mates.as_ref().map_or(0, Mates::len)
+            + self.path.as_ref().map_or(0, PathAhead::len)
     }
 
     /// Number of values that [`Self::read`] writes.

@@ -243,6 +243,15 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         agent.goal(lane)
     }
 
+    /// The velocity of the goal of a drone \[m/s, world\].
+    ///
+    /// # Panics
+    /// When there is no such row.
+    pub fn goal_velocity(&self, row: usize) -> nalgebra::Vector3<R> {
+        let (agent, lane) = self.agent(row);
+        agent.goal_velocity(lane)
+    }
+
     /// Where an environment's movable bodies are, in the order of the world.
     ///
     /// # Panics

@@ -10,6 +10,7 @@ use super::Agent;
 use crate::scenario::{Clock, Scenario};
 use crate::stage::Stage;
 use crate::swarm::{Column, row, set_row, vector};
+use crate::trajectory::Trajectory;
 
 impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Rotor targets of a control period.
@@ -78,14 +79,24 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Moves the goals, where they move, to where they are after `steps` control periods.
     #[inline(always)]
     pub(crate) fn update_goal(&mut self, scenario: &Scenario) {
-        if scenario.goals.is_moving() {
-            for lane in 0..LANES {
-                self.update_goal_of(scenario, lane);
-            }
+        if !scenario.goals.is_moving() {
+            return;
+        }
+        for lane in 0..LANES {
+            self.update_goal_of(scenario, lane);
         }
     }
 
+    #[inline(always)]
     pub(super) fn update_goal_of(&mut self, scenario: &Scenario, lane: usize) {
+        if let Some(columns) = &self.trajectory {
+            let secs = self.steps[lane] * R::from_f32(scenario.physics.control_secs());
+            let (offset, velocity) = Trajectory::from_array(&row(columns, lane)).at(secs);
+            let centre = scenario.aviary_of(self.room(lane)).goal.map(R::from_f32);
+            set_row(&mut self.goal, lane, (centre + offset).into());
+            set_row(&mut self.goal_velocity, lane, velocity.into());
+            return;
+        }
         let secs = self.steps[lane].to_f64() / scenario.physics.control_rate_hz;
         let goal = scenario.goals.at(&scenario.aviary_of(self.room(lane)).goal, self.index, secs);
         // The reference takes differences of the points that it has passed.

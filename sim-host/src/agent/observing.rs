@@ -1,5 +1,7 @@
 //! What an agent senses and sees, and what its critic sees beside.
 
+use core::ops::Range;
+
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::instrument::specific_force;
 use kestrel_core::observation::{
@@ -16,6 +18,7 @@ use crate::scenario::{CriticView, Preset, Scenario};
 use crate::sensor::Truth;
 use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
+use crate::trajectory::{PathAhead, Trajectory};
 
 /// Where the drones of every task shall face: along the world's x axis. What is learned holds for all headings.
 const FORWARD: [f32; 2] = [1.0, 0.0];
@@ -25,6 +28,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     #[inline(always)]
     pub(crate) fn observe(&mut self, stage: &Stage<'_, R>) {
         let scenario = stage.scenario;
+        self.look_ahead(scenario, 0..LANES);
         match &scenario.observation {
             ObservationLayout::Pilot(layout) => self.observe_as_pilot(*layout),
             ObservationLayout::Reference(layout) => self.observe_as_paper(scenario, *layout),
@@ -180,6 +184,27 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         let columns = self.measurements.iter_mut().skip(scenario.sensors.instruments_len()).take(scan.len());
         for (column, value) in columns.zip(nearness) {
             column[lane] = R::from_f32(value);
+        }
+    }
+
+    /// Shows drones the way ahead of their goals, where they look at it.
+    #[inline(always)]
+    pub(super) fn look_ahead(&mut self, scenario: &Scenario, lanes: Range<usize>) {
+        let (Some(path), Some(trajectory)) = (scenario.sensors.path(), &self.trajectory) else { return };
+        let known = known_states(&self.swarm, self.latency.as_ref());
+        let control_secs = R::from_f32(scenario.physics.control_secs());
+        let per_metre = R::one() / R::from_f32(path.position_scale_m);
+        let first = self.measurements.len() - path.len();
+        for lane in lanes {
+            let (curve, state) = (Trajectory::from_array(&row(trajectory, lane)), known.state(lane));
+            let from_centre = state.position - scenario.aviary_of(self.room(lane)).goal.map(R::from_f32);
+            let now = self.steps[lane] * control_secs;
+            let points = self.measurements[first..].as_chunks_mut::<{ PathAhead::PATH_POINT_LEN }>().0;
+            for (number, columns) in points.iter_mut().enumerate() {
+                let (place, _) = curve.at(now + R::from_f32((number + 1) as f32 * path.spacing_secs));
+                let seen = state.world_from_body.rotate_inverse(place - from_centre);
+                set_row(columns, lane, [seen.x * per_metre, seen.y * per_metre, seen.z * per_metre]);
+            }
         }
     }
 

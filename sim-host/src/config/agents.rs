@@ -8,6 +8,7 @@ use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::holds;
 use crate::scenario::{Agents, Goals, TeamEnd, TeamRewards, TeamSuccess};
+use crate::trajectory::{Trajectories, TrajectoryShape};
 use crate::world::{Floor, World};
 
 /// Most drones in one environment; every one is tested against every other.
@@ -53,6 +54,56 @@ pub enum GoalsConfig {
         /// When it stops.
         until_secs: f64,
     },
+    /// Along a closed curve about the aviary's goal, drawn anew for each episode; `path` under `sensors` shows the way
+    /// ahead.
+    Trajectory(TrajectoriesConfig),
+}
+
+/// From which curves an episode draws its own; two bounds that are equal fix a number.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrajectoriesConfig {
+    /// Shapes, seen from above, each as likely as the others; turned by any angle, and begun anywhere.
+    pub shapes: Vec<TrajectoryShape>,
+    /// Least and greatest distance from the centre.
+    pub reach_m: [f64; 2],
+    /// Least and greatest height that a curve rises above the centre and sinks below it, once on its way around.
+    pub rise_m: [f64; 2],
+    /// Least and greatest of the greatest speed on the curve.
+    pub speed_m_per_s: [f64; 2],
+}
+
+impl Default for TrajectoriesConfig {
+    fn default() -> Self {
+        Self {
+            shapes: TrajectoryShape::ALL.to_vec(),
+            reach_m: [0.5, 1.0],
+            rise_m: [0.0, 0.2],
+            speed_m_per_s: [0.3, 1.5],
+        }
+    }
+}
+
+impl TrajectoriesConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Trajectories, ConfigError> {
+        if self.shapes.is_empty() {
+            return Err(field.at("shapes").refuse("[]", "one shape or several"));
+        }
+        let between = |key: &'static str, [least, most]: [f64; 2], limits: &Limits| {
+            let field = field.at(key);
+            let bounds = [field.at(0).number(least, limits)?, field.at(1).number(most, limits)?];
+            if least > most {
+                return Err(field.refuse(format!("[{least}, {most}]"), "the least bound first"));
+            }
+            Ok(bounds)
+        };
+        Ok(Trajectories {
+            shapes: self.shapes.clone(),
+            reach: between("reach_m", self.reach_m, &Limits::from(0.05, 100.0, "m"))?,
+            rise: between("rise_m", self.rise_m, &Limits::from(0.0, 100.0, "m"))?,
+            speed: between("speed_m_per_s", self.speed_m_per_s, &Limits::from(0.01, 20.0, "m/s"))?,
+        })
+    }
 }
 
 impl Default for AgentsConfig {
@@ -110,6 +161,7 @@ impl GoalsConfig {
                     until_secs: field.at("until_secs").real(*until_secs, &Limits::from(0.0, 600.0, "s"))?,
                 })
             }
+            Self::Trajectory(trajectories) => trajectories.check(&field.at("trajectory")).map(Goals::Trajectory),
         }
     }
 }

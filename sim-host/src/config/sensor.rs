@@ -10,6 +10,7 @@ use super::field::{Field, Limits};
 use crate::sensor::instrument::{Bias, Instrument, Noise, Sampling};
 use crate::sensor::signal::{Direction, Signal};
 use crate::sensor::{BEAM_LIMIT, Mates, Scan, ScanRing, SensorSuite};
+use crate::trajectory::PathAhead;
 
 /// Noise bandwidth of a second-order Butterworth low-pass filter over its cut-off frequency: π / (2 √2).
 const NOISE_BANDWIDTH: f64 = 1.110_720_734_539_591_5;
@@ -27,6 +28,9 @@ const FLOW_UNIT: f64 = 2.0;
 
 /// Most mates that a drone sees: more than a policy reads with anything else beside.
 const MATES_LIMIT: u64 = 16;
+
+/// Most points of the way ahead, likewise.
+const PATH_POINTS_LIMIT: u64 = 32;
 
 /// One part of the drone's equipment.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -46,6 +50,21 @@ pub enum SensorConfig {
     /// The nearest drones of the team, the nearest first, without noise or delay: where each is from here (3 values,
     /// world) and how it moves past (3 values, world). The last sensor, once.
     Mates(MatesConfig),
+    /// Where the goal will be, if it follows a `trajectory`: some points ahead, in the drone's body axes (3 values each).
+    /// The last sensor, once.
+    Path(PathConfig),
+}
+
+/// What is seen of the way ahead of the goal.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PathConfig {
+    /// How many points.
+    pub points: u64,
+    /// Time from one to the next, and from now to the first.
+    pub spacing_secs: f64,
+    /// Distance that reads as one.
+    pub position_scale_m: f64,
 }
 
 /// Which drones of the team are seen.
@@ -313,6 +332,25 @@ impl Default for ScanConfig {
     }
 }
 
+impl Default for PathConfig {
+    /// The next half second.
+    fn default() -> Self {
+        Self { points: 5, spacing_secs: 0.1, position_scale_m: 0.5 }
+    }
+}
+
+impl PathConfig {
+    fn check(&self, field: &Field<'_>) -> Result<PathAhead, ConfigError> {
+        Ok(PathAhead {
+            points: field.at("points").whole(self.points, 1..=PATH_POINTS_LIMIT)? as usize,
+            spacing_secs: field.at("spacing_secs").number(self.spacing_secs, &Limits::from(0.001, 10.0, "s"))?,
+            position_scale_m: field
+                .at("position_scale_m")
+                .number(self.position_scale_m, &Limits::from(1e-3, 1000.0, "m"))?,
+        })
+    }
+}
+
 impl Default for BarometerConfig {
     fn default() -> Self {
         Self {
@@ -333,10 +371,15 @@ impl SensorConfig {
     /// # Errors
     /// When a number is out of range, a ranger has no direction or one twice, or there are too many values.
     pub fn check_all(sensors: &[Self], control_secs: f64, field: &Field<'_>) -> Result<SensorSuite, ConfigError> {
-        let (mates, sensors) = if let Some((Self::Mates(mates), others)) = sensors.split_last() {
-            (Some(mates.check(&field.at(others.len()).at("mates"))?), others)
-        } else {
-            (None, sensors)
+        let ((mates, path), sensors) = match sensors.split_last() {
+            Some((Self::Mates(mates), others)) => {
+                ((Some(mates.check(&field.at(others.len()).at("mates"))?), None), others)
+            }
+            Some((Self::Path(path), others)) => {
+                ((None, Some(path.check(&field.at(others.len()).at("path"))?)), others)
+            }
+            Some((Self::Imu(_) | Self::Flow(_) | Self::Range(_) | Self::Barometer(_) | Self::Scan(_), _))
+            | None => ((None, None), sensors),
         };
         let mut instruments = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {
@@ -344,7 +387,8 @@ impl SensorConfig {
         }
         let suite = SensorSuite::new(instruments, control_secs)
             .with_scan(Self::check_scan(sensors, field)?)
-            .with_mates(mates);
+            .with_mates(mates)
+            .with_path(path);
         if suite.len() > OBSERVATION_LIMIT {
             let expected = format!("at most {OBSERVATION_LIMIT}, the most that a policy sees");
             return Err(field.reject(format!("sensors that measure {} values", suite.len()), expected));
@@ -372,6 +416,7 @@ impl SensorConfig {
             Self::Mates(_) => {
                 Err(field.reject("`mates` before other sensors", "one `mates`, as the last of them"))
             }
+            Self::Path(_) => Err(field.reject("`path` before other sensors", "one `path`, as the last of them")),
             Self::Imu(imu) => {
                 let field = field.at("imu");
                 let gyroscope = imu.gyroscope.check(&field.at("gyroscope"))?;

@@ -8,12 +8,16 @@ use super::*;
 use crate::latency::Latency;
 use crate::scenario::{Agents, Downwash, Physics};
 use crate::seed::Stream;
+use crate::sensor::SensorSuite;
 use crate::simulation::Simulation;
 use crate::testing;
+use crate::trajectory::{PathAhead, Trajectories, TrajectoryShape};
+
+const AHEAD: PathAhead = PathAhead { points: 2, spacing_secs: 0.2, position_scale_m: 0.5 };
 
 const SCALES: PilotLayout = PilotLayout { position_scale_m: 0.5, velocity_scale: 2.0, body_rates_scale: 10.0 };
 
-/// A task for every action space, integrator and layout, and one for a team; but for the first two on the drone that has
+/// A task for every action space, integrator and layout, one along curves and one for a team; but for the first two on the drone that has
 /// all effects, late.
 fn scenarios() -> Vec<Scenario> {
     let rates = ThrustBodyRates::new(&CRAZYFLIE_2_1, 0.9, [8.0, 8.0, 3.0], [10.0, 10.0, 5.0]);
@@ -40,6 +44,17 @@ fn scenarios() -> Vec<Scenario> {
         Scenario { physics: Physics { preset: near, ..late.physics }, ..late.clone() },
         Scenario { action: ActionSpace::Velocities(velocities), ..late.clone() },
         Scenario { observation: ObservationLayout::Body(body), ..late.clone() },
+        Scenario {
+            goals: Goals::Trajectory(Trajectories {
+                shapes: TrajectoryShape::ALL.to_vec(),
+                reach: [0.5, 1.0],
+                rise: [0.1, 0.2],
+                speed: [0.3, 1.5],
+            }),
+            sensors: SensorSuite::none().with_path(Some(AHEAD)),
+            observation: ObservationLayout::Body(BodyLayout { measured_len: AHEAD.len() as u8, ..body }),
+            ..late.clone()
+        },
         Scenario {
             action: ActionSpace::RotorThrusts(RotorThrusts::new(&CRAZYFLIE_2_1, 0.05, 300.0)),
             observation: ObservationLayout::Px4Neural(Px4NeuralLayout),
@@ -179,6 +194,6 @@ fn what_has_no_derivative_is_refused_by_name() {
         StepGradient::new(&silent).unwrap_err().to_string(),
         "rewards without a derivative by the flight: alive"
     );
-    let moving = Scenario { goals: crate::scenario::Goals::Line([1.0, 0.0, 0.0].into()), ..scenario };
+    let moving = Scenario { goals: Goals::Line([1.0, 0.0, 0.0].into()), ..scenario };
     assert_eq!(StepGradient::new(&moving).unwrap_err(), NotDifferentiable::MovingGoal);
 }

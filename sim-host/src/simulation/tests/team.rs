@@ -302,3 +302,37 @@ fn bits_of_drones_that_see_each_other_do_not_depend_on_lanes() {
     }
     assert_eq!(trace::<1>(), trace::<8>());
 }
+
+const CURVES: &str = "goals: { trajectory: { reach_m: [0.3, 0.6], rise_m: [0.1, 0.1], speed_m_per_s: [0.5, 1] } }
+sensors: [ path: { points: 3, spacing_secs: 0.1, position_scale_m: 0.5 } ]
+observation: { body: { position_scale_m: 1, velocity_scale_m_per_s: 1, body_rates_scale_rad_per_s: 1 } }
+rewards: [ squared_distance: { weight: 1 } ]";
+
+#[test]
+fn goals_follow_curves_of_their_own_and_drones_see_where_they_will_be() {
+    let scenario = hanging(&THREE[..1], CURVES);
+    let mut simulation = Simulation::<1, f64>::new(&scenario, Seed(0), 0, 8);
+    let rows = simulation.rows();
+    let goals = |simulation: &Simulation<1, f64>| (0..rows).map(|row| simulation.goal(row)).collect::<Vec<_>>();
+    // The path ahead, world, by rows: where the goal will be after each tenth of a second, which is five periods.
+    let seen = |simulation: &Simulation<1, f64>, point: usize, row: usize| {
+        let first = scenario.observation.len() - 9 + 3 * point;
+        let value = |axis: usize| 0.5 * simulation.observations()[(first + axis) * rows + row];
+        let state = simulation.state(row);
+        state.position + state.world_from_body.rotate(Vector3::new(value(0), value(1), value(2)))
+    };
+    let first: Vec<Vec<Vector3<f64>>> =
+        (0..rows).map(|row| (0..3).map(|point| seen(&simulation, point, row)).collect()).collect();
+    let start = goals(&simulation);
+    assert!((1..rows).all(|row| (start[row] - start[0]).norm() > 1e-3), "each has its own");
+    for point in 0..3 {
+        steps(&mut simulation, 5);
+        for (row, goal) in goals(&simulation).into_iter().enumerate() {
+            assert!((first[row][point] - goal).norm() < 1e-6, "point {point} of row {row}");
+            assert!(
+                (goal - start[row]).norm() < 0.1 * (point + 1) as f64 * 1.001,
+                "no faster than a metre a second"
+            );
+        }
+    }
+}

@@ -6,6 +6,7 @@ use kestrel_core::observation::OBSERVATION_LIMIT;
 use kestrel_core::policy_file::{PolicyScratch, VisionPolicy};
 use kestrel_core::real::Real;
 use kestrel_sim::outcome::Outcome;
+use kestrel_sim::scenario::Goals;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::simulation::Simulation;
 
@@ -155,7 +156,12 @@ impl<'a, R: Real> Cockpit<'a, R> {
                 pilot.reset();
             }
             let goal = simulation.goal(row).map(Real::to_f32);
-            let action = pilot.act(&simulation.state(row).map(Real::to_f32), &goal);
+            let mut state = simulation.state(row).map(Real::to_f32);
+            if let Goals::Trajectory(_) = simulation.scenario().goals {
+                // Beside a goal that moves with it, a drone is at rest.
+                state.velocity -= simulation.goal_velocity(row).map(Real::to_f32);
+            }
+            let action = pilot.act(&state, &goal);
             write_action(&mut self.actions, rows, row, &action);
         }
     }
