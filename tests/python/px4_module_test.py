@@ -46,7 +46,7 @@ ESTIMATED_ERROR_M = 0.1
 """Limit of the mean by PX4's estimate."""
 
 LOWEST_M = 0.5
-HEADING_DEG = 15.0
+HEADING_DEG = 10.0
 
 HOLD = (4, 3)
 """PX4's numbers of its own mode of that name."""
