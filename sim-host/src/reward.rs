@@ -30,6 +30,7 @@ mod tilt;
 #[cfg(test)]
 mod trial;
 mod velocity;
+mod yaw_rate;
 
 use kestrel_config::{ConfigError, Field, Limits};
 use kestrel_core::real::Real;
@@ -63,6 +64,7 @@ reward_terms! {
     "energy" Energy in energy;
     "heading_error" HeadingError in heading_error;
     "jerk" Jerk in jerk;
+    "yaw_rate" YawRate in yaw_rate;
 
     "bounds" Bounds in reference::bounds;
     "collision" Collision in reference::collision;

@@ -122,10 +122,10 @@ class Client:
         self.mav.param_set_send(1, 1, name.encode(), value, kind)
         return self.receive("PARAM_VALUE", within_secs, where=lambda told: told.param_id == name).param_value
 
-    def set_integer(self, name, value):
+    def set_integer(self, name, value, within_secs=5.0):
         """The value that a parameter has then; integers travel as the float of the same bytes."""
         float_of = struct.unpack("<f", struct.pack("<i", value))[0]
-        told = self.set_parameter(name, float_of, COMMAND.MAV_PARAM_TYPE_INT32)
+        told = self.set_parameter(name, float_of, COMMAND.MAV_PARAM_TYPE_INT32, within_secs)
         return struct.unpack("<i", struct.pack("<f", told))[0]
 
     def may_pause(self):

@@ -50,13 +50,17 @@ WAKING_STEPS = 500
 """Nobody waits for a PX4 that is still starting."""
 
 
-def parameters():
-    """What is set before a flight."""
-    with open(PARAMETERS, encoding="utf-8") as file:
+REAL, INTEGER = "9", "6"
+"""Types of parameters in a file of QGroundControl's."""
+
+
+def parameters(path, **others):
+    """What is set before a flight: a file of QGroundControl's, and others."""
+    with open(path, encoding="utf-8") as file:
         rows = [line.split() for line in file if not line.startswith("#")]
-    gains = {name: float(value) for _, _, name, value, _ in rows}
+    numbers = {REAL: float, INTEGER: int}
     # Set-points come by the wall clock, and PX4 counts simulated time.
-    return {"MIS_TAKEOFF_ALT": TAKE_OFF_M, "COM_OF_LOSS_T": 10.0, **gains}
+    return {"COM_OF_LOSS_T": 10.0, **others, **{name: numbers[kind](value) for _, _, name, value, kind in rows}}
 
 
 class Bridge:
@@ -138,10 +142,11 @@ class Px4:
 class Flight:
     """The checks, in the order in which they are flown."""
 
-    def __init__(self, bridge, px4, client):
+    def __init__(self, bridge, px4, client, values):
         self._bridge = bridge
         self._px4 = px4
         self._client = client
+        self._parameters = values
         self._true = bridge.true
         self._start = None
 
@@ -173,10 +178,7 @@ class Flight:
         self._land()
 
     def every_step_was_commanded(self):
-        steps, commanded, unanswered, connections, garbage = self._bridge.end()
-        self._tell(f"{steps} steps, {commanded} commanded, {unanswered} unanswered")
-        expect((unanswered, connections, garbage) == (0, 2, 0), self._bridge.said())
-        expect(steps - commanded < 2 * WAKING_STEPS, self._bridge.said())
+        self._expect_steps(connections=2)
 
     def _become_ready(self, times):
         """Starts PX4, for the first or the second time, and waits until it can be armed."""
@@ -185,7 +187,7 @@ class Flight:
         begin, ready = self._true.now()["secs"], False
         self._client.drain()
         self._client.receive("HEARTBEAT", within_secs=30.0)
-        for name, value in parameters().items():
+        for name, value in self._parameters.items():
             told = self._set(name, value)
             expect(math.isclose(told, value, rel_tol=1e-6), f"{name} is {told} instead of {value}")
         while not ready:
@@ -197,16 +199,17 @@ class Flight:
 
     def _set(self, name, value):
         """Sets a parameter; a PX4 that is still starting hears none, and does not say so."""
+        setting = self._client.set_integer if isinstance(value, int) else self._client.set_parameter
         for _ in range(20):
             with contextlib.suppress(CheckFailed):
-                return self._client.set_parameter(name, value, within_secs=0.5)
+                return setting(name, value, within_secs=0.5)
         raise CheckFailed(f"{name} is not confirmed")
 
     def _take_off(self):
         self._start = self._true.position()
         self._client.accepted(COMMAND.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         self._client.accepted(COMMAND.MAV_CMD_NAV_TAKEOFF, *[NAN] * 7)
-        place = [*self._start[:2], self._start[2] + TAKE_OFF_M]
+        place = [*self._start[:2], self._start[2] + self._parameters["MIS_TAKEOFF_ALT"]]
         begin = self._true.now()["secs"]
         self._client.wait_until(lambda _: self._stayed_near(place), f"at {rounded(place)}", FLIGHT_SECS)
         self._tell(f"at {rounded(self._true.position())} after {self._true.now()['secs'] - begin:.1f} s")
@@ -225,6 +228,13 @@ class Flight:
         self._tell(f"landed {drift:.3f} m beside the place, {1000.0 * height:.1f} mm above where it stood")
         expect(abs(height) < REST_TOLERANCE_M, f"motors stopped {height:.3f} m above where it took off")
         expect(drift < LANDING_RADIUS_M, f"landed {drift:.2f} m beside the place")
+
+    def _expect_steps(self, connections):
+        """That the bridge's PX4, which was started so many times, commanded every step but those of its starts."""
+        steps, commanded, unanswered, *others = self._bridge.end()
+        self._tell(f"{steps} steps, {commanded} commanded, {unanswered} unanswered")
+        expect((unanswered, *others) == (0, connections, 0), self._bridge.said())
+        expect(steps - commanded < connections * WAKING_STEPS, self._bridge.said())
 
     def _stayed_near(self, place):
         """Whether the last second was spent there."""
@@ -245,22 +255,27 @@ class Flight:
         print(f"        {text}", flush=True)
 
 
-def main():
-    kestrel, *arguments = with_speed(sys.argv[1:])
-    binary = os.environ.get("PX4_BIN")
-    if not binary:
-        print("px4_test: NOT RUN, for PX4_BIN names no PX4 (build/px4_sitl_default/bin/px4)")
-        return 0
+def fly(binary, kestrel, arguments, flight, values):
+    """Has `flight(bridge, px4, client, values)` be made, whose checks are run. How many passed and failed."""
     with (
         tempfile.TemporaryDirectory() as folder,
         Bridge(kestrel, arguments, folder) as bridge,
         Px4(binary, folder) as px4,
         Client(bridge) as client,
     ):
-        counts = run_checks(checks_of(Flight(bridge, px4, client)))
+        counts = run_checks(checks_of(flight(bridge, px4, client, values)))
         if counts[1]:
             print(f"The bridge said:\n{bridge.said()}\nPX4 said:\n{px4.said()}")
-    return conclude(counts)
+    return counts
+
+
+def main():
+    binary = os.environ.get("PX4_BIN")
+    if not binary:
+        print("px4_test: NOT RUN, for PX4_BIN names no PX4 (build/px4_sitl_default/bin/px4)")
+        return 0
+    kestrel, *arguments = with_speed(sys.argv[1:])
+    return conclude(fly(binary, kestrel, arguments, Flight, parameters(PARAMETERS, MIS_TAKEOFF_ALT=TAKE_OFF_M)))
 
 
 if __name__ == "__main__":

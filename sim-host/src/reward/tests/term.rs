@@ -28,6 +28,15 @@ fn body_rates_tilt_and_actions_cost_their_squares() {
 }
 
 #[test]
+fn turning_costs_either_way_round_and_rolling_nothing() {
+    let mut turning = Trial::of("yaw_rate: { weight: -1 }");
+    for about_z in [0.5, -0.5] {
+        turning.swarm.body_rates = [[2.0], [1.0], [about_z]];
+        assert_near(turning.pay(), -0.5 / 48.0);
+    }
+}
+
+#[test]
 fn advance_pays_for_the_way_around_a_wall() {
     let mut advance = Trial::of("advance: { weight: 2 }");
     assert_near(advance.at(0.0, 0.5, 0.0), 0.0);
