@@ -83,7 +83,7 @@ fn what_is_wrong_in_a_file_of_flights_is_named_once_with_its_line() {
     );
     fs::write(place.path().join("mine.yaml"), text).unwrap();
     let message = refusal(&kestrel(place.path(), &["test", "mine.yaml", "--junit", "report.xml"]));
-    assert!(message.contains("mine.yaml:10: ") && message.contains("did you mean `ends_landed`?"), "{message}");
+    assert!(message.contains("mine.yaml:10:") && message.contains("did you mean `ends_landed`?"), "{message}");
     assert!(!place.path().join("report.xml").exists());
     assert!(refusal(&kestrel(place.path(), &["test", "none.yaml"])).contains("none.yaml: found no such file"));
     let file = config("tests/rooms.yaml");

@@ -163,6 +163,9 @@ fn what_is_wrong_in_the_file_is_named_with_its_line() {
     let twice = "flights=[{name: one, secs: 1, script: [], expect: [ends_landed]}, {name: one, secs: 1, script: [], expect: [ends_landed]}]";
     let message = cases(&[twice]).unwrap_err().to_string();
     assert!(message.ends_with("expected a name that no other flight of the file has"), "{message}");
+    let bullet = "task.scenario.physics.bullet={}";
+    let message = cases(&[bullet]).unwrap_err().to_string();
+    assert!(message.contains("found wind, expected none, because the physics `bullet`"), "{message}");
     let message = cases(&["flights=[]"]).unwrap_err().to_string();
     assert!(message.ends_with("found an empty list, expected at least one flight"), "{message}");
 }
