@@ -1,16 +1,22 @@
 //! Flights as a whole: the same bits however they are flown, and defects that the flights of the repository catch.
 
+use std::cell::Cell;
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_shim::parameter::ParameterValue;
 use kestrel_shim::parameter::table::Parameter;
+use kestrel_shim::plant::Plant;
+use nalgebra::Vector3;
 
 use super::case::Case;
 use super::config::load;
+use super::fault::{EstimateFault, Fault, FaultKind};
 use super::film::{file_name, film};
 use super::flight::fly;
+use super::plant::FailingPlant;
 use super::runner::{RunOptions, Verdict, failures, run};
 
 /// The flights of a file of the repository, before anything is wrong with them.
@@ -72,6 +78,54 @@ fn a_wall_that_is_gone_is_caught() {
         case.scenario = Arc::new(scenario);
     };
     assert_caught("rooms.yaml", gone, &["rooms/against-a-wall"]);
+}
+
+/// What goes wrong between two times \[s\].
+fn fault([at_secs, until_secs]: [f64; 2], kind: FaultKind) -> Fault {
+    Fault { at_secs, until_secs, kind }
+}
+
+#[test]
+fn faults_of_the_world_act_from_their_begin_to_their_end() {
+    let mut case = shipped("hover.yaml").remove(0);
+    case.faults = vec![
+        fault([0.1, 0.2], FaultKind::Estimate(EstimateFault::Frozen)),
+        fault([0.2, 0.3], FaultKind::Estimate(EstimateFault::Lost)),
+        fault([0.1, 0.3], FaultKind::Motor { rotor: 1, share: 0.25 }),
+        fault([0.1, f64::INFINITY], FaultKind::Battery(0.3)),
+        fault([0.1, 0.2], FaultKind::Gust(Vector3::new(0.0, 0.0, 5.0))),
+    ];
+    let mut plant = FailingPlant::new(&case, &Rc::new(Cell::new(0.0)));
+    let targets = [0.9 * case.airframe.hover_rotor_speed() as f32; 4];
+    let mut told = Vec::new();
+    for _ in 0..20 {
+        told.push((*plant.known_state(), *plant.state(), plant.battery()));
+        plant.step(&targets);
+    }
+    let known = |period: usize| told[period].0;
+    let rotors = |period: usize| told[period].1.rotor_speeds;
+    assert!(known(4) != known(3) && (5..10).all(|period| known(period) == known(4)), "frozen from 0.1 s on");
+    assert!((10..15).all(|period| known(period).position.x.is_nan()), "lost from 0.2 s on");
+    assert!(known(15).position.z.is_finite() && known(15) != known(4));
+    assert!(rotors(5)[1] == rotors(5)[0] && rotors(15)[1] < 0.9 * rotors(15)[0], "{:?}", rotors(15));
+    assert!(rotors(19)[1] > rotors(15)[1], "it comes back");
+    assert_eq!((told[4].2, told[5].2, told[19].2), (None, Some(0.3), Some(0.3)));
+    let lift = |periods: [usize; 2]| told[periods[1]].1.velocity.z - told[periods[0]].1.velocity.z;
+    assert!(lift([5, 10]) > lift([10, 15]), "the gust lifts it as long as it blows");
+}
+
+#[test]
+fn while_the_link_is_lost_no_order_and_no_heartbeat_arrives() {
+    let mut case = shipped("hover.yaml").remove(0);
+    case.secs = 3.0;
+    let landed = fly(&case).unwrap();
+    assert!(landed.moments.iter().any(|moment| moment.mode.flies()));
+    // Arming is lost, the take-off is not: it is refused.
+    case.faults = vec![fault([0.4, 0.9], FaultKind::LinkLoss)];
+    let flown = fly(&case).unwrap();
+    assert!(flown.moments.iter().all(|moment| !moment.mode.armed()));
+    let heard: Vec<&String> = flown.moments.iter().flat_map(|moment| &moment.heard).collect();
+    assert_eq!(heard, ["refused: not armed"]);
 }
 
 #[test]
