@@ -5,7 +5,7 @@
 //! asks the policy for rotor targets, [`telemetry`] schedules which [`message`]s are published, and the [`plant`] steps:
 //! that is [`lockstep`], for one vehicle or several. A [`flight_log`] holds every frame. What a microcontroller carries, too,
 //! comes from [`kestrel_onboard`].
-//! Clients of a Crazyflie fly the same autopilot by [`crtp`].
+//! Clients of a Crazyflie fly the same autopilot by [`crtp`]; tests of flights do by a [`ground_station`] in the same process.
 //!
 //! A simulator [`bridge`] has another autopilot (PX4, ArduPilot, Betaflight) fly the plant, or another simulator fly the
 //! vehicle.
@@ -16,6 +16,7 @@
 pub mod bridge;
 pub mod crtp;
 pub mod flight_log;
+pub mod ground_station;
 pub mod link;
 pub mod lockstep;
 pub mod message;

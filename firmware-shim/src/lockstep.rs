@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 use kestrel_core::vehicle::State;
 
 use crate::autopilot::Mode;
+use crate::battery::Battery;
+use crate::controller::Controller;
 use crate::crtp::link::CrtpLink;
 use crate::flight_log::{FlightLog, FlightLogError};
 use crate::link::{LinkError, Links};
@@ -57,6 +59,8 @@ pub struct ControlPeriod<'a> {
     pub state: &'a State<f32>,
     /// What the autopilot is doing.
     pub mode: Mode,
+    /// Which controller flies, or is going to.
+    pub controller: Controller,
     /// What the rotors are told \[rad/s\].
     pub rotor_targets: [f32; 4],
 }
@@ -186,6 +190,9 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
             crtp.exchange(vehicle, plant.state())?;
         }
         vehicle.tend_task(*plant);
+        if let Some(remaining) = plant.battery() {
+            vehicle.change_battery(Battery::left(remaining));
+        }
         *rotor_targets = vehicle.tick(plant.known_state(), &mut |frame| {
             note(log, secs, frame);
             links.send(frame);
@@ -197,8 +204,14 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
         if let Some(store) = store {
             store.end_period(vehicle)?;
         }
-        let rotor_targets = *rotor_targets;
-        Ok(ControlPeriod { number, secs, state: plant.state(), mode: vehicle.mode(), rotor_targets })
+        Ok(ControlPeriod {
+            number,
+            secs,
+            state: plant.state(),
+            mode: vehicle.mode(),
+            controller: vehicle.active_controller(),
+            rotor_targets: *rotor_targets,
+        })
     }
 
     fn finish(&mut self) -> Result<(), FlightError> {

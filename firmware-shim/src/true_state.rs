@@ -122,6 +122,7 @@ mod tests {
 
     use super::*;
     use crate::autopilot::Mode;
+    use crate::controller::Controller;
     use crate::plant::{FlatFloor, Plant};
 
     fn write(path: Option<&Path>) -> Result<(), TrueStateLogError> {
@@ -131,6 +132,7 @@ mod tests {
             secs: 0.5,
             state: plant.state(),
             mode: Mode::TakingOff,
+            controller: Controller::Policy,
             rotor_targets: [1.0; 4],
         };
         let mut log = TrueStateLog::create(path)?;

@@ -20,6 +20,7 @@ use mavlink::dialects::common::MavSeverity;
 
 use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint};
 use crate::battery::Battery;
+use crate::controller::Controller;
 use crate::failsafe::FailsafeEvent;
 use crate::flight_mode::FlightMode;
 use crate::frame::{Frame, Frames, Payload};
@@ -164,6 +165,16 @@ impl<P: PolicyBackend> Vehicle<P> {
     /// Takes note of how long the last tick took on this machine \[s\], to tell peers.
     pub fn note_latency(&mut self, secs: f32) {
         self.latency_secs = secs;
+    }
+
+    /// Flies with another battery from now on.
+    pub fn change_battery(&mut self, battery: Battery) {
+        self.battery = battery;
+    }
+
+    /// Which controller flies, or is going to.
+    pub fn active_controller(&self) -> Controller {
+        self.autopilot().active_controller()
     }
 
     /// Simulated time since the first tick \[s\].

@@ -123,6 +123,21 @@ impl Flight {
         (self.state, self.known_state) = (*state, *state);
     }
 
+    /// The wind that the drone meets \[m/s, world\].
+    pub fn wind(&self) -> Vector3<f64> {
+        self.simulation.wind(0)
+    }
+
+    /// Lets the drone meet another wind \[m/s, world\] from the next control period on.
+    pub fn set_wind(&mut self, wind: Vector3<f64>) {
+        self.simulation.set_wind(0, wind);
+    }
+
+    /// Where the movable bodies are, in the order of the world.
+    pub fn movables(&self) -> Vec<Pose> {
+        self.simulation.movables(0)
+    }
+
     /// Advances one control period with rotor targets \[rad/s\] held.
     pub fn step(&mut self, rotor_targets: &[f32; 4]) {
         self.simulation.step_with_rotor_speeds(&self.actions, &[rotor_targets.map(f64::from)]);
@@ -309,6 +324,21 @@ mod tests {
             touched += u32::from(arena.touch(&pose, &[]).obstacle);
         }
         assert!(touched > 0);
+    }
+
+    #[test]
+    fn a_gust_pushes_as_long_as_it_blows() {
+        let mut flight = Flight::landed(&hover());
+        let hover_speed = flight.scenario().airframe.hover_rotor_speed() as f32;
+        let fly = |flight: &mut Flight, wind: f64| {
+            flight.set_wind(Vector3::new(0.0, wind, 0.0));
+            let before = flight.state().velocity.y;
+            (0..50).for_each(|_| flight.step(&[1.1 * hover_speed; 4]));
+            flight.state().velocity.y - before
+        };
+        let [still, gust, after] = [0.0, 3.0, 0.0].map(|wind| fly(&mut flight, wind));
+        assert!(still.abs() < 1e-3 && gust > 0.05 && after < 0.0, "{still} {gust} {after}");
+        assert_eq!(flight.wind(), Vector3::zeros());
     }
 
     #[test]

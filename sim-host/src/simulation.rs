@@ -22,7 +22,7 @@ use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
 use crate::stage::Stage;
-use crate::swarm::Mechanics;
+use crate::swarm::{Mechanics, set_row, vector};
 use crate::world::Pose;
 use imaging::{Imaging, ImagingState};
 
@@ -214,6 +214,19 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         let (agent, environment) = (row / self.environments, row % self.environments);
         let agent = &mut self.blocks[environment / LANES].agents[agent];
         agent.put(environment % LANES, &BulletState::placed(state));
+    }
+
+    /// The wind that a drone meets \[m/s, world\].
+    pub(crate) fn wind(&self, row: usize) -> nalgebra::Vector3<R> {
+        let (agent, lane) = self.agent(row);
+        vector(&agent.swarm.wind, lane)
+    }
+
+    /// Lets a drone meet another wind \[m/s, world\] from the next step on, until its episode ends.
+    pub(crate) fn set_wind(&mut self, row: usize, wind: nalgebra::Vector3<R>) {
+        let (agent, environment) = (row / self.environments, row % self.environments);
+        let agent = &mut self.blocks[environment / LANES].agents[agent];
+        set_row(&mut agent.swarm.wind, environment % LANES, wind.into());
     }
 
     /// Angular velocity of a drone \[rad/s\], world, as the physics preset reports it.

@@ -5,6 +5,7 @@
 mod aviary;
 mod bits;
 mod errors;
+mod flight_tests;
 mod identify;
 mod kestrel;
 mod render;

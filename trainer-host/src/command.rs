@@ -19,6 +19,7 @@ mod schema;
 mod search;
 mod study;
 mod table;
+mod test;
 mod train;
 #[cfg(feature = "verify")]
 mod verify;
@@ -50,6 +51,8 @@ pub(crate) enum Command {
     Inspect(inspect::Arguments),
     /// Fly a policy as a MAVLink vehicle in the simulator
     Fly(Box<fly::Arguments>),
+    /// Fly scripted flights with faults, and judge them by the true state
+    Test(test::Arguments),
     /// Lend a task's aviary to another autopilot: PX4, ArduPilot or Betaflight
     Bridge(bridge::Arguments),
     /// Find a drone's airframe, with its uncertainty, in logs of its flights
@@ -69,7 +72,7 @@ pub(crate) enum Command {
     Search(search::Arguments),
     /// List the aviaries and draw their plans
     Aviary(aviary::Arguments),
-    /// Print the JSON schema of experiment, study or search files
+    /// Print the JSON schema of experiment, study, search or test files
     Schema(schema::Arguments),
     /// Measure every scene on this machine
     Bench(bench::Arguments),
@@ -97,6 +100,7 @@ impl Command {
             Self::Export(arguments) => export::run(&arguments),
             Self::Inspect(arguments) => inspect::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
+            Self::Test(arguments) => test::run_tests(&arguments),
             Self::Bridge(arguments) => bridge::run(&arguments),
             Self::Identify(arguments) => identify::run(&arguments),
             #[cfg(feature = "verify")]

@@ -3,6 +3,7 @@
 mod bench;
 mod bridge;
 mod command;
+mod flight_test;
 mod fly;
 mod pilots;
 mod processor;

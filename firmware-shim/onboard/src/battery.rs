@@ -17,6 +17,11 @@ impl Battery {
         Self { remaining: 1.0 }
     }
 
+    /// One of which a share is left, in \[0, 1\].
+    pub const fn left(remaining: f32) -> Self {
+        Self { remaining }
+    }
+
     /// Flies for so many seconds.
     pub fn drain(&mut self, secs: f32, settings: &AutopilotSettings) {
         if let Some(drain_secs) = settings.battery_drain_secs {

@@ -21,6 +21,11 @@ pub trait Plant {
         self.state()
     }
 
+    /// What is left of a battery that the plant empties, of one; none where the vehicle simulates its own.
+    fn battery(&self) -> Option<f32> {
+        None
+    }
+
     /// Advances one control period with rotor targets \[rad/s\] held.
     fn step(&mut self, rotor_targets: &[f32; 4]);
 

@@ -174,7 +174,7 @@ impl ExperimentConfig {
     ///
     /// # Errors
     /// The first thing that is wrong.
-    pub(crate) fn check(&self, root: &Field<'_>) -> Result<Experiment, ConfigError> {
+    pub fn check(&self, root: &Field<'_>) -> Result<Experiment, ConfigError> {
         check_name(&self.name, &root.at("name"))?;
         let scenario = self.scenario.check(&self.name, &root.at("scenario"))?;
         let training = root.at("training");
@@ -195,7 +195,11 @@ impl ExperimentConfig {
     }
 }
 
-pub(crate) fn check_name(name: &str, field: &Field<'_>) -> Result<(), ConfigError> {
+/// Refuses what cannot become a part of paths.
+///
+/// # Errors
+/// When it is empty, too long or holds other letters.
+pub fn check_name(name: &str, field: &Field<'_>) -> Result<(), ConfigError> {
     let allowed = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
     if !name.is_empty() && name.len() <= NAME_LIMIT && name.chars().all(allowed) {
         return Ok(());

@@ -24,6 +24,8 @@ enum Kind {
     Study,
     /// What `kestrel search` reads
     Search,
+    /// What `kestrel test` reads
+    Test,
 }
 
 pub(crate) fn print(arguments: &Arguments) -> Result<Done> {
@@ -32,6 +34,7 @@ pub(crate) fn print(arguments: &Arguments) -> Result<Done> {
         Kind::Tasks => study::config::multi_task::schema(),
         Kind::Study => study::config::schema(),
         Kind::Search => search::config::schema(),
+        Kind::Test => crate::flight_test::config::schema(),
     };
     say(schema.trim_end())?;
     Ok(Done::Finished)
