@@ -93,7 +93,7 @@ impl TrajectoriesConfig {
             let field = field.at(key);
             let bounds = [field.at(0).number(least, limits)?, field.at(1).number(most, limits)?];
             if least > most {
-                return Err(field.refuse(format!("[{least}, {most}]"), "the least bound first"));
+                return Err(field.at(1).refuse(most, format!("at least {least}, the lower bound")));
             }
             Ok(bounds)
         };

@@ -69,7 +69,10 @@ fn a_perfect_instrument_can_be_written() {
 #[test]
 fn what_is_wrong_is_said_with_its_place() {
     let table = [
-        ("sensors: [sonar: {}]", "found `sonar`, expected `imu`, `flow`, `range`, `barometer`, `scan` or `mates`"),
+        (
+            "sensors: [sonar: {}]",
+            "found `sonar`, expected `imu`, `flow`, `range`, `barometer`, `scan`, `mates` or `path`",
+        ),
         ("sensors: [imu: {gyro: {}}]", "found the unknown key `gyro`, expected `gyroscope` or `accelerometer`"),
         ("sensors: [barometer: {rate_hz: 0}]", "found 0, expected a number from 0.1 to 10000 Hz"),
         ("sensors: [barometer: {noise_m: -1}]", "found -1, expected a number from 0 to 1000"),
