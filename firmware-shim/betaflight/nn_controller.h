@@ -33,7 +33,7 @@ extern float nn_motor_nonlinearity;
 /* A goal is flown to for so long after nn_set_goal(), microseconds; 0: until the next one. */
 extern uint32_t nn_goal_timeout_us;
 
-/* Reads the policy and computes its golden vectors: 0, or why it must not fly (kestrel.h). Takes 2.1 KB of stack and some
+/* Reads the policy and computes its golden vectors: 0, or why it must not fly (kestrel.h). Takes 2.4 KB of stack and some
  * milliseconds: once, before arming. */
 int32_t nn_test(void);
 

@@ -9,7 +9,7 @@
 /*
  Words of a `KestrelPilot`.
  */
-#define KESTREL_PILOT_WORDS 248
+#define KESTREL_PILOT_WORDS 256
 
 /*
  A pilot takes place and flies.

@@ -22,7 +22,7 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 /// Words of a `KestrelPilot`.
-pub const KESTREL_PILOT_WORDS: usize = 248;
+pub const KESTREL_PILOT_WORDS: usize = 256;
 
 /// The same in this build: more than C has room for where the core has features that this library does not ask for, as when the
 /// whole workspace is built.
