@@ -58,8 +58,8 @@ static KestrelGuard guard = {.hold_us = 10u * US_PER_MS, .stale_us = 1000u * US_
 static KestrelPilot pilot;
 static int32_t refusal = KESTREL_NO_POLICY;
 
-/* Reading a policy takes 2.1 KB of stack, once; the task that starts the system has 1.2. */
-#define READING_STACK_WORDS 640
+/* Reading a policy takes 2.4 KB of stack, once; the task that starts the system has 1.2. */
+#define READING_STACK_WORDS 700
 static StackType_t reading_stack[READING_STACK_WORDS];
 static StaticTask_t reading_task;
 static volatile bool has_read;

@@ -43,7 +43,7 @@ const PER_PAIR: f64 = 7.5;
 
 /// The app around a policy: its code, its memory, and the stack that it takes of the stabiliser's task \[bytes\].
 const APP_CODE: usize = 27_300;
-const APP_MEMORY: usize = 4700;
+const APP_MEMORY: usize = 5000;
 const APP_STACK: usize = 760;
 
 /// The core's pilot in a firmware of one's own \[bytes\].
