@@ -37,6 +37,12 @@ impl PolicyAirframe {
         4.0 * self.rotor_thrust_limit / (self.mass * gravity)
     }
 
+    /// Whether the rotors of these corners turn as on the Crazyflie and on every autopilot's X: counter-clockwise at the
+    /// front right and rear left, clockwise at the others.
+    pub fn turn_as_usual(&self, corners: [usize; 4]) -> bool {
+        corners.map(|rotor| self.turns_counter_clockwise(rotor)) == [true, false, true, false]
+    }
+
     /// The rotors in the corners of an X, clockwise from the front right, seen from above; `None` if one is empty.
     pub fn corners(&self) -> Option<[usize; 4]> {
         let at = |forward: f32, left: f32| {
@@ -46,7 +52,7 @@ impl PolicyAirframe {
     }
 
     /// Whether a rotor turns counter-clockwise, seen from above.
-    pub fn turns_counter_clockwise(&self, rotor: usize) -> bool {
+    fn turns_counter_clockwise(&self, rotor: usize) -> bool {
         self.torque_per_thrust.get(rotor).is_some_and(|torque| *torque < 0.0)
     }
 
@@ -69,8 +75,7 @@ mod tests {
         assert_eq!(airframe.mass, 0.027);
         assert!((airframe.thrust_to_weight(9.8) - 2.25).abs() < 1e-4, "{}", airframe.thrust_to_weight(9.8));
         assert_eq!(airframe.corners(), Some([0, 1, 2, 3]));
-        let counter_clockwise = [0, 1, 2, 3].map(|rotor| airframe.turns_counter_clockwise(rotor));
-        assert_eq!(counter_clockwise, [true, false, true, false]);
+        assert!(airframe.turn_as_usual([0, 1, 2, 3]) && !airframe.turn_as_usual([3, 2, 1, 0]));
         assert!(airframe.torque_per_thrust.iter().all(|torque| (torque.abs() - 0.0251).abs() < 1e-4));
     }
 

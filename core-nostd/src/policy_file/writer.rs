@@ -135,9 +135,11 @@ impl PolicyDraft<'_> {
     fn write_metadata(&self, bytes: &mut [u8]) -> Result<(), PolicyError> {
         let found = bytes.len();
         let too_long = |_| PolicyError::Metadata { found };
-        let used = postcard::to_slice(&self.metadata, bytes).map_err(too_long)?.len();
-        let Some(airframe) = &self.metadata.airframe else { return Ok(()) };
-        postcard::to_slice(airframe, section(bytes, used..found)).map_err(too_long).map(|_| ())
+        let written = match &self.metadata.airframe {
+            None => postcard::to_slice(&self.metadata, bytes),
+            Some(airframe) => postcard::to_slice(&(&self.metadata, airframe), bytes),
+        };
+        written.map(|_| ()).map_err(too_long)
     }
 
     fn write_parameters(&self, mut bytes: &mut [u8]) -> Result<(), PolicyError> {
@@ -196,11 +198,12 @@ fn layer_shape(index: usize, layer: &DenseLayer<'_>, inputs: usize) -> PolicyErr
 }
 
 fn metadata_len(metadata: &PolicyMetadata<'_>) -> Result<usize, PolicyError> {
-    let size = postcard::ser_flavors::Size::default;
-    let unwritable = |_| PolicyError::Metadata { found: 0 };
-    let metadata_only = postcard::serialize_with_flavor(metadata, size()).map_err(unwritable)?;
-    let Some(airframe) = &metadata.airframe else { return Ok(metadata_only) };
-    Ok(metadata_only + postcard::serialize_with_flavor(airframe, size()).map_err(unwritable)?)
+    let size = postcard::ser_flavors::Size::default();
+    let counted = match &metadata.airframe {
+        None => postcard::serialize_with_flavor(metadata, size),
+        Some(airframe) => postcard::serialize_with_flavor(&(metadata, airframe), size),
+    };
+    counted.map_err(|_| PolicyError::Metadata { found: 0 })
 }
 
 /// Writes the checksum behind everything else of `file` and returns its length.

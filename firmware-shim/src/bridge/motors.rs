@@ -83,9 +83,7 @@ impl MotorOrder {
     /// If the airframe is no X, or turns the other way round.
     pub fn rotors(self, airframe: &PolicyAirframe) -> Result<[usize; 4], MotorError> {
         let rotors = airframe.corners().ok_or(MotorError::Plus)?;
-        // Across the X they turn alike, and at the sides of a corner the other way.
-        let turns = rotors.map(|rotor| airframe.turns_counter_clockwise(rotor));
-        if turns == [true, false, true, false] {
+        if airframe.turn_as_usual(rotors) {
             Ok(self.corners().map(|corner| rotors[corner]))
         } else {
             Err(MotorError::Spin)

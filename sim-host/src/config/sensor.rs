@@ -371,22 +371,25 @@ impl SensorConfig {
     /// # Errors
     /// When a number is out of range, a ranger has no direction or one twice, or there are too many values.
     pub fn check_all(sensors: &[Self], control_secs: f64, field: &Field<'_>) -> Result<SensorSuite, ConfigError> {
-        let ((mates, path), sensors) = match sensors.split_last() {
-            Some((Self::Mates(mates), others)) => {
-                ((Some(mates.check(&field.at(others.len()).at("mates"))?), None), others)
-            }
-            Some((Self::Path(path), others)) => {
-                ((None, Some(path.check(&field.at(others.len()).at("path"))?)), others)
-            }
-            Some((Self::Imu(_) | Self::Flow(_) | Self::Range(_) | Self::Barometer(_) | Self::Scan(_), _))
-            | None => ((None, None), sensors),
-        };
+        let (mut mates, mut path) = (None, None);
         let mut instruments = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {
-            instruments.extend(sensor.check(&field.at(index))?);
+            let (field, is_last) = (field.at(index), index + 1 == sensors.len());
+            match sensor {
+                Self::Mates(config) if is_last => mates = Some(config.check(&field.at("mates"))?),
+                Self::Path(config) if is_last => path = Some(config.check(&field.at("path"))?),
+                Self::Imu(_)
+                | Self::Flow(_)
+                | Self::Range(_)
+                | Self::Barometer(_)
+                | Self::Scan(_)
+                | Self::Mates(_)
+                | Self::Path(_) => instruments.extend(sensor.check(&field)?),
+            }
         }
+        let seen_last = usize::from(mates.is_some() || path.is_some());
         let suite = SensorSuite::new(instruments, control_secs)
-            .with_scan(Self::check_scan(sensors, field)?)
+            .with_scan(Self::check_scan(&sensors[..sensors.len() - seen_last], field)?)
             .with_mates(mates)
             .with_path(path);
         if suite.len() > OBSERVATION_LIMIT {

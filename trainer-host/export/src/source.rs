@@ -48,7 +48,7 @@ pub enum SourceError {
     Rotors,
     /// An app shows a policy the Crazyflie's own motion and where it should be, and nothing else.
     #[error(
-        "found a policy that sees `{found}`, expected one trained with `pilot`: an app shows it the drone's motion and the goal alone"
+        "found a policy that sees `{found}`, expected one trained with `pilot`, or with `body` and no sensors: an app shows it the drone's motion and the goal alone"
     )]
     Observation {
         /// What it sees.
@@ -69,10 +69,10 @@ fn for_px4(policy: &PolicyFile<'_>) -> Option<&'static str> {
 
 /// Whether the policy's rotors are the Crazyflie's motors 1 to 4, as far as it says.
 fn for_crazyflie(policy: &PolicyFile<'_>) -> bool {
-    policy.metadata().airframe.is_none_or(|airframe| {
-        let turns = [0, 1, 2, 3].map(|rotor| airframe.turns_counter_clockwise(rotor));
-        airframe.corners() == Some([0, 1, 2, 3]) && turns == [true, false, true, false]
-    })
+    policy
+        .metadata()
+        .airframe
+        .is_none_or(|airframe| airframe.corners() == Some([0, 1, 2, 3]) && airframe.turn_as_usual([0, 1, 2, 3]))
 }
 
 /// `values` in rows of `per_row`, each followed by a comma.

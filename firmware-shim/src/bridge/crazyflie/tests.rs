@@ -140,6 +140,28 @@ fn a_firmware_flies_to_a_point_and_lands() {
 }
 
 #[test]
+fn a_firmware_that_was_behind_has_caught_up() {
+    let mut sockets = sockets();
+    let bridge = sockets[0].address().unwrap();
+    let clock = AtomicU32::new(0);
+    thread::scope(|scope| {
+        let waiting = scope.spawn(|| {
+            let firmware = Firmware::new(bridge);
+            firmware.fly(200, &clock);
+            // Meanwhile the last sample comes some 25 times.
+            thread::sleep(Duration::from_millis(100));
+            firmware.fly(400, &clock);
+            thread::sleep(Duration::from_millis(2));
+            firmware.socket.set_nonblocking(true).unwrap();
+            core::iter::from_fn(|| firmware.socket.recv(&mut [0; 32]).ok()).count()
+        });
+        simulate(&mut sockets, &mut |_| if waiting.is_finished() { Next::End } else { Next::Fly });
+        let waiting = waiting.join().unwrap();
+        assert!(waiting < 12, "{waiting} samples are older than the last");
+    });
+}
+
+#[test]
 fn a_client_and_the_firmware_hear_each_other() {
     let mut sockets = sockets();
     let (bridge, clients) = (sockets[0].address().unwrap(), sockets[1].address().unwrap());
