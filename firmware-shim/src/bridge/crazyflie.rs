@@ -73,9 +73,8 @@ pub struct CrazyflieSimulator {
     noise: Noise,
     steps: u64,
     throttles: [f32; 4],
-    /// Motor outputs that came.
-    answers: u64,
-    /// Samples since the last of them.
+    engaged: bool,
+    /// Samples since the last motor outputs.
     waiting: u32,
     garbage: u64,
 }
@@ -83,7 +82,7 @@ pub struct CrazyflieSimulator {
 impl CrazyflieSimulator {
     /// A simulator whose motion capture errs as `noise` says.
     pub const fn new(noise: Noise) -> Self {
-        Self { noise, steps: 0, throttles: [0.0; 4], answers: 0, waiting: 0, garbage: 0 }
+        Self { noise, steps: 0, throttles: [0.0; 4], engaged: false, waiting: 0, garbage: 0 }
     }
 
     /// The sample of a step, which is to be answered.
@@ -125,7 +124,7 @@ impl CrazyflieSimulator {
         match (Packet::parse(datagram), ratios(datagram)) {
             (Some(packet), Some(ratios)) if packet.port == SIMULATION => {
                 self.throttles = ratios.map(|ratio| f32::from(ratio) / f32::from(u16::MAX));
-                self.answers += 1;
+                self.engaged = true;
                 self.waiting = 0;
                 Said::Motors
             }
@@ -149,14 +148,9 @@ impl CrazyflieSimulator {
         self.waiting
     }
 
-    /// Motor outputs that came since the start.
-    pub const fn answers(&self) -> u64 {
-        self.answers
-    }
-
-    /// Whether any came.
+    /// Whether any ever was.
     pub const fn engaged(&self) -> bool {
-        self.answers > 0
+        self.engaged
     }
 
     /// The last motor outputs, 0 to 1, clockwise from the front right.

@@ -25,9 +25,6 @@ const ANSWER_LIMIT: Duration = Duration::from_millis(4);
 /// operating system.
 const LOOK_EVERY: Duration = Duration::from_micros(40);
 
-/// A firmware that was behind and has been silent for as long has answered all that it was sent.
-const SILENCE: Duration = Duration::from_millis(8);
-
 /// So many samples without an answer, and the firmware has gone.
 const SAMPLES_LIMIT: u32 = 300;
 
@@ -143,8 +140,6 @@ impl<'a, 'p> CrazyflieServer<'a, 'p> {
             socket.send(&pose, firmware);
         }
         socket.send(&self.simulator.sample(self.drone.measurement()), firmware);
-        // Samples that may still be answered, and not as the next ones should be.
-        let mut late = if engaged_before { 0 } else { self.simulator.waiting() };
         let mut heard = self.hear(socket)?;
         while heard.is_none() && self.simulator.engaged() && self.simulator.waiting() > LEAD {
             let end = Instant::now() + ANSWER_LIMIT;
@@ -164,11 +159,7 @@ impl<'a, 'p> CrazyflieServer<'a, 'p> {
                     return Ok(watch(&BridgeEvent::Gone));
                 }
                 socket.send(&self.simulator.sample(self.drone.measurement()), firmware);
-                late += 1;
             }
-        }
-        if late > 0 && self.simulator.engaged() && heard.is_none() {
-            heard = self.catch_up(socket, late)?;
         }
         if let Some(restarted) = heard {
             return Ok(self.greet(socket, restarted, watch));
@@ -177,23 +168,6 @@ impl<'a, 'p> CrazyflieServer<'a, 'p> {
             return Ok(Next::End);
         }
         Ok(self.advance(watch))
-    }
-
-    /// Waits for the answers to samples that came twice, or before the first answer: taken for those to the next ones, they
-    /// would leave the firmware behind for good.
-    fn catch_up(&mut self, socket: &mut DatagramSocket, late: u32) -> Result<Option<SocketAddr>, BridgeError> {
-        let end = self.simulator.answers() + u64::from(late);
-        let (mut answers, mut last) = (self.simulator.answers(), Instant::now());
-        while answers < end && last.elapsed() < SILENCE {
-            thread::sleep(LOOK_EVERY);
-            if let Some(restarted) = self.hear(socket)? {
-                return Ok(Some(restarted));
-            }
-            if self.simulator.answers() > answers {
-                (answers, last) = (self.simulator.answers(), Instant::now());
-            }
-        }
-        Ok(None)
     }
 
     /// Hears all that the firmware has said; where it is, if it has started anew.

@@ -140,28 +140,6 @@ fn a_firmware_flies_to_a_point_and_lands() {
 }
 
 #[test]
-fn a_firmware_that_was_behind_has_caught_up() {
-    let mut sockets = sockets();
-    let bridge = sockets[0].address().unwrap();
-    let clock = AtomicU32::new(0);
-    thread::scope(|scope| {
-        let waiting = scope.spawn(|| {
-            let firmware = Firmware::new(bridge);
-            firmware.fly(200, &clock);
-            // Meanwhile the last sample comes some 25 times.
-            thread::sleep(Duration::from_millis(100));
-            firmware.fly(400, &clock);
-            thread::sleep(Duration::from_millis(2));
-            firmware.socket.set_nonblocking(true).unwrap();
-            core::iter::from_fn(|| firmware.socket.recv(&mut [0; 32]).ok()).count()
-        });
-        simulate(&mut sockets, &mut |_| if waiting.is_finished() { Next::End } else { Next::Fly });
-        let waiting = waiting.join().unwrap();
-        assert!(waiting < 12, "{waiting} samples are older than the last");
-    });
-}
-
-#[test]
 fn a_client_and_the_firmware_hear_each_other() {
     let mut sockets = sockets();
     let (bridge, clients) = (sockets[0].address().unwrap(), sockets[1].address().unwrap());
@@ -186,25 +164,27 @@ fn a_client_and_the_firmware_hear_each_other() {
 fn a_firmware_that_goes_stops_the_motors_and_may_come_back() {
     let mut sockets = sockets();
     let bridge = sockets[0].address().unwrap();
-    let (mut gone, mut engaged, mut last_targets) = (0, 0, [1.0; 4]);
-    let clock = AtomicU32::new(0);
+    let (mut engaged, mut last_targets) = (0, [1.0; 4]);
+    let [clock, gone] = [0, 0].map(AtomicU32::new);
     let counts = thread::scope(|scope| {
         scope.spawn(|| {
             Firmware::new(bridge).fly(700, &clock);
-            thread::sleep(Duration::from_millis(1500));
+            while gone.load(Ordering::Relaxed) == 0 {
+                thread::sleep(Duration::from_millis(5));
+            }
             Firmware::new(bridge).fly(50, &clock);
         });
         simulate(&mut sockets, &mut |event| {
             match event {
-                BridgeEvent::Gone => gone += 1,
+                BridgeEvent::Gone => _ = gone.fetch_add(1, Ordering::Relaxed),
                 BridgeEvent::Engaged => engaged += 1,
                 BridgeEvent::Stepped(step) => last_targets = step.rotor_targets,
                 BridgeEvent::Waiting | BridgeEvent::Connected(_) | BridgeEvent::Unanswered => {}
             }
-            if gone == 2 { Next::End } else { Next::Fly }
+            if gone.load(Ordering::Relaxed) == 2 { Next::End } else { Next::Fly }
         })
     });
-    assert_eq!((gone, engaged, counts.connections), (2, 2, 2));
+    assert_eq!((engaged, counts.connections), (2, 2));
     assert_eq!(last_targets, [0.0; 4]);
 }
 
