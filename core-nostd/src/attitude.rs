@@ -52,6 +52,20 @@ impl<R: Real> Attitude<R> {
         )
     }
 
+    /// Body x and y of a world vector, by two cross products: half the arithmetic of [`Self::rotate_inverse`].
+    #[inline(always)]
+    pub fn planar_in_body(&self, in_world: &Vector3<R>) -> [R; 2] {
+        let Self { w, x, y, z } = *self;
+        let (x2, y2, z2) = (x + x, y + y, z + z);
+        let twist_x = z2 * in_world.y - y2 * in_world.z;
+        let twist_y = x2 * in_world.z - z2 * in_world.x;
+        let twist_z = y2 * in_world.x - x2 * in_world.y;
+        [
+            in_world.x + w * twist_x + (z * twist_y - y * twist_z), //
+            in_world.y + w * twist_y + (x * twist_z - z * twist_x),
+        ]
+    }
+
     /// Body z axis (thrust direction) in the world frame.
     #[inline(always)]
     pub fn body_z(&self) -> Vector3<R> {
@@ -166,6 +180,8 @@ mod tests {
         let turn = Attitude::from_axis_angle(axis, 2.1);
         let vector = Vector3::new(0.3, -0.7, 1.9);
         assert!((turn.rotate_inverse(turn.rotate(vector)) - vector).norm() < 1e-12);
+        let [x, y] = turn.planar_in_body(&turn.rotate(vector));
+        assert!((x - vector.x).abs() < 1e-12 && (y - vector.y).abs() < 1e-12, "{x} {y}");
         assert!((turn.matrix() * vector - turn.rotate(vector)).norm() < 1e-12);
         assert!((turn.body_z() - turn.rotate(Vector3::z())).norm() < 1e-12);
     }

@@ -155,8 +155,9 @@ pub struct EffectGains<R> {
     pub rotor_thrusts: [R; 4],
     /// Share of a commanded rotor speed that an unloaded battery reaches: one when it is full.
     pub battery: R,
-    /// What the load takes of that share, per summed squared rotor speed \[s²/rad²\].
-    pub battery_sag: R,
+    /// What the load takes of that share, per summed squared rotor speed \[s²/rad²\]; `None` where it takes nothing, and
+    /// nothing is computed.
+    pub battery_sag: Option<R>,
 }
 
 impl<R: Real> Vehicle<R> {
@@ -314,23 +315,24 @@ impl<R: Real> EffectGains<R> {
             body_drag: real(effects.body_drag / airframe.mass),
             rotor_thrusts: [R::one(); 4],
             battery: R::one(),
-            battery_sag: real(
-                effects.battery_sag / (4.0 * airframe.rotor_speed_limit * airframe.rotor_speed_limit),
-            ),
+            battery_sag: (effects.battery_sag != 0.0).then(|| {
+                real(effects.battery_sag / (4.0 * airframe.rotor_speed_limit * airframe.rotor_speed_limit))
+            }),
         }
     }
 
     /// Share of a commanded rotor speed that the battery reaches under the load of these rotor speeds \[rad/s\].
     #[inline(always)]
     fn battery_share(&self, rotor_speeds: &[R; 4]) -> R {
+        let Some(sag) = self.battery_sag else { return self.battery };
         let [a, b, c, d] = rotor_speeds.map(|speed| speed * speed);
-        self.battery - self.battery_sag * ((a + b) + (c + d))
+        self.battery - sag * ((a + b) + (c + d))
     }
 
     /// What they add to Euler's equation \[rad/s²\]; `air_velocity` \[m/s\] is that of the drone in the air, world.
     #[inline(always)]
     fn angular_acceleration(&self, state: &State<R>, spin_up: &[R; 4], air_velocity: &Vector3<R>) -> Vector3<R> {
-        let air_velocity = state.world_from_body.rotate_inverse(*air_velocity);
+        let [air_x, air_y] = state.world_from_body.planar_in_body(air_velocity);
         let ([a, b, c, d], rates) = (state.rotor_speeds, &state.body_rates);
         let summed_speed = (a + b) + (c + d);
         let momentum = (b + d) - (a + c);
@@ -338,8 +340,8 @@ impl<R: Real> EffectGains<R> {
         let [flapping_x, flapping_y] = self.flapping.map(|gain| gain * summed_speed);
         let (damping, rotor) = (&self.rate_damping, &self.rotor_inertia);
         Vector3::new(
-            flapping_x * air_velocity.y - damping.x * rates.x + rotor.x * (rates.y * momentum),
-            -(flapping_y * air_velocity.x) - damping.y * rates.y - rotor.y * (rates.x * momentum),
+            flapping_x * air_y - damping.x * rates.x + rotor.x * (rates.y * momentum),
+            -(flapping_y * air_x) - damping.y * rates.y - rotor.y * (rates.x * momentum),
             rotor.z * reaction - damping.z * rates.z,
         )
     }

@@ -489,18 +489,16 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         targets: &[Column<LANES, R>; 4],
         push: &Column<LANES, R>,
     ) {
-        let late;
-        let targets = match &mut self.latency {
-            None => targets,
+        let late = match &mut self.latency {
+            None => None,
             Some(latency) => {
                 if substep == 0 {
-                    latency.begin_period(&self.swarm.states());
+                    latency.add(0, &self.swarm.states());
                 }
-                late = latency.targets(substep, targets);
-                &late
+                latency.targets(substep, targets)
             }
         };
-        self.swarm.advance(mechanics, targets, push);
+        self.swarm.advance(mechanics, late.as_ref().unwrap_or(targets), push);
         if let Some(latency) = &mut self.latency {
             latency.add(substep + 1, &self.swarm.states());
         }

@@ -297,7 +297,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             }
             for (index, (drone, push)) in drones.iter_mut().zip(&pushes).enumerate() {
                 let (agent, targets) = (&self.agents[index], &self.targets[index]);
-                let late = agent.latency.as_ref().map(|latency| latency.targets(substep, targets));
+                let late = agent.latency.as_ref().and_then(|latency| latency.targets(substep, targets));
                 drone.advance(stage.mechanics, &one_lane(late.as_ref().unwrap_or(targets), lane), push);
             }
             let bodies = (&mut self.movables[lane], &mut self.contacts[lane]);

@@ -3,6 +3,8 @@
 //! A policy acts on an estimate of the state that is some milliseconds old, and its command reaches the motors some
 //! milliseconds after. Both delays are drawn for each episode.
 
+use core::cmp::Ordering;
+
 use kestrel_core::attitude::Attitude;
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
@@ -51,10 +53,9 @@ pub(crate) struct States<'a, const LANES: usize, R> {
 /// What a block remembers in order to be late.
 #[derive(Clone, Debug)]
 pub(crate) struct LatencyMemory<const LANES: usize, R> {
-    /// What is known of the motion.
+    /// What is known of the motion. While a control period is flown nobody looks at it, and what will be known at its end
+    /// is summed up here, substep by substep.
     known: Motions<LANES, R>,
-    /// What will be known at the end of the control period, summed up substep by substep.
-    coming: Motions<LANES, R>,
     /// Delay of the state, in substeps.
     state_delay: Column<LANES, R>,
     /// Delay of the motors, in substeps.
@@ -64,6 +65,10 @@ pub(crate) struct LatencyMemory<const LANES: usize, R> {
     /// In a control period.
     substeps: u32,
     substeps_per_sec: f64,
+    /// Greatest age of a motion that anybody knows at the end of a control period, in substeps.
+    oldest: u32,
+    /// From this substep on, all motors follow the command of their control period.
+    obeyed_from: u32,
 }
 
 /// A motion without rotor speeds: position, attitude, velocity, body rates.
@@ -101,14 +106,17 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
             return None;
         }
         let nothing = [R::zero(); LANES];
+        let substeps_per_sec = 1.0 / physics.substep_secs();
+        let greatest = |[_, most]: [f32; 2]| (f64::from(most) * substeps_per_sec).ceil() as u32;
         Some(Self {
             known: [nothing; MOTION_LEN],
-            coming: [nothing; MOTION_LEN],
             state_delay: nothing,
             motor_delay: nothing,
             targets_before: [nothing; 4],
             substeps: physics.substeps,
-            substeps_per_sec: 1.0 / physics.substep_secs(),
+            substeps_per_sec,
+            oldest: greatest(latency.state_secs).min(physics.substeps),
+            obeyed_from: greatest(latency.motor_secs),
         })
     }
 
@@ -126,10 +134,13 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
         set_row(&mut self.known, lane, motion_of(state));
     }
 
-    /// What the motors follow in a substep of the control period whose command is `targets`: until the delay is over, the
-    /// command before.
+    /// What the motors follow in a substep of the control period whose command is `targets`, if it is not that: until the
+    /// delay is over, the command before.
     #[inline(always)]
-    pub(crate) fn targets(&self, substep: u32, targets: &[Column<LANES, R>; 4]) -> [Column<LANES, R>; 4] {
+    pub(crate) fn targets(&self, substep: u32, targets: &[Column<LANES, R>; 4]) -> Option<[Column<LANES, R>; 4]> {
+        if substep >= self.obeyed_from {
+            return None;
+        }
         let passed = R::from_f64(f64::from(substep));
         let mut late = *targets;
         for (late, before) in late.iter_mut().zip(&self.targets_before) {
@@ -138,24 +149,27 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
                 late[lane] += (before[lane] - late[lane]) * share;
             }
         }
-        late
+        Some(late)
     }
 
-    /// Begins a control period with the motion at its start.
-    #[inline(always)]
-    pub(crate) fn begin_period(&mut self, states: &States<'_, LANES, R>) {
-        self.coming = [[R::zero(); LANES]; MOTION_LEN];
-        self.add(0, states);
-    }
-
-    /// Takes in the motion of all lanes after so many substeps of the control period.
+    /// Takes in the motion of all lanes after so many substeps of the control period, from zero on.
     #[inline(always)]
     pub(crate) fn add(&mut self, substeps: u32, states: &States<'_, LANES, R>) {
-        let age = R::from_f64(f64::from(self.substeps - substeps));
+        let age = self.substeps - substeps;
+        match age.cmp(&self.oldest) {
+            Ordering::Greater => {}
+            Ordering::Equal => self.sum(age, states, |_, motion| motion),
+            Ordering::Less => self.sum(age, states, |sum, motion| sum + motion),
+        }
+    }
+
+    #[inline(always)]
+    fn sum(&mut self, age: u32, states: &States<'_, LANES, R>, sum_of: impl Fn(R, R) -> R) {
+        let age = R::from_f64(f64::from(age));
         let shares = self.state_delay.map(|delay| share(delay, age));
-        for (coming, motion) in self.coming.iter_mut().zip(states.motion()) {
+        for (sum, motion) in self.known.iter_mut().zip(states.motion()) {
             for lane in 0..LANES {
-                coming[lane] += shares[lane] * motion[lane];
+                sum[lane] = sum_of(sum[lane], shares[lane] * motion[lane]);
             }
         }
     }
@@ -169,14 +183,15 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
                 *sum += share * value;
             }
         }
-        set_row(&mut self.coming, lane, sum);
+        set_row(&mut self.known, lane, sum);
     }
 
     /// Ends a control period, whose command was `targets`.
     #[inline(always)]
     pub(crate) fn end_period(&mut self, targets: &[Column<LANES, R>; 4]) {
-        self.targets_before = *targets;
-        self.known = self.coming;
+        if self.obeyed_from > 0 {
+            self.targets_before = *targets;
+        }
         let [_, _, _, attitude @ .., _, _, _, _, _, _] = &mut self.known;
         for lane in 0..LANES {
             let [w, x, y, z] = row(attitude, lane);

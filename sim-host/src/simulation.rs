@@ -434,18 +434,37 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                     }
                 },
             );
+            let (observations, privileged) = (&mut self.observations, &mut self.privileged);
+            Outputs { environments, observations, privileged }.gather(index, block);
         }
     }
 
     /// Copies the blocks' observations into the columns.
     fn gather_outputs(&mut self) {
-        let all = self.rows();
+        let (observations, privileged) = (&mut self.observations, &mut self.privileged);
+        let mut outputs = Outputs { environments: self.environments, observations, privileged };
         for (index, block) in self.blocks.iter().enumerate() {
-            for (number, agent) in block.agents.iter().enumerate() {
-                let rows = rows_of_block::<LANES>(self.environments, number, index);
-                gather(&mut self.observations, all, rows.clone(), &agent.observations);
-                gather(&mut self.privileged, all, rows, &agent.privileged);
-            }
+            outputs.gather(index, block);
+        }
+    }
+}
+
+/// What policy and critic see of all environments.
+struct Outputs<'a, R> {
+    environments: usize,
+    observations: &'a mut [R],
+    privileged: &'a mut [R],
+}
+
+impl<R: Real> Outputs<'_, R> {
+    /// Copies the observations of a block out of it, while it is in the cache.
+    #[inline(always)]
+    fn gather<const LANES: usize>(&mut self, index: usize, block: &Block<LANES, R>) {
+        let all = self.environments * block.agents.len();
+        for (number, agent) in block.agents.iter().enumerate() {
+            let rows = rows_of_block::<LANES>(self.environments, number, index);
+            gather(self.observations, all, rows.clone(), &agent.observations);
+            gather(self.privileged, all, rows, &agent.privileged);
         }
     }
 }
@@ -505,7 +524,6 @@ where
         self.gather_rewards();
         self.take_images(|_| true);
         self.restart_ended();
-        self.gather_outputs();
         self.take_images(|outcome| outcome != Outcome::Running);
     }
 }
@@ -524,7 +542,11 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             blocks: &mut self.blocks,
             actions,
             rotor_speeds,
-            environments: self.environments,
+            outputs: Outputs {
+                environments: self.environments,
+                observations: &mut self.observations,
+                privileged: &mut self.privileged,
+            },
         });
     }
 }
@@ -582,30 +604,32 @@ struct Advance<'a, const LANES: usize, R: Real> {
     blocks: &'a mut [Block<LANES, R>],
     actions: &'a [R],
     rotor_speeds: Option<&'a [[R; 4]]>,
-    environments: usize,
+    outputs: Outputs<'a, R>,
 }
 
 impl<const LANES: usize, R: Real> WithSimd for Advance<'_, LANES, R> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
+    fn with_simd<S: Simd>(mut self, _simd: S) {
+        let environments = self.outputs.environments;
         let agents = self.stage.scenario.agents.count as usize;
         let mut actions = vec![[[R::zero(); LANES]; ACTION_LIMIT]; agents];
         // The reference limits nothing.
         let limits = !matches!(self.stage.scenario.action, ActionSpace::Reference(_));
-        let rows = self.environments * agents;
+        let rows = environments * agents;
         for (index, block) in self.blocks.iter_mut().enumerate() {
             for (agent, columns) in actions.iter_mut().enumerate() {
-                let range = rows_of_block::<LANES>(self.environments, agent, index);
+                let range = rows_of_block::<LANES>(environments, agent, index);
                 load_actions(self.actions, rows, range, limits, columns);
             }
             block.command(&self.stage, &actions);
             if let Some(rotor_speeds) = self.rotor_speeds {
-                let row = |agent| rows_of_block::<LANES>(self.environments, agent, index);
+                let row = |agent| rows_of_block::<LANES>(environments, agent, index);
                 block.command_directly(|agent| &rotor_speeds[row(agent)]);
             }
             block.advance(&self.stage, &actions);
+            self.outputs.gather(index, block);
         }
     }
 }
@@ -632,6 +656,7 @@ fn load_actions<const LANES: usize, R: Real>(
 }
 
 /// Copies block columns to `rows` of each feature's column; `target` may hold fewer features.
+#[inline(always)]
 fn gather<const LANES: usize, R: Copy>(
     target: &mut [R],
     all: usize,
@@ -639,7 +664,12 @@ fn gather<const LANES: usize, R: Copy>(
     columns: &[[R; LANES]],
 ) {
     for (target, column) in target.chunks_exact_mut(all.max(1)).zip(columns) {
-        target[rows.clone()].copy_from_slice(&column[..rows.len()]);
+        let target = &mut target[rows.clone()];
+        match target.first_chunk_mut::<LANES>() {
+            // A size that the compiler knows, and no call.
+            Some(whole) => *whole = *column,
+            None => target.copy_from_slice(&column[..rows.len()]),
+        }
     }
 }
 

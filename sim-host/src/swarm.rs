@@ -276,7 +276,8 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
             let ([fx, fy], [a, b, c, d]) = (effects.flapping, effects.rotor_thrusts);
             let [dx, dy, dz]: [R; 3] = effects.rate_damping.into();
             let [rx, ry, rz]: [R; 3] = effects.rotor_inertia.into();
-            let EffectGains { body_drag, battery, battery_sag, .. } = *effects;
+            let EffectGains { body_drag, battery, .. } = *effects;
+            let battery_sag = effects.battery_sag.unwrap_or(R::zero());
             let values = [fx, fy, dx, dy, dz, rx, ry, rz, body_drag, a, b, c, d, battery, battery_sag];
             set_row(columns, lane, values);
         }
@@ -329,9 +330,13 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
         let effects = core::mem::take(&mut self.effects);
         match effects.first_chunk::<EFFECTS>() {
             None => self.advance_lanes(integrator, ground, held, |_| None),
-            Some(columns) => {
+            // As with the choices above: a battery that sags or not is a constant for the loop.
+            Some(columns) if self.nominal.effects.is_some_and(|effects| effects.battery_sag.is_some()) => {
                 self.advance_lanes(integrator, ground, held, |lane| Some(effect_gains(columns, lane)));
             }
+            Some(columns) => self.advance_lanes(integrator, ground, held, |lane| {
+                Some(EffectGains { battery_sag: None, ..effect_gains(columns, lane) })
+            }),
         }
         self.effects = effects;
     }
@@ -419,7 +424,7 @@ fn effect_gains<R: Real, const LANES: usize>(
         body_drag,
         rotor_thrusts: [a, b, c, d],
         battery,
-        battery_sag,
+        battery_sag: Some(battery_sag),
     }
 }
 

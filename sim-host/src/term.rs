@@ -32,6 +32,7 @@ pub(crate) mod prelude {
     pub(crate) use super::cells::Cells;
     pub(crate) use super::lanes::{
         distance, each, is_unset, length, mark, planar_distance, planar_length, squared_length, stays_in,
+        sum_squares,
     };
     pub(crate) use super::reference::{INTERVAL, LEVEL, LevelWithin, REST_HEIGHT, counted_periods, doubled};
     pub(crate) use super::roll_pitch_limit::RollPitchLimit;

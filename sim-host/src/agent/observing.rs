@@ -12,7 +12,7 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use super::{Agent, PrivilegedScales};
-use crate::latency::known_states;
+use crate::latency::{States, known_states};
 use crate::rooms::Arenas;
 use crate::scenario::{CriticView, Preset, Scenario};
 use crate::sensor::Truth;
@@ -33,25 +33,16 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             ObservationLayout::Pilot(layout) => self.observe_as_pilot(*layout),
             ObservationLayout::Reference(layout) => self.observe_as_paper(scenario, *layout),
             ObservationLayout::PilotFor(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
-                for lane in 0..LANES {
-                    self.sense_lane(scenario, stage.arenas, lane);
-                    self.scan_lane(scenario, stage.arenas, lane);
-                    self.observe_lane(scenario, lane);
-                }
+                self.sense(stage);
+                (0..LANES).for_each(|lane| self.observe_lane(scenario, lane));
             }
             ObservationLayout::Body(layout) => {
-                for lane in 0..LANES {
-                    self.sense_lane(scenario, stage.arenas, lane);
-                    self.scan_lane(scenario, stage.arenas, lane);
-                }
+                self.sense(stage);
                 self.observe_in_body_axes(layout, stage.control_secs);
             }
             ObservationLayout::Px4Neural(layout) => self.observe_as_px4_neural(*layout),
             ObservationLayout::PilotMeasured(layout) => {
-                for lane in 0..LANES {
-                    self.sense_lane(scenario, stage.arenas, lane);
-                    self.scan_lane(scenario, stage.arenas, lane);
-                }
+                self.sense(stage);
                 self.observe_as_pilot(layout.scales);
                 if let Some((_, columns)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() {
                     columns.copy_from_slice(&self.measurements);
@@ -93,19 +84,23 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     #[inline(always)]
     fn observe_in_body_axes(&mut self, layout: &BodyLayout, control_secs: R) {
-        let known = known_states(&self.swarm, self.latency.as_ref());
         let Some((motions, columns)) = self.observations.split_first_chunk_mut::<BODY_MOTION_LEN>() else {
             return;
         };
         let (past, columns) = columns.split_at_mut(layout.past_len());
         let Some((integrals, measured)) = columns.split_first_chunk_mut::<3>() else { return };
-        for lane in 0..LANES {
-            let (state, goal) = (known.state(lane), vector(&self.goal, lane));
-            let integral = layout.integrate(&vector(&self.integral, lane), &state, &goal, control_secs);
-            set_row(&mut self.integral, lane, integral.into());
-            let (motion, integral) = layout.motion(&state, &goal, FORWARD.map(R::from_f32), &integral);
-            set_row(motions, lane, motion);
-            set_row(integrals, lane, integral);
+        let goal = &self.goal;
+        // Matched here rather than in the loop: where one of two states may be read, it does not vectorise.
+        match &self.latency {
+            None => {
+                integrate_lanes(layout, &self.swarm.states(), goal, &mut self.integral, control_secs);
+                encode_body_lanes(layout, &self.swarm.states(), goal, &self.integral, (motions, integrals));
+            }
+            Some(latency) => {
+                let known = latency.known(&self.swarm.rotor_speeds);
+                integrate_lanes(layout, &known, goal, &mut self.integral, control_secs);
+                encode_body_lanes(layout, &known, goal, &self.integral, (motions, integrals));
+            }
         }
         let actions = self.history.iter().rev().flat_map(|action| &action[..usize::from(layout.action_len)]);
         for (column, action) in past.iter_mut().zip(actions) {
@@ -151,6 +146,17 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         scenario.observation.encode(&seen, &mut values[..length]);
         for (column, value) in self.observations.iter_mut().zip(values) {
             column[lane] = value;
+        }
+    }
+
+    /// Reads the sensors of every lane, where there are any.
+    fn sense(&mut self, stage: &Stage<'_, R>) {
+        if self.sensors.is_empty() && stage.scenario.sensors.scan().is_none() {
+            return;
+        }
+        for lane in 0..LANES {
+            self.sense_lane(stage.scenario, stage.arenas, lane);
+            self.scan_lane(stage.scenario, stage.arenas, lane);
         }
     }
 
@@ -241,6 +247,39 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 fn turning<const LANES: usize, R: Real>(swarm: &Swarm<LANES, R>, lane: usize) -> Vector3<R> {
     let state = swarm.state(lane);
     state.world_from_body.rotate(state.body_rates)
+}
+
+/// The integral of the position error after a control period of `secs`, in every lane.
+#[inline(always)]
+fn integrate_lanes<const LANES: usize, R: Real>(
+    layout: &BodyLayout,
+    known: &States<'_, LANES, R>,
+    goal: &[Column<LANES, R>; 3],
+    integral: &mut [Column<LANES, R>; 3],
+    secs: R,
+) {
+    for lane in 0..LANES {
+        let (state, goal) = (known.state(lane), vector(goal, lane));
+        let next = layout.integrate(&vector(integral, lane), &state, &goal, secs);
+        set_row(integral, lane, next.into());
+    }
+}
+
+/// Encodes every lane in the `body` layout: what stands before the past actions, and the integral behind them.
+#[inline(always)]
+fn encode_body_lanes<const LANES: usize, R: Real>(
+    layout: &BodyLayout,
+    known: &States<'_, LANES, R>,
+    goal: &[Column<LANES, R>; 3],
+    integral: &[Column<LANES, R>; 3],
+    (motions, integrals): (&mut [Column<LANES, R>; BODY_MOTION_LEN], &mut [Column<LANES, R>; 3]),
+) {
+    for lane in 0..LANES {
+        let (state, goal) = (known.state(lane), vector(goal, lane));
+        let (motion, integral) = layout.motion(&state, &goal, FORWARD.map(R::from_f32), &vector(integral, lane));
+        set_row(motions, lane, motion);
+        set_row(integrals, lane, integral);
+    }
 }
 
 /// Encodes every lane in the `paper` layout.

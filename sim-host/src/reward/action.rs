@@ -20,6 +20,6 @@ impl Term for Action {
         _: &mut [Column<LANES, R>],
         values: &mut Column<LANES, R>,
     ) {
-        each(values, |i| worth * squared_length(view.actions, i));
+        sum_squares(values, worth, view.actions.iter().map(|action| move |i: usize| action[i]));
     }
 }

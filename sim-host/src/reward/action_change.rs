@@ -20,12 +20,7 @@ impl Term for ActionChange {
         _: &mut [Column<LANES, R>],
         values: &mut Column<LANES, R>,
     ) {
-        each(values, |i| {
-            let square = view.actions.iter().zip(view.previous_actions).fold(R::zero(), |sum, (now, before)| {
-                let change = now[i] - before[i];
-                sum + change * change
-            });
-            worth * square
-        });
+        let changes = view.actions.iter().zip(view.previous_actions);
+        sum_squares(values, worth, changes.map(|(now, before)| move |i: usize| now[i] - before[i]));
     }
 }

@@ -28,11 +28,12 @@ impl Term for HeadingError {
         values: &mut Column<LANES, R>,
     ) {
         let (sine, cosine) = R::from_f64(self.heading_deg.to_radians()).sin_cos();
-        each(values, |i| {
+        // A loop, and no closure: one of this size is not inlined, and runs lane by lane.
+        for (i, value) in values.iter_mut().enumerate() {
             let nose = view.swarm.forward(i);
             let (along, aside) = (cosine * nose.x + sine * nose.y, cosine * nose.y - sine * nose.x);
-            worth * aside.atan2(along).abs()
-        });
+            *value = worth * aside.atan2(along).abs();
+        }
     }
 }
 

@@ -14,6 +14,24 @@ pub(crate) fn each<const LANES: usize, R>(values: &mut Column<LANES, R>, value: 
     }
 }
 
+/// Writes `worth` times the sum of squares of some numbers of each lane. Number by number: a sum within a lane, over as many
+/// numbers as are known at run time only, does not vectorise.
+#[inline(always)]
+pub(crate) fn sum_squares<const LANES: usize, R: Real>(
+    values: &mut Column<LANES, R>,
+    worth: R,
+    numbers: impl Iterator<Item = impl Fn(usize) -> R>,
+) {
+    *values = [R::zero(); LANES];
+    for number in numbers {
+        for (lane, sum) in values.iter_mut().enumerate() {
+            let value = number(lane);
+            *sum += value * value;
+        }
+    }
+    values.iter_mut().for_each(|sum| *sum = worth * *sum);
+}
+
 /// Writes `code` where the lane is not `fine`; comparisons with NaN are false, so NaN is never fine.
 #[inline(always)]
 pub(crate) fn mark<const LANES: usize>(codes: &mut Column<LANES>, code: f32, fine: impl Fn(usize) -> bool) {

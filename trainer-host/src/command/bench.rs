@@ -1,8 +1,6 @@
 //! `kestrel bench`.
 
-#[cfg(feature = "gpu")]
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::bench::{self, Figure};
@@ -14,6 +12,7 @@ use kestrel_experiments::progress::amount;
 use kestrel_experiments::results;
 use kestrel_experiments::run_config::Subject;
 use kestrel_experiments::training_run::untrained_actor;
+use kestrel_sim::scenario::Scenario;
 
 use super::Done;
 
@@ -31,6 +30,37 @@ pub(crate) struct Arguments {
     /// Time of each of the five repetitions of a figure
     #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = repetition_secs, allow_negative_numbers = true)]
     secs: f64,
+
+    /// Groups of rows that are measured; all without it
+    #[arg(long, value_name = "GROUP", value_delimiter = ',')]
+    rows: Vec<Rows>,
+}
+
+/// Rows of the table that belong together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Rows {
+    /// The vehicle alone
+    Vehicle,
+    /// Environments of the experiment
+    Environment,
+    /// Tasks of the reference
+    Aviaries,
+    /// Camera images
+    Images,
+    /// Encoders of images
+    Encoders,
+    /// PPO, regularisers and gradients through the physics
+    Training,
+    /// Training with a camera
+    Seeing,
+    /// Policies in float and in fixed point
+    Inference,
+}
+
+impl Arguments {
+    fn asks_for(&self, rows: Rows) -> bool {
+        self.rows.is_empty() || self.rows.contains(&rows)
+    }
 }
 
 fn repetition_secs(text: &str) -> Result<f64, String> {
@@ -45,34 +75,67 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let duration = Duration::from_secs_f64(arguments.secs);
     let scenario = &experiment.scenario;
     say(format_args!("{:<44} {:>9} {:>9} {:>6}  limited by", "", "per s", "aim", "ratio"))?;
-    print(&bench::vehicle(scenario, duration))?;
-    print(&bench::environment(scenario, duration))?;
+    if arguments.asks_for(Rows::Vehicle) {
+        print(&bench::vehicle(scenario, duration))?;
+    }
+    if arguments.asks_for(Rows::Environment) {
+        print(&bench::environment(scenario, duration))?;
+    }
+    if arguments.asks_for(Rows::Aviaries) {
+        print_aviaries(&arguments.aviaries, duration)?;
+    }
+    if arguments.asks_for(Rows::Images) {
+        print_images(&arguments.aviaries, scenario, duration)?;
+    }
+    if arguments.asks_for(Rows::Encoders) {
+        print(&bench::eyes(duration))?;
+    }
+    if arguments.asks_for(Rows::Training) {
+        print(&bench::training(scenario, &experiment.ppo, duration))?;
+        let settings = experiment.analytic.clone().unwrap_or_default();
+        print(&Vec::from_iter(bench::gradients(scenario, &settings, duration)))?;
+    }
+    if arguments.asks_for(Rows::Seeing) {
+        print_seeing(&arguments.aviaries, duration)?;
+    }
+    if arguments.asks_for(Rows::Inference) {
+        let actor = untrained_actor(&experiment)?;
+        let export = results::exported(&Subject::of(&experiment), &actor, 0)?;
+        let files = [PolicyFile::parse(&export.float_policy)?, PolicyFile::parse(&export.fixed_policy)?];
+        print(&bench::inference(&actor, &files, duration))?;
+    }
+    Ok(Done::Finished)
+}
+
+fn print_aviaries(aviaries: &Path, duration: Duration) -> Result<()> {
     for aviary in &bench::AVIARIES {
-        let overrides: Vec<String> = aviary.overrides.iter().map(|&set| set.to_owned()).collect();
-        let task = experiment_config::load(&arguments.aviaries.join(aviary.file), &overrides)?;
+        let task = experiment_config::load(&aviaries.join(aviary.file), &owned(aviary.overrides))?;
         print(&[bench::aviary(aviary, &task.scenario, duration)])?;
     }
+    Ok(())
+}
+
+fn print_images(aviaries: &Path, scenario: &Scenario, duration: Duration) -> Result<()> {
     for sight in &bench::SIGHTS {
-        let task = experiment_config::load(&arguments.aviaries.join(sight.file), &[])?;
+        let task = experiment_config::load(&aviaries.join(sight.file), &[])?;
         print(&[bench::sight(sight, &task.scenario, duration)])?;
     }
     print(&[bench::placing(scenario, duration)])?;
-    print(&bench::eyes(duration))?;
     #[cfg(feature = "gpu")]
-    print_gpu(&arguments.aviaries, duration)?;
-    print(&bench::training(scenario, &experiment.ppo, duration))?;
-    let settings = experiment.analytic.clone().unwrap_or_default();
-    print(&Vec::from_iter(bench::gradients(scenario, &settings, duration)))?;
+    print_gpu(aviaries, duration)?;
+    Ok(())
+}
+
+fn print_seeing(aviaries: &Path, duration: Duration) -> Result<()> {
     for seeing in &bench::SEEING {
-        let overrides: Vec<String> = seeing.overrides.iter().map(|&set| set.to_owned()).collect();
-        let task = experiment_config::load(&arguments.aviaries.join(seeing.file), &overrides)?;
+        let task = experiment_config::load(&aviaries.join(seeing.file), &owned(seeing.overrides))?;
         print(&[bench::seeing(seeing, &task, duration)])?;
     }
-    let actor = untrained_actor(&experiment)?;
-    let export = results::exported(&Subject::of(&experiment), &actor, 0)?;
-    let files = [PolicyFile::parse(&export.float_policy)?, PolicyFile::parse(&export.fixed_policy)?];
-    print(&bench::inference(&actor, &files, duration))?;
-    Ok(Done::Finished)
+    Ok(())
+}
+
+fn owned(overrides: &[&str]) -> Vec<String> {
+    overrides.iter().map(|&set| set.to_owned()).collect()
 }
 
 /// Of the GPU, or else of an adapter in software, which is named; says so where there is neither.
