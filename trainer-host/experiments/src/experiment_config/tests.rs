@@ -330,7 +330,7 @@ fn hover_learns_by_gradients_unless_told_otherwise() {
     assert_eq!(by(&gradients), ("gradients through the physics", 2_457_600, 128 * 64));
     assert_eq!(by(&ppo), ("PPO", 4_915_200, 1024 * 32));
     let traced = StepGradient::new(&gradients.scenario).unwrap();
-    assert_eq!(traced.operations(), (881, 1484), "docs/decisions.md says how many");
+    assert_eq!(traced.operations(), (782, 1355), "docs/decisions.md says how many");
     assert_eq!(gradients.silent_rewards(), ["alive", "failure"]);
     assert!(ppo.silent_rewards().is_empty());
 }
