@@ -58,6 +58,7 @@ pub mod airframe;
 pub mod anchor;
 mod arithmetic;
 pub mod attitude;
+pub mod crazyflie;
 pub mod crc32;
 pub mod downwash;
 pub mod dynamics;
