@@ -126,9 +126,7 @@ impl<R: Real> Cascade<R> {
         let before = self.attitude[2].measured();
         let turns = [roll, pitch, before + wrapped(wrapped(yaw) - wrapped(before))];
         let errors = [wanted_roll - roll, wanted_pitch - pitch, wrapped(wanted_yaw - yaw)];
-        core::array::from_fn(|axis| {
-            self.attitude[axis].output(&ATTITUDE[axis], errors[axis], turns[axis], secs)
-        })
+        core::array::from_fn(|axis| self.attitude[axis].output(&ATTITUDE[axis], errors[axis], turns[axis], secs))
     }
 }
 

@@ -59,7 +59,7 @@ impl<R: Real> Mellinger<R> {
         let (real, secs) = (R::from_f32, R::from_f64(STABILISER_SECS));
         let Push { thrust, turn } = self.push(state, setpoint, acceleration, secs);
         let rates = state.body_rates;
-        let change = self.rates_before.replace(rates).map_or(rates - rates, |before| (rates - before) / secs);
+        let change = (rates - self.rates_before.replace(rates).unwrap_or(rates)) / secs;
         let limit = real(HEADING_INTEGRAL_LIMIT);
         self.heading_integral = (self.heading_integral + turn.z * secs).limited(-limit, limit);
         let extra = [
@@ -69,8 +69,7 @@ impl<R: Real> Mellinger<R> {
         ];
         let turning = core::array::from_fn(|axis| {
             let rate_error = setpoint.euler_rates[axis] - rates[axis];
-            let counts =
-                real(TURN_GAINS[axis]) * turn[axis] + real(RATE_GAINS[axis]) * rate_error + extra[axis];
+            let counts = real(TURN_GAINS[axis]) * turn[axis] + real(RATE_GAINS[axis]) * rate_error + extra[axis];
             counts.limited(-real(TURNING_LIMIT), real(TURNING_LIMIT))
         });
         Mix { thrust: thrust * real(COUNTS_PER_NEWTON), turning }
@@ -91,13 +90,7 @@ impl<R: Real> Mellinger<R> {
         Demand { thrust: thrust.at_least(R::zero()), body_rates: Vector3::new(rate(0), rate(1), rate(2)) }
     }
 
-    fn push(
-        &mut self,
-        state: &State<R>,
-        setpoint: &Setpoint<R>,
-        acceleration: &Vector3<R>,
-        secs: R,
-    ) -> Push<R> {
+    fn push(&mut self, state: &State<R>, setpoint: &Setpoint<R>, acceleration: &Vector3<R>, secs: R) -> Push<R> {
         let real = R::from_f32;
         let (error, drift) = (setpoint.position - state.position, setpoint.velocity - state.velocity);
         let mut force = acceleration * self.mass;

@@ -38,13 +38,21 @@ fn lateness_secs(recording: &Recording) -> Option<f64> {
     let scores: Vec<f64> = (-reach..=reach)
         .map(|shift| correlation(&recording.body_rates, &times, &turned, f64::from(shift) * STEP_SECS))
         .collect();
+    if scores.iter().all(|score| *score < CERTAIN) {
+        return None;
+    }
+    Some((peak(&scores)? - f64::from(reach)) * STEP_SECS)
+}
+
+/// Where a parabola through the greatest score and those beside it has its peak, in scores from the first; nowhere if the
+/// greatest is at an end.
+pub(crate) fn peak(scores: &[f64]) -> Option<f64> {
     let best = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
-    if scores[best] < CERTAIN || best == 0 || best + 1 == scores.len() {
+    if best == 0 || best + 1 == scores.len() {
         return None;
     }
     let [before, peak, after] = [scores[best - 1], scores[best], scores[best + 1]];
-    let offset = 0.5 * (before - after) / (before - 2.0 * peak + after);
-    Some((best as f64 - f64::from(reach) + offset) * STEP_SECS)
+    Some(best as f64 + 0.5 * (before - after) / (before - 2.0 * peak + after))
 }
 
 /// Body rates \[rad/s\] by the attitudes half a step to either side.

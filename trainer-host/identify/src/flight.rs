@@ -48,6 +48,8 @@ pub struct Recording {
     pub attitudes: Track<4>,
     /// Battery voltage under load \[V\].
     pub battery_volts: Track<1>,
+    /// Position \[m\], world, and heading \[rad\] that the controller was asked for.
+    pub set_points: Track<4>,
     /// Time stamps of rows that the log itself does not vouch for.
     pub doubtful_secs: Vec<f64>,
 }
@@ -65,6 +67,7 @@ impl Recording {
             velocities: Track::new(),
             attitudes: Track::new(),
             battery_volts: Track::new(),
+            set_points: Track::new(),
             doubtful_secs: Vec::new(),
         }
     }
@@ -104,6 +107,17 @@ pub struct Flight {
     pub motion: Option<Motion>,
     /// Battery voltage \[V\].
     pub battery_volts: Option<Vec<f64>>,
+    /// What the controller was asked for, held until the next row.
+    pub set_points: Option<Vec<SetPoint>>,
+}
+
+/// Where a controller was asked to go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SetPoint {
+    /// \[m\], world.
+    pub position: Vector3<f64>,
+    /// Heading \[rad\].
+    pub yaw: f64,
 }
 
 impl Flight {
@@ -134,6 +148,7 @@ impl Flight {
             specific_forces: column(&recording.specific_forces),
             motion: motion(recording, &times, gap),
             battery_volts: (!recording.battery_volts.is_empty()).then(|| volts(&recording.battery_volts)),
+            set_points: set_points(recording, &times),
         };
         flight.doubt(&recording.doubtful_secs);
         Ok(flight)
@@ -164,6 +179,12 @@ impl Flight {
             }
         }
     }
+}
+
+fn set_points(recording: &Recording, times: &[f64]) -> Option<Vec<SetPoint>> {
+    let asked = |[x, y, z, yaw]: [f64; 4]| SetPoint { position: Vector3::new(x, y, z), yaw };
+    let held = || filled(times, |time| recording.set_points.held(time)).0.into_iter().map(asked).collect();
+    (!recording.set_points.is_empty()).then(held)
 }
 
 /// Values of a column; the last one stands where there is none, so that the column is whole.

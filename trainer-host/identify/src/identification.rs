@@ -203,12 +203,32 @@ impl<'a> Fit<'a> {
         if self.any(has_volts) {
             parameters.push(Parameter::FullVolts);
         }
+        self.with(&parameters, given, go_on)
+    }
+
+    /// The same with a curve through zero. Radio logs some of the commands only, which makes a curve look flatter than it
+    /// is; the thrust of a brushed motor grows with the square of its voltage and more (Bitcraze 2025).
+    pub(crate) fn with_voltage_alone(
+        &self,
+        given: &Drone,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Estimate, IdentifyError> {
+        self.with(&[Parameter::Delay, Parameter::FullVolts], given, go_on)
+    }
+
+    /// The airframe as given, with these numbers and the trims fitted.
+    fn with(
+        &self,
+        parameters: &[Parameter],
+        given: &Drone,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Estimate, IdentifyError> {
         let mut residuals: Vec<Residuals<'_>> =
             self.residuals.iter().map(|residuals| Residuals::new(residuals.course, Part::Fitted)).collect();
-        let mut estimate = self.start(given, &parameters);
+        let mut estimate = self.start(given, parameters);
         for _ in 0..2 {
             Residuals::resize_all(&mut residuals, &estimate.drone, &estimate.trims);
-            estimate = Search::new(&residuals, &priors(given, &parameters)).run(estimate, go_on)?;
+            estimate = Search::new(&residuals, &priors(given, parameters)).run(estimate, go_on)?;
         }
         Ok(estimate)
     }

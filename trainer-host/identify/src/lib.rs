@@ -23,6 +23,7 @@ mod report;
 mod residual;
 mod smoothing;
 mod track;
+mod tracking;
 
 pub use airframe_file::airframe_file;
 pub use error::LogError;
@@ -32,3 +33,4 @@ pub use parameter::Parameter;
 pub use real::{RealFinding, RealReport, verify_real};
 pub use report::MODELS;
 pub use track::Track;
+pub use tracking::{StockController, TrackingError, TrackingFinding};

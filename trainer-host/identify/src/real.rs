@@ -14,6 +14,7 @@ use crate::identification::{Fit, IdentifyError};
 use crate::least_squares::Estimate;
 use crate::log::read;
 use crate::report::HorizonTable;
+use crate::tracking::TrackingFinding;
 
 /// Folder of the logs at 1 kHz (Eschmann 2024).
 const LOGS: &str = "crazyflie-usd-logs";
@@ -29,6 +30,9 @@ const STRETCHES: [(&str, [f64; 2], Signal); 2] =
 /// model of the air (`RESULTS.md`).
 const LIMITS: [(Signal, f64); 4] =
     [(Signal::Tilting, 2.8), (Signal::Yawing, 0.6), (Signal::Velocity, 0.18), (Signal::Position, 0.048)];
+
+/// Share of the test flights whose error and lag must be those of ours in closed loop: six of eight.
+const TRACKED: f64 = 0.75;
 
 /// Steps of half a second.
 const JUDGED_STEPS: usize = 50;
@@ -58,12 +62,23 @@ pub struct RealReport {
     models: Vec<String>,
     /// Each signal.
     pub findings: Vec<RealFinding>,
+    /// Each test flight in closed loop, by the first airframe.
+    pub tracking: Vec<TrackingFinding>,
 }
 
 impl RealReport {
     /// Whether the first airframe is within every limit.
     pub fn passed(&self) -> bool {
-        self.findings.iter().all(RealFinding::passed)
+        self.findings.iter().all(RealFinding::passed) && self.tracked() >= self.tracked_at_least()
+    }
+
+    /// How many flights pass in closed loop.
+    fn tracked(&self) -> usize {
+        self.tracking.iter().filter(|finding| finding.passed()).count()
+    }
+
+    fn tracked_at_least(&self) -> usize {
+        (TRACKED * self.tracking.len() as f64).ceil() as usize
     }
 }
 
@@ -77,7 +92,7 @@ pub fn verify_real(
     airframes: &[(String, Airframe)],
     go_on: &dyn Fn() -> bool,
 ) -> Result<RealReport, IdentifyError> {
-    let mut findings = Vec::new();
+    let (mut findings, mut tracking) = (Vec::new(), Vec::new());
     let (logs, motion) = (folder.join(LOGS), folder.join(MOTION));
     if !logs.is_dir() && !motion.is_dir() {
         let expected = format!("a folder with {LOGS} or {MOTION}");
@@ -87,10 +102,12 @@ pub fn verify_real(
         findings.extend(turning(&logs, airframes, go_on)?);
     }
     if motion.is_dir() {
-        findings.extend(moving(&motion, airframes, go_on)?);
+        let (moved, tracked) = moving(&motion, airframes, go_on)?;
+        findings.extend(moved);
+        tracking = tracked;
     }
     let models = std::iter::once("hold".to_owned()).chain(airframes.iter().map(|(name, _)| name.clone()));
-    Ok(RealReport { models: models.collect(), findings })
+    Ok(RealReport { models: models.collect(), findings, tracking })
 }
 
 /// Body rates in the stretches of the logs, with the air speed that the accelerometer's drag tells, and in still air. No
@@ -116,21 +133,28 @@ fn turning(
     Ok(findings)
 }
 
-/// Velocity and position in the test flights.
+/// Velocity and position in the test flights, and their closed loops.
 fn moving(
     motion: &Path,
     airframes: &[(String, Airframe)],
     go_on: &dyn Fn() -> bool,
-) -> Result<Vec<RealFinding>, IdentifyError> {
+) -> Result<(Vec<RealFinding>, Vec<TrackingFinding>), IdentifyError> {
     let mut flights = flights(&motion.join("train"))?;
     let tests = self::flights(&motion.join("test"))?;
+    let first_test = flights.len();
     let spans = tests.iter().map(|flight| Span { name: flight.name.clone(), secs: None }).collect();
     let label = format!("{} test flights of {MOTION}", tests.len());
     flights.extend(tests);
     let courses = HoldOut::Spans(spans).courses(&flights)?;
-    let estimates = estimates(&Fit::new(&courses)?, airframes, go_on)?;
+    let fit = Fit::new(&courses)?;
+    let estimates = estimates(&fit, airframes, go_on)?;
     let horizons = horizons(&courses, &estimates.iter().collect::<Vec<_>>());
-    Ok(judged(horizons, &label, &[Signal::Velocity, Signal::Position]))
+    let mut tracking = Vec::new();
+    if let Some((_, airframe)) = airframes.first() {
+        let Estimate { drone, .. } = fit.with_voltage_alone(&drone_of(airframe), go_on)?;
+        tracking.extend(flights[first_test..].iter().filter_map(|flight| TrackingFinding::of(flight, &drone)));
+    }
+    Ok((judged(horizons, &label, &[Signal::Velocity, Signal::Position]), tracking))
 }
 
 fn estimates(
@@ -169,6 +193,44 @@ impl fmt::Display for RealReport {
             write!(formatter, "{gap}{flights}\n{}", HorizonTable { horizon, models: &models })?;
             write!(formatter, "\n  {verdict}: {} after 500 ms, at most {limit}", self.models[1])?;
         }
-        Ok(())
+        if self.tracking.is_empty() { Ok(()) } else { self.write_tracking(formatter) }
     }
+}
+
+impl RealReport {
+    fn write_tracking(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = self.tracking.len();
+        let name = &self.models[1];
+        writeln!(
+            formatter,
+            "\n\n{count} test flights of {MOTION} in closed loop: {name} with Bitcraze's controllers"
+        )?;
+        let heading = "distance [m]: real    ours   ratio   lag [s]: real    ours   stamps [ms]";
+        write!(formatter, "\n  {:28}{:11}{heading}", "", "flown by")?;
+        for finding in &self.tracking {
+            let TrackingFinding { flight, controller, early_secs, real, ours } = finding;
+            let verdict = if finding.passed() { "ok" } else { "FAIL" };
+            write!(
+                formatter,
+                "\n  {:28}{:11}{:>18.3}{:>8.3}{:>8.2}{:>16.3}{:>8.3}{:>+14.0}  {verdict}",
+                short_name(flight),
+                controller.name(),
+                real.rms_m,
+                ours.rms_m,
+                finding.ratio(),
+                real.lag_secs,
+                ours.lag_secs,
+                early_secs * 1e3,
+            )?;
+        }
+        let (tracked, least) = (self.tracked(), self.tracked_at_least());
+        let verdict = if tracked >= least { "ok" } else { "FAIL" };
+        write!(formatter, "\n  {verdict}: {tracked} of {count} within 20 % and 30 ms, at least {least}")
+    }
+}
+
+/// Of a file, without folder and ending.
+fn short_name(path: &str) -> &str {
+    let name = path.rsplit('/').next().unwrap_or(path);
+    name.split('.').next().unwrap_or(name)
 }

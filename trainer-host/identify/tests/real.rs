@@ -47,3 +47,16 @@ fn who_asks_to_stop_gets_no_report() {
         assert_eq!(verify_real(&folder, &airframes, &|| false).unwrap_err().to_string(), "interrupted");
     }
 }
+
+#[test]
+fn bitcrazes_controllers_follow_set_points_on_our_drone_as_they_did_on_theirs() {
+    let folder = folder();
+    if !folder.join("nanobench").is_dir() {
+        println!("skipped: no real flights in {}, or name their folder in KESTREL_REAL_FLIGHTS", folder.display());
+        return;
+    }
+    let report = verify_real(&folder, &[("crazyflie_2_1".to_owned(), CRAZYFLIE_2_1)], &|| true).unwrap();
+    let passed = report.tracking.iter().filter(|finding| finding.passed()).count();
+    assert!(report.tracking.len() == 8 && passed >= 6, "{report}");
+    assert!(report.tracking.iter().all(|finding| (finding.ratio() - 1.0).abs() < 0.2), "{report}");
+}

@@ -216,6 +216,7 @@ impl Log {
                 velocities: self.velocities,
             }),
             battery_volts: Some(self.volts),
+            set_points: None,
         }
     }
 }

@@ -76,6 +76,13 @@ const ATTITUDES: [[Column; 2]; 4] = [
 
 const VOLTS: [[Column; 2]; 1] = [[column("battery_v", 1.0), column("pm.vbat", 1.0)]];
 
+const SET_POINTS: [[Column; 2]; 4] = [
+    [column("setpoint_x_m", 1.0), column("ctrltarget.x", 1.0)],
+    [column("setpoint_y_m", 1.0), column("ctrltarget.y", 1.0)],
+    [column("setpoint_z_m", 1.0), column("ctrltarget.z", 1.0)],
+    [column("setpoint_yaw_deg", RADIANS), column("ctrltarget.yaw", RADIANS)],
+];
+
 /// 1 where the log had data, 0 where it was filled in.
 const VALID: [[Column; 1]; 1] = [[column("valid", 1.0)]];
 
@@ -141,6 +148,7 @@ struct Places {
     velocities: Option<[Place; 3]>,
     attitudes: Option<[Place; 4]>,
     volts: Option<[Place; 1]>,
+    set_points: Option<[Place; 4]>,
     valid: Option<[Place; 1]>,
 }
 
@@ -169,6 +177,7 @@ impl Places {
             velocities: find_all(&VELOCITIES, heading),
             attitudes: find_all(&ATTITUDES, heading),
             volts: find_all(&VOLTS, heading),
+            set_points: find_all(&SET_POINTS, heading),
             valid: find_all(&VALID, heading),
         })
     }
@@ -198,6 +207,9 @@ impl Places {
         }
         if let Some(places) = &self.volts {
             recording.battery_volts.push(time_secs, values(places, row));
+        }
+        if let Some(places) = &self.set_points {
+            recording.set_points.push(time_secs, values(places, row));
         }
     }
 }
