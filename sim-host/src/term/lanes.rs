@@ -29,7 +29,9 @@ pub(crate) fn sum_squares<const LANES: usize, R: Real>(
             *sum += value * value;
         }
     }
-    values.iter_mut().for_each(|sum| *sum = worth * *sum);
+    for sum in values {
+        *sum = worth * *sum;
+    }
 }
 
 /// Writes `code` where the lane is not `fine`; comparisons with NaN are false, so NaN is never fine.
