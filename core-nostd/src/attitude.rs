@@ -52,7 +52,7 @@ impl<R: Real> Attitude<R> {
         )
     }
 
-    /// Body x and y of a world vector, by two cross products: half the arithmetic of [`Self::rotate_inverse`].
+    /// Body x and y of a world vector, by two cross products, which take fewer operations than [`Self::rotate_inverse`].
     #[inline(always)]
     pub fn planar_in_body(&self, in_world: &Vector3<R>) -> [R; 2] {
         let Self { w, x, y, z } = *self;

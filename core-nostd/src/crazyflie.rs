@@ -13,8 +13,6 @@ mod pid;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::Vector3;
-
 pub use cascade::Cascade;
 pub use mellinger::Mellinger;
 pub use motor::{MotorVoltage, Propellers};
@@ -33,15 +31,6 @@ pub const MOTOR_THRUST_LIMIT_N: f64 = 0.12;
 
 /// Degrees per radian.
 const DEGREES: f64 = 180.0 / core::f64::consts::PI;
-
-/// What the outer loops of a controller ask for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Demand<R> {
-    /// Thrust of all rotors \[N\].
-    pub thrust: R,
-    /// \[rad/s\], body.
-    pub body_rates: Vector3<R>,
-}
 
 /// Thrust and turning in counts, as they are mixed: the thrust of each motor, and what roll, pitch and yaw (about body
 /// x, y, z) add to the motors on one side and take from those on the other.
@@ -66,11 +55,6 @@ impl<R: Real> Mix<R> {
         ]
         .map(|counts| counts.at_least(R::zero()))
     }
-}
-
-/// Newtons of all four motors for counts of each.
-fn newtons<R: Real>(counts: R) -> R {
-    counts * R::from_f64(4.0 * MOTOR_THRUST_LIMIT_N / FULL_COUNTS)
 }
 
 /// Roll, pitch and yaw \[°\] of the z-y-x convention.

@@ -80,6 +80,8 @@ fn wrong_flags_are_explained() {
         let message = refusal(&kestrel(place.path(), &["bench", hover, "--secs", secs]));
         assert!(message.contains("--secs") && message.contains("0.001 to 60"), "{message}");
     }
+    let message = refusal(&kestrel(place.path(), &["bench", hover, "--rows", "vehicles"]));
+    assert!(message.contains("--rows") && message.contains("vehicle, environment"), "{message}");
     assert!(refusal(&kestrel(place.path(), &["tarin"])).contains("train"));
     let message = refusal(&kestrel(place.path(), &["train", hover, "--set", "training.epochs=foo"]));
     assert!(message.contains("--set training.epochs=foo"), "{message}");

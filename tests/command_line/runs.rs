@@ -351,3 +351,15 @@ fn help_schema_and_completions_print() {
         "configs/schema.json is not what the program prints"
     );
 }
+
+#[test]
+fn a_benchmark_measures_the_rows_that_are_asked_for() {
+    let place = tempfile::tempdir().unwrap();
+    let hover = config("hover.yaml");
+    let output =
+        kestrel(place.path(), &["bench", hover.to_str().unwrap(), "--secs", "0.001", "--rows", "vehicle"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(printed.matches("vehicle steps").count(), 4, "{printed}");
+    assert_eq!(printed.lines().count(), 5, "a heading and these: {printed}");
+}

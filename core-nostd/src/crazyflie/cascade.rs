@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::pid::{Gains, Pid};
-use super::{DEGREES, Demand, FULL_COUNTS, Mix, degrees_of, newtons, wrapped};
+use super::{DEGREES, FULL_COUNTS, Mix, degrees_of, wrapped};
 use crate::real::Real;
 use crate::setpoint::Setpoint;
 use crate::vehicle::State;
@@ -91,14 +91,6 @@ impl<R: Real> Cascade<R> {
             self.rates[axis].output(&RATES[axis], wanted[axis] - measured[axis], measured[axis], secs)
         });
         Mix { thrust: self.thrust, turning }
-    }
-
-    /// What the loops above the rate loop ask for, `secs` after the last time: for a drone with a rate loop of its own.
-    pub fn demand(&mut self, state: &State<R>, setpoint: &Setpoint<R>, secs: R) -> Demand<R> {
-        let angles = degrees_of(&state.world_from_body);
-        self.steer(state, setpoint, angles[2], secs);
-        let body_rates = self.turn(angles, setpoint, secs).map(|rate| rate / R::from_f64(DEGREES));
-        Demand { thrust: newtons(self.thrust), body_rates: body_rates.into() }
     }
 
     /// The position and velocity loops.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Demand, Mix, STABILISER_SECS};
+use super::{Mix, STABILISER_SECS};
 use crate::airframe::GRAVITY;
 use crate::real::Real;
 use crate::setpoint::Setpoint;
@@ -73,21 +73,6 @@ impl<R: Real> Mellinger<R> {
             counts.limited(-real(TURNING_LIMIT), real(TURNING_LIMIT))
         });
         Mix { thrust: thrust * real(COUNTS_PER_NEWTON), turning }
-    }
-
-    /// Thrust, and the body rates that its turning asks a rate loop for, `secs` after the last time.
-    pub fn demand(
-        &mut self,
-        state: &State<R>,
-        setpoint: &Setpoint<R>,
-        acceleration: &Vector3<R>,
-        secs: R,
-    ) -> Demand<R> {
-        let Push { thrust, turn } = self.push(state, setpoint, acceleration, secs);
-        let rate = |axis: usize| {
-            turn[axis] * R::from_f32(TURN_GAINS[axis] / RATE_GAINS[axis]) + setpoint.euler_rates[axis]
-        };
-        Demand { thrust: thrust.at_least(R::zero()), body_rates: Vector3::new(rate(0), rate(1), rate(2)) }
     }
 
     fn push(&mut self, state: &State<R>, setpoint: &Setpoint<R>, acceleration: &Vector3<R>, secs: R) -> Push<R> {

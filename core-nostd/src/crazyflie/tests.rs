@@ -77,15 +77,11 @@ fn mellinger_reaches_a_point_and_a_heading_and_follows_without_lag() {
 }
 
 #[test]
-fn demands_point_where_mixes_turn() {
+fn mixes_turn_towards_the_goal() {
     let start = still(Vector3::zeros());
     let (mut cascade, mut mellinger) = (Cascade::begun(&start), Mellinger::new(CF2X.mass));
     // Ahead and to the left is nose down and left side down.
     let goal = Setpoint::at(Vector3::new(0.2, 0.2, 0.0));
-    for demand in [cascade.demand(&start, &goal, 0.01), mellinger.demand(&start, &goal, &Vector3::zeros(), 0.01)] {
-        assert!(demand.body_rates.y > 0.1 && demand.body_rates.x < -0.1, "{demand:?}");
-        assert!((demand.thrust / (CF2X.mass * crate::airframe::GRAVITY) - 1.0).abs() < 0.05);
-    }
     let [front_right, rear_right, rear_left, front_left] = cascade.mix(&start, &goal).motor_counts();
     assert!(rear_right > front_left && rear_right > rear_left && front_right > front_left);
     let [front_right, rear_right, rear_left, front_left] =

@@ -2,8 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use kestrel_core::airframe::CRAZYFLIE_2_1;
+use kestrel_core::dynamics::Integrator;
+use kestrel_core::vehicle::{Air, Vehicle};
+
 use super::*;
 use crate::outcome::Ending::{self, Collision, Teammate, TimeLimit};
+use crate::physics::Physics;
+use crate::swarm::{Swarm, advance_all};
 
 /// Environments of a test, more than a block of eight.
 const ENVIRONMENTS: usize = 11;
@@ -165,6 +171,26 @@ fn late_drones_with_effects() {
 }
 
 #[test]
+fn a_battery_sags_in_lanes_as_it_does_for_one_drone() {
+    let physics = Physics::clean(Integrator::SemiImplicitEuler, 1, 500.0);
+    let flown = |sag: f64| {
+        let mut airframe = CRAZYFLIE_2_1;
+        airframe.effects.battery_sag = sag;
+        let limit = airframe.rotor_speed_limit as f32;
+        let (mut swarms, vehicle) = ([Swarm::<8>::new(&airframe)], Vehicle::<f32>::new(&airframe));
+        let start = swarms[0].state(5);
+        advance_all(&mut swarms, &physics, &[[limit; 8]; 4], 100);
+        let secs = physics.substep_secs() as f32;
+        let alone = (0..100).fold(start, |state, _| {
+            Integrator::SemiImplicitEuler.advance(&vehicle, &state, &[limit; 4], &Air::still(), secs)
+        });
+        assert_eq!(swarms[0].state(5), alone, "a sag of {sag}");
+        alone.rotor_speeds[0] / limit
+    };
+    assert!(flown(0.0) > flown(0.2) + 0.05);
+}
+
+#[test]
 fn a_drone_knows_what_was_so_many_substeps_ago() {
     // A substep is 5 ms: 12.5 ms ago is the middle between the states after the first and the second of four.
     let late = |secs: &str| scenario(&REAL.replace("[0, 0.015]", &format!("[{secs}, {secs}]")));
@@ -206,7 +232,7 @@ fn every_part_of_a_real_drone_is_drawn_and_nothing_else_for_a_model_without_effe
     let begin = |scenario: &Scenario, environment| {
         crate::reset::begin::<f64>(scenario, (0, 0), &mut Stream::new(Seed(1), environment, Purpose::Reset))
     };
-    let nominal = kestrel_core::vehicle::Vehicle::<f64>::new(&drawn.airframe).effects.unwrap();
+    let nominal = Vehicle::<f64>::new(&drawn.airframe).effects.unwrap();
     let vehicles: Vec<_> = (0..64).map(|environment| begin(&drawn, environment)).collect();
     let spread = |part: &dyn Fn(&kestrel_core::vehicle::EffectGains<f64>) -> f64| {
         let shares: Vec<f64> =
