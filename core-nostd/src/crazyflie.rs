@@ -10,12 +10,14 @@ mod cascade;
 mod mellinger;
 mod motor;
 mod pid;
+mod stock;
 #[cfg(test)]
 mod tests;
 
 pub use cascade::Cascade;
 pub use mellinger::Mellinger;
 pub use motor::{MotorVoltage, Propellers};
+pub use stock::{StockController, StockPilot};
 
 use crate::attitude::Attitude;
 use crate::real::Real;
@@ -29,6 +31,9 @@ pub const FULL_COUNTS: f64 = 65535.0;
 /// Greatest thrust of a motor \[N\], which [`FULL_COUNTS`] stand for.
 pub const MOTOR_THRUST_LIMIT_N: f64 = 0.12;
 
+/// Mass that the firmware believes in \[kg\], with a deck.
+pub const FIRMWARE_MASS_KG: f64 = 0.029;
+
 /// Degrees per radian.
 const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 
@@ -41,6 +46,12 @@ pub struct Mix<R> {
 }
 
 impl<R: Real> Mix<R> {
+    /// Thrust of each motor that the counts stand for \[N\], in the order of [`Self::motor_counts`].
+    pub fn motor_thrusts(&self) -> [R; 4] {
+        let full = R::from_f64(FULL_COUNTS);
+        self.motor_counts().map(|counts| counts.at_most(full) * R::from_f64(MOTOR_THRUST_LIMIT_N / FULL_COUNTS))
+    }
+
     /// Counts of each motor before the battery is compensated, not limited above: front right, rear right, rear left,
     /// front left.
     pub fn motor_counts(&self) -> [R; 4] {

@@ -44,9 +44,6 @@ struct Push<R> {
 }
 
 impl<R: Real> Mellinger<R> {
-    /// Mass that the firmware believes in \[kg\], with a deck.
-    pub const FIRMWARE_MASS_KG: f64 = 0.029;
-
     /// For a drone of this mass \[kg\].
     pub fn new(mass_kg: f64) -> Self {
         let nothing = Vector3::new(R::zero(), R::zero(), R::zero());

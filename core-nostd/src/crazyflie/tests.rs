@@ -21,10 +21,7 @@ fn still(position: Vector3<f64>) -> State<f64> {
 
 /// Rotor targets \[rad/s\] of motors that give the thrust which the counts stand for.
 fn rotor_targets(airframe: &Airframe, mix: &Mix<f64>) -> [f64; 4] {
-    mix.motor_counts().map(|counts| {
-        let thrust = counts.min(FULL_COUNTS) * MOTOR_THRUST_LIMIT_N / FULL_COUNTS;
-        (thrust / airframe.thrust_coefficient).sqrt()
-    })
+    mix.motor_thrusts().map(|thrust| (thrust / airframe.thrust_coefficient).sqrt())
 }
 
 /// The end of a flight of ten seconds.
@@ -77,16 +74,36 @@ fn mellinger_reaches_a_point_and_a_heading_and_follows_without_lag() {
 }
 
 #[test]
-fn mixes_turn_towards_the_goal() {
+fn mixes_lean_towards_the_goal() {
     let start = still(Vector3::zeros());
     let (mut cascade, mut mellinger) = (Cascade::begun(&start), Mellinger::new(CF2X.mass));
     // Ahead and to the left is nose down and left side down.
     let goal = Setpoint::at(Vector3::new(0.2, 0.2, 0.0));
-    let [front_right, rear_right, rear_left, front_left] = cascade.mix(&start, &goal).motor_counts();
-    assert!(rear_right > front_left && rear_right > rear_left && front_right > front_left);
-    let [front_right, rear_right, rear_left, front_left] =
-        mellinger.mix(&start, &goal, &Vector3::zeros()).motor_counts();
-    assert!(rear_right > front_left && rear_right > rear_left && front_right > front_left);
+    for mix in [cascade.mix(&start, &goal), mellinger.mix(&start, &goal, &Vector3::zeros())] {
+        let [front_right, rear_right, rear_left, front_left] = mix.motor_counts();
+        assert!(rear_right > front_left && rear_right > rear_left && front_right > front_left);
+        let [_, pushed, ..] = mix.motor_thrusts();
+        assert!((pushed - rear_right * MOTOR_THRUST_LIMIT_N / FULL_COUNTS).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn mellinger_follows_a_fast_circle_by_its_acceleration_and_the_cascade_does_not() {
+    let omega = 2.0;
+    let at = |secs: f64| {
+        let (sine, cosine) = (omega * secs).sin_cos();
+        Vector3::new(cosine, sine, 0.0) * 0.75
+    };
+    let start = still(at(0.0));
+    let moving = |secs: f64| {
+        let place = at(secs);
+        Setpoint { velocity: Vector3::new(-place.y, place.x, 0.0) * omega, ..Setpoint::at(place) }
+    };
+    let (mut cascade, mut mellinger) = (Cascade::begun(&start), Mellinger::new(CF2X.mass));
+    let led = flown(start, |state, secs| mellinger.mix(state, &moving(secs), &(at(secs) * -omega * omega)));
+    let lagging = flown(start, |state, secs| cascade.mix(state, &moving(secs)));
+    assert!((led.position - at(10.0)).norm() < 0.05, "{}", led.position);
+    assert!((lagging.position - at(10.0)).norm() > 0.5, "{}", lagging.position);
 }
 
 #[test]

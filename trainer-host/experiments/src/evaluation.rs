@@ -4,6 +4,9 @@ mod cockpit;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Cow;
+
+use kestrel_core::crazyflie::StockController;
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
 use kestrel_sim::outcome::{Ending, Episode, Outcome};
@@ -14,6 +17,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::statistics::proportion::{Z_95, wilson, wilson_of_groups};
+use crate::stock::Stock;
 use kestrel_export::policy::Policy;
 use kestrel_learn::actor_critic::Actor;
 
@@ -35,6 +39,8 @@ pub enum Flyer<'a> {
     Random,
     /// The pilot written by hand.
     Scripted,
+    /// One of Bitcraze's controllers, in the tasks for which [`Flyer::stock`] lists it.
+    Stock(Stock),
 }
 
 /// From where evaluations fly: the same starts for every flyer.
@@ -86,11 +92,12 @@ pub struct FlightPath {
 
 /// Flies one episode from each of the starts; the bits do not depend on the number of threads.
 pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evaluation {
-    summarise(flyer.name(), scenario, &fly_episodes(scenario, flyer, starts))
+    summarise(flyer.name(), &flyer.task(scenario), &fly_episodes(scenario, flyer, starts))
 }
 
 /// As [`evaluate`]: the episodes themselves, one from each start by every drone.
 pub fn fly_episodes(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Vec<Episode> {
+    let scenario = &*flyer.task(scenario);
     let firsts: Vec<usize> = (0..starts.episodes).step_by(PANEL).collect();
     let flights = firsts.into_par_iter().flat_map_iter(|first| {
         let count = PANEL.min(starts.episodes - first);
@@ -101,6 +108,7 @@ pub fn fly_episodes(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Ve
 
 /// As [`evaluate`], in double precision and one environment at a time: what a comparison with a recording needs.
 pub fn evaluate_exactly(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evaluation {
+    let scenario = &*flyer.task(scenario);
     let flights = (0..starts.episodes as u32).into_par_iter().flat_map_iter(|first| {
         let simulation = Simulation::<1, f64>::with_purpose(scenario, starts.seed, starts.purpose, first, 1);
         first_episodes(simulation, flyer, starts, first)
@@ -157,7 +165,7 @@ pub struct EpisodeFlight<'a> {
 impl<'a> EpisodeFlight<'a> {
     /// At its start.
     pub fn begin(scenario: &Scenario, flyer: Flyer<'a>, starts: Starts, start: u32) -> Self {
-        let simulation = starting_at(scenario, starts, start, 1);
+        let simulation = starting_at(&flyer.task(scenario), starts, start, 1);
         Self { cockpit: Cockpit::new(&simulation, flyer, starts.seed, start), simulation }
     }
 
@@ -182,6 +190,23 @@ impl Flyer<'_> {
             Self::Nothing => "do nothing",
             Self::Random => "random",
             Self::Scripted => "scripted pilot",
+            Self::Stock(Stock { controller: StockController::Cascade, .. }) => "Crazyflie's PID",
+            Self::Stock(Stock { controller: StockController::Mellinger, .. }) => "Mellinger",
+        }
+    }
+
+    /// Bitcraze's controllers, where a goal moves and their motors can carry the drone; nobody elsewhere.
+    pub fn stock(scenario: &Scenario) -> Vec<Flyer<'static>> {
+        Stock::of(scenario).into_iter().map(Flyer::Stock).collect()
+    }
+
+    /// The task as it is flown: with other actions, more often, by controllers that do not bear those of the task.
+    pub(crate) fn task<'s>(&self, scenario: &'s Scenario) -> Cow<'s, Scenario> {
+        match self {
+            Self::Stock(_) => Cow::Owned(Stock::task(scenario)),
+            Self::Actor(_) | Self::Policy(_) | Self::Nothing | Self::Random | Self::Scripted => {
+                Cow::Borrowed(scenario)
+            }
         }
     }
 }

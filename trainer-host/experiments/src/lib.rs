@@ -29,6 +29,7 @@ pub mod scripted;
 pub mod sealed_file;
 pub mod search;
 pub mod statistics;
+pub mod stock;
 pub mod study;
 pub mod teacher;
 pub mod tensorboard;

@@ -310,7 +310,8 @@ pub fn evaluate_run(
         refuse_other_task(&float, &float_path, scenario)?;
         let flyers =
             [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
-        let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(task)));
+        let flyers = flyers.into_iter().chain(Flyer::stock(scenario));
+        let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(task))).collect();
         let worlds = task.evaluation.seen.as_ref().map(|seen| WorldsReport {
             unseen: scenario.rooms(),
             seen: seen.rooms(),
@@ -318,7 +319,7 @@ pub fn evaluate_run(
                 .map(|flyer| evaluate(seen, flyer, starts(task)))
                 .into(),
         });
-        Ok(EvaluationReport { name: task.name.clone(), seed: task.evaluation.seed.0, rows: rows.into(), worlds })
+        Ok(EvaluationReport { name: task.name.clone(), seed: task.evaluation.seed.0, rows, worlds })
     };
     let reports = subject.tasks.iter().map(report).collect::<Result<Vec<_>, ResultsError>>()?;
     match reports.as_slice() {

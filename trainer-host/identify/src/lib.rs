@@ -33,4 +33,4 @@ pub use parameter::Parameter;
 pub use real::{RealFinding, RealReport, verify_real};
 pub use report::MODELS;
 pub use track::Track;
-pub use tracking::{StockController, TrackingError, TrackingFinding};
+pub use tracking::{TrackingError, TrackingFinding};

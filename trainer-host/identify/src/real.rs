@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use kestrel_core::airframe::Airframe;
+use kestrel_core::crazyflie::StockController;
 
 use crate::drone::drone_of;
 use crate::error::LogError;
@@ -214,7 +215,7 @@ impl RealReport {
                 formatter,
                 "\n  {:28}{:11}{:>18.3}{:>8.3}{:>8.2}{:>16.3}{:>8.3}{:>+14.0}  {verdict}",
                 short_name(flight),
-                controller.name(),
+                flown_by(*controller),
                 real.rms_m,
                 ours.rms_m,
                 finding.ratio(),
@@ -226,6 +227,13 @@ impl RealReport {
         let (tracked, least) = (self.tracked(), self.tracked_at_least());
         let verdict = if tracked >= least { "ok" } else { "FAIL" };
         write!(formatter, "\n  {verdict}: {tracked} of {count} within 20 % and 30 ms, at least {least}")
+    }
+}
+
+const fn flown_by(controller: StockController) -> &'static str {
+    match controller {
+        StockController::Cascade => "cascade",
+        StockController::Mellinger => "Mellinger",
     }
 }
 

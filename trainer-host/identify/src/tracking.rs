@@ -5,7 +5,9 @@
 //! leans into it. They are put onto the clock of the motion by the controller's own law: where the drone was measured to
 //! be, it leans as the controller has to make it lean.
 
-use kestrel_core::crazyflie::{Cascade, Mellinger, Mix, MotorVoltage, Propellers, STABILISER_SECS};
+use kestrel_core::crazyflie::{
+    FIRMWARE_MASS_KG, Mix, MotorVoltage, Propellers, STABILISER_SECS, StockController, StockPilot,
+};
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 use kestrel_onboard::plant::{FlatFloor, Plant};
@@ -34,15 +36,6 @@ const RMS_TOLERANCE: f64 = 0.2;
 /// Greatest difference between the lags \[s\].
 const LAG_TOLERANCE_SECS: f64 = 0.03;
 
-/// Which of Bitcraze's controllers flew.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StockController {
-    /// PID loops, the default.
-    Cascade,
-    /// Mellinger's.
-    Mellinger,
-}
-
 /// How a real flight, and ours, follow the same set-points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackingFinding {
@@ -65,16 +58,6 @@ pub struct TrackingError {
     pub rms_m: f64,
     /// By how much the set-points must be delayed for the positions to correlate best with them \[s\].
     pub lag_secs: f64,
-}
-
-impl StockController {
-    /// As in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Cascade => "cascade",
-            Self::Mellinger => "Mellinger",
-        }
-    }
 }
 
 impl TrackingFinding {
@@ -185,26 +168,17 @@ impl<'a> Repetition<'a> {
         let mut plant = FlatFloor::new(&self.drone.airframe, STABILISER_SECS as f32).at([place.x, place.y]);
         let turned = self.motion.attitudes[self.start].map(|part| part as f32);
         plant.put(State { world_from_body: turned, ..*plant.state() });
-        let pilot = match self.controller {
-            StockController::Cascade => Pilot::Cascade(Cascade::begun(plant.state())),
-            StockController::Mellinger => Pilot::Mellinger(Mellinger::new(Mellinger::<f32>::FIRMWARE_MASS_KG)),
-        };
+        let pilot = StockPilot::begun(self.controller, FIRMWARE_MASS_KG, plant.state());
         let lift = place.z - plant.state().position.z;
         Flyer { drone: self.drone, plant, pilot, motor: MotorVoltage::new(Propellers::Plus), lift }
     }
-}
-
-/// A controller at work.
-enum Pilot {
-    Cascade(Cascade<f32>),
-    Mellinger(Mellinger<f32>),
 }
 
 /// Our drone above the floor from which the real one takes off.
 struct Flyer<'a> {
     drone: &'a Drone,
     plant: FlatFloor,
-    pilot: Pilot,
+    pilot: StockPilot<f32>,
     motor: MotorVoltage,
     /// Height of the real floor above that of the plant \[m\].
     lift: f32,
@@ -215,11 +189,7 @@ impl Flyer<'_> {
         let mut goal: Vector3<f32> = set_point.position.cast();
         goal.z -= self.lift;
         let set_point = Setpoint { yaw: set_point.yaw as f32, ..Setpoint::at(goal) };
-        let state = self.plant.state();
-        let mix = match &mut self.pilot {
-            Pilot::Cascade(cascade) => cascade.mix(state, &set_point),
-            Pilot::Mellinger(mellinger) => mellinger.mix(state, &set_point, &Vector3::zeros()),
-        };
+        let mix = self.pilot.mix(self.plant.state(), &set_point, &Vector3::zeros());
         self.plant.step(&self.rotor_targets(&mix, battery_volts));
     }
 

@@ -51,8 +51,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     );
     let experiment = experiment_config::load(&arguments.config, &arguments.overrides)?;
     let starts = Starts { seed: Seed(arguments.seed), purpose: Purpose::Evaluation, episodes };
-    let rows = [Flyer::Nothing, Flyer::Random, Flyer::Scripted]
-        .map(|flyer| evaluate_exactly(&experiment.evaluation.scenario, flyer, starts));
+    let scenario = &experiment.evaluation.scenario;
+    let flyers = [Flyer::Nothing, Flyer::Random, Flyer::Scripted].into_iter().chain(Flyer::stock(scenario));
+    let rows: Vec<Evaluation> = flyers.map(|flyer| evaluate_exactly(scenario, flyer, starts)).collect();
     say(table::baselines(&experiment.name, arguments.seed, &rows))?;
     say(terms(&experiment, &rows))?;
     if let Some(path) = &arguments.record {

@@ -12,6 +12,7 @@ use kestrel_sim::simulation::Simulation;
 
 use super::Flyer;
 use crate::scripted::ScriptedPilot;
+use crate::stock::StockFlight;
 use crate::teacher::Teacher;
 use kestrel_export::policy::Policy;
 use kestrel_export::seeing::Memory;
@@ -24,6 +25,8 @@ pub(crate) struct Cockpit<'a, R> {
     flyer: Flyer<'a>,
     /// One per drone.
     scripted: Vec<ScriptedPilot>,
+    /// One per drone, where one of Bitcraze's controllers flies.
+    stock: Vec<StockFlight>,
     /// In worlds that are drawn, through which no route is written down, the way itself leads the scripted pilot.
     guide: Option<Teacher>,
     noise: Stream,
@@ -54,12 +57,20 @@ impl<'a, R: Real> Cockpit<'a, R> {
             scripted: (0..simulation.rows())
                 .map(|row| pilot.clone().along(scenario.aviary.route(row / simulation.environments())))
                 .collect(),
+            stock: match flyer {
+                Flyer::Stock(stock) => vec![StockFlight::new(stock, &scenario.airframe); simulation.rows()],
+                Flyer::Actor(_) | Flyer::Policy(_) | Flyer::Nothing | Flyer::Random | Flyer::Scripted => {
+                    Vec::new()
+                }
+            },
             guide: scenario.drawn.as_ref().and_then(|_| Teacher::of(scenario)),
             noise: Stream::new(seed, first, Purpose::Baseline),
             pass: None,
             hidden: match flyer {
                 Flyer::Actor(actor) => vec![0.0; actor.units() * simulation.rows()],
-                Flyer::Policy(_) | Flyer::Nothing | Flyer::Random | Flyer::Scripted => Vec::new(),
+                Flyer::Policy(_) | Flyer::Nothing | Flyer::Random | Flyer::Scripted | Flyer::Stock(_) => {
+                    Vec::new()
+                }
             },
             onlookers: match flyer {
                 Flyer::Policy(Policy::Seeing(policy)) => vec![Onlooker::of(policy); simulation.rows()],
@@ -67,7 +78,8 @@ impl<'a, R: Real> Cockpit<'a, R> {
                 | Flyer::Actor(_)
                 | Flyer::Nothing
                 | Flyer::Random
-                | Flyer::Scripted => Vec::new(),
+                | Flyer::Scripted
+                | Flyer::Stock(_) => Vec::new(),
             },
             memories: match flyer {
                 Flyer::Policy(Policy::Recurrent(_)) => vec![HiddenState::new(); simulation.rows()],
@@ -75,7 +87,8 @@ impl<'a, R: Real> Cockpit<'a, R> {
                 | Flyer::Actor(_)
                 | Flyer::Nothing
                 | Flyer::Random
-                | Flyer::Scripted => Vec::new(),
+                | Flyer::Scripted
+                | Flyer::Stock(_) => Vec::new(),
             },
             observations: Vec::new(),
             actions: vec![0.0; scenario.action.len() * simulation.rows()],
@@ -108,6 +121,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
             Flyer::Nothing => {}
             Flyer::Random => self.actions.fill_with(|| self.noise.between(-1.0, 1.0)),
             Flyer::Scripted => self.follow_script(simulation),
+            Flyer::Stock(_) => self.follow_goals(simulation),
         }
         self.converted.clear();
         self.converted.extend(self.actions.iter().map(|action| R::from_f32(*action)));
@@ -163,6 +177,18 @@ impl<'a, R: Real> Cockpit<'a, R> {
             }
             let action = pilot.act(&state, &goal);
             write_action(&mut self.actions, rows, row, &action);
+        }
+    }
+
+    fn follow_goals<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) {
+        for (row, flight) in self.stock.iter_mut().enumerate() {
+            if simulation.outcomes()[row] != Outcome::Running {
+                flight.reset();
+            }
+            let state = simulation.known_state(row).map(Real::to_f32);
+            let (goal, velocity) = (simulation.goal(row), simulation.goal_velocity(row));
+            let action = flight.act(state, goal.map(Real::to_f32), velocity.map(Real::to_f32));
+            write_action(&mut self.actions, simulation.rows(), row, &action);
         }
     }
 }
