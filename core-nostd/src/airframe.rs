@@ -265,6 +265,35 @@ pub const CRAZYFLIE_2_1: Airframe = Airframe {
     ..CF2X
 };
 
+/// Crazyflie 2.1 Brushless as it flies, with deck, markers and battery, as `kestrel identify` finds it in flights with
+/// motion capture and measured rotor speeds (Busetto et al. 2026, nano-drone benchmark).
+///
+/// `assets/airframes/crazyflie_2_1_brushless.yaml` says where each number comes from. Mass, lever and greatest thrust
+/// (0.2 N a motor) are given; damping about z, ground effect and downwash are [`CRAZYFLIE_2_1`]'s.
+pub const CRAZYFLIE_2_1_BRUSHLESS: Airframe = Airframe {
+    mass: 0.045,
+    inertia: [3.04e-5, 3.28e-5, 5.8e-5],
+    layout: Layout::Cross { x: 0.035_355_3, y: 0.035_355_3 },
+    arm: 0.05,
+    thrust_coefficient: 3.749e-8,
+    torque_coefficient: 1.59e-10,
+    rotor_speed_limit: 2310.0,
+    rotor_rise_secs: 0.065,
+    rotor_fall_secs: 0.065,
+    drag_coefficients: DragCoefficients { planar: 2.18e-6, axial: 3.28e-6 },
+    propeller_radius: 0.0275,
+    collision_radius: 0.078,
+    collision_height: 0.035,
+    effects: FlightEffects {
+        flapping_moment: 1.09e-7,
+        rate_damping: [5.3e-5, 5.3e-5, 5.4e-5],
+        rotor_inertia: 6.15e-8,
+        body_drag: 8.4e-4,
+        battery_sag: 0.0,
+    },
+    ..CRAZYFLIE_2_1
+};
+
 /// Crazyflie 2.x flying with a plus layout: `cf2p.urdf` of gym-pybullet-drones, but with the rotors clockwise from
 /// the front (the reference has them the other way round: [`Airframe::numbered`]).
 pub const CF2P: Airframe =

@@ -87,7 +87,9 @@ fn real_flights_that_are_not_there_are_named() {
     let place = tempfile::tempdir().unwrap();
     let text = refusal(&kestrel(place.path(), &["verify", "--real", "."]));
     assert!(
-        text.contains("found no real flights, expected a folder with crazyflie-usd-logs or nanobench"),
+        text.contains(
+            "found no real flights, expected a folder with crazyflie-usd-logs, nanobench or idsia-nanodrone"
+        ),
         "{text}"
     );
     assert!(refusal(&kestrel(place.path(), &["verify"])).contains("required"));

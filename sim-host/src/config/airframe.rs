@@ -4,8 +4,8 @@ use std::fmt;
 use std::path::Path;
 
 use kestrel_core::airframe::{
-    Airframe, CF2P, CF2X, CRAZYFLIE_2_1, Downwash, DragCoefficients, FlightEffects, GRAVITY, HUMMINGBIRD, Layout,
-    RACER, RADIANS_PER_SECOND_PER_RPM, RotorOrder,
+    Airframe, CF2P, CF2X, CRAZYFLIE_2_1, CRAZYFLIE_2_1_BRUSHLESS, Downwash, DragCoefficients, FlightEffects,
+    GRAVITY, HUMMINGBIRD, Layout, RACER, RADIANS_PER_SECOND_PER_RPM, RotorOrder,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
@@ -44,6 +44,9 @@ pub enum KnownAirframe {
     /// Crazyflie 2.1, identified from real flights.
     #[serde(rename = "crazyflie_2_1")]
     Crazyflie21,
+    /// Crazyflie 2.1 Brushless with deck and markers, identified from real flights.
+    #[serde(rename = "crazyflie_2_1_brushless")]
+    Crazyflie21Brushless,
     /// Crazyflie 2.x, one rotor ahead.
     Cf2p,
     /// `AscTec` Hummingbird.
@@ -220,6 +223,7 @@ impl KnownAirframe {
         match self {
             Self::Cf2x => CF2X,
             Self::Crazyflie21 => CRAZYFLIE_2_1,
+            Self::Crazyflie21Brushless => CRAZYFLIE_2_1_BRUSHLESS,
             Self::Cf2p => CF2P,
             Self::Hb => HUMMINGBIRD,
             Self::Racer => RACER,
@@ -471,7 +475,9 @@ impl<'de> Visitor<'de> for NameOrNumbers {
     type Value = AirframeConfig;
 
     fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str("`cf2x`, `crazyflie_2_1`, `cf2p`, `hb`, `racer` or an airframe in numbers")
+        formatter.write_str(
+            "`cf2x`, `crazyflie_2_1`, `crazyflie_2_1_brushless`, `cf2p`, `hb`, `racer` or an airframe in numbers",
+        )
     }
 
     fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<AirframeConfig, E> {

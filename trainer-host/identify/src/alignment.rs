@@ -3,7 +3,7 @@
 use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
 
-use crate::flight::Recording;
+use crate::flight::{Clocks, Recording};
 use crate::track::Track;
 
 /// Greatest difference that is looked for \[s\].
@@ -17,7 +17,11 @@ const CERTAIN: f64 = 0.5;
 
 /// The recording with its motion moved onto the gyroscope's clock, where turning shows the difference.
 pub(crate) fn aligned(recording: Recording) -> Recording {
-    match lateness_secs(&recording) {
+    let late = match recording.clocks {
+        Clocks::Several => lateness_secs(&recording),
+        Clocks::One => None,
+    };
+    match late {
         None => recording,
         Some(late) => Recording {
             positions: recording.positions.delayed(-late),

@@ -52,7 +52,8 @@ struct Sums {
 
 fn sums(course: &Course<'_>, drone: &Drone, trim: &Trim) -> Option<Sums> {
     let flight = course.flight;
-    if flight.motion.is_none() || flight.command_record == CommandRecord::Complete {
+    let turned = flight.rotor_speeds.is_some() || flight.command_record == CommandRecord::Complete;
+    if flight.motion.is_none() || turned {
         return None;
     }
     let rows = AVERAGE_SECS / flight.period_secs;

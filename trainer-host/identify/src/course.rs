@@ -114,6 +114,11 @@ impl<'a> Course<'a> {
         }
     }
 
+    /// Whether nothing of the flight is fitted.
+    pub(crate) fn is_held_out(&self) -> bool {
+        self.held_out.iter().all(|held_out| *held_out)
+    }
+
     /// Windows in which turning is followed; none where commands are missing.
     pub(crate) fn rotation(&self, part: Part) -> Windows {
         match self.flight.command_record {

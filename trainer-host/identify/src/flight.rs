@@ -27,6 +27,15 @@ pub enum CommandRecord {
     Sampled,
 }
 
+/// Whether motion and gyroscope of a log have clocks of their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clocks {
+    /// They may: turning shows by how much they differ.
+    Several,
+    /// They have one: who wrote the log has aligned them.
+    One,
+}
+
 /// What a reader finds in a log, every signal with its own time stamps \[s\].
 #[derive(Clone, Debug)]
 pub struct Recording {
@@ -36,6 +45,10 @@ pub struct Recording {
     pub commands: Track<4>,
     /// Whether these are all commands.
     pub command_record: CommandRecord,
+    /// Measured rotor speeds \[rad/s\] in the order of the commands; without samples where none were.
+    pub rotor_speeds: Track<4>,
+    /// Whether motion and gyroscope may differ.
+    pub clocks: Clocks,
     /// Body rates \[rad/s\].
     pub body_rates: Track<3>,
     /// Accelerometer \[m/s²\], body.
@@ -61,6 +74,8 @@ impl Recording {
             name: name.to_owned(),
             commands: Track::new(),
             command_record,
+            rotor_speeds: Track::new(),
+            clocks: Clocks::Several,
             body_rates: Track::new(),
             specific_forces: Track::new(),
             positions: Track::new(),
@@ -69,6 +84,17 @@ impl Recording {
             battery_volts: Track::new(),
             set_points: Track::new(),
             doubtful_secs: Vec::new(),
+        }
+    }
+}
+
+impl Recording {
+    /// Takes the measured rotor speeds for commands: what was asked of the motors does not matter any more.
+    pub(crate) fn command_by_speeds(&mut self) {
+        let greatest =
+            self.rotor_speeds.samples().flat_map(|(_, speeds)| speeds).fold(f64::MIN_POSITIVE, f64::max);
+        for (time, speeds) in self.rotor_speeds.samples() {
+            self.commands.push(time, speeds.map(|speed| (speed / greatest).clamp(0.0, 1.0)));
         }
     }
 }
@@ -99,6 +125,8 @@ pub struct Flight {
     pub commands: Vec<[f64; 4]>,
     /// Whether these are all commands.
     pub command_record: CommandRecord,
+    /// Measured rotor speeds \[rad/s\]; the commands are then their share of the greatest one, and drive nothing.
+    pub rotor_speeds: Option<Vec<[f64; 4]>>,
     /// Body rates \[rad/s\].
     pub body_rates: Vec<Vector3<f64>>,
     /// Accelerometer \[m/s²\], body.
@@ -144,6 +172,8 @@ impl Flight {
             measured: times.iter().map(|time| is_measured(recording, *time, gap)).collect(),
             commands: filled(&times, |time| recording.commands.held(time)).0,
             command_record: recording.command_record,
+            rotor_speeds: (!recording.rotor_speeds.is_empty())
+                .then(|| filled(&times, |time| recording.rotor_speeds.interpolated(time, gap)).0),
             body_rates: column(&recording.body_rates).unwrap_or_default(),
             specific_forces: column(&recording.specific_forces),
             motion: motion(recording, &times, gap),

@@ -1,7 +1,10 @@
 //! How far predictions of held-out windows are off, over time, beside holding the state.
 
+use kestrel_core::attitude::Attitude;
+use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
+use crate::alignment::rotation_vector;
 use crate::course::{Course, Part};
 use crate::drone::Trim;
 use crate::least_squares::Estimate;
@@ -27,11 +30,18 @@ pub enum Signal {
     Velocity,
     /// Position: norm of the error \[m\].
     Position,
+    /// Attitude: angle of the rotation between \[rad\].
+    Attitude,
+    /// All body rates: norm of the error \[rad/s\].
+    BodyRates,
 }
 
 impl Signal {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Tilting, Self::Yawing, Self::Velocity, Self::Position];
+    /// Those of windows in which the motion is given where turning is followed, and the attitude where the motion is.
+    pub const GIVEN: [Self; 4] = [Self::Tilting, Self::Yawing, Self::Velocity, Self::Position];
+
+    /// Those of windows in which nothing is given but the start and the rotors.
+    pub const FLOWN: [Self; 4] = [Self::Position, Self::Velocity, Self::Attitude, Self::BodyRates];
 
     /// As in tables.
     pub const fn name(self) -> &'static str {
@@ -40,6 +50,8 @@ impl Signal {
             Self::Yawing => "yaw rate [rad/s]",
             Self::Velocity => "velocity [m/s]",
             Self::Position => "position [m]",
+            Self::Attitude => "attitude [rad]",
+            Self::BodyRates => "body rates [rad/s]",
         }
     }
 }
@@ -64,7 +76,7 @@ impl Horizon {
 
 /// Errors of the held-out windows by holding the state and by each estimate; signals without windows are left out.
 pub(crate) fn horizons(courses: &[Course<'_>], estimates: &[&Estimate]) -> Vec<Horizon> {
-    let mut sums: Vec<Sum> = Signal::ALL.map(|signal| Sum::new(signal, estimates.len() + 1)).into();
+    let mut sums: Vec<Sum> = Signal::GIVEN.map(|signal| Sum::new(signal, estimates.len() + 1)).into();
     for (index, course) in courses.iter().enumerate() {
         let drivens: Vec<Driven<'_>> = estimates
             .iter()
@@ -88,7 +100,64 @@ fn trim_of(courses: &[Course<'_>], index: usize, estimate: &Estimate) -> Trim {
         courses.iter().zip(&estimate.trims).filter(|(course, _)| fitted(course)).map(|(_, trim)| trim).collect();
     let count = fitted.len().max(1) as f64;
     let tilt = [0, 1].map(|axis| fitted.iter().map(|trim| trim.tilt[axis]).sum::<f64>() / count);
-    Trim { tilt, ..Trim::default() }
+    let torque = fitted.iter().map(|trim| trim.torque).sum::<Vector3<f64>>() / count;
+    Trim { torque, tilt, ..Trim::default() }
+}
+
+/// Errors of windows from every row of the flights that are wholly held out, where nothing is given but the state at the
+/// start and the measured rotor speeds, by holding the state and by each estimate.
+pub(crate) fn flown_horizons(courses: &[Course<'_>], estimates: &[&Estimate]) -> Vec<Horizon> {
+    let mut sums: Vec<Sum> = Signal::FLOWN.map(|signal| Sum::new(signal, estimates.len() + 1)).into();
+    for (index, course) in courses.iter().enumerate().filter(|(_, course)| course.is_held_out()) {
+        let drivens: Vec<Driven<'_>> = estimates
+            .iter()
+            .map(|estimate| Driven::new(course, &estimate.drone, &trim_of(courses, index, estimate)))
+            .collect();
+        add_flown(course, &drivens, &mut sums);
+    }
+    sums.into_iter().filter(|sum| sum.windows > 0).map(Sum::horizon).collect()
+}
+
+fn add_flown(course: &Course<'_>, drivens: &[Driven<'_>], sums: &mut [Sum]) {
+    let (flight, Some(motion)) = (course.flight, &course.flight.motion) else { return };
+    let (rows, stride) = (flight.rows_in(HORIZON_SECS), flight.rows_in(STEP_SECS));
+    let whole = |start: &usize| flight.measured[*start..=start + rows].iter().all(|measured| *measured);
+    for start in (0..flight.rows().saturating_sub(rows)).filter(whole) {
+        let mut add = |curve: usize, step: usize, predicted: &State<f64>| {
+            let row = start + (step + 1) * stride;
+            let turned = rotation_angle(&predicted.world_from_body, &motion.attitudes[row]);
+            sums[0].add(curve, step, (predicted.position - motion.positions[row]).norm());
+            sums[1].add(curve, step, (predicted.velocity - motion.velocities[row]).norm());
+            sums[2].add(curve, step, turned);
+            sums[3].add(curve, step, (predicted.body_rates - flight.body_rates[row]).norm());
+        };
+        let held = State {
+            position: motion.positions[start],
+            world_from_body: motion.attitudes[start],
+            velocity: motion.velocities[start],
+            body_rates: flight.body_rates[start],
+            rotor_speeds: [0.0; 4],
+        };
+        for step in 0..rows / stride {
+            add(0, step, &held);
+        }
+        for (model, driven) in drivens.iter().enumerate() {
+            let states = driven.flown(start, rows);
+            for (step, state) in states.iter().skip(stride - 1).step_by(stride).enumerate() {
+                add(model + 1, step, state);
+            }
+        }
+        for sum in sums.iter_mut() {
+            sum.windows += 1;
+        }
+    }
+}
+
+/// The angle from one attitude to the other \[rad\].
+fn rotation_angle(from: &Attitude<f64>, to: &Attitude<f64>) -> f64 {
+    let dot = from.w * to.w + from.x * to.x + from.y * to.y + from.z * to.z;
+    let between = rotation_vector(from, to).norm() * 0.5;
+    2.0 * between.atan2(dot.abs())
 }
 
 fn add_rotation(course: &Course<'_>, drivens: &[Driven<'_>], sums: &mut [Sum]) {

@@ -1,6 +1,7 @@
 //! From flights to a drone: what is searched, what is kept, and how certain the rest is.
 
 use kestrel_core::airframe::Airframe;
+use rayon::prelude::*;
 
 use crate::balance;
 use crate::course::{Air, Course, Part};
@@ -10,11 +11,24 @@ use crate::flight::{CommandRecord, Flight};
 use crate::hold_out::HoldOut;
 use crate::horizon::{Horizon, horizons};
 use crate::least_squares::{Estimate, Interrupted, Prior, Search, Uncertainty};
+use crate::moments;
 use crate::parameter::Parameter;
 use crate::residual::Residuals;
 
 /// Correlation beyond which two numbers only count together, unless both are known well all the same.
 const ENTANGLED: f64 = 0.98;
+
+/// Numbers that say what turns the drone.
+const TURNING: [Parameter; 8] = [
+    Parameter::InertiaX,
+    Parameter::InertiaY,
+    Parameter::TorqueCoefficient,
+    Parameter::RotorInertia,
+    Parameter::FlappingMoment,
+    Parameter::RateDampingX,
+    Parameter::RateDampingY,
+    Parameter::RateDampingZ,
+];
 
 /// Share of the deviation that makes a number untold within which it is known well.
 const KNOWN_WELL: f64 = 0.5;
@@ -120,7 +134,8 @@ pub fn identify(
     settings: &Settings,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Identification, IdentifyError> {
-    let courses = settings.hold_out.courses(flights)?;
+    let timed: Vec<Flight> = flights.par_iter().map(|flight| moments::timed(flight, &settings.airframe)).collect();
+    let courses = settings.hold_out.courses(&timed)?;
     let mut fit = Fit::new(&courses)?;
     let given = drone_of(&settings.airframe);
     let (estimate, findings) = fit.search(&given, &settings.kept, go_on)?;
@@ -165,7 +180,7 @@ impl<'a> Fit<'a> {
             let mut known = priors(given, &parameters);
             for _ in 0..refinements {
                 Residuals::resize_all(&mut self.residuals, &estimate.drone, &estimate.trims);
-                self.weigh_balance(&estimate, &mut known);
+                self.weigh_moments(&mut estimate, &mut known);
                 estimate = Search::new(&self.residuals, &known).run(estimate, go_on)?;
             }
             let uncertainty = Search::new(&self.residuals, &known).uncertainty(&estimate);
@@ -195,9 +210,12 @@ impl<'a> Fit<'a> {
         given: &Drone,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Estimate, IdentifyError> {
-        let mut parameters = vec![Parameter::IdleShare];
+        let mut parameters = if self.any(commanded) { vec![Parameter::IdleShare] } else { Vec::new() };
         // Logs of all commands were written on board, with one clock: what is late there is the airframe's lag.
-        if self.any(|residuals| residuals.course.flight.command_record == CommandRecord::Sampled) {
+        let sampled = |residuals: &Residuals<'_>| {
+            commanded(residuals) && residuals.course.flight.command_record == CommandRecord::Sampled
+        };
+        if self.any(sampled) {
             parameters.push(Parameter::Delay);
         }
         if self.any(has_volts) {
@@ -214,6 +232,16 @@ impl<'a> Fit<'a> {
         go_on: &dyn Fn() -> bool,
     ) -> Result<Estimate, IdentifyError> {
         self.with(&[Parameter::Delay, Parameter::FullVolts], given, go_on)
+    }
+
+    /// The airframe with its answer to moments such as predicts the windows best, not as the drone has it: moments that
+    /// are noisy, or held against air that the model does not know, are worth a part of themselves.
+    pub(crate) fn with_turning_as_it_predicts(
+        &self,
+        given: &Drone,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Estimate, IdentifyError> {
+        self.with(&TURNING, given, go_on)
     }
 
     /// The airframe as given, with these numbers and the trims fitted.
@@ -241,12 +269,24 @@ impl<'a> Fit<'a> {
         Estimate { drone, trims: vec![Trim::default(); self.residuals.len()] }
     }
 
-    /// What sampled commands tell of the flapping moment, as something known beforehand.
-    fn weigh_balance(&self, estimate: &Estimate, known: &mut [(Parameter, Prior)]) {
+    /// What moments tell where turning cannot be followed, as something known beforehand: those of measured rotor speeds,
+    /// and the mean ones of sampled commands.
+    fn weigh_moments(&self, estimate: &mut Estimate, known: &mut [(Parameter, Prior)]) {
         let courses: Vec<&Course<'_>> = self.residuals.iter().map(|residuals| residuals.course).collect();
+        let balanced = balance::flapping_moment(&courses, estimate);
+        let told = moments::told(&courses, estimate);
         for (parameter, prior) in known {
             if *parameter == Parameter::FlappingMoment {
-                *prior = balance::flapping_moment(&courses, estimate).unwrap_or(*prior);
+                *prior = balanced.unwrap_or(*prior);
+            }
+            // A number of the wrong sign is what noise tells.
+            let possible = |told: &&(Parameter, Prior)| {
+                told.0 == *parameter
+                    && parameter.distance(told.1.value, parameter.value(&estimate.drone)).is_finite()
+            };
+            if let Some((_, told)) = told.iter().find(possible) {
+                *prior = *told;
+                parameter.set(&mut estimate.drone, told.value);
             }
         }
     }
@@ -268,6 +308,9 @@ impl<'a> Fit<'a> {
         let complete =
             |residuals: &Residuals<'_>| residuals.course.flight.command_record == CommandRecord::Complete;
         let moving = |residuals: &Residuals<'_>| residuals.course.flight.motion.is_some();
+        // Turning is told by the windows of complete records, and by the moments of measured rotor speeds.
+        let turning =
+            |residuals: &Residuals<'_>| complete(residuals) || (!commanded(residuals) && moving(residuals));
         let windy =
             |residuals: &Residuals<'_>| complete(residuals) && !matches!(residuals.course.air, Air::Unknown);
         let seen = match parameter {
@@ -275,9 +318,12 @@ impl<'a> Fit<'a> {
             | Parameter::IdleShare
             | Parameter::RotorRise
             | Parameter::RotorFall
-            | Parameter::Delay => true,
+            | Parameter::Delay => self.any(commanded),
+            Parameter::ThrustCoefficient => self.any(|residuals| !commanded(residuals) && moving(residuals)),
             // Where all flights have a voltage, or none, it only says what the speed limit says.
-            Parameter::FullVolts => self.any(has_volts) && self.any(|residuals| !has_volts(residuals)),
+            Parameter::FullVolts => {
+                self.any(has_volts) && self.any(|residuals| commanded(residuals) && !has_volts(residuals))
+            }
             Parameter::AxialDrag | Parameter::PlanarDrag | Parameter::BodyDrag => self.any(moving),
             Parameter::FlappingMoment => self.any(windy) || self.any(moving),
             Parameter::InertiaX
@@ -287,14 +333,20 @@ impl<'a> Fit<'a> {
             | Parameter::RotorInertia
             | Parameter::RateDampingX
             | Parameter::RateDampingY
-            | Parameter::RateDampingZ => self.any(complete),
+            | Parameter::RateDampingZ => self.any(turning),
         };
         if seen { Verdict::Told(f64::NAN) } else { Verdict::Kept(Kept::Unseen) }
     }
 }
 
+/// Whether the flight's rotors follow commands, since their speeds were not measured.
+fn commanded(residuals: &Residuals<'_>) -> bool {
+    residuals.course.flight.rotor_speeds.is_none()
+}
+
+/// Whether a voltage says what the commands of the flight came to.
 fn has_volts(residuals: &Residuals<'_>) -> bool {
-    residuals.course.flight.battery_volts.is_some()
+    commanded(residuals) && residuals.course.flight.battery_volts.is_some()
 }
 
 fn searched(verdicts: &[(Parameter, Verdict)]) -> Vec<Parameter> {

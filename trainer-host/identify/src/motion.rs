@@ -79,6 +79,54 @@ impl<'a> Driven<'a> {
         seen
     }
 
+    /// States after each of `rows` rows from `row` on, nothing of which is given but the first state and, as held from
+    /// each row to the next, the measured rotor speeds; empty where these or the motion were not measured.
+    pub(crate) fn flown(&self, row: usize, rows: usize) -> Vec<State<f64>> {
+        let flight = self.course.flight;
+        let (Some(motion), Some(speeds)) = (&flight.motion, &flight.rotor_speeds) else { return Vec::new() };
+        let mut state = State {
+            position: motion.positions[row],
+            world_from_body: self.tilted(&motion.attitudes[row]),
+            velocity: motion.velocities[row],
+            body_rates: flight.body_rates[row],
+            rotor_speeds: speeds[row],
+        };
+        let mut seen = Vec::with_capacity(rows);
+        for now in row..row + rows {
+            let spin_up =
+                std::array::from_fn(|rotor| (speeds[now][rotor] - state.rotor_speeds[rotor]) / flight.period_secs);
+            state.rotor_speeds = speeds[now];
+            for _ in 0..self.course.steps_per_row {
+                state = self.stepped(&state, &spin_up);
+            }
+            seen.push(State { world_from_body: self.untilted(&state.world_from_body), ..state });
+        }
+        seen
+    }
+
+    /// The state a step later, by the midpoint rule, the rotors' speeds held and their change felt.
+    fn stepped(&self, state: &State<f64>, spin_up: &[f64; 4]) -> State<f64> {
+        let secs = self.course.step_secs;
+        let middle = self.moved_by(state, state, spin_up, 0.5 * secs);
+        self.moved_by(state, &middle, spin_up, secs)
+    }
+
+    /// `state` moved for `secs` as it moves at `there`.
+    fn moved_by(&self, state: &State<f64>, there: &State<f64>, spin_up: &[f64; 4], secs: f64) -> State<f64> {
+        let mut there = *there;
+        let linear = self.vehicle.accelerations(&there, spin_up, &Wind::still()).0;
+        let rates = there.body_rates;
+        let angular = self.turning(&mut there, spin_up, rates);
+        let attitude = state.world_from_body;
+        State {
+            position: state.position + there.velocity * secs,
+            world_from_body: attitude.advanced(&there.world_from_body.derivative(rates), secs).normalized(),
+            velocity: state.velocity + linear * secs,
+            body_rates: state.body_rates + angular * secs,
+            rotor_speeds: state.rotor_speeds,
+        }
+    }
+
     /// Specific force along body z at a row \[m/s²\], of a drone whose attitude is not measured.
     pub(crate) fn lift(&self, row: usize) -> f64 {
         let step = row * self.course.steps_per_row;
@@ -130,6 +178,12 @@ impl<'a> Driven<'a> {
         attitude.advanced(&attitude.derivative(Vector3::new(x, y, 0.0)), 1.0).normalized()
     }
 
+    /// The markers' attitude where the body's is known.
+    fn untilted(&self, attitude: &Attitude<f64>) -> Attitude<f64> {
+        let [x, y] = self.trim.tilt;
+        attitude.advanced(&attitude.derivative(Vector3::new(-x, -y, 0.0)), 1.0).normalized()
+    }
+
     /// The air velocity \[m/s\] whose drag the accelerometer shows.
     fn air_velocity(&self, force: &Vector3<f64>, rotor_speeds: &[f64; 4]) -> Vector3<f64> {
         let rate = self.vehicle.planar_drag * rotor_speeds.iter().sum::<f64>();
@@ -143,6 +197,9 @@ impl<'a> Driven<'a> {
 /// Rotor speeds along the whole flight. A step in which the command changes is taken in two: a rotor that was slowing
 /// down and then speeds up has another time constant from that moment on.
 fn rotor_speeds(course: &Course<'_>, vehicle: &Vehicle<f64>, drone: &Drone, trim: &Trim) -> Vec<[f64; 4]> {
+    if let Some(measured) = &course.flight.rotor_speeds {
+        return in_steps(measured, course.steps_per_row);
+    }
     let asked = asked_speeds(course, drone, trim);
     let late = drone.thrust_curve.delay_secs / course.flight.period_secs;
     let steps = course.flight.rows() * course.steps_per_row;
@@ -161,6 +218,17 @@ fn rotor_speeds(course: &Course<'_>, vehicle: &Vehicle<f64>, drone: &Drone, trim
         seen.push(speeds);
     }
     seen
+}
+
+/// Measured rotor speeds at the beginning of each step, and at the end of the last, on straight lines between the rows.
+fn in_steps(measured: &[[f64; 4]], steps_per_row: usize) -> Vec<[f64; 4]> {
+    let at = |step: usize| {
+        let (row, share) = (step / steps_per_row, (step % steps_per_row) as f64 / steps_per_row as f64);
+        let (before, after) =
+            (&measured[row.min(measured.len() - 1)], &measured[(row + 1).min(measured.len() - 1)]);
+        std::array::from_fn(|rotor| before[rotor] + (after[rotor] - before[rotor]) * share)
+    };
+    (0..=measured.len() * steps_per_row).map(at).collect()
 }
 
 /// Rotor speeds `secs` later, by the midpoint rule.

@@ -7,6 +7,8 @@ use crate::drone::{Drone, Trim, summed_hover_speed, typical, typical_drag};
 pub enum Parameter {
     /// Greatest rotor speed.
     RotorSpeedLimit,
+    /// Thrust per squared rotor speed.
+    ThrustCoefficient,
     /// Where the line from command to rotor speed begins.
     IdleShare,
     /// Voltage at which the greatest command gives the greatest speed.
@@ -80,8 +82,9 @@ impl Scale {
 
 impl Parameter {
     /// All of them. Of two that only count together, the later is kept as given.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::RotorSpeedLimit,
+        Self::ThrustCoefficient,
         Self::RotorRise,
         Self::RotorFall,
         Self::InertiaX,
@@ -105,6 +108,7 @@ impl Parameter {
     pub const fn name(self) -> &'static str {
         match self {
             Self::RotorSpeedLimit => "rotor speed limit",
+            Self::ThrustCoefficient => "thrust coefficient",
             Self::IdleShare => "idle share of the speed",
             Self::FullVolts => "voltage of that limit",
             Self::RotorRise => "rotor rise",
@@ -129,6 +133,7 @@ impl Parameter {
     pub const fn unit(self) -> &'static str {
         match self {
             Self::RotorSpeedLimit => "rad/s",
+            Self::ThrustCoefficient => "N s²/rad²",
             Self::IdleShare => "",
             Self::FullVolts => "V",
             Self::RotorRise | Self::RotorFall | Self::Delay => "s",
@@ -155,6 +160,7 @@ impl Parameter {
         let (airframe, curve) = (&mut drone.airframe, &mut drone.thrust_curve);
         match self {
             Self::RotorSpeedLimit => &mut airframe.rotor_speed_limit,
+            Self::ThrustCoefficient => &mut airframe.thrust_coefficient,
             Self::IdleShare => &mut curve.idle_share,
             Self::FullVolts => &mut curve.full_volts,
             Self::RotorRise => &mut airframe.rotor_rise_secs,
@@ -183,6 +189,7 @@ impl Parameter {
             Self::Delay => Scale::Linear { spread: 0.02, step: 5e-5 },
             Self::FullVolts => Scale::Logarithmic { spread: 0.3 },
             Self::RotorSpeedLimit
+            | Self::ThrustCoefficient
             | Self::RotorRise
             | Self::RotorFall
             | Self::PlanarDrag
@@ -215,6 +222,7 @@ impl Parameter {
             Self::RateDampingX | Self::RateDampingY | Self::RateDampingZ => typical(airframe, 3.0),
             Self::RotorInertia => typical(airframe, 1e-3),
             Self::RotorSpeedLimit
+            | Self::ThrustCoefficient
             | Self::IdleShare
             | Self::FullVolts
             | Self::RotorRise

@@ -65,7 +65,7 @@ impl<'a> Residuals<'a> {
         if !self.translation.starts.is_empty() {
             parts.extend([0, 1].map(TrimPart::Tilt));
         }
-        if flight.battery_volts.is_none() && self.rows() > 0 {
+        if flight.battery_volts.is_none() && flight.rotor_speeds.is_none() && self.rows() > 0 {
             parts.extend([TrimPart::Charge, TrimPart::Discharge]);
         }
         parts

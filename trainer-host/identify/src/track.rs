@@ -23,6 +23,11 @@ impl<const N: usize> Track<N> {
         }
     }
 
+    /// Time stamps \[s\] and values.
+    pub fn samples(&self) -> impl Iterator<Item = (f64, [f64; N])> {
+        self.times_secs.iter().copied().zip(self.values.iter().copied())
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.values.len()

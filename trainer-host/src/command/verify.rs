@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use kestrel_core::airframe::Airframe;
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::output::say;
-use kestrel_identify::{IdentifyError, verify_real};
+use kestrel_identify::{IdentifyError, RealDrones, verify_real};
 use kestrel_sim::config::read_airframe;
 use kestrel_verify::{Models, Tolerances, verify};
 
@@ -20,7 +20,7 @@ pub(crate) struct Arguments {
     #[arg(required_unless_present = "real")]
     recording: Option<PathBuf>,
 
-    /// Folder with real flights: crazyflie-usd-logs, nanobench
+    /// Folder with real flights: crazyflie-usd-logs, nanobench, idsia-nanodrone
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["recording", "tolerance"])]
     real: Option<PathBuf>,
 
@@ -29,7 +29,8 @@ pub(crate) struct Arguments {
     tolerance: Vec<(String, f64)>,
 
     /// A drone that the recording names, from its YAML or URDF file; its rotors keep their order. With --real: the drone
-    /// that is judged [default: `crazyflie_2_1`]
+    /// that is judged in flights of the brushed Crazyflie [default: `crazyflie_2_1`], and under the name
+    /// `crazyflie_2_1_brushless` in those of the Brushless
     #[arg(long, value_name = "NAME=FILE", value_parser = named_file)]
     airframe: Vec<(String, PathBuf)>,
 }
@@ -72,17 +73,27 @@ fn run_recording(recording: &Path, arguments: &Arguments) -> Result<Done> {
     Ok(if report.passed() { Done::Finished } else { Done::Deviating })
 }
 
-/// The judged airframe first, then the one that gym-pybullet-drones has.
+/// Name under which an airframe is judged in the flights of the Brushless.
+const BRUSHLESS: &str = "crazyflie_2_1_brushless";
+
+/// Of the brushed, the judged airframe first, then the one that gym-pybullet-drones has.
 fn run_real(flights: &Path, arguments: &Arguments) -> Result<Done> {
     let mut airframes: Vec<(String, Airframe)> = Vec::new();
+    let mut brushless = (BRUSHLESS.to_owned(), airframe_called(BRUSHLESS)?);
     for (name, file) in &arguments.airframe {
-        airframes.push((name.clone(), read_airframe(file)?));
+        let airframe = read_airframe(file)?;
+        if name == BRUSHLESS {
+            brushless.1 = airframe;
+        } else {
+            airframes.push((name.clone(), airframe));
+        }
     }
     for name in ["crazyflie_2_1", "cf2x"] {
         airframes.push((name.to_owned(), airframe_called(name)?));
     }
     let interrupt = Interrupt::watch("Stopping: nothing is compared.")?;
-    match verify_real(flights, &airframes, &|| !interrupt.requested()) {
+    let drones = RealDrones { brushed: &airframes, brushless: &brushless };
+    match verify_real(flights, drones, &|| !interrupt.requested()) {
         Ok(report) => {
             say(&report)?;
             Ok(if report.passed() { Done::Finished } else { Done::Deviating })

@@ -1,6 +1,8 @@
 use std::path::PathBuf;
 
-use kestrel_core::airframe::{Airframe, CF2P, CF2X, CRAZYFLIE_2_1, HUMMINGBIRD, RACER, RotorOrder};
+use kestrel_core::airframe::{
+    Airframe, CF2P, CF2X, CRAZYFLIE_2_1, CRAZYFLIE_2_1_BRUSHLESS, HUMMINGBIRD, RACER, RotorOrder,
+};
 
 use super::*;
 use crate::config::VehicleConfig;
@@ -69,13 +71,30 @@ fn shipped_airframes_are_the_constants() {
     let torque = CRAZYFLIE_2_1.torque_coefficient;
     assert!((shipped.torque_coefficient / torque - 1.0).abs() < 1e-12);
     assert_eq!(Airframe { torque_coefficient: torque, ..shipped }, CRAZYFLIE_2_1);
+    // So are its thrust and its greatest speed.
+    let shipped = read_airframe(&asset("crazyflie_2_1_brushless.yaml")).unwrap();
+    let known = CRAZYFLIE_2_1_BRUSHLESS;
+    let Airframe { thrust_coefficient, torque_coefficient, rotor_speed_limit, .. } = known;
+    assert!((shipped.thrust_coefficient / thrust_coefficient - 1.0).abs() < 1e-6);
+    assert!((shipped.torque_coefficient / torque_coefficient - 1.0).abs() < 1e-6);
+    assert!((shipped.rotor_speed_limit / rotor_speed_limit - 1.0).abs() < 1e-6);
+    let exact = Airframe { thrust_coefficient, torque_coefficient, rotor_speed_limit, ..shipped };
+    assert_eq!(exact, CRAZYFLIE_2_1_BRUSHLESS);
 }
 
 #[test]
 fn a_vehicle_is_a_name_or_numbers() {
     let inline: Vec<String> = shipped("hb").lines().map(|line| format!("  {line}")).collect();
     assert_eq!(vehicle(&format!("airframe:\n{}\n", inline.join("\n"))).unwrap(), HUMMINGBIRD);
-    for (name, constant) in [("cf2x", CF2X), ("cf2p", CF2P), ("hb", HUMMINGBIRD), ("racer", RACER)] {
+    let known = [
+        ("cf2x", CF2X),
+        ("crazyflie_2_1", CRAZYFLIE_2_1),
+        ("crazyflie_2_1_brushless", CRAZYFLIE_2_1_BRUSHLESS),
+        ("cf2p", CF2P),
+        ("hb", HUMMINGBIRD),
+        ("racer", RACER),
+    ];
+    for (name, constant) in known {
         assert_eq!(vehicle(&format!("airframe: {name}")).unwrap(), constant);
     }
     let fork = vehicle("airframe: cf2x\nrotor_order: fork").unwrap();
@@ -86,7 +105,7 @@ fn a_vehicle_is_a_name_or_numbers() {
 
 #[test]
 fn numbers_survive_being_written() {
-    for name in ["cf2x", "crazyflie_2_1", "cf2p", "hb", "racer"] {
+    for name in ["cf2x", "crazyflie_2_1", "crazyflie_2_1_brushless", "cf2p", "hb", "racer", "x500"] {
         let document = Document::parse(name, &shipped(name)).unwrap();
         let config = VehicleConfig {
             airframe: AirframeConfig::Custom(document.decode().unwrap()),
@@ -132,7 +151,9 @@ fn wrong_numbers_are_named() {
     }
     let message = vehicle("airframe: cf2y").unwrap_err().to_string();
     assert!(
-        message.contains("found `cf2y`, expected `cf2x`, `crazyflie_2_1`, `cf2p`, `hb` or `racer`"),
+        message.contains(
+            "found `cf2y`, expected `cf2x`, `crazyflie_2_1`, `crazyflie_2_1_brushless`, `cf2p`, `hb` or `racer`"
+        ),
         "{message}"
     );
     let message = vehicle("airframe: [1]").unwrap_err().to_string();

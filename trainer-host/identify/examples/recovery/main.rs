@@ -1,4 +1,5 @@
-//! How often `identify`'s 95 % intervals hold the numbers of a drone that is known: `recovery 100`.
+//! How often `identify`'s 95 % intervals hold the numbers of a drone that is known: `recovery 100`, or
+//! `recovery 100 speeds` where rotor speeds are measured, late and noisy, instead of the commands.
 
 mod simulated;
 
@@ -6,11 +7,15 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use kestrel_identify::{IdentifyError, Parameter};
-use simulated::Case;
+use simulated::{Case, Recorded};
 
 fn main() -> ExitCode {
     let cases = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(100);
-    match table(cases) {
+    let recorded = match std::env::args().nth(2).as_deref() {
+        Some("speeds") => Recorded::Speeds,
+        Some(_) | None => Recorded::Commands,
+    };
+    match table(cases, recorded) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
@@ -19,11 +24,11 @@ fn main() -> ExitCode {
     }
 }
 
-fn table(cases: u64) -> Result<(), IdentifyError> {
+fn table(cases: u64, recorded: Recorded) -> Result<(), IdentifyError> {
     // Told, held, and the sum of relative errors, of each number.
     let mut rows: BTreeMap<Parameter, (usize, usize, f64)> = BTreeMap::new();
     for seed in 0..cases {
-        let case = Case::run(seed)?;
+        let case = Case::run(seed, recorded)?;
         for (finding, held) in case.told() {
             let (told, right, error) = rows.entry(finding.parameter).or_default();
             let truth = finding.parameter.value(&case.truth);

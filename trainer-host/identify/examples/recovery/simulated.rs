@@ -41,6 +41,18 @@ const DRAWN: [(Parameter, f64); 15] = [
     (Parameter::IdleShare, 0.0),
 ];
 
+/// What a log says of the motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Recorded {
+    /// Every command.
+    Commands,
+    /// Rotor speeds, a row late and with noise.
+    Speeds,
+}
+
+/// Noise of a measured rotor speed [rad/s]: what a row's jitter of 2 ms makes of a shaken rotor.
+const SPEED_NOISE: f64 = 15.0;
+
 /// A drone, and what `identify` made of its flights.
 pub(crate) struct Case {
     /// What flew.
@@ -54,14 +66,14 @@ impl Case {
     ///
     /// # Errors
     /// When its flights cannot be followed.
-    pub(crate) fn run(seed: u64) -> Result<Self, IdentifyError> {
+    pub(crate) fn run(seed: u64, recorded: Recorded) -> Result<Self, IdentifyError> {
         let believed = Airframe {
             effects: kestrel_core::airframe::FlightEffects { body_drag: 1.3e-3, ..CRAZYFLIE_2_1.effects },
             ..CRAZYFLIE_2_1
         };
         let mut stream = Stream::new(Seed(seed), 0, Purpose::Reset);
         let truth = drawn(&believed, &mut stream);
-        let flights: Vec<Flight> = (1..=FLIGHTS).map(|flight| fly(&truth, seed, flight)).collect();
+        let flights: Vec<Flight> = (1..=FLIGHTS).map(|flight| fly(&truth, seed, flight, recorded)).collect();
         let settings = Settings { airframe: believed, hold_out: HoldOut::LastQuarter, kept: Vec::new() };
         Ok(Self { truth, found: identify(&flights, &settings, &|| true)? })
     }
@@ -98,7 +110,11 @@ fn drawn(believed: &Airframe, stream: &mut Stream) -> Drone {
             Parameter::PlanarDrag => airframe.drag_coefficients.planar *= factor,
             Parameter::AxialDrag => airframe.drag_coefficients.axial *= factor,
             Parameter::BodyDrag => effects.body_drag *= factor,
-            Parameter::IdleShare | Parameter::FullVolts | Parameter::Delay | Parameter::InertiaZ => (),
+            Parameter::ThrustCoefficient
+            | Parameter::IdleShare
+            | Parameter::FullVolts
+            | Parameter::Delay
+            | Parameter::InertiaZ => (),
         }
     }
     let delay_steps = 8.0 + f64::from(stream.below(32));
@@ -116,7 +132,7 @@ struct Wish {
 }
 
 /// A flight by a pilot who shakes the drone on every axis.
-fn fly(drone: &Drone, seed: u64, number: u32) -> Flight {
+fn fly(drone: &Drone, seed: u64, number: u32, recorded: Recorded) -> Flight {
     let mut stream = Stream::new(Seed(seed), number, Purpose::Actions);
     let vehicle = Vehicle::<f64>::new(&drone.airframe);
     let hover = drone.airframe.hover_rotor_speed();
@@ -130,6 +146,7 @@ fn fly(drone: &Drone, seed: u64, number: u32) -> Flight {
     let rows = (FLIGHT_SECS / (STEP_SECS * STEPS_PER_ROW as f64)) as usize;
     let late = (drone.thrust_curve.delay_secs / STEP_SECS).round() as usize;
     let (mut wish, mut log) = (Wish::default(), Log::default());
+    let mut speeds = Vec::new();
     for row in 0..rows {
         if row % 25 == 0 {
             let mut between = |limit: f32| f64::from(stream.between(-limit, limit));
@@ -139,6 +156,7 @@ fn fly(drone: &Drone, seed: u64, number: u32) -> Flight {
                 climb: between(3.0) - 0.5 * state.velocity.z,
             };
         }
+        speeds.push(state.rotor_speeds);
         log.note(&state, &commands(drone, &state, &wish, &mut stream), &mut stream);
         for step in 0..STEPS_PER_ROW {
             let given = (row * STEPS_PER_ROW + step).saturating_sub(late) / STEPS_PER_ROW;
@@ -148,7 +166,24 @@ fn fly(drone: &Drone, seed: u64, number: u32) -> Flight {
             state = runge_kutta_4(&vehicle, &state, &targets, &Air::still(), STEP_SECS);
         }
     }
-    log.flight(format!("simulated{number}"))
+    let flight = log.flight(format!("simulated{number}"));
+    match recorded {
+        Recorded::Commands => flight,
+        Recorded::Speeds => with_speeds(flight, &speeds, &mut Stream::new(Seed(seed), number, Purpose::Reset)),
+    }
+}
+
+/// The same flight as a log of rotor speeds shows it.
+fn with_speeds(flight: Flight, speeds: &[[f64; 4]], stream: &mut Stream) -> Flight {
+    let mut noisy = |speed: f64| speed + SPEED_NOISE * f64::from(stream.normal());
+    let late = |row: usize| speeds[row.saturating_sub(1)];
+    let rotor_speeds: Vec<[f64; 4]> = (0..speeds.len()).map(|row| late(row).map(&mut noisy)).collect();
+    Flight {
+        command_record: CommandRecord::Sampled,
+        rotor_speeds: Some(rotor_speeds),
+        battery_volts: None,
+        ..flight
+    }
 }
 
 /// Attitude and rates by gains that a drone with such lags can bear, and some more shaking.
@@ -208,6 +243,7 @@ impl Log {
             measured: vec![true; self.commands.len()],
             commands: self.commands,
             command_record: CommandRecord::Complete,
+            rotor_speeds: None,
             body_rates: self.body_rates,
             specific_forces: None,
             motion: Some(Motion {

@@ -1,9 +1,10 @@
-//! Tables with a heading: `NanoBench`'s columns, and those that cflib's log blocks write under their own names.
+//! Tables with a heading: `NanoBench`'s columns, those that cflib's log blocks write under their own names, and those of
+//! IDSIA's nano-drone benchmark (Busetto et al. 2026), with measured rotor speeds instead of commands.
 
 use super::LogReader;
 use super::crazyflie::{FULL_COMMAND, METRES_PER_SECOND_SQUARED_PER_G};
 use crate::error::LogError;
-use crate::flight::{CommandRecord, Recording};
+use crate::flight::{Clocks, CommandRecord, Recording};
 
 /// Shortest time between samples that a radio log of all commands could have \[s\]: controllers run at 500 Hz.
 const COMPLETE_PERIOD_SECS: f64 = 0.003;
@@ -25,7 +26,17 @@ const fn column(name: &'static str, scale: f64) -> Column {
     Column { name, scale }
 }
 
-const TIME: [Column; 2] = [column("time_secs", 1.0), column("timestamp", 1e-3)];
+const TIME: [Column; 3] = [column("time_secs", 1.0), column("timestamp", 1e-3), SYNCHRONISED];
+
+/// Time of a table whose signals its authors have put on one clock.
+const SYNCHRONISED: Column = column("t", 1.0);
+
+/// Rotor speeds \[rad/s\], in the order of the motors.
+const SPEEDS: [[Column; 1]; 4] =
+    [[column("m1_rads", 1.0)], [column("m2_rads", 1.0)], [column("m3_rads", 1.0)], [column("m4_rads", 1.0)]];
+
+/// Fastest rotor that is believed \[rad/s\]: a tip 2.3 cm from the axis would pass twice the speed of sound.
+const FASTEST_ROTOR: f64 = 30_000.0;
 
 const MOTORS: [[Column; 2]; 4] = [
     [column("motor_1_pwm", 1.0 / FULL_COMMAND), column("motor.m1", 1.0 / FULL_COMMAND)],
@@ -34,47 +45,50 @@ const MOTORS: [[Column; 2]; 4] = [
     [column("motor_4_pwm", 1.0 / FULL_COMMAND), column("motor.m4", 1.0 / FULL_COMMAND)],
 ];
 
-const RATES: [[Column; 2]; 3] = [
-    [column("gyro_x_rad_per_s", 1.0), column("gyro.x", RADIANS)],
-    [column("gyro_y_rad_per_s", 1.0), column("gyro.y", RADIANS)],
-    [column("gyro_z_rad_per_s", 1.0), column("gyro.z", RADIANS)],
+const RATES: [[Column; 3]; 3] = [
+    [column("gyro_x_rad_per_s", 1.0), column("gyro.x", RADIANS), column("wx", 1.0)],
+    [column("gyro_y_rad_per_s", 1.0), column("gyro.y", RADIANS), column("wy", 1.0)],
+    [column("gyro_z_rad_per_s", 1.0), column("gyro.z", RADIANS), column("wz", 1.0)],
 ];
 
-const FORCES: [[Column; 2]; 3] = [
+const FORCES: [[Column; 3]; 3] = [
     [
         column("accelerometer_x_g", METRES_PER_SECOND_SQUARED_PER_G),
         column("acc.x", METRES_PER_SECOND_SQUARED_PER_G),
+        column("ax_body", 1.0),
     ],
     [
         column("accelerometer_y_g", METRES_PER_SECOND_SQUARED_PER_G),
         column("acc.y", METRES_PER_SECOND_SQUARED_PER_G),
+        column("ay_body", 1.0),
     ],
     [
         column("accelerometer_z_g", METRES_PER_SECOND_SQUARED_PER_G),
         column("acc.z", METRES_PER_SECOND_SQUARED_PER_G),
+        column("az_body", 1.0),
     ],
 ];
 
-const POSITIONS: [[Column; 2]; 3] = [
-    [column("position_x_m", 1.0), column("stateEstimate.x", 1.0)],
-    [column("position_y_m", 1.0), column("stateEstimate.y", 1.0)],
-    [column("position_z_m", 1.0), column("stateEstimate.z", 1.0)],
+const POSITIONS: [[Column; 3]; 3] = [
+    [column("position_x_m", 1.0), column("stateEstimate.x", 1.0), column("x", 1.0)],
+    [column("position_y_m", 1.0), column("stateEstimate.y", 1.0), column("y", 1.0)],
+    [column("position_z_m", 1.0), column("stateEstimate.z", 1.0), column("z", 1.0)],
 ];
 
-const VELOCITIES: [[Column; 2]; 3] = [
-    [column("velocity_x_m_per_s", 1.0), column("stateEstimate.vx", 1.0)],
-    [column("velocity_y_m_per_s", 1.0), column("stateEstimate.vy", 1.0)],
-    [column("velocity_z_m_per_s", 1.0), column("stateEstimate.vz", 1.0)],
+const VELOCITIES: [[Column; 3]; 3] = [
+    [column("velocity_x_m_per_s", 1.0), column("stateEstimate.vx", 1.0), column("vx", 1.0)],
+    [column("velocity_y_m_per_s", 1.0), column("stateEstimate.vy", 1.0), column("vy", 1.0)],
+    [column("velocity_z_m_per_s", 1.0), column("stateEstimate.vz", 1.0), column("vz", 1.0)],
 ];
 
-const ATTITUDES: [[Column; 2]; 4] = [
-    [column("attitude_w", 1.0), column("stateEstimate.qw", 1.0)],
-    [column("attitude_x", 1.0), column("stateEstimate.qx", 1.0)],
-    [column("attitude_y", 1.0), column("stateEstimate.qy", 1.0)],
-    [column("attitude_z", 1.0), column("stateEstimate.qz", 1.0)],
+const ATTITUDES: [[Column; 3]; 4] = [
+    [column("attitude_w", 1.0), column("stateEstimate.qw", 1.0), column("qw", 1.0)],
+    [column("attitude_x", 1.0), column("stateEstimate.qx", 1.0), column("qx", 1.0)],
+    [column("attitude_y", 1.0), column("stateEstimate.qy", 1.0), column("qy", 1.0)],
+    [column("attitude_z", 1.0), column("stateEstimate.qz", 1.0), column("qz", 1.0)],
 ];
 
-const VOLTS: [[Column; 2]; 1] = [[column("battery_v", 1.0), column("pm.vbat", 1.0)]];
+const VOLTS: [[Column; 3]; 1] = [[column("battery_v", 1.0), column("pm.vbat", 1.0), column("Vbat", 1.0)]];
 
 const SET_POINTS: [[Column; 2]; 4] = [
     [column("setpoint_x_m", 1.0), column("ctrltarget.x", 1.0)],
@@ -88,7 +102,8 @@ const VALID: [[Column; 1]; 1] = [[column("valid", 1.0)]];
 
 impl LogReader for Table {
     fn format(&self) -> &'static str {
-        "a table (CSV) with the columns time_secs, motor_1_pwm …, gyro_x_rad_per_s … or timestamp, motor.m1 …, gyro.x …"
+        "a table (CSV) with the columns time_secs, motor_1_pwm …, gyro_x_rad_per_s …, or timestamp, motor.m1 …, gyro.x …, \
+         or t, m1_rads …, wx …"
     }
 
     fn recognises(&self, bytes: &[u8]) -> bool {
@@ -120,6 +135,10 @@ impl LogReader for Table {
             }
             places.store(&row, &mut recording);
         }
+        recording.command_by_speeds();
+        if heading.contains(&SYNCHRONISED.name) {
+            recording.clocks = Clocks::One;
+        }
         if recording.commands.period_secs().is_some_and(|period| period <= COMPLETE_PERIOD_SECS) {
             recording.command_record = CommandRecord::Complete;
         }
@@ -127,10 +146,14 @@ impl LogReader for Table {
     }
 }
 
-/// An empty cell is a value that is missing.
+/// An empty cell is a value that is missing; the truth of a flag is 1 or 0.
 fn number(cell: &str) -> Option<f64> {
-    let cell = cell.trim();
-    if cell.is_empty() { Some(f64::NAN) } else { cell.parse().ok() }
+    match cell.trim() {
+        "" => Some(f64::NAN),
+        "True" => Some(1.0),
+        "False" => Some(0.0),
+        cell => cell.parse().ok(),
+    }
 }
 
 /// Where a signal stands in a row.
@@ -139,9 +162,15 @@ struct Place {
     scale: f64,
 }
 
+/// What says how fast the rotors turned.
+enum Driving {
+    Commands([Place; 4]),
+    Speeds([Place; 4]),
+}
+
 struct Places {
     time: Place,
-    motors: [Place; 4],
+    driven: Driving,
     rates: [Place; 3],
     forces: Option<[Place; 3]>,
     positions: Option<[Place; 3]>,
@@ -170,7 +199,10 @@ impl Places {
             |column: &Column| LogError::at(format!("{name}:1"), format!("no column `{}`", column.name), "it");
         Ok(Self {
             time: find(&TIME, heading).ok_or_else(|| lacks(&TIME[0]))?,
-            motors: find_all(&MOTORS, heading).ok_or_else(|| lacks(&MOTORS[0][0]))?,
+            driven: find_all(&SPEEDS, heading)
+                .map(Driving::Speeds)
+                .or_else(|| find_all(&MOTORS, heading).map(Driving::Commands))
+                .ok_or_else(|| lacks(&MOTORS[0][0]))?,
             rates: find_all(&RATES, heading).ok_or_else(|| lacks(&RATES[0][0]))?,
             forces: find_all(&FORCES, heading),
             positions: find_all(&POSITIONS, heading),
@@ -187,11 +219,9 @@ impl Places {
         if self.valid.as_ref().is_some_and(|[valid]| row[valid.index] != 1.0) {
             recording.doubtful_secs.push(time_secs);
         }
-        let commands = values(&self.motors, row);
-        if commands.iter().any(|share| !(0.0..=1.0).contains(share)) {
+        if !self.driven.store(time_secs, row, recording) {
             recording.doubtful_secs.push(time_secs);
         }
-        recording.commands.push(time_secs, commands.map(|share| share.clamp(0.0, 1.0)));
         recording.body_rates.push(time_secs, values(&self.rates, row));
         if let Some(places) = &self.forces {
             recording.specific_forces.push(time_secs, values(places, row));
@@ -210,6 +240,24 @@ impl Places {
         }
         if let Some(places) = &self.set_points {
             recording.set_points.push(time_secs, values(places, row));
+        }
+    }
+}
+
+impl Driving {
+    /// Whether the row's values are possible.
+    fn store(&self, time_secs: f64, row: &[f64], recording: &mut Recording) -> bool {
+        match self {
+            Self::Commands(places) => {
+                let commands = values(places, row);
+                recording.commands.push(time_secs, commands.map(|share| share.clamp(0.0, 1.0)));
+                commands.iter().all(|share| (0.0..=1.0).contains(share))
+            }
+            Self::Speeds(places) => {
+                let speeds = values(places, row);
+                recording.rotor_speeds.push(time_secs, speeds.map(|speed| speed.clamp(0.0, FASTEST_ROTOR)));
+                speeds.iter().all(|speed| (0.0..=FASTEST_ROTOR).contains(speed))
+            }
         }
     }
 }
@@ -249,6 +297,24 @@ mod tests {
         assert_eq!(dropped, (100..200).chain([300]).collect::<Vec<_>>());
         assert_eq!(flight.commands[0], [1.0, 0.0, 0.1, 0.5]);
         assert_eq!((flight.body_rates[0].z, flight.battery_volts.unwrap()[5]), (-1.0, 3.7));
+    }
+
+    #[test]
+    fn measured_rotor_speeds_stand_for_commands() {
+        let mut text =
+            ",t,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,is_flying,m1_rads,m2_rads,m3_rads,m4_rads,az_body".to_owned();
+        for row in 0..300 {
+            let time = f64::from(row) * 0.01;
+            write!(text, "\n{row},{time:.2},1,2,3,0,0,0,1,4,5,6,0.1,0.2,0.3,True,1000,2000,1500,500,9.8").unwrap();
+        }
+        let flight = parse("flight.csv", text.as_bytes()).unwrap();
+        assert_eq!(flight.rotor_speeds.as_ref().map(|speeds| speeds[7]), Some([1000.0, 2000.0, 1500.0, 500.0]));
+        assert_eq!((flight.commands[7], flight.battery_volts.is_none()), ([0.5, 1.0, 0.75, 0.25], true));
+        let motion = flight.motion.as_ref().unwrap();
+        assert_eq!((motion.positions[7].z, motion.velocities[7].x, motion.attitudes[7].w), (3.0, 4.0, 1.0));
+        assert_eq!(flight.body_rates[7].y, 0.2);
+        let fast = parse("flight.csv", text.replacen("2000", "2e9", 1).as_bytes());
+        assert!(!fast.unwrap().measured[0]);
     }
 
     #[test]

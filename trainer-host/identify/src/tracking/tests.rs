@@ -35,6 +35,7 @@ fn flight(drone: &Drone, followed: &[SetPoint], noted: Vec<SetPoint>) -> Flight 
         measured: vec![true; rows],
         commands: vec![[0.5; 4]; rows],
         command_record: CommandRecord::Sampled,
+        rotor_speeds: None,
         body_rates: vec![Vector3::zeros(); rows],
         specific_forces: None,
         motion: Some(motion),
