@@ -257,12 +257,18 @@ impl ScenarioConfig {
             ("effects_fraction", drawn.effects_fraction),
             ("wind_speed_m_per_s", drawn.wind_speed_m_per_s),
         ];
-        match (preset, spreads.into_iter().find(|(_, spread)| *spread != 0.0)) {
-            (Preset::Bullet { .. }, Some((key, value))) => {
-                let field = field.at("randomisation").at(key);
-                Err(field.refuse(value, "0, because the physics `bullet` is the same in every episode"))
-            }
-            (Preset::Bullet { .. } | Preset::Clean { .. }, _) => Ok(()),
+        if matches!(preset, Preset::Clean { .. }) {
+            return Ok(());
+        }
+        let because = "because the physics `bullet` is the same in every episode";
+        let field = field.at("randomisation");
+        if let Some((key, value)) = spreads.into_iter().find(|(_, spread)| *spread != 0.0) {
+            return Err(field.at(key).refuse(value, format!("0, {because}")));
+        }
+        let shares = [("rotor_lag_share", drawn.rotor_lag_share), ("torque_share", drawn.torque_share)];
+        match shares.into_iter().find(|(_, share)| *share != [1.0; 2]) {
+            None => Ok(()),
+            Some((key, share)) => Err(field.at(key).reject(format!("{share:?}"), format!("[1, 1], {because}"))),
         }
     }
 

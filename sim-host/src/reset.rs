@@ -175,10 +175,13 @@ fn attitude(heading_limit: f32, tilt_limit: f32, stream: &mut Stream) -> Attitud
 /// The drone of an episode and its mass and thrust factors.
 fn airframe(airframe: &Airframe, spread: &Randomisation, stream: &mut Stream) -> (Airframe, [f32; 2]) {
     // Drawn even without a spread: what follows in the stream does not depend on it.
+    let [quickest, slowest] = spread.rotor_lag;
     let mut always = |spread: f32| stream.between(1.0 - spread, 1.0 + spread);
-    let (mass, thrust, lag) = (always(spread.mass), always(spread.thrust), always(spread.rotor_lag));
+    let (mass, thrust) = (always(spread.mass), always(spread.thrust));
+    let lag = stream.between(quickest, slowest);
+    let mut always = |spread: f32| stream.between(1.0 - spread, 1.0 + spread);
     let inertia = [always(spread.inertia), always(spread.inertia), always(spread.inertia)];
-    let torque = factor(spread.torque, stream);
+    let torque = share(spread.torque, stream);
     let mut drawn = |value: f64| value * f64::from(factor(spread.effects, stream));
     let (effects, drag) = (&airframe.effects, &airframe.drag_coefficients);
     let drag_coefficients = DragCoefficients { planar: drawn(drag.planar), axial: drawn(drag.axial) };

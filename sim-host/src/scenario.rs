@@ -255,7 +255,7 @@ pub struct Place {
     pub spread: f32,
 }
 
-/// Parameters drawn at each reset, as uniform factors `1 ± value`, and a constant wind.
+/// Parameters drawn at each reset, as uniform factors `1 ± value` or between two bounds, and a constant wind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Randomisation {
     /// Of the mass.
@@ -264,10 +264,10 @@ pub struct Randomisation {
     pub inertia: f32,
     /// Of the thrust coefficient.
     pub thrust: f32,
-    /// Of the rotors' time constants.
-    pub rotor_lag: f32,
-    /// Of the reaction torque of the rotors, beside that of their thrust.
-    pub torque: f32,
+    /// Least and greatest share of the rotors' time constants.
+    pub rotor_lag: [f32; 2],
+    /// Least and greatest share of the rotors' reaction torque, beside that of their thrust.
+    pub torque: [f32; 2],
     /// Of the rotors' drag, and of each of the airframe's effects but the rate damping.
     pub effects: f32,
     /// Least and greatest share of the airframe's rate damping.
@@ -286,8 +286,8 @@ impl Randomisation {
         mass: 0.0,
         inertia: 0.0,
         thrust: 0.0,
-        rotor_lag: 0.0,
-        torque: 0.0,
+        rotor_lag: [1.0; 2],
+        torque: [1.0; 2],
         effects: 0.0,
         rate_damping: [1.0; 2],
         motor: 0.0,

@@ -17,7 +17,7 @@ pub(crate) fn hover() -> Scenario {
             mass: 0.1,
             inertia: 0.1,
             thrust: 0.1,
-            rotor_lag: 0.3,
+            rotor_lag: [0.7, 1.3],
             wind_speed: 0.5,
             ..Randomisation::NONE
         },

@@ -18,6 +18,8 @@ use crate::world::{Cuboid, Floor};
 
 /// Factors `1 ± fraction` stay well above zero.
 const FRACTION: Limits = Limits::from(0.0, 0.9, "");
+/// Shares of a number that few drones have in common.
+const SHARE: Limits = Limits::from(0.05, 20.0, "");
 const SPEED: Limits = Limits::from(0.0, 20.0, "m/s");
 
 /// Start states: directions are random, headings and magnitudes uniform up to their limits.
@@ -112,9 +114,16 @@ pub struct RandomisationConfig {
     pub thrust_fraction: f64,
     /// Of the time constants of the rotors.
     pub rotor_lag_fraction: f64,
+    /// Instead of `rotor_lag_fraction`: least and greatest share of the airframe's time constants.
+    #[serde(skip_serializing_if = "is_full")]
+    pub rotor_lag_share: [f64; 2],
     /// Of the reaction torque of the rotors, beside what the thrust changes of it.
     #[serde(skip_serializing_if = "is_zero")]
     pub torque_fraction: f64,
+    /// Instead of `torque_fraction`: least and greatest share of the airframe's reaction torque. Measured drones and the
+    /// models of other simulators lie apart by a factor of six.
+    #[serde(skip_serializing_if = "is_full")]
+    pub torque_share: [f64; 2],
     /// Of rotor drag, flapping moment, rotor inertia, body drag and battery sag, each by itself.
     #[serde(skip_serializing_if = "is_zero")]
     pub effects_fraction: f64,
@@ -148,7 +157,9 @@ impl Default for RandomisationConfig {
             inertia_fraction: 0.0,
             thrust_fraction: 0.0,
             rotor_lag_fraction: 0.0,
+            rotor_lag_share: [1.0; 2],
             torque_fraction: 0.0,
+            torque_share: [1.0; 2],
             effects_fraction: 0.0,
             rate_damping_share: [1.0; 2],
             motor_fraction: 0.0,
@@ -195,6 +206,19 @@ fn range(field: &Field<'_>, [least, most]: [f64; 2], limits: &Limits) -> Result<
     Ok(bounds)
 }
 
+/// The bounds of a factor, by `NAME_fraction` or by `NAME_share`.
+fn one_of(field: &Field<'_>, name: &str, fraction: f64, share: [f64; 2]) -> Result<[f32; 2], ConfigError> {
+    let fraction_key = format!("{name}_fraction");
+    let share_field = field.at(&format!("{name}_share"));
+    let spread = field.at(&fraction_key).number(fraction, &FRACTION)?;
+    let bounds = range(&share_field, share, &SHARE)?;
+    match (spread > 0.0, is_full(&share)) {
+        (true, true) => Ok([1.0 - spread, 1.0 + spread]),
+        (false, _) => Ok(bounds),
+        (true, false) => Err(share_field.reject(format!("{share:?} beside `{fraction_key}`"), "one of the two")),
+    }
+}
+
 impl RandomisationConfig {
     /// The randomisation.
     ///
@@ -205,8 +229,8 @@ impl RandomisationConfig {
             mass: field.at("mass_fraction").number(self.mass_fraction, &FRACTION)?,
             inertia: field.at("inertia_fraction").number(self.inertia_fraction, &FRACTION)?,
             thrust: field.at("thrust_fraction").number(self.thrust_fraction, &FRACTION)?,
-            rotor_lag: field.at("rotor_lag_fraction").number(self.rotor_lag_fraction, &FRACTION)?,
-            torque: field.at("torque_fraction").number(self.torque_fraction, &FRACTION)?,
+            rotor_lag: one_of(field, "rotor_lag", self.rotor_lag_fraction, self.rotor_lag_share)?,
+            torque: one_of(field, "torque", self.torque_fraction, self.torque_share)?,
             effects: field.at("effects_fraction").number(self.effects_fraction, &FRACTION)?,
             rate_damping: range(
                 &field.at("rate_damping_share"),

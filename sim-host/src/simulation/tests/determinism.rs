@@ -152,7 +152,8 @@ action: { thrust_body_rates: {} }
 latency: { state_secs: [0, 0.015], motor_secs: [0.001, 0.02] }
 randomisation:
   mass_fraction: 0.1
-  torque_fraction: 0.2
+  rotor_lag_share: [0.2, 1.3]
+  torque_share: [0.8, 6]
   effects_fraction: 0.5
   rate_damping_share: [0, 1]
   motor_fraction: 0.05
@@ -249,6 +250,13 @@ fn every_part_of_a_real_drone_is_drawn_and_nothing_else_for_a_model_without_effe
     assert!(near(spread(&|effects| effects.rate_damping.z), 0.0, 1.0));
     assert!(near(spread(&|effects| effects.rotor_thrusts[2]), 0.95, 1.05));
     assert!(near(spread(&|effects| effects.battery), 0.9, 1.02));
+    let vehicle = Vehicle::<f64>::new(&drawn.airframe);
+    let share = |part: &dyn Fn(&Vehicle<f64>) -> f64| {
+        let shares = vehicles.iter().map(|begun| part(&begun.vehicle) / part(&vehicle));
+        shares.fold([f64::INFINITY, 0.0], |[least, most], share| [share.min(least), share.max(most)])
+    };
+    assert!(near(share(&|vehicle| vehicle.turning_gains.z), 0.8, 6.0));
+    assert!(near(share(&|vehicle| 1.0 / vehicle.rotor_rise_rate), 0.2, 1.3));
     let delays: Vec<f32> = vehicles.iter().map(|begun| begun.delays.state_secs).collect();
     assert!(delays.iter().all(|secs| (0.0..=0.015).contains(secs)) && delays.iter().any(|secs| *secs > 0.012));
     assert!(begin(&hover(), 0).vehicle.effects.is_none());
@@ -267,6 +275,12 @@ fn what_cannot_be_late_or_drawn_is_refused() {
     assert!(turned.contains("0.01 or more"), "{turned}");
     let plain = refused(&REAL.replace("crazyflie_2_1", "cf2x"));
     assert!(plain.contains("no `effects`"), "{plain}");
+    let twice = refused(&REAL.replace("mass_fraction", "torque_fraction"));
+    assert!(twice.contains("torque_share") && twice.contains("one of the two"), "{twice}");
+    let bullet =
+        REAL.replace("{ substeps: 4,", "{ bullet: { mode: pyb }, substeps: 5,").replace("mass_fraction: 0.1", "");
+    let calm = refused(&bullet);
+    assert!(calm.contains("the physics `bullet`"), "{calm}");
 }
 
 /// Drones fall on a stack of bricks and push them about.

@@ -51,7 +51,7 @@ fn scenario(critic: CriticView) -> Scenario {
             mass: 0.1,
             inertia: 0.1,
             thrust: 0.1,
-            rotor_lag: 0.1,
+            rotor_lag: [0.9, 1.1],
             wind_speed: 0.1,
             ..Randomisation::NONE
         },
