@@ -294,6 +294,68 @@ pub const CRAZYFLIE_2_1_BRUSHLESS: Airframe = Airframe {
     ..CRAZYFLIE_2_1
 };
 
+/// Crazyflie 2.1+: the Crazyflie 2.1 with the propellers 47-17 and their battery.
+///
+/// Mass, lever and the thrust at which the rotors are limited: crazyflie-firmware (`CF_MASS`, `ARM_LENGTH` and `THRUST_MAX` of
+/// `platform_defaults_cf2.h`). The rest: `cf2x_P250` of drone-models 0.1.0, rotors on a load cell as by the firmware's
+/// `tools/system_id`, drag in flight; what depends on the rotors' speed there is as it is at hover.
+pub const CRAZYFLIE_2_1_PLUS: Airframe = Airframe {
+    mass: 0.029,
+    inertia: [1.68e-5, 1.68e-5, 2.98e-5],
+    layout: Layout::Cross { x: 0.03253, y: 0.03253 },
+    arm: 0.046,
+    thrust_coefficient: per_rpm_squared(1.443e-10),
+    torque_coefficient: per_rpm_squared(1.009e-12),
+    rotor_speed_limit: 28_837.5 * RADIANS_PER_SECOND_PER_RPM,
+    rotor_rise_secs: 0.114,
+    rotor_fall_secs: 0.108,
+    drag_coefficients: DragCoefficients { planar: 1.454e-6, axial: 1.805e-6 },
+    propeller_radius: 0.0234,
+    effects: FlightEffects { rotor_inertia: 2.697e-8, ..FlightEffects::NONE },
+    ..CF2X
+};
+
+/// Crazyflie 2.1 with the thrust upgrade kit, longer motors and propellers and a battery of 350 mAh: as
+/// [`CRAZYFLIE_2_1_PLUS`], from `cf2x_T350`.
+pub const CRAZYFLIE_2_1_THRUST_UPGRADE: Airframe = Airframe {
+    mass: 0.0325,
+    thrust_coefficient: per_rpm_squared(2.536e-10),
+    torque_coefficient: per_rpm_squared(1.358e-12),
+    rotor_speed_limit: 26_641.7 * RADIANS_PER_SECOND_PER_RPM,
+    rotor_rise_secs: 0.0879,
+    rotor_fall_secs: 0.0745,
+    drag_coefficients: DragCoefficients { planar: 2.097e-6, axial: 2.953e-6 },
+    propeller_radius: 0.0254,
+    effects: FlightEffects { rotor_inertia: 3.893e-8, ..FlightEffects::NONE },
+    ..CRAZYFLIE_2_1_PLUS
+};
+
+/// A quadrotor of 5-inch propellers, as the Crazyflie Bolt flies them.
+///
+/// Bitcraze publishes no such build. Mass, inertia, layout and rotors: the drone of Agilicious (Foehn et al. 2022), 752 g
+/// with its computer; the Bolt, 9 g, takes the place of its flight controller. Drag, ground effect and downwash are not
+/// published; the rotors' inertia is that of a rod of 4 g, 127 mm long.
+pub const BOLT_5_INCH: Airframe = Airframe {
+    mass: 0.752,
+    inertia: [2.5e-3, 2.1e-3, 4.3e-3],
+    layout: Layout::Cross { x: 0.075, y: 0.1 },
+    arm: 0.125,
+    thrust_coefficient: per_rpm_squared(1.7135e-8),
+    torque_coefficient: per_rpm_squared(3.7697e-10),
+    rotor_speed_limit: 26_738.0 * RADIANS_PER_SECOND_PER_RPM,
+    rotor_rise_secs: 0.033,
+    rotor_fall_secs: 0.033,
+    drag_coefficients: DragCoefficients { planar: 0.0, axial: 0.0 },
+    propeller_radius: 0.0635,
+    ground_effect_coefficient: 0.0,
+    downwash: Downwash { strength: 0.0, width_slope: 0.0, width_offset: 1.0 },
+    collision_radius: 0.1885,
+    collision_height: 0.1,
+    nominal_speed: 100.0 / 3.6,
+    effects: FlightEffects { rotor_inertia: 5.4e-6, ..FlightEffects::NONE },
+    ..CF2X
+};
+
 /// Crazyflie 2.x flying with a plus layout: `cf2p.urdf` of gym-pybullet-drones, but with the rotors clockwise from
 /// the front (the reference has them the other way round: [`Airframe::numbered`]).
 pub const CF2P: Airframe =
@@ -360,6 +422,16 @@ mod tests {
         );
         assert!(near(CF2X.turning_torque_limit(), 0.007_479_555_379_746_838));
         assert!(near(CF2X.start_height(), 0.1125) && near(HUMMINGBIRD.start_height(), 0.25));
+    }
+
+    #[test]
+    fn crazyflies_thrust_is_what_their_firmware_permits() {
+        // THRUST_MAX [N] of a motor, in crazyflie-firmware 2a18fc2.
+        for (airframe, thrust_max) in [(CRAZYFLIE_2_1_PLUS, 0.12), (CRAZYFLIE_2_1_THRUST_UPGRADE, 0.18)] {
+            assert!((airframe.thrust_limit() / (4.0 * thrust_max) - 1.0).abs() < 1e-5);
+        }
+        // As identified, more than that: its firmware cuts the top off.
+        assert!((CRAZYFLIE_2_1.thrust_limit() / 4.0 - 0.1425).abs() < 1e-4);
     }
 
     #[test]

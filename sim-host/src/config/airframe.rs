@@ -4,8 +4,9 @@ use std::fmt;
 use std::path::Path;
 
 use kestrel_core::airframe::{
-    Airframe, CF2P, CF2X, CRAZYFLIE_2_1, CRAZYFLIE_2_1_BRUSHLESS, Downwash, DragCoefficients, FlightEffects,
-    GRAVITY, HUMMINGBIRD, Layout, RACER, RADIANS_PER_SECOND_PER_RPM, RotorOrder,
+    Airframe, BOLT_5_INCH, CF2P, CF2X, CRAZYFLIE_2_1, CRAZYFLIE_2_1_BRUSHLESS, CRAZYFLIE_2_1_PLUS,
+    CRAZYFLIE_2_1_THRUST_UPGRADE, Downwash, DragCoefficients, FlightEffects, GRAVITY, HUMMINGBIRD, Layout, RACER,
+    RADIANS_PER_SECOND_PER_RPM, RotorOrder,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
@@ -47,6 +48,15 @@ pub enum KnownAirframe {
     /// Crazyflie 2.1 Brushless with deck and markers, identified from real flights.
     #[serde(rename = "crazyflie_2_1_brushless")]
     Crazyflie21Brushless,
+    /// Crazyflie 2.1+.
+    #[serde(rename = "crazyflie_2_1_plus")]
+    Crazyflie21Plus,
+    /// Crazyflie 2.1 with the thrust upgrade kit.
+    #[serde(rename = "crazyflie_2_1_thrust_upgrade")]
+    Crazyflie21ThrustUpgrade,
+    /// 5-inch quadrotor for the Crazyflie Bolt.
+    #[serde(rename = "bolt_5_inch")]
+    Bolt5Inch,
     /// Crazyflie 2.x, one rotor ahead.
     Cf2p,
     /// `AscTec` Hummingbird.
@@ -224,6 +234,9 @@ impl KnownAirframe {
             Self::Cf2x => CF2X,
             Self::Crazyflie21 => CRAZYFLIE_2_1,
             Self::Crazyflie21Brushless => CRAZYFLIE_2_1_BRUSHLESS,
+            Self::Crazyflie21Plus => CRAZYFLIE_2_1_PLUS,
+            Self::Crazyflie21ThrustUpgrade => CRAZYFLIE_2_1_THRUST_UPGRADE,
+            Self::Bolt5Inch => BOLT_5_INCH,
             Self::Cf2p => CF2P,
             Self::Hb => HUMMINGBIRD,
             Self::Racer => RACER,
@@ -476,7 +489,8 @@ impl<'de> Visitor<'de> for NameOrNumbers {
 
     fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(
-            "`cf2x`, `crazyflie_2_1`, `crazyflie_2_1_brushless`, `cf2p`, `hb`, `racer` or an airframe in numbers",
+            "`cf2x`, `crazyflie_2_1`, `crazyflie_2_1_brushless`, `crazyflie_2_1_plus`, `crazyflie_2_1_thrust_upgrade`, \
+             `bolt_5_inch`, `cf2p`, `hb`, `racer` or an airframe in numbers",
         )
     }
 

@@ -1,7 +1,8 @@
 use std::path::PathBuf;
 
 use kestrel_core::airframe::{
-    Airframe, CF2P, CF2X, CRAZYFLIE_2_1, CRAZYFLIE_2_1_BRUSHLESS, HUMMINGBIRD, RACER, RotorOrder,
+    Airframe, BOLT_5_INCH, CF2P, CF2X, CRAZYFLIE_2_1, CRAZYFLIE_2_1_BRUSHLESS, CRAZYFLIE_2_1_PLUS,
+    CRAZYFLIE_2_1_THRUST_UPGRADE, HUMMINGBIRD, RACER, RotorOrder,
 };
 
 use super::*;
@@ -60,10 +61,31 @@ fn urdf(rotors: [&str; 4]) -> String {
 /// Rotors of the reference's Crazyflie today.
 const CLOCKWISE: [&str; 4] = ["0.028 -0.028 0", "-0.028 -0.028 0", "-0.028 0.028 0", "0.028 0.028 0"];
 
+/// Those that name and file give to the bit.
+const KNOWN: [(&str, Airframe); 7] = [
+    ("cf2x", CF2X),
+    ("crazyflie_2_1_plus", CRAZYFLIE_2_1_PLUS),
+    ("crazyflie_2_1_thrust_upgrade", CRAZYFLIE_2_1_THRUST_UPGRADE),
+    ("bolt_5_inch", BOLT_5_INCH),
+    ("cf2p", CF2P),
+    ("hb", HUMMINGBIRD),
+    ("racer", RACER),
+];
+
+#[test]
+fn every_shipped_airframe_can_be_flown() {
+    let files = std::fs::read_dir(asset("")).unwrap();
+    let names: Vec<PathBuf> = files.map(|file| file.unwrap().path()).collect();
+    assert!(names.len() > KNOWN.len());
+    for path in names {
+        let airframe = read_airframe(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert!(airframe.thrust_limit() > 1.5 * airframe.weight(), "{}", path.display());
+    }
+}
+
 #[test]
 fn shipped_airframes_are_the_constants() {
-    let known = [("cf2x", CF2X), ("cf2p", CF2P), ("hb", HUMMINGBIRD), ("racer", RACER)];
-    for (name, constant) in known {
+    for (name, constant) in KNOWN {
         assert_eq!(read_airframe(&asset(&format!("{name}.yaml"))).unwrap(), constant, "{name}");
     }
     // Its torque is rounded in SI units, not in RPM.
@@ -86,15 +108,8 @@ fn shipped_airframes_are_the_constants() {
 fn a_vehicle_is_a_name_or_numbers() {
     let inline: Vec<String> = shipped("hb").lines().map(|line| format!("  {line}")).collect();
     assert_eq!(vehicle(&format!("airframe:\n{}\n", inline.join("\n"))).unwrap(), HUMMINGBIRD);
-    let known = [
-        ("cf2x", CF2X),
-        ("crazyflie_2_1", CRAZYFLIE_2_1),
-        ("crazyflie_2_1_brushless", CRAZYFLIE_2_1_BRUSHLESS),
-        ("cf2p", CF2P),
-        ("hb", HUMMINGBIRD),
-        ("racer", RACER),
-    ];
-    for (name, constant) in known {
+    let real = [("crazyflie_2_1", CRAZYFLIE_2_1), ("crazyflie_2_1_brushless", CRAZYFLIE_2_1_BRUSHLESS)];
+    for (name, constant) in KNOWN.into_iter().chain(real) {
         assert_eq!(vehicle(&format!("airframe: {name}")).unwrap(), constant);
     }
     let fork = vehicle("airframe: cf2x\nrotor_order: fork").unwrap();
@@ -105,7 +120,8 @@ fn a_vehicle_is_a_name_or_numbers() {
 
 #[test]
 fn numbers_survive_being_written() {
-    for name in ["cf2x", "crazyflie_2_1", "crazyflie_2_1_brushless", "cf2p", "hb", "racer", "x500"] {
+    for name in KNOWN.map(|(name, _)| name).into_iter().chain(["crazyflie_2_1", "crazyflie_2_1_brushless", "x500"])
+    {
         let document = Document::parse(name, &shipped(name)).unwrap();
         let config = VehicleConfig {
             airframe: AirframeConfig::Custom(document.decode().unwrap()),
@@ -151,9 +167,8 @@ fn wrong_numbers_are_named() {
     }
     let message = vehicle("airframe: cf2y").unwrap_err().to_string();
     assert!(
-        message.contains(
-            "found `cf2y`, expected `cf2x`, `crazyflie_2_1`, `crazyflie_2_1_brushless`, `cf2p`, `hb` or `racer`"
-        ),
+        message.contains("found `cf2y`, expected `cf2x`, `crazyflie_2_1`, `crazyflie_2_1_brushless`, ")
+            && message.contains("`bolt_5_inch`, `cf2p`, `hb` or `racer`"),
         "{message}"
     );
     let message = vehicle("airframe: [1]").unwrap_err().to_string();
