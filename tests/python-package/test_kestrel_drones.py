@@ -207,6 +207,77 @@ def test_critics_may_know_more():
     assert envs.privileged().shape[0] == 5 and envs.privileged().shape[1] > 0
 
 
+def test_the_true_state_moves_as_mechanics_says():
+    envs = kestrel_drones.make_vec("hover", num_envs=300, seed=1, threads=2)
+    envs.reset()
+    before, secs = envs.states(), 1 / envs.task.control_rate_hz
+    envs.step(np.zeros(envs.action_space.shape))
+    after = envs.states()
+    assert {name: rows.shape for name, rows in before.items()} == {
+        "position_m": (300, 3),
+        "attitude_wxyz": (300, 4),
+        "rotation": (300, 3, 3),
+        "velocity_m_per_s": (300, 3),
+        "body_rates_rad_per_s": (300, 3),
+        "rotor_speeds_rad_per_s": (300, 4),
+        "goal_m": (300, 3),
+    }
+    assert all(rows.dtype == np.float32 for rows in before.values())
+    mean_velocity = (before["velocity_m_per_s"] + after["velocity_m_per_s"]) / 2
+    assert after["position_m"] - before["position_m"] == pytest.approx(mean_velocity * secs, abs=3e-3)
+    rotation = before["rotation"]
+    assert rotation @ rotation.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(3), (300, 1, 1)), abs=1e-5)
+    w, x, y, z = before["attitude_wxyz"].T
+    up = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    assert rotation[:, :, 2].T == pytest.approx(up, abs=1e-5)
+    # Body rates turn the body's axes: the derivative of R is R [rates]x.
+    rates = (before["body_rates_rad_per_s"] + after["body_rates_rad_per_s"]) / 2
+    middle = (before["rotation"] + after["rotation"]) / 2
+    turned = middle @ np.stack([np.cross(np.eye(3), rate) for rate in rates]) * secs
+    assert after["rotation"] - before["rotation"] == pytest.approx(turned, abs=0.01)
+    assert (before["goal_m"] == [0, 0, 1]).all()
+
+
+def test_a_state_is_known_as_late_as_the_task_says():
+    late = {"scenario": {"latency": {"state_secs": [0.02, 0.02]}}}
+    envs = kestrel_drones.make_vec("hover", num_envs=5, seed=1, **late)
+    envs.reset()
+    true = envs.states()
+    envs.step(np.zeros(envs.action_space.shape))
+    assert envs.states("known")["position_m"] == pytest.approx(true["position_m"], abs=1e-6)
+    assert (envs.states()["position_m"] != true["position_m"]).any()
+
+
+def test_one_environment_has_the_state_of_the_first_of_many():
+    env, envs = kestrel_drones.make("hover"), kestrel_drones.make_vec("hover", num_envs=3, seed=4)
+    env.reset(seed=4)
+    envs.reset()
+    for name, value in env.state().items():
+        assert value.tobytes() == envs.states()[name][0].tobytes()
+
+
+def test_a_team_has_the_state_of_each():
+    team = kestrel_drones.parallel_env("multi-hover")
+    team.reset(seed=1)
+    states = team.states()
+    assert list(states) == team.possible_agents
+    places = [state["position_m"] for state in states.values()]
+    assert places[0].shape == (3,) and (places[0] != places[1]).any()
+
+
+def test_a_shipped_airframe_flies_at_another_rate():
+    airframe = {"scenario.vehicle.airframe": {"import": str(kestrel_drones.airframe_path("x500"))}}
+    scenario = {"physics": {"control_rate_hz": 100, "substeps": 10}}
+    actions = {"scenario.action": {"rotor_speeds": {"fraction_of_hover": 0.25}}}
+    envs = kestrel_drones.make_vec("hover-cf2x", num_envs=2, scenario=scenario, **airframe, **actions)
+    envs.reset()
+    assert envs.task.control_rate_hz == 100
+    # At its hover speed, which the rotors of an X500 turn at.
+    weight = 2.064307692307692 * 9.8
+    speed = np.sqrt(weight / 4 / 8.54858e-6)
+    assert envs.states()["rotor_speeds_rad_per_s"] == pytest.approx(np.full((2, 4), speed), rel=0.3)
+
+
 def test_other_threads_of_python_go_on_while_drones_fly():
     envs = kestrel_drones.make_vec("room-1", num_envs=4096, threads=1)
     envs.reset()
@@ -240,6 +311,9 @@ def test_other_threads_of_python_go_on_while_drones_fly():
         (lambda: kestrel_drones.make_vec("hover", starts="late"), "starts: found late, expected training or evaluation"),
         (lambda: kestrel_drones.make_vec("hover", training={"epochs": -1}), "--set training.epochs=-1: found -1"),
         (lambda: kestrel_drones.make_vec("hover").step(np.zeros((1, 4))), "found no reset before it"),
+        (lambda: kestrel_drones.make_vec("hover").states(), "states: found no reset before it"),
+        (lambda: kestrel_drones.make_vec("hover").states("late"), "states: found late, expected true or known"),
+        (lambda: kestrel_drones.airframe_path("cf3x"), "cf3x: found no such airframe, expected .*cf2x, "),
         (lambda: kestrel_drones.make_vec({"version": 1, "nome": 2}), "configuration:1.*unknown key `nome`"),
         (lambda: kestrel_drones.train("multi-hover", training={"environments": 100}), "expected a multiple of"),
         (lambda: kestrel_drones.Policy.load("none.kestrel"), "none.kestrel: "),

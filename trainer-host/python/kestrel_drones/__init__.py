@@ -10,7 +10,7 @@ num_envs=1024)``. Teams are PettingZoo's: ``kestrel_drones.parallel_env("multi-h
 """
 
 from ._native import KestrelError, __version__
-from ._tasks import register, task_ids, task_path, task_paths
+from ._tasks import airframe_path, register, task_ids, task_path, task_paths
 from ._env import DroneEnv
 from ._policy import Policy
 from ._run import Run, evaluate, export, resume, train
@@ -36,6 +36,7 @@ __all__ = [
     "Policy",
     "Run",
     "__version__",
+    "airframe_path",
     "evaluate",
     "export",
     "make",

@@ -52,6 +52,10 @@ class DroneEnv(gymnasium.Env):
         terminated, truncated = bool(step["terminations"][0]), bool(step["truncations"][0])
         return observation, float(step["rewards"][0]), terminated, truncated, info
 
+    def state(self, which="true"):
+        """Where the drone is now: a row of ``DroneVectorEnv.states``, by the same names."""
+        return {name: rows[0] for name, rows in self.native.states(which).items()}
+
     def render(self):
         """A picture ``[240, 320, 3]`` from behind the drone, where ``render_mode`` asks for it."""
         return None if self.render_mode is None else self.native.render(0, _tasks.RENDER_SIZE)

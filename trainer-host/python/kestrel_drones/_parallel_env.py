@@ -80,6 +80,11 @@ class DroneParallelEnv(ParallelEnv):
         rewards, terminations, truncations = ({agent: column[self._rows[agent]] for agent in agents} for column in columns)
         return observations, rewards, terminations, truncations, infos
 
+    def states(self, which="true"):
+        """Where the drones are now: for each possible agent a row of ``DroneVectorEnv.states``, by the same names."""
+        columns = self.native.states(which)
+        return {agent: {name: rows[row] for name, rows in columns.items()} for agent, row in self._rows.items()}
+
     def render(self):
         """A picture ``[240, 320, 3]`` from behind the team, where ``render_mode`` asks for it."""
         return None if self.render_mode is None else self.native.render(0, _tasks.RENDER_SIZE)

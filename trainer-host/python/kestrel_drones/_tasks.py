@@ -36,7 +36,6 @@ TEAMS = {
 
 
 @functools.cache
-@functools.cache
 def task_paths():
     """The shipped tasks: name and path of the YAML file. Files with several tasks are for the command line."""
     paths = {}
@@ -54,6 +53,15 @@ def task_path(name):
     if name not in task_paths():
         raise KestrelError(f"{name}: found no such task, expected {_nearest(name)}")
     return task_paths()[name]
+
+
+def airframe_path(name):
+    """The YAML file of a shipped drone: ``**{"scenario.vehicle.airframe": {"import": str(airframe_path("x500"))}}``."""
+    path = SHIPPED / "assets" / "airframes" / f"{name}.yaml"
+    if not path.exists():
+        shipped = ", ".join(sorted(file.stem for file in path.parent.glob("*.yaml")))
+        raise KestrelError(f"{name}: found no such airframe, expected {shipped}")
+    return path
 
 
 def _nearest(name):

@@ -68,6 +68,17 @@ class DroneVectorEnv(VectorEnv):
         """What only a critic may know now, such as wind and mass: ``[num_envs, values]``, of no values in some tasks."""
         return self.native.privileged()
 
+    def states(self, which="true"):
+        """Where the drones are now, by name, a row each; in steps that end an episode, of the next one.
+
+        ``position_m``, ``velocity_m_per_s`` and ``goal_m`` ``[num_envs, 3]`` are in the world (x forward, y left, z up),
+        ``body_rates_rad_per_s`` ``[num_envs, 3]`` in the body; ``rotation`` ``[num_envs, 3, 3]`` takes body into world, as
+        does the unit quaternion ``attitude_wxyz`` ``[num_envs, 4]``; ``rotor_speeds_rad_per_s`` ``[num_envs, 4]`` are in the
+        airframe's order. ``which`` is ``"true"``, or ``"known"`` for the state that the policy is told, late where the task
+        has a latency.
+        """
+        return self.native.states(which)
+
     @staticmethod
     def _batch(observations, images):
         return observations if images is None else {"observation": observations, "image": images}

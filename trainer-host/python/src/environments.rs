@@ -3,6 +3,7 @@
 use std::thread::available_parallelism;
 use std::time::Instant;
 
+use kestrel_core::vehicle::State;
 use kestrel_sim::gradient::LANES;
 use kestrel_sim::outcome::{Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
@@ -63,6 +64,25 @@ pub(crate) struct Step<'py> {
     truncations: Bound<'py, PyArray1<bool>>,
     /// Of the rows whose episodes ended; none where none did.
     ended: Option<Ended<'py>>,
+}
+
+/// Where the drones are and how they move, as a dictionary.
+#[derive(IntoPyObject)]
+pub(crate) struct States<'py> {
+    /// Centre of mass, world, `[rows][3]`.
+    position_m: Bound<'py, PyArray2<f32>>,
+    /// World from body, unit quaternion `w, x, y, z`, `[rows][4]`.
+    attitude_wxyz: Bound<'py, PyArray2<f32>>,
+    /// The same as a matrix whose columns are the body's axes in the world, `[rows][3][3]`.
+    rotation: Bound<'py, PyArray3<f32>>,
+    /// World, `[rows][3]`.
+    velocity_m_per_s: Bound<'py, PyArray2<f32>>,
+    /// Body, `[rows][3]`.
+    body_rates_rad_per_s: Bound<'py, PyArray2<f32>>,
+    /// In the order of the airframe, `[rows][4]`.
+    rotor_speeds_rad_per_s: Bound<'py, PyArray2<f32>>,
+    /// Where the drone should be, world, `[rows][3]`.
+    goal_m: Bound<'py, PyArray2<f32>>,
 }
 
 /// The episodes that a step ended, in the order of their rows.
@@ -205,6 +225,40 @@ impl Environments {
     fn images<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray4<u8>>>> {
         let images = self.simulations().flat_map(Simulation::images).copied().collect();
         self.shaped(py, images)
+    }
+
+    /// Where the drones are now: "true", or as "known" to the policy, late where the task has a latency.
+    fn states<'py>(&self, py: Python<'py>, which: &str) -> PyResult<States<'py>> {
+        let state_of = match which {
+            "true" => Simulation::state,
+            "known" => Simulation::known_state,
+            other => return Err(expected("states", other, "true or known")),
+        };
+        if self.simulations.is_empty() {
+            return Err(expected("states", "no reset before it", "reset() first"));
+        }
+        let rows: Vec<(&Simulation, usize)> = self
+            .simulations()
+            .flat_map(|simulation| (0..simulation.rows()).map(move |row| (simulation, row)))
+            .collect();
+        let states: Vec<State<f32>> = rows.iter().map(|(simulation, row)| state_of(simulation, *row)).collect();
+        let column = |values: &mut dyn Iterator<Item = f32>| self.rows_of(py, values.collect());
+        let quaternion = |state: &State<f32>| {
+            let attitude = state.world_from_body;
+            [attitude.w, attitude.x, attitude.y, attitude.z]
+        };
+        let matrices = states.iter().flat_map(|state| state.world_from_body.rows()).flatten().collect();
+        Ok(States {
+            position_m: column(&mut states.iter().flat_map(|state| <[f32; 3]>::from(state.position)))?,
+            attitude_wxyz: column(&mut states.iter().flat_map(quaternion))?,
+            rotation: PyArray1::from_vec(py, matrices).reshape([states.len(), 3, 3])?,
+            velocity_m_per_s: column(&mut states.iter().flat_map(|state| <[f32; 3]>::from(state.velocity)))?,
+            body_rates_rad_per_s: column(&mut states.iter().flat_map(|state| <[f32; 3]>::from(state.body_rates)))?,
+            rotor_speeds_rad_per_s: column(&mut states.iter().flat_map(|state| state.rotor_speeds))?,
+            goal_m: column(
+                &mut rows.iter().flat_map(|(simulation, row)| <[f32; 3]>::from(simulation.goal(*row))),
+            )?,
+        })
     }
 
     /// What only critics read now, `[rows][values]`; no values where the task's critic reads the observation.
