@@ -1,6 +1,7 @@
 //! Flight logs in the formats that loggers write: [`read`] takes the first reader that knows the file.
 
 mod crazyflie;
+mod dataflash;
 mod table;
 mod ulog;
 
@@ -12,14 +13,22 @@ use flate2::read::MultiGzDecoder;
 
 use crate::alignment::aligned;
 use crate::error::LogError;
-use crate::flight::{Flight, Recording};
+use crate::flight::{CommandRecord, Flight, Recording};
+use crate::track::Track;
 
 pub use crazyflie::Crazyflie;
+pub use dataflash::DataFlash;
 pub use table::Table;
 pub use ulog::Ulog;
 
 /// Largest log that is read \[bytes\], unpacked: an hour at 1 kHz has a tenth of it.
 const LARGEST_LOG: u64 = 2 << 30;
+
+/// Motors of a quadrotor X in PX4, and `ArduPilot` by default (front right, rear left, front left, rear right), clockwise.
+const PX4_CLOCKWISE: [usize; 4] = [0, 3, 1, 2];
+
+/// Longest time between samples of all commands \[s\]: the controllers of both run at 250 Hz and more.
+const COMPLETE_PERIOD_SECS: f64 = 0.005;
 
 /// A format of flight logs.
 pub trait LogReader: Sync {
@@ -37,7 +46,7 @@ pub trait LogReader: Sync {
 }
 
 /// Every reader, the one that accepts any text last.
-pub const READERS: [&dyn LogReader; 3] = [&Crazyflie, &Ulog, &Table];
+pub const READERS: [&dyn LogReader; 4] = [&Crazyflie, &Ulog, &DataFlash, &Table];
 
 /// The flight of a log, packed with gzip or not.
 ///
@@ -59,6 +68,19 @@ pub fn parse(name: &str, bytes: &[u8]) -> Result<Flight, LogError> {
         return Err(LogError::at(name, "a file of no known format", formats));
     };
     Flight::resampled(&aligned(reader.recording(name, bytes)?))
+}
+
+/// Whether commands of an autopilot are all that it gave.
+fn completeness(commands: &Track<4>) -> CommandRecord {
+    match commands.period_secs() {
+        Some(period) if period <= COMPLETE_PERIOD_SECS => CommandRecord::Complete,
+        Some(_) | None => CommandRecord::Sampled,
+    }
+}
+
+/// A vector in axes north, east, down, or forward, right, down, half a turn about x: north, west, up.
+fn turned([x, y, z]: [f64; 3]) -> [f64; 3] {
+    [x, -y, -z]
 }
 
 fn unpacked(path: &Path) -> io::Result<Vec<u8>> {

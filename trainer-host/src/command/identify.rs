@@ -24,7 +24,7 @@ const EXPECTED_STEPS: u64 = 60;
 /// Arguments of `kestrel identify`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Flight logs: Crazyflie's µSD card, PX4's ULog, tables (CSV), each packed with gzip or not
+    /// Flight logs: Crazyflie's µSD card, PX4's ULog, ArduPilot's .bin, tables (CSV), each packed with gzip or not
     #[arg(required = true, value_name = "LOG")]
     logs: Vec<PathBuf>,
 

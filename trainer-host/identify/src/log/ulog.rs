@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::LogReader;
+use super::{LogReader, PX4_CLOCKWISE, completeness, turned};
 use crate::error::LogError;
 use crate::flight::{CommandRecord, Recording};
 
@@ -13,12 +13,6 @@ const MAGIC: [u8; 7] = [0x55, 0x4c, 0x6f, 0x67, 0x01, 0x12, 0x35];
 
 /// Bytes before the first message.
 const HEADER_BYTES: usize = 16;
-
-/// PX4's motors of a quadrotor X (front right, rear left, front left, rear right), clockwise.
-const CLOCKWISE: [usize; 4] = [0, 3, 1, 2];
-
-/// Longest time between samples of all commands \[s\]: PX4's controllers run at 250 Hz and more.
-const COMPLETE_PERIOD_SECS: f64 = 0.005;
 
 /// Formats may nest this deep.
 const NESTING_LIMIT: usize = 4;
@@ -56,9 +50,7 @@ impl LogReader for Ulog {
             }
             at += 3 + content.len();
         }
-        if recording.commands.period_secs().is_some_and(|period| period <= COMPLETE_PERIOD_SECS) {
-            recording.command_record = CommandRecord::Complete;
-        }
+        recording.command_record = completeness(&recording.commands);
         Ok(recording)
     }
 }
@@ -181,11 +173,10 @@ impl Message<'_> {
 
     fn store(&self, topic: &str, recording: &mut Recording) -> Option<()> {
         let time_secs = self.time_secs()?;
-        let turned = |[x, y, z]: [f64; 3]| [x, -y, -z];
         match topic {
             "actuator_motors" => {
                 let motors: [f64; 4] = self.floats("control")?;
-                recording.commands.push(time_secs, CLOCKWISE.map(|motor| motors[motor].clamp(0.0, 1.0)));
+                recording.commands.push(time_secs, PX4_CLOCKWISE.map(|motor| motors[motor].clamp(0.0, 1.0)));
             }
             "vehicle_angular_velocity" => recording.body_rates.push(time_secs, turned(self.floats("xyz")?)),
             "sensor_combined" => {
