@@ -1,9 +1,10 @@
 //! The pilots that come with the program: those of `assets/pilots`, by name.
 
 /// Names and policy files, in fixed point.
-const PILOTS: [(&str, &[u8]); 3] = [
+const PILOTS: [(&str, &[u8]); 4] = [
     ("cross", include_bytes!("../../assets/pilots/cross.kestrel")),
     ("hover", include_bytes!("../../assets/pilots/hover.kestrel")),
+    ("hover-2-1-plus", include_bytes!("../../assets/pilots/hover-2-1-plus.kestrel")),
     ("hover-cf2x", include_bytes!("../../assets/pilots/hover-cf2x.kestrel")),
 ];
 
@@ -19,7 +20,7 @@ pub(crate) fn names() -> String {
 
 #[cfg(test)]
 mod tests {
-    use kestrel_core::airframe::{Airframe, CF2X, CRAZYFLIE_2_1};
+    use kestrel_core::airframe::{Airframe, CF2X, CRAZYFLIE_2_1, CRAZYFLIE_2_1_PLUS};
     use kestrel_core::policy_file::PolicyAirframe;
     use kestrel_export::policy::Policy;
     use kestrel_shim::policy_bytes::PolicyBytes;
@@ -28,7 +29,12 @@ mod tests {
 
     #[test]
     fn every_pilot_knows_its_drone() {
-        let drones: [(&str, &Airframe); 3] = [("cross", &CF2X), ("hover", &CRAZYFLIE_2_1), ("hover-cf2x", &CF2X)];
+        let drones: [(&str, &Airframe); 4] = [
+            ("cross", &CF2X),
+            ("hover", &CRAZYFLIE_2_1),
+            ("hover-2-1-plus", &CRAZYFLIE_2_1_PLUS),
+            ("hover-cf2x", &CF2X),
+        ];
         assert_eq!(drones.map(|(name, _)| name), PILOTS.map(|(name, _)| name));
         for (name, drone) in drones {
             let file = PolicyBytes::copy_of(pilot(name).unwrap());
