@@ -209,7 +209,7 @@ fn range(field: &Field<'_>, [least, most]: [f64; 2], limits: &Limits) -> Result<
 /// The bounds of a factor, by `NAME_fraction` or by `NAME_share`.
 fn one_of(field: &Field<'_>, name: &str, fraction: f64, share: [f64; 2]) -> Result<[f32; 2], ConfigError> {
     let fraction_key = format!("{name}_fraction");
-    let share_field = field.at(&format!("{name}_share"));
+    let share_field = field.at(format!("{name}_share"));
     let spread = field.at(&fraction_key).number(fraction, &FRACTION)?;
     let bounds = range(&share_field, share, &SHARE)?;
     match (spread > 0.0, is_full(&share)) {

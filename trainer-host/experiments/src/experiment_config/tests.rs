@@ -319,7 +319,7 @@ fn gradients_are_refused_where_none_go() {
     let message = refusal("hover", &["training.analytic.environments=100"]);
     assert!(message.ends_with("found 100, expected a multiple of 64, at most 65536"), "{message}");
     let message = refusal("hover", &["training.analytic.total_steps=100"]);
-    assert!(message.contains("found 100, expected at least 8192, one window"), "{message}");
+    assert!(message.contains("found 100, expected at least 6144, one window"), "{message}");
 }
 
 #[test]
@@ -327,10 +327,10 @@ fn hover_learns_by_gradients_unless_told_otherwise() {
     let load = |sets: &[String]| load_to_train(&in_repository("configs/hover.yaml"), sets).unwrap();
     let by = |experiment: &Experiment| (experiment.method(), experiment.total_steps(), experiment.batch());
     let (gradients, ppo) = (load(&[]), load(&["training.analytic=null".to_owned()]));
-    assert_eq!(by(&gradients), ("gradients through the physics", 2_457_600, 128 * 64));
+    assert_eq!(by(&gradients), ("gradients through the physics", 3_686_400, 128 * 48));
     assert_eq!(by(&ppo), ("PPO", 4_915_200, 1024 * 32));
     let traced = StepGradient::new(&gradients.scenario).unwrap();
-    assert_eq!(traced.operations(), (782, 1355), "docs/decisions.md says how many");
+    assert_eq!(traced.operations(), (806, 1376), "docs/decisions.md says how many");
     assert_eq!(gradients.silent_rewards(), ["alive", "failure"]);
     assert!(ppo.silent_rewards().is_empty());
 }

@@ -74,7 +74,7 @@ const WRONG: [(&str, &str); 53] = [
     ("parameters={NAV_DL_ACT: 2}", "found the unknown parameter `NAV_DL_ACT`"),
     (
         "matrix.pilots=[hoover]",
-        "found the text \"hoover\", expected cross, hover, hover-cf2x, `cascade`, or a policy file",
+        "found the text \"hoover\", expected cross, hover, hover-2-1-plus, hover-cf2x, `cascade`, or a policy file",
     ),
     ("matrix.pilots=[none.kestrel]", "found cannot read policy none.kestrel"),
     ("matrix.seeds=[-1]", "found -1, expected a whole number, zero or more"),
