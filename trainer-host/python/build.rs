@@ -15,8 +15,9 @@ const FOLDERS: [&str; 7] = [
 ];
 
 fn main() -> io::Result<()> {
-    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let shipped = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default()).join("shipped");
+    // Where it runs, not where it was compiled: a copied target folder must not bring another clone's files.
+    let folder = |name| PathBuf::from(env::var_os(name).unwrap_or_default());
+    let (repository, shipped) = (folder("CARGO_MANIFEST_DIR").join("../.."), folder("OUT_DIR").join("shipped"));
     if shipped.exists() {
         fs::remove_dir_all(&shipped)?;
     }
