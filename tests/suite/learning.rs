@@ -44,7 +44,7 @@ fn the_scripted_pilot_survives_where_doing_nothing_and_chance_do_not() {
 #[test]
 fn a_short_training_beats_the_trivial_baselines() {
     let experiment =
-        hover(&["training.environments=256", "training.minibatch=2048", "training.total_steps=524288"]);
+        hover(&["training.environments=256", "training.minibatch=2048", "training.total_steps=1048576"]);
     let trainer = trained(&experiment);
     let trained = fly(&experiment, Flyer::Actor(trainer.actor()));
     assert!(trained.length_secs > 2.0 * fly(&experiment, Flyer::Nothing).length_secs, "{trained:?}");
