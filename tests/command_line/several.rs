@@ -62,3 +62,25 @@ fn one_policy_is_trained_judged_exported_and_filmed_in_two_tasks() {
     let text = refusal(&kestrel(place.path(), &["evaluate", "run/policy.kestrel"]));
     assert!(text.contains("found a file, expected the directory of a run, or tasks to fly in"), "{text}");
 }
+
+/// Success of a shipped pilot in a task \[%\], 256 starts.
+fn success(place: &Path, pilot: &str, task: &Path) -> f64 {
+    let pilot = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../assets/pilots/{pilot}.kestrel"));
+    let [pilot, task] = [pilot.to_str().unwrap(), task.to_str().unwrap()];
+    let text = printed(&kestrel(place, &["evaluate", pilot, "--episodes", "256", "--tasks", task]));
+    let shares = text.split_once("mean success: ").and_then(|(_, rest)| rest.split_once(" %"));
+    shares.unwrap_or_else(|| panic!("{text}")).0.parse().unwrap()
+}
+
+#[test]
+fn shipped_pilots_hover_on_the_drones_that_they_learned_on() {
+    let place = tempfile::tempdir().unwrap();
+    let hover = config("hover.yaml");
+    assert!(success(place.path(), "hover", &hover) > 98.0);
+    let plus = place.path().join("hover-2-1-plus.yaml");
+    let changes =
+        "vehicle: {airframe: crazyflie_2_1_plus}, action: {thrust_body_rates: {fraction_of_hover: 0.65}}";
+    let task = format!("version: 1\nname: plus\nimport: {}\nscenario: {{{changes}}}\n", hover.display());
+    fs::write(&plus, task).unwrap();
+    assert!(success(place.path(), "hover-2-1-plus", &plus) > 94.0);
+}

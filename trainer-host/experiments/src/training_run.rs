@@ -250,12 +250,8 @@ impl TrainingRun {
         let starts = Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: SELECTION_EPISODES };
         let found = evaluate(evaluation.selection(), Flyer::Actor(self.learner.actor()), starts);
         let alike = if self.experiment.analytic.is_some() { ALIKE } else { 1 };
-        let rank = |evaluation: &Evaluation| {
-            let successes = evaluation.success_rate * (SELECTION_EPISODES / alike) as f64;
-            (successes.round(), evaluation.episode_return.max(f64::MIN))
-        };
-        // Ties go to the later policy, which has been trained for longer; a return that is NaN ranks last.
-        if self.best.as_ref().is_none_or(|best| rank(&best.evaluation) <= rank(&found)) {
+        // Ties go to the later policy, which has been trained for longer.
+        if self.best.as_ref().is_none_or(|best| rank(&best.evaluation, alike) <= rank(&found, alike)) {
             let actor = self.learner.actor().clone();
             self.best = Some(BestPolicy { actor, steps: self.learner.steps(), evaluation: found });
         }
@@ -389,5 +385,40 @@ pub(crate) fn report(update: &UpdateMetrics) -> ProgressReport {
         steps: update.steps,
         episode_return: update.episode_return,
         success_rate: update.success_rate,
+    }
+}
+
+/// Of a test: its successes in steps of `alike` flights, then its return; one that is NaN ranks last.
+fn rank(test: &Evaluation, alike: usize) -> (f64, f64) {
+    let steps = test.success_rate * (SELECTION_EPISODES / alike) as f64;
+    (steps.round(), test.episode_return.max(f64::MIN))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn test(successes: u32, episode_return: f64) -> Evaluation {
+        Evaluation {
+            pilot: "policy".to_owned(),
+            episodes: SELECTION_EPISODES,
+            success_rate: f64::from(successes) / SELECTION_EPISODES as f64,
+            success_interval: [0.0, 1.0],
+            episode_return,
+            return_interval: [episode_return; 2],
+            length_secs: 8.0,
+            steps: 400.0,
+            endings: Vec::new(),
+            terms: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_few_lucky_flights_do_not_outweigh_the_return() {
+        let (lucky, better, worse) = (test(256, 11.0), test(254, 12.0), test(250, 13.0));
+        assert!(rank(&lucky, ALIKE) < rank(&better, ALIKE));
+        assert!(rank(&worse, ALIKE) < rank(&lucky, ALIKE));
+        assert!(rank(&better, 1) < rank(&lucky, 1), "flight by flight without gradients");
+        assert!(rank(&test(256, f64::NAN), 1) < rank(&lucky, 1));
     }
 }
