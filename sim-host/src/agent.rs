@@ -331,13 +331,14 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
         let beginning = reset::begin(scenario, (self.index, room), &mut self.streams[lane]);
         self.place(scenario, lane, &beginning);
+        self.forget_measurements(lane);
         if let Some(memory) = self.sensors.get_mut(lane) {
             *memory = scenario.sensors.begin(&mut self.streams[lane]);
             set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
             self.sense_lane(scenario, arenas, lane);
         }
         self.scan_lane(scenario, arenas, lane);
-        self.look_ahead(scenario, lane..lane + 1);
+        self.tell(scenario, lane..lane + 1);
         self.begin_integral(scenario, lane);
         self.observe_lane(scenario, lane);
         let scales = self.scales;

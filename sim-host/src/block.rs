@@ -15,7 +15,7 @@ use crate::episode_end;
 use crate::rooms::Arenas;
 use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards, TeamSuccess};
 use crate::seed::{Purpose, Seed};
-use crate::sensor::Course;
+use crate::sensor::{Course, Told};
 use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, one_lane, row, set_row, vector};
 use crate::world::Pose;
@@ -351,7 +351,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// Shows drones the nearest of their team in these lanes, where they measure them.
     fn observe_neighbours(&mut self, scenario: &Scenario, lanes: Range<usize>) {
-        let Some(mates) = scenario.sensors.mates() else { return };
+        let Some(Told::Mates(mates)) = scenario.sensors.told() else { return };
         let mut values = vec![R::zero(); mates.len()];
         for lane in lanes {
             let course = |agent: &Agent<LANES, R>| -> Course<R> {
@@ -367,7 +367,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// Shows all drones of a lane where those are that began anew.
     fn observe_restarted(&mut self, scenario: &Scenario, lane: usize) {
-        if scenario.sensors.mates().is_some() {
+        if matches!(scenario.sensors.told(), Some(Told::Mates(_))) {
             self.observe_neighbours(scenario, lane..lane + 1);
             self.agents.iter_mut().for_each(|agent| agent.observe_lane(scenario, lane));
         }

@@ -5,6 +5,7 @@
 //! [`Truth`] into the values a policy sees, all of order one. [`signal`] says what each instrument would deliver if
 //! it was perfect, [`instrument`] how it falls short.
 
+mod coverage;
 pub mod instrument;
 mod mates;
 mod scan;
@@ -20,6 +21,7 @@ use crate::seed::Stream;
 use crate::trajectory::PathAhead;
 use instrument::{Instrument, InstrumentMemory};
 
+pub use coverage::Coverage;
 pub(crate) use mates::Course;
 pub use mates::Mates;
 pub use scan::{BEAM_LIMIT, Scan, ScanRing};
@@ -43,10 +45,30 @@ pub struct Truth<'a> {
 pub struct SensorSuite {
     instruments: Vec<Instrument>,
     scan: Option<Scan>,
-    mates: Option<Mates>,
-    path: Option<PathAhead>,
+    told: Option<Told>,
     /// Time between two readings \[s\].
     control_secs: f64,
+}
+
+/// What a drone is told rather than measures; a simulation knows it. Its values are the last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Told {
+    /// Where its team mates are.
+    Mates(Mates),
+    /// Where its goal will be.
+    Path(PathAhead),
+    /// Which cells of a field it has visited.
+    Coverage(Coverage),
+}
+
+impl Told {
+    fn len(&self) -> usize {
+        match self {
+            Self::Mates(mates) => mates.len(),
+            Self::Path(path) => path.len(),
+            Self::Coverage(coverage) => coverage.len(),
+        }
+    }
 }
 
 /// What the instruments of one drone remember from reading to reading, within an episode.
@@ -60,7 +82,7 @@ pub struct SensorMemory {
 impl SensorSuite {
     /// These instruments, read every `control_secs` \[s\].
     pub fn new(instruments: Vec<Instrument>, control_secs: f64) -> Self {
-        Self { instruments, scan: None, mates: None, path: None, control_secs }
+        Self { instruments, scan: None, told: None, control_secs }
     }
 
     /// The same with a scan, whose values follow those of the instruments.
@@ -69,16 +91,10 @@ impl SensorSuite {
         Self { scan, ..self }
     }
 
-    /// The same with an eye on team mates, whose values are the last.
+    /// The same with something that the drone is told, whose values are the last.
     #[must_use]
-    pub fn with_mates(self, mates: Option<Mates>) -> Self {
-        Self { mates, ..self }
-    }
-
-    /// The same with an eye on the way ahead of the goal, whose values are the last.
-    #[must_use]
-    pub fn with_path(self, path: Option<PathAhead>) -> Self {
-        Self { path, ..self }
+    pub fn with_told(self, told: Option<Told>) -> Self {
+        Self { told, ..self }
     }
 
     /// No instruments.
@@ -96,14 +112,9 @@ impl SensorSuite {
         self.scan.as_ref()
     }
 
-    /// Which team mates are seen; a simulation knows where they are.
-    pub fn mates(&self) -> Option<&Mates> {
-        self.mates.as_ref()
-    }
-
-    /// What is seen of the way ahead of the goal; a simulation knows it.
-    pub fn path(&self) -> Option<&PathAhead> {
-        self.path.as_ref()
+    /// What the drone is told.
+    pub fn told(&self) -> Option<&Told> {
+        self.told.as_ref()
     }
 
     /// Whether nothing is measured.
@@ -111,12 +122,9 @@ impl SensorSuite {
         self.len() == 0
     }
 
-    /// Number of values of a reading, those of scan, mates and path included.
+    /// Number of values of a reading, those of the scan and of what it is told included.
     pub fn len(&self) -> usize {
-        self.instruments_len()
-            + self.scan.as_ref().map_or(0, Scan::len)
-            + self.mates.as_ref().map_or(0, Mates::len)
-            + self.path.as_ref().map_or(0, PathAhead::len)
+        self.instruments_len() + self.scan.as_ref().map_or(0, Scan::len) + self.told.as_ref().map_or(0, Told::len)
     }
 
     /// Number of values that [`Self::read`] writes.

@@ -12,6 +12,7 @@ use kestrel_core::real::Real;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub(crate) use cells::Cells;
 pub use drone_view::DroneView;
 pub(crate) use lanes::{contains, mark};
 
@@ -29,7 +30,7 @@ pub(crate) mod prelude {
     pub(crate) use schemars::JsonSchema;
     pub(crate) use serde::{Deserialize, Serialize};
 
-    pub(crate) use super::cells::Cells;
+    pub(crate) use super::Cells;
     pub(crate) use super::lanes::{
         distance, each, is_unset, length, mark, planar_distance, planar_length, squared_length, stays_in,
         sum_squares,

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
 
 mod clean_and_bullet;
+mod diagnosis;
 mod goldens;
 mod layering;
 mod learning;

@@ -15,9 +15,10 @@ use super::{Agent, PrivilegedScales};
 use crate::latency::{States, known_states};
 use crate::rooms::Arenas;
 use crate::scenario::{CriticView, Preset, Scenario};
-use crate::sensor::Truth;
+use crate::sensor::{Told, Truth};
 use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
+use crate::term::Cells;
 use crate::trajectory::{PathAhead, Trajectory};
 
 /// Where the drones of every task shall face: along the world's x axis. What is learned holds for all headings.
@@ -28,7 +29,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     #[inline(always)]
     pub(crate) fn observe(&mut self, stage: &Stage<'_, R>) {
         let scenario = stage.scenario;
-        self.look_ahead(scenario, 0..LANES);
+        self.tell(scenario, 0..LANES);
         match &scenario.observation {
             ObservationLayout::Pilot(layout) => self.observe_as_pilot(*layout),
             ObservationLayout::Reference(layout) => self.observe_as_paper(scenario, *layout),
@@ -193,10 +194,33 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
-    /// Shows drones the way ahead of their goals, where they look at it.
+    /// Tells drones what concerns them alone: the way ahead of their goals, or what they have visited.
     #[inline(always)]
-    pub(super) fn look_ahead(&mut self, scenario: &Scenario, lanes: Range<usize>) {
-        let (Some(path), Some(trajectory)) = (scenario.sensors.path(), &self.trajectory) else { return };
+    pub(super) fn tell(&mut self, scenario: &Scenario, lanes: Range<usize>) {
+        match scenario.sensors.told() {
+            Some(Told::Path(path)) => self.look_ahead(path, scenario, lanes),
+            Some(Told::Coverage(coverage)) => {
+                let first = self.measurements.len() - coverage.len();
+                let cells = Cells::new(coverage.cells, false);
+                for lane in lanes {
+                    cells.visit(&self.swarm, lane, &mut self.measurements[first..]);
+                }
+            }
+            Some(Told::Mates(_)) | None => {}
+        }
+    }
+
+    /// Forgets what the drone of a lane has measured and was told.
+    pub(super) fn forget_measurements(&mut self, lane: usize) {
+        for column in &mut self.measurements {
+            column[lane] = R::zero();
+        }
+    }
+
+    /// Shows drones the way ahead of their goals.
+    #[inline(always)]
+    fn look_ahead(&mut self, path: &PathAhead, scenario: &Scenario, lanes: Range<usize>) {
+        let Some(trajectory) = &self.trajectory else { return };
         let known = known_states(&self.swarm, self.latency.as_ref());
         let control_secs = R::from_f32(scenario.physics.control_secs());
         let per_metre = R::one() / R::from_f32(path.position_scale_m);

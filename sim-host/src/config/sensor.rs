@@ -9,7 +9,8 @@ use super::error::ConfigError;
 use super::field::{Field, Limits};
 use crate::sensor::instrument::{Bias, Instrument, Noise, Sampling};
 use crate::sensor::signal::{Direction, Signal};
-use crate::sensor::{BEAM_LIMIT, Mates, Scan, ScanRing, SensorSuite};
+use crate::sensor::{BEAM_LIMIT, Coverage, Mates, Scan, ScanRing, SensorSuite, Told};
+use crate::term::Cells;
 use crate::trajectory::PathAhead;
 
 /// Noise bandwidth of a second-order Butterworth low-pass filter over its cut-off frequency: π / (2 √2).
@@ -53,6 +54,17 @@ pub enum SensorConfig {
     /// Where the goal will be, if it follows a `trajectory`: some points ahead, in the drone's body axes (3 values each).
     /// The last sensor, once.
     Path(PathConfig),
+    /// Which cells of a field around the origin were visited in this episode (1 value each, 1 or 0; the cells are those of
+    /// the reward `field_coverage`). The last sensor, once.
+    Coverage(CoverageConfig),
+}
+
+/// A square of cells of one metre.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CoverageConfig {
+    /// Along each side of the field, at most 8.
+    pub cells: u64,
 }
 
 /// What is seen of the way ahead of the goal.
@@ -371,27 +383,31 @@ impl SensorConfig {
     /// # Errors
     /// When a number is out of range, a ranger has no direction or one twice, or there are too many values.
     pub fn check_all(sensors: &[Self], control_secs: f64, field: &Field<'_>) -> Result<SensorSuite, ConfigError> {
-        let (mut mates, mut path) = (None, None);
+        let mut told = None;
         let mut instruments = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {
             let (field, is_last) = (field.at(index), index + 1 == sensors.len());
             match sensor {
-                Self::Mates(config) if is_last => mates = Some(config.check(&field.at("mates"))?),
-                Self::Path(config) if is_last => path = Some(config.check(&field.at("path"))?),
+                Self::Mates(config) if is_last => told = Some(Told::Mates(config.check(&field.at("mates"))?)),
+                Self::Path(config) if is_last => told = Some(Told::Path(config.check(&field.at("path"))?)),
+                Self::Coverage(config) if is_last => {
+                    Cells::check(config.cells, &field.at("coverage"))?;
+                    told = Some(Told::Coverage(Coverage { cells: config.cells }));
+                }
                 Self::Imu(_)
                 | Self::Flow(_)
                 | Self::Range(_)
                 | Self::Barometer(_)
                 | Self::Scan(_)
                 | Self::Mates(_)
-                | Self::Path(_) => instruments.extend(sensor.check(&field)?),
+                | Self::Path(_)
+                | Self::Coverage(_) => instruments.extend(sensor.check(&field)?),
             }
         }
-        let seen_last = usize::from(mates.is_some() || path.is_some());
+        let told_last = usize::from(told.is_some());
         let suite = SensorSuite::new(instruments, control_secs)
-            .with_scan(Self::check_scan(&sensors[..sensors.len() - seen_last], field)?)
-            .with_mates(mates)
-            .with_path(path);
+            .with_scan(Self::check_scan(&sensors[..sensors.len() - told_last], field)?)
+            .with_told(told);
         if suite.len() > OBSERVATION_LIMIT {
             let expected = format!("at most {OBSERVATION_LIMIT}, the most that a policy sees");
             return Err(field.reject(format!("sensors that measure {} values", suite.len()), expected));
@@ -420,6 +436,9 @@ impl SensorConfig {
                 Err(field.reject("`mates` before other sensors", "one `mates`, as the last of them"))
             }
             Self::Path(_) => Err(field.reject("`path` before other sensors", "one `path`, as the last of them")),
+            Self::Coverage(_) => {
+                Err(field.reject("`coverage` before other sensors", "one `coverage`, as the last of them"))
+            }
             Self::Imu(imu) => {
                 let field = field.at("imu");
                 let gyroscope = imu.gyroscope.check(&field.at("gyroscope"))?;

@@ -8,7 +8,7 @@ use super::*;
 use crate::latency::Latency;
 use crate::scenario::{Agents, Downwash, Physics};
 use crate::seed::Stream;
-use crate::sensor::SensorSuite;
+use crate::sensor::{SensorSuite, Told};
 use crate::simulation::Simulation;
 use crate::testing;
 use crate::trajectory::{PathAhead, Trajectories, TrajectoryShape};
@@ -51,7 +51,7 @@ fn scenarios() -> Vec<Scenario> {
                 rise: [0.1, 0.2],
                 speed: [0.3, 1.5],
             }),
-            sensors: SensorSuite::none().with_path(Some(AHEAD)),
+            sensors: SensorSuite::none().with_told(Some(Told::Path(AHEAD))),
             observation: ObservationLayout::Body(BodyLayout { measured_len: AHEAD.len() as u8, ..body }),
             ..late.clone()
         },

@@ -8,6 +8,7 @@ pub mod aviary_files;
 pub mod aviary_generator;
 pub mod checkpoint;
 pub(crate) mod config_file;
+pub mod diagnosis;
 mod drawn_worlds;
 pub mod drone_environment;
 pub mod evaluation;

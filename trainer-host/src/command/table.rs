@@ -1,5 +1,6 @@
 //! Tables for people.
 
+use kestrel_experiments::diagnosis::Cause;
 use kestrel_experiments::evaluation::Evaluation;
 use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::results::{EvaluationReport, WorldsReport};
@@ -50,6 +51,12 @@ pub(crate) fn matrix(policies: &[String], tasks: &[String], flown: &[Vec<Evaluat
         format!("{task:<first$}{}", joined(&cells))
     };
     tasks.iter().zip(flown).map(line).fold(heading, |text, line| text + "\n" + &line)
+}
+
+/// Why a run may not have learned, the likeliest first.
+pub(crate) fn causes(causes: &[Cause]) -> String {
+    let lines = causes.iter().enumerate().map(|(index, cause)| format!("\n  {}. {cause}", index + 1));
+    lines.fold("Why it may not have learned its task:".to_owned(), |text, line| text + &line)
 }
 
 /// Success in each task before training and after each of its stages.

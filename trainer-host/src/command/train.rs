@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use kestrel_experiments::checkpoint::CheckpointError;
+use kestrel_experiments::diagnosis;
 use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::multi_task_run::MultiTaskRun;
@@ -174,7 +175,12 @@ fn finish(
     if interrupt.requested() {
         return stopped(directory.path());
     }
-    say(format_args!("{}\n", table::evaluations(&results::evaluate_run(subject, directory)?)))?;
+    let reports = results::evaluate_run(subject, directory)?;
+    say(format_args!("{}\n", table::evaluations(&reports)))?;
+    let causes = diagnosis::of_run(subject, directory, &reports)?;
+    if !causes.is_empty() {
+        say(format_args!("{}\n", table::causes(&causes)))?;
+    }
     if interrupt.requested() {
         return stopped(directory.path());
     }

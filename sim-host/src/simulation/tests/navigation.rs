@@ -178,3 +178,43 @@ success: ending"
     assert_eq!((touched.ending, rested.ending), (Ending::Success, Ending::Success));
     assert!(rested.steps >= touched.steps + 99, "{} steps after {}", rested.steps, touched.steps);
 }
+
+#[test]
+fn a_drone_knows_the_cells_that_it_visited_in_this_episode() {
+    const CELLS: usize = 3;
+    let scenario = scenario(
+        "aviary: { goal_m: [0, 0, 1] }
+start: { position: { within: { low_m: [-1.4, -1.4, 1], high_m: [1.4, 1.4, 2] } }, speed_limit_m_per_s: 3 }
+physics: { control_rate_hz: 50 }
+sensors: [ coverage: { cells: 3 } ]
+observation: measured
+critic: observation
+rewards: [ field_coverage: { weight: 1, cells: 3 } ]
+episode_secs: 0.6
+success: { settle: { radius_m: 0.5, within_secs: 0.1 } }
+",
+    );
+    let mut simulation = Simulation::<4, f64>::new(&scenario, Seed(2), 0, 4);
+    let mut visited = vec![[0.0; CELLS * CELLS]; 4];
+    let (mut entered, mut forgotten) = (0.0, 0);
+    for step in 0..100 {
+        for (row, visited) in visited.iter_mut().enumerate() {
+            let place = simulation.state(row).position;
+            let cell = [place.x, place.y].map(|along| (along + 1.5).floor());
+            if cell.iter().all(|index| (0.0..3.0).contains(index)) {
+                visited[CELLS * cell[0] as usize + cell[1] as usize] = 1.0;
+            }
+            let seen: Vec<f64> = simulation.observations().chunks_exact(4).map(|column| column[row]).collect();
+            assert_eq!(seen, visited, "drone {row} after {step} steps");
+        }
+        simulation.step(&actions_of(&scenario, 0, 4, step));
+        entered += simulation.rewards().iter().sum::<f64>();
+        for (row, outcome) in simulation.outcomes().iter().enumerate() {
+            if *outcome != Outcome::Running {
+                visited[row] = [0.0; CELLS * CELLS];
+                forgotten += 1;
+            }
+        }
+    }
+    assert!(entered > 4.0 && forgotten >= 12, "{entered} cells entered, {forgotten} episodes ended");
+}
