@@ -7,6 +7,7 @@ mod bits;
 mod errors;
 mod flight_tests;
 mod identify;
+mod import;
 mod kestrel;
 mod render;
 mod runs;

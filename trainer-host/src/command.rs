@@ -10,6 +10,7 @@ mod export;
 mod flight;
 mod fly;
 mod identify;
+mod import;
 mod inspect;
 mod look;
 mod render;
@@ -47,6 +48,8 @@ pub(crate) enum Command {
     Baseline(baseline::Arguments),
     /// Write a run's best policy as policy files
     Export(export::Arguments),
+    /// Make policies of a network that Stable-Baselines3, CleanRL, JAX or others trained
+    Import(import::Arguments),
     /// Say what a policy file is, and what it would cost a microcontroller
     Inspect(inspect::Arguments),
     /// Fly a policy as a MAVLink vehicle in the simulator
@@ -98,6 +101,7 @@ impl Command {
             Self::Evaluate(arguments) => evaluate::run(&arguments),
             Self::Baseline(arguments) => baseline::run(&arguments),
             Self::Export(arguments) => export::run(&arguments),
+            Self::Import(arguments) => import::run(&arguments),
             Self::Inspect(arguments) => inspect::run(&arguments),
             Self::Fly(arguments) => fly::run(&arguments),
             Self::Test(arguments) => test::run_tests(&arguments),

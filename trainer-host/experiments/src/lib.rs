@@ -13,6 +13,7 @@ mod drawn_worlds;
 pub mod drone_environment;
 pub mod evaluation;
 pub mod experiment_config;
+pub mod foreign_actor;
 #[cfg(test)]
 pub(crate) mod golden;
 pub mod interrupt;

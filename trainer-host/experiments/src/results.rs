@@ -431,6 +431,16 @@ pub fn draw(subject: &Subject<'_>, directory: &RunDirectory) -> Result<Vec<PathB
     let curve = learning_curve(&directory.name(), &points)?;
     write_atomically(&directory.learning_curve(), curve.as_bytes())?;
     let mut drawn = vec![directory.learning_curve()];
+    drawn.extend(draw_flights(subject, directory)?);
+    Ok(drawn)
+}
+
+/// Draws the flight in each task alone; the paths of what it drew.
+///
+/// # Errors
+/// As [`draw`].
+pub fn draw_flights(subject: &Subject<'_>, directory: &RunDirectory) -> Result<Vec<PathBuf>, ResultsError> {
+    let mut drawn = Vec::new();
     for task in subject.tasks {
         let name = match subject.tasks {
             [_] => directory.flight(),

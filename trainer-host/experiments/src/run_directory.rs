@@ -83,12 +83,21 @@ impl RunDirectory {
     /// # Errors
     /// [`RunDirectoryError`]: the directory holds a run or anything else, is in use, or cannot be written.
     pub fn create(path: &Path, config: &str) -> Result<Self, RunDirectoryError> {
+        let run = Self::create_untrained(path, config)?;
+        let checkpoints = run.checkpoints();
+        fs::create_dir(&checkpoints).map_err(|cause| FileError::new("create", &checkpoints, cause))?;
+        Ok(run)
+    }
+
+    /// As [`Self::create`], for a policy that was trained elsewhere: without a place for checkpoints.
+    ///
+    /// # Errors
+    /// As [`Self::create`].
+    pub fn create_untrained(path: &Path, config: &str) -> Result<Self, RunDirectoryError> {
         fs::create_dir_all(path).map_err(|cause| FileError::new("create", path, cause))?;
         let lock = lock::RunLock::acquire(path)?;
         refuse_contents(path)?;
         let run = Self { path: path.to_owned(), _lock: Some(lock) };
-        let checkpoints = run.checkpoints();
-        fs::create_dir(&checkpoints).map_err(|cause| FileError::new("create", &checkpoints, cause))?;
         write_atomically(&run.config(), config.as_bytes())?;
         Ok(run)
     }

@@ -1,10 +1,12 @@
-//! Policies for the Python world: ONNX, which runs, and safetensors, which other programs build on. The same policy file
-//! gives the same bytes.
+//! Policies for the Python world, and networks from it: ONNX, which runs, and safetensors, which other programs build on. The
+//! same policy file gives the same bytes.
 //!
 //! Both hold the float weights. What they leave out is how a firmware treats a sensor that fails: there a NaN is read as
 //! zero.
 
+pub mod import;
 mod onnx;
+mod onnx_schema;
 mod safetensors;
 
 use kestrel_core::policy_file::{Activation, Arithmetic, PolicyError, PolicyFile};
@@ -27,6 +29,7 @@ pub enum ExchangeError {
 }
 
 /// A dense layer, `y = W x + b`.
+#[derive(Clone, Debug, PartialEq)]
 struct Layer {
     inputs: usize,
     outputs: usize,

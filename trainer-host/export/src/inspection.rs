@@ -62,7 +62,10 @@ fn write_metadata(
     let PolicyMetadata { name, observation, action, control_period_secs, seed, training_steps, airframe } =
         metadata;
     writeln!(f, "policy \"{name}\" in {}, which passes its self-test", arithmetic.name())?;
-    writeln!(f, "  trained for {training_steps} steps from seed {seed}")?;
+    match training_steps {
+        0 => writeln!(f, "  trained elsewhere")?,
+        _ => writeln!(f, "  trained for {training_steps} steps from seed {seed}")?,
+    }
     writeln!(f, "  sees {} ({} values)", observation.name(), observation.len())?;
     writeln!(f, "  commands {} ({} values) every {control_period_secs} s", action.name(), action.len())?;
     match airframe {

@@ -6,6 +6,7 @@ mod pass;
 use std::ops::Range;
 
 use kestrel_core::activation::Activation;
+use kestrel_core::mlp::DenseLayer;
 use kestrel_core::seed::Stream;
 use serde::{Deserialize, Serialize};
 
@@ -106,6 +107,21 @@ impl Actor {
     /// Of observations alone.
     pub fn state_based(lengths: ActorLengths, hidden: &[usize], log_std: f32, stream: &mut Stream) -> Self {
         Self::new(lengths, Front::Nothing, hidden, log_std, stream)
+    }
+
+    /// With the numbers of these layers, each of which reads what the one before it writes; its actions spread as those of a
+    /// fresh actor with a `log_std` of zero.
+    ///
+    /// # Panics
+    /// Without a layer.
+    pub fn of_layers(layers: &[DenseLayer<'_>]) -> Self {
+        let (last, hidden) = layers.split_last().expect("a network has at least one layer");
+        let first = hidden.first().unwrap_or(last);
+        let widths: Vec<usize> = hidden.iter().map(|layer| layer.outputs).collect();
+        let mlp = Mlp::new(first.inputs, &widths, last.outputs).with_activation(first.activation);
+        let numbers = layers.iter().flat_map(|layer| layer.weights.iter().chain(layer.bias).copied());
+        let parameters = numbers.chain(std::iter::repeat_n(0.0, last.outputs)).collect();
+        Self { mlp, front: Front::Nothing, parameters }
     }
 
     /// Shape of the mean's network.

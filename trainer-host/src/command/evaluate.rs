@@ -1,6 +1,6 @@
 //! `kestrel evaluate`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::processor::{Judged, ProcessorOptions, RemoteKind, compare, fly_beside};
 use anyhow::{Context, Result, bail, ensure};
@@ -9,7 +9,6 @@ use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::output::say;
 use kestrel_experiments::progress::Progress;
 use kestrel_experiments::results::{self, JudgedPolicy};
-use kestrel_experiments::run_config::RunConfig;
 use kestrel_experiments::run_directory::RunDirectory;
 
 use super::{Done, run, table};
@@ -119,7 +118,7 @@ fn fly_elsewhere(
 fn fly_tasks(arguments: &Arguments, overrides: &[String]) -> Result<Done> {
     let mut tasks: Vec<Experiment> = Vec::new();
     for path in &arguments.tasks {
-        tasks.extend_from_slice(task_config(path, overrides)?.subject().tasks);
+        tasks.extend_from_slice(run::task_config(path, overrides)?.subject().tasks);
     }
     let policies =
         arguments.subjects.iter().map(|path| JudgedPolicy::read(path)).collect::<Result<Vec<_>, _>>()?;
@@ -137,8 +136,4 @@ fn fly_tasks(arguments: &Arguments, overrides: &[String]) -> Result<Done> {
     let subjects: Vec<String> = arguments.subjects.iter().map(|path| path.display().to_string()).collect();
     say(table::matrix(&subjects, &names, &flown))?;
     Ok(Done::Finished)
-}
-
-fn task_config(path: &Path, overrides: &[String]) -> Result<RunConfig> {
-    if path.is_dir() { Ok(run::open(path, overrides)?.1) } else { Ok(RunConfig::load(path, overrides)?) }
 }

@@ -12,3 +12,8 @@ pub(crate) fn open(path: &Path, overrides: &[String]) -> Result<(RunDirectory, R
     let config = RunConfig::load(&directory.config(), overrides)?;
     Ok((directory, config))
 }
+
+/// The configuration in an experiment file, or of the run in a directory.
+pub(crate) fn task_config(path: &Path, overrides: &[String]) -> Result<RunConfig> {
+    if path.is_dir() { Ok(open(path, overrides)?.1) } else { Ok(RunConfig::load(path, overrides)?) }
+}

@@ -1,15 +1,13 @@
 //! ONNX: a graph of `Gemm`, `Tanh` or `Relu`, and `Clip`, and of elementary operators for a memory, which every version of its runtimes since 2021 takes.
 
-mod schema;
-
 use kestrel_core::policy_file::Activation;
 use prost::Message;
 
-use super::{ExchangeError, Exchanged, Layer, bytes_of};
-use schema::{
-    Attribute, Dimension, Entry, Graph, Model, Node, OperatorSet, Tensor, TensorType, Type, Value, attribute,
-    data, dimension,
+use super::onnx_schema::{
+    Attribute, Dimension, Entry, Graph, Model, Node, OperatorSet, Shape, Tensor, TensorType, Type, Value,
+    attribute, data, dimension,
 };
+use super::{ExchangeError, Exchanged, Layer, bytes_of};
 
 /// Version of the file format, of 2021, and of the operators in it.
 const FORMAT_VERSION: i64 = 8;
@@ -73,7 +71,8 @@ fn remember(graph: &mut Graph, [gates, candidate]: &[Layer; 2]) -> String {
     graph.outputs.push(value("next_hidden", units));
     let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<String>>();
     let together = |graph: &mut Graph, hidden: &str, output: &str| {
-        let axis = Attribute { name: "axis".to_owned(), integer: 1, kind: attribute::INTEGER };
+        let axis =
+            Attribute { name: "axis".to_owned(), integer: 1, kind: attribute::INTEGER, ..Attribute::default() };
         graph.nodes.push(node("Concat", names(&["observation", hidden]), output, vec![axis]));
     };
     together(graph, "hidden", "seen");
@@ -110,7 +109,8 @@ fn affine(graph: &mut Graph, name: &str, layer: &Layer, input: String) -> String
     let [weight, bias, sum] = ["weight", "bias", "sum"].map(|what| format!("{what}.{name}"));
     graph.tensors.push(tensor(&weight, &[*outputs, *inputs], weights));
     graph.tensors.push(tensor(&bias, &[*outputs], biases));
-    let transposed = Attribute { name: "transB".to_owned(), integer: 1, kind: attribute::INTEGER };
+    let transposed =
+        Attribute { name: "transB".to_owned(), integer: 1, kind: attribute::INTEGER, ..Attribute::default() };
     graph.nodes.push(node("Gemm", [input, weight, bias].into(), &sum, vec![transposed]));
     sum
 }
@@ -122,6 +122,7 @@ fn node(operator: &str, inputs: Vec<String>, output: &str, attributes: Vec<Attri
         name: output.to_owned(),
         operator: operator.to_owned(),
         attributes,
+        domain: String::new(),
     }
 }
 
@@ -131,6 +132,7 @@ fn tensor(name: &str, shape: &[usize], values: &[f32]) -> Tensor {
         kind: data::FLOAT,
         name: name.to_owned(),
         bytes: bytes_of(values),
+        ..Tensor::default()
     }
 }
 
@@ -141,7 +143,7 @@ fn scalar(name: &str, value: f32) -> Tensor {
 /// A batch of vectors of so many values.
 fn value(name: &str, len: usize) -> Value {
     let dimensions = [dimension::Size::Name("batch".to_owned()), dimension::Size::Number(len as i64)];
-    let shape = schema::Shape { dimensions: dimensions.map(|size| Dimension { size: Some(size) }).into() };
+    let shape = Shape { dimensions: dimensions.map(|size| Dimension { size: Some(size) }).into() };
     let tensor = TensorType { kind: data::FLOAT, shape: Some(shape) };
     Value { name: name.to_owned(), kind: Some(Type { tensor: Some(tensor) }) }
 }

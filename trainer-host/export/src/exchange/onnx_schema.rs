@@ -1,4 +1,5 @@
-//! The messages of `onnx.proto` that a policy needs, with the fields that it fills; field numbers are those of the standard.
+//! The messages of `onnx.proto` that a policy needs, with the fields that are written or read; field numbers are those of the
+//! standard.
 
 use prost::{Message, Oneof};
 
@@ -10,6 +11,27 @@ pub(super) mod attribute {
 /// Kinds of data.
 pub(super) mod data {
     pub(in super::super) const FLOAT: i32 = 1;
+
+    /// Names by number, from zero.
+    pub(in super::super) const NAMES: [&str; 17] = [
+        "no kind",
+        "float32",
+        "uint8",
+        "int8",
+        "uint16",
+        "int16",
+        "int32",
+        "int64",
+        "text",
+        "bool",
+        "float16",
+        "float64",
+        "uint32",
+        "uint64",
+        "complex64",
+        "complex128",
+        "bfloat16",
+    ];
 }
 
 /// `ModelProto`.
@@ -75,6 +97,8 @@ pub(super) struct Node {
     pub(super) operator: String,
     #[prost(message, repeated, tag = "5")]
     pub(super) attributes: Vec<Attribute>,
+    #[prost(string, tag = "7")]
+    pub(super) domain: String,
 }
 
 /// `AttributeProto`.
@@ -82,8 +106,14 @@ pub(super) struct Node {
 pub(super) struct Attribute {
     #[prost(string, tag = "1")]
     pub(super) name: String,
+    #[prost(float, tag = "2")]
+    pub(super) number: f32,
     #[prost(int64, tag = "3")]
     pub(super) integer: i64,
+    #[prost(message, optional, tag = "5")]
+    pub(super) tensor: Option<Tensor>,
+    #[prost(float, repeated, tag = "7")]
+    pub(super) numbers: Vec<f32>,
     #[prost(int32, tag = "20")]
     pub(super) kind: i32,
 }
@@ -95,11 +125,17 @@ pub(super) struct Tensor {
     pub(super) shape: Vec<i64>,
     #[prost(int32, tag = "2")]
     pub(super) kind: i32,
+    /// Where `bytes` are empty.
+    #[prost(float, repeated, tag = "4")]
+    pub(super) numbers: Vec<f32>,
     #[prost(string, tag = "8")]
     pub(super) name: String,
     /// Little-endian.
     #[prost(bytes = "vec", tag = "9")]
     pub(super) bytes: Vec<u8>,
+    /// Where another file has the bytes: its `location`, `offset`, `length`.
+    #[prost(message, repeated, tag = "13")]
+    pub(super) external: Vec<Entry>,
 }
 
 /// `ValueInfoProto`.
