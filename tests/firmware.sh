@@ -16,7 +16,7 @@
 # many instructions as are promised, also of 12,000 special inputs; as C++ too.
 #
 # Processor in the loop: the simulator flies episodes by the rotor targets of the STM32F405 behind a serial line, which must be
-# those of this machine; EPISODES of hover and as many of cross, 64 unless told otherwise.
+# those of this machine; EPISODES of hover, of cross, and of hover with an imported network, 64 unless told otherwise.
 #
 # Budget: every part of a control period in instructions, stack, flash and RAM, against firmware-shim/image/budget.json to
 # within 2 %, and against what is promised. BLESS=1 writes budget.json and BUDGET.md anew.
@@ -202,6 +202,13 @@ exported_c() { # of 22-64-64-4, as peers are measured
   c_on_target "portable" -O3 17900 -U__ARM_FEATURE_DSP
 }
 
+imported_in_the_loop() { # as many episodes
+  rm -rf "$out/run-imported"
+  target/debug/kestrel import tests/golden/foreign/sb3-ppo.onnx --task configs/hover.yaml -o "$out/run-imported" \
+    --set evaluation.episodes=16 >/dev/null &&
+    target/debug/kestrel evaluate "$out/run-imported" --episodes "${EPISODES:-64}" --processor qemu --image "$out/pilot.elf"
+}
+
 processor() {
   local task
   image pilot.elf pilot thumbv7em-none-eabihf --no-default-features --features assembly,serial && programs
@@ -210,6 +217,8 @@ processor() {
     in_the_loop "$task"
     verdict $? "the STM32F405 flies $task with the motor commands of this machine"
   done
+  imported_in_the_loop
+  verdict $? "the STM32F405 flies a network of Stable-Baselines3 with the motor commands of this machine"
 }
 
 counted() { # NAME TARGET MACHINE FEATURES: the files that budget.py wants of an image

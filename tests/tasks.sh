@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Runs fly their tasks behind MAVLink, as often with success as `kestrel evaluate` says: one that sees beams, one that
-# remembers. Both are trained for seconds, to be neither perfect nor hopeless.
+# remembers, and an imported network of Stable-Baselines3. The first two are trained for seconds, to be neither perfect nor
+# hopeless.
 #
 #   tests/tasks.sh KESTREL
 #
@@ -21,4 +22,6 @@ trained() { # NAME CONFIG [KESTREL OPTION...]: a run in $out
 trained beams room-0 --set training.total_steps=524288
 trained memory takeoff --set training.total_steps=1048576 --set training.minibatch=4096 \
   --set training.memory.units=8
-target/venv/bin/python tests/python/task_test.py "$kestrel" 12 "$out/beams" "$out/memory"
+"$kestrel" import tests/golden/foreign/sb3-ppo.onnx --task configs/hover.yaml -o "$out/imported" \
+  --set evaluation.episodes=16 >"$out/imported.log" 2>&1 || { cat "$out/imported.log"; exit 1; }
+target/venv/bin/python tests/python/task_test.py "$kestrel" 12 "$out/beams" "$out/memory" "$out/imported"

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import warnings
+from pathlib import Path
 
 import gymnasium
 import kestrel_drones
@@ -444,3 +445,41 @@ def test_ctrl_c_stops_with_a_checkpoint_from_which_training_goes_on(tmp_path):
     budget = rows[-1]["steps"] + 8192
     config.write_text(config.read_text().replace("total_steps: 4000000", f"total_steps: {budget}"))
     assert kestrel_drones.resume(out).rows[-1]["steps"] == budget
+
+
+FOREIGN = Path(__file__).parent.parent / "golden" / "foreign"
+
+
+def state_dict():
+    """The tensors of tests/golden/foreign/sb3-ppo.safetensors."""
+    file = (FOREIGN / "sb3-ppo.safetensors").read_bytes()
+    behind = 8 + int.from_bytes(file[:8], "little")
+    header = json.loads(file[8:behind])
+    header.pop("__metadata__", None)
+    data = np.frombuffer(file[behind:], dtype=np.uint8)
+    return {name: data[slice(*at["data_offsets"])].view("<f4").reshape(at["shape"]) for name, at in header.items()}
+
+
+@pytest.mark.parametrize("source", [FOREIGN / "sb3-ppo.onnx", FOREIGN / "sb3-ppo.safetensors", state_dict()])
+def test_a_network_of_stable_baselines_is_imported(source, tmp_path):
+    predicted = json.loads((FOREIGN / "sb3-ppo.json").read_text())
+    observations, actions = (np.array(predicted[name], np.float32) for name in ("observations", "actions"))
+    small = {"evaluation": {"episodes": 64}}
+    policy = kestrel_drones.import_policy(source, "hover", out=tmp_path / "run", **small)
+    assert policy.arithmetic == "fixed16" and np.abs(policy.act(observations) - actions).max() < 2e-3
+    float_policy = kestrel_drones.Policy.load(tmp_path / "run" / "policy-f32.kestrel")
+    assert np.abs(float_policy.act(observations) - actions).max() < 2e-6
+    assert kestrel_drones.Run(tmp_path / "run").evaluation["rows"][0]["success_rate"] > 0.5
+    again = kestrel_drones.import_policy(source, "hover", **small)
+    assert (again.act(observations) == policy.act(observations)).all()
+
+
+def test_networks_that_do_not_fit_are_refused_by_tensor():
+    with pytest.raises(KestrelError, match=r"tensor action_net.bias: found float64, expected F32"):
+        kestrel_drones.import_policy({**state_dict(), "action_net.bias": np.zeros(4)}, "hover")
+    with pytest.raises(KestrelError, match=r"tensor action_net.bias: found \[3\], expected \[4\]"):
+        kestrel_drones.import_policy({**state_dict(), "action_net.bias": np.zeros(3, np.float32)}, "hover")
+    with pytest.raises(KestrelError, match="none.onnx: cannot be read"):
+        kestrel_drones.import_policy("none.onnx", "hover")
+    with pytest.raises(KestrelError, match="activation: found gelu, expected tanh or relu"):
+        kestrel_drones.import_policy(state_dict(), "hover", activation="gelu")

@@ -19,7 +19,7 @@ from kestrel_drones.sb3 import Sb3VecEnv
 from stable_baselines3 import PPO
 
 
-def learned(config, seed, steps):
+def learned(config, seed, steps, net_arch=(64, 64)):
     """A policy after so many steps, and the seconds that it took."""
     envs = Sb3VecEnv(config, num_envs=1024, seed=seed, threads=torch.get_num_threads())
     model = PPO(
@@ -31,7 +31,7 @@ def learned(config, seed, steps):
         gamma=0.99,
         max_grad_norm=1.0,
         learning_rate=lambda left: 3e-5 + left * (2e-3 - 3e-5),
-        policy_kwargs={"net_arch": [64, 64], "log_std_init": -0.7},
+        policy_kwargs={"net_arch": list(net_arch), "log_std_init": -0.7},
         seed=seed,
         device="cpu",
     )
@@ -40,14 +40,13 @@ def learned(config, seed, steps):
     return model, time.perf_counter() - begun
 
 
-def success_rate(config, model, starts=1024):
-    """Share of successes in the first episodes from the starts of the task's evaluation."""
+def success_rate(config, act, starts=1024):
+    """Share of successes in the first episodes from the starts of the task's evaluation, flown by ``act(observations)``."""
     envs = kestrel_drones.make_vec(config, num_envs=starts, starts="evaluation", seed=0)
     observations, _ = envs.reset()
     flying, success = np.ones(starts, bool), np.zeros(starts, bool)
     while flying.any():
-        actions = model.predict(observations, deterministic=True)[0]
-        observations, _, terminations, truncations, infos = envs.step(actions)
+        observations, _, terminations, truncations, infos = envs.step(act(observations))
         first = flying & (terminations | truncations)
         if first.any():
             success[first] = infos["final_info"]["is_success"][first]
@@ -67,7 +66,7 @@ def main():
     print(f"{'trainer':<10} {'seed':>4} {'steps':>10} {'seconds':>8} {'success':>8}")
     for seed in asked.seeds:
         model, secs = learned(asked.task, seed, asked.steps)
-        rate = success_rate(asked.task, model)
+        rate = success_rate(asked.task, lambda observations: model.predict(observations, deterministic=True)[0])
         print(f"{'SB3':<10} {seed:>4} {model.num_timesteps:>10} {secs:>8.1f} {100 * rate:>6.1f} %", flush=True)
         if asked.kestrel:
             with tempfile.TemporaryDirectory() as folder:

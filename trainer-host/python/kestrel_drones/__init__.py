@@ -12,7 +12,7 @@ num_envs=1024)``. Teams are PettingZoo's: ``kestrel_drones.parallel_env("multi-h
 from ._native import KestrelError, __version__
 from ._tasks import airframe_path, register, task_ids, task_path, task_paths
 from ._env import DroneEnv
-from ._policy import Policy
+from ._policy import Policy, import_policy
 from ._run import Run, evaluate, export, resume, train
 from ._vector_env import DroneVectorEnv
 
@@ -39,6 +39,7 @@ __all__ = [
     "airframe_path",
     "evaluate",
     "export",
+    "import_policy",
     "make",
     "make_vec",
     "parallel_env",

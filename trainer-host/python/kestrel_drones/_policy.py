@@ -1,11 +1,12 @@
 """Trained policies."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from . import _native
+from . import _native, _tasks
 from ._tasks import SHIPPED
 
 
@@ -76,3 +77,26 @@ class Policy:
 
     def __repr__(self):
         return f"Policy({self.name}, {self.arithmetic})"
+
+
+def import_policy(network, task, *, activation=None, output_activation=None, out=None, **set):
+    """The policy, in fixed point, of a multilayer perceptron that another program trained for a task.
+
+    ``network`` is the path of an ONNX or safetensors file, or a state dict: names and arrays of ``float32`` (PyTorch's
+    tensors, numpy, JAX). ``activation`` (``tanh``, ``relu``) and ``output_activation`` (``none``, ``tanh``) say what names
+    of weights do not tell. ``out`` names a new directory for what ``kestrel import`` writes: a run that ``Run(out)`` opens.
+    """
+    found = _state_dict(network) if isinstance(network, Mapping) else os.fspath(network)
+    assumed = (activation, output_activation)
+    return Policy(_native.import_policy(found, _tasks.load(task, set), assumed, out))
+
+
+def _state_dict(arrays):
+    tensors = _native.StateDict()
+    for name, array in arrays.items():
+        array = np.asarray(array.detach().cpu() if hasattr(array, "detach") else array)
+        if array.dtype == np.float32:
+            tensors.insert(name, np.ascontiguousarray(array))
+        else:
+            tensors.insert_other(name, str(array.dtype))
+    return tensors

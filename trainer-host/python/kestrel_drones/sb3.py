@@ -1,10 +1,12 @@
-"""Environments for Stable-Baselines3, which has a vector interface of its own; needs ``stable-baselines3``."""
+"""Environments for Stable-Baselines3, which has a vector interface of its own, and its policies; needs
+``stable-baselines3``."""
 
 import time
 
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
+from ._policy import import_policy
 from ._vector_env import DroneVectorEnv
 
 
@@ -65,3 +67,15 @@ class Sb3VecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class, indices=None):
         """They never are."""
         return [False for _ in self._get_indices(indices)]
+
+
+def import_model(model, task, **keywords):
+    """``kestrel_drones.import_policy`` of a trained model: PPO and A2C, or SAC and TD3 with ``activation_fn=torch.nn.Tanh``.
+
+    What a ``VecNormalize`` around its environments does to observations becomes part of the policy, but for its limits.
+    """
+    tensors, normalise = dict(model.policy.state_dict()), model.get_vec_normalize_env()
+    if normalise is not None and normalise.norm_obs:
+        moments = {"obs_rms.mean": normalise.obs_rms.mean, "obs_rms.var": normalise.obs_rms.var}
+        tensors |= {name: values.astype(np.float32) for name, values in moments.items()}
+    return import_policy(tensors, task, activation=model.policy.activation_fn.__name__.lower(), **keywords)

@@ -158,6 +158,11 @@ impl Policy {
 }
 
 impl Policy {
+    /// Of a whole file that was written just now.
+    pub(crate) fn of(bytes: Vec<u8>) -> Self {
+        Self { bytes }
+    }
+
     fn parsed(&self) -> PyResult<PolicyFile<'_>> {
         PolicyFile::parse(&self.bytes).map_err(refused)
     }

@@ -95,7 +95,7 @@ pub(crate) fn export(py: Python<'_>, path: PathBuf, target: &str) -> PyResult<Ve
 
 /// Why a run fails.
 #[derive(Debug, thiserror::Error)]
-enum RunError {
+pub(crate) enum RunError {
     #[error(transparent)]
     Training(#[from] TrainingError),
     #[error(transparent)]
@@ -127,7 +127,7 @@ fn finish(mut run: TrainingRun, interrupt: &Interrupt) -> Result<PathBuf, RunErr
 
 /// Works in threads of its own, while this one asks Python for signals.
 #[expect(clippy::redundant_closure_for_method_calls, reason = "the method is not general enough in its lifetime")]
-fn work<T: Send>(
+pub(crate) fn work<T: Send>(
     py: Python<'_>,
     threads: Option<usize>,
     task: impl FnOnce(&Interrupt) -> Result<T, RunError> + Send,

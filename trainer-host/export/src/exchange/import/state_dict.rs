@@ -1,7 +1,7 @@
 //! Weights by name: which of them are the actor's, and in which order.
 
 use std::collections::BTreeMap;
-use std::fmt::Debug;
+use std::fmt::Display;
 
 use kestrel_core::mlp::LAYER_LIMIT;
 use kestrel_core::policy_file::Activation;
@@ -93,8 +93,8 @@ impl StateDict {
     }
 
     /// Adds a tensor of another kind of number.
-    pub fn insert_other(&mut self, name: String, kind: impl Debug) {
-        self.others.insert(name, format!("{kind:?}"));
+    pub fn insert_other(&mut self, name: String, kind: impl Display) {
+        self.others.insert(name, kind.to_string());
     }
 
     /// The network of the mean action in it.

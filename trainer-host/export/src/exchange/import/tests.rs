@@ -4,8 +4,6 @@
 use std::fs;
 use std::path::PathBuf;
 
-use ::safetensors::serialize;
-use ::safetensors::tensor::TensorView;
 use kestrel_core::observation::{BodyLayout, PilotLayout};
 use kestrel_core::policy_file::{PolicyFile, PolicyMetadata};
 use prost::Message;
@@ -423,7 +421,7 @@ fn what_a_policy_file_cannot_hold_is_named_by_its_node() {
     );
     assert_eq!(
         message(changed(|graph| graph.tensors[1] = weights("W0", &[8, 12]))),
-        "tensor W0.T: found [12, 8], expected [22, outputs]: the observation `pilot` of the task has 22 values"
+        "tensor W0: found [12, 8], expected [22, outputs]: the observation `pilot` of the task has 22 values"
     );
     assert_eq!(
         message(changed(|graph| graph.tensors[3].kind = 11)),
