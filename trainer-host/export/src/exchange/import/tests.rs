@@ -150,7 +150,9 @@ fn a_tangent_behind_the_last_layer_is_a_layer_more() {
 fn a_normalisation_of_observations_is_folded_into_the_first_layer() {
     let mut normalised = state_dict(&SB3);
     let [mean, mut variance] = [numbers(&[OBSERVATION]), numbers(&[1, OBSERVATION])];
-    variance.iter_mut().for_each(|value| *value = value.abs() + 0.1);
+    for value in &mut variance {
+        *value = value.abs() + 0.1;
+    }
     normalised.insert("obs_rms.mean".to_owned(), &[OBSERVATION], mean.clone());
     normalised.insert("obs_rms.var".to_owned(), &[OBSERVATION], variance.clone());
     let folded = normalised.network(&settings()).unwrap();
