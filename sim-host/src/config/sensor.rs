@@ -230,7 +230,7 @@ pub struct BeamConfig {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ScanConfig {
-    /// The beams, in the order of their values; 16 at most in all.
+    /// The beams, in the order of their values; 64 at most in all.
     pub rings: Vec<ScanRingConfig>,
     /// Nothing farther is seen.
     pub limit_m: f64,

@@ -1,4 +1,4 @@
-//! A world as the beams of a [`Scan`] see it: all of them at once, in lanes.
+//! A world as the beams of a [`Scan`] see it: sixteen of them at once, in lanes.
 //!
 //! The beams have fixed directions, so that what a beam does to the faces of a body that never moves is known before:
 //! a body is a set of slabs (pairs of parallel planes), and for every slab and every beam the reciprocal of the beam's
@@ -31,12 +31,22 @@ const PARALLEL: f64 = 1e6;
 /// Rounding of `f32`, generously \[m\].
 const ROUNDING: f32 = 1e-4;
 
+/// Beams that are clipped at once: two vectors of AVX2.
+const BANK: usize = 16;
+
 /// A world prepared for one scan.
 #[derive(Clone, Debug)]
 pub(super) struct Scanner {
+    /// Of each sixteen beams, in their order.
+    banks: Vec<Bank>,
+}
+
+/// A world prepared for up to sixteen beams.
+#[derive(Clone, Debug)]
+struct Bank {
     limit: f32,
     /// `-1 / direction.z` of beams that descend onto a floor, else zero.
-    per_descent: [f32; BEAM_LIMIT],
+    per_descent: [f32; BANK],
     slabs: Vec<Slab>,
     /// First slab and one past the last of each body.
     bodies: Vec<[u32; 2]>,
@@ -50,7 +60,7 @@ struct Slab {
     low: f32,
     high: f32,
     /// Metres along each beam for a metre along the normal.
-    per_metre: [f32; BEAM_LIMIT],
+    per_metre: [f32; BANK],
 }
 
 /// Which bodies a beam can reach from where.
@@ -70,42 +80,57 @@ type Extent = (Vector3<f32>, Vector3<f32>);
 
 impl Scanner {
     pub(super) fn new(world: &World, scan: &Scan) -> Self {
-        let directions = scan.directions();
-        let (mut slabs, mut bodies) = (Vec::new(), Vec::new());
-        for solid in &world.solids {
-            let first = slabs.len() as u32;
-            slabs.extend(
-                planes(solid).into_iter().map(|(normal, low, high)| Slab::new(normal, low, high, &directions)),
-            );
-            bodies.push([first, slabs.len() as u32]);
-        }
-        let mut per_descent = [0.0; BEAM_LIMIT];
-        for (reciprocal, direction) in per_descent.iter_mut().zip(&directions) {
-            if world.floor == Floor::Solid && direction.z < -1.0 / PARALLEL {
-                *reciprocal = (-1.0 / direction.z) as f32;
-            }
-        }
-        let extents: Vec<Extent> = world.solids.iter().map(extent).collect();
-        Self { limit: scan.limit, per_descent, slabs, bodies, cells: Cells::new(&extents, scan) }
+        Self { banks: scan.directions().chunks(BANK).map(|beams| Bank::new(world, beams, scan.limit)).collect() }
     }
 
     /// How near the nearest thing along each beam is: one at the drone, zero at the limit and beyond.
     #[inline(always)]
     pub(super) fn nearness(&self, point: [f32; 3]) -> [f32; BEAM_LIMIT] {
+        let mut nearness = [0.0; BEAM_LIMIT];
+        for (values, bank) in nearness.as_chunks_mut::<BANK>().0.iter_mut().zip(&self.banks) {
+            *values = bank.nearness(point);
+        }
+        nearness
+    }
+}
+
+impl Bank {
+    fn new(world: &World, directions: &[Vector3<f64>], limit: f32) -> Self {
+        let (mut slabs, mut bodies) = (Vec::new(), Vec::new());
+        for solid in &world.solids {
+            let first = slabs.len() as u32;
+            slabs.extend(
+                planes(solid).into_iter().map(|(normal, low, high)| Slab::new(normal, low, high, directions)),
+            );
+            bodies.push([first, slabs.len() as u32]);
+        }
+        let mut per_descent = [0.0; BANK];
+        for (reciprocal, direction) in per_descent.iter_mut().zip(directions) {
+            if world.floor == Floor::Solid && direction.z < -1.0 / PARALLEL {
+                *reciprocal = (-1.0 / direction.z) as f32;
+            }
+        }
+        let extents: Vec<Extent> = world.solids.iter().map(extent).collect();
+        Self { limit, per_descent, slabs, bodies, cells: Cells::new(&extents, directions, limit) }
+    }
+
+    /// As [`Scanner::nearness`].
+    #[inline(always)]
+    fn nearness(&self, point: [f32; 3]) -> [f32; BANK] {
         let limit = self.limit;
         let height = point[2].max(0.0);
-        let mut nearest: [f32; BEAM_LIMIT] = core::array::from_fn(|beam| {
+        let mut nearest: [f32; BANK] = core::array::from_fn(|beam| {
             let floor = height * self.per_descent[beam];
             if (self.per_descent[beam] > 0.0) & (floor < limit) { floor } else { limit }
         });
         for body in self.cells.visible_from(point) {
             let [first, end] = self.bodies[*body as usize];
-            let mut enter = [0.0_f32; BEAM_LIMIT];
-            let mut leave = [limit; BEAM_LIMIT];
+            let mut enter = [0.0_f32; BANK];
+            let mut leave = [limit; BANK];
             for slab in &self.slabs[first as usize..end as usize] {
                 slab.clip(point, &mut enter, &mut leave);
             }
-            for beam in 0..BEAM_LIMIT {
+            for beam in 0..BANK {
                 let meets = (enter[beam] <= leave[beam]) & (enter[beam] < nearest[beam]);
                 nearest[beam] = if meets { enter[beam] } else { nearest[beam] };
             }
@@ -130,11 +155,11 @@ impl Slab {
 
     /// Leaves of each beam what is between the planes.
     #[inline(always)]
-    fn clip(&self, point: [f32; 3], enter: &mut [f32; BEAM_LIMIT], leave: &mut [f32; BEAM_LIMIT]) {
+    fn clip(&self, point: [f32; 3], enter: &mut [f32; BANK], leave: &mut [f32; BANK]) {
         let [x, y, z] = self.normal;
         let along = (x * point[0] + y * point[1]) + z * point[2];
         let (to_low, to_high) = (self.low - along, self.high - along);
-        for beam in 0..BEAM_LIMIT {
+        for beam in 0..BANK {
             let (one, other) = (to_low * self.per_metre[beam], to_high * self.per_metre[beam]);
             let (near, far) = if one < other { (one, other) } else { (other, one) };
             enter[beam] = if near > enter[beam] { near } else { enter[beam] };
@@ -144,19 +169,21 @@ impl Slab {
 }
 
 impl Cells {
-    fn new(extents: &[Extent], scan: &Scan) -> Self {
+    fn new(extents: &[Extent], directions: &[Vector3<f64>], limit: f32) -> Self {
         let all = (0..extents.len() as u16).collect();
         let hull = extents.iter().copied().reduce(|(low, high), (a, b)| (low.inf(&a), high.sup(&b)));
         let Some((low, high)) = hull else {
             return Self { low: [0.0; 3], counts: [0; 3], starts: vec![0], visible: Vec::new(), all };
         };
         let counts: [usize; 3] = ((high - low) / CELL).map(|cells| cells.ceil().max(1.0) as usize).into();
+        let reaches = Reach::of(directions, limit);
         let (mut starts, mut visible) = (vec![0], Vec::new());
         for index in 0..counts.iter().product() {
             let (x, y, z) = (index % counts[0], index / counts[0] % counts[1], index / (counts[0] * counts[1]));
             let corner = low + Vector3::new(x as f32, y as f32, z as f32) * CELL;
             let cell = (corner, corner.add_scalar(CELL));
-            let seen = extents.iter().enumerate().filter(|(_, body)| may_see(&cell, body, scan));
+            let is_seen = |body: &Extent| reaches.iter().any(|reach| reach.may_meet(&cell, body));
+            let seen = extents.iter().enumerate().filter(|(_, body)| is_seen(body));
             visible.extend(seen.map(|(body, _)| body as u16));
             starts.push(visible.len() as u32);
         }
@@ -179,16 +206,33 @@ impl Cells {
     }
 }
 
-/// Whether a beam from inside the cell may meet the body.
-fn may_see((low, high): &Extent, (body_low, body_high): &Extent, scan: &Scan) -> bool {
-    let gaps = (body_low - high).sup(&(low - body_high)).sup(&Vector3::zeros()).add_scalar(-ROUNDING);
-    let gaps = gaps.sup(&Vector3::zeros());
-    scan.rings.iter().any(|ring| {
-        let level = ring.elevation == 0.0;
-        let upright = ring.elevation.abs() == 0.5 * PI;
-        let reaches = gaps.norm() <= scan.limit;
-        reaches & (!level | (gaps.z == 0.0)) & (!upright | ((gaps.x == 0.0) & (gaps.y == 0.0)))
-    })
+/// How far beams of one elevation reach \[m\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Reach {
+    /// Upwards, negative downwards.
+    rise: f32,
+    across: f32,
+}
+
+impl Reach {
+    /// Those of some beams, ring by ring.
+    fn of(directions: &[Vector3<f64>], limit: f32) -> Vec<Self> {
+        let limit = f64::from(limit);
+        let reach = |beam: &Vector3<f64>| Self {
+            rise: (limit * beam.z) as f32,
+            across: (limit * (1.0 - beam.z * beam.z).max(0.0).sqrt()) as f32,
+        };
+        let mut reaches: Vec<Self> = directions.iter().map(reach).collect();
+        reaches.dedup();
+        reaches
+    }
+
+    /// Whether such a beam from inside the cell may meet the body.
+    fn may_meet(self, (low, high): &Extent, (body_low, body_high): &Extent) -> bool {
+        let gaps = (body_low - high).sup(&(low - body_high)).add_scalar(-ROUNDING).sup(&Vector3::zeros());
+        let rise = if body_low.z > high.z { self.rise } else { -self.rise };
+        gaps.z <= rise.max(0.0) && gaps.xy().norm() <= self.across
+    }
 }
 
 fn extent(solid: &Solid) -> Extent {

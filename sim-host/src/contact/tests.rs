@@ -199,13 +199,27 @@ fn scan() -> Scan {
     Scan { rings: rings.to_vec(), limit: 4.0 }
 }
 
+/// As many beams as there can be, in rings that end where sixteen do not.
+fn wide_scan() -> Scan {
+    let rings = [(0.0, 24), (0.45, 14), (-0.45, 14), (1.0, 5), (-1.0, 7)];
+    let rings = rings.map(|(elevation, beams)| ScanRing { elevation, beams });
+    Scan { rings: rings.to_vec(), limit: 4.0 }
+}
+
 #[test]
 fn a_scan_sees_what_single_rays_see() {
+    assert_eq!(wide_scan().len(), BEAM_LIMIT);
+    for scan in [scan(), wide_scan()] {
+        assert_rays_agree(&scan);
+    }
+}
+
+fn assert_rays_agree(scan: &Scan) {
     // A single ray knows nothing of what can be seen but not touched.
     let mut world = world();
     world.solids.retain(|solid| solid.role != Role::Decoration);
-    let (scan, plain) = (scan(), Arena::new(&world, &CF2X, ContactReport::Touch));
-    let arena = plain.clone().with_scan(&world, &scan);
+    let plain = Arena::new(&world, &CF2X, ContactReport::Touch);
+    let arena = plain.clone().with_scan(&world, scan);
     let mut met = 0;
     for origin in points().filter(|point| point.z > 0.05) {
         let nearness = arena.nearness(origin.map(|value| value as f32).into());

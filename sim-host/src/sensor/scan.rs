@@ -4,8 +4,8 @@ use core::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-/// Most beams of a scan: two vectors of AVX2.
-pub const BEAM_LIMIT: usize = 16;
+/// Most beams of a scan.
+pub const BEAM_LIMIT: usize = 64;
 
 /// Beams around the drone, fixed in the world however the drone is turned, without noise or delay.
 #[derive(Clone, Debug, PartialEq)]

@@ -112,8 +112,8 @@ fn a_scan_is_the_last_sensor_and_adds_its_beams() {
             "trial.yaml:1:11: sensors.0: found a `scan` before other sensors, expected one `scan`, as the last of them",
         ),
         (
-            "sensors: [scan: {rings: [{beams: 16}, {beams: 1}]}]",
-            "trial.yaml:1:25: sensors.0.scan.rings: found 17 beams, expected 1 to 16",
+            "sensors: [scan: {rings: [{beams: 64}, {beams: 1}]}]",
+            "trial.yaml:1:25: sensors.0.scan.rings: found 65 beams, expected 1 to 64",
         ),
         (
             "sensors: [scan: {limit_m: 0}]",
