@@ -360,9 +360,8 @@ fn policies_are_judged_in_worlds_that_training_does_not_draw() {
     // The configuration of a run needs no other file.
     assert_eq!(parse("run.yaml", &rooms.resolved_yaml, &[]).unwrap(), rooms);
 
-    let found = refused_rooms(&["evaluation.worlds={seed: 0, first: 1023, count: 5}"]);
-    let expected =
-        "found numbers 1023 to 1027 of seed 0, expected none of the worlds of training, numbers 0 to 1023";
+    let found = refused_rooms(&["evaluation.worlds={seed: 0, first: 511, count: 5}"]);
+    let expected = "found numbers 511 to 515 of seed 0, expected none of the worlds of training, numbers 0 to 511";
     assert!(found.contains(expected), "{found}");
     let found = refused_rooms(&["training.analytic={}"]);
     assert!(
@@ -372,7 +371,7 @@ fn policies_are_judged_in_worlds_that_training_does_not_draw() {
     let path = in_repository("configs/aviaries/unseen-rooms.yaml");
     let left_out = load(&path, &["evaluation={episodes: 10}".to_owned()]).unwrap().evaluation.scenario;
     let range = left_out.drawn.as_ref().unwrap().range();
-    assert_eq!((range.seed, range.first, range.count), (Seed(0), 1024, 200));
+    assert_eq!((range.seed, range.first, range.count), (Seed(0), 512, 200));
     let fixed = trial(&format!("{MINIMAL}evaluation: {{ worlds: {{ count: 3 }} }}\n")).unwrap_err().to_string();
     assert!(fixed.contains("evaluation.worlds: found worlds, expected none"), "{fixed}");
 }
