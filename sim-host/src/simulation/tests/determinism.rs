@@ -22,7 +22,7 @@ struct Flights {
 }
 
 /// Noise that depends on nothing but step, environment, drone and value, `[action_len][rows]`.
-fn actions_of(scenario: &Scenario, first: u32, count: usize, step: usize) -> Vec<f32> {
+pub(super) fn actions_of(scenario: &Scenario, first: u32, count: usize, step: usize) -> Vec<f32> {
     let drones = scenario.agents.count as usize;
     let mut actions = vec![0.0; scenario.action.len() * drones * count];
     for environment in 0..count {

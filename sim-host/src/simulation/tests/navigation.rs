@@ -182,6 +182,7 @@ success: ending"
 #[test]
 fn a_drone_knows_the_cells_that_it_visited_in_this_episode() {
     const CELLS: usize = 3;
+    const DRONES: usize = 8;
     let scenario = scenario(
         "aviary: { goal_m: [0, 0, 1] }
 start: { position: { within: { low_m: [-1.4, -1.4, 1], high_m: [1.4, 1.4, 2] } }, speed_limit_m_per_s: 3 }
@@ -194,8 +195,8 @@ episode_secs: 0.6
 success: { settle: { radius_m: 0.5, within_secs: 0.1 } }
 ",
     );
-    let mut simulation = Simulation::<4, f64>::new(&scenario, Seed(2), 0, 4);
-    let mut visited = vec![[0.0; CELLS * CELLS]; 4];
+    let mut simulation = Simulation::<8>::new(&scenario, Seed(2), 0, DRONES);
+    let mut visited = vec![[0.0; CELLS * CELLS]; DRONES];
     let (mut entered, mut forgotten) = (0.0, 0);
     for step in 0..100 {
         for (row, visited) in visited.iter_mut().enumerate() {
@@ -204,11 +205,12 @@ success: { settle: { radius_m: 0.5, within_secs: 0.1 } }
             if cell.iter().all(|index| (0.0..3.0).contains(index)) {
                 visited[CELLS * cell[0] as usize + cell[1] as usize] = 1.0;
             }
-            let seen: Vec<f64> = simulation.observations().chunks_exact(4).map(|column| column[row]).collect();
-            assert_eq!(seen, visited, "drone {row} after {step} steps");
+            let seen: Vec<f32> =
+                simulation.observations().chunks_exact(DRONES).map(|column| column[row]).collect();
+            assert_eq!(seen, &visited[..], "drone {row} after {step} steps");
         }
-        simulation.step(&actions_of(&scenario, 0, 4, step));
-        entered += simulation.rewards().iter().sum::<f64>();
+        simulation.step(&determinism::actions_of(&scenario, 0, DRONES, step));
+        entered += simulation.rewards().iter().sum::<f32>();
         for (row, outcome) in simulation.outcomes().iter().enumerate() {
             if *outcome != Outcome::Running {
                 visited[row] = [0.0; CELLS * CELLS];
