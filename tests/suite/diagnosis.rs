@@ -13,7 +13,7 @@ use kestrel_experiments::training_run::TrainingRun;
 /// A defect: the task, what is changed in it, and the key that is to blame.
 type Defect = (&'static str, &'static [&'static str], &'static str);
 
-const DEFECTS: [Defect; 11] = [
+const DEFECTS: [Defect; 13] = [
     ("hover-cf2x", &["training.learning_rate={constant: 0.2}"], "training.learning_rate"),
     ("hover-cf2x", &["training.learning_rate={constant: 1.0e-7}"], "training.learning_rate"),
     ("hover-cf2x", &["training.initial_log_std=-2.9"], "training.initial_log_std"),
@@ -30,6 +30,12 @@ const DEFECTS: [Defect; 11] = [
         "hover-cf2x",
         &["scenario.observation.pilot.position_scale_m=500"],
         "scenario.observation.pilot.position_scale_m",
+    ),
+    ("hover-cf2x", &["scenario.terminations=[roll_pitch: {limit_deg: 1}]"], "scenario.start"),
+    (
+        "aviaries/incremental-cross-1",
+        &["scenario.rewards=[success: {weight: 10.0}, failure: {weight: -2.0}]", "training.teacher=null"],
+        "scenario.rewards",
     ),
     ("aviaries/incremental-cross-1", &["scenario.episode_secs=1"], "scenario.episode_secs"),
     (

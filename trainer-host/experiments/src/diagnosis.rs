@@ -12,7 +12,7 @@ use kestrel_sim::scenario::Scenario;
 use kestrel_sim::simulation::Simulation;
 use serde::Deserialize;
 
-use crate::evaluation::Evaluation;
+use crate::evaluation::{Evaluation, Flyer};
 use crate::experiment_config::Experiment;
 use crate::results::EvaluationReport;
 use crate::run_config::Subject;
@@ -104,13 +104,16 @@ pub fn of_run(
 /// The most likely causes, the likeliest first, at most two; none where the policy of the report's first row has learned
 /// its task.
 fn likely_causes(experiment: &Experiment, updates: &[UpdateRow], report: &EvaluationReport) -> Vec<Cause> {
-    let row = |name| report.rows.iter().find(|row| row.pilot == name);
-    let (Some(policy), Some(scripted)) = (report.rows.first(), row("scripted pilot")) else { return Vec::new() };
+    let row = |flyer: Flyer<'_>| report.rows.iter().find(|row| row.pilot == flyer.name());
+    let (Some(policy), Some(scripted), Some(nothing)) =
+        (report.rows.first(), row(Flyer::Scripted), row(Flyer::Nothing))
+    else {
+        return Vec::new();
+    };
     if policy.success_rate >= LEARNED {
         return Vec::new();
     }
-    let evidence =
-        Evidence { experiment, updates, policy, scripted, nothing: row("do nothing"), random: row("random") };
+    let evidence = Evidence { experiment, updates, policy, scripted, nothing };
     let mut causes: Vec<Cause> = CHECKS.iter().filter_map(|check| check(&evidence)).collect();
     causes.sort_by(|one, other| other.sureness.total_cmp(&one.sureness));
     causes.dedup_by(|next, before| next.key == before.key);
@@ -144,8 +147,7 @@ struct Evidence<'a> {
     updates: &'a [UpdateRow],
     policy: &'a Evaluation,
     scripted: &'a Evaluation,
-    nothing: Option<&'a Evaluation>,
-    random: Option<&'a Evaluation>,
+    nothing: &'a Evaluation,
 }
 
 impl Evidence<'_> {
@@ -223,8 +225,8 @@ fn nothing_on_the_way(evidence: &Evidence<'_>) -> Option<Cause> {
 }
 
 fn lost_at_the_start(evidence: &Evidence<'_>) -> Option<Cause> {
-    let pilots = [Some(evidence.policy), Some(evidence.scripted), evidence.nothing];
-    let at_once = pilots.iter().flatten().all(|row| share(row, lost) > 0.9 && row.length_secs < SOON_SECS);
+    let pilots = [evidence.policy, evidence.scripted, evidence.nothing];
+    let at_once = pilots.iter().all(|row| share(row, lost) > 0.9 && row.length_secs < SOON_SECS);
     let (ending, _) = evidence.policy.endings.iter().max_by_key(|(_, count)| *count)?;
     at_once.then(|| Cause {
         sureness: 0.98,
@@ -350,7 +352,7 @@ fn paid_for_something_else(evidence: &Evidence<'_>) -> Option<Cause> {
 
 /// It ends sooner than who does nothing, and is paid more for that.
 fn crashing_pays(evidence: &Evidence<'_>) -> Option<Cause> {
-    let (policy, other) = (evidence.policy, evidence.nothing.or(evidence.random)?);
+    let (policy, other) = (evidence.policy, evidence.nothing);
     let sooner = share(policy, lost) > 0.7 && policy.steps < 0.8 * other.steps;
     if !sooner || policy.episode_return < other.episode_return {
         return None;
@@ -447,7 +449,8 @@ fn still_learning(evidence: &Evidence<'_>) -> Option<Cause> {
     let [begin, before, end] = [[0.0, 0.1], [0.6, 0.75], [0.85, 1.0]].map(|part| evidence.mean(figure, part));
     let (begin, before, end) = (begin?, before?, end?);
     let rise = (end - before) / (end - begin).abs().max(1e-9);
-    (end > before && rise > 0.05).then(|| Cause {
+    let felt = 0.02 * end.abs().max(before.abs());
+    (end > before + felt && rise > 0.05).then(|| Cause {
         sureness: if rise > 0.12 { 0.82 } else { 0.6 },
         says: format!("the return was still rising at the end, from {before:.1} to {end:.1}"),
         key: total_steps_key(evidence),
@@ -458,4 +461,58 @@ fn still_learning(evidence: &Evidence<'_>) -> Option<Cause> {
 fn total_steps_key(evidence: &Evidence<'_>) -> String {
     let key = if evidence.ppo().is_some() { "training.total_steps" } else { "training.analytic.total_steps" };
     key.to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::experiment_config::{load_to_train, schema};
+
+    fn flown(pilot: &str, success_rate: f64, episode_return: f64, ending: Ending) -> Evaluation {
+        Evaluation {
+            pilot: pilot.to_owned(),
+            episodes: 10,
+            success_rate,
+            success_interval: [0.0, 1.0],
+            episode_return,
+            return_interval: [episode_return; 2],
+            length_secs: 10.0,
+            steps: 500.0,
+            endings: vec![(ending, 10)],
+            terms: vec![episode_return, 0.0, 0.0],
+        }
+    }
+
+    #[test]
+    fn who_waits_because_failing_is_dear_is_told_so() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/aviaries/incremental-cross-1.yaml");
+        let rewards = |failure| {
+            format!(
+                "scenario.rewards=[advance: {{weight: 2}}, success: {{weight: 10}}, failure: {{weight: {failure}}}]"
+            )
+        };
+        let causes = |failure| {
+            let experiment = load_to_train(&path, &[rewards(failure)]).unwrap();
+            let rows = vec![
+                flown("fixed16", 0.0, 3.0, Ending::TimeLimit),
+                flown(Flyer::Scripted.name(), 1.0, 20.0, Ending::Success),
+                flown(Flyer::Nothing.name(), 0.0, 0.0, Ending::TimeLimit),
+            ];
+            let report = EvaluationReport { name: "cross".to_owned(), seed: 0, rows, worlds: None };
+            likely_causes(&experiment, &[UpdateRow::default(); 100], &report)
+        };
+        let dear: Vec<String> = causes(-200).into_iter().map(|cause| cause.key).collect();
+        assert_eq!(dear, ["scenario.rewards[2].failure.weight"]);
+        assert_eq!(causes(-2), []);
+    }
+
+    #[test]
+    fn rewards_that_are_named_here_exist() {
+        let schema = schema();
+        for name in INDIFFERENT.iter().chain(&AT_THE_END) {
+            assert!(schema.contains(&format!("\"{name}\"")), "{name}");
+        }
+    }
 }
