@@ -123,7 +123,7 @@ app_on_target() { # $out/app-stm32f405.elf, around the pilot.o of the app's own 
 only_entries() { # whether the firmware sees of the pilot what it calls, and the pilot nothing of the firmware
   local names
   names=$(arm-none-eabi-nm -g "$out/pilot.o" | awk '{ print $(NF - 1), $NF }' | sort | tr '\n' ' ')
-  [ "$names" = "T kestrel_control_period T kestrel_greatest_thrust T kestrel_reset T kestrel_take_policy T kestrel_tick " ]
+  [ "$names" = "T kestrel_control_period T kestrel_follow_rates T kestrel_greatest_thrust T kestrel_reset T kestrel_take_policy T kestrel_tick " ]
 }
 
 app_size() { # COLUMN of `size`, beside initial values: of the pilot and of its controller

@@ -45,6 +45,9 @@ pub enum ActionSpace {
     Velocities(Velocities),
     /// [`RotorThrusts`].
     RotorThrusts(RotorThrusts),
+    /// [`ThrustBodyRates`] whose rate controller runs at every sample of the gyroscope, between two actions too
+    /// ([`RateLoop`](crate::rate_loop::RateLoop)).
+    RateLoop(ThrustBodyRates),
 }
 
 /// An action space ready for arithmetic; built once.
@@ -173,9 +176,11 @@ impl ActionSpace {
     #[expect(clippy::len_without_is_empty, reason = "no action is empty")]
     pub const fn len(&self) -> usize {
         match self {
-            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) | Self::RotorThrusts(_) => {
-                ACTION_LEN
-            }
+            Self::RotorSpeeds(_)
+            | Self::ThrustBodyRates(_)
+            | Self::RateLoop(_)
+            | Self::Velocities(_)
+            | Self::RotorThrusts(_) => ACTION_LEN,
             Self::Reference(space) => space.len(),
         }
     }
@@ -184,7 +189,7 @@ impl ActionSpace {
     pub const fn name(&self) -> &'static str {
         match self {
             Self::RotorSpeeds(_) => "rotor_speeds",
-            Self::ThrustBodyRates(_) => "thrust_body_rates",
+            Self::ThrustBodyRates(_) | Self::RateLoop(_) => "thrust_body_rates",
             Self::Reference(space) => space.name(),
             Self::Velocities(_) => "velocity",
             Self::RotorThrusts(_) => "rotor_thrusts",
@@ -195,9 +200,9 @@ impl ActionSpace {
     pub fn rotor_speed_limit(&self) -> f32 {
         match self {
             Self::RotorSpeeds(space) => space.rotor_speed_limit,
-            Self::ThrustBodyRates(space) | Self::Velocities(Velocities { rates: space, .. }) => {
-                space.speed_squared_limit.sqrt()
-            }
+            Self::ThrustBodyRates(space)
+            | Self::RateLoop(space)
+            | Self::Velocities(Velocities { rates: space, .. }) => space.speed_squared_limit.sqrt(),
             Self::Reference(space) => space.rotor_speed_limit(),
             Self::RotorThrusts(space) => space.rotor_speed_limit(),
         }
@@ -207,7 +212,7 @@ impl ActionSpace {
     pub fn hover_speed_squared(&self) -> f32 {
         match self {
             Self::RotorSpeeds(space) => space.hover_rotor_speed * space.hover_rotor_speed,
-            Self::ThrustBodyRates(space) => space.hover_speed_squared,
+            Self::ThrustBodyRates(space) | Self::RateLoop(space) => space.hover_speed_squared,
             Self::Reference(space) => space.hover_speed_squared(),
             Self::Velocities(space) => space.rates.hover_speed_squared,
             Self::RotorThrusts(space) => space.hover_speed_squared(),
@@ -217,9 +222,11 @@ impl ActionSpace {
     /// How long the controller behind the space remembers; a space without one does not.
     pub const fn persistence(&self) -> Persistence {
         match self {
-            Self::RotorSpeeds(_) | Self::ThrustBodyRates(_) | Self::Velocities(_) | Self::RotorThrusts(_) => {
-                Persistence::ResetEachEpisode
-            }
+            Self::RotorSpeeds(_)
+            | Self::ThrustBodyRates(_)
+            | Self::RateLoop(_)
+            | Self::Velocities(_)
+            | Self::RotorThrusts(_) => Persistence::ResetEachEpisode,
             Self::Reference(space) => space.persistence(),
         }
     }
@@ -230,7 +237,7 @@ impl<R: Real> Controls<R> {
     pub fn new(space: &ActionSpace) -> Self {
         match space {
             ActionSpace::RotorSpeeds(space) => Self::RotorSpeeds(*space),
-            ActionSpace::ThrustBodyRates(space) => Self::ThrustBodyRates(*space),
+            ActionSpace::ThrustBodyRates(space) | ActionSpace::RateLoop(space) => Self::ThrustBodyRates(*space),
             ActionSpace::Reference(space) => Self::Reference(ReferenceControls::new(space)),
             ActionSpace::Velocities(space) => Self::Velocities(*space),
             ActionSpace::RotorThrusts(space) => Self::RotorThrusts(*space),

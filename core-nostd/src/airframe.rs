@@ -356,6 +356,29 @@ pub const BOLT_5_INCH: Airframe = Airframe {
     ..CF2X
 };
 
+/// Holybro X500 v2 as PX4's Gazebo flies it (`x500` of PX4-gazebo-models).
+///
+/// Mass and inertia: body and rotors; drag along the rotors is that of Gazebo's loss of thrust at hover. Ground effect and
+/// downwash: [`CF2X`]'s, for want of a measurement.
+pub const X500: Airframe = Airframe {
+    mass: 2.064_307_692_307_692,
+    inertia: [0.023_846_67, 0.023_846_67, 0.043_999_96],
+    layout: Layout::Cross { x: 0.174, y: 0.174 },
+    arm: 0.24607,
+    thrust_coefficient: per_rpm_squared(9.374_566_976_784_94e-8),
+    torque_coefficient: per_rpm_squared(1.499_930_716_285_590_2e-9),
+    rotor_speed_limit: 9_549.296_585_513_721 * RADIANS_PER_SECOND_PER_RPM,
+    rotor_rise_secs: 0.0125,
+    rotor_fall_secs: 0.025,
+    drag_coefficients: DragCoefficients { planar: 8.06428e-5, axial: 2.63e-4 },
+    propeller_radius: 0.14,
+    collision_radius: 0.386,
+    collision_height: 0.29,
+    collision_offset: -0.082,
+    nominal_speed: 43.0 / 3.6,
+    ..CF2X
+};
+
 /// Crazyflie 2.x flying with a plus layout: `cf2p.urdf` of gym-pybullet-drones, but with the rotors clockwise from
 /// the front (the reference has them the other way round: [`Airframe::numbered`]).
 pub const CF2P: Airframe =

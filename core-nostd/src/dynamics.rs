@@ -360,4 +360,26 @@ mod tests {
         assert!((gain(0.0) - 4.0 / 15.0).abs() < 1e-9);
         assert!(gain(2.0) < 1e-4);
     }
+
+    #[test]
+    fn a_ceiling_pulls_a_drone_that_is_near_and_upright() {
+        let (radius, hover) = (CF2X.propeller_radius, CF2X.hover_rotor_speed());
+        let vehicle = Vehicle::<f64>::new(&CF2X);
+        let gain = |distance: f64| {
+            let state = State { position: Vector3::new(0.0, 0.0, 2.0 - distance), ..at_rest(hover) };
+            vehicle.accelerations(&state, &[0.0; 4], &Air { ceiling: Some(2.0), ..Air::still() }).0.z / GRAVITY
+        };
+        // Of momentum theory, at half a radius and at a quarter, beyond which nothing grows.
+        assert!((gain(0.5 * radius) - 0.112_372).abs() < 1e-6, "{}", gain(0.5 * radius));
+        assert!((gain(0.25 * radius) - 0.366_025).abs() < 1e-6, "{}", gain(0.25 * radius));
+        for distance in [0.1, 0.0, -3.0] {
+            assert!((gain(distance * radius) - gain(0.25 * radius)).abs() < 1e-9);
+        }
+        assert!(gain(1.0) < 1e-4);
+        let mut overturned = State { position: Vector3::new(0.0, 0.0, 1.99), ..at_rest(hover) };
+        overturned.world_from_body = Attitude { w: 0.0, x: 1.0, y: 0.0, z: 0.0 };
+        let air = Air { ceiling: Some(2.0), ..Air::still() };
+        let of = |air: &Air<f64>| vehicle.accelerations(&overturned, &[0.0; 4], air).0;
+        assert_eq!(of(&air), of(&Air::still()));
+    }
 }

@@ -79,6 +79,7 @@ pub mod pilot;
 mod policy_error;
 pub mod policy_file;
 pub mod processor_in_the_loop;
+pub mod rate_loop;
 pub mod real;
 #[cfg(feature = "reference")]
 pub mod reference;

@@ -118,6 +118,12 @@ impl<'a, P: PolicyRunner<'a>> Pilot<'a, P> {
         self.controller.rotor_targets(self.policy.metadata(), action, state, setpoint)
     }
 
+    /// Rotor targets \[rad/s\] of the last tick at the body rates \[rad/s\] of this moment, for every sample of the gyroscope
+    /// between two ticks; nothing for a policy without a rate loop, whose targets are held.
+    pub fn follow_rates(&self, body_rates: &Vector3<f32>) -> Option<[f32; 4]> {
+        self.controller.follow_rates(self.policy.metadata(), body_rates)
+    }
+
     /// Computes the golden vectors again, in the pilot's own memory, and forgets the last image.
     ///
     /// # Errors

@@ -19,7 +19,8 @@
 //! Ωᵢ* becomes Ωᵢ* (b − c_s ΣΩᵢ²)
 //! ```
 //!
-//! (Mahony, Kumar & Corke 2012, eqs. 1–8; rotor drag after Förster 2015.)
+//! (Mahony, Kumar & Corke 2012, eqs. 1–8; rotor drag after Förster 2015.) A ceiling at a distance d above a rotor of radius
+//! R multiplies its thrust by ½ + ½ √(1 + R² / 8d²) (momentum theory, Hsiao & Chirarattananon 2019).
 
 use nalgebra::Vector3;
 
@@ -96,6 +97,8 @@ pub struct Air<R> {
     pub force: Vector3<R>,
     /// Whether the ground at z = 0 cushions the rotors.
     pub ground: Ground,
+    /// Height of a ceiling that pulls the rotors up \[m\], where there is one near.
+    pub ceiling: Option<R>,
 }
 
 /// Whether the drone feels the floor below it.
@@ -136,6 +139,8 @@ pub struct Vehicle<R> {
     pub ground_effect: R,
     /// Height below which the ground effect grows no further \[m\].
     pub ground_effect_floor: R,
+    /// Squared propeller radius over eight \[m²\].
+    pub ceiling_effect: R,
     /// What a real drone has beside; `None` where its airframe has none of it, and nothing is computed.
     pub effects: Option<EffectGains<R>>,
 }
@@ -193,6 +198,7 @@ impl<R: Real> Vehicle<R> {
             diagonal: real(diagonal),
             ground_effect: real(airframe.ground_effect_coefficient * quarter_radius * quarter_radius),
             ground_effect_floor: real(floor),
+            ceiling_effect: real(airframe.propeller_radius * airframe.propeller_radius / 8.0),
             effects: (airframe.effects != FlightEffects::NONE).then(|| EffectGains::new(airframe)),
         }
     }
@@ -211,7 +217,7 @@ impl<R: Real> Vehicle<R> {
     /// \[rad/s²\].
     #[inline(always)]
     pub fn accelerations(&self, state: &State<R>, spin_up: &[R; 4], air: &Air<R>) -> (Vector3<R>, Vector3<R>) {
-        let squares = self.squared_speeds(state, air.ground);
+        let squares = self.squared_speeds(state, air);
         let body_z = state.world_from_body.body_z();
         let drag = self.drag(state, &body_z, air);
         let along_z = ((squares[0] + squares[1]) + (squares[2] + squares[3])) * self.thrust_gain - drag.axial;
@@ -244,17 +250,17 @@ impl<R: Real> Vehicle<R> {
         }
     }
 
-    /// Squared rotor speeds \[rad²/s²\], raised by the ground effect.
+    /// Squared rotor speeds \[rad²/s²\], raised by what floor and ceiling add.
     #[inline(always)]
-    fn squared_speeds(&self, state: &State<R>, ground: Ground) -> [R; 4] {
+    fn squared_speeds(&self, state: &State<R>, air: &Air<R>) -> [R; 4] {
         let mut squares = state.rotor_speeds.map(|speed| speed * speed);
         if let Some(effects) = &self.effects {
             squares = core::array::from_fn(|rotor| squares[rotor] * effects.rotor_thrusts[rotor]);
         }
-        match ground {
-            Ground::Distant => squares,
-            Ground::Near => self.cushioned(state, squares),
+        if air.ground == Ground::Near {
+            squares = self.cushioned(state, squares);
         }
+        air.ceiling.map_or(squares, |ceiling| self.pulled(state, squares, ceiling))
     }
 
     /// The ground effect of a floor at z = 0, rotor by rotor, none beyond a tilt of 90°.
@@ -265,6 +271,21 @@ impl<R: Real> Vehicle<R> {
             let [x, y] = self.rotor_positions[i];
             let height = (state.position.z + (from_x * x + from_y * y)).at_least(self.ground_effect_floor);
             let gain = self.ground_effect / (height * height);
+            squares[i] + squares[i] * up.where_less(R::zero(), R::zero(), gain)
+        })
+    }
+
+    /// The ceiling effect, rotor by rotor, none beyond a tilt of 90°; it grows no further where the distance is a quarter of
+    /// the radius.
+    #[inline(always)]
+    fn pulled(&self, state: &State<R>, squares: [R; 4], ceiling: R) -> [R; 4] {
+        let [_, _, [from_x, from_y, up]] = state.world_from_body.rows();
+        let (half, nearest) = (R::from_f64(0.5), self.ceiling_effect * R::from_f64(0.5));
+        core::array::from_fn(|i| {
+            let [x, y] = self.rotor_positions[i];
+            let distance = (ceiling - (state.position.z + (from_x * x + from_y * y))).at_least(R::zero());
+            let gain =
+                half * (R::one() + self.ceiling_effect / (distance * distance).at_least(nearest)).sqrt() - half;
             squares[i] + squares[i] * up.where_less(R::zero(), R::zero(), gain)
         })
     }
@@ -360,10 +381,10 @@ struct Drag<R> {
 }
 
 impl<R: Real> Air<R> {
-    /// No wind, no force, no ground.
+    /// No wind, no force, no ground, no ceiling.
     #[inline(always)]
     pub fn still() -> Self {
         let nothing = Vector3::new(R::zero(), R::zero(), R::zero());
-        Self { wind: nothing, force: nothing, ground: Ground::Distant }
+        Self { wind: nothing, force: nothing, ground: Ground::Distant, ceiling: None }
     }
 }

@@ -105,10 +105,10 @@ static void attitude_of(const float angles[3], float attitude[4]) {
   attitude[3] = -(cr * cp * sy - sr * sp * cy);
 }
 
-static int32_t act(const float world_state[16]) {
+static int32_t act(const float world_state[16], float thrusts[4]) {
   const float towards[4] = {goal[0], goal[1], goal[2], goal[3]};
   KestrelState state;
-  float thrusts[4];
+  float answered[4];
   if (!is_angle(world_state[6]) || !is_angle(world_state[7]) || !is_angle(world_state[8])) {
     return KESTREL_ATTITUDE;
   }
@@ -120,11 +120,20 @@ static int32_t act(const float world_state[16]) {
     state.body_rates[axis] = side * world_state[9 + axis];
   }
   attitude_of(world_state + 6, state.attitude);
-  const int32_t result = kestrel_tick(&pilot, &state, &towards, &thrusts);
+  const int32_t result = kestrel_tick(&pilot, &state, &towards, &answered);
   if (result == KESTREL_OK) {
+    memcpy(thrusts, answered, sizeof answered);
     command(thrusts);
   }
   return result;
+}
+
+/* What a policy with a rate loop does between two actions; others hold. */
+static void follow(const float world_state[16], float (*thrusts)[4]) {
+  const float rates[3] = {world_state[9], -world_state[10], -world_state[11]};
+  if (kestrel_follow_rates(&pilot, &rates, thrusts) == KESTREL_OK) {
+    command(*thrusts);
+  }
 }
 
 static uint32_t calls_per_second(float period_secs) {
@@ -133,6 +142,7 @@ static uint32_t calls_per_second(float period_secs) {
 
 void nn_control(const float world_state[16], float motor_cmds[4]) {
   static const float hover[4] = {1.0f, 1.0f, 1.0f, 1.0f};
+  static float thrusts[4];
   const float period_secs = nn_test() == KESTREL_OK ? kestrel_control_period(&pilot) : 1.0f;
   const uint32_t hz = calls_per_second(period_secs);
   const uint32_t calls_per_action = (uint32_t)(period_secs * (float)hz + 0.5f);
@@ -142,8 +152,10 @@ void nn_control(const float world_state[16], float motor_cmds[4]) {
     if (!guard.flies) {
       kestrel_reset(&pilot);
     }
-    answer = refusal == KESTREL_OK ? act(world_state) : refusal;
+    answer = refusal == KESTREL_OK ? act(world_state, thrusts) : refusal;
     calls = 0;
+  } else {
+    follow(world_state, &thrusts);
   }
   goal_age_us = goal_age_us + call_us < goal_age_us ? UINT32_MAX : goal_age_us + call_us;
   guard.stale_us = nn_goal_timeout_us;

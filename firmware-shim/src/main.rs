@@ -7,8 +7,9 @@ use std::process::{self, ExitCode};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::{Parser, Subcommand, ValueEnum};
+use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::{Airframe, CF2P, CF2X};
 use kestrel_shim::bridge::BridgeOptions;
 use kestrel_shim::bridge::motors::{MotorOrder, Motors, ThrustCurve};
@@ -146,6 +147,13 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
         if failure.is_some() || interrupted.load(Ordering::Relaxed) { Next::End } else { Next::Fly }
     };
     if let Some(first) = arguments.simulator {
+        if let ActionSpace::RateLoop(_) = policy.metadata().action {
+            bail!(
+                "policy {}: found a rate loop, expected none: between two control periods nobody reads the gyroscope of an \
+                 external simulator",
+                path.display()
+            );
+        }
         let motors = Motors::new(airframe, arguments.motors, ThrustCurve::PX4)?;
         let addresses = (0..arguments.vehicles).map(|number| nth_address(first, number));
         let mut plants = Vec::new();
@@ -155,7 +163,7 @@ fn fly(arguments: &Arguments) -> anyhow::Result<()> {
         }
         fleet.fly(&mut plants, &mut watch)?;
     } else {
-        let floor = FlatFloor::new(airframe, control_secs);
+        let floor = FlatFloor::new(airframe, control_secs).with_rate_loop(&policy.metadata().action);
         let places = (0..arguments.vehicles).map(|number| grid(number, arguments.vehicles));
         let mut plants: Vec<FlatFloor> = places.map(|place| floor.clone().at(place)).collect();
         fleet.fly(&mut plants, &mut watch)?;

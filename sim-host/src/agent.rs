@@ -12,6 +12,7 @@ use crate::contact::Motion;
 use crate::episode_end;
 use crate::latency::{LatencyMemory, States, known_states};
 use crate::outcome::{Ending, Episode};
+use crate::rate_loop::RateLoops;
 use crate::reset::{self, Beginning};
 use crate::reward::RewardTerm;
 use crate::rooms::{Arenas, room};
@@ -76,6 +77,8 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     scales: PrivilegedScales<R>,
     /// None where nothing is late.
     pub(crate) latency: Option<LatencyMemory<LANES, R>>,
+    /// None where rotor targets are held over a control period.
+    pub(crate) rate_loops: Option<Box<RateLoops<LANES, R>>>,
 }
 
 /// An agent whose episode ended in this step.
@@ -147,6 +150,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             read_velocity: [nothing; 3],
             scales: PrivilegedScales::of(scenario),
             latency: LatencyMemory::new(&scenario.latency, &scenario.physics),
+            rate_loops: RateLoops::new(scenario),
         };
         if !scenario.sensors.instruments().is_empty() {
             agent.sensors = agent.streams.iter_mut().map(|stream| scenario.sensors.begin(stream)).collect();
@@ -350,8 +354,14 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         self.swarm.set_vehicle(lane, &beginning.vehicle);
         set_row(&mut self.swarm.wind, lane, beginning.wind.into());
         set_row(&mut self.factors, lane, beginning.factors);
+        let motion = &beginning.drone.motion;
+        let command = match &mut self.rate_loops {
+            None => motion.rotor_speeds,
+            Some(loops) => loops.begin(lane, motion),
+        };
         if let Some(latency) = &mut self.latency {
-            latency.begin(lane, &beginning.drone.motion, beginning.delays);
+            latency.begin(lane, motion, command);
+            latency.set_delays(lane, beginning.delays, &mut self.streams[lane]);
         }
         for past in &mut self.history {
             set_row(past, lane, [R::zero(); ACTION_LIMIT]);
@@ -463,6 +473,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(self.term_memory.iter_mut().flatten())
             .chain(self.rule_memory.iter_mut().flatten())
             .chain(self.latency.iter_mut().flat_map(LatencyMemory::columns_mut))
+            .chain(self.rate_loops.iter_mut().flat_map(|loops| loops.columns_mut()))
             .chain(&mut self.rooms)
             .chain(self.trajectory.iter_mut().flat_map(|columns| columns.iter_mut()))
     }
@@ -478,6 +489,22 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         self.swarm.set_drone(lane, drone);
         if let Some(latency) = &mut self.latency {
             latency.know(lane, &drone.motion);
+        }
+    }
+
+    /// Turns rotor targets into what the rate loop holds over the control period, where there is one.
+    #[inline(always)]
+    pub(crate) fn hold_rates(&self, targets: &mut [Column<LANES, R>; 4]) {
+        if let Some(loops) = &self.rate_loops {
+            loops.hold(targets, self.known().body_rates);
+        }
+    }
+
+    /// Draws the delays of the next control period, where they differ from one to the next.
+    #[inline(always)]
+    pub(crate) fn draw_delays(&mut self) {
+        if let Some(latency) = &mut self.latency {
+            latency.draw_jitter(&mut self.streams);
         }
     }
 
@@ -499,7 +526,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
                 latency.targets(substep, targets)
             }
         };
-        self.swarm.advance(mechanics, late.as_ref().unwrap_or(targets), push);
+        let command = late.as_ref().unwrap_or(targets);
+        let looped = self.rate_loops.as_mut().map(|loops| loops.rotor_targets(command, &self.swarm.body_rates));
+        self.swarm.advance(mechanics, looped.as_ref().unwrap_or(command), push);
         if let Some(latency) = &mut self.latency {
             latency.add(substep + 1, &self.swarm.states());
         }

@@ -12,12 +12,13 @@ use nalgebra::Vector3;
 use crate::agent::{Agent, Finished};
 use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Touch};
 use crate::episode_end;
+use crate::rate_loop::RateLoops;
 use crate::rooms::Arenas;
 use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards, TeamSuccess};
 use crate::seed::{Purpose, Seed};
 use crate::sensor::{Course, Told};
 use crate::stage::Stage;
-use crate::swarm::{Column, Swarm, one_lane, row, set_row, vector};
+use crate::swarm::{Column, Mechanics, Swarm, one_lane, row, set_row, vector};
 use crate::world::Pose;
 
 /// `LANES` environments that step together, with all their drones.
@@ -63,6 +64,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     #[inline(always)]
     pub(crate) fn advance(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
         let scenario = stage.scenario;
+        self.hold_rates();
         self.fly(stage);
         let len = scenario.action.len();
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
@@ -80,12 +82,14 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.accumulate_return();
             agent.push_history(&actions[..len]);
             agent.observe(stage);
+            agent.draw_delays();
         }
     }
 
     /// As [`Self::advance`], without what has no derivative: contacts, endings, sensors, neighbours.
     pub(crate) fn advance_untouched(&mut self, stage: &Stage<'_, R>, actions: &[Actions<LANES, R>]) {
         let len = stage.scenario.action.len();
+        self.hold_rates();
         self.fly_freely(stage, None);
         self.end_flight();
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
@@ -116,6 +120,14 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             for (lane, speeds) in speeds(agent).iter().enumerate() {
                 set_row(targets, lane, *speeds);
             }
+        }
+    }
+
+    /// From here on targets are what the rate loops hold, where there are any.
+    #[inline(always)]
+    fn hold_rates(&mut self) {
+        for (agent, targets) in self.agents.iter().zip(&mut self.targets) {
+            agent.hold_rates(targets);
         }
     }
 
@@ -186,7 +198,11 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
 
     /// The drones of one lane.
     fn drones(&self, lane: usize) -> LaneDrones<R> {
-        self.agents.iter().map(|agent| agent.swarm.alone(lane)).collect()
+        let alone = |agent: &Agent<LANES, R>| LaneDrone {
+            swarm: agent.swarm.alone(lane),
+            rate_loops: agent.rate_loops.as_ref().map(|loops| loops.alone(lane)),
+        };
+        self.agents.iter().map(alone).collect()
     }
 
     /// Marks what touches something where it is now; nothing is pushed by it.
@@ -285,14 +301,14 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let physics = &stage.scenario.physics;
         let mut touches = Vec::new();
         let mut pushes = vec![[R::zero()]; drones.len()];
-        let mut states: Vec<Vec<State<R>>> = drones.iter().map(|drone| vec![drone.state(0)]).collect();
+        let mut states: Vec<Vec<State<R>>> = drones.iter().map(|drone| vec![drone.swarm.state(0)]).collect();
         for substep in 0..physics.substeps {
-            let before: Vec<Motion> = drones.iter().map(|drone| drone.motion(0)).collect();
+            let before = motions(&drones);
             if substep + 1 == physics.substeps && reports_early(stage.scenario) {
                 touches = touching(arena, &before, &self.movables[lane]);
             }
             if physics.has_downwash() {
-                let team: Vec<[Column<1, R>; 3]> = drones.iter().map(|drone| drone.position).collect();
+                let team: Vec<[Column<1, R>; 3]> = drones.iter().map(|drone| drone.swarm.position).collect();
                 stage.mechanics.push_down(&team, &mut pushes);
             }
             for (index, (drone, push)) in drones.iter_mut().zip(&pushes).enumerate() {
@@ -302,14 +318,16 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             }
             let bodies = (&mut self.movables[lane], &mut self.contacts[lane]);
             resolve(solver, &before, &mut drones, bodies, physics.substep_secs());
-            states.iter_mut().zip(&drones).for_each(|(states, drone)| states.push(drone.state(0)));
+            states.iter_mut().zip(&drones).for_each(|(states, drone)| states.push(drone.swarm.state(0)));
         }
         if !reports_early(stage.scenario) {
-            let drones: Vec<Motion> = drones.iter().map(|drone| drone.motion(0)).collect();
-            touches = touching(arena, &drones, &self.movables[lane]);
+            touches = touching(arena, &motions(&drones), &self.movables[lane]);
         }
         for ((agent, drone), states) in self.agents.iter_mut().zip(&drones).zip(&states) {
-            agent.swarm.set_drone(lane, &drone.drone(0));
+            agent.swarm.set_drone(lane, &drone.swarm.drone(0));
+            if let (Some(loops), Some(lone)) = (&mut agent.rate_loops, &drone.rate_loops) {
+                loops.replace(lane, lone);
+            }
             if let Some(latency) = &mut agent.latency {
                 latency.replace(lane, states);
             }
@@ -459,7 +477,26 @@ fn difference<const LANES: usize, R: Real>(
 }
 
 /// The drones of one environment, one by one.
-type LaneDrones<R> = Vec<Swarm<1, R>>;
+type LaneDrones<R> = Vec<LaneDrone<R>>;
+
+/// A drone by itself, with its rate loop where it has one.
+struct LaneDrone<R: Real> {
+    swarm: Swarm<1, R>,
+    rate_loops: Option<RateLoops<1, R>>,
+}
+
+impl<R: Real> LaneDrone<R> {
+    /// A substep under these targets, or with what its rate loop holds.
+    fn advance(&mut self, mechanics: &Mechanics<R>, command: &[Column<1, R>; 4], push: &Column<1, R>) {
+        let looped = self.rate_loops.as_mut().map(|loops| loops.rotor_targets(command, &self.swarm.body_rates));
+        self.swarm.advance(mechanics, looped.as_ref().unwrap_or(command), push);
+    }
+}
+
+/// Where they are and how they move.
+fn motions<R: Real>(drones: &[LaneDrone<R>]) -> Vec<Motion> {
+    drones.iter().map(|drone| drone.swarm.motion(0)).collect()
+}
 
 /// Whether contact is reported as it was at the start of the last substep: Bullet reports what its last collision
 /// detection saw.
@@ -512,19 +549,19 @@ fn resolve<R: Real>(
     (movables, memory): (&mut Vec<Motion>, &mut ContactMemory),
     secs: f64,
 ) {
-    let free: Vec<Motion> = drones.iter().map(|drone| drone.motion(0)).collect();
+    let free = motions(drones);
     let mut after = free.clone();
     solver.resolve(before, &mut after, movables, memory, secs);
     for ((lone, free), after) in drones.iter_mut().zip(&free).zip(&after) {
         if after != free {
-            let mut drone = lone.drone(0);
+            let mut drone = lone.swarm.drone(0);
             let state = &mut drone.motion;
             state.position = after.pose.position.map(R::from_f64);
             state.world_from_body = after.pose.world_from_body.map(R::from_f64);
             state.velocity = after.velocity.map(R::from_f64);
             state.body_rates = after.body_rates.map(R::from_f64);
             drone.reported_angular_velocity = state.world_from_body.rotate(state.body_rates);
-            lone.set_drone(0, &drone);
+            lone.swarm.set_drone(0, &drone);
         }
     }
 }

@@ -197,6 +197,7 @@ impl ScenarioConfig {
             drawn,
             airframe,
             physics,
+            gyro_cutoff_hz: self.action.check_gyro(&physics, &field.at("action"))?,
             action,
             observation,
             camera,

@@ -1,7 +1,7 @@
 //! What a drone knows late, and what its motors hear late.
 //!
 //! A policy acts on an estimate of the state that is some milliseconds old, and its command reaches the motors some
-//! milliseconds after. Both delays are drawn for each episode.
+//! milliseconds after. Both delays are drawn for each episode, and what jitters of them for each control period.
 
 use core::cmp::Ordering;
 
@@ -13,18 +13,23 @@ use crate::physics::Physics;
 use crate::seed::Stream;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 
-/// Delays, each uniform within its bounds and constant in an episode.
+/// Delays, each uniform within its bounds and constant in an episode but for its jitter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Latency {
     /// Least and greatest age of the state that policy and rate controller see \[s\], at most a control period.
     pub state_secs: [f32; 2],
     /// Least and greatest time from a command to the motors \[s\], at most a control period.
     pub motor_secs: [f32; 2],
+    /// How much older than that the state may be, drawn anew for every control period, uniformly from zero on \[s\].
+    pub state_jitter_secs: f32,
+    /// The same for the motors \[s\].
+    pub motor_jitter_secs: f32,
 }
 
 impl Latency {
     /// None.
-    pub const NONE: Self = Self { state_secs: [0.0; 2], motor_secs: [0.0; 2] };
+    pub const NONE: Self =
+        Self { state_secs: [0.0; 2], motor_secs: [0.0; 2], state_jitter_secs: 0.0, motor_jitter_secs: 0.0 };
 
     /// The delays of an episode \[s\]; nothing is drawn where there are none.
     pub(crate) fn draw(&self, stream: &mut Stream) -> Delays {
@@ -56,11 +61,13 @@ pub(crate) struct LatencyMemory<const LANES: usize, R> {
     /// What is known of the motion. While a control period is flown nobody looks at it, and what will be known at its end
     /// is summed up here, substep by substep.
     known: Motions<LANES, R>,
-    /// Delay of the state, in substeps.
+    /// Delay of the state in this control period, in substeps.
     state_delay: Column<LANES, R>,
-    /// Delay of the motors, in substeps.
+    /// Delay of the motors in this control period, in substeps.
     motor_delay: Column<LANES, R>,
-    /// Rotor targets before those of this control period \[rad/s\].
+    /// None where delays are the same in every control period.
+    jitter: Option<Jitter<LANES, R>>,
+    /// What was commanded before this control period: rotor targets \[rad/s\], or what the rate loop holds.
     targets_before: [Column<LANES, R>; 4],
     /// In a control period.
     substeps: u32,
@@ -69,6 +76,15 @@ pub(crate) struct LatencyMemory<const LANES: usize, R> {
     oldest: u32,
     /// From this substep on, all motors follow the command of their control period.
     obeyed_from: u32,
+}
+
+/// Delays that differ from control period to control period, in substeps.
+#[derive(Clone, Debug)]
+struct Jitter<const LANES: usize, R> {
+    /// Least delays of state and motors in an episode.
+    least: [Column<LANES, R>; 2],
+    /// What is added to them at most.
+    most: [f32; 2],
 }
 
 /// A motion without rotor speeds: position, attitude, velocity, body rates.
@@ -107,26 +123,47 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
         }
         let nothing = [R::zero(); LANES];
         let substeps_per_sec = 1.0 / physics.substep_secs();
-        let greatest = |[_, most]: [f32; 2]| (f64::from(most) * substeps_per_sec).ceil() as u32;
+        let greatest =
+            |[_, most]: [f32; 2], jitter: f32| (f64::from(most + jitter) * substeps_per_sec).ceil() as u32;
+        let most = [latency.state_jitter_secs, latency.motor_jitter_secs]
+            .map(|secs| (f64::from(secs) * substeps_per_sec) as f32);
         Some(Self {
             known: [nothing; MOTION_LEN],
             state_delay: nothing,
             motor_delay: nothing,
+            jitter: (most != [0.0; 2]).then_some(Jitter { least: [nothing; 2], most }),
             targets_before: [nothing; 4],
             substeps: physics.substeps,
             substeps_per_sec,
-            oldest: greatest(latency.state_secs).min(physics.substeps),
-            obeyed_from: greatest(latency.motor_secs),
+            oldest: greatest(latency.state_secs, latency.state_jitter_secs).min(physics.substeps),
+            obeyed_from: greatest(latency.motor_secs, latency.motor_jitter_secs),
         })
     }
 
-    /// A lane begins an episode in a state that it knows.
-    pub(crate) fn begin(&mut self, lane: usize, state: &State<R>, delays: Delays) {
+    /// A lane begins an episode in a state that it knows, after this command.
+    pub(crate) fn begin(&mut self, lane: usize, state: &State<R>, command: [R; 4]) {
         self.know(lane, state);
-        set_row(&mut self.targets_before, lane, state.rotor_speeds);
+        set_row(&mut self.targets_before, lane, command);
+    }
+
+    /// The delays of a lane's episode.
+    pub(crate) fn set_delays(&mut self, lane: usize, delays: Delays, stream: &mut Stream) {
         let substeps = |secs: f32| R::from_f64(f64::from(secs) * self.substeps_per_sec);
-        self.state_delay[lane] = substeps(delays.state_secs);
-        self.motor_delay[lane] = substeps(delays.motor_secs);
+        let delays = [substeps(delays.state_secs), substeps(delays.motor_secs)];
+        [self.state_delay[lane], self.motor_delay[lane]] = delays;
+        if let Some(jitter) = &mut self.jitter {
+            set_row(&mut jitter.least, lane, delays);
+            [self.state_delay[lane], self.motor_delay[lane]] = jitter.draw(lane, stream);
+        }
+    }
+
+    /// The delays of the next control period, where they jitter.
+    pub(crate) fn draw_jitter(&mut self, streams: &mut [Stream]) {
+        if let Some(jitter) = &self.jitter {
+            for (lane, stream) in streams.iter_mut().enumerate() {
+                [self.state_delay[lane], self.motor_delay[lane]] = jitter.draw(lane, stream);
+            }
+        }
     }
 
     /// A lane knows this state from now on.
@@ -213,7 +250,15 @@ impl<const LANES: usize, R: Real> LatencyMemory<LANES, R> {
     /// Every column, for saving and restoring.
     pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Column<LANES, R>> {
         let delays = [&mut self.state_delay, &mut self.motor_delay];
-        self.known.iter_mut().chain(delays).chain(&mut self.targets_before)
+        let least = self.jitter.iter_mut().flat_map(|jitter| &mut jitter.least);
+        self.known.iter_mut().chain(delays).chain(&mut self.targets_before).chain(least)
+    }
+}
+
+impl<const LANES: usize, R: Real> Jitter<LANES, R> {
+    fn draw(&self, lane: usize, stream: &mut Stream) -> [R; 2] {
+        let [state, motor] = self.most.map(|most| if most > 0.0 { stream.between(0.0, most) } else { 0.0 });
+        [self.least[0][lane] + R::from_f32(state), self.least[1][lane] + R::from_f32(motor)]
     }
 }
 

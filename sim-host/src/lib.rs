@@ -36,6 +36,7 @@ pub mod latency;
 pub mod outcome;
 pub mod outline;
 pub mod physics;
+mod rate_loop;
 mod reset;
 pub mod reward;
 pub mod rooms;

@@ -28,6 +28,8 @@ pub enum Preset {
         integrator: Integrator,
         /// Whether rotors feel the floor.
         ground: Ground,
+        /// Height of a ceiling that pulls the rotors up \[m\].
+        ceiling: Option<f64>,
         /// Whether drones feel those above them.
         downwash: Downwash,
     },
@@ -62,9 +64,10 @@ pub enum Contacts {
 }
 
 impl Physics {
-    /// Kestrel's own physics without ground effect and downwash; contacts are reported.
+    /// Kestrel's own physics without ground effect, ceiling and downwash; contacts are reported.
     pub fn clean(integrator: Integrator, substeps: u32, control_rate_hz: f64) -> Self {
-        let preset = Preset::Clean { integrator, ground: Ground::Distant, downwash: Downwash::Absent };
+        let preset =
+            Preset::Clean { integrator, ground: Ground::Distant, ceiling: None, downwash: Downwash::Absent };
         Self { preset, substeps, control_rate_hz, contacts: Contacts::Reported }
     }
 

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::OnboardCamera;
 use crate::contact::DistanceField;
 use crate::latency::Latency;
+use crate::rate_loop::GYRO_CUTOFF_HZ;
 use crate::reward::RewardTerm;
 use crate::rooms::{Room, Rooms, Ways};
 use crate::sensor::SensorSuite;
@@ -44,6 +45,9 @@ pub struct Scenario {
     pub physics: Physics,
     /// What the policy commands.
     pub action: ActionSpace,
+    /// Cut-off frequency of the gyroscope's low-pass filter \[Hz\], below half of the physics rate; read by the rate loop
+    /// of [`ActionSpace::RateLoop`] only.
+    pub gyro_cutoff_hz: f64,
     /// What the drone measures, where the policy sees measurements.
     pub sensors: SensorSuite,
     /// What the policy sees.
@@ -430,6 +434,7 @@ impl Scenario {
             agents: Agents::ONE,
             physics,
             action: ActionSpace::RotorSpeeds(RotorSpeeds::new(airframe, 0.3)),
+            gyro_cutoff_hz: GYRO_CUTOFF_HZ,
             sensors: SensorSuite::none(),
             observation: ObservationLayout::Pilot(PilotLayout {
                 position_scale_m: 1.0,

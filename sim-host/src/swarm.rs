@@ -60,16 +60,16 @@ pub(crate) struct Mechanics<R> {
 
 #[derive(Clone, Copy, Debug)]
 enum Law<R> {
-    Clean { integrator: Integrator, ground: Ground, jet: Option<Jet<R>> },
+    Clean { integrator: Integrator, ground: Ground, ceiling: Option<R>, jet: Option<Jet<R>> },
     Bullet(Bullet<R>),
 }
 
 impl<R: Real> Mechanics<R> {
     pub(crate) fn new(physics: &Physics, airframe: &Airframe) -> Self {
         let law = match physics.preset {
-            Preset::Clean { integrator, ground, downwash } => {
+            Preset::Clean { integrator, ground, ceiling, downwash } => {
                 let jet = (downwash == Downwash::Felt).then(|| Jet::new(airframe));
-                Law::Clean { integrator, ground, jet }
+                Law::Clean { integrator, ground, ceiling: ceiling.map(R::from_f64), jet }
             }
             Preset::Bullet { mode, quirks } => Law::Bullet(Bullet::new(airframe, mode, quirks)),
         };
@@ -295,11 +295,17 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
         let held = Held { targets, downwash, secs: mechanics.secs };
         // The choices are spelled out as constants, so that the loop over lanes has no branch and vectorises.
         match mechanics.law {
-            Law::Clean { integrator, ground, .. } => match (integrator, ground) {
-                (SemiImplicitEuler, Distant) => self.advance_clean(SemiImplicitEuler, Distant, &held),
-                (SemiImplicitEuler, Near) => self.advance_clean(SemiImplicitEuler, Near, &held),
-                (RungeKutta4, Distant) => self.advance_clean(RungeKutta4, Distant, &held),
-                (RungeKutta4, Near) => self.advance_clean(RungeKutta4, Near, &held),
+            Law::Clean { integrator, ground, ceiling, .. } => match (integrator, ground, ceiling) {
+                (SemiImplicitEuler, Distant, None) => {
+                    self.advance_clean(SemiImplicitEuler, (Distant, None), &held)
+                }
+                (SemiImplicitEuler, Near, None) => self.advance_clean(SemiImplicitEuler, (Near, None), &held),
+                (RungeKutta4, Distant, None) => self.advance_clean(RungeKutta4, (Distant, None), &held),
+                (RungeKutta4, Near, None) => self.advance_clean(RungeKutta4, (Near, None), &held),
+                (SemiImplicitEuler, ground, ceiling) => {
+                    self.advance_clean(SemiImplicitEuler, (ground, ceiling), &held)
+                }
+                (RungeKutta4, ground, ceiling) => self.advance_clean(RungeKutta4, (ground, ceiling), &held),
             },
             Law::Bullet(bullet) => {
                 let (fork, upstream) = (Quirks::fork(), Quirks::upstream());
@@ -326,15 +332,15 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
     }
 
     #[inline(always)]
-    fn advance_clean(&mut self, integrator: Integrator, ground: Ground, held: &Held<'_, LANES, R>) {
+    fn advance_clean(&mut self, integrator: Integrator, surfaces: (Ground, Option<R>), held: &Held<'_, LANES, R>) {
         let effects = core::mem::take(&mut self.effects);
         match effects.first_chunk::<EFFECTS>() {
-            None => self.advance_lanes(integrator, ground, held, |_| None),
+            None => self.advance_lanes(integrator, surfaces, held, |_| None),
             // As with the choices above: a battery that sags or not is a constant for the loop.
             Some(columns) if self.nominal.effects.is_some_and(|effects| effects.battery_sag.is_some()) => {
-                self.advance_lanes(integrator, ground, held, |lane| Some(effect_gains(columns, lane)));
+                self.advance_lanes(integrator, surfaces, held, |lane| Some(effect_gains(columns, lane)));
             }
-            Some(columns) => self.advance_lanes(integrator, ground, held, |lane| {
+            Some(columns) => self.advance_lanes(integrator, surfaces, held, |lane| {
                 Some(EffectGains { battery_sag: None, ..effect_gains(columns, lane) })
             }),
         }
@@ -345,7 +351,7 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
     fn advance_lanes(
         &mut self,
         integrator: Integrator,
-        ground: Ground,
+        (ground, ceiling): (Ground, Option<R>),
         held: &Held<'_, LANES, R>,
         effects: impl Fn(usize) -> Option<EffectGains<R>>,
     ) {
@@ -353,7 +359,7 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
         let (nominal, secs) = (self.nominal, held.secs);
         for lane in 0..LANES {
             let force = Vector3::new(R::zero(), R::zero(), -held.downwash[lane]);
-            let air = Air { wind: vector(&self.wind, lane), force, ground };
+            let air = Air { wind: vector(&self.wind, lane), force, ground, ceiling };
             let vehicle = Vehicle { effects: effects(lane), ..self.vehicle(&nominal, lane) };
             let state = self.state(lane);
             let next = integrator.advance(&vehicle, &state, &row(held.targets, lane), &air, secs);

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_shim::bridge::event::BridgeCounts;
 use kestrel_shim::bridge::session::{self, Callbacks};
 use kestrel_shim::bridge::{BridgeError, BridgeOptions};
@@ -23,7 +24,9 @@ pub(crate) fn lend(
     interrupted: &dyn Fn() -> bool,
 ) -> Result<BridgeCounts, BridgeError> {
     let physics = at_rate(&scenario.physics, options.rate_hz());
-    let scenario = Scenario { physics, ..scenario.clone() };
+    // Its motors turn as it says: there is no rate loop but the autopilot's own.
+    let action = ActionSpace::RotorSpeeds(RotorSpeeds::new(&scenario.airframe, 1.0));
+    let scenario = Scenario { physics, action, ..scenario.clone() };
     let mut plant = SimulatedFlight(Flight::landed(&scenario));
     let mut print = |text: &str| say(text).map_err(std::io::Error::other);
     let mut callbacks = Callbacks { print: &mut print, interrupted };

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::{Airframe, CF2X};
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::ObservationLayout;
@@ -195,7 +196,7 @@ impl Place<'_> {
     fn plant<'b>(&'b self, policy: &'b Policy<'b>, episode: Option<u64>) -> Result<TaskPlant<'b>, FlyError> {
         let control_secs = policy.metadata().control_period_secs;
         match self {
-            Self::FlatFloor => Ok(TaskPlant::new(Flight::landed(&flat_floor(control_secs)), None)),
+            Self::FlatFloor => Ok(TaskPlant::new(Flight::landed(&flat_floor(policy.metadata())), None)),
             Self::Task(experiment) => {
                 let scenario = &experiment.scenario;
                 check_period(scenario, control_secs)?;
@@ -214,12 +215,17 @@ impl Place<'_> {
 }
 
 /// An endless floor, whose effect on rotors is felt.
-fn flat_floor(control_secs: f32) -> Scenario {
+fn flat_floor(metadata: &PolicyMetadata<'_>) -> Scenario {
+    let control_secs = metadata.control_period_secs;
     let substeps = (control_secs / SUBSTEP_LIMIT_SECS).ceil().max(1.0) as u32;
     let (integrator, ground, downwash) = (Integrator::SemiImplicitEuler, Ground::Near, Downwash::Absent);
-    let preset = Preset::Clean { integrator, ground, downwash };
+    let preset = Preset::Clean { integrator, ground, ceiling: None, downwash };
     let physics = Physics { preset, ..Physics::clean(integrator, substeps, 1.0 / f64::from(control_secs)) };
-    Scenario::hover(&CF2X, physics)
+    let mut scenario = Scenario::hover(&CF2X, physics);
+    if let ActionSpace::RateLoop(_) = metadata.action {
+        scenario.action = metadata.action;
+    }
+    scenario
 }
 
 fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {

@@ -7,6 +7,7 @@ use crate::elementary::sin_cos_of_half_turn;
 use crate::limits::{ACTION_LIMIT, HISTORY_LIMIT, OBSERVATION_LIMIT};
 use crate::observation::{ObservationInput, ObservationLayout, PAST_ACTIONS};
 use crate::policy_file::PolicyMetadata;
+use crate::rate_loop::RateLoop;
 use crate::real::Real;
 use crate::setpoint::Setpoint;
 use crate::vehicle::State;
@@ -23,6 +24,8 @@ pub(super) struct PolicyController {
     history: [[f32; ACTION_LIMIT]; KEPT_ACTIONS],
     /// Of the position error, world.
     integral: Vector3<f32>,
+    /// What the rate loop holds until the next action; not read where there is none.
+    held: [f32; 4],
     /// The last observation; here, and not on the stack of a firmware's task.
     observation: [f32; OBSERVATION_LIMIT],
 }
@@ -34,6 +37,7 @@ impl PolicyController {
             memory: ControlMemory::new(),
             history: [[0.0; ACTION_LIMIT]; KEPT_ACTIONS],
             integral: Vector3::new(0.0, 0.0, 0.0),
+            held: [0.0; 4],
             observation: [0.0; OBSERVATION_LIMIT],
         }
     }
@@ -81,7 +85,22 @@ impl PolicyController {
         self.remember(metadata, action);
         let secs = metadata.control_period_secs;
         let targets = self.controls.rotor_targets(&action, state, setpoint, &mut self.memory, secs);
-        within_limits(metadata, targets)
+        let targets = within_limits(metadata, targets);
+        if let ActionSpace::RateLoop(space) = &metadata.action {
+            self.held = RateLoop::new(space).held(&targets, &state.body_rates);
+        }
+        targets
+    }
+
+    /// Rotor targets \[rad/s\] of the last action at other body rates \[rad/s\]; nothing where the action space has no rate
+    /// loop.
+    pub(super) fn follow_rates(
+        &self,
+        metadata: &PolicyMetadata<'_>,
+        body_rates: &Vector3<f32>,
+    ) -> Option<[f32; 4]> {
+        let ActionSpace::RateLoop(space) = &metadata.action else { return None };
+        Some(RateLoop::new(space).rotor_targets(&self.held, body_rates))
     }
 
     /// Pushes the oldest action that the layout reads out of the history.
@@ -113,6 +132,7 @@ fn within_limits(metadata: &PolicyMetadata<'_>, targets: [f32; 4]) -> [f32; 4] {
     match &metadata.action {
         ActionSpace::RotorSpeeds(_)
         | ActionSpace::ThrustBodyRates(_)
+        | ActionSpace::RateLoop(_)
         | ActionSpace::Velocities(_)
         | ActionSpace::RotorThrusts(_) => targets,
         ActionSpace::Reference(space) => targets.map(|target| target.limited(0.0, space.rotor_speed_limit())),

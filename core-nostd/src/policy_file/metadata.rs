@@ -18,10 +18,13 @@ pub(crate) const LAYOUT_COUNT: u16 = PX4_NEURAL;
 pub(crate) const PX4_NEURAL: u16 = 8;
 
 /// Action spaces are numbered from one to this.
-pub(crate) const SPACE_COUNT: u16 = ROTOR_THRUSTS;
+pub(crate) const SPACE_COUNT: u16 = RATE_LOOP;
 
 /// Number of the action space `rotor_thrusts`.
 pub(crate) const ROTOR_THRUSTS: u16 = 5;
+
+/// Number of the action space `thrust_body_rates` with a rate loop.
+const RATE_LOOP: u16 = 6;
 
 /// The metadata of a policy, in postcard encoding inside the file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,6 +68,7 @@ pub(crate) const fn action_identifier(space: &ActionSpace) -> u16 {
         ActionSpace::Reference(_) => 3,
         ActionSpace::Velocities(_) => 4,
         ActionSpace::RotorThrusts(_) => ROTOR_THRUSTS,
+        ActionSpace::RateLoop(_) => RATE_LOOP,
     }
 }
 
@@ -126,7 +130,7 @@ fn check_action(space: &ActionSpace) -> Result<(), PolicyError> {
             positive("rotor_speed_limit", space.rotor_speed_limit)?;
             positive("fraction", space.fraction)
         }
-        ActionSpace::ThrustBodyRates(space) => check_rates(space),
+        ActionSpace::ThrustBodyRates(space) | ActionSpace::RateLoop(space) => check_rates(space),
         ActionSpace::Velocities(space) => {
             check_rates(&space.rates)?;
             space.rates.body_rates_limit.into_iter().try_for_each(|limit| positive("body_rates_limit", limit))?;

@@ -44,8 +44,13 @@ fn hummingbird() -> ActionSpace {
 fn spaces() -> Vec<ActionSpace> {
     let reference = ReferenceActionKind::ALL
         .map(|kind| ActionSpace::Reference(reference(kind, Persistence::ResetEachEpisode)));
-    [vec![rotor_speeds(), thrust_body_rates(), velocities(), rotor_thrusts(), hummingbird()], reference.to_vec()]
-        .concat()
+    let own = vec![rotor_speeds(), thrust_body_rates(), rate_loop(), velocities(), rotor_thrusts(), hummingbird()];
+    [own, reference.to_vec()].concat()
+}
+
+fn rate_loop() -> ActionSpace {
+    let ActionSpace::ThrustBodyRates(rates) = thrust_body_rates() else { unreachable!() };
+    ActionSpace::RateLoop(rates)
 }
 
 fn velocities() -> ActionSpace {
@@ -134,6 +139,7 @@ impl Expected {
         match &metadata.action {
             ActionSpace::RotorSpeeds(_)
             | ActionSpace::ThrustBodyRates(_)
+            | ActionSpace::RateLoop(_)
             | ActionSpace::Velocities(_)
             | ActionSpace::RotorThrusts(_) => targets,
             // The reference commands what no rotor can do: the Hummingbird's first step asks for ten times its limit.

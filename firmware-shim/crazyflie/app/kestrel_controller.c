@@ -214,6 +214,11 @@ static bool flies(const setpoint_t *setpoint, const sensorData_t *sensors, const
       heading = state->attitude.yaw;
     }
     answer = act(setpoint, sensors, state);
+  } else if (answer == KESTREL_OK) {
+    /* What a policy with a rate loop does at every sample of the gyroscope; others hold. */
+    const float rates[3] = {RADIANS_PER_DEGREE * sensors->gyro.x, RADIANS_PER_DEGREE * sensors->gyro.y,
+                            RADIANS_PER_DEGREE * sensors->gyro.z};
+    (void)kestrel_follow_rates(&pilot, &rates, &thrusts);
   }
   return kestrel_guard(&guard, answer, age_of(setpoint), US_PER_MS) != KESTREL_HAND_OVER;
 }

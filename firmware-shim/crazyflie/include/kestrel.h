@@ -114,6 +114,15 @@ int32_t kestrel_tick(KestrelPilot *pilot,
                      float (*thrusts)[4]);
 
 /*
+ The thrusts of the last tick at the body rates of this moment (rad/s, about the body's axes): for every sample of the
+ gyroscope between two ticks. A policy without a rate loop holds its thrusts, and leaves them as they are. Returns
+ `KESTREL_OK`, or why they are left.
+ */
+int32_t kestrel_follow_rates(KestrelPilot *pilot,
+                             const float (*body_rates)[3],
+                             float (*thrusts)[4]);
+
+/*
  Time between two ticks in seconds; zero without a policy.
  */
 float kestrel_control_period(KestrelPilot *pilot);

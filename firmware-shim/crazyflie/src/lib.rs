@@ -144,13 +144,28 @@ impl KestrelPilot {
         let [gx, gy, gz, yaw] = *goal;
         let setpoint = Setpoint { yaw, ..Setpoint::at(Vector3::new(gx, gy, gz)) };
         let speeds = pilot.tick_towards(&[], &state, &setpoint);
-        let per_hover_thrust = 1.0 / pilot.policy().metadata().action.hover_speed_squared();
-        let answer = speeds.map(|speed| speed * speed * per_hover_thrust);
-        if !answer.iter().all(|thrust| thrust.is_finite()) {
-            return KESTREL_ANSWER;
+        match thrusts_of(pilot, speeds) {
+            None => KESTREL_ANSWER,
+            Some(answer) => {
+                *thrusts = answer;
+                KESTREL_OK
+            }
         }
-        *thrusts = answer;
-        KESTREL_OK
+    }
+
+    fn follow_rates(&mut self, body_rates: &[f32; 3], thrusts: &mut [f32; 4]) -> i32 {
+        let Some(pilot) = self.pilot() else { return KESTREL_NO_POLICY };
+        if !within(body_rates, BODY_RATES_LIMIT) {
+            return KESTREL_BODY_RATES;
+        }
+        let Some(speeds) = pilot.follow_rates(&Vector3::from(*body_rates)) else { return KESTREL_OK };
+        match thrusts_of(pilot, speeds) {
+            None => KESTREL_ANSWER,
+            Some(answer) => {
+                *thrusts = answer;
+                KESTREL_OK
+            }
+        }
     }
 }
 
@@ -159,17 +174,30 @@ impl KestrelState {
     fn refusal(&self, goal: &[f32; 4]) -> i32 {
         let [w, x, y, z] = self.attitude;
         let norm_squared = w * w + x * x + y * y + z * z;
-        // Comparisons are false for NaN: what is not plausible includes what is not finite.
-        let within = |values: &[f32], limit: f32| values.iter().all(|value| value.abs() <= limit);
         let checks = [
             (within(&self.position, 1000.0), KESTREL_POSITION),
             ((0.81..=1.21).contains(&norm_squared), KESTREL_ATTITUDE),
             (within(&self.velocity, 100.0), KESTREL_VELOCITY),
-            (within(&self.body_rates, 100.0), KESTREL_BODY_RATES),
+            (within(&self.body_rates, BODY_RATES_LIMIT), KESTREL_BODY_RATES),
             (within(goal, 1000.0), KESTREL_GOAL),
         ];
         checks.iter().find(|(plausible, _)| !plausible).map_or(KESTREL_OK, |&(_, code)| code)
     }
+}
+
+/// Faster body rates are not believed \[rad/s\].
+const BODY_RATES_LIMIT: f32 = 100.0;
+
+/// Comparisons are false for NaN: what is not plausible includes what is not finite.
+fn within(values: &[f32], limit: f32) -> bool {
+    values.iter().all(|value| value.abs() <= limit)
+}
+
+/// Thrusts of rotor speeds \[rad/s\] in units of a quarter of the weight; nothing where one is not finite.
+fn thrusts_of(pilot: &Pilot<'_>, speeds: [f32; 4]) -> Option<[f32; 4]> {
+    let per_hover_thrust = 1.0 / pilot.policy().metadata().action.hover_speed_squared();
+    let thrusts = speeds.map(|speed| speed * speed * per_hover_thrust);
+    thrusts.iter().all(|thrust| thrust.is_finite()).then_some(thrusts)
 }
 
 impl Default for KestrelPilot {
@@ -212,6 +240,18 @@ pub extern "C" fn kestrel_tick(
     thrusts: &mut [f32; 4],
 ) -> i32 {
     pilot.tick(state, goal, thrusts)
+}
+
+/// The thrusts of the last tick at the body rates of this moment (rad/s, about the body's axes): for every sample of the
+/// gyroscope between two ticks. A policy without a rate loop holds its thrusts, and leaves them as they are. Returns
+/// `KESTREL_OK`, or why they are left.
+#[unsafe(no_mangle)]
+pub extern "C" fn kestrel_follow_rates(
+    pilot: &mut KestrelPilot,
+    body_rates: &[f32; 3],
+    thrusts: &mut [f32; 4],
+) -> i32 {
+    pilot.follow_rates(body_rates, thrusts)
 }
 
 /// Time between two ticks in seconds; zero without a policy.

@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::{env, fs};
 
+use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::CRAZYFLIE_2_1;
+use kestrel_core::crc32::crc32;
 use kestrel_core::policy_file::PolicyError;
 use kestrel_core::setpoint::Setpoint;
 
@@ -84,6 +86,52 @@ fn a_drone_that_hovers_carries_a_quarter_of_its_weight_with_each_rotor() {
     // The Crazyflie 2.1 has twice the thrust that it weighs.
     let drone = CRAZYFLIE_2_1;
     assert!((f64::from(kestrel_greatest_thrust(&mut pilot)) - drone.thrust_limit() / drone.weight()).abs() < 1e-4);
+}
+
+/// The trained pilot as one with a rate loop.
+fn looped() -> &'static [u8] {
+    let mut file = hover().to_vec();
+    let ActionSpace::ThrustBodyRates(space) = PolicyFile::parse(hover()).unwrap().metadata().action else {
+        panic!()
+    };
+    let numbers = space.hover_speed_squared.to_le_bytes();
+    let place = file.windows(4).position(|window| window == numbers).unwrap() - 1;
+    (file[place], file[18]) = (5, 6);
+    let end = file.len() - 4;
+    let checksum = crc32(&file[..end]);
+    file[end..].copy_from_slice(&checksum.to_le_bytes());
+    aligned(&file)
+}
+
+#[test]
+fn between_two_ticks_a_rate_loop_follows_the_gyroscope_and_others_hold() {
+    let (mut holding, mut following) = (KestrelPilot::new(), KestrelPilot::new());
+    assert_eq!([holding.take(hover()), following.take(looped())], [KESTREL_OK; 2]);
+    let ActionSpace::RateLoop(space) = PolicyFile::parse(looped()).unwrap().metadata().action else { panic!() };
+    for step in 0..50 {
+        let (mut held, mut followed) = ([9.0; 4], [9.0; 4]);
+        let goal = [0.1, 0.2, 1.0, 0.0];
+        assert_eq!(kestrel_tick(&mut holding, &state(step), &goal, &mut held), KESTREL_OK);
+        assert_eq!(kestrel_tick(&mut following, &state(step), &goal, &mut followed), KESTREL_OK);
+        assert_eq!(held, followed, "a tick is the same");
+        let before = held;
+        let rates = Vector3::from(state(step).body_rates) + Vector3::new(0.02, -0.03, 0.01);
+        assert_eq!(kestrel_follow_rates(&mut holding, &rates.into(), &mut held), KESTREL_OK);
+        assert_eq!(held, before);
+        assert_eq!(kestrel_follow_rates(&mut following, &rates.into(), &mut followed), KESTREL_OK);
+        for (rotor, (now, before)) in followed.into_iter().zip(before).enumerate() {
+            let changed: f32 = (0..3)
+                .map(|axis| space.mixer[rotor][axis] * space.rate_gains[axis] * [-0.02, 0.03, -0.01][axis])
+                .sum();
+            let most = space.speed_squared_limit / space.hover_speed_squared;
+            let expected = (before + changed / space.hover_speed_squared).clamp(0.0, most);
+            assert!((now - expected).abs() < 1e-4, "rotor {rotor}: {now}, expected {expected}");
+        }
+        let kept = followed;
+        let wild = kestrel_follow_rates(&mut following, &[f32::NAN, 0.0, 0.0], &mut followed);
+        assert_eq!((wild, followed), (KESTREL_BODY_RATES, kept));
+    }
+    assert_eq!(kestrel_follow_rates(&mut KestrelPilot::new(), &[0.0; 3], &mut [0.0; 4]), KESTREL_NO_POLICY);
 }
 
 #[test]

@@ -177,7 +177,8 @@ impl<'a> Scene<'a> {
         controller.autopilot_mut().enclose(zones(flight).unwrap_or_default());
         let verifier = Verifier::new(SigningKey(line::KEY), line::START, SignatureTime(0));
         controller.secure(SignatureGuard::Signed(verifier), Signer::new(SigningKey(line::KEY), 2, line::START));
-        let plant = FlatFloor::new(&CF2X, controller.autopilot().control_secs());
+        let plant =
+            FlatFloor::new(&CF2X, controller.autopilot().control_secs()).with_rate_loop(&policy.metadata().action);
         let line = Line::new();
         Self { controller, plant, line, battery: 1.0, blind: 0, tumbling: 0, digest: Digest::new() }
     }

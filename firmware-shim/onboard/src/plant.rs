@@ -1,8 +1,10 @@
 //! What a vehicle flies in: a simulation that advances one control period at a time.
 
+use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::dynamics::Integrator;
+use kestrel_core::rate_loop::RateLoop;
 use kestrel_core::vehicle::{Air, Ground, State, Vehicle};
 use nalgebra::Vector3;
 
@@ -66,6 +68,7 @@ pub struct FlatFloor {
     rest_height: f32,
     substeps: u32,
     substep_secs: f32,
+    rate_loop: Option<RateLoop<f32>>,
     state: State<f32>,
 }
 
@@ -79,6 +82,7 @@ impl FlatFloor {
             rest_height,
             substeps,
             substep_secs: control_secs / substeps as f32,
+            rate_loop: None,
             state: State {
                 position: Vector3::new(0.0, 0.0, rest_height),
                 world_from_body: Attitude::level(),
@@ -93,6 +97,21 @@ impl FlatFloor {
     #[must_use]
     pub fn at(mut self, [x_m, y_m]: [f32; 2]) -> Self {
         (self.state.position.x, self.state.position.y) = (x_m, y_m);
+        self
+    }
+
+    /// The same with the rate loop of an action space, which follows the true body rates at every substep; without one in any
+    /// other space.
+    #[must_use]
+    pub fn with_rate_loop(mut self, action: &ActionSpace) -> Self {
+        self.rate_loop = match action {
+            ActionSpace::RateLoop(space) => Some(RateLoop::new(space)),
+            ActionSpace::RotorSpeeds(_)
+            | ActionSpace::ThrustBodyRates(_)
+            | ActionSpace::Reference(_)
+            | ActionSpace::Velocities(_)
+            | ActionSpace::RotorThrusts(_) => None,
+        };
         self
     }
 
@@ -117,9 +136,14 @@ impl Plant for FlatFloor {
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         let air = Air { ground: Ground::Near, ..Air::still() };
+        let looped =
+            self.rate_loop.map(|rate_loop| (rate_loop, rate_loop.held(rotor_targets, &self.state.body_rates)));
         for _ in 0..self.substeps {
             let integrator = Integrator::SemiImplicitEuler;
-            let next = integrator.advance(&self.vehicle, &self.state, rotor_targets, &air, self.substep_secs);
+            let targets = looped.map_or(*rotor_targets, |(rate_loop, held)| {
+                rate_loop.rotor_targets(&held, &self.state.body_rates)
+            });
+            let next = integrator.advance(&self.vehicle, &self.state, &targets, &air, self.substep_secs);
             self.state = next.tumbling_within_limit();
             if self.state.position.z <= self.rest_height && self.state.velocity.z <= 0.0 {
                 self.rest();

@@ -6,7 +6,7 @@ use std::path::Path;
 use kestrel_core::airframe::{
     Airframe, BOLT_5_INCH, CF2P, CF2X, CRAZYFLIE_2_1, CRAZYFLIE_2_1_BRUSHLESS, CRAZYFLIE_2_1_PLUS,
     CRAZYFLIE_2_1_THRUST_UPGRADE, Downwash, DragCoefficients, FlightEffects, GRAVITY, HUMMINGBIRD, Layout, RACER,
-    RADIANS_PER_SECOND_PER_RPM, RotorOrder,
+    RADIANS_PER_SECOND_PER_RPM, RotorOrder, X500,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
@@ -57,6 +57,8 @@ pub enum KnownAirframe {
     /// 5-inch quadrotor for the Crazyflie Bolt.
     #[serde(rename = "bolt_5_inch")]
     Bolt5Inch,
+    /// Holybro X500 v2.
+    X500,
     /// Crazyflie 2.x, one rotor ahead.
     Cf2p,
     /// `AscTec` Hummingbird.
@@ -237,6 +239,7 @@ impl KnownAirframe {
             Self::Crazyflie21Plus => CRAZYFLIE_2_1_PLUS,
             Self::Crazyflie21ThrustUpgrade => CRAZYFLIE_2_1_THRUST_UPGRADE,
             Self::Bolt5Inch => BOLT_5_INCH,
+            Self::X500 => X500,
             Self::Cf2p => CF2P,
             Self::Hb => HUMMINGBIRD,
             Self::Racer => RACER,
@@ -490,7 +493,7 @@ impl<'de> Visitor<'de> for NameOrNumbers {
     fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(
             "`cf2x`, `crazyflie_2_1`, `crazyflie_2_1_brushless`, `crazyflie_2_1_plus`, `crazyflie_2_1_thrust_upgrade`, \
-             `bolt_5_inch`, `cf2p`, `hb`, `racer` or an airframe in numbers",
+             `bolt_5_inch`, `x500`, `cf2p`, `hb`, `racer` or an airframe in numbers",
         )
     }
 

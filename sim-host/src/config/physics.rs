@@ -29,6 +29,9 @@ pub struct PhysicsConfig {
     pub control_rate_hz: f64,
     /// Whether the ground at z = 0 cushions the rotors, in Kestrel's own physics.
     pub ground_effect: bool,
+    /// Height of a ceiling that pulls the rotors up, in Kestrel's own physics; without it no ceiling does, whatever the room.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ceiling_effect_m: Option<f64>,
     /// Whether drones feel the air that those above push down, in Kestrel's own physics.
     pub downwash: bool,
     /// What contacts do; by default they are only reported where touching anything ends the episode, and else solved.
@@ -180,6 +183,7 @@ impl Default for PhysicsConfig {
             substeps: 2,
             control_rate_hz: 100.0,
             ground_effect: false,
+            ceiling_effect_m: None,
             downwash: false,
             contacts: None,
             bullet: None,
@@ -229,12 +233,14 @@ impl PhysicsConfig {
                     IntegratorConfig::RungeKutta4 => Integrator::RungeKutta4,
                 },
                 ground: if self.ground_effect { Ground::Near } else { Ground::Distant },
+                ceiling: self.ceiling(field)?,
                 downwash: if self.downwash { Downwash::Felt } else { Downwash::Absent },
             });
         };
         let own = [
             ("integrator", self.integrator != IntegratorConfig::SemiImplicitEuler),
             ("ground_effect", self.ground_effect),
+            ("ceiling_effect_m", self.ceiling_effect_m.is_some()),
             ("downwash", self.downwash),
         ];
         if let Some((key, _)) = own.into_iter().find(|(_, chosen)| *chosen) {
@@ -242,6 +248,11 @@ impl PhysicsConfig {
             return Err(field.at(key).refuse("", expected));
         }
         bullet.check(&field.at("bullet"))
+    }
+
+    fn ceiling(&self, field: &Field<'_>) -> Result<Option<f64>, ConfigError> {
+        let limits = Limits::from(0.1, 1000.0, "m");
+        self.ceiling_effect_m.map(|height| field.at("ceiling_effect_m").real(height, &limits)).transpose()
     }
 }
 

@@ -18,6 +18,8 @@ pub use reference::{
 use super::EPISODE_LIMITS;
 use super::error::ConfigError;
 use super::field::{Field, Limits};
+use crate::physics::Physics;
+use crate::rate_loop::GYRO_CUTOFF_HZ;
 
 const FRACTION: Limits = Limits::above(0.0, 1.0, "");
 const BODY_RATES: Limits = Limits::above(0.0, 100.0, "rad/s");
@@ -69,6 +71,19 @@ pub struct ThrustBodyRatesConfig {
     pub body_rates_limit_rad_per_s: [f64; 3],
     /// Angular acceleration per error of the body rates. Above 10 the rotors' lag of 0.1 s makes them overshoot.
     pub rate_gains_per_s: [f64; 3],
+    /// A rate loop inside, at every physics step and not only once a control period: the firmware's, which the policy on the
+    /// drone then needs as well.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_loop: Option<RateLoopConfig>,
+}
+
+/// A rate loop that runs at every physics step, on what a filtered gyroscope says.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RateLoopConfig {
+    /// Cut-off frequency of the gyroscope's low-pass filter (two poles, Butterworth), below half of the physics steps per
+    /// second. Bitcraze's firmware has 80 Hz, which is late by 2.8 ms.
+    pub gyro_cutoff_hz: f64,
 }
 
 /// Velocity along the world's axes and yaw rate: a policy that commands it need not learn to balance.
@@ -165,7 +180,14 @@ impl Default for ThrustBodyRatesConfig {
             fraction_of_hover: 1.0,
             body_rates_limit_rad_per_s: [10.0, 10.0, 5.0],
             rate_gains_per_s: [8.0, 8.0, 4.0],
+            rate_loop: None,
         }
+    }
+}
+
+impl Default for RateLoopConfig {
+    fn default() -> Self {
+        Self { gyro_cutoff_hz: GYRO_CUTOFF_HZ }
     }
 }
 
@@ -177,6 +199,7 @@ impl Default for VelocityConfig {
             fraction_of_hover: 1.0,
             body_rates_limit_rad_per_s: [8.0, 8.0, 3.0],
             rate_gains_per_s: [16.0, 16.0, 6.0],
+            rate_loop: None,
         };
         Self { speed_limit_m_per_s: 2.0, velocity_gain_per_s: 3.0, attitude_gain_per_s: 5.0, rates }
     }
@@ -219,7 +242,11 @@ impl ActionConfig {
                 Ok(ActionSpace::RotorSpeeds(RotorSpeeds::new(airframe, fraction)))
             }
             Self::ThrustBodyRates(config) => {
-                config.check(airframe, &field.at("thrust_body_rates")).map(ActionSpace::ThrustBodyRates)
+                let space = config.check(airframe, &field.at("thrust_body_rates"))?;
+                Ok(match config.rate_loop {
+                    None => ActionSpace::ThrustBodyRates(space),
+                    Some(_) => ActionSpace::RateLoop(space),
+                })
             }
             Self::Velocity(config) => config.check(airframe, &field.at("velocity")).map(ActionSpace::Velocities),
             Self::Published(config) => Ok(ActionSpace::Reference(config.check(airframe))),
@@ -227,6 +254,30 @@ impl ActionConfig {
                 config.check(airframe, &field.at("rotor_thrusts")).map(ActionSpace::RotorThrusts)
             }
         }
+    }
+}
+
+impl ActionConfig {
+    /// Cut-off frequency of the gyroscope's filter \[Hz\] of the rate loop, which nothing reads where there is none.
+    ///
+    /// # Errors
+    /// When it is not below half of the physics rate, or the rate loop stands where there can be none.
+    pub fn check_gyro(&self, physics: &Physics, field: &Field<'_>) -> Result<f64, ConfigError> {
+        let (rates, field) = match self {
+            Self::ThrustBodyRates(config) => (config.rate_loop, field.at("thrust_body_rates").at("rate_loop")),
+            Self::Velocity(config) => {
+                let field = field.at("velocity").at("rates").at("rate_loop");
+                if config.rates.rate_loop.is_some() {
+                    return Err(field.reject("a rate loop", "none: only `thrust_body_rates` has one"));
+                }
+                (None, field)
+            }
+            Self::RotorSpeeds(_) | Self::Published(_) | Self::RotorThrusts(_) => (None, field.at("rate_loop")),
+        };
+        let Some(rates) = rates else { return Ok(GYRO_CUTOFF_HZ) };
+        let nyquist = 0.5 / physics.substep_secs();
+        let below = Limits::between(0.0, nyquist, "Hz, half of the physics steps per second");
+        field.at("gyro_cutoff_hz").real(rates.gyro_cutoff_hz, &below)
     }
 }
 

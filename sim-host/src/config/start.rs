@@ -148,6 +148,12 @@ pub struct LatencyConfig {
     pub state_secs: [f64; 2],
     /// Least and greatest time from a command to the motors, at most a control period.
     pub motor_secs: [f64; 2],
+    /// How much older than that the state may be: drawn anew for every control period, from zero to this.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub state_jitter_secs: f64,
+    /// How much later than that a command may reach the motors: drawn anew for every control period, from zero to this.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub motor_jitter_secs: f64,
 }
 
 impl Default for RandomisationConfig {
@@ -190,9 +196,15 @@ impl LatencyConfig {
     pub fn check(&self, control_secs: f64, field: &Field<'_>) -> Result<Latency, ConfigError> {
         let longest = Limits::from(0.0, control_secs, "s, the control period");
         let delay = |key: &str, bounds| range(&field.at(key), bounds, &longest);
+        let jitter = |key: &str, secs: f64, [_, most]: [f64; 2]| {
+            let left = Limits::from(0.0, control_secs - most, "s, what the delay leaves of the control period");
+            field.at(key).number(secs, &left)
+        };
         Ok(Latency {
             state_secs: delay("state_secs", self.state_secs)?,
             motor_secs: delay("motor_secs", self.motor_secs)?,
+            state_jitter_secs: jitter("state_jitter_secs", self.state_jitter_secs, self.state_secs)?,
+            motor_jitter_secs: jitter("motor_jitter_secs", self.motor_jitter_secs, self.motor_secs)?,
         })
     }
 }

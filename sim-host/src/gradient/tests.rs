@@ -26,16 +26,26 @@ fn scenarios() -> Vec<Scenario> {
         airframe: CRAZYFLIE_2_1,
         physics: Physics::clean(Integrator::SemiImplicitEuler, 4, 50.0),
         action: ActionSpace::ThrustBodyRates(rates),
-        latency: Latency { state_secs: [0.0, 0.015], motor_secs: [0.0, 0.005] },
+        latency: Latency {
+            state_secs: [0.0, 0.015],
+            motor_secs: [0.0, 0.005],
+            state_jitter_secs: 0.002,
+            ..Latency::NONE
+        },
         ..testing::hover()
     };
-    let near =
-        Preset::Clean { integrator: Integrator::RungeKutta4, ground: Ground::Near, downwash: Downwash::Absent };
+    let near = Preset::Clean {
+        integrator: Integrator::RungeKutta4,
+        ground: Ground::Near,
+        ceiling: Some(1.2),
+        downwash: Downwash::Absent,
+    };
     let body = BodyLayout { scales: SCALES, action_len: 4, measured_len: 0 };
     let team = Agents { count: 2, ..Agents::ONE };
     let pushed = Preset::Clean {
         integrator: Integrator::SemiImplicitEuler,
         ground: Ground::Distant,
+        ceiling: None,
         downwash: Downwash::Felt,
     };
     vec![
@@ -43,6 +53,7 @@ fn scenarios() -> Vec<Scenario> {
         Scenario { agents: team, physics: Physics { preset: pushed, ..late.physics }, ..testing::hover() },
         Scenario { physics: Physics { preset: near, ..late.physics }, ..late.clone() },
         Scenario { action: ActionSpace::Velocities(velocities), ..late.clone() },
+        Scenario { action: ActionSpace::RateLoop(rates), ..late.clone() },
         Scenario { observation: ObservationLayout::Body(body), ..late.clone() },
         Scenario {
             goals: Goals::Trajectory(Trajectories {

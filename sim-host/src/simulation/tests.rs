@@ -74,7 +74,7 @@ fn a_lane_equals_a_lone_drone_bit_for_bit() {
     let beginning = crate::reset::begin::<f32>(&scenario, (0, 0), &mut stream);
     let mut state = beginning.drone.motion;
     let Preset::Clean { integrator, ground, .. } = scenario.physics.preset else { panic!("hover is clean") };
-    let air = kestrel_core::vehicle::Air { wind: beginning.wind, force: Vector3::zeros(), ground };
+    let air = kestrel_core::vehicle::Air { wind: beginning.wind, force: Vector3::zeros(), ground, ceiling: None };
     for step in 0..20 {
         let actions = noise(step, 12);
         simulation.step(&actions);

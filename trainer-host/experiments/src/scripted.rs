@@ -103,7 +103,9 @@ impl ScriptedPilot {
                 let targets = self.rotor_targets(state, thrust_share, &rates);
                 action(targets.map(|target| space.action_of(target)))
             }
-            ActionSpace::ThrustBodyRates(space) => action(normalised(space, thrust_share, &rates)),
+            ActionSpace::ThrustBodyRates(space) | ActionSpace::RateLoop(space) => {
+                action(normalised(space, thrust_share, &rates))
+            }
             ActionSpace::Velocities(space) => {
                 let wish = pull(&error) * POSITION_GAIN + self.integral;
                 action((wish / (VELOCITY_GAIN * space.speed_limit)).into())

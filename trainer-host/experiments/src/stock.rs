@@ -36,14 +36,19 @@ impl Stock {
     /// that the starts are the same, but last a control period at most: that of the state is added to
     /// [`Self::state_late_secs`], that of the motors is shorter than a policy's.
     pub(crate) fn task(scenario: &Scenario) -> Scenario {
-        let within = |bounds: [f32; 2]| bounds.map(|secs| secs.min(STABILISER_SECS as f32));
+        let longest = STABILISER_SECS as f32;
+        let within = |bounds: [f32; 2]| bounds.map(|secs| secs.min(longest));
+        let jitter = |secs: f32, bounds: [f32; 2]| secs.min(longest - within(bounds)[1]);
+        let late = &scenario.latency;
         let mut task = scenario.clone();
         task.action = ActionSpace::RotorSpeeds(RotorSpeeds::new(&scenario.airframe, 1.0));
         task.physics.control_rate_hz = 1.0 / STABILISER_SECS;
         task.physics.substeps = 1;
         task.latency = Latency {
-            state_secs: within(scenario.latency.state_secs),
-            motor_secs: within(scenario.latency.motor_secs),
+            state_secs: within(late.state_secs),
+            motor_secs: within(late.motor_secs),
+            state_jitter_secs: jitter(late.state_jitter_secs, late.state_secs),
+            motor_jitter_secs: jitter(late.motor_jitter_secs, late.motor_secs),
         };
         task
     }

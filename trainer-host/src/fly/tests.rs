@@ -153,7 +153,8 @@ fn every_task_has_a_place_from_which_a_vehicle_takes_off() {
 
 #[test]
 fn without_a_task_a_drone_stands_level_at_the_origin() {
-    let flight = Flight::landed(&flat_floor(0.02));
+    let bytes = PolicyBytes::copy_of(&climber(0.02));
+    let flight = Flight::landed(&flat_floor(bytes.policy().unwrap().metadata()));
     let state = flight.state();
     assert!((state.position - Vector3::new(0.0, 0.0, 0.0125)).norm() < 2e-3, "{state:?}");
     assert!(state.world_from_body.up_cosine() > 0.999, "{state:?}");

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use kestrel_core::airframe::{
     Airframe, BOLT_5_INCH, CF2P, CF2X, CRAZYFLIE_2_1, CRAZYFLIE_2_1_BRUSHLESS, CRAZYFLIE_2_1_PLUS,
-    CRAZYFLIE_2_1_THRUST_UPGRADE, HUMMINGBIRD, RACER, RotorOrder,
+    CRAZYFLIE_2_1_THRUST_UPGRADE, HUMMINGBIRD, RACER, RotorOrder, X500,
 };
 
 use super::*;
@@ -62,11 +62,12 @@ fn urdf(rotors: [&str; 4]) -> String {
 const CLOCKWISE: [&str; 4] = ["0.028 -0.028 0", "-0.028 -0.028 0", "-0.028 0.028 0", "0.028 0.028 0"];
 
 /// Those that name and file give to the bit.
-const KNOWN: [(&str, Airframe); 7] = [
+const KNOWN: [(&str, Airframe); 8] = [
     ("cf2x", CF2X),
     ("crazyflie_2_1_plus", CRAZYFLIE_2_1_PLUS),
     ("crazyflie_2_1_thrust_upgrade", CRAZYFLIE_2_1_THRUST_UPGRADE),
     ("bolt_5_inch", BOLT_5_INCH),
+    ("x500", X500),
     ("cf2p", CF2P),
     ("hb", HUMMINGBIRD),
     ("racer", RACER),
@@ -120,8 +121,7 @@ fn a_vehicle_is_a_name_or_numbers() {
 
 #[test]
 fn numbers_survive_being_written() {
-    for name in KNOWN.map(|(name, _)| name).into_iter().chain(["crazyflie_2_1", "crazyflie_2_1_brushless", "x500"])
-    {
+    for name in KNOWN.map(|(name, _)| name).into_iter().chain(["crazyflie_2_1", "crazyflie_2_1_brushless"]) {
         let document = Document::parse(name, &shipped(name)).unwrap();
         let config = VehicleConfig {
             airframe: AirframeConfig::Custom(document.decode().unwrap()),
@@ -168,7 +168,7 @@ fn wrong_numbers_are_named() {
     let message = vehicle("airframe: cf2y").unwrap_err().to_string();
     assert!(
         message.contains("found `cf2y`, expected `cf2x`, `crazyflie_2_1`, `crazyflie_2_1_brushless`, ")
-            && message.contains("`bolt_5_inch`, `cf2p`, `hb` or `racer`"),
+            && message.contains("`bolt_5_inch`, `x500`, `cf2p`, `hb` or `racer`"),
         "{message}"
     );
     let message = vehicle("airframe: [1]").unwrap_err().to_string();

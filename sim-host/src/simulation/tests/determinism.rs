@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use kestrel_core::airframe::CRAZYFLIE_2_1;
+use kestrel_core::attitude::Attitude;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::vehicle::{Air, Vehicle};
 
@@ -136,6 +137,8 @@ fn several_drones_with_downwash_and_reported_contacts() {
     assert_deterministic(&together, 60, &[Collision, Teammate]);
     let alone = together.replace("count: 3", "count: 3, ends: alone, rewards: shared");
     assert_deterministic(&alone, 60, &[Collision, TimeLimit]);
+    let under = alone.replace("ground_effect: true", "ground_effect: true, ceiling_effect_m: 2");
+    assert_deterministic(&under, 60, &[Collision, TimeLimit]);
 }
 
 #[test]
@@ -169,6 +172,72 @@ success: { settle: { radius_m: 0.5, within_secs: 0.3 } }
 fn late_drones_with_effects() {
     assert_deterministic(REAL, 60, &[TimeLimit]);
     assert_deterministic(&format!("{REAL}terminations: [ collision ]"), 60, &[Collision]);
+}
+
+/// The same with delays that jitter and a rate loop at 1 kHz.
+fn jittering() -> String {
+    REAL.replace("substeps: 4", "substeps: 20")
+        .replace("thrust_body_rates: {}", "thrust_body_rates: { rate_loop: { gyro_cutoff_hz: 80 } }")
+        .replace(
+            "motor_secs: [0.001, 0.02]",
+            "motor_secs: [0.001, 0.01], state_jitter_secs: 0.004, motor_jitter_secs: 0.01",
+        )
+}
+
+#[test]
+fn drones_whose_delays_jitter_with_a_rate_loop() {
+    assert_deterministic(&jittering(), 60, &[TimeLimit]);
+    assert_deterministic(&format!("{}terminations: [ collision ]", jittering()), 60, &[Collision]);
+}
+
+#[test]
+fn a_rate_loop_stops_a_turn_that_held_commands_drive() {
+    let looped = REAL
+        .replace("substeps: 4, control_rate_hz: 50", "substeps: 100, control_rate_hz: 10")
+        .replace(", room: { low_m: [-0.5, -0.5, 0], high_m: [0.5, 0.5, 2] }", "")
+        .replace("episode_secs: 0.6", "episode_secs: 60")
+        .replace("thrust_body_rates: {}", "thrust_body_rates: { rate_gains_per_s: [30, 30, 8] }");
+    let inner = looped.replace("[30, 30, 8]", "[30, 30, 8], rate_loop: {}");
+    let rate_after = |yaml: &str| {
+        let scenario = scenario(&yaml.replace("wind_speed_m_per_s: 1", "wind_speed_m_per_s: 0"));
+        let mut simulation = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
+        let mut state = simulation.state(0);
+        state.body_rates = nalgebra::Vector3::new(4.0, 0.0, 0.0);
+        simulation.put(0, state);
+        // Hover thrust, and no rate: commands that last a tenth of a second.
+        for _ in 0..20 {
+            simulation.step(&[0.0; 4]);
+        }
+        simulation.state(0).body_rates.norm()
+    };
+    // What is held for that long overshoots, more and more.
+    let (held, followed) = (rate_after(&looped), rate_after(&inner));
+    assert!(held > 1.0 && followed < 0.3, "{held} {followed}");
+}
+
+#[test]
+fn jitter_makes_the_state_older_by_up_to_as_much() {
+    let yaml = REAL.replace("state_secs: [0, 0.015]", "state_secs: [0.005, 0.005], state_jitter_secs: 0.01");
+    let yaml = yaml
+        .replace("episode_secs: 0.6", "episode_secs: 60")
+        .replace("wind_speed_m_per_s: 1", "wind_speed_m_per_s: 0");
+    let mut simulation = Simulation::<8>::new(&scenario(&yaml), Seed(3), 0, 4);
+    let hover = [simulation.state(0).rotor_speeds; 4];
+    let mut ages = Vec::new();
+    for _ in 0..100 {
+        for row in 0..4 {
+            let mut state = simulation.state(row);
+            (state.position, state.velocity) = ([0.0, 0.0, 1.0].into(), [1.0, 0.0, 0.0].into());
+            (state.world_from_body, state.body_rates) = (Attitude::level(), [0.0; 3].into());
+            simulation.put(row, state);
+        }
+        simulation.step_with_rotor_speeds(&[0.0; 16], &hover);
+        ages.extend((0..4).map(|row| simulation.state(row).position.x - simulation.known_state(row).position.x));
+    }
+    let (least, most) =
+        ages.iter().fold((1.0_f32, 0.0_f32), |(least, most), age| (least.min(*age), most.max(*age)));
+    assert!((0.0045..0.0055).contains(&least), "{least}");
+    assert!((0.0143..0.0155).contains(&most), "{most}");
 }
 
 #[test]
@@ -273,6 +342,15 @@ fn what_cannot_be_late_or_drawn_is_refused() {
     assert!(late.contains("latency.state_secs") && late.contains("the control period"), "{late}");
     let turned = refused(&REAL.replace("[0, 0.015]", "[0.01, 0.005]"));
     assert!(turned.contains("0.01 or more"), "{turned}");
+    let jitters = refused(&REAL.replace("[0, 0.015]", "[0, 0.015], state_jitter_secs: 0.006"));
+    assert!(jitters.contains("state_jitter_secs") && jitters.contains("the control period"), "{jitters}");
+    let coarse = refused(&REAL.replace("rates: {}", "rates: { rate_loop: { gyro_cutoff_hz: 100 } }"));
+    assert!(coarse.contains("gyro_cutoff_hz") && coarse.contains("half of the physics"), "{coarse}");
+    let nested = refused(&REAL.replace("thrust_body_rates: {}", "velocity: { rates: { rate_loop: {} } }"));
+    assert!(
+        nested.contains("velocity.rates.rate_loop") && nested.contains("only `thrust_body_rates`"),
+        "{nested}"
+    );
     let plain = refused(&REAL.replace("crazyflie_2_1", "cf2x"));
     assert!(plain.contains("no `effects`"), "{plain}");
     let twice = refused(&REAL.replace("mass_fraction", "torque_fraction"));

@@ -32,6 +32,7 @@ fn scenario(critic: CriticView) -> Scenario {
         clock: Clock::Elapsed,
         time_limit: TimeLimit::Truncates,
         action: ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3)),
+        gyro_cutoff_hz: 80.0,
         observation: ObservationLayout::Pilot(PilotLayout {
             position_scale_m: 1.0,
             velocity_scale: 2.0,
