@@ -65,6 +65,18 @@ fn a_flight_becomes_an_airframe_that_the_next_one_begins_with() {
 }
 
 #[test]
+fn a_residual_network_is_shown_beside_the_identified_airframe() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("flight.csv"), bobbing()).unwrap();
+    let output = kestrel(place.path(), &["identify", "flight.csv", "--residual", "--seed", "3", "--threads", "1"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{text}{}", String::from_utf8(output.stderr).unwrap());
+    assert!(text.contains("  with residual network") && text.contains("Residual network: 10 inputs"), "{text}");
+    let picture = fs::read_to_string(place.path().join("airframe.svg")).unwrap();
+    assert!(picture.contains("with residual network"));
+}
+
+#[test]
 fn logs_and_wishes_that_make_no_sense_are_named() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path();
@@ -79,6 +91,11 @@ fn logs_and_wishes_that_make_no_sense_are_named() {
     assert!(wrong(&["flight.csv", "--keep", "colour"]).contains("expected one of rotor speed limit"));
     assert!(wrong(&["flight.csv", "--hold-out", "other"]).contains("--hold-out: found `other`"));
     assert!(wrong(&["flight.csv", "--hold-out", "flight"]).contains("no stretch that can be followed"));
+    assert!(wrong(&["flight.csv", "--seed", "1"]).contains("--residual"));
+    assert!(wrong(&["flight.csv", "--residual=much"]).contains("--residual"));
+    assert!(wrong(&["flight.csv", "--residual", "--seed", "one"]).contains("--seed"));
+    let little = wrong(&["flight.csv", "--residual", "--hold-out", "flight:4-20"]);
+    assert!(little.contains("--residual: found ") && little.contains("about ten seconds"), "{little}");
     assert!(!Path::new(directory).join("airframe.yaml").exists(), "nothing is written");
 }
 

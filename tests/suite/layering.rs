@@ -20,7 +20,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("kestrel-export", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-draw", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-verify", &["kestrel-core", "kestrel-sim"]),
-    ("kestrel-identify", &["kestrel-core", "kestrel-onboard"]),
+    ("kestrel-identify", &["kestrel-core", "kestrel-onboard", "kestrel-learn"]),
     ("kestrel-experiments", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-draw"]),
     ("kestrel-python", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-experiments"]),
     (

@@ -13,6 +13,9 @@ const TITLE_HEIGHT: u32 = 130;
 /// Space for the numbers left of a panel \[px\].
 const LEFT_LABELS: u32 = 120;
 
+/// Width of a letter in the names of the models \[px\], and of the space after each.
+const LETTER_WIDTH: usize = 13;
+
 /// Colours of the models, in their order.
 const COLOURS: [RGBColor; 4] = [MUTED, RGBColor(0xd9, 0x6c, 0x1e), BLUE, GREEN];
 
@@ -75,13 +78,15 @@ fn draw_panel(area: &Area<'_>, step_secs: f64, panel: &HorizonPanel) -> Result<(
         .draw()?;
     let name = FontDesc::new(FontFamily::Name(crate::curve::FONT), 25.0, FontStyle::Bold).color(&INK);
     area.draw(&Text::new(panel.name.clone(), (LEFT_LABELS as i32, 12), name))?;
-    for (index, (model, errors)) in panel.models.iter().enumerate() {
+    let widths = panel.models.iter().map(|(model, _)| LETTER_WIDTH * (model.chars().count() + 4));
+    let mut left = SIZE.0.saturating_sub(widths.clone().sum::<usize>() as u32) as i32;
+    for ((index, (model, errors)), width) in panel.models.iter().enumerate().zip(widths) {
         let colour = COLOURS[index % COLOURS.len()];
         let points = errors.iter().enumerate().filter(|(_, error)| error.is_finite());
         let points = points.map(|(step, error)| (1e3 * step_secs * (step + 1) as f64, *error));
         chart.draw_series([PathElement::new(points.collect::<Vec<_>>(), colour.stroke_width(4))])?;
-        let place = (SIZE.0 as i32 - 700 + 220 * index as i32, 14);
-        area.draw(&Text::new(format!("— {model}"), place, font(23, &colour)))?;
+        area.draw(&Text::new(format!("— {model}"), (left, 14), font(23, &colour)))?;
+        left += width as i32;
     }
     Ok(())
 }

@@ -30,6 +30,9 @@ const RATE_LIMIT: f64 = 34.0;
 /// Mean command over 0.3 s below which a drone stands or falls.
 const FLYING_COMMAND: f64 = 0.25;
 
+/// Time after which a quarter comes again that is not learned from \[s\]: two seconds, four windows.
+const CYCLE_SECS: f64 = 8.0;
+
 /// Time before a window in which it must already fly, so that the rotors' lag has forgotten the start \[s\].
 const SETTLING_SECS: f64 = 0.3;
 
@@ -112,6 +115,21 @@ impl<'a> Course<'a> {
             start_rates,
             held_out,
         }
+    }
+
+    /// The flight with other rows held out.
+    pub(crate) fn holding_out(&self, held_out: impl Fn(usize) -> bool) -> Self {
+        Self { held_out: (0..self.held_out.len()).map(held_out).collect(), ..self.clone() }
+    }
+
+    /// Whether a row is fitted.
+    pub(crate) fn is_fitted(&self, row: usize) -> bool {
+        !self.held_out[row]
+    }
+
+    /// Whether a row lies in the last quarter of its cycle.
+    pub(crate) fn is_in_quarter(&self, row: usize) -> bool {
+        (row as f64 * self.flight.period_secs) % CYCLE_SECS >= 0.75 * CYCLE_SECS
     }
 
     /// Whether nothing of the flight is fitted.

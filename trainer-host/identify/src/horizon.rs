@@ -3,12 +3,14 @@
 use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use crate::alignment::rotation_vector;
-use crate::course::{Course, Part};
+use crate::course::{Course, Part, Windows};
 use crate::drone::Trim;
 use crate::least_squares::Estimate;
-use crate::motion::Driven;
+use crate::motion::{Driven, Moved};
+use crate::residual_network::ResidualNetwork;
 
 /// Length of the windows \[s\].
 const HORIZON_SECS: f64 = 0.5;
@@ -74,16 +76,60 @@ impl Horizon {
     }
 }
 
-/// Errors of the held-out windows by holding the state and by each estimate; signals without windows are left out.
-pub(crate) fn horizons(courses: &[Course<'_>], estimates: &[&Estimate]) -> Vec<Horizon> {
-    let mut sums: Vec<Sum> = Signal::GIVEN.map(|signal| Sum::new(signal, estimates.len() + 1)).into();
-    for (index, course) in courses.iter().enumerate() {
-        let drivens: Vec<Driven<'_>> = estimates
-            .iter()
-            .map(|estimate| Driven::new(course, &estimate.drone, &trim_of(courses, index, estimate)))
-            .collect();
-        add_rotation(course, &drivens, &mut sums);
-        add_translation(course, &drivens, &mut sums);
+/// What predicts: an estimate, alone or with what a network adds to its accelerations.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Predictor<'a> {
+    pub(crate) estimate: &'a Estimate,
+    pub(crate) residual: Option<&'a ResidualNetwork>,
+}
+
+impl<'a> From<&'a Estimate> for Predictor<'a> {
+    fn from(estimate: &'a Estimate) -> Self {
+        Self { estimate, residual: None }
+    }
+}
+
+/// Errors of the held-out windows by holding the state and by each predictor; signals without windows are left out.
+pub(crate) fn horizons(courses: &[Course<'_>], predictors: &[Predictor<'_>]) -> Vec<Horizon> {
+    summed(courses, predictors, Signal::GIVEN, |course, drivens, sums| {
+        add_rotation(course, drivens, sums);
+        add_translation(course, drivens, sums);
+    })
+}
+
+/// Errors of windows from every row of the flights that are wholly held out, where nothing is given but the state at the
+/// start and the measured rotor speeds, by holding the state and by each predictor.
+pub(crate) fn flown_horizons(courses: &[Course<'_>], predictors: &[Predictor<'_>]) -> Vec<Horizon> {
+    summed(courses, predictors, Signal::FLOWN, |course, drivens, sums| {
+        if course.is_held_out() {
+            add_flown(course, drivens, sums);
+        }
+    })
+}
+
+/// What `add` says of each flight, summed in the order of the flights.
+fn summed(
+    courses: &[Course<'_>],
+    predictors: &[Predictor<'_>],
+    signals: [Signal; 4],
+    add: impl Fn(&Course<'_>, &[Driven<'_>], &mut [Sum]) + Sync,
+) -> Vec<Horizon> {
+    let none = || signals.map(|signal| Sum::new(signal, predictors.len() + 1));
+    let of_flight = |(index, course)| {
+        let driven = |predictor: &Predictor<'_>| {
+            let trim = trim_of(courses, index, predictor.estimate);
+            Driven::new(course, &predictor.estimate.drone, &trim).with_residual(predictor.residual)
+        };
+        let mut sums = none();
+        add(course, &predictors.iter().map(driven).collect::<Vec<_>>(), &mut sums);
+        sums
+    };
+    let flights: Vec<[Sum; 4]> = courses.par_iter().enumerate().map(of_flight).collect();
+    let mut sums = none();
+    for flight in &flights {
+        for (sum, flight) in sums.iter_mut().zip(flight) {
+            sum.join(flight);
+        }
     }
     sums.into_iter().filter(|sum| sum.windows > 0).map(Sum::horizon).collect()
 }
@@ -104,52 +150,40 @@ fn trim_of(courses: &[Course<'_>], index: usize, estimate: &Estimate) -> Trim {
     Trim { torque, tilt, ..Trim::default() }
 }
 
-/// Errors of windows from every row of the flights that are wholly held out, where nothing is given but the state at the
-/// start and the measured rotor speeds, by holding the state and by each estimate.
-pub(crate) fn flown_horizons(courses: &[Course<'_>], estimates: &[&Estimate]) -> Vec<Horizon> {
-    let mut sums: Vec<Sum> = Signal::FLOWN.map(|signal| Sum::new(signal, estimates.len() + 1)).into();
-    for (index, course) in courses.iter().enumerate().filter(|(_, course)| course.is_held_out()) {
-        let drivens: Vec<Driven<'_>> = estimates
-            .iter()
-            .map(|estimate| Driven::new(course, &estimate.drone, &trim_of(courses, index, estimate)))
-            .collect();
-        add_flown(course, &drivens, &mut sums);
-    }
-    sums.into_iter().filter(|sum| sum.windows > 0).map(Sum::horizon).collect()
-}
-
 fn add_flown(course: &Course<'_>, drivens: &[Driven<'_>], sums: &mut [Sum]) {
     let (flight, Some(motion)) = (course.flight, &course.flight.motion) else { return };
     let (rows, stride) = (flight.rows_in(HORIZON_SECS), flight.rows_in(STEP_SECS));
     let whole = |start: &usize| flight.measured[*start..=start + rows].iter().all(|measured| *measured);
-    for start in (0..flight.rows().saturating_sub(rows)).filter(whole) {
-        let mut add = |curve: usize, step: usize, predicted: &State<f64>| {
-            let row = start + (step + 1) * stride;
-            let turned = rotation_angle(&predicted.world_from_body, &motion.attitudes[row]);
-            sums[0].add(curve, step, (predicted.position - motion.positions[row]).norm());
-            sums[1].add(curve, step, (predicted.velocity - motion.velocities[row]).norm());
-            sums[2].add(curve, step, turned);
-            sums[3].add(curve, step, (predicted.body_rates - flight.body_rates[row]).norm());
-        };
+    let starts: Vec<usize> = (0..flight.rows().saturating_sub(rows)).filter(whole).collect();
+    let mut add = |curve: usize, step: usize, start: usize, predicted: &State<f64>| {
+        let row = start + (step + 1) * stride;
+        let turned = rotation_angle(&predicted.world_from_body, &motion.attitudes[row]);
+        sums[0].add(curve, step, (predicted.position - motion.positions[row]).norm());
+        sums[1].add(curve, step, (predicted.velocity - motion.velocities[row]).norm());
+        sums[2].add(curve, step, turned);
+        sums[3].add(curve, step, (predicted.body_rates - flight.body_rates[row]).norm());
+    };
+    for start in &starts {
         let held = State {
-            position: motion.positions[start],
-            world_from_body: motion.attitudes[start],
-            velocity: motion.velocities[start],
-            body_rates: flight.body_rates[start],
+            position: motion.positions[*start],
+            world_from_body: motion.attitudes[*start],
+            velocity: motion.velocities[*start],
+            body_rates: flight.body_rates[*start],
             rotor_speeds: [0.0; 4],
         };
         for step in 0..rows / stride {
-            add(0, step, &held);
+            add(0, step, *start, &held);
         }
-        for (model, driven) in drivens.iter().enumerate() {
-            let states = driven.flown(start, rows);
+    }
+    for (model, driven) in drivens.iter().enumerate() {
+        for (start, states) in starts.iter().zip(driven.flown(&starts, rows)) {
             for (step, state) in states.iter().skip(stride - 1).step_by(stride).enumerate() {
-                add(model + 1, step, state);
+                add(model + 1, step, *start, state);
             }
         }
-        for sum in sums.iter_mut() {
-            sum.windows += 1;
-        }
+    }
+    for sum in sums {
+        sum.windows += starts.len();
     }
 }
 
@@ -165,48 +199,50 @@ fn add_rotation(course: &Course<'_>, drivens: &[Driven<'_>], sums: &mut [Sum]) {
     if course.rotation(Part::HeldOut).starts.is_empty() {
         return;
     }
-    let windows = course.windows(Part::HeldOut, HORIZON_SECS, STRIDE_SECS);
+    let Windows { starts, rows, .. } = course.windows(Part::HeldOut, HORIZON_SECS, STRIDE_SECS);
     let stride = flight.rows_in(STEP_SECS);
-    for start in windows.starts {
-        let seen: Vec<Vector3<f64>> =
-            (1..=windows.rows / stride).map(|step| flight.body_rates[start + step * stride]).collect();
-        let mut add = |curve: usize, step: usize, error: Vector3<f64>| {
+    let mut add = |curve: usize, start: usize, predicted: &[Vector3<f64>]| {
+        for (step, rates) in predicted.iter().enumerate() {
+            let error = rates - flight.body_rates[start + (step + 1) * stride];
             sums[0].add(curve, step, error.xy().norm());
             sums[1].add(curve, step, error.z.abs());
-        };
-        for (step, rates) in seen.iter().enumerate() {
-            add(0, step, course.start_rates[start] - rates);
         }
-        for (model, driven) in drivens.iter().enumerate() {
-            for (step, rates) in driven.turned(start, windows.rows, stride).iter().enumerate() {
-                add(model + 1, step, rates - seen[step]);
-            }
+    };
+    for start in &starts {
+        add(0, *start, &vec![course.start_rates[*start]; rows / stride]);
+    }
+    for (model, driven) in drivens.iter().enumerate() {
+        for (start, turned) in starts.iter().zip(driven.turned(&starts, rows, stride)) {
+            add(model + 1, *start, &turned);
         }
-        sums[0].windows += 1;
-        sums[1].windows += 1;
+    }
+    for sum in &mut sums[..2] {
+        sum.windows += starts.len();
     }
 }
 
 fn add_translation(course: &Course<'_>, drivens: &[Driven<'_>], sums: &mut [Sum]) {
     let (flight, Some(motion)) = (course.flight, &course.flight.motion) else { return };
-    let windows = course.windows(Part::HeldOut, HORIZON_SECS, STRIDE_SECS);
+    let Windows { starts, rows, .. } = course.windows(Part::HeldOut, HORIZON_SECS, STRIDE_SECS);
     let stride = flight.rows_in(STEP_SECS);
-    for start in windows.starts {
-        let mut add = |curve: usize, step: usize, velocity: Vector3<f64>, position: Vector3<f64>| {
+    let mut add = |curve: usize, start: usize, predicted: &[Moved]| {
+        for (step, moved) in predicted.iter().enumerate() {
             let row = start + (step + 1) * stride;
-            sums[2].add(curve, step, (velocity - motion.velocities[row]).norm());
-            sums[3].add(curve, step, (position - motion.positions[row]).norm());
-        };
-        for step in 0..windows.rows / stride {
-            add(0, step, motion.velocities[start], motion.positions[start]);
+            sums[2].add(curve, step, (moved.velocity - motion.velocities[row]).norm());
+            sums[3].add(curve, step, (moved.position - motion.positions[row]).norm());
         }
-        for (model, driven) in drivens.iter().enumerate() {
-            for (step, moved) in driven.moved(start, windows.rows, stride).iter().enumerate() {
-                add(model + 1, step, moved.velocity, moved.position);
-            }
+    };
+    for start in &starts {
+        let held = Moved { position: motion.positions[*start], velocity: motion.velocities[*start] };
+        add(0, *start, &vec![held; rows / stride]);
+    }
+    for (model, driven) in drivens.iter().enumerate() {
+        for (start, moved) in starts.iter().zip(driven.moved(&starts, rows, stride)) {
+            add(model + 1, *start, &moved);
         }
-        sums[2].windows += 1;
-        sums[3].windows += 1;
+    }
+    for sum in &mut sums[2..] {
+        sum.windows += starts.len();
     }
 }
 
@@ -229,6 +265,17 @@ impl Sum {
         }
         curve[step].0 += error;
         curve[step].1 += 1;
+    }
+
+    fn join(&mut self, other: &Self) {
+        self.windows += other.windows;
+        for (curve, other) in self.curves.iter_mut().zip(&other.curves) {
+            curve.resize(curve.len().max(other.len()), (0.0, 0));
+            for ((sum, count), (other_sum, other_count)) in curve.iter_mut().zip(other) {
+                *sum += other_sum;
+                *count += other_count;
+            }
+        }
     }
 
     fn horizon(self) -> Horizon {

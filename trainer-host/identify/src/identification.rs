@@ -1,6 +1,7 @@
 //! From flights to a drone: what is searched, what is kept, and how certain the rest is.
 
 use kestrel_core::airframe::Airframe;
+use kestrel_core::seed::Seed;
 use rayon::prelude::*;
 
 use crate::balance;
@@ -9,11 +10,13 @@ use crate::drone::{Drone, Trim, drone_of};
 use crate::error::LogError;
 use crate::flight::{CommandRecord, Flight};
 use crate::hold_out::HoldOut;
-use crate::horizon::{Horizon, horizons};
+use crate::horizon::{Horizon, Predictor, horizons};
 use crate::least_squares::{Estimate, Interrupted, Prior, Search, Uncertainty};
 use crate::moments;
 use crate::parameter::Parameter;
 use crate::residual::Residuals;
+use crate::residual_network::ResidualNetwork;
+use crate::residual_training::learned;
 
 /// Correlation beyond which two numbers only count together, unless both are known well all the same.
 const ENTANGLED: f64 = 0.98;
@@ -48,6 +51,8 @@ pub struct Settings {
     pub hold_out: HoldOut,
     /// Numbers that stay the airframe's.
     pub kept: Vec<Parameter>,
+    /// Seed of a small network that learns what the airframe lacks; none is learned without.
+    pub residual: Option<Seed>,
 }
 
 /// Why a number is still the airframe's.
@@ -104,7 +109,9 @@ pub struct Identification {
     pub findings: Vec<Finding>,
     /// Trim of each flight.
     pub trims: Vec<Trim>,
-    /// Errors of the held-out windows over the horizon.
+    /// What was asked to be learned beside.
+    pub residual: Option<ResidualNetwork>,
+    /// Errors of the held-out windows over the horizon, a curve each of [`Self::models`].
     pub horizons: Vec<Horizon>,
 }
 
@@ -140,8 +147,12 @@ pub fn identify(
     let given = drone_of(&settings.airframe);
     let (estimate, findings) = fit.search(&given, &settings.kept, go_on)?;
     let before = fit.with_curve_alone(&given, go_on)?;
-    let horizons = horizons(&courses, &[&before, &estimate]);
-    Ok(Identification { drone: estimate.drone, findings, trims: estimate.trims, horizons })
+    let learn = |seed| learned(&courses, &estimate, seed, go_on);
+    let residual = settings.residual.map(learn).transpose()?;
+    let mut predictors = vec![Predictor::from(&before), Predictor::from(&estimate)];
+    predictors.extend(residual.as_ref().map(|network| Predictor { residual: Some(network), ..predictors[1] }));
+    let horizons = horizons(&courses, &predictors);
+    Ok(Identification { drone: estimate.drone, findings, trims: estimate.trims, residual, horizons })
 }
 
 /// Flights that are fitted.

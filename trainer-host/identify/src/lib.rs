@@ -3,6 +3,7 @@
 //! A [`log`] becomes a [`flight`] on one clock. [`identify`] follows it in short windows from measured starts, with the
 //! core's vehicle, and searches the numbers of the [`drone`] that leave the least error. Numbers that the flights cannot
 //! tell stay as they were, and the [`horizon`] says how far predictions of flights that were not fitted are off.
+//! What the airframe lacks, a small [`ResidualNetwork`] may learn.
 
 mod airframe_file;
 mod alignment;
@@ -22,6 +23,9 @@ mod parameter;
 mod real;
 mod report;
 mod residual;
+mod residual_gradient;
+mod residual_network;
+mod residual_training;
 mod smoothing;
 mod track;
 mod tracking;
@@ -32,6 +36,6 @@ pub use hold_out::{HoldOut, Span};
 pub use identification::{Finding, Identification, IdentifyError, Kept, Settings, Verdict, identify};
 pub use parameter::Parameter;
 pub use real::{Limit, RealDrones, RealFinding, RealReport, verify_real};
-pub use report::MODELS;
+pub use residual_network::ResidualNetwork;
 pub use track::Track;
 pub use tracking::{TrackingError, TrackingFinding};

@@ -2,11 +2,13 @@
 
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
-use kestrel_core::vehicle::{Air as Wind, State, Vehicle};
+use kestrel_core::vehicle::{Air as Wind, Derivative, State, Vehicle};
 use nalgebra::Vector3;
 
 use crate::course::{Air, Course};
 use crate::drone::{Drone, Trim};
+use crate::horizon::STEP_SECS;
+use crate::residual_network::{Lanes, ResidualNetwork};
 
 /// Least drag that tells an air speed \[1/s\]: without it the air is taken as still.
 const TELLING_DRAG: f64 = 0.02;
@@ -23,6 +25,8 @@ pub(crate) struct Driven<'a> {
     hover_squares: f64,
     /// Rotor speeds \[rad/s\] at the beginning of each step, and at the end of the last.
     rotor_speeds: Vec<[f64; 4]>,
+    /// What is added to the airframe's accelerations.
+    residual: ResidualNetwork,
 }
 
 /// Position and velocity, world.
@@ -37,93 +41,210 @@ impl<'a> Driven<'a> {
         let vehicle = Vehicle::new(&drone.airframe);
         let hover = drone.airframe.hover_rotor_speed();
         let rotor_speeds = rotor_speeds(course, &vehicle, drone, trim);
-        Self { course, vehicle, trim: *trim, hover_squares: 4.0 * hover * hover, rotor_speeds }
+        let (trim, residual) = (*trim, ResidualNetwork::default());
+        Self { course, vehicle, trim, hover_squares: 4.0 * hover * hover, rotor_speeds, residual }
     }
 
-    /// Body rates \[rad/s\] after each `stride` of `rows` rows from `row` on.
-    pub(crate) fn turned(&self, row: usize, rows: usize, stride: usize) -> Vec<Vector3<f64>> {
-        let course = self.course;
-        let (steps, secs) = (course.steps_per_row, course.step_secs);
-        let mut rates = course.start_rates[row];
-        let mut seen = Vec::with_capacity(rows / stride);
-        for step in row * steps..(row + rows) * steps {
-            let mut state = self.state(step);
-            let spin_up = self.spin_up(step);
-            let middle = rates + self.turning(&mut state, &spin_up, rates) * (0.5 * secs);
-            rates += self.turning(&mut state, &spin_up, middle) * secs;
-            if (step + 1 - row * steps).is_multiple_of(stride * steps) {
-                seen.push(rates);
+    /// The same, with what a network adds to the airframe's accelerations: asked each hundredth of a second, and held until
+    /// the next.
+    pub(crate) fn with_residual(self, residual: Option<&ResidualNetwork>) -> Self {
+        Self { residual: residual.cloned().unwrap_or_default(), ..self }
+    }
+
+    /// Body rates \[rad/s\] after each `stride` of `rows` rows from each of `starts` on, `[starts][rows / stride]`.
+    pub(crate) fn turned(&self, starts: &[usize], rows: usize, stride: usize) -> Vec<Vec<Vector3<f64>>> {
+        let mut lanes = Lanes::new(self.residual.angular.as_ref(), starts.len());
+        self.turned_with(&mut lanes, starts, rows, stride)
+    }
+
+    /// The same with what the network of `lanes` adds.
+    pub(crate) fn turned_with(
+        &self,
+        lanes: &mut Lanes<'_>,
+        starts: &[usize],
+        rows: usize,
+        stride: usize,
+    ) -> Vec<Vec<Vector3<f64>>> {
+        let mut rates: Vec<Vector3<f64>> = starts.iter().map(|row| self.course.start_rates[*row]).collect();
+        let mut seen = vec![Vec::with_capacity(rows / stride.max(1)); starts.len()];
+        for ahead in 0..rows {
+            let state = |(start, rates): (&usize, &Vector3<f64>)| State {
+                body_rates: *rates,
+                ..self.instant(start + ahead)
+            };
+            let added = lanes.held(self.asks(ahead), starts.iter().zip(&rates).map(state));
+            for (lane, rates) in rates.iter_mut().enumerate() {
+                *rates = self.turned_by_row(starts[lane] + ahead, *rates, &added[lane]);
+                if (ahead + 1).is_multiple_of(stride) {
+                    seen[lane].push(*rates);
+                }
             }
         }
         seen
     }
 
-    /// Motion after each `stride` of `rows` rows from `row` on, under the measured attitude.
-    pub(crate) fn moved(&self, row: usize, rows: usize, stride: usize) -> Vec<Moved> {
-        let (course, Some(motion)) = (self.course, &self.course.flight.motion) else { return Vec::new() };
-        let (steps, secs) = (course.steps_per_row, course.step_secs);
-        let mut moved = Moved { position: motion.positions[row], velocity: motion.velocities[row] };
-        let mut seen = Vec::with_capacity(rows / stride);
-        for step in row * steps..(row + rows) * steps {
-            let mut state = self.state(step);
-            let spin_up = self.spin_up(step);
+    /// Body rates a row later, `added` to their change \[rad/s²\].
+    fn turned_by_row(&self, row: usize, mut rates: Vector3<f64>, added: &Vector3<f64>) -> Vector3<f64> {
+        let secs = self.course.step_secs;
+        for step in self.steps(row) {
+            let (mut state, spin_up) = (self.state(step), self.spin_up(step));
+            let middle = rates + (self.turning(&mut state, &spin_up, rates) + added) * (0.5 * secs);
+            rates += (self.turning(&mut state, &spin_up, middle) + added) * secs;
+        }
+        rates
+    }
+
+    /// Motion after each `stride` of `rows` rows from each of `starts` on, under the measured attitude,
+    /// `[starts][rows / stride]`; nothing where it was not measured.
+    pub(crate) fn moved(&self, starts: &[usize], rows: usize, stride: usize) -> Vec<Vec<Moved>> {
+        let mut lanes = Lanes::new(self.residual.linear.as_ref(), starts.len());
+        self.moved_with(&mut lanes, starts, rows, stride)
+    }
+
+    /// The same with what the network of `lanes` adds.
+    pub(crate) fn moved_with(
+        &self,
+        lanes: &mut Lanes<'_>,
+        starts: &[usize],
+        rows: usize,
+        stride: usize,
+    ) -> Vec<Vec<Moved>> {
+        let mut seen = vec![Vec::with_capacity(rows / stride.max(1)); starts.len()];
+        let Some(motion) = &self.course.flight.motion else { return seen };
+        let start = |row: &usize| Moved { position: motion.positions[*row], velocity: motion.velocities[*row] };
+        let mut moved: Vec<Moved> = starts.iter().map(start).collect();
+        for ahead in 0..rows {
+            let state = |(start, moved): (&usize, &Moved)| State {
+                velocity: moved.velocity,
+                ..self.instant(start + ahead)
+            };
+            let added = lanes.held(self.asks(ahead), starts.iter().zip(&moved).map(state));
+            for (lane, moved) in moved.iter_mut().enumerate() {
+                *moved = self.moved_by_row(starts[lane] + ahead, moved, &added[lane]);
+                if (ahead + 1).is_multiple_of(stride) {
+                    seen[lane].push(*moved);
+                }
+            }
+        }
+        seen
+    }
+
+    /// Motion a row later, `added` to its acceleration \[m/s², body\].
+    fn moved_by_row(&self, row: usize, moved: &Moved, added: &Vector3<f64>) -> Moved {
+        let (mut moved, secs) = (*moved, self.course.step_secs);
+        for step in self.steps(row) {
+            let (mut state, spin_up) = (self.state(step), self.spin_up(step));
+            let added = state.world_from_body.rotate(*added);
             state.velocity = moved.velocity;
-            state.velocity += self.vehicle.accelerations(&state, &spin_up, &Wind::still()).0 * (0.5 * secs);
-            let middle = state.velocity;
-            moved.velocity += self.vehicle.accelerations(&state, &spin_up, &Wind::still()).0 * secs;
-            moved.position += middle * secs;
-            if (step + 1 - row * steps).is_multiple_of(stride * steps) {
-                seen.push(moved);
-            }
+            let linear =
+                |state: &State<f64>| self.vehicle.accelerations(state, &spin_up, &Wind::still()).0 + added;
+            state.velocity += linear(&state) * (0.5 * secs);
+            moved.position += state.velocity * secs;
+            moved.velocity += linear(&state) * secs;
         }
-        seen
+        moved
     }
 
-    /// States after each of `rows` rows from `row` on, nothing of which is given but the first state and, as held from
-    /// each row to the next, the measured rotor speeds; empty where these or the motion were not measured.
-    pub(crate) fn flown(&self, row: usize, rows: usize) -> Vec<State<f64>> {
+    /// States after each of `rows` rows from each of `starts` on, `[starts][rows]`, nothing of which is given but the first
+    /// state and, as held from each row to the next, the measured rotor speeds; none where these or the motion were not
+    /// measured.
+    pub(crate) fn flown(&self, starts: &[usize], rows: usize) -> Vec<Vec<State<f64>>> {
         let flight = self.course.flight;
         let (Some(motion), Some(speeds)) = (&flight.motion, &flight.rotor_speeds) else { return Vec::new() };
-        let mut state = State {
-            position: motion.positions[row],
-            world_from_body: self.tilted(&motion.attitudes[row]),
-            velocity: motion.velocities[row],
-            body_rates: flight.body_rates[row],
-            rotor_speeds: speeds[row],
+        let start = |row: &usize| State {
+            position: motion.positions[*row],
+            world_from_body: self.tilted(&motion.attitudes[*row]),
+            velocity: motion.velocities[*row],
+            body_rates: flight.body_rates[*row],
+            rotor_speeds: speeds[*row],
         };
-        let mut seen = Vec::with_capacity(rows);
-        for now in row..row + rows {
-            let spin_up =
-                std::array::from_fn(|rotor| (speeds[now][rotor] - state.rotor_speeds[rotor]) / flight.period_secs);
-            state.rotor_speeds = speeds[now];
-            for _ in 0..self.course.steps_per_row {
-                state = self.stepped(&state, &spin_up);
+        let mut states: Vec<State<f64>> = starts.iter().map(start).collect();
+        let mut seen = vec![Vec::with_capacity(rows); starts.len()];
+        let [mut linear, mut angular] =
+            [&self.residual.linear, &self.residual.angular].map(|half| Lanes::new(half.as_ref(), starts.len()));
+        for ahead in 0..rows {
+            let now = |lane: usize| speeds[starts[lane] + ahead];
+            let known = |(lane, state): (usize, &State<f64>)| State { rotor_speeds: now(lane), ..*state };
+            let linear = linear.held(self.asks(ahead), states.iter().enumerate().map(known));
+            let angular = angular.held(self.asks(ahead), states.iter().enumerate().map(known));
+            for (lane, state) in states.iter_mut().enumerate() {
+                *state = self.flown_by_row(state, now(lane), &[linear[lane], angular[lane]]);
+                seen[lane].push(State { world_from_body: self.untilted(&state.world_from_body), ..*state });
             }
-            seen.push(State { world_from_body: self.untilted(&state.world_from_body), ..state });
         }
         seen
+    }
+
+    /// The state a row later, with these rotor speeds, `added` to its linear and angular acceleration, both body.
+    fn flown_by_row(&self, state: &State<f64>, speeds: [f64; 4], added: &[Vector3<f64>; 2]) -> State<f64> {
+        let period_secs = self.course.flight.period_secs;
+        let spin_up = std::array::from_fn(|rotor| (speeds[rotor] - state.rotor_speeds[rotor]) / period_secs);
+        let held = State { rotor_speeds: speeds, ..*state };
+        (0..self.course.steps_per_row).fold(held, |state, _| self.stepped(&state, &spin_up, added))
+    }
+
+    /// The state at the beginning of a row as it is measured: attitude, velocity in the air, rates; rotors.
+    pub(crate) fn instant(&self, row: usize) -> State<f64> {
+        let body_rates = self.course.start_rates[row];
+        State { body_rates, ..self.state(row * self.course.steps_per_row) }
+    }
+
+    /// Angular acceleration \[rad/s²\] from a row to the next that is measured beside the airframe's.
+    pub(crate) fn missing_angular(&self, row: usize) -> Vector3<f64> {
+        let [before, after] = [row, row + 1].map(|row| self.course.start_rates[row]);
+        let steps = self.course.steps_per_row as f64;
+        let explained = |(index, step): (usize, usize)| {
+            let rates = before + (after - before) * ((index as f64 + 0.5) / steps);
+            self.turning(&mut self.state(step), &self.spin_up(step), rates)
+        };
+        let explained: Vector3<f64> = self.steps(row).enumerate().map(explained).sum();
+        (after - before) / self.course.flight.period_secs - explained / steps
+    }
+
+    /// Linear acceleration \[m/s², body\] from a row to the next that is measured beside the airframe's; zero where the
+    /// motion was not measured.
+    pub(crate) fn missing_linear(&self, row: usize) -> Vector3<f64> {
+        let Some(motion) = &self.course.flight.motion else { return Vector3::zeros() };
+        let steps = self.course.steps_per_row as f64;
+        let explained =
+            |step: usize| self.vehicle.accelerations(&self.state(step), &self.spin_up(step), &Wind::still()).0;
+        let explained: Vector3<f64> = self.steps(row).map(explained).sum();
+        let measured = (motion.velocities[row + 1] - motion.velocities[row]) / self.course.flight.period_secs;
+        self.tilted(&motion.attitudes[row]).rotate_inverse(measured - explained / steps)
+    }
+
+    /// Rate damping over inertia about each axis \[1/s\].
+    pub(crate) fn rate_damping(&self) -> Vector3<f64> {
+        self.vehicle.effects.map_or_else(Vector3::zeros, |effects| effects.rate_damping)
+    }
+
+    /// Whether a network is asked so many rows after the start of a window.
+    fn asks(&self, ahead: usize) -> bool {
+        ahead.is_multiple_of(self.course.flight.rows_in(STEP_SECS))
+    }
+
+    /// Steps of a row.
+    fn steps(&self, row: usize) -> std::ops::Range<usize> {
+        row * self.course.steps_per_row..(row + 1) * self.course.steps_per_row
     }
 
     /// The state a step later, by the midpoint rule, the rotors' speeds held and their change felt.
-    fn stepped(&self, state: &State<f64>, spin_up: &[f64; 4]) -> State<f64> {
+    fn stepped(&self, state: &State<f64>, spin_up: &[f64; 4], added: &[Vector3<f64>; 2]) -> State<f64> {
         let secs = self.course.step_secs;
-        let middle = self.moved_by(state, state, spin_up, 0.5 * secs);
-        self.moved_by(state, &middle, spin_up, secs)
+        let middle = moved_by(state, &self.derivative(state, spin_up, added), 0.5 * secs);
+        moved_by(state, &self.derivative(&middle, spin_up, added), secs)
     }
 
-    /// `state` moved for `secs` as it moves at `there`.
-    fn moved_by(&self, state: &State<f64>, there: &State<f64>, spin_up: &[f64; 4], secs: f64) -> State<f64> {
-        let mut there = *there;
-        let linear = self.vehicle.accelerations(&there, spin_up, &Wind::still()).0;
-        let rates = there.body_rates;
-        let angular = self.turning(&mut there, spin_up, rates);
-        let attitude = state.world_from_body;
-        State {
-            position: state.position + there.velocity * secs,
-            world_from_body: attitude.advanced(&there.world_from_body.derivative(rates), secs).normalized(),
-            velocity: state.velocity + linear * secs,
-            body_rates: state.body_rates + angular * secs,
-            rotor_speeds: state.rotor_speeds,
+    /// How a state changes, the rotors' speeds held.
+    fn derivative(&self, state: &State<f64>, spin_up: &[f64; 4], added: &[Vector3<f64>; 2]) -> Derivative<f64> {
+        let [linear, angular] = added;
+        let velocity = self.vehicle.accelerations(state, spin_up, &Wind::still()).0;
+        Derivative {
+            position: state.velocity,
+            world_from_body: state.world_from_body.derivative(state.body_rates),
+            velocity: velocity + state.world_from_body.rotate(*linear),
+            body_rates: self.turning(&mut state.clone(), spin_up, state.body_rates) + angular,
+            rotor_speeds: [0.0; 4],
         }
     }
 
@@ -191,6 +312,17 @@ impl<'a> Driven<'a> {
             return Vector3::zeros();
         }
         (force / -rate).cap_magnitude(AIR_SPEED_LIMIT)
+    }
+}
+
+/// `state` after `secs` of a change, the rotors' speeds held.
+fn moved_by(state: &State<f64>, change: &Derivative<f64>, secs: f64) -> State<f64> {
+    State {
+        position: state.position + change.position * secs,
+        world_from_body: state.world_from_body.advanced(&change.world_from_body, secs).normalized(),
+        velocity: state.velocity + change.velocity * secs,
+        body_rates: state.body_rates + change.body_rates * secs,
+        rotor_speeds: state.rotor_speeds,
     }
 }
 

@@ -5,17 +5,19 @@ use std::path::Path;
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::crazyflie::StockController;
+use kestrel_core::seed::Seed;
 
 use crate::airframe_file::digits;
 use crate::drone::drone_of;
 use crate::error::LogError;
 use crate::flight::{CommandRecord, Flight};
 use crate::hold_out::{HoldOut, Span};
-use crate::horizon::{Horizon, Signal, flown_horizons, horizons};
+use crate::horizon::{Horizon, Predictor, Signal, flown_horizons, horizons};
 use crate::identification::{Fit, IdentifyError};
 use crate::least_squares::Estimate;
 use crate::log::read;
 use crate::report::HorizonTable;
+use crate::residual_training::learned;
 use crate::tracking::TrackingFinding;
 
 /// Folder of the logs at 1 kHz (Eschmann 2024).
@@ -61,6 +63,9 @@ const PUBLISHED: [(Signal, [f64; 3]); 4] = [
     (Signal::Attitude, [0.0011, 0.0205, 0.2268]),
     (Signal::BodyRates, [0.0796, 0.3596, 0.5979]),
 ];
+
+/// Of the residual networks that are compared.
+const SEED: Seed = Seed(0);
 
 /// What must be true beside them of the airframe with its turning refitted, set with its errors in sight: within 3 % after
 /// ten steps, and after fifty at least a tenth below, but for the position.
@@ -189,7 +194,7 @@ fn turning(
             let span = Span { name: name.to_owned(), secs: Some([from, to]) };
             let courses = HoldOut::Spans(vec![span]).courses(&flights)?;
             let estimates = estimates(&Fit::new(&courses)?, airframes, go_on)?;
-            let horizons = horizons(&courses, &estimates.iter().collect::<Vec<_>>());
+            let horizons = horizons(&courses, &estimates.iter().map(Predictor::from).collect::<Vec<_>>());
             findings.extend(judged(horizons, &label, airframes, &[signal]));
         }
     }
@@ -207,7 +212,7 @@ fn moving(
     let courses = hold_out.courses(&flights)?;
     let fit = Fit::new(&courses)?;
     let estimates = estimates(&fit, airframes, go_on)?;
-    let horizons = horizons(&courses, &estimates.iter().collect::<Vec<_>>());
+    let horizons = horizons(&courses, &estimates.iter().map(Predictor::from).collect::<Vec<_>>());
     let mut tracking = Vec::new();
     if let Some((_, airframe)) = airframes.first() {
         let Estimate { drone, .. } = fit.with_voltage_alone(&drone_of(airframe), go_on)?;
@@ -234,19 +239,28 @@ fn flying(
     let (name, airframe) = airframe;
     let alone = fit.with_curve_alone(&drone_of(airframe), go_on)?;
     let predicting = fit.with_turning_as_it_predicts(&alone.drone, go_on)?;
-    let models = ["hold".to_owned(), name.clone(), "turning refitted".to_owned()];
+    let [beside_alone, beside_predicting] =
+        [&alone, &predicting].map(|estimate| learned(&courses, estimate, SEED, go_on));
+    let (beside_alone, beside_predicting) = (beside_alone?, beside_predicting?);
+    let models = ["hold", name, "turning refitted", "alone, with network", "refitted, with network"];
+    let predictors = [
+        Predictor::from(&alone),
+        Predictor::from(&predicting),
+        Predictor { estimate: &alone, residual: Some(&beside_alone) },
+        Predictor { estimate: &predicting, residual: Some(&beside_predicting) },
+    ];
     let finding = |horizon: Horizon| {
         let of = |signal: Signal| horizon.signal == signal;
         Some(RealFinding {
             flights: format!("{tests} test flights of {SPEEDS}, open loop"),
-            models: models.to_vec(),
+            models: models.map(str::to_owned).to_vec(),
             judged: 2,
             limits: FLOWN_LIMITS.iter().find(|(signal, _)| of(*signal))?.1.to_vec(),
             published: PUBLISHED.iter().find(|(signal, _)| of(*signal)).map(|(_, errors)| *errors),
             horizon,
         })
     };
-    Ok(flown_horizons(&courses, &[&alone, &predicting]).into_iter().filter_map(finding).collect())
+    Ok(flown_horizons(&courses, &predictors).into_iter().filter_map(finding).collect())
 }
 
 /// The flights of a data set, and which of them are for testing.

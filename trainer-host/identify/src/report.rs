@@ -10,8 +10,12 @@ use crate::parameter::Parameter;
 /// Steps of the horizon that the table shows.
 pub(crate) const SHOWN_STEPS: [usize; 3] = [1, 10, 50];
 
-/// Names of an identification's curves: holding the state, the airframe before, and the one that was found.
-pub const MODELS: [&str; 3] = ["hold", "before", "identified"];
+/// Names of an identification's curves: holding the state, the airframe before, the one that was found, and that one with
+/// a network beside it.
+const MODELS: [&str; 4] = ["hold", "before", "identified", "with residual network"];
+
+/// Change of an error that is told as one: less is not worth a word.
+const TOLD_CHANGE: f64 = 0.02;
 
 impl fmt::Display for Kept {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -49,9 +53,12 @@ impl fmt::Display for Identification {
             write!(formatter, "\n{finding}")?;
         }
         for horizon in &self.horizons {
-            write!(formatter, "\n\n{}", HorizonTable { horizon, models: &MODELS })?;
+            write!(formatter, "\n\n{}", HorizonTable { horizon, models: self.models() })?;
         }
-        Ok(())
+        match &self.residual {
+            Some(network) => write!(formatter, "\n\n{network}\n{}", self.residual_verdict()),
+            None => Ok(()),
+        }
     }
 }
 
@@ -90,6 +97,39 @@ impl Identification {
             digits(curve.full_volts),
             digits(1e3 * curve.delay_secs)
         )
+    }
+
+    /// Names of the curves of each horizon.
+    pub fn models(&self) -> &'static [&'static str] {
+        if self.residual.is_some() { &MODELS } else { &MODELS[..3] }
+    }
+
+    /// What the residual network does to the errors of what was not fitted, in sentences.
+    fn residual_verdict(&self) -> String {
+        let [_, some, most] = SHOWN_STEPS;
+        let change = |horizon: &Horizon, steps: usize| horizon.after(3, steps) / horizon.after(2, steps) - 1.0;
+        let name = |horizon: &Horizon| horizon.signal.name().split(" [").next().unwrap_or_default();
+        let told = |steps: usize| {
+            move |horizon: &Horizon| {
+                format!("{} {:+.1} % after {} ms", name(horizon), 100.0 * change(horizon, steps), 10 * steps)
+            }
+        };
+        if self.horizons.iter().all(|horizon| change(horizon, most) == 0.0) {
+            return "It adds nothing: what it learned did not help where it had not learned.".to_owned();
+        }
+        let changes: Vec<String> = self.horizons.iter().map(told(most)).collect();
+        let mut text =
+            format!("Errors of what was not fitted, beside the identified airframe: {}.", changes.join(", "));
+        let worse = |steps| self.horizons.iter().filter(move |horizon| change(horizon, steps) > TOLD_CHANGE);
+        let mut listed: Vec<String> = worse(some).map(told(some)).collect();
+        listed.extend(worse(most).map(told(most)));
+        if !listed.is_empty() {
+            text = format!("{text} It is worse in this: {}.", listed.join(", "));
+        }
+        if self.horizons.iter().map(|horizon| change(horizon, most)).sum::<f64>() > 0.0 {
+            text.push_str(" All in all it is worse: do without it.");
+        }
+        text
     }
 
     /// Numbers that the flights tell.

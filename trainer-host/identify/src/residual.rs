@@ -121,15 +121,15 @@ impl<'a> Residuals<'a> {
         let flight = self.course.flight;
         let mut errors = Vec::with_capacity(self.rows());
         let Windows { starts, rows, stride } = &self.rotation;
-        for start in starts {
-            for (index, rates) in driven.turned(*start, *rows, *stride).into_iter().enumerate() {
+        for (start, turned) in starts.iter().zip(driven.turned(starts, *rows, *stride)) {
+            for (index, rates) in turned.into_iter().enumerate() {
                 errors.extend((rates - flight.body_rates[start + (index + 1) * stride]).iter());
             }
         }
         let Windows { starts, rows, stride } = &self.translation;
         if let Some(motion) = &flight.motion {
-            for start in starts {
-                for (index, moved) in driven.moved(*start, *rows, *stride).into_iter().enumerate() {
+            for (start, moved) in starts.iter().zip(driven.moved(starts, *rows, *stride)) {
+                for (index, moved) in moved.into_iter().enumerate() {
                     errors.extend((moved.velocity - motion.velocities[start + (index + 1) * stride]).iter());
                 }
             }

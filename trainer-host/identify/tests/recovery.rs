@@ -4,7 +4,8 @@
 mod simulated;
 
 use kestrel_identify::Parameter;
-use simulated::{Case, Recorded};
+use kestrel_identify::horizon::Signal;
+use simulated::{Case, Recorded, Unmodelled};
 
 /// Cases; the example `recovery` runs a hundred.
 const CASES: u64 = 3;
@@ -47,5 +48,45 @@ fn rotor_speeds_that_are_late_and_noisy_tell_the_drone_as_well() {
         }
         let kept = [Parameter::RotorSpeedLimit, Parameter::RotorRise, Parameter::Delay];
         assert!(case.told().all(|(finding, _)| !kept.contains(&finding.parameter)));
+    }
+}
+
+/// Drones of the tests with a residual network.
+const DRONES: u64 = 2;
+
+fn on_threads(threads: usize, unmodelled: Unmodelled, seed: u64) -> Case {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool of so many threads");
+    pool.install(|| Case::with_residual(seed, unmodelled)).expect("flights that can be followed")
+}
+
+#[test]
+fn a_residual_network_learns_what_the_model_lacks_with_the_same_bits_on_any_number_of_threads() {
+    for seed in 0..DRONES {
+        let case = on_threads(1, Unmodelled::Air, seed);
+        for (signal, change) in case.changes() {
+            let at_most = match signal {
+                Signal::Tilting => -0.08,
+                Signal::Velocity | Signal::Position => -0.3,
+                // Nothing about z is lacking.
+                Signal::Yawing | Signal::Attitude | Signal::BodyRates => 0.05,
+            };
+            assert!(change <= at_most, "{} of {seed}: {change}", signal.name());
+        }
+        if seed == 0 {
+            let again = on_threads(2, Unmodelled::Air, seed);
+            assert_eq!(case.found.residual, again.found.residual);
+            assert_eq!(case.found.horizons, again.found.horizons);
+        }
+    }
+}
+
+#[test]
+fn a_residual_network_leaves_a_drone_alone_that_lacks_nothing() {
+    for seed in 0..DRONES {
+        let case = on_threads(2, Unmodelled::Nothing, seed);
+        assert_eq!(case.changes().len(), 4);
+        for (signal, change) in case.changes() {
+            assert!(change < 0.02, "{} of {seed}: {change}", signal.name());
+        }
     }
 }

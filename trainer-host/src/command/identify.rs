@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use kestrel_core::airframe::Airframe;
+use kestrel_core::seed::Seed;
 use kestrel_draw::horizon::{HorizonPanel, horizon_chart};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::interrupt::Interrupt;
@@ -12,7 +13,7 @@ use kestrel_experiments::progress::Progress;
 use kestrel_identify::flight::{CommandRecord, Flight};
 use kestrel_identify::horizon::STEP_SECS;
 use kestrel_identify::{
-    HoldOut, Identification, IdentifyError, MODELS, Parameter, Settings, Span, airframe_file, identify, log,
+    HoldOut, Identification, IdentifyError, Parameter, Settings, Span, airframe_file, identify, log,
 };
 use kestrel_sim::config::{Document, VehicleConfig, read_airframe};
 
@@ -20,6 +21,9 @@ use super::Done;
 
 /// Steps of the searches that the progress bar expects; most drones take so many.
 const EXPECTED_STEPS: u64 = 60;
+
+/// The same of what a residual network takes: twenty checks of each half.
+const EXPECTED_CHECKS: u64 = 40;
 
 /// Arguments of `kestrel identify`.
 #[derive(Debug, clap::Args)]
@@ -47,6 +51,14 @@ pub(crate) struct Arguments {
     /// Number that stays the airframe's, by its name or the beginning of it, such as `delay`
     #[arg(long, value_name = "NUMBER", value_parser = parameters)]
     keep: Vec<Parameters>,
+
+    /// Learn what the airframe lacks by a small, bounded network, and say what it is worth in what was not fitted
+    #[arg(long)]
+    residual: bool,
+
+    /// Seed of the residual network [default: 0]
+    #[arg(long, value_name = "NUMBER", requires = "residual")]
+    seed: Option<u64>,
 
     /// The logs hold every command that reached the motors, however few there are per second
     #[arg(long)]
@@ -93,7 +105,8 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
     let spans = arguments.hold_out.clone();
     let hold_out = if spans.is_empty() { HoldOut::LastQuarter } else { HoldOut::Spans(spans) };
     let kept = arguments.keep.iter().flat_map(|Parameters(kept)| kept.clone()).collect();
-    Ok(Settings { airframe, hold_out, kept })
+    let residual = arguments.residual.then_some(Seed(arguments.seed.unwrap_or(0)));
+    Ok(Settings { airframe, hold_out, kept, residual })
 }
 
 /// The airframe of a file, or the known one of that name.
@@ -120,16 +133,17 @@ fn identified(flights: &[Flight], settings: &Settings, threads: Option<u16>) -> 
     let interrupt = Interrupt::watch("Stopping: nothing is written.")?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from)).build()?;
     let found = pool.install(|| {
-        let progress = std::cell::RefCell::new((Progress::counting("steps", EXPECTED_STEPS, 0), 0));
+        let expected = EXPECTED_STEPS + if settings.residual.is_some() { EXPECTED_CHECKS } else { 0 };
+        let progress = std::cell::RefCell::new((Progress::counting("steps", expected, 0), 0));
         let found = identify(flights, settings, &|| {
             let (progress, done) = &mut *progress.borrow_mut();
             *done += 1;
             // Searches that need more steps than most stay just before the end.
-            progress.show_steps((*done).min(EXPECTED_STEPS - 1), String::new);
+            progress.show_steps((*done).min(expected - 1), String::new);
             !interrupt.requested()
         });
         let (mut progress, _) = progress.into_inner();
-        progress.show_steps(EXPECTED_STEPS, String::new);
+        progress.show_steps(expected, String::new);
         progress.finish();
         found
     });
@@ -158,7 +172,7 @@ fn write(found: &Identification, arguments: &Arguments) -> Result<()> {
         .iter()
         .map(|horizon| HorizonPanel {
             name: horizon.signal.name().to_owned(),
-            models: MODELS.map(str::to_owned).into_iter().zip(horizon.curves.clone()).collect(),
+            models: found.models().iter().map(ToString::to_string).zip(horizon.curves.clone()).collect(),
         })
         .collect();
     let title = format!("Predictions of {} by its flights", arguments.airframe);

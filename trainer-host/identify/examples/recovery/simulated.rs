@@ -7,6 +7,7 @@ use kestrel_core::seed::{Purpose, Seed, Stream};
 use kestrel_core::vehicle::{Air, State, Vehicle};
 use kestrel_identify::drone::{Drone, ThrustCurve};
 use kestrel_identify::flight::{CommandRecord, Flight, Motion};
+use kestrel_identify::horizon::{Horizon, Signal};
 use kestrel_identify::{Finding, HoldOut, Identification, IdentifyError, Parameter, Settings, Verdict, identify};
 use nalgebra::Vector3;
 
@@ -21,6 +22,9 @@ const FLIGHT_SECS: f64 = 30.0;
 
 /// Flights of a case.
 const FLIGHTS: u32 = 2;
+
+/// Flights of a case with a residual network.
+const LEARNED_FLIGHTS: u32 = 6;
 
 /// Numbers that differ from what is believed of the drone, and by how much at most.
 const DRAWN: [(Parameter, f64); 15] = [
@@ -50,6 +54,35 @@ pub(crate) enum Recorded {
     Speeds,
 }
 
+/// What the drone has beside the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unmodelled {
+    /// Nothing.
+    Nothing,
+    /// Moments that grow with the cube of the air speed, and lift that grows with its square.
+    Air,
+}
+
+/// Moment about x and y over inertia and cubed air speed [rad s/m³].
+const CUBIC_MOMENT: f64 = 0.3;
+
+/// Lift over mass and squared speed across the thrust [1/m].
+const LIFT: f64 = 0.3;
+
+impl Unmodelled {
+    /// Linear [m/s², world] and angular acceleration [rad/s²] in a state.
+    fn accelerations(self, state: &State<f64>) -> [Vector3<f64>; 2] {
+        let air = state.world_from_body.rotate_inverse(state.velocity);
+        match self {
+            Self::Nothing => [Vector3::zeros(); 2],
+            Self::Air => [
+                state.world_from_body.rotate(Vector3::z() * (LIFT * air.xy().norm_squared())),
+                Vector3::new(air.y, -air.x, 0.0) * (CUBIC_MOMENT * air.norm_squared()),
+            ],
+        }
+    }
+}
+
 /// Noise of a measured rotor speed [rad/s]: what a row's jitter of 2 ms makes of a shaken rotor.
 const SPEED_NOISE: f64 = 15.0;
 
@@ -67,14 +100,48 @@ impl Case {
     /// # Errors
     /// When its flights cannot be followed.
     pub(crate) fn run(seed: u64, recorded: Recorded) -> Result<Self, IdentifyError> {
+        Self::identified(seed, recorded, Unmodelled::Nothing, None)
+    }
+
+    /// The same, every command recorded, with a residual network.
+    ///
+    /// # Errors
+    /// When its flights cannot be followed.
+    pub(crate) fn with_residual(seed: u64, unmodelled: Unmodelled) -> Result<Self, IdentifyError> {
+        Self::identified(seed, Recorded::Commands, unmodelled, Some(Seed(seed)))
+    }
+
+    /// Change of each signal's held-out error after half a second by the residual network, as a share.
+    pub(crate) fn changes(&self) -> Vec<(Signal, f64)> {
+        let change = |horizon: &Horizon| horizon.after(3, 50) / horizon.after(2, 50) - 1.0;
+        self.found.horizons.iter().map(|horizon| (horizon.signal, change(horizon))).collect()
+    }
+
+    fn identified(
+        seed: u64,
+        recorded: Recorded,
+        unmodelled: Unmodelled,
+        residual: Option<Seed>,
+    ) -> Result<Self, IdentifyError> {
         let believed = Airframe {
             effects: kestrel_core::airframe::FlightEffects { body_drag: 1.3e-3, ..CRAZYFLIE_2_1.effects },
             ..CRAZYFLIE_2_1
         };
         let mut stream = Stream::new(Seed(seed), 0, Purpose::Reset);
         let truth = drawn(&believed, &mut stream);
-        let flights: Vec<Flight> = (1..=FLIGHTS).map(|flight| fly(&truth, seed, flight, recorded)).collect();
-        let settings = Settings { airframe: believed, hold_out: HoldOut::LastQuarter, kept: Vec::new() };
+        let flights = if residual.is_some() { LEARNED_FLIGHTS } else { FLIGHTS };
+        let flights: Vec<Flight> = (1..=flights)
+            .map(|number| {
+                let (flight, speeds) = fly(&truth, seed, number, unmodelled);
+                match recorded {
+                    Recorded::Commands => flight,
+                    Recorded::Speeds => {
+                        with_speeds(flight, &speeds, &mut Stream::new(Seed(seed), number, Purpose::Reset))
+                    }
+                }
+            })
+            .collect();
+        let settings = Settings { airframe: believed, hold_out: HoldOut::LastQuarter, kept: Vec::new(), residual };
         Ok(Self { truth, found: identify(&flights, &settings, &|| true)? })
     }
 
@@ -131,8 +198,8 @@ struct Wish {
     climb: f64,
 }
 
-/// A flight by a pilot who shakes the drone on every axis.
-fn fly(drone: &Drone, seed: u64, number: u32, recorded: Recorded) -> Flight {
+/// A flight by a pilot who shakes the drone on every axis, and the rotor speeds at each row.
+fn fly(drone: &Drone, seed: u64, number: u32, unmodelled: Unmodelled) -> (Flight, Vec<[f64; 4]>) {
     let mut stream = Stream::new(Seed(seed), number, Purpose::Actions);
     let vehicle = Vehicle::<f64>::new(&drone.airframe);
     let hover = drone.airframe.hover_rotor_speed();
@@ -163,14 +230,13 @@ fn fly(drone: &Drone, seed: u64, number: u32, recorded: Recorded) -> Flight {
             let share = log.volts[given] / drone.thrust_curve.full_volts;
             let targets = log.commands[given]
                 .map(|command| drone.airframe.rotor_speed_limit * drone.thrust_curve.speed_share(command, share));
+            let [linear, angular] = unmodelled.accelerations(&state);
             state = runge_kutta_4(&vehicle, &state, &targets, &Air::still(), STEP_SECS);
+            state.velocity += linear * STEP_SECS;
+            state.body_rates += angular * STEP_SECS;
         }
     }
-    let flight = log.flight(format!("simulated{number}"));
-    match recorded {
-        Recorded::Commands => flight,
-        Recorded::Speeds => with_speeds(flight, &speeds, &mut Stream::new(Seed(seed), number, Purpose::Reset)),
-    }
+    (log.flight(format!("simulated{number}")), speeds)
 }
 
 /// The same flight as a log of rotor speeds shows it.
