@@ -367,7 +367,7 @@ pub const X500: Airframe = Airframe {
     arm: 0.24607,
     thrust_coefficient: per_rpm_squared(9.374_566_976_784_94e-8),
     torque_coefficient: per_rpm_squared(1.499_930_716_285_590_2e-9),
-    rotor_speed_limit: 9_549.296_585_513_721 * RADIANS_PER_SECOND_PER_RPM,
+    rotor_speed_limit: 9_549.296_585_513_72 * RADIANS_PER_SECOND_PER_RPM,
     rotor_rise_secs: 0.0125,
     rotor_fall_secs: 0.025,
     drag_coefficients: DragCoefficients { planar: 8.06428e-5, axial: 2.63e-4 },

@@ -173,10 +173,8 @@ impl ScenarioConfig {
         };
         self.check_quiet_air(physics.preset, field)?;
         self.check_effects(&airframe, field)?;
-        let ways = match &drawn {
-            None => Ways::Same(ways_of(&aviary, &airframe, &terminations)),
-            Some(rooms) => Ways::Drawn(Arc::clone(rooms)),
-        };
+        let same = || Ways::Same(ways_of(&aviary, &airframe, &terminations));
+        let ways = drawn.as_ref().map_or_else(same, |rooms| Ways::Drawn(Arc::clone(rooms)));
         let kind = if goals == Goals::Fixed { GoalKind::OnePlace } else { GoalKind::Several };
         let task = RewardTask { goals: kind, contacts: physics.contacts, ways };
         let (clock, time_limit) = self.clock.check();

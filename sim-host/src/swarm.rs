@@ -297,13 +297,13 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
         match mechanics.law {
             Law::Clean { integrator, ground, ceiling, .. } => match (integrator, ground, ceiling) {
                 (SemiImplicitEuler, Distant, None) => {
-                    self.advance_clean(SemiImplicitEuler, (Distant, None), &held)
+                    self.advance_clean(SemiImplicitEuler, (Distant, None), &held);
                 }
                 (SemiImplicitEuler, Near, None) => self.advance_clean(SemiImplicitEuler, (Near, None), &held),
                 (RungeKutta4, Distant, None) => self.advance_clean(RungeKutta4, (Distant, None), &held),
                 (RungeKutta4, Near, None) => self.advance_clean(RungeKutta4, (Near, None), &held),
                 (SemiImplicitEuler, ground, ceiling) => {
-                    self.advance_clean(SemiImplicitEuler, (ground, ceiling), &held)
+                    self.advance_clean(SemiImplicitEuler, (ground, ceiling), &held);
                 }
                 (RungeKutta4, ground, ceiling) => self.advance_clean(RungeKutta4, (ground, ceiling), &held),
             },
