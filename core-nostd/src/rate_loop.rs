@@ -27,7 +27,7 @@ pub struct RateLoop<R> {
 }
 
 /// Squared speed that no body rate lifts above zero.
-const OFF: f64 = -1e6;
+const OFF: f32 = -1e6;
 
 /// A low-pass filter of second order for a signal that is sampled evenly.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,15 +41,12 @@ impl<R: Real> RateLoop<R> {
     /// That of an action space.
     #[inline(always)]
     pub fn new(space: &ThrustBodyRates) -> Self {
-        let limit_squared = f64::from(space.speed_squared_limit);
-        let speed_limit = libm::sqrt(limit_squared);
-        let gain = |rotor: usize, axis: usize| {
-            f64::from(space.mixer[rotor][axis]) * f64::from(space.rate_gains[axis]) / limit_squared
-        };
+        let ([p, q, r], per_square) = (space.rate_gains, 1.0 / space.speed_squared_limit);
+        let speed_limit = R::from_f32(space.speed_squared_limit).sqrt();
         Self {
-            gains: core::array::from_fn(|rotor| core::array::from_fn(|axis| R::from_f64(gain(rotor, axis)))),
-            speed_limit: R::from_f64(speed_limit),
-            per_speed_limit: R::from_f64(1.0 / speed_limit),
+            gains: space.mixer.map(|[x, y, z]| [x * p, y * q, z * r].map(|gain| R::from_f32(gain * per_square))),
+            speed_limit,
+            per_speed_limit: R::one() / speed_limit,
         }
     }
 
@@ -57,21 +54,21 @@ impl<R: Real> RateLoop<R> {
     /// \[rad/s\], would be without any body rate. Four targets of zero are motors that are off, and stay so.
     #[inline(always)]
     pub fn held(&self, targets: &[R; 4], body_rates: &Vector3<R>) -> [R; 4] {
-        let damping = self.damping(body_rates);
-        let (sum, off) = ((targets[0] + targets[1]) + (targets[2] + targets[3]), R::from_f64(OFF));
-        core::array::from_fn(|rotor| {
-            let share = targets[rotor] * self.per_speed_limit;
-            R::zero().where_less(sum, share * share + damping[rotor], off)
-        })
+        let ([a, b, c, d], [w, x, y, z]) = (*targets, self.damping(body_rates));
+        let (sum, off) = ((a + b) + (c + d), R::from_f32(OFF));
+        let held = |target: R, damping: R| {
+            let share = target * self.per_speed_limit;
+            R::zero().where_less(sum, share * share + damping, off)
+        };
+        [held(a, w), held(b, x), held(c, y), held(d, z)]
     }
 
     /// Rotor targets \[rad/s\] of what is held, at the body rates \[rad/s\] of this moment.
     #[inline(always)]
     pub fn rotor_targets(&self, held: &[R; 4], body_rates: &Vector3<R>) -> [R; 4] {
-        let damping = self.damping(body_rates);
-        core::array::from_fn(|rotor| {
-            (held[rotor] - damping[rotor]).limited(R::zero(), R::one()).sqrt() * self.speed_limit
-        })
+        let ([a, b, c, d], [w, x, y, z]) = (*held, self.damping(body_rates));
+        let target = |held: R, damping: R| (held - damping).limited(R::zero(), R::one()).sqrt() * self.speed_limit;
+        [target(a, w), target(b, x), target(c, y), target(d, z)]
     }
 
     #[inline(always)]
