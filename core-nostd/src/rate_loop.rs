@@ -1,7 +1,6 @@
 //! The rate loop between two control periods: what a firmware computes at every sample of its gyroscope.
 //!
-//! A policy with the action space [`ActionSpace::RateLoop`](crate::action::ActionSpace::RateLoop) asks for body rates once a
-//! control period; in between, the rotors answer how the measured rates change:
+//! A policy with the action space [`ActionSpace::RateLoop`] asks for body rates once a control period; in between, the rotors answer how the measured rates change:
 //!
 //! ```text
 //! Ω²(t) = Ω² + M K (ω − ω(t)),   within zero and the greatest squared speed
@@ -13,7 +12,7 @@
 
 use nalgebra::Vector3;
 
-use crate::action::ThrustBodyRates;
+use crate::action::{ActionSpace, ThrustBodyRates};
 use crate::real::Real;
 
 /// The rate loop of an action space, ready for arithmetic; squared speeds are shares of the greatest squared rotor speed.
@@ -38,7 +37,20 @@ pub struct LowPass<R> {
 }
 
 impl<R: Real> RateLoop<R> {
-    /// That of an action space.
+    /// That of an action space; nothing where it has none.
+    #[inline(always)]
+    pub fn of(action: &ActionSpace) -> Option<Self> {
+        match action {
+            ActionSpace::RateLoop(space) => Some(Self::new(space)),
+            ActionSpace::RotorSpeeds(_)
+            | ActionSpace::ThrustBodyRates(_)
+            | ActionSpace::Reference(_)
+            | ActionSpace::Velocities(_)
+            | ActionSpace::RotorThrusts(_) => None,
+        }
+    }
+
+    /// That around these numbers.
     #[inline(always)]
     pub fn new(space: &ThrustBodyRates) -> Self {
         let ([p, q, r], per_square) = (space.rate_gains, 1.0 / space.speed_squared_limit);

@@ -490,6 +490,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         if let Some(latency) = &mut self.latency {
             latency.know(lane, &drone.motion);
         }
+        if let Some(loops) = &mut self.rate_loops {
+            loops.settle(lane, &drone.motion.body_rates);
+        }
     }
 
     /// Turns rotor targets into what the rate loop holds over the control period, where there is one.

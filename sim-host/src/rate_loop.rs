@@ -1,9 +1,9 @@
 //! The rate loops of a block: each runs at every substep, on what a filtered gyroscope says.
 
-use kestrel_core::action::ActionSpace;
 use kestrel_core::rate_loop::{LowPass, RateLoop};
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
+use nalgebra::Vector3;
 
 use crate::scenario::Scenario;
 use crate::swarm::{Column, row, set_row, vector};
@@ -23,18 +23,23 @@ pub(crate) struct RateLoops<const LANES: usize, R> {
 impl<const LANES: usize, R: Real> RateLoops<LANES, R> {
     /// Nothing where the action space has no rate loop.
     pub(crate) fn new(scenario: &Scenario) -> Option<Box<Self>> {
-        let ActionSpace::RateLoop(space) = &scenario.action else { return None };
+        let controller = RateLoop::of(&scenario.action)?;
         let filter = LowPass::new(scenario.gyro_cutoff_hz, 1.0 / scenario.physics.substep_secs());
         let memory = [[[R::zero(); LANES]; 2]; 3];
-        Some(Box::new(Self { controller: RateLoop::new(space), filter, memory }))
+        Some(Box::new(Self { controller, filter, memory }))
     }
 
     /// A lane begins an episode: the gyroscope has settled, and what is held keeps the rotors as they turn.
     pub(crate) fn begin(&mut self, lane: usize, state: &State<R>) -> [R; 4] {
-        for (memory, rate) in self.memory.iter_mut().zip(state.body_rates.iter()) {
+        self.settle(lane, &state.body_rates);
+        self.controller.held(&state.rotor_speeds, &state.body_rates)
+    }
+
+    /// The gyroscope of a lane has always measured these body rates.
+    pub(crate) fn settle(&mut self, lane: usize, body_rates: &Vector3<R>) {
+        for (memory, rate) in self.memory.iter_mut().zip(body_rates.iter()) {
             set_row(memory, lane, self.filter.settled(*rate));
         }
-        self.controller.held(&state.rotor_speeds, &state.body_rates)
     }
 
     /// Turns rotor targets, commanded at these body rates, into what is held over the control period.

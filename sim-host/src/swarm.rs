@@ -60,8 +60,16 @@ pub(crate) struct Mechanics<R> {
 
 #[derive(Clone, Copy, Debug)]
 enum Law<R> {
-    Clean { integrator: Integrator, ground: Ground, ceiling: Option<R>, jet: Option<Jet<R>> },
+    Clean { integrator: Integrator, surfaces: Surfaces<R>, jet: Option<Jet<R>> },
     Bullet(Bullet<R>),
+}
+
+/// What is near the rotors.
+#[derive(Clone, Copy, Debug)]
+struct Surfaces<R> {
+    ground: Ground,
+    /// Height \[m\].
+    ceiling: Option<R>,
 }
 
 impl<R: Real> Mechanics<R> {
@@ -69,7 +77,8 @@ impl<R: Real> Mechanics<R> {
         let law = match physics.preset {
             Preset::Clean { integrator, ground, ceiling, downwash } => {
                 let jet = (downwash == Downwash::Felt).then(|| Jet::new(airframe));
-                Law::Clean { integrator, ground, ceiling: ceiling.map(R::from_f64), jet }
+                let surfaces = Surfaces { ground, ceiling: ceiling.map(R::from_f64) };
+                Law::Clean { integrator, surfaces, jet }
             }
             Preset::Bullet { mode, quirks } => Law::Bullet(Bullet::new(airframe, mode, quirks)),
         };
@@ -295,18 +304,19 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
         let held = Held { targets, downwash, secs: mechanics.secs };
         // The choices are spelled out as constants, so that the loop over lanes has no branch and vectorises.
         match mechanics.law {
-            Law::Clean { integrator, ground, ceiling, .. } => match (integrator, ground, ceiling) {
-                (SemiImplicitEuler, Distant, None) => {
-                    self.advance_clean(SemiImplicitEuler, (Distant, None), &held);
+            Law::Clean { integrator, surfaces, .. } => {
+                let without = |ground| Surfaces { ground, ceiling: None };
+                match (integrator, surfaces.ground, surfaces.ceiling) {
+                    (SemiImplicitEuler, Distant, None) => {
+                        self.advance_clean(SemiImplicitEuler, without(Distant), &held)
+                    }
+                    (SemiImplicitEuler, Near, None) => self.advance_clean(SemiImplicitEuler, without(Near), &held),
+                    (RungeKutta4, Distant, None) => self.advance_clean(RungeKutta4, without(Distant), &held),
+                    (RungeKutta4, Near, None) => self.advance_clean(RungeKutta4, without(Near), &held),
+                    (SemiImplicitEuler, _, Some(_)) => self.advance_clean(SemiImplicitEuler, surfaces, &held),
+                    (RungeKutta4, _, Some(_)) => self.advance_clean(RungeKutta4, surfaces, &held),
                 }
-                (SemiImplicitEuler, Near, None) => self.advance_clean(SemiImplicitEuler, (Near, None), &held),
-                (RungeKutta4, Distant, None) => self.advance_clean(RungeKutta4, (Distant, None), &held),
-                (RungeKutta4, Near, None) => self.advance_clean(RungeKutta4, (Near, None), &held),
-                (SemiImplicitEuler, ground, ceiling) => {
-                    self.advance_clean(SemiImplicitEuler, (ground, ceiling), &held);
-                }
-                (RungeKutta4, ground, ceiling) => self.advance_clean(RungeKutta4, (ground, ceiling), &held),
-            },
+            }
             Law::Bullet(bullet) => {
                 let (fork, upstream) = (Quirks::fork(), Quirks::upstream());
                 match (bullet.mode, bullet.quirks) {
@@ -332,7 +342,7 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
     }
 
     #[inline(always)]
-    fn advance_clean(&mut self, integrator: Integrator, surfaces: (Ground, Option<R>), held: &Held<'_, LANES, R>) {
+    fn advance_clean(&mut self, integrator: Integrator, surfaces: Surfaces<R>, held: &Held<'_, LANES, R>) {
         let effects = core::mem::take(&mut self.effects);
         match effects.first_chunk::<EFFECTS>() {
             None => self.advance_lanes(integrator, surfaces, held, |_| None),
@@ -351,12 +361,12 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
     fn advance_lanes(
         &mut self,
         integrator: Integrator,
-        (ground, ceiling): (Ground, Option<R>),
+        surfaces: Surfaces<R>,
         held: &Held<'_, LANES, R>,
         effects: impl Fn(usize) -> Option<EffectGains<R>>,
     ) {
         // A copy, which no store to a column can change: the loop reads it once.
-        let (nominal, secs) = (self.nominal, held.secs);
+        let (nominal, secs, Surfaces { ground, ceiling }) = (self.nominal, held.secs, surfaces);
         for lane in 0..LANES {
             let force = Vector3::new(R::zero(), R::zero(), -held.downwash[lane]);
             let air = Air { wind: vector(&self.wind, lane), force, ground, ceiling };

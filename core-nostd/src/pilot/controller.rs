@@ -86,8 +86,8 @@ impl PolicyController {
         let secs = metadata.control_period_secs;
         let targets = self.controls.rotor_targets(&action, state, setpoint, &mut self.memory, secs);
         let targets = within_limits(metadata, targets);
-        if let ActionSpace::RateLoop(space) = &metadata.action {
-            self.held = RateLoop::new(space).held(&targets, &state.body_rates);
+        if let Some(rate_loop) = RateLoop::of(&metadata.action) {
+            self.held = rate_loop.held(&targets, &state.body_rates);
         }
         targets
     }
@@ -99,8 +99,7 @@ impl PolicyController {
         metadata: &PolicyMetadata<'_>,
         body_rates: &Vector3<f32>,
     ) -> Option<[f32; 4]> {
-        let ActionSpace::RateLoop(space) = &metadata.action else { return None };
-        Some(RateLoop::new(space).rotor_targets(&self.held, body_rates))
+        RateLoop::of(&metadata.action).map(|rate_loop| rate_loop.rotor_targets(&self.held, body_rates))
     }
 
     /// Pushes the oldest action that the layout reads out of the history.

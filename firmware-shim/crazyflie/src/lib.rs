@@ -144,13 +144,7 @@ impl KestrelPilot {
         let [gx, gy, gz, yaw] = *goal;
         let setpoint = Setpoint { yaw, ..Setpoint::at(Vector3::new(gx, gy, gz)) };
         let speeds = pilot.tick_towards(&[], &state, &setpoint);
-        match thrusts_of(pilot, speeds) {
-            None => KESTREL_ANSWER,
-            Some(answer) => {
-                *thrusts = answer;
-                KESTREL_OK
-            }
-        }
+        answer(pilot, speeds, thrusts)
     }
 
     fn follow_rates(&mut self, body_rates: &[f32; 3], thrusts: &mut [f32; 4]) -> i32 {
@@ -158,14 +152,8 @@ impl KestrelPilot {
         if !within(body_rates, BODY_RATES_LIMIT) {
             return KESTREL_BODY_RATES;
         }
-        let Some(speeds) = pilot.follow_rates(&Vector3::from(*body_rates)) else { return KESTREL_OK };
-        match thrusts_of(pilot, speeds) {
-            None => KESTREL_ANSWER,
-            Some(answer) => {
-                *thrusts = answer;
-                KESTREL_OK
-            }
-        }
+        let followed = pilot.follow_rates(&Vector3::from(*body_rates));
+        followed.map_or(KESTREL_OK, |speeds| answer(pilot, speeds, thrusts))
     }
 }
 
@@ -193,11 +181,15 @@ fn within(values: &[f32], limit: f32) -> bool {
     values.iter().all(|value| value.abs() <= limit)
 }
 
-/// Thrusts of rotor speeds \[rad/s\] in units of a quarter of the weight; nothing where one is not finite.
-fn thrusts_of(pilot: &Pilot<'_>, speeds: [f32; 4]) -> Option<[f32; 4]> {
+/// Writes thrusts of rotor speeds \[rad/s\], in units of a quarter of the weight, unless one is not finite.
+fn answer(pilot: &Pilot<'_>, speeds: [f32; 4], thrusts: &mut [f32; 4]) -> i32 {
     let per_hover_thrust = 1.0 / pilot.policy().metadata().action.hover_speed_squared();
-    let thrusts = speeds.map(|speed| speed * speed * per_hover_thrust);
-    thrusts.iter().all(|thrust| thrust.is_finite()).then_some(thrusts)
+    let answer = speeds.map(|speed| speed * speed * per_hover_thrust);
+    if !answer.iter().all(|thrust| thrust.is_finite()) {
+        return KESTREL_ANSWER;
+    }
+    *thrusts = answer;
+    KESTREL_OK
 }
 
 impl Default for KestrelPilot {

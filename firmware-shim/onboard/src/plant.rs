@@ -104,14 +104,7 @@ impl FlatFloor {
     /// other space.
     #[must_use]
     pub fn with_rate_loop(mut self, action: &ActionSpace) -> Self {
-        self.rate_loop = match action {
-            ActionSpace::RateLoop(space) => Some(RateLoop::new(space)),
-            ActionSpace::RotorSpeeds(_)
-            | ActionSpace::ThrustBodyRates(_)
-            | ActionSpace::Reference(_)
-            | ActionSpace::Velocities(_)
-            | ActionSpace::RotorThrusts(_) => None,
-        };
+        self.rate_loop = RateLoop::of(action);
         self
     }
 
@@ -154,6 +147,7 @@ impl Plant for FlatFloor {
 
 #[cfg(test)]
 mod tests {
+    use kestrel_core::action::ThrustBodyRates;
     use kestrel_core::airframe::CF2X;
 
     use super::*;
@@ -170,6 +164,24 @@ mod tests {
             plant.step(&[1.1 * CF2X.hover_rotor_speed() as f32; 4]);
         }
         assert!(plant.state().position.z > 0.3);
+    }
+
+    #[test]
+    fn a_rate_loop_stops_a_turn_within_a_control_period() {
+        let rates = ThrustBodyRates::new(&CF2X, 1.0, [8.0, 8.0, 3.0], [10.0, 10.0, 4.0]);
+        let after = |action: &ActionSpace| {
+            let mut plant = FlatFloor::new(&CF2X, 0.3).with_rate_loop(action);
+            (plant.state.position.z, plant.state.rotor_speeds) = (5.0, [CF2X.hover_rotor_speed() as f32; 4]);
+            plant.step(&[CF2X.hover_rotor_speed() as f32; 4]);
+            plant.state.body_rates.x = 3.0;
+            let targets = rates.rotor_targets(&[0.0; 4], &plant.state.body_rates);
+            plant.step(&targets);
+            plant.state.body_rates.x
+        };
+        // What is held for so long turns the drone the other way.
+        let [held, followed] =
+            [ActionSpace::ThrustBodyRates(rates), ActionSpace::RateLoop(rates)].map(|a| after(&a));
+        assert!(held < -2.0 && followed.abs() < 1.5, "{held} {followed}");
     }
 
     #[test]

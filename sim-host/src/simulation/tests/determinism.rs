@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use kestrel_core::action::{ControlMemory, Controls, Setpoint};
 use kestrel_core::airframe::CRAZYFLIE_2_1;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::dynamics::Integrator;
@@ -213,6 +214,25 @@ fn a_rate_loop_stops_a_turn_that_held_commands_drive() {
     // What is held for that long overshoots, more and more.
     let (held, followed) = (rate_after(&looped), rate_after(&inner));
     assert!(held > 1.0 && followed < 0.3, "{held} {followed}");
+}
+
+#[test]
+fn rotor_speeds_that_a_pilot_commands_are_followed_as_its_actions_are() {
+    let scenario = scenario(&jittering());
+    let controls = Controls::<f32>::new(&scenario.action);
+    let mut acting = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
+    let mut commanding = acting.clone();
+    let (setpoint, secs) = (Setpoint::at([0.0; 3].into()), scenario.physics.control_secs());
+    for step in 0..60 {
+        let actions = actions_of(&scenario, 0, 1, step);
+        let [a, b, c, d] = actions[..] else { panic!("four") };
+        let state = commanding.known_state(0);
+        let memory = &mut ControlMemory::new();
+        let targets = controls.rotor_targets(&[a, b, c, d, 0.0, 0.0], &state, &setpoint, memory, secs);
+        acting.step(&actions);
+        commanding.step_with_rotor_speeds(&actions, &[targets]);
+        assert_eq!(acting.state(0), commanding.state(0), "step {step}");
+    }
 }
 
 #[test]
