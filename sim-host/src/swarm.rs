@@ -308,7 +308,7 @@ impl<const LANES: usize, R: Real> Swarm<LANES, R> {
                 let without = |ground| Surfaces { ground, ceiling: None };
                 match (integrator, surfaces.ground, surfaces.ceiling) {
                     (SemiImplicitEuler, Distant, None) => {
-                        self.advance_clean(SemiImplicitEuler, without(Distant), &held)
+                        self.advance_clean(SemiImplicitEuler, without(Distant), &held);
                     }
                     (SemiImplicitEuler, Near, None) => self.advance_clean(SemiImplicitEuler, without(Near), &held),
                     (RungeKutta4, Distant, None) => self.advance_clean(RungeKutta4, without(Distant), &held),
