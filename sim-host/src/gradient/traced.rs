@@ -132,25 +132,30 @@ pub(crate) struct Traced {
     pub(super) place: u32,
 }
 
+// What notes an operation is never inlined: a control period has thousands of them, recorded once.
 impl Traced {
     /// The input with this index.
     pub(super) fn input(index: usize) -> Self {
         Self::done(Operation::Input(index as u32))
     }
 
+    #[inline(never)]
     fn constant(value: f32) -> Self {
         Self::done(Operation::Constant(value.to_bits()))
     }
 
+    #[inline(never)]
     fn done(operation: Operation) -> Self {
         Self { place: RECORDER.with_borrow_mut(|recorder| recorder.place_of(operation)) }
     }
 
     /// Its value, where it follows from constants alone.
+    #[inline(never)]
     fn value(self) -> Option<f32> {
         RECORDER.with_borrow(|recorder| recorder.constant(self.place))
     }
 
+    #[inline(never)]
     fn unary(self, function: Unary) -> Self {
         match self.value() {
             Some(value) => Self::constant(function.of(value)),
@@ -158,6 +163,7 @@ impl Traced {
         }
     }
 
+    #[inline(never)]
     fn sum(self, other: Self, is_difference: bool) -> Self {
         match (self.value(), other.value()) {
             (Some(one), Some(other)) => Self::constant(if is_difference { one - other } else { one + other }),
@@ -167,6 +173,7 @@ impl Traced {
         }
     }
 
+    #[inline(never)]
     fn binary(self, function: Binary, other: Self) -> Self {
         match (self.value(), other.value()) {
             (Some(one), Some(other)) => Self::constant(function.of(one, other)),
@@ -274,6 +281,7 @@ impl Real for Traced {
         self
     }
 
+    #[inline(never)]
     fn where_less(self, bound: Self, then: Self, otherwise: Self) -> Self {
         if then.place == otherwise.place {
             return then;
