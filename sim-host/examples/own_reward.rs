@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p kestrel-sim --example own_reward`
 
-use kestrel_sim::config::{ConfigError, Document, ScenarioConfig};
+use kestrel_sim::config::{ConfigError, Document};
 use kestrel_sim::outcome::Ending;
 use kestrel_sim::reward::{self, DroneView, Memory, Paid, RewardFunction};
 use kestrel_sim::scenario::Scenario;
@@ -71,7 +71,7 @@ fn main() -> Result<(), ConfigError> {
 /// The task with what this program adds to it.
 fn scenario() -> Result<Scenario, ConfigError> {
     let document = Document::parse("task.yaml", TASK)?;
-    let mut scenario = document.decode::<ScenarioConfig>()?.check("climb", &document.root())?;
+    let mut scenario = Scenario::of("climb", &document)?;
     scenario.rewards.push(reward::Custom::new(10.0, Record).into());
     // What remembers nothing is a closure.
     let turning = |drone: &DroneView<'_>| drone.state.body_rates.norm();

@@ -2,8 +2,9 @@
 //!
 //! `cargo run --release -p kestrel-sim --example random_drone`
 
-use kestrel_sim::config::{ConfigError, Document, ScenarioConfig};
+use kestrel_sim::config::{ConfigError, Document};
 use kestrel_sim::outcome::Episode;
+use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::simulation::Simulation;
 
@@ -33,7 +34,7 @@ fn main() -> Result<(), ConfigError> {
 /// The episodes that end within some control periods.
 fn episodes(periods: usize) -> Result<Vec<Episode>, ConfigError> {
     let document = Document::parse("task.yaml", TASK)?;
-    let scenario = document.decode::<ScenarioConfig>()?.check("random", &document.root())?;
+    let scenario = Scenario::of("random", &document)?;
     let mut simulation = Simulation::<64>::new(&scenario, Seed(1), 0, DRONES);
     let mut noise = Stream::new(Seed(1), 0, Purpose::Actions);
     // Actions are columns: the first value of every drone, then the second of every drone, …

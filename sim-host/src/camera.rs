@@ -8,8 +8,6 @@
 //! end is divided and coloured. Cylinders are exact: a root per pixel.
 
 mod backend;
-#[cfg(feature = "gpu")]
-pub mod gpu;
 mod kernel;
 mod onboard;
 mod optics;
@@ -19,6 +17,7 @@ mod renderer;
 mod scene;
 #[cfg(test)]
 mod tests;
+pub mod words;
 
 use nalgebra::Vector3;
 
@@ -26,7 +25,7 @@ pub use backend::{Backend, RenderError, UnknownBackend};
 pub use kernel::Canvas;
 pub use onboard::{Channel, Mount, OnboardCamera};
 pub use optics::Optics;
-pub use renderer::{Renderer, Shot};
+pub use renderer::{Cpu, Renderer, Shot};
 pub use scene::{Mover, Scene};
 
 use crate::world::Pose;

@@ -139,6 +139,16 @@ fn episode_secs() -> f64 {
     EPISODE_SECS
 }
 
+impl Scenario {
+    /// The scenario called `name` of a document that holds nothing else.
+    ///
+    /// # Errors
+    /// The first value that is not what its key asks for, is out of range or contradicts another.
+    pub fn of(name: &str, document: &Document) -> Result<Self, ConfigError> {
+        document.decode::<ScenarioConfig>()?.check(name, &document.root())
+    }
+}
+
 impl ScenarioConfig {
     /// The scenario called `name`; `field` is the place of this configuration in its document.
     ///

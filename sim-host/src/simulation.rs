@@ -530,7 +530,7 @@ where
 
 impl<const LANES: usize, R: Real> Simulation<LANES, R> {
     fn fly_blocks(&mut self, actions: &[R], rotor_speeds: Option<&[[R; 4]]>) {
-        self.arch.dispatch(Advance {
+        let advance = Advance {
             stage: Stage {
                 scenario: &self.scenario,
                 controls: &self.controls,
@@ -547,7 +547,9 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 observations: &mut self.observations,
                 privileged: &mut self.privileged,
             },
-        });
+        };
+        // Few lanes gain little from wide instructions, and the step takes long to compile for each set of them.
+        if const { LANES < 16 } { advance.with_simd(pulp::Scalar::new()) } else { self.arch.dispatch(advance) }
     }
 }
 

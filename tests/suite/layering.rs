@@ -8,11 +8,12 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which package may name which of the others.
-const ARROWS: [(&str, &[&str]); 15] = [
+const ARROWS: [(&str, &[&str]); 16] = [
     ("kestrel-core", &[]),
     ("kestrel-onboard", &["kestrel-core"]),
     ("kestrel-config", &[]),
     ("kestrel-sim", &["kestrel-config", "kestrel-core"]),
+    ("kestrel-gpu", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-shim", &["kestrel-core", "kestrel-onboard"]),
     ("kestrel-image", &["kestrel-core", "kestrel-onboard"]),
     ("kestrel-crazyflie", &["kestrel-core"]),
@@ -32,6 +33,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
             "kestrel-learn",
             "kestrel-export",
             "kestrel-draw",
+            "kestrel-gpu",
             "kestrel-experiments",
             "kestrel-verify",
             "kestrel-identify",

@@ -5,8 +5,10 @@ mod bridge;
 mod command;
 mod flight_test;
 mod fly;
+mod membership;
 mod pilots;
 mod processor;
+mod renderer;
 
 use std::process::ExitCode;
 

@@ -16,9 +16,13 @@ const SUGGESTION_EDITS: usize = 3;
 /// Greatest whole number that every f64 up to it represents.
 const EXACT_LIMIT: f64 = 9_007_199_254_740_992.0;
 
-/// A complaint on its way up to the root; it gathers its place and path as it goes.
+/// A complaint on its way up to the root; it gathers its place and path as it goes. Small, because every key of every type
+/// passes it on, and out of the way of what is right.
 #[derive(Debug)]
-pub struct Fault {
+pub struct Fault(Box<Complaint>);
+
+#[derive(Debug)]
+struct Complaint {
     found: String,
     expected: String,
     place: Option<Place>,
@@ -28,30 +32,36 @@ pub struct Fault {
 
 impl Fault {
     fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
-        Self { found: found.into(), expected: expected.into(), place: None, path: Vec::new() }
+        let (found, expected) = (found.into(), expected.into());
+        Self(Box::new(Complaint { found, expected, place: None, path: Vec::new() }))
     }
 
     /// The innermost place wins.
+    #[cold]
+    #[inline(never)]
     fn at(mut self, place: &Place) -> Self {
-        self.place.get_or_insert_with(|| place.clone());
+        self.0.place.get_or_insert_with(|| place.clone());
         self
     }
 
+    #[cold]
+    #[inline(never)]
     fn under(mut self, step: &str) -> Self {
-        self.path.push(step.to_string());
+        self.0.path.push(step.to_string());
         self
     }
 
     /// The finished message; `root` is the place of complaints that found none.
-    pub(crate) fn into_error(mut self, root: &Place) -> ConfigError {
-        self.path.reverse();
-        ConfigError::at(self.place.as_ref().unwrap_or(root), &self.path.join("."), self.found, self.expected)
+    pub(crate) fn into_error(self, root: &Place) -> ConfigError {
+        let Complaint { found, expected, place, mut path } = *self.0;
+        path.reverse();
+        ConfigError::at(place.as_ref().unwrap_or(root), &path.join("."), found, expected)
     }
 }
 
 impl std::fmt::Display for Fault {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "found {}, expected {}", self.found, self.expected)
+        write!(formatter, "found {}, expected {}", self.0.found, self.0.expected)
     }
 }
 

@@ -1,10 +1,8 @@
 //! The processor or a GPU, behind one call.
 
-use std::fmt;
+use std::fmt::{Debug, Display, Formatter, Result as FmtResult};
 
-#[cfg(feature = "gpu")]
-use super::gpu::Gpu;
-use super::{Backend, Camera, Canvas, Image, RenderError, Scene, View};
+use super::{Camera, Canvas, Image, RenderError, Scene, View};
 
 /// A view of one of several scenes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,40 +13,8 @@ pub struct Shot {
     pub view: View,
 }
 
-/// What renders, chosen once.
-#[derive(Debug)]
-pub enum Renderer {
-    /// The processor, and why: a clause for people.
-    Cpu(String),
-    /// A GPU, or an adapter in software that was asked for.
-    #[cfg(feature = "gpu")]
-    Gpu(Box<Gpu>),
-}
-
-impl Renderer {
-    /// Finds what was asked for.
-    ///
-    /// # Errors
-    /// When a GPU or a software adapter was asked for and there is none that works.
-    pub fn open(backend: Backend) -> Result<Self, RenderError> {
-        match backend {
-            Backend::Cpu => Ok(Self::Cpu("it was asked for".to_owned())),
-            #[cfg(feature = "gpu")]
-            Backend::Auto => Ok(Gpu::open(Backend::Gpu).map_or_else(|why| Self::Cpu(why.to_string()), Self::of)),
-            #[cfg(feature = "gpu")]
-            Backend::Gpu | Backend::Software => Gpu::open(backend).map(Self::of),
-            #[cfg(not(feature = "gpu"))]
-            Backend::Auto => Ok(Self::Cpu("this program was built without GPUs".to_owned())),
-            #[cfg(not(feature = "gpu"))]
-            Backend::Gpu | Backend::Software => Err(RenderError::WithoutGpus),
-        }
-    }
-
-    #[cfg(feature = "gpu")]
-    fn of(gpu: Gpu) -> Self {
-        Self::Gpu(Box::new(gpu))
-    }
-
+/// What renders, chosen once: [`Cpu`], or the GPU of the package `kestrel-gpu`. Shows itself as a clause for people.
+pub trait Renderer: Debug + Display + Send + Sync {
     /// What a camera sees, an image a shot.
     ///
     /// # Errors
@@ -56,36 +22,42 @@ impl Renderer {
     ///
     /// # Panics
     /// When a shot is of a scene that is not there.
-    pub fn render(&self, camera: &Camera, scenes: &[&Scene], shots: &[Shot]) -> Result<Vec<Image>, RenderError> {
-        match self {
-            Self::Cpu(_) => {
-                let mut canvas = Canvas::default();
-                let image = |shot: &Shot| {
-                    let mut image = Image::default();
-                    scenes[shot.scene].render_into(camera, &shot.view, &mut canvas, &mut image);
-                    image
-                };
-                Ok(shots.iter().map(image).collect())
-            }
-            #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => {
-                let scenes = gpu.upload(scenes)?;
-                let mut batch = scenes.batch(camera, shots.len())?;
-                let mut images = Vec::new();
-                batch.render(shots)?;
-                batch.read(&mut images)?;
-                Ok(images)
-            }
-        }
+    fn render(&self, camera: &Camera, scenes: &[&Scene], shots: &[Shot]) -> Result<Vec<Image>, RenderError>;
+}
+
+/// The processor.
+#[derive(Clone, Debug)]
+pub struct Cpu {
+    /// Why it renders: a clause for people.
+    why: String,
+}
+
+impl Cpu {
+    /// Because it was asked for.
+    pub fn asked_for() -> Self {
+        Self::because("it was asked for")
+    }
+
+    /// For want of something faster.
+    pub fn because(why: impl Display) -> Self {
+        Self { why: why.to_string() }
     }
 }
 
-impl fmt::Display for Renderer {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Cpu(why) => write!(formatter, "rendered by the processor: {why}"),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => write!(formatter, "rendered by {gpu}"),
-        }
+impl Renderer for Cpu {
+    fn render(&self, camera: &Camera, scenes: &[&Scene], shots: &[Shot]) -> Result<Vec<Image>, RenderError> {
+        let mut canvas = Canvas::default();
+        let image = |shot: &Shot| {
+            let mut image = Image::default();
+            scenes[shot.scene].render_into(camera, &shot.view, &mut canvas, &mut image);
+            image
+        };
+        Ok(shots.iter().map(image).collect())
+    }
+}
+
+impl Display for Cpu {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> FmtResult {
+        write!(formatter, "rendered by the processor: {}", self.why)
     }
 }

@@ -3,8 +3,6 @@
 mod drone;
 mod mesh;
 mod moving;
-#[cfg(feature = "gpu")]
-pub(super) mod words;
 
 pub use moving::Mover;
 

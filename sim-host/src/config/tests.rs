@@ -22,7 +22,7 @@ success:
 ";
 
 fn checked(document: &Document) -> Result<Scenario, ConfigError> {
-    document.decode::<ScenarioConfig>()?.check("trial", &document.root())
+    Scenario::of("trial", document)
 }
 
 fn scenario(assignments: &[&str]) -> Result<Scenario, ConfigError> {

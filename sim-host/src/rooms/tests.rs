@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::config::{Document, ScenarioConfig};
+use crate::config::Document;
 use crate::scenario::Scenario;
 use crate::simulation::Simulation;
 
@@ -34,9 +34,8 @@ success: ending
 
 pub(crate) fn checked(yaml: &str) -> Result<Scenario, String> {
     let document = Document::parse("trial.yaml", yaml).unwrap();
-    let config: ScenarioConfig = document.decode().unwrap();
     let first_line = |text: String| text.lines().next().unwrap_or_default().to_owned();
-    config.check("trial", &document.root()).map_err(|error| first_line(error.to_string()))
+    Scenario::of("trial", &document).map_err(|error| first_line(error.to_string()))
 }
 
 fn scenario() -> Scenario {

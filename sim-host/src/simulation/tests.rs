@@ -8,7 +8,7 @@ mod team;
 use kestrel_core::action::{ACTION_LEN, ActionSpace};
 
 use super::*;
-use crate::config::{Document, ScenarioConfig};
+use crate::config::Document;
 use crate::scenario::{Preset, StartPosition, Success};
 use crate::termination;
 use crate::testing::hover;
@@ -19,8 +19,7 @@ use proptest::prelude::*;
 /// The scenario of a YAML text.
 fn scenario(yaml: &str) -> Scenario {
     let document = Document::parse("trial.yaml", yaml).unwrap();
-    let config: ScenarioConfig = document.decode().unwrap();
-    config.check("trial", &document.root()).unwrap()
+    Scenario::of("trial", &document).unwrap()
 }
 
 fn noise(step: usize, count: usize) -> Vec<f32> {

@@ -13,7 +13,7 @@ pub(crate) mod recorded_scene;
 mod tests;
 pub(crate) mod trail;
 
-use kestrel_sim::camera::{Backend, Camera, Image, RenderError, Renderer, Scene, Shot};
+use kestrel_sim::camera::{Camera, Cpu, Image, RenderError, Renderer, Scene, Shot};
 use kestrel_sim::scenario::Scenario;
 use rayon::prelude::*;
 
@@ -140,7 +140,7 @@ const CHUNK: usize = 16;
 pub struct Video<'a> {
     recorded: &'a RecordedScene,
     style: &'a Style,
-    renderer: &'a Renderer,
+    renderer: &'a dyn Renderer,
     chase: Chase,
     scale: DepthScale,
 }
@@ -156,7 +156,7 @@ impl<'a> Video<'a> {
     ///
     /// # Panics
     /// When the recorded has no such drone, or the style no panel or pixel.
-    pub fn new(recorded: &'a RecordedScene, style: &'a Style, renderer: &'a Renderer) -> Self {
+    pub fn new(recorded: &'a RecordedScene, style: &'a Style, renderer: &'a dyn Renderer) -> Self {
         assert!(style.drone < recorded.drones(), "{} drones fly, not number {}", recorded.drones(), style.drone);
         let (chase, scale) =
             (Chase::of(recorded, style.drone), recorded.depth_scale(style.drone, style.view_angle));
@@ -330,7 +330,7 @@ pub fn flight_gif(flight: FlightRecording, scenario: &Scenario, name: &str) -> R
     let recorded = RecordedScene::new(flight, scenario, name)?;
     let style =
         Style { panels: vec![Panel::Chase], size: [480, 304], view_angle: VIEW_ANGLE, samples: 2, drone: 0 };
-    let renderer = Renderer::open(Backend::Cpu)?;
+    let renderer = Cpu::asked_for();
     let file = Video::new(&recorded, &style, &renderer).gif(|_| true)?;
     Ok(file.unwrap_or_default())
 }

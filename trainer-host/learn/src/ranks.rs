@@ -5,8 +5,6 @@
 //! have. Sums are added up in the order in which one process alone adds them, so that the number of ranks changes
 //! nothing. Rank 0 owns the files and decides what is done next; the others follow its orders.
 
-#[cfg(feature = "mpi")]
-pub mod mpi;
 pub mod threads;
 
 use std::fmt::Debug;
@@ -76,47 +74,6 @@ pub struct UnequalShares {
     ranks: usize,
     parts: usize,
     what: &'static str,
-}
-
-/// This process's place among those that work together.
-#[derive(Debug)]
-pub struct Membership {
-    /// All of them.
-    pub ranks: Arc<dyn Ranks>,
-    #[cfg(feature = "mpi")]
-    _job: Option<mpi::Job>,
-}
-
-/// The process was started by MPI, which this program cannot talk to.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error(
-    "mpirun started several processes, but this kestrel was built without MPI, and each would do all the work: build it \
-     with `cargo build --release --features mpi`"
-)]
-pub struct WithoutMpi;
-
-/// The ranks of the MPI job that this process belongs to, or the process alone.
-///
-/// # Errors
-/// When there is such a job and the program was built without the feature `mpi`.
-pub fn join() -> Result<Membership, WithoutMpi> {
-    // Open MPI, and those that keep to the process management interface (MPICH, Slurm).
-    let told = |name| std::env::var(name).ok()?.parse::<usize>().ok();
-    let started = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"].into_iter().find_map(told);
-    if started.is_none_or(|size| size < 2) {
-        return Ok(Membership {
-            ranks: alone(),
-            #[cfg(feature = "mpi")]
-            _job: None,
-        });
-    }
-    #[cfg(feature = "mpi")]
-    {
-        let job = mpi::Job::join();
-        Ok(Membership { ranks: Arc::new(mpi::World::of_job()), _job: job })
-    }
-    #[cfg(not(feature = "mpi"))]
-    Err(WithoutMpi)
 }
 
 /// Rank 0 lets all others leave; of no effect elsewhere.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use kestrel_sim::camera::gpu::{Batch, Gpu};
+use kestrel_gpu::{Batch, Gpu};
 use kestrel_sim::camera::{Backend, Camera, Image, RenderError, Scene, Shot};
 use kestrel_sim::scenario::Scenario;
 

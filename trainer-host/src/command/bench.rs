@@ -145,7 +145,7 @@ fn print_gpu(aviaries: &Path, duration: Duration) -> Result<()> {
         Ok(gpu) => gpu,
         Err(error) => return Ok(say(error)?),
     };
-    say(format_args!("on {gpu}:"))?;
+    say(format_args!("{gpu}:"))?;
     for sight in &bench::SIGHTS {
         let task = experiment_config::load(&aviaries.join(sight.file), &[])?;
         print(&bench::gpu::sight(&gpu, sight, &task.scenario, duration)?)?;

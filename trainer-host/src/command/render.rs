@@ -6,11 +6,12 @@ use anyhow::{Result, ensure};
 use kestrel_draw::video::{GIF_LIMIT, Panel, Style, Video};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::{say, warn};
-use kestrel_sim::camera::{Backend, Renderer};
+use kestrel_sim::camera::Backend;
 
 use super::Done;
 use super::flight::FlightArguments;
 use super::look::{Format, filmed, seconds, view_angle};
+use crate::renderer;
 
 /// Arguments of `kestrel render`.
 #[derive(Debug, clap::Args)]
@@ -58,12 +59,12 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let output = &arguments.output;
     let format = Format::of(output)?;
-    let renderer = Renderer::open(arguments.backend)?;
+    let renderer = renderer::open(arguments.backend)?;
     let start_alone = format == Format::Png && arguments.at == 0.0;
     let flown = arguments.flight.fly(start_alone)?;
     let scene = flown.scene(arguments.drone)?;
     let style = arguments.style(format);
-    let video = Video::new(&scene, &style, &renderer);
+    let video = Video::new(&scene, &style, &*renderer);
     let [width, height] = video.size();
     ensure!(
         format == Format::Png || width.max(height) <= GIF_LIMIT,

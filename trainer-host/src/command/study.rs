@@ -17,6 +17,7 @@ use kestrel_experiments::training_run::End;
 use kestrel_learn::ranks::{self, Ranks};
 
 use super::Done;
+use crate::membership;
 
 /// Arguments of `kestrel study`.
 #[derive(Debug, clap::Args)]
@@ -84,7 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 }
 
 fn run_study(arguments: &RunArguments) -> Result<Done> {
-    let membership = ranks::join()?;
+    let membership = membership::join()?;
     let ranks = &membership.ranks;
     let study = config::load(&arguments.config, &arguments.set)?;
     if ranks.rank() > 0 {

@@ -19,6 +19,7 @@ use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::ranks::{self, Ranks};
 
 use super::{Done, table};
+use crate::membership;
 
 /// Arguments of `kestrel train`.
 #[derive(Debug, clap::Args)]
@@ -51,7 +52,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let threads = arguments.threads.map_or(0, usize::from);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")?;
-    let membership = ranks::join()?;
+    let membership = membership::join()?;
     let ranks = &membership.ranks;
     let config = config(arguments)?;
     if ranks.rank() > 0 {

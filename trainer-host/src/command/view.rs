@@ -6,11 +6,12 @@ use anyhow::{Result, bail};
 use kestrel_draw::viewer::{CameraMode, Controls, Viewport};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::{say, warn};
-use kestrel_sim::camera::{Backend, Renderer};
+use kestrel_sim::camera::Backend;
 
 use super::Done;
 use super::flight::FlightArguments;
 use super::look::{Format, filmed};
+use crate::renderer;
 
 /// Arguments of `kestrel view`.
 #[derive(Debug, clap::Args)]
@@ -72,13 +73,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     }
     let headless = arguments.headless.as_deref();
     let file = headless.map(|output| Ok::<_, anyhow::Error>((output, Format::of(output)?))).transpose()?;
-    let renderer = Renderer::open(arguments.backend)?;
+    let renderer = renderer::open(arguments.backend)?;
     let flown = arguments.flight.fly(false)?;
     let drone = arguments.drone;
     let scene = flown.scene(drone)?;
     let size = [arguments.columns, arguments.rows].map(usize::from);
     let viewport =
-        Viewport::new(&scene, &flown.experiment.scenario, &renderer, arguments.view_angle.to_radians(), size);
+        Viewport::new(&scene, &flown.experiment.scenario, &*renderer, arguments.view_angle.to_radians(), size);
     let secs = arguments.at.min(viewport.extent().secs);
     let controls = Controls { secs, drone, camera: arguments.camera, ..Controls::default() };
     warn(&renderer);

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use kestrel_sim::config::{Document, ScenarioConfig};
+use kestrel_sim::config::Document;
 use kestrel_sim::outcome::Outcome;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
@@ -104,8 +104,7 @@ pub(super) fn scenario(case: &str, text: &str) -> Result<Scenario, RecordingErro
         RecordingError::at(case, format_args!("a task that cannot be flown ({error})"), "one that can")
     };
     let document = Document::parse(case, text).map_err(refuse)?;
-    let config: ScenarioConfig = document.decode().map_err(refuse)?;
-    config.check(case, &document.root()).map_err(refuse)
+    Scenario::of(case, &document).map_err(refuse)
 }
 
 /// The folder with the aviaries' world files, where there is one: below the present directory, or where the program

@@ -108,8 +108,7 @@ impl Scene {
     }
 
     /// The first body that moves and its first surface; behind the last where nothing moves.
-    #[cfg(feature = "gpu")]
-    pub(super) fn first_moving(&self) -> [usize; 2] {
+    pub(in crate::camera) fn first_moving(&self) -> [usize; 2] {
         let Some(group) = self.moving.groups.first() else { return [self.bodies.len(), self.surfaces.len()] };
         let Body { faces, round, .. } = &self.bodies[group.first];
         let surfaces = faces.iter().map(|face| face.surface).chain(round.iter().map(|round| round.surface));
@@ -146,8 +145,7 @@ impl Moving {
 
 impl Body {
     /// Whether cameras can see it at all.
-    #[cfg(feature = "gpu")]
-    pub(super) fn is_placed(&self) -> bool {
+    pub(in crate::camera) fn is_placed(&self) -> bool {
         self.ball.reach != NOWHERE
     }
 

@@ -355,8 +355,7 @@ fn every_part_of_a_real_drone_is_drawn_and_nothing_else_for_a_model_without_effe
 fn what_cannot_be_late_or_drawn_is_refused() {
     let refused = |yaml: &str| {
         let document = Document::parse("trial.yaml", yaml).unwrap();
-        let config: ScenarioConfig = document.decode().unwrap();
-        config.check("trial", &document.root()).unwrap_err().to_string()
+        Scenario::of("trial", &document).unwrap_err().to_string()
     };
     let late = refused(&REAL.replace("[0, 0.015]", "[0, 0.03]"));
     assert!(late.contains("latency.state_secs") && late.contains("the control period"), "{late}");

@@ -88,8 +88,7 @@ fn starts_without_room_are_refused() {
 terminations: [ {terminations} ]\nsuccess: {{ settle: {{ radius_m: 1, within_secs: 1 }} }}"
         );
         let document = Document::parse("trial.yaml", &text).unwrap();
-        let config: ScenarioConfig = document.decode().unwrap();
-        let error = config.check("trial", &document.root()).unwrap_err().to_string();
+        let error = Scenario::of("trial", &document).unwrap_err().to_string();
         error.lines().next().unwrap_or_default().to_owned()
     };
     assert_eq!(

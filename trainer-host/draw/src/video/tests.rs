@@ -1,4 +1,4 @@
-use kestrel_sim::camera::{Backend, FIRST_SOLID, View};
+use kestrel_sim::camera::{Cpu, FIRST_SOLID, View};
 use kestrel_sim::world::World;
 use nalgebra::Vector3;
 
@@ -18,10 +18,6 @@ fn flown(name: &str, secs: f32) -> (FlightRecording, RecordedScene) {
     (flight.clone(), prepared(flight, &scenario))
 }
 
-fn renderer() -> Renderer {
-    Renderer::open(Backend::Cpu).unwrap()
-}
-
 fn style(panels: &[Panel]) -> Style {
     Style { panels: panels.to_vec(), size: [48, 36], view_angle: 1.5, samples: 2, drone: 0 }
 }
@@ -35,7 +31,7 @@ fn drone(scenario: &Scenario) -> u16 {
 #[test]
 fn a_film_has_all_pictures_and_the_same_bytes_for_any_number_of_threads() {
     let (_, recorded) = flown("cross.yaml", 0.8);
-    let (style, renderer) = (style(&Panel::ALL), renderer());
+    let (style, renderer) = (style(&Panel::ALL), Cpu::asked_for());
     let video = Video::new(&recorded, &style, &renderer);
     let mut told = Vec::new();
     let file = video.gif(|done| {
@@ -113,7 +109,7 @@ fn a_start_is_a_flight_of_one_moment() {
     let scenario = scenario("aviaries/room-0.yaml", 5.0);
     let recorded = prepared(started(&scenario), &scenario);
     assert_eq!((recorded.moments().len(), recorded.secs()), (1, 0.0));
-    let (style, renderer) = (style(&[Panel::Depth]), renderer());
+    let (style, renderer) = (style(&[Panel::Depth]), Cpu::asked_for());
     let video = Video::new(&recorded, &style, &renderer);
     let picture = video.at(0.0).unwrap();
     assert_eq!((picture.size, picture.clone()), (video.size(), video.at(99.0).unwrap()));

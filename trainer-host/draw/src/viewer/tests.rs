@@ -1,4 +1,4 @@
-use kestrel_sim::camera::{Backend, Renderer};
+use kestrel_sim::camera::Cpu;
 
 use super::*;
 use crate::picture::Picture;
@@ -77,7 +77,7 @@ fn differing(one: &Picture, other: &Picture, columns: std::ops::Range<usize>) ->
 fn the_picture_follows_the_controls_and_is_the_same_again() {
     let scenario = scenario("aviaries/crossing-3.yaml", 4.0);
     let recorded = RecordedScene::new(flown(&scenario), &scenario, "flight").unwrap();
-    let renderer = Renderer::open(Backend::Cpu).unwrap();
+    let renderer = Cpu::asked_for();
     let mut viewport = Viewport::new(&recorded, &scenario, &renderer, 1.5, [480, 300]);
     assert_eq!(viewport.extent(), Extent { secs: recorded.secs(), drones: 3 });
     let start = Controls::default();
@@ -103,7 +103,7 @@ fn the_picture_follows_the_controls_and_is_the_same_again() {
 fn a_flight_without_a_window_is_a_film() {
     let scenario = scenario("aviaries/room-1.yaml", 4.0);
     let recorded = RecordedScene::new(started(&scenario), &scenario, "flight").unwrap();
-    let renderer = Renderer::open(Backend::Cpu).unwrap();
+    let renderer = Cpu::asked_for();
     let viewport = Viewport::new(&recorded, &scenario, &renderer, 1.5, [320, 240]);
     let video = viewport.video(&Controls::default(), |_| true).unwrap().unwrap();
     assert!(video.starts_with(b"GIF89a") && video[6..10] == [64, 1, 240, 0]);

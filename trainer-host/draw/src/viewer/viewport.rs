@@ -25,7 +25,7 @@ const SAMPLES: usize = 2;
 #[derive(Debug)]
 pub struct Viewport<'a> {
     recorded: &'a RecordedScene,
-    renderer: &'a Renderer,
+    renderer: &'a dyn Renderer,
     /// Of each drone.
     chases: Vec<Chase>,
     scales: Vec<DepthScale>,
@@ -41,7 +41,7 @@ impl<'a> Viewport<'a> {
     pub fn new(
         recorded: &'a RecordedScene,
         scenario: &Scenario,
-        renderer: &'a Renderer,
+        renderer: &'a dyn Renderer,
         view_angle: f64,
         size: [usize; 2],
     ) -> Self {

@@ -3,12 +3,12 @@
 use std::ops::Range;
 use std::sync::mpsc;
 
+use kestrel_sim::camera::words::{ViewWords, view_words};
+use kestrel_sim::camera::{Camera, Image, RenderError, Shot};
 use wgpu::{BindGroup, Buffer, BufferUsages};
 
 use super::division::{Sizes, TILE};
 use super::{Gpu, Scenes, adapter};
-use crate::camera::scene::words::{ViewWords, view_words};
-use crate::camera::{Camera, Image, RenderError, Shot};
 
 /// Room for a number of views of one camera. One part for each dispatch; one, unless they are too many for a buffer.
 #[derive(Debug)]
@@ -96,7 +96,7 @@ impl Gpu {
     }
 }
 
-/// The structure `Camera` of `gpu/data.wgsl`.
+/// The structure `Camera` of `data.wgsl`.
 fn camera_words(camera: &Camera, stride: u32, section: u32) -> [u32; 12] {
     let bits = |value: f64| (value as f32).to_bits();
     let [[across, up], [column, row]] = [camera.tangents, camera.sample];

@@ -15,9 +15,10 @@ use std::fmt;
 
 pub use batch::{Batch, Part};
 
-use self::division::Room;
-use super::scene::words::{Place, SceneWords};
-use super::{Backend, RenderError, Scene};
+use kestrel_sim::camera::words::{Place, SceneWords};
+use kestrel_sim::camera::{Backend, Camera, Cpu, Image, RenderError, Renderer, Scene, Shot};
+
+use division::Room;
 
 /// Views that a software adapter renders at once: more only make it slower.
 const SOFTWARE_VIEWS: usize = 16;
@@ -76,8 +77,8 @@ impl Gpu {
                 cache: None,
             })
         };
-        let plot = pipeline("plot", concat!(include_str!("gpu/data.wgsl"), include_str!("gpu/plot.wgsl")));
-        let draw = pipeline("draw", concat!(include_str!("gpu/data.wgsl"), include_str!("gpu/draw.wgsl")));
+        let plot = pipeline("plot", concat!(include_str!("data.wgsl"), include_str!("plot.wgsl")));
+        let draw = pipeline("draw", concat!(include_str!("data.wgsl"), include_str!("draw.wgsl")));
         let most_views = if info.device_type == wgpu::DeviceType::Cpu { SOFTWARE_VIEWS } else { usize::MAX };
         Ok(Self { room: Room::new(&limits, most_views), info, device, queue, plot, draw })
     }
@@ -176,10 +177,36 @@ impl Scenes {
     }
 }
 
+/// Finds what was asked for, of the processor and all adapters.
+///
+/// # Errors
+/// When a GPU or a software adapter was asked for and there is none that works.
+pub fn open(backend: Backend) -> Result<Box<dyn Renderer>, RenderError> {
+    match backend {
+        Backend::Cpu => Ok(Box::new(Cpu::asked_for())),
+        Backend::Auto => Ok(match Gpu::open(Backend::Gpu) {
+            Ok(gpu) => Box::new(gpu),
+            Err(why) => Box::new(Cpu::because(why)),
+        }),
+        Backend::Gpu | Backend::Software => Ok(Box::new(Gpu::open(backend)?)),
+    }
+}
+
+impl Renderer for Gpu {
+    fn render(&self, camera: &Camera, scenes: &[&Scene], shots: &[Shot]) -> Result<Vec<Image>, RenderError> {
+        let scenes = self.upload(scenes)?;
+        let mut batch = scenes.batch(camera, shots.len())?;
+        let mut images = Vec::new();
+        batch.render(shots)?;
+        batch.read(&mut images)?;
+        Ok(images)
+    }
+}
+
 impl fmt::Display for Gpu {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let wgpu::AdapterInfo { name, backend, driver, driver_info, .. } = &self.info;
         let kind = if self.is_software() { "software adapter" } else { "GPU" };
-        write!(formatter, "the {kind} {name} ({backend}, {driver} {driver_info})")
+        write!(formatter, "rendered by the {kind} {name} ({backend}, {driver} {driver_info})")
     }
 }

@@ -3,9 +3,8 @@
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
+use kestrel_sim::camera::{Backend, RenderError};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor};
-
-use crate::camera::{Backend, RenderError};
 
 /// The best adapter of a kind.
 pub(super) fn find(backend: Backend) -> Result<Adapter, RenderError> {

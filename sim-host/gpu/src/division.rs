@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::camera::Camera;
+use kestrel_sim::camera::Camera;
 
 /// What an adapter can hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,7 +18,7 @@ pub(super) struct Room {
 /// Words of a pixel: depth, label, colour.
 pub(super) const PIXEL_WORDS: usize = 3;
 
-/// Pixels across a tile of `gpu/draw.wgsl`, and down.
+/// Pixels across a tile of `draw.wgsl`, and down.
 pub(super) const TILE: usize = 8;
 
 /// Bytes of a view in each of the two large buffers.

@@ -6,14 +6,18 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use kestrel_core::airframe::CF2X;
+use kestrel_core::attitude::Attitude;
+use kestrel_sim::camera::{FIRST_SOLID, FLOOR, Mover, View};
+use kestrel_sim::config::AviaryParts;
+use kestrel_sim::seed::{Purpose, Seed, Stream};
+use kestrel_sim::world::{Mesh, Movable, Pose, Role, Shape, Solid, Triangle, World};
 use nalgebra::Vector3;
 
 use super::*;
-use crate::camera::tests::{strewn, strewn_rings};
-use crate::camera::{Camera, FIRST_SOLID, FLOOR, Image, Mover, Renderer, Shot, View};
-use crate::config::AviaryParts;
-use crate::seed::{Purpose, Seed, Stream};
-use crate::world::{Movable, Pose, Solid, World};
+use strewn::{strewn, strewn_rings};
+
+#[path = "../../src/camera/tests/strewn.rs"]
+mod strewn;
 
 /// A GPU, or what there is.
 fn gpu() -> &'static Gpu {
@@ -21,13 +25,13 @@ fn gpu() -> &'static Gpu {
     OPENED.get_or_init(|| {
         let gpu = Gpu::open(Backend::Gpu).or_else(|_| Gpu::open(Backend::Software));
         let gpu = gpu.expect("these tests need a GPU or mesa-vulkan-drivers");
-        println!("rendered by {gpu}");
+        println!("{gpu}");
         gpu
     })
 }
 
 fn worlds() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/worlds");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/worlds");
     let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let mut paths: Vec<_> = entries.filter(|path| path.extension().is_some_and(|end| end == "yaml")).collect();
     paths.sort();
@@ -267,8 +271,7 @@ fn what_cannot_fit_is_refused_with_its_size() {
     let start = "the pixels of one view take 120000 bytes, expected at most 100000, what a buffer of ";
     assert!(error.starts_with(start), "{error}");
     let huge = Camera { columns: 60_000, rows: 60_000, ..Camera::REFERENCE };
-    let error =
-        Renderer::Gpu(Box::new(gpu.clone())).render(&huge, &[&scene], &shots(&strewn(1, 9), 0, 1)).unwrap_err();
+    let error = gpu.render(&huge, &[&scene], &shots(&strewn(1, 9), 0, 1)).unwrap_err();
     assert!(error.to_string().contains("43200000000 bytes"), "{error}");
     let wide = Camera { columns: gpu.room.pixels + 1, rows: 1, ..Camera::REFERENCE };
     let roomy = Gpu { room: Room { bytes: u64::MAX, ..gpu.room }, ..gpu.clone() };
@@ -280,13 +283,12 @@ fn what_cannot_fit_is_refused_with_its_size() {
 
 #[test]
 fn software_is_no_gpu_unless_asked_for() {
-    match Renderer::open(Backend::Auto).unwrap() {
-        Renderer::Cpu(why) => assert!(why.starts_with("found no GPU ("), "{why}"),
-        Renderer::Gpu(gpu) => assert!(!gpu.is_software(), "{gpu}"),
-    }
+    let auto = open(Backend::Auto).unwrap().to_string();
+    let expected = ["rendered by the processor: found no GPU (", "rendered by the GPU "];
+    assert!(expected.iter().any(|start| auto.starts_with(start)), "{auto}");
     if let Ok(gpu) = Gpu::open(Backend::Software) {
         assert!(gpu.is_software());
-        assert!(gpu.to_string().starts_with("the software adapter "), "{gpu}");
+        assert!(gpu.to_string().starts_with("rendered by the software adapter "), "{gpu}");
     }
     let error = Gpu::open(Backend::Cpu).unwrap_err().to_string();
     assert!(error.starts_with("found no adapter for the backend `cpu` ("), "{error}");

@@ -1,28 +1,27 @@
 //! Ranks that MPI has started (`mpirun -n 4 kestrel train …`).
 
+use kestrel_learn::ranks::Ranks;
 use mpi::Threading;
 use mpi::datatype::PartitionMut;
 use mpi::environment::Universe;
 use mpi::topology::{Communicator, SimpleCommunicator};
 use mpi::traits::CommunicatorCollectives;
 
-use super::Ranks;
-
 /// The MPI job; all of its processes leave it together when this is dropped.
-pub struct Job {
+pub(crate) struct Job {
     _universe: Universe,
 }
 
 /// All processes of the MPI job.
 #[derive(Clone, Copy, Debug)]
-pub struct World {
+pub(crate) struct World {
     rank: usize,
     size: usize,
 }
 
 impl Job {
     /// Joins it; `None` when the process is in one already.
-    pub fn join() -> Option<Self> {
+    pub(crate) fn join() -> Option<Self> {
         // Workers of a study call from threads of their own, one at a time.
         let (universe, _) = mpi::initialize_with_threading(Threading::Serialized)?;
         Some(Self { _universe: universe })
@@ -37,7 +36,7 @@ impl std::fmt::Debug for Job {
 
 impl World {
     /// Those of the job that was joined.
-    pub fn of_job() -> Self {
+    pub(crate) fn of_job() -> Self {
         let world = SimpleCommunicator::world();
         Self { rank: world.rank() as usize, size: world.size() as usize }
     }

@@ -1,49 +1,62 @@
-//! Scenes and views in the words that a GPU reads: the structures of `gpu/data.wgsl`.
+//! Scenes and views in the words that a GPU reads: the structures of `data.wgsl` in the package `kestrel-gpu`, which says
+//! what each word is.
 
 use nalgebra::Vector3;
 
-use super::{Appearance, Body, CurvedSide, FLOOR_SURFACE, Face, Mesh, Scene};
-use crate::camera::plot::{LEAST_DISTANCE, Rays};
-use crate::camera::{Camera, Shot};
+use super::plot::{LEAST_DISTANCE, Rays};
+use super::scene::{Appearance, Body, CurvedSide, FLOOR_SURFACE, Face, Mesh};
+use super::{Camera, Scene, Shot};
 
 /// Several scenes, one behind the other.
 #[derive(Debug, Default)]
-pub(in crate::camera) struct SceneWords {
-    pub(in crate::camera) scenes: Vec<[u32; 12]>,
-    pub(in crate::camera) bodies: Vec<[u32; 5]>,
-    pub(in crate::camera) faces: Vec<[[u32; 4]; 3]>,
-    pub(in crate::camera) corners: Vec<[u32; 4]>,
-    pub(in crate::camera) triangles: Vec<[[u32; 4]; 4]>,
-    pub(in crate::camera) rounds: Vec<[[u32; 4]; 4]>,
-    pub(in crate::camera) looks: Vec<[u32; 3]>,
+pub struct SceneWords {
+    /// Where each begins and ends in the other vectors.
+    pub scenes: Vec<[u32; 12]>,
+    /// Convex bodies.
+    pub bodies: Vec<[u32; 5]>,
+    /// Their planes.
+    pub faces: Vec<[[u32; 4]; 3]>,
+    /// Their corners, and those of meshes \[m\].
+    pub corners: Vec<[u32; 4]>,
+    /// Of meshes.
+    pub triangles: Vec<[[u32; 4]; 4]>,
+    /// Curved sides of cylinders, and spheres.
+    pub rounds: Vec<[[u32; 4]; 4]>,
+    /// Surfaces: label, colour, curved side.
+    pub looks: Vec<[u32; 3]>,
     /// Plots of a view in the largest of them.
-    pub(in crate::camera) most_plots: usize,
+    pub most_plots: usize,
 }
 
 /// Where words of a scene begin among those of all: elements of the vectors of [`SceneWords`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::camera) struct Firsts {
-    pub(in crate::camera) body: usize,
-    pub(in crate::camera) face: usize,
-    pub(in crate::camera) corner: usize,
-    pub(in crate::camera) round: usize,
-    pub(in crate::camera) look: usize,
+pub struct Firsts {
+    /// Of `bodies`.
+    pub body: usize,
+    /// Of `faces`.
+    pub face: usize,
+    /// Of `corners`.
+    pub corner: usize,
+    /// Of `rounds`.
+    pub round: usize,
+    /// Of `looks`.
+    pub look: usize,
 }
 
 /// A scene among the words of all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::camera) struct Place {
+pub struct Place {
     scene: Firsts,
     /// What moves in it; behind that is the next scene.
-    pub(in crate::camera) moving: Firsts,
+    pub moving: Firsts,
 }
 
 /// A view: nine rows of three numbers and a word.
-pub(in crate::camera) type ViewWords = [[u32; 4]; 9];
+pub type ViewWords = [[u32; 4]; 9];
 
 impl SceneWords {
     /// Adds a scene behind the others.
-    pub(in crate::camera) fn push(&mut self, scene: &Scene) -> Place {
+    pub fn push(&mut self, scene: &Scene) -> Place {
         let first = self.ends();
         let counted_from = [first.face.wrapping_neg(), 0, first.round.wrapping_neg()];
         let [first_body, first_surface] = scene.first_moving();
@@ -84,7 +97,7 @@ impl SceneWords {
     }
 
     /// What moves in a scene, as [`Self::push`] wrote it at `place`.
-    pub(in crate::camera) fn moving(scene: &Scene, place: &Place) -> Self {
+    pub fn moving(scene: &Scene, place: &Place) -> Self {
         let Place { scene: all, moving: own } = place;
         let mut words = Self::default();
         let [first_body, first_surface] = scene.first_moving();
@@ -122,7 +135,7 @@ impl SceneWords {
 }
 
 /// What a camera looks at.
-pub(in crate::camera) fn view_words(camera: &Camera, shot: &Shot) -> ViewWords {
+pub fn view_words(camera: &Camera, shot: &Shot) -> ViewWords {
     let Shot { scene, view } = shot;
     let rays = Rays::new(camera, view);
     // As `Rays::meets`, in double precision, because the floor is seen a thousand times farther than it is below.
