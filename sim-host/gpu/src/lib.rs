@@ -1,9 +1,24 @@
 //! Cameras on a GPU: all views of a batch at once, by the arithmetic of the processor's renderer.
 //!
-//! Scenes are uploaded once ([`Gpu::upload`]), what has moved in one again ([`Scenes::update`]), room for a number of views is made once ([`Scenes::batch`]), then each
-//! [`Batch::render`] uploads 144 bytes a view and runs two passes. The first says how each body is drawn in each view,
-//! the second casts a ray per pixel, tile by tile, at the bodies whose areas meet the tile. Images stay where the GPU's
-//! other work finds them ([`Batch::buffers`]) or are read back together ([`Batch::read`]).
+//! ```
+//! use kestrel_gpu::open;
+//! use kestrel_sim::camera::{Backend, Camera, Scene, Shot, View};
+//! use kestrel_sim::nalgebra::Vector3;
+//! use kestrel_sim::world::World;
+//!
+//! let renderer = open(Backend::Auto)?; // a GPU where there is one, else the processor
+//! let view = View::towards(Vector3::new(0.0, 0.0, 1.0), Vector3::new(1.0, 0.0, 0.9), Vector3::z());
+//! let scene = Scene::new(&World::empty());
+//! let images = renderer.render(&Camera::REFERENCE, &[&scene], &[Shot { scene: 0, view }])?;
+//! assert_eq!(images[0].depths.len(), 64 * 48);
+//! println!("{renderer}");
+//! # Ok::<(), kestrel_sim::camera::RenderError>(())
+//! ```
+//!
+//! Scenes are uploaded once ([`Gpu::upload`]), what has moved in one again ([`Scenes::update`]), room for a number of views
+//! is made once ([`Scenes::batch`]), then each [`Batch::render`] uploads 144 bytes a view and runs two passes. The first says
+//! how each body is drawn in each view, the second casts a ray per pixel, tile by tile, at the bodies whose areas meet the
+//! tile. Images stay where the GPU's other work finds them ([`Batch::buffers`]) or are read back together ([`Batch::read`]).
 
 mod adapter;
 mod batch;
