@@ -4,7 +4,8 @@ use std::error::Error;
 
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::{Aligned, PolicyFile};
-use kestrel_sim::config::{Document, ScenarioConfig};
+use kestrel_sim::config::Document;
+use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::Seed;
 use kestrel_sim::simulation::Simulation;
 
@@ -26,7 +27,7 @@ fn library() -> Result<[f32; 4], Box<dyn Error>> {
     let bytes = POLICY.0;
     // From README.
     let document = Document::parse("task.yaml", TASK)?;
-    let scenario = document.decode::<ScenarioConfig>()?.check("task", &document.root())?;
+    let scenario = Scenario::of("task", &document)?;
     let mut simulation = Simulation::<64>::new(&scenario, Seed(1), 0, 4096);
     let actions = vec![0.0; scenario.action.len() * 4096];
     for _ in 0..100 {
