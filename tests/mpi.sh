@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # One, two and four processes under MPI leave the same files: a training run, and a study with an anchor and policy sharing.
+# What a program with MPI is built from is what the other tests are built from.
 #
 #   tests/mpi.sh
 #
@@ -38,6 +39,17 @@ study() { # FOLDER LAUNCHER...
     --set training.environments=1024 --set seeds.count=1
 }
 
+packages() { # FEATURES: all that is built, with features of its own, but the program
+  cargo tree --quiet --workspace --edges normal,build,dev --prefix none --format '{p} [{f}]' --features "$1" |
+    sed 's/ (\*)$//' | grep -v '^kestrel v' | sort -u
+}
+built_from_the_same() { # says what is missing or has other features, and fails
+  local others
+  others=$(packages kestrel/gpu,kestrel/viewer) && [ -n "$others" ] &&
+    ! comm -23 <(echo "$others") <(packages kestrel/mpi,kestrel/viewer) | grep .
+}
+
+check "with MPI nothing that others are built from is built again" built_from_the_same
 check "a run of one process" train run-0 target/debug/kestrel
 check "a study of one process" study study-0 target/debug/kestrel
 for number in 1 2 4; do
