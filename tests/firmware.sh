@@ -4,7 +4,7 @@
 #
 #   tests/firmware.sh
 #
-# Conformance: every policy of assets/pilots, in both arithmetics, with its golden vectors, 100,000 random inputs and
+# Conformance: four policies of assets/pilots, in both arithmetics, with its golden vectors, 100,000 random inputs and
 # 2,000 control periods, the anchor of learning over 100 tasks, signed MAVLink frames, and eleven flights of the whole autopilot with
 # its failsafes; the digests of the STM32F405, AN386, RISC-V and WebAssembly must be those of this machine. An image in which a
 # panic could be reached does not link.
@@ -68,7 +68,7 @@ same_as_here() { # NAME STATUS: whether the digests of a machine are those of th
 conformance() {
   local status=()
   programs && target/debug/conformance >"$out/x86-64.txt"
-  verdict $? "every policy of assets/pilots passes its self-test here"
+  verdict $? "every policy of the image passes its self-test here"
   image stm32f405.elf conformance thumbv7em-none-eabihf --features assembly
   verdict $? "the image of the STM32F405, with the kernel in assembly, links without a panic"
   image an386.elf conformance thumbv7em-none-eabihf --features an386,smlad

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 #[cfg(feature = "px4")]
 pub use rotor_thrusts::RotorThrusts;
-pub use velocity::Velocities;
+pub use velocity::{IntegralVelocities, Velocities};
 
 use crate::airframe::{Airframe, Layout};
 use crate::real::Real;
@@ -48,6 +48,8 @@ pub enum ActionSpace {
     /// [`ThrustBodyRates`] whose rate controller runs at every sample of the gyroscope, between two actions too
     /// ([`RateLoop`](crate::rate_loop::RateLoop)).
     RateLoop(ThrustBodyRates),
+    /// [`IntegralVelocities`].
+    IntegralVelocities(IntegralVelocities),
 }
 
 /// An action space ready for arithmetic; built once.
@@ -63,6 +65,8 @@ pub enum Controls<R> {
     Velocities(Velocities),
     /// [`RotorThrusts`].
     RotorThrusts(RotorThrusts),
+    /// [`IntegralVelocities`].
+    IntegralVelocities(IntegralVelocities),
 }
 
 /// One action per rotor: `hover_rotor_speed · (1 + fraction · action)`.
@@ -180,6 +184,7 @@ impl ActionSpace {
             | Self::ThrustBodyRates(_)
             | Self::RateLoop(_)
             | Self::Velocities(_)
+            | Self::IntegralVelocities(_)
             | Self::RotorThrusts(_) => ACTION_LEN,
             Self::Reference(space) => space.len(),
         }
@@ -191,7 +196,7 @@ impl ActionSpace {
             Self::RotorSpeeds(_) => "rotor_speeds",
             Self::ThrustBodyRates(_) | Self::RateLoop(_) => "thrust_body_rates",
             Self::Reference(space) => space.name(),
-            Self::Velocities(_) => "velocity",
+            Self::Velocities(_) | Self::IntegralVelocities(_) => "velocity",
             Self::RotorThrusts(_) => "rotor_thrusts",
         }
     }
@@ -202,7 +207,10 @@ impl ActionSpace {
             Self::RotorSpeeds(space) => space.rotor_speed_limit,
             Self::ThrustBodyRates(space)
             | Self::RateLoop(space)
-            | Self::Velocities(Velocities { rates: space, .. }) => space.speed_squared_limit.sqrt(),
+            | Self::Velocities(Velocities { rates: space, .. })
+            | Self::IntegralVelocities(IntegralVelocities {
+                velocities: Velocities { rates: space, .. }, ..
+            }) => space.speed_squared_limit.sqrt(),
             Self::Reference(space) => space.rotor_speed_limit(),
             Self::RotorThrusts(space) => space.rotor_speed_limit(),
         }
@@ -215,6 +223,7 @@ impl ActionSpace {
             Self::ThrustBodyRates(space) | Self::RateLoop(space) => space.hover_speed_squared,
             Self::Reference(space) => space.hover_speed_squared(),
             Self::Velocities(space) => space.rates.hover_speed_squared,
+            Self::IntegralVelocities(space) => space.velocities.rates.hover_speed_squared,
             Self::RotorThrusts(space) => space.hover_speed_squared(),
         }
     }
@@ -226,6 +235,7 @@ impl ActionSpace {
             | Self::ThrustBodyRates(_)
             | Self::RateLoop(_)
             | Self::Velocities(_)
+            | Self::IntegralVelocities(_)
             | Self::RotorThrusts(_) => Persistence::ResetEachEpisode,
             Self::Reference(space) => space.persistence(),
         }
@@ -240,6 +250,7 @@ impl<R: Real> Controls<R> {
             ActionSpace::ThrustBodyRates(space) | ActionSpace::RateLoop(space) => Self::ThrustBodyRates(*space),
             ActionSpace::Reference(space) => Self::Reference(ReferenceControls::new(space)),
             ActionSpace::Velocities(space) => Self::Velocities(*space),
+            ActionSpace::IntegralVelocities(space) => Self::IntegralVelocities(*space),
             ActionSpace::RotorThrusts(space) => Self::RotorThrusts(*space),
         }
     }
@@ -264,6 +275,9 @@ impl<R: Real> Controls<R> {
             Self::ThrustBodyRates(space) => space.rotor_targets(&[a, b, c, d], &state.body_rates),
             Self::Reference(controls) => controls.rotor_targets(action, state, setpoint, memory, secs),
             Self::Velocities(space) => space.rotor_targets(&[a, b, c, d], state),
+            Self::IntegralVelocities(space) => {
+                space.rotor_targets(&[a, b, c, d], state, &mut memory.velocity_integral, secs)
+            }
             Self::RotorThrusts(space) => space.rotor_targets(&[a, b, c, d]),
         }
     }

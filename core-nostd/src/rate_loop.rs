@@ -46,6 +46,7 @@ impl<R: Real> RateLoop<R> {
             | ActionSpace::ThrustBodyRates(_)
             | ActionSpace::Reference(_)
             | ActionSpace::Velocities(_)
+            | ActionSpace::IntegralVelocities(_)
             | ActionSpace::RotorThrusts(_) => None,
         }
     }

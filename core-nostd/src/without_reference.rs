@@ -4,11 +4,13 @@
 use core::convert::Infallible;
 use core::marker::PhantomData;
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::limits::ACTION_LIMIT;
 use crate::observation::input::ObservationInput;
 use crate::policy_error::PolicyError;
+use crate::real::Real;
 use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 
@@ -20,9 +22,12 @@ pub enum ReferenceActions {}
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReferenceControls<R>(Infallible, PhantomData<R>);
 
-/// What the reference system's controllers remember: nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ControlMemory<R>(PhantomData<R>);
+/// What the controller behind an action space remembers from call to call; of one without a controller, nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlMemory<R> {
+    /// Of [`IntegralVelocities`](crate::action::IntegralVelocities) \[m/s², world\].
+    pub velocity_integral: Vector3<R>,
+}
 
 /// The reference system's observations, of which there are none without the feature `reference`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,10 +80,16 @@ impl<R> ReferenceControls<R> {
     }
 }
 
-impl<R> ControlMemory<R> {
+impl<R: Real> ControlMemory<R> {
     /// Nothing, as at the start of an episode.
-    pub const fn new() -> Self {
-        Self(PhantomData)
+    pub fn new() -> Self {
+        Self { velocity_integral: Vector3::new(R::zero(), R::zero(), R::zero()) }
+    }
+}
+
+impl<R: Real> Default for ControlMemory<R> {
+    fn default() -> Self {
+        Self::new()
     }
 }
 

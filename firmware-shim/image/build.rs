@@ -1,4 +1,4 @@
-//! Puts the policies of `assets/pilots` into the image, each in both arithmetics, with a network to measure; and tells
+//! Puts some policies of `assets/pilots` into the image, each in both arithmetics, with a network to measure; and tells
 //! the linker where the memory lies.
 
 use std::error::Error;
@@ -16,7 +16,8 @@ use kestrel_core::policy_file::{
     MemoryDraft, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, RecurrentDraft,
 };
 
-const PILOTS: &str = "../../assets/pilots";
+/// Policies of one kind each: velocities or rates as actions, each layout of the observation, each airframe of the vehicle.
+const PILOTS: [&str; 4] = ["cross", "hover-2-1-plus", "hover-cf2x", "hover"];
 
 /// The network whose instructions are budgeted.
 const MEASURED_WIDTHS: [usize; 4] = [16, 64, 64, 4];
@@ -50,16 +51,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn write_policies(out: &Path) -> Result<(), Box<dyn Error>> {
-    println!("cargo::rerun-if-changed={PILOTS}");
-    let mut paths: Vec<PathBuf> =
-        fs::read_dir(PILOTS)?.map(|entry| entry.map(|entry| entry.path())).collect::<Result<_, _>>()?;
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "kestrel"));
-    paths.sort();
     let mut source = String::from(
-        "/// Every policy of `assets/pilots`, in both arithmetics.\npub static PILOTS: &[Artifact] = &[\n",
+        "/// Policies of `assets/pilots`, in both arithmetics.\npub static PILOTS: &[Artifact] = &[\n",
     );
-    for path in &paths {
-        let name = path.file_stem().and_then(|stem| stem.to_str()).ok_or("a policy has no name")?;
+    for name in PILOTS {
+        let path = format!("../../assets/pilots/{name}.kestrel");
+        println!("cargo::rerun-if-changed={path}");
         for file in in_both_arithmetics(&fs::read(path)?)? {
             let arithmetic = PolicyFile::parse(&aligned(&file)[..file.len()])?.arithmetic().name();
             write_artifact(&mut source, out, (name, arithmetic), &file)?;

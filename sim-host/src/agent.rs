@@ -3,7 +3,7 @@
 mod commanding;
 mod observing;
 
-use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Persistence};
+use kestrel_core::action::{ACTION_LIMIT, ActionSpace, ControlMemory, Persistence};
 use kestrel_core::real::Real;
 use kestrel_core::reference::bullet::BulletState;
 use nalgebra::Vector3;
@@ -77,6 +77,8 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     scales: PrivilegedScales<R>,
     /// None where nothing is late.
     pub(crate) latency: Option<LatencyMemory<LANES, R>>,
+    /// What the velocity controller makes up for \[m/s², world\]; none where it has no integral.
+    velocity_integral: Option<Box<[Column<LANES, R>; 3]>>,
     /// None where rotor targets are held over a control period.
     pub(crate) rate_loops: Option<Box<RateLoops<LANES, R>>>,
 }
@@ -150,6 +152,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             read_velocity: [nothing; 3],
             scales: PrivilegedScales::of(scenario),
             latency: LatencyMemory::new(&scenario.latency, &scenario.physics),
+            velocity_integral: matches!(scenario.action, ActionSpace::IntegralVelocities(_))
+                .then(|| Box::new([nothing; 3])),
             rate_loops: RateLoops::new(scenario),
         };
         if !scenario.sensors.instruments().is_empty() {
@@ -399,6 +403,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         if scenario.action.persistence() == Persistence::ResetEachEpisode {
             self.controls[lane] = ControlMemory::new();
         }
+        if let Some(integrals) = &mut self.velocity_integral {
+            set_row(integrals, lane, [R::zero(); 3]);
+        }
     }
 
     /// Adds the actions of the step to the history; an action space always fills the same columns.
@@ -476,6 +483,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(self.rate_loops.iter_mut().flat_map(|loops| loops.columns_mut()))
             .chain(&mut self.rooms)
             .chain(self.trajectory.iter_mut().flat_map(|columns| columns.iter_mut()))
+            .chain(self.velocity_integral.iter_mut().flat_map(|columns| columns.iter_mut()))
     }
 
     /// The states that policy and rate controller see.

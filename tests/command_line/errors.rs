@@ -42,7 +42,9 @@ fn missing_and_empty_files_are_named() {
     let place = tempfile::tempdir().unwrap();
     assert!(refusal(&kestrel(place.path(), &["train", "none.yaml"])).contains("none.yaml: found no such file"));
     assert!(message_for("").contains("trial.yaml"));
-    assert!(refusal(&kestrel(place.path(), &["evaluate", "none"])).contains("none holds no run"));
+    let nothing = refusal(&kestrel(place.path(), &["evaluate", "none"]));
+    assert!(nothing.contains("none: found neither a run nor a policy file nor a pilot"), "{nothing}");
+    assert!(refusal(&kestrel(place.path(), &["evaluate", "."])).contains(". holds no run"));
     let nothing = refusal(&kestrel(place.path(), &["export", "none"]));
     assert!(
         nothing.contains("at none, expected one of them or a pilot") && nothing.contains("hover"),

@@ -29,7 +29,7 @@ pub(crate) fn config(name: &str) -> PathBuf {
 /// `kestrel` in a directory of its own.
 pub(crate) fn command(directory: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_kestrel"));
-    command.current_dir(directory);
+    command.current_dir(directory).env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
     command
 }
 
@@ -52,4 +52,10 @@ pub(crate) fn refusal(output: &Output) -> String {
     assert_eq!(text.matches("error:").count(), 1, "{text}");
     assert!(!text.contains("panicked"), "{text}");
     text
+}
+
+/// Standard output of a command that must have succeeded.
+pub(crate) fn printed(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout.clone()).unwrap()
 }

@@ -13,5 +13,6 @@ mod render;
 mod runs;
 mod search;
 mod several;
+mod shipped;
 mod study;
 mod verify;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use crate::kestrel::{config, kestrel, refusal};
+use crate::kestrel::{config, kestrel, printed, refusal};
 
 /// One policy for two rooms, for a moment.
 fn train(place: &Path) -> Output {
@@ -20,11 +20,6 @@ fn train(place: &Path) -> Output {
     );
     fs::write(place.join("two.yaml"), file).unwrap();
     kestrel(place, &["train", "two.yaml", "--run", "run"])
-}
-
-fn printed(output: &Output) -> String {
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout.clone()).unwrap()
 }
 
 #[test]
@@ -77,10 +72,5 @@ fn shipped_pilots_hover_on_the_drones_that_they_learned_on() {
     let place = tempfile::tempdir().unwrap();
     let hover = config("hover.yaml");
     assert!(success(place.path(), "hover", &hover) > 98.0);
-    let plus = place.path().join("hover-2-1-plus.yaml");
-    let changes =
-        "vehicle: {airframe: crazyflie_2_1_plus}, action: {thrust_body_rates: {fraction_of_hover: 0.65}}";
-    let task = format!("version: 1\nname: plus\nimport: {}\nscenario: {{{changes}}}\n", hover.display());
-    fs::write(&plus, task).unwrap();
-    assert!(success(place.path(), "hover-2-1-plus", &plus) > 94.0);
+    assert!(success(place.path(), "hover-2-1-plus", &config("hover-2-1-plus.yaml")) > 94.0);
 }

@@ -2,12 +2,13 @@
 
     python task_test.py KESTREL STARTS RUN... [-- more arguments of `kestrel fly`]
 
-Each RUN flies from the first STARTS starts of its evaluation behind MAVLink; as many succeed, by the true state, as
-`kestrel evaluate` counts on the same starts. Needs the packages of requirements.txt. Exit status 0 if every check passed.
+Each RUN, the directory of a run or the name of a pilot that comes with the program, flies from the first STARTS starts of
+its evaluation behind MAVLink; as many succeed, by the true state, as `kestrel evaluate` counts on the same starts. Needs the packages of requirements.txt. Exit status 0 if every check passed.
 """
 
 import json
 import os
+import pathlib
 import re
 import subprocess
 import sys
@@ -62,8 +63,7 @@ class Flight:
             [self._kestrel, "evaluate", self._run, "--episodes", str(self._starts)],
             check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )
-        with open(os.path.join(self._run, "evaluation.json"), encoding="utf-8") as file:
-            reports = json.load(file)
+        reports = json.loads((folder_of(self._run) / "evaluation.json").read_text(encoding="utf-8"))
         # Of several tasks `fly` has the first.
         report = reports[0] if isinstance(reports, list) else reports
         expected = round(report["rows"][0]["success_rate"] * self._starts)
@@ -94,6 +94,13 @@ class Flight:
         self._client.says("task stopped")
 
 
+def folder_of(run):
+    """The directory of a run, or that which the program makes for a pilot of this name."""
+    if os.path.isdir(run):
+        return pathlib.Path(run)
+    return next(pathlib.Path(os.environ["XDG_CACHE_HOME"]).glob(f"kestrel/*/pilots/{run}"))
+
+
 def main():
     if len(sys.argv) < 4:
         sys.exit(__doc__)
@@ -104,6 +111,7 @@ def main():
     flown = []
     for run in runs:
         with tempfile.TemporaryDirectory() as folder:
+            os.environ["XDG_CACHE_HOME"] = folder
             with Simulated(kestrel, [run, *SPEED, *more], folder) as vehicle, Client(vehicle) as client:
                 flown.append(run_checks(checks_of(Flight(kestrel, run, int(starts), vehicle, client))))
     sys.exit(conclude(*flown))

@@ -6,9 +6,9 @@ mod command;
 mod flight_test;
 mod fly;
 mod membership;
-mod pilots;
 mod processor;
 mod renderer;
+mod shipped;
 
 use std::process::ExitCode;
 

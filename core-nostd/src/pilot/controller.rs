@@ -133,6 +133,7 @@ fn within_limits(metadata: &PolicyMetadata<'_>, targets: [f32; 4]) -> [f32; 4] {
         | ActionSpace::ThrustBodyRates(_)
         | ActionSpace::RateLoop(_)
         | ActionSpace::Velocities(_)
+        | ActionSpace::IntegralVelocities(_)
         | ActionSpace::RotorThrusts(_) => targets,
         ActionSpace::Reference(space) => targets.map(|target| target.limited(0.0, space.rotor_speed_limit())),
     }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::airframe::PolicyAirframe;
-use crate::action::{ActionSpace, ThrustBodyRates};
+use crate::action::{ActionSpace, ThrustBodyRates, Velocities};
 use crate::limits::ACTION_LEN;
 use crate::observation::{ObservationLayout, PilotLayout};
 use crate::policy_error::{PolicyError, finite, holds, positive};
@@ -18,13 +18,16 @@ pub(crate) const LAYOUT_COUNT: u16 = PX4_NEURAL;
 pub(crate) const PX4_NEURAL: u16 = 8;
 
 /// Action spaces are numbered from one to this.
-pub(crate) const SPACE_COUNT: u16 = RATE_LOOP;
+pub(crate) const SPACE_COUNT: u16 = INTEGRAL_VELOCITIES;
 
 /// Number of the action space `rotor_thrusts`.
 pub(crate) const ROTOR_THRUSTS: u16 = 5;
 
 /// Number of the action space `thrust_body_rates` with a rate loop.
 const RATE_LOOP: u16 = 6;
+
+/// Number of the action space `velocity` with an integral.
+const INTEGRAL_VELOCITIES: u16 = 7;
 
 /// The metadata of a policy, in postcard encoding inside the file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,6 +72,7 @@ pub(crate) const fn action_identifier(space: &ActionSpace) -> u16 {
         ActionSpace::Velocities(_) => 4,
         ActionSpace::RotorThrusts(_) => ROTOR_THRUSTS,
         ActionSpace::RateLoop(_) => RATE_LOOP,
+        ActionSpace::IntegralVelocities(_) => INTEGRAL_VELOCITIES,
     }
 }
 
@@ -131,16 +135,22 @@ fn check_action(space: &ActionSpace) -> Result<(), PolicyError> {
             positive("fraction", space.fraction)
         }
         ActionSpace::ThrustBodyRates(space) | ActionSpace::RateLoop(space) => check_rates(space),
-        ActionSpace::Velocities(space) => {
-            check_rates(&space.rates)?;
-            space.rates.body_rates_limit.into_iter().try_for_each(|limit| positive("body_rates_limit", limit))?;
-            positive("speed_limit", space.speed_limit)?;
-            positive("velocity_gain", space.velocity_gain)?;
-            positive("attitude_gain", space.attitude_gain)
+        ActionSpace::Velocities(space) => check_velocities(space),
+        ActionSpace::IntegralVelocities(space) => {
+            check_velocities(&space.velocities)?;
+            positive("integral_gain", space.integral_gain)
         }
         ActionSpace::Reference(space) => space.check(),
         ActionSpace::RotorThrusts(space) => space.check(),
     }
+}
+
+fn check_velocities(space: &Velocities) -> Result<(), PolicyError> {
+    check_rates(&space.rates)?;
+    space.rates.body_rates_limit.into_iter().try_for_each(|limit| positive("body_rates_limit", limit))?;
+    positive("speed_limit", space.speed_limit)?;
+    positive("velocity_gain", space.velocity_gain)?;
+    positive("attitude_gain", space.attitude_gain)
 }
 
 fn check_rates(space: &ThrustBodyRates) -> Result<(), PolicyError> {

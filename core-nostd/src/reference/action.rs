@@ -12,7 +12,7 @@ use crate::reference::controller::{Allocation, DslPid, DslPidMemory, SimplePid, 
 use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 
-/// Numbers of a [`ControlMemory`] in a row.
+/// Numbers of what the reference's controllers remember, in a row.
 pub const CONTROL_MEMORY_LEN: usize = 21;
 
 /// The reference's action types, of the thesis's fork and of upstream; its names are in brackets.
@@ -88,6 +88,8 @@ pub struct ControlMemory<R> {
     pub dsl: DslPidMemory<R>,
     /// Of [`ReferenceController::Simple`].
     pub simple: SimplePidMemory<R>,
+    /// Of [`IntegralVelocities`](crate::action::IntegralVelocities) \[m/s², world\].
+    pub velocity_integral: nalgebra::Vector3<R>,
 }
 
 impl ReferenceActionKind {
@@ -262,10 +264,11 @@ impl<R: Real> Controller<R> {
 impl<R: Real> ControlMemory<R> {
     /// Nothing, as at the start of an episode.
     pub fn new() -> Self {
-        Self { dsl: DslPidMemory::new(), simple: SimplePidMemory::new() }
+        let velocity_integral = crate::reference::vector::zero();
+        Self { dsl: DslPidMemory::new(), simple: SimplePidMemory::new(), velocity_integral }
     }
 
-    /// All numbers in a row.
+    /// What the reference's controllers remember, in a row.
     pub fn to_array(&self) -> [R; CONTROL_MEMORY_LEN] {
         let DslPidMemory { position_integral, attitude_integral, last_angles } = self.dsl;
         let simple = &self.simple;
@@ -285,7 +288,7 @@ impl<R: Real> ControlMemory<R> {
         numbers
     }
 
-    /// The memory of which [`Self::to_array`] gave these numbers.
+    /// The memory of the reference's controllers of which [`Self::to_array`] gave these numbers.
     pub fn from_array(numbers: &[R; CONTROL_MEMORY_LEN]) -> Self {
         let mut vectors = numbers.as_chunks::<3>().0.iter().map(|[x, y, z]| nalgebra::Vector3::new(*x, *y, *z));
         let mut next = || vectors.next().unwrap_or_else(crate::reference::vector::zero);
@@ -297,6 +300,7 @@ impl<R: Real> ControlMemory<R> {
                 attitude_integral: next(),
                 last_attitude_error: next(),
             },
+            ..Self::new()
         }
     }
 }

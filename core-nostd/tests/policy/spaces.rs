@@ -2,8 +2,8 @@
 
 use kestrel_core::action::Setpoint;
 use kestrel_core::action::{
-    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, Persistence, ReferenceActionKind, ReferenceActions,
-    ReferenceController, RotorThrusts, Velocities,
+    ACTION_LIMIT, ActionSpace, ControlMemory, Controls, IntegralVelocities, Persistence, ReferenceActionKind,
+    ReferenceActions, ReferenceController, RotorThrusts, Velocities,
 };
 use kestrel_core::airframe::{
     Airframe, CF2X, Downwash, DragCoefficients, FlightEffects, HUMMINGBIRD, Layout, RotorOrder,
@@ -44,7 +44,15 @@ fn hummingbird() -> ActionSpace {
 fn spaces() -> Vec<ActionSpace> {
     let reference = ReferenceActionKind::ALL
         .map(|kind| ActionSpace::Reference(reference(kind, Persistence::ResetEachEpisode)));
-    let own = vec![rotor_speeds(), thrust_body_rates(), rate_loop(), velocities(), rotor_thrusts(), hummingbird()];
+    let own = vec![
+        rotor_speeds(),
+        thrust_body_rates(),
+        rate_loop(),
+        velocities(),
+        integral_velocities(),
+        rotor_thrusts(),
+        hummingbird(),
+    ];
     [own, reference.to_vec()].concat()
 }
 
@@ -56,6 +64,11 @@ fn rate_loop() -> ActionSpace {
 fn velocities() -> ActionSpace {
     let ActionSpace::ThrustBodyRates(rates) = thrust_body_rates() else { unreachable!() };
     ActionSpace::Velocities(Velocities { rates, speed_limit: 2.0, velocity_gain: 3.0, attitude_gain: 5.0 })
+}
+
+fn integral_velocities() -> ActionSpace {
+    let ActionSpace::Velocities(velocities) = velocities() else { unreachable!() };
+    ActionSpace::IntegralVelocities(IntegralVelocities { velocities, integral_gain: 3.0 })
 }
 
 fn rotor_thrusts() -> ActionSpace {
@@ -141,6 +154,7 @@ impl Expected {
             | ActionSpace::ThrustBodyRates(_)
             | ActionSpace::RateLoop(_)
             | ActionSpace::Velocities(_)
+            | ActionSpace::IntegralVelocities(_)
             | ActionSpace::RotorThrusts(_) => targets,
             // The reference commands what no rotor can do: the Hummingbird's first step asks for ten times its limit.
             ActionSpace::Reference(space) => {

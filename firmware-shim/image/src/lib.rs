@@ -1,7 +1,7 @@
 #![cfg_attr(not(test), no_std)]
 //! Bare-metal images that check and measure the core's policies where they are to fly.
 //!
-//! The [`policy`]s of `assets/pilots` are in the image. The program `conformance` feeds them the same [`input`]s on every
+//! Four [`policy`]s of `assets/pilots` are in the image. The program `conformance` feeds them the same [`input`]s on every
 //! machine and prints [`digest`]s, which must be equal: see [`conformance`]. It knows nothing of the [`machine`].
 //! On microcontrollers the program `budget` runs each part of a control period in a window that a counter of instructions
 //! sees.

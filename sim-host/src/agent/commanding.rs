@@ -1,12 +1,13 @@
 //! Actions to rotor targets, and where an agent shall go meanwhile.
 
 use kestrel_core::action::Setpoint;
-use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Controls};
+use kestrel_core::action::{ACTION_LIMIT, ControlMemory, Controls, IntegralVelocities};
 use kestrel_core::real::Real;
 use kestrel_core::reference::controller::command::{Hover, Precision};
 use nalgebra::Vector3;
 
 use super::Agent;
+use crate::latency::known_states;
 use crate::scenario::{Clock, Scenario};
 use crate::stage::Stage;
 use crate::swarm::{Column, row, set_row, vector};
@@ -35,6 +36,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             Controls::RotorThrusts(numbers) => {
                 self.command_lanes(stage, &Controls::RotorThrusts(numbers), actions, targets);
             }
+            Controls::IntegralVelocities(numbers) => self.command_steadily(stage, &numbers, actions, targets),
             Controls::Reference(published) => match published.rpm() {
                 Some((hover, precision)) => command_around(&hover, precision, actions, targets),
                 None => self.command_each(stage, actions, targets),
@@ -56,6 +58,26 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         for lane in 0..LANES {
             let (action, state) = (row(actions, lane), known.state(lane));
             let speeds = controls.rotor_targets(&action, &state, &setpoint, &mut memory, stage.control_secs);
+            set_row(targets, lane, speeds);
+        }
+    }
+
+    #[inline(always)]
+    fn command_steadily(
+        &mut self,
+        stage: &Stage<'_, R>,
+        space: &IntegralVelocities,
+        actions: &[Column<LANES, R>; ACTION_LIMIT],
+        targets: &mut [Column<LANES, R>; 4],
+    ) {
+        let known = known_states(&self.swarm, self.latency.as_ref());
+        let Some(integrals) = &mut self.velocity_integral else { return };
+        for lane in 0..LANES {
+            let [a, b, c, d, _, _] = row(actions, lane);
+            let mut integral = vector(integrals, lane);
+            let state = known.state(lane);
+            let speeds = space.rotor_targets(&[a, b, c, d], &state, &mut integral, stage.control_secs);
+            set_row(integrals, lane, integral.into());
             set_row(targets, lane, speeds);
         }
     }

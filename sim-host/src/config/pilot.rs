@@ -2,7 +2,9 @@
 
 mod reference;
 
-use kestrel_core::action::{ACTION_LEN, ActionSpace, RotorSpeeds, RotorThrusts, ThrustBodyRates, Velocities};
+use kestrel_core::action::{
+    ACTION_LEN, ActionSpace, IntegralVelocities, RotorSpeeds, RotorThrusts, ThrustBodyRates, Velocities,
+};
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{
     BodyLayout, HISTORY_LIMIT, KinematicLayout, MeasuredLayout, OBSERVATION_LIMIT, ObservationLayout, PILOT_LEN,
@@ -94,6 +96,9 @@ pub struct VelocityConfig {
     pub speed_limit_m_per_s: f64,
     /// Acceleration per velocity error.
     pub velocity_gain_per_s: f64,
+    /// Acceleration per integrated velocity error, which makes up for mass, thrust, drag and wind that the controller is not told
+    /// of; with zero, as by default, it does not.
+    pub integral_gain_per_s2: f64,
     /// Body rate per sine of the angle between the thrust and where it should point.
     pub attitude_gain_per_s: f64,
     /// What carries it out; of its limits the last is the yaw rate that a full action asks for.
@@ -201,7 +206,13 @@ impl Default for VelocityConfig {
             rate_gains_per_s: [16.0, 16.0, 6.0],
             rate_loop: None,
         };
-        Self { speed_limit_m_per_s: 2.0, velocity_gain_per_s: 3.0, attitude_gain_per_s: 5.0, rates }
+        Self {
+            speed_limit_m_per_s: 2.0,
+            velocity_gain_per_s: 3.0,
+            integral_gain_per_s2: 0.0,
+            attitude_gain_per_s: 5.0,
+            rates,
+        }
     }
 }
 
@@ -248,7 +259,7 @@ impl ActionConfig {
                     Some(_) => ActionSpace::RateLoop(space),
                 })
             }
-            Self::Velocity(config) => config.check(airframe, &field.at("velocity")).map(ActionSpace::Velocities),
+            Self::Velocity(config) => config.check(airframe, &field.at("velocity")),
             Self::Published(config) => Ok(ActionSpace::Reference(config.check(airframe))),
             Self::RotorThrusts(config) => {
                 config.check(airframe, &field.at("rotor_thrusts")).map(ActionSpace::RotorThrusts)
@@ -305,15 +316,22 @@ impl ThrustBodyRatesConfig {
 }
 
 impl VelocityConfig {
-    fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<Velocities, ConfigError> {
+    fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<ActionSpace, ConfigError> {
         let gain = |key: &str, value: f64| field.at(key).number(value, &Limits::above(0.0, 100.0, "1/s"));
-        Ok(Velocities {
+        let velocities = Velocities {
             rates: self.rates.check(airframe, &field.at("rates"))?,
             speed_limit: field
                 .at("speed_limit_m_per_s")
                 .number(self.speed_limit_m_per_s, &Limits::above(0.0, 20.0, "m/s"))?,
             velocity_gain: gain("velocity_gain_per_s", self.velocity_gain_per_s)?,
             attitude_gain: gain("attitude_gain_per_s", self.attitude_gain_per_s)?,
+        };
+        let range = Limits::from(0.0, 100.0, "1/s²");
+        let integral_gain = field.at("integral_gain_per_s2").number(self.integral_gain_per_s2, &range)?;
+        Ok(if integral_gain > 0.0 {
+            ActionSpace::IntegralVelocities(IntegralVelocities { velocities, integral_gain })
+        } else {
+            ActionSpace::Velocities(velocities)
         })
     }
 }

@@ -1,4 +1,4 @@
-use kestrel_core::action::{RotorThrusts, ThrustBodyRates, Velocities};
+use kestrel_core::action::{IntegralVelocities, RotorThrusts, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::CRAZYFLIE_2_1;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotLayout, Px4NeuralLayout};
@@ -53,6 +53,10 @@ fn scenarios() -> Vec<Scenario> {
         Scenario { agents: team, physics: Physics { preset: pushed, ..late.physics }, ..testing::hover() },
         Scenario { physics: Physics { preset: near, ..late.physics }, ..late.clone() },
         Scenario { action: ActionSpace::Velocities(velocities), ..late.clone() },
+        Scenario {
+            action: ActionSpace::IntegralVelocities(IntegralVelocities { velocities, integral_gain: 3.0 }),
+            ..late.clone()
+        },
         Scenario { action: ActionSpace::RateLoop(rates), ..late.clone() },
         Scenario { observation: ObservationLayout::Body(body), ..late.clone() },
         Scenario {

@@ -301,21 +301,20 @@ pub fn evaluate_run(
     subject: &Subject<'_>,
     directory: &RunDirectory,
 ) -> Result<Vec<EvaluationReport>, ResultsError> {
-    let (fixed_path, float_path) = (directory.policy(), directory.policy_f32());
-    let (fixed, float) = (read(&fixed_path)?, read(&float_path)?);
-    let (fixed, float) = (parse(&fixed, &fixed_path)?, parse(&float, &float_path)?);
+    let paths = [directory.exported_policy()?, directory.policy_f32()];
+    let paths = if paths[1].exists() { &paths[..] } else { &paths[..1] };
+    let files = paths.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
+    let policies = files.iter().zip(paths).map(|(file, path)| parse(file, path)).collect::<Result<Vec<_>, _>>()?;
     let report = |task: &Experiment| {
         let scenario = &task.evaluation.scenario;
-        refuse_other_task(&fixed, &fixed_path, scenario)?;
-        refuse_other_task(&float, &float_path, scenario)?;
-        let flyers =
-            [Flyer::Policy(&fixed), Flyer::Policy(&float), Flyer::Scripted, Flyer::Nothing, Flyer::Random];
-        let flyers = flyers.into_iter().chain(Flyer::stock(scenario));
+        policies.iter().zip(paths).try_for_each(|(policy, path)| refuse_other_task(policy, path, scenario))?;
+        let flyers = policies.iter().map(Flyer::Policy).chain([Flyer::Scripted, Flyer::Nothing, Flyer::Random]);
+        let flyers = flyers.chain(Flyer::stock(scenario));
         let rows = flyers.map(|flyer| evaluate(scenario, flyer, starts(task))).collect();
         let worlds = task.evaluation.seen.as_ref().map(|seen| WorldsReport {
             unseen: scenario.rooms(),
             seen: seen.rooms(),
-            rows_in_seen: [Flyer::Policy(&fixed), Flyer::Scripted]
+            rows_in_seen: [Flyer::Policy(&policies[0]), Flyer::Scripted]
                 .map(|flyer| evaluate(seen, flyer, starts(task)))
                 .into(),
         });

@@ -167,21 +167,13 @@ impl RunDirectory {
         if run.config().is_file() { Ok(run) } else { Err(RunDirectoryError::NoRun(path.to_owned())) }
     }
 
-    /// Whether both exported policies are there.
+    /// The fixed-point policy, which is there. That in float is beside it in a run, but not in what came without training.
     ///
     /// # Errors
-    /// [`RunDirectoryError::NoPolicy`] when one is not.
-    pub fn require_policies(&self) -> Result<(), RunDirectoryError> {
-        let there = self.policy().exists() && self.policy_f32().exists();
-        if there { Ok(()) } else { Err(RunDirectoryError::NoPolicy(self.path.clone())) }
-    }
-
-    /// The fixed-point policy, which is there.
-    ///
-    /// # Errors
-    /// As [`Self::require_policies`].
+    /// [`RunDirectoryError::NoPolicy`] when it is not.
     pub fn exported_policy(&self) -> Result<PathBuf, RunDirectoryError> {
-        self.require_policies().map(|()| self.policy())
+        let policy = self.policy();
+        if policy.exists() { Ok(policy) } else { Err(RunDirectoryError::NoPolicy(self.path.clone())) }
     }
 
     /// The directory itself.

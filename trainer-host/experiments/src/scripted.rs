@@ -110,6 +110,11 @@ impl ScriptedPilot {
                 let wish = pull(&error) * POSITION_GAIN + self.integral;
                 action((wish / (VELOCITY_GAIN * space.speed_limit)).into())
             }
+            // Its controller has an integral of its own.
+            ActionSpace::IntegralVelocities(space) => {
+                let wish = pull(&error) * POSITION_GAIN;
+                action((wish / (VELOCITY_GAIN * space.velocities.speed_limit)).into())
+            }
             ActionSpace::Reference(space) => self.published(space, state, &target),
         }
     }
@@ -223,7 +228,7 @@ mod tests {
     use super::*;
     use kestrel_core::action::Setpoint;
     use kestrel_core::action::{
-        ControlMemory, Controls, Persistence, ReferenceController, RotorSpeeds, Velocities,
+        ControlMemory, Controls, IntegralVelocities, Persistence, ReferenceController, RotorSpeeds, Velocities,
     };
     use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
     use kestrel_core::reference::bullet::{Bullet, BulletMode, BulletState, Quirks};
@@ -279,6 +284,7 @@ mod tests {
             (CF2X, ActionSpace::RotorSpeeds(RotorSpeeds::new(&CF2X, 0.3))),
             (CF2X, ActionSpace::ThrustBodyRates(rates)),
             (CF2X, ActionSpace::Velocities(velocities)),
+            (CF2X, ActionSpace::IntegralVelocities(IntegralVelocities { velocities, integral_gain: 3.0 })),
             crazyflie(ReferenceActionKind::Rpm),
             crazyflie(ReferenceActionKind::Dyn),
             crazyflie(ReferenceActionKind::Pid),

@@ -63,7 +63,7 @@ pub(crate) fn evaluate(
     threads: Option<usize>,
 ) -> PyResult<PathBuf> {
     let (directory, experiment) = open(&path, &overrides)?;
-    directory.require_policies().map_err(refused)?;
+    directory.exported_policy().map_err(refused)?;
     work(py, threads, |_| {
         results::evaluate_run(&Subject::of(&experiment), &directory)?;
         Ok(directory.evaluation_report())

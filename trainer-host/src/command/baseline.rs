@@ -12,6 +12,7 @@ use kestrel_sim::seed::{Purpose, Seed};
 
 use super::flight::Pilot;
 use super::{Done, table};
+use crate::shipped;
 
 /// Most episodes of each pilot.
 const EPISODES_LIMIT: usize = 100_000;
@@ -19,7 +20,7 @@ const EPISODES_LIMIT: usize = 100_000;
 /// Arguments of `kestrel baseline`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Experiment file
+    /// Experiment file, or name of a shipped task
     config: PathBuf,
 
     /// Episodes of each pilot
@@ -49,7 +50,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         (1..=EPISODES_LIMIT).contains(&episodes),
         "found --episodes {episodes}, expected a number from 1 to {EPISODES_LIMIT}"
     );
-    let experiment = experiment_config::load(&arguments.config, &arguments.overrides)?;
+    let experiment = experiment_config::load(&shipped::task(&arguments.config)?, &arguments.overrides)?;
     let starts = Starts { seed: Seed(arguments.seed), purpose: Purpose::Evaluation, episodes };
     let scenario = &experiment.evaluation.scenario;
     let flyers = [Flyer::Nothing, Flyer::Random, Flyer::Scripted].into_iter().chain(Flyer::stock(scenario));

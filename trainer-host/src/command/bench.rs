@@ -15,12 +15,13 @@ use kestrel_experiments::training_run::untrained_actor;
 use kestrel_sim::scenario::Scenario;
 
 use super::Done;
+use crate::shipped;
 
 /// Arguments of `kestrel bench`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Experiment file whose scenario and settings are measured
-    #[arg(default_value = "configs/hover.yaml")]
+    /// Experiment file, or name of a shipped task, whose scenario and settings are measured
+    #[arg(default_value = "hover")]
     config: PathBuf,
 
     /// Folder of the reference's tasks, some of which are measured
@@ -71,7 +72,7 @@ fn repetition_secs(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let experiment = experiment_config::load_to_train(&arguments.config, &[])?;
+    let experiment = experiment_config::load_to_train(&shipped::task(&arguments.config)?, &[])?;
     let duration = Duration::from_secs_f64(arguments.secs);
     let scenario = &experiment.scenario;
     say(format_args!("{:<44} {:>9} {:>9} {:>6}  limited by", "", "per s", "aim", "ratio"))?;

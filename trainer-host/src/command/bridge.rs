@@ -10,11 +10,12 @@ use kestrel_experiments::output::say;
 use kestrel_shim::bridge::BridgeOptions;
 
 use super::Done;
+use crate::shipped;
 
 /// Arguments of `kestrel bridge`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Experiment file of the task in whose aviary to fly
+    /// Experiment file, or name, of the task in whose aviary to fly
     config: PathBuf,
 
     #[command(flatten)]
@@ -31,7 +32,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let interrupt = Interrupt::watch("Ending the simulation.")?;
-    let experiment = experiment_config::load(&arguments.config, &arguments.overrides)?;
+    let experiment = experiment_config::load(&shipped::task(&arguments.config)?, &arguments.overrides)?;
     let log = arguments.true_state_log.as_deref();
     let counts = lend(&experiment.scenario, &arguments.bridge, log, &|| interrupt.requested())?;
     say(counts)?;

@@ -1,6 +1,6 @@
 //! `kestrel evaluate`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::processor::{Judged, ProcessorOptions, RemoteKind, compare, fly_beside};
 use anyhow::{Context, Result, bail, ensure};
@@ -12,16 +12,18 @@ use kestrel_experiments::results::{self, JudgedPolicy};
 use kestrel_experiments::run_directory::RunDirectory;
 
 use super::{Done, run, table};
+use crate::shipped;
 
 /// Arguments of `kestrel evaluate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Directory of a run; with --tasks any number of them, and of policy files
-    #[arg(value_name = "RUN|POLICY", required = true)]
+    /// Directory of a run, or the name of a pilot that comes with the program; with --tasks any number of them, and of
+    /// policy files
+    #[arg(value_name = "RUN|POLICY|PILOT", required = true)]
     subjects: Vec<PathBuf>,
 
-    /// Fly the fixed-point policies in these tasks, and print how each does in each: experiment files, or directories of
-    /// runs
+    /// Fly the fixed-point policies in these tasks, and print how each does in each: experiment files, names of shipped tasks, or
+    /// directories of runs
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["record", "processor", "task"])]
     tasks: Vec<PathBuf>,
 
@@ -37,6 +39,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NUMBER", allow_negative_numbers = true)]
     seed: Option<u64>,
 
+    /// Change a value of the configuration, of every task, such as `evaluation.seed=7` (repeatable)
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+
     /// Keep the policy's first episode in this file, for `kestrel replay`
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -49,20 +55,21 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let episodes = arguments.episodes.map(|episodes| format!("evaluation.episodes={episodes}"));
     let seed = arguments.seed.map(|seed| format!("evaluation.seed={seed}"));
-    let overrides: Vec<String> = episodes.into_iter().chain(seed).collect();
+    let overrides: Vec<String> = arguments.set.iter().cloned().chain(episodes).chain(seed).collect();
     if !arguments.tasks.is_empty() {
         return fly_tasks(arguments, &overrides);
     }
-    let [path] = arguments.subjects.as_slice() else {
+    let [subject] = arguments.subjects.as_slice() else {
         bail!("found {} runs, expected one, or tasks to fly in: --tasks FILE…", arguments.subjects.len());
     };
+    let path = &shipped::run(subject)?;
     ensure!(
         !path.is_file(),
         "{}: found a file, expected the directory of a run, or tasks to fly in: --tasks FILE…",
         path.display()
     );
     let (directory, config) = run::open(path, &overrides)?;
-    directory.require_policies()?;
+    directory.exported_policy()?;
     let task = config.task(arguments.task.as_deref())?;
     if let Some(remote) = arguments.processor.remote()? {
         return fly_elsewhere(arguments, remote, &directory, task);
@@ -114,14 +121,18 @@ fn fly_elsewhere(
     Ok(done)
 }
 
+/// The policy of a run, of a file or of a name.
+fn judged(subject: &Path) -> Result<JudgedPolicy> {
+    Ok(JudgedPolicy::read(&shipped::run(subject)?)?)
+}
+
 /// Flies every policy in every task, after all of them fit.
 fn fly_tasks(arguments: &Arguments, overrides: &[String]) -> Result<Done> {
     let mut tasks: Vec<Experiment> = Vec::new();
     for path in &arguments.tasks {
         tasks.extend_from_slice(run::task_config(path, overrides)?.subject().tasks);
     }
-    let policies =
-        arguments.subjects.iter().map(|path| JudgedPolicy::read(path)).collect::<Result<Vec<_>, _>>()?;
+    let policies = arguments.subjects.iter().map(|subject| judged(subject)).collect::<Result<Vec<_>>>()?;
     for task in &tasks {
         policies.iter().try_for_each(|policy| policy.check(task))?;
     }

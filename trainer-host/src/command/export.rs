@@ -17,7 +17,7 @@ use kestrel_shim::bridge::motors::MotorOrder;
 use kestrel_shim::policy_bytes::PolicyBytes;
 
 use super::{Done, run};
-use crate::pilots;
+use crate::shipped;
 
 /// Arguments of `kestrel export`.
 #[derive(Debug, clap::Args)]
@@ -110,7 +110,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 /// Where the policies lie, made anew of a run's checkpoints if it has some, and the configuration of the run.
 fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig>)> {
     let (source, output) = (&arguments.source, arguments.output.as_deref());
-    let shipped = shipped(source);
+    let shipped = shipped::as_name(source).and_then(shipped::pilot);
     if shipped.is_none() && source.is_dir() {
         let (directory, config) = run::open(source, &[])?;
         if directory.holds_checkpoints() {
@@ -118,12 +118,17 @@ fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig
             say(format_args!("{}\n", results::export_policy(&config.subject(), &directory, &actor, steps)?))?;
         } else {
             // Of a job of a study there is the exported policy alone.
-            directory.require_policies()?;
+            directory.exported_policy()?;
         }
         let Some(output) = output else { return Ok((directory, Some(config))) };
         let copies = RunDirectory::of_policies(output)?;
         for (from, to) in [(directory.policy(), copies.policy()), (directory.policy_f32(), copies.policy_f32())] {
-            write_atomically(&to, &fs::read(&from).with_context(|| format!("cannot read {}", from.display()))?)?;
+            if from.exists() {
+                write_atomically(
+                    &to,
+                    &fs::read(&from).with_context(|| format!("cannot read {}", from.display()))?,
+                )?;
+            }
         }
         return Ok((copies, Some(config)));
     }
@@ -148,12 +153,6 @@ fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig
     Ok((copies, None))
 }
 
-/// The pilot of that name, unless it is a file or a run: what was exported before may lie in a folder of its name.
-fn shipped(source: &Path) -> Option<&'static [u8]> {
-    let other = source.is_file() || RunDirectory::config_in(source).exists();
-    source.to_str().filter(|_| !other).and_then(pilots::pilot)
-}
-
 /// A policy of the program's own or by its file, and what a folder for it is called.
 fn policy_file(source: &Path, shipped: Option<&[u8]>) -> Result<(PolicyBytes, String)> {
     match shipped {
@@ -165,7 +164,7 @@ fn policy_file(source: &Path, shipped: Option<&[u8]>) -> Result<(PolicyBytes, St
         None => bail!(
             "found neither a run nor a policy file at {}, expected one of them or a pilot that comes with the program: {}",
             source.display(),
-            pilots::names()
+            shipped::pilots_like(&source.to_string_lossy())
         ),
     }
 }

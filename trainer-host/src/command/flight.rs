@@ -11,19 +11,20 @@ use kestrel_experiments::results::{record_pilot, record_policy, record_run, reco
 use kestrel_experiments::run_config::RunConfig;
 
 use super::run;
+use crate::shipped;
 
 /// What flies, and where.
 #[derive(Debug, clap::Args)]
 pub(crate) struct FlightArguments {
-    /// Experiment file, directory of a run, or recording (from `--record`)
-    #[arg(value_name = "EXPERIMENT|RUN|RECORDING")]
+    /// Experiment file, directory of a run, recording (from `--record`), or the name of a shipped pilot or task
+    #[arg(value_name = "EXPERIMENT|RUN|RECORDING|NAME")]
     subject: PathBuf,
 
     /// Which task, where there are several [default: the first]
     #[arg(long, value_name = "NAME")]
     task: Option<String>,
 
-    /// Policy file that flies the experiment
+    /// Policy file, or name of a shipped pilot, that flies the experiment
     #[arg(long, value_name = "FILE", conflicts_with = "pilot")]
     policy: Option<PathBuf>,
 
@@ -90,13 +91,13 @@ impl FlightArguments {
     /// The recorded flight, or that of the run or the pilot from the first start of the evaluation. Of an experiment, when
     /// only the start is looked at, nothing is flown.
     pub(crate) fn fly(&self, start_alone: bool) -> Result<Flown> {
-        let path = self.subject.clone();
+        let path = self.path()?;
         let seed = self.seed.map(|seed| format!("evaluation.seed={seed}"));
         let overrides: Vec<String> = self.overrides.iter().cloned().chain(seed).collect();
         if path.is_dir() {
             self.refuse_pilots("the directory of a run")?;
             let (directory, config) = run::open(&path, &overrides)?;
-            directory.require_policies()?;
+            directory.exported_policy()?;
             let experiment = config.task(self.task.as_deref())?.clone();
             return Ok(Flown { recording: record_run(&experiment, &directory)?, experiment, path });
         }
@@ -114,11 +115,20 @@ impl FlightArguments {
         }
         let experiment = RunConfig::load(&path, &overrides)?.task(self.task.as_deref())?.clone();
         let recording = match (&self.policy, self.pilot) {
-            (Some(policy), _) => record_policy(&experiment, policy)?,
+            (Some(policy), _) => record_policy(&experiment, &shipped::policy(policy)?)?,
             (None, None) if start_alone => record_start(&experiment),
             (None, pilot) => record_pilot(&experiment, pilot.unwrap_or(Pilot::Scripted).flyer()),
         };
         Ok(Flown { recording, experiment, path })
+    }
+
+    /// The file or directory that is meant. A name is a pilot's, and a task's where somebody else flies or there is no pilot.
+    fn path(&self) -> Result<PathBuf> {
+        let name = shipped::as_name(&self.subject).filter(|name| shipped::pilot(name).is_some());
+        if name.is_some() && self.policy.is_none() && self.pilot.is_none() {
+            return shipped::run(&self.subject);
+        }
+        shipped::task(&self.subject)
     }
 
     fn refuse_pilots(&self, found: &str) -> Result<()> {

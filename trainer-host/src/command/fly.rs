@@ -9,12 +9,13 @@ use kestrel_experiments::output::say;
 use kestrel_shim::policy_bytes::PolicyBytes;
 
 use super::{Done, run};
+use crate::shipped;
 
 /// Arguments of `kestrel fly`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Directory of a run, or a policy file
-    #[arg(value_name = "RUN|POLICY")]
+    /// Directory of a run, a policy file, or the name of a pilot that comes with the program
+    #[arg(value_name = "RUN|POLICY|PILOT")]
     pilot: PathBuf,
 
     /// In which task of a run that has several [default: the first]
@@ -28,7 +29,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let interrupt = Interrupt::watch("Ending the flight.")?;
     let stop = || interrupt.requested();
-    let path = &arguments.pilot;
+    let path = &shipped::run(&arguments.pilot)?;
     let summary = if path.is_dir() {
         let (directory, config) = run::open(path, &[])?;
         let policy = PolicyBytes::read(&directory.exported_policy()?)?;

@@ -7,16 +7,18 @@ use kestrel_experiments::output::say;
 use kestrel_export::inspection::Inspection;
 
 use super::Done;
+use crate::shipped;
 
 /// Arguments of `kestrel inspect`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// A policy file
+    /// A policy file, directory of a run, or the name of a pilot that comes with the program
+    #[arg(value_name = "POLICY|RUN|PILOT")]
     policy: PathBuf,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let path = &arguments.policy;
+    let path = &shipped::policy(&arguments.policy)?;
     let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
     say(Inspection::of(&bytes).with_context(|| format!("cannot inspect {}", path.display()))?)?;
     Ok(Done::Finished)

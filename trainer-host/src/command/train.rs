@@ -19,12 +19,12 @@ use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::ranks::{self, Ranks};
 
 use super::{Done, table};
-use crate::membership;
+use crate::{membership, shipped};
 
 /// Arguments of `kestrel train`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Experiment file, such as configs/hover.yaml, or of several tasks, such as configs/crosses.yaml
+    /// Experiment file, or name of a shipped task, such as hover; also of several tasks, such as crosses
     #[arg(required_unless_present = "resume", conflicts_with = "resume")]
     config: Option<PathBuf>,
 
@@ -155,6 +155,7 @@ fn config(arguments: &Arguments) -> Result<RunConfig> {
         return Ok(RunConfig::load_to_train(RunDirectory::open(path)?.config().as_path(), &[])?);
     }
     let path = arguments.config.as_deref().context("an experiment file is needed, such as configs/hover.yaml")?;
+    let path = &shipped::task(path)?;
     let seed = arguments.seed.map(|seed| format!("training.seed={seed}"));
     let overrides: Vec<String> = arguments.set.iter().cloned().chain(seed).collect();
     Ok(RunConfig::load_to_train(path, &overrides)?)

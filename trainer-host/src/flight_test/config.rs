@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use super::case::{Case, CasePilot};
 use super::fault::{EstimateFault, Fault, FaultKind, PolicyFault};
 use super::station::VEHICLE;
-use crate::pilots;
+use crate::shipped;
 use expect::ExpectationConfig;
 use matrix::{MatrixConfig, Variant};
 use script::StepConfig;
@@ -207,12 +207,15 @@ impl Setting {
             return Ok(CasePilot::Cascade);
         }
         let path = Path::new(name);
-        let bytes = if let Some(shipped) = pilots::pilot(name) {
+        let bytes = if let Some(shipped) = shipped::pilot(name) {
             PolicyBytes::copy_of(shipped)
         } else if path.extension().is_some_and(|ending| ending == POLICY_ENDING) {
             PolicyBytes::read(path).map_err(|error| field.reject(error, "a policy file"))?
         } else {
-            let expected = format!("{}, `{CASCADE}`, or a policy file (.{POLICY_ENDING})", pilots::names());
+            let expected = format!(
+                "a pilot ({}), `{CASCADE}`, or a policy file (.{POLICY_ENDING})",
+                shipped::pilots_like(name)
+            );
             return Err(field.refuse(name, expected));
         };
         self.check_policy(&bytes, field)?;

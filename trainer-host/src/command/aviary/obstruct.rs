@@ -98,8 +98,7 @@ impl Arguments {
             return Ok(self.policy.clone());
         }
         let directory = RunDirectory::open(&self.policy)?;
-        directory.require_policies()?;
-        Ok(directory.policy())
+        Ok(directory.exported_policy()?)
     }
 
     /// The command that writes the same files again.

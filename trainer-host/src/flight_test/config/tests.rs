@@ -74,7 +74,7 @@ const WRONG: [(&str, &str); 53] = [
     ("parameters={NAV_DL_ACT: 2}", "found the unknown parameter `NAV_DL_ACT`"),
     (
         "matrix.pilots=[hoover]",
-        "found the text \"hoover\", expected cross, hover, hover-2-1-plus, hover-cf2x, `cascade`, or a policy file",
+        "found the text \"hoover\", expected a pilot (hover, hover-cf2x, hover-2-1-plus, …), `cascade`, or a policy file",
     ),
     ("matrix.pilots=[none.kestrel]", "found cannot read policy none.kestrel"),
     ("matrix.seeds=[-1]", "found -1, expected a whole number, zero or more"),
@@ -144,7 +144,12 @@ fn what_is_wrong_in_the_file_is_named_with_its_line() {
         ("version: 1\nname", "version: 2\nname", 1, "found 2, expected `version: 1`"),
         ("name: trial", "name: a b", 2, "found the text \"a b\", expected 1 to 64 letters"),
         ("tilt_limit_deg: 10", "tilt_limit_deg: x", 9, "found the text \"x\", expected a number"),
-        ("pilot: hover-cf2x\n", "pilot: nobody\n", 14, "found the text \"nobody\", expected cross, hover"),
+        (
+            "pilot: hover-cf2x\n",
+            "pilot: nobody\n",
+            14,
+            "found the text \"nobody\", expected a pilot (hover, room-1",
+        ),
         ("COM_DL_LOSS_T: 3", "COM_DL_LOSS_T: 0", 15, "found 0, expected 1 to 300"),
         (
             "rate_hz: 50",
