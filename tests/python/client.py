@@ -2,6 +2,7 @@
 
 import math
 import os
+import socket
 import struct
 import time
 
@@ -20,6 +21,9 @@ SPEED = ["--speed", "5"]
 HEARTBEAT_SECS = 0.5
 """Of wall time: less than COM_DL_LOSS_T of simulated time at any speed up to 20."""
 
+RECEIVE_BYTES = 4 << 20
+"""Of datagrams that wait for this program, as far as the system allows it: on a busy machine it comes late to them."""
+
 POSITION_ONLY = 0b110111111000
 VELOCITY_ONLY = 0b110111000111
 NAN = float("nan")
@@ -32,6 +36,7 @@ class Client:
         self.vehicle = vehicle
         self.true = vehicle.true
         self.link = mavutil.mavlink_connection(f"udpin:{vehicle.ground_station}", source_system=255)
+        self.link.port.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
         self.mav = self.link.mav
         if key is not None:
             self.link.setup_signing(key)
