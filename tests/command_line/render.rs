@@ -92,7 +92,7 @@ fn wrong_requests_for_pictures_are_explained() {
         refused(&[cross, "-o", "no.png", "--drone", "1"]).contains("found --drone 1, expected a number below 1")
     );
     assert!(refused(&["none.yaml", "-o", "no.png"]).contains("none.yaml"));
-    assert!(refused(&["none", "-o", "no.gif"]).contains("cannot read none"));
+    assert!(refused(&["none", "-o", "no.gif"]).contains("none: found neither a file nor a task of this name"));
     assert!(refused(&[".", "-o", "no.gif"]).contains("holds no run"));
     let policy = in_assets("pilots/cross.kestrel");
     assert!(refused(&[&policy, "-o", "no.gif"]).contains("is no recording: it begins with"));
