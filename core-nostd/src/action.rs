@@ -61,12 +61,10 @@ pub enum Controls<R> {
     ThrustBodyRates(ThrustBodyRates),
     /// [`ReferenceActions`].
     Reference(ReferenceControls<R>),
-    /// [`Velocities`].
-    Velocities(Velocities),
+    /// [`IntegralVelocities`], of [`Velocities`] with a gain of zero: one copy of the code in a firmware.
+    Velocities(IntegralVelocities),
     /// [`RotorThrusts`].
     RotorThrusts(RotorThrusts),
-    /// [`IntegralVelocities`].
-    IntegralVelocities(IntegralVelocities),
 }
 
 /// One action per rotor: `hover_rotor_speed · (1 + fraction · action)`.
@@ -249,8 +247,10 @@ impl<R: Real> Controls<R> {
             ActionSpace::RotorSpeeds(space) => Self::RotorSpeeds(*space),
             ActionSpace::ThrustBodyRates(space) | ActionSpace::RateLoop(space) => Self::ThrustBodyRates(*space),
             ActionSpace::Reference(space) => Self::Reference(ReferenceControls::new(space)),
-            ActionSpace::Velocities(space) => Self::Velocities(*space),
-            ActionSpace::IntegralVelocities(space) => Self::IntegralVelocities(*space),
+            ActionSpace::Velocities(space) => {
+                Self::Velocities(IntegralVelocities { velocities: *space, integral_gain: 0.0 })
+            }
+            ActionSpace::IntegralVelocities(space) => Self::Velocities(*space),
             ActionSpace::RotorThrusts(space) => Self::RotorThrusts(*space),
         }
     }
@@ -274,8 +274,7 @@ impl<R: Real> Controls<R> {
             Self::RotorSpeeds(space) => space.rotor_targets(&[a, b, c, d]),
             Self::ThrustBodyRates(space) => space.rotor_targets(&[a, b, c, d], &state.body_rates),
             Self::Reference(controls) => controls.rotor_targets(action, state, setpoint, memory, secs),
-            Self::Velocities(space) => space.rotor_targets(&[a, b, c, d], state),
-            Self::IntegralVelocities(space) => {
+            Self::Velocities(space) => {
                 space.rotor_targets(&[a, b, c, d], state, &mut memory.velocity_integral, secs)
             }
             Self::RotorThrusts(space) => space.rotor_targets(&[a, b, c, d]),

@@ -30,13 +30,10 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             Controls::ThrustBodyRates(numbers) => {
                 self.command_lanes(stage, &Controls::ThrustBodyRates(numbers), actions, targets);
             }
-            Controls::Velocities(numbers) => {
-                self.command_lanes(stage, &Controls::Velocities(numbers), actions, targets);
-            }
+            Controls::Velocities(numbers) => self.command_velocities(stage, &numbers, actions, targets),
             Controls::RotorThrusts(numbers) => {
                 self.command_lanes(stage, &Controls::RotorThrusts(numbers), actions, targets);
             }
-            Controls::IntegralVelocities(numbers) => self.command_steadily(stage, &numbers, actions, targets),
             Controls::Reference(published) => match published.rpm() {
                 Some((hover, precision)) => command_around(&hover, precision, actions, targets),
                 None => self.command_each(stage, actions, targets),
@@ -63,7 +60,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     }
 
     #[inline(always)]
-    fn command_steadily(
+    fn command_velocities(
         &mut self,
         stage: &Stage<'_, R>,
         space: &IntegralVelocities,
@@ -71,7 +68,13 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         targets: &mut [Column<LANES, R>; 4],
     ) {
         let known = known_states(&self.swarm, self.latency.as_ref());
-        let Some(integrals) = &mut self.velocity_integral else { return };
+        let Some(integrals) = &mut self.velocity_integral else {
+            for lane in 0..LANES {
+                let ([a, b, c, d, _, _], state) = (row(actions, lane), known.state(lane));
+                set_row(targets, lane, space.velocities.rotor_targets(&[a, b, c, d], &state));
+            }
+            return;
+        };
         for lane in 0..LANES {
             let [a, b, c, d, _, _] = row(actions, lane);
             let mut integral = vector(integrals, lane);
