@@ -6,15 +6,7 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 /// Folders of the repository.
-const FOLDERS: [&str; 7] = [
-    "assets/airframes",
-    "assets/furniture",
-    "assets/meshes",
-    "assets/movables",
-    "assets/pilots",
-    "assets/worlds",
-    "configs",
-];
+const FOLDERS: [&str; 7] = include!("shipped_folders.rs");
 
 fn main() -> Result<(), Box<dyn Error>> {
     let repository = PathBuf::from(env::var("CARGO_MANIFEST_DIR")?).join("..");

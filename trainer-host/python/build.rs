@@ -4,15 +4,7 @@ use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
 /// Folders of the repository; the wheel has them in `kestrel_drones/shipped`.
-const FOLDERS: [&str; 7] = [
-    "configs",
-    "assets/airframes",
-    "assets/furniture",
-    "assets/meshes",
-    "assets/movables",
-    "assets/pilots",
-    "assets/worlds",
-];
+const FOLDERS: [&str; 7] = include!("../shipped_folders.rs");
 
 fn main() -> io::Result<()> {
     // Where it runs, not where it was compiled: a copied target folder must not bring another clone's files.

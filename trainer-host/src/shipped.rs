@@ -91,13 +91,15 @@ fn pilots() -> impl Iterator<Item = (&'static str, &'static [u8])> {
     FILES.iter().filter_map(file)
 }
 
-/// Tasks by name, and their files; an aviary whose name is taken is called `aviaries/NAME`.
+/// Tasks by name, and their files; an aviary whose name is taken is called `aviaries/NAME`. So does the Python package
+/// (`_tasks.py`).
 fn tasks() -> impl Iterator<Item = (&'static str, &'static str)> {
     FILES.iter().filter_map(|&(path, _)| {
         let name = path.strip_prefix("configs/")?.strip_suffix(".yaml")?;
         match name.rsplit_once('/') {
             None => Some((name, path)),
             Some(("aviaries", aviary)) => Some((if is_taken(aviary) { name } else { aviary }, path)),
+            Some(("aviaries/stream", room)) => Some((room, path)),
             Some(_) => None,
         }
     })
@@ -177,6 +179,7 @@ mod tests {
         assert_eq!(task("hover"), Some("configs/hover.yaml"));
         assert_eq!(task("aviaries/hover"), Some("configs/aviaries/hover.yaml"));
         assert_eq!(task("room-1"), Some("configs/aviaries/room-1.yaml"));
+        assert_eq!(task("stream-03"), Some("configs/aviaries/stream/stream-03.yaml"));
         assert_eq!([task("parts/a2c"), task("navigate"), task("aviaries/room-1")], [None; 3]);
     }
 

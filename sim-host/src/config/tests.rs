@@ -1,3 +1,4 @@
+use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::CF2X;
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -61,6 +62,21 @@ fn walls_close_the_room_and_leave_its_inside_free() {
     }
     for (x, y) in [(-0.25, -0.25), (4.25, 5.25), (-0.25, 2.0), (4.25, 2.0), (2.0, -0.25), (2.0, 5.25)] {
         assert!(walls.iter().any(|wall| contains(wall, &Vector3::new(x, y, 3.0))), "hole at {x}, {y}");
+    }
+}
+
+#[test]
+fn velocities_have_an_integral_if_it_has_a_gain() {
+    let action = |gain: &str| {
+        scenario(&[&format!("action={{velocity: {{integral_gain_per_s2: {gain}}}}}")])
+            .map(|scenario| scenario.action)
+    };
+    assert!(matches!(action("0"), Ok(ActionSpace::Velocities(_))));
+    assert_eq!(action("0").unwrap(), scenario(&["action={velocity: {}}"]).unwrap().action);
+    assert!(matches!(action("6"), Ok(ActionSpace::IntegralVelocities(space)) if space.integral_gain == 6.0));
+    for gain in ["-1", "101", ".nan"] {
+        let message = action(gain).unwrap_err().to_string();
+        assert!(message.contains("action.velocity.integral_gain_per_s2: found"), "{message}");
     }
 }
 

@@ -191,6 +191,17 @@ fn drones_whose_delays_jitter_with_a_rate_loop() {
     assert_deterministic(&format!("{}terminations: [ collision ]", jittering()), 60, &[Collision]);
 }
 
+/// The same by velocities whose controller has an integral.
+fn steadied() -> String {
+    REAL.replace("thrust_body_rates: {}", "velocity: { integral_gain_per_s2: 6 }")
+}
+
+#[test]
+fn late_drones_whose_velocities_have_an_integral() {
+    assert_deterministic(&steadied(), 60, &[TimeLimit]);
+    assert_deterministic(&format!("{}terminations: [ collision ]", steadied()), 60, &[Collision]);
+}
+
 #[test]
 fn a_rate_loop_stops_a_turn_that_held_commands_drive() {
     let looped = REAL
@@ -218,7 +229,14 @@ fn a_rate_loop_stops_a_turn_that_held_commands_drive() {
 
 #[test]
 fn rotor_speeds_that_a_pilot_commands_are_followed_as_its_actions_are() {
-    let scenario = scenario(&jittering());
+    follows_what_is_commanded(&jittering());
+    follows_what_is_commanded(&steadied());
+}
+
+/// For two episodes, of which each begins with a controller that remembers nothing.
+fn follows_what_is_commanded(yaml: &str) {
+    let scenario = scenario(yaml);
+    let mut memory = ControlMemory::new();
     let controls = Controls::<f32>::new(&scenario.action);
     let mut acting = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
     let mut commanding = acting.clone();
@@ -227,8 +245,10 @@ fn rotor_speeds_that_a_pilot_commands_are_followed_as_its_actions_are() {
         let actions = actions_of(&scenario, 0, 1, step);
         let [a, b, c, d] = actions[..] else { panic!("four") };
         let state = commanding.known_state(0);
-        let memory = &mut ControlMemory::new();
-        let targets = controls.rotor_targets(&[a, b, c, d, 0.0, 0.0], &state, &setpoint, memory, secs);
+        if step % scenario.episode_steps() as usize == 0 {
+            memory = ControlMemory::new();
+        }
+        let targets = controls.rotor_targets(&[a, b, c, d, 0.0, 0.0], &state, &setpoint, &mut memory, secs);
         acting.step(&actions);
         commanding.step_with_rotor_speeds(&actions, &[targets]);
         assert_eq!(acting.state(0), commanding.state(0), "step {step}");
