@@ -19,6 +19,7 @@ mod field_covered;
 mod fuel;
 mod heading;
 mod hold;
+mod impact;
 mod landing;
 mod out_of_bounds;
 mod rest;
@@ -60,6 +61,7 @@ terminations! {
         "rest" Rest in rest;
         "hold" Hold in hold;
         "speed" Speed in speed;
+        "impact" Impact in impact;
         "heading" Heading in heading;
     }
 }

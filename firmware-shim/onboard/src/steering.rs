@@ -2,10 +2,10 @@
 //!
 //! It takes over where a policy fails, flies where a peer chooses it, and follows what no policy was trained for: a position
 //! asks for a velocity, that for an attitude, that for body rates, and those for rotor speeds. The last three are the
-//! core's ([`Velocities`], [`ThrustBodyRates`]). The reference system's PID (`DslPid` of kestrel-core's feature `reference`) was
+//! core's ([`IntegralVelocities`], [`ThrustBodyRates`]), with its integral: a drone a third heavier than it should be takes off. The reference system's PID (`DslPid` of kestrel-core's feature `reference`) was
 //! tried first: rotors that lag by 0.09 s, as real ones do, let it oscillate.
 
-use kestrel_core::action::{ThrustBodyRates, Velocities};
+use kestrel_core::action::{IntegralVelocities, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::Airframe;
 use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
@@ -31,11 +31,8 @@ const VELOCITY_GAIN: f32 = 3.0;
 /// Velocity per error of the position \[1/s\]: a third of the gain below it.
 const POSITION_GAIN: f32 = 1.0;
 
-/// Velocity per integrated error of the position \[1/s²\]: slower than the gain above it by a factor of four.
-const INTEGRAL_GAIN: f32 = 0.25;
-
-/// Greatest velocity that the integral may ask for along an axis \[m/s\]: what a wind of 1 m/s takes.
-const INTEGRAL_LIMIT: f32 = 0.5;
+/// Acceleration per integrated error of the velocity \[1/s²\]: with the gain above it, nearly critically damped.
+const INTEGRAL_GAIN: f32 = 3.0;
 
 /// Greatest velocity that is asked for along an axis \[m/s\].
 const SPEED_LIMIT: f32 = 2.0;
@@ -43,9 +40,9 @@ const SPEED_LIMIT: f32 = 2.0;
 /// A controller for one airframe.
 #[derive(Clone, Debug)]
 pub struct Steering {
-    velocities: Velocities,
-    /// What the integral asks for \[m/s, world\].
-    drift: Vector3<f32>,
+    controller: IntegralVelocities,
+    /// What the integral makes up for \[m/s², world\].
+    integral: Vector3<f32>,
 }
 
 /// What a peer steers by directly.
@@ -75,32 +72,34 @@ impl Steering {
         // From no thrust to all of it.
         let authority = greatest * greatest - 1.0;
         Self {
-            velocities: Velocities {
-                rates: ThrustBodyRates::new(airframe, authority.max(1.0) as f32, BODY_RATES_LIMIT, RATE_GAINS),
-                speed_limit: SPEED_LIMIT,
-                velocity_gain: VELOCITY_GAIN,
-                attitude_gain: ATTITUDE_GAIN,
+            controller: IntegralVelocities {
+                velocities: Velocities {
+                    rates: ThrustBodyRates::new(airframe, authority.max(1.0) as f32, BODY_RATES_LIMIT, RATE_GAINS),
+                    speed_limit: SPEED_LIMIT,
+                    velocity_gain: VELOCITY_GAIN,
+                    attitude_gain: ATTITUDE_GAIN,
+                },
+                integral_gain: INTEGRAL_GAIN,
             },
-            drift: Vector3::zeros(),
+            integral: Vector3::zeros(),
         }
     }
 
-    /// Takes over: forgets what the integral asks for.
+    /// Takes over: forgets what the integral makes up for.
     pub fn begin(&mut self) {
-        self.drift = Vector3::zeros();
+        self.integral = Vector3::zeros();
     }
 
     /// Rotor targets \[rad/s\] toward a goal, `secs` after the last call.
     pub fn toward(&mut self, state: &State<f32>, goal: &MovingGoal, secs: f32) -> [f32; 4] {
         let error = goal.position() - state.position;
-        let drift = self.drift + error * (INTEGRAL_GAIN * secs);
-        self.drift = drift.map(|speed| speed.clamp(-INTEGRAL_LIMIT, INTEGRAL_LIMIT));
-        let wanted = (goal.velocity() + error * POSITION_GAIN + self.drift) / SPEED_LIMIT;
+        let wanted = (goal.velocity() + error * POSITION_GAIN) / SPEED_LIMIT;
         let (sine, cosine) = libm::sincosf(0.5 * goal.heading());
         let wanted_heading = Attitude { w: cosine, x: 0.0, y: 0.0, z: sine };
         let yaw_rate = turn(&heading(&state.world_from_body), &wanted_heading).z * HEADING_GAIN;
         let [_, _, yaw_rate_limit] = BODY_RATES_LIMIT;
-        self.velocities.rotor_targets(&[wanted.x, wanted.y, wanted.z, yaw_rate / yaw_rate_limit], state)
+        let action = [wanted.x, wanted.y, wanted.z, yaw_rate / yaw_rate_limit];
+        self.controller.rotor_targets(&action, state, &mut self.integral, secs)
     }
 
     /// Rotor targets \[rad/s\] that a peer asks for directly.
@@ -119,7 +118,7 @@ impl Steering {
     }
 
     fn turning(&self, state: &State<f32>, body_rates: &Vector3<f32>, thrust: f32) -> [f32; 4] {
-        let rates = &self.velocities.rates;
+        let rates = &self.controller.velocities.rates;
         let lift = thrust * rates.speed_squared_limit / rates.hover_speed_squared;
         let [x, y, z] = BODY_RATES_LIMIT;
         let action = [(lift - 1.0) / rates.thrust_fraction, body_rates.x / x, body_rates.y / y, body_rates.z / z];
@@ -173,6 +172,7 @@ fn turn(from: &Attitude<f32>, to: &Attitude<f32>) -> Vector3<f32> {
 #[cfg(test)]
 mod tests {
     use kestrel_core::airframe::CF2X;
+    use kestrel_core::airframe::GRAVITY;
 
     use super::*;
     use crate::plant::{FlatFloor, Plant};
@@ -287,11 +287,26 @@ mod tests {
 
     #[test]
     fn the_integral_does_not_wind_up_while_a_goal_is_out_of_reach() {
-        let (plant, mut steering) = hovering(0.0);
+        let (mut plant, mut steering) = hovering(0.0);
         for _ in 0..1000 {
             steering.toward(plant.state(), &MovingGoal::at(Vector3::new(9.0, -9.0, 9.0), 0.0), 0.1);
         }
-        assert_eq!(steering.drift, Vector3::new(INTEGRAL_LIMIT, -INTEGRAL_LIMIT, INTEGRAL_LIMIT));
+        assert!(steering.integral.norm() < GRAVITY as f32, "{}", steering.integral);
+        let goal = Vector3::new(0.0, 0.0, 1.0);
+        fly(&mut plant, &mut steering, MovingGoal::at(goal, 0.0), 8.0);
+        assert!((plant.state().position - goal).norm() < 0.05, "{}", plant.state().position);
+    }
+
+    #[test]
+    fn a_drone_that_is_heavier_and_weaker_than_it_should_be_takes_off_in_time() {
+        let weak = Airframe { mass: 1.15 * CF2X.mass, thrust_coefficient: 0.85 * CF2X.thrust_coefficient, ..CF2X };
+        let mut plant = FlatFloor::new(&weak, CONTROL_SECS);
+        let mut steering = Steering::new(&CF2X);
+        let goal = MovingGoal::at(Vector3::new(0.0, 0.0, 0.5), 0.0);
+        fly(&mut plant, &mut steering, goal, 5.0);
+        assert!((plant.state().position.z - 0.5).abs() < 0.1, "{}", plant.state().position);
+        fly(&mut plant, &mut steering, goal, 5.0);
+        assert!((plant.state().position.z - 0.5).abs() < 0.02, "{}", plant.state().position);
     }
 
     #[test]

@@ -4,6 +4,8 @@ use kestrel_core::action::{ACTION_LIMIT, ActionSpace, ReferenceActionKind, Refer
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
+use kestrel_sim::scenario::Scenario;
+use kestrel_sim::termination::Termination;
 use nalgebra::Vector3;
 
 /// Gains of the position loop \[1/s³, 1/s², 1/s\]: the best of five sets on the hover task; faster loops meet the
@@ -19,6 +21,10 @@ const INTEGRAL_RANGE_M: f32 = 0.3;
 const LEASH_M: f32 = 0.8;
 /// A point of a route counts as passed this close to it \[m\]: by then the drone is slow enough to turn on the spot.
 const PASSING_M: f32 = 0.15;
+/// Where a task says how hard its goal may be touched, the share of that speed which the pilot asks for, and from how far
+/// before the goal on \[m\]; until there it slows down.
+const TOUCH_SHARE: f32 = 0.8;
+const TOUCH_RANGE_M: f32 = 0.45;
 /// Body rate per attitude error \[1/s\].
 const ATTITUDE_GAIN: f32 = 6.0;
 /// Angular acceleration per body-rate error \[1/s\], as in the example experiments.
@@ -51,6 +57,8 @@ pub struct ScriptedPilot {
     passed: usize,
     /// Where the present leg began \[m, world\]; nowhere before the first action.
     departure: Option<Vector3<f32>>,
+    /// How far a goal that must be touched softly pulls at most, from [`TOUCH_RANGE_M`] on \[m\].
+    touch_leash: f32,
 }
 
 /// What to fly towards \[m, world\].
@@ -66,7 +74,27 @@ impl ScriptedPilot {
         let reserve = airframe.thrust_limit() / (airframe.mass * GRAVITY) - 1.0;
         let rates = ThrustBodyRates::new(airframe, reserve as f32, [6.0, 6.0, 3.0], RATE_GAINS);
         let (integral, route) = (Vector3::zeros(), Vec::new());
-        Self { action: *action, rates, control_secs, integral, route, passed: 0, departure: None }
+        Self {
+            action: *action,
+            rates,
+            control_secs,
+            integral,
+            route,
+            passed: 0,
+            departure: None,
+            touch_leash: LEASH_M,
+        }
+    }
+
+    /// The pilot of a scenario, who touches its goal as softly as its rules ask.
+    pub fn of(scenario: &Scenario) -> Self {
+        let limits = scenario.terminations.iter().filter_map(|rule| {
+            if let Termination::Impact(impact) = rule { Some(impact.speed_limit_m_per_s as f32) } else { None }
+        });
+        let leash = |limit: f32| TOUCH_SHARE * limit * VELOCITY_GAIN / POSITION_GAIN;
+        let touch_leash = limits.map(leash).fold(LEASH_M, f32::min);
+        let pilot = Self::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs());
+        Self { touch_leash, ..pilot }
     }
 
     /// The same pilot, who flies through these points \[m, world\] before he flies to a goal.
@@ -87,8 +115,15 @@ impl ScriptedPilot {
     /// behind the last; only as far as the action space lets it: up and down in those of one dimension, nowhere in `tun`, whose
     /// controller follows the task by itself.
     pub fn act(&mut self, state: &State<f32>, goal: &Vector3<f32>) -> [f32; ACTION_LIMIT] {
+        self.lead(state, goal, (goal - state.position).norm())
+    }
+
+    /// As [`Self::act`], towards a point on a way whose end is `distance` metres away.
+    pub(crate) fn lead(&mut self, state: &State<f32>, goal: &Vector3<f32>, distance: f32) -> [f32; ACTION_LIMIT] {
         let Aim { target, drift } = self.aim(&state.position, goal);
         let error = target - state.position;
+        let leash = self.touch_leash + (distance - TOUCH_RANGE_M).max(0.0);
+        let error = if leash < LEASH_M { pull(&error, leash) } else { error };
         if drift.norm() < INTEGRAL_RANGE_M {
             self.integral += drift * (INTEGRAL_GAIN * self.control_secs);
             self.integral *= INTEGRAL_LIMIT / self.integral.norm().max(INTEGRAL_LIMIT);
@@ -107,12 +142,12 @@ impl ScriptedPilot {
                 action(normalised(space, thrust_share, &rates))
             }
             ActionSpace::Velocities(space) => {
-                let wish = pull(&error) * POSITION_GAIN + self.integral;
+                let wish = pull(&error, LEASH_M) * POSITION_GAIN + self.integral;
                 action((wish / (VELOCITY_GAIN * space.speed_limit)).into())
             }
             // Its controller has an integral of its own.
             ActionSpace::IntegralVelocities(space) => {
-                let wish = pull(&error) * POSITION_GAIN;
+                let wish = pull(&error, LEASH_M) * POSITION_GAIN;
                 action((wish / (VELOCITY_GAIN * space.velocities.speed_limit)).into())
             }
             ActionSpace::Reference(space) => self.published(space, state, &target),
@@ -204,15 +239,15 @@ fn normalised(space: &ThrustBodyRates, thrust_share: f32, rates: &Vector3<f32>) 
     [(thrust_share - 1.0) / space.thrust_fraction, x, y, z].map(|value| value.clamp(-1.0, 1.0))
 }
 
-/// The part of a distance that is heeded \[m\].
-fn pull(error: &Vector3<f32>) -> Vector3<f32> {
-    error * (LEASH_M / error.norm().max(LEASH_M))
+/// The part of a distance that is heeded, up to a leash \[m\].
+fn pull(error: &Vector3<f32>, leash: f32) -> Vector3<f32> {
+    error * (leash / error.norm().max(leash))
 }
 
 /// Thrust relative to hover and wanted body rates \[rad/s\].
 fn track(state: &State<f32>, error: &Vector3<f32>, integral: &Vector3<f32>) -> (f32, Vector3<f32>) {
     let gravity = GRAVITY as f32;
-    let wish = pull(error) * POSITION_GAIN - state.velocity * VELOCITY_GAIN;
+    let wish = pull(error, LEASH_M) * POSITION_GAIN - state.velocity * VELOCITY_GAIN;
     let wish = wish * (ACCELERATION_LIMIT / wish.norm().max(ACCELERATION_LIMIT));
     let push = wish + integral + Vector3::new(0.0, 0.0, gravity);
     let body_z = state.world_from_body.body_z();

@@ -34,14 +34,14 @@ impl Teacher {
             Some(rooms) => Ways::Drawn(Arc::clone(rooms)),
             None => scenario.rewards.iter().find_map(RewardTerm::ways)?.clone(),
         };
-        let pilot = ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs());
-        Some(Self { pilot, ways })
+        Some(Self { pilot: ScriptedPilot::of(scenario), ways })
     }
 
     /// What it would do in a room, each value within \[-1, 1\], zeros behind the last.
     pub(crate) fn act(&mut self, state: &State<f32>, room: u32) -> [f32; ACTION_LIMIT] {
         self.pilot.reset();
-        self.pilot.act(state, &self.target(&state.position, room))
+        let distance = self.ways.of(room).length(state.position.into());
+        self.pilot.lead(state, &self.target(&state.position, room), distance)
     }
 
     fn target(&self, position: &Vector3<f32>, room: u32) -> Vector3<f32> {

@@ -51,7 +51,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
         first: u32,
     ) -> Self {
         let scenario = simulation.scenario();
-        let pilot = ScriptedPilot::new(&scenario.airframe, &scenario.action, scenario.physics.control_secs());
+        let pilot = ScriptedPilot::of(scenario);
         Self {
             flyer,
             scripted: (0..simulation.rows())

@@ -173,3 +173,12 @@ fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
     assert!(sight > 0.005, "the return {trained} changes by {sight} without eyes");
     assert!(errors[0] < 0.01 * sight && errors[1] < 0.2 * sight, "{errors:?} beside the {sight} of seeing");
 }
+
+#[test]
+fn the_scripted_pilot_touches_tables_as_softly_as_their_rooms_ask() {
+    for room in ["room-0", "room-1", "room-2"] {
+        let experiment = load(&in_repository(&format!("configs/aviaries/{room}.yaml")), &[]).unwrap();
+        let flights = evaluate(&experiment.evaluation.scenario, Flyer::Scripted, starts(64));
+        assert!(flights.success_rate > 0.75, "{room}: {flights:?}");
+    }
+}
