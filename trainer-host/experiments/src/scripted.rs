@@ -22,9 +22,9 @@ const LEASH_M: f32 = 0.8;
 /// A point of a route counts as passed this close to it \[m\]: by then the drone is slow enough to turn on the spot.
 const PASSING_M: f32 = 0.15;
 /// Where a task says how hard its goal may be touched, the share of that speed which the pilot asks for, and from how far
-/// before the goal on \[m\]; until there it slows down.
+/// before the goal on \[m\]: the table of a room begins 0.4 m before it, and slowing down takes as much.
 const TOUCH_SHARE: f32 = 0.8;
-const TOUCH_RANGE_M: f32 = 0.45;
+const TOUCH_RANGE_M: f32 = 0.8;
 /// Body rate per attitude error \[1/s\].
 const ATTITUDE_GAIN: f32 = 6.0;
 /// Angular acceleration per body-rate error \[1/s\], as in the example experiments.
@@ -122,8 +122,8 @@ impl ScriptedPilot {
     pub(crate) fn lead(&mut self, state: &State<f32>, goal: &Vector3<f32>, distance: f32) -> [f32; ACTION_LIMIT] {
         let Aim { target, drift } = self.aim(&state.position, goal);
         let error = target - state.position;
-        let leash = self.touch_leash + (distance - TOUCH_RANGE_M).max(0.0);
-        let error = if leash < LEASH_M { pull(&error, leash) } else { error };
+        let softly = self.touch_leash < LEASH_M && distance < TOUCH_RANGE_M;
+        let error = if softly { pull(&error, self.touch_leash) } else { error };
         if drift.norm() < INTEGRAL_RANGE_M {
             self.integral += drift * (INTEGRAL_GAIN * self.control_secs);
             self.integral *= INTEGRAL_LIMIT / self.integral.norm().max(INTEGRAL_LIMIT);
