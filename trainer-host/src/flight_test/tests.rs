@@ -158,5 +158,5 @@ fn a_flight_that_fails_is_filmed_from_its_begin_to_its_end() {
     let failures = failures(&case.expectations, &flown);
     assert!(!failures.is_empty());
     assert!(film(case, &flown, &failures).unwrap().starts_with(b"GIF89a"));
-    assert_eq!(file_name(case), "rooms-between-the-pillars--hover-cf2x--0.5-m.gif");
+    assert_eq!(file_name(case), "rooms-between-the-pillars--hover--0.5-m.gif");
 }
