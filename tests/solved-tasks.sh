@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Trains tasks of configs/aviaries by their own commands, one thread each, and prints a row of docs/solved-tasks.md for each.
-# What is in FOLDER already is not trained again. A task takes ten to eighty seconds of a core for each seed.
+# What is in FOLDER already is not trained again. A task takes a third of a minute to four minutes of a core for each seed.
 #
 #   tests/solved-tasks.sh FOLDER "SEEDS" TASK …
 #   tests/solved-tasks.sh runs/solved "201 202 203 204 205" takeoff meetup
