@@ -74,7 +74,8 @@ pub(crate) fn is_time_limit(code: f32) -> bool {
     usual(code) > ENDINGS.len() as f32 - 0.5
 }
 
-/// Writes each lane's code: a failure first, then success, then the clock; the published clock comes before all.
+/// Writes each lane's code: that of the first rule of the list that ends it, then success, then the clock; the published clock
+/// comes before all.
 #[inline(always)]
 pub(crate) fn find_endings<const LANES: usize, R: Real>(
     view: &FlightView<'_, LANES, R>,

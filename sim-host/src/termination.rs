@@ -73,7 +73,8 @@ impl Termination {
     /// The terminations as they run; `field` is their list.
     ///
     /// # Errors
-    /// When there are too many, a number is out of range or the goal itself ends the episode.
+    /// When there are too many, a number is out of range, the goal itself ends the episode, or `landing` leaves no touch to an
+    /// `impact` after it.
     pub(crate) fn check_all(
         terminations: &[Self],
         task: &RuleTask,
@@ -81,6 +82,10 @@ impl Termination {
     ) -> Result<Vec<Self>, ConfigError> {
         if terminations.len() > TERMINATIONS_LIMIT {
             return Err(field.refuse("", format!("a list of at most {TERMINATIONS_LIMIT}")));
+        }
+        let mut after_landing = terminations.iter().skip_while(|rule| **rule != Self::Landing);
+        if after_landing.any(|rule| matches!(rule, Self::Impact(_))) {
+            return Err(field.reject("`impact` after `landing`, which ends every touch", "`impact` before it"));
         }
         let check = |(index, rule): (usize, &Self)| {
             rule.check(task, &field.at(index).at(rule.name()))?;

@@ -2,8 +2,9 @@
 //!
 //! It takes over where a policy fails, flies where a peer chooses it, and follows what no policy was trained for: a position
 //! asks for a velocity, that for an attitude, that for body rates, and those for rotor speeds. The last three are the
-//! core's ([`IntegralVelocities`], [`ThrustBodyRates`]), with its integral: a drone a third heavier than it should be takes off. The reference system's PID (`DslPid` of kestrel-core's feature `reference`) was
-//! tried first: rotors that lag by 0.09 s, as real ones do, let it oscillate.
+//! core's ([`IntegralVelocities`], [`ThrustBodyRates`]); its integral lifts a drone that is a third too heavy for its rotors.
+//! The reference system's PID (`DslPid` of kestrel-core's feature `reference`) was tried first: rotors that lag by 0.09 s, as
+//! real ones do, let it oscillate.
 
 use kestrel_core::action::{IntegralVelocities, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::Airframe;
@@ -25,13 +26,13 @@ const ATTITUDE_GAIN: f32 = 5.0;
 /// Yaw rate per error of the heading \[1/s\]: a third of the gain below it.
 const HEADING_GAIN: f32 = 2.0;
 
-/// Acceleration per error of the velocity \[1/s\]: a step of the velocity overshoots by a tenth.
+/// Acceleration per error of the velocity \[1/s\].
 const VELOCITY_GAIN: f32 = 3.0;
 
 /// Velocity per error of the position \[1/s\]: a third of the gain below it.
 const POSITION_GAIN: f32 = 1.0;
 
-/// Acceleration per integrated error of the velocity \[1/s²\]: with the gain above it, nearly critically damped.
+/// Acceleration per integrated error of the velocity \[1/s²\]: with the gain above it a damping ratio of 0.87.
 const INTEGRAL_GAIN: f32 = 3.0;
 
 /// Greatest velocity that is asked for along an axis \[m/s\].
@@ -171,8 +172,7 @@ fn turn(from: &Attitude<f32>, to: &Attitude<f32>) -> Vector3<f32> {
 
 #[cfg(test)]
 mod tests {
-    use kestrel_core::airframe::CF2X;
-    use kestrel_core::airframe::GRAVITY;
+    use kestrel_core::airframe::{CF2X, GRAVITY};
 
     use super::*;
     use crate::plant::{FlatFloor, Plant};

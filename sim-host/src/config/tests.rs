@@ -81,6 +81,14 @@ fn velocities_have_an_integral_if_it_has_a_gain() {
 }
 
 #[test]
+fn an_impact_that_no_touch_would_reach_is_refused() {
+    let rules = |list: &str| scenario(&[&format!("terminations=[{list}]")]).map(drop);
+    rules("impact: {speed_limit_m_per_s: 0.5}, landing").unwrap();
+    let message = rules("landing, impact: {speed_limit_m_per_s: 0.5}").unwrap_err().to_string();
+    assert!(message.contains("terminations: found `impact` after `landing`"), "{message}");
+}
+
+#[test]
 fn heavier_drones_have_less_thrust_to_steer_with() {
     let rates = "action={thrust_body_rates: {fraction_of_hover: 1.2}}";
     assert!(scenario(&[rates]).is_ok());

@@ -1,8 +1,8 @@
 use crate::term::prelude::*;
 
 /// The drone comes to the landing zone faster than the limit. What counts is the greater of its speeds at the end of the
-/// control period of the touch and of the one before: one that bounces off has lost its speed already. Before `landing`
-/// in the list, or hard touches succeed.
+/// control period of the touch and of the one before: one that bounces off has lost its speed already. It stands
+/// before `landing` in the list.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]

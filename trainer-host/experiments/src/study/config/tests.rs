@@ -1,4 +1,8 @@
+use kestrel_core::action::ActionSpace;
+use kestrel_core::airframe::CF2X;
+use kestrel_sim::latency::Latency;
 use kestrel_sim::seed::Seed;
+use kestrel_sim::termination::Termination;
 
 use super::*;
 use crate::golden::{Messages, assert_golden, in_repository};
@@ -99,6 +103,26 @@ fn every_study_of_the_repository_is_sound_and_names_the_schema() {
             if let Err(error) = load(&path, &[]) {
                 panic!("{error}");
             }
+        }
+    }
+}
+
+/// RESULTS.md was found on the drone of gym-pybullet-drones, in rooms whose tables may be rammed.
+#[test]
+fn every_study_keeps_the_drone_on_which_it_was_run() {
+    for entry in std::fs::read_dir(in_repository("configs/studies")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "yaml") {
+            continue;
+        }
+        for task in load(&path, &[]).unwrap().tasks {
+            let scenario = task.scenario;
+            let name = path.display();
+            assert_eq!(scenario.latency, Latency::NONE, "{name}");
+            assert_eq!(scenario.randomisation.wind_speed, 0.0, "{name}");
+            assert!(!matches!(scenario.action, ActionSpace::IntegralVelocities(_)), "{name}");
+            assert!(!scenario.terminations.iter().any(|rule| matches!(rule, Termination::Impact(_))), "{name}");
+            assert_eq!(scenario.airframe.mass, CF2X.mass, "{name}");
         }
     }
 }
