@@ -144,6 +144,15 @@ pub enum Goals {
     Trajectory(Trajectories),
 }
 
+/// Where the goals of an environment are when an episode begins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FirstGoals<'a> {
+    /// Of each drone \[m, world\]; of a goal that goes along a curve, the curve's centre.
+    pub centres: Vec<Vector3<f32>>,
+    /// The curves, on any point of which it may begin.
+    pub curves: Option<&'a Trajectories>,
+}
+
 /// How the time of an episode is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
@@ -321,9 +330,10 @@ impl Goals {
         }
     }
 
-    /// Where the goals of all drones of an environment are at the start \[m, world\].
-    pub fn first(&self, nominal: &Vector3<f32>, drones: u32) -> Vec<Vector3<f32>> {
-        (0..drones as usize).map(|agent| self.at(nominal, agent, 0.0).cast()).collect()
+    /// Where the goals of all drones of an environment are at the start.
+    pub fn first(&self, nominal: &Vector3<f32>, drones: u32) -> FirstGoals<'_> {
+        let centres = (0..drones as usize).map(|agent| self.at(nominal, agent, 0.0).cast()).collect();
+        FirstGoals { centres, curves: self.trajectories() }
     }
 
     /// Its velocity \[m/s, world\], that of a curve apart, on average over the `lag_secs` before then, or then where that is zero. The average of

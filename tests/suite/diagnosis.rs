@@ -13,7 +13,7 @@ use kestrel_experiments::training_run::TrainingRun;
 /// A defect: the task, what is changed in it, and the key that is to blame.
 type Defect = (&'static str, &'static [&'static str], &'static str);
 
-const DEFECTS: [Defect; 13] = [
+const DEFECTS: [Defect; 14] = [
     ("hover-cf2x", &["training.learning_rate={constant: 0.2}"], "training.learning_rate"),
     ("hover-cf2x", &["training.learning_rate={constant: 1.0e-7}"], "training.learning_rate"),
     ("hover-cf2x", &["training.initial_log_std=-2.9"], "training.initial_log_std"),
@@ -38,6 +38,11 @@ const DEFECTS: [Defect; 13] = [
         "scenario.rewards",
     ),
     ("aviaries/incremental-cross-1", &["scenario.episode_secs=1"], "scenario.episode_secs"),
+    (
+        "aviaries/incremental-cross-1",
+        &["scenario.observation={pilot: {position_scale_m: 6.0}}", "training.teacher=null"],
+        "scenario.observation",
+    ),
     (
         "aviaries/fly-through-gate",
         &["scenario.rewards=[progress: {weight: 2.0}, success: {weight: 10.0}, alive: {weight: -30.0}]"],

@@ -14,7 +14,7 @@ use super::world::{FurnitureConfig, SCALES};
 use super::{ScenarioConfig, StartConfig, SuccessConfig};
 use crate::physics::{Contacts, Physics};
 use crate::rooms::{Model, ROOM, RoomPlanner, RoomRange, Rooms, Workshop};
-use crate::scenario::{Start, StartPosition};
+use crate::scenario::{Goals, Start, StartPosition};
 use crate::seed::Seed;
 use crate::termination::Termination;
 use crate::world::{Cuboid, Solid};
@@ -215,7 +215,7 @@ impl StartConfig {
         field: &Field<'_>,
     ) -> Result<Start, ConfigError> {
         let bare = rooms.bare();
-        let mut start = self.check(&bare, airframe, terminations, &[bare.goal], field)?;
+        let mut start = self.check(&bare, airframe, terminations, &Goals::Fixed.first(&bare.goal, 1), field)?;
         settle_start(&mut start, airframe.collision_radius as f32, field)?;
         Ok(start)
     }

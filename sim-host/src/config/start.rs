@@ -11,9 +11,10 @@ use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
 use super::ways_of;
 use crate::latency::Latency;
-use crate::scenario::{Aviary, FreeSpace, PathStarts, Place, Randomisation, Start, StartPosition};
+use crate::scenario::{Aviary, FirstGoals, FreeSpace, PathStarts, Place, Randomisation, Start, StartPosition};
 use crate::term::StartLimit;
 use crate::termination::Termination;
+use crate::trajectory::{Trajectories, TrajectoryShape};
 use crate::world::{Cuboid, Floor};
 
 /// Factors `1 ± fraction` stay well above zero.
@@ -257,7 +258,7 @@ impl RandomisationConfig {
 }
 
 impl StartConfig {
-    /// The start states, none of which ends its episode at once; `goals` has the first goal of each drone \[m, world\].
+    /// The start states, none of which ends its episode at once.
     ///
     /// # Errors
     /// When a number is out of range or a start would meet one of the `terminations`.
@@ -266,7 +267,7 @@ impl StartConfig {
         aviary: &Aviary,
         airframe: &Airframe,
         terminations: &[Termination],
-        goals: &[Vector3<f32>],
+        goals: &FirstGoals<'_>,
         field: &Field<'_>,
     ) -> Result<Start, ConfigError> {
         let half_turn = Limits::from(0.0, 180.0, "degrees");
@@ -274,7 +275,12 @@ impl StartConfig {
         let tilt = field.at("tilt_limit_deg").number(self.tilt_limit_deg, &half_turn)?;
         let rates = Limits::from(0.0, 50.0, "rad/s");
         let start = Start {
-            position: self.position.check((aviary, airframe), terminations, goals.len(), &field.at("position"))?,
+            position: self.position.check(
+                (aviary, airframe),
+                terminations,
+                goals.centres.len(),
+                &field.at("position"),
+            )?,
             heading_limit: heading.to_radians() as f32,
             tilt_limit: tilt.to_radians(),
             speed_limit: field.at("speed_limit_m_per_s").number(self.speed_limit_m_per_s, &SPEED)?,
@@ -407,7 +413,7 @@ fn survives(
 
 /// Where starts can be: balls around the drones' goals, a box or places.
 struct Region<'a> {
-    goals: &'a [Vector3<f32>],
+    goals: &'a FirstGoals<'a>,
     position: &'a StartPosition,
 }
 
@@ -416,8 +422,12 @@ impl Region<'_> {
     fn hull(&self) -> Cuboid {
         match self.position {
             StartPosition::AroundGoal { farthest_m, .. } => {
-                let Cuboid { low, high } = hull_of(self.goals.iter().copied());
-                Cuboid { low: low.add_scalar(-farthest_m), high: high.add_scalar(*farthest_m) }
+                let Cuboid { low, high } = hull_of(self.goals.centres.iter().copied());
+                let curve = self.goals.curves.map_or(Vector3::zeros(), |curves| {
+                    Vector3::new(curves.reach[1], curves.reach[1], curves.rise[1])
+                });
+                let around = curve.add_scalar(*farthest_m);
+                Cuboid { low: low - around, high: high + around }
             }
             StartPosition::Within(region) | StartPosition::FreeWithin(FreeSpace { region, .. }) => *region,
             StartPosition::AlongWay(starts) => starts.space.region,
@@ -436,9 +446,11 @@ impl Region<'_> {
             | StartPosition::FreeWithin(FreeSpace { region: Cuboid { low, high }, .. })
             | StartPosition::AlongWay(PathStarts {
                 space: FreeSpace { region: Cuboid { low, high }, .. }, ..
-            }) => self.goals.iter().map(|goal| (goal - low).abs().sup(&(high - goal).abs()).norm()).collect(),
+            }) => {
+                self.goals.centres.iter().map(|goal| (goal - low).abs().sup(&(high - goal).abs()).norm()).collect()
+            }
             StartPosition::Exactly(places) => {
-                let pairs = places.iter().zip(self.goals);
+                let pairs = places.iter().zip(&self.goals.centres);
                 pairs.map(|(place, goal)| (place.position.cast() - goal).norm() + place.spread).collect()
             }
         };
@@ -450,7 +462,11 @@ impl Region<'_> {
         let to_point = |point: Vector3<f32>| gap(&Cuboid { low: point, high: point }, solid);
         match self.position {
             StartPosition::AroundGoal { farthest_m, .. } => {
-                self.goals.iter().map(|goal| to_point(*goal) - farthest_m).fold(f32::INFINITY, f32::min)
+                let to_goal = |goal: &Vector3<f32>| match self.goals.curves {
+                    None => to_point(*goal),
+                    Some(curves) => gap_to_curves(goal, curves, solid),
+                };
+                self.goals.centres.iter().map(to_goal).fold(f32::INFINITY, f32::min) - farthest_m
             }
             StartPosition::Within(region) => gap(region, solid),
             StartPosition::AlongWay(starts) => gap(&starts.space.region, solid).min(starts.space.clearance_m),
@@ -503,6 +519,18 @@ fn free_enough(space: &FreeSpace, radius: f32, field: &Field<'_>) -> Result<(), 
     }
     let expected = format!("at least {radius} m, the drone's radius");
     Err(field.at("free_within").at("clearance_m").refuse(space.clearance_m, expected))
+}
+
+/// Least distance \[m\] between a solid and what curves about a centre may pass: a disc as high as they rise, or, where all
+/// of them are circles, its outer ring.
+fn gap_to_curves(centre: &Vector3<f32>, curves: &Trajectories, solid: &Cuboid) -> f32 {
+    let circles = curves.shapes.iter().all(|shape| *shape == TrajectoryShape::Circle);
+    let (inner, outer) = (if circles { curves.reach[0] } else { 0.0 }, curves.reach[1]);
+    let (low, high) = (solid.low - centre, solid.high - centre);
+    let nearest = low.sup(&-high).sup(&Vector3::zeros());
+    let farthest = low.abs().sup(&high.abs());
+    let across = (nearest.xy().norm() - outer).max(inner - farthest.xy().norm()).max(0.0);
+    across.hypot((nearest.z - curves.rise[1]).max(0.0))
 }
 
 /// The smallest box around all points.

@@ -85,7 +85,24 @@ fn an_impact_that_no_touch_would_reach_is_refused() {
     let rules = |list: &str| scenario(&[&format!("terminations=[{list}]")]).map(drop);
     rules("impact: {speed_limit_m_per_s: 0.5}, landing").unwrap();
     let message = rules("landing, impact: {speed_limit_m_per_s: 0.5}").unwrap_err().to_string();
-    assert!(message.contains("terminations: found `impact` after `landing`"), "{message}");
+    assert!(message.contains("found `impact` after `landing`"), "{message}");
+}
+
+#[test]
+fn starts_around_a_goal_on_a_curve_are_where_the_curve_begins() {
+    let around_a_pillar = |shape: &str, farthest: &str| {
+        let goals = format!("goals.trajectory={{shapes: [{shape}], reach_m: [0.6, 1.0]}}");
+        let position = format!("start.position={{around_goal: {{farthest_m: {farthest}}}}}");
+        let place = ["aviary={pillars: [[0, 0]], goal_m: [0.0, 0.0, 0.8]}", "terminations=[collision]"];
+        scenario(&[&place[..], &[&goals, &position]].concat()).map(drop)
+    };
+    around_a_pillar("circle", "0.3").unwrap();
+    for [shape, farthest] in [["circle", "0.5"], ["figure_eight", "0.1"]] {
+        let message = around_a_pillar(shape, farthest).unwrap_err().to_string();
+        assert!(message.contains("from the solid") && message.contains("the drone's radius"), "{message}");
+    }
+    let low = around_a_pillar("circle, figure_eight", "0.3").unwrap_err().to_string();
+    assert!(low.contains("starts 0.000 m from the solid"), "{low}");
 }
 
 #[test]

@@ -123,8 +123,9 @@ fn likely_causes(experiment: &Experiment, updates: &[UpdateRow], report: &Evalua
 
 type Check = fn(&Evidence<'_>) -> Option<Cause>;
 
-const CHECKS: [Check; 15] = [
+const CHECKS: [Check; 16] = [
     no_reward_for_the_goal,
+    measures_in_vain,
     nothing_on_the_way,
     lost_at_the_start,
     steps_too_long,
@@ -211,6 +212,19 @@ fn no_reward_for_the_goal(evidence: &Evidence<'_>) -> Option<Cause> {
     })
 }
 
+/// Sensors that the observation leaves out.
+fn measures_in_vain(evidence: &Evidence<'_>) -> Option<Cause> {
+    let Scenario { sensors, observation, .. } = evidence.scenario();
+    let blind = matches!(observation, ObservationLayout::Pilot(_) | ObservationLayout::PilotFor(_));
+    (blind && !sensors.is_empty()).then(|| Cause {
+        sureness: 0.96,
+        says: "the policy does not see what its sensors measure: the observation `pilot` leaves them out"
+            .to_owned(),
+        key: "scenario.observation".to_owned(),
+        change: "take `pilot_measured` or `body` for",
+    })
+}
+
 fn nothing_on_the_way(evidence: &Evidence<'_>) -> Option<Cause> {
     let dense = evidence.scenario().rewards.iter().any(|term| {
         term.weight() != 0.0 && !INDIFFERENT.contains(&term.name()) && !AT_THE_END.contains(&term.name())
@@ -256,6 +270,9 @@ fn steps_too_long(evidence: &Evidence<'_>) -> Option<Cause> {
 
 fn steps_too_short(evidence: &Evidence<'_>) -> Option<Cause> {
     let ppo = evidence.ppo()?;
+    if ppo.epochs == 1 && ppo.minibatch >= ppo.environments * ppo.steps_per_rollout {
+        return None; // the divergence is measured before the only step, where it is none
+    }
     let (kl, clipped) = (evidence.median(|row| row.approx_kl)?, evidence.median(|row| row.clip_fraction)?);
     if kl > 3e-4 || clipped > 0.002 {
         return None;

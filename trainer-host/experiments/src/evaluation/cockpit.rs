@@ -5,10 +5,13 @@ use kestrel_core::gru::HiddenState;
 use kestrel_core::observation::OBSERVATION_LIMIT;
 use kestrel_core::policy_file::{PolicyScratch, VisionPolicy};
 use kestrel_core::real::Real;
+use kestrel_core::vehicle::State;
+use kestrel_sim::contact::{Arena, ContactReport};
 use kestrel_sim::outcome::Outcome;
-use kestrel_sim::scenario::Goals;
+use kestrel_sim::scenario::{Goals, Scenario};
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::simulation::Simulation;
+use nalgebra::Vector3;
 
 use super::Flyer;
 use crate::scripted::ScriptedPilot;
@@ -27,8 +30,8 @@ pub(crate) struct Cockpit<'a, R> {
     scripted: Vec<ScriptedPilot>,
     /// One per drone, where one of Bitcraze's controllers flies.
     stock: Vec<StockFlight>,
-    /// In worlds that are drawn, through which no route is written down, the way itself leads the scripted pilot.
-    guide: Option<Teacher>,
+    /// Where no route is written down, the shortest free way leads the scripted pilot past what stands before its goal.
+    guide: Option<Guide>,
     noise: Stream,
     /// Of an actor, once it has acted.
     pass: Option<ActorWorkspace>,
@@ -63,7 +66,10 @@ impl<'a, R: Real> Cockpit<'a, R> {
                     Vec::new()
                 }
             },
-            guide: scenario.drawn.as_ref().and_then(|_| Teacher::of(scenario)),
+            guide: match flyer {
+                Flyer::Scripted => Guide::of(scenario, simulation.rows()),
+                Flyer::Actor(_) | Flyer::Policy(_) | Flyer::Nothing | Flyer::Random | Flyer::Stock(_) => None,
+            },
             noise: Stream::new(seed, first, Purpose::Baseline),
             pass: None,
             hidden: match flyer {
@@ -158,19 +164,20 @@ impl<'a, R: Real> Cockpit<'a, R> {
 
     fn follow_script<const LANES: usize>(&mut self, simulation: &Simulation<LANES, R>) {
         let rows = simulation.rows();
-        if let Some(guide) = &mut self.guide {
-            for row in 0..rows {
-                let action = guide.act(&simulation.state(row).map(Real::to_f32), simulation.room(row));
-                write_action(&mut self.actions, rows, row, &action);
-            }
-            return;
-        }
         for (row, pilot) in self.scripted.iter_mut().enumerate() {
-            if simulation.outcomes()[row] != Outcome::Running {
+            let begins = simulation.outcomes()[row] != Outcome::Running;
+            if begins {
                 pilot.reset();
             }
             let goal = simulation.goal(row).map(Real::to_f32);
             let mut state = simulation.state(row).map(Real::to_f32);
+            let guide = self.guide.as_mut();
+            if let Some(action) =
+                guide.and_then(|guide| guide.act(row, begins, (&state, &goal), simulation.room(row)))
+            {
+                write_action(&mut self.actions, rows, row, &action);
+                continue;
+            }
             if let Goals::Trajectory(_) = simulation.scenario().goals {
                 // Beside a goal that moves with it, a drone is at rest.
                 state.velocity -= simulation.goal_velocity(row).map(Real::to_f32);
@@ -197,6 +204,55 @@ fn write_action(actions: &mut [f32], count: usize, environment: usize, action: &
     for (column, value) in actions.chunks_exact_mut(count).zip(action) {
         column[environment] = *value;
     }
+}
+
+/// Who knows the shortest free way, for scripted pilots without a route.
+#[derive(Clone, Debug)]
+struct Guide {
+    teacher: Teacher,
+    /// What may stand in the way; nothing where worlds are drawn, in all of which something does.
+    arena: Option<Arena>,
+    /// Of each drone, whether it is led in its present flight; unknown before the first.
+    leads: Vec<Option<bool>>,
+}
+
+impl Guide {
+    /// So near to the goal \[m\] nothing counts as being in the way: it may be a part of the goal.
+    const AT_GOAL_M: f32 = 0.5;
+
+    /// None where a route is written down, or no reward asks for the way.
+    fn of(scenario: &Scenario, rows: usize) -> Option<Self> {
+        let drawn = scenario.drawn.is_some();
+        if !drawn && !scenario.aviary.routes.is_empty() {
+            return None;
+        }
+        let arena = || Arena::new(&scenario.aviary.world, &scenario.airframe, ContactReport::Touch);
+        Some(Self { teacher: Teacher::of(scenario)?, arena: (!drawn).then(arena), leads: vec![None; rows] })
+    }
+
+    /// What the drone of a row does if it is led, which is settled where its flight begins.
+    fn act(
+        &mut self,
+        row: usize,
+        begins: bool,
+        (state, goal): (&State<f32>, &Vector3<f32>),
+        room: u32,
+    ) -> Option<[f32; ACTION_LIMIT]> {
+        let blocked = || self.arena.as_ref().is_none_or(|arena| is_blocked(arena, &state.position, goal));
+        let leads = match self.leads[row] {
+            Some(leads) if !begins => leads,
+            Some(_) | None => blocked(),
+        };
+        self.leads[row] = Some(leads);
+        leads.then(|| self.teacher.act(state, room))
+    }
+}
+
+/// Whether something solid is on the straight line, but for its end.
+fn is_blocked(arena: &Arena, from: &Vector3<f32>, goal: &Vector3<f32>) -> bool {
+    let line = goal - from;
+    let limit = line.norm() - Guide::AT_GOAL_M;
+    limit > 0.0 && arena.raycast(from.cast(), line.normalize().cast(), limit.into()).is_some()
 }
 
 /// What a policy with an eye keeps of the last image of one drone.

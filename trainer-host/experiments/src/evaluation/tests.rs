@@ -182,3 +182,10 @@ fn the_scripted_pilot_touches_tables_as_softly_as_their_rooms_ask() {
         assert!(flights.success_rate > 0.75, "{room}: {flights:?}");
     }
 }
+
+#[test]
+fn the_scripted_pilot_finds_its_way_where_no_route_is_written_down() {
+    let experiment = load(&in_repository("configs/examples/two-gates.yaml"), &[]).unwrap();
+    let flights = evaluate(&experiment.evaluation.scenario, Flyer::Scripted, starts(64));
+    assert!(flights.success_rate > 0.75, "{flights:?}");
+}

@@ -184,8 +184,8 @@ fn what_cannot_be_trained_is_refused_before_it_begins() {
 
 #[test]
 fn every_task_that_ships_is_ready_to_train() {
-    let folder = in_repository("configs/aviaries");
-    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let files = |folder| std::fs::read_dir(in_repository(folder)).unwrap().map(|entry| entry.unwrap().path());
+    let files = files("configs/aviaries").chain(files("configs/examples"));
     let tasks: Vec<_> = files.filter(|path| path.extension().is_some_and(|end| end == "yaml")).collect();
     assert!(tasks.len() > 80, "{} tasks", tasks.len());
     for path in tasks {
