@@ -19,16 +19,16 @@ use crate::seed::{Purpose, Seed};
 use crate::sensor::{Course, Told};
 use crate::stage::Stage;
 use crate::swarm::{Column, Mechanics, Swarm, one_lane, row, set_row, vector};
-use crate::world::Pose;
+use crate::world::{Drive, Movable, Pose};
 
 /// `LANES` environments that step together, with all their drones.
 #[derive(Clone, Debug)]
 pub(crate) struct Block<const LANES: usize, R: Real> {
     pub(crate) agents: Vec<Agent<LANES, R>>,
-    /// Bodies that drones push, by lane.
+    /// Bodies that move, by lane.
     movables: Vec<Vec<Motion>>,
-    /// How far each of them reaches from its centre \[m\].
-    movable_reaches: Vec<f64>,
+    /// What there is to know of each of them.
+    movable_kinds: Vec<MovableKind>,
     /// Where bodies touched, by lane.
     contacts: Vec<ContactMemory>,
     /// Where all drones are.
@@ -36,6 +36,20 @@ pub(crate) struct Block<const LANES: usize, R: Real> {
     targets: Vec<[Column<LANES, R>; 4]>,
     /// What the air of the others pushes each drone down with \[N\].
     pushes: Vec<Column<LANES, R>>,
+}
+
+/// What contacts have to know of a movable beside where it is.
+#[derive(Clone, Copy, Debug)]
+struct MovableKind {
+    /// How far it reaches from its centre \[m\].
+    reach: f64,
+    drive: Drive,
+}
+
+impl MovableKind {
+    fn of(movable: &Movable) -> Self {
+        Self { reach: movable.solid.shape.reach(), drive: movable.drive }
+    }
 }
 
 /// The actions of one agent of a block.
@@ -49,13 +63,14 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let mut block = Self {
             agents: (0..count).map(|index| Agent::new(scenario, arenas, index, source, first)).collect(),
             movables: vec![standing(scenario); LANES],
-            movable_reaches: scenario.aviary.world.movables.iter().map(|body| body.solid.shape.reach()).collect(),
+            movable_kinds: scenario.aviary.world.movables.iter().map(MovableKind::of).collect(),
             contacts: vec![ContactMemory::default(); LANES],
             team: vec![[nothing; 3]; count],
             targets: vec![[nothing; 4]; count],
             pushes: vec![nothing; count],
         };
         block.update_positions();
+        block.carry(scenario, 0..LANES);
         (0..LANES).for_each(|lane| block.observe_restarted(scenario, lane));
         block
     }
@@ -84,6 +99,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.observe(stage);
             agent.draw_delays();
         }
+        self.carry(scenario, 0..LANES);
     }
 
     /// As [`Self::advance`], without what has no derivative: contacts, endings, sensors, neighbours.
@@ -128,6 +144,27 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     fn hold_rates(&mut self) {
         for (agent, targets) in self.agents.iter().zip(&mut self.targets) {
             agent.hold_rates(targets);
+        }
+    }
+
+    /// Puts what goes with the goal where the goal has come to, with its velocity for the coming control period.
+    #[inline(always)]
+    fn carry(&mut self, scenario: &Scenario, lanes: Range<usize>) {
+        if self.movable_kinds.iter().all(|kind| kind.drive != Drive::Carried) {
+            return;
+        }
+        let home: Vector3<f64> = scenario.aviary.goal.cast();
+        let goals = &self.agents[0];
+        for lane in lanes {
+            let offset = goals.goal(lane).map(Real::to_f64) - home;
+            let velocity = goals.goal_velocity(lane).map(Real::to_f64);
+            for (motion, movable) in self.movables[lane].iter_mut().zip(&scenario.aviary.world.movables) {
+                if movable.drive == Drive::Carried {
+                    let pose = movable.solid.pose;
+                    let pose = Pose { position: pose.position + offset, ..pose };
+                    *motion = Motion { velocity, ..Motion::at_rest(pose) };
+                }
+            }
         }
     }
 
@@ -213,7 +250,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let reach = arenas.of(self.agents[0].room(0)).reach();
         self.mark_near(arenas, &mut near, |_, _| reach);
         self.mark_meetings(&mut near, |_, _| reach);
-        self.mark_movables(&mut near, |_, _| reach);
+        self.mark_movables(&mut near, 0.0, |_, _| reach);
         for lane in lanes_of(&near) {
             let drones: Vec<Motion> = self.agents.iter().map(|agent| agent.swarm.motion(lane)).collect();
             let touches = touching(arenas.of(self.agents[0].room(lane)), &drones, &self.movables[lane]);
@@ -239,7 +276,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         let mut near = [0.0; LANES];
         self.mark_near(arenas, &mut near, travel);
         self.mark_meetings(&mut near, travel);
-        self.mark_movables(&mut near, travel);
+        self.mark_movables(&mut near, f64::from(secs), travel);
         near
     }
 
@@ -271,14 +308,15 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
     }
 
-    /// Marks lanes in which a body moves or a drone can push one.
-    fn mark_movables(&self, near: &mut Column<LANES>, reach: impl Fn(usize, usize) -> f32) {
+    /// Marks lanes in which a body moves that can be pushed, or one comes near a drone within some time \[s\].
+    fn mark_movables(&self, near: &mut Column<LANES>, secs: f64, reach: impl Fn(usize, usize) -> f32) {
         if self.movables[0].is_empty() {
             return;
         }
         for (lane, movables) in self.movables.iter().enumerate() {
-            for (movable, own_reach) in movables.iter().zip(&self.movable_reaches) {
-                let moves = movable.velocity.norm_squared() + movable.body_rates.norm_squared() > 0.0;
+            for (movable, kind) in movables.iter().zip(&self.movable_kinds) {
+                let moves = kind.drive != Drive::Carried && !movable.is_at_rest();
+                let own_reach = kind.reach + movable.velocity.norm() * secs;
                 let close = self.agents.iter().enumerate().any(|(index, agent)| {
                     let position = vector(&agent.swarm.position, lane).map(Real::to_f64);
                     (position - movable.pose.position).norm() < f64::from(reach(index, lane)) + own_reach
@@ -411,6 +449,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         self.movables[lane] = standing(scenario);
         self.agents.iter_mut().for_each(|agent| agent.restart(scenario, arenas, lane));
         self.update_positions();
+        self.carry(scenario, lane..lane + 1);
         self.observe_restarted(scenario, lane);
     }
 
@@ -434,6 +473,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.restart_ended(scenario, arenas, first, &mut |done| finished(index, done));
         }
         self.update_positions();
+        self.carry(scenario, 0..LANES);
         for lane in 0..LANES {
             if self.agents.iter().any(|agent| agent.codes[lane] > 0.0) {
                 self.observe_restarted(scenario, lane);

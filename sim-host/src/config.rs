@@ -71,7 +71,7 @@ use crate::rooms::{Ways, Workshop};
 use crate::scenario::{Aviary, CriticView, Goals, Preset, Scenario, TeamSuccess};
 use crate::term::{GoalKind, RewardTask, RuleTask};
 use crate::termination::Termination;
-use crate::world::{Cuboid, World};
+use crate::world::{Cuboid, Drive, World};
 
 /// Default of [`ScenarioConfig::episode_secs`].
 const EPISODE_SECS: f64 = 8.0;
@@ -170,6 +170,7 @@ impl ScenarioConfig {
         let agents = self.agents.check(&aviary.world, &field.at("agents"))?;
         self.check_team(agents.count, field)?;
         let goals = self.check_goals(agents.count, &aviary.world, field)?;
+        self.check_carried(&aviary.world, &goals, field)?;
         self.check_path(&goals, field)?;
         let task = RuleTask { goals: drawn.as_ref().map_or(at(aviary.goal), |_| Workshop::goals()) };
         let terminations = Termination::check_all(&self.terminations, &task, &field.at("terminations"))?;
@@ -218,6 +219,21 @@ impl ScenarioConfig {
     fn check_goals(&self, drones: u32, world: &World, field: &Field<'_>) -> Result<Goals, ConfigError> {
         let goals = self.goals.as_ref();
         Ok(goals.map(|goals| goals.check(drones, world, &field.at("goals"))).transpose()?.unwrap_or(Goals::Fixed))
+    }
+
+    /// Refuses bodies that go with a goal that stays, or in the physics of Bullet, whose bodies are all pushed.
+    fn check_carried(&self, world: &World, goals: &Goals, field: &Field<'_>) -> Result<(), ConfigError> {
+        let field = field.at("aviary").at("carried");
+        match world.movables.iter().find(|body| body.drive == Drive::Carried) {
+            Some(body) if !goals.is_moving() => {
+                let found = format!("`{}`, which goes with the goal, and a goal that stays", body.solid.name);
+                Err(field.reject(found, "`goals` that move: `line`, `wave` or `trajectory`"))
+            }
+            Some(_) if self.physics.bullet.is_some() => {
+                Err(field.reject("bodies that are carried in `physics.bullet`", "none, or the physics `clean`"))
+            }
+            Some(_) | None => Ok(()),
+        }
     }
 
     /// Refuses a sensor that sees more team mates than there are, and a success of all that ends the episode of the first.

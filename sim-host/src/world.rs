@@ -22,7 +22,8 @@ pub struct World {
     pub floor: Floor,
     /// Bodies that never move.
     pub solids: Vec<Solid>,
-    /// Bodies that a drone can push; at the start of every episode they are where their pose says.
+    /// Bodies that move; those that a drone can push are where their pose says at the start of every episode, the others where
+    /// they are while the goal is at the aviary's.
     pub movables: Vec<Movable>,
 }
 
@@ -65,13 +66,32 @@ pub struct VisualGeometry {
     pub pose_in_body: Pose,
 }
 
-/// A body that a drone can push.
+/// A body that does not stay where it is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Movable {
     /// Its outline, surface and place at the start.
     pub solid: Solid,
-    /// \[kg\].
-    pub mass: f64,
+    /// What moves it.
+    pub drive: Drive,
+}
+
+/// What moves a movable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Drive {
+    /// Gravity and whatever pushes it.
+    Pushed {
+        /// \[kg\].
+        mass: f64,
+    },
+    /// It goes where the goal of the first drone goes, whatever is in its way: a landing pad on wheels.
+    Carried,
+}
+
+impl Movable {
+    /// A body of some mass \[kg\] that a drone can push.
+    pub fn pushed(solid: Solid, mass: f64) -> Self {
+        Self { solid, drive: Drive::Pushed { mass } }
+    }
 }
 
 /// Outline of a body around its own origin.

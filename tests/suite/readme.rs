@@ -1,4 +1,4 @@
-//! README's library code runs, and is what stands there.
+//! README's library code runs, and is what stands there; so is the task of `docs/your-task.md`.
 
 use std::error::Error;
 
@@ -54,4 +54,14 @@ fn the_library_code_of_the_readme_is_this() {
     let shown: Vec<String> = block.lines().map(code).collect();
     let here: Vec<String> = include_str!("readme.rs").lines().map(|line| line.trim().to_owned()).collect();
     assert!(shown.len() > 5 && here.windows(shown.len()).any(|lines| lines == shown), "{shown:#?}");
+}
+
+#[test]
+fn the_task_of_the_page_about_tasks_is_the_file() {
+    let page = include_str!("../../docs/your-task.md");
+    let (_, block) = page.split_once("```yaml\n").unwrap();
+    let (shown, _) = block.split_once("```").unwrap();
+    let file = include_str!("../../configs/examples/two-gates.yaml");
+    let (_, task) = file.split_once("\n\n").unwrap();
+    assert_eq!(shown, task);
 }

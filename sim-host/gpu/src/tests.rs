@@ -205,7 +205,7 @@ fn each_shot_is_of_its_own_scene_and_room_is_used_again() {
 
 #[test]
 fn what_moves_is_uploaded_again_and_nothing_else() {
-    let movables = strewn(4, 8).solids.into_iter().map(|solid| Movable { solid, mass: 0.1 });
+    let movables = strewn(4, 8).solids.into_iter().map(|solid| Movable::pushed(solid, 0.1));
     let worlds = [0, 1].map(|seed| World { movables: movables.clone().collect(), ..strewn(seed, 20) });
     let mut scenes = worlds.each_ref().map(|world| Scene::new(world).with_drones(&CF2X, 3));
     let camera = Camera { columns: 48, rows: 32, far_m: 50.0, ..Camera::REFERENCE };

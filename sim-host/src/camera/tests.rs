@@ -189,7 +189,7 @@ fn turned(position: Vector3<f64>, axis: Vector3<f64>, angle: f64) -> Pose {
 fn what_was_moved_looks_as_if_it_had_always_been_there() {
     let still = strewn(5, 8);
     let movables: Vec<Movable> =
-        strewn(6, 8).solids.into_iter().map(|solid| Movable { solid, mass: 0.1 }).collect();
+        strewn(6, 8).solids.into_iter().map(|solid| Movable::pushed(solid, 0.1)).collect();
     let mut world = World { movables, ..still };
     let mut scene = Scene::new(&world);
     assert_eq!(
@@ -245,7 +245,7 @@ fn a_solid_is_seen_by_its_look_and_touched_without_it() {
 #[test]
 fn the_look_of_a_movable_moves_with_it() {
     let disguised = disguised(&strewn(6, 8));
-    let movables: Vec<Movable> = disguised.solids.into_iter().map(|solid| Movable { solid, mass: 0.1 }).collect();
+    let movables: Vec<Movable> = disguised.solids.into_iter().map(|solid| Movable::pushed(solid, 0.1)).collect();
     let mut world = World { movables, ..World::empty() };
     let mut scene = Scene::new(&world);
     for (index, movable) in world.movables.iter_mut().enumerate() {
@@ -269,7 +269,7 @@ fn the_look_of_a_movable_moves_with_it() {
 #[test]
 fn drones_are_behind_the_movables_and_seen_where_they_are_placed() {
     let solid = Solid::block("box", Vector3::new(3.0, -1.0, 0.0), Vector3::new(3.1, 1.0, 2.0));
-    let movables = vec![Movable { solid: solid.clone(), mass: 0.1 }];
+    let movables = vec![Movable::pushed(solid.clone(), 0.1)];
     let world = World { solids: vec![solid], movables, ..World::empty() };
     let mut scene = Scene::new(&world).with_drones(&CF2X, 1).with_drones(&CF2X, 1);
     assert_eq!(scene.drones(), 2);

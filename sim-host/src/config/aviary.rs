@@ -14,7 +14,7 @@ use super::field::Field;
 use super::geometry::holds;
 use super::world::{FurnitureConfig, MovableConfig, RoomConfig, SolidConfig, pillar};
 use crate::scenario::Aviary;
-use crate::world::{Floor, World};
+use crate::world::{Drive, Floor, Movable, World};
 
 /// Most solids and movables: contacts look at all of them near a drone.
 const SOLIDS_LIMIT: usize = 1024;
@@ -54,6 +54,10 @@ pub struct AviaryConfig {
     /// Bodies that a drone can push.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub movables: Vec<MovableConfig>,
+    /// Bodies that move as the goal of the first drone does, whatever is in their way, and are where it says here while the goal
+    /// is at `goal_m`. Beams do not see them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub carried: Vec<SolidConfig>,
     /// Other worlds set into this one at their `at_m`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub worlds: Vec<AviaryConfig>,
@@ -117,6 +121,7 @@ impl AviaryConfig {
             ("pillars", !self.pillars.is_empty()),
             ("furniture", !self.furniture.is_empty()),
             ("movables", !self.movables.is_empty()),
+            ("carried", !self.carried.is_empty()),
             ("worlds", !self.worlds.is_empty()),
             ("at_m", self.at_m.is_some()),
         ];
@@ -193,6 +198,11 @@ impl AviaryConfig {
         }
         for (index, movable) in self.movables.iter().enumerate() {
             world.movables.push(movable.check(&field.at("movables").at(index))?);
+        }
+        for (index, solid) in self.carried.iter().enumerate() {
+            let solids = solid.check(&field.at("carried").at(index))?;
+            let carried = solids.into_iter().map(|solid| Movable { solid, drive: Drive::Carried });
+            world.movables.extend(carried);
         }
         Ok(world)
     }

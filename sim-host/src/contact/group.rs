@@ -36,6 +36,17 @@ pub(super) struct Inertia {
     pub(super) moments: Matrix3<f64>,
 }
 
+impl Inertia {
+    /// Of a body that nothing pushes.
+    pub(super) fn immense() -> Self {
+        Self { mass: f64::INFINITY, moments: Matrix3::zeros() }
+    }
+
+    pub(super) fn is_immense(&self) -> bool {
+        self.mass.is_infinite()
+    }
+}
+
 /// A body that can move, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Member {

@@ -118,6 +118,12 @@ impl Group<'_> {
                 (body, bodies.movables[index], collider.position(to_pose(&movable.outline.pose)))
             }
         };
+        if inertia.is_immense() {
+            let carried = RigidBodyBuilder::kinematic_velocity_based().pose(pose).linvel(velocity);
+            let body = world.bodies.insert(carried.can_sleep(false));
+            let collider = world.colliders.insert_with_parent(collider.density(0.0), body, &mut world.bodies);
+            return Placed { body, collider, pose, velocity, angular_velocity };
+        }
         let moments = to_matrix(&inertia.moments);
         let mass = MassProperties::with_inertia_matrix(Vector::ZERO, inertia.mass as f32, moments);
         let body = world.bodies.insert(body.additional_mass_properties(mass));

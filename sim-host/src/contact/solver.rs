@@ -11,7 +11,7 @@ use rapier3d::geometry::SharedShape;
 use super::group::{Bodies, Group, Inertia, Member};
 use super::outline::{MARGIN, upright};
 use super::{Arena, ContactMemory, ContactReport, Motion, rapier, reference};
-use crate::world::{Floor, World};
+use crate::world::{Drive, Floor, World};
 
 /// Finds what contacts do to drones and movables: by rapier, or as Bullet does if the arena reports as Bullet does.
 #[derive(Clone)]
@@ -44,7 +44,10 @@ impl ContactSolver {
             hull: SharedShape::cylinder(half_height as f32, airframe.collision_radius as f32),
             hull_pose: upright(Vector3::new(0.0, 0.0, airframe.collision_offset)),
             movables: movables
-                .map(|(movable, body)| inertia(movable.mass, body.outline.inertia_per_mass() * movable.mass))
+                .map(|(movable, body)| match movable.drive {
+                    Drive::Pushed { mass } => inertia(mass, body.outline.inertia_per_mass() * mass),
+                    Drive::Carried => Inertia::immense(),
+                })
                 .collect(),
         };
         Self { bodies }
@@ -54,7 +57,8 @@ impl ContactSolver {
     ///
     /// `before` are the drones at its start, `after` what free flight makes of them, gravity, rotors and air
     /// included. A drone that nothing pushes keeps `after` to the bit; the others get what contacts make of it.
-    /// Movables feel gravity here and move in place; those at rest sleep until something that moves comes near.
+    /// Movables feel gravity here and move in place; those at rest sleep until something that moves comes near. Those
+    /// that are carried keep the velocity that they have.
     /// `memory` belongs to the environment; only the `bullet` physics writes into it.
     ///
     /// # Panics

@@ -160,7 +160,7 @@ fn a_surface_of_triangles_is_met_by_the_box_around_the_hull_first() {
 #[test]
 fn movables_are_touched_where_they_are_now() {
     let block = Solid::block("block", Vector3::repeat(-0.025), Vector3::repeat(0.025));
-    let movables = vec![Movable { solid: block, mass: 0.1 }];
+    let movables = vec![Movable::pushed(block, 0.1)];
     let arena = Arena::new(&World { movables, ..World::empty() }, &CF2X, ContactReport::Bullet);
     let drone = at(0.0, 0.0, 1.0);
     assert_eq!(arena.touch(&drone, &[Motion::at_rest(at(0.0, 0.0, 0.0))]), Touch::default());

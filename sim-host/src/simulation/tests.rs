@@ -1,5 +1,6 @@
 //! The façade as a whole: determinism, resets, outcomes.
 
+mod carried;
 mod determinism;
 mod imaging;
 mod navigation;

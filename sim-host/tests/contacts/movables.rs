@@ -11,7 +11,7 @@ use crate::flight::{Flight, level};
 /// A box with its middle at a place.
 fn movable(name: &str, middle: [f64; 3], size: [f64; 3], mass: f64) -> Movable {
     let (middle, half) = (Vector3::from(middle), Vector3::from(size) / 2.0);
-    Movable { solid: Solid { friction: 1.0, ..Solid::block(name, middle - half, middle + half) }, mass }
+    Movable::pushed(Solid { friction: 1.0, ..Solid::block(name, middle - half, middle + half) }, mass)
 }
 
 /// The gate of the reference's fly-through-gate aviary: an architrave on two columns of ten cubes.

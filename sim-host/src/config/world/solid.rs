@@ -167,7 +167,7 @@ impl MovableConfig {
             (None, None) => return Err(field.reject("no outline", "`box` or `cylinder`")),
         };
         let mass = field.at("mass_kg").real(self.mass_kg, &Limits::from(1e-4, 1e6, "kg"))?;
-        Ok(Movable { solid: surface.around(self.name.as_deref().unwrap_or("movable"), shape, pose), mass })
+        Ok(Movable::pushed(surface.around(self.name.as_deref().unwrap_or("movable"), shape, pose), mass))
     }
 }
 

@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 
 use crate::config::{AviaryConfig, AviaryParts, ConfigError, Document};
-use crate::world::{BOX_CONTACT_GAP, Cuboid, Floor, Role, Shape, Solid};
+use crate::world::{BOX_CONTACT_GAP, Cuboid, Drive, Floor, Role, Shape, Solid};
 
 fn place(text: &str) -> Result<AviaryParts, ConfigError> {
     let document = Document::parse("world.yaml", text)?;
@@ -251,7 +251,8 @@ fn movables_have_a_mass_and_one_outline() {
     .world
     .movables
     .remove(0);
-    assert_eq!((movable.mass, movable.solid.name.as_str()), (0.1, "cube"));
+    assert_eq!(movable.drive, Drive::Pushed { mass: 0.1 });
+    assert_eq!(movable.solid.name, "cube");
     assert_extent(&movable.solid, [-0.025, -0.025, 0.0], [0.025, 0.025, 0.05]);
     assert_eq!(refusal("movables: [{mass_kg: 1}]"), "movables.0: found no outline, expected `box` or `cylinder`");
     assert_eq!(

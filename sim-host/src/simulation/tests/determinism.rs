@@ -107,7 +107,7 @@ where
 }
 
 /// Holds a scenario to its bits; some of its episodes must end by each of `endings`.
-fn assert_deterministic(yaml: &str, steps: usize, endings: &[Ending]) {
+pub(super) fn assert_deterministic(yaml: &str, steps: usize, endings: &[Ending]) {
     let scenario = scenario(yaml);
     let reference = fly::<64>(&scenario, &[(0, ENVIRONMENTS)], steps);
     for ending in endings {
