@@ -168,6 +168,18 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
     }
 
+    /// Moves what goes with the goal by this time \[s\].
+    #[inline(always)]
+    fn carry_on(&mut self, secs: f64) {
+        for movables in &mut self.movables {
+            for (motion, kind) in movables.iter_mut().zip(&self.movable_kinds) {
+                if kind.drive == Drive::Carried {
+                    motion.pose.position += motion.velocity * secs;
+                }
+            }
+        }
+    }
+
     /// A control period of flight, with what touches what.
     #[inline(always)]
     fn fly(&mut self, stage: &Stage<'_, R>) {
@@ -211,6 +223,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         // Written once: the step is inlined here for every instruction set.
         for substep in 0..=substeps {
             if let (Some(arenas), true) = (reporting, substep == report_at) {
+                self.carry_on(f64::from(stage.scenario.physics.control_secs()));
                 self.report(arenas);
             }
             if substep == substeps {

@@ -526,6 +526,23 @@ mod tests {
     }
 
     #[test]
+    fn one_step_for_each_rollout_is_not_called_too_short() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/examples/hover-by-a2c.yaml");
+        let figures = UpdateRow { approx_kl: Some(0.0), clip_fraction: Some(0.0), ..UpdateRow::default() };
+        let still = UpdateRow { gradient_norm: Some(1.0), ..figures };
+        let keys = |overrides: &[&str]| -> Vec<String> {
+            let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
+            let experiment = load_to_train(&path, &overrides).unwrap();
+            let pilots = ["fixed16", Flyer::Scripted.name(), Flyer::Nothing.name()];
+            let rows = pilots.map(|pilot| flown(pilot, 0.0, 1.0, Ending::Collision)).to_vec();
+            let report = EvaluationReport { name: "hover".to_owned(), seed: 0, rows, worlds: None };
+            likely_causes(&experiment, &[still; 100], &report).into_iter().map(|cause| cause.key).collect()
+        };
+        assert_eq!(keys(&[]), [""; 0]);
+        assert_eq!(keys(&["training.minibatch=1024"]), ["training.learning_rate"]);
+    }
+
+    #[test]
     fn rewards_that_are_named_here_exist() {
         let schema = schema();
         for name in INDIFFERENT.iter().chain(&AT_THE_END) {

@@ -65,6 +65,34 @@ fn a_pad_moves_as_well_where_no_drone_is_near() {
 }
 
 #[test]
+fn a_wall_that_moves_is_touched_in_the_period_in_which_it_arrives() {
+    // 23.5 control periods from the hovering drone.
+    let gap = 0.5 * 0.02 * 23.5;
+    let wall = format!(
+        "
+aviary:
+  goal_m: [0, 0, 0.5]
+  carried: [ {{ low_m: [-1, -1, 0], high_m: [{}, 1, 1] }} ]
+goals: {{ line: {{ velocity_m_per_s: [0.5, 0, 0] }} }}
+physics: {{ substeps: 4, control_rate_hz: 50 }}
+start: {{ position: {{ exactly: [ {{ position_m: [0, 0, 0.5] }} ] }} }}
+rewards: [ no_collision: {{ weight: 1 }} ]
+terminations: [ collision ]
+success: {{ settle: {{ radius_m: 0.2, within_secs: 1 }} }}
+",
+        -CF2X.collision_radius - gap
+    );
+    let scenario = scenario(&wall);
+    let mut simulation = Simulation::<8>::new(&scenario, Seed(1), 0, 1);
+    let hover = vec![0.0; scenario.action.len()];
+    let steps = (1..100).find(|_| {
+        simulation.step(&hover);
+        !simulation.take_episodes().is_empty()
+    });
+    assert_eq!(steps, Some(24));
+}
+
+#[test]
 fn what_would_stay_or_be_pushed_is_refused() {
     let refused = |yaml: &str| {
         let document = Document::parse("trial.yaml", yaml).unwrap();

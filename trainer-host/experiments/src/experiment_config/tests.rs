@@ -191,6 +191,8 @@ fn every_task_that_ships_is_ready_to_train() {
     for path in tasks {
         load_to_train(&path, &[]).unwrap();
     }
+    let gates = load_to_train(&in_repository("configs/examples/two-gates.yaml"), &[]).unwrap();
+    assert_eq!(gates.scenario.observation.len(), 22 + 16, "the part `navigate` shows its beams");
     let trio = load_to_train(&in_repository("configs/aviaries/multi-cross.yaml"), &[]).unwrap();
     assert_eq!((trio.scenario.agents.count, trio.ppo.environments), (3, 1536));
 }
@@ -208,11 +210,11 @@ fn a_crossing_team_is_ready_to_train() {
 
 #[test]
 fn actor_critic_and_reinforce_make_one_step_of_each_rollout() {
-    for (part, gae_lambda) in [("a2c", 0.95), ("reinforce", 1.0)] {
+    for part in ["a2c", "reinforce"] {
         let path = in_repository(&format!("configs/parts/{part}.yaml"));
         let import = format!("training: {{ import: {} }}\n", path.display());
         let ppo = trial(&format!("{MINIMAL}{import}")).unwrap().ppo;
-        assert_eq!((ppo.epochs, ppo.minibatch, ppo.gae_lambda), (1, ppo.batch(), gae_lambda), "{part}");
+        assert_eq!((ppo.epochs, ppo.minibatch, ppo.gae_lambda), (1, ppo.batch(), 1.0), "{part}");
         assert_eq!((ppo.entropy_weight, ppo.target_kl), (0.0, None), "{part}");
     }
 }
