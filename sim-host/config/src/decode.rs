@@ -8,7 +8,7 @@ use serde::de::{
 use serde::forward_to_deserialize_any;
 
 use crate::error::{ConfigError, Place};
-use crate::node::{Entry, Node, Value, either};
+use crate::node::{Entry, Node, Value, either, topmost};
 
 /// Most edits between a mistyped name and the one that is suggested for it.
 const SUGGESTION_EDITS: usize = 3;
@@ -292,8 +292,8 @@ impl<'de> Deserializer<'de> for &Node {
             Value::Text(name) => {
                 visitor.visit_enum(Choice { name, name_place: &self.place, content: &Node::nothing(&self.place) })
             }
-            Value::Mapping(entries) => match chosen(entries) {
-                Some(Entry { key, place, node }) => {
+            Value::Mapping(entries) => match topmost(entries) {
+                Some(Entry { key, place, node, .. }) => {
                     visitor.visit_enum(Choice { name: key, name_place: place, content: node })
                 }
                 None => Err(self.not_one_of(variants)),
@@ -308,13 +308,6 @@ impl<'de> Deserializer<'de> for &Node {
         i8 i16 i32 i64 i128 u8 u16 u128 char str bytes byte_buf unit unit_struct
         tuple_struct map identifier ignored_any
     }
-}
-
-/// The one variant: the only entry, or the only one that was not covered by another in a file that imports it.
-fn chosen(entries: &[Entry]) -> Option<&Entry> {
-    let nearest = entries.iter().map(|entry| entry.place.depth()).min()?;
-    let mut uncovered = entries.iter().filter(|entry| entry.place.depth() == nearest);
-    uncovered.next().filter(|_| uncovered.next().is_none())
 }
 
 struct Items<'a> {

@@ -9,7 +9,7 @@ use serde_yaml::{Error as YamlError, Location, Options};
 use crate::error::{ConfigError, Place, Source};
 use crate::field::Field;
 use crate::import::{IMPORT, Imports};
-use crate::node::{Entry, Node, Parsed, Value, either, place};
+use crate::node::{Node, Parsed, Value, either, place, raised};
 use crate::notation::{Notations, Yaml, tree_of};
 use crate::text::{Unreadable, read_text};
 
@@ -275,7 +275,7 @@ fn descend<'a>(node: &'a mut Node, step: &str, place: &Place) -> Result<&'a mut 
         *node = Node { value: Value::Mapping(Vec::new()), place: place.clone(), import: None };
     }
     match &mut node.value {
-        Value::Mapping(entries) => Ok(entry(entries, step, place)),
+        Value::Mapping(entries) => Ok(raised(entries, step, place)),
         Value::List(items) => {
             let expected = format!("an index below {} instead of `{step}`", items.len());
             step.parse::<usize>().ok().and_then(|index| items.get_mut(index)).ok_or((found, expected))
@@ -284,13 +284,4 @@ fn descend<'a>(node: &'a mut Node, step: &str, place: &Place) -> Result<&'a mut 
             Err((found, format!("keys, of which one is {}", either(&[step], "or"))))
         }
     }
-}
-
-fn entry<'a>(entries: &'a mut Vec<Entry>, key: &str, place: &Place) -> &'a mut Node {
-    let index = entries.iter().position(|entry| entry.key == key).unwrap_or_else(|| {
-        let node = Node::nothing(place);
-        entries.push(Entry { key: key.to_owned(), place: place.clone(), node });
-        entries.len() - 1
-    });
-    &mut entries[index].node
 }

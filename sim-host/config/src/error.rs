@@ -118,11 +118,6 @@ impl Place {
         std::iter::successors(self.source.importer(), |place| place.source.importer())
     }
 
-    /// How many imports lead to the file.
-    pub(crate) fn depth(&self) -> usize {
-        self.importers().count()
-    }
-
     /// Whether the file came through the import at `import`.
     pub(crate) fn came_through(&self, import: &Self) -> bool {
         let at = |place: &Self| (place.line, place.column);

@@ -82,7 +82,7 @@ impl<N: Notations> Imports<N> {
         let (imports, written): (Vec<_>, Vec<_>) = entries.into_iter().partition(|entry| entry.key == IMPORT);
         let expanded = |entry: Entry| {
             let node = self.expand(entry.node, &trail.below(&entry.key))?;
-            Ok(Entry { key: entry.key, place: entry.place, node })
+            Ok(Entry { node, ..entry })
         };
         let written = Value::Mapping(written.into_iter().map(expanded).collect::<Result<_, _>>()?);
         let written = Node { value: written, place, import: None };

@@ -47,6 +47,8 @@ pub struct Entry {
     pub place: Place,
     /// The value.
     pub node: Node,
+    /// How many layers of the same mapping it lies over: an alternative that lies higher replaces the others of a choice.
+    pub(crate) layer: usize,
 }
 
 impl Node {
@@ -86,13 +88,15 @@ impl Node {
             (Value::Mapping(below), Value::Mapping(above)) => (below, above),
             (_, value) => return Self { value, ..self },
         };
+        let layers = layers(&below);
         for entry in above {
+            let layer = entry.layer + layers;
             match below.iter().position(|other| other.key == entry.key) {
                 Some(index) => {
                     let covered = std::mem::replace(&mut below[index].node, Self::nothing(&entry.place));
-                    below[index] = Entry { node: entry.node.over(covered), ..entry };
+                    below[index] = Entry { node: entry.node.over(covered), layer, ..entry };
                 }
-                None => below.push(entry),
+                None => below.push(Entry { layer, ..entry }),
             }
         }
         Self { value: Value::Mapping(below), place: self.place, import: self.import.or(base.import) }
@@ -111,13 +115,41 @@ impl Node {
     }
 }
 
+/// How many layers a mapping has.
+fn layers(entries: &[Entry]) -> usize {
+    entries.iter().map(|entry| entry.layer + 1).max().unwrap_or(0)
+}
+
+/// The one that lies over all others, if there is one.
+pub(crate) fn topmost(entries: &[Entry]) -> Option<&Entry> {
+    let layers = layers(entries);
+    let mut top = entries.iter().filter(|entry| entry.layer + 1 == layers);
+    top.next().filter(|_| top.next().is_none())
+}
+
+/// The value of the key, which lies over all others from now on; nothing yet if it was not there.
+pub(crate) fn raised<'a>(entries: &'a mut Vec<Entry>, key: &str, place: &Place) -> &'a mut Node {
+    let layer = layers(entries);
+    let index = entries.iter().position(|entry| entry.key == key).unwrap_or_else(|| {
+        entries.push(Entry::new(key.to_owned(), place.clone(), Node::nothing(place)));
+        entries.len() - 1
+    });
+    entries[index].layer = layer;
+    &mut entries[index].node
+}
+
 impl Entry {
+    /// One that lies over nothing.
+    pub fn new(key: String, place: Place, node: Node) -> Self {
+        Self { key, place, node, layer: 0 }
+    }
+
     fn without(self, import: &Place) -> Option<Self> {
         Some(Self { node: self.node.without(import)?, ..self })
     }
 
     fn moved_to(self, place: &Place) -> Self {
-        Self { key: self.key, place: place.clone(), node: self.node.moved_to(place) }
+        Self { place: place.clone(), node: self.node.moved_to(place), ..self }
     }
 }
 
@@ -186,10 +218,8 @@ impl Parsed {
             Content::Mapping(pairs) => Value::Mapping(
                 pairs
                     .into_iter()
-                    .map(|(key, value)| Entry {
-                        place: place(source, key.defined),
-                        key: key.value,
-                        node: value.settled(source, text),
+                    .map(|(key, value)| {
+                        Entry::new(key.value, place(source, key.defined), value.settled(source, text))
                     })
                     .collect(),
             ),

@@ -160,8 +160,7 @@ impl File<'_> {
         let source = Source::File { name, text: String::new(), importer: Some(self.0.importer.clone()) };
         let place = Place { source: Arc::new(source), line: 1, column: 1 };
         let node = |value: Value| Node { value, place: place.clone(), import: None };
-        let entry =
-            |key: &str, value: Value| Entry { key: key.to_owned(), place: place.clone(), node: node(value) };
+        let entry = |key: &str, value: Value| Entry::new(key.to_owned(), place.clone(), node(value));
         let colour = |colour: &[f64; 3]| {
             Value::List(colour.iter().map(|part| node(Value::Number(*part, part.to_string()))).collect())
         };

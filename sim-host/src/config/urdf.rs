@@ -299,7 +299,7 @@ fn node(value: Value, place: &Place) -> Node {
 }
 
 fn mapping(place: &Place, entries: Vec<(&str, Node)>) -> Node {
-    let entry = |(key, node): (&str, Node)| Entry { key: key.to_owned(), place: node.place.clone(), node };
+    let entry = |(key, node): (&str, Node)| Entry::new(key.to_owned(), node.place.clone(), node);
     node(Value::Mapping(entries.into_iter().map(entry).collect()), place)
 }
 

@@ -24,7 +24,19 @@ pub(super) struct Bodies {
     /// The cylinder around the drone's prism: of a face with many corners rapier uses four neighbours only.
     pub(super) hull: SharedShape,
     pub(super) hull_pose: Pose,
+    pub(super) hull_size: HullSize,
     pub(super) movables: Vec<Inertia>,
+}
+
+/// The cylinder around a drone, upright in its body.
+#[derive(Clone, Copy)]
+pub(super) struct HullSize {
+    /// \[m\].
+    pub(super) radius: f64,
+    /// \[m\].
+    pub(super) half_height: f64,
+    /// Of its middle over the centre of mass \[m\].
+    pub(super) offset: f64,
 }
 
 /// How a body resists; its origin is its centre of mass.
@@ -87,6 +99,19 @@ impl<'a> Group<'a> {
         secs: f64,
     ) -> Self {
         Self { bodies, members, solids, floor, secs }
+    }
+
+    pub(super) fn inertia(&self, member: Member) -> &Inertia {
+        match member {
+            Member::Drone(_) => &self.bodies.drone,
+            Member::Movable(index) => &self.bodies.movables[index],
+        }
+    }
+
+    /// Whether something can be pushed that is no drone.
+    pub(super) fn pushes_movables(&self) -> bool {
+        let is_movable = |member: &Member| matches!(member, Member::Movable(_));
+        self.members.iter().any(|member| is_movable(member) && !self.inertia(*member).is_immense())
     }
 
     /// Whether all are movables at rest.

@@ -33,6 +33,21 @@ pub(super) struct Outline {
     pub(super) radius: f64,
 }
 
+/// A side of something.
+#[derive(Clone, Copy)]
+pub(super) struct Plane {
+    /// On it \[m, world\].
+    pub(super) point: Vector3<f64>,
+    /// Outwards, world.
+    pub(super) normal: Vector3<f64>,
+}
+
+impl Plane {
+    pub(super) fn floor() -> Self {
+        Self { point: Vector3::zeros(), normal: Vector3::z() }
+    }
+}
+
 /// What can be farthest in a direction.
 #[derive(Clone)]
 enum Extremes {
@@ -141,6 +156,21 @@ impl Outline {
             Extremes::Sphere(radius) => ball(direction, radius - MARGIN),
             Extremes::Corners(_) => self.farthest(direction),
         }
+    }
+
+    /// The side of a box with this pose that is all of it that a ball can meet, if there is one: that the middle of the ball is
+    /// outside of, and within whose edges the ball is.
+    pub(super) fn side_met(&self, shape_pose: &Pose, middle: &Vector3<f64>, radius: f64) -> Option<Plane> {
+        let Extremes::Cuboid(half) = &self.extremes else { return None };
+        let local = shape_pose.world_from_body.rotate_inverse(middle - shape_pose.position);
+        let beyond = local.abs() - half;
+        let axis = beyond.imax();
+        let within = (0..3).all(|other| other == axis || beyond[other] <= -radius);
+        (beyond[axis] >= 0.0 && within).then(|| {
+            let sign = 1.0_f64.copysign(local[axis]);
+            let normal = shape_pose.world_from_body.rotate(Vector3::ith(axis, sign));
+            Plane { point: shape_pose.position + normal * half[axis], normal }
+        })
     }
 
     /// Its lowest point when the shape has this pose, world.

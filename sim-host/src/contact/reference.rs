@@ -3,29 +3,24 @@
 //! What this module and those below it do, and in which order, is what Bullet 3.27's source does (© Erwin Coumans and
 //! contributors, zlib licence), rewritten: a flight that touches something stays within rounding of the reference's.
 
-mod impulses;
 mod manifold;
 mod penetration;
 mod separation;
 
 use kestrel_core::airframe::GRAVITY;
-use kestrel_core::attitude::Attitude;
 use nalgebra::{Matrix3, Vector3};
 
 use super::Motion;
 use super::arena::BREAKING_SHARE;
-use super::group::{DRONE_FRICTION, End, FLOOR_FRICTION, Group, Inertia, Member, Start};
+use super::group::{DRONE_FRICTION, End, FLOOR_FRICTION, Group, Member, Start};
+use super::impulses::{self, Constraint, Mobile};
 use super::outline::{MARGIN, Outline};
 use crate::world::Pose;
-use impulses::{Constraint, Mobile};
 pub use manifold::ContactMemory;
 use manifold::{ContactBody, FoundContact};
 
 /// Bullet's damping of linear and angular velocities; of drones it is a quirk of their free flight.
 const DAMPING: f64 = 0.04_f32 as f64;
-
-/// Greatest rotation in one substep \[rad\].
-const ROTATION_CAP: f64 = core::f64::consts::FRAC_PI_4;
 
 /// Distance of two cores below which they overlap for Bullet \[m\].
 const OVERLAP: f64 = 1e-12;
@@ -54,30 +49,19 @@ pub(super) fn step(
     let constraints = group.constraints(starts, known, memory);
     let pushed = impulses::resolve(&mut mobiles, &constraints, group.secs);
     let ends = mobiles.iter().zip(starts).zip(pushed);
-    ends.map(|((mobile, start), pushed)| End { motion: moved(mobile, &start.motion.pose, group.secs), pushed })
+    ends.map(|((mobile, start), pushed)| End { motion: mobile.moved(&start.motion.pose, group.secs), pushed })
         .collect()
 }
 
 impl Group<'_> {
     fn mobile(&self, member: Member, start: &Start) -> Mobile {
-        let Inertia { mass, moments } = match member {
-            Member::Drone(_) => self.bodies.drone,
-            Member::Movable(index) => self.bodies.movables[index],
-        };
-        let inverse = moments.try_inverse().unwrap_or_else(Matrix3::zeros);
+        let inertia = self.inertia(member);
         let pose = start.motion.pose;
         let Motion { velocity, body_rates, .. } = match member {
             Member::Drone(_) => start.free,
-            Member::Movable(_) => falling(&start.free, &moments, &inverse, self.secs),
+            Member::Movable(_) => falling(&start.free, &inertia.moments, self.secs),
         };
-        let turn = pose.world_from_body.matrix();
-        Mobile {
-            inverse_mass: 1.0 / mass,
-            inverse_inertia: turn * inverse * turn.transpose(),
-            position: pose.position,
-            velocity,
-            angular_velocity: pose.world_from_body.rotate(body_rates),
-        }
+        Mobile::new(inertia, &pose, velocity, pose.world_from_body.rotate(body_rates))
     }
 
     /// All points at which members touch anything.
@@ -184,7 +168,8 @@ impl Group<'_> {
 }
 
 /// A movable's velocities after a substep of free fall.
-fn falling(start: &Motion, moments: &Matrix3<f64>, inverse: &Matrix3<f64>, secs: f64) -> Motion {
+fn falling(start: &Motion, moments: &Matrix3<f64>, secs: f64) -> Motion {
+    let inverse = moments.try_inverse().unwrap_or_else(Matrix3::zeros);
     let Motion { pose, velocity, body_rates } = *start;
     let damping = |value: &Vector3<f64>| value * (DAMPING + DAMPING * value.norm());
     let gravity = Vector3::new(0.0, 0.0, -GRAVITY);
@@ -193,18 +178,5 @@ fn falling(start: &Motion, moments: &Matrix3<f64>, inverse: &Matrix3<f64>, secs:
         pose,
         velocity: velocity + (gravity - damping(&velocity)) * secs,
         body_rates: body_rates + (turning - damping(&body_rates)) * secs,
-    }
-}
-
-/// Where the new velocities take a body.
-fn moved(mobile: &Mobile, start: &Pose, secs: f64) -> Motion {
-    let angle = (mobile.angular_velocity.norm() * secs).min(ROTATION_CAP);
-    let axis = mobile.angular_velocity.try_normalize(0.0).unwrap_or_else(Vector3::x);
-    let turn = Attitude::from_axis_angle(axis, angle);
-    let world_from_body = turn.after(&start.world_from_body).normalized();
-    Motion {
-        pose: Pose { position: start.position + mobile.velocity * secs, world_from_body },
-        velocity: mobile.velocity,
-        body_rates: world_from_body.rotate_inverse(mobile.angular_velocity),
     }
 }

@@ -8,12 +8,13 @@ use kestrel_core::airframe::Airframe;
 use nalgebra::{Matrix3, Vector3};
 use rapier3d::geometry::SharedShape;
 
-use super::group::{Bodies, Group, Inertia, Member};
+use super::group::{Bodies, Group, HullSize, Inertia, Member};
 use super::outline::{MARGIN, upright};
-use super::{Arena, ContactMemory, ContactReport, Motion, rapier, reference};
+use super::{Arena, ContactMemory, ContactReport, Motion, drones, rapier, reference};
 use crate::world::{Drive, Floor, World};
 
-/// Finds what contacts do to drones and movables: by rapier, or as Bullet does if the arena reports as Bullet does.
+/// Finds what contacts do to drones and movables: by impulses on drones alone, by rapier where movables can be pushed, or as
+/// Bullet does if the arena reports as Bullet does.
 #[derive(Clone)]
 pub struct ContactSolver {
     bodies: Bodies,
@@ -43,6 +44,11 @@ impl ContactSolver {
             drone: inertia(airframe.mass, Matrix3::from_diagonal(&airframe.inertia.into())),
             hull: SharedShape::cylinder(half_height as f32, airframe.collision_radius as f32),
             hull_pose: upright(Vector3::new(0.0, 0.0, airframe.collision_offset)),
+            hull_size: HullSize {
+                radius: airframe.collision_radius,
+                half_height,
+                offset: airframe.collision_offset,
+            },
             movables: movables
                 .map(|(movable, body)| match movable.drive {
                     Drive::Pushed { mass } => inertia(mass, body.outline.inertia_per_mass() * mass),
@@ -83,7 +89,8 @@ impl ContactSolver {
             } else if !group.is_free() {
                 let starts = group.starts(before, after, movables);
                 let ends = match self.bodies.arena.report {
-                    ContactReport::Touch => rapier::step(&group, &starts),
+                    ContactReport::Touch if group.pushes_movables() => rapier::step(&group, &starts),
+                    ContactReport::Touch => drones::step(&group, &starts),
                     ContactReport::Bullet => reference::step(&group, &starts, &mut known, memory),
                 };
                 group.finish(&starts, &ends, after, movables);

@@ -6,7 +6,7 @@ use kestrel_core::airframe::{CF2X, HUMMINGBIRD};
 use kestrel_core::attitude::Attitude;
 use kestrel_core::reference::bullet::BulletMode;
 use kestrel_sim::contact::{ContactReport, Touch};
-use kestrel_sim::world::{Solid, World};
+use kestrel_sim::world::{Pose, Solid, World};
 use nalgebra::Vector3;
 
 use crate::flight::{Flight, level};
@@ -87,6 +87,65 @@ fn a_drone_slides_along_a_wall_and_stays_outside() {
         }
         println!("{report:?}: at most at x = {farthest:.4} m, y = {:.3} m", flight.drone().position.y);
         assert!(touched && farthest < 1.0 && flight.drone().position.y > 0.1);
+    }
+}
+
+/// A table of 0.5 m by 0.5 m whose top is at 0.4 m, turned about the vertical.
+fn table(heading: f64) -> World {
+    let half = Vector3::new(0.25, 0.25, 0.2);
+    let block = Solid::block("table", -half, half);
+    let pose = Pose {
+        position: Vector3::new(0.0, 0.0, 0.2),
+        world_from_body: Attitude::from_axis_angle(Vector3::z(), heading),
+    };
+    World { solids: vec![Solid { pose, ..block }], ..World::empty() }
+}
+
+/// Where a drone is that was put level on a table, this far from its middle \[m\], after two seconds.
+fn after_two_seconds_on(table: &World, from_middle: f64, heading: f64) -> Vector3<f64> {
+    let place = Attitude::from_axis_angle(Vector3::z(), heading).rotate(Vector3::new(from_middle, 0.0, 0.0));
+    let start = vec![level([place.x, place.y, 0.4 + REST_HEIGHT + 1e-3], [0.0; 3])];
+    let mut flight = Flight::new(table, &CF2X, BulletMode::Pyb, ContactReport::Touch, start);
+    for _ in 0..480 {
+        flight.step(&[0.0; 4]);
+    }
+    flight.drone().position
+}
+
+#[test]
+fn a_drone_rests_over_the_edge_of_a_table_until_its_centre_is_beyond() {
+    for heading in [0.0, 0.3, 0.785] {
+        let table = table(heading);
+        for from_middle in [0.0, 0.15, 0.2, 0.24] {
+            let position = after_two_seconds_on(&table, from_middle, heading);
+            let moved = (position.xy().norm() - from_middle).abs();
+            assert!((position.z - 0.4 - REST_HEIGHT).abs() < 1e-3, "at {from_middle}: {position}");
+            assert!(moved < 1e-3, "at {from_middle}: {position}");
+        }
+        let fallen = after_two_seconds_on(&table, 0.27, heading);
+        assert!(fallen.z < 0.1 && fallen.xy().norm() > 0.25, "{fallen}");
+    }
+}
+
+#[test]
+fn a_drone_stays_on_a_slope_up_to_the_angle_of_friction() {
+    // The table's friction is 0.5 and the drone's too: it slides from a slope of one to four on.
+    for (slope, stays) in [(0.2_f64, true), (0.3, false)] {
+        let mut world = table(0.0);
+        let tilt = Attitude::from_axis_angle(Vector3::y(), slope.atan());
+        world.solids[0].friction = 0.5;
+        world.solids[0].pose = Pose { position: Vector3::new(0.0, 0.0, 1.0), world_from_body: tilt };
+        let place = world.solids[0].pose.position + tilt.rotate(Vector3::new(0.0, 0.0, 0.2 + REST_HEIGHT));
+        let mut start = level(place.into(), [0.0; 3]);
+        start.motion.world_from_body = tilt;
+        start.link_attitude = tilt;
+        let mut flight = Flight::new(&world, &CF2X, BulletMode::Pyb, ContactReport::Touch, vec![start]);
+        for _ in 0..240 {
+            flight.step(&[0.0; 4]);
+        }
+        let slid = (flight.drone().position - place).norm();
+        println!("slope {slope}: slid {slid:.4} m");
+        assert_eq!(slid < 2e-3, stays, "slope {slope}: slid {slid} m");
     }
 }
 

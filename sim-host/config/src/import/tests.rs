@@ -97,6 +97,29 @@ fn a_choice_laid_over_another_replaces_it() {
 }
 
 #[test]
+fn a_choice_replaces_the_one_it_lies_over_however_deep_it_was_imported() {
+    let part = ("part.yaml", "colour: {mixed: {parts: 3}}\n");
+    for (deep, files) in [
+        ("part.yaml", vec![]),
+        ("one.yaml", vec![("one.yaml", "import: part.yaml\n")]),
+        ("two.yaml", vec![("two.yaml", "import: one.yaml\n"), ("one.yaml", "import: part.yaml\n")]),
+    ] {
+        let main = format!("import: shelf.yaml\nbelow: {{import: {deep}}}\n");
+        let shelf = ("shelf.yaml", "below: {colour: {grey: {share: 0.5}}}\n");
+        let folder = Folder::with(&[&[("main.yaml", main.as_str()), shelf, part][..], &files].concat());
+        assert_eq!(folder.shelf(&[]).unwrap().below.unwrap().colour, Some(Colour::Mixed { parts: 3 }), "{deep}");
+    }
+}
+
+#[test]
+fn what_an_override_chooses_replaces_any_choice() {
+    let folder = Folder::with(&[("main.yaml", "colour: {grey: {share: 0.5}}\n")]);
+    let colour = |overrides: &[&str]| folder.shelf(overrides).unwrap().colour.unwrap();
+    assert_eq!(colour(&["colour.mixed.parts=3"]), Colour::Mixed { parts: 3 });
+    assert_eq!(colour(&["colour.mixed.parts=3", "colour.grey.share=0.25"]), Colour::Grey { share: 0.25 });
+}
+
+#[test]
 fn two_choices_in_one_file_stay_a_mistake() {
     let folder = Folder::with(&[
         ("main.yaml", "import: shelf.yaml\n"),

@@ -1,10 +1,15 @@
-//! Impulses that keep bodies apart, found one after the other as Bullet does.
+//! Impulses that keep bodies apart, found one after the other as Bullet does; both physics use them.
 //!
 //! Projected Gauss–Seidel over the contact points: a normal impulse each, which also pushes overlapping bodies apart
 //! (so that a fast impact ends with a small rebound), and two of friction within Coulomb's cone. (`btMultiBodyConstraintSolver` with
 //! the parameters of `PhysicsServerCommandProcessor`.)
 
+use kestrel_core::attitude::Attitude;
 use nalgebra::{Matrix3, Vector3};
+
+use super::Motion;
+use super::group::Inertia;
+use crate::world::Pose;
 
 /// Share of an overlap that is undone in a substep.
 const ERROR_REDUCTION: f64 = 0.08;
@@ -14,35 +19,66 @@ const SLOP: f64 = 1e-5;
 
 const ITERATIONS: usize = 50;
 
+/// Greatest rotation in one substep \[rad\].
+const ROTATION_CAP: f64 = core::f64::consts::FRAC_PI_4;
+
 /// Squared change of velocity \[m²/s²\] at which iterations end.
 const RESIDUAL: f64 = 1e-7;
 
 /// A body that impulses act on.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::contact) struct Mobile {
-    pub(in crate::contact) inverse_mass: f64,
+pub(super) struct Mobile {
+    pub(super) inverse_mass: f64,
     /// About the centre of mass, world.
-    pub(in crate::contact) inverse_inertia: Matrix3<f64>,
+    pub(super) inverse_inertia: Matrix3<f64>,
     /// Centre of mass \[m, world\].
-    pub(in crate::contact) position: Vector3<f64>,
+    pub(super) position: Vector3<f64>,
     /// \[m/s\], world.
-    pub(in crate::contact) velocity: Vector3<f64>,
+    pub(super) velocity: Vector3<f64>,
     /// \[rad/s\], world.
-    pub(in crate::contact) angular_velocity: Vector3<f64>,
+    pub(super) angular_velocity: Vector3<f64>,
+}
+
+impl Mobile {
+    /// A body with this pose that moves so.
+    pub(super) fn new(inertia: &Inertia, pose: &Pose, velocity: Vector3<f64>, angular_velocity: Vector3<f64>) -> Self {
+        let inverse = inertia.moments.try_inverse().unwrap_or_else(Matrix3::zeros);
+        let turn = pose.world_from_body.matrix();
+        Self {
+            inverse_mass: 1.0 / inertia.mass,
+            inverse_inertia: turn * inverse * turn.transpose(),
+            position: pose.position,
+            velocity,
+            angular_velocity,
+        }
+    }
+
+    /// Where its velocities take it from its pose in some time \[s\].
+    pub(super) fn moved(&self, start: &Pose, secs: f64) -> Motion {
+        let angle = (self.angular_velocity.norm() * secs).min(ROTATION_CAP);
+        let axis = self.angular_velocity.try_normalize(0.0).unwrap_or_else(Vector3::x);
+        let turn = Attitude::from_axis_angle(axis, angle);
+        let world_from_body = turn.after(&start.world_from_body).normalized();
+        Motion {
+            pose: Pose { position: start.position + self.velocity * secs, world_from_body },
+            velocity: self.velocity,
+            body_rates: world_from_body.rotate_inverse(self.angular_velocity),
+        }
+    }
 }
 
 /// A point at which two bodies meet.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::contact) struct Constraint {
+pub(super) struct Constraint {
     /// Index of each body among the mobiles; `None` does not move.
-    pub(in crate::contact) bodies: [Option<usize>; 2],
+    pub(super) bodies: [Option<usize>; 2],
     /// Where it is on each body \[m, world\].
-    pub(in crate::contact) places: [Vector3<f64>; 2],
+    pub(super) places: [Vector3<f64>; 2],
     /// From the second to the first body, world.
-    pub(in crate::contact) normal: Vector3<f64>,
+    pub(super) normal: Vector3<f64>,
     /// Negative where the bodies overlap \[m\].
-    pub(in crate::contact) distance: f64,
-    pub(in crate::contact) friction: f64,
+    pub(super) distance: f64,
+    pub(super) friction: f64,
 }
 
 /// One direction of one constraint.
@@ -66,10 +102,15 @@ struct Side {
 }
 
 /// Changes the velocities of the bodies so that the constraints come no closer in `secs`; says whether any impulse did.
-pub(in crate::contact) fn resolve(mobiles: &mut [Mobile], constraints: &[Constraint], secs: f64) -> Vec<bool> {
+pub(super) fn resolve(mobiles: &mut [Mobile], constraints: &[Constraint], secs: f64) -> Vec<bool> {
     let mut changes = vec![[Vector3::zeros(); 2]; mobiles.len()];
+    let mut pushed = vec![false; mobiles.len()];
     let mut normals: Vec<Row> =
         constraints.iter().map(|constraint| Row::normal(constraint, mobiles, secs)).collect();
+    // Nothing comes closer than it may.
+    if normals.iter().all(|row| row.target <= 0.0) {
+        return pushed;
+    }
     let mut tangents: Vec<[Row; 2]> =
         constraints.iter().map(|constraint| Row::tangents(constraint, mobiles)).collect();
     for _ in 0..ITERATIONS {
@@ -90,7 +131,6 @@ pub(in crate::contact) fn resolve(mobiles: &mut [Mobile], constraints: &[Constra
         mobile.velocity += linear;
         mobile.angular_velocity += angular;
     }
-    let mut pushed = vec![false; mobiles.len()];
     for row in &normals {
         for side in row.sides.iter().flatten() {
             pushed[side.body] |= row.impulse > 0.0;
