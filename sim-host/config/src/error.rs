@@ -118,6 +118,11 @@ impl Place {
         std::iter::successors(self.source.importer(), |place| place.source.importer())
     }
 
+    /// Whether the file was imported.
+    pub(crate) fn is_imported(&self) -> bool {
+        self.source.importer().is_some()
+    }
+
     /// Whether the file came through the import at `import`.
     pub(crate) fn came_through(&self, import: &Self) -> bool {
         let at = |place: &Self| (place.line, place.column);

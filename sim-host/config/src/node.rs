@@ -127,9 +127,11 @@ pub(crate) fn topmost(entries: &[Entry]) -> Option<&Entry> {
     top.next().filter(|_| top.next().is_none())
 }
 
-/// The value of the key, which lies over all others from now on; nothing yet if it was not there.
+/// The value of the key as if it stood in the configuration's own file, over all that was imported; nothing yet if it was not
+/// there.
 pub(crate) fn raised<'a>(entries: &'a mut Vec<Entry>, key: &str, place: &Place) -> &'a mut Node {
-    let layer = layers(entries);
+    let own = entries.iter().any(|entry| !entry.place.is_imported());
+    let layer = if own { layers(entries) - 1 } else { layers(entries) };
     let index = entries.iter().position(|entry| entry.key == key).unwrap_or_else(|| {
         entries.push(Entry::new(key.to_owned(), place.clone(), Node::nothing(place)));
         entries.len() - 1

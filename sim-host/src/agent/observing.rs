@@ -18,7 +18,6 @@ use crate::scenario::{CriticView, Preset, Scenario};
 use crate::sensor::{Told, Truth};
 use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
-use crate::term::Cells;
 use crate::trajectory::{PathAhead, Trajectory};
 
 /// Where the drones of every task shall face: along the world's x axis. What is learned holds for all headings.
@@ -201,9 +200,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             Some(Told::Path(path)) => self.look_ahead(path, scenario, lanes),
             Some(Told::Coverage(coverage)) => {
                 let first = self.measurements.len() - coverage.len();
-                let cells = Cells::new(coverage.cells, false);
                 for lane in lanes {
-                    cells.visit(&self.swarm, lane, &mut self.measurements[first..]);
+                    coverage.tell(&self.swarm, lane, &mut self.measurements[first..]);
                 }
             }
             Some(Told::Mates(_)) | None => {}

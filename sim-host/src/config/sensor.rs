@@ -65,6 +65,10 @@ pub enum SensorConfig {
 pub struct CoverageConfig {
     /// Along each side of the field, at most 8.
     pub cells: u64,
+    /// Tells the way to the middle of the nearest cell that is left as well (2 values, world x and y), and which distance
+    /// of it reads as one.
+    #[serde(default)]
+    pub next_scale_m: Option<f64>,
 }
 
 /// What is seen of the way ahead of the goal.
@@ -351,6 +355,15 @@ impl Default for PathConfig {
     }
 }
 
+impl CoverageConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Coverage, ConfigError> {
+        Cells::check(self.cells, field)?;
+        let limits = Limits::from(1e-3, 1000.0, "m");
+        let scale = self.next_scale_m.map(|scale| field.at("next_scale_m").number(scale, &limits)).transpose()?;
+        Ok(Coverage { cells: self.cells, next_scale_m: scale })
+    }
+}
+
 impl PathConfig {
     fn check(&self, field: &Field<'_>) -> Result<PathAhead, ConfigError> {
         Ok(PathAhead {
@@ -391,8 +404,7 @@ impl SensorConfig {
                 Self::Mates(config) if is_last => told = Some(Told::Mates(config.check(&field.at("mates"))?)),
                 Self::Path(config) if is_last => told = Some(Told::Path(config.check(&field.at("path"))?)),
                 Self::Coverage(config) if is_last => {
-                    Cells::check(config.cells, &field.at("coverage"))?;
-                    told = Some(Told::Coverage(Coverage { cells: config.cells }));
+                    told = Some(Told::Coverage(config.check(&field.at("coverage"))?));
                 }
                 Self::Imu(_)
                 | Self::Flow(_)

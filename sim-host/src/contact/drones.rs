@@ -78,7 +78,8 @@ impl<'a> Encounter<'a> {
             surface: Surface::Plane(Plane::floor()),
         };
         let members = self.group.members.iter().zip(starts).enumerate();
-        let met = members.filter(|(index, (member, _))| *index > self.index || matches!(member, Member::Movable(_)));
+        let met =
+            members.filter(|(index, (member, _))| *index > self.index || matches!(member, Member::Movable(_)));
         let others = self.group.floor.then(floor).into_iter();
         let others = others.chain(self.group.solids.iter().map(|index| self.solid(*index)));
         let others = others.chain(met.map(|(index, (member, start))| self.member(index, *member, start)));

@@ -41,7 +41,12 @@ pub(super) struct Mobile {
 
 impl Mobile {
     /// A body with this pose that moves so.
-    pub(super) fn new(inertia: &Inertia, pose: &Pose, velocity: Vector3<f64>, angular_velocity: Vector3<f64>) -> Self {
+    pub(super) fn new(
+        inertia: &Inertia,
+        pose: &Pose,
+        velocity: Vector3<f64>,
+        angular_velocity: Vector3<f64>,
+    ) -> Self {
         let inverse = inertia.moments.try_inverse().unwrap_or_else(Matrix3::zeros);
         let turn = pose.world_from_body.matrix();
         Self {

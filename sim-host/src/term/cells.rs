@@ -51,6 +51,28 @@ impl Cells {
         fresh
     }
 
+    /// From the drone to the middle of the nearest cell that was not visited \[m\], the first of several; zeros if none is left.
+    #[inline(always)]
+    pub(crate) fn nearest_left<const LANES: usize, R: Real>(
+        &self,
+        swarm: &Swarm<LANES, R>,
+        lane: usize,
+        visited: &[Column<LANES, R>],
+    ) -> [R; 2] {
+        let to_first = R::from_f64(0.5 - 0.5 * f64::from(self.along_side));
+        let from = [0, 1].map(|axis| to_first - swarm.position[axis][lane]);
+        let (mut nearest, mut least) = ([R::zero(); 2], R::from_f64(f64::from(f32::MAX)));
+        for (index, cell) in visited.iter().enumerate() {
+            let place = [index as u32 / self.along_side, index as u32 % self.along_side];
+            let way = [0, 1].map(|axis| from[axis] + R::from_f64(f64::from(place[axis])));
+            let square = way[0] * way[0] + way[1] * way[1];
+            if cell[lane] < R::from_f64(0.5) && square < least {
+                (nearest, least) = (way, square);
+            }
+        }
+        nearest
+    }
+
     /// Whether a coordinate, from the field's border \[m\], belongs to a row of cells.
     #[inline(always)]
     fn holds<R: Real>(&self, row: u32, coordinate: R) -> bool {

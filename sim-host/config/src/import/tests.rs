@@ -112,11 +112,14 @@ fn a_choice_replaces_the_one_it_lies_over_however_deep_it_was_imported() {
 }
 
 #[test]
-fn what_an_override_chooses_replaces_any_choice() {
-    let folder = Folder::with(&[("main.yaml", "colour: {grey: {share: 0.5}}\n")]);
-    let colour = |overrides: &[&str]| folder.shelf(overrides).unwrap().colour.unwrap();
-    assert_eq!(colour(&["colour.mixed.parts=3"]), Colour::Mixed { parts: 3 });
-    assert_eq!(colour(&["colour.mixed.parts=3", "colour.grey.share=0.25"]), Colour::Grey { share: 0.25 });
+fn what_an_override_chooses_replaces_what_was_imported_but_not_what_was_written() {
+    let shelf = ("shelf.yaml", "colour: {grey: {share: 0.5}}\n");
+    let imported = Folder::with(&[("main.yaml", "import: shelf.yaml\n"), shelf]);
+    let mixed = imported.shelf(&["colour.mixed.parts=3"]).unwrap().colour;
+    assert_eq!(mixed, Some(Colour::Mixed { parts: 3 }));
+    let written = Folder::with(&[("main.yaml", "colour: {grey: {share: 0.5}}\n")]);
+    let refused = written.shelf(&["colour.mixed.parts=3"]).unwrap_err();
+    assert!(refused.contains("found the keys `grey` and `mixed`"), "{refused}");
 }
 
 #[test]

@@ -179,14 +179,14 @@ success: ending"
 }
 
 #[test]
-fn a_drone_knows_the_cells_that_it_visited_in_this_episode() {
+fn a_drone_knows_the_cells_that_it_visited_in_this_episode_and_the_nearest_that_is_left() {
     const CELLS: usize = 3;
     const DRONES: usize = 8;
     let scenario = scenario(
         "aviary: { goal_m: [0, 0, 1] }
 start: { position: { within: { low_m: [-1.4, -1.4, 1], high_m: [1.4, 1.4, 2] } }, speed_limit_m_per_s: 3 }
 physics: { control_rate_hz: 50 }
-sensors: [ coverage: { cells: 3 } ]
+sensors: [ coverage: { cells: 3, next_scale_m: 2 } ]
 observation: measured
 critic: observation
 rewards: [ field_coverage: { weight: 1, cells: 3 } ]
@@ -206,7 +206,14 @@ success: { settle: { radius_m: 0.5, within_secs: 0.1 } }
             }
             let seen: Vec<f32> =
                 simulation.observations().chunks_exact(DRONES).map(|column| column[row]).collect();
-            assert_eq!(seen, &visited[..], "drone {row} after {step} steps");
+            assert_eq!(seen[..CELLS * CELLS], visited[..], "drone {row} after {step} steps");
+            let ways = (0..CELLS * CELLS)
+                .filter(|cell| visited[*cell] == 0.0)
+                .map(|cell| [(cell / CELLS) as f32 - 1.0 - place.x, (cell % CELLS) as f32 - 1.0 - place.y]);
+            let length = |way: &[f32; 2]| way[0].hypot(way[1]);
+            let expected = ways.min_by(|one, other| length(one).total_cmp(&length(other))).unwrap_or([0.0; 2]);
+            let told = [seen[CELLS * CELLS], seen[CELLS * CELLS + 1]].map(|along| 2.0 * along);
+            assert!((length(&told) - length(&expected)).abs() < 1e-5, "{told:?}, expected {expected:?}");
         }
         simulation.step(&determinism::actions_of(&scenario, 0, DRONES, step));
         entered += simulation.rewards().iter().sum::<f32>();
