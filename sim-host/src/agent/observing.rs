@@ -150,6 +150,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     }
 
     /// Reads the sensors of every lane, where there are any.
+    #[inline(always)]
     fn sense(&mut self, stage: &Stage<'_, R>) {
         if self.sensors.is_empty() && stage.scenario.sensors.scan().is_none() {
             return;

@@ -238,6 +238,10 @@ pub struct ScanConfig {
     pub rings: Vec<ScanRingConfig>,
     /// Nothing farther is seen.
     pub limit_m: f64,
+    /// With a scale `s` a beam reads `(1 - d / limit) s / (s + d)` for an obstacle `d` metres away: finer within about that
+    /// distance, coarser beyond. Without one it reads `1 - d / limit`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_scale_m: Option<f64>,
 }
 
 /// Beams of one elevation, evenly spaced from +x on, counter-clockwise.
@@ -344,7 +348,7 @@ impl Default for BeamConfig {
 impl Default for ScanConfig {
     /// Sixteen level beams, which see two metres far: a pillar of 18 cm cannot hide between them within 46 cm.
     fn default() -> Self {
-        Self { rings: vec![ScanRingConfig { elevation_deg: 0.0, beams: 16 }], limit_m: 2.0 }
+        Self { rings: vec![ScanRingConfig { elevation_deg: 0.0, beams: 16 }], limit_m: 2.0, near_scale_m: None }
     }
 }
 
@@ -603,6 +607,10 @@ impl ScanConfig {
         Ok(Scan {
             rings: self.rings.iter().enumerate().map(ring).collect::<Result<_, _>>()?,
             limit: field.at("limit_m").number(self.limit_m, &Limits::from(0.1, 1000.0, "m"))?,
+            near_scale: self
+                .near_scale_m
+                .map(|scale| field.at("near_scale_m").number(scale, &Limits::from(0.01, 1000.0, "m")))
+                .transpose()?,
         })
     }
 }

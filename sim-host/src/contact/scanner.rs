@@ -1,11 +1,12 @@
 //! A world as the beams of a [`Scan`] see it: sixteen of them at once, in lanes.
 //!
 //! The beams have fixed directions, so that what a beam does to the faces of a body that never moves is known before:
-//! a body is a set of slabs (pairs of parallel planes), and for every slab and every beam the reciprocal of the beam's
-//! component along the slab's normal is stored. A beam is inside the body between the last slab that it enters and the
+//! a body is a set of slabs (pairs of parallel planes), and for every normal of a slab and every beam the reciprocal of
+//! the beam's component along it is stored. A beam is inside the body between the last slab that it enters and the
 //! first that it leaves (Kay & Kajiya 1986).
 
 use core::f64::consts::PI;
+use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
@@ -37,30 +38,34 @@ const BANK: usize = 16;
 /// A world prepared for one scan.
 #[derive(Clone, Debug)]
 pub(super) struct Scanner {
-    /// Of each sixteen beams, in their order.
-    banks: Vec<Bank>,
-}
-
-/// A world prepared for up to sixteen beams.
-#[derive(Clone, Debug)]
-struct Bank {
     limit: f32,
-    /// `-1 / direction.z` of beams that descend onto a floor, else zero.
-    per_descent: [f32; BANK],
+    near_scale: Option<f32>,
+    /// Of the slabs, each once: most bodies of a room stand as another does.
+    normals: Vec<[f32; 3]>,
     slabs: Vec<Slab>,
     /// First slab and one past the last of each body.
     bodies: Vec<[u32; 2]>,
+    /// Of each sixteen beams, in their order.
+    banks: Vec<Bank>,
     cells: Cells,
+}
+
+/// Up to sixteen beams.
+#[derive(Clone, Debug)]
+struct Bank {
+    /// `-1 / direction.z` of beams that descend onto a floor, else zero.
+    per_descent: [f32; BANK],
+    /// Metres along each beam for a metre along each normal.
+    per_metre: Vec<[f32; BANK]>,
 }
 
 /// The space between two parallel planes.
 #[derive(Clone, Copy, Debug)]
 struct Slab {
-    normal: [f32; 3],
+    /// Which of the normals.
+    normal: u32,
     low: f32,
     high: f32,
-    /// Metres along each beam for a metre along the normal.
-    per_metre: [f32; BANK],
 }
 
 /// Which bodies a beam can reach from where.
@@ -70,9 +75,16 @@ struct Cells {
     counts: [usize; 3],
     /// First entry of `visible` of each cell, and the end of the last; a world has 1,024 bodies at most.
     starts: Vec<u32>,
-    visible: Vec<u16>,
+    visible: Vec<Visible>,
     /// Every body, for points outside of all cells.
-    all: Vec<u16>,
+    all: Vec<Visible>,
+}
+
+/// A body, and a bit for each bank with a beam that can reach it.
+#[derive(Clone, Copy, Debug)]
+struct Visible {
+    body: u16,
+    banks: u16,
 }
 
 /// Lowest and highest coordinates \[m, world\].
@@ -80,118 +92,144 @@ type Extent = (Vector3<f32>, Vector3<f32>);
 
 impl Scanner {
     pub(super) fn new(world: &World, scan: &Scan) -> Self {
-        Self { banks: scan.directions().chunks(BANK).map(|beams| Bank::new(world, beams, scan.limit)).collect() }
+        let directions = scan.directions();
+        let (mut normals, mut slabs, mut bodies) = (Vec::new(), Vec::new(), Vec::new());
+        let mut places: HashMap<[u64; 3], u32> = HashMap::new();
+        // Zero is added because there are two zeros.
+        let bits = |normal: &Vector3<f64>| normal.map(|value| (value + 0.0).to_bits()).into();
+        for solid in &world.solids {
+            let first = slabs.len() as u32;
+            for (normal, low, high) in planes(solid) {
+                let place = places.entry(bits(&normal)).or_insert_with(|| {
+                    normals.push(normal);
+                    normals.len() as u32 - 1
+                });
+                slabs.push(Slab { normal: *place, low: low as f32, high: high as f32 });
+            }
+            bodies.push([first, slabs.len() as u32]);
+        }
+        let extents: Vec<Extent> = world.solids.iter().map(extent).collect();
+        let reaches: Vec<_> = directions.chunks(BANK).map(|beams| Reach::of(beams, scan.limit)).collect();
+        Self {
+            limit: scan.limit,
+            near_scale: scan.near_scale,
+            banks: directions.chunks(BANK).map(|beams| Bank::new(world.floor, &normals, beams)).collect(),
+            normals: normals.iter().map(|normal| normal.map(|value| value as f32).into()).collect(),
+            slabs,
+            bodies,
+            cells: Cells::new(&extents, &reaches),
+        }
     }
 
     /// How near the nearest thing along each beam is: one at the drone, zero at the limit and beyond.
     #[inline(always)]
     pub(super) fn nearness(&self, point: [f32; 3]) -> [f32; BEAM_LIMIT] {
-        let mut nearness = [0.0; BEAM_LIMIT];
-        for (values, bank) in nearness.as_chunks_mut::<BANK>().0.iter_mut().zip(&self.banks) {
-            *values = bank.nearness(point);
+        let limit = self.limit;
+        let mut nearest = [limit; BEAM_LIMIT];
+        let height = point[2].max(0.0);
+        for (nearest, bank) in nearest.as_chunks_mut::<BANK>().0.iter_mut().zip(&self.banks) {
+            bank.meet_floor(height, nearest);
         }
-        nearness
+        for visible in self.cells.visible_from(point) {
+            let [first, end] = self.bodies[usize::from(visible.body)];
+            let slabs = &self.slabs[first as usize..end as usize];
+            for (number, nearest) in nearest.as_chunks_mut::<BANK>().0.iter_mut().enumerate() {
+                if visible.banks >> number & 1 == 1 {
+                    self.meet_body(&self.banks[number], slabs, point, nearest);
+                }
+            }
+        }
+        match self.near_scale {
+            None => nearest.map(|distance| 1.0 - distance / limit),
+            Some(scale) => nearest.map(|distance| (1.0 - distance / limit) * (scale / (scale + distance))),
+        }
+    }
+
+    /// Shortens the beams of a bank that meet a body.
+    #[inline(always)]
+    fn meet_body(&self, bank: &Bank, slabs: &[Slab], point: [f32; 3], nearest: &mut [f32; BANK]) {
+        let mut enter = [0.0_f32; BANK];
+        let mut leave = [self.limit; BANK];
+        for slab in slabs {
+            let [x, y, z] = self.normals[slab.normal as usize];
+            let along = (x * point[0] + y * point[1]) + z * point[2];
+            let per_metre = &bank.per_metre[slab.normal as usize];
+            clip([slab.low - along, slab.high - along], per_metre, &mut enter, &mut leave);
+        }
+        for beam in 0..BANK {
+            let meets = (enter[beam] <= leave[beam]) & (enter[beam] < nearest[beam]);
+            nearest[beam] = if meets { enter[beam] } else { nearest[beam] };
+        }
     }
 }
 
 impl Bank {
-    fn new(world: &World, directions: &[Vector3<f64>], limit: f32) -> Self {
-        let (mut slabs, mut bodies) = (Vec::new(), Vec::new());
-        for solid in &world.solids {
-            let first = slabs.len() as u32;
-            slabs.extend(
-                planes(solid).into_iter().map(|(normal, low, high)| Slab::new(normal, low, high, directions)),
-            );
-            bodies.push([first, slabs.len() as u32]);
-        }
+    fn new(floor: Floor, normals: &[Vector3<f64>], directions: &[Vector3<f64>]) -> Self {
         let mut per_descent = [0.0; BANK];
         for (reciprocal, direction) in per_descent.iter_mut().zip(directions) {
-            if world.floor == Floor::Solid && direction.z < -1.0 / PARALLEL {
+            if floor == Floor::Solid && direction.z < -1.0 / PARALLEL {
                 *reciprocal = (-1.0 / direction.z) as f32;
             }
         }
-        let extents: Vec<Extent> = world.solids.iter().map(extent).collect();
-        Self { limit, per_descent, slabs, bodies, cells: Cells::new(&extents, directions, limit) }
+        let per_metre = |normal: &Vector3<f64>| {
+            core::array::from_fn(|beam| {
+                let rate = directions.get(beam).map_or(0.0, |direction| direction.dot(normal));
+                if rate.abs() < 1.0 / PARALLEL { PARALLEL as f32 } else { (1.0 / rate) as f32 }
+            })
+        };
+        Self { per_descent, per_metre: normals.iter().map(per_metre).collect() }
     }
 
-    /// As [`Scanner::nearness`].
+    /// Shortens the beams that meet the floor, `height` below them.
     #[inline(always)]
-    fn nearness(&self, point: [f32; 3]) -> [f32; BANK] {
-        let limit = self.limit;
-        let height = point[2].max(0.0);
-        let mut nearest: [f32; BANK] = core::array::from_fn(|beam| {
+    fn meet_floor(&self, height: f32, nearest: &mut [f32; BANK]) {
+        for beam in 0..BANK {
             let floor = height * self.per_descent[beam];
-            if (self.per_descent[beam] > 0.0) & (floor < limit) { floor } else { limit }
-        });
-        for body in self.cells.visible_from(point) {
-            let [first, end] = self.bodies[*body as usize];
-            let mut enter = [0.0_f32; BANK];
-            let mut leave = [limit; BANK];
-            for slab in &self.slabs[first as usize..end as usize] {
-                slab.clip(point, &mut enter, &mut leave);
-            }
-            for beam in 0..BANK {
-                let meets = (enter[beam] <= leave[beam]) & (enter[beam] < nearest[beam]);
-                nearest[beam] = if meets { enter[beam] } else { nearest[beam] };
-            }
+            let meets = (self.per_descent[beam] > 0.0) & (floor < nearest[beam]);
+            nearest[beam] = if meets { floor } else { nearest[beam] };
         }
-        nearest.map(|distance| 1.0 - distance / limit)
     }
 }
 
-impl Slab {
-    fn new(normal: Vector3<f64>, low: f64, high: f64, directions: &[Vector3<f64>]) -> Self {
-        let per_metre = |beam: usize| {
-            let rate = directions.get(beam).map_or(0.0, |direction| direction.dot(&normal));
-            if rate.abs() < 1.0 / PARALLEL { PARALLEL as f32 } else { (1.0 / rate) as f32 }
-        };
-        Self {
-            normal: normal.map(|value| value as f32).into(),
-            low: low as f32,
-            high: high as f32,
-            per_metre: core::array::from_fn(per_metre),
-        }
-    }
-
-    /// Leaves of each beam what is between the planes.
-    #[inline(always)]
-    fn clip(&self, point: [f32; 3], enter: &mut [f32; BANK], leave: &mut [f32; BANK]) {
-        let [x, y, z] = self.normal;
-        let along = (x * point[0] + y * point[1]) + z * point[2];
-        let (to_low, to_high) = (self.low - along, self.high - along);
-        for beam in 0..BANK {
-            let (one, other) = (to_low * self.per_metre[beam], to_high * self.per_metre[beam]);
-            let (near, far) = if one < other { (one, other) } else { (other, one) };
-            enter[beam] = if near > enter[beam] { near } else { enter[beam] };
-            leave[beam] = if far < leave[beam] { far } else { leave[beam] };
-        }
+/// Leaves of each beam what is between two planes, so far away along their normal.
+#[inline(always)]
+fn clip([low, high]: [f32; 2], per_metre: &[f32; BANK], enter: &mut [f32; BANK], leave: &mut [f32; BANK]) {
+    for beam in 0..BANK {
+        let (one, other) = (low * per_metre[beam], high * per_metre[beam]);
+        let (near, far) = if one < other { (one, other) } else { (other, one) };
+        enter[beam] = if near > enter[beam] { near } else { enter[beam] };
+        leave[beam] = if far < leave[beam] { far } else { leave[beam] };
     }
 }
 
 impl Cells {
-    fn new(extents: &[Extent], directions: &[Vector3<f64>], limit: f32) -> Self {
-        let all = (0..extents.len() as u16).collect();
+    fn new(extents: &[Extent], banks: &[Reach]) -> Self {
+        let every_bank = ((1_u32 << banks.len()) - 1) as u16;
+        let all = (0..extents.len() as u16).map(|body| Visible { body, banks: every_bank }).collect();
         let hull = extents.iter().copied().reduce(|(low, high), (a, b)| (low.inf(&a), high.sup(&b)));
         let Some((low, high)) = hull else {
             return Self { low: [0.0; 3], counts: [0; 3], starts: vec![0], visible: Vec::new(), all };
         };
         let counts: [usize; 3] = ((high - low) / CELL).map(|cells| cells.ceil().max(1.0) as usize).into();
-        let reaches = Reach::of(directions, limit);
         let (mut starts, mut visible) = (vec![0], Vec::new());
         for index in 0..counts.iter().product() {
             let (x, y, z) = (index % counts[0], index / counts[0] % counts[1], index / (counts[0] * counts[1]));
             let corner = low + Vector3::new(x as f32, y as f32, z as f32) * CELL;
             let cell = (corner, corner.add_scalar(CELL));
-            let is_seen = |body: &Extent| reaches.iter().any(|reach| reach.may_meet(&cell, body));
-            let seen = extents.iter().enumerate().filter(|(_, body)| is_seen(body));
-            visible.extend(seen.map(|(body, _)| body as u16));
+            for (body, extent) in extents.iter().enumerate() {
+                let reaching = banks.iter().enumerate().filter(|(_, reach)| reach.may_meet(&cell, extent));
+                let banks = reaching.fold(0, |bits, (bank, _)| bits | 1 << bank);
+                if banks != 0 {
+                    visible.push(Visible { body: body as u16, banks });
+                }
+            }
             starts.push(visible.len() as u32);
         }
         Self { low: low.into(), counts, starts, visible, all }
     }
 
     #[inline(always)]
-    fn visible_from(&self, point: [f32; 3]) -> &[u16] {
+    fn visible_from(&self, point: [f32; 3]) -> &[Visible] {
         let mut index = 0;
         for axis in [2, 1, 0] {
             // Whatever is below the first cell, or not a number, is cast to a number beyond the last.
@@ -206,9 +244,17 @@ impl Cells {
     }
 }
 
+/// How far the beams of a bank reach.
+#[derive(Clone, Debug)]
+struct Reach {
+    /// Lowest and highest coordinates of the beams from the origin.
+    extent: Extent,
+    rings: Vec<Ring>,
+}
+
 /// How far beams of one elevation reach \[m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Reach {
+struct Ring {
     /// Upwards, negative downwards.
     rise: f32,
     across: f32,
@@ -216,22 +262,33 @@ struct Reach {
 
 impl Reach {
     /// Those of some beams, ring by ring.
-    fn of(directions: &[Vector3<f64>], limit: f32) -> Vec<Self> {
+    fn of(directions: &[Vector3<f64>], limit: f32) -> Self {
         let limit = f64::from(limit);
-        let reach = |beam: &Vector3<f64>| Self {
-            rise: (limit * beam.z) as f32,
-            across: (limit * (1.0 - beam.z * beam.z).max(0.0).sqrt()) as f32,
-        };
-        let mut reaches: Vec<Self> = directions.iter().map(reach).collect();
-        reaches.dedup();
-        reaches
+        let (mut low, mut high) = (Vector3::zeros(), Vector3::zeros());
+        let mut rings = Vec::new();
+        for beam in directions {
+            let end = (beam * limit).map(|value| value as f32);
+            (low, high) = (low.inf(&end), high.sup(&end));
+            let across = (limit * (1.0 - beam.z * beam.z).max(0.0).sqrt()) as f32;
+            rings.push(Ring { rise: end.z, across });
+        }
+        rings.dedup();
+        Self { extent: (low, high), rings }
     }
 
     /// Whether such a beam from inside the cell may meet the body.
-    fn may_meet(self, (low, high): &Extent, (body_low, body_high): &Extent) -> bool {
+    fn may_meet(&self, (low, high): &Extent, (body_low, body_high): &Extent) -> bool {
+        let (reach_low, reach_high) = self.extent;
+        let beyond = (body_low - (high + reach_high)).sup(&((low + reach_low) - body_high));
+        if beyond.max() > ROUNDING {
+            return false;
+        }
         let gaps = (body_low - high).sup(&(low - body_high)).add_scalar(-ROUNDING).sup(&Vector3::zeros());
-        let rise = if body_low.z > high.z { self.rise } else { -self.rise };
-        gaps.z <= rise.max(0.0) && gaps.xy().norm() <= self.across
+        let may_meet = |ring: &Ring| {
+            let rise = if body_low.z > high.z { ring.rise } else { -ring.rise };
+            gaps.z <= rise.max(0.0) && gaps.xy().norm() <= ring.across
+        };
+        self.rings.iter().any(may_meet)
     }
 }
 

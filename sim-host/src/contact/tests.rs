@@ -196,14 +196,14 @@ fn a_ray_ends_at_the_first_thing_it_meets() {
 fn scan() -> Scan {
     let rings = [(0.0, 12), (0.5 * core::f64::consts::PI, 1), (-0.5 * core::f64::consts::PI, 1), (-0.3, 2)];
     let rings = rings.map(|(elevation, beams)| ScanRing { elevation, beams });
-    Scan { rings: rings.to_vec(), limit: 4.0 }
+    Scan { rings: rings.to_vec(), limit: 4.0, near_scale: None }
 }
 
 /// As many beams as there can be, in rings that end where sixteen do not.
 fn wide_scan() -> Scan {
     let rings = [(0.0, 24), (0.45, 14), (-0.45, 14), (1.0, 5), (-1.0, 7)];
     let rings = rings.map(|(elevation, beams)| ScanRing { elevation, beams });
-    Scan { rings: rings.to_vec(), limit: 4.0 }
+    Scan { rings: rings.to_vec(), limit: 4.0, near_scale: None }
 }
 
 #[test]
@@ -246,6 +246,15 @@ fn a_scan_goes_from_one_at_the_drone_to_zero_at_its_limit() {
     assert_eq!(arena.nearness([1.1, 0.0, 1.0])[..12], [1.0; 12], "inside the wall");
     assert_eq!(arena.nearness([500.0, 0.0, 100.0]), [0.0; BEAM_LIMIT]);
     assert!(arena.nearness([f32::NAN; 3]).iter().all(|value| (0.0..=1.0).contains(value)));
+}
+
+#[test]
+fn a_scan_with_a_scale_reads_finer_what_is_near() {
+    let fine = Scan { near_scale: Some(0.5), ..scan() };
+    let nearness = arena(ContactReport::Touch).with_scan(&world(), &fine).nearness([0.5, 0.0, 1.0]);
+    assert!((nearness[0] - 0.875 * 0.5).abs() < 1e-6, "the wall is half a metre away: {}", nearness[0]);
+    assert_eq!(nearness[12], 0.0, "above is nothing");
+    assert!((nearness[13] - 0.75 / 3.0).abs() < 1e-6, "the floor is a metre below: {}", nearness[13]);
 }
 
 /// A wall of 4 m by 3 m between x = 1 and 1.1 with a passage at y above 1, and the goal behind it.

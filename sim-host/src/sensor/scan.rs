@@ -14,6 +14,9 @@ pub struct Scan {
     pub rings: Vec<ScanRing>,
     /// Nothing farther is seen \[m\].
     pub limit: f32,
+    /// With a scale `s` \[m\] a beam reads `(1 - d / limit) s / (s + d)` for an obstacle `d` metres away: finer within
+    /// about that distance, coarser beyond. Without one it reads `1 - d / limit`.
+    pub near_scale: Option<f32>,
 }
 
 /// Beams of one elevation, evenly spaced from +x on, counter-clockwise.

@@ -40,8 +40,18 @@ impl Teacher {
     /// What it would do in a room, each value within \[-1, 1\], zeros behind the last.
     pub(crate) fn act(&mut self, state: &State<f32>, room: u32) -> [f32; ACTION_LIMIT] {
         self.pilot.reset();
-        let distance = self.ways.of(room).length(state.position.into());
+        let distance = self.distance(&state.position, room);
         self.pilot.lead(state, &self.target(&state.position, room), distance)
+    }
+
+    /// To the goal \[m\]. Near obstacles a metre of the way counts more, so that a table that stands among furniture would
+    /// seem farther away than it is: in drawn rooms a straight line that is shorter counts.
+    fn distance(&self, position: &Vector3<f32>, room: u32) -> f32 {
+        let along = self.ways.of(room).length((*position).into());
+        match &self.ways {
+            Ways::Drawn(rooms) => along.min((rooms.room(room).aviary.goal - position).norm()),
+            Ways::Same(_) => along,
+        }
     }
 
     fn target(&self, position: &Vector3<f32>, room: u32) -> Vector3<f32> {

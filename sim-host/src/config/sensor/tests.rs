@@ -119,6 +119,10 @@ fn a_scan_is_the_last_sensor_and_adds_its_beams() {
             "sensors: [scan: {limit_m: 0}]",
             "trial.yaml:1:27: sensors.0.scan.limit_m: found 0, expected a number from 0.1 to 1000 m",
         ),
+        (
+            "sensors: [scan: {near_scale_m: 0}]",
+            "trial.yaml:1:32: sensors.0.scan.near_scale_m: found 0, expected a number from 0.01 to 1000 m",
+        ),
     ];
     for (text, expected) in cases {
         assert_eq!(message(text), expected);
