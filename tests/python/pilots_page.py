@@ -37,6 +37,8 @@ task's own evaluation, with Wilson's 95 % interval, beside the scripted pilot, w
 A pilot is the policy of `kestrel train NAME --seed 201`; `cross`, `hover`, `hover-2-1-plus` and
 `hover-cf2x` are those of seed 0, `room-1-vision` that of 203, `room-1` that of 503,
 `harder-cross-11-vision` that of 701, `land-vision` that of 702, `land-with-obstacles` that of 704.
+Those of `land`, `takeoff`, `tune` and `aviaries/hover` were trained before contacts were in closed
+form: the program makes others now.
 
 """
 
