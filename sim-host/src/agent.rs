@@ -2,6 +2,7 @@
 
 mod commanding;
 mod observing;
+mod racing;
 
 use kestrel_core::action::{ACTION_LIMIT, ActionSpace, ControlMemory, Persistence};
 use kestrel_core::real::Real;
@@ -16,7 +17,7 @@ use crate::rate_loop::RateLoops;
 use crate::reset::{self, Beginning};
 use crate::reward::RewardTerm;
 use crate::rooms::{Arenas, room};
-use crate::scenario::{Clock, Scenario, Success};
+use crate::scenario::{Clock, Goals, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
 use crate::stage::Stage;
@@ -24,6 +25,7 @@ use crate::swarm::{Column, Mechanics, Swarm, row, set_row, vector};
 use crate::term::{Ends, FlightView, Memory, StepView, contains};
 use crate::termination::Termination;
 use crate::trajectory::TRAJECTORY_LEN;
+use racing::Race;
 
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
 /// mass and thrust factors − 1 (2), share of the episode left (1).
@@ -53,8 +55,10 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     goal_velocity: [Column<LANES, R>; 3],
     /// What the goals follow; none where they follow no curve.
     trajectory: Option<Box<[Column<LANES, R>; TRAJECTORY_LEN]>>,
+    /// What is left of the course; none where there is no race.
+    race: Option<Box<Race<LANES, R>>>,
     distances: Column<LANES, R>,
-    /// Those of the step before.
+    /// Those of the step before, along the course where a gate was passed since.
     previous_distances: Column<LANES, R>,
     steps: Column<LANES, R>,
     /// Last step at which the drone was outside the radius it must settle in.
@@ -135,6 +139,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             integral: [nothing; 3],
             goal_velocity: [nothing; 3],
             trajectory: scenario.goals.trajectories().map(|_| Box::new([nothing; TRAJECTORY_LEN])),
+            race: (scenario.goals == Goals::Gates).then(|| Box::new(Race::new())),
             distances: nothing,
             previous_distances: nothing,
             steps: nothing,
@@ -175,6 +180,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             self.update_goal(scenario);
         }
         self.previous_distances = self.distances;
+        self.pass_gates(scenario);
         let [x, y, z] = &self.swarm.position;
         let [gx, gy, gz] = &self.goal;
         for lane in 0..LANES {
@@ -252,6 +258,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             previous_actions: self.history.last().expect("there is a previous action"),
             touches: &self.touches,
             steps: &self.steps,
+            gates_left: self.race.as_ref().map(|race| race.left()),
             agent: self.index,
             team,
             arenas: stage.arenas,
@@ -379,6 +386,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             set_row(columns, lane, trajectory.to_array());
         }
         self.update_goal_of(scenario, lane);
+        self.line_up(scenario, lane);
         self.distances[lane] = length(&(beginning.drone.motion.position - vector(&self.goal, lane)));
     }
 
@@ -484,6 +492,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(&mut self.rooms)
             .chain(self.trajectory.iter_mut().flat_map(|columns| columns.iter_mut()))
             .chain(self.velocity_integral.iter_mut().flat_map(|columns| columns.iter_mut()))
+            .chain(self.race.iter_mut().flat_map(|race| race.columns_mut()))
     }
 
     /// The states that policy and rate controller see.

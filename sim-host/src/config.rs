@@ -32,7 +32,7 @@ use serde::{Deserialize, Serialize};
 
 pub use kestrel_config::{ConfigError, Field, Limits, schema_of};
 
-pub use agents::{AgentsConfig, GoalsConfig};
+pub use agents::{AgentsConfig, CourseConfig, GoalsConfig};
 pub use airframe::{
     AirframeConfig, AirframeNumbers, CollisionConfig, DownwashConfig, EffectsConfig, KnownAirframe, LayoutConfig,
     RotorNumbering, RotorOrderConfig, read_airframe,
@@ -42,7 +42,9 @@ pub use aviary::{AviaryConfig, AviaryParts};
 pub(crate) use world::{Placement, pillar_around, turned};
 
 pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, ReferenceCameraConfig};
-pub use drawn::{DrawnConfig, FurnishedRoomsConfig, GeneratorConfig, ModelConfig, WorldsConfig};
+pub use drawn::{
+    DrawnConfig, FurnishedRoomsConfig, GeneratorConfig, ModelConfig, RaceCoursesConfig, WorldsConfig,
+};
 pub use notation::{Document, DroneNotations};
 pub use physics::{
     BulletConfig, DragFrameConfig, DynReportConfig, IntegratorConfig, ModeConfig, PhysicsConfig, QuirksConfig,
@@ -54,20 +56,20 @@ pub use pilot::{
     RotorSpeedsConfig, ThrustBodyRatesConfig, VelocityConfig,
 };
 pub use sensor::{
-    AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GyroscopeConfig, ImuConfig,
-    MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,
+    AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GatesAheadConfig,
+    GyroscopeConfig, ImuConfig, MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,
 };
 pub use start::{LatencyConfig, RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
 pub use success::{ClockConfig, SuccessConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
-    ConeConfig, CylinderConfig, FurnitureConfig, HullConfig, MeshConfig, MovableConfig, RoomConfig, SolidConfig,
-    SuperellipsoidConfig, TurnedBoxConfig, VisualConfig,
+    ConeConfig, CylinderConfig, FurnitureConfig, GateConfig, HullConfig, MeshConfig, MovableConfig, RoomConfig,
+    SolidConfig, SuperellipsoidConfig, TurnedBoxConfig, VisualConfig,
 };
 
-use crate::contact::DistanceField;
+use crate::contact::{DistanceField, race_line};
 use crate::reward::RewardTerm;
-use crate::rooms::{Ways, Workshop};
+use crate::rooms::{CLEARANCE_M, Rooms, Ways};
 use crate::scenario::{Aviary, CriticView, Goals, Preset, Scenario, TeamSuccess};
 use crate::term::{GoalKind, RewardTask, RuleTask};
 use crate::termination::Termination;
@@ -163,16 +165,20 @@ impl ScenarioConfig {
         let camera =
             self.camera.as_ref().map(|camera| camera.check(&airframe, &field.at("camera"))).transpose()?;
         let drawn = self.drawn_rooms(&airframe, field)?;
-        let aviary = match &drawn {
+        let mut aviary = match &drawn {
             None => self.aviary.check(&airframe, &field.at("aviary"))?,
             Some(rooms) => rooms.room(0).aviary.clone(),
         };
         let agents = self.agents.check(&aviary.world, &field.at("agents"))?;
         self.check_team(agents.count, field)?;
-        let goals = self.check_goals(agents.count, &aviary.world, field)?;
+        let goals = self.check_goals(agents.count, drawn.as_deref(), &aviary.world, field)?;
+        self.line_up_gates(&mut aviary, &goals, field)?;
         self.check_carried(&aviary.world, &goals, field)?;
-        self.check_path(&goals, field)?;
-        let task = RuleTask { goals: drawn.as_ref().map_or(at(aviary.goal), |_| Workshop::goals()) };
+        self.check_told(&goals, field)?;
+        let task = RuleTask {
+            goals: drawn.as_ref().map_or(at(aviary.goal), |rooms| rooms.goals()),
+            is_race: goals == Goals::Gates,
+        };
         let terminations = Termination::check_all(&self.terminations, &task, &field.at("terminations"))?;
         self.physics.settle_contacts(&mut physics, &terminations);
         self.check_drawn(&physics, field)?;
@@ -216,9 +222,33 @@ impl ScenarioConfig {
     }
 
     /// How the goals of so many drones differ or move.
-    fn check_goals(&self, drones: u32, world: &World, field: &Field<'_>) -> Result<Goals, ConfigError> {
+    fn check_goals(
+        &self,
+        drones: u32,
+        drawn: Option<&Rooms>,
+        world: &World,
+        field: &Field<'_>,
+    ) -> Result<Goals, ConfigError> {
+        if drawn.is_some_and(Rooms::is_race) {
+            return Ok(Goals::Gates);
+        }
         let goals = self.goals.as_ref();
         Ok(goals.map(|goals| goals.check(drones, world, &field.at("goals"))).transpose()?.unwrap_or(Goals::Fixed))
+    }
+
+    /// Puts gates into the order in which they are passed; where they are no goals, they only stand there.
+    fn line_up_gates(&self, aviary: &mut Aviary, goals: &Goals, field: &Field<'_>) -> Result<(), ConfigError> {
+        if let Some(GoalsConfig::Gates(course)) = &self.goals {
+            aviary.gates = course.check(&aviary.gates, &field.at("goals").at("gates"))?;
+            aviary.goal = aviary.gates[0].center.cast();
+            if aviary.routes.is_empty() {
+                let line = race_line(&aviary.world, None, &aviary.gates, CLEARANCE_M).unwrap_or_default();
+                aviary.routes = vec![line.iter().map(|point| point.cast()).collect()];
+            }
+        } else if *goals != Goals::Gates {
+            aviary.gates.clear();
+        }
+        Ok(())
     }
 
     /// Refuses bodies that go with a goal that stays, or in the physics of Bullet, whose bodies are all pushed.
@@ -256,17 +286,19 @@ impl ScenarioConfig {
         }
     }
 
-    /// Refuses a look at the way ahead of a goal that follows none.
-    fn check_path(&self, goals: &Goals, field: &Field<'_>) -> Result<(), ConfigError> {
-        match (self.sensors.last(), goals) {
-            (
-                Some(SensorConfig::Path(_)),
-                Goals::Fixed | Goals::PerAgent(_) | Goals::Line(_) | Goals::Wave { .. },
-            ) => {
-                let field = field.at("sensors").at(self.sensors.len() - 1);
-                Err(field.reject("`path` without a way", "a `trajectory` under `goals`"))
+    /// Refuses a look at the way ahead of a goal that follows none, and at gates that are none.
+    fn check_told(&self, goals: &Goals, field: &Field<'_>) -> Result<(), ConfigError> {
+        let refuse = |found: &str, expected: &str| {
+            Err(field.at("sensors").at(self.sensors.len() - 1).reject(found, expected))
+        };
+        match self.sensors.last() {
+            Some(SensorConfig::Path(_)) if goals.trajectories().is_none() => {
+                refuse("`path` without a way", "a `trajectory` under `goals`")
             }
-            (Some(_) | None, _) => Ok(()),
+            Some(SensorConfig::Gates(_)) if *goals != Goals::Gates => {
+                refuse("`gates` without a course", "`gates` under `goals`")
+            }
+            Some(_) | None => Ok(()),
         }
     }
 

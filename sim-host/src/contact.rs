@@ -25,13 +25,14 @@ use core::ops::BitOrAssign;
 use nalgebra::Vector3;
 
 pub use arena::Arena;
+use body::Body;
 pub use distance_field::DistanceField;
 pub(crate) use outline::face_normals;
 pub use reference::ContactMemory;
-pub use route::Passage;
+pub use route::{AXIS_M, Passage, race_line};
 pub use solver::ContactSolver;
 
-use crate::world::Pose;
+use crate::world::{Pose, Role, Solid};
 
 /// Gap from which `clean` calls it a touch \[m\]: bodies rest on a skin of one millimetre, with some play.
 pub(crate) const TOUCH_GAP: f64 = 1.5e-3;
@@ -52,6 +53,24 @@ pub struct Touch {
     pub obstacle: bool,
     /// Something to land on.
     pub landing: bool,
+}
+
+/// The nearest of some solids that are obstacles, and its distance from a point \[m, world\].
+pub fn nearest_obstacle<'a>(
+    solids: impl IntoIterator<Item = &'a Solid>,
+    point: &Vector3<f64>,
+) -> Option<(&'a Solid, f64)> {
+    let obstacles = solids.into_iter().filter(|solid| solid.role == Role::Obstacle);
+    obstacles.fold(None, |nearest, solid| {
+        let least = nearest.map_or(f64::INFINITY, |(_, distance)| distance);
+        let (low, high) = solid.extent();
+        // Cheap, and never more than the distance.
+        if (point - point.sup(&low).inf(&high)).norm() > least {
+            return nearest;
+        }
+        let distance = Body::new(solid, ContactReport::Touch).distance_to(point);
+        if distance < least { Some((solid, distance)) } else { nearest }
+    })
 }
 
 impl BitOrAssign for Touch {

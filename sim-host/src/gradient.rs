@@ -103,7 +103,7 @@ impl StepGradient {
         if let ActionSpace::Reference(_) = scenario.action {
             return Err(NotDifferentiable::ActionSpace { name: scenario.action.name() });
         }
-        if let Goals::Line(_) | Goals::Wave { .. } = scenario.goals {
+        if let Goals::Line(_) | Goals::Wave { .. } | Goals::Gates = scenario.goals {
             return Err(NotDifferentiable::MovingGoal);
         }
         let (trace, period) = record(|| Period::fly(scenario, Traced::input));

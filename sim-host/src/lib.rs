@@ -29,6 +29,7 @@ mod block;
 pub mod camera;
 pub mod config;
 pub mod contact;
+pub mod course;
 mod episode_end;
 pub mod flight;
 pub mod gradient;

@@ -1,6 +1,7 @@
 //! Rooms of which every episode draws one, and what stands around each lane of a block.
 
 mod furnishing;
+mod racing;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -8,6 +9,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use kestrel_core::airframe::Airframe;
 use kestrel_core::real::Real;
+
+pub use racing::{HALL, Raceway};
 
 pub use furnishing::{Extent, Kind, Model, Piece, ROOM, RoomPlan, STARTS, WALL_COLOUR, WALL_M, Workshop, overlap};
 
@@ -29,8 +32,8 @@ const DRAWS: u32 = 30;
 pub struct Room {
     /// The place, with its goal.
     pub aviary: Aviary,
-    /// The ways to that goal.
-    pub ways: Arc<DistanceField>,
+    /// The ways to that goal; none where a course leads from gate to gate.
+    pub ways: Option<Arc<DistanceField>>,
     /// Axis-aligned bounds of what stands there.
     pub obstacles: Vec<Cuboid>,
 }
@@ -48,7 +51,16 @@ pub struct RoomRange {
 
 /// What rooms are drawn from: room `k` of a seed is the same in every range.
 #[derive(Clone, Debug, PartialEq)]
-pub struct RoomPlanner {
+pub enum RoomPlanner {
+    /// Furniture between the start and a table.
+    Furnished(Furnisher),
+    /// Courses of gates.
+    Race(Raceway),
+}
+
+/// What furnished rooms are drawn from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Furnisher {
     /// What they are made of.
     pub workshop: Workshop,
     /// In which the ways lead \[m, world\].
@@ -110,21 +122,50 @@ impl RoomRange {
 }
 
 impl RoomPlanner {
-    /// Room `number` of a seed: one with a free way to the goal that is not straight, with fewer pieces where many leave
-    /// none.
+    /// Room `number` of a seed: one with a free way to the goal that is not straight, or from gate to gate, with fewer pieces
+    /// or posts where many leave none.
     pub fn room(&self, seed: Seed, number: u32) -> Room {
         let mut stream = Stream::new(seed, number, Purpose::Furnishing);
-        let mut pieces = self.workshop.pieces;
+        let mut pieces = match self {
+            Self::Furnished(furnisher) => furnisher.workshop.pieces as u32,
+            Self::Race(raceway) => raceway.posts,
+        };
         loop {
-            for _ in 0..DRAWS {
-                let plan = self.workshop.draw(pieces, &mut stream);
-                // A table alone has a straight way.
-                if let Some(room) = self.furnished(&plan, |straight| straight == (pieces == 0)) {
-                    return room;
-                }
+            let mut draw = || match self {
+                Self::Furnished(furnisher) => furnisher.draw(pieces as usize, &mut stream),
+                Self::Race(raceway) => raceway.draw(pieces, &mut stream).map(Room::of_course),
+            };
+            if let Some(room) = (0..DRAWS).find_map(|_| draw()) {
+                return room;
             }
             pieces = pieces.saturating_sub(1);
         }
+    }
+
+    /// Where goals can be \[m\].
+    fn goals(&self) -> Cuboid {
+        match self {
+            Self::Furnished(_) => Workshop::goals(),
+            Self::Race(_) => Raceway::goals(),
+        }
+    }
+
+    /// Whether goals are gates to pass.
+    fn is_race(&self) -> bool {
+        matches!(self, Self::Race(_))
+    }
+}
+
+impl Room {
+    fn of_course(aviary: Aviary) -> Self {
+        Self { obstacles: aviary.world.bounds(), ways: None, aviary }
+    }
+}
+
+impl Furnisher {
+    fn draw(&self, pieces: usize, stream: &mut Stream) -> Option<Room> {
+        // A table alone has a straight way.
+        self.furnished(&self.workshop.draw(pieces, stream), |straight| straight == (pieces == 0))
     }
 
     /// The room of a plan, if it has a free way that is straight or is not, as `asked`.
@@ -136,7 +177,7 @@ impl RoomPlanner {
             return None;
         }
         let ways = Arc::new(DistanceField::new(&world, &goal, self.bounds, self.radius).coarse());
-        Some(Room { obstacles: world.bounds(), ways, aviary: Aviary { goal, routes: Vec::new(), world } })
+        Some(Room { obstacles: world.bounds(), ways: Some(ways), aviary: Aviary { world, ..Aviary::empty(goal) } })
     }
 }
 
@@ -156,8 +197,23 @@ impl Rooms {
     /// A room in which nothing stands; its goal is that of the first.
     pub(crate) fn bare(&self) -> Aviary {
         let goal = self.room(0).aviary.goal;
-        let plan = RoomPlan { goal: goal.cast().into(), pieces: Vec::new() };
-        Aviary { goal, routes: Vec::new(), world: self.planner.workshop.world(&plan) }
+        let world = match &self.planner {
+            RoomPlanner::Furnished(furnisher) => {
+                furnisher.workshop.world(&RoomPlan { goal: goal.cast().into(), pieces: Vec::new() })
+            }
+            RoomPlanner::Race(_) => Raceway::bare(),
+        };
+        Aviary { world, ..Aviary::empty(goal) }
+    }
+
+    /// Where goals can be \[m, world\].
+    pub(crate) fn goals(&self) -> Cuboid {
+        self.planner.goals()
+    }
+
+    /// Whether goals are gates to pass.
+    pub(crate) fn is_race(&self) -> bool {
+        self.planner.is_race()
     }
 
     /// Which they are.
@@ -208,7 +264,9 @@ impl Ways {
     pub fn of(&self, room: u32) -> &DistanceField {
         match self {
             Self::Same(ways) => ways,
-            Self::Drawn(rooms) => &rooms.room(room).ways,
+            Self::Drawn(rooms) => {
+                rooms.room(room).ways.as_ref().expect("what leads along ways is refused on a course of gates")
+            }
         }
     }
 }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::OnboardCamera;
 use crate::contact::DistanceField;
+use crate::course::Gate;
 use crate::latency::Latency;
 use crate::rate_loop::GYRO_CUTOFF_HZ;
 use crate::reward::RewardTerm;
@@ -142,6 +143,8 @@ pub enum Goals {
     },
     /// Along a curve about [`Aviary::goal`], drawn for each episode.
     Trajectory(Trajectories),
+    /// The middle of the next of [`Aviary::gates`]; that of the last when all were passed.
+    Gates,
 }
 
 /// Where the goals of an environment are when an episode begins.
@@ -180,6 +183,8 @@ pub struct Aviary {
     /// Points to fly through on the way to the goal \[m, world\], for each drone; the last list holds for
     /// all further ones. Nothing in the simulation reads them: they are for pilots who know the place.
     pub routes: Vec<Vec<Vector3<f32>>>,
+    /// Gates in the order in which they are passed, which may come back to one; none where there is no race.
+    pub gates: Vec<Gate>,
     /// What stands there.
     pub world: World,
 }
@@ -321,7 +326,7 @@ impl Goals {
     pub fn at(&self, nominal: &Vector3<f32>, agent: usize, secs: f64) -> Vector3<f64> {
         let nominal: Vector3<f64> = nominal.cast();
         match self {
-            Self::Fixed | Self::Trajectory(_) => nominal,
+            Self::Fixed | Self::Trajectory(_) | Self::Gates => nominal,
             Self::PerAgent(goals) => goals[agent],
             Self::Line(velocity) => nominal + velocity * secs,
             Self::Wave { amplitude, rate, until_secs } => {
@@ -340,7 +345,7 @@ impl Goals {
     /// a wave that has come to rest is that of its last motion: the reference's target velocity never ends.
     pub fn velocity_at(&self, secs: f64, lag_secs: f64) -> Vector3<f64> {
         match self {
-            Self::Fixed | Self::PerAgent(_) | Self::Trajectory(_) => Vector3::zeros(),
+            Self::Fixed | Self::PerAgent(_) | Self::Trajectory(_) | Self::Gates => Vector3::zeros(),
             Self::Line(velocity) => *velocity,
             Self::Wave { amplitude, rate, until_secs } => {
                 if lag_secs > 0.0 {
@@ -353,10 +358,10 @@ impl Goals {
         }
     }
 
-    /// Whether it moves.
+    /// Whether it moves by itself.
     pub fn is_moving(&self) -> bool {
         match self {
-            Self::Fixed | Self::PerAgent(_) => false,
+            Self::Fixed | Self::PerAgent(_) | Self::Gates => false,
             Self::Line(_) | Self::Wave { .. } | Self::Trajectory(_) => true,
         }
     }
@@ -365,7 +370,7 @@ impl Goals {
     pub(crate) fn trajectories(&self) -> Option<&Trajectories> {
         match self {
             Self::Trajectory(trajectories) => Some(trajectories),
-            Self::Fixed | Self::PerAgent(_) | Self::Line(_) | Self::Wave { .. } => None,
+            Self::Fixed | Self::PerAgent(_) | Self::Line(_) | Self::Wave { .. } | Self::Gates => None,
         }
     }
 }
@@ -422,6 +427,11 @@ impl PartialEq for PathStarts {
 }
 
 impl Aviary {
+    /// An empty floor with a goal \[m, world\].
+    pub fn empty(goal: Vector3<f32>) -> Self {
+        Self { goal, routes: Vec::new(), gates: Vec::new(), world: World::empty() }
+    }
+
     /// Points to fly through on an agent's way to its goal \[m, world\]; none where nothing stands between.
     pub fn route(&self, agent: usize) -> &[Vector3<f32>] {
         match self.routes.get(agent) {
@@ -437,7 +447,7 @@ impl Scenario {
     pub fn hover(airframe: &Airframe, physics: Physics) -> Self {
         Self {
             name: "hover".into(),
-            aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), routes: Vec::new(), world: World::empty() },
+            aviary: Aviary::empty(Vector3::new(0.0, 0.0, 1.0)),
             drawn: None,
             airframe: *airframe,
             goals: Goals::Fixed,
@@ -500,7 +510,10 @@ impl Scenario {
         Self {
             aviary: aviary.clone(),
             start: self.start.among(obstacles),
-            rewards: self.rewards_along(&Ways::Same(Arc::clone(ways))),
+            rewards: match ways {
+                Some(ways) => self.rewards_along(&Ways::Same(Arc::clone(ways))),
+                None => self.rewards.clone(),
+            },
             drawn: None,
             ..self.clone()
         }

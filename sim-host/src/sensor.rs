@@ -17,6 +17,7 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use crate::course::GatesAhead;
 use crate::seed::Stream;
 use crate::trajectory::PathAhead;
 use instrument::{Instrument, InstrumentMemory};
@@ -59,6 +60,8 @@ pub enum Told {
     Path(PathAhead),
     /// Which cells of a field it has visited.
     Coverage(Coverage),
+    /// Where the next gates are.
+    Gates(GatesAhead),
 }
 
 impl Told {
@@ -67,6 +70,7 @@ impl Told {
             Self::Mates(mates) => mates.len(),
             Self::Path(path) => path.len(),
             Self::Coverage(coverage) => coverage.len(),
+            Self::Gates(gates) => gates.len(),
         }
     }
 }

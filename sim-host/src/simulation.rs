@@ -558,7 +558,9 @@ impl Scenario {
     pub fn prepare_room(&self, room: u32) {
         let Some(rooms) = &self.drawn else { return };
         let Room { ways, aviary, .. } = rooms.room(room);
-        ways.length(aviary.goal.into());
+        if let Some(ways) = ways {
+            ways.length(aviary.goal.into());
+        }
         if let Some(arenas) = arenas(self) {
             arenas.of(room);
         }

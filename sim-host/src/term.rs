@@ -209,6 +209,8 @@ pub(crate) enum GoalKind {
 pub(crate) struct RuleTask {
     /// Where goals can be \[m, world\]: a point, unless worlds are drawn.
     pub(crate) goals: Cuboid,
+    /// Whether they are gates to pass.
+    pub(crate) is_race: bool,
 }
 
 /// Which starts a termination would end at once.
@@ -241,6 +243,8 @@ pub(crate) struct FlightView<'a, const LANES: usize, R: Real> {
     pub(crate) touches: &'a [Column<LANES, R>; 2],
     /// Control periods flown, this one included.
     pub(crate) steps: &'a Column<LANES, R>,
+    /// Gates that are still to be passed, where there is a race.
+    pub(crate) gates_left: Option<&'a Column<LANES, R>>,
     /// Which drone of its environment this is.
     pub(crate) agent: usize,
     /// Positions of all drones of the environments.

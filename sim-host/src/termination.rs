@@ -16,6 +16,7 @@ mod distance;
 mod enter_area;
 mod exit;
 mod field_covered;
+mod finish;
 mod fuel;
 mod heading;
 mod hold;
@@ -44,6 +45,7 @@ terminations! {
     alone {
         "collision" Collision in collision;
         "landing" Landing in landing;
+        "finish" Finish in finish;
     }
 
     with {

@@ -194,7 +194,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
-    /// Tells drones what concerns them alone: the way ahead of their goals, or what they have visited.
+    /// Tells drones what concerns them alone: the way ahead of their goals, the next gates, or what they have visited.
     #[inline(always)]
     pub(super) fn tell(&mut self, scenario: &Scenario, lanes: Range<usize>) {
         match scenario.sensors.told() {
@@ -205,6 +205,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
                     coverage.tell(&self.swarm, lane, &mut self.measurements[first..]);
                 }
             }
+            Some(Told::Gates(gates)) => self.look_at_gates(gates, scenario, lanes),
             Some(Told::Mates(_)) | None => {}
         }
     }

@@ -7,12 +7,17 @@ use serde::{Deserialize, Serialize};
 use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::holds;
+use crate::course::Gate;
 use crate::scenario::{Agents, Goals, TeamEnd, TeamRewards, TeamSuccess};
 use crate::trajectory::{Trajectories, TrajectoryShape};
 use crate::world::{Floor, World};
 
 /// Most drones in one environment; every one is tested against every other.
 const DRONES_LIMIT: u64 = 256;
+
+/// Most laps, and most gates to pass.
+const LAPS_LIMIT: u64 = 100;
+const PASSES_LIMIT: usize = 1000;
 
 const SPEED: Limits = Limits::from(-20.0, 20.0, "m/s");
 const LENGTH: Limits = Limits::from(-1000.0, 1000.0, "m");
@@ -57,6 +62,25 @@ pub enum GoalsConfig {
     /// Along a closed curve about the aviary's goal, drawn anew for each episode; `path` under `sensors` shows the way
     /// ahead.
     Trajectory(TrajectoriesConfig),
+    /// The middle of the next of the aviary's `gates`, which are passed one after the other.
+    Gates(CourseConfig),
+}
+
+/// In which order gates are passed.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct CourseConfig {
+    /// Numbers of the gates, 1 for the first of the list; a gate may come twice, but not twice in a row. All, as they are listed,
+    /// unless it is given.
+    pub order: Vec<u64>,
+    /// How often the course is flown.
+    pub laps: u64,
+}
+
+impl Default for CourseConfig {
+    fn default() -> Self {
+        Self { order: Vec::new(), laps: 1 }
+    }
 }
 
 /// From which curves an episode draws its own; two bounds that are equal fix a number.
@@ -103,6 +127,37 @@ impl TrajectoriesConfig {
             rise: between("rise_m", self.rise_m, &Limits::from(0.0, 100.0, "m"))?,
             speed: between("speed_m_per_s", self.speed_m_per_s, &Limits::from(0.01, 20.0, "m/s"))?,
         })
+    }
+}
+
+impl CourseConfig {
+    /// Gates in the order in which they are passed.
+    ///
+    /// # Errors
+    /// When there are none or too many, or a number is that of none.
+    pub(super) fn check(&self, gates: &[Gate], field: &Field<'_>) -> Result<Vec<Gate>, ConfigError> {
+        if gates.is_empty() {
+            return Err(field.reject("a course without gates", "`gates` in the `aviary`"));
+        }
+        let order = field.at("order");
+        let mut lap = Vec::new();
+        for (index, number) in self.order.iter().enumerate() {
+            let number = order.at(index).whole(*number, 1..=gates.len() as u64)?;
+            if index > 0 && self.order[index - 1] == number {
+                return Err(order.at(index).refuse(number, "another gate than the one before"));
+            }
+            lap.push(gates[number as usize - 1]);
+        }
+        let lap = if lap.is_empty() { gates.to_vec() } else { lap };
+        let laps = field.at("laps").whole(self.laps, 1..=LAPS_LIMIT)?;
+        let course: Vec<Gate> = (0..laps).flat_map(|_| lap.iter().copied()).collect();
+        if course.len() > PASSES_LIMIT {
+            return Err(field.reject(format!("{} gates to pass", course.len()), format!("at most {PASSES_LIMIT}")));
+        }
+        if course.windows(2).any(|pair| pair[0] == pair[1]) {
+            return Err(field.reject("a lap that begins at the gate where it ends", "another gate at its end"));
+        }
+        Ok(course)
     }
 }
 
@@ -161,6 +216,7 @@ impl GoalsConfig {
                     until_secs: field.at("until_secs").real(*until_secs, &Limits::from(0.0, 600.0, "s"))?,
                 })
             }
+            Self::Gates(_) => Ok(Goals::Gates),
             Self::Trajectory(trajectories) => trajectories.check(&field.at("trajectory")).map(Goals::Trajectory),
         }
     }

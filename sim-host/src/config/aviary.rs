@@ -12,7 +12,8 @@ use super::drawn::DrawnConfig;
 use super::error::ConfigError;
 use super::field::Field;
 use super::geometry::holds;
-use super::world::{FurnitureConfig, MovableConfig, RoomConfig, SolidConfig, pillar};
+use super::world::{FurnitureConfig, GateConfig, MovableConfig, RoomConfig, SolidConfig, pillar};
+use crate::course::Gate;
 use crate::scenario::Aviary;
 use crate::world::{Drive, Floor, Movable, World};
 
@@ -58,6 +59,9 @@ pub struct AviaryConfig {
     /// is at `goal_m`. Beams do not see them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub carried: Vec<SolidConfig>,
+    /// Frames to fly through; with the goals `gates`, one after the other.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gates: Vec<GateConfig>,
     /// Other worlds set into this one at their `at_m`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub worlds: Vec<AviaryConfig>,
@@ -81,6 +85,8 @@ pub struct AviaryParts {
     /// Points to fly through on the way to each goal \[m, world\]: its own route, or those of the worlds set into it; a
     /// route may be empty.
     pub routes: Vec<Vec<Vector3<f64>>>,
+    /// Frames to fly through, its own before those of the worlds set into it.
+    pub gates: Vec<Gate>,
     /// What stands there.
     pub world: World,
 }
@@ -95,8 +101,8 @@ impl AviaryConfig {
     /// # Errors
     /// When a solid is wrong, or a drone of `airframe` cannot be at the goal, or there is none.
     pub fn check(&self, airframe: &Airframe, field: &Field<'_>) -> Result<Aviary, ConfigError> {
-        let AviaryParts { goals, routes, world, .. } = self.place(field)?;
-        let Some(goal) = goals.first() else {
+        let AviaryParts { goals, routes, gates, world, .. } = self.place(field)?;
+        let Some(goal) = goals.first().copied().or(gates.first().map(|gate| gate.center)) else {
             return Err(field.reject("no key `goal_m`", "one: it has no default"));
         };
         let lowest = airframe.collision_height / 2.0;
@@ -106,7 +112,7 @@ impl AviaryConfig {
             return Err(field.at("goal_m").at(2).refuse(goal.z, expected));
         }
         let cast = |route: &Vec<Vector3<f64>>| route.iter().map(|point| point.cast()).collect();
-        Ok(Aviary { goal: goal.cast(), routes: routes.iter().map(cast).collect(), world })
+        Ok(Aviary { goal: goal.cast(), routes: routes.iter().map(cast).collect(), gates, world })
     }
 
     /// The first key that describes one world, if there is one.
@@ -122,6 +128,7 @@ impl AviaryConfig {
             ("furniture", !self.furniture.is_empty()),
             ("movables", !self.movables.is_empty()),
             ("carried", !self.carried.is_empty()),
+            ("gates", !self.gates.is_empty()),
             ("worlds", !self.worlds.is_empty()),
             ("at_m", self.at_m.is_some()),
         ];
@@ -140,14 +147,19 @@ impl AviaryConfig {
         }
         let goal = self.goal_m.map(|goal| field.at("goal_m").place(goal)).transpose()?;
         let world = self.own_world(goal.as_ref(), field)?;
+        let gates = self.own_gates(field)?;
         let route = points(&field.at("route_m"), &self.route_m)?;
         let mut place = AviaryParts {
             about: self.about.clone().unwrap_or_default(),
             goals: goal.into_iter().collect(),
             starts: points(&field.at("starts_m"), &self.starts_m)?,
             routes: if route.is_empty() { Vec::new() } else { vec![route] },
+            gates: gates.iter().map(|(gate, _)| *gate).collect(),
             world,
         };
+        for (index, (gate, bar_m)) in gates.iter().enumerate() {
+            place.world.solids.extend(gate.frame(&format!("gate {}", index + 1), *bar_m));
+        }
         for (index, inner) in self.worlds.iter().enumerate() {
             let field = field.at("worlds").at(index);
             place.take_in(inner.place(&field)?, self);
@@ -161,6 +173,12 @@ impl AviaryConfig {
             return Err(field.reject(format!("{count} solids"), format!("at most {SOLIDS_LIMIT}")));
         }
         Ok(place)
+    }
+
+    /// Its own gates, and the widths of their bars \[m\].
+    fn own_gates(&self, field: &Field<'_>) -> Result<Vec<(Gate, f64)>, ConfigError> {
+        let gate = |(index, gate): (usize, &GateConfig)| gate.check(&field.at("gates").at(index));
+        self.gates.iter().enumerate().map(gate).collect()
     }
 
     /// Refuses points of its own route that are inside a solid.
@@ -228,6 +246,7 @@ impl AviaryParts {
             self.routes.extend(inner.routes.into_iter().chain(none));
         }
         self.starts.extend(inner.starts);
+        self.gates.extend(inner.gates);
         self.world.solids.extend(inner.world.solids);
         self.world.movables.extend(inner.world.movables);
     }
@@ -236,7 +255,9 @@ impl AviaryParts {
         let World { solids, movables, .. } = &mut self.world;
         let solids = solids.iter_mut().chain(movables.iter_mut().map(|movable| &mut movable.solid));
         let positions = solids.map(|solid| &mut solid.pose.position);
-        let points = self.goals.iter_mut().chain(&mut self.starts).chain(self.routes.iter_mut().flatten());
+        let gates = self.gates.iter_mut().map(|gate| &mut gate.center);
+        let points =
+            self.goals.iter_mut().chain(&mut self.starts).chain(self.routes.iter_mut().flatten()).chain(gates);
         for position in points.chain(positions) {
             *position += by;
         }

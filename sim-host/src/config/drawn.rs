@@ -13,7 +13,7 @@ use super::geometry::surrounds;
 use super::world::{FurnitureConfig, SCALES};
 use super::{ScenarioConfig, StartConfig, SuccessConfig};
 use crate::physics::{Contacts, Physics};
-use crate::rooms::{Model, ROOM, RoomPlanner, RoomRange, Rooms, Workshop};
+use crate::rooms::{Furnisher, Model, ROOM, Raceway, RoomPlanner, RoomRange, Rooms, Workshop};
 use crate::scenario::{Goals, Start, StartPosition};
 use crate::seed::Seed;
 use crate::termination::Termination;
@@ -30,6 +30,14 @@ const MODELS_LIMIT: usize = 100;
 
 /// Where a file says nothing: as `kestrel aviary generate`.
 const PIECES: u64 = 14;
+
+/// Most gates and posts that the hall has room for.
+const GATES_LIMIT: u64 = 8;
+const POSTS_LIMIT: u64 = 20;
+
+/// Openings of gates: the line through them keeps 24 cm from their frames.
+const OPENING_LIMIT_M: f64 = 1.2;
+const OPENING: Limits = Limits::from(0.5, OPENING_LIMIT_M, "m");
 
 /// Worlds of which every episode draws one.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -61,6 +69,45 @@ pub struct WorldsConfig {
 pub enum GeneratorConfig {
     /// Rooms like rooms 0 to 2, as `kestrel aviary generate` makes them.
     FurnishedRooms(FurnishedRoomsConfig),
+    /// Courses of gates to race through.
+    RaceCourses(RaceCoursesConfig),
+}
+
+/// Gates, each 1.5 to 3.5 m ahead of the one before, and posts between them, in a hall of 10 x 6 x 2.5 m with its origin a metre
+/// from the end at which races start. Every course has a line from gate to gate, of straight legs that keep 24 cm from
+/// everything. Its goals are its gates, in their order.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RaceCoursesConfig {
+    /// Least and greatest number of gates.
+    pub gates: [u64; 2],
+    /// Least and greatest width and height of their openings.
+    pub opening_m: [f64; 2],
+    /// Most posts, from the floor to the ceiling, 16 cm thick.
+    pub posts: u64,
+}
+
+impl Default for RaceCoursesConfig {
+    fn default() -> Self {
+        Self { gates: [4, 6], opening_m: [0.6, 0.9], posts: 6 }
+    }
+}
+
+impl RaceCoursesConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Raceway, ConfigError> {
+        let gates = field.at("gates");
+        let least = gates.at(0).whole(self.gates[0], 1..=GATES_LIMIT)?;
+        let most = gates.at(1).whole(self.gates[1], least..=GATES_LIMIT)?;
+        let opening = field.at("opening_m");
+        let [low, high] = self.opening_m;
+        let low = opening.at(0).number(low, &OPENING)?;
+        let high = opening.at(1).number(high, &Limits::from(f64::from(low), OPENING_LIMIT_M, "m"))?;
+        Ok(Raceway {
+            gates: [least as u32, most as u32],
+            opening: [low, high],
+            posts: field.at("posts").whole(self.posts, 0..=POSTS_LIMIT)? as u32,
+        })
+    }
 }
 
 /// Furniture, the reference's pillars and partitions between the start at the left end of a room of 8 x 3 x 1.5 m and a
@@ -116,10 +163,16 @@ impl DrawnConfig {
         field: &Field<'_>,
     ) -> Result<Arc<Rooms>, ConfigError> {
         let range = self.worlds.check(&field.at("worlds"))?;
-        let GeneratorConfig::FurnishedRooms(furnished) = &self.from;
-        let workshop = furnished.check(&field.at("from").at("furnished_rooms"))?;
-        let radius = airframe.collision_radius;
-        Ok(Arc::new(Rooms::new(RoomPlanner { workshop, bounds: bounds.unwrap_or(ROOM), radius }, range)))
+        let field = field.at("from");
+        let planner = match &self.from {
+            GeneratorConfig::FurnishedRooms(furnished) => RoomPlanner::Furnished(Furnisher {
+                workshop: furnished.check(&field.at("furnished_rooms"))?,
+                bounds: bounds.unwrap_or(ROOM),
+                radius: airframe.collision_radius,
+            }),
+            GeneratorConfig::RaceCourses(courses) => RoomPlanner::Race(courses.check(&field.at("race_courses"))?),
+        };
+        Ok(Arc::new(Rooms::new(planner, range)))
     }
 }
 

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ConfigError;
 use super::field::{Field, Limits};
+use crate::course::GatesAhead;
 use crate::sensor::instrument::{Bias, Instrument, Noise, Sampling};
 use crate::sensor::signal::{Direction, Signal};
 use crate::sensor::{BEAM_LIMIT, Coverage, Mates, Scan, ScanRing, SensorSuite, Told};
@@ -33,6 +34,12 @@ const MATES_LIMIT: u64 = 16;
 /// Most points of the way ahead, likewise.
 const PATH_POINTS_LIMIT: u64 = 32;
 
+/// Most gates ahead, likewise.
+const GATES_LIMIT: u64 = 8;
+
+/// Distances that may read as one.
+const SCALE: Limits = Limits::from(1e-3, 1000.0, "m");
+
 /// One part of the drone's equipment.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -57,6 +64,9 @@ pub enum SensorConfig {
     /// Which cells of a field around the origin were visited in this episode (1 value each, 1 or 0; the cells are those of
     /// the reward `field_coverage`). The last sensor, once.
     Coverage(CoverageConfig),
+    /// Where the drone is as seen from the middle of each of the next gates, if the goals are `gates`: forwards, to the left and up
+    /// (3 values), and the cosine and sine of the heading in which the gate is flown through. The last sensor, once.
+    Gates(GatesAheadConfig),
 }
 
 /// A square of cells of one metre.
@@ -69,6 +79,16 @@ pub struct CoverageConfig {
     /// of it reads as one.
     #[serde(default)]
     pub next_scale_m: Option<f64>,
+}
+
+/// What is told of the gates ahead.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct GatesAheadConfig {
+    /// How many; behind the last gate it is told again.
+    pub ahead: u64,
+    /// Distance that reads as one.
+    pub position_scale_m: f64,
 }
 
 /// What is seen of the way ahead of the goal.
@@ -359,11 +379,26 @@ impl Default for PathConfig {
     }
 }
 
+impl Default for GatesAheadConfig {
+    /// The next gate and the one behind it.
+    fn default() -> Self {
+        Self { ahead: 2, position_scale_m: 2.0 }
+    }
+}
+
+impl GatesAheadConfig {
+    fn check(&self, field: &Field<'_>) -> Result<GatesAhead, ConfigError> {
+        Ok(GatesAhead {
+            gates: field.at("ahead").whole(self.ahead, 1..=GATES_LIMIT)? as usize,
+            position_scale_m: field.at("position_scale_m").number(self.position_scale_m, &SCALE)?,
+        })
+    }
+}
+
 impl CoverageConfig {
     fn check(&self, field: &Field<'_>) -> Result<Coverage, ConfigError> {
         Cells::check(self.cells, field)?;
-        let limits = Limits::from(1e-3, 1000.0, "m");
-        let scale = self.next_scale_m.map(|scale| field.at("next_scale_m").number(scale, &limits)).transpose()?;
+        let scale = self.next_scale_m.map(|scale| field.at("next_scale_m").number(scale, &SCALE)).transpose()?;
         Ok(Coverage { cells: self.cells, next_scale_m: scale })
     }
 }
@@ -373,9 +408,7 @@ impl PathConfig {
         Ok(PathAhead {
             points: field.at("points").whole(self.points, 1..=PATH_POINTS_LIMIT)? as usize,
             spacing_secs: field.at("spacing_secs").number(self.spacing_secs, &Limits::from(0.001, 10.0, "s"))?,
-            position_scale_m: field
-                .at("position_scale_m")
-                .number(self.position_scale_m, &Limits::from(1e-3, 1000.0, "m"))?,
+            position_scale_m: field.at("position_scale_m").number(self.position_scale_m, &SCALE)?,
         })
     }
 }
@@ -410,6 +443,7 @@ impl SensorConfig {
                 Self::Coverage(config) if is_last => {
                     told = Some(Told::Coverage(config.check(&field.at("coverage"))?));
                 }
+                Self::Gates(config) if is_last => told = Some(Told::Gates(config.check(&field.at("gates"))?)),
                 Self::Imu(_)
                 | Self::Flow(_)
                 | Self::Range(_)
@@ -417,7 +451,8 @@ impl SensorConfig {
                 | Self::Scan(_)
                 | Self::Mates(_)
                 | Self::Path(_)
-                | Self::Coverage(_) => instruments.extend(sensor.check(&field)?),
+                | Self::Coverage(_)
+                | Self::Gates(_) => instruments.extend(sensor.check(&field)?),
             }
         }
         let told_last = usize::from(told.is_some());
@@ -454,6 +489,9 @@ impl SensorConfig {
             Self::Path(_) => Err(field.reject("`path` before other sensors", "one `path`, as the last of them")),
             Self::Coverage(_) => {
                 Err(field.reject("`coverage` before other sensors", "one `coverage`, as the last of them"))
+            }
+            Self::Gates(_) => {
+                Err(field.reject("`gates` before other sensors", "one `gates`, as the last of them"))
             }
             Self::Imu(imu) => {
                 let field = field.at("imu");

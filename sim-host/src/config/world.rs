@@ -1,6 +1,7 @@
 //! What stands in a world, as users write it.
 
 mod furniture;
+mod gate;
 mod mesh;
 mod outline;
 mod room;
@@ -13,6 +14,7 @@ mod tests;
 mod visual;
 
 pub use furniture::FurnitureConfig;
+pub use gate::GateConfig;
 pub use mesh::MeshConfig;
 pub use room::RoomConfig;
 pub use shape::{ConeConfig, CylinderConfig, HullConfig, TurnedBoxConfig};

@@ -6,10 +6,18 @@ use kestrel_core::airframe::{Airframe, CF2X};
 use nalgebra::Vector3;
 
 use super::{Arena, ContactReport, DistanceField};
+use crate::course::Gate;
 use crate::world::{Cuboid, Pose, World};
 
 /// Between two poses of the probe on a leg \[m\].
 const PROBE_STEP_M: f64 = 0.05;
+
+/// A race line leads this far before and behind a gate on its axis \[m\].
+pub const AXIS_M: f64 = 0.45;
+
+/// Where a race line may go around what stands in a leg's way: so far along the leg, and so far aside \[m\].
+const ALONG: [f64; 3] = [0.5, 0.25, 0.75];
+const ASIDE_M: [f64; 4] = [0.4, 0.7, 1.0, 1.4];
 
 /// What a leg keeps of the path's clearance, for it may cut the corners of the path.
 const LEG_SHARE: f64 = 0.8;
@@ -68,6 +76,31 @@ impl Passage<'_> {
     }
 }
 
+/// Points to fly through on a course \[m, world\]: on the axis of each gate, before and behind it, and beside what stands
+/// between two gates. Its legs keep four fifths of the clearance. `None` where there is no such line; without a start, what
+/// leads to the first gate is not looked at.
+pub fn race_line(
+    world: &World,
+    start: Option<Vector3<f64>>,
+    gates: &[Gate],
+    clearance_m: f64,
+) -> Option<Vec<Vector3<f64>>> {
+    let probe = Probe::new(world, clearance_m * LEG_SHARE);
+    let (mut line, mut from) = (Vec::new(), start);
+    for gate in gates {
+        let [before, behind] = [-AXIS_M, AXIS_M].map(|way| gate.on_axis(way));
+        if let Some(from) = from {
+            line.extend(probe.around(&from, &before)?);
+        }
+        if !probe.is_free(&before, &behind) {
+            return None;
+        }
+        line.extend([before, behind]);
+        from = Some(behind);
+    }
+    Some(line)
+}
+
 /// A body as large as the clearance, which is led along a leg.
 struct Probe(Arena);
 
@@ -76,6 +109,18 @@ impl Probe {
         let airframe =
             Airframe { collision_radius: radius, collision_height: 2.0 * radius, collision_offset: 0.0, ..CF2X };
         Self(Arena::without_map(world, &airframe, ContactReport::Touch))
+    }
+
+    /// Points by way of which the leg touches nothing: none where it is free, or one beside it.
+    fn around(&self, begin: &Vector3<f64>, end: &Vector3<f64>) -> Option<Vec<Vector3<f64>>> {
+        if self.is_free(begin, end) {
+            return Some(Vec::new());
+        }
+        let leg = end - begin;
+        let left = Vector3::new(-leg.y, leg.x, 0.0).try_normalize(1e-6)?;
+        let asides = ASIDE_M.into_iter().flat_map(|aside| [aside, -aside]);
+        let mut points = asides.flat_map(|aside| ALONG.map(|along| begin + leg * along + left * aside));
+        points.find(|point| self.is_free(begin, point) && self.is_free(point, end)).map(|point| vec![point])
     }
 
     /// Whether the leg touches nothing but what there is to land on.

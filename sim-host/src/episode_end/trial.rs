@@ -27,7 +27,7 @@ pub(crate) fn scenario(rules: &str) -> Scenario {
     let document = Document::parse("trial.yaml", &format!("terminations: [ {rules} ]")).unwrap();
     let rules: Rules = document.decode().unwrap();
     let goal = scenario.aviary.goal;
-    let task = RuleTask { goals: crate::world::Cuboid { low: goal, high: goal } };
+    let task = RuleTask { goals: crate::world::Cuboid { low: goal, high: goal }, is_race: false };
     let field = document.root().at("terminations");
     scenario.terminations = Termination::check_all(&rules.terminations, &task, &field).unwrap();
     scenario

@@ -142,7 +142,8 @@ impl Workshop {
         };
         let mut pieces: Vec<&Piece> = plan.pieces.iter().collect();
         pieces.sort_by_key(rank);
-        let solids = walls().into_iter().chain(pieces.into_iter().flat_map(|piece| self.solids(piece))).collect();
+        let solids =
+            walls(&ROOM).into_iter().chain(pieces.into_iter().flat_map(|piece| self.solids(piece))).collect();
         World { floor: Floor::Solid, solids, ..World::empty() }
     }
 
@@ -199,9 +200,9 @@ impl Workshop {
     }
 }
 
-/// Walls around the room, as `RoomConfig` has them.
-fn walls() -> Vec<Solid> {
-    let (low, high): (Vector3<f64>, Vector3<f64>) = (ROOM.low.cast(), ROOM.high.cast());
+/// Walls around a room, as `RoomConfig` has them.
+pub(super) fn walls(room: &Cuboid) -> Vec<Solid> {
+    let (low, high): (Vector3<f64>, Vector3<f64>) = (room.low.cast(), room.high.cast());
     let side = |name: &str, low_x: f64, low_y: f64, high_x: f64, high_y: f64| {
         let (low, high) = (Vector3::new(low_x, low_y, low.z), Vector3::new(high_x, high_y, high.z));
         upright_solid(name, (high - low) / 2.0, Pose::at((low + high) / 2.0), WALL_COLOUR)

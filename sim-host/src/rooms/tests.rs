@@ -108,7 +108,7 @@ fn every_room_has_a_way_that_is_not_straight() {
     let rooms = scenario.drawn.as_ref().unwrap().elsewhere(RoomRange { seed: Seed(5), first: 7, count: 24 });
     for index in 0..24 {
         let Room { aviary, ways, .. } = rooms.room(index);
-        assert!(ways.free_path_from([-0.55, 0.0, 0.5]).is_some(), "room {index}");
+        assert!(ways.as_ref().unwrap().free_path_from([-0.55, 0.0, 0.5]).is_some(), "room {index}");
         let narrow = DistanceField::new(&aviary.world, &aviary.goal, ROOM, 0.6 * CLEARANCE_M);
         assert!(narrow.free_path_from([-0.55, 0.0, 0.5]).is_some(), "room {index}");
         let goals = Workshop::goals();
@@ -123,8 +123,70 @@ fn every_room_has_a_way_that_is_not_straight() {
 fn a_crowded_room_has_fewer_pieces_rather_than_no_way() {
     let crowded = checked(&ROOMS.replace("pieces: 8", "pieces: 100")).unwrap();
     let Room { ways, aviary, .. } = crowded.drawn.as_ref().unwrap().room(0);
-    assert!(ways.free_path_from([-0.55, 0.0, 0.5]).is_some());
+    assert!(ways.as_ref().unwrap().free_path_from([-0.55, 0.0, 0.5]).is_some());
     assert!(aviary.world.solids.len() > 10);
+}
+
+/// Race through gates that are drawn.
+const COURSES: &str = "
+aviary: { drawn: { worlds: { seed: 3, count: 24 }, from: { race_courses: { gates: [2, 8], posts: 12 } } } }
+action: { velocity: { speed_limit_m_per_s: 2 } }
+sensors: [ gates: {} ]
+observation: { pilot_measured: {} }
+start: { position: { within: { low_m: [-0.7, -0.3, 0.4], high_m: [-0.4, 0.3, 0.65] } } }
+rewards: [ progress: { weight: 2 } ]
+terminations: [ finish, collision ]
+success: ending
+";
+
+/// Points along a line through these, at most 2 cm apart.
+fn along(corners: &[nalgebra::Vector3<f64>]) -> impl Iterator<Item = nalgebra::Vector3<f64>> {
+    let legs = corners.windows(2).map(|ends| (ends[0], ends[1] - ends[0]));
+    let on_leg = |(from, leg): (nalgebra::Vector3<f64>, nalgebra::Vector3<f64>)| {
+        let count = (leg.norm() / 0.02).ceil() as u32 + 1;
+        (0..=count).map(move |step| from + leg * f64::from(step) / f64::from(count))
+    };
+    legs.flat_map(on_leg)
+}
+
+#[test]
+fn every_course_has_a_line_that_leads_through_its_gates_past_everything() {
+    let scenario = checked(COURSES).unwrap();
+    let rooms = scenario.drawn.as_ref().unwrap();
+    let (mut fewest, mut most, mut posts) = (8, 2, 0);
+    for index in 0..24 {
+        let Room { aviary, ways, .. } = rooms.room(index);
+        assert_eq!(*ways, None);
+        assert_eq!(aviary.goal, aviary.gates[0].center.cast());
+        let start = nalgebra::Vector3::new(-0.55, 0.0, 0.525);
+        let line: Vec<_> = [start].into_iter().chain(aviary.route(0).iter().map(|point| point.cast())).collect();
+        let (mut before, mut left) = (start, &aviary.gates[..]);
+        for point in along(&line) {
+            let (solid, distance) = crate::contact::nearest_obstacle(&aviary.world.solids, &point).unwrap();
+            assert!(distance > 0.23, "course {index}: {} is {distance} m from {point:?}", solid.name);
+            assert!(point.z > 0.24);
+            if left.first().is_some_and(|gate| gate.is_passed(&before, &point)) {
+                left = &left[1..];
+            }
+            before = point;
+        }
+        assert!(left.is_empty(), "course {index}: {} gates are left", left.len());
+        (fewest, most) = (aviary.gates.len().min(fewest), aviary.gates.len().max(most));
+        posts = aviary.world.solids.iter().filter(|solid| solid.name == "post").count().max(posts);
+    }
+    assert!(fewest < 4 && most > 6 && posts > 6, "{fewest} {most} {posts}");
+    assert_ne!(rooms.room(0).aviary.gates, rooms.room(1).aviary.gates);
+}
+
+#[test]
+fn courses_of_impossible_numbers_are_refused() {
+    let refused = |from: &str, to: &str| checked(&COURSES.replace(from, to)).unwrap_err();
+    let found = refused("gates: [2, 8]", "gates: [5, 4]");
+    assert!(found.contains("race_courses.gates.1: found 4, expected a whole number from 5 to 8"), "{found}");
+    let found = refused("posts: 12", "opening_m: [0.3, 0.5]");
+    assert!(found.contains("race_courses.opening_m.0: found 0.3"), "{found}");
+    let found = refused("progress: { weight: 2 }", "advance: { weight: 2 }");
+    assert!(found.contains("advance"), "{found}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod carried;
 mod determinism;
 mod imaging;
 mod navigation;
+mod racing;
 mod team;
 
 use kestrel_core::action::{ACTION_LEN, ActionSpace};

@@ -498,6 +498,7 @@ mod tests {
             length_secs: 10.0,
             steps: 500.0,
             endings: vec![(ending, 10)],
+            hits: Vec::new(),
             terms: vec![episode_return, 0.0, 0.0],
         }
     }

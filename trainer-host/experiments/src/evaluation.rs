@@ -5,14 +5,19 @@ mod cockpit;
 mod tests;
 
 use std::borrow::Cow;
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 
 use kestrel_core::crazyflie::StockController;
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
+use kestrel_sim::contact::nearest_obstacle;
 use kestrel_sim::outcome::{Ending, Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed};
 use kestrel_sim::simulation::{Compiled, Simulation};
+use kestrel_sim::world::{Floor, Solid};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -76,9 +81,19 @@ pub struct Evaluation {
     pub steps: f64,
     /// How many episodes ended how.
     pub endings: Vec<(Ending, usize)>,
+    /// What collisions were with, and how many, the most frequent first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub hits: Vec<(String, usize)>,
     /// Mean return of each weighted reward term, in the scenario's order.
     #[serde(default)]
     pub terms: Vec<f64>,
+}
+
+/// An episode, and what its collision was with, if it ended in one.
+#[derive(Clone, Debug)]
+struct Flight {
+    episode: Episode,
+    hit: Option<String>,
 }
 
 /// One flight, control period by control period.
@@ -92,12 +107,17 @@ pub struct FlightPath {
 
 /// Flies one episode from each of the starts; the bits do not depend on the number of threads.
 pub fn evaluate(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Evaluation {
-    summarise(flyer.name(), &flyer.task(scenario), &fly_episodes(scenario, flyer, starts))
+    let scenario = &*flyer.task(scenario);
+    summarise(flyer.name(), scenario, &fly(scenario, flyer, starts))
 }
 
 /// As [`evaluate`]: the episodes themselves, one from each start by every drone.
 pub fn fly_episodes(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Vec<Episode> {
-    let scenario = &*flyer.task(scenario);
+    fly(&flyer.task(scenario), flyer, starts).into_iter().map(|flight| flight.episode).collect()
+}
+
+/// The flights of the task as the flyer flies it.
+fn fly(scenario: &Scenario, flyer: Flyer<'_>, starts: Starts) -> Vec<Flight> {
     let firsts: Vec<usize> = (0..starts.episodes).step_by(PANEL).collect();
     let flights = firsts.into_par_iter().flat_map_iter(|first| {
         let count = PANEL.min(starts.episodes - first);
@@ -221,27 +241,62 @@ fn first_episodes<const LANES: usize, R: Real>(
     flyer: Flyer<'_>,
     starts: Starts,
     first: u32,
-) -> Vec<Episode>
+) -> Vec<Flight>
 where
     Simulation<LANES, R>: Compiled<R>,
 {
     let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, first);
-    let mut episodes: Vec<Option<Episode>> = vec![None; simulation.rows()];
-    while episodes.iter().any(Option::is_none) {
+    let mut flights: Vec<Option<Flight>> = vec![None; simulation.rows()];
+    let mut before = Vec::new();
+    while flights.iter().any(Option::is_none) {
+        before.clear();
+        before.extend((0..simulation.rows()).map(|row| (simulation.room(row), place(&simulation, row))));
         simulation.step(cockpit.act(&simulation));
         if simulation.outcomes().iter().all(|outcome| *outcome == Outcome::Running) {
             continue;
         }
         for episode in simulation.take_episodes() {
             let environment = (episode.environment - first) as usize;
-            let slot = &mut episodes[episode.agent as usize * simulation.environments() + environment];
-            slot.get_or_insert(episode);
+            let row = episode.agent as usize * simulation.environments() + environment;
+            flights[row].get_or_insert_with(|| {
+                let hit = (episode.ending == Ending::Collision).then(|| obstacle(&simulation, &before, row));
+                Flight { episode, hit }
+            });
         }
     }
-    episodes.into_iter().flatten().collect()
+    flights.into_iter().flatten().collect()
 }
 
-fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluation {
+fn place<const LANES: usize, R: Real>(simulation: &Simulation<LANES, R>, row: usize) -> Vector3<f64> {
+    simulation.state(row).position.map(Real::to_f64)
+}
+
+/// What was nearest to a drone before the control period of its collision; rooms and places are those of then.
+fn obstacle<const LANES: usize, R: Real>(
+    simulation: &Simulation<LANES, R>,
+    before: &[(u32, Vector3<f64>)],
+    row: usize,
+) -> String {
+    let (room, place) = before[row];
+    let (world, environments) = (&simulation.scenario().aviary_of(room).world, simulation.environments());
+    let movables = world.movables.iter().zip(simulation.movables(row % environments));
+    let movables: Vec<Solid> = movables.map(|(body, pose)| Solid { pose, ..body.solid.clone() }).collect();
+    let mates = (row % environments..before.len()).step_by(environments).filter(|mate| *mate != row);
+    let to_mate = mates.map(|mate| (before[mate].1 - place).norm()).fold(f64::INFINITY, f64::min);
+    let to_floor = if world.floor == Floor::Solid { place.z } else { f64::INFINITY };
+    // Half of the way to another drone is its own.
+    let (name, least) =
+        if to_mate / 2.0 < to_floor { ("another drone", to_mate / 2.0) } else { ("the floor", to_floor) };
+    match nearest_obstacle(world.solids.iter().chain(&movables), &place) {
+        // Of a piece of furniture, whatever part it was.
+        Some((solid, distance)) if distance < least => solid.name.split(':').next().unwrap_or_default().to_owned(),
+        Some(_) | None => name.to_owned(),
+    }
+}
+
+fn summarise(pilot: &str, scenario: &Scenario, flights: &[Flight]) -> Evaluation {
+    let episodes: Vec<&Episode> = flights.iter().map(|flight| &flight.episode).collect();
+    let episodes = &episodes[..];
     let count = episodes.len().max(1) as f64;
     let successes = episodes.iter().filter(|episode| episode.success).count();
     let returns: Vec<f64> = episodes.iter().map(|episode| f64::from(episode.total_reward)).collect();
@@ -260,6 +315,7 @@ fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluati
         length_secs: steps / count / scenario.physics.control_rate_hz,
         steps: steps / count,
         endings: endings(episodes),
+        hits: hits(flights),
         terms: (0..scenario.rewards.len())
             .map(|term| episodes.iter().map(|episode| f64::from(episode.terms[term])).sum::<f64>() / count)
             .collect(),
@@ -267,7 +323,7 @@ fn summarise(pilot: &str, scenario: &Scenario, episodes: &[Episode]) -> Evaluati
 }
 
 /// Of the share of successes.
-fn success_interval(scenario: &Scenario, episodes: &[Episode]) -> [f64; 2] {
+fn success_interval(scenario: &Scenario, episodes: &[&Episode]) -> [f64; 2] {
     let worlds = scenario.rooms();
     let mut groups: Vec<(f64, f64)> = vec![(0.0, 0.0); worlds as usize];
     for episode in episodes {
@@ -283,7 +339,18 @@ fn success_interval(scenario: &Scenario, episodes: &[Episode]) -> [f64; 2] {
     wilson_of_groups(&groups)
 }
 
-fn endings(episodes: &[Episode]) -> Vec<(Ending, usize)> {
+/// What collisions were with, the most frequent first, by name where as many.
+fn hits(flights: &[Flight]) -> Vec<(String, usize)> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for hit in flights.iter().filter_map(|flight| flight.hit.as_deref()) {
+        *counts.entry(hit).or_default() += 1;
+    }
+    let mut hits: Vec<_> = counts.into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
+    hits.sort_by_key(|(_, count)| Reverse(*count));
+    hits
+}
+
+fn endings(episodes: &[&Episode]) -> Vec<(Ending, usize)> {
     let kinds = [
         Ending::Success,
         Ending::TimeLimit,

@@ -100,8 +100,14 @@ impl ScriptedPilot {
     /// The same pilot, who flies through these points \[m, world\] before he flies to a goal.
     #[must_use]
     pub fn along(mut self, route: &[Vector3<f32>]) -> Self {
-        self.route = route.to_vec();
+        self.follow(route);
         self
+    }
+
+    /// Flies through other points from now on, as on another course.
+    pub fn follow(&mut self, route: &[Vector3<f32>]) {
+        self.route.clear();
+        self.route.extend_from_slice(route);
     }
 
     /// Forgets the integral and the way already flown, as at the start of an episode.

@@ -409,6 +409,7 @@ mod tests {
             length_secs: 8.0,
             steps: 400.0,
             endings: Vec::new(),
+            hits: Vec::new(),
             terms: Vec::new(),
         }
     }

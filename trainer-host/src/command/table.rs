@@ -7,6 +7,9 @@ use kestrel_experiments::results::{EvaluationReport, WorldsReport};
 use kestrel_experiments::study::rows::EpisodeRow;
 use kestrel_sim::outcome::Ending;
 
+/// Most kinds of things that a table names below its rows.
+const HITS_SHOWN: usize = 6;
+
 /// The rows of an evaluation, one line each, below the starts that they flew from; where there are several tasks, one
 /// table each.
 pub(crate) fn evaluations(reports: &[EvaluationReport]) -> String {
@@ -31,8 +34,11 @@ pub(crate) fn baselines(name: &str, seed: u64, baselines: &[Evaluation]) -> Stri
 /// How policies fly tasks, `[task][policy]`: of one policy all that is known, of several the success rates.
 pub(crate) fn matrix(policies: &[String], tasks: &[String], flown: &[Vec<Evaluation>]) -> String {
     if let [policy] = policies {
-        let named =
-            |(task, row): (&String, &Vec<Evaluation>)| Evaluation { pilot: task.clone(), ..row[0].clone() };
+        let named = |(task, row): (&String, &Vec<Evaluation>)| Evaluation {
+            pilot: task.clone(),
+            hits: Vec::new(),
+            ..row[0].clone()
+        };
         let lines: Vec<Evaluation> = tasks.iter().zip(flown).map(named).collect();
         let mean = lines.iter().map(|line| line.success_rate).sum::<f64>() / lines.len() as f64;
         let title = format!("{policy}, {} starts of each task:", episodes(&lines));
@@ -94,7 +100,23 @@ fn rows(title: &str, who: &str, rows: &[Evaluation], digits: usize) -> String {
         "{title}\n{who:<width$} {:>8}  {:<16} {:>11} {:>9} {:>7}  endings",
         "success", "95 % interval", "return", "length", "steps"
     );
-    rows.iter().map(|row| line(row, width, digits)).fold(heading, |text, line| text + "\n" + &line)
+    let table = rows.iter().map(|row| line(row, width, digits)).fold(heading, |text, line| text + "\n" + &line);
+    // Whoever is judged stands first.
+    match rows.first() {
+        Some(first) if !first.hits.is_empty() => {
+            format!("{table}\n{} collided with {}", first.pilot, hits(&first.hits))
+        }
+        Some(_) | None => table,
+    }
+}
+
+/// What collisions were with; of rare things only how many.
+fn hits(hits: &[(String, usize)]) -> String {
+    let (often, rare) = hits.split_at(hits.len().min(HITS_SHOWN));
+    let mut words: Vec<String> = often.iter().map(|(name, count)| format!("{name} ({count})")).collect();
+    let others: usize = rare.iter().map(|(_, count)| count).sum();
+    words.extend((others > 0).then(|| format!("others ({others})")));
+    words.join(", ")
 }
 
 fn line(row: &Evaluation, width: usize, digits: usize) -> String {

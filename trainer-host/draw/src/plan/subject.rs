@@ -1,7 +1,7 @@
 //! What a plan shows: the place of a world file, or the aviary of a scenario.
 
 use kestrel_sim::config::AviaryParts;
-use kestrel_sim::scenario::{FreeSpace, Scenario, StartPosition};
+use kestrel_sim::scenario::{FreeSpace, Goals, Scenario, StartPosition};
 use kestrel_sim::world::{Cuboid, Solid, World};
 use nalgebra::Vector3;
 
@@ -33,7 +33,7 @@ pub struct Subject {
 impl Subject {
     /// A world with what its file says about it.
     pub fn of_place(name: String, place: AviaryParts) -> Self {
-        let AviaryParts { about, goals, starts, routes, world } = place;
+        let AviaryParts { about, goals, starts, routes, world, gates: _ } = place;
         Self { name, about, world, goals, starts, routes, start_region: None }
     }
 
@@ -58,7 +58,13 @@ impl Subject {
             about: format!("the aviary of the experiment {}, with the starts of its evaluation", scenario.name),
             world: scenario.aviary.world.clone(),
             routes: drones.clone().map(route).collect(),
-            goals: drones.map(|drone| scenario.goals.at(&scenario.aviary.goal, drone, 0.0)).collect(),
+            goals: match scenario.goals {
+                // A route ends where the first goal is: behind the last gate.
+                Goals::Gates => scenario.aviary.gates.iter().rev().map(|gate| gate.center).collect(),
+                Goals::Fixed | Goals::PerAgent(_) | Goals::Line(_) | Goals::Wave { .. } | Goals::Trajectory(_) => {
+                    drones.map(|drone| scenario.goals.at(&scenario.aviary.goal, drone, 0.0)).collect()
+                }
+            },
             starts,
             start_region: region,
         }

@@ -22,7 +22,7 @@ use nalgebra::Vector3;
 fn scenario(critic: CriticView) -> Scenario {
     Scenario {
         name: "hover".into(),
-        aviary: Aviary { goal: Vector3::new(0.0, 0.0, 1.0), routes: Vec::new(), world: World::empty() },
+        aviary: Aviary::empty(Vector3::new(0.0, 0.0, 1.0)),
         drawn: None,
         airframe: CF2X,
         physics: Physics::clean(Integrator::SemiImplicitEuler, 1, 50.0),
@@ -154,7 +154,10 @@ fn a_teacher_says_what_it_would_do_in_the_state_of_each_row() {
     let mut teacher = Teacher::of(&mapped()).expect("it has a map");
     for (column, row) in (2..7).enumerate() {
         let said: Vec<f32> = actions.chunks_exact(5).map(|values| values[column]).collect();
-        assert_eq!(said, teacher.act(&environment.simulation.state(row), 0)[..4]);
+        assert_eq!(
+            said,
+            teacher.act(&environment.simulation.state(row), &environment.simulation.goal(row), 0)[..4]
+        );
     }
     assert!(DroneEnvironment::has_teacher(&mapped()));
     assert!(!DroneEnvironment::has_teacher(&scenario(CriticView::Observation)));

@@ -57,9 +57,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
         let pilot = ScriptedPilot::of(scenario);
         Self {
             flyer,
-            scripted: (0..simulation.rows())
-                .map(|row| pilot.clone().along(scenario.aviary.route(row / simulation.environments())))
-                .collect(),
+            scripted: (0..simulation.rows()).map(|row| pilot.clone().along(route(simulation, row))).collect(),
             stock: match flyer {
                 Flyer::Stock(stock) => vec![StockFlight::new(stock, &scenario.airframe); simulation.rows()],
                 Flyer::Actor(_) | Flyer::Policy(_) | Flyer::Nothing | Flyer::Random | Flyer::Scripted => {
@@ -168,6 +166,7 @@ impl<'a, R: Real> Cockpit<'a, R> {
             let begins = simulation.outcomes()[row] != Outcome::Running;
             if begins {
                 pilot.reset();
+                pilot.follow(route(simulation, row));
             }
             let goal = simulation.goal(row).map(Real::to_f32);
             let mut state = simulation.state(row).map(Real::to_f32);
@@ -200,6 +199,11 @@ impl<'a, R: Real> Cockpit<'a, R> {
     }
 }
 
+/// What the drone of a row has to fly through: places that are drawn have routes of their own.
+fn route<const LANES: usize, R: Real>(simulation: &Simulation<LANES, R>, row: usize) -> &[Vector3<f32>] {
+    simulation.scenario().aviary_of(simulation.room(row)).route(row / simulation.environments())
+}
+
 fn write_action(actions: &mut [f32], count: usize, environment: usize, action: &[f32]) {
     for (column, value) in actions.chunks_exact_mut(count).zip(action) {
         column[environment] = *value;
@@ -220,10 +224,10 @@ impl Guide {
     /// So near to the goal \[m\] nothing counts as being in the way: it may be a part of the goal.
     const AT_GOAL_M: f32 = 0.5;
 
-    /// None where a route is written down, or no reward asks for the way.
+    /// None where a route is written down, or drawn with a course, or no reward asks for the way.
     fn of(scenario: &Scenario, rows: usize) -> Option<Self> {
         let drawn = scenario.drawn.is_some();
-        if !drawn && !scenario.aviary.routes.is_empty() {
+        if scenario.goals == Goals::Gates || !drawn && !scenario.aviary.routes.is_empty() {
             return None;
         }
         let arena = || Arena::new(&scenario.aviary.world, &scenario.airframe, ContactReport::Touch);
@@ -244,7 +248,7 @@ impl Guide {
             Some(_) | None => blocked(),
         };
         self.leads[row] = Some(leads);
-        leads.then(|| self.teacher.act(state, room))
+        leads.then(|| self.teacher.act(state, goal, room))
     }
 }
 
