@@ -75,6 +75,7 @@ impl Trial {
             actions: &[],
             previous_actions: &[],
             touches: &self.touches,
+            gates_left: None,
             steps: &[self.steps],
             agent: 0,
             team: &[],

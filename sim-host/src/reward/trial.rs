@@ -115,6 +115,7 @@ impl Trial {
             actions: &actions,
             previous_actions: &previous,
             touches: &self.touches,
+            gates_left: None,
             steps: &[self.steps],
             agent: self.agent,
             team: &self.team,

@@ -84,7 +84,7 @@ fn a_drone_sees_itself_as_from_the_next_gates() {
 #[test]
 fn a_race_is_the_same_for_lanes_and_goes_on_to_the_same_bits() {
     let scenario = course("{ gates: { laps: 3 } }", GATES_AHEAD).unwrap();
-    let mut wide = Simulation::<16>::new(&scenario, Seed(8), 0, 16);
+    let mut wide = Simulation::<64>::new(&scenario, Seed(8), 0, 16);
     let mut lone = Simulation::<1>::new(&scenario, Seed(8), 0, 16);
     let fly = |step: usize| -> Vec<f32> { noise(step, 64).iter().map(|value| 0.3 * value + 0.2).collect() };
     let mut saved = None;
