@@ -16,7 +16,7 @@ use kestrel_sim::scenario::{
 };
 use kestrel_sim::sensor::SensorSuite;
 use kestrel_sim::termination::{self, Termination};
-use kestrel_sim::world::{Cuboid, World};
+use kestrel_sim::world::Cuboid;
 use nalgebra::Vector3;
 
 fn scenario(critic: CriticView) -> Scenario {
