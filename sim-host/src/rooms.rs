@@ -260,6 +260,9 @@ fn entered(rooms: &[OnceLock<Room>], index: usize) -> &Room {
 
 impl Ways {
     /// Those of a room; there is only one where none is drawn.
+    ///
+    /// # Panics
+    /// Where a course leads from gate to gate: what leads along ways is refused there.
     #[inline(always)]
     pub fn of(&self, room: u32) -> &DistanceField {
         match self {
