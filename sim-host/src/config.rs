@@ -175,10 +175,7 @@ impl ScenarioConfig {
         self.line_up_gates(&mut aviary, &goals, field)?;
         self.check_carried(&aviary.world, &goals, field)?;
         self.check_told(&goals, field)?;
-        let task = RuleTask {
-            goals: drawn.as_ref().map_or(at(aviary.goal), |rooms| rooms.goals()),
-            is_race: goals == Goals::Gates,
-        };
+        let task = rule_task(&aviary, drawn.as_deref(), &goals);
         let terminations = Termination::check_all(&self.terminations, &task, &field.at("terminations"))?;
         self.physics.settle_contacts(&mut physics, &terminations);
         self.check_drawn(&physics, field)?;
@@ -188,8 +185,7 @@ impl ScenarioConfig {
             None => self.start.check(&aviary, &airframe, &terminations, &first_goals, &field_of_start)?,
             Some(rooms) => self.start.check_in_rooms(rooms, &airframe, &terminations, &field_of_start)?,
         };
-        self.check_quiet_air(physics.preset, field)?;
-        self.check_effects(&airframe, field)?;
+        self.check_randomisation(physics.preset, &airframe, field)?;
         let same = || Ways::Same(ways_of(&aviary, &airframe, &terminations));
         let ways = drawn.as_ref().map_or_else(same, |rooms| Ways::Drawn(Arc::clone(rooms)));
         let kind = if goals == Goals::Fixed { GoalKind::OnePlace } else { GoalKind::Several };
@@ -302,6 +298,17 @@ impl ScenarioConfig {
         }
     }
 
+    /// Refuses to draw what these physics or this airframe have not.
+    fn check_randomisation(
+        &self,
+        preset: Preset,
+        airframe: &Airframe,
+        field: &Field<'_>,
+    ) -> Result<(), ConfigError> {
+        self.check_quiet_air(preset, field)?;
+        self.check_effects(airframe, field)
+    }
+
     /// Refuses randomisation in the reference's physics, which has none.
     fn check_quiet_air(&self, preset: Preset, field: &Field<'_>) -> Result<(), ConfigError> {
         let drawn = self.randomisation;
@@ -348,6 +355,11 @@ impl ScenarioConfig {
             Some((key, share)) => Err(field.at(key).reject(format!("{share:?}"), expected("[1, 1]"))),
         }
     }
+}
+
+/// What terminations are checked against.
+fn rule_task(aviary: &Aviary, drawn: Option<&Rooms>, goals: &Goals) -> RuleTask {
+    RuleTask { goals: drawn.map_or(at(aviary.goal), Rooms::goals), is_race: *goals == Goals::Gates }
 }
 
 /// The box of one point.
