@@ -27,7 +27,7 @@ pub(crate) fn scenario(rules: &str) -> Scenario {
     let document = Document::parse("trial.yaml", &format!("terminations: [ {rules} ]")).unwrap();
     let rules: Rules = document.decode().unwrap();
     let goal = scenario.aviary.goal;
-    let task = RuleTask { goals: crate::world::Cuboid { low: goal, high: goal }, is_race: false };
+    let task = RuleTask { goals: crate::world::Cuboid { low: goal, high: goal }, is_race: true };
     let field = document.root().at("terminations");
     scenario.terminations = Termination::check_all(&rules.terminations, &task, &field).unwrap();
     scenario
@@ -67,6 +67,8 @@ impl Trial {
 
     pub(crate) fn code(&mut self) -> f32 {
         self.steps += 1.0;
+        // The last gate is passed after a hundred periods.
+        let gates_left = [if self.steps > 100.0 { 0.0 } else { 1.0 }];
         let view = FlightView {
             swarm: &self.swarm,
             goal: &[[0.0]; 3],
@@ -75,7 +77,7 @@ impl Trial {
             actions: &[],
             previous_actions: &[],
             touches: &self.touches,
-            gates_left: None,
+            gates_left: Some(&gates_left),
             steps: &[self.steps],
             agent: 0,
             team: &[],

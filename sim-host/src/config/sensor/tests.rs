@@ -71,7 +71,7 @@ fn what_is_wrong_is_said_with_its_place() {
     let table = [
         (
             "sensors: [sonar: {}]",
-            "found `sonar`, expected `imu`, `flow`, `range`, `barometer`, `scan`, `mates`, `path` or `coverage`",
+            "found `sonar`, expected `imu`, `flow`, `range`, `barometer`, `scan`, `mates`, `path`, `coverage` or `gates`",
         ),
         ("sensors: [imu: {gyro: {}}]", "found the unknown key `gyro`, expected `gyroscope` or `accelerometer`"),
         ("sensors: [barometer: {rate_hz: 0}]", "found 0, expected a number from 0.1 to 10000 Hz"),
