@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use kestrel_core::airframe::Airframe;
 use kestrel_core::real::Real;
 
-pub use racing::{HALL, Raceway};
+pub use racing::Raceway;
 
 pub use furnishing::{Extent, Kind, Model, Piece, ROOM, RoomPlan, STARTS, WALL_COLOUR, WALL_M, Workshop, overlap};
 

@@ -10,10 +10,10 @@ use crate::contact::race_line;
 use crate::course::Gate;
 use crate::scenario::Aviary;
 use crate::seed::Stream;
-use crate::world::{Cuboid, Floor, Shape, Solid, World};
+use crate::world::{Cuboid, Floor, Pose, Shape, Solid, World};
 
 /// Corners of the hall \[m\].
-pub const HALL: Cuboid = Cuboid { low: vector![-1.0, -3.0, 0.0], high: vector![9.0, 3.0, 2.5] };
+const HALL: Cuboid = Cuboid { low: vector![-1.0, -3.0, 0.0], high: vector![9.0, 3.0, 2.5] };
 
 /// From a gate to the next \[m\], how far off the way flown so far it lies, and how far off that leg it is turned \[degrees\].
 const LEG_M: [f32; 2] = [1.5, 3.5];
@@ -75,8 +75,7 @@ impl Raceway {
         for _ in 0..stream.below(posts + 1) {
             world.solids.extend(post(&gates, stream));
         }
-        let start = (STARTS.low + STARTS.high).cast() / 2.0;
-        let line = race_line(&world, Some(start), &gates, CLEARANCE_M)?;
+        let line = race_line(&world, Some(start()), &gates, CLEARANCE_M)?;
         let route = line.iter().map(|point| point.cast()).collect();
         Some(Aviary { goal: gates[0].center.cast(), routes: vec![route], gates, world })
     }
@@ -86,7 +85,7 @@ impl Raceway {
         let [least, most] = self.gates;
         let count = least + stream.below(most - least + 1);
         let mut gates: Vec<Gate> = Vec::new();
-        let mut from: (Vector3<f64>, f64) = ((STARTS.low + STARTS.high).cast() / 2.0, 0.0);
+        let mut from = (start(), 0.0);
         for _ in 0..count {
             let gate = (0..TRIES).map(|_| self.gate(from, stream)).find(|gate| is_clear(gate, &gates))?;
             from = (gate.center, gate.heading);
@@ -113,22 +112,25 @@ impl Raceway {
     }
 }
 
+/// The middle of the starts \[m\].
+fn start() -> Vector3<f64> {
+    (STARTS.low + STARTS.high).cast() / 2.0
+}
+
 /// Whether a gate is inside the hall, and away from the others and from the starts.
 fn is_clear(gate: &Gate, others: &[Gate]) -> bool {
     let reach = |opening: f64| opening / 2.0 + BAR_M + MARGIN_M;
     let [aside, up] = gate.opening.map(reach);
     let reach = Vector3::new(aside, aside, up);
     let (low, high): (Vector3<f64>, Vector3<f64>) = (HALL.low.cast() + reach, HALL.high.cast() - reach);
-    let start: Vector3<f64> = (STARTS.low + STARTS.high).cast() / 2.0;
     let apart = |other: &Vector3<f64>| (gate.center - other).xy().norm() >= APART_M;
     gate.center.sup(&low).inf(&high) == gate.center
-        && apart(&start)
+        && apart(&start())
         && others.iter().all(|other| apart(&other.center))
 }
 
 /// A post that leaves the gates' axes and the starts free, if one is soon found.
 fn post(gates: &[Gate], stream: &mut Stream) -> Option<Solid> {
-    let middle = (STARTS.low + STARTS.high).cast() / 2.0;
     let height = f64::from(HALL.high.z);
     let margin = (POST_RADIUS_M + WALL_M) as f32;
     (0..TRIES).find_map(|_| {
@@ -139,9 +141,9 @@ fn post(gates: &[Gate], stream: &mut Stream) -> Option<Solid> {
             let along = gate.forward().dot(&(at - gate.center)).clamp(-AXIS_M, AXIS_M);
             (gate.on_axis(along) - at).xy().norm() < POST_APART_M
         });
-        let near_start = (at - middle).xy().norm() < 2.0 * POST_APART_M;
+        let near_start = (at - start()).xy().norm() < 2.0 * POST_APART_M;
         let blank = Solid::block("post", Vector3::zeros(), Vector3::zeros());
         let shape = Shape::Cylinder { radius: POST_RADIUS_M, half_height: height / 2.0 };
-        (!near_axis && !near_start).then(|| Solid { shape, pose: crate::world::Pose::at(at), ..blank })
+        (!near_axis && !near_start).then(|| Solid { shape, pose: Pose::at(at), ..blank })
     })
 }

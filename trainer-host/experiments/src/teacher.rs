@@ -164,7 +164,6 @@ mod tests {
             [("room-0", 0.9), ("room-1", 0.9), ("room-2", 0.75), ("harder-cross-16", 0.9), ("race", 0.9)]
         {
             let arrivals = arrivals(room) as f64;
-            eprintln!("{room} {arrivals}");
             assert!(arrivals > least * FLIGHTS as f64, "{room}: {arrivals} of {FLIGHTS}");
         }
     }

@@ -189,3 +189,24 @@ fn the_scripted_pilot_finds_its_way_where_no_route_is_written_down() {
     let flights = evaluate(&experiment.evaluation.scenario, Flyer::Scripted, starts(64));
     assert!(flights.success_rate > 0.75, "{flights:?}");
 }
+
+#[test]
+fn what_flights_collide_with_is_named() {
+    let experiment = load(&in_repository("configs/aviaries/room-0.yaml"), &[]).unwrap();
+    let scenario = &experiment.evaluation.scenario;
+    let flown = evaluate(scenario, Flyer::Random, starts(64));
+    let collisions =
+        flown.endings.iter().find(|(ending, _)| *ending == Ending::Collision).map_or(0, |(_, count)| *count);
+    assert!(collisions > 16, "{flown:?}");
+    assert_eq!(flown.hits.iter().map(|(_, count)| count).sum::<usize>(), collisions);
+    assert!(flown.hits.is_sorted_by_key(|(_, count)| Reverse(*count)), "{:?}", flown.hits);
+    let stands_there = |name: &str| scenario.aviary.world.solids.iter().any(|solid| solid.name.starts_with(name));
+    assert!(flown.hits.iter().all(|(name, _)| name == "the floor" || stands_there(name)), "{:?}", flown.hits);
+    // A ceiling just above the starts is all that can be met on the way up.
+    let mut under_a_ceiling = scenario.clone();
+    let (low, high) = (Vector3::new(-1.0, -1.5, 0.75), Vector3::new(7.0, 1.5, 0.8));
+    under_a_ceiling.aviary.world.solids = vec![Solid::block("ceiling: board", low, high)];
+    under_a_ceiling.aviary.world.floor = Floor::Absent;
+    let flown = evaluate(&under_a_ceiling, Flyer::Random, starts(64));
+    assert!(matches!(&flown.hits[..], [(name, count)] if name == "ceiling" && *count > 4), "{:?}", flown.hits);
+}
