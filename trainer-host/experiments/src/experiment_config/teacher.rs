@@ -10,7 +10,7 @@ use kestrel_learn::ppo::TeacherSettings;
 
 /// The scripted pilot says in every state of the training what it would do on the shortest free way to the goal, which it
 /// knows, and the policy pays for its divergence from that (kickstarting, Schmitt et al. 2018). For tasks with the reward
-/// `advance`, which has the map. Only training knows it; the policy flies and is judged without.
+/// `advance`, drawn worlds, or goals that are `gates`. Only training knows the way; the policy flies and is judged without.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TeacherConfig {
@@ -45,5 +45,8 @@ pub(crate) fn refuse_lost_teacher(
         return Ok(());
     }
     let found = format!("a teacher for {}, which has no reward `advance`", task.name);
-    Err(field.at("teacher").reject(found, "tasks with that reward, by whose map of free ways the teacher flies"))
+    Err(field.at("teacher").reject(
+        found,
+        "tasks with that reward, drawn worlds, or goals that are `gates`: there the teacher knows the way",
+    ))
 }
