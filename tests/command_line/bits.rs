@@ -78,7 +78,7 @@ fn numbers_of_json(text: &str) -> String {
 
 /// The numbers of a table, in order; what collisions were with is newer than the frozen bits.
 fn numbers_of_text(text: &str) -> String {
-    let lines = text.lines().filter(|line| !line.contains(" collided with "));
+    let lines = text.lines().filter(|line| !line.starts_with("collisions of "));
     let apart = |character: char| character.is_whitespace() || ",|[]()%".contains(character);
     let words = lines.flat_map(|line| line.split(apart));
     words.filter(|word| word.parse::<f64>().is_ok()).collect::<Vec<_>>().join(" ")

@@ -82,11 +82,25 @@ pub struct Evaluation {
     /// How many episodes ended how.
     pub endings: Vec<(Ending, usize)>,
     /// What collisions were with, and how many, the most frequent first.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty", with = "readable")]
     pub hits: Vec<(String, usize)>,
     /// Mean return of each weighted reward term, in the scenario's order.
     #[serde(default)]
     pub terms: Vec<f64>,
+}
+
+/// What collisions were with stands in reports only: checkpoints, which hold evaluations as well, keep their bytes.
+mod readable {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[expect(clippy::ptr_arg, reason = "serde asks for it")]
+    pub(super) fn serialize<S: Serializer>(hits: &Vec<(String, usize)>, to: S) -> Result<S::Ok, S::Error> {
+        if to.is_human_readable() { hits.serialize(to) } else { to.serialize_unit() }
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<(String, usize)>, D::Error> {
+        if from.is_human_readable() { Vec::deserialize(from) } else { Ok(Vec::new()) }
+    }
 }
 
 /// An episode, and what its collision was with, if it ended in one.

@@ -104,7 +104,7 @@ fn rows(title: &str, who: &str, rows: &[Evaluation], digits: usize) -> String {
     // Whoever is judged stands first.
     match rows.first() {
         Some(first) if !first.hits.is_empty() => {
-            format!("{table}\n{} collided with {}", first.pilot, hits(&first.hits))
+            format!("{table}\ncollisions of {}: {}", first.pilot, hits(&first.hits))
         }
         Some(_) | None => table,
     }

@@ -210,3 +210,17 @@ fn what_flights_collide_with_is_named() {
     let flown = evaluate(&under_a_ceiling, Flyer::Random, starts(64));
     assert!(matches!(&flown.hits[..], [(name, count)] if name == "ceiling" && *count > 4), "{:?}", flown.hits);
 }
+
+#[test]
+fn checkpoints_hold_evaluations_without_what_was_hit() {
+    let (scenario, _) = hover();
+    let flown = Evaluation { hits: Vec::new(), ..evaluate(&scenario, Flyer::Nothing, starts(8)) };
+    let hit = Evaluation { hits: vec![("wall".to_owned(), 3)], ..flown.clone() };
+    let bytes = postcard::to_allocvec(&hit).unwrap();
+    assert_eq!(bytes, postcard::to_allocvec(&flown).unwrap());
+    assert_eq!(postcard::from_bytes::<Evaluation>(&bytes).unwrap(), flown);
+    // What follows an evaluation is still found behind it.
+    let pair = postcard::to_allocvec(&(&hit, 7_u32)).unwrap();
+    assert_eq!(postcard::from_bytes::<(Evaluation, u32)>(&pair).unwrap(), (flown, 7));
+    assert_eq!(serde_json::from_str::<Evaluation>(&serde_json::to_string(&hit).unwrap()).unwrap(), hit);
+}
