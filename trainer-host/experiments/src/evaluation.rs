@@ -93,7 +93,6 @@ pub struct Evaluation {
 mod readable {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    #[expect(clippy::ptr_arg, reason = "serde asks for it")]
     pub(super) fn serialize<S: Serializer>(hits: &Vec<(String, usize)>, to: S) -> Result<S::Ok, S::Error> {
         if to.is_human_readable() { hits.serialize(to) } else { to.serialize_unit() }
     }
