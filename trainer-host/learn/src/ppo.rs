@@ -58,11 +58,11 @@ pub use continual::{CarryOver, WarmStart};
 use loss::{LossSums, PolicyLoss, ValueLoss};
 pub use metrics::UpdateMetrics;
 use minibatch::{SHARDS, Shard, WindowIndex};
-pub use settings::fits_minibatch;
 pub use settings::{
     EncoderKind, EncoderSettings, EncoderSharing, MemorySettings, PpoSettings, SettingsError, TeacherSettings,
     ValueScaling,
 };
+pub use settings::{fits_minibatch, fits_windows};
 pub use state::{RestoreError, TrainerState};
 use workspace::{SliceWorkspace, Workspaces};
 

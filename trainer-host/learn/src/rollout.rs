@@ -29,11 +29,11 @@ const IMAGE_SLICE: usize = 64;
 /// Smallest minibatch that has two slices.
 pub const SMALLEST_MINIBATCH: usize = 32;
 
-/// Samples of a slice of a run: a divisor of [`ENV_BATCH`], half of a minibatch that is smaller than that, so that two threads
-/// have something to do.
-pub fn slice_columns(minibatch: usize, sees: bool) -> usize {
+/// Samples of a slice of a run: a divisor of [`ENV_BATCH`], half of the drones of a minibatch where these are fewer than that,
+/// so that two threads have something to do.
+pub fn slice_columns(drones: usize, sees: bool) -> usize {
     let most = if sees { IMAGE_SLICE } else { ENV_BATCH };
-    if minibatch < ENV_BATCH { most.min(minibatch / 2) } else { most }
+    if drones < ENV_BATCH { most.min(drones / 2) } else { most }
 }
 
 /// Rows of each environment batch of a run: the least multiple of [`ENV_BATCH`] into which the teams of all its tasks, of

@@ -2,7 +2,7 @@
 
 use kestrel_core::gru::UNITS_LIMIT;
 use kestrel_core::observation::OBSERVATION_LIMIT;
-use kestrel_learn::ppo::{MemorySettings, PpoSettings};
+use kestrel_learn::ppo::{MemorySettings, PpoSettings, fits_windows};
 use kestrel_learn::rollout::ENV_BATCH;
 use kestrel_sim::config::{ConfigError, Field};
 use kestrel_sim::scenario::Scenario;
@@ -18,7 +18,7 @@ pub struct MemoryConfig {
     /// Values of the hidden state: a multiple of 4, at most 64, and at most 128 with the observation.
     pub units: u64,
     /// Steps through which gradients go back: a divisor of `steps_per_rollout`. A minibatch is made of windows of so many
-    /// steps of 256 drones.
+    /// steps of 32, 64, 128 or a multiple of 256 drones.
     pub steps_per_window: u64,
 }
 
@@ -46,9 +46,10 @@ impl MemoryConfig {
             let expected = format!("a divisor of the {steps_per_rollout} of `steps_per_rollout`");
             return Err(field.at("steps_per_window").refuse(steps, expected));
         }
-        let window = steps * ENV_BATCH as u64;
-        if !minibatch.is_multiple_of(window) {
-            let expected = format!("a multiple of {window}: whole windows of {steps} steps of {ENV_BATCH} drones");
+        if !fits_windows(minibatch as usize, steps as usize) {
+            let samples = [ENV_BATCH, 32, 64, 128].map(|drones| drones as u64 * steps);
+            let [many, few @ ..] = samples;
+            let expected = format!("a multiple of {many}, or {few:?}: whole windows of {steps} steps");
             return Err(training.at("minibatch").refuse(minibatch, expected));
         }
         Ok(MemorySettings { units, steps_per_window: steps as usize })

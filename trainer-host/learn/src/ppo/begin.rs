@@ -39,7 +39,7 @@ impl<E: Environment> Trainer<E> {
         let (actor, critic) = networks(&shapes, settings, [weights(0), weights(1)]);
         let plan = RolloutPlan {
             steps: settings.steps_per_rollout,
-            columns: slice_columns(settings.minibatch, actor.encoder().is_some()),
+            columns: slice_columns(settings.minibatch / settings.steps_per_window(), actor.encoder().is_some()),
             critic_scope: settings.critic_scope,
             memory: settings.memory,
             has_teacher: settings.teacher.is_some(),

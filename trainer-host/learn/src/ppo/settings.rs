@@ -200,7 +200,7 @@ pub enum SettingsError {
         or: &'static str,
     },
     /// Steps and minibatches of a policy with memory come in windows.
-    #[error("{name} is {found}, expected a multiple of {of}: whole windows of a memory")]
+    #[error("{name} is {found}, expected a multiple of {of}{or}: whole windows of a memory")]
     NotWindows {
         /// Which setting.
         name: &'static str,
@@ -208,6 +208,8 @@ pub enum SettingsError {
         found: usize,
         /// Of a window.
         of: usize,
+        /// What else it may be.
+        or: &'static str,
     },
     /// A count that must not be zero.
     #[error("{name} is 0, expected at least 1")]
@@ -253,22 +255,20 @@ impl PpoSettings {
         if !env_batches(self.environments) {
             return Err(SettingsError::NotBatches { name: "environments", found: self.environments, or: "" });
         }
-        if !fits_minibatch(self.minibatch) {
+        let steps = self.steps_per_window();
+        if self.memory.is_none() && !fits_minibatch(self.minibatch) {
             let or = ", or 32, 64 or 128";
             return Err(SettingsError::NotBatches { name: "minibatch", found: self.minibatch, or });
         }
-        let steps = self.steps_per_window();
         if self.memory.is_some() && steps != 0 {
             if !self.steps_per_rollout.is_multiple_of(steps) {
-                return Err(SettingsError::NotWindows {
-                    name: "steps_per_rollout",
-                    found: self.steps_per_rollout,
-                    of: steps,
-                });
+                let found = self.steps_per_rollout;
+                return Err(SettingsError::NotWindows { name: "steps_per_rollout", found, of: steps, or: "" });
             }
-            if !self.minibatch.is_multiple_of(ENV_BATCH * steps) {
-                let of = ENV_BATCH * steps;
-                return Err(SettingsError::NotWindows { name: "minibatch", found: self.minibatch, of });
+            if !fits_windows(self.minibatch, steps) {
+                let (found, of, or) =
+                    (self.minibatch, ENV_BATCH * steps, ", or an eighth, a quarter or half of it");
+                return Err(SettingsError::NotWindows { name: "minibatch", found, of, or });
             }
         }
         let narrowest = |hidden: &[usize]| hidden.iter().copied().min().unwrap_or(1);
@@ -329,6 +329,11 @@ impl PpoSettings {
 pub fn fits_minibatch(samples: usize) -> bool {
     let small = (SMALLEST_MINIBATCH..ENV_BATCH).contains(&samples) && samples.is_power_of_two();
     small || (samples != 0 && samples.is_multiple_of(ENV_BATCH))
+}
+
+/// Whether windows of so many steps, not zero, can make a minibatch of so many samples.
+pub fn fits_windows(samples: usize, steps: usize) -> bool {
+    samples.is_multiple_of(steps) && fits_minibatch(samples / steps)
 }
 
 type Checked = Result<(), SettingsError>;
