@@ -130,6 +130,19 @@ fn damaged_checkpoints_are_refused() {
     assert!(message.contains("checkpoints"), "{message}");
 }
 
+#[test]
+fn where_the_newest_checkpoint_is_damaged_export_takes_the_one_before_and_says_so() {
+    let place = tempfile::tempdir().unwrap();
+    train_tiny(place.path(), "run", &[]);
+    let newest = checkpoints(&place.path().join("run")).pop().unwrap();
+    let bytes = fs::read(&newest).unwrap();
+    fs::write(&newest, &bytes[..bytes.len() - 1]).unwrap();
+    let exported = kestrel(place.path(), &["export", "run"]);
+    let said = String::from_utf8(exported.stderr).unwrap();
+    assert!(exported.status.success(), "{said}");
+    assert!(said.contains("is truncated") && said.contains("going on from the checkpoint before it"), "{said}");
+}
+
 /// Replaces `right` in the configuration of a run.
 fn edit_config(run: &Path, right: &str, wrong: &str) {
     let path = run.join("config.yaml");

@@ -10,6 +10,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::atomic_file::{FileError, replace_atomically};
+use crate::output::warn;
 use crate::sealed_file::{Kind, SealError};
 
 /// What every checkpoint is.
@@ -50,8 +51,6 @@ pub struct Restored<T> {
     pub updates: u64,
     /// Where it was.
     pub path: PathBuf,
-    /// Why a newer one could not be used, for the user to know.
-    pub warning: Option<CheckpointError>,
 }
 
 impl Checkpoints {
@@ -75,20 +74,25 @@ impl Checkpoints {
         self.save_through(updates, |file| file.write_all(&bytes))
     }
 
-    /// Reads the newest, or, when that is damaged, the one before, with a warning.
+    /// Reads the newest, or, when that is damaged, the one before, and warns the user.
     ///
     /// # Errors
     /// No checkpoint, or the reason why the newest cannot be read when the one before cannot either.
     pub fn load_newest<T: DeserializeOwned>(&self) -> Result<Restored<T>, CheckpointError> {
-        let mut warning = None;
+        let mut damage = None;
         for updates in self.saved()?.into_iter().rev() {
             let path = self.path_after(updates);
             match load(&path) {
-                Ok(state) => return Ok(Restored { state, updates, path, warning }),
-                Err(error) => warning = warning.or(Some(error)),
+                Ok(state) => {
+                    if let Some(damage) = damage {
+                        warn(format_args!("warning: {damage}; going on from the checkpoint before it"));
+                    }
+                    return Ok(Restored { state, updates, path });
+                }
+                Err(error) => damage = damage.or(Some(error)),
             }
         }
-        Err(warning.unwrap_or_else(|| CheckpointError::None(self.directory.clone())))
+        Err(damage.unwrap_or_else(|| CheckpointError::None(self.directory.clone())))
     }
 
     /// Numbers of updates after which there are checkpoints, ascending.

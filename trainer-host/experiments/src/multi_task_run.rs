@@ -8,7 +8,7 @@ use kestrel_learn::ppo::UpdateMetrics;
 use kestrel_learn::ranks::{self, Order, Ranks};
 use serde::{Deserialize, Serialize};
 
-use crate::checkpoint::{CheckpointError, Checkpoints};
+use crate::checkpoint::Checkpoints;
 use crate::config_file::ConfigFile;
 use crate::interrupt::Interrupt;
 use crate::progress::ProgressReport;
@@ -59,14 +59,11 @@ impl<'a> MultiTaskRun<'a> {
         Ok(run)
     }
 
-    /// The run of `directory` from its newest checkpoint; the second value warns when that was not the last written.
+    /// The run of `directory` from its newest checkpoint that is whole.
     ///
     /// # Errors
     /// When there is no usable checkpoint, or it does not fit the configuration.
-    pub fn resume(
-        study: &'a Study,
-        directory: RunDirectory,
-    ) -> Result<(Self, Option<CheckpointError>), TrainingError> {
+    pub fn resume(study: &'a Study, directory: RunDirectory) -> Result<Self, TrainingError> {
         let restored = Checkpoints::in_directory(&directory.checkpoints()).load_newest::<Checkpoint>()?;
         let Checkpoint { job, updates, training_secs, seed, config } = restored.state;
         let expected = study.seeds[0].0;
@@ -76,8 +73,7 @@ impl<'a> MultiTaskRun<'a> {
         refuse_changes(&MultiTaskConfig::resolved_again(&config), &study.resolved_yaml)?;
         let job = JobRun::restore(study, JOB, job)?;
         let log = RunLog::continue_after(&directory, updates, job.steps())?;
-        let run = Self { study, directory, job, updates, training_secs, log, ranks: ranks::alone() };
-        Ok((run, restored.warning))
+        Ok(Self { study, directory, job, updates, training_secs, log, ranks: ranks::alone() })
     }
 
     /// From now on shares the work with all ranks, of which this is the first; the others

@@ -180,14 +180,11 @@ impl TrainingRun {
         Ok(run)
     }
 
-    /// The run of `directory` from its newest checkpoint; the second value warns when that was not the last written.
+    /// The run of `directory` from its newest checkpoint that is whole.
     ///
     /// # Errors
     /// When there is no usable checkpoint, or it does not fit the configuration.
-    pub fn resume(
-        experiment: Experiment,
-        directory: RunDirectory,
-    ) -> Result<(Self, Option<CheckpointError>), TrainingError> {
+    pub fn resume(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
         let restored = Checkpoints::in_directory(&directory.checkpoints()).load_newest::<Checkpoint>()?;
         let Checkpoint { trainer, best, training_secs, config } = restored.state;
         let (found, expected) = (trainer.seed(), experiment.seed);
@@ -196,7 +193,7 @@ impl TrainingRun {
         }
         let learner = Learner::restore(&experiment, trainer)?;
         refuse_changes(&ExperimentConfig::resolved_again(&config), &experiment.resolved_yaml)?;
-        Ok((Self::open(experiment, directory, learner, best, training_secs)?, restored.warning))
+        Self::open(experiment, directory, learner, best, training_secs)
     }
 
     fn open(

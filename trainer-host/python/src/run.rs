@@ -51,7 +51,7 @@ pub(crate) fn train(
 pub(crate) fn resume(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<PathBuf> {
     let directory = RunDirectory::resume(&path).map_err(refused)?;
     let experiment = experiment_config::load_to_train(&directory.config(), &[]).map_err(refused)?;
-    work(py, threads, |interrupt| finish(TrainingRun::resume(experiment, directory)?.0, interrupt))
+    work(py, threads, |interrupt| finish(TrainingRun::resume(experiment, directory)?, interrupt))
 }
 
 /// Flies the policies of a run and the baselines, and writes `evaluation.json`.

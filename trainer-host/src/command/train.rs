@@ -4,12 +4,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use kestrel_experiments::checkpoint::CheckpointError;
 use kestrel_experiments::diagnosis;
 use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::multi_task_run::MultiTaskRun;
-use kestrel_experiments::output::{say, warn};
+use kestrel_experiments::output::say;
 use kestrel_experiments::results;
 use kestrel_experiments::run_config::{RunConfig, Subject};
 use kestrel_experiments::run_directory::RunDirectory;
@@ -85,7 +84,7 @@ fn lead_one(
     (ranks, interrupt): (&Arc<dyn Ranks>, &Interrupt),
 ) -> Result<Done> {
     let mut run = if arguments.resume.is_some() {
-        restored(TrainingRun::resume(experiment, directory)?)
+        TrainingRun::resume(experiment, directory)?
     } else {
         TrainingRun::begin(experiment, directory)?
     };
@@ -112,7 +111,7 @@ fn lead_several(
     (ranks, interrupt): (&Arc<dyn Ranks>, &Interrupt),
 ) -> Result<Done> {
     let mut run = if arguments.resume.is_some() {
-        restored(MultiTaskRun::resume(study, directory)?)
+        MultiTaskRun::resume(study, directory)?
     } else {
         MultiTaskRun::begin(study, directory)?
     };
@@ -126,14 +125,6 @@ fn lead_several(
     say(format_args!("Trained {} steps in {:.1} s.\n", run.steps(), run.training_secs()))?;
     say(format_args!("{}\n", table::stages(subject.tasks, run.flights())))?;
     finish(&subject, run.directory(), (&run.actor(), run.steps()), interrupt)
-}
-
-/// The run, and a word where its newest checkpoint was damaged.
-fn restored<R>((run, warning): (R, Option<CheckpointError>)) -> R {
-    if let Some(warning) = warning {
-        warn(format_args!("warning: {warning}; going on from the checkpoint before it"));
-    }
-    run
 }
 
 /// The directory of the run, new or as it was left.

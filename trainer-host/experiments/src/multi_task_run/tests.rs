@@ -27,9 +27,7 @@ fn halting(study: &Study) -> (Vec<f32>, Vec<EpisodeRow>) {
             panic!("the configuration in the directory has several tasks");
         };
         assert_eq!(again.resolved_yaml, study.resolved_yaml);
-        let (resumed, warning) = MultiTaskRun::resume(study, reopened).unwrap();
-        assert!(warning.is_none());
-        run = resumed;
+        run = MultiTaskRun::resume(study, reopened).unwrap();
     }
     let newest = newest_policy(study, run.directory()).unwrap();
     assert_eq!(newest, (run.actor(), run.total_steps()));

@@ -184,9 +184,6 @@ impl<'a> StudyDirectory<'a> {
                 return Ok(JobRun::begin(self.study, id));
             }
         };
-        if let Some(damage) = restored.warning {
-            warn(format_args!("warning: {damage}; going on from the checkpoint before it"));
-        }
         JobRun::restore(self.study, id, restored.state).map_err(|cause| RunError::Restore { path, cause })
     }
 
