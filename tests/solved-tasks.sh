@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Trains tasks of configs/aviaries by their own commands, one thread each, and prints a row of docs/solved-tasks.md for each.
-# What is in FOLDER already is not trained again. A task takes a third of a minute to four minutes of a core for each seed.
+# What is in FOLDER already is not trained again. A task takes a third of a minute to four minutes of a core for each seed, one
+# with a camera four to eight.
 #
 #   tests/solved-tasks.sh FOLDER "SEEDS" TASK …
 #   tests/solved-tasks.sh runs/solved "201 202 203 204 205" takeoff meetup
@@ -10,7 +11,9 @@ kestrel=${KESTREL:-target/release/kestrel}
 folder=$1 seeds=$2
 shift 2
 mkdir -p "$folder"
-echo "$# tasks, $(wc -w <<<"$seeds") seeds each: about $(($# * $(wc -w <<<"$seeds") * 30 / 60)) minutes of one core" >&2
+seconds=0
+for task in "$@"; do case $task in *room*-vision | *cross*-vision) ((seconds += 400)) ;; *) ((seconds += 40)) ;; esac; done
+echo "$# tasks, $(wc -w <<<"$seeds") seeds each: about $((seconds * $(wc -w <<<"$seeds") / 60)) minutes of one core" >&2
 for task in "$@"; do
     for seed in $seeds; do
         run=$folder/$task-$seed
