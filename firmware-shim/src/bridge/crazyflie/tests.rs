@@ -147,12 +147,15 @@ fn a_client_and_the_firmware_hear_each_other() {
         scope.spawn(|| Firmware::new(bridge).fly(u32::MAX, &AtomicU32::new(0)));
         let client = scope.spawn(move || {
             let client = UdpSocket::bind("127.0.0.1:0").unwrap();
-            client.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+            client.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
             let mut bytes = [0; 32];
             for packet in [&[0xFF][..], &[0xF0, 1, 2, 3]] {
-                client.send_to(packet, clients).unwrap();
-                let len = client.recv(&mut bytes).unwrap();
-                assert_eq!(&bytes[..len], packet);
+                // Nobody keeps what arrives before the firmware does: a client says it again.
+                let mut is_answered = || {
+                    client.send_to(packet, clients).unwrap();
+                    client.recv(&mut bytes).is_ok_and(|len| bytes[..len] == *packet)
+                };
+                assert!((0..100).any(|_| is_answered()), "{packet:?}");
             }
         });
         simulate(&mut sockets, &mut |_| if client.is_finished() { Next::End } else { Next::Fly });
