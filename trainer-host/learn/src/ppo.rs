@@ -60,9 +60,8 @@ pub use metrics::UpdateMetrics;
 use minibatch::{SHARDS, Shard, WindowIndex};
 pub use settings::{
     EncoderKind, EncoderSettings, EncoderSharing, MemorySettings, PpoSettings, SettingsError, TeacherSettings,
-    ValueScaling,
+    ValueScaling, fits_minibatch, fits_windows,
 };
-pub use settings::{fits_minibatch, fits_windows};
 pub use state::{RestoreError, TrainerState};
 use workspace::{SliceWorkspace, Workspaces};
 

@@ -47,9 +47,9 @@ impl MemoryConfig {
             return Err(field.at("steps_per_window").refuse(steps, expected));
         }
         if !fits_windows(minibatch as usize, steps as usize) {
-            let samples = [ENV_BATCH, 32, 64, 128].map(|drones| drones as u64 * steps);
-            let [many, few @ ..] = samples;
-            let expected = format!("a multiple of {many}, or {few:?}: whole windows of {steps} steps");
+            let [eighth, quarter, half, whole] = [8, 4, 2, 1].map(|part| ENV_BATCH as u64 / part * steps);
+            let expected =
+                format!("a multiple of {whole}, or {eighth}, {quarter} or {half}: whole windows of {steps} steps");
             return Err(training.at("minibatch").refuse(minibatch, expected));
         }
         Ok(MemorySettings { units, steps_per_window: steps as usize })

@@ -384,7 +384,9 @@ impl TrainingConfig {
     fn check_sizes(&self, field: &Field<'_>) -> Result<(), ConfigError> {
         field.at("steps_per_rollout").whole(self.steps_per_rollout, 1..=65_536)?;
         check_panels(self.environments(), &field.at("environments"))?;
-        if !fits_minibatch(self.minibatch as usize) || self.minibatch > PARALLEL_LIMIT {
+        // Those of a memory are checked with it.
+        let fits = self.memory.is_some() || fits_minibatch(self.minibatch as usize);
+        if !fits || self.minibatch > PARALLEL_LIMIT {
             let expected = format!("a multiple of {ENV_BATCH}, at most {PARALLEL_LIMIT}, or 32, 64 or 128");
             return Err(field.at("minibatch").refuse(self.minibatch, expected));
         }
