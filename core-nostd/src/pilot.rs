@@ -132,6 +132,11 @@ impl<'a, P: PolicyRunner<'a>> Pilot<'a, P> {
         self.policy.self_test(&mut self.scratch)
     }
 
+    /// What the policy acted on in the last tick.
+    pub fn observation(&self) -> &[f32] {
+        self.controller.observation(self.policy.metadata())
+    }
+
     /// The last action, in \[-1, 1\], as many values as the action space has.
     pub fn previous_action(&self) -> &[f32] {
         self.controller.previous_action(self.policy.metadata())

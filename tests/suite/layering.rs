@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which package may name which of the others.
-const ARROWS: [(&str, &[&str]); 16] = [
+const ARROWS: [(&str, &[&str]); 17] = [
     ("kestrel-core", &[]),
     ("kestrel-onboard", &["kestrel-core"]),
     ("kestrel-config", &[]),
@@ -24,6 +24,17 @@ const ARROWS: [(&str, &[&str]); 16] = [
     ("kestrel-identify", &["kestrel-core", "kestrel-onboard", "kestrel-learn"]),
     ("kestrel-experiments", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-draw"]),
     ("kestrel-python", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-experiments"]),
+    (
+        "kestrel-web",
+        &[
+            "kestrel-core",
+            "kestrel-onboard",
+            "kestrel-sim",
+            "kestrel-draw",
+            "kestrel-export",
+            "kestrel-experiments",
+        ],
+    ),
     (
         "kestrel",
         &[

@@ -4,6 +4,7 @@ mod aviary;
 mod baseline;
 mod bench;
 mod bridge;
+mod check;
 mod completions;
 mod evaluate;
 mod export;
@@ -46,6 +47,8 @@ pub(crate) enum Command {
     Evaluate(evaluate::Arguments),
     /// Fly a task without a policy: doing nothing, at random, by a script
     Baseline(baseline::Arguments),
+    /// Say whether a task's file is right, or what it comes to with all imports and defaults
+    Check(check::Arguments),
     /// Write a run's best policy as policy files
     Export(export::Arguments),
     /// Make policies of a network that Stable-Baselines3, CleanRL, JAX or others trained
@@ -100,6 +103,7 @@ impl Command {
             Self::Train(arguments) => train::run(&arguments),
             Self::Evaluate(arguments) => evaluate::run(&arguments),
             Self::Baseline(arguments) => baseline::run(&arguments),
+            Self::Check(arguments) => check::run(&arguments),
             Self::Export(arguments) => export::run(&arguments),
             Self::Import(arguments) => import::run(&arguments),
             Self::Inspect(arguments) => inspect::run(&arguments),

@@ -43,11 +43,16 @@ impl FixedMlp<'_> {
     /// Activations behind the last hidden layer for `observation`, in the format that the output layer reads; an action
     /// is the output layer's answer to them. Observations are read as by [`Self::act`].
     pub fn features<'s>(&self, observation: &[f32], scratch: &'s mut FixedScratch) -> &'s [i16] {
+        self.activations(self.layers.len().saturating_sub(1), observation, scratch)
+    }
+
+    /// As [`Self::features`], of any `layer`: what it reads, which is the observation where it is 0; nothing beyond the last.
+    pub fn activations<'s>(&self, layer: usize, observation: &[f32], scratch: &'s mut FixedScratch) -> &'s [i16] {
         let FixedScratch { activations, sums } = scratch;
         self.read_observation(observation, activations.get_mut(..self.inputs()).unwrap_or_default());
-        let Some((output_layer, hidden_layers)) = self.layers.split_last() else { return &[] };
-        self.hide(hidden_layers, activations, sums);
-        activations.get(..output_layer.inputs).unwrap_or_default()
+        let Some(reader) = self.layers.get(layer) else { return &[] };
+        self.hide(self.layers.get(..layer).unwrap_or_default(), activations, sums);
+        activations.get(..reader.inputs).unwrap_or_default()
     }
 }
 

@@ -71,6 +71,11 @@ impl PolicyController {
             measurements,
         };
         layout.encode(&input, &mut self.observation);
+        self.observation(metadata)
+    }
+
+    /// What the policy acted on last.
+    pub(super) fn observation(&self, metadata: &PolicyMetadata<'_>) -> &[f32] {
         self.observation.get(..metadata.observation.len()).unwrap_or_default()
     }
 

@@ -198,7 +198,7 @@ impl Default for Surroundings {
 }
 
 /// How far a goal may run ahead \[m\]: a layout that cuts far goals short must still see all of the way.
-fn leash_m(layout: &ObservationLayout) -> f32 {
+pub fn leash_m(layout: &ObservationLayout) -> f32 {
     match layout {
         ObservationLayout::Pilot(scales)
         | ObservationLayout::PilotFor(PilotForLayout { scales, .. })

@@ -1,10 +1,11 @@
 //! Pictures: the [`curve`] of a training, the [`horizon`] of predictions, [`plan`]s of aviaries, [`recorded_flight`]s as [`video`]s, and the
-//! [`viewer`]. Nothing here knows how a flight came about.
+//! [`viewer`]; a world as it is flown, [`live`]. Nothing here knows how a flight came about.
 
 pub mod curve;
 pub mod drawing;
 mod font;
 pub mod horizon;
+pub mod live;
 pub mod picture;
 pub mod plan;
 pub mod recorded_flight;

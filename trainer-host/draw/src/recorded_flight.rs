@@ -1,6 +1,7 @@
 //! A flight of one or several drones, as it was flown.
 
 use kestrel_core::attitude::Attitude;
+use kestrel_sim::world::Pose;
 use nalgebra::Vector3;
 
 /// One flight.
@@ -83,8 +84,38 @@ impl FlightRecording {
 }
 
 impl Placement {
+    /// A share in \[0, 1\] of the way to another one.
+    #[must_use]
+    pub fn towards(&self, after: &Self, share: f32) -> Self {
+        let (from, to) = (self.attitude, nearest_sign(&self.attitude, after.attitude));
+        let attitude = Attitude {
+            w: mix(from.w, to.w, share),
+            x: mix(from.x, to.x, share),
+            y: mix(from.y, to.y, share),
+            z: mix(from.z, to.z, share),
+        };
+        let position: Vector3<f32> = self.position.lerp(&after.position, share);
+        Self { position, attitude: attitude.normalized() }
+    }
+
+    /// As a pose of the simulator.
+    pub fn pose(&self) -> Pose {
+        Pose { position: self.position.cast(), world_from_body: self.attitude.map(f64::from) }
+    }
+
     fn is_finite(&self) -> bool {
         let Attitude { w, x, y, z } = self.attitude;
         [w, x, y, z].into_iter().chain(self.position.iter().copied()).all(f32::is_finite)
     }
+}
+
+fn mix(from: f32, to: f32, share: f32) -> f32 {
+    from + (to - from) * share
+}
+
+/// Of the two quaternions of one attitude, the one on the near side.
+fn nearest_sign(near: &Attitude<f32>, attitude: Attitude<f32>) -> Attitude<f32> {
+    let Attitude { w, x, y, z } = attitude;
+    let product = near.w * w + near.x * x + near.y * y + near.z * z;
+    if product < 0.0 { Attitude { w: -w, x: -x, y: -y, z: -z } } else { attitude }
 }

@@ -202,6 +202,11 @@ impl<'a> EpisodeFlight<'a> {
         Self { cockpit: Cockpit::new(&simulation, flyer, starts.seed, start), simulation }
     }
 
+    /// All of its drones; those whose episode has ended are at another start.
+    pub fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
     /// The true state; once the episode has ended, that of another start.
     pub fn state(&self) -> State<f32> {
         self.simulation.state(0)

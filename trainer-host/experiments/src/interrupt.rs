@@ -31,7 +31,7 @@ impl Interrupt {
     pub fn watch(farewell: &'static str) -> Result<Self, InterruptError> {
         let interrupt = Self::default();
         let handler = interrupt.clone();
-        ctrlc::set_handler(move || handler.react(farewell)).map_err(|error| InterruptError(error.to_string()))?;
+        on_signals(move || handler.react(farewell))?;
         Ok(interrupt)
     }
 
@@ -40,7 +40,7 @@ impl Interrupt {
     /// # Errors
     /// When the process already watches, or the system refuses.
     pub fn leave_to_others() -> Result<(), InterruptError> {
-        ctrlc::set_handler(|| ()).map_err(|error| InterruptError(error.to_string()))
+        on_signals(|| ())
     }
 
     /// Whether to stop after the current update.
@@ -60,6 +60,17 @@ impl Interrupt {
         warn(format_args!("\n{farewell}")); // before the loop may know: it would end with nothing said
         self.request();
     }
+}
+
+#[cfg(not(target_family = "wasm"))]
+fn on_signals(handler: impl FnMut() + Send + 'static) -> Result<(), InterruptError> {
+    ctrlc::set_handler(handler).map_err(|error| InterruptError(error.to_string()))
+}
+
+/// A page has no signals.
+#[cfg(target_family = "wasm")]
+fn on_signals(_handler: impl FnMut() + Send + 'static) -> Result<(), InterruptError> {
+    Err(InterruptError("there are no signals here".to_owned()))
 }
 
 #[cfg(unix)] // the signals are sent with kill

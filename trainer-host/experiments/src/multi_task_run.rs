@@ -1,12 +1,12 @@
 //! A training run of several tasks: one job of a study in a run directory of its own.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::ppo::UpdateMetrics;
 use kestrel_learn::ranks::{self, Order, Ranks};
 use serde::{Deserialize, Serialize};
+use web_time::Instant;
 
 use crate::checkpoint::Checkpoints;
 use crate::config_file::ConfigFile;

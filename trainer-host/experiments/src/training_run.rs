@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use kestrel_core::policy_file::PolicyError;
 use kestrel_sim::seed::Purpose;
 use serde::{Deserialize, Serialize};
+use web_time::Instant;
 
 use crate::atomic_file::FileError;
 use crate::checkpoint::{CheckpointError, Checkpoints};
@@ -49,13 +50,19 @@ pub struct BestPolicy {
     pub evaluation: Evaluation,
 }
 
-/// A run, open for training.
+/// Training in memory: updates, and the selection of the best policy.
 #[derive(Debug)]
-pub struct TrainingRun {
+pub struct Training {
     experiment: Experiment,
-    directory: RunDirectory,
     learner: Learner,
     best: Option<BestPolicy>,
+}
+
+/// A run, open for training: the training, and what it leaves in its directory.
+#[derive(Debug)]
+pub struct TrainingRun {
+    training: Training,
+    directory: RunDirectory,
     training_secs: f64,
     log: RunLog,
 }
@@ -166,73 +173,30 @@ pub enum TrainingError {
     File(#[from] FileError),
 }
 
-impl TrainingRun {
-    /// A new run in a fresh directory.
+impl Training {
+    /// At its beginning.
     ///
     /// # Errors
-    /// When files cannot be created.
-    pub fn begin(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
+    /// When the task has no derivatives that the experiment asks for.
+    pub fn begin(experiment: Experiment) -> Result<Self, TrainingError> {
         prepare(&experiment.scenario, experiment.ppo.environments);
         let learner = Learner::begin(&experiment)?;
-        let run = Self::open(experiment, directory, learner, None, 0.0)?;
-        // A run that is killed in its first seconds can then go on as any other.
-        run.save()?;
-        Ok(run)
+        Ok(Self { experiment, learner, best: None })
     }
 
-    /// The run of `directory` from its newest checkpoint that is whole.
-    ///
-    /// # Errors
-    /// When there is no usable checkpoint, or it does not fit the configuration.
-    pub fn resume(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
-        let restored = Checkpoints::in_directory(&directory.checkpoints()).load_newest::<Checkpoint>()?;
-        let Checkpoint { trainer, best, training_secs, config } = restored.state;
-        let (found, expected) = (trainer.seed(), experiment.seed);
-        if found != expected {
-            return Err(TrainingError::Seed { found: found.0, expected: expected.0 });
+    /// One update; now and then a test flight. The bits do not depend on the number of threads of the current rayon pool.
+    pub fn update(&mut self) -> UpdateMetrics {
+        self.learner.order(&Order::Update);
+        let update = self.learner.update();
+        if self.selection_is_due() {
+            self.select();
         }
-        let learner = Learner::restore(&experiment, trainer)?;
-        refuse_changes(&ExperimentConfig::resolved_again(&config), &experiment.resolved_yaml)?;
-        Self::open(experiment, directory, learner, best, training_secs)
+        update
     }
 
-    fn open(
-        experiment: Experiment,
-        directory: RunDirectory,
-        learner: Learner,
-        best: Option<BestPolicy>,
-        training_secs: f64,
-    ) -> Result<Self, TrainingError> {
-        let log = RunLog::continue_after(&directory, learner.updates(), learner.steps())?;
-        Ok(Self { experiment, directory, learner, best, training_secs, log })
-    }
-
-    /// From now on shares the work with all ranks, of which this is the first; the others [`follow`].
-    ///
-    /// # Errors
-    /// When the work cannot be dealt to so many.
-    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), TrainingError> {
-        let state = self.learner.save();
-        self.learner.work_with(ranks)?;
-        self.learner.order(&Order::Begin(Box::new(state)));
-        Ok(())
-    }
-
-    /// Trains until the budget is spent or `interrupt` asks to stop, and leaves a checkpoint either way.
-    ///
-    /// # Errors
-    /// When a file cannot be written; earlier checkpoints are then still whole.
-    pub fn train(&mut self, interrupt: &Interrupt) -> Result<End, TrainingError> {
-        train(self, interrupt)
-    }
-
-    fn log(&mut self, update: &UpdateMetrics, steps: u64) -> Result<(), TrainingError> {
-        let steps_per_second = update.steps_per_second(steps as usize);
-        let row =
-            MetricsRow { update, steps_per_second, training_secs: self.training_secs, flights: BTreeMap::new() };
-        let terms = self.experiment.scenario.rewards.iter().zip(&update.episode_terms).enumerate();
-        let terms = terms.map(|(index, (reward, value))| (format!("reward/{index}_{}", reward.name()), *value));
-        Ok(self.log.append(&row, terms.collect())?)
+    /// Whether the budget is spent.
+    pub fn is_finished(&self) -> bool {
+        self.steps() >= self.experiment.total_steps()
     }
 
     /// Whether this update is one of those after which the policy is tested; the last always is.
@@ -254,14 +218,9 @@ impl TrainingRun {
         }
     }
 
-    /// The experiment that is run.
+    /// The experiment that is trained on.
     pub fn experiment(&self) -> &Experiment {
         &self.experiment
-    }
-
-    /// Where everything is written.
-    pub fn directory(&self) -> &RunDirectory {
-        &self.directory
     }
 
     /// Environment steps so far.
@@ -269,9 +228,9 @@ impl TrainingRun {
         self.learner.steps()
     }
 
-    /// Time spent in training, selection included \[s\].
-    pub fn training_secs(&self) -> f64 {
-        self.training_secs
+    /// How the best policy so far flew in its test; nothing before the first.
+    pub fn tested(&self) -> Option<&Evaluation> {
+        self.best.as_ref().map(|best| &best.evaluation)
     }
 
     /// The best policy so far; the newest before the first test.
@@ -283,42 +242,128 @@ impl TrainingRun {
     }
 }
 
+impl TrainingRun {
+    /// A new run in a fresh directory.
+    ///
+    /// # Errors
+    /// When files cannot be created.
+    pub fn begin(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
+        let run = Self::open(Training::begin(experiment)?, directory, 0.0)?;
+        // A run that is killed in its first seconds can then go on as any other.
+        run.save()?;
+        Ok(run)
+    }
+
+    /// The run of `directory` from its newest checkpoint that is whole.
+    ///
+    /// # Errors
+    /// When there is no usable checkpoint, or it does not fit the configuration.
+    pub fn resume(experiment: Experiment, directory: RunDirectory) -> Result<Self, TrainingError> {
+        let restored = Checkpoints::in_directory(&directory.checkpoints()).load_newest::<Checkpoint>()?;
+        let Checkpoint { trainer, best, training_secs, config } = restored.state;
+        let (found, expected) = (trainer.seed(), experiment.seed);
+        if found != expected {
+            return Err(TrainingError::Seed { found: found.0, expected: expected.0 });
+        }
+        let learner = Learner::restore(&experiment, trainer)?;
+        refuse_changes(&ExperimentConfig::resolved_again(&config), &experiment.resolved_yaml)?;
+        Self::open(Training { experiment, learner, best }, directory, training_secs)
+    }
+
+    fn open(training: Training, directory: RunDirectory, training_secs: f64) -> Result<Self, TrainingError> {
+        let log = RunLog::continue_after(&directory, training.learner.updates(), training.steps())?;
+        Ok(Self { training, directory, training_secs, log })
+    }
+
+    /// From now on shares the work with all ranks, of which this is the first; the others [`follow`].
+    ///
+    /// # Errors
+    /// When the work cannot be dealt to so many.
+    pub fn work_with(&mut self, ranks: &Arc<dyn Ranks>) -> Result<(), TrainingError> {
+        let learner = &mut self.training.learner;
+        let state = learner.save();
+        learner.work_with(ranks)?;
+        learner.order(&Order::Begin(Box::new(state)));
+        Ok(())
+    }
+
+    /// Trains until the budget is spent or `interrupt` asks to stop, and leaves a checkpoint either way.
+    ///
+    /// # Errors
+    /// When a file cannot be written; earlier checkpoints are then still whole.
+    pub fn train(&mut self, interrupt: &Interrupt) -> Result<End, TrainingError> {
+        train(self, interrupt)
+    }
+
+    fn log(&mut self, update: &UpdateMetrics, steps: u64) -> Result<(), TrainingError> {
+        let steps_per_second = update.steps_per_second(steps as usize);
+        let row =
+            MetricsRow { update, steps_per_second, training_secs: self.training_secs, flights: BTreeMap::new() };
+        let terms = self.experiment().scenario.rewards.iter().zip(&update.episode_terms).enumerate();
+        let terms = terms.map(|(index, (reward, value))| (format!("reward/{index}_{}", reward.name()), *value));
+        let terms = terms.collect();
+        Ok(self.log.append(&row, terms)?)
+    }
+
+    /// The experiment that is run.
+    pub fn experiment(&self) -> &Experiment {
+        self.training.experiment()
+    }
+
+    /// Where everything is written.
+    pub fn directory(&self) -> &RunDirectory {
+        &self.directory
+    }
+
+    /// Environment steps so far.
+    pub fn steps(&self) -> u64 {
+        self.training.steps()
+    }
+
+    /// Time spent in training, selection included \[s\].
+    pub fn training_secs(&self) -> f64 {
+        self.training_secs
+    }
+
+    /// The best policy so far; the newest before the first test.
+    pub fn best(&self) -> (&Actor, u64) {
+        self.training.best()
+    }
+}
+
 impl Stepwise for TrainingRun {
     fn steps(&self) -> u64 {
-        self.learner.steps()
+        self.training.steps()
     }
 
     fn total_steps(&self) -> u64 {
-        self.experiment.total_steps()
+        self.experiment().total_steps()
     }
 
     fn is_finished(&self) -> bool {
-        self.learner.steps() >= self.experiment.total_steps()
+        self.training.is_finished()
     }
 
     /// One update, logged; now and then a test flight.
     fn update(&mut self) -> Result<ProgressReport, TrainingError> {
         let start = Instant::now();
-        let steps_before = self.learner.steps();
-        self.learner.order(&Order::Update);
-        let update = self.learner.update();
-        if self.selection_is_due() {
-            self.select();
-        }
+        let steps_before = self.steps();
+        let update = self.training.update();
         self.training_secs += start.elapsed().as_secs_f64();
-        self.log(&update, self.learner.steps() - steps_before)?;
+        self.log(&update, self.steps() - steps_before)?;
         Ok(report(&update))
     }
 
     fn save(&self) -> Result<(), TrainingError> {
-        self.learner.order(&Order::Save);
+        let Training { experiment, learner, best } = &self.training;
+        learner.order(&Order::Save);
         let checkpoint = Checkpoint {
-            trainer: self.learner.save(),
-            best: self.best.clone(),
+            trainer: learner.save(),
+            best: best.clone(),
             training_secs: self.training_secs,
-            config: self.experiment.resolved_yaml.clone(),
+            config: experiment.resolved_yaml.clone(),
         };
-        Checkpoints::in_directory(&self.directory.checkpoints()).save(self.learner.updates(), &checkpoint)?;
+        Checkpoints::in_directory(&self.directory.checkpoints()).save(learner.updates(), &checkpoint)?;
         Ok(())
     }
 }

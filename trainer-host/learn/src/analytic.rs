@@ -12,12 +12,11 @@
 //!
 //! Sums have an order of their own for any number of threads: each environment batch has its own gradient.
 
-use std::time::Instant;
-
 use kestrel_core::activation::Activation;
 use kestrel_core::seed::{Purpose, Seed, Stream};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use web_time::Instant;
 
 use crate::actor_critic::{Actor, ActorLengths, Critic};
 use crate::adam::{Adam, Remembering};

@@ -39,10 +39,10 @@ mod state;
 mod workspace;
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use kestrel_core::seed::{Purpose, Seed, Stream};
 use rayon::prelude::*;
+use web_time::Instant;
 
 pub use crate::actor_critic::{Actor, ActorLengths, Critic};
 use crate::actor_critic::{EncoderWeights, Gradient, Networks};

@@ -3,7 +3,7 @@
 use kestrel_sim::camera::{Camera, Scene, View};
 use nalgebra::Vector3;
 
-use super::recorded_scene::{RecordedScene, pose};
+use super::recorded_scene::RecordedScene;
 use crate::recorded_flight::Placement;
 
 /// How far behind the drone the camera is, per length of the airframe's arm; half a metre for a Crazyflie.
@@ -38,7 +38,7 @@ pub(crate) struct Chase {
 
 impl Chase {
     pub(crate) fn of(recorded: &RecordedScene, drone: usize) -> Self {
-        let distance = distance(recorded);
+        let distance = distance(recorded.arm_m);
         let moments = recorded.moments();
         let places: Vec<[f32; 3]> =
             moments.iter().map(|moment| moment.drones[drone].placement.position.into()).collect();
@@ -78,9 +78,9 @@ impl Chase {
     }
 }
 
-/// How far a camera is from the drone that it follows \[m\].
-pub(crate) fn distance(recorded: &RecordedScene) -> f64 {
-    DISTANCE_ARMS * recorded.arm_m
+/// How far a camera is from the drone that it follows, whose arms are so long \[m\].
+pub(crate) fn distance(arm_m: f64) -> f64 {
+    DISTANCE_ARMS * arm_m
 }
 
 /// Around a drone: from a heading \[rad\] and an elevation \[rad\], so far away \[m\].
@@ -91,7 +91,7 @@ pub(crate) fn orbit(focus: Vector3<f64>, heading: f64, elevation: f64, distance:
 /// What a drone's camera sees: as the reference mounts it, an arm above the centre, along the drone's x axis, the image's
 /// top up. A drone whose nose points straight up or down is looked along as it lies.
 pub(crate) fn on_board(recorded: &RecordedScene, placement: &Placement) -> View {
-    let drone = pose(placement);
+    let drone = placement.pose();
     let ahead = drone.world_from_body.rotate(Vector3::x());
     if ahead.xy().norm() > 1e-6 {
         return View::paper(&drone, recorded.arm_m);
@@ -115,7 +115,7 @@ fn calm<const N: usize>(wanted: &[[f32; N]], index: usize, calmness: usize) -> [
 }
 
 /// From a drone to the camera behind it.
-fn behind(heading: f64, elevation: f64) -> Vector3<f64> {
+pub(crate) fn behind(heading: f64, elevation: f64) -> Vector3<f64> {
     let ((sine, cosine), (up, level)) = (libm::sincos(heading), libm::sincos(elevation));
     Vector3::new(-level * cosine, -level * sine, up)
 }
@@ -143,7 +143,7 @@ fn directions(places: &[[f32; 3]], goal: [f32; 3]) -> Vec<[f32; 2]> {
 }
 
 /// Share of the way from a place to an eye that nothing stands in, less what a camera keeps from walls.
-fn free_share(scene: &Scene, place: Vector3<f64>, eye: Vector3<f64>) -> f32 {
+pub(crate) fn free_share(scene: &Scene, place: Vector3<f64>, eye: Vector3<f64>) -> f32 {
     let distance = (eye - place).norm();
     let camera =
         Camera { columns: 3, rows: 3, tangents: [0.15; 2], sample: [0.5; 2], near_m: 0.01, far_m: distance };

@@ -1,8 +1,5 @@
 //! The recorded flight at the rate of the video.
 
-use kestrel_core::attitude::Attitude;
-use nalgebra::Vector3;
-
 use crate::recorded_flight::{DroneFlight, FlightRecording, Placement};
 
 /// Time between two pictures \[s\]: 25 per second, a whole number of the hundredths that GIF counts in.
@@ -74,35 +71,15 @@ impl Instant {
     /// Between the frames on either side; beyond the end it is the last.
     fn placement(self, frames: &[Placement]) -> Placement {
         let [before, after] = [self.before, self.before + 1].map(|index| &frames[index.min(frames.len() - 1)]);
-        between(before, after, self.share)
+        before.towards(after, self.share)
     }
-}
-
-fn between(before: &Placement, after: &Placement, share: f32) -> Placement {
-    let (from, to) = (before.attitude, nearest_sign(&before.attitude, after.attitude));
-    let attitude = Attitude {
-        w: mix(from.w, to.w, share),
-        x: mix(from.x, to.x, share),
-        y: mix(from.y, to.y, share),
-        z: mix(from.z, to.z, share),
-    };
-    let position: Vector3<f32> = before.position.lerp(&after.position, share);
-    Placement { position, attitude: attitude.normalized() }
-}
-
-fn mix(from: f32, to: f32, share: f32) -> f32 {
-    from + (to - from) * share
-}
-
-/// Of the two quaternions of one attitude, the one on the near side.
-fn nearest_sign(near: &Attitude<f32>, attitude: Attitude<f32>) -> Attitude<f32> {
-    let Attitude { w, x, y, z } = attitude;
-    let product = near.w * w + near.x * x + near.y * y + near.z * z;
-    if product < 0.0 { Attitude { w: -w, x: -x, y: -y, z: -z } } else { attitude }
 }
 
 #[cfg(test)]
 mod tests {
+    use kestrel_core::attitude::Attitude;
+    use nalgebra::Vector3;
+
     use super::*;
 
     fn flight(control_secs: f32, lengths: &[usize]) -> FlightRecording {

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use super::chase::on_board;
 use super::{DepthScale, VideoError, camera, sampled};
-use crate::recorded_flight::{DroneFlight, FlightRecording, Placement};
+use crate::recorded_flight::{DroneFlight, FlightRecording};
 use crate::video::playback::{Moment, PICTURE_SECS, moment, moments};
 
 /// A goal for the eyes of people: a ball on a pole, and how far below the goal it ends \[m\].
@@ -183,22 +183,16 @@ impl Verdict {
 fn placed(scene: &Scene, moment: &Moment) -> Scene {
     let mut scene = scene.clone();
     for (index, drone) in moment.drones.iter().enumerate() {
-        scene.place(Mover::Drone(index), &pose(&drone.placement));
+        scene.place(Mover::Drone(index), &drone.placement.pose());
     }
     for (index, placement) in moment.movables.iter().enumerate() {
-        scene.place(Mover::Movable(index), &pose(placement));
+        scene.place(Mover::Movable(index), &placement.pose());
     }
     scene
 }
 
-pub(crate) fn pose(placement: &Placement) -> Pose {
-    let Attitude { w, x, y, z } = placement.attitude;
-    let [w, x, y, z] = [w, x, y, z].map(f64::from);
-    Pose { position: placement.position.cast(), world_from_body: Attitude { w, x, y, z } }
-}
-
 /// The world with a ball on a pole below each goal, so that a drone at its goal can be seen.
-fn with_goals(world: &World, goals: impl Iterator<Item = Vector3<f64>>) -> World {
+pub(crate) fn with_goals(world: &World, goals: impl Iterator<Item = Vector3<f64>>) -> World {
     let mut world = world.clone();
     for goal in goals {
         let top = goal - BELOW_GOAL * Vector3::z();

@@ -51,7 +51,12 @@ pub(super) fn drawn(
 }
 
 /// Where a point of the world is in the picture \[px\], unless it is behind something or outside.
-fn seen_at(point: Vector3<f64>, view: &View, image: &Image, [width, height]: [usize; 2]) -> Option<[f64; 2]> {
+pub(crate) fn seen_at(
+    point: Vector3<f64>,
+    view: &View,
+    image: &Image,
+    [width, height]: [usize; 2],
+) -> Option<[f64; 2]> {
     let offset = point - view.eye;
     let depth = view.forward.dot(&offset);
     if depth < NEAREST_M {

@@ -11,7 +11,6 @@ use crate::plan::Subject;
 use crate::plan::above::{Above, Flown};
 use crate::video::chase::{self, Chase, VIEW_ANGLE, on_board};
 use crate::video::playback::{Moment, PICTURE_SECS};
-use crate::video::recorded_scene::pose;
 use crate::video::trail;
 use crate::video::{self, DepthScale, Panel, RecordedScene, VideoError, coloured, draw_caption};
 
@@ -134,7 +133,7 @@ impl<'a> Viewport<'a> {
         let view = match controls.camera {
             CameraMode::Chase => self.chases[drone].view(moment.elapsed_secs / PICTURE_SECS),
             CameraMode::Orbit => {
-                let distance = zoom * chase::distance(self.recorded);
+                let distance = zoom * chase::distance(self.recorded.arm_m);
                 chase::orbit(placement.position.cast(), heading, elevation, distance)
             }
             CameraMode::Onboard => {
@@ -158,7 +157,7 @@ impl<'a> Viewport<'a> {
         let way = |drone: usize| {
             let then = past.iter().chain([moment]).map(|moment| moment.drones[drone].placement);
             let way: Vec<Vector3<f64>> = then.map(|placement| placement.position.cast()).collect();
-            let nose = pose(&moment.drones[drone].placement).world_from_body.rotate(Vector3::x());
+            let nose = moment.drones[drone].placement.pose().world_from_body.rotate(Vector3::x());
             Flown { way, nose, colour: trail::colour(drone) }
         };
         self.plan.with(&(0..self.recorded.drones()).map(way).collect::<Vec<_>>())

@@ -6,7 +6,7 @@ mod patch_product;
 mod product;
 mod sum;
 
-use pulp::{Arch, WithSimd};
+use pulp::{Arch, Simd, WithSimd};
 
 pub(crate) use patch_product::{LANES, MOST_ROWS, PatchProduct, Place, STRIPE};
 pub(crate) use product::{Finish, Left, Product, Start};
@@ -15,6 +15,26 @@ pub(crate) use sum::{Accumulate, AddRowSums, Head, Square, dot};
 /// Runs `kernel` with the widest instruction set of this machine.
 pub(crate) fn dispatch<K: WithSimd>(kernel: K) -> K::Output {
     Arch::new().dispatch(kernel)
+}
+
+/// `a * b + c`, rounded once.
+///
+/// WebAssembly has no such instruction but the relaxed one, which browsers on x86-64 with FMA and on ARM64 round once; elsewhere
+/// a page may come to other bits than a program.
+#[inline(always)]
+pub(super) fn fused<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
+    #[cfg(all(target_family = "wasm", target_feature = "relaxed-simd"))]
+    if S::F32_LANES == 4 {
+        use core::arch::wasm32::{f32x4, f32x4_relaxed_madd, v128};
+        let [a, b, c] = [a, b, c].map(|vector| -> v128 {
+            let [x, y, z, w] = bytemuck::cast::<_, [f32; 4]>(vector);
+            f32x4(x, y, z, w)
+        });
+        let sum = f32x4_relaxed_madd(a, b, c);
+        use core::arch::wasm32::f32x4_extract_lane as lane;
+        return bytemuck::cast([lane::<0>(sum), lane::<1>(sum), lane::<2>(sum), lane::<3>(sum)]);
+    }
+    simd.mul_add_f32s(a, b, c)
 }
 
 /// Sum of squares, in the order of [`dot`].

@@ -5,6 +5,7 @@
 
 use pulp::{Simd, WithSimd};
 
+use super::fused;
 use super::product::{Finish, Start};
 
 /// Widths are multiples of so many values: the widest register.
@@ -147,7 +148,7 @@ impl PatchProduct<'_> {
             for (totals, patch) in totals.iter_mut().zip(patches) {
                 let factor = simd.splat_f32s(patch[*term]);
                 for (total, right) in totals.iter_mut().zip(right) {
-                    *total = simd.mul_add_f32s(factor, *right, *total);
+                    *total = fused(simd, factor, *right, *total);
                 }
             }
         }

@@ -7,6 +7,8 @@
 use kestrel_core::activation::tanh;
 use pulp::{Simd, WithSimd};
 
+use super::fused;
+
 /// Rows of the block of the result that stays in registers over all terms.
 const BLOCK_ROWS: usize = 4;
 
@@ -174,7 +176,7 @@ impl Product<'_> {
             for (totals, factor) in totals.iter_mut().zip(factors) {
                 let factor = simd.splat_f32s(*factor);
                 for (total, right) in totals.iter_mut().zip(right) {
-                    *total = simd.mul_add_f32s(factor, *right, *total);
+                    *total = fused(simd, factor, *right, *total);
                 }
             }
         }
@@ -203,7 +205,7 @@ impl Product<'_> {
         for (right, factors) in self.right.chunks_exact(self.width).zip(factors) {
             let right = simd.partial_load_f32s(&right[column..end]);
             for (total, factor) in totals.iter_mut().zip(factors) {
-                *total = simd.mul_add_f32s(simd.splat_f32s(*factor), right, *total);
+                *total = fused(simd, simd.splat_f32s(*factor), right, *total);
             }
         }
         for (offset, total) in totals.iter().enumerate() {

@@ -2,6 +2,8 @@
 
 use pulp::{Simd, WithSimd};
 
+use super::fused;
+
 /// Partial sums of a dot product: four AVX registers hide the latency of the additions.
 const PARTIALS: usize = 32;
 
@@ -126,7 +128,7 @@ fn fused_dot<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f32 {
     let mut partials = [0.0; HEAD_PARTIALS];
     for (part, partials) in S::as_mut_simd_f32s(&mut partials).0.iter_mut().enumerate() {
         for (a, b) in a_blocks.iter().zip(b_blocks) {
-            *partials = simd.mul_add_f32s(S::as_simd_f32s(a).0[part], S::as_simd_f32s(b).0[part], *partials);
+            *partials = fused(simd, S::as_simd_f32s(a).0[part], S::as_simd_f32s(b).0[part], *partials);
         }
     }
     for (partial, (a, b)) in partials.iter_mut().zip(a_rest.iter().zip(b_rest)) {
