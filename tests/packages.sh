@@ -32,6 +32,9 @@ missing_screen() { # a virtual one
   command -v Xvfb >/dev/null && command -v xdotool >/dev/null ||
     echo xvfb xdotool libx11-xcb1 libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2
 }
+missing_browser() { # Chromium, or Chrome
+  command -v chromium >/dev/null || command -v google-chrome >/dev/null || echo chromium
+}
 missing_mpi() { # with libclang, which reads its header
   command -v mpirun >/dev/null && command -v mpicc >/dev/null &&
     compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null || echo libopenmpi-dev openmpi-bin libclang-dev

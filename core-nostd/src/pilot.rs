@@ -133,7 +133,7 @@ impl<'a, P: PolicyRunner<'a>> Pilot<'a, P> {
     }
 
     /// What the policy acted on in the last tick.
-    pub fn observation(&self) -> &[f32] {
+    pub fn last_observation(&self) -> &[f32] {
         self.controller.observation(self.policy.metadata())
     }
 

@@ -236,7 +236,7 @@ impl FreeFlight {
 
     /// What each layer of the network read last, as shares of one, layer after layer, and the action.
     pub fn activations(&self) -> Vec<f32> {
-        self.policy.activations(self.pilot.observation())
+        self.policy.activations(self.pilot.last_observation())
     }
 }
 
