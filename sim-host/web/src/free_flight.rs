@@ -314,3 +314,74 @@ pub(crate) fn between(before: &State<f32>, after: &State<f32>, share: f32) -> Po
         [before, after].map(|state| Placement { position: state.position, attitude: state.world_from_body });
     before.towards(&after, if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) }).pose()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{pilot, task};
+
+    const LOOK: [usize; 2] = [160, 90];
+
+    fn begun(world: &str) -> FreeFlight {
+        FreeFlight::begin(&pilot("hover"), &task("hover"), &task(world)).unwrap()
+    }
+
+    fn fly(flight: &mut FreeFlight, secs: f32) -> Vec<f32> {
+        (0..(secs / flight.control_secs()) as usize).for_each(|_| flight.step());
+        flight.telemetry()
+    }
+
+    fn look(flight: &mut FreeFlight) -> usize {
+        let [columns, rows] = LOOK;
+        flight.draw(1.0, &Look { columns, rows, ..Look::new(0.6, 0.35, 4.0) }).len()
+    }
+
+    #[test]
+    fn it_takes_off_goes_where_the_mouse_points_and_bears_a_push() {
+        let mut flight = begun("hover");
+        assert!(fly(&mut flight, 5.0)[5] < 0.1, "{:?}", flight.telemetry());
+        assert_eq!(look(&mut flight), 4 * LOOK[0] * LOOK[1]);
+        let before = flight.goal();
+        flight.point_at(30.0, 60.0);
+        assert!(flight.goal()[..2] != before[..2] && flight.goal()[2] == before[2]);
+        assert!(fly(&mut flight, 6.0)[5] < 0.1, "{:?}", flight.telemetry());
+        flight.push(80.0, 45.0);
+        assert!(flight.telemetry()[3] > 1.0);
+        assert!(fly(&mut flight, 6.0)[5] < 0.1, "{:?}", flight.telemetry());
+        flight.set_mass(1.2);
+        flight.set_wind(f64::NAN, 1.0);
+        assert!(fly(&mut flight, 6.0)[5] < 0.3, "{:?}", flight.telemetry());
+        assert!((flight.mass() / flight.scenario.airframe.mass - 1.2).abs() < 1e-12);
+        flight.reset();
+        assert!(flight.telemetry()[2] < 0.05);
+    }
+
+    #[test]
+    fn furniture_goes_with_the_hand_and_back_at_a_reset() {
+        let mut flight = begun("room-0");
+        fly(&mut flight, 2.0);
+        look(&mut flight);
+        let pixels = (0..LOOK[0]).flat_map(|column| (0..LOOK[1]).map(move |row| [column, row]));
+        let held = pixels.clone().find(|[column, row]| flight.grab(*column, *row) == "furniture").unwrap();
+        assert!(pixels.clone().any(|[column, row]| flight.grab(column, row) == "drone"));
+        flight.grab(held[0], held[1]);
+        let moved = |flight: &FreeFlight| {
+            let solids = flight.scenario.aviary.world.solids.iter().zip(&flight.world.solids);
+            solids.filter(|(now, first)| now.pose != first.pose).count()
+        };
+        flight.drag(held[0] as f64 + 10.0, held[1] as f64);
+        assert!(moved(&flight) > 0);
+        flight.release();
+        let before = moved(&flight);
+        flight.drag(0.0, 89.0);
+        assert_eq!(moved(&flight), before, "the hand is empty");
+        flight.reset();
+        assert_eq!(moved(&flight), 0);
+    }
+
+    #[test]
+    fn whoever_sees_beams_does_not_fly_freely() {
+        let refused = FreeFlight::begin(&pilot("room-1"), &task("room-1"), &task("hover")).map(drop).unwrap_err();
+        assert!(refused.to_string().contains("sees what only its task has"), "{refused}");
+    }
+}

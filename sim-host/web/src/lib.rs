@@ -10,12 +10,15 @@ mod pixels;
 mod policy;
 mod stage;
 mod task_flight;
+#[cfg(test)]
+mod testing;
 mod training;
 
 pub use free_flight::FreeFlight;
 pub use policy::WebPolicy;
+pub use stage::Look;
 pub use task_flight::TaskFlight;
-pub use training::WebTraining;
+pub use training::{WebTraining, WebUpdate, crazyflie_zip};
 
 use kestrel_experiments::experiment_config::{self, Experiment};
 use kestrel_sim::config::ConfigError;

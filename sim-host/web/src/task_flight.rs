@@ -45,8 +45,10 @@ pub struct TaskFlight {
     task: Experiment,
     flight: EpisodeFlight<'static>,
     start: u32,
-    /// Before and after the last control period, of each drone.
-    states: [Vec<State<f32>>; 2],
+    /// Before the last control period, of each drone.
+    before: Vec<State<f32>>,
+    /// And now.
+    states: Vec<State<f32>>,
     ending: Option<String>,
     stage: Stage,
 }
@@ -93,24 +95,24 @@ impl TaskFlight {
             return;
         }
         let ended = self.flight.step();
-        self.states[0] = std::mem::take(&mut self.states[1]);
+        self.before.clone_from(&self.states);
         if let Some(episode) = ended {
             // The drones stand at another start by now.
-            self.states[1] = self.states[0].clone();
             let secs = episode.steps as f32 * self.control_secs();
             let verdict = if episode.success { "success" } else { "failure" };
             self.ending = Some(format!("{verdict} after {secs:.1} s: {}", episode.ending.name()));
             return;
         }
-        self.states[1] = states(&self.flight);
-        self.stage.follow(self.states[1].iter().map(|state| state.position.cast()));
+        self.states = states(&self.flight);
+        self.stage.follow(self.states.iter().map(|state| state.position.cast()));
     }
 
     /// Begins the next episode.
     pub fn next(&mut self) {
         self.start = (self.start + 1) % self.task.evaluation.episodes.max(1) as u32;
         self.flight = flight(&self.task, self.flyer, self.start);
-        self.states = [states(&self.flight), states(&self.flight)];
+        self.states = states(&self.flight);
+        self.before.clone_from(&self.states);
         self.ending = None;
         self.stage = stage(&self.flight);
     }
@@ -122,9 +124,8 @@ impl TaskFlight {
             let goals: Vec<Vector3<f64>> = (0..simulation.rows()).map(|row| simulation.goal(row).cast()).collect();
             self.stage.scene.show_goals(&goals);
         }
-        let [before, after] = &self.states;
-        let poses: Vec<Pose> =
-            before.iter().zip(after).map(|(before, after)| between(before, after, share)).collect();
+        let states = self.before.iter().zip(&self.states);
+        let poses: Vec<Pose> = states.map(|(before, after)| between(before, after, share)).collect();
         Clamped(self.stage.draw(&poses, &self.flight.simulation().movables(0), look))
     }
 
@@ -136,7 +137,7 @@ impl TaskFlight {
     /// Position \[m, world\], speed \[m/s\], tilt \[rad\], distance to the goal \[m\], rotor speeds as shares of the greatest; of
     /// the first drone.
     pub fn telemetry(&self) -> Vec<f32> {
-        let state = &self.states[1][0];
+        let state = &self.states[0];
         let distance = (self.flight.simulation().goal(0) - state.position).norm();
         let limit = self.scenario().airframe.rotor_speed_limit as f32;
         let motion = [state.velocity.norm(), state.world_from_body.up_cosine().clamp(-1.0, 1.0).acos(), distance];
@@ -185,9 +186,18 @@ impl TaskFlight {
             other => return Err(TaskFlightError::Pilot(other.to_owned())),
         };
         let flight = flight(&task, flyer, 0);
-        let states = [states(&flight), states(&flight)];
-        let stage = stage(&flight);
-        Ok(Self { policy: *policy, flyer, task, flight, start: 0, states, ending: None, stage })
+        let (states, stage) = (states(&flight), stage(&flight));
+        Ok(Self {
+            policy: *policy,
+            flyer,
+            task,
+            flight,
+            start: 0,
+            before: states.clone(),
+            states,
+            ending: None,
+            stage,
+        })
     }
 
     fn scenario(&self) -> &Scenario {
@@ -209,4 +219,71 @@ fn stage(flight: &EpisodeFlight<'_>) -> Stage {
     let scenario = simulation.scenario();
     let world = &scenario.aviary_of(simulation.room(0)).world;
     Stage::new(LiveScene::new(world, &scenario.airframe, simulation.rows()), simulation.rows())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{pilot, task};
+
+    fn begun(name: &str, flyer: &str) -> TaskFlight {
+        TaskFlight::begin(&pilot(name), &task(name), flyer).unwrap()
+    }
+
+    #[test]
+    fn episodes_end_with_a_word_and_the_next_one_is_another() {
+        let mut flight = begun("land", "policy");
+        let first = flight.telemetry();
+        (0..2_000).for_each(|_| flight.step());
+        assert!(
+            flight.ending().is_some_and(|ending| ending.starts_with("success after ")),
+            "{:?}",
+            flight.ending()
+        );
+        let (landed, periods) = (flight.telemetry(), flight.stage.trail(0).len());
+        flight.step();
+        assert_eq!(
+            (flight.telemetry(), flight.stage.trail(0).len()),
+            (landed, periods),
+            "nothing moves behind the end"
+        );
+        flight.next();
+        assert_eq!((flight.start(), flight.ending()), (1, None));
+        assert_ne!(flight.telemetry(), first);
+    }
+
+    #[test]
+    fn whoever_does_nothing_fails() {
+        let mut flight = begun("land", "nothing");
+        (0..2_000).for_each(|_| flight.step());
+        assert!(
+            flight.ending().is_some_and(|ending| ending.starts_with("failure after ")),
+            "{:?}",
+            flight.ending()
+        );
+    }
+
+    #[test]
+    fn a_team_flies_and_a_camera_sees() {
+        let mut team = begun("crossing-3", "policy");
+        let look = Look { columns: 64, rows: 36, ..Look::new(0.0, 0.3, 5.0) };
+        assert_eq!((team.drones(), team.draw(0.5, &look).len(), team.image().len()), (3, 4 * 64 * 36, 0));
+        let seeing = begun("land-vision", "policy");
+        assert!(!seeing.image().is_empty());
+        assert_eq!(seeing.image().len(), seeing.image_shape().iter().product::<usize>());
+        assert!(seeing.activations().is_empty(), "what it reads is more than its observation");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let refused = |task_name, flyer: &str| {
+            TaskFlight::begin(&pilot("land"), &task(task_name), flyer).map(drop).unwrap_err().to_string()
+        };
+        assert!(
+            refused("room-1", "policy").contains("is for another observation"),
+            "{}",
+            refused("room-1", "policy")
+        );
+        assert_eq!(refused("land", "me"), "found the pilot \"me\", expected policy, scripted or nothing");
+    }
 }
