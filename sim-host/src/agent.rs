@@ -4,6 +4,8 @@ mod commanding;
 mod observing;
 mod racing;
 
+use std::ops::Range;
+
 use kestrel_core::action::{ACTION_LIMIT, ActionSpace, ControlMemory, Persistence};
 use kestrel_core::real::Real;
 use kestrel_core::reference::bullet::BulletState;
@@ -44,6 +46,8 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     /// Each term's value in the last step.
     pub(crate) term_values: Vec<Column<LANES, R>>,
     index: usize,
+    /// Lanes that are environments; what is behind them flies unseen.
+    flown: usize,
     /// Numbers of the rooms of the lanes; none where no room is drawn.
     rooms: Option<Column<LANES, R>>,
     factors: [Column<LANES, R>; 2],
@@ -112,14 +116,15 @@ impl<R: Real> PrivilegedScales<R> {
 }
 
 impl<const LANES: usize, R: Real> Agent<LANES, R> {
-    /// Agent `index` of environments `first..first + LANES` at the start of their first episodes.
+    /// Agent `index` of `environments`, at most `LANES`, at the start of their first episodes.
     pub(crate) fn new(
         scenario: &Scenario,
         arenas: Option<&Arenas>,
         index: usize,
         (seed, purpose): (Seed, Purpose),
-        first: u32,
+        environments: Range<u32>,
     ) -> Self {
+        let first = environments.start;
         let nothing = [R::zero(); LANES];
         let stream = |lane| Stream::of_agent(seed, first + lane, index as u32, purpose);
         let columns = |count: usize| vec![nothing; count];
@@ -132,6 +137,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             touches: [nothing; 2],
             term_values: columns(scenario.rewards.len()),
             index,
+            flown: environments.len(),
             rooms: scenario.drawn.as_ref().map(|_| nothing),
             factors: [[R::one(); LANES]; 2],
             history: vec![[nothing; ACTION_LIMIT]; scenario.observation.history_len().max(1)],
@@ -165,7 +171,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             agent.sensors = agent.streams.iter_mut().map(|stream| scenario.sensors.begin(stream)).collect();
         }
         for lane in 0..LANES {
-            agent.reset(scenario, arenas, lane, (first + lane as u32) % scenario.rooms());
+            // Those beyond the last environment make no room of their own.
+            let environment = environments.clone().nth(lane).unwrap_or(first);
+            agent.reset(scenario, arenas, lane, environment % scenario.rooms());
         }
         agent
     }
@@ -335,7 +343,10 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Begins the lane's next episode; its last reward and code stay readable.
     pub(crate) fn restart(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
         // Nothing is drawn where there is one place only.
-        let room = scenario.drawn.as_ref().map_or(0, |rooms| self.streams[lane].below(rooms.range().count));
+        let room = match &scenario.drawn {
+            Some(rooms) if lane < self.flown => self.streams[lane].below(rooms.range().count),
+            Some(_) | None => self.room(lane),
+        };
         self.reset(scenario, arenas, lane, room);
     }
 

@@ -57,11 +57,18 @@ pub(crate) type Actions<const LANES: usize, R> = [Column<LANES, R>; ACTION_LIMIT
 
 impl<const LANES: usize, R: Real> Block<LANES, R> {
     /// Environments `first..first + LANES` at the start of their first episodes.
-    pub(crate) fn new(scenario: &Scenario, arenas: Option<&Arenas>, source: (Seed, Purpose), first: u32) -> Self {
+    pub(crate) fn new(
+        scenario: &Scenario,
+        arenas: Option<&Arenas>,
+        source: (Seed, Purpose),
+        environments: &Range<u32>,
+    ) -> Self {
         let count = scenario.agents.count as usize;
         let nothing = [R::zero(); LANES];
         let mut block = Self {
-            agents: (0..count).map(|index| Agent::new(scenario, arenas, index, source, first)).collect(),
+            agents: (0..count)
+                .map(|index| Agent::new(scenario, arenas, index, source, environments.clone()))
+                .collect(),
             movables: vec![standing(scenario); LANES],
             movable_kinds: scenario.aviary.world.movables.iter().map(MovableKind::of).collect(),
             contacts: vec![ContactMemory::default(); LANES],

@@ -218,7 +218,7 @@ struct Period<R> {
 impl<R: Real> Period<R> {
     /// From these columns and actions.
     fn fly(scenario: &Scenario, input: impl Fn(usize) -> R) -> Self {
-        let mut block = Block::<1, R>::new(scenario, None, (Seed(0), Purpose::Reset), 0);
+        let mut block = Block::<1, R>::new(scenario, None, (Seed(0), Purpose::Reset), &(0..1));
         let mut columns = 0;
         for agent in &mut block.agents {
             agent.forget_sensors();

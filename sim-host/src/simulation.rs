@@ -80,7 +80,8 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         first_environment: u32,
         environments: usize,
     ) -> Self {
-        let firsts = (0..environments.div_ceil(LANES)).map(|block| first_environment + (block * LANES) as u32);
+        let end = first_environment + environments as u32;
+        let blocks = (first_environment..end).step_by(LANES).map(|first| first..end.min(first + LANES as u32));
         let rows = environments * scenario.agents.count as usize;
         let observation_len = scenario.observation.len();
         let privileged_len = match scenario.critic {
@@ -96,7 +97,9 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             arch: Arch::new(),
             first_environment,
             environments,
-            blocks: firsts.map(|first| Block::new(scenario, arenas.as_ref(), (seed, purpose), first)).collect(),
+            blocks: blocks
+                .map(|environments| Block::new(scenario, arenas.as_ref(), (seed, purpose), &environments))
+                .collect(),
             observations: nothing(observation_len),
             privileged: nothing(privileged_len),
             rewards: nothing(1),

@@ -103,6 +103,24 @@ fn neighbouring_lanes_are_in_different_rooms() {
 }
 
 #[test]
+fn lanes_that_nobody_flies_make_no_rooms() {
+    let scenario = scenario();
+    let mut simulation = Simulation::<64>::new(&scenario, Seed(1), 2, 1);
+    let mut flown = std::collections::BTreeSet::from([2]);
+    // The lanes behind it crash and start again, many times.
+    for _ in 0..120 {
+        let state = simulation.state(0);
+        simulation.step(&[0.0; 4]);
+        simulation.put(0, state);
+        flown.insert(simulation.room(0));
+    }
+    let made = scenario.drawn.as_ref().unwrap().made.iter().enumerate();
+    let made: Vec<u32> = made.filter(|(_, room)| room.get().is_some()).map(|(index, _)| index as u32).collect();
+    assert_eq!(made, flown.into_iter().collect::<Vec<u32>>());
+    assert!(made.len() < 5, "of five rooms");
+}
+
+#[test]
 fn every_room_has_a_way_that_is_not_straight() {
     let scenario = scenario();
     let rooms = scenario.drawn.as_ref().unwrap().elsewhere(RoomRange { seed: Seed(5), first: 7, count: 24 });
