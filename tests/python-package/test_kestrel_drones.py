@@ -422,6 +422,20 @@ def test_policies_are_exported(run):
         kestrel_drones.export(run, "cobol")
 
 
+def test_whoever_watches_is_told_and_may_end_it(tmp_path):
+    seen = []
+
+    def watch(run):
+        seen.append(len(run.rows))
+        if len(seen) == 2:
+            raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        kestrel_drones.train("hover", out=tmp_path / "run", watch=watch, training={"analytic": None, "total_steps": 10**9})
+    assert len(seen) == 2 and seen[1] >= seen[0]
+    assert any((tmp_path / "run/checkpoints").iterdir())
+
+
 def test_ctrl_c_stops_with_a_checkpoint_from_which_training_goes_on(tmp_path):
     code = """if True:
         import kestrel_drones, signal, sys

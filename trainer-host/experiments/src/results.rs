@@ -426,12 +426,19 @@ fn refuse_other_task(policy: &Policy<'_>, path: &Path, scenario: &Scenario) -> R
 /// # Errors
 /// When the metrics or the policy are damaged, or a file cannot be written.
 pub fn draw(subject: &Subject<'_>, directory: &RunDirectory) -> Result<Vec<PathBuf>, ResultsError> {
-    let points: Vec<CurvePoint> = read_rows(&directory.metrics())?;
-    let curve = learning_curve(&directory.name(), &points)?;
-    write_atomically(&directory.learning_curve(), curve.as_bytes())?;
+    write_atomically(&directory.learning_curve(), curve(directory)?.as_bytes())?;
     let mut drawn = vec![directory.learning_curve()];
     drawn.extend(draw_flights(subject, directory)?);
     Ok(drawn)
+}
+
+/// The learning curve of a run, as far as it has come, as SVG.
+///
+/// # Errors
+/// When the metrics are damaged.
+pub fn curve(directory: &RunDirectory) -> Result<String, ResultsError> {
+    let points: Vec<CurvePoint> = read_rows(&directory.metrics())?;
+    Ok(learning_curve(&directory.name(), &points)?)
 }
 
 /// Draws the flight in each task alone; the paths of what it drew.

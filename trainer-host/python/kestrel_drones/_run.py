@@ -1,7 +1,9 @@
 """Training runs, as ``kestrel train``, ``evaluate`` and ``export`` make and read them."""
 
+import base64
 import json
 import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,20 +33,56 @@ class Run:
         """How it flew beside the baselines: ``rows`` with ``pilot``, ``success_rate``, ``episode_return`` and more."""
         return json.loads((self.path / "evaluation.json").read_text(encoding="utf-8"))
 
+    @property
+    def curve(self):
+        """The learning curve so far, as SVG."""
+        return _native.learning_curve(self.path)
+
+    @property
+    def film(self):
+        """The flight from the first start of its evaluation, which a notebook shows."""
+        return Film(self.path / "flight.gif")
+
     def _repr_html_(self):
         """The learning curve in a notebook."""
-        curve = self.path / "learning-curve.svg"
-        return curve.read_text(encoding="utf-8") if curve.exists() else None
+        return self.curve if self.rows else None
 
 
-def train(config, *, seed=None, out=None, threads=None, **set):
-    """Trains a policy with PPO and returns the run, whose directory is ``out``, or the next free one in ``runs``.
+@dataclass(frozen=True)
+class Film:
+    """A flight as GIF."""
+
+    path: Path
+
+    def _repr_html_(self):
+        """The film in a notebook."""
+        picture = base64.b64encode(self.path.read_bytes()).decode()
+        return f'<img alt="a flight" src="data:image/gif;base64,{picture}">'
+
+
+def train(config, *, seed=None, out=None, threads=None, watch=None, **set):
+    """Trains a policy and returns the run, whose directory is ``out``, or the next free one in ``runs``.
 
     ``config`` and further keywords are those of ``DroneVectorEnv``: ``train("cross", training={"total_steps": 1_000_000})``.
-    Ctrl-C stops after the update in progress, with a checkpoint from which ``resume`` goes on.
+    ``watch`` is called with the run twice a second; in a notebook it draws the learning curve as it grows, unless it is
+    given or ``False``.
+    Ctrl-C stops after the update in progress, with a checkpoint from which ``resume`` goes on; so does an exception of ``watch``.
     """
     overrides = _tasks.overrides(set) + ([] if seed is None else [f"training.seed={seed}"])
-    return Run(Path(_native.train(_tasks.source(config), overrides, out, threads)))
+    watch = _live_curve() if watch is None else watch
+    tell = (lambda path: watch(Run(Path(path)))) if watch else None
+    return Run(Path(_native.train(_tasks.source(config), overrides, (out, threads), tell)))
+
+
+def _live_curve():
+    """Draws the curve of a run where Jupyter shows it; nothing elsewhere."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    if not hasattr(shell, "kernel"):
+        return None
+    from IPython.display import HTML, display
+
+    shown = display(HTML("<p>It begins.</p>"), display_id=True)
+    return lambda run: shown.update(HTML(run.curve)) if run.rows else None
 
 
 def resume(run, *, threads=None):

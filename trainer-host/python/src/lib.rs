@@ -29,6 +29,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<network::StateDict>()?;
     module.add_function(wrap_pyfunction!(network::import_policy, module)?)?;
     module.add_function(wrap_pyfunction!(run::train, module)?)?;
+    module.add_function(wrap_pyfunction!(run::learning_curve, module)?)?;
     module.add_function(wrap_pyfunction!(run::resume, module)?)?;
     module.add_function(wrap_pyfunction!(run::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(run::export, module)?)

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use kestrel_experiments::experiment_config::{self, Experiment};
 use kestrel_experiments::interrupt::Interrupt;
@@ -19,16 +19,25 @@ use crate::error::{expected, refused};
 /// How often Python is asked whether somebody pressed Ctrl-C.
 const SIGNALS_PERIOD: Duration = Duration::from_millis(50);
 
+/// How often whoever watches a training is told.
+const WATCH_PERIOD: Duration = Duration::from_millis(500);
+
+/// Python code that is called with a run's directory now and then, in the thread that called us.
+pub(crate) struct Watch {
+    callable: Py<PyAny>,
+    directory: PathBuf,
+}
+
 /// Trains on the experiment in the YAML file at the path `name`, or in `text` that messages call `name`, in a fresh
-/// directory `out`, or the next one in `runs`; returns the directory. Ctrl-C stops after the update in progress, with a
-/// checkpoint.
+/// directory `out`, or the next one in `runs`; returns the directory, with which `watch` is called meanwhile. Ctrl-C stops after
+/// the update in progress, with a checkpoint.
 #[pyfunction]
 pub(crate) fn train(
     py: Python<'_>,
     source: (String, Option<String>),
     overrides: Vec<String>,
-    out: Option<PathBuf>,
-    threads: Option<usize>,
+    (out, threads): (Option<PathBuf>, Option<usize>),
+    watch: Option<Py<PyAny>>,
 ) -> PyResult<PathBuf> {
     let (name, text) = source;
     let experiment = match text {
@@ -43,7 +52,8 @@ pub(crate) fn train(
         RunDirectory::create_next("runs".as_ref(), &stem, &experiment.resolved_yaml)
     };
     let directory = directory.map_err(refused)?;
-    work(py, threads, |interrupt| finish(TrainingRun::begin(experiment, directory)?, interrupt))
+    let watch = watch.map(|callable| Watch { callable, directory: directory.path().to_owned() });
+    work(py, threads, watch, |interrupt| finish(TrainingRun::begin(experiment, directory)?, interrupt))
 }
 
 /// Goes on with the run in a directory, as after Ctrl-C.
@@ -51,7 +61,7 @@ pub(crate) fn train(
 pub(crate) fn resume(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<PathBuf> {
     let directory = RunDirectory::resume(&path).map_err(refused)?;
     let experiment = experiment_config::load_to_train(&directory.config(), &[]).map_err(refused)?;
-    work(py, threads, |interrupt| finish(TrainingRun::resume(experiment, directory)?, interrupt))
+    work(py, threads, None, |interrupt| finish(TrainingRun::resume(experiment, directory)?, interrupt))
 }
 
 /// Flies the policies of a run and the baselines, and writes `evaluation.json`.
@@ -64,7 +74,7 @@ pub(crate) fn evaluate(
 ) -> PyResult<PathBuf> {
     let (directory, experiment) = open(&path, &overrides)?;
     directory.exported_policy().map_err(refused)?;
-    work(py, threads, |_| {
+    work(py, threads, None, |_| {
         results::evaluate_run(&Subject::of(&experiment), &directory)?;
         Ok(directory.evaluation_report())
     })
@@ -86,11 +96,17 @@ pub(crate) fn export(py: Python<'_>, path: PathBuf, target: &str) -> PyResult<Ve
             return Err(expected("target", other, "file, rust, c, crazyflie, betaflight, onnx or safetensors"));
         }
     };
-    work(py, None, |_| {
+    work(py, None, None, |_| {
         let (actor, steps) = best_policy(&experiment, &directory)?;
         results::export_policy(&Subject::of(&experiment), &directory, &actor, steps)?;
         Ok(write(&directory)?)
     })
+}
+
+impl Watch {
+    fn tell(&self, py: Python<'_>) -> PyResult<()> {
+        self.callable.call1(py, (&self.directory,)).map(drop)
+    }
 }
 
 /// Why a run fails.
@@ -125,11 +141,18 @@ fn finish(mut run: TrainingRun, interrupt: &Interrupt) -> Result<PathBuf, RunErr
     Ok(directory.path().to_owned())
 }
 
-/// Works in threads of its own, while this one asks Python for signals.
-#[expect(clippy::redundant_closure_for_method_calls, reason = "the method is not general enough in its lifetime")]
+/// The learning curve of a run so far, as SVG.
+#[pyfunction]
+pub(crate) fn learning_curve(path: PathBuf) -> PyResult<String> {
+    let directory = RunDirectory::open(&path).map_err(refused)?;
+    results::curve(&directory).map_err(refused)
+}
+
+/// Works in threads of its own, while this one asks Python for signals and tells whoever watches.
 pub(crate) fn work<T: Send>(
     py: Python<'_>,
     threads: Option<usize>,
+    watch: Option<Watch>,
     task: impl FnOnce(&Interrupt) -> Result<T, RunError> + Send,
 ) -> PyResult<T> {
     let pool = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(refused)?;
@@ -142,9 +165,17 @@ pub(crate) fn work<T: Send>(
                 drop(sender);
                 done
             });
-            let mut signal = None;
+            let (mut signal, mut told) = (None, Instant::now());
             while receiver.recv_timeout(SIGNALS_PERIOD) == Err::<(), _>(RecvTimeoutError::Timeout) {
-                if let Err(error) = Python::attach(|py| py.check_signals()) {
+                let is_due = signal.is_none() && told.elapsed() >= WATCH_PERIOD;
+                let heard = Python::attach(|py| {
+                    py.check_signals()?;
+                    watch.iter().filter(|_| is_due).try_for_each(|watch| watch.tell(py))
+                });
+                if is_due {
+                    told = Instant::now();
+                }
+                if let Err(error) = heard {
                     interrupt.request();
                     signal = Some(error);
                 }
