@@ -227,7 +227,7 @@ def training(page, kestrel, place):
     yield "the app for a Crazyflie is that of the program", found == {path.name: path.read_bytes() for path in folder.iterdir()}
 
     page.page.click("#fly-trained")
-    page.page.wait_for_function(f"kestrel.policy.name === 'hover' && document.getElementById('pilot').value === 'free|trained, seed {SEED}'")
+    page.page.wait_for_function(f"kestrel.policy.name === 'hover' && document.getElementById('pilot').value === 'free|hover, trained with seed {SEED}'")
     page.fly(5)
     yield "it flies in the page", hovers(page, 0.1)
     page.page.set_input_files("#open", saved)

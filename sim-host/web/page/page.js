@@ -41,7 +41,9 @@ const state = {
   /** Since the last control period, and since an episode ended [s]. */
   behind: 0,
   ended: 0,
+  /** What was learned last, and what is learned: a task and a seed. */
   trained: null,
+  lesson: null,
   /** Means over pictures, for the rate [ms]. */
   drawMs: 8,
   pictureMs: 16,
@@ -312,7 +314,8 @@ async function train() {
   part("trained").textContent = "";
   for (const id of ["progress", "curve"]) part(id).hidden = false;
   const seed = Math.min(4294967295, Math.max(0, Math.trunc(Number(part("seed").value)) || 0));
-  worker.postMessage({ begin: { task: await task("hover"), seed } });
+  state.lesson = { name: part("lesson").value, seed };
+  worker.postMessage({ begin: { task: await task(state.lesson.name), seed } });
 }
 
 function heard({ data }) {
@@ -347,6 +350,11 @@ function offer(name, bytes, of) {
   if (![...group.children].some((option) => option.value === value)) group.append(new Option(name, value));
   part("pilot").value = value;
   return begin();
+}
+
+function flyTrained() {
+  const { name, seed } = state.lesson;
+  offer(`${name}, trained with seed ${seed}`, state.trained.policy.slice(), name).catch(say);
 }
 
 function save(name, bytes) {
@@ -395,6 +403,7 @@ async function start() {
     ["flies its task", "task", state.flights.tasks],
   ]);
   list(part("world"), [["worlds", "", state.flights.worlds]]);
+  list(part("lesson"), [["hover", "", state.flights.free]]);
   for (const id of ["pilot", "world", "flyer"]) part(id).addEventListener("change", begin);
   for (const id of ["wind", "wind-from", "mass"]) part(id).addEventListener("input", setWorld);
   part("reset").addEventListener("click", restart);
@@ -404,7 +413,7 @@ async function start() {
   });
   part("open").addEventListener("change", open);
   part("train").addEventListener("click", train);
-  part("fly-trained").addEventListener("click", () => offer(`trained, seed ${part("seed").value}`, state.trained.policy.slice(), "hover").catch(say));
+  part("fly-trained").addEventListener("click", () => flyTrained);
   part("save-policy").addEventListener("click", () => save("policy.kestrel", state.trained.policy));
   part("save-app").addEventListener("click", () => save("crazyflie.zip", crazyflie_zip(state.trained.policy)));
   const overlay = part("overlay");

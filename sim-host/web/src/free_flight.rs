@@ -36,6 +36,9 @@ const FARTHEST: f32 = 12.0;
 const PUSH_SPEED: f32 = 1.5;
 const PUSH_RATE: f32 = 6.0;
 
+/// Periods of policy and task may differ by this share: both are written in decimal somewhere.
+const PERIOD_TOLERANCE: f32 = 1e-5;
+
 /// Least and greatest share of its nominal mass.
 const MASS_SHARES: [f64; 2] = [0.5, 1.5];
 
@@ -51,6 +54,16 @@ pub(crate) enum FreeFlightError {
     /// It needs more than a goal.
     #[error("the policy \"{0}\" sees what only its task has: expected one that flies to a goal")]
     Bound(String),
+    /// It was trained at another pace.
+    #[error("the policy \"{policy}\" acts every {found_secs} s, expected every {expected_secs} s")]
+    ControlPeriod {
+        /// Name of its experiment.
+        policy: String,
+        /// Of the policy \[s\].
+        found_secs: f32,
+        /// Of the task \[s\].
+        expected_secs: f32,
+    },
 }
 
 /// One drone in the world of a task, with walls and furniture that stop it.
@@ -250,6 +263,10 @@ impl FreeFlight {
             return Err(FreeFlightError::Bound(policy.name()));
         };
         let (task, place) = (crate::experiment(task)?.scenario, crate::experiment(world)?.scenario.in_room(0));
+        let (found_secs, expected_secs) = (file.metadata().control_period_secs, task.physics.control_secs());
+        if (found_secs - expected_secs).abs() > PERIOD_TOLERANCE * expected_secs {
+            return Err(FreeFlightError::ControlPeriod { policy: policy.name(), found_secs, expected_secs });
+        }
         let mut scenario = Scenario {
             airframe: task.airframe,
             physics: task.physics,
@@ -377,6 +394,12 @@ mod tests {
         assert_eq!(moved(&flight), before, "the hand is empty");
         flight.reset();
         assert_eq!(moved(&flight), 0);
+    }
+
+    #[test]
+    fn a_policy_flies_at_the_pace_of_its_training() {
+        let refused = FreeFlight::begin(&pilot("hover"), &task("swarm"), &task("hover")).map(drop).unwrap_err();
+        assert!(refused.to_string().starts_with("the policy \"hover\" acts every 0.02 s, expected"), "{refused}");
     }
 
     #[test]
