@@ -268,7 +268,7 @@ mod tests {
         let mut team = begun("crossing-3", "policy");
         let look = Look { columns: 64, rows: 36, ..Look::new(0.0, 0.3, 5.0) };
         assert_eq!((team.drones(), team.draw(0.5, &look).len(), team.image().len()), (3, 4 * 64 * 36, 0));
-        let seeing = begun("land-vision", "policy");
+        let seeing = begun("harder-cross-11-vision", "policy");
         assert!(!seeing.image().is_empty());
         assert_eq!(seeing.image().len(), seeing.image_shape().iter().product::<usize>());
         assert!(seeing.activations().is_empty(), "what it reads is more than its observation");

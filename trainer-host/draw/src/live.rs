@@ -101,6 +101,9 @@ impl LiveScene {
 
     /// Where a point of the world is in the last picture \[px\], unless it is behind something or outside.
     pub fn project(&self, point: Vector3<f64>) -> Option<[f64; 2]> {
+        if self.image.depths.is_empty() {
+            return None; // not looked at yet
+        }
         trail::seen_at(point, &self.view, &self.image, self.size)
     }
 
@@ -195,7 +198,7 @@ mod tests {
         let scene = scene(goal);
         let pixel = |point| scene.project(point).unwrap().map(|place: f64| place as usize);
         assert_eq!(scene.pick([80, 45]), Picked::Drone(0));
-        assert_eq!(scene.pick(pixel(goal - 0.1 * Vector3::z())), Picked::Goal(0));
+        assert_eq!(scene.pick(pixel(goal - 0.06 * Vector3::z())), Picked::Goal(0));
         assert_eq!(scene.pick(pixel(Vector3::new(2.0, -0.5, 1.0))), Picked::Solid(0));
         assert_eq!([scene.pick([0, 89]), scene.pick([160, 0]), scene.pick([0, 90])], [Picked::Nothing; 3]);
     }
