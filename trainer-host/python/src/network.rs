@@ -69,7 +69,7 @@ pub(crate) fn import_policy(
         Some(path) => Some(RunDirectory::create_untrained(&path, &experiment.resolved_yaml).map_err(refused)?),
         None => None,
     };
-    let bytes = work(py, None, |_| {
+    let bytes = work(py, None, None, |_| {
         let Some(directory) = directory else { return Ok(results::exported(&subject, &actor, 0)?.fixed_policy) };
         results::export_policy(&subject, &directory, &actor, 0)?;
         results::evaluate_run(&subject, &directory)?;
