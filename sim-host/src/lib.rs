@@ -44,6 +44,7 @@ pub mod rooms;
 pub mod scenario;
 pub use kestrel_core::seed;
 pub mod sensor;
+mod simd;
 pub mod simulation;
 mod stage;
 pub mod swarm;

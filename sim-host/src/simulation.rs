@@ -9,7 +9,7 @@ use kestrel_core::action::{ACTION_LIMIT, ActionSpace, CONTROL_MEMORY_LEN, Contro
 use kestrel_core::real::Real;
 use kestrel_core::reference::bullet::BulletState;
 use kestrel_core::vehicle::State;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
 use crate::agent::{Agent, Finished, PRIVILEGED_LEN};
@@ -21,6 +21,7 @@ use crate::rooms::{Arenas, Room};
 use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::SensorMemory;
+use crate::simd::Arch;
 use crate::stage::Stage;
 use crate::swarm::{Mechanics, set_row, vector};
 use crate::world::Pose;

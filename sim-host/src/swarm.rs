@@ -14,6 +14,7 @@ use pulp::{Simd, WithSimd};
 use crate::contact::Motion;
 use crate::latency::States;
 use crate::physics::{Downwash, Physics, Preset};
+use crate::simd::Arch;
 use crate::world::Pose;
 
 /// One value per lane.
@@ -454,7 +455,7 @@ pub fn advance_all<const LANES: usize>(
 ) {
     let Some(swarm) = swarms.first() else { return };
     let mechanics = Mechanics::new(physics, &swarm.airframe);
-    pulp::Arch::new().dispatch(AdvanceAll { swarms, mechanics, targets, steps });
+    Arch::new().dispatch(AdvanceAll { swarms, mechanics, targets, steps });
 }
 
 struct AdvanceAll<'a, const LANES: usize> {

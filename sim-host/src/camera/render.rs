@@ -3,12 +3,13 @@
 #[cfg(test)]
 mod tests;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::kernel::{COLUMNS, Canvas, ROWS};
 use super::plot::Rays;
 use super::scene::{AMBIENT, BACKGROUND, DIFFUSE, FLOOR_SURFACE, NO_SURFACE, SPECULAR, Scene, Shading, Surface};
 use super::{Camera, Image, NOTHING, View};
+use crate::simd::Arch;
 
 impl Scene {
     /// What a camera sees.

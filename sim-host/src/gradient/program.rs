@@ -1,9 +1,10 @@
 //! A trace as a program: forwards for its values, backwards for the derivatives of its outputs, many lanes at a time.
 
 use kestrel_core::real::Real;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::traced::{Binary, Operation, Unary};
+use crate::simd::Arch;
 
 /// Lanes that a program works on at a time.
 pub const LANES: usize = 64;

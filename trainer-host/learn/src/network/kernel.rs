@@ -6,15 +6,22 @@ mod patch_product;
 mod product;
 mod sum;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 pub(crate) use patch_product::{LANES, MOST_ROWS, PatchProduct, Place, STRIPE};
 pub(crate) use product::{Finish, Left, Product, Start};
 pub(crate) use sum::{Accumulate, AddRowSums, Head, Square, dot};
 
 /// Runs `kernel` with the widest instruction set of this machine.
+#[cfg(not(target_family = "wasm"))]
 pub(crate) fn dispatch<K: WithSimd>(kernel: K) -> K::Output {
-    Arch::new().dispatch(kernel)
+    pulp::Arch::new().dispatch(kernel)
+}
+
+/// Runs `kernel` with the only instruction set that a page was compiled for.
+#[cfg(target_family = "wasm")]
+pub(crate) fn dispatch<K: WithSimd>(kernel: K) -> K::Output {
+    pulp::wasm::Simd128::try_new().expect("a page is compiled for 128 bits").vectorize(kernel)
 }
 
 /// `a * b + c`, rounded once.
