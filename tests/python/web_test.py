@@ -221,10 +221,10 @@ def training(page, kestrel, place):
     native = place / "native"
     run("train", "hover", "--seed", SEED, "--run", native, "--threads", 1)
     yield "the program comes to the same bits", saved.read_bytes() == (native / "policy.kestrel").read_bytes()
-    folder = pathlib.Path(run("export", native, "--target", "crazyflie").splitlines()[-1])
+    run("export", native, "--target", "crazyflie")
     archive = zipfile.ZipFile(io.BytesIO(app.read_bytes()))
     found = {name.removeprefix("crazyflie/"): archive.read(name) for name in archive.namelist()}
-    yield "the app for a Crazyflie is that of the program", found == {path.name: path.read_bytes() for path in folder.iterdir()}
+    yield "the app for a Crazyflie is that of the program", found == {path.name: path.read_bytes() for path in (native / "crazyflie").iterdir()}
 
     page.page.click("#fly-trained")
     page.page.wait_for_function(f"kestrel.policy.name === 'hover' && document.getElementById('pilot').value === 'free|hover, trained with seed {SEED}'")
