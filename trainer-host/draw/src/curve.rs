@@ -17,6 +17,9 @@ const RETURN_HEIGHT: u32 = 440;
 /// Space for the numbers left of a panel \[px\], equal so that the panels align.
 const LEFT_LABELS: u32 = 120;
 
+/// Width of the words about tests \[px\].
+const TEST_LABEL: i32 = 390;
+
 /// Space between a number and its axis \[px\].
 const LABEL_GAP: u32 = 12;
 
@@ -29,7 +32,7 @@ pub(crate) const BLUE: RGBColor = RGBColor(0x2f, 0x6f, 0xde);
 pub(crate) const GREEN: RGBColor = RGBColor(0x12, 0x9a, 0x74);
 
 /// One update of a run, a row of `metrics.jsonl`.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 pub struct CurvePoint {
     /// Environment steps since the run began.
     pub steps: u64,
@@ -37,6 +40,18 @@ pub struct CurvePoint {
     pub episode_return: Option<f32>,
     /// Share of successes among them in \[0, 1\].
     pub success_rate: Option<f32>,
+    /// Mean return of the test that followed, if one did.
+    #[serde(default)]
+    pub eval_mean_reward: Option<f32>,
+    /// Share of successes in it.
+    #[serde(default)]
+    pub eval_success_rate: Option<f32>,
+    /// Its 95 % confidence interval.
+    #[serde(default)]
+    pub eval_success_interval: Option<[f32; 2]>,
+    /// Whether the policy was the best so far: the last of these is kept.
+    #[serde(default)]
+    pub eval_kept: Option<bool>,
 }
 
 /// The picture could not be drawn.
@@ -79,21 +94,40 @@ struct Series {
     colour: RGBColor,
     /// Steps and value, finite.
     points: Vec<(f64, f64)>,
+    tests: Vec<TestPoint>,
     /// Range of the vertical axis.
     low: f64,
     high: f64,
 }
 
+/// A test of the policy without exploration.
+struct TestPoint {
+    steps: f64,
+    value: f64,
+    /// Of 95 % confidence; the value itself where there is none.
+    interval: [f64; 2],
+    /// Whether this policy is the one that is kept.
+    kept: bool,
+}
+
 impl Series {
-    fn of_returns(points: &[CurvePoint]) -> Self {
-        let points = finite(points, |point| point.episode_return);
-        let (low, high) = range_with_margin(&points);
-        Self { name: "Episode return [reward]", colour: BLUE, points, low, high }
+    fn of_returns(curve: &[CurvePoint]) -> Self {
+        let points = finite(curve, |point| point.episode_return);
+        let tests = tests(curve, |point| point.eval_mean_reward.map(|value| (value, [value; 2])));
+        let shown: Vec<_> =
+            points.iter().copied().chain(tests.iter().map(|test| (test.steps, test.value))).collect();
+        let (low, high) = range_with_margin(&shown);
+        Self { name: "Episode return [reward]", colour: BLUE, points, tests, low, high }
     }
 
-    fn of_successes(points: &[CurvePoint]) -> Self {
-        let points = finite(points, |point| point.success_rate.map(|share| 100.0 * share));
-        Self { name: "Success rate [% of episodes]", colour: GREEN, points, low: 0.0, high: 104.0 }
+    fn of_successes(curve: &[CurvePoint]) -> Self {
+        let percent = |share: f32| 100.0 * share;
+        let points = finite(curve, |point| point.success_rate.map(percent));
+        let tests = tests(curve, |point| {
+            let rate = percent(point.eval_success_rate?);
+            Some((rate, point.eval_success_interval.map_or([rate; 2], |interval| interval.map(percent))))
+        });
+        Self { name: "Success rate [% of episodes]", colour: GREEN, points, tests, low: 0.0, high: 104.0 }
     }
 
     /// Mean over a fortieth of the run on either side: what lies behind the noise, without lagging behind it.
@@ -110,6 +144,18 @@ impl Series {
 fn finite(points: &[CurvePoint], value: impl Fn(&CurvePoint) -> Option<f32>) -> Vec<(f64, f64)> {
     let pairs = points.iter().filter_map(|point| Some((point.steps as f64, f64::from(value(point)?))));
     pairs.filter(|(_, value)| value.is_finite()).collect()
+}
+
+/// What the tests found, with intervals.
+fn tests(curve: &[CurvePoint], found: impl Fn(&CurvePoint) -> Option<(f32, [f32; 2])>) -> Vec<TestPoint> {
+    let kept = curve.iter().rposition(|point| point.eval_kept == Some(true));
+    let test = |(index, point): (usize, &CurvePoint)| {
+        let (value, interval) = found(point)?;
+        let kept = Some(index) == kept;
+        let [value, interval] = [[value; 2], interval].map(|pair| pair.map(f64::from));
+        Some(TestPoint { steps: point.steps as f64, value: value[0], interval, kept })
+    };
+    curve.iter().enumerate().filter_map(test).filter(|test| test.value.is_finite()).collect()
 }
 
 /// The values' range and some air around them; never empty.
@@ -168,8 +214,27 @@ fn draw_panel(area: &Area<'_>, last_steps: u64, series: &Series, below: &str) ->
         .x_desc(below)
         .draw()?;
     draw_series(&mut chart, series)?;
+    draw_tests(&mut chart, &series.tests)?;
     let bold = FontDesc::new(FontFamily::Name(FONT), 25.0, FontStyle::Bold).color(&series.colour);
     area.draw(&Text::new(series.name, (LEFT_LABELS as i32, 12), bold))?;
+    if !series.tests.is_empty() {
+        let right = area.dim_in_pixel().0 as i32 - TEST_LABEL;
+        area.draw(&Circle::new((right, 26), 6, INK.filled()))?;
+        area.draw(&Text::new("tests of the policy, ring: kept", (right + 16, 14), font(22, &MUTED)))?;
+    }
+    Ok(())
+}
+
+/// Points with their intervals, and a ring around the policy that is kept.
+fn draw_tests(chart: &mut Chart<'_, '_>, tests: &[TestPoint]) -> Result<(), CurveError> {
+    for TestPoint { steps, value, interval: [low, high], kept } in tests {
+        let at = (*steps, *value);
+        chart.draw_series([PathElement::new(vec![(*steps, *low), (*steps, *high)], INK.stroke_width(2))])?;
+        chart.draw_series([Circle::new(at, 5, INK.filled())])?;
+        if *kept {
+            chart.draw_series([Circle::new(at, 11, INK.stroke_width(2))])?;
+        }
+    }
     Ok(())
 }
 
@@ -222,6 +287,7 @@ mod tests {
             steps: 40_000 * (index + 1),
             episode_return: Some(-20.0 + index as f32),
             success_rate: Some(index as f32 / count as f32),
+            ..CurvePoint::default()
         };
         (0..count).map(point).collect()
     }
@@ -249,8 +315,8 @@ mod tests {
     #[test]
     fn updates_without_ended_episodes_are_skipped() {
         let mut with_gaps = points(3);
-        let none = CurvePoint { steps: 1, episode_return: None, success_rate: None };
-        let nan = CurvePoint { steps: 1, episode_return: Some(f32::NAN), success_rate: Some(f32::NAN) };
+        let none = CurvePoint { steps: 1, ..CurvePoint::default() };
+        let nan = CurvePoint { episode_return: Some(f32::NAN), success_rate: Some(f32::NAN), ..none };
         with_gaps.insert(0, none);
         with_gaps.insert(2, nan);
         assert_eq!(learning_curve("gaps", &with_gaps).unwrap(), learning_curve("gaps", &points(3)).unwrap());
@@ -280,6 +346,33 @@ mod tests {
     }
 
     #[test]
+    fn tests_of_the_policy_stand_over_the_curve_and_the_kept_one_has_a_ring() {
+        let plain = learning_curve("a", &points(9)).unwrap();
+        let tested = |kept: [bool; 2]| {
+            let mut points = points(9);
+            for (point, kept) in points.iter_mut().skip(3).step_by(4).zip(kept) {
+                let (rate, interval) = (Some(0.5), Some([0.4, 0.6]));
+                let reward = Some(-3.0);
+                *point = CurvePoint {
+                    eval_success_rate: rate,
+                    eval_success_interval: interval,
+                    eval_mean_reward: reward,
+                    eval_kept: Some(kept),
+                    ..*point
+                };
+            }
+            learning_curve("a", &points).unwrap()
+        };
+        let circles = |svg: &str| svg.matches("<circle").count();
+        let words = "tests of the policy, ring: kept";
+        assert!(!plain.contains(words) && is_complete(&tested([true; 2])) && tested([true; 2]).contains(words));
+        // In each panel a mark beside the words and two tests; the ring is around the last that was kept.
+        assert_eq!(circles(&tested([false; 2])) - circles(&plain), 2 * 3);
+        assert_eq!(circles(&tested([true; 2])) - circles(&plain), 2 * 4);
+        assert_ne!(tested([true, false]), tested([true; 2]));
+    }
+
+    #[test]
     fn the_same_points_make_the_same_bytes() {
         assert_eq!(learning_curve("a", &points(9)).unwrap(), learning_curve("a", &points(9)).unwrap());
     }
@@ -301,6 +394,6 @@ mod tests {
     fn rows_of_the_metrics_are_points() {
         let row = r#"{"updates":1,"steps":40,"episode_return":null,"success_rate":0.5,"entropy":5.0}"#;
         let point: CurvePoint = serde_json::from_str(row).unwrap();
-        assert_eq!(point, CurvePoint { steps: 40, episode_return: None, success_rate: Some(0.5) });
+        assert_eq!(point, CurvePoint { steps: 40, success_rate: Some(0.5), ..CurvePoint::default() });
     }
 }

@@ -7,6 +7,7 @@ use kestrel_learn::analytic::AnalyticTrainer;
 use kestrel_learn::ppo::UpdateMetrics;
 use kestrel_learn::ranks::{self, Order, Ranks};
 use kestrel_sim::gradient::StepGradient;
+use kestrel_sim::reward::RewardTerm;
 
 use crate::drone_environment::{DroneEnvironment, Trainer, TrainerState};
 use crate::experiment_config::Experiment;
@@ -117,6 +118,16 @@ impl Experiment {
     pub fn batch(&self) -> usize {
         let agents = self.scenario.agents.count as usize;
         self.analytic.as_ref().map_or(self.ppo.batch(), |analytic| analytic.batch() * agents)
+    }
+
+    /// Names of the rewards, in the order of the configuration; the second `proximity` is `proximity_2`.
+    pub fn reward_names(&self) -> Vec<String> {
+        let names: Vec<&str> = self.scenario.rewards.iter().map(RewardTerm::name).collect();
+        let numbered = names.iter().enumerate().map(|(index, name)| {
+            let earlier = names[..index].iter().filter(|other| *other == name).count();
+            if earlier == 0 { (*name).to_owned() } else { format!("{name}_{}", earlier + 1) }
+        });
+        numbered.collect()
     }
 
     /// Names of the rewards that teach nothing, because no gradient goes through them: none where PPO trains.

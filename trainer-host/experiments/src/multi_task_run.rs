@@ -132,7 +132,8 @@ impl<'a> MultiTaskRun<'a> {
         let named = |(task, share): &(usize, f64)| (self.study.tasks[*task].name.as_str(), *share as f32);
         let flights = advance.flown.iter().map(named).collect();
         let training_secs = self.training_secs;
-        self.log.append(&MetricsRow { update: &update, steps_per_second, training_secs, flights }, Vec::new())?;
+        let row = MetricsRow { update: &update, steps_per_second, training_secs, test: None, flights };
+        self.log.append(&row, Vec::new())?;
         Ok(report(&update))
     }
 }

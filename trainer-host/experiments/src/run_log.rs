@@ -1,10 +1,12 @@
-//! What a run says of each update: a row of `metrics.jsonl`, and the same for `TensorBoard`.
+//! What a run says of each update: a row of `metrics.jsonl`, and the same for `TensorBoard` under the tags of
+//! Stable-Baselines3, so that both stand in the same charts.
 
 use std::collections::BTreeMap;
 
 use kestrel_learn::ppo::UpdateMetrics;
 use serde::Serialize;
 
+use crate::evaluation::Evaluation;
 use crate::run_directory::metrics::MetricsLog;
 use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::tensorboard::EventFile;
@@ -23,9 +25,47 @@ pub(crate) struct MetricsRow<'a> {
     pub(crate) update: &'a UpdateMetrics,
     pub(crate) steps_per_second: f64,
     pub(crate) training_secs: f64,
+    /// The test that followed, if one did.
+    #[serde(flatten)]
+    pub(crate) test: Option<TestRow>,
     /// Success rate of the test flights after this update, where there were any, by task.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) flights: BTreeMap<&'a str, f32>,
+}
+
+/// What a test found, with the mean action from starts of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(crate) struct TestRow {
+    pub(crate) eval_success_rate: f64,
+    /// 95 % of confidence.
+    pub(crate) eval_success_interval: [f64; 2],
+    /// Mean return.
+    pub(crate) eval_mean_reward: f64,
+    /// Mean length in control periods.
+    pub(crate) eval_mean_ep_length: f64,
+    /// Whether the policy was the best so far.
+    pub(crate) eval_kept: bool,
+}
+
+impl TestRow {
+    pub(crate) fn of(test: &Evaluation, eval_kept: bool) -> Self {
+        Self {
+            eval_success_rate: test.success_rate,
+            eval_success_interval: test.success_interval,
+            eval_mean_reward: test.episode_return,
+            eval_mean_ep_length: test.steps,
+            eval_kept,
+        }
+    }
+
+    fn scalars(&self) -> [(String, f32); 3] {
+        [
+            ("success_rate", self.eval_success_rate),
+            ("mean_reward", self.eval_mean_reward),
+            ("mean_ep_length", self.eval_mean_ep_length),
+        ]
+        .map(|(name, value)| (format!("eval/{name}"), value as f32))
+    }
 }
 
 impl RunLog {
@@ -47,8 +87,10 @@ impl RunLog {
     ) -> Result<(), RunDirectoryError> {
         self.metrics.append(row)?;
         let flights = row.flights.iter().map(|(task, share)| (format!("eval/success_rate/{task}"), *share));
-        let speed = ("steps_per_second".to_owned(), row.steps_per_second as f32);
-        let all: Vec<_> = scalars(row.update).into_iter().chain([speed]).chain(more).chain(flights).collect();
+        let speed = ("time/fps".to_owned(), row.steps_per_second as f32);
+        let test = row.test.iter().flat_map(TestRow::scalars);
+        let all: Vec<_> =
+            scalars(row.update).into_iter().chain([speed]).chain(more).chain(test).chain(flights).collect();
         let all: Vec<(&str, f32)> = all.iter().map(|(tag, value)| (tag.as_str(), *value)).collect();
         Ok(self.events.write_scalars(row.update.steps, &all)?)
     }
@@ -57,18 +99,18 @@ impl RunLog {
 fn scalars(update: &UpdateMetrics) -> Vec<(String, f32)> {
     let nothing = f32::NAN;
     [
-        ("policy_loss", update.policy_loss),
-        ("value_loss", update.value_loss),
-        ("entropy", update.entropy),
-        ("approx_kl", update.approx_kl),
-        ("clip_fraction", update.clip_fraction),
-        ("explained_variance", update.explained_variance),
-        ("learning_rate", update.learning_rate),
-        ("log_std", update.log_std),
-        ("gradient_norm", update.gradient_norm),
-        ("episode_return", update.episode_return.unwrap_or(nothing)),
-        ("episode_length", update.episode_length.unwrap_or(nothing)),
-        ("success_rate", update.success_rate.unwrap_or(nothing)),
+        ("rollout/ep_rew_mean", update.episode_return.unwrap_or(nothing)),
+        ("rollout/ep_len_mean", update.episode_length.unwrap_or(nothing)),
+        ("rollout/success_rate", update.success_rate.unwrap_or(nothing)),
+        ("train/policy_gradient_loss", update.policy_loss),
+        ("train/value_loss", update.value_loss),
+        ("train/entropy_loss", -update.entropy),
+        ("train/approx_kl", update.approx_kl),
+        ("train/clip_fraction", update.clip_fraction),
+        ("train/explained_variance", update.explained_variance),
+        ("train/learning_rate", update.learning_rate),
+        ("train/std", update.log_std.exp()),
+        ("train/gradient_norm", update.gradient_norm),
     ]
     .map(|(tag, value)| (tag.to_owned(), value))
     .into()

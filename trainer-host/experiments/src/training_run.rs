@@ -20,7 +20,7 @@ use crate::interrupt::Interrupt;
 use crate::learner::Learner;
 use crate::progress::{Progress, ProgressReport};
 use crate::run_directory::{RunDirectory, RunDirectoryError};
-use crate::run_log::{MetricsRow, RunLog};
+use crate::run_log::{MetricsRow, RunLog, TestRow};
 use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::analytic::AnalyticError;
 use kestrel_learn::ppo::{RestoreError, UpdateMetrics};
@@ -56,6 +56,8 @@ pub struct Training {
     experiment: Experiment,
     learner: Learner,
     best: Option<BestPolicy>,
+    /// What followed the last update, if it was a test.
+    test: Option<TestRow>,
 }
 
 /// A run, open for training: the training, and what it leaves in its directory.
@@ -181,16 +183,14 @@ impl Training {
     pub fn begin(experiment: Experiment) -> Result<Self, TrainingError> {
         prepare(&experiment.scenario, experiment.ppo.environments);
         let learner = Learner::begin(&experiment)?;
-        Ok(Self { experiment, learner, best: None })
+        Ok(Self { experiment, learner, best: None, test: None })
     }
 
     /// One update; now and then a test flight. The bits do not depend on the number of threads of the current rayon pool.
     pub fn update(&mut self) -> UpdateMetrics {
         self.learner.order(&Order::Update);
         let update = self.learner.update();
-        if self.selection_is_due() {
-            self.select();
-        }
+        self.test = self.selection_is_due().then(|| self.select());
         update
     }
 
@@ -206,16 +206,19 @@ impl Training {
         done >= updates || done.is_multiple_of((updates / SELECTIONS).max(1))
     }
 
-    fn select(&mut self) {
+    fn select(&mut self) -> TestRow {
         let evaluation = &self.experiment.evaluation;
         let starts = Starts { seed: evaluation.seed, purpose: Purpose::Selection, episodes: SELECTION_EPISODES };
         let found = evaluate(evaluation.selection(), Flyer::Actor(self.learner.actor()), starts);
         let alike = if self.experiment.analytic.is_some() { ALIKE } else { 1 };
         // Ties go to the later policy, which has been trained for longer.
-        if self.best.as_ref().is_none_or(|best| rank(&best.evaluation, alike) <= rank(&found, alike)) {
+        let is_best = self.best.as_ref().is_none_or(|best| rank(&best.evaluation, alike) <= rank(&found, alike));
+        let row = TestRow::of(&found, is_best);
+        if is_best {
             let actor = self.learner.actor().clone();
             self.best = Some(BestPolicy { actor, steps: self.learner.steps(), evaluation: found });
         }
+        row
     }
 
     /// The experiment that is trained on.
@@ -267,7 +270,7 @@ impl TrainingRun {
         }
         let learner = Learner::restore(&experiment, trainer)?;
         refuse_changes(&ExperimentConfig::resolved_again(&config), &experiment.resolved_yaml)?;
-        Self::open(Training { experiment, learner, best }, directory, training_secs)
+        Self::open(Training { experiment, learner, best, test: None }, directory, training_secs)
     }
 
     fn open(training: Training, directory: RunDirectory, training_secs: f64) -> Result<Self, TrainingError> {
@@ -297,10 +300,10 @@ impl TrainingRun {
 
     fn log(&mut self, update: &UpdateMetrics, steps: u64) -> Result<(), TrainingError> {
         let steps_per_second = update.steps_per_second(steps as usize);
-        let row =
-            MetricsRow { update, steps_per_second, training_secs: self.training_secs, flights: BTreeMap::new() };
-        let terms = self.experiment().scenario.rewards.iter().zip(&update.episode_terms).enumerate();
-        let terms = terms.map(|(index, (reward, value))| (format!("reward/{index}_{}", reward.name()), *value));
+        let (training_secs, test) = (self.training_secs, self.training.test);
+        let row = MetricsRow { update, steps_per_second, training_secs, test, flights: BTreeMap::new() };
+        let names = self.experiment().reward_names().into_iter();
+        let terms = names.zip(&update.episode_terms).map(|(name, value)| (format!("reward/{name}"), *value));
         let terms = terms.collect();
         Ok(self.log.append(&row, terms)?)
     }

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use kestrel_experiments::drone_environment::DroneEnvironment;
 use kestrel_experiments::experiment_config::{self, Experiment};
 use kestrel_learn::environment::{Environment, TaskShape};
-use kestrel_sim::reward::RewardTerm;
 use pyo3::prelude::*;
 
 use crate::error::refused;
@@ -74,12 +73,7 @@ impl Task {
     /// Names of the reward's terms, in the order of the configuration; the second `proximity` is `proximity_2`.
     #[getter]
     fn reward_terms(&self) -> Vec<String> {
-        let names: Vec<&str> = self.experiment.scenario.rewards.iter().map(RewardTerm::name).collect();
-        let numbered = names.iter().enumerate().map(|(index, name)| {
-            let earlier = names[..index].iter().filter(|other| *other == name).count();
-            if earlier == 0 { (*name).to_owned() } else { format!("{name}_{}", earlier + 1) }
-        });
-        numbered.collect()
+        self.experiment.reward_names()
     }
 
     /// Steps per second of flight [Hz].
