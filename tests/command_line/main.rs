@@ -4,6 +4,7 @@
 
 mod aviary;
 mod bits;
+mod check;
 mod errors;
 mod flight_tests;
 mod identify;

@@ -1,6 +1,5 @@
 //! Whole runs: what they leave behind, and that threads and interruptions leave no trace.
 
-use std::collections::BTreeSet;
 use std::fs;
 #[cfg(unix)]
 use std::fs::Permissions;
@@ -57,9 +56,17 @@ fn one_command_leaves_the_whole_result() {
     for name in expected {
         assert!(run.join(name).exists(), "{name} is missing");
     }
-    let names: BTreeSet<_> = fs::read_dir(&run).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    assert!(names.iter().any(|name| name.to_string_lossy().starts_with("events.out.tfevents.")));
-    assert_eq!(metrics(&run).len(), 4);
+    let mut paths = fs::read_dir(&run).unwrap().map(|entry| entry.unwrap().path());
+    let events = paths.find(|path| path.to_string_lossy().contains("events.out.tfevents.")).unwrap();
+    let events = String::from_utf8_lossy(&fs::read(events).unwrap()).into_owned();
+    for tag in ["rollout/ep_rew_mean", "train/approx_kl", "time/fps", "eval/success_rate", "reward/proximity"] {
+        assert!(events.contains(tag), "TensorBoard is not told {tag}");
+    }
+    let rows = metrics(&run);
+    let tested: Vec<&Value> = rows.iter().filter(|row| row.get("eval_success_rate").is_some()).collect();
+    assert_eq!((rows.len(), tested.len()), (4, 4));
+    assert_eq!(tested[0]["eval_kept"], true, "the first is the best so far");
+    assert!(tested.iter().all(|row| row["eval_success_interval"].as_array().is_some_and(|ends| ends.len() == 2)));
     let text = String::from_utf8(output.stdout).unwrap();
     for word in ["multiply-accumulates", "do nothing", "random", "scripted pilot", "flight.gif"] {
         assert!(text.contains(word), "no {word} in:\n{text}");
