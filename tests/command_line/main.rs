@@ -16,4 +16,5 @@ mod search;
 mod several;
 mod shipped;
 mod study;
+mod summaries;
 mod verify;

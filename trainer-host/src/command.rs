@@ -17,6 +17,7 @@ mod look;
 mod render;
 mod replay;
 mod run;
+mod runs;
 mod schema;
 mod search;
 mod study;
@@ -72,6 +73,8 @@ pub(crate) enum Command {
     View(view::Arguments),
     /// Draw a recorded episode
     Replay(replay::Arguments),
+    /// List runs, and in what they differ
+    Runs(runs::Arguments),
     /// Run a study of many trainings, and report it
     Study(study::Arguments),
     /// Search settings with which a study does best
@@ -116,6 +119,7 @@ impl Command {
             Self::Render(arguments) => render::run(&arguments),
             Self::View(arguments) => view::run(&arguments),
             Self::Replay(arguments) => replay::run(&arguments),
+            Self::Runs(arguments) => runs::run(&arguments),
             Self::Study(arguments) => study::run(&arguments),
             Self::Search(arguments) => search::run(&arguments),
             Self::Aviary(arguments) => aviary::run(&arguments),

@@ -27,6 +27,7 @@ pub mod results;
 pub mod run_config;
 pub mod run_directory;
 pub(crate) mod run_log;
+pub mod run_summary;
 pub mod scripted;
 pub mod sealed_file;
 pub mod search;

@@ -36,33 +36,38 @@ pub(crate) struct MetricsRow<'a> {
 /// What a test found, with the mean action from starts of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct TestRow {
-    pub(crate) eval_success_rate: f64,
+    #[serde(rename = "eval_success_rate")]
+    pub(crate) success_rate: f64,
     /// 95 % of confidence.
-    pub(crate) eval_success_interval: [f64; 2],
+    #[serde(rename = "eval_success_interval")]
+    pub(crate) success_interval: [f64; 2],
     /// Mean return.
-    pub(crate) eval_mean_reward: f64,
+    #[serde(rename = "eval_mean_reward")]
+    pub(crate) mean_reward: f64,
     /// Mean length in control periods.
-    pub(crate) eval_mean_ep_length: f64,
+    #[serde(rename = "eval_mean_ep_length")]
+    pub(crate) mean_ep_length: f64,
     /// Whether the policy was the best so far.
-    pub(crate) eval_kept: bool,
+    #[serde(rename = "eval_kept")]
+    pub(crate) kept: bool,
 }
 
 impl TestRow {
-    pub(crate) fn of(test: &Evaluation, eval_kept: bool) -> Self {
+    pub(crate) fn of(test: &Evaluation, kept: bool) -> Self {
         Self {
-            eval_success_rate: test.success_rate,
-            eval_success_interval: test.success_interval,
-            eval_mean_reward: test.episode_return,
-            eval_mean_ep_length: test.steps,
-            eval_kept,
+            success_rate: test.success_rate,
+            success_interval: test.success_interval,
+            mean_reward: test.episode_return,
+            mean_ep_length: test.steps,
+            kept,
         }
     }
 
     fn scalars(&self) -> [(String, f32); 3] {
         [
-            ("success_rate", self.eval_success_rate),
-            ("mean_reward", self.eval_mean_reward),
-            ("mean_ep_length", self.eval_mean_ep_length),
+            ("success_rate", self.success_rate),
+            ("mean_reward", self.mean_reward),
+            ("mean_ep_length", self.mean_ep_length),
         ]
         .map(|(name, value)| (format!("eval/{name}"), value as f32))
     }

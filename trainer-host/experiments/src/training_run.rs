@@ -358,7 +358,7 @@ impl Stepwise for TrainingRun {
     }
 
     fn save(&self) -> Result<(), TrainingError> {
-        let Training { experiment, learner, best } = &self.training;
+        let Training { experiment, learner, best, .. } = &self.training;
         learner.order(&Order::Save);
         let checkpoint = Checkpoint {
             trainer: learner.save(),
