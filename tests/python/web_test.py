@@ -20,11 +20,11 @@ import threading
 import time
 import zipfile
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Error, sync_playwright
 
 SEED = 3
 
-PATIENCE_SECS = 600
+PATIENCE_SECS = 180
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
@@ -293,9 +293,14 @@ def main():
     passed = failed = 0
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as place:
         browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        for name, passes in checks(browser, f"http://127.0.0.1:{server.server_port}/", kestrel, folder, pathlib.Path(place)):
-            print(f"{'ok' if passes else 'FAILED'}: {name}", flush=True)
-            passed, failed = passed + bool(passes), failed + (not passes)
+        address = f"http://127.0.0.1:{server.server_port}/"
+        try:
+            for name, passes in checks(browser, address, kestrel, folder, pathlib.Path(place)):
+                print(f"{'ok' if passes else 'FAILED'}: {name}", flush=True)
+                passed, failed = passed + bool(passes), failed + (not passes)
+        except Error as error:
+            print(f"FAILED: the page did not do what was waited for: {error}", flush=True)
+            failed += 1
         browser.close()
     print(f"{passed} passed, {failed} failed")
     sys.exit(failed > 0)

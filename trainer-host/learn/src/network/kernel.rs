@@ -21,7 +21,8 @@ pub(crate) fn dispatch<K: WithSimd>(kernel: K) -> K::Output {
 /// Runs `kernel` with the only instruction set that a page was compiled for.
 #[cfg(target_family = "wasm")]
 pub(crate) fn dispatch<K: WithSimd>(kernel: K) -> K::Output {
-    pulp::wasm::Simd128::try_new().expect("a page is compiled for 128 bits").vectorize(kernel)
+    let simd = pulp::wasm::Simd128::try_new().expect("a page is compiled for 128 bits");
+    Simd::vectorize(simd, kernel)
 }
 
 /// `a * b + c`, rounded once.
