@@ -413,7 +413,7 @@ async function start() {
   });
   part("open").addEventListener("change", open);
   part("train").addEventListener("click", train);
-  part("fly-trained").addEventListener("click", () => flyTrained);
+  part("fly-trained").addEventListener("click", flyTrained);
   part("save-policy").addEventListener("click", () => save("policy.kestrel", state.trained.policy));
   part("save-app").addEventListener("click", () => save("crazyflie.zip", crazyflie_zip(state.trained.policy)));
   const overlay = part("overlay");
