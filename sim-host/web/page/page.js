@@ -55,7 +55,7 @@ const state = {
 window.kestrel = state;
 
 async function fetched(path, as) {
-  const answer = await fetch(path);
+  const answer = await fetch(path, { cache: "no-cache" }); // a page may have been built anew
   if (!answer.ok) throw new Error(`${path}: ${answer.status} ${answer.statusText}`);
   return answer[as]();
 }
@@ -343,7 +343,7 @@ function heard({ data }) {
 /** Puts a policy of the user's on the list, and flies it. */
 function offer(name, bytes, of) {
   const flown = { policy: new WebPolicy(bytes), task: of };
-  if (!flown.policy.is_free) throw new Error(`${name}: it sees what only its task has; such policies fly by name only`);
+  if (!flown.policy.is_free) throw new Error("it sees what only its task has; such policies fly by name only");
   state.policies.set(name, flown);
   const group = part("pilot").querySelector("optgroup");
   const value = `free|${name}`;
