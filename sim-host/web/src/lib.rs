@@ -1,6 +1,6 @@
 //! A page that flies and trains policies in the browser, without a server: core, simulator and trainer compiled to WebAssembly.
 //!
-//! [`FreeFlight`] flies a policy to wherever the mouse points, [`TaskFlight`] flies the episodes of a task, [`Training`] trains;
+//! [`FreeFlight`] flies a policy to wherever the mouse points, [`TaskFlight`] flies the episodes of a task, [`WebTraining`] trains;
 //! the page in `page/` shows them. What they show and change are the crates that programs use: here are only bindings.
 //! `sim-host/web/build` makes a folder that any static server serves.
 
