@@ -219,7 +219,7 @@ fn draw_panel(area: &Area<'_>, last_steps: u64, series: &Series, below: &str) ->
     area.draw(&Text::new(series.name, (LEFT_LABELS as i32, 12), bold))?;
     if !series.tests.is_empty() {
         let right = area.dim_in_pixel().0 as i32 - TEST_LABEL;
-        area.draw(&Circle::new((right, 26), 6, INK.filled()))?;
+        area.draw(&Circle::new((right, 23), 6, INK.filled()))?;
         area.draw(&Text::new("tests of the policy, ring: kept", (right + 16, 14), font(22, &MUTED)))?;
     }
     Ok(())
