@@ -292,7 +292,7 @@ def main():
     program = shutil.which("chromium") or shutil.which("google-chrome")
     passed = failed = 0
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as place:
-        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox", "--disable-dev-shm-usage"])
         address = f"http://127.0.0.1:{server.server_port}/"
         try:
             for name, passes in checks(browser, address, kestrel, folder, pathlib.Path(place)):
