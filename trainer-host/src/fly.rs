@@ -30,9 +30,6 @@ use kestrel_experiments::output::{OutputError, say};
 use kestrel_experiments::results::starts;
 use kestrel_export::policy::Policy;
 
-/// Control periods of policy and scenario may differ by this share: both are written in decimal somewhere.
-const PERIOD_TOLERANCE: f32 = 1e-5;
-
 /// Longest integration step above the flat floor \[s\]; rotors and body rates of a Crazyflie settle in tens of milliseconds.
 const SUBSTEP_LIMIT_SECS: f32 = 0.0025;
 
@@ -143,7 +140,7 @@ pub(crate) fn fly(
     let identity = PolicyIdentity::of(flown.metadata().name, bytes.bytes());
     let mut plant = place.plant(&flown, options.episode)?;
     let remote = options.processor.remote()?;
-    if remote.is_none() && plant.task.is_some() && flies_tasks_alone(&flown) {
+    if remote.is_none() && plant.task.is_some() && !flown.flies_anywhere() {
         let backend = TaskAlone::of(&flown)?;
         let session = Session::for_task(backend, &identity, place.airframe(), &options.session)?;
         return conduct(session, &mut plant, options, interrupted);
@@ -194,19 +191,18 @@ impl Place<'_> {
     }
 
     fn plant<'b>(&'b self, policy: &'b Policy<'b>, episode: Option<u64>) -> Result<TaskPlant<'b>, FlyError> {
-        let control_secs = policy.metadata().control_period_secs;
         match self {
             Self::FlatFloor => Ok(TaskPlant::new(Flight::landed(&flat_floor(policy.metadata())), None)),
             Self::Task(experiment) => {
                 let scenario = &experiment.scenario;
-                check_period(scenario, control_secs)?;
+                check_period(scenario, policy)?;
                 let flight = match episode {
                     None => Flight::landed(scenario),
                     Some(seed) => Flight::randomised(scenario, Seed(seed)),
                 };
                 match policy.differing(&experiment.evaluation.scenario) {
                     None => Ok(TaskPlant::new(flight, Some(TaskOfPolicy { experiment, policy }))),
-                    Some(_) if !flies_tasks_alone(policy) => Ok(TaskPlant::new(flight, None)),
+                    Some(_) if policy.flies_anywhere() => Ok(TaskPlant::new(flight, None)),
                     Some(differing) => Err(FlyError::OtherTask { task: experiment.name.clone(), differing }),
                 }
             }
@@ -228,9 +224,9 @@ fn flat_floor(metadata: &PolicyMetadata<'_>) -> Scenario {
     scenario
 }
 
-fn check_period(scenario: &Scenario, found_secs: f32) -> Result<(), FlyError> {
-    let expected_secs = scenario.physics.control_secs();
-    if (found_secs - expected_secs).abs() <= PERIOD_TOLERANCE * expected_secs {
+fn check_period(scenario: &Scenario, policy: &Policy<'_>) -> Result<(), FlyError> {
+    let (found_secs, expected_secs) = (policy.metadata().control_period_secs, scenario.physics.control_secs());
+    if policy.keeps_pace(expected_secs) {
         return Ok(());
     }
     Err(FlyError::ControlPeriod { scenario: scenario.name.clone(), found_secs, expected_secs })
@@ -250,15 +246,6 @@ impl Plant for SimulatedFlight {
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         self.0.step(rotor_targets);
-    }
-}
-
-/// Whether no set-point of a peer is what the policy flies to, or it sees what only its task has.
-fn flies_tasks_alone(policy: &Policy<'_>) -> bool {
-    let layout = &policy.metadata().observation;
-    match policy {
-        Policy::Seeing(_) | Policy::Recurrent(_) => true,
-        Policy::Blind(_) => !layout.shows_goal() || layout.measured_len() > 0,
     }
 }
 

@@ -103,7 +103,7 @@ export function drawNetwork(canvas, widths, values) {
   });
 }
 
-/** Success and return against steps; points are { steps, reward, success }. */
+/** Success in tests against steps; points are { steps, success }. */
 export function drawCurve(canvas, points, total) {
   const { context, width, height } = fitted(canvas);
   const [left, bottom] = [34, height - 16];

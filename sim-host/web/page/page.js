@@ -48,7 +48,6 @@ const state = {
   drawMs: 8,
   pictureMs: 16,
   pictures: 0,
-  secs: 0,
 };
 
 /** For tests and the curious. */
@@ -201,7 +200,6 @@ function show(now) {
     state.drawMs += 0.05 * (spent - state.drawMs);
     if (passed < 1000) state.pictureMs += 0.05 * (passed - state.pictureMs);
     state.pictures += 1;
-    state.secs += passed / 1000;
     if (state.pictures % 6 === 0) report();
     if (state.pictures % 45 === 0) adapt();
   } catch (error) {

@@ -31,9 +31,9 @@ async function train(task, seed) {
       update?.free();
       update = training.update();
     } while (!training.is_finished && performance.now() - turn < TURN_MS);
-    const { steps, total_steps: total, episode_return: reward, success_rate: success } = update;
+    const { steps, total_steps: total, success_rate: success } = update;
     update.free();
-    self.postMessage({ progress: { steps, total, reward, success, secs: (performance.now() - begun) / 1000 } });
+    self.postMessage({ progress: { steps, total, success, secs: (performance.now() - begun) / 1000 } });
     await new Promise((resolve) => setTimeout(resolve)); // a word to stop is heard here
   }
   const secs = (performance.now() - begun) / 1000;

@@ -18,7 +18,7 @@ use wasm_bindgen::prelude::*;
 
 use crate::furniture::{piece, shift};
 use crate::policy::WebPolicy;
-use crate::stage::{Look, Stage};
+use crate::stage::{Look, Stage, telemetry};
 
 /// Height above its launch site at which it hovers first \[m\].
 const FIRST_HEIGHT: f32 = 1.0;
@@ -35,9 +35,6 @@ const FARTHEST: f32 = 12.0;
 /// What a push gives it: velocity \[m/s\], and rates of roll and pitch \[rad/s\].
 const PUSH_SPEED: f32 = 1.5;
 const PUSH_RATE: f32 = 6.0;
-
-/// Periods of policy and task may differ by this share: both are written in decimal somewhere.
-const PERIOD_TOLERANCE: f32 = 1e-5;
 
 /// Least and greatest share of its nominal mass.
 const MASS_SHARES: [f64; 2] = [0.5, 1.5];
@@ -238,13 +235,7 @@ impl FreeFlight {
 
     /// Position \[m, world\], speed \[m/s\], tilt \[rad\], distance to the goal \[m\], rotor speeds as shares of the greatest.
     pub fn telemetry(&self) -> Vec<f32> {
-        let state = self.flight.state();
-        let up = state.world_from_body.up_cosine().clamp(-1.0, 1.0);
-        let limit = self.scenario.airframe.rotor_speed_limit as f32;
-        let distance = (self.goal.target() - state.position).norm();
-        let motion = [state.velocity.norm(), up.acos(), distance];
-        let rotors = state.rotor_speeds.map(|speed| speed / limit);
-        state.position.iter().copied().chain(motion).chain(rotors).collect()
+        telemetry(self.flight.state(), &self.goal.target(), &self.scenario.airframe)
     }
 
     /// What each layer of the network read last, as shares of one, layer after layer, and the action.
@@ -264,7 +255,7 @@ impl FreeFlight {
         };
         let (task, place) = (crate::experiment(task)?.scenario, crate::experiment(world)?.scenario.in_room(0));
         let (found_secs, expected_secs) = (file.metadata().control_period_secs, task.physics.control_secs());
-        if (found_secs - expected_secs).abs() > PERIOD_TOLERANCE * expected_secs {
+        if !policy.file().keeps_pace(expected_secs) {
             return Err(FreeFlightError::ControlPeriod { policy: policy.name(), found_secs, expected_secs });
         }
         let mut scenario = Scenario {

@@ -38,8 +38,7 @@ impl WebPolicy {
     /// Whether it flies to a point that anybody may choose: it sees its goal, and nothing that only its task has.
     #[wasm_bindgen(getter)]
     pub fn is_free(&self) -> bool {
-        let layout = &self.file.metadata().observation;
-        matches!(self.file, Policy::Blind(_)) && layout.shows_goal() && layout.measured_len() == 0
+        self.file.flies_anywhere()
     }
 
     /// Values that each layer reads, and those of the action; empty for a policy that remembers or looks at images.

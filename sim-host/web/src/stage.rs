@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use kestrel_core::airframe::Airframe;
+use kestrel_core::vehicle::State;
 use kestrel_draw::live::{LiveScene, Orbit};
 use kestrel_sim::world::Pose;
 use nalgebra::Vector3;
@@ -20,7 +22,7 @@ pub struct Look {
     pub heading: f64,
     /// How far it is above the drone \[rad\].
     pub elevation: f64,
-    /// Its distance, times half a metre.
+    /// Its distance, times that of the camera of videos: half a metre for a Crazyflie.
     pub zoom: f64,
     /// Columns of the picture \[px\].
     pub columns: usize,
@@ -43,6 +45,14 @@ impl Look {
     fn orbit(&self) -> Orbit {
         Orbit { heading: self.heading, elevation: self.elevation, zoom: self.zoom }
     }
+}
+
+/// Position \[m, world\], speed \[m/s\], tilt \[rad\], distance to the goal \[m\], rotor speeds as shares of the greatest.
+pub(crate) fn telemetry(state: &State<f32>, goal: &Vector3<f32>, airframe: &Airframe) -> Vec<f32> {
+    let tilt = state.world_from_body.up_cosine().clamp(-1.0, 1.0).acos();
+    let motion = [state.velocity.norm(), tilt, (goal - state.position).norm()];
+    let rotors = state.rotor_speeds.map(|speed| speed / airframe.rotor_speed_limit as f32);
+    state.position.iter().copied().chain(motion).chain(rotors).collect()
 }
 
 /// Drones in a world, and the ways behind them.

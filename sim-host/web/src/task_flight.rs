@@ -14,7 +14,7 @@ use wasm_bindgen::prelude::*;
 
 use crate::free_flight::between;
 use crate::policy::WebPolicy;
-use crate::stage::{Look, Stage};
+use crate::stage::{Look, Stage, telemetry};
 
 /// Why a policy does not fly a task.
 #[derive(Debug, thiserror::Error)]
@@ -137,12 +137,7 @@ impl TaskFlight {
     /// Position \[m, world\], speed \[m/s\], tilt \[rad\], distance to the goal \[m\], rotor speeds as shares of the greatest; of
     /// the first drone.
     pub fn telemetry(&self) -> Vec<f32> {
-        let state = &self.states[0];
-        let distance = (self.flight.simulation().goal(0) - state.position).norm();
-        let limit = self.scenario().airframe.rotor_speed_limit as f32;
-        let motion = [state.velocity.norm(), state.world_from_body.up_cosine().clamp(-1.0, 1.0).acos(), distance];
-        let rotors = state.rotor_speeds.map(|speed| speed / limit);
-        state.position.iter().copied().chain(motion).chain(rotors).collect()
+        telemetry(&self.states[0], &self.flight.simulation().goal(0), &self.scenario().airframe)
     }
 
     /// What each layer of the first drone's network reads, as shares of one, layer after layer, and the action.

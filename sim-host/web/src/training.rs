@@ -28,8 +28,6 @@ pub struct WebUpdate {
     pub steps: f64,
     /// Those after which the training ends.
     pub total_steps: f64,
-    /// Mean return of the episodes that ended in it; NaN where none did.
-    pub episode_return: f64,
     /// Share of successes in the best test so far; NaN before the first.
     pub success_rate: f64,
 }
@@ -49,11 +47,10 @@ impl WebTraining {
 
     /// One update; now and then a test.
     pub fn update(&mut self) -> WebUpdate {
-        let update = self.training.update();
+        self.training.update();
         WebUpdate {
             steps: self.training.steps() as f64,
             total_steps: self.training.experiment().total_steps() as f64,
-            episode_return: update.episode_return.map_or(f64::NAN, f64::from),
             success_rate: self.training.tested().map_or(f64::NAN, |test| test.success_rate),
         }
     }

@@ -94,11 +94,6 @@ impl LiveScene {
         &self.image
     }
 
-    /// The last picture.
-    pub fn image(&self) -> &Image {
-        &self.image
-    }
-
     /// Where a point of the world is in the last picture \[px\], unless it is behind something or outside.
     pub fn project(&self, point: Vector3<f64>) -> Option<[f64; 2]> {
         if self.image.depths.is_empty() {

@@ -9,6 +9,9 @@ use kestrel_sim::scenario::Scenario;
 
 use crate::seeing::Memory;
 
+/// Control periods of a policy and a task may differ by this share: both are written in decimal somewhere.
+const PERIOD_TOLERANCE: f32 = 1e-5;
+
 /// A policy whose parameters lie in borrowed bytes.
 #[derive(Clone, Debug)]
 pub enum Policy<'a> {
@@ -83,6 +86,17 @@ impl<'a> Policy<'a> {
         } else {
             None
         }
+    }
+
+    /// Whether it flies to a point that anybody may choose: it sees its goal, and nothing that only its task has.
+    pub fn flies_anywhere(&self) -> bool {
+        let layout = &self.metadata().observation;
+        matches!(self, Self::Blind(_)) && layout.shows_goal() && layout.measured_len() == 0
+    }
+
+    /// Whether it acts once in a control period of so many seconds, as near as decimal numbers say.
+    pub fn keeps_pace(&self, control_secs: f32) -> bool {
+        (self.metadata().control_period_secs - control_secs).abs() <= PERIOD_TOLERANCE * control_secs
     }
 
     /// Whether the images of a camera are what it looks at.

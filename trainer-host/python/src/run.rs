@@ -29,17 +29,17 @@ pub(crate) struct Watch {
 }
 
 /// Trains on the experiment in the YAML file at the path `name`, or in `text` that messages call `name`, in a fresh
-/// directory `out`, or the next one in `runs`, by so many threads (`work_in`); returns the directory, with which `watch` is called meanwhile. Ctrl-C stops after
+/// directory `out`, or the next one in `runs`, by so many threads; returns the directory, with which `watch` is called meanwhile. Ctrl-C stops after
 /// the update in progress, with a checkpoint.
 #[pyfunction]
 pub(crate) fn train(
     py: Python<'_>,
     source: (String, Option<String>),
     overrides: Vec<String>,
-    work_in: (Option<PathBuf>, Option<usize>),
+    out_and_threads: (Option<PathBuf>, Option<usize>),
     watch: Option<Py<PyAny>>,
 ) -> PyResult<PathBuf> {
-    let (out, threads) = work_in;
+    let (out, threads) = out_and_threads;
     let (name, text) = source;
     let experiment = match text {
         Some(text) => experiment_config::parse_to_train(&name, &text, &overrides),

@@ -27,8 +27,8 @@ pub(crate) fn dispatch<K: WithSimd>(kernel: K) -> K::Output {
 
 /// `a * b + c`, rounded once.
 ///
-/// WebAssembly has no such instruction but the relaxed one, which browsers on x86-64 with FMA and on ARM64 round once; elsewhere
-/// a page may come to other bits than a program.
+/// WebAssembly has no such instruction but the relaxed one, which Chromium rounds once on x86-64 with FMA; where a browser does
+/// not, a page comes to other bits than a program.
 #[inline(always)]
 pub(super) fn fused<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
     #[cfg(all(target_family = "wasm", target_feature = "relaxed-simd"))]
