@@ -27,7 +27,7 @@ pub enum PolicyError {
         expected: usize,
     },
     /// The file does not begin like a policy file.
-    #[error("not a policy file: it begins with {found:02x?}, expected {expected:02x?}")]
+    #[error("not a policy file: it begins with \"{}\", expected \"{}\"", found.escape_ascii(), expected.escape_ascii())]
     Magic {
         /// First bytes of the file.
         found: [u8; 8],

@@ -30,7 +30,7 @@ use kestrel_core::airframe::{Airframe, FlightEffects};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use kestrel_config::{ConfigError, Field, Limits, schema_of};
+pub use kestrel_config::{ConfigError, Field, Library, Limits, schema_of};
 
 pub use agents::{AgentsConfig, CourseConfig, GoalsConfig};
 pub use airframe::{

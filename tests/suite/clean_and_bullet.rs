@@ -355,14 +355,6 @@ fn table() -> String {
 }
 
 /// Compares with a file of `docs`, or rewrites it when the environment has `BLESS`.
-fn assert_blessed(path: &Path, text: &str) {
-    if std::env::var_os("BLESS").is_some() {
-        fs::write(path, text).unwrap();
-    }
-    let committed = fs::read_to_string(path).unwrap();
-    assert!(committed == text, "{} is out of date: BLESS=1 and look at the change", path.display());
-}
-
 #[test]
 fn every_quirk_has_a_row() {
     let cases = cases();
@@ -379,12 +371,12 @@ fn the_page_says_what_the_code_measures() {
     }
     let (before, rest) = page.split_once(TABLE_BEGIN).unwrap();
     let (_, after) = rest.split_once(TABLE_END).unwrap();
-    assert_blessed(&path, &format!("{before}{TABLE_BEGIN}\n{}\n{TABLE_END}{after}", table()));
+    crate::assert_blessed(&path, &format!("{before}{TABLE_BEGIN}\n{}\n{TABLE_END}{after}", table()));
 }
 
 #[test]
 fn the_pictures_show_what_the_code_flies() {
     for (name, panels) in pictures::all() {
-        assert_blessed(&docs("pictures").join(name), &crate::plot::picture(&panels));
+        crate::assert_blessed(&docs("pictures").join(name), &crate::plot::picture(&panels));
     }
 }

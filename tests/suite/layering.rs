@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which package may name which of the others.
-const ARROWS: [(&str, &[&str]); 17] = [
+const ARROWS: [(&str, &[&str]); 18] = [
     ("kestrel-core", &[]),
     ("kestrel-onboard", &["kestrel-core"]),
     ("kestrel-config", &[]),
@@ -23,6 +23,7 @@ const ARROWS: [(&str, &[&str]); 17] = [
     ("kestrel-verify", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-identify", &["kestrel-core", "kestrel-onboard", "kestrel-learn"]),
     ("kestrel-experiments", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-draw"]),
+    ("kestrel-ros", &["kestrel-core", "kestrel-sim", "kestrel-draw", "kestrel-experiments"]),
     ("kestrel-python", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-experiments"]),
     (
         "kestrel-web",
@@ -48,6 +49,7 @@ const ARROWS: [(&str, &[&str]); 17] = [
             "kestrel-experiments",
             "kestrel-verify",
             "kestrel-identify",
+            "kestrel-ros",
         ],
     ),
 ];

@@ -14,6 +14,7 @@ mod identify;
 mod import;
 mod inspect;
 mod look;
+mod new;
 mod render;
 mod replay;
 mod run;
@@ -48,6 +49,8 @@ pub(crate) enum Command {
     Evaluate(evaluate::Arguments),
     /// Fly a task without a policy: doing nothing, at random, by a script
     Baseline(baseline::Arguments),
+    /// Write a task of your own, from a shipped one, to be changed
+    New(new::Arguments),
     /// Say whether a task's file is right, or what it comes to with all imports and defaults
     Check(check::Arguments),
     /// Write a run's best policy as policy files
@@ -71,7 +74,7 @@ pub(crate) enum Command {
     Render(render::Arguments),
     /// Look at a flight in a window, or write what it would show to a file
     View(view::Arguments),
-    /// Draw a recorded episode
+    /// Write a flight as a film, plots, a table, or ROS 2 messages
     Replay(replay::Arguments),
     /// List runs, and in what they differ
     Runs(runs::Arguments),
@@ -106,6 +109,7 @@ impl Command {
             Self::Train(arguments) => train::run(&arguments),
             Self::Evaluate(arguments) => evaluate::run(&arguments),
             Self::Baseline(arguments) => baseline::run(&arguments),
+            Self::New(arguments) => new::run(&arguments),
             Self::Check(arguments) => check::run(&arguments),
             Self::Export(arguments) => export::run(&arguments),
             Self::Import(arguments) => import::run(&arguments),

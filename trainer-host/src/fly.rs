@@ -101,7 +101,7 @@ pub(crate) enum FlyError {
         /// Name of the task.
         task: String,
         /// What differs.
-        differing: &'static str,
+        differing: String,
     },
     /// The policy fails its self-test, or the network refuses.
     #[error(transparent)]

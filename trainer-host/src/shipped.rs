@@ -9,6 +9,7 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::run_directory::RunDirectory;
+use kestrel_sim::config::Library;
 
 /// Paths in the repository, and contents.
 const FILES: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/shipped.rs"));
@@ -18,6 +19,27 @@ const LIKENESS: f64 = 0.7;
 
 /// Tasks with a pilot that are offered for a name that is like none; of others as many.
 const SOME: [&str; 3] = ["hover", "room-1", "land"];
+
+/// Name of the repository's files in imports of other people's files: `import: kestrel:configs/hover.yaml`.
+pub(crate) const LIBRARY: Library =
+    Library { name: "kestrel", folder: || unpacked().map_err(|error| format!("no shipped files ({error:#})")) };
+
+/// A task, or an example of docs/your-task.md, by name: its path in the repository, and its text.
+pub(crate) fn template(name: &str) -> Result<(&'static str, &'static str)> {
+    let named = tasks().find(|(known, _)| *known == name).map(|(_, path)| path);
+    let example = format!("configs/examples/{name}.yaml");
+    let file = FILES.iter().find(|(path, _)| named.map_or(*path == example, |named| *path == named));
+    let Some((path, text)) = file else {
+        let names = offered(name, tasks().map(|(name, _)| name).chain(examples()));
+        bail!("{name}: found no task of this name, expected one: {names}");
+    };
+    Ok((path, std::str::from_utf8(text).context("configurations are UTF-8")?))
+}
+
+/// Names of the examples of docs/your-task.md.
+pub(crate) fn examples() -> impl Iterator<Item = &'static str> {
+    FILES.iter().filter_map(|(path, _)| path.strip_prefix("configs/examples/")?.strip_suffix(".yaml"))
+}
 
 /// The policy file of a pilot, in fixed point.
 pub(crate) fn pilot(name: &str) -> Option<&'static [u8]> {
@@ -43,6 +65,37 @@ pub(crate) fn task(path: &Path) -> Result<PathBuf> {
     }
     let names = offered(name, tasks().map(|(name, _)| name));
     bail!("{name}: found neither a file nor a task of this name, expected one: {names}");
+}
+
+/// The file of this name in a folder of `configs`, such as `studies`; whatever else is there as it is.
+///
+/// # Errors
+/// When a name is unknown, or the cache cannot be written.
+pub(crate) fn configuration(folder: &str, path: &Path) -> Result<PathBuf> {
+    let Some(name) = as_name(path) else { return Ok(path.to_owned()) };
+    let named = |file: &'static str| {
+        file.strip_prefix("configs/")?.strip_prefix(folder)?.strip_prefix('/')?.strip_suffix(".yaml")
+    };
+    let names = || FILES.iter().filter_map(|(file, _)| named(file)).filter(|name| !name.contains('/'));
+    if names().any(|known| known == name) {
+        return Ok(unpacked()?.join("configs").join(folder).join(format!("{name}.yaml")));
+    }
+    if path.exists() {
+        return Ok(path.to_owned());
+    }
+    bail!("{name}: found neither a file nor a shipped one of this name, expected one: {}", offered(name, names()));
+}
+
+/// The file of the aviary of this name: a world's, or a task's.
+///
+/// # Errors
+/// As [`configuration`].
+pub(crate) fn aviary(name: &str) -> Result<PathBuf> {
+    let world = format!("assets/worlds/{name}.yaml");
+    if FILES.iter().any(|(path, _)| *path == world) {
+        return Ok(unpacked()?.join(world));
+    }
+    task(Path::new(name))
 }
 
 /// The directory of a run with the pilot of this name and its task; whatever else is there as it is.
@@ -111,13 +164,19 @@ fn is_taken(name: &str) -> bool {
     FILES.iter().any(|(path, _)| *path == file)
 }
 
-/// Those of `names` that are most like `name`, or some, and a sign that there are more.
+/// Those of `names` that are most like `name`; where none is, the usual ones or the first; and a sign that there are more.
 fn offered<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> String {
-    let mut names: Vec<(f64, &str)> = names.map(|known| (strsim::jaro_winkler(name, known), known)).collect();
-    names.retain(|(likeness, _)| *likeness > LIKENESS);
-    names.sort_by(|(one, _), (other, _)| other.total_cmp(one));
-    let alike = names.iter().take(SOME.len()).map(|(_, name)| *name);
-    let offered: Vec<&str> = if names.is_empty() { SOME.to_vec() } else { alike.collect() };
+    let all: Vec<&str> = names.collect();
+    let mut alike: Vec<(f64, &str)> =
+        all.iter().map(|known| (strsim::jaro_winkler(name, known), *known)).collect();
+    alike.retain(|(likeness, _)| *likeness > LIKENESS);
+    alike.sort_by(|(one, _), (other, _)| other.total_cmp(one));
+    let usual = SOME.iter().all(|name| all.contains(name)).then_some(SOME);
+    let offered: Vec<&str> = if alike.is_empty() {
+        usual.map_or(all, |usual| usual.to_vec()).into_iter().take(SOME.len()).collect()
+    } else {
+        alike.iter().take(SOME.len()).map(|(_, name)| *name).collect()
+    };
     format!("{}, …", offered.join(", "))
 }
 
@@ -185,9 +244,10 @@ mod tests {
 
     #[test]
     fn the_most_alike_names_are_offered() {
-        let names = || ["room-0", "room-1", "room-2", "land", "zebra"].into_iter();
+        let names = || ["room-0", "room-1", "room-2", "land", "hover", "zebra"].into_iter();
         assert_eq!(offered("rom-1", names()), "room-1, room-0, room-2, …");
         assert_eq!(offered("zebro", names()), "zebra, …");
         assert_eq!(offered("xyz", names()), "hover, room-1, land, …");
+        assert_eq!(offered("xyz", ["oak", "elm"].into_iter()), "oak, elm, …");
     }
 }

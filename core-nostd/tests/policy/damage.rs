@@ -212,8 +212,7 @@ fn messages_say_what_was_found_and_expected() {
     let expected = [
         "policy file has format version 4, this release reads up to 3: update kestrel, or export again".to_owned(),
         format!("policy file is truncated: found 100 bytes, expected {}", float.len()),
-        "not a policy file: it begins with [68, 65, 6c, 6c, 6f, 20, 77, 6f], expected [89, 4b, 50, 4f, 4c, 0d, 0a, 1a]"
-            .to_owned(),
+        r#"not a policy file: it begins with "hello wo", expected "\x89KPOL\r\n\x1a""#.to_owned(),
     ];
     assert_eq!(messages, expected);
 }

@@ -164,8 +164,8 @@ impl<N: Notations> Document<N> {
 /// The message about a configuration that is no text.
 fn refused(name: &str, fault: &Unreadable) -> ConfigError {
     let expected = match fault {
-        Unreadable::Missing => "a configuration, such as configs/hover.yaml",
-        Unreadable::Folder => "a configuration file, such as configs/hover.yaml",
+        Unreadable::Missing => "a configuration (.yaml)",
+        Unreadable::Folder => "a configuration file (.yaml)",
         Unreadable::Long(_) => "a configuration, which is a few KiB long",
         Unreadable::Broken(_) => "a readable configuration",
         Unreadable::Bytes { line, column, .. } => {

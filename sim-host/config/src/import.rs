@@ -1,6 +1,7 @@
 //! `import: PATH` in any mapping: the mapping of that file, with the other keys of this one laid over it.
 //!
-//! Paths are relative to the file in which they stand. Mappings merge key by key, lists and everything else replace.
+//! Paths are relative to the file in which they stand; `NAME:PATH` is a file of a [`Library`]. Mappings merge key by key,
+//! lists and everything else replace.
 
 #[cfg(test)]
 mod tests;
@@ -8,7 +9,7 @@ mod tests;
 use std::fs;
 use std::marker::PhantomData;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::error::{ConfigError, Place, Source};
 use crate::node::{Entry, Node, Value};
@@ -30,6 +31,25 @@ const TEXT_LIMIT: usize = 4 << 20;
 
 /// What a file that is imported should be.
 const EXPECTED: &str = "the path of a YAML file, relative to the file that imports it";
+
+/// A folder of files that any configuration may import, wherever it lies itself: `import: kestrel:hover.yaml`.
+#[derive(Clone, Copy, Debug)]
+pub struct Library {
+    /// What stands before the colon.
+    pub name: &'static str,
+    /// Where its files are, asked for at every import, or why they are nowhere.
+    pub folder: fn() -> Result<PathBuf, String>,
+}
+
+/// The library of this program.
+static LIBRARY: OnceLock<Library> = OnceLock::new();
+
+impl Library {
+    /// Makes it the one of this program; the first that is installed stays.
+    pub fn install(self) {
+        LIBRARY.get_or_init(|| self);
+    }
+}
 
 /// What the files imported by one configuration have in common.
 #[derive(Clone, Debug)]
@@ -99,7 +119,7 @@ impl<N: Notations> Imports<N> {
         let Value::Text(written) = &import.value else {
             return Err(refuse(import.value.to_string(), EXPECTED));
         };
-        let (path, inner) = trail.to(written);
+        let (path, inner) = trail.to(written).map_err(|found| refuse(found, EXPECTED))?;
         let name = path.display().to_string();
         if let Some(first) = trail.files.iter().position(|file| same(file, &path)) {
             let found = format!("a cycle ({})", inner.shown_from(first));
@@ -177,13 +197,17 @@ impl Trail {
         keys.join(".")
     }
 
-    /// The path of the file called `written` here, and the trail into it.
-    fn to(&self, written: &str) -> (PathBuf, Self) {
-        let here = self.files.last().and_then(|file| file.parent()).unwrap_or(Path::new(""));
-        let path = tidied(&here.join(written));
+    /// The path of the file called `written` here, and the trail into it, or why it is nowhere.
+    fn to(&self, written: &str) -> Result<(PathBuf, Self), String> {
+        let of_library = LIBRARY.get().and_then(|library| {
+            let path = written.strip_prefix(library.name)?.strip_prefix(':')?;
+            Some((library.folder)().map(|folder| folder.join(path)))
+        });
+        let here = || self.files.last().and_then(|file| file.parent()).unwrap_or(Path::new(""));
+        let path = tidied(&of_library.transpose()?.unwrap_or_else(|| here().join(written)));
         let mut inner = self.clone();
         inner.files.push(path.clone());
-        (path, inner)
+        Ok((path, inner))
     }
 
     /// The files of the chain from the one with index `first`, as a message shows them.

@@ -39,4 +39,5 @@ pub mod text;
 pub use document::Document;
 pub use error::ConfigError;
 pub use field::{Field, Limits};
+pub use import::Library;
 pub use schema::schema_of;

@@ -13,13 +13,13 @@ pub(super) fn all() -> [(&'static str, [Panel; 2]); 4] {
     ]
 }
 
-fn line(name: &str, role: Role, points: Vec<(f64, f64)>) -> Line {
+fn line(name: &str, role: Role, points: Vec<[f64; 2]>) -> Line {
     Line { name: name.to_owned(), role, points }
 }
 
 /// A quantity of every state over time \[s\].
-fn over_time(states: &[BulletState<f64>], quantity: impl Fn(&BulletState<f64>) -> f64) -> Vec<(f64, f64)> {
-    states.iter().enumerate().step_by(6).map(|(step, state)| (step as f64 * STEP_SECS, quantity(state))).collect()
+fn over_time(states: &[BulletState<f64>], quantity: impl Fn(&BulletState<f64>) -> f64) -> Vec<[f64; 2]> {
+    states.iter().enumerate().step_by(6).map(|(step, state)| [step as f64 * STEP_SECS, quantity(state)]).collect()
 }
 
 fn damping() -> [Panel; 2] {
@@ -66,7 +66,7 @@ fn attitude_lag() -> [Panel; 2] {
         let lagging = rough_flight(LinkAttitude::Previous, fraction);
         let current = rough_flight(LinkAttitude::Current, fraction);
         let distance = |index: usize| (lagging[index].motion.position - current[index].motion.position).norm();
-        (0..lagging.len()).step_by(6).map(|step| (step as f64 * STEP_SECS, 100.0 * distance(step))).collect()
+        (0..lagging.len()).step_by(6).map(|step| [step as f64 * STEP_SECS, 100.0 * distance(step)]).collect()
     };
     [
         Panel {
@@ -100,10 +100,10 @@ fn deceleration(frame: DragFrame, world_from_body: Attitude<f64>) -> f64 {
 }
 
 fn drag_frame() -> [Panel; 2] {
-    let over_angle = |frame, axis: Vector3<f64>, degrees: usize| -> Vec<(f64, f64)> {
+    let over_angle = |frame, axis: Vector3<f64>, degrees: usize| -> Vec<[f64; 2]> {
         let at = |degree: usize| {
             let angle = (degree as f64).to_radians();
-            (degree as f64, deceleration(frame, Attitude::from_axis_angle(axis, angle)))
+            [degree as f64, deceleration(frame, Attitude::from_axis_angle(axis, angle))]
         };
         (0..=degrees).step_by(2).map(at).collect()
     };
@@ -152,7 +152,7 @@ fn euler_integration() -> [Panel; 2] {
     };
     let path = |quirks| {
         let places = fly(quirks);
-        places.iter().step_by(6).map(|drone| (drone.motion.position.x, drone.motion.position.y)).collect()
+        places.iter().step_by(6).map(|drone| [drone.motion.position.x, drone.motion.position.y]).collect()
     };
     let leaning = |quirks| {
         over_time(&fly(quirks), |drone| {
@@ -160,7 +160,7 @@ fn euler_integration() -> [Panel; 2] {
             up.y.atan2(up.x).to_degrees()
         })
     };
-    let lines = |of: &dyn Fn(Quirks) -> Vec<(f64, f64)>| {
+    let lines = |of: &dyn Fn(Quirks) -> Vec<[f64; 2]>| {
         vec![
             line("clean and upstream: quaternion", Role::Clean, of(Quirks::upstream())),
             line("the fork: roll, pitch, yaw grow by the body rates", Role::Fork, of(euler)),

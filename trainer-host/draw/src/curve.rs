@@ -1,41 +1,36 @@
-//! The learning curve of a run: return and success rate over environment steps, as SVG.
+//! The learning curve of a run: return and success rate over environment steps.
 
-use plotters::coord::Shift;
-use plotters::coord::types::RangedCoordf64;
-use plotters::prelude::*;
 use serde::Deserialize;
 
-/// Width and height of the picture \[px\]; coordinates are whole pixels, so it is drawn large.
-const SIZE: (u32, u32) = (1440, 960);
+use crate::chart::{Axis, INK, MARGIN, MUTED, PAPER, Panel, TOP, amount, colour, faded, titled};
+use crate::drawing::{Anchor, Colour, Drawing, Pen, Text};
 
-/// Height of the title above the panels \[px\].
-const TITLE_HEIGHT: u32 = 130;
+/// Width of the picture, space for numbers left of a panel, and below and above it \[px\].
+const WIDTH: f64 = 900.0;
+const NUMBERS: f64 = 60.0;
+const BELOW: f64 = 66.0;
+const ABOVE: f64 = 36.0;
 
-/// Height of the panel of the return, which shows more detail than the success rate \[px\].
-const RETURN_HEIGHT: u32 = 440;
+/// Heights of the panels: the return shows more detail than the success rate \[px\].
+const RETURN_HEIGHT: f64 = 220.0;
+const SUCCESS_HEIGHT: f64 = 180.0;
 
-/// Space for the numbers left of a panel \[px\], equal so that the panels align.
-const LEFT_LABELS: u32 = 120;
+/// What the marks over a curve are, and how wide these words are at most \[px\].
+const TESTS: &str = "tests of the policy, ring: kept";
+const TESTS_WIDTH: f64 = 238.0;
 
-/// Width of the words about tests \[px\].
-const TEST_LABEL: i32 = 390;
-
-/// Space between a number and its axis \[px\].
-const LABEL_GAP: u32 = 12;
-
-pub(crate) const FONT: &str = "Helvetica Neue, Helvetica, Arial, sans-serif";
-pub(crate) const INK: RGBColor = RGBColor(0x1f, 0x29, 0x33);
-pub(crate) const MUTED: RGBColor = RGBColor(0x6b, 0x76, 0x83);
-pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe8, 0xee);
-pub(crate) const PAPER: RGBColor = RGBColor(0xff, 0xff, 0xff);
-pub(crate) const BLUE: RGBColor = RGBColor(0x2f, 0x6f, 0xde);
-pub(crate) const GREEN: RGBColor = RGBColor(0x12, 0x9a, 0x74);
+/// Radii of a test's mark and of the ring around the policy that is kept \[px\].
+const DOT: f64 = 3.2;
+const RING: f64 = 7.0;
 
 /// One update of a run, a row of `metrics.jsonl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 pub struct CurvePoint {
     /// Environment steps since the run began.
     pub steps: u64,
+    /// Time spent in training until then \[s\].
+    #[serde(default)]
+    pub training_secs: Option<f64>,
     /// Mean return of the episodes that ended in the update, if any did.
     pub episode_return: Option<f32>,
     /// Share of successes among them in \[0, 1\].
@@ -54,50 +49,72 @@ pub struct CurvePoint {
     pub eval_kept: Option<bool>,
 }
 
-/// The picture could not be drawn.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot draw the learning curve: {0}")]
-pub struct CurveError(String);
+/// Who learns nothing, to be compared with: a dashed line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CurveBaseline {
+    /// Such as `scripted pilot`.
+    pub pilot: String,
+    /// Mean return of its test flights.
+    pub episode_return: f64,
+    /// Share of successes among them.
+    pub success_rate: f64,
+}
 
-impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for CurveError {
-    fn from(error: DrawingAreaErrorKind<E>) -> Self {
-        Self(error.to_string())
+/// The learning curve under `title`; updates in which no episode ended are skipped.
+pub fn learning_curve(title: &str, points: &[CurvePoint], baseline: Option<&CurveBaseline>) -> Drawing {
+    let last_steps = points.iter().map(|point| point.steps).max().unwrap_or(0).max(1);
+    let (returns, successes) = (Series::of_returns(points, baseline), Series::of_successes(points, baseline));
+    let mut drawing = titled(WIDTH, title, &summary(points, &returns, &successes));
+    let mut top = TOP + 10.0;
+    for (series, height) in [(&returns, RETURN_HEIGHT), (&successes, SUCCESS_HEIGHT)] {
+        let panel = Panel {
+            left: MARGIN + NUMBERS,
+            top: top + ABOVE,
+            width: WIDTH - NUMBERS - 2.0 * MARGIN,
+            height,
+            x: Axis::steps(last_steps as f64, 9.0),
+            y: series.axis.clone(),
+        };
+        draw_panel(&mut drawing, &panel, series);
+        if let Some(baseline) = baseline {
+            draw_baseline(&mut drawing, &panel, series, baseline);
+        }
+        draw_times(&mut drawing, &panel, points);
+        top = panel.bottom() + BELOW;
+    }
+    drawing.extend_to(top);
+    drawing
+}
+
+fn draw_baseline(drawing: &mut Drawing, panel: &Panel, series: &Series, baseline: &CurveBaseline) {
+    let Some(level) = series.baseline else { return };
+    panel.path(drawing, [[panel.x.low, level], [panel.x.high, level]], Pen::dashes(MUTED, 1.5));
+    let [right, height] = panel.at([panel.x.high, level]);
+    let at = [right - 6.0, height - 6.0];
+    drawing.text(Text { at, words: baseline.pilot.clone(), size: 13.0, colour: MUTED, anchor: Anchor::End });
+}
+
+/// Below the steps: how long the training had taken by then.
+fn draw_times(drawing: &mut Drawing, panel: &Panel, points: &[CurvePoint]) {
+    for (steps, _) in panel.x.ticks.iter().filter(|(steps, _)| *steps > 0.0) {
+        let reached = points.iter().find(|point| point.steps as f64 >= 0.999 * steps);
+        if let Some(secs) = reached.and_then(|point| point.training_secs) {
+            let at = [panel.at([*steps, panel.y.low])[0], panel.bottom() + 36.0];
+            let words = if secs < 120.0 { format!("{secs:.1} s") } else { format!("{:.0} min", secs / 60.0) };
+            drawing.text(Text { at, words, size: 12.0, colour: MUTED, anchor: Anchor::Middle });
+        }
     }
 }
-
-/// SVG of the learning curve under `title`; updates in which no episode ended are skipped.
-///
-/// # Errors
-/// [`CurveError`] when the plotting library fails.
-pub fn learning_curve(title: &str, points: &[CurvePoint]) -> Result<String, CurveError> {
-    let mut svg = String::new();
-    let canvas = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-    canvas.fill(&PAPER)?;
-    let (top, panels) = canvas.split_vertically(TITLE_HEIGHT);
-    let (upper, lower) = panels.split_vertically(RETURN_HEIGHT);
-    let last_steps = points.iter().map(|point| point.steps).max().unwrap_or(0).max(1);
-    let (returns, successes) = (Series::of_returns(points), Series::of_successes(points));
-    heading(&top, title, &summary(points, &returns, &successes))?;
-    draw_panel(&upper, last_steps, &returns, "")?;
-    draw_panel(&lower, last_steps, &successes, "environment steps")?;
-    canvas.present()?;
-    drop((top, panels, upper, lower, canvas));
-    Ok(svg)
-}
-
-pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// What one panel shows.
 struct Series {
     name: &'static str,
-    colour: RGBColor,
+    colour: Colour,
     /// Steps and value, finite.
-    points: Vec<(f64, f64)>,
+    points: Vec<[f64; 2]>,
     tests: Vec<TestPoint>,
-    /// Range of the vertical axis.
-    low: f64,
-    high: f64,
+    baseline: Option<f64>,
+    axis: Axis,
 }
 
 /// A test of the policy without exploration.
@@ -111,39 +128,41 @@ struct TestPoint {
 }
 
 impl Series {
-    fn of_returns(curve: &[CurvePoint]) -> Self {
+    fn of_returns(curve: &[CurvePoint], baseline: Option<&CurveBaseline>) -> Self {
         let points = finite(curve, |point| point.episode_return);
         let tests = tests(curve, |point| point.eval_mean_reward.map(|value| (value, [value; 2])));
-        let shown: Vec<_> =
-            points.iter().copied().chain(tests.iter().map(|test| (test.steps, test.value))).collect();
-        let (low, high) = range_with_margin(&shown);
-        Self { name: "Episode return [reward]", colour: BLUE, points, tests, low, high }
+        let baseline = baseline.map(|baseline| baseline.episode_return).filter(|value| value.is_finite());
+        let shown = points.iter().map(|[_, value]| *value).chain(tests.iter().map(|test| test.value));
+        let axis = Axis::around(shown.chain(baseline), 5.0);
+        Self { name: "Episode return [reward]", colour: colour(0), points, tests, baseline, axis }
     }
 
-    fn of_successes(curve: &[CurvePoint]) -> Self {
+    fn of_successes(curve: &[CurvePoint], baseline: Option<&CurveBaseline>) -> Self {
         let percent = |share: f32| 100.0 * share;
         let points = finite(curve, |point| point.success_rate.map(percent));
         let tests = tests(curve, |point| {
             let rate = percent(point.eval_success_rate?);
             Some((rate, point.eval_success_interval.map_or([rate; 2], |interval| interval.map(percent))))
         });
-        Self { name: "Success rate [% of episodes]", colour: GREEN, points, tests, low: 0.0, high: 104.0 }
+        let axis = Axis::numbers([0.0, 104.0], 5.0);
+        let baseline = baseline.map(|baseline| 100.0 * baseline.success_rate);
+        Self { name: "Success rate [% of episodes]", colour: colour(2), points, tests, baseline, axis }
     }
 
     /// Mean over a fortieth of the run on either side: what lies behind the noise, without lagging behind it.
-    fn smoothed(&self) -> Vec<(f64, f64)> {
+    fn smoothed(&self) -> Vec<[f64; 2]> {
         let reach = self.points.len() / 40;
         let mean = |index: usize| {
             let window = &self.points[index.saturating_sub(reach)..(index + reach + 1).min(self.points.len())];
-            window.iter().map(|&(_, value)| value).sum::<f64>() / window.len() as f64
+            window.iter().map(|[_, value]| value).sum::<f64>() / window.len() as f64
         };
-        self.points.iter().enumerate().map(|(index, &(steps, _))| (steps, mean(index))).collect()
+        self.points.iter().enumerate().map(|(index, &[steps, _])| [steps, mean(index)]).collect()
     }
 }
 
-fn finite(points: &[CurvePoint], value: impl Fn(&CurvePoint) -> Option<f32>) -> Vec<(f64, f64)> {
-    let pairs = points.iter().filter_map(|point| Some((point.steps as f64, f64::from(value(point)?))));
-    pairs.filter(|(_, value)| value.is_finite()).collect()
+fn finite(points: &[CurvePoint], value: impl Fn(&CurvePoint) -> Option<f32>) -> Vec<[f64; 2]> {
+    let pairs = points.iter().filter_map(|point| Some([point.steps as f64, f64::from(value(point)?)]));
+    pairs.filter(|[_, value]| value.is_finite()).collect()
 }
 
 /// What the tests found, with intervals.
@@ -158,20 +177,9 @@ fn tests(curve: &[CurvePoint], found: impl Fn(&CurvePoint) -> Option<(f32, [f32;
     curve.iter().enumerate().filter_map(test).filter(|test| test.value.is_finite()).collect()
 }
 
-/// The values' range and some air around them; never empty.
-fn range_with_margin(points: &[(f64, f64)]) -> (f64, f64) {
-    let values = || points.iter().map(|&(_, value)| value);
-    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-    if low > high {
-        return (0.0, 1.0);
-    }
-    let margin = (0.06 * (high - low)).max(0.05 * low.abs().min(high.abs())).max(1e-3);
-    (low - margin, high + margin)
-}
-
 fn summary(points: &[CurvePoint], returns: &Series, successes: &Series) -> String {
     let steps = amount(points.last().map_or(0, |point| point.steps) as f64);
-    let last = |series: &Series| series.smoothed().last().map(|&(_, value)| value);
+    let last = |series: &Series| series.smoothed().last().map(|[_, value]| *value);
     match (last(returns), last(successes)) {
         (Some(episode_return), Some(success_percent)) => {
             format!("after {steps} environment steps: return {episode_return:.1}, success {success_percent:.1} %")
@@ -180,102 +188,40 @@ fn summary(points: &[CurvePoint], returns: &Series, successes: &Series) -> Strin
     }
 }
 
-pub(crate) fn font(size: u32, colour: &RGBColor) -> TextStyle<'_> {
-    (FONT, size).into_font().color(colour)
-}
-
-pub(crate) fn heading(area: &Area<'_>, title: &str, summary: &str) -> Result<(), CurveError> {
-    let bold = FontDesc::new(FontFamily::Name(FONT), 38.0, FontStyle::Bold).color(&INK);
-    area.draw(&Text::new(title.to_owned(), (44, 30), bold))?;
-    area.draw(&Text::new(summary.to_owned(), (44, 84), font(25, &MUTED)))?;
-    Ok(())
-}
-
-fn draw_panel(area: &Area<'_>, last_steps: u64, series: &Series, below: &str) -> Result<(), CurveError> {
-    let mut chart = ChartBuilder::on(area)
-        .margin_right(56)
-        .margin_top(52)
-        .margin_bottom(10)
-        .x_label_area_size(if below.is_empty() { 60 } else { 84 })
-        .y_label_area_size(LEFT_LABELS)
-        .build_cartesian_2d(0.0..last_steps as f64, series.low..series.high)?;
-    chart
-        .configure_mesh()
-        .axis_style(GRID)
-        .bold_line_style(GRID)
-        .max_light_lines(0)
-        .x_labels(9)
-        .y_labels(6)
-        .set_all_tick_mark_size(LABEL_GAP)
-        .x_label_formatter(&|&steps| with_unit(steps))
-        .y_label_formatter(&|&value| with_unit(value))
-        .label_style(font(22, &MUTED))
-        .axis_desc_style(font(22, &MUTED))
-        .x_desc(below)
-        .draw()?;
-    draw_series(&mut chart, series)?;
-    draw_tests(&mut chart, &series.tests)?;
-    let bold = FontDesc::new(FontFamily::Name(FONT), 25.0, FontStyle::Bold).color(&series.colour);
-    area.draw(&Text::new(series.name, (LEFT_LABELS as i32, 12), bold))?;
+fn draw_panel(drawing: &mut Drawing, panel: &Panel, series: &Series) {
+    panel.draw_axes(drawing);
+    panel.name_axes(drawing, ["environment steps, time of training", ""]);
+    draw_series(drawing, panel, series);
+    draw_tests(drawing, panel, &series.tests);
+    let above = panel.top - 14.0;
+    let words = |at, words: &str, colour, anchor| Text { at, words: words.to_owned(), size: 15.0, colour, anchor };
+    drawing.text(words([panel.left, above], series.name, series.colour, Anchor::Start));
     if !series.tests.is_empty() {
-        let right = area.dim_in_pixel().0 as i32 - TEST_LABEL;
-        area.draw(&Circle::new((right, 23), 6, INK.filled()))?;
-        area.draw(&Text::new("tests of the policy, ring: kept", (right + 16, 14), font(22, &MUTED)))?;
+        drawing.text(words([panel.right(), above], TESTS, MUTED, Anchor::End));
+        drawing.disc([panel.right() - TESTS_WIDTH, above - 5.0], DOT, Some((INK, 1.0)), None);
     }
-    Ok(())
 }
 
 /// Points with their intervals, and a ring around the policy that is kept.
-fn draw_tests(chart: &mut Chart<'_, '_>, tests: &[TestPoint]) -> Result<(), CurveError> {
+fn draw_tests(drawing: &mut Drawing, panel: &Panel, tests: &[TestPoint]) {
     for TestPoint { steps, value, interval: [low, high], kept } in tests {
-        let at = (*steps, *value);
-        chart.draw_series([PathElement::new(vec![(*steps, *low), (*steps, *high)], INK.stroke_width(2))])?;
-        chart.draw_series([Circle::new(at, 5, INK.filled())])?;
+        let centre = panel.at([*steps, *value]);
+        panel.path(drawing, [[*steps, *low], [*steps, *high]], Pen::solid(INK, 1.2));
+        drawing.disc(centre, DOT, Some((INK, 1.0)), None);
         if *kept {
-            chart.draw_series([Circle::new(at, 11, INK.stroke_width(2))])?;
+            drawing.disc(centre, RING, None, Some(Pen::solid(INK, 1.2)));
         }
     }
-    Ok(())
 }
 
-fn draw_series(chart: &mut Chart<'_, '_>, series: &Series) -> Result<(), CurveError> {
+fn draw_series(drawing: &mut Drawing, panel: &Panel, series: &Series) {
     let smoothed = series.smoothed();
-    let Some(&last) = smoothed.last() else { return Ok(()) };
-    let first_steps = smoothed[0].0;
-    let mut shade = smoothed.clone();
-    shade.extend([(last.0, series.low), (first_steps, series.low)]);
-    chart.draw_series([Polygon::new(shade, series.colour.mix(0.07))])?;
-    chart.draw_series([PathElement::new(series.points.clone(), series.colour.mix(0.3).stroke_width(2))])?;
-    chart.draw_series([PathElement::new(smoothed, series.colour.stroke_width(4))])?;
-    chart.draw_series([Circle::new(last, 8, PAPER.filled()), Circle::new(last, 6, series.colour.filled())])?;
-    Ok(())
-}
-
-/// A number of steps with three digits and its unit, such as `1.25 M`.
-pub fn amount(value: f64) -> String {
-    let (scaled, unit) = match value {
-        value if value < 999.5 => return format!("{value:.0}"),
-        value if value < 999.5e3 => (value / 1e3, "k"),
-        value if value < 999.5e6 => (value / 1e6, "M"),
-        value => (value / 1e9, "G"),
-    };
-    let digits = if scaled < 9.995 { 2 } else { usize::from(scaled < 99.95) };
-    format!("{scaled:.digits$} {unit}")
-}
-
-/// A number as short as it can be read on an axis: `0`, `-0.25`, `40`, `1.5 k`, `2 M`.
-pub fn with_unit(value: f64) -> String {
-    let (scaled, unit) = match value.abs() {
-        size if size < 1e3 => (value, ""),
-        size if size < 1e6 => (value / 1e3, " k"),
-        size if size < 1e9 => (value / 1e6, " M"),
-        _ => (value / 1e9, " G"),
-    };
-    let digits = if scaled.abs() < 1.0 { 3 } else { 2 };
-    let text = format!("{scaled:.digits$}");
-    let short = text.trim_end_matches('0').trim_end_matches('.');
-    let short = if short == "-0" { "0" } else { short };
-    format!("{short}{unit}").replace('-', "−")
+    let Some(&last) = smoothed.last() else { return };
+    let below: Vec<[f64; 3]> = smoothed.iter().map(|&[steps, value]| [steps, panel.y.low, value]).collect();
+    panel.band(drawing, &below, series.colour, 0.07);
+    panel.path(drawing, series.points.iter().copied(), Pen::solid(faded(series.colour, 0.7), 1.2));
+    panel.path(drawing, smoothed, Pen::solid(series.colour, 2.5));
+    drawing.disc(panel.at(last), 5.0, Some((series.colour, 1.0)), Some(Pen::solid(PAPER, 1.2)));
 }
 
 #[cfg(test)]
@@ -292,6 +238,10 @@ mod tests {
         (0..count).map(point).collect()
     }
 
+    fn svg_of(title: &str, points: &[CurvePoint]) -> String {
+        learning_curve(title, points, None).svg()
+    }
+
     fn is_complete(svg: &str) -> bool {
         svg.starts_with("<svg ")
             && svg.trim_end().ends_with("</svg>")
@@ -302,14 +252,14 @@ mod tests {
     #[test]
     fn any_number_of_points_makes_a_picture() {
         for count in [0, 1, 2, 500] {
-            assert!(is_complete(&learning_curve("hover-seed0-1", &points(count)).unwrap()), "{count} points");
+            assert!(is_complete(&svg_of("hover-seed0-1", &points(count))), "{count} points");
         }
     }
 
     #[test]
     fn a_constant_return_makes_a_picture() {
         let constant = points(5).into_iter().map(|point| CurvePoint { episode_return: Some(7.0), ..point });
-        assert!(is_complete(&learning_curve("constant", &constant.collect::<Vec<_>>()).unwrap()));
+        assert!(is_complete(&svg_of("constant", &constant.collect::<Vec<_>>())));
     }
 
     #[test]
@@ -319,27 +269,27 @@ mod tests {
         let nan = CurvePoint { episode_return: Some(f32::NAN), success_rate: Some(f32::NAN), ..none };
         with_gaps.insert(0, none);
         with_gaps.insert(2, nan);
-        assert_eq!(learning_curve("gaps", &with_gaps).unwrap(), learning_curve("gaps", &points(3)).unwrap());
-        assert!(is_complete(&learning_curve("nothing", &[none, nan]).unwrap()));
+        assert_eq!(svg_of("gaps", &with_gaps), svg_of("gaps", &points(3)));
+        assert!(is_complete(&svg_of("nothing", &[none, nan])));
     }
 
     #[test]
     fn the_smooth_curve_follows_a_straight_line_and_calms_a_noisy_one() {
-        let straight = Series::of_returns(&points(400));
-        for (&(_, value), (_, smooth)) in straight.points.iter().zip(straight.smoothed()).skip(10).take(380) {
+        let straight = Series::of_returns(&points(400), None);
+        for (&[_, value], [_, smooth]) in straight.points.iter().zip(straight.smoothed()).skip(10).take(380) {
             assert!((value - smooth).abs() < 1e-9);
         }
         let noisy = points(400).into_iter().enumerate().map(|(index, point)| {
             let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
             CurvePoint { episode_return: Some(sign), ..point }
         });
-        let smoothed = Series::of_returns(&noisy.collect::<Vec<_>>()).smoothed();
-        assert!(smoothed.iter().all(|(_, value)| value.abs() < 0.1));
+        let smoothed = Series::of_returns(&noisy.collect::<Vec<_>>(), None).smoothed();
+        assert!(smoothed.iter().all(|[_, value]| value.abs() < 0.1));
     }
 
     #[test]
     fn the_picture_names_run_axes_and_units() {
-        let svg = learning_curve("hover <1> & co", &points(50)).unwrap();
+        let svg = svg_of("hover <1> & co", &points(50));
         for text in ["hover &lt;1&gt; &amp; co", "environment steps", "[reward]", "[% of episodes]", "500 k"] {
             assert!(svg.contains(text), "{text}");
         }
@@ -347,7 +297,7 @@ mod tests {
 
     #[test]
     fn tests_of_the_policy_stand_over_the_curve_and_the_kept_one_has_a_ring() {
-        let plain = learning_curve("a", &points(9)).unwrap();
+        let plain = svg_of("a", &points(9));
         let tested = |kept: [bool; 2]| {
             let mut points = points(9);
             for (point, kept) in points.iter_mut().skip(3).step_by(4).zip(kept) {
@@ -361,7 +311,7 @@ mod tests {
                     ..*point
                 };
             }
-            learning_curve("a", &points).unwrap()
+            svg_of("a", &points)
         };
         let circles = |svg: &str| svg.matches("<circle").count();
         let words = "tests of the policy, ring: kept";
@@ -373,21 +323,21 @@ mod tests {
     }
 
     #[test]
+    fn a_baseline_is_a_line_and_the_time_stands_below_the_steps() {
+        let scripted =
+            CurveBaseline { pilot: "scripted pilot".to_owned(), episode_return: 9.0, success_rate: 0.04 };
+        let timed: Vec<_> = points(50)
+            .into_iter()
+            .map(|point| CurvePoint { training_secs: Some(point.steps as f64 / 1e6), ..point })
+            .collect();
+        let svg = learning_curve("hover", &timed, Some(&scripted)).svg();
+        assert_eq!((svg.matches("scripted pilot").count(), svg.matches(">1.0 s<").count()), (2, 2));
+        assert!(!svg_of("hover", &points(50)).contains(" s<"));
+    }
+
+    #[test]
     fn the_same_points_make_the_same_bytes() {
-        assert_eq!(learning_curve("a", &points(9)).unwrap(), learning_curve("a", &points(9)).unwrap());
-    }
-
-    #[test]
-    fn amounts_keep_three_digits_across_every_unit() {
-        let shown = [0.0, 999.4, 999.6, 1250.0, 99_960.0, 999_600.0, 1.25e7, 2.5e9].map(amount);
-        assert_eq!(shown, ["0", "999", "1.00 k", "1.25 k", "100 k", "1.00 M", "12.5 M", "2.50 G"]);
-    }
-
-    #[test]
-    fn numbers_on_axes_are_short() {
-        let shown = [0.0, -0.0, 0.25, -40.0, 100.0, 1500.0, -2000.0, 250_000.0, 1e6, 2.5e7, 3e9].map(with_unit);
-        let expected = ["0", "0", "0.25", "−40", "100", "1.5 k", "−2 k", "250 k", "1 M", "25 M", "3 G"];
-        assert_eq!(shown, expected);
+        assert_eq!(svg_of("a", &points(9)), svg_of("a", &points(9)));
     }
 
     #[test]

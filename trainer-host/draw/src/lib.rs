@@ -1,6 +1,7 @@
-//! Pictures: the [`curve`] of a training, the [`horizon`] of predictions, [`plan`]s of aviaries, [`recorded_flight`]s as [`video`]s, and the
-//! [`viewer`]; a world as it is flown, [`live`]. Nothing here knows how a flight came about.
+//! Pictures: [`chart`]s, such as the [`curve`] of a training and the [`horizon`] of predictions, [`plan`]s of aviaries,
+//! [`recorded_flight`]s as [`video`]s, and the [`viewer`]; a world as it is flown, [`live`]. Nothing here knows how a flight came about.
 
+pub mod chart;
 pub mod curve;
 pub mod drawing;
 mod font;

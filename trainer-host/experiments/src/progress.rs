@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-pub use kestrel_draw::curve::amount;
+pub use kestrel_draw::chart::amount;
 
 /// Shortest time between two plain lines, so that a log of a long run stays short.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);

@@ -19,6 +19,7 @@ use crate::sealed_file::{Kind, SealError};
 use kestrel_draw::recorded_flight::{DroneFlight, FlightRecording, Placement};
 
 mod flown;
+mod plot;
 mod table;
 #[cfg(test)]
 mod tests;

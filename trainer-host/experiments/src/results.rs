@@ -17,7 +17,7 @@ use crate::recording::{self, Recording, RecordingError};
 use crate::run_config::Subject;
 use crate::run_directory::metrics::read_rows;
 use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
-use kestrel_draw::curve::{CurveError, CurvePoint, learning_curve};
+use kestrel_draw::curve::{CurveBaseline, CurvePoint, learning_curve};
 use kestrel_draw::video::{VideoError, flight_gif};
 use kestrel_export::exchange::{ExchangeError, onnx_model, safetensors_file};
 use kestrel_export::policy::Policy;
@@ -42,6 +42,25 @@ pub struct EvaluationReport {
     /// In which worlds, where every episode draws one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worlds: Option<WorldsReport>,
+}
+
+/// `evaluation.json` of one task or several.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Reports {
+    One(EvaluationReport),
+    Several(Vec<EvaluationReport>),
+}
+
+impl EvaluationReport {
+    /// Those of each task in the file at `path`; none where there is no file.
+    pub(crate) fn read(path: &Path) -> Result<Vec<Self>, serde_json::Error> {
+        let Ok(text) = fs::read_to_string(path) else { return Ok(Vec::new()) };
+        Ok(match serde_json::from_str(&text)? {
+            Reports::One(report) => vec![report],
+            Reports::Several(reports) => reports,
+        })
+    }
 }
 
 /// Worlds that training did not see, beside those that it did.
@@ -78,7 +97,7 @@ pub enum ResultsError {
         /// The file.
         path: PathBuf,
         /// What differs.
-        differing: &'static str,
+        differing: String,
     },
     /// A policy cannot fly a task.
     #[error("{}: found a policy for another {differing}, expected that of the task {task:?}", path.display())]
@@ -88,7 +107,7 @@ pub enum ResultsError {
         /// Name of the task.
         task: String,
         /// What differs.
-        differing: &'static str,
+        differing: String,
     },
     /// The picture of the flight failed.
     #[error(transparent)]
@@ -96,9 +115,6 @@ pub enum ResultsError {
     /// The flight cannot be recorded.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The learning curve failed.
-    #[error(transparent)]
-    Curve(#[from] CurveError),
     /// The run directory refuses.
     #[error(transparent)]
     Directory(#[from] RunDirectoryError),
@@ -432,13 +448,22 @@ pub fn draw(subject: &Subject<'_>, directory: &RunDirectory) -> Result<Vec<PathB
     Ok(drawn)
 }
 
-/// The learning curve of a run, as far as it has come, as SVG.
+/// The learning curve of a run, as far as it has come, as SVG; once it has been judged, beside the scripted pilot.
 ///
 /// # Errors
 /// When the metrics are damaged.
 pub fn curve(directory: &RunDirectory) -> Result<String, ResultsError> {
     let points: Vec<CurvePoint> = read_rows(&directory.metrics())?;
-    Ok(learning_curve(&directory.name(), &points)?)
+    Ok(learning_curve(&directory.name(), &points, scripted_pilot(directory).as_ref()).svg())
+}
+
+/// How the scripted pilot flew the task of a run, if it has one task and was judged in it.
+fn scripted_pilot(directory: &RunDirectory) -> Option<CurveBaseline> {
+    let reports = EvaluationReport::read(&directory.evaluation_report()).ok()?;
+    let [report] = reports.as_slice() else { return None };
+    let flown = report.rows.iter().find(|row| row.pilot == Flyer::Scripted.name())?;
+    let Evaluation { episode_return, success_rate, .. } = *flown;
+    Some(CurveBaseline { pilot: flown.pilot.clone(), episode_return, success_rate })
 }
 
 /// Draws the flight in each task alone; the paths of what it drew.

@@ -46,7 +46,7 @@ pub enum RunDirectoryError {
         found: String,
     },
     /// A run was expected and none is there.
-    #[error("{} holds no run: expected a directory made by `kestrel train`, found no config.yaml", .0.display())]
+    #[error("{} holds no run: expected a directory made by `kestrel train`, found {}", .0.display(), in_its_place(.0))]
     NoRun(PathBuf),
     /// The run's policies are wanted, and it has exported none yet.
     #[error("{} holds no exported policy yet: make it with `kestrel export`, or let the training finish", .0.display())]
@@ -75,6 +75,15 @@ pub enum RunDirectoryError {
     /// The system refused a file operation.
     #[error(transparent)]
     File(#[from] FileError),
+}
+
+/// What is where a run was expected.
+fn in_its_place(path: &Path) -> &'static str {
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => "no config.yaml",
+        Ok(_) => "a file",
+        Err(_) => "nothing",
+    }
 }
 
 impl RunDirectory {

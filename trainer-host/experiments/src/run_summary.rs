@@ -69,14 +69,6 @@ struct Progress {
     training_secs: f64,
 }
 
-/// `evaluation.json`, of one task or several.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Reports {
-    One(EvaluationReport),
-    Several(Vec<EvaluationReport>),
-}
-
 impl RunSummary {
     /// Of the run in a directory.
     ///
@@ -129,12 +121,9 @@ pub fn differences(runs: &[RunSummary]) -> Vec<Difference> {
 
 /// Rows of the policy in the report at `path`; none where there is no report.
 fn evaluations(path: &Path) -> Result<Vec<Evaluation>, RunSummaryError> {
-    let Ok(text) = fs::read_to_string(path) else { return Ok(Vec::new()) };
-    let damaged = |cause: String| RunSummaryError::Report { path: path.to_owned(), cause };
-    let reports = match serde_json::from_str(&text).map_err(|cause| damaged(cause.to_string()))? {
-        Reports::One(report) => vec![report],
-        Reports::Several(reports) => reports,
-    };
+    let damaged =
+        |cause: serde_json::Error| RunSummaryError::Report { path: path.to_owned(), cause: cause.to_string() };
+    let reports = EvaluationReport::read(path).map_err(damaged)?;
     Ok(reports.into_iter().filter_map(|report| report.rows.into_iter().next()).collect())
 }
 

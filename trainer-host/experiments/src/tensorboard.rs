@@ -52,9 +52,10 @@ impl EventFile {
 
     fn create_unused(directory: &Path, seconds: u64) -> Result<Self, FileError> {
         let mut number = 0;
+        let host = host();
         loop {
-            // TensorBoard reads the files of a directory in the order of their names.
-            let path = directory.join(format!("events.out.tfevents.{seconds:010}.kestrel.{number:03}"));
+            // TensorBoard reads the files of a directory in the order of their names; Weights & Biases those of this machine.
+            let path = directory.join(format!("events.out.tfevents.{seconds:010}.{host}.{number:03}"));
             match OpenOptions::new().append(true).create_new(true).open(&path) {
                 Ok(file) => return Ok(Self { file, path }),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => number += 1,
@@ -155,6 +156,18 @@ fn crc32c(bytes: &[u8]) -> u32 {
     const REVERSED_POLYNOMIAL: u32 = 0x82f6_3b78;
     let shift = |crc: u32| (crc >> 1) ^ if crc & 1 == 1 { REVERSED_POLYNOMIAL } else { 0 };
     !bytes.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), |crc, _| shift(crc)))
+}
+
+/// Name of this machine, as TensorBoard has it in the names of files.
+#[cfg(not(target_family = "wasm"))]
+fn host() -> String {
+    gethostname::gethostname().to_string_lossy().replace(['/', '\\'], "-")
+}
+
+/// A page has none.
+#[cfg(target_family = "wasm")]
+fn host() -> String {
+    "page".to_owned()
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! A policy file of any kind.
 
+use kestrel_core::action::ActionSpace;
 use kestrel_core::gru::HiddenState;
+use kestrel_core::observation::ObservationLayout;
 use kestrel_core::policy_file::{
     Arithmetic, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch, RecurrentPolicy, VisionPolicy,
 };
@@ -21,6 +23,12 @@ pub enum Policy<'a> {
     Seeing(Box<VisionPolicy<'a>>),
     /// A policy with a memory.
     Recurrent(Box<RecurrentPolicy<'a>>),
+}
+
+/// What two things of a kind are; where they are called the same, their scales differ.
+fn between(kind: &str, policy: &str, task: &str) -> String {
+    let scales = if policy == task { ", with other scales" } else { "" };
+    format!("{kind} (it has {policy}, the task {task}{scales})")
 }
 
 impl<'a> Policy<'a> {
@@ -72,17 +80,22 @@ impl<'a> Policy<'a> {
         }
     }
 
-    /// In what it differs from a policy that was trained for a scenario.
-    pub fn differing(&self, scenario: &Scenario) -> Option<&'static str> {
+    /// In what it differs from a policy that was trained for a scenario: `observation (has body of 29 values, the task …)`.
+    pub fn differing(&self, scenario: &Scenario) -> Option<String> {
         let metadata = self.metadata();
-        if metadata.observation != scenario.observation {
-            Some("observation")
-        } else if metadata.action != scenario.action {
-            Some("action")
-        } else if metadata.control_period_secs != scenario.physics.control_secs() {
-            Some("control rate")
+        let (observation, action) = (&metadata.observation, &metadata.action);
+        let period_secs = scenario.physics.control_secs();
+        if *observation != scenario.observation {
+            let words = |layout: &ObservationLayout| format!("`{}` of {} values", layout.name(), layout.len());
+            Some(between("observation", &words(observation), &words(&scenario.observation)))
+        } else if *action != scenario.action {
+            let words = |space: &ActionSpace| format!("`{}` of {} values", space.name(), space.len());
+            Some(between("action", &words(action), &words(&scenario.action)))
+        } else if metadata.control_period_secs != period_secs {
+            let words = |secs: f32| format!("{secs} s");
+            Some(between("control period", &words(metadata.control_period_secs), &words(period_secs)))
         } else if !self.suits(scenario.camera.as_ref()) {
-            Some("camera")
+            Some("camera".to_owned())
         } else {
             None
         }

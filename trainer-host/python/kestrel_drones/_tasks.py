@@ -11,9 +11,11 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from ._native import KestrelError, Task
+from ._native import KestrelError, Task, use_library
 
 SHIPPED = Path(__file__).parent / "shipped"
+# Configurations of others may say `import: kestrel:configs/hover.yaml`.
+use_library(str(SHIPPED))
 
 # In the order in which names are given: an aviary whose name is taken is called `aviaries/NAME`.
 FOLDERS = ["configs", "configs/aviaries", "configs/aviaries/stream"]

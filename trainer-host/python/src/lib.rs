@@ -28,6 +28,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<policy::Memory>()?;
     module.add_class::<network::StateDict>()?;
     module.add_function(wrap_pyfunction!(network::import_policy, module)?)?;
+    module.add_function(wrap_pyfunction!(task::use_library, module)?)?;
     module.add_function(wrap_pyfunction!(run::train, module)?)?;
     module.add_function(wrap_pyfunction!(run::learning_curve, module)?)?;
     module.add_function(wrap_pyfunction!(run::resume, module)?)?;

@@ -1,13 +1,26 @@
 //! A checked configuration.
 
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 
 use kestrel_experiments::drone_environment::DroneEnvironment;
 use kestrel_experiments::experiment_config::{self, Experiment};
 use kestrel_learn::environment::{Environment, TaskShape};
+use kestrel_sim::config::Library;
 use pyo3::prelude::*;
 
 use crate::error::refused;
+
+/// Where the shipped files are, for imports such as `kestrel:configs/hover.yaml`.
+static SHIPPED: OnceLock<PathBuf> = OnceLock::new();
+
+/// Lets configurations import the files in `folder` as those of the library `kestrel`.
+#[pyfunction]
+pub(crate) fn use_library(folder: PathBuf) {
+    SHIPPED.get_or_init(|| folder);
+    let folder = || SHIPPED.get().cloned().ok_or_else(|| "no shipped files".to_owned());
+    Library { name: "kestrel", folder }.install();
+}
 
 /// An experiment, checked: the task, how to train on it and how to judge the result.
 #[pyclass(frozen, module = "kestrel_drones._native")]

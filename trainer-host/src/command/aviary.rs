@@ -13,6 +13,7 @@ use kestrel_experiments::aviary_files::{find, in_folders, read};
 use kestrel_experiments::output::{say, warn};
 
 use super::Done;
+use crate::shipped;
 
 /// Arguments of `kestrel aviary`.
 #[derive(Debug, clap::Args)]
@@ -104,7 +105,7 @@ fn row(subject: &Subject) -> String {
 }
 
 fn show(aviaries: &[String], output: &Path, overrides: &[String]) -> Result<Done> {
-    let subjects = aviaries.iter().map(|name| Ok(read(&find(name)?, overrides)?));
+    let subjects = aviaries.iter().map(|name| Ok(read(&found(name)?, overrides)?));
     let subjects: Vec<Subject> = subjects.collect::<Result<_>>()?;
     let drawing = if let [only] = subjects.as_slice() { plan(only) } else { sheet(&subjects) };
     write_atomically(output, &encoded(&drawing, output)?)?;
@@ -118,7 +119,7 @@ fn look(aviaries: &[String], output: &Path) -> Result<Done> {
     }
     let paths = match aviaries {
         [] => in_folders(&[PathBuf::from("assets/worlds")]),
-        named => named.iter().map(|name| find(name)).collect::<Result<_, _>>()?,
+        named => named.iter().map(|name| found(name)).collect::<Result<_>>()?,
     };
     if paths.is_empty() {
         bail!("found no YAML files in assets/worlds, expected some, or aviaries that are named");
@@ -127,6 +128,11 @@ fn look(aviaries: &[String], output: &Path) -> Result<Done> {
     write_atomically(output, &seen_sheet(&subjects).png()?)?;
     say(output.display())?;
     Ok(Done::Finished)
+}
+
+/// The file of an aviary: here, or one that the program carries.
+fn found(name: &str) -> Result<PathBuf> {
+    find(name).or_else(|_| shipped::aviary(name))
 }
 
 /// The picture in the format that the file's name asks for.

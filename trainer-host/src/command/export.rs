@@ -88,16 +88,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         Some(form) => Some(expected_cost(&directory, form)?),
         None => None,
     };
-    let written = match arguments.target {
-        Target::File => Vec::new(),
-        Target::Rust => vec![results::export_rust(&directory)?],
-        Target::C => results::export_c(&directory)?.into(),
-        Target::Crazyflie => vec![results::export_crazyflie(&directory)?],
-        Target::Betaflight => vec![results::export_betaflight(&directory)?],
-        Target::Px4 => vec![results::export_px4(&directory, px4_motors(&directory, config.as_ref())?)?],
-        Target::Onnx => vec![results::export_onnx(&directory)?],
-        Target::Safetensors => vec![results::export_safetensors(&directory)?],
-    };
+    let written = written(arguments.target, &directory, config.as_ref())
+        .with_context(|| format!("cannot export {}", directory.policy().display()))?;
     for path in &written {
         say(path.display())?;
     }
@@ -105,6 +97,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         compare(&cost, &written)?;
     }
     Ok(Done::Finished)
+}
+
+/// Writes what the target needs; the paths.
+fn written(target: Target, directory: &RunDirectory, config: Option<&RunConfig>) -> Result<Vec<PathBuf>> {
+    Ok(match target {
+        Target::File => Vec::new(),
+        Target::Rust => vec![results::export_rust(directory)?],
+        Target::C => results::export_c(directory)?.into(),
+        Target::Crazyflie => vec![results::export_crazyflie(directory)?],
+        Target::Betaflight => vec![results::export_betaflight(directory)?],
+        Target::Px4 => vec![results::export_px4(directory, px4_motors(directory, config)?)?],
+        Target::Onnx => vec![results::export_onnx(directory)?],
+        Target::Safetensors => vec![results::export_safetensors(directory)?],
+    })
 }
 
 /// Where the policies lie, made anew of a run's checkpoints if it has some, and the configuration of the run.

@@ -178,7 +178,7 @@ fn write(found: &Identification, arguments: &Arguments) -> Result<()> {
     let title = format!("Predictions of {} by its flights", arguments.airframe);
     let summary = "mean error of windows that were not fitted";
     write_atomically(&arguments.output, file.as_bytes())?;
-    write_atomically(&picture, horizon_chart(&title, summary, STEP_SECS, &panels)?.as_bytes())?;
+    write_atomically(&picture, horizon_chart(&title, summary, STEP_SECS, &panels).svg().as_bytes())?;
     if let Err(error) = read_airframe(&arguments.output) {
         warn(format_args!("warning: this is no airframe that a scenario accepts: {error}"));
     }

@@ -1,44 +1,107 @@
 //! `kestrel replay`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use kestrel_draw::video::flight_gif;
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::say;
-use kestrel_experiments::recording::Recording;
 
 use super::Done;
+use super::flight::{FlightArguments, Flown, is_yaml};
 
 /// Arguments of `kestrel replay`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = ENDINGS)]
 pub(crate) struct Arguments {
-    /// A recorded episode, from `--record`
-    recording: PathBuf,
+    #[command(flatten)]
+    flight: FlightArguments,
 
-    /// Where the video goes [default: beside the recording, ending in .gif]
-    #[arg(long, value_name = "FILE")]
-    output: Option<PathBuf>,
+    /// Where to write, several if wanted: .gif, .svg, .png, .csv, .mcap [default: beside a recording, ending in .gif]
+    #[arg(long, short, value_name = "FILE", num_args = 1..)]
+    output: Vec<PathBuf>,
 
-    /// Also write states, actions and rewards as comma-separated values
-    #[arg(long, value_name = "FILE")]
-    table: Option<PathBuf>,
+    /// Whose plots are drawn, counted from 0
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, allow_negative_numbers = true)]
+    drone: usize,
+}
+
+/// Shown below the help.
+const ENDINGS: &str = "\
+Files:
+  .gif         the flight from behind, with trails
+  .svg, .png   plots: position, velocity, attitude, rates, rotor speeds, actions, reward terms
+  .csv         the same numbers as a table
+  .mcap        ROS 2 messages, for Foxglove, rerun, PlotJuggler and ros2 bag";
+
+/// What a file holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Film,
+    Svg,
+    Png,
+    Table,
+    Mcap,
+}
+
+impl Kind {
+    /// By the ending of a file's name.
+    fn of(path: &Path) -> Result<Self> {
+        match path.extension().and_then(|ending| ending.to_str()) {
+            Some("gif") => Ok(Self::Film),
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            Some("csv") => Ok(Self::Table),
+            Some("mcap") => Ok(Self::Mcap),
+            Some(_) | None => {
+                bail!("{}: found another ending, expected .gif, .svg, .png, .csv or .mcap", path.display())
+            }
+        }
+    }
+
+    fn file(self, flown: &Flown, drone: usize) -> Result<Vec<u8>> {
+        let Flown { recording, experiment, path } = flown;
+        let scenario = &experiment.scenario;
+        Ok(match self {
+            Self::Film => flight_gif(recording.flight(experiment, path)?, scenario, &path.display().to_string())?,
+            Self::Svg => recording.plot(experiment, drone).svg().into_bytes(),
+            Self::Png => recording.plot(experiment, drone).png()?,
+            Self::Table => recording.table(scenario.physics.control_secs().into()).into_bytes(),
+            Self::Mcap => kestrel_ros::mcap(recording, experiment, path)?,
+        })
+    }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let path = &arguments.recording;
-    let output = arguments.output.clone().unwrap_or_else(|| path.with_extension("gif"));
-    if [Some(&output), arguments.table.as_ref()].contains(&Some(path)) {
-        bail!("{} is the recording itself: choose another file to write to", path.display());
+    let Arguments { flight, drone, output } = arguments;
+    let kinds = output.iter().map(|output| Kind::of(output)).collect::<Result<Vec<_>>>()?;
+    let flown = flight.fly(false)?;
+    let drones = flown.recording.drones.len();
+    let path = flown.path.display();
+    ensure!(*drone < drones, "found --drone {drone}, expected a number below {drones}, the drones of {path}");
+    let wanted = if output.is_empty() {
+        vec![(Kind::Film, beside(&flown.path)?)]
+    } else {
+        kinds.into_iter().zip(output.iter().cloned()).collect()
+    };
+    if wanted.iter().any(|(_, output)| *output == flown.path) {
+        bail!("{path} is the recording itself: choose another file to write to");
     }
-    let recording = Recording::read(path)?;
-    let experiment = recording.experiment(path)?;
-    let flight = recording.flight(&experiment, path)?;
-    if let Some(table) = &arguments.table {
-        write_atomically(table, recording.table(experiment.scenario.physics.control_secs().into()).as_bytes())?;
+    let files = wanted.iter().map(|(kind, _)| kind.file(&flown, *drone)).collect::<Result<Vec<_>>>()?;
+    for ((_, output), file) in wanted.iter().zip(&files) {
+        write_atomically(output, file)?;
     }
-    write_atomically(&output, &flight_gif(flight, &experiment.scenario, &path.display().to_string())?)?;
-    say(recording.summary(&experiment))?;
-    say(output.display())?;
+    say(flown.recording.summary(&flown.experiment))?;
+    wanted.iter().try_for_each(|(_, output)| say(output.display()))?;
     Ok(Done::Finished)
+}
+
+/// Where the film of a recording goes when nobody says so.
+fn beside(recording: &Path) -> Result<PathBuf> {
+    ensure!(
+        recording.is_file() && !is_yaml(recording),
+        "{}: found no --output, which only a recording can do without",
+        recording.display()
+    );
+    Ok(recording.with_extension("gif"))
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use kestrel_draw::curve::amount;
+use kestrel_draw::chart::amount;
 use kestrel_experiments::output::{say, warn};
 use kestrel_experiments::run_summary::{Difference, RunSummary, differences};
 

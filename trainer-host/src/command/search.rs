@@ -11,6 +11,7 @@ use kestrel_experiments::training_run::End;
 
 use super::Done;
 use super::study::threads;
+use crate::shipped;
 
 /// Arguments of `kestrel search`.
 #[derive(Debug, clap::Args)]
@@ -33,7 +34,7 @@ enum Action {
 
 #[derive(Debug, clap::Args)]
 struct RunArguments {
-    /// Search file, such as configs/searches/anchor-strength.yaml
+    /// Search file, such as configs/searches/anchor-strength.yaml, or the name of a shipped one: anchor-strength
     config: PathBuf,
 
     /// Replace a value of the search file, such as trials=8 (repeatable)
@@ -57,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 }
 
 fn run_search(arguments: &RunArguments) -> Result<Done> {
-    let search = config::load(&arguments.config, &arguments.set)?;
+    let search = config::load(&shipped::configuration("searches", &arguments.config)?, &arguments.set)?;
     let directory = arguments.directory.clone().unwrap_or_else(|| Path::new("searches").join(&search.name));
     let interrupt = Interrupt::watch("Stopping after the updates in progress; Ctrl-C again ends at once.")?;
     let run = SearchRun::open(&search, &directory)?;

@@ -18,6 +18,7 @@ use kestrel_learn::ranks::{self, Ranks};
 
 use super::Done;
 use crate::membership;
+use crate::shipped;
 
 /// Arguments of `kestrel study`.
 #[derive(Debug, clap::Args)]
@@ -58,7 +59,7 @@ enum Action {
 
 #[derive(Debug, clap::Args)]
 struct RunArguments {
-    /// Study file, such as configs/studies/rooms.yaml
+    /// Study file, such as configs/studies/rooms.yaml, or the name of a shipped one: rooms
     config: PathBuf,
 
     /// Replace a value of the study file, such as seeds.count=4 (repeatable)
@@ -87,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 fn run_study(arguments: &RunArguments) -> Result<Done> {
     let membership = membership::join()?;
     let ranks = &membership.ranks;
-    let study = config::load(&arguments.config, &arguments.set)?;
+    let study = config::load(&shipped::configuration("studies", &arguments.config)?, &arguments.set)?;
     if ranks.rank() > 0 {
         Interrupt::leave_to_others()?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads(arguments.threads)).build()?;

@@ -15,11 +15,12 @@ use super::study::threads;
 use crate::flight_test::case::Case;
 use crate::flight_test::runner::{RunOptions, Verdict, run};
 use crate::flight_test::{config, junit};
+use crate::shipped;
 
 /// Arguments of `kestrel test`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Files of flights, such as configs/tests/hover.yaml
+    /// Files of flights, such as configs/tests/hover.yaml, or names of shipped ones: hover
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
 
@@ -69,7 +70,7 @@ impl Arguments {
     fn cases(&self) -> Result<Vec<Case>> {
         let mut cases = Vec::new();
         for path in &self.files {
-            cases.extend(config::load(path, &self.set)?);
+            cases.extend(config::load(&shipped::configuration("tests", path)?, &self.set)?);
         }
         let mut names = BTreeSet::new();
         for case in &cases {

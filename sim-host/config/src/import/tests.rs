@@ -1,10 +1,12 @@
 use std::fmt::Write as _;
 use std::fs;
+use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use serde::Deserialize;
 use tempfile::TempDir;
 
-use crate::{ConfigError, Document};
+use crate::{ConfigError, Document, Library};
 
 /// Something to decode: a mapping, a list, a choice.
 #[derive(Debug, Default, PartialEq, Deserialize)]
@@ -299,4 +301,27 @@ fn symbolic_links_keep_their_meaning() {
     ]);
     std::os::unix::fs::symlink(folder.0.path().join("far/away"), folder.0.path().join("link")).unwrap();
     assert_eq!(folder.shelf(&[]).unwrap().name, "right");
+}
+
+/// Where the library of the test below is.
+static SHELVES: OnceLock<PathBuf> = OnceLock::new();
+
+#[test]
+fn a_file_of_the_library_is_imported_from_anywhere() {
+    let shelves = tempfile::tempdir().unwrap();
+    SHELVES.get_or_init(|| shelves.path().to_owned());
+    let folder = || SHELVES.get().cloned().ok_or_else(|| "no shelves".to_owned());
+    let shelves = shelves.path();
+    fs::create_dir_all(shelves.join("parts")).unwrap();
+    fs::write(shelves.join("oak.yaml"), "import: parts/size.yaml\nname: oak\n").unwrap();
+    fs::write(shelves.join("parts/size.yaml"), "size: { wide: 2.0, high: 3.0 }\n").unwrap();
+    Library { name: "shop", folder }.install();
+    let main = Folder::with(&[("main.yaml", "import: shop:oak.yaml\nsize: { wide: 4.0 }\n")]);
+    let shelf = main.shelf(&[]).unwrap();
+    assert_eq!((shelf.name.as_str(), shelf.size), ("oak", Size { wide: 4.0, high: 3.0 }));
+    let missing = Folder::with(&[("main.yaml", "import: shop:elm.yaml\n")]).shelf(&[]).unwrap_err();
+    assert!(missing.contains("elm.yaml"), "{missing}");
+    // A file beside it may have a colon in its name.
+    let beside = Folder::with(&[("main.yaml", "import: 'store:a.yaml'\n"), ("store:a.yaml", "name: ash\n")]);
+    assert_eq!(beside.shelf(&[]).unwrap().name, "ash");
 }

@@ -1,7 +1,7 @@
 //! A recorded flight and the world in which it is looked at.
 
 use kestrel_core::attitude::Attitude;
-use kestrel_sim::camera::{Image, Mover, Scene};
+use kestrel_sim::camera::{Image, Mover, Scene, View};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::world::{Floor, Pose, Role, Shape, Solid, World};
 use nalgebra::Vector3;
@@ -113,6 +113,18 @@ impl RecordedScene {
         scene
     }
 
+    /// What the camera of a drone sees at a time since the start \[s\], and from where, in an image of so many columns and rows
+    /// with an angle of view across \[rad\].
+    ///
+    /// # Panics
+    /// When there is no such drone.
+    pub fn on_board(&self, drone: usize, secs: f32, size: [usize; 2], view_angle: f64) -> (View, Image) {
+        let moment = self.moment(secs.clamp(0.0, self.secs()));
+        let view = on_board(self, &moment.drones[drone].placement);
+        let image = self.seen(&moment, drone).render(&camera(size, view_angle), &view);
+        (view, image)
+    }
+
     /// The world without drones, where movables start.
     pub(crate) fn still(&self) -> &Scene {
         &self.seen
@@ -122,9 +134,8 @@ impl RecordedScene {
     pub(crate) fn depth_scale(&self, drone: usize, view_angle: f64) -> DepthScale {
         let images: Vec<Image> = sampled(self.moments.len())
             .map(|index| {
-                let moment = &self.moments[index];
-                let view = on_board(self, &moment.drones[drone].placement);
-                self.seen(moment, drone).render(&camera([64, 48], view_angle), &view)
+                let secs = self.moments[index].elapsed_secs;
+                self.on_board(drone, secs, [64, 48], view_angle).1
             })
             .collect();
         DepthScale::of(&images)

@@ -251,14 +251,8 @@ fn odd_files_are_refused() {
 #[test]
 fn absent_files_and_directories_are_refused() {
     let message = |path: &str| load(Path::new(path), &[]).unwrap_err().to_string();
-    assert_eq!(
-        message("no/such.yaml"),
-        "no/such.yaml: found no such file, expected a configuration, such as configs/hover.yaml"
-    );
-    assert_eq!(
-        message("src"),
-        "src: found a directory, expected a configuration file, such as configs/hover.yaml"
-    );
+    assert_eq!(message("no/such.yaml"), "no/such.yaml: found no such file, expected a configuration (.yaml)");
+    assert_eq!(message("src"), "src: found a directory, expected a configuration file (.yaml)");
 }
 
 #[test]

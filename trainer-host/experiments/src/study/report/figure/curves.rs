@@ -1,13 +1,12 @@
 //! Learning curves: what test flights achieve while a task is being trained.
 
-use super::panel::{Axis, Panel};
-use super::style::{INK, MUTED, colour, pen};
-use super::{MARGIN, TOP, titled, width_of, wrapped};
 use crate::statistics::sample::Sample;
 use crate::study::data::{MethodKind, Run, StudyData};
 use crate::study::report::score::{after, episode_return, success};
 use crate::study::rows::CurveRow;
-use kestrel_draw::curve::with_unit;
+use kestrel_draw::chart::{
+    Axis, INK, MARGIN, MUTED, Panel, TOP, colour, pen, titled, width_of, with_unit, wrapped,
+};
 use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
 
 /// Places along the budget at which the runs are compared.

@@ -1,10 +1,8 @@
 //! Final success of every method with its interval.
 
-use super::panel::{Axis, Panel};
-use super::style::{INK, MUTED, PAPER, colour};
-use super::{MARGIN, TOP, titled, width_of};
 use crate::study::data::StudyData;
 use crate::study::report::summary::{MethodSummary, Summary};
+use kestrel_draw::chart::{Axis, INK, MARGIN, MUTED, PAPER, Panel, TOP, colour, titled, width_of};
 use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
 
 const ROW: f64 = 40.0;

@@ -1,11 +1,10 @@
 //! Success in every task after every stage, as shades.
 
-use super::style::{INK, MUTED, PAPER, on_shade, shade};
-use super::{MARGIN, TOP, titled, width_of, wrapped};
 use crate::statistics::bootstrap::Estimate;
 use crate::study::data::{MethodKind, StudyData};
 use crate::study::report::summary::Summary;
-use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
+use kestrel_draw::chart::{INK, MARGIN, MUTED, PAPER, TOP, titled, width_of, wrapped};
+use kestrel_draw::drawing::{Anchor, Colour, Drawing, Pen, Text};
 
 /// Greatest width of the picture \[px\].
 const WIDTH: f64 = 1100.0;
@@ -131,4 +130,19 @@ impl Matrix<'_> {
         let pen = Pen::solid(INK, 2.0);
         drawing.path(vec![[left, top], [right, top], [right, bottom]], pen);
     }
+}
+
+/// From white at 0 to dark blue at 1: one hue, told apart by lightness.
+fn shade(share: f64) -> Colour {
+    let (light, dark) = ([0xf7, 0xfb, 0xff], [0x08, 0x45, 0x94]);
+    let mix = |index: usize| {
+        let (from, to): (u8, u8) = (light[index], dark[index]);
+        (f64::from(from) + share.clamp(0.0, 1.0) * (f64::from(to) - f64::from(from))).round() as u8
+    };
+    Colour([mix(0), mix(1), mix(2)])
+}
+
+/// Readable on [`shade`].
+fn on_shade(share: f64) -> Colour {
+    if share > 0.55 { PAPER } else { INK }
 }

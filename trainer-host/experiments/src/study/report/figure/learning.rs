@@ -1,13 +1,11 @@
 //! How soon a task is learned: Kaplan–Meier estimates.
 
-use super::panel::{Axis, Panel};
-use super::style::{INK, colour, pen};
-use super::{MARGIN, TOP, legend, titled};
 use crate::statistics::bootstrap::percentile_interval;
 use crate::statistics::survival::{Durations, SurvivalCurve};
 use crate::study::data::StudyData;
 use crate::study::report::summary::Summary;
 use crate::study::report::threshold::{Learning, anybody_got_there};
+use kestrel_draw::chart::{Axis, INK, MARGIN, Panel, TOP, colour, legend, pen, titled};
 use kestrel_draw::drawing::{Anchor, Drawing, Text};
 
 /// Repetitions of the bands.
@@ -32,7 +30,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary, learnings: &[Learning]) 
     let mut drawing = titled(2.0 * (MARGIN + 52.0 + PANEL[0]) + MARGIN, &title, about);
     let label = |learning: &Learning| data.manifest.methods[learning.method].label.as_str();
     let entries = learnings.iter().map(|learning| (learning.method, label(learning)));
-    let top = legend::draw(&mut drawing, entries, TOP + 8.0) + 40.0;
+    let top = legend(&mut drawing, entries, TOP + 8.0) + 40.0;
     for (index, task) in data.manifest.tasks.iter().enumerate() {
         let [column, row] = [index % 2, index / 2].map(|place| place as f64);
         let panel = Panel {

@@ -1,12 +1,10 @@
 //! Bytes against retention.
 
-use super::panel::{Axis, Panel};
-use super::style::{GRID, INK, MUTED, PAPER, colour};
-use super::{MARGIN, TOP, titled, width_of};
 use crate::statistics::bootstrap::Estimate;
 use crate::study::data::{Method, MethodKind, StudyData};
 use crate::study::report::notation::bytes;
 use crate::study::report::summary::{MethodSummary, Summary};
+use kestrel_draw::chart::{Axis, GRID, INK, MARGIN, MUTED, PAPER, Panel, TOP, colour, titled, width_of};
 use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
 
 const LABEL: f64 = 14.0;

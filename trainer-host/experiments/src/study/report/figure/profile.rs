@@ -1,12 +1,10 @@
 //! Performance profiles: how many runs are at least how good.
 
-use super::panel::{Axis, Panel};
-use super::style::{colour, pen};
-use super::{MARGIN, TOP, legend, titled};
 use crate::statistics::bootstrap::percentile_interval;
 use crate::statistics::sample::Sample;
 use crate::study::data::StudyData;
 use crate::study::report::summary::{Summary, final_success};
+use kestrel_draw::chart::{Axis, MARGIN, Panel, TOP, colour, legend, pen, titled};
 use kestrel_draw::drawing::Drawing;
 
 /// Thresholds between 0 and 1 at which shares are counted.
@@ -24,7 +22,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
         "Share of runs and tasks whose final success exceeds what the horizontal axis says. Higher is better.";
     let mut drawing = titled(980.0, "Performance profile", about);
     let label = |method: usize| data.manifest.methods[method].label.as_str();
-    let top = legend::draw(&mut drawing, samples.iter().map(|(method, _)| (*method, label(*method))), TOP + 8.0);
+    let top = legend(&mut drawing, samples.iter().map(|(method, _)| (*method, label(*method))), TOP + 8.0);
     let panel = Panel {
         left: MARGIN + 56.0,
         top: top + 40.0,

@@ -1,11 +1,9 @@
 //! What is left of all tasks so far, as their number grows.
 
-use super::panel::{Axis, Panel};
-use super::style::{colour, pen};
-use super::{MARGIN, TOP, legend, titled};
 use crate::statistics::bootstrap::Estimate;
 use crate::study::data::StudyData;
 use crate::study::report::summary::{MethodSummary, Summary};
+use kestrel_draw::chart::{Axis, MARGIN, Panel, TOP, colour, legend, pen, titled};
 use kestrel_draw::drawing::Drawing;
 
 /// Two tasks are a line between two points, which a table says as well.
@@ -26,7 +24,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
     let mut drawing = titled(980.0, "Success in the tasks learned so far", about);
     let label = |method: usize| data.manifest.methods[method].label.as_str();
     let entries = sequences.iter().map(|(method, _)| (*method, label(*method)));
-    let top = legend::draw(&mut drawing, entries, TOP + 8.0);
+    let top = legend(&mut drawing, entries, TOP + 8.0);
     let panel = Panel {
         left: MARGIN + 56.0,
         top: top + 40.0,
