@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Clients that others wrote fly a policy as they are published, and its true state is judged: pymavlink, MAVSDK 3 and 4,
-# MAVProxy, and cflib for the Crazyflie's own protocol.
+# MAVProxy, and cflib and cfclient for the Crazyflie's own protocol.
 #
 #   tests/clients.sh [KESTREL [POLICY]]
 #
@@ -42,7 +42,7 @@ tell() { # NAME CLIENT: what became of its checks, and all that it said if one f
 }
 
 declare -A needs=([venv]=requirements [venv-mavsdk3]=mavsdk3-requirements [venv-mavsdk4]=mavsdk4-requirements
-  [venv-mavproxy]=mavproxy-requirements [venv-cflib]=crtp-requirements)
+  [venv-mavproxy]=mavproxy-requirements [venv-cflib]=crtp-requirements [venv-cfclient]=cfclient-requirements)
 for environment in "${!needs[@]}"; do
   check "packages of target/$environment" \
     python_environment "target/$environment" "tests/python/${needs[$environment]}.txt"
@@ -57,6 +57,8 @@ fly mavsdk4 venv-mavsdk4 &
 fly mavproxy venv-mavproxy &
 fly crtp venv-cflib &
 wait
+# It looks for drones where the one before is.
+fly cfclient venv-cfclient
 
 tell fly "pymavlink"
 tell signing "pymavlink, with a key"
@@ -64,4 +66,5 @@ tell mavsdk3 "MAVSDK 3"
 tell mavsdk4 "MAVSDK 4"
 tell mavproxy "MAVProxy"
 tell crtp "cflib"
+tell cfclient "cfclient"
 summary

@@ -92,9 +92,9 @@ pub const TABLE: [CrtpParameter; COUNT] = [
     CrtpParameter::set("locSrv", "extQuatStdDev", Float, 0.0045),
     CrtpParameter::set("supervisor", "tmblChckEn", U8, 1.0),
     CrtpParameter::set("led", "bitmask", U8, 0.0),
-    // The vehicle knows its velocity and its position, as with these two decks.
+    // The vehicle knows where it is and how it moves, as with this deck. Not with a Lighthouse: cfclient reads its memories.
     CrtpParameter::fact("deck", "bcFlow2", U8, 1.0),
-    CrtpParameter::fact("deck", "bcLighthouse4", U8, 1.0),
+    CrtpParameter::fact("deck", "bcLighthouse4", U8, 0.0),
     CrtpParameter::fact("deck", "bcFlow", U8, 0.0),
     CrtpParameter::fact("deck", "bcZRanger", U8, 0.0),
     CrtpParameter::fact("deck", "bcZRanger2", U8, 0.0),

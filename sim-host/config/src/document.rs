@@ -9,7 +9,7 @@ use serde_yaml::{Error as YamlError, Location, Options};
 use crate::error::{ConfigError, Place, Source};
 use crate::field::Field;
 use crate::import::{IMPORT, Imports};
-use crate::node::{Node, Parsed, Value, either, place, raised};
+use crate::node::{Entry, Node, Parsed, Value, either, place, raised};
 use crate::notation::{Notations, Yaml, tree_of};
 use crate::text::{Unreadable, read_text};
 
@@ -91,7 +91,8 @@ impl<N: Notations> Document<N> {
         Err(ConfigError::at(&version.place, "version", &version.value, expected))
     }
 
-    /// Applies one override, `training.epochs=3`: a dotted path (list items by index, from zero) and a YAML value.
+    /// Applies one override, `training.epochs=3`: a dotted path and a YAML value. Items of a list are called by their index,
+    /// from zero, or by their name: `scenario.rewards.proximity.weight=2`.
     ///
     /// `scenario.aviary.import=PATH` replaces the file that is imported there and keeps what was laid over it; the path
     /// is relative to the configuration.
@@ -268,6 +269,33 @@ fn target<'a>(root: &'a mut Node, steps: &[&str], place: &Place) -> Result<&'a m
     Ok(target)
 }
 
+/// The one item of a list with this name: what stands below its only key, or the whole item with this `name`.
+fn named<'a>(items: &'a mut [Node], name: &str) -> Option<&'a mut Node> {
+    let is_called = |entry: &Entry| entry.key == "name" && entry.node.value == Value::Text(name.to_owned());
+    let mut found = None;
+    for item in items {
+        let whole = matches!(&item.value, Value::Mapping(entries) if entries.iter().any(is_called));
+        let below = match &mut item.value {
+            Value::Mapping(entries) if !whole => match entries.as_mut_slice() {
+                [only] if only.key == name => &mut only.node,
+                _ => continue,
+            },
+            Value::Mapping(_) => item,
+            Value::Nothing
+            | Value::Truth(_)
+            | Value::Whole(_)
+            | Value::Number(..)
+            | Value::Text(_)
+            | Value::List(_) => continue,
+        };
+        // Of two that are called the same nobody knows which is meant.
+        if found.replace(below).is_some() {
+            return None;
+        }
+    }
+    found
+}
+
 /// The child at `step`, made if `node` is a mapping or nothing; otherwise what was found and expected.
 fn descend<'a>(node: &'a mut Node, step: &str, place: &Place) -> Result<&'a mut Node, (String, String)> {
     let found = node.value.to_string();
@@ -277,11 +305,59 @@ fn descend<'a>(node: &'a mut Node, step: &str, place: &Place) -> Result<&'a mut 
     match &mut node.value {
         Value::Mapping(entries) => Ok(raised(entries, step, place)),
         Value::List(items) => {
-            let expected = format!("an index below {} instead of `{step}`", items.len());
-            step.parse::<usize>().ok().and_then(|index| items.get_mut(index)).ok_or((found, expected))
+            let expected = format!("an index below {}, or the name of one, instead of `{step}`", items.len());
+            let item = match step.parse::<usize>() {
+                Ok(index) => items.get_mut(index),
+                Err(_) => named(items, step),
+            };
+            item.ok_or((found, expected))
         }
         Value::Nothing | Value::Truth(_) | Value::Whole(_) | Value::Number(..) | Value::Text(_) => {
             Err((found, format!("keys, of which one is {}", either(&[step], "or"))))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    const SHOP: &str = "
+shelves:
+  - oak: { wide: 1 }
+  - elm: { wide: 2 }
+  - elm: { wide: 3 }
+  - { name: ash, wide: 4 }
+";
+
+    #[derive(Debug, Default, PartialEq, serde::Deserialize)]
+    #[serde(default)]
+    struct Item {
+        oak: BTreeMap<String, u32>,
+        elm: BTreeMap<String, u32>,
+        name: String,
+        wide: u32,
+    }
+
+    fn shop(assignment: &str) -> Result<Vec<Item>, ConfigError> {
+        let mut shop: Document = Document::parse("shop.yaml", SHOP)?;
+        shop.set(assignment)?;
+        Ok(shop.decode::<BTreeMap<String, Vec<Item>>>()?.remove("shelves").unwrap_or_default())
+    }
+
+    #[test]
+    fn items_of_a_list_are_called_by_index_or_by_name() {
+        let by = |key: &str| shop(&format!("shelves.{key}.wide=9")).unwrap();
+        assert_eq!(by("oak"), by("0.oak"));
+        assert_eq!(by("ash"), by("3"));
+        assert_eq!((by("oak")[0].oak["wide"], by("ash")[3].wide), (9, 9));
+        let expected = "found a list of 4 at `shelves`, expected an index below 4, or the name of one, instead of";
+        // Two are called elm, and nothing fir.
+        for name in ["elm", "fir", "4"] {
+            let said = shop(&format!("shelves.{name}.wide=9")).unwrap_err().to_string();
+            assert!(said.ends_with(&format!("{expected} `{name}`")), "{said}");
         }
     }
 }

@@ -30,7 +30,7 @@ pub(crate) enum TaskFlightError {
         /// Name of the task.
         task: String,
         /// What differs.
-        differing: &'static str,
+        differing: String,
     },
     /// Nobody of that name.
     #[error("found the pilot \"{0}\", expected policy, scripted or nothing")]
