@@ -269,31 +269,31 @@ fn target<'a>(root: &'a mut Node, steps: &[&str], place: &Place) -> Result<&'a m
     Ok(target)
 }
 
-/// The one item of a list with this name: what stands below its only key, or the whole item with this `name`.
+/// The one item of a list with this name: what stands below its only key, or the whole item with this `name`. Of two that
+/// are called the same nobody knows which is meant.
 fn named<'a>(items: &'a mut [Node], name: &str) -> Option<&'a mut Node> {
-    let is_called = |entry: &Entry| entry.key == "name" && entry.node.value == Value::Text(name.to_owned());
-    let mut found = None;
-    for item in items {
-        let whole = matches!(&item.value, Value::Mapping(entries) if entries.iter().any(is_called));
-        let below = match &mut item.value {
-            Value::Mapping(entries) if !whole => match entries.as_mut_slice() {
-                [only] if only.key == name => &mut only.node,
-                _ => continue,
-            },
-            Value::Mapping(_) => item,
-            Value::Nothing
+    let mut called = items.iter_mut().filter_map(|item| {
+        let whole = matches!(&item.value, Value::Mapping(entries) if has_name(entries, name));
+        if whole {
+            return Some(item);
+        }
+        match &mut item.value {
+            Value::Mapping(entries) if entries.len() == 1 && entries[0].key == name => Some(&mut entries[0].node),
+            Value::Mapping(_)
+            | Value::Nothing
             | Value::Truth(_)
             | Value::Whole(_)
             | Value::Number(..)
             | Value::Text(_)
-            | Value::List(_) => continue,
-        };
-        // Of two that are called the same nobody knows which is meant.
-        if found.replace(below).is_some() {
-            return None;
+            | Value::List(_) => None,
         }
-    }
-    found
+    });
+    let only = called.next();
+    if called.next().is_some() { None } else { only }
+}
+
+fn has_name(entries: &[Entry], name: &str) -> bool {
+    entries.iter().any(|entry| entry.key == "name" && entry.node.value == Value::Text(name.to_owned()))
 }
 
 /// The child at `step`, made if `node` is a mapping or nothing; otherwise what was found and expected.

@@ -158,7 +158,7 @@ fn crc32c(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), |crc, _| shift(crc)))
 }
 
-/// Name of this machine, as TensorBoard has it in the names of files.
+/// Name of this machine, as `TensorBoard` has it in the names of files.
 #[cfg(not(target_family = "wasm"))]
 fn host() -> String {
     gethostname::gethostname().to_string_lossy().replace(['/', '\\'], "-")

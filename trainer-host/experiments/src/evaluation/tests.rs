@@ -162,7 +162,7 @@ fn an_exported_policy_flies_as_the_actor_does_and_by_what_it_sees() {
     let exported = export_seeing(&seeing_actor, &metadata("seeing", &scenario), calibration).expect("it fits");
     let policies = [&exported.float_policy, &exported.fixed_policy].map(|file| Policy::parse(file).unwrap());
     assert_eq!(policies[0].differing(&scenario), None);
-    assert_eq!(policies[0].differing(&Scenario { camera: None, ..scenario.clone() }), Some("camera"));
+    assert_eq!(policies[0].differing(&Scenario { camera: None, ..scenario.clone() }).as_deref(), Some("camera"));
     let flown = |flyer| evaluate(&scenario, flyer, starts(6)).episode_return;
     let trained = flown(Flyer::Actor(&actor));
     let errors = [&policies[0], &policies[1]].map(|policy| (flown(Flyer::Policy(policy)) - trained).abs());
