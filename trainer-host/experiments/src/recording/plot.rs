@@ -1,7 +1,7 @@
 //! A recording as plots over time: what the drone did, what its pilot commanded, what that paid.
 
 use kestrel_core::attitude::Attitude;
-use kestrel_draw::chart::{Axis, INK, MARGIN, Panel, TOP, pen, titled};
+use kestrel_draw::chart::{Axis, INK, MARGIN, Panel, TOP, legend, pen, titled};
 use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
 
 use super::{Moment, Recording, Track};
@@ -15,6 +15,9 @@ const HEIGHT: f64 = 130.0;
 const NUMBERS: f64 = 60.0;
 const ABOVE: f64 = 36.0;
 const BELOW: f64 = 26.0;
+
+/// So many lines are named beside a panel's name, more below it.
+const BESIDE: usize = 4;
 
 /// A panel: its name with the unit, and lines with their labels.
 struct Signal {
@@ -43,7 +46,7 @@ impl Recording {
         for signal in self.signals(track) {
             let panel = Panel {
                 left: MARGIN + NUMBERS,
-                top: top + ABOVE,
+                top: signal.draw_names(&mut drawing, top),
                 width: WIDTH - NUMBERS - 2.0 * MARGIN,
                 height: HEIGHT,
                 x: Axis::numbers([0.0, secs.max(control_secs)], 10.0),
@@ -101,10 +104,19 @@ impl Signal {
         Axis::around(values.copied(), 4.0)
     }
 
+    /// Draws its name, and those of its lines where they are too many to stand beside it; returns where its panel begins.
+    fn draw_names(&self, drawing: &mut Drawing, top: f64) -> f64 {
+        let at = [MARGIN + NUMBERS, top + ABOVE - 14.0];
+        drawing.text(Text { at, words: self.name.to_owned(), size: 15.0, colour: INK, anchor: Anchor::Start });
+        if self.lines.len() <= BESIDE {
+            return top + ABOVE;
+        }
+        let labels = self.lines.iter().enumerate().map(|(index, (label, _))| (index, label.as_str()));
+        legend(drawing, labels, top + ABOVE + 8.0) + 8.0
+    }
+
     fn draw(&self, drawing: &mut Drawing, panel: &Panel, step_secs: f64) {
         panel.draw_axes(drawing);
-        let at = [panel.left, panel.top - 14.0];
-        drawing.text(Text { at, words: self.name.to_owned(), size: 15.0, colour: INK, anchor: Anchor::Start });
         for (index, level) in self.wanted.iter().enumerate() {
             let goal = Pen::dashes(pen(index, 1.2).colour, 1.2);
             panel.path(drawing, [[panel.x.low, *level], [panel.x.high, *level]], goal);
@@ -113,8 +125,10 @@ impl Signal {
             let points = values.iter().enumerate().filter(|(_, value)| value.is_finite());
             panel.path(drawing, points.map(|(step, value)| [step as f64 * step_secs, *value]), pen(index, 1.8));
         }
-        let labels = self.lines.iter().enumerate();
-        panel.name_lines(drawing, labels.map(|(index, (label, _))| (label.as_str(), pen(index, 1.8))));
+        if self.lines.len() <= BESIDE {
+            let labels = self.lines.iter().enumerate();
+            panel.name_lines(drawing, labels.map(|(index, (label, _))| (label.as_str(), pen(index, 1.8))));
+        }
     }
 }
 
