@@ -58,7 +58,7 @@ impl Kind {
             (&["methods", "orders"][..], Self::Study),
             (&["space", "study"], Self::Search),
             (&["flights"], Self::Tests),
-            (&["solids"], Self::World),
+            (&["goal_m", "solids", "furniture", "rooms"], Self::World),
             (&["mass_kg"], Self::Airframe),
             (&["scenario", "tasks"], Self::Task),
         ];

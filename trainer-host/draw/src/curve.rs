@@ -8,7 +8,7 @@ use crate::drawing::{Anchor, Colour, Drawing, Pen, Text};
 /// Width of the picture, space for numbers left of a panel, and below and above it \[px\].
 const WIDTH: f64 = 900.0;
 const NUMBERS: f64 = 60.0;
-const BELOW: f64 = 66.0;
+const BELOW: f64 = 54.0;
 const ABOVE: f64 = 36.0;
 
 /// Heights of the panels: the return shows more detail than the success rate \[px\].
@@ -82,7 +82,9 @@ pub fn learning_curve(title: &str, points: &[CurvePoint], baseline: Option<&Curv
         draw_times(&mut drawing, &panel, points);
         top = panel.bottom() + BELOW;
     }
-    drawing.extend_to(top);
+    let words = "environment steps, time of training".to_owned();
+    drawing.text(Text { at: [WIDTH - MARGIN, top + 2.0], words, size: 14.0, colour: MUTED, anchor: Anchor::End });
+    drawing.extend_to(top + 18.0);
     drawing
 }
 
@@ -190,7 +192,6 @@ fn summary(points: &[CurvePoint], returns: &Series, successes: &Series) -> Strin
 
 fn draw_panel(drawing: &mut Drawing, panel: &Panel, series: &Series) {
     panel.draw_axes(drawing);
-    panel.name_axes(drawing, ["environment steps, time of training", ""]);
     draw_series(drawing, panel, series);
     draw_tests(drawing, panel, &series.tests);
     let above = panel.top - 14.0;
