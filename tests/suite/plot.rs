@@ -73,7 +73,7 @@ fn draw(drawing: &mut Drawing, panel: &Panel, [left, top]: [f64; 2]) {
         drawing.text(words([left + 34.0, y + 5.0], &line.name, 14.0));
     }
     let points = || panel.lines.iter().flat_map(|line| &line.points);
-    let axes = kestrel_draw::chart::Panel {
+    let axes = kestrel_draw::chart::Axes {
         left,
         top,
         width: PANEL[0],

@@ -1,13 +1,13 @@
 //! Charts on a [`Drawing`]: a heading, panels with axes, lines and bands, and a legend.
 
+mod axes;
 mod legend;
 mod number;
-mod panel;
 mod style;
 
+pub use axes::{Axes, Axis};
 pub use legend::legend;
 pub use number::{amount, with_unit};
-pub use panel::{Axis, Panel};
 pub use style::{GRID, INK, MUTED, PAPER, colour, faded, pen};
 
 use crate::drawing::{Anchor, Drawing, Text};

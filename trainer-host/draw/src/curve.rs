@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use crate::chart::{Axis, INK, MARGIN, MUTED, PAPER, Panel, TOP, amount, colour, faded, titled};
+use crate::chart::{Axes, Axis, INK, MARGIN, MUTED, PAPER, TOP, amount, colour, faded, titled};
 use crate::drawing::{Anchor, Colour, Drawing, Pen, Text};
 
 /// Width of the picture, space for numbers left of a panel, and below and above it \[px\].
@@ -67,7 +67,7 @@ pub fn learning_curve(title: &str, points: &[CurvePoint], baseline: Option<&Curv
     let mut drawing = titled(WIDTH, title, &summary(points, &returns, &successes));
     let mut top = TOP + 10.0;
     for (series, height) in [(&returns, RETURN_HEIGHT), (&successes, SUCCESS_HEIGHT)] {
-        let panel = Panel {
+        let panel = Axes {
             left: MARGIN + NUMBERS,
             top: top + ABOVE,
             width: WIDTH - NUMBERS - 2.0 * MARGIN,
@@ -88,7 +88,7 @@ pub fn learning_curve(title: &str, points: &[CurvePoint], baseline: Option<&Curv
     drawing
 }
 
-fn draw_baseline(drawing: &mut Drawing, panel: &Panel, series: &Series, baseline: &CurveBaseline) {
+fn draw_baseline(drawing: &mut Drawing, panel: &Axes, series: &Series, baseline: &CurveBaseline) {
     let Some(level) = series.baseline else { return };
     panel.path(drawing, [[panel.x.low, level], [panel.x.high, level]], Pen::dashes(MUTED, 1.5));
     let [right, height] = panel.at([panel.x.high, level]);
@@ -97,7 +97,7 @@ fn draw_baseline(drawing: &mut Drawing, panel: &Panel, series: &Series, baseline
 }
 
 /// Below the steps: how long the training had taken by then.
-fn draw_times(drawing: &mut Drawing, panel: &Panel, points: &[CurvePoint]) {
+fn draw_times(drawing: &mut Drawing, panel: &Axes, points: &[CurvePoint]) {
     for (steps, _) in panel.x.ticks.iter().filter(|(steps, _)| *steps > 0.0) {
         let reached = points.iter().find(|point| point.steps as f64 >= 0.999 * steps);
         if let Some(secs) = reached.and_then(|point| point.training_secs) {
@@ -190,7 +190,7 @@ fn summary(points: &[CurvePoint], returns: &Series, successes: &Series) -> Strin
     }
 }
 
-fn draw_panel(drawing: &mut Drawing, panel: &Panel, series: &Series) {
+fn draw_panel(drawing: &mut Drawing, panel: &Axes, series: &Series) {
     panel.draw_axes(drawing);
     draw_series(drawing, panel, series);
     draw_tests(drawing, panel, &series.tests);
@@ -204,7 +204,7 @@ fn draw_panel(drawing: &mut Drawing, panel: &Panel, series: &Series) {
 }
 
 /// Points with their intervals, and a ring around the policy that is kept.
-fn draw_tests(drawing: &mut Drawing, panel: &Panel, tests: &[TestPoint]) {
+fn draw_tests(drawing: &mut Drawing, panel: &Axes, tests: &[TestPoint]) {
     for TestPoint { steps, value, interval: [low, high], kept } in tests {
         let centre = panel.at([*steps, *value]);
         panel.path(drawing, [[*steps, *low], [*steps, *high]], Pen::solid(INK, 1.2));
@@ -215,7 +215,7 @@ fn draw_tests(drawing: &mut Drawing, panel: &Panel, tests: &[TestPoint]) {
     }
 }
 
-fn draw_series(drawing: &mut Drawing, panel: &Panel, series: &Series) {
+fn draw_series(drawing: &mut Drawing, panel: &Axes, series: &Series) {
     let smoothed = series.smoothed();
     let Some(&last) = smoothed.last() else { return };
     let below: Vec<[f64; 3]> = smoothed.iter().map(|&[steps, value]| [steps, panel.y.low, value]).collect();

@@ -1,6 +1,6 @@
 //! Errors of predictions over the time that they look ahead: a panel each signal, a line each model.
 
-use crate::chart::{Axis, INK, MARGIN, MUTED, Panel, TOP, colour, titled};
+use crate::chart::{Axes, Axis, INK, MARGIN, MUTED, TOP, colour, titled};
 use crate::drawing::{Anchor, Colour, Drawing, Pen, Text};
 
 /// Width of the picture and height of a panel \[px\].
@@ -37,7 +37,7 @@ fn draw_panel(drawing: &mut Drawing, shown: &HorizonPanel, step_secs: f64, top: 
     let steps = shown.models.iter().map(|(_, errors)| errors.len()).max().unwrap_or(0).max(1);
     let errors = shown.models.iter().flat_map(|(_, errors)| errors);
     let most = errors.copied().filter(|error| error.is_finite()).fold(0.0, f64::max).max(1e-9);
-    let panel = Panel {
+    let panel = Axes {
         left: MARGIN + NUMBERS,
         top: top + ABOVE,
         width: WIDTH - NUMBERS - 2.0 * MARGIN,

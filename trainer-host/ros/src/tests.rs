@@ -20,7 +20,7 @@ struct Stamped {
 
 fn flown(task: &str) -> (Recording, Experiment) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(task);
-    let experiment = experiment_config::load(&path, &["scenario.episode_secs=1".to_owned()]).unwrap();
+    let experiment = experiment_config::load(&path, &[]).unwrap();
     (record_pilot(&experiment, Flyer::Scripted), experiment)
 }
 

@@ -1,7 +1,7 @@
 //! A recording as plots over time: what the drone did, what its pilot commanded, what that paid.
 
 use kestrel_core::attitude::Attitude;
-use kestrel_draw::chart::{Axis, INK, MARGIN, Panel, TOP, legend, pen, titled};
+use kestrel_draw::chart::{Axes, Axis, INK, MARGIN, TOP, legend, pen, titled};
 use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
 
 use super::{Moment, Recording, Track};
@@ -44,7 +44,7 @@ impl Recording {
         let mut drawing = titled(WIDTH, &format!("{}: {}", experiment.name, self.pilot), &about);
         let mut top = TOP;
         for signal in self.signals(track) {
-            let panel = Panel {
+            let panel = Axes {
                 left: MARGIN + NUMBERS,
                 top: signal.draw_names(&mut drawing, top),
                 width: WIDTH - NUMBERS - 2.0 * MARGIN,
@@ -115,7 +115,7 @@ impl Signal {
         legend(drawing, labels, top + ABOVE + 8.0) + 8.0
     }
 
-    fn draw(&self, drawing: &mut Drawing, panel: &Panel, step_secs: f64) {
+    fn draw(&self, drawing: &mut Drawing, panel: &Axes, step_secs: f64) {
         panel.draw_axes(drawing);
         for (index, level) in self.wanted.iter().enumerate() {
             let goal = Pen::dashes(pen(index, 1.2).colour, 1.2);

@@ -2,7 +2,7 @@
 
 use super::expected_best;
 use crate::search::{Search, Trial};
-use kestrel_draw::chart::{Axis, INK, MARGIN, Panel, TOP, colour, titled};
+use kestrel_draw::chart::{Axes, Axis, INK, MARGIN, TOP, colour, titled};
 use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
 
 /// Width and height of a panel \[px\].
@@ -18,9 +18,9 @@ const FOUND: usize = 0;
 const RANDOM: usize = 1;
 
 /// A panel for objectives of the trials, in a column and row; to the right are shares, with words at some of them.
-fn panel([column, row]: [usize; 2], trials: &[Trial], ticks: Vec<(f64, String)>) -> Panel {
+fn panel([column, row]: [usize; 2], trials: &[Trial], ticks: Vec<(f64, String)>) -> Axes {
     let [width, height] = PANEL;
-    Panel {
+    Axes {
         left: MARGIN + NUMBERS + column as f64 * (width + NUMBERS + MARGIN),
         top: TOP + ABOVE + row as f64 * (ABOVE + height + BELOW),
         width,
@@ -31,7 +31,7 @@ fn panel([column, row]: [usize; 2], trials: &[Trial], ticks: Vec<(f64, String)>)
 }
 
 /// Axes, and what the panel shows.
-fn draw(panel: &Panel, drawing: &mut Drawing, title: &str) {
+fn draw(panel: &Axes, drawing: &mut Drawing, title: &str) {
     panel.draw_axes(drawing);
     let at = [panel.left, panel.top - 14.0];
     drawing.text(Text { at, words: title.to_owned(), size: 14.0, colour: INK, anchor: Anchor::Start });

@@ -5,7 +5,7 @@ use crate::study::data::{MethodKind, Run, StudyData};
 use crate::study::report::score::{after, episode_return, success};
 use crate::study::rows::CurveRow;
 use kestrel_draw::chart::{
-    Axis, INK, MARGIN, MUTED, Panel, TOP, colour, pen, titled, width_of, with_unit, wrapped,
+    Axes, Axis, INK, MARGIN, MUTED, TOP, colour, pen, titled, width_of, with_unit, wrapped,
 };
 use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
 
@@ -170,9 +170,9 @@ impl Grid<'_> {
         self.data.manifest.methods.iter().any(|method| method.kind == MethodKind::Sequential)
     }
 
-    fn panel(&self, [column, row]: [usize; 2]) -> Panel {
+    fn panel(&self, [column, row]: [usize; 2]) -> Axes {
         let steps = Axis::steps(self.limit(), (self.width / 70.0).max(2.0));
-        Panel {
+        Axes {
             left: self.left(column),
             top: Self::top(row),
             width: self.width,
@@ -198,13 +198,13 @@ impl Grid<'_> {
     }
 
     /// A line at the return of doing nothing, where returns are shown.
-    fn draw_nothing(&self, drawing: &mut Drawing, panel: &Panel, nothing: Option<f64>) {
+    fn draw_nothing(&self, drawing: &mut Drawing, panel: &Axes, nothing: Option<f64>) {
         if let Some(level) = nothing.filter(|_| self.quantity == Quantity::Return) {
             panel.path(drawing, [[panel.x.low, level], [panel.x.high, level]], Pen::solid(INK, 1.0));
         }
     }
 
-    fn draw_curves(&self, drawing: &mut Drawing, panel: &Panel, method: usize, curves: &[Vec<&CurveRow>]) {
+    fn draw_curves(&self, drawing: &mut Drawing, panel: &Axes, method: usize, curves: &[Vec<&CurveRow>]) {
         let quartiles = [0.25, 0.75].map(|share| self.quantile(curves, panel, share));
         let [low, high] = &quartiles;
         let band: Vec<[f64; 3]> =
@@ -214,7 +214,7 @@ impl Grid<'_> {
     }
 
     /// What a share of the runs stays below, from the first step of the panel to its last, within its height.
-    fn quantile(&self, curves: &[Vec<&CurveRow>], panel: &Panel, share: f64) -> Vec<[f64; 2]> {
+    fn quantile(&self, curves: &[Vec<&CurveRow>], panel: &Axes, share: f64) -> Vec<[f64; 2]> {
         let quantity = self.quantity.of();
         let places = (0..=PLACES).map(|index| panel.x.high * index as f64 / PLACES as f64);
         let of_run = |steps: f64| curves.iter().map(move |curve| (0, after(curve, steps, quantity)));

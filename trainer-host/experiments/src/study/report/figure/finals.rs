@@ -2,7 +2,7 @@
 
 use crate::study::data::StudyData;
 use crate::study::report::summary::{MethodSummary, Summary};
-use kestrel_draw::chart::{Axis, INK, MARGIN, MUTED, PAPER, Panel, TOP, colour, titled, width_of};
+use kestrel_draw::chart::{Axes, Axis, INK, MARGIN, MUTED, PAPER, TOP, colour, titled, width_of};
 use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
 
 const ROW: f64 = 40.0;
@@ -18,7 +18,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
     let left = MARGIN + labels + 14.0;
     let about = "Mean over seeds, orders and tasks with its 95 % interval (filled); interquartile mean (hollow).";
     let mut drawing = titled(left + PLOT + 48.0, "Success after the last task", about);
-    let panel = Panel {
+    let panel = Axes {
         left,
         top: TOP + 8.0,
         width: PLOT,
@@ -39,7 +39,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
     (!methods.is_empty()).then_some(drawing)
 }
 
-fn draw_estimates(drawing: &mut Drawing, panel: &Panel, method: usize, found: &MethodSummary, y: f64) {
+fn draw_estimates(drawing: &mut Drawing, panel: &Axes, method: usize, found: &MethodSummary, y: f64) {
     let colour = colour(method);
     if let Some(middle) = found.interquartile_mean {
         let centre = panel.at([middle.value, y - 0.2]);
@@ -54,7 +54,7 @@ fn draw_estimates(drawing: &mut Drawing, panel: &Panel, method: usize, found: &M
 }
 
 /// The best of the trivial pilots, averaged over tasks.
-fn draw_baseline(drawing: &mut Drawing, panel: &Panel, data: &StudyData) {
+fn draw_baseline(drawing: &mut Drawing, panel: &Axes, data: &StudyData) {
     let mut pilots: Vec<(&str, f64)> = Vec::new();
     for baseline in &data.manifest.baselines {
         if pilots.iter().all(|(pilot, _)| *pilot != baseline.pilot) {

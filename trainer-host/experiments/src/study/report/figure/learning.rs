@@ -5,7 +5,7 @@ use crate::statistics::survival::{Durations, SurvivalCurve};
 use crate::study::data::StudyData;
 use crate::study::report::summary::Summary;
 use crate::study::report::threshold::{Learning, anybody_got_there};
-use kestrel_draw::chart::{Axis, INK, MARGIN, Panel, TOP, colour, legend, pen, titled};
+use kestrel_draw::chart::{Axes, Axis, INK, MARGIN, TOP, colour, legend, pen, titled};
 use kestrel_draw::drawing::{Anchor, Drawing, Text};
 
 /// Repetitions of the bands.
@@ -33,7 +33,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary, learnings: &[Learning]) 
     let top = legend(&mut drawing, entries, TOP + 8.0) + 40.0;
     for (index, task) in data.manifest.tasks.iter().enumerate() {
         let [column, row] = [index % 2, index / 2].map(|place| place as f64);
-        let panel = Panel {
+        let panel = Axes {
             left: MARGIN + 52.0 + column * (PANEL[0] + 52.0 + MARGIN),
             top: top + row * (PANEL[1] + BELOW),
             width: PANEL[0],
@@ -54,7 +54,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary, learnings: &[Learning]) 
     Some(drawing)
 }
 
-fn draw_learning(drawing: &mut Drawing, panel: &Panel, summary: &Summary, method: usize, durations: &Durations) {
+fn draw_learning(drawing: &mut Drawing, panel: &Axes, summary: &Summary, method: usize, durations: &Durations) {
     let Some(curve) = durations.curve(&summary.few.once()) else { return };
     if durations.units() > 1 {
         let resamples = summary.few.first(REPETITIONS);

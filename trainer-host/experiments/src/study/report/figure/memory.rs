@@ -4,7 +4,7 @@ use crate::statistics::bootstrap::Estimate;
 use crate::study::data::{Method, MethodKind, StudyData};
 use crate::study::report::notation::bytes;
 use crate::study::report::summary::{MethodSummary, Summary};
-use kestrel_draw::chart::{Axis, GRID, INK, MARGIN, MUTED, PAPER, Panel, TOP, colour, titled, width_of};
+use kestrel_draw::chart::{Axes, Axis, GRID, INK, MARGIN, MUTED, PAPER, TOP, colour, titled, width_of};
 use kestrel_draw::drawing::{Anchor, Drawing, Pen, Text};
 
 const LABEL: f64 = 14.0;
@@ -32,7 +32,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
     let about =
         "Bytes kept from task to task beyond the policy. Filled: tasks one after the other; hollow: not so.";
     let mut drawing = titled(980.0, "Memory against success after the last task", about);
-    let panel = Panel {
+    let panel = Axes {
         left: MARGIN + 56.0,
         top: TOP + 36.0,
         width: drawing.width - 2.0 * MARGIN - 80.0,
@@ -85,7 +85,7 @@ fn byte_axis(points: &[Point<'_>]) -> Axis {
     Axis { low: low - 1.3, high: high + 0.2, ticks }
 }
 
-fn draw_point(drawing: &mut Drawing, panel: &Panel, point: &Point<'_>) {
+fn draw_point(drawing: &mut Drawing, panel: &Axes, point: &Point<'_>) {
     let x = place(point.stored_bytes, panel.x.low + 1.3);
     let colour = colour(point.method);
     if let Some([low, high]) = point.interval {
@@ -96,7 +96,7 @@ fn draw_point(drawing: &mut Drawing, panel: &Panel, point: &Point<'_>) {
 }
 
 /// The best success of sequences for at most so many bytes, as corners \[px\].
-fn frontier(panel: &Panel, points: &[Point<'_>]) -> Vec<[f64; 2]> {
+fn frontier(panel: &Axes, points: &[Point<'_>]) -> Vec<[f64; 2]> {
     let mut sequences: Vec<&Point<'_>> = points.iter().filter(|point| point.sequential).collect();
     sequences.sort_by(|first, second| {
         first.stored_bytes.cmp(&second.stored_bytes).then(second.success.total_cmp(&first.success))
@@ -117,7 +117,7 @@ fn frontier(panel: &Panel, points: &[Point<'_>]) -> Vec<[f64; 2]> {
 }
 
 /// Each label at the first place beside its point where nothing stands yet.
-fn draw_labels(drawing: &mut Drawing, panel: &Panel, points: &[Point<'_>], frontier: &[[f64; 2]]) {
+fn draw_labels(drawing: &mut Drawing, panel: &Axes, points: &[Point<'_>], frontier: &[[f64; 2]]) {
     let centre = |point: &Point<'_>| panel.at([place(point.stored_bytes, panel.x.low + 1.3), point.success]);
     let mut taken: Vec<Taken> = frontier.windows(2).map(|side| around(side[0], side[1])).collect();
     for point in points {
@@ -144,7 +144,7 @@ fn draw_labels(drawing: &mut Drawing, panel: &Panel, points: &[Point<'_>], front
     }
 }
 
-fn label_area(panel: &Panel, [x, y]: [f64; 2], width: f64, taken: &[Taken]) -> Taken {
+fn label_area(panel: &Axes, [x, y]: [f64; 2], width: f64, taken: &[Taken]) -> Taken {
     let beside = |left: f64, shift: f64| {
         let middle = y + shift * 2.0 * HALF_LINE;
         [left, middle - HALF_LINE, left + width, middle + HALF_LINE]

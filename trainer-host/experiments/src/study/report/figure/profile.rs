@@ -4,7 +4,7 @@ use crate::statistics::bootstrap::percentile_interval;
 use crate::statistics::sample::Sample;
 use crate::study::data::StudyData;
 use crate::study::report::summary::{Summary, final_success};
-use kestrel_draw::chart::{Axis, MARGIN, Panel, TOP, colour, legend, pen, titled};
+use kestrel_draw::chart::{Axes, Axis, MARGIN, TOP, colour, legend, pen, titled};
 use kestrel_draw::drawing::Drawing;
 
 /// Thresholds between 0 and 1 at which shares are counted.
@@ -23,7 +23,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
     let mut drawing = titled(980.0, "Performance profile", about);
     let label = |method: usize| data.manifest.methods[method].label.as_str();
     let top = legend(&mut drawing, samples.iter().map(|(method, _)| (*method, label(*method))), TOP + 8.0);
-    let panel = Panel {
+    let panel = Axes {
         left: MARGIN + 56.0,
         top: top + 40.0,
         width: drawing.width - 2.0 * MARGIN - 70.0,
@@ -40,7 +40,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
     (!samples.is_empty()).then_some(drawing)
 }
 
-fn draw_profile(drawing: &mut Drawing, panel: &Panel, summary: &Summary, method: usize, sample: &Sample) {
+fn draw_profile(drawing: &mut Drawing, panel: &Axes, summary: &Summary, method: usize, sample: &Sample) {
     let thresholds: Vec<f64> = (0..=THRESHOLDS).map(|index| index as f64 / THRESHOLDS as f64).collect();
     let resamples = summary.few.first(REPETITIONS);
     let profiles: Vec<Vec<f64>> =

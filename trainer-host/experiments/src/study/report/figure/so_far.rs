@@ -3,7 +3,7 @@
 use crate::statistics::bootstrap::Estimate;
 use crate::study::data::StudyData;
 use crate::study::report::summary::{MethodSummary, Summary};
-use kestrel_draw::chart::{Axis, MARGIN, Panel, TOP, colour, legend, pen, titled};
+use kestrel_draw::chart::{Axes, Axis, MARGIN, TOP, colour, legend, pen, titled};
 use kestrel_draw::drawing::Drawing;
 
 /// Two tasks are a line between two points, which a table says as well.
@@ -25,7 +25,7 @@ pub(super) fn draw(data: &StudyData, summary: &Summary) -> Option<Drawing> {
     let label = |method: usize| data.manifest.methods[method].label.as_str();
     let entries = sequences.iter().map(|(method, _)| (*method, label(*method)));
     let top = legend(&mut drawing, entries, TOP + 8.0);
-    let panel = Panel {
+    let panel = Axes {
         left: MARGIN + 56.0,
         top: top + 40.0,
         width: drawing.width - 2.0 * MARGIN - 70.0,
@@ -49,7 +49,7 @@ fn task_axis(tasks: usize) -> Axis {
     Axis { low: 1.0, high: tasks as f64, ticks: ticks.collect() }
 }
 
-fn draw_sequence(drawing: &mut Drawing, panel: &Panel, method: usize, so_far: &[Option<Estimate>]) {
+fn draw_sequence(drawing: &mut Drawing, panel: &Axes, method: usize, so_far: &[Option<Estimate>]) {
     let points = so_far.iter().zip(1_u32..).filter_map(|(found, count)| Some((f64::from(count), (*found)?)));
     let points: Vec<(f64, Estimate)> = points.collect();
     let band: Vec<[f64; 3]> =

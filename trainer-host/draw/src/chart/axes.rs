@@ -25,7 +25,7 @@ pub struct Axis {
 
 /// Where things are drawn; y grows upwards in its coordinates.
 #[derive(Clone, Debug)]
-pub struct Panel {
+pub struct Axes {
     /// \[px\].
     pub left: f64,
     /// \[px\].
@@ -99,7 +99,7 @@ fn round_step(least: f64) -> f64 {
         .unwrap_or(least)
 }
 
-impl Panel {
+impl Axes {
     /// Where a point is \[px\].
     pub fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.left + self.x.share(x) * self.width, self.top + (1.0 - self.y.share(y)) * self.height]
