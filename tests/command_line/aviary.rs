@@ -36,7 +36,8 @@ fn what_cannot_be_drawn_is_said() {
     let place = tempfile::tempdir().unwrap();
     let message = |arguments: &[&str]| refusal(&kestrel(place.path(), arguments));
     assert!(
-        message(&["aviary", "show", "nowhere", "-o", "x.svg"]).contains("nowhere: found no such file or aviary")
+        message(&["aviary", "show", "nowhere", "-o", "x.svg"])
+            .contains("nowhere: found neither a file nor a task")
     );
     assert!(message(&["aviary", "list"]).contains("found no YAML files"));
     assert!(message(&["aviary", "list", "none"]).contains("none: found no folder"));
@@ -160,7 +161,7 @@ fn what_drones_see_of_aviaries_is_one_sheet() {
     let wrong = refusal(&kestrel(place.path(), &["aviary", "look", &worlds[0], "-o", "seen.svg"]));
     assert!(wrong.contains("seen.svg: found another ending, expected .png"), "{wrong}");
     let unknown = refusal(&kestrel(place.path(), &["aviary", "look", "atlantis", "-o", "no.png"]));
-    assert!(unknown.contains("atlantis: found no such file or aviary"), "{unknown}");
+    assert!(unknown.contains("atlantis: found neither a file nor a task of this name"), "{unknown}");
     let none = refusal(&kestrel(place.path(), &["aviary", "look", "-o", "no.png"]));
     assert!(none.contains("found no YAML files in assets/worlds"), "{none}");
 }

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on should panic")]
 
+mod at_hand;
 mod aviary;
 mod bits;
 mod check;
