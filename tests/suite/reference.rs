@@ -67,7 +67,7 @@ impl Schema {
             return row(word, "", &sentence(variant));
         }
         if let Some(words) = variant["enum"].as_array() {
-            return words.iter().filter_map(Value::as_str).map(|word| row(word, "", "")).collect();
+            return words.iter().filter_map(Value::as_str).map(|word| row(word, "", &of_file(word))).collect();
         }
         let of_variant = |(key, node): (&String, &Value)| {
             let below = self.resolved(node);
@@ -119,6 +119,13 @@ impl Schema {
             }
         }
     }
+}
+
+/// What the file of a termination says of it, for those without keys, of which the schema says nothing.
+fn of_file(word: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../sim-host/src/termination/{word}.rs"));
+    let text = fs::read_to_string(path).unwrap();
+    text.lines().find_map(|line| line.strip_prefix("/// ")).unwrap().to_owned()
 }
 
 /// The words or keys of a choice.
