@@ -497,3 +497,12 @@ def test_networks_that_do_not_fit_are_refused_by_tensor():
         kestrel_drones.import_policy("none.onnx", "hover")
     with pytest.raises(KestrelError, match="activation: found gelu, expected tanh or relu"):
         kestrel_drones.import_policy(state_dict(), "hover", activation="gelu")
+
+
+def test_a_file_of_ones_own_imports_shipped_ones_by_name(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("version: 1\nname: mine\nimport: kestrel:configs/hover.yaml\nscenario: { episode_secs: 4 }\n")
+    envs = kestrel_drones.make_vec(str(path), num_envs=2)
+    assert envs.single_observation_space.shape == kestrel_drones.make_vec("hover", num_envs=2).single_observation_space.shape
+    with pytest.raises(KestrelError, match="configs/nothing.yaml"):
+        kestrel_drones.make_vec({"version": 1, "name": "mine", "import": "kestrel:configs/nothing.yaml"}, num_envs=2)
