@@ -36,6 +36,10 @@ impl Kind {
             let marked = markers.into_iter().find(|(file, _)| path.join(file).is_file()).map(|(_, kind)| kind);
             return marked.or_else(|| RunDirectory::config_in(path).is_file().then_some(Self::Run));
         }
+        // A device would be opened, a pipe waited for.
+        if !path.is_file() {
+            return None;
+        }
         let mut beginning = Vec::new();
         fs::File::open(path).ok()?.take(BEGINNING).read_to_end(&mut beginning).ok()?;
         let magics: [(&[u8], _); 3] =
