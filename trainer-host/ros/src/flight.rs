@@ -52,7 +52,7 @@ pub fn mcap(recording: &Recording, experiment: &Experiment, path: &Path) -> Resu
         arena: Arena::new(world, &scenario.airframe, ContactReport::Touch),
         scene,
         control_secs,
-        components: &recording.components,
+        terms: topics(&recording.components),
     };
     writer.bag.push("/world", 0.0, &markers(world, &scenario.airframe, recording.drones.len()))?;
     let moments = recording.drones.iter().map(|track| track.moments.len()).max().unwrap_or(0);
@@ -66,15 +66,25 @@ pub fn mcap(recording: &Recording, experiment: &Experiment, path: &Path) -> Resu
     writer.bag.finish()
 }
 
-struct FlightWriter<'a> {
+struct FlightWriter {
     bag: Bag,
     arena: Arena,
     scene: RecordedScene,
     control_secs: f64,
-    components: &'a [String],
+    /// What the reward's components are called, each once.
+    terms: Vec<String>,
 }
 
-impl FlightWriter<'_> {
+/// The names, with a number behind those that were there before.
+fn topics(names: &[String]) -> Vec<String> {
+    let numbered = |(index, name): (usize, &String)| {
+        let before = names[..index].iter().filter(|other| *other == name).count();
+        if before == 0 { name.clone() } else { format!("{name}_{}", before + 1) }
+    };
+    names.iter().enumerate().map(numbered).collect()
+}
+
+impl FlightWriter {
     /// Where the bodies that move are; all of them stay where they are last seen.
     fn movables(&mut self, recording: &Recording, moment: usize, secs: f64) -> Result<(), RosError> {
         let Some(bodies) = recording.movables.get(moment) else { return Ok(()) };
@@ -104,7 +114,7 @@ impl FlightWriter<'_> {
             let data = step.action.clone();
             let action = Float64MultiArray { dimensions: vec![dimension], data_offset: 0, data };
             self.bag.push(&topic("action"), secs, &action)?;
-            for (name, paid) in self.components.iter().zip(&step.rewards) {
+            for (name, paid) in self.terms.iter().zip(&step.rewards) {
                 self.bag.push(&topic(&format!("reward/{name}")), secs, &Float64 { data: *paid })?;
             }
             if index + 1 == track.steps.len() && !track.ending.is_empty() {
