@@ -133,6 +133,8 @@ pub(crate) fn misplaced<'a>(words: impl IntoIterator<Item = &'a OsStr>) -> Optio
 
 #[cfg(test)]
 mod tests {
+    use clap::CommandFactory;
+
     use super::*;
 
     fn said(words: &[&str]) -> Option<String> {
@@ -167,5 +169,14 @@ mod tests {
             [const { None }; 3]
         );
         assert_eq!(said(&["train", "nowhere.yaml", "--seed", "0"]), None);
+    }
+
+    #[test]
+    fn every_command_that_takes_files_of_ours_says_which() {
+        let others = ["new", "identify", "verify", "schema", "completions"];
+        for command in crate::Arguments::command().get_subcommands() {
+            let name = command.get_name();
+            assert_eq!(Kind::taken_by(name).is_empty(), others.contains(&name), "{name}");
+        }
     }
 }

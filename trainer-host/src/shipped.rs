@@ -146,7 +146,7 @@ fn pilots() -> impl Iterator<Item = (&'static str, &'static [u8])> {
 
 /// Tasks by name, and their files; an aviary whose name is taken is called `aviaries/NAME`. So does the Python package
 /// (`_tasks.py`).
-fn tasks() -> impl Iterator<Item = (&'static str, &'static str)> {
+pub(crate) fn tasks() -> impl Iterator<Item = (&'static str, &'static str)> {
     FILES.iter().filter_map(|&(path, _)| {
         let name = path.strip_prefix("configs/")?.strip_suffix(".yaml")?;
         match name.rsplit_once('/') {

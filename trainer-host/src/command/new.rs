@@ -64,23 +64,31 @@ fn rewritten(text: &str, template: &Path, name: &str) -> String {
     lines.fold(String::new(), |text, line| text + &line + "\n")
 }
 
-/// A line with the file that it imports by its name in the library.
+/// A line with the files that it imports by their names in the library.
 fn of_library(line: &str, template: &Path) -> String {
-    let Some((before, after)) = line.split_once("import: ") else { return line.to_owned() };
-    if before.trim_start().starts_with('#') {
+    if line.trim_start().starts_with('#') {
         return line.to_owned();
     }
-    let end = after.find([' ', ',', '}']).unwrap_or(after.len());
-    let (written, rest) = after.split_at(end);
+    let mut parts = line.split("import: ");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, after| {
+        let (written, rest) = after.split_at(after.find([' ', ',', '}']).unwrap_or(after.len()));
+        format!("{text}import: kestrel:{}{rest}", beside(template, written))
+    })
+}
+
+/// The path in the repository of a file that another one imports.
+fn beside(template: &Path, written: &str) -> String {
     let folder = template.parent().unwrap_or(Path::new(""));
     let mut path: Vec<&str> = folder.iter().filter_map(|part| part.to_str()).collect();
     for part in written.split('/') {
-        match part {
-            ".." => drop(path.pop()),
-            other => path.push(other),
+        if part == ".." {
+            path.pop();
+        } else {
+            path.push(part);
         }
     }
-    format!("{before}import: kestrel:{}{rest}", path.join("/"))
+    path.join("/")
 }
 
 #[cfg(test)]
@@ -90,10 +98,24 @@ mod tests {
     #[test]
     fn imports_name_the_library_and_the_rest_stays() {
         let text = "# yaml-language-server: $schema=../schema.json\n#\n# Two gates.\n\nversion: 1\nname: two-gates\n\
-                    import: ../aviaries/parts/navigate.yaml # the drone\nscenario:\n  aviary: { import: part.yaml }\n";
+                    import: ../aviaries/parts/navigate.yaml # the drone\nscenario:\n  aviary: { import: part.yaml, start: { import: ../a.yaml } }\n";
         let expected = "# Two gates.\n\nversion: 1\nname: mine\n\
                         import: kestrel:configs/aviaries/parts/navigate.yaml # the drone\nscenario:\n  \
-                        aviary: { import: kestrel:configs/examples/part.yaml }\n";
+                        aviary: { import: kestrel:configs/examples/part.yaml, start: { import: kestrel:configs/a.yaml } }\n";
         assert_eq!(rewritten(text, Path::new("configs/examples/two-gates.yaml"), "mine"), expected);
+    }
+
+    #[test]
+    fn every_shipped_task_can_be_begun_with() {
+        shipped::LIBRARY.install();
+        let folder = tempfile::tempdir().unwrap();
+        let names: Vec<&str> = shipped::tasks().map(|(name, _)| name).chain(shipped::examples()).collect();
+        for name in names {
+            let (template, text) = shipped::template(name).unwrap();
+            let path = folder.path().join("mine.yaml");
+            fs::write(&path, rewritten(text, Path::new(template), "mine")).unwrap();
+            let config = RunConfig::load(&path, &[]).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(config.subject().name, "mine", "{name}");
+        }
     }
 }
