@@ -7,6 +7,7 @@ use std::io::{BufRead, BufReader};
 #[cfg(unix)]
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+use std::process::Command;
 use std::process::Stdio;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -58,6 +59,12 @@ fn one_command_leaves_the_whole_result() {
     }
     let mut paths = fs::read_dir(&run).unwrap().map(|entry| entry.unwrap().path());
     let events = paths.find(|path| path.to_string_lossy().contains("events.out.tfevents.")).unwrap();
+    // Weights & Biases takes the files of this machine alone.
+    let machine = Command::new("uname").arg("-n").output().unwrap().stdout;
+    let machine = String::from_utf8(machine).unwrap();
+    assert!(events.to_string_lossy().contains(&format!(".{}.", machine.trim())), "{}", events.display());
+    let curve = fs::read_to_string(run.join("learning-curve.svg")).unwrap();
+    assert_eq!(curve.matches(">scripted pilot<").count(), 2, "a line in each panel");
     let events = String::from_utf8_lossy(&fs::read(events).unwrap()).into_owned();
     for tag in ["rollout/ep_rew_mean", "train/approx_kl", "time/fps", "eval/success_rate", "reward/proximity"] {
         assert!(events.contains(tag), "TensorBoard is not told {tag}");

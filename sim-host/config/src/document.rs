@@ -273,20 +273,12 @@ fn target<'a>(root: &'a mut Node, steps: &[&str], place: &Place) -> Result<&'a m
 /// are called the same nobody knows which is meant.
 fn named<'a>(items: &'a mut [Node], name: &str) -> Option<&'a mut Node> {
     let mut called = items.iter_mut().filter_map(|item| {
-        let whole = matches!(&item.value, Value::Mapping(entries) if has_name(entries, name));
-        if whole {
+        if matches!(&item.value, Value::Mapping(entries) if has_name(entries, name)) {
             return Some(item);
         }
-        match &mut item.value {
-            Value::Mapping(entries) if entries.len() == 1 && entries[0].key == name => Some(&mut entries[0].node),
-            Value::Mapping(_)
-            | Value::Nothing
-            | Value::Truth(_)
-            | Value::Whole(_)
-            | Value::Number(..)
-            | Value::Text(_)
-            | Value::List(_) => None,
-        }
+        let Value::Mapping(entries) = &mut item.value else { return None };
+        let [only] = entries.as_mut_slice() else { return None };
+        (only.key == name).then_some(&mut only.node)
     });
     let only = called.next();
     if called.next().is_some() { None } else { only }
