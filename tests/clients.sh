@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Clients that others wrote fly a policy as they are published, and its true state is judged: pymavlink, MAVSDK 3 and 4,
-# MAVProxy, and cflib and cfclient for the Crazyflie's own protocol.
+# MAVProxy, cflib and cfclient for the Crazyflie's own protocol, and Cyclone DDS for ROS 2's.
 #
 #   tests/clients.sh [KESTREL [POLICY]]
 #
@@ -56,6 +56,7 @@ fly mavsdk3 venv-mavsdk3 &
 fly mavsdk4 venv-mavsdk4 &
 fly mavproxy venv-mavproxy &
 fly crtp venv-cflib &
+fly ros2 venv &
 wait
 # It looks for drones where the one before is.
 fly cfclient venv-cfclient
@@ -66,5 +67,6 @@ tell mavsdk3 "MAVSDK 3"
 tell mavsdk4 "MAVSDK 4"
 tell mavproxy "MAVProxy"
 tell crtp "cflib"
+tell ros2 "Cyclone DDS, as a ROS 2 node would"
 tell cfclient "cfclient"
 summary

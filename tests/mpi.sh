@@ -45,8 +45,8 @@ packages() { # FEATURES: all that is built, with features of its own, but the pr
 }
 built_from_the_same() { # says what is missing or has other features, and fails
   local others
-  others=$(packages kestrel/gpu,kestrel/viewer) && [ -n "$others" ] &&
-    ! comm -23 <(echo "$others") <(packages kestrel/mpi,kestrel/viewer) | grep .
+  others=$(packages kestrel/gpu,kestrel/ros2,kestrel/viewer) && [ -n "$others" ] &&
+    ! comm -23 <(echo "$others") <(packages kestrel/mpi,kestrel/ros2,kestrel/viewer) | grep .
 }
 
 check "with MPI nothing that others are built from is built again" built_from_the_same

@@ -26,13 +26,13 @@ policy_as_c() { # POLICY
 
 # With GPUs and the viewer: every program in target/debug, and every test.
 programs() {
-  cargo build --quiet --workspace --lib --bins --tests --features kestrel/gpu,kestrel/viewer
+  cargo build --quiet --workspace --lib --bins --tests --features kestrel/gpu,kestrel/ros2,kestrel/viewer
 }
 
 # Without GPUs, and with MPI where it is installed: target/kestrel-without-gpus. What it depends on is what was built above,
 # because features are those of the whole workspace with the viewer, and of a test.
 program_without_gpus() {
-  local features=kestrel/viewer
+  local features=kestrel/ros2,kestrel/viewer
   ! command -v mpicc >/dev/null || features=kestrel/mpi,$features
   cargo build --quiet --workspace --bin kestrel --test suite --features "$features" &&
     cp target/debug/kestrel target/kestrel-without-gpus && programs

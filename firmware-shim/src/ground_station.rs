@@ -52,8 +52,13 @@ pub enum StationOrder {
         /// \[rad\], counter-clockwise from the world's x axis.
         heading: Option<f32>,
     },
-    /// A set-point of a velocity \[m/s, world\].
-    Velocity(Vector3<f32>),
+    /// A set-point of a velocity, turning or not.
+    Velocity {
+        /// \[m/s, world\].
+        velocity: Vector3<f32>,
+        /// \[rad/s\], counter-clockwise.
+        yaw_rate: Option<f32>,
+    },
     /// Change to a mode.
     Mode(FlightMode),
     /// Go at another speed \[m/s\].
@@ -158,7 +163,7 @@ impl GroundStation {
             StationOrder::StopMotors => self.command(MavCmd::MAV_CMD_DO_FLIGHTTERMINATION, [1.0, 0.0, 0.0], send),
             StationOrder::TakeOff(height_m) => self.take_off(height_m.unwrap_or(f32::NAN), send),
             StationOrder::Position { point, heading } => self.position(point, *heading, send),
-            StationOrder::Velocity(velocity) => self.velocity(velocity, send),
+            StationOrder::Velocity { velocity, yaw_rate } => self.velocity(velocity, *yaw_rate, send),
             StationOrder::Mode(mode) => {
                 self.command(MavCmd::MAV_CMD_DO_SET_MODE, [1.0, mode.custom_mode() as f32, 0.0], send);
             }
@@ -237,20 +242,21 @@ impl GroundStation {
         let [x, y, z] = ned_from_enu(point);
         let yaw = heading.map_or(0.0, |heading| FRAC_PI_2 - heading);
         let ignored = NO_VELOCITY | if heading.is_some() { 0 } else { NO_YAW };
-        self.send(&SET_POSITION_TARGET_LOCAL_NED_DATA { x, y, z, yaw, ..self.set_point(ignored) }, send);
+        let set_point = self.set_point(ignored | NO_YAW_RATE);
+        self.send(&SET_POSITION_TARGET_LOCAL_NED_DATA { x, y, z, yaw, ..set_point }, send);
     }
 
-    fn velocity(&mut self, velocity: &Vector3<f32>, send: &mut dyn FnMut(&[u8])) {
+    fn velocity(&mut self, velocity: &Vector3<f32>, yaw_rate: Option<f32>, send: &mut dyn FnMut(&[u8])) {
         let [vx, vy, vz] = ned_from_enu(velocity);
-        self.send(
-            &SET_POSITION_TARGET_LOCAL_NED_DATA { vx, vy, vz, ..self.set_point(NO_POSITION | NO_YAW) },
-            send,
-        );
+        let ignored = NO_POSITION | NO_YAW | if yaw_rate.is_some() { 0 } else { NO_YAW_RATE };
+        let yaw_rate = yaw_rate.map_or(0.0, |rate| -rate);
+        let set_point = self.set_point(ignored);
+        self.send(&SET_POSITION_TARGET_LOCAL_NED_DATA { vx, vy, vz, yaw_rate, ..set_point }, send);
     }
 
     fn set_point(&self, ignored: u16) -> SET_POSITION_TARGET_LOCAL_NED_DATA {
         SET_POSITION_TARGET_LOCAL_NED_DATA {
-            type_mask: PositionTargetTypemask::from_bits_truncate(ignored | NO_ACCELERATION | NO_YAW_RATE),
+            type_mask: PositionTargetTypemask::from_bits_truncate(ignored | NO_ACCELERATION),
             target_system: self.vehicle,
             target_component: 1,
             coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED,
@@ -389,7 +395,7 @@ mod tests {
         let yaw = crate::steering::yaw(&pair.plant.state().world_from_body);
         assert!((yaw - 1.0).abs() < 0.05, "{yaw}");
         for _ in 0..20 {
-            pair.order(&StationOrder::Velocity(Vector3::new(0.0, 0.4, 0.0)));
+            pair.order(&StationOrder::Velocity { velocity: Vector3::new(0.0, 0.4, 0.0), yaw_rate: None });
             pair.order(&StationOrder::Mode(FlightMode::Offboard));
             pair.fly(0.1);
         }

@@ -88,7 +88,7 @@ pub struct SessionOptions {
     pub parameters: Option<PathBuf>,
 
     /// File of a key, 64 hexadecimal digits: frames are signed with it, and only frames signed with it are heard
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "crtp")]
     pub signing_key: Option<PathBuf>,
 
     /// Simulated seconds per second, 0.01 to 1000, or "max" for as fast as it goes
@@ -331,6 +331,15 @@ impl<P: PolicyBackend> Session<P> {
     /// What flies, and how to connect to it.
     pub fn announcement(&self) -> &str {
         &self.announcement
+    }
+
+    /// Lets the vehicle be spoken to by one more link, of which `words` tell.
+    ///
+    /// # Errors
+    /// [`LinkError::TooMany`].
+    pub fn attach(&mut self, link: Box<dyn Link>, words: &str) -> Result<(), LinkError> {
+        self.announcement = format!("{words}\n{}", self.announcement);
+        self.links.attach(link)
     }
 
     /// Where the vehicle can be spoken to.

@@ -28,7 +28,7 @@ kestrel fly room-1                        # a MAVLink vehicle in room 1
 kestrel evaluate room-1                   # how often it succeeds
 kestrel view room-1                       # its flight in a window: build with --features viewer
 kestrel render room-1 -o room-1.gif       # the same as a film
-kestrel evaluate cross-1 cross-2 --tasks cross-1 cross-2
+kestrel evaluate room-0 room-1 --tasks room-0 room-1
 kestrel export room-1 --target c          # for your firmware
 ```
 

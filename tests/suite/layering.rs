@@ -23,7 +23,10 @@ const ARROWS: [(&str, &[&str]); 18] = [
     ("kestrel-verify", &["kestrel-core", "kestrel-sim"]),
     ("kestrel-identify", &["kestrel-core", "kestrel-onboard", "kestrel-learn"]),
     ("kestrel-experiments", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-draw"]),
-    ("kestrel-ros", &["kestrel-core", "kestrel-sim", "kestrel-draw", "kestrel-experiments"]),
+    (
+        "kestrel-ros",
+        &["kestrel-core", "kestrel-onboard", "kestrel-sim", "kestrel-shim", "kestrel-draw", "kestrel-experiments"],
+    ),
     ("kestrel-python", &["kestrel-core", "kestrel-sim", "kestrel-learn", "kestrel-export", "kestrel-experiments"]),
     (
         "kestrel-web",

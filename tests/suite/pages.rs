@@ -116,3 +116,27 @@ fn the_book_has_every_page() {
     let left_out: Vec<String> = pages().into_iter().filter_map(left_out).collect();
     assert!(left_out.is_empty(), "{left_out:?}");
 }
+
+#[test]
+fn every_example_is_on_its_page() {
+    let page = fs::read_to_string(repository().join("docs/examples.md")).unwrap();
+    let listed = Command::new("git")
+        .args(["ls-files", "-z", "--cached", "--others", "--exclude-standard", ":(glob)**/examples/*"])
+        .current_dir(repository())
+        .output()
+        .unwrap();
+    let files = String::from_utf8(listed.stdout).unwrap();
+    let missing = |path: &str| -> Option<String> {
+        let (_, file) = path.rsplit_once('/')?;
+        let (name, ending) = file.rsplit_once('.')?;
+        let named = match ending {
+            "yaml" => page.contains(&format!("](pictures/examples/{name}.gif)<br>`{name}`")),
+            "rs" => page.contains(&format!("--example {name}`")) || page.contains(&format!("`{name}`")),
+            "py" | "ipynb" => page.contains(path),
+            _ => true,
+        };
+        (!named).then(|| path.to_owned())
+    };
+    let missing: Vec<String> = files.split('\0').filter_map(missing).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}

@@ -5,7 +5,7 @@ mod baseline;
 mod bench;
 mod bridge;
 mod check;
-mod completions;
+pub(crate) mod completions;
 mod evaluate;
 mod export;
 mod flight;

@@ -1,5 +1,7 @@
 //! Software in the loop: a policy flies as a MAVLink vehicle in the simulator.
 
+mod node;
+
 use std::path::PathBuf;
 
 use kestrel_core::action::ActionSpace;
@@ -43,6 +45,10 @@ pub(crate) struct FlyOptions {
     /// Where the policy is computed.
     #[command(flatten)]
     pub(crate) processor: ProcessorOptions,
+
+    /// Be a ROS 2 node of this name, too, with crazyswarm2's services; the variables of ROS 2 count
+    #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "cf1", conflicts_with = "signing_key")]
+    pub(crate) ros2: Option<String>,
 
     /// Fly in the wind and with the drone of the episode that training draws with this seed [default: a nominal drone in
     /// still air]
@@ -112,6 +118,9 @@ pub(crate) enum FlyError {
     /// Nobody can be told how to connect.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// No ROS 2 node.
+    #[error("{0}")]
+    Node(String),
     /// The true-state log cannot be written.
     #[error(transparent)]
     Log(#[from] TrueStateLogError),
@@ -166,6 +175,9 @@ fn conduct<P: PolicyBackend>(
     interrupted: &dyn Fn() -> bool,
 ) -> Result<FlightSummary, FlyError> {
     let mut log = TrueStateLog::create(options.true_state_log.as_deref())?;
+    if let Some(name) = &options.ros2 {
+        node::attach(&mut session, name, &options.session).map_err(FlyError::Node)?;
+    }
     say(session.announcement())?;
     let mut failure = None;
     let mut last = None;

@@ -102,7 +102,7 @@ impl Kind {
     }
 
     /// What a command can do something with.
-    fn taken_by(command: &str) -> &'static [Self] {
+    pub(crate) fn taken_by(command: &str) -> &'static [Self] {
         match command {
             "train" | "baseline" | "bridge" | "bench" => &[Self::Task],
             "check" => &[Self::Task, Self::Run],

@@ -7,6 +7,7 @@ mod flight_test;
 mod fly;
 mod kind;
 mod membership;
+mod parquet_file;
 mod processor;
 mod renderer;
 mod shipped;
@@ -35,6 +36,7 @@ const INTERRUPTED: u8 = 130;
 const DEVIATING: u8 = 1;
 
 fn main() -> ExitCode {
+    command::completions::answer();
     shipped::LIBRARY.install();
     match Arguments::parse().command.run() {
         Ok(command::Done::Finished) => ExitCode::SUCCESS,

@@ -73,10 +73,7 @@ pub(crate) fn task(path: &Path) -> Result<PathBuf> {
 /// When a name is unknown, or the cache cannot be written.
 pub(crate) fn configuration(folder: &str, path: &Path) -> Result<PathBuf> {
     let Some(name) = as_name(path) else { return Ok(path.to_owned()) };
-    let named = |file: &'static str| {
-        file.strip_prefix("configs/")?.strip_prefix(folder)?.strip_prefix('/')?.strip_suffix(".yaml")
-    };
-    let names = || FILES.iter().filter_map(|(file, _)| named(file)).filter(|name| !name.contains('/'));
+    let names = || names_in(folder);
     if names().any(|known| known == name) {
         return Ok(unpacked()?.join("configs").join(folder).join(format!("{name}.yaml")));
     }
@@ -136,8 +133,21 @@ pub(crate) fn as_name(path: &Path) -> Option<&str> {
     path.to_str().filter(|_| !other && path.is_relative())
 }
 
+/// Names of the files in a folder of `configs`, such as `studies`.
+pub(crate) fn names_in(folder: &str) -> impl Iterator<Item = &'static str> {
+    let named = move |file: &'static str| {
+        file.strip_prefix("configs/")?.strip_prefix(folder)?.strip_prefix('/')?.strip_suffix(".yaml")
+    };
+    FILES.iter().filter_map(move |(file, _)| named(file)).filter(|name| !name.contains('/'))
+}
+
+/// Names of the worlds.
+pub(crate) fn worlds() -> impl Iterator<Item = &'static str> {
+    FILES.iter().filter_map(|(path, _)| path.strip_prefix("assets/worlds/")?.strip_suffix(".yaml"))
+}
+
 /// Pilots by name.
-fn pilots() -> impl Iterator<Item = (&'static str, &'static [u8])> {
+pub(crate) fn pilots() -> impl Iterator<Item = (&'static str, &'static [u8])> {
     let file = |&(path, bytes): &(&'static str, &'static [u8])| {
         Some((path.strip_prefix("assets/pilots/")?.strip_suffix(".kestrel")?, bytes))
     };

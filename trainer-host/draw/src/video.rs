@@ -1,17 +1,21 @@
 //! Videos of flights as cameras see them: from behind, on board, how far things are and what they are.
 //!
 //! A [`RecordedScene`] is a recorded flight in its world. A [`Video`] looks at it in a [`Style`] and makes a [`Picture`] of any
-//! moment, or all of them, 25 a second, as GIF. The same flight gives the same bytes, for any number of threads.
+//! moment, or all of them, 25 a second, as GIF or MP4. The same flight gives the same bytes, for any number of threads.
 
 pub(crate) mod channel;
 pub(crate) mod chase;
 pub(crate) mod gif_writer;
+#[cfg(feature = "mp4")]
+mod mp4_writer;
 mod palette;
 pub(crate) mod playback;
 pub(crate) mod recorded_scene;
 #[cfg(test)]
 mod tests;
 pub(crate) mod trail;
+
+use std::path::Path;
 
 use kestrel_sim::camera::{Camera, Cpu, Image, RenderError, Renderer, Scene, Shot};
 use kestrel_sim::scenario::Scenario;
@@ -101,13 +105,79 @@ pub enum VideoError {
     /// The file cannot be made.
     #[error(transparent)]
     Png(#[from] PngError),
-    /// The GIF encoder failed.
-    #[error("cannot encode the flight as GIF: {0}")]
-    Encoding(String),
+    /// The encoder failed.
+    #[error("cannot encode the flight as {}: {reason}", format.name())]
+    Encoding {
+        /// As what.
+        format: VideoFormat,
+        /// Its words.
+        reason: String,
+    },
+    /// The format has no pictures of that size.
+    #[error("found {}x{} pixels, expected at most {}", size[0], size[1], format.limit())]
+    Size {
+        /// Which one.
+        format: VideoFormat,
+        /// Columns and rows \[px\].
+        size: [usize; 2],
+    },
 }
 
-/// Greatest width and height of a GIF \[px\].
-pub const GIF_LIMIT: usize = u16::MAX as usize;
+/// What kind of file a video is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VideoFormat {
+    /// Endlessly repeated, in 255 colours; every viewer shows it.
+    Gif,
+    /// H.264, several times smaller; every browser and player shows it.
+    #[cfg(feature = "mp4")]
+    Mp4,
+}
+
+impl VideoFormat {
+    /// By the ending of a file's name.
+    pub fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()? {
+            "gif" => Some(Self::Gif),
+            #[cfg(feature = "mp4")]
+            "mp4" => Some(Self::Mp4),
+            _ => None,
+        }
+    }
+
+    fn failed(self, reason: &impl ToString) -> VideoError {
+        VideoError::Encoding { format: self, reason: reason.to_string() }
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Gif => "GIF",
+            #[cfg(feature = "mp4")]
+            Self::Mp4 => "MP4",
+        }
+    }
+
+    /// The greatest size, in words.
+    const fn limit(self) -> &'static str {
+        match self {
+            Self::Gif => "65535 across and down in a GIF",
+            #[cfg(feature = "mp4")]
+            Self::Mp4 => "8688 across and down and 9 million together in an MP4 (level 5.1 of H.264)",
+        }
+    }
+
+    /// Says whether it has pictures of a size \[px\].
+    ///
+    /// # Errors
+    /// When they are too large.
+    pub fn check(self, size: [usize; 2]) -> Result<(), VideoError> {
+        let fits = match self {
+            Self::Gif => size.iter().all(|pixels| u16::try_from(*pixels).is_ok()),
+            #[cfg(feature = "mp4")]
+            Self::Mp4 => mp4_writer::level(size).is_some(),
+        };
+        if fits { Ok(()) } else { Err(VideoError::Size { format: self, size }) }
+    }
+}
 
 pub(crate) const PAPER: Rgb = [247, 249, 251];
 pub(crate) const INK: Rgb = [31, 41, 51];
@@ -179,14 +249,18 @@ impl<'a> Video<'a> {
         Ok(self.compose(&moment, &seen, &scale))
     }
 
-    /// The whole video as GIF; nothing when `goes_on`, asked with the number of pictures that are done, says no.
+    /// The whole video as a file; nothing when `goes_on`, asked with the number of pictures that are done, says no.
     ///
     /// # Errors
     /// When the renderer or the encoder fails.
-    pub fn gif(&self, goes_on: impl FnMut(usize) -> bool) -> Result<Option<Vec<u8>>, VideoError> {
+    pub fn file(
+        &self,
+        format: VideoFormat,
+        goes_on: impl FnMut(usize) -> bool,
+    ) -> Result<Option<Vec<u8>>, VideoError> {
         let moments = self.recorded.moments();
         let picture = |index: usize| Ok(self.compose(&moments[index], &self.see(&moments[index])?, &self.scale));
-        gif(moments.len(), picture, goes_on)
+        film(format, moments.len(), picture, goes_on)
     }
 
     /// Columns and rows of the pictures \[px\].
@@ -256,32 +330,71 @@ fn sampled(pictures: usize) -> impl Iterator<Item = usize> {
 
 /// A video of pictures, 25 a second, then a pause; nothing when `goes_on`, asked with the number that is done, says no.
 /// Pictures are made in parallel on rayon's current pool, some of them twice.
-pub(crate) fn gif(
+pub(crate) fn film(
+    format: VideoFormat,
     pictures: usize,
     picture: impl Fn(usize) -> Result<Picture, VideoError> + Sync,
-    mut goes_on: impl FnMut(usize) -> bool,
+    goes_on: impl FnMut(usize) -> bool,
 ) -> Result<Option<Vec<u8>>, VideoError> {
-    let encoding = |error: gif::EncodingError| VideoError::Encoding(error.to_string());
+    match format {
+        VideoFormat::Gif => gif(pictures, picture, goes_on),
+        #[cfg(feature = "mp4")]
+        VideoFormat::Mp4 => mp4(pictures, picture, goes_on),
+    }
+}
+
+fn gif(
+    pictures: usize,
+    picture: impl Fn(usize) -> Result<Picture, VideoError> + Sync,
+    goes_on: impl FnMut(usize) -> bool,
+) -> Result<Option<Vec<u8>>, VideoError> {
+    let encoding = |error: gif::EncodingError| VideoFormat::Gif.failed(&error);
     let sample: Vec<usize> = sampled(pictures).collect();
     let sample: Vec<Picture> = sample.into_par_iter().map(&picture).collect::<Result<_, _>>()?;
     let palette = Palette::of(&sample);
     let size = sample.first().map_or([1, 1], |first| first.size);
     let format = Format { size, palette: palette.bytes(), unchanged: palette.unchanged() };
     let mut writer = Writer::new(format).map_err(encoding)?;
+    let indices = |index| Ok(palette.indices(&picture(index)?));
+    let done = in_chunks(pictures, indices, goes_on, |index, picture| {
+        let pause = if index + 1 == pictures { PAUSE_SECS } else { 0.0 };
+        writer.push(picture, PICTURE_SECS + pause).map_err(encoding)
+    })?;
+    if done { writer.finish().map(Some).map_err(encoding) } else { Ok(None) }
+}
+
+#[cfg(feature = "mp4")]
+fn mp4(
+    pictures: usize,
+    picture: impl Fn(usize) -> Result<Picture, VideoError> + Sync,
+    goes_on: impl FnMut(usize) -> bool,
+) -> Result<Option<Vec<u8>>, VideoError> {
+    let mut writer = mp4_writer::Writer::new(picture(0)?.size)?;
+    let frame = |index| Ok(mp4_writer::frame(&picture(index)?));
+    let done = in_chunks(pictures, frame, goes_on, |index, frame| {
+        let times = if index + 1 == pictures { 1 + (PAUSE_SECS / PICTURE_SECS) as usize } else { 1 };
+        (0..times).try_for_each(|_| writer.push(&frame))
+    })?;
+    if done { writer.finish().map(Some) } else { Ok(None) }
+}
+
+/// Makes things of so many pictures in parallel and takes them in order; false when `goes_on` says no before the end.
+fn in_chunks<T: Send>(
+    pictures: usize,
+    made: impl Fn(usize) -> Result<T, VideoError> + Sync,
+    mut goes_on: impl FnMut(usize) -> bool,
+    mut take: impl FnMut(usize, T) -> Result<(), VideoError>,
+) -> Result<bool, VideoError> {
     for first in (0..pictures).step_by(CHUNK) {
         if !goes_on(first) {
-            return Ok(None);
+            return Ok(false);
         }
-        let indices = |index| Ok(palette.indices(&picture(index)?));
         let chunk = first..pictures.min(first + CHUNK);
-        let drawn: Vec<Vec<u8>> = chunk.clone().into_par_iter().map(indices).collect::<Result<_, VideoError>>()?;
-        for (index, picture) in chunk.zip(drawn) {
-            let pause = if index + 1 == pictures { PAUSE_SECS } else { 0.0 };
-            writer.push(picture, PICTURE_SECS + pause).map_err(encoding)?;
-        }
+        let drawn: Vec<T> = chunk.clone().into_par_iter().map(&made).collect::<Result<_, VideoError>>()?;
+        chunk.zip(drawn).try_for_each(|(index, made)| take(index, made))?;
     }
     goes_on(pictures);
-    Ok(Some(writer.finish().map_err(encoding)?))
+    Ok(true)
 }
 
 /// An image in the colours of a panel.
@@ -322,15 +435,20 @@ pub(crate) fn draw_caption(caption: &Caption, picture: &mut Picture, [left, top]
     }
 }
 
-/// The flight behind its first drone as GIF, rendered by the processor; nothing else is needed.
+/// The flight behind its first drone as a video, rendered by the processor; nothing else is needed.
 ///
 /// # Errors
 /// For a recording without frames or with numbers that are none, or when the encoder fails.
-pub fn flight_gif(flight: FlightRecording, scenario: &Scenario, name: &str) -> Result<Vec<u8>, VideoError> {
+pub fn flight_video(
+    flight: FlightRecording,
+    scenario: &Scenario,
+    name: &str,
+    format: VideoFormat,
+) -> Result<Vec<u8>, VideoError> {
     let recorded = RecordedScene::new(flight, scenario, name)?;
     let style =
         Style { panels: vec![Panel::Chase], size: [480, 304], view_angle: VIEW_ANGLE, samples: 2, drone: 0 };
     let renderer = Cpu::asked_for();
-    let file = Video::new(&recorded, &style, &renderer).gif(|_| true)?;
+    let file = Video::new(&recorded, &style, &renderer).file(format, |_| true)?;
     Ok(file.unwrap_or_default())
 }

@@ -25,6 +25,7 @@ mod table;
 mod tests;
 
 pub use flown::{at_start, fly};
+pub use table::Table;
 
 /// What every recording is.
 const KIND: Kind = Kind { noun: "recording", magic: *b"KESTRELR", version: 1 };
@@ -174,6 +175,15 @@ impl Recording {
             drones: self.drones.iter().map(Track::flight).collect(),
             movables: movables.collect(),
         })
+    }
+
+    /// The names of the reward's components, with a number behind those that were there before.
+    pub fn terms(&self) -> Vec<String> {
+        let numbered = |(index, name): (usize, &String)| {
+            let before = self.components[..index].iter().filter(|other| *other == name).count();
+            if before == 0 { name.clone() } else { format!("{name}_{}", before + 1) }
+        };
+        self.components.iter().enumerate().map(numbered).collect()
     }
 
     /// What everything paid, over the episode, of one drone, component by component.

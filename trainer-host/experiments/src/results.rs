@@ -18,7 +18,7 @@ use crate::run_config::Subject;
 use crate::run_directory::metrics::read_rows;
 use crate::run_directory::{RunDirectory, RunDirectoryError, write_json};
 use kestrel_draw::curve::{CurveBaseline, CurvePoint, learning_curve};
-use kestrel_draw::video::{VideoError, flight_gif};
+use kestrel_draw::video::{VideoError, VideoFormat, flight_video};
 use kestrel_export::exchange::{ExchangeError, onnx_model, safetensors_file};
 use kestrel_export::policy::Policy;
 use kestrel_export::px4::{Px4Error, px4_files};
@@ -479,7 +479,8 @@ pub fn draw_flights(subject: &Subject<'_>, directory: &RunDirectory) -> Result<V
         };
         let recording = record_run(task, directory)?;
         let flight = recording.flight(task, &name)?;
-        let gif = flight_gif(flight, &task.evaluation.scenario, &name.display().to_string())?;
+        let title = name.display().to_string();
+        let gif = flight_video(flight, &task.evaluation.scenario, &title, VideoFormat::Gif)?;
         write_atomically(&name, &gif)?;
         drawn.push(name);
     }

@@ -6,9 +6,11 @@ use std::collections::BTreeMap;
 use kestrel_learn::ppo::UpdateMetrics;
 use serde::Serialize;
 
+use crate::atomic_file::read;
 use crate::evaluation::Evaluation;
 use crate::run_directory::metrics::MetricsLog;
 use crate::run_directory::{RunDirectory, RunDirectoryError};
+use crate::run_summary::flat;
 use crate::tensorboard::EventFile;
 
 /// Both logs of a run, open for appending.
@@ -81,7 +83,13 @@ impl RunLog {
         steps: u64,
     ) -> Result<Self, RunDirectoryError> {
         let metrics = MetricsLog::continue_after(&directory.metrics(), updates)?;
-        Ok(Self { metrics, events: EventFile::create(directory.path(), steps)? })
+        let mut events = EventFile::create(directory.path(), steps)?;
+        let config = String::from_utf8_lossy(&read(&directory.config())?).into_owned();
+        events.write_text("config", &in_markdown(&config))?;
+        let mut settings = flat(&config);
+        settings.retain(|key, _| key.starts_with("training."));
+        events.write_settings(&settings)?;
+        Ok(Self { metrics, events })
     }
 
     /// Appends an update; `more` are scalars for `TensorBoard` alone.
@@ -99,6 +107,11 @@ impl RunLog {
         let all: Vec<(&str, f32)> = all.iter().map(|(tag, value)| (tag.as_str(), *value)).collect();
         Ok(self.events.write_scalars(row.update.steps, &all)?)
     }
+}
+
+/// As code, which is an indented text.
+fn in_markdown(yaml: &str) -> String {
+    yaml.lines().flat_map(|line| ["    ", line, "\n"]).collect()
 }
 
 fn scalars(update: &UpdateMetrics) -> Vec<(String, f32)> {

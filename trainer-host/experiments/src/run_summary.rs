@@ -128,7 +128,7 @@ fn evaluations(path: &Path) -> Result<Vec<Evaluation>, RunSummaryError> {
 }
 
 /// Dotted keys of a YAML mapping, and what stands there.
-fn flat(yaml: &str) -> BTreeMap<String, String> {
+pub(crate) fn flat(yaml: &str) -> BTreeMap<String, String> {
     let mut found = BTreeMap::new();
     if let Ok(value) = serde_yaml::from_str::<Value>(yaml) {
         flatten(String::new(), &value, &mut found);

@@ -2,8 +2,10 @@
 //!
 //! A record is, little-endian: length (`u64`), masked CRC-32C of the length bytes (`u32`), data, masked CRC-32C of
 //! the data (`u32`). The data is an `Event` (tensorboard/compat/proto/event.proto), of which this writes `wall_time`
-//! (field 1), `step` (2), `file_version` (3), `summary` (5) and `session_log` (7).
+//! (field 1), `step` (2), `file_version` (3), `summary` (5) and `session_log` (7). A summary has values: scalars, texts, and
+//! what the plugin `hparams` (`tensorboard/plugins/hparams/plugin_data.proto`) shows as a run's settings.
 
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -45,6 +47,45 @@ impl EventFile {
         self.write(&record(&Message::event(wall_secs(), steps).bytes(5, &summary.encoded)))
     }
 
+    /// Appends a text in Markdown, which the tab "Text" shows.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn write_text(&mut self, tag: &str, markdown: &str) -> Result<(), FileError> {
+        let tensor = Message::default().varint(1, STRINGS).bytes(2, &one_number()).bytes(8, markdown.as_bytes());
+        self.write_plugin(tag, "text", &[], &tensor)
+    }
+
+    /// Says with which settings the run trains, which the tab `HParams` compares between runs.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn write_settings(&mut self, settings: &BTreeMap<String, String>) -> Result<(), FileError> {
+        let start = settings.iter().fold(Message::default(), |start, (name, value)| {
+            start.bytes(1, &Message::default().bytes(1, name.as_bytes()).bytes(2, &setting(value).encoded).encoded)
+        });
+        let content = Message::default().bytes(3, &start.double(5, wall_secs()).encoded).encoded;
+        let nothing =
+            Message::default().varint(1, FLOATS).bytes(2, &one_number()).bytes(5, &0.0_f32.to_le_bytes());
+        self.write_plugin("_hparams_/session_start_info", "hparams", &content, &nothing)
+    }
+
+    /// Appends a value that a plugin shows: a tensor, and what the plugin alone understands.
+    fn write_plugin(
+        &mut self,
+        tag: &str,
+        plugin: &str,
+        content: &[u8],
+        tensor: &Message,
+    ) -> Result<(), FileError> {
+        let plugin = Message::default().bytes(1, plugin.as_bytes()).bytes(2, content);
+        let metadata = Message::default().bytes(1, &plugin.encoded);
+        let value =
+            Message::default().bytes(1, tag.as_bytes()).bytes(8, &tensor.encoded).bytes(9, &metadata.encoded);
+        let summary = Message::default().bytes(1, &value.encoded);
+        self.write(&record(&Message::event(wall_secs(), 0).bytes(5, &summary.encoded)))
+    }
+
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path
@@ -66,6 +107,24 @@ impl EventFile {
 
     fn write(&mut self, records: &[u8]) -> Result<(), FileError> {
         self.file.write_all(records).map_err(|cause| FileError::new("write", &self.path, cause))
+    }
+}
+
+/// Types of tensors (tensorflow/core/framework/types.proto).
+const FLOATS: u64 = 1;
+const STRINGS: u64 = 7;
+
+/// The shape of a tensor with one element.
+fn one_number() -> Vec<u8> {
+    Message::default().bytes(2, &Message::default().varint(1, 1).encoded).encoded
+}
+
+/// A number, a truth or a text (google/protobuf/struct.proto).
+fn setting(value: &str) -> Message {
+    match (value.parse::<f64>(), value.parse::<bool>()) {
+        (Ok(number), _) => Message::default().double(2, number),
+        (_, Ok(truth)) => Message::default().varint(4, u64::from(truth)),
+        (Err(_), Err(_)) => Message::default().bytes(3, value.as_bytes()),
     }
 }
 
@@ -261,6 +320,44 @@ mod tests {
         assert_eq!(values[0], [Field::Bytes(1, b"episode_return".to_vec()), Field::Float(2, 12.5)]);
         assert_eq!(values[1], [Field::Bytes(1, b"entropy".to_vec()), Field::Float(2, -1.0)]);
         assert_eq!(values.len(), 2);
+    }
+
+    /// Tag, plugin, its content and the tensor of the only value of a summary.
+    fn plugin_value(event: &[Field]) -> [Vec<u8>; 4] {
+        let inner = |field: &Field, number: u8| {
+            let Field::Bytes(found, bytes) = field else { panic!("field {number} expected") };
+            assert_eq!(*found, number);
+            fields(bytes)
+        };
+        let bytes = |field: &Field| if let Field::Bytes(_, bytes) = field { bytes.clone() } else { panic!() };
+        let value = inner(&inner(&event[2], 5)[0], 1);
+        let plugin = inner(&inner(&value[2], 9)[0], 1);
+        [&value[0], &plugin[0], &plugin[1], &value[1]].map(bytes)
+    }
+
+    #[test]
+    fn texts_and_settings_are_those_of_their_plugins() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut file = EventFile::create(directory.path(), 0).unwrap();
+        file.write_text("config", "    name: hover").unwrap();
+        let settings = [("rate", "0.003"), ("resets", "true"), ("rule", "adam")];
+        file.write_settings(&settings.map(|(name, value)| (name.to_owned(), value.to_owned())).into()).unwrap();
+        let events = events(file.path());
+        let [tag, plugin, content, tensor] = plugin_value(&events[2]);
+        assert_eq!((&tag[..], &plugin[..], &content[..]), (&b"config"[..], &b"text"[..], &b""[..]));
+        assert_eq!(fields(&tensor)[2], Field::Bytes(8, b"    name: hover".to_vec()));
+        let [tag, plugin, content, _] = plugin_value(&events[3]);
+        assert_eq!((&tag[..], &plugin[..]), (&b"_hparams_/session_start_info"[..], &b"hparams"[..]));
+        let Field::Bytes(3, start) = &fields(&content)[0] else { panic!("a start is expected") };
+        let setting = |index: usize| {
+            let Field::Bytes(1, entry) = &fields(start)[index] else { panic!("an entry is expected") };
+            let Field::Bytes(2, value) = &fields(entry)[1] else { panic!("a value is expected") };
+            fields(value).remove(0)
+        };
+        assert_eq!(setting(0), Field::Double(2, 0.003));
+        assert_eq!(setting(1), Field::Varint(4, 1));
+        assert_eq!(setting(2), Field::Bytes(3, b"adam".to_vec()));
+        assert!(matches!(fields(start)[3], Field::Double(5, secs) if secs > 1.7e9));
     }
 
     #[test]

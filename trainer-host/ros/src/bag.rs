@@ -66,6 +66,5 @@ impl Bag {
 
 /// A time since the start of the flight \[s\] as messages say it.
 pub(crate) fn stamp(secs: f64) -> Time {
-    let nanoseconds = ((secs + BEGINNING_SECS) * 1e9).round() as u64;
-    Time { sec: (nanoseconds / 1_000_000_000) as i32, nanosec: (nanoseconds % 1_000_000_000) as u32 }
+    Time::of(secs + BEGINNING_SECS)
 }

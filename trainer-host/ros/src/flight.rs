@@ -52,7 +52,7 @@ pub fn mcap(recording: &Recording, experiment: &Experiment, path: &Path) -> Resu
         arena: Arena::new(world, &scenario.airframe, ContactReport::Touch),
         scene,
         control_secs,
-        terms: topics(&recording.components),
+        terms: recording.terms(),
     };
     writer.bag.push("/world", 0.0, &markers(world, &scenario.airframe, recording.drones.len()))?;
     let moments = recording.drones.iter().map(|track| track.moments.len()).max().unwrap_or(0);
@@ -73,15 +73,6 @@ struct FlightWriter {
     control_secs: f64,
     /// What the reward's components are called, each once.
     terms: Vec<String>,
-}
-
-/// The names, with a number behind those that were there before.
-fn topics(names: &[String]) -> Vec<String> {
-    let numbered = |(index, name): (usize, &String)| {
-        let before = names[..index].iter().filter(|other| *other == name).count();
-        if before == 0 { name.clone() } else { format!("{name}_{}", before + 1) }
-    };
-    names.iter().enumerate().map(numbered).collect()
 }
 
 impl FlightWriter {

@@ -24,6 +24,8 @@ mod definition;
 mod flight;
 mod marker;
 mod message;
+#[cfg(feature = "node")]
+pub mod node;
 #[cfg(test)]
 mod tests;
 

@@ -3,7 +3,7 @@
 //! Lengths are in metres, angles in radians; quaternions are x, y, z, w there. Covariances are zero, which means unknown.
 
 use nalgebra::Vector3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A message that has a topic of its own.
 pub(crate) trait Message: Serialize {
@@ -18,6 +18,8 @@ macro_rules! messages {
         })+
     };
 }
+#[cfg(feature = "node")]
+pub(crate) use messages;
 
 messages! {
     CameraInfo: "sensor_msgs/CameraInfo",
@@ -35,19 +37,19 @@ messages! {
     TwistStamped: "geometry_msgs/TwistStamped",
 }
 
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Time {
     pub(crate) sec: i32,
     pub(crate) nanosec: u32,
 }
 
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Header {
     pub(crate) stamp: Time,
     pub(crate) frame_id: String,
 }
 
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Triple {
     pub(crate) x: f64,
     pub(crate) y: f64,
@@ -87,7 +89,7 @@ pub(crate) struct PoseStamped {
     pub(crate) pose: Pose,
 }
 
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Twist {
     pub(crate) linear: Triple,
     pub(crate) angular: Triple,
@@ -257,6 +259,27 @@ pub(crate) struct MarkerArray {
 impl Header {
     pub(crate) fn new(stamp: Time, frame_id: &str) -> Self {
         Self { stamp, frame_id: frame_id.to_owned() }
+    }
+}
+
+impl Time {
+    /// Of a time, or a duration \[s\].
+    pub(crate) fn of(secs: f64) -> Self {
+        let nanoseconds = (secs * 1e9).round() as u64;
+        Self { sec: (nanoseconds / 1_000_000_000) as i32, nanosec: (nanoseconds % 1_000_000_000) as u32 }
+    }
+
+    /// \[s\].
+    #[cfg(feature = "node")]
+    pub(crate) fn secs(self) -> f32 {
+        self.sec as f32 + 1e-9 * self.nanosec as f32
+    }
+}
+
+#[cfg(feature = "node")]
+impl Triple {
+    pub(crate) fn vector(self) -> Vector3<f32> {
+        Vector3::new(self.x, self.y, self.z).cast()
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use kestrel_draw::video::VideoError;
+use kestrel_draw::video::{VideoError, VideoFormat};
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::progress::Progress;
 
@@ -13,17 +13,19 @@ pub(crate) enum Format {
     /// A moment.
     Png,
     /// The whole flight.
-    Gif,
+    Video(VideoFormat),
 }
 
 impl Format {
     /// By the ending of a file's name.
     pub(crate) fn of(output: &Path) -> Result<Self> {
-        match output.extension().and_then(|ending| ending.to_str()) {
-            Some("png") => Ok(Self::Png),
-            Some("gif") => Ok(Self::Gif),
-            Some(_) | None => bail!("{}: found another ending, expected .png or .gif", output.display()),
+        if output.extension().is_some_and(|ending| ending == "png") {
+            return Ok(Self::Png);
         }
+        let Some(format) = VideoFormat::of(output) else {
+            bail!("{}: found another ending, expected .png, .gif or .mp4", output.display());
+        };
+        Ok(Self::Video(format))
     }
 }
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, ensure};
-use kestrel_draw::video::{GIF_LIMIT, Panel, Style, Video};
+use anyhow::Result;
+use kestrel_draw::video::{Panel, Style, Video};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::{say, warn};
 use kestrel_sim::camera::Backend;
@@ -19,7 +19,7 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     flight: FlightArguments,
 
-    /// Where to write: .png for one moment, .gif for the whole flight
+    /// Where to write: .png for one moment, .gif or .mp4 for the whole flight
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
@@ -65,14 +65,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let scene = flown.scene(arguments.drone)?;
     let style = arguments.style(format);
     let video = Video::new(&scene, &style, &*renderer);
-    let [width, height] = video.size();
-    ensure!(
-        format == Format::Png || width.max(height) <= GIF_LIMIT,
-        "found {width}x{height} pixels, expected at most {GIF_LIMIT} across and down"
-    );
     let file = match format {
         Format::Png => Some(video.at(arguments.at)?.png()?),
-        Format::Gif => filmed(video.pictures(), |goes_on| video.gif(goes_on))?,
+        Format::Video(format) => {
+            format.check(video.size())?;
+            filmed(video.pictures(), |goes_on| video.file(format, goes_on))?
+        }
     };
     let Some(file) = file else { return Ok(Done::Interrupted) };
     write_atomically(output, &file)?;
@@ -85,7 +83,7 @@ impl Arguments {
     fn style(&self, format: Format) -> Style {
         let (panels, columns) = match format {
             Format::Png => (&Panel::ALL[1..], 320),
-            Format::Gif => (&Panel::ALL[..], 240),
+            Format::Video(_) => (&Panel::ALL[..], 240),
         };
         let columns = self.columns.map_or(columns, usize::from);
         let rows = self.rows.map_or((columns * 3 / 4).max(1), usize::from);

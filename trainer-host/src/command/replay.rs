@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use kestrel_draw::video::flight_gif;
+use kestrel_draw::video::{VideoFormat, flight_video};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::say;
 
 use super::Done;
 use super::flight::{FlightArguments, Flown, is_yaml};
+use crate::parquet_file;
 
 /// Arguments of `kestrel replay`.
 #[derive(Debug, clap::Args)]
@@ -17,7 +18,7 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     flight: FlightArguments,
 
-    /// Where to write, several if wanted: .gif, .svg, .png, .csv, .mcap [default: beside a recording, ending in .gif]
+    /// Where to write, several if wanted: .gif, .mp4, .svg, .png, .csv, .parquet, .mcap [default: beside a recording, ending in .gif]
     #[arg(long, short, value_name = "FILE", num_args = 1..)]
     output: Vec<PathBuf>,
 
@@ -29,32 +30,37 @@ pub(crate) struct Arguments {
 /// Shown below the help.
 const ENDINGS: &str = "\
 Files:
-  .gif         the flight from behind, with trails
-  .svg, .png   plots: position, velocity, attitude, rates, rotor speeds, actions, reward terms
-  .csv         the same numbers as a table
-  .mcap        ROS 2 messages, for Foxglove, rerun, PlotJuggler and ros2 bag";
+  .gif, .mp4      the flight from behind, with trails
+  .svg, .png      plots: position, velocity, attitude, rates, rotor speeds, actions, reward terms
+  .csv, .parquet  the same numbers as a table
+  .mcap           ROS 2 messages, for Foxglove, rerun, PlotJuggler and ros2 bag";
 
 /// What a file holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    Film,
+    Film(VideoFormat),
     Svg,
     Png,
-    Table,
+    Csv,
+    Parquet,
     Mcap,
 }
 
 impl Kind {
     /// By the ending of a file's name.
     fn of(path: &Path) -> Result<Self> {
+        if let Some(format) = VideoFormat::of(path) {
+            return Ok(Self::Film(format));
+        }
         match path.extension().and_then(|ending| ending.to_str()) {
-            Some("gif") => Ok(Self::Film),
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
-            Some("csv") => Ok(Self::Table),
+            Some("csv") => Ok(Self::Csv),
+            Some("parquet") => Ok(Self::Parquet),
             Some("mcap") => Ok(Self::Mcap),
             Some(_) | None => {
-                bail!("{}: found another ending, expected .gif, .svg, .png, .csv or .mcap", path.display())
+                let endings = ".gif, .mp4, .svg, .png, .csv, .parquet or .mcap";
+                bail!("{}: found another ending, expected {endings}", path.display())
             }
         }
     }
@@ -62,11 +68,16 @@ impl Kind {
     fn file(self, flown: &Flown, drone: usize) -> Result<Vec<u8>> {
         let Flown { recording, experiment, path } = flown;
         let scenario = &experiment.scenario;
+        let control_secs = scenario.physics.control_secs().into();
         Ok(match self {
-            Self::Film => flight_gif(recording.flight(experiment, path)?, scenario, &path.display().to_string())?,
+            Self::Film(format) => {
+                let name = path.display().to_string();
+                flight_video(recording.flight(experiment, path)?, scenario, &name, format)?
+            }
             Self::Svg => recording.plot(experiment, drone).svg().into_bytes(),
             Self::Png => recording.plot(experiment, drone).png()?,
-            Self::Table => recording.table(scenario.physics.control_secs().into()).into_bytes(),
+            Self::Csv => recording.table(control_secs).csv().into_bytes(),
+            Self::Parquet => parquet_file::parquet(&recording.table(control_secs))?,
             Self::Mcap => kestrel_ros::mcap(recording, experiment, path)?,
         })
     }
@@ -80,7 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let path = flown.path.display();
     ensure!(*drone < drones, "found --drone {drone}, expected a number below {drones}, the drones of {path}");
     let wanted = if output.is_empty() {
-        vec![(Kind::Film, beside(&flown.path)?)]
+        vec![(Kind::Film(VideoFormat::Gif), beside(&flown.path)?)]
     } else {
         kinds.into_iter().zip(output.iter().cloned()).collect()
     };

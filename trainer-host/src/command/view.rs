@@ -20,7 +20,7 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     flight: FlightArguments,
 
-    /// Write to a file instead of opening a window: .png for one moment, .gif for the whole flight
+    /// Write to a file instead of opening a window: .png for one moment, .gif or .mp4 for the whole flight
     #[arg(long, value_name = "FILE")]
     headless: Option<PathBuf>,
 
@@ -92,7 +92,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 fn written(viewport: &Viewport<'_>, controls: &Controls, (output, format): (&Path, Format)) -> Result<Done> {
     let file = match format {
         Format::Png => Some(viewport.picture(controls)?.png()?),
-        Format::Gif => filmed(viewport.pictures(), |goes_on| viewport.video(controls, goes_on))?,
+        Format::Video(format) => filmed(viewport.pictures(), |goes_on| viewport.video(controls, format, goes_on))?,
     };
     let Some(file) = file else { return Ok(Done::Interrupted) };
     write_atomically(output, &file)?;

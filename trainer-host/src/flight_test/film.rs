@@ -1,7 +1,7 @@
 //! The film of a flight.
 
 use kestrel_draw::recorded_flight::{DroneFlight, FlightRecording, Placement};
-use kestrel_draw::video::{VideoError, flight_gif};
+use kestrel_draw::video::{VideoError, VideoFormat, flight_video};
 use kestrel_sim::world::Pose;
 
 use super::case::Case;
@@ -26,7 +26,7 @@ pub(crate) fn film(case: &Case, flown: &FlownCase, failures: &[Failure]) -> Resu
         drones: vec![drone],
         movables: flown.movables.iter().map(|poses| poses.iter().map(of_body).collect()).collect(),
     };
-    flight_gif(recording, &case.scenario.in_room(0), &case.full_name())
+    flight_video(recording, &case.scenario.in_room(0), &case.full_name(), VideoFormat::Gif)
 }
 
 /// A name of a file for a flight: letters, digits, and dashes for everything else.

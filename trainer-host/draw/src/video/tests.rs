@@ -34,7 +34,7 @@ fn a_film_has_all_pictures_and_the_same_bytes_for_any_number_of_threads() {
     let (style, renderer) = (style(&Panel::ALL), Cpu::asked_for());
     let video = Video::new(&recorded, &style, &renderer);
     let mut told = Vec::new();
-    let file = video.gif(|done| {
+    let file = video.file(VideoFormat::Gif, |done| {
         told.push(done);
         true
     });
@@ -51,9 +51,9 @@ fn a_film_has_all_pictures_and_the_same_bytes_for_any_number_of_threads() {
     assert_eq!(frames, video.pictures());
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        assert!(pool.install(|| video.gif(|_| true)).unwrap().unwrap() == file);
+        assert!(pool.install(|| video.file(VideoFormat::Gif, |_| true)).unwrap().unwrap() == file);
     }
-    assert!(video.gif(|done| done == 0).unwrap().is_none(), "a stopped video is nothing");
+    assert!(video.file(VideoFormat::Gif, |done| done == 0).unwrap().is_none(), "a stopped video is nothing");
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn a_start_is_a_flight_of_one_moment() {
     let video = Video::new(&recorded, &style, &renderer);
     let picture = video.at(0.0).unwrap();
     assert_eq!((picture.size, picture.clone()), (video.size(), video.at(99.0).unwrap()));
-    assert!(video.gif(|_| true).unwrap().is_some());
+    assert!(video.file(VideoFormat::Gif, |_| true).unwrap().is_some());
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn what_no_camera_can_follow_is_refused() {
 fn a_flight_plays_25_pictures_per_second_and_pauses_at_its_end() {
     let scenario = scenario("cross.yaml", 1.0);
     let flight = testing::flown(&scenario);
-    let file = flight_gif(flight, &scenario, "flight").unwrap();
+    let file = flight_video(flight, &scenario, "flight", VideoFormat::Gif).unwrap();
     assert!(file.len() < 500_000, "{} bytes for a second", file.len());
     let mut decoder = gif::Decoder::new(&file[..]).unwrap();
     assert_eq!(decoder.repeat(), gif::Repeat::Infinite);
@@ -162,11 +162,47 @@ fn a_flight_plays_25_pictures_per_second_and_pauses_at_its_end() {
     assert!(others.len() >= 24 && others.iter().all(|delay| *delay == 4) && *last == 154, "{delays:?}");
 }
 
+#[cfg(feature = "mp4")]
+#[test]
+fn an_mp4_is_smaller_and_the_same_for_any_number_of_threads() {
+    let (_, recorded) = flown("cross.yaml", 0.8);
+    let (style, renderer) = (Style { size: [241, 181], ..style(&[Panel::Chase]) }, Cpu::asked_for());
+    let video = Video::new(&recorded, &style, &renderer);
+    let file = video.file(VideoFormat::Mp4, |_| true).unwrap().unwrap();
+    let film = video.file(VideoFormat::Gif, |_| true).unwrap().unwrap();
+    assert!(file[4..8] == *b"ftyp" && 2 * file.len() < film.len(), "{} of {} bytes", file.len(), film.len());
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert!(pool.install(|| video.file(VideoFormat::Mp4, |_| true)).unwrap().unwrap() == file);
+    }
+    assert!(video.file(VideoFormat::Mp4, |done| done == 0).unwrap().is_none(), "a stopped video is nothing");
+}
+
+#[test]
+fn what_a_format_cannot_hold_is_refused() {
+    let refused = |format: VideoFormat, size| format.check(size).map_err(|error| error.to_string());
+    assert_eq!(refused(VideoFormat::Gif, [65_535, 1]), Ok(()));
+    let expected = "found 65536x1 pixels, expected at most 65535 across and down in a GIF";
+    assert_eq!(refused(VideoFormat::Gif, [65_536, 1]), Err(expected.to_owned()));
+    #[cfg(feature = "mp4")]
+    {
+        assert_eq!(
+            [[640, 480], [1920, 1080], [4096, 2304]].map(mp4_writer::level),
+            [Some(30), Some(40), Some(51)]
+        );
+        assert_eq!(refused(VideoFormat::Mp4, [8688, 1000]), Ok(()));
+        assert!(refused(VideoFormat::Mp4, [8704, 16]).unwrap_err().contains("8688 across and down"));
+        assert!(refused(VideoFormat::Mp4, [4096, 4096]).is_err());
+    }
+}
+
 #[test]
 fn a_recording_that_is_none_is_refused() {
     let scenario = scenario("cross.yaml", 0.2);
     let whole = testing::flown(&scenario);
-    let refused = |flight: FlightRecording| flight_gif(flight, &scenario, "flight").unwrap_err().to_string();
+    let refused = |flight: FlightRecording| {
+        flight_video(flight, &scenario, "flight", VideoFormat::Gif).unwrap_err().to_string()
+    };
     let mut empty = whole.clone();
     empty.drones[0].frames.clear();
     let none = "the recording of the flight holds no frames: expected at least one";

@@ -3,7 +3,7 @@ use kestrel_sim::camera::Cpu;
 use super::*;
 use crate::picture::Picture;
 use crate::testing::{flown, scenario, started};
-use crate::video::RecordedScene;
+use crate::video::{RecordedScene, VideoFormat};
 
 const EXTENT: Extent = Extent { secs: 2.0, drones: 3 };
 
@@ -105,7 +105,7 @@ fn a_flight_without_a_window_is_a_film() {
     let recorded = RecordedScene::new(started(&scenario), &scenario, "flight").unwrap();
     let renderer = Cpu::asked_for();
     let viewport = Viewport::new(&recorded, &scenario, &renderer, 1.5, [320, 240]);
-    let video = viewport.video(&Controls::default(), |_| true).unwrap().unwrap();
+    let video = viewport.video(&Controls::default(), VideoFormat::Gif, |_| true).unwrap().unwrap();
     assert!(video.starts_with(b"GIF89a") && video[6..10] == [64, 1, 240, 0]);
-    assert!(viewport.video(&Controls::default(), |_| false).unwrap().is_none());
+    assert!(viewport.video(&Controls::default(), VideoFormat::Gif, |_| false).unwrap().is_none());
 }

@@ -12,7 +12,7 @@ use crate::plan::above::{Above, Flown};
 use crate::video::chase::{self, Chase, VIEW_ANGLE, on_board};
 use crate::video::playback::{Moment, PICTURE_SECS};
 use crate::video::trail;
-use crate::video::{self, DepthScale, Panel, RecordedScene, VideoError, coloured, draw_caption};
+use crate::video::{self, DepthScale, Panel, RecordedScene, VideoError, VideoFormat, coloured, draw_caption};
 
 /// Keys and mouse, in one line.
 const HELP: &str = "space pause   arrows step, speed   c camera   n drone   r reset   q quit   mouse: drag to turn, wheel to zoom";
@@ -108,17 +108,18 @@ impl<'a> Viewport<'a> {
         Ok(picture)
     }
 
-    /// The whole flight as GIF, from the camera that the controls say; see [`video::Video::gif`].
+    /// The whole flight as a file, from the camera that the controls say; see [`video::Video::file`].
     ///
     /// # Errors
     /// When the renderer or the encoder fails.
     pub fn video(
         &self,
         controls: &Controls,
+        format: VideoFormat,
         goes_on: impl FnMut(usize) -> bool,
     ) -> Result<Option<Vec<u8>>, VideoError> {
         let picture = |index: usize| self.picture(&Controls { secs: index as f32 * PICTURE_SECS, ..*controls });
-        video::gif(self.pictures(), picture, goes_on)
+        video::film(format, self.pictures(), picture, goes_on)
     }
 
     /// How many pictures that video has.

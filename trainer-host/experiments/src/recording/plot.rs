@@ -77,9 +77,8 @@ impl Recording {
                 track.steps.iter().map(|step| step.action.get(index).copied().unwrap_or(f64::NAN)).collect(),
             )
         };
-        let paid = |(index, name): (usize, &String)| {
-            (name.clone(), track.steps.iter().map(|step| step.rewards[index]).collect())
-        };
+        let paid =
+            |(index, name): (usize, String)| (name, track.steps.iter().map(|step| step.rewards[index]).collect());
         let position =
             states("position [m], dashed: the goal", &["x", "y", "z"], &|moment| moment.placed.position.into());
         vec![
@@ -91,7 +90,7 @@ impl Recording {
             Signal { name: "action", lines: (0..commands).map(command).collect(), wanted: Vec::new() },
             Signal {
                 name: "reward of a step",
-                lines: self.components.iter().enumerate().map(paid).collect(),
+                lines: self.terms().into_iter().enumerate().map(paid).collect(),
                 wanted: Vec::new(),
             },
         ]

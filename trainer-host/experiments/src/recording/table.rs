@@ -1,4 +1,4 @@
-//! A recording as text: a summary for people, a table for other programs.
+//! A recording as a summary for people, and as a table for other programs.
 
 use std::fmt::Write;
 
@@ -27,37 +27,80 @@ impl Recording {
         text
     }
 
-    /// Comma-separated values: a line with names, then one per drone and moment, drone by drone.
+    /// The flight as a table: a row per drone and moment, drone by drone.
     ///
-    /// Actions and rewards stand beside the state from which they were taken; the last line of a drone has none where
-    /// the episode ended. Numbers are the shortest that read back to the same `f64`.
-    pub fn table(&self, control_secs: f64) -> String {
+    /// Actions and rewards stand beside the state from which they were taken; the last row of a drone has none where the
+    /// episode ended.
+    pub fn table(&self, control_secs: f64) -> Table {
         let action_len = self.drones.iter().flat_map(|track| &track.steps).map(|step| step.action.len()).max();
-        let mut names: Vec<String> = ["drone", "secs"].map(str::to_owned).into();
-        names.extend("px py pz qw qx qy qz vx vy vz wx wy wz m0 m1 m2 m3".split(' ').map(str::to_owned));
-        names.extend((0..action_len.unwrap_or(0)).map(|index| format!("a{index}")));
-        names.extend(self.components.iter().map(|name| format!("r_{name}")));
-        let width = names.len();
-        let mut text = names.join(",");
-        text.push('\n');
-        for (drone, track) in self.drones.iter().enumerate() {
-            for moment in 0..track.moments.len() {
-                let mut cells = vec![drone.to_string(), (moment as f64 * control_secs).to_string()];
-                cells.extend(cells_of(track, moment));
-                cells.resize(width, String::new());
-                text.push_str(&cells.join(","));
-                text.push('\n');
-            }
-        }
-        text
+        let mut names: Vec<String> = STATE.map(str::to_owned).into();
+        names.extend((0..action_len.unwrap_or(0)).map(|index| format!("action_{index}")));
+        names.extend(self.terms().iter().map(|name| format!("reward_{name}")));
+        let row = |drone: usize, track: &Track, moment: usize| {
+            let mut row = vec![Some(drone as f64), Some(moment as f64 * control_secs)];
+            row.extend(cells_of(track, moment).map(Some));
+            row.resize(names.len(), None);
+            row
+        };
+        let tracks = self.drones.iter().enumerate();
+        let rows = tracks
+            .flat_map(|(drone, track)| (0..track.moments.len()).map(move |moment| row(drone, track, moment)));
+        Table { rows: rows.collect(), names }
     }
 }
 
-fn cells_of(track: &Track, moment: usize) -> impl Iterator<Item = String> {
+/// What a row says of a drone's state: positions and velocities in the world, the attitude from the body to it.
+const STATE: [&str; 19] = [
+    "drone",
+    "time_secs",
+    "position_x_m",
+    "position_y_m",
+    "position_z_m",
+    "attitude_w",
+    "attitude_x",
+    "attitude_y",
+    "attitude_z",
+    "velocity_x_m_per_s",
+    "velocity_y_m_per_s",
+    "velocity_z_m_per_s",
+    "body_rate_x_rad_per_s",
+    "body_rate_y_rad_per_s",
+    "body_rate_z_rad_per_s",
+    "rotor_0_rad_per_s",
+    "rotor_1_rad_per_s",
+    "rotor_2_rad_per_s",
+    "rotor_3_rad_per_s",
+];
+
+fn cells_of(track: &Track, moment: usize) -> impl Iterator<Item = f64> {
     let step = track.steps.get(moment);
     let moment = &track.moments[moment];
     let state = [&moment.placed.position[..], &moment.placed.attitude, &moment.velocity, &moment.body_rates];
     let state = state.concat().into_iter().chain(moment.rotor_speeds);
-    let step = step.map(|step| [&step.action[..], &step.rewards].concat()).unwrap_or_default();
-    state.chain(step).map(|value| value.to_string())
+    state.chain(step.map(|step| [&step.action[..], &step.rewards].concat()).unwrap_or_default())
+}
+
+/// Numbers in named columns, for other programs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// What the columns hold, with their units.
+    pub names: Vec<String>,
+    /// A number for each column, or none.
+    pub rows: Vec<Vec<Option<f64>>>,
+}
+
+impl Table {
+    /// Comma-separated values: a line with the names, then a line per row. Numbers are the shortest that read back to the same
+    /// `f64`.
+    pub fn csv(&self) -> String {
+        let mut text = self.names.join(",");
+        text.push('\n');
+        for row in &self.rows {
+            let cells: Vec<String> =
+                row.iter().map(|cell| cell.map(|value| value.to_string()).unwrap_or_default()).collect();
+            text.push_str(&cells.join(","));
+            text.push('\n');
+        }
+        text
+    }
 }

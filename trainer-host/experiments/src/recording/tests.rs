@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::evaluation::{Flyer, Starts};
-use kestrel_draw::video::flight_gif;
+use kestrel_draw::video::{VideoFormat, flight_video};
 
 const HERE: &str = "flight.recording";
 
@@ -72,7 +72,7 @@ fn a_recording_knows_its_world_and_can_be_drawn() {
     let experiment = recording.experiment(path).unwrap();
     let flight = recording.flight(&experiment, path).unwrap();
     assert_eq!((flight.drones.len(), flight.title.as_str()), (3, "cross: scripted pilot"));
-    let film = flight_gif(flight, &experiment.scenario, HERE).unwrap();
+    let film = flight_video(flight, &experiment.scenario, HERE, VideoFormat::Gif).unwrap();
     assert!(film.starts_with(b"GIF89a"));
 }
 
@@ -143,11 +143,24 @@ fn the_summary_adds_up_the_rewards() {
 #[test]
 fn the_table_reads_back_to_the_same_bits() {
     let recording = small();
-    let table = recording.table(0.02);
+    let table = recording.table(0.02).csv();
     let mut lines = table.lines();
     let names: Vec<_> = lines.next().unwrap().split(',').collect();
-    assert_eq!(names[..9], ["drone", "secs", "px", "py", "pz", "qw", "qx", "qy", "qz"]);
-    assert_eq!(names[19..], ["a0", "a1", "a2", "a3", "r_progress", "r_tilt"]);
+    assert_eq!(
+        names[..9],
+        [
+            "drone",
+            "time_secs",
+            "position_x_m",
+            "position_y_m",
+            "position_z_m",
+            "attitude_w",
+            "attitude_x",
+            "attitude_y",
+            "attitude_z"
+        ]
+    );
+    assert_eq!(names[19..], ["action_0", "action_1", "action_2", "action_3", "reward_progress", "reward_tilt"]);
     for (line, moment) in lines.by_ref().zip(&recording.drones[0].moments) {
         let cells: Vec<&str> = line.split(',').collect();
         assert_eq!(cells.len(), names.len());
@@ -157,7 +170,7 @@ fn the_table_reads_back_to_the_same_bits() {
     }
     let mut ended = small();
     ended.drones[0].steps.truncate(2);
-    assert!(ended.table(0.02).ends_with(",,,,,,\n"), "the last state has no action");
+    assert!(ended.table(0.02).csv().ends_with(",,,,,,\n"), "the last state has no action");
 }
 
 static BYTES: LazyLock<Vec<u8>> = LazyLock::new(|| KIND.encode(&small()));

@@ -141,7 +141,8 @@ impl StepConfig {
                 for_secs = time(*stream_secs, secs, &field.at("for_secs"))?;
                 let limit = f64::from(SPEED_LIMIT);
                 let limits = Limits::from(-limit, limit, "m/s");
-                StationOrder::Velocity(field.at("m_per_s").numbers(*m_per_s, &limits)?.into())
+                let velocity = field.at("m_per_s").numbers(*m_per_s, &limits)?.into();
+                StationOrder::Velocity { velocity, yaw_rate: None }
             }
             OrderConfig::Speed { m_per_s } => StationOrder::Speed(speed(*m_per_s, &inner.at("speed"))?),
             OrderConfig::Hold => StationOrder::Mode(FlightMode::Hold),
@@ -215,7 +216,7 @@ pub(super) fn goal(script: &[ScriptStep]) -> Option<Vector3<f32>> {
         | StationOrder::Disarm
         | StationOrder::StopMotors
         | StationOrder::TakeOff(_)
-        | StationOrder::Velocity(_)
+        | StationOrder::Velocity { .. }
         | StationOrder::Mode(_)
         | StationOrder::Speed(_) => None,
     })

@@ -1,6 +1,7 @@
-"""What `kestrel replay -o flight.mcap` writes, read by programs that others wrote: mcap, mcap-ros2-support and rosbags.
+"""What `kestrel replay` writes, read by programs that others wrote: MCAP by mcap-ros2-support and rosbags, Parquet by DuckDB,
+MP4 by FFmpeg.
 
-    python mcap_test.py KESTREL
+    python replay_test.py KESTREL
 
 KESTREL is the path of the binary. rosbags knows ROS 2's messages by itself: what a file says of them must be the same, and
 both decode the same numbers, which are those of the CSV of the same flight. Exit status 0 if every check passed.
@@ -14,6 +15,8 @@ import subprocess
 import sys
 import tempfile
 
+import av
+import duckdb
 import numpy
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -54,6 +57,10 @@ def rows(path):
         return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
 
 
+def across(row, name, parts):
+    return [row[name.format(part)] for part in parts]
+
+
 def numbers(message, *names):
     return [getattr(message, name) for name in names]
 
@@ -88,30 +95,30 @@ def of_flight(messages, table):
     states = [(time, message) for time, message, _ in messages["/drone0/odom"]]
     yield "there is an odometry for every line of the table", len(states) == len(table)
     yield "times are those of the table", all(
-        abs((time - BEGINNING) * 1e-9 - row["secs"]) < 1e-6 for (time, _), row in zip(states, table)
+        abs((time - BEGINNING) * 1e-9 - row["time_secs"]) < 1e-6 for (time, _), row in zip(states, table)
     )
     yield "positions and attitudes are those of the table", all(
-        close(numbers(message.pose.pose.position, *"xyz"), [row[name] for name in ("px", "py", "pz")])
-        and close(numbers(message.pose.pose.orientation, *"wxyz"), [row[name] for name in ("qw", "qx", "qy", "qz")])
+        close(numbers(message.pose.pose.position, *"xyz"), across(row, "position_{}_m", "xyz"))
+        and close(numbers(message.pose.pose.orientation, *"wxyz"), across(row, "attitude_{}", "wxyz"))
         for (_, message), row in zip(states, table)
     )
     yield "velocities in the world are those of the table", all(
-        close(numbers(message.twist.linear, *"xyz"), [row[name] for name in ("vx", "vy", "vz")])
+        close(numbers(message.twist.linear, *"xyz"), across(row, "velocity_{}_m_per_s", "xyz"))
         for (_, message, _), row in zip(messages["/drone0/twist"], table)
     )
     speeds = [math.hypot(*numbers(message.twist.twist.linear, *"xyz")) for _, message in states]
     yield "speeds in the body are those in the world", numpy.allclose(
-        speeds, [math.hypot(row["vx"], row["vy"], row["vz"]) for row in table], rtol=1e-6
+        speeds, [math.hypot(*across(row, "velocity_{}_m_per_s", "xyz")) for row in table], rtol=1e-6
     )
     yield "rotors turn as in the table", all(
-        close(message.velocity, [row[f"m{rotor}"] for rotor in range(4)])
+        close(message.velocity, across(row, "rotor_{}_rad_per_s", range(4)))
         for (_, message, _), row in zip(messages["/drone0/rotors"], table)
     )
     yield "actions and rewards are those of the table", all(
-        close(message.data, [row[f"a{index}"] for index in range(len(message.data))])
+        close(message.data, across(row, "action_{}", range(len(message.data))))
         for (_, message, _), row in zip(messages["/drone0/action"], table)
     ) and all(
-        close([message.data for _, message, _ in found], [row["r_" + topic.split("/")[-1]] for row in table if "a0" in row])
+        close([message.data for _, message, _ in found], [row["reward_" + topic.split("/")[-1]] for row in table if "action_0" in row])
         for topic, found in messages.items()
         if "/reward/" in topic
     )
@@ -122,11 +129,11 @@ def of_flight(messages, table):
 def of_room(messages, table):
     """What is seen in a furnished room with a floor."""
     down = [message.range for _, message, _ in messages["/drone0/range/down"]]
-    tilted = [2 * (row["qx"] ** 2 + row["qy"] ** 2) for row in table]
-    first = table[0]["pz"] / (1 - tilted[0])
+    tilted = [2 * (row["attitude_x"] ** 2 + row["attitude_y"] ** 2) for row in table]
+    first = table[0]["position_z_m"] / (1 - tilted[0])
     yield "the ranger sees the floor below", abs(down[0] - first) < 1e-3
     yield "nothing is seen through the floor", all(
-        metres <= row["pz"] / (1 - tilt) + 1e-3 for metres, row, tilt in zip(down, table, tilted)
+        metres <= row["position_z_m"] / (1 - tilt) + 1e-3 for metres, row, tilt in zip(down, table, tilted)
     )
     yield "rangers see furniture", any(message.range < 4.0 for _, message, _ in messages["/drone0/range/front"])
     image = messages["/drone0/camera/image"][0][1]
@@ -135,6 +142,32 @@ def of_room(messages, table):
     ) and len(set(bytes(image.data))) > 5  # fmt: skip
     kinds = {marker.type for _, message, _ in messages["/world"] for marker in message.markers}
     yield "a furnished room has its bodies", kinds >= {1, 3} and len(messages["/world"][0][1].markers) > 20
+
+
+def of_parquet(kestrel, folder, table):
+    """DuckDB reads the numbers of the table, to the bit, and nothing where the table has nothing."""
+    path = folder / "flight.parquet"
+    subprocess.run([kestrel, "replay", "hover", "-o", str(path)], check=True, capture_output=True)
+    found = duckdb.sql(f"SELECT * FROM '{path}'")
+    read = [{name: value for name, value in zip(found.columns, row) if value is not None} for row in found.fetchall()]
+    yield "a Parquet file has the numbers of the table", read == table and len(read) > 100
+    yield "its columns are doubles with units", set(map(str, found.types)) == {"DOUBLE"} and "position_x_m" in found.columns
+
+
+def of_film(kestrel, folder):
+    """FFmpeg decodes every picture, in the colours of the GIF of the same flight."""
+    film, gif = folder / "flight.mp4", folder / "flight.gif"
+    command = [kestrel, "replay", "configs/aviaries/room-1.yaml", "--pilot", "scripted", "-o", str(film), str(gif)]
+    subprocess.run(command, check=True, capture_output=True)
+    with av.open(str(film)) as container, av.open(str(gif)) as animated:
+        stream = container.streams.video[0]
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        expected = [frame.to_ndarray(format="rgb24") for frame in animated.decode(video=0)]
+        yield "a film is H.264, 25 pictures a second", (stream.codec.name, stream.average_rate) == ("h264", 25)
+    yield "a film ends with a pause", len(pictures) == len(expected) + 37
+    errors = [numpy.abs(one.astype(float) - other).mean() for one, other in zip(pictures, expected)]
+    yield "its pictures are those of the GIF", max(errors) < 6.0
+    yield "it is smaller", 2 * film.stat().st_size < gif.stat().st_size
 
 
 def of_frames(messages, frames):
@@ -167,6 +200,9 @@ def checks(kestrel, folder):
     mcap, table = replay(kestrel, folder, "configs/aviaries/room-1.yaml", "--pilot", "scripted")
     messages, schemas = decoded(mcap)
     yield from of_room(messages, rows(table))
+    _, table = replay(kestrel, folder, "hover")
+    yield from of_parquet(kestrel, folder, rows(table))
+    yield from of_film(kestrel, folder)
 
 
 def main():
