@@ -106,8 +106,8 @@ fn random_rooms_are_written_and_flown() {
             || message.contains("worlds/trial-00.yaml: found a file"),
         "{message}"
     );
-    assert!(message.contains("--replace"), "{message}");
-    let again = kestrel(place.path(), &[&arguments[..], &["--replace"]].concat());
+    assert!(message.contains("--force"), "{message}");
+    let again = kestrel(place.path(), &[&arguments[..], &["--force"]].concat());
     assert!(again.status.success());
     assert!(fs::read_to_string(place.path().join(world)).unwrap() == text);
 }
@@ -145,7 +145,7 @@ fn a_pillar_is_refused_where_it_makes_no_sense() {
     let failing = obstruct(&hover, &["--flights", "4"]);
     assert!(failing.contains("found ") && failing.contains("expected"), "{failing}");
     fs::write(place.path().join("next.yaml"), "mine\n").unwrap();
-    assert!(obstruct(&cross, &[]).contains("next.yaml: found a file, expected none: --replace"));
+    assert!(obstruct(&cross, &[]).contains("next.yaml: found a file, expected none: --force"));
     assert_eq!(fs::read_to_string(place.path().join("next.yaml")).unwrap(), "mine\n");
     assert!(!place.path().join("world.yaml").exists());
 }

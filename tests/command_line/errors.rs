@@ -66,7 +66,7 @@ fn what_is_no_recording_is_not_replayed() {
     let other = refusal(&kestrel(place.path(), &["replay", "other.recording"]));
     assert!(other.contains("other.recording is no recording: it begins with \"GIF89a a\""), "{other}");
     let ending = refusal(&kestrel(place.path(), &["replay", "other.recording", "--output", "other.recording"]));
-    assert!(ending.contains("other.recording: found another ending, expected .gif, .svg"), "{ending}");
+    assert!(ending.contains("other.recording: found another ending, expected .gif, .mp4, .svg"), "{ending}");
     assert!(!place.path().join("other.gif").exists());
 }
 

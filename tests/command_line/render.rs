@@ -87,7 +87,10 @@ fn wrong_requests_for_pictures_are_explained() {
     let message = refused(&[cross, "-o", "no.png", "--backend", "cuda"]);
     assert!(message.contains("expected `auto`, `cpu`, `gpu` or `software`, found `cuda`"), "{message}");
     assert!(refused(&[cross, "-o", "none/view.png"]).contains("none/view.png"));
-    assert!(refused(&[cross, "-o", "view.jpg"]).contains("view.jpg: found another ending, expected .png or .gif"));
+    assert!(
+        refused(&[cross, "-o", "view.jpg"])
+            .contains("view.jpg: found another ending, expected .png, .gif or .mp4")
+    );
     assert!(
         refused(&[cross, "-o", "no.png", "--drone", "1"]).contains("found --drone 1, expected a number below 1")
     );
@@ -138,8 +141,8 @@ fn the_viewer_writes_files_without_a_screen() {
     }
     assert_eq!(fs::read(place.path().join("view.png")).unwrap()[16..24], [0, 0, 1, 64, 0, 0, 0, 240]);
     assert_eq!(gif_size(&place.path().join("view.gif")), [320, 240]);
-    let wrong = refusal(&kestrel(place.path(), &[&view[..], &["--headless", "view.mp4"]].concat()));
-    assert!(wrong.contains("view.mp4: found another ending, expected .png or .gif"), "{wrong}");
+    let wrong = refusal(&kestrel(place.path(), &[&view[..], &["--headless", "view.avi"]].concat()));
+    assert!(wrong.contains("view.avi: found another ending, expected .png, .gif or .mp4"), "{wrong}");
     let drone = refusal(&kestrel(place.path(), &[&view[..], &["--headless", "no.png", "--drone", "4"]].concat()));
     assert!(drone.contains("found --drone 4, expected a number below 1"), "{drone}");
     let without = command(place.path()).args(view).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output();

@@ -119,6 +119,23 @@ def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads():
     assert not same(reference, random_flight(60, threads=1, seed=6))
 
 
+def test_a_step_in_two_halves_is_the_same_step():
+    whole, halves = (kestrel_drones.make_vec("hover", num_envs=8, seed=3) for _ in range(2))
+    first = [envs.reset()[0] for envs in (whole, halves)]
+    np.testing.assert_array_equal(*first)
+    actions = np.full((8, 4), 0.2, np.float32)
+    for _ in range(3):
+        halves.send(actions)
+        expected = whole.step(actions)
+        with pytest.raises(RuntimeError, match="not received"):
+            halves.send(actions)
+        for mine, other in zip(halves.recv()[:4], expected[:4], strict=True):
+            np.testing.assert_array_equal(mine, other)
+    with pytest.raises(RuntimeError, match="no step that was sent"):
+        halves.recv()
+    halves.close()
+
+
 def test_an_environment_does_not_depend_on_how_many_there_are():
     few, many = (kestrel_drones.make_vec("hover", num_envs=count, seed=5).reset()[0] for count in (3, 300))
     assert few.tobytes() == many[:3].tobytes()

@@ -23,17 +23,11 @@ PAGES = ["README.md", "firmware-shim/README.md", "core-nostd/README.md", "firmwa
 """Beside those of docs."""
 
 SHORTENED = [
-    (r"^kestrel train (?!--resume|.*runs/first)", " --set training.total_steps=65536 --set evaluation.episodes=16"),
-    (r"^kestrel evaluate", " --episodes 16"),
-    (r"^kestrel baseline", " --episodes 16"),
+    (r"^kestrel train (?!--resume|.*runs/first)", " --set training.total_steps=65536 --set evaluation.episodes=4"),
+    (r"^kestrel evaluate", " --episodes 4"),
+    (r"^kestrel baseline", " --episodes 4"),
     (r"^kestrel fly", " --for-secs 1 --speed max --listen 127.0.0.1:0 --ground-station 127.0.0.1:9"),
     (r"^kestrel view (?!.*--headless)", " --headless window.png"),
-    (
-        r"^kestrel study run",
-        " --set seeds.count=1 --set training.total_steps=65536 --set evaluation.flight_episodes=1"
-        + "".join(f" --set tasks.{task}.training.total_steps=65536" for task in range(3)),
-    ),
-    (r"^kestrel bench", " --secs 0.01"),
 ]
 """Beginnings of commands, and what is written behind them here."""
 
@@ -61,7 +55,11 @@ ELSEWHERE = [
     (r"^sim-host/web/build|^python3 -m http", "tests/web.sh"),
     (r"^ros2 |--ros2", "tests/python/ros2_test.py"),
     (r"^source <\(kestrel completions", "tests/command_line/runs.rs"),
+    (r"^kestrel train configs/aviaries/unseen-rooms", "a minute: kestrel-experiments trains in drawn rooms"),
     (r"^kestrel search run", "hours: tests/command_line/search.rs with a search of seconds"),
+    (r"^kestrel study run", "hours: tests/command_line/study.rs with a study of seconds"),
+    (r"^cargo run --release -- bench", "minutes: tests/command_line/bench.rs"),
+    (r"^kestrel test configs", "a minute: tests/command_line/flight_tests.rs"),
 ]
 """What is not run, and who does it."""
 
@@ -90,7 +88,7 @@ def prepared(folder, shell):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("results", "__pycache__"))
     shutil.copy(ROOT / "RESULTS.md", folder)
     shutil.copy(ROOT / "tests/golden/foreign/sb3-ppo.safetensors", folder / "policy.safetensors")
-    shell("kestrel train configs/hover.yaml --run runs/hover-seed0-1 --set training.total_steps=65536 --set evaluation.episodes=16")
+    shell("kestrel train configs/hover.yaml --run runs/hover-seed0-1 --set training.total_steps=65536 --set evaluation.episodes=4")
     shell("kestrel baseline configs/hover.yaml --episodes 1 --record flight.recording")
     shell("kestrel study run tests/command_line/tiny-study.yaml --directory tiny --set seeds.count=1")
 

@@ -13,6 +13,7 @@ mod fly;
 mod identify;
 mod import;
 mod inspect;
+mod json;
 mod look;
 mod new;
 mod render;

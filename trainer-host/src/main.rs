@@ -16,17 +16,44 @@ use std::env;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
+use anyhow::{Context, Result};
 use clap::Parser;
 
 use command::Command;
-use kestrel_experiments::output::warn;
+use kestrel_experiments::output;
 
 /// Train small neural pilots for the Crazyflie, judge them, export them and fly them.
 #[derive(Debug, Parser)]
 #[command(name = "kestrel", version, max_term_width = 100, after_help = command::EXAMPLES)]
 struct Arguments {
+    #[command(flatten)]
+    everywhere: Everywhere,
+
     #[command(subcommand)]
     command: Command,
+}
+
+/// Options of every command.
+#[derive(Clone, Copy, Debug, clap::Args)]
+struct Everywhere {
+    /// Threads to use; no result depends on it [default: all cores]
+    #[arg(long, global = true, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+
+    /// Show no progress and no notes
+    #[arg(long, short, global = true)]
+    quiet: bool,
+}
+
+impl Everywhere {
+    /// Holds from now on.
+    fn apply(self) -> Result<()> {
+        if self.quiet {
+            output::be_quiet();
+        }
+        let threads = self.threads.map_or(0, usize::from);
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")
+    }
 }
 
 /// Status of a run that the user stopped: 128 + SIGINT, as shells report it.
@@ -38,7 +65,8 @@ const DEVIATING: u8 = 1;
 fn main() -> ExitCode {
     command::completions::answer();
     shipped::LIBRARY.install();
-    match Arguments::parse().command.run() {
+    let Arguments { everywhere, command } = Arguments::parse();
+    match everywhere.apply().and_then(|()| command.run()) {
         Ok(command::Done::Finished) => ExitCode::SUCCESS,
         Ok(command::Done::Deviating) => ExitCode::from(DEVIATING),
         Ok(command::Done::Interrupted) => ExitCode::from(INTERRUPTED),
@@ -46,7 +74,7 @@ fn main() -> ExitCode {
             let words: Vec<OsString> = env::args_os().skip(1).collect();
             let hint = kind::misplaced(words.iter().map(OsString::as_os_str));
             let hint = hint.map(|hint| format!("\n  {hint}")).unwrap_or_default();
-            warn(format_args!("error: {error:#}{hint}"));
+            output::fail(format_args!("error: {error:#}{hint}"));
             ExitCode::from(2)
         }
     }

@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Standard output refuses, such as a file on a full disk.
 #[derive(Debug, thiserror::Error)]
@@ -18,9 +19,30 @@ pub fn say(text: impl Display) -> Result<(), OutputError> {
     write_to(&mut io::stdout().lock(), &text)
 }
 
-/// Prints `text` and a line break on standard error, where possible: there is nowhere left to complain.
+/// Prints `text` and a line break on standard error, unless nobody wants to hear; where possible: there is nowhere left to
+/// complain.
 pub fn warn(text: impl Display) {
+    if !is_quiet() {
+        fail(text);
+    }
+}
+
+/// As [`warn`], whoever wants to hear: why there is no result.
+pub fn fail(text: impl Display) {
     let _unread = writeln!(io::stderr().lock(), "{text}");
+}
+
+/// Whether progress and notes are wanted.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// From now on there are no progress bars and no notes, in the whole process.
+pub fn be_quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+/// Whether [`be_quiet`] was called.
+pub fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
 }
 
 fn write_to(output: &mut impl Write, text: &dyn Display) -> Result<(), OutputError> {

@@ -1,11 +1,13 @@
 //! Progress of a training run on standard error: a bar on a terminal, now and then a plain line elsewhere.
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 pub use kestrel_draw::chart::amount;
+
+use crate::output::{is_quiet, warn};
 
 /// Shortest time between two plain lines, so that a log of a long run stays short.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
@@ -40,7 +42,8 @@ impl Progress {
     /// As [`Self::new`], of other things than steps.
     pub fn counting(unit: &'static str, total: u64, done: u64) -> Self {
         let lines = Lines { unit, total, began_at: done, started: Instant::now(), last: None };
-        Self { bar: io::stderr().is_terminal().then(|| bar(unit, total, done)), lines }
+        let visible = io::stderr().is_terminal() && !is_quiet();
+        Self { bar: visible.then(|| bar(unit, total, done)), lines }
     }
 
     /// Shows the state after an update.
@@ -61,7 +64,7 @@ impl Progress {
 
     /// Prints a line of its own above the bar, or among the plain lines.
     pub fn say(&self, text: &str) {
-        let print = || eprintln!("{text}");
+        let print = || warn(text);
         match &self.bar {
             Some(bar) => bar.suspend(print),
             None => print(),
@@ -77,8 +80,7 @@ impl Progress {
 
     fn write_line_when_due(&mut self, steps: u64, message: impl Fn() -> String) {
         if let Some(line) = self.lines.line_when_due(steps, message, self.lines.started.elapsed()) {
-            // Nobody to read the log any more is no reason to end the training.
-            let _ = writeln!(io::stderr(), "{line}");
+            warn(line);
         }
     }
 }

@@ -35,7 +35,7 @@ pub struct RunDirectory {
 #[derive(Debug, thiserror::Error)]
 pub enum RunDirectoryError {
     /// A new run was asked for where one exists.
-    #[error("{} already holds a run: continue it with --resume, or choose another directory", .0.display())]
+    #[error("{} already holds a run: continue it with --resume, begin anew with --force, or choose another directory", .0.display())]
     HoldsRun(PathBuf),
     /// A new run was asked for in a directory with other things in it.
     #[error("{} is not empty (it holds {found}): choose a new or an empty directory", path.display())]
@@ -165,6 +165,16 @@ impl RunDirectory {
         remove_unfinished(&run.path)?;
         remove_unfinished(&checkpoints)?;
         Ok(run)
+    }
+
+    /// Removes the run at `path` with all that it holds.
+    ///
+    /// # Errors
+    /// [`RunDirectoryError`]: no run there, in use, or not to be removed.
+    pub fn remove(path: &Path) -> Result<(), RunDirectoryError> {
+        let Self { path, .. } = Self::open(path)?;
+        let _lock = lock::RunLock::acquire(&path)?;
+        fs::remove_dir_all(&path).map_err(|cause| FileError::new("remove", &path, cause).into())
     }
 
     /// Opens the run at `path` to read it and to add reports; a training process may be at work in it.
@@ -328,8 +338,9 @@ mod tests {
         drop(RunDirectory::create(parent.path(), CONFIG).unwrap());
         let error = message(RunDirectory::create(parent.path(), "name: other"));
         let path = parent.path().display();
-        let expected =
-            format!("{path} already holds a run: continue it with --resume, or choose another directory");
+        let expected = format!(
+            "{path} already holds a run: continue it with --resume, begin anew with --force, or choose another directory"
+        );
         assert_eq!(error, expected);
         assert_eq!(fs::read_to_string(parent.path().join("config.yaml")).unwrap(), CONFIG);
     }

@@ -8,6 +8,8 @@ use kestrel_core::policy_file::{
     Arithmetic, PolicyAirframe, PolicyEncoder, PolicyError, PolicyMetadata, VisionPolicy,
 };
 
+use serde::Serialize;
+
 use crate::cycles::Cycles;
 use crate::policy::Policy;
 
@@ -25,6 +27,65 @@ impl<'a> Inspection<'a> {
         policy.self_test()?;
         Ok(Self(policy))
     }
+
+    /// The same for programs.
+    pub fn summary(&self) -> PolicySummary<'_> {
+        let (shapes, multiply_accumulates, weight_bytes) = match &self.0 {
+            Policy::Blind(policy) => {
+                let shapes: Vec<_> = policy.shapes().collect();
+                let products = shapes.iter().map(|(inputs, outputs)| inputs * outputs).sum();
+                (shapes, products, policy.parameter_bytes())
+            }
+            Policy::Seeing(policy) => {
+                let shapes: Vec<_> = policy.shapes().collect();
+                let products = shapes.iter().map(|(inputs, outputs)| inputs * outputs).sum();
+                (shapes, products, policy.parameter_bytes() + policy.encoder_bytes())
+            }
+            Policy::Recurrent(policy) => {
+                (policy.shapes().collect(), policy.multiply_accumulates(), policy.parameter_bytes())
+            }
+        };
+        let widths = shapes.first().map(|(inputs, _)| *inputs).into_iter();
+        let PolicyMetadata { name, observation, action, control_period_secs, seed, training_steps, .. } =
+            *self.0.metadata();
+        PolicySummary {
+            name,
+            arithmetic: self.0.arithmetic().name(),
+            seed,
+            training_steps,
+            observation: observation.name(),
+            action: action.name(),
+            control_period_secs,
+            network: widths.chain(shapes.iter().map(|(_, outputs)| *outputs)).collect(),
+            multiply_accumulates,
+            weight_bytes,
+        }
+    }
+}
+
+/// What a policy file says of itself.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PolicySummary<'a> {
+    /// Name of the policy.
+    pub name: &'a str,
+    /// Of its numbers, such as `fixed16`.
+    pub arithmetic: &'static str,
+    /// What its training followed from.
+    pub seed: u64,
+    /// Environment steps of training; 0 where it was trained elsewhere.
+    pub training_steps: u64,
+    /// Name of the observation's layout.
+    pub observation: &'static str,
+    /// Name of the action space.
+    pub action: &'static str,
+    /// \[s\].
+    pub control_period_secs: f32,
+    /// Widths of the layers behind encoder and memory, the input first.
+    pub network: Vec<usize>,
+    /// Of those layers and the memory, per step.
+    pub multiply_accumulates: usize,
+    /// Of all weights, the encoder's too.
+    pub weight_bytes: usize,
 }
 
 impl fmt::Display for Inspection<'_> {

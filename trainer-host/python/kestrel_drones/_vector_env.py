@@ -1,5 +1,7 @@
 """Many environments of one task that step together in Rust."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -37,6 +39,7 @@ class DroneVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {**self.metadata, "render_fps": task.control_rate_hz}
         self._first_seed = seed
+        self._worker, self._sent = None, None
 
     def reset(self, *, seed=None, options=None):
         """Begins new episodes everywhere, from ``seed``, or the constructor's, or one that follows from the last."""
@@ -53,6 +56,28 @@ class DroneVectorEnv(VectorEnv):
         infos = {} if ended is None else self._infos(ended)
         observations = self._batch(step["observations"], step["images"])
         return observations, step["rewards"], step["terminations"], step["truncations"], infos
+
+    def send(self, actions):
+        """Begins a step with ``actions``, in another thread: the policy can learn meanwhile. ``recv`` returns what came of it.
+
+        Until then nothing else is asked of the environments.
+        """
+        if self._sent is not None:
+            raise RuntimeError("found a step that was sent and not received, expected recv() first")
+        self._worker = self._worker or ThreadPoolExecutor(1, "kestrel")
+        self._sent = self._worker.submit(self.step, np.array(actions, dtype=np.float32))
+
+    def recv(self):
+        """What ``step`` returns, of the step that was sent."""
+        if self._sent is None:
+            raise RuntimeError("found no step that was sent, expected send(actions) first")
+        sent, self._sent = self._sent, None
+        return sent.result()
+
+    def close_extras(self, **_):
+        """Ends the thread of ``send``."""
+        if self._worker is not None:
+            self._worker.shutdown()
 
     def render(self):
         """A picture ``[240, 320, 3]`` of every environment, from behind its drone, where ``render_mode`` asks for them."""

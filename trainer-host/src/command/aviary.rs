@@ -10,9 +10,11 @@ use clap::Subcommand;
 use kestrel_draw::plan::{Drawing, Subject, plan, seen_sheet, sheet};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::aviary_files::{find, in_folders, read};
-use kestrel_experiments::output::{say, warn};
+use kestrel_experiments::output::{fail, say};
+use serde_json::{Value, json};
 
 use super::Done;
+use super::json::Json;
 use crate::shipped;
 
 /// Arguments of `kestrel aviary`.
@@ -28,6 +30,9 @@ enum Action {
     List {
         /// Folders to look in [default: configs, assets/worlds and configs/aviaries]
         folders: Vec<PathBuf>,
+
+        #[command(flatten)]
+        json: Json,
     },
     /// Draw an aviary from above and from the side; several become a contact sheet
     Show {
@@ -60,7 +65,7 @@ enum Action {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     match &arguments.action {
-        Action::List { folders } => list(folders),
+        Action::List { folders, json } => list(folders, *json),
         Action::Show { aviaries, output, set } => show(aviaries, output, set),
         Action::Look { aviaries, output } => look(aviaries, output),
         Action::Generate(arguments) => generate::run(arguments),
@@ -68,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     }
 }
 
-fn list(folders: &[PathBuf]) -> Result<Done> {
+fn list(folders: &[PathBuf], json: Json) -> Result<Done> {
     if let Some(folder) = folders.iter().find(|folder| !folder.is_dir()) {
         bail!("{}: found no folder, expected one with YAML files", folder.display());
     }
@@ -78,17 +83,17 @@ fn list(folders: &[PathBuf]) -> Result<Done> {
             "found no YAML files, expected some in configs, assets/worlds or configs/aviaries, or in a folder that is named"
         );
     }
-    say(format_args!("{:<34} {:>6} {:>8}  {:<24} what", "aviary", "solids", "movables", "size"))?;
-    let mut broken = 0;
+    let mut subjects = Vec::new();
     for path in &paths {
         match read(path, &[]) {
-            Ok(subject) => say(row(&subject))?,
-            Err(error) => {
-                warn(format_args!("error: {error}"));
-                broken += 1;
-            }
+            Ok(subject) => subjects.push(subject),
+            Err(error) => fail(format_args!("error: {error}")),
         }
     }
+    let heading = format!("{:<34} {:>6} {:>8}  {:<24} what", "aviary", "solids", "movables", "size");
+    let words = subjects.iter().fold(heading, |text, subject| text + "\n" + &row(subject));
+    json.tell(words, &subjects.iter().map(found_there).collect::<Vec<_>>())?;
+    let broken = paths.len() - subjects.len();
     if broken > 0 {
         bail!("{broken} of {} files are not aviaries", paths.len());
     }
@@ -102,6 +107,13 @@ fn row(subject: &Subject) -> String {
     });
     let (solids, movables) = (subject.world.solids.len(), subject.world.movables.len());
     format!("{:<34} {solids:>6} {movables:>8}  {size:<24} {}", subject.name, subject.about)
+}
+
+/// The same as a row for programs.
+fn found_there(subject: &Subject) -> Value {
+    let size = subject.solid_extent().map(|(low, high)| <[f64; 3]>::from(high - low));
+    let (solids, movables) = (subject.world.solids.len(), subject.world.movables.len());
+    json!({ "name": subject.name, "solids": solids, "movables": movables, "size_m": size, "about": subject.about })
 }
 
 fn show(aviaries: &[String], output: &Path, overrides: &[String]) -> Result<Done> {
@@ -150,7 +162,7 @@ fn refuse_existing(paths: impl IntoIterator<Item = PathBuf>) -> Result<()> {
         None => Ok(()),
         Some(path) => {
             bail!(
-                "{}: found a file, expected none: --replace writes over it, or choose another name",
+                "{}: found a file, expected none: --force writes over it, or choose another name",
                 path.display()
             )
         }

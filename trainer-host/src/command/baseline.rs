@@ -5,12 +5,13 @@ use std::path::PathBuf;
 use anyhow::{Result, ensure};
 use kestrel_experiments::evaluation::{Evaluation, Flyer, Starts, evaluate_exactly};
 use kestrel_experiments::experiment_config::{self, Experiment};
-use kestrel_experiments::output::say;
 use kestrel_experiments::recording;
 use kestrel_sim::reward::RewardTerm;
 use kestrel_sim::seed::{Purpose, Seed};
+use serde_json::json;
 
 use super::flight::Pilot;
+use super::json::Json;
 use super::{Done, table};
 use crate::shipped;
 
@@ -42,6 +43,9 @@ pub(crate) struct Arguments {
     /// Whose episode to keep
     #[arg(long, value_enum, default_value_t = Pilot::Scripted, requires = "record")]
     pilot: Pilot,
+
+    #[command(flatten)]
+    json: Json,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -55,11 +59,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let scenario = &experiment.evaluation.scenario;
     let flyers = [Flyer::Nothing, Flyer::Random, Flyer::Scripted].into_iter().chain(Flyer::stock(scenario));
     let rows: Vec<Evaluation> = flyers.map(|flyer| evaluate_exactly(scenario, flyer, starts)).collect();
-    say(table::baselines(&experiment.name, arguments.seed, &rows))?;
-    say(terms(&experiment, &rows))?;
+    let words = table::baselines(&experiment.name, arguments.seed, &rows);
+    let names: Vec<&str> = scenario.rewards.iter().map(RewardTerm::name).collect();
+    let found = json!({ "task": experiment.name, "seed": arguments.seed, "terms": names, "rows": rows });
+    arguments.json.tell(format_args!("{words}\n{}", terms(&experiment, &rows)), &found)?;
     if let Some(path) = &arguments.record {
         recording::fly(&experiment, arguments.pilot.flyer(), starts, 0).write(path)?;
-        say(format_args!("\nRecorded: kestrel replay {}", path.display()))?;
+        arguments.json.add(format_args!("\nRecorded: kestrel replay {}", path.display()))?;
     }
     Ok(Done::Finished)
 }

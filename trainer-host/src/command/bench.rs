@@ -7,14 +7,15 @@ use crate::bench::{self, Figure};
 use anyhow::Result;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_experiments::experiment_config;
-use kestrel_experiments::output::say;
 use kestrel_experiments::progress::amount;
 use kestrel_experiments::results;
 use kestrel_experiments::run_config::Subject;
 use kestrel_experiments::training_run::untrained_actor;
 use kestrel_sim::scenario::Scenario;
+use serde_json::json;
 
 use super::Done;
+use super::json::Json;
 use crate::shipped;
 
 /// Arguments of `kestrel bench`.
@@ -35,6 +36,9 @@ pub(crate) struct Arguments {
     /// Groups of rows that are measured; all without it
     #[arg(long, value_name = "GROUP", value_delimiter = ',')]
     rows: Vec<Rows>,
+
+    #[command(flatten)]
+    json: Json,
 }
 
 /// Rows of the table that belong together.
@@ -75,62 +79,63 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let experiment = experiment_config::load_to_train(&shipped::task(&arguments.config)?, &[])?;
     let duration = Duration::from_secs_f64(arguments.secs);
     let scenario = &experiment.scenario;
-    say(format_args!("{:<44} {:>9} {:>9} {:>6}  limited by", "", "per s", "aim", "ratio"))?;
+    let json = arguments.json;
+    json.add(format_args!("{:<44} {:>9} {:>9} {:>6}  limited by", "", "per s", "aim", "ratio"))?;
     if arguments.asks_for(Rows::Vehicle) {
-        print(&bench::vehicle(scenario, duration))?;
+        print(json, &bench::vehicle(scenario, duration))?;
     }
     if arguments.asks_for(Rows::Environment) {
-        print(&bench::environment(scenario, duration))?;
+        print(json, &bench::environment(scenario, duration))?;
     }
     if arguments.asks_for(Rows::Aviaries) {
-        print_aviaries(&arguments.aviaries, duration)?;
+        print_aviaries(json, &arguments.aviaries, duration)?;
     }
     if arguments.asks_for(Rows::Images) {
-        print_images(&arguments.aviaries, scenario, duration)?;
+        print_images(json, &arguments.aviaries, scenario, duration)?;
     }
     if arguments.asks_for(Rows::Encoders) {
-        print(&bench::eyes(duration))?;
+        print(json, &bench::eyes(duration))?;
     }
     if arguments.asks_for(Rows::Training) {
-        print(&bench::training(scenario, &experiment.ppo, duration))?;
+        print(json, &bench::training(scenario, &experiment.ppo, duration))?;
         let settings = experiment.analytic.clone().unwrap_or_default();
-        print(&Vec::from_iter(bench::gradients(scenario, &settings, duration)))?;
+        print(json, &Vec::from_iter(bench::gradients(scenario, &settings, duration)))?;
     }
     if arguments.asks_for(Rows::Seeing) {
-        print_seeing(&arguments.aviaries, duration)?;
+        print_seeing(json, &arguments.aviaries, duration)?;
     }
     if arguments.asks_for(Rows::Inference) {
         let actor = untrained_actor(&experiment)?;
         let export = results::exported(&Subject::of(&experiment), &actor, 0)?;
         let files = [PolicyFile::parse(&export.float_policy)?, PolicyFile::parse(&export.fixed_policy)?];
-        print(&bench::inference(&actor, &files, duration))?;
+        print(json, &bench::inference(&actor, &files, duration))?;
     }
     Ok(Done::Finished)
 }
 
-fn print_aviaries(aviaries: &Path, duration: Duration) -> Result<()> {
+fn print_aviaries(json: Json, aviaries: &Path, duration: Duration) -> Result<()> {
     for aviary in &bench::AVIARIES {
         let task = experiment_config::load(&aviaries.join(aviary.file), &owned(aviary.overrides))?;
-        print(&[bench::aviary(aviary, &task.scenario, duration)])?;
+        print(json, &[bench::aviary(aviary, &task.scenario, duration)])?;
     }
     Ok(())
 }
 
-fn print_images(aviaries: &Path, scenario: &Scenario, duration: Duration) -> Result<()> {
+fn print_images(json: Json, aviaries: &Path, scenario: &Scenario, duration: Duration) -> Result<()> {
     for sight in &bench::SIGHTS {
         let task = experiment_config::load(&aviaries.join(sight.file), &[])?;
-        print(&[bench::sight(sight, &task.scenario, duration)])?;
+        print(json, &[bench::sight(sight, &task.scenario, duration)])?;
     }
-    print(&[bench::placing(scenario, duration)])?;
+    print(json, &[bench::placing(scenario, duration)])?;
     #[cfg(feature = "gpu")]
-    print_gpu(aviaries, duration)?;
+    print_gpu(json, aviaries, duration)?;
     Ok(())
 }
 
-fn print_seeing(aviaries: &Path, duration: Duration) -> Result<()> {
+fn print_seeing(json: Json, aviaries: &Path, duration: Duration) -> Result<()> {
     for seeing in &bench::SEEING {
         let task = experiment_config::load(&aviaries.join(seeing.file), &owned(seeing.overrides))?;
-        print(&[bench::seeing(seeing, &task, duration)])?;
+        print(json, &[bench::seeing(seeing, &task, duration)])?;
     }
     Ok(())
 }
@@ -141,29 +146,24 @@ fn owned(overrides: &[&str]) -> Vec<String> {
 
 /// Of the GPU, or else of an adapter in software, which is named; says so where there is neither.
 #[cfg(feature = "gpu")]
-fn print_gpu(aviaries: &Path, duration: Duration) -> Result<()> {
+fn print_gpu(json: Json, aviaries: &Path, duration: Duration) -> Result<()> {
     let gpu = match bench::gpu::open() {
         Ok(gpu) => gpu,
-        Err(error) => return Ok(say(error)?),
+        Err(error) => return json.add(error),
     };
-    say(format_args!("{gpu}:"))?;
+    json.add(format_args!("{gpu}:"))?;
     for sight in &bench::SIGHTS {
         let task = experiment_config::load(&aviaries.join(sight.file), &[])?;
-        print(&bench::gpu::sight(&gpu, sight, &task.scenario, duration)?)?;
+        print(json, &bench::gpu::sight(&gpu, sight, &task.scenario, duration)?)?;
     }
     Ok(())
 }
 
-fn print(figures: &[Figure]) -> Result<()> {
-    for figure in figures {
-        say(format_args!(
-            "{:<44} {:>9} {:>9} {:>6.2}  {}",
-            figure.what,
-            amount(figure.per_second),
-            amount(figure.aim),
-            figure.per_second / figure.aim,
-            figure.limit
-        ))?;
+fn print(json: Json, figures: &[Figure]) -> Result<()> {
+    for Figure { what, per_second, aim, limit } in figures {
+        let ratio = per_second / aim;
+        let words = format!("{what:<44} {:>9} {:>9} {ratio:>6.2}  {limit}", amount(*per_second), amount(*aim));
+        json.tell_line(words, &json!({ "what": what, "per_second": per_second, "aim": aim, "limit": limit }))?;
     }
     Ok(())
 }

@@ -10,7 +10,9 @@ use kestrel_experiments::output::say;
 use kestrel_experiments::progress::Progress;
 use kestrel_experiments::results::{self, JudgedPolicy};
 use kestrel_experiments::run_directory::RunDirectory;
+use serde_json::json;
 
+use super::json::Json;
 use super::{Done, run, table};
 use crate::shipped;
 
@@ -50,6 +52,9 @@ pub(crate) struct Arguments {
     /// With another processor, it flies the fixed-point policy beside this machine, and nothing else is flown
     #[command(flatten)]
     processor: ProcessorOptions,
+
+    #[command(flatten)]
+    json: Json,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -78,10 +83,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     if arguments.task.is_some() {
         subject.tasks = std::slice::from_ref(task);
     }
-    say(table::evaluations(&results::evaluate_run(&subject, &directory)?))?;
+    let reports = results::evaluate_run(&subject, &directory)?;
+    arguments.json.tell(table::evaluations(&reports), &reports)?;
     if let Some(path) = &arguments.record {
         results::record_run(task, &directory)?.write(path)?;
-        say(format_args!("\nRecorded: kestrel replay {}", path.display()))?;
+        arguments.json.add(format_args!("\nRecorded: kestrel replay {}", path.display()))?;
     }
     Ok(Done::Finished)
 }
@@ -145,6 +151,12 @@ fn fly_tasks(arguments: &Arguments, overrides: &[String]) -> Result<Done> {
     progress.finish();
     let names: Vec<String> = tasks.into_iter().map(|task| task.name).collect();
     let subjects: Vec<String> = arguments.subjects.iter().map(|path| path.display().to_string()).collect();
-    say(table::matrix(&subjects, &names, &flown))?;
+    let cells = names.iter().zip(&flown).flat_map(|(task, row)| {
+        subjects
+            .iter()
+            .zip(row)
+            .map(move |(policy, evaluation)| json!({ "policy": policy, "task": task, "evaluation": evaluation }))
+    });
+    arguments.json.tell(table::matrix(&subjects, &names, &flown), &cells.collect::<Vec<_>>())?;
     Ok(Done::Finished)
 }

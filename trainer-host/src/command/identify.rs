@@ -63,10 +63,6 @@ pub(crate) struct Arguments {
     /// The logs hold every command that reached the motors, however few there are per second
     #[arg(long)]
     complete_commands: bool,
-
-    /// Threads to use; the results do not depend on it [default: all cores]
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
 }
 
 /// Numbers whose names begin alike.
@@ -92,7 +88,7 @@ fn mass(text: &str) -> Result<f64, String> {
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let settings = settings(arguments)?;
     let flights: Vec<Flight> = arguments.logs.iter().map(|path| flight(path, arguments)).collect::<Result<_>>()?;
-    let Some(found) = identified(&flights, &settings, arguments.threads)? else { return Ok(Done::Interrupted) };
+    let Some(found) = identified(&flights, &settings)? else { return Ok(Done::Interrupted) };
     say(&found)?;
     say(format_args!("\n{}", found.thrust_curve_line()))?;
     write(&found, arguments)?;
@@ -129,24 +125,20 @@ fn flight(path: &Path, arguments: &Arguments) -> Result<Flight> {
 }
 
 /// `None` if the user stopped it.
-fn identified(flights: &[Flight], settings: &Settings, threads: Option<u16>) -> Result<Option<Identification>> {
+fn identified(flights: &[Flight], settings: &Settings) -> Result<Option<Identification>> {
     let interrupt = Interrupt::watch("Stopping: nothing is written.")?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from)).build()?;
-    let found = pool.install(|| {
-        let expected = EXPECTED_STEPS + if settings.residual.is_some() { EXPECTED_CHECKS } else { 0 };
-        let progress = std::cell::RefCell::new((Progress::counting("steps", expected, 0), 0));
-        let found = identify(flights, settings, &|| {
-            let (progress, done) = &mut *progress.borrow_mut();
-            *done += 1;
-            // Searches that need more steps than most stay just before the end.
-            progress.show_steps((*done).min(expected - 1), String::new);
-            !interrupt.requested()
-        });
-        let (mut progress, _) = progress.into_inner();
-        progress.show_steps(expected, String::new);
-        progress.finish();
-        found
+    let expected = EXPECTED_STEPS + if settings.residual.is_some() { EXPECTED_CHECKS } else { 0 };
+    let progress = std::cell::RefCell::new((Progress::counting("steps", expected, 0), 0));
+    let found = identify(flights, settings, &|| {
+        let (progress, done) = &mut *progress.borrow_mut();
+        *done += 1;
+        // Searches that need more steps than most stay just before the end.
+        progress.show_steps((*done).min(expected - 1), String::new);
+        !interrupt.requested()
     });
+    let (mut progress, _) = progress.into_inner();
+    progress.show_steps(expected, String::new);
+    progress.finish();
     match found {
         Ok(found) => Ok(Some(found)),
         Err(IdentifyError::Interrupted) => Ok(None),

@@ -20,21 +20,25 @@ pub(crate) struct Arguments {
     /// Shipped task or example that it begins as: two-gates, hover, land, room-1, race, …
     #[arg(long, value_name = "TASK", default_value = "two-gates")]
     from: String,
+
+    /// Write over a file of this name
+    #[arg(long)]
+    force: bool,
 }
 
 /// Longest name of a task.
 const NAME_LIMIT: usize = 60;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let Arguments { name, from } = arguments;
+    let Arguments { name, from, force } = arguments;
     let usual = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
     ensure!(
         !name.is_empty() && name.len() <= NAME_LIMIT && name.chars().all(usual),
         "found the name `{name}`, expected at most {NAME_LIMIT} lower-case letters, digits and hyphens"
     );
     let path = PathBuf::from(format!("{name}.yaml"));
-    if fs::symlink_metadata(&path).is_ok() {
-        bail!("{}: found a file of this name, expected none: nothing is written", path.display());
+    if !force && fs::symlink_metadata(&path).is_ok() {
+        bail!("{}: found a file of this name, expected none, or --force to write over it", path.display());
     }
     let (template, text) = shipped::template(from)?;
     write_atomically(&path, rewritten(text, Path::new(template), name).as_bytes())?;

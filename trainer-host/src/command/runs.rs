@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use kestrel_draw::chart::amount;
-use kestrel_experiments::output::{say, warn};
+use kestrel_experiments::output::warn;
 use kestrel_experiments::run_summary::{Difference, RunSummary, differences};
 
 use super::Done;
+use super::json::Json;
 
 /// Most keys that a comparison shows.
 const KEYS_SHOWN: usize = 24;
@@ -24,6 +25,9 @@ pub(crate) struct Arguments {
     /// Runs, or folders of runs; of two to six runs also in what their configurations differ
     #[arg(value_name = "RUN|FOLDER", default_value = "runs")]
     paths: Vec<PathBuf>,
+
+    #[command(flatten)]
+    json: Json,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -40,11 +44,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
             }
         }
     }
-    say(table(&summaries))?;
+    arguments.json.tell(table(&summaries), &summaries)?;
     if (2..=COMPARED).contains(&summaries.len()) {
         let differing = differences(&summaries);
         if !differing.is_empty() {
-            say(format_args!("\n{}", comparison(&summaries, &differing)))?;
+            arguments.json.add(format_args!("\n{}", comparison(&summaries, &differing)))?;
         }
     }
     Ok(Done::Finished)

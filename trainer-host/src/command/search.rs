@@ -10,7 +10,6 @@ use kestrel_experiments::search::{Search, config, log, report};
 use kestrel_experiments::training_run::End;
 
 use super::Done;
-use super::study::threads;
 use crate::shipped;
 
 /// Arguments of `kestrel search`.
@@ -44,10 +43,6 @@ struct RunArguments {
     /// Directory of the search [default: searches/NAME]
     #[arg(long, value_name = "DIRECTORY")]
     directory: Option<PathBuf>,
-
-    /// Threads to use; the results do not depend on it [default: all cores]
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -64,7 +59,7 @@ fn run_search(arguments: &RunArguments) -> Result<Done> {
     let run = SearchRun::open(&search, &directory)?;
     say(format_args!("Searching in {}: {} trials", directory.display(), search.trials))?;
     let tell = |trials: &[_]| warn(report::headline(&search, trials));
-    match run.run(threads(arguments.threads), &interrupt, tell)? {
+    match run.run(rayon::current_num_threads(), &interrupt, tell)? {
         End::Finished => report_on(&directory, &search),
         End::Interrupted => {
             say("Saved. The same command goes on.")?;

@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::thread::available_parallelism;
 
 use anyhow::{Context, Result};
 use kestrel_experiments::atomic_file::{FileError, write_atomically};
@@ -69,10 +68,6 @@ struct RunArguments {
     /// Directory of the study [default: studies/NAME]
     #[arg(long, value_name = "DIRECTORY")]
     directory: Option<PathBuf>,
-
-    /// Threads to use; the results do not depend on it [default: all cores]
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -91,8 +86,7 @@ fn run_study(arguments: &RunArguments) -> Result<Done> {
     let study = config::load(&shipped::configuration("studies", &arguments.config)?, &arguments.set)?;
     if ranks.rank() > 0 {
         Interrupt::leave_to_others()?;
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads(arguments.threads)).build()?;
-        pool.install(|| runner::follow(&study, ranks))?;
+        runner::follow(&study, ranks)?;
         return Ok(Done::Finished);
     }
     let done = lead(arguments, &study, ranks);
@@ -108,18 +102,13 @@ fn lead(arguments: &RunArguments, study: &Study, ranks: &Arc<dyn Ranks>) -> Resu
     let jobs = study.jobs();
     let left = jobs.iter().filter(|job| !study_directory.is_done(**job)).count();
     say(format_args!("{left} of {} jobs are left to run in {}", jobs.len(), directory.display()))?;
-    match runner::run(&[study_directory], threads(arguments.threads), &interrupt, ranks)? {
+    match runner::run(&[study_directory], rayon::current_num_threads(), &interrupt, ranks)? {
         End::Finished => report_on(&directory),
         End::Interrupted => {
             say("Saved. The same command goes on.")?;
             Ok(Done::Interrupted)
         }
     }
-}
-
-/// As many as the user says, or as there are cores.
-pub(super) fn threads(asked: Option<u16>) -> usize {
-    asked.map_or_else(|| available_parallelism().map_or(1, usize::from), usize::from)
 }
 
 fn results(directories: &[PathBuf], output: &Path, pictures: Option<&str>, update: bool) -> Result<Done> {

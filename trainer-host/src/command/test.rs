@@ -8,10 +8,10 @@ use std::time::Instant;
 use anyhow::{Result, ensure};
 use kestrel_experiments::atomic_file::{FileError, write_atomically};
 use kestrel_experiments::interrupt::Interrupt;
-use kestrel_experiments::output::say;
+use serde_json::{Value, json};
 
 use super::Done;
-use super::study::threads;
+use super::json::Json;
 use crate::flight_test::case::Case;
 use crate::flight_test::runner::{RunOptions, Verdict, run};
 use crate::flight_test::{config, junit};
@@ -40,9 +40,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIRECTORY")]
     films: Option<PathBuf>,
 
-    /// Threads to use; the results do not depend on it [default: all cores]
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    json: Json,
 }
 
 pub(crate) fn run_tests(arguments: &Arguments) -> Result<Done> {
@@ -51,18 +50,19 @@ pub(crate) fn run_tests(arguments: &Arguments) -> Result<Done> {
         fs::create_dir_all(folder).map_err(|cause| FileError::new("create", folder, cause))?;
     }
     let interrupt = Interrupt::watch("Stopping after the flights in progress; Ctrl-C again ends at once.")?;
-    let options = RunOptions { threads: threads(arguments.threads), films: arguments.films.clone() };
+    let options = RunOptions { threads: rayon::current_num_threads(), films: arguments.films.clone() };
     let begun = Instant::now();
     let Some(verdicts) = run(&cases, &options, &interrupt)? else { return Ok(Done::Interrupted) };
     let wall_secs = begun.elapsed().as_secs_f64();
     if let Some(path) = &arguments.junit {
         write_atomically(path, junit::report(&verdicts).as_bytes())?;
     }
-    verdicts.iter().try_for_each(tell)?;
     let failed = verdicts.iter().filter(|verdict| !verdict.failures.is_empty()).count();
     let secs: f64 = verdicts.iter().map(|verdict| verdict.secs).sum();
     let passed = verdicts.len() - failed;
-    say(format_args!("{passed} passed, {failed} failed: {secs:.0} s of flight in {wall_secs:.1} s"))?;
+    let lines: String = verdicts.iter().map(lines).collect();
+    let words = format!("{lines}{passed} passed, {failed} failed: {secs:.0} s of flight in {wall_secs:.1} s");
+    arguments.json.tell(words, &verdicts.iter().map(found).collect::<Vec<_>>())?;
     Ok(if failed == 0 { Done::Finished } else { Done::Deviating })
 }
 
@@ -89,15 +89,18 @@ impl Arguments {
 }
 
 /// A line for every flight, and one for everything that came of it instead of what was expected.
-fn tell(verdict: &Verdict) -> Result<()> {
+fn lines(verdict: &Verdict) -> String {
     let Verdict { suite, name, hash, failures, heard, .. } = verdict;
     let result = if failures.is_empty() { "passed" } else { "FAILED" };
-    say(format_args!("{result}  {hash:016x}  {suite}/{name}"))?;
-    for failure in failures {
-        say(format_args!("        {failure}"))?;
-    }
-    if !failures.is_empty() {
-        heard.iter().try_for_each(|words| say(format_args!("        the vehicle said at {words}")))?;
-    }
-    Ok(())
+    let failed = failures.iter().map(|failure| format!("        {failure}\n"));
+    let heard = heard.iter().map(|words| format!("        the vehicle said at {words}\n"));
+    let heard = heard.filter(|_| !failures.is_empty());
+    format!("{result}  {hash:016x}  {suite}/{name}\n{}", failed.chain(heard).collect::<String>())
+}
+
+/// The same for programs.
+fn found(verdict: &Verdict) -> Value {
+    let Verdict { suite, name, secs, hash, failures, heard } = verdict;
+    let failures: Vec<String> = failures.iter().map(ToString::to_string).collect();
+    json!({ "suite": suite, "name": name, "secs": secs, "hash": format!("{hash:016x}"), "failures": failures, "heard": heard })
 }

@@ -43,14 +43,12 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIRECTORY", conflicts_with = "resume")]
     run: Option<PathBuf>,
 
-    /// Threads to use; the results do not depend on it [default: all cores]
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    /// Begin anew in a directory of --run that holds a run, which is lost
+    #[arg(long, requires = "run")]
+    force: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    let threads = arguments.threads.map_or(0, usize::from);
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")?;
     let membership = membership::join()?;
     let ranks = &membership.ranks;
     let config = config(arguments)?;
@@ -133,6 +131,9 @@ fn directory(arguments: &Arguments, config: &RunConfig) -> Result<RunDirectory> 
         return Ok(RunDirectory::resume(path)?);
     }
     if let Some(path) = &arguments.run {
+        if arguments.force && RunDirectory::config_in(path).is_file() {
+            RunDirectory::remove(path)?;
+        }
         return Ok(RunDirectory::create(path, config.resolved_yaml())?);
     }
     let Subject { name, seed, .. } = config.subject();

@@ -58,13 +58,13 @@ pub(crate) struct Arguments {
     base: PathBuf,
 
     /// Replace files that are there
-    #[arg(long)]
-    replace: bool,
+    #[arg(long, visible_alias = "replace")]
+    force: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     let order = arguments.order()?;
-    if !arguments.replace {
+    if !arguments.force {
         let paths = (0..order.count).flat_map(|index| order.paths(index));
         super::refuse_existing(paths)?;
     }

@@ -47,8 +47,8 @@ pub(crate) struct Arguments {
     seed: u64,
 
     /// Replace files that are there
-    #[arg(long)]
-    replace: bool,
+    #[arg(long, visible_alias = "replace")]
+    force: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
@@ -58,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         "found --flights {flights}, expected a number from 1 to {FLIGHTS_LIMIT}"
     );
     ensure!(output != world, "{}: found the same file for task and world, expected two", output.display());
-    if !arguments.replace {
+    if !arguments.force {
         super::refuse_existing([output.clone(), world.clone()])?;
     }
     let former = Former::read(task)?;
