@@ -145,7 +145,10 @@ fn results_are_json_for_programs_and_notes_are_not_for_all() {
     assert_eq!(found(&one)[0]["evaluation"]["episodes"], 2);
     assert_eq!(found(&["evaluate", "hover", "--episodes", "2", "--json"])[0]["rows"][0]["pilot"], "fixed16");
     assert!(
-        found(&["test", "hover", "--only", "take-off-and-land", "--json"])[0]["failures"].as_array().unwrap().is_empty()
+        found(&["test", "hover", "--only", "take-off-and-land", "--json"])[0]["failures"]
+            .as_array()
+            .unwrap()
+            .is_empty()
     );
     let heard = |words: &[&str]| String::from_utf8(kestrel(place.path(), words).stderr).unwrap();
     assert!(heard(&one).contains("tasks/s"));
