@@ -15,7 +15,7 @@ cd "$(dirname "$0")/.."
 
 need "a Vulkan driver" vulkan || exit 1
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$place}
-program_without_gpus || exit 1
+program_without_gpus 2>"$place/built" || { cat "$place/built" && exit 1; }
 
 render() { # PROGRAM BACKEND PICTURE
   "$1" render configs/aviaries/room-0.yaml --columns 64 --rows 48 --output "$place/$3" --backend "$2"
@@ -26,10 +26,15 @@ says() { # STATUS WORDS COMMAND...: ends with this status, and says this without
   "$@" >"$place/said" 2>&1
   [ $? -eq "$status" ] && grep -q "$words" "$place/said" && ! grep -q panicked "$place/said"
 }
+says_nothing_of() { # WORD FILE
+  ! grep -A5 "$1" "$2"
+}
 without_driver() { # COMMAND...
   VK_ICD_FILENAMES=/nonexistent VK_DRIVER_FILES=/nonexistent "$@"
 }
 
+# The lints of tests/run know the code with its features alone.
+check "without GPUs nothing is unused" says_nothing_of warning "$place/built"
 check "auto renders" says 0 "rendered by the" render target/debug/kestrel auto auto.png
 check "the processor renders when asked" says 0 "by the processor: it was asked for" render target/debug/kestrel cpu cpu.png
 check "auto without a driver is the processor" \
