@@ -523,3 +523,18 @@ def test_a_file_of_ones_own_imports_shipped_ones_by_name(tmp_path):
     assert envs.single_observation_space.shape == kestrel_drones.make_vec("hover", num_envs=2).single_observation_space.shape
     with pytest.raises(KestrelError, match="configs/nothing.yaml"):
         kestrel_drones.make_vec({"version": 1, "name": "mine", "import": "kestrel:configs/nothing.yaml"}, num_envs=2)
+
+
+def test_a_studys_flights_are_rows(tmp_path):
+    repository = Path(__file__).parents[2]
+    command = [repository / "target/debug/kestrel", "study", "run", repository / "tests/command_line/tiny-study.yaml"]
+    subprocess.run(
+        [*command, "--directory", tmp_path / "tiny", "--set", "seeds.count=1", "--quiet"], check=True, capture_output=True
+    )
+    study = kestrel_drones.Study(tmp_path / "tiny")
+    rows = study.rows
+    assert {row["method"] for row in rows} == {"anchor", "joint", "plain", "sharing"} and len(rows) > 20
+    assert all(row["success"] in (0, 1) and isinstance(row["episode_return"], (int, float)) for row in rows)
+    assert {"steps", "success_rate", "stage"} < set(study.curves[0])
+    with pytest.raises(FileNotFoundError, match="expected the directory of a study"):
+        kestrel_drones.Study(tmp_path)

@@ -14,6 +14,7 @@ from ._tasks import airframe_path, register, task_ids, task_path, task_paths
 from ._env import DroneEnv
 from ._policy import Policy, import_policy
 from ._run import Run, evaluate, export, resume, train
+from ._study import Study
 from ._vector_env import DroneVectorEnv
 
 make = DroneEnv
@@ -35,6 +36,7 @@ __all__ = [
     "KestrelError",
     "Policy",
     "Run",
+    "Study",
     "__version__",
     "airframe_path",
     "evaluate",
