@@ -18,16 +18,22 @@ fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// Paths of all pages, and their texts.
-fn pages() -> Vec<(String, String)> {
+/// Files of the repository that a pattern of git names, with those that are new.
+fn listed(pattern: &str) -> Vec<String> {
     let listed = Command::new("git")
-        .args(["ls-files", "-z", "--cached", "--others", "--exclude-standard", "*.md"])
+        .args(["ls-files", "-z", "--cached", "--others", "--exclude-standard", pattern])
         .current_dir(repository())
         .output()
         .unwrap();
     let names = String::from_utf8(listed.stdout).unwrap();
     let names = names.split('\0').filter(|name| !name.is_empty() && repository().join(name).is_file());
-    names.map(|name| (name.to_owned(), fs::read_to_string(repository().join(name)).unwrap())).collect()
+    names.map(str::to_owned).collect()
+}
+
+/// Paths of all pages, and their texts.
+fn pages() -> Vec<(String, String)> {
+    let text = |name: String| (name.clone(), fs::read_to_string(repository().join(name)).unwrap());
+    listed("*.md").into_iter().map(text).collect()
 }
 
 /// Lines outside of code blocks, with their numbers.
@@ -120,12 +126,6 @@ fn the_book_has_every_page() {
 #[test]
 fn every_example_is_on_its_page() {
     let page = fs::read_to_string(repository().join("docs/examples.md")).unwrap();
-    let listed = Command::new("git")
-        .args(["ls-files", "-z", "--cached", "--others", "--exclude-standard", ":(glob)**/examples/*"])
-        .current_dir(repository())
-        .output()
-        .unwrap();
-    let files = String::from_utf8(listed.stdout).unwrap();
     let missing = |path: &str| -> Option<String> {
         let (_, file) = path.rsplit_once('/')?;
         let (name, ending) = file.rsplit_once('.')?;
@@ -137,6 +137,6 @@ fn every_example_is_on_its_page() {
         };
         (!named).then(|| path.to_owned())
     };
-    let missing: Vec<String> = files.split('\0').filter_map(missing).collect();
+    let missing: Vec<String> = listed(":(glob)**/examples/*").iter().filter_map(|path| missing(path)).collect();
     assert!(missing.is_empty(), "{missing:?}");
 }

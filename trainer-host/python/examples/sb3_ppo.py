@@ -40,9 +40,9 @@ def learned(config, seed, steps, net_arch=(64, 64)):
     return model, time.perf_counter() - begun
 
 
-def success_rate(config, act, starts=1024):
+def success_rate(config, act, starts=1024, seed=0):
     """Share of successes in the first episodes from the starts of the task's evaluation, flown by ``act(observations)``."""
-    envs = kestrel_drones.make_vec(config, num_envs=starts, starts="evaluation", seed=0)
+    envs = kestrel_drones.make_vec(config, num_envs=starts, starts="evaluation", seed=seed)
     observations, _ = envs.reset()
     flying, success = np.ones(starts, bool), np.zeros(starts, bool)
     while flying.any():
