@@ -19,7 +19,8 @@ pub(super) fn attach<P: PolicyBackend>(
         NodeSettings::of_variables(|name| std::env::var(name).ok()).map_err(|error| error.to_string())?;
     let link = RosLink::open(name, options.system, options.home, &settings).map_err(|error| error.to_string())?;
     let words = format!(
-        "ROS 2 node /{name} in domain {}: ros2 service list, ros2 topic echo /{name}/odom",
+        "ROS 2 node /{name} in domain {}: ros2 service list, ros2 topic echo /{name}/odom\n\
+         Reachable from other machines: whoever is in the domain can fly it.",
         settings.domain
     );
     session.attach(Box::new(link), &words).map_err(|error| error.to_string())
