@@ -24,6 +24,7 @@ PAGES = ["README.md", "firmware-shim/README.md", "core-nostd/README.md", "firmwa
 
 SHORTENED = [
     (r"^kestrel train (?!--resume|.*runs/first)", " --set training.total_steps=65536 --set evaluation.episodes=4"),
+    (r"^kestrel train configs/(hover|px4-neural)(?!.*analytic=null)", " --set training.analytic.total_steps=24576"),
     (r"^kestrel evaluate", " --episodes 4"),
     (r"^kestrel baseline", " --episodes 4"),
     (r"^kestrel fly", " --for-secs 1 --speed max --listen 127.0.0.1:0 --ground-station 127.0.0.1:9"),
@@ -59,6 +60,7 @@ ELSEWHERE = [
     (r"^kestrel search run", "hours: tests/command_line/search.rs with a search of seconds"),
     (r"^kestrel study run", "hours: tests/command_line/study.rs with a study of seconds"),
     (r"^cargo run --release -- bench", "minutes: tests/command_line/bench.rs"),
+    (r"^kestrel aviary generate", "half a minute: tests/command_line/aviary.rs makes some"),
     (r"^kestrel test configs", "a minute: tests/command_line/flight_tests.rs"),
 ]
 """What is not run, and who does it."""
@@ -88,7 +90,7 @@ def prepared(folder, shell):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("results", "__pycache__"))
     shutil.copy(ROOT / "RESULTS.md", folder)
     shutil.copy(ROOT / "tests/golden/foreign/sb3-ppo.safetensors", folder / "policy.safetensors")
-    shell("kestrel train configs/hover.yaml --run runs/hover-seed0-1 --set training.total_steps=65536 --set evaluation.episodes=4")
+    shell("kestrel train configs/hover.yaml --run runs/hover-seed0-1 --set training.analytic.total_steps=24576")
     shell("kestrel baseline configs/hover.yaml --episodes 1 --record flight.recording")
     shell("kestrel study run tests/command_line/tiny-study.yaml --directory tiny --set seeds.count=1")
 
