@@ -194,7 +194,8 @@ fn a_node_of_ros_has_a_name_and_a_domain_of_ros() {
         command.args(fly).args(words).env("ROS_DOMAIN_ID", domain).env("RMW_IMPLEMENTATION", middleware);
         refusal(&command.output().unwrap())
     };
-    assert!(refused(&["--ros2", "my-drone"], "", "").contains("found the ROS 2 name `my-drone`"));
+    let name = refused(&["--ros2", "my-drone"], "", "");
+    assert!(name.starts_with("error: found the ROS 2 name `my-drone`"), "not of the pilot: {name}");
     assert!(refused(&["--ros2"], "300", "").contains("ROS_DOMAIN_ID: found `300`, expected 0 to 232"));
     assert!(refused(&["--ros2"], "", "rmw_zenoh_cpp").contains("RMW_IMPLEMENTATION: found `rmw_zenoh_cpp`"));
     assert!(refused(&["--ros2", "--signing-key", "key"], "", "").contains("--signing-key"));

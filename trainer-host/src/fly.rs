@@ -126,6 +126,27 @@ pub(crate) enum FlyError {
     Log(#[from] TrueStateLogError),
 }
 
+impl FlyError {
+    /// Whether it says something of the pilot, and not of links or files beside it.
+    pub(crate) fn is_of_the_pilot(&self) -> bool {
+        match self {
+            Self::Policy(_) | Self::ControlPeriod { .. } | Self::OtherTask { .. } => true,
+            Self::Session(error) => match **error {
+                SessionError::Policy(_)
+                | SessionError::SelfTest { .. }
+                | SessionError::GoalUnseen { .. }
+                | SessionError::SensorsMissing { .. } => true,
+                SessionError::Link(_)
+                | SessionError::Log(_)
+                | SessionError::PersistentStore(_)
+                | SessionError::Fleet { .. }
+                | SessionError::Flight(_) => false,
+            },
+            Self::Processor(_) | Self::Output(_) | Self::Node(_) | Self::Log(_) => false,
+        }
+    }
+}
+
 impl From<SessionError> for FlyError {
     fn from(error: SessionError) -> Self {
         Self::Session(Box::new(error))

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::fly::{FlyOptions, Place, fly};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Error, Result, ensure};
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::output::say;
 use kestrel_shim::policy_bytes::PolicyBytes;
@@ -38,7 +38,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         ensure!(arguments.task.is_none(), "found --task beside a policy file, expected the directory of a run");
         fly(Place::FlatFloor, PolicyBytes::read(path)?.bytes(), &arguments.options, &stop)
     }
-    .with_context(|| path.display().to_string())?;
+    .map_err(|error| {
+        let of_the_pilot = error.is_of_the_pilot();
+        let error = Error::from(error);
+        if of_the_pilot { error.context(path.display().to_string()) } else { error }
+    })?;
     let position = summary.position;
     say(format_args!(
         "Flew {:.1} s; ended {:?} at x {:.2}, y {:.2}, z {:.2} m.",
