@@ -150,6 +150,10 @@ fn results_are_json_for_programs_and_notes_are_not_for_all() {
             .unwrap()
             .is_empty()
     );
+    let rates =
+        printed(&kestrel(place.path(), &["bench", "hover", "--rows", "vehicle", "--secs", "0.001", "--json"]));
+    let rates: Vec<Value> = rates.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(rates.len() > 2 && rates.iter().all(|rate| rate["per_second"].as_f64().unwrap() > 0.0), "{rates:?}");
     let heard = |words: &[&str]| String::from_utf8(kestrel(place.path(), words).stderr).unwrap();
     assert!(heard(&one).contains("tasks/s"));
     assert_eq!(heard(&[&one[..], &["--quiet", "--threads", "1"]].concat()), "");
@@ -174,6 +178,8 @@ fn what_is_there_is_written_over_by_force_alone() {
         "evaluation.episodes=2",
     ];
     printed(&kestrel(place.path(), &train));
+    let runs: Value = serde_json::from_str(&printed(&kestrel(place.path(), &["runs", "run", "--json"]))).unwrap();
+    assert_eq!((&runs[0]["name"], &runs[0]["seed"]), (&"hover".into(), &0.into()));
     assert!(refusal(&kestrel(place.path(), &train)).contains("begin anew with --force"));
     fs::write(place.path().join("run/mine.txt"), "of the run before").unwrap();
     printed(&kestrel(place.path(), &[&train[..], &["--force"]].concat()));

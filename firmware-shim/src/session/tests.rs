@@ -109,6 +109,7 @@ fn wrong_options_are_refused_in_one_message() {
         ("--log-start 0", "--log"),
         ("--log flight.tlog --log-start 4102444801", "4102444800"),
         ("--crtp 19850", "invalid socket address"),
+        ("--crtp 127.0.0.1:19850 --signing-key key", "cannot be used with"),
     ] {
         let error = parsed(arguments).unwrap_err();
         assert!(error.contains(expected), "{error}");

@@ -33,12 +33,12 @@ impl<'a> Inspection<'a> {
         let (shapes, multiply_accumulates, weight_bytes) = match &self.0 {
             Policy::Blind(policy) => {
                 let shapes: Vec<_> = policy.shapes().collect();
-                let products = shapes.iter().map(|(inputs, outputs)| inputs * outputs).sum();
+                let products = products(&shapes);
                 (shapes, products, policy.parameter_bytes())
             }
             Policy::Seeing(policy) => {
                 let shapes: Vec<_> = policy.shapes().collect();
-                let products = shapes.iter().map(|(inputs, outputs)| inputs * outputs).sum();
+                let products = products(&shapes);
                 (shapes, products, policy.parameter_bytes() + policy.encoder_bytes())
             }
             Policy::Recurrent(policy) => {
@@ -103,8 +103,7 @@ impl fmt::Display for Inspection<'_> {
             }
             Policy::Recurrent(policy) => {
                 let shapes: Vec<_> = policy.shapes().collect();
-                let behind: usize = shapes.iter().map(|(inputs, outputs)| inputs * outputs).sum();
-                let products = policy.multiply_accumulates() - behind;
+                let products = policy.multiply_accumulates() - products(&shapes);
                 let network = policy.network().parameter_bytes();
                 write_network(f, &shapes, network, policy.arithmetic())?;
                 write!(f, "\n  memory of {} units: {products} multiply-accumulates per step", policy.units())?;
@@ -150,9 +149,14 @@ fn write_network(
 ) -> fmt::Result {
     write!(f, "  network {}", shapes.first().map_or(0, |(inputs, _)| *inputs))?;
     shapes.iter().try_for_each(|(_, outputs)| write!(f, "-{outputs}"))?;
-    let products = shapes.iter().map(|(inputs, outputs)| inputs * outputs).sum();
+    let products = products(shapes);
     writeln!(f, ": {products} multiply-accumulates per step, {bytes} bytes of weights")?;
     write!(f, "    {}", Cycles::of_network(products, arithmetic))
+}
+
+/// Multiply-accumulates of dense layers, each of so many inputs and outputs.
+fn products(shapes: &[(usize, usize)]) -> usize {
+    shapes.iter().map(|(inputs, outputs)| inputs * outputs).sum()
 }
 
 fn write_eye(f: &mut fmt::Formatter<'_>, policy: &VisionPolicy<'_>) -> fmt::Result {

@@ -3,7 +3,6 @@
 mod keys;
 
 use std::ffi::OsStr;
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -13,7 +12,7 @@ use clap_complete::Shell;
 use clap_complete::engine::{ArgValueCompleter, CompletionCandidate, PathCompleter, ValueCompleter};
 use clap_complete::env::{CompleteEnv, Shells};
 use kestrel_experiments::output::say;
-use kestrel_experiments::run_directory::RunDirectory;
+use kestrel_experiments::run_summary::RunSummary;
 use kestrel_experiments::{experiment_config, search, study};
 
 use self::keys::Keys;
@@ -140,7 +139,7 @@ fn names_of(kind: Kind) -> Vec<String> {
         Kind::Search => in_folder("searches"),
         Kind::Tests => in_folder("tests"),
         Kind::World => shipped::worlds().map(str::to_owned).collect(),
-        Kind::Run => runs(Path::new(RUNS)),
+        Kind::Run => RunSummary::found(Path::new(RUNS)).iter().map(|path| path.display().to_string()).collect(),
         Kind::Airframe
         | Kind::StudyDirectory
         | Kind::SearchDirectory
@@ -148,15 +147,4 @@ fn names_of(kind: Kind) -> Vec<String> {
         | Kind::Checkpoint
         | Kind::Network => Vec::new(),
     }
-}
-
-/// The runs in a folder.
-fn runs(folder: &Path) -> Vec<String> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut runs: Vec<String> = entries
-        .filter(|path| RunDirectory::config_in(path).is_file())
-        .map(|path| path.display().to_string())
-        .collect();
-    runs.sort();
-    runs
 }
