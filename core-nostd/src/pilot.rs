@@ -10,6 +10,7 @@ use core::marker::PhantomData;
 
 use nalgebra::Vector3;
 
+pub use controller::PolicyController;
 #[cfg(feature = "recurrent")]
 pub use recurrent::RecurrentRunner;
 #[cfg(feature = "encoder")]
@@ -19,7 +20,6 @@ use crate::limits::ACTION_LIMIT;
 use crate::policy_file::{PolicyError, PolicyFile, PolicyMetadata, PolicyScratch};
 use crate::setpoint::Setpoint;
 use crate::vehicle::State;
-use controller::PolicyController;
 
 /// What a [`Pilot`] flies with: a policy, and the memory that it needs beside the scratch.
 pub trait PolicyRunner<'a> {

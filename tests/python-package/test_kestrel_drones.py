@@ -14,6 +14,7 @@ from pathlib import Path
 import gymnasium
 import kestrel_drones
 import numpy as np
+import onnxruntime
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
@@ -134,6 +135,82 @@ def test_a_step_in_two_halves_is_the_same_step():
     with pytest.raises(RuntimeError, match="no step that was sent"):
         halves.recv()
     halves.close()
+
+
+def test_a_controller_observes_what_the_task_shows():
+    envs = kestrel_drones.make_vec("hover", num_envs=64, seed=3, **SHORT)
+    controller = kestrel_drones.Controller("hover", drones=64)
+    random = np.random.default_rng(3)
+    observations, ended = envs.reset()[0], 0
+    for _ in range(100):
+        np.testing.assert_array_equal(controller.observe(envs.states("known")), observations)
+        actions = random.uniform(-1, 1, (64, 4)).astype(np.float32)
+        speeds = controller.rotor_speeds(actions)
+        assert speeds.shape == (64, 4) and (speeds >= 0).all()
+        observations, _, terminations, truncations, _ = envs.step(actions)
+        controller.clear(terminations | truncations)
+        ended += (terminations | truncations).sum()
+    assert ended > 64
+
+
+def test_an_onnx_file_flies_a_drone_that_takes_rotor_speeds():
+    keys = {"scenario.action": {"rotor_speeds": {"fraction_of_hover": 1.0}}}
+    envs = kestrel_drones.make_vec("hover", num_envs=64, seed=3, starts="evaluation", **keys)
+    envs.reset()
+    hovering = kestrel_drones.Controller("hover", **keys).rotor_speeds(np.zeros(4))
+    network = onnxruntime.InferenceSession(FOREIGN / "sb3-ppo.onnx")
+    controller = kestrel_drones.Controller("hover", drones=64)
+    successes = []
+    while len(successes) < 64:
+        observations = controller.observe(envs.states("known"))
+        speeds = controller.rotor_speeds(network.run(None, {network.get_inputs()[0].name: observations})[0])
+        _, _, terminations, truncations, infos = envs.step(speeds / hovering - 1)
+        ended = terminations | truncations
+        controller.clear(ended)
+        if ended.any():
+            successes += list(infos["final_info"]["is_success"][ended])
+    assert np.mean(successes[:64]) >= 0.9
+
+
+def test_between_two_actions_a_rate_loop_follows_the_gyroscope():
+    keys = {"scenario.action": {"thrust_body_rates": {"rate_loop": {}}}}
+    controller, held = kestrel_drones.Controller("hover", 2, **keys), kestrel_drones.Controller("hover", 2)
+    for pilot in (controller, held):
+        pilot.observe(states_at_rest(2))
+    speeds = [pilot.rotor_speeds(np.zeros((2, 4))) for pilot in (controller, held)]
+    np.testing.assert_allclose(controller.follow_rates(np.zeros((2, 3))), speeds[0], rtol=1e-6)
+    # The left rotors push against a roll to the left, which is negative.
+    rolling = controller.follow_rates([[0, 0, 0], [-1, 0, 0]])
+    np.testing.assert_allclose(rolling[0], speeds[0][0], rtol=1e-6)
+    assert (abs(rolling[1] - speeds[0][1]) > 1).all() and rolling[1].sum() == pytest.approx(speeds[0][1].sum(), rel=1e-3)
+    assert held.follow_rates(np.zeros((2, 3))) is None
+
+
+def states_at_rest(drones):
+    still = {name: np.zeros((drones, 3)) for name in ["position_m", "velocity_m_per_s", "body_rates_rad_per_s", "goal_m"]}
+    return {**still, "attitude_wxyz": np.tile([1, 0, 0, 0], (drones, 1))}
+
+
+@pytest.mark.parametrize(
+    ("use", "message"),
+    [
+        (lambda pilot: pilot.observe({"position_m": [0, 0, 0]}), "states: found no attitude_wxyz, expected position_m, "),
+        (
+            lambda pilot: pilot.observe({**states_at_rest(2), "goal_m": np.zeros(3)}),
+            r"goal_m: found \[1, 3\], expected \[2, 3\]",
+        ),
+        (lambda pilot: pilot.observe(states_at_rest(2), yaw_rad=[0, 1, 2]), r"yaw_rad: found \[3, 1\], expected \[2, 1\]"),
+        (
+            lambda pilot: pilot.observe(states_at_rest(2), measurements=np.zeros((3, 1))),
+            "rows of measurements: found 3, expected 2: one for each drone",
+        ),
+        (lambda pilot: pilot.rotor_speeds(np.zeros((2, 3))), r"actions: found \[2, 3\], expected \[2, 4\]"),
+        (lambda pilot: pilot.clear([True]), "rows: found 1, expected 2: one for each drone"),
+    ],
+)
+def test_a_controller_says_what_it_expects(use, message):
+    with pytest.raises(KestrelError, match=message):
+        use(kestrel_drones.Controller("hover", 2))
 
 
 def test_an_environment_does_not_depend_on_how_many_there_are():

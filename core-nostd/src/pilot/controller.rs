@@ -15,9 +15,10 @@ use crate::vehicle::State;
 /// Past actions that are kept: as many as the layouts of these features read.
 const KEPT_ACTIONS: usize = if cfg!(feature = "reference") { HISTORY_LIMIT } else { PAST_ACTIONS };
 
-/// The past actions and the controller of one policy, whose metadata every call takes.
+/// What is on either side of a network that somebody else computes: observations of states, and rotor speeds of actions,
+/// as [`Pilot`](super::Pilot) has them around its policy. Every call takes the metadata of the same policy.
 #[derive(Clone, Debug)]
-pub(super) struct PolicyController {
+pub struct PolicyController {
     controls: Controls<f32>,
     memory: ControlMemory<f32>,
     /// The newest action is the last.
@@ -31,7 +32,8 @@ pub(super) struct PolicyController {
 }
 
 impl PolicyController {
-    pub(super) fn new(metadata: &PolicyMetadata<'_>) -> Self {
+    /// At the start of an episode: past actions and integral are zero.
+    pub fn new(metadata: &PolicyMetadata<'_>) -> Self {
         Self {
             controls: Controls::new(&metadata.action),
             memory: ControlMemory::new(),
@@ -42,7 +44,8 @@ impl PolicyController {
         }
     }
 
-    pub(super) fn reset(&mut self, metadata: &PolicyMetadata<'_>) {
+    /// Begins a new episode. What the controller behind the action space remembers goes too, unless it was trained to persist.
+    pub fn reset(&mut self, metadata: &PolicyMetadata<'_>) {
         self.history = [[0.0; ACTION_LIMIT]; KEPT_ACTIONS];
         self.integral = Vector3::new(0.0, 0.0, 0.0);
         match metadata.action.persistence() {
@@ -51,8 +54,9 @@ impl PolicyController {
         }
     }
 
-    /// What the policy acts on.
-    pub(super) fn observe(
+    /// What the policy acts on, once every control period: `state` on the way to `setpoint`, and what sensors measured, in the
+    /// order and the scales of its training (zeros where there are too few).
+    pub fn observe(
         &mut self,
         metadata: &PolicyMetadata<'_>,
         measurements: &[f32],
@@ -75,12 +79,12 @@ impl PolicyController {
     }
 
     /// What the policy acted on last.
-    pub(super) fn observation(&self, metadata: &PolicyMetadata<'_>) -> &[f32] {
+    pub fn observation(&self, metadata: &PolicyMetadata<'_>) -> &[f32] {
         self.observation.get(..metadata.observation.len()).unwrap_or_default()
     }
 
-    /// Remembers `action` and turns it into rotor targets \[rad/s\].
-    pub(super) fn rotor_targets(
+    /// Remembers `action`, in \[-1, 1\], and turns it into rotor targets \[rad/s\], within zero and the greatest rotor speed.
+    pub fn rotor_targets(
         &mut self,
         metadata: &PolicyMetadata<'_>,
         action: [f32; ACTION_LIMIT],
@@ -99,11 +103,7 @@ impl PolicyController {
 
     /// Rotor targets \[rad/s\] of the last action at other body rates \[rad/s\]; nothing where the action space has no rate
     /// loop.
-    pub(super) fn follow_rates(
-        &self,
-        metadata: &PolicyMetadata<'_>,
-        body_rates: &Vector3<f32>,
-    ) -> Option<[f32; 4]> {
+    pub fn follow_rates(&self, metadata: &PolicyMetadata<'_>, body_rates: &Vector3<f32>) -> Option<[f32; 4]> {
         RateLoop::of(&metadata.action).map(|rate_loop| rate_loop.rotor_targets(&self.held, body_rates))
     }
 
@@ -116,7 +116,8 @@ impl PolicyController {
         self.history[KEPT_ACTIONS - 1] = action;
     }
 
-    pub(super) fn previous_action(&self, metadata: &PolicyMetadata<'_>) -> &[f32] {
+    /// The last action, as many values as the action space has.
+    pub fn previous_action(&self, metadata: &PolicyMetadata<'_>) -> &[f32] {
         self.history[KEPT_ACTIONS - 1].get(..metadata.action.len()).unwrap_or_default()
     }
 }

@@ -1,10 +1,11 @@
 """SAC of Stable-Baselines3 learns hover, and its policy is imported.
 
     pip install kestrel-drones stable-baselines3
-    python sb3_sac.py [--seeds 0 1 2] [--steps 600000]
+    python sb3_sac.py [--seeds 0 1 2] [--steps 500000]
 
 The actor has tangents between the layers, as behind the last one, because a policy file has one activation; the critics have
-rectifiers. Prints the success in 256 test starts as it learns, and that of the best policy in the 1,024 of the evaluation.
+rectifiers, and their layers are normalised: without that, the success swings and stays below 90 %. Prints the success in 256
+test starts as it learns, and that of the best policy in the 1,024 of the evaluation.
 """
 
 import argparse
@@ -33,7 +34,7 @@ REWARDS = [
     {"alive": {"weight": 2.0}},
     {"failure": {"weight": -2.0}},
 ]
-"""Those of hover, and a sharper proximity: without it every drone stays up, but few are within 5 cm after the 4 s that count."""
+"""Those of hover, and a sharper proximity."""
 
 
 class Policy(SACPolicy):
@@ -41,7 +42,12 @@ class Policy(SACPolicy):
 
     def make_critic(self, features_extractor=None):
         self.critic_kwargs["activation_fn"] = torch.nn.ReLU
-        return super().make_critic(features_extractor)
+        critic = super().make_critic(features_extractor)
+        for network in critic.q_networks:
+            for place in reversed(range(len(network) - 1)):
+                if isinstance(network[place], torch.nn.Linear):
+                    network.insert(place + 1, torch.nn.LayerNorm(network[place].out_features))
+        return critic
 
 
 class Keeper(BaseCallback):
@@ -91,18 +97,17 @@ def clocks():
 
 
 def learned(seed, steps):
-    """A policy after so many steps: 256 environments, and a gradient step for every sixteen of theirs."""
+    """A policy after so many steps: 64 environments, and a gradient step for every four of theirs."""
     model = SAC(
         Policy,
-        Sb3VecEnv(TASK, num_envs=256, seed=seed, threads=1, **{"scenario.rewards": REWARDS}),
+        Sb3VecEnv(TASK, num_envs=64, seed=seed, threads=1, **{"scenario.rewards": REWARDS}),
         buffer_size=1_000_000,
         learning_starts=20_000,
-        batch_size=512,
+        batch_size=256,
         train_freq=1,
         gradient_steps=16,
         gamma=0.98,
-        tau=0.01,
-        learning_rate=lambda left: 5e-5 + 1e-3 * left,
+        learning_rate=lambda left: 2e-5 + 1e-3 * left,
         # Rewards are a twentieth a step.
         ent_coef="auto_0.1",
         policy_kwargs={"net_arch": {"pi": [64, 64], "qf": [128, 128]}, "activation_fn": torch.nn.Tanh},
@@ -114,7 +119,7 @@ def learned(seed, steps):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=600_000)
+    parser.add_argument("--steps", type=int, default=500_000)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     asked = parser.parse_args()
     torch.set_num_threads(1)

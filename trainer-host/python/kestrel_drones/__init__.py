@@ -11,6 +11,7 @@ num_envs=1024)``. Teams are PettingZoo's: ``kestrel_drones.parallel_env("multi-h
 
 from ._native import KestrelError, __version__
 from ._tasks import airframe_path, register, task_ids, task_path, task_paths
+from ._controller import Controller
 from ._env import DroneEnv
 from ._policy import Policy, import_policy
 from ._run import Run, evaluate, export, resume, train
@@ -31,6 +32,7 @@ def parallel_env(config, **keywords):
 register()
 
 __all__ = [
+    "Controller",
     "DroneEnv",
     "DroneVectorEnv",
     "KestrelError",

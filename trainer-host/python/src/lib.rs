@@ -1,12 +1,13 @@
 //! The native half of the Python package `kestrel-drones`: converts and calls, and knows no task, physics or file format
 //! of its own.
 //!
-//! A [`task`] is a checked configuration; [`environments`] step it; a [`policy`] acts in it; a [`run`] trains one, a
-//! [`network`] becomes one. What
-//! users of gymnasium and `PettingZoo` see is Python, in the folder `kestrel_drones`.
+//! A [`task`] is a checked configuration; [`environments`] step it; a [`policy`] acts in it, a [`controller`] is what stands
+//! around it; a [`run`] trains one, a [`network`] becomes one. What users of gymnasium and `PettingZoo` see is Python, in the
+//! folder `kestrel_drones`.
 
 #![expect(clippy::needless_pass_by_value, reason = "PyO3 hands arguments over by value")]
 
+mod controller;
 mod environments;
 mod error;
 mod network;
@@ -26,6 +27,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<environments::Environments>()?;
     module.add_class::<policy::Policy>()?;
     module.add_class::<policy::Memory>()?;
+    module.add_class::<controller::Controller>()?;
     module.add_class::<network::StateDict>()?;
     module.add_function(wrap_pyfunction!(network::import_policy, module)?)?;
     module.add_function(wrap_pyfunction!(task::use_library, module)?)?;

@@ -163,7 +163,7 @@ impl Policy {
         Self { bytes }
     }
 
-    fn parsed(&self) -> PyResult<PolicyFile<'_>> {
+    pub(crate) fn parsed(&self) -> PyResult<PolicyFile<'_>> {
         PolicyFile::parse(&self.bytes).map_err(refused)
     }
 }
