@@ -300,47 +300,62 @@ impl GroundStation {
 
 #[cfg(test)]
 mod tests {
+    use std::mem;
+
     use kestrel_core::airframe::CF2X;
     use kestrel_core::pilot::Pilot;
 
     use super::*;
     use crate::autopilot::Mode;
     use crate::controller::Controller;
+    use crate::link::{EndpointId, Peer};
     use crate::plant::{FlatFloor, Plant};
     use crate::testing::{hover_policy, pilot, profile};
     use crate::vehicle::Vehicle;
+
+    const STATION: Peer = Peer { link: 0, endpoint: EndpointId::ONLY };
 
     /// A vehicle that hears a ground station.
     struct Pair {
         station: GroundStation,
         vehicle: Vehicle<Pilot<'static>>,
         plant: FlatFloor,
+        /// What the station has not heard yet.
+        said: Vec<Vec<u8>>,
     }
 
     impl Pair {
         fn new() -> Self {
             let vehicle = Vehicle::new(pilot(hover_policy()), &CF2X, profile(1));
             let plant = FlatFloor::new(&CF2X, vehicle.control_period().as_secs_f32());
-            let mut pair = Self { station: GroundStation::new(1, Home::default()), vehicle, plant };
+            let station = GroundStation::new(1, Home::default());
+            let mut pair = Self { station, vehicle, plant, said: Vec::new() };
             pair.fly(0.1);
             pair
         }
 
+        /// Has the station speak to the vehicle.
+        fn speak(&mut self, speak: impl FnOnce(&mut GroundStation, &mut dyn FnMut(&[u8]))) {
+            let Self { station, vehicle, said, .. } = self;
+            speak(station, &mut |bytes| {
+                assert!(vehicle.receive(STATION, bytes, &mut |frame| said.push(frame.to_vec())));
+            });
+        }
+
         fn order(&mut self, order: &StationOrder) {
-            let Self { station, vehicle, .. } = self;
-            station.order(order, &mut |bytes| assert!(vehicle.receive(bytes)));
+            self.speak(|station, send| station.order(order, send));
         }
 
         fn fly(&mut self, secs: f32) {
-            let Self { station, vehicle, plant } = self;
-            for _ in 0..(secs / vehicle.control_period().as_secs_f32()).round() as u32 {
-                station.advance(vehicle.elapsed_secs(), &mut |bytes| assert!(vehicle.receive(bytes)));
-                let mut said = Vec::new();
-                let targets = vehicle.tick(plant.state(), &mut |frame| said.push(frame.to_vec()));
-                for frame in said {
-                    station.hear(&frame, &mut |bytes| assert!(vehicle.receive(bytes)));
-                }
+            for _ in 0..(secs / self.vehicle.control_period().as_secs_f32()).round() as u32 {
+                let now_secs = self.vehicle.elapsed_secs();
+                self.speak(|station, send| station.advance(now_secs, send));
+                let Self { vehicle, plant, said, .. } = self;
+                let targets = vehicle.tick(plant.state(), &[STATION], &mut |_, frame| said.push(frame.to_vec()));
                 plant.step(&targets);
+                for frame in mem::take(&mut self.said) {
+                    self.speak(|station, send| station.hear(&frame, send));
+                }
             }
         }
     }

@@ -1,8 +1,8 @@
 //! Ways for frames between a vehicle and its peers, and the gates that keep a flood from the vehicle.
 //!
 //! A vehicle has a few [`Links`], each over one medium: a socket, a serial line, memory. A datagram reaches the vehicle
-//! with the number of the endpoint that sent it; every endpoint has its own share of a control period and its own
-//! allowance of commands, so that no flood starves anybody else. What the vehicle says goes to every peer of every link.
+//! with the [`Peer`] that sent it; every endpoint has its own share of a control period and its own allowance of commands,
+//! so that no flood starves anybody else. A peer is answered at once; who listens is told what the vehicle says unasked.
 //! Frames are not forwarded from one link to another.
 
 pub mod faulty;
@@ -28,9 +28,9 @@ pub const ENDPOINTS: usize = 32;
 /// Links of one vehicle.
 pub const LINKS: usize = 8;
 
-/// Datagrams that are taken from one link in one control period. More than what one endpoint may have heard, so that
+/// Datagrams that are taken from one link at once. More than what one endpoint may have heard in a control period, so that
 /// its flood is thrown away here and does not fill the operating system's queue, where the others wait too.
-pub const DATAGRAMS_PER_PERIOD: usize = 1024;
+pub const DATAGRAMS_AT_ONCE: usize = 1024;
 
 /// Datagrams, or frames of a stream, of one endpoint that are heard in one control period: hundreds of times what ground
 /// stations send.
@@ -140,13 +140,39 @@ pub enum LinkError {
     TooMany,
 }
 
+/// One end that a link tells apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EndpointId {
+    /// Below [`ENDPOINTS`]. It belongs to one peer for as long as that peer is heard.
+    pub number: u8,
+    /// Which of those that have had this number.
+    pub generation: u32,
+}
+
+impl EndpointId {
+    /// The only one of a link that has no more.
+    pub const ONLY: Self = Self { number: 0, generation: 0 };
+}
+
+/// Those who are told what the vehicle says unasked.
+pub type Listeners = heapless::Vec<EndpointId, ENDPOINTS>;
+
+/// Somebody who speaks to a vehicle, or listens to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peer {
+    /// Number of the link.
+    pub link: u8,
+    /// Its end of it.
+    pub endpoint: EndpointId,
+}
+
 /// What came through a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received<'b> {
     /// A datagram as it came; of a stream one whole frame.
     pub datagram: &'b [u8],
-    /// Who sent it, below [`ENDPOINTS`]. A number belongs to one peer for as long as that peer is heard.
-    pub endpoint: usize,
+    /// Who sent it.
+    pub endpoint: EndpointId,
 }
 
 /// A way to peers. No call ever waits, and what cannot be sent is lost, as datagrams may be.
@@ -163,12 +189,18 @@ pub trait Link: Send {
     /// As [`Link::advance`].
     fn receive<'b>(&mut self, buffer: &'b mut [u8; DATAGRAM_LIMIT]) -> Result<Option<Received<'b>>, LinkError>;
 
-    /// What this endpoint sent was good: from now on it is a peer.
-    fn learn(&mut self, endpoint: usize);
+    /// What this endpoint sent was good: from now on it listens.
+    fn learn(&mut self, endpoint: EndpointId);
 
-    /// Sends a frame to every peer.
-    fn send(&mut self, frame: &[u8]);
+    /// Who is to be told what the vehicle says unasked.
+    fn listeners(&self) -> Listeners;
+
+    /// Sends a frame to an endpoint that spoke or listens; one that is gone hears nothing.
+    fn send_to(&mut self, endpoint: EndpointId, frame: &[u8]);
 }
+
+/// Takes what a peer sent, says whether it was good, and answers the peer.
+pub type Handler<'a> = dyn FnMut(Peer, &[u8], &mut dyn FnMut(&[u8])) -> bool + 'a;
 
 /// What was thrown away for the sake of others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -215,45 +247,61 @@ impl Links {
         self.counts
     }
 
-    /// Begins the control period at `now_secs` \[s, simulated\]: `handle` gets what arrived and says whether it was good.
+    /// Begins the control period at `now_secs` \[s, simulated\], and has `handle` take what has arrived.
     ///
     /// # Errors
     /// The first [`LinkError::Failed`].
-    pub fn receive(&mut self, now_secs: f64, handle: &mut dyn FnMut(&[u8]) -> bool) -> Result<(), LinkError> {
+    pub fn begin_period(&mut self, now_secs: f64, handle: &mut Handler<'_>) -> Result<(), LinkError> {
         let elapsed_secs = (now_secs - self.now_secs).max(0.0);
         self.now_secs = now_secs;
         for attached in &mut self.attached {
             attached.link.advance(now_secs)?;
             attached.gates.iter_mut().for_each(|gate| gate.open(elapsed_secs));
-            attached.receive(handle, &mut self.counts)?;
         }
-        Ok(())
+        self.receive(handle)
     }
 
-    /// Sends a frame to every peer of every link.
-    pub fn send(&mut self, frame: &[u8]) {
-        for attached in &mut self.attached {
-            attached.link.send(frame);
+    /// Has `handle` take what has arrived; within a control period, as often as one likes.
+    ///
+    /// # Errors
+    /// As [`Links::begin_period`].
+    pub fn receive(&mut self, handle: &mut Handler<'_>) -> Result<(), LinkError> {
+        let Self { attached, counts, .. } = self;
+        (0..).zip(attached).try_for_each(|(link, attached)| attached.receive(link, handle, counts))
+    }
+
+    /// Everybody who is to be told what the vehicle says unasked, in the order of the links.
+    pub fn listeners(&self) -> Vec<Peer> {
+        let numbered = (0..).zip(&self.attached);
+        let peers = numbered.flat_map(|(link, attached)| {
+            attached.link.listeners().into_iter().map(move |endpoint| (link, endpoint))
+        });
+        peers.map(|(link, endpoint)| Peer { link, endpoint }).collect()
+    }
+
+    /// Sends a frame to a peer.
+    pub fn send_to(&mut self, peer: Peer, frame: &[u8]) {
+        if let Some(attached) = self.attached.get_mut(usize::from(peer.link)) {
+            attached.link.send_to(peer.endpoint, frame);
         }
     }
 }
 
 impl Attached {
-    fn receive(
-        &mut self,
-        handle: &mut dyn FnMut(&[u8]) -> bool,
-        counts: &mut LinkCounts,
-    ) -> Result<(), LinkError> {
+    fn receive(&mut self, link: u8, handle: &mut Handler<'_>, counts: &mut LinkCounts) -> Result<(), LinkError> {
         let mut buffer = [0; DATAGRAM_LIMIT];
-        for _ in 0..DATAGRAMS_PER_PERIOD {
+        for _ in 0..DATAGRAMS_AT_ONCE {
             let Some(Received { datagram, endpoint }) = self.link.receive(&mut buffer)? else { break };
-            let Some(gate) = self.gates.get_mut(endpoint) else { continue };
+            let Some(gate) = self.gates.get_mut(usize::from(endpoint.number)) else { continue };
             if !gate.admits_datagram() {
                 counts.flooding += 1;
             } else if !gate.admits_commands(datagram) {
                 counts.commands += 1;
-            } else if handle(datagram) {
-                self.link.learn(endpoint);
+            } else {
+                let mut answer = |frame: &[u8]| self.link.send_to(endpoint, frame);
+                if handle(Peer { link, endpoint }, datagram, &mut answer) {
+                    self.link.learn(endpoint);
+                }
             }
         }
         Ok(())

@@ -1,5 +1,6 @@
 //! The loop that flies vehicles in their plants: receive, tick, step, wait, over and over.
 
+use std::fmt;
 use std::str::FromStr;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -11,7 +12,7 @@ use crate::battery::Battery;
 use crate::controller::Controller;
 use crate::crtp::link::CrtpLink;
 use crate::flight_log::{FlightLog, FlightLogError};
-use crate::link::{LinkError, Links};
+use crate::link::{LinkError, Links, Peer};
 use crate::persistent_store::{PersistentStore, PersistentStoreError};
 use crate::plant::Plant;
 use crate::policy_backend::PolicyBackend;
@@ -19,6 +20,10 @@ use crate::vehicle::Vehicle;
 
 /// A loop that lags farther behind the wall clock does not catch up \[s\]: the machine slept or is too slow.
 const LAG_LIMIT: Duration = Duration::from_millis(250);
+
+/// How often peers are heard between two control periods: their questions are answered within a millisecond, and what they
+/// send does not fill the operating system's queue, of a few hundred datagrams.
+const ATTENTION_PERIOD: Duration = Duration::from_micros(500);
 
 /// How simulated time relates to the wall clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,6 +50,38 @@ impl FromStr for SimulationRate {
             Ok(speed) if (0.01..=1000.0).contains(&speed) => Ok(Self::Speed(speed)),
             Ok(_) | Err(_) => Err(SimulationRateError(text.to_owned())),
         }
+    }
+}
+
+/// How well a flight kept its pace.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Timing {
+    /// Simulated time \[s\].
+    pub simulated_secs: f64,
+    /// By the wall clock \[s\].
+    pub wall_secs: f64,
+    /// Control periods.
+    pub periods: u64,
+    /// Those whose work was not done in their time.
+    pub overruns: u64,
+    /// How late control periods began, all together and the latest of them \[s\].
+    pub late_secs: [f64; 2],
+}
+
+impl fmt::Display for Timing {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { simulated_secs, wall_secs, periods, overruns, late_secs: [late, latest] } = *self;
+        let factor = simulated_secs / wall_secs;
+        write!(formatter, "{simulated_secs:.1} s in {wall_secs:.1} s, {factor:.2} times real time")?;
+        if late == 0.0 {
+            return Ok(());
+        }
+        let mean_ms = 1e3 * late / periods.max(1) as f64;
+        let latest_ms = 1e3 * latest;
+        write!(
+            formatter,
+            "; periods late by {mean_ms:.2} ms, {latest_ms:.1} ms at most; {overruns} of {periods} overran"
+        )
     }
 }
 
@@ -102,7 +139,7 @@ pub struct SimulatedVehicle<'a, P> {
 }
 
 /// Flies several vehicles in one thread until `watch`, which sees every control period of each of them in turn, ends the
-/// flight of all. They share the clock of the first: all have its control period.
+/// flight of all. They share the clock of the first: all have its control period. Says how it kept its pace.
 ///
 /// # Errors
 /// If a link fails or a log cannot be written; the others end with it.
@@ -110,9 +147,15 @@ pub fn fly<P: PolicyBackend>(
     vehicles: &mut [SimulatedVehicle<'_, P>],
     pace: SimulationRate,
     watch: &mut dyn FnMut(&ControlPeriod) -> Next,
-) -> Result<(), FlightError> {
-    let Some(first) = vehicles.first() else { return Ok(()) };
+) -> Result<Timing, FlightError> {
+    let Some(first) = vehicles.first() else { return Ok(Timing::default()) };
+    let (start, start_secs) = (Instant::now(), first.vehicle.elapsed_secs());
     let mut clock = Clock::new(pace, first.vehicle.control_period());
+    if let SimulationRate::Speed(speed) = pace {
+        for simulated in vehicles.iter_mut() {
+            simulated.vehicle.set_pace(speed as f32);
+        }
+    }
     while decide(vehicles, watch)? == Next::Fly {
         for simulated in vehicles.iter_mut() {
             simulated.plant.step(&simulated.rotor_targets);
@@ -121,9 +164,11 @@ pub fn fly<P: PolicyBackend>(
                 simulated.vehicle.note_latency(simulated.latency.as_secs_f32());
             }
         }
-        clock.wait();
+        clock.wait_and(&mut || vehicles.iter_mut().try_for_each(SimulatedVehicle::attend))?;
     }
-    vehicles.iter_mut().try_for_each(SimulatedVehicle::finish)
+    vehicles.iter_mut().try_for_each(SimulatedVehicle::finish)?;
+    let simulated_secs = vehicles.first().map_or(0.0, |first| first.vehicle.elapsed_secs() - start_secs);
+    Ok(Timing { simulated_secs, wall_secs: start.elapsed().as_secs_f64(), ..clock.timing })
 }
 
 /// One control period before the plants move.
@@ -182,20 +227,25 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
         if let Some(store) = store {
             store.begin_period(vehicle);
         }
-        links.receive(secs, &mut |datagram| {
-            note(log, secs, datagram);
-            vehicle.receive(datagram)
-        })?;
+        links.begin_period(secs, &mut |peer, datagram, answer| hear(vehicle, log, peer, datagram, answer))?;
         if let Some(crtp) = crtp {
+            crtp.note_ranges(plant.ranges());
             crtp.exchange(vehicle, plant.state())?;
         }
         vehicle.tend_task(*plant);
         if let Some(remaining) = plant.battery() {
             vehicle.change_battery(Battery::left(remaining));
         }
-        *rotor_targets = vehicle.tick(plant.known_state(), &mut |frame| {
-            note(log, secs, frame);
-            links.send(frame);
+        if vehicle.wants_ranges() {
+            vehicle.note_ranges(plant.ranges());
+        }
+        let listeners = links.listeners();
+        *rotor_targets = vehicle.tick(plant.known_state(), &listeners, &mut |peer, frame| {
+            // All are told the same: the log has it once.
+            if listeners.first() == Some(&peer) {
+                note(log, secs, frame);
+            }
+            links.send_to(peer, frame);
         });
         *latency = begin.elapsed();
         if let Some(log) = log {
@@ -214,6 +264,13 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
         })
     }
 
+    /// Hears what has arrived since, between two control periods.
+    fn attend(&mut self) -> Result<(), FlightError> {
+        let Self { vehicle, links, log, .. } = self;
+        links.receive(&mut |peer, datagram, answer| hear(vehicle, log, peer, datagram, answer))?;
+        Ok(())
+    }
+
     fn finish(&mut self) -> Result<(), FlightError> {
         if let Some(log) = &mut self.log {
             log.finish()?;
@@ -223,6 +280,22 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
         }
         Ok(())
     }
+}
+
+/// Has a vehicle do what a peer asks for, and answer.
+fn hear<P: PolicyBackend>(
+    vehicle: &mut Vehicle<P>,
+    log: &mut Option<&mut FlightLog>,
+    peer: Peer,
+    datagram: &[u8],
+    answer: &mut dyn FnMut(&[u8]),
+) -> bool {
+    let secs = vehicle.elapsed_secs();
+    note(log, secs, datagram);
+    vehicle.receive(peer, datagram, &mut |frame| {
+        note(log, secs, frame);
+        answer(frame);
+    })
 }
 
 fn note(log: &mut Option<&mut FlightLog>, secs: f64, datagram: &[u8]) {
@@ -240,6 +313,7 @@ pub(crate) struct Clock {
     period_secs: Option<f64>,
     start: Instant,
     periods: u64,
+    timing: Timing,
 }
 
 impl Clock {
@@ -248,12 +322,35 @@ impl Clock {
             SimulationRate::Speed(speed) => Some(control_period.as_secs_f64() / speed),
             SimulationRate::Unthrottled => None,
         };
-        Self { period_secs, start: Instant::now(), periods: 0 }
+        Self { period_secs, start: Instant::now(), periods: 0, timing: Timing::default() }
     }
 
+    /// Waits for the next period.
     pub(crate) fn wait(&mut self) {
         let Some(period_secs) = self.period_secs else { return };
         thread::sleep(self.until_next(period_secs, Instant::now()));
+    }
+
+    /// The same, and does something now and then meanwhile.
+    fn wait_and<E>(&mut self, attend: &mut dyn FnMut() -> Result<(), E>) -> Result<(), E> {
+        let Some(period_secs) = self.period_secs else { return Ok(()) };
+        let begin = Instant::now();
+        let wait = self.until_next(period_secs, begin);
+        self.timing.periods += 1;
+        self.timing.overruns += u64::from(wait.is_zero());
+        let end = begin + wait;
+        loop {
+            let now = Instant::now();
+            let left = end.saturating_duration_since(now);
+            if left.is_zero() {
+                let late_secs = (now - end).as_secs_f64();
+                let [late, latest] = self.timing.late_secs;
+                self.timing.late_secs = [late + late_secs, latest.max(late_secs)];
+                return Ok(());
+            }
+            thread::sleep(left.min(ATTENTION_PERIOD));
+            attend()?;
+        }
     }
 
     /// How long to sleep until the next period.

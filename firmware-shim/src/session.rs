@@ -24,7 +24,7 @@ use crate::link::serial::{SerialLink, SerialPort};
 use crate::link::tcp::{self, TcpLink};
 use crate::link::udp::{UdpAddresses, UdpLink};
 use crate::link::{Link, LinkCounts, LinkError, Links};
-use crate::lockstep::{self, ControlPeriod, FlightError, Next, SimulatedVehicle, SimulationRate};
+use crate::lockstep::{self, ControlPeriod, FlightError, Next, SimulatedVehicle, SimulationRate, Timing};
 use crate::message::sent::identity::{Personality, PolicyIdentity};
 use crate::persistent_store::{PersistentStore, PersistentStoreError};
 use crate::plant::Plant;
@@ -169,6 +169,7 @@ pub struct Session<P> {
     options: SessionOptions,
     bound: Bound,
     announcement: String,
+    timing: Timing,
 }
 
 /// Where a vehicle can be spoken to.
@@ -323,6 +324,7 @@ impl<P: PolicyBackend> Session<P> {
             log: options.open_log()?,
             announcement: announcement(name, options, &[bound]),
             bound,
+            timing: Timing::default(),
             vehicle,
             options: options.clone(),
         })
@@ -350,6 +352,11 @@ impl<P: PolicyBackend> Session<P> {
     /// What became of the datagrams that reached the vehicle.
     pub fn counts(&self) -> Counts {
         self.vehicle.counts()
+    }
+
+    /// How the last flight kept its pace.
+    pub fn timing(&self) -> Timing {
+        self.timing
     }
 
     /// What did not reach it.
@@ -396,7 +403,12 @@ fn fly_together<P: PolicyBackend>(
                 .with_store(store)
         })
         .collect();
-    Ok(lockstep::fly(&mut vehicles, pace, &mut until)?)
+    let timing = lockstep::fly(&mut vehicles, pace, &mut until)?;
+    drop(vehicles);
+    for session in sessions {
+        session.timing = timing;
+    }
+    Ok(())
 }
 
 fn tcp_address(text: &str) -> Result<SocketAddr, String> {

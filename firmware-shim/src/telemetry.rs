@@ -31,6 +31,14 @@ pub enum TelemetryStream {
     GlobalPosition,
     /// `ODOMETRY`, 25 Hz.
     Odometry,
+    /// `HIGHRES_IMU`, 10 Hz.
+    HighresImu,
+    /// `DISTANCE_SENSOR` of each ranger, 5 Hz.
+    DistanceSensor,
+    /// `ESC_STATUS`, 2 Hz.
+    EscStatus,
+    /// `ESTIMATOR_STATUS`, 1 Hz.
+    EstimatorStatus,
     /// `ATTITUDE_QUATERNION`, 50 Hz.
     AttitudeQuaternion,
     /// `ATTITUDE`, 50 Hz.
@@ -43,7 +51,7 @@ pub enum TelemetryStream {
 
 impl TelemetryStream {
     /// All of them, in the order in which they are sent.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 22] = [
         Self::Heartbeat,
         Self::SysStatus,
         Self::ExtendedSysState,
@@ -58,6 +66,10 @@ impl TelemetryStream {
         Self::PositionTarget,
         Self::GlobalPosition,
         Self::Odometry,
+        Self::HighresImu,
+        Self::DistanceSensor,
+        Self::EscStatus,
+        Self::EstimatorStatus,
         Self::AttitudeQuaternion,
         Self::Attitude,
         Self::LocalPosition,
@@ -82,11 +94,15 @@ impl TelemetryStream {
             Self::MissionCurrent => 42,
             Self::VfrHud => 74,
             Self::PositionTarget => 85,
+            Self::HighresImu => 105,
+            Self::DistanceSensor => 132,
             Self::Altitude => 141,
             Self::BatteryStatus => 147,
+            Self::EstimatorStatus => 230,
             Self::HomePosition => 242,
             Self::ExtendedSysState => 245,
             Self::Policy => 251,
+            Self::EscStatus => 291,
             Self::Odometry => 331,
             Self::CurrentMode => 436,
         }
@@ -95,11 +111,16 @@ impl TelemetryStream {
     const fn default_secs(self) -> f32 {
         match self {
             Self::CurrentMode | Self::BatteryStatus | Self::HomePosition => 2.0,
-            Self::Heartbeat | Self::SysStatus | Self::MissionCurrent | Self::Altitude | Self::Policy => 1.0,
-            Self::ExtendedSysState => 0.5,
+            Self::Heartbeat
+            | Self::SysStatus
+            | Self::MissionCurrent
+            | Self::Altitude
+            | Self::EstimatorStatus
+            | Self::Policy => 1.0,
+            Self::ExtendedSysState | Self::EscStatus => 0.5,
             Self::VfrHud => 0.25,
-            Self::GpsRawInt => 0.2,
-            Self::ServoOutputRaw | Self::PositionTarget | Self::GlobalPosition => 0.1,
+            Self::GpsRawInt | Self::DistanceSensor => 0.2,
+            Self::ServoOutputRaw | Self::PositionTarget | Self::GlobalPosition | Self::HighresImu => 0.1,
             Self::Odometry => 0.04,
             Self::AttitudeQuaternion | Self::Attitude | Self::LocalPosition => 0.02,
         }
@@ -130,6 +151,11 @@ impl TelemetrySchedule {
         self.intervals_ticks[stream as usize] = (secs > 0.0).then_some(ticks);
     }
 
+    /// Time between two messages of a stream \[s\]; none if it is never sent.
+    pub fn interval_secs(&self, stream: TelemetryStream) -> Option<f32> {
+        self.intervals_ticks[stream as usize].map(|ticks| ticks as f32 * self.control_secs)
+    }
+
     /// Whether a stream is due at a tick.
     pub fn due(&self, stream: TelemetryStream, tick: u64) -> bool {
         self.intervals_ticks[stream as usize].is_some_and(|interval| tick.is_multiple_of(interval))
@@ -148,7 +174,10 @@ mod tests {
     fn default_rates_hold_in_simulated_time() {
         let schedule = TelemetrySchedule::new(0.01);
         let counts = TelemetryStream::ALL.map(|stream| in_ten_secs(&schedule, stream));
-        assert_eq!(counts, [10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 500, 500, 500, 10]);
+        assert_eq!(
+            counts,
+            [10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 100, 50, 20, 10, 500, 500, 500, 10]
+        );
     }
 
     #[test]

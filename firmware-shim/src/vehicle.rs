@@ -1,14 +1,16 @@
 //! The vehicle in software in the loop: a [`FlightController`] with parameters, missions and telemetry. Datagrams and states
 //! in, rotor targets and frames out; no socket and no clock.
 
+mod channel;
 mod command;
+mod declined;
 mod loss;
 mod mission;
 mod task;
 
 use core::time::Duration;
 
-use kestrel_core::airframe::Airframe;
+use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::vehicle::State;
 use kestrel_onboard::acknowledgement::CommandAnswer;
 use kestrel_onboard::endpoint::Counts;
@@ -17,6 +19,7 @@ use kestrel_onboard::repetition::Sender;
 use kestrel_onboard::signature::{SignatureTime, Signer};
 use kestrel_onboard::signature_guard::SignatureGuard;
 use mavlink::dialects::common::MavSeverity;
+use nalgebra::Vector3;
 
 use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint};
 use crate::battery::Battery;
@@ -26,25 +29,31 @@ use crate::flight_mode::FlightMode;
 use crate::frame::{Frame, Frames, Payload};
 use crate::geodesy::Home;
 use crate::goal::MovingGoal;
+use crate::link::Peer;
 use crate::message::sent::identity::{Personality, PolicyIdentity};
-use crate::message::sent::{self, motion, status};
+use crate::message::sent::{self, motion, status, surroundings};
 use crate::mission as mission_protocol;
 use crate::mission::runner::Directive;
 use crate::mission::{MissionProtocol, MissionRunner};
 use crate::parameter::protocol::ParameterProtocol;
 use crate::parameter::received as parameter_received;
 use crate::parameter::{Parameters, table::Parameter};
+use crate::plant::Ranges;
 use crate::policy_backend::PolicyBackend;
 use crate::request::{self, CommandRequest, Request, SetPointError};
-use crate::telemetry::{TelemetrySchedule, TelemetryStream};
+use crate::telemetry::TelemetryStream;
 
 use self::mission::Reached;
+use channel::{Channel, Channels};
 use loss::Losses;
 pub use task::PolicyRole;
 use task::TaskPhase;
 
-/// Answers that wait for the next tick; what a flood asks beyond it goes unanswered.
+/// Answers that wait at once; what is asked beyond it goes unanswered.
 const ANSWERS: usize = 32;
+
+/// Messages of one stream at one time: as many as there are rangers.
+const MESSAGES: usize = 6;
 
 /// The same refusal is not worded again within this time \[s\]: set-points come in streams.
 const TEXT_SECS: f64 = 1.0;
@@ -73,15 +82,20 @@ pub struct Vehicle<P> {
     /// What the mission wanted last.
     directive: Option<Directive>,
     reached: Option<Reached>,
-    schedule: TelemetrySchedule,
-    /// Streams that a peer wants once more, out of turn.
-    requested: heapless::Vec<TelemetryStream, { TelemetryStream::ALL.len() }>,
+    channels: Channels,
     losses: Losses,
     /// The task of its plant, if that has one.
     task: Option<(TaskPhase, PolicyRole)>,
     last_text: Option<(&'static str, f64)>,
     battery: Battery,
     latency_secs: f32,
+    /// What rangers measured last, until it is told.
+    ranges: Option<Ranges>,
+    /// Of the last control period \[m/s²\], in the drone's axes.
+    specific_force: Vector3<f32>,
+    last_velocity: Option<Vector3<f32>>,
+    /// Seconds of flight in one of the peers' clocks.
+    pace: f32,
     rotor_targets: [f32; 4],
     rotor_speed_limit: f32,
 }
@@ -92,7 +106,7 @@ impl<P: PolicyBackend> Vehicle<P> {
         let identity = VehicleIdentity { system: profile.system, origin: profile.origin };
         let controller = FlightController::new(backend, airframe, identity);
         Self {
-            schedule: TelemetrySchedule::new(controller.autopilot().control_secs()),
+            channels: Channels::new(controller.autopilot().control_secs()),
             controller,
             parameters: ParameterProtocol::new(Parameters::new(profile.system)),
             parameters_changed: false,
@@ -101,12 +115,15 @@ impl<P: PolicyBackend> Vehicle<P> {
             directive: None,
             reached: None,
             profile,
-            requested: heapless::Vec::new(),
             losses: Losses::default(),
             task: None,
             last_text: None,
             battery: Battery::full(),
             latency_secs: 0.0,
+            ranges: None,
+            specific_force: Vector3::zeros(),
+            last_velocity: None,
+            pace: 1.0,
             rotor_targets: [0.0; 4],
             rotor_speed_limit: airframe.rotor_speed_limit as f32,
         }
@@ -139,7 +156,7 @@ impl<P: PolicyBackend> Vehicle<P> {
     /// Flies by these parameters from now on.
     pub fn adjust(&mut self, parameters: Parameters) {
         self.parameters = ParameterProtocol::new(parameters);
-        self.controller.autopilot_mut().adjust(self.parameters.settings());
+        self.apply_settings();
     }
 
     /// From now on admits only what `guard` does, and signs what it sends.
@@ -165,6 +182,28 @@ impl<P: PolicyBackend> Vehicle<P> {
     /// Takes note of how long the last tick took on this machine \[s\], to tell peers.
     pub fn note_latency(&mut self, secs: f32) {
         self.latency_secs = secs;
+    }
+
+    /// Whether what rangers measure is to be told with the next tick.
+    pub fn wants_ranges(&self) -> bool {
+        self.channels.are_due(TelemetryStream::DistanceSensor, self.controller.ticks())
+    }
+
+    /// Takes note of what rangers measure.
+    pub fn note_ranges(&mut self, ranges: Option<Ranges>) {
+        self.ranges = ranges;
+    }
+
+    /// Lets peers live at another pace: so many seconds of flight go by in one of theirs. Their silence counts by their
+    /// clocks.
+    pub fn set_pace(&mut self, pace: f32) {
+        self.pace = pace;
+        self.apply_settings();
+    }
+
+    fn apply_settings(&mut self) {
+        let settings = self.parameters.settings().at_pace(self.pace);
+        self.controller.autopilot_mut().adjust(settings);
     }
 
     /// Flies with another battery from now on.
@@ -220,22 +259,35 @@ impl<P: PolicyBackend> Vehicle<P> {
         }
     }
 
-    /// Does what a datagram asks for; answers leave with the next tick. Whether any frame in it was good: if not,
-    /// its sender is no peer.
-    pub fn receive(&mut self, datagram: &[u8]) -> bool {
+    /// Does what a datagram of a peer asks for; `answer` gets the frames for that peer. Whether any frame in it was good: if
+    /// not, its sender is no peer.
+    pub fn receive(&mut self, peer: Peer, datagram: &[u8], answer: &mut dyn FnMut(&[u8])) -> bool {
         let mut good = false;
         for frame in Frames::new(datagram) {
             if let Some(frame) = self.controller.admit(frame) {
                 good = true;
-                self.handle(&frame);
+                self.channels.open(peer);
+                if self.handle(&frame, peer) == Audience::Peer {
+                    self.answer(peer, answer);
+                }
             }
         }
         good
     }
 
-    /// Rotor targets \[rad/s\] for the next control period; `send` gets the frames that are due, one by one.
-    pub fn tick(&mut self, state: &State<f32>, send: &mut dyn FnMut(&[u8])) -> [f32; 4] {
+    /// Sends a peer what waits.
+    fn answer(&mut self, peer: Peer, send: &mut dyn FnMut(&[u8])) {
+        let channel = self.channels.open(peer);
+        while let Some(payload) = self.controller.next_payload() {
+            send(&self.controller.encode_numbered(&payload, &mut channel.sequence));
+        }
+    }
+
+    /// Rotor targets \[rad/s\] for the next control period; `send` gets the frames that are due to each of those who
+    /// listen, one by one.
+    pub fn tick(&mut self, state: &State<f32>, listeners: &[Peer], send: &mut dyn FnMut(Peer, &[u8])) -> [f32; 4] {
         let before = self.mode();
+        self.feel(state);
         self.rotor_targets = self.controller.fly(state, self.battery.remaining());
         if self.mode().flies() {
             self.battery.drain(self.controller.autopilot().control_secs(), self.controller.autopilot().settings());
@@ -243,38 +295,46 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.announce(before);
         self.fly_mission(state);
         self.repeat_reached();
-        while let Some(answer) = self.controller.next_answer() {
-            send(&answer);
+        self.channels.are_of(listeners);
+        while let Some(payload) = self.controller.next_payload() {
+            tell(&mut self.controller, &mut self.channels, &payload, send);
         }
         self.publish_lists(send);
-        let requested = core::mem::take(&mut self.requested);
         for stream in TelemetryStream::ALL {
-            if self.schedule.due(stream, self.controller.ticks()) || requested.contains(&stream) {
+            if self.channels.are_due(stream, self.controller.ticks()) {
                 self.publish(stream, state, send);
             }
         }
+        self.channels.end_period();
         self.controller.end_period();
         self.rotor_targets
     }
 
-    /// What is due of the parameters' list, and of an upload.
-    fn publish_lists(&mut self, send: &mut dyn FnMut(&[u8])) {
-        let now_secs = self.elapsed_secs();
-        let controller = &mut self.controller;
-        let mut send = |payload: Payload| send(&controller.encode(&payload));
-        self.parameters.tick(&mut send);
-        self.plans.tick(now_secs, &mut send);
+    /// The specific force of the control period that has just ended.
+    fn feel(&mut self, state: &State<f32>) {
+        let before = self.last_velocity.replace(state.velocity).unwrap_or(state.velocity);
+        let acceleration = (state.velocity - before) / self.autopilot().control_secs();
+        self.specific_force = state.world_from_body.rotate_inverse(acceleration + Vector3::z() * GRAVITY as f32);
     }
 
-    fn publish(&mut self, stream: TelemetryStream, state: &State<f32>, send: &mut dyn FnMut(&[u8])) {
-        if stream == TelemetryStream::Policy {
-            for payload in self.policy_report() {
-                send(&self.controller.encode(&payload));
+    /// What is due of the parameters' list, and of an upload.
+    fn publish_lists(&mut self, send: &mut dyn FnMut(Peer, &[u8])) {
+        let now_secs = self.elapsed_secs();
+        let Self { controller, channels, parameters, plans, .. } = self;
+        let mut send = |payload: Payload| tell(controller, channels, &payload, send);
+        parameters.tick(&mut send);
+        plans.tick(now_secs, &mut send);
+    }
+
+    /// Sends a stream to everybody to whom it is due.
+    fn publish(&mut self, stream: TelemetryStream, state: &State<f32>, send: &mut dyn FnMut(Peer, &[u8])) {
+        let payloads = self.payloads(stream, state);
+        let tick = self.controller.ticks();
+        for channel in self.channels.due(stream, tick) {
+            for payload in &payloads {
+                send(channel.peer, &self.controller.encode_numbered(payload, &mut channel.sequence));
             }
-            return;
         }
-        let payload = self.payload(stream, state);
-        send(&self.controller.encode(&payload));
     }
 
     /// What the policy is (its hash), how old its last answer is, and how long the last tick took.
@@ -288,6 +348,20 @@ impl<P: PolicyBackend> Vehicle<P> {
         ]
     }
 
+    /// Most streams are of one message.
+    fn payloads(&mut self, stream: TelemetryStream, state: &State<f32>) -> heapless::Vec<Payload, MESSAGES> {
+        if stream == TelemetryStream::Policy {
+            return self.policy_report().into_iter().collect();
+        }
+        if stream == TelemetryStream::DistanceSensor {
+            let time = self.time_boot_ms();
+            let ranges =
+                self.ranges.take().into_iter().flat_map(|ranges| surroundings::distance_sensors(&ranges, time));
+            return ranges.collect();
+        }
+        [self.payload(stream, state)].into_iter().collect()
+    }
+
     fn payload(&mut self, stream: TelemetryStream, state: &State<f32>) -> Payload {
         let time_boot_ms = self.time_boot_ms();
         let time_usec = (self.elapsed_secs() * 1e6) as u64;
@@ -297,7 +371,9 @@ impl<P: PolicyBackend> Vehicle<P> {
             TelemetryStream::Heartbeat => status::heartbeat(self.mode(), flight_mode, self.profile.personality),
             TelemetryStream::SysStatus => status::sys_status(&self.health(state)),
             TelemetryStream::ExtendedSysState => status::extended_sys_state(self.mode()),
-            TelemetryStream::CurrentMode | TelemetryStream::Policy => status::current_mode(flight_mode),
+            TelemetryStream::CurrentMode | TelemetryStream::Policy | TelemetryStream::DistanceSensor => {
+                status::current_mode(flight_mode)
+            }
             TelemetryStream::MissionCurrent => self.mission_current(),
             TelemetryStream::BatteryStatus => status::battery_status(&self.battery),
             TelemetryStream::HomePosition => motion::home_position(self.autopilot().home(), origin),
@@ -308,6 +384,9 @@ impl<P: PolicyBackend> Vehicle<P> {
             TelemetryStream::PositionTarget => motion::position_target(self.autopilot().goal(), time_boot_ms),
             TelemetryStream::GlobalPosition => motion::global_position_int(state, origin, time_boot_ms),
             TelemetryStream::Odometry => motion::odometry(state, time_usec),
+            TelemetryStream::HighresImu => motion::highres_imu(state, &self.specific_force, time_usec),
+            TelemetryStream::EscStatus => motion::esc_status(&state.rotor_speeds, time_usec),
+            TelemetryStream::EstimatorStatus => motion::estimator_status(time_usec),
             TelemetryStream::AttitudeQuaternion => motion::attitude_quaternion(state, time_boot_ms),
             TelemetryStream::Attitude => motion::attitude(state, time_boot_ms),
             TelemetryStream::LocalPosition => motion::local_position_ned(state, time_boot_ms),
@@ -375,25 +454,29 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.controller.answer(sent::status_text(severity, text));
     }
 
-    fn handle(&mut self, frame: &Frame) {
+    /// Does what a frame asks for; who is to hear of it.
+    fn handle(&mut self, frame: &Frame, peer: Peer) -> Audience {
         let sender = Sender::of(frame);
         self.losses.note(sender, self.elapsed_secs());
         if let Some((address, request)) = request::request(frame) {
             if self.controller.is_meant(address) {
-                self.handle_request(&request, sender);
+                self.handle_request(&request, sender, peer);
             }
         } else if let Some((address, request)) = parameter_received::request(frame)
             && self.controller.is_meant(address)
         {
-            self.handle_parameter(&request, sender.address);
+            return self.handle_parameter(&request, sender.address);
         } else if let Some((address, request)) = mission_protocol::request(frame)
             && self.controller.is_meant(address)
         {
             self.handle_mission(&request, sender.address);
+        } else {
+            self.decline(frame);
         }
+        Audience::Peer
     }
 
-    fn handle_request(&mut self, request: &Request, sender: Sender) {
+    fn handle_request(&mut self, request: &Request, sender: Sender, peer: Peer) {
         match request {
             Request::GroundStation => self.controller.handle(request, sender),
             Request::Ping { time_usec, seq } => {
@@ -403,10 +486,11 @@ impl<P: PolicyBackend> Vehicle<P> {
                 let answer = self.choose(FlightMode::of_custom_mode(*custom_mode));
                 self.send_status_text(answer.text);
             }
-            Request::Command(command) => self.handle_command(command, sender),
+            Request::Command(command) => self.handle_command(command, sender, peer),
             Request::PositionTarget(target) => {
-                if self.follow(target.set_point(&self.profile.origin)) {
-                    let refused = self.controller.autopilot_mut().face(target.facing()).err();
+                let here = self.autopilot().whereabouts();
+                if self.follow(target.set_point(&self.profile.origin, &here)) {
+                    let refused = self.controller.autopilot_mut().face(target.facing(&here)).err();
                     self.send_status_text(refused.map(Refusal::text));
                 }
             }
@@ -430,20 +514,23 @@ impl<P: PolicyBackend> Vehicle<P> {
         outcome.is_ok()
     }
 
-    fn handle_parameter(&mut self, request: &parameter_received::ParameterRequest, sender: [u8; 2]) {
+    /// A change is everybody's matter.
+    fn handle_parameter(&mut self, request: &parameter_received::ParameterRequest, sender: [u8; 2]) -> Audience {
         let controller = &mut self.controller;
         let changed: Option<Parameter> =
             self.parameters.handle(request, sender, &mut |payload| controller.answer(payload));
-        if changed.is_some() {
-            self.parameters_changed = true;
-            self.controller.autopilot_mut().adjust(self.parameters.settings());
+        if changed.is_none() {
+            return Audience::Peer;
         }
+        self.parameters_changed = true;
+        self.apply_settings();
+        Audience::Listeners
     }
 
-    fn handle_command(&mut self, command: &CommandRequest, sender: Sender) {
+    fn handle_command(&mut self, command: &CommandRequest, sender: Sender, peer: Peer) {
         let answer = match self.controller.earlier_result(command, sender) {
             Some(result) => CommandAnswer::silent(result),
-            None => self.execute(command),
+            None => self.execute(command, peer),
         };
         // Where frames are lost acknowledgements are, too, and clients give up after a few times.
         let lossy = self.losses.are_of(sender, self.elapsed_secs());
@@ -462,6 +549,27 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.last_text = Some((text, now));
         self.controller.answer(sent::status_text(MavSeverity::MAV_SEVERITY_WARNING, text));
     }
+}
+
+/// Sends a message to everybody who listens.
+fn tell<P: PolicyBackend>(
+    controller: &mut FlightController<P, ANSWERS>,
+    channels: &mut Channels,
+    payload: &Payload,
+    send: &mut dyn FnMut(Peer, &[u8]),
+) {
+    for Channel { peer, sequence, .. } in channels.listening() {
+        send(*peer, &controller.encode_numbered(payload, sequence));
+    }
+}
+
+/// Who is to hear what a request led to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Audience {
+    /// Whoever asked.
+    Peer,
+    /// Everybody who listens.
+    Listeners,
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ pub(crate) fn lend(
     // Its motors turn as it says: there is no rate loop but the autopilot's own.
     let action = ActionSpace::RotorSpeeds(RotorSpeeds::new(&scenario.airframe, 1.0));
     let scenario = Scenario { physics, action, ..scenario.clone() };
-    let mut plant = SimulatedFlight(Flight::landed(&scenario));
+    let mut plant = SimulatedFlight::new(Flight::landed(&scenario));
     let mut print = |text: &str| say(text).map_err(std::io::Error::other);
     let mut callbacks = Callbacks { print: &mut print, interrupted };
     session::run(options, &scenario.airframe, &mut plant, log, &mut callbacks)

@@ -2,6 +2,7 @@
 
 mod node;
 
+use std::cell::OnceCell;
 use std::path::PathBuf;
 
 use kestrel_core::action::ActionSpace;
@@ -9,13 +10,15 @@ use kestrel_core::airframe::{Airframe, CF2X};
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::policy_file::{PolicyError, PolicyMetadata};
+use kestrel_core::real::Real;
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::{Ground, State};
+use kestrel_ros::rangers::Rangers;
 use kestrel_shim::autopilot::Mode;
 use kestrel_shim::endpoint::Counts;
-use kestrel_shim::lockstep::{ControlPeriod, Next};
+use kestrel_shim::lockstep::{ControlPeriod, Next, Timing};
 use kestrel_shim::message::sent::identity::PolicyIdentity;
-use kestrel_shim::plant::{Plant, TaskEnding};
+use kestrel_shim::plant::{Plant, Ranges, TaskEnding};
 use kestrel_shim::policy_backend::PolicyBackend;
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
@@ -81,6 +84,8 @@ pub(crate) struct FlightSummary {
     pub(crate) mode: Mode,
     /// Frames and garbage received.
     pub(crate) counts: Counts,
+    /// How it kept its pace.
+    pub(crate) timing: Timing,
 }
 
 /// Why there is no flight, or why it was cut short.
@@ -212,7 +217,7 @@ fn conduct<P: PolicyBackend>(
         return Err(failure.into());
     }
     let (secs, position, mode) = last.unwrap_or((0.0, plant.state().position, Mode::Disarmed));
-    Ok(FlightSummary { secs, position, mode, counts })
+    Ok(FlightSummary { secs, position, mode, counts, timing: session.timing() })
 }
 
 impl Place<'_> {
@@ -265,20 +270,38 @@ fn check_period(scenario: &Scenario, policy: &Policy<'_>) -> Result<(), FlyError
     Err(FlyError::ControlPeriod { scenario: scenario.name.clone(), found_secs, expected_secs })
 }
 
-/// [`Flight`] as a plant.
-pub(crate) struct SimulatedFlight(pub(crate) Flight);
+/// [`Flight`] as a plant, with rangers.
+pub(crate) struct SimulatedFlight {
+    pub(crate) flight: Flight,
+    rangers: OnceCell<Rangers>,
+}
+
+impl SimulatedFlight {
+    pub(crate) fn new(flight: Flight) -> Self {
+        Self { flight, rangers: OnceCell::new() }
+    }
+}
 
 impl Plant for SimulatedFlight {
     fn state(&self) -> &State<f32> {
-        self.0.state()
+        self.flight.state()
     }
 
     fn known_state(&self) -> &State<f32> {
-        self.0.known_state()
+        self.flight.known_state()
+    }
+
+    fn ranges(&self) -> Option<Ranges> {
+        let rangers = self.rangers.get_or_init(|| Rangers::new(self.flight.scenario()));
+        let state = self.state().map(Real::to_f64);
+        let [front, back, left, right, up, down] = rangers
+            .measure(state.position, &state.world_from_body)
+            .map(|distance| distance.map(|metres| metres as f32));
+        Some(Ranges { front, back, left, right, up, down })
     }
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
-        self.0.step(rotor_targets);
+        self.flight.step(rotor_targets);
     }
 }
 
@@ -336,7 +359,7 @@ struct TaskPlant<'a> {
 
 impl<'a> TaskPlant<'a> {
     fn new(flight: Flight, task: Option<TaskOfPolicy<'a>>) -> Self {
-        Self { launch: *flight.state(), flight: SimulatedFlight(flight), task, episode: None, ending: None }
+        Self { launch: *flight.state(), flight: SimulatedFlight::new(flight), task, episode: None, ending: None }
     }
 }
 
@@ -349,12 +372,16 @@ impl Plant for TaskPlant<'_> {
         self.flight.known_state()
     }
 
+    fn ranges(&self) -> Option<Ranges> {
+        self.flight.ranges()
+    }
+
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         let Some(episode) = &mut self.episode else { return self.flight.step(rotor_targets) };
         match episode.step() {
-            None => self.flight.0.put(&episode.state()),
+            None => self.flight.flight.put(&episode.state()),
             Some(ended) => {
-                let secs = ended.steps as f32 * self.flight.0.scenario().physics.control_secs();
+                let secs = ended.steps as f32 * self.flight.flight.scenario().physics.control_secs();
                 let verdict = if ended.success { "success" } else { "failure" };
                 self.ending = Some(TaskEnding { verdict, cause: ended.ending.name(), secs });
                 self.episode = None;
@@ -363,14 +390,14 @@ impl Plant for TaskPlant<'_> {
     }
 
     fn reset(&mut self) {
-        self.flight.0.put(&self.launch);
+        self.flight.flight.put(&self.launch);
     }
 
     fn begin_task(&mut self, start: u32) {
         let Some(TaskOfPolicy { experiment, policy }) = self.task else { return };
         let scenario = &experiment.evaluation.scenario;
         let episode = EpisodeFlight::begin(scenario, Flyer::Policy(policy), starts(experiment), start);
-        self.flight.0.put(&episode.state());
+        self.flight.flight.put(&episode.state());
         (self.episode, self.ending) = (Some(episode), None);
     }
 

@@ -32,6 +32,7 @@ use crate::failsafe::{Failsafe, FailsafeEvent, FailsafeInput};
 use crate::fence::{Fence, Zones};
 use crate::goal::{Facing, MovingGoal};
 use crate::policy_backend::PolicyBackend;
+use crate::request::Whereabouts;
 use crate::settings::{AutopilotSettings, FailsafeAction, FailsafeReaction, Fallback};
 use crate::steering::{AttitudeSetPoint, yaw};
 
@@ -48,6 +49,9 @@ const LEASH_M: f32 = 0.5;
 
 /// A landing goal sinks this far, so that the floor stops the drone and not the goal \[m\].
 const LANDING_DEPTH_M: f32 = 1e4;
+
+/// Height above home up to which a landing is slow \[m\]: furniture is lower.
+const SLOW_LANDING_M: f32 = 2.0;
 
 /// A take-off is complete, or home reached, when the drone is this close \[m\].
 const ARRIVAL_RADIUS_M: f32 = 0.2;
@@ -254,6 +258,14 @@ impl<P: PolicyBackend> Autopilot<P> {
         &self.goal
     }
 
+    /// Where it is, as set-points may count from there; where it is led while its state is unknown.
+    pub fn whereabouts(&self) -> Whereabouts {
+        let goal = self.goal.position();
+        self.known_state.map_or(Whereabouts { position: goal, heading: self.goal.heading(), goal }, |state| {
+            Whereabouts { position: state.position, heading: yaw(&state.world_from_body), goal }
+        })
+    }
+
     /// Where it was armed, and returns to \[m, world\].
     pub fn home(&self) -> &Vector3<f32> {
         &self.home
@@ -431,6 +443,7 @@ impl<P: PolicyBackend> Autopilot<P> {
         if self.mode == Mode::Landing {
             // It sinks under the floor beside a drone that touched down aside, too.
             (held.x, held.y) = (before.position().x, before.position().y);
+            self.goal.head_for(before.target(), self.sinking_speed());
         }
         self.goal.advance(&held, self.leash_m, self.control_secs);
         if self.mode == Mode::Landing || self.goal.position() == before.position() {
@@ -511,8 +524,14 @@ impl<P: PolicyBackend> Autopilot<P> {
     fn sink(&mut self) {
         self.stay();
         let below = self.goal.position() - Vector3::z() * LANDING_DEPTH_M;
-        self.goal.head_for(below, self.settings.landing_speed);
+        self.goal.head_for(below, self.sinking_speed());
         self.enter(Mode::Landing);
+    }
+
+    /// Slow where something to land on may be.
+    fn sinking_speed(&self) -> f32 {
+        let is_high = self.goal.position().z > self.home.z + SLOW_LANDING_M;
+        if is_high { self.settings.descent_speed } else { self.settings.landing_speed }
     }
 
     fn enter(&mut self, mode: Mode) {

@@ -75,15 +75,25 @@ impl<const ANSWERS: usize> Endpoint<ANSWERS> {
         }
     }
 
-    /// The bytes of the next answer that waits.
+    /// The next answer that waits.
+    pub fn next_payload(&mut self) -> Option<Payload> {
+        self.answers.pop_front()
+    }
+
+    /// Its bytes.
     pub fn next_answer(&mut self) -> Option<heapless::Vec<u8, FRAME_LIMIT>> {
-        let payload = self.answers.pop_front()?;
+        let payload = self.next_payload()?;
         Some(self.encode(&payload))
     }
 
     /// The bytes of one frame to be sent.
     pub fn encode(&mut self, payload: &Payload) -> heapless::Vec<u8, FRAME_LIMIT> {
         self.encoder.encode(payload)
+    }
+
+    /// The bytes of one frame to somebody whose frames are numbered by `sequence`.
+    pub fn encode_numbered(&mut self, payload: &Payload, sequence: &mut u8) -> heapless::Vec<u8, FRAME_LIMIT> {
+        self.encoder.encode_numbered(payload, sequence)
     }
 
     /// What became of the bytes so far.

@@ -150,6 +150,11 @@ impl<P: PolicyBackend, const ANSWERS: usize> FlightController<P, ANSWERS> {
         self.endpoint.answer(payload);
     }
 
+    /// The next message to be sent, if any waits.
+    pub fn next_payload(&mut self) -> Option<Payload> {
+        self.endpoint.next_payload()
+    }
+
     /// The next frame to be sent, if any waits.
     pub fn next_answer(&mut self) -> Option<heapless::Vec<u8, FRAME_LIMIT>> {
         self.endpoint.next_answer()
@@ -158,6 +163,11 @@ impl<P: PolicyBackend, const ANSWERS: usize> FlightController<P, ANSWERS> {
     /// The bytes of a frame to be sent at once.
     pub fn encode(&mut self, payload: &Payload) -> heapless::Vec<u8, FRAME_LIMIT> {
         self.endpoint.encode(payload)
+    }
+
+    /// The bytes of a frame to somebody whose frames are numbered by `sequence`.
+    pub fn encode_numbered(&mut self, payload: &Payload, sequence: &mut u8) -> heapless::Vec<u8, FRAME_LIMIT> {
+        self.endpoint.encode_numbered(payload, sequence)
     }
 
     /// Does what a request asks for, and answers a command. Whatever else it is, it has no answer here, and one that is
@@ -170,9 +180,10 @@ impl<P: PolicyBackend, const ANSWERS: usize> FlightController<P, ANSWERS> {
                 let _ = self.execute(self.order_to_mode(FlightMode::of_custom_mode(*custom_mode)));
             }
             Request::PositionTarget(target) => {
-                let set_point = target.set_point(&self.identity.origin);
+                let here = self.autopilot.whereabouts();
+                let set_point = target.set_point(&self.identity.origin, &here);
                 if set_point.is_ok_and(|set_point| self.autopilot.set_point(set_point).is_ok()) {
-                    let _ = self.autopilot.face(target.facing());
+                    let _ = self.autopilot.face(target.facing(&here));
                 }
             }
             Request::AttitudeTarget(target) => {

@@ -13,6 +13,9 @@ use crate::steering::heading;
 /// Longest integration step \[s\]; rotors and body rates of a Crazyflie settle in tens of milliseconds.
 const SUBSTEP_LIMIT_SECS: f32 = 0.0025;
 
+/// Rangers see so far \[m\].
+const RANGE_LIMIT_M: f32 = 4.0;
+
 /// One drone and its surroundings, in lockstep with the vehicle that steers it.
 pub trait Plant {
     /// The true state.
@@ -21,6 +24,11 @@ pub trait Plant {
     /// The state that the drone knows; the true one where nothing is late.
     fn known_state(&self) -> &State<f32> {
         self.state()
+    }
+
+    /// What rangers on the drone measure, where the plant knows what is around it.
+    fn ranges(&self) -> Option<Ranges> {
+        None
     }
 
     /// What is left of a battery that the plant empties, of one; none where the vehicle simulates its own.
@@ -45,6 +53,23 @@ pub trait Plant {
     fn take_ending(&mut self) -> Option<TaskEnding> {
         None
     }
+}
+
+/// Distances along the drone's axes \[m\]; none where nothing is near.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ranges {
+    /// Forward.
+    pub front: Option<f32>,
+    /// Backward.
+    pub back: Option<f32>,
+    /// To the left.
+    pub left: Option<f32>,
+    /// To the right.
+    pub right: Option<f32>,
+    /// Up.
+    pub up: Option<f32>,
+    /// Down.
+    pub down: Option<f32>,
 }
 
 /// How an episode of a task has ended.
@@ -127,6 +152,23 @@ impl Plant for FlatFloor {
         &self.state
     }
 
+    fn ranges(&self) -> Option<Ranges> {
+        let State { position, world_from_body, .. } = &self.state;
+        let along = |x: f32, y: f32, z: f32| {
+            let sinking = -world_from_body.rotate(Vector3::new(x, y, z)).z;
+            let distance = position.z / sinking;
+            (sinking > 0.0 && distance <= RANGE_LIMIT_M).then_some(distance)
+        };
+        Some(Ranges {
+            front: along(1.0, 0.0, 0.0),
+            back: along(-1.0, 0.0, 0.0),
+            left: along(0.0, 1.0, 0.0),
+            right: along(0.0, -1.0, 0.0),
+            up: along(0.0, 0.0, 1.0),
+            down: along(0.0, 0.0, -1.0),
+        })
+    }
+
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         let air = Air { ground: Ground::Near, ..Air::still() };
         let looped =
@@ -151,6 +193,23 @@ mod tests {
     use kestrel_core::airframe::CF2X;
 
     use super::*;
+
+    #[test]
+    fn its_rangers_see_the_floor() {
+        let mut plant = FlatFloor::new(&CF2X, 0.01);
+        plant.state.position.z = 2.0;
+        let level = plant.ranges().unwrap();
+        assert_eq!(level.down, Some(2.0));
+        let others = [level.front, level.back, level.left, level.right, level.up];
+        assert_eq!(others, [None; 5]);
+        // A third of a turn, nose down: the front ranger sees the floor at 2 m / sin 60°.
+        plant.state.world_from_body =
+            Attitude::from_axis_angle(Vector3::y(), 60_f64.to_radians()).map(|value| value as f32);
+        let tilted = plant.ranges().unwrap();
+        assert!((tilted.front.unwrap() - 2.309).abs() < 1e-3 && tilted.back.is_none(), "{tilted:?}");
+        plant.state.position.z = 10.0;
+        assert_eq!(plant.ranges().unwrap().down, None, "too far");
+    }
 
     #[test]
     fn it_stands_still_until_the_rotors_carry_it() {

@@ -7,7 +7,7 @@ mod command;
 mod set_point;
 
 pub use command::{CommandLocation, CommandRequest};
-pub use set_point::{AttitudeTarget, PositionTarget, SetPointError};
+pub use set_point::{AttitudeTarget, PositionTarget, SetPointError, Whereabouts};
 
 use crate::fields::{u16_at, u32_at, u64_at};
 use crate::frame::Frame;

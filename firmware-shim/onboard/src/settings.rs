@@ -44,6 +44,8 @@ pub struct AutopilotSettings {
     pub cruise_speed: f32,
     /// Speed of climbing \[m/s\].
     pub climb_speed: f32,
+    /// Speed of sinking where it is too high to land \[m/s\].
+    pub descent_speed: f32,
     /// Speed of landing \[m/s\].
     pub landing_speed: f32,
     /// Least height on the way home \[m\].
@@ -106,6 +108,20 @@ impl FailsafeReaction {
     }
 }
 
+impl AutopilotSettings {
+    /// For peers that live in another time than the vehicle, of which `pace` seconds go by in one of theirs: they may be
+    /// silent for as long as before by their own clocks.
+    #[must_use]
+    pub fn at_pace(self, pace: f32) -> Self {
+        Self {
+            set_point_stale_secs: self.set_point_stale_secs * pace,
+            offboard_loss_secs: self.offboard_loss_secs * pace,
+            link_loss_secs: self.link_loss_secs * pace,
+            ..self
+        }
+    }
+}
+
 impl Default for AutopilotSettings {
     fn default() -> Self {
         Self {
@@ -113,13 +129,15 @@ impl Default for AutopilotSettings {
             // Half of what hover policies start their episodes with.
             cruise_speed: 0.5,
             climb_speed: 0.5,
+            descent_speed: 1.0,
             // A touch-down from a fall of 5 mm.
             landing_speed: 0.3,
             return_altitude_m: 1.5,
             landed_secs: 2.0,
             idle_secs: 10.0,
-            set_point_stale_secs: 0.2,
-            offboard_loss_secs: 0.5,
+            // PX4 wants two set-points a second at least.
+            set_point_stale_secs: 0.6,
+            offboard_loss_secs: 1.0,
             offboard_loss_action: FailsafeAction::Hold,
             link_loss_secs: 10.0,
             link_loss_action: FailsafeAction::Land,

@@ -5,6 +5,7 @@ use kestrel_core::vehicle::State;
 use super::packet::Packet;
 use crate::autopilot::{Command, Mode, Refusal};
 use crate::goal::MovingGoal;
+use crate::plant::Ranges;
 
 /// What the autopilot answers, and what it is doing since.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +24,8 @@ pub struct VehicleAccess<'a> {
     pub secs: f64,
     /// True state.
     pub state: &'a State<f32>,
+    /// What rangers measure, if the drone has some.
+    pub ranges: Option<Ranges>,
     /// What the autopilot is doing.
     pub mode: Mode,
     /// Where it is going.

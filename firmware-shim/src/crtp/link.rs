@@ -11,6 +11,7 @@ use super::packet::{PACKET_LIMIT, Packet};
 use super::platform;
 use super::server::CrtpServer;
 use crate::link::{LinkAddress, LinkError, is_silence};
+use crate::plant::Ranges;
 use crate::policy_backend::PolicyBackend;
 use crate::vehicle::Vehicle;
 
@@ -39,6 +40,7 @@ pub struct CrtpLink {
     client: Option<Client>,
     /// Who has shaken hands while another client was served.
     waiting: Option<SocketAddr>,
+    ranges: Option<Ranges>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +59,7 @@ impl CrtpLink {
         let failed = |reason| LinkError::opening(place(), reason);
         let socket = UdpSocket::bind(address).map_err(failed)?;
         socket.set_nonblocking(true).map_err(failed)?;
-        Ok(Self { socket, address, server: CrtpServer::default(), client: None, waiting: None })
+        Ok(Self { socket, address, server: CrtpServer::default(), client: None, waiting: None, ranges: None })
     }
 
     /// The bound address.
@@ -70,6 +72,11 @@ impl CrtpLink {
 
     fn failed(&self, reason: io::Error) -> LinkError {
         LinkError::Failed { place: LinkAddress::Udp(self.address), reason }
+    }
+
+    /// Takes note of what rangers measure.
+    pub fn note_ranges(&mut self, ranges: Option<Ranges>) {
+        self.ranges = ranges;
     }
 
     /// Serves the client for one control period: what it has sent is obeyed, what is due is sent to it.
@@ -146,6 +153,7 @@ impl CrtpLink {
         let mut access = VehicleAccess {
             secs: vehicle.elapsed_secs(),
             state,
+            ranges: self.ranges,
             mode: vehicle.mode(),
             goal: *vehicle.goal(),
             order: &mut |command| {

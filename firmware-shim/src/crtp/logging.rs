@@ -213,7 +213,8 @@ mod tests {
         }
 
         fn sent(&mut self, now_ms: u64) -> Vec<Packet> {
-            let source = LogSource { state: self.plant.state(), goal: Vector3::zeros(), supervision: 0 };
+            let (goal, ranges) = (Vector3::zeros(), self.plant.ranges());
+            let source = LogSource { state: self.plant.state(), goal, supervision: 0, ranges };
             let mut sent = Vec::new();
             self.logging.send_due(&source, now_ms, &mut |packet| sent.push(packet.clone()));
             sent

@@ -98,7 +98,7 @@ pub const TABLE: [CrtpParameter; COUNT] = [
     CrtpParameter::fact("deck", "bcFlow", U8, 0.0),
     CrtpParameter::fact("deck", "bcZRanger", U8, 0.0),
     CrtpParameter::fact("deck", "bcZRanger2", U8, 0.0),
-    CrtpParameter::fact("deck", "bcMultiranger", U8, 0.0),
+    CrtpParameter::fact("deck", "bcMultiranger", U8, 1.0),
     CrtpParameter::fact("deck", "bcDWM1000", U8, 0.0),
     CrtpParameter::fact("deck", "bcLoco", U8, 0.0),
     CrtpParameter::fact("deck", "bcLedRing", U8, 0.0),

@@ -70,6 +70,7 @@ impl CrtpServer {
             state: access.state,
             goal: access.goal.position(),
             supervision: self.supervisor.info(self.commander.high_level(access.mode), access),
+            ranges: access.ranges,
         };
         self.logging.send_due(&source, access.millis(), access.send);
     }

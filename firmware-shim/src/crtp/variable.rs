@@ -1,6 +1,7 @@
 //! What can be logged: the names, types and units of Bitcraze's firmware, read from the true state.
 //!
-//! Only what a simulated drone truly has is listed. Its battery is always full, and its estimator always right.
+//! Only what a simulated drone truly has is listed. Its battery is always full, its estimator always right, and its
+//! rangers are ideal.
 
 use kestrel_core::airframe::CF2X;
 use kestrel_core::vehicle::State;
@@ -8,6 +9,7 @@ use nalgebra::Vector3;
 
 use super::contents::Listed;
 use super::number::{Number, compressed};
+use crate::plant::Ranges;
 
 /// What the variables are read from.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +20,8 @@ pub struct LogSource<'a> {
     pub goal: Vector3<f32>,
     /// Bits of `supervisor.info`.
     pub supervision: u16,
+    /// What rangers measure, if the drone has some.
+    pub ranges: Option<Ranges>,
 }
 
 /// One variable of the table.
@@ -71,7 +75,7 @@ pub mod supervision {
 use Number::{Float, I8, I16, U8, U16, U32};
 
 /// Every variable; its index is its number on the wire.
-pub const TABLE: [Variable; 59] = [
+pub const TABLE: [Variable; 65] = [
     Variable::new("stateEstimate", "x", Float, |source| source.state.position.x.into()),
     Variable::new("stateEstimate", "y", Float, |source| source.state.position.y.into()),
     Variable::new("stateEstimate", "z", Float, |source| source.state.position.z.into()),
@@ -133,7 +137,16 @@ pub const TABLE: [Variable; 59] = [
     Variable::new("sys", "isFlying", U8, |source| bit(source, supervision::FLYING)),
     Variable::new("sys", "isTumbled", U8, |source| bit(source, supervision::TUMBLED)),
     Variable::new("kalman", "inFlight", U8, |source| bit(source, supervision::FLYING)),
+    Variable::new("range", "front", U16, |source| millimetres(source.ranges.and_then(|ranges| ranges.front))),
+    Variable::new("range", "back", U16, |source| millimetres(source.ranges.and_then(|ranges| ranges.back))),
+    Variable::new("range", "left", U16, |source| millimetres(source.ranges.and_then(|ranges| ranges.left))),
+    Variable::new("range", "right", U16, |source| millimetres(source.ranges.and_then(|ranges| ranges.right))),
+    Variable::new("range", "up", U16, |source| millimetres(source.ranges.and_then(|ranges| ranges.up))),
+    Variable::new("range", "zrange", U16, |source| millimetres(source.ranges.and_then(|ranges| ranges.down))),
 ];
+
+/// What the firmware's rangers say of nothing.
+const NOTHING_NEAR: f64 = 32767.0;
 
 /// Variance of what is known exactly.
 fn exact(_: &LogSource) -> f64 {
@@ -172,6 +185,10 @@ fn ratio(source: &LogSource, motor: usize) -> f64 {
     (share * share).min(1.0) * f64::from(u16::MAX)
 }
 
+fn millimetres(distance_m: Option<f32>) -> f64 {
+    distance_m.map_or(NOTHING_NEAR, |metres| (f64::from(metres) * 1e3).round())
+}
+
 fn revolutions_per_minute(source: &LogSource, motor: usize) -> f64 {
     f64::from(source.state.rotor_speeds[motor]) * 30.0 / core::f64::consts::PI
 }
@@ -203,6 +220,16 @@ mod tests {
     }
 
     #[test]
+    fn rangers_tell_millimetres_as_the_firmware_does() {
+        let [front, back, left, right, up, down] = [Some(1.2345), None, Some(4.0), Some(0.0), None, Some(0.5)];
+        let ranges = Some(Ranges { front, back, left, right, up, down });
+        let source = LogSource { state: &state(), goal: Vector3::zeros(), supervision: 0, ranges };
+        let found = ["front", "back", "left", "right", "up", "zrange"].map(|name| value("range", name, &source));
+        assert_eq!(found, [1235.0, 32767.0, 4000.0, 0.0, 32767.0, 500.0]);
+        assert_eq!(value("range", "front", &LogSource { ranges: None, ..source }), 32767.0);
+    }
+
+    #[test]
     fn the_table_fits_its_packets_and_names_nothing_twice() {
         contents::check(&TABLE);
     }
@@ -210,12 +237,13 @@ mod tests {
     /// Clients keep the table under this number. It may change only together with the table.
     #[test]
     fn the_checksum_of_the_table_is_stable() {
-        assert_eq!(contents::checksum(&TABLE), 0x0C4C_8019);
+        assert_eq!(contents::checksum(&TABLE), 0x82E5_CED7);
     }
 
     #[test]
     fn values_are_in_the_firmware_s_units() {
-        let source = LogSource { state: &state(), goal: Vector3::new(0.0, 0.0, 9.0), supervision: 0x0018 };
+        let source =
+            LogSource { state: &state(), goal: Vector3::new(0.0, 0.0, 9.0), supervision: 0x0018, ranges: None };
         let expected = [
             ("stateEstimate", "y", -2.0),
             ("stateEstimateZ", "x", 1000.0),
@@ -246,7 +274,11 @@ mod tests {
         };
         let angle = |name, axis, angle_deg| {
             let state = turned(axis, angle_deg);
-            value("stabilizer", name, &LogSource { state: &state, goal: Vector3::zeros(), supervision: 0 })
+            value(
+                "stabilizer",
+                name,
+                &LogSource { state: &state, goal: Vector3::zeros(), supervision: 0, ranges: None },
+            )
         };
         assert!((angle("pitch", Vector3::y(), -20.0) - 20.0).abs() < 1e-4);
         assert!((angle("roll", Vector3::x(), 30.0) - 30.0).abs() < 1e-4);

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use kestrel_core::philox::philox;
 
-use super::{DATAGRAM_LIMIT, ENDPOINTS, Link, LinkError, Received};
+use super::{DATAGRAM_LIMIT, EndpointId, Link, LinkError, Listeners, Received};
 
 /// Datagrams on their way in one direction; one more is lost. At most [`DATAGRAM_LIMIT`] bytes each, 2 MiB together.
 const UNDERWAY: usize = 1024;
@@ -147,7 +147,7 @@ impl FaultyLink {
 
     fn send_due(&mut self) {
         while let Some(packet) = self.sent.take(self.now_secs) {
-            self.link.send(&packet.bytes);
+            self.link.send_to(packet.endpoint, &packet.bytes);
         }
     }
 }
@@ -172,12 +172,16 @@ impl Link for FaultyLink {
         Ok(Some(Received { datagram: &buffer[..len], endpoint: packet.endpoint }))
     }
 
-    fn learn(&mut self, endpoint: usize) {
+    fn learn(&mut self, endpoint: EndpointId) {
         self.link.learn(endpoint);
     }
 
-    fn send(&mut self, frame: &[u8]) {
-        self.sent.put(frame, ENDPOINTS, self.now_secs);
+    fn listeners(&self) -> Listeners {
+        self.link.listeners()
+    }
+
+    fn send_to(&mut self, endpoint: EndpointId, frame: &[u8]) {
+        self.sent.put(frame, endpoint, self.now_secs);
         self.send_due();
     }
 }
@@ -186,7 +190,7 @@ impl Link for FaultyLink {
 #[derive(Clone, Debug, PartialEq)]
 struct Packet {
     bytes: Vec<u8>,
-    endpoint: usize,
+    endpoint: EndpointId,
     due_secs: f64,
 }
 
@@ -204,7 +208,7 @@ impl Lane {
         Self { faults, random: Random { seed, count: 0 }, underway: VecDeque::new(), held: None }
     }
 
-    fn put(&mut self, datagram: &[u8], endpoint: usize, now_secs: f64) {
+    fn put(&mut self, datagram: &[u8], endpoint: EndpointId, now_secs: f64) {
         // Every draw is made for every datagram, so that one fault's probability changes no other fault.
         let [lost, doubled, late, corrupt] =
             [self.faults.loss, self.faults.duplicate, self.faults.reorder, self.faults.corrupt]

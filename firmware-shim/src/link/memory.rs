@@ -2,7 +2,7 @@
 
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use super::{DATAGRAM_LIMIT, Link, LinkError, Received};
+use super::{DATAGRAM_LIMIT, EndpointId, Link, LinkError, Listeners, Received};
 
 /// Datagrams that wait for the other end; one more is lost.
 const WAITING: usize = 1024;
@@ -21,6 +21,11 @@ impl MemoryLink {
         let (to_first, from_second) = sync_channel(WAITING);
         (Self { outgoing: to_second, incoming: from_second }, Self { outgoing: to_first, incoming: from_first })
     }
+
+    /// Sends a datagram to the other end.
+    pub fn send(&mut self, datagram: &[u8]) {
+        let _lost = self.outgoing.try_send(datagram.to_vec());
+    }
 }
 
 impl Link for MemoryLink {
@@ -32,13 +37,17 @@ impl Link for MemoryLink {
         let Ok(datagram) = self.incoming.try_recv() else { return Ok(None) };
         let len = datagram.len().min(DATAGRAM_LIMIT);
         buffer[..len].copy_from_slice(&datagram[..len]);
-        Ok(Some(Received { datagram: &buffer[..len], endpoint: 0 }))
+        Ok(Some(Received { datagram: &buffer[..len], endpoint: EndpointId::ONLY }))
     }
 
-    fn learn(&mut self, _endpoint: usize) {}
+    fn learn(&mut self, _endpoint: EndpointId) {}
 
-    fn send(&mut self, frame: &[u8]) {
-        let _lost = self.outgoing.try_send(frame.to_vec());
+    fn listeners(&self) -> Listeners {
+        [EndpointId::ONLY].into_iter().collect()
+    }
+
+    fn send_to(&mut self, _endpoint: EndpointId, frame: &[u8]) {
+        self.send(frame);
     }
 }
 
@@ -55,7 +64,7 @@ mod tests {
         assert!(first.receive(&mut buffer).unwrap().is_none());
         for expected in [&b"one"[..], b"two"] {
             let received = second.receive(&mut buffer).unwrap().unwrap();
-            assert_eq!(received, Received { datagram: expected, endpoint: 0 });
+            assert_eq!(received, Received { datagram: expected, endpoint: EndpointId::ONLY });
         }
         assert!(second.receive(&mut buffer).unwrap().is_none());
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::stream::Stream;
-use super::{DATAGRAM_LIMIT, Link, LinkAddress, LinkError, Received};
+use super::{DATAGRAM_LIMIT, EndpointId, Link, LinkAddress, LinkError, Listeners, Received};
 
 /// What telemetry radios run at, and PX4's first telemetry port \[bit/s\].
 pub const DEFAULT_BAUD: u32 = 57_600;
@@ -89,14 +89,18 @@ impl Link for SerialLink {
     fn receive<'b>(&mut self, buffer: &'b mut [u8; DATAGRAM_LIMIT]) -> Result<Option<Received<'b>>, LinkError> {
         match self.stream.receive(buffer) {
             Ok(None) => Ok(None),
-            Ok(Some(len)) => Ok(Some(Received { datagram: &buffer[..len], endpoint: 0 })),
+            Ok(Some(len)) => Ok(Some(Received { datagram: &buffer[..len], endpoint: EndpointId::ONLY })),
             Err(reason) => Err(self.failed(reason)),
         }
     }
 
-    fn learn(&mut self, _endpoint: usize) {}
+    fn learn(&mut self, _endpoint: EndpointId) {}
 
-    fn send(&mut self, frame: &[u8]) {
+    fn listeners(&self) -> Listeners {
+        [EndpointId::ONLY].into_iter().collect()
+    }
+
+    fn send_to(&mut self, _endpoint: EndpointId, frame: &[u8]) {
         if let Err(reason) = self.stream.send(frame) {
             self.failure = Some(reason);
         }

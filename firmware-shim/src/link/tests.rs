@@ -11,8 +11,8 @@ use crate::testing::{command_long, datagram};
 /// Gives what it was told to give, and tells whom it learned.
 #[derive(Default)]
 struct Script {
-    given: VecDeque<(usize, Vec<u8>)>,
-    learned: Option<std::sync::mpsc::Sender<usize>>,
+    given: VecDeque<(u8, Vec<u8>)>,
+    learned: Option<std::sync::mpsc::Sender<u8>>,
 }
 
 impl Link for Script {
@@ -21,16 +21,21 @@ impl Link for Script {
     }
 
     fn receive<'b>(&mut self, buffer: &'b mut [u8; DATAGRAM_LIMIT]) -> Result<Option<Received<'b>>, LinkError> {
-        let Some((endpoint, bytes)) = self.given.pop_front() else { return Ok(None) };
+        let Some((number, bytes)) = self.given.pop_front() else { return Ok(None) };
         buffer[..bytes.len()].copy_from_slice(&bytes);
+        let endpoint = EndpointId { number, generation: 0 };
         Ok(Some(Received { datagram: &buffer[..bytes.len()], endpoint }))
     }
 
-    fn learn(&mut self, endpoint: usize) {
-        self.learned.iter().for_each(|learned| learned.send(endpoint).unwrap());
+    fn learn(&mut self, endpoint: EndpointId) {
+        self.learned.iter().for_each(|learned| learned.send(endpoint.number).unwrap());
     }
 
-    fn send(&mut self, _frame: &[u8]) {}
+    fn listeners(&self) -> Listeners {
+        Listeners::new()
+    }
+
+    fn send_to(&mut self, _endpoint: EndpointId, _frame: &[u8]) {}
 }
 
 fn heartbeat() -> Vec<u8> {
@@ -41,7 +46,7 @@ fn command() -> Vec<u8> {
     datagram(&command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [0.0; 7]))
 }
 
-fn links_of(given: impl IntoIterator<Item = (usize, Vec<u8>)>) -> Links {
+fn links_of(given: impl IntoIterator<Item = (u8, Vec<u8>)>) -> Links {
     let mut links = Links::default();
     links.attach(Box::new(Script { given: given.into_iter().collect(), learned: None })).unwrap();
     links
@@ -50,11 +55,11 @@ fn links_of(given: impl IntoIterator<Item = (usize, Vec<u8>)>) -> Links {
 /// Datagrams that are heard in the control period at this time \[s\].
 fn heard(links: &mut Links, now_secs: f64) -> usize {
     let mut heard = 0;
-    let mut handle = |_: &[u8]| {
+    let mut handle = |_: Peer, _: &[u8], _: &mut dyn FnMut(&[u8])| {
         heard += 1;
         true
     };
-    links.receive(now_secs, &mut handle).unwrap();
+    links.begin_period(now_secs, &mut handle).unwrap();
     heard
 }
 
@@ -64,7 +69,7 @@ fn a_flood_leaves_room_for_everybody_else() {
     let mut links = links_of(flood.chain([(1, command())]));
     let mut last = Vec::new();
     links
-        .receive(0.0, &mut |datagram| {
+        .begin_period(0.0, &mut |_, datagram, _| {
             last = datagram.to_vec();
             true
         })
@@ -75,8 +80,8 @@ fn a_flood_leaves_room_for_everybody_else() {
 
 #[test]
 fn a_control_period_ends_however_many_flood() {
-    let mut links = links_of((0..5000).map(|number| (number % ENDPOINTS, heartbeat())));
-    assert_eq!(heard(&mut links, 0.0), DATAGRAMS_PER_PERIOD);
+    let mut links = links_of((0..5000).map(|number| ((number % ENDPOINTS) as u8, heartbeat())));
+    assert_eq!(heard(&mut links, 0.0), DATAGRAMS_AT_ONCE);
 }
 
 #[test]
@@ -118,7 +123,7 @@ fn only_who_sends_something_good_is_learned() {
     let mut links = Links::default();
     let given = [(3, heartbeat()), (4, b"noise".to_vec())].into();
     links.attach(Box::new(Script { given, learned: Some(sender) })).unwrap();
-    links.receive(0.0, &mut |datagram| datagram != b"noise").unwrap();
+    links.begin_period(0.0, &mut |_, datagram, _| datagram != b"noise").unwrap();
     assert_eq!(learned.try_iter().collect::<Vec<_>>(), [3]);
 }
 
@@ -131,17 +136,41 @@ fn a_link_too_many_is_refused() {
 }
 
 #[test]
-fn frames_go_to_every_peer_of_every_link() {
+fn every_peer_of_every_link_is_told() {
     let mut links = Links::default();
     let (mut first, end) = MemoryLink::pair();
     links.attach(Box::new(end)).unwrap();
     let (mut second, end) = MemoryLink::pair();
     links.attach(Box::new(end)).unwrap();
-    links.send(b"frame");
+    let listeners = links.listeners();
+    assert_eq!(listeners.iter().map(|peer| peer.link).collect::<Vec<_>>(), [0, 1]);
     let mut buffer = [0; DATAGRAM_LIMIT];
-    for peer in [&mut first, &mut second] {
-        assert_eq!(peer.receive(&mut buffer).unwrap().unwrap().datagram, b"frame");
+    for (peer, end) in listeners.into_iter().zip([&mut first, &mut second]) {
+        links.send_to(peer, &[peer.link]);
+        assert_eq!(end.receive(&mut buffer).unwrap().unwrap().datagram, [peer.link]);
+        assert!(end.receive(&mut buffer).unwrap().is_none());
     }
+}
+
+#[test]
+fn an_answer_goes_to_who_asked_and_to_nobody_else() {
+    let mut links = Links::default();
+    let mut ends = [(); 2].map(|()| {
+        let (far, near) = MemoryLink::pair();
+        links.attach(Box::new(near)).unwrap();
+        far
+    });
+    ends[1].send(&heartbeat());
+    links.begin_period(0.0, &mut |_, _, _| false).unwrap();
+    ends[1].send(&heartbeat());
+    let mut echo = |_: Peer, datagram: &[u8], answer: &mut dyn FnMut(&[u8])| {
+        answer(datagram);
+        true
+    };
+    links.receive(&mut echo).unwrap();
+    let mut buffer = [0; DATAGRAM_LIMIT];
+    assert_eq!(ends[1].receive(&mut buffer).unwrap().unwrap().datagram, heartbeat());
+    assert!(ends.iter_mut().all(|end| end.receive(&mut buffer).unwrap().is_none()));
 }
 
 #[test]

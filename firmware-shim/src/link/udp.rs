@@ -1,11 +1,22 @@
-//! The UDP socket of a vehicle: datagrams from peers, frames to all of them.
+//! The UDP socket of a vehicle: datagrams from peers, frames to them.
 
 use std::net::{SocketAddr, UdpSocket};
+use std::time::{Duration, Instant};
 
-use super::{DATAGRAM_LIMIT, ENDPOINTS, Link, LinkAddress, LinkError, Received, is_silence};
+use super::{
+    DATAGRAM_LIMIT, ENDPOINTS, EndpointId, Link, LinkAddress, LinkError, Listeners, Received, is_silence,
+};
 
-/// Peers besides the ground station; a fifth takes the place of the one silent for longest.
-const PEERS: usize = 4;
+/// A peer that says nothing for so long, by the wall clock, is told nothing more: whoever listens says so once a second, and
+/// nobody can have the vehicle speak for ever to an address that never asked.
+const SILENCE_LIMIT: Duration = Duration::from_secs(30);
+
+/// Bytes that wait with the operating system \[B\]; it counts its own for each datagram.
+#[cfg(unix)]
+const WAITING_BYTES: usize = 1 << 22;
+
+/// Number of the ground station, which is told everything without a word of its own.
+const GROUND_STATION: u8 = 0;
 
 /// Where a vehicle listens, and whom it tells without being asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,23 +56,25 @@ impl UdpAddresses {
 
 /// A bound socket and the peers behind it.
 ///
-/// The senders of the last datagrams are its endpoints. One more than [`ENDPOINTS`] takes the number of the one silent for
-/// longest that is no peer.
+/// The ground station and the senders of the last datagrams are its endpoints. One more than [`ENDPOINTS`] takes the number
+/// of the one silent for longest, of those that are no peers if there are any.
 #[derive(Debug)]
 pub struct UdpLink {
     socket: UdpSocket,
     address: SocketAddr,
-    ground_station: SocketAddr,
     senders: heapless::Vec<Sender, ENDPOINTS>,
-    peers: heapless::Vec<SocketAddr, PEERS>,
     datagrams: u64,
+    silence_limit: Duration,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Sender {
     address: SocketAddr,
+    generation: u32,
     /// Number of its last datagram.
     heard: u64,
+    /// When it last sent something good, if it did.
+    peer: Option<Instant>,
 }
 
 impl UdpLink {
@@ -71,22 +84,27 @@ impl UdpLink {
     /// [`LinkError::Mismatch`], [`LinkError::Busy`] or [`LinkError::Open`].
     pub fn open(addresses: &UdpAddresses) -> Result<Self, LinkError> {
         addresses.check()?;
-        let place = LinkAddress::Udp(addresses.vehicle);
+        let UdpAddresses { vehicle, ground_station } = *addresses;
+        let place = LinkAddress::Udp(vehicle);
         let bound = || {
-            let socket = UdpSocket::bind(addresses.vehicle)?;
+            let socket = UdpSocket::bind(vehicle)?;
             socket.set_nonblocking(true)?;
+            make_room(&socket);
             let address = socket.local_addr()?;
             Ok((socket, address))
         };
         let (socket, address) = bound().map_err(|reason| LinkError::opening(place, reason))?;
-        Ok(Self {
-            socket,
-            address,
-            ground_station: addresses.ground_station,
-            senders: heapless::Vec::new(),
-            peers: heapless::Vec::new(),
-            datagrams: 0,
-        })
+        // The operating system knows of a way now, or never.
+        let reached =
+            UdpSocket::bind(SocketAddr::new(address.ip(), 0)).and_then(|trial| trial.connect(ground_station));
+        if reached.is_err() {
+            let expected =
+                "a ground station that can be reached from there (--listen 0.0.0.0:14580 speaks to the network)";
+            return Err(LinkError::Mismatch { vehicle, ground_station, expected });
+        }
+        let ground_station = Sender { address: ground_station, generation: 0, heard: 0, peer: None };
+        let senders = [ground_station].into_iter().collect();
+        Ok(Self { socket, address, senders, datagrams: 0, silence_limit: SILENCE_LIMIT })
     }
 
     /// The bound address.
@@ -94,37 +112,55 @@ impl UdpLink {
         self.address
     }
 
-    /// The number of a sender, new or known.
-    fn endpoint(&mut self, address: SocketAddr) -> usize {
+    /// The endpoint of a sender, new or known.
+    fn endpoint(&mut self, address: SocketAddr) -> EndpointId {
         self.datagrams += 1;
-        let sender = Sender { address, heard: self.datagrams };
-        let known = self.senders.iter().position(|known| known.address == address);
-        let endpoint = known.unwrap_or_else(|| {
-            if self.senders.push(sender).is_ok() { self.senders.len() - 1 } else { self.quietest() }
-        });
-        self.senders[endpoint] = sender;
-        endpoint
+        let mut sender = Sender { address, generation: 0, heard: self.datagrams, peer: None };
+        let number = if let Some(known) = self.senders.iter().position(|known| known.address == address) {
+            sender = Sender { heard: sender.heard, ..self.senders[known] };
+            known
+        } else if self.senders.push(sender).is_ok() {
+            self.senders.len() - 1
+        } else {
+            let quietest = self.quietest();
+            sender.generation = self.senders[quietest].generation.wrapping_add(1);
+            quietest
+        };
+        self.senders[number] = sender;
+        EndpointId { number: number as u8, generation: sender.generation }
     }
 
-    /// The endpoint silent for longest that is no peer; there are fewer peers than endpoints.
     fn quietest(&self) -> usize {
-        const { assert!(PEERS < ENDPOINTS) };
-        let strangers =
-            self.senders.iter().enumerate().filter(|(_, sender)| !self.peers.contains(&sender.address));
-        strangers.min_by_key(|(_, sender)| sender.heard).map_or(0, |(endpoint, _)| endpoint)
+        let strangers = self.senders.iter().enumerate().skip(1);
+        let quietest = strangers.min_by_key(|(_, sender)| (self.listens(sender), sender.heard));
+        quietest.map_or(1, |(number, _)| number)
     }
 
-    fn remember(&mut self, peer: SocketAddr) {
-        if peer == self.ground_station || self.peers.last() == Some(&peer) {
-            return;
-        }
-        self.peers.retain(|known| *known != peer);
-        if self.peers.is_full() {
-            self.peers.remove(0);
-        }
-        self.peers.extend([peer]);
+    /// Whether this one has said something good of late.
+    fn listens(&self, sender: &Sender) -> bool {
+        sender.peer.is_some_and(|since| since.elapsed() < self.silence_limit)
+    }
+
+    /// The sender, if it is still that one.
+    fn sender(&mut self, endpoint: EndpointId) -> Option<&mut Sender> {
+        let sender = self.senders.get_mut(usize::from(endpoint.number))?;
+        (sender.generation == endpoint.generation).then_some(sender)
     }
 }
+
+/// Asks the operating system to keep what a flood brings while this program does not run: usual are a few hundred datagrams,
+/// those of two milliseconds. It gives what this user may have.
+#[cfg(unix)]
+fn make_room(socket: &UdpSocket) {
+    #[cfg(target_os = "linux")]
+    if rustix::net::sockopt::set_socket_recv_buffer_size_force(socket, WAITING_BYTES).is_ok() {
+        return;
+    }
+    let _as_usual = rustix::net::sockopt::set_socket_recv_buffer_size(socket, WAITING_BYTES);
+}
+
+#[cfg(not(unix))]
+fn make_room(_socket: &UdpSocket) {}
 
 impl Link for UdpLink {
     fn advance(&mut self, _now_secs: f64) -> Result<(), LinkError> {
@@ -139,15 +175,21 @@ impl Link for UdpLink {
         }
     }
 
-    fn learn(&mut self, endpoint: usize) {
-        if let Some(sender) = self.senders.get(endpoint) {
-            self.remember(sender.address);
+    fn learn(&mut self, endpoint: EndpointId) {
+        if let Some(sender) = self.sender(endpoint) {
+            sender.peer = Some(Instant::now());
         }
     }
 
-    fn send(&mut self, frame: &[u8]) {
-        for peer in self.peers.iter().chain([&self.ground_station]) {
-            let _lost = self.socket.send_to(frame, peer);
+    fn listeners(&self) -> Listeners {
+        let numbered = (0..).zip(&self.senders);
+        let listening = numbered.filter(|(number, sender)| *number == GROUND_STATION || self.listens(sender));
+        listening.map(|(number, sender)| EndpointId { number, generation: sender.generation }).collect()
+    }
+
+    fn send_to(&mut self, endpoint: EndpointId, frame: &[u8]) {
+        if let Some(&mut Sender { address, .. }) = self.sender(endpoint) {
+            let _lost = self.socket.send_to(frame, address);
         }
     }
 }
@@ -196,35 +238,53 @@ mod tests {
     }
 
     #[test]
-    fn datagrams_arrive_with_their_sender_and_frames_reach_all_peers() {
+    fn a_ground_station_that_cannot_be_reached_is_refused() {
+        let ground_station = SocketAddr::from(([192, 0, 2, 1], 14550));
+        let error = UdpLink::open(&UdpAddresses { ground_station, ..anywhere() }).unwrap_err();
+        assert!(matches!(error, LinkError::Mismatch { .. }), "{error}");
+        assert!(
+            error.to_string().contains("192.0.2.1:14550: expected a ground station that can be reached"),
+            "{error}"
+        );
+    }
+
+    fn told(link: &UdpLink) -> Vec<u8> {
+        link.listeners().iter().map(|endpoint| endpoint.number).collect()
+    }
+
+    #[test]
+    fn datagrams_arrive_with_their_sender_and_each_is_answered() {
         let mut link = UdpLink::open(&anywhere()).unwrap();
         let peers: Vec<UdpSocket> = (0..2).map(|_| UdpSocket::bind("127.0.0.1:0").unwrap()).collect();
         let mut buffer = [0; DATAGRAM_LIMIT];
-        for (number, peer) in peers.iter().enumerate() {
+        for (number, peer) in (1..).zip(&peers) {
             peer.send_to(b"hello", link.address()).unwrap();
-            let received = link.receive(&mut buffer).unwrap().unwrap();
-            assert_eq!(received, Received { datagram: b"hello", endpoint: number });
-            link.learn(number);
+            let Received { datagram, endpoint } = link.receive(&mut buffer).unwrap().unwrap();
+            assert_eq!((datagram, endpoint), (&b"hello"[..], EndpointId { number, generation: 0 }));
+            assert!(!told(&link).contains(&number), "it said nothing good yet");
+            link.learn(endpoint);
+            link.send_to(endpoint, &[number]);
         }
         assert!(link.receive(&mut buffer).unwrap().is_none());
-        link.send(b"frame");
-        for peer in &peers {
+        assert_eq!(told(&link), [0, 1, 2]);
+        for (number, peer) in (1..).zip(&peers) {
+            peer.set_nonblocking(true).unwrap();
             let (len, _) = peer.recv_from(&mut buffer).unwrap();
-            assert_eq!(&buffer[..len], b"frame");
+            assert_eq!(buffer[..len], [number]);
+            assert!(peer.recv_from(&mut buffer).is_err(), "what others are told");
         }
     }
 
     #[test]
-    fn the_peer_silent_for_longest_is_forgotten() {
-        let mut link = UdpLink::open(&anywhere()).unwrap();
-        let peer = |port| SocketAddr::from(([127, 0, 0, 1], port));
-        for port in [1, 2, 3, 4, 1, 5] {
-            let endpoint = link.endpoint(peer(port));
-            link.learn(endpoint);
-        }
-        let endpoint = link.endpoint(link.ground_station);
+    fn a_peer_that_falls_silent_is_told_nothing_more_but_the_ground_station_is() {
+        let mut link = UdpLink { silence_limit: Duration::from_millis(50), ..UdpLink::open(&anywhere()).unwrap() };
+        let endpoint = link.endpoint(SocketAddr::from(([127, 0, 0, 1], 1)));
         link.learn(endpoint);
-        assert_eq!(link.peers, [peer(3), peer(4), peer(1), peer(5)]);
+        assert_eq!(told(&link), [0, 1]);
+        std::thread::sleep(link.silence_limit);
+        assert_eq!(told(&link), [0]);
+        link.learn(endpoint);
+        assert_eq!(told(&link), [0, 1]);
     }
 
     #[test]
@@ -233,10 +293,27 @@ mod tests {
         let peer = |port| SocketAddr::from(([127, 0, 0, 1], port));
         let first = link.endpoint(peer(1));
         link.learn(first);
-        for port in 2..1000 {
-            assert_ne!(link.endpoint(peer(port)), first);
+        let second = link.endpoint(peer(2));
+        for port in 3..1000 {
+            assert_ne!(link.endpoint(peer(port)).number, first.number);
         }
         assert_eq!(link.endpoint(peer(1)), first);
         assert_eq!(link.senders.len(), ENDPOINTS);
+        let again = link.endpoint(peer(2));
+        link.send_to(second, b"to one who is gone");
+        assert_ne!(again, second, "another had its number meanwhile");
+    }
+
+    #[test]
+    fn more_peers_than_numbers_take_the_place_of_the_one_silent_for_longest() {
+        let mut link = UdpLink::open(&anywhere()).unwrap();
+        let peer = |port| SocketAddr::from(([127, 0, 0, 1], port));
+        for port in (101..100 + ENDPOINTS as u16).chain([101, 500]) {
+            let endpoint = link.endpoint(peer(port));
+            link.learn(endpoint);
+        }
+        let ports: Vec<u16> = link.senders.iter().skip(1).map(|sender| sender.address.port()).collect();
+        assert!(ports.contains(&101) && !ports.contains(&102) && ports.contains(&500), "{ports:?}");
+        assert_eq!(told(&link).len(), ENDPOINTS);
     }
 }

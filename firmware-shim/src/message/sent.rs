@@ -1,8 +1,9 @@
-//! What the vehicle tells its peers: [`motion`], [`status`], and what it is ([`identity`]).
+//! What the vehicle tells its peers: [`motion`], [`status`], its [`surroundings`], and what it is ([`identity`]).
 
 pub mod identity;
 pub mod motion;
 pub mod status;
+pub mod surroundings;
 
 use mavlink::dialects::common::{MavSeverity, STATUSTEXT_DATA};
 

@@ -56,6 +56,7 @@ impl Parameters {
             takeoff_altitude_m: self.real(Parameter::MisTakeoffAlt),
             cruise_speed: self.real(Parameter::MpcXyCruise),
             climb_speed: self.real(Parameter::MpcZVAutoUp),
+            descent_speed: self.real(Parameter::MpcZVAutoDn),
             landing_speed: self.real(Parameter::MpcLandSpeed),
             return_altitude_m: self.real(Parameter::RtlReturnAlt),
             landed_secs: self.real(Parameter::ComDisarmLand),

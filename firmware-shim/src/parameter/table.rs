@@ -51,6 +51,8 @@ pub enum Parameter {
     MpcLandSpeed,
     /// `MPC_XY_CRUISE`.
     MpcXyCruise,
+    /// `MPC_Z_V_AUTO_DN`.
+    MpcZVAutoDn,
     /// `MPC_Z_V_AUTO_UP`.
     MpcZVAutoUp,
     /// `NAV_DLL_ACT`.
@@ -138,7 +140,7 @@ pub enum Access {
 
 impl Parameter {
     /// All of them, by index.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 31] = [
         Self::BatCritThr,
         Self::BatEmergenThr,
         Self::BatLowThr,
@@ -159,6 +161,7 @@ impl Parameter {
         Self::MisTakeoffAlt,
         Self::MpcLandSpeed,
         Self::MpcXyCruise,
+        Self::MpcZVAutoDn,
         Self::MpcZVAutoUp,
         Self::NavDllAct,
         Self::RlFaultAct,
@@ -298,7 +301,7 @@ const TABLE: [ParameterDefinition; PARAMETERS] = [
         &[0, 1, 2],
         "When the set-points of a client that steers by a stream stop: 0 hold, 1 land, 2 return.",
     ),
-    real("COM_OF_LOSS_T", "s", [0.1, 0.5, 60.0], "Silence after which a stream of set-points counts as stopped."),
+    real("COM_OF_LOSS_T", "s", [0.1, 1.0, 60.0], "Silence after which a stream of set-points counts as stopped."),
     choice(
         "FD_ACTION",
         2,
@@ -315,6 +318,7 @@ const TABLE: [ParameterDefinition; PARAMETERS] = [
     real("MIS_TAKEOFF_ALT", "m", [0.2, 1.0, 20.0], "Height of a take-off whose altitude is left open."),
     real("MPC_LAND_SPEED", "m/s", [0.05, 0.3, 1.0], "Speed of a landing."),
     real("MPC_XY_CRUISE", "m/s", [0.05, 0.5, 3.0], "Speed on the way to a point."),
+    real("MPC_Z_V_AUTO_DN", "m/s", [0.05, 1.0, 2.0], "Speed of sinking to two metres above home."),
     real("MPC_Z_V_AUTO_UP", "m/s", [0.05, 0.5, 2.0], "Speed of a take-off."),
     choice(
         "NAV_DLL_ACT",
@@ -330,7 +334,7 @@ const TABLE: [ParameterDefinition; PARAMETERS] = [
     ),
     real("RL_LATE_T", "s", [0.001, 0.02, 1.0], "Delay of an answer of the policy that counts as a fault."),
     real("RL_SAT_T", "s", [0.05, 0.5, 10.0], "Time of saturated motors that counts as a fault of the policy."),
-    real("RL_SP_AGE_T", "s", [0.02, 0.2, 60.0], "Age of a set-point beyond which the policy is told to hold."),
+    real("RL_SP_AGE_T", "s", [0.02, 0.6, 60.0], "Age of a set-point beyond which the policy is told to hold."),
     real("RTL_RETURN_ALT", "m", [0.2, 1.5, 20.0], "Height of the way home."),
     real(
         "SIM_BAT_DRAIN",

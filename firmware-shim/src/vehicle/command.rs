@@ -7,7 +7,9 @@ use kestrel_onboard::order::Order;
 
 use super::Vehicle;
 use crate::flight_mode::FlightMode;
+use crate::link::Peer;
 use crate::message::sent::identity::{self, Personality};
+use crate::message::sent::status;
 use crate::policy_backend::PolicyBackend;
 use crate::request::CommandRequest;
 use crate::telemetry::TelemetryStream;
@@ -18,17 +20,21 @@ use crate::telemetry::TelemetryStream;
 const RETURN_OF_ARDUCOPTER: [f32; 3] = [1.0, 6.0, 0.0];
 
 impl<P: PolicyBackend> Vehicle<P> {
-    pub(super) fn execute(&mut self, request: &CommandRequest) -> CommandAnswer {
+    pub(super) fn execute(&mut self, request: &CommandRequest, peer: Peer) -> CommandAnswer {
         let [first, second, third, _] = request.parameters;
         match request.command {
             176 if self.is_ambiguous([first, second, third]) => {
                 CommandAnswer::denied("mode refused: is 6 Offboard or Return?")
             }
             207 => self.enable_fence(first),
-            410 => self.send_once(242.0, 0.0),
-            511 => self.set_interval(first, second),
-            512 => self.send_once(first, second),
-            520 => self.send_once(148.0, 0.0),
+            224 => self.choose_item(first),
+            262 => self.choose(identity::mode_of_standard(first)),
+            410 => self.send_once(242.0, 0.0, peer),
+            510 => self.send_interval(first, peer),
+            511 => self.set_interval(first, second, peer),
+            512 => self.send_once(first, second, peer),
+            519 => self.send_once(300.0, 0.0, peer),
+            520 => self.send_once(148.0, 0.0, peer),
             31010 => self.ask_for_task(first),
             _ => self.carry_out(self.controller.order(request)),
         }
@@ -64,25 +70,47 @@ impl<P: PolicyBackend> Vehicle<P> {
         CommandAnswer::ACCEPTED
     }
 
-    /// `MAV_CMD_SET_MESSAGE_INTERVAL`; the interval is in µs.
-    fn set_interval(&mut self, message_id: f32, interval_us: f32) -> CommandAnswer {
+    /// `MAV_CMD_DO_SET_MISSION_CURRENT`.
+    fn choose_item(&mut self, sequence: f32) -> CommandAnswer {
+        match identifier(sequence).filter(|sequence| (*sequence as usize) < self.plans.legs().len()) {
+            Some(sequence) => {
+                self.jump(sequence as u16);
+                CommandAnswer::ACCEPTED
+            }
+            None => CommandAnswer::denied("command refused: no such item in the mission"),
+        }
+    }
+
+    /// `MAV_CMD_SET_MESSAGE_INTERVAL` of the peer that asks; the interval is in µs.
+    fn set_interval(&mut self, message_id: f32, interval_us: f32, peer: Peer) -> CommandAnswer {
         let Some(stream) = identifier(message_id).and_then(TelemetryStream::of_message) else {
             return CommandAnswer::denied("this message is not streamed");
         };
-        self.schedule.set_interval(stream, interval_us * 1e-6);
+        self.channels.open(peer).set_interval(stream, interval_us * 1e-6);
+        CommandAnswer::ACCEPTED
+    }
+
+    /// `MAV_CMD_GET_MESSAGE_INTERVAL`: zero for a message that is never sent, -1 for one that is switched off.
+    fn send_interval(&mut self, message_id: f32, peer: Peer) -> CommandAnswer {
+        let Some(message_id) = identifier(message_id) else {
+            return CommandAnswer::denied("command refused: unknown parameter 1");
+        };
+        let stream = TelemetryStream::of_message(message_id);
+        let secs = stream.map(|stream| self.channels.open(peer).interval_secs(stream).unwrap_or(-1e-6));
+        let interval_us = secs.map_or(0, |secs| (secs * 1e6).round() as i32);
+        self.controller.answer(status::message_interval(message_id as u16, interval_us));
         CommandAnswer::ACCEPTED
     }
 
     /// `MAV_CMD_REQUEST_MESSAGE`; the second parameter chooses among several.
-    fn send_once(&mut self, message_id: f32, index: f32) -> CommandAnswer {
+    fn send_once(&mut self, message_id: f32, index: f32, peer: Peer) -> CommandAnswer {
         match identifier(message_id).unwrap_or(u32::MAX) {
             148 => self.controller.answer(identity::autopilot_version(self.profile.policy.hash)),
+            300 => self.controller.answer(identity::protocol_version()),
             435 => self.send_modes(index),
             437 => self.controller.answer(identity::available_modes_monitor()),
             message_id => match TelemetryStream::of_message(message_id) {
-                Some(stream) if self.requested.contains(&stream) => {}
-                // There is room for each of them once.
-                Some(stream) => self.requested.push(stream).unwrap_or(()),
+                Some(stream) => self.channels.open(peer).request(stream),
                 None => return CommandAnswer::denied("this message cannot be requested"),
             },
         }

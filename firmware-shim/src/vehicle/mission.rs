@@ -45,11 +45,14 @@ impl<P: PolicyBackend> Vehicle<P> {
                 self.forget_mission();
                 self.controller.autopilot_mut().enclose(self.plans.zones().clone());
             }
-            Some(MissionEvent::JumpTo(sequence)) => {
-                self.runner.jump(sequence, self.plans.legs());
-                self.controller.answer(self.mission_current());
-            }
+            Some(MissionEvent::JumpTo(sequence)) => self.jump(sequence),
         }
+    }
+
+    /// Goes on with an item of the mission, and says so.
+    pub(super) fn jump(&mut self, sequence: u16) {
+        self.runner.jump(sequence, self.plans.legs());
+        self.controller.answer(self.mission_current());
     }
 
     /// Which item of the mission is next.

@@ -14,6 +14,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::frame::Encoder;
+use crate::link::EndpointId;
 use crate::plant::{FlatFloor, Plant};
 use crate::testing::{command_long, datagram, dishonest_policy, hover_policy, message, pilot, profile, set_point};
 
@@ -22,7 +23,10 @@ const ARM: [f32; 7] = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 const DISARM: [f32; 7] = [0.0; 7];
 const LEFT_OPEN: [f32; 7] = [NAN; 7];
 
-/// A vehicle in its plant, and what it said.
+const PEER: Peer = Peer { link: 0, endpoint: EndpointId::ONLY };
+const ANOTHER: Peer = Peer { link: 1, endpoint: EndpointId::ONLY };
+
+/// A vehicle in its plant, and what it said to [`PEER`].
 struct Rig {
     vehicle: Vehicle<Pilot<'static>>,
     plant: FlatFloor,
@@ -53,9 +57,15 @@ impl Rig {
 
     fn tick(&mut self) -> [f32; 4] {
         let heard = &mut self.heard;
-        let targets = self.vehicle.tick(self.plant.state(), &mut |frame| heard.push(message(frame)));
+        let targets = self.vehicle.tick(self.plant.state(), &[PEER], &mut |_, frame| heard.push(message(frame)));
         self.plant.step(&targets);
         targets
+    }
+
+    /// Whether the datagram was good; what is answered is heard.
+    fn receive(&mut self, datagram: &[u8]) -> bool {
+        let heard = &mut self.heard;
+        self.vehicle.receive(PEER, datagram, &mut |frame| heard.push(message(frame)))
     }
 
     fn fly(&mut self, secs: f32) {
@@ -64,10 +74,10 @@ impl Rig {
         }
     }
 
-    /// What is answered to a datagram with the next tick, without the telemetry.
+    /// What is answered to a datagram, at once and with the next tick, without the telemetry.
     fn answers(&mut self, datagram: &[u8]) -> Vec<MavMessage> {
         self.heard.clear();
-        self.vehicle.receive(datagram);
+        self.receive(datagram);
         self.tick();
         let streamed =
             |message: &MavMessage| TelemetryStream::of_message(mavlink::Message::message_id(message)).is_some();
@@ -164,7 +174,7 @@ fn refusals_say_what_kind_they_are() {
     rig.refused(MAV_CMD_COMPONENT_ARM_DISARM, LEFT_OPEN, MAV_RESULT_DENIED);
     rig.refused(MAV_CMD_DO_SET_MODE, DISARM, MAV_RESULT_DENIED);
     rig.refused(MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, ARM, MAV_RESULT_UNSUPPORTED);
-    rig.refused(MAV_CMD_REQUEST_MESSAGE, [230.0; 7], MAV_RESULT_DENIED);
+    rig.refused(MAV_CMD_REQUEST_MESSAGE, [100.0; 7], MAV_RESULT_DENIED);
     rig.accepted(MAV_CMD_REQUEST_MESSAGE, [242.0; 7]);
     rig.refused(MAV_CMD_REQUEST_MESSAGE, LEFT_OPEN, MAV_RESULT_DENIED);
     rig.accepted(MAV_CMD_COMPONENT_ARM_DISARM, ARM);
@@ -195,9 +205,9 @@ fn a_command_unknown_to_the_dialect_is_unsupported() {
     let mut fields = [0; 33];
     fields[28..30].copy_from_slice(&60_000_u16.to_le_bytes());
     fields[30..32].copy_from_slice(&[1, 1]);
-    rig.vehicle.receive(&Encoder::new(255, 190).encode(&Payload::new(76, 152, &fields)));
+    let command = Encoder::new(255, 190).encode(&Payload::new(76, 152, &fields));
     let mut acks = Vec::new();
-    rig.vehicle.tick(rig.plant.state(), &mut |frame| acks.push(frame.to_vec()));
+    rig.vehicle.receive(PEER, &command, &mut |frame| acks.push(frame.to_vec()));
     let ack = acks.iter().find_map(|bytes| {
         let frame = Frames::new(bytes).next()?.ok()?;
         (frame.message_id == 77).then(|| frame.fields::<10>())
@@ -322,12 +332,12 @@ fn set_points_that_cannot_be_followed_are_refused_in_words_once_a_second() {
     assert_eq!(rig.answers(&datagram(&velocity)), []);
     rig.fly(1.0);
     assert_eq!(texts(&rig.answers(&datagram(&velocity))), ["set-point waits for the offboard mode"]);
-    let body = {
+    let other = {
         let mut wanted = set_point([0.0, 0.0, -1.0]);
-        wanted.coordinate_frame = MavFrame::MAV_FRAME_BODY_FRD;
+        wanted.coordinate_frame = MavFrame::MAV_FRAME_LOCAL_ENU;
         wanted
     };
-    assert_eq!(texts(&rig.answers(&datagram(&body))), ["set-point refused: frame is not understood"]);
+    assert_eq!(texts(&rig.answers(&datagram(&other))), ["set-point refused: frame is not understood"]);
     let not_finite = set_point([NAN, 0.0, -1.0]);
     assert_eq!(texts(&rig.answers(&datagram(&not_finite))), ["set-point refused: not a finite number"]);
     assert_eq!(rig.vehicle.mode(), Mode::Holding);
@@ -350,23 +360,178 @@ fn streams_can_be_set_and_versions_asked_for() {
 #[test]
 fn garbage_is_counted_and_makes_nobody_a_peer() {
     let mut rig = Rig::new();
-    assert!(!rig.vehicle.receive(b"GET / HTTP/1.1"));
-    assert!(!rig.vehicle.receive(&[]));
-    assert!(!rig.vehicle.receive(&[0xfd; 300]), "one frame with unknown flags, and a part of one");
-    assert!(rig.vehicle.receive(&datagram(&HEARTBEAT_DATA::default())));
+    assert!(!rig.receive(b"GET / HTTP/1.1"));
+    assert!(!rig.receive(&[]));
+    assert!(!rig.receive(&[0xfd; 300]), "one frame with unknown flags, and a part of one");
+    assert!(rig.receive(&datagram(&HEARTBEAT_DATA::default())));
     assert_eq!(rig.vehicle.counts(), Counts { frames: 1, garbage: 3, refused: 0, unanswered: 0 });
 }
 
 #[test]
-fn a_flood_of_requests_is_answered_as_far_as_there_is_room() {
+fn a_flood_of_requests_is_answered_and_one_of_changes_as_far_as_there_is_room() {
     let mut rig = Rig::new();
     let request = datagram(&command_long(MavCmd::MAV_CMD_NAV_LAND, LEFT_OPEN));
-    for _ in 0..100 {
-        rig.vehicle.receive(&request);
+    rig.heard.clear();
+    rig.receive(&request.repeat(100));
+    assert_eq!(rig.heard.len(), 101, "and why it is refused, once");
+    let changes = [2.0, 3.0].map(|value| datagram(&parameter("RTL_RETURN_ALT", value)));
+    rig.heard.clear();
+    rig.receive(&changes.concat().repeat(50));
+    assert!(rig.heard.is_empty(), "everybody hears of it with the next tick");
+    assert_eq!(rig.vehicle.counts().unanswered, 100 - ANSWERS as u64);
+    rig.tick();
+    let told = rig.heard.iter().filter(|message| matches!(message, MavMessage::PARAM_VALUE(_))).count();
+    assert_eq!(told, ANSWERS);
+}
+
+fn parameter(name: &str, value: f32) -> PARAM_SET_DATA {
+    PARAM_SET_DATA {
+        param_value: value,
+        target_system: 1,
+        target_component: 1,
+        param_id: name.into(),
+        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
     }
-    assert_eq!(rig.vehicle.counts().unanswered, 101 - ANSWERS as u64);
-    assert_eq!(rig.answers(&request).len(), ANSWERS);
-    assert_eq!(rig.answers(&request).len(), 1);
+}
+
+/// What two who listen are told in a second after a datagram of [`ANOTHER`], and what that one is answered.
+fn told(rig: &mut Rig, datagram: &[u8]) -> ([Vec<Vec<u8>>; 2], Vec<Vec<u8>>) {
+    let (mut told, mut answers) = ([const { Vec::new() }; 2], Vec::new());
+    rig.vehicle.receive(ANOTHER, datagram, &mut |frame| answers.push(frame.to_vec()));
+    for _ in 0..100 {
+        rig.vehicle.tick(rig.plant.state(), &[PEER, ANOTHER], &mut |peer, frame| {
+            told[usize::from(peer == ANOTHER)].push(frame.to_vec());
+        });
+    }
+    (told, answers)
+}
+
+fn count(frames: &[Vec<u8>], message_id: u32) -> usize {
+    frames.iter().filter(|bytes| Frames::new(bytes).flatten().any(|frame| frame.message_id == message_id)).count()
+}
+
+#[test]
+fn everybody_has_intervals_of_their_own_and_numbers_without_a_gap() {
+    let mut rig = Rig::new();
+    let off = command_long(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let ([first, second], answers) = told(&mut rig, &datagram(&off));
+    assert_eq!((count(&answers, 77), count(&first, 77), count(&second, 77)), (1, 0, 0), "who asked is answered");
+    assert_eq!((count(&first, 0), count(&second, 0)), (1, 0), "a heartbeat");
+    let once = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [0.0; 7]);
+    let ([third, fourth], more_answers) = told(&mut rig, &datagram(&once));
+    assert_eq!((count(&third, 0), count(&fourth, 0)), (1, 1), "one that was asked for");
+    let asked = command_long(MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL, [0.0; 7]);
+    let ([fifth, sixth], last_answers) = told(&mut rig, &datagram(&asked));
+    let interval = last_answers.iter().map(|bytes| message(bytes)).find_map(|message| match message {
+        MavMessage::MESSAGE_INTERVAL(interval) => Some(interval.interval_us),
+        _ => None,
+    });
+    assert_eq!(interval, Some(-1));
+    let ours = [first, third, fifth].concat();
+    let theirs = [answers, second, more_answers, fourth, last_answers, sixth].concat();
+    for frames in [ours, theirs] {
+        let numbers: Vec<u8> = frames.iter().map(|frame| frame[4]).collect();
+        assert!(numbers.windows(2).all(|pair| pair[1] == pair[0].wrapping_add(1)), "{numbers:?}");
+    }
+}
+
+#[test]
+fn what_cannot_be_had_is_answered() {
+    let mut rig = Rig::new();
+    let ask = |message_id, seed, fields: &[u8]| {
+        Encoder::new(255, 190).encode(&Payload::new(message_id, seed, fields)).to_vec()
+    };
+    // LOG_REQUEST_LIST, all of them, of system 1.
+    let logs = rig.answers(&ask(117, 128, &[0, 0, 255, 255, 1, 1]));
+    assert!(matches!(&logs[..], [MavMessage::LOG_ENTRY(entry)] if entry.num_logs == 0), "{logs:?}");
+    // Of another vehicle.
+    assert!(rig.answers(&ask(117, 128, &[0, 0, 255, 255, 2, 1])).is_empty());
+    // SET_GPS_GLOBAL_ORIGIN to 0°, 0°.
+    let mut fields = [0; 13];
+    fields[12] = 1;
+    let origin = rig.answers(&ask(48, 41, &fields));
+    let [latitude, longitude] = Home::default().place().integers();
+    assert!(
+        matches!(&origin[..], [MavMessage::GPS_GLOBAL_ORIGIN(told), ..]
+            if [told.latitude, told.longitude] == [latitude, longitude]),
+        "{origin:?}"
+    );
+    assert_eq!(texts(&origin), ["origin refused: it is that of --home"]);
+    // MANUAL_CONTROL with the stick half forward.
+    let sticks = rig.answers(&ask(69, 243, &[244, 1, 0, 0, 244, 1, 0, 0, 0, 0, 1]));
+    assert_eq!(texts(&sticks), ["sticks refused: it is flown by set-points"]);
+    let version = rig.answers(&datagram(&command_long(MavCmd::MAV_CMD_REQUEST_PROTOCOL_VERSION, [1.0; 7])));
+    assert!(matches!(&version[..], [MavMessage::PROTOCOL_VERSION(_), MavMessage::COMMAND_ACK(_)]), "{version:?}");
+    let standard = |number| [number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    // No take-off before it is armed, no mission without items, and orbits not at all.
+    rig.refused(MavCmd::MAV_CMD_DO_SET_STANDARD_MODE, standard(2.0), MavResult::MAV_RESULT_DENIED);
+    let mut flying = Rig::flying();
+    flying.accepted(MavCmd::MAV_CMD_DO_SET_STANDARD_MODE, standard(7.0));
+    assert_eq!(flying.vehicle.mode(), Mode::Landing);
+    rig.refused(MavCmd::MAV_CMD_DO_SET_MISSION_CURRENT, standard(0.0), MavResult::MAV_RESULT_DENIED);
+}
+
+#[test]
+fn an_imu_at_rest_feels_gravity_and_rangers_are_told_once_they_measure() {
+    let mut rig = Rig::new();
+    let only = |what: fn(&MavMessage) -> bool, rig: &mut Rig| {
+        rig.heard.clear();
+        for _ in 0..100 {
+            if rig.vehicle.wants_ranges() {
+                let [front, back, left, right, up, down] = [Some(1.5), None, None, None, None, Some(0.02)];
+                rig.vehicle.note_ranges(Some(Ranges { front, back, left, right, up, down }));
+            }
+            rig.tick();
+        }
+        rig.heard.drain(..).filter(what).collect::<Vec<_>>()
+    };
+    let felt = only(|message| matches!(message, MavMessage::HIGHRES_IMU(_)), &mut rig);
+    assert!(!felt.is_empty());
+    for message in felt {
+        let MavMessage::HIGHRES_IMU(imu) = message else { unreachable!() };
+        assert!((imu.zacc + GRAVITY as f32).abs() < 1e-3 && imu.xacc.abs() < 1e-3, "{imu:?}");
+    }
+    let told = only(|message| matches!(message, MavMessage::DISTANCE_SENSOR(_)), &mut rig);
+    let distances: Vec<(u8, u16)> = told[..6]
+        .iter()
+        .map(|message| match message {
+            MavMessage::DISTANCE_SENSOR(told) => (told.orientation as u8, told.current_distance),
+            _ => unreachable!(),
+        })
+        .collect();
+    assert_eq!(distances, [(0, 150), (4, 401), (6, 401), (2, 401), (24, 401), (25, 2)]);
+}
+
+#[test]
+fn peers_of_a_fast_flight_may_be_silent_by_their_own_clocks() {
+    let mut rig = Rig::flying();
+    rig.vehicle.set_pace(12.0);
+    let heartbeat = HEARTBEAT_DATA { mavtype: MavType::MAV_TYPE_GCS, ..HEARTBEAT_DATA::default() };
+    for _ in 0..5 {
+        rig.receive(&datagram(&heartbeat));
+        rig.fly(12.0);
+    }
+    assert_eq!(rig.vehicle.mode(), Mode::Holding);
+    rig.fly(108.1);
+    assert_eq!(rig.vehicle.mode(), Mode::Landing);
+}
+
+#[test]
+fn who_comes_anew_has_the_default_intervals() {
+    let mut rig = Rig::new();
+    let off = command_long(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    rig.receive(&datagram(&off));
+    let heartbeats = |rig: &mut Rig, peer: Peer| {
+        let mut frames = Vec::new();
+        for _ in 0..100 {
+            rig.vehicle.tick(rig.plant.state(), &[peer], &mut |_, frame| frames.push(frame.to_vec()));
+        }
+        count(&frames, 0)
+    };
+    assert_eq!(heartbeats(&mut rig, PEER), 0);
+    let anew = Peer { endpoint: EndpointId { generation: 1, ..EndpointId::ONLY }, ..PEER };
+    assert_eq!(heartbeats(&mut rig, anew), 1);
+    assert_eq!(heartbeats(&mut rig, PEER), 1, "it was gone");
 }
 
 #[test]
@@ -375,7 +540,7 @@ fn a_message_requested_a_hundred_times_in_a_period_is_told_once() {
     // In turn with another one, so that none is a repetition of the one before it.
     for id in [141.0, 242.0].repeat(100) {
         let request = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [id, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        rig.vehicle.receive(&datagram(&request));
+        rig.receive(&datagram(&request));
     }
     rig.heard.clear();
     rig.tick();
@@ -399,7 +564,7 @@ fn the_same_datagrams_at_the_same_ticks_make_the_same_flight() {
     let fly = || {
         let mut rig = Rig::flying();
         for i in 0..20_u8 {
-            rig.vehicle.receive(&datagram(&set_point([f32::from(i) * 0.1, 0.3, -1.2])));
+            rig.receive(&datagram(&set_point([f32::from(i) * 0.1, 0.3, -1.2])));
             rig.fly(0.37);
         }
         *rig.plant.state()
@@ -440,9 +605,10 @@ proptest! {
         let mut rig = Rig::flying();
         let limit = CF2X.rotor_speed_limit as f32 * 1.000_001;
         for request in requests {
-            prop_assert!(rig.vehicle.receive(&request));
+            let good = rig.vehicle.receive(PEER, &request, &mut |_| {});
+            prop_assert!(good);
             for _ in 0..5 {
-                let targets = rig.vehicle.tick(rig.plant.state(), &mut |_| {});
+                let targets = rig.vehicle.tick(rig.plant.state(), &[], &mut |_, _| {});
                 rig.plant.step(&targets);
                 prop_assert!(targets.iter().all(|target| (0.0..=limit).contains(target)));
             }
@@ -533,7 +699,7 @@ fn a_stream_of_velocities_is_followed_in_the_offboard_mode() {
     rig.answers(&datagram(&velocity));
     assert_eq!(command(&mut rig, MavCmd::MAV_CMD_DO_SET_MODE, &[129.0, 6.0, 0.0]), MavResult::MAV_RESULT_ACCEPTED);
     for _ in 0..50 {
-        rig.vehicle.receive(&datagram(&velocity));
+        rig.receive(&datagram(&velocity));
         rig.fly(0.1);
     }
     let moved = rig.plant.state().velocity;
@@ -566,7 +732,7 @@ fn parameters_change_what_the_vehicle_does() {
 fn a_ground_station_that_falls_silent_is_noticed_in_its_time() {
     let mut rig = Rig::flying();
     let heartbeat = HEARTBEAT_DATA { mavtype: MavType::MAV_TYPE_GCS, ..HEARTBEAT_DATA::default() };
-    rig.vehicle.receive(&datagram(&heartbeat));
+    rig.receive(&datagram(&heartbeat));
     rig.fly(10.0);
     assert_eq!(rig.vehicle.mode(), Mode::Holding);
     rig.fly(0.02);
@@ -634,9 +800,8 @@ fn questions_are_answered() {
     assert!(matches!(&answers[..], [MavMessage::TIMESYNC(TIMESYNC_DATA { tc1: 1.., ts1: 77 })]), "{answers:?}");
     // PING to everybody, time 5 and number 6.
     let ping = Payload::new(4, 237, &[5, 0, 0, 0, 0, 0, 0, 0, 6, 0, 0, 0, 0, 0]);
-    rig.vehicle.receive(&Encoder::new(255, 190).encode(&ping));
     let mut pongs = Vec::new();
-    rig.vehicle.tick(rig.plant.state(), &mut |frame| pongs.push(frame.to_vec()));
+    rig.vehicle.receive(PEER, &Encoder::new(255, 190).encode(&ping), &mut |frame| pongs.push(frame.to_vec()));
     let pong = pongs.iter().find_map(|bytes| {
         let frame = Frames::new(bytes).next()?.ok()?;
         (frame.message_id == 4).then(|| frame.fields::<14>())

@@ -8,6 +8,7 @@ use kestrel_core::pilot::Pilot;
 use kestrel_onboard::signature::{SignatureTime, Signer, SigningKey};
 use kestrel_onboard::signature_guard::{SignatureGuard, Verifier};
 use kestrel_shim::geodesy::Home;
+use kestrel_shim::link::{EndpointId, Peer};
 use kestrel_shim::message::sent::identity::{Personality, PolicyIdentity};
 use kestrel_shim::plant::{FlatFloor, Plant};
 use kestrel_shim::policy_bytes::PolicyBytes;
@@ -20,7 +21,12 @@ const POLICY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/pilots/hove
 pub(crate) struct Rig {
     pub(crate) vehicle: Vehicle<Pilot<'static>>,
     pub(crate) plant: FlatFloor,
+    /// What it answered since the last control period.
+    answers: Vec<Vec<u8>>,
 }
+
+/// Who speaks to it and listens.
+const PEER: Peer = Peer { link: 0, endpoint: EndpointId::ONLY };
 
 impl Rig {
     /// A disarmed vehicle that knows its state.
@@ -36,7 +42,7 @@ impl Rig {
         let policy = BYTES.policy().expect("a policy");
         let vehicle = Vehicle::new(Pilot::new(policy), &CF2X, profile);
         let plant = FlatFloor::new(&CF2X, vehicle.control_period().as_secs_f32());
-        let mut rig = Self { vehicle, plant };
+        let mut rig = Self { vehicle, plant, answers: Vec::new() };
         rig.tick(&mut |_| {});
         rig
     }
@@ -49,9 +55,16 @@ impl Rig {
         rig
     }
 
-    /// A control period; `send` gets the frames.
+    /// Whether the datagram was good.
+    pub(crate) fn receive(&mut self, datagram: &[u8]) -> bool {
+        let answers = &mut self.answers;
+        self.vehicle.receive(PEER, datagram, &mut |frame| answers.push(frame.to_vec()))
+    }
+
+    /// A control period; `send` gets the frames, answers of before first.
     pub(crate) fn tick(&mut self, send: &mut dyn FnMut(&[u8])) -> [f32; 4] {
-        let targets = self.vehicle.tick(self.plant.state(), send);
+        self.answers.drain(..).for_each(|frame| send(&frame));
+        let targets = self.vehicle.tick(self.plant.state(), &[PEER], &mut |_, frame| send(frame));
         self.plant.step(&targets);
         targets
     }

@@ -186,7 +186,7 @@ impl Pair {
     fn handle(&mut self, command: u16, parameters: [f32; 7]) {
         let bytes = self.client.command(command, parameters);
         for rig in [&mut self.attacked, &mut self.left_alone] {
-            assert!(rig.vehicle.receive(&bytes), "who has the key is heard");
+            assert!(rig.receive(&bytes), "who has the key is heard");
         }
     }
 
@@ -219,7 +219,7 @@ fn of_a_hundred_thousand_forgeries_none_is_heard() {
             pair.handle(22, LEFT_OPEN);
             forger.loot.clone_from(&pair.client.accepted);
         }
-        assert!(!pair.attacked.vehicle.receive(&forger.next()), "a forgery is heard");
+        assert!(!pair.attacked.receive(&forger.next()), "a forgery is heard");
         if number % PER_TICK == 0 {
             pair.tick();
         }
@@ -237,9 +237,9 @@ fn without_the_key_nobody_is_heard() {
     let mut rig = Rig::new();
     rig.vehicle.secure(SignatureGuard::Closed, Signer::new(KEY, 0, NOW));
     let mut client = Client { time: NOW.0, accepted: Vec::new() };
-    assert!(!rig.vehicle.receive(&client.command(400, ARM)));
+    assert!(!rig.receive(&client.command(400, ARM)));
     for frame in corpus::frames() {
-        assert!(!rig.vehicle.receive(frame.bytes));
+        assert!(!rig.receive(frame.bytes));
     }
     assert_eq!(rig.vehicle.mode(), Mode::Disarmed);
     assert_eq!(rig.vehicle.counts().refused, 1 + corpus::frames().len() as u64);

@@ -152,7 +152,7 @@ impl Trial {
 
     fn receive(&mut self, request: &Request) {
         let before = self.snapshot();
-        self.rig.vehicle.receive(&request.datagram);
+        self.rig.receive(&request.datagram);
         let after = self.snapshot();
         assert!(request.admissible || before == after, "{request:02x?} was none of its business, {after:?}");
         if after.mode.armed() && !before.mode.armed() {

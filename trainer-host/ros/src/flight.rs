@@ -8,7 +8,6 @@ use kestrel_draw::video::RecordedScene;
 use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::recording::{Moment, Placed, Recording, Track};
 use kestrel_sim::camera::{Image, View};
-use kestrel_sim::contact::{Arena, ContactReport};
 use kestrel_sim::world;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -20,22 +19,14 @@ use crate::message::{
     Quaternion, Range, RegionOfInterest, Text, Transform, TransformTree, Triple, Twist, TwistStamped,
     WithCovariance,
 };
+use crate::rangers::{LIMIT_M, RANGERS, Rangers};
 
 /// Size of the images on board \[px\], angle of view across \[rad\], and time between two \[s\].
 const IMAGE: [usize; 2] = [160, 120];
 const VIEW_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
 const IMAGE_SECS: f64 = 0.1;
 
-/// The rangers: those of a Multi-ranger deck and a Z-ranger, which see up to 4 m in a cone of 27°.
-const RANGERS: [(&str, [f64; 3]); 6] = [
-    ("front", [1.0, 0.0, 0.0]),
-    ("back", [-1.0, 0.0, 0.0]),
-    ("left", [0.0, 1.0, 0.0]),
-    ("right", [0.0, -1.0, 0.0]),
-    ("up", [0.0, 0.0, 1.0]),
-    ("down", [0.0, 0.0, -1.0]),
-];
-const RANGE_LIMIT: f64 = 4.0;
+/// The rangers see in a cone of 27° \[rad\].
 const RANGER_VIEW: f32 = 0.47;
 
 /// The recording as a file; `path` is what messages call it.
@@ -49,7 +40,7 @@ pub fn mcap(recording: &Recording, experiment: &Experiment, path: &Path) -> Resu
     let control_secs = f64::from(scenario.physics.control_secs());
     let mut writer = FlightWriter {
         bag: Bag::new()?,
-        arena: Arena::new(world, &scenario.airframe, ContactReport::Touch),
+        rangers: Rangers::new(scenario),
         scene,
         control_secs,
         terms: recording.terms(),
@@ -68,7 +59,7 @@ pub fn mcap(recording: &Recording, experiment: &Experiment, path: &Path) -> Resu
 
 struct FlightWriter {
     bag: Bag,
-    arena: Arena,
+    rangers: Rangers,
     scene: RecordedScene,
     control_secs: f64,
     /// What the reward's components are called, each once.
@@ -173,15 +164,14 @@ impl FlightWriter {
     }
 
     fn rangers(&mut self, frame: &str, moment: &Moment, secs: f64) -> Result<(), RosError> {
-        for (name, direction) in RANGERS {
-            let direction = attitude(moment).rotate(direction.into());
-            let seen = self.arena.raycast(moment.placed.position.into(), direction, RANGE_LIMIT);
+        let seen = self.rangers.measure(moment.placed.position.into(), &attitude(moment));
+        for ((name, _), seen) in RANGERS.into_iter().zip(seen) {
             let range = Range {
                 header: Header::new(stamp(secs), frame),
                 radiation_type: 1,
                 field_of_view: RANGER_VIEW,
                 min_range: 0.0,
-                max_range: RANGE_LIMIT as f32,
+                max_range: LIMIT_M as f32,
                 range: seen.map_or(f32::INFINITY, |metres| metres as f32),
                 variance: 0.0,
             };

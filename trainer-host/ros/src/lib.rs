@@ -26,6 +26,7 @@ mod marker;
 mod message;
 #[cfg(feature = "node")]
 pub mod node;
+pub mod rangers;
 #[cfg(test)]
 mod tests;
 

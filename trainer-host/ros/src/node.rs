@@ -33,7 +33,7 @@ use kestrel_shim::flight_mode::FlightMode;
 use kestrel_shim::frame::Frames;
 use kestrel_shim::geodesy::Home;
 use kestrel_shim::ground_station::{GroundStation, StationOrder};
-use kestrel_shim::link::{DATAGRAM_LIMIT, Link, LinkError, Received};
+use kestrel_shim::link::{DATAGRAM_LIMIT, EndpointId, Link, LinkError, Listeners, Received};
 use kestrel_shim::steering::yaw;
 use mavlink::dialects::common::{MavLandedState, MavMessage, MavModeFlag};
 use mavlink::{MavlinkVersion, Message as _};
@@ -265,12 +265,16 @@ impl Link for RosLink {
         let Some(frame) = self.outgoing.pop_front() else { return Ok(None) };
         let datagram = &mut buffer[..frame.len()];
         datagram.copy_from_slice(&frame);
-        Ok(Some(Received { datagram, endpoint: 0 }))
+        Ok(Some(Received { datagram, endpoint: EndpointId::ONLY }))
     }
 
-    fn learn(&mut self, _endpoint: usize) {}
+    fn learn(&mut self, _endpoint: EndpointId) {}
 
-    fn send(&mut self, frame: &[u8]) {
+    fn listeners(&self) -> Listeners {
+        [EndpointId::ONLY].into_iter().collect()
+    }
+
+    fn send_to(&mut self, _endpoint: EndpointId, frame: &[u8]) {
         let Self { station, outgoing, .. } = self;
         station.hear(frame, &mut |frame| outgoing.push_back(frame.to_vec()));
         for frame in Frames::new(frame).flatten() {

@@ -48,5 +48,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         "Flew {:.1} s; ended {:?} at x {:.2}, y {:.2}, z {:.2} m.",
         summary.secs, summary.mode, position.x, position.y, position.z
     ))?;
+    say(format_args!("Pace: {}.", summary.timing))?;
     Ok(Done::Finished)
 }

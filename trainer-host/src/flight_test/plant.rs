@@ -60,7 +60,7 @@ impl<'a> FailingPlant<'a> {
             periods: 0,
             clock: Rc::clone(clock),
             scenes: Vec::new(),
-            flight: SimulatedFlight(flight),
+            flight: SimulatedFlight::new(flight),
         };
         plant.look_around();
         plant.estimate();
@@ -79,7 +79,7 @@ impl<'a> FailingPlant<'a> {
 
     /// What the rotors are told, as far as they can.
     fn limited(&self, mut rotor_targets: [f32; 4]) -> [f32; 4] {
-        let greatest = self.flight.0.scenario().airframe.rotor_speed_limit as f32;
+        let greatest = self.flight.flight.scenario().airframe.rotor_speed_limit as f32;
         for fault in self.acting() {
             if let FaultKind::Motor { rotor, share } = fault {
                 rotor_targets[rotor] = rotor_targets[rotor].min(share * greatest);
@@ -116,7 +116,7 @@ impl<'a> FailingPlant<'a> {
     }
 
     fn look_around(&mut self) {
-        let movables = self.flight.0.movables();
+        let movables = self.flight.flight.movables();
         let bodies: Vec<Motion> = movables.iter().map(|pose| Motion::at_rest(*pose)).collect();
         let touching = self.obstacles.touch(&pose(self.flight.state()), &bodies).obstacle;
         self.scenes.push(Surroundings { touching, movables });
@@ -144,7 +144,7 @@ impl Plant for FailingPlant<'_> {
     }
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
-        self.flight.0.set_wind(self.gusts());
+        self.flight.flight.set_wind(self.gusts());
         self.flight.step(&self.limited(*rotor_targets));
         self.periods += 1;
         self.clock.set(self.periods as f64 * self.control_secs);

@@ -101,7 +101,7 @@ fn a_drone_is_never_inside_of_a_wall_that_stands_before_its_set_points() {
         let (radius, height) = (CF2X.collision_radius as f32, CF2X.collision_height as f32);
         state.position.x + radius * (1.0 - up * up).max(0.0).sqrt() + 0.5 * height * up.abs()
     };
-    let mut plant = SimulatedFlight(Flight::landed(&scenario));
+    let mut plant = SimulatedFlight::new(Flight::landed(&scenario));
     let mut steering = Steering::new(&CF2X);
     let mut greatest = f32::MIN;
     for goal in [[1.0, 2.0, 1.0], [5.0, 2.0, 1.0], [3.0, 0.0, 0.5], [1.85, 1.0, 1.0]] {

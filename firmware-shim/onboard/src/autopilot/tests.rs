@@ -245,6 +245,28 @@ fn set_points_are_reached_and_held() {
 }
 
 #[test]
+fn a_landing_from_high_up_is_fast_first_and_soft_at_last() {
+    let mut rig = Rig::flown(Mode::Guided, Controller::Cascade);
+    rig.accept(Command::GoTo(Vector3::new(0.0, 0.0, 4.0)));
+    rig.fly(16.0);
+    rig.accept(Command::Land);
+    let (mut fastest, mut softest, mut ticks) = (0.0_f32, 0.0_f32, 0_u16);
+    while rig.autopilot.mode() == Mode::Landing {
+        let sinking = -rig.plant.state().velocity.z;
+        fastest = fastest.max(sinking);
+        if rig.position().z < 1.5 {
+            softest = softest.max(sinking);
+        }
+        rig.tick();
+        ticks += 1;
+    }
+    let AutopilotSettings { landing_speed, descent_speed, .. } = AutopilotSettings::default();
+    assert!(fastest > 0.9 * descent_speed && softest < 2.0 * landing_speed, "{fastest}, then {softest} m/s");
+    let secs = f32::from(ticks) * rig.autopilot.control_secs();
+    assert!(secs < 11.0, "{secs} s");
+}
+
+#[test]
 fn a_landing_is_soft_and_ends_below_its_start() {
     let mut rig = Rig::in_mode(Mode::Guided);
     rig.fly(5.0);

@@ -70,6 +70,15 @@ impl Encoder {
         self.signer.as_mut()
     }
 
+    /// The bytes of one MAVLink 2 frame to somebody whose frames have numbers of their own: this one's is `sequence`, which
+    /// then is the next one's.
+    pub fn encode_numbered(&mut self, payload: &Payload, sequence: &mut u8) -> heapless::Vec<u8, FRAME_LIMIT> {
+        core::mem::swap(&mut self.sequence, sequence);
+        let frame = self.encode(payload);
+        core::mem::swap(&mut self.sequence, sequence);
+        frame
+    }
+
     /// The bytes of one MAVLink 2 frame.
     pub fn encode(&mut self, payload: &Payload) -> heapless::Vec<u8, FRAME_LIMIT> {
         const { assert!(HEADER_V2 + PAYLOAD_LIMIT + CHECKSUM_LEN + SIGNATURE_LEN <= FRAME_LIMIT) };

@@ -116,6 +116,13 @@ fn a_place_may_be_left_open() {
     assert!(!CommandLocation::Floats([47.0, f32::NAN, 3.0]).is_here());
 }
 
+/// A drone whose nose points north, a quarter of a turn from the world's x axis.
+const HERE: Whereabouts = Whereabouts {
+    position: Vector3::new(5.0, 6.0, 2.0),
+    heading: core::f32::consts::FRAC_PI_2,
+    goal: Vector3::new(5.0, 6.0, 1.0),
+};
+
 #[test]
 fn a_set_point_is_read_as_the_mavlink_crate_writes_it() {
     let sent = SET_POSITION_TARGET_LOCAL_NED_DATA {
@@ -137,21 +144,21 @@ fn a_set_point_is_read_as_the_mavlink_crate_writes_it() {
         frame: 1,
         type_mask: 0b1101_1111_1000,
         position: TargetPosition::Local([1.0, 2.0, -3.0]),
-        velocity_ned: [0.1, 0.2, -0.3],
+        velocity: [0.1, 0.2, -0.3],
         yaw: [0.5, 0.25],
     };
     assert_eq!(read(&sent), (TARGET, Request::PositionTarget(expected)));
-    assert_eq!(expected.facing(), Facing::Kept, "both are to be ignored");
-    let facing = |type_mask| PositionTarget { type_mask, ..expected }.facing();
+    assert_eq!(expected.facing(&HERE), Facing::Kept, "both are to be ignored");
+    let facing = |type_mask| PositionTarget { type_mask, ..expected }.facing(&HERE);
     // Half a radian to the right of north, where the world's x axis is east.
     assert_eq!(facing(0b1001_1111_1000), Facing::Toward(core::f32::consts::FRAC_PI_2 - 0.5));
     assert_eq!(facing(0b0101_1111_1000), Facing::Turning(-0.25));
     let unknown = PositionTarget { type_mask: 0b1001_1111_1000, yaw: [f32::NAN, 0.0], ..expected };
-    assert_eq!(unknown.facing(), Facing::Kept);
-    assert_eq!(expected.set_point(&Home::default()), Ok(SetPoint::Position(Vector3::new(2.0, 1.0, 3.0))));
+    assert_eq!(unknown.facing(&HERE), Facing::Kept);
+    assert_eq!(expected.set_point(&Home::default(), &HERE), Ok(SetPoint::Position(Vector3::new(2.0, 1.0, 3.0))));
     let velocity = PositionTarget { type_mask: 2503, ..expected };
     let flown = SetPoint::Velocity(Vector3::new(0.2, 0.1, 0.3));
-    assert_eq!(velocity.set_point(&Home::default()), Ok(flown), "MAVSDK's velocity and yaw");
+    assert_eq!(velocity.set_point(&Home::default(), &HERE), Ok(flown), "MAVSDK's velocity and yaw");
 }
 
 #[test]
@@ -168,7 +175,7 @@ fn a_global_set_point_is_read_as_the_mavlink_crate_writes_it() {
         ..SET_POSITION_TARGET_GLOBAL_INT_DATA::default()
     };
     let (_, Request::PositionTarget(target)) = read(&sent) else { panic!() };
-    let Ok(SetPoint::Position(found)) = target.set_point(&home) else { panic!() };
+    let Ok(SetPoint::Position(found)) = target.set_point(&home, &HERE) else { panic!() };
     assert!((found - point).norm() < 0.02, "{found}");
 }
 
@@ -176,20 +183,71 @@ fn a_global_set_point_is_read_as_the_mavlink_crate_writes_it() {
 fn only_whole_finite_reachable_positions_are_followed() {
     let position = TargetPosition::Local([0.0, 0.0, -1.0]);
     let good =
-        PositionTarget { frame: 1, type_mask: 0b1101_1111_1000, position, velocity_ned: [0.0; 3], yaw: [0.0; 2] };
+        PositionTarget { frame: 1, type_mask: 0b1101_1111_1000, position, velocity: [0.0; 3], yaw: [0.0; 2] };
     let home = Home::default();
-    let at = |ned| PositionTarget { position: TargetPosition::Local(ned), ..good }.set_point(&home);
-    let masked = |type_mask| PositionTarget { type_mask, ..good }.set_point(&home);
-    assert!(good.set_point(&home).is_ok());
+    let at = |ned| PositionTarget { position: TargetPosition::Local(ned), ..good }.set_point(&home, &HERE);
+    let masked = |type_mask| PositionTarget { type_mask, ..good }.set_point(&home, &HERE);
+    assert!(good.set_point(&home, &HERE).is_ok());
     assert!(masked(2552).is_ok(), "MAVSDK's position and yaw");
-    assert_eq!(PositionTarget { frame: 8, ..good }.set_point(&home), Err(SetPointError::Frame));
-    assert_eq!(masked(0b1101_1111_1100), Err(SetPointError::Partial));
+    assert!(masked(0).is_ok(), "an acceleration beside it is a hint");
+    assert_eq!(PositionTarget { frame: 20, ..good }.set_point(&home, &HERE), Err(SetPointError::Frame));
+    assert_eq!(masked(0b1101_1111_1110), Err(SetPointError::Partial));
     assert_eq!(masked(0b1101_1111_1111), Err(SetPointError::Motion), "nothing is asked for");
-    assert_eq!(masked(0), Err(SetPointError::Motion));
+    assert_eq!(masked(0b1100_0011_1111), Err(SetPointError::Motion), "an acceleration alone");
     assert_eq!(at([f32::NAN, 0.0, -1.0]), Err(SetPointError::NotFinite));
     assert_eq!(at([0.0, f32::INFINITY, -1.0]), Err(SetPointError::NotFinite));
     assert_eq!(at([0.0, 0.0, 1.0]), Err(SetPointError::Outside));
     assert_eq!(at([1e6, 0.0, -1.0]), Err(SetPointError::Outside));
+}
+
+fn followed(target: &PositionTarget) -> Result<Vector3<f32>, SetPointError> {
+    let set_point = target.set_point(&Home::default(), &HERE)?;
+    let (SetPoint::Position(vector) | SetPoint::Velocity(vector)) = set_point else { panic!() };
+    Ok(vector.map(|number| (number * 1e3).round() / 1e3))
+}
+
+#[test]
+fn places_and_velocities_may_count_from_the_drone() {
+    let position = TargetPosition::Local([1.0, 2.0, -0.5]);
+    let target = |frame, type_mask| PositionTarget {
+        frame,
+        type_mask,
+        position,
+        velocity: [0.1, 0.2, -0.3],
+        yaw: [0.5, 0.0],
+    };
+    let (place, velocity) = (0b1101_1111_1000, 0b1101_1100_0111);
+    // East is the world's x axis, north its y axis; the nose points north.
+    assert_eq!(followed(&target(7, place)), Ok(Vector3::new(7.0, 7.0, 2.5)), "2 m east, 1 m north");
+    for frame in [8, 9, 12] {
+        assert_eq!(followed(&target(frame, place)), Ok(Vector3::new(7.0, 7.0, 2.5)), "1 m ahead, 2 m right");
+        assert_eq!(followed(&target(frame, velocity)), Ok(Vector3::new(0.2, 0.1, 0.3)));
+    }
+    let east = Whereabouts { heading: 0.0, ..HERE };
+    let ahead = target(12, velocity).set_point(&Home::default(), &east);
+    assert_eq!(ahead, Ok(SetPoint::Velocity(Vector3::new(0.1, -0.2, 0.3))));
+    assert_eq!(target(12, 0b1001_1111_1000).facing(&east), Facing::Toward(-0.5), "to the right of the nose");
+    assert_eq!(followed(&target(8, 0b1101_1100_0111 | 0b1_0000)), Err(SetPointError::Partial));
+}
+
+#[test]
+fn a_velocity_along_the_floor_goes_with_a_height_and_the_other_way_round() {
+    let target = |type_mask, down| PositionTarget {
+        frame: 1,
+        type_mask,
+        position: TargetPosition::Local([6.1, 5.2, down]),
+        velocity: [0.1, 0.2, -0.3],
+        yaw: [0.0; 2],
+    };
+    // PX4's and ArduPilot's "velocity and height": x and y of the position and z of the velocity are ignored.
+    assert_eq!(
+        followed(&target(0b1101_1110_0011, -1.2)),
+        Ok(Vector3::new(0.2, 0.1, 0.4)),
+        "0.2 m in half a second"
+    );
+    assert_eq!(followed(&target(0b1101_1110_0011, -9.0)), Ok(Vector3::new(0.2, 0.1, 1.0)), "no faster");
+    assert_eq!(followed(&target(0b1101_1110_0011, f32::NAN)), Err(SetPointError::NotFinite));
+    assert_eq!(followed(&target(0b1101_1101_1100, -1.2)), Ok(Vector3::new(0.4, 0.2, 0.3)));
 }
 
 #[test]
@@ -291,7 +349,7 @@ proptest! {
         prop_assert_eq!(address, Address { system: sent.target_system, component: sent.target_component });
         prop_assert_eq!((read.frame, read.type_mask & 0x0fff), (frame, sent.type_mask.bits() & 0x0fff));
         prop_assert_eq!(bits(position), bits([sent.x, sent.y, sent.z]));
-        prop_assert_eq!(bits(read.velocity_ned), bits([sent.vx, sent.vy, sent.vz]));
+        prop_assert_eq!(bits(read.velocity), bits([sent.vx, sent.vy, sent.vz]));
     }
 
     #[test]

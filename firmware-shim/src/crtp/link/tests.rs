@@ -102,7 +102,7 @@ fn a_client_that_is_silent_for_long_is_forgotten_with_its_log_blocks() {
     rig.link.change_client(now + MEMORY, &mut rig.vehicle, rig.plant.state());
     assert!(rig.link.client.is_none());
     for _ in 0..10 {
-        rig.vehicle.tick(rig.plant.state(), &mut |_| {});
+        rig.vehicle.tick(rig.plant.state(), &[], &mut |_, _| {});
         assert!(rig.heard(&client).is_empty());
     }
 }

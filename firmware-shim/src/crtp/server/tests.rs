@@ -46,6 +46,7 @@ impl Rig {
         let mut access = VehicleAccess {
             secs: f64::from(self.ticks) * 0.01,
             state,
+            ranges: None,
             mode: autopilot.mode(),
             goal: *autopilot.goal(),
             order: &mut |command| {

@@ -122,7 +122,7 @@ fn each_direction_has_its_own_faults() {
     peer.send(b"to the vehicle");
     link.advance(0.0).unwrap();
     assert!(link.receive(&mut buffer).unwrap().is_none());
-    link.send(b"to the peer");
+    link.send_to(EndpointId::ONLY, b"to the peer");
     for _ in 0..2 {
         assert_eq!(peer.receive(&mut buffer).unwrap().unwrap().datagram, b"to the peer");
     }
@@ -133,7 +133,7 @@ fn each_direction_has_its_own_faults() {
 fn delayed_frames_leave_by_themselves_and_a_flood_is_bounded() {
     let (mut peer, end) = MemoryLink::pair();
     let mut link = FaultyLink::new(Box::new(end), &plan("sent.delay=0.5"));
-    (0..3 * UNDERWAY).for_each(|_| link.send(b"frame"));
+    (0..3 * UNDERWAY).for_each(|_| link.send_to(EndpointId::ONLY, b"frame"));
     assert_eq!(link.sent.underway.len(), UNDERWAY);
     let mut buffer = [0; DATAGRAM_LIMIT];
     for (now_secs, expected) in [(0.49, 0), (0.5, UNDERWAY)] {

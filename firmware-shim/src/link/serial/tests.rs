@@ -70,9 +70,9 @@ mod lines {
         far.write_all(&[b"noise", &awkward()[..], &awkward()].concat()).unwrap();
         assert_eq!(next(&mut link).unwrap(), awkward());
         assert_eq!(next(&mut link).unwrap(), awkward());
-        link.send(&awkward());
+        link.send_to(EndpointId::ONLY, &awkward());
         let every: Vec<u8> = (0..=255).collect();
-        link.send(&every);
+        link.send_to(EndpointId::ONLY, &every);
         let mut bytes = vec![0; awkward().len() + every.len()];
         far.read_exact(&mut bytes).unwrap();
         assert_eq!(bytes, [awkward(), every].concat());
@@ -82,7 +82,7 @@ mod lines {
     fn a_line_that_nobody_reads_costs_bounded_memory_and_no_time() {
         let (_far, port) = line();
         let mut link = SerialLink::open(&port).unwrap();
-        (0..10_000).for_each(|_| link.send(&awkward()));
+        (0..10_000).for_each(|_| link.send_to(EndpointId::ONLY, &awkward()));
         link.advance(0.0).unwrap();
         assert!((1..=WAITING_LIMIT).contains(&link.stream.waiting()));
     }
@@ -115,7 +115,7 @@ mod lines {
         drop(far);
         let error = next(&mut link).unwrap_err();
         assert!(matches!(error, LinkError::Failed { .. }), "{error}");
-        link.send(&awkward());
+        link.send_to(EndpointId::ONLY, &awkward());
         assert!(link.advance(0.0).is_err());
     }
 }

@@ -27,12 +27,22 @@ fn heartbeat() -> Vec<u8> {
 }
 
 /// What a control period brings.
-fn period(link: &mut TcpLink) -> Vec<(usize, Vec<u8>)> {
+fn period(link: &mut TcpLink) -> Vec<(u8, Vec<u8>)> {
     let mut buffer = [0; DATAGRAM_LIMIT];
     link.advance(0.0).unwrap();
-    let mut next =
-        || link.receive(&mut buffer).unwrap().map(|received| (received.endpoint, received.datagram.to_vec()));
+    let mut next = || {
+        let Received { datagram, endpoint } = link.receive(&mut buffer).unwrap()?;
+        let bytes = datagram.to_vec();
+        link.learn(endpoint);
+        Some((endpoint.number, bytes))
+    };
     std::iter::from_fn(&mut next).collect()
+}
+
+fn tell(link: &mut TcpLink, frame: &[u8]) {
+    for endpoint in link.listeners() {
+        link.send_to(endpoint, frame);
+    }
 }
 
 /// Flies on until something has happened.
@@ -56,7 +66,7 @@ fn clients_come_speak_listen_and_go() {
     let mut link = link();
     let mut clients = [client(&link), client(&link)];
     until_clients(&mut link, 2);
-    for (number, client) in clients.iter_mut().enumerate() {
+    for (number, client) in (0..).zip(&mut clients) {
         let bytes = [b"noise", &heartbeat()[..]].concat();
         let (first, second) = bytes.split_at(11);
         client.write_all(first).unwrap();
@@ -69,7 +79,7 @@ fn clients_come_speak_listen_and_go() {
         });
         assert_eq!(heard, [(number, heartbeat())]);
     }
-    link.send(&heartbeat());
+    tell(&mut link, &heartbeat());
     for client in &mut clients {
         let mut bytes = vec![0; heartbeat().len()];
         client.read_exact(&mut bytes).unwrap();
@@ -82,16 +92,74 @@ fn clients_come_speak_listen_and_go() {
     until_clients(&mut link, 2);
 }
 
+/// Clients that all have spoken.
+fn speaking(link: &mut TcpLink, count: usize) -> Vec<TcpStream> {
+    let clients: Vec<_> = (1..=count)
+        .map(|count| {
+            let mut client = client(link);
+            until_clients(link, count);
+            client.write_all(&heartbeat()).unwrap();
+            client
+        })
+        .collect();
+    until(link, |link| {
+        period(link);
+        link.clients.iter().flatten().all(|client| client.heard.is_some())
+    });
+    clients
+}
+
+fn is_sent_away(client: &mut TcpStream) -> bool {
+    matches!(client.read(&mut [0; 1]), Ok(0) | Err(_))
+}
+
 #[test]
-fn one_client_too_many_is_sent_away_and_the_others_stay() {
+fn one_client_too_many_is_sent_away_while_all_others_speak() {
     let mut link = link();
-    let clients: Vec<_> = (0..CLIENTS).map(|_| client(&link)).collect();
-    until_clients(&mut link, CLIENTS);
+    let clients = speaking(&mut link, CLIENTS);
     let mut late = client(&link);
     period(&mut link);
-    let sent_away = late.read(&mut [0; 1]);
-    assert!(matches!(sent_away, Ok(0) | Err(_)), "{sent_away:?}");
+    assert!(is_sent_away(&mut late));
     assert_eq!(link.clients(), clients.len());
+}
+
+#[test]
+fn who_never_spoke_gives_way_and_then_who_fell_silent() {
+    let mut link = TcpLink { silence_limit: Duration::ZERO, ..link() };
+    let mut spoke = speaking(&mut link, 1);
+    let mut mute: Vec<_> = (1..CLIENTS)
+        .map(|count| {
+            let client = client(&link);
+            until_clients(&mut link, count + 1);
+            client
+        })
+        .collect();
+    let mut honest = client(&link);
+    until(&mut link, |link| {
+        period(link);
+        link.generation > CLIENTS as u32
+    });
+    assert!(is_sent_away(&mut mute[0]), "the first of those that never spoke");
+    honest.write_all(&heartbeat()).unwrap();
+    until(&mut link, |link| !period(link).is_empty());
+    for _ in 2..CLIENTS {
+        speaking_too(&mut link, &mut spoke);
+    }
+    let _one_more = client(&link);
+    until(&mut link, |link| {
+        period(link);
+        link.generation > 2 * CLIENTS as u32 - 1
+    });
+    assert!(is_sent_away(&mut spoke[0]), "the one silent for longest");
+    assert_eq!(link.clients(), CLIENTS);
+}
+
+/// One more client, which takes the place of one that never spoke.
+fn speaking_too(link: &mut TcpLink, clients: &mut Vec<TcpStream>) {
+    let mut client = client(link);
+    client.write_all(&heartbeat()).unwrap();
+    until(link, |link| !period(link).is_empty());
+    clients.push(client);
 }
 
 #[test]
@@ -106,13 +174,13 @@ fn a_client_that_takes_nothing_is_dropped_and_nobody_waits_for_it() {
     // Whatever the operating system keeps for a connection, it is full at some time.
     until(&mut link, |link| {
         for _ in 0..20_000 {
-            link.send(&frame);
+            tell(link, &frame);
             listening.read_exact(&mut taken).unwrap();
         }
         period(link);
         link.clients() == 1
     });
-    link.send(&frame);
+    tell(&mut link, &frame);
     listening.read_exact(&mut taken).unwrap();
     assert_eq!(taken, frame);
 }
@@ -124,12 +192,13 @@ fn a_client_that_lags_loses_whole_frames() {
     until_clients(&mut link, 1);
     let frame = heartbeat();
     let mut sent = 0_usize;
-    let waiting = |link: &TcpLink| link.clients.iter().flatten().map(Stream::waiting).sum::<usize>();
+    let waiting =
+        |link: &TcpLink| link.clients.iter().flatten().map(|client| client.stream.waiting()).sum::<usize>();
     while waiting(&link) + frame.len() <= WAITING_LIMIT {
-        link.send(&frame);
+        tell(&mut link, &frame);
         sent += 1;
     }
-    (0..1000).for_each(|_| link.send(&frame));
+    (0..1000).for_each(|_| tell(&mut link, &frame));
     assert!(waiting(&link) <= WAITING_LIMIT);
     let reader = thread::spawn(move || {
         let (mut bytes, mut receiver) = (Vec::new(), Receiver::new());
@@ -162,7 +231,7 @@ fn clients_that_flood_take_turns_and_are_heard_a_share_at_a_time_beside_a_third(
         flooding.set_nonblocking(true).unwrap();
         while flooding.write(&flood).is_ok_and(|len| len == flood.len()) {}
     }
-    let turns: Vec<usize> = period(&mut link).into_iter().map(|(endpoint, _)| endpoint).collect();
+    let turns: Vec<u8> = period(&mut link).into_iter().map(|(endpoint, _)| endpoint).collect();
     let frames = 2048 / heartbeat().len();
     assert_eq!(turns, [0, 1].repeat(frames));
     clients[2].write_all(&heartbeat()).unwrap();

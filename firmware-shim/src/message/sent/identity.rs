@@ -53,6 +53,13 @@ impl Personality {
     }
 }
 
+/// `PROTOCOL_VERSION`: MAVLink 2 is sent, 1 is understood. It is deprecated, and asked for all the same.
+pub fn protocol_version() -> Payload {
+    let (message_id, seed) = (300, 217);
+    // Current, least and greatest version, as hundredths; the hashes behind them are not known.
+    Payload::new(message_id, seed, &[200, 0, 100, 0, 200, 0])
+}
+
 /// `AUTOPILOT_VERSION` of this package, with the hash of the policy as the custom version of the flight software.
 pub fn autopilot_version(hash: [u8; 8]) -> Payload {
     let number = |text: &str| text.parse::<u8>().unwrap_or(0);
@@ -100,6 +107,13 @@ pub fn available_mode(mode: FlightMode, policy: &str) -> Payload {
 /// `AVAILABLE_MODES_MONITOR`: the list never changes.
 pub fn available_modes_monitor() -> Payload {
     Payload::of(&AVAILABLE_MODES_MONITOR_DATA { seq: 1 })
+}
+
+/// The mode that does what a standard mode does, of `MAV_CMD_DO_SET_STANDARD_MODE`.
+pub fn mode_of_standard(number: f32) -> Option<FlightMode> {
+    let standard = |mode: &FlightMode| standard_mode(*mode);
+    let is_standard = |mode: &FlightMode| standard(mode) != MavStandardMode::MAV_STANDARD_MODE_NON_STANDARD;
+    FlightMode::ALL.into_iter().find(|mode| is_standard(mode) && f32::from(standard(mode) as u8) == number)
 }
 
 /// The standard mode that does what a mode does.

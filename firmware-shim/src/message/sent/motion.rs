@@ -2,8 +2,9 @@
 
 use kestrel_core::vehicle::State;
 use mavlink::dialects::common::{
-    ALTITUDE_DATA, ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
-    GpsFixType, HOME_POSITION_DATA, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA,
+    ALTITUDE_DATA, ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, ESC_STATUS_DATA, ESTIMATOR_STATUS_DATA,
+    EstimatorStatusFlags, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, GpsFixType, HIGHRES_IMU_DATA,
+    HOME_POSITION_DATA, HighresImuUpdatedFlags, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA,
     POSITION_TARGET_LOCAL_NED_DATA, PositionTargetTypemask, SERVO_OUTPUT_RAW_DATA, VFR_HUD_DATA,
 };
 use nalgebra::Vector3;
@@ -61,6 +62,42 @@ pub fn odometry(state: &State<f32>, time_usec: u64) -> Payload {
         frame_id: MavFrame::MAV_FRAME_LOCAL_NED,
         child_frame_id: MavFrame::MAV_FRAME_BODY_FRD,
     })
+}
+
+/// `HIGHRES_IMU` without noise: specific force of the last control period \[m/s², FLU\] and body rates.
+pub fn highres_imu(state: &State<f32>, specific_force: &Vector3<f32>, time_usec: u64) -> Payload {
+    let [xacc, yacc, zacc] = frd_from_flu(specific_force);
+    let [xgyro, ygyro, zgyro] = frd_from_flu(&state.body_rates);
+    let fields_updated = HighresImuUpdatedFlags::from_bits_truncate(0b11_1111);
+    Payload::of(&HIGHRES_IMU_DATA {
+        time_usec,
+        xacc,
+        yacc,
+        zacc,
+        xgyro,
+        ygyro,
+        zgyro,
+        fields_updated,
+        ..HIGHRES_IMU_DATA::default()
+    })
+}
+
+/// `ESC_STATUS` of the four rotors, in turns per minute; nothing else is known of them.
+pub fn esc_status(rotor_speeds: &[f32; 4], time_usec: u64) -> Payload {
+    let rpm = rotor_speeds.map(|speed| libm::roundf(speed * 60.0 / core::f32::consts::TAU) as i32);
+    let unknown = [f32::NAN; 4];
+    Payload::of(&ESC_STATUS_DATA { time_usec, rpm, voltage: unknown, current: unknown, index: 0 })
+}
+
+/// `ESTIMATOR_STATUS`: attitude, velocity and position are known, and no measurement was refused.
+pub fn estimator_status(time_usec: u64) -> Payload {
+    let flags = EstimatorStatusFlags::ESTIMATOR_ATTITUDE
+        | EstimatorStatusFlags::ESTIMATOR_VELOCITY_HORIZ
+        | EstimatorStatusFlags::ESTIMATOR_VELOCITY_VERT
+        | EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_REL
+        | EstimatorStatusFlags::ESTIMATOR_POS_HORIZ_ABS
+        | EstimatorStatusFlags::ESTIMATOR_POS_VERT_ABS;
+    Payload::of(&ESTIMATOR_STATUS_DATA { time_usec, flags, ..ESTIMATOR_STATUS_DATA::default() })
 }
 
 /// `GLOBAL_POSITION_INT`, for a world whose origin is at `origin`.

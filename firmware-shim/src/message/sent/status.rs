@@ -1,9 +1,9 @@
 //! What the vehicle is doing, and how well it is.
 
 use mavlink::dialects::common::{
-    BATTERY_STATUS_DATA, CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavBatteryFunction,
-    MavBatteryType, MavLandedState, MavModeFlag, MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA,
-    NAMED_VALUE_INT_DATA, SYS_STATUS_DATA,
+    BATTERY_STATUS_DATA, CURRENT_MODE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA,
+    MavBatteryFunction, MavBatteryType, MavLandedState, MavModeFlag, MavState, MavSysStatusSensor, MavType,
+    NAMED_VALUE_FLOAT_DATA, NAMED_VALUE_INT_DATA, SYS_STATUS_DATA,
 };
 
 use super::identity::{Personality, standard_mode};
@@ -115,6 +115,11 @@ pub fn current_mode(flight_mode: FlightMode) -> Payload {
         intended_custom_mode: flight_mode.custom_mode(),
         standard_mode: standard_mode(flight_mode),
     })
+}
+
+/// `MESSAGE_INTERVAL` of a message \[µs\]: -1 if it is switched off, 0 if it is never sent.
+pub fn message_interval(message_id: u16, interval_us: i32) -> Payload {
+    Payload::of(&MESSAGE_INTERVAL_DATA { interval_us, message_id })
 }
 
 /// `NAMED_VALUE_FLOAT`; a name has at most ten bytes.

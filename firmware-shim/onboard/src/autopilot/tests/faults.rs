@@ -390,7 +390,7 @@ fn a_stream_that_goes_on_does_not_undo_a_failsafe_and_a_command_does() {
 #[test]
 fn a_stream_that_comes_back_is_followed_again() {
     let mut rig = ready(Mode::Offboard, Controller::Policy);
-    rig.fly(1.0);
+    rig.fly(1.5);
     assert_eq!(rig.autopilot.mode(), Mode::Holding);
     rig.stream(SetPoint::Position(Vector3::new(1.0, 0.0, 1.0)));
     assert_eq!(rig.autopilot.mode(), Mode::Guided);
