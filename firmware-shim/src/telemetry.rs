@@ -35,7 +35,7 @@ pub enum TelemetryStream {
     HighresImu,
     /// `DISTANCE_SENSOR` of each ranger, 5 Hz.
     DistanceSensor,
-    /// `ESC_STATUS`, 2 Hz.
+    /// `ESC_STATUS`, on request: pymavlink's usual dialect does not know it.
     EscStatus,
     /// `ESTIMATOR_STATUS`, 1 Hz.
     EstimatorStatus,
@@ -48,6 +48,9 @@ pub enum TelemetryStream {
     /// What the policy is and how fast it answers, as `NAMED_VALUE_FLOAT` and `NAMED_VALUE_INT`, 1 Hz.
     Policy,
 }
+
+/// No interval \[s\].
+const NEVER: f32 = -1.0;
 
 impl TelemetryStream {
     /// All of them, in the order in which they are sent.
@@ -117,7 +120,8 @@ impl TelemetryStream {
             | Self::Altitude
             | Self::EstimatorStatus
             | Self::Policy => 1.0,
-            Self::ExtendedSysState | Self::EscStatus => 0.5,
+            Self::ExtendedSysState => 0.5,
+            Self::EscStatus => NEVER,
             Self::VfrHud => 0.25,
             Self::GpsRawInt | Self::DistanceSensor => 0.2,
             Self::ServoOutputRaw | Self::PositionTarget | Self::GlobalPosition | Self::HighresImu => 0.1,
@@ -176,7 +180,7 @@ mod tests {
         let counts = TelemetryStream::ALL.map(|stream| in_ten_secs(&schedule, stream));
         assert_eq!(
             counts,
-            [10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 100, 50, 20, 10, 500, 500, 500, 10]
+            [10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 100, 50, 0, 10, 500, 500, 500, 10]
         );
     }
 

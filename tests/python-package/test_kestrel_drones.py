@@ -163,7 +163,9 @@ def test_an_onnx_file_flies_a_drone_that_takes_rotor_speeds():
     successes = []
     while len(successes) < 64:
         observations = controller.observe(envs.states("known"))
-        speeds = controller.rotor_speeds(network.run(None, {network.get_inputs()[0].name: observations})[0])
+        # Its file takes one observation at a time.
+        actions = [network.run(None, {network.get_inputs()[0].name: row[None]})[0][0] for row in observations]
+        speeds = controller.rotor_speeds(actions)
         _, _, terminations, truncations, infos = envs.step(speeds / hovering - 1)
         ended = terminations | truncations
         controller.clear(ended)

@@ -60,7 +60,10 @@ pub enum MotorError {
     #[error("expected an airframe whose rotors stand in an X, found a plus: autopilots mix for an X here")]
     Plus,
     /// The rotors turn the other way.
-    #[error("expected the front right rotor to turn counter-clockwise, found that it turns clockwise")]
+    #[error(
+        "expected a front right rotor that turns counter-clockwise, as autopilots mix, found that it turns clockwise: \
+         in a task, `rotor_order: fork` of the `vehicle` does that"
+    )]
     Spin,
 }
 

@@ -2,14 +2,21 @@
 
 use nalgebra::Vector3;
 
+use super::MISSION_ITEMS;
 use super::place::MissionTarget;
-use super::step::{AfterStep, LoiterTime, MissionLeg, MissionSpeed, MissionStep};
+use super::step::{AfterStep, LoiterTime, MissionLeg, MissionSpeed, MissionStep, MissionTurn};
 
 /// Distance at which a point counts as reached if the sender leaves it open \[m\]: as far as a hovering drone strays.
 const RADIUS_M: f32 = 0.2;
 
 /// No radius of a sender is taken smaller than this \[m\]: the drone might pass a tighter one for ever.
 const LEAST_RADIUS_M: f32 = 0.1;
+
+/// The nose points where it should, up to this \[rad\].
+const TURNED_RAD: f32 = 0.1;
+
+/// Nobody waits longer for a nose to turn \[s\]: some policies see no heading, and never turn.
+const TURN_SECS: f64 = 10.0;
 
 /// How far a mission is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +36,8 @@ pub enum MissionPhase {
 pub struct MissionInput {
     /// Of the drone \[m, world\].
     pub position: Vector3<f32>,
+    /// Where its nose points, counter-clockwise from the world's x axis \[rad\].
+    pub heading: f32,
     /// What it does.
     pub motion: DroneMotion,
     /// Simulated time \[s\].
@@ -60,6 +69,13 @@ pub enum Directive {
         point: Vector3<f32>,
         /// How fast \[m/s\], if the mission says; the vehicle's own limits hold.
         speed: Option<f32>,
+        /// Where the nose shall point \[rad\], if the mission says.
+        heading: Option<f32>,
+    },
+    /// Stay here and point the nose \[rad\].
+    Face {
+        /// Counter-clockwise from the world's x axis.
+        heading: f32,
     },
     /// Stay here.
     Wait,
@@ -81,6 +97,8 @@ pub struct MissionRunner {
     current: u16,
     stage: Stage,
     speed: Option<f32>,
+    /// How often the jump of each item was made.
+    jumps: [u16; MISSION_ITEMS],
 }
 
 /// How far the current step is.
@@ -94,6 +112,8 @@ enum Stage {
     Travelling { point: Vector3<f32> },
     /// The drone has come to the place and stays from a time on \[s\].
     Staying { at: Option<Vector3<f32>>, since_secs: f64 },
+    /// It turns its nose, from a time on \[s\].
+    Turning { heading: f32, since_secs: f64 },
     /// It stays until told.
     Loitering { at: Vector3<f32> },
     /// It has been told.
@@ -102,7 +122,13 @@ enum Stage {
 
 impl Default for MissionRunner {
     fn default() -> Self {
-        Self { phase: MissionPhase::NotStarted, current: 0, stage: Stage::New, speed: None }
+        Self {
+            phase: MissionPhase::NotStarted,
+            current: 0,
+            stage: Stage::New,
+            speed: None,
+            jumps: [0; MISSION_ITEMS],
+        }
     }
 }
 
@@ -172,18 +198,43 @@ impl MissionRunner {
         reached: &mut dyn FnMut(u16),
     ) -> Directive {
         let known = situation.position.iter().all(|coordinate| coordinate.is_finite());
-        while self.phase == MissionPhase::Active && known {
+        // Jumps may lead round and round through items that take no time.
+        for _ in 0..=2 * legs.len() {
+            if self.phase != MissionPhase::Active || !known {
+                break;
+            }
             let Some(leg) = legs.get(usize::from(self.current)) else {
                 self.phase = MissionPhase::Complete;
                 break;
             };
-            if let Some(directive) = self.fly(&leg.step, situation) {
-                return directive;
+            if let MissionStep::Jump { to, times } = leg.step
+                && self.jumps(to, times)
+            {
+                continue;
+            }
+            match self.fly(&leg.step, situation) {
+                Some(Directive::HeadFor { point, speed, .. }) => {
+                    return Directive::HeadFor { point, speed, heading: leg.heading };
+                }
+                Some(directive) => return directive,
+                None => {}
             }
             reached(self.current);
             self.proceed(leg.after, legs.len());
         }
         if self.phase == MissionPhase::Complete { Directive::Done } else { Directive::Wait }
+    }
+
+    /// Goes to another leg, unless it did so often enough; then it may do so as often again when it comes here anew.
+    fn jumps(&mut self, to: u16, times: Option<u16>) -> bool {
+        let Some(made) = self.jumps.get_mut(usize::from(self.current)) else { return false };
+        if times.is_some_and(|times| *made >= times) {
+            *made = 0;
+            return false;
+        }
+        *made = made.saturating_add(1);
+        (self.current, self.stage) = (to, Stage::New);
+        true
     }
 
     /// On to the next leg, of so many.
@@ -231,7 +282,8 @@ impl MissionRunner {
                 None
             }
             MissionStep::Delay { secs } => self.time(*secs, situation),
-            MissionStep::Skip => None,
+            MissionStep::Turn(turn) => self.turn(*turn, situation),
+            MissionStep::Jump { .. } | MissionStep::Skip => None,
         }
     }
 
@@ -251,7 +303,9 @@ impl MissionRunner {
         let point = match self.stage {
             Stage::New | Stage::TakingOff => target.from(&situation.position),
             Stage::Travelling { point } => point,
-            Stage::Staying { .. } | Stage::Loitering { .. } | Stage::Continued => return None,
+            Stage::Staying { .. } | Stage::Turning { .. } | Stage::Loitering { .. } | Stage::Continued => {
+                return None;
+            }
         };
         if (situation.position - point).norm() <= radius_m {
             self.stage = Stage::Staying { at: Some(point), since_secs: situation.secs };
@@ -268,6 +322,7 @@ impl MissionRunner {
             Stage::New
             | Stage::TakingOff
             | Stage::Travelling { .. }
+            | Stage::Turning { .. }
             | Stage::Loitering { .. }
             | Stage::Continued => (None, situation.secs),
         };
@@ -276,13 +331,28 @@ impl MissionRunner {
         waiting.then(|| at.map_or(Directive::Wait, |point| self.head_for(point)))
     }
 
+    /// Turns the nose, and waits for it.
+    fn turn(&mut self, turn: MissionTurn, situation: &MissionInput) -> Option<Directive> {
+        let (heading, since_secs) = match (self.stage, turn) {
+            (Stage::Turning { heading, since_secs }, _) => (heading, since_secs),
+            (_, MissionTurn::To(heading)) => (heading, situation.secs),
+            (_, MissionTurn::By(angle)) => (situation.heading + angle, situation.secs),
+        };
+        self.stage = Stage::Turning { heading, since_secs };
+        let (sine, cosine) = libm::sincosf(heading - situation.heading);
+        let is_turned = libm::atan2f(sine, cosine).abs() <= TURNED_RAD;
+        (!is_turned && situation.secs - since_secs < TURN_SECS).then_some(Directive::Face { heading })
+    }
+
     fn loiter(&mut self, situation: &MissionInput) -> Option<Directive> {
         let at = match self.stage {
             Stage::Continued => return None,
             Stage::Loitering { at } | Stage::Staying { at: Some(at), .. } => at,
-            Stage::New | Stage::TakingOff | Stage::Travelling { .. } | Stage::Staying { at: None, .. } => {
-                situation.position
-            }
+            Stage::New
+            | Stage::TakingOff
+            | Stage::Travelling { .. }
+            | Stage::Turning { .. }
+            | Stage::Staying { at: None, .. } => situation.position,
         };
         self.stage = Stage::Loitering { at };
         Some(self.head_for(at))
@@ -296,7 +366,7 @@ impl MissionRunner {
     }
 
     fn head_for(&self, point: Vector3<f32>) -> Directive {
-        Directive::HeadFor { point, speed: self.speed }
+        Directive::HeadFor { point, speed: self.speed, heading: None }
     }
 }
 

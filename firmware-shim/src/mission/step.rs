@@ -49,6 +49,15 @@ pub enum MissionStep {
         /// How long.
         secs: f32,
     },
+    /// Turn the nose.
+    Turn(MissionTurn),
+    /// Go on with another item, so many times.
+    Jump {
+        /// Its number.
+        to: u16,
+        /// How often; none for ever.
+        times: Option<u16>,
+    },
     /// Nothing that this vehicle can do.
     Skip,
 }
@@ -71,6 +80,15 @@ pub enum MissionSpeed {
     Of(f32),
 }
 
+/// Where the nose shall point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MissionTurn {
+    /// A heading, counter-clockwise from the world's x axis \[rad\].
+    To(f32),
+    /// So far to the left of where it points \[rad\].
+    By(f32),
+}
+
 /// What follows a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AfterStep {
@@ -85,6 +103,8 @@ pub enum AfterStep {
 pub struct MissionLeg {
     /// What to do.
     pub step: MissionStep,
+    /// Where the nose shall point meanwhile, counter-clockwise from the world's x axis \[rad\], if the sender cares.
+    pub heading: Option<f32>,
     /// And then.
     pub after: AfterStep,
 }
@@ -99,7 +119,11 @@ pub fn legs(
 ) -> Result<heapless::Vec<MissionLeg, MISSION_ITEMS>, MavMissionResult> {
     let mut legs = heapless::Vec::new();
     for item in items {
-        legs.push(leg(item, home)?).map_err(|_| MavMissionResult::MAV_MISSION_NO_SPACE)?;
+        let leg = leg(item, home)?;
+        if matches!(leg.step, MissionStep::Jump { to, .. } if usize::from(to) >= items.len()) {
+            return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
+        }
+        legs.push(leg).map_err(|_| MavMissionResult::MAV_MISSION_NO_SPACE)?;
     }
     Ok(legs)
 }
@@ -111,12 +135,22 @@ pub fn legs(
 pub fn leg(item: &MissionItem, home: &Home) -> Result<MissionLeg, MavMissionResult> {
     let step = if SKIPPED.contains(&item.command) { MissionStep::Skip } else { flown(item, home)? };
     let after = if item.autocontinue == 0 { AfterStep::Pause } else { AfterStep::Proceed };
-    Ok(MissionLeg { step, after })
+    let [_, _, _, yaw_deg] = item.parameters;
+    let heading = (YAWING.contains(&item.command) && !yaw_deg.is_nan()).then(|| heading_of(yaw_deg));
+    Ok(MissionLeg { step, heading, after })
 }
+
+/// Of a yaw \[°\], clockwise from north.
+fn heading_of(yaw_deg: f32) -> f32 {
+    core::f32::consts::FRAC_PI_2 - yaw_deg.to_radians()
+}
+
+/// A way-point, loitering and a take-off, whose fourth parameter is a yaw.
+const YAWING: [u16; 3] = [16, 17, 22];
 
 fn flown(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissionResult> {
     match item.command {
-        16..=17 | 19..=22 | 93 | 112 | 178 => check_finite(&item.parameters)?,
+        16..=17 | 19..=22 | 93 | 112 | 115 | 177 | 178 => check_finite(&item.parameters)?,
         _ => return Err(MavMissionResult::MAV_MISSION_UNSUPPORTED),
     }
     match item.command {
@@ -127,6 +161,8 @@ fn flown(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissionResul
         // The floor says where a landing ends.
         21 => Ok(MissionStep::Land(target(&MissionItem { height: f32::NAN, ..*item }, home, REACH_M)?)),
         22 => take_off(item, home),
+        115 => turn(item),
+        177 => jump(item),
         178 => speed(item),
         _ => delay(item),
     }
@@ -144,7 +180,7 @@ fn check_finite(parameters: &[f32; 4]) -> Result<(), MavMissionResult> {
     infinite.map_or(Ok(()), |index| Err(refusals[index]))
 }
 
-/// `MAV_CMD_NAV_WAYPOINT`. The radius of passing by and the yaw are not looked at: the policies hold any heading.
+/// `MAV_CMD_NAV_WAYPOINT`. The radius of passing by is not looked at.
 fn waypoint(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissionResult> {
     let [hold_secs, radius_m, _, _] = item.parameters;
     if hold_secs < 0.0 {
@@ -191,6 +227,33 @@ fn speed(item: &MissionItem) -> Result<MissionStep, MavMissionResult> {
         speed if speed > 0.0 => Ok(MissionStep::ChangeSpeed(MissionSpeed::Of(speed))),
         _ => Err(MavMissionResult::MAV_MISSION_INVALID_PARAM2),
     }
+}
+
+/// `MAV_CMD_CONDITION_YAW`: to an angle the shorter way, or by one to the right or (third parameter -1) to the left.
+fn turn(item: &MissionItem) -> Result<MissionStep, MavMissionResult> {
+    let [yaw_deg, _, direction, relative] = item.parameters;
+    if yaw_deg.is_nan() {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
+    }
+    let turn = if relative == 1.0 {
+        MissionTurn::By(yaw_deg.to_radians() * if direction < 0.0 { 1.0 } else { -1.0 })
+    } else {
+        MissionTurn::To(heading_of(yaw_deg))
+    };
+    Ok(MissionStep::Turn(turn))
+}
+
+/// `MAV_CMD_DO_JUMP`; -1 times is for ever.
+fn jump(item: &MissionItem) -> Result<MissionStep, MavMissionResult> {
+    let [to, times, _, _] = item.parameters;
+    let whole = |number: f32| (0.0..65536.0).contains(&number) && number == libm::truncf(number);
+    if !whole(to) {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
+    }
+    if times != -1.0 && !whole(times) {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM2);
+    }
+    Ok(MissionStep::Jump { to: to as u16, times: (times >= 0.0).then_some(times as u16) })
 }
 
 /// `MAV_CMD_NAV_DELAY` and `MAV_CMD_CONDITION_DELAY`; there is no time of day here.
@@ -246,6 +309,31 @@ mod tests {
         assert_eq!(step(178, [1.0, 0.3, -1.0, 0.0]), Ok(MissionStep::ChangeSpeed(MissionSpeed::Of(0.3))));
         assert_eq!(step(178, [1.0, -2.0, -1.0, 0.0]), Ok(MissionStep::ChangeSpeed(MissionSpeed::Default)));
         assert_eq!(step(178, [1.0, -1.0, -1.0, 0.0]), Ok(MissionStep::Skip));
+        let north = core::f32::consts::FRAC_PI_2;
+        assert_eq!(step(115, [0.0, 0.0, 0.0, 0.0]), Ok(MissionStep::Turn(MissionTurn::To(north))));
+        assert_eq!(step(115, [90.0, 0.0, 1.0, 1.0]), Ok(MissionStep::Turn(MissionTurn::By(-north))));
+        assert_eq!(step(115, [90.0, 0.0, -1.0, 1.0]), Ok(MissionStep::Turn(MissionTurn::By(north))));
+        assert_eq!(step(177, [3.0, 2.0, 0.0, 0.0]), Ok(MissionStep::Jump { to: 3, times: Some(2) }));
+        assert_eq!(step(177, [3.0, -1.0, 0.0, 0.0]), Ok(MissionStep::Jump { to: 3, times: None }));
+    }
+
+    #[test]
+    fn a_yaw_is_where_the_nose_points_and_none_is_none() {
+        let heading =
+            |command, yaw_deg| leg(&item(command, [0.0, 0.0, 0.0, yaw_deg]), &Home::default()).unwrap().heading;
+        // East is the world's x axis.
+        assert!(heading(16, 90.0).unwrap().abs() < 1e-6);
+        assert_eq!(heading(22, 0.0), Some(core::f32::consts::FRAC_PI_2));
+        assert_eq!([heading(16, NAN), heading(19, 90.0), heading(21, 90.0)], [None; 3]);
+    }
+
+    #[test]
+    fn a_jump_leads_to_an_item_that_there_is() {
+        let jump = |to| [item(16, [NAN; 4]), item(177, [to, 1.0, 0.0, 0.0])];
+        assert!(legs(&jump(1.0), &Home::default()).is_ok());
+        assert_eq!(legs(&jump(2.0), &Home::default()), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(step(177, [0.5, 1.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(step(177, [0.0, -2.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM2));
     }
 
     #[test]
@@ -254,7 +342,7 @@ mod tests {
             let item = MissionItem { frame: 2, ..item(command, [f32::INFINITY, NAN, -1.0, 1e30]) };
             assert_eq!(
                 leg(&item, &Home::default()),
-                Ok(MissionLeg { step: MissionStep::Skip, after: AfterStep::Proceed })
+                Ok(MissionLeg { step: MissionStep::Skip, heading: None, after: AfterStep::Proceed })
             );
         }
     }
@@ -272,7 +360,7 @@ mod tests {
         assert_eq!(step(178, [3.0, 1.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM1));
         assert_eq!(step(178, [1.0, 0.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM2));
         assert_eq!(step(178, [1.0, -3.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM2));
-        for command in [0, 18, 31, 177, 400, 5001, u16::MAX] {
+        for command in [0, 18, 31, 400, 5001, u16::MAX] {
             assert_eq!(step(command, [0.0; 4]), Err(MAV_MISSION_UNSUPPORTED), "{command}");
         }
         let high = MissionItem { height: -20.1, ..item(22, [NAN; 4]) };

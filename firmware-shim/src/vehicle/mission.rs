@@ -2,15 +2,18 @@
 
 use kestrel_core::vehicle::State;
 use mavlink::dialects::common::MavSeverity;
+use nalgebra::Vector3;
 
 use super::Vehicle;
 use crate::autopilot::{Command, Mode, Refusal, SPEED_LIMIT, SPEED_MINIMUM};
 use crate::frame::Payload;
+use crate::goal::Facing;
 use crate::message::sent;
 use crate::mission::runner::{Directive, DroneMotion, MissionInput, MissionPhase};
 use crate::mission::{self, MissionEvent, PlanKind};
 use crate::policy_backend::PolicyBackend;
 use crate::settings::FailsafeAction;
+use crate::steering::yaw;
 
 /// `MISSION_ITEM_REACHED` of the last item is told again after this \[s\], so often: clients count what is reached, and some
 /// wait for the last item for ever.
@@ -109,8 +112,12 @@ impl<P: PolicyBackend> Vehicle<P> {
         if !self.on_mission() {
             return;
         }
-        let situation =
-            MissionInput { position: state.position, motion: self.motion(), secs: self.elapsed_secs() };
+        let situation = MissionInput {
+            position: state.position,
+            heading: yaw(&state.world_from_body),
+            motion: self.motion(),
+            secs: self.elapsed_secs(),
+        };
         let mut reached = heapless::Vec::<u16, { mission::MISSION_ITEMS }>::new();
         let directive =
             self.runner.advance(self.plans.legs(), &situation, &mut |sequence| reached.extend([sequence]));
@@ -156,18 +163,26 @@ impl<P: PolicyBackend> Vehicle<P> {
             Directive::TakeOff { altitude_m: Some(height_m) } => {
                 Command::TakeOff { altitude_m: height_m - state.position.z }
             }
-            Directive::HeadFor { point, speed } => {
-                let speed = speed.unwrap_or(self.parameters.settings().cruise_speed);
-                self.controller
-                    .autopilot_mut()
-                    .command(Command::Speed(speed.clamp(SPEED_MINIMUM, SPEED_LIMIT)))?;
-                Command::GoTo(point)
+            Directive::HeadFor { point, speed, heading } => {
+                self.head_for(point, speed)?;
+                return heading.map_or(Ok(()), |heading| self.face(heading));
             }
+            Directive::Face { heading } => return self.face(heading),
             Directive::Return => Command::Return,
             Directive::Land => Command::Land,
             Directive::Done if self.mode().flies() && self.mode() != Mode::Landing => Command::Pause,
             Directive::Wait | Directive::Done => return Ok(()),
         };
         self.controller.autopilot_mut().command(command)
+    }
+    fn head_for(&mut self, point: Vector3<f32>, speed: Option<f32>) -> Result<(), Refusal> {
+        let speed = speed.unwrap_or(self.parameters.settings().cruise_speed).clamp(SPEED_MINIMUM, SPEED_LIMIT);
+        let autopilot = self.controller.autopilot_mut();
+        autopilot.command(Command::Speed(speed))?;
+        autopilot.command(Command::GoTo(point))
+    }
+
+    fn face(&mut self, heading: f32) -> Result<(), Refusal> {
+        self.controller.autopilot_mut().face(Facing::Toward(heading))
     }
 }

@@ -71,8 +71,11 @@ impl<P: PolicyBackend> Vehicle<P> {
 
     /// A peer wants something else.
     pub(super) fn stop_task(&mut self) {
-        if let Some((TaskPhase::Flying(start), _)) = self.task {
-            self.enter_phase(TaskPhase::Stopped(start + 1));
+        match self.task {
+            Some((TaskPhase::Flying(start), _)) => self.enter_phase(TaskPhase::Stopped(start + 1)),
+            // The command came before the task had begun.
+            Some((TaskPhase::Asked(start), _)) => self.enter_phase(TaskPhase::Stopped(start)),
+            Some((TaskPhase::Idle(_) | TaskPhase::Launching(_) | TaskPhase::Stopped(_), _)) | None => {}
         }
     }
 

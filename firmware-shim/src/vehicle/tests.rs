@@ -517,6 +517,20 @@ fn peers_of_a_fast_flight_may_be_silent_by_their_own_clocks() {
 }
 
 #[test]
+fn a_command_that_comes_before_a_task_has_begun_stops_it() {
+    let mut rig = Rig::flying();
+    rig.vehicle.offer_task(PolicyRole::SetPointsToo);
+    let ask = command_long(MavCmd::MAV_CMD_USER_1, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let land = command_long(MavCmd::MAV_CMD_NAV_LAND, LEFT_OPEN);
+    rig.receive(&[datagram(&ask), datagram(&land)].concat());
+    rig.heard.clear();
+    rig.vehicle.tend_task(&mut rig.plant);
+    rig.fly(0.1);
+    assert_eq!(texts(&rig.heard), ["task stopped"]);
+    assert_eq!(rig.vehicle.mode(), Mode::Landing);
+}
+
+#[test]
 fn who_comes_anew_has_the_default_intervals() {
     let mut rig = Rig::new();
     let off = command_long(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);

@@ -5,7 +5,7 @@ use super::*;
 const HERE: MissionTarget = MissionTarget { horizontal_m: None, height_m: None };
 
 fn proceed(step: MissionStep) -> MissionLeg {
-    MissionLeg { step, after: AfterStep::Proceed }
+    MissionLeg { step, heading: None, after: AfterStep::Proceed }
 }
 
 fn to(x: f32, y: f32, z: f32) -> MissionTarget {
@@ -14,6 +14,10 @@ fn to(x: f32, y: f32, z: f32) -> MissionTarget {
 
 fn go_to(x: f32, y: f32, z: f32, hold_secs: f32) -> MissionLeg {
     proceed(MissionStep::GoTo { target: to(x, y, z), hold_secs, radius_m: None })
+}
+
+fn on_ground() -> MissionInput {
+    MissionInput { position: Vector3::zeros(), heading: 0.0, motion: DroneMotion::OnGround, secs: 0.0 }
 }
 
 /// A drone that does what it is told at 1 m/s, ten times a second.
@@ -28,7 +32,7 @@ struct Drone {
 
 impl Drone {
     fn new(legs: &[MissionLeg]) -> Self {
-        let situation = MissionInput { position: Vector3::zeros(), motion: DroneMotion::OnGround, secs: 0.0 };
+        let situation = on_ground();
         let (runner, legs) = (MissionRunner::default(), legs.to_vec());
         Self { runner, legs, situation, reached: Vec::new(), told: Vec::new(), top: 0.0 }
     }
@@ -57,7 +61,14 @@ impl Drone {
                 let [x, y] = [self.situation.position.x, self.situation.position.y];
                 self.head_for(Vector3::new(x, y, self.top), 1.0);
             }
-            Directive::HeadFor { point, speed } => self.head_for(point, speed.unwrap_or(1.0)),
+            Directive::HeadFor { point, speed, heading } => {
+                self.situation.heading = heading.unwrap_or(self.situation.heading);
+                self.head_for(point, speed.unwrap_or(1.0));
+            }
+            // Half a radian a second.
+            Directive::Face { heading } => {
+                self.situation.heading += (heading - self.situation.heading).clamp(-0.05, 0.05);
+            }
             Directive::Wait | Directive::Done => {
                 if self.situation.motion != DroneMotion::OnGround {
                     self.situation.motion = DroneMotion::Resting;
@@ -102,7 +113,7 @@ fn a_mission_is_flown_from_take_off_to_landing() {
     assert_eq!(drone.reached, [0, 1, 2, 3, 4, 5]);
     assert_eq!(drone.runner.phase(), MissionPhase::Complete);
     assert_eq!(drone.runner.current(), 5);
-    let head_for = |x, y, speed| Directive::HeadFor { point: Vector3::new(x, y, 2.0), speed };
+    let head_for = |x, y, speed| Directive::HeadFor { point: Vector3::new(x, y, 2.0), speed, heading: None };
     let expected = [
         Directive::TakeOff { altitude_m: Some(2.0) },
         head_for(3.0, 0.0, None),
@@ -132,7 +143,7 @@ fn a_take_off_in_flight_climbs_and_never_sinks() {
         drone.situation.position = Vector3::new(0.0, 0.0, 1.0);
         drone.runner.start(&drone.legs.clone());
         let point = Vector3::new(1.0, 0.0, expected);
-        assert_eq!(drone.tick(), Directive::HeadFor { point, speed: None });
+        assert_eq!(drone.tick(), Directive::HeadFor { point, speed: None, heading: None });
     }
 }
 
@@ -142,8 +153,11 @@ fn a_take_off_elsewhere_climbs_before_it_travels() {
     let mut drone = Drone::started(&[proceed(MissionStep::TakeOff(target))]);
     drone.fly(10.0);
     let point = Vector3::new(2.0, 0.0, 3.0);
-    let expected =
-        [Directive::TakeOff { altitude_m: Some(3.0) }, Directive::HeadFor { point, speed: None }, Directive::Done];
+    let expected = [
+        Directive::TakeOff { altitude_m: Some(3.0) },
+        Directive::HeadFor { point, speed: None, heading: None },
+        Directive::Done,
+    ];
     assert_eq!(drone.told, expected);
 }
 
@@ -205,7 +219,10 @@ fn a_pause_waits_and_goes_on_with_the_same_item() {
     drone.fly(10.0);
     assert!(drone.reached.is_empty());
     drone.runner.resume();
-    assert_eq!(drone.tick(), Directive::HeadFor { point: Vector3::new(5.0, 0.0, 1.0), speed: None });
+    assert_eq!(
+        drone.tick(),
+        Directive::HeadFor { point: Vector3::new(5.0, 0.0, 1.0), speed: None, heading: None }
+    );
     drone.fly(10.0);
     assert_eq!(drone.reached, [0, 1]);
 }
@@ -253,11 +270,49 @@ fn a_mission_that_is_over_starts_anew() {
 }
 
 #[test]
+fn a_jump_leads_back_as_often_as_it_says_and_again_when_it_is_come_to_anew() {
+    let jump = |to, times| proceed(MissionStep::Jump { to, times: Some(times) });
+    let [first, second] = [go_to(1.0, 0.0, 1.0, 0.0), go_to(2.0, 0.0, 1.0, 0.0)];
+    let mut drone = Drone::started(&[first, second, jump(1, 2), jump(0, 1), proceed(MissionStep::Land(HERE))]);
+    drone.fly(60.0);
+    assert_eq!(drone.reached, [0, 1, 1, 1, 2, 0, 1, 1, 1, 2, 3, 4]);
+    assert_eq!(drone.runner.phase(), MissionPhase::Complete);
+}
+
+#[test]
+fn jumps_that_lead_round_and_round_without_a_way_end_no_tick() {
+    let for_ever = proceed(MissionStep::Jump { to: 0, times: None });
+    let mut drone = Drone::started(&[proceed(MissionStep::Skip), for_ever]);
+    assert_eq!(drone.tick(), Directive::Wait);
+    assert_eq!(drone.runner.phase(), MissionPhase::Active);
+    drone.runner.pause();
+    assert_eq!(drone.runner.phase(), MissionPhase::Paused);
+}
+
+#[test]
+fn a_nose_turns_where_it_should_and_nobody_waits_for_one_that_does_not() {
+    let turn = |turn| proceed(MissionStep::Turn(turn));
+    let faces = MissionLeg { heading: Some(-1.0), ..go_to(1.0, 0.0, 1.0, 0.0) };
+    let mut drone = Drone::started(&[faces, turn(MissionTurn::By(0.5)), turn(MissionTurn::To(2.0))]);
+    drone.fly(15.0);
+    assert!(drone.told.contains(&Directive::Face { heading: -0.5 }), "{:?}", drone.told);
+    assert!((drone.situation.heading - 2.0).abs() <= TURNED_RAD, "{}", drone.situation.heading);
+    assert_eq!(drone.reached, [0, 1, 2]);
+    let mut blind = MissionRunner::default();
+    let legs = [turn(MissionTurn::To(2.0))];
+    assert!(blind.start(&legs));
+    let resting = MissionInput { motion: DroneMotion::Resting, ..on_ground() };
+    assert_eq!(blind.advance(&legs, &resting, &mut |_| panic!()), Directive::Face { heading: 2.0 });
+    let later = MissionInput { secs: TURN_SECS, ..resting };
+    assert_eq!(blind.advance(&legs, &later, &mut |_| {}), Directive::Done);
+}
+
+#[test]
 fn no_mission_starts_nothing_and_one_that_vanished_is_over() {
     let mut runner = MissionRunner::default();
     assert!(!runner.start(&[]));
     assert!(runner.start(&[proceed(MissionStep::Skip)]));
-    let situation = MissionInput { position: Vector3::zeros(), motion: DroneMotion::OnGround, secs: 0.0 };
+    let situation = on_ground();
     assert_eq!(runner.advance(&[], &situation, &mut |_| panic!()), Directive::Done);
 }
 
@@ -268,7 +323,10 @@ fn a_drone_that_does_not_know_where_it_is_waits() {
     drone.situation.position.x = f32::NAN;
     assert_eq!(drone.tick(), Directive::Wait);
     drone.situation.position.x = 0.0;
-    assert_eq!(drone.tick(), Directive::HeadFor { point: Vector3::new(1.0, 0.0, 1.0), speed: None });
+    assert_eq!(
+        drone.tick(),
+        Directive::HeadFor { point: Vector3::new(1.0, 0.0, 1.0), speed: None, heading: None }
+    );
 }
 
 fn any_leg() -> impl Strategy<Value = MissionLeg> {
@@ -288,10 +346,14 @@ fn any_leg() -> impl Strategy<Value = MissionLeg> {
         Just(MissionStep::Return),
         (0.1_f32..2.0).prop_map(|speed| MissionStep::ChangeSpeed(MissionSpeed::Of(speed))),
         (0.0_f32..2.0).prop_map(|secs| MissionStep::Delay { secs }),
+        (-3.0_f32..3.0).prop_map(|angle| MissionStep::Turn(MissionTurn::By(angle))),
         Just(MissionStep::Skip),
     ];
-    (step, prop_oneof![Just(AfterStep::Proceed), Just(AfterStep::Pause)])
-        .prop_map(|(step, after)| MissionLeg { step, after })
+    (step, prop_oneof![Just(AfterStep::Proceed), Just(AfterStep::Pause)]).prop_map(|(step, after)| MissionLeg {
+        step,
+        heading: None,
+        after,
+    })
 }
 
 proptest! {
