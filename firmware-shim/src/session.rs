@@ -59,7 +59,7 @@ pub struct SessionOptions {
     #[arg(long, value_name = "FAULTS")]
     pub link_faults: Option<FaultPlan>,
 
-    /// Write every frame received and sent to this file, as pymavlink writes a .tlog
+    /// Write every frame received, its answers, and what the first peer is told to this file, as pymavlink does (.tlog)
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
 
