@@ -331,8 +331,11 @@ impl MissionRunner {
         waiting.then(|| at.map_or(Directive::Wait, |point| self.head_for(point)))
     }
 
-    /// Turns the nose, and waits for it.
+    /// Turns the nose, and waits for it; on the ground nothing turns.
     fn turn(&mut self, turn: MissionTurn, situation: &MissionInput) -> Option<Directive> {
+        if situation.motion == DroneMotion::OnGround {
+            return None;
+        }
         let (heading, since_secs) = match (self.stage, turn) {
             (Stage::Turning { heading, since_secs }, _) => (heading, since_secs),
             (_, MissionTurn::To(heading)) => (heading, situation.secs),

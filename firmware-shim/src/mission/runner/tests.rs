@@ -305,6 +305,8 @@ fn a_nose_turns_where_it_should_and_nobody_waits_for_one_that_does_not() {
     assert_eq!(blind.advance(&legs, &resting, &mut |_| panic!()), Directive::Face { heading: 2.0 });
     let later = MissionInput { secs: TURN_SECS, ..resting };
     assert_eq!(blind.advance(&legs, &later, &mut |_| {}), Directive::Done);
+    assert!(blind.start(&legs));
+    assert_eq!(blind.advance(&legs, &on_ground(), &mut |_| {}), Directive::Done, "on the ground nothing turns");
 }
 
 #[test]
