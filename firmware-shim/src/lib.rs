@@ -23,6 +23,7 @@ pub mod message;
 pub mod mission;
 pub mod parameter;
 pub mod persistent_store;
+pub mod personality;
 pub mod policy_bytes;
 pub mod session;
 pub mod signing;

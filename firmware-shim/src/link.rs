@@ -195,8 +195,12 @@ pub trait Link: Send {
     /// Who is to be told what the vehicle says unasked.
     fn listeners(&self) -> Listeners;
 
-    /// Sends a frame to an endpoint that spoke or listens; one that is gone hears nothing.
+    /// Sends a frame to an endpoint that spoke or listens, at the latest with the next [`Link::flush`]; one that is gone hears
+    /// nothing.
     fn send_to(&mut self, endpoint: EndpointId, frame: &[u8]);
+
+    /// Sends what waits to be sent together.
+    fn flush(&mut self) {}
 }
 
 /// Takes what a peer sent, says whether it was good, and answers the peer.
@@ -279,7 +283,12 @@ impl Links {
         peers.map(|(link, endpoint)| Peer { link, endpoint }).collect()
     }
 
-    /// Sends a frame to a peer.
+    /// Sends what waits to be sent together.
+    pub fn flush(&mut self) {
+        self.attached.iter_mut().for_each(|attached| attached.link.flush());
+    }
+
+    /// Sends a frame to a peer, at the latest with the next [`Links::flush`].
     pub fn send_to(&mut self, peer: Peer, frame: &[u8]) {
         if let Some(attached) = self.attached.get_mut(usize::from(peer.link)) {
             attached.link.send_to(peer.endpoint, frame);
@@ -304,6 +313,7 @@ impl Attached {
                 }
             }
         }
+        self.link.flush();
         Ok(())
     }
 }

@@ -16,7 +16,7 @@ use crate::link::{LinkError, Links, Peer};
 use crate::persistent_store::{PersistentStore, PersistentStoreError};
 use crate::plant::Plant;
 use crate::policy_backend::PolicyBackend;
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Punctuality, Vehicle};
 
 /// A loop that lags farther behind the wall clock does not catch up \[s\]: the machine slept or is too slow.
 const LAG_LIMIT: Duration = Duration::from_millis(250);
@@ -162,9 +162,12 @@ pub fn fly<P: PolicyBackend>(
             // An unthrottled flight repeats itself to the bit, telemetry included.
             if pace != SimulationRate::Unthrottled {
                 simulated.vehicle.note_latency(simulated.latency.as_secs_f32());
+                simulated.vehicle.note_punctuality(clock.recent);
             }
         }
-        clock.wait_and(&mut || vehicles.iter_mut().try_for_each(SimulatedVehicle::attend))?;
+        clock.wait_and(&mut |ahead_secs| {
+            vehicles.iter_mut().try_for_each(|simulated| simulated.attend(ahead_secs))
+        })?;
     }
     vehicles.iter_mut().try_for_each(SimulatedVehicle::finish)?;
     let simulated_secs = vehicles.first().map_or(0.0, |first| first.vehicle.elapsed_secs() - start_secs);
@@ -224,6 +227,7 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
         let Self { vehicle, plant, links, crtp, log, store, latency, rotor_targets } = self;
         let secs = vehicle.elapsed_secs();
         let begin = Instant::now();
+        vehicle.note_ahead(0.0);
         if let Some(store) = store {
             store.begin_period(vehicle);
         }
@@ -247,6 +251,7 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
             }
             links.send_to(peer, frame);
         });
+        links.flush();
         *latency = begin.elapsed();
         if let Some(log) = log {
             log.end_period(secs)?;
@@ -264,9 +269,10 @@ impl<'a, P: PolicyBackend> SimulatedVehicle<'a, P> {
         })
     }
 
-    /// Hears what has arrived since, between two control periods.
-    fn attend(&mut self) -> Result<(), FlightError> {
+    /// Hears what has arrived since, so long before the next control period \[s, simulated\].
+    fn attend(&mut self, ahead_secs: f64) -> Result<(), FlightError> {
         let Self { vehicle, links, log, .. } = self;
+        vehicle.note_ahead(ahead_secs);
         links.receive(&mut |peer, datagram, answer| hear(vehicle, log, peer, datagram, answer))?;
         Ok(())
     }
@@ -311,10 +317,18 @@ fn note(log: &mut Option<&mut FlightLog>, secs: f64, datagram: &[u8]) {
 pub(crate) struct Clock {
     /// Wall time of a control period \[s\]; none if unthrottled.
     period_secs: Option<f64>,
+    /// Simulated time of one \[s\].
+    control_secs: f64,
     start: Instant,
     periods: u64,
     timing: Timing,
+    /// When the last second began, and what the timing was then.
+    last_second: (Instant, Timing),
+    recent: Option<Punctuality>,
 }
+
+/// How often peers are told how the flight keeps its pace.
+const SECOND: Duration = Duration::from_secs(1);
 
 impl Clock {
     pub(crate) fn new(pace: SimulationRate, control_period: Duration) -> Self {
@@ -322,7 +336,9 @@ impl Clock {
             SimulationRate::Speed(speed) => Some(control_period.as_secs_f64() / speed),
             SimulationRate::Unthrottled => None,
         };
-        Self { period_secs, start: Instant::now(), periods: 0, timing: Timing::default() }
+        let (start, timing) = (Instant::now(), Timing::default());
+        let control_secs = control_period.as_secs_f64();
+        Self { period_secs, control_secs, start, periods: 0, timing, last_second: (start, timing), recent: None }
     }
 
     /// Waits for the next period.
@@ -331,9 +347,10 @@ impl Clock {
         thread::sleep(self.until_next(period_secs, Instant::now()));
     }
 
-    /// The same, and does something now and then meanwhile.
-    fn wait_and<E>(&mut self, attend: &mut dyn FnMut() -> Result<(), E>) -> Result<(), E> {
+    /// The same, and does something now and then meanwhile, that is told how far off the period is \[s, simulated\].
+    fn wait_and<E>(&mut self, attend: &mut dyn FnMut(f64) -> Result<(), E>) -> Result<(), E> {
         let Some(period_secs) = self.period_secs else { return Ok(()) };
+        let speed = self.control_secs / period_secs;
         let begin = Instant::now();
         let wait = self.until_next(period_secs, begin);
         self.timing.periods += 1;
@@ -346,11 +363,29 @@ impl Clock {
                 let late_secs = (now - end).as_secs_f64();
                 let [late, latest] = self.timing.late_secs;
                 self.timing.late_secs = [late + late_secs, latest.max(late_secs)];
+                self.look_back(now);
                 return Ok(());
             }
             thread::sleep(left.min(ATTENTION_PERIOD));
-            attend()?;
+            attend(speed * end.saturating_duration_since(Instant::now()).as_secs_f64())?;
         }
+    }
+
+    /// Looks at the last second, once it is over.
+    fn look_back(&mut self, now: Instant) {
+        let (since, before) = self.last_second;
+        let secs = now.saturating_duration_since(since);
+        if secs < SECOND {
+            return;
+        }
+        let periods = (self.timing.periods - before.periods) as f64;
+        let late_secs = self.timing.late_secs[0] - before.late_secs[0];
+        self.recent = Some(Punctuality {
+            real_time_factor: (periods * self.control_secs / secs.as_secs_f64()) as f32,
+            late_secs: (late_secs / periods.max(1.0)) as f32,
+            overruns: self.timing.overruns,
+        });
+        self.last_second = (now, self.timing);
     }
 
     /// How long to sleep until the next period.

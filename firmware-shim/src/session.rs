@@ -25,8 +25,9 @@ use crate::link::tcp::{self, TcpLink};
 use crate::link::udp::{UdpAddresses, UdpLink};
 use crate::link::{Link, LinkCounts, LinkError, Links};
 use crate::lockstep::{self, ControlPeriod, FlightError, Next, SimulatedVehicle, SimulationRate, Timing};
-use crate::message::sent::identity::{Personality, PolicyIdentity};
+use crate::message::sent::identity::PolicyIdentity;
 use crate::persistent_store::{PersistentStore, PersistentStoreError};
+use crate::personality::Personality;
 use crate::plant::Plant;
 use crate::policy_backend::PolicyBackend;
 use crate::policy_bytes::PolicyBytes;
@@ -76,7 +77,7 @@ pub struct SessionOptions {
     pub system: u8,
 
     /// Autopilot that the vehicle says it is
-    #[arg(long, value_enum, default_value_t = Personality::Generic)]
+    #[arg(long, value_enum, default_value_t)]
     pub personality: Personality,
 
     /// Place of the world's origin on Earth, in degrees and metres above sea level
@@ -198,7 +199,7 @@ impl Default for SessionOptions {
             log_start: None,
             crtp: None,
             system: 1,
-            personality: Personality::Generic,
+            personality: Personality::default(),
             home: Home::default(),
             parameters: None,
             signing_key: None,

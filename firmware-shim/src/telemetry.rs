@@ -35,16 +35,24 @@ pub enum TelemetryStream {
     HighresImu,
     /// `DISTANCE_SENSOR` of each ranger, 5 Hz.
     DistanceSensor,
+    /// `OBSTACLE_DISTANCE` around the drone, as far as its rangers see, 5 Hz.
+    ObstacleDistance,
     /// `ESC_STATUS`, on request: pymavlink's usual dialect does not know it.
     EscStatus,
     /// `ESTIMATOR_STATUS`, 1 Hz.
     EstimatorStatus,
+    /// `LOCAL_POSITION_NED_COV`, on request: all of it is in `LOCAL_POSITION_NED` and `HIGHRES_IMU`.
+    LocalPositionCov,
+    /// `ATTITUDE_TARGET`, 2 Hz.
+    AttitudeTarget,
     /// `ATTITUDE_QUATERNION`, 50 Hz.
     AttitudeQuaternion,
     /// `ATTITUDE`, 50 Hz.
     Attitude,
     /// `LOCAL_POSITION_NED`, 50 Hz.
     LocalPosition,
+    /// `CONTROL_STATUS`, 1 Hz.
+    ControlStatus,
     /// What the policy is and how fast it answers, as `NAMED_VALUE_FLOAT` and `NAMED_VALUE_INT`, 1 Hz.
     Policy,
 }
@@ -54,7 +62,7 @@ const NEVER: f32 = -1.0;
 
 impl TelemetryStream {
     /// All of them, in the order in which they are sent.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 26] = [
         Self::Heartbeat,
         Self::SysStatus,
         Self::ExtendedSysState,
@@ -71,11 +79,15 @@ impl TelemetryStream {
         Self::Odometry,
         Self::HighresImu,
         Self::DistanceSensor,
+        Self::ObstacleDistance,
         Self::EscStatus,
         Self::EstimatorStatus,
+        Self::LocalPositionCov,
+        Self::AttitudeTarget,
         Self::AttitudeQuaternion,
         Self::Attitude,
         Self::LocalPosition,
+        Self::ControlStatus,
         Self::Policy,
     ];
 
@@ -95,7 +107,9 @@ impl TelemetryStream {
             Self::GlobalPosition => 33,
             Self::ServoOutputRaw => 36,
             Self::MissionCurrent => 42,
+            Self::LocalPositionCov => 64,
             Self::VfrHud => 74,
+            Self::AttitudeTarget => 83,
             Self::PositionTarget => 85,
             Self::HighresImu => 105,
             Self::DistanceSensor => 132,
@@ -106,8 +120,10 @@ impl TelemetryStream {
             Self::ExtendedSysState => 245,
             Self::Policy => 251,
             Self::EscStatus => 291,
+            Self::ObstacleDistance => 330,
             Self::Odometry => 331,
             Self::CurrentMode => 436,
+            Self::ControlStatus => 512,
         }
     }
 
@@ -119,11 +135,12 @@ impl TelemetryStream {
             | Self::MissionCurrent
             | Self::Altitude
             | Self::EstimatorStatus
+            | Self::ControlStatus
             | Self::Policy => 1.0,
-            Self::ExtendedSysState => 0.5,
-            Self::EscStatus => NEVER,
+            Self::ExtendedSysState | Self::AttitudeTarget => 0.5,
+            Self::EscStatus | Self::LocalPositionCov => NEVER,
             Self::VfrHud => 0.25,
-            Self::GpsRawInt | Self::DistanceSensor => 0.2,
+            Self::GpsRawInt | Self::DistanceSensor | Self::ObstacleDistance => 0.2,
             Self::ServoOutputRaw | Self::PositionTarget | Self::GlobalPosition | Self::HighresImu => 0.1,
             Self::Odometry => 0.04,
             Self::AttitudeQuaternion | Self::Attitude | Self::LocalPosition => 0.02,
@@ -180,7 +197,10 @@ mod tests {
         let counts = TelemetryStream::ALL.map(|stream| in_ten_secs(&schedule, stream));
         assert_eq!(
             counts,
-            [10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 100, 50, 0, 10, 500, 500, 500, 10]
+            [
+                10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 100, 50, 50, 0, 10, 0, 20, 500, 500, 500,
+                10, 10
+            ]
         );
     }
 

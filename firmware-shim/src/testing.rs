@@ -10,12 +10,18 @@ use mavlink::{MavlinkVersion, Message, MessageData};
 
 use crate::frame::{Encoder, Frames, Payload};
 use crate::geodesy::Home;
-use crate::message::sent::identity::{Personality, PolicyIdentity};
+use crate::message::sent::identity::PolicyIdentity;
+use crate::personality::Personality;
 use crate::vehicle::VehicleProfile;
 
 /// The bytes in which a ground station (system 255, component 190) sends a message.
 pub(crate) fn datagram<D: MessageData>(message: &D) -> Vec<u8> {
     Encoder::new(255, 190).encode(&Payload::of(message)).to_vec()
+}
+
+/// The bytes in which another system sends a message.
+pub(crate) fn datagram_of<D: MessageData>(system: u8, message: &D) -> Vec<u8> {
+    Encoder::new(system, 190).encode(&Payload::of(message)).to_vec()
 }
 
 /// A command to system 1.
@@ -50,10 +56,21 @@ pub(crate) fn set_point([x, y, z]: [f32; 3]) -> SET_POSITION_TARGET_LOCAL_NED_DA
     }
 }
 
+/// `CONTROL_STATUS`, which the `mavlink` crate does not know, as it does not know the command (in a `COMMAND_LONG`) by which
+/// the control is asked for.
+pub(crate) const CONTROL_STATUS: u32 = 512;
+const COMMAND_LONG: u32 = 76;
+
 /// The message in the bytes of one frame.
 pub(crate) fn message(bytes: &[u8]) -> MavMessage {
     let frame = Frames::new(bytes).next().unwrap().unwrap();
     MavMessage::parse(MavlinkVersion::V2, frame.message_id, frame.payload).unwrap()
+}
+
+/// The same of what a vehicle says; none if the crate does not know it.
+pub(crate) fn told(bytes: &[u8]) -> Option<MavMessage> {
+    let frame = Frames::new(bytes).next().unwrap().unwrap();
+    (![CONTROL_STATUS, COMMAND_LONG].contains(&frame.message_id)).then(|| message(bytes))
 }
 
 /// Who a vehicle of tests is.

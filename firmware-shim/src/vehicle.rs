@@ -6,6 +6,8 @@ mod command;
 mod declined;
 mod loss;
 mod mission;
+mod operator;
+mod sticks;
 mod task;
 
 use core::time::Duration;
@@ -30,14 +32,15 @@ use crate::frame::{Frame, Frames, Payload};
 use crate::geodesy::Home;
 use crate::goal::MovingGoal;
 use crate::link::Peer;
-use crate::message::sent::identity::{Personality, PolicyIdentity};
+use crate::message::sent::identity::PolicyIdentity;
 use crate::message::sent::{self, motion, status, surroundings};
 use crate::mission as mission_protocol;
 use crate::mission::runner::Directive;
 use crate::mission::{MissionProtocol, MissionRunner};
 use crate::parameter::protocol::ParameterProtocol;
-use crate::parameter::received as parameter_received;
+use crate::parameter::received::{self as parameter_received, ParameterKey, ParameterRequest};
 use crate::parameter::{Parameters, table::Parameter};
+use crate::personality::Personality;
 use crate::plant::Ranges;
 use crate::policy_backend::PolicyBackend;
 use crate::request::{self, CommandRequest, Request, SetPointError};
@@ -46,6 +49,8 @@ use crate::telemetry::TelemetryStream;
 use self::mission::Reached;
 use channel::{Channel, Channels};
 use loss::Losses;
+pub use operator::Operator;
+use operator::{Control, Purpose};
 pub use task::PolicyRole;
 use task::TaskPhase;
 
@@ -71,6 +76,17 @@ pub struct VehicleProfile {
     pub policy: PolicyIdentity,
 }
 
+/// How a flight kept its pace of late.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Punctuality {
+    /// Simulated seconds in one.
+    pub real_time_factor: f32,
+    /// How late control periods began, on average \[s\].
+    pub late_secs: f32,
+    /// Control periods since the start whose work was not done in their time.
+    pub overruns: u64,
+}
+
 /// A [`FlightController`], and what wants an operating system.
 pub struct Vehicle<P> {
     controller: FlightController<P, ANSWERS>,
@@ -86,13 +102,22 @@ pub struct Vehicle<P> {
     losses: Losses,
     /// The task of its plant, if that has one.
     task: Option<(TaskPhase, PolicyRole)>,
+    control: Control,
+    /// Whether it is flown by sticks, if some come.
+    by_sticks: bool,
+    /// What everybody is told with the next tick.
+    notices: Vec<Payload>,
     last_text: Option<(&'static str, f64)>,
     battery: Battery,
     latency_secs: f32,
+    /// How it keeps its pace, where it has one.
+    punctuality: Option<Punctuality>,
+    /// How far the clock of the vehicle is ahead of its peers' \[s\]: the next control period is not due yet.
+    ahead_secs: f64,
     /// What rangers measured last, until it is told.
     ranges: Option<Ranges>,
-    /// Of the last control period \[m/s²\], in the drone's axes.
-    specific_force: Vector3<f32>,
+    /// Of the last control period \[m/s²\], in the world's axes.
+    acceleration: Vector3<f32>,
     last_velocity: Option<Vector3<f32>>,
     /// Seconds of flight in one of the peers' clocks.
     pace: f32,
@@ -117,11 +142,16 @@ impl<P: PolicyBackend> Vehicle<P> {
             profile,
             losses: Losses::default(),
             task: None,
+            control: Control::default(),
+            by_sticks: false,
+            notices: Vec::new(),
             last_text: None,
             battery: Battery::full(),
             latency_secs: 0.0,
+            punctuality: None,
+            ahead_secs: 0.0,
             ranges: None,
-            specific_force: Vector3::zeros(),
+            acceleration: Vector3::zeros(),
             last_velocity: None,
             pace: 1.0,
             rotor_targets: [0.0; 4],
@@ -184,9 +214,21 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.latency_secs = secs;
     }
 
+    /// Takes note of how the flight keeps its pace, to tell peers.
+    pub fn note_punctuality(&mut self, punctuality: Option<Punctuality>) {
+        self.punctuality = punctuality;
+    }
+
+    /// Takes note of how far off the next control period is \[s, simulated\]: peers that ask for the time are told that of
+    /// now.
+    pub fn note_ahead(&mut self, secs: f64) {
+        self.ahead_secs = secs;
+    }
+
     /// Whether what rangers measure is to be told with the next tick.
     pub fn wants_ranges(&self) -> bool {
-        self.channels.are_due(TelemetryStream::DistanceSensor, self.controller.ticks())
+        let streams = [TelemetryStream::DistanceSensor, TelemetryStream::ObstacleDistance];
+        streams.iter().any(|stream| self.channels.are_due(*stream, self.controller.ticks()))
     }
 
     /// Takes note of what rangers measure.
@@ -245,18 +287,56 @@ impl<P: PolicyBackend> Vehicle<P> {
             | Command::Land => {
                 self.pause_mission();
                 self.stop_task();
+                self.by_sticks = false;
             }
         }
         Ok(())
     }
 
-    /// Takes one of a stream of set-points, unless a mission is flown.
-    fn set_point(&mut self, set_point: SetPoint) -> Result<(), Refusal> {
+    /// Has the autopilot execute a command of an operator, if it may command.
+    ///
+    /// # Errors
+    /// As [`Vehicle::order`], and [`Refusal::OtherOperator`].
+    pub fn order_as(&mut self, operator: Operator, command: Command) -> Result<(), Refusal> {
+        self.note_heard(operator);
+        let purpose = match command {
+            Command::Disarm | Command::SelectController(_) | Command::Speed(_) => Purpose::Change,
+            Command::StopMotors | Command::Pause | Command::Return | Command::Land => Purpose::Stop,
+            Command::Arm
+            | Command::TakeOff { .. }
+            | Command::GoTo(_)
+            | Command::Velocity(_)
+            | Command::Offboard => Purpose::Fly,
+        };
+        self.permit(operator, purpose)?;
+        self.order(command)?;
+        self.note_done(operator, purpose);
+        Ok(())
+    }
+
+    /// Takes one of a stream of set-points of an operator, unless a mission is flown.
+    fn set_point(&mut self, set_point: SetPoint, operator: Operator) -> Result<(), Refusal> {
+        self.permit(operator, Purpose::Fly)?;
         if self.on_mission() {
-            Err(Refusal::OnMission)
-        } else {
-            self.controller.autopilot_mut().set_point(set_point)
+            return Err(Refusal::OnMission);
         }
+        let mut outcome = self.controller.autopilot_mut().set_point(set_point);
+        if outcome == Err(Refusal::NotOffboard) && self.is_guided() {
+            self.order(Command::Offboard)?;
+            outcome = self.controller.autopilot_mut().set_point(set_point);
+        }
+        if outcome.is_ok() {
+            self.by_sticks = false;
+            self.note_done(operator, Purpose::Fly);
+        }
+        outcome
+    }
+
+    /// Whether set-points of every kind are followed at once, as `ArduPilot` follows them in its mode GUIDED.
+    fn is_guided(&self) -> bool {
+        self.profile.personality == Personality::Ardupilot
+            && [Mode::Holding, Mode::Guided].contains(&self.mode())
+            && self.autopilot().trusts_streams()
     }
 
     /// Does what a datagram of a peer asks for; `answer` gets the frames for that peer. Whether any frame in it was good: if
@@ -293,9 +373,14 @@ impl<P: PolicyBackend> Vehicle<P> {
             self.battery.drain(self.controller.autopilot().control_secs(), self.controller.autopilot().settings());
         }
         self.announce(before);
+        self.tend_sticks();
+        self.tend_control();
         self.fly_mission(state);
         self.repeat_reached();
         self.channels.are_of(listeners);
+        for notice in core::mem::take(&mut self.notices) {
+            tell(&mut self.controller, &mut self.channels, &notice, send);
+        }
         while let Some(payload) = self.controller.next_payload() {
             tell(&mut self.controller, &mut self.channels, &payload, send);
         }
@@ -305,16 +390,21 @@ impl<P: PolicyBackend> Vehicle<P> {
                 self.publish(stream, state, send);
             }
         }
+        self.ranges = None;
         self.channels.end_period();
         self.controller.end_period();
         self.rotor_targets
     }
 
-    /// The specific force of the control period that has just ended.
+    /// The acceleration of the control period that has just ended.
     fn feel(&mut self, state: &State<f32>) {
         let before = self.last_velocity.replace(state.velocity).unwrap_or(state.velocity);
-        let acceleration = (state.velocity - before) / self.autopilot().control_secs();
-        self.specific_force = state.world_from_body.rotate_inverse(acceleration + Vector3::z() * GRAVITY as f32);
+        self.acceleration = (state.velocity - before) / self.autopilot().control_secs();
+    }
+
+    /// What an inertial unit felt then \[m/s²\], in the drone's axes.
+    fn specific_force(&self, state: &State<f32>) -> Vector3<f32> {
+        state.world_from_body.rotate_inverse(self.acceleration + Vector3::z() * GRAVITY as f32)
     }
 
     /// What is due of the parameters' list, and of an upload.
@@ -337,42 +427,64 @@ impl<P: PolicyBackend> Vehicle<P> {
         }
     }
 
-    /// What the policy is (its hash), how old its last answer is, and how long the last tick took.
-    fn policy_report(&self) -> [Payload; 3] {
+    /// What the policy is (its hash), how old its last answer is, how long the last tick took, and how the flight keeps
+    /// its pace.
+    fn policy_report(&self) -> heapless::Vec<Payload, MESSAGES> {
         let time = self.time_boot_ms();
         let [a, b, c, d, ..] = self.profile.policy.hash;
-        [
+        let policy = [
             status::named_float("RL_AGE_MS", self.autopilot().silent_secs() * 1e3, time),
             status::named_float("RL_LAT_MS", self.latency_secs * 1e3, time),
             status::named_integer("RL_HASH", i32::from_be_bytes([a, b, c, d]), time),
-        ]
+        ];
+        let pace = self.punctuality.map(|Punctuality { real_time_factor, late_secs, overruns }| {
+            [
+                status::named_float("RL_RTF", real_time_factor, time),
+                status::named_float("RL_LATE_MS", late_secs * 1e3, time),
+                status::named_integer("RL_OVERRUN", i32::try_from(overruns).unwrap_or(i32::MAX), time),
+            ]
+        });
+        policy.into_iter().chain(pace.into_iter().flatten()).collect()
     }
 
     /// Most streams are of one message.
     fn payloads(&mut self, stream: TelemetryStream, state: &State<f32>) -> heapless::Vec<Payload, MESSAGES> {
         if stream == TelemetryStream::Policy {
-            return self.policy_report().into_iter().collect();
+            return self.policy_report();
         }
         if stream == TelemetryStream::DistanceSensor {
             let time = self.time_boot_ms();
-            let ranges =
-                self.ranges.take().into_iter().flat_map(|ranges| surroundings::distance_sensors(&ranges, time));
+            let ranges = self.ranges.iter().flat_map(|ranges| surroundings::distance_sensors(ranges, time));
             return ranges.collect();
+        }
+        if stream == TelemetryStream::ObstacleDistance {
+            let time_usec = self.time_usec();
+            return self.ranges.iter().map(|ranges| surroundings::obstacle_distance(ranges, time_usec)).collect();
         }
         [self.payload(stream, state)].into_iter().collect()
     }
 
     fn payload(&mut self, stream: TelemetryStream, state: &State<f32>) -> Payload {
         let time_boot_ms = self.time_boot_ms();
-        let time_usec = (self.elapsed_secs() * 1e6) as u64;
+        let time_usec = self.time_usec();
         let origin = &self.profile.origin;
-        let flight_mode = self.flight_mode();
+        let personality = self.profile.personality;
+        let flight_mode = personality.told(self.flight_mode());
         match stream {
-            TelemetryStream::Heartbeat => status::heartbeat(self.mode(), flight_mode, self.profile.personality),
+            TelemetryStream::Heartbeat => status::heartbeat(self.mode(), flight_mode, personality),
             TelemetryStream::SysStatus => status::sys_status(&self.health(state)),
             TelemetryStream::ExtendedSysState => status::extended_sys_state(self.mode()),
-            TelemetryStream::CurrentMode | TelemetryStream::Policy | TelemetryStream::DistanceSensor => {
-                status::current_mode(flight_mode)
+            // Those of several messages are told elsewhere.
+            TelemetryStream::CurrentMode
+            | TelemetryStream::Policy
+            | TelemetryStream::DistanceSensor
+            | TelemetryStream::ObstacleDistance => status::current_mode(flight_mode, personality),
+            TelemetryStream::ControlStatus => self.control_status(),
+            TelemetryStream::LocalPositionCov => {
+                motion::local_position_ned_cov(state, &self.acceleration, time_usec)
+            }
+            TelemetryStream::AttitudeTarget => {
+                motion::attitude_target(self.autopilot().attitude_set_point(), time_boot_ms)
             }
             TelemetryStream::MissionCurrent => self.mission_current(),
             TelemetryStream::BatteryStatus => status::battery_status(&self.battery),
@@ -384,7 +496,7 @@ impl<P: PolicyBackend> Vehicle<P> {
             TelemetryStream::PositionTarget => motion::position_target(self.autopilot().goal(), time_boot_ms),
             TelemetryStream::GlobalPosition => motion::global_position_int(state, origin, time_boot_ms),
             TelemetryStream::Odometry => motion::odometry(state, time_usec),
-            TelemetryStream::HighresImu => motion::highres_imu(state, &self.specific_force, time_usec),
+            TelemetryStream::HighresImu => motion::highres_imu(state, &self.specific_force(state), time_usec),
             TelemetryStream::EscStatus => motion::esc_status(&state.rotor_speeds, time_usec),
             TelemetryStream::EstimatorStatus => motion::estimator_status(time_usec),
             TelemetryStream::AttitudeQuaternion => motion::attitude_quaternion(state, time_boot_ms),
@@ -397,6 +509,9 @@ impl<P: PolicyBackend> Vehicle<P> {
         if self.on_mission() {
             return FlightMode::Mission;
         }
+        if self.by_sticks && [Mode::Holding, Mode::Offboard].contains(&self.mode()) {
+            return FlightMode::Position;
+        }
         FlightMode::of(self.autopilot().mode(), self.autopilot().active_controller())
     }
 
@@ -408,6 +523,10 @@ impl<P: PolicyBackend> Vehicle<P> {
             garbage: self.counts().garbage,
             refused: self.counts().refused,
         }
+    }
+
+    fn time_usec(&self) -> u64 {
+        (self.elapsed_secs() * 1e6) as u64
     }
 
     fn time_boot_ms(&self) -> u32 {
@@ -458,6 +577,7 @@ impl<P: PolicyBackend> Vehicle<P> {
     fn handle(&mut self, frame: &Frame, peer: Peer) -> Audience {
         let sender = Sender::of(frame);
         self.losses.note(sender, self.elapsed_secs());
+        self.note_heard(Operator::System(frame.system));
         if let Some((address, request)) = request::request(frame) {
             if self.controller.is_meant(address) {
                 self.handle_request(&request, sender, peer);
@@ -465,40 +585,42 @@ impl<P: PolicyBackend> Vehicle<P> {
         } else if let Some((address, request)) = parameter_received::request(frame)
             && self.controller.is_meant(address)
         {
-            return self.handle_parameter(&request, sender.address);
+            return self.handle_parameter(request, sender.address);
         } else if let Some((address, request)) = mission_protocol::request(frame)
             && self.controller.is_meant(address)
         {
             self.handle_mission(&request, sender.address);
-        } else {
+        } else if !self.handle_sticks(frame) {
             self.decline(frame);
         }
         Audience::Peer
     }
 
     fn handle_request(&mut self, request: &Request, sender: Sender, peer: Peer) {
+        let operator = Operator::System(sender.address[0]);
         match request {
             Request::GroundStation => self.controller.handle(request, sender),
             Request::Ping { time_usec, seq } => {
                 self.controller.answer(sent::ping(*time_usec, *seq, sender.address));
             }
             Request::SetMode(custom_mode) => {
-                let answer = self.choose(FlightMode::of_custom_mode(*custom_mode));
+                let mode = self.profile.personality.of_custom_mode(*custom_mode);
+                let answer = self.execute_as(operator, Purpose::of_mode(mode), |vehicle| vehicle.choose(mode));
                 self.send_status_text(answer.text);
             }
             Request::Command(command) => self.handle_command(command, sender, peer),
             Request::PositionTarget(target) => {
                 let here = self.autopilot().whereabouts();
-                if self.follow(target.set_point(&self.profile.origin, &here)) {
+                if self.follow(target.set_point(&self.profile.origin, &here), operator) {
                     let refused = self.controller.autopilot_mut().face(target.facing(&here)).err();
                     self.send_status_text(refused.map(Refusal::text));
                 }
             }
             Request::AttitudeTarget(target) => {
-                self.follow(target.set_point());
+                self.follow(target.set_point(), operator);
             }
             Request::TimeSync(theirs_ns) => {
-                let ours_ns = (self.elapsed_secs() * 1e9) as i64;
+                let ours_ns = ((self.elapsed_secs() - self.ahead_secs) * 1e9) as i64;
                 self.controller.answer(sent::timesync(*theirs_ns, ours_ns, sender.address));
             }
             Request::Files(request) => self.controller.answer(sent::no_files(*request, sender.address)),
@@ -506,19 +628,26 @@ impl<P: PolicyBackend> Vehicle<P> {
     }
 
     /// Follows a set-point, or says why not; whether it does.
-    fn follow(&mut self, set_point: Result<SetPoint, SetPointError>) -> bool {
+    fn follow(&mut self, set_point: Result<SetPoint, SetPointError>, operator: Operator) -> bool {
         let outcome = set_point
             .map_err(SetPointError::text)
-            .and_then(|set_point| self.set_point(set_point).map_err(Refusal::text));
+            .and_then(|set_point| self.set_point(set_point, operator).map_err(Refusal::text));
         self.send_status_text(outcome.err());
         outcome.is_ok()
     }
 
     /// A change is everybody's matter.
-    fn handle_parameter(&mut self, request: &parameter_received::ParameterRequest, sender: [u8; 2]) -> Audience {
+    fn handle_parameter(&mut self, request: ParameterRequest, sender: [u8; 2]) -> Audience {
+        let request = match request {
+            // Who may not set it is told what it is.
+            ParameterRequest::Set { name, .. } if !self.may_change(sender) => {
+                ParameterRequest::Read(ParameterKey::Name(name))
+            }
+            ParameterRequest::List | ParameterRequest::Read(_) | ParameterRequest::Set { .. } => request,
+        };
         let controller = &mut self.controller;
         let changed: Option<Parameter> =
-            self.parameters.handle(request, sender, &mut |payload| controller.answer(payload));
+            self.parameters.handle(&request, sender, &mut |payload| controller.answer(payload));
         if changed.is_none() {
             return Audience::Peer;
         }
@@ -530,7 +659,7 @@ impl<P: PolicyBackend> Vehicle<P> {
     fn handle_command(&mut self, command: &CommandRequest, sender: Sender, peer: Peer) {
         let answer = match self.controller.earlier_result(command, sender) {
             Some(result) => CommandAnswer::silent(result),
-            None => self.execute(command, peer),
+            None => self.execute(command, sender, peer),
         };
         // Where frames are lost acknowledgements are, too, and clients give up after a few times.
         let lossy = self.losses.are_of(sender, self.elapsed_secs());

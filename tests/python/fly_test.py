@@ -166,9 +166,11 @@ class Flight:
         expect(self._true.now()["mode"] == "holding", "it changed its mode")
 
     def hands_over_to_the_pid_and_back(self):
-        for name, choose in (("PID", self._choose_by_command), ("policy", self._choose_by_message)):
-            mode = self._modes[name]
-            choose(mode)
+        choices = (("PID", "PID", self._choose_by_command), ("policy", "Hold", self._choose_by_message))
+        for name, shown, choose in choices:
+            choose(self._modes[name])
+            # Clients of PX4 are told that a policy holds.
+            mode = self._modes[shown]
             self._client.receive("CURRENT_MODE", where=lambda told, mode=mode: told.custom_mode == mode)
             point, begin = self._true.position(), self._true.now()["secs"]
             self._client.pass_time(3.0)

@@ -7,7 +7,8 @@ a half, since MAVProxy counts wall time. Exit status 0 if every check passed.
 
 MAVProxy knows PX4, and takes everything else for ArduCopter. Of PX4 it reads parameters that are integers, but its
 command `mode` sends nothing (1.8.75: "required argument is not a float"): the first flight changes modes by
-`long DO_SET_MODE`. Of other autopilots it takes the numbers of AVAILABLE_MODES, which the second flight does.
+`long DO_SET_MODE`. Of other autopilots it takes the numbers of AVAILABLE_MODES, which the second flight does. The third is
+ArduCopter's, by the names of its modes.
 """
 
 import math
@@ -208,9 +209,9 @@ class AsPx4(Flight):
         self.console.accepted(f"long DO_SET_MODE 1 {main} {sub}", "DO_SET_MODE")
 
     def hands_over_to_the_pid_and_back(self):
-        for mode in (PID, POLICY):
+        for mode, told in ((PID, PID), (POLICY, HOLD)):
             self.change_mode(mode)
-            self.expect_mode(mode)
+            self.expect_mode(told)
             self.expect_steady()
 
     def guide(self, east_m, north_m):
@@ -291,15 +292,36 @@ class AsGeneric(Flight):
             self.console.accepted(f"mode {custom_mode(mode)}", "DO_SET_MODE")
             self.expect_mode(mode)
 
-    def refuses_names_that_are_arducopters(self):
+    def takes_numbers_for_those_of_px4(self):
         """ArduCopter's number of returning is PX4's of the offboard mode."""
         self.console.refused("mode LOITER", "see AVAILABLE_MODES")
-        self.console.refused("mode RTL", "is 6 Offboard or Return")
+        self.console.refused("mode RTL", "no set-points arrive")
         self.expect_mode(POLICY)
         expect(self.true.now()["mode"] == "holding", f"it is {self.true.now()['mode']}")
 
     def lands_by_number(self):
         self.console.accepted(f"mode {custom_mode(LAND)}", "DO_SET_MODE")
+        self.wait_for_mode("landed")
+
+
+class AsArducopter(Flight):
+    """By the names that MAVProxy has for ArduCopter's modes."""
+
+    def has_parameters(self):
+        self.console.hears(r"Received (\d+) parameters")
+        self.keeps_armed_after_landing()
+
+    def is_guided(self):
+        self.console.accepted("mode GUIDED", "DO_SET_MODE")
+        self.console.says("status HEARTBEAT", r"custom_mode : 4\b")
+
+    def loiters(self):
+        self.console.accepted("mode LOITER", "DO_SET_MODE")
+        self.console.says("status HEARTBEAT", r"custom_mode : 5\b")
+        expect(self.true.now()["mode"] == "holding", f"it is {self.true.now()['mode']}")
+
+    def returns_to_launch(self):
+        self.console.accepted("mode RTL", "DO_SET_MODE")
         self.wait_for_mode("landed")
 
 
@@ -328,9 +350,22 @@ AS_GENERIC = [
     AsGeneric.arms,
     AsGeneric.takes_off,
     AsGeneric.changes_modes_by_their_numbers,
-    AsGeneric.refuses_names_that_are_arducopters,
+    AsGeneric.takes_numbers_for_those_of_px4,
     AsGeneric.lands_by_number,
     AsGeneric.disarms_and_rests,
+]
+
+
+AS_ARDUCOPTER = [
+    AsArducopter.connects,
+    AsArducopter.has_parameters,
+    AsArducopter.is_guided,
+    AsArducopter.arms,
+    AsArducopter.takes_off,
+    AsArducopter.loiters,
+    AsArducopter.is_guided,
+    AsArducopter.returns_to_launch,
+    AsArducopter.disarms_and_rests,
 ]
 
 
@@ -350,7 +385,8 @@ def main():
     kestrel, *arguments = sys.argv[1:]
     first = fly(kestrel, arguments, "px4", AsPx4, AS_PX4)
     second = fly(kestrel, arguments, "generic", AsGeneric, AS_GENERIC)
-    sys.exit(conclude(first, second))
+    third = fly(kestrel, arguments, "ardupilot", AsArducopter, AS_ARDUCOPTER)
+    sys.exit(conclude(first, second, third))
 
 
 if __name__ == "__main__":

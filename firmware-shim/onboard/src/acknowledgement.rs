@@ -25,7 +25,8 @@ impl From<Refusal> for CommandResult {
     fn from(refusal: Refusal) -> Self {
         match refusal {
             Refusal::Altitude | Refusal::Speed | Refusal::Fence => Self::Denied,
-            Refusal::SelfTest => Self::Failed,
+            // That another one has the control is a failure, as the protocol has it.
+            Refusal::SelfTest | Refusal::OtherOperator => Self::Failed,
             Refusal::StateUnknown
             | Refusal::NotLevel
             | Refusal::Moving
@@ -38,7 +39,9 @@ impl From<Refusal> for CommandResult {
             | Refusal::NotOffboard
             | Refusal::NoMission
             | Refusal::OnMission
-            | Refusal::Failsafe => Self::TemporarilyRejected,
+            | Refusal::Failsafe
+            | Refusal::Intervention
+            | Refusal::NoSticks => Self::TemporarilyRejected,
         }
     }
 }

@@ -104,6 +104,8 @@ enum Authority {
     Peers,
     /// A failsafe, until a peer commands something.
     Failsafe,
+    /// A peer that has stopped what another one streams, until one commands something.
+    Intervention,
 }
 
 /// What the autopilot cannot know by itself.
@@ -256,6 +258,11 @@ impl<P: PolicyBackend> Autopilot<P> {
     /// Where it is going.
     pub fn goal(&self) -> &MovingGoal {
         &self.goal
+    }
+
+    /// The attitude or the body rates that it follows, if it does.
+    pub fn attitude_set_point(&self) -> Option<&AttitudeSetPoint> {
+        self.attitude_set_point.as_ref().filter(|_| self.mode == Mode::Offboard)
     }
 
     /// Where it is, as set-points may count from there; where it is led while its state is unknown.
@@ -429,7 +436,7 @@ impl<P: PolicyBackend> Autopilot<P> {
             return;
         }
         self.move_goal(state);
-        let targets = match self.attitude_set_point.filter(|_| self.mode == Mode::Offboard) {
+        let targets = match self.attitude_set_point().copied() {
             Some(attitude) => Some(self.controllers.follow(state, &attitude)),
             None => self.controllers.toward(state, &self.goal, self.control_secs),
         };
@@ -490,6 +497,16 @@ impl<P: PolicyBackend> Autopilot<P> {
         self.attitude_set_point = None;
         self.authority = Authority::Peers;
         self.enter(Mode::Holding);
+    }
+
+    /// Follows no stream of positions until a peer commands something: one who does not stream has stopped the drone.
+    pub fn distrust_streams(&mut self) {
+        self.authority = Authority::Intervention;
+    }
+
+    /// Whether a stream of set-points may begin to steer the drone.
+    pub fn trusts_streams(&self) -> bool {
+        self.authority == Authority::Peers
     }
 
     /// Stops where the goal is.

@@ -25,6 +25,11 @@ pub fn u16_at(fields: &[u8], at: usize) -> u16 {
     u16::from_le_bytes(bytes_at(fields, at))
 }
 
+/// Two bytes with a sign.
+pub fn i16_at(fields: &[u8], at: usize) -> i16 {
+    i16::from_le_bytes(bytes_at(fields, at))
+}
+
 fn bytes_at<const LEN: usize>(fields: &[u8], at: usize) -> [u8; LEN] {
     fields.get(at..).and_then(<[u8]>::first_chunk).copied().unwrap_or([0; LEN])
 }

@@ -15,6 +15,8 @@ pub enum FlightMode {
     Cascade,
     /// Holding, by the active controller: can be chosen, and then is one of the two before.
     Hold,
+    /// Flown by sticks, where there are some; holding where not.
+    Position,
     /// Following set-points.
     Offboard,
     /// Taking off.
@@ -27,12 +29,16 @@ pub enum FlightMode {
     Mission,
 }
 
+/// PX4's main mode of all automatic modes, alone.
+const AUTOMATIC: [f32; 2] = [4.0, 0.0];
+
 impl FlightMode {
     /// All of them, in the order in which they are listed.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Policy,
         Self::Cascade,
         Self::Hold,
+        Self::Position,
         Self::Offboard,
         Self::TakeOff,
         Self::Land,
@@ -46,6 +52,7 @@ impl FlightMode {
             Self::Policy => [4, 11],
             Self::Cascade => [4, 12],
             Self::Hold => [4, 3],
+            Self::Position => [3, 0],
             Self::Offboard => [6, 0],
             Self::TakeOff => [4, 2],
             Self::Land => [4, 6],
@@ -65,10 +72,14 @@ impl FlightMode {
         Self::ALL.into_iter().find(|mode| mode.custom_mode() == custom_mode)
     }
 
-    /// The mode of the second and third parameter of `MAV_CMD_DO_SET_MODE`: a main and a sub mode, as PX4 has them, or a
-    /// `custom_mode` and zero, as clients send it that read one in `AVAILABLE_MODES`. No main mode is as great as a
-    /// `custom_mode`, and all of those have zeros in their lower half, which an f32 leaves out.
+    /// The mode of the second and third parameter of `MAV_CMD_DO_SET_MODE`: a main and a sub mode, as PX4 has them (of its
+    /// automatic modes a mission, where the sub mode is left out), or a `custom_mode` and zero, as clients send it that
+    /// read one in `AVAILABLE_MODES`. No main mode is as great as a `custom_mode`, and all of those have zeros in their
+    /// lower half, which an f32 leaves out.
     pub fn of_numbers(second: f32, third: f32) -> Option<Self> {
+        if [second, third] == AUTOMATIC {
+            return Some(Self::Mission);
+        }
         Self::ALL.into_iter().find(|mode| {
             let whole = [mode.custom_mode() as f32, 0.0];
             [mode.numbers().map(f32::from), whole].contains(&[second, third])
@@ -93,6 +104,7 @@ impl FlightMode {
             Self::Policy => "RL:",
             Self::Cascade => "PID",
             Self::Hold => "Hold",
+            Self::Position => "Position",
             Self::Offboard => "Offboard",
             Self::TakeOff => "Takeoff",
             Self::Land => "Land",
@@ -119,6 +131,7 @@ mod tests {
         }
         assert_eq!(FlightMode::of_custom_mode(0), None);
         assert_eq!(FlightMode::of_numbers(f32::NAN, 0.0), None);
+        assert_eq!(FlightMode::of_numbers(4.0, 0.0), Some(FlightMode::Mission), "as PX4 takes it");
     }
 
     /// PX4 1.17: the custom mode of its external mode RAPTOR, as recorded from it, and of the offboard mode.

@@ -74,7 +74,7 @@ impl Order {
         Ok(match mode.ok_or(UNKNOWN_MODE)? {
             FlightMode::Policy => Self::SelectController(Controller::Policy),
             FlightMode::Cascade => Self::SelectController(Controller::Cascade),
-            FlightMode::Hold => Self::Hold,
+            FlightMode::Hold | FlightMode::Position => Self::Hold,
             FlightMode::Offboard => Self::Execute(Command::Offboard),
             FlightMode::TakeOff => take_off(f32::NAN, autopilot, origin),
             FlightMode::Land => Self::Execute(Command::Land),

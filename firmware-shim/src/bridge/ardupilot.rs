@@ -15,6 +15,7 @@ use super::frames::ned_from_frd;
 use super::motors::throttle_of_pulse;
 use super::sensors::Measurement;
 use crate::message::ned_from_enu;
+use crate::plant::Ranges;
 
 /// First word of a frame of 16 and of 32 servos, and their lengths \[bytes\].
 const FORMATS: [(u16, usize); 2] = [(18_458, 40), (29_569, 72)];
@@ -23,7 +24,10 @@ const FORMATS: [(u16, usize); 2] = [(18_458, 40), (29_569, 72)];
 const PULSES_AT: usize = 8;
 
 /// Longest line \[bytes\].
-pub const LINE_LIMIT: usize = 512;
+pub const LINE_LIMIT: usize = 640;
+
+/// What a ranger that sees nothing is told to measure \[m\]: more than `RNGFNDx_MAX`.
+const NOTHING_NEAR_M: f64 = 10.0;
 
 /// A larger number is none that a simulation of a drone has; it keeps lines within their limit.
 const NUMBER_LIMIT: f64 = 1e7;
@@ -143,6 +147,11 @@ fn write_line(line: &mut JsonLine, secs: f64, measurement: &Measurement, state: 
     write_numbers(line, &[attitude.w, attitude.x, attitude.y, attitude.z])?;
     line.write_str(",\"velocity\":")?;
     write_numbers(line, &ned_from_enu(&state.velocity).map(f64::from))?;
+    if let Some(Ranges { front, back, left, right, up, down }) = measurement.ranges {
+        for (number, distance_m) in (1..).zip([front, back, left, right, up, down]) {
+            write!(line, ",\"rng_{number}\":{:.3}", finite(distance_m.map_or(NOTHING_NEAR_M, f64::from)))?;
+        }
+    }
     line.write_str("}\n")
 }
 

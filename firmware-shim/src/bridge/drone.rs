@@ -19,7 +19,8 @@ pub struct Drone<'p> {
 impl<'p> Drone<'p> {
     /// The drone of a plant, at rest.
     pub fn new(plant: &'p mut dyn Plant, motors: Motors, mut instruments: Instruments) -> Self {
-        let measurement = instruments.measure(plant.state(), plant.state());
+        let state = *plant.state();
+        let measurement = measure(plant, &mut instruments, &state);
         Self { plant, motors, instruments, measurement, rotor_targets: [0.0; 4] }
     }
 
@@ -28,13 +29,14 @@ impl<'p> Drone<'p> {
         let before = *self.plant.state();
         self.rotor_targets = self.motors.rotor_targets(throttles);
         self.plant.step(&self.rotor_targets);
-        self.measurement = self.instruments.measure(&before, self.plant.state());
+        self.measurement = measure(self.plant, &mut self.instruments, &before);
     }
 
     /// Has its instruments switched on anew: what they measure from now on depends on nothing before.
     pub fn restart_instruments(&mut self) {
         self.instruments.restart();
-        self.measurement = self.instruments.measure(self.plant.state(), self.plant.state());
+        let state = *self.plant.state();
+        self.measurement = measure(self.plant, &mut self.instruments, &state);
     }
 
     /// The true state.
@@ -56,4 +58,10 @@ impl<'p> Drone<'p> {
     pub fn rotor_targets(&self) -> [f32; 4] {
         self.rotor_targets
     }
+}
+
+/// The next sample of all instruments of a drone that was in a state one sample before.
+fn measure(plant: &dyn Plant, instruments: &mut Instruments, before: &State<f32>) -> Measurement {
+    let ranges = if instruments.rangers_are_due() { plant.ranges() } else { None };
+    Measurement { ranges, ..instruments.measure(before, plant.state()) }
 }

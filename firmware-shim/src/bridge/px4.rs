@@ -20,6 +20,7 @@ use super::radio::Radio;
 use super::sensors::{GnssFix, Measurement};
 use crate::frame::{Encoder, Frame, Payload, Receiver};
 use crate::geodesy::{Geodetic, Home};
+use crate::message::sent::surroundings::distance_sensors;
 use crate::message::{frd_from_flu, ned_from_enu};
 
 /// Whether a socket only has nothing to say yet.
@@ -158,6 +159,11 @@ impl Px4Simulator {
             && flown.is_multiple_of(steps(RADIO_MICROS, self.period_nanos))
         {
             self.send_payload(&rc_channels(&radio, time_usec), send);
+        }
+        if let Some(ranges) = &measurement.ranges {
+            for payload in distance_sensors(ranges, (time_usec / 1000) as u32) {
+                self.send_payload(&payload, send);
+            }
         }
         self.send_payload(&hil_sensor(measurement, time_usec), send);
         self.step += 1;

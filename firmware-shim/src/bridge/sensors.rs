@@ -12,6 +12,7 @@ use super::magnetic_field::{FLIGHT_YEAR, field_ned_nanotesla};
 use super::noise::{Noise, Purpose};
 use crate::geodesy::{Geodetic, Home};
 use crate::message::{enu_from_ned, frd_from_flu, ned_from_enu};
+use crate::plant::Ranges;
 
 /// Magnetometer and barometer deliver at this rate \[Hz\], as PX4's simulations have it.
 const SLOW_RATE_HZ: u32 = 50;
@@ -63,6 +64,9 @@ const BAROMETER_WALK: BiasWalk<f32> = BiasWalk { density: 0.5, correlation_secs:
 /// \[m\]: a centimetre, the accuracy of the ZED-F9P, over a minute of moving satellites.
 const FIX_WALK: BiasWalk<f32> = BiasWalk { density: 2e-3, correlation_secs: 60.0 };
 
+/// Of the Multi-ranger deck.
+const RANGERS_RATE_HZ: u32 = 20;
+
 /// One sample of all instruments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement {
@@ -74,6 +78,8 @@ pub struct Measurement {
     pub ambient: Option<Ambient>,
     /// What the GPS receiver delivers, when it does.
     pub fix: Option<GnssFix>,
+    /// What rangers deliver, when they do, where the plant knows what is around the drone.
+    pub ranges: Option<Ranges>,
 }
 
 /// One sample of the magnetometer and the barometer.
@@ -148,9 +154,15 @@ impl Instruments {
             body_rates_frd: self.body_rates(after),
             ambient: self.due(SLOW_RATE_HZ).then(|| self.ambient(after)),
             fix: self.fix(after),
+            ranges: None,
         };
         self.count += 1;
         measurement
+    }
+
+    /// Whether rangers measure with the next sample.
+    pub fn rangers_are_due(&self) -> bool {
+        self.due(RANGERS_RATE_HZ)
     }
 
     /// Whether an instrument of this rate measures with this sample.

@@ -1,6 +1,9 @@
+use std::net::UdpSocket;
+
 use clap::Parser;
 use kestrel_core::airframe::{CF2P, CF2X};
 
+use super::betaflight::server::BetaflightAddresses;
 use super::*;
 use crate::plant::FlatFloor;
 
@@ -122,9 +125,11 @@ fn the_announcement_says_what_to_start_and_where_it_waits() {
 
 #[test]
 fn a_bridge_ends_when_its_time_is_up() {
-    // Betaflight's simulation runs without it.
+    // Betaflight's simulation runs without it, once its port is open.
+    let port = UdpSocket::bind(BetaflightAddresses::default().state);
     let mut bridge = opened("--peer betaflight --speed max --rate-hz 2000 --for-secs 0.05").unwrap();
     let mut plant = FlatFloor::new(&CF2X, bridge.options.control_secs());
     let counts = bridge.fly(&mut plant, &mut |_| Next::Fly).unwrap();
     assert_eq!((counts.steps, counts.answered), (100, 0));
+    drop(port);
 }

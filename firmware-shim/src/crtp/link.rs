@@ -13,7 +13,7 @@ use super::server::CrtpServer;
 use crate::link::{LinkAddress, LinkError, is_silence};
 use crate::plant::Ranges;
 use crate::policy_backend::PolicyBackend;
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Operator, Vehicle};
 
 /// Where clients look for simulated drones first.
 pub const DEFAULT_PORT: u16 = 19850;
@@ -157,7 +157,7 @@ impl CrtpLink {
             mode: vehicle.mode(),
             goal: *vehicle.goal(),
             order: &mut |command| {
-                let result = vehicle.order(command);
+                let result = vehicle.order_as(Operator::CrazyflieClient, command);
                 CommandOutcome { result, mode: vehicle.mode(), goal: *vehicle.goal() }
             },
             send: &mut |packet| {

@@ -184,6 +184,10 @@ impl Link for FaultyLink {
         self.sent.put(frame, endpoint, self.now_secs);
         self.send_due();
     }
+
+    fn flush(&mut self) {
+        self.link.flush();
+    }
 }
 
 /// A datagram on its way.

@@ -15,6 +15,10 @@ const SILENCE_LIMIT: Duration = Duration::from_secs(30);
 #[cfg(unix)]
 const WAITING_BYTES: usize = 1 << 22;
 
+/// Frames leave together in datagrams of up to so many bytes, which no network takes apart: most of what a frame costs is its
+/// datagram.
+const TOGETHER_BYTES: usize = 1400;
+
 /// Number of the ground station, which is told everything without a word of its own.
 const GROUND_STATION: u8 = 0;
 
@@ -63,6 +67,8 @@ pub struct UdpLink {
     socket: UdpSocket,
     address: SocketAddr,
     senders: heapless::Vec<Sender, ENDPOINTS>,
+    /// Frames to each of them that wait to leave together.
+    outgoing: [Vec<u8>; ENDPOINTS],
     datagrams: u64,
     silence_limit: Duration,
 }
@@ -104,7 +110,8 @@ impl UdpLink {
         }
         let ground_station = Sender { address: ground_station, generation: 0, heard: 0, peer: None };
         let senders = [ground_station].into_iter().collect();
-        Ok(Self { socket, address, senders, datagrams: 0, silence_limit: SILENCE_LIMIT })
+        let outgoing = [const { Vec::new() }; ENDPOINTS];
+        Ok(Self { socket, address, senders, outgoing, datagrams: 0, silence_limit: SILENCE_LIMIT })
     }
 
     /// The bound address.
@@ -124,6 +131,7 @@ impl UdpLink {
         } else {
             let quietest = self.quietest();
             sender.generation = self.senders[quietest].generation.wrapping_add(1);
+            self.outgoing[quietest].clear();
             quietest
         };
         self.senders[number] = sender;
@@ -139,6 +147,15 @@ impl UdpLink {
     /// Whether this one has said something good of late.
     fn listens(&self, sender: &Sender) -> bool {
         sender.peer.is_some_and(|since| since.elapsed() < self.silence_limit)
+    }
+
+    /// Sends what waits for one of them.
+    fn send_outgoing(&mut self, number: usize) {
+        let (Some(sender), frames) = (self.senders.get(number), &mut self.outgoing[number]) else { return };
+        if !frames.is_empty() {
+            let _lost = self.socket.send_to(frames, sender.address);
+            frames.clear();
+        }
     }
 
     /// The sender, if it is still that one.
@@ -188,9 +205,18 @@ impl Link for UdpLink {
     }
 
     fn send_to(&mut self, endpoint: EndpointId, frame: &[u8]) {
-        if let Some(&mut Sender { address, .. }) = self.sender(endpoint) {
-            let _lost = self.socket.send_to(frame, address);
+        if self.sender(endpoint).is_none() {
+            return;
         }
+        let number = usize::from(endpoint.number);
+        if self.outgoing[number].len() + frame.len() > TOGETHER_BYTES {
+            self.send_outgoing(number);
+        }
+        self.outgoing[number].extend_from_slice(frame);
+    }
+
+    fn flush(&mut self) {
+        (0..self.senders.len()).for_each(|number| self.send_outgoing(number));
     }
 }
 
@@ -264,13 +290,15 @@ mod tests {
             assert!(!told(&link).contains(&number), "it said nothing good yet");
             link.learn(endpoint);
             link.send_to(endpoint, &[number]);
+            link.send_to(endpoint, &[10 + number]);
+            link.flush();
         }
         assert!(link.receive(&mut buffer).unwrap().is_none());
         assert_eq!(told(&link), [0, 1, 2]);
         for (number, peer) in (1..).zip(&peers) {
             peer.set_nonblocking(true).unwrap();
             let (len, _) = peer.recv_from(&mut buffer).unwrap();
-            assert_eq!(buffer[..len], [number]);
+            assert_eq!(buffer[..len], [number, 10 + number], "together");
             assert!(peer.recv_from(&mut buffer).is_err(), "what others are told");
         }
     }

@@ -68,6 +68,33 @@ pub enum MissionRequest {
     },
 }
 
+impl MissionRequest {
+    /// Whether it begins to change a plan, or which item of it is flown.
+    pub const fn changes_plans(&self) -> bool {
+        match self {
+            Self::Count { .. } | Self::Clear { .. } | Self::SetCurrent { .. } => true,
+            Self::Item { .. }
+            | Self::Acknowledge { .. }
+            | Self::List { .. }
+            | Self::Fetch { .. }
+            | Self::Partial { .. } => false,
+        }
+    }
+
+    /// The number of the plan; none if its sender waits for no acknowledgement.
+    pub const fn plan(&self) -> Option<u8> {
+        match self {
+            Self::Count { plan, .. }
+            | Self::Item { plan, .. }
+            | Self::List { plan }
+            | Self::Fetch { plan, .. }
+            | Self::Clear { plan }
+            | Self::Partial { plan } => Some(*plan),
+            Self::Acknowledge { .. } | Self::SetCurrent { .. } => None,
+        }
+    }
+}
+
 /// The request in a frame and its addressee; none if the message is none of this protocol.
 pub fn request(frame: &Frame) -> Option<(Address, MissionRequest)> {
     match frame.message_id {

@@ -4,7 +4,9 @@ use nalgebra::Vector3;
 
 use super::MISSION_ITEMS;
 use super::place::MissionTarget;
-use super::step::{AfterStep, LoiterTime, MissionLeg, MissionSpeed, MissionStep, MissionTurn};
+use super::step::{
+    AfterStep, LoiterTime, MissionCircle, MissionLeg, MissionSpeed, MissionStep, MissionTurn, TurningSense,
+};
 
 /// Distance at which a point counts as reached if the sender leaves it open \[m\]: as far as a hovering drone strays.
 const RADIUS_M: f32 = 0.2;
@@ -17,6 +19,10 @@ const TURNED_RAD: f32 = 0.1;
 
 /// Nobody waits longer for a nose to turn \[s\]: some policies see no heading, and never turn.
 const TURN_SECS: f64 = 10.0;
+
+/// On a circle the drone follows a place so far ahead \[m\], but no farther around than this \[rad\].
+const AHEAD_M: f32 = 0.3;
+const AHEAD_RAD: f32 = 0.5;
 
 /// How far a mission is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,6 +120,8 @@ enum Stage {
     Staying { at: Option<Vector3<f32>>, since_secs: f64 },
     /// It turns its nose, from a time on \[s\].
     Turning { heading: f32, since_secs: f64 },
+    /// It flies around a point, at a height \[m\]: where it is seen from there \[rad\], and how far it has come \[rad\].
+    Circling { center: Vector3<f32>, bearing: f32, swept: f32 },
     /// It stays until told.
     Loitering { at: Vector3<f32> },
     /// It has been told.
@@ -272,6 +280,9 @@ impl MissionRunner {
                     LoiterTime::Secs(secs) => self.time(*secs, situation),
                     LoiterTime::UntilContinued => self.loiter(situation),
                 }),
+            MissionStep::Circle(circle) => {
+                self.take_off(None, situation).or_else(|| self.circle(circle, situation))
+            }
             MissionStep::Land(target) => self.land(target, situation),
             MissionStep::Return => (situation.motion != DroneMotion::OnGround).then_some(Directive::Return),
             MissionStep::ChangeSpeed(speed) => {
@@ -303,9 +314,11 @@ impl MissionRunner {
         let point = match self.stage {
             Stage::New | Stage::TakingOff => target.from(&situation.position),
             Stage::Travelling { point } => point,
-            Stage::Staying { .. } | Stage::Turning { .. } | Stage::Loitering { .. } | Stage::Continued => {
-                return None;
-            }
+            Stage::Staying { .. }
+            | Stage::Turning { .. }
+            | Stage::Circling { .. }
+            | Stage::Loitering { .. }
+            | Stage::Continued => return None,
         };
         if (situation.position - point).norm() <= radius_m {
             self.stage = Stage::Staying { at: Some(point), since_secs: situation.secs };
@@ -323,6 +336,7 @@ impl MissionRunner {
             | Stage::TakingOff
             | Stage::Travelling { .. }
             | Stage::Turning { .. }
+            | Stage::Circling { .. }
             | Stage::Loitering { .. }
             | Stage::Continued => (None, situation.secs),
         };
@@ -342,9 +356,43 @@ impl MissionRunner {
             (_, MissionTurn::By(angle)) => (situation.heading + angle, situation.secs),
         };
         self.stage = Stage::Turning { heading, since_secs };
-        let (sine, cosine) = libm::sincosf(heading - situation.heading);
-        let is_turned = libm::atan2f(sine, cosine).abs() <= TURNED_RAD;
+        let is_turned = angle_between(situation.heading, heading).abs() <= TURNED_RAD;
         (!is_turned && situation.secs - since_secs < TURN_SECS).then_some(Directive::Face { heading })
+    }
+
+    /// Goes to the nearest place of a circle, and around: toward a place that is always so far ahead.
+    fn circle(&mut self, circle: &MissionCircle, situation: &MissionInput) -> Option<Directive> {
+        let sign = match circle.sense {
+            TurningSense::Clockwise => -1.0,
+            TurningSense::CounterClockwise => 1.0,
+        };
+        let around = |center: Vector3<f32>, angle: f32| {
+            let (sine, cosine) = libm::sincosf(angle);
+            center + Vector3::new(cosine, sine, 0.0) * circle.radius_m
+        };
+        let bearing_from = |center: Vector3<f32>| {
+            let from = situation.position - center;
+            libm::atan2f(from.y, from.x)
+        };
+        if let Stage::New | Stage::TakingOff = self.stage {
+            let center = circle.center.from(&situation.position);
+            self.stage = Stage::Circling { center, bearing: bearing_from(center), swept: f32::NAN };
+        }
+        let Stage::Circling { center, bearing, swept } = self.stage else { return None };
+        if swept.is_nan() {
+            let entry = around(center, bearing);
+            if (situation.position - entry).norm() > RADIUS_M {
+                return Some(self.head_for(entry));
+            }
+        }
+        let now = bearing_from(center);
+        let swept = if swept.is_nan() { 0.0 } else { swept + sign * angle_between(bearing, now) };
+        if swept >= circle.turns * core::f32::consts::TAU {
+            return None;
+        }
+        self.stage = Stage::Circling { center, bearing: now, swept };
+        let ahead = (AHEAD_M / circle.radius_m).min(AHEAD_RAD);
+        Some(self.head_for(around(center, now + sign * ahead)))
     }
 
     fn loiter(&mut self, situation: &MissionInput) -> Option<Directive> {
@@ -355,6 +403,7 @@ impl MissionRunner {
             | Stage::TakingOff
             | Stage::Travelling { .. }
             | Stage::Turning { .. }
+            | Stage::Circling { .. }
             | Stage::Staying { at: None, .. } => situation.position,
         };
         self.stage = Stage::Loitering { at };
@@ -371,6 +420,12 @@ impl MissionRunner {
     fn head_for(&self, point: Vector3<f32>) -> Directive {
         Directive::HeadFor { point, speed: self.speed, heading: None }
     }
+}
+
+/// From one angle to another, the shorter way \[rad\].
+fn angle_between(from: f32, to: f32) -> f32 {
+    let (sine, cosine) = libm::sincosf(to - from);
+    libm::atan2f(sine, cosine)
 }
 
 #[cfg(test)]

@@ -17,6 +17,11 @@ const SKIPPED: [u16; 28] = [
     200, 202, 203, 206, 214, 530, 531, 532, 534, 2000, 2001, 2003, 2500, 2501, 2502, 2503, 2800, // cameras
 ];
 
+/// Most turns around a point, the greatest radius, and that of a circle that leaves it open \[m\].
+const TURNS_LIMIT: f32 = 1000.0;
+const CIRCLE_LIMIT_M: f32 = 100.0;
+const CIRCLE_M: f32 = 1.0;
+
 /// One thing to do; places are in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MissionStep {
@@ -38,6 +43,8 @@ pub enum MissionStep {
         /// For how long.
         time: LoiterTime,
     },
+    /// Fly around a point.
+    Circle(MissionCircle),
     /// Land at a place.
     Land(MissionTarget),
     /// Fly home and land.
@@ -60,6 +67,28 @@ pub enum MissionStep {
     },
     /// Nothing that this vehicle can do.
     Skip,
+}
+
+/// Turns around a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MissionCircle {
+    /// The point; its height is that of the circle.
+    pub center: MissionTarget,
+    /// Of the circle \[m\].
+    pub radius_m: f32,
+    /// Which way.
+    pub sense: TurningSense,
+    /// How often, above zero.
+    pub turns: f32,
+}
+
+/// A way around, seen from above.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TurningSense {
+    /// As the clock's hands.
+    Clockwise,
+    /// The other way.
+    CounterClockwise,
 }
 
 /// For how long to stay.
@@ -150,12 +179,13 @@ const YAWING: [u16; 3] = [16, 17, 22];
 
 fn flown(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissionResult> {
     match item.command {
-        16..=17 | 19..=22 | 93 | 112 | 115 | 177 | 178 => check_finite(&item.parameters)?,
+        16..=22 | 93 | 112 | 115 | 177 | 178 => check_finite(&item.parameters)?,
         _ => return Err(MavMissionResult::MAV_MISSION_UNSUPPORTED),
     }
     match item.command {
         16 => waypoint(item, home),
         17 => Ok(MissionStep::Loiter { target: target(item, home, REACH_M)?, time: LoiterTime::UntilContinued }),
+        18 => circle(item, home),
         19 => loiter_time(item, home),
         20 => Ok(MissionStep::Return),
         // The floor says where a landing ends.
@@ -204,6 +234,24 @@ fn loiter_time(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissio
     }
     let time = LoiterTime::Secs(if secs.is_nan() { 0.0 } else { secs });
     Ok(MissionStep::Loiter { target: target(item, home, REACH_M)?, time })
+}
+
+/// `MAV_CMD_NAV_LOITER_TURNS`: a negative radius turns counter-clockwise, and one that is left open is of a metre.
+fn circle(item: &MissionItem, home: &Home) -> Result<MissionStep, MavMissionResult> {
+    let [turns, _, radius_m, _] = item.parameters;
+    if !(turns > 0.0 && turns <= TURNS_LIMIT) {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM1);
+    }
+    if radius_m.abs() > CIRCLE_LIMIT_M {
+        return Err(MavMissionResult::MAV_MISSION_INVALID_PARAM3);
+    }
+    let is_open = radius_m.is_nan() || radius_m == 0.0;
+    Ok(MissionStep::Circle(MissionCircle {
+        center: target(item, home, REACH_M)?,
+        radius_m: if is_open { CIRCLE_M } else { radius_m.abs() },
+        sense: if radius_m < 0.0 { TurningSense::CounterClockwise } else { TurningSense::Clockwise },
+        turns,
+    }))
 }
 
 /// `MAV_CMD_NAV_TAKEOFF`.
@@ -360,7 +408,7 @@ mod tests {
         assert_eq!(step(178, [3.0, 1.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM1));
         assert_eq!(step(178, [1.0, 0.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM2));
         assert_eq!(step(178, [1.0, -3.0, 0.0, 0.0]), Err(MAV_MISSION_INVALID_PARAM2));
-        for command in [0, 18, 31, 400, 5001, u16::MAX] {
+        for command in [0, 31, 400, 5001, u16::MAX] {
             assert_eq!(step(command, [0.0; 4]), Err(MAV_MISSION_UNSUPPORTED), "{command}");
         }
         let high = MissionItem { height: -20.1, ..item(22, [NAN; 4]) };
@@ -374,6 +422,21 @@ mod tests {
         let open = MissionItem { place: [OPEN; 2], height: 1e9, ..item(21, [NAN; 4]) };
         let here = MissionTarget { horizontal_m: None, height_m: None };
         assert_eq!(leg(&open, &Home::default()).map(|leg| leg.step), Ok(MissionStep::Land(here)));
+    }
+
+    #[test]
+    fn circles_have_a_sense_and_a_radius() {
+        let circle = |parameters| match step(18, parameters) {
+            Ok(MissionStep::Circle(MissionCircle { radius_m, sense, turns, .. })) => Ok((radius_m, sense, turns)),
+            Ok(other) => panic!("{other:?}"),
+            Err(result) => Err(result),
+        };
+        assert_eq!(circle([2.0, NAN, 0.5, NAN]), Ok((0.5, TurningSense::Clockwise, 2.0)));
+        assert_eq!(circle([0.5, 0.0, -2.0, 0.0]), Ok((2.0, TurningSense::CounterClockwise, 0.5)));
+        assert_eq!(circle([1.0, NAN, NAN, NAN]), Ok((1.0, TurningSense::Clockwise, 1.0)));
+        assert_eq!(circle([0.0, NAN, 1.0, NAN]), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(circle([NAN; 4]), Err(MAV_MISSION_INVALID_PARAM1));
+        assert_eq!(circle([1.0, NAN, 101.0, NAN]), Err(MAV_MISSION_INVALID_PARAM3));
     }
 
     #[test]

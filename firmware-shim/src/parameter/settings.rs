@@ -85,6 +85,11 @@ impl Parameters {
         }
     }
 
+    /// Whether one client at a time is obeyed.
+    pub fn has_one_operator(&self) -> bool {
+        self.integer(Parameter::RlOneOperator) == 1
+    }
+
     fn meaning<T: Copy>(&self, parameter: Parameter, meaning: Meaning<T>) -> T {
         let number = self.integer(parameter);
         let (_, meant) =
@@ -126,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn every_parameter_but_the_system_changes_the_settings() {
+    fn every_parameter_but_who_it_is_and_whom_it_obeys_changes_the_settings() {
         let before = Parameters::new(1);
         for parameter in Parameter::ALL {
             let mut after = before.clone();
@@ -135,7 +140,10 @@ mod tests {
                 ParameterValue::Integer(_) if parameter == Parameter::ComLowBatAct => ParameterValue::Integer(0),
                 ParameterValue::Integer(value) => ParameterValue::Integer([2, 1][usize::from(value == 2)]),
             };
-            if after.set(parameter, other).is_ok() {
+            if parameter == Parameter::RlOneOperator {
+                after.set(parameter, ParameterValue::Integer(0)).unwrap();
+                assert_ne!(after.has_one_operator(), before.has_one_operator());
+            } else if after.set(parameter, other).is_ok() {
                 assert_ne!(after.settings(), before.settings(), "{parameter}");
             } else {
                 assert_eq!(parameter, Parameter::SysId);

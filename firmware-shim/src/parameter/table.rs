@@ -61,6 +61,8 @@ pub enum Parameter {
     RlFaultAct,
     /// `RL_LATE_T`.
     RlLateT,
+    /// `RL_ONE_OPERATOR`.
+    RlOneOperator,
     /// `RL_SAT_T`.
     RlSatT,
     /// `RL_SP_AGE_T`.
@@ -140,7 +142,7 @@ pub enum Access {
 
 impl Parameter {
     /// All of them, by index.
-    pub const ALL: [Self; 31] = [
+    pub const ALL: [Self; 32] = [
         Self::BatCritThr,
         Self::BatEmergenThr,
         Self::BatLowThr,
@@ -166,6 +168,7 @@ impl Parameter {
         Self::NavDllAct,
         Self::RlFaultAct,
         Self::RlLateT,
+        Self::RlOneOperator,
         Self::RlSatT,
         Self::RlSpAgeT,
         Self::RtlReturnAlt,
@@ -333,6 +336,7 @@ const TABLE: [ParameterDefinition; PARAMETERS] = [
         "When the policy fails: 1 fly on with the PID and hold, 2 land with the PID.",
     ),
     real("RL_LATE_T", "s", [0.001, 0.02, 1.0], "Delay of an answer of the policy that counts as a fault."),
+    choice("RL_ONE_OPERATOR", 1, &[0, 1], "Who is obeyed: 1 one client at a time, 0 whoever commands last."),
     real("RL_SAT_T", "s", [0.05, 0.5, 10.0], "Time of saturated motors that counts as a fault of the policy."),
     real("RL_SP_AGE_T", "s", [0.02, 0.6, 60.0], "Age of a set-point beyond which the policy is told to hold."),
     real("RTL_RETURN_ALT", "m", [0.2, 1.5, 20.0], "Height of the way home."),

@@ -48,8 +48,12 @@ fn write(text: &mut String, name: &str, options: &SessionOptions, bound: &[Bound
     for address in everywhere.filter(|address| !address.ip().is_loopback()) {
         writeln!(text, "Reachable from other machines: whoever reaches {address} can fly it.")?;
     }
-    let modes = FlightMode::ALL
-        .map(|mode| if mode == FlightMode::Policy { format!("RL:{name}") } else { mode.name().to_owned() });
+    let modes: Vec<String> = options
+        .personality
+        .listed()
+        .into_iter()
+        .map(|mode| if mode == FlightMode::Policy { format!("RL:{name}") } else { mode.name().to_owned() })
+        .collect();
     writeln!(text, "Modes: {}.", modes.join(", "))?;
     if options.signing_key.is_some() {
         writeln!(text, "Only frames signed with its key are heard.")?;

@@ -1,5 +1,7 @@
 #![expect(clippy::wildcard_enum_match_arm, reason = "a message is one of the dialect's hundreds")]
 
+use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
@@ -14,12 +16,13 @@ use super::*;
 use crate::autopilot::Mode;
 use crate::controller::Controller;
 use crate::flight_mode::FlightMode;
+use crate::frame::Frames;
 use crate::link::DATAGRAM_LIMIT;
 use crate::plant::FlatFloor;
 use crate::policy_bytes::PolicyBytes;
 use crate::testing::{
-    blind_policy, command_long, datagram, dishonest_policy, hover_policy, message, read_flight_log,
-    sensing_policy, set_point,
+    blind_policy, command_long, datagram, dishonest_policy, hover_policy, read_flight_log, sensing_policy,
+    set_point, told,
 };
 
 const PARAMETERS_OPEN: [f32; 7] = [f32::NAN; 7];
@@ -43,6 +46,8 @@ fn anywhere(more: &str) -> SessionOptions {
 /// A client on the loopback that has a vehicle's address.
 struct Client {
     socket: UdpSocket,
+    /// What came together with what was waited for.
+    unread: RefCell<VecDeque<MavMessage>>,
 }
 
 impl Client {
@@ -50,7 +55,7 @@ impl Client {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.connect(session.bound().udp).unwrap();
         socket.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-        Self { socket }
+        Self { socket, unread: RefCell::default() }
     }
 
     fn send(&self, bytes: &[u8]) {
@@ -60,10 +65,14 @@ impl Client {
     fn wait_for<T>(&self, wanted: impl Fn(&MavMessage) -> Option<T>) -> T {
         let mut buffer = [0; DATAGRAM_LIMIT];
         loop {
-            let len = self.socket.recv(&mut buffer).unwrap();
-            if let Some(found) = wanted(&message(&buffer[..len])) {
-                return found;
+            while let Some(message) = self.unread.borrow_mut().pop_front() {
+                if let Some(found) = wanted(&message) {
+                    return found;
+                }
             }
+            let len = self.socket.recv(&mut buffer).unwrap();
+            let frames = Frames::new(&buffer[..len]).flatten();
+            self.unread.borrow_mut().extend(frames.filter_map(|frame| told(frame.bytes)));
         }
     }
 

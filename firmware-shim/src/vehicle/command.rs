@@ -4,37 +4,44 @@
 use kestrel_onboard::acknowledgement::CommandAnswer;
 use kestrel_onboard::fence::Zones;
 use kestrel_onboard::order::Order;
+use kestrel_onboard::repetition::Sender;
 
-use super::Vehicle;
+use super::operator::{Operator, REQUEST_CONTROL};
+use super::{Vehicle, VehicleProfile};
 use crate::flight_mode::FlightMode;
 use crate::link::Peer;
-use crate::message::sent::identity::{self, Personality};
+use crate::message::sent::identity;
 use crate::message::sent::status;
 use crate::policy_backend::PolicyBackend;
 use crate::request::CommandRequest;
 use crate::telemetry::TelemetryStream;
 
-/// How pymavlink and `MAVProxy` have a vehicle that is not PX4 return (`mode RTL`), which they take for `ArduCopter`; with PX4's
-/// numbers it is the offboard mode, of all modes the one to leave so. Clients of PX4 that ask for that one in flight set the
-/// armed bit in the first parameter, or send a whole `custom_mode`.
-const RETURN_OF_ARDUCOPTER: [f32; 3] = [1.0, 6.0, 0.0];
-
 impl<P: PolicyBackend> Vehicle<P> {
-    pub(super) fn execute(&mut self, request: &CommandRequest, peer: Peer) -> CommandAnswer {
-        let [first, second, third, _] = request.parameters;
+    /// What is only asked is answered to everybody, what is to be done is done for who has the control.
+    pub(super) fn execute(&mut self, request: &CommandRequest, sender: Sender, peer: Peer) -> CommandAnswer {
+        let [first, second, ..] = request.parameters;
         match request.command {
-            176 if self.is_ambiguous([first, second, third]) => {
-                CommandAnswer::denied("mode refused: is 6 Offboard or Return?")
-            }
-            207 => self.enable_fence(first),
-            224 => self.choose_item(first),
-            262 => self.choose(identity::mode_of_standard(first)),
             410 => self.send_once(242.0, 0.0, peer),
             510 => self.send_interval(first, peer),
             511 => self.set_interval(first, second, peer),
             512 => self.send_once(first, second, peer),
             519 => self.send_once(300.0, 0.0, peer),
             520 => self.send_once(148.0, 0.0, peer),
+            REQUEST_CONTROL => self.ask_for_control(request, sender),
+            _ => {
+                let operator = Operator::System(sender.address[0]);
+                self.execute_as(operator, self.purpose(request), |vehicle| vehicle.obey(request))
+            }
+        }
+    }
+
+    fn obey(&mut self, request: &CommandRequest) -> CommandAnswer {
+        let [first, second, third, _] = request.parameters;
+        match request.command {
+            176 => self.choose(self.profile.personality.of_numbers(second, third)),
+            207 => self.enable_fence(first),
+            224 => self.choose_item(first),
+            262 => self.choose(identity::mode_of_standard(first)),
             31010 => self.ask_for_task(first),
             _ => self.carry_out(self.controller.order(request)),
         }
@@ -42,7 +49,11 @@ impl<P: PolicyBackend> Vehicle<P> {
 
     /// Changes to a mode, if a peer may choose it.
     pub(super) fn choose(&mut self, mode: Option<FlightMode>) -> CommandAnswer {
-        self.carry_out(self.controller.order_to_mode(mode))
+        let answer = self.carry_out(self.controller.order_to_mode(mode));
+        if answer == CommandAnswer::ACCEPTED {
+            self.by_sticks = mode == Some(FlightMode::Position);
+        }
+        answer
     }
 
     fn carry_out(&mut self, order: Result<Order, CommandAnswer>) -> CommandAnswer {
@@ -52,12 +63,6 @@ impl<P: PolicyBackend> Vehicle<P> {
             Ok(order) => order.execute(mode, &mut |command| self.order(command)).into(),
             Err(answer) => answer,
         }
-    }
-
-    /// Whether the parameters of `MAV_CMD_DO_SET_MODE` may mean one of two modes.
-    fn is_ambiguous(&self, parameters: [f32; 3]) -> bool {
-        let possible = self.profile.personality == Personality::Generic && self.mode().flies();
-        possible && parameters == RETURN_OF_ARDUCOPTER
     }
 
     /// `MAV_CMD_DO_FENCE_ENABLE`: switches the zones that were uploaded on or off.
@@ -119,9 +124,11 @@ impl<P: PolicyBackend> Vehicle<P> {
 
     /// One of the modes by its index from 1, or all of them.
     fn send_modes(&mut self, index: f32) {
-        for mode in FlightMode::ALL {
-            if index == 0.0 || index == f32::from(mode as u8 + 1) {
-                self.controller.answer(identity::available_mode(mode, &self.profile.policy.name));
+        let VehicleProfile { personality, ref policy, .. } = self.profile;
+        for place in 0..personality.listed().len() {
+            let asked = index == 0.0 || index == (place + 1) as f32;
+            if let Some(mode) = identity::available_mode(personality, place, &policy.name).filter(|_| asked) {
+                self.controller.answer(mode);
             }
         }
     }

@@ -7,10 +7,8 @@ use crate::frame::{Frame, Payload};
 use crate::geodesy::Home;
 use crate::policy_backend::PolicyBackend;
 
-/// `SET_GPS_GLOBAL_ORIGIN`, `MANUAL_CONTROL`, `RC_CHANNELS_OVERRIDE` and `LOG_REQUEST_LIST`.
+/// `SET_GPS_GLOBAL_ORIGIN` and `LOG_REQUEST_LIST`.
 const SET_ORIGIN: u32 = 48;
-const MANUAL_CONTROL: u32 = 69;
-const RC_OVERRIDE: u32 = 70;
 const LOG_LIST: u32 = 117;
 
 impl<P: PolicyBackend> Vehicle<P> {
@@ -18,21 +16,17 @@ impl<P: PolicyBackend> Vehicle<P> {
     pub(super) fn decline(&mut self, frame: &Frame) {
         let [system, component] = match frame.message_id {
             SET_ORIGIN => [frame.fields::<13>()[12], 0],
-            MANUAL_CONTROL => [frame.fields::<11>()[10], 0],
-            RC_OVERRIDE => frame.fields::<18>()[16..].try_into().unwrap_or_default(),
             LOG_LIST => frame.fields::<6>()[4..].try_into().unwrap_or_default(),
             _ => return,
         };
         if !self.controller.is_meant(Address { system, component }) {
             return;
         }
-        match frame.message_id {
-            SET_ORIGIN => {
-                self.controller.answer(global_origin(&self.profile.origin));
-                self.send_status_text(Some("origin refused: it is that of --home"));
-            }
-            LOG_LIST => self.controller.answer(no_logs()),
-            _ => self.send_status_text(Some("sticks refused: it is flown by set-points")),
+        if frame.message_id == SET_ORIGIN {
+            self.controller.answer(global_origin(&self.profile.origin));
+            self.send_status_text(Some("origin refused: it is that of --home"));
+        } else {
+            self.controller.answer(no_logs());
         }
     }
 }

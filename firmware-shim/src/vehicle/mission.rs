@@ -1,7 +1,7 @@
 //! Missions: what the present item asks for becomes commands to the autopilot.
 
 use kestrel_core::vehicle::State;
-use mavlink::dialects::common::MavSeverity;
+use mavlink::dialects::common::{MavMissionResult, MavSeverity};
 use nalgebra::Vector3;
 
 use super::Vehicle;
@@ -36,6 +36,13 @@ impl<P: PolicyBackend> Vehicle<P> {
 
     pub(super) fn handle_mission(&mut self, request: &mission::received::MissionRequest, sender: [u8; 2]) {
         let now_secs = self.elapsed_secs();
+        if request.changes_plans() && !self.may_change(sender) {
+            if let Some(plan) = request.plan() {
+                let denied = MavMissionResult::MAV_MISSION_DENIED;
+                self.controller.answer(mission::sent::acknowledge(plan, denied, 0, sender));
+            }
+            return;
+        }
         let controller = &mut self.controller;
         let event = self.plans.handle(request, sender, now_secs, &mut |payload| controller.answer(payload));
         match event {

@@ -100,6 +100,12 @@ pub enum Refusal {
     OnMission,
     /// A failsafe has acted since the last command.
     Failsafe,
+    /// Another client has stopped the drone since the last command.
+    Intervention,
+    /// Another client has the control.
+    OtherOperator,
+    /// It needs the mode that is flown by sticks.
+    NoSticks,
 }
 
 impl Command {
@@ -120,7 +126,7 @@ impl Command {
 
 impl Refusal {
     /// All of them.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 20] = [
         Self::SelfTest,
         Self::StateUnknown,
         Self::NotLevel,
@@ -138,6 +144,9 @@ impl Refusal {
         Self::NoMission,
         Self::OnMission,
         Self::Failsafe,
+        Self::Intervention,
+        Self::OtherOperator,
+        Self::NoSticks,
     ];
 
     /// At most the 50 bytes of a `STATUSTEXT`.
@@ -160,6 +169,9 @@ impl Refusal {
             Self::NoMission => "mission refused: there is none",
             Self::OnMission => "set-point refused: a mission is flown",
             Self::Failsafe => "set-point refused: a failsafe has the say",
+            Self::Intervention => "set-point refused: another client intervened",
+            Self::OtherOperator => "refused: another client has the control",
+            Self::NoSticks => "sticks wait for the Position mode",
         }
     }
 }
@@ -222,6 +234,9 @@ impl<P: PolicyBackend> Autopilot<P> {
                 self.attitude_set_point = Some(attitude);
             }
             (_, SetPoint::Position(_)) if self.authority == Authority::Failsafe => return Err(Refusal::Failsafe),
+            (_, SetPoint::Position(_)) if self.authority == Authority::Intervention => {
+                return Err(Refusal::Intervention);
+            }
             (_, SetPoint::Position(point)) => return self.go_to(point),
             (_, SetPoint::Velocity(_) | SetPoint::Attitude(_)) => return Err(Refusal::NotOffboard),
         }

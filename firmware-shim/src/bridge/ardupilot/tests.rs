@@ -19,7 +19,7 @@ use crate::bridge::sensors::Instruments;
 use crate::bridge::testing::{FLIGHT_SECS, Judge, QUAD_X, Seen, fly};
 use crate::geodesy::Home;
 use crate::lockstep::{Next, SimulationRate};
-use crate::plant::{FlatFloor, Plant};
+use crate::plant::{FlatFloor, Plant, Ranges};
 
 const RATE_HZ: u32 = 400;
 
@@ -233,6 +233,24 @@ fn frames_of_both_lengths_are_read() {
     assert_eq!(Servos::read(&long), Some(expected));
     long[0] ^= 1;
     assert_eq!(Servos::read(&long), None);
+}
+
+/// The longest line, and ArduPilot's names.
+#[test]
+fn what_rangers_see_has_its_numbers() {
+    let mut simulator = ArdupilotSimulator::new();
+    let ranges = Ranges { front: Some(1.25), back: None, left: Some(2.0), right: None, up: None, down: Some(0.1) };
+    let state = *FlatFloor::new(&CF2X, 0.0025).state();
+    let mut instruments = Instruments::new(Home::default(), Noise::Off, RATE_HZ);
+    let mut measurement = Measurement { ranges: Some(ranges), ..instruments.measure(&state, &state) };
+    let line = simulator.answer(&measurement, &state, 0.0025).to_owned();
+    let seen =
+        ",\"rng_1\":1.250,\"rng_2\":10.000,\"rng_3\":2.000,\"rng_4\":10.000,\"rng_5\":10.000,\"rng_6\":0.100}";
+    assert!(line.trim_end().ends_with(seen), "{line}");
+    measurement.specific_force_frd = [-1e30; 3];
+    measurement.body_rates_frd = [-1e30; 3];
+    let far = State { position: Vector3::repeat(-1e30), velocity: Vector3::repeat(-1e30), ..state };
+    assert!(!simulator.answer(&measurement, &far, 1e9).is_empty());
 }
 
 proptest! {

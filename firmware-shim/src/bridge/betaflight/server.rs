@@ -1,6 +1,7 @@
 //! The loop around [`BetaflightSimulator`]: a state out, motor outputs in, a step.
 
-use std::net::SocketAddr;
+use std::io::ErrorKind;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -50,6 +51,47 @@ impl Default for BetaflightAddresses {
     }
 }
 
+/// States wait this long after Betaflight's port has opened: one that comes before its sensors exist ends its thread, and its
+/// motors never turn.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Its port is knocked at this often.
+const KNOCK_PERIOD: Duration = Duration::from_millis(20);
+
+/// Knocks at a port of this machine, with datagrams of a length that Betaflight does not read.
+struct Knocker {
+    socket: Option<UdpSocket>,
+    open_since: Option<Instant>,
+    knocked: Option<Instant>,
+}
+
+impl Knocker {
+    fn at(address: SocketAddr) -> Self {
+        let connected = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| {
+            socket.connect(address)?;
+            socket.set_nonblocking(true)?;
+            Ok(socket)
+        });
+        Self { socket: connected.ok(), open_since: None, knocked: None }
+    }
+
+    /// Whether the port has been open for long enough. The second knock is refused where the first has found nobody.
+    fn is_ready(&mut self) -> bool {
+        let now = Instant::now();
+        if self.knocked.is_none_or(|knocked| now - knocked >= KNOCK_PERIOD) {
+            self.knocked = Some(now);
+            let refused = |socket: &UdpSocket| {
+                let _first = socket.send(&[0]);
+                socket.recv(&mut [0]).is_err_and(|error| error.kind() == ErrorKind::ConnectionRefused)
+            };
+            // Where one cannot knock, one does not wait.
+            let is_closed = self.socket.as_ref().is_some_and(refused);
+            self.open_since = if is_closed { None } else { self.open_since.or(Some(now)) };
+        }
+        self.open_since.is_some_and(|since| now - since >= PATIENCE)
+    }
+}
+
 /// How an exchange of a state for motor outputs ended.
 enum Exchange {
     /// The simulation goes on.
@@ -76,6 +118,7 @@ pub struct BetaflightServer<'a, 'p> {
     counts: BridgeCounts,
     unanswered_in_a_row: u64,
     sticks_due_secs: f64,
+    knocker: Knocker,
 }
 
 impl<'a, 'p> BetaflightServer<'a, 'p> {
@@ -102,6 +145,7 @@ impl<'a, 'p> BetaflightServer<'a, 'p> {
             counts: BridgeCounts::default(),
             unanswered_in_a_row: 0,
             sticks_due_secs: 0.0,
+            knocker: Knocker::at(addresses.state),
         }
     }
 
@@ -115,6 +159,13 @@ impl<'a, 'p> BetaflightServer<'a, 'p> {
         watch: &mut dyn FnMut(&BridgeEvent<'_>) -> Next,
     ) -> Result<BridgeCounts, BridgeError> {
         loop {
+            if !self.simulator.engaged() && !self.knocker.is_ready() {
+                if watch(&BridgeEvent::Waiting) == Next::End {
+                    break;
+                }
+                thread::sleep(KNOCK_PERIOD);
+                continue;
+            }
             if self.secs() >= self.due_secs {
                 match self.exchange(socket, watch)? {
                     Exchange::Answered => {}

@@ -1,6 +1,7 @@
 //! Scripted Betaflights on real sockets.
 
 use std::net::{SocketAddr, UdpSocket};
+use std::sync::OnceLock;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -110,13 +111,23 @@ impl Betaflight {
         }
     }
 
+    /// The next state; what is of another length is not read, as Betaflight does not.
+    fn state(&self) -> Option<[u8; STATE_LEN]> {
+        let mut bytes = [0; 256];
+        loop {
+            let len = self.state.recv(&mut bytes).ok()?;
+            if let Ok(state) = bytes[..len].try_into() {
+                return Some(state);
+            }
+        }
+    }
+
     /// Answers so many states with the motors of [`fly`]'s flight, counted from the first.
     fn fly(&self, outputs: SocketAddr, build: BetaflightBuild, answers: u32) {
-        let mut bytes = [0; 256];
         let mut start_secs = None;
         for _ in 0..answers {
-            let Ok(len) = self.state.recv(&mut bytes) else { return };
-            let (secs, seen) = seen(bytes[..len].try_into().unwrap(), build);
+            let Some(state) = self.state() else { return };
+            let (secs, seen) = seen(&state, build);
             let elapsed_secs = secs - *start_secs.get_or_insert(secs);
             let throttles = fly(&seen, elapsed_secs as f32, &BETAFLIGHT).map(f32::sqrt);
             self.state.send_to(&pulses(throttles), outputs).unwrap();
@@ -223,10 +234,9 @@ fn no_state_makes_the_clock_of_a_betaflight_race() {
     let addresses = betaflight.addresses(outputs);
     let arrivals = thread::scope(|scope| {
         let peer = scope.spawn(|| {
-            let mut bytes = [0; STATE_LEN];
             let mut arrivals = vec![];
             for number in 0..60 {
-                betaflight.state.recv(&mut bytes).unwrap();
+                let bytes = betaflight.state().unwrap();
                 arrivals.push((Instant::now(), numbers(&bytes)[0]));
                 if number >= 20 {
                     // One answer is late, which the simulation must not make up for at once.
@@ -246,6 +256,34 @@ fn no_state_makes_the_clock_of_a_betaflight_race() {
     // What arrives late makes the next one seem early: only the mean over a few is the sender's.
     let shortest = answered.windows(6).map(|states| states[5].0 - states[0].0).min().unwrap();
     assert!(shortest > Duration::from_millis(7), "five states within {shortest:?}");
+}
+
+/// A state that comes before Betaflight's sensors exist ends its thread.
+#[test]
+fn states_wait_until_betaflight_has_had_time_to_start() {
+    let mut socket = DatagramSocket::open("127.0.0.1:0".parse().unwrap()).unwrap();
+    // A port of this machine that nobody has yet.
+    let late = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let addresses = BetaflightAddresses { outputs: socket.address().unwrap(), state: late, sticks: late };
+    let (mut steps, opened) = (0, OnceLock::new());
+    thread::scope(|scope| {
+        let peer = scope.spawn(|| {
+            thread::sleep(Duration::from_millis(300));
+            let betaflight = Betaflight { state: UdpSocket::bind(late).unwrap(), ..Betaflight::new() };
+            opened.set(Instant::now()).unwrap();
+            betaflight.state.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+            betaflight.state().unwrap();
+            opened.get().unwrap().elapsed()
+        });
+        simulate(&mut socket, addresses, BetaflightBuild::Gazebo, &mut |event| {
+            if opened.get().is_none() && matches!(event, BridgeEvent::Stepped(_)) {
+                steps += 1;
+            }
+            if peer.is_finished() { Next::End } else { Next::Fly }
+        });
+        assert!(peer.join().unwrap() >= Duration::from_millis(450));
+    });
+    assert_eq!(steps, 0, "and no clock runs");
 }
 
 // What follows needs no socket.

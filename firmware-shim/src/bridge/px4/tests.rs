@@ -27,7 +27,7 @@ use crate::bridge::noise::Noise;
 use crate::bridge::sensors::Instruments;
 use crate::bridge::testing::{FLIGHT_SECS, Judge, QUAD_X, Seen, StateHash, fly};
 use crate::lockstep::{Next, SimulationRate};
-use crate::plant::{FlatFloor, Plant};
+use crate::plant::{FlatFloor, Plant, Ranges};
 
 const RATE_HZ: u32 = 250;
 
@@ -136,7 +136,7 @@ impl Px4 {
             match self.next()? {
                 MavMessage::HIL_SENSOR(sensor) => return Some((sensor, state)),
                 MavMessage::HIL_STATE_QUATERNION(told) => state = Some(told),
-                MavMessage::HIL_GPS(_) | MavMessage::RC_CHANNELS(_) => {}
+                MavMessage::HIL_GPS(_) | MavMessage::RC_CHANNELS(_) | MavMessage::DISTANCE_SENSOR(_) => {}
                 other => panic!("PX4 does not expect {other:?}"),
             }
         }
@@ -487,6 +487,24 @@ fn velocities_and_attitudes_are_those_of_their_frames() {
 
 fn still() -> Measurement {
     Instruments::new(Home::default(), Noise::Off, RATE_HZ).measure(&rest(), &rest())
+}
+
+/// PX4's collision prevention takes them.
+#[test]
+fn what_rangers_see_is_told_with_the_sample_in_which_they_do() {
+    let mut simulator = Px4Simulator::new(Home::default(), RATE_HZ, None);
+    let ranges = Ranges { front: Some(1.25), back: None, left: None, right: Some(0.5), up: None, down: Some(0.1) };
+    let messages = told(&mut simulator, &Measurement { ranges: Some(ranges), ..still() }, &rest());
+    let rangers: Vec<_> = messages
+        .iter()
+        .filter_map(|message| match message {
+            MavMessage::DISTANCE_SENSOR(ranger) => Some((ranger.orientation as u8, ranger.current_distance)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(rangers, [(0, 125), (4, 401), (6, 401), (2, 50), (24, 401), (25, 10)]);
+    let none = told(&mut simulator, &still(), &rest());
+    assert!(!none.iter().any(|message| matches!(message, MavMessage::DISTANCE_SENSOR(_))));
 }
 
 #[test]

@@ -1,26 +1,17 @@
 //! What the vehicle is and can do.
 
 use mavlink::dialects::common::{
-    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, AVAILABLE_MODES_MONITOR_DATA, MavAutopilot, MavModeProperty,
+    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, AVAILABLE_MODES_MONITOR_DATA, MavModeProperty,
     MavProtocolCapability, MavStandardMode,
 };
 
 use crate::flight_mode::FlightMode;
 use crate::frame::Payload;
+use crate::personality::Personality;
 use kestrel_onboard::signature::fingerprint;
 
 /// Bytes of a mode's name.
 const MODE_NAME_LIMIT: usize = 35;
-
-/// Which autopilot the vehicle says it is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Personality {
-    /// None that clients know: they show what the vehicle itself tells.
-    #[default]
-    Generic,
-    /// PX4: clients offer what they offer to PX4, and miss its parameters.
-    Px4,
-}
 
 /// The policy, as peers are told of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,15 +32,6 @@ impl PolicyIdentity {
             }
         }
         Self { name: own, hash: fingerprint(file) }
-    }
-}
-
-impl Personality {
-    pub(super) const fn autopilot(self) -> MavAutopilot {
-        match self {
-            Self::Generic => MavAutopilot::MAV_AUTOPILOT_GENERIC,
-            Self::Px4 => MavAutopilot::MAV_AUTOPILOT_PX4,
-        }
     }
 }
 
@@ -85,8 +67,10 @@ pub fn autopilot_version(hash: [u8; 8]) -> Payload {
     })
 }
 
-/// `AVAILABLE_MODES` of one mode; that of the policy bears its name.
-pub fn available_mode(mode: FlightMode, policy: &str) -> Payload {
+/// `AVAILABLE_MODES` of the mode at a place in the list of a personality; that of the policy bears its name.
+pub fn available_mode(personality: Personality, place: usize, policy: &str) -> Option<Payload> {
+    let listed = personality.listed();
+    let mode = *listed.get(place)?;
     let own = if mode == FlightMode::Policy { policy } else { "" };
     let mut name = heapless::String::<MODE_NAME_LIMIT>::new();
     for letter in mode.name().chars().chain(own.chars()) {
@@ -94,14 +78,24 @@ pub fn available_mode(mode: FlightMode, policy: &str) -> Payload {
             break;
         }
     }
-    Payload::of(&AVAILABLE_MODES_DATA {
-        custom_mode: mode.custom_mode(),
-        properties: MavModeProperty::MAV_MODE_PROPERTY_AUTO_MODE,
-        number_modes: FlightMode::ALL.len() as u8,
-        mode_index: mode as u8 + 1,
+    Some(Payload::of(&AVAILABLE_MODES_DATA {
+        custom_mode: personality.custom_mode(mode),
+        properties: match mode {
+            FlightMode::Position => MavModeProperty::empty(),
+            FlightMode::Policy
+            | FlightMode::Cascade
+            | FlightMode::Hold
+            | FlightMode::Offboard
+            | FlightMode::TakeOff
+            | FlightMode::Land
+            | FlightMode::Return
+            | FlightMode::Mission => MavModeProperty::MAV_MODE_PROPERTY_AUTO_MODE,
+        },
+        number_modes: listed.len() as u8,
+        mode_index: place as u8 + 1,
         standard_mode: standard_mode(mode),
         mode_name: name.as_str().into(),
-    })
+    }))
 }
 
 /// `AVAILABLE_MODES_MONITOR`: the list never changes.
@@ -122,6 +116,7 @@ pub(super) const fn standard_mode(flight_mode: FlightMode) -> MavStandardMode {
         FlightMode::Policy | FlightMode::Cascade | FlightMode::Hold | FlightMode::Offboard => {
             MavStandardMode::MAV_STANDARD_MODE_NON_STANDARD
         }
+        FlightMode::Position => MavStandardMode::MAV_STANDARD_MODE_POSITION_HOLD,
         FlightMode::TakeOff => MavStandardMode::MAV_STANDARD_MODE_TAKEOFF,
         FlightMode::Land => MavStandardMode::MAV_STANDARD_MODE_LAND,
         FlightMode::Return => MavStandardMode::MAV_STANDARD_MODE_SAFE_RECOVERY,

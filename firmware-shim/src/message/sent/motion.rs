@@ -2,10 +2,11 @@
 
 use kestrel_core::vehicle::State;
 use mavlink::dialects::common::{
-    ALTITUDE_DATA, ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, ESC_STATUS_DATA, ESTIMATOR_STATUS_DATA,
-    EstimatorStatusFlags, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, GpsFixType, HIGHRES_IMU_DATA,
-    HOME_POSITION_DATA, HighresImuUpdatedFlags, LOCAL_POSITION_NED_DATA, MavFrame, ODOMETRY_DATA,
-    POSITION_TARGET_LOCAL_NED_DATA, PositionTargetTypemask, SERVO_OUTPUT_RAW_DATA, VFR_HUD_DATA,
+    ALTITUDE_DATA, ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, ATTITUDE_TARGET_DATA, AttitudeTargetTypemask,
+    ESC_STATUS_DATA, ESTIMATOR_STATUS_DATA, EstimatorStatusFlags, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
+    GpsFixType, HIGHRES_IMU_DATA, HOME_POSITION_DATA, HighresImuUpdatedFlags, LOCAL_POSITION_NED_COV_DATA,
+    LOCAL_POSITION_NED_DATA, MavEstimatorType, MavFrame, ODOMETRY_DATA, POSITION_TARGET_LOCAL_NED_DATA,
+    PositionTargetTypemask, SERVO_OUTPUT_RAW_DATA, VFR_HUD_DATA,
 };
 use nalgebra::Vector3;
 
@@ -13,6 +14,7 @@ use crate::frame::Payload;
 use crate::geodesy::Home;
 use crate::goal::MovingGoal;
 use crate::message::{frd_from_flu, ned_from_enu, ned_from_frd, ned_roll_pitch_yaw};
+use crate::steering::AttitudeSetPoint;
 
 /// The whole of a turn \[rad\].
 const TURN: f64 = core::f64::consts::TAU;
@@ -36,6 +38,57 @@ pub fn local_position_ned(state: &State<f32>, time_boot_ms: u32) -> Payload {
     let [x, y, z] = ned_from_enu(&state.position);
     let [vx, vy, vz] = ned_from_enu(&state.velocity);
     Payload::of(&LOCAL_POSITION_NED_DATA { time_boot_ms, x, y, z, vx, vy, vz })
+}
+
+/// `LOCAL_POSITION_NED_COV`, with the acceleration of the last control period \[m/s², world\]; the covariances are not
+/// known.
+pub fn local_position_ned_cov(state: &State<f32>, acceleration: &Vector3<f32>, time_usec: u64) -> Payload {
+    let [x, y, z] = ned_from_enu(&state.position);
+    let [vx, vy, vz] = ned_from_enu(&state.velocity);
+    let [ax, ay, az] = ned_from_enu(acceleration);
+    let mut covariance = [0.0; 45];
+    covariance[0] = f32::NAN;
+    Payload::of(&LOCAL_POSITION_NED_COV_DATA {
+        time_usec,
+        x,
+        y,
+        z,
+        vx,
+        vy,
+        vz,
+        ax,
+        ay,
+        az,
+        covariance,
+        estimator_type: MavEstimatorType::MAV_ESTIMATOR_TYPE_NAIVE,
+    })
+}
+
+/// `ATTITUDE_TARGET`: what a peer steers by, if one steers by attitude or body rates; nothing of it is meant if none does.
+pub fn attitude_target(set_point: Option<&AttitudeSetPoint>, time_boot_ms: u32) -> Payload {
+    const NO_RATES: u8 = 0b0000_0111;
+    const NO_THRUST: u8 = 0b0100_0000;
+    const NO_ATTITUDE: u8 = 0b1000_0000;
+    let unknown = [f32::NAN; 4];
+    let (ignored, q, rates, thrust) = match set_point {
+        Some(AttitudeSetPoint::Attitude { world_from_body, thrust }) => {
+            (NO_RATES, ned_from_frd(world_from_body), [0.0; 3], *thrust)
+        }
+        Some(AttitudeSetPoint::BodyRates { body_rates, thrust }) => {
+            (NO_ATTITUDE, unknown, frd_from_flu(body_rates), *thrust)
+        }
+        None => (NO_RATES | NO_THRUST | NO_ATTITUDE, unknown, [0.0; 3], 0.0),
+    };
+    let [body_roll_rate, body_pitch_rate, body_yaw_rate] = rates;
+    Payload::of(&ATTITUDE_TARGET_DATA {
+        time_boot_ms,
+        q,
+        body_roll_rate,
+        body_pitch_rate,
+        body_yaw_rate,
+        thrust,
+        type_mask: AttitudeTargetTypemask::from_bits_truncate(ignored),
+    })
 }
 
 /// `ODOMETRY`: position in the world, velocity in the body; the covariances are not known.

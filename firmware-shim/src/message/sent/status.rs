@@ -6,11 +6,12 @@ use mavlink::dialects::common::{
     NAMED_VALUE_FLOAT_DATA, NAMED_VALUE_INT_DATA, SYS_STATUS_DATA,
 };
 
-use super::identity::{Personality, standard_mode};
+use super::identity::standard_mode;
 use crate::autopilot::Mode;
 use crate::battery::Battery;
 use crate::flight_mode::FlightMode;
 use crate::frame::Payload;
+use crate::personality::Personality;
 
 /// How well a vehicle is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +36,7 @@ pub fn heartbeat(mode: Mode, flight_mode: FlightMode, personality: Personality) 
     base_mode.set(MavModeFlag::MAV_MODE_FLAG_GUIDED_ENABLED, [Mode::Guided, Mode::Offboard].contains(&mode));
     base_mode.set(MavModeFlag::MAV_MODE_FLAG_AUTO_ENABLED, flight_mode == FlightMode::Mission);
     Payload::of(&HEARTBEAT_DATA {
-        custom_mode: flight_mode.custom_mode(),
+        custom_mode: personality.custom_mode(flight_mode),
         mavtype: MavType::MAV_TYPE_QUADROTOR,
         autopilot: personality.autopilot(),
         base_mode,
@@ -109,10 +110,11 @@ pub fn extended_sys_state(mode: Mode) -> Payload {
 }
 
 /// `CURRENT_MODE`.
-pub fn current_mode(flight_mode: FlightMode) -> Payload {
+pub fn current_mode(flight_mode: FlightMode, personality: Personality) -> Payload {
+    let custom_mode = personality.custom_mode(flight_mode);
     Payload::of(&CURRENT_MODE_DATA {
-        custom_mode: flight_mode.custom_mode(),
-        intended_custom_mode: flight_mode.custom_mode(),
+        custom_mode,
+        intended_custom_mode: custom_mode,
         standard_mode: standard_mode(flight_mode),
     })
 }
@@ -130,6 +132,36 @@ pub fn named_float(name: &str, value: f32, time_boot_ms: u32) -> Payload {
 /// `NAMED_VALUE_INT`; a name has at most ten bytes.
 pub fn named_integer(name: &str, value: i32, time_boot_ms: u32) -> Payload {
     Payload::of(&NAMED_VALUE_INT_DATA { time_boot_ms, value, name: name.into() })
+}
+
+/// Who has the control of a vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ControlStatus {
+    /// MAVLink system, 0 for none.
+    pub system_in_control: u8,
+    /// Whether another one gets it who asks for it.
+    pub takeover_allowed: bool,
+}
+
+/// `CONTROL_STATUS`; the vehicle hands out the control by itself.
+pub fn control_status(status: ControlStatus) -> Payload {
+    const SYSTEM_MANAGER: u8 = 1;
+    const TAKEOVER_ALLOWED: u8 = 2;
+    let (message_id, seed) = (512, 184);
+    let takeover = if status.takeover_allowed { TAKEOVER_ALLOWED } else { 0 };
+    Payload::new(message_id, seed, &[status.system_in_control, SYSTEM_MANAGER | takeover])
+}
+
+/// `MAV_CMD_REQUEST_OPERATOR_CONTROL` to who has the control (`holder`): another system asks for it.
+pub fn request_for_control([_, action, takeover, secs]: [f32; 4], system: u8, holder: u8) -> Payload {
+    let (message_id, seed) = (76, 152);
+    let mut fields = [0; 33];
+    for (place, number) in fields.chunks_exact_mut(4).zip([f32::from(system), action, takeover, secs]) {
+        place.copy_from_slice(&number.to_le_bytes());
+    }
+    fields[28..30].copy_from_slice(&32_100_u16.to_le_bytes());
+    fields[30] = holder;
+    Payload::new(message_id, seed, &fields)
 }
 
 fn counted(count: u64) -> u16 {

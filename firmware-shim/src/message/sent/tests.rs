@@ -10,6 +10,7 @@ use crate::battery::Battery;
 use crate::controller::Controller;
 use crate::flight_mode::FlightMode;
 use crate::frame::{Encoder, Frames};
+use crate::personality::Personality;
 
 fn sent(payload: &Payload) -> MavMessage {
     let bytes = Encoder::new(1, 1).encode(payload);
@@ -51,7 +52,7 @@ fn rates_are_forward_right_down() {
 fn a_heartbeat_says_whether_motors_may_turn() {
     for mode in [Mode::Disarmed, Mode::Armed, Mode::Guided, Mode::Landed] {
         let flight_mode = FlightMode::of(mode, Controller::Policy);
-        let heartbeat = status::heartbeat(mode, flight_mode, identity::Personality::Generic);
+        let heartbeat = status::heartbeat(mode, flight_mode, Personality::Generic);
         let MavMessage::HEARTBEAT(message) = sent(&heartbeat) else { panic!() };
         let armed = message.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
         assert_eq!(armed, mode.armed());

@@ -123,3 +123,34 @@ fn an_uploaded_fence_is_respected() {
     rig.fly(1.1);
     assert_eq!(texts(&rig.answers(&datagram(&set_point([0.0, 2.0, -1.0])))), Vec::<&str>::new());
 }
+
+#[test]
+fn turns_around_a_point_are_flown_and_counted() {
+    use MavCmd::{MAV_CMD_NAV_LAND, MAV_CMD_NAV_LOITER_TURNS, MAV_CMD_NAV_TAKEOFF};
+    let mut rig = Rig::new();
+    // Two turns counter-clockwise, at 0.8 m from the point.
+    let circle = MISSION_ITEM_INT_DATA {
+        param1: 2.0,
+        param3: -0.8,
+        ..waypoint(1, MAV_CMD_NAV_LOITER_TURNS, [1.0, 0.0, 1.2])
+    };
+    let landing = waypoint(2, MAV_CMD_NAV_LAND, [1.8, 0.0, 0.0]);
+    rig.upload(&[waypoint(0, MAV_CMD_NAV_TAKEOFF, [0.0, 0.0, 1.2]), circle, landing]);
+    rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
+    rig.accepted(MavCmd::MAV_CMD_MISSION_START, [0.0; 7]);
+    let (mut swept, mut last, mut worst) = (0.0_f32, 0.0_f32, 0.0_f32);
+    for _ in 0..9000 {
+        rig.tick();
+        let from = rig.plant.state().position - nalgebra::Vector3::new(1.0, 0.0, 1.2);
+        let bearing = from.y.atan2(from.x);
+        if rig.vehicle.runner.current() == 1 && rig.vehicle.mode() == Mode::Guided && from.xy().norm() > 0.6 {
+            let (sine, cosine) = (bearing - last).sin_cos();
+            swept += sine.atan2(cosine);
+            worst = worst.max((from.xy().norm() - 0.8).abs());
+        }
+        last = bearing;
+    }
+    assert!((swept - 4.0 * core::f32::consts::PI).abs() < 0.6, "{swept} rad");
+    assert!(worst < 0.2, "{worst} m aside");
+    assert_eq!(rig.vehicle.mode(), Mode::Disarmed);
+}
