@@ -3,7 +3,7 @@
 mod node;
 
 use std::cell::OnceCell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::{Airframe, CF2X};
@@ -29,9 +29,11 @@ use kestrel_sim::seed::Seed;
 use nalgebra::Vector3;
 
 use crate::processor::{ProcessorError, ProcessorOptions, RemoteProcessor};
+use kestrel_experiments::atomic_file::check_writable;
 use kestrel_experiments::evaluation::{EpisodeFlight, Flyer};
 use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::output::{OutputError, say};
+use kestrel_experiments::recording::{RecordingError, SessionRecorder};
 use kestrel_experiments::results::starts;
 use kestrel_export::policy::Policy;
 
@@ -57,6 +59,11 @@ pub(crate) struct FlyOptions {
     /// still air]
     #[arg(long, value_name = "SEED")]
     pub(crate) episode: Option<u64>,
+
+    /// Keep the flight of a run or a shipped pilot in this file, for `kestrel replay` (films, plots, tables, MCAP) and `kestrel
+    /// view`
+    #[arg(long, value_name = "FILE")]
+    pub(crate) record: Option<PathBuf>,
 
     /// Write the true state in every control period to this file, one JSON object per line
     #[arg(long, value_name = "FILE")]
@@ -129,6 +136,12 @@ pub(crate) enum FlyError {
     /// The true-state log cannot be written.
     #[error(transparent)]
     Log(#[from] TrueStateLogError),
+    /// The recording cannot be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// A recording holds the task in whose aviary it was flown.
+    #[error("found --record for a policy file, expected the directory of a run or the name of a shipped pilot")]
+    RecordWithoutTask,
 }
 
 impl FlyError {
@@ -147,7 +160,12 @@ impl FlyError {
                 | SessionError::Fleet { .. }
                 | SessionError::Flight(_) => false,
             },
-            Self::Processor(_) | Self::Output(_) | Self::Node(_) | Self::Log(_) => false,
+            Self::Processor(_)
+            | Self::Output(_)
+            | Self::Node(_)
+            | Self::Log(_)
+            | Self::Recording(_)
+            | Self::RecordWithoutTask => false,
         }
     }
 }
@@ -174,6 +192,11 @@ pub(crate) fn fly(
     let flown = Policy::parse(bytes.bytes())?;
     let identity = PolicyIdentity::of(flown.metadata().name, bytes.bytes());
     let mut plant = place.plant(&flown, options.episode)?;
+    if let Some(path) = &options.record {
+        check_writable(path).map_err(RecordingError::File)?;
+        plant.recorded_in = Some(place.task().ok_or(FlyError::RecordWithoutTask)?);
+        plant.flight.recorder = Some(SessionRecorder::default());
+    }
     let remote = options.processor.remote()?;
     if remote.is_none() && plant.task.is_some() && !flown.flies_anywhere() {
         let backend = TaskAlone::of(&flown)?;
@@ -216,6 +239,7 @@ fn conduct<P: PolicyBackend>(
     if let Some(failure) = failure {
         return Err(failure.into());
     }
+    plant.keep(options.record.as_deref())?;
     let (secs, position, mode) = last.unwrap_or((0.0, plant.state().position, Mode::Disarmed));
     Ok(FlightSummary { secs, position, mode, counts, timing: session.timing() })
 }
@@ -225,6 +249,13 @@ impl Place<'_> {
         match self {
             Self::FlatFloor => &CF2X,
             Self::Task(experiment) => &experiment.scenario.airframe,
+        }
+    }
+
+    const fn task(&self) -> Option<&Experiment> {
+        match self {
+            Self::FlatFloor => None,
+            Self::Task(experiment) => Some(experiment),
         }
     }
 
@@ -274,11 +305,20 @@ fn check_period(scenario: &Scenario, policy: &Policy<'_>) -> Result<(), FlyError
 pub(crate) struct SimulatedFlight {
     pub(crate) flight: Flight,
     rangers: OnceCell<Rangers>,
+    /// Keeps the flight, if it is to be kept.
+    recorder: Option<SessionRecorder>,
 }
 
 impl SimulatedFlight {
     pub(crate) fn new(flight: Flight) -> Self {
-        Self { flight, rangers: OnceCell::new() }
+        Self { flight, rangers: OnceCell::new(), recorder: None }
+    }
+
+    /// Keeps the control period that begins now.
+    fn note(&mut self, rotor_targets: &[f32; 4]) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.note(self.flight.state(), rotor_targets, &self.flight.movables());
+        }
     }
 }
 
@@ -301,6 +341,7 @@ impl Plant for SimulatedFlight {
     }
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
+        self.note(rotor_targets);
         self.flight.step(rotor_targets);
     }
 }
@@ -355,11 +396,31 @@ struct TaskPlant<'a> {
     task: Option<TaskOfPolicy<'a>>,
     episode: Option<EpisodeFlight<'a>>,
     ending: Option<TaskEnding>,
+    /// The task whose aviary it is, if the flight is kept.
+    recorded_in: Option<&'a Experiment>,
 }
 
 impl<'a> TaskPlant<'a> {
     fn new(flight: Flight, task: Option<TaskOfPolicy<'a>>) -> Self {
-        Self { launch: *flight.state(), flight: SimulatedFlight::new(flight), task, episode: None, ending: None }
+        Self {
+            launch: *flight.state(),
+            flight: SimulatedFlight::new(flight),
+            task,
+            episode: None,
+            ending: None,
+            recorded_in: None,
+        }
+    }
+
+    /// Writes the flight to a file, if there was one.
+    fn keep(&mut self, path: Option<&Path>) -> Result<(), FlyError> {
+        let (Some(path), Some(experiment)) = (path, self.recorded_in) else { return Ok(()) };
+        let recorder = self.flight.recorder.take().unwrap_or_default();
+        if let Some(recording) = recorder.recording(experiment, "behind MAVLink") {
+            recording.write(path)?;
+            say(format_args!("{}: kestrel replay it, or view it", path.display()))?;
+        }
+        Ok(())
     }
 }
 
@@ -378,6 +439,7 @@ impl Plant for TaskPlant<'_> {
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         let Some(episode) = &mut self.episode else { return self.flight.step(rotor_targets) };
+        self.flight.note(rotor_targets);
         match episode.step() {
             None => self.flight.flight.put(&episode.state()),
             Some(ended) => {

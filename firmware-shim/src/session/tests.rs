@@ -323,7 +323,8 @@ fn a_squadron_without_numbers_ports_or_lines_for_all_is_refused() {
 #[test]
 fn a_client_flies_over_the_loopback_through_a_shower_of_garbage() {
     let bytes = PolicyBytes::copy_of(&hover_policy());
-    let mut session = Session::open(&bytes, &CF2X, &anywhere("--speed 50 --for-secs 2000")).unwrap();
+    let mut session =
+        Session::open(&bytes, &CF2X, &anywhere("--speed 50 --for-secs 2000 --personality generic")).unwrap();
     let client = Client::of(&session);
     let pilot = thread::spawn(move || {
         let garbage = |i: u8| client.send(&vec![i.wrapping_mul(37); 3 * usize::from(i)]);

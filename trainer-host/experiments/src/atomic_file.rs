@@ -45,6 +45,16 @@ pub fn replace_atomically(path: &Path, fill: impl FnOnce(&mut File) -> io::Resul
     replace(path, fill).map_err(|cause| FileError::new("write", path, cause))
 }
 
+/// Finds out whether a file could be written there, before what it is to hold has taken its time.
+///
+/// # Errors
+/// The system's reason.
+pub fn check_writable(path: &Path) -> Result<(), FileError> {
+    let trial =
+        if path.is_dir() { Err(io::ErrorKind::IsADirectory.into()) } else { unfinished_file(directory_of(path)) };
+    trial.map(drop).map_err(|cause| FileError::new("write", path, cause))
+}
+
 /// Reads the whole file.
 ///
 /// # Errors
@@ -67,12 +77,16 @@ pub fn remove_unfinished(directory: &Path) -> Result<(), FileError> {
 }
 
 fn replace(path: &Path, fill: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
-    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let directory = directory_of(path);
     let mut unfinished = unfinished_file(directory)?;
     fill(unfinished.as_file_mut())?;
     unfinished.as_file().sync_all()?;
     unfinished.persist(path).map_err(|error| error.error)?;
     sync_directory(directory)
+}
+
+fn directory_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn unfinished_file(directory: &Path) -> io::Result<tempfile::NamedTempFile> {

@@ -24,7 +24,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use flown::{at_start, fly};
+pub use flown::{SessionRecorder, at_start, fly};
 pub use table::Table;
 
 /// What every recording is.

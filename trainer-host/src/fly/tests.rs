@@ -9,6 +9,7 @@ use kestrel_core::mlp::DenseLayer;
 use kestrel_core::observation::{ObservationLayout, PILOT_LEN, PilotLayout};
 use kestrel_core::policy_file::{ParameterFormat, PolicyDraft, PolicyMetadata};
 use kestrel_experiments::experiment_config::{self, EvaluationSettings};
+use kestrel_experiments::recording::Recording;
 use kestrel_shim::goal::MovingGoal;
 use kestrel_shim::link::LinkError;
 use kestrel_shim::lockstep::SimulationRate;
@@ -237,4 +238,26 @@ fn the_same_flight_has_the_same_log() {
         fs::read(path).unwrap()
     };
     assert_eq!(log("first"), log("second"));
+}
+
+#[test]
+fn a_flight_is_kept_with_its_aviary_and_is_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight.recording");
+    let options = FlyOptions { record: Some(path.clone()), ..options(1.0) };
+    let task = task(&scenario());
+    let summary = fly(Place::Task(&task), &climber(0.01), &options, &|| false).unwrap();
+    let recording = Recording::read(&path).unwrap();
+    let [track] = &recording.drones[..] else { panic!("{} drones", recording.drones.len()) };
+    assert_eq!((track.moments.len(), track.steps.len()), (100, 99));
+    let last = track.moments.last().unwrap().placed.position;
+    assert!((Vector3::from(last) - summary.position.map(f64::from)).norm() < 1e-6, "{last:?}");
+    assert_eq!(recording.experiment(&path).unwrap().name, task.name);
+    let refused = fly(Place::FlatFloor, &climber(0.01), &options, &|| false).unwrap_err();
+    assert!(refused.to_string().contains("--record for a policy file"), "{refused}");
+    for nowhere in ["no/such/folder/flight".into(), folder.path().to_owned()] {
+        let options = FlyOptions { record: Some(nowhere), ..options.clone() };
+        let error = fly(Place::Task(&task), &climber(0.01), &options, &|| panic!("it flies")).unwrap_err();
+        assert!(matches!(error, FlyError::Recording(_)), "{error}");
+    }
 }

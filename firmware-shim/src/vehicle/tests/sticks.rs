@@ -69,7 +69,7 @@ fn sticks_that_fall_silent_hold_and_go_on_when_they_come_back() {
     assert_eq!(rig.vehicle.mode(), Mode::Holding);
     assert!(rig.plant.state().velocity.norm() < 0.05);
     assert_eq!(rig.heartbeat().custom_mode, FlightMode::Position.custom_mode());
-    stream(&mut rig, &sticks([0, 0, 750, 0]), 2.0);
+    stream(&mut rig, &sticks([0, 0, 750, 0]), 4.0);
     assert_eq!(rig.vehicle.mode(), Mode::Offboard);
     assert!(rig.plant.state().velocity.z > 0.2);
 }

@@ -1,12 +1,15 @@
 //! A recording of an episode that is flown for it.
 
 use kestrel_core::real::Real;
+use kestrel_core::vehicle::State;
 use kestrel_sim::outcome::Episode;
 use kestrel_sim::simulation::Simulation;
+use kestrel_sim::world::Pose;
 
 use super::{Placed, Recording, Track};
 use crate::evaluation::{Cockpit, Flyer, Starts};
 use crate::experiment_config::Experiment;
+use crate::results::starts;
 
 /// Flies the episode that an evaluation flies as number `start`, in double precision, and keeps everything.
 pub fn fly(experiment: &Experiment, flyer: Flyer<'_>, starts: Starts, start: u32) -> Recording {
@@ -36,6 +39,34 @@ pub fn fly(experiment: &Experiment, flyer: Flyer<'_>, starts: Starts, start: u32
         }
     }
     recording(experiment, flyer.name(), (starts, start), drones, movables)
+}
+
+/// A flight that is no episode of a task, such as a session of a vehicle behind MAVLink: kept while it goes on.
+#[derive(Clone, Debug, Default)]
+pub struct SessionRecorder {
+    track: Option<Track>,
+    rotor_targets: [f32; 4],
+    movables: Vec<Vec<Placed>>,
+}
+
+impl SessionRecorder {
+    /// Keeps a control period: the true state at its beginning, and what the rotors are told then \[rad/s\].
+    pub fn note(&mut self, state: &State<f32>, rotor_targets: &[f32; 4], movables: &[Pose]) {
+        match &mut self.track {
+            // It goes where it is told; what stands in films is where it began.
+            None => self.track = Some(Track::starting(state.position.map(f64::from).into(), state)),
+            Some(track) => track.push(&self.rotor_targets, &[], Some(state)),
+        }
+        self.rotor_targets = *rotor_targets;
+        self.movables.push(movables.iter().map(Placed::of).collect());
+    }
+
+    /// All of it, in the aviary of a task; nothing if there was no control period.
+    pub fn recording(self, experiment: &Experiment, pilot: &str) -> Option<Recording> {
+        let drones = vec![self.track?];
+        let recording = recording(experiment, pilot, (starts(experiment), 0), drones, self.movables);
+        Some(Recording { components: Vec::new(), ..recording })
+    }
 }
 
 /// The beginning of that episode: states without steps.
