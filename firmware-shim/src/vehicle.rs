@@ -301,8 +301,10 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.note_heard(operator);
         let purpose = match command {
             Command::Disarm | Command::SelectController(_) | Command::Speed(_) => Purpose::Change,
-            Command::StopMotors | Command::Pause | Command::Return | Command::Land => Purpose::Stop,
-            Command::Arm
+            Command::Pause | Command::Return | Command::Land => Purpose::Stop,
+            // A Crazyflie's clients stop the motors by a set-point; in an emergency they have another way.
+            Command::StopMotors
+            | Command::Arm
             | Command::TakeOff { .. }
             | Command::GoTo(_)
             | Command::Velocity(_)

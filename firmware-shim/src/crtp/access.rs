@@ -18,6 +18,15 @@ pub struct CommandOutcome {
     pub goal: MovingGoal,
 }
 
+/// What a client's server has the vehicle do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ClientOrder {
+    /// Execute a command, if the client has the control.
+    Command(Command),
+    /// Stop the motors, whoever has it.
+    EmergencyStop,
+}
+
 /// The vehicle and the client of a server, for the time of one call.
 pub struct VehicleAccess<'a> {
     /// Simulated time since the start \[s\].
@@ -30,8 +39,8 @@ pub struct VehicleAccess<'a> {
     pub mode: Mode,
     /// Where it is going.
     pub goal: MovingGoal,
-    /// Has the autopilot execute a command.
-    pub order: &'a mut dyn FnMut(Command) -> CommandOutcome,
+    /// Has the vehicle obey.
+    pub order: &'a mut dyn FnMut(ClientOrder) -> CommandOutcome,
     /// Sends a packet to the client, if there is one.
     pub send: &'a mut dyn FnMut(&Packet),
 }
@@ -42,7 +51,17 @@ impl VehicleAccess<'_> {
     /// # Errors
     /// As [`crate::autopilot::Autopilot::command`].
     pub fn order(&mut self, command: Command) -> Result<(), Refusal> {
-        let CommandOutcome { result, mode, goal } = (self.order)(command);
+        self.have(ClientOrder::Command(command))
+    }
+
+    /// Stops the motors.
+    pub fn stop_in_emergency(&mut self) {
+        // It is always obeyed.
+        let _stopped = self.have(ClientOrder::EmergencyStop);
+    }
+
+    fn have(&mut self, order: ClientOrder) -> Result<(), Refusal> {
+        let CommandOutcome { result, mode, goal } = (self.order)(order);
         self.mode = mode;
         self.goal = goal;
         result

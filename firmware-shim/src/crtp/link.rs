@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 
 use kestrel_core::vehicle::State;
 
-use super::access::{CommandOutcome, VehicleAccess};
+use super::access::{ClientOrder, CommandOutcome, VehicleAccess};
 use super::packet::{PACKET_LIMIT, Packet};
 use super::platform;
 use super::server::CrtpServer;
+use crate::autopilot::Command;
 use crate::link::{LinkAddress, LinkError, is_silence};
 use crate::plant::Ranges;
 use crate::policy_backend::PolicyBackend;
@@ -156,8 +157,11 @@ impl CrtpLink {
             ranges: self.ranges,
             mode: vehicle.mode(),
             goal: *vehicle.goal(),
-            order: &mut |command| {
-                let result = vehicle.order_as(Operator::CrazyflieClient, command);
+            order: &mut |order| {
+                let result = match order {
+                    ClientOrder::Command(command) => vehicle.order_as(Operator::CrazyflieClient, command),
+                    ClientOrder::EmergencyStop => vehicle.order(Command::StopMotors),
+                };
                 CommandOutcome { result, mode: vehicle.mode(), goal: *vehicle.goal() }
             },
             send: &mut |packet| {

@@ -73,8 +73,7 @@ impl Supervisor {
     /// Stops the motors, and ends all flying.
     pub fn stop(&mut self, access: &mut VehicleAccess) {
         self.lock = Lock::Closed;
-        // It is always obeyed.
-        let _ = access.order(Command::StopMotors);
+        access.stop_in_emergency();
     }
 
     /// From now on the client must come again and again, or the motors stop.

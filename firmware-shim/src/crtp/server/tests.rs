@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::autopilot::{Autopilot, Command, Mode, SPEED_LIMIT, Surroundings};
-use crate::crtp::access::CommandOutcome;
+use crate::crtp::access::{ClientOrder, CommandOutcome};
 use crate::crtp::commander::{HOVER_SECS, HighLevel, LAND_SECS};
 use crate::plant::{FlatFloor, Plant};
 use crate::testing::{dishonest_policy, hover_policy, pilot};
@@ -49,8 +49,11 @@ impl Rig {
             ranges: None,
             mode: autopilot.mode(),
             goal: *autopilot.goal(),
-            order: &mut |command| {
-                let result = autopilot.command(command);
+            order: &mut |order| {
+                let result = autopilot.command(match order {
+                    ClientOrder::Command(command) => command,
+                    ClientOrder::EmergencyStop => Command::StopMotors,
+                });
                 CommandOutcome { result, mode: autopilot.mode(), goal: *autopilot.goal() }
             },
             send: &mut |packet| self.sent.push(packet.clone()),

@@ -174,6 +174,19 @@ fn plans_and_parameters_are_those_of_who_has_the_control() {
 }
 
 #[test]
+fn a_client_of_a_crazyflie_is_one_of_the_operators() {
+    let mut rig = Rig::flying();
+    let stop = Command::StopMotors;
+    let refused = Err(Refusal::OtherOperator);
+    assert_eq!(rig.vehicle.order_as(Operator::CrazyflieClient, stop), refused, "its set-point of nothing");
+    assert_eq!(rig.vehicle.order_as(Operator::CrazyflieClient, Command::Land), Ok(()));
+    rig.fly(8.0);
+    assert_eq!(rig.vehicle.order_as(Operator::CrazyflieClient, Command::Arm), Ok(()));
+    assert_eq!(status(&mut rig), [254, 3]);
+    rig.refused(MavCmd::MAV_CMD_NAV_TAKEOFF, LEFT_OPEN, MavResult::MAV_RESULT_FAILED);
+}
+
+#[test]
 fn with_another_parameter_the_last_one_is_obeyed() {
     let mut rig = Rig::flying();
     let mut parameters = rig.vehicle.parameters().clone();
