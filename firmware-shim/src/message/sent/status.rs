@@ -34,6 +34,7 @@ pub fn heartbeat(mode: Mode, flight_mode: FlightMode, personality: Personality) 
     base_mode.set(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED, mode.armed());
     base_mode.set(MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED, mode.flies());
     base_mode.set(MavModeFlag::MAV_MODE_FLAG_GUIDED_ENABLED, [Mode::Guided, Mode::Offboard].contains(&mode));
+    base_mode.set(MavModeFlag::MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, flight_mode == FlightMode::Position);
     base_mode.set(MavModeFlag::MAV_MODE_FLAG_AUTO_ENABLED, flight_mode == FlightMode::Mission);
     Payload::of(&HEARTBEAT_DATA {
         custom_mode: personality.custom_mode(flight_mode),
