@@ -63,6 +63,8 @@ pub enum StationOrder {
     Mode(FlightMode),
     /// Go at another speed \[m/s\].
     Speed(f32),
+    /// Send a message this often \[s\].
+    Interval(u32, f32),
     /// Upload a mission.
     Upload(Vec<PlanItem>),
 }
@@ -166,6 +168,10 @@ impl GroundStation {
             StationOrder::Velocity { velocity, yaw_rate } => self.velocity(velocity, *yaw_rate, send),
             StationOrder::Mode(mode) => {
                 self.command(MavCmd::MAV_CMD_DO_SET_MODE, [1.0, mode.custom_mode() as f32, 0.0], send);
+            }
+            StationOrder::Interval(message_id, secs) => {
+                let (message_id, micros) = (*message_id as f32, 1e6 * secs);
+                self.command(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [message_id, micros, 0.0], send);
             }
             StationOrder::Speed(speed) => self.command(MavCmd::MAV_CMD_DO_CHANGE_SPEED, [1.0, *speed, -1.0], send),
             StationOrder::Upload(items) => {

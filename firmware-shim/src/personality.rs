@@ -69,7 +69,11 @@ impl Personality {
     pub fn of_custom_mode(self, custom_mode: u32) -> Option<FlightMode> {
         match self {
             Self::Px4 | Self::Generic => FlightMode::of_custom_mode(custom_mode),
-            Self::Ardupilot => ARDUCOPTER.iter().find(|(number, _)| *number == custom_mode).map(|(_, mode)| *mode),
+            // PX4's whole numbers are greater than any of `ArduCopter`'s: they are understood, too.
+            Self::Ardupilot => {
+                let listed = ARDUCOPTER.iter().find(|(number, _)| *number == custom_mode);
+                listed.map(|(_, mode)| *mode).or_else(|| FlightMode::of_custom_mode(custom_mode))
+            }
         }
     }
 
@@ -109,6 +113,8 @@ mod tests {
             assert_eq!(Personality::Ardupilot.custom_mode(mode), 4);
         }
         assert_eq!(Personality::Ardupilot.of_numbers(6.0, 0.0), Some(FlightMode::Return));
+        let whole = FlightMode::Offboard.custom_mode();
+        assert_eq!(Personality::Ardupilot.of_custom_mode(whole), Some(FlightMode::Offboard));
         assert_eq!(Personality::Px4.of_numbers(6.0, 0.0), Some(FlightMode::Offboard));
     }
 

@@ -4,7 +4,7 @@
 //! | topic of `/cf1` | message | |
 //! |---|---|---|
 //! | `pose`, `odom` | `geometry_msgs/PoseStamped`, `nav_msgs/Odometry` | what the vehicle knows, 50 Hz; the twist in its own axes |
-//! | `imu` | `sensor_msgs/Imu` | attitude and body rates; no accelerations, which their covariance says |
+//! | `imu` | `sensor_msgs/Imu` | attitude, body rates, specific force: mean over the control period before |
 //! | `battery`, `status` | `sensor_msgs/BatteryState`, `crazyflie_interfaces/Status` | |
 //! | `cmd_vel` | `geometry_msgs/Twist` | heard: forward, left, up \[m/s\], counter-clockwise \[rad/s\] |
 //! | `cmd_hover`, `cmd_position`, `cmd_velocity_world` | `crazyflie_interfaces/Hover`, … | heard |
@@ -63,6 +63,10 @@ const CLIMB_SPEED: f32 = 0.5;
 
 /// A flight to a point is at least as long \[s\]: the vehicle limits its speed itself.
 const SHORTEST_SECS: f32 = 0.1;
+
+/// `HIGHRES_IMU`, and how often it is wanted \[s\]: as often as the attitude comes.
+const HIGHRES_IMU: u32 = 105;
+const IMU_SECS: f32 = 0.02;
 
 /// Why there is no node.
 #[derive(Debug, thiserror::Error)]
@@ -125,7 +129,7 @@ impl RosLink {
         std::thread::spawn(move || futures::executor::block_on(spinner.spin()));
         let inputs = Inputs::open(&mut node, name, settings).map_err(|error| refused(&error))?;
         let outputs = Outputs::open(&mut node, name).map_err(|error| refused(&error))?;
-        Ok(Self {
+        let mut link = Self {
             inputs,
             outputs,
             node,
@@ -135,7 +139,9 @@ impl RosLink {
             located: false,
             mode: None,
             next_mode_secs: 0.0,
-        })
+        };
+        link.order(&StationOrder::Interval(HIGHRES_IMU, IMU_SECS));
+        Ok(link)
     }
 
     fn order(&mut self, order: &StationOrder) {
@@ -228,6 +234,10 @@ impl RosLink {
             MavMessage::BATTERY_STATUS(battery) => {
                 outputs.tell_battery(*now_secs, battery.voltages[0], battery.battery_remaining);
             }
+            MavMessage::HIGHRES_IMU(told) => {
+                outputs.known.specific_force = flu_from_frd([told.xacc, told.yacc, told.zacc]);
+            }
+            // The inertial unit's comes before it.
             MavMessage::ATTITUDE_QUATERNION(told) => {
                 outputs.known.attitude = enu_from_flu([told.q1, told.q2, told.q3, told.q4]);
                 outputs.known.body_rates = flu_from_frd([told.rollspeed, told.pitchspeed, told.yawspeed]);

@@ -37,6 +37,8 @@ pub(super) struct Known {
     pub(super) attitude: Attitude<f32>,
     /// \[rad/s, body\].
     pub(super) body_rates: Vector3<f32>,
+    /// \[m/s², body\].
+    pub(super) specific_force: Vector3<f32>,
 }
 
 /// Publishers, and what was heard so far.
@@ -57,11 +59,11 @@ pub(super) struct Outputs {
 
 impl Outputs {
     pub(super) fn open(node: &mut Node, name: &str) -> Result<Self, CreateError> {
-        let (velocity, body_rates) = (Vector3::zeros(), Vector3::zeros());
+        let (velocity, body_rates, specific_force) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
         let attitude = Attitude { w: 1.0, x: 0.0, y: 0.0, z: 0.0 };
         Ok(Self {
             name: name.to_owned(),
-            known: Known { position: Vector3::zeros(), velocity, attitude, body_rates },
+            known: Known { position: Vector3::zeros(), velocity, attitude, body_rates, specific_force },
             armed: false,
             flying: false,
             volts: 0.0,
@@ -80,7 +82,7 @@ impl Outputs {
     }
 
     pub(super) fn tell_position(&self, now_secs: f64) {
-        let Known { position, velocity, attitude, body_rates } = self.known;
+        let Known { position, velocity, attitude, body_rates, .. } = self.known;
         let header = Header::new(Time::of(now_secs), WORLD);
         let pose = Pose { position: triple(position), orientation: quaternion(&attitude) };
         let child_frame_id = self.name.clone();
@@ -99,17 +101,14 @@ impl Outputs {
     }
 
     pub(super) fn tell_attitude(&self, now_secs: f64) {
-        // A first element of -1 says that there is no such measurement.
-        let mut unknown = [0.0; 9];
-        unknown[0] = -1.0;
         let imu = Imu {
             header: Header::new(Time::of(now_secs), &self.name),
             orientation: quaternion(&self.known.attitude),
             orientation_covariance: [0.0; 9],
             angular_velocity: triple(self.known.body_rates),
             angular_velocity_covariance: [0.0; 9],
-            linear_acceleration: Triple::default(),
-            linear_acceleration_covariance: unknown,
+            linear_acceleration: triple(self.known.specific_force),
+            linear_acceleration_covariance: [0.0; 9],
         };
         tell(&self.imu, imu);
     }

@@ -218,6 +218,7 @@ pub(super) fn goal(script: &[ScriptStep]) -> Option<Vector3<f32>> {
         | StationOrder::TakeOff(_)
         | StationOrder::Velocity { .. }
         | StationOrder::Mode(_)
-        | StationOrder::Speed(_) => None,
+        | StationOrder::Speed(_)
+        | StationOrder::Interval(..) => None,
     })
 }
