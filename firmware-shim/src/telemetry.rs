@@ -51,7 +51,7 @@ pub enum TelemetryStream {
     Attitude,
     /// `LOCAL_POSITION_NED`, 50 Hz.
     LocalPosition,
-    /// `CONTROL_STATUS`, 1 Hz.
+    /// `CONTROL_STATUS`, 1 Hz once several clients have spoken.
     ControlStatus,
     /// What the policy is and how fast it answers, as `NAMED_VALUE_FLOAT` and `NAMED_VALUE_INT`, 1 Hz.
     Policy,

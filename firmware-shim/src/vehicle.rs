@@ -388,7 +388,8 @@ impl<P: PolicyBackend> Vehicle<P> {
         }
         self.publish_lists(send);
         for stream in TelemetryStream::ALL {
-            if self.channels.are_due(stream, self.controller.ticks()) {
+            let is_told = stream != TelemetryStream::ControlStatus || self.tells_control();
+            if is_told && self.channels.are_due(stream, self.controller.ticks()) {
                 self.publish(stream, state, send);
             }
         }

@@ -32,11 +32,6 @@ COMMAND_IDS = (11, 75, 76)
 """Of the messages of which the link lets few through: SET_MODE, COMMAND_INT, COMMAND_LONG."""
 
 
-def is_signed(told):
-    """Of a message that pymavlink knows, or of CONTROL_STATUS, which it does not: then by its flag alone."""
-    return told.data[2] & 1 if told.get_type() == "UNKNOWN_512" else told.get_signed()
-
-
 class Recorder:
     """Keeps every frame that a client sends."""
 
@@ -148,7 +143,7 @@ class Flight:
         self._client.receive("HEARTBEAT", within_secs=20.0)
         for _ in range(100):
             told = self._client.link.recv_match(blocking=True, timeout=5.0)
-            expect(told is not None and is_signed(told), f"{told} is not signed")
+            expect(told is not None and told.get_signed(), f"{told} is not signed")
         bad = self._client.mav.signing.badsig_count
         expect(bad == 0, f"{bad} signatures are wrong")
 

@@ -113,6 +113,7 @@ impl<P: PolicyBackend> Vehicle<P> {
             148 => self.controller.answer(identity::autopilot_version(self.profile.policy.hash)),
             300 => self.controller.answer(identity::protocol_version()),
             435 => self.send_modes(index),
+            512 => self.controller.answer(self.control_status()),
             437 => self.controller.answer(identity::available_modes_monitor()),
             message_id => match TelemetryStream::of_message(message_id) {
                 Some(stream) => self.channels.open(peer).request(stream),

@@ -60,6 +60,10 @@ struct Holder {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Control {
     holder: Option<Holder>,
+    /// Who spoke first.
+    first: Option<Operator>,
+    /// Whether others spoke, too, or one asked for the control: then it matters who has it.
+    matters: bool,
 }
 
 impl Purpose {
@@ -185,9 +189,15 @@ impl<P: PolicyBackend> Vehicle<P> {
         }
     }
 
+    /// Whether all are to be told who has the control. A client that is alone has no use for it, and few know the message.
+    pub(super) fn tells_control(&self) -> bool {
+        self.control.matters
+    }
+
     /// An operator is there.
     pub(super) fn note_heard(&mut self, operator: Operator) {
         let now_secs = self.elapsed_secs();
+        self.control.matters |= *self.control.first.get_or_insert(operator) != operator;
         if let Some(holder) = self.control.holder.as_mut().filter(|holder| holder.operator == operator) {
             holder.heard_secs = now_secs;
         }
@@ -208,6 +218,7 @@ impl<P: PolicyBackend> Vehicle<P> {
         let [_, action, takeover, _] = request.parameters;
         let [system, _] = sender.address;
         let operator = Operator::System(system);
+        self.control.matters = true;
         let held_by_other = self.control.holder.filter(|holder| holder.operator != operator);
         match action {
             0.0 if held_by_other.is_none() => self.hand_to(None),
@@ -230,7 +241,9 @@ impl<P: PolicyBackend> Vehicle<P> {
     /// Gives the control away, and tells everybody.
     fn hand_to(&mut self, holder: Option<Holder>) {
         self.control.holder = holder;
-        self.notices.push(self.control_status());
+        if self.control.matters {
+            self.notices.push(self.control_status());
+        }
     }
 
     /// `CONTROL_STATUS`.

@@ -38,18 +38,34 @@ fn ask_for_control(rig: &mut Rig, system: u8, action: f32, takeover: f32) -> u8 
     result.unwrap()
 }
 
-/// `CONTROL_STATUS` as it is told next.
+/// `CONTROL_STATUS` as a third one is told that asks for it.
 fn status(rig: &mut Rig) -> [u8; 2] {
-    let mut told = None;
-    for _ in 0..100 {
-        rig.vehicle.tick(rig.plant.state(), &[PEER], &mut |_, frame| {
-            let frame = Frames::new(frame).next().unwrap().unwrap();
-            if frame.message_id == CONTROL_STATUS {
-                told = Some(frame.fields());
-            }
-        });
-    }
-    told.unwrap()
+    // No request is the repetition of another one.
+    rig.fly(2.1);
+    let request = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [512.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let mut answers = Vec::new();
+    rig.vehicle.receive(PEER, &datagram_of(7, &request), &mut |frame| answers.extend(control_status(frame)));
+    answers[0]
+}
+
+fn control_status(frame: &[u8]) -> Option<[u8; 2]> {
+    let frame = Frames::new(frame).next().unwrap().unwrap();
+    (frame.message_id == CONTROL_STATUS).then(|| frame.fields())
+}
+
+#[test]
+fn who_has_the_control_is_told_once_a_second_when_several_speak() {
+    let mut rig = Rig::flying();
+    let told = |rig: &mut Rig| {
+        let mut told = Vec::new();
+        for _ in 0..300 {
+            rig.vehicle.tick(rig.plant.state(), &[PEER], &mut |_, frame| told.extend(control_status(frame)));
+        }
+        told
+    };
+    assert_eq!(told(&mut rig), [[0; 2]; 0]);
+    rig.receive(&datagram_of(OTHER, &HEARTBEAT_DATA::default()));
+    assert_eq!(told(&mut rig), [[255, 3]; 3]);
 }
 
 const ACCEPTED: u8 = 0;
@@ -123,7 +139,7 @@ fn control_is_asked_for_given_back_and_taken_from_the_silent() {
     assert_eq!(ask_for_control(&mut rig, 255, 1.0, 1.0), ACCEPTED);
     assert_eq!(status(&mut rig), [255, 3]);
     assert_eq!(ask_for_control(&mut rig, OTHER, 1.0, 0.0), ACCEPTED, "it lets others have it");
-    rig.fly(7.5);
+    rig.fly(6.0);
     assert_eq!(status(&mut rig), [0, 3], "it is silent");
 }
 
