@@ -64,6 +64,8 @@ fn who_has_the_control_is_told_once_a_second_when_several_speak() {
         told
     };
     assert_eq!(told(&mut rig), [[0; 2]; 0]);
+    // Its pilot is there.
+    rig.receive(&datagram(&HEARTBEAT_DATA::default()));
     rig.receive(&datagram_of(OTHER, &HEARTBEAT_DATA::default()));
     assert_eq!(told(&mut rig), [[255, 3]; 3]);
 }
@@ -78,6 +80,8 @@ fn whoever_flies_the_drone_has_the_control_until_it_has_landed() {
     use MavResult::{MAV_RESULT_ACCEPTED, MAV_RESULT_FAILED};
     let mut rig = Rig::flying();
     assert_eq!(status(&mut rig), [255, 3]);
+    // Its pilot is there.
+    rig.receive(&datagram(&HEARTBEAT_DATA::default()));
     assert_eq!(result_of(&mut rig, MavCmd::MAV_CMD_DO_CHANGE_SPEED, SPEED), MAV_RESULT_FAILED);
     assert_eq!(texts(&rig.heard), ["refused: another client has the control"]);
     assert_eq!(result_of(&mut rig, MavCmd::MAV_CMD_DO_SET_MODE, TO_PID), MAV_RESULT_FAILED);
