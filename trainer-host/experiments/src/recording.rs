@@ -236,6 +236,12 @@ impl Track {
         self.moments.extend(after.map(Moment::of));
     }
 
+    /// How it ended, in words; none of a flight that was no episode.
+    pub fn outcome(&self) -> Option<String> {
+        let verdict = if self.success { "success" } else { "no success" };
+        (!self.ending.is_empty()).then(|| format!("{}, {verdict}", self.ending))
+    }
+
     /// Says how it ended.
     pub fn finish(&mut self, ending: &str, success: bool) {
         ending.clone_into(&mut self.ending);

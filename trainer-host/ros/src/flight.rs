@@ -99,9 +99,9 @@ impl FlightWriter {
             for (name, paid) in self.terms.iter().zip(&step.rewards) {
                 self.bag.push(&topic(&format!("reward/{name}")), secs, &Float64 { data: *paid })?;
             }
-            if index + 1 == track.steps.len() && !track.ending.is_empty() {
-                let verdict = if track.success { "success" } else { "no success" };
-                let data = format!("{}, {verdict}", track.ending);
+            if index + 1 == track.steps.len()
+                && let Some(data) = track.outcome()
+            {
                 self.bag.push(&topic("outcome"), secs + self.control_secs, &Text { data })?;
             }
         }

@@ -35,12 +35,9 @@ impl Recording {
     pub fn plot(&self, experiment: &Experiment, drone: usize) -> Drawing {
         let track = &self.drones[drone];
         let control_secs = f64::from(experiment.scenario.physics.control_secs());
-        let verdict = if track.success { "success" } else { "no success" };
         let secs = track.steps.len() as f64 * control_secs;
-        let about = format!(
-            "drone {drone}, start {} of seed {}: {secs:.2} s, {}, {verdict}",
-            self.start, self.seed, track.ending
-        );
+        let outcome = track.outcome().map_or(String::new(), |outcome| format!(", {outcome}"));
+        let about = format!("drone {drone}, start {} of seed {}: {secs:.2} s{outcome}", self.start, self.seed);
         let mut drawing = titled(WIDTH, &format!("{}: {}", experiment.name, self.pilot), &about);
         let mut top = TOP;
         for signal in self.signals(track) {
@@ -81,19 +78,19 @@ impl Recording {
             |(index, name): (usize, String)| (name, track.steps.iter().map(|step| step.rewards[index]).collect());
         let position =
             states("position [m], dashed: the goal", &["x", "y", "z"], &|moment| moment.placed.position.into());
-        vec![
+        let mut signals = vec![
             Signal { wanted: track.goal.into(), ..position },
             states("velocity [m/s]", &["x", "y", "z"], &|moment| moment.velocity.into()),
             states("attitude [degrees]", &["roll", "pitch", "yaw"], &degrees),
             states("body rates [rad/s]", &["x", "y", "z"], &|moment| moment.body_rates.into()),
             states("rotor speeds [rad/s]", &["0", "1", "2", "3"], &|moment| moment.rotor_speeds.into()),
             Signal { name: "action", lines: (0..commands).map(command).collect(), wanted: Vec::new() },
-            Signal {
-                name: "reward of a step",
-                lines: self.terms().into_iter().enumerate().map(paid).collect(),
-                wanted: Vec::new(),
-            },
-        ]
+        ];
+        if !self.components.is_empty() {
+            let lines = self.terms().into_iter().enumerate().map(paid).collect();
+            signals.push(Signal { name: "reward of a step", lines, wanted: Vec::new() });
+        }
+        signals
     }
 }
 

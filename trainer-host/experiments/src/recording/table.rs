@@ -14,12 +14,13 @@ impl Recording {
         for (index, track) in self.drones.iter().enumerate() {
             let returns = self.returns(track);
             let secs = track.steps.len() as f64 * control_secs;
-            let verdict = if track.success { "success" } else { "no success" };
             let parts: Vec<_> =
                 self.components.iter().zip(&returns).map(|(name, paid)| format!("{name} {paid:.3}")).collect();
             let total: f64 = returns.iter().sum();
-            write!(text, "\ndrone {index}: {secs:.2} s, {}, {verdict}, return {total:.3}", track.ending)
-                .expect("strings take all text");
+            write!(text, "\ndrone {index}: {secs:.2} s").expect("strings take all text");
+            if let Some(outcome) = track.outcome() {
+                write!(text, ", {outcome}, return {total:.3}").expect("strings take all text");
+            }
             if parts.len() > 1 {
                 write!(text, " ({})", parts.join(", ")).expect("strings take all text");
             }
