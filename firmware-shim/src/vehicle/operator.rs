@@ -7,7 +7,7 @@
 use kestrel_onboard::acknowledgement::CommandAnswer;
 use kestrel_onboard::repetition::Sender;
 
-use super::Vehicle;
+use super::{TaskPhase, Vehicle};
 use crate::autopilot::Refusal;
 use crate::flight_mode::FlightMode;
 use crate::message::sent::status::{self, ControlStatus};
@@ -207,7 +207,9 @@ impl<P: PolicyBackend> Vehicle<P> {
     pub(super) fn tend_control(&mut self) {
         let Some(Holder { claim, heard_secs, .. }) = self.control.holder else { return };
         let silent_secs = self.elapsed_secs() - heard_secs;
-        let has_landed = claim == Claim::Flying && !self.mode().armed();
+        // A task that was asked for arms the drone itself.
+        let launches = matches!(self.task, Some((TaskPhase::Asked(_) | TaskPhase::Launching(_), _)));
+        let has_landed = claim == Claim::Flying && !self.mode().armed() && !launches;
         if has_landed || silent_secs > f64::from(self.autopilot().settings().link_loss_secs) {
             self.hand_to(None);
         }

@@ -207,6 +207,19 @@ fn a_client_of_a_crazyflie_is_one_of_the_operators() {
 }
 
 #[test]
+fn who_asks_for_a_task_has_the_control_while_it_is_flown() {
+    let mut rig = Rig::new();
+    rig.vehicle.offer_task(PolicyRole::SetPointsToo);
+    rig.accepted(MavCmd::MAV_CMD_USER_1, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    for _ in 0..5 {
+        rig.vehicle.tend_task(&mut rig.plant);
+        rig.tick();
+    }
+    assert!(rig.vehicle.mode().flies());
+    assert_eq!(result_of(&mut rig, MavCmd::MAV_CMD_DO_SET_MODE, TO_PID), MavResult::MAV_RESULT_FAILED);
+}
+
+#[test]
 fn with_another_parameter_the_last_one_is_obeyed() {
     let mut rig = Rig::flying();
     let mut parameters = rig.vehicle.parameters().clone();
