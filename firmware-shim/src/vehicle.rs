@@ -9,10 +9,11 @@ mod mission;
 mod operator;
 mod sticks;
 mod task;
+mod telemetry;
 
 use core::time::Duration;
 
-use kestrel_core::airframe::{Airframe, GRAVITY};
+use kestrel_core::airframe::Airframe;
 use kestrel_core::vehicle::State;
 use kestrel_onboard::acknowledgement::CommandAnswer;
 use kestrel_onboard::endpoint::Counts;
@@ -32,8 +33,8 @@ use crate::frame::{Frame, Frames, Payload};
 use crate::geodesy::Home;
 use crate::goal::MovingGoal;
 use crate::link::Peer;
+use crate::message::sent;
 use crate::message::sent::identity::PolicyIdentity;
-use crate::message::sent::{self, motion, status, surroundings};
 use crate::mission as mission_protocol;
 use crate::mission::runner::Directive;
 use crate::mission::{MissionProtocol, MissionRunner};
@@ -56,9 +57,6 @@ use task::TaskPhase;
 
 /// Answers that wait at once; what is asked beyond it goes unanswered.
 const ANSWERS: usize = 32;
-
-/// Messages of one stream at one time: as many as there are rangers.
-const MESSAGES: usize = 6;
 
 /// The same refusal is not worded again within this time \[s\]: set-points come in streams.
 const TEXT_SECS: f64 = 1.0;
@@ -299,17 +297,8 @@ impl<P: PolicyBackend> Vehicle<P> {
     /// As [`Vehicle::order`], and [`Refusal::OtherOperator`].
     pub fn order_as(&mut self, operator: Operator, command: Command) -> Result<(), Refusal> {
         self.note_heard(operator);
-        let purpose = match command {
-            Command::Disarm | Command::SelectController(_) | Command::Speed(_) => Purpose::Change,
-            Command::Pause | Command::Return | Command::Land => Purpose::Stop,
-            // A Crazyflie's clients stop the motors by a set-point; in an emergency they have another way.
-            Command::StopMotors
-            | Command::Arm
-            | Command::TakeOff { .. }
-            | Command::GoTo(_)
-            | Command::Velocity(_)
-            | Command::Offboard => Purpose::Fly,
-        };
+        // A Crazyflie's clients stop the motors by a set-point; in an emergency they have another way.
+        let purpose = if command == Command::StopMotors { Purpose::Fly } else { Purpose::of(command) };
         self.permit(operator, purpose)?;
         self.order(command)?;
         self.note_done(operator, purpose);
@@ -405,11 +394,6 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.acceleration = (state.velocity - before) / self.autopilot().control_secs();
     }
 
-    /// What an inertial unit felt then \[m/s²\], in the drone's axes.
-    fn specific_force(&self, state: &State<f32>) -> Vector3<f32> {
-        state.world_from_body.rotate_inverse(self.acceleration + Vector3::z() * GRAVITY as f32)
-    }
-
     /// What is due of the parameters' list, and of an upload.
     fn publish_lists(&mut self, send: &mut dyn FnMut(Peer, &[u8])) {
         let now_secs = self.elapsed_secs();
@@ -417,95 +401,6 @@ impl<P: PolicyBackend> Vehicle<P> {
         let mut send = |payload: Payload| tell(controller, channels, &payload, send);
         parameters.tick(&mut send);
         plans.tick(now_secs, &mut send);
-    }
-
-    /// Sends a stream to everybody to whom it is due.
-    fn publish(&mut self, stream: TelemetryStream, state: &State<f32>, send: &mut dyn FnMut(Peer, &[u8])) {
-        let payloads = self.payloads(stream, state);
-        let tick = self.controller.ticks();
-        for channel in self.channels.due(stream, tick) {
-            for payload in &payloads {
-                send(channel.peer, &self.controller.encode_numbered(payload, &mut channel.sequence));
-            }
-        }
-    }
-
-    /// What the policy is (its hash), how old its last answer is, how long the last tick took, and how the flight keeps
-    /// its pace.
-    fn policy_report(&self) -> heapless::Vec<Payload, MESSAGES> {
-        let time = self.time_boot_ms();
-        let [a, b, c, d, ..] = self.profile.policy.hash;
-        let policy = [
-            status::named_float("RL_AGE_MS", self.autopilot().silent_secs() * 1e3, time),
-            status::named_float("RL_LAT_MS", self.latency_secs * 1e3, time),
-            status::named_integer("RL_HASH", i32::from_be_bytes([a, b, c, d]), time),
-        ];
-        let pace = self.punctuality.map(|Punctuality { real_time_factor, late_secs, overruns }| {
-            [
-                status::named_float("RL_RTF", real_time_factor, time),
-                status::named_float("RL_LATE_MS", late_secs * 1e3, time),
-                status::named_integer("RL_OVERRUN", i32::try_from(overruns).unwrap_or(i32::MAX), time),
-            ]
-        });
-        policy.into_iter().chain(pace.into_iter().flatten()).collect()
-    }
-
-    /// Most streams are of one message.
-    fn payloads(&mut self, stream: TelemetryStream, state: &State<f32>) -> heapless::Vec<Payload, MESSAGES> {
-        if stream == TelemetryStream::Policy {
-            return self.policy_report();
-        }
-        if stream == TelemetryStream::DistanceSensor {
-            let time = self.time_boot_ms();
-            let ranges = self.ranges.iter().flat_map(|ranges| surroundings::distance_sensors(ranges, time));
-            return ranges.collect();
-        }
-        if stream == TelemetryStream::ObstacleDistance {
-            let time_usec = self.time_usec();
-            return self.ranges.iter().map(|ranges| surroundings::obstacle_distance(ranges, time_usec)).collect();
-        }
-        [self.payload(stream, state)].into_iter().collect()
-    }
-
-    fn payload(&mut self, stream: TelemetryStream, state: &State<f32>) -> Payload {
-        let time_boot_ms = self.time_boot_ms();
-        let time_usec = self.time_usec();
-        let origin = &self.profile.origin;
-        let personality = self.profile.personality;
-        let flight_mode = personality.told(self.flight_mode());
-        match stream {
-            TelemetryStream::Heartbeat => status::heartbeat(self.mode(), flight_mode, personality),
-            TelemetryStream::SysStatus => status::sys_status(&self.health(state)),
-            TelemetryStream::ExtendedSysState => status::extended_sys_state(self.mode()),
-            // Those of several messages are told elsewhere.
-            TelemetryStream::CurrentMode
-            | TelemetryStream::Policy
-            | TelemetryStream::DistanceSensor
-            | TelemetryStream::ObstacleDistance => status::current_mode(flight_mode, personality),
-            TelemetryStream::ControlStatus => self.control_status(),
-            TelemetryStream::LocalPositionCov => {
-                motion::local_position_ned_cov(state, &self.acceleration, time_usec)
-            }
-            TelemetryStream::AttitudeTarget => {
-                motion::attitude_target(self.autopilot().attitude_set_point(), time_boot_ms)
-            }
-            TelemetryStream::MissionCurrent => self.mission_current(),
-            TelemetryStream::BatteryStatus => status::battery_status(&self.battery),
-            TelemetryStream::HomePosition => motion::home_position(self.autopilot().home(), origin),
-            TelemetryStream::Altitude => motion::altitude(state, origin, time_usec),
-            TelemetryStream::GpsRawInt => motion::gps_raw_int(state, origin, time_usec),
-            TelemetryStream::VfrHud => motion::vfr_hud(state, origin, self.throttle()),
-            TelemetryStream::ServoOutputRaw => motion::servo_output_raw(self.rotor_shares(), time_usec as u32),
-            TelemetryStream::PositionTarget => motion::position_target(self.autopilot().goal(), time_boot_ms),
-            TelemetryStream::GlobalPosition => motion::global_position_int(state, origin, time_boot_ms),
-            TelemetryStream::Odometry => motion::odometry(state, time_usec),
-            TelemetryStream::HighresImu => motion::highres_imu(state, &self.specific_force(state), time_usec),
-            TelemetryStream::EscStatus => motion::esc_status(&state.rotor_speeds, time_usec),
-            TelemetryStream::EstimatorStatus => motion::estimator_status(time_usec),
-            TelemetryStream::AttitudeQuaternion => motion::attitude_quaternion(state, time_boot_ms),
-            TelemetryStream::Attitude => motion::attitude(state, time_boot_ms),
-            TelemetryStream::LocalPosition => motion::local_position_ned(state, time_boot_ms),
-        }
     }
 
     fn flight_mode(&self) -> FlightMode {
@@ -516,33 +411,6 @@ impl<P: PolicyBackend> Vehicle<P> {
             return FlightMode::Position;
         }
         FlightMode::of(self.autopilot().mode(), self.autopilot().active_controller())
-    }
-
-    fn health(&mut self, state: &State<f32>) -> status::VehicleHealth {
-        status::VehicleHealth {
-            policy: self.controller.autopilot_mut().healthy(),
-            inside_fence: self.autopilot().margin_m(&state.position) >= 0.0,
-            battery: self.battery,
-            garbage: self.counts().garbage,
-            refused: self.counts().refused,
-        }
-    }
-
-    fn time_usec(&self) -> u64 {
-        (self.elapsed_secs() * 1e6) as u64
-    }
-
-    fn time_boot_ms(&self) -> u32 {
-        (self.elapsed_secs() * 1e3) as u32
-    }
-
-    /// Rotor targets as shares of the greatest speed.
-    fn rotor_shares(&self) -> [f32; 4] {
-        self.rotor_targets.map(|target| target / self.rotor_speed_limit)
-    }
-
-    fn throttle(&self) -> f32 {
-        self.rotor_shares().iter().sum::<f32>() / 4.0
     }
 
     /// Status texts for what has gone wrong, and for changes of mode that no client commanded.
@@ -608,7 +476,7 @@ impl<P: PolicyBackend> Vehicle<P> {
             }
             Request::SetMode(custom_mode) => {
                 let mode = self.profile.personality.of_custom_mode(*custom_mode);
-                let answer = self.execute_as(operator, Purpose::of_mode(mode), |vehicle| vehicle.choose(mode));
+                let answer = self.choose(mode, operator);
                 self.send_status_text(answer.text);
             }
             Request::Command(command) => self.handle_command(command, sender, peer),

@@ -6,7 +6,7 @@ use kestrel_onboard::fence::Zones;
 use kestrel_onboard::order::Order;
 use kestrel_onboard::repetition::Sender;
 
-use super::operator::{Operator, REQUEST_CONTROL};
+use super::operator::{Operator, Purpose, REQUEST_CONTROL};
 use super::{Vehicle, VehicleProfile};
 use crate::flight_mode::FlightMode;
 use crate::link::Peer;
@@ -28,41 +28,51 @@ impl<P: PolicyBackend> Vehicle<P> {
             519 => self.send_once(300.0, 0.0, peer),
             520 => self.send_once(148.0, 0.0, peer),
             REQUEST_CONTROL => self.ask_for_control(request, sender),
-            _ => {
-                let operator = Operator::System(sender.address[0]);
-                self.execute_as(operator, self.purpose(request), |vehicle| vehicle.obey(request))
-            }
+            _ => self.obey(request, Operator::System(sender.address[0])),
         }
     }
 
-    fn obey(&mut self, request: &CommandRequest) -> CommandAnswer {
+    fn obey(&mut self, request: &CommandRequest, operator: Operator) -> CommandAnswer {
         let [first, second, third, _] = request.parameters;
         match request.command {
-            176 => self.choose(self.profile.personality.of_numbers(second, third)),
-            207 => self.enable_fence(first),
-            224 => self.choose_item(first),
-            262 => self.choose(identity::mode_of_standard(first)),
-            31010 => self.ask_for_task(first),
-            _ => self.carry_out(self.controller.order(request)),
+            176 => self.choose(self.profile.personality.of_numbers(second, third), operator),
+            207 => self.execute_as(operator, Purpose::Change, |vehicle| vehicle.enable_fence(first)),
+            224 => self.execute_as(operator, Purpose::Change, |vehicle| vehicle.choose_item(first)),
+            262 => self.choose(identity::mode_of_standard(first), operator),
+            31010 => self.execute_as(operator, Purpose::Fly, |vehicle| vehicle.ask_for_task(first)),
+            _ => self.carry_out(self.controller.order(request), operator),
         }
     }
 
-    /// Changes to a mode, if a peer may choose it.
-    pub(super) fn choose(&mut self, mode: Option<FlightMode>) -> CommandAnswer {
-        let answer = self.carry_out(self.controller.order_to_mode(mode));
+    /// Changes to a mode, if this operator may choose it.
+    pub(super) fn choose(&mut self, mode: Option<FlightMode>, operator: Operator) -> CommandAnswer {
+        let by_sticks = mode == Some(FlightMode::Position);
+        // Holding is anybody's, flying by sticks is not.
+        if by_sticks && let Err(refusal) = self.permit(operator, Purpose::Fly) {
+            return Err(refusal).into();
+        }
+        let answer = self.carry_out(self.controller.order_to_mode(mode), operator);
         if answer == CommandAnswer::ACCEPTED {
-            self.by_sticks = mode == Some(FlightMode::Position);
+            self.by_sticks = by_sticks;
         }
         answer
     }
 
-    fn carry_out(&mut self, order: Result<Order, CommandAnswer>) -> CommandAnswer {
-        let mode = self.mode();
-        match order {
-            Ok(Order::Mission) => self.start_mission().into(),
-            Ok(order) => order.execute(mode, &mut |command| self.order(command)).into(),
-            Err(answer) => answer,
-        }
+    fn carry_out(&mut self, order: Result<Order, CommandAnswer>, operator: Operator) -> CommandAnswer {
+        let order = match order {
+            Ok(order) => order,
+            Err(answer) => return answer,
+        };
+        self.execute_as(operator, Purpose::of_order(&order), |vehicle| {
+            let mode = vehicle.mode();
+            match order {
+                Order::Mission => vehicle.start_mission(),
+                Order::Execute(_) | Order::SelectController(_) | Order::Hold => {
+                    order.execute(mode, &mut |command| vehicle.order(command))
+                }
+            }
+            .into()
+        })
     }
 
     /// `MAV_CMD_DO_FENCE_ENABLE`: switches the zones that were uploaded on or off.

@@ -5,20 +5,18 @@
 //! disarmed. Others may still have it hold, return, land or stop, and whoever asks for the control gets it.
 
 use kestrel_onboard::acknowledgement::CommandAnswer;
+use kestrel_onboard::order::Order;
 use kestrel_onboard::repetition::Sender;
 
 use super::{TaskPhase, Vehicle};
-use crate::autopilot::Refusal;
-use crate::flight_mode::FlightMode;
+use crate::autopilot::{Command, Refusal};
+use crate::frame::Payload;
 use crate::message::sent::status::{self, ControlStatus};
 use crate::policy_backend::PolicyBackend;
 use crate::request::CommandRequest;
 
 /// `MAV_CMD_REQUEST_OPERATOR_CONTROL`.
 pub(super) const REQUEST_CONTROL: u16 = 32_100;
-
-/// Second parameter of a disarm command that shall work in flight.
-const FORCED: f32 = 21196.0;
 
 /// Somebody who commands a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,37 +65,26 @@ pub(super) struct Control {
 }
 
 impl Purpose {
-    /// Of a change to a mode.
-    pub(super) const fn of_mode(mode: Option<FlightMode>) -> Self {
-        match mode {
-            Some(FlightMode::Hold | FlightMode::Land | FlightMode::Return) => Self::Stop,
-            Some(
-                FlightMode::Policy
-                | FlightMode::Cascade
-                | FlightMode::Position
-                | FlightMode::Offboard
-                | FlightMode::TakeOff
-                | FlightMode::Mission,
-            )
-            | None => Self::Fly,
+    /// Of a command.
+    pub(super) const fn of(command: Command) -> Self {
+        match command {
+            Command::StopMotors | Command::Pause | Command::Return | Command::Land => Self::Stop,
+            Command::Disarm | Command::SelectController(_) | Command::Speed(_) => Self::Change,
+            Command::Arm
+            | Command::TakeOff { .. }
+            | Command::GoTo(_)
+            | Command::Velocity(_)
+            | Command::Offboard => Self::Fly,
         }
     }
 
-    /// Of a command that changes no mode.
-    fn of_command(request: &CommandRequest) -> Self {
-        let [first, second, ..] = request.parameters;
-        match request.command {
-            17 | 20 | 21 | 185 => Self::Stop,
-            193 if first == 0.0 => Self::Stop,
-            400 if first == 0.0 => {
-                if second == FORCED {
-                    Self::Stop
-                } else {
-                    Self::Change
-                }
-            }
-            178 | 207 | 224 => Self::Change,
-            _ => Self::Fly,
+    /// Of an order.
+    pub(super) const fn of_order(order: &Order) -> Self {
+        match order {
+            Order::Execute(command) => Self::of(*command),
+            Order::SelectController(_) => Self::Change,
+            Order::Hold => Self::Stop,
+            Order::Mission => Self::Fly,
         }
     }
 }
@@ -133,15 +120,20 @@ impl<P: PolicyBackend> Vehicle<P> {
     /// # Errors
     /// If another one has the control.
     pub(super) fn permit(&self, operator: Operator, purpose: Purpose) -> Result<(), Refusal> {
-        let Some(holder) = self.control.holder.filter(|_| self.parameters.parameters().has_one_operator()) else {
-            return Ok(());
-        };
+        let Some(holder) = self.control.holder.filter(|_| self.has_one_operator()) else { return Ok(()) };
         let stops = purpose == Purpose::Stop && holder.claim == Claim::Flying;
         if holder.operator == operator || stops { Ok(()) } else { Err(Refusal::OtherOperator) }
     }
 
+    fn has_one_operator(&self) -> bool {
+        self.parameters.parameters().has_one_operator()
+    }
+
     /// An operator has done what it was permitted to.
     pub(super) fn note_done(&mut self, operator: Operator, purpose: Purpose) {
+        if !self.has_one_operator() {
+            return;
+        }
         match (purpose, &self.control.holder) {
             (Purpose::Fly, None) => {
                 let heard_secs = self.elapsed_secs();
@@ -177,16 +169,6 @@ impl<P: PolicyBackend> Vehicle<P> {
         let outcome = self.permit(Operator::System(system), Purpose::Change);
         self.send_status_text(outcome.err().map(Refusal::text));
         outcome.is_ok()
-    }
-
-    /// The purpose of a command.
-    pub(super) fn purpose(&self, request: &CommandRequest) -> Purpose {
-        let [_, second, third, _] = request.parameters;
-        match request.command {
-            176 => Purpose::of_mode(self.profile.personality.of_numbers(second, third)),
-            262 => Purpose::of_mode(crate::message::sent::identity::mode_of_standard(request.parameters[0])),
-            _ => Purpose::of_command(request),
-        }
     }
 
     /// Whether all are to be told who has the control. A client that is alone has no use for it, and few know the message.
@@ -249,7 +231,7 @@ impl<P: PolicyBackend> Vehicle<P> {
     }
 
     /// `CONTROL_STATUS`.
-    pub(super) fn control_status(&self) -> crate::frame::Payload {
+    pub(super) fn control_status(&self) -> Payload {
         status::control_status(self.control.status())
     }
 }

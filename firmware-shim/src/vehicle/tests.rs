@@ -4,7 +4,9 @@
 mod operators;
 mod personalities;
 mod plans;
+mod repetitions;
 mod sticks;
+mod telemetry;
 
 use kestrel_core::airframe::CF2X;
 use kestrel_core::pilot::Pilot;
@@ -146,15 +148,6 @@ fn a_flight_by_messages_ends_where_it_was_sent() {
 }
 
 #[test]
-fn telemetry_is_timed_by_the_simulation() {
-    let mut rig = Rig::new();
-    rig.heard.clear();
-    rig.fly(10.0);
-    let count = |id| rig.heard.iter().filter(|message| mavlink::Message::message_id(*message) == id).count();
-    assert_eq!([0, 1, 245, 30, 32].map(count), [10, 10, 20, 500, 500]);
-}
-
-#[test]
 fn a_heartbeat_shows_arming() {
     let mut rig = Rig::new();
     rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
@@ -257,77 +250,6 @@ fn requests_to_other_systems_are_none_of_its_business() {
 }
 
 #[test]
-fn a_repeated_command_is_executed_once_and_answered_again() {
-    let mut rig = Rig::new();
-    let arm = command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
-    assert_eq!(rig.result(&arm), MavResult::MAV_RESULT_ACCEPTED);
-    let take_off = command_long(MavCmd::MAV_CMD_NAV_TAKEOFF, LEFT_OPEN);
-    assert_eq!(rig.result(&take_off), MavResult::MAV_RESULT_ACCEPTED);
-    for confirmation in 1..4 {
-        let again = COMMAND_LONG_DATA { confirmation, ..take_off.clone() };
-        assert_eq!(rig.result(&again), MavResult::MAV_RESULT_ACCEPTED, "not refused as in flight");
-    }
-    rig.fly(2.1);
-    assert_eq!(rig.result(&take_off), MavResult::MAV_RESULT_TEMPORARILY_REJECTED, "a new one is");
-}
-
-/// As MAVSDK does.
-#[test]
-fn a_take_off_that_is_sent_again_without_saying_so_is_executed_once_and_acknowledged_twice() {
-    let by_command = command_long(MavCmd::MAV_CMD_NAV_TAKEOFF, LEFT_OPEN);
-    let by_mode = command_long(MavCmd::MAV_CMD_DO_SET_MODE, [129.0, 4.0, 2.0, NAN, NAN, NAN, NAN]);
-    for take_off in [by_command, by_mode] {
-        let mut rig = Rig::new();
-        let mut encoder = Encoder::new(245, 190);
-        let refused = rig.answers(&encoder.encode(&Payload::of(&take_off)));
-        assert_eq!(texts(&refused), ["refused: not armed"]);
-        let arm = command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
-        rig.answers(&encoder.encode(&Payload::of(&arm)));
-        let result = MavResult::MAV_RESULT_ACCEPTED;
-        let accepted = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA { command: take_off.command, result });
-        for _ in 0..4 {
-            let question = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [148.0; 7]);
-            rig.answers(&encoder.encode(&Payload::of(&question)));
-            let answers = rig.answers(&encoder.encode(&Payload::of(&take_off)));
-            assert_eq!(answers, [accepted.clone(), accepted.clone()], "what was refused before is executed");
-            rig.fly(0.5);
-        }
-        rig.fly(2.0);
-        let refused = rig.answers(&encoder.encode(&Payload::of(&take_off)));
-        assert_eq!(texts(&refused), ["refused: in flight"]);
-    }
-}
-
-#[test]
-fn a_repetition_whose_original_was_lost_is_executed() {
-    let mut rig = Rig::new();
-    let arm = command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
-    assert_eq!(rig.result(&COMMAND_LONG_DATA { confirmation: 2, ..arm }), MavResult::MAV_RESULT_ACCEPTED);
-    assert_eq!(rig.vehicle.mode(), Mode::Armed);
-}
-
-#[test]
-fn a_repetition_long_after_is_executed_again() {
-    let mut rig = Rig::new();
-    let arm = command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
-    rig.result(&arm);
-    rig.fly(11.0);
-    assert_eq!(rig.vehicle.mode(), Mode::Disarmed);
-    rig.result(&COMMAND_LONG_DATA { confirmation: 1, ..arm });
-    assert_eq!(rig.vehicle.mode(), Mode::Armed);
-}
-
-#[test]
-fn commands_of_more_senders_than_are_remembered_still_work() {
-    let mut rig = Rig::new();
-    let disarm = Payload::of(&command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, DISARM));
-    for sender in 200..230 {
-        let datagram = Encoder::new(sender, 190).encode(&disarm);
-        assert_eq!(rig.answers(&datagram).len(), 1);
-    }
-}
-
-#[test]
 fn set_points_that_cannot_be_followed_are_refused_in_words_once_a_second() {
     let mut rig = Rig::flying();
     let velocity = {
@@ -348,20 +270,6 @@ fn set_points_that_cannot_be_followed_are_refused_in_words_once_a_second() {
     let not_finite = set_point([NAN, 0.0, -1.0]);
     assert_eq!(texts(&rig.answers(&datagram(&not_finite))), ["set-point refused: not a finite number"]);
     assert_eq!(rig.vehicle.mode(), Mode::Holding);
-}
-
-#[test]
-fn streams_can_be_set_and_versions_asked_for() {
-    let mut rig = Rig::new();
-    rig.accepted(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [30.0, 1e6, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    rig.refused(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [23.0; 7], MavResult::MAV_RESULT_DENIED);
-    rig.heard.clear();
-    rig.fly(10.0);
-    let attitudes = rig.heard.iter().filter(|message| matches!(message, MavMessage::ATTITUDE(_))).count();
-    assert_eq!(attitudes, 10);
-    let request = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [148.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    let answers = rig.answers(&datagram(&request));
-    assert!(answers.iter().any(|answer| matches!(answer, MavMessage::AUTOPILOT_VERSION(_))), "{answers:?}");
 }
 
 #[test]
@@ -401,47 +309,6 @@ fn parameter(name: &str, value: f32) -> PARAM_SET_DATA {
     }
 }
 
-/// What two who listen are told in a second after a datagram of [`ANOTHER`], and what that one is answered.
-fn told_to_both(rig: &mut Rig, datagram: &[u8]) -> ([Vec<Vec<u8>>; 2], Vec<Vec<u8>>) {
-    let (mut told, mut answers) = ([const { Vec::new() }; 2], Vec::new());
-    rig.vehicle.receive(ANOTHER, datagram, &mut |frame| answers.push(frame.to_vec()));
-    for _ in 0..100 {
-        rig.vehicle.tick(rig.plant.state(), &[PEER, ANOTHER], &mut |peer, frame| {
-            told[usize::from(peer == ANOTHER)].push(frame.to_vec());
-        });
-    }
-    (told, answers)
-}
-
-fn count(frames: &[Vec<u8>], message_id: u32) -> usize {
-    frames.iter().filter(|bytes| Frames::new(bytes).flatten().any(|frame| frame.message_id == message_id)).count()
-}
-
-#[test]
-fn everybody_has_intervals_of_their_own_and_numbers_without_a_gap() {
-    let mut rig = Rig::new();
-    let off = command_long(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    let ([first, second], answers) = told_to_both(&mut rig, &datagram(&off));
-    assert_eq!((count(&answers, 77), count(&first, 77), count(&second, 77)), (1, 0, 0), "who asked is answered");
-    assert_eq!((count(&first, 0), count(&second, 0)), (1, 0), "a heartbeat");
-    let once = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [0.0; 7]);
-    let ([third, fourth], more_answers) = told_to_both(&mut rig, &datagram(&once));
-    assert_eq!((count(&third, 0), count(&fourth, 0)), (1, 1), "one that was asked for");
-    let asked = command_long(MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL, [0.0; 7]);
-    let ([fifth, sixth], last_answers) = told_to_both(&mut rig, &datagram(&asked));
-    let interval = last_answers.iter().filter_map(|bytes| told(bytes)).find_map(|message| match message {
-        MavMessage::MESSAGE_INTERVAL(interval) => Some(interval.interval_us),
-        _ => None,
-    });
-    assert_eq!(interval, Some(-1));
-    let ours = [first, third, fifth].concat();
-    let theirs = [answers, second, more_answers, fourth, last_answers, sixth].concat();
-    for frames in [ours, theirs] {
-        let numbers: Vec<u8> = frames.iter().map(|frame| frame[4]).collect();
-        assert!(numbers.windows(2).all(|pair| pair[1] == pair[0].wrapping_add(1)), "{numbers:?}");
-    }
-}
-
 #[test]
 fn what_cannot_be_had_is_answered() {
     let mut rig = Rig::new();
@@ -476,37 +343,6 @@ fn what_cannot_be_had_is_answered() {
 }
 
 #[test]
-fn an_imu_at_rest_feels_gravity_and_rangers_are_told_once_they_measure() {
-    let mut rig = Rig::new();
-    let only = |what: fn(&MavMessage) -> bool, rig: &mut Rig| {
-        rig.heard.clear();
-        for _ in 0..100 {
-            if rig.vehicle.wants_ranges() {
-                let [front, back, left, right, up, down] = [Some(1.5), None, None, None, None, Some(0.02)];
-                rig.vehicle.note_ranges(Some(Ranges { front, back, left, right, up, down }));
-            }
-            rig.tick();
-        }
-        rig.heard.drain(..).filter(what).collect::<Vec<_>>()
-    };
-    let felt = only(|message| matches!(message, MavMessage::HIGHRES_IMU(_)), &mut rig);
-    assert!(!felt.is_empty());
-    for message in felt {
-        let MavMessage::HIGHRES_IMU(imu) = message else { unreachable!() };
-        assert!((imu.zacc + GRAVITY as f32).abs() < 1e-3 && imu.xacc.abs() < 1e-3, "{imu:?}");
-    }
-    let told = only(|message| matches!(message, MavMessage::DISTANCE_SENSOR(_)), &mut rig);
-    let distances: Vec<(u8, u16)> = told[..6]
-        .iter()
-        .map(|message| match message {
-            MavMessage::DISTANCE_SENSOR(told) => (told.orientation as u8, told.current_distance),
-            _ => unreachable!(),
-        })
-        .collect();
-    assert_eq!(distances, [(0, 150), (4, 401), (6, 401), (2, 401), (24, 401), (25, 2)]);
-}
-
-#[test]
 fn peers_of_a_fast_flight_may_be_silent_by_their_own_clocks() {
     let mut rig = Rig::flying();
     rig.vehicle.set_pace(12.0);
@@ -532,38 +368,6 @@ fn a_command_that_comes_before_a_task_has_begun_stops_it() {
     rig.fly(0.1);
     assert_eq!(texts(&rig.heard), ["task stopped"]);
     assert_eq!(rig.vehicle.mode(), Mode::Landing);
-}
-
-#[test]
-fn who_comes_anew_has_the_default_intervals() {
-    let mut rig = Rig::new();
-    let off = command_long(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    rig.receive(&datagram(&off));
-    let heartbeats = |rig: &mut Rig, peer: Peer| {
-        let mut frames = Vec::new();
-        for _ in 0..100 {
-            rig.vehicle.tick(rig.plant.state(), &[peer], &mut |_, frame| frames.push(frame.to_vec()));
-        }
-        count(&frames, 0)
-    };
-    assert_eq!(heartbeats(&mut rig, PEER), 0);
-    let anew = Peer { endpoint: EndpointId { generation: 1, ..EndpointId::ONLY }, ..PEER };
-    assert_eq!(heartbeats(&mut rig, anew), 1);
-    assert_eq!(heartbeats(&mut rig, PEER), 1, "it was gone");
-}
-
-#[test]
-fn a_message_requested_a_hundred_times_in_a_period_is_told_once() {
-    let mut rig = Rig::new();
-    // In turn with another one, so that none is a repetition of the one before it.
-    for id in [141.0, 242.0].repeat(100) {
-        let request = command_long(MavCmd::MAV_CMD_REQUEST_MESSAGE, [id, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        rig.receive(&datagram(&request));
-    }
-    rig.heard.clear();
-    rig.tick();
-    let altitudes = rig.heard.iter().filter(|message| matches!(message, MavMessage::ALTITUDE(_))).count();
-    assert_eq!(altitudes, 1);
 }
 
 #[test]
@@ -721,14 +525,7 @@ fn a_stream_of_velocities_is_followed_in_the_offboard_mode() {
 #[test]
 fn parameters_change_what_the_vehicle_does() {
     let mut rig = Rig::new();
-    let set = PARAM_SET_DATA {
-        param_value: 1.7,
-        target_system: 1,
-        target_component: 1,
-        param_id: "MIS_TAKEOFF_ALT".into(),
-        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
-    };
-    let answers = rig.answers(&datagram(&set));
+    let answers = rig.answers(&datagram(&parameter("MIS_TAKEOFF_ALT", 1.7)));
     assert!(matches!(&answers[..], [MavMessage::PARAM_VALUE(value)] if value.param_value == 1.7), "{answers:?}");
     rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
     rig.accepted(MavCmd::MAV_CMD_NAV_TAKEOFF, LEFT_OPEN);
@@ -746,32 +543,6 @@ fn a_ground_station_that_falls_silent_is_noticed_in_its_time() {
     rig.fly(0.02);
     assert_eq!(rig.vehicle.mode(), Mode::Landing);
     assert!(texts(&rig.heard).contains(&"failsafe: ground station lost"));
-}
-
-#[test]
-fn a_duplicated_frame_is_one_command() {
-    let mut rig = Rig::new();
-    rig.accepted(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM);
-    let take_off = datagram(&command_long(MavCmd::MAV_CMD_NAV_TAKEOFF, LEFT_OPEN));
-    for _ in 0..2 {
-        let answers = rig.answers(&take_off);
-        let accepted =
-            COMMAND_ACK_DATA { command: MavCmd::MAV_CMD_NAV_TAKEOFF, result: MavResult::MAV_RESULT_ACCEPTED };
-        assert_eq!(answers, [MavMessage::COMMAND_ACK(accepted)]);
-    }
-}
-
-#[test]
-fn whoever_is_behind_a_link_that_loses_is_answered_twice() {
-    let mut rig = Rig::new();
-    let mut encoder = Encoder::new(245, 190);
-    let mut arm = || encoder.encode(&Payload::of(&command_long(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, ARM)));
-    assert_eq!(rig.answers(&arm()).len(), 1);
-    rig.fly(3.0);
-    drop(arm());
-    assert_eq!(rig.answers(&arm()).len(), 2);
-    rig.fly(30.0);
-    assert_eq!(rig.answers(&arm()).len(), 1);
 }
 
 #[test]

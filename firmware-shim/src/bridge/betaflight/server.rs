@@ -1,6 +1,6 @@
 //! The loop around [`BetaflightSimulator`]: a state out, motor outputs in, a step.
 
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -82,7 +82,7 @@ impl Knocker {
             self.knocked = Some(now);
             let refused = |socket: &UdpSocket| {
                 let _first = socket.send(&[0]);
-                socket.recv(&mut [0]).is_err_and(|error| error.kind() == ErrorKind::ConnectionRefused)
+                socket.recv(&mut [0]).is_err_and(|error| is_refusal(&error))
             };
             // Where one cannot knock, one does not wait.
             let is_closed = self.socket.as_ref().is_some_and(refused);
@@ -90,6 +90,11 @@ impl Knocker {
         }
         self.open_since.is_some_and(|since| now - since >= PATIENCE)
     }
+}
+
+/// Linux says the one, Windows the other.
+fn is_refusal(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset)
 }
 
 /// How an exchange of a state for motor outputs ended.

@@ -172,15 +172,8 @@ fn who_has_the_control_hears_of_those_who_ask_for_it() {
 #[test]
 fn plans_and_parameters_are_those_of_who_has_the_control() {
     let mut rig = Rig::flying();
-    let set = PARAM_SET_DATA {
-        param_value: 1.7,
-        target_system: 1,
-        target_component: 1,
-        param_id: "MIS_TAKEOFF_ALT".into(),
-        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
-    };
     rig.heard.clear();
-    rig.receive(&datagram_of(OTHER, &set));
+    rig.receive(&datagram_of(OTHER, &parameter("MIS_TAKEOFF_ALT", 1.7)));
     assert!(
         matches!(&rig.heard[..], [MavMessage::STATUSTEXT(_), MavMessage::PARAM_VALUE(told)] if told.param_value == 1.0),
         "{:?}",
