@@ -14,7 +14,7 @@ mod identify;
 mod import;
 mod inspect;
 mod json;
-mod look;
+pub(crate) mod look;
 mod new;
 mod render;
 mod replay;

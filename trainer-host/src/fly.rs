@@ -4,6 +4,8 @@ mod node;
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
 
 use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::{Airframe, CF2X};
@@ -13,6 +15,8 @@ use kestrel_core::policy_file::{PolicyError, PolicyMetadata};
 use kestrel_core::real::Real;
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::{Ground, State};
+use kestrel_draw::recorded_flight::{DroneFlight, FlightRecording, Frame, Placement};
+use kestrel_draw::viewer::Glimpse;
 use kestrel_ros::rangers::Rangers;
 use kestrel_shim::autopilot::Mode;
 use kestrel_shim::endpoint::Counts;
@@ -176,7 +180,7 @@ impl From<SessionError> for FlyError {
     }
 }
 
-/// Flies the policy in `policy` until its time is up or `interrupted` says so.
+/// Flies the policy in `policy` until its time is up or `interrupted` says so, and tells `spectator` of it, if there is one.
 ///
 /// Says on standard output how to connect, and nothing else.
 ///
@@ -187,11 +191,13 @@ pub(crate) fn fly(
     policy: &[u8],
     options: &FlyOptions,
     interrupted: &dyn Fn() -> bool,
+    spectator: Option<Sender<Glimpse>>,
 ) -> Result<FlightSummary, FlyError> {
     let bytes = PolicyBytes::copy_of(policy);
     let flown = Policy::parse(bytes.bytes())?;
     let identity = PolicyIdentity::of(flown.metadata().name, bytes.bytes());
     let mut plant = place.plant(&flown, options.episode)?;
+    plant.flight.told = spectator.map(|spectator| Told { spectator, title: place.title(&identity), begun: false });
     if let Some(path) = &options.record {
         check_writable(path).map_err(RecordingError::File)?;
         plant.recorded_in = Some(place.task().ok_or(FlyError::RecordWithoutTask)?);
@@ -252,6 +258,15 @@ impl Place<'_> {
         }
     }
 
+    /// Of what is seen of a flight.
+    fn title(&self, policy: &PolicyIdentity) -> String {
+        let name = policy.name.as_str();
+        match self.task() {
+            Some(task) if task.name != name => format!("{}: {name}", task.name),
+            Some(_) | None => name.to_owned(),
+        }
+    }
+
     const fn task(&self) -> Option<&Experiment> {
         match self {
             Self::FlatFloor => None,
@@ -307,15 +322,48 @@ pub(crate) struct SimulatedFlight {
     rangers: OnceCell<Rangers>,
     /// Keeps the flight, if it is to be kept.
     recorder: Option<SessionRecorder>,
+    /// Who is told of it, if anybody looks.
+    told: Option<Told>,
+}
+
+/// Somebody who looks at a flight.
+struct Told {
+    spectator: Sender<Glimpse>,
+    title: String,
+    begun: bool,
+}
+
+impl Told {
+    /// Tells of the control period that begins now. Whoever has gone hears nothing.
+    fn tell(&mut self, flight: &Flight) {
+        let State { position, world_from_body: attitude, .. } = *flight.state();
+        let now = Placement { position, attitude };
+        let movables: Vec<Placement> = flight.movables().iter().map(Placement::of).collect();
+        let glimpse = if self.begun {
+            Glimpse::GoesOn(Frame { drones: vec![now], movables, rewards: Vec::new() })
+        } else {
+            let scenario = flight.scenario();
+            let (title, control_secs) = (self.title.clone(), scenario.physics.control_secs());
+            let drone = DroneFlight::beginning(None, now);
+            let movables = movables.into_iter().map(|placement| vec![placement]).collect();
+            let begun = FlightRecording { title, control_secs, drones: vec![drone], movables };
+            Glimpse::Begins(Arc::new(scenario.clone()), begun)
+        };
+        self.begun = true;
+        drop(self.spectator.send(glimpse));
+    }
 }
 
 impl SimulatedFlight {
     pub(crate) fn new(flight: Flight) -> Self {
-        Self { flight, rangers: OnceCell::new(), recorder: None }
+        Self { flight, rangers: OnceCell::new(), recorder: None, told: None }
     }
 
-    /// Keeps the control period that begins now.
+    /// Keeps and tells of the control period that begins now.
     fn note(&mut self, rotor_targets: &[f32; 4]) {
+        if let Some(told) = &mut self.told {
+            told.tell(&self.flight);
+        }
         if let Some(recorder) = &mut self.recorder {
             recorder.note(self.flight.state(), rotor_targets, &self.flight.movables());
         }

@@ -1,5 +1,6 @@
 //! The `kestrel` command line.
 
+mod audience;
 mod bench;
 mod bridge;
 mod command;

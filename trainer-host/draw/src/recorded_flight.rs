@@ -20,8 +20,8 @@ pub struct FlightRecording {
 /// What one drone did.
 #[derive(Clone, Debug)]
 pub struct DroneFlight {
-    /// Where it should go \[m, world\].
-    pub goal: Vector3<f32>,
+    /// Where it should go \[m, world\]; nothing in a flight that is no episode of a task.
+    pub goal: Option<Vector3<f32>>,
     /// Where it was, one per control period, at least one; after the last the drone is shown where it ended.
     pub frames: Vec<Placement>,
     /// Sum of the rewards of each control period.
@@ -30,6 +30,17 @@ pub struct DroneFlight {
     pub ending: String,
     /// Whether that was a success.
     pub success: bool,
+}
+
+/// One more control period of a flight that goes on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Where each drone is then.
+    pub drones: Vec<Placement>,
+    /// Where each movable body is.
+    pub movables: Vec<Placement>,
+    /// What the period paid each drone; nothing in a flight that is no episode of a task.
+    pub rewards: Vec<f64>,
 }
 
 /// A position and an orientation.
@@ -66,6 +77,27 @@ impl FlightRecording {
         self.drones.iter().map(|drone| drone.frames.len()).max().unwrap_or(1) - 1
     }
 
+    /// Adds a control period.
+    pub(crate) fn push(&mut self, frame: Frame) {
+        for (drone, placement) in self.drones.iter_mut().zip(frame.drones) {
+            drone.frames.push(placement);
+        }
+        for (drone, reward) in self.drones.iter_mut().zip(frame.rewards) {
+            drone.rewards.push(reward);
+        }
+        for (places, placement) in self.movables.iter_mut().zip(frame.movables) {
+            places.push(placement);
+        }
+    }
+
+    /// Begins so many control periods later.
+    pub(crate) fn forget(&mut self, periods: usize) {
+        let frames = self.drones.iter_mut().map(|drone| &mut drone.frames);
+        for places in frames.chain(&mut self.movables) {
+            places.drain(..periods.min(places.len() - 1));
+        }
+    }
+
     /// Refuses what cannot be shown.
     pub(crate) fn check(&self) -> Result<(), FlightError> {
         if self.drones.is_empty() || self.drones.iter().any(|flight| flight.frames.is_empty()) {
@@ -83,6 +115,13 @@ impl FlightRecording {
     }
 }
 
+impl DroneFlight {
+    /// At its beginning.
+    pub fn beginning(goal: Option<Vector3<f32>>, start: Placement) -> Self {
+        Self { goal, frames: vec![start], rewards: Vec::new(), ending: String::new(), success: false }
+    }
+}
+
 impl Placement {
     /// A share in \[0, 1\] of the way to another one.
     #[must_use]
@@ -96,6 +135,11 @@ impl Placement {
         };
         let position: Vector3<f32> = self.position.lerp(&after.position, share);
         Self { position, attitude: attitude.normalized() }
+    }
+
+    /// The pose of the simulator, in single precision.
+    pub fn of(pose: &Pose) -> Self {
+        Self { position: pose.position.cast(), attitude: pose.world_from_body.map(|part| part as f32) }
     }
 
     /// As a pose of the simulator.

@@ -63,7 +63,7 @@ pub(crate) fn started(scenario: &Scenario) -> FlightRecording {
 
 fn at_start(scenario: &Scenario, simulation: &Simulation<1, f64>) -> FlightRecording {
     let drone = |row| DroneFlight {
-        goal: simulation.goal(row).cast(),
+        goal: Some(simulation.goal(row).cast()),
         frames: vec![frame(&simulation.state(row))],
         rewards: Vec::new(),
         ending: String::new(),

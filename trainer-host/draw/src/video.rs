@@ -420,13 +420,13 @@ pub(crate) fn draw_caption(caption: &Caption, picture: &mut Picture, [left, top]
     let Caption { secs, episode_return, distance, speed, ending } = caption;
     let size = text_size(picture.size[0]);
     let columns = [
-        format!("{secs:.2} s"),
-        format!("return {episode_return:.2}"),
-        format!("{distance:.2} m to go"),
-        format!("{speed:.2} m/s"),
+        (Some(format!("{secs:.2} s")), "00.00 s"),
+        (episode_return.map(|sum| format!("return {sum:.2}")), "return −0000.00"),
+        (distance.map(|metres| format!("{metres:.2} m to go")), "00.00 m to go"),
+        (Some(format!("{speed:.2} m/s")), "00.00 m/s"),
     ];
     let mut left = left;
-    for (words, widest) in columns.iter().zip(["00.00 s", "return −0000.00", "00.00 m to go", "00.00 m/s"]) {
+    for (words, widest) in columns.iter().filter_map(|(words, widest)| words.as_ref().zip(Some(widest))) {
         picture.text([left, top], words, size, INK);
         left += text_width(widest, size) + (0.8 * size) as usize;
     }

@@ -37,3 +37,4 @@ pub mod study;
 pub mod teacher;
 pub mod tensorboard;
 pub mod training_run;
+pub mod watch;

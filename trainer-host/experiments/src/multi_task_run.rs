@@ -19,6 +19,7 @@ use crate::study::job::{Advance, JobRun, JobState};
 use crate::study::rows::EpisodeRow;
 use crate::study::{JobId, Study};
 use crate::training_run::{End, Stepwise, TrainingError, refuse_changes, report, train};
+use crate::watch::NewestPolicy;
 
 /// The only job of a study of one.
 const JOB: JobId = JobId { seed: 0, order: 0, method: 0 };
@@ -33,6 +34,8 @@ pub struct MultiTaskRun<'a> {
     training_secs: f64,
     log: RunLog,
     ranks: Arc<dyn Ranks>,
+    /// For who looks at it.
+    newest: Option<NewestPolicy>,
 }
 
 /// What a checkpoint holds.
@@ -54,7 +57,8 @@ impl<'a> MultiTaskRun<'a> {
     pub fn begin(study: &'a Study, directory: RunDirectory) -> Result<Self, TrainingError> {
         let log = RunLog::continue_after(&directory, 0, 0)?;
         let job = JobRun::begin(study, JOB);
-        let run = Self { study, directory, job, updates: 0, training_secs: 0.0, log, ranks: ranks::alone() };
+        let ranks = ranks::alone();
+        let run = Self { study, directory, job, updates: 0, training_secs: 0.0, log, ranks, newest: None };
         run.save()?;
         Ok(run)
     }
@@ -73,7 +77,7 @@ impl<'a> MultiTaskRun<'a> {
         refuse_changes(&MultiTaskConfig::resolved_again(&config), &study.resolved_yaml)?;
         let job = JobRun::restore(study, JOB, job)?;
         let log = RunLog::continue_after(&directory, updates, job.steps())?;
-        Ok(Self { study, directory, job, updates, training_secs, log, ranks: ranks::alone() })
+        Ok(Self { study, directory, job, updates, training_secs, log, ranks: ranks::alone(), newest: None })
     }
 
     /// From now on shares the work with all ranks, of which this is the first; the others
@@ -85,6 +89,12 @@ impl<'a> MultiTaskRun<'a> {
         self.ranks = Arc::clone(ranks);
         ranks::order(ranks, &Order::Begin(Box::new((JOB, self.job.save()))));
         Ok(self.job.work_with(ranks)?)
+    }
+
+    /// Shows the policy to somebody, from now on after every update.
+    pub fn show_to(&mut self, newest: NewestPolicy) {
+        newest.offer(&self.job.actor(), self.job.steps());
+        self.newest = Some(newest);
     }
 
     /// Trains until all tasks are learned or `interrupt` asks to stop, and leaves a checkpoint either way.
@@ -158,6 +168,9 @@ impl Stepwise for MultiTaskRun<'_> {
         let advance = self.job.advance();
         self.updates += 1;
         self.training_secs += start.elapsed().as_secs_f64();
+        if let Some(newest) = &self.newest {
+            newest.offer(&self.job.actor(), self.job.steps());
+        }
         self.log(&advance, self.job.steps() - before)
     }
 

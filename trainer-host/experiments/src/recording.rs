@@ -24,6 +24,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use flown::fly_watched;
 pub use flown::{SessionRecorder, at_start, fly};
 pub use table::Table;
 
@@ -172,9 +173,14 @@ impl Recording {
         Ok(FlightRecording {
             title: format!("{}: {}", experiment.name, self.pilot),
             control_secs: scenario.physics.control_secs(),
-            drones: self.drones.iter().map(Track::flight).collect(),
+            drones: self.drones.iter().map(|track| track.flight(self.is_episode())).collect(),
             movables: movables.collect(),
         })
+    }
+
+    /// Whether it is an episode of a task, which has rewards and a goal; else a drone flew where it was told.
+    pub fn is_episode(&self) -> bool {
+        !self.components.is_empty()
     }
 
     /// The names of the reward's components, with a number behind those that were there before.
@@ -222,6 +228,13 @@ fn contradiction(path: &Path, found: String, expected: String) -> RecordingError
     RecordingError::Contradiction { path: path.to_owned(), found, expected }
 }
 
+impl Step {
+    /// All that it paid.
+    pub(crate) fn paid(&self) -> f64 {
+        self.rewards.iter().sum()
+    }
+}
+
 impl Track {
     /// A drone at its start.
     pub fn starting<R: Real + Into<f64>>(goal: [f64; 3], state: &State<R>) -> Self {
@@ -248,11 +261,11 @@ impl Track {
         self.success = success;
     }
 
-    fn flight(&self) -> DroneFlight {
+    fn flight(&self, is_episode: bool) -> DroneFlight {
         DroneFlight {
-            goal: in_single(self.goal),
+            goal: is_episode.then(|| in_single(self.goal)),
             frames: self.moments.iter().map(|moment| moment.placed.placement()).collect(),
-            rewards: self.steps.iter().map(|step| step.rewards.iter().sum()).collect(),
+            rewards: if is_episode { self.steps.iter().map(Step::paid).collect() } else { Vec::new() },
             ending: self.ending.clone(),
             success: self.success,
         }
@@ -281,7 +294,7 @@ impl Placed {
         Self { position: pose.position.into(), attitude: [w, x, y, z] }
     }
 
-    fn placement(&self) -> Placement {
+    pub(crate) fn placement(&self) -> Placement {
         let [w, x, y, z] = self.attitude.map(|part| part as f32);
         Placement { position: in_single(self.position), attitude: Attitude { w, x, y, z } }
     }

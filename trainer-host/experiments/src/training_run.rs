@@ -21,6 +21,7 @@ use crate::learner::Learner;
 use crate::progress::{Progress, ProgressReport};
 use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::run_log::{MetricsRow, RunLog, TestRow};
+use crate::watch::NewestPolicy;
 use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::analytic::AnalyticError;
 use kestrel_learn::ppo::{RestoreError, UpdateMetrics};
@@ -67,6 +68,8 @@ pub struct TrainingRun {
     directory: RunDirectory,
     training_secs: f64,
     log: RunLog,
+    /// For who looks at it.
+    newest: Option<NewestPolicy>,
 }
 
 /// What a checkpoint holds.
@@ -275,7 +278,7 @@ impl TrainingRun {
 
     fn open(training: Training, directory: RunDirectory, training_secs: f64) -> Result<Self, TrainingError> {
         let log = RunLog::continue_after(&directory, training.learner.updates(), training.steps())?;
-        Ok(Self { training, directory, training_secs, log })
+        Ok(Self { training, directory, training_secs, log, newest: None })
     }
 
     /// From now on shares the work with all ranks, of which this is the first; the others [`follow`].
@@ -288,6 +291,12 @@ impl TrainingRun {
         learner.work_with(ranks)?;
         learner.order(&Order::Begin(Box::new(state)));
         Ok(())
+    }
+
+    /// Shows the policy to somebody, from now on after every update.
+    pub fn show_to(&mut self, newest: NewestPolicy) {
+        newest.offer(self.training.learner.actor(), self.steps());
+        self.newest = Some(newest);
     }
 
     /// Trains until the budget is spent or `interrupt` asks to stop, and leaves a checkpoint either way.
@@ -353,6 +362,9 @@ impl Stepwise for TrainingRun {
         let steps_before = self.steps();
         let update = self.training.update();
         self.training_secs += start.elapsed().as_secs_f64();
+        if let Some(newest) = &self.newest {
+            newest.offer(self.training.learner.actor(), self.steps());
+        }
         self.log(&update, self.steps() - steps_before)?;
         Ok(report(&update))
     }

@@ -29,16 +29,25 @@ impl Format {
     }
 }
 
-/// A video of so many pictures, with a progress bar, unless the user stops it; `video` asks after each whether to go on.
-pub(crate) fn filmed(
+/// A video of so many pictures, with a progress bar, unless the user stops it.
+pub(crate) fn filmed_unless_stopped(
     pictures: usize,
     video: impl FnOnce(&mut dyn FnMut(usize) -> bool) -> Result<Option<Vec<u8>>, VideoError>,
 ) -> Result<Option<Vec<u8>>> {
     let interrupt = Interrupt::watch("Stopping: nothing is written.")?;
+    filmed(pictures, &|| !interrupt.requested(), video)
+}
+
+/// A video of so many pictures, with a progress bar; it asks after each whether it `goes_on`.
+pub(crate) fn filmed(
+    pictures: usize,
+    goes_on: &dyn Fn() -> bool,
+    video: impl FnOnce(&mut dyn FnMut(usize) -> bool) -> Result<Option<Vec<u8>>, VideoError>,
+) -> Result<Option<Vec<u8>>> {
     let mut progress = Progress::counting("pictures", pictures as u64, 0);
     let file = video(&mut |done| {
         progress.show_steps(done as u64, String::new);
-        !interrupt.requested()
+        goes_on()
     })?;
     progress.finish();
     Ok(file)

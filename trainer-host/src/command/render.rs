@@ -10,7 +10,7 @@ use kestrel_sim::camera::Backend;
 
 use super::Done;
 use super::flight::FlightArguments;
-use super::look::{Format, filmed, seconds, view_angle};
+use super::look::{Format, filmed_unless_stopped, seconds, view_angle};
 use crate::renderer;
 
 /// Arguments of `kestrel render`.
@@ -69,7 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         Format::Png => Some(video.at(arguments.at)?.png()?),
         Format::Video(format) => {
             format.check(video.size())?;
-            filmed(video.pictures(), |goes_on| video.file(format, goes_on))?
+            filmed_unless_stopped(video.pictures(), |goes_on| video.file(format, goes_on))?
         }
     };
     let Some(file) = file else { return Ok(Done::Interrupted) };

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 
 use anyhow::{Context, Result};
 use kestrel_experiments::diagnosis;
@@ -13,11 +15,13 @@ use kestrel_experiments::results;
 use kestrel_experiments::run_config::{RunConfig, Subject};
 use kestrel_experiments::run_directory::RunDirectory;
 use kestrel_experiments::study::{Study, runner};
-use kestrel_experiments::training_run::{self, End, TrainingRun};
+use kestrel_experiments::training_run::{self, End, TrainingError, TrainingRun};
+use kestrel_experiments::watch::{NewestPolicy, fly_newest};
 use kestrel_learn::actor_critic::Actor;
 use kestrel_learn::ranks::{self, Ranks};
 
 use super::{Done, table};
+use crate::audience::{Desktop, before_window};
 use crate::{membership, shipped};
 
 /// Arguments of `kestrel train`.
@@ -42,6 +46,11 @@ pub(crate) struct Arguments {
     /// Directory of the run [default: runs/NAME-seedSEED-N with the first free N]
     #[arg(long, value_name = "DIRECTORY", conflicts_with = "resume")]
     run: Option<PathBuf>,
+
+    /// Show the newest policy in a window while it is trained, in the starts of the evaluation, in real time; no result depends
+    /// on it
+    #[arg(long)]
+    watch: bool,
 
     /// Begin anew in a directory of --run that holds a run, which is lost
     #[arg(long, requires = "run")]
@@ -68,18 +77,28 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 /// Trains as the first of the ranks, or as the only one.
 fn lead(arguments: &Arguments, config: RunConfig, ranks: &Arc<dyn Ranks>) -> Result<Done> {
     let interrupt = Interrupt::watch("Stopping after the step in progress; Ctrl-C again ends at once.")?;
+    let desktop = arguments.watch.then(Desktop::open).transpose()?;
     let directory = directory(arguments, &config)?;
+    let means = Means { ranks, interrupt: &interrupt, desktop };
     match config {
-        RunConfig::One(experiment) => lead_one(arguments, *experiment, directory, (ranks, &interrupt)),
-        RunConfig::Several(study) => lead_several(arguments, &study, directory, (ranks, &interrupt)),
+        RunConfig::One(experiment) => lead_one(arguments, *experiment, directory, means),
+        RunConfig::Several(study) => lead_several(arguments, &study, directory, means),
     }
+}
+
+/// With what it is done.
+struct Means<'a> {
+    ranks: &'a Arc<dyn Ranks>,
+    interrupt: &'a Interrupt,
+    /// To look at it.
+    desktop: Option<Desktop>,
 }
 
 fn lead_one(
     arguments: &Arguments,
     experiment: Experiment,
     directory: RunDirectory,
-    (ranks, interrupt): (&Arc<dyn Ranks>, &Interrupt),
+    Means { ranks, interrupt, desktop }: Means<'_>,
 ) -> Result<Done> {
     let mut run = if arguments.resume.is_some() {
         TrainingRun::resume(experiment, directory)?
@@ -93,7 +112,14 @@ fn lead_one(
     if !silent.is_empty() {
         say(format_args!("No gradient goes through these rewards, which teach nothing: {}", silent.join(", ")))?;
     }
-    if run.train(interrupt)? == End::Interrupted {
+    let tasks = [run.experiment().clone()];
+    let end = watched(desktop, &tasks, |newest| {
+        if let Some(newest) = newest {
+            run.show_to(newest);
+        }
+        run.train(interrupt)
+    })?;
+    if end == End::Interrupted {
         return saved(run.directory(), run.steps());
     }
     let (actor, steps) = run.best();
@@ -106,7 +132,7 @@ fn lead_several(
     arguments: &Arguments,
     study: &Study,
     directory: RunDirectory,
-    (ranks, interrupt): (&Arc<dyn Ranks>, &Interrupt),
+    Means { ranks, interrupt, desktop }: Means<'_>,
 ) -> Result<Done> {
     let mut run = if arguments.resume.is_some() {
         MultiTaskRun::resume(study, directory)?
@@ -116,13 +142,38 @@ fn lead_several(
     run.work_with(ranks)?;
     let method = format!("PPO, {} tasks {}", study.tasks.len(), study.methods[0].procedure.manner());
     begun(run.directory(), &method, [run.steps(), run.total_steps()])?;
-    if run.train(interrupt)? == End::Interrupted {
+    let end = watched(desktop, &study.tasks, |newest| {
+        if let Some(newest) = newest {
+            run.show_to(newest);
+        }
+        run.train(interrupt)
+    })?;
+    if end == End::Interrupted {
         return saved(run.directory(), run.steps());
     }
     let subject = Subject { name: &study.name, seed: study.seeds[0], tasks: &study.tasks };
     say(format_args!("Trained {} steps in {:.1} s.\n", run.steps(), run.training_secs()))?;
     say(format_args!("{}\n", table::stages(subject.tasks, run.flights())))?;
     finish(&subject, run.directory(), (&run.actor(), run.steps()), interrupt)
+}
+
+/// Trains, before a window if that is asked for: there the tasks are flown with the policy that training shows.
+fn watched(
+    desktop: Option<Desktop>,
+    tasks: &[Experiment],
+    train: impl FnOnce(Option<NewestPolicy>) -> Result<End, TrainingError> + Send,
+) -> Result<End> {
+    let Some(desktop) = desktop else { return Ok(train(None)?) };
+    let (newest, over) = (NewestPolicy::default(), AtomicBool::new(false));
+    let trained = before_window(desktop, "kestrel train", &|| (), |tell| {
+        thread::scope(|scope| {
+            scope.spawn(|| fly_newest(tasks, &newest, &tell, &|| over.load(Ordering::Relaxed)));
+            let end = train(Some(newest.clone()));
+            over.store(true, Ordering::Relaxed);
+            end
+        })
+    })?;
+    Ok(trained?)
 }
 
 /// The directory of the run, new or as it was left.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use kestrel_draw::viewer::{CameraMode, Controls, Viewport};
 use kestrel_experiments::atomic_file::write_atomically;
 use kestrel_experiments::output::{say, warn};
@@ -10,7 +10,8 @@ use kestrel_sim::camera::Backend;
 
 use super::Done;
 use super::flight::FlightArguments;
-use super::look::{Format, filmed};
+use super::look::{Format, filmed_unless_stopped};
+use crate::audience::Desktop;
 use crate::renderer;
 
 /// Arguments of `kestrel view`.
@@ -66,47 +67,44 @@ Keys:
   mouse               drag to turn around the drone, wheel to come nearer";
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
-    if arguments.headless.is_none() && !cfg!(feature = "viewer") {
-        bail!(
-            "this program was built without windows: build it with `--features viewer`, or use --headless FILE.gif"
-        );
-    }
-    let headless = arguments.headless.as_deref();
-    let file = headless.map(|output| Ok::<_, anyhow::Error>((output, Format::of(output)?))).transpose()?;
+    let target = match &arguments.headless {
+        Some(output) => Target::File(output, Format::of(output)?),
+        None => Target::Window(Desktop::open()?),
+    };
     let renderer = renderer::open(arguments.backend)?;
     let flown = arguments.flight.fly(false)?;
     let drone = arguments.drone;
     let scene = flown.scene(drone)?;
     let size = [arguments.columns, arguments.rows].map(usize::from);
-    let viewport =
-        Viewport::new(&scene, &flown.experiment.scenario, &*renderer, arguments.view_angle.to_radians(), size);
+    let mut viewport =
+        Viewport::new(scene, &flown.experiment.scenario, &*renderer, arguments.view_angle.to_radians(), size);
     let secs = arguments.at.min(viewport.extent().secs);
     let controls = Controls { secs, drone, camera: arguments.camera, ..Controls::default() };
     warn(&renderer);
-    match file {
-        Some(output) => written(&viewport, &controls, output),
-        None => shown(viewport, controls, &format!("kestrel: {}", flown.path.display()), size),
+    match target {
+        Target::File(output, format) => written(&viewport, &controls, output, format),
+        Target::Window(desktop) => {
+            desktop.show(&mut viewport, controls, &format!("kestrel: {}", flown.path.display()), size)?;
+            Ok(Done::Finished)
+        }
     }
 }
 
-fn written(viewport: &Viewport<'_>, controls: &Controls, (output, format): (&Path, Format)) -> Result<Done> {
+/// Where the flight is seen.
+enum Target<'a> {
+    File(&'a Path, Format),
+    Window(Desktop),
+}
+
+fn written(viewport: &Viewport<'_>, controls: &Controls, output: &Path, format: Format) -> Result<Done> {
     let file = match format {
         Format::Png => Some(viewport.picture(controls)?.png()?),
-        Format::Video(format) => filmed(viewport.pictures(), |goes_on| viewport.video(controls, format, goes_on))?,
+        Format::Video(format) => {
+            filmed_unless_stopped(viewport.pictures(), |goes_on| viewport.video(controls, format, goes_on))?
+        }
     };
     let Some(file) = file else { return Ok(Done::Interrupted) };
     write_atomically(output, &file)?;
     say(output.display())?;
     Ok(Done::Finished)
-}
-
-#[cfg(feature = "viewer")]
-fn shown(viewport: Viewport<'_>, controls: Controls, title: &str, size: [usize; 2]) -> Result<Done> {
-    kestrel_draw::viewer::window::show(viewport, controls, title, size)?;
-    Ok(Done::Finished)
-}
-
-#[cfg(not(feature = "viewer"))]
-fn shown(_desk: Viewport<'_>, _controls: Controls, title: &str, _size: [usize; 2]) -> Result<Done> {
-    bail!("{title}: this program was built without windows")
 }

@@ -2,7 +2,6 @@
 
 use kestrel_draw::recorded_flight::{DroneFlight, FlightRecording, Placement};
 use kestrel_draw::video::{VideoError, VideoFormat, flight_video};
-use kestrel_sim::world::Pose;
 
 use super::case::Case;
 use super::expectation::Failure;
@@ -14,7 +13,7 @@ use super::flight::{FlownCase, Moment};
 /// When the drone went where no camera can follow, or the encoder fails.
 pub(crate) fn film(case: &Case, flown: &FlownCase, failures: &[Failure]) -> Result<Vec<u8>, VideoError> {
     let drone = DroneFlight {
-        goal: case.goal,
+        goal: Some(case.goal),
         frames: flown.moments.iter().map(placement).collect(),
         rewards: Vec::new(),
         ending: failures.first().map_or_else(String::new, |failure| format!("failed: {}", failure.name)),
@@ -24,7 +23,7 @@ pub(crate) fn film(case: &Case, flown: &FlownCase, failures: &[Failure]) -> Resu
         title: case.full_name(),
         control_secs: flown.control_secs as f32,
         drones: vec![drone],
-        movables: flown.movables.iter().map(|poses| poses.iter().map(of_body).collect()).collect(),
+        movables: flown.movables.iter().map(|poses| poses.iter().map(Placement::of).collect()).collect(),
     };
     flight_video(recording, &case.scenario.in_room(0), &case.full_name(), VideoFormat::Gif)
 }
@@ -39,8 +38,4 @@ pub(crate) fn file_name(case: &Case) -> String {
 
 fn placement(moment: &Moment) -> Placement {
     Placement { position: moment.state.position, attitude: moment.state.world_from_body }
-}
-
-fn of_body(pose: &Pose) -> Placement {
-    Placement { position: pose.position.cast(), attitude: pose.world_from_body.map(|value| value as f32) }
 }

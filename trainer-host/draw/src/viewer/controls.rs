@@ -72,6 +72,8 @@ pub struct Extent {
     pub secs: f32,
     /// Number of drones.
     pub drones: usize,
+    /// Whether it is flown while it is looked at.
+    pub goes_on: bool,
 }
 
 /// What the user has chosen.
@@ -81,6 +83,8 @@ pub struct Controls {
     pub secs: f32,
     /// Whether time goes on.
     pub playing: bool,
+    /// Whether the newest moment of a flight that goes on is shown, and not one of before.
+    pub newest: bool,
     /// How fast.
     pub speed: f32,
     /// From where.
@@ -100,6 +104,7 @@ impl Default for Controls {
         Self {
             secs: 0.0,
             playing: true,
+            newest: true,
             speed: 1.0,
             camera: CameraMode::Chase,
             drone: 0,
@@ -143,11 +148,14 @@ impl Controls {
     /// Does what a key asks for.
     pub fn apply(&mut self, action: Action, extent: &Extent) -> Flow {
         match action {
-            Action::Pause if self.secs >= extent.secs => (self.secs, self.playing) = (0.0, true),
-            Action::Pause => self.playing = !self.playing,
+            Action::Pause if self.secs >= extent.secs && !extent.goes_on => {
+                (self.secs, self.playing) = (0.0, true);
+            }
+            Action::Pause => (self.playing, self.newest) = (!self.playing, false),
             Action::Step(pictures) => {
                 let now = (self.secs / PICTURE_SECS).round() + f32::from(pictures);
-                (self.secs, self.playing) = ((now * PICTURE_SECS).clamp(0.0, extent.secs), false);
+                self.secs = (now * PICTURE_SECS).clamp(0.0, extent.secs);
+                (self.playing, self.newest) = (false, false);
             }
             Action::Faster => self.speed = (self.speed * 2.0).min(SPEEDS[1]),
             Action::Slower => self.speed = (self.speed / 2.0).max(SPEEDS[0]),
@@ -159,11 +167,14 @@ impl Controls {
         Flow::Continue
     }
 
-    /// Lets time pass \[s\]; the flight stops at its end.
+    /// Lets time pass \[s\]; the flight stops at its end, unless it goes on.
     pub fn advance(&mut self, passed_secs: f32, extent: &Extent) {
-        if self.playing {
+        if extent.goes_on && self.newest {
+            self.secs = extent.secs;
+        } else if self.playing {
             self.secs = (self.secs + passed_secs * self.speed).min(extent.secs);
-            self.playing = self.secs < extent.secs;
+            self.newest = self.secs >= extent.secs;
+            self.playing = extent.goes_on || !self.newest;
         }
     }
 

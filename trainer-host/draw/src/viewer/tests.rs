@@ -5,7 +5,7 @@ use crate::picture::Picture;
 use crate::testing::{flown, scenario, started};
 use crate::video::{RecordedScene, VideoFormat};
 
-const EXTENT: Extent = Extent { secs: 2.0, drones: 3 };
+const EXTENT: Extent = Extent { secs: 2.0, drones: 3, goes_on: false };
 
 fn after(keys: &[&str]) -> Controls {
     let mut controls = Controls::default();
@@ -78,8 +78,9 @@ fn the_picture_follows_the_controls_and_is_the_same_again() {
     let scenario = scenario("aviaries/crossing-3.yaml", 4.0);
     let recorded = RecordedScene::new(flown(&scenario), &scenario, "flight").unwrap();
     let renderer = Cpu::asked_for();
-    let mut viewport = Viewport::new(&recorded, &scenario, &renderer, 1.5, [480, 300]);
-    assert_eq!(viewport.extent(), Extent { secs: recorded.secs(), drones: 3 });
+    let secs = recorded.secs();
+    let mut viewport = Viewport::new(recorded, &scenario, &renderer, 1.5, [480, 300]);
+    assert_eq!(viewport.extent(), Extent { secs, drones: 3, goes_on: false });
     let start = Controls::default();
     let first = viewport.picture(&start).unwrap();
     assert_eq!((first.size, &viewport.picture(&start).unwrap()), ([480, 300], &first));
@@ -104,7 +105,7 @@ fn a_flight_without_a_window_is_a_film() {
     let scenario = scenario("aviaries/room-1.yaml", 4.0);
     let recorded = RecordedScene::new(started(&scenario), &scenario, "flight").unwrap();
     let renderer = Cpu::asked_for();
-    let viewport = Viewport::new(&recorded, &scenario, &renderer, 1.5, [320, 240]);
+    let viewport = Viewport::new(recorded, &scenario, &renderer, 1.5, [320, 240]);
     let video = viewport.video(&Controls::default(), VideoFormat::Gif, |_| true).unwrap().unwrap();
     assert!(video.starts_with(b"GIF89a") && video[6..10] == [64, 1, 240, 0]);
     assert!(viewport.video(&Controls::default(), VideoFormat::Gif, |_| false).unwrap().is_none());

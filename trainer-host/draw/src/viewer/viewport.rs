@@ -5,10 +5,11 @@ use kestrel_sim::scenario::Scenario;
 use nalgebra::Vector3;
 
 use super::layout::{FOOT, Layout, MARGIN, NAME, Part};
-use super::{CameraMode, Controls, Extent, LEAST_SIZE};
+use super::{CameraMode, Controls, Extent, Flow, LEAST_SIZE, Spectacle};
 use crate::picture::Picture;
 use crate::plan::Subject;
 use crate::plan::above::{Above, Flown};
+use crate::recorded_flight::Frame;
 use crate::video::chase::{self, Chase, VIEW_ANGLE, on_board};
 use crate::video::playback::{Moment, PICTURE_SECS};
 use crate::video::trail;
@@ -23,7 +24,7 @@ const SAMPLES: usize = 2;
 /// A flight and everything that its pictures need.
 #[derive(Debug)]
 pub struct Viewport<'a> {
-    recorded: &'a RecordedScene,
+    recorded: RecordedScene,
     renderer: &'a dyn Renderer,
     /// Of each drone.
     chases: Vec<Chase>,
@@ -35,10 +36,28 @@ pub struct Viewport<'a> {
     plan: Above,
 }
 
+impl Spectacle for Viewport<'_> {
+    fn extent(&self) -> Extent {
+        self.extent()
+    }
+
+    fn resize(&mut self, size: [usize; 2]) {
+        self.resize(size);
+    }
+
+    fn picture(&self, controls: &Controls) -> Result<Picture, VideoError> {
+        self.picture(controls)
+    }
+
+    fn follow(&mut self, _controls: &mut Controls) -> Result<Flow, VideoError> {
+        Ok(Flow::Continue)
+    }
+}
+
 impl<'a> Viewport<'a> {
     /// For pictures of `size` \[px\]; `view_angle` is that of the drones' cameras, across \[rad\].
     pub fn new(
-        recorded: &'a RecordedScene,
+        recorded: RecordedScene,
         scenario: &Scenario,
         renderer: &'a dyn Renderer,
         view_angle: f64,
@@ -46,10 +65,9 @@ impl<'a> Viewport<'a> {
     ) -> Self {
         let subject = Subject::of_scenario(scenario.name.clone(), scenario);
         let size = enlarged(size);
-        let drones = 0..recorded.drones();
         Self {
-            chases: drones.clone().map(|drone| Chase::of(recorded, drone)).collect(),
-            scales: drones.map(|drone| recorded.depth_scale(drone, view_angle)).collect(),
+            chases: (0..recorded.drones()).map(|drone| Chase::of(&recorded, drone)).collect(),
+            scales: scales(&recorded, view_angle),
             plan: Above::fitting(&subject, Layout::of(size).plan.size),
             recorded,
             renderer,
@@ -61,7 +79,40 @@ impl<'a> Viewport<'a> {
 
     /// How much there is to see.
     pub fn extent(&self) -> Extent {
-        Extent { secs: self.recorded.secs(), drones: self.recorded.drones() }
+        Extent { secs: self.recorded.secs(), drones: self.recorded.drones(), goes_on: false }
+    }
+
+    /// Looks at another flight.
+    pub(super) fn begin(&mut self, recorded: RecordedScene, scenario: &Scenario) {
+        self.subject = Subject::of_scenario(scenario.name.clone(), scenario);
+        self.plan = Above::fitting(&self.subject, Layout::of(self.size).plan.size);
+        self.chases = (0..recorded.drones()).map(|drone| Chase::of(&recorded, drone)).collect();
+        self.scales = scales(&recorded, self.view_angle);
+        self.recorded = recorded;
+    }
+
+    /// Adds control periods of a flight that goes on; says how much of its beginning is forgotten \[s\].
+    pub(super) fn extend(&mut self, frames: Vec<Frame>, name: &str) -> Result<f32, VideoError> {
+        let (known, mut forgotten) = (self.recorded.moments().len(), 0);
+        for frame in frames {
+            let pictures = self.recorded.push(frame, name)?;
+            self.chases.iter_mut().for_each(|chase| chase.forget(pictures));
+            forgotten += pictures;
+        }
+        let pictures = self.recorded.moments().len();
+        for (drone, chase) in self.chases.iter_mut().enumerate() {
+            chase.extend(&self.recorded, drone);
+        }
+        // Ever less often: a scale that changes makes a picture flicker.
+        if known.ilog2() < pictures.ilog2() {
+            self.scales = scales(&self.recorded, self.view_angle);
+        }
+        Ok(forgotten as f32 * PICTURE_SECS)
+    }
+
+    /// Says how a drone's flight ended.
+    pub(super) fn end(&mut self, drone: usize, ending: &str, success: bool) {
+        self.recorded.end(drone, ending, success);
     }
 
     /// Makes pictures of another size \[px\], at least [`LEAST_SIZE`].
@@ -78,6 +129,12 @@ impl<'a> Viewport<'a> {
     /// # Errors
     /// When the renderer fails.
     pub fn picture(&self, controls: &Controls) -> Result<Picture, VideoError> {
+        let Controls { playing, speed, .. } = controls;
+        self.captioned(controls, &if *playing { format!("{speed}x") } else { format!("paused, {speed}x") })
+    }
+
+    /// The same; `pace` says how time goes on.
+    pub(super) fn captioned(&self, controls: &Controls, pace: &str) -> Result<Picture, VideoError> {
         let drone = controls.drone;
         let moment = self.recorded.moment(controls.secs);
         let layout = Layout::of(self.size);
@@ -86,7 +143,7 @@ impl<'a> Viewport<'a> {
         let main = self.main(&moment, controls, layout.main.size)?;
         let scale = &self.scales[drone];
         paste(&mut picture, &main, Panel::Chase, scale, &layout.main);
-        let view = on_board(self.recorded, &moment.drones[drone].placement);
+        let view = on_board(&self.recorded, &moment.drones[drone].placement);
         let seen =
             self.render(&self.recorded.seen(&moment, drone), view, self.view_angle, layout.on_board.size)?;
         paste(&mut picture, &seen, Panel::Onboard, scale, &layout.on_board);
@@ -101,7 +158,7 @@ impl<'a> Viewport<'a> {
         draw_caption(&self.recorded.caption(&moment, drone), &mut picture, [MARGIN, foot + 7]);
         picture.text(
             [MARGIN, foot + 31],
-            &format!("{}   {HELP}", self.status(controls)),
+            &format!("{}   {HELP}", self.status(controls, pace)),
             video::SMALL,
             video::MUTED,
         );
@@ -139,7 +196,7 @@ impl<'a> Viewport<'a> {
             }
             CameraMode::Onboard => {
                 let scene = self.recorded.seen(moment, drone);
-                return self.render(&scene, on_board(self.recorded, placement), self.view_angle, size);
+                return self.render(&scene, on_board(&self.recorded, placement), self.view_angle, size);
             }
         };
         self.render(&self.recorded.shown(moment), view, VIEW_ANGLE, size)
@@ -164,14 +221,18 @@ impl<'a> Viewport<'a> {
         self.plan.with(&(0..self.recorded.drones()).map(way).collect::<Vec<_>>())
     }
 
-    fn status(&self, controls: &Controls) -> String {
-        let Controls { playing, speed, camera, drone, .. } = controls;
-        let pace = if *playing { format!("{speed}x") } else { format!("paused, {speed}x") };
+    fn status(&self, controls: &Controls, pace: &str) -> String {
+        let Controls { camera, drone, .. } = controls;
         match self.recorded.drones() {
             1 => format!("{pace}, {}", camera.name()),
             drones => format!("{pace}, {}, drone {drone} of {drones}", camera.name()),
         }
     }
+}
+
+/// Of the depths that each drone's camera sees.
+fn scales(recorded: &RecordedScene, view_angle: f64) -> Vec<DepthScale> {
+    (0..recorded.drones()).map(|drone| recorded.depth_scale(drone, view_angle)).collect()
 }
 
 fn paste(picture: &mut Picture, image: &Image, panel: Panel, scale: &DepthScale, part: &Part) {

@@ -12,7 +12,7 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, OwnedDisplayHan
 use winit::keyboard::Key;
 use winit::window::{Window, WindowId};
 
-use super::{Controls, Flow, LEAST_SIZE, Viewport, action};
+use super::{Controls, Flow, LEAST_SIZE, Spectacle, action};
 use crate::video::VideoError;
 
 /// Time between two pictures while the flight goes on.
@@ -32,17 +32,36 @@ pub enum WindowError {
     Video(#[from] VideoError),
 }
 
-/// Shows a flight until the user has seen enough.
-///
-/// # Errors
-/// When there is no screen, or the renderer fails.
-pub fn show(viewport: Viewport<'_>, controls: Controls, title: &str, size: [usize; 2]) -> Result<(), WindowError> {
-    let events = EventLoop::new().map_err(refused)?;
-    let title = title.to_owned();
-    let mut viewer =
-        Viewer { viewport, controls, title, size, open: None, then: None, dragged: None, failed: None };
-    events.run_app(&mut viewer).map_err(refused)?;
-    viewer.failed.map_or(Ok(()), Err)
+/// A screen, on which windows can be opened.
+#[derive(Debug)]
+pub struct Desktop(Box<EventLoop<()>>);
+
+impl Desktop {
+    /// Once in a program, and on its main thread.
+    ///
+    /// # Errors
+    /// When there is no screen.
+    pub fn open() -> Result<Self, WindowError> {
+        EventLoop::new().map(|events| Self(Box::new(events))).map_err(refused)
+    }
+
+    /// Shows something in a window of so many pixels until the user has seen enough, or it is over.
+    ///
+    /// # Errors
+    /// When the system refuses, or the renderer fails.
+    pub fn show(
+        self,
+        spectacle: &mut dyn Spectacle,
+        controls: Controls,
+        title: &str,
+        size: [usize; 2],
+    ) -> Result<(), WindowError> {
+        let title = title.to_owned();
+        let mut viewer =
+            Viewer { spectacle, controls, title, size, open: None, then: None, dragged: None, failed: None };
+        self.0.run_app(&mut viewer).map_err(refused)?;
+        viewer.failed.map_or(Ok(()), Err)
+    }
 }
 
 /// For `map_err`, which gives what it has.
@@ -55,7 +74,7 @@ fn refused(error: impl ToString) -> WindowError {
 }
 
 struct Viewer<'a> {
-    viewport: Viewport<'a>,
+    spectacle: &'a mut dyn Spectacle,
     controls: Controls,
     title: String,
     size: [usize; 2],
@@ -96,7 +115,7 @@ impl ApplicationHandler for Viewer<'_> {
             }
             WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
                 let asked = action(&name(&event.logical_key));
-                let extent = self.viewport.extent();
+                let extent = self.spectacle.extent();
                 if asked.map(|asked| self.controls.apply(asked, &extent)) == Some(Flow::Quit) {
                     events.exit();
                 }
@@ -117,11 +136,16 @@ impl ApplicationHandler for Viewer<'_> {
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {
         let now = Instant::now();
         let passed = self.then.map_or(Duration::ZERO, |then| now - then);
+        match self.spectacle.follow(&mut self.controls) {
+            Ok(Flow::Continue) => {}
+            Ok(Flow::Quit) => events.exit(),
+            Err(error) => self.fail(events, error.into()),
+        }
         if !self.controls.playing {
             self.then = None;
             events.set_control_flow(ControlFlow::Wait);
         } else if self.then.is_none() || passed >= PACE {
-            let extent = self.viewport.extent();
+            let extent = self.spectacle.extent();
             self.controls.advance(passed.as_secs_f32(), &extent);
             self.then = Some(now);
             events.set_control_flow(ControlFlow::WaitUntil(now + PACE));
@@ -150,8 +174,8 @@ impl Viewer<'_> {
         let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) else {
             return Ok(());
         };
-        self.viewport.resize([size.width, size.height].map(|pixels| pixels as usize));
-        let picture = self.viewport.picture(&self.controls)?;
+        self.spectacle.resize([size.width, size.height].map(|pixels| pixels as usize));
+        let picture = self.spectacle.picture(&self.controls)?;
         surface.resize(width, height).map_err(refused)?;
         let mut buffer = surface.buffer_mut().map_err(refused)?;
         let rows = buffer.chunks_exact_mut(size.width as usize);

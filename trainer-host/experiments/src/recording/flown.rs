@@ -13,12 +13,22 @@ use crate::results::starts;
 
 /// Flies the episode that an evaluation flies as number `start`, in double precision, and keeps everything.
 pub fn fly(experiment: &Experiment, flyer: Flyer<'_>, starts: Starts, start: u32) -> Recording {
+    fly_watched(experiment, flyer, (starts, start), &mut |_, _| true)
+}
+
+/// The same; `watch` sees the simulation and the tracks at the start and after each step, and says whether to go on.
+pub(crate) fn fly_watched(
+    experiment: &Experiment,
+    flyer: Flyer<'_>,
+    (starts, start): (Starts, u32),
+    watch: &mut dyn FnMut(&Simulation<1, f64>, &[Track]) -> bool,
+) -> Recording {
     let mut simulation = waiting(experiment, starts, start);
     let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, start);
     let mut drones = tracks(&simulation);
     let mut movables = vec![placed(&simulation)];
     let mut flying = vec![true; drones.len()];
-    while flying.contains(&true) {
+    while watch(&simulation, &drones) && flying.contains(&true) {
         let actions = cockpit.act(&simulation).to_vec();
         simulation.step(&actions);
         let ended = simulation.take_episodes();

@@ -76,10 +76,14 @@ impl Recording {
         };
         let paid =
             |(index, name): (usize, String)| (name, track.steps.iter().map(|step| step.rewards[index]).collect());
-        let position =
-            states("position [m], dashed: the goal", &["x", "y", "z"], &|moment| moment.placed.position.into());
+        let (where_it_is, wanted) = if self.is_episode() {
+            ("position [m], dashed: the goal", track.goal.into())
+        } else {
+            ("position [m]", Vec::new())
+        };
+        let position = states(where_it_is, &["x", "y", "z"], &|moment| moment.placed.position.into());
         let mut signals = vec![
-            Signal { wanted: track.goal.into(), ..position },
+            Signal { wanted, ..position },
             states("velocity [m/s]", &["x", "y", "z"], &|moment| moment.velocity.into()),
             states("attitude [degrees]", &["roll", "pitch", "yaw"], &degrees),
             states("body rates [rad/s]", &["x", "y", "z"], &|moment| moment.body_rates.into()),
