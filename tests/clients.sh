@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # Clients that others wrote fly a policy as they are published, and its true state is judged: pymavlink, MAVSDK 3 and 4,
-# MAVProxy, cflib and cfclient for the Crazyflie's own protocol, and Cyclone DDS for ROS 2's.
+# MAVProxy, cflib and cfclient for the Crazyflie's own protocol, FFmpeg for its camera, and Cyclone DDS for ROS 2's.
 #
 #   tests/clients.sh [KESTREL [POLICY]]
 #
-# KESTREL is the path of `kestrel` (target/debug/kestrel if it is left out), or of `kestrel-shim`. Installs each
-# client's packages into an environment of its own under target, where they are missing. What a client said is kept in
-# target/test-logs. Ends with "N passed, N failed".
+# KESTREL is the path of `kestrel` (target/debug/kestrel if it is left out). Installs each client's packages into an
+# environment of its own under target, where they are missing. What a client said is kept in target/test-logs. Ends with
+# "N passed, N failed".
 set -uo pipefail
 cd "$(dirname "$0")/.."
 # shellcheck source=tests/checks.sh
@@ -58,6 +58,10 @@ fly mavproxy venv-mavproxy &
 fly crtp venv-cflib &
 fly ros2 venv &
 wait
+# These encode and decode pictures.
+fly video venv &
+fly ai_deck venv-cflib &
+wait
 # It looks for drones where the one before is.
 fly cfclient venv-cfclient
 
@@ -68,5 +72,7 @@ tell mavsdk4 "MAVSDK 4"
 tell mavproxy "MAVProxy"
 tell crtp "cflib"
 tell ros2 "Cyclone DDS, as a ROS 2 node would"
+tell video "FFmpeg, of the stream of the camera"
+tell ai_deck "cflib, of an AI-deck"
 tell cfclient "cfclient"
 summary

@@ -10,11 +10,14 @@
 //! A simulator [`bridge`] has another autopilot (PX4, ArduPilot, Betaflight) fly the plant, or another simulator fly the
 //! vehicle.
 //!
-//! Only [`link`], [`crtp::link`], [`flight_log`], [`true_state`], [`lockstep`] and the bridge's servers and clients know
-//! sockets, files and clocks; everything else is free of all three. Frames are not forwarded from one link to another.
+//! Only [`link`], [`crtp::link`], [`video`], [`ai_deck`], [`flight_log`], [`true_state`], [`lockstep`] and the bridge's servers
+//! and clients know sockets, files and clocks; everything else is free of all three. Frames are not forwarded from one link to
+//! another.
 
+pub mod ai_deck;
 pub mod bridge;
 pub mod crtp;
+pub mod files;
 pub mod flight_log;
 pub mod ground_station;
 pub mod link;
@@ -32,6 +35,7 @@ pub mod telemetry;
 mod testing;
 pub mod true_state;
 pub mod vehicle;
+pub mod video;
 
 pub use kestrel_onboard::{
     autopilot, battery, controller, endpoint, failsafe, flight_mode, frame, geodesy, goal, plant, policy_backend,

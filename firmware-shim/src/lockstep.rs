@@ -165,6 +165,9 @@ pub fn fly<P: PolicyBackend>(
                 simulated.vehicle.note_punctuality(clock.recent);
             }
         }
+        for simulated in vehicles.iter_mut() {
+            simulated.plant.settle();
+        }
         clock.wait_and(&mut |ahead_secs| {
             vehicles.iter_mut().try_for_each(|simulated| simulated.attend(ahead_secs))
         })?;

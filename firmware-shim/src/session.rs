@@ -25,6 +25,7 @@ use crate::link::tcp::{self, TcpLink};
 use crate::link::udp::{UdpAddresses, UdpLink};
 use crate::link::{Link, LinkCounts, LinkError, Links};
 use crate::lockstep::{self, ControlPeriod, FlightError, Next, SimulatedVehicle, SimulationRate, Timing};
+use crate::message::sent::camera::CameraProfile;
 use crate::message::sent::identity::PolicyIdentity;
 use crate::persistent_store::{PersistentStore, PersistentStoreError};
 use crate::personality::Personality;
@@ -343,6 +344,13 @@ impl<P: PolicyBackend> Session<P> {
     pub fn attach(&mut self, link: Box<dyn Link>, words: &str) -> Result<(), LinkError> {
         self.announcement = format!("{words}\n{}", self.announcement);
         self.links.attach(link)
+    }
+
+    /// Has a camera on board, of which peers are told.
+    pub fn carry_camera(&mut self, profile: CameraProfile) {
+        let words = format!("Its camera streams to {}: any player, QGroundControl by itself.", profile.url);
+        self.announcement = format!("{words}\n{}", self.announcement);
+        self.vehicle.carry_camera(profile);
     }
 
     /// Where the vehicle can be spoken to.

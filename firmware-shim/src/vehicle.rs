@@ -1,6 +1,7 @@
 //! The vehicle in software in the loop: a [`FlightController`] with parameters, missions and telemetry. Datagrams and states
 //! in, rotor targets and frames out; no socket and no clock.
 
+mod camera;
 mod channel;
 mod command;
 mod declined;
@@ -28,6 +29,8 @@ use crate::autopilot::{Autopilot, Command, Mode, Refusal, SetPoint};
 use crate::battery::Battery;
 use crate::controller::Controller;
 use crate::failsafe::FailsafeEvent;
+use crate::files::packet::PACKET_LEN;
+use crate::files::{FileServer, metadata};
 use crate::flight_mode::FlightMode;
 use crate::frame::{Frame, Frames, Payload};
 use crate::geodesy::Home;
@@ -48,6 +51,7 @@ use crate::request::{self, CommandRequest, Request, SetPointError};
 use crate::telemetry::TelemetryStream;
 
 use self::mission::Reached;
+use camera::Camera;
 use channel::{Channel, Channels};
 use loss::Losses;
 pub use operator::Operator;
@@ -91,6 +95,7 @@ pub struct Vehicle<P> {
     profile: VehicleProfile,
     parameters: ParameterProtocol,
     parameters_changed: bool,
+    files: FileServer,
     plans: MissionProtocol,
     runner: MissionRunner,
     /// What the mission wanted last.
@@ -98,6 +103,9 @@ pub struct Vehicle<P> {
     reached: Option<Reached>,
     channels: Channels,
     losses: Losses,
+    camera: Option<Camera>,
+    /// Of a camera that comes later.
+    signer: Option<Signer>,
     /// The task of its plant, if that has one.
     task: Option<(TaskPhase, PolicyRole)>,
     control: Control,
@@ -133,12 +141,15 @@ impl<P: PolicyBackend> Vehicle<P> {
             controller,
             parameters: ParameterProtocol::new(Parameters::new(profile.system)),
             parameters_changed: false,
+            files: FileServer::new(metadata::files()),
             plans: MissionProtocol::new(profile.origin),
             runner: MissionRunner::default(),
             directive: None,
             reached: None,
             profile,
             losses: Losses::default(),
+            camera: None,
+            signer: None,
             task: None,
             control: Control::default(),
             by_sticks: false,
@@ -189,12 +200,16 @@ impl<P: PolicyBackend> Vehicle<P> {
 
     /// From now on admits only what `guard` does, and signs what it sends.
     pub fn secure(&mut self, guard: SignatureGuard, signer: Signer) {
+        self.signer = Some(signer.clone());
         self.controller.secure(guard, signer);
     }
 
     /// Lets the clock have reached a time, for signatures.
     pub fn advance_clock(&mut self, now: SignatureTime) {
         self.controller.advance_clock(now);
+        if let Some(camera) = &mut self.camera {
+            camera.advance_clock(now);
+        }
     }
 
     /// Latest times of accepted and of sent frames, if they are signed.
@@ -223,10 +238,11 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.ahead_secs = secs;
     }
 
-    /// Whether what rangers measure is to be told with the next tick.
+    /// Whether what rangers measure is to be told, or looked at, with the next tick.
     pub fn wants_ranges(&self) -> bool {
         let streams = [TelemetryStream::DistanceSensor, TelemetryStream::ObstacleDistance];
-        streams.iter().any(|stream| self.channels.are_due(*stream, self.controller.ticks()))
+        let watched = self.autopilot().settings().clearance_secs.is_some();
+        watched || streams.iter().any(|stream| self.channels.are_due(*stream, self.controller.ticks()))
     }
 
     /// Takes note of what rangers measure.
@@ -352,6 +368,9 @@ impl<P: PolicyBackend> Vehicle<P> {
         while let Some(payload) = self.controller.next_payload() {
             send(&self.controller.encode_numbered(&payload, &mut channel.sequence));
         }
+        if let Some(camera) = &mut self.camera {
+            camera.answer(channel, send);
+        }
     }
 
     /// Rotor targets \[rad/s\] for the next control period; `send` gets the frames that are due to each of those who
@@ -359,7 +378,11 @@ impl<P: PolicyBackend> Vehicle<P> {
     pub fn tick(&mut self, state: &State<f32>, listeners: &[Peer], send: &mut dyn FnMut(Peer, &[u8])) -> [f32; 4] {
         let before = self.mode();
         self.feel(state);
+        self.controller.note_collision(self.ranges.and_then(|ranges| ranges.collision_secs(state)));
         self.rotor_targets = self.controller.fly(state, self.battery.remaining());
+        if self.autopilot().events().contains(&FailsafeEvent::CollisionCourse) {
+            self.stop_task();
+        }
         if self.mode().flies() {
             self.battery.drain(self.controller.autopilot().control_secs(), self.controller.autopilot().settings());
         }
@@ -382,6 +405,7 @@ impl<P: PolicyBackend> Vehicle<P> {
                 self.publish(stream, state, send);
             }
         }
+        self.publish_camera(send);
         self.ranges = None;
         self.channels.end_period();
         self.controller.end_period();
@@ -451,7 +475,11 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.note_heard(Operator::System(frame.system));
         if let Some((address, request)) = request::request(frame) {
             if self.controller.is_meant(address) {
-                self.handle_request(&request, sender, peer);
+                self.handle_request(&request, frame, peer);
+            }
+            let time_boot_ms = self.time_boot_ms();
+            if let Some(camera) = &mut self.camera {
+                camera.handle(address, &request, sender.address, time_boot_ms);
             }
         } else if let Some((address, request)) = parameter_received::request(frame)
             && self.controller.is_meant(address)
@@ -467,7 +495,8 @@ impl<P: PolicyBackend> Vehicle<P> {
         Audience::Peer
     }
 
-    fn handle_request(&mut self, request: &Request, sender: Sender, peer: Peer) {
+    fn handle_request(&mut self, request: &Request, frame: &Frame, peer: Peer) {
+        let sender = Sender::of(frame);
         let operator = Operator::System(sender.address[0]);
         match request {
             Request::GroundStation => self.controller.handle(request, sender),
@@ -494,7 +523,17 @@ impl<P: PolicyBackend> Vehicle<P> {
                 let ours_ns = ((self.elapsed_secs() - self.ahead_secs) * 1e9) as i64;
                 self.controller.answer(sent::timesync(*theirs_ns, ours_ns, sender.address));
             }
-            Request::Files(request) => self.controller.answer(sent::no_files(*request, sender.address)),
+            Request::Files => self.serve_files(frame),
+        }
+    }
+
+    /// Answers a request for files; sessions lie idle by the clocks of peers.
+    fn serve_files(&mut self, frame: &Frame) {
+        let sender = Sender::of(frame).address;
+        let [_, _, _, packet @ ..] = frame.fields::<{ 3 + PACKET_LEN }>();
+        let now_secs = self.elapsed_secs() / f64::from(self.pace);
+        for answer in self.files.handle(&packet, sender, now_secs) {
+            self.controller.answer(sent::file_transfer(answer, sender));
         }
     }
 

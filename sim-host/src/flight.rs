@@ -1,4 +1,4 @@
-//! One drone in an aviary, for software in the loop: the simulation itself, one environment wide.
+//! Drones in an aviary, for software in the loop: the simulation itself, one environment wide.
 
 use kestrel_core::observation::{ObservationLayout, PilotLayout};
 use kestrel_core::vehicle::State;
@@ -19,6 +19,9 @@ const LOWERING_M: f64 = 0.01;
 /// Points along each side of a region that are tried as launch sites.
 const SITES: i32 = 9;
 
+/// Between the launch sites of two drones \[m\]: more than twice a Crazyflie.
+const APART_M: f64 = 0.3;
+
 /// Time in which a drone that is put down comes to rest \[s\].
 const SETTLING_SECS: f64 = 0.5;
 
@@ -26,51 +29,50 @@ const SETTLING_SECS: f64 = 0.5;
 const UNREAD: ObservationLayout =
     ObservationLayout::Pilot(PilotLayout { position_scale_m: 1.0, velocity_scale: 1.0, body_rates_scale: 1.0 });
 
-/// A single drone, advanced one control period at a time by its rotors.
+/// Drones that share an aviary and may meet there, advanced one control period at a time by their rotors.
 ///
-/// The physics, walls, furniture and movable bodies are the scenario's; contacts are solved. Episodes do not end, and a
-/// floor is below in every world, because vehicles take off from it.
+/// The physics, walls, furniture and movable bodies are the scenario's; contacts are solved, those of drones too. Episodes
+/// do not end, and a floor is below in every world, because vehicles take off from it.
 #[derive(Clone, Debug)]
-pub struct Flight {
+pub struct TeamFlight {
     simulation: Simulation<1, f64>,
     actions: Vec<f64>,
-    state: State<f32>,
-    known_state: State<f32>,
+    states: Vec<State<f32>>,
+    known_states: Vec<State<f32>>,
     periods: u64,
 }
 
-impl Flight {
-    /// A nominal drone in still air, at rest on the floor or on something to land on, below where episodes begin.
-    pub fn landed(scenario: &Scenario) -> Self {
-        Self::at_rest(scenario, &Randomisation::NONE, Seed(0))
+/// There are not so many places apart from each other from which a drone could take off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("found places for {found} drones below where episodes begin, expected {expected}, 30 cm apart")]
+pub struct NoRoom {
+    /// How many there are.
+    pub found: usize,
+    /// How many are wanted.
+    pub expected: usize,
+}
+
+impl TeamFlight {
+    /// So many nominal drones in still air, at rest side by side on the floor or on something to land on, below where
+    /// episodes begin.
+    ///
+    /// # Errors
+    /// When there is no room for so many.
+    pub fn landed(scenario: &Scenario, count: usize) -> Result<Self, NoRoom> {
+        let sites = launch_sites(scenario, count)?;
+        let mut flight = Self::new(scenario, &sites, &Randomisation::NONE, Seed(0));
+        flight.settle();
+        Ok(flight)
     }
 
-    /// As [`Self::landed`], in the wind and with the drone of the episode that training draws with a seed.
-    pub fn randomised(scenario: &Scenario, seed: Seed) -> Self {
-        Self::at_rest(scenario, &scenario.randomisation, seed)
-    }
-
-    /// A nominal drone in still air at `position` \[m, world\]: level, still, rotors stopped.
-    pub fn at(scenario: &Scenario, position: Vector3<f64>) -> Self {
-        Self::new(scenario, position, &Randomisation::NONE, Seed(0))
-    }
-
-    fn at_rest(scenario: &Scenario, randomisation: &Randomisation, seed: Seed) -> Self {
-        let mut flight = Self::new(scenario, launch_site(scenario), randomisation, seed);
-        for _ in 0..(SETTLING_SECS * scenario.physics.control_rate_hz) as u32 {
-            flight.step(&[0.0; 4]);
-        }
-        flight.periods = 0;
-        flight
-    }
-
-    fn new(scenario: &Scenario, position: Vector3<f64>, randomisation: &Randomisation, seed: Seed) -> Self {
+    fn new(scenario: &Scenario, sites: &[Vector3<f64>], randomisation: &Randomisation, seed: Seed) -> Self {
         let scenario = &scenario.in_room(0);
+        let places = sites.iter().map(|position| Place { position: *position, heading: 0.0, spread: 0.0 });
         let mut scenario = Scenario {
-            agents: Agents::ONE,
+            agents: Agents { count: sites.len() as u32, ..Agents::ONE },
             goals: Goals::Fixed,
             start: Start {
-                position: StartPosition::Exactly(vec![Place { position, heading: 0.0, spread: 0.0 }]),
+                position: StartPosition::Exactly(places.collect()),
                 heading_limit: 0.0,
                 tilt_limit: 0.0,
                 speed_limit: 0.0,
@@ -91,46 +93,38 @@ impl Flight {
         scenario.aviary.world = on_floor(&scenario.aviary.world);
         scenario.physics.contacts = Contacts::Solved;
         let mut simulation = Simulation::new(&scenario, seed, 0, 1);
-        let state = State { rotor_speeds: [0.0; 4], ..simulation.state(0) };
-        simulation.put(0, state);
-        let (actions, state) = (vec![0.0; scenario.action.len()], single(&state));
-        Self { actions, simulation, state, known_state: state, periods: 0 }
+        let mut states = Vec::new();
+        for row in 0..sites.len() {
+            let state = State { rotor_speeds: [0.0; 4], ..simulation.state(row) };
+            simulation.put(row, state);
+            states.push(single(&state));
+        }
+        let actions = vec![0.0; scenario.action.len() * sites.len()];
+        Self { actions, simulation, known_states: states.clone(), states, periods: 0 }
     }
 
-    /// The true state.
-    pub fn state(&self) -> &State<f32> {
-        &self.state
+    /// Lets the drones come to rest before the time begins.
+    fn settle(&mut self) {
+        let still = vec![[0.0; 4]; self.states.len()];
+        for _ in 0..(SETTLING_SECS * self.scenario().physics.control_rate_hz) as u32 {
+            self.step(&still);
+        }
+        self.periods = 0;
     }
 
-    /// The state that the drone knows: older than the true one where the scenario has a latency.
-    pub fn known_state(&self) -> &State<f32> {
-        &self.known_state
+    /// The true states.
+    pub fn states(&self) -> &[State<f32>] {
+        &self.states
     }
 
-    /// The scenario it flies in.
+    /// The states that the drones know: older than the true ones where the scenario has a latency.
+    pub fn known_states(&self) -> &[State<f32>] {
+        &self.known_states
+    }
+
+    /// The scenario they fly in.
     pub fn scenario(&self) -> &Scenario {
         self.simulation.scenario()
-    }
-
-    /// Simulated time since the beginning \[s\].
-    pub fn elapsed_secs(&self) -> f64 {
-        self.periods as f64 / self.scenario().physics.control_rate_hz
-    }
-
-    /// Goes on from another state, as if nothing had happened before.
-    pub fn put(&mut self, state: &State<f32>) {
-        self.simulation.put(0, state.map(f64::from));
-        (self.state, self.known_state) = (*state, *state);
-    }
-
-    /// The wind that the drone meets \[m/s, world\].
-    pub fn wind(&self) -> Vector3<f64> {
-        self.simulation.wind(0)
-    }
-
-    /// Lets the drone meet another wind \[m/s, world\] from the next control period on.
-    pub fn set_wind(&mut self, wind: Vector3<f64>) {
-        self.simulation.set_wind(0, wind);
     }
 
     /// Where the movable bodies are, in the order of the world.
@@ -138,17 +132,96 @@ impl Flight {
         self.simulation.movables(0)
     }
 
+    /// Advances one control period with the rotor targets \[rad/s\] of each drone held.
+    ///
+    /// # Panics
+    /// When there are not as many as drones.
+    pub fn step(&mut self, rotor_targets: &[[f32; 4]]) {
+        let targets: Vec<[f64; 4]> = rotor_targets.iter().map(|targets| targets.map(f64::from)).collect();
+        self.simulation.step_with_rotor_speeds(&self.actions, &targets);
+        for row in 0..self.states.len() {
+            let state: State<f64> = self.simulation.state(row);
+            let limited = state.tumbling_within_limit();
+            if limited != state {
+                self.simulation.put(row, limited);
+            }
+            self.states[row] = single(&limited);
+            self.known_states[row] = single(&self.simulation.known_state(row));
+        }
+        self.periods += 1;
+    }
+}
+
+/// A single drone in an aviary, as [`TeamFlight`].
+#[derive(Clone, Debug)]
+pub struct Flight(TeamFlight);
+
+impl Flight {
+    /// A nominal drone in still air, at rest on the floor or on something to land on, below where episodes begin.
+    pub fn landed(scenario: &Scenario) -> Self {
+        Self::at_rest(scenario, &Randomisation::NONE, Seed(0))
+    }
+
+    /// As [`Self::landed`], in the wind and with the drone of the episode that training draws with a seed.
+    pub fn randomised(scenario: &Scenario, seed: Seed) -> Self {
+        Self::at_rest(scenario, &scenario.randomisation, seed)
+    }
+
+    /// A nominal drone in still air at `position` \[m, world\]: level, still, rotors stopped.
+    pub fn at(scenario: &Scenario, position: Vector3<f64>) -> Self {
+        Self(TeamFlight::new(scenario, &[position], &Randomisation::NONE, Seed(0)))
+    }
+
+    fn at_rest(scenario: &Scenario, randomisation: &Randomisation, seed: Seed) -> Self {
+        let mut flight = TeamFlight::new(scenario, &[launch_site(scenario)], randomisation, seed);
+        flight.settle();
+        Self(flight)
+    }
+
+    /// The true state.
+    pub fn state(&self) -> &State<f32> {
+        &self.0.states[0]
+    }
+
+    /// The state that the drone knows: older than the true one where the scenario has a latency.
+    pub fn known_state(&self) -> &State<f32> {
+        &self.0.known_states[0]
+    }
+
+    /// The scenario it flies in.
+    pub fn scenario(&self) -> &Scenario {
+        self.0.scenario()
+    }
+
+    /// Simulated time since the beginning \[s\].
+    pub fn elapsed_secs(&self) -> f64 {
+        self.0.periods as f64 / self.scenario().physics.control_rate_hz
+    }
+
+    /// Goes on from another state, as if nothing had happened before.
+    pub fn put(&mut self, state: &State<f32>) {
+        self.0.simulation.put(0, state.map(f64::from));
+        (self.0.states[0], self.0.known_states[0]) = (*state, *state);
+    }
+
+    /// The wind that the drone meets \[m/s, world\].
+    pub fn wind(&self) -> Vector3<f64> {
+        self.0.simulation.wind(0)
+    }
+
+    /// Lets the drone meet another wind \[m/s, world\] from the next control period on.
+    pub fn set_wind(&mut self, wind: Vector3<f64>) {
+        self.0.simulation.set_wind(0, wind);
+    }
+
+    /// Where the movable bodies are, in the order of the world.
+    pub fn movables(&self) -> Vec<Pose> {
+        self.0.movables()
+    }
+
     /// Advances one control period with rotor targets \[rad/s\] held.
     pub fn step(&mut self, rotor_targets: &[f32; 4]) {
-        self.simulation.step_with_rotor_speeds(&self.actions, &[rotor_targets.map(f64::from)]);
-        let state: State<f64> = self.simulation.state(0);
-        let limited = state.tumbling_within_limit();
-        if limited != state {
-            self.simulation.put(0, limited);
-        }
-        self.state = single(&limited);
-        self.known_state = single(&self.simulation.known_state(0));
-        self.periods += 1;
+        self.0.step(&[*rotor_targets]);
     }
 }
 
@@ -163,16 +236,33 @@ fn on_floor(world: &World) -> World {
 /// Just above the floor or something to land on \[m, world\], below the point nearest to the middle of where episodes begin
 /// under which there is nothing else; if there is something everywhere, on that.
 fn launch_site(scenario: &Scenario) -> Vector3<f64> {
+    let starts = starts(scenario);
+    let supports = supports(scenario, &starts);
+    let best = supports.iter().find(|support| support.carries).or(supports.first());
+    best.map_or(starts[0], |support| support.position)
+}
+
+/// So many of them \[m, world\], apart from each other, those nearest to the middle first.
+fn launch_sites(scenario: &Scenario, count: usize) -> Result<Vec<Vector3<f64>>, NoRoom> {
+    let mut sites: Vec<Vector3<f64>> = Vec::new();
+    for support in supports(scenario, &starts(scenario)).iter().filter(|support| support.carries) {
+        let is_apart = sites.iter().all(|site| (site - support.position).norm() > APART_M);
+        if is_apart && sites.len() < count {
+            sites.push(support.position);
+        }
+    }
+    if sites.len() < count { Err(NoRoom { found: sites.len(), expected: count }) } else { Ok(sites) }
+}
+
+/// What is below points \[m, world\], where a drone can stand there.
+fn supports(scenario: &Scenario, points: &[Vector3<f64>]) -> Vec<Support> {
     let world = on_floor(&scenario.aviary.world);
     let arena = Arena::new(&world, &scenario.airframe, ContactReport::Touch);
     let movables: Vec<Motion> = world.movables.iter().map(|body| Motion::at_rest(body.solid.pose)).collect();
-    let starts = starts(scenario);
     let airframe = &scenario.airframe;
     let rest_height = 0.5 * airframe.collision_height - airframe.collision_offset;
     let below = |start: &Vector3<f64>| Support::below(*start, rest_height, |pose| arena.touch(pose, &movables));
-    let supports: Vec<Support> = starts.iter().filter_map(below).collect();
-    let best = supports.iter().find(|support| support.carries).or(supports.first());
-    best.map_or(starts[0], |support| support.position)
+    points.iter().filter_map(below).collect()
 }
 
 /// Where a drone that is lowered stops.
@@ -259,11 +349,11 @@ mod tests {
         let limit = flight.scenario().airframe.rotor_speed_limit as f32;
         for _ in 0..3_000 {
             flight.step(&[limit, limit, 0.0, 0.0]);
-            let State { position, velocity, body_rates, .. } = flight.state;
+            let State { position, velocity, body_rates, .. } = *flight.state();
             assert!(
                 position.z.is_finite() && velocity.norm() < 100.0 && body_rates.norm() < 101.0,
                 "{:?}",
-                flight.state
+                flight.state()
             );
         }
     }
@@ -303,6 +393,30 @@ mod tests {
         scenario.aviary.world.solids[0].role = Role::Landing;
         let on_it = Flight::landed(&scenario).state().position;
         assert!((on_it - Vector3::new(1.0, 1.0, 0.7 + REST_M)).norm() < 3e-3, "{on_it}");
+    }
+
+    #[test]
+    fn drones_stand_apart_meet_and_do_not_pass_through_each_other() {
+        let mut team = TeamFlight::landed(&hover(), 5).unwrap();
+        let places: Vec<Vector3<f32>> = team.states().iter().map(|state| state.position).collect();
+        for (index, place) in places.iter().enumerate() {
+            assert!(
+                (place.z - REST_M).abs() < 2e-3
+                    && places[..index].iter().all(|other| (other - place).norm() > 0.3)
+            );
+        }
+        // The first one is put above the second, falls on it, and stays above it or beside it.
+        let above = State { position: places[1] + Vector3::new(0.0, 0.0, 0.5), ..team.states()[0] };
+        team.simulation.put(0, above.map(f64::from));
+        let mut nearest = f32::MAX;
+        for _ in 0..100 {
+            team.step(&[[0.0; 4]; 5]);
+            let [first, second] = [0, 1].map(|drone| team.states()[drone].position);
+            nearest = nearest.min((first - second).norm());
+        }
+        assert!((0.015..0.1).contains(&nearest), "{nearest} m");
+        let error = TeamFlight::landed(&hover(), 5_000).unwrap_err();
+        assert!(error.found > 5 && error.to_string().contains("expected 5000, 30 cm apart"), "{error}");
     }
 
     #[test]

@@ -6,19 +6,23 @@ KESTREL is the path of `kestrel`, or of `kestrel-shim`. Needs the packages of re
 check passed.
 """
 
+import json
 import math
 import os
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
 import time
+import zlib
 
 from client import COMMAND, NAN, POSITION_ONLY, VELOCITY_ONLY, Client, with_speed
 from judge import Simulated, checks_of, conclude, expect, rounded, run_checks
 from pymavlink import mavutil
+from pymavlink.mavftp import MAVFTP, FtpError
 
 OFFSETS = [(0.6, 0.0, 1.0), (0.6, -0.5, 1.4), (-0.4, 0.3, 0.8)]
 """Set-points east and north of the start and above the floor [m]."""
@@ -42,6 +46,11 @@ def stayed(moments, point, since_secs):
         if math.dist(moment["position"], point) > ARRIVAL_RADIUS_M:
             return False
     return False
+
+
+def checksum(content):
+    """CRC-32 that begins and ends without inversion, as in metadata."""
+    return zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
 class Flight:
@@ -117,6 +126,40 @@ class Flight:
         client.mav.param_request_read_send(1, 1, b"NO_SUCH_THING", -1)
         error = client.receive("PARAM_ERROR").error
         expect(error == COMMAND.MAV_PARAM_ERROR_DOES_NOT_EXIST, f"error {error}")
+
+    def _download(self, files, path):
+        """What a file holds."""
+        held = []
+        files.cmd_get([path], callback=lambda file: held.append(file.read()))
+        outcome = files.process_ftp_reply("get", timeout=20.0)
+        expect(outcome.error_code == FtpError.Success and held, f"{path}: error {outcome.error_code}")
+        return held[0]
+
+    def hands_out_its_metadata(self):
+        client = self._client
+        client.drain()
+        client.mav.command_long_send(1, 1, COMMAND.MAV_CMD_REQUEST_MESSAGE, 0, 397, 0, 0, 0, 0, 0, 0)
+        # pymavlink 2.4.50 does not know COMPONENT_METADATA: time, checksum and place of the file.
+        told = bytes(client.receive(["COMPONENT_METADATA", "UNKNOWN_397"]).get_msgbuf())
+        _, crc, place = struct.unpack("<II100s", told[10 : 10 + told[1]].ljust(108, b"\0"))
+        files = MAVFTP(client.link, 1, 1)
+        listed = files.cmd_list(["/"]).directory_listing
+        names = {f"/{entry.name}": entry.size_b for entry in listed or []}
+        general = self._download(files, place.rstrip(b"\0").decode().removeprefix("mftp://"))
+        expect(checksum(general) == crc, f"checksum {checksum(general)} instead of {crc}")
+        metadata = next(entry for entry in json.loads(general)["metadataTypes"] if entry["type"] == 1)
+        path = metadata["uri"].removeprefix("mftp://")
+        content = self._download(files, path)
+        expect(checksum(content) == metadata["fileCrc"], f"checksum {checksum(content)}: {metadata}")
+        expect(names == {"/general.json": len(general), path: len(content)}, f"it lists {names}")
+        parameters = {entry["name"]: entry for entry in json.loads(content)["parameters"]}
+        height = parameters.get("MIS_TAKEOFF_ALT", {})
+        expect((height.get("default"), height.get("units")) == (1.0, "m"), f"{height} among {list(parameters)}")
+
+    def writes_no_file_and_says_so(self):
+        files = MAVFTP(self._client.link, 1, 1)
+        for outcome in (files.cmd_rm(["/general.json"]), files.cmd_mkdir(["/folder"])):
+            expect(outcome.error_code == FtpError.FileProtected, f"error {outcome.error_code}")
 
     def names_its_modes(self):
         self._client.drain()

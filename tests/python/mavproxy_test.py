@@ -183,7 +183,7 @@ class Flight:
 class AsPx4(Flight):
     """Everything, of a vehicle that says it is PX4."""
 
-    def has_parameters_soon_though_there_are_no_files(self):
+    def has_parameters_soon_though_there_is_no_file_of_them(self):
         # It asks for a file of them first; when that is refused, for the list. Without an answer it would ask ten times.
         count = int(self.console.hears(r"Received (\d+) parameters").group(1))
         expect(count >= 30 and "timed out" not in self.console.heard, self.console.heard)
@@ -327,7 +327,7 @@ class AsArducopter(Flight):
 
 AS_PX4 = [
     AsPx4.connects,
-    AsPx4.has_parameters_soon_though_there_are_no_files,
+    AsPx4.has_parameters_soon_though_there_is_no_file_of_them,
     AsPx4.shows_and_sets_parameters,
     AsPx4.is_told_when_a_parameter_is_refused,
     AsPx4.refuses_to_take_off_unarmed,

@@ -7,6 +7,7 @@ since MAVSDK counts wall time. Exit status 0 if every check passed.
 """
 
 import asyncio
+import json
 import math
 import os
 import socket
@@ -20,6 +21,7 @@ warnings.simplefilter("ignore", FutureWarning)
 
 from mavsdk import System  # noqa: E402  (warns when imported)
 from mavsdk.action import ActionError  # noqa: E402
+from mavsdk.component_metadata import MetadataType  # noqa: E402
 from mavsdk.mission import MissionItem, MissionPlan  # noqa: E402
 from mavsdk.offboard import OffboardError, PositionNedYaw, VelocityNedYaw  # noqa: E402
 from mavsdk.telemetry import FlightMode, LandedState  # noqa: E402
@@ -76,6 +78,35 @@ class Flight:
         self._run(self._drone.param.set_param_float("MIS_TAKEOFF_ALT", 1.25))
         value = self._run(self._drone.param.get_param_float("MIS_TAKEOFF_ALT"))
         expect(value == 1.25, f"the height of take-off is {value}")
+
+    def downloads_the_description_of_the_parameters(self):
+        async def download(folder, burst):
+            async for _ in self._drone.ftp.download("/parameters.json", folder, burst):
+                pass
+            with open(os.path.join(folder, "parameters.json"), "rb") as file:
+                return file.read()
+
+        async def compare():
+            listed = (await self._drone.ftp.list_directory("/")).files
+            expect(listed == ["general.json", "parameters.json"], f"it lists {listed}")
+            with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as other:
+                by_burst, by_packet = await download(one, True), await download(other, False)
+                local = os.path.join(one, "parameters.json")
+                same = await self._drone.ftp.are_files_identical(local, "/parameters.json")
+            expect(by_burst == by_packet and same, f"{by_burst} differs")
+            names = [parameter["name"] for parameter in json.loads(by_burst)["parameters"]]
+            expect("MIS_TAKEOFF_ALT" in names, f"parameters {names}")
+
+        self._run(compare())
+
+    def finds_the_metadata_by_itself(self):
+        async def find():
+            metadata = self._drone.component_metadata
+            await metadata.request_autopilot_component()
+            return await first(metadata.metadata_available(), lambda found: found.type == MetadataType.PARAMETER)
+
+        found = self._run(find())
+        expect("MIS_TAKEOFF_ALT" in found.json_metadata, f"metadata {found}")
 
     def arms(self):
         self._run(self._drone.action.arm())

@@ -7,6 +7,7 @@ since MAVSDK counts wall time. Exit status 0 if every check passed.
 """
 
 import math
+import os
 import sys
 import tempfile
 import time
@@ -14,6 +15,8 @@ import time
 from judge import Simulated, checks_of, conclude, expect, run_checks
 from mavsdk import ComponentType, Configuration, Mavsdk, Vehicle
 from mavsdk.plugins.action import Action, ActionError
+from mavsdk.plugins.component_metadata import ComponentMetadata, ComponentMetadataError, MetadataType
+from mavsdk.plugins.ftp import Ftp, FtpResult
 from mavsdk.plugins.info import Info
 from mavsdk.plugins.mission import Mission, MissionItem, MissionPlan
 from mavsdk.plugins.offboard import Offboard, OffboardError, PositionNedYaw, VelocityNedYaw
@@ -50,6 +53,7 @@ class Flight:
         expect(system is not None, "no autopilot")
         self._action, self._param, self._telemetry = Action(system), Param(system), Telemetry(system)
         self._mission, self._offboard, self._info = Mission(system), Offboard(system), Info(system)
+        self._ftp, self._metadata = Ftp(system), ComponentMetadata(system)
         kind = system.vehicle_type()
         expect(system.is_connected() and kind == Vehicle.MULTICOPTER, f"a vehicle of type {kind}")
         self._start = self._true.position()
@@ -70,6 +74,28 @@ class Flight:
         self._param.set_param_float("MIS_TAKEOFF_ALT", 1.25)
         value = self._param.get_param_float("MIS_TAKEOFF_ALT")
         expect(value == 1.25, f"the height of take-off is {value}")
+
+    def lists_files_and_compares_one(self):
+        listed = [entry.name for entry in self._ftp.list_directory("/").entries]
+        expect(listed == ["general.json", "parameters.json"], f"it lists {listed}")
+        with tempfile.TemporaryDirectory() as folder:
+            results = []
+            self._ftp.download_async("/parameters.json", folder, True, lambda result, *_: results.append(result))
+            wait_for(lambda: results[-1:], lambda last: last and last[0] != FtpResult.NEXT)
+            expect(results[-1] == FtpResult.SUCCESS, f"download: {results[-1].name}")
+            same = self._ftp.are_files_identical(os.path.join(folder, "parameters.json"), "/parameters.json")
+        expect(same, "what was downloaded differs")
+
+    def finds_the_metadata_by_itself(self):
+        self._metadata.request_autopilot_component()
+
+        def found():
+            try:
+                return self._metadata.get_metadata(1, MetadataType.PARAMETER).json_metadata
+            except ComponentMetadataError as error:
+                return str(error)
+
+        wait_for(found, lambda text: "MIS_TAKEOFF_ALT" in str(text))
 
     def arms(self):
         self._action.arm()

@@ -54,6 +54,8 @@ ELSEWHERE = [
     (r"^kestrel bridge|^PX4_SYS|arducopter|betaflight_SITL|^cf2 ", "needs an autopilot: tests/python/*_test.py when one is named"),
     (r"^pip |^maturin ", "tests/python-package.sh"),
     (r"^sim-host/web/build|^python3 -m http", "tests/web.sh"),
+    (r"^kestrel fly .*--view|^kestrel train .*--watch", "needs a screen: tests/viewer.sh"),
+    (r"^ffplay", "tests/python/video_test.py plays it by FFmpeg's libraries"),
     (r"^ros2 |--ros2", "tests/python/ros2_test.py"),
     (r"^source <\(kestrel completions", "tests/command_line/runs.rs"),
     (r"^kestrel train configs/aviaries/unseen-rooms", "a minute: kestrel-experiments trains in drawn rooms"),

@@ -1,10 +1,12 @@
 //! Software in the loop: a policy flies as a MAVLink vehicle in the simulator.
 
+mod camera;
 mod node;
+mod spectators;
+mod team;
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::mpsc::Sender;
 
 use kestrel_core::action::ActionSpace;
@@ -15,7 +17,6 @@ use kestrel_core::policy_file::{PolicyError, PolicyMetadata};
 use kestrel_core::real::Real;
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::{Ground, State};
-use kestrel_draw::recorded_flight::{DroneFlight, FlightRecording, Frame, Placement};
 use kestrel_draw::viewer::Glimpse;
 use kestrel_ros::rangers::Rangers;
 use kestrel_shim::autopilot::Mode;
@@ -27,11 +28,13 @@ use kestrel_shim::policy_backend::PolicyBackend;
 use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
 use kestrel_shim::true_state::{TrueStateLog, TrueStateLogError};
-use kestrel_sim::flight::Flight;
+use kestrel_sim::flight::{Flight, NoRoom};
 use kestrel_sim::scenario::{Downwash, Physics, Preset, Scenario};
 use kestrel_sim::seed::Seed;
 use nalgebra::Vector3;
 
+use self::camera::{CameraError, CameraOptions, OnboardCamera};
+use self::spectators::Spectators;
 use crate::processor::{ProcessorError, ProcessorOptions, RemoteProcessor};
 use kestrel_experiments::atomic_file::check_writable;
 use kestrel_experiments::evaluation::{EpisodeFlight, Flyer};
@@ -45,15 +48,25 @@ use kestrel_export::policy::Policy;
 const SUBSTEP_LIMIT_SECS: f32 = 0.0025;
 
 /// Options of `kestrel fly`.
-#[derive(Clone, Debug, Default, PartialEq, clap::Args)]
+#[derive(Clone, Debug, PartialEq, clap::Args)]
 pub(crate) struct FlyOptions {
     /// How the vehicle meets the world.
     #[command(flatten)]
     pub(crate) session: SessionOptions,
 
+    /// Fly so many vehicles in one aviary, where they can collide: each listens one port and has one system number above the
+    /// one before it
+    #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=250))]
+    #[arg(conflicts_with_all = ["record", "ros2", "episode", "video", "ai_deck", "processor"])]
+    pub(crate) vehicles: u8,
+
     /// Where the policy is computed.
     #[command(flatten)]
     pub(crate) processor: ProcessorOptions,
+
+    /// What its camera sees.
+    #[command(flatten)]
+    pub(crate) camera: CameraOptions,
 
     /// Be a ROS 2 node of this name, too, with crazyswarm2's services; the variables of ROS 2 count
     #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "cf1", conflicts_with = "signing_key")]
@@ -74,12 +87,29 @@ pub(crate) struct FlyOptions {
     pub(crate) true_state_log: Option<PathBuf>,
 }
 
+impl Default for FlyOptions {
+    fn default() -> Self {
+        Self {
+            session: SessionOptions::default(),
+            vehicles: 1,
+            processor: ProcessorOptions::default(),
+            camera: CameraOptions::default(),
+            ros2: None,
+            episode: None,
+            record: None,
+            true_state_log: None,
+        }
+    }
+}
+
 /// Where to fly.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place<'a> {
     /// The aviary, the airframe and the physics of a task, from the floor or a pad below its starts; the policy flies the
     /// task when a peer asks for it.
     Task(&'a Experiment),
+    /// The aviary of another task, from below its starts.
+    Aviary(&'a Experiment),
     /// An endless floor for a Crazyflie, when only the policy is known.
     FlatFloor,
 }
@@ -143,6 +173,12 @@ pub(crate) enum FlyError {
     /// The recording cannot be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// There is no place for so many vehicles.
+    #[error(transparent)]
+    NoRoom(#[from] NoRoom),
+    /// There are no pictures of a camera.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
     /// A recording holds the task in whose aviary it was flown.
     #[error("found --record for a policy file, expected the directory of a run or the name of a shipped pilot")]
     RecordWithoutTask,
@@ -169,6 +205,8 @@ impl FlyError {
             | Self::Node(_)
             | Self::Log(_)
             | Self::Recording(_)
+            | Self::Camera(_)
+            | Self::NoRoom(_)
             | Self::RecordWithoutTask => false,
         }
     }
@@ -196,8 +234,15 @@ pub(crate) fn fly(
     let bytes = PolicyBytes::copy_of(policy);
     let flown = Policy::parse(bytes.bytes())?;
     let identity = PolicyIdentity::of(flown.metadata().name, bytes.bytes());
+    let camera = OnboardCamera::open(&options.camera)?;
+    let all = spectator.into_iter().chain(camera.as_ref().map(|camera| camera.spectator.clone())).collect();
+    let spectators = Spectators::new(all, place.title(&identity));
+    if options.vehicles > 1 {
+        return team::fly(&bytes, &place.scenario(&flown)?, options, interrupted, spectators);
+    }
     let mut plant = place.plant(&flown, options.episode)?;
-    plant.flight.told = spectator.map(|spectator| Told { spectator, title: place.title(&identity), begun: false });
+    plant.flight.spectators = spectators;
+    let means = Means { camera: camera.as_ref(), options, interrupted };
     if let Some(path) = &options.record {
         check_writable(path).map_err(RecordingError::File)?;
         plant.recorded_in = Some(place.task().ok_or(FlyError::RecordWithoutTask)?);
@@ -207,7 +252,7 @@ pub(crate) fn fly(
     if remote.is_none() && plant.task.is_some() && !flown.flies_anywhere() {
         let backend = TaskAlone::of(&flown)?;
         let session = Session::for_task(backend, &identity, place.airframe(), &options.session)?;
-        return conduct(session, &mut plant, options, interrupted);
+        return conduct(session, &mut plant, &means);
     }
     let policy = bytes.policy()?;
     let Some(remote) = remote else {
@@ -215,25 +260,37 @@ pub(crate) fn fly(
         if plant.task.is_some() {
             session.offer_task();
         }
-        return conduct(session, &mut plant, options, interrupted);
+        return conduct(session, &mut plant, &means);
     };
     let processor = RemoteProcessor::start(remote, bytes.bytes(), &policy)?;
     let session = Session::with(processor, &identity, place.airframe(), &options.session)?;
-    conduct(session, &mut plant, options, interrupted)
+    conduct(session, &mut plant, &means)
+}
+
+/// With what a session is flown.
+struct Means<'a> {
+    camera: Option<&'a OnboardCamera>,
+    options: &'a FlyOptions,
+    interrupted: &'a dyn Fn() -> bool,
 }
 
 /// Flies a session to its end.
 fn conduct<P: PolicyBackend>(
     mut session: Session<P>,
     plant: &mut TaskPlant<'_>,
-    options: &FlyOptions,
-    interrupted: &dyn Fn() -> bool,
+    &Means { camera, options, interrupted }: &Means<'_>,
 ) -> Result<FlightSummary, FlyError> {
+    if let Some(profile) = camera.and_then(|camera| camera.profile.clone()) {
+        session.carry_camera(profile);
+    }
     let mut log = TrueStateLog::create(options.true_state_log.as_deref())?;
     if let Some(name) = &options.ros2 {
         node::attach(&mut session, name, &options.session).map_err(FlyError::Node)?;
     }
     say(session.announcement())?;
+    if let Some(address) = camera.and_then(|camera| camera.deck) {
+        say(format_args!("Its AI-deck streams to whoever connects to {address}."))?;
+    }
     let mut failure = None;
     let mut last = None;
     let mut watch = |period: &ControlPeriod| {
@@ -254,7 +311,7 @@ impl Place<'_> {
     const fn airframe(&self) -> &Airframe {
         match self {
             Self::FlatFloor => &CF2X,
-            Self::Task(experiment) => &experiment.scenario.airframe,
+            Self::Task(experiment) | Self::Aviary(experiment) => &experiment.scenario.airframe,
         }
     }
 
@@ -270,20 +327,28 @@ impl Place<'_> {
     const fn task(&self) -> Option<&Experiment> {
         match self {
             Self::FlatFloor => None,
-            Self::Task(experiment) => Some(experiment),
+            Self::Task(experiment) | Self::Aviary(experiment) => Some(experiment),
+        }
+    }
+
+    /// Where a policy flies that is told where to.
+    fn scenario(&self, policy: &Policy<'_>) -> Result<Scenario, FlyError> {
+        match self {
+            Self::FlatFloor => Ok(flat_floor(policy.metadata())),
+            Self::Aviary(experiment) => Ok(at_pace(&experiment.scenario, policy.metadata())),
+            Self::Task(experiment) => {
+                check_period(&experiment.scenario, policy)?;
+                Ok(experiment.scenario.clone())
+            }
         }
     }
 
     fn plant<'b>(&'b self, policy: &'b Policy<'b>, episode: Option<u64>) -> Result<TaskPlant<'b>, FlyError> {
         match self {
-            Self::FlatFloor => Ok(TaskPlant::new(Flight::landed(&flat_floor(policy.metadata())), None)),
+            Self::FlatFloor => Ok(TaskPlant::new(Flight::landed(&self.scenario(policy)?), None)),
+            Self::Aviary(_) => Ok(TaskPlant::new(launched(&self.scenario(policy)?, episode), None)),
             Self::Task(experiment) => {
-                let scenario = &experiment.scenario;
-                check_period(scenario, policy)?;
-                let flight = match episode {
-                    None => Flight::landed(scenario),
-                    Some(seed) => Flight::randomised(scenario, Seed(seed)),
-                };
+                let flight = launched(&self.scenario(policy)?, episode);
                 match policy.differing(&experiment.evaluation.scenario) {
                     None => Ok(TaskPlant::new(flight, Some(TaskOfPolicy { experiment, policy }))),
                     Some(_) if policy.flies_anywhere() => Ok(TaskPlant::new(flight, None)),
@@ -294,6 +359,32 @@ impl Place<'_> {
     }
 }
 
+/// A drone at rest in an aviary, in the wind of an episode if one is meant.
+fn launched(scenario: &Scenario, episode: Option<u64>) -> Flight {
+    match episode {
+        None => Flight::landed(scenario),
+        Some(seed) => Flight::randomised(scenario, Seed(seed)),
+    }
+}
+
+/// The aviary of a task, at the pace of a policy that was trained elsewhere.
+fn at_pace(scenario: &Scenario, metadata: &PolicyMetadata<'_>) -> Scenario {
+    let Physics { control_rate_hz, substeps, .. } = scenario.physics;
+    let rate_hz = f64::from(metadata.control_period_secs.recip());
+    // Steps stay at most as long.
+    let substeps = (f64::from(substeps) * control_rate_hz / rate_hz).ceil().max(1.0) as u32;
+    let physics = Physics { control_rate_hz: rate_hz, substeps, ..scenario.physics };
+    with_actions_of(Scenario { physics, ..scenario.clone() }, metadata)
+}
+
+/// With the rate loop between policy and motors, if the policy commands one.
+fn with_actions_of(mut scenario: Scenario, metadata: &PolicyMetadata<'_>) -> Scenario {
+    if let ActionSpace::RateLoop(_) = metadata.action {
+        scenario.action = metadata.action;
+    }
+    scenario
+}
+
 /// An endless floor, whose effect on rotors is felt.
 fn flat_floor(metadata: &PolicyMetadata<'_>) -> Scenario {
     let control_secs = metadata.control_period_secs;
@@ -301,11 +392,7 @@ fn flat_floor(metadata: &PolicyMetadata<'_>) -> Scenario {
     let (integrator, ground, downwash) = (Integrator::SemiImplicitEuler, Ground::Near, Downwash::Absent);
     let preset = Preset::Clean { integrator, ground, ceiling: None, downwash };
     let physics = Physics { preset, ..Physics::clean(integrator, substeps, 1.0 / f64::from(control_secs)) };
-    let mut scenario = Scenario::hover(&CF2X, physics);
-    if let ActionSpace::RateLoop(_) = metadata.action {
-        scenario.action = metadata.action;
-    }
-    scenario
+    with_actions_of(Scenario::hover(&CF2X, physics), metadata)
 }
 
 fn check_period(scenario: &Scenario, policy: &Policy<'_>) -> Result<(), FlyError> {
@@ -322,48 +409,18 @@ pub(crate) struct SimulatedFlight {
     rangers: OnceCell<Rangers>,
     /// Keeps the flight, if it is to be kept.
     recorder: Option<SessionRecorder>,
-    /// Who is told of it, if anybody looks.
-    told: Option<Told>,
-}
-
-/// Somebody who looks at a flight.
-struct Told {
-    spectator: Sender<Glimpse>,
-    title: String,
-    begun: bool,
-}
-
-impl Told {
-    /// Tells of the control period that begins now. Whoever has gone hears nothing.
-    fn tell(&mut self, flight: &Flight) {
-        let State { position, world_from_body: attitude, .. } = *flight.state();
-        let now = Placement { position, attitude };
-        let movables: Vec<Placement> = flight.movables().iter().map(Placement::of).collect();
-        let glimpse = if self.begun {
-            Glimpse::GoesOn(Frame { drones: vec![now], movables, rewards: Vec::new() })
-        } else {
-            let scenario = flight.scenario();
-            let (title, control_secs) = (self.title.clone(), scenario.physics.control_secs());
-            let drone = DroneFlight::beginning(None, now);
-            let movables = movables.into_iter().map(|placement| vec![placement]).collect();
-            let begun = FlightRecording { title, control_secs, drones: vec![drone], movables };
-            Glimpse::Begins(Arc::new(scenario.clone()), begun)
-        };
-        self.begun = true;
-        drop(self.spectator.send(glimpse));
-    }
+    spectators: Spectators,
 }
 
 impl SimulatedFlight {
     pub(crate) fn new(flight: Flight) -> Self {
-        Self { flight, rangers: OnceCell::new(), recorder: None, told: None }
+        Self { flight, rangers: OnceCell::new(), recorder: None, spectators: Spectators::default() }
     }
 
     /// Keeps and tells of the control period that begins now.
     fn note(&mut self, rotor_targets: &[f32; 4]) {
-        if let Some(told) = &mut self.told {
-            told.tell(&self.flight);
-        }
+        let Self { flight, spectators, .. } = self;
+        spectators.tell(&[*flight.state()], || flight.movables(), flight.scenario());
         if let Some(recorder) = &mut self.recorder {
             recorder.note(self.flight.state(), rotor_targets, &self.flight.movables());
         }
@@ -381,17 +438,22 @@ impl Plant for SimulatedFlight {
 
     fn ranges(&self) -> Option<Ranges> {
         let rangers = self.rangers.get_or_init(|| Rangers::new(self.flight.scenario()));
-        let state = self.state().map(Real::to_f64);
-        let [front, back, left, right, up, down] = rangers
-            .measure(state.position, &state.world_from_body)
-            .map(|distance| distance.map(|metres| metres as f32));
-        Some(Ranges { front, back, left, right, up, down })
+        Some(measured(rangers, self.state()))
     }
 
     fn step(&mut self, rotor_targets: &[f32; 4]) {
         self.note(rotor_targets);
         self.flight.step(rotor_targets);
     }
+}
+
+/// What rangers on a drone see of an aviary.
+fn measured(rangers: &Rangers, state: &State<f32>) -> Ranges {
+    let state = state.map(Real::to_f64);
+    let [front, back, left, right, up, down] = rangers
+        .measure(state.position, &state.world_from_body)
+        .map(|distance| distance.map(|metres| metres as f32));
+    Ranges { front, back, left, right, up, down }
 }
 
 /// In place of a policy that flies its task alone: the plant has it. Peers who select it get no answer of it, and the

@@ -115,6 +115,8 @@ pub struct Surroundings {
     pub link_age_secs: Option<f32>,
     /// What is left of the battery, of one.
     pub battery: f32,
+    /// Time until the drone is at what its rangers see, if that is known and nears \[s\].
+    pub collision_secs: Option<f32>,
 }
 
 /// Flies a policy: state in, rotor targets out, once per control period.
@@ -199,7 +201,7 @@ impl Mode {
 impl Default for Surroundings {
     /// No ground station was heard yet, and the battery is full.
     fn default() -> Self {
-        Self { link_age_secs: None, battery: 1.0 }
+        Self { link_age_secs: None, battery: 1.0, collision_secs: None }
     }
 }
 
@@ -391,6 +393,7 @@ impl<P: PolicyBackend> Autopilot<P> {
             battery: self.surroundings.battery,
             silent_secs: self.controllers.silent_secs(),
             saturated_secs: self.controllers.saturated_secs(),
+            collision_secs: self.surroundings.collision_secs,
         };
         let events = self.failsafe.watch(&situation, &self.settings, self.control_secs);
         for event in &events {
@@ -409,6 +412,10 @@ impl<P: PolicyBackend> Autopilot<P> {
         }
         if action <= self.mode.action() {
             return;
+        }
+        if event == FailsafeEvent::CollisionCourse {
+            // Its goal may lie behind the wall.
+            self.goal = MovingGoal::at(state.position, yaw(&state.world_from_body));
         }
         // A stream that comes back is followed again.
         if action > FailsafeAction::Warn && event != FailsafeEvent::OffboardLost {

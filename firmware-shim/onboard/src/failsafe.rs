@@ -5,7 +5,7 @@
 
 use kestrel_core::vehicle::State;
 
-use crate::settings::{AutopilotSettings, FailsafeReaction};
+use crate::settings::{AutopilotSettings, FailsafeAction, FailsafeReaction};
 
 /// What has gone wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +30,8 @@ pub enum FailsafeEvent {
     PolicySilent,
     /// The policy kept a rotor at its limits for too long.
     PolicySaturated,
+    /// At this speed the drone soon touches what its rangers see.
+    CollisionCourse,
 }
 
 /// What events are made of, in one control period.
@@ -49,6 +51,8 @@ pub struct FailsafeInput<'a> {
     pub silent_secs: f32,
     /// How long it has kept a rotor at its limits \[s\].
     pub saturated_secs: f32,
+    /// Time until the drone is at what its rangers see, if that is known and nears \[s\].
+    pub collision_secs: Option<f32>,
 }
 
 /// Watches for all events.
@@ -61,13 +65,14 @@ pub struct Failsafe {
 
 impl FailsafeEvent {
     /// All of them, the hardest to fly with last.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::OffboardLost,
         Self::LinkLost,
         Self::FenceLeft,
         Self::BatteryLow,
         Self::BatteryCritical,
         Self::BatteryEmpty,
+        Self::CollisionCourse,
         Self::PolicySaturated,
         Self::PolicySilent,
         Self::Tilted,
@@ -86,6 +91,7 @@ impl FailsafeEvent {
             Self::BatteryEmpty => FailsafeReaction::only(empty),
             Self::Tilted | Self::Spinning => settings.upset_reaction,
             Self::PolicySilent | Self::PolicySaturated => settings.policy_reaction,
+            Self::CollisionCourse => FailsafeReaction::with_cascade(FailsafeAction::Hold),
         }
     }
 
@@ -102,6 +108,7 @@ impl FailsafeEvent {
             Self::Spinning => "failsafe: turning too fast",
             Self::PolicySilent => "failsafe: policy gives no answer",
             Self::PolicySaturated => "failsafe: policy keeps a motor at its limit",
+            Self::CollisionCourse => "failsafe: on a collision course",
         }
     }
 }
@@ -154,6 +161,10 @@ impl Failsafe {
             FailsafeEvent::Spinning => self.spinning_secs > settings.rate_secs,
             FailsafeEvent::PolicySilent => situation.silent_secs > settings.silence_secs,
             FailsafeEvent::PolicySaturated => situation.saturated_secs > settings.saturation_secs,
+            FailsafeEvent::CollisionCourse => settings
+                .clearance_secs
+                .zip(situation.collision_secs)
+                .is_some_and(|(clearance_secs, collision_secs)| collision_secs < clearance_secs),
         }
     }
 }
@@ -183,6 +194,7 @@ mod tests {
             battery,
             silent_secs: 0.0,
             saturated_secs: 0.0,
+            collision_secs: None,
         };
         failsafe.watch(&input, &AutopilotSettings::default(), CONTROL_SECS).to_vec()
     }

@@ -42,6 +42,8 @@ pub struct FlightController<P, const ANSWERS: usize = 4> {
     repetitions: Repetitions,
     /// Tick of the last heartbeat of a ground station.
     ground_station_tick: Option<u64>,
+    /// Of the control period that comes \[s\].
+    collision_secs: Option<f32>,
     ticks: u64,
 }
 
@@ -55,6 +57,7 @@ impl<P: PolicyBackend, const ANSWERS: usize> FlightController<P, ANSWERS> {
             receiver: Receiver::new(),
             repetitions: Repetitions::default(),
             ground_station_tick: None,
+            collision_secs: None,
             ticks: 0,
         }
     }
@@ -137,7 +140,13 @@ impl<P: PolicyBackend, const ANSWERS: usize> FlightController<P, ANSWERS> {
     pub fn fly(&mut self, state: &State<f32>, battery: f32) -> [f32; 4] {
         let age_ticks = self.ground_station_tick.map(|tick| self.ticks.wrapping_sub(tick));
         let link_age_secs = age_ticks.map(|ticks| self.secs(ticks) as f32);
-        self.autopilot.tick(state, &Surroundings { link_age_secs, battery })
+        let collision_secs = self.collision_secs.take();
+        self.autopilot.tick(state, &Surroundings { link_age_secs, battery, collision_secs })
+    }
+
+    /// Takes note, for the control period that comes, of the time until the drone is at what its rangers see \[s\].
+    pub fn note_collision(&mut self, secs: Option<f32>) {
+        self.collision_secs = secs;
     }
 
     /// Ends a control period.
@@ -189,7 +198,7 @@ impl<P: PolicyBackend, const ANSWERS: usize> FlightController<P, ANSWERS> {
             Request::AttitudeTarget(target) => {
                 let _ = target.set_point().map(|set_point| self.autopilot.set_point(set_point));
             }
-            Request::Ping { .. } | Request::TimeSync(_) | Request::Files(_) => {}
+            Request::Ping { .. } | Request::TimeSync(_) | Request::Files => {}
         }
     }
 

@@ -16,6 +16,9 @@ const SUBSTEP_LIMIT_SECS: f32 = 0.0025;
 /// Rangers see so far \[m\].
 const RANGE_LIMIT_M: f32 = 4.0;
 
+/// Slower than this a drone nears nothing \[m/s\]: it hovers.
+const CREEP: f32 = 0.05;
+
 /// One drone and its surroundings, in lockstep with the vehicle that steers it.
 pub trait Plant {
     /// The true state.
@@ -38,6 +41,9 @@ pub trait Plant {
 
     /// Advances one control period with rotor targets \[rad/s\] held.
     fn step(&mut self, rotor_targets: &[f32; 4]);
+
+    /// Once every drone that shares the place has been stepped: they move together.
+    fn settle(&mut self) {}
 
     /// Puts the drone back to where it was launched; of no effect where there is no task.
     fn reset(&mut self) {}
@@ -70,6 +76,21 @@ pub struct Ranges {
     pub up: Option<f32>,
     /// Down.
     pub down: Option<f32>,
+}
+
+impl Ranges {
+    /// Time until the drone, at the velocity of now, is at what a ranger sees \[s\]; none if it nears nothing. The floor
+    /// does not count: drones land.
+    pub fn collision_secs(&self, state: &State<f32>) -> Option<f32> {
+        let velocity = state.world_from_body.rotate_inverse(state.velocity);
+        let Self { front, back, left, right, up, down: _ } = *self;
+        let ways =
+            [(front, velocity.x), (back, -velocity.x), (left, velocity.y), (right, -velocity.y), (up, velocity.z)];
+        let times = ways
+            .into_iter()
+            .filter_map(|(distance, speed)| Some(distance?.max(0.0) / speed).filter(|_| speed > CREEP));
+        times.reduce(f32::min)
+    }
 }
 
 /// How an episode of a task has ended.

@@ -9,7 +9,7 @@ mod set_point;
 pub use command::{CommandLocation, CommandRequest};
 pub use set_point::{AttitudeTarget, PositionTarget, SetPointError, Whereabouts};
 
-use crate::fields::{u16_at, u32_at, u64_at};
+use crate::fields::{u32_at, u64_at};
 use crate::frame::Frame;
 
 /// `MAV_TYPE_GCS`: who sends such heartbeats is a ground station.
@@ -37,19 +37,8 @@ pub enum Request {
     AttitudeTarget(AttitudeTarget),
     /// `TIMESYNC` that asks, with the sender's time \[ns\].
     TimeSync(i64),
-    /// `FILE_TRANSFER_PROTOCOL`.
-    Files(FileRequest),
-}
-
-/// What an answer to a request for files must repeat.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FileRequest {
-    /// Number of the request.
-    pub sequence: u16,
-    /// Session: clients that have several look for their answers by it.
-    pub session: u8,
-    /// Operation.
-    pub operation: u8,
+    /// `FILE_TRANSFER_PROTOCOL`: who has files reads its payload in the frame.
+    Files,
 }
 
 /// To whom a request is addressed; zero means everybody.
@@ -103,9 +92,8 @@ fn set_mode(fields: &[u8; 6]) -> (Address, Request) {
     (Address { system: fields[4], component: 0 }, Request::SetMode(u32_at(fields, 0)))
 }
 
-fn files(fields: &[u8; 15]) -> (Address, Request) {
-    let request = FileRequest { sequence: u16_at(fields, 3), session: fields[5], operation: fields[6] };
-    (Address { system: fields[1], component: fields[2] }, Request::Files(request))
+fn files(fields: &[u8; 3]) -> (Address, Request) {
+    (Address { system: fields[1], component: fields[2] }, Request::Files)
 }
 
 /// Zero as the answerer's time is a question. The address is an extension: zero, to everybody, where it is missing.

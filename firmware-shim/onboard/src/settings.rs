@@ -94,6 +94,9 @@ pub struct AutopilotSettings {
     pub saturation_secs: f32,
     /// When it exceeds either.
     pub policy_reaction: FailsafeReaction,
+    /// With less time than this until the drone is at what its rangers see, the cascade holds it where it is, if it may
+    /// \[s\].
+    pub clearance_secs: Option<f32>,
 }
 
 impl FailsafeReaction {
@@ -156,6 +159,7 @@ impl Default for AutopilotSettings {
             silence_secs: 0.02,
             saturation_secs: 0.5,
             policy_reaction: FailsafeReaction::with_cascade(FailsafeAction::Hold),
+            clearance_secs: None,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! What the vehicle tells its peers: [`motion`], [`status`], its [`surroundings`], and what it is ([`identity`]).
 
+pub mod camera;
 pub mod identity;
 pub mod motion;
 pub mod status;
@@ -7,8 +8,8 @@ pub mod surroundings;
 
 use mavlink::dialects::common::{MavSeverity, STATUSTEXT_DATA};
 
+use crate::files::packet::PACKET_LEN;
 use crate::frame::Payload;
-use crate::request::FileRequest;
 
 /// `STATUSTEXT` of at most 50 bytes; longer text is cut.
 pub fn status_text(severity: MavSeverity, text: &str) -> Payload {
@@ -31,18 +32,11 @@ pub fn ping(time_usec: u64, seq: u32, [system, component]: [u8; 2]) -> Payload {
     Payload::new(4, 237, &fields)
 }
 
-/// `FILE_TRANSFER_PROTOCOL`: there are no files, whatever a request wanted, so that a client does not wait for them.
-pub fn no_files(request: FileRequest, [system, component]: [u8; 2]) -> Payload {
-    /// Operation: not acknowledged. Error: unknown command.
-    const REFUSED: u8 = 129;
-    const UNKNOWN_COMMAND: u8 = 7;
-    let FileRequest { sequence, session, operation } = request;
-    let [low, high] = sequence.wrapping_add(1).to_le_bytes();
-    let answer = [low, high, session, REFUSED, 1, operation];
-    let mut fields = [0; 16];
+/// `FILE_TRANSFER_PROTOCOL`: a packet to the system and component that asked.
+pub fn file_transfer(packet: &[u8; PACKET_LEN], [system, component]: [u8; 2]) -> Payload {
+    let mut fields = [0; 3 + PACKET_LEN];
     fields[1..3].copy_from_slice(&[system, component]);
-    fields[3..9].copy_from_slice(&answer);
-    fields[15] = UNKNOWN_COMMAND;
+    fields[3..].copy_from_slice(packet);
     Payload::new(110, 84, &fields)
 }
 

@@ -128,7 +128,8 @@ impl ParameterProtocol {
     }
 }
 
-fn checksum(start: u32, bytes: &[u8]) -> u32 {
+/// CRC-32 without inversion at its beginning and end, of bytes after others whose own was `start`, 0 after none.
+pub(crate) fn checksum(start: u32, bytes: &[u8]) -> u32 {
     bytes.iter().fold(start, |sum, byte| {
         (0..8).fold(sum ^ u32::from(*byte), |sum, _| (sum >> 1) ^ (POLYNOMIAL * (sum & 1)))
     })

@@ -82,6 +82,7 @@ impl Parameters {
             silence_secs: self.real(Parameter::RlLateT),
             saturation_secs: self.real(Parameter::RlSatT),
             policy_reaction: self.meaning(Parameter::RlFaultAct, POLICY_FAULT),
+            clearance_secs: self.unless_zero(Parameter::RlClearT),
         }
     }
 

@@ -57,6 +57,8 @@ pub enum Parameter {
     MpcZVAutoUp,
     /// `NAV_DLL_ACT`.
     NavDllAct,
+    /// `RL_CLEAR_T`.
+    RlClearT,
     /// `RL_FAULT_ACT`.
     RlFaultAct,
     /// `RL_LATE_T`.
@@ -142,7 +144,7 @@ pub enum Access {
 
 impl Parameter {
     /// All of them, by index.
-    pub const ALL: [Self; 32] = [
+    pub const ALL: [Self; 33] = [
         Self::BatCritThr,
         Self::BatEmergenThr,
         Self::BatLowThr,
@@ -166,6 +168,7 @@ impl Parameter {
         Self::MpcZVAutoDn,
         Self::MpcZVAutoUp,
         Self::NavDllAct,
+        Self::RlClearT,
         Self::RlFaultAct,
         Self::RlLateT,
         Self::RlOneOperator,
@@ -328,6 +331,12 @@ const TABLE: [ParameterDefinition; PARAMETERS] = [
         3,
         &[0, 1, 2, 3],
         "When the ground station is lost: 0 nothing, 1 hold, 2 return, 3 land.",
+    ),
+    real(
+        "RL_CLEAR_T",
+        "s",
+        [0.0, 0.0, 5.0],
+        "Time to what rangers see, at the speed of now, below which the PID brakes and holds; 0 never.",
     ),
     choice(
         "RL_FAULT_ACT",

@@ -12,6 +12,8 @@ pub(super) struct Channel {
     pub(super) peer: Peer,
     /// Number of the next frame to it.
     pub(super) sequence: u8,
+    /// The same of the camera's.
+    pub(super) camera_sequence: u8,
     schedule: TelemetrySchedule,
     /// Streams that it wants once more, out of turn.
     requested: heapless::Vec<TelemetryStream, REQUESTED>,
@@ -35,7 +37,13 @@ impl Channels {
         let known = self.open.iter().position(|channel| channel.peer == peer);
         let number = known.unwrap_or_else(|| {
             let schedule = self.default.clone();
-            self.open.push(Channel { peer, sequence: 0, schedule, requested: heapless::Vec::new() });
+            self.open.push(Channel {
+                peer,
+                sequence: 0,
+                camera_sequence: 0,
+                schedule,
+                requested: heapless::Vec::new(),
+            });
             self.open.len() - 1
         });
         &mut self.open[number]

@@ -8,7 +8,9 @@ use kestrel_onboard::repetition::Sender;
 
 use super::operator::{Operator, Purpose, REQUEST_CONTROL};
 use super::{Vehicle, VehicleProfile};
+use crate::files::metadata;
 use crate::flight_mode::FlightMode;
+use crate::frame::Payload;
 use crate::link::Peer;
 use crate::message::sent::identity;
 use crate::message::sent::status;
@@ -122,6 +124,8 @@ impl<P: PolicyBackend> Vehicle<P> {
         match identifier(message_id).unwrap_or(u32::MAX) {
             148 => self.controller.answer(identity::autopilot_version(self.profile.policy.hash)),
             300 => self.controller.answer(identity::protocol_version()),
+            395 => self.send_metadata(identity::component_information),
+            397 => self.send_metadata(identity::component_metadata),
             435 => self.send_modes(index),
             512 => self.controller.answer(self.control_status()),
             437 => self.controller.answer(identity::available_modes_monitor()),
@@ -131,6 +135,12 @@ impl<P: PolicyBackend> Vehicle<P> {
             },
         }
         CommandAnswer::ACCEPTED
+    }
+
+    /// Where all metadata are, in the message that is made of the file's CRC-32 and the time since boot \[ms\].
+    fn send_metadata(&mut self, message: fn(u32, u32) -> Payload) {
+        let file_crc = self.files.checksum(metadata::GENERAL).unwrap_or_default();
+        self.controller.answer(message(file_crc, self.time_boot_ms()));
     }
 
     /// One of the modes by its index from 1, or all of them.

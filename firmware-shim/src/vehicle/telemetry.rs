@@ -118,7 +118,7 @@ impl<P: PolicyBackend> Vehicle<P> {
         (self.elapsed_secs() * 1e6) as u64
     }
 
-    fn time_boot_ms(&self) -> u32 {
+    pub(super) fn time_boot_ms(&self) -> u32 {
         (self.elapsed_secs() * 1e3) as u32
     }
 

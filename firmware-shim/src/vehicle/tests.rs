@@ -1,6 +1,8 @@
 #![expect(deprecated, reason = "peers still send them")]
 #![expect(clippy::wildcard_enum_match_arm, reason = "a message is one of the dialect's hundreds")]
 
+mod camera;
+mod files;
 mod operators;
 mod personalities;
 mod plans;
@@ -486,21 +488,6 @@ fn a_mode_is_chosen_by_its_whole_number_as_well() {
 }
 
 #[test]
-fn a_request_for_files_is_refused_within_its_session() {
-    use mavlink::dialects::common::FILE_TRANSFER_PROTOCOL_DATA;
-    let mut rig = Rig::new();
-    let mut payload = [0; 251];
-    // Sequence 5, session 7, operation 4.
-    payload[..4].copy_from_slice(&[5, 0, 7, 4]);
-    let request =
-        FILE_TRANSFER_PROTOCOL_DATA { target_network: 0, target_system: 1, target_component: 1, payload };
-    let answers = rig.answers(&datagram(&request));
-    let [MavMessage::FILE_TRANSFER_PROTOCOL(answer)] = &answers[..] else { panic!("{answers:?}") };
-    assert_eq!(answer.payload[..6], [6, 0, 7, 129, 1, 4]);
-    assert_eq!(answer.payload[12], 7, "unknown command");
-}
-
-#[test]
 fn a_stream_of_velocities_is_followed_in_the_offboard_mode() {
     let mut rig = Rig::flying();
     let velocity = SET_POSITION_TARGET_LOCAL_NED_DATA {
@@ -596,9 +583,4 @@ fn questions_are_answered() {
         (frame.message_id == 4).then(|| frame.fields::<14>())
     });
     assert_eq!(pong, Some([5, 0, 0, 0, 0, 0, 0, 0, 6, 0, 0, 0, 255, 190]));
-    // A request to list files, with the number 41.
-    let files = Payload::new(110, 84, &[0, 1, 1, 41, 0, 0, 3]);
-    let answers = rig.answers(&Encoder::new(255, 190).encode(&files));
-    let [MavMessage::FILE_TRANSFER_PROTOCOL(refused)] = &answers[..] else { panic!("{answers:?}") };
-    assert_eq!((refused.payload[0], refused.payload[3], refused.payload[5], refused.payload[12]), (42, 129, 3, 7));
 }

@@ -7,6 +7,8 @@ pub(crate) mod channel;
 pub(crate) mod chase;
 pub(crate) mod gif_writer;
 #[cfg(feature = "mp4")]
+pub mod h264;
+#[cfg(feature = "mp4")]
 mod mp4_writer;
 mod palette;
 pub(crate) mod playback;
@@ -173,7 +175,7 @@ impl VideoFormat {
         let fits = match self {
             Self::Gif => size.iter().all(|pixels| u16::try_from(*pixels).is_ok()),
             #[cfg(feature = "mp4")]
-            Self::Mp4 => mp4_writer::level(size).is_some(),
+            Self::Mp4 => h264::level(size).is_some(),
         };
         if fits { Ok(()) } else { Err(VideoError::Size { format: self, size }) }
     }
@@ -370,7 +372,7 @@ fn mp4(
     goes_on: impl FnMut(usize) -> bool,
 ) -> Result<Option<Vec<u8>>, VideoError> {
     let mut writer = mp4_writer::Writer::new(picture(0)?.size)?;
-    let frame = |index| Ok(mp4_writer::frame(&picture(index)?));
+    let frame = |index| Ok(h264::frame(&picture(index)?));
     let done = in_chunks(pictures, frame, goes_on, |index, frame| {
         let times = if index + 1 == pictures { 1 + (PAUSE_SECS / PICTURE_SECS) as usize } else { 1 };
         (0..times).try_for_each(|_| writer.push(&frame))

@@ -8,6 +8,7 @@ use anyhow::{Error, Result, ensure};
 use kestrel_draw::viewer::Glimpse;
 use kestrel_experiments::interrupt::Interrupt;
 use kestrel_experiments::output::say;
+use kestrel_experiments::run_config::RunConfig;
 use kestrel_shim::policy_bytes::PolicyBytes;
 
 use super::{Done, run};
@@ -24,6 +25,10 @@ pub(crate) struct Arguments {
     /// In which task of a run that has several [default: the first]
     #[arg(long, value_name = "NAME")]
     task: Option<String>,
+
+    /// Fly in the aviary of this task, by name or file, wherever the policy was trained
+    #[arg(long, value_name = "TASK", conflicts_with = "task")]
+    aviary: Option<PathBuf>,
 
     #[command(flatten)]
     options: FlyOptions,
@@ -60,14 +65,28 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 fn flown(arguments: &Arguments, interrupt: &Interrupt, tell: Option<Sender<Glimpse>>) -> Result<FlightSummary> {
     let stop = || interrupt.requested();
     let path = &shipped::run(&arguments.pilot)?;
+    let aviary = match &arguments.aviary {
+        Some(task) => Some(RunConfig::load(&shipped::task(task)?, &[])?),
+        None => None,
+    };
+    let elsewhere = aviary.as_ref().map(|config| config.task(None).map(Place::Aviary)).transpose()?;
     let summary = if path.is_dir() {
         let (directory, config) = run::open(path, &[])?;
         let policy = PolicyBytes::read(&directory.exported_policy()?)?;
-        let place = Place::Task(config.task(arguments.task.as_deref())?);
+        let place = match elsewhere {
+            Some(place) => place,
+            None => Place::Task(config.task(arguments.task.as_deref())?),
+        };
         fly(place, policy.bytes(), &arguments.options, &stop, tell)
     } else {
         ensure!(arguments.task.is_none(), "found --task beside a policy file, expected the directory of a run");
-        fly(Place::FlatFloor, PolicyBytes::read(path)?.bytes(), &arguments.options, &stop, tell)
+        fly(
+            elsewhere.unwrap_or(Place::FlatFloor),
+            PolicyBytes::read(path)?.bytes(),
+            &arguments.options,
+            &stop,
+            tell,
+        )
     };
     summary.map_err(|error| {
         let of_the_pilot = error.is_of_the_pilot();

@@ -117,6 +117,65 @@ fn a_drone_is_never_inside_of_a_wall_that_stands_before_its_set_points() {
 }
 
 #[test]
+fn several_vehicles_fly_in_one_aviary_or_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = scenario();
+    let log = folder.path().join("true_state.jsonl");
+    let options = FlyOptions { vehicles: 3, true_state_log: Some(log.clone()), ..options(1.0) };
+    let task = task(&scenario);
+    let (tell, glimpses) = std::sync::mpsc::channel();
+    let summary = fly(Place::Aviary(&task), &climber(0.02), &options, &|| false, Some(tell)).unwrap();
+    assert!((summary.secs - 0.98).abs() < 0.03, "{summary:?}");
+    let lines = fs::read_to_string(log).unwrap();
+    assert_eq!(lines.lines().count() % 3, 0);
+    let Ok(Glimpse::Begins(_, flight)) = glimpses.recv() else { panic!("nothing is told") };
+    assert_eq!((flight.drones.len(), flight.control_secs), (3, 0.02), "at the pace of the policy");
+    let error = fly(Place::FlatFloor, &climber(0.02), &FlyOptions { vehicles: 250, ..options }, &|| false, None);
+    assert!(error.unwrap_err().to_string().ends_with("expected 250, 30 cm apart"));
+}
+
+#[test]
+fn a_thousand_set_points_in_and_around_a_room_lead_through_nothing() {
+    const SET_POINTS: u32 = 1_000;
+    /// The solver of contacts pushes out what is deeper in \[m\].
+    const SKIN_M: f64 = 0.002;
+    let config = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/aviaries/room-1.yaml");
+    let scenario = kestrel_experiments::experiment_config::load(config.as_ref(), &[]).unwrap().scenario;
+    let hull = Airframe {
+        collision_radius: scenario.airframe.collision_radius - SKIN_M,
+        collision_height: scenario.airframe.collision_height - 2.0 * SKIN_M,
+        ..scenario.airframe
+    };
+    let arena = Arena::new(&scenario.aviary.world, &hull, ContactReport::Touch);
+    let whole = Arena::new(&scenario.aviary.world, &scenario.airframe, ContactReport::Touch);
+    let mut plant = SimulatedFlight::new(Flight::landed(&scenario));
+    let mut steering = Steering::new(&scenario.airframe);
+    let (launch, control_secs) = (*plant.state(), scenario.physics.control_secs());
+    let (mut drawn, mut touches) = (1_u32, 0);
+    // A linear congruential generator: Numerical Recipes, chapter 7.
+    let mut share = || {
+        drawn = drawn.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (drawn >> 8) as f32 / (1 << 24) as f32
+    };
+    for number in 0..SET_POINTS {
+        if plant.state().world_from_body.up_cosine() < 0.2 {
+            plant.flight.put(&launch); // it lies on its back
+        }
+        let goal = launch.position + Vector3::new(10.0 * share() - 5.0, 6.0 * share() - 3.0, 3.0 * share());
+        for _ in 0..(1.5 / control_secs) as u32 {
+            let targets = steering.toward(plant.state(), &MovingGoal::at(goal, 0.0), control_secs);
+            plant.step(&targets);
+            let State { position, world_from_body, .. } = *plant.state();
+            let pose = Pose { position: position.cast(), world_from_body: world_from_body.map(f64::from) };
+            assert_eq!(arena.touch(&pose, &[]), Touch::default(), "set-point {number}, {goal}: {:?}", plant.state());
+            touches += u32::from(whole.touch(&pose, &[]).obstacle);
+        }
+    }
+    println!("{touches} control periods at something");
+    assert!(touches > 1_000, "{touches}");
+}
+
+#[test]
 fn a_room_with_walls_flies_many_times_as_fast_as_time_goes_by() {
     let config = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/aviaries/room-0.yaml");
     let scenario = kestrel_experiments::experiment_config::load(config.as_ref(), &[]).unwrap().scenario;

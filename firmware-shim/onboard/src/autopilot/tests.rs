@@ -1,3 +1,4 @@
+mod collision;
 mod faults;
 
 use kestrel_core::airframe::CF2X;

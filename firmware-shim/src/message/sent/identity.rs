@@ -1,10 +1,11 @@
 //! What the vehicle is and can do.
 
 use mavlink::dialects::common::{
-    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, AVAILABLE_MODES_MONITOR_DATA, MavModeProperty,
-    MavProtocolCapability, MavStandardMode,
+    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, AVAILABLE_MODES_MONITOR_DATA, COMPONENT_METADATA_DATA,
+    MavModeProperty, MavProtocolCapability, MavStandardMode,
 };
 
+use crate::files::metadata::GENERAL_URI;
 use crate::flight_mode::FlightMode;
 use crate::frame::Payload;
 use crate::personality::Personality;
@@ -54,6 +55,7 @@ pub fn autopilot_version(hash: [u8; 8]) -> Payload {
     Payload::of(&AUTOPILOT_VERSION_DATA {
         capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
             | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_INT
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_FTP
             | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
             | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
             | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
@@ -65,6 +67,21 @@ pub fn autopilot_version(hash: [u8; 8]) -> Payload {
         flight_custom_version: hash,
         ..AUTOPILOT_VERSION_DATA::default()
     })
+}
+
+/// `COMPONENT_METADATA`: where the file is that says what else there is to read, and its CRC-32.
+pub fn component_metadata(file_crc: u32, time_boot_ms: u32) -> Payload {
+    Payload::of(&COMPONENT_METADATA_DATA { time_boot_ms, file_crc, uri: GENERAL_URI.into() })
+}
+
+/// `COMPONENT_INFORMATION`: the same. It is deprecated, and asked for all the same.
+pub fn component_information(file_crc: u32, time_boot_ms: u32) -> Payload {
+    let (message_id, seed) = (395, 0);
+    // There is no file about peripherals: its checksum is zero, and its place stays empty.
+    let numbers = [time_boot_ms, file_crc, 0].into_iter().flat_map(u32::to_le_bytes);
+    let mut fields = [0; 212];
+    fields.iter_mut().zip(numbers.chain(GENERAL_URI.bytes())).for_each(|(field, byte)| *field = byte);
+    Payload::new(message_id, seed, &fields)
 }
 
 /// `AVAILABLE_MODES` of the mode at a place in the list of a personality; that of the policy bears its name.

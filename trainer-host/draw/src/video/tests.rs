@@ -186,10 +186,7 @@ fn what_a_format_cannot_hold_is_refused() {
     assert_eq!(refused(VideoFormat::Gif, [65_536, 1]), Err(expected.to_owned()));
     #[cfg(feature = "mp4")]
     {
-        assert_eq!(
-            [[640, 480], [1920, 1080], [4096, 2304]].map(mp4_writer::level),
-            [Some(30), Some(40), Some(51)]
-        );
+        assert_eq!([[640, 480], [1920, 1080], [4096, 2304]].map(h264::level), [Some(30), Some(40), Some(51)]);
         assert_eq!(refused(VideoFormat::Mp4, [8688, 1000]), Ok(()));
         assert!(refused(VideoFormat::Mp4, [8704, 16]).unwrap_err().contains("8688 across and down"));
         assert!(refused(VideoFormat::Mp4, [4096, 4096]).is_err());

@@ -21,7 +21,7 @@ fn keys_do_what_the_help_says() {
     assert!(!after(&[" "]).playing && after(&["Space", "p"]).playing);
     assert_eq!(
         after(&["ArrowRight", "ArrowRight", "ArrowLeft"]),
-        Controls { secs: 0.04, playing: false, ..first }
+        Controls { secs: 0.04, playing: false, newest: false, ..first }
     );
     assert_eq!(after(&["PageDown"]).secs, 1.0);
     assert_eq!(after(&["ArrowLeft"]).secs, 0.0);
