@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use crate::video::chase::{VIEW_ANGLE, behind, distance, free_share};
 use crate::video::recorded_scene::with_goals;
-use crate::video::{camera, trail};
+use crate::video::{camera, shadow, trail};
 
 /// Share of what the way to the camera has grown by that it goes back in a picture: it comes nearer at once.
 const RETREAT_SHARE: f32 = 0.05;
@@ -34,6 +34,8 @@ pub struct LiveScene {
     shown: Scene,
     /// Without them.
     still: Scene,
+    /// Where the drones are \[m\].
+    placed: Vec<Vector3<f64>>,
     share: f32,
     view: View,
     size: [usize; 2],
@@ -52,6 +54,7 @@ impl LiveScene {
             goals: Vec::new(),
             shown: still.clone().with_drones(airframe, drones),
             still,
+            placed: Vec::new(),
             share: 1.0,
             view: View::towards(Vector3::zeros(), Vector3::x(), Vector3::z()),
             size: [0; 2],
@@ -71,6 +74,7 @@ impl LiveScene {
 
     /// Puts drones and movable bodies where they are, in the order of the world.
     pub fn place(&mut self, drones: &[Pose], movables: &[Pose]) {
+        self.placed = drones.iter().map(|pose| pose.position).collect();
         for (index, pose) in drones.iter().enumerate() {
             self.shown.place(Mover::Drone(index), pose);
         }
@@ -91,6 +95,7 @@ impl LiveScene {
         self.size = size;
         let camera = camera(size.map(|pixels| pixels * samples), VIEW_ANGLE);
         self.shown.render_into(&camera, &self.view, &mut self.canvas, &mut self.image);
+        shadow::cast(&mut self.image, &camera, &self.view, self.placed.iter().copied(), self.airframe.arm);
         &self.image
     }
 

@@ -13,6 +13,7 @@ mod mp4_writer;
 mod palette;
 pub(crate) mod playback;
 pub(crate) mod recorded_scene;
+pub(crate) mod shadow;
 #[cfg(test)]
 mod tests;
 pub(crate) mod trail;
@@ -282,7 +283,11 @@ impl<'a> Video<'a> {
             Ok::<_, VideoError>(images.into_iter().next())
         };
         let chase = panels.contains(&Panel::Chase).then(|| {
-            image(&self.recorded.shown(moment), self.chase.view(moment.elapsed_secs / PICTURE_SECS), VIEW_ANGLE)
+            let view = self.chase.view(moment.elapsed_secs / PICTURE_SECS);
+            let seen = image(&self.recorded.shown(moment), view, VIEW_ANGLE)?;
+            Ok::<_, VideoError>(
+                seen.map(|seen| self.recorded.shaded(seen, &camera(size, VIEW_ANGLE), &view, moment)),
+            )
         });
         let on_board = panels.iter().any(|panel| *panel != Panel::Chase).then(|| {
             let view = on_board(self.recorded, &moment.drones[*drone].placement);

@@ -1,5 +1,7 @@
 //! What ideal rangers along a drone's axes measure: those of a Multi-ranger deck and a Z-ranger.
 
+use std::sync::Arc;
+
 use kestrel_core::attitude::Attitude;
 use kestrel_sim::contact::{Arena, ContactReport};
 use kestrel_sim::nalgebra::Vector3;
@@ -20,13 +22,13 @@ pub const RANGERS: [(&str, [f64; 3]); 6] = [
 
 /// The rangers of a drone in the world of a task; they see what never moves.
 pub struct Rangers {
-    arena: Arena,
+    arena: Arc<Arena>,
 }
 
 impl Rangers {
     /// In the world of a task.
     pub fn new(scenario: &Scenario) -> Self {
-        Self { arena: Arena::new(&scenario.aviary.world, &scenario.airframe, ContactReport::Touch) }
+        Self { arena: Arena::shared(&scenario.aviary.world, &scenario.airframe, ContactReport::Touch, None) }
     }
 
     /// Distances \[m\] in the order of [`RANGERS`], of a drone at `position` \[m, world\]; none where nothing is near.

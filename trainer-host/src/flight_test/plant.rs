@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use kestrel_core::attitude::Attitude;
 use kestrel_core::vehicle::State;
-use kestrel_shim::plant::Plant;
+use kestrel_shim::plant::{Plant, Ranges};
 use kestrel_sim::contact::{Arena, ContactReport, Motion};
 use kestrel_sim::flight::Flight;
 use kestrel_sim::world::{Floor, Pose, World};
@@ -130,6 +130,10 @@ impl Plant for FailingPlant<'_> {
 
     fn known_state(&self) -> &State<f32> {
         &self.known
+    }
+
+    fn ranges(&self) -> Option<Ranges> {
+        self.flight.ranges()
     }
 
     fn battery(&self) -> Option<f32> {

@@ -137,7 +137,7 @@ fn is_due(clock: f64, due: &mut f64, rate_hz: u8) -> bool {
     }
     let period = f64::from(rate_hz).recip();
     // What was missed is not made up for.
-    *due = (*due + period).max(clock - period);
+    *due = (*due + period).max(clock);
     true
 }
 

@@ -1,13 +1,13 @@
 //! A recorded flight and the world in which it is looked at.
 
 use kestrel_core::attitude::Attitude;
-use kestrel_sim::camera::{Image, Mover, Scene, View};
+use kestrel_sim::camera::{Camera, Image, Mover, Scene, View};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::world::{Floor, Pose, Role, Shape, Solid, World};
 use nalgebra::{Matrix, Vector3};
 
 use super::chase::on_board;
-use super::{DepthScale, VideoError, camera, sampled};
+use super::{DepthScale, VideoError, camera, sampled, shadow};
 use crate::recorded_flight::{DroneFlight, FlightRecording, Frame, Placement};
 use crate::video::playback::{Moment, PICTURE_SECS, moment, moments};
 
@@ -149,6 +149,13 @@ impl RecordedScene {
     /// What people see at a moment: everything, and the goals.
     pub(crate) fn shown(&self, moment: &Moment) -> Scene {
         placed(&self.shown, moment)
+    }
+
+    /// The image of what people see at a moment, with shadows under the drones.
+    pub(crate) fn shaded(&self, mut image: Image, camera: &Camera, view: &View, moment: &Moment) -> Image {
+        let drones = moment.drones.iter().map(|drone| drone.placement.position.cast());
+        shadow::cast(&mut image, camera, view, drones, self.arm_m);
+        image
     }
 
     /// What the camera of a drone sees at a moment: everything but that drone.

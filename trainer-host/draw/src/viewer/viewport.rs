@@ -1,6 +1,6 @@
 //! The picture of what the user has chosen.
 
-use kestrel_sim::camera::{Image, Renderer, Scene, Shot, View};
+use kestrel_sim::camera::{Camera, Image, Renderer, Scene, Shot, View};
 use kestrel_sim::scenario::Scenario;
 use nalgebra::Vector3;
 
@@ -199,11 +199,12 @@ impl<'a> Viewport<'a> {
                 return self.render(&scene, on_board(&self.recorded, placement), self.view_angle, size);
             }
         };
-        self.render(&self.recorded.shown(moment), view, VIEW_ANGLE, size)
+        let image = self.render(&self.recorded.shown(moment), view, VIEW_ANGLE, size)?;
+        Ok(self.recorded.shaded(image, &enlarged_camera(size, VIEW_ANGLE), &view, moment))
     }
 
     fn render(&self, scene: &Scene, view: View, angle: f64, size: [usize; 2]) -> Result<Image, VideoError> {
-        let camera = video::camera(size.map(|pixels| pixels * SAMPLES), angle);
+        let camera = enlarged_camera(size, angle);
         let images = self.renderer.render(&camera, &[scene], &[Shot { scene: 0, view }])?;
         Ok(images.into_iter().next().unwrap_or_default())
     }
@@ -228,6 +229,11 @@ impl<'a> Viewport<'a> {
             drones => format!("{pace}, {}, drone {drone} of {drones}", camera.name()),
         }
     }
+}
+
+/// A camera with all rays of the pixels of a picture.
+fn enlarged_camera(size: [usize; 2], angle: f64) -> Camera {
+    video::camera(size.map(|pixels| pixels * SAMPLES), angle)
 }
 
 /// Of the depths that each drone's camera sees.
