@@ -141,7 +141,8 @@ mod tests {
     #[test]
     fn a_flight_is_told_from_its_start_to_its_end_until_nobody_looks() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/hover.yaml");
-        let task = load(&path, &["scenario.episode_secs=0.2".to_owned()]).unwrap();
+        let short = ["scenario.episode_secs=0.2", "scenario.success.settle.within_secs=0.1"];
+        let task = load(&path, &short.map(str::to_owned)).unwrap();
         let newest = NewestPolicy::default();
         newest.offer(&untrained_actor(&task).unwrap(), 7);
         let (tell, glimpses) = channel();

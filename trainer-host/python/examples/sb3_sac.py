@@ -1,7 +1,7 @@
 """SAC of Stable-Baselines3 learns hover, and its policy is imported.
 
     pip install kestrel-drones stable-baselines3
-    python sb3_sac.py [--seeds 0 1 2] [--steps 450000]
+    python sb3_sac.py [--seeds 0 1 2] [--steps 900000]
 
 The actor has tangents between the layers, as behind the last one, because a policy file has one activation; the critics have
 rectifiers, and their layers are normalised: without that, the success swings and stays below 90 %. Prints the success in 256
@@ -107,6 +107,8 @@ def learned(seed, steps):
         train_freq=1,
         gradient_steps=16,
         gamma=0.985,
+        # What an action does is seen some periods later: states and motors are late.
+        n_steps=3,
         learning_rate=lambda left: 2e-5 + 1e-3 * left,
         # Rewards are a twentieth a step.
         ent_coef="auto_0.1",
@@ -119,7 +121,7 @@ def learned(seed, steps):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=450_000)
+    parser.add_argument("--steps", type=int, default=900_000)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     asked = parser.parse_args()
     torch.set_num_threads(1)

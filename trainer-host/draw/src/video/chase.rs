@@ -22,8 +22,11 @@ const WALL_SHARE: f32 = 0.1;
 /// Pictures on either side over which its place is averaged: the drone stays near the middle.
 const PLACE_CALMNESS: usize = 9;
 
-/// Pictures on either side over which its direction and its distance are averaged.
-const TURN_CALMNESS: usize = 48;
+/// Pictures on either side over which its direction is averaged: it follows a drone that turns within a second.
+const TURN_CALMNESS: usize = 16;
+
+/// Pictures on either side that what stands in its way is seen before, and remembered for.
+const WAY_CALMNESS: usize = 24;
 
 /// A camera that follows a drone calmly through a flight, looks where it looks and stays on its side of the walls. What
 /// follows is for each picture.
@@ -66,14 +69,14 @@ impl Chase {
             self.free.push(free_share(recorded.still(), place, place + direction * distance(recorded.arm_m)));
             self.directions.push(direction);
         }
-        let moved = turned.saturating_sub(TURN_CALMNESS);
+        let moved = turned.saturating_sub(2 * WAY_CALMNESS);
         self.places.truncate(moved);
-        let first = moved.saturating_sub(TURN_CALMNESS);
+        let first = moved.saturating_sub(WAY_CALMNESS);
         // The camera has come nearer by the time at which it must.
         let shares: Vec<[f32; 1]> = (first..pictures).map(|index| [self.nearest(index)]).collect();
         for index in moved..pictures {
             let focus = Vector3::from(calm(&self.drone, index, PLACE_CALMNESS)).cast();
-            let [share] = calm(&shares, index - first, TURN_CALMNESS / 2);
+            let [share] = calm(&shares, index - first, WAY_CALMNESS);
             self.places
                 .push([focus + self.directions[index] * (distance(recorded.arm_m) * f64::from(share)), focus]);
         }
@@ -91,7 +94,7 @@ impl Chase {
 
     /// Least free share around a picture.
     fn nearest(&self, index: usize) -> f32 {
-        let near = index.saturating_sub(TURN_CALMNESS / 2)..self.free.len().min(index + TURN_CALMNESS / 2);
+        let near = index.saturating_sub(WAY_CALMNESS)..self.free.len().min(index + WAY_CALMNESS);
         self.free[near].iter().copied().fold(1.0, f32::min)
     }
 
