@@ -1,7 +1,10 @@
 //! `kestrel-shim`: a policy file as a MAVLink vehicle above an endless floor, or that floor under another autopilot.
 
+use std::env;
 use std::io::{self, Write};
 use std::net::SocketAddr;
+#[cfg(unix)]
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{self, ExitCode};
 use std::sync::Arc;
@@ -30,7 +33,7 @@ const INTERRUPTED: i32 = 130;
 /// Fly an exported policy as a MAVLink vehicle
 ///
 /// The drone starts at rest on an endless flat floor, in still air, with the nominal dynamics of its airframe; no
-/// simulator is linked in. `kestrel fly` flies the same vehicle in the aviary that its policy was trained in.
+/// simulator is linked in. With --aviary the program `kestrel` beside this one flies the same vehicle among walls.
 ///
 /// Example: kestrel-shim runs/hover-seed0-1/policy.kestrel --speed 5
 ///
@@ -60,6 +63,10 @@ struct Arguments {
     /// and all speak to the same ground station
     #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=250))]
     vehicles: u8,
+
+    /// Fly in the aviary of this task, by name or file: the vehicles can collide there, and with what stands in it
+    #[arg(long, value_name = "TASK", conflicts_with_all = ["simulator", "airframe"])]
+    aviary: Option<PathBuf>,
 
     /// Write the true state in every control period to this file, one JSON object per line
     #[arg(long, value_name = "FILE")]
@@ -120,6 +127,10 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let result = match &arguments.command {
         Some(Command::Bridge(bridge)) => self::bridge(bridge),
+        None if arguments.aviary.is_some() => match fly_among_walls() {
+            Ok(ended) => return ended,
+            Err(error) => Err(error),
+        },
         None => fly(&arguments),
     };
     match result {
@@ -129,6 +140,30 @@ fn main() -> ExitCode {
             ExitCode::from(USER_ERROR)
         }
     }
+}
+
+/// Has the program `kestrel`, in the folder of this one, fly with the same arguments; how it ended.
+fn fly_among_walls() -> anyhow::Result<ExitCode> {
+    let here = env::current_exe().context("cannot find this program")?;
+    let kestrel = here.with_file_name(format!("kestrel{}", env::consts::EXE_SUFFIX));
+    let mut flight = process::Command::new(&kestrel);
+    flight.arg("fly").args(env::args_os().skip(1));
+    ended(flight).with_context(|| {
+        format!("found no program {}, expected it for --aviary: build the whole workspace", kestrel.display())
+    })
+}
+
+/// Becomes another program, which is signalled and ends as this one.
+#[cfg(unix)]
+fn ended(mut program: process::Command) -> io::Result<ExitCode> {
+    Err(program.exec())
+}
+
+/// Runs another program to its end.
+#[cfg(not(unix))]
+fn ended(mut program: process::Command) -> io::Result<ExitCode> {
+    let code = program.status()?.code();
+    Ok(ExitCode::from(code.and_then(|code| u8::try_from(code).ok()).unwrap_or(USER_ERROR)))
 }
 
 fn fly(arguments: &Arguments) -> anyhow::Result<()> {
@@ -259,6 +294,16 @@ mod tests {
         let first = "127.0.0.1:65534".parse().unwrap();
         assert_eq!(nth_address(first, 1).unwrap().port(), 65535);
         assert!(nth_address(first, 2).unwrap_err().to_string().contains("found 127.0.0.1:65534 and 2 more"));
+    }
+
+    #[test]
+    fn an_aviary_has_drones_and_physics_of_its_own() {
+        assert_eq!(parsed("a.kestrel --aviary room-1 --vehicles 3").unwrap().aviary, Some("room-1".into()));
+        for other in ["--airframe cf2p", "--simulator 127.0.0.1:4560"] {
+            assert!(
+                parsed(&format!("a.kestrel --aviary room-1 {other}")).unwrap_err().contains("cannot be used with")
+            );
+        }
     }
 
     #[test]

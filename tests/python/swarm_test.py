@@ -1,4 +1,5 @@
-"""pymavlink flies ten vehicles of one program, at 250 Hz and in real time, and the true positions are judged.
+"""pymavlink flies ten vehicles of one program, at 250 Hz and in real time, and the true positions are judged: above an endless
+floor, and in one aviary, where they can collide.
 
     python swarm_test.py KESTREL_SHIM POLICY
 
@@ -28,6 +29,8 @@ CONTROL_SECS = 0.004
 WATCH_SECS = 20.0
 DRIFT_LIMIT = 0.02
 """A machine that stalls the program once, for a few tenths of a second, is no failure."""
+
+AVIARY = "field"
 
 NAN = float("nan")
 
@@ -118,7 +121,7 @@ class Flight:
             told = heard[number + 1]["LOCAL_POSITION_NED"][-1]
             error = math.dist([told.y, told.x, -told.z], moment["position"])
             expect(error < 0.05, f"vehicle {number + 1} tells a place {error:.3f} m from its own")
-            places.add((round(told.x), round(told.y)))
+            places.add((round(told.x, 1), round(told.y, 1)))
         expect(len(places) == COUNT, f"{len(places)} different places")
 
     def nobody_obeys_what_is_for_somebody_else(self):
@@ -185,16 +188,23 @@ class Flight:
         self._swarm.expect_alive()
 
 
+def run(kestrel, policy, place):
+    """Flies all checks in a place."""
+    print(f"  {' '.join(place) or 'above a floor'}", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        first_port = free_ports()
+        arguments = [with_period(policy, folder), "--vehicles", str(COUNT), *place]
+        with Simulated(kestrel, arguments, folder, listen=f"127.0.0.1:{first_port}") as swarm:
+            return run_checks(checks_of(Flight(swarm, first_port)))
+
+
 def main():
     if len(sys.argv) != 3:
         sys.exit(__doc__)
     kestrel, policy = sys.argv[1:]
     start = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        first_port = free_ports()
-        arguments = [with_period(policy, folder), "--vehicles", str(COUNT)]
-        with Simulated(kestrel, arguments, folder, listen=f"127.0.0.1:{first_port}") as swarm:
-            status = conclude(run_checks(checks_of(Flight(swarm, first_port))))
+    flown = [run(kestrel, policy, place) for place in ([], ["--aviary", AVIARY])]
+    status = conclude(*flown)
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     share = (usage.ru_utime + usage.ru_stime) / (time.monotonic() - start)
     print(f"The program took {share:.1%} of a core.", flush=True)
