@@ -29,6 +29,7 @@ use kestrel_shim::policy_bytes::PolicyBytes;
 use kestrel_shim::session::{Session, SessionError, SessionOptions};
 use kestrel_shim::true_state::{TrueStateLog, TrueStateLogError};
 use kestrel_sim::flight::{Flight, NoRoom};
+use kestrel_sim::latency::Latency;
 use kestrel_sim::scenario::{Downwash, Physics, Preset, Scenario};
 use kestrel_sim::seed::Seed;
 use nalgebra::Vector3;
@@ -374,7 +375,20 @@ fn at_pace(scenario: &Scenario, metadata: &PolicyMetadata<'_>) -> Scenario {
     // Steps stay at most as long.
     let substeps = (f64::from(substeps) * control_rate_hz / rate_hz).ceil().max(1.0) as u32;
     let physics = Physics { control_rate_hz: rate_hz, substeps, ..scenario.physics };
-    with_actions_of(Scenario { physics, ..scenario.clone() }, metadata)
+    let latency = within(scenario.latency, metadata.control_period_secs);
+    with_actions_of(Scenario { physics, latency, ..scenario.clone() }, metadata)
+}
+
+/// Delays of at most a control period: a simulation remembers no more.
+fn within(latency: Latency, control_secs: f32) -> Latency {
+    let [state_secs, motor_secs] =
+        [latency.state_secs, latency.motor_secs].map(|bounds| bounds.map(|secs| secs.min(control_secs)));
+    Latency {
+        state_secs,
+        motor_secs,
+        state_jitter_secs: latency.state_jitter_secs.min(control_secs - state_secs[1]),
+        motor_jitter_secs: latency.motor_jitter_secs.min(control_secs - motor_secs[1]),
+    }
 }
 
 /// With the rate loop between policy and motors, if the policy commands one.
