@@ -141,8 +141,7 @@ mod tests {
     #[test]
     fn a_flight_is_told_from_its_start_to_its_end_until_nobody_looks() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/hover.yaml");
-        let short = ["scenario.episode_secs=0.2", "scenario.success.settle.within_secs=0.1"];
-        let task = load(&path, &short.map(str::to_owned)).unwrap();
+        let task = load(&path, &[]).unwrap();
         let newest = NewestPolicy::default();
         newest.offer(&untrained_actor(&task).unwrap(), 7);
         let (tell, glimpses) = channel();
@@ -160,8 +159,8 @@ mod tests {
         };
         assert_eq!((begun.title.as_str(), begun.drones[0].frames.len()), ("hover: after 7 steps", 1));
         assert!(!ending.is_empty() && begun.drones[0].goal.is_some());
-        let periods = (0.2 / begun.control_secs).round() as usize;
-        assert!((1..=periods).contains(&between.len()), "{} periods", between.len());
+        // Untrained, it is soon too far away.
+        assert!(between.len() > 10, "{} periods", between.len());
         assert!(between.iter().all(|glimpse| matches!(glimpse, Glimpse::GoesOn(_))));
         drop(glimpses);
         flying.join().unwrap();
