@@ -22,10 +22,10 @@ use crate::renderer;
 /// Columns and rows of windows and films \[px\].
 const SIZE: [usize; 2] = [960, 540];
 
-/// There are no windows.
+/// There is none: this program was built without windows.
 #[cfg(not(feature = "viewer"))]
 #[derive(Debug)]
-pub(crate) struct Desktop;
+pub(crate) enum Desktop {}
 
 #[cfg(not(feature = "viewer"))]
 impl Desktop {
@@ -37,9 +37,10 @@ impl Desktop {
         )
     }
 
-    /// Never called: there is no such desktop.
+    /// # Errors
+    /// Never: there is nothing to show it.
     pub(crate) fn show(self, _: &mut dyn Spectacle, _: Controls, _: &str, _: [usize; 2]) -> Result<()> {
-        Ok(())
+        match self {}
     }
 }
 

@@ -246,7 +246,10 @@ pub(crate) fn fly(
     let means = Means { camera: camera.as_ref(), options, interrupted };
     if let Some(path) = &options.record {
         check_writable(path).map_err(RecordingError::File)?;
-        plant.recorded_in = Some(place.task().ok_or(FlyError::RecordWithoutTask)?);
+        let task = place.task().ok_or(FlyError::RecordWithoutTask)?;
+        // A recording has the pace of its configuration.
+        check_period(&task.scenario, &flown)?;
+        plant.recorded_in = Some(task);
         plant.flight.recorder = Some(SessionRecorder::default());
     }
     let remote = options.processor.remote()?;

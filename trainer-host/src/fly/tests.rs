@@ -130,6 +130,9 @@ fn several_vehicles_fly_in_one_aviary_or_are_refused() {
     assert_eq!(lines.lines().count() % 3, 0);
     let Ok(Glimpse::Begins(_, flight)) = glimpses.recv() else { panic!("nothing is told") };
     assert_eq!((flight.drones.len(), flight.control_secs), (3, 0.02), "at the pace of the policy");
+    let kept = FlyOptions { record: Some(folder.path().join("flight.recording")), ..self::options(1.0) };
+    let refused = fly(Place::Aviary(&task), &climber(0.02), &kept, &|| false, None).unwrap_err();
+    assert!(matches!(refused, FlyError::ControlPeriod { .. }), "a recording has the pace of its configuration");
     let error = fly(Place::FlatFloor, &climber(0.02), &FlyOptions { vehicles: 250, ..options }, &|| false, None);
     assert!(error.unwrap_err().to_string().ends_with("expected 250, 30 cm apart"));
 }
