@@ -75,6 +75,20 @@ fn a_drone_is_chased_but_does_not_see_itself() {
 }
 
 #[test]
+fn a_camera_looks_where_the_nose_points_and_not_where_the_drone_goes() {
+    let scenario = scenario("hover.yaml", 1.0);
+    let mut flight = started(&scenario);
+    let aside = |index: u8| Placement {
+        position: Vector3::new(0.0, 0.05 * f32::from(index), 1.0),
+        attitude: Attitude { w: 1.0, x: 0.0, y: 0.0, z: 0.0 },
+    };
+    flight.drones[0].frames = (0..100).map(aside).collect();
+    let chase = Chase::of(&prepared(flight, &scenario), 0);
+    let forward = chase.view(25.0).forward;
+    assert!(forward.x > 0.8 && forward.y.abs() < 1e-6, "{forward}");
+}
+
+#[test]
 fn a_camera_stays_on_the_drones_side_of_walls() {
     let (_, recorded) = flown("cross.yaml", 2.0);
     let chase = Chase::of(&recorded, 0);
