@@ -9,6 +9,9 @@
 # as many of a hundred as the pilot of this machine to within two; with motors that carry 168 % of the weight in place of the 215
 # % of the training, to within five.
 #
+# The app for crazyflie-firmware also flies two policies that see beams: one whose app casts them in the maps of its thirteen
+# rooms, and one with the five rangers of the Multi-ranger deck.
+#
 # The controller of Betaflight's forks also meets 12,000 states with special values, a rate that is lost and a goal that grows old,
 # compiled as firmwares do: no motor stops.
 #
@@ -31,8 +34,8 @@ adapter() { # NAME ARGUMENT...: an adapter with the autopilot's part
     target/debug/libkestrel_pilot.a -lpthread -ldl -lm -o "$out/$1"
 }
 
-flies_as_here() { # NAME POINTS: by how many points of a hundred fewer flights may succeed
-  target/debug/kestrel evaluate "$run" --episodes "${EPISODES:-64}" --processor program --image "$out/$1" >"$out/$1.txt"
+flies_as_here() { # NAME POINTS [OPTION...]: by how many points of a hundred fewer flights may succeed
+  target/debug/kestrel evaluate "$run" "${@:3}" --episodes "${EPISODES:-64}" --processor program --image "$out/$1" >"$out/$1.txt"
   local status=$?
   cat "$out/$1.txt"
   [ $status -eq 0 ] &&
@@ -62,6 +65,24 @@ flies_as_here crazyflie 2
 verdict $? "a policy flies through the controller interface of crazyflie-firmware"
 adapter crazyflie "$run/crazyflie/kestrel_controller.c" && flies_as_here crazyflie 5
 verdict $? "it flies so with the motors of a stock Crazyflie"
+run=$out/crosses
+mkdir -p "$run" && target/debug/kestrel export crosses --target crazyflie --output "$run" >/dev/null &&
+  adapter crazyflie "$run/crazyflie/kestrel_controller.c" -DCONFIG_CRAZYFLIE_THRUST_UPGRADE_KIT
+verdict $? "the controller builds around a policy that sees a scan, with the maps of its rooms"
+run=crosses
+for room in 0:incremental-cross-0 6:incremental-cross-6 12:harder-cross-16; do
+  ROOM=${room%%:*} flies_as_here crazyflie 5 --task "${room#*:}"
+  verdict $? "a policy flies ${room#*:} by beams that the controller casts in its map"
+done
+run=$out/run-ranger
+rm -rf "$run" && target/debug/kestrel train configs/aviaries/incremental-cross-0.yaml --run "$run" \
+  --set 'scenario.sensors=[range: {}]' --set training.total_steps=524288 --set evaluation.episodes=16 >/dev/null 2>&1 &&
+  rm -r "$run/checkpoints" && target/debug/kestrel export "$run" --target crazyflie >/dev/null &&
+  adapter crazyflie "$run/crazyflie/kestrel_controller.c" -DCONFIG_CRAZYFLIE_THRUST_UPGRADE_KIT
+verdict $? "the controller builds around a policy that sees the Multi-ranger"
+flies_as_here crazyflie 5
+verdict $? "a policy flies by the rangers' log variables"
+run=$out/run-hover
 adapter betaflight "$run/betaflight/nn_controller.c"
 verdict $? "the neural interface of Betaflight's forks builds"
 flies_as_here betaflight 2

@@ -123,7 +123,7 @@ app_on_target() { # $out/app-stm32f405.elf, around the pilot.o of the app's own 
 only_entries() { # whether the firmware sees of the pilot what it calls, and the pilot nothing of the firmware
   local names
   names=$(arm-none-eabi-nm -g "$out/pilot.o" | awk '{ print $(NF - 1), $NF }' | sort | tr '\n' ' ')
-  [ "$names" = "T kestrel_control_period T kestrel_follow_rates T kestrel_greatest_thrust T kestrel_reset T kestrel_take_policy T kestrel_tick " ]
+  [ "$names" = "T kestrel_control_period T kestrel_follow_rates T kestrel_greatest_thrust T kestrel_reset T kestrel_scan T kestrel_take_policy T kestrel_tick_measured " ]
 }
 
 app_size() { # COLUMN of `size`, beside initial values: of the pilot and of its controller
@@ -161,9 +161,35 @@ crazyflie() {
   verdict $? "it flies the same on the STM32F405, and refuses the same policies"
 }
 
+scan_on_target() { # PILOT LIMIT: the beams that its app casts have the bits of this machine, and take at most LIMIT instructions
+  local pilot=$1 limit=$2 folder=$out/scan-$1 mark most
+  local machine=(-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16)
+  target/debug/kestrel export "$pilot" --target crazyflie --output "$folder" >/dev/null &&
+    gcc -O2 -Wall -Wextra -Werror -I "$folder/crazyflie" "$folder/crazyflie/policy.c" tests/firmware/crazyflie/scan.c \
+      target/debug/libkestrel_pilot.a -lpthread -ldl -lm -o "$folder/here" && "$folder/here" >"$folder/here.txt" &&
+    grep -qE '^room 0: [0-9]{3,} beams' "$folder/here.txt" &&
+    arm-none-eabi-gcc "${machine[@]}" -Os -Wall -Wextra -Werror -I "$folder/crazyflie" --specs=rdimon.specs \
+      --specs=nano.specs -nostartfiles -Wl,--gc-sections -T tests/firmware/crazyflie/stm32f405.ld \
+      "$folder/crazyflie/policy.c" tests/firmware/crazyflie/scan.c tests/firmware/crazyflie/start.c "$out/pilot.o" \
+      -o "$folder/there.elf" &&
+    mark=$(arm-none-eabi-nm "$folder/there.elf" | awk '$3 == "mark" { print $1 }') &&
+    emulated netduinoplus2 "$folder/there.elf" \
+      -plugin "$out/instruction_count.so,out=$folder/counts,mark=$mark" >"$folder/there.txt" &&
+    diff "$folder/here.txt" "$folder/there.txt"
+  verdict $? "the beams that the app of $pilot casts have the bits of this machine on the STM32F405"
+  most=$(longest "$folder/counts")
+  [ "$most" -gt 1000 ] && [ "$most" -le "$limit" ]
+  verdict $? "they take $most instructions at most, of $limit"
+}
+
 in_the_loop() { # TASK
   run_with_pilot "$1" "$out/run-$1" &&
     target/debug/kestrel evaluate "$out/run-$1" --episodes "${EPISODES:-64}" --processor qemu --image "$out/pilot.elf"
+}
+
+longest() { # FILE: instructions of the longest call; windows end in turn before and after one, the last two belong to what follows
+  awk '/window/ { if (++window % 2 && window > 1 && sum > most) most = sum; sum = 0; next } { sum += $2 }
+    END { print most }' "$1"
 }
 
 c_on_target() { # NAME OPTIMISATION LIMIT FLAG...: the exported C has the bits of this machine, and takes at most LIMIT instructions
@@ -179,9 +205,7 @@ c_on_target() { # NAME OPTIMISATION LIMIT FLAG...: the exported C has the bits o
       -plugin "$out/instruction_count.so,out=$file.counts,mark=$mark" >"$file.txt" &&
     diff "$out/c.txt" "$file.txt"
   verdict $? "the exported C, $name, has the bits of this machine on the STM32F405"
-  # Windows end in turn before and after a call; the last two belong to what follows.
-  most=$(awk '/window/ { if (++window % 2 && window > 1 && sum > most) most = sum; sum = 0; next } { sum += $2 }
-    END { print most }' "$file.counts")
+  most=$(longest "$file.counts")
   [ "$most" -gt 1000 ] && [ "$most" -le "$limit" ]
   verdict $? "the exported C, $name, takes $most instructions an inference, at most $limit"
 }
@@ -258,6 +282,8 @@ if need "an emulator or a tool" emulators && cargo=$(tests/embedded-toolchain.sh
   processor
   budget
   exported_c
+  scan_on_target crosses 1000000
+  scan_on_target room-1 1000000
 else
   verdict 1 "this machine has what the images need"
 fi

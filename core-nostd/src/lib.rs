@@ -4,7 +4,8 @@
 //! Read in the order of the data: an [`airframe`] becomes a [`vehicle`], whose [`dynamics`] advance its state, in air
 //! that may carry the [`downwash`] of others; an [`observation`] of the state goes through a policy, read from a
 //! [`policy_file`] and computed as an [`mlp`] or in [`fixed`] point, whose [`action`] becomes rotor targets again. The
-//! [`pilot`] is all of that in one call. An [`instrument`] is what simulated sensors make of the truth.
+//! [`pilot`] is all of that in one call. An [`instrument`] is what simulated sensors make of the truth,
+//! a [`scan`] what beams see of a map.
 //!
 //! ```
 //! use kestrel_core::airframe::CF2X;
@@ -83,6 +84,7 @@ pub mod rate_loop;
 pub mod real;
 #[cfg(feature = "reference")]
 pub mod reference;
+pub mod scan;
 pub mod seed;
 pub mod setpoint;
 pub mod vehicle;

@@ -15,6 +15,7 @@ mod outline;
 mod rapier;
 mod reference;
 mod route;
+mod scan_maps;
 mod scanner;
 mod solver;
 #[cfg(test)]
@@ -30,6 +31,7 @@ pub use distance_field::DistanceField;
 pub(crate) use outline::face_normals;
 pub use reference::ContactMemory;
 pub use route::{AXIS_M, Passage, race_line};
+pub use scan_maps::ScanMaps;
 pub use solver::ContactSolver;
 
 use crate::world::{Pose, Role, Solid};

@@ -22,6 +22,9 @@ const SITES: i32 = 9;
 /// Between the launch sites of two drones \[m\]: more than twice a Crazyflie.
 const APART_M: f64 = 0.3;
 
+/// How far from an exact place launch sites are looked for, where several drones start \[m\].
+const ASIDE_M: f64 = 2.0;
+
 /// Time in which a drone that is put down comes to rest \[s\].
 const SETTLING_SECS: f64 = 0.5;
 
@@ -236,16 +239,22 @@ fn on_floor(world: &World) -> World {
 /// Just above the floor or something to land on \[m, world\], below the point nearest to the middle of where episodes begin
 /// under which there is nothing else; if there is something everywhere, on that.
 fn launch_site(scenario: &Scenario) -> Vector3<f64> {
-    let starts = starts(scenario);
+    let mut starts = starts(scenario);
+    if let StartPosition::Exactly(_) = scenario.start.position {
+        starts.truncate(1);
+    }
     let supports = supports(scenario, &starts);
     let best = supports.iter().find(|support| support.carries).or(supports.first());
     best.map_or(starts[0], |support| support.position)
 }
 
-/// So many of them \[m, world\], apart from each other, those nearest to the middle first.
+/// So many of them \[m, world\], apart from each other, those nearest to the middle first, and on what is neither floor nor to land
+/// on only when the others are not enough.
 fn launch_sites(scenario: &Scenario, count: usize) -> Result<Vec<Vector3<f64>>, NoRoom> {
+    let (carried, others): (Vec<_>, Vec<_>) =
+        supports(scenario, &starts(scenario)).into_iter().partition(|support| support.carries);
     let mut sites: Vec<Vector3<f64>> = Vec::new();
-    for support in supports(scenario, &starts(scenario)).iter().filter(|support| support.carries) {
+    for support in carried.iter().chain(&others) {
         let is_apart = sites.iter().all(|site| (site - support.position).norm() > APART_M);
         if is_apart && sites.len() < count {
             sites.push(support.position);
@@ -286,7 +295,8 @@ impl Support {
     }
 }
 
-/// Points from which episodes begin \[m, world\], at least one, those nearest to the middle first.
+/// Points from which episodes begin \[m, world\], at least one, those nearest to the middle first; behind exact places those
+/// around the first.
 fn starts(scenario: &Scenario) -> Vec<Vector3<f64>> {
     match &scenario.start.position {
         StartPosition::AroundGoal { farthest_m, .. } => {
@@ -302,7 +312,12 @@ fn starts(scenario: &Scenario) -> Vec<Vector3<f64>> {
             points.push(space.refuge.cast());
             points
         }
-        StartPosition::Exactly(places) => places.iter().take(1).map(|place| place.position).collect(),
+        StartPosition::Exactly(places) => {
+            let mut points: Vec<_> = places.iter().map(|place| place.position).collect();
+            let aside = Vector3::new(ASIDE_M, ASIDE_M, 0.0);
+            points.extend(lattice(&Cuboid { low: (points[0] - aside).cast(), high: (points[0] + aside).cast() }));
+            points
+        }
     }
 }
 
@@ -417,6 +432,20 @@ mod tests {
         assert!((0.015..0.1).contains(&nearest), "{nearest} m");
         let error = TeamFlight::landed(&hover(), 5_000).unwrap_err();
         assert!(error.found > 5 && error.to_string().contains("expected 5000, 30 cm apart"), "{error}");
+    }
+
+    #[test]
+    fn several_drones_stand_at_exact_places_then_around_them_and_on_a_field_that_covers_the_floor() {
+        let mut scenario = hover();
+        let place = |x: f64| Place { position: Vector3::new(x, 0.0, 0.3), heading: 0.0, spread: 0.0 };
+        scenario.start.position = StartPosition::Exactly(vec![place(0.0), place(0.6)]);
+        scenario.aviary.world.solids.push(block("field", [-3.0, -3.0, 0.0], [3.0, 3.0, 0.0625]));
+        let team = TeamFlight::landed(&scenario, 4).unwrap();
+        for (state, x) in team.states().iter().zip([0.0, 0.6]) {
+            let place = Vector3::new(x, 0.0, 0.0625 + REST_M);
+            assert!((state.position - place).norm() < 4e-3, "{}", state.position);
+        }
+        assert!(team.states()[2..].iter().all(|state| state.position.z < 0.08));
     }
 
     #[test]

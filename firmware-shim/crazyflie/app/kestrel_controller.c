@@ -6,7 +6,8 @@
  *
  * Parameters (group kestrel): `enable`, 0 leaves everything to the PID controller; `pwm`, 1 if the firmware takes duty cycles
  * for its normalized forces, and then `fullThrust` (N of a motor at full throttle and a full battery; 0 for what the policy was
- * trained with) and `fullVoltage` (V of that battery). Logs: `answer` (why the policy does not fly, 0 if it does), `flying`,
+ * trained with) and `fullVoltage` (V of that battery); with a policy that sees a scan `room`, the number of the room in policy.h
+ * in which the drone is: its beams are cast in the map of that room, from the estimated position. Logs: `answer` (why the policy does not fly, 0 if it does), `flying`,
  * `held` (microseconds for which the last thrusts were held), `m1` ... `m4` (thrust in quarters of the weight).
  */
 #include <math.h>
@@ -54,6 +55,31 @@
  * forgiven, and that is less than an attitude loop needs. A set-point that is older than a second is no order any more: the
  * firmware levels the drone after half a second without one, and stops the motors after two. */
 static KestrelGuard guard = {.hold_us = 10u * US_PER_MS, .stale_us = 1000u * US_PER_MS};
+
+/* What the policy sees beside the drone's motion: rangers first, then the beams of a scan. */
+#ifndef KESTREL_RANGERS
+#define KESTREL_RANGERS 0
+#endif
+#ifndef KESTREL_ROOMS
+#define KESTREL_ROOMS 0
+#endif
+#ifndef KESTREL_MEASUREMENTS
+#define KESTREL_MEASUREMENTS 0
+static const float *const measurements = NULL;
+#else
+static float measurements[KESTREL_MEASUREMENTS];
+#endif
+
+#if KESTREL_RANGERS > 0
+#define MILLIMETRE 0.001f
+static char *const ranger_names[KESTREL_RANGERS] = {KESTREL_RANGER_NAMES};
+static const float ranger_limits[KESTREL_RANGERS] = {KESTREL_RANGER_LIMITS};
+static logVarId_t rangers[KESTREL_RANGERS];
+#endif
+
+#if KESTREL_ROOMS > 0
+static uint8_t room;
+#endif
 
 static KestrelPilot pilot;
 static int32_t refusal = KESTREL_NO_POLICY;
@@ -105,6 +131,11 @@ void controllerOutOfTreeInit(void) {
   while (!has_read) {
     vTaskDelay(1);
   }
+#if KESTREL_RANGERS > 0
+  for (int ranger = 0; ranger < KESTREL_RANGERS; ranger++) {
+    rangers[ranger] = logGetVarId("range", ranger_names[ranger]);
+  }
+#endif
   period = (uint32_t)(kestrel_control_period(&pilot) * RATE_MAIN_LOOP + 0.5f);
   if (period == 0) {
     period = 1;
@@ -185,6 +216,30 @@ static void turn(const setpoint_t *setpoint) {
   }
 }
 
+/* Whether there is a measurement of everything that the policy sees: a ranger that has not measured, or that is not there, reads
+ * zero. */
+static bool measure(const float (*position)[3]) {
+#if KESTREL_RANGERS > 0
+  for (int ranger = 0; ranger < KESTREL_RANGERS; ranger++) {
+    const unsigned int distance = LOG_VARID_IS_VALID(rangers[ranger]) ? logGetUint(rangers[ranger]) : 0u;
+    if (distance == 0u) {
+      return false;
+    }
+    const float metres = MILLIMETRE * (float)distance;
+    measurements[ranger] = metres < ranger_limits[ranger] ? metres : ranger_limits[ranger];
+  }
+#endif
+#if KESTREL_ROOMS > 0
+  if (room >= KESTREL_ROOMS) {
+    return false;
+  }
+  kestrel_scan(&kestrel_rooms[room], position, measurements + KESTREL_RANGERS);
+#else
+  (void)position;
+#endif
+  return true;
+}
+
 static int32_t act(const setpoint_t *setpoint, const sensorData_t *sensors, const state_t *state) {
   turn(setpoint);
   const float goal[4] = {setpoint->position.x, setpoint->position.y, setpoint->position.z, RADIANS_PER_DEGREE * heading};
@@ -197,7 +252,10 @@ static int32_t act(const setpoint_t *setpoint, const sensorData_t *sensors, cons
                      RADIANS_PER_DEGREE * sensors->gyro.z},
   };
   float wanted[4];
-  const int32_t result = kestrel_tick(&pilot, &here, &goal, &wanted);
+  if (!measure(&here.position)) {
+    return KESTREL_UNMEASURED;
+  }
+  const int32_t result = kestrel_tick_measured(&pilot, &here, &goal, measurements, KESTREL_MEASUREMENTS, &wanted);
   if (result == KESTREL_OK) {
     for (int rotor = 0; rotor < STABILIZER_NR_OF_MOTORS; rotor++) {
       thrusts[rotor] = wanted[rotor];
@@ -244,6 +302,10 @@ PARAM_ADD(PARAM_UINT8, pwm, &pwm)
 PARAM_ADD(PARAM_FLOAT, fullThrust, &full_thrust)
 /* Voltage of a full battery [V] */
 PARAM_ADD(PARAM_FLOAT, fullVoltage, &full_voltage)
+#if KESTREL_ROOMS > 0
+/* Which of the rooms of policy.h the drone is in */
+PARAM_ADD(PARAM_UINT8, room, &room)
+#endif
 PARAM_GROUP_STOP(kestrel)
 
 LOG_GROUP_START(kestrel)

@@ -52,6 +52,11 @@
 #define KESTREL_ANSWER 106
 
 /*
+ The policy sees another number of measurements than it is shown, or one of them is not finite.
+ */
+#define KESTREL_UNMEASURED 107
+
+/*
  Memory of a pilot. All zero, it is one without a policy.
  */
 typedef struct {
@@ -81,6 +86,74 @@ typedef struct {
    */
   float body_rates[3];
 } KestrelState;
+
+/*
+ The space between two parallel planes.
+ */
+typedef struct {
+  /*
+   Which of the map's normals.
+   */
+  uint32_t normal;
+  /*
+   Where it begins along the normal in m, world.
+   */
+  float low;
+  /*
+   Where it ends in m, world.
+   */
+  float high;
+} KestrelSlab;
+
+/*
+ What beams see of a room in which nothing moves, as `kestrel export --target crazyflie` writes it.
+ */
+typedef struct {
+  /*
+   Nothing farther is seen, in m.
+   */
+  float limit;
+  /*
+   With a scale s in m a beam reads (1 - d / limit) s / (s + d) for a distance d, with zero 1 - d / limit.
+   */
+  float near_scale;
+  /*
+   Number of beams.
+   */
+  uint32_t beams;
+  /*
+   For each beam: metres along it for a metre of height above the floor, zero if it meets no floor.
+   */
+  const float *per_descent;
+  /*
+   Number of normals.
+   */
+  uint32_t normal_count;
+  /*
+   Unit normals of slabs, world.
+   */
+  const float (*normals)[3];
+  /*
+   For each normal, for each beam: metres along the beam for a metre along the normal.
+   */
+  const float *per_metre;
+  /*
+   Number of slabs.
+   */
+  uint32_t slab_count;
+  /*
+   Slabs, body by body.
+   */
+  const KestrelSlab *slabs;
+  /*
+   Number of bodies.
+   */
+  uint32_t body_count;
+  /*
+   How many slabs each body has.
+   */
+  const uint32_t *bodies;
+} KestrelMap;
 
 #ifdef __cplusplus
 extern "C" {
@@ -112,6 +185,31 @@ int32_t kestrel_tick(KestrelPilot *pilot,
                      const KestrelState *state,
                      const float (*goal)[4],
                      float (*thrusts)[4]);
+
+/*
+ As `kestrel_tick`, for a policy that sees what sensors measure: `count` values in the order and the scales of its
+ training. `KESTREL_UNMEASURED` if it sees more or fewer.
+
+ # Safety
+ `measurements` points to `count` values; it may be null if that is zero.
+ */
+int32_t kestrel_tick_measured(KestrelPilot *pilot,
+                              const KestrelState *state,
+                              const float (*goal)[4],
+                              const float *measurements,
+                              size_t count,
+                              float (*thrusts)[4]);
+
+/*
+ Writes what the beams of a lidar would read at a position (m, world) in the room of the map: as many values as the map has
+ beams, one at the drone, zero at the limit of the beams and beyond. The same bits as the simulator's.
+
+ # Safety
+ `map` is as the export wrote it; `beams` has room for the values.
+ */
+void kestrel_scan(const KestrelMap *map,
+                  const float (*position)[3],
+                  float *beams);
 
 /*
  The thrusts of the last tick at the body rates of this moment (rad/s, about the body's axes): for every sample of the

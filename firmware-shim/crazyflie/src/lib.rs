@@ -17,6 +17,7 @@ use kestrel_core::attitude::Attitude;
 use kestrel_core::pilot::Pilot;
 use kestrel_core::policy_file::PolicyFile;
 use kestrel_core::processor_in_the_loop::NO_POLICY;
+use kestrel_core::scan::{ScanMap, Slab};
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -55,6 +56,9 @@ pub const KESTREL_GOAL: i32 = 105;
 /// The policy's answer is not finite.
 pub const KESTREL_ANSWER: i32 = 106;
 
+/// The policy sees another number of measurements than it is shown, or one of them is not finite.
+pub const KESTREL_UNMEASURED: i32 = 107;
+
 /// Memory of a pilot. All zero, it is one without a policy.
 #[repr(C)]
 #[derive(Debug)]
@@ -78,6 +82,49 @@ pub struct KestrelState {
     pub body_rates: [f32; 3],
 }
 
+/// The space between two parallel planes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct KestrelSlab {
+    /// Which of the map's normals.
+    pub normal: u32,
+    /// Where it begins along the normal in m, world.
+    pub low: f32,
+    /// Where it ends in m, world.
+    pub high: f32,
+}
+
+/// What beams see of a room in which nothing moves, as `kestrel export --target crazyflie` writes it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct KestrelMap {
+    /// Nothing farther is seen, in m.
+    pub limit: f32,
+    /// With a scale s in m a beam reads (1 - d / limit) s / (s + d) for a distance d, with zero 1 - d / limit.
+    pub near_scale: f32,
+    /// Number of beams.
+    pub beams: u32,
+    /// For each beam: metres along it for a metre of height above the floor, zero if it meets no floor.
+    pub per_descent: *const f32,
+    /// Number of normals.
+    pub normal_count: u32,
+    /// Unit normals of slabs, world.
+    pub normals: *const [f32; 3],
+    /// For each normal, for each beam: metres along the beam for a metre along the normal.
+    pub per_metre: *const f32,
+    /// Number of slabs.
+    pub slab_count: u32,
+    /// Slabs, body by body.
+    pub slabs: *const KestrelSlab,
+    /// Number of bodies.
+    pub body_count: u32,
+    /// How many slabs each body has.
+    pub bodies: *const u32,
+}
+
+// SAFETY: nothing writes to a map.
+unsafe impl Sync for KestrelMap {}
+
 /// What lies in the memory of a pilot.
 struct Seat {
     /// [`TAKEN`] while `pilot` is one.
@@ -91,6 +138,7 @@ const TAKEN: u32 = 0x4b65_7374;
 const _: () = assert!(KESTREL_NO_POLICY == NO_POLICY, "a code means one thing");
 const _: () =
     assert!(PILOT_WORDS == KESTREL_PILOT_WORDS || cfg!(not(target_os = "none")), "a pilot has room for its seat");
+const _: () = assert!(size_of::<KestrelSlab>() == size_of::<Slab>(), "a slab of C is one of the core");
 const _: () = assert!(align_of::<Seat>() <= align_of::<KestrelPilot>(), "a seat is aligned in its pilot");
 
 impl KestrelPilot {
@@ -126,12 +174,22 @@ impl KestrelPilot {
         (*mark == TAKEN).then(|| unsafe { pilot.assume_init_mut() })
     }
 
-    fn tick(&mut self, state: &KestrelState, goal: &[f32; 4], thrusts: &mut [f32; 4]) -> i32 {
+    fn tick(
+        &mut self,
+        state: &KestrelState,
+        goal: &[f32; 4],
+        measurements: &[f32],
+        thrusts: &mut [f32; 4],
+    ) -> i32 {
         *thrusts = [0.0; 4];
         let Some(pilot) = self.pilot() else { return KESTREL_NO_POLICY };
         let refusal = state.refusal(goal);
         if refusal != KESTREL_OK {
             return refusal;
+        }
+        let expected = pilot.policy().metadata().observation.measured_len();
+        if measurements.len() != expected || !measurements.iter().all(|value| value.is_finite()) {
+            return KESTREL_UNMEASURED;
         }
         let KestrelState { position, attitude: [w, x, y, z], velocity, body_rates } = *state;
         let state = State {
@@ -143,7 +201,7 @@ impl KestrelPilot {
         };
         let [gx, gy, gz, yaw] = *goal;
         let setpoint = Setpoint { yaw, ..Setpoint::at(Vector3::new(gx, gy, gz)) };
-        let speeds = pilot.tick_towards(&[], &state, &setpoint);
+        let speeds = pilot.tick_towards(measurements, &state, &setpoint);
         answer(pilot, speeds, thrusts)
     }
 
@@ -231,7 +289,50 @@ pub extern "C" fn kestrel_tick(
     goal: &[f32; 4],
     thrusts: &mut [f32; 4],
 ) -> i32 {
-    pilot.tick(state, goal, thrusts)
+    pilot.tick(state, goal, &[], thrusts)
+}
+
+/// As `kestrel_tick`, for a policy that sees what sensors measure: `count` values in the order and the scales of its
+/// training. `KESTREL_UNMEASURED` if it sees more or fewer.
+///
+/// # Safety
+/// `measurements` points to `count` values; it may be null if that is zero.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kestrel_tick_measured(
+    pilot: &mut KestrelPilot,
+    state: &KestrelState,
+    goal: &[f32; 4],
+    measurements: *const f32,
+    count: usize,
+    thrusts: &mut [f32; 4],
+) -> i32 {
+    // SAFETY: the caller's promise.
+    let measurements = if count == 0 { &[] } else { unsafe { slice::from_raw_parts(measurements, count) } };
+    pilot.tick(state, goal, measurements, thrusts)
+}
+
+/// Writes what the beams of a lidar would read at a position (m, world) in the room of the map: as many values as the map has
+/// beams, one at the drone, zero at the limit of the beams and beyond. The same bits as the simulator's.
+///
+/// # Safety
+/// `map` is as the export wrote it; `beams` has room for the values.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kestrel_scan(map: &KestrelMap, position: &[f32; 3], beams: *mut f32) {
+    // SAFETY: the caller's promise; slabs are laid out as the core's.
+    let (map, beams) = unsafe {
+        let count = map.beams as usize;
+        let view = ScanMap {
+            limit: map.limit,
+            near_scale: (map.near_scale > 0.0).then_some(map.near_scale),
+            per_descent: slice::from_raw_parts(map.per_descent, count),
+            normals: slice::from_raw_parts(map.normals, map.normal_count as usize),
+            per_metre: slice::from_raw_parts(map.per_metre, map.normal_count as usize * count),
+            slabs: slice::from_raw_parts(map.slabs.cast(), map.slab_count as usize),
+            bodies: slice::from_raw_parts(map.bodies, map.body_count as usize),
+        };
+        (view, slice::from_raw_parts_mut(beams, count))
+    };
+    map.nearness(position, beams);
 }
 
 /// The thrusts of the last tick at the body rates of this moment (rad/s, about the body's axes): for every sample of the

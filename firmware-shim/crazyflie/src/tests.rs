@@ -78,6 +78,94 @@ fn c_flies_as_the_pilot_does() {
     }
 }
 
+/// A policy that sees sixteen beams.
+fn seeing() -> &'static [u8] {
+    aligned(&fs::read(Path::new(FOLDER).join("../../assets/pilots/crosses.kestrel")).unwrap())
+}
+
+#[test]
+fn a_policy_that_sees_sensors_flies_by_what_they_measure_and_not_without() {
+    let mut pilot = KestrelPilot::new();
+    assert_eq!(pilot.take(seeing()), KESTREL_OK);
+    let mut wrapped = Pilot::new(PolicyFile::parse(seeing()).unwrap());
+    let per_hover_thrust = 1.0 / wrapped.policy().metadata().action.hover_speed_squared();
+    let goal = [4.5, 0.0, 0.3, 0.0];
+    let mut tick = |measurements: &[f32], step: u32, thrusts: &mut [f32; 4]| {
+        let (values, count) = (measurements.as_ptr(), measurements.len());
+        // SAFETY: a slice.
+        unsafe { kestrel_tick_measured(&mut pilot, &state(step), &goal, values, count, thrusts) }
+    };
+    for step in 0..100 {
+        let beams: [f32; 16] = core::array::from_fn(|beam| ((beam as u32 + step) % 16) as f32 / 16.0);
+        let mut thrusts = [9.0; 4];
+        for unmeasured in [&beams[..15], &[], &[f32::NAN; 16]] {
+            assert_eq!(tick(unmeasured, step, &mut thrusts), KESTREL_UNMEASURED);
+            assert_eq!(thrusts, [0.0; 4]);
+        }
+        assert_eq!(tick(&beams, step, &mut thrusts), KESTREL_OK);
+        let KestrelState { position, attitude: [w, x, y, z], velocity, body_rates } = state(step);
+        let state = State {
+            position: Vector3::from(position),
+            world_from_body: Attitude { w, x, y, z },
+            velocity: Vector3::from(velocity),
+            body_rates: Vector3::from(body_rates),
+            rotor_speeds: [0.0; 4],
+        };
+        let setpoint = Setpoint { yaw: 0.0, ..Setpoint::at(Vector3::new(4.5, 0.0, 0.3)) };
+        let speeds = wrapped.tick_towards(&beams, &state, &setpoint);
+        assert_eq!(thrusts.map(f32::to_bits), speeds.map(|speed| (speed * speed * per_hover_thrust).to_bits()));
+    }
+    let mut thrusts = [9.0; 4];
+    assert_eq!(kestrel_tick(&mut pilot, &state(0), &goal, &mut thrusts), KESTREL_UNMEASURED);
+    // SAFETY: nothing is read.
+    let answer =
+        unsafe { kestrel_tick_measured(&mut pilot, &state(0), &goal, core::ptr::null(), 0, &mut thrusts) };
+    assert_eq!(answer, KESTREL_UNMEASURED);
+}
+
+#[test]
+fn beams_are_cast_in_a_map_as_the_core_casts_them() {
+    let (per_descent, normals, per_metre) =
+        ([0.0, 1.0], [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], [1.0, 1e6, 1e6, -1.0]);
+    let slabs = [[(0, 3.0, 4.0), (1, 0.0, 2.0)], [(0, -1.0, -0.5), (1, 0.0, 2.0)]];
+    let slabs = slabs.as_flattened();
+    let of_c: Vec<_> = slabs.iter().map(|&(normal, low, high)| KestrelSlab { normal, low, high }).collect();
+    let of_core: Vec<_> = slabs.iter().map(|&(normal, low, high)| Slab { normal, low, high }).collect();
+    for near_scale in [0.0, 0.5] {
+        let map = KestrelMap {
+            limit: 4.0,
+            near_scale,
+            beams: 2,
+            per_descent: per_descent.as_ptr(),
+            normal_count: 2,
+            normals: normals.as_ptr(),
+            per_metre: per_metre.as_ptr(),
+            slab_count: 4,
+            slabs: of_c.as_ptr(),
+            body_count: 2,
+            bodies: [2, 2].as_ptr(),
+        };
+        let core = ScanMap {
+            limit: 4.0,
+            near_scale: (near_scale > 0.0).then_some(near_scale),
+            per_descent: &per_descent,
+            normals: &normals,
+            per_metre: &per_metre,
+            slabs: &of_core,
+            bodies: &[2, 2],
+        };
+        for step in 0..50 {
+            let (mut beams, mut expected) = ([9.0; 2], [9.0; 2]);
+            let position = state(step).position;
+            // SAFETY: the map's arrays are above, and there is room for two beams.
+            unsafe { kestrel_scan(&map, &position, beams.as_mut_ptr()) };
+            core.nearness(&position, &mut expected);
+            assert_eq!(beams, expected);
+            assert!(beams[0] > 0.0 && beams[1] > 0.0);
+        }
+    }
+}
+
 #[test]
 fn a_drone_that_hovers_carries_a_quarter_of_its_weight_with_each_rotor() {
     let mut pilot = KestrelPilot::new();

@@ -1,33 +1,14 @@
-//! A world as the beams of a [`Scan`] see it: sixteen of them at once, in lanes.
-//!
-//! The beams have fixed directions, so that what a beam does to the faces of a body that never moves is known before:
-//! a body is a set of slabs (pairs of parallel planes), and for every normal of a slab and every beam the reciprocal of
-//! the beam's component along it is stored. A beam is inside the body between the last slab that it enters and the
-//! first that it leaves (Kay & Kajiya 1986).
+//! A [`ScanMap`] as a simulation reads it: sixteen beams at once, in lanes, and only the bodies that they may reach.
 
-use core::f64::consts::PI;
-use std::collections::HashMap;
-
+use kestrel_core::scan::{ScanMap, Slab};
 use nalgebra::Vector3;
 
-use super::outline::face_normals;
+use super::scan_maps::{PARALLEL, ScanMaps};
 use crate::sensor::{BEAM_LIMIT, Scan};
-use crate::world::{Floor, Mesh, Shape, Solid, World};
+use crate::world::{Solid, World};
 
 /// Edge of the cells that know what can be seen from inside them \[m\].
 const CELL: f32 = 0.25;
-
-/// Slabs around a cylinder; the prism is wider than it by 0.9 % of the radius at most.
-const SIDES: usize = 12;
-
-/// Slabs around a ball; what they enclose is wider than it by 2 % of the radius at most.
-const BALL_SIDES: usize = 96;
-
-/// \[rad\].
-const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-
-/// Reciprocal for a beam along a slab: beyond the limit of any scan, and finite.
-const PARALLEL: f64 = 1e6;
 
 /// Rounding of `f32`, generously \[m\].
 const ROUNDING: f32 = 1e-4;
@@ -59,15 +40,6 @@ struct Bank {
     per_metre: Vec<[f32; BANK]>,
 }
 
-/// The space between two parallel planes.
-#[derive(Clone, Copy, Debug)]
-struct Slab {
-    /// Which of the normals.
-    normal: u32,
-    low: f32,
-    high: f32,
-}
-
 /// Which bodies a beam can reach from where.
 #[derive(Clone, Debug)]
 struct Cells {
@@ -92,31 +64,23 @@ type Extent = (Vector3<f32>, Vector3<f32>);
 
 impl Scanner {
     pub(super) fn new(world: &World, scan: &Scan) -> Self {
-        let directions = scan.directions();
-        let (mut normals, mut slabs, mut bodies) = (Vec::new(), Vec::new(), Vec::new());
-        let mut places: HashMap<[u64; 3], u32> = HashMap::new();
-        // Zero is added because there are two zeros.
-        let bits = |normal: &Vector3<f64>| normal.map(|value| (value + 0.0).to_bits()).into();
-        for solid in &world.solids {
-            let first = slabs.len() as u32;
-            for (normal, low, high) in planes(solid) {
-                let place = places.entry(bits(&normal)).or_insert_with(|| {
-                    normals.push(normal);
-                    normals.len() as u32 - 1
-                });
-                slabs.push(Slab { normal: *place, low: low as f32, high: high as f32 });
-            }
-            bodies.push([first, slabs.len() as u32]);
-        }
+        let maps = ScanMaps::new([world], scan);
         let extents: Vec<Extent> = world.solids.iter().map(extent).collect();
-        let reaches: Vec<_> = directions.chunks(BANK).map(|beams| Reach::of(beams, scan.limit)).collect();
+        let reaches: Vec<_> = scan.directions().chunks(BANK).map(|beams| Reach::of(beams, scan.limit)).collect();
+        let map = maps.map(0);
+        let mut ends = 0;
+        let body = |len: &u32| {
+            let first = ends;
+            ends += len;
+            [first, ends]
+        };
         Self {
             limit: scan.limit,
             near_scale: scan.near_scale,
-            banks: directions.chunks(BANK).map(|beams| Bank::new(world.floor, &normals, beams)).collect(),
-            normals: normals.iter().map(|normal| normal.map(|value| value as f32).into()).collect(),
-            slabs,
-            bodies,
+            banks: (0..reaches.len()).map(|bank| Bank::new(&map, bank * BANK)).collect(),
+            normals: map.normals.to_vec(),
+            slabs: map.slabs.to_vec(),
+            bodies: map.bodies.iter().map(body).collect(),
             cells: Cells::new(&extents, &reaches),
         }
     }
@@ -164,20 +128,17 @@ impl Scanner {
 }
 
 impl Bank {
-    fn new(floor: Floor, normals: &[Vector3<f64>], directions: &[Vector3<f64>]) -> Self {
+    /// The beams of the map from `first` on; where there are no more, what meets nothing.
+    fn new(map: &ScanMap<'_>, first: usize) -> Self {
+        let beams = map.per_descent.len();
         let mut per_descent = [0.0; BANK];
-        for (reciprocal, direction) in per_descent.iter_mut().zip(directions) {
-            if floor == Floor::Solid && direction.z < -1.0 / PARALLEL {
-                *reciprocal = (-1.0 / direction.z) as f32;
-            }
+        for (value, of_map) in per_descent.iter_mut().zip(&map.per_descent[first..]) {
+            *value = *of_map;
         }
-        let per_metre = |normal: &Vector3<f64>| {
-            core::array::from_fn(|beam| {
-                let rate = directions.get(beam).map_or(0.0, |direction| direction.dot(normal));
-                if rate.abs() < 1.0 / PARALLEL { PARALLEL as f32 } else { (1.0 / rate) as f32 }
-            })
+        let per_metre = |of_map: &[f32]| {
+            core::array::from_fn(|beam| of_map.get(first + beam).copied().unwrap_or(PARALLEL as f32))
         };
-        Self { per_descent, per_metre: normals.iter().map(per_metre).collect() }
+        Self { per_descent, per_metre: map.per_metre.chunks(beams).map(per_metre).collect() }
     }
 
     /// Shortens the beams that meet the floor, `height` below them.
@@ -295,54 +256,4 @@ impl Reach {
 fn extent(solid: &Solid) -> Extent {
     let (low, high) = solid.extent();
     (low.cast(), high.cast())
-}
-
-/// The slabs of a solid: unit normal, least and greatest coordinate along it \[m, world\].
-fn planes(solid: &Solid) -> Vec<(Vector3<f64>, f64, f64)> {
-    let axes = Vector3::from(solid.pose.world_from_body.rows().map(Vector3::from));
-    let in_world = |normal: Vector3<f64>| axes.map(|row| row.dot(&normal));
-    let place = |(normal, low, high): (Vector3<f64>, f64, f64)| {
-        let normal = in_world(normal);
-        let middle = normal.dot(&solid.pose.position);
-        (normal, middle + low, middle + high)
-    };
-    local_planes(&solid.shape).into_iter().map(place).collect()
-}
-
-fn local_planes(shape: &Shape) -> Vec<(Vector3<f64>, f64, f64)> {
-    match shape {
-        Shape::Cuboid(half) => {
-            let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-            axes.into_iter().zip(half.iter()).map(|(axis, half)| (axis, -half, *half)).collect()
-        }
-        Shape::Cylinder { radius, half_height } => {
-            let side = |number: usize| {
-                let (sine, cosine) = libm::sincos(PI * number as f64 / SIDES as f64);
-                (Vector3::new(cosine, sine, 0.0), -radius, *radius)
-            };
-            (0..SIDES).map(side).chain([(Vector3::z(), -half_height, *half_height)]).collect()
-        }
-        Shape::Sphere(radius) => {
-            // Directions that a golden spiral spreads evenly over half a ball.
-            let side = |number: usize| {
-                let along = 1.0 - (number as f64 + 0.5) / BALL_SIDES as f64;
-                let (sine, cosine) = libm::sincos(GOLDEN_ANGLE * number as f64);
-                let across = (1.0 - along * along).sqrt();
-                (Vector3::new(across * cosine, across * sine, along), -radius, *radius)
-            };
-            (0..BALL_SIDES).map(side).collect()
-        }
-        Shape::Hull(points) | Shape::Mesh(Mesh { hull: points, .. }) => {
-            let mut planes: Vec<(Vector3<f64>, f64, f64)> = Vec::new();
-            for normal in face_normals(points) {
-                if planes.iter().all(|(other, ..)| other.cross(&normal).norm() > 1e-4) {
-                    let along = points.iter().map(|point| point.dot(&normal));
-                    let (low, high) =
-                        (along.clone().fold(f64::INFINITY, f64::min), along.fold(-f64::INFINITY, f64::max));
-                    planes.push((normal, low, high));
-                }
-            }
-            planes
-        }
-    }
 }

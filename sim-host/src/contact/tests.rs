@@ -5,7 +5,7 @@ use kestrel_core::attitude::Attitude;
 use nalgebra::Vector3;
 
 use super::clearance_map::FAR;
-use super::{Arena, ContactReport, DistanceField, Motion, Touch};
+use super::{Arena, ContactReport, DistanceField, Motion, ScanMaps, Touch};
 use crate::sensor::{BEAM_LIMIT, Scan, ScanRing};
 use crate::world::{Cuboid, Floor, Mesh, Movable, Pose, Role, Shape, Solid, Triangle, World};
 
@@ -246,6 +246,30 @@ fn a_scan_goes_from_one_at_the_drone_to_zero_at_its_limit() {
     assert_eq!(arena.nearness([1.1, 0.0, 1.0])[..12], [1.0; 12], "inside the wall");
     assert_eq!(arena.nearness([500.0, 0.0, 100.0]), [0.0; BEAM_LIMIT]);
     assert!(arena.nearness([f32::NAN; 3]).iter().all(|value| (0.0..=1.0).contains(value)));
+}
+
+#[test]
+fn a_map_for_firmware_is_read_to_the_same_bits() {
+    let empty = World::empty();
+    for scan in [scan(), wide_scan(), Scan { near_scale: Some(0.5), limit: 2.0, ..scan() }] {
+        let maps = ScanMaps::new([&empty, &world()], &scan);
+        assert_eq!(maps.len(), 2);
+        for (index, world) in [empty.clone(), world()].iter().enumerate() {
+            let arena = arena(ContactReport::Touch).with_scan(world, &scan);
+            for point in points().map(|point| point.map(|value| value as f32).into()) {
+                let mut seen = [9.0; BEAM_LIMIT];
+                maps.map(index).nearness(&point, &mut seen[..scan.len()]);
+                let expected = &arena.nearness(point)[..scan.len()];
+                assert!(
+                    seen.iter()
+                        .map(|value| value.to_bits())
+                        .take(scan.len())
+                        .eq(expected.iter().map(|value| value.to_bits())),
+                    "{point:?}"
+                );
+            }
+        }
+    }
 }
 
 #[test]

@@ -89,7 +89,7 @@ impl WebTraining {
 pub fn crazyflie_zip(policy: &[u8]) -> Result<Vec<u8>, JsError> {
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
-    for (name, contents) in crazyflie_app(policy)? {
+    for (name, contents) in crazyflie_app(policy, &[])? {
         archive.start_file(format!("crazyflie/{name}"), options)?;
         archive.write_all(contents.as_bytes())?;
     }

@@ -61,13 +61,15 @@ static uint8_t receive(uint16_t *len) {
 
 static void tick(uint16_t len) {
   AdapterTick request;
+  static float measurements[sizeof payload / sizeof(float)];
   float speeds[4];
-  if (len != sizeof request) {
+  if (len < sizeof request || (len - sizeof request) % sizeof(float) != 0) {
     send_code(LENGTH);
     return;
   }
   memcpy(&request, payload, sizeof request);
-  const int32_t code = adapter_tick(&request, speeds);
+  memcpy(measurements, payload + sizeof request, len - sizeof request);
+  const int32_t code = adapter_tick(&request, measurements, (len - sizeof request) / sizeof(float), speeds);
   if (code != 0) {
     send_code(code);
     return;

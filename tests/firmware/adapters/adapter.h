@@ -21,5 +21,5 @@ int32_t adapter_take(const uint8_t *policy, size_t len);
 /* An episode begins. */
 void adapter_reset(void);
 
-/* Rotor speeds (rad/s) front right, rear right, rear left, front left; 0, or why there are none. */
-int32_t adapter_tick(const AdapterTick *tick, float speeds[4]);
+/* Rotor speeds (rad/s) front right, rear right, rear left, front left, beside what sensors measured; 0, or why there are none. */
+int32_t adapter_tick(const AdapterTick *tick, const float *measurements, size_t count, float speeds[4]);

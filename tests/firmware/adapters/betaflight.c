@@ -50,7 +50,8 @@ static float speed_of(float command) {
   return GREATEST_SPEED * sqrtf(k * command * command + (1.0f - k) * command);
 }
 
-int32_t adapter_tick(const AdapterTick *tick, float speeds[4]) {
+int32_t adapter_tick(const AdapterTick *tick, const float *measurements, size_t count, float speeds[4]) {
+  (void)measurements, (void)count;
   float world_state[16] = {0.0f};
   const float goal[3] = {tick->goal[0], -tick->goal[1], -tick->goal[2]};
   for (int axis = 0; axis < 3; axis++) {

@@ -1,6 +1,8 @@
 /* The app for crazyflie-firmware as its stabilizer calls it: degrees per second of the gyroscope, degrees of the set-points,
- * shares of the greatest thrust for the motors, a thousand times a second. */
+ * millimetres of the rangers, shares of the greatest thrust for the motors, a thousand times a second. A policy that sees a scan
+ * flies in the room whose number is in the environment, ROOM: the app casts the beams itself. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "adapter.h"
@@ -28,6 +30,24 @@ extern const void *const log_answer;
 float pmGetBatteryVoltage(void);
 float pmGetBatteryVoltage(void) { return 4.2f; }
 
+#ifdef KESTREL_RANGERS
+static char *const ranger_names[] = {KESTREL_RANGER_NAMES};
+static unsigned int millimetres[KESTREL_RANGERS];
+
+logVarId_t logGetVarId(char *group, char *name) {
+  for (logVarId_t id = 0; strcmp(group, "range") == 0 && id < KESTREL_RANGERS; id++) {
+    if (strcmp(name, ranger_names[id]) == 0) return id;
+  }
+  return 0xffff;
+}
+
+unsigned int logGetUint(logVarId_t id) { return millimetres[id]; }
+#endif
+
+#ifdef KESTREL_ROOMS
+extern void *const param_room;
+#endif
+
 int32_t adapter_take(const uint8_t *policy, size_t len) {
   static KestrelPilot pilot;
   if (len != kestrel_policy_len || memcmp(policy, kestrel_policy, len) != 0) {
@@ -35,6 +55,10 @@ int32_t adapter_take(const uint8_t *policy, size_t len) {
   }
   const int32_t refusal = kestrel_take_policy(&pilot, kestrel_policy, kestrel_policy_len);
   ticks = (uint32_t)(kestrel_control_period(&pilot) * RATE_MAIN_LOOP + 0.5f);
+#ifdef KESTREL_ROOMS
+  const char *room = getenv("ROOM");
+  *(uint8_t *)param_room = (uint8_t)(room != NULL ? atoi(room) : 0);
+#endif
   controllerOutOfTreeInit();
   return refusal != 0 ? refusal : controllerOutOfTreeTest() ? 0 : PID_FLIES;
 }
@@ -55,7 +79,14 @@ static float speed_of(float share) {
   return HOVER_SPEED * sqrtf(quarter_weights > 0.0f ? quarter_weights : 0.0f);
 }
 
-int32_t adapter_tick(const AdapterTick *tick, float speeds[4]) {
+int32_t adapter_tick(const AdapterTick *tick, const float *measurements, size_t count, float speeds[4]) {
+#ifdef KESTREL_RANGERS
+  for (size_t ranger = 0; ranger < KESTREL_RANGERS && ranger < count; ranger++) {
+    millimetres[ranger] = (unsigned int)(1000.0f * measurements[ranger] + 0.5f);
+  }
+#else
+  (void)measurements, (void)count;
+#endif
   const float *position = tick->position, *velocity = tick->velocity, *rates = tick->body_rates, *q = tick->attitude;
   const float degrees = DEGREES_PER_RADIAN;
   const sensorData_t sensors = {.gyro = {degrees * rates[0], degrees * rates[1], degrees * rates[2]}};

@@ -259,7 +259,7 @@ static void damage(void) {
   const KestrelState state = {.attitude = {1.0f}};
   const float goal[4] = {0.0f};
   float thrusts[4] = {1.0f, 1.0f, 1.0f, 1.0f};
-  const int32_t answer = kestrel_tick(&pilot, &state, &goal, &thrusts);
+  const int32_t answer = kestrel_tick_measured(&pilot, &state, &goal, NULL, 0, &thrusts);
   printf("then a tick: %d, thrust %d\n", (int)answer, (int)thrusts[0]);
 }
 

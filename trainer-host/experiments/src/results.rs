@@ -25,7 +25,7 @@ use kestrel_export::px4::{Px4Error, px4_files};
 use kestrel_export::recurrent::{RecurrentActor, export_recurrent};
 use kestrel_export::seeing::{SeeingActor, SeeingCalibration, SeeingExport, SeeingReport, export_seeing};
 use kestrel_export::source::{
-    CSource, GUARD, SourceError, betaflight_controller, c_source, crazyflie_app, rust_module,
+    CSource, GUARD, SourceError, betaflight_controller, c_source, crazyflie_app, crazyflie_map_bytes, rust_module,
 };
 use kestrel_export::{DenseLayer, Export, ExportError, ExportReport, export};
 use kestrel_learn::actor_critic::Actor;
@@ -203,18 +203,31 @@ pub fn export_c(directory: &RunDirectory) -> Result<[PathBuf; 3], ResultsError> 
 }
 
 /// Writes an app for crazyflie-firmware with the run's fixed-point policy into the folder `crazyflie`, and returns its path.
+/// `tasks` are those of the run, none where they are not known.
 ///
 /// # Errors
 /// As [`export_rust`]; also when the policy sees what an app cannot show it.
-pub fn export_crazyflie(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
-    write_folder(directory, "crazyflie", crazyflie_app(&read(&directory.policy())?)?)
+pub fn export_crazyflie(directory: &RunDirectory, tasks: &[Experiment]) -> Result<PathBuf, ResultsError> {
+    write_folder(directory, "crazyflie", crazyflie_app(&read(&directory.policy())?, &named(tasks))?)
+}
+
+/// Flash that the maps of that app will take \[bytes\].
+///
+/// # Errors
+/// As [`export_crazyflie`].
+pub fn crazyflie_maps(directory: &RunDirectory, tasks: &[Experiment]) -> Result<usize, ResultsError> {
+    Ok(crazyflie_map_bytes(&read(&directory.policy())?, &named(tasks))?)
+}
+
+fn named(tasks: &[Experiment]) -> Vec<(&str, &Scenario)> {
+    tasks.iter().map(|task| (task.name.as_str(), &task.scenario)).collect()
 }
 
 /// Writes a controller for Betaflight's neural forks with the run's fixed-point policy into the folder `betaflight`, and returns its
 /// path.
 ///
 /// # Errors
-/// As [`export_crazyflie`].
+/// As [`export_rust`]; also when the policy sees anything but the drone's motion and the goal.
 pub fn export_betaflight(directory: &RunDirectory) -> Result<PathBuf, ResultsError> {
     write_folder(directory, "betaflight", betaflight_controller(&read(&directory.policy())?)?)
 }

@@ -84,6 +84,8 @@ pub struct Cost {
     /// Of all, and of the policy alone \[bytes\].
     flash: usize,
     policy: usize,
+    /// Of the maps in which beams are cast \[bytes\].
+    maps: usize,
     /// \[bytes\]
     ram: usize,
     stack: usize,
@@ -135,6 +137,7 @@ impl Cost {
                 form,
                 flash: network.map_or(file_len, c_flash),
                 policy: network.map_or(file_len, PolicyFile::parameter_bytes),
+                maps: 0,
                 ram: network.map_or(0, |network| 6 * widest(network)),
                 stack: C_STACK,
                 instructions: network.map(c_instructions),
@@ -142,7 +145,7 @@ impl Cost {
             Form::Px4 => {
                 let weights = network.map_or(file_len, PolicyFile::parameter_bytes);
                 let flash = weights + MODEL_REST;
-                Self { form, flash, policy: weights, ram: ARENA, stack: 0, instructions: None }
+                Self { form, flash, policy: weights, maps: 0, ram: ARENA, stack: 0, instructions: None }
             }
             Form::Crazyflie => Self::of_pilot(form, (network, file_len), [APP_CODE, APP_MEMORY, APP_STACK]),
             Form::Betaflight => {
@@ -164,7 +167,13 @@ impl Cost {
         [code, ram, stack]: [usize; 3],
     ) -> Self {
         let instructions = network.map(tick_instructions);
-        Self { form, flash: code + file_len, policy: file_len, ram, stack, instructions }
+        Self { form, flash: code + file_len, policy: file_len, maps: 0, ram, stack, instructions }
+    }
+
+    /// The same with maps of so many bytes.
+    #[must_use]
+    pub const fn with_maps(self, maps: usize) -> Self {
+        Self { flash: self.flash + maps, maps, ..self }
     }
 }
 
@@ -260,12 +269,13 @@ fn layers_instructions(network: &PolicyFile<'_>, per_block: f64, per_value: f64)
 
 impl fmt::Display for Cost {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { form, flash, policy, ram, stack, instructions } = self;
-        let [kilobytes, of_policy, memory] = [flash, policy, ram].map(|bytes| *bytes as f64 / 1e3);
-        write!(
-            f,
-            "about {kilobytes:.1} kB of flash, {of_policy:.1} of them for the policy, {memory:.1} kB of RAM"
-        )?;
+        let Self { form, flash, policy, maps, ram, stack, instructions } = self;
+        let [kilobytes, of_policy, of_maps, memory] = [flash, policy, maps, ram].map(|bytes| *bytes as f64 / 1e3);
+        write!(f, "about {kilobytes:.1} kB of flash, {of_policy:.1} of them for the policy, ")?;
+        if *maps > 0 {
+            write!(f, "{of_maps:.1} for the maps of its rooms, ")?;
+        }
+        write!(f, "{memory:.1} kB of RAM")?;
         if *stack > 0 {
             write!(f, ", {stack} bytes of stack")?;
         }
@@ -274,7 +284,8 @@ impl fmt::Display for Cost {
             Form::C => "an action",
             Form::Rust | Form::Crazyflie | Form::Betaflight | Form::Px4 => "a control period",
         };
-        write!(f, " and {instructions} instructions {call} of a Cortex-M4")
+        write!(f, " and {instructions} instructions {call} of a Cortex-M4")?;
+        if *maps > 0 { f.write_str(", its beams aside") } else { Ok(()) }
     }
 }
 

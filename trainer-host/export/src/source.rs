@@ -5,6 +5,7 @@ mod betaflight;
 mod c;
 mod crazyflie;
 mod rust;
+mod sensing;
 
 use std::fmt::Write;
 
@@ -15,7 +16,7 @@ use thiserror::Error;
 
 pub use betaflight::betaflight_controller;
 pub use c::{CSource, c_source};
-pub use crazyflie::crazyflie_app;
+pub use crazyflie::{crazyflie_app, crazyflie_map_bytes};
 pub use rust::rust_module;
 
 /// `kestrel_guard.h`: when a policy in C goes on flying, when it is held, and when another controller takes over.
@@ -46,13 +47,26 @@ pub enum SourceError {
         "found a policy for rotors in another order, expected the Crazyflie's: clockwise from the front right, which turns counter-clockwise"
     )]
     Rotors,
-    /// An app shows a policy the Crazyflie's own motion and where it should be, and nothing else.
+    /// A firmware shows a policy the drone's own motion and where it should be, and nothing else.
     #[error(
-        "found a policy that sees `{found}`, expected one trained with `pilot`, or with `body` and no sensors: an app shows it the drone's motion and the goal alone"
+        "found a policy that sees `{found}`, expected one trained with `pilot`, or with `body` and no sensors: it is shown the drone's motion and the goal alone"
     )]
     Observation {
         /// What it sees.
         found: &'static str,
+    },
+    /// Which sensors the policy sees is not in its file.
+    #[error(
+        "found a policy file alone of a policy that sees sensors, expected its run or a pilot that comes with the program: they say which sensors"
+    )]
+    UnknownSensors,
+    /// A Crazyflie does not measure what the policy sees.
+    #[error(
+        "found a policy that sees {found}, expected rangers, and a scan of the same few rooms in which nothing moves: an app shows it nothing else"
+    )]
+    Sensors {
+        /// What it sees.
+        found: String,
     },
 }
 

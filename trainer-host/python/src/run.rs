@@ -1,6 +1,7 @@
 //! A run directory: trained, evaluated, exported, as `kestrel train`, `evaluate` and `export` do.
 
 use std::path::PathBuf;
+use std::slice;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -85,14 +86,14 @@ pub(crate) fn evaluate(
 #[pyfunction]
 pub(crate) fn export(py: Python<'_>, path: PathBuf, target: &str) -> PyResult<Vec<PathBuf>> {
     let (directory, experiment) = open(&path, &[])?;
-    let write: fn(&RunDirectory) -> Result<Vec<PathBuf>, ResultsError> = match target {
-        "file" => |directory| Ok(vec![directory.policy(), directory.policy_f32()]),
-        "rust" => |directory| Ok(vec![results::export_rust(directory)?]),
-        "c" => |directory| Ok(results::export_c(directory)?.into()),
-        "crazyflie" => |directory| Ok(vec![results::export_crazyflie(directory)?]),
-        "betaflight" => |directory| Ok(vec![results::export_betaflight(directory)?]),
-        "onnx" => |directory| Ok(vec![results::export_onnx(directory)?]),
-        "safetensors" => |directory| Ok(vec![results::export_safetensors(directory)?]),
+    let write: fn(&RunDirectory, &Experiment) -> Result<Vec<PathBuf>, ResultsError> = match target {
+        "file" => |directory, _| Ok(vec![directory.policy(), directory.policy_f32()]),
+        "rust" => |directory, _| Ok(vec![results::export_rust(directory)?]),
+        "c" => |directory, _| Ok(results::export_c(directory)?.into()),
+        "crazyflie" => |directory, task| Ok(vec![results::export_crazyflie(directory, slice::from_ref(task))?]),
+        "betaflight" => |directory, _| Ok(vec![results::export_betaflight(directory)?]),
+        "onnx" => |directory, _| Ok(vec![results::export_onnx(directory)?]),
+        "safetensors" => |directory, _| Ok(vec![results::export_safetensors(directory)?]),
         other => {
             return Err(expected("target", other, "file, rust, c, crazyflie, betaflight, onnx or safetensors"));
         }
@@ -100,7 +101,7 @@ pub(crate) fn export(py: Python<'_>, path: PathBuf, target: &str) -> PyResult<Ve
     work(py, None, None, |_| {
         let (actor, steps) = best_policy(&experiment, &directory)?;
         results::export_policy(&Subject::of(&experiment), &directory, &actor, steps)?;
-        Ok(write(&directory)?)
+        Ok(write(&directory, &experiment)?)
     })
 }
 

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 use kestrel_core::airframe::CF2X;
 use kestrel_core::policy_file::{Arithmetic, PolicyAirframe};
 use kestrel_experiments::atomic_file::write_atomically;
+use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::output::say;
 use kestrel_experiments::results;
 use kestrel_experiments::run_config::{RunConfig, policy_of};
@@ -84,12 +85,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
             say(path.display())?;
         }
     }
+    let subject = config.as_ref().map(RunConfig::subject);
+    let tasks = subject.as_ref().map_or(&[][..], |subject| subject.tasks);
+    let failure = || format!("cannot export {}", directory.policy().display());
     let cost = match arguments.target.form() {
-        Some(form) => Some(expected_cost(&directory, form)?),
+        Some(form) => Some(expected_cost(&directory, form, tasks).with_context(failure)?),
         None => None,
     };
-    let written = written(arguments.target, &directory, config.as_ref())
-        .with_context(|| format!("cannot export {}", directory.policy().display()))?;
+    let written = written(arguments.target, &directory, tasks).with_context(failure)?;
     for path in &written {
         say(path.display())?;
     }
@@ -100,14 +103,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
 }
 
 /// Writes what the target needs; the paths.
-fn written(target: Target, directory: &RunDirectory, config: Option<&RunConfig>) -> Result<Vec<PathBuf>> {
+fn written(target: Target, directory: &RunDirectory, tasks: &[Experiment]) -> Result<Vec<PathBuf>> {
     Ok(match target {
         Target::File => Vec::new(),
         Target::Rust => vec![results::export_rust(directory)?],
         Target::C => results::export_c(directory)?.into(),
-        Target::Crazyflie => vec![results::export_crazyflie(directory)?],
+        Target::Crazyflie => vec![results::export_crazyflie(directory, tasks)?],
         Target::Betaflight => vec![results::export_betaflight(directory)?],
-        Target::Px4 => vec![results::export_px4(directory, px4_motors(directory, config)?)?],
+        Target::Px4 => vec![results::export_px4(directory, px4_motors(directory, tasks)?)?],
         Target::Onnx => vec![results::export_onnx(directory)?],
         Target::Safetensors => vec![results::export_safetensors(directory)?],
     })
@@ -156,7 +159,12 @@ fn directory_of(arguments: &Arguments) -> Result<(RunDirectory, Option<RunConfig
         Arithmetic::Float32 => copies.policy_f32(),
     };
     write_atomically(&path, bytes.bytes())?;
-    Ok((copies, None))
+    let config = match shipped {
+        // The tasks of a pilot that comes with the program are known.
+        Some(_) => Some(run::open(&shipped::run(source)?, &[])?.1),
+        None => None,
+    };
+    Ok((copies, config))
 }
 
 /// A policy of the program's own or by its file, and what a folder for it is called.
@@ -176,14 +184,15 @@ fn policy_file(source: &Path, shipped: Option<&[u8]>) -> Result<(PolicyBytes, St
 }
 
 /// Says what a microcontroller will spend on it.
-fn expected_cost(directory: &RunDirectory, form: Form) -> Result<Cost> {
+fn expected_cost(directory: &RunDirectory, form: Form, tasks: &[Experiment]) -> Result<Cost> {
     let path = match form {
         Form::Px4 => directory.policy_f32(),
         Form::Rust | Form::C | Form::Crazyflie | Form::Betaflight => directory.policy(),
     };
     let bytes = PolicyBytes::read(&path)?;
     let policy = Policy::parse(bytes.bytes()).with_context(|| format!("cannot export {}", path.display()))?;
-    let cost = Cost::of(&policy, form, bytes.bytes().len());
+    let maps = if form == Form::Crazyflie { results::crazyflie_maps(directory, tasks)? } else { 0 };
+    let cost = Cost::of(&policy, form, bytes.bytes().len()).with_maps(maps);
     say(format_args!("It will take {cost}."))?;
     Ok(cost)
 }
@@ -199,11 +208,11 @@ fn compare(cost: &Cost, written: &[PathBuf]) -> Result<()> {
 
 /// Rotors of the policy's drone that PX4's motors turn; of a policy that does not say, the task's, or those of the airframes
 /// that come with the program.
-fn px4_motors(directory: &RunDirectory, config: Option<&RunConfig>) -> Result<[usize; 4]> {
+fn px4_motors(directory: &RunDirectory, tasks: &[Experiment]) -> Result<[usize; 4]> {
     let path = directory.policy_f32();
     let bytes = PolicyBytes::read(&path)?;
     let policy = Policy::parse(bytes.bytes()).with_context(|| format!("cannot export {}", path.display()))?;
-    let of_task = || config.map_or(CF2X, |config| config.subject().tasks[0].scenario.airframe);
+    let of_task = || tasks.first().map_or(CF2X, |task| task.scenario.airframe);
     let airframe = policy.metadata().airframe.unwrap_or_else(|| PolicyAirframe::from(&of_task()));
     Ok(MotorOrder::QuadX.rotors(&airframe)?)
 }

@@ -1,6 +1,9 @@
 //! A policy behind the neural interface of `INDIflight` and other forks of Betaflight.
 
+use kestrel_core::policy_file::PolicyFile;
+
 use super::crazyflie::with_policy;
+use super::sensing::Sensing;
 use super::{GUARD, SourceError};
 
 /// What is the same for every policy: file name and contents.
@@ -14,7 +17,11 @@ const CONTROLLER: [(&str, &str); 4] = [
 /// The controller around the policy file `bytes`, which start on a four-byte boundary of memory: names and contents of its files.
 ///
 /// # Errors
-/// As [`super::crazyflie_app`].
+/// As [`super::crazyflie_app`], also when the policy sees sensors.
 pub fn betaflight_controller(bytes: &[u8]) -> Result<Vec<(&'static str, String)>, SourceError> {
-    with_policy(bytes, "betaflight", &CONTROLLER)
+    let observation = PolicyFile::parse(bytes)?.metadata().observation;
+    if !observation.shows_goal() || observation.measured_len() > 0 {
+        return Err(SourceError::Observation { found: observation.name() });
+    }
+    with_policy(bytes, "betaflight", &CONTROLLER, &Sensing::new(0, &[])?)
 }

@@ -4,7 +4,9 @@ use std::fmt::Write;
 
 use kestrel_core::action::ActionSpace;
 use kestrel_core::policy_file::PolicyFile;
+use kestrel_sim::scenario::Scenario;
 
+use super::sensing::Sensing;
 use super::{GUARD, SourceError, comment, for_crazyflie, for_px4, rows};
 
 /// What is the same for every policy: file name and contents.
@@ -18,12 +20,29 @@ const APP: [(&str, &str); 6] = [
 ];
 
 /// The app around the policy file `bytes`, which start on a four-byte boundary of memory: names and contents of its files.
+/// `tasks`, by their names, are those that it learned: a policy that sees sensors sees what they say.
 ///
 /// # Errors
 /// [`SourceError`], also when the policy sees what an app cannot show it, or commands one of the reference's controllers,
 /// for whose stack a stabilizer task has no room.
-pub fn crazyflie_app(bytes: &[u8]) -> Result<Vec<(&'static str, String)>, SourceError> {
-    with_policy(bytes, "crazyflie", &APP)
+pub fn crazyflie_app(
+    bytes: &[u8],
+    tasks: &[(&str, &Scenario)],
+) -> Result<Vec<(&'static str, String)>, SourceError> {
+    let observation = PolicyFile::parse(bytes)?.metadata().observation;
+    if !observation.shows_goal() {
+        return Err(SourceError::Observation { found: observation.name() });
+    }
+    with_policy(bytes, "crazyflie", &APP, &Sensing::new(observation.measured_len(), tasks)?)
+}
+
+/// Flash that the maps of the app around the policy file `bytes` take \[bytes\]; nothing for a policy that sees no scan.
+///
+/// # Errors
+/// As [`crazyflie_app`].
+pub fn crazyflie_map_bytes(bytes: &[u8], tasks: &[(&str, &Scenario)]) -> Result<usize, SourceError> {
+    let observation = PolicyFile::parse(bytes)?.metadata().observation;
+    Ok(Sensing::new(observation.measured_len(), tasks)?.map_bytes())
 }
 
 /// `files` and the policy file `bytes` as C, for the pilot of `kestrel.h`.
@@ -31,13 +50,10 @@ pub(super) fn with_policy(
     bytes: &[u8],
     target: &str,
     files: &[(&'static str, &str)],
+    sensing: &Sensing,
 ) -> Result<Vec<(&'static str, String)>, SourceError> {
     let policy = PolicyFile::parse(bytes)?;
     policy.self_test()?;
-    let observation = policy.metadata().observation;
-    if !observation.shows_goal() || observation.measured_len() > 0 {
-        return Err(SourceError::Observation { found: observation.name() });
-    }
     if let ActionSpace::Reference(_) = policy.metadata().action {
         return Err(SourceError::Published);
     }
@@ -65,11 +81,12 @@ extern \"C\" {{
 
 extern const uint8_t kestrel_policy[];
 extern const size_t kestrel_policy_len;
-
+{sensing}
 #ifdef __cplusplus
 }}
 #endif
-"
+",
+            sensing = sensing.header()
         ),
     ));
     let mut source = format!(
@@ -81,7 +98,8 @@ extern const size_t kestrel_policy_len;
         "const uint8_t kestrel_policy[] __attribute__((aligned(8))) = {{{bytes}
 }};
 const size_t kestrel_policy_len = sizeof kestrel_policy;
-"
+{maps}",
+        maps = sensing.source()
     );
     files.push(("policy.c", source));
     Ok(files)

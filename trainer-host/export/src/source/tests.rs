@@ -4,9 +4,17 @@ use std::path::Path;
 use std::process::Command;
 
 use kestrel_core::airframe::{Airframe, CF2P, CF2X, RotorOrder};
-use kestrel_core::observation::{MeasuredLayout, ObservationLayout};
+use kestrel_core::dynamics::Integrator;
+use kestrel_core::nalgebra::Vector3;
+use kestrel_core::observation::{MeasuredLayout, ObservationLayout, PilotMeasuredLayout};
 use kestrel_core::policy_file::{Activation, PolicyAirframe, PolicyFile, PolicyMetadata};
+use kestrel_sim::physics::Physics;
+use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
+use kestrel_sim::sensor::instrument::{Bias, Instrument, Noise, Sampling};
+use kestrel_sim::sensor::signal::{Direction, Signal};
+use kestrel_sim::sensor::{Scan, ScanRing, SensorSuite};
+use kestrel_sim::world::{Movable, Pose, Shape, Solid};
 
 use super::*;
 use crate::tests::METADATA;
@@ -178,7 +186,7 @@ fn rectifiers_in_c_compute_the_same_bits() {
     for optimisation in [OPTIMISATIONS[3], OPTIMISATIONS[9], OPTIMISATIONS[11]] {
         assert_eq!(printed(&policy, optimisation), expected, "{optimisation:?}");
     }
-    assert!(crazyflie_app(&bytes).unwrap_err().to_string().contains("found a policy with rectifiers"));
+    assert!(crazyflie_app(&bytes, &[]).unwrap_err().to_string().contains("found a policy with rectifiers"));
 }
 
 #[test]
@@ -211,7 +219,7 @@ fn a_name_cannot_end_a_comment() {
 #[test]
 fn the_crazyflies_app_compiles_and_holds_the_same_file() {
     let bytes = pilot("hover.kestrel");
-    let files = crazyflie_app(&bytes).unwrap();
+    let files = crazyflie_app(&bytes, &[]).unwrap();
     let place = tempfile::tempdir().unwrap();
     for (name, text) in &files {
         std::fs::write(place.path().join(name), text).unwrap();
@@ -303,8 +311,106 @@ fn a_policy_with_other_sensors_or_without_a_goal_gets_no_app() {
     let observation = ObservationLayout::Measured(MeasuredLayout { len: 22 });
     let metadata = PolicyMetadata { observation, ..METADATA };
     let policy = export(&[layer], &metadata, &[0.5; 44]).unwrap().fixed_policy;
-    let error = crazyflie_app(&policy).unwrap_err().to_string();
+    let error = crazyflie_app(&policy, &[]).unwrap_err().to_string();
     assert!(error.contains("found a policy that sees `measured`, expected one trained with `pilot`"), "{error}");
+}
+
+/// Hover beside a wall and a pillar, seen by rangers and by a scan of four beams.
+fn seen() -> Scenario {
+    let mut scenario = Scenario::hover(&CF2X, Physics::clean(Integrator::SemiImplicitEuler, 2, 100.0));
+    scenario.aviary.world.solids = vec![
+        Solid::block("wall", Vector3::new(1.0, -2.0, 0.0), Vector3::new(1.1, 2.0, 2.0)),
+        Solid {
+            shape: Shape::Cylinder { radius: 0.1, half_height: 1.0 },
+            pose: Pose::at(Vector3::new(0.0, 0.5, 1.0)),
+            ..Solid::block("pillar", Vector3::zeros(), Vector3::zeros())
+        },
+    ];
+    let ranger = |direction| Instrument {
+        signal: Signal::Distance { direction, limit: 4.0 },
+        noise: Noise::Constant(0.0),
+        bias: Bias { constant: 0.0, walk: 0.0 },
+        limits: [0.0, 4.0],
+        resolution: 0.001,
+        sampling: Sampling { rate_hz: 10.0, latency_secs: 0.0, drop_out: 0.0 },
+        unit: 1.0,
+    };
+    let scan = Scan { rings: vec![ScanRing { elevation: 0.0, beams: 4 }], limit: 2.0, near_scale: None };
+    let rangers = [Direction::Front, Direction::Down].map(ranger).to_vec();
+    scenario.sensors = SensorSuite::new(rangers, 0.02).with_scan(Some(scan));
+    scenario
+}
+
+/// Of a policy that sees so many values of sensors.
+fn seeing(measured_len: u8) -> Vec<u8> {
+    let inputs = 22 + usize::from(measured_len);
+    let weights = vec![0.01; inputs * 4];
+    let layer =
+        DenseLayer { inputs, outputs: 4, weights: &weights, bias: &[0.0; 4], activation: Activation::Tanh };
+    let ObservationLayout::Pilot(scales) = METADATA.observation else { panic!("the layout is `pilot`") };
+    let observation = ObservationLayout::PilotMeasured(PilotMeasuredLayout { scales, measured_len });
+    let metadata = PolicyMetadata { observation, ..METADATA };
+    export(&[layer], &metadata, &vec![0.5; 2 * inputs]).unwrap().fixed_policy
+}
+
+#[test]
+fn the_crazyflies_app_has_the_rangers_and_the_maps_of_what_a_policy_sees() {
+    let (bytes, scenario) = (seeing(6), seen());
+    let mut empty = scenario.clone();
+    empty.aviary.world.solids.clear();
+    let files = crazyflie_app(&bytes, &[("wall", &scenario), ("none", &empty)]).unwrap();
+    let [.., (_, header), (_, source)] = files.as_slice() else { panic!("files") };
+    for line in [
+        "#define KESTREL_MEASUREMENTS 6",
+        "#define KESTREL_RANGERS 2",
+        "#define KESTREL_RANGER_NAMES \"front\", \"zrange\"",
+        "#define KESTREL_RANGER_LIMITS 4.0f, 4.0f",
+        " *     1 none",
+        "#define KESTREL_ROOMS 2",
+    ] {
+        assert!(header.lines().any(|found| found == line), "{line}:\n{header}");
+    }
+    assert!(source.contains("\nstatic const KestrelSlab SLABS_0[16] = {"), "{source}");
+    assert!(source.contains(", 0, SLABS_1, 0, BODIES_1},"), "{source}");
+    let place = tempfile::tempdir().unwrap();
+    for (name, text) in &files {
+        std::fs::write(place.path().join(name), text).unwrap();
+    }
+    let firmware = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/firmware/crazyflie");
+    for (name, language) in
+        [("kestrel_controller.c", "-std=gnu11"), ("policy.c", "-std=c99"), ("policy.c", "-xc++")]
+    {
+        let mut compiler = Command::new("cc");
+        compiler.args([language, "-Wall", "-Wextra", "-Werror", "-c", name, "-I.", "-I"]).arg(&firmware);
+        let compiled = compiler.current_dir(&place).output().unwrap();
+        assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+    }
+}
+
+#[test]
+fn what_a_crazyflie_does_not_measure_gets_no_app() {
+    let refusal = |bytes: &[u8], tasks: &[(&str, &Scenario)]| crazyflie_app(bytes, tasks).unwrap_err().to_string();
+    let scenario = seen();
+    let unknown = refusal(&seeing(6), &[]);
+    assert!(unknown.starts_with("found a policy file alone"), "{unknown}");
+    let other = refusal(&seeing(7), &[("wall", &scenario)]);
+    assert!(other.contains("sees 7 values, where its task measures 6,"), "{other}");
+    let mut moving = scenario.clone();
+    let solid = scenario.aviary.world.solids[0].clone();
+    moving.aviary.world.movables = vec![Movable::pushed(solid, 1.0)];
+    let moves = refusal(&seeing(6), &[("wall", &scenario), ("push", &moving)]);
+    assert!(moves.contains("a scan of what moves (push)"), "{moves}");
+    let mut differing = scenario.clone();
+    differing.sensors = SensorSuite::none();
+    let differs = refusal(&seeing(6), &[("wall", &scenario), ("blind", &differing)]);
+    assert!(differs.contains("the sensors of wall otherwise in blind"), "{differs}");
+    let mut turning = scenario.clone();
+    let gyroscope = Instrument { signal: Signal::BodyRates, ..scenario.sensors.instruments()[0] };
+    turning.sensors = SensorSuite::new(vec![gyroscope], 0.02);
+    let turns = refusal(&seeing(3), &[("turn", &turning)]);
+    assert!(turns.contains("found a policy that sees a gyroscope, expected rangers"), "{turns}");
+    let forks = betaflight_controller(&seeing(6)).unwrap_err().to_string();
+    assert!(forks.contains("found a policy that sees `pilot_measured`"), "{forks}");
 }
 
 #[test]
@@ -317,7 +423,7 @@ fn a_policy_for_rotors_in_another_order_gets_no_app() {
         let policy = export(&[layer], &metadata, &[0.5; 44]).unwrap().fixed_policy;
         let header = c_source(&policy).unwrap().header;
         assert!(header.contains("#define KESTREL_MASS_KG 0.027f\n"), "{header}");
-        crazyflie_app(&policy).map(|_| ())
+        crazyflie_app(&policy, &[]).map(|_| ())
     };
     assert_eq!(app(&CF2X), Ok(()));
     for other in [CF2X.numbered(RotorOrder::CounterClockwise), CF2P] {
