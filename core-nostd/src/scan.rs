@@ -11,6 +11,9 @@
 /// Relative, of `f32`, generously: a body that is beyond the limit by no more than that is looked at.
 const ROUNDING: f32 = 1e-4;
 
+/// Slabs of a body that are looked at once for all beams; of those beyond, each beam looks for itself.
+const SPANS: usize = 33;
+
 /// The space between two parallel planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
@@ -36,7 +39,7 @@ pub struct ScanMap<'a> {
     pub normals: &'a [[f32; 3]],
     /// For each normal, for each beam: metres along the beam for a metre along the normal.
     pub per_metre: &'a [f32],
-    /// Slabs, body by body.
+    /// Slabs, body by body, in any order; the sooner one excludes a beam, the faster.
     pub slabs: &'a [Slab],
     /// How many slabs each body has.
     pub bodies: &'a [u32],
@@ -53,12 +56,13 @@ impl ScanMap<'_> {
             *nearest = if per_descent > 0.0 && floor < self.limit { floor } else { self.limit };
         }
         let mut rest = self.slabs;
+        let mut spans = [[0.0; 2]; SPANS];
         for &len in self.bodies {
             let (slabs, others) = rest.split_at_checked(len as usize).unwrap_or_default();
             rest = others;
-            if self.is_within_reach(slabs, point) {
+            if self.reach(slabs, point, &mut spans) {
                 for (beam, nearest) in out.iter_mut().enumerate().take(self.per_descent.len()) {
-                    *nearest = self.met(slabs, point, beam, *nearest);
+                    *nearest = self.met(slabs, point, &spans, (beam, *nearest));
                 }
             }
         }
@@ -68,31 +72,41 @@ impl ScanMap<'_> {
         }
     }
 
-    /// Where the point is along the slab's normal \[m\].
+    /// Where the slab begins and ends along its normal, from the point \[m\].
     #[inline(always)]
-    fn along(&self, slab: &Slab, [px, py, pz]: &[f32; 3]) -> f32 {
+    fn span(&self, slab: &Slab, [px, py, pz]: &[f32; 3]) -> [f32; 2] {
         let [x, y, z] = self.normals.get(slab.normal as usize).copied().unwrap_or_default();
-        (x * px + y * py) + z * pz
+        let along = (x * px + y * py) + z * pz;
+        [slab.low - along, slab.high - along]
     }
 
-    /// Whether no slab is beyond the limit of every beam.
-    fn is_within_reach(&self, slabs: &[Slab], point: &[f32; 3]) -> bool {
+    /// Whether no slab is beyond the limit of every beam; writes the first of their spans.
+    fn reach(&self, slabs: &[Slab], point: &[f32; 3], spans: &mut [[f32; 2]; SPANS]) -> bool {
         let reach = self.limit * (1.0 + ROUNDING);
-        slabs.iter().all(|slab| {
-            let along = self.along(slab, point);
-            slab.low - along <= reach && along - slab.high <= reach
+        slabs.iter().enumerate().all(|(index, slab)| {
+            let [low, high] = self.span(slab, point);
+            if let Some(place) = spans.get_mut(index) {
+                *place = [low, high];
+            }
+            low <= reach && -high <= reach
         })
     }
 
     /// Distance to the body along the beam where that is less than `nearest` \[m\].
     #[inline(always)]
-    fn met(&self, slabs: &[Slab], point: &[f32; 3], beam: usize, nearest: f32) -> f32 {
+    fn met(
+        &self,
+        slabs: &[Slab],
+        point: &[f32; 3],
+        spans: &[[f32; 2]; SPANS],
+        (beam, nearest): (usize, f32),
+    ) -> f32 {
         let (mut enter, mut leave) = (0.0, self.limit);
-        for slab in slabs {
-            let along = self.along(slab, point);
+        for (index, slab) in slabs.iter().enumerate() {
+            let [low, high] = spans.get(index).copied().unwrap_or_else(|| self.span(slab, point));
             let place = slab.normal as usize * self.per_descent.len() + beam;
             let per_metre = self.per_metre.get(place).copied().unwrap_or_default();
-            let (one, other) = ((slab.low - along) * per_metre, (slab.high - along) * per_metre);
+            let (one, other) = (low * per_metre, high * per_metre);
             let (near, far) = if one < other { (one, other) } else { (other, one) };
             enter = if near > enter { near } else { enter };
             leave = if far < leave { far } else { leave };

@@ -3,7 +3,8 @@
     python task_test.py KESTREL STARTS RUN... [-- more arguments of `kestrel fly`]
 
 Each RUN, the directory of a run or the name of a pilot that comes with the program, flies from the first STARTS starts of
-its evaluation behind MAVLink; as many succeed, by the true state, as `kestrel evaluate` counts on the same starts. Needs the packages of requirements.txt. Exit status 0 if every check passed.
+its evaluation behind MAVLink; as many succeed, by the true state, as `kestrel evaluate` counts on the same starts. RUN:TASK is
+one task of a run that has several. Needs the packages of requirements.txt. Exit status 0 if every check passed.
 """
 
 import json
@@ -34,7 +35,7 @@ class Flight:
 
     def __init__(self, kestrel, run, starts, vehicle, client):
         self._kestrel = kestrel
-        self._run = run
+        self._run, *self._task = run
         self._starts = starts
         self._vehicle = vehicle
         self._client = client
@@ -60,7 +61,7 @@ class Flight:
 
     def succeeds_as_often_as_its_evaluation(self):
         subprocess.run(
-            [self._kestrel, "evaluate", self._run, "--episodes", str(self._starts)],
+            [self._kestrel, "evaluate", self._run, *self._task, "--episodes", str(self._starts)],
             check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )
         reports = json.loads((folder_of(self._run) / "evaluation.json").read_text(encoding="utf-8"))
@@ -112,8 +113,11 @@ def main():
     for run in runs:
         with tempfile.TemporaryDirectory() as folder:
             os.environ["XDG_CACHE_HOME"] = folder
-            with Simulated(kestrel, [run, *SPEED, *more], folder) as vehicle, Client(vehicle) as client:
-                flown.append(run_checks(checks_of(Flight(kestrel, run, int(starts), vehicle, client))))
+            name, _, task = run.partition(":")
+            chosen = [name, "--task", task] if task else [name]
+            print(f"{run}:", flush=True)
+            with Simulated(kestrel, [*chosen, *SPEED, *more], folder) as vehicle, Client(vehicle) as client:
+                flown.append(run_checks(checks_of(Flight(kestrel, chosen, int(starts), vehicle, client))))
     sys.exit(conclude(*flown))
 
 

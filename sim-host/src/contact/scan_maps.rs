@@ -99,7 +99,9 @@ impl Room {
         };
         let (mut slabs, mut bodies) = (Vec::new(), Vec::new());
         for solid in &world.solids {
-            let planes = planes(solid);
+            let mut planes = planes(solid);
+            // Most beams are level, and most furniture is boards: a plane above or below excludes them at once.
+            planes.sort_by(|(one, ..), (other, ..)| other.z.abs().total_cmp(&one.z.abs()));
             bodies.push(planes.len() as u32);
             slabs.extend(planes.into_iter().map(|(normal, low, high)| Slab {
                 normal: normals.place(normal),

@@ -8,6 +8,7 @@
 #include "adapter.h"
 #include "controller.h"
 #include "kestrel.h"
+#include "log.h"
 #include "platform_defaults.h"
 #include "policy.h"
 #include "stubs.h"
