@@ -11,6 +11,9 @@
 /// Relative, of `f32`, generously: a body that is beyond the limit by no more than that is looked at.
 const ROUNDING: f32 = 1e-4;
 
+/// Metres along a beam that is parallel to a slab for a metre along its normal: beyond the limit of any scan, and finite.
+pub const PARALLEL: f32 = 1e6;
+
 /// Slabs of a body that are looked at once for all beams; of those beyond, each beam looks for itself.
 const SPANS: usize = 33;
 
@@ -39,7 +42,9 @@ pub struct ScanMap<'a> {
     pub normals: &'a [[f32; 3]],
     /// For each normal, for each beam: metres along the beam for a metre along the normal.
     pub per_metre: &'a [f32],
-    /// Slabs, body by body, in any order; the sooner one excludes a beam, the faster.
+    /// For each normal, a bit for each beam that goes along it, and for each that goes against it.
+    pub sides: &'a [[u64; 2]],
+    /// Slabs, body by body.
     pub slabs: &'a [Slab],
     /// How many slabs each body has.
     pub bodies: &'a [u32],
@@ -60,8 +65,11 @@ impl ScanMap<'_> {
         for &len in self.bodies {
             let (slabs, others) = rest.split_at_checked(len as usize).unwrap_or_default();
             rest = others;
-            if self.reach(slabs, point, &mut spans) {
-                for (beam, nearest) in out.iter_mut().enumerate().take(self.per_descent.len()) {
+            let mut beams = self.candidates(slabs, point, &mut spans);
+            while beams != 0 {
+                let beam = beams.trailing_zeros() as usize;
+                beams &= beams - 1;
+                if let Some(nearest) = out.get_mut(beam) {
                     *nearest = self.met(slabs, point, &spans, (beam, *nearest));
                 }
             }
@@ -80,16 +88,30 @@ impl ScanMap<'_> {
         [slab.low - along, slab.high - along]
     }
 
-    /// Whether no slab is beyond the limit of every beam; writes the first of their spans.
-    fn reach(&self, slabs: &[Slab], point: &[f32; 3], spans: &mut [[f32; 2]; SPANS]) -> bool {
+    /// A bit for each beam that may meet the body: none where a slab is beyond the limit, only those toward every slab that
+    /// the point is not in. Writes the first of the slabs' spans.
+    fn candidates(&self, slabs: &[Slab], point: &[f32; 3], spans: &mut [[f32; 2]; SPANS]) -> u64 {
         let reach = self.limit * (1.0 + ROUNDING);
-        slabs.iter().enumerate().all(|(index, slab)| {
+        let aside = reach / PARALLEL;
+        let mut beams = (1_u64.unbounded_shl(self.per_descent.len() as u32)).wrapping_sub(1);
+        for (index, slab) in slabs.iter().enumerate() {
             let [low, high] = self.span(slab, point);
             if let Some(place) = spans.get_mut(index) {
                 *place = [low, high];
             }
-            low <= reach && -high <= reach
-        })
+            let [along, against] = self.sides.get(slab.normal as usize).copied().unwrap_or_default();
+            beams &= if low > aside {
+                along
+            } else if -high > aside {
+                against
+            } else {
+                u64::MAX
+            };
+            if beams == 0 || low > reach || -high > reach {
+                return 0;
+            }
+        }
+        beams
     }
 
     /// Distance to the body along the beam where that is less than `nearest` \[m\].
@@ -125,13 +147,13 @@ mod tests {
 
     /// A box of a metre, three metres in front, seen along x and downwards.
     fn map(near_scale: Option<f32>) -> ScanMap<'static> {
-        const FAR: f32 = 1e6;
         ScanMap {
             limit: 4.0,
             near_scale,
             per_descent: &[0.0, 1.0],
             normals: &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            per_metre: &[1.0, FAR, FAR, FAR, FAR, -1.0],
+            per_metre: &[1.0, PARALLEL, PARALLEL, PARALLEL, PARALLEL, -1.0],
+            sides: &[[1, 0], [0, 0], [0, 2]],
             slabs: &[
                 Slab { normal: 0, low: 3.0, high: 4.0 },
                 Slab { normal: 1, low: -0.5, high: 0.5 },

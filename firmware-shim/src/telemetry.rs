@@ -51,6 +51,8 @@ pub enum TelemetryStream {
     Attitude,
     /// `LOCAL_POSITION_NED`, 50 Hz.
     LocalPosition,
+    /// `CURRENT_EVENT_SEQUENCE`, 1 Hz once something has happened.
+    EventSequence,
     /// `CONTROL_STATUS`, 1 Hz once several clients have spoken.
     ControlStatus,
     /// What the policy is and how fast it answers, as `NAMED_VALUE_FLOAT` and `NAMED_VALUE_INT`, 1 Hz.
@@ -62,7 +64,7 @@ const NEVER: f32 = -1.0;
 
 impl TelemetryStream {
     /// All of them, in the order in which they are sent.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 27] = [
         Self::Heartbeat,
         Self::SysStatus,
         Self::ExtendedSysState,
@@ -87,6 +89,7 @@ impl TelemetryStream {
         Self::AttitudeQuaternion,
         Self::Attitude,
         Self::LocalPosition,
+        Self::EventSequence,
         Self::ControlStatus,
         Self::Policy,
     ];
@@ -122,6 +125,7 @@ impl TelemetryStream {
             Self::EscStatus => 291,
             Self::ObstacleDistance => 330,
             Self::Odometry => 331,
+            Self::EventSequence => 411,
             Self::CurrentMode => 436,
             Self::ControlStatus => 512,
         }
@@ -135,6 +139,7 @@ impl TelemetryStream {
             | Self::MissionCurrent
             | Self::Altitude
             | Self::EstimatorStatus
+            | Self::EventSequence
             | Self::ControlStatus
             | Self::Policy => 1.0,
             Self::ExtendedSysState | Self::AttitudeTarget => 0.5,
@@ -199,7 +204,7 @@ mod tests {
             counts,
             [
                 10, 10, 20, 5, 10, 5, 5, 10, 50, 40, 100, 100, 100, 250, 100, 50, 50, 0, 10, 0, 20, 500, 500, 500,
-                10, 10
+                10, 10, 10
             ]
         );
     }

@@ -5,6 +5,7 @@ mod camera;
 mod channel;
 mod command;
 mod declined;
+mod events;
 mod loss;
 mod mission;
 mod operator;
@@ -53,6 +54,7 @@ use crate::telemetry::TelemetryStream;
 use self::mission::Reached;
 use camera::Camera;
 use channel::{Channel, Channels};
+use events::EventLog;
 use loss::Losses;
 pub use operator::Operator;
 use operator::{Control, Purpose};
@@ -111,6 +113,7 @@ pub struct Vehicle<P> {
     control: Control,
     /// Whether it is flown by sticks, if some come.
     by_sticks: bool,
+    events: EventLog,
     /// What everybody is told with the next tick.
     notices: Vec<Payload>,
     last_text: Option<(&'static str, f64)>,
@@ -153,6 +156,7 @@ impl<P: PolicyBackend> Vehicle<P> {
             task: None,
             control: Control::default(),
             by_sticks: false,
+            events: EventLog::default(),
             notices: Vec::new(),
             last_text: None,
             battery: Battery::full(),
@@ -489,7 +493,7 @@ impl<P: PolicyBackend> Vehicle<P> {
             && self.controller.is_meant(address)
         {
             self.handle_mission(&request, sender.address);
-        } else if !self.handle_sticks(frame) {
+        } else if !self.handle_sticks(frame) && !self.handle_event_request(frame) {
             self.decline(frame);
         }
         Audience::Peer

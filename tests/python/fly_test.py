@@ -147,11 +147,16 @@ class Flight:
         names = {f"/{entry.name}": entry.size_b for entry in listed or []}
         general = self._download(files, place.rstrip(b"\0").decode().removeprefix("mftp://"))
         expect(checksum(general) == crc, f"checksum {checksum(general)} instead of {crc}")
-        metadata = next(entry for entry in json.loads(general)["metadataTypes"] if entry["type"] == 1)
-        path = metadata["uri"].removeprefix("mftp://")
-        content = self._download(files, path)
-        expect(checksum(content) == metadata["fileCrc"], f"checksum {checksum(content)}: {metadata}")
-        expect(names == {"/general.json": len(general), path: len(content)}, f"it lists {names}")
+        sizes, contents = {"/general.json": len(general)}, {}
+        for metadata in json.loads(general)["metadataTypes"]:
+            path = metadata["uri"].removeprefix("mftp://")
+            contents[metadata["type"]] = content = self._download(files, path)
+            sizes[path] = len(content)
+            expect(checksum(content) == metadata["fileCrc"], f"checksum {checksum(content)}: {metadata}")
+        expect(names == sizes, f"it lists {names} instead of {sizes}")
+        (component,) = json.loads(contents[4])["components"]
+        expect(component["namespace"] == "kestrel", f"events of {component}")
+        content = contents[1]
         parameters = {entry["name"]: entry for entry in json.loads(content)["parameters"]}
         height = parameters.get("MIS_TAKEOFF_ALT", {})
         expect((height.get("default"), height.get("units")) == (1.0, "m"), f"{height} among {list(parameters)}")

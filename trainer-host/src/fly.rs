@@ -571,8 +571,7 @@ impl Plant for TaskPlant<'_> {
             None => self.flight.flight.put(&episode.state()),
             Some(ended) => {
                 let secs = ended.steps as f32 * self.flight.flight.scenario().physics.control_secs();
-                let verdict = if ended.success { "success" } else { "failure" };
-                self.ending = Some(TaskEnding { verdict, cause: ended.ending.name(), secs });
+                self.ending = Some(TaskEnding { success: ended.success, cause: ended.ending.name(), secs });
                 self.episode = None;
             }
         }

@@ -138,6 +138,10 @@ typedef struct {
    */
   const float *per_metre;
   /*
+   For each normal, a bit for each beam that goes along it, and for each that goes against it.
+   */
+  const uint64_t (*sides)[2];
+  /*
    Number of slabs.
    */
   uint32_t slab_count;

@@ -112,6 +112,8 @@ pub struct KestrelMap {
     pub normals: *const [f32; 3],
     /// For each normal, for each beam: metres along the beam for a metre along the normal.
     pub per_metre: *const f32,
+    /// For each normal, a bit for each beam that goes along it, and for each that goes against it.
+    pub sides: *const [u64; 2],
     /// Number of slabs.
     pub slab_count: u32,
     /// Slabs, body by body.
@@ -327,6 +329,7 @@ pub unsafe extern "C" fn kestrel_scan(map: &KestrelMap, position: &[f32; 3], bea
             per_descent: slice::from_raw_parts(map.per_descent, count),
             normals: slice::from_raw_parts(map.normals, map.normal_count as usize),
             per_metre: slice::from_raw_parts(map.per_metre, map.normal_count as usize * count),
+            sides: slice::from_raw_parts(map.sides, map.normal_count as usize),
             slabs: slice::from_raw_parts(map.slabs.cast(), map.slab_count as usize),
             bodies: slice::from_raw_parts(map.bodies, map.body_count as usize),
         };

@@ -140,6 +140,7 @@ fn beams_are_cast_in_a_map_as_the_core_casts_them() {
             normal_count: 2,
             normals: normals.as_ptr(),
             per_metre: per_metre.as_ptr(),
+            sides: [[1, 0], [0, 2]].as_ptr(),
             slab_count: 4,
             slabs: of_c.as_ptr(),
             body_count: 2,
@@ -151,6 +152,7 @@ fn beams_are_cast_in_a_map_as_the_core_casts_them() {
             per_descent: &per_descent,
             normals: &normals,
             per_metre: &per_metre,
+            sides: &[[1, 0], [0, 2]],
             slabs: &of_core,
             bodies: &[2, 2],
         };

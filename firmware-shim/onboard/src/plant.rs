@@ -96,8 +96,8 @@ impl Ranges {
 /// How an episode of a task has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaskEnding {
-    /// Success or failure, by the true state.
-    pub verdict: &'static str,
+    /// Whether by success, in the true state.
+    pub success: bool,
     /// What ended it, such as `time limit` or `collision`.
     pub cause: &'static str,
     /// Its length \[s\].

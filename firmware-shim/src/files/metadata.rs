@@ -5,6 +5,7 @@
 use serde::{Serialize, Serializer};
 
 use super::ServedFile;
+use crate::message::sent::events;
 use crate::parameter::ParameterValue;
 use crate::parameter::table::{Access, Domain, Parameter, ParameterDefinition, ParameterType};
 
@@ -18,10 +19,15 @@ pub const GENERAL_URI: &str = "mftp:///general.json";
 const PARAMETERS: &str = "parameters.json";
 const PARAMETERS_URI: &str = "mftp:///parameters.json";
 
-/// `COMP_METADATA_TYPE_PARAMETER`.
-const PARAMETER_METADATA: u8 = 1;
+/// The file that words the events, and where it is.
+const EVENTS: &str = "events.json";
+const EVENTS_URI: &str = "mftp:///events.json";
 
-/// Of both files; QGroundControl reads no other one.
+/// `COMP_METADATA_TYPE_PARAMETER` and `COMP_METADATA_TYPE_EVENTS`.
+const PARAMETER_METADATA: u8 = 1;
+const EVENT_METADATA: u8 = 4;
+
+/// Of the first two files; QGroundControl reads no other one.
 const VERSION: u8 = 1;
 
 /// Fewest decimal places of a real number: in m and s, what a drone of this size may notice.
@@ -46,7 +52,7 @@ const GROUPS: [(&str, &str); 11] = [
 #[serde(rename_all = "camelCase")]
 struct General {
     version: u8,
-    metadata_types: [MetadataType; 1],
+    metadata_types: [MetadataType; 2],
 }
 
 #[derive(Serialize)]
@@ -101,10 +107,13 @@ impl Serialize for ParameterValue {
 pub fn files() -> Vec<ServedFile> {
     let parameters = Parameter::ALL.into_iter().map(|parameter| describe(parameter.definition())).collect();
     let parameters = ServedFile::new(PARAMETERS, json(&ParameterList { version: VERSION, parameters }));
-    let described =
-        MetadataType { r#type: PARAMETER_METADATA, uri: PARAMETERS_URI, file_crc: parameters.checksum() };
-    let general = General { version: VERSION, metadata_types: [described] };
-    vec![ServedFile::new(GENERAL, json(&general)), parameters]
+    let events = ServedFile::new(EVENTS, json(&events::definitions()));
+    let metadata_types = [
+        MetadataType { r#type: PARAMETER_METADATA, uri: PARAMETERS_URI, file_crc: parameters.checksum() },
+        MetadataType { r#type: EVENT_METADATA, uri: EVENTS_URI, file_crc: events.checksum() },
+    ];
+    let general = General { version: VERSION, metadata_types };
+    vec![ServedFile::new(GENERAL, json(&general)), parameters, events]
 }
 
 fn json(content: &impl Serialize) -> Vec<u8> {
@@ -190,15 +199,17 @@ mod tests {
     }
 
     #[test]
-    fn the_general_file_says_where_the_parameters_are_and_their_checksum() {
-        let parameters = files().into_iter().find(|file| file.name == PARAMETERS).unwrap();
+    fn the_general_file_says_where_the_others_are_and_their_checksums() {
+        let checksum = |name| files().into_iter().find(|file| file.name == name).unwrap().checksum();
         let expected = format!(
-            r#"{{"version":1,"metadataTypes":[{{"type":1,"uri":"mftp:///parameters.json","fileCrc":{}}}]}}"#,
-            parameters.checksum()
+            r#"{{"version":1,"metadataTypes":[{{"type":1,"uri":"mftp:///parameters.json","fileCrc":{}}},{{"type":4,"uri":"mftp:///events.json","fileCrc":{}}}]}}"#,
+            checksum(PARAMETERS),
+            checksum(EVENTS)
         );
         assert_eq!(read(GENERAL), serde_json::from_str::<Value>(&expected).unwrap());
         assert_eq!(GENERAL_URI, format!("mftp:///{GENERAL}"));
         assert_eq!(PARAMETERS_URI, format!("mftp:///{PARAMETERS}"));
+        assert_eq!(EVENTS_URI, format!("mftp:///{EVENTS}"));
     }
 
     #[test]

@@ -1,6 +1,7 @@
-//! What the vehicle tells its peers: [`motion`], [`status`], its [`surroundings`], and what it is ([`identity`]).
+//! What the vehicle tells its peers: [`motion`], [`status`], its [`surroundings`], [`events`], and what it is ([`identity`]).
 
 pub mod camera;
+pub mod events;
 pub mod identity;
 pub mod motion;
 pub mod status;

@@ -12,6 +12,7 @@ use crate::autopilot::{Command, Refusal};
 use crate::battery::Battery;
 use crate::controller::Controller;
 use crate::message::sent;
+use crate::message::sent::events::EventContent;
 use crate::policy_backend::PolicyBackend;
 
 /// Largest number of a start: floats count so far.
@@ -117,6 +118,7 @@ impl<P: PolicyBackend> Vehicle<P> {
                 plant.end_task();
                 self.enter_phase(TaskPhase::Idle(next));
                 self.controller.answer(sent::status_text(MavSeverity::MAV_SEVERITY_INFO, "task stopped"));
+                self.tell_event(EventContent::TaskStopped);
             }
         }
     }
@@ -132,13 +134,16 @@ impl<P: PolicyBackend> Vehicle<P> {
         self.enter_phase(TaskPhase::Flying(start));
         let text = format!("task begun from start {start}");
         self.controller.answer(sent::status_text(MavSeverity::MAV_SEVERITY_INFO, &text));
+        self.tell_event(EventContent::TaskBegun { start });
     }
 
     /// Says how it ended, and holds where the drone is, if it still flies.
     fn hold_after(&mut self, start: u32, ending: &TaskEnding) {
-        let TaskEnding { verdict, cause, secs } = ending;
+        let TaskEnding { success, cause, secs } = *ending;
+        let verdict = if success { "success" } else { "failure" };
         let text = format!("task {start}: {verdict}, {cause}, {secs:.2} s");
         self.controller.answer(sent::status_text(MavSeverity::MAV_SEVERITY_NOTICE, &text));
+        self.tell_event(EventContent::TaskEnded { start, success, secs });
         self.controller.autopilot_mut().take_over();
     }
 }

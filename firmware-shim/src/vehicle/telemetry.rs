@@ -72,6 +72,7 @@ impl<P: PolicyBackend> Vehicle<P> {
                 let told = |ranges| surroundings::obstacle_distance(ranges, time_usec);
                 return self.ranges.iter().map(told).collect();
             }
+            TelemetryStream::EventSequence => return self.event_sequence().into_iter().collect(),
             TelemetryStream::ControlStatus => self.control_status(),
             TelemetryStream::LocalPositionCov => {
                 motion::local_position_ned_cov(state, &self.acceleration, time_usec)

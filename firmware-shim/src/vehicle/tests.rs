@@ -13,9 +13,9 @@ mod telemetry;
 use kestrel_core::airframe::CF2X;
 use kestrel_core::pilot::Pilot;
 use mavlink::dialects::common::{
-    COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, MavFrame, MavMessage,
-    MavModeFlag, MavParamType, MavResult, MavType, PARAM_SET_DATA, PositionTargetTypemask,
-    SET_POSITION_TARGET_LOCAL_NED_DATA, TIMESYNC_DATA,
+    COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, EVENT_DATA, HEARTBEAT_DATA, MavCmd, MavFrame,
+    MavMessage, MavModeFlag, MavParamType, MavResult, MavType, PARAM_SET_DATA, PositionTargetTypemask,
+    REQUEST_EVENT_DATA, RESPONSE_EVENT_ERROR_DATA, SET_POSITION_TARGET_LOCAL_NED_DATA, TIMESYNC_DATA,
 };
 use proptest::prelude::*;
 
@@ -358,8 +358,8 @@ fn peers_of_a_fast_flight_may_be_silent_by_their_own_clocks() {
     assert_eq!(rig.vehicle.mode(), Mode::Landing);
 }
 
-#[test]
-fn a_command_that_comes_before_a_task_has_begun_stops_it() {
+/// A vehicle whose task a command has stopped; what it told.
+fn stopped_task() -> Rig {
     let mut rig = Rig::flying();
     rig.vehicle.offer_task(PolicyRole::SetPointsToo);
     let ask = command_long(MavCmd::MAV_CMD_USER_1, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
@@ -368,8 +368,48 @@ fn a_command_that_comes_before_a_task_has_begun_stops_it() {
     rig.heard.clear();
     rig.vehicle.tend_task(&mut rig.plant);
     rig.fly(0.1);
+    rig
+}
+
+#[test]
+fn a_command_that_comes_before_a_task_has_begun_stops_it() {
+    let rig = stopped_task();
     assert_eq!(texts(&rig.heard), ["task stopped"]);
     assert_eq!(rig.vehicle.mode(), Mode::Landing);
+}
+
+#[test]
+fn an_event_that_was_missed_is_sent_again() {
+    let mut rig = stopped_task();
+    let told: Vec<&EVENT_DATA> = rig
+        .heard
+        .iter()
+        .filter_map(|message| match message {
+            MavMessage::EVENT(told) => Some(told),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(told.iter().map(|told| (told.id, told.sequence)).collect::<Vec<_>>(), [(1 << 24 | 3, 1)]);
+    let told = told[0].clone();
+    let ask = |first_sequence, last_sequence| {
+        datagram(&REQUEST_EVENT_DATA { first_sequence, last_sequence, target_system: 1, target_component: 1 })
+    };
+    let again = rig.answers(&ask(1, 2));
+    assert_eq!(again[0], MavMessage::EVENT(told));
+    let missing = RESPONSE_EVENT_ERROR_DATA {
+        sequence: 2,
+        sequence_oldest_available: 1,
+        target_system: 255,
+        target_component: 190,
+        ..RESPONSE_EVENT_ERROR_DATA::default()
+    };
+    assert_eq!(again[1..], [MavMessage::RESPONSE_EVENT_ERROR(missing)]);
+    assert_eq!(rig.answers(&ask(60_000, 10_000)).len(), 16, "a few at a time");
+    rig.heard.clear();
+    rig.fly(1.1);
+    let is_sequence =
+        |message: &MavMessage| matches!(message, MavMessage::CURRENT_EVENT_SEQUENCE(told) if told.sequence == 1);
+    assert!(rig.heard.iter().any(is_sequence), "who missed it hears of it");
 }
 
 #[test]

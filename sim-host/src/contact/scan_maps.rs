@@ -3,7 +3,7 @@
 use core::f64::consts::PI;
 use std::collections::HashMap;
 
-use kestrel_core::scan::{ScanMap, Slab};
+use kestrel_core::scan::{PARALLEL, ScanMap, Slab};
 use nalgebra::Vector3;
 
 use super::outline::face_normals;
@@ -19,9 +19,6 @@ const BALL_SIDES: usize = 96;
 /// \[rad\].
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
-/// Reciprocal for a beam along a slab: beyond the limit of any scan, and finite.
-pub(super) const PARALLEL: f64 = 1e6;
-
 /// Maps of worlds for one scan. They share beams and normals: what stands in one room stands in another.
 #[derive(Clone, Debug)]
 pub struct ScanMaps {
@@ -29,6 +26,7 @@ pub struct ScanMaps {
     near_scale: Option<f32>,
     normals: Vec<[f32; 3]>,
     per_metre: Vec<f32>,
+    sides: Vec<[u64; 2]>,
     rooms: Vec<Room>,
 }
 
@@ -51,6 +49,7 @@ impl ScanMaps {
             limit: scan.limit,
             near_scale: scan.near_scale,
             per_metre: normals.iter().flat_map(|normal| per_metre(normal, &directions)).collect(),
+            sides: normals.iter().map(|normal| sides(normal, &directions)).collect(),
             normals: normals.iter().map(|normal| normal.map(|value| value as f32).into()).collect(),
             rooms,
         }
@@ -68,8 +67,8 @@ impl ScanMaps {
     /// When there are not so many.
     pub fn map(&self, index: usize) -> ScanMap<'_> {
         let Room { per_descent, slabs, bodies } = &self.rooms[index];
-        let Self { limit, near_scale, normals, per_metre, .. } = self;
-        ScanMap { limit: *limit, near_scale: *near_scale, per_descent, normals, per_metre, slabs, bodies }
+        let Self { limit, near_scale, normals, per_metre, sides, .. } = self;
+        ScanMap { limit: *limit, near_scale: *near_scale, per_descent, normals, per_metre, sides, slabs, bodies }
     }
 }
 
@@ -94,14 +93,12 @@ impl Normals {
 impl Room {
     fn new(world: &World, directions: &[Vector3<f64>], normals: &mut Normals) -> Self {
         let descent = |direction: &Vector3<f64>| {
-            let descends = world.floor == Floor::Solid && direction.z < -1.0 / PARALLEL;
+            let descends = world.floor == Floor::Solid && direction.z < -1.0 / f64::from(PARALLEL);
             if descends { (-1.0 / direction.z) as f32 } else { 0.0 }
         };
         let (mut slabs, mut bodies) = (Vec::new(), Vec::new());
         for solid in &world.solids {
-            let mut planes = planes(solid);
-            // Most beams are level, and most furniture is boards: a plane above or below excludes them at once.
-            planes.sort_by(|(one, ..), (other, ..)| other.z.abs().total_cmp(&one.z.abs()));
+            let planes = planes(solid);
             bodies.push(planes.len() as u32);
             slabs.extend(planes.into_iter().map(|(normal, low, high)| Slab {
                 normal: normals.place(normal),
@@ -113,13 +110,27 @@ impl Room {
     }
 }
 
+/// How much of a beam goes along a normal; none where it is parallel to the slab.
+fn rate(normal: &Vector3<f64>, direction: &Vector3<f64>) -> Option<f64> {
+    let rate = direction.dot(normal);
+    (rate.abs() >= 1.0 / f64::from(PARALLEL)).then_some(rate)
+}
+
 /// Metres along each beam for a metre along a normal.
 fn per_metre(normal: &Vector3<f64>, directions: &[Vector3<f64>]) -> impl Iterator<Item = f32> {
     let normal = *normal;
-    directions.iter().map(move |direction| {
-        let rate = direction.dot(&normal);
-        if rate.abs() < 1.0 / PARALLEL { PARALLEL as f32 } else { (1.0 / rate) as f32 }
-    })
+    directions.iter().map(move |direction| rate(&normal, direction).map_or(PARALLEL, |rate| (1.0 / rate) as f32))
+}
+
+/// A bit for each beam that goes along a normal, and for each that goes against it.
+fn sides(normal: &Vector3<f64>, directions: &[Vector3<f64>]) -> [u64; 2] {
+    let mut sides = [0; 2];
+    for (beam, direction) in directions.iter().enumerate() {
+        if let Some(rate) = rate(normal, direction) {
+            sides[usize::from(rate < 0.0)] |= 1 << beam;
+        }
+    }
+    sides
 }
 
 /// The slabs of a solid: unit normal, least and greatest coordinate along it \[m, world\].

@@ -1,9 +1,9 @@
 //! A [`ScanMap`] as a simulation reads it: sixteen beams at once, in lanes, and only the bodies that they may reach.
 
-use kestrel_core::scan::{ScanMap, Slab};
+use kestrel_core::scan::{PARALLEL, ScanMap, Slab};
 use nalgebra::Vector3;
 
-use super::scan_maps::{PARALLEL, ScanMaps};
+use super::scan_maps::ScanMaps;
 use crate::sensor::{BEAM_LIMIT, Scan};
 use crate::world::{Solid, World};
 
@@ -135,9 +135,8 @@ impl Bank {
         for (value, of_map) in per_descent.iter_mut().zip(&map.per_descent[first..]) {
             *value = *of_map;
         }
-        let per_metre = |of_map: &[f32]| {
-            core::array::from_fn(|beam| of_map.get(first + beam).copied().unwrap_or(PARALLEL as f32))
-        };
+        let per_metre =
+            |of_map: &[f32]| core::array::from_fn(|beam| of_map.get(first + beam).copied().unwrap_or(PARALLEL));
         Self { per_descent, per_metre: map.per_metre.chunks(beams).map(per_metre).collect() }
     }
 

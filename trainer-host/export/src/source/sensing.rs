@@ -15,7 +15,7 @@ use super::{SourceError, comment, rows};
 const ROOM_LIMIT: usize = 255;
 
 /// Words of a `KestrelMap` on a microcontroller.
-const MAP_WORDS: usize = 11;
+const MAP_WORDS: usize = 12;
 
 /// What is measured for a policy in its tasks.
 #[derive(Debug)]
@@ -63,7 +63,8 @@ impl Sensing {
             let ScanMap { per_descent, slabs, bodies, .. } = maps.map(index);
             size_of_val(per_descent) + size_of_val(slabs) + size_of_val(bodies) + MAP_WORDS * size_of::<u32>()
         });
-        size_of_val(shared.normals) + size_of_val(shared.per_metre) + rooms.sum::<usize>()
+        let of_normals = size_of_val(shared.normals) + size_of_val(shared.per_metre) + size_of_val(shared.sides);
+        of_normals + rooms.sum::<usize>()
     }
 
     /// What the header says of them; nothing without sensors.
@@ -116,6 +117,10 @@ static const float NORMALS[{}][3] = {{{}
 /* For each normal, for each beam: metres along the beam for a metre along the normal. */
 static const float PER_METRE[{}] = {{{}
 }};
+
+/* For each normal, a bit for each beam that goes along it, and for each that goes against it. */
+static const uint64_t SIDES[{}][2] = {{{}
+}};
 ",
             shared.normals.len().max(1),
             rows(
@@ -127,6 +132,14 @@ static const float PER_METRE[{}] = {{{}
             ),
             shared.per_metre.len().max(1),
             rows(or_zero(shared.per_metre.iter().map(|value| format!("{value:?}f")), "0.0f"), 8),
+            shared.sides.len().max(1),
+            rows(
+                or_zero(
+                    shared.sides.iter().map(|[along, against]| format!("{{{along:#x}, {against:#x}}}")),
+                    "{0, 0}"
+                ),
+                4
+            ),
         );
         for (index, (name, map)) in names.iter().zip(&all).enumerate() {
             text += &room_source(index, name, map);
@@ -135,7 +148,7 @@ static const float PER_METRE[{}] = {{{}
         for (index, map) in all.iter().enumerate() {
             let _infallible = write!(
                 text,
-                "\n    {{{:?}f, {:?}f, {}, DESCENT_{index}, {}, NORMALS, PER_METRE, {}, SLABS_{index}, {}, BODIES_{index}}},",
+                "\n    {{{:?}f, {:?}f, {}, DESCENT_{index}, {}, NORMALS, PER_METRE, SIDES, {}, SLABS_{index}, {}, BODIES_{index}}},",
                 map.limit,
                 map.near_scale.unwrap_or_default(),
                 map.per_descent.len(),
