@@ -282,8 +282,8 @@ if need "an emulator or a tool" emulators && cargo=$(tests/embedded-toolchain.sh
   processor
   budget
   exported_c
-  scan_on_target crosses 1000000
-  scan_on_target room-1 1000000
+  scan_on_target crosses 16000
+  scan_on_target room-1 93000
 else
   verdict 1 "this machine has what the images need"
 fi

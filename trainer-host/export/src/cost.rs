@@ -42,7 +42,7 @@ const CORE_PER_VALUE: f64 = 15.0;
 const PER_PAIR: f64 = 7.5;
 
 /// The app around a policy: its code, its memory, and the stack that it takes of the stabiliser's task \[bytes\].
-const APP_CODE: usize = 31_900;
+const APP_CODE: usize = 32_100;
 const APP_MEMORY: usize = 5000;
 const APP_STACK: usize = 760;
 
