@@ -173,6 +173,11 @@ impl<'a> RecurrentPolicy<'a> {
         self.header.units
     }
 
+    /// Fraction bits of the weights of gates and candidate in fixed point; zero in float.
+    pub fn memory_weight_fraction_bits(&self) -> [u8; 2] {
+        self.header.weight_fraction_bits
+    }
+
     /// Inputs and outputs of each layer behind the memory; the first reads observation and hidden state.
     pub fn shapes(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.policy.shapes()

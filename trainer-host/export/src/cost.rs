@@ -8,7 +8,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::policy_file::{PolicyFile, RecurrentPolicy};
 use thiserror::Error;
 
 use crate::policy::Policy;
@@ -23,6 +23,9 @@ const FLAGS: [&str; 5] = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mf
 /// Code of the exported C and its table of tangents \[bytes\].
 const C_CODE: usize = 1460;
 const C_TANGENTS: usize = 1540;
+
+/// What a memory adds to the code \[bytes\].
+const C_MEMORY_CODE: usize = 460;
 
 /// Least stack of the exported C: an action, and the self-test \[bytes\].
 const C_STACK: usize = 280;
@@ -130,6 +133,7 @@ impl Cost {
     pub fn of(policy: &Policy<'_>, form: Form, file_len: usize) -> Self {
         let network = match policy {
             Policy::Blind(policy) => Some(policy.as_ref()),
+            Policy::Recurrent(policy) if form == Form::C => return Self::of_remembering_c(policy),
             Policy::Seeing(_) | Policy::Recurrent(_) => None,
         };
         match form {
@@ -158,6 +162,21 @@ impl Cost {
     /// Flash that all of it takes \[bytes\].
     pub const fn flash(&self) -> usize {
         self.flash
+    }
+
+    /// Of exported C with a memory.
+    fn of_remembering_c(policy: &RecurrentPolicy<'_>) -> Self {
+        let (network, units) = (policy.network(), policy.units());
+        let parameters = policy.parameter_bytes();
+        Self {
+            form: Form::C,
+            flash: c_flash(network) - network.parameter_bytes() + parameters + C_MEMORY_CODE,
+            policy: parameters,
+            maps: 0,
+            ram: 6 * widest(network).max(2 * units) + 2 * units,
+            stack: C_STACK,
+            instructions: None,
+        }
     }
 
     /// Of a file of so many bytes and a pilot with this code, memory and stack.

@@ -31,6 +31,14 @@ pub enum SourceError {
     /// C is written in fixed point only.
     #[error("found a policy in float32, expected one in fixed16: only that can be written in C")]
     Float,
+    /// Nothing trains such a one.
+    #[error("found a policy with a memory and rectifiers, expected one of them: C has no such policy")]
+    RectifiedMemory,
+    /// The pilot in C has no place for a memory.
+    #[error(
+        "found a policy with a memory, expected one without: the app's pilot has none; `--target c` and `--target rust` do"
+    )]
+    Memory,
     /// The reference's controllers need more stack than the stabilizer's task has.
     #[error(
         "found a policy with the reference's actions, expected rotor speeds, thrust and body rates, or velocities"
@@ -68,6 +76,15 @@ pub enum SourceError {
         /// What it sees.
         found: String,
     },
+}
+
+/// The policy in a file, which the pilot in C can fly.
+fn for_pilot(bytes: &[u8]) -> Result<PolicyFile<'_>, SourceError> {
+    match PolicyFile::parse(bytes) {
+        Ok(policy) => Ok(policy),
+        Err(PolicyError::Recurrent) => Err(SourceError::Memory),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// What of the policy only a `kestrel-core` with the feature `px4` reads.

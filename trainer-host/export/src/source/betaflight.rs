@@ -1,10 +1,8 @@
 //! A policy behind the neural interface of `INDIflight` and other forks of Betaflight.
 
-use kestrel_core::policy_file::PolicyFile;
-
 use super::crazyflie::with_policy;
 use super::sensing::Sensing;
-use super::{GUARD, SourceError};
+use super::{GUARD, SourceError, for_pilot};
 
 /// What is the same for every policy: file name and contents.
 const CONTROLLER: [(&str, &str); 4] = [
@@ -19,7 +17,7 @@ const CONTROLLER: [(&str, &str); 4] = [
 /// # Errors
 /// As [`super::crazyflie_app`], also when the policy sees sensors.
 pub fn betaflight_controller(bytes: &[u8]) -> Result<Vec<(&'static str, String)>, SourceError> {
-    let observation = PolicyFile::parse(bytes)?.metadata().observation;
+    let observation = for_pilot(bytes)?.metadata().observation;
     if !observation.shows_goal() || observation.measured_len() > 0 {
         return Err(SourceError::Observation { found: observation.name() });
     }

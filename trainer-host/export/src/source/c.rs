@@ -1,12 +1,44 @@
 //! C99 without a library of ours: header and source of a policy in fixed point.
 
-use kestrel_core::fixed::{FixedFormat, REQUANTISATION_SHIFT, SUM_FRACTION_BITS, TANGENTS};
-use kestrel_core::policy_file::{Activation, ParameterFormat, PolicyAirframe, PolicyFile};
+use kestrel_core::fixed::{FixedFormat, HIDDEN_FRACTION_BITS, REQUANTISATION_SHIFT, SUM_FRACTION_BITS, TANGENTS};
+use kestrel_core::policy_file::{
+    Activation, ParameterFormat, PolicyAirframe, PolicyError, PolicyFile, RecurrentPolicy,
+};
 
 use super::{SourceError, comment, rows};
+use crate::policy::Policy;
 
 /// What is the same for every policy.
 const CODE: &str = include_str!("policy.c.txt");
+
+/// What a policy with a memory has before it acts.
+const MEMORY: &str = include_str!("memory.c.txt");
+
+/// Where acting begins, and what is otherwise there with a memory.
+const ACT: &str = "void kestrel_act(const float";
+const WITH_MEMORY: [(&str, &str); 6] = [
+    (
+        "kestrel_scratch *scratch,\n                 float action",
+        "kestrel_scratch *scratch,\n                 kestrel_memory *memory, float action",
+    ),
+    (
+        "    for (int layer = 0; layer < LAYERS",
+        "    remember(scratch, memory->hidden);\n    for (int layer = 0; layer < LAYERS",
+    ),
+    (
+        "    memcpy(&observation[index], &bits, sizeof bits);\n    kestrel_act(observation, scratch, action);",
+        "    memcpy(&observation[index], &bits, sizeof bits);\n    kestrel_memory memory = {{0}};\n    kestrel_act(observation, scratch, &memory, action);",
+    ),
+    ("    for (int vector = 0;", "    kestrel_memory memory = {{0}};\n    for (int vector = 0;"),
+    (
+        "        kestrel_act(observation, scratch, action);",
+        "        kestrel_act(observation, scratch, &memory, action);",
+    ),
+    (
+        "/* Acts on a golden observation with one value of it replaced. */",
+        "/* Acts on a golden observation with one value of it replaced, without a past. */",
+    ),
+];
 
 /// Where the function of the tangent begins and ends in it.
 const TANGENT: [&str; 2] = ["/* tanh in 2^-13", "/* Two products"];
@@ -37,18 +69,45 @@ pub struct CSource {
 /// # Errors
 /// [`SourceError`].
 pub fn c_source(bytes: &[u8]) -> Result<CSource, SourceError> {
-    let policy = PolicyFile::parse(bytes)?;
+    let policy = Policy::parse(bytes)?;
     policy.self_test()?;
-    let ParameterFormat::Fixed16(format) = policy.parameter_format() else { return Err(SourceError::Float) };
-    Ok(CSource { header: header(&policy), source: source(&policy, format, bytes)? })
+    let (network, memory) = match &policy {
+        Policy::Blind(policy) => (policy.as_ref(), None),
+        Policy::Recurrent(policy) => (policy.network(), Some(policy.as_ref())),
+        Policy::Seeing(_) => return Err(PolicyError::Vision.into()),
+    };
+    let ParameterFormat::Fixed16(format) = network.parameter_format() else { return Err(SourceError::Float) };
+    if memory.is_some() && format.activation != Activation::Tanh {
+        return Err(SourceError::RectifiedMemory);
+    }
+    Ok(CSource { header: header(network, memory), source: source(network, memory, format, bytes)? })
 }
 
-fn header(policy: &PolicyFile<'_>) -> String {
+fn header(policy: &PolicyFile<'_>, memory: Option<&RecurrentPolicy<'_>>) -> String {
     let metadata = policy.metadata();
     let (name, period) = (comment(metadata.name), metadata.control_period_secs);
     let (observation, observation_len) = (metadata.observation.name(), metadata.observation.len());
     let (action, action_len) = (metadata.action.name(), metadata.action.len());
-    let width = widest(policy);
+    let units = memory.map(RecurrentPolicy::units);
+    // Gates have two rows for each unit.
+    let width = widest(policy).max(units.map_or(0, |units| 2 * units));
+    let (remembered, argument, past) = match units {
+        None => (String::new(), "", ""),
+        Some(units) => (
+            format!(
+                "
+#define KESTREL_UNITS {units}
+
+/* What the policy remembers of a flight: all zero at its start. */
+typedef struct {{
+    int16_t hidden[KESTREL_UNITS];
+}} kestrel_memory;
+"
+            ),
+            "kestrel_memory *memory, ",
+            ", after what the memory has of the flight",
+        ),
+    };
     let airframe = metadata.airframe.as_ref().map(airframe_of).unwrap_or_default();
     format!(
         "/* The policy \"{name}\" in fixed point, written by `kestrel export --target c`.
@@ -73,10 +132,10 @@ typedef struct {{
     int32_t sums[{width}];
     int16_t activations[{width}];
 }} kestrel_scratch;
-
-/* The action in [-1, 1] on an encoded observation; a NaN is read as zero. The same bits as kestrel-core. */
+{remembered}
+/* The action in [-1, 1] on an encoded observation{past}; a NaN is read as zero. The same bits as kestrel-core. */
 void kestrel_act(const float observation[KESTREL_OBSERVATION_LEN], kestrel_scratch *scratch,
-                 float action[KESTREL_ACTION_LEN]);
+                 {argument}float action[KESTREL_ACTION_LEN]);
 
 /* 0 if an observation is finite, else the number of its first value that is not, from 1 on: what kestrel_guard() of
  * kestrel_guard.h takes as the code of a tick. */
@@ -111,9 +170,16 @@ fn widest(policy: &PolicyFile<'_>) -> usize {
     policy.shapes().map(|(inputs, outputs)| inputs.max(outputs).next_multiple_of(4)).max().unwrap_or_default()
 }
 
-fn source(policy: &PolicyFile<'_>, format: FixedFormat, bytes: &[u8]) -> Result<String, SourceError> {
+fn source(
+    policy: &PolicyFile<'_>,
+    memory: Option<&RecurrentPolicy<'_>>,
+    format: FixedFormat,
+    bytes: &[u8],
+) -> Result<String, SourceError> {
     let end = bytes.len() - CHECKSUM_LEN;
-    let parameters = bytes[end - policy.parameter_bytes()..end].as_chunks::<4>().0;
+    // Those of the memory follow those of the network.
+    let parameter_bytes = memory.map_or(policy.parameter_bytes(), RecurrentPolicy::parameter_bytes);
+    let parameters = bytes[end - parameter_bytes..end].as_chunks::<4>().0;
     let words = |word: &[u8; 4]| format!("0x{:08x}", u32::from_le_bytes(*word));
     let (observation_len, action_len) = (policy.metadata().observation.len(), policy.metadata().action.len());
     let golden = policy.golden_vectors().flat_map(|(observation, action)| {
@@ -127,6 +193,7 @@ fn source(policy: &PolicyFile<'_>, format: FixedFormat, bytes: &[u8]) -> Result<
         let multiplier = REQUANTISATION_SHIFT + SUM_FRACTION_BITS - sum_bits;
         layers.push(format!("{{{}, {}, {multiplier}}}", inputs.div_ceil(2), outputs.div_ceil(4)));
     }
+    let of_memory = memory.map(|memory| memory_constants(policy, memory, format)).transpose()?;
     let constants = format!(
         "#define INPUT_SCALE {input_scale}.0f
 /* Bits of the least magnitude that is 32767 in fixed point. */
@@ -134,7 +201,7 @@ fn source(policy: &PolicyFile<'_>, format: FixedFormat, bytes: &[u8]) -> Result<
 #define OUTPUT_SCALE (1.0f / {output_scale}.0f)
 #define LAYERS {layer_count}
 #define GOLDEN_VECTORS {vectors}
-
+{of_memory}
 /* Pairs of inputs, blocks of four rows, and the power of two that brings sums to 2^-16. */
 static const struct {{ int pairs, blocks, shift; }} LAYER[LAYERS] = {{{layers}
 }};
@@ -152,6 +219,7 @@ static const uint32_t GOLDEN[GOLDEN_VECTORS][KESTREL_OBSERVATION_LEN + KESTREL_A
         output_scale = 1_u64 << sum_bits,
         layer_count = layers.len(),
         vectors = policy.golden_vectors().count(),
+        of_memory = of_memory.unwrap_or_default(),
         parameter_count = parameters.len(),
         parameters = rows(parameters.iter().map(words), 8),
         tangents = match format.activation {
@@ -165,7 +233,48 @@ static const uint32_t GOLDEN[GOLDEN_VECTORS][KESTREL_OBSERVATION_LEN + KESTREL_A
         Activation::Tanh => CODE.to_owned(),
         Activation::Relu => rectified_code(),
     };
+    let code = if memory.is_some() { remembering_code(&code) } else { code };
     Ok(code.replace("CONSTANTS\n", &constants))
+}
+
+/// Where the memory's parameters are, and the powers of two that bring its sums to 2^-16.
+fn memory_constants(
+    network: &PolicyFile<'_>,
+    memory: &RecurrentPolicy<'_>,
+    format: FixedFormat,
+) -> Result<String, SourceError> {
+    let [gates, candidate] = memory.memory_weight_fraction_bits();
+    let shift = |weights: u8| {
+        let mut of_layer = format;
+        of_layer.weight_fraction_bits[0] = weights;
+        Ok::<_, SourceError>(REQUANTISATION_SHIFT + SUM_FRACTION_BITS - of_layer.sum_fraction_bits(0)?)
+    };
+    Ok(format!(
+        "
+/* Words before the memory's parameters, pairs of its inputs, powers of two that bring its sums to 2^-16, and what the hidden
+ * state, in 2^-15, loses beside the observation. */
+#define MEMORY_AT {at}
+#define MEMORY_PAIRS {pairs}
+#define GATE_SHIFT {gate}
+#define CANDIDATE_SHIFT {candidate}
+#define HIDDEN_SHIFT {hidden}
+",
+        at = network.parameter_bytes() / 4,
+        pairs = (memory.metadata().observation.len() + memory.units()).div_ceil(2),
+        gate = shift(gates)?,
+        candidate = shift(candidate)?,
+        hidden = HIDDEN_FRACTION_BITS - u32::from(format.input_fraction_bits),
+    ))
+}
+
+/// The code with a memory before it acts.
+fn remembering_code(code: &str) -> String {
+    let at = code.find(ACT).expect("the code acts");
+    let code = [&code[..at], MEMORY, &code[at..]].concat();
+    WITH_MEMORY.iter().fold(code, |code, (from, to)| {
+        assert!(code.contains(from), "the code has {from}");
+        code.replacen(from, to, 1)
+    })
 }
 
 /// The table of the tangent.

@@ -3,11 +3,10 @@
 use std::fmt::Write;
 
 use kestrel_core::action::ActionSpace;
-use kestrel_core::policy_file::PolicyFile;
 use kestrel_sim::scenario::Scenario;
 
 use super::sensing::Sensing;
-use super::{GUARD, SourceError, comment, for_crazyflie, for_px4, rows};
+use super::{GUARD, SourceError, comment, for_crazyflie, for_pilot, for_px4, rows};
 
 /// What is the same for every policy: file name and contents.
 const APP: [(&str, &str); 6] = [
@@ -29,7 +28,7 @@ pub fn crazyflie_app(
     bytes: &[u8],
     tasks: &[(&str, &Scenario)],
 ) -> Result<Vec<(&'static str, String)>, SourceError> {
-    let observation = PolicyFile::parse(bytes)?.metadata().observation;
+    let observation = for_pilot(bytes)?.metadata().observation;
     if !observation.shows_goal() {
         return Err(SourceError::Observation { found: observation.name() });
     }
@@ -41,7 +40,7 @@ pub fn crazyflie_app(
 /// # Errors
 /// As [`crazyflie_app`].
 pub fn crazyflie_map_bytes(bytes: &[u8], tasks: &[(&str, &Scenario)]) -> Result<usize, SourceError> {
-    let observation = PolicyFile::parse(bytes)?.metadata().observation;
+    let observation = for_pilot(bytes)?.metadata().observation;
     Ok(Sensing::new(observation.measured_len(), tasks)?.map_bytes())
 }
 
@@ -52,7 +51,7 @@ pub(super) fn with_policy(
     files: &[(&'static str, &str)],
     sensing: &Sensing,
 ) -> Result<Vec<(&'static str, String)>, SourceError> {
-    let policy = PolicyFile::parse(bytes)?;
+    let policy = for_pilot(bytes)?;
     policy.self_test()?;
     if let ActionSpace::Reference(_) = policy.metadata().action {
         return Err(SourceError::Published);

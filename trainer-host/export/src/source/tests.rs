@@ -3,11 +3,15 @@
 use std::path::Path;
 use std::process::Command;
 
+use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::airframe::{Airframe, CF2P, CF2X, RotorOrder};
 use kestrel_core::dynamics::Integrator;
+use kestrel_core::gru::HiddenState;
 use kestrel_core::nalgebra::Vector3;
 use kestrel_core::observation::{MeasuredLayout, ObservationLayout, PilotMeasuredLayout};
-use kestrel_core::policy_file::{Activation, PolicyAirframe, PolicyFile, PolicyMetadata};
+use kestrel_core::policy_file::{
+    Activation, PolicyAirframe, PolicyFile, PolicyMetadata, PolicyScratch, RecurrentPolicy,
+};
 use kestrel_sim::physics::Physics;
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
@@ -17,6 +21,7 @@ use kestrel_sim::sensor::{Scan, ScanRing, SensorSuite};
 use kestrel_sim::world::{Movable, Pose, Shape, Solid};
 
 use super::*;
+use crate::recurrent::{RecurrentActor, export_recurrent};
 use crate::tests::METADATA;
 use crate::{DenseLayer, export};
 
@@ -85,15 +90,20 @@ fn special(kind: u32, bits: u32) -> u32 {
 
 /// What the driver prints, by the core.
 fn expected(policy: &PolicyFile<'_>) -> String {
+    let mut scratch = policy.scratch();
+    digest(policy.metadata(), |observation| policy.act(observation, &mut scratch))
+}
+
+/// The same of whatever acts.
+fn digest(metadata: &PolicyMetadata<'_>, mut act: impl FnMut(&[f32]) -> [f32; ACTION_LIMIT]) -> String {
     let mut state = 0_u64;
     let mut next = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         state >> 32
     };
     let mut digest = 0xcbf2_9ce4_8422_2325_u64;
-    let mut scratch = policy.scratch();
     for input in 0..112_000 {
-        let observation: Vec<f32> = (0..policy.metadata().observation.len())
+        let observation: Vec<f32> = (0..metadata.observation.len())
             .map(|_| {
                 let bits = next() as u32;
                 let usual = (bits as i32 >> 8) as f32 / 4_194_304.0;
@@ -105,8 +115,8 @@ fn expected(policy: &PolicyFile<'_>) -> String {
                 }
             })
             .collect();
-        let action = policy.act(&observation, &mut scratch);
-        for byte in action[..policy.metadata().action.len()].iter().flat_map(|value| value.to_le_bytes()) {
+        let action = act(&observation);
+        for byte in action[..metadata.action.len()].iter().flat_map(|value| value.to_le_bytes()) {
             digest = (digest ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
         }
     }
@@ -139,9 +149,14 @@ const STRICT: [&str; 5] = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-We
 
 /// The driver's output when the C of `policy` is compiled so, without a warning.
 fn printed(policy: &CSource, optimisation: &[&str]) -> String {
+    printed_by(DRIVER, policy, optimisation)
+}
+
+/// The same of another driver.
+fn printed_by(driver: &str, policy: &CSource, optimisation: &[&str]) -> String {
     let place = tempfile::tempdir().unwrap();
-    let driver = DRIVER.to_owned();
-    for (file, text) in [("policy.h", &policy.header), ("policy.c", &policy.source), ("main.c", &driver)] {
+    let files = [("policy.h", policy.header.as_str()), ("policy.c", &policy.source), ("main.c", driver)];
+    for (file, text) in files {
         std::fs::write(place.path().join(file), text).unwrap();
     }
     compiled(place.path(), &[optimisation, &STRICT, &["-c", "policy.c"]].concat());
@@ -187,6 +202,46 @@ fn rectifiers_in_c_compute_the_same_bits() {
         assert_eq!(printed(&policy, optimisation), expected, "{optimisation:?}");
     }
     assert!(crazyflie_app(&bytes, &[]).unwrap_err().to_string().contains("found a policy with rectifiers"));
+}
+
+#[test]
+fn a_memory_in_c_computes_the_same_bits() {
+    let mut stream = Stream::new(Seed(6), 0, Purpose::Weights);
+    let mut normals = |count: usize, gain: f32| (0..count).map(|_| gain * stream.normal()).collect::<Vec<f32>>();
+    for units in [4, 12] {
+        let inputs = 22 + units;
+        let [gates, candidate, hidden, output] =
+            [(inputs * 2 * units, 0.5), (inputs * units, 0.5), (inputs * 9, 0.4), (9 * 4, 0.3)]
+                .map(|(count, gain)| normals(count, gain));
+        let layer = |inputs, outputs, weights, bias| DenseLayer {
+            inputs,
+            outputs,
+            weights,
+            bias,
+            activation: Activation::Tanh,
+        };
+        let (zeros, small) = ([0.0; 24], [0.05; 24]);
+        let layers = [layer(inputs, 9, &hidden, &small[..9]), layer(9, 4, &output, &zeros[..4])];
+        let actor = RecurrentActor {
+            gates: layer(inputs, 2 * units, &gates, &small[..2 * units]),
+            candidate: layer(inputs, units, &candidate, &zeros[..units]),
+            layers: &layers,
+        };
+        let bytes = export_recurrent(&actor, &METADATA, &normals(22 * 40, 1.0)).unwrap().fixed_policy;
+        let policy = c_source(&bytes).unwrap();
+        assert!(policy.header.contains(&format!("#define KESTREL_UNITS {units}")));
+        let (parsed, mut memory) = (RecurrentPolicy::parse(&bytes).unwrap(), HiddenState::new());
+        let mut scratch = PolicyScratch::new();
+        let expected = digest(parsed.metadata(), |observation| parsed.act(observation, &mut memory, &mut scratch));
+        let driver = DRIVER
+            .replace("kestrel_scratch scratch;", "kestrel_scratch scratch; static kestrel_memory memory;")
+            .replace("&scratch, action", "&scratch, &memory, action");
+        for optimisation in OPTIMISATIONS {
+            assert_eq!(printed_by(&driver, &policy, optimisation), expected, "{units} units, {optimisation:?}");
+        }
+        let refusal = crazyflie_app(&bytes, &[]).unwrap_err().to_string();
+        assert!(refusal.starts_with("found a policy with a memory, expected one without"), "{refusal}");
+    }
 }
 
 #[test]
