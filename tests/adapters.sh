@@ -10,7 +10,7 @@
 # % of the training, to within five.
 #
 # The app for crazyflie-firmware also flies two policies that see beams: one whose app casts them in the maps of its thirteen
-# rooms, and one with the five rangers of the Multi-ranger deck.
+# rooms, and one with the five rangers of the Multi-ranger deck; and one with a memory.
 #
 # The controller of Betaflight's forks also meets 12,000 states with special values, a rate that is lost and a goal that grows old,
 # compiled as firmwares do: no motor stops.
@@ -82,6 +82,16 @@ rm -rf "$run" && target/debug/kestrel train configs/aviaries/incremental-cross-0
 verdict $? "the controller builds around a policy that sees the Multi-ranger"
 flies_as_here crazyflie 5
 verdict $? "a policy flies by the rangers' log variables"
+run=$out/run-memory
+rm -rf "$run" && pilot_library cargo --features recurrent && target/debug/kestrel train configs/aviaries/takeoff.yaml --run "$run" \
+  --set training.total_steps=1048576 --set training.minibatch=4096 --set training.memory.units=8 \
+  --set evaluation.episodes=16 >/dev/null 2>&1 && rm -r "$run/checkpoints" &&
+  target/debug/kestrel export "$run" --target crazyflie >/dev/null &&
+  grep -q '^KESTREL_FEATURES ?= ,recurrent$' "$run/crazyflie/Kbuild" &&
+  adapter crazyflie "$run/crazyflie/kestrel_controller.c" -DCONFIG_CRAZYFLIE_THRUST_UPGRADE_KIT
+verdict $? "the controller builds around a policy with a memory"
+flies_as_here crazyflie 5
+verdict $? "a policy with a memory flies through the controller interface of crazyflie-firmware"
 run=$out/run-hover
 adapter betaflight "$run/betaflight/nn_controller.c"
 verdict $? "the neural interface of Betaflight's forks builds"

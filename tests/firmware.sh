@@ -102,22 +102,21 @@ right_thrust() { # FILE: whether the policy flew, with the thrust that the firmw
 grep -qE ', ([0-9]{4,}) of the policy,.* right thrust in \1:' "$1"
 }
 
-app_on_target() { # $out/app-stm32f405.elf, around the pilot.o of the app's own Kbuild
-  local file objects=()
+app_on_target() { # FOLDER KBUILD: app-stm32f405.elf in the folder, around the pilot.o of the app's own Kbuild
+  local to=$1 kbuild=$2 file objects=()
   local machine=(-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16)
   local flags=("${machine[@]}" -g3 -fno-math-errno -mfp16-format=ieee -std=gnu11 -fno-strict-aliasing
     -ffunction-sections -fdata-sections -Os -Wall -Wextra -Werror)
-  rm -f "$out/pilot.o"
+  mkdir -p "$to" && rm -f "$to/pilot.o"
   # crazyflie-firmware links with its compiler.
-  make --silent -f firmware-shim/crazyflie/app/Kbuild obj="$out" KESTREL="$PWD" CARGO="$cargo" LD=arm-none-eabi-gcc \
-    "$out/pilot.o" || return 1
+  make --silent -f "$kbuild" obj="$to" KESTREL="$PWD" CARGO="$cargo" LD=arm-none-eabi-gcc "$to/pilot.o" || return 1
   for file in "${app[@]}" tests/firmware/crazyflie/start.c; do
-    objects+=("$out/$(basename "$file" .c).o")
+    objects+=("$to/$(basename "$file" .c).o")
     arm-none-eabi-gcc "${flags[@]}" "${include[@]}" -c "$file" -o "${objects[-1]}" || return 1
   done
-  arm-none-eabi-ld -r -z noexecstack -o "$out/built-in.o" "${objects[@]}" "$out/pilot.o" &&
+  arm-none-eabi-ld -r -z noexecstack -o "$to/built-in.o" "${objects[@]}" "$to/pilot.o" &&
     arm-none-eabi-gcc "${machine[@]}" --specs=rdimon.specs --specs=nano.specs -nostartfiles -Wl,--gc-sections \
-      -T tests/firmware/crazyflie/stm32f405.ld "$out/built-in.o" -o "$out/app-stm32f405.elf"
+      -T tests/firmware/crazyflie/stm32f405.ld "$to/built-in.o" -o "$to/app-stm32f405.elf"
 }
 
 only_entries() { # whether the firmware sees of the pilot what it calls, and the pilot nothing of the firmware
@@ -147,7 +146,7 @@ crazyflie() {
   verdict $? "it holds through a lost sample, and stops listening to an old set-point"
   grep -qE 'of 12000 special states [0-9]{4,} refused, [0-9]{4,} flown or held, in which 0 rotors stopped' "$out/app.txt"
   verdict $? "12,000 states with special values are refused or flown, and no rotor stops"
-  app_on_target
+  app_on_target "$out" firmware-shim/crazyflie/app/Kbuild
   verdict $? "it links with Bitcraze's flags, without a panic"
   only_entries
   verdict $? "it takes the place of nothing in the firmware's libraries"
@@ -226,6 +225,22 @@ exported_c() { # of 22-64-64-4, as peers are measured
   c_on_target "portable" -O3 17900 -U__ARM_FEATURE_DSP
 }
 
+memory_in_the_loop() { # as many episodes; it is trained for seconds, to fly, not to be good at it
+  rm -rf "$out/run-memory"
+  target/debug/kestrel train configs/aviaries/takeoff.yaml --run "$out/run-memory" --set training.total_steps=131072 \
+    --set training.minibatch=4096 --set training.memory.units=8 --set evaluation.episodes=16 >/dev/null 2>&1 &&
+    target/debug/kestrel evaluate "$out/run-memory" --episodes "${EPISODES:-64}" --processor qemu --image "$out/pilot.elf"
+}
+
+app_with_memory() { # the app around that policy flies on the STM32F405 on the stack that it has
+  local folder=$out/run-memory/crazyflie to=$out/memory
+  local include=(-I "$folder" -I tests/firmware/crazyflie)
+  local app=(tests/firmware/crazyflie/main.c "$folder/kestrel_controller.c" "$folder/policy.c")
+  target/debug/kestrel export "$out/run-memory" --target crazyflie >/dev/null && app_on_target "$to" "$folder/Kbuild" &&
+    emulated netduinoplus2 "$to/app-stm32f405.elf" >"$to/app.txt" && cat "$to/app.txt" && right_thrust "$to/app.txt" &&
+    ! grep -q overflows "$to/app.txt"
+}
+
 imported_in_the_loop() { # as many episodes
   rm -rf "$out/run-imported"
   target/debug/kestrel import tests/golden/foreign/sb3-ppo.onnx --task configs/hover.yaml -o "$out/run-imported" \
@@ -235,12 +250,16 @@ imported_in_the_loop() { # as many episodes
 
 processor() {
   local task
-  image pilot.elf pilot thumbv7em-none-eabihf --no-default-features --features assembly,serial && programs
+  image pilot.elf pilot thumbv7em-none-eabihf --features assembly,serial && programs
   verdict $? "the image of a pilot behind a serial line links without a panic"
   for task in hover cross; do
     in_the_loop "$task"
     verdict $? "the STM32F405 flies $task with the motor commands of this machine"
   done
+  memory_in_the_loop
+  verdict $? "the STM32F405 flies a policy with a memory with the motor commands of this machine"
+  app_with_memory
+  verdict $? "the app for crazyflie-firmware flies it there"
   imported_in_the_loop
   verdict $? "the STM32F405 flies a network of Stable-Baselines3 with the motor commands of this machine"
 }

@@ -3,6 +3,7 @@
 mod controller;
 #[cfg(feature = "recurrent")]
 mod recurrent;
+mod state_policy;
 #[cfg(feature = "encoder")]
 mod vision;
 
@@ -13,6 +14,7 @@ use nalgebra::Vector3;
 pub use controller::PolicyController;
 #[cfg(feature = "recurrent")]
 pub use recurrent::RecurrentRunner;
+pub use state_policy::StatePolicy;
 #[cfg(feature = "encoder")]
 pub use vision::VisionRunner;
 
@@ -40,7 +42,8 @@ pub trait PolicyRunner<'a> {
 }
 
 /// Flies one drone with one policy: a state-based one, with `RecurrentRunner` (feature
-/// `recurrent`) a recurrent one, or with `VisionRunner` (feature `encoder`) a vision policy.
+/// `recurrent`) a recurrent one, with [`StatePolicy`] either of them, or with `VisionRunner` (feature `encoder`) a vision
+/// policy.
 #[derive(Clone, Debug)]
 pub struct Pilot<'a, P = PolicyFile<'a>> {
     policy: P,
@@ -78,9 +81,15 @@ impl<'a> Pilot<'a> {
 }
 
 impl<'a, P: PolicyRunner<'a>> Pilot<'a, P> {
-    fn with_runner(policy: P) -> Self {
+    /// A pilot that has not acted yet: its past actions are zero.
+    pub fn with_runner(policy: P) -> Self {
         let controller = PolicyController::new(policy.metadata());
         Self { controller, policy, scratch: PolicyScratch::new(), parameters: PhantomData }
+    }
+
+    /// What the firmware must know about the policy.
+    pub fn metadata(&self) -> &PolicyMetadata<'a> {
+        self.policy.metadata()
     }
 
     /// Forgets the past actions and the last image, as at the start of an episode, and what the controller behind the

@@ -15,8 +15,7 @@
 use crate::attitude::Attitude;
 use crate::crc32::Crc32;
 use crate::observation::OBSERVATION_LIMIT;
-use crate::pilot::Pilot;
-use crate::policy_file::PolicyFile;
+use crate::pilot::{Pilot, StatePolicy};
 use crate::setpoint::Setpoint;
 use crate::vehicle::State;
 use nalgebra::Vector3;
@@ -181,11 +180,11 @@ fn answer(port: &mut impl SerialPort, code: i32) -> Option<MessageHeader> {
 
 /// Flies a policy until another one is sent, whose head it returns.
 fn fly(port: &mut impl SerialPort, file: &[u8]) -> Option<MessageHeader> {
-    let policy = match PolicyFile::parse(file) {
+    let policy = match StatePolicy::parse(file) {
         Ok(policy) => policy,
         Err(error) => return answer(port, i32::from(error.code())),
     };
-    let mut pilot = Pilot::new(policy);
+    let mut pilot = Pilot::with_runner(policy);
     if let Err(error) = pilot.self_test() {
         return answer(port, i32::from(error.code()));
     }
@@ -226,12 +225,12 @@ fn fly(port: &mut impl SerialPort, file: &[u8]) -> Option<MessageHeader> {
 }
 
 /// Rotor targets for the numbers of a tick, if they are as many as the policy needs.
-fn tick(pilot: &mut Pilot<'_>, payload: &[u8]) -> Option<[f32; 4]> {
+fn tick<'a>(pilot: &mut Pilot<'a, StatePolicy<'a>>, payload: &[u8]) -> Option<[f32; 4]> {
     let (numbers, []) = payload.as_chunks::<4>() else { return None };
     let (first, measured) = numbers.split_first_chunk::<STATE_LEN>()?;
     let mut measurements = [0.0; OBSERVATION_LIMIT];
     let measurements = measurements.get_mut(..measured.len())?;
-    if measurements.len() != pilot.policy().metadata().observation.measured_len() {
+    if measurements.len() != pilot.metadata().observation.measured_len() {
         return None;
     }
     for (value, bytes) in measurements.iter_mut().zip(measured) {

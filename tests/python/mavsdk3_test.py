@@ -88,7 +88,7 @@ class Flight:
 
         async def compare():
             listed = (await self._drone.ftp.list_directory("/")).files
-            expect(listed == ["general.json", "parameters.json"], f"it lists {listed}")
+            expect(listed == ["events.json", "general.json", "parameters.json"], f"it lists {listed}")
             with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as other:
                 by_burst, by_packet = await download(one, True), await download(other, False)
                 local = os.path.join(one, "parameters.json")

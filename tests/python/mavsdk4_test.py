@@ -77,7 +77,7 @@ class Flight:
 
     def lists_files_and_compares_one(self):
         listed = [entry.name for entry in self._ftp.list_directory("/").entries]
-        expect(listed == ["general.json", "parameters.json"], f"it lists {listed}")
+        expect(listed == ["events.json", "general.json", "parameters.json"], f"it lists {listed}")
         with tempfile.TemporaryDirectory() as folder:
             results = []
             self._ftp.download_async("/parameters.json", folder, True, lambda result, *_: results.append(result))

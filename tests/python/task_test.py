@@ -30,14 +30,11 @@ TASK_ENDED = 1 << 24 | 2
 SPEED = ["--speed", "10"]
 """What a client in Python can read on a busy machine: faster, datagrams are lost, and with them the end of a task."""
 
-REST_SECS = 3.0
-"""After a success it comes back to where that was, from the speed of its task, 2 m/s in a Cross [simulated s]."""
-
 HELD_SECS = 1.0
-"""For which it is watched then [simulated s]."""
+"""For which it is watched after a success, from a second later on [simulated s]."""
 
-DRIFT_M = 0.3
-"""Farthest that it goes in that time."""
+DRIFT_M = 1.0
+"""Farthest that it goes in that time: it comes to rest from the speed of its task, 2 m/s in a Cross, and back."""
 
 
 def event_of(message):
@@ -98,7 +95,7 @@ class Flight:
         self._client.accepted(COMMAND.MAV_CMD_USER_1, start)
         self._client.says(f"task {start}: success")
         # The log of the true state may lag behind the message.
-        self._client.pass_time(REST_SECS)
+        self._client.pass_time(HELD_SECS)
         begin = self._vehicle.true.now()
         expect(begin["mode"] == "holding", f"it is {begin['mode']}")
         self._client.pass_time(HELD_SECS)

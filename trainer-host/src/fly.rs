@@ -266,7 +266,7 @@ pub(crate) fn fly(
         }
         return conduct(session, &mut plant, &means);
     };
-    let processor = RemoteProcessor::start(remote, bytes.bytes(), &policy)?;
+    let processor = RemoteProcessor::start(remote, bytes.bytes(), policy.metadata())?;
     let session = Session::with(processor, &identity, place.airframe(), &options.session)?;
     conduct(session, &mut plant, &means)
 }

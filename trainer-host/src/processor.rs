@@ -11,7 +11,7 @@ use std::thread;
 use std::time::Duration;
 
 use kestrel_core::observation::ObservationLayout;
-use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::policy_file::PolicyMetadata;
 use kestrel_core::processor_in_the_loop::{MessageHeader, MessageKind, NO_POLICY, SerialPort, send, tick_payload};
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
@@ -223,16 +223,15 @@ impl RemoteKind<'_> {
 }
 
 impl RemoteProcessor {
-    /// Starts a processor, and sends the policy in `file`.
+    /// Starts a processor, and sends the policy in `file`, of which `metadata` are.
     ///
     /// # Errors
     /// When image, emulator or program are missing, nobody answers, or the policy is refused there.
     pub(crate) fn start(
         kind: RemoteKind<'_>,
         file: &[u8],
-        policy: &PolicyFile<'_>,
+        metadata: &PolicyMetadata<'_>,
     ) -> Result<Self, ProcessorError> {
-        let metadata = policy.metadata();
         let (path, emulated) = match kind {
             RemoteKind::Qemu(image) => (image, true),
             RemoteKind::Program(program) => (program, false),

@@ -12,6 +12,13 @@ pub struct RecurrentRunner<'a> {
     hidden: HiddenState,
 }
 
+impl<'a> RecurrentRunner<'a> {
+    /// The policy, which remembers nothing yet.
+    pub fn new(policy: RecurrentPolicy<'a>) -> Self {
+        Self { policy, hidden: HiddenState::new() }
+    }
+}
+
 impl<'a> PolicyRunner<'a> for RecurrentRunner<'a> {
     fn metadata(&self) -> &PolicyMetadata<'a> {
         self.policy.metadata()
@@ -33,7 +40,7 @@ impl<'a> PolicyRunner<'a> for RecurrentRunner<'a> {
 impl<'a> Pilot<'a, RecurrentRunner<'a>> {
     /// A pilot that has not acted yet: its past actions and its hidden state are zero.
     pub fn with_memory(policy: RecurrentPolicy<'a>) -> Self {
-        Self::with_runner(RecurrentRunner { policy, hidden: HiddenState::new() })
+        Self::with_runner(RecurrentRunner::new(policy))
     }
 
     /// The policy that flies.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::vec::Vec;
 
 use super::*;
-use crate::policy_file::Aligned;
+use crate::policy_file::{Aligned, PolicyFile};
 
 /// A line whose other end has said everything already.
 #[derive(Default)]

@@ -6,10 +6,19 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#if !defined(KESTREL_RECURRENT)
 /*
  Words of a `KestrelPilot`.
  */
 #define KESTREL_PILOT_WORDS 256
+#endif
+
+#if defined(KESTREL_RECURRENT)
+/*
+ Words of a `KestrelPilot` in a library with the feature `recurrent`; C defines `KESTREL_RECURRENT` before this header.
+ */
+#define KESTREL_PILOT_WORDS 452
+#endif
 
 /*
  A pilot takes place and flies.

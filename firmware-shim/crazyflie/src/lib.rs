@@ -14,8 +14,7 @@ mod panic;
 use core::slice;
 
 use kestrel_core::attitude::Attitude;
-use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::pilot::{Pilot, StatePolicy};
 use kestrel_core::processor_in_the_loop::NO_POLICY;
 use kestrel_core::scan::{ScanMap, Slab};
 use kestrel_core::setpoint::Setpoint;
@@ -23,7 +22,12 @@ use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
 /// Words of a `KestrelPilot`.
+#[cfg(not(feature = "recurrent"))]
 pub const KESTREL_PILOT_WORDS: usize = 256;
+
+/// Words of a `KestrelPilot` in a library with the feature `recurrent`; C defines `KESTREL_RECURRENT` before this header.
+#[cfg(feature = "recurrent")]
+pub const KESTREL_PILOT_WORDS: usize = 452;
 
 /// The same in this build: more than C has room for where the core has features that this library does not ask for, as when the
 /// whole workspace is built.
@@ -131,8 +135,11 @@ unsafe impl Sync for KestrelMap {}
 struct Seat {
     /// [`TAKEN`] while `pilot` is one.
     mark: u32,
-    pilot: core::mem::MaybeUninit<Pilot<'static>>,
+    pilot: core::mem::MaybeUninit<Flyer>,
 }
+
+/// A pilot of a policy without a memory or, where this library has the feature `recurrent`, with one.
+type Flyer = Pilot<'static, StatePolicy<'static>>;
 
 /// Unlikely to be found in memory that was never written.
 const TAKEN: u32 = 0x4b65_7374;
@@ -157,8 +164,8 @@ impl KestrelPilot {
     fn take(&mut self, policy: &'static [u8]) -> i32 {
         let seat = self.seat();
         seat.mark = 0;
-        let pilot = match PolicyFile::parse(policy) {
-            Ok(policy) => seat.pilot.write(Pilot::new(policy)),
+        let pilot = match StatePolicy::parse(policy) {
+            Ok(policy) => seat.pilot.write(Pilot::with_runner(policy)),
             Err(error) => return i32::from(error.code()),
         };
         match pilot.self_test() {
@@ -170,7 +177,7 @@ impl KestrelPilot {
         }
     }
 
-    fn pilot(&mut self) -> Option<&mut Pilot<'static>> {
+    fn pilot(&mut self) -> Option<&mut Flyer> {
         let Seat { mark, pilot } = self.seat();
         // SAFETY: the mark is set behind a pilot, and taken away before it is replaced.
         (*mark == TAKEN).then(|| unsafe { pilot.assume_init_mut() })
@@ -189,7 +196,7 @@ impl KestrelPilot {
         if refusal != KESTREL_OK {
             return refusal;
         }
-        let expected = pilot.policy().metadata().observation.measured_len();
+        let expected = pilot.metadata().observation.measured_len();
         if measurements.len() != expected || !measurements.iter().all(|value| value.is_finite()) {
             return KESTREL_UNMEASURED;
         }
@@ -242,8 +249,8 @@ fn within(values: &[f32], limit: f32) -> bool {
 }
 
 /// Writes thrusts of rotor speeds \[rad/s\], in units of a quarter of the weight, unless one is not finite.
-fn answer(pilot: &Pilot<'_>, speeds: [f32; 4], thrusts: &mut [f32; 4]) -> i32 {
-    let per_hover_thrust = 1.0 / pilot.policy().metadata().action.hover_speed_squared();
+fn answer(pilot: &Flyer, speeds: [f32; 4], thrusts: &mut [f32; 4]) -> i32 {
+    let per_hover_thrust = 1.0 / pilot.metadata().action.hover_speed_squared();
     let answer = speeds.map(|speed| speed * speed * per_hover_thrust);
     if !answer.iter().all(|thrust| thrust.is_finite()) {
         return KESTREL_ANSWER;
@@ -353,14 +360,14 @@ pub extern "C" fn kestrel_follow_rates(
 /// Time between two ticks in seconds; zero without a policy.
 #[unsafe(no_mangle)]
 pub extern "C" fn kestrel_control_period(pilot: &mut KestrelPilot) -> f32 {
-    pilot.pilot().map_or(0.0, |pilot| pilot.policy().metadata().control_period_secs)
+    pilot.pilot().map_or(0.0, |pilot| pilot.metadata().control_period_secs)
 }
 
 /// Greatest thrust of a rotor that the policy knows, in units of a quarter of the weight; zero without a policy.
 #[unsafe(no_mangle)]
 pub extern "C" fn kestrel_greatest_thrust(pilot: &mut KestrelPilot) -> f32 {
     pilot.pilot().map_or(0.0, |pilot| {
-        let action = &pilot.policy().metadata().action;
+        let action = &pilot.metadata().action;
         action.rotor_speed_limit() * action.rotor_speed_limit() / action.hover_speed_squared()
     })
 }

@@ -6,7 +6,7 @@ use std::{env, fs};
 use kestrel_core::action::ActionSpace;
 use kestrel_core::airframe::CRAZYFLIE_2_1;
 use kestrel_core::crc32::crc32;
-use kestrel_core::policy_file::PolicyError;
+use kestrel_core::policy_file::{PolicyError, PolicyFile};
 use kestrel_core::setpoint::Setpoint;
 
 use super::*;

@@ -49,6 +49,10 @@ const APP_CODE: usize = 32_100;
 const APP_MEMORY: usize = 5000;
 const APP_STACK: usize = 760;
 
+/// What a memory adds to both: the library has two kinds of pilots, and reading takes more of a stack of its own \[bytes\].
+const APP_MEMORY_CODE: usize = 18_200;
+const APP_MEMORY_RAM: usize = 4000;
+
 /// The core's pilot in a firmware of one's own \[bytes\].
 const CORE_CODE: usize = 30_000;
 const CORE_MEMORY: usize = 2900;
@@ -134,6 +138,10 @@ impl Cost {
         let network = match policy {
             Policy::Blind(policy) => Some(policy.as_ref()),
             Policy::Recurrent(policy) if form == Form::C => return Self::of_remembering_c(policy),
+            Policy::Recurrent(_) if form == Form::Crazyflie => {
+                let sizes = [APP_CODE + APP_MEMORY_CODE, APP_MEMORY + APP_MEMORY_RAM, APP_STACK];
+                return Self::of_pilot(form, (None, file_len), sizes);
+            }
             Policy::Seeing(_) | Policy::Recurrent(_) => None,
         };
         match form {

@@ -11,8 +11,10 @@ use std::fmt::Write;
 
 use kestrel_core::action::ActionSpace;
 use kestrel_core::observation::ObservationLayout;
-use kestrel_core::policy_file::{Activation, PolicyError, PolicyFile, PolicyMetadata};
+use kestrel_core::policy_file::{Activation, PolicyError, PolicyFile, PolicyMetadata, RecurrentPolicy};
 use thiserror::Error;
+
+use crate::policy::Policy;
 
 pub use betaflight::betaflight_controller;
 pub use c::{CSource, c_source};
@@ -34,9 +36,9 @@ pub enum SourceError {
     /// Nothing trains such a one.
     #[error("found a policy with a memory and rectifiers, expected one of them: C has no such policy")]
     RectifiedMemory,
-    /// The pilot in C has no place for a memory.
+    /// The library that Betaflight's forks link has no place for a memory.
     #[error(
-        "found a policy with a memory, expected one without: the app's pilot has none; `--target c` and `--target rust` do"
+        "found a policy with a memory, expected one without: `--target c`, `--target rust` and `--target crazyflie` take it"
     )]
     Memory,
     /// The reference's controllers need more stack than the stabilizer's task has.
@@ -78,12 +80,14 @@ pub enum SourceError {
     },
 }
 
-/// The policy in a file, which the pilot in C can fly.
-fn for_pilot(bytes: &[u8]) -> Result<PolicyFile<'_>, SourceError> {
-    match PolicyFile::parse(bytes) {
-        Ok(policy) => Ok(policy),
-        Err(PolicyError::Recurrent) => Err(SourceError::Memory),
-        Err(error) => Err(error.into()),
+/// The network of a policy that sees no images, and its memory if it has one.
+fn network_of<'p, 'a>(
+    policy: &'p Policy<'a>,
+) -> Result<(&'p PolicyFile<'a>, Option<&'p RecurrentPolicy<'a>>), SourceError> {
+    match policy {
+        Policy::Blind(policy) => Ok((policy, None)),
+        Policy::Recurrent(policy) => Ok((policy.network(), Some(policy))),
+        Policy::Seeing(_) => Err(PolicyError::Vision.into()),
     }
 }
 

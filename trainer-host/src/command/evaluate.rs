@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::processor::{Judged, ProcessorOptions, RemoteKind, compare, fly_beside};
 use anyhow::{Context, Result, bail, ensure};
-use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::pilot::StatePolicy;
 use kestrel_experiments::experiment_config::Experiment;
 use kestrel_experiments::output::say;
 use kestrel_experiments::progress::Progress;
@@ -107,7 +107,7 @@ fn fly_elsewhere(
     let mut progress = Progress::counting("episodes", task.evaluation.episodes as u64, 0);
     let shown = |done| progress.show_steps(done, String::new);
     let file = results::checked_policy(task, directory)?;
-    let policy = PolicyFile::parse(&file).with_context(|| directory.policy().display().to_string())?;
+    let policy = StatePolicy::parse(&file).with_context(|| directory.policy().display().to_string())?;
     let scenario = &task.evaluation.scenario;
     let judged = Judged { scenario, starts: results::starts(task), file: &file, policy };
     let done = match remote {

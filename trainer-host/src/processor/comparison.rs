@@ -2,8 +2,7 @@
 
 use std::fmt;
 
-use kestrel_core::pilot::Pilot;
-use kestrel_core::policy_file::PolicyFile;
+use kestrel_core::pilot::{Pilot, PolicyRunner, StatePolicy};
 use kestrel_core::real::Real;
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
@@ -25,7 +24,7 @@ pub(crate) struct Judged<'a> {
     /// The policy file's bytes.
     pub(crate) file: &'a [u8],
     /// What they say.
-    pub(crate) policy: PolicyFile<'a>,
+    pub(crate) policy: StatePolicy<'a>,
 }
 
 /// What two processors made of the same episodes.
@@ -116,7 +115,7 @@ pub(crate) fn compare(
     mut shown: impl FnMut(u64),
 ) -> Result<Comparison, ProcessorError> {
     let mut remote = judged.start(image)?;
-    let mut pilot = Pilot::new(judged.policy.clone());
+    let mut pilot = Pilot::with_runner(judged.policy.clone());
     let mut different = 0;
     let mut flights = Flights::default();
     for first in 0..judged.starts.episodes as u32 {
@@ -145,7 +144,7 @@ pub(crate) fn fly_beside(
     mut shown: impl FnMut(u64),
 ) -> Result<FlownBeside, ProcessorError> {
     let mut remote = judged.start(program)?;
-    let mut pilot = Pilot::new(judged.policy.clone());
+    let mut pilot = Pilot::with_runner(judged.policy.clone());
     let mut flown = FlownBeside { program: Flights::default(), host: Flights::default(), difference: 0.0 };
     for first in 0..judged.starts.episodes as u32 {
         remote.reset();
@@ -165,16 +164,16 @@ pub(crate) fn fly_beside(
 impl Judged<'_> {
     fn start(&self, kind: RemoteKind<'_>) -> Result<RemoteProcessor, ProcessorError> {
         match self.scenario.agents.count {
-            1 => RemoteProcessor::start(kind, self.file, &self.policy),
+            1 => RemoteProcessor::start(kind, self.file, self.policy.metadata()),
             found => Err(ProcessorError::Team { found }),
         }
     }
 
     /// Flies episode `first` by the targets that `commanded` makes of a control period and the pilot's own targets.
-    fn fly(
+    fn fly<'p>(
         &self,
         first: u32,
-        pilot: &mut Pilot<'_>,
+        pilot: &mut Pilot<'p, StatePolicy<'p>>,
         flights: &mut Flights,
         mut commanded: impl FnMut(&Input<'_>, [f32; 4]) -> Result<[f32; 4], ProcessorError>,
     ) -> Result<(), ProcessorError> {

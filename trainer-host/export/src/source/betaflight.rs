@@ -2,7 +2,8 @@
 
 use super::crazyflie::with_policy;
 use super::sensing::Sensing;
-use super::{GUARD, SourceError, for_pilot};
+use super::{GUARD, SourceError};
+use crate::policy::Policy;
 
 /// What is the same for every policy: file name and contents.
 const CONTROLLER: [(&str, &str); 4] = [
@@ -17,7 +18,11 @@ const CONTROLLER: [(&str, &str); 4] = [
 /// # Errors
 /// As [`super::crazyflie_app`], also when the policy sees sensors.
 pub fn betaflight_controller(bytes: &[u8]) -> Result<Vec<(&'static str, String)>, SourceError> {
-    let observation = for_pilot(bytes)?.metadata().observation;
+    let policy = Policy::parse(bytes)?;
+    if let Policy::Recurrent(_) = policy {
+        return Err(SourceError::Memory);
+    }
+    let observation = policy.metadata().observation;
     if !observation.shows_goal() || observation.measured_len() > 0 {
         return Err(SourceError::Observation { found: observation.name() });
     }

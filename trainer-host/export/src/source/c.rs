@@ -1,11 +1,9 @@
 //! C99 without a library of ours: header and source of a policy in fixed point.
 
 use kestrel_core::fixed::{FixedFormat, HIDDEN_FRACTION_BITS, REQUANTISATION_SHIFT, SUM_FRACTION_BITS, TANGENTS};
-use kestrel_core::policy_file::{
-    Activation, ParameterFormat, PolicyAirframe, PolicyError, PolicyFile, RecurrentPolicy,
-};
+use kestrel_core::policy_file::{Activation, ParameterFormat, PolicyAirframe, PolicyFile, RecurrentPolicy};
 
-use super::{SourceError, comment, rows};
+use super::{SourceError, comment, network_of, rows};
 use crate::policy::Policy;
 
 /// What is the same for every policy.
@@ -71,11 +69,7 @@ pub struct CSource {
 pub fn c_source(bytes: &[u8]) -> Result<CSource, SourceError> {
     let policy = Policy::parse(bytes)?;
     policy.self_test()?;
-    let (network, memory) = match &policy {
-        Policy::Blind(policy) => (policy.as_ref(), None),
-        Policy::Recurrent(policy) => (policy.network(), Some(policy.as_ref())),
-        Policy::Seeing(_) => return Err(PolicyError::Vision.into()),
-    };
+    let (network, memory) = network_of(&policy)?;
     let ParameterFormat::Fixed16(format) = network.parameter_format() else { return Err(SourceError::Float) };
     if memory.is_some() && format.activation != Activation::Tanh {
         return Err(SourceError::RectifiedMemory);

@@ -6,7 +6,8 @@ use kestrel_core::action::ActionSpace;
 use kestrel_sim::scenario::Scenario;
 
 use super::sensing::Sensing;
-use super::{GUARD, SourceError, comment, for_crazyflie, for_pilot, for_px4, rows};
+use super::{GUARD, SourceError, comment, for_crazyflie, for_px4, network_of, rows};
+use crate::policy::Policy;
 
 /// What is the same for every policy: file name and contents.
 const APP: [(&str, &str); 6] = [
@@ -18,6 +19,9 @@ const APP: [(&str, &str); 6] = [
     ("kestrel_guard.h", GUARD),
 ];
 
+/// Where Kbuild says what the policy needs of the pilot.
+const FEATURES: &str = "KESTREL_FEATURES ?=";
+
 /// The app around the policy file `bytes`, which start on a four-byte boundary of memory: names and contents of its files.
 /// `tasks`, by their names, are those that it learned: a policy that sees sensors sees what they say.
 ///
@@ -28,7 +32,7 @@ pub fn crazyflie_app(
     bytes: &[u8],
     tasks: &[(&str, &Scenario)],
 ) -> Result<Vec<(&'static str, String)>, SourceError> {
-    let observation = for_pilot(bytes)?.metadata().observation;
+    let observation = Policy::parse(bytes)?.metadata().observation;
     if !observation.shows_goal() {
         return Err(SourceError::Observation { found: observation.name() });
     }
@@ -40,7 +44,7 @@ pub fn crazyflie_app(
 /// # Errors
 /// As [`crazyflie_app`].
 pub fn crazyflie_map_bytes(bytes: &[u8], tasks: &[(&str, &Scenario)]) -> Result<usize, SourceError> {
-    let observation = for_pilot(bytes)?.metadata().observation;
+    let observation = Policy::parse(bytes)?.metadata().observation;
     Ok(Sensing::new(observation.measured_len(), tasks)?.map_bytes())
 }
 
@@ -51,18 +55,24 @@ pub(super) fn with_policy(
     files: &[(&'static str, &str)],
     sensing: &Sensing,
 ) -> Result<Vec<(&'static str, String)>, SourceError> {
-    let policy = for_pilot(bytes)?;
+    let policy = Policy::parse(bytes)?;
     policy.self_test()?;
+    let (network, memory) = network_of(&policy)?;
     if let ActionSpace::Reference(_) = policy.metadata().action {
         return Err(SourceError::Published);
     }
-    if let Some(found) = for_px4(&policy) {
+    if let Some(found) = for_px4(network) {
         return Err(SourceError::Px4 { found });
     }
-    if !for_crazyflie(&policy) {
+    if !for_crazyflie(network) {
         return Err(SourceError::Rotors);
     }
-    let mut files: Vec<(&str, String)> = files.iter().map(|(name, text)| (*name, (*text).to_owned())).collect();
+    let text = |name: &str, text: &str| match (name, memory) {
+        ("Kbuild", Some(_)) => text.replace(FEATURES, &format!("{FEATURES} ,recurrent")),
+        ("kestrel.h", Some(_)) => format!("#define KESTREL_RECURRENT\n{text}"),
+        (_, Some(_) | None) => text.to_owned(),
+    };
+    let mut files: Vec<(&str, String)> = files.iter().map(|(name, file)| (*name, text(name, file))).collect();
     let about = comment(policy.metadata().name);
     files.push((
         "policy.h",

@@ -239,7 +239,11 @@ fn a_memory_in_c_computes_the_same_bits() {
         for optimisation in OPTIMISATIONS {
             assert_eq!(printed_by(&driver, &policy, optimisation), expected, "{units} units, {optimisation:?}");
         }
-        let refusal = crazyflie_app(&bytes, &[]).unwrap_err().to_string();
+        let app = crazyflie_app(&bytes, &[]).unwrap();
+        assert!(
+            app.iter().any(|(name, text)| *name == "Kbuild" && text.contains("KESTREL_FEATURES ?= ,recurrent\n"))
+        );
+        let refusal = betaflight_controller(&bytes).unwrap_err().to_string();
         assert!(refusal.starts_with("found a policy with a memory, expected one without"), "{refusal}");
     }
 }
