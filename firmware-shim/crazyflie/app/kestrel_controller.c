@@ -84,11 +84,11 @@ static uint8_t room;
 static KestrelPilot pilot;
 static int32_t refusal = KESTREL_NO_POLICY;
 
-/* Reading a policy takes 2.4 KB of stack, once, one with a memory 4.7; the task that starts the system has 1.2. */
+/* Reading a policy takes 2.7 KB of stack, once, one with a memory 4.7; the task that starts the system has 1.2. */
 #ifdef KESTREL_RECURRENT
 #define READING_STACK_WORDS 1300
 #else
-#define READING_STACK_WORDS 700
+#define READING_STACK_WORDS 780
 #endif
 static StackType_t reading_stack[READING_STACK_WORDS];
 static StaticTask_t reading_task;

@@ -46,7 +46,7 @@ const PER_PAIR: f64 = 7.5;
 
 /// The app around a policy: its code, its memory, and the stack that it takes of the stabiliser's task \[bytes\].
 const APP_CODE: usize = 32_100;
-const APP_MEMORY: usize = 5000;
+const APP_MEMORY: usize = 5300;
 const APP_STACK: usize = 760;
 
 /// What a memory adds to both: the library has two kinds of pilots, and reading takes more of a stack of its own \[bytes\].
