@@ -93,7 +93,7 @@ verdict $? "the controller builds around a policy with a memory"
 flies_as_here crazyflie 5
 verdict $? "a policy with a memory flies through the controller interface of crazyflie-firmware"
 run=$out/run-hover
-adapter betaflight "$run/betaflight/nn_controller.c"
+pilot_library cargo && adapter betaflight "$run/betaflight/nn_controller.c"
 verdict $? "the neural interface of Betaflight's forks builds"
 flies_as_here betaflight 2
 verdict $? "a policy flies through the neural interface of Betaflight's forks"

@@ -6,19 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#if !defined(KESTREL_RECURRENT)
 /*
- Words of a `KestrelPilot`.
- */
-#define KESTREL_PILOT_WORDS 256
-#endif
-
-#if defined(KESTREL_RECURRENT)
-/*
- Words of a `KestrelPilot` in a library with the feature `recurrent`; C defines `KESTREL_RECURRENT` before this header.
+ Words of a `KestrelPilot`: one with the feature `recurrent` needs them all, and C does not know which it is linked with.
  */
 #define KESTREL_PILOT_WORDS 452
-#endif
 
 /*
  A pilot takes place and flies.

@@ -21,12 +21,7 @@ use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
-/// Words of a `KestrelPilot`.
-#[cfg(not(feature = "recurrent"))]
-pub const KESTREL_PILOT_WORDS: usize = 256;
-
-/// Words of a `KestrelPilot` in a library with the feature `recurrent`; C defines `KESTREL_RECURRENT` before this header.
-#[cfg(feature = "recurrent")]
+/// Words of a `KestrelPilot`: one with the feature `recurrent` needs them all, and C does not know which it is linked with.
 pub const KESTREL_PILOT_WORDS: usize = 452;
 
 /// The same in this build: more than C has room for where the core has features that this library does not ask for, as when the

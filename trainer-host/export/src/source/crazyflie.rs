@@ -69,7 +69,6 @@ pub(super) fn with_policy(
     }
     let text = |name: &str, text: &str| match (name, memory) {
         ("Kbuild", Some(_)) => text.replace(FEATURES, &format!("{FEATURES} ,recurrent")),
-        ("kestrel.h", Some(_)) => format!("#define KESTREL_RECURRENT\n{text}"),
         (_, Some(_) | None) => text.to_owned(),
     };
     let mut files: Vec<(&str, String)> = files.iter().map(|(name, file)| (*name, text(name, file))).collect();
@@ -90,11 +89,12 @@ extern \"C\" {{
 
 extern const uint8_t kestrel_policy[];
 extern const size_t kestrel_policy_len;
-{sensing}
+{recurrent}{sensing}
 #ifdef __cplusplus
 }}
 #endif
 ",
+            recurrent = memory.map_or("", |_| "\n/* It has a memory. */\n#define KESTREL_RECURRENT\n"),
             sensing = sensing.header()
         ),
     ));
