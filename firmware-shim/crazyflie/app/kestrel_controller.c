@@ -6,9 +6,10 @@
  *
  * Parameters (group kestrel): `enable`, 0 leaves everything to the PID controller; `pwm`, 1 if the firmware takes duty cycles
  * for its normalized forces, and then `fullThrust` (N of a motor at full throttle and a full battery; 0 for what the policy was
- * trained with) and `fullVoltage` (V of that battery); with a policy that sees a scan `room`, the number of the room in policy.h
- * in which the drone is: its beams are cast in the map of that room, from the estimated position. Logs: `answer` (why the policy does not fly, 0 if it does), `flying`,
- * `held` (microseconds for which the last thrusts were held), `m1` ... `m4` (thrust in quarters of the weight).
+ * trained with) and `fullVoltage` (V of that battery); with a policy that sees a scan `room`, the number of the room in
+ * policy.h in which the drone is: its beams are cast in the map of that room, from the estimated position. Logs: `answer` (why
+ * the policy does not fly, 0 if it does), `flying`, `held` (microseconds for which the last thrusts were held), `m1` ... `m4`
+ * (thrust in quarters of the weight).
  */
 #include <math.h>
 #include <stdbool.h>
