@@ -5,9 +5,9 @@ use std::fmt::Write;
 use kestrel_core::scan::ScanMap;
 use kestrel_sim::contact::ScanMaps;
 use kestrel_sim::scenario::Scenario;
-use kestrel_sim::sensor::SensorSuite;
 use kestrel_sim::sensor::instrument::Instrument;
 use kestrel_sim::sensor::signal::{Direction, Signal};
+use kestrel_sim::sensor::{SensorSuite, Told};
 
 use super::{SourceError, comment, rows};
 
@@ -40,8 +40,8 @@ impl Sensing {
         if let Some((name, _)) = others.iter().find(|(_, scenario)| scenario.sensors != *suite) {
             return other(&format!("the sensors of {} otherwise in {}", tasks[0].0, comment(name)));
         }
-        if suite.told().is_some() {
-            return other("what it is told rather than measures");
+        if let Some(told) = suite.told() {
+            return other(name_of_told(told));
         }
         if suite.len() != measured_len {
             return other(&format!("{measured_len} values, where its task measures {}", suite.len()));
@@ -201,6 +201,16 @@ fn ranger(instrument: &Instrument) -> Result<(Direction, f64), SourceError> {
         Signal::SpecificForce => other("an accelerometer"),
         Signal::Flow { .. } => other("the flow of the ground"),
         Signal::Height => other("a barometer"),
+    }
+}
+
+/// What a drone is told rather than measures.
+const fn name_of_told(told: &Told) -> &'static str {
+    match told {
+        Told::Mates(_) => "its team mates",
+        Told::Path(_) => "the path ahead",
+        Told::Coverage(_) => "which cells it has visited",
+        Told::Gates(_) => "the next gates",
     }
 }
 

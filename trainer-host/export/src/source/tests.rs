@@ -17,7 +17,7 @@ use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed, Stream};
 use kestrel_sim::sensor::instrument::{Bias, Instrument, Noise, Sampling};
 use kestrel_sim::sensor::signal::{Direction, Signal};
-use kestrel_sim::sensor::{Scan, ScanRing, SensorSuite};
+use kestrel_sim::sensor::{Coverage, Scan, ScanRing, SensorSuite, Told};
 use kestrel_sim::world::{Movable, Pose, Shape, Solid};
 
 use super::*;
@@ -468,6 +468,10 @@ fn what_a_crazyflie_does_not_measure_gets_no_app() {
     turning.sensors = SensorSuite::new(vec![gyroscope], 0.02);
     let turns = refusal(&seeing(3), &[("turn", &turning)]);
     assert!(turns.contains("found a policy that sees a gyroscope, expected rangers"), "{turns}");
+    let mut told = scenario.clone();
+    told.sensors = SensorSuite::none().with_told(Some(Told::Coverage(Coverage { cells: 2, next_scale_m: None })));
+    let cells = refusal(&seeing(4), &[("field", &told)]);
+    assert!(cells.contains("found a policy that sees which cells it has visited, expected rangers"), "{cells}");
     let forks = betaflight_controller(&seeing(6)).unwrap_err().to_string();
     assert!(forks.contains("found a policy that sees `pilot_measured`"), "{forks}");
 }
