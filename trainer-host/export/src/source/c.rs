@@ -85,22 +85,10 @@ fn header(policy: &PolicyFile<'_>, memory: Option<&RecurrentPolicy<'_>>) -> Stri
     let units = memory.map(RecurrentPolicy::units);
     // Gates have two rows for each unit.
     let width = widest(policy).max(units.map_or(0, |units| 2 * units));
-    let (remembered, argument, past) = match units {
-        None => (String::new(), "", ""),
-        Some(units) => (
-            format!(
-                "
-#define KESTREL_UNITS {units}
-
-/* What the policy remembers of a flight: all zero at its start. */
-typedef struct {{
-    int16_t hidden[KESTREL_UNITS];
-}} kestrel_memory;
-"
-            ),
-            "kestrel_memory *memory, ",
-            ", after what the memory has of the flight",
-        ),
+    let remembered = units.map(memory_declaration).unwrap_or_default();
+    let (argument, past) = match units {
+        None => ("", ""),
+        Some(_) => ("kestrel_memory *memory, ", ", after what the memory has of the flight"),
     };
     let airframe = metadata.airframe.as_ref().map(airframe_of).unwrap_or_default();
     format!(
@@ -148,6 +136,20 @@ int kestrel_self_test(kestrel_scratch *scratch);
     )
 }
 
+/// What a policy with so many units remembers.
+fn memory_declaration(units: usize) -> String {
+    format!(
+        "
+#define KESTREL_UNITS {units}
+
+/* What the policy remembers of a flight: all zero at its start. */
+typedef struct {{
+    int16_t hidden[KESTREL_UNITS];
+}} kestrel_memory;
+"
+    )
+}
+
 /// What makes newtons of its actions.
 fn airframe_of(airframe: &PolicyAirframe) -> String {
     let PolicyAirframe { mass, rotor_thrust_limit, .. } = airframe;
@@ -170,9 +172,9 @@ fn source(
     format: FixedFormat,
     bytes: &[u8],
 ) -> Result<String, SourceError> {
-    let end = bytes.len() - CHECKSUM_LEN;
     // Those of the memory follow those of the network.
     let parameter_bytes = memory.map_or(policy.parameter_bytes(), RecurrentPolicy::parameter_bytes);
+    let end = bytes.len() - CHECKSUM_LEN;
     let parameters = bytes[end - parameter_bytes..end].as_chunks::<4>().0;
     let words = |word: &[u8; 4]| format!("0x{:08x}", u32::from_le_bytes(*word));
     let (observation_len, action_len) = (policy.metadata().observation.len(), policy.metadata().action.len());
@@ -180,13 +182,7 @@ fn source(
         let vector = [&observation[..observation_len], &action[..action_len]].concat();
         vector.into_iter().map(|value| format!("0x{:08x}", value.to_bits()))
     });
-    let mut layers = Vec::new();
-    let mut sum_bits = 0;
-    for (index, (inputs, outputs)) in policy.shapes().enumerate() {
-        sum_bits = format.sum_fraction_bits(index)?;
-        let multiplier = REQUANTISATION_SHIFT + SUM_FRACTION_BITS - sum_bits;
-        layers.push(format!("{{{}, {}, {multiplier}}}", inputs.div_ceil(2), outputs.div_ceil(4)));
-    }
+    let (layers, sum_bits) = layers(policy, format)?;
     let of_memory = memory.map(|memory| memory_constants(policy, memory, format)).transpose()?;
     let constants = format!(
         "#define INPUT_SCALE {input_scale}.0f
@@ -223,12 +219,24 @@ static const uint32_t GOLDEN[GOLDEN_VECTORS][KESTREL_OBSERVATION_LEN + KESTREL_A
         golden = golden_rows(golden, observation_len + action_len),
         layers = rows(layers.iter().cloned(), 1),
     );
-    let code = match format.activation {
-        Activation::Tanh => CODE.to_owned(),
-        Activation::Relu => rectified_code(),
+    let code = match (format.activation, memory) {
+        (Activation::Tanh, None) => CODE.to_owned(),
+        (Activation::Tanh, Some(_)) => remembering_code(CODE),
+        (Activation::Relu, None | Some(_)) => rectified_code(),
     };
-    let code = if memory.is_some() { remembering_code(&code) } else { code };
     Ok(code.replace("CONSTANTS\n", &constants))
+}
+
+/// Pairs, blocks and shift of each layer, and the fraction bits of the last sums.
+fn layers(policy: &PolicyFile<'_>, format: FixedFormat) -> Result<(Vec<String>, u32), SourceError> {
+    let mut layers = Vec::new();
+    let mut sum_bits = 0;
+    for (index, (inputs, outputs)) in policy.shapes().enumerate() {
+        sum_bits = format.sum_fraction_bits(index)?;
+        let shift = REQUANTISATION_SHIFT + SUM_FRACTION_BITS - sum_bits;
+        layers.push(format!("{{{}, {}, {shift}}}", inputs.div_ceil(2), outputs.div_ceil(4)));
+    }
+    Ok((layers, sum_bits))
 }
 
 /// Where the memory's parameters are, and the powers of two that bring its sums to 2^-16.
