@@ -161,7 +161,7 @@ crazyflie() {
 }
 
 scan_on_target() { # PILOT LIMIT: the beams that its app casts have the bits of this machine, and take at most LIMIT instructions
-  local pilot=$1 limit=$2 folder=$out/scan-$1 mark most
+  local pilot=$1 limit=$2 folder=$out/scan-$1 most
   local machine=(-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16)
   target/debug/kestrel export "$pilot" --target crazyflie --output "$folder" >/dev/null &&
     gcc -O2 -ffp-contract=off -Wall -Wextra -Werror -I "$folder/crazyflie" "$folder/crazyflie/policy.c" tests/firmware/scan/main.c \
@@ -171,10 +171,7 @@ scan_on_target() { # PILOT LIMIT: the beams that its app casts have the bits of 
       --specs=nano.specs -nostartfiles -Wl,--gc-sections -T tests/firmware/crazyflie/stm32f405.ld \
       "$folder/crazyflie/policy.c" tests/firmware/scan/main.c tests/firmware/crazyflie/start.c "$out/pilot.o" \
       -o "$folder/there.elf" &&
-    mark=$(arm-none-eabi-nm "$folder/there.elf" | awk '$3 == "mark" { print $1 }') &&
-    emulated netduinoplus2 "$folder/there.elf" \
-      -plugin "$out/instruction_count.so,out=$folder/counts,mark=$mark" >"$folder/there.txt" &&
-    diff "$folder/here.txt" "$folder/there.txt"
+    windows "$folder/there.elf" "$folder/counts" >"$folder/there.txt" && diff "$folder/here.txt" "$folder/there.txt"
   verdict $? "the beams that the app of $pilot casts have the bits of this machine on the STM32F405"
   most=$(longest "$folder/counts")
   [ "$most" -gt 1000 ] && [ "$most" -le "$limit" ]
@@ -186,23 +183,26 @@ in_the_loop() { # TASK
     target/debug/kestrel evaluate "$out/run-$1" --episodes "${EPISODES:-64}" --processor qemu --image "$out/pilot.elf"
 }
 
+windows() { # IMAGE COUNTS: what the image prints; its instructions between calls of mark() are counted
+  local mark
+  mark=$(arm-none-eabi-nm "$1" | awk '$3 == "mark" { print $1 }') &&
+    emulated netduinoplus2 "$1" -plugin "$out/instruction_count.so,out=$2,mark=$mark"
+}
+
 longest() { # FILE: instructions of the longest call; windows end in turn before and after one, the last two belong to what follows
   awk '/window/ { if (++window % 2 && window > 1 && sum > most) most = sum; sum = 0; next } { sum += $2 }
     END { print most }' "$1"
 }
 
 c_on_target() { # NAME OPTIMISATION LIMIT FLAG...: the exported C has the bits of this machine, and takes at most LIMIT instructions
-  local name="$1, $2" optimisation=$2 limit=$3 file=$out/c-${1// /-}$2 mark most
+  local name="$1, $2" optimisation=$2 limit=$3 file=$out/c-${1// /-}$2 most
   shift 3
   local machine=(-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16)
   arm-none-eabi-gcc "${machine[@]}" -std=c99 "$optimisation" "$@" -Wall -Wextra -Wconversion -pedantic -Werror -c "$exported/policy.c" -o "$file.o" &&
     arm-none-eabi-gcc "${machine[@]}" -O2 -I "$exported" --specs=rdimon.specs --specs=nano.specs -nostartfiles \
       -T tests/firmware/crazyflie/stm32f405.ld "$file.o" tests/firmware/c/main.c tests/firmware/crazyflie/start.c \
       -o "$file.elf" &&
-    mark=$(arm-none-eabi-nm "$file.elf" | awk '$3 == "mark" { print $1 }') &&
-    emulated netduinoplus2 "$file.elf" \
-      -plugin "$out/instruction_count.so,out=$file.counts,mark=$mark" >"$file.txt" &&
-    diff "$out/c.txt" "$file.txt"
+    windows "$file.elf" "$file.counts" >"$file.txt" && diff "$out/c.txt" "$file.txt"
   verdict $? "the exported C, $name, has the bits of this machine on the STM32F405"
   most=$(longest "$file.counts")
   [ "$most" -gt 1000 ] && [ "$most" -le "$limit" ]

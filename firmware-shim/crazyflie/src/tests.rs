@@ -49,6 +49,18 @@ fn state(step: u32) -> KestrelState {
     }
 }
 
+/// The same for the core.
+fn core_state(state: &KestrelState) -> State<f32> {
+    let [w, x, y, z] = state.attitude;
+    State {
+        position: Vector3::from(state.position),
+        world_from_body: Attitude { w, x, y, z },
+        velocity: Vector3::from(state.velocity),
+        body_rates: Vector3::from(state.body_rates),
+        rotor_speeds: [0.0; 4],
+    }
+}
+
 #[test]
 fn c_flies_as_the_pilot_does() {
     let mut pilot = KestrelPilot::new();
@@ -64,14 +76,7 @@ fn c_flies_as_the_pilot_does() {
         }
         let (mut thrusts, state, goal) = ([9.0; 4], state(step), [0.1, 0.2, 1.0, 0.4]);
         assert_eq!(kestrel_tick(&mut pilot, &state, &goal, &mut thrusts), KESTREL_OK);
-        let [w, x, y, z] = state.attitude;
-        let state = State {
-            position: Vector3::from(state.position),
-            world_from_body: Attitude { w, x, y, z },
-            velocity: Vector3::from(state.velocity),
-            body_rates: Vector3::from(state.body_rates),
-            rotor_speeds: [0.0; 4],
-        };
+        let state = core_state(&state);
         let setpoint = Setpoint { yaw: 0.4, ..Setpoint::at(Vector3::new(0.1, 0.2, 1.0)) };
         for (thrust, speed) in thrusts.into_iter().zip(wrapped.tick_towards(&[], &state, &setpoint)) {
             assert!((thrust - speed.powi(2) / hover_speed_squared).abs() < 1e-6);
@@ -105,14 +110,7 @@ fn a_policy_that_sees_sensors_flies_by_what_they_measure_and_not_without() {
             assert_eq!(thrusts, [0.0; 4]);
         }
         assert_eq!(tick(&beams, step, &mut thrusts), KESTREL_OK);
-        let KestrelState { position, attitude: [w, x, y, z], velocity, body_rates } = state(step);
-        let state = State {
-            position: Vector3::from(position),
-            world_from_body: Attitude { w, x, y, z },
-            velocity: Vector3::from(velocity),
-            body_rates: Vector3::from(body_rates),
-            rotor_speeds: [0.0; 4],
-        };
+        let state = core_state(&state(step));
         let setpoint = Setpoint { yaw: 0.0, ..Setpoint::at(Vector3::new(4.5, 0.0, 0.3)) };
         let speeds = wrapped.tick_towards(&beams, &state, &setpoint);
         assert_eq!(thrusts.map(f32::to_bits), speeds.map(|speed| (speed * speed * per_hover_thrust).to_bits()));
@@ -327,14 +325,7 @@ fn twelve_thousand_states_with_special_values_are_refused_or_flown_as_the_core_f
             assert_eq!(thrusts, [0.0; 4]);
             continue;
         }
-        let [w, x, y, z] = state.attitude;
-        let flown = State {
-            position: Vector3::from(state.position),
-            world_from_body: Attitude { w, x, y, z },
-            velocity: Vector3::from(state.velocity),
-            body_rates: Vector3::from(state.body_rates),
-            rotor_speeds: [0.0; 4],
-        };
+        let flown = core_state(&state);
         let setpoint = Setpoint { yaw: goal[3], ..Setpoint::at(Vector3::new(goal[0], goal[1], goal[2])) };
         let speeds = wrapped.tick_towards(&[], &flown, &setpoint);
         assert_eq!(thrusts.map(f32::to_bits), speeds.map(|speed| (speed * speed * per_hover_thrust).to_bits()));
