@@ -100,12 +100,13 @@ mod tests {
 
     #[test]
     fn the_chance_follows_the_draws() {
-        let (first, second) = (Sample::new([(0, 1.0), (1, 3.0)]), Sample::new([(0, 2.0), (1, 2.5)]));
-        assert_eq!(probability_of_improvement(&first, &second, &[1, 1]), Some(0.5));
-        assert_eq!(probability_of_improvement(&first, &second, &[0, 2]), Some(1.0));
-        assert_eq!(probability_of_improvement(&first, &Sample::default(), &[1, 1]), None);
-        let estimate = Resamples::new(&[2], 1000, 0)
-            .estimate(2, |counts| probability_of_improvement(&first, &second, counts))
+        let of = |low: f64, high: f64| Sample::new((0..4).map(|unit| (unit, if unit < 2 { low } else { high })));
+        let (first, second) = (of(1.0, 3.0), of(2.0, 2.5));
+        assert_eq!(probability_of_improvement(&first, &second, &[1; 4]), Some(0.5));
+        assert_eq!(probability_of_improvement(&first, &second, &[0, 0, 2, 2]), Some(1.0));
+        assert_eq!(probability_of_improvement(&first, &Sample::default(), &[1; 4]), None);
+        let estimate = Resamples::new(&[4], 1000, 0)
+            .estimate(4, |counts| probability_of_improvement(&first, &second, counts))
             .unwrap();
         assert_eq!(estimate.interval, Some([0.0, 1.0]));
     }

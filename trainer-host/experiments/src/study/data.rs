@@ -93,7 +93,7 @@ impl StudyData {
         let order = self.order(run);
         let stage = match self.manifest.methods[run.method].kind {
             MethodKind::Sequential => order.len(),
-            MethodKind::Joint => 1,
+            MethodKind::Joint | MethodKind::Averaged => 1,
             MethodKind::Experts => 1 + order.iter().position(|trained| *trained == task)?,
         };
         run.cell(stage, task)

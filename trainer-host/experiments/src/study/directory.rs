@@ -210,7 +210,7 @@ impl<'a> StudyDirectory<'a> {
                 let task = &self.study.tasks[order[stage]].name;
                 (self.policies(id).join(task), multi_task::expert_of_job(self.study, id, stage))
             }
-            (Baselines::Flown, MethodKind::Sequential | MethodKind::Joint) => {
+            (Baselines::Flown, MethodKind::Sequential | MethodKind::Joint | MethodKind::Averaged) => {
                 if stage + 1 < procedure.stages(order.len()) {
                     return Ok(());
                 }

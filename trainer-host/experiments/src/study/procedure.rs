@@ -96,7 +96,8 @@ impl Procedure {
     pub fn kind(&self) -> MethodKind {
         match self {
             Self::Sequential { .. } | Self::Distil { .. } => MethodKind::Sequential,
-            Self::Joint | Self::Sharing { .. } => MethodKind::Joint,
+            Self::Joint => MethodKind::Joint,
+            Self::Sharing { .. } => MethodKind::Averaged,
             Self::Experts => MethodKind::Experts,
         }
     }

@@ -338,7 +338,9 @@ fn expected_groups(manifest: &StudyManifest, job: &Job) -> Vec<(usize, usize)> {
     let kind = kind(manifest, job);
     let all = |stage: usize| order.iter().map(move |task| (stage, *task));
     match kind {
-        MethodKind::Sequential | MethodKind::Joint => (1..=kind.stages(order.len())).flat_map(all).collect(),
+        MethodKind::Sequential | MethodKind::Joint | MethodKind::Averaged => {
+            (1..=kind.stages(order.len())).flat_map(all).collect()
+        }
         MethodKind::Experts => order.iter().enumerate().map(|(index, task)| (index + 1, *task)).collect(),
     }
 }

@@ -28,6 +28,8 @@ pub enum Measure {
     MeanSuccess,
     /// The lowest success of all tasks, each averaged over seeds.
     EveryTask,
+    /// Mean success divided by that of joint training.
+    OfJoint,
     /// Mean success divided by that of the experts.
     OfExperts,
     /// Success of each task right after it was trained, averaged.

@@ -82,6 +82,8 @@ pub enum MethodKind {
     Sequential,
     /// One policy learns all tasks at once, in one stage.
     Joint,
+    /// Each task is learned by a policy of its own, and the policies are averaged now and then, in one stage.
+    Averaged,
     /// Each task has a policy of its own; stage i trains that of the order's i-th task from scratch.
     Experts,
 }
@@ -159,12 +161,20 @@ impl TryFrom<serde_json::Value> for PublishedValue {
 }
 
 impl MethodKind {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::Sequential, Self::Joint, Self::Averaged, Self::Experts];
+
     /// Number of stages for an order of `tasks` tasks.
     pub fn stages(self, tasks: usize) -> usize {
         match self {
             Self::Sequential | Self::Experts => tasks,
-            Self::Joint => 1,
+            Self::Joint | Self::Averaged => 1,
         }
+    }
+
+    /// Whether it has one stage, in which it learns all tasks.
+    pub fn learns_at_once(self) -> bool {
+        self.stages(2) == 1
     }
 }
 
@@ -205,7 +215,7 @@ impl StudyManifest {
     pub fn jobs(&self) -> Vec<Job> {
         let needed = |place: &[usize; 3]| match self.methods[place[0]].kind {
             MethodKind::Sequential => true,
-            MethodKind::Joint | MethodKind::Experts => place[1] == 0,
+            MethodKind::Joint | MethodKind::Averaged | MethodKind::Experts => place[1] == 0,
         };
         self.possible_jobs().into_iter().filter(|(_, place)| needed(place)).map(|(job, _)| job).collect()
     }

@@ -13,6 +13,9 @@ use crate::study::config::claim::{Claim, Expected, Measure};
 /// Headings of the table of claims.
 pub(super) const HEADINGS: [&str; 4] = ["claim", "found, with its 95 % interval", "expected", "verdict"];
 
+/// Seeds without which a claim stays open: with fewer even these intervals are too narrow too often.
+const SEEDS: usize = 8;
+
 /// A rate of 0.9 is a little more or less than 0.9.
 const ROUNDING: f64 = 1e-9;
 
@@ -23,7 +26,7 @@ enum Verdict {
     Holds,
     /// It lies elsewhere.
     Fails,
-    /// It reaches both sides, or the claim has one seed behind it.
+    /// It reaches both sides, or the claim has too few seeds behind it.
     Open,
 }
 
@@ -41,7 +44,7 @@ impl Findings<'_> {
         }
         format!(
             "## Claims\n\nA claim holds when the whole interval is where it says, fails when the whole interval is elsewhere, \
-             and is open otherwise.\n\n{}",
+             and is open otherwise, and with fewer than {SEEDS} seeds.\n\n{}",
             table.text()
         )
     }
@@ -65,6 +68,7 @@ impl Findings<'_> {
             Expected::NotAbove(other) => {
                 let (found, estimate) = self.compared(&claim.method, other);
                 let verdict = estimate.map(|estimate| match verdict(estimate, f64::MIN_POSITIVE) {
+                    Verdict::Open if estimate.units < SEEDS => Verdict::Open,
                     Verdict::Holds => Verdict::Fails,
                     Verdict::Fails | Verdict::Open => Verdict::Holds,
                 });
@@ -107,6 +111,7 @@ impl Findings<'_> {
         let found = &self.summary.methods[place];
         match claim.measure {
             Measure::MeanSuccess => (found.mean, String::new()),
+            Measure::OfJoint => (found.of_joint, " of joint training".to_owned()),
             Measure::OfExperts => (found.of_experts, " of the experts".to_owned()),
             Measure::Plasticity => (found.plasticity, " when it is a task's turn".to_owned()),
             Measure::EveryTask => {
@@ -151,9 +156,9 @@ fn low(estimate: &Estimate) -> f64 {
 /// Where an estimate lies beside a bound from below.
 fn verdict(estimate: Estimate, least: f64) -> Verdict {
     match estimate.interval {
-        Some([low, _]) if low >= least => Verdict::Holds,
-        Some([_, high]) if high < least => Verdict::Fails,
-        _ => Verdict::Open,
+        Some([low, _]) if low >= least && estimate.units >= SEEDS => Verdict::Holds,
+        Some([_, high]) if high < least && estimate.units >= SEEDS => Verdict::Fails,
+        Some(_) | None => Verdict::Open,
     }
 }
 
@@ -171,6 +176,8 @@ mod tests {
         assert_eq!(verdict(estimate(Some([0.85, 0.95])), 0.9), Verdict::Open);
         assert_eq!(verdict(estimate(Some([0.7, 0.89])), 0.9), Verdict::Fails);
         assert_eq!(verdict(estimate(None), 0.1), Verdict::Open);
+        assert_eq!(verdict(Estimate { units: SEEDS - 1, ..estimate(Some([0.9, 0.95])) }, 0.9), Verdict::Open);
+        assert_eq!(verdict(Estimate { units: SEEDS - 1, ..estimate(Some([0.7, 0.8])) }, 0.9), Verdict::Open);
         assert_eq!(verdict(estimate(Some([0.0, 0.0])), f64::MIN_POSITIVE), Verdict::Fails);
     }
 }

@@ -6,15 +6,15 @@ use crate::study::data::StudyData;
 pub(super) fn how_to_read(data: &StudyData) -> String {
     let seeds = data.manifest.seeds.len();
     let caution = match seeds {
-        1 => " This study has one seed: nothing is known about chance, and no number has an interval.",
-        2..=7 => " With so few seeds intervals are too narrow; read them as a lower bound of the doubt.",
+        1..=3 => " This study has too few seeds: little is known about chance, and no number has an interval.",
+        4..=7 => " With so few seeds intervals are too narrow too often, and no claim is decided.",
         _ => "",
     };
     format!(
         "## How to read this\n\n* A seed decides everything random about a run: first weights, starts, exploration. It is the \
-         unit of chance: intervals come from drawing whole seeds again, each with all its orders and tasks (percentile \
-         bootstrap, 95 %, 50,000 draws; 5,000 for probabilities of improvement, forward transfer and steps to a \
-         threshold).{caution}\n* `98.4 % [97.9, 98.8]` is an estimate and its 95 % interval. Without brackets there was one seed. \
+         unit of chance: intervals come from drawing whole seeds again, each with all its orders and tasks (bootstrap, \
+         BCa of Efron 1987, widened for few seeds as Hesterberg 2015 says, 95 %, 50,000 draws; 5,000 for probabilities of improvement, forward transfer and steps to a \
+         threshold).{caution}\n* `98.4 % [97.9, 98.8]` is an estimate and its 95 % interval. Without brackets there were fewer than four seeds. \
          `–` stands where a number does not exist or its rows are missing. The number of seeds behind a method's \
          numbers is in the first table of results, unless a table has its own.\n* All methods share their draws, so an interval of a \
          difference is paired by seed.\n* When every seed has the same value, its interval is a point: that is what the seeds \

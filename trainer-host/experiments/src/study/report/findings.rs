@@ -10,6 +10,7 @@ use super::notation::{
 use super::summary::{MethodSummary, Summary};
 use super::table::Table;
 use super::threshold::Learning;
+use crate::statistics::bootstrap::Estimate;
 use crate::study::data::{Method, MethodKind, PublishedValue, StudyData};
 
 /// The method that changes nothing, when a study has it: a second reference beside the first method.
@@ -54,9 +55,7 @@ impl Findings<'_> {
         let sentence = |(method, found): (&Method, &MethodSummary)| {
             format!("* **{}**: {}{}\n", method.label, percent_estimate(found.mean), seeds_of(found))
         };
-        let Some(best) =
-            [MethodKind::Sequential, MethodKind::Joint, MethodKind::Experts].into_iter().find_map(by_mean)
-        else {
+        let Some(best) = MethodKind::ALL.into_iter().find_map(by_mean) else {
             return format!("## In short\n\n{NONE_YET}\n");
         };
         let mut lines = vec![best];
@@ -119,7 +118,7 @@ impl Findings<'_> {
                 percent_estimate(found.plasticity),
                 hundredths_estimate(found.zero_shot),
                 ratio_estimate(found.forward_transfer),
-                percent_estimate(found.joint_gap),
+                percent_estimate(found.of_joint.map(one_less)),
                 percent_estimate(found.of_experts),
             ]);
         }
@@ -337,7 +336,12 @@ fn stage_name(kind: MethodKind, stage: usize) -> String {
     match (kind, stage) {
         (_, 0) => "untrained".to_owned(),
         (MethodKind::Sequential, stage) => format!("after stage {stage}"),
-        (MethodKind::Joint, _) => "trained".to_owned(),
+        (MethodKind::Joint | MethodKind::Averaged, _) => "trained".to_owned(),
         (MethodKind::Experts, stage) => format!("expert {stage}"),
     }
+}
+
+fn one_less(estimate: Estimate) -> Estimate {
+    let interval = estimate.interval.map(|[low, high]| [1.0 - high, 1.0 - low]);
+    Estimate { value: 1.0 - estimate.value, interval, ..estimate }
 }

@@ -37,10 +37,10 @@ kestrel study results STUDY... --output FILE    # this page
 `--pictures FOLDER` draws its pictures. `--update` leaves the sections of other studies, and what is
 written by hand above this section, as they are.
 
-Intervals are 95 % bootstrap intervals over seeds. A claim is written in the study's file; it
-*holds* when its whole interval is on the expected side, *fails* when the whole interval is on the
-other side, and is *open* otherwise. Trivial pilots (do nothing, random, scripted) flew the same
-tasks. A study that is not finished says so. The full report of a study, with its learning curves,
+Intervals are 95 % bootstrap intervals over seeds (BCa, widened for few seeds, and none below four
+of them). A claim is written in the study's file; it *holds* when its whole interval is on the
+expected side, *fails* when the whole interval is on the other side, and is *open* otherwise, and
+with fewer than eight seeds. Trivial pilots (do nothing, random, scripted) flew the same tasks. A study that is not finished says so. The full report of a study, with its learning curves,
 matrices and definitions, is `report.md` in its directory.
 ";
 

@@ -105,6 +105,7 @@ fn learns(kind: MethodKind) -> &'static str {
     match kind {
         MethodKind::Sequential => "one task after the other",
         MethodKind::Joint => "all tasks at once",
+        MethodKind::Averaged => "all tasks at once, by policies that are averaged",
         MethodKind::Experts => "a policy per task",
     }
 }

@@ -42,7 +42,7 @@ pub(super) struct MethodSummary {
     pub(super) zero_shot: Option<Estimate>,
     pub(super) forward_transfer: Option<Estimate>,
     pub(super) plasticity: Option<Estimate>,
-    pub(super) joint_gap: Option<Estimate>,
+    pub(super) of_joint: Option<Estimate>,
     pub(super) of_experts: Option<Estimate>,
     /// By task, at the end.
     pub(super) tasks: Vec<TaskSummary>,
@@ -140,7 +140,7 @@ impl Estimator<'_> {
             zero_shot: self.mean_of_runs(method, &|score| score.zero_shot()),
             forward_transfer: self.forward_transfer(method),
             plasticity: self.mean_of_runs(method, &|score| score.plasticity()),
-            joint_gap: self.ratio(method, MethodKind::Joint).map(one_less),
+            of_joint: self.ratio(method, MethodKind::Joint),
             of_experts: self.ratio(method, MethodKind::Experts),
             tasks: (0..self.data.manifest.tasks.len()).map(|task| self.task(method, task)).collect(),
             so_far: self.so_far(method),
@@ -171,7 +171,7 @@ impl Estimator<'_> {
     fn so_far(&self, method: usize) -> Vec<Option<Estimate>> {
         let stages = match self.data.manifest.methods[method].kind {
             MethodKind::Sequential => self.columns.len(),
-            MethodKind::Joint | MethodKind::Experts => 0,
+            MethodKind::Joint | MethodKind::Averaged | MethodKind::Experts => 0,
         };
         (1..=stages).map(|stage| self.mean_of_runs(method, &|score| score.so_far(stage))).collect()
     }
@@ -275,9 +275,4 @@ fn normalisation(data: &StudyData, task: usize) -> Option<[f64; 2]> {
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let values: Vec<f64> = values.collect();
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
-
-fn one_less(estimate: Estimate) -> Estimate {
-    let interval = estimate.interval.map(|[low, high]| [1.0 - high, 1.0 - low]);
-    Estimate { value: 1.0 - estimate.value, interval, ..estimate }
 }

@@ -237,7 +237,7 @@ fn one_seed_has_values_and_no_intervals() {
     let (_directory, text) = report_of(&synthetic::manifest(1), |_| ());
     let none = row(&text, "After the last task", "fine-tuning");
     assert_eq!(none[..6], ["fine-tuning", "2", "1", "70.0 %", "67.5 %", "60.0 %"]);
-    assert!(text.contains("This study has one seed"));
+    assert!(text.contains("This study has too few seeds"));
     assert_eq!(row(&text, "Comparisons", "diagonal anchor")[4..], ["–", "–"]);
 }
 
@@ -304,7 +304,7 @@ fn claim(method: &str, measure: Measure, expected: Expected) -> Claim {
 
 #[test]
 fn claims_are_decided_by_the_numbers_of_the_study() {
-    let mut manifest = synthetic::manifest(4);
+    let mut manifest = synthetic::manifest(8);
     let names = |name: &str| name.to_owned();
     // With what the seeds add, `none` has 71.5 % on average, `anchor` 86.2 %, `experts` 97.5 %.
     manifest.claims = vec![
@@ -345,8 +345,36 @@ fn claims_are_decided_by_the_numbers_of_the_study() {
 }
 
 #[test]
+fn no_claim_is_decided_by_fewer_than_eight_seeds() {
+    for (seeds, verdict) in [(1, "open"), (7, "open"), (8, "**holds**")] {
+        let mut manifest = synthetic::manifest(seeds);
+        let expected = [Expected::AtLeast(0.5), Expected::NotAbove("anchor".to_owned())];
+        manifest.claims = expected.map(|expected| claim("none", Measure::MeanSuccess, expected)).to_vec();
+        let (_directory, text) = report_of(&manifest, |_| ());
+        let section = text.split("## Claims\n").nth(1).unwrap().split("\n## ").next().unwrap();
+        assert_eq!(section.matches(&format!("| {verdict} |")).count(), 2, "{seeds} seeds: {section}");
+    }
+}
+
+#[test]
+fn a_share_is_that_of_joint_training_and_not_of_averaged_policies() {
+    let mut manifest = synthetic::manifest(8);
+    manifest.methods.insert(0, synthetic::method("sharing", "averaged policies", MethodKind::Averaged, 0));
+    manifest.claims = vec![
+        claim("anchor", Measure::OfJoint, Expected::AtLeast(0.85)),
+        claim("anchor", Measure::OfJoint, Expected::AtLeast(0.95)),
+    ];
+    let (_directory, text) = report_of(&manifest, |_| ());
+    // 86.2 of 96.5 hundredths; averaged policies have less than joint training.
+    let anchor = row(&text, "Retention and transfer", "diagonal anchor");
+    assert_eq!(value(&anchor[6]), "10.7 %");
+    let section = text.split("## Claims\n").nth(1).unwrap().split("\n## ").next().unwrap();
+    assert_eq!([section.matches("**holds**").count(), section.matches("**fails**").count()], [1, 1], "{section}");
+}
+
+#[test]
 fn claims_compare_steps_and_returns_with_doing_nothing() {
-    let mut manifest = synthetic::manifest(4);
+    let mut manifest = synthetic::manifest(8);
     let fewer = |than: &str| Expected::FewerStepsThan(than.to_owned());
     manifest.claims = vec![
         claim("none", Measure::MeanSuccess, fewer("experts")),

@@ -45,7 +45,7 @@ pub(super) struct Totals {
 
 /// The methods that learn task by task and have curves, in the order of the manifest.
 pub(super) fn learnings(data: &StudyData, summary: &Summary) -> Vec<Learning> {
-    let by_task = |method: &usize| data.manifest.methods[*method].kind != MethodKind::Joint;
+    let by_task = |method: &usize| !data.manifest.methods[*method].kind.learns_at_once();
     let methods = (0..data.manifest.methods.len()).filter(by_task);
     let mut learnings: Vec<Learning> = methods.filter_map(|method| learning(data, summary, method)).collect();
     let Some((first, others)) = learnings.split_first_mut() else { return learnings };

@@ -126,7 +126,7 @@ impl Grid<'_> {
             let at = [MARGIN, Self::top(row) + 18.0 + 19.0 * line as f64];
             drawing.text(Text { at, words, size: 15.0, colour: INK, anchor: Anchor::Start });
         }
-        if self.data.manifest.methods[method].kind == MethodKind::Joint {
+        if self.data.manifest.methods[method].kind.learns_at_once() {
             return self.draw_joint(drawing, row, method);
         }
         for task in 0..self.data.manifest.tasks.len() {

@@ -105,7 +105,7 @@ impl Matrix<'_> {
         match (self.data.manifest.methods[self.method].kind, stage) {
             (_, 0) => "untrained".to_owned(),
             (MethodKind::Sequential, stage) => format!("after {stage}"),
-            (MethodKind::Joint, _) => "trained".to_owned(),
+            (MethodKind::Joint | MethodKind::Averaged, _) => "trained".to_owned(),
             (MethodKind::Experts, stage) => format!("expert {stage}"),
         }
     }

@@ -1,6 +1,6 @@
 //! How soon a task is learned: Kaplan–Meier estimates.
 
-use crate::statistics::bootstrap::percentile_interval;
+use crate::statistics::bootstrap::interval;
 use crate::statistics::survival::{Durations, SurvivalCurve};
 use crate::study::data::StudyData;
 use crate::study::report::summary::Summary;
@@ -63,7 +63,7 @@ fn draw_learning(drawing: &mut Drawing, panel: &Axes, summary: &Summary, method:
             .map(|place| panel.x.high * place as f64 / PLACES as f64)
             .filter_map(|steps| {
                 let shares = curves.iter().map(|curve| 1.0 - curve.share_at(steps));
-                percentile_interval(shares.collect()).map(|[low, high]| [steps, low, high])
+                interval(shares.collect(), durations.units()).map(|[low, high]| [steps, low, high])
             })
             .collect();
         panel.band(drawing, &band, colour(method), 0.12);

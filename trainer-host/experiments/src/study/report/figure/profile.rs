@@ -1,6 +1,6 @@
 //! Performance profiles: how many runs are at least how good.
 
-use crate::statistics::bootstrap::percentile_interval;
+use crate::statistics::bootstrap::interval;
 use crate::statistics::sample::Sample;
 use crate::study::data::StudyData;
 use crate::study::report::summary::{Summary, final_success};
@@ -46,7 +46,7 @@ fn draw_profile(drawing: &mut Drawing, panel: &Axes, summary: &Summary, method: 
     let profiles: Vec<Vec<f64>> =
         resamples.iter().filter_map(|counts| sample.shares_above(counts, &thresholds)).collect();
     let band = |index: usize| {
-        let [low, high] = percentile_interval(profiles.iter().map(|profile| profile[index]).collect())?;
+        let [low, high] = interval(profiles.iter().map(|profile| profile[index]).collect(), sample.units())?;
         Some([thresholds[index], low, high])
     };
     if sample.units() > 1 {
