@@ -8,6 +8,7 @@
 //! the list at the end of this file. Any other type that implements [`Regulariser`] works as well
 //! (`examples/own_regulariser.rs`): [`Trainer::update_with`](crate::ppo::Trainer::update_with) takes it.
 
+mod compact_coreset;
 mod coreset;
 mod curvature;
 mod distillation;
@@ -25,6 +26,7 @@ use kestrel_core::seed::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use compact_coreset::{CompactCoreset, CompactCoresetSettings};
 pub use coreset::{Coreset, CoresetSettings};
 pub use distillation::{DistillationSettings, distil};
 pub use function_space::{FunctionSpace, FunctionSpaceSettings};
@@ -205,6 +207,8 @@ regularisers! {
     SynapticIntelligence(SynapticIntelligence, SynapticIntelligenceSettings, "synaptic_intelligence");
     /// States of earlier tasks, on which the policy is asked to do what it did.
     Coreset(Coreset, CoresetSettings, "coreset");
+    /// Function-space rehearsal on a few kilobytes of states, with a strength that a budget of divergence sets.
+    CompactCoreset(CompactCoreset, CompactCoresetSettings, "compact_coreset");
 }
 
 /// Whether a number of settings is within its limits.

@@ -125,7 +125,7 @@ pub(super) fn clone_behaviour(actor: &Actor, states: &[&[f32]], weight: f32, gra
     }
 }
 
-/// Adds the gradient of `weight · Σ ½ (μ − wanted)²` over a slice of states; where nothing is wanted, none.
+/// Adds the gradient of `weight · Σ ½ (μ − wanted)²` over a slice of states, where nothing is wanted none; returns the sum.
 ///
 /// `wanted` is by places of the slice of actions, `[actions][ENV_BATCH]`.
 pub(super) fn imitate(
@@ -135,12 +135,16 @@ pub(super) fn imitate(
     weight: f32,
     gradient: &mut [f32],
     workspace: &mut Workspace,
-) {
+) -> f32 {
     actor.mlp().forward(actor.parameters(), slice, workspace);
     let (means, deltas) = workspace.output_delta();
+    let mut sum = 0.0;
     for (place, (delta, mean)) in deltas.iter_mut().zip(means).enumerate() {
-        *delta = wanted(place).map_or(0.0, |wanted| weight * (mean - wanted));
+        let away = wanted(place).map_or(0.0, |wanted| mean - wanted);
+        *delta = weight * away;
+        sum += 0.5 * *delta * away;
     }
     let network = &mut gradient[..actor.mlp().parameter_count()];
     actor.mlp().backward(actor.parameters(), slice, workspace, network);
+    sum
 }

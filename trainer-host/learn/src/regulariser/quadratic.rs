@@ -87,10 +87,11 @@ pub enum Coupling {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Strength {
-    /// This factor, on curvatures whose mean is one.
+    /// This factor: on curvatures whose mean is one, or on a mean divergence.
     Fixed(f32),
-    /// The square of the share used of this much predicted divergence per earlier task \[nat\]: as much as keeps the
-    /// policy within it.
+    /// As much as keeps the policy within this much divergence \[nat\]: with an anchor, which predicts it for each
+    /// earlier task, the square of the share used; with states, on which its mean is measured, a multiplier that rises
+    /// outside and falls inside.
     #[serde(rename = "budget_nats")]
     Budget(f32),
 }

@@ -74,7 +74,13 @@ fn every_kind() -> Vec<RegulariserSettings> {
         published(SoarRule::Head),
         RegulariserSettings::SynapticIntelligence(SynapticIntelligenceSettings { strength: 1.0 }),
         RegulariserSettings::Coreset(CoresetSettings { bytes: Some(4096), strength: 1.0 }),
+        compact(4096, Strength::Budget(0.005)),
+        compact(4096, Strength::Fixed(1.0)),
     ]
+}
+
+fn compact(bytes: usize, strength: Strength) -> RegulariserSettings {
+    RegulariserSettings::CompactCoreset(CompactCoresetSettings { bytes, strength })
 }
 
 #[test]
@@ -177,7 +183,8 @@ fn a_policy_that_has_moved_is_pulled_back_by_sound_methods_and_pushed_away_by_th
             RegulariserSettings::Quadratic(_)
             | RegulariserSettings::FunctionSpace(_)
             | RegulariserSettings::SynapticIntelligence(_)
-            | RegulariserSettings::Coreset(_) => assert!(along > 0.0, "{settings:?} attracts: {along}"),
+            | RegulariserSettings::Coreset(_)
+            | RegulariserSettings::CompactCoreset(_) => assert!(along > 0.0, "{settings:?} attracts: {along}"),
         }
     }
 }
@@ -309,4 +316,71 @@ fn distillation_teaches_a_policy_what_another_does_without_forgetting() {
     distil(&mut keeper, &ended(&actor), &coreset, &DistillationSettings { steps: 300, learning_rate: 1e-2 });
     let after = divergence(&keeper, &actor, &rollout);
     assert!(after < 0.02 * before, "{before} nat before, {after} after");
+}
+
+#[test]
+fn a_compact_set_keeps_within_its_bytes_and_goes_on_where_it_was() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    for bytes in [1024, 1500, 4096] {
+        let mut memory =
+            compact(bytes, Strength::Budget(0.005)).begin(Learning { actor: &actor, critic: &critic });
+        for task in 0..5 {
+            end(&mut memory, &moved(&actor, 0.2, task), &critic, &rollout);
+            assert!((bytes - 5 * INPUTS..=bytes).contains(&memory.stored_bytes()), "{task} tasks");
+        }
+        let other = moved(&actor, 0.3, 9);
+        penalty(&mut memory, &other, &critic);
+        let saved = postcard::to_allocvec(&memory).unwrap();
+        let mut read: ShippedRegulariser = postcard::from_bytes(&saved).unwrap();
+        assert_eq!(read, memory);
+        for _ in 0..8 {
+            assert_eq!(penalty(&mut read, &other, &critic), penalty(&mut memory, &other, &critic));
+        }
+    }
+}
+
+#[test]
+fn a_compact_set_asks_for_what_the_newest_policy_did_however_many_tasks_there_were() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    let mut memory = compact(4096, Strength::Fixed(1.0)).begin(Learning { actor: &actor, critic: &critic });
+    for task in 0..6 {
+        let newest = moved(&actor, 0.2, task);
+        end(&mut memory, &newest, &critic, &rollout);
+        assert!(penalty(&mut memory, &newest, &critic).iter().all(|value| value.abs() < 1e-6), "{task}");
+        // Its penalties, all states taken together, fall along the divergence in the states where the tasks led to.
+        let other = moved(&newest, 0.1, 3);
+        let mut gradient = vec![0.0; other.parameters().len()];
+        for _ in 0..400 {
+            for (sum, value) in gradient.iter_mut().zip(penalty(&mut memory, &other, &critic)) {
+                *sum += value / 400.0;
+            }
+        }
+        let mut descended = other.clone();
+        for (parameter, gradient) in descended.parameters_mut().iter_mut().zip(&gradient) {
+            *parameter -= 1e-3 * gradient;
+        }
+        let squared: f64 = gradient.iter().map(|value| f64::from(value * value)).sum();
+        let drop = divergence(&other, &newest, &rollout) - divergence(&descended, &newest, &rollout);
+        let share = drop / (1e-3 * squared);
+        // Places between states are nearer to the middle than the states are.
+        assert!((0.8..1.8).contains(&share), "{share} of the predicted drop after task {task}");
+    }
+}
+
+#[test]
+fn the_strength_rises_until_the_policy_is_within_its_budget_and_falls_there() {
+    let ((actor, critic), rollout) = (networks(), rollout());
+    let mut memory = compact(4096, Strength::Budget(0.005)).begin(Learning { actor: &actor, critic: &critic });
+    end(&mut memory, &actor, &critic, &rollout);
+    let mut after = |policy: &Actor| {
+        for _ in 0..200 {
+            penalty(&mut memory, policy, &critic);
+        }
+        let ShippedRegulariser::CompactCoreset(set) = &memory else { panic!("it is a compact set") };
+        set.strength()
+    };
+    let far = after(&moved(&actor, 0.3, 9));
+    assert!(far > 5.0, "{far} outside of the budget");
+    let near = after(&actor);
+    assert!(near < 0.2 * far, "{near} within it");
 }
