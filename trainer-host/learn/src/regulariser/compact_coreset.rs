@@ -121,7 +121,7 @@ impl CompactCoreset {
         let mut slice = vec![0.0; self.width() * COLUMNS];
         let mut column = 0;
         for state in stored.skip(self.penalties as usize % slices).step_by(slices) {
-            self.write(&mut slice, column, self.decoded(state));
+            write(&mut slice, column, self.decoded(state));
             column += 1;
         }
         let mut stream = Stream::new(self.seed, 1 + self.penalties, Purpose::Rehearsal);
@@ -131,15 +131,9 @@ impl CompactCoreset {
             let share = stream.uniform();
             let between =
                 self.decoded(one).zip(self.decoded(other)).map(|(one, other)| one + share * (other - one));
-            self.write(&mut slice, column, between);
+            write(&mut slice, column, between);
         }
         slice
-    }
-
-    fn write(&self, slice: &mut [f32], column: usize, state: impl Iterator<Item = f32>) {
-        for (row, value) in state.enumerate() {
-            slice[row * COLUMNS + column] = value;
-        }
     }
 
     fn decoded<'a>(&'a self, state: &'a [u8]) -> impl Iterator<Item = f32> + 'a {
@@ -209,6 +203,13 @@ impl Regulariser for CompactCoreset {
         let count = self.center.len();
         self.center.copy_from_slice(&ended.actor.parameters()[..count]);
         (self.strength, self.seed, self.penalties) = (FIRST_STRENGTH, ended.seed, 0);
+    }
+}
+
+/// Writes a state to a column of a slice.
+fn write(slice: &mut [f32], column: usize, state: impl Iterator<Item = f32>) {
+    for (row, value) in state.enumerate() {
+        slice[row * COLUMNS + column] = value;
     }
 }
 
