@@ -28,7 +28,6 @@ use crate::run_directory::lock::RunLock;
 use crate::run_directory::{RunDirectory, RunDirectoryError};
 use crate::sealed_file::SealError;
 use kestrel_learn::actor_critic::Actor;
-use kestrel_learn::ppo::RestoreError;
 use kestrel_learn::ranks::UnequalShares;
 use kestrel_sim::config::ConfigError;
 
@@ -71,22 +70,6 @@ pub enum RunError {
     /// A checkpoint cannot be written.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// A checkpoint of another version of the program.
-    #[error("{cause}; or remove {} to begin the job again", path.display())]
-    Foreign {
-        /// The checkpoints of the job.
-        path: PathBuf,
-        /// What does not fit.
-        cause: CheckpointError,
-    },
-    /// A checkpoint of another study.
-    #[error("{}: {cause}: remove this directory to begin the job again", path.display())]
-    Restore {
-        /// The checkpoints of the job.
-        path: PathBuf,
-        /// What does not fit.
-        cause: RestoreError,
-    },
     /// A policy cannot be kept.
     #[error(transparent)]
     Results(#[from] Box<ResultsError>),
@@ -167,24 +150,40 @@ impl<'a> StudyDirectory<'a> {
 
     /// A job where it was interrupted, or at its beginning.
     ///
-    /// A damaged checkpoint costs only time, since a job goes the same way again; that is said, and no error.
+    /// A damaged checkpoint costs only time, since a job goes the same way again; so does one of another version of the
+    /// program, which is set aside. That is said, and no error.
     ///
     /// # Errors
-    /// When a checkpoint is of another study or another version, or the system refuses.
+    /// When the system refuses.
     pub fn open_job(&self, id: JobId) -> Result<JobRun<'a>, RunError> {
         let path = self.checkpoints(id);
         create(&path)?;
         let restored = match Checkpoints::in_directory(&path).load_newest::<JobState>() {
             Ok(restored) => restored,
             Err(CheckpointError::None(_)) => return Ok(JobRun::begin(self.study, id)),
-            Err(cause) if is_foreign(&cause) => return Err(RunError::Foreign { path, cause }),
+            Err(cause) if is_foreign(&cause) => return self.begin_again(id, &cause),
             Err(CheckpointError::File(cause)) => return Err(cause.into()),
             Err(damage @ CheckpointError::Sealed(_)) => {
                 warn(format_args!("warning: {damage}; beginning this job again"));
                 return Ok(JobRun::begin(self.study, id));
             }
         };
-        JobRun::restore(self.study, id, restored.state).map_err(|cause| RunError::Restore { path, cause })
+        JobRun::restore(self.study, id, restored.state).or_else(|cause| self.begin_again(id, &cause))
+    }
+
+    /// A job at its beginning, because its checkpoints are whole and not ours: another version can still use them.
+    fn begin_again(&self, id: JobId, cause: &dyn std::fmt::Display) -> Result<JobRun<'a>, RunError> {
+        let path = self.checkpoints(id);
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let aside = |number: u32| path.with_file_name(format!("{name}.former-{number}"));
+        let aside = (1..).map(aside).find(|aside| !aside.exists()).expect("there is no end of numbers");
+        fs::rename(&path, &aside).map_err(|cause| FileError::new("rename", &path, cause))?;
+        create(&path)?;
+        warn(format_args!(
+            "warning: {name} was saved by another version ({cause}); beginning this job again, and keeping that in {}",
+            aside.display()
+        ));
+        Ok(JobRun::begin(self.study, id))
     }
 
     /// Saves an unfinished job.
@@ -302,7 +301,7 @@ impl<'a> StudyDirectory<'a> {
     }
 }
 
-/// Whole, and not ours: beginning the job again would throw away what another version can still use.
+/// Whole, and not ours.
 fn is_foreign(error: &CheckpointError) -> bool {
     match error {
         CheckpointError::Sealed(error) => matches!(error, SealError::Version { .. } | SealError::Content { .. }),

@@ -11,13 +11,13 @@
 //! rises while the policy is outside and falls while it is inside, minibatch after minibatch, so that nothing has to be
 //! tuned to a task.
 
-use kestrel_config::{ConfigError, Field, Limits};
+use kestrel_config::{ConfigError, Field};
 use kestrel_core::seed::{Purpose, Seed, Stream};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::coreset::{draw_states, imitate};
-use super::{EndedTask, Learning, REFERENCE_STD, Regulariser, Strength, check_number};
+use super::{EndedTask, Learning, REFERENCE_STD, Regulariser, Strength};
 use crate::actor_critic::Gradient;
 use crate::network::Workspace;
 
@@ -57,11 +57,7 @@ const fn budget() -> Strength {
 impl CompactCoresetSettings {
     pub(super) fn check(&self, field: &Field<'_>) -> Result<(), ConfigError> {
         field.at("bytes").whole(self.bytes as u64, 1024..=1 << 30)?;
-        let (key, strength) = match self.strength {
-            Strength::Fixed(strength) => ("fixed", strength),
-            Strength::Budget(nats) => ("budget_nats", nats),
-        };
-        check_number(&field.at("strength"), key, strength, &Limits::above(0.0, 1e6, ""))
+        self.strength.check(&field.at("strength"))
     }
 }
 
@@ -124,7 +120,7 @@ impl CompactCoreset {
             write(&mut slice, column, self.decoded(state));
             column += 1;
         }
-        let mut stream = Stream::new(self.seed, 1 + self.penalties, Purpose::Rehearsal);
+        let mut stream = Stream::new(self.seed, self.penalties.wrapping_add(1), Purpose::Rehearsal);
         for column in column..COLUMNS {
             let task = &self.tasks[stream.below(self.tasks.len() as u32) as usize];
             let [one, other] = neighbours(task, width, &mut stream);

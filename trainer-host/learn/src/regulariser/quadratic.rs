@@ -96,6 +96,16 @@ pub enum Strength {
     Budget(f32),
 }
 
+impl Strength {
+    pub(super) fn check(self, field: &Field<'_>) -> Result<(), ConfigError> {
+        let (key, strength) = match self {
+            Self::Fixed(strength) => ("fixed", strength),
+            Self::Budget(nats) => ("budget_nats", nats),
+        };
+        check_number(field, key, strength, &Limits::above(0.0, 1e6, ""))
+    }
+}
+
 impl QuadraticSettings {
     pub(super) fn check(&self, field: &Field<'_>) -> Result<(), ConfigError> {
         if self.curvature == Curvature::Kronecker {
@@ -106,11 +116,7 @@ impl QuadraticSettings {
                 return Err(field.at("coupling").reject("proximal", "gradient, with the curvature kronecker"));
             }
         }
-        let (key, strength) = match self.strength {
-            Strength::Fixed(strength) => ("fixed", strength),
-            Strength::Budget(nats) => ("budget_nats", nats),
-        };
-        check_number(&field.at("strength"), key, strength, &Limits::above(0.0, 1e6, ""))?;
+        self.strength.check(&field.at("strength"))?;
         check_number(field, "decay", self.decay, &Limits::from(0.0, 1.0, ""))
     }
 }

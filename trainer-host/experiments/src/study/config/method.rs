@@ -189,6 +189,10 @@ impl SequentialConfig {
     fn check(&self, field: &Field<'_>) -> Result<Procedure, ConfigError> {
         let Self { consolidator, policy, log_std, learner } = *self;
         consolidator.check(&field.at("consolidator"))?;
+        // Its bytes are those beside a policy that goes on.
+        if matches!(consolidator, RegulariserSettings::CompactCoreset(_)) && policy == CarryOver::Reinitialised {
+            return Err(field.at("policy").reject("reset", "inherited, with the consolidator compact_coreset"));
+        }
         let warm_start_rule = WarmStartRule { policy, log_std, learner };
         Ok(Procedure::Sequential { regulariser: consolidator, warm_start_rule })
     }
