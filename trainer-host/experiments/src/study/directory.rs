@@ -176,7 +176,7 @@ impl<'a> StudyDirectory<'a> {
         let path = self.checkpoints(id);
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let aside = |number: u32| path.with_file_name(format!("{name}.former-{number}"));
-        let aside = (1..).map(aside).find(|aside| !aside.exists()).expect("there is no end of numbers");
+        let aside = (1..=u32::MAX).map(aside).find(|aside| !aside.exists()).expect("a number is free");
         fs::rename(&path, &aside).map_err(|cause| FileError::new("rename", &path, cause))?;
         create(&path)?;
         warn(format_args!(
