@@ -5,7 +5,7 @@
 //! that may carry the [`downwash`] of others; an [`observation`] of the state goes through a policy, read from a
 //! [`policy_file`] and computed as an [`mlp`] or in [`fixed`] point, whose [`action`] becomes rotor targets again. The
 //! [`pilot`] is all of that in one call. An [`instrument`] is what simulated sensors make of the truth,
-//! a [`scan`] what beams see of a map.
+//! a [`scan`] what beams see of a map, a [`planner`] finds a way among what they have met.
 //!
 //! ```
 //! use kestrel_core::airframe::CF2X;
@@ -77,6 +77,7 @@ pub mod outcome;
 mod persistence;
 pub mod philox;
 pub mod pilot;
+pub mod planner;
 mod policy_error;
 pub mod policy_file;
 pub mod processor_in_the_loop;

@@ -21,7 +21,7 @@ use crate::reward::RewardTerm;
 use crate::rooms::{Arenas, room};
 use crate::scenario::{Clock, Goals, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::sensor::SensorMemory;
+use crate::sensor::{SensorMemory, Told, WayMemory};
 use crate::stage::Stage;
 use crate::swarm::{Column, Mechanics, Swarm, row, set_row, vector};
 use crate::term::{Ends, FlightView, Memory, StepView, contains};
@@ -80,6 +80,8 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     streams: Vec<Stream>,
     sensors: Vec<SensorMemory>,
     measurements: Vec<Column<LANES, R>>,
+    /// None where drones look for no way.
+    way: Option<Box<WayMemory<LANES, R>>>,
     /// Velocity at the last reading of the sensors.
     read_velocity: [Column<LANES, R>; 3],
     scales: PrivilegedScales<R>,
@@ -89,6 +91,12 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     velocity_integral: Option<Box<[Column<LANES, R>; 3]>>,
     /// None where rotor targets are held over a control period.
     pub(crate) rate_loops: Option<Box<RateLoops<LANES, R>>>,
+}
+
+/// Empty maps, if drones look for their ways.
+fn way<const LANES: usize, R: Real>(scenario: &Scenario) -> Option<Box<WayMemory<LANES, R>>> {
+    let Some(Told::Way(way)) = scenario.sensors.told() else { return None };
+    Some(WayMemory::new(*way, scenario.sensors.scan()?, scenario.airframe.collision_radius))
 }
 
 /// An agent whose episode ended in this step.
@@ -160,6 +168,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             streams: (0..LANES as u32).map(stream).collect(),
             sensors: Vec::new(),
             measurements: columns(scenario.sensors.len()),
+            way: way(scenario),
             read_velocity: [nothing; 3],
             scales: PrivilegedScales::of(scenario),
             latency: LatencyMemory::new(&scenario.latency, &scenario.physics),
@@ -504,6 +513,17 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(self.trajectory.iter_mut().flat_map(|columns| columns.iter_mut()))
             .chain(self.velocity_integral.iter_mut().flat_map(|columns| columns.iter_mut()))
             .chain(self.race.iter_mut().flat_map(|race| race.columns_mut()))
+            .chain(self.way.iter_mut().flat_map(|way| way.columns_mut()))
+    }
+
+    /// What drones have met on their ways, for saving and restoring.
+    pub(crate) fn maps_mut(&mut self) -> &mut [u8] {
+        self.way.as_mut().map(|way| way.maps_mut()).unwrap_or_default()
+    }
+
+    /// The point ahead on the way that a drone looks for by itself \[m, world\].
+    pub(crate) fn ahead(&self, lane: usize) -> Option<Vector3<f32>> {
+        self.way.as_ref().map(|way| way.ahead(lane))
     }
 
     /// The states that policy and rate controller see.

@@ -57,7 +57,7 @@ pub use pilot::{
 };
 pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GatesAheadConfig,
-    GyroscopeConfig, ImuConfig, MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig,
+    GyroscopeConfig, ImuConfig, MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig, WayConfig,
 };
 pub use start::{LatencyConfig, RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
 pub use success::{ClockConfig, SuccessConfig};
@@ -290,6 +290,11 @@ impl ScenarioConfig {
         match self.sensors.last() {
             Some(SensorConfig::Path(_)) if goals.trajectories().is_none() => {
                 refuse("`path` without a way", "a `trajectory` under `goals`")
+            }
+            Some(SensorConfig::Way(_))
+                if !self.sensors.iter().any(|sensor| matches!(sensor, SensorConfig::Scan(_))) =>
+            {
+                refuse("`way` without beams that meet what is in it", "a `scan` before it")
             }
             Some(SensorConfig::Gates(_)) if *goals != Goals::Gates => {
                 refuse("`gates` without a course", "`gates` under `goals`")

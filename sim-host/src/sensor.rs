@@ -12,6 +12,7 @@ mod scan;
 pub mod signal;
 #[cfg(test)]
 mod tests;
+mod way;
 
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -26,6 +27,8 @@ pub use coverage::Coverage;
 pub(crate) use mates::Course;
 pub use mates::Mates;
 pub use scan::{BEAM_LIMIT, Scan, ScanRing};
+pub use way::Way;
+pub(crate) use way::{Look, WayMemory};
 
 /// Distance \[m\] from an origin along a unit direction (both world) to the nearest thing within a limit \[m\].
 pub type Raycast<'a> = &'a dyn Fn(Vector3<f64>, Vector3<f64>, f64) -> Option<f64>;
@@ -51,7 +54,7 @@ pub struct SensorSuite {
     control_secs: f64,
 }
 
-/// What a drone is told rather than measures; a simulation knows it. Its values are the last.
+/// What a drone is told rather than measures, or finds out; a simulation knows it. Its values are the last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Told {
     /// Where its team mates are.
@@ -62,6 +65,8 @@ pub enum Told {
     Coverage(Coverage),
     /// Where the next gates are.
     Gates(GatesAhead),
+    /// Where its way leads, by its own map.
+    Way(Way),
 }
 
 impl Told {
@@ -71,6 +76,7 @@ impl Told {
             Self::Path(path) => path.len(),
             Self::Coverage(coverage) => coverage.len(),
             Self::Gates(gates) => gates.len(),
+            Self::Way(way) => way.len(),
         }
     }
 }

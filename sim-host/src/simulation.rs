@@ -63,6 +63,7 @@ pub struct SimulationState<R = f32> {
     contacts: Vec<ContactMemory>,
     sensors: Vec<SensorMemory>,
     streams: Vec<Stream>,
+    maps: Vec<u8>,
     imaging: Option<ImagingState>,
     episodes: Vec<Episode>,
 }
@@ -251,6 +252,15 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         agent.room(lane)
     }
 
+    /// The point ahead on the way that a drone looks for by itself \[m, world\]; nothing where it looks for none.
+    ///
+    /// # Panics
+    /// When there is no such row.
+    pub fn ahead(&self, row: usize) -> Option<nalgebra::Vector3<f32>> {
+        let (agent, lane) = self.agent(row);
+        agent.ahead(lane)
+    }
+
     /// The goal of a drone \[m, world\].
     ///
     /// # Panics
@@ -293,6 +303,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             contacts: Vec::new(),
             sensors: Vec::new(),
             streams: Vec::new(),
+            maps: Vec::new(),
             imaging: self.imaging.as_ref().map(Imaging::save),
             episodes: self.episodes.clone(),
         };
@@ -302,6 +313,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 agent.controls_mut().iter().for_each(|memory| state.controls.extend(memory.to_array()));
                 state.sensors.extend_from_slice(agent.sensors_mut());
                 state.streams.extend_from_slice(agent.streams_mut());
+                state.maps.extend_from_slice(agent.maps_mut());
             }
             state.contacts.extend_from_slice(block.contacts_mut());
             state.movables.extend(block.movables_mut().map(|motion| motion_to_array(motion)));
@@ -317,6 +329,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             && state.controls.len() == own.controls.len()
             && state.sensors.len() == own.sensors.len()
             && state.streams.len() == own.streams.len()
+            && state.maps.len() == own.maps.len()
             && state.contacts.len() == own.contacts.len()
             && state.movables.len() == own.movables.len()
             && match (&self.imaging, &state.imaging) {
@@ -331,6 +344,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         let mut controls = state.controls.chunks_exact(CONTROL_MEMORY_LEN);
         let mut sensors = state.sensors.iter();
         let mut streams = state.streams.iter();
+        let mut maps = state.maps.iter();
         let mut movables = state.movables.iter();
         let mut contacts = state.contacts.iter();
         for block in &mut self.blocks {
@@ -346,6 +360,9 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 }
                 for (stream, saved) in agent.streams_mut().iter_mut().zip(&mut streams) {
                     stream.clone_from(saved);
+                }
+                for (clearance, saved) in agent.maps_mut().iter_mut().zip(&mut maps) {
+                    *clearance = *saved;
                 }
             }
             for (memory, saved) in block.contacts_mut().iter_mut().zip(&mut contacts) {

@@ -15,7 +15,7 @@ use super::{Agent, PrivilegedScales};
 use crate::latency::{States, known_states};
 use crate::rooms::Arenas;
 use crate::scenario::{CriticView, Preset, Scenario};
-use crate::sensor::{Told, Truth};
+use crate::sensor::{Look, Told, Truth};
 use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 use crate::trajectory::{PathAhead, Trajectory};
@@ -187,10 +187,18 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     #[inline(always)]
     pub(super) fn scan_lane(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
         let (Some(scan), Some(arenas)) = (scenario.sensors.scan(), arenas) else { return };
-        let nearness = arenas.of(self.room(lane)).nearness(row(&self.swarm.position, lane).map(Real::to_f32));
+        let (position, period) = (row(&self.swarm.position, lane).map(Real::to_f32), self.period(lane));
+        let nearness = arenas.of(self.room(lane)).nearness(position, period as usize);
         let columns = self.measurements.iter_mut().skip(scenario.sensors.instruments_len()).take(scan.len());
         for (column, value) in columns.zip(nearness) {
             column[lane] = R::from_f32(value);
+        }
+        let Some(way) = &mut self.way else { return };
+        let goal = vector(&self.goal, lane).map(Real::to_f32);
+        way.look(lane, &Look { period, scan, nearness: &nearness, position: position.into(), goal });
+        let known = known_states(&self.swarm, self.latency.as_ref()).state(lane).position;
+        if let Some((_, columns)) = self.measurements.split_last_chunk_mut() {
+            set_row(columns, lane, way.reading(lane, &known));
         }
     }
 
@@ -206,7 +214,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
                 }
             }
             Some(Told::Gates(gates)) => self.look_at_gates(gates, scenario, lanes),
-            Some(Told::Mates(_)) | None => {}
+            Some(Told::Mates(_) | Told::Way(_)) | None => {}
         }
     }
 

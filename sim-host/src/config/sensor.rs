@@ -1,5 +1,7 @@
 //! What the drone measures with. Defaults are the Crazyflie's parts, from their data sheets and its firmware.
 
+mod way;
+
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::observation::OBSERVATION_LIMIT;
 use schemars::JsonSchema;
@@ -13,6 +15,7 @@ use crate::sensor::signal::{Direction, Signal};
 use crate::sensor::{BEAM_LIMIT, Coverage, Mates, Scan, ScanRing, SensorSuite, Told};
 use crate::term::Cells;
 use crate::trajectory::PathAhead;
+pub use way::WayConfig;
 
 /// Noise bandwidth of a second-order Butterworth low-pass filter over its cut-off frequency: π / (2 √2).
 const NOISE_BANDWIDTH: f64 = 1.110_720_734_539_591_5;
@@ -67,6 +70,9 @@ pub enum SensorConfig {
     /// Where the drone is as seen from the middle of each of the next gates, if the goals are `gates`: forwards, to the left and up
     /// (3 values), and the cosine and sine of the heading in which the gate is flown through. The last sensor, once.
     Gates(GatesAheadConfig),
+    /// Where the way to the goal leads, through a map that the drone makes of what its `scan` meets (3 values: the direction of a
+    /// point ahead on it, world): an occupancy grid and the shortest path in it (A*). Behind a `scan`, the last sensor, once.
+    Way(WayConfig),
 }
 
 /// A square of cells of one metre.
@@ -262,6 +268,10 @@ pub struct ScanConfig {
     /// distance, coarser beyond. Without one it reads `1 - d / limit`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_scale_m: Option<f64>,
+    /// The beams of a ring turn, rise and sink a little from one control period to the next: in eight of them they look
+    /// everywhere between two beams, and 9 degrees up and down.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub sweeps: bool,
 }
 
 /// Beams of one elevation, evenly spaced from +x on, counter-clockwise.
@@ -368,7 +378,12 @@ impl Default for BeamConfig {
 impl Default for ScanConfig {
     /// Sixteen level beams, which see two metres far: a pillar of 18 cm cannot hide between them within 46 cm.
     fn default() -> Self {
-        Self { rings: vec![ScanRingConfig { elevation_deg: 0.0, beams: 16 }], limit_m: 2.0, near_scale_m: None }
+        Self {
+            rings: vec![ScanRingConfig { elevation_deg: 0.0, beams: 16 }],
+            limit_m: 2.0,
+            near_scale_m: None,
+            sweeps: false,
+        }
     }
 }
 
@@ -444,6 +459,9 @@ impl SensorConfig {
                     told = Some(Told::Coverage(config.check(&field.at("coverage"))?));
                 }
                 Self::Gates(config) if is_last => told = Some(Told::Gates(config.check(&field.at("gates"))?)),
+                Self::Way(config) if is_last => {
+                    told = Some(Told::Way(config.check(control_secs, &field.at("way"))?));
+                }
                 Self::Imu(_)
                 | Self::Flow(_)
                 | Self::Range(_)
@@ -452,7 +470,8 @@ impl SensorConfig {
                 | Self::Mates(_)
                 | Self::Path(_)
                 | Self::Coverage(_)
-                | Self::Gates(_) => instruments.extend(sensor.check(&field)?),
+                | Self::Gates(_)
+                | Self::Way(_) => instruments.extend(sensor.check(&field)?),
             }
         }
         let told_last = usize::from(told.is_some());
@@ -493,6 +512,7 @@ impl SensorConfig {
             Self::Gates(_) => {
                 Err(field.reject("`gates` before other sensors", "one `gates`, as the last of them"))
             }
+            Self::Way(_) => Err(field.reject("`way` before other sensors", "one `way`, as the last of them")),
             Self::Imu(imu) => {
                 let field = field.at("imu");
                 let gyroscope = imu.gyroscope.check(&field.at("gyroscope"))?;
@@ -649,6 +669,7 @@ impl ScanConfig {
                 .near_scale_m
                 .map(|scale| field.at("near_scale_m").number(scale, &Limits::from(0.01, 1000.0, "m")))
                 .transpose()?,
+            sweeps: self.sweeps,
         })
     }
 }

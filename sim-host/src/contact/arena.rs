@@ -152,12 +152,12 @@ impl Arena {
     }
 
     /// How near the nearest thing that never moves is along each beam: one at the point, zero at the scan's limit and
-    /// beyond, and without a scan.
+    /// beyond, and without a scan. Beams that sweep are elsewhere in every `reading`.
     #[inline(always)]
-    pub fn nearness(&self, point: [f32; 3]) -> [f32; BEAM_LIMIT] {
+    pub fn nearness(&self, point: [f32; 3], reading: usize) -> [f32; BEAM_LIMIT] {
         // A closure would not be compiled for the instruction set of the kernel around it.
         match &self.scanner {
-            Some(scanner) => scanner.nearness(point),
+            Some(scanner) => scanner.nearness(point, reading),
             None => [0.0; BEAM_LIMIT],
         }
     }

@@ -39,9 +39,14 @@ struct Room {
 }
 
 impl ScanMaps {
-    /// The solids of these worlds; what moves in them is not seen.
+    /// The solids of these worlds; what moves in them is not seen. Of beams that sweep, their first position.
     pub fn new<'w>(worlds: impl IntoIterator<Item = &'w World>, scan: &Scan) -> Self {
-        let directions = scan.directions();
+        Self::at(0, worlds, scan)
+    }
+
+    /// As [`Self::new`], for another position of beams that sweep.
+    pub(super) fn at<'w>(position: usize, worlds: impl IntoIterator<Item = &'w World>, scan: &Scan) -> Self {
+        let directions = scan.directions(position);
         let mut normals = Normals::default();
         let rooms = worlds.into_iter().map(|world| Room::new(world, &directions, &mut normals)).collect();
         let Normals { normals, .. } = normals;

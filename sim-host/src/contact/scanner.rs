@@ -26,8 +26,8 @@ pub(super) struct Scanner {
     slabs: Vec<Slab>,
     /// First slab and one past the last of each body.
     bodies: Vec<[u32; 2]>,
-    /// Of each sixteen beams, in their order.
-    banks: Vec<Bank>,
+    /// For each position of the beams, of each sixteen of them in their order.
+    positions: Vec<Vec<Bank>>,
     cells: Cells,
 }
 
@@ -64,10 +64,18 @@ type Extent = (Vector3<f32>, Vector3<f32>);
 
 impl Scanner {
     pub(super) fn new(world: &World, scan: &Scan) -> Self {
-        let maps = ScanMaps::new([world], scan);
+        let maps: Vec<_> = (0..scan.positions()).map(|position| ScanMaps::at(position, [world], scan)).collect();
         let extents: Vec<Extent> = world.solids.iter().map(extent).collect();
-        let reaches: Vec<_> = scan.directions().chunks(BANK).map(|beams| Reach::of(beams, scan.limit)).collect();
-        let map = maps.map(0);
+        let directions: Vec<_> = (0..scan.positions()).map(|position| scan.directions(position)).collect();
+        let of_bank = |first: usize| {
+            let beams = |of: &Vec<Vector3<f64>>| of[first..of.len().min(first + BANK)].to_vec();
+            Reach::of(&directions.iter().flat_map(beams).collect::<Vec<_>>(), scan.limit)
+        };
+        let reaches: Vec<_> = (0..scan.len()).step_by(BANK).map(of_bank).collect();
+        let banks = |maps: &ScanMaps| {
+            (0..reaches.len()).map(|bank| Bank::new(&maps.map(0), bank * BANK)).collect::<Vec<_>>()
+        };
+        let map = maps[0].map(0);
         let mut ends = 0;
         let body = |len: &u32| {
             let first = ends;
@@ -77,7 +85,7 @@ impl Scanner {
         Self {
             limit: scan.limit,
             near_scale: scan.near_scale,
-            banks: (0..reaches.len()).map(|bank| Bank::new(&map, bank * BANK)).collect(),
+            positions: maps.iter().map(banks).collect(),
             normals: map.normals.to_vec(),
             slabs: map.slabs.to_vec(),
             bodies: map.bodies.iter().map(body).collect(),
@@ -85,13 +93,15 @@ impl Scanner {
         }
     }
 
-    /// How near the nearest thing along each beam is: one at the drone, zero at the limit and beyond.
+    /// How near the nearest thing along each beam is: one at the drone, zero at the limit and beyond. Beams that sweep are
+    /// elsewhere in every `reading`.
     #[inline(always)]
-    pub(super) fn nearness(&self, point: [f32; 3]) -> [f32; BEAM_LIMIT] {
+    pub(super) fn nearness(&self, point: [f32; 3], reading: usize) -> [f32; BEAM_LIMIT] {
         let limit = self.limit;
+        let banks = &self.positions[reading % self.positions.len()];
         let mut nearest = [limit; BEAM_LIMIT];
         let height = point[2].max(0.0);
-        for (nearest, bank) in nearest.as_chunks_mut::<BANK>().0.iter_mut().zip(&self.banks) {
+        for (nearest, bank) in nearest.as_chunks_mut::<BANK>().0.iter_mut().zip(banks) {
             bank.meet_floor(height, nearest);
         }
         for visible in self.cells.visible_from(point) {
@@ -99,7 +109,7 @@ impl Scanner {
             let slabs = &self.slabs[first as usize..end as usize];
             for (number, nearest) in nearest.as_chunks_mut::<BANK>().0.iter_mut().enumerate() {
                 if visible.banks >> number & 1 == 1 {
-                    self.meet_body(&self.banks[number], slabs, point, nearest);
+                    self.meet_body(&banks[number], slabs, point, nearest);
                 }
             }
         }

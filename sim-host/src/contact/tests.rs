@@ -196,20 +196,20 @@ fn a_ray_ends_at_the_first_thing_it_meets() {
 fn scan() -> Scan {
     let rings = [(0.0, 12), (0.5 * core::f64::consts::PI, 1), (-0.5 * core::f64::consts::PI, 1), (-0.3, 2)];
     let rings = rings.map(|(elevation, beams)| ScanRing { elevation, beams });
-    Scan { rings: rings.to_vec(), limit: 4.0, near_scale: None }
+    Scan { rings: rings.to_vec(), limit: 4.0, near_scale: None, sweeps: false }
 }
 
 /// As many beams as there can be, in rings that end where sixteen do not.
 fn wide_scan() -> Scan {
     let rings = [(0.0, 24), (0.45, 14), (-0.45, 14), (1.0, 5), (-1.0, 7)];
     let rings = rings.map(|(elevation, beams)| ScanRing { elevation, beams });
-    Scan { rings: rings.to_vec(), limit: 4.0, near_scale: None }
+    Scan { rings: rings.to_vec(), limit: 4.0, near_scale: None, sweeps: false }
 }
 
 #[test]
 fn a_scan_sees_what_single_rays_see() {
     assert_eq!(wide_scan().len(), BEAM_LIMIT);
-    for scan in [scan(), wide_scan()] {
+    for scan in [scan(), wide_scan(), Scan { sweeps: true, ..wide_scan() }] {
         assert_rays_agree(&scan);
     }
 }
@@ -221,9 +221,9 @@ fn assert_rays_agree(scan: &Scan) {
     let plain = Arena::new(&world, &CF2X, ContactReport::Touch);
     let arena = plain.clone().with_scan(&world, scan);
     let mut met = 0;
-    for origin in points().filter(|point| point.z > 0.05) {
-        let nearness = arena.nearness(origin.map(|value| value as f32).into());
-        for (nearness, direction) in nearness.into_iter().zip(scan.directions()) {
+    for (reading, origin) in points().filter(|point| point.z > 0.05).enumerate() {
+        let nearness = arena.nearness(origin.map(|value| value as f32).into(), reading);
+        for (nearness, direction) in nearness.into_iter().zip(scan.directions(reading % scan.positions())) {
             let found = f64::from(1.0 - nearness) * 4.0;
             let expected = plain.raycast(origin, direction, 4.0).unwrap_or(4.0);
             // A prism of 24 sides stands for the rod, so that a beam along its surface may meet it or not.
@@ -236,16 +236,33 @@ fn assert_rays_agree(scan: &Scan) {
 }
 
 #[test]
+fn beams_that_sweep_look_everywhere_between_two_of_them() {
+    let scan = Scan { rings: vec![ScanRing { elevation: 0.0, beams: 6 }], sweeps: true, ..scan() };
+    let mut headings: Vec<f64> = (0..8)
+        .flat_map(|position| scan.directions(position))
+        .map(|beam| beam.y.atan2(beam.x).to_degrees())
+        .collect();
+    headings.sort_by(f64::total_cmp);
+    assert!(headings.windows(2).all(|pair| (pair[1] - pair[0] - 7.5).abs() < 1e-9), "{headings:?}");
+    let mut rises: Vec<f64> = (0..8).map(|position| scan.directions(position)[0].z.asin().to_degrees()).collect();
+    rises.sort_by(f64::total_cmp);
+    assert!(rises.windows(2).all(|pair| (pair[1] - pair[0] - 2.5).abs() < 1e-9), "{rises:?}");
+    assert!((rises[0] + 8.75).abs() < 1e-9 && (rises[7] - 8.75).abs() < 1e-9, "{rises:?}");
+    let still = Scan { sweeps: false, ..scan };
+    assert_eq!((still.positions(), still.directions(0)), (1, still.directions(3)));
+}
+
+#[test]
 fn a_scan_goes_from_one_at_the_drone_to_zero_at_its_limit() {
     let arena = arena(ContactReport::Touch).with_scan(&world(), &scan());
-    let nearness = arena.nearness([0.5, 0.0, 1.0]);
+    let nearness = arena.nearness([0.5, 0.0, 1.0], 0);
     assert!((nearness[0] - 0.875).abs() < 1e-6, "the wall is half a metre away: {}", nearness[0]);
     assert!((nearness[6] - 0.875).abs() < 1e-6, "what cannot be touched is seen: {}", nearness[6]);
     assert_eq!(nearness[12], 0.0, "above is nothing");
     assert!((nearness[13] - 0.75).abs() < 1e-6, "the floor is a metre below: {}", nearness[13]);
-    assert_eq!(arena.nearness([1.1, 0.0, 1.0])[..12], [1.0; 12], "inside the wall");
-    assert_eq!(arena.nearness([500.0, 0.0, 100.0]), [0.0; BEAM_LIMIT]);
-    assert!(arena.nearness([f32::NAN; 3]).iter().all(|value| (0.0..=1.0).contains(value)));
+    assert_eq!(arena.nearness([1.1, 0.0, 1.0], 0)[..12], [1.0; 12], "inside the wall");
+    assert_eq!(arena.nearness([500.0, 0.0, 100.0], 0), [0.0; BEAM_LIMIT]);
+    assert!(arena.nearness([f32::NAN; 3], 0).iter().all(|value| (0.0..=1.0).contains(value)));
 }
 
 #[test]
@@ -259,7 +276,7 @@ fn a_map_for_firmware_is_read_to_the_same_bits() {
             for point in points().map(|point| point.map(|value| value as f32).into()) {
                 let mut seen = [9.0; BEAM_LIMIT];
                 maps.map(index).nearness(&point, &mut seen[..scan.len()]);
-                let expected = &arena.nearness(point)[..scan.len()];
+                let expected = &arena.nearness(point, 0)[..scan.len()];
                 assert!(
                     seen.iter()
                         .map(|value| value.to_bits())
@@ -275,7 +292,7 @@ fn a_map_for_firmware_is_read_to_the_same_bits() {
 #[test]
 fn a_scan_with_a_scale_reads_finer_what_is_near() {
     let fine = Scan { near_scale: Some(0.5), ..scan() };
-    let nearness = arena(ContactReport::Touch).with_scan(&world(), &fine).nearness([0.5, 0.0, 1.0]);
+    let nearness = arena(ContactReport::Touch).with_scan(&world(), &fine).nearness([0.5, 0.0, 1.0], 0);
     assert!((nearness[0] - 0.875 * 0.5).abs() < 1e-6, "the wall is half a metre away: {}", nearness[0]);
     assert_eq!(nearness[12], 0.0, "above is nothing");
     assert!((nearness[13] - 0.75 / 3.0).abs() < 1e-6, "the floor is a metre below: {}", nearness[13]);

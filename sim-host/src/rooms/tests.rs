@@ -90,7 +90,7 @@ fn neighbouring_lanes_are_in_different_rooms() {
         assert_eq!(simulation.goal(row), room.aviary.goal);
         let world = &room.aviary.world;
         let arena = Arena::coarse(world, &scenario.airframe, ContactReport::Touch, scenario.sensors.scan());
-        let nearness = arena.nearness(simulation.state(row).position.into());
+        let nearness = arena.nearness(simulation.state(row).position.into(), 0);
         let seen: Vec<f32> = (22..32).map(|value| simulation.observations()[value * 64 + row]).collect();
         assert_eq!(seen, nearness[..10], "row {row}");
     }

@@ -99,7 +99,8 @@ impl Environment for DroneEnvironment {
         let Self { simulation, teacher: Some(teacher) } = self else { return };
         let count = rows.len();
         for (index, row) in rows.enumerate() {
-            let action = teacher.act(&simulation.state(row), &simulation.goal(row), simulation.room(row));
+            let (state, goal, found) = (simulation.state(row), simulation.goal(row), simulation.ahead(row));
+            let action = teacher.act(&state, &goal, simulation.room(row), found);
             for (column, value) in actions.chunks_exact_mut(count).zip(action) {
                 column[index] = value;
             }

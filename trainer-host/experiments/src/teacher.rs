@@ -62,8 +62,16 @@ impl Teacher {
         Some(Self { pilot: ScriptedPilot::of(scenario), map })
     }
 
-    /// What it would do on the way to a goal \[m, world\] of a room, each value within \[-1, 1\], zeros behind the last.
-    pub(crate) fn act(&mut self, state: &State<f32>, goal: &Vector3<f32>, room: u32) -> [f32; ACTION_LIMIT] {
+    /// What it would do on the way to a goal \[m, world\] of a room, each value within \[-1, 1\], zeros behind the last. Where
+    /// the drone has found a way by itself, and says the point ahead on it, it is led along that one: who is to follow what it
+    /// sees must not be shown another way.
+    pub(crate) fn act(
+        &mut self,
+        state: &State<f32>,
+        goal: &Vector3<f32>,
+        room: u32,
+        found: Option<Vector3<f32>>,
+    ) -> [f32; ACTION_LIMIT] {
         self.pilot.reset();
         let (position, straight) = (&state.position, (goal - state.position).norm());
         let (ahead, distance) = match &self.map {
@@ -75,7 +83,7 @@ impl Teacher {
             }
             Map::Course(course) => (course.ahead(position, goal, room), straight),
         };
-        let leg = ahead - position;
+        let leg = found.unwrap_or(ahead) - position;
         let target = position + leg * (APPARENT_DISTANCE_M / leg.norm().max(LOOKAHEAD_M / 2.0));
         self.pilot.lead(state, &target, distance)
     }
@@ -144,7 +152,8 @@ mod tests {
         while successes.contains(&None) {
             let mut actions = vec![0.0; scenario.action.len() * FLIGHTS];
             for row in 0..FLIGHTS {
-                let action = teacher.act(&simulation.state(row), &simulation.goal(row), simulation.room(row));
+                let action =
+                    teacher.act(&simulation.state(row), &simulation.goal(row), simulation.room(row), None);
                 for (column, value) in actions.chunks_exact_mut(FLIGHTS).zip(action) {
                     column[row] = value;
                 }
@@ -155,6 +164,21 @@ mod tests {
             }
         }
         successes.iter().filter(|success| **success == Some(true)).count()
+    }
+
+    #[test]
+    fn who_has_found_a_way_is_led_along_that_one() {
+        let experiment = load(&in_repository("configs/aviaries/room-0.yaml"), &[]).unwrap();
+        let scenario = &experiment.evaluation.scenario;
+        let simulation = Simulation::<1>::new(scenario, Seed(5), 0, 1);
+        let mut teacher = Teacher::of(scenario).expect("its reward has a map");
+        let (state, goal) = (simulation.state(0), simulation.goal(0));
+        let mut sideways = |y: f32| {
+            let found = state.position + Vector3::new(0.0, y, 0.0);
+            teacher.act(&state, &goal, 0, Some(found))[1]
+        };
+        let [left, right] = [sideways(0.3), sideways(-0.3)];
+        assert!(left > 0.1 && right < -0.1, "{left}, {right}");
     }
 
     #[test]

@@ -2,6 +2,7 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::config::Document;
+use crate::sensor::Way;
 
 /// A file with nothing but sensors.
 #[derive(Deserialize)]
@@ -71,7 +72,7 @@ fn what_is_wrong_is_said_with_its_place() {
     let table = [
         (
             "sensors: [sonar: {}]",
-            "found `sonar`, expected `imu`, `flow`, `range`, `barometer`, `scan`, `mates`, `path`, `coverage` or `gates`",
+            "found `sonar`, expected `imu`, `flow`, `range`, `barometer`, `scan`, `mates`, `path`, `coverage`, `gates` or `way`",
         ),
         ("sensors: [imu: {gyro: {}}]", "found the unknown key `gyro`, expected `gyroscope` or `accelerometer`"),
         ("sensors: [barometer: {rate_hz: 0}]", "found 0, expected a number from 0.1 to 10000 Hz"),
@@ -99,11 +100,39 @@ fn more_values_than_a_policy_sees_are_refused() {
 }
 
 #[test]
+fn a_way_is_found_behind_a_scan() {
+    let of =
+        |keys: &str| format!("sensors: [scan: {{}}, way: {{map: {{low_m: [0, 0, 0], high_m: [2, 1, 1]}}{keys}}}]");
+    let equipped = suite(&of("")).unwrap();
+    let Some(Told::Way(way)) = equipped.told() else { panic!("a way") };
+    assert_eq!((equipped.len(), way.grid.len(), way.periods), (19, 21 * 11 * 11, 10));
+    assert_eq!(suite(&of(", rate_hz: 1000")).unwrap().told(), Some(&Told::Way(Way { periods: 1, ..*way })));
+    let cases = [
+        (
+            of(", spacing_m: 0.02"),
+            "found nodes 0.02 m apart in this `map`, expected 2 along each edge at least, and 65536 at most",
+        ),
+        (of(", spacing_m: 3"), "found nodes 3 m apart in this `map`, expected 2 along each edge at least"),
+        (of(", rate_hz: 0"), "found 0, expected a number from 0.1 to 1000 Hz"),
+        (of(", lookahead_m: 0"), "found 0, expected a number from 0.05 to 10 m"),
+        (of(", nearness_cost: -1"), "found -1, expected a number from 0 to 30"),
+        (of("").replace("[2, 1, 1]", "[2, 0, 1]"), "high_m"),
+        (
+            "sensors: [way: {map: {low_m: [0, 0, 0], high_m: [2, 1, 1]}}, scan: {}]".to_owned(),
+            "`way` before other sensors",
+        ),
+    ];
+    for (text, expected) in cases {
+        assert!(message(&text).contains(expected), "{text}\n{}", message(&text));
+    }
+}
+
+#[test]
 fn a_scan_is_the_last_sensor_and_adds_its_beams() {
     let equipped =
         suite("sensors: [imu: {}, scan: {rings: [{beams: 8}, {elevation_deg: 90, beams: 1}]}]").unwrap();
     assert_eq!((equipped.instruments_len(), equipped.len()), (6, 15));
-    let directions = equipped.scan().unwrap().directions();
+    let directions = equipped.scan().unwrap().directions(0);
     assert!((directions[2] - Vector3::y()).norm() < 1e-12 && (directions[8] - Vector3::z()).norm() < 1e-12);
     assert_eq!(suite("sensors: [scan: {}]").unwrap().len(), 16);
     let cases = [

@@ -3,6 +3,10 @@
 use super::*;
 use crate::outcome::Ending;
 use crate::scenario::Start;
+use crate::sensor::{Scan, ScanRing, SensorSuite, Told, Way};
+use kestrel_core::observation::ObservationLayout;
+use kestrel_core::planner::NodeGrid;
+use kestrel_core::vehicle::State;
 
 /// A room with a wall across, which leaves a passage at y above 0.4, and starts on its near side.
 fn behind_a_wall(position: &str) -> Scenario {
@@ -118,7 +122,7 @@ fn the_observation_ends_with_what_the_beams_see() {
         for row in 0..rows {
             let value = |index: usize| simulation.observations()[index * rows + row];
             let position = simulation.state(row).position;
-            let nearness = arena.nearness(position.into());
+            let nearness = arena.nearness(position.into(), 0);
             assert_eq!(
                 [value(23), value(24), value(25), value(26)],
                 nearness[..4],
@@ -131,6 +135,80 @@ fn the_observation_ends_with_what_the_beams_see() {
             );
         }
         simulation.step(&noise(step, 4 * rows));
+    }
+}
+
+/// The room with the wall, of which drones make maps.
+fn with_a_way() -> Scenario {
+    let mut scenario = behind_a_wall(ANYWHERE);
+    let beams = [-0.6, -0.3, 0.0, 0.3, 0.6].map(|elevation| ScanRing { elevation, beams: 12 });
+    let scan = Scan { rings: beams.to_vec(), limit: 2.0, near_scale: Some(0.3), sweeps: true };
+    let grid = NodeGrid::new([-1.0, -1.0, 0.0], [2.0, 1.0, 1.0], 0.1).unwrap();
+    let way = Way { grid, periods: 2, lookahead_m: 0.3, nearness_cost: 12.0 };
+    scenario.sensors = SensorSuite::none().with_scan(Some(scan)).with_told(Some(Told::Way(way)));
+    if let ObservationLayout::PilotMeasured(layout) = &mut scenario.observation {
+        layout.measured_len = 63;
+    }
+    scenario
+}
+
+/// Where the drone is told that its way leads.
+fn told(simulation: &Simulation<8>) -> Vector3<f32> {
+    let values = simulation.observations();
+    Vector3::new(values[82], values[83], values[84])
+}
+
+/// Holds the drone at a place for a control period.
+fn hold(simulation: &mut Simulation<8>, position: Vector3<f32>) {
+    simulation.put(0, State { position, ..simulation.state(0) });
+    simulation.step(&[0.0; 4]);
+}
+
+#[test]
+fn the_way_leads_around_what_the_beams_have_met() {
+    let mut simulation = Simulation::<8>::new(&with_a_way(), Seed(3), 0, 1);
+    (0..40).for_each(|_| hold(&mut simulation, Vector3::new(-0.3, -0.5, 0.5)));
+    // The goal is behind the wall, whose end is at y = 0.4.
+    let (way, ahead) = (told(&simulation), simulation.ahead(0).unwrap());
+    assert!((way.norm() - 1.0).abs() < 1e-3, "{way}");
+    assert!(((ahead - simulation.state(0).position).normalize() - way).norm() < 1e-3, "{ahead} and {way}");
+    assert!(way.y > 0.5, "{way} leads along the wall, not through it");
+}
+
+#[test]
+fn an_episode_begins_without_a_map() {
+    let [mut one, mut other] = [(); 2].map(|()| Simulation::<8>::new(&with_a_way(), Seed(3), 0, 1));
+    let mut periods = 0;
+    while one.take_episodes().is_empty() {
+        hold(&mut one, Vector3::new(-0.3, -0.5, 0.5));
+        hold(&mut other, Vector3::new(-0.7, 0.6, 0.7));
+        periods += usize::from(one.observations() != other.observations());
+    }
+    assert!(periods > 10, "they were in different places for {periods} periods");
+    for _ in 0..10 {
+        assert_eq!(one.observations(), other.observations());
+        one.step(&[0.0; 4]);
+        other.step(&[0.0; 4]);
+    }
+}
+
+#[test]
+fn maps_are_the_same_for_any_lanes_and_after_a_restore() {
+    let scenario = with_a_way();
+    let mut one = Simulation::<64>::new(&scenario, Seed(5), 0, 9);
+    let mut other = Simulation::<1>::new(&scenario, Seed(5), 0, 9);
+    for step in 0..90 {
+        if step == 33 {
+            let saved = one.save();
+            one = Simulation::new(&scenario, Seed(6), 0, 9);
+            assert!(one.restore(&saved));
+            let mapless = Simulation::<64>::new(&behind_a_wall(ANYWHERE), Seed(6), 0, 9).restore(&saved);
+            assert!(!mapless, "a state belongs to its scenario");
+        }
+        let actions = noise(step, 36);
+        one.step(&actions);
+        other.step(&actions);
+        assert_eq!(one.observations(), other.observations(), "step {step}");
     }
 }
 

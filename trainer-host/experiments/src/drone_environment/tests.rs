@@ -156,7 +156,7 @@ fn a_teacher_says_what_it_would_do_in_the_state_of_each_row() {
         let said: Vec<f32> = actions.chunks_exact(5).map(|values| values[column]).collect();
         assert_eq!(
             said,
-            teacher.act(&environment.simulation.state(row), &environment.simulation.goal(row), 0)[..4]
+            teacher.act(&environment.simulation.state(row), &environment.simulation.goal(row), 0, None)[..4]
         );
     }
     assert!(DroneEnvironment::has_teacher(&mapped()));

@@ -248,7 +248,7 @@ impl Guide {
             Some(_) | None => blocked(),
         };
         self.leads[row] = Some(leads);
-        leads.then(|| self.teacher.act(state, goal, room))
+        leads.then(|| self.teacher.act(state, goal, room, None))
     }
 }
 

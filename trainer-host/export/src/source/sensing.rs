@@ -211,6 +211,7 @@ const fn name_of_told(told: &Told) -> &'static str {
         Told::Path(_) => "the path ahead",
         Told::Coverage(_) => "which cells it has visited",
         Told::Gates(_) => "the next gates",
+        Told::Way(_) => "the way through its own map",
     }
 }
 
@@ -233,6 +234,9 @@ fn rooms(
 ) -> Result<Option<(Vec<String>, ScanMaps)>, SourceError> {
     let Some(scan) = suite.scan() else { return Ok(None) };
     let other = |found: String| Err(SourceError::Sensors { found });
+    if scan.sweeps {
+        return other("beams that sweep".to_owned());
+    }
     if tasks.len() > ROOM_LIMIT {
         return other(format!("a scan of {} rooms, {ROOM_LIMIT} at most", tasks.len()));
     }

@@ -394,7 +394,8 @@ fn seen() -> Scenario {
         sampling: Sampling { rate_hz: 10.0, latency_secs: 0.0, drop_out: 0.0 },
         unit: 1.0,
     };
-    let scan = Scan { rings: vec![ScanRing { elevation: 0.0, beams: 4 }], limit: 2.0, near_scale: None };
+    let scan =
+        Scan { rings: vec![ScanRing { elevation: 0.0, beams: 4 }], limit: 2.0, near_scale: None, sweeps: false };
     let rangers = [Direction::Front, Direction::Down].map(ranger).to_vec();
     scenario.sensors = SensorSuite::new(rangers, 0.02).with_scan(Some(scan));
     scenario
@@ -472,6 +473,13 @@ fn what_a_crazyflie_does_not_measure_gets_no_app() {
     told.sensors = SensorSuite::none().with_told(Some(Told::Coverage(Coverage { cells: 2, next_scale_m: None })));
     let cells = refusal(&seeing(4), &[("field", &told)]);
     assert!(cells.contains("found a policy that sees which cells it has visited, expected rangers"), "{cells}");
+    let mut sweeping = scenario.clone();
+    sweeping.sensors = scenario
+        .sensors
+        .clone()
+        .with_scan(Some(Scan { sweeps: true, ..scenario.sensors.scan().unwrap().clone() }));
+    let sweeps = refusal(&seeing(6), &[("wall", &sweeping)]);
+    assert!(sweeps.contains("found a policy that sees beams that sweep, expected rangers"), "{sweeps}");
     let forks = betaflight_controller(&seeing(6)).unwrap_err().to_string();
     assert!(forks.contains("found a policy that sees `pilot_measured`"), "{forks}");
 }

@@ -1,0 +1,478 @@
+//! A way through what is known so far: an occupancy map that a drone makes of what its beams meet, and the shortest path in it.
+//!
+//! The map is optimistic: where no beam has met anything, one can fly. So the path leads on until something is found to be in
+//! its way, and then around that. A node of the map's grid knows how far the nearest thing is that was met so far, which makes
+//! a metre near things longer than one in the open, and one through them much longer than any way around.
+//!
+//! The search is A* (Hart, Nilsson and Raphael 1968) from the goal to the drone, in whole numbers: the same path on every
+//! machine. Memory is the caller's, of a constant size: a byte per node for the map, and a [`PathSearch`] for any number of
+//! maps.
+
+use heapless::BinaryHeap;
+use heapless::binary_heap::Min;
+
+/// Most nodes of a grid: their numbers have sixteen bits.
+pub const NODE_LIMIT: usize = 1 << 16;
+
+/// Clearances are kept as whole numbers of this \[m²\], up to 255: their squares, up to that of 38 cm, within 5 mm where a hull is.
+const STEP_M2: f32 = 0.38 * 0.38 / 255.0;
+
+/// So far clearances reach \[m\].
+const REACH_M: f32 = 0.38;
+
+/// What is met this near to the border of the map is the border \[m\].
+const BORDER_M: f32 = 0.02;
+
+/// Kept between the hull and everything \[m\].
+const MARGIN_M: f32 = 0.01;
+
+/// A metre at this distance of the hull from everything, or farther, is a metre \[m\].
+const COMFORT_M: f32 = 0.3;
+
+/// What a spacing counts in the open, and through something.
+const OPEN: u16 = 8;
+const BLOCKED: u16 = 40 * OPEN;
+
+/// Tenths of a spacing to a neighbour along one, two or three axes.
+const LENGTHS: [u32; 4] = [0, 10, 14, 17];
+
+/// Twice the count of a tenth of a spacing in the open: what no path undercuts.
+const LEAST: u32 = 2 * OPEN as u32;
+
+/// The nodes of a map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NodeGrid {
+    low: [f32; 3],
+    high: [f32; 3],
+    spacing: f32,
+    counts: [u16; 3],
+}
+
+impl NodeGrid {
+    /// Nodes `spacing` \[m\] apart in a box \[m, world\], the first on its lowest corner. `None` where these are no numbers, an
+    /// edge is shorter than the spacing, or there are more than [`NODE_LIMIT`] nodes.
+    pub fn new(low: [f32; 3], high: [f32; 3], spacing: f32) -> Option<Self> {
+        let mut counts = [0; 3];
+        let mut nodes = 1.0;
+        for (count, (low, high)) in counts.iter_mut().zip(low.iter().zip(&high)) {
+            let spaces = (high - low) / spacing;
+            // What is no number is no such number.
+            if !(spacing > 0.0 && (1.0..65_535.0).contains(&spaces)) {
+                return None;
+            }
+            *count = (spaces + 0.5) as u16 + 1;
+            nodes *= f32::from(*count);
+        }
+        (nodes <= NODE_LIMIT as f32).then_some(Self { low, high, spacing, counts })
+    }
+
+    /// How many there are.
+    #[expect(clippy::len_without_is_empty, reason = "there are eight at least")]
+    pub fn len(&self) -> usize {
+        self.counts.iter().map(|count| usize::from(*count)).product()
+    }
+
+    /// Where a node is \[m, world\].
+    pub fn point(&self, node: u16) -> [f32; 3] {
+        let place = self.place(node);
+        core::array::from_fn(|axis| self.coordinate(axis, place[axis]))
+    }
+
+    /// The node nearest to a point \[m, world\].
+    pub fn nearest(&self, point: &[f32; 3]) -> u16 {
+        self.node(core::array::from_fn(|axis| {
+            let spaces = (point[axis] - self.low[axis]) / self.spacing + 0.5;
+            // Numbers below zero, and what is no number, are cast to zero.
+            (spaces as u16).min(self.counts[axis] - 1)
+        }))
+    }
+
+    fn coordinate(&self, axis: usize, count: u16) -> f32 {
+        self.low[axis] + f32::from(count) * self.spacing
+    }
+
+    #[inline(always)]
+    fn node(&self, [x, y, z]: [u16; 3]) -> u16 {
+        let [nx, ny, _] = self.counts.map(u32::from);
+        (u32::from(x) + nx * (u32::from(y) + ny * u32::from(z))) as u16
+    }
+
+    #[inline(always)]
+    fn place(&self, node: u16) -> [u16; 3] {
+        let [nx, ny, _] = self.counts;
+        let row = node / nx;
+        [node % nx, row % ny, row / ny]
+    }
+
+    /// Numbers along an axis from the first at or above one coordinate to the last at or below another \[m\].
+    fn between(&self, axis: usize, low: f32, high: f32) -> core::ops::Range<u16> {
+        let first = (low - self.low[axis]) / self.spacing;
+        let last = (high - self.low[axis]) / self.spacing;
+        let first = if first > 0.0 { libm::ceilf(first) as u16 } else { 0 };
+        let end = if last >= 0.0 { (last as u16).saturating_add(1) } else { 0 };
+        first..end.min(self.counts[axis])
+    }
+
+    /// The nodes around one at a place, those that there are of 26: each with its place, and how many axes the step is along.
+    #[inline(always)]
+    fn around(&self, node: u16, place: [u16; 3]) -> impl Iterator<Item = (u16, [u16; 3], usize)> {
+        let counts = self.counts;
+        let [nx, ny, _] = counts.map(i32::from);
+        NEIGHBOURS.iter().filter_map(move |[x, y, z, axes]| {
+            let other = [(0, x), (1, y), (2, z)]
+                .map(|(axis, step): (usize, &i8)| place[axis].wrapping_add_signed((*step).into()));
+            // What is below zero has wrapped to beyond the last.
+            let is_there = other[0] < counts[0] && other[1] < counts[1] && other[2] < counts[2];
+            let offset = i32::from(*x) + nx * (i32::from(*y) + ny * i32::from(*z));
+            is_there.then_some(((i32::from(node) + offset) as u16, other, *axes as usize))
+        })
+    }
+}
+
+/// Steps to the 26 neighbours of a node along x, y and z, and along how many of them.
+const NEIGHBOURS: [[i8; 4]; 26] = neighbours();
+
+const fn neighbours() -> [[i8; 4]; 26] {
+    let (mut steps, mut number) = ([[0; 4]; 26], 0);
+    while number < 27 {
+        let [x, y, z] = [number % 3 - 1, number / 3 % 3 - 1, number / 9 - 1];
+        // The thirteenth is no step at all.
+        if number != 13 {
+            steps[if number < 13 { number } else { number - 1 } as usize] = [x, y, z, x * x + y * y + z * z];
+        }
+        number += 1;
+    }
+    steps
+}
+
+/// What the beams of a drone have met so far: for each node how far the nearest of it is, or the border.
+#[derive(Debug)]
+pub struct OccupancyMap<'m> {
+    grid: &'m NodeGrid,
+    /// Squared, in steps.
+    clearances: &'m mut [u8],
+}
+
+impl<'m> OccupancyMap<'m> {
+    /// A map in `memory`, which has a byte for each node and holds what was met so far; before the first use [`Self::clear`]
+    /// it. `None` if the memory has another length.
+    pub fn new(grid: &'m NodeGrid, memory: &'m mut [u8]) -> Option<Self> {
+        (memory.len() == grid.len()).then_some(Self { grid, clearances: memory })
+    }
+
+    /// Forgets everything but the border of the grid.
+    pub fn clear(&mut self) {
+        for (node, clearance) in self.clearances.iter_mut().enumerate() {
+            let point = self.grid.point(node as u16);
+            let mut least = f32::INFINITY;
+            for (axis, value) in point.iter().enumerate() {
+                least = least.min(value - self.grid.low[axis]).min(self.grid.high[axis] - value);
+            }
+            *clearance = if least > 0.0 { steps(least * least) } else { 0 };
+        }
+    }
+
+    /// Takes in that something was met at a point \[m, world\]; the border of the map is known.
+    pub fn mark(&mut self, point: &[f32; 3]) {
+        let [px, py, pz] = *point;
+        let grid = self.grid;
+        let is_inside =
+            |axis: usize| (grid.low[axis] + BORDER_M..grid.high[axis] - BORDER_M).contains(&point[axis]);
+        if !(is_inside(0) && is_inside(1) && is_inside(2)) {
+            return;
+        }
+        let [xs, ys, zs] =
+            core::array::from_fn(|axis| grid.between(axis, point[axis] - REACH_M, point[axis] + REACH_M));
+        for z in zs {
+            let dz = grid.coordinate(2, z) - pz;
+            for y in ys.clone() {
+                let dy = grid.coordinate(1, y) - py;
+                let aside = dy * dy + dz * dz;
+                let row = usize::from(grid.node([xs.start, y, z]));
+                let row = self.clearances.get_mut(row..row + xs.len()).unwrap_or_default();
+                for (x, clearance) in xs.clone().zip(row) {
+                    let dx = grid.coordinate(0, x) - px;
+                    *clearance = (*clearance).min(steps(dx * dx + aside));
+                }
+            }
+        }
+    }
+}
+
+/// The square of a length \[m²\] in steps, as far as they go.
+fn steps(square: f32) -> u8 {
+    // Saturates, and what is no number is zero.
+    (square * (1.0 / STEP_M2)) as u8
+}
+
+/// Memory of a search: `NODES` of the grid at least, and `OPEN` places to go on from at once.
+#[derive(Clone, Debug)]
+pub struct PathSearch<const NODES: usize, const OPEN: usize> {
+    /// Of the shortest paths to the goal that were found.
+    lengths: [u32; NODES],
+    /// Estimated length of a path by way of a node, and its number in the last sixteen bits.
+    open: BinaryHeap<u64, Min, OPEN>,
+}
+
+impl<const NODES: usize, const OPEN: usize> PathSearch<NODES, OPEN> {
+    /// One that has found nothing yet.
+    pub const fn new() -> Self {
+        Self { lengths: [u32::MAX; NODES], open: BinaryHeap::new() }
+    }
+}
+
+impl<const NODES: usize, const OPEN: usize> Default for PathSearch<NODES, OPEN> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// How a drone goes about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planner {
+    /// What a spacing counts at each clearance.
+    counts: [u16; 256],
+    lookahead_m: f32,
+}
+
+impl Planner {
+    /// For a drone with a hull of this radius \[m\], which heads for the point `lookahead_m` ahead on its path. Right beside
+    /// something a metre counts `1 + nearness_cost` metres, in the open one, and between the square of the distance decides.
+    pub fn new(hull_radius_m: f32, nearness_cost: f32, lookahead_m: f32) -> Self {
+        let count = |clearance: usize| {
+            let room = libm::sqrtf(clearance as f32 * STEP_M2) - (hull_radius_m + MARGIN_M);
+            if room < 0.0 {
+                return BLOCKED;
+            }
+            let near = (1.0 - room / COMFORT_M).max(0.0);
+            ((f32::from(OPEN) * (1.0 + nearness_cost * near * near)) as u16).min(BLOCKED)
+        };
+        Self { counts: core::array::from_fn(count), lookahead_m }
+    }
+
+    /// The point to head for on the shortest path from one point to another \[m, world\], the end itself once it is nearer.
+    /// So it is where the memory of the search does not reach.
+    pub fn ahead<const NODES: usize, const OPEN: usize>(
+        &self,
+        map: &OccupancyMap<'_>,
+        from: &[f32; 3],
+        goal: &[f32; 3],
+        search: &mut PathSearch<NODES, OPEN>,
+    ) -> [f32; 3] {
+        let grid = map.grid;
+        let (start, end) = (grid.nearest(from), grid.nearest(goal));
+        if !self.find(map, start, end, search) {
+            return *goal;
+        }
+        let (mut node, mut flown) = (start, 0);
+        // In tenths of a spacing.
+        let enough = (self.lookahead_m / grid.spacing * 10.0) as u32;
+        while node != end {
+            let Some((next, length)) = self.next(map, node, search) else { return *goal };
+            (node, flown) = (next, flown + length);
+            if flown >= enough {
+                return grid.point(node);
+            }
+        }
+        *goal
+    }
+
+    /// Lengths of the shortest paths to `end` from there up to `start`; whether there was room for the search.
+    fn find<const NODES: usize, const OPEN: usize>(
+        &self,
+        map: &OccupancyMap<'_>,
+        start: u16,
+        end: u16,
+        search: &mut PathSearch<NODES, OPEN>,
+    ) -> bool {
+        let PathSearch { lengths, open } = search;
+        let Some(lengths) = lengths.get_mut(..map.grid.len()) else { return false };
+        lengths.fill(u32::MAX);
+        open.clear();
+        let target = map.grid.place(start);
+        let estimate = |node: u16, place: [u16; 3], length: u32| {
+            let whole = length + LEAST * least_length(place, target);
+            u64::from(whole) << 16 | u64::from(node)
+        };
+        lengths[usize::from(end)] = 0;
+        let mut has_room = open.push(estimate(end, map.grid.place(end), 0)).is_ok();
+        while let Some(entry) = open.pop() {
+            let node = entry as u16;
+            let (length, place) = (lengths[usize::from(node)], map.grid.place(node));
+            if node == start {
+                break;
+            }
+            // A shorter path by way of it was found, and gone on from, before.
+            if entry > estimate(node, place, length) {
+                continue;
+            }
+            for (other, place, axes) in map.grid.around(node, place) {
+                let found = length + self.count(map, node, other, axes);
+                if let Some(known) = lengths.get_mut(usize::from(other)).filter(|known| found < **known) {
+                    *known = found;
+                    has_room &= open.push(estimate(other, place, found)).is_ok();
+                }
+            }
+        }
+        has_room
+    }
+
+    /// The neighbour by way of which the path found from a node leads, and how far away it is \[tenths of a spacing\].
+    fn next<const NODES: usize, const OPEN: usize>(
+        &self,
+        map: &OccupancyMap<'_>,
+        node: u16,
+        search: &PathSearch<NODES, OPEN>,
+    ) -> Option<(u16, u32)> {
+        let length = search.lengths[usize::from(node)];
+        let leads = |(other, _, axes): &(u16, [u16; 3], usize)| {
+            let rest = search.lengths[usize::from(*other)];
+            rest.checked_add(self.count(map, node, *other, *axes)) == Some(length)
+        };
+        let found = map.grid.around(node, map.grid.place(node)).find(leads);
+        found.map(|(other, _, axes)| (other, LENGTHS[axes]))
+    }
+
+    /// What a step from a node to another along so many axes counts.
+    #[inline(always)]
+    fn count(&self, map: &OccupancyMap<'_>, node: u16, other: u16, axes: usize) -> u32 {
+        let of = |node: u16| u32::from(self.counts[usize::from(map.clearances[usize::from(node)])]);
+        LENGTHS[axes] * (of(node) + of(other))
+    }
+}
+
+/// Of a path between two places of which all is open \[tenths of a spacing\].
+#[inline(always)]
+fn least_length(one: [u16; 3], other: [u16; 3]) -> u32 {
+    let [x, y, z]: [u32; 3] = core::array::from_fn(|axis| u32::from(one[axis].abs_diff(other[axis])));
+    let (least, most) = (x.min(y).min(z), x.max(y).max(z));
+    let middle = x + y + z - least - most;
+    LENGTHS[3] * least + LENGTHS[2] * (middle - least) + LENGTHS[1] * (most - middle)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SEARCHED: usize = 41 * 21 * 11;
+    const GOAL: [f32; 3] = [1.8, 0.0, 0.5];
+
+    fn grid() -> NodeGrid {
+        NodeGrid::new([-2.0, -1.0, 0.0], [2.0, 1.0, 1.0], 0.1).unwrap()
+    }
+
+    /// Where the way from point to point leads until it is at the goal.
+    fn flown(map: &OccupancyMap<'_>, from: [f32; 3]) -> Vec<[f32; 3]> {
+        let planner = Planner::new(0.06, 2.0, 0.3);
+        let mut search = PathSearch::<SEARCHED, SEARCHED>::new();
+        let next = |at: &[f32; 3]| (*at != GOAL).then(|| planner.ahead(map, at, &GOAL, &mut search));
+        std::iter::successors(Some(from), next).take(100).collect()
+    }
+
+    /// A wall across the middle, all heights, from y = -1 to `end`.
+    fn build_wall(map: &mut OccupancyMap<'_>, end: f32) {
+        let count = ((end + 1.0) / 0.05) as i32;
+        for y in 0..=count {
+            for z in 0..=20 {
+                map.mark(&[0.0, -1.0 + 0.05 * y as f32, 0.05 * z as f32]);
+            }
+        }
+    }
+
+    #[test]
+    fn in_the_open_the_way_is_straight() {
+        let grid = grid();
+        let mut memory = vec![0; grid.len()];
+        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
+        map.clear();
+        let way = flown(&map, [-1.8, 0.0, 0.5]);
+        assert_eq!(way.last(), Some(&GOAL));
+        assert!(way.len() <= 13 && way.iter().all(|point| point[1].abs() < 1e-5), "{way:?}");
+    }
+
+    #[test]
+    fn what_is_met_is_flown_around_on_its_free_side() {
+        let grid = grid();
+        let mut memory = vec![0; grid.len()];
+        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
+        map.clear();
+        build_wall(&mut map, 0.4);
+        let way = flown(&map, [-1.8, 0.0, 0.5]);
+        assert_eq!(way.last(), Some(&GOAL));
+        let aside = way.iter().map(|point| point[1]).fold(f32::MIN, f32::max);
+        assert!((0.45..0.95).contains(&aside), "{way:?}");
+        map.clear();
+        assert!(flown(&map, [-1.8, 0.0, 0.5]).iter().all(|point| point[1].abs() < 1e-5));
+    }
+
+    #[test]
+    fn through_a_wall_without_end_the_way_is_straight_again() {
+        let grid = grid();
+        let mut memory = vec![0; grid.len()];
+        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
+        map.clear();
+        build_wall(&mut map, 1.0);
+        assert_eq!(flown(&map, [-1.8, 0.0, 0.5]).last(), Some(&GOAL));
+    }
+
+    #[test]
+    fn paths_are_as_short_as_those_of_a_search_without_an_estimate() {
+        let grid = grid();
+        let mut memory = vec![0; grid.len()];
+        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
+        map.clear();
+        for point in 0..60_u32 {
+            let part = |stride: u32| (point * stride % 101) as f32 / 100.0;
+            map.mark(&[-1.5 + 3.0 * part(37), -0.9 + 1.8 * part(53), part(71)]);
+        }
+        let planner = Planner::new(0.06, 6.0, 0.3);
+        let end = grid.nearest(&GOAL);
+        let mut exact = vec![u32::MAX; grid.len()];
+        exact[usize::from(end)] = 0;
+        // Bellman and Ford: until nothing becomes shorter.
+        while (0..grid.len() as u16).fold(false, |shorter, node| {
+            let around = grid.around(node, grid.place(node));
+            let by = |(other, _, axes): (u16, [u16; 3], usize)| {
+                exact[usize::from(other)].saturating_add(planner.count(&map, node, other, axes))
+            };
+            let least = around.map(by).min().unwrap();
+            let known = &mut exact[usize::from(node)];
+            let is_shorter = least < *known;
+            *known = least.min(*known);
+            shorter | is_shorter
+        }) {}
+        let mut search = PathSearch::<SEARCHED, SEARCHED>::new();
+        for from in [[-1.8, 0.0, 0.5], [-1.0, 0.9, 0.9], [0.3, -0.8, 0.1], GOAL] {
+            let start = grid.nearest(&from);
+            assert!(planner.find(&map, start, end, &mut search));
+            assert_eq!(search.lengths[usize::from(start)], exact[usize::from(start)], "{from:?}");
+        }
+    }
+
+    #[test]
+    fn a_search_without_room_heads_for_the_goal() {
+        let grid = grid();
+        let mut memory = vec![0; grid.len()];
+        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
+        map.clear();
+        let planner = Planner::new(0.06, 2.0, 0.3);
+        let from = [-1.8, 0.9, 0.1];
+        assert_eq!(planner.ahead(&map, &from, &GOAL, &mut PathSearch::<SEARCHED, 8>::new()), GOAL);
+        assert_eq!(planner.ahead(&map, &from, &GOAL, &mut PathSearch::<100, 1000>::new()), GOAL);
+    }
+
+    #[test]
+    fn a_grid_has_a_size_and_points_outside_have_a_node() {
+        let grid = grid();
+        assert_eq!(grid.len(), SEARCHED);
+        for node in [0, 40, 41, 9470] {
+            assert_eq!(grid.nearest(&grid.point(node)), node);
+        }
+        assert_eq!(grid.nearest(&[-9.0, -9.0, -9.0]), 0);
+        assert_eq!(grid.nearest(&[9.0, 9.0, 9.0]), SEARCHED as u16 - 1);
+        assert_eq!(grid.nearest(&[f32::NAN, -1.0, 0.0]), 0);
+        for (high, spacing) in [(2.0, 0.0), (2.0, f32::NAN), (-3.0, 0.1), (2.0, 0.01), (f32::INFINITY, 0.1)] {
+            assert_eq!(NodeGrid::new([-2.0, -1.0, 0.0], [high, 1.0, 1.0], spacing), None);
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! The way to the goal that a drone finds by itself, through a map of what its scan has met.
+
+use kestrel_core::planner::{NODE_LIMIT, NodeGrid, OccupancyMap, PathSearch, Planner};
+use kestrel_core::real::Real;
+use nalgebra::Vector3;
+
+use super::{BEAM_LIMIT, Scan};
+use crate::swarm::{Column, row, set_row, vector};
+
+/// Things that are met so near to the goal are the goal's \[m\]: a table to land on is not in the way.
+const GOAL_RADIUS_M: f32 = 0.5;
+
+/// Nearer than this \[m\] the point ahead reads as less than one.
+const NEAR_M: f32 = 0.15;
+
+/// A beam that reads less sees nothing: the limit, rounded.
+const NOTHING: f32 = 1e-3;
+
+/// Places from which a search may go on at once.
+const OPEN_LIMIT: usize = 1 << 15;
+
+/// How a drone looks for its way. It reads where the point ahead on the way is: a unit vector, world, shorter within 15 cm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// The map, empty at the start of an episode.
+    pub grid: NodeGrid,
+    /// Control periods from one search to the next, at least one.
+    pub periods: u32,
+    /// Distance to the point ahead, along the way \[m\].
+    pub lookahead_m: f32,
+    /// What a metre right beside something counts more than one in the open.
+    pub nearness_cost: f32,
+}
+
+impl Way {
+    /// Number of values.
+    #[expect(clippy::len_without_is_empty, reason = "there are three")]
+    pub const fn len(&self) -> usize {
+        3
+    }
+}
+
+/// What the drones of a block know of their ways, by lane.
+#[derive(Clone, Debug)]
+pub(crate) struct WayMemory<const LANES: usize, R> {
+    way: Way,
+    planner: Planner,
+    search: PathSearch<NODE_LIMIT, OPEN_LIMIT>,
+    /// Directions of the beams in each position, world.
+    beams: Vec<Vec<Vector3<f32>>>,
+    /// `[lane][node]`.
+    maps: Vec<u8>,
+    /// The points ahead \[m, world\].
+    ahead: [Column<LANES, R>; 3],
+}
+
+/// What a drone sees, from where and on the way where to \[m, world\].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Look<'a> {
+    /// Control periods of the episode that have passed.
+    pub(crate) period: u32,
+    pub(crate) scan: &'a Scan,
+    pub(crate) nearness: &'a [f32; BEAM_LIMIT],
+    pub(crate) position: Vector3<f32>,
+    pub(crate) goal: Vector3<f32>,
+}
+
+impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
+    /// Empty maps, of drones with a hull of this radius \[m\].
+    pub(crate) fn new(way: Way, scan: &Scan, radius: f64) -> Box<Self> {
+        let directions = |position| scan.directions(position).iter().map(|direction| direction.cast()).collect();
+        Box::new(Self {
+            way,
+            planner: Planner::new(radius as f32, way.nearness_cost, way.lookahead_m),
+            search: PathSearch::new(),
+            beams: (0..scan.positions()).map(directions).collect(),
+            maps: vec![0; LANES * way.grid.len()],
+            ahead: [[R::zero(); LANES]; 3],
+        })
+    }
+
+    /// Takes in what the drone of a lane sees, and looks for its way when it is time to.
+    pub(crate) fn look(&mut self, lane: usize, look: &Look<'_>) {
+        let Self { way, maps, beams, .. } = self;
+        let nodes = way.grid.len();
+        let Some(mut map) = OccupancyMap::new(&way.grid, &mut maps[lane * nodes..(lane + 1) * nodes]) else {
+            return;
+        };
+        if look.period == 0 {
+            map.clear();
+        }
+        let beams = &beams[look.period as usize % beams.len()];
+        let distances = look.scan.distances(look.nearness);
+        for ((nearness, distance), direction) in look.nearness.iter().zip(distances).zip(beams) {
+            let met = look.position + direction * distance;
+            if *nearness > NOTHING && (met - look.goal).norm() >= GOAL_RADIUS_M {
+                map.mark(&met.into());
+            }
+        }
+        if look.period.is_multiple_of(way.periods) {
+            let ahead = self.planner.ahead(&map, &look.position.into(), &look.goal.into(), &mut self.search);
+            set_row(&mut self.ahead, lane, ahead.map(R::from_f32));
+        }
+    }
+
+    /// What the drone of a lane reads, that is at a point \[m, world\].
+    pub(crate) fn reading(&self, lane: usize, position: &Vector3<R>) -> [R; 3] {
+        let leg = vector(&self.ahead, lane) - position;
+        let (length, near) = ((leg.x * leg.x + leg.y * leg.y + leg.z * leg.z).sqrt(), R::from_f32(NEAR_M));
+        let length = if length > near { length } else { near };
+        [leg.x / length, leg.y / length, leg.z / length]
+    }
+
+    /// The point ahead of the drone of a lane \[m, world\].
+    pub(crate) fn ahead(&self, lane: usize) -> Vector3<f32> {
+        row(&self.ahead, lane).map(Real::to_f32).into()
+    }
+
+    pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Column<LANES, R>> {
+        self.ahead.iter_mut()
+    }
+
+    pub(crate) fn maps_mut(&mut self) -> &mut [u8] {
+        &mut self.maps
+    }
+}
