@@ -361,9 +361,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 for (stream, saved) in agent.streams_mut().iter_mut().zip(&mut streams) {
                     stream.clone_from(saved);
                 }
-                for (clearance, saved) in agent.maps_mut().iter_mut().zip(&mut maps) {
-                    *clearance = *saved;
-                }
+                agent.maps_mut().fill_with(|| maps.next().copied().unwrap_or_default());
             }
             for (memory, saved) in block.contacts_mut().iter_mut().zip(&mut contacts) {
                 memory.clone_from(saved);
