@@ -361,6 +361,13 @@ mod tests {
         NodeGrid::new([-2.0, -1.0, 0.0], [2.0, 1.0, 1.0], 0.1).unwrap()
     }
 
+    fn empty<'m>(grid: &'m NodeGrid, memory: &'m mut Vec<u8>) -> OccupancyMap<'m> {
+        memory.resize(grid.len(), 0);
+        let mut map = OccupancyMap::new(grid, memory).unwrap();
+        map.clear();
+        map
+    }
+
     /// Where the way from point to point leads until it is at the goal.
     fn flown(map: &OccupancyMap<'_>, from: [f32; 3]) -> Vec<[f32; 3]> {
         let planner = Planner::new(0.06, 2.0, 0.3);
@@ -381,10 +388,8 @@ mod tests {
 
     #[test]
     fn in_the_open_the_way_is_straight() {
-        let grid = grid();
-        let mut memory = vec![0; grid.len()];
-        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
-        map.clear();
+        let (grid, mut memory) = (grid(), Vec::new());
+        let map = empty(&grid, &mut memory);
         let way = flown(&map, [-1.8, 0.0, 0.5]);
         assert_eq!(way.last(), Some(&GOAL));
         assert!(way.len() <= 13 && way.iter().all(|point| point[1].abs() < 1e-5), "{way:?}");
@@ -392,10 +397,8 @@ mod tests {
 
     #[test]
     fn what_is_met_is_flown_around_on_its_free_side() {
-        let grid = grid();
-        let mut memory = vec![0; grid.len()];
-        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
-        map.clear();
+        let (grid, mut memory) = (grid(), Vec::new());
+        let mut map = empty(&grid, &mut memory);
         build_wall(&mut map, 0.4);
         let way = flown(&map, [-1.8, 0.0, 0.5]);
         assert_eq!(way.last(), Some(&GOAL));
@@ -407,20 +410,16 @@ mod tests {
 
     #[test]
     fn through_a_wall_without_end_the_way_is_straight_again() {
-        let grid = grid();
-        let mut memory = vec![0; grid.len()];
-        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
-        map.clear();
+        let (grid, mut memory) = (grid(), Vec::new());
+        let mut map = empty(&grid, &mut memory);
         build_wall(&mut map, 1.0);
         assert_eq!(flown(&map, [-1.8, 0.0, 0.5]).last(), Some(&GOAL));
     }
 
     #[test]
     fn paths_are_as_short_as_those_of_a_search_without_an_estimate() {
-        let grid = grid();
-        let mut memory = vec![0; grid.len()];
-        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
-        map.clear();
+        let (grid, mut memory) = (grid(), Vec::new());
+        let mut map = empty(&grid, &mut memory);
         for point in 0..60_u32 {
             let part = |stride: u32| (point * stride % 101) as f32 / 100.0;
             map.mark(&[-1.5 + 3.0 * part(37), -0.9 + 1.8 * part(53), part(71)]);
@@ -451,10 +450,8 @@ mod tests {
 
     #[test]
     fn a_search_without_room_heads_for_the_goal() {
-        let grid = grid();
-        let mut memory = vec![0; grid.len()];
-        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
-        map.clear();
+        let (grid, mut memory) = (grid(), Vec::new());
+        let map = empty(&grid, &mut memory);
         let planner = Planner::new(0.06, 2.0, 0.3);
         let from = [-1.8, 0.9, 0.1];
         assert_eq!(planner.ahead(&map, &from, &GOAL, &mut PathSearch::<SEARCHED, 8>::new()), GOAL);

@@ -10,8 +10,8 @@ pub const BEAM_LIMIT: usize = 64;
 /// Positions of beams that sweep, one after the other from reading to reading.
 const SWEEP_POSITIONS: usize = 8;
 
-/// How far they rise and sink \[rad\].
-const SWEEP_RISE: f64 = 10.0 * TAU / 360.0;
+/// Between two heights of beams that sweep \[rad\]: 2.5 degrees, so that they rise and sink by up to 8.75.
+const SWEEP_RISE: f64 = 2.5 * TAU / 360.0;
 
 /// Beams around the drone, fixed in the world however the drone is turned, without noise or delay.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,9 +52,12 @@ impl Scan {
     /// Unit vectors of the beams in a position, world.
     pub fn directions(&self, position: usize) -> Vec<Vector3<f64>> {
         // In an order in which neither turns nor rises follow their neighbours.
-        let share = |stride: usize| (position * stride % SWEEP_POSITIONS) as f64 / SWEEP_POSITIONS as f64;
-        let (turn, rise) =
-            if self.sweeps { (share(5), SWEEP_RISE * (2.0 * share(3) - 0.875)) } else { (0.0, 0.0) };
+        let step = |stride: usize| (position * stride % SWEEP_POSITIONS) as f64;
+        let (turn, rise) = if self.sweeps {
+            (step(5) / SWEEP_POSITIONS as f64, SWEEP_RISE * (step(3) - 0.5 * (SWEEP_POSITIONS - 1) as f64))
+        } else {
+            (0.0, 0.0)
+        };
         self.rings
             .iter()
             .flat_map(|ring| (0..ring.beams).map(move |beam| ring.direction(beam, turn, rise)))

@@ -3,6 +3,7 @@ use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::airframe::CF2X;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::{ObservationLayout, PilotLayout};
+use kestrel_core::planner::NodeGrid;
 use kestrel_learn::analytic::{AnalyticSettings, AnalyticTrainer};
 use kestrel_learn::ppo::{PpoSettings, UpdateMetrics};
 use kestrel_learn::rollout::ENV_BATCH;
@@ -14,7 +15,7 @@ use kestrel_sim::rooms::Ways;
 use kestrel_sim::scenario::{
     Agents, Aviary, Clock, Goals, Physics, Randomisation, Start, StartPosition, Success, TimeLimit,
 };
-use kestrel_sim::sensor::SensorSuite;
+use kestrel_sim::sensor::{Scan, ScanRing, SensorSuite, Told, Way};
 use kestrel_sim::termination::{self, Termination};
 use kestrel_sim::world::Cuboid;
 use nalgebra::Vector3;
@@ -161,6 +162,23 @@ fn a_teacher_says_what_it_would_do_in_the_state_of_each_row() {
     }
     assert!(DroneEnvironment::has_teacher(&mapped()));
     assert!(!DroneEnvironment::has_teacher(&scenario(CriticView::Observation)));
+}
+
+#[test]
+fn a_teacher_leads_along_the_way_that_a_drone_has_found() {
+    let scan =
+        Scan { rings: vec![ScanRing { elevation: 0.0, beams: 4 }], limit: 2.0, near_scale: None, sweeps: false };
+    let grid = NodeGrid::new([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0], 0.25).unwrap();
+    let way = Way { grid, periods: 5, lookahead_m: 0.3, nearness_cost: 12.0 };
+    let sensors = SensorSuite::none().with_scan(Some(scan)).with_told(Some(Told::Way(way)));
+    let task = Scenario { sensors, ..mapped() };
+    let mut environment = DroneEnvironment::begin(&task, Seed(31), 0, 8);
+    let mut actions = vec![0.0; 4];
+    environment.write_teacher_actions(3..4, &mut actions);
+    let simulation = &environment.simulation;
+    let said = |found| Teacher::of(&task).unwrap().act(&simulation.state(3), &simulation.goal(3), 0, found);
+    assert_eq!(actions, said(simulation.ahead(3))[..4]);
+    assert_ne!(actions, said(None)[..4]);
 }
 
 #[test]
