@@ -17,7 +17,7 @@ use kestrel_sim::scenario::{
 };
 use kestrel_sim::sensor::{Scan, ScanRing, SensorSuite, Told, Way};
 use kestrel_sim::termination::{self, Termination};
-use kestrel_sim::world::Cuboid;
+use kestrel_sim::world::{Cuboid, Solid};
 use nalgebra::Vector3;
 
 fn scenario(critic: CriticView) -> Scenario {
@@ -171,14 +171,23 @@ fn a_teacher_leads_along_the_way_that_a_drone_has_found() {
     let grid = NodeGrid::new([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0], 0.25).unwrap();
     let way = Way { grid, periods: 5, lookahead_m: 0.3, nearness_cost: 12.0 };
     let sensors = SensorSuite::none().with_scan(Some(scan)).with_told(Some(Told::Way(way)));
-    let task = Scenario { sensors, ..mapped() };
-    let mut environment = DroneEnvironment::begin(&task, Seed(31), 0, 8);
-    let mut actions = vec![0.0; 4];
-    environment.write_teacher_actions(3..4, &mut actions);
-    let simulation = &environment.simulation;
-    let said = |found| Teacher::of(&task).unwrap().act(&simulation.state(3), &simulation.goal(3), 0, found);
-    assert_eq!(actions, said(simulation.ahead(3))[..4]);
-    assert_ne!(actions, said(None)[..4]);
+    let mut task = Scenario { sensors, ..mapped() };
+    // The map of its teacher does not have what the beams meet, farther from the goal than what counts as the goal.
+    let wall = Solid::block("wall", Vector3::new(0.55, -1.0, 0.0), Vector3::new(0.6, 0.5, 2.0));
+    task.aviary.world.solids.push(wall);
+    task.start.position = StartPosition::AroundGoal { nearest_m: 0.8, farthest_m: 0.9 };
+    let mut environment = DroneEnvironment::begin(&task, Seed(31), 0, 16);
+    let mut differ = 0;
+    for row in 0..16 {
+        let mut actions = vec![0.0; 4];
+        environment.write_teacher_actions(row..row + 1, &mut actions);
+        let simulation = &environment.simulation;
+        let said =
+            |found| Teacher::of(&task).unwrap().act(&simulation.state(row), &simulation.goal(row), 0, found);
+        assert_eq!(actions, said(simulation.ahead(row))[..4], "row {row}");
+        differ += usize::from(actions != said(None)[..4]);
+    }
+    assert!(differ > 0, "elsewhere than the map of its teacher says");
 }
 
 #[test]
