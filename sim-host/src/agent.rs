@@ -21,7 +21,7 @@ use crate::reward::RewardTerm;
 use crate::rooms::{Arenas, room};
 use crate::scenario::{Clock, Goals, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::sensor::{SensorMemory, Told, WayMemory};
+use crate::sensor::{Chart, SensorMemory, Told, WayMemory};
 use crate::stage::Stage;
 use crate::swarm::{Column, Mechanics, Swarm, row, set_row, vector};
 use crate::term::{Ends, FlightView, Memory, StepView, contains};
@@ -517,8 +517,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     }
 
     /// What drones have met on their ways, for saving and restoring.
-    pub(crate) fn maps_mut(&mut self) -> &mut [u8] {
-        self.way.as_mut().map(|way| way.maps_mut()).unwrap_or_default()
+    pub(crate) fn charts_mut(&mut self) -> &mut [Chart] {
+        self.way.as_mut().map(|way| way.charts_mut()).unwrap_or_default()
     }
 
     /// The point ahead on the way that a drone looks for by itself \[m, world\].

@@ -28,7 +28,7 @@ pub(crate) use mates::Course;
 pub use mates::Mates;
 pub use scan::{BEAM_LIMIT, Scan, ScanRing};
 pub use way::Way;
-pub(crate) use way::{Look, WayMemory};
+pub(crate) use way::{Chart, Look, WayMemory};
 
 /// Distance \[m\] from an origin along a unit direction (both world) to the nearest thing within a limit \[m\].
 pub type Raycast<'a> = &'a dyn Fn(Vector3<f64>, Vector3<f64>, f64) -> Option<f64>;

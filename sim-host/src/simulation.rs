@@ -20,7 +20,7 @@ use crate::outcome::{Episode, Outcome};
 use crate::rooms::{Arenas, Room};
 use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::sensor::SensorMemory;
+use crate::sensor::{Chart, SensorMemory};
 use crate::simd::Arch;
 use crate::stage::Stage;
 use crate::swarm::{Mechanics, set_row, vector};
@@ -63,7 +63,7 @@ pub struct SimulationState<R = f32> {
     contacts: Vec<ContactMemory>,
     sensors: Vec<SensorMemory>,
     streams: Vec<Stream>,
-    maps: Vec<u8>,
+    charts: Vec<Chart>,
     imaging: Option<ImagingState>,
     episodes: Vec<Episode>,
 }
@@ -303,7 +303,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             contacts: Vec::new(),
             sensors: Vec::new(),
             streams: Vec::new(),
-            maps: Vec::new(),
+            charts: Vec::new(),
             imaging: self.imaging.as_ref().map(Imaging::save),
             episodes: self.episodes.clone(),
         };
@@ -313,7 +313,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 agent.controls_mut().iter().for_each(|memory| state.controls.extend(memory.to_array()));
                 state.sensors.extend_from_slice(agent.sensors_mut());
                 state.streams.extend_from_slice(agent.streams_mut());
-                state.maps.extend_from_slice(agent.maps_mut());
+                state.charts.extend_from_slice(agent.charts_mut());
             }
             state.contacts.extend_from_slice(block.contacts_mut());
             state.movables.extend(block.movables_mut().map(|motion| motion_to_array(motion)));
@@ -329,7 +329,8 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
             && state.controls.len() == own.controls.len()
             && state.sensors.len() == own.sensors.len()
             && state.streams.len() == own.streams.len()
-            && state.maps.len() == own.maps.len()
+            && state.charts.len() == own.charts.len()
+            && state.charts.iter().zip(&own.charts).all(|(chart, own)| chart.fits(own))
             && state.contacts.len() == own.contacts.len()
             && state.movables.len() == own.movables.len()
             && match (&self.imaging, &state.imaging) {
@@ -344,7 +345,7 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         let mut controls = state.controls.chunks_exact(CONTROL_MEMORY_LEN);
         let mut sensors = state.sensors.iter();
         let mut streams = state.streams.iter();
-        let mut maps = state.maps.iter();
+        let mut charts = state.charts.iter();
         let mut movables = state.movables.iter();
         let mut contacts = state.contacts.iter();
         for block in &mut self.blocks {
@@ -361,7 +362,9 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
                 for (stream, saved) in agent.streams_mut().iter_mut().zip(&mut streams) {
                     stream.clone_from(saved);
                 }
-                agent.maps_mut().fill_with(|| maps.next().copied().unwrap_or_default());
+                for (chart, saved) in agent.charts_mut().iter_mut().zip(&mut charts) {
+                    chart.clone_from(saved);
+                }
             }
             for (memory, saved) in block.contacts_mut().iter_mut().zip(&mut contacts) {
                 memory.clone_from(saved);

@@ -1,8 +1,9 @@
 //! The way to the goal that a drone finds by itself, through a map of what its scan has met.
 
-use kestrel_core::planner::{NODE_LIMIT, NodeGrid, OccupancyMap, PathSearch, Planner};
+use kestrel_core::planner::{NODE_LIMIT, NodeGrid, OccupancyMap, Path, PathSearch, Planner};
 use kestrel_core::real::Real;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 use super::{BEAM_LIMIT, Scan};
 use crate::swarm::{Column, row, set_row, vector};
@@ -48,10 +49,24 @@ pub(crate) struct WayMemory<const LANES: usize, R> {
     search: PathSearch<NODE_LIMIT, OPEN_LIMIT>,
     /// Directions of the beams in each position, world.
     beams: Vec<Vec<Vector3<f32>>>,
-    /// `[lane][node]`.
-    maps: Vec<u8>,
+    charts: [Chart; LANES],
     /// The points ahead \[m, world\].
     ahead: [Column<LANES, R>; 3],
+}
+
+/// What a drone has met, and the path that it follows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Chart {
+    /// A byte per node: the memory of its [`OccupancyMap`].
+    nodes: Vec<u8>,
+    path: Path,
+}
+
+impl Chart {
+    /// Whether two are of grids of the same size.
+    pub(crate) fn fits(&self, other: &Self) -> bool {
+        self.nodes.len() == other.nodes.len()
+    }
 }
 
 /// What a drone sees, from where and on the way where to \[m, world\].
@@ -74,20 +89,19 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
             planner: Planner::new(radius as f32, way.nearness_cost, way.lookahead_m),
             search: PathSearch::new(),
             beams: (0..scan.positions()).map(directions).collect(),
-            maps: vec![0; LANES * way.grid.len()],
+            charts: core::array::from_fn(|_| Chart { nodes: vec![0; way.grid.len()], path: Path::default() }),
             ahead: [[R::zero(); LANES]; 3],
         })
     }
 
     /// Takes in what the drone of a lane sees, and looks for its way when it is time to.
     pub(crate) fn look(&mut self, lane: usize, look: &Look<'_>) {
-        let Self { way, maps, beams, .. } = self;
-        let nodes = way.grid.len();
-        let Some(mut map) = OccupancyMap::new(&way.grid, &mut maps[lane * nodes..(lane + 1) * nodes]) else {
-            return;
-        };
+        let Self { way, charts, beams, .. } = self;
+        let Chart { nodes, path } = &mut charts[lane];
+        let Some(mut map) = OccupancyMap::new(&way.grid, nodes) else { return };
         if look.period == 0 {
             map.clear();
+            *path = Path::default();
         }
         let beams = &beams[look.period as usize % beams.len()];
         let distances = look.scan.distances(look.nearness);
@@ -98,7 +112,8 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
             }
         }
         if look.period.is_multiple_of(way.periods) {
-            let ahead = self.planner.ahead(&map, &look.position.into(), &look.goal.into(), &mut self.search);
+            let leg = [&look.position.into(), &look.goal.into()];
+            let ahead = self.planner.ahead(&map, leg, path, &mut self.search);
             set_row(&mut self.ahead, lane, ahead.map(R::from_f32));
         }
     }
@@ -120,7 +135,7 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
         self.ahead.iter_mut()
     }
 
-    pub(crate) fn maps_mut(&mut self) -> &mut [u8] {
-        &mut self.maps
+    pub(crate) fn charts_mut(&mut self) -> &mut [Chart] {
+        &mut self.charts
     }
 }
