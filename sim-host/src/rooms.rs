@@ -1,6 +1,7 @@
 //! Rooms of which every episode draws one, and what stands around each lane of a block.
 
 mod furnishing;
+mod moving;
 mod racing;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -10,6 +11,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use kestrel_core::airframe::Airframe;
 use kestrel_core::real::Real;
 
+pub use moving::Mover;
 pub use racing::Raceway;
 
 pub use furnishing::{Extent, Kind, Model, Piece, ROOM, RoomPlan, STARTS, WALL_COLOUR, WALL_M, Workshop, overlap};
@@ -54,6 +56,8 @@ pub struct RoomRange {
 pub enum RoomPlanner {
     /// Furniture between the start and a table.
     Furnished(Furnisher),
+    /// One room, its furniture moved.
+    Moved(Mover),
     /// Courses of gates.
     Race(Raceway),
 }
@@ -122,23 +126,25 @@ impl RoomRange {
 }
 
 impl RoomPlanner {
-    /// Room `number` of a seed: one with a free way to the goal that is not straight, or from gate to gate, with fewer pieces
-    /// or posts where many leave none.
+    /// Room `number` of a seed: one with a free way to the goal, which among drawn furniture is not straight, or from gate to
+    /// gate. It has fewer pieces or posts, or they are moved less, where many leave none.
     pub fn room(&self, seed: Seed, number: u32) -> Room {
         let mut stream = Stream::new(seed, number, Purpose::Furnishing);
-        let mut pieces = match self {
+        let mut most = match self {
             Self::Furnished(furnisher) => furnisher.workshop.pieces as u32,
+            Self::Moved(_) => moving::TENTHS,
             Self::Race(raceway) => raceway.posts,
         };
         loop {
             let mut draw = || match self {
-                Self::Furnished(furnisher) => furnisher.draw(pieces as usize, &mut stream),
-                Self::Race(raceway) => raceway.draw(pieces, &mut stream).map(Room::of_course),
+                Self::Furnished(furnisher) => furnisher.draw(most as usize, &mut stream),
+                Self::Moved(mover) => mover.draw(most, &mut stream),
+                Self::Race(raceway) => raceway.draw(most, &mut stream).map(Room::of_course),
             };
             if let Some(room) = (0..DRAWS).find_map(|_| draw()) {
                 return room;
             }
-            pieces = pieces.saturating_sub(1);
+            most = most.saturating_sub(1);
         }
     }
 
@@ -146,6 +152,7 @@ impl RoomPlanner {
     fn goals(&self) -> Cuboid {
         match self {
             Self::Furnished(_) => Workshop::goals(),
+            Self::Moved(mover) => Cuboid { low: mover.aviary.goal, high: mover.aviary.goal },
             Self::Race(_) => Raceway::goals(),
         }
     }
@@ -201,6 +208,7 @@ impl Rooms {
             RoomPlanner::Furnished(furnisher) => {
                 furnisher.workshop.world(&RoomPlan { goal: goal.cast().into(), pieces: Vec::new() })
             }
+            RoomPlanner::Moved(mover) => mover.aviary.world.clone(),
             RoomPlanner::Race(_) => Raceway::bare(),
         };
         Aviary { world, ..Aviary::empty(goal) }

@@ -15,7 +15,7 @@ use super::geometry::holds;
 use super::world::{FurnitureConfig, GateConfig, MovableConfig, RoomConfig, SolidConfig, pillar};
 use crate::course::Gate;
 use crate::scenario::Aviary;
-use crate::world::{Drive, Floor, Movable, World};
+use crate::world::{Drive, Floor, Movable, Role, Solid, World};
 
 /// Most solids and movables: contacts look at all of them near a drone.
 const SOLIDS_LIMIT: usize = 1024;
@@ -194,26 +194,62 @@ impl AviaryConfig {
         }
     }
 
-    /// What is written here, without the worlds set into it.
-    fn own_world(&self, goal: Option<&Vector3<f64>>, field: &Field<'_>) -> Result<World, ConfigError> {
-        let mut world = World { floor: if self.floor { Floor::Solid } else { Floor::Absent }, ..World::empty() };
-        if let Some(room) = &self.room {
-            world.solids.extend(room.check(goal, &field.at("room"))?);
-        }
+    /// What stands in it, each thing with its bodies.
+    fn pieces(&self, goal: Option<&Vector3<f64>>, field: &Field<'_>) -> Result<Vec<Vec<Solid>>, ConfigError> {
+        let mut pieces = Vec::new();
         for (index, solid) in self.solids.iter().enumerate() {
             let field = field.at("solids").at(index);
             let solids = solid.check(&field)?;
             if goal.is_some_and(|goal| solids.iter().any(|solid| holds(solid, goal))) {
                 return Err(field.reject("a solid around the goal", "one that leaves `goal_m` free"));
             }
-            world.solids.extend(solids);
+            pieces.push(solids);
         }
         for (index, center) in self.pillars.iter().enumerate() {
-            world.solids.push(pillar(*center, &field.at("pillars").at(index))?);
+            pieces.push(vec![pillar(*center, &field.at("pillars").at(index))?]);
         }
         for (index, piece) in self.furniture.iter().enumerate() {
-            world.solids.extend(piece.check(&field.at("furniture").at(index))?);
+            pieces.push(piece.check(&field.at("furniture").at(index))?);
         }
+        Ok(pieces)
+    }
+
+    /// The place without what can be moved in it, which is all that stands there but what to land on; and that.
+    ///
+    /// # Errors
+    /// As [`Self::check`], and where something else than furniture is there.
+    pub(super) fn with_pieces_apart(
+        &self,
+        airframe: &Airframe,
+        field: &Field<'_>,
+    ) -> Result<(Aviary, Vec<Vec<Solid>>), ConfigError> {
+        let others = [
+            ("movables", !self.movables.is_empty()),
+            ("carried", !self.carried.is_empty()),
+            ("gates", !self.gates.is_empty()),
+            ("worlds", !self.worlds.is_empty()),
+        ];
+        if let Some((key, _)) = others.into_iter().find(|(_, written)| *written) {
+            return Err(field
+                .at(key)
+                .reject("a key beside furniture", "`room`, `solids`, `pillars`, `furniture`"));
+        }
+        let whole = self.check(airframe, field)?;
+        let goal = whole.goal.cast();
+        let is_moved = |piece: &Vec<Solid>| piece.iter().all(|solid| solid.role != Role::Landing);
+        let (moved, stays): (Vec<_>, Vec<_>) = self.pieces(Some(&goal), field)?.into_iter().partition(is_moved);
+        let walls = whole.world.solids.len() - moved.iter().chain(&stays).map(Vec::len).sum::<usize>();
+        let solids = whole.world.solids.iter().take(walls).cloned().chain(stays.into_iter().flatten()).collect();
+        Ok((Aviary { world: World { solids, ..whole.world }, ..whole }, moved))
+    }
+
+    /// What is written here, without the worlds set into it.
+    fn own_world(&self, goal: Option<&Vector3<f64>>, field: &Field<'_>) -> Result<World, ConfigError> {
+        let mut world = World { floor: if self.floor { Floor::Solid } else { Floor::Absent }, ..World::empty() };
+        if let Some(room) = &self.room {
+            world.solids.extend(room.check(goal, &field.at("room"))?);
+        }
+        world.solids.extend(self.pieces(goal, field)?.into_iter().flatten());
         for (index, movable) in self.movables.iter().enumerate() {
             world.movables.push(movable.check(&field.at("movables").at(index))?);
         }

@@ -11,9 +11,9 @@ use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::surrounds;
 use super::world::{FurnitureConfig, SCALES};
-use super::{ScenarioConfig, StartConfig, SuccessConfig};
+use super::{AviaryConfig, ScenarioConfig, StartConfig, SuccessConfig};
 use crate::physics::{Contacts, Physics};
-use crate::rooms::{Furnisher, Model, ROOM, Raceway, RoomPlanner, RoomRange, Rooms, Workshop};
+use crate::rooms::{Furnisher, Model, Mover, ROOM, Raceway, RoomPlanner, RoomRange, Rooms, Workshop};
 use crate::scenario::{Goals, Start, StartPosition};
 use crate::seed::Seed;
 use crate::termination::Termination;
@@ -34,6 +34,9 @@ const PIECES: u64 = 14;
 /// Most gates and posts that the hall has room for.
 const GATES_LIMIT: u64 = 8;
 const POSTS_LIMIT: u64 = 20;
+
+/// Furniture is moved so far.
+const SHIFT: Limits = Limits::from(0.01, 2.0, "m");
 
 /// Openings of gates: the line through them keeps 24 cm from their frames.
 const OPENING_LIMIT_M: f64 = 1.2;
@@ -69,6 +72,8 @@ pub struct WorldsConfig {
 pub enum GeneratorConfig {
     /// Rooms like rooms 0 to 2, as `kestrel aviary generate` makes them.
     FurnishedRooms(FurnishedRoomsConfig),
+    /// One room whose furniture stands elsewhere each time.
+    MovedFurniture(MovedFurnitureConfig),
     /// Courses of gates to race through.
     RaceCourses(RaceCoursesConfig),
 }
@@ -125,6 +130,32 @@ pub struct FurnishedRoomsConfig {
     pub furniture: Vec<ModelConfig>,
 }
 
+/// A room in which everything but what to land on is moved, each piece by its own draw. None stands in another, in a wall or
+/// around the starts unless it does so in the room itself, and a way that keeps 12 cm from everything is left.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MovedFurnitureConfig {
+    /// The room, usually imported, with a goal.
+    pub room: Box<AviaryConfig>,
+    /// Farthest along x, and along y: 0.01 to 2 m. Where 30 draws leave no way, the next reach a tenth less far.
+    pub shift_m: f64,
+}
+
+impl MovedFurnitureConfig {
+    fn check(&self, airframe: &Airframe, bounds: Cuboid, field: &Field<'_>) -> Result<Mover, ConfigError> {
+        let (aviary, pieces) = self.room.with_pieces_apart(airframe, &field.at("room"))?;
+        let shift_m = field.at("shift_m").number(self.shift_m, &SHIFT)?;
+        let mover = Mover { aviary, pieces, shift_m, bounds, radius: airframe.collision_radius };
+        match mover.unmoved() {
+            Some(_) => Ok(mover),
+            None => Err(field.at("room").reject(
+                "a room whose starts are not free, or without a free way",
+                "one that keeps 30 cm around the starts free, and has a way that keeps 12 cm from everything",
+            )),
+        }
+    }
+}
+
 /// A piece of furniture that is drawn turned and scaled.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -164,12 +195,16 @@ impl DrawnConfig {
     ) -> Result<Arc<Rooms>, ConfigError> {
         let range = self.worlds.check(&field.at("worlds"))?;
         let field = field.at("from");
+        let bounds = bounds.unwrap_or(ROOM);
         let planner = match &self.from {
             GeneratorConfig::FurnishedRooms(furnished) => RoomPlanner::Furnished(Furnisher {
                 workshop: furnished.check(&field.at("furnished_rooms"))?,
-                bounds: bounds.unwrap_or(ROOM),
+                bounds,
                 radius: airframe.collision_radius,
             }),
+            GeneratorConfig::MovedFurniture(moved) => {
+                RoomPlanner::Moved(moved.check(airframe, bounds, &field.at("moved_furniture"))?)
+            }
             GeneratorConfig::RaceCourses(courses) => RoomPlanner::Race(courses.check(&field.at("race_courses"))?),
         };
         Ok(Arc::new(Rooms::new(planner, range)))

@@ -32,7 +32,7 @@ const TABLE_REACH_M: f64 = 0.45;
 const START_REACH_M: f64 = 0.3;
 
 /// Tries to find a piece a place; afterwards it is left out.
-const TRIES: usize = 30;
+pub(super) const TRIES: usize = 30;
 
 /// Size of a partition: thickness and width \[m\], and how far it is turned from straight across \[degrees\].
 const PARTITION_THICKNESS_M: [f32; 2] = [0.08, 0.16];
@@ -229,7 +229,7 @@ fn upright_solid(name: &str, half: Vector3<f64>, pose: Pose, colour: [f32; 3]) -
 }
 
 /// A number of few digits, one part in `per_unit` apart; never −0.
-fn within(stream: &mut Stream, [low, high]: [f32; 2], per_unit: f64) -> f64 {
+pub(super) fn within(stream: &mut Stream, [low, high]: [f32; 2], per_unit: f64) -> f64 {
     (f64::from(stream.between(low, high)) * per_unit).round() / per_unit + 0.0
 }
 
@@ -262,7 +262,7 @@ pub fn overlap((low, high): &Extent, (other_low, other_high): &Extent) -> bool {
 }
 
 /// The air in which evaluations start.
-fn around_starts() -> Extent {
+pub(super) fn around_starts() -> Extent {
     let reach = Vector3::repeat(START_REACH_M);
     upright(STARTS.low.cast() - reach, STARTS.high.cast() + reach)
 }

@@ -252,3 +252,65 @@ fn the_arenas_of_an_airframe_are_made_once() {
     let other = rooms.arenas(&scenario.airframe, ContactReport::Bullet, None);
     assert!(!Arc::ptr_eq(&arenas(), &other));
 }
+
+/// The rooms of above, but one room whose boxes are moved.
+fn moved() -> String {
+    let generator = ROOMS.find("      furnished_rooms:").unwrap()..ROOMS.find("physics:").unwrap();
+    let room = "      moved_furniture:
+        shift_m: 0.3
+        room:
+          goal_m: [6.5, 0, 0.65]
+          room: { low_m: [-1, -1.5, 0], high_m: [7, 1.5, 1.5] }
+          pillars: [[1.5, 0.4]]
+          furniture:
+            - { name: table, role: landing, parts: [{ low_m: [6.2, -0.3, 0], high_m: [6.8, 0.3, 0.6] }] }
+            - { name: two, parts: [{ low_m: [3, -1.5, 0], high_m: [3.2, -0.3, 1.5] }, { low_m: [3, 0.3, 0], high_m: [3.2, 0.5, 1.5] }] }
+            - { name: in the wall, parts: [{ low_m: [4, 1.2, 0], high_m: [4.4, 1.6, 1] }] }
+";
+    [&ROOMS[..generator.start], room, &ROOMS[generator.end..]].concat()
+}
+
+#[test]
+fn moved_furniture_stands_elsewhere_and_leaves_a_way() {
+    let scenario = checked(&moved()).unwrap();
+    let rooms = scenario.drawn.as_ref().unwrap();
+    let first_of = |room: &Room, name: &str| {
+        let solid = room.aviary.world.solids.iter().find(|solid| solid.name.starts_with(name)).unwrap();
+        solid.pose.position
+    };
+    let mut farthest: f64 = 0.0;
+    for index in 0..5 {
+        let room = rooms.room(index);
+        assert_eq!(room.aviary.goal, nalgebra::Vector3::new(6.5, 0.0, 0.65));
+        assert!(room.ways.as_ref().unwrap().free_path_from([-0.55, 0.0, 0.5]).is_some());
+        assert_eq!(first_of(room, "table").x, 6.5);
+        for (name, x, y) in [("pillar", 1.5, 0.4), ("two", 3.1, -0.9), ("in the wall", 4.2, 1.4)] {
+            let by = first_of(room, name) - nalgebra::Vector3::new(x, y, first_of(room, name).z);
+            assert!(by.amax() <= 0.3001, "{name} of room {index} by {by}");
+            farthest = farthest.max(by.amax());
+        }
+        // Both parts of a piece go together.
+        let parts: Vec<_> =
+            room.aviary.world.solids.iter().filter(|solid| solid.name.starts_with("two")).collect();
+        let apart = parts[1].pose.position - parts[0].pose.position;
+        assert!((apart - nalgebra::Vector3::new(0.0, 1.3, 0.0)).norm() < 1e-9, "{apart}");
+    }
+    assert!(farthest > 0.2, "{farthest}");
+    assert_ne!(first_of(rooms.room(0), "two"), first_of(rooms.room(1), "two"));
+}
+
+#[test]
+fn rooms_whose_furniture_cannot_be_moved_are_refused() {
+    let refused = |from: &str, to: &str| checked(&moved().replace(from, to)).unwrap_err();
+    let found = refused("shift_m: 0.3", "shift_m: 3");
+    assert!(found.contains("moved_furniture.shift_m: found 3"), "{found}");
+    let blocked = "moved_furniture.room: found a room whose starts are not free, or without a free way";
+    let found = refused("high_m: [3.2, -0.3, 1.5]", "high_m: [3.2, 1.5, 1.5]");
+    assert!(found.contains(blocked), "{found}");
+    let found = refused("pillars: [[1.5, 0.4]]", "pillars: [[-0.4, 0.4]]");
+    assert!(found.contains(blocked), "{found}");
+    let found = refused("pillars:", "gates: [{ at_m: [1, 0, 1], opening_m: [0.6, 0.6] }]\n          pillars:");
+    assert!(found.contains("moved_furniture.room.gates: found a key beside furniture"), "{found}");
+    let found = refused("goal_m: [6.5, 0, 0.65]", "floor: true");
+    assert!(found.contains("moved_furniture.room: found no key `goal_m`"), "{found}");
+}
