@@ -5,18 +5,18 @@
 //! a metre near things longer than one in the open, and one through them much longer than any way around.
 //!
 //! The search is A* (Hart, Nilsson and Raphael 1968) from the goal to the drone, in whole numbers: the same path on every
-//! machine. What is left to the drone counts twice in it (Pohl 1970), so that it looks at a tenth of the nodes and its path is
-//! at most twice as long as the shortest; in furnished rooms drones that followed such paths flew no farther. What a beam
-//! meets only makes paths longer, so a path that has not become longer is as good as it was, and the drone follows it without
-//! another search. Memory is the caller's, of a constant size: a byte per node for the map, a [`Path`], and a [`PathSearch`]
-//! for any number of maps.
+//! machine. What a beam meets only makes paths longer, so the rest of a path that has not become longer is still the shortest,
+//! and a drone that is on it follows it without another search. Memory is the caller's, of a constant size: a byte per node
+//! for the map, a [`Path`], and a [`PathSearch`] for any number of maps.
 
-use heapless::BinaryHeap;
-use heapless::binary_heap::Min;
+mod queue;
+
 use serde::{Deserialize, Serialize};
 
-/// Most nodes of a grid: their numbers have sixteen bits.
-pub const NODE_LIMIT: usize = 1 << 16;
+use self::queue::Queue;
+
+/// Most nodes of a grid: their numbers have sixteen bits, a few of which are not nodes in a search.
+pub const NODE_LIMIT: usize = queue::NODE_LIMIT;
 
 /// Clearances are kept as whole numbers of this \[m²\], up to 255: their squares, up to that of 38 cm, within 5 mm where a hull is.
 const STEP_M2: f32 = 0.38 * 0.38 / 255.0;
@@ -40,14 +40,11 @@ const BLOCKED: u16 = 40 * OPEN;
 /// Tenths of a spacing to a neighbour along one, two or three axes.
 const LENGTHS: [u32; 4] = [0, 10, 14, 17];
 
-/// What is left to the drone counts so many times in the search.
-const EAGERNESS: u32 = 2;
-
 /// Twice the count of a tenth of a spacing in the open: what no path undercuts.
 const LEAST: u32 = 2 * OPEN as u32;
 
-/// The square of the distance that a drone may be from a node of its path, in spacings: that of the farthest neighbour.
-const BESIDE: u32 = 3;
+/// Of nodes to which no path was found.
+const UNKNOWN: u32 = u32::MAX;
 
 /// Most nodes of a path that is followed; to the end of a longer one every step takes a search.
 pub const PATH_LIMIT: usize = 512;
@@ -59,6 +56,8 @@ pub struct NodeGrid {
     high: [f32; 3],
     spacing: f32,
     counts: [u16; 3],
+    /// Of the numbers of the 26 neighbours of a node from its own.
+    offsets: [i32; 26],
 }
 
 impl NodeGrid {
@@ -76,7 +75,13 @@ impl NodeGrid {
             *count = (spaces + 0.5) as u16 + 1;
             nodes *= f32::from(*count);
         }
-        (nodes <= NODE_LIMIT as f32).then_some(Self { low, high, spacing, counts })
+        let [nx, ny, _] = counts.map(i32::from);
+        let offset = |step: Step| {
+            let [x, y, z] = step.by.map(i32::from);
+            x + nx * (y + ny * z)
+        };
+        let grid = Self { low, high, spacing, counts, offsets: NEIGHBOURS.map(offset) };
+        (nodes <= NODE_LIMIT as f32).then_some(grid)
     }
 
     /// How many there are.
@@ -117,19 +122,10 @@ impl NodeGrid {
         [node % nx, row % ny, row / ny]
     }
 
-    /// The square of the distance between two nodes, in spacings.
-    fn squared_between(&self, one: u16, other: u16) -> u32 {
-        self.steps_between(one, other).map(|steps| u32::from(steps).pow(2)).iter().sum()
-    }
-
     /// Along how many axes one node is from another.
     fn axes_between(&self, one: u16, other: u16) -> usize {
-        self.steps_between(one, other).iter().filter(|steps| **steps > 0).count()
-    }
-
-    fn steps_between(&self, one: u16, other: u16) -> [u16; 3] {
         let (one, other) = (self.place(one), self.place(other));
-        core::array::from_fn(|axis| one[axis].abs_diff(other[axis]))
+        (0..3).filter(|axis| one[*axis] != other[*axis]).count()
     }
 
     /// Numbers along an axis from the first at or above one coordinate to the last at or below another \[m\].
@@ -141,32 +137,46 @@ impl NodeGrid {
         first..end.min(self.counts[axis])
     }
 
-    /// The nodes around one at a place, those that there are of 26: each with its place, and how many axes the step is along.
+    /// The nodes around one at a place, those that there are of 26, each with the step to it.
     #[inline(always)]
-    fn around(&self, node: u16, place: [u16; 3]) -> impl Iterator<Item = (u16, [u16; 3], usize)> {
-        let counts = self.counts;
-        let [nx, ny, _] = counts.map(i32::from);
-        NEIGHBOURS.iter().filter_map(move |[x, y, z, axes]| {
-            let other = [(0, x), (1, y), (2, z)]
-                .map(|(axis, step): (usize, &i8)| place[axis].wrapping_add_signed((*step).into()));
-            // What is below zero has wrapped to beyond the last.
-            let is_there = other[0] < counts[0] && other[1] < counts[1] && other[2] < counts[2];
-            let offset = i32::from(*x) + nx * (i32::from(*y) + ny * i32::from(*z));
-            is_there.then_some(((i32::from(node) + offset) as u16, other, *axes as usize))
+    fn around(&self, node: u16, place: [u16; 3]) -> impl Iterator<Item = (u16, &Step)> {
+        let is_inside = (0..3).all(|axis| place[axis] > 0 && place[axis] + 1 < self.counts[axis]);
+        NEIGHBOURS.iter().zip(&self.offsets).filter_map(move |(step, offset)| {
+            let is_there = is_inside || {
+                let place = beside(place, step);
+                (0..3).all(|axis| place[axis] < self.counts[axis])
+            };
+            is_there.then_some(((i32::from(node) + offset) as u16, step))
         })
     }
 }
 
-/// Steps to the 26 neighbours of a node along x, y and z, and along how many of them.
-const NEIGHBOURS: [[i8; 4]; 26] = neighbours();
+/// From a node to a neighbour.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    /// Along x, y and z.
+    by: [i8; 3],
+    /// Along how many of them.
+    axes: u8,
+}
 
-const fn neighbours() -> [[i8; 4]; 26] {
-    let (mut steps, mut number) = ([[0; 4]; 26], 0);
+/// The place one step from another. What is below zero wraps to beyond the last.
+#[inline(always)]
+fn beside(place: [u16; 3], step: &Step) -> [u16; 3] {
+    core::array::from_fn(|axis| place[axis].wrapping_add_signed(step.by[axis].into()))
+}
+
+/// Steps to the 26 neighbours of a node.
+const NEIGHBOURS: [Step; 26] = neighbours();
+
+const fn neighbours() -> [Step; 26] {
+    let (mut steps, mut number) = ([Step { by: [0; 3], axes: 0 }; 26], 0);
     while number < 27 {
         let [x, y, z] = [number % 3 - 1, number / 3 % 3 - 1, number / 9 - 1];
         // The thirteenth is no step at all.
         if number != 13 {
-            steps[if number < 13 { number } else { number - 1 } as usize] = [x, y, z, x * x + y * y + z * z];
+            let axes = (x * x + y * y + z * z) as u8;
+            steps[if number < 13 { number } else { number - 1 } as usize] = Step { by: [x, y, z], axes };
         }
         number += 1;
     }
@@ -242,23 +252,22 @@ pub struct Path {
     length: u32,
 }
 
-/// Memory of a search: `NODES` of the grid at least, and `OPEN` places to go on from at once.
+/// Memory of a search in a grid of at most `NODES` nodes.
 #[derive(Clone, Debug)]
-pub struct PathSearch<const NODES: usize, const OPEN: usize> {
+pub struct PathSearch<const NODES: usize> {
     /// Of the shortest paths to the goal that were found, of each node.
     lengths: [u32; NODES],
-    /// Estimated length of a path by way of a node, and its number in the last sixteen bits.
-    open: BinaryHeap<u64, Min, OPEN>,
+    open: Queue<NODES>,
 }
 
-impl<const NODES: usize, const OPEN: usize> PathSearch<NODES, OPEN> {
+impl<const NODES: usize> PathSearch<NODES> {
     /// One that has found nothing yet.
     pub const fn new() -> Self {
-        Self { lengths: [u32::MAX; NODES], open: BinaryHeap::new() }
+        Self { lengths: [UNKNOWN; NODES], open: Queue::new() }
     }
 }
 
-impl<const NODES: usize, const OPEN: usize> Default for PathSearch<NODES, OPEN> {
+impl<const NODES: usize> Default for PathSearch<NODES> {
     fn default() -> Self {
         Self::new()
     }
@@ -287,15 +296,15 @@ impl Planner {
         Self { counts: core::array::from_fn(count), lookahead_m }
     }
 
-    /// The point to head for on a short path from one point to another \[m, world\], the end itself once it is nearer.
+    /// The point to head for on the shortest path from one point to another \[m, world\], the end itself once it is nearer.
     /// So it is where the memory of the search does not reach. A `path` that an earlier call left is followed as long as the
-    /// drone is beside it and nothing was met that makes it longer; where the map was cleared, it has to be forgotten.
-    pub fn ahead<const NODES: usize, const OPEN: usize>(
+    /// drone is on it and nothing was met that makes it longer; where the map was cleared, it has to be forgotten.
+    pub fn ahead<const NODES: usize>(
         &self,
         map: &OccupancyMap<'_>,
         [from, goal]: [&[f32; 3]; 2],
         path: &mut Path,
-        search: &mut PathSearch<NODES, OPEN>,
+        search: &mut PathSearch<NODES>,
     ) -> [f32; 3] {
         let grid = map.grid;
         let (start, end) = (grid.nearest(from), grid.nearest(goal));
@@ -317,42 +326,36 @@ impl Planner {
         *goal
     }
 
-    /// Shortens a path to what is left of it for a drone at a node; whether it still leads from beside there to `end` and has
-    /// not become longer.
+    /// Shortens a path to what is left of it for a drone at a node; whether that is one of its nodes, and it leads to `end`
+    /// and has not become longer.
     fn follow(&self, map: &OccupancyMap<'_>, start: u16, end: u16, path: &mut Path) -> bool {
         if path.nodes.first() != Some(&end) || self.length(map, &path.nodes) != path.length {
             return false;
         }
-        let distance = |node: u16| map.grid.squared_between(node, start);
-        while let [.., next, node] = path.nodes.as_slice()
-            && distance(*next) <= distance(*node)
-        {
-            path.nodes.pop();
-        }
+        let Some(place) = path.nodes.iter().position(|node| *node == start) else { return false };
+        path.nodes.truncate(place + 1);
         path.length = self.length(map, &path.nodes);
-        path.nodes.last().is_some_and(|node| distance(*node) <= BESIDE)
+        true
     }
 
     /// What a path counts.
     fn length(&self, map: &OccupancyMap<'_>, nodes: &[u16]) -> u32 {
-        nodes
-            .windows(2)
-            .map(|step| self.count(map, step[0], step[1], map.grid.axes_between(step[0], step[1])))
-            .sum()
+        let step = |ends: &[u16]| self.step(map, [ends[0], ends[1]], map.grid.axes_between(ends[0], ends[1]));
+        nodes.windows(2).map(step).sum()
     }
 
     /// Writes down the path that a search has found, nothing where it is too long.
-    fn trace<const NODES: usize, const OPEN: usize>(
+    fn trace<const NODES: usize>(
         &self,
         map: &OccupancyMap<'_>,
         start: u16,
         end: u16,
-        search: &PathSearch<NODES, OPEN>,
+        search: &PathSearch<NODES>,
         path: &mut Path,
     ) {
         let mut node = start;
         while path.nodes.push(node).is_ok() && node != end {
-            let Some((next, _)) = self.next(map, node, search) else { break };
+            let Some(next) = self.next(map, node, search) else { break };
             node = next;
         }
         if node != end {
@@ -362,65 +365,73 @@ impl Planner {
         path.length = self.length(map, &path.nodes);
     }
 
-    /// Lengths of short paths to `end` from there up to `start`; whether there was room for the search.
-    fn find<const NODES: usize, const OPEN: usize>(
+    /// Lengths of the shortest paths to `end` from there up to `start`; whether there was room for the search.
+    fn find<const NODES: usize>(
         &self,
         map: &OccupancyMap<'_>,
         start: u16,
         end: u16,
-        search: &mut PathSearch<NODES, OPEN>,
+        search: &mut PathSearch<NODES>,
     ) -> bool {
         let PathSearch { lengths, open } = search;
-        let Some(lengths) = lengths.get_mut(..map.grid.len()) else { return false };
-        lengths.fill(u32::MAX);
-        open.clear();
-        let target = map.grid.place(start);
-        let estimate = |node: u16, place: [u16; 3], length: u32| {
-            let whole = length + EAGERNESS * LEAST * least_length(place, target);
-            u64::from(whole) << 16 | u64::from(node)
-        };
+        let grid = map.grid;
+        let Some(lengths) = lengths.get_mut(..grid.len()) else { return false };
+        let target = grid.place(start);
+        let estimate = |place: [u16; 3], length: u32| length + LEAST * least_length(place, target);
+        lengths.fill(UNKNOWN);
         lengths[usize::from(end)] = 0;
-        let mut has_room = open.push(estimate(end, map.grid.place(end), 0)).is_ok();
-        while let Some(entry) = open.pop() {
-            let node = entry as u16;
-            let (length, place) = (lengths[usize::from(node)], map.grid.place(node));
-            if node == start {
-                break;
-            }
-            // A shorter path by way of it was found, and gone on from, before.
-            if entry > estimate(node, place, length) {
-                continue;
-            }
-            for (other, place, axes) in map.grid.around(node, place) {
-                let found = length + self.count(map, node, other, axes);
-                if let Some(known) = lengths.get_mut(usize::from(other)).filter(|known| found < **known) {
+        open.clear(estimate(grid.place(end), 0));
+        open.push(end, 0);
+        while let Some(node) = open.pop()
+            && node != start
+        {
+            let (length, own, place) = (lengths[usize::from(node)], self.count(map, node), grid.place(node));
+            for (other, step) in grid.around(node, place) {
+                let Some(known) = lengths.get_mut(usize::from(other)) else { continue };
+                // Most are behind.
+                if *known <= length {
+                    continue;
+                }
+                let found = length + LENGTHS[usize::from(step.axes)] * (own + self.count(map, other));
+                if found < *known {
+                    if *known != UNKNOWN {
+                        open.remove(other);
+                    }
                     *known = found;
-                    has_room &= open.push(estimate(other, place, found)).is_ok();
+                    open.push(other, estimate(beside(place, step), found));
                 }
             }
         }
-        has_room
+        true
     }
 
-    /// The neighbour by way of which the path found from a node leads, and how far away it is \[tenths of a spacing\].
-    fn next<const NODES: usize, const OPEN: usize>(
+    /// The neighbour by way of which the path found from a node leads.
+    fn next<const NODES: usize>(
         &self,
         map: &OccupancyMap<'_>,
         node: u16,
-        search: &PathSearch<NODES, OPEN>,
-    ) -> Option<(u16, u32)> {
-        let whole = |(other, _, axes): &(u16, [u16; 3], usize)| {
-            search.lengths[usize::from(*other)].saturating_add(self.count(map, node, *other, *axes))
+        search: &PathSearch<NODES>,
+    ) -> Option<u16> {
+        let whole = |(other, step): &(u16, &Step)| {
+            search.lengths[usize::from(*other)].saturating_add(self.step(
+                map,
+                [node, *other],
+                usize::from(step.axes),
+            ))
         };
         let found = map.grid.around(node, map.grid.place(node)).min_by_key(whole);
-        found.map(|(other, _, axes)| (other, LENGTHS[axes]))
+        found.map(|(other, _)| other)
+    }
+
+    /// What a spacing counts at a node; a step counts half of what it does at both of its ends, for its length.
+    #[inline(always)]
+    fn count(&self, map: &OccupancyMap<'_>, node: u16) -> u32 {
+        u32::from(self.counts[usize::from(map.clearances[usize::from(node)])])
     }
 
     /// What a step from a node to another along so many axes counts.
-    #[inline(always)]
-    fn count(&self, map: &OccupancyMap<'_>, node: u16, other: u16, axes: usize) -> u32 {
-        let of = |node: u16| u32::from(self.counts[usize::from(map.clearances[usize::from(node)])]);
-        LENGTHS[axes] * (of(node) + of(other))
+    fn step(&self, map: &OccupancyMap<'_>, [node, other]: [u16; 2], axes: usize) -> u32 {
+        LENGTHS[axes] * (self.count(map, node) + self.count(map, other))
     }
 }
 
@@ -454,7 +465,7 @@ mod tests {
     /// Where the way from point to point leads until it is at the goal.
     fn flown(map: &OccupancyMap<'_>, from: [f32; 3]) -> Vec<[f32; 3]> {
         let planner = Planner::new(0.06, 2.0, 0.3);
-        let (mut path, mut search) = (Path::default(), PathSearch::<SEARCHED, SEARCHED>::new());
+        let (mut path, mut search) = (Path::default(), PathSearch::<SEARCHED>::new());
         let next = |at: &[f32; 3]| (*at != GOAL).then(|| planner.ahead(map, [at, &GOAL], &mut path, &mut search));
         std::iter::successors(Some(from), next).take(100).collect()
     }
@@ -514,8 +525,8 @@ mod tests {
         // Bellman and Ford: until nothing becomes shorter.
         while (0..grid.len() as u16).fold(false, |shorter, node| {
             let around = grid.around(node, grid.place(node));
-            let by = |(other, _, axes): (u16, [u16; 3], usize)| {
-                exact[usize::from(other)].saturating_add(planner.count(&map, node, other, axes))
+            let by = |(other, step): (u16, &Step)| {
+                exact[usize::from(other)].saturating_add(planner.step(&map, [node, other], usize::from(step.axes)))
             };
             let least = around.map(by).min().unwrap();
             let known = &mut exact[usize::from(node)];
@@ -523,35 +534,35 @@ mod tests {
             *known = least.min(*known);
             shorter | is_shorter
         }) {}
-        let mut search = PathSearch::<SEARCHED, SEARCHED>::new();
+        let mut search = PathSearch::<SEARCHED>::new();
         for from in [[-1.8, 0.0, 0.5], [-1.0, 0.9, 0.9], [0.3, -0.8, 0.1], GOAL] {
             let start = grid.nearest(&from);
             assert!(planner.find(&map, start, end, &mut search));
             let mut path = Path::default();
             planner.trace(&map, start, end, &search, &mut path);
             let least = exact[usize::from(start)];
-            assert!((least..=least + least / 8).contains(&path.length), "{from:?}: {} of {least}", path.length);
+            assert!((least..=least + least / 100).contains(&path.length), "{from:?}: {} of {least}", path.length);
         }
     }
 
     #[test]
-    fn a_path_is_followed_without_a_search_until_something_is_met_beside_it() {
+    fn a_path_is_followed_without_a_search_while_the_drone_is_on_it_and_nothing_was_met() {
         let (grid, mut memory) = (grid(), Vec::new());
         let mut map = empty(&grid, &mut memory);
         let planner = Planner::new(0.06, 2.0, 0.3);
         let mut path = Path::default();
-        let mut search = PathSearch::<SEARCHED, SEARCHED>::new();
+        let mut search = PathSearch::<SEARCHED>::new();
         let ahead = planner.ahead(&map, [&[-1.8, 0.0, 0.5], &GOAL], &mut path, &mut search);
         assert!((ahead[0] + 1.5).abs() < 1e-5, "{ahead:?}");
         // What cannot search heads for the goal itself.
-        let mut none = PathSearch::<1, 1>::new();
+        let mut none = PathSearch::<1>::new();
         let mut follow = |map: &OccupancyMap<'_>, x: f32, y: f32, path: &mut Path| {
             planner.ahead(map, [&[x, y, 0.5], &GOAL], path, &mut none)
         };
-        assert!((follow(&map, -1.6, 0.1, &mut path)[0] + 1.3).abs() < 1e-5);
+        assert!((follow(&map, -1.6, 0.0, &mut path)[0] + 1.3).abs() < 1e-5);
         map.mark(&[0.0, 0.9, 0.9]);
         assert!((follow(&map, -1.4, 0.0, &mut path)[0] + 1.1).abs() < 1e-5);
-        for (x, y, met) in [(-1.2, 0.2, false), (-1.2, 0.0, true)] {
+        for (x, y, met) in [(-1.2, 0.1, false), (-1.2, 0.0, true)] {
             let mut path = path.clone();
             if met {
                 map.mark(&[0.0, 0.1, 0.5]);
@@ -571,8 +582,7 @@ mod tests {
         let planner = Planner::new(0.06, 2.0, 0.3);
         let from = [-1.8, 0.9, 0.1];
         let mut path = Path::default();
-        assert_eq!(planner.ahead(&map, [&from, &GOAL], &mut path, &mut PathSearch::<SEARCHED, 8>::new()), GOAL);
-        assert_eq!(planner.ahead(&map, [&from, &GOAL], &mut path, &mut PathSearch::<100, 1000>::new()), GOAL);
+        assert_eq!(planner.ahead(&map, [&from, &GOAL], &mut path, &mut PathSearch::<100>::new()), GOAL);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::seed::Stream;
 use crate::world::{Cuboid, Solid, World};
 
 /// Least distance between the way to the goal and everything else \[m\]: the open cupboards of room 2 leave no more.
-pub const CLEARANCE_M: f64 = 0.12;
+const CLEARANCE_M: f64 = 0.12;
 
 /// Tenths of the shift that are left after draws of a room without a free way: none is the room as it is.
 pub(super) const TENTHS: u32 = 10;

@@ -17,9 +17,6 @@ const NEAR_M: f32 = 0.15;
 /// A beam that reads less sees nothing: the limit, rounded.
 const NOTHING: f32 = 1e-3;
 
-/// Places from which a search may go on at once.
-const OPEN_LIMIT: usize = 1 << 15;
-
 /// How a drone looks for its way. It reads where the point ahead on the way is: a unit vector, world, shorter within 15 cm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
@@ -46,7 +43,7 @@ impl Way {
 pub(crate) struct WayMemory<const LANES: usize, R> {
     way: Way,
     planner: Planner,
-    search: PathSearch<NODE_LIMIT, OPEN_LIMIT>,
+    search: PathSearch<NODE_LIMIT>,
     /// Directions of the beams in each position, world.
     beams: Vec<Vec<Vector3<f32>>>,
     charts: [Chart; LANES],

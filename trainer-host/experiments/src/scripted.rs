@@ -97,6 +97,15 @@ impl ScriptedPilot {
         Self { touch_leash, ..pilot }
     }
 
+    /// The same pilot, who touches its goal at this share of his speed.
+    #[must_use]
+    pub(crate) fn softer(mut self, share: f32) -> Self {
+        if self.touch_leash < LEASH_M {
+            self.touch_leash *= share;
+        }
+        self
+    }
+
     /// The same pilot, who flies through these points \[m, world\] before he flies to a goal.
     #[must_use]
     pub fn along(mut self, route: &[Vector3<f32>]) -> Self {

@@ -15,7 +15,7 @@ use crate::sensor::Way;
 pub struct WayConfig {
     /// What is mapped, and what no path leaves. Where no beam has met anything, one can fly.
     pub map: BoxConfig,
-    /// Between two nodes of the map; 65,536 nodes at most.
+    /// Between two nodes of the map; 65,024 nodes at most.
     #[serde(default = "tenth")]
     pub spacing_m: f64,
     /// How often the path is looked for anew, in whole control periods.
