@@ -7,11 +7,13 @@
 //! The search is A* (Hart, Nilsson and Raphael 1968) from the goal to the drone, in whole numbers: the same path on every
 //! machine. What a beam meets only makes paths longer, so the rest of a path that has not become longer is still the shortest,
 //! and a drone that is on it follows it without another search. Memory is the caller's, of a constant size: a byte per node
-//! for the map, a [`Path`], and a [`PathSearch`] for any number of maps.
+//! for the map, a [`Path`], and a [`SearchNode`] per node for any number of maps.
 
 mod queue;
 
 use serde::{Deserialize, Serialize};
+
+pub use self::queue::SearchNode;
 
 use self::queue::Queue;
 
@@ -252,27 +254,6 @@ pub struct Path {
     length: u32,
 }
 
-/// Memory of a search in a grid of at most `NODES` nodes.
-#[derive(Clone, Debug)]
-pub struct PathSearch<const NODES: usize> {
-    /// Of the shortest paths to the goal that were found, of each node.
-    lengths: [u32; NODES],
-    open: Queue<NODES>,
-}
-
-impl<const NODES: usize> PathSearch<NODES> {
-    /// One that has found nothing yet.
-    pub const fn new() -> Self {
-        Self { lengths: [UNKNOWN; NODES], open: Queue::new() }
-    }
-}
-
-impl<const NODES: usize> Default for PathSearch<NODES> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// How a drone goes about it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Planner {
@@ -297,21 +278,22 @@ impl Planner {
     }
 
     /// The point to head for on the shortest path from one point to another \[m, world\], the end itself once it is nearer.
-    /// So it is where the memory of the search does not reach. A `path` that an earlier call left is followed as long as the
+    /// So it is where `memory` has fewer nodes than the map. A `path` that an earlier call left is followed as long as the
     /// drone is on it and nothing was met that makes it longer; where the map was cleared, it has to be forgotten.
-    pub fn ahead<const NODES: usize>(
+    pub fn ahead(
         &self,
         map: &OccupancyMap<'_>,
         [from, goal]: [&[f32; 3]; 2],
         path: &mut Path,
-        search: &mut PathSearch<NODES>,
+        memory: &mut [SearchNode],
     ) -> [f32; 3] {
         let grid = map.grid;
         let (start, end) = (grid.nearest(from), grid.nearest(goal));
         if !self.follow(map, start, end, path) {
             path.nodes.clear();
-            if self.find(map, start, end, search) {
-                self.trace(map, start, end, search, path);
+            if let Some(nodes) = memory.get_mut(..grid.len()) {
+                self.find(map, start, end, nodes);
+                self.trace(map, start, end, nodes, path);
             }
         }
         // In tenths of a spacing.
@@ -345,17 +327,10 @@ impl Planner {
     }
 
     /// Writes down the path that a search has found, nothing where it is too long.
-    fn trace<const NODES: usize>(
-        &self,
-        map: &OccupancyMap<'_>,
-        start: u16,
-        end: u16,
-        search: &PathSearch<NODES>,
-        path: &mut Path,
-    ) {
+    fn trace(&self, map: &OccupancyMap<'_>, start: u16, end: u16, nodes: &[SearchNode], path: &mut Path) {
         let mut node = start;
         while path.nodes.push(node).is_ok() && node != end {
-            let Some(next) = self.next(map, node, search) else { break };
+            let Some(next) = self.next(map, node, nodes) else { break };
             node = next;
         }
         if node != end {
@@ -365,59 +340,42 @@ impl Planner {
         path.length = self.length(map, &path.nodes);
     }
 
-    /// Lengths of the shortest paths to `end` from there up to `start`; whether there was room for the search.
-    fn find<const NODES: usize>(
-        &self,
-        map: &OccupancyMap<'_>,
-        start: u16,
-        end: u16,
-        search: &mut PathSearch<NODES>,
-    ) -> bool {
-        let PathSearch { lengths, open } = search;
+    /// Lengths of the shortest paths to `end` from there up to `start`.
+    fn find(&self, map: &OccupancyMap<'_>, start: u16, end: u16, nodes: &mut [SearchNode]) {
         let grid = map.grid;
-        let Some(lengths) = lengths.get_mut(..grid.len()) else { return false };
         let target = grid.place(start);
         let estimate = |place: [u16; 3], length: u32| length + LEAST * least_length(place, target);
-        lengths.fill(UNKNOWN);
-        lengths[usize::from(end)] = 0;
-        open.clear(estimate(grid.place(end), 0));
+        let mut open = Queue::new(nodes, UNKNOWN, estimate(grid.place(end), 0));
+        open.nodes[usize::from(end)].length = 0;
         open.push(end, 0);
         while let Some(node) = open.pop()
             && node != start
         {
-            let (length, own, place) = (lengths[usize::from(node)], self.count(map, node), grid.place(node));
+            let (length, own) = (open.nodes[usize::from(node)].length, self.count(map, node));
+            let place = grid.place(node);
             for (other, step) in grid.around(node, place) {
-                let Some(known) = lengths.get_mut(usize::from(other)) else { continue };
+                let known = &mut open.nodes[usize::from(other)].length;
                 // Most are behind.
                 if *known <= length {
                     continue;
                 }
                 let found = length + LENGTHS[usize::from(step.axes)] * (own + self.count(map, other));
                 if found < *known {
-                    if *known != UNKNOWN {
+                    let before = core::mem::replace(known, found);
+                    if before != UNKNOWN {
                         open.remove(other);
                     }
-                    *known = found;
                     open.push(other, estimate(beside(place, step), found));
                 }
             }
         }
-        true
     }
 
     /// The neighbour by way of which the path found from a node leads.
-    fn next<const NODES: usize>(
-        &self,
-        map: &OccupancyMap<'_>,
-        node: u16,
-        search: &PathSearch<NODES>,
-    ) -> Option<u16> {
+    fn next(&self, map: &OccupancyMap<'_>, node: u16, nodes: &[SearchNode]) -> Option<u16> {
         let whole = |(other, step): &(u16, &Step)| {
-            search.lengths[usize::from(*other)].saturating_add(self.step(
-                map,
-                [node, *other],
-                usize::from(step.axes),
-            ))
+            let step = self.step(map, [node, *other], usize::from(step.axes));
+            nodes[usize::from(*other)].length.saturating_add(step)
         };
         let found = map.grid.around(node, map.grid.place(node)).min_by_key(whole);
         found.map(|(other, _)| other)
@@ -465,7 +423,7 @@ mod tests {
     /// Where the way from point to point leads until it is at the goal.
     fn flown(map: &OccupancyMap<'_>, from: [f32; 3]) -> Vec<[f32; 3]> {
         let planner = Planner::new(0.06, 2.0, 0.3);
-        let (mut path, mut search) = (Path::default(), PathSearch::<SEARCHED>::new());
+        let (mut path, mut search) = (Path::default(), vec![SearchNode::default(); SEARCHED]);
         let next = |at: &[f32; 3]| (*at != GOAL).then(|| planner.ahead(map, [at, &GOAL], &mut path, &mut search));
         std::iter::successors(Some(from), next).take(100).collect()
     }
@@ -534,10 +492,10 @@ mod tests {
             *known = least.min(*known);
             shorter | is_shorter
         }) {}
-        let mut search = PathSearch::<SEARCHED>::new();
+        let mut search = vec![SearchNode::default(); SEARCHED];
         for from in [[-1.8, 0.0, 0.5], [-1.0, 0.9, 0.9], [0.3, -0.8, 0.1], GOAL] {
             let start = grid.nearest(&from);
-            assert!(planner.find(&map, start, end, &mut search));
+            planner.find(&map, start, end, &mut search);
             let mut path = Path::default();
             planner.trace(&map, start, end, &search, &mut path);
             let least = exact[usize::from(start)];
@@ -551,11 +509,11 @@ mod tests {
         let mut map = empty(&grid, &mut memory);
         let planner = Planner::new(0.06, 2.0, 0.3);
         let mut path = Path::default();
-        let mut search = PathSearch::<SEARCHED>::new();
+        let mut search = vec![SearchNode::default(); SEARCHED];
         let ahead = planner.ahead(&map, [&[-1.8, 0.0, 0.5], &GOAL], &mut path, &mut search);
         assert!((ahead[0] + 1.5).abs() < 1e-5, "{ahead:?}");
         // What cannot search heads for the goal itself.
-        let mut none = PathSearch::<1>::new();
+        let mut none = [SearchNode::default(); 1];
         let mut follow = |map: &OccupancyMap<'_>, x: f32, y: f32, path: &mut Path| {
             planner.ahead(map, [&[x, y, 0.5], &GOAL], path, &mut none)
         };
@@ -582,7 +540,7 @@ mod tests {
         let planner = Planner::new(0.06, 2.0, 0.3);
         let from = [-1.8, 0.9, 0.1];
         let mut path = Path::default();
-        assert_eq!(planner.ahead(&map, [&from, &GOAL], &mut path, &mut PathSearch::<100>::new()), GOAL);
+        assert_eq!(planner.ahead(&map, [&from, &GOAL], &mut path, &mut [SearchNode::default(); 100]), GOAL);
     }
 
     #[test]

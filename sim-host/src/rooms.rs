@@ -219,6 +219,14 @@ impl Rooms {
         self.planner.goals()
     }
 
+    /// The air around the starts that is free in every room \[m, world\].
+    pub(crate) fn kept_free(&self) -> Cuboid {
+        match self.planner {
+            RoomPlanner::Furnished(_) | RoomPlanner::Race(_) => Workshop::kept_free(),
+            RoomPlanner::Moved(_) => Mover::kept_free(),
+        }
+    }
+
     /// Whether goals are gates to pass.
     pub(crate) fn is_race(&self) -> bool {
         self.planner.is_race()

@@ -9,42 +9,36 @@ const BUCKETS: usize = 512;
 /// Numbers from here on are those of lists instead of nodes.
 pub(super) const NODE_LIMIT: usize = (1 << 16) - BUCKETS;
 
-/// A node for each number below `NODES`, in a list of those with about the same estimate, or in none. Lists are linked both
-/// ways, and are used again, one after the other.
-#[derive(Clone, Debug)]
-pub(super) struct Queue<const NODES: usize> {
-    nodes: [Link; NODES],
+/// What a search remembers of a node.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SearchNode {
+    /// Of the shortest path to the goal that was found.
+    pub(super) length: u32,
+    link: Link,
+}
+
+/// The neighbours in a list.
+#[derive(Clone, Copy, Debug, Default)]
+struct Link {
+    before: u16,
+    behind: u16,
+}
+
+/// Nodes in lists of those with about the same estimate, or in none. Lists are linked both ways, and are used again, one after
+/// the other.
+pub(super) struct Queue<'m> {
+    pub(super) nodes: &'m mut [SearchNode],
     lists: [Link; BUCKETS],
     /// Number of the list of the least estimate, before it is used again.
     least: u32,
     len: usize,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Link {
-    before: u16,
-    behind: u16,
-}
-
-impl<const NODES: usize> Queue<NODES> {
-    /// An empty one.
-    pub(super) const fn new() -> Self {
-        let none = Link { before: 0, behind: 0 };
-        let mut queue = Self { nodes: [none; NODES], lists: [none; BUCKETS], least: 0, len: 0 };
-        let mut list = 0;
-        while list < BUCKETS {
-            queue.lists[list] = alone(list);
-            list += 1;
-        }
-        queue
-    }
-
-    /// Empties it; the least estimate will be this.
-    pub(super) fn clear(&mut self, estimate: u32) {
-        (self.least, self.len) = (estimate / WIDTH, 0);
-        for (list, link) in self.lists.iter_mut().enumerate() {
-            *link = alone(list);
-        }
+impl<'m> Queue<'m> {
+    /// An empty one, of nodes that all have this length; no estimate will be less than this one.
+    pub(super) fn new(nodes: &'m mut [SearchNode], length: u32, estimate: u32) -> Self {
+        nodes.fill(SearchNode { length, link: Link::default() });
+        Self { nodes, lists: core::array::from_fn(alone), least: estimate / WIDTH, len: 0 }
     }
 
     /// Puts in a node that is not in. Where its estimate is below the least, it is as the least.
@@ -53,15 +47,15 @@ impl<const NODES: usize> Queue<NODES> {
         let number = (estimate / WIDTH).max(self.least) as usize % BUCKETS;
         let list = (NODE_LIMIT + number) as u16;
         let first = core::mem::replace(&mut self.lists[number].behind, node);
-        self.nodes[usize::from(node)] = Link { before: list, behind: first };
+        self.nodes[usize::from(node)].link = Link { before: list, behind: first };
         self.link(first).before = node;
         self.len += 1;
     }
 
-    /// Takes out a node that was put in since it was cleared, if it is still in.
+    /// Takes out a node that was put in, if it is still in.
     #[inline(always)]
     pub(super) fn remove(&mut self, node: u16) {
-        let link = &mut self.nodes[usize::from(node)];
+        let link = &mut self.nodes[usize::from(node)].link;
         let Link { before, behind } = core::mem::replace(link, Link { before: node, behind: node });
         if before == node {
             return;
@@ -90,12 +84,12 @@ impl<const NODES: usize> Queue<NODES> {
     #[inline(always)]
     fn link(&mut self, number: u16) -> &mut Link {
         let number = usize::from(number);
-        if number < NODE_LIMIT { &mut self.nodes[number] } else { &mut self.lists[number - NODE_LIMIT] }
+        if number < NODE_LIMIT { &mut self.nodes[number].link } else { &mut self.lists[number - NODE_LIMIT] }
     }
 }
 
 /// The link of a list without nodes, to itself.
-const fn alone(list: usize) -> Link {
+fn alone(list: usize) -> Link {
     let own = (NODE_LIMIT + list) as u16;
     Link { before: own, behind: own }
 }
@@ -106,8 +100,8 @@ mod tests {
 
     #[test]
     fn nodes_come_out_by_their_estimates_wherever_they_were_moved() {
-        let mut queue = Queue::<100>::new();
-        queue.clear(1000);
+        let mut nodes = [SearchNode::default(); 100];
+        let mut queue = Queue::new(&mut nodes, 0, 1000);
         let estimate = |node: u16| 1000 + 37 * WIDTH * (u32::from(node) * 7 % 100) / 10;
         for node in 0..100 {
             queue.push(node, estimate(node));
@@ -122,14 +116,15 @@ mod tests {
         let rounded = |node: &u16| estimate(*node) / WIDTH;
         assert!(order[1..].is_sorted_by_key(rounded), "{order:?}");
         assert!(!order.contains(&60));
-        queue.clear(0);
         assert_eq!(queue.pop(), None);
+        assert_eq!(Queue::new(&mut nodes, 7, 0).pop(), None);
+        assert!(nodes.iter().all(|node| node.length == 7));
     }
 
     #[test]
     fn lists_are_used_again() {
-        let mut queue = Queue::<3>::new();
-        queue.clear(0);
+        let mut nodes = [SearchNode::default(); 3];
+        let mut queue = Queue::new(&mut nodes, 0, 0);
         let mut estimate = 0;
         queue.push(0, 0);
         for turn in 0..2000_u32 {

@@ -150,7 +150,7 @@ impl MovedFurnitureConfig {
             Some(_) => Ok(mover),
             None => Err(field.at("room").reject(
                 "a room whose starts are not free, or without a free way",
-                "one that keeps 30 cm around the starts free, and has a way that keeps 12 cm from everything",
+                "one that keeps 20 cm around the starts free, and has a way that keeps 12 cm from everything",
             )),
         }
     }
@@ -304,14 +304,13 @@ impl StartConfig {
     ) -> Result<Start, ConfigError> {
         let bare = rooms.bare();
         let mut start = self.check(&bare, airframe, terminations, &Goals::Fixed.first(&bare.goal, 1), field)?;
-        settle_start(&mut start, airframe.collision_radius as f32, field)?;
+        settle_start(&mut start, &rooms.kept_free(), airframe.collision_radius as f32, field)?;
         Ok(start)
     }
 }
 
 /// Refuses starts of which drawn rooms do not promise that they are free, and makes sure of a free place.
-fn settle_start(start: &mut Start, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
-    let free = Workshop::kept_free();
+fn settle_start(start: &mut Start, free: &Cuboid, radius: f32, field: &Field<'_>) -> Result<(), ConfigError> {
     let within = |clearance: f32| Cuboid {
         low: free.low + Vector3::new(clearance, clearance, 0.0),
         high: free.high - Vector3::new(clearance, clearance, 0.0),

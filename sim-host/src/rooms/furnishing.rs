@@ -118,7 +118,7 @@ impl Workshop {
     /// A room, with at least half of `pieces`, as far as they find a place, and not more.
     pub fn draw(&self, pieces: usize, stream: &mut Stream) -> RoomPlan {
         let table = [TABLE_X_M, TABLE_Y_M].map(|range| within(stream, range, 100.0));
-        let mut taken = vec![around_starts(), around_table(table)];
+        let mut taken = vec![around_starts(START_REACH_M), around_table(table)];
         let mut placed = vec![Piece { kind: Kind::Table, at: [table[0], table[1], 0.0] }];
         let least = pieces.div_ceil(2);
         for _ in 0..least + stream.below((pieces - least) as u32 + 1) as usize {
@@ -155,7 +155,7 @@ impl Workshop {
 
     /// The air around the starts that is free in every room \[m\].
     pub fn kept_free() -> Cuboid {
-        let (low, high) = around_starts();
+        let (low, high) = around_starts(START_REACH_M);
         Cuboid { low: low.cast(), high: high.cast() }
     }
 
@@ -261,9 +261,9 @@ pub fn overlap((low, high): &Extent, (other_low, other_high): &Extent) -> bool {
     (0..3).all(|axis| low[axis] <= other_high[axis] && other_low[axis] <= high[axis])
 }
 
-/// The air in which evaluations start.
-pub(super) fn around_starts() -> Extent {
-    let reach = Vector3::repeat(START_REACH_M);
+/// The air so far around that in which evaluations start \[m\].
+pub(super) fn around_starts(reach: f64) -> Extent {
+    let reach = Vector3::repeat(reach);
     upright(STARTS.low.cast() - reach, STARTS.high.cast() + reach)
 }
 

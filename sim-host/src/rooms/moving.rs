@@ -14,6 +14,9 @@ use crate::world::{Cuboid, Solid, World};
 /// Least distance between the way to the goal and everything else \[m\]: the open cupboards of room 2 leave no more.
 const CLEARANCE_M: f64 = 0.12;
 
+/// Around the starts, kept free up to the ceiling \[m\]: the couch of room 0 is 25 cm away.
+const START_REACH_M: f64 = 0.2;
+
 /// Tenths of the shift that are left after draws of a room without a free way: none is the room as it is.
 pub(super) const TENTHS: u32 = 10;
 
@@ -33,9 +36,16 @@ pub struct Mover {
 }
 
 impl Mover {
+    /// The air around the starts that is free in every room \[m\].
+    pub fn kept_free() -> Cuboid {
+        let (low, high) = around_starts(START_REACH_M);
+        Cuboid { low: low.cast(), high: high.cast() }
+    }
+
     /// The room as it is, if it keeps the air around the starts free and has a free way.
     pub fn unmoved(&self) -> Option<Room> {
-        let is_clear = |piece: &Vec<Solid>| extents(piece).iter().all(|part| !overlap(part, &around_starts()));
+        let is_clear =
+            |piece: &Vec<Solid>| extents(piece).iter().all(|part| !overlap(part, &around_starts(START_REACH_M)));
         self.pieces.iter().all(is_clear).then(|| self.room(&self.pieces))?
     }
 
@@ -62,7 +72,7 @@ impl Mover {
         let (before, now) = (extents(&self.pieces[index]), extents(piece));
         let stays = self.aviary.world.solids.iter().map(|solid| (vec![solid.extent()], vec![solid.extent()]));
         let others = self.pieces.iter().zip(placed).map(|(was, is)| (extents(was), extents(is)));
-        !meet(&now, &[around_starts()])
+        !meet(&now, &[around_starts(START_REACH_M)])
             && stays.chain(others).all(|(was, is)| meet(&before, &was) || !meet(&now, &is))
     }
 

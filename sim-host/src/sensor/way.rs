@@ -1,6 +1,6 @@
 //! The way to the goal that a drone finds by itself, through a map of what its scan has met.
 
-use kestrel_core::planner::{NODE_LIMIT, NodeGrid, OccupancyMap, Path, PathSearch, Planner};
+use kestrel_core::planner::{NodeGrid, OccupancyMap, Path, Planner, SearchNode};
 use kestrel_core::real::Real;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -43,7 +43,8 @@ impl Way {
 pub(crate) struct WayMemory<const LANES: usize, R> {
     way: Way,
     planner: Planner,
-    search: PathSearch<NODE_LIMIT>,
+    /// Memory of the searches.
+    search: Vec<SearchNode>,
     /// Directions of the beams in each position, world.
     beams: Vec<Vec<Vector3<f32>>>,
     charts: [Chart; LANES],
@@ -84,7 +85,7 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
         Box::new(Self {
             way,
             planner: Planner::new(radius as f32, way.nearness_cost, way.lookahead_m),
-            search: PathSearch::new(),
+            search: vec![SearchNode::default(); way.grid.len()],
             beams: (0..scan.positions()).map(directions).collect(),
             charts: core::array::from_fn(|_| Chart { nodes: vec![0; way.grid.len()], path: Path::default() }),
             ahead: [[R::zero(); LANES]; 3],
