@@ -334,7 +334,7 @@ impl Planner {
             node = next;
         }
         if node != end {
-            path.nodes.clear()
+            path.nodes.clear();
         }
         path.nodes.reverse();
         path.length = self.length(map, &path.nodes);

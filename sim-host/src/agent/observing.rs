@@ -198,7 +198,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         way.look(lane, &Look { period, scan, nearness: &nearness, position: position.into(), goal });
         let known = known_states(&self.swarm, self.latency.as_ref()).state(lane).position;
         if let Some((_, columns)) = self.measurements.split_last_chunk_mut() {
-            set_row(columns, lane, way.reading(lane, &known));
+            set_row(columns, lane, way.reading(lane, &known, &vector(&self.goal, lane)));
         }
     }
 

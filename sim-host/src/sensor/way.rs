@@ -8,16 +8,17 @@ use serde::{Deserialize, Serialize};
 use super::{BEAM_LIMIT, Scan};
 use crate::swarm::{Column, row, set_row, vector};
 
-/// Things that are met so near to the goal are the goal's \[m\]: a table to land on is not in the way.
-const GOAL_RADIUS_M: f32 = 0.5;
+/// Nearer to the goal than this \[m\], the direction reads shorter: there it is time to slow down.
+const NEAR_M: f32 = 0.8;
 
-/// Nearer than this \[m\] the point ahead reads as less than one.
-const NEAR_M: f32 = 0.15;
+/// Points ahead that are nearer than this \[m\] have no direction of their own.
+const HERE_M: f32 = 0.05;
 
 /// A beam that reads less sees nothing: the limit, rounded.
 const NOTHING: f32 = 1e-3;
 
-/// How a drone looks for its way. It reads where the point ahead on the way is: a unit vector, world, shorter within 15 cm.
+/// How a drone looks for its way. It reads in which direction the point ahead on it is: a unit vector, world, shorter within 80 cm
+/// of the goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
     /// The map, empty at the start of an episode.
@@ -105,7 +106,7 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
         let distances = look.scan.distances(look.nearness);
         for ((nearness, distance), direction) in look.nearness.iter().zip(distances).zip(beams) {
             let met = look.position + direction * distance;
-            if *nearness > NOTHING && (met - look.goal).norm() >= GOAL_RADIUS_M {
+            if *nearness > NOTHING {
                 map.mark(&met.into());
             }
         }
@@ -116,12 +117,15 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
         }
     }
 
-    /// What the drone of a lane reads, that is at a point \[m, world\].
-    pub(crate) fn reading(&self, lane: usize, position: &Vector3<R>) -> [R; 3] {
+    /// What the drone of a lane reads, that is at a point on the way to a goal \[m, world\].
+    pub(crate) fn reading(&self, lane: usize, position: &Vector3<R>, goal: &Vector3<R>) -> [R; 3] {
+        let length = |leg: &Vector3<R>| (leg.x * leg.x + leg.y * leg.y + leg.z * leg.z).sqrt();
+        let at_least = |length: R, least: R| if length > least { length } else { least };
         let leg = vector(&self.ahead, lane) - position;
-        let (length, near) = ((leg.x * leg.x + leg.y * leg.y + leg.z * leg.z).sqrt(), R::from_f32(NEAR_M));
-        let length = if length > near { length } else { near };
-        [leg.x / length, leg.y / length, leg.z / length]
+        let (near, distance) = (R::from_f32(NEAR_M), length(&(goal - position)));
+        let share = if distance < near { distance / near } else { R::one() };
+        let scale = share / at_least(length(&leg), R::from_f32(HERE_M));
+        [leg.x * scale, leg.y * scale, leg.z * scale]
     }
 
     /// The point ahead of the drone of a lane \[m, world\].
