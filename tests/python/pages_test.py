@@ -34,6 +34,7 @@ SHORTENED = [
 
 REPLACED = {
     "--episodes 4096": "",
+    "--episodes 1000": "",
     "RUN": "runs/hover-seed0-1",
     "STUDY...": "tiny",
     "STUDY": "tiny",

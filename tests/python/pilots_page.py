@@ -36,9 +36,8 @@ kestrel export room-1 --target c          # for your firmware
 task's own evaluation, with Wilson's 95 % interval, beside the scripted pilot, which knows the map.
 A pilot is the policy of `kestrel train NAME --seed 201`; `cross`, `hover`, `hover-2-1-plus` and
 `hover-cf2x` are those of seed 0, `harder-cross-11-vision` that of 701, `land-vision` that of 702,
-`land-with-obstacles` that of 704, `race`, `room-0`, `room-0-vision` and `unseen-rooms` those of 801,
-`room-2` and `room-2-vision` those of 802, `room-1` and `room-1-vision` those of 804. `unseen-rooms`
-is not solved ([why](aviaries.md#a-room-per-episode)).
+`land-with-obstacles` that of 704, `race`, `room-0` and `room-0-vision` those of 801, `room-2` and
+`room-2-vision` those of 802, `room-1` and `room-1-vision` those of 804, `unseen-rooms` that of 912.
 
 """
 

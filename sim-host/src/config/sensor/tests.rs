@@ -110,7 +110,7 @@ fn a_way_is_found_behind_a_scan() {
     let cases = [
         (
             of(", spacing_m: 0.02"),
-            "found nodes 0.02 m apart in this `map`, expected 2 along each edge at least, and 65536 at most",
+            "found nodes 0.02 m apart in this `map`, expected 2 along each edge at least, and 65024 at most",
         ),
         (of(", spacing_m: 3"), "found nodes 3 m apart in this `map`, expected 2 along each edge at least"),
         (of(", rate_hz: 0"), "found 0, expected a number from 0.1 to 1000 Hz"),
