@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use kestrel_core::airframe::Airframe;
 use kestrel_core::real::Real;
 
-pub use moving::Mover;
+pub use moving::Rearranger;
 pub use racing::Raceway;
 
 pub use furnishing::{Extent, Kind, Model, Piece, ROOM, RoomPlan, STARTS, WALL_COLOUR, WALL_M, Workshop, overlap};
@@ -57,7 +57,7 @@ pub enum RoomPlanner {
     /// Furniture between the start and a table.
     Furnished(Furnisher),
     /// One room, its furniture moved.
-    Moved(Mover),
+    Moved(Rearranger),
     /// Courses of gates.
     Race(Raceway),
 }
@@ -138,7 +138,7 @@ impl RoomPlanner {
         loop {
             let mut draw = || match self {
                 Self::Furnished(furnisher) => furnisher.draw(most as usize, &mut stream),
-                Self::Moved(mover) => mover.draw(most, &mut stream),
+                Self::Moved(rearranger) => rearranger.draw(most, &mut stream),
                 Self::Race(raceway) => raceway.draw(most, &mut stream).map(Room::of_course),
             };
             if let Some(room) = (0..DRAWS).find_map(|_| draw()) {
@@ -152,7 +152,7 @@ impl RoomPlanner {
     fn goals(&self) -> Cuboid {
         match self {
             Self::Furnished(_) => Workshop::goals(),
-            Self::Moved(mover) => Cuboid { low: mover.aviary.goal, high: mover.aviary.goal },
+            Self::Moved(rearranger) => Cuboid { low: rearranger.aviary.goal, high: rearranger.aviary.goal },
             Self::Race(_) => Raceway::goals(),
         }
     }
@@ -208,7 +208,7 @@ impl Rooms {
             RoomPlanner::Furnished(furnisher) => {
                 furnisher.workshop.world(&RoomPlan { goal: goal.cast().into(), pieces: Vec::new() })
             }
-            RoomPlanner::Moved(mover) => mover.aviary.world.clone(),
+            RoomPlanner::Moved(rearranger) => rearranger.aviary.world.clone(),
             RoomPlanner::Race(_) => Raceway::bare(),
         };
         Aviary { world, ..Aviary::empty(goal) }
@@ -223,7 +223,7 @@ impl Rooms {
     pub(crate) fn kept_free(&self) -> Cuboid {
         match self.planner {
             RoomPlanner::Furnished(_) | RoomPlanner::Race(_) => Workshop::kept_free(),
-            RoomPlanner::Moved(_) => Mover::kept_free(),
+            RoomPlanner::Moved(_) => Rearranger::kept_free(),
         }
     }
 

@@ -321,24 +321,27 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
         state
     }
 
-    /// Returns to a saved state; `false`, and nothing changes, when it belongs to another scenario or size.
-    #[must_use]
-    pub fn restore(&mut self, state: &SimulationState<R>) -> bool {
+    /// Whether a saved state is one of this scenario and size.
+    fn fits(&self, state: &SimulationState<R>) -> bool {
         let own = self.save();
-        let fits = state.columns.len() == own.columns.len()
+        state.columns.len() == own.columns.len()
             && state.controls.len() == own.controls.len()
             && state.sensors.len() == own.sensors.len()
             && state.streams.len() == own.streams.len()
-            && state.charts.len() == own.charts.len()
-            && state.charts.iter().zip(&own.charts).all(|(chart, own)| chart.fits(own))
+            && state.charts.iter().map(Chart::len).eq(own.charts.iter().map(Chart::len))
             && state.contacts.len() == own.contacts.len()
             && state.movables.len() == own.movables.len()
             && match (&self.imaging, &state.imaging) {
                 (None, None) => true,
                 (Some(imaging), Some(state)) => imaging.fits(state),
                 (None, Some(_)) | (Some(_), None) => false,
-            };
-        if !fits {
+            }
+    }
+
+    /// Returns to a saved state; `false`, and nothing changes, when it belongs to another scenario or size.
+    #[must_use]
+    pub fn restore(&mut self, state: &SimulationState<R>) -> bool {
+        if !self.fits(state) {
             return false;
         }
         let mut columns = state.columns.chunks_exact(LANES);

@@ -13,7 +13,7 @@ use super::geometry::surrounds;
 use super::world::{FurnitureConfig, SCALES};
 use super::{AviaryConfig, ScenarioConfig, StartConfig, SuccessConfig};
 use crate::physics::{Contacts, Physics};
-use crate::rooms::{Furnisher, Model, Mover, ROOM, Raceway, RoomPlanner, RoomRange, Rooms, Workshop};
+use crate::rooms::{Furnisher, Model, ROOM, Raceway, Rearranger, RoomPlanner, RoomRange, Rooms, Workshop};
 use crate::scenario::{Goals, Start, StartPosition};
 use crate::seed::Seed;
 use crate::termination::Termination;
@@ -142,12 +142,12 @@ pub struct MovedFurnitureConfig {
 }
 
 impl MovedFurnitureConfig {
-    fn check(&self, airframe: &Airframe, bounds: Cuboid, field: &Field<'_>) -> Result<Mover, ConfigError> {
+    fn check(&self, airframe: &Airframe, bounds: Cuboid, field: &Field<'_>) -> Result<Rearranger, ConfigError> {
         let (aviary, pieces) = self.room.with_pieces_apart(airframe, &field.at("room"))?;
         let shift_m = field.at("shift_m").number(self.shift_m, &SHIFT)?;
-        let mover = Mover { aviary, pieces, shift_m, bounds, radius: airframe.collision_radius };
-        match mover.unmoved() {
-            Some(_) => Ok(mover),
+        let rearranger = Rearranger { aviary, pieces, shift_m, bounds, radius: airframe.collision_radius };
+        match rearranger.unmoved() {
+            Some(_) => Ok(rearranger),
             None => Err(field.at("room").reject(
                 "a room whose starts are not free, or without a free way",
                 "one that keeps 20 cm around the starts free, and has a way that keeps 12 cm from everything",

@@ -22,7 +22,7 @@ pub(super) const TENTHS: u32 = 10;
 
 /// What rooms with moved furniture are drawn from.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mover {
+pub struct Rearranger {
     /// The room with what stays where it is.
     pub aviary: Aviary,
     /// What is moved: the bodies of each piece.
@@ -35,7 +35,7 @@ pub struct Mover {
     pub radius: f64,
 }
 
-impl Mover {
+impl Rearranger {
     /// The air around the starts that is free in every room \[m\].
     pub fn kept_free() -> Cuboid {
         let (low, high) = around_starts(START_REACH_M);
@@ -94,7 +94,9 @@ impl Mover {
 
 fn moved(piece: &[Solid], by: &Vector3<f64>) -> Vec<Solid> {
     let mut piece = piece.to_vec();
-    piece.iter_mut().for_each(|solid| solid.pose.position += by);
+    for solid in &mut piece {
+        solid.pose.position += by;
+    }
     piece
 }
 

@@ -62,9 +62,9 @@ pub(crate) struct Chart {
 }
 
 impl Chart {
-    /// Whether two are of grids of the same size.
-    pub(crate) fn fits(&self, other: &Self) -> bool {
-        self.nodes.len() == other.nodes.len()
+    /// Nodes of its map.
+    pub(crate) fn len(&self) -> usize {
+        self.nodes.len()
     }
 }
 
