@@ -5,8 +5,8 @@
 //! a metre near things longer than one in the open, and one through them much longer than any way around.
 //!
 //! The search is A* (Hart, Nilsson and Raphael 1968) from the goal to the drone, in whole numbers: the same path on every
-//! machine. What a beam meets only makes paths longer, so the rest of a path that has not become longer is still the shortest,
-//! and a drone that is on it follows it without another search. Memory is the caller's, of a constant size: a byte per node
+//! machine, and the shortest but for a fifth of a spacing. What a beam meets only makes paths longer, so the rest of a path that
+//! has not become longer is as good as it was, and a drone that is on it follows it without another search. Memory is the caller's, of a constant size: a byte per node
 //! for the map, a [`Path`], and a [`SearchNode`] per node for any number of maps.
 
 mod queue;
@@ -41,6 +41,10 @@ const BLOCKED: u16 = 40 * OPEN;
 
 /// Tenths of a spacing to a neighbour along one, two or three axes.
 const LENGTHS: [u32; 4] = [0, 10, 14, 17];
+
+/// The estimate of a neighbour is less than this above that of a node.
+const ESTIMATES: u32 = LENGTHS[3] * (2 * BLOCKED as u32 + LEAST);
+const _: () = assert!(ESTIMATES < queue::RANGE);
 
 /// Twice the count of a tenth of a spacing in the open: what no path undercuts.
 const LEAST: u32 = 2 * OPEN as u32;

@@ -21,7 +21,7 @@ use crate::scenario::Aviary;
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::Scan;
 use crate::swarm::Column;
-use crate::world::Cuboid;
+use crate::world::{Cuboid, World};
 
 /// Least distance between the way to the goal and everything else \[m\]: a Crazyflie's hull has a radius of 0.06 m.
 pub const CLEARANCE_M: f64 = 0.2;
@@ -164,6 +164,12 @@ impl RoomPlanner {
 }
 
 impl Room {
+    /// A place with the ways to a goal \[m, world\] that lead within these bounds, for a hull of this radius \[m\].
+    fn with_ways(world: World, goal: nalgebra::Vector3<f32>, bounds: Cuboid, radius: f64) -> Self {
+        let ways = Arc::new(DistanceField::new(&world, &goal, bounds, radius).coarse());
+        Self { obstacles: world.bounds(), ways: Some(ways), aviary: Aviary { world, ..Aviary::empty(goal) } }
+    }
+
     fn of_course(aviary: Aviary) -> Self {
         Self { obstacles: aviary.world.bounds(), ways: None, aviary }
     }
@@ -183,8 +189,7 @@ impl Furnisher {
         if !asked(passage.is_straight()) || !passage.is_free() {
             return None;
         }
-        let ways = Arc::new(DistanceField::new(&world, &goal, self.bounds, self.radius).coarse());
-        Some(Room { obstacles: world.bounds(), ways: Some(ways), aviary: Aviary { world, ..Aviary::empty(goal) } })
+        Some(Room::with_ways(world, goal, self.bounds, self.radius))
     }
 }
 

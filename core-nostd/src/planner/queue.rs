@@ -3,8 +3,11 @@
 /// Estimates that differ by less than this are equal: a fifth of a spacing in the open.
 const WIDTH: u32 = 32;
 
-/// So many lists, as [`WIDTH`] times that is more than a step adds to an estimate.
+/// So many lists.
 const BUCKETS: usize = 512;
+
+/// Estimates in the queue are apart by less than this.
+pub(super) const RANGE: u32 = WIDTH * (BUCKETS as u32 - 1);
 
 /// Numbers from here on are those of lists instead of nodes.
 pub(super) const NODE_LIMIT: usize = (1 << 16) - BUCKETS;

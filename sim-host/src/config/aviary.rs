@@ -228,6 +228,7 @@ impl AviaryConfig {
             ("carried", !self.carried.is_empty()),
             ("gates", !self.gates.is_empty()),
             ("worlds", !self.worlds.is_empty()),
+            ("at_m", self.at_m.is_some()),
         ];
         if let Some((key, _)) = others.into_iter().find(|(_, written)| *written) {
             return Err(field

@@ -1,18 +1,16 @@
 //! A room whose furniture stands elsewhere.
 
-use std::sync::Arc;
-
 use nalgebra::Vector3;
 
 use super::furnishing::{Extent, TRIES, around_starts, overlap, within};
 use super::{Room, STARTS};
-use crate::contact::{DistanceField, Passage};
+use crate::contact::Passage;
 use crate::scenario::Aviary;
 use crate::seed::Stream;
 use crate::world::{Cuboid, Solid, World};
 
 /// Least distance between the way to the goal and everything else \[m\]: the open cupboards of room 2 leave no more.
-const CLEARANCE_M: f64 = 0.12;
+const LEAST_CLEARANCE_M: f64 = 0.12;
 
 /// Around the starts, kept free up to the ceiling \[m\]: the couch of room 0 is 25 cm away.
 const START_REACH_M: f64 = 0.2;
@@ -82,13 +80,10 @@ impl Rearranger {
         let solids = stays.solids.iter().chain(pieces.iter().flatten()).cloned().collect();
         let world = World { floor: stays.floor, solids, ..World::empty() };
         let goal = self.aviary.goal;
-        let passage =
-            Passage { world: &world, bounds: self.bounds, starts: STARTS, goal, clearance_m: CLEARANCE_M };
-        if !passage.is_free() {
-            return None;
-        }
-        let ways = Arc::new(DistanceField::new(&world, &goal, self.bounds, self.radius).coarse());
-        Some(Room { obstacles: world.bounds(), ways: Some(ways), aviary: Aviary { world, ..Aviary::empty(goal) } })
+        let is_free =
+            Passage { world: &world, bounds: self.bounds, starts: STARTS, goal, clearance_m: LEAST_CLEARANCE_M }
+                .is_free();
+        is_free.then(|| Room::with_ways(world, goal, self.bounds, self.radius))
     }
 }
 

@@ -311,6 +311,8 @@ fn rooms_whose_furniture_cannot_be_moved_are_refused() {
     assert!(found.contains(blocked), "{found}");
     let found = refused("pillars:", "gates: [{ at_m: [1, 0, 1], opening_m: [0.6, 0.6] }]\n          pillars:");
     assert!(found.contains("moved_furniture.room.gates: found a key beside furniture"), "{found}");
+    let found = refused("pillars:", "at_m: [1, 0, 0]\n          pillars:");
+    assert!(found.contains("moved_furniture.room.at_m: found a key beside furniture"), "{found}");
     let found = refused("goal_m: [6.5, 0, 0.65]", "floor: true");
     assert!(found.contains("moved_furniture.room: found no key `goal_m`"), "{found}");
 }

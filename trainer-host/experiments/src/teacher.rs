@@ -189,6 +189,21 @@ mod tests {
     }
 
     #[test]
+    fn who_finds_a_way_by_itself_is_shown_softer_touches() {
+        let experiment = load(&in_repository("configs/aviaries/unseen-rooms.yaml"), &[]).unwrap();
+        let scenario = &experiment.evaluation.scenario;
+        let told = Scenario { sensors: scenario.sensors.clone().with_told(None), ..scenario.clone() };
+        let simulation = Simulation::<1>::new(scenario, Seed(5), 0, 1);
+        let goal = simulation.goal(0);
+        let state = State { position: goal + Vector3::new(0.0, 0.0, 0.4), ..simulation.state(0) };
+        let [softly, firmly] = [scenario, &told].map(|scenario| {
+            let mut teacher = Teacher::of(scenario).expect("its rooms have ways");
+            teacher.act(&state, &goal, simulation.room(0), Some(goal))[2]
+        });
+        assert!(firmly < -0.1 && (softly / firmly - TOUCH_SHARE).abs() < 0.01, "{softly}, {firmly}");
+    }
+
+    #[test]
     fn it_arrives_in_furnished_rooms_and_past_pillars() {
         // One that is told no more than the way touches the table of room-2 too hard, at times.
         for (room, least) in

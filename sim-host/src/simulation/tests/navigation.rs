@@ -4,6 +4,7 @@ use super::*;
 use crate::outcome::Ending;
 use crate::scenario::Start;
 use crate::sensor::{Scan, ScanRing, SensorSuite, Told, Way};
+use crate::world::{Role, Solid};
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::planner::NodeGrid;
 use kestrel_core::vehicle::State;
@@ -173,6 +174,28 @@ fn the_way_leads_around_what_the_beams_have_met() {
     assert!((way.norm() - 1.0).abs() < 1e-3, "{way}");
     assert!(((ahead - simulation.state(0).position).normalize() - way).norm() < 1e-3, "{ahead} and {way}");
     assert!(way.y > 0.5, "{way} leads along the wall, not through it");
+}
+
+#[test]
+fn near_the_goal_the_direction_reads_shorter() {
+    let mut simulation = Simulation::<8>::new(&with_a_way(), Seed(3), 0, 1);
+    for (x, length) in [(1.1, 0.5), (1.3, 0.25)] {
+        (0..40).for_each(|_| hold(&mut simulation, Vector3::new(x, 0.0, 0.5)));
+        let way = told(&simulation);
+        assert!((way.norm() - length).abs() < 0.05 && way.x > 0.9 * way.norm(), "{way} at x = {x}");
+    }
+}
+
+#[test]
+fn a_table_is_reached_from_above() {
+    let mut scenario = with_a_way();
+    let (low, high) = (Vector3::new(1.2, -0.3, 0.0), Vector3::new(1.8, 0.3, 0.48));
+    let table = Solid::block("table", low, high);
+    scenario.aviary.world.solids.push(Solid { role: Role::Landing, ..table });
+    let mut simulation = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
+    (0..40).for_each(|_| hold(&mut simulation, Vector3::new(0.9, 0.0, 0.3)));
+    let ahead = simulation.ahead(0).unwrap();
+    assert!(ahead.z > 0.48 || ahead.x < 1.1, "{ahead} is beside the table's edge");
 }
 
 #[test]
