@@ -130,8 +130,8 @@ pub struct FurnishedRoomsConfig {
     pub furniture: Vec<ModelConfig>,
 }
 
-/// A room in which everything but what to land on is moved, each piece by its own draw. None stands in another, in a wall or
-/// around the starts unless it does so in the room itself, and a way that keeps 12 cm from everything is left.
+/// A room in which everything but what to land on is moved, each piece by its own draw. None stands in another or in a wall
+/// unless it does so in the room itself, none within 20 cm of the starts, and a way that keeps 12 cm from everything is left.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MovedFurnitureConfig {
