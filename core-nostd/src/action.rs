@@ -2,6 +2,7 @@
 
 #[cfg(feature = "px4")]
 mod rotor_thrusts;
+mod thrust_torques;
 mod velocity;
 
 use nalgebra::Vector3;
@@ -9,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 #[cfg(feature = "px4")]
 pub use rotor_thrusts::RotorThrusts;
+pub use thrust_torques::ThrustTorques;
 pub use velocity::{IntegralVelocities, Velocities};
 
 use crate::airframe::{Airframe, Layout};
@@ -50,6 +52,8 @@ pub enum ActionSpace {
     RateLoop(ThrustBodyRates),
     /// [`IntegralVelocities`].
     IntegralVelocities(IntegralVelocities),
+    /// [`ThrustTorques`].
+    ThrustTorques(ThrustTorques),
 }
 
 /// An action space ready for arithmetic; built once.
@@ -65,6 +69,8 @@ pub enum Controls<R> {
     Velocities(IntegralVelocities),
     /// [`RotorThrusts`].
     RotorThrusts(RotorThrusts),
+    /// [`ThrustTorques`].
+    ThrustTorques(ThrustTorques),
 }
 
 /// One action per rotor: `hover_rotor_speed · (1 + fraction · action)`.
@@ -183,7 +189,8 @@ impl ActionSpace {
             | Self::RateLoop(_)
             | Self::Velocities(_)
             | Self::IntegralVelocities(_)
-            | Self::RotorThrusts(_) => ACTION_LEN,
+            | Self::RotorThrusts(_)
+            | Self::ThrustTorques(_) => ACTION_LEN,
             Self::Reference(space) => space.len(),
         }
     }
@@ -196,6 +203,7 @@ impl ActionSpace {
             Self::Reference(space) => space.name(),
             Self::Velocities(_) | Self::IntegralVelocities(_) => "velocity",
             Self::RotorThrusts(_) => "rotor_thrusts",
+            Self::ThrustTorques(_) => "thrust_torques",
         }
     }
 
@@ -211,6 +219,7 @@ impl ActionSpace {
             }) => space.speed_squared_limit.sqrt(),
             Self::Reference(space) => space.rotor_speed_limit(),
             Self::RotorThrusts(space) => space.rotor_speed_limit(),
+            Self::ThrustTorques(space) => space.speed_squared_limit.sqrt(),
         }
     }
 
@@ -223,6 +232,7 @@ impl ActionSpace {
             Self::Velocities(space) => space.rates.hover_speed_squared,
             Self::IntegralVelocities(space) => space.velocities.rates.hover_speed_squared,
             Self::RotorThrusts(space) => space.hover_speed_squared(),
+            Self::ThrustTorques(space) => space.hover_speed_squared,
         }
     }
 
@@ -234,7 +244,8 @@ impl ActionSpace {
             | Self::RateLoop(_)
             | Self::Velocities(_)
             | Self::IntegralVelocities(_)
-            | Self::RotorThrusts(_) => Persistence::ResetEachEpisode,
+            | Self::RotorThrusts(_)
+            | Self::ThrustTorques(_) => Persistence::ResetEachEpisode,
             Self::Reference(space) => space.persistence(),
         }
     }
@@ -252,6 +263,7 @@ impl<R: Real> Controls<R> {
             }
             ActionSpace::IntegralVelocities(space) => Self::Velocities(*space),
             ActionSpace::RotorThrusts(space) => Self::RotorThrusts(*space),
+            ActionSpace::ThrustTorques(space) => Self::ThrustTorques(*space),
         }
     }
 
@@ -278,6 +290,7 @@ impl<R: Real> Controls<R> {
                 space.rotor_targets(&[a, b, c, d], state, &mut memory.velocity_integral, secs)
             }
             Self::RotorThrusts(space) => space.rotor_targets(&[a, b, c, d]),
+            Self::ThrustTorques(space) => space.rotor_targets(&[a, b, c, d]),
         }
     }
 }

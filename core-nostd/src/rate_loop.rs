@@ -47,7 +47,8 @@ impl<R: Real> RateLoop<R> {
             | ActionSpace::Reference(_)
             | ActionSpace::Velocities(_)
             | ActionSpace::IntegralVelocities(_)
-            | ActionSpace::RotorThrusts(_) => None,
+            | ActionSpace::RotorThrusts(_)
+            | ActionSpace::ThrustTorques(_) => None,
         }
     }
 

@@ -54,13 +54,13 @@ pub use physics::{
 pub use pilot::{
     ActionConfig, KinematicConfig, ObservationConfig, PilotConfig, ReferenceActionConfig,
     ReferenceActionKindConfig, ReferenceControllerConfig, ReferenceObservationConfig, ReferencePrecisionConfig,
-    RotorSpeedsConfig, ThrustBodyRatesConfig, VelocityConfig,
+    RotorSpeedsConfig, ThrustBodyRatesConfig, ThrustTorquesConfig, VelocityConfig,
 };
 pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GatesAheadConfig,
     GyroscopeConfig, ImuConfig, MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig, WayConfig,
 };
-pub use start::{LatencyConfig, RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
+pub use start::{AirframesConfig, LatencyConfig, RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
 pub use success::{ClockConfig, SuccessConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
@@ -312,6 +312,7 @@ impl ScenarioConfig {
         field: &Field<'_>,
     ) -> Result<(), ConfigError> {
         self.check_quiet_air(preset, field)?;
+        self.check_airframes(field)?;
         self.check_effects(airframe, field)
     }
 
@@ -342,6 +343,20 @@ impl ScenarioConfig {
         }
     }
 
+    /// Refuses other drones where their actions are those of one, or the air is not free.
+    fn check_airframes(&self, field: &Field<'_>) -> Result<(), ConfigError> {
+        let Some(_) = self.randomisation.airframes else { return Ok(()) };
+        if !matches!(self.action, ActionConfig::ThrustTorques(_)) {
+            let expected = "`thrust_torques`, the actions that any drone understands, beside `randomisation.airframes`";
+            return Err(field.at("action").reject("other actions", expected));
+        }
+        if self.physics.ground_effect || self.physics.ceiling_effect_m.is_some() {
+            let expected = "neither beside `randomisation.airframes`, whose rotors lie elsewhere in every episode";
+            return Err(field.at("physics").reject("a ground effect or a ceiling", expected));
+        }
+        Ok(())
+    }
+
     /// Refuses what only an airframe with effects can draw.
     fn check_effects(&self, airframe: &Airframe, field: &Field<'_>) -> Result<(), ConfigError> {
         if airframe.effects != FlightEffects::NONE {
@@ -353,6 +368,7 @@ impl ScenarioConfig {
             return Err(field.at("motor_fraction").refuse(self.randomisation.motor_fraction, expected("0")));
         }
         let shares = [
+            ("weak_motor_share", self.randomisation.weak_motor_share),
             ("battery_share", self.randomisation.battery_share),
             ("rate_damping_share", self.randomisation.rate_damping_share),
         ];

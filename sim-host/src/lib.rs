@@ -25,6 +25,7 @@
 //! ```
 
 mod agent;
+pub mod airframe_family;
 mod block;
 pub mod camera;
 pub mod config;

@@ -41,8 +41,13 @@ pub(crate) fn begin<R: Real>(
     let trajectory = scenario.goals.trajectories().map(|trajectories| trajectories.draw::<R>(stream));
     let goal = scenario.goals.at(&scenario.aviary_of(room).goal, agent, 0.0).cast();
     let ahead = trajectory.map(|curve| curve.at(R::zero()).0.map(Real::to_f32)).unwrap_or_default();
-    let motion = start_state(scenario, (agent, room), &(goal + ahead), stream);
-    let (airframe, factors) = airframe(&scenario.airframe, &scenario.randomisation, stream);
+    let mut motion = start_state(scenario, (agent, room), &(goal + ahead), stream);
+    let mut nominal = scenario.airframe;
+    if let Some(family) = &scenario.randomisation.airframes {
+        nominal = family.draw(&nominal, stream);
+        motion.rotor_speeds = [R::from_f64(nominal.hover_rotor_speed()); 4];
+    }
+    let (airframe, factors) = airframe(&nominal, &scenario.randomisation, stream);
     let wind = stream.direction() * (scenario.randomisation.wind_speed * stream.uniform());
     let mut vehicle = Vehicle::new(&airframe);
     if let Some(effects) = &mut vehicle.effects {
@@ -61,6 +66,10 @@ pub(crate) fn begin<R: Real>(
 /// Motors that differ from each other, and what the battery gives them.
 fn draw_motors<R: Real>(effects: &mut EffectGains<R>, spread: &Randomisation, stream: &mut Stream) {
     effects.rotor_thrusts = core::array::from_fn(|_| R::from_f32(factor(spread.motor, stream)));
+    if spread.weak_motor != [1.0; 2] {
+        let weak = stream.below(4) as usize;
+        effects.rotor_thrusts[weak] *= R::from_f32(share(spread.weak_motor, stream));
+    }
     effects.battery = R::from_f32(share(spread.battery, stream));
 }
 

@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::airframe_family::AirframeFamily;
 use crate::camera::OnboardCamera;
 use crate::contact::DistanceField;
 use crate::course::Gate;
@@ -296,6 +297,10 @@ pub struct Randomisation {
     pub battery: [f32; 2],
     /// Greatest wind speed \[m/s\]; its direction is uniform.
     pub wind_speed: f32,
+    /// Least and greatest share of its thrust that one motor, any of the four, has.
+    pub weak_motor: [f32; 2],
+    /// Where every episode has an airframe of its own: which. What is above is drawn around that one.
+    pub airframes: Option<AirframeFamily>,
 }
 
 impl Randomisation {
@@ -311,6 +316,8 @@ impl Randomisation {
         motor: 0.0,
         battery: [1.0; 2],
         wind_speed: 0.0,
+        weak_motor: [1.0; 2],
+        airframes: None,
     };
 }
 

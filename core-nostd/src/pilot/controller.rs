@@ -140,7 +140,8 @@ fn within_limits(metadata: &PolicyMetadata<'_>, targets: [f32; 4]) -> [f32; 4] {
         | ActionSpace::RateLoop(_)
         | ActionSpace::Velocities(_)
         | ActionSpace::IntegralVelocities(_)
-        | ActionSpace::RotorThrusts(_) => targets,
+        | ActionSpace::RotorThrusts(_)
+        | ActionSpace::ThrustTorques(_) => targets,
         ActionSpace::Reference(space) => targets.map(|target| target.limited(0.0, space.rotor_speed_limit())),
     }
 }

@@ -18,7 +18,7 @@ pub(crate) const LAYOUT_COUNT: u16 = PX4_NEURAL;
 pub(crate) const PX4_NEURAL: u16 = 8;
 
 /// Action spaces are numbered from one to this.
-pub(crate) const SPACE_COUNT: u16 = INTEGRAL_VELOCITIES;
+pub(crate) const SPACE_COUNT: u16 = THRUST_TORQUES;
 
 /// Number of the action space `rotor_thrusts`.
 pub(crate) const ROTOR_THRUSTS: u16 = 5;
@@ -28,6 +28,9 @@ const RATE_LOOP: u16 = 6;
 
 /// Number of the action space `velocity` with an integral.
 const INTEGRAL_VELOCITIES: u16 = 7;
+
+/// Number of the action space `thrust_torques`.
+const THRUST_TORQUES: u16 = 8;
 
 /// The metadata of a policy, in postcard encoding inside the file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,6 +76,7 @@ pub(crate) const fn action_identifier(space: &ActionSpace) -> u16 {
         ActionSpace::RotorThrusts(_) => ROTOR_THRUSTS,
         ActionSpace::RateLoop(_) => RATE_LOOP,
         ActionSpace::IntegralVelocities(_) => INTEGRAL_VELOCITIES,
+        ActionSpace::ThrustTorques(_) => THRUST_TORQUES,
     }
 }
 
@@ -142,6 +146,7 @@ fn check_action(space: &ActionSpace) -> Result<(), PolicyError> {
         }
         ActionSpace::Reference(space) => space.check(),
         ActionSpace::RotorThrusts(space) => space.check(),
+        ActionSpace::ThrustTorques(space) => space.check(),
     }
 }
 

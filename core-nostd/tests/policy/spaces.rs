@@ -3,7 +3,7 @@
 use kestrel_core::action::Setpoint;
 use kestrel_core::action::{
     ACTION_LIMIT, ActionSpace, ControlMemory, Controls, IntegralVelocities, Persistence, ReferenceActionKind,
-    ReferenceActions, ReferenceController, RotorThrusts, Velocities,
+    ReferenceActions, ReferenceController, RotorThrusts, ThrustTorques, Velocities,
 };
 use kestrel_core::airframe::{
     Airframe, CF2X, Downwash, DragCoefficients, FlightEffects, HUMMINGBIRD, Layout, RotorOrder,
@@ -51,6 +51,7 @@ fn spaces() -> Vec<ActionSpace> {
         velocities(),
         integral_velocities(),
         rotor_thrusts(),
+        thrust_torques(),
         hummingbird(),
     ];
     [own, reference.to_vec()].concat()
@@ -73,6 +74,10 @@ fn integral_velocities() -> ActionSpace {
 
 fn rotor_thrusts() -> ActionSpace {
     ActionSpace::RotorThrusts(RotorThrusts::new(&CF2X, 0.05, 300.0))
+}
+
+fn thrust_torques() -> ActionSpace {
+    ActionSpace::ThrustTorques(ThrustTorques::new(&CF2X, 0.02))
 }
 
 /// Every layout that goes with actions of a length.
@@ -155,7 +160,8 @@ impl Expected {
             | ActionSpace::RateLoop(_)
             | ActionSpace::Velocities(_)
             | ActionSpace::IntegralVelocities(_)
-            | ActionSpace::RotorThrusts(_) => targets,
+            | ActionSpace::RotorThrusts(_)
+            | ActionSpace::ThrustTorques(_) => targets,
             // The reference commands what no rotor can do: the Hummingbird's first step asks for ten times its limit.
             ActionSpace::Reference(space) => {
                 targets.map(|target| target.min(space.airframe.rotor_speed_limit as f32))
@@ -334,7 +340,7 @@ proptest! {
     #[test]
     fn rotors_get_what_they_can_do_whatever_the_state(
         bits in prop::collection::vec(any::<u32>(), 20),
-        space in 0_usize..12,
+        space in 0_usize..13,
         layout in 0_usize..7,
     ) {
         let v: Vec<f32> = bits.into_iter().map(f32::from_bits).collect();
@@ -358,7 +364,7 @@ proptest! {
 
     #[test]
     fn forged_files_of_the_references_spaces_never_panic(
-        space in 2_usize..12,
+        space in 2_usize..13,
         layout in 0_usize..7,
         changes in prop::collection::vec((8_usize..500, any::<u8>()), 1..6),
     ) {

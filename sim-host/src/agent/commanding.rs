@@ -34,6 +34,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             Controls::RotorThrusts(numbers) => {
                 self.command_lanes(stage, &Controls::RotorThrusts(numbers), actions, targets);
             }
+            Controls::ThrustTorques(numbers) => {
+                self.command_lanes(stage, &Controls::ThrustTorques(numbers), actions, targets);
+            }
             Controls::Reference(published) => match published.rpm() {
                 Some((hover, precision)) => command_around(&hover, precision, actions, targets),
                 None => self.command_each(stage, actions, targets),

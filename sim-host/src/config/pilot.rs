@@ -3,7 +3,7 @@
 mod reference;
 
 use kestrel_core::action::{
-    ACTION_LEN, ActionSpace, IntegralVelocities, RotorSpeeds, RotorThrusts, ThrustBodyRates, Velocities,
+    ACTION_LEN, ActionSpace, IntegralVelocities, RotorSpeeds, RotorThrusts, ThrustBodyRates, ThrustTorques, Velocities,
 };
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{
@@ -40,6 +40,8 @@ pub enum ActionConfig {
     Published(ReferenceActionConfig),
     /// One thrust per rotor, up to the greatest: what PX4's neural control commands.
     RotorThrusts(RotorThrustsConfig),
+    /// Collective thrust and torques as shares of what the rotors have, which fly any drone.
+    ThrustTorques(ThrustTorquesConfig),
 }
 
 /// One speed per rotor, around the one at which the drone hovers.
@@ -171,6 +173,22 @@ impl Default for RotorSpeedsConfig {
     }
 }
 
+/// Collective thrust from none at -1 to all at 1, and torques about x, y, z, of which a full one adds half of its greatest thrust
+/// to each rotor of a cross. Nothing in them belongs to one drone but where its rotors are, which way they turn and how fast
+/// they may.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ThrustTorquesConfig {
+    /// The least that a rotor is told, as a share of its greatest thrust.
+    pub lowest_share: f64,
+}
+
+impl Default for ThrustTorquesConfig {
+    fn default() -> Self {
+        Self { lowest_share: 0.02 }
+    }
+}
+
 impl Default for RotorThrustsConfig {
     /// A twentieth of the thrust turns a rotor at 0.22 of its greatest speed, half as fast again as a motor that idles.
     fn default() -> Self {
@@ -264,6 +282,12 @@ impl ActionConfig {
             Self::RotorThrusts(config) => {
                 config.check(airframe, &field.at("rotor_thrusts")).map(ActionSpace::RotorThrusts)
             }
+            Self::ThrustTorques(config) => {
+                let hover = airframe.weight() / airframe.thrust_limit();
+                let field = field.at("thrust_torques").at("lowest_share");
+                let lowest = field.number(config.lowest_share, &Limits::between(0.0, hover, ""))?;
+                Ok(ActionSpace::ThrustTorques(ThrustTorques::new(airframe, lowest)))
+            }
         }
     }
 }
@@ -283,7 +307,9 @@ impl ActionConfig {
                 }
                 (None, field)
             }
-            Self::RotorSpeeds(_) | Self::Published(_) | Self::RotorThrusts(_) => (None, field.at("rate_loop")),
+            Self::RotorSpeeds(_) | Self::Published(_) | Self::RotorThrusts(_) | Self::ThrustTorques(_) => {
+                (None, field.at("rate_loop"))
+            }
         };
         let Some(rates) = rates else { return Ok(GYRO_CUTOFF_HZ) };
         let nyquist = 0.5 / physics.substep_secs();

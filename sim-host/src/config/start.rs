@@ -10,6 +10,7 @@ use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::{gap, surrounds};
 use super::ways_of;
+use crate::airframe_family::AirframeFamily;
 use crate::latency::Latency;
 use crate::scenario::{Aviary, FirstGoals, FreeSpace, PathStarts, Place, Randomisation, Start, StartPosition};
 use crate::term::StartLimit;
@@ -139,6 +140,50 @@ pub struct RandomisationConfig {
     pub battery_share: [f64; 2],
     /// Greatest speed of the wind, whose direction is random.
     pub wind_speed_m_per_s: f64,
+    /// Least and greatest share of its thrust that one motor has, any of the four; for airframes with `effects`.
+    #[serde(skip_serializing_if = "is_full")]
+    pub weak_motor_share: [f64; 2],
+    /// Another drone in every episode, of any size: the vehicle's airframe lends it only what grows and shrinks with the size.
+    /// For `thrust_torques`, in free air. What else is drawn is drawn around that drone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub airframes: Option<AirframesConfig>,
+}
+
+/// Airframes to draw from, least and greatest; a drone's mass goes with its size, roughly.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct AirframesConfig {
+    /// Take-off mass.
+    pub mass_kg: [f64; 2],
+    /// Distance of a rotor from the centre.
+    pub arm_m: [f64; 2],
+    /// Greatest thrust over weight.
+    pub thrust_to_weight: [f64; 2],
+    /// Time constant of a rotor that speeds up; one that slows down has 0.8 to 2 times that.
+    pub rotor_lag_secs: [f64; 2],
+}
+
+impl Default for AirframesConfig {
+    fn default() -> Self {
+        Self {
+            mass_kg: [0.02, 2.5],
+            arm_m: [0.03, 0.3],
+            thrust_to_weight: [1.5, 5.0],
+            rotor_lag_secs: [0.01, 0.15],
+        }
+    }
+}
+
+impl AirframesConfig {
+    fn check(&self, field: &Field<'_>) -> Result<AirframeFamily, ConfigError> {
+        let bounds = |key: &str, bounds, limits: Limits| range(&field.at(key), bounds, &limits);
+        Ok(AirframeFamily {
+            mass: bounds("mass_kg", self.mass_kg, Limits::from(0.001, 1_000.0, "kg"))?,
+            arm: bounds("arm_m", self.arm_m, Limits::from(0.005, 10.0, "m"))?,
+            thrust_to_weight: bounds("thrust_to_weight", self.thrust_to_weight, Limits::from(1.1, 50.0, ""))?,
+            rotor_lag: bounds("rotor_lag_secs", self.rotor_lag_secs, Limits::from(0.001, 10.0, "s"))?,
+        })
+    }
 }
 
 /// How late things are; each delay is uniform within its bounds and constant in an episode.
@@ -172,6 +217,8 @@ impl Default for RandomisationConfig {
             motor_fraction: 0.0,
             battery_share: [1.0; 2],
             wind_speed_m_per_s: 0.0,
+            weak_motor_share: [1.0; 2],
+            airframes: None,
         }
     }
 }
@@ -253,6 +300,12 @@ impl RandomisationConfig {
             motor: field.at("motor_fraction").number(self.motor_fraction, &FRACTION)?,
             battery: range(&field.at("battery_share"), self.battery_share, &Limits::from(0.5, 1.2, ""))?,
             wind_speed: field.at("wind_speed_m_per_s").number(self.wind_speed_m_per_s, &SPEED)?,
+            weak_motor: range(
+                &field.at("weak_motor_share"),
+                self.weak_motor_share,
+                &Limits::from(0.0, 1.0, ""),
+            )?,
+            airframes: self.airframes.map(|family| family.check(&field.at("airframes"))).transpose()?,
         })
     }
 }

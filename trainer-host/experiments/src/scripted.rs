@@ -153,6 +153,10 @@ impl ScriptedPilot {
                 let targets = self.rotor_targets(state, thrust_share, &rates);
                 action(targets.map(|target| space.action_of(target)))
             }
+            ActionSpace::ThrustTorques(space) => {
+                let targets = self.rotor_targets(state, thrust_share, &rates);
+                action(space.action_of(targets))
+            }
             ActionSpace::ThrustBodyRates(space) | ActionSpace::RateLoop(space) => {
                 action(normalised(space, thrust_share, &rates))
             }

@@ -10,6 +10,9 @@
 //! given. Some episodes are ended before each window, so that the drones are at different moments of theirs. A
 //! derivative that has grown too long on its way back is shortened, row by row: in chaotic flight it would say nothing.
 //!
+//! A policy with a memory ([`crate::gru`]) goes back through that as well: what it remembers of a window's first steps is
+//! learned from the rewards of the last. Its state at the window's beginning counts as given.
+//!
 //! Sums have an order of their own for any number of threads: each environment batch has its own gradient.
 
 use kestrel_core::activation::Activation;
@@ -18,11 +21,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
-use crate::actor_critic::{Actor, ActorLengths, Critic};
+use crate::actor_critic::{Actor, ActorLengths, Critic, Front};
 use crate::adam::{Adam, Remembering};
-use crate::environment::{Environment, TaskShape};
+use crate::environment::{Environment, Outcome, TaskShape};
+use crate::gru::{Gru, GruWorkspace, forget};
 use crate::network::{Accumulate, Workspace, dispatch, square};
-use crate::ppo::{RestoreError, TrainerState, UpdateMetrics};
+use crate::ppo::{RestoreError, TrainerState, UpdateMetrics, restore_hidden};
 use crate::schedule::Schedule;
 
 /// Logarithm of the standard deviation that the policy is left with: actions are never drawn.
@@ -49,6 +53,8 @@ pub struct AnalyticSettings {
     pub actor_hidden: Vec<usize>,
     /// What follows them.
     pub activation: Activation,
+    /// Values of the hidden state of a memory before them; 0 without one.
+    pub memory_units: usize,
 }
 
 impl Default for AnalyticSettings {
@@ -63,6 +69,7 @@ impl Default for AnalyticSettings {
             adjoint_limit: 100.0,
             actor_hidden: vec![64, 64],
             activation: Activation::Tanh,
+            memory_units: 0,
         }
     }
 }
@@ -126,17 +133,29 @@ struct Batch<E: Differentiable> {
     steps: Vec<Step>,
     /// Derivatives by the actions of a step `[action_len][rows]`.
     by_actions: Vec<f32>,
-    /// Derivatives by what a step observed `[observation_len][rows]`.
-    by_observations: Vec<f32>,
+    /// Derivatives by what a step observed and by the state of the memory after it, `[observation_len + units][rows]`.
+    by_inputs: Vec<f32>,
+    memory: Option<WindowMemory>,
     gradient: Vec<f32>,
     /// Sum of the rewards of the window.
     reward: f64,
 }
 
+/// What is remembered between windows, and the place where a window goes through a memory.
+#[derive(Clone, Debug)]
+struct WindowMemory {
+    /// `[units][rows]`.
+    hidden: Vec<f32>,
+    workspace: GruWorkspace,
+}
+
 #[derive(Clone, Debug)]
 struct Step {
-    observations: Vec<f32>,
+    /// What was observed, then the state of the memory after it, `[observation_len + units][rows]`.
+    inputs: Vec<f32>,
     network: Workspace,
+    /// How the step ended, `[rows]`.
+    outcomes: Vec<Outcome>,
 }
 
 /// Why a task cannot be trained so.
@@ -177,7 +196,11 @@ impl<E: Differentiable> AnalyticTrainer<E> {
         let weights = |network| Stream::new(seed, network, Purpose::Weights);
         let lengths = ActorLengths { observation: shape.observation_len, action: shape.action_len };
         let hidden = &settings.actor_hidden;
-        let actor = Actor::state_based(lengths, hidden, LOG_STD, &mut weights(0));
+        let front = match settings.memory_units {
+            0 => Front::Nothing,
+            units => Front::Memory(Gru::new(shape.observation_len, units)),
+        };
+        let actor = Actor::new(lengths, front, hidden, LOG_STD, &mut weights(0));
         let actor = actor.with_activation(settings.activation);
         let critic = Critic::state_based(shape.observation_len + shape.privileged_len, hidden, 1, &mut weights(1));
         let tape = E::tape(task, settings.steps_per_window).map_err(AnalyticError::Task)?;
@@ -280,6 +303,8 @@ impl<E: Differentiable> AnalyticTrainer<E> {
                 return Err(RestoreError::Task { task: E::name(task).to_owned() }.into());
             }
         }
+        let memories = trainer.batches.iter_mut().filter_map(|batch| batch.memory.as_mut());
+        restore_hidden(&state.hidden, memories.map(|memory| memory.hidden.as_mut_slice()).collect())?;
         trainer.actor = state.actor;
         trainer.optimiser = state.actor_optimiser;
         trainer.learning_rate = state.learning_rate;
@@ -298,7 +323,7 @@ impl<E: Differentiable> AnalyticTrainer<E> {
             learning_rate: self.learning_rate,
             updates: self.updates,
             env_batches: self.batches.iter().map(|batch| batch.environment.save()).collect(),
-            hidden: Vec::new(),
+            hidden: self.batches.iter().flat_map(|batch| &batch.memory).flat_map(|memory| &memory.hidden).copied().collect(),
         }
     }
 }
@@ -307,14 +332,20 @@ impl<E: Differentiable> Batch<E> {
     fn new(environment: E, tape: E::Tape, (actor, shape): (&Actor, &TaskShape), steps: usize) -> Self {
         let rows = E::ENVIRONMENTS * shape.agents;
         let step = Step {
-            observations: vec![0.0; shape.observation_len * rows],
+            inputs: vec![0.0; actor.mlp().inputs() * rows],
             network: Workspace::new(actor.mlp(), rows),
+            outcomes: vec![Outcome::Running; rows],
+        };
+        let memory = |memory: &Gru| WindowMemory {
+            hidden: vec![0.0; memory.units() * rows],
+            workspace: GruWorkspace::new(memory, rows),
         };
         Self {
             environment,
             tape,
             by_actions: vec![0.0; shape.action_len * rows],
-            by_observations: step.observations.clone(),
+            by_inputs: step.inputs.clone(),
+            memory: actor.memory().map(memory),
             steps: vec![step; steps],
             gradient: vec![0.0; actor.parameters().len()],
             reward: 0.0,
@@ -325,32 +356,71 @@ impl<E: Differentiable> Batch<E> {
     fn restart(&mut self, share: f32, stream: &mut Stream) {
         let chosen: Vec<usize> = (0..E::ENVIRONMENTS).filter(|_| stream.uniform() < share).collect();
         self.environment.restart(&chosen);
+        if let Some(memory) = &mut self.memory {
+            // Row `agent * ENVIRONMENTS + environment` of each unit.
+            for values in memory.hidden.chunks_exact_mut(E::ENVIRONMENTS) {
+                chosen.iter().for_each(|environment| values[*environment] = 0.0);
+            }
+        }
     }
 
     /// A window of steps with the mean actions.
     fn fly(&mut self, actor: &Actor) {
-        let Self { environment, tape, steps, .. } = self;
+        let Self { environment, tape, steps, memory, .. } = self;
         self.reward = 0.0;
-        for (index, Step { observations, network }) in steps.iter_mut().enumerate() {
-            observations.copy_from_slice(environment.observations());
-            let actions = actor.mlp().forward(actor.parameters(), observations, network);
+        for index in 0..steps.len() {
+            let (past, now) = steps.split_at_mut(index);
+            let Step { inputs, network, outcomes } = &mut now[0];
+            let observations = environment.observations();
+            let (observed, remembered) = inputs.split_at_mut(observations.len());
+            observed.copy_from_slice(observations);
+            if let (Some(gru), Some(WindowMemory { hidden, workspace })) = (actor.memory(), memory.as_mut()) {
+                match past.last() {
+                    None => workspace.begin(gru, actor.front_parameters(), observed, hidden),
+                    Some(last) => workspace.go_on(gru, actor.front_parameters(), observed, &last.outcomes),
+                }
+                remembered.copy_from_slice(workspace.hidden());
+            }
+            let actions = actor.mlp().forward(actor.parameters(), inputs, network);
             environment.step_on(tape, index, actions);
+            outcomes.copy_from_slice(environment.outcomes());
             self.reward += environment.rewards().iter().map(|reward| f64::from(*reward)).sum::<f64>();
+        }
+        if let (Some(WindowMemory { hidden, workspace }), Some(last)) = (memory, steps.last()) {
+            hidden.copy_from_slice(workspace.hidden());
+            forget(hidden, &last.outcomes);
         }
     }
 
     /// From the last step to the first.
     fn differentiate(&mut self, actor: &Actor, limit: f32) {
-        self.gradient.fill(0.0);
-        self.by_observations.fill(0.0);
-        for (index, Step { observations, network }) in self.steps.iter_mut().enumerate().rev() {
-            E::pull_back(&mut self.tape, index, &self.by_observations, limit, &mut self.by_actions);
+        let Self { tape, steps, by_actions, by_inputs, memory, gradient, .. } = self;
+        gradient.fill(0.0);
+        by_inputs.fill(0.0);
+        let remembered = memory.as_ref().map_or(0, |memory| memory.hidden.len());
+        let (of_network, of_front) = gradient.split_at_mut(actor.log_std_places().end);
+        if let Some(WindowMemory { workspace, .. }) = memory {
+            workspace.begin_backward();
+        }
+        for index in (0..steps.len()).rev() {
+            let (past, now) = steps.split_at_mut(index);
+            let Step { inputs, network, .. } = &mut now[0];
+            let observed = inputs.len() - remembered;
+            E::pull_back(tape, index, &by_inputs[..observed], limit, by_actions);
             let (actions, deltas) = network.output_delta();
-            for ((delta, action), by_action) in deltas.iter_mut().zip(actions).zip(&self.by_actions) {
+            for ((delta, action), by_action) in deltas.iter_mut().zip(actions).zip(&*by_actions) {
                 *delta = heard(*action, *by_action);
             }
-            let (mlp, gradient) = (actor.mlp(), &mut self.gradient[..actor.mlp().parameter_count()]);
-            mlp.backward_to_inputs(actor.parameters(), observations, network, gradient, &mut self.by_observations);
+            let of_layers = &mut of_network[..actor.mlp().parameter_count()];
+            actor.mlp().backward_to_inputs(actor.parameters(), inputs, network, of_layers, by_inputs);
+            if let (Some(gru), Some(WindowMemory { workspace, .. })) = (actor.memory(), memory.as_mut()) {
+                let (by_observation, by_state) = by_inputs.split_at_mut(observed);
+                workspace.keep_deltas(index, by_state);
+                workspace.step_back(gru, actor.front_parameters(), index, of_front, by_observation);
+                if let Some(last) = past.last() {
+                    workspace.forget(&last.outcomes);
+                }
+            }
         }
     }
 }

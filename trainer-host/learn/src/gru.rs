@@ -9,7 +9,7 @@ use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
 use crate::environment::Outcome;
-use crate::network::{Dense, Mlp, SampleMatrix, dispatch};
+use crate::network::{Accumulate, Dense, Mlp, SampleMatrix, dispatch};
 
 /// Bias of the gates that keep the old state: at first most of it is kept, so that gradients reach far back (Jozefowicz et
 /// al. 2015).
@@ -120,11 +120,11 @@ pub(crate) struct GruWorkspace {
     steps: Vec<GruStep>,
     /// Steps of the window so far.
     len: usize,
-    /// Loss gradients of states, of sums of the gates, of sums of the candidate, of gated states.
+    /// Loss gradients of states, of sums of the gates, of sums of the candidate, of what goes into both.
     carried: Vec<f32>,
     gate_deltas: Vec<f32>,
     candidate_deltas: Vec<f32>,
-    gated_deltas: Vec<f32>,
+    input_deltas: Vec<f32>,
 }
 
 impl GruWorkspace {
@@ -137,7 +137,7 @@ impl GruWorkspace {
             carried: zeros(gru.units()),
             gate_deltas: zeros(2 * gru.units()),
             candidate_deltas: zeros(gru.units()),
-            gated_deltas: zeros(gru.units()),
+            input_deltas: zeros(gru.candidate.inputs()),
         }
     }
 
@@ -166,8 +166,13 @@ impl GruWorkspace {
     }
 
     /// Keeps the loss gradient of the last step's state.
-    pub(crate) fn keep_deltas(&mut self, deltas: &[f32]) {
-        self.steps[self.len - 1].deltas.copy_from_slice(deltas);
+    pub(crate) fn keep_last_deltas(&mut self, deltas: &[f32]) {
+        self.keep_deltas(self.len - 1, deltas);
+    }
+
+    /// Keeps the loss gradient of the state of a step of the window.
+    pub(crate) fn keep_deltas(&mut self, index: usize, deltas: &[f32]) {
+        self.steps[index].deltas.copy_from_slice(deltas);
     }
 
     /// Adds the parameters' gradient of the whole window to `gradient`; `outcomes` are those of each step but the last, as
@@ -179,40 +184,60 @@ impl GruWorkspace {
         outcomes: impl Fn(usize) -> &'o [Outcome],
         gradient: &mut [f32],
     ) {
-        let Self { columns, steps, len, carried, gate_deltas, candidate_deltas, gated_deltas } = self;
-        let [gate_layer, candidate_layer] = gru.layers(parameters);
-        let (of_gates, of_candidate) = gradient.split_at_mut(gru.gates.parameter_count());
-        carried.fill(0.0);
-        for index in (0..*len).rev() {
-            let GruStep { inputs, gates, gated_inputs, candidate, deltas, .. } = &steps[index];
-            let observed = inputs.len() - carried.len();
-            let (reading, keeping) = gates.split_at(carried.len());
-            let (reading_deltas, keeping_deltas) = gate_deltas.split_at_mut(carried.len());
-            let hidden = &inputs[observed..];
-            dispatch(Differentiate {
-                hidden,
-                candidate,
-                keeping,
-                deltas,
-                carried,
-                candidate_deltas,
-                keeping_deltas,
-            });
-            let layer_deltas = SampleMatrix::by_feature(candidate_deltas, *columns);
-            let gated = SampleMatrix::by_feature(gated_inputs, *columns);
-            gru.candidate.only_gradient(of_candidate).add(layer_deltas, gated);
-            candidate_layer.input_deltas(layer_deltas, gated_deltas);
-            dispatch(PassGate { hidden, reading, gated_deltas, carried, reading_deltas });
-            let layer_deltas = SampleMatrix::by_feature(gate_deltas, *columns);
-            gru.gates.only_gradient(of_gates).add(layer_deltas, SampleMatrix::by_feature(inputs, *columns));
-            gate_layer.input_deltas(layer_deltas, gated_deltas);
-            for (sum, delta) in carried.iter_mut().zip(&*gated_deltas) {
-                *sum += delta;
-            }
+        self.begin_backward();
+        for index in (0..self.len).rev() {
+            self.step_back(gru, parameters, index, gradient, &mut []);
             if index > 0 {
-                forget(carried, outcomes(index - 1));
+                self.forget(outcomes(index - 1));
             }
         }
+    }
+
+    /// Before [`Self::step_back`] through the last step: nothing comes after it.
+    pub(crate) fn begin_backward(&mut self) {
+        self.carried.fill(0.0);
+    }
+
+    /// An episode that ended takes nothing back to the one before it, by `outcomes [columns]` of the step before.
+    pub(crate) fn forget(&mut self, outcomes: &[Outcome]) {
+        forget(&mut self.carried, outcomes);
+    }
+
+    /// Carries the loss gradient of a step's state, and of those after it, to the parameters, whose `gradient` grows, to the
+    /// state before the step, and to what the step observed: those `[observation][columns]` grow, too, unless they are empty
+    /// because nobody asks.
+    pub(crate) fn step_back(
+        &mut self,
+        gru: &Gru,
+        parameters: &[f32],
+        index: usize,
+        gradient: &mut [f32],
+        by_observation: &mut [f32],
+    ) {
+        let Self { columns, steps, carried, gate_deltas, candidate_deltas, input_deltas, .. } = self;
+        let [gate_layer, candidate_layer] = gru.layers(parameters);
+        let (of_gates, of_candidate) = gradient.split_at_mut(gru.gates.parameter_count());
+        let GruStep { inputs, gates, gated_inputs, candidate, deltas, .. } = &steps[index];
+        let observed = inputs.len() - carried.len();
+        let (reading, keeping) = gates.split_at(carried.len());
+        let (reading_deltas, keeping_deltas) = gate_deltas.split_at_mut(carried.len());
+        let hidden = &inputs[observed..];
+        dispatch(Differentiate { hidden, candidate, keeping, deltas, carried, candidate_deltas, keeping_deltas });
+        // A layer writes the gradients of its last inputs, as many as there is room for.
+        let wanted = &mut input_deltas[observed - by_observation.len()..];
+        let layer_deltas = SampleMatrix::by_feature(candidate_deltas, *columns);
+        let gated = SampleMatrix::by_feature(gated_inputs, *columns);
+        gru.candidate.only_gradient(of_candidate).add(layer_deltas, gated);
+        candidate_layer.input_deltas(layer_deltas, wanted);
+        let (of_observation, gated_deltas) = wanted.split_at(by_observation.len());
+        dispatch(Accumulate { values: of_observation, sums: by_observation });
+        dispatch(PassGate { hidden, reading, gated_deltas, carried, reading_deltas });
+        let layer_deltas = SampleMatrix::by_feature(gate_deltas, *columns);
+        gru.gates.only_gradient(of_gates).add(layer_deltas, SampleMatrix::by_feature(inputs, *columns));
+        gate_layer.input_deltas(layer_deltas, wanted);
+        let (of_observation, of_state) = wanted.split_at(by_observation.len());
+        dispatch(Accumulate { values: of_observation, sums: by_observation });
+        dispatch(Accumulate { values: of_state, sums: carried });
     }
 }
 

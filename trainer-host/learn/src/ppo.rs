@@ -62,6 +62,7 @@ pub use settings::{
     EncoderKind, EncoderSettings, EncoderSharing, MemorySettings, PpoSettings, SettingsError, TeacherSettings,
     ValueScaling, fits_minibatch, fits_windows,
 };
+pub(crate) use state::restore_hidden;
 pub use state::{RestoreError, TrainerState};
 use workspace::{SliceWorkspace, Workspaces};
 

@@ -176,6 +176,7 @@ impl AnalyticConfig {
             adjoint_limit: number("adjoint_limit", self.adjoint_limit, Limits::above(0.0, 1e9, ""))?,
             actor_hidden,
             activation,
+            memory_units: 0,
         })
     }
 }
@@ -363,13 +364,10 @@ impl TrainingConfig {
     /// The settings of training by gradients through the physics, where it is asked for.
     pub(super) fn check_analytic(&self, field: &Field<'_>) -> Result<Option<AnalyticSettings>, ConfigError> {
         let Some(analytic) = &self.analytic else { return Ok(None) };
-        if self.memory.is_some() {
-            return Err(field
-                .at("memory")
-                .reject("a memory beside `analytic`", "one of both: PPO trains what remembers"));
-        }
         let actor_hidden = hidden(&self.actor_hidden, &field.at("actor_hidden"))?;
-        analytic.check((actor_hidden, self.activation.activation()), &field.at("analytic")).map(Some)
+        let settings = analytic.check((actor_hidden, self.activation.activation()), &field.at("analytic"))?;
+        let memory_units = self.memory.map_or(0, |memory| memory.units as usize);
+        Ok(Some(AnalyticSettings { memory_units, ..settings }))
     }
 
     /// Refuses [`Self::analytic`] where PPO trains.

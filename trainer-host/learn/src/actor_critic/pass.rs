@@ -149,7 +149,7 @@ impl ActorCriticWorkspace {
         self.actor.backward_encoder(&actor, encoders.actor.as_ref(), batch.images, actor_gradient);
         self.critic.backward_encoder(&critic, encoders.critic.as_ref(), batch.images, critic_gradient);
         if let Some(memory) = &mut self.actor.memory {
-            memory.keep_deltas(&self.actor.front_deltas);
+            memory.keep_last_deltas(&self.actor.front_deltas);
         }
     }
 

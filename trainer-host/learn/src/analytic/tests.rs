@@ -5,20 +5,33 @@ fn settings() -> AnalyticSettings {
     AnalyticSettings { environments: 128, steps_per_window: 20, adjoint_limit: 1e9, ..AnalyticSettings::default() }
 }
 
-fn trainer() -> AnalyticTrainer<Pendulum> {
-    AnalyticTrainer::new(&SwingUp, &settings(), Seed(1)).unwrap()
+fn remembering() -> AnalyticSettings {
+    AnalyticSettings { memory_units: 8, actor_hidden: vec![16], ..settings() }
+}
+
+fn trainer(settings: &AnalyticSettings) -> AnalyticTrainer<Pendulum> {
+    AnalyticTrainer::new(&SwingUp, settings, Seed(1)).unwrap()
 }
 
 /// Rewards of the first window with a policy.
-fn rewards(actor: &Actor) -> f64 {
-    let mut trainer = trainer();
+fn rewards(settings: &AnalyticSettings, actor: &Actor) -> f64 {
+    let mut trainer = trainer(settings);
     trainer.batches.iter_mut().for_each(|batch| batch.fly(actor));
     trainer.batches.iter().map(|batch| batch.reward).sum()
 }
 
 #[test]
 fn the_gradient_of_a_window_is_that_of_differences() {
-    let mut trainer = trainer();
+    check_gradient(&settings());
+}
+
+#[test]
+fn the_gradient_through_a_memory_is_that_of_differences() {
+    check_gradient(&remembering());
+}
+
+fn check_gradient(settings: &AnalyticSettings) {
+    let mut trainer = trainer(settings);
     // The first actions are nearly zero; larger ones show more.
     trainer.actor.parameters_mut().iter_mut().for_each(|parameter| *parameter *= 1.5);
     let actor = trainer.actor.clone();
@@ -35,7 +48,7 @@ fn the_gradient_of_a_window_is_that_of_differences() {
         let moved = |by: f32| {
             let mut actor = actor.clone();
             actor.parameters_mut().iter_mut().zip(&direction).for_each(|(value, way)| *value += by * way);
-            rewards(&actor)
+            rewards(settings, &actor)
         };
         let found = (moved(1e-3) - moved(-1e-3)) / 2e-3;
         assert!((found - expected).abs() < 0.01 * expected.abs() + 1.0, "{found} {expected}");
@@ -44,14 +57,19 @@ fn the_gradient_of_a_window_is_that_of_differences() {
 
 #[test]
 fn bits_depend_neither_on_threads_nor_on_an_interruption() {
+    check_bits(&settings());
+    check_bits(&remembering());
+}
+
+fn check_bits(settings: &AnalyticSettings) {
     let run = |threads: usize, is_interrupted: bool| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut trainer = trainer();
+            let mut trainer = trainer(settings);
             for _ in 0..3 {
                 trainer.update();
                 if is_interrupted {
-                    trainer = AnalyticTrainer::restore(&SwingUp, &settings(), trainer.save()).unwrap();
+                    trainer = AnalyticTrainer::restore(&SwingUp, settings, trainer.save()).unwrap();
                 }
             }
             trainer.actor.parameters().to_vec()
@@ -68,8 +86,22 @@ fn what_does_not_fit_is_refused() {
     let refusal = AnalyticTrainer::<Pendulum>::new(&SwingUp, &odd, Seed(0)).unwrap_err();
     assert_eq!(refusal.to_string(), "100 environments: expected a multiple of 64");
     let wide = AnalyticSettings { actor_hidden: vec![8], ..settings() };
-    let refusal = AnalyticTrainer::<Pendulum>::restore(&SwingUp, &wide, trainer().save()).unwrap_err();
+    let refusal = AnalyticTrainer::<Pendulum>::restore(&SwingUp, &wide, trainer(&settings()).save()).unwrap_err();
     assert!(refusal.to_string().contains("the saved actor has layers [3, 64, 64, 1]"), "{refusal}");
+}
+
+#[test]
+fn an_ended_episode_is_forgotten() {
+    let mut trainer = trainer(&remembering());
+    for _ in 0..3 {
+        trainer.update();
+    }
+    let batch = &mut trainer.batches[0];
+    batch.restart(0.5, &mut Stream::new(Seed(5), 0, Purpose::Shuffle));
+    let hidden = &batch.memory.as_ref().unwrap().hidden;
+    let fresh = (0..Pendulum::ENVIRONMENTS).filter(|row| hidden[*row] == 0.0).collect::<Vec<_>>();
+    assert!(fresh.len() > 16 && fresh.len() < 48, "{fresh:?}");
+    assert!(fresh.iter().all(|row| hidden.iter().skip(*row).step_by(Pendulum::ENVIRONMENTS).all(|value| *value == 0.0)));
 }
 
 #[test]

@@ -170,6 +170,21 @@ impl<S> TrainerState<S> {
     }
 }
 
+/// Takes saved hidden states to where they were, memory after memory.
+pub(crate) fn restore_hidden(saved: &[f32], memories: Vec<&mut [f32]>) -> Result<(), RestoreError> {
+    let (found, expected) = (saved.len(), memories.iter().map(|memory| memory.len()).sum());
+    if found != expected {
+        return Err(RestoreError::Parameters { network: "memory", found, expected });
+    }
+    let mut rest = saved;
+    for memory in memories {
+        let (mine, others) = rest.split_at(memory.len());
+        memory.copy_from_slice(mine);
+        rest = others;
+    }
+    Ok(())
+}
+
 impl<E: Environment> Trainer<E> {
     /// The run between two updates; all its ranks save at once.
     pub fn save(&self) -> TrainerState<E::State> {
@@ -204,16 +219,8 @@ impl<E: Environment> Trainer<E> {
                 return Err(RestoreError::Task { task });
             }
         }
-        let (found, expected) = (state.hidden.len(), trainer.env_batches.iter().map(|of| of.hidden().len()).sum());
-        if found != expected {
-            return Err(RestoreError::Parameters { network: "memory", found, expected });
-        }
-        let mut remembered = state.hidden.as_slice();
-        for hidden in trainer.env_batches.iter_mut().map(EnvBatch::hidden_mut) {
-            let (mine, others) = remembered.split_at(hidden.len());
-            hidden.copy_from_slice(mine);
-            remembered = others;
-        }
+        let memories = trainer.env_batches.iter_mut().map(EnvBatch::hidden_mut).collect();
+        restore_hidden(&state.hidden, memories)?;
         trainer.actor = state.actor;
         trainer.critic = state.critic;
         trainer.actor_optimiser = state.actor_optimiser;
