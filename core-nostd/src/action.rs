@@ -207,6 +207,22 @@ impl ActionSpace {
         }
     }
 
+    /// The same actions on another drone: those that any drone understands ([`ThrustTorques`]) turn its rotors; others stay
+    /// those of the drone that they were made for.
+    #[must_use]
+    pub fn on(&self, airframe: &Airframe) -> Self {
+        match self {
+            Self::ThrustTorques(space) => Self::ThrustTorques(space.on(airframe)),
+            Self::RotorSpeeds(_)
+            | Self::ThrustBodyRates(_)
+            | Self::RateLoop(_)
+            | Self::Reference(_)
+            | Self::Velocities(_)
+            | Self::IntegralVelocities(_)
+            | Self::RotorThrusts(_) => *self,
+        }
+    }
+
     /// Greatest rotor speed \[rad/s\].
     pub fn rotor_speed_limit(&self) -> f32 {
         match self {

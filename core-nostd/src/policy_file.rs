@@ -28,6 +28,7 @@ pub use recurrent::{MEMORY_HEADER_LEN, MemoryDraft, PolicyMemory, RecurrentDraft
 pub use vision::{ENCODER_HEADER_LEN, EncoderDraft, EncoderWorkspace, PolicyEncoder, VisionDraft, VisionPolicy};
 pub use writer::PolicyDraft;
 
+use crate::airframe::Airframe;
 use crate::fixed::{self, FixedMlp};
 use crate::limits::{ACTION_LIMIT, WIDTH_LIMIT};
 use crate::mlp::{self, Mlp};
@@ -92,6 +93,13 @@ impl<'a> PolicyFile<'a> {
     /// Name, observation layout, action space, control period.
     pub fn metadata(&self) -> &PolicyMetadata<'a> {
         &self.metadata
+    }
+
+    /// The same policy on another drone ([`ActionSpace::on`](crate::action::ActionSpace::on)).
+    #[must_use]
+    pub fn on(mut self, airframe: &Airframe) -> Self {
+        self.metadata.action = self.metadata.action.on(airframe);
+        self
     }
 
     /// What it is computed with.

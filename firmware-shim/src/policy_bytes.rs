@@ -1,10 +1,11 @@
-//! A policy file in memory, on the boundary that [`PolicyFile`] wants.
+//! A policy file in memory, on the boundary that [`StatePolicy`] wants.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use kestrel_core::policy_file::{PolicyError, PolicyFile};
+use kestrel_core::pilot::StatePolicy;
+use kestrel_core::policy_file::PolicyError;
 
 /// The boundary: parameters are read in place, four bytes at a time.
 const ALIGNMENT: usize = 4;
@@ -68,8 +69,8 @@ impl PolicyBytes {
     ///
     /// # Errors
     /// What is wrong with the file.
-    pub fn policy(&self) -> Result<PolicyFile<'_>, PolicyError> {
-        PolicyFile::parse(self.bytes())
+    pub fn policy(&self) -> Result<StatePolicy<'_>, PolicyError> {
+        StatePolicy::parse(self.bytes())
     }
 
     /// The bytes themselves.

@@ -9,7 +9,7 @@ use std::slice;
 use std::time::Duration;
 
 use kestrel_core::airframe::Airframe;
-use kestrel_core::pilot::Pilot;
+use kestrel_core::pilot::{Pilot, StatePolicy};
 use kestrel_core::policy_file::PolicyError;
 use kestrel_onboard::endpoint::Counts;
 
@@ -247,7 +247,7 @@ impl SessionOptions {
     }
 }
 
-impl<'a> Session<Pilot<'a>> {
+impl<'a> Session<Pilot<'a, StatePolicy<'a>>> {
     /// Tests the policy and opens the vehicle's links and log.
     ///
     /// # Errors
@@ -257,11 +257,11 @@ impl<'a> Session<Pilot<'a>> {
         airframe: &Airframe,
         options: &SessionOptions,
     ) -> Result<Self, SessionError> {
-        let policy = bytes.policy()?;
-        let identity = PolicyIdentity::of(policy.metadata().name, bytes.bytes());
-        let name = policy.metadata().name;
-        policy.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
-        Self::with(Pilot::new(policy), &identity, airframe, options)
+        let mut pilot = Pilot::with_runner(bytes.policy()?.on(airframe));
+        let name = pilot.metadata().name;
+        let identity = PolicyIdentity::of(name, bytes.bytes());
+        pilot.self_test().map_err(|reason| SessionError::SelfTest { name: name.to_owned(), reason })?;
+        Self::with(pilot, &identity, airframe, options)
     }
 }
 

@@ -27,7 +27,11 @@ pub struct AirframeFamily {
 const MASS_SPREAD: f32 = 0.15;
 /// Moment of inertia about body x over mass and squared arm: 0.15 (Hummingbird) to 0.45 (Crazyflie 2.1).
 const INERTIA: [f32; 2] = [0.12, 0.65];
-/// That about y over that about x.
+/// Least and greatest angular acceleration about body x \[rad/s²\] of two rotors at full thrust and two at none: those of RAPTOR's
+/// drones (Eschmann et al. 2025); a Crazyflie 2.1 has 416. A drone that the ratio above would make nimbler or clumsier has more
+/// or less inertia.
+const AGILITY: [f64; 2] = [40.0, 1_200.0];
+/// Moment of inertia about y over that about x.
 const PITCH_INERTIA: [f32; 2] = [0.75, 1.35];
 /// That about z over the sum of the other two, which it is in a flat body.
 const YAW_INERTIA: [f32; 2] = [0.5, 1.0];
@@ -52,7 +56,8 @@ impl AirframeFamily {
         let mut ratio = |bounds: [f32; 2]| f64::from(at(bounds, stream.uniform()));
         let thrust = ratio(self.thrust_to_weight) * mass * kestrel_core::airframe::GRAVITY / 4.0;
         let thrust_coefficient = thrust / (known.rotor_speed_limit * known.rotor_speed_limit);
-        let about_x = ratio(INERTIA) * mass * arm * arm;
+        let turning = 2.0 * thrust * arm * core::f64::consts::FRAC_1_SQRT_2;
+        let about_x = (ratio(INERTIA) * mass * arm * arm).clamp(turning / AGILITY[1], turning / AGILITY[0]);
         let about_y = about_x * ratio(PITCH_INERTIA);
         let inertia = [about_x, about_y, (about_x + about_y) * ratio(YAW_INERTIA)];
         let rotor_rise_secs = ratio(self.rotor_lag);
@@ -105,7 +110,7 @@ mod tests {
 
     const FAMILY: AirframeFamily = AirframeFamily {
         mass: [0.02, 2.5],
-        arm: [0.03, 0.3],
+        arm: [0.03, 0.4],
         thrust_to_weight: [1.5, 5.0],
         rotor_lag: [0.01, 0.15],
     };

@@ -228,6 +228,8 @@ pub(crate) enum StartLimit {
     Distance(f32),
     /// Those so fast \[m/s\].
     Speed(f32),
+    /// Those that turn so fast \[rad/s\].
+    BodyRates(f32),
 }
 
 /// What terminations look at: the drones of a block after a control period.

@@ -8,6 +8,7 @@
 mod list;
 
 mod arrival;
+mod body_rates;
 mod collision;
 mod collision_outside;
 mod custom;
@@ -63,6 +64,7 @@ terminations! {
         "rest" Rest in rest;
         "hold" Hold in hold;
         "speed" Speed in speed;
+        "body_rates" BodyRates in body_rates;
         "impact" Impact in impact;
         "heading" Heading in heading;
     }
@@ -104,7 +106,8 @@ impl Termination {
             | StartLimit::Touching
             | StartLimit::Tilt(_)
             | StartLimit::Distance(_)
-            | StartLimit::Speed(_) => None,
+            | StartLimit::Speed(_)
+            | StartLimit::BodyRates(_) => None,
         }
     }
 

@@ -1,6 +1,7 @@
 //! What a pilot flies a recurrent policy with.
 
 use super::{Pilot, PolicyRunner};
+use crate::airframe::Airframe;
 use crate::gru::HiddenState;
 use crate::limits::ACTION_LIMIT;
 use crate::policy_file::{PolicyError, PolicyMetadata, PolicyScratch, RecurrentPolicy};
@@ -16,6 +17,12 @@ impl<'a> RecurrentRunner<'a> {
     /// The policy, which remembers nothing yet.
     pub fn new(policy: RecurrentPolicy<'a>) -> Self {
         Self { policy, hidden: HiddenState::new() }
+    }
+
+    /// As [`RecurrentPolicy::on`].
+    #[must_use]
+    pub fn on(self, airframe: &Airframe) -> Self {
+        Self { policy: self.policy.on(airframe), ..self }
     }
 }
 

@@ -3,6 +3,7 @@
 use super::PolicyRunner;
 #[cfg(feature = "recurrent")]
 use super::RecurrentRunner;
+use crate::airframe::Airframe;
 use crate::limits::ACTION_LIMIT;
 #[cfg(feature = "recurrent")]
 use crate::policy_file::RecurrentPolicy;
@@ -37,15 +38,38 @@ impl<'a> StatePolicy<'a> {
             Err(error) => Err(error),
         }
     }
-}
 
-impl<'a> PolicyRunner<'a> for StatePolicy<'a> {
-    fn metadata(&self) -> &PolicyMetadata<'a> {
+    /// What the firmware must know about the policy.
+    pub fn metadata(&self) -> &PolicyMetadata<'a> {
         match self {
             Self::FeedForward(policy) => policy.metadata(),
             #[cfg(feature = "recurrent")]
             Self::Recurrent(policy) => policy.metadata(),
         }
+    }
+
+    /// Computes the golden vectors again.
+    ///
+    /// # Errors
+    /// [`PolicyError::SelfTest`]: do not fly.
+    pub fn self_test(&mut self) -> Result<(), PolicyError> {
+        PolicyRunner::self_test(self, &mut PolicyScratch::new())
+    }
+
+    /// As [`PolicyFile::on`].
+    #[must_use]
+    pub fn on(self, airframe: &Airframe) -> Self {
+        match self {
+            Self::FeedForward(policy) => Self::FeedForward(policy.on(airframe)),
+            #[cfg(feature = "recurrent")]
+            Self::Recurrent(policy) => Self::Recurrent(policy.on(airframe)),
+        }
+    }
+}
+
+impl<'a> PolicyRunner<'a> for StatePolicy<'a> {
+    fn metadata(&self) -> &PolicyMetadata<'a> {
+        self.metadata()
     }
 
     fn reset(&mut self) {

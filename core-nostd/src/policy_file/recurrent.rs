@@ -5,6 +5,7 @@ use super::writer::{copy, copy_words, seal, section, write_layer};
 use super::{
     Arithmetic, Network, ParameterFormat, PolicyDraft, PolicyError, PolicyFile, PolicyMetadata, PolicyScratch,
 };
+use crate::airframe::Airframe;
 use crate::fixed::{FixedFormat, FixedGru, gru_format};
 use crate::gru::{Gru, HiddenState, MemoryShape};
 use crate::limits::ACTION_LIMIT;
@@ -156,6 +157,13 @@ impl<'a> RecurrentPolicy<'a> {
     /// Name, observation layout (without the hidden state), action space, control period.
     pub fn metadata(&self) -> &PolicyMetadata<'a> {
         self.policy.metadata()
+    }
+
+    /// As [`PolicyFile::on`].
+    #[must_use]
+    pub fn on(mut self, airframe: &Airframe) -> Self {
+        self.policy = self.policy.on(airframe);
+        self
     }
 
     /// What it is computed with.

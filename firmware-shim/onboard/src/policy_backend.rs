@@ -1,7 +1,7 @@
 //! Where a policy is computed: here, or on another processor.
 
 use kestrel_core::observation::ObservationLayout;
-use kestrel_core::pilot::Pilot;
+use kestrel_core::pilot::{Pilot, PolicyRunner};
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 
@@ -23,13 +23,13 @@ pub trait PolicyBackend {
     fn tick(&mut self, state: &State<f32>, setpoint: &Setpoint<f32>) -> Option<[f32; 4]>;
 }
 
-impl PolicyBackend for Pilot<'_> {
+impl<'a, P: PolicyRunner<'a>> PolicyBackend for Pilot<'a, P> {
     fn control_secs(&self) -> f32 {
-        self.policy().metadata().control_period_secs
+        self.metadata().control_period_secs
     }
 
     fn observation(&self) -> &ObservationLayout {
-        &self.policy().metadata().observation
+        &self.metadata().observation
     }
 
     fn healthy(&mut self) -> bool {

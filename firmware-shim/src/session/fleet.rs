@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use kestrel_core::airframe::Airframe;
-use kestrel_core::pilot::Pilot;
+use kestrel_core::pilot::{Pilot, StatePolicy};
 
 use super::{Session, SessionError, SessionOptions, announcement, fly_together};
 use crate::link::LINKS;
@@ -26,7 +26,7 @@ pub struct Fleet<P> {
     announcement: String,
 }
 
-impl<'a> Fleet<Pilot<'a>> {
+impl<'a> Fleet<Pilot<'a, StatePolicy<'a>>> {
     /// Opens `count` vehicles.
     ///
     /// # Errors

@@ -51,7 +51,7 @@ struct Client {
 }
 
 impl Client {
-    fn of(session: &Session<Pilot<'_>>) -> Self {
+    fn of(session: &Session<Pilot<'_, StatePolicy<'_>>>) -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.connect(session.bound().udp).unwrap();
         socket.set_read_timeout(Some(Duration::from_secs(10))).unwrap();

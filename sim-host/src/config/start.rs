@@ -167,7 +167,7 @@ impl Default for AirframesConfig {
     fn default() -> Self {
         Self {
             mass_kg: [0.02, 2.5],
-            arm_m: [0.03, 0.3],
+            arm_m: [0.03, 0.4],
             thrust_to_weight: [1.5, 5.0],
             rotor_lag_secs: [0.01, 0.15],
         }
@@ -456,11 +456,16 @@ fn survives(
             let expected = format!("less than {limit} m/s, which ends the episode");
             Err(field.at("speed_limit_m_per_s").refuse(start.speed_limit, expected))
         }
+        StartLimit::BodyRates(limit) if start.body_rates_limit >= limit => {
+            let expected = format!("less than {limit} rad/s, which ends the episode");
+            Err(field.at("body_rates_limit_rad_per_s").refuse(start.body_rates_limit, expected))
+        }
         StartLimit::None
         | StartLimit::Outside(_)
         | StartLimit::Tilt(_)
         | StartLimit::Distance(_)
-        | StartLimit::Speed(_) => Ok(()),
+        | StartLimit::Speed(_)
+        | StartLimit::BodyRates(_) => Ok(()),
     }
 }
 

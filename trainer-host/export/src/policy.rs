@@ -83,7 +83,7 @@ impl<'a> Policy<'a> {
     /// In what it differs from a policy that was trained for a scenario: `observation (has body of 29 values, the task …)`.
     pub fn differing(&self, scenario: &Scenario) -> Option<String> {
         let metadata = self.metadata();
-        let (observation, action) = (&metadata.observation, &metadata.action);
+        let (observation, action) = (&metadata.observation, &metadata.action.on(&scenario.airframe));
         let period_secs = scenario.physics.control_secs();
         if *observation != scenario.observation {
             let words = |layout: &ObservationLayout| format!("`{}` of {} values", layout.name(), layout.len());
@@ -104,7 +104,7 @@ impl<'a> Policy<'a> {
     /// Whether it flies to a point that anybody may choose: it sees its goal, and nothing that only its task has.
     pub fn flies_anywhere(&self) -> bool {
         let layout = &self.metadata().observation;
-        matches!(self, Self::Blind(_)) && layout.shows_goal() && layout.measured_len() == 0
+        !matches!(self, Self::Seeing(_)) && layout.shows_goal() && layout.measured_len() == 0
     }
 
     /// Whether it acts once in a control period of so many seconds, as near as decimal numbers say.

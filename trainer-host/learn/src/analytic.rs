@@ -24,7 +24,7 @@ use web_time::Instant;
 use crate::actor_critic::{Actor, ActorLengths, Critic, Front};
 use crate::adam::{Adam, Remembering};
 use crate::environment::{Environment, Outcome, TaskShape};
-use crate::gru::{Gru, GruWorkspace, forget};
+use crate::gru::{Gru, GruWorkspace, forget, shorten};
 use crate::network::{Accumulate, Workspace, dispatch, square};
 use crate::ppo::{RestoreError, TrainerState, UpdateMetrics, restore_hidden};
 use crate::schedule::Schedule;
@@ -47,7 +47,8 @@ pub struct AnalyticSettings {
     pub gradient_norm_limit: f32,
     /// Share of the environments whose episodes are ended before a window, in \[0, 1\].
     pub restart_share: f32,
-    /// Longest derivative of the window's rewards by the state of a lane, in rewards per unit of the state.
+    /// Longest derivative of the window's rewards by the state of a lane, in rewards per unit of the state; where a policy has a
+    /// memory, also by what that remembers, and by what a lane observes.
     pub adjoint_limit: f32,
     /// Widths of the actor's hidden layers.
     pub actor_hidden: Vec<usize>,
@@ -147,6 +148,8 @@ struct WindowMemory {
     /// `[units][rows]`.
     hidden: Vec<f32>,
     workspace: GruWorkspace,
+    /// Of the derivatives of the rows.
+    lengths: Vec<f32>,
 }
 
 #[derive(Clone, Debug)]
@@ -339,6 +342,7 @@ impl<E: Differentiable> Batch<E> {
         let memory = |memory: &Gru| WindowMemory {
             hidden: vec![0.0; memory.units() * rows],
             workspace: GruWorkspace::new(memory, rows),
+            lengths: vec![0.0; rows],
         };
         Self {
             environment,
@@ -374,7 +378,7 @@ impl<E: Differentiable> Batch<E> {
             let observations = environment.observations();
             let (observed, remembered) = inputs.split_at_mut(observations.len());
             observed.copy_from_slice(observations);
-            if let (Some(gru), Some(WindowMemory { hidden, workspace })) = (actor.memory(), memory.as_mut()) {
+            if let (Some(gru), Some(WindowMemory { hidden, workspace, .. })) = (actor.memory(), memory.as_mut()) {
                 match past.last() {
                     None => workspace.begin(gru, actor.front_parameters(), observed, hidden),
                     Some(last) => workspace.go_on(gru, actor.front_parameters(), observed, &last.outcomes),
@@ -386,7 +390,7 @@ impl<E: Differentiable> Batch<E> {
             outcomes.copy_from_slice(environment.outcomes());
             self.reward += environment.rewards().iter().map(|reward| f64::from(*reward)).sum::<f64>();
         }
-        if let (Some(WindowMemory { hidden, workspace }), Some(last)) = (memory, steps.last()) {
+        if let (Some(WindowMemory { hidden, workspace, .. }), Some(last)) = (memory, steps.last()) {
             hidden.copy_from_slice(workspace.hidden());
             forget(hidden, &last.outcomes);
         }
@@ -413,10 +417,13 @@ impl<E: Differentiable> Batch<E> {
             }
             let of_layers = &mut of_network[..actor.mlp().parameter_count()];
             actor.mlp().backward_to_inputs(actor.parameters(), inputs, network, of_layers, by_inputs);
-            if let (Some(gru), Some(WindowMemory { workspace, .. })) = (actor.memory(), memory.as_mut()) {
+            if let (Some(gru), Some(WindowMemory { workspace, lengths, .. })) = (actor.memory(), memory.as_mut()) {
                 let (by_observation, by_state) = by_inputs.split_at_mut(observed);
                 workspace.keep_deltas(index, by_state);
                 workspace.step_back(gru, actor.front_parameters(), index, of_front, by_observation);
+                workspace.limit(limit);
+                // What was done is observed, and what is observed is done: a way back that the state's limit does not see.
+                shorten(by_observation, lengths, limit);
                 if let Some(last) = past.last() {
                     workspace.forget(&last.outcomes);
                 }

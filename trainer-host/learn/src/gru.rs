@@ -125,6 +125,8 @@ pub(crate) struct GruWorkspace {
     gate_deltas: Vec<f32>,
     candidate_deltas: Vec<f32>,
     input_deltas: Vec<f32>,
+    /// Of the gradients of the columns.
+    lengths: Vec<f32>,
 }
 
 impl GruWorkspace {
@@ -138,6 +140,7 @@ impl GruWorkspace {
             gate_deltas: zeros(2 * gru.units()),
             candidate_deltas: zeros(gru.units()),
             input_deltas: zeros(gru.candidate.inputs()),
+            lengths: zeros(1),
         }
     }
 
@@ -203,6 +206,11 @@ impl GruWorkspace {
         forget(&mut self.carried, outcomes);
     }
 
+    /// Shortens the loss gradient of the state, column by column, to at most this length.
+    pub(crate) fn limit(&mut self, longest: f32) {
+        shorten(&mut self.carried, &mut self.lengths, longest);
+    }
+
     /// Carries the loss gradient of a step's state, and of those after it, to the parameters, whose `gradient` grows, to the
     /// state before the step, and to what the step observed: those `[observation][columns]` grow, too, unless they are empty
     /// because nobody asks.
@@ -238,6 +246,26 @@ impl GruWorkspace {
         let (of_observation, of_state) = wanted.split_at(by_observation.len());
         dispatch(Accumulate { values: of_observation, sums: by_observation });
         dispatch(Accumulate { values: of_state, sums: carried });
+    }
+}
+
+/// Shortens columns of `values [rows][columns]` that are longer, to this length; one that is not finite says nothing and becomes
+/// zero. `lengths [columns]` are overwritten.
+pub(crate) fn shorten(values: &mut [f32], lengths: &mut [f32], longest: f32) {
+    let columns = lengths.len();
+    lengths.fill(0.0);
+    for row in values.chunks_exact(columns) {
+        lengths.iter_mut().zip(row).for_each(|(length, value)| *length += value * value);
+    }
+    for length in lengths.iter_mut() {
+        let share = (longest / length.sqrt()).min(1.0);
+        *length = if length.is_finite() { share } else { 0.0 };
+    }
+    for row in values.chunks_exact_mut(columns) {
+        for (value, share) in row.iter_mut().zip(&*lengths) {
+            // Zero times what is not finite is not zero.
+            *value = if *share == 0.0 { 0.0 } else { *value * share };
+        }
     }
 }
 

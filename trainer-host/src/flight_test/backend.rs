@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use kestrel_core::observation::{ObservationLayout, PilotLayout};
-use kestrel_core::pilot::Pilot;
+use kestrel_core::pilot::{Pilot, StatePolicy};
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
 use kestrel_shim::policy_backend::PolicyBackend;
@@ -18,7 +18,7 @@ const UNREAD: ObservationLayout =
 /// A policy that fails when the faults say so.
 pub(crate) struct FailingPolicy<'a> {
     /// None where the cascade flies: then it never answers, and nobody asks.
-    pub(crate) pilot: Option<Pilot<'a>>,
+    pub(crate) pilot: Option<Pilot<'a, StatePolicy<'a>>>,
     /// Of all kinds.
     pub(crate) faults: &'a [Fault],
     /// Simulated time \[s\].

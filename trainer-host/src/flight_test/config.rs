@@ -224,8 +224,8 @@ impl Setting {
 
     /// Refuses a policy that sees no goal, needs sensors, or acts at another pace.
     fn check_policy(&self, bytes: &PolicyBytes, field: &Field<'_>) -> Result<(), ConfigError> {
-        let policy = bytes.policy().map_err(|error| field.reject(error, "a policy without images and memory"))?;
-        let metadata = policy.metadata();
+        let mut policy = bytes.policy().map_err(|error| field.reject(error, "a policy without images"))?;
+        let metadata = *policy.metadata();
         let layout = &metadata.observation;
         if !layout.shows_goal() || layout.measured_len() > 0 {
             let found = format!("a policy with the observation `{}`", layout.name());

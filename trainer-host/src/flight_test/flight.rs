@@ -104,9 +104,9 @@ fn vehicle<'a>(case: &'a Case, clock: &Rc<Cell<f64>>) -> Result<Vehicle<FailingP
     let (pilot, identity) = match &case.pilot {
         CasePilot::Cascade => (None, PolicyIdentity::of("none", &[])),
         CasePilot::Policy(bytes) => {
-            let policy = bytes.policy()?;
+            let policy = bytes.policy()?.on(&case.airframe);
             let identity = PolicyIdentity::of(policy.metadata().name, bytes.bytes());
-            (Some(Pilot::new(policy)), identity)
+            (Some(Pilot::with_runner(policy)), identity)
         }
     };
     let control_secs = case.scenario.physics.control_secs();

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use kestrel_core::pilot::{Pilot, PolicyRunner, StatePolicy};
+use kestrel_core::pilot::{Pilot, StatePolicy};
 use kestrel_core::real::Real;
 use kestrel_core::setpoint::Setpoint;
 use kestrel_core::vehicle::State;
