@@ -33,7 +33,7 @@ out=target/simulators
 mkdir -p "$out"
 
 library() { # the core's pilot for many drones, as Python loads it
-  cargo rustc --quiet -p kestrel-crazyflie --lib --crate-type staticlib &&
+  cargo rustc --quiet -p kestrel-crazyflie --features recurrent --lib --crate-type staticlib &&
     gcc -shared -fPIC -O2 -Wall -Wextra -Werror -I firmware-shim/crazyflie/include tests/simulators/pilot.c \
       target/debug/libkestrel_pilot.a -lpthread -ldl -lm -o "$out/pilot.so"
 }

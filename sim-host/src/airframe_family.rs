@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn drones_keep_to_their_bounds_and_reach_them() {
-        let mut stream = Stream::new(Seed(3), 0, Purpose::Episode);
+        let mut stream = Stream::new(Seed(3), 0, Purpose::Reset);
         let drones: Vec<Airframe> = (0..4_000).map(|_| FAMILY.draw(&CRAZYFLIE_2_1, &mut stream)).collect();
         let within = |what: &str, [least, greatest]: [f32; 2], of: &dyn Fn(&Airframe) -> f64| {
             let values = drones.iter().map(of);
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn large_drones_are_heavy_and_feel_the_air_less() {
-        let mut stream = Stream::new(Seed(4), 0, Purpose::Episode);
+        let mut stream = Stream::new(Seed(4), 0, Purpose::Reset);
         let drones: Vec<Airframe> = (0..4_000).map(|_| FAMILY.draw(&CRAZYFLIE_2_1, &mut stream)).collect();
         let mean = |is_large: bool, of: &dyn Fn(&Airframe) -> f64| {
             let chosen: Vec<f64> = drones.iter().filter(|drone| (drone.arm > 0.1) == is_large).map(of).collect();

@@ -6,7 +6,7 @@ fn settings() -> AnalyticSettings {
 }
 
 fn remembering() -> AnalyticSettings {
-    AnalyticSettings { memory_units: 8, actor_hidden: vec![16], ..settings() }
+    AnalyticSettings { memory_units: 8, actor_hidden: vec![16], steps_per_window: 10, ..settings() }
 }
 
 fn trainer(settings: &AnalyticSettings) -> AnalyticTrainer<Pendulum> {
