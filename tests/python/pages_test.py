@@ -24,7 +24,7 @@ PAGES = ["README.md", "firmware-shim/README.md", "core-nostd/README.md", "firmwa
 
 SHORTENED = [
     (r"^kestrel train (?!--resume|.*runs/first)", " --set training.total_steps=65536 --set evaluation.episodes=4"),
-    (r"^kestrel train configs/(hover|px4-neural)(?!.*analytic=null)", " --set training.analytic.total_steps=24576"),
+    (r"^kestrel train configs/(hover|px4-neural|any)(?!.*analytic=null)", " --set training.analytic.total_steps=24576"),
     (r"^kestrel evaluate", " --episodes 4"),
     (r"^kestrel baseline", " --episodes 4"),
     (r"^kestrel fly", " --for-secs 1 --speed max --listen 127.0.0.1:0 --ground-station 127.0.0.1:9"),
