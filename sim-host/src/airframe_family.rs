@@ -62,7 +62,7 @@ impl AirframeFamily {
         let inertia = [about_x, about_y, (about_x + about_y) * ratio(YAW_INERTIA)];
         let rotor_rise_secs = ratio(self.rotor_lag);
         let planar = known.drag_coefficients.planar / known.mass * mass * ratio(DRAG);
-        Airframe {
+        let drone = Airframe {
             mass,
             inertia,
             layout: Layout::Cross { x: 1.0, y: 1.0 }.with_arm(arm),
@@ -73,26 +73,22 @@ impl AirframeFamily {
             rotor_rise_secs,
             rotor_fall_secs: rotor_rise_secs * ratio(FALL),
             drag_coefficients: DragCoefficients { planar, axial: planar * ratio(AXIAL) },
-            effects: scaled(known, (mass, inertia, arm), ratio),
             ..*known
-        }
+        };
+        Airframe { effects: scaled(known, &drone, ratio), ..drone }
     }
 }
 
 /// The known drone's effects, on one of another mass, inertia and arm: accelerations per speed and rate fall as drones grow.
-fn scaled(
-    known: &Airframe,
-    (mass, inertia, arm): (f64, [f64; 3], f64),
-    mut ratio: impl FnMut([f32; 2]) -> f64,
-) -> FlightEffects {
-    let (effects, smaller) = (&known.effects, known.arm / arm);
-    let turning = core::array::from_fn::<f64, 3, _>(|axis| inertia[axis] / known.inertia[axis]);
+fn scaled(known: &Airframe, drone: &Airframe, mut ratio: impl FnMut([f32; 2]) -> f64) -> FlightEffects {
+    let (effects, smaller) = (&known.effects, known.arm / drone.arm);
+    let turning = core::array::from_fn::<f64, 3, _>(|axis| drone.inertia[axis] / known.inertia[axis]);
     let damping = ratio(EFFECTS) * smaller;
     FlightEffects {
         flapping_moment: effects.flapping_moment * turning[0] * smaller * ratio(EFFECTS),
         rate_damping: core::array::from_fn(|axis| effects.rate_damping[axis] * turning[axis] * damping),
         rotor_inertia: effects.rotor_inertia * turning[2] * ratio(EFFECTS),
-        body_drag: effects.body_drag * mass / known.mass * smaller * ratio(EFFECTS),
+        body_drag: effects.body_drag * drone.mass / known.mass * smaller * ratio(EFFECTS),
         battery_sag: effects.battery_sag,
     }
 }
@@ -121,7 +117,8 @@ mod tests {
         let drones: Vec<Airframe> = (0..4_000).map(|_| FAMILY.draw(&CRAZYFLIE_2_1, &mut stream)).collect();
         let within = |what: &str, [least, greatest]: [f32; 2], of: &dyn Fn(&Airframe) -> f64| {
             let values = drones.iter().map(of);
-            let (low, high) = values.fold((f64::MAX, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
+            let (low, high) =
+                values.fold((f64::MAX, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
             let (least, greatest) = (f64::from(least), f64::from(greatest));
             assert!(low > least * 0.999 && low < least * 1.05, "{what}: {low}");
             assert!(high < greatest * 1.001 && high > greatest * 0.95, "{what}: {high}");

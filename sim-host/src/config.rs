@@ -60,7 +60,9 @@ pub use sensor::{
     AccelerometerConfig, BarometerConfig, BeamConfig, DirectionConfig, FlowConfig, GatesAheadConfig,
     GyroscopeConfig, ImuConfig, MatesConfig, RangeConfig, ScanConfig, ScanRingConfig, SensorConfig, WayConfig,
 };
-pub use start::{AirframesConfig, LatencyConfig, RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig};
+pub use start::{
+    AirframesConfig, LatencyConfig, RandomisationConfig, StartConfig, StartPoseConfig, StartPositionConfig,
+};
 pub use success::{ClockConfig, SuccessConfig};
 pub use vehicle::VehicleConfig;
 pub use world::{
@@ -347,7 +349,8 @@ impl ScenarioConfig {
     fn check_airframes(&self, field: &Field<'_>) -> Result<(), ConfigError> {
         let Some(_) = self.randomisation.airframes else { return Ok(()) };
         if !matches!(self.action, ActionConfig::ThrustTorques(_)) {
-            let expected = "`thrust_torques`, the actions that any drone understands, beside `randomisation.airframes`";
+            let expected =
+                "`thrust_torques`, the actions that any drone understands, beside `randomisation.airframes`";
             return Err(field.at("action").reject("other actions", expected));
         }
         if self.physics.ground_effect || self.physics.ceiling_effect_m.is_some() {

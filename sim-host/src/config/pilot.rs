@@ -3,7 +3,8 @@
 mod reference;
 
 use kestrel_core::action::{
-    ACTION_LEN, ActionSpace, IntegralVelocities, RotorSpeeds, RotorThrusts, ThrustBodyRates, ThrustTorques, Velocities,
+    ACTION_LEN, ActionSpace, IntegralVelocities, RotorSpeeds, RotorThrusts, ThrustBodyRates, ThrustTorques,
+    Velocities,
 };
 use kestrel_core::airframe::{Airframe, GRAVITY};
 use kestrel_core::observation::{

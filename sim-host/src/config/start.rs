@@ -300,11 +300,7 @@ impl RandomisationConfig {
             motor: field.at("motor_fraction").number(self.motor_fraction, &FRACTION)?,
             battery: range(&field.at("battery_share"), self.battery_share, &Limits::from(0.5, 1.2, ""))?,
             wind_speed: field.at("wind_speed_m_per_s").number(self.wind_speed_m_per_s, &SPEED)?,
-            weak_motor: range(
-                &field.at("weak_motor_share"),
-                self.weak_motor_share,
-                &Limits::from(0.0, 1.0, ""),
-            )?,
+            weak_motor: range(&field.at("weak_motor_share"), self.weak_motor_share, &Limits::from(0.0, 1.0, ""))?,
             airframes: self.airframes.map(|family| family.check(&field.at("airframes"))).transpose()?,
         })
     }

@@ -284,6 +284,7 @@ fn codes(rule: &str) -> Vec<f32> {
         trial.distance = draw(0.0, 1.0);
         trial.touches = [0.2, 0.3].map(|share| [f64::from(u8::from(draw(0.0, 1.0) < share))]);
         trial.swarm.velocity = [0; 3].map(|_| [draw(-0.6, 0.6)]);
+        trial.swarm.body_rates = trial.swarm.velocity.map(|[value]| [3.0 * value]);
         let axis = Vector3::new(draw(-1.0, 1.0), draw(-1.0, 1.0), draw(-1.0, 1.0));
         let mut angle = draw(-0.02, 0.02);
         if rests {

@@ -326,7 +326,13 @@ impl<E: Differentiable> AnalyticTrainer<E> {
             learning_rate: self.learning_rate,
             updates: self.updates,
             env_batches: self.batches.iter().map(|batch| batch.environment.save()).collect(),
-            hidden: self.batches.iter().flat_map(|batch| &batch.memory).flat_map(|memory| &memory.hidden).copied().collect(),
+            hidden: self
+                .batches
+                .iter()
+                .flat_map(|batch| &batch.memory)
+                .flat_map(|memory| &memory.hidden)
+                .copied()
+                .collect(),
         }
     }
 }

@@ -101,7 +101,13 @@ fn an_ended_episode_is_forgotten() {
     let hidden = &batch.memory.as_ref().unwrap().hidden;
     let fresh = (0..Pendulum::ENVIRONMENTS).filter(|row| hidden[*row] == 0.0).collect::<Vec<_>>();
     assert!(fresh.len() > 16 && fresh.len() < 48, "{fresh:?}");
-    assert!(fresh.iter().all(|row| hidden.iter().skip(*row).step_by(Pendulum::ENVIRONMENTS).all(|value| *value == 0.0)));
+    assert!(
+        fresh.iter().all(|row| hidden
+            .iter()
+            .skip(*row)
+            .step_by(Pendulum::ENVIRONMENTS)
+            .all(|value| *value == 0.0))
+    );
 }
 
 #[test]
