@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use kestrel_core::airframe::CF2X;
-use kestrel_core::pilot::Pilot;
+use kestrel_core::pilot::{Pilot, StatePolicy};
 use kestrel_onboard::signature::{SignatureTime, Signer, SigningKey};
 use kestrel_onboard::signature_guard::{SignatureGuard, Verifier};
 use kestrel_shim::geodesy::Home;
@@ -20,7 +20,7 @@ use crate::request::VEHICLE;
 const POLICY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/pilots/hover.kestrel");
 
 pub(crate) struct Rig {
-    pub(crate) vehicle: Vehicle<Pilot<'static>>,
+    pub(crate) vehicle: Vehicle<Pilot<'static, StatePolicy<'static>>>,
     pub(crate) plant: FlatFloor,
     /// What it answered since the last control period.
     answers: Vec<Vec<u8>>,
@@ -41,7 +41,7 @@ impl Rig {
             policy: PolicyIdentity::of("hover", BYTES.bytes()),
         };
         let policy = BYTES.policy().expect("a policy");
-        let vehicle = Vehicle::new(Pilot::new(policy), &CF2X, profile);
+        let vehicle = Vehicle::new(Pilot::with_runner(policy), &CF2X, profile);
         let plant = FlatFloor::new(&CF2X, vehicle.control_period().as_secs_f32());
         let mut rig = Self { vehicle, plant, answers: Vec::new() };
         rig.tick(&mut |_| {});

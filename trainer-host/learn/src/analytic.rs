@@ -369,7 +369,9 @@ impl<E: Differentiable> Batch<E> {
         if let Some(memory) = &mut self.memory {
             // Row `agent * ENVIRONMENTS + environment` of each unit.
             for values in memory.hidden.chunks_exact_mut(E::ENVIRONMENTS) {
-                chosen.iter().for_each(|environment| values[*environment] = 0.0);
+                for environment in &chosen {
+                    values[*environment] = 0.0;
+                }
             }
         }
     }

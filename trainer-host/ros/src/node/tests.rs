@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
 use kestrel_core::airframe::CF2X;
-use kestrel_core::pilot::Pilot;
+use kestrel_core::pilot::{Pilot, StatePolicy};
 use kestrel_shim::autopilot::Mode;
 use kestrel_shim::lockstep::{ControlPeriod, Next, SimulationRate};
 use kestrel_shim::plant::FlatFloor;
@@ -48,7 +48,7 @@ fn another_node_has_it_take_off_and_reads_where_it_is() {
         speed: SimulationRate::Speed(4.0),
         ..SessionOptions::default()
     };
-    let mut session = Session::<Pilot<'_>>::open(&bytes, &CF2X, &options).unwrap();
+    let mut session = Session::<Pilot<'_, StatePolicy<'_>>>::open(&bytes, &CF2X, &options).unwrap();
     let settings = NodeSettings { domain: DOMAIN, ..NodeSettings::default() };
     let link = RosLink::open("cf1", 1, Home::default(), &settings).unwrap();
     session.attach(Box::new(link), "node").unwrap();
