@@ -25,6 +25,7 @@ CLASSES = {
     "thrust 1.5 to 2 times the weight": {"thrust_to_weight": [1.5, 2.0]},
     "thrust 3 to 5 times the weight": {"thrust_to_weight": [3.0, 5.0]},
     "rotors of 10 to 30 ms": {"rotor_lag_secs": [0.01, 0.03]},
+    "rotors of 30 to 100 ms, as RAPTOR was trained with": {"rotor_lag_secs": [0.03, 0.1]},
     "rotors of 80 to 150 ms": {"rotor_lag_secs": [0.08, 0.15]},
 }
 
