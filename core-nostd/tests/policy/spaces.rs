@@ -199,6 +199,23 @@ fn a_pilot_flies_every_layout_with_every_action_space() {
 }
 
 #[test]
+fn a_policy_on_another_drone_turns_the_rotors_of_that() {
+    for action in spaces() {
+        let metadata = PolicyMetadata { observation: layouts(action.len() as u8)[0], ..metadata(&action) };
+        let bytes = written(&metadata, false).unwrap();
+        let policy = PolicyFile::parse(&bytes).unwrap();
+        let moved = policy.clone().on(&HUMMINGBIRD);
+        let expected = match action {
+            ActionSpace::ThrustTorques(_) => ActionSpace::ThrustTorques(ThrustTorques::new(&HUMMINGBIRD, 0.02)),
+            own => own,
+        };
+        assert_eq!(moved.metadata().action, expected, "{}", action.name());
+        let fly = |policy| Pilot::new(policy).tick(&tilted(), &Vector3::zeros());
+        assert_eq!(fly(moved) == fly(policy), expected == action, "{}", action.name());
+    }
+}
+
+#[test]
 fn only_a_controller_that_was_trained_to_persists_through_a_reset() {
     for (persistence, forgets) in [(Persistence::ResetEachEpisode, true), (Persistence::Persist, false)] {
         let action = ActionSpace::Reference(reference(ReferenceActionKind::Pid, persistence));

@@ -1,4 +1,7 @@
+use kestrel_core::airframe::{CRAZYFLIE_2_1, GRAVITY};
+
 use super::*;
+use crate::airframe_family::AirframeFamily;
 use crate::seed::{Purpose, Seed};
 use crate::testing::hover;
 
@@ -77,4 +80,50 @@ fn masses_and_thrusts_are_drawn_around_the_nominal_ones_and_apart() {
     let product: f32 = factors.iter().map(|[mass, thrust]| (mass - 1.0) * (thrust - 1.0)).sum();
     // Their covariance, relative to the greatest that there can be.
     assert!((product / EPISODES as f32).abs() < 0.1 * (0.1 * 0.2 / 3.0), "{product}");
+}
+
+#[test]
+fn every_episode_has_an_airframe_of_its_own_at_its_own_hover() {
+    let mut scenario = hover();
+    scenario.airframe = CRAZYFLIE_2_1;
+    let airframes = AirframeFamily {
+        mass: [0.02, 2.5],
+        arm: [0.03, 0.4],
+        thrust_to_weight: [1.5, 5.0],
+        rotor_lag: [0.01, 0.15],
+    };
+    scenario.randomisation = Randomisation { airframes: Some(airframes), ..Randomisation::NONE };
+    let begun = beginnings(&scenario);
+    let limit = CRAZYFLIE_2_1.rotor_speed_limit as f32;
+    let lift =
+        |begun: &Beginning<f32>, speed: f32| 4.0 * begun.vehicle.thrust_gain * speed * speed / GRAVITY as f32;
+    let ratios = begun.iter().map(|begun| libm::logf(lift(begun, limit)));
+    assert_uniform("thrust over weight", libm::logf(1.5), libm::logf(5.0), ratios);
+    let lags = begun.iter().map(|begun| libm::logf(1.0 / begun.vehicle.rotor_rise_rate));
+    assert_uniform("rotor lag", libm::logf(0.01), libm::logf(0.15), lags);
+    for begun in &begun {
+        let hovering = begun.drone.motion.rotor_speeds.map(|speed| lift(begun, speed));
+        assert!(hovering.into_iter().all(|lift| (lift - 1.0).abs() < 1e-4), "{hovering:?}");
+    }
+}
+
+#[test]
+fn one_motor_any_of_the_four_is_weak() {
+    let mut scenario = hover();
+    scenario.airframe = CRAZYFLIE_2_1;
+    scenario.randomisation = Randomisation { weak_motor: [0.5, 0.9], ..Randomisation::NONE };
+    let thrusts = beginnings(&scenario).into_iter().map(|begun| begun.vehicle.effects.unwrap().rotor_thrusts);
+    let weak: Vec<(usize, f32)> = thrusts
+        .map(|thrusts| {
+            let mut weak = thrusts.into_iter().enumerate().filter(|(_, share)| *share != 1.0);
+            let found = weak.next().unwrap();
+            assert!(weak.next().is_none(), "{thrusts:?}");
+            found
+        })
+        .collect();
+    assert_uniform("thrust of the weak one", 0.5, 0.9, weak.iter().map(|(_, share)| *share));
+    for motor in 0..4 {
+        let share = weak.iter().filter(|(found, _)| *found == motor).count() as f32 / EPISODES as f32;
+        assert!((share - 0.25).abs() < 0.05, "motor {motor}: {share}");
+    }
 }
