@@ -205,9 +205,10 @@ fn a_policy_on_another_drone_turns_the_rotors_of_that() {
         let bytes = written(&metadata, false).unwrap();
         let policy = PolicyFile::parse(&bytes).unwrap();
         let moved = policy.clone().on(&HUMMINGBIRD);
-        let expected = match action {
-            ActionSpace::ThrustTorques(_) => ActionSpace::ThrustTorques(ThrustTorques::new(&HUMMINGBIRD, 0.02)),
-            own => own,
+        let expected = if matches!(action, ActionSpace::ThrustTorques(_)) {
+            ActionSpace::ThrustTorques(ThrustTorques::new(&HUMMINGBIRD, 0.02))
+        } else {
+            action
         };
         assert_eq!(moved.metadata().action, expected, "{}", action.name());
         let fly = |policy| Pilot::new(policy).tick(&tilted(), &Vector3::zeros());
