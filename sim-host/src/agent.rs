@@ -21,7 +21,7 @@ use crate::reward::RewardTerm;
 use crate::rooms::{Arenas, room};
 use crate::scenario::{Clock, Goals, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::sensor::{Chart, SensorMemory, Told, WayMemory};
+use crate::sensor::{Chart, SensorMemory, TofMemory, Told, WayMemory};
 use crate::stage::Stage;
 use crate::swarm::{Column, Mechanics, Swarm, row, set_row, vector};
 use crate::term::{Ends, FlightView, Memory, StepView, contains};
@@ -32,6 +32,9 @@ use racing::Race;
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
 /// mass and thrust factors − 1 (2), share of the episode left (1).
 pub const PRIVILEGED_LEN: usize = 10;
+
+/// How far rewards look around \[m\]: what is farther counts as so far away.
+pub(crate) const LOOK_AROUND_M: f32 = 2.0;
 
 /// An agent of `LANES` environments that step together.
 #[derive(Clone, Debug)]
@@ -80,8 +83,13 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     streams: Vec<Stream>,
     sensors: Vec<SensorMemory>,
     measurements: Vec<Column<LANES, R>>,
+    /// None without a ranger of many zones.
+    tof: Option<Box<TofMemory<LANES, R>>>,
     /// None where drones look for no way.
     way: Option<Box<WayMemory<LANES, R>>>,
+    /// Normal of the surface of the nearest obstacle at the end of the flight, and how far the origin is above the plane that
+    /// touches it there \[m\]; none where no reward looks around.
+    nearest: Option<Box<[Column<LANES, R>; 4]>>,
     /// Velocity at the last reading of the sensors.
     read_velocity: [Column<LANES, R>; 3],
     scales: PrivilegedScales<R>,
@@ -168,6 +176,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             streams: (0..LANES as u32).map(stream).collect(),
             sensors: Vec::new(),
             measurements: columns(scenario.sensors.len()),
+            tof: scenario.sensors.tof().map(TofMemory::new),
+            nearest: scenario.rewards.iter().any(RewardTerm::looks_around).then(|| Box::new([nothing; 4])),
             way: way(scenario),
             read_velocity: [nothing; 3],
             scales: PrivilegedScales::of(scenario),
@@ -236,6 +246,19 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         self.ends = self.find_ends(stage.scenario);
     }
 
+    /// Finds what is nearest, where a reward looks around.
+    #[inline(always)]
+    pub(crate) fn look_around(&mut self, stage: &Stage<'_, R>) {
+        let (Some(plane), Some(arenas)) = (&mut self.nearest, stage.arenas) else { return };
+        for lane in 0..LANES {
+            let place = row(&self.swarm.position, lane).map(Real::to_f32);
+            let found = arenas.of(room(self.rooms.as_ref(), lane)).nearest_plane(place, LOOK_AROUND_M);
+            let (normal, distance) = found.unwrap_or((Vector3::zeros(), LOOK_AROUND_M));
+            let offset = distance - normal.dot(&Vector3::from(place));
+            set_row(plane, lane, [normal.x, normal.y, normal.z, offset].map(R::from_f32));
+        }
+    }
+
     /// Sums the terms of the reward.
     #[inline(always)]
     pub(crate) fn reward(
@@ -274,6 +297,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             actions,
             previous_actions: self.history.last().expect("there is a previous action"),
             touches: &self.touches,
+            nearest: self.nearest.as_deref(),
             steps: &self.steps,
             gates_left: self.race.as_ref().map(|race| race.left()),
             agent: self.index,
@@ -372,6 +396,10 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
             self.sense_lane(scenario, arenas, lane);
         }
+        if let Some(tof) = &mut self.tof {
+            tof.begin(lane, &mut self.streams[lane]);
+        }
+        self.range_lane(scenario, arenas, lane);
         self.scan_lane(scenario, arenas, lane);
         self.tell(scenario, lane..lane + 1);
         self.begin_integral(scenario, lane);
@@ -514,6 +542,13 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(self.velocity_integral.iter_mut().flat_map(|columns| columns.iter_mut()))
             .chain(self.race.iter_mut().flat_map(|race| race.columns_mut()))
             .chain(self.way.iter_mut().flat_map(|way| way.columns_mut()))
+            .chain(self.tof.iter_mut().flat_map(|tof| tof.columns_mut()))
+            .chain(self.nearest.iter_mut().flat_map(|plane| plane.iter_mut()))
+    }
+
+    /// How many columns, the last of [`Self::columns_mut`], are found only once a flight is over.
+    pub(crate) fn late_columns(&self) -> usize {
+        self.nearest.as_ref().map_or(0, |plane| plane.len())
     }
 
     /// What drones have met on their ways, for saving and restoring.

@@ -95,6 +95,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
         self.succeed_together(scenario);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
+            agent.look_around(stage);
             agent.reward(stage, &actions[..len], &self.team);
         }
         self.end_together(scenario);

@@ -43,8 +43,8 @@ pub(crate) use world::{Placement, pillar_around, turned};
 
 pub use camera::{CameraConfig, ChannelConfig, MountedCameraConfig, ReferenceCameraConfig};
 pub use drawn::{
-    DrawnConfig, FurnishedRoomsConfig, GeneratorConfig, ModelConfig, MovedFurnitureConfig, RaceCoursesConfig,
-    WorldsConfig,
+    DrawnConfig, ForestConfig, FurnishedRoomsConfig, GeneratorConfig, ModelConfig, MovedFurnitureConfig,
+    RaceCoursesConfig, WorldsConfig,
 };
 pub use notation::{Document, DroneNotations};
 pub use physics::{

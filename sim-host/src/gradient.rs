@@ -7,7 +7,8 @@
 //! from the last control period to the first it is backpropagation through time.
 //!
 //! What has no derivative is left out: contacts push nothing, sensors and images count as given, and an episode that
-//! ends ends the chain.
+//! ends ends the chain. Of what stands around, a reward sees the plane that touches the nearest surface: the plane counts as
+//! given, the place before it does not.
 
 mod program;
 mod traced;
@@ -49,8 +50,10 @@ pub struct StepGradient {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Source {
-    /// A column of the block.
+    /// A column of the block, before the control period.
     Column(usize),
+    /// A column of the block that is found when the flight is over.
+    LateColumn(usize),
     /// An action of all agents.
     Action(usize),
 }
@@ -152,7 +155,23 @@ impl StepGradient {
                         *values = *column;
                     }
                 }
+                Source::LateColumn(_) => {}
                 Source::Action(index) => *values = actions[index].map(|action| action.limited(-INSIDE, INSIDE)),
+            }
+        }
+    }
+
+    /// Takes down what the control period of a record has found in the end.
+    pub(crate) fn take_down_end(&self, block: &mut Block<LANES, f32>, record: &mut StepRecord) {
+        let mut columns = block.agents.iter_mut().flat_map(Agent::columns_mut).enumerate();
+        for (source, values) in self.sources.iter().zip(&mut record.values) {
+            match *source {
+                Source::LateColumn(wanted) => {
+                    if let Some((_, column)) = columns.find(|(index, _)| *index == wanted) {
+                        *values = *column;
+                    }
+                }
+                Source::Column(_) | Source::Action(_) => {}
             }
         }
     }
@@ -207,6 +226,8 @@ impl StepGradient {
 struct Period<R> {
     /// Columns before, which are the first inputs; the actions are those behind them.
     columns: usize,
+    /// Those of them that are found when the flight is over.
+    late: Vec<usize>,
     /// Those columns afterwards.
     after: Vec<R>,
     /// Agent by agent.
@@ -219,13 +240,14 @@ impl<R: Real> Period<R> {
     /// From these columns and actions.
     fn fly(scenario: &Scenario, input: impl Fn(usize) -> R) -> Self {
         let mut block = Block::<1, R>::new(scenario, None, (Seed(0), Purpose::Reset), &(0..1));
-        let mut columns = 0;
+        let (mut columns, mut late) = (0, Vec::new());
         for agent in &mut block.agents {
             agent.forget_sensors();
             for column in agent.columns_mut() {
                 *column = [input(columns)];
                 columns += 1;
             }
+            late.extend(columns - agent.late_columns()..columns);
         }
         block.update_positions();
         let (agents, len) = (scenario.agents.count as usize, scenario.action.len());
@@ -247,6 +269,7 @@ impl<R: Real> Period<R> {
         let lone = |columns: &[[R; 1]]| columns.iter().map(|[value]| *value).collect::<Vec<R>>();
         Self {
             columns,
+            late,
             observations: block.agents.iter().flat_map(|agent| lone(&agent.observations)).collect(),
             terms: block.agents.iter().flat_map(|agent| lone(&agent.term_values)).collect(),
             after: block.agents.iter_mut().flat_map(Agent::columns_mut).map(|[value]| *value).collect(),
@@ -271,6 +294,7 @@ impl Period<Traced> {
         let is_active = |index: usize| index >= self.columns || carried.contains(&index);
         let (program, slots) = Program::new(trace, &Wanted { outputs: &outputs, is_active: &is_active });
         let source = |index: &usize| match index.checked_sub(self.columns) {
+            None if self.late.contains(index) => Source::LateColumn(*index),
             None => Source::Column(*index),
             Some(action) => Source::Action(action),
         };

@@ -1,5 +1,6 @@
 //! Rooms of which every episode draws one, and what stands around each lane of a block.
 
+mod forest;
 mod furnishing;
 mod moving;
 mod racing;
@@ -11,6 +12,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use kestrel_core::airframe::Airframe;
 use kestrel_core::real::Real;
 
+pub use forest::Forest;
 pub use moving::Rearranger;
 pub use racing::Raceway;
 
@@ -60,6 +62,8 @@ pub enum RoomPlanner {
     Moved(Rearranger),
     /// Courses of gates.
     Race(Raceway),
+    /// Trunks between the start and a goal, for hulls of this radius \[m\].
+    Forest(Forest, f64),
 }
 
 /// What furnished rooms are drawn from.
@@ -134,12 +138,17 @@ impl RoomPlanner {
             Self::Furnished(furnisher) => furnisher.workshop.pieces as u32,
             Self::Moved(_) => moving::TENTHS,
             Self::Race(raceway) => raceway.posts,
+            Self::Forest(forest, _) => forest.trunks(),
         };
         loop {
             let mut draw = || match self {
                 Self::Furnished(furnisher) => furnisher.draw(most as usize, &mut stream),
                 Self::Moved(rearranger) => rearranger.draw(most, &mut stream),
                 Self::Race(raceway) => raceway.draw(most, &mut stream).map(Room::of_course),
+                Self::Forest(forest, radius) => {
+                    let place = forest.draw(most, &mut stream);
+                    place.map(|(world, goal)| Room::with_ways(world, goal, forest::HALL, *radius))
+                }
             };
             if let Some(room) = (0..DRAWS).find_map(|_| draw()) {
                 return room;
@@ -154,6 +163,7 @@ impl RoomPlanner {
             Self::Furnished(_) => Workshop::goals(),
             Self::Moved(rearranger) => Cuboid { low: rearranger.aviary.goal, high: rearranger.aviary.goal },
             Self::Race(_) => Raceway::goals(),
+            Self::Forest(..) => Forest::goals(),
         }
     }
 
@@ -215,6 +225,7 @@ impl Rooms {
             }
             RoomPlanner::Moved(rearranger) => rearranger.aviary.world.clone(),
             RoomPlanner::Race(_) => Raceway::bare(),
+            RoomPlanner::Forest(..) => Forest::bare(),
         };
         Aviary { world, ..Aviary::empty(goal) }
     }
@@ -229,6 +240,7 @@ impl Rooms {
         match self.planner {
             RoomPlanner::Furnished(_) | RoomPlanner::Race(_) => Workshop::kept_free(),
             RoomPlanner::Moved(_) => Rearranger::kept_free(),
+            RoomPlanner::Forest(..) => Forest::kept_free(),
         }
     }
 

@@ -12,6 +12,7 @@ mod scan;
 pub mod signal;
 #[cfg(test)]
 mod tests;
+mod tof;
 mod way;
 
 use kestrel_core::vehicle::State;
@@ -27,6 +28,8 @@ pub use coverage::Coverage;
 pub(crate) use mates::Course;
 pub use mates::Mates;
 pub use scan::{BEAM_LIMIT, Scan, ScanRing};
+pub(crate) use tof::{TOF_BANK_LIMIT, TofMemory};
+pub use tof::{Tof, TofParts};
 pub use way::Way;
 pub(crate) use way::{Chart, Look, WayMemory};
 
@@ -48,6 +51,7 @@ pub struct Truth<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorSuite {
     instruments: Vec<Instrument>,
+    tof: Option<Tof>,
     scan: Option<Scan>,
     told: Option<Told>,
     /// Time between two readings \[s\].
@@ -92,10 +96,16 @@ pub struct SensorMemory {
 impl SensorSuite {
     /// These instruments, read every `control_secs` \[s\].
     pub fn new(instruments: Vec<Instrument>, control_secs: f64) -> Self {
-        Self { instruments, scan: None, told: None, control_secs }
+        Self { instruments, tof: None, scan: None, told: None, control_secs }
     }
 
-    /// The same with a scan, whose values follow those of the instruments.
+    /// The same with a ranger of many zones, whose values follow those of the instruments.
+    #[must_use]
+    pub fn with_tof(self, tof: Option<Tof>) -> Self {
+        Self { tof, ..self }
+    }
+
+    /// The same with a scan, whose values follow those of the instruments and of the zones.
     #[must_use]
     pub fn with_scan(self, scan: Option<Scan>) -> Self {
         Self { scan, ..self }
@@ -117,6 +127,11 @@ impl SensorSuite {
         &self.instruments
     }
 
+    /// The ranger of many zones, whose rays a simulation casts all at once.
+    pub fn tof(&self) -> Option<&Tof> {
+        self.tof.as_ref()
+    }
+
     /// The scan, whose beams a simulation casts all at once.
     pub fn scan(&self) -> Option<&Scan> {
         self.scan.as_ref()
@@ -132,9 +147,14 @@ impl SensorSuite {
         self.len() == 0
     }
 
-    /// Number of values of a reading, those of the scan and of what it is told included.
+    /// Number of values of a reading, those of zones, of the scan and of what it is told included.
     pub fn len(&self) -> usize {
-        self.instruments_len() + self.scan.as_ref().map_or(0, Scan::len) + self.told.as_ref().map_or(0, Told::len)
+        self.scan_start() + self.scan.as_ref().map_or(0, Scan::len) + self.told.as_ref().map_or(0, Told::len)
+    }
+
+    /// Number of values before those of the scan.
+    pub fn scan_start(&self) -> usize {
+        self.instruments_len() + self.tof.as_ref().map_or(0, Tof::len)
     }
 
     /// Number of values that [`Self::read`] writes.

@@ -17,6 +17,7 @@ use crate::block::{Actions, Block};
 use crate::contact::{Arena, ContactReport, ContactSolver};
 use crate::episode_end;
 use crate::outcome::{Episode, Outcome};
+use crate::reward::RewardTerm;
 use crate::rooms::{Arenas, Room};
 use crate::scenario::{Contacts, CriticView, Preset, Scenario};
 use crate::seed::{Purpose, Seed, Stream};
@@ -469,11 +470,13 @@ impl<const LANES: usize, R: Real> Simulation<LANES, R> {
 }
 
 impl Scenario {
-    /// Makes a room that is drawn ready before a drone comes in, which otherwise does it: the room, its ways, its arena.
+    /// Makes a room that is drawn ready before a drone comes in, which otherwise does it: the room, its arena, and its ways if
+    /// a reward is about them.
     pub fn prepare_room(&self, room: u32) {
         let Some(rooms) = &self.drawn else { return };
         let Room { ways, aviary, .. } = rooms.room(room);
-        if let Some(ways) = ways {
+        let follows = |term: &RewardTerm| term.ways().is_some();
+        if let Some(ways) = ways.as_ref().filter(|_| self.rewards.iter().any(follows)) {
             ways.length(aviary.goal.into());
         }
         if let Some(arenas) = arenas(self) {

@@ -74,6 +74,11 @@ pub(crate) trait Term: Sized {
         AgentSet::All
     }
 
+    /// Whether it looks for the nearest obstacle.
+    fn looks_around(&self) -> bool {
+        false
+    }
+
     /// What it remembers of an episode.
     fn memory(&self) -> Memory {
         Memory::NONE
@@ -243,6 +248,9 @@ pub(crate) struct FlightView<'a, const LANES: usize, R: Real> {
     pub(crate) previous_actions: &'a [Column<LANES, R>],
     /// One while touching an obstacle, one while touching the landing zone.
     pub(crate) touches: &'a [Column<LANES, R>; 2],
+    /// The plane that touches the nearest obstacle, where a reward looks around: its normal towards the drone, and how far the
+    /// origin is above it \[m\].
+    pub(crate) nearest: Option<&'a [Column<LANES, R>; 4]>,
     /// Control periods flown, this one included.
     pub(crate) steps: &'a Column<LANES, R>,
     /// Gates that are still to be passed, where there is a race.

@@ -12,10 +12,11 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 
 use super::{Agent, PrivilegedScales};
+use crate::contact::BANK;
 use crate::latency::{States, known_states};
 use crate::rooms::Arenas;
 use crate::scenario::{CriticView, Preset, Scenario};
-use crate::sensor::{Look, Told, Truth};
+use crate::sensor::{Look, TOF_BANK_LIMIT, Told, Truth};
 use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 use crate::trajectory::{PathAhead, Trajectory};
@@ -152,11 +153,13 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Reads the sensors of every lane, where there are any.
     #[inline(always)]
     fn sense(&mut self, stage: &Stage<'_, R>) {
-        if self.sensors.is_empty() && stage.scenario.sensors.scan().is_none() {
+        let sensors = &stage.scenario.sensors;
+        if self.sensors.is_empty() && sensors.tof().is_none() && sensors.scan().is_none() {
             return;
         }
         for lane in 0..LANES {
             self.sense_lane(stage.scenario, stage.arenas, lane);
+            self.range_lane(stage.scenario, stage.arenas, lane);
             self.scan_lane(stage.scenario, stage.arenas, lane);
         }
     }
@@ -183,13 +186,34 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
     }
 
+    /// Measures in the zones of a ranger, where there is one and it is time to.
+    #[inline(always)]
+    pub(super) fn range_lane(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
+        let (Some(tof), Some(arenas)) = (scenario.sensors.tof(), arenas) else { return };
+        let (reading, secs) = (self.period(lane), 1.0 / scenario.physics.control_rate_hz);
+        let position = row(&self.swarm.position, lane).map(Real::to_f32);
+        let axes = self.swarm.state(lane).world_from_body.rows().map(|row| row.map(Real::to_f32));
+        let room = self.room(lane);
+        let Some(memory) = &mut self.tof else { return };
+        let measurements = &mut self.measurements[scenario.sensors.instruments_len()..];
+        memory.deliver(lane, reading, measurements);
+        if memory.is_due(tof, lane, reading, secs) {
+            let mut rays = [[[0.0; BANK]; 3]; TOF_BANK_LIMIT];
+            let mut distances = [[0.0; BANK]; TOF_BANK_LIMIT];
+            arenas.of(room).distances_in(&tof.cone(position, &axes, &mut rays), &mut distances);
+            let arrival = reading + tof.delay(reading, secs);
+            memory.send(tof, lane, (&distances, arrival), &mut self.streams[lane]);
+            memory.deliver(lane, reading, measurements);
+        }
+    }
+
     /// Casts the beams of the scan, where there is one.
     #[inline(always)]
     pub(super) fn scan_lane(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
         let (Some(scan), Some(arenas)) = (scenario.sensors.scan(), arenas) else { return };
         let (position, period) = (row(&self.swarm.position, lane).map(Real::to_f32), self.period(lane));
         let nearness = arenas.of(self.room(lane)).nearness(position, period as usize);
-        let columns = self.measurements.iter_mut().skip(scenario.sensors.instruments_len()).take(scan.len());
+        let columns = self.measurements.iter_mut().skip(scenario.sensors.scan_start()).take(scan.len());
         for (column, value) in columns.zip(nearness) {
             column[lane] = R::from_f32(value);
         }

@@ -13,7 +13,7 @@ use super::geometry::surrounds;
 use super::world::{FurnitureConfig, SCALES};
 use super::{AviaryConfig, ScenarioConfig, StartConfig, SuccessConfig};
 use crate::physics::{Contacts, Physics};
-use crate::rooms::{Furnisher, Model, ROOM, Raceway, Rearranger, RoomPlanner, RoomRange, Rooms, Workshop};
+use crate::rooms::{Forest, Furnisher, Model, ROOM, Raceway, Rearranger, RoomPlanner, RoomRange, Rooms, Workshop};
 use crate::scenario::{Goals, Start, StartPosition};
 use crate::seed::Seed;
 use crate::termination::Termination;
@@ -34,6 +34,9 @@ const PIECES: u64 = 14;
 /// Most gates and posts that the hall has room for.
 const GATES_LIMIT: u64 = 8;
 const POSTS_LIMIT: u64 = 20;
+
+/// Radius of the thickest trunk \[m\].
+const TRUNK_LIMIT_M: f64 = 0.5;
 
 /// Furniture is moved so far.
 const SHIFT: Limits = Limits::from(0.01, 2.0, "m");
@@ -76,6 +79,41 @@ pub enum GeneratorConfig {
     MovedFurniture(MovedFurnitureConfig),
     /// Courses of gates to race through.
     RaceCourses(RaceCoursesConfig),
+    /// Trunks to fly between.
+    Forest(ForestConfig),
+}
+
+/// Trunks, from the floor to the ceiling, in a hall of 20 x 6 x 2.5 m with its origin a metre from the end at which flights
+/// start. They stand from x = 1 to 16.5 m, the goal behind them, at x = 17.8 m. Every forest has a way that keeps 20 cm from
+/// everything; where 30 draws leave none, the next have a trunk less.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ForestConfig {
+    /// How dense it is.
+    pub trunks_per_square_metre: f64,
+    /// Least and greatest radius of a trunk.
+    pub radius_m: [f64; 2],
+}
+
+impl Default for ForestConfig {
+    /// A straight line through it hits a trunk in five flights of six.
+    fn default() -> Self {
+        Self { trunks_per_square_metre: 0.3, radius_m: [0.08, 0.2] }
+    }
+}
+
+impl ForestConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Forest, ConfigError> {
+        let radius = field.at("radius_m");
+        let [low, high] = self.radius_m;
+        let low = radius.at(0).number(low, &Limits::from(0.02, TRUNK_LIMIT_M, "m"))?;
+        let high = radius.at(1).number(high, &Limits::from(f64::from(low), TRUNK_LIMIT_M, "m"))?;
+        let density = field.at("trunks_per_square_metre");
+        Ok(Forest {
+            density: density.number(self.trunks_per_square_metre, &Limits::from(0.0, 1.0, "per m²"))?,
+            radii: [low, high],
+        })
+    }
 }
 
 /// Gates, each 1.5 to 3.5 m ahead of the one before, and posts between them, in a hall of 10 x 6 x 2.5 m with its origin a metre
@@ -204,6 +242,9 @@ impl DrawnConfig {
             }),
             GeneratorConfig::MovedFurniture(moved) => {
                 RoomPlanner::Moved(moved.check(airframe, bounds, &field.at("moved_furniture"))?)
+            }
+            GeneratorConfig::Forest(forest) => {
+                RoomPlanner::Forest(forest.check(&field.at("forest"))?, airframe.collision_radius)
             }
             GeneratorConfig::RaceCourses(courses) => RoomPlanner::Race(courses.check(&field.at("race_courses"))?),
         };

@@ -1,6 +1,7 @@
 //! What the drone measures with. Defaults are the Crazyflie's parts, from their data sheets and its firmware.
 
 mod scan;
+mod tof;
 mod way;
 
 use kestrel_core::airframe::GRAVITY;
@@ -13,10 +14,11 @@ use super::field::{Field, Limits};
 use crate::course::GatesAhead;
 use crate::sensor::instrument::{Bias, Instrument, Noise, Sampling};
 use crate::sensor::signal::{Direction, Signal};
-use crate::sensor::{Coverage, Mates, Scan, SensorSuite, Told};
+use crate::sensor::{Coverage, Mates, Scan, SensorSuite, Tof, Told};
 use crate::term::Cells;
 use crate::trajectory::PathAhead;
 pub use scan::{ScanConfig, ScanRingConfig};
+pub(crate) use tof::TofConfig;
 pub use way::WayConfig;
 
 /// Noise bandwidth of a second-order Butterworth low-pass filter over its cut-off frequency: π / (2 √2).
@@ -57,6 +59,10 @@ pub enum SensorConfig {
     Range(RangeConfig),
     /// Height above z = 0 (1 value, in metres): the BMP388.
     Barometer(BarometerConfig),
+    /// How near the nearest thing is in a square of zones ahead, in the body frame (1 value each, from 0 at the limit or of
+    /// nothing to 1, row by row from the top left): a multizone ranger such as the VL53L5CX. Behind all sensors but a `scan`, and
+    /// what is told; once.
+    Tof(TofConfig),
     /// How near the nearest thing is along beams that keep their directions in the world (1 value each, from 0 at the
     /// limit to 1): an ideal lidar behind an attitude estimate, fast enough to train with. The last sensor, once.
     Scan(ScanConfig),
@@ -427,6 +433,7 @@ impl SensorConfig {
                 | Self::Flow(_)
                 | Self::Range(_)
                 | Self::Barometer(_)
+                | Self::Tof(_)
                 | Self::Scan(_)
                 | Self::Mates(_)
                 | Self::Path(_)
@@ -436,14 +443,29 @@ impl SensorConfig {
             }
         }
         let told_last = usize::from(told.is_some());
+        let sensors = &sensors[..sensors.len() - told_last];
+        let scan = Self::check_scan(sensors, field)?;
         let suite = SensorSuite::new(instruments, control_secs)
-            .with_scan(Self::check_scan(&sensors[..sensors.len() - told_last], field)?)
+            .with_tof(Self::check_tof(&sensors[..sensors.len() - usize::from(scan.is_some())], field)?)
+            .with_scan(scan)
             .with_told(told);
         if suite.len() > OBSERVATION_LIMIT {
             let expected = format!("at most {OBSERVATION_LIMIT}, the most that a policy sees");
             return Err(field.reject(format!("sensors that measure {} values", suite.len()), expected));
         }
         Ok(suite)
+    }
+
+    /// The ranger of many zones, if there is one.
+    fn check_tof(sensors: &[Self], field: &Field<'_>) -> Result<Option<Tof>, ConfigError> {
+        let Some(index) = sensors.iter().position(|sensor| matches!(sensor, Self::Tof(_))) else {
+            return Ok(None);
+        };
+        let Some((Self::Tof(tof), [])) = sensors[index..].split_first() else {
+            let expected = "one `tof`, as the last but for a `scan` and what is told";
+            return Err(field.at(index).reject("a `tof` before other sensors", expected));
+        };
+        tof.check(&field.at(index).at("tof")).map(Some)
     }
 
     /// The scan, if there is one.
@@ -459,10 +481,10 @@ impl SensorConfig {
         scan.check(&field.at(index).at("scan")).map(Some)
     }
 
-    /// The instruments of this part; a scan is none.
+    /// The instruments of this part; a scan is none, and zones neither.
     fn check(&self, field: &Field<'_>) -> Result<Vec<Instrument>, ConfigError> {
         match self {
-            Self::Scan(_) => Ok(Vec::new()),
+            Self::Scan(_) | Self::Tof(_) => Ok(Vec::new()),
             Self::Mates(_) => {
                 Err(field.reject("`mates` before other sensors", "one `mates`, as the last of them"))
             }

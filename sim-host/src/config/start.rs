@@ -144,7 +144,7 @@ pub struct RandomisationConfig {
     #[serde(skip_serializing_if = "is_full")]
     pub weak_motor_share: [f64; 2],
     /// Another drone in every episode, of any size: the vehicle's airframe lends it only what grows and shrinks with the size.
-    /// For `thrust_torques`, in free air. What else is drawn is drawn around that drone.
+    /// For `thrust_torques`; contacts keep the size of that airframe. What else is drawn is drawn around the drone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub airframes: Option<AirframesConfig>,
 }

@@ -12,10 +12,11 @@ use super::body::Body;
 use super::clearance_map::{COARSE_CELLS, ClearanceMap, FINE_CELLS};
 use super::frame::to_vector;
 use super::outline::{MARGIN, Outline, distance};
+use super::ray_caster::{BANK, Cone, RayCaster};
 use super::scanner::Scanner;
 use super::{ContactReport, Motion, TOUCH_GAP, Touch};
 use crate::sensor::{BEAM_LIMIT, Scan};
-use crate::world::{BOX_CONTACT_GAP, Floor, Pose, World};
+use crate::world::{BOX_CONTACT_GAP, Floor, Pose, Role, World};
 
 /// Bullet keeps a contact until it opens by this share of the smaller body's radius
 /// (`gContactBreakingThreshold`).
@@ -42,6 +43,7 @@ pub struct Arena {
     tree: Bvh,
     map: Option<ClearanceMap>,
     scanner: Option<Scanner>,
+    caster: RayCaster,
     floor_height: f32,
     reach: f32,
 }
@@ -112,6 +114,7 @@ impl Arena {
             tree: tree(&solids),
             map: None,
             scanner: None,
+            caster: RayCaster::new(world),
             floor_height: match world.floor {
                 Floor::Solid => 0.0,
                 Floor::Absent => f32::NEG_INFINITY,
@@ -185,6 +188,36 @@ impl Arena {
                 core::array::from_fn(|lane| bounds[lane].min(above[lane]))
             }
             None => above,
+        }
+    }
+
+    /// How far away the nearest thing that never moves is along each ray of a cone \[m\]; the limit where there is none.
+    #[inline(always)]
+    pub(crate) fn distances_in(&self, cone: &Cone<'_>, distances: &mut [[f32; BANK]]) {
+        self.caster.distances(cone, distances);
+    }
+
+    /// The plane that touches the surface of the nearest obstacle that never moves, where that is nearer than `reach`
+    /// \[m\]: its normal towards the outside, and the distance of the point above it, negative inside.
+    pub(crate) fn nearest_plane(&self, point: [f32; 3], reach: f32) -> Option<(Vector3<f32>, f32)> {
+        let [x, y, z] = point;
+        if self.clearance(x, y, z) >= reach {
+            return None;
+        }
+        let above = z - self.floor_height;
+        let floor = (above < reach).then(|| (Vector3::z(), above));
+        let least = floor.map_or(reach, |(_, distance)| distance);
+        let place = Vector3::new(x, y, z).cast();
+        let mut nearest = (None, f64::from(least));
+        for body in self.solids.iter().filter(|body| body.role == Role::Obstacle) {
+            if body.distance_to_extent(&place) < nearest.1 {
+                let (normal, distance) = body.plane_towards(&place);
+                nearest = if distance < nearest.1 { (Some(normal), distance) } else { nearest };
+            }
+        }
+        match nearest {
+            (Some(normal), distance) => Some((normal.cast(), distance as f32)),
+            (None, _) => floor,
         }
     }
 

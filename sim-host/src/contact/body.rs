@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use rapier3d::parry::query::Ray;
 
-use super::frame::to_vector;
+use super::frame::{from_vector, to_vector};
 use super::outline::Outline;
 use super::{ContactReport, TOUCH_GAP, Touch};
 use crate::world::{Pose, Role, Solid};
@@ -54,6 +54,21 @@ impl Body {
     /// Distance of a point \[m\], zero inside.
     pub(super) fn distance_to(&self, point: &Vector3<f64>) -> f64 {
         f64::from(self.outline.shape.distance_to_local_point(to_vector(&self.seen_from(point)), true))
+    }
+
+    /// Normal of the nearest point of its surface to a point \[world\], outwards, and the distance from there \[m\], negative
+    /// inside. In the surface itself there is no normal: zero.
+    pub(super) fn plane_towards(&self, point: &Vector3<f64>) -> (Vector3<f64>, f64) {
+        let local = self.seen_from(point);
+        let nearest = self.outline.shape.project_local_point(to_vector(&local), false);
+        let away = local - from_vector(nearest.point);
+        let distance = away.norm();
+        let outwards = if nearest.is_inside { -1.0 } else { 1.0 };
+        if distance == 0.0 {
+            return (Vector3::zeros(), 0.0);
+        }
+        let normal = self.shape_pose.world_from_body.rotate(away * (outwards / distance));
+        (normal, outwards * distance)
     }
 
     /// Distance of a point to the box around it \[m\], zero inside: never more than [`Self::distance_to`], and cheap.

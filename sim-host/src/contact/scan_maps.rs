@@ -150,7 +150,8 @@ fn planes(solid: &Solid) -> Vec<(Vector3<f64>, f64, f64)> {
     local_planes(&solid.shape).into_iter().map(place).collect()
 }
 
-fn local_planes(shape: &Shape) -> Vec<(Vector3<f64>, f64, f64)> {
+/// The slabs of a shape in its own frame, likewise.
+pub(super) fn local_planes(shape: &Shape) -> Vec<(Vector3<f64>, f64, f64)> {
     match shape {
         Shape::Cuboid(half) => {
             let axes = [Vector3::x(), Vector3::y(), Vector3::z()];

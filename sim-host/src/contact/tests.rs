@@ -377,3 +377,24 @@ fn equal_places_share_an_arena_while_somebody_has_it() {
     assert!(std::sync::Arc::ptr_eq(&one, &other));
     assert!(!std::sync::Arc::ptr_eq(&one, &shared(Some(&scan()))));
 }
+
+#[test]
+fn the_nearest_plane_touches_what_is_nearest_and_obstacles_alone() {
+    let arena = arena(ContactReport::Touch);
+    let mut planes = 0;
+    // The pad is to land on.
+    for point in points().filter(|point| point.x < 2.0 || point.y < 2.0) {
+        let Some((normal, height)) = arena.nearest_plane(point.map(|value| value as f32).into(), 0.6) else {
+            assert!(distance(point) > 0.599, "{point:?}");
+            continue;
+        };
+        assert!(height < 0.6 && (normal.norm() - 1.0).abs() < 1e-4);
+        assert!((distance(point) - f64::from(height)).abs() < 1e-3 || height < 0.0, "{point:?}: {height}");
+        let foot = point - normal.cast() * f64::from(height);
+        assert!(distance(foot) < 1e-3, "{point:?}: {foot:?} is in no surface");
+        planes += 1;
+    }
+    assert!(planes > 500, "{planes}");
+    let (normal, distance) = arena.nearest_plane([1.05, 0.0, 2.0], 0.6).unwrap();
+    assert!((normal + Vector3::x()).norm() < 1e-5 && (distance + 0.05).abs() < 1e-5, "inside it is negative");
+}

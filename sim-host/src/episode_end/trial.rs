@@ -77,6 +77,7 @@ impl Trial {
             actions: &[],
             previous_actions: &[],
             touches: &self.touches,
+            nearest: None,
             gates_left: Some(&gates_left),
             steps: &[self.steps],
             agent: 0,

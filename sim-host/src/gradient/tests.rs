@@ -3,15 +3,20 @@ use kestrel_core::airframe::CRAZYFLIE_2_1;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotLayout, Px4NeuralLayout};
 use kestrel_core::vehicle::Ground;
+use nalgebra::Vector3;
 
 use super::*;
 use crate::latency::Latency;
+use crate::physics::Contacts;
+use crate::reward::{Avoidance, Cruise};
 use crate::scenario::{Agents, Downwash, Physics};
 use crate::seed::Stream;
-use crate::sensor::{SensorSuite, Told};
+use crate::sensor::instrument::Sampling;
+use crate::sensor::{SensorSuite, Tof, TofParts, Told};
 use crate::simulation::Simulation;
 use crate::testing;
 use crate::trajectory::{PathAhead, Trajectories, TrajectoryShape};
+use crate::world::Solid;
 
 const AHEAD: PathAhead = PathAhead { points: 2, spacing_secs: 0.2, position_scale_m: 0.5 };
 
@@ -70,12 +75,64 @@ fn scenarios() -> Vec<Scenario> {
             observation: ObservationLayout::Body(BodyLayout { measured_len: AHEAD.len() as u8, ..body }),
             ..late.clone()
         },
+        beside_a_wall(&late, body),
         Scenario {
             action: ActionSpace::RotorThrusts(RotorThrusts::new(&CRAZYFLIE_2_1, 0.05, 300.0)),
             observation: ObservationLayout::Px4Neural(Px4NeuralLayout),
             ..late
         },
     ]
+}
+
+/// A task whose rewards look around, and whose drones see the wall beside the goal.
+fn beside_a_wall(late: &Scenario, body: BodyLayout) -> Scenario {
+    let wall = Solid::block("wall", Vector3::new(0.3, -2.0, 0.0), Vector3::new(0.4, 2.0, 3.0));
+    let zones = TofParts {
+        side: 4,
+        field_of_view: 0.8,
+        pitch: 0.0,
+        limit: 4.0,
+        noise: [0.01, 0.02],
+        sampling: Sampling { rate_hz: 15.0, latency_secs: 0.04, drop_out: 0.1 },
+    };
+    let mut scenario = Scenario {
+        observation: ObservationLayout::Body(BodyLayout { measured_len: 16, ..body }),
+        sensors: SensorSuite::none().with_tof(Some(Tof::new(&zones))),
+        physics: Physics { contacts: Contacts::Reported, ..late.physics },
+        ..late.clone()
+    };
+    scenario.aviary.world.solids.push(wall);
+    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0 }.into());
+    scenario.rewards.push(Cruise { weight: -1.0, speed_m_per_s: 1.5, slow_within_m: 0.5 }.into());
+    scenario
+}
+
+#[test]
+fn who_flies_at_a_wall_is_told_to_slow_down() {
+    let body = BodyLayout { scales: SCALES, action_len: 4, measured_len: 0 };
+    let late = Scenario { airframe: CRAZYFLIE_2_1, ..testing::hover() };
+    let mut scenario = beside_a_wall(&late, body);
+    scenario.rewards = vec![Avoidance { weight: -2.0, reach_m: 1.0 }.into()];
+    let gradient = StepGradient::new(&scenario).unwrap();
+    let mut simulation: Simulation = Simulation::new(&scenario, Seed(5), 0, LANES);
+    let mut records = [gradient.record()];
+    let nothing = vec![0.0; scenario.action.len() * LANES];
+    simulation.take_down(&gradient, &nothing, &mut records);
+    simulation.step(&nothing);
+    simulation.take_down_end(&gradient, &mut records);
+    let (mut workspace, mut state) = (gradient.workspace(), gradient.no_adjoints());
+    gradient.run(&records[0], &mut workspace);
+    let seen = vec![[0.0; LANES]; scenario.observation.len()];
+    gradient.pull_back(&mut workspace, &mut state, &seen).for_each(drop);
+    // Of the swarm's columns the first six are the position and, behind four of the attitude, the velocity.
+    let column = |wanted: usize| {
+        let is_it = |carry: &&Carry| gradient.sources[carry.read as usize] == Source::Column(wanted);
+        gradient.carries.iter().position(|carry| is_it(&carry)).map(|index| state[index])
+    };
+    let (by_x, by_speed) = (column(0).unwrap(), column(7).unwrap());
+    let approaching: Vec<usize> = (0..LANES).filter(|lane| by_speed[*lane] < 0.0).collect();
+    assert!(approaching.len() > LANES / 4, "{approaching:?}");
+    assert!(approaching.iter().all(|lane| by_x[*lane] < 0.0), "nearer is worse");
 }
 
 fn actions(scenario: &Scenario, rows: usize, stream: &mut Stream) -> Vec<f32> {
@@ -86,6 +143,8 @@ fn actions(scenario: &Scenario, rows: usize, stream: &mut Stream) -> Vec<f32> {
 fn the_program_computes_the_bits_of_the_simulation() {
     for scenario in scenarios() {
         let gradient = StepGradient::new(&scenario).unwrap();
+        // What instruments deliver is given, and not computed.
+        let measured = scenario.sensors.tof().map_or(0, Tof::len);
         let mut simulation: Simulation = Simulation::new(&scenario, Seed(3), 0, 2 * LANES);
         let (mut records, mut workspace) = (vec![gradient.record(); 2], gradient.workspace());
         let mut stream = Stream::new(Seed(4), 0, Purpose::Reset);
@@ -93,17 +152,24 @@ fn the_program_computes_the_bits_of_the_simulation() {
             let actions = actions(&scenario, simulation.rows(), &mut stream);
             simulation.take_down(&gradient, &actions, &mut records);
             simulation.step(&actions);
+            simulation.take_down_end(&gradient, &mut records);
             for (block, record) in records.iter().enumerate() {
                 gradient.run(record, &mut workspace);
-                assert_same(&simulation, &gradient, &workspace, block);
+                assert_same(&simulation, &gradient, (&workspace, measured), block);
             }
         }
         assert_eq!(gradient.silent_terms(), [0, 6], "being alive and failing have no derivative");
     }
 }
 
-/// That a block of the simulation has the observations and rewards of a workspace, but where an episode has ended.
-fn assert_same(simulation: &Simulation, gradient: &StepGradient, workspace: &Workspace, block: usize) {
+/// That a block of the simulation has the rewards of a workspace and its observations, so many measured ones at their end aside,
+/// but where an episode has ended.
+fn assert_same(
+    simulation: &Simulation,
+    gradient: &StepGradient,
+    (workspace, measured): (&Workspace, usize),
+    block: usize,
+) {
     let (rows, environments, len) = (simulation.rows(), simulation.environments(), simulation.observation_len());
     let seen: Vec<[f32; LANES]> = gradient.observations(workspace).copied().collect();
     let rewards: Vec<[f32; LANES]> = gradient.rewards(workspace).copied().collect();
@@ -113,7 +179,7 @@ fn assert_same(simulation: &Simulation, gradient: &StepGradient, workspace: &Wor
         if simulation.outcomes()[row] != crate::outcome::Outcome::Running {
             continue;
         }
-        for (index, column) in seen[agent * len..(agent + 1) * len].iter().enumerate() {
+        for (index, column) in seen[agent * len..(agent + 1) * len - measured].iter().enumerate() {
             assert_eq!(column[lane], simulation.observations()[index * rows + row]);
         }
         let terms = simulation.terms(row).into_iter().enumerate();
@@ -125,8 +191,7 @@ fn assert_same(simulation: &Simulation, gradient: &StepGradient, workspace: &Wor
 }
 
 /// Weighted sum of what a period computes.
-fn objective(period: &Period<f64>, silent: &[usize], weights: &[f64]) -> f64 {
-    let count = testing::hover().rewards.len();
+fn objective(period: &Period<f64>, (silent, count): (&[usize], usize), weights: &[f64]) -> f64 {
     let terms = period.terms.iter().enumerate().filter(|(index, _)| !silent.contains(&(index % count)));
     let seen = period.observations.iter().chain(&period.after).zip(weights);
     terms.map(|(_, term)| *term).sum::<f64>() + seen.map(|(value, weight)| value * weight).sum::<f64>()
@@ -144,7 +209,10 @@ fn derivatives_are_those_of_central_differences_in_double_precision() {
         }
         let mut records = [gradient.record()];
         let rows = simulation.rows();
-        simulation.take_down(&gradient, &actions(&scenario, rows, &mut stream), &mut records);
+        let actions = actions(&scenario, rows, &mut stream);
+        simulation.take_down(&gradient, &actions, &mut records);
+        simulation.step(&actions);
+        simulation.take_down_end(&gradient, &mut records);
         let mut workspace = gradient.workspace();
         gradient.run(&records[0], &mut workspace);
         compare(&scenario, &gradient, (&records[0], &mut workspace), &mut stream);
@@ -165,13 +233,13 @@ fn compare(
     let by_actions: Vec<[f32; LANES]> = gradient.pull_back(workspace, &mut state, &seen).collect();
     let column_of = |carry: &Carry| match gradient.sources[carry.read as usize] {
         Source::Column(column) => column,
-        Source::Action(_) => usize::MAX,
+        Source::LateColumn(_) | Source::Action(_) => usize::MAX,
     };
     for lane in [0, 17, 63] {
         let values = |index: usize| {
             let places = gradient.sources.iter().zip(&record.values);
             let is_here = |source: &Source| match *source {
-                Source::Column(column) => column == index,
+                Source::Column(column) | Source::LateColumn(column) => column == index,
                 Source::Action(action) => action + columns(scenario) == index,
             };
             places.filter(|(source, _)| is_here(source)).map(|(_, column)| f64::from(column[lane])).next()
@@ -183,7 +251,7 @@ fn compare(
         }
         let at = |moved: usize, by: f64| {
             let input = |index| values(index).unwrap_or(0.0) + if index == moved { by } else { 0.0 };
-            objective(&Period::fly(scenario, input), &gradient.silent, &weights)
+            objective(&Period::fly(scenario, input), (&gradient.silent, scenario.rewards.len()), &weights)
         };
         let carried = gradient.carries.iter().map(column_of).zip(&state);
         let acted = by_actions.iter().enumerate().map(|(action, column)| (columns(scenario) + action, column));

@@ -59,6 +59,14 @@ macro_rules! reward_terms {
                 }
             }
 
+            /// Whether it looks for the nearest obstacle.
+            pub(crate) fn looks_around(&self) -> bool {
+                match self {
+                    $(Self::$term(term) => term.looks_around(),)*
+                    Self::Custom(_) => false,
+                }
+            }
+
             pub(crate) fn memory(&self) -> Memory {
                 match self {
                     $(Self::$term(term) => term.memory(),)*

@@ -54,6 +54,7 @@ pub(super) struct Trial {
     pub(super) touches: [Column<1, f64>; 2],
     pub(super) ends: Ends<1, f64>,
     pub(super) arenas: Option<Arenas>,
+    pub(super) nearest: Option<[Column<1, f64>; 4]>,
 }
 
 impl Trial {
@@ -73,6 +74,7 @@ impl Trial {
             touches: [[0.0]; 2],
             ends: Ends { success: [0.0], failure: [0.0], time_up: [0.0] },
             arenas: None,
+            nearest: None,
         }
     }
 
@@ -116,6 +118,7 @@ impl Trial {
             previous_actions: &previous,
             touches: &self.touches,
             gates_left: None,
+            nearest: self.nearest.as_ref(),
             steps: &[self.steps],
             agent: self.agent,
             team: &self.team,

@@ -207,6 +207,54 @@ fn courses_of_impossible_numbers_are_refused() {
     assert!(found.contains("advance"), "{found}");
 }
 
+/// Fly through a forest that is drawn.
+const FORESTS: &str = "
+aviary: { drawn: { worlds: { seed: 3, count: 24 }, from: { forest: { trunks_per_square_metre: 0.3 } } } }
+action: { velocity: { speed_limit_m_per_s: 2 } }
+sensors: [ tof: {} ]
+observation: { pilot_measured: {} }
+start: { position: { within: { low_m: [-0.8, -2.5, 0.4], high_m: [0.5, 2.5, 2] } } }
+rewards: [ progress: { weight: 2 } ]
+terminations: [ { arrival: { radius_m: 0.3 } }, collision ]
+success: ending
+";
+
+#[test]
+fn every_forest_is_as_dense_as_asked_and_has_a_way_through_it() {
+    let scenario = checked(FORESTS).unwrap();
+    let rooms = scenario.drawn.as_ref().unwrap();
+    let mut straight = 0;
+    for index in 0..24 {
+        let Room { aviary, ways, .. } = rooms.room(index);
+        let trunks: Vec<_> = aviary.world.solids.iter().filter(|solid| solid.name == "trunk").collect();
+        assert!((26..=28).contains(&trunks.len()), "0.3 on each of 93 square metres: {}", trunks.len());
+        for trunk in &trunks {
+            let (low, high) = trunk.extent();
+            assert!(low.x >= 1.0 && high.x <= 16.5 && low.y >= -3.0 && high.y <= 3.0, "{low:?} {high:?}");
+            let radius = (high.x - low.x) / 2.0;
+            assert!((0.08..=0.2001).contains(&radius) && low.z == 0.0 && high.z == 2.5);
+        }
+        assert!(ways.as_ref().unwrap().free_path_from([-0.3, 0.0, 1.2]).is_some(), "forest {index}");
+        let ends = [nalgebra::Vector3::new(-0.3, 0.0, 1.2), aviary.goal.cast()];
+        let free = |point| crate::contact::nearest_obstacle(&aviary.world.solids, &point).unwrap().1 > 0.1;
+        straight += u32::from(along(&ends).all(free));
+    }
+    assert!(straight < 8, "a straight line leads through {straight} of 24");
+    assert_ne!(rooms.room(0).aviary.world, rooms.room(1).aviary.world);
+}
+
+#[test]
+fn forests_of_impossible_numbers_are_refused_and_one_without_trunks_is_a_hall() {
+    let from = "trunks_per_square_metre: 0.3";
+    let refused = |to: &str| checked(&FORESTS.replace(from, to)).unwrap_err();
+    let found = refused("radius_m: [0.3, 0.2]");
+    assert!(found.contains("forest.radius_m.1: found 0.2"), "{found}");
+    let found = refused("trunks_per_square_metre: 3");
+    assert!(found.contains("forest.trunks_per_square_metre: found 3"), "{found}");
+    let bare = checked(&FORESTS.replace(from, "trunks_per_square_metre: 0")).unwrap();
+    assert_eq!(bare.drawn.as_ref().unwrap().room(0).aviary.world.solids.len(), 4);
+}
+
 #[test]
 fn ranges_overlap_where_they_share_a_number_of_a_seed() {
     let range = |seed, first, count| RoomRange { seed: Seed(seed), first, count };

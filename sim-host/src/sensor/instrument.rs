@@ -92,13 +92,13 @@ impl Noise {
 
 impl Sampling {
     /// Whether a sample is taken between the reading before this one and this one.
-    fn due(&self, reading: u64, phase: f64, control_secs: f64) -> bool {
+    pub(super) fn due(&self, reading: u64, phase: f64, control_secs: f64) -> bool {
         let taken = |reading: u64| (reading as f64 * control_secs * self.rate_hz + phase).floor();
         reading == 0 || taken(reading) > taken(reading - 1)
     }
 
     /// Control periods after which a sample arrives.
-    fn delay(&self, control_secs: f64) -> u64 {
+    pub(super) fn delay(&self, control_secs: f64) -> u64 {
         (self.latency_secs / control_secs).round() as u64
     }
 }

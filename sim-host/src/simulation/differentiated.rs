@@ -35,6 +35,13 @@ impl Simulation {
         }
     }
 
+    /// Takes down what that step has found in the end: once it is over.
+    pub fn take_down_end(&mut self, gradient: &StepGradient, records: &mut [StepRecord]) {
+        for (block, record) in self.blocks.iter_mut().zip(records) {
+            gradient.take_down_end(block, record);
+        }
+    }
+
     /// Ends the episodes of some environments without a word, and begins their next ones; images stay as they were until
     /// the next step.
     ///

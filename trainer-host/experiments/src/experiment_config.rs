@@ -158,9 +158,6 @@ fn refuse_without_derivatives(scenario: &Scenario, analytic: &Field<'_>) -> Resu
     if scenario.camera.is_some() {
         return Err(refuse("a camera, whose images have no derivatives".to_owned()));
     }
-    if scenario.drawn.is_some() {
-        return Err(refuse("`aviary.drawn`, whose worlds no derivative sees".to_owned()));
-    }
     StepGradient::new(scenario).map(drop).map_err(|refusal| refuse(refusal.to_string()))
 }
 

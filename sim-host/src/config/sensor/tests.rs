@@ -72,7 +72,7 @@ fn what_is_wrong_is_said_with_its_place() {
     let table = [
         (
             "sensors: [sonar: {}]",
-            "found `sonar`, expected `imu`, `flow`, `range`, `barometer`, `scan`, `mates`, `path`, `coverage`, `gates` or `way`",
+            "found `sonar`, expected `imu`, `flow`, `range`, `barometer`, `tof`, `scan`, `mates`, `path`, `coverage`, `gates` or `way`",
         ),
         ("sensors: [imu: {gyro: {}}]", "found the unknown key `gyro`, expected `gyroscope` or `accelerometer`"),
         ("sensors: [barometer: {rate_hz: 0}]", "found 0, expected a number from 0.1 to 10000 Hz"),
@@ -154,6 +154,32 @@ fn a_scan_is_the_last_sensor_and_adds_its_beams() {
         ),
     ];
     for (text, expected) in cases {
+        assert_eq!(message(text), expected);
+    }
+}
+
+#[test]
+fn a_multizone_ranger_stands_between_instruments_and_scan() {
+    let equipped = suite("sensors: [imu: {}, tof: {zones: 4}, scan: {rings: [{beams: 8}]}]").unwrap();
+    assert_eq!((equipped.len(), equipped.scan_start()), (6 + 16 + 8, 6 + 16));
+    assert_eq!(suite("sensors: [tof: {}]").unwrap().len(), 64);
+    for (text, expected) in [
+        (
+            "sensors: [tof: {}, imu: {}]",
+            "trial.yaml:1:11: sensors.0: found a `tof` before other sensors, expected one `tof`, as the last but for a `scan` \
+             and what is told",
+        ),
+        ("sensors: [tof: {zones: 6}]", "trial.yaml:1:24: sensors.0.tof.zones: found 6, expected 4 or 8"),
+        (
+            "sensors: [tof: {latency_secs: 0.07}]",
+            "trial.yaml:1:31: sensors.0.tof.latency_secs: found 0.07 s, expected less than 0.0667 s, what passes from one \
+             measurement to the next",
+        ),
+        (
+            "sensors: [tof: {field_of_view_deg: 150}]",
+            "trial.yaml:1:36: sensors.0.tof.field_of_view_deg: found 150, expected a number from 5 to 120 degrees",
+        ),
+    ] {
         assert_eq!(message(text), expected);
     }
 }

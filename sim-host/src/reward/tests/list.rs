@@ -24,6 +24,8 @@ fn paid(yaml: &str) -> Vec<f64> {
     let block = Solid::block("block", Vector3::new(0.3, 0.8, 1.8), Vector3::new(0.7, 1.2, 2.2));
     let world = World { solids: vec![block], ..World::empty() };
     trial.arenas = Some(Arenas::Same(Arc::new(Arena::new(&world, &CF2X, ContactReport::Touch))));
+    // The side of that block from which most of the flight comes.
+    trial.nearest = Some([[-1.0], [0.0], [0.0], [0.3]]);
     let mut pay = |step: u32| {
         // Towards the landing zone of the smallest terms, and from there away, most along x.
         let way = f64::from(step) / 100.0;

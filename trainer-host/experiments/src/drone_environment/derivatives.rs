@@ -47,6 +47,7 @@ impl Differentiable for DroneEnvironment {
         let record = std::slice::from_mut(&mut tape.records[step]);
         self.simulation.take_down(&tape.gradient, actions, record);
         self.simulation.step(actions);
+        self.simulation.take_down_end(&tape.gradient, record);
         let ended = &mut tape.ended[step];
         *ended = [false; LANES];
         for (row, outcome) in self.simulation.outcomes().iter().enumerate() {

@@ -10,14 +10,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A gated recurrent unit (GRU, Cho et al. 2014) between the observation and the policy, for tasks in which what has been
-/// seen before matters: the layers of actor and critic read the observation and its hidden state. PPO trains it by
-/// truncated backpropagation through time.
+/// seen before matters: the layers of actor and critic read the observation and its hidden state. Truncated
+/// backpropagation through time trains it, in PPO and, over the windows of `analytic`, through the physics.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MemoryConfig {
     /// Values of the hidden state: a multiple of 4, at most 64, and at most 128 with the observation.
     pub units: u64,
-    /// Steps through which gradients go back: a divisor of `steps_per_rollout`. A minibatch is made of windows of so many
+    /// Steps through which gradients of PPO go back: a divisor of `steps_per_rollout`. A minibatch is made of windows of so many
     /// steps of 32, 64, 128 or a multiple of 256 drones.
     pub steps_per_window: u64,
 }

@@ -43,6 +43,9 @@ impl Sensing {
         if let Some(told) = suite.told() {
             return other(name_of_told(told));
         }
+        if suite.tof().is_some() {
+            return other("a `tof`: the app asks for none");
+        }
         if suite.len() != measured_len {
             return other(&format!("{measured_len} values, where its task measures {}", suite.len()));
         }
