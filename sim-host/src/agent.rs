@@ -104,7 +104,7 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
 /// Empty maps, if drones look for their ways.
 fn way<const LANES: usize, R: Real>(scenario: &Scenario) -> Option<Box<WayMemory<LANES, R>>> {
     let Some(Told::Way(way)) = scenario.sensors.told() else { return None };
-    Some(WayMemory::new(*way, scenario.sensors.scan()?, scenario.airframe.collision_radius))
+    Some(WayMemory::new(*way, &scenario.sensors, scenario.airframe.collision_radius))
 }
 
 /// An agent whose episode ended in this step.
@@ -176,7 +176,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             streams: (0..LANES as u32).map(stream).collect(),
             sensors: Vec::new(),
             measurements: columns(scenario.sensors.len()),
-            tof: scenario.sensors.tof().map(TofMemory::new),
+            tof: scenario.sensors.tof().map(|tof| Box::new(TofMemory::new(tof))),
             nearest: scenario.rewards.iter().any(RewardTerm::looks_around).then(|| Box::new([nothing; 4])),
             way: way(scenario),
             read_velocity: [nothing; 3],
@@ -399,8 +399,12 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         if let Some(tof) = &mut self.tof {
             tof.begin(lane, &mut self.streams[lane]);
         }
+        if let Some(way) = &mut self.way {
+            way.begin(lane);
+        }
         self.range_lane(scenario, arenas, lane);
         self.scan_lane(scenario, arenas, lane);
+        self.find_way(lane);
         self.tell(scenario, lane..lane + 1);
         self.begin_integral(scenario, lane);
         self.observe_lane(scenario, lane);

@@ -295,9 +295,12 @@ impl ScenarioConfig {
                 refuse("`path` without a way", "a `trajectory` under `goals`")
             }
             Some(SensorConfig::Way(_))
-                if !self.sensors.iter().any(|sensor| matches!(sensor, SensorConfig::Scan(_))) =>
+                if !self
+                    .sensors
+                    .iter()
+                    .any(|sensor| matches!(sensor, SensorConfig::Scan(_) | SensorConfig::Tof(_))) =>
             {
-                refuse("`way` without beams that meet what is in it", "a `scan` before it")
+                refuse("`way` without a sensor that meets what is in it", "a `scan` or a `tof` before it")
             }
             Some(SensorConfig::Gates(_)) if *goals != Goals::Gates => {
                 refuse("`gates` without a course", "`gates` under `goals`")

@@ -31,7 +31,7 @@ pub use scan::{BEAM_LIMIT, Scan, ScanRing};
 pub(crate) use tof::{TOF_BANK_LIMIT, TofMemory};
 pub use tof::{Tof, TofParts};
 pub use way::Way;
-pub(crate) use way::{Chart, Look, WayMemory};
+pub(crate) use way::{Chart, WayMemory};
 
 /// Distance \[m\] from an origin along a unit direction (both world) to the nearest thing within a limit \[m\].
 pub type Raycast<'a> = &'a dyn Fn(Vector3<f64>, Vector3<f64>, f64) -> Option<f64>;

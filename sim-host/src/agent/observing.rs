@@ -16,7 +16,7 @@ use crate::contact::BANK;
 use crate::latency::{States, known_states};
 use crate::rooms::Arenas;
 use crate::scenario::{CriticView, Preset, Scenario};
-use crate::sensor::{Look, TOF_BANK_LIMIT, Told, Truth};
+use crate::sensor::{TOF_BANK_LIMIT, Told, Truth};
 use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 use crate::trajectory::{PathAhead, Trajectory};
@@ -161,6 +161,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             self.sense_lane(stage.scenario, stage.arenas, lane);
             self.range_lane(stage.scenario, stage.arenas, lane);
             self.scan_lane(stage.scenario, stage.arenas, lane);
+            self.find_way(lane);
         }
     }
 
@@ -204,6 +205,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             let arrival = reading + tof.delay(reading, secs);
             memory.send(tof, lane, (&distances, arrival), &mut self.streams[lane]);
             memory.deliver(lane, reading, measurements);
+            if let Some(way) = &mut self.way {
+                way.mark(lane, memory.met(tof, lane, (&position.into(), &axes)));
+            }
         }
     }
 
@@ -217,9 +221,18 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         for (column, value) in columns.zip(nearness) {
             column[lane] = R::from_f32(value);
         }
+        if let Some(way) = &mut self.way {
+            way.look(lane, (scan, &nearness), &position.into(), period);
+        }
+    }
+
+    /// Finds the way through what has been met so far, where drones look for theirs.
+    #[inline(always)]
+    pub(super) fn find_way(&mut self, lane: usize) {
+        let reading = self.period(lane);
         let Some(way) = &mut self.way else { return };
-        let goal = vector(&self.goal, lane).map(Real::to_f32);
-        way.look(lane, &Look { period, scan, nearness: &nearness, position: position.into(), goal });
+        let position = row(&self.swarm.position, lane).map(Real::to_f32).into();
+        way.search(lane, reading, [&position, &vector(&self.goal, lane).map(Real::to_f32)]);
         let known = known_states(&self.swarm, self.latency.as_ref()).state(lane).position;
         if let Some((_, columns)) = self.measurements.split_last_chunk_mut() {
             set_row(columns, lane, way.reading(lane, &known, &vector(&self.goal, lane)));

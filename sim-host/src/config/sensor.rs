@@ -78,8 +78,9 @@ pub enum SensorConfig {
     /// Where the drone is as seen from the middle of each of the next gates, if the goals are `gates`: forwards, to the left and up
     /// (3 values), and the cosine and sine of the heading in which the gate is flown through. The last sensor, once.
     Gates(GatesAheadConfig),
-    /// Where the way to the goal leads, through a map that the drone makes of what its `scan` meets (3 values: the direction of a
-    /// point ahead on it, world): an occupancy grid and the shortest path in it (A*). Behind a `scan`, the last sensor, once.
+    /// Where the way to the goal leads, through a map that the drone makes of what its `scan` or `tof` meets (3 values: the
+    /// direction of a point ahead on it, world): an occupancy grid and the shortest path in it (A*). Behind one of those, the last
+    /// sensor, once.
     Way(WayConfig),
 }
 
@@ -445,10 +446,8 @@ impl SensorConfig {
         let told_last = usize::from(told.is_some());
         let sensors = &sensors[..sensors.len() - told_last];
         let scan = Self::check_scan(sensors, field)?;
-        let suite = SensorSuite::new(instruments, control_secs)
-            .with_tof(Self::check_tof(&sensors[..sensors.len() - usize::from(scan.is_some())], field)?)
-            .with_scan(scan)
-            .with_told(told);
+        let tof = Self::check_tof(&sensors[..sensors.len() - usize::from(scan.is_some())], field)?;
+        let suite = SensorSuite::new(instruments, control_secs).with_tof(tof).with_scan(scan).with_told(told);
         if suite.len() > OBSERVATION_LIMIT {
             let expected = format!("at most {OBSERVATION_LIMIT}, the most that a policy sees");
             return Err(field.reject(format!("sensors that measure {} values", suite.len()), expected));

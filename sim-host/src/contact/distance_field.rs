@@ -1,7 +1,5 @@
 //! The geodesic distance field (cost-to-go): how long the shortest free path to the goal is, from everywhere.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use nalgebra::Vector3;
@@ -314,29 +312,103 @@ fn cost(room: f64) -> f64 {
 fn shortest(grid: &Grid, costs: &[f64], goal: usize) -> Vec<f32> {
     let mut metres = vec![f32::INFINITY; grid.len()];
     metres[goal] = 0.0;
-    let steps = steps();
-    // Lengths are not negative, so that their bits have their order; equal ones go by index.
-    let mut open = BinaryHeap::from([Reverse((0_u32, goal))]);
-    while let Some(Reverse((bits, index))) = open.pop() {
+    let steps = steps(grid);
+    let mut open = RadixQueue::default();
+    // Lengths are not negative, so that their bits have their order.
+    open.push(0, goal as u32);
+    while let Some((bits, index)) = open.pop() {
+        let index = index as usize;
         if bits > metres[index].to_bits() {
             continue;
         }
         let node = grid.node(index);
-        for (offset, length) in &steps {
-            let Some(next) = grid.beside(node, *offset) else { continue };
-            let step = length * grid.spacing * 0.5 * (costs[index] + costs[next]);
-            let found = metres[index] + step as f32;
+        let is_inside = (0..3).all(|axis| (1..grid.counts[axis] - 1).contains(&node[axis]));
+        for step in &steps {
+            let next =
+                if is_inside { Some(index.wrapping_add_signed(step.by)) } else { grid.beside(node, step.offset) };
+            let Some(next) = next else { continue };
+            let found = metres[index] + (step.half_length * (costs[index] + costs[next])) as f32;
             if found < metres[next] {
                 metres[next] = found;
-                open.push(Reverse((found.to_bits(), next)));
+                open.push(found.to_bits(), next as u32);
             }
         }
     }
     metres
 }
 
-/// Offsets to neighbours and their lengths.
-fn steps() -> Vec<([isize; 3], f64)> {
-    let length = |offset: &[isize; 3]| libm::sqrt(offset.iter().map(|part| (part * part) as f64).sum());
-    NEIGHBOURS.iter().map(|offset| (*offset, length(offset))).collect()
+/// A queue that gives the least key first, for keys that never fall below the last one given (a radix heap, Ahuja et al. 1990):
+/// bucket k holds what differs from that one in the k-th bit at most.
+#[derive(Debug)]
+struct RadixQueue {
+    last: u32,
+    buckets: [Vec<(u32, u32)>; 33],
+}
+
+impl Default for RadixQueue {
+    fn default() -> Self {
+        Self { last: 0, buckets: core::array::from_fn(|_| Vec::new()) }
+    }
+}
+
+impl RadixQueue {
+    fn push(&mut self, key: u32, value: u32) {
+        self.buckets[32 - (key ^ self.last).leading_zeros() as usize].push((key, value));
+    }
+
+    fn pop(&mut self) -> Option<(u32, u32)> {
+        if self.buckets[0].is_empty() {
+            let first = self.buckets.iter().position(|bucket| !bucket.is_empty())?;
+            let mut bucket = core::mem::take(&mut self.buckets[first]);
+            self.last = bucket.iter().map(|(key, _)| *key).min()?;
+            bucket.drain(..).for_each(|(key, value)| self.push(key, value));
+            self.buckets[first] = bucket;
+        }
+        self.buckets[0].pop()
+    }
+}
+
+/// A step to a neighbour.
+struct Step {
+    offset: [isize; 3],
+    /// Between the indices of the two.
+    by: isize,
+    /// Half of its length \[m\].
+    half_length: f64,
+}
+
+fn steps(grid: &Grid) -> Vec<Step> {
+    let [nx, ny, _] = grid.counts.map(|count| count as isize);
+    let step = |offset: &[isize; 3]| {
+        let length = libm::sqrt(offset.iter().map(|part| (part * part) as f64).sum());
+        let [x, y, z] = *offset;
+        Step { offset: *offset, by: x + nx * (y + ny * z), half_length: length * grid.spacing * 0.5 }
+    };
+    NEIGHBOURS.iter().map(step).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::RadixQueue;
+
+    #[test]
+    fn the_least_key_comes_first() {
+        let (mut queue, mut waiting, mut number) = (RadixQueue::default(), vec![(0, 0)], 1_u32);
+        queue.push(0, 0);
+        while let Some((key, value)) = queue.pop() {
+            let least = waiting.iter().map(|(key, _)| *key).min();
+            assert_eq!(least, Some(key));
+            let place = waiting.iter().position(|entry| *entry == (key, value)).expect("what was put in");
+            waiting.swap_remove(place);
+            // Two more for each of the first, which is never nearer.
+            for by in [number.wrapping_mul(2_654_435_761) >> 12, number % 3] {
+                if number < 400 {
+                    waiting.push((key + by, number));
+                    queue.push(key + by, number);
+                    number += 1;
+                }
+            }
+        }
+        assert!(waiting.is_empty() && number == 400, "{number}");
+    }
 }

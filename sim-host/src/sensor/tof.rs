@@ -1,6 +1,7 @@
 //! A multizone time-of-flight ranger: distances in a square of zones ahead, all at once.
 
 use kestrel_core::real::Real;
+use nalgebra::Vector3;
 
 use super::instrument::Sampling;
 use crate::contact::{BANK, Cone, Rays};
@@ -32,6 +33,8 @@ pub struct Tof {
     sampling: Sampling,
     /// Unit vectors, body: one of each zone, then the next of each.
     rays: Vec<Rays>,
+    /// Those of the middles of the zones.
+    middles: Vec<Vector3<f32>>,
     /// Of the middle, body.
     axis: [f32; 3],
     /// Sine and cosine of the angle to a corner.
@@ -85,6 +88,12 @@ impl Tof {
                 directions.push(direction(row, zone % side * RAYS_PER_SIDE + part % RAYS_PER_SIDE));
             }
         }
+        // Between its first ray and its last.
+        let middle = |zone: usize| {
+            let [first, last] =
+                [zone, directions.len() - side * side + zone].map(|ray| Vector3::from(directions[ray]));
+            (first + last).normalize().cast()
+        };
         let bank = |directions: &[[f64; 3]; BANK]| -> Rays {
             core::array::from_fn(|axis| directions.map(|direction| direction[axis] as f32))
         };
@@ -97,6 +106,7 @@ impl Tof {
             noise,
             sampling,
             rays: directions.as_chunks().0.iter().map(bank).collect(),
+            middles: (0..side * side).map(middle).collect(),
             axis: axis.map(|value| value as f32),
             half_angle: [(1.0 - cosine * cosine).sqrt() as f32, cosine as f32],
         }
@@ -153,9 +163,9 @@ impl Tof {
 }
 
 impl<const LANES: usize, R: Real> TofMemory<LANES, R> {
-    pub(crate) fn new(tof: &Tof) -> Box<Self> {
+    pub(crate) fn new(tof: &Tof) -> Self {
         let nothing = [R::zero(); LANES];
-        Box::new(Self { phase: nothing, arrival: nothing, underway: vec![nothing; tof.len()] })
+        Self { phase: nothing, arrival: nothing, underway: vec![nothing; tof.len()] }
     }
 
     /// An episode begins, in which zones measure at an instant of their own.
@@ -185,6 +195,21 @@ impl<const LANES: usize, R: Real> TofMemory<LANES, R> {
         }
     }
 
+    /// Where the zones of a lane, as they measured last, have met something \[m, world\], from a body here with these axes.
+    pub(crate) fn met(
+        &self,
+        tof: &Tof,
+        lane: usize,
+        (place, world_from_body): (&Vector3<f32>, &[[f32; 3]; 3]),
+    ) -> impl Iterator<Item = Vector3<f32>> {
+        let rows = world_from_body.map(Vector3::from);
+        self.underway.iter().zip(&tof.middles).filter_map(move |(column, middle)| {
+            let nearness = column[lane].to_f32();
+            let distance = tof.limit * (1.0 - nearness);
+            (nearness > 0.0).then(|| place + Vector3::from(rows.map(|row| row.dot(middle))) * distance)
+        })
+    }
+
     /// What arrives at this reading goes to the measurements of the lane, the rest of which stay.
     #[inline(always)]
     pub(crate) fn deliver(&self, lane: usize, reading: u32, measurements: &mut [Column<LANES, R>]) {
@@ -209,8 +234,6 @@ impl Tof {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
-
     use super::*;
     use crate::contact::{Arena, ContactReport};
     use crate::seed::{Purpose, Seed};

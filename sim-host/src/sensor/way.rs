@@ -5,7 +5,7 @@ use kestrel_core::real::Real;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{BEAM_LIMIT, Scan};
+use super::{BEAM_LIMIT, Scan, SensorSuite};
 use crate::swarm::{Column, row, set_row, vector};
 
 /// Nearer to the goal than this \[m\], the direction reads shorter: there it is time to slow down.
@@ -46,7 +46,7 @@ pub(crate) struct WayMemory<const LANES: usize, R> {
     planner: Planner,
     /// Memory of the searches.
     search: Vec<SearchNode>,
-    /// Directions of the beams in each position, world.
+    /// Directions of the beams of a scan in each position, world; none without one.
     beams: Vec<Vec<Vector3<f32>>>,
     charts: [Chart; LANES],
     /// The points ahead \[m, world\].
@@ -68,51 +68,63 @@ impl Chart {
     }
 }
 
-/// What a drone sees, from where and on the way where to \[m, world\].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Look<'a> {
-    /// Control periods of the episode that have passed.
-    pub(crate) period: u32,
-    pub(crate) scan: &'a Scan,
-    pub(crate) nearness: &'a [f32; BEAM_LIMIT],
-    pub(crate) position: Vector3<f32>,
-    pub(crate) goal: Vector3<f32>,
-}
-
 impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
-    /// Empty maps, of drones with a hull of this radius \[m\].
-    pub(crate) fn new(way: Way, scan: &Scan, radius: f64) -> Box<Self> {
-        let directions = |position| scan.directions(position).iter().map(|direction| direction.cast()).collect();
+    /// Empty maps, of drones with a hull of this radius \[m\] and these sensors.
+    pub(crate) fn new(way: Way, sensors: &SensorSuite, radius: f64) -> Box<Self> {
+        let beams = |scan: &Scan| {
+            let directions =
+                |position| scan.directions(position).iter().map(|direction| direction.cast()).collect();
+            (0..scan.positions()).map(directions).collect()
+        };
         Box::new(Self {
             way,
             planner: Planner::new(radius as f32, way.nearness_cost, way.lookahead_m),
             search: vec![SearchNode::default(); way.grid.len()],
-            beams: (0..scan.positions()).map(directions).collect(),
+            beams: sensors.scan().map(beams).unwrap_or_default(),
             charts: core::array::from_fn(|_| Chart { nodes: vec![0; way.grid.len()], path: Path::default() }),
             ahead: [[R::zero(); LANES]; 3],
         })
     }
 
-    /// Takes in what the drone of a lane sees, and looks for its way when it is time to.
-    pub(crate) fn look(&mut self, lane: usize, look: &Look<'_>) {
-        let Self { way, charts, beams, .. } = self;
-        let Chart { nodes, path } = &mut charts[lane];
-        let Some(mut map) = OccupancyMap::new(&way.grid, nodes) else { return };
-        if look.period == 0 {
+    /// An episode begins, in which nothing has been met yet.
+    pub(crate) fn begin(&mut self, lane: usize) {
+        let Chart { nodes, path } = &mut self.charts[lane];
+        if let Some(mut map) = OccupancyMap::new(&self.way.grid, nodes) {
             map.clear();
-            *path = Path::default();
         }
-        let beams = &beams[look.period as usize % beams.len()];
-        let distances = look.scan.distances(look.nearness);
-        for ((nearness, distance), direction) in look.nearness.iter().zip(distances).zip(beams) {
-            let met = look.position + direction * distance;
-            if *nearness > NOTHING {
-                map.mark(&met.into());
-            }
+        *path = Path::default();
+    }
+
+    /// Takes in where the drone of a lane has met something \[m, world\].
+    pub(crate) fn mark(&mut self, lane: usize, met: impl Iterator<Item = Vector3<f32>>) {
+        if let Some(mut map) = OccupancyMap::new(&self.way.grid, &mut self.charts[lane].nodes) {
+            met.for_each(|point| map.mark(&point.into()));
         }
-        if look.period.is_multiple_of(way.periods) {
-            let leg = [&look.position.into(), &look.goal.into()];
-            let ahead = self.planner.ahead(&map, leg, path, &mut self.search);
+    }
+
+    /// Takes in what the beams of a scan read from a place \[m, world\], at this reading of the episode.
+    pub(crate) fn look(
+        &mut self,
+        lane: usize,
+        (scan, nearness): (&Scan, &[f32; BEAM_LIMIT]),
+        position: &Vector3<f32>,
+        reading: u32,
+    ) {
+        let beams = core::mem::take(&mut self.beams);
+        let beam = &beams[reading as usize % beams.len()];
+        let read = nearness.iter().zip(scan.distances(nearness)).zip(beam);
+        let met = read.filter(|((nearness, _), _)| **nearness > NOTHING);
+        self.mark(lane, met.map(|((_, distance), direction)| position + direction * distance));
+        self.beams = beams;
+    }
+
+    /// Looks for the way of a lane from a place to a goal \[m, world\], when it is time to.
+    pub(crate) fn search(&mut self, lane: usize, reading: u32, [position, goal]: [&Vector3<f32>; 2]) {
+        let Self { way, charts, planner, search, .. } = self;
+        let Chart { nodes, path } = &mut charts[lane];
+        let Some(map) = OccupancyMap::new(&way.grid, nodes) else { return };
+        if reading.is_multiple_of(way.periods) {
+            let ahead = planner.ahead(&map, [&(*position).into(), &(*goal).into()], path, search);
             set_row(&mut self.ahead, lane, ahead.map(R::from_f32));
         }
     }

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use kestrel_core::action::ACTION_LIMIT;
+use kestrel_core::action::{ACTION_LIMIT, ActionSpace};
 use kestrel_core::vehicle::State;
 use kestrel_sim::contact::AXIS_M;
 use kestrel_sim::course::Gate;
@@ -27,6 +27,14 @@ const APPARENT_DISTANCE_M: f32 = 0.8;
 /// in furnished rooms are too hard on a drone that is late.
 const TOUCH_SHARE: f32 = 0.7;
 
+/// Who sees ahead alone looks where it flies: yaw rate per angle between the two \[1/s\], and the share of its speed that is left
+/// where it looks aside.
+const TURN_GAIN: f32 = 3.0;
+const BLIND_SHARE: f32 = 0.15;
+
+/// A way that leads so little to the side has no heading \[m\].
+const UPRIGHT_M: f32 = 0.05;
+
 /// This near to the axis of a gate, the teacher flies along it \[m\]; this near to the end of that, it turns to the next gate.
 const ON_AXIS_M: f64 = 0.15;
 
@@ -35,6 +43,8 @@ const ON_AXIS_M: f64 = 0.15;
 pub(crate) struct Teacher {
     pilot: ScriptedPilot,
     map: Map,
+    /// Greatest yaw rate of an action, where it looks where it flies \[rad/s\].
+    turning: Option<f32>,
 }
 
 /// What it knows of the way.
@@ -66,7 +76,22 @@ impl Teacher {
         };
         let pilot = ScriptedPilot::of(scenario);
         let finds_its_way = matches!(scenario.sensors.told(), Some(Told::Way(_)));
-        Some(Self { pilot: if finds_its_way { pilot.softer(TOUCH_SHARE) } else { pilot }, map })
+        let turning = match (&scenario.action, scenario.sensors.tof()) {
+            (ActionSpace::Velocities(space), Some(_)) => Some(space.rates.body_rates_limit[2]),
+            (ActionSpace::IntegralVelocities(space), Some(_)) => Some(space.velocities.rates.body_rates_limit[2]),
+            (
+                ActionSpace::Velocities(_)
+                | ActionSpace::IntegralVelocities(_)
+                | ActionSpace::RotorSpeeds(_)
+                | ActionSpace::RotorThrusts(_)
+                | ActionSpace::ThrustTorques(_)
+                | ActionSpace::ThrustBodyRates(_)
+                | ActionSpace::RateLoop(_)
+                | ActionSpace::Reference(_),
+                Some(_) | None,
+            ) => None,
+        };
+        Some(Self { pilot: if finds_its_way { pilot.softer(TOUCH_SHARE) } else { pilot }, map, turning })
     }
 
     /// What it would do on the way to a goal \[m, world\] of a room, each value within \[-1, 1\], zeros behind the last. Where
@@ -92,8 +117,23 @@ impl Teacher {
         };
         let leg = found.unwrap_or(ahead) - position;
         let target = position + leg * (APPARENT_DISTANCE_M / leg.norm().max(LOOKAHEAD_M / 2.0));
-        self.pilot.lead(state, &target, distance)
+        let mut action = self.pilot.lead(state, &target, distance);
+        if let Some(limit) = self.turning.filter(|_| leg.xy().norm() > UPRIGHT_M) {
+            turn(&mut action, state, &leg, limit);
+        }
+        action
     }
+}
+
+/// Turns the nose where a leg leads, and flies the slower the more it looks aside.
+fn turn(action: &mut [f32; ACTION_LIMIT], state: &State<f32>, leg: &Vector3<f32>, limit: f32) {
+    let nose = state.world_from_body.rotate(Vector3::x());
+    let (along, aside) = (nose.x * leg.x + nose.y * leg.y, nose.x * leg.y - nose.y * leg.x);
+    let angle = libm::atan2f(aside, along);
+    let share = libm::cosf(angle).max(BLIND_SHARE);
+    let [x, y, z, yaw, ..] = action;
+    [x, y, z].into_iter().for_each(|velocity| *velocity *= share);
+    *yaw = (TURN_GAIN * angle / limit).clamp(-1.0, 1.0);
 }
 
 impl Course {

@@ -122,6 +122,7 @@ fn a_way_is_found_behind_a_scan() {
             "`way` before other sensors",
         ),
     ];
+    assert_eq!(suite(&of("").replace("scan", "tof")).unwrap().len(), 67);
     for (text, expected) in cases {
         assert!(message(&text).contains(expected), "{text}\n{}", message(&text));
     }

@@ -9,11 +9,11 @@ use crate::config::error::ConfigError;
 use crate::config::field::{Field, Limits};
 use crate::sensor::Way;
 
-/// A map that a drone makes of what its scan meets, and the shortest path in it.
+/// A map that a drone makes of what it meets, and the shortest path in it.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WayConfig {
-    /// What is mapped, and what no path leaves. Where no beam has met anything, one can fly.
+    /// What is mapped, and what no path leaves. Where nothing has been met, one can fly.
     pub map: BoxConfig,
     /// Between two nodes of the map; 65,024 nodes at most.
     #[serde(default = "tenth")]
