@@ -132,7 +132,9 @@ fn turn(action: &mut [f32; ACTION_LIMIT], state: &State<f32>, leg: &Vector3<f32>
     let angle = libm::atan2f(aside, along);
     let share = libm::cosf(angle).max(BLIND_SHARE);
     let [x, y, z, yaw, ..] = action;
-    [x, y, z].into_iter().for_each(|velocity| *velocity *= share);
+    for velocity in [x, y, z] {
+        *velocity *= share;
+    }
     *yaw = (TURN_GAIN * angle / limit).clamp(-1.0, 1.0);
 }
 
@@ -180,6 +182,7 @@ fn detour<'a>(aviary: &'a Aviary, gate: usize, before: &Vector3<f32>) -> Option<
 
 #[cfg(test)]
 mod tests {
+    use kestrel_core::attitude::Attitude;
     use kestrel_sim::seed::Seed;
     use kestrel_sim::simulation::Simulation;
 
@@ -241,6 +244,26 @@ mod tests {
             teacher.act(&state, &goal, simulation.room(0), Some(goal))[2]
         });
         assert!(firmly < -0.1 && (softly / firmly - TOUCH_SHARE).abs() < 0.01, "{softly}, {firmly}");
+    }
+
+    #[test]
+    fn who_sees_ahead_alone_is_turned_to_where_it_flies() {
+        let sensors = "scenario.sensors=[{tof: {}}, {way: {map: {low_m: [-1, -1.5, 0], high_m: [7, 1.5, 1.5]}}}]";
+        let path = in_repository("configs/aviaries/unseen-rooms.yaml");
+        let led = |overrides: &[String], yaw: f32| {
+            let scenario = load(&path, overrides).unwrap().evaluation.scenario;
+            let simulation = Simulation::<1>::new(&scenario, Seed(5), 0, 1);
+            let turned = Attitude { w: (0.5 * yaw).cos(), x: 0.0, y: 0.0, z: (0.5 * yaw).sin() };
+            let state = State { world_from_body: turned, ..simulation.state(0) };
+            let found = state.position + Vector3::new(0.3, 0.0, 0.0);
+            let mut teacher = Teacher::of(&scenario).expect("its rooms have ways");
+            teacher.act(&state, &simulation.goal(0), simulation.room(0), Some(found))
+        };
+        let ranger = [sensors.to_owned()];
+        let [ahead, aside, behind] = [0.0, 0.5, -2.5].map(|yaw| led(&ranger, yaw));
+        assert!(ahead[3].abs() < 1e-3 && aside[3] < -0.3 && behind[3] > 0.9, "{ahead:?} {aside:?} {behind:?}");
+        assert!(aside[0] < ahead[0] && behind[0] < 0.3 * ahead[0] && behind[0] > 0.0);
+        assert_eq!(led(&[], 0.5)[3], 0.0, "beams see all around");
     }
 
     #[test]

@@ -3,8 +3,10 @@
 use super::*;
 use crate::outcome::Ending;
 use crate::scenario::Start;
-use crate::sensor::{Scan, ScanRing, SensorSuite, Told, Way};
+use crate::sensor::instrument::Sampling;
+use crate::sensor::{Scan, ScanRing, SensorSuite, Tof, TofParts, Told, Way};
 use crate::world::{Role, Solid};
+use kestrel_core::attitude::Attitude;
 use kestrel_core::observation::ObservationLayout;
 use kestrel_core::planner::NodeGrid;
 use kestrel_core::vehicle::State;
@@ -174,6 +176,35 @@ fn the_way_leads_around_what_the_beams_have_met() {
     assert!((way.norm() - 1.0).abs() < 1e-3, "{way}");
     assert!(((ahead - simulation.state(0).position).normalize() - way).norm() < 1e-3, "{ahead} and {way}");
     assert!(way.y > 0.5, "{way} leads along the wall, not through it");
+}
+
+#[test]
+fn the_way_leads_around_what_a_multizone_ranger_has_met() {
+    let mut scenario = with_a_way();
+    let sampling = Sampling { rate_hz: 15.0, latency_secs: 0.0, drop_out: 0.0 };
+    let parts = TofParts { side: 8, field_of_view: 1.6, pitch: 0.0, limit: 4.0, noise: [0.0; 2], sampling };
+    let told_before = scenario.sensors.told().copied();
+    scenario.sensors = SensorSuite::none().with_tof(Some(Tof::new(&parts))).with_told(told_before);
+    if let ObservationLayout::PilotMeasured(layout) = &mut scenario.observation {
+        layout.measured_len = 67;
+    }
+    let told = |simulation: &Simulation<8>| {
+        let [.., x, y, z] = simulation.observations() else { panic!("a way") };
+        Vector3::new(*x, *y, *z)
+    };
+    let mut simulation = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
+    (0..40).for_each(|_| hold(&mut simulation, Vector3::new(-0.3, -0.2, 0.5)));
+    let way = told(&simulation);
+    assert!(way.y > 0.4, "{way} leads along the wall ahead, not through it");
+    // Whoever looks the other way has met no end of the wall, but for a glance at the start.
+    let mut blind = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
+    let behind = Attitude { w: 0.0, x: 0.0, y: 0.0, z: 1.0 };
+    for _ in 0..40 {
+        blind.put(0, State { world_from_body: behind, ..blind.state(0) });
+        hold(&mut blind, Vector3::new(-0.3, -0.2, 0.5));
+    }
+    let way = told(&blind);
+    assert!(way.y < 0.2 && way.x > 0.7, "{way} leads on to the wall");
 }
 
 #[test]
