@@ -1,4 +1,6 @@
 use super::*;
+use crate::experiment_config::load;
+use crate::golden::in_repository;
 use kestrel_core::action::{ActionSpace, RotorSpeeds};
 use kestrel_core::airframe::CF2X;
 use kestrel_core::dynamics::Integrator;
@@ -206,6 +208,34 @@ fn gradients_through_the_flight_teach_within_a_few_windows_whatever_the_threads(
     let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
     let (first, last) = (mean(&found[..5]), mean(&found[55..]));
     assert!(last > first, "{first} {last}");
+}
+
+#[test]
+fn a_forest_is_learned_to_the_same_bits_whatever_the_threads_and_after_a_pause() {
+    let overrides = ["scenario.aviary.drawn.worlds.count=3".to_owned()];
+    let path = in_repository("configs/aviaries/forest.yaml");
+    let task = load(&path, &overrides).unwrap().scenario;
+    let settings = AnalyticSettings {
+        environments: 128,
+        steps_per_window: 20,
+        memory_units: 8,
+        actor_hidden: vec![16],
+        ..AnalyticSettings::default()
+    };
+    let begin = || AnalyticTrainer::<DroneEnvironment>::new(&task, &settings, Seed(1)).unwrap();
+    let learn = |threads: usize, updates: u32, mut trainer: AnalyticTrainer<DroneEnvironment>| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let losses: Vec<f32> = pool.install(|| (0..updates).map(|_| trainer.update().policy_loss).collect());
+        (losses, trainer)
+    };
+    let (losses, whole) = learn(1, 24, begin());
+    let (first, half) = learn(2, 12, begin());
+    let resumed = AnalyticTrainer::restore(&task, &settings, half.save()).unwrap();
+    let (second, resumed) = learn(2, 12, resumed);
+    assert_eq!([first, second].concat(), losses);
+    assert_eq!(resumed.actor(), whole.actor());
+    let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+    assert!(mean(&losses[18..]) < mean(&losses[..6]), "{losses:?}");
 }
 
 #[test]
