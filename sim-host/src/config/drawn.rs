@@ -107,7 +107,7 @@ impl ForestConfig {
         let radius = field.at("radius_m");
         let [low, high] = self.radius_m;
         let low = radius.at(0).number(low, &Limits::from(0.02, TRUNK_LIMIT_M, "m"))?;
-        let high = radius.at(1).number(high, &Limits::from(f64::from(low), TRUNK_LIMIT_M, "m"))?;
+        let high = radius.at(1).number(high, &Limits::from(self.radius_m[0], TRUNK_LIMIT_M, "m"))?;
         let density = field.at("trunks_per_square_metre");
         Ok(Forest {
             density: density.number(self.trunks_per_square_metre, &Limits::from(0.0, 1.0, "per m²"))?,
@@ -144,7 +144,7 @@ impl RaceCoursesConfig {
         let opening = field.at("opening_m");
         let [low, high] = self.opening_m;
         let low = opening.at(0).number(low, &OPENING)?;
-        let high = opening.at(1).number(high, &Limits::from(f64::from(low), OPENING_LIMIT_M, "m"))?;
+        let high = opening.at(1).number(high, &Limits::from(self.opening_m[0], OPENING_LIMIT_M, "m"))?;
         Ok(Raceway {
             gates: [least as u32, most as u32],
             opening: [low, high],
@@ -272,7 +272,7 @@ impl ModelConfig {
         let scales = field.at("scales");
         let [least, most] = self.scales;
         let least = scales.at(0).number(least, &SCALES)?;
-        let most = scales.at(1).number(most, &Limits::from(f64::from(least), 1e4, ""))?;
+        let most = scales.at(1).number(most, &Limits::from(self.scales[0], 1e4, ""))?;
         Ok(Model { parts: parts(&self.piece, &field.at("piece"))?, scales: [least, most] })
     }
 }
