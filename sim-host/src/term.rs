@@ -201,6 +201,18 @@ pub(crate) struct RewardTask {
     pub(crate) ways: Ways,
 }
 
+impl RewardTask {
+    /// Refuses a term that looks for obstacles where physics knows none.
+    pub(crate) fn needs_contacts(&self, term: &str, field: &Field<'_>) -> Result<(), ConfigError> {
+        match self.contacts {
+            Contacts::Reported | Contacts::Solved => Ok(()),
+            Contacts::Absent => {
+                Err(field.reject(format!("`{term}` beside physics without contacts"), "physics that has them"))
+            }
+        }
+    }
+}
+
 /// How many places the goals of a task are at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum GoalKind {

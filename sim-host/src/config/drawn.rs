@@ -96,7 +96,7 @@ pub struct ForestConfig {
 }
 
 impl Default for ForestConfig {
-    /// A straight line through it hits a trunk in five flights of six.
+    /// A straight line through it hits a trunk in five cases of six, by the area that a Crazyflie sweeps.
     fn default() -> Self {
         Self { trunks_per_square_metre: 0.3, radius_m: [0.08, 0.2] }
     }

@@ -23,12 +23,7 @@ impl Term for Avoidance {
 
     fn check(&self, task: &RewardTask, field: &Field<'_>) -> Result<(), ConfigError> {
         field.at("reach_m").number(self.reach_m, &REACH)?;
-        match task.contacts {
-            Contacts::Reported | Contacts::Solved => Ok(()),
-            Contacts::Absent => {
-                Err(field.reject("`avoidance` beside physics without contacts", "physics that has them"))
-            }
-        }
+        task.needs_contacts("avoidance", field)
     }
 
     fn looks_around(&self) -> bool {

@@ -20,12 +20,7 @@ impl Term for Clearance {
 
     fn check(&self, task: &RewardTask, field: &Field<'_>) -> Result<(), ConfigError> {
         field.at("reach_m").number(self.reach_m, &REACH)?;
-        match task.contacts {
-            Contacts::Reported | Contacts::Solved => Ok(()),
-            Contacts::Absent => {
-                Err(field.reject("`clearance` beside physics without contacts", "physics that has them"))
-            }
-        }
+        task.needs_contacts("clearance", field)
     }
 
     #[inline(never)]

@@ -19,15 +19,15 @@ pub struct TofConfig {
     pub field_of_view_deg: f64,
     /// Of the middle below the body's nose.
     pub pitch_deg: f64,
-    /// Farther things read as nothing (data sheet: 4, of a white target; a grey one is seen half as far).
+    /// Farther things read as nothing (data sheet: 4; dark things are not seen so far).
     pub limit_m: f64,
-    /// Standard deviation of the white noise right at the sensor (data sheet: within 0.015 up to 0.2).
+    /// Standard deviation of the white noise right at the sensor (an assumption).
     pub noise_m: f64,
-    /// What each metre adds to it (data sheet: within 5 percent beyond 0.2).
+    /// What each metre adds to it (an assumption).
     pub noise_per_metre: f64,
     /// Measurements per second (data sheet: at most 15, 60 of 4 by 4 zones).
     pub rate_hz: f64,
-    /// Age of a measurement when it arrives, less than what passes between two: half of that is gathering.
+    /// Age of a measurement when it arrives, less than what passes between two (an assumption: half of that, and its transfer).
     pub latency_secs: f64,
     /// Share of zones that measure nothing.
     pub drop_out: f64,
