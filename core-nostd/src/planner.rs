@@ -4,6 +4,8 @@
 //! its way, and then around that. A node of the map's grid knows how far the nearest thing is that was met so far, which makes
 //! a metre near things longer than one in the open, and one through them much longer than any way around.
 //!
+//! A map can know as well through which nodes beams have passed; paths that lead through others can count more then.
+//!
 //! The search is A* (Hart, Nilsson and Raphael 1968) from the goal to the drone, in whole numbers: the same path on every
 //! machine, and the shortest but for a fifth of a spacing. What a beam meets only makes paths longer, so the rest of a path that
 //! has not become longer is as good as it was, and a drone that is on it follows it without another search. Memory is the caller's, of a constant size: a byte per node
@@ -189,23 +191,58 @@ const fn neighbours() -> [Step; 26] {
     steps
 }
 
-/// What the beams of a drone have met so far: for each node how far the nearest of it is, or the border.
+/// What the beams of a drone have met so far: for each node how far the nearest of it is, or the border; and, if it is to, which
+/// nodes they have passed through.
 #[derive(Debug)]
 pub struct OccupancyMap<'m> {
     grid: &'m NodeGrid,
     /// Squared, in steps.
     clearances: &'m mut [u8],
+    /// A bit for each node; none where every one counts as seen.
+    seen: &'m mut [u8],
 }
 
 impl<'m> OccupancyMap<'m> {
-    /// A map in `memory`, which has a byte for each node and holds what was met so far; before the first use [`Self::clear`]
-    /// it. `None` if the memory has another length.
+    /// A map in `memory`, which has a byte for each node, or [`Self::seeing_len`] bytes to know as well what was seen, and holds
+    /// what was met so far; before the first use [`Self::clear`] it. `None` if the memory has another length.
     pub fn new(grid: &'m NodeGrid, memory: &'m mut [u8]) -> Option<Self> {
-        (memory.len() == grid.len()).then_some(Self { grid, clearances: memory })
+        let has_room = memory.len() == grid.len() || memory.len() == Self::seeing_len(grid);
+        let (clearances, seen) = has_room.then(|| memory.split_at_mut_checked(grid.len())).flatten()?;
+        Some(Self { grid, clearances, seen })
+    }
+
+    /// Bytes of a map that knows what was seen: a byte and a bit for each node.
+    pub fn seeing_len(grid: &NodeGrid) -> usize {
+        grid.len() + grid.len().div_ceil(8)
+    }
+
+    /// Takes in that nothing is between two points \[m, world\], but for the last spacing before the second.
+    pub fn see_through(&mut self, from: &[f32; 3], to: &[f32; 3]) {
+        if self.seen.is_empty() {
+            return;
+        }
+        let leg: [f32; 3] = core::array::from_fn(|axis| to[axis] - from[axis]);
+        let length = libm::sqrtf(leg[0] * leg[0] + leg[1] * leg[1] + leg[2] * leg[2]);
+        // As many as there are: what is no number is none.
+        let steps = (length / self.grid.spacing) as u16;
+        for step in 0..steps {
+            let share = f32::from(step) * self.grid.spacing / length;
+            let node = self.grid.nearest(&core::array::from_fn(|axis| from[axis] + leg[axis] * share));
+            if let Some(bits) = self.seen.get_mut(usize::from(node / 8)) {
+                *bits |= 1 << (node % 8);
+            }
+        }
+    }
+
+    /// Whether no beam has passed through a node.
+    #[inline(always)]
+    fn is_unseen(&self, node: u16) -> bool {
+        self.seen.get(usize::from(node / 8)).is_some_and(|bits| bits & (1 << (node % 8)) == 0)
     }
 
     /// Forgets everything but the border of the grid.
     pub fn clear(&mut self) {
+        self.seen.fill(0);
         for (node, clearance) in self.clearances.iter_mut().enumerate() {
             let point = self.grid.point(node as u16);
             let mut least = f32::INFINITY;
@@ -241,6 +278,35 @@ impl<'m> OccupancyMap<'m> {
             }
         }
     }
+
+    /// Away from the nearest thing that was met around a point \[m, world\], or from the border: a vector of length 1 where it
+    /// touches, 0 from 38 cm on; between nodes their clearances are interpolated. Zero outside of the grid.
+    pub fn away_from_nearest(&self, point: &[f32; 3]) -> [f32; 3] {
+        let grid = self.grid;
+        let spaces: [f32; 3] = core::array::from_fn(|axis| (point[axis] - grid.low[axis]) / grid.spacing);
+        let is_inside = |axis: usize| spaces[axis] >= 0.0 && spaces[axis] <= f32::from(grid.counts[axis] - 1);
+        if !(is_inside(0) && is_inside(1) && is_inside(2)) {
+            return [0.0; 3];
+        }
+        let first: [u16; 3] = core::array::from_fn(|axis| (spaces[axis] as u16).min(grid.counts[axis] - 2));
+        let share: [f32; 3] = core::array::from_fn(|axis| spaces[axis] - f32::from(first[axis]));
+        let (mut clearance, mut slope) = (0.0, [0.0; 3]);
+        for corner in 0..8_u16 {
+            let upper: [u16; 3] = core::array::from_fn(|axis| corner >> axis & 1);
+            let node = grid.node(core::array::from_fn(|axis| first[axis] + upper[axis]));
+            let found = libm::sqrtf(f32::from(self.clearances[usize::from(node)]) * STEP_M2);
+            let part: [f32; 3] =
+                core::array::from_fn(|axis| if upper[axis] == 1 { share[axis] } else { 1.0 - share[axis] });
+            clearance += part[0] * part[1] * part[2] * found;
+            for (axis, slope) in slope.iter_mut().enumerate() {
+                let others = part[(axis + 1) % 3] * part[(axis + 2) % 3];
+                *slope += if upper[axis] == 1 { others * found } else { -(others * found) };
+            }
+        }
+        let steepness = libm::sqrtf(slope[0] * slope[0] + slope[1] * slope[1] + slope[2] * slope[2]);
+        let nearness = (1.0 - clearance / REACH_M).max(0.0);
+        slope.map(|slope| slope * (nearness / steepness.max(f32::MIN_POSITIVE)))
+    }
 }
 
 /// The square of a length \[m²\] in steps, as far as they go.
@@ -263,6 +329,8 @@ pub struct Path {
 pub struct Planner {
     /// What a spacing counts at each clearance.
     counts: [u16; 256],
+    /// The same where nothing was seen.
+    unseen_counts: [u16; 256],
     lookahead_m: f32,
 }
 
@@ -278,7 +346,16 @@ impl Planner {
             let near = (1.0 - room / COMFORT_M).max(0.0);
             ((f32::from(OPEN) * (1.0 + nearness_cost * near * near)) as u16).min(BLOCKED)
         };
-        Self { counts: core::array::from_fn(count), lookahead_m }
+        let counts = core::array::from_fn(count);
+        Self { counts, unseen_counts: counts, lookahead_m }
+    }
+
+    /// The same, to which a metre through what no beam has passed counts so many times as much, through nothing else: a factor
+    /// below one is one.
+    #[must_use]
+    pub fn with_unseen_cost(self, factor: f32) -> Self {
+        let count = |count: u16| ((f32::from(count) * factor) as u16).clamp(count, BLOCKED);
+        Self { unseen_counts: self.counts.map(count), ..self }
     }
 
     /// The point to head for on the shortest path from one point to another \[m, world\], the end itself once it is nearer.
@@ -315,7 +392,7 @@ impl Planner {
     /// Shortens a path to what is left of it for a drone at a node; whether that is one of its nodes, and it leads to `end`
     /// and has not become longer.
     fn follow(&self, map: &OccupancyMap<'_>, start: u16, end: u16, path: &mut Path) -> bool {
-        if path.nodes.first() != Some(&end) || self.length(map, &path.nodes) != path.length {
+        if path.nodes.first() != Some(&end) || self.length(map, &path.nodes) > path.length {
             return false;
         }
         let Some(place) = path.nodes.iter().position(|node| *node == start) else { return false };
@@ -388,7 +465,8 @@ impl Planner {
     /// What a spacing counts at a node; a step counts half of what it does at both of its ends, for its length.
     #[inline(always)]
     fn count(&self, map: &OccupancyMap<'_>, node: u16) -> u32 {
-        u32::from(self.counts[usize::from(map.clearances[usize::from(node)])])
+        let clearance = usize::from(map.clearances[usize::from(node)]);
+        u32::from(if map.is_unseen(node) { self.unseen_counts[clearance] } else { self.counts[clearance] })
     }
 
     /// What a step from a node to another along so many axes counts.
@@ -473,6 +551,26 @@ mod tests {
     }
 
     #[test]
+    fn what_is_nearest_on_the_map_is_known_between_nodes_as_well() {
+        let (grid, mut memory) = (grid(), Vec::new());
+        let mut map = empty(&grid, &mut memory);
+        assert_eq!(map.away_from_nearest(&[0.3, 0.0, 0.5]), [0.0; 3]);
+        build_wall(&mut map, 1.0);
+        for x in [0.1_f32, 0.16, 0.23, -0.2, -0.34] {
+            let [along, across, up] = map.away_from_nearest(&[x, 0.02, 0.51]);
+            let expected = x.signum() * (1.0 - x.abs() / REACH_M);
+            assert!((along - expected).abs() < 0.05, "{along} at {x}, expected {expected}");
+            assert!(across.abs() < 0.05 && up.abs() < 0.05, "{across}, {up}");
+        }
+        // The border is known, and beyond it nothing is.
+        assert!(map.away_from_nearest(&[1.0, 0.9, 0.5])[1] < -0.6);
+        for outside in [[0.1, 1.2, 0.5], [-2.1, 0.0, 0.5], [0.1, 0.0, f32::NAN]] {
+            assert_eq!(map.away_from_nearest(&outside), [0.0; 3]);
+        }
+        assert!(map.away_from_nearest(&[1.95, 0.5, 0.5])[0] < -0.7);
+    }
+
+    #[test]
     fn paths_are_hardly_longer_than_the_shortest() {
         let (grid, mut memory) = (grid(), Vec::new());
         let mut map = empty(&grid, &mut memory);
@@ -505,6 +603,36 @@ mod tests {
             let least = exact[usize::from(start)];
             assert!((least..=least + least / 100).contains(&path.length), "{from:?}: {} of {least}", path.length);
         }
+    }
+
+    #[test]
+    fn a_way_that_was_seen_is_taken_before_one_that_was_not() {
+        let (grid, planner) = (grid(), Planner::new(0.06, 2.0, 0.3));
+        let mut memory = vec![0; OccupancyMap::seeing_len(&grid)];
+        let mut map = OccupancyMap::new(&grid, &mut memory).unwrap();
+        map.clear();
+        // Along y = 0.5 and back to the goal.
+        for (from, to) in
+            [([-1.8, 0.0, 0.5], [-1.2, 0.6, 0.5]), ([-1.2, 0.5, 0.5], [1.3, 0.5, 0.5]), ([1.1, 0.6, 0.5], GOAL)]
+        {
+            map.see_through(&from, &to);
+        }
+        let aside = |planner: &Planner, map: &OccupancyMap<'_>| {
+            let (mut path, mut search) = (Path::default(), vec![SearchNode::default(); SEARCHED]);
+            let next =
+                |at: &[f32; 3]| (*at != GOAL).then(|| planner.ahead(map, [at, &GOAL], &mut path, &mut search));
+            let way = std::iter::successors(Some([-1.8, 0.0, 0.5]), next).take(100);
+            way.map(|point| point[1]).fold(f32::MIN, f32::max)
+        };
+        assert!(aside(&planner, &map).abs() < 1e-5, "what was seen counts as what was not");
+        let wary = planner.clone().with_unseen_cost(2.0);
+        assert!(aside(&wary, &map) > 0.35, "{}", aside(&wary, &map));
+        // Where there is no room to remember it, everything was seen.
+        let mut memory = Vec::new();
+        assert!(aside(&wary, &empty(&grid, &mut memory)).abs() < 1e-5);
+        assert!(OccupancyMap::new(&grid, &mut vec![0; grid.len() + 1]).is_none());
+        map.clear();
+        assert!(aside(&wary, &map).abs() < 1e-5, "nothing was seen");
     }
 
     #[test]

@@ -298,6 +298,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             previous_actions: self.history.last().expect("there is a previous action"),
             touches: &self.touches,
             nearest: self.nearest.as_deref(),
+            ahead: self.way.as_ref().map(|way| way.points_ahead()),
             steps: &self.steps,
             gates_left: self.race.as_ref().map(|race| race.left()),
             agent: self.index,
@@ -404,7 +405,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
         self.range_lane(scenario, arenas, lane);
         self.scan_lane(scenario, arenas, lane);
-        self.find_way(lane);
+        self.find_way(scenario, lane);
         self.tell(scenario, lane..lane + 1);
         self.begin_integral(scenario, lane);
         self.observe_lane(scenario, lane);
@@ -627,6 +628,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// From now on reads no sensor: what it measured last stays.
     pub(crate) fn forget_sensors(&mut self) {
         self.sensors.clear();
+        if let Some(way) = &mut self.way {
+            way.forget_maps();
+        }
     }
 
     pub(crate) fn streams_mut(&mut self) -> &mut [Stream] {

@@ -199,9 +199,19 @@ pub(crate) struct RewardTask {
     pub(crate) contacts: Contacts,
     /// To the goal.
     pub(crate) ways: Ways,
+    /// Whether drones look for one by themselves.
+    pub(crate) own_way: bool,
 }
 
 impl RewardTask {
+    /// Refuses a term that follows the way that a drone finds where it looks for none.
+    pub(crate) fn needs_own_way(&self, field: &Field<'_>) -> Result<(), ConfigError> {
+        if self.own_way {
+            return Ok(());
+        }
+        Err(field.reject("true for drones that look for no way", "a sensor `way`, or false"))
+    }
+
     /// Refuses a term that looks for obstacles where physics knows none.
     pub(crate) fn needs_contacts(&self, term: &str, field: &Field<'_>) -> Result<(), ConfigError> {
         match self.contacts {
@@ -263,6 +273,8 @@ pub(crate) struct FlightView<'a, const LANES: usize, R: Real> {
     /// The plane that touches the nearest obstacle, where a reward looks around: its normal towards the drone, and how far the
     /// origin is above it \[m\].
     pub(crate) nearest: Option<&'a [Column<LANES, R>; 4]>,
+    /// The points ahead on the ways that drones find by themselves \[m, world\], where they do: those that they saw last.
+    pub(crate) ahead: Option<&'a [Column<LANES, R>; 3]>,
     /// Control periods flown, this one included.
     pub(crate) steps: &'a Column<LANES, R>,
     /// Gates that are still to be passed, where there is a race.

@@ -161,7 +161,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             self.sense_lane(stage.scenario, stage.arenas, lane);
             self.range_lane(stage.scenario, stage.arenas, lane);
             self.scan_lane(stage.scenario, stage.arenas, lane);
-            self.find_way(lane);
+            self.find_way(stage.scenario, lane);
         }
     }
 
@@ -206,7 +206,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             memory.send(tof, lane, (&distances, arrival), &mut self.streams[lane]);
             memory.deliver(lane, reading, measurements);
             if let Some(way) = &mut self.way {
-                way.mark(lane, memory.met(tof, lane, (&position.into(), &axes)));
+                let place = position.into();
+                way.mark(lane, &place, memory.met(tof, lane, (&place, &axes)));
             }
         }
     }
@@ -228,14 +229,29 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Finds the way through what has been met so far, where drones look for theirs.
     #[inline(always)]
-    pub(super) fn find_way(&mut self, lane: usize) {
+    pub(super) fn find_way(&mut self, scenario: &Scenario, lane: usize) {
         let reading = self.period(lane);
-        let Some(way) = &mut self.way else { return };
+        let Some(way) = self.way.as_mut().filter(|way| way.has_maps()) else { return };
         let position = row(&self.swarm.position, lane).map(Real::to_f32).into();
         way.search(lane, reading, [&position, &vector(&self.goal, lane).map(Real::to_f32)]);
-        let known = known_states(&self.swarm, self.latency.as_ref()).state(lane).position;
-        if let Some((_, columns)) = self.measurements.split_last_chunk_mut() {
-            set_row(columns, lane, way.reading(lane, &known, &vector(&self.goal, lane)));
+        let known = known_states(&self.swarm, self.latency.as_ref()).state(lane);
+        let direction = way.reading(lane, &known.position, &vector(&self.goal, lane));
+        let away = way.away_from_nearest(lane, &known.position.map(Real::to_f32));
+        let seen = |vector: [R; 3]| match scenario.observation {
+            ObservationLayout::Body(_) => known.world_from_body.rotate_inverse(vector.into()).into(),
+            ObservationLayout::Pilot(_)
+            | ObservationLayout::PilotFor(_)
+            | ObservationLayout::PilotMeasured(_)
+            | ObservationLayout::Measured(_)
+            | ObservationLayout::Kinematic(_)
+            | ObservationLayout::Reference(_)
+            | ObservationLayout::Px4Neural(_) => vector,
+        };
+        let read: [Option<[R; 3]>; 2] = [Some(direction), away];
+        let first = scenario.sensors.len() - way.len();
+        let columns = self.measurements[first..].as_chunks_mut::<3>().0;
+        for (columns, vector) in columns.iter_mut().zip(read.into_iter().flatten()) {
+            set_row(columns, lane, seen(vector));
         }
     }
 

@@ -2,17 +2,18 @@ use kestrel_core::action::{IntegralVelocities, RotorThrusts, ThrustBodyRates, Ve
 use kestrel_core::airframe::CRAZYFLIE_2_1;
 use kestrel_core::dynamics::Integrator;
 use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotLayout, Px4NeuralLayout};
+use kestrel_core::planner::NodeGrid;
 use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
 use super::*;
 use crate::latency::Latency;
 use crate::physics::Contacts;
-use crate::reward::{Avoidance, Cruise};
+use crate::reward::{Avoidance, Cruise, HeadingError};
 use crate::scenario::{Agents, Downwash, Physics};
 use crate::seed::Stream;
 use crate::sensor::instrument::Sampling;
-use crate::sensor::{SensorSuite, Tof, TofParts, Told};
+use crate::sensor::{SensorSuite, Tof, TofParts, Told, Way};
 use crate::simulation::Simulation;
 use crate::testing;
 use crate::trajectory::{PathAhead, Trajectories, TrajectoryShape};
@@ -76,6 +77,7 @@ fn scenarios() -> Vec<Scenario> {
             ..late.clone()
         },
         beside_a_wall(&late, body),
+        on_its_way(&late, body),
         Scenario {
             action: ActionSpace::RotorThrusts(RotorThrusts::new(&CRAZYFLIE_2_1, 0.05, 300.0)),
             observation: ObservationLayout::Px4Neural(Px4NeuralLayout),
@@ -103,7 +105,41 @@ fn beside_a_wall(late: &Scenario, body: BodyLayout) -> Scenario {
     };
     scenario.aviary.world.solids.push(wall);
     scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0 }.into());
-    scenario.rewards.push(Cruise { weight: -1.0, speed_m_per_s: 1.5, slow_within_m: 0.5 }.into());
+    scenario.rewards.push(CRUISE.into());
+    scenario
+}
+
+const CRUISE: Cruise = Cruise {
+    weight: -1.0,
+    speed_m_per_s: 1.5,
+    slow_within_m: 0.5,
+    slow_to_m_per_s: 0.0,
+    tolerance_m_per_s: 1.0,
+    along_own_way: false,
+    share_aside: 1.0,
+};
+
+/// The same, in which they look for their ways and fly along them.
+fn on_its_way(late: &Scenario, body: BodyLayout) -> Scenario {
+    let mut scenario = beside_a_wall(late, body);
+    let grid = NodeGrid::new([-2.0, -2.0, 0.0], [2.0, 2.0, 3.0], 0.2).unwrap();
+    let way = Way {
+        grid,
+        periods: 5,
+        lookahead_m: 0.4,
+        nearness_cost: 12.0,
+        mapped_within_m: 1.0,
+        unseen_cost: 1.0,
+        shows_nearest: true,
+    };
+    scenario.sensors = scenario.sensors.with_told(Some(Told::Way(way)));
+    scenario.observation = ObservationLayout::Body(BodyLayout { measured_len: 22, ..body });
+    scenario.rewards.pop();
+    scenario.rewards.push(
+        Cruise { along_own_way: true, slow_to_m_per_s: 0.1, share_aside: 0.3, tolerance_m_per_s: 0.3, ..CRUISE }
+            .into(),
+    );
+    scenario.rewards.push(HeadingError { weight: -0.5, heading_deg: 0.0, along_own_way: true }.into());
     scenario
 }
 
@@ -144,7 +180,8 @@ fn the_program_computes_the_bits_of_the_simulation() {
     for scenario in scenarios() {
         let gradient = StepGradient::new(&scenario).unwrap();
         // What instruments deliver is given, and not computed.
-        let measured = scenario.sensors.tof().map_or(0, Tof::len);
+        let found = if let Some(Told::Way(way)) = scenario.sensors.told() { way.len() } else { 0 };
+        let measured = scenario.sensors.tof().map_or(0, Tof::len) + found;
         let mut simulation: Simulation = Simulation::new(&scenario, Seed(3), 0, 2 * LANES);
         let (mut records, mut workspace) = (vec![gradient.record(); 2], gradient.workspace());
         let mut stream = Stream::new(Seed(4), 0, Purpose::Reset);

@@ -74,7 +74,12 @@ mod tests {
     fn it_takes_contacts() {
         let document = Document::parse("trial.yaml", "{ weight: 1, reach_m: 0.4 }").unwrap();
         let refused = |contacts| {
-            let task = RewardTask { goals: GoalKind::OnePlace, contacts, ways: Ways::Same(Arc::new(ways())) };
+            let task = RewardTask {
+                goals: GoalKind::OnePlace,
+                contacts,
+                ways: Ways::Same(Arc::new(ways())),
+                own_way: true,
+            };
             Clearance { weight: 1.0, reach_m: 0.4 }.check(&task, &document.root()).is_err()
         };
         let all = [Contacts::Absent, Contacts::Reported, Contacts::Solved];

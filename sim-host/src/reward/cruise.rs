@@ -1,7 +1,11 @@
 use crate::term::prelude::*;
 
-/// How far the velocity is from the wanted one, as `√(1 + |Δ|²) − 1` with Δ in m/s: about half its square below, a metre per
-/// second less than its length above. Wanted is to fly straight to the goal at the cruise speed, slower within a distance of it.
+/// Points ahead that are nearer than this \[m\] are flown to more slowly.
+const HERE_M: f32 = 0.03;
+
+/// How far the velocity is from the wanted one, as `√(s² + |Δ|²) − s` with Δ in m/s: about half its square by s below, s less
+/// than its length above. Wanted is to fly at the cruise speed, slower within a distance of the goal, straight to
+/// it or along the way that the drone has found.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -12,12 +16,36 @@ pub struct Cruise {
     pub speed_m_per_s: f64,
     /// From this distance on the wanted speed falls in proportion to what is left.
     pub slow_within_m: f64,
+    /// To this it falls and no further: what is to be touched has to be reached.
+    #[serde(default)]
+    pub slow_to_m_per_s: f64,
+    /// The speed s, below which errors count by their square.
+    #[serde(default = "one")]
+    pub tolerance_m_per_s: f64,
+    /// Whether it leads to the point ahead that the sensor `way` shows.
+    #[serde(default)]
+    pub along_own_way: bool,
+    /// What is left of that speed where the way leads aside of the nose or straight up, where who looks ahead sees nothing; in
+    /// between the cosine decides.
+    #[serde(default = "one")]
+    pub share_aside: f64,
+}
+
+const fn one() -> f64 {
+    1.0
 }
 
 impl Term for Cruise {
     const PAID: Paid = Paid::PerSecond;
 
-    fn check(&self, _: &RewardTask, field: &Field<'_>) -> Result<(), ConfigError> {
+    fn check(&self, task: &RewardTask, field: &Field<'_>) -> Result<(), ConfigError> {
+        if self.along_own_way {
+            task.needs_own_way(&field.at("along_own_way"))?;
+        }
+        let slow = Limits::from(0.0, self.speed_m_per_s, "m/s");
+        field.at("slow_to_m_per_s").number(self.slow_to_m_per_s, &slow)?;
+        field.at("tolerance_m_per_s").number(self.tolerance_m_per_s, &Limits::above(0.0, 100.0, "m/s"))?;
+        field.at("share_aside").number(self.share_aside, &Limits::from(0.0, 1.0, ""))?;
         field.at("speed_m_per_s").number(self.speed_m_per_s, &SPEED)?;
         field.at("slow_within_m").number(self.slow_within_m, &LENGTH).map(drop)
     }
@@ -30,16 +58,38 @@ impl Term for Cruise {
         _: &mut [Column<LANES, R>],
         values: &mut Column<LANES, R>,
     ) {
-        let (speed, slow) = (R::from_f32(self.speed_m_per_s as f32), R::from_f32(self.slow_within_m as f32));
+        let [speed, within, least, tolerance, aside] = [
+            self.speed_m_per_s,
+            self.slow_within_m,
+            self.slow_to_m_per_s,
+            self.tolerance_m_per_s,
+            self.share_aside,
+        ]
+        .map(|value| R::from_f32(value as f32));
         let (goal, place, velocity) = (view.goal, &view.swarm.position, &view.swarm.velocity);
-        each(values, |i| {
-            let per_second = speed / view.distances[i].at_least(slow);
-            let square = [0, 1, 2].iter().fold(R::one(), |sum, axis| {
-                let error = velocity[*axis][i] - (goal[*axis][i] - place[*axis][i]) * per_second;
+        let square = |i: usize, target: &[Column<LANES, R>; 3], per_second: R| {
+            [0, 1, 2].iter().fold(tolerance * tolerance, |sum, axis| {
+                let error = velocity[*axis][i] - (target[*axis][i] - place[*axis][i]) * per_second;
                 sum + error * error
-            });
-            worth * (square.sqrt() - R::one())
-        });
+            })
+        };
+        let here = R::from_f32(HERE_M);
+        match view.ahead.filter(|_| self.along_own_way) {
+            None => each(values, |i| {
+                let distance = view.distances[i];
+                let per_second = (speed / distance.at_least(within)).at_least(least / distance.at_least(here));
+                worth * (square(i, goal, per_second).sqrt() - tolerance)
+            }),
+            Some(ahead) => each(values, |i| {
+                let [x, y, z] = [0, 1, 2].map(|axis| ahead[axis][i] - place[axis][i]);
+                let leg = ((x * x + y * y) + z * z).sqrt().at_least(here);
+                let nose = view.swarm.forward(i);
+                let share = ((x * nose.x + y * nose.y) / leg).at_least(aside);
+                let wanted = view.distances[i].limited(R::zero(), within) * (speed / within) * share;
+                let per_second = wanted.at_least(least) / leg;
+                worth * (square(i, ahead, per_second).sqrt() - tolerance)
+            }),
+        }
     }
 }
 
@@ -59,5 +109,27 @@ mod tests {
         trial.distance = 0.5;
         trial.moving([-1.0, 0.0, 0.0]);
         assert_near(trial.at(0.5, 0.0, 0.0), 0.0);
+    }
+
+    #[test]
+    fn along_a_way_it_leads_to_the_point_ahead_and_slows_down_before_the_goal() {
+        let mut trial =
+            Trial::of("cruise: { weight: -48, speed_m_per_s: 1, slow_within_m: 0.8, along_own_way: true }");
+        trial.ahead = Some([[1.0], [2.3], [0.4]]);
+        trial.distance = 3.0;
+        trial.moving([0.0, 0.6, 0.8]);
+        assert_near(trial.at(1.0, 2.06, 0.08), 0.0);
+        trial.distance = 0.4;
+        trial.moving([0.0, 0.3, 0.4]);
+        assert_near(trial.at(1.0, 2.06, 0.08), 0.0);
+        let mut floor = Trial::of(
+            "cruise: { weight: -48, speed_m_per_s: 1, slow_within_m: 0.8, slow_to_m_per_s: 0.25, along_own_way: true }",
+        );
+        (floor.ahead, floor.distance) = (trial.ahead, 0.1);
+        floor.moving([0.0, 0.15, 0.2]);
+        assert_near(floor.at(1.0, 2.06, 0.08), 0.0);
+        // The point is here: so is the drone to be.
+        trial.moving([0.0; 3]);
+        assert_near(trial.at(1.0, 2.3, 0.4), 0.0);
     }
 }

@@ -34,8 +34,12 @@ pub(super) fn term(yaml: &str) -> RewardTerm {
     }
     let document = Document::parse("trial.yaml", &format!("rewards: [ {yaml} ]")).unwrap();
     let rewards: Rewards = document.decode().unwrap();
-    let task =
-        RewardTask { goals: GoalKind::OnePlace, contacts: Contacts::Reported, ways: Ways::Same(Arc::new(ways())) };
+    let task = RewardTask {
+        goals: GoalKind::OnePlace,
+        contacts: Contacts::Reported,
+        ways: Ways::Same(Arc::new(ways())),
+        own_way: true,
+    };
     RewardTerm::check_all(&rewards.rewards, &task, &document.root().at("rewards")).unwrap().remove(0)
 }
 
@@ -55,6 +59,7 @@ pub(super) struct Trial {
     pub(super) ends: Ends<1, f64>,
     pub(super) arenas: Option<Arenas>,
     pub(super) nearest: Option<[Column<1, f64>; 4]>,
+    pub(super) ahead: Option<[Column<1, f64>; 3]>,
 }
 
 impl Trial {
@@ -75,6 +80,7 @@ impl Trial {
             ends: Ends { success: [0.0], failure: [0.0], time_up: [0.0] },
             arenas: None,
             nearest: None,
+            ahead: None,
         }
     }
 
@@ -119,6 +125,7 @@ impl Trial {
             touches: &self.touches,
             gates_left: None,
             nearest: self.nearest.as_ref(),
+            ahead: self.ahead.as_ref(),
             steps: &[self.steps],
             agent: self.agent,
             team: &self.team,

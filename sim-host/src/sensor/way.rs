@@ -18,7 +18,7 @@ const HERE_M: f32 = 0.05;
 const NOTHING: f32 = 1e-3;
 
 /// How a drone looks for its way. It reads in which direction the point ahead on it is: a unit vector, world, shorter within 80 cm
-/// of the goal.
+/// of the goal; then, if it is to be shown, where what is nearest by its map is not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
     /// The map, empty at the start of an episode.
@@ -29,13 +29,20 @@ pub struct Way {
     pub lookahead_m: f32,
     /// What a metre right beside something counts more than one in the open.
     pub nearness_cost: f32,
+    /// What is met farther away \[m\] is not mapped.
+    pub mapped_within_m: f32,
+    /// What a metre counts more through what nothing has passed that was measured, at least one.
+    pub unseen_cost: f32,
+    /// Whether it reads as well which way is away from the nearest thing on the map: a vector of length 1 where it touches that,
+    /// 0 where it is 38 cm away.
+    pub shows_nearest: bool,
 }
 
 impl Way {
     /// Number of values.
-    #[expect(clippy::len_without_is_empty, reason = "there are three")]
+    #[expect(clippy::len_without_is_empty, reason = "there are three at least")]
     pub const fn len(&self) -> usize {
-        3
+        if self.shows_nearest { 6 } else { 3 }
     }
 }
 
@@ -48,7 +55,8 @@ pub(crate) struct WayMemory<const LANES: usize, R> {
     search: Vec<SearchNode>,
     /// Directions of the beams of a scan in each position, world; none without one.
     beams: Vec<Vec<Vector3<f32>>>,
-    charts: [Chart; LANES],
+    /// By lane; none where nothing is mapped.
+    charts: Vec<Chart>,
     /// The points ahead \[m, world\].
     ahead: [Column<LANES, R>; 3],
 }
@@ -56,13 +64,13 @@ pub(crate) struct WayMemory<const LANES: usize, R> {
 /// What a drone has met, and the path that it follows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Chart {
-    /// A byte per node: the memory of its [`OccupancyMap`].
+    /// The memory of its [`OccupancyMap`].
     nodes: Vec<u8>,
     path: Path,
 }
 
 impl Chart {
-    /// Nodes of its map.
+    /// Bytes of its map.
     pub(crate) fn len(&self) -> usize {
         self.nodes.len()
     }
@@ -76,12 +84,14 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
                 |position| scan.directions(position).iter().map(|direction| direction.cast()).collect();
             (0..scan.positions()).map(directions).collect()
         };
+        let len = if way.unseen_cost > 1.0 { OccupancyMap::seeing_len(&way.grid) } else { way.grid.len() };
+        let planner = Planner::new(radius as f32, way.nearness_cost, way.lookahead_m);
         Box::new(Self {
             way,
-            planner: Planner::new(radius as f32, way.nearness_cost, way.lookahead_m),
+            planner: planner.with_unseen_cost(way.unseen_cost),
             search: vec![SearchNode::default(); way.grid.len()],
             beams: sensors.scan().map(beams).unwrap_or_default(),
-            charts: core::array::from_fn(|_| Chart { nodes: vec![0; way.grid.len()], path: Path::default() }),
+            charts: vec![Chart { nodes: vec![0; len], path: Path::default() }; LANES],
             ahead: [[R::zero(); LANES]; 3],
         })
     }
@@ -95,10 +105,16 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
         *path = Path::default();
     }
 
-    /// Takes in where the drone of a lane has met something \[m, world\].
-    pub(crate) fn mark(&mut self, lane: usize, met: impl Iterator<Item = Vector3<f32>>) {
+    /// Takes in where the drone of a lane, which is at a place, has met something \[m, world\].
+    pub(crate) fn mark(&mut self, lane: usize, place: &Vector3<f32>, met: impl Iterator<Item = Vector3<f32>>) {
+        let reach = self.way.mapped_within_m;
         if let Some(mut map) = OccupancyMap::new(&self.way.grid, &mut self.charts[lane].nodes) {
-            met.for_each(|point| map.mark(&point.into()));
+            for point in met {
+                map.see_through(&(*place).into(), &point.into());
+                if (point - place).norm_squared() <= reach * reach {
+                    map.mark(&point.into());
+                }
+            }
         }
     }
 
@@ -114,7 +130,7 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
         let beam = &beams[reading as usize % beams.len()];
         let read = nearness.iter().zip(scan.distances(nearness)).zip(beam);
         let met = read.filter(|((nearness, _), _)| **nearness > NOTHING);
-        self.mark(lane, met.map(|((_, distance), direction)| position + direction * distance));
+        self.mark(lane, position, met.map(|((_, distance), direction)| position + direction * distance));
         self.beams = beams;
     }
 
@@ -140,9 +156,35 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
         [leg.x * scale, leg.y * scale, leg.z * scale]
     }
 
+    /// What it reads beside that of the nearest thing on its map, if that is shown.
+    pub(crate) fn away_from_nearest(&mut self, lane: usize, position: &Vector3<f32>) -> Option<[R; 3]> {
+        let Self { way, charts, .. } = self;
+        let map = OccupancyMap::new(&way.grid, &mut charts[lane].nodes).filter(|_| way.shows_nearest)?;
+        Some(map.away_from_nearest(&(*position).into()).map(R::from_f32))
+    }
+
     /// The point ahead of the drone of a lane \[m, world\].
     pub(crate) fn ahead(&self, lane: usize) -> Vector3<f32> {
         row(&self.ahead, lane).map(Real::to_f32).into()
+    }
+
+    /// Number of values that each reads.
+    pub(crate) const fn len(&self) -> usize {
+        self.way.len()
+    }
+
+    /// Those of all lanes \[m, world\].
+    pub(crate) fn points_ahead(&self) -> &[Column<LANES, R>; 3] {
+        &self.ahead
+    }
+
+    /// From now on maps nothing and looks for no way: what was found last stays.
+    pub(crate) fn forget_maps(&mut self) {
+        self.charts.clear();
+    }
+
+    pub(crate) fn has_maps(&self) -> bool {
+        !self.charts.is_empty()
     }
 
     pub(crate) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Column<LANES, R>> {

@@ -116,6 +116,8 @@ fn a_way_is_found_behind_a_scan() {
         (of(", rate_hz: 0"), "found 0, expected a number from 0.1 to 1000 Hz"),
         (of(", lookahead_m: 0"), "found 0, expected a number from 0.05 to 10 m"),
         (of(", nearness_cost: -1"), "found -1, expected a number from 0 to 30"),
+        (of(", unseen_cost: 0.5"), "found 0.5, expected a number from 1 to 10"),
+        (of(", mapped_within_m: 0"), "found 0, expected a number from 0.1 to 100 m"),
         (of("").replace("[2, 1, 1]", "[2, 0, 1]"), "high_m"),
         (
             "sensors: [way: {map: {low_m: [0, 0, 0], high_m: [2, 1, 1]}}, scan: {}]".to_owned(),
@@ -123,6 +125,7 @@ fn a_way_is_found_behind_a_scan() {
         ),
     ];
     assert_eq!(suite(&of("").replace("scan", "tof")).unwrap().len(), 67);
+    assert_eq!(suite(&of(", shows_nearest: true")).unwrap().len(), 22);
     for (text, expected) in cases {
         assert!(message(&text).contains(expected), "{text}\n{}", message(&text));
     }

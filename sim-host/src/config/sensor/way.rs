@@ -27,6 +27,16 @@ pub struct WayConfig {
     /// What a metre right beside something counts more than one in the open: what is not met yet is where something else was.
     #[serde(default = "twelve")]
     pub nearness_cost: f64,
+    /// What is met farther away is not mapped: there the zones of a ranger are wide, and noise is large.
+    #[serde(default = "hundred")]
+    pub mapped_within_m: f64,
+    /// What a metre counts more where nothing that was met has been seen through; 1 is no difference.
+    #[serde(default = "one")]
+    pub unseen_cost: f64,
+    /// Whether three more values show which way is away from the nearest thing on the map: 1 long where the drone's centre is
+    /// there, nothing from 38 cm on.
+    #[serde(default)]
+    pub shows_nearest: bool,
 }
 
 const fn tenth() -> f64 {
@@ -45,6 +55,14 @@ const fn twelve() -> f64 {
     12.0
 }
 
+const fn one() -> f64 {
+    1.0
+}
+
+const fn hundred() -> f64 {
+    100.0
+}
+
 impl WayConfig {
     pub(super) fn check(&self, control_secs: f64, field: &Field<'_>) -> Result<Way, ConfigError> {
         let bounds = self.map.check(&field.at("map"))?;
@@ -59,6 +77,11 @@ impl WayConfig {
             periods: libm::round(1.0 / (rate * control_secs)).max(1.0) as u32,
             lookahead_m: field.at("lookahead_m").number(self.lookahead_m, &Limits::from(0.05, 10.0, "m"))?,
             nearness_cost: field.at("nearness_cost").number(self.nearness_cost, &Limits::from(0.0, 30.0, ""))?,
+            mapped_within_m: field
+                .at("mapped_within_m")
+                .number(self.mapped_within_m, &Limits::from(0.1, 100.0, "m"))?,
+            unseen_cost: field.at("unseen_cost").number(self.unseen_cost, &Limits::from(1.0, 10.0, ""))?,
+            shows_nearest: self.shows_nearest,
         })
     }
 }

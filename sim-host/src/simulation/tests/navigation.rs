@@ -7,7 +7,7 @@ use crate::sensor::instrument::Sampling;
 use crate::sensor::{Scan, ScanRing, SensorSuite, Tof, TofParts, Told, Way};
 use crate::world::{Role, Solid};
 use kestrel_core::attitude::Attitude;
-use kestrel_core::observation::ObservationLayout;
+use kestrel_core::observation::{BodyLayout, ObservationLayout, PilotLayout};
 use kestrel_core::planner::NodeGrid;
 use kestrel_core::vehicle::State;
 
@@ -147,7 +147,15 @@ fn with_a_way() -> Scenario {
     let beams = [-0.6, -0.3, 0.0, 0.3, 0.6].map(|elevation| ScanRing { elevation, beams: 12 });
     let scan = Scan { rings: beams.to_vec(), limit: 2.0, near_scale: Some(0.3), sweeps: true };
     let grid = NodeGrid::new([-1.0, -1.0, 0.0], [2.0, 1.0, 1.0], 0.1).unwrap();
-    let way = Way { grid, periods: 2, lookahead_m: 0.3, nearness_cost: 12.0 };
+    let way = Way {
+        grid,
+        periods: 2,
+        lookahead_m: 0.3,
+        nearness_cost: 12.0,
+        mapped_within_m: 100.0,
+        unseen_cost: 1.0,
+        shows_nearest: false,
+    };
     scenario.sensors = SensorSuite::none().with_scan(Some(scan)).with_told(Some(Told::Way(way)));
     if let ObservationLayout::PilotMeasured(layout) = &mut scenario.observation {
         layout.measured_len = 63;
@@ -176,6 +184,40 @@ fn the_way_leads_around_what_the_beams_have_met() {
     assert!((way.norm() - 1.0).abs() < 1e-3, "{way}");
     assert!(((ahead - simulation.state(0).position).normalize() - way).norm() < 1e-3, "{ahead} and {way}");
     assert!(way.y > 0.5, "{way} leads along the wall, not through it");
+}
+
+#[test]
+fn what_is_met_far_away_is_not_mapped() {
+    let way_of = |mapped_within_m: f32| {
+        let mut scenario = with_a_way();
+        if let Some(Told::Way(way)) = scenario.sensors.told().copied() {
+            scenario.sensors = scenario.sensors.with_told(Some(Told::Way(Way { mapped_within_m, ..way })));
+        }
+        let mut simulation = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
+        (0..40).for_each(|_| hold(&mut simulation, Vector3::new(-0.3, 0.0, 0.5)));
+        told(&simulation)
+    };
+    // The wall is 80 cm away.
+    let (far, near) = (way_of(0.5), way_of(2.0));
+    assert!(far.x > 0.99 && near.x < 0.9, "{far} leads to the goal, {near} around the wall");
+}
+
+#[test]
+fn in_the_body_layout_the_way_is_seen_in_body_axes() {
+    let mut scenario = with_a_way();
+    let scales = PilotLayout { position_scale_m: 2.0, velocity_scale: 2.0, body_rates_scale: 10.0 };
+    scenario.observation = ObservationLayout::Body(BodyLayout { scales, action_len: 4, measured_len: 63 });
+    let mut simulation = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
+    let half = 0.5_f32.sqrt();
+    let left = Attitude { w: half, x: 0.0, y: 0.0, z: half };
+    for _ in 0..10 {
+        simulation.put(0, State { world_from_body: left, ..simulation.state(0) });
+        hold(&mut simulation, Vector3::new(-0.3, -0.5, 0.5));
+    }
+    let [.., x, y, z] = simulation.observations() else { panic!("a way") };
+    let seen = simulation.state(0).world_from_body.rotate(Vector3::new(*x, *y, *z));
+    let leg = simulation.ahead(0).unwrap() - simulation.state(0).position;
+    assert!((leg.normalize() - seen).norm() < 1e-3, "{seen} is seen, and {leg} leads to the point ahead");
 }
 
 #[test]
