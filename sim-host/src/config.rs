@@ -74,7 +74,6 @@ use crate::contact::{DistanceField, race_line};
 use crate::reward::RewardTerm;
 use crate::rooms::{CLEARANCE_M, Rooms, Ways};
 use crate::scenario::{Aviary, CriticView, Goals, Preset, Scenario, TeamSuccess};
-use crate::sensor::Told;
 use crate::term::{GoalKind, RewardTask, RuleTask};
 use crate::termination::Termination;
 use crate::world::{Cuboid, Drive, World};
@@ -193,8 +192,7 @@ impl ScenarioConfig {
         let same = || Ways::Same(ways_of(&aviary, &airframe, &terminations));
         let ways = drawn.as_ref().map_or_else(same, |rooms| Ways::Drawn(Arc::clone(rooms)));
         let kind = if goals == Goals::Fixed { GoalKind::OnePlace } else { GoalKind::Several };
-        let own_way = matches!(sensors.told(), Some(Told::Way(_)));
-        let task = RewardTask { goals: kind, contacts: physics.contacts, ways, own_way };
+        let task = RewardTask { goals: kind, contacts: physics.contacts, ways, own_way: sensors.finds_way() };
         let (clock, time_limit) = self.clock.check();
         Ok(Scenario {
             name: name.to_owned(),

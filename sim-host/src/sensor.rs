@@ -142,6 +142,11 @@ impl SensorSuite {
         self.told.as_ref()
     }
 
+    /// Whether the drone looks for its way by itself.
+    pub fn finds_way(&self) -> bool {
+        matches!(self.told, Some(Told::Way(_)))
+    }
+
     /// Whether nothing is measured.
     pub fn is_empty(&self) -> bool {
         self.len() == 0

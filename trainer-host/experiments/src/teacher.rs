@@ -12,7 +12,6 @@ use kestrel_sim::course::Gate;
 use kestrel_sim::reward::RewardTerm;
 use kestrel_sim::rooms::{Rooms, Ways};
 use kestrel_sim::scenario::{Aviary, Goals, Scenario};
-use kestrel_sim::sensor::Told;
 use nalgebra::Vector3;
 
 use crate::scripted::ScriptedPilot;
@@ -75,7 +74,7 @@ impl Teacher {
             (None, _) => Map::Ways(scenario.rewards.iter().find_map(RewardTerm::ways)?.clone()),
         };
         let pilot = ScriptedPilot::of(scenario);
-        let finds_its_way = matches!(scenario.sensors.told(), Some(Told::Way(_)));
+        let finds_its_way = scenario.sensors.finds_way();
         let turning = match (&scenario.action, scenario.sensors.tof()) {
             (ActionSpace::Velocities(space), Some(_)) => Some(space.rates.body_rates_limit[2]),
             (ActionSpace::IntegralVelocities(space), Some(_)) => Some(space.velocities.rates.body_rates_limit[2]),
