@@ -4,11 +4,11 @@
 //! its way, and then around that. A node of the map's grid knows how far the nearest thing is that was met so far, which makes
 //! a metre near things longer than one in the open, and one through them much longer than any way around.
 //!
-//! A map can know as well through which nodes beams have passed; paths that lead through others can count more then.
-//!
 //! The search is A* (Hart, Nilsson and Raphael 1968) from the goal to the drone, in whole numbers: the same path on every
 //! machine, and the shortest but for a fifth of a spacing. What a beam meets only makes paths longer, so the rest of a path that
-//! has not become longer is as good as it was, and a drone that is on it follows it without another search. Memory is the caller's, of a constant size: a byte per node
+//! has not become longer is as good as it was, and a drone that is on it follows it without another search. A map can know as well
+//! through which nodes beams have passed, and paths through the others count more then; one that has not become longer is followed
+//! all the same, though what was seen since may have made another shorter. Memory is the caller's, of a constant size: a byte per node
 //! for the map, a [`Path`], and a [`SearchNode`] per node for any number of maps.
 
 mod queue;
@@ -279,8 +279,8 @@ impl<'m> OccupancyMap<'m> {
         }
     }
 
-    /// Away from the nearest thing that was met around a point \[m, world\], or from the border: a vector of length 1 where it
-    /// touches, 0 from 38 cm on; between nodes their clearances are interpolated. Zero outside of the grid.
+    /// Away from what was met nearest to a point \[m, world\], or from the border: a vector, world, of length 1 at the thing itself
+    /// and 0 from 38 cm on. Between nodes their clearances are interpolated. Zero outside of the grid.
     pub fn away_from_nearest(&self, point: &[f32; 3]) -> [f32; 3] {
         let grid = self.grid;
         let spaces: [f32; 3] = core::array::from_fn(|axis| (point[axis] - grid.low[axis]) / grid.spacing);
@@ -350,8 +350,8 @@ impl Planner {
         Self { counts, unseen_counts: counts, lookahead_m }
     }
 
-    /// The same, to which a metre through what no beam has passed counts so many times as much, through nothing else: a factor
-    /// below one is one.
+    /// The same, but a metre where no beam has passed counts so many times as much, at most as much as one through something. A
+    /// factor below one is one.
     #[must_use]
     pub fn with_unseen_cost(self, factor: f32) -> Self {
         let count = |count: u16| ((f32::from(count) * factor) as u16).clamp(count, BLOCKED);

@@ -237,20 +237,12 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         let known = known_states(&self.swarm, self.latency.as_ref()).state(lane);
         let direction = way.reading(lane, &known.position, &vector(&self.goal, lane));
         let away = way.away_from_nearest(lane, &known.position.map(Real::to_f32));
-        let seen = |vector: [R; 3]| match scenario.observation {
-            ObservationLayout::Body(_) => known.world_from_body.rotate_inverse(vector.into()).into(),
-            ObservationLayout::Pilot(_)
-            | ObservationLayout::PilotFor(_)
-            | ObservationLayout::PilotMeasured(_)
-            | ObservationLayout::Measured(_)
-            | ObservationLayout::Kinematic(_)
-            | ObservationLayout::Reference(_)
-            | ObservationLayout::Px4Neural(_) => vector,
-        };
-        let read: [Option<[R; 3]>; 2] = [Some(direction), away];
-        let first = scenario.sensors.len() - way.len();
+        let in_body_axes = matches!(scenario.observation, ObservationLayout::Body(_));
+        let turned = |vector: [R; 3]| known.world_from_body.rotate_inverse(vector.into()).into();
+        let seen = |vector: [R; 3]| if in_body_axes { turned(vector) } else { vector };
+        let first = self.measurements.len() - way.len();
         let columns = self.measurements[first..].as_chunks_mut::<3>().0;
-        for (columns, vector) in columns.iter_mut().zip(read.into_iter().flatten()) {
+        for (columns, vector) in columns.iter_mut().zip([Some(direction), away].into_iter().flatten()) {
             set_row(columns, lane, seen(vector));
         }
     }

@@ -48,11 +48,11 @@ mod tests {
 
     use kestrel_core::airframe::CF2X;
 
-    use super::super::trial::{Trial, assert_all_near, assert_near, ways};
+    use super::super::trial::{Trial, assert_all_near, assert_near, task};
     use super::*;
     use crate::config::Document;
     use crate::contact::{Arena, ContactReport};
-    use crate::rooms::{Arenas, Ways};
+    use crate::rooms::Arenas;
     use crate::world::{Floor, Solid, World};
 
     #[test]
@@ -73,15 +73,8 @@ mod tests {
     #[test]
     fn it_takes_contacts() {
         let document = Document::parse("trial.yaml", "{ weight: 1, reach_m: 0.4 }").unwrap();
-        let refused = |contacts| {
-            let task = RewardTask {
-                goals: GoalKind::OnePlace,
-                contacts,
-                ways: Ways::Same(Arc::new(ways())),
-                own_way: true,
-            };
-            Clearance { weight: 1.0, reach_m: 0.4 }.check(&task, &document.root()).is_err()
-        };
+        let refused =
+            |contacts| Clearance { weight: 1.0, reach_m: 0.4 }.check(&task(contacts), &document.root()).is_err();
         let all = [Contacts::Absent, Contacts::Reported, Contacts::Solved];
         assert_eq!(all.map(refused), [true, false, false]);
     }

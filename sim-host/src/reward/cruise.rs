@@ -95,7 +95,11 @@ impl Term for Cruise {
 
 #[cfg(test)]
 mod tests {
-    use super::super::trial::{Trial, assert_near};
+    use super::super::HeadingError;
+    use super::super::trial::{Trial, assert_near, task};
+    use super::*;
+    use crate::config::Document;
+    use crate::physics::Contacts;
 
     #[test]
     fn the_wanted_velocity_leads_to_the_goal_and_falls_before_it() {
@@ -109,6 +113,42 @@ mod tests {
         trial.distance = 0.5;
         trial.moving([-1.0, 0.0, 0.0]);
         assert_near(trial.at(0.5, 0.0, 0.0), 0.0);
+        let mut near = Trial::of(
+            "cruise: { weight: -48, speed_m_per_s: 3, slow_within_m: 1.5, slow_to_m_per_s: 0.5, tolerance_m_per_s: 0.25 }",
+        );
+        near.distance = 0.125;
+        near.moving([-0.5, 0.0, 0.0]);
+        assert_near(near.at(0.125, 0.0, 0.0), 0.0);
+        near.moving([-0.5, 0.6, 0.0]);
+        assert_near(near.at(0.125, 0.0, 0.0), -(0.65 - 0.25));
+    }
+
+    #[test]
+    fn it_follows_no_way_where_drones_look_for_none() {
+        let document = Document::parse("trial.yaml", "{ along_own_way: true }").unwrap();
+        let lost = RewardTask { own_way: false, ..task(Contacts::Absent) };
+        let cruise = |along_own_way| Cruise {
+            weight: -1.0,
+            speed_m_per_s: 1.0,
+            slow_within_m: 1.0,
+            slow_to_m_per_s: 0.0,
+            tolerance_m_per_s: 1.0,
+            along_own_way,
+            share_aside: 1.0,
+        };
+        let refused = |along| cruise(along).check(&lost, &document.root()).map_err(|error| error.to_string());
+        let message = refused(true).unwrap_err();
+        assert!(
+            message.contains("found true for drones that look for no way, expected a sensor `way`"),
+            "{message}"
+        );
+        assert_eq!(refused(false), Ok(()));
+        let heading = |heading_deg, task: &RewardTask| {
+            let term = HeadingError { weight: -1.0, heading_deg, along_own_way: true };
+            term.check(task, &document.root()).is_err()
+        };
+        let found = task(Contacts::Absent);
+        assert_eq!([heading(0.0, &lost), heading(20.0, &found), heading(0.0, &found)], [true, true, false]);
     }
 
     #[test]
@@ -128,6 +168,21 @@ mod tests {
         (floor.ahead, floor.distance) = (trial.ahead, 0.1);
         floor.moving([0.0, 0.15, 0.2]);
         assert_near(floor.at(1.0, 2.06, 0.08), 0.0);
+        let mut aside = Trial::of(
+            "cruise: { weight: -48, speed_m_per_s: 1, slow_within_m: 0.8, along_own_way: true, share_aside: 0.3 }",
+        );
+        // The nose points along +x: ahead of it, 60 degrees and a right angle aside, and straight up.
+        (aside.ahead, aside.distance) = (trial.ahead, 3.0);
+        let leg = |along: f64, left: f64, up: f64| [1.0 - 0.4 * along, 2.3 - 0.4 * left, 0.4 - 0.4 * up];
+        let (cosine, sine) = (0.5, 0.75_f64.sqrt());
+        for (direction, speed) in
+            [([1.0, 0.0, 0.0], 1.0), ([cosine, sine, 0.0], cosine), ([0.0, 1.0, 0.0], 0.3), ([0.0, 0.0, 1.0], 0.3)]
+        {
+            let ([along, left, up], velocity) = (direction, direction.map(|part| part * speed));
+            aside.moving(velocity);
+            let [x, y, z] = leg(along, left, up);
+            assert!(aside.at(x, y, z).abs() < 1e-7, "{direction:?}");
+        }
         // The point is here: so is the drone to be.
         trial.moving([0.0; 3]);
         assert_near(trial.at(1.0, 2.3, 0.4), 0.0);

@@ -26,6 +26,11 @@ pub(super) fn ways() -> DistanceField {
     DistanceField::new(&World { solids: vec![wall], ..World::empty() }, &Vector3::zeros(), bounds, 0.06)
 }
 
+/// What terms are checked against: a task with these contacts, whose drones look for their ways.
+pub(super) fn task(contacts: Contacts) -> RewardTask {
+    RewardTask { goals: GoalKind::OnePlace, contacts, ways: Ways::Same(Arc::new(ways())), own_way: true }
+}
+
 /// The term of a line of YAML.
 pub(super) fn term(yaml: &str) -> RewardTerm {
     #[derive(Deserialize)]
@@ -34,13 +39,9 @@ pub(super) fn term(yaml: &str) -> RewardTerm {
     }
     let document = Document::parse("trial.yaml", &format!("rewards: [ {yaml} ]")).unwrap();
     let rewards: Rewards = document.decode().unwrap();
-    let task = RewardTask {
-        goals: GoalKind::OnePlace,
-        contacts: Contacts::Reported,
-        ways: Ways::Same(Arc::new(ways())),
-        own_way: true,
-    };
-    RewardTerm::check_all(&rewards.rewards, &task, &document.root().at("rewards")).unwrap().remove(0)
+    RewardTerm::check_all(&rewards.rewards, &task(Contacts::Reported), &document.root().at("rewards"))
+        .unwrap()
+        .remove(0)
 }
 
 /// A term and the drone that it looks at, step by step; what it remembers stays.

@@ -17,8 +17,8 @@ const HERE_M: f32 = 0.05;
 /// A beam that reads less sees nothing: the limit, rounded.
 const NOTHING: f32 = 1e-3;
 
-/// How a drone looks for its way. It reads in which direction the point ahead on it is: a unit vector, world, shorter within 80 cm
-/// of the goal; then, if it is to be shown, where what is nearest by its map is not.
+/// How a drone looks for its way. It reads in which direction the point ahead on it is: a unit vector, world (body axes beside the
+/// `body` layout), shorter within 80 cm of the goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
     /// The map, empty at the start of an episode.
@@ -31,10 +31,10 @@ pub struct Way {
     pub nearness_cost: f32,
     /// What is met farther away \[m\] is not mapped.
     pub mapped_within_m: f32,
-    /// What a metre counts more through what nothing has passed that was measured, at least one.
+    /// How many metres one counts where no zone or beam has looked through, at least one.
     pub unseen_cost: f32,
-    /// Whether it reads as well which way is away from the nearest thing on the map: a vector of length 1 where it touches that,
-    /// 0 where it is 38 cm away.
+    /// Whether it reads as well which way is away from the nearest thing on the map: a vector, in the axes of the first, of length
+    /// 1 at the thing itself and 0 from 38 cm on.
     pub shows_nearest: bool,
 }
 
@@ -193,5 +193,35 @@ impl<const LANES: usize, R: Real> WayMemory<LANES, R> {
 
     pub(crate) fn charts_mut(&mut self) -> &mut [Chart] {
         &mut self.charts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_looked_through_is_remembered_where_it_counts_and_what_is_far_is_not_met() {
+        let grid = NodeGrid::new([0.0; 3], [2.0, 1.0, 1.0], 0.1).unwrap();
+        let charted = |unseen_cost: f32| {
+            let way = Way {
+                grid,
+                periods: 1,
+                lookahead_m: 0.3,
+                nearness_cost: 12.0,
+                mapped_within_m: 0.5,
+                unseen_cost,
+                shows_nearest: false,
+            };
+            let mut memory = WayMemory::<1, f32>::new(way, &SensorSuite::none(), 0.06);
+            memory.begin(0);
+            let empty = memory.charts[0].nodes.clone();
+            memory.mark(0, &Vector3::new(0.5, 0.5, 0.5), [Vector3::new(1.7, 0.5, 0.5)].into_iter());
+            let (before, after) = (empty.split_at(grid.len()), memory.charts[0].nodes.split_at(grid.len()));
+            assert_eq!(before.0, after.0, "it is 1.2 m away");
+            after.1.iter().map(|bits| bits.count_ones()).sum::<u32>()
+        };
+        assert_eq!(charted(1.0), 0);
+        assert!((10..=12).contains(&charted(2.0)), "{}", charted(2.0));
     }
 }

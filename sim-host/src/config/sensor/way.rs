@@ -30,11 +30,11 @@ pub struct WayConfig {
     /// What is met farther away is not mapped: there the zones of a ranger are wide, and noise is large.
     #[serde(default = "hundred")]
     pub mapped_within_m: f64,
-    /// What a metre counts more where nothing that was met has been seen through; 1 is no difference.
+    /// How many metres one counts where no zone or beam has looked through; 1 is no difference.
     #[serde(default = "one")]
     pub unseen_cost: f64,
-    /// Whether three more values show which way is away from the nearest thing on the map: 1 long where the drone's centre is
-    /// there, nothing from 38 cm on.
+    /// Whether three more values show which way is away from the nearest thing on the map: a vector of length 1 at the thing
+    /// itself, 0 from 38 cm on.
     #[serde(default)]
     pub shows_nearest: bool,
 }

@@ -206,18 +206,25 @@ fn what_is_met_far_away_is_not_mapped() {
 fn in_the_body_layout_the_way_is_seen_in_body_axes() {
     let mut scenario = with_a_way();
     let scales = PilotLayout { position_scale_m: 2.0, velocity_scale: 2.0, body_rates_scale: 10.0 };
-    scenario.observation = ObservationLayout::Body(BodyLayout { scales, action_len: 4, measured_len: 63 });
+    scenario.observation = ObservationLayout::Body(BodyLayout { scales, action_len: 4, measured_len: 66 });
+    if let Some(Told::Way(way)) = scenario.sensors.told().copied() {
+        scenario.sensors = scenario.sensors.with_told(Some(Told::Way(Way { shows_nearest: true, ..way })));
+    }
     let mut simulation = Simulation::<8>::new(&scenario, Seed(3), 0, 1);
     let half = 0.5_f32.sqrt();
     let left = Attitude { w: half, x: 0.0, y: 0.0, z: half };
     for _ in 0..10 {
         simulation.put(0, State { world_from_body: left, ..simulation.state(0) });
-        hold(&mut simulation, Vector3::new(-0.3, -0.5, 0.5));
+        hold(&mut simulation, Vector3::new(0.25, -0.3, 0.5));
     }
-    let [.., x, y, z] = simulation.observations() else { panic!("a way") };
-    let seen = simulation.state(0).world_from_body.rotate(Vector3::new(*x, *y, *z));
+    let [.., x, y, z, along, left, up] = simulation.observations() else { panic!("a way") };
+    let turned = |x: &f32, y: &f32, z: &f32| simulation.state(0).world_from_body.rotate(Vector3::new(*x, *y, *z));
+    let (seen, away) = (turned(x, y, z), turned(along, left, up));
     let leg = simulation.ahead(0).unwrap() - simulation.state(0).position;
     assert!((leg.normalize() - seen).norm() < 1e-3, "{seen} is seen, and {leg} leads to the point ahead");
+    // The wall is 25 cm away along +x.
+    let expected = Vector3::new(-(1.0 - 0.25 / 0.38), 0.0, 0.0);
+    assert!((away - expected).norm() < 0.1, "{away} leads away from the wall, expected {expected}");
 }
 
 #[test]
