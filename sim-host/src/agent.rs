@@ -11,20 +11,20 @@ use kestrel_core::real::Real;
 use kestrel_core::reference::bullet::BulletState;
 use nalgebra::Vector3;
 
-use crate::contact::Motion;
+use crate::contact::{Motion, Passing};
 use crate::episode_end;
 use crate::latency::{LatencyMemory, States, known_states};
 use crate::outcome::{Ending, Episode};
 use crate::rate_loop::RateLoops;
 use crate::reset::{self, Beginning};
 use crate::reward::RewardTerm;
-use crate::rooms::{Arenas, room};
+use crate::rooms::{Around, room};
 use crate::scenario::{Clock, Goals, Scenario, Success};
 use crate::seed::{Purpose, Seed, Stream};
-use crate::sensor::{Chart, SensorMemory, TofMemory, Told, WayMemory};
+use crate::sensor::{Chart, Mates, MatesMemory, SensorMemory, TofMemory, Told, WayMemory};
 use crate::stage::Stage;
 use crate::swarm::{Column, Mechanics, Swarm, row, set_row, vector};
-use crate::term::{Ends, FlightView, Memory, StepView, contains};
+use crate::term::{Ends, FlightView, Memory, StepView, Surroundings, contains};
 use crate::termination::Termination;
 use crate::trajectory::TRAJECTORY_LEN;
 use racing::Race;
@@ -32,6 +32,9 @@ use racing::Race;
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
 /// mass and thrust factors − 1 (2), share of the episode left (1).
 pub const PRIVILEGED_LEN: usize = 10;
+
+/// Numbers of what moves nearest to a drone: the plane that touches it, and its velocity.
+pub(crate) const PASSING_LEN: usize = 7;
 
 /// How far rewards look around \[m\]: what is farther counts as so far away.
 pub(crate) const LOOK_AROUND_M: f32 = 2.0;
@@ -85,11 +88,15 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     measurements: Vec<Column<LANES, R>>,
     /// None without a ranger of many zones.
     tof: Option<Box<TofMemory<LANES, R>>>,
+    /// None where mates are seen as they are, or not at all.
+    mates: Option<Box<MatesMemory<LANES, R>>>,
     /// None where drones look for no way.
     way: Option<Box<WayMemory<LANES, R>>>,
     /// Normal of the surface of the nearest obstacle at the end of the flight, and how far the origin is above the plane that
     /// touches it there \[m\]; none where no reward looks around.
     nearest: Option<Box<[Column<LANES, R>; 4]>>,
+    /// The same of the nearest mate or person, and its velocity \[m/s, world\]; none where no reward looks for them.
+    passing: Option<Box<[Column<LANES, R>; PASSING_LEN]>>,
     /// Velocity at the last reading of the sensors.
     read_velocity: [Column<LANES, R>; 3],
     scales: PrivilegedScales<R>,
@@ -105,6 +112,17 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
 fn way<const LANES: usize, R: Real>(scenario: &Scenario) -> Option<Box<WayMemory<LANES, R>>> {
     let Some(Told::Way(way)) = scenario.sensors.told() else { return None };
     Some(WayMemory::new(*way, &scenario.sensors, scenario.airframe.collision_radius))
+}
+
+/// Nothing heard yet, if mates talk by radio.
+fn mates<const LANES: usize, R: Real>(scenario: &Scenario) -> Option<Box<MatesMemory<LANES, R>>> {
+    let Some(Told::Mates(Mates { radio: Some(radio), .. })) = scenario.sensors.told() else { return None };
+    Some(Box::new(MatesMemory::new(*radio, scenario.agents.count as usize)))
+}
+
+/// Whether a reward looks for this.
+fn looks_for(scenario: &Scenario, wanted: Surroundings) -> bool {
+    scenario.rewards.iter().any(|term| term.looks_for() == Some(wanted))
 }
 
 /// An agent whose episode ended in this step.
@@ -132,10 +150,9 @@ impl<R: Real> PrivilegedScales<R> {
 }
 
 impl<const LANES: usize, R: Real> Agent<LANES, R> {
-    /// Agent `index` of `environments`, at most `LANES`, at the start of their first episodes.
+    /// Agent `index` of `environments`, at most `LANES`, before the [reset](Self::reset) of each lane.
     pub(crate) fn new(
         scenario: &Scenario,
-        arenas: Option<&Arenas>,
         index: usize,
         (seed, purpose): (Seed, Purpose),
         environments: Range<u32>,
@@ -177,7 +194,9 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             sensors: Vec::new(),
             measurements: columns(scenario.sensors.len()),
             tof: scenario.sensors.tof().map(|tof| Box::new(TofMemory::new(tof))),
-            nearest: scenario.rewards.iter().any(RewardTerm::looks_around).then(|| Box::new([nothing; 4])),
+            nearest: looks_for(scenario, Surroundings::Still).then(|| Box::new([nothing; 4])),
+            passing: looks_for(scenario, Surroundings::Moving).then(|| Box::new([nothing; PASSING_LEN])),
+            mates: mates(scenario),
             way: way(scenario),
             read_velocity: [nothing; 3],
             scales: PrivilegedScales::of(scenario),
@@ -188,11 +207,6 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         };
         if !scenario.sensors.instruments().is_empty() {
             agent.sensors = agent.streams.iter_mut().map(|stream| scenario.sensors.begin(stream)).collect();
-        }
-        for lane in 0..LANES {
-            // Those beyond the last environment make no room of their own.
-            let environment = environments.clone().nth(lane).unwrap_or(first);
-            agent.reset(scenario, arenas, lane, environment % scenario.rooms());
         }
         agent
     }
@@ -259,6 +273,25 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
+    /// Whether a reward looks for what moves around.
+    pub(crate) fn looks_for_others(&self) -> bool {
+        self.passing.is_some()
+    }
+
+    /// Takes in what moves nearest to the drone of a lane, if that is near.
+    pub(crate) fn take_passing(&mut self, lane: usize, passing: Option<Passing>) {
+        let Some(columns) = &mut self.passing else { return };
+        let far = Passing {
+            normal: Vector3::zeros(),
+            distance: f64::from(LOOK_AROUND_M),
+            velocity: Vector3::zeros(),
+        };
+        let Passing { normal, distance, velocity } = passing.unwrap_or(far);
+        let offset = distance - normal.dot(&vector(&self.swarm.position, lane).map(Real::to_f64));
+        let numbers = [normal.x, normal.y, normal.z, offset, velocity.x, velocity.y, velocity.z];
+        set_row(columns, lane, numbers.map(R::from_f64));
+    }
+
     /// Sums the terms of the reward.
     #[inline(always)]
     pub(crate) fn reward(
@@ -298,6 +331,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             previous_actions: self.history.last().expect("there is a previous action"),
             touches: &self.touches,
             nearest: self.nearest.as_deref(),
+            passing: self.passing.as_deref(),
             ahead: self.way.as_ref().map(|way| way.points_ahead()),
             steps: &self.steps,
             gates_left: self.race.as_ref().map(|race| race.left()),
@@ -342,24 +376,15 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
-    /// Takes the ended episodes out and starts the next ones, in lane order.
-    pub(crate) fn restart_ended(
-        &mut self,
-        scenario: &Scenario,
-        arenas: Option<&Arenas>,
-        first: u32,
-        finished: &mut impl FnMut(Finished<R>),
-    ) {
-        for lane in 0..LANES {
-            let Some(ending) = episode_end::decode(self.codes[lane]) else { continue };
-            finished(Finished {
-                lane,
-                episode: self.episode(first, lane, ending),
-                observation: self.observations.iter().map(|column| column[lane]).collect(),
-                privileged: row(&self.privileged, lane),
-            });
-            self.restart(scenario, arenas, lane);
-        }
+    /// The episode of a lane, if it has just ended.
+    pub(crate) fn finished(&self, first: u32, lane: usize) -> Option<Finished<R>> {
+        let ending = episode_end::decode(self.codes[lane])?;
+        Some(Finished {
+            lane,
+            episode: self.episode(first, lane, ending),
+            observation: self.observations.iter().map(|column| column[lane]).collect(),
+            privileged: row(&self.privileged, lane),
+        })
     }
 
     fn episode(&self, first: u32, lane: usize, ending: Ending) -> Episode {
@@ -374,18 +399,17 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
-    /// Begins the lane's next episode; its last reward and code stay readable.
-    pub(crate) fn restart(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
+    /// The room of the lane's next episode.
+    pub(crate) fn draw_room(&mut self, scenario: &Scenario, lane: usize) -> u32 {
         // Nothing is drawn where there is one place only.
-        let room = match &scenario.drawn {
+        match &scenario.drawn {
             Some(rooms) if lane < self.flown => self.streams[lane].below(rooms.range().count),
             Some(_) | None => self.room(lane),
-        };
-        self.reset(scenario, arenas, lane, room);
+        }
     }
 
-    /// Begins an episode in this room.
-    fn reset(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize, room: u32) {
+    /// Begins the lane's next episode in this room; its last reward and code stay readable.
+    pub(crate) fn reset(&mut self, scenario: &Scenario, around: Around<'_>, (lane, room): (usize, u32)) {
         if let Some(rooms) = &mut self.rooms {
             rooms[lane] = R::from_f64(f64::from(room));
         }
@@ -395,16 +419,19 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         if let Some(memory) = self.sensors.get_mut(lane) {
             *memory = scenario.sensors.begin(&mut self.streams[lane]);
             set_row(&mut self.read_velocity, lane, row(&self.swarm.velocity, lane));
-            self.sense_lane(scenario, arenas, lane);
+            self.sense_lane(scenario, around.arenas, lane);
         }
         if let Some(tof) = &mut self.tof {
             tof.begin(lane, &mut self.streams[lane]);
         }
+        if let Some(mates) = &mut self.mates {
+            mates.begin(lane, &mut self.streams[lane]);
+        }
         if let Some(way) = &mut self.way {
             way.begin(lane);
         }
-        self.range_lane(scenario, arenas, lane);
-        self.scan_lane(scenario, arenas, lane);
+        self.range_lane(scenario, around, lane);
+        self.scan_lane(scenario, around.arenas, lane);
         self.find_way(scenario, lane);
         self.tell(scenario, lane..lane + 1);
         self.begin_integral(scenario, lane);
@@ -548,12 +575,15 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(self.race.iter_mut().flat_map(|race| race.columns_mut()))
             .chain(self.way.iter_mut().flat_map(|way| way.columns_mut()))
             .chain(self.tof.iter_mut().flat_map(|tof| tof.columns_mut()))
+            .chain(self.mates.iter_mut().flat_map(|mates| mates.columns_mut()))
             .chain(self.nearest.iter_mut().flat_map(|plane| plane.iter_mut()))
+            .chain(self.passing.iter_mut().flat_map(|plane| plane.iter_mut()))
     }
 
     /// How many columns, the last of [`Self::columns_mut`], are found only once a flight is over.
     pub(crate) fn late_columns(&self) -> usize {
-        self.nearest.as_ref().map_or(0, |plane| plane.len())
+        let (nearest, passing) = (self.nearest.as_ref(), self.passing.as_ref());
+        nearest.map_or(0, |plane| plane.len()) + passing.map_or(0, |plane| plane.len())
     }
 
     /// What drones have met on their ways, for saving and restoring.

@@ -5,15 +5,16 @@ use core::ops::Range;
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
+use kestrel_core::observation::ObservationLayout;
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
-use crate::agent::{Agent, Finished};
-use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Touch};
+use crate::agent::{Agent, Finished, LOOK_AROUND_M};
+use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Passing, Touch};
 use crate::episode_end;
 use crate::rate_loop::RateLoops;
-use crate::rooms::Arenas;
+use crate::rooms::{Arenas, Around};
 use crate::scenario::{Clock, Preset, Scenario, TeamEnd, TeamRewards, TeamSuccess};
 use crate::seed::{Purpose, Seed};
 use crate::sensor::{Course, Told};
@@ -65,11 +66,21 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     ) -> Self {
         let count = scenario.agents.count as usize;
         let nothing = [R::zero(); LANES];
+        // Those beyond the last environment make no room of their own.
+        let environment = |lane| environments.clone().nth(lane).unwrap_or(environments.start);
+        let rooms: Vec<u32> = (0..LANES).map(|lane| environment(lane) % scenario.rooms()).collect();
+        let movables: Vec<Vec<Motion>> = rooms.iter().map(|room| standing(scenario, *room)).collect();
+        let around = Around { arenas, movables: &movables };
         let mut block = Self {
             agents: (0..count)
-                .map(|index| Agent::new(scenario, arenas, index, source, environments.clone()))
+                .map(|index| {
+                    let mut agent = Agent::new(scenario, index, source, environments.clone());
+                    let lanes = rooms.iter().enumerate();
+                    lanes.for_each(|(lane, room)| agent.reset(scenario, around, (lane, *room)));
+                    agent
+                })
                 .collect(),
-            movables: vec![standing(scenario); LANES],
+            movables,
             movable_kinds: scenario.aviary.world.movables.iter().map(MovableKind::of).collect(),
             contacts: vec![ContactMemory::default(); LANES],
             team: vec![[nothing; 3]; count],
@@ -94,6 +105,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.terminate(stage, &actions[..len], &self.team);
         }
         self.succeed_together(scenario);
+        self.look_for_others(stage);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
             agent.look_around(stage);
             agent.reward(stage, &actions[..len], &self.team);
@@ -104,7 +116,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
             agent.accumulate_return();
             agent.push_history(&actions[..len]);
-            agent.observe(stage);
+            agent.observe(stage, &self.movables);
             agent.draw_delays();
         }
         self.carry(scenario, 0..LANES);
@@ -120,7 +132,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.update_metrics(stage.scenario);
             agent.reward(stage, &actions[..len], &self.team);
             agent.push_history(&actions[..len]);
-            agent.observe(stage);
+            agent.observe(stage, &self.movables);
         }
     }
 
@@ -176,13 +188,22 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
     }
 
-    /// Moves what goes with the goal by this time \[s\].
+    /// Moves what goes with the goal, or walks, by this time \[s\].
     #[inline(always)]
-    fn carry_on(&mut self, secs: f64) {
-        for movables in &mut self.movables {
-            for (motion, kind) in movables.iter_mut().zip(&self.movable_kinds) {
-                if kind.drive == Drive::Carried {
-                    motion.pose.position += motion.velocity * secs;
+    fn carry_on(&mut self, scenario: &Scenario, secs: f64) {
+        if self.movable_kinds.iter().all(|kind| matches!(kind.drive, Drive::Pushed { .. })) {
+            return;
+        }
+        for (lane, movables) in self.movables.iter_mut().enumerate() {
+            let kinds = &scenario.aviary_of(self.agents[0].room(lane)).world.movables;
+            for (motion, kind) in movables.iter_mut().zip(kinds) {
+                let ahead = motion.pose.position + motion.velocity * secs;
+                match &kind.drive {
+                    Drive::Pushed { .. } => {}
+                    Drive::Carried => motion.pose.position = ahead,
+                    Drive::Walking(walk) => {
+                        (motion.pose.position, motion.velocity) = walk.turned(ahead, motion.velocity);
+                    }
                 }
             }
         }
@@ -231,7 +252,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         // Written once: the step is inlined here for every instruction set.
         for substep in 0..=substeps {
             if let (Some(arenas), true) = (reporting, substep == report_at) {
-                self.carry_on(f64::from(stage.scenario.physics.control_secs()));
+                self.carry_on(stage.scenario, f64::from(stage.scenario.physics.control_secs()));
                 self.report(arenas);
             }
             if substep == substeps {
@@ -336,7 +357,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
         for (lane, movables) in self.movables.iter().enumerate() {
             for (movable, kind) in movables.iter().zip(&self.movable_kinds) {
-                let moves = kind.drive != Drive::Carried && !movable.is_at_rest();
+                let moves = matches!(kind.drive, Drive::Pushed { .. }) && !movable.is_at_rest();
                 let own_reach = kind.reach + movable.velocity.norm() * secs;
                 let close = self.agents.iter().enumerate().any(|(index, agent)| {
                     let position = vector(&agent.swarm.position, lane).map(Real::to_f64);
@@ -430,14 +451,18 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     fn observe_neighbours(&mut self, scenario: &Scenario, lanes: Range<usize>) {
         let Some(Told::Mates(mates)) = scenario.sensors.told() else { return };
         let mut values = vec![R::zero(); mates.len()];
+        let in_body_axes = matches!(scenario.observation, ObservationLayout::Body(_));
         for lane in lanes {
             let course = |agent: &Agent<LANES, R>| -> Course<R> {
                 (vector(&agent.swarm.position, lane), vector(&agent.swarm.velocity, lane))
             };
             let team: Vec<Course<R>> = self.agents.iter().map(course).collect();
             for (index, agent) in self.agents.iter_mut().enumerate() {
-                mates.read(index, &team, &mut values);
-                agent.take_neighbours(lane, &values);
+                match agent.listen(scenario, lane, &team) {
+                    None => mates.read(index, &team, &mut values),
+                    Some(heard) => mates.read(index, &heard, &mut values),
+                }
+                agent.take_neighbours(lane, &values, in_body_axes);
             }
         }
     }
@@ -464,11 +489,34 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
     }
 
+    /// Finds what moves nearest to each drone, where a reward looks for it.
+    #[inline(always)]
+    fn look_for_others(&mut self, stage: &Stage<'_, R>) {
+        if !self.agents[0].looks_for_others() {
+            return;
+        }
+        for lane in 0..LANES {
+            let team: Vec<Motion> = self.agents.iter().map(|agent| agent.swarm.motion(lane)).collect();
+            let arena = stage.arenas.map(|arenas| arenas.of(self.agents[0].room(lane)));
+            for (index, agent) in self.agents.iter_mut().enumerate() {
+                let place = &team[index].pose.position;
+                let reach = f64::from(LOOK_AROUND_M);
+                let body = arena.and_then(|arena| arena.nearest_moving(place, &self.movables[lane], reach));
+                let mate = nearest_mate(&team, index, stage.scenario.airframe.collision_radius);
+                let nearer = |one: Passing, other: Passing| if other.distance < one.distance { other } else { one };
+                let passing = body.into_iter().chain(mate).reduce(nearer);
+                agent.take_passing(lane, passing.filter(|passing| passing.distance < reach));
+            }
+        }
+    }
+
     /// Starts the next episode of a lane, whatever became of the last.
     pub(crate) fn restart(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
         self.contacts[lane] = ContactMemory::default();
-        self.movables[lane] = standing(scenario);
-        self.agents.iter_mut().for_each(|agent| agent.restart(scenario, arenas, lane));
+        let room = self.agents[0].draw_room(scenario, lane);
+        self.movables[lane] = standing(scenario, room);
+        let around = Around { arenas, movables: &self.movables };
+        self.agents.iter_mut().for_each(|agent| agent.reset(scenario, around, (lane, room)));
         self.update_positions();
         self.carry(scenario, lane..lane + 1);
         self.observe_restarted(scenario, lane);
@@ -482,16 +530,25 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         first: u32,
         finished: &mut impl FnMut(usize, Finished<R>),
     ) {
-        for lane in 0..LANES {
+        let mut rooms: [u32; LANES] = core::array::from_fn(|lane| self.agents[0].room(lane));
+        for (lane, room) in rooms.iter_mut().enumerate() {
             if self.agents[0].codes[lane] > 0.0 {
                 self.contacts[lane] = ContactMemory::default();
+                // Who begins alone begins where the others are.
                 if scenario.agents.ends == TeamEnd::Together {
-                    self.movables[lane] = standing(scenario);
+                    *room = self.agents[0].draw_room(scenario, lane);
+                    self.movables[lane] = standing(scenario, *room);
                 }
             }
         }
+        let around = Around { arenas, movables: &self.movables };
         for (index, agent) in self.agents.iter_mut().enumerate() {
-            agent.restart_ended(scenario, arenas, first, &mut |done| finished(index, done));
+            for (lane, room) in rooms.iter().enumerate() {
+                if let Some(done) = agent.finished(first, lane) {
+                    finished(index, done);
+                    agent.reset(scenario, around, (lane, *room));
+                }
+            }
         }
         self.update_positions();
         self.carry(scenario, 0..LANES);
@@ -523,9 +580,28 @@ fn greatest_acceleration(scenario: &Scenario) -> f32 {
     (drawn * airframe.thrust_limit() / airframe.mass + GRAVITY) as f32
 }
 
-/// The movable bodies where episodes begin.
-fn standing(scenario: &Scenario) -> Vec<Motion> {
-    scenario.aviary.world.movables.iter().map(|movable| Motion::at_rest(movable.solid.pose)).collect()
+/// The movable bodies of a room where episodes begin.
+fn standing(scenario: &Scenario, room: u32) -> Vec<Motion> {
+    let begin = |movable: &Movable| {
+        let rest = Motion::at_rest(movable.solid.pose);
+        match &movable.drive {
+            Drive::Pushed { .. } | Drive::Carried => rest,
+            Drive::Walking(walk) => Motion { velocity: walk.velocity, ..rest },
+        }
+    };
+    scenario.aviary_of(room).world.movables.iter().map(begin).collect()
+}
+
+/// The nearest of the other drones, as a ball of this radius \[m\].
+fn nearest_mate(team: &[Motion], own: usize, radius: f64) -> Option<Passing> {
+    let others = team.iter().enumerate().filter(|(index, _)| *index != own).map(|(_, mate)| mate);
+    let passing = others.map(|mate| {
+        let away = team[own].pose.position - mate.pose.position;
+        let distance = away.norm();
+        let normal = if distance > 0.0 { away / distance } else { Vector3::zeros() };
+        Passing { normal, distance: distance - radius, velocity: mate.velocity }
+    });
+    passing.min_by(|one, other| one.distance.total_cmp(&other.distance))
 }
 
 #[inline(always)]

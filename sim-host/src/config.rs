@@ -186,7 +186,9 @@ impl ScenarioConfig {
         let field_of_start = field.at("start");
         let start = match &drawn {
             None => self.start.check(&aviary, &airframe, &terminations, &first_goals, &field_of_start)?,
-            Some(rooms) => self.start.check_in_rooms(rooms, &airframe, &terminations, &field_of_start)?,
+            Some(rooms) => {
+                self.start.check_in_rooms(rooms, &airframe, &terminations, &first_goals, &field_of_start)?
+            }
         };
         self.check_randomisation(physics.preset, &airframe, field)?;
         let same = || Ways::Same(ways_of(&aviary, &airframe, &terminations));

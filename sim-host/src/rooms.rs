@@ -18,7 +18,7 @@ pub use racing::Raceway;
 
 pub use furnishing::{Extent, Kind, Model, Piece, ROOM, RoomPlan, STARTS, WALL_COLOUR, WALL_M, Workshop, overlap};
 
-use crate::contact::{Arena, ContactReport, DistanceField, Passage};
+use crate::contact::{Arena, ContactReport, DistanceField, Motion, Passage};
 use crate::scenario::Aviary;
 use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::Scan;
@@ -103,6 +103,15 @@ pub(crate) enum Arenas {
     Same(Arc<Arena>),
     /// To each lane its room.
     Drawn(Arc<RoomArenas>),
+}
+
+/// What is around the drones of a block.
+#[derive(Clone, Copy)]
+pub(crate) struct Around<'a> {
+    /// What never moves, if anything is looked at or touched.
+    pub(crate) arenas: Option<&'a Arenas>,
+    /// The bodies that do, by lane.
+    pub(crate) movables: &'a [Vec<Motion>],
 }
 
 /// The arenas of some rooms for one airframe.

@@ -25,8 +25,8 @@ use crate::trajectory::PathAhead;
 use instrument::{Instrument, InstrumentMemory};
 
 pub use coverage::Coverage;
-pub(crate) use mates::Course;
-pub use mates::Mates;
+pub(crate) use mates::{Course, MatesMemory};
+pub use mates::{Mates, Radio};
 pub use scan::{BEAM_LIMIT, Scan, ScanRing};
 pub(crate) use tof::{TOF_BANK_LIMIT, TofMemory};
 pub use tof::{Tof, TofParts};

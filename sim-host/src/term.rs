@@ -16,6 +16,7 @@ pub(crate) use cells::Cells;
 pub use drone_view::DroneView;
 pub(crate) use lanes::{contains, mark};
 
+use crate::agent::PASSING_LEN;
 use crate::contact::Touch;
 use crate::outcome::Ending;
 use crate::physics::Contacts;
@@ -39,7 +40,7 @@ pub(crate) mod prelude {
     pub(crate) use super::roll_pitch_limit::RollPitchLimit;
     pub(crate) use super::{
         AgentSet, FlightView, GoalKind, LENGTH, Memory, Paid, RewardTask, Rule, RuleTask, SPEED, StartLimit,
-        StepView, Term,
+        StepView, Surroundings, Term,
     };
     pub(crate) use crate::config::area::{AreaConfig, BoxConfig};
     pub(crate) use crate::outcome::Ending;
@@ -74,9 +75,9 @@ pub(crate) trait Term: Sized {
         AgentSet::All
     }
 
-    /// Whether it looks for the nearest obstacle.
-    fn looks_around(&self) -> bool {
-        false
+    /// Of what it looks for the nearest, if it does.
+    fn looks_for(&self) -> Option<Surroundings> {
+        None
     }
 
     /// What it remembers of an episode.
@@ -259,6 +260,15 @@ pub(crate) enum StartLimit {
     BodyRates(f32),
 }
 
+/// Of what a term looks for the nearest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Surroundings {
+    /// Of what never moves.
+    Still,
+    /// Of team mates and people.
+    Moving,
+}
+
 /// What terminations look at: the drones of a block after a control period.
 pub(crate) struct FlightView<'a, const LANES: usize, R: Real> {
     pub(crate) swarm: &'a Swarm<LANES, R>,
@@ -273,6 +283,8 @@ pub(crate) struct FlightView<'a, const LANES: usize, R: Real> {
     /// The plane that touches the nearest obstacle, where a reward looks around: its normal towards the drone, and how far the
     /// origin is above it \[m\].
     pub(crate) nearest: Option<&'a [Column<LANES, R>; 4]>,
+    /// The same of the nearest mate or person, and its velocity \[m/s, world\].
+    pub(crate) passing: Option<&'a [Column<LANES, R>; PASSING_LEN]>,
     /// The points ahead on the ways that drones find by themselves \[m, world\], where they do: those that they saw last.
     pub(crate) ahead: Option<&'a [Column<LANES, R>; 3]>,
     /// Control periods flown, this one included.

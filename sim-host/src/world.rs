@@ -22,8 +22,8 @@ pub struct World {
     pub floor: Floor,
     /// Bodies that never move.
     pub solids: Vec<Solid>,
-    /// Bodies that move; those that a drone can push are where their pose says at the start of every episode, the others where
-    /// they are while the goal is at the aviary's.
+    /// Bodies that move; those that a drone can push, and people, are where their pose says at the start of every episode, the
+    /// others where they are while the goal is at the aviary's.
     pub movables: Vec<Movable>,
 }
 
@@ -85,6 +85,35 @@ pub enum Drive {
     },
     /// It goes where the goal of the first drone goes, whatever is in its way: a landing pad on wheels.
     Carried,
+    /// It walks to and fro, whoever is in its way: a person.
+    Walking(Walk),
+}
+
+/// To and fro between two points, without a rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Walk {
+    /// Where it turns round, apart from each other \[m, world\].
+    pub ends: [Vector3<f64>; 2],
+    /// With which it begins: along the line between them, one way or the other \[m/s, world\].
+    pub velocity: Vector3<f64>,
+}
+
+impl Walk {
+    /// Where somebody has come to who went past an end or not, and its velocity from there \[m/s, world\]: it has turned round
+    /// where it passed one.
+    pub(crate) fn turned(&self, position: Vector3<f64>, velocity: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let [from, to] = self.ends;
+        let (length, speed) = ((to - from).norm(), self.velocity.norm());
+        let along = (to - from) / length;
+        let passed = (position - from).dot(&along);
+        if passed > length {
+            (to - along * (passed - length), -along * speed)
+        } else if passed < 0.0 {
+            (from - along * passed, along * speed)
+        } else {
+            (position, velocity)
+        }
+    }
 }
 
 impl Movable {

@@ -14,9 +14,10 @@ use nalgebra::Vector3;
 use super::{Agent, PrivilegedScales};
 use crate::contact::BANK;
 use crate::latency::{States, known_states};
-use crate::rooms::Arenas;
+use crate::contact::Motion;
+use crate::rooms::{Arenas, Around};
 use crate::scenario::{CriticView, Preset, Scenario};
-use crate::sensor::{TOF_BANK_LIMIT, Told, Truth};
+use crate::sensor::{Course, TOF_BANK_LIMIT, Told, Truth};
 use crate::stage::Stage;
 use crate::swarm::{Column, Swarm, row, set_row, vector};
 use crate::trajectory::{PathAhead, Trajectory};
@@ -25,25 +26,26 @@ use crate::trajectory::{PathAhead, Trajectory};
 const FORWARD: [f32; 2] = [1.0, 0.0];
 
 impl<const LANES: usize, R: Real> Agent<LANES, R> {
-    /// Encodes every lane.
+    /// Encodes every lane; the movables of each are where they are now.
     #[inline(always)]
-    pub(crate) fn observe(&mut self, stage: &Stage<'_, R>) {
+    pub(crate) fn observe(&mut self, stage: &Stage<'_, R>, movables: &[Vec<Motion>]) {
         let scenario = stage.scenario;
+        let around = Around { arenas: stage.arenas, movables };
         self.tell(scenario, 0..LANES);
         match &scenario.observation {
             ObservationLayout::Pilot(layout) => self.observe_as_pilot(*layout),
             ObservationLayout::Reference(layout) => self.observe_as_paper(scenario, *layout),
             ObservationLayout::PilotFor(_) | ObservationLayout::Kinematic(_) | ObservationLayout::Measured(_) => {
-                self.sense(stage);
+                self.sense(scenario, around);
                 (0..LANES).for_each(|lane| self.observe_lane(scenario, lane));
             }
             ObservationLayout::Body(layout) => {
-                self.sense(stage);
+                self.sense(scenario, around);
                 self.observe_in_body_axes(layout, stage.control_secs);
             }
             ObservationLayout::Px4Neural(layout) => self.observe_as_px4_neural(*layout),
             ObservationLayout::PilotMeasured(layout) => {
-                self.sense(stage);
+                self.sense(scenario, around);
                 self.observe_as_pilot(layout.scales);
                 if let Some((_, columns)) = self.observations.split_first_chunk_mut::<PILOT_LEN>() {
                     columns.copy_from_slice(&self.measurements);
@@ -152,16 +154,16 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Reads the sensors of every lane, where there are any.
     #[inline(always)]
-    fn sense(&mut self, stage: &Stage<'_, R>) {
-        let sensors = &stage.scenario.sensors;
+    fn sense(&mut self, scenario: &Scenario, around: Around<'_>) {
+        let sensors = &scenario.sensors;
         if self.sensors.is_empty() && sensors.tof().is_none() && sensors.scan().is_none() {
             return;
         }
         for lane in 0..LANES {
-            self.sense_lane(stage.scenario, stage.arenas, lane);
-            self.range_lane(stage.scenario, stage.arenas, lane);
-            self.scan_lane(stage.scenario, stage.arenas, lane);
-            self.find_way(stage.scenario, lane);
+            self.sense_lane(scenario, around.arenas, lane);
+            self.range_lane(scenario, around, lane);
+            self.scan_lane(scenario, around.arenas, lane);
+            self.find_way(scenario, lane);
         }
     }
 
@@ -189,8 +191,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
 
     /// Measures in the zones of a ranger, where there is one and it is time to.
     #[inline(always)]
-    pub(super) fn range_lane(&mut self, scenario: &Scenario, arenas: Option<&Arenas>, lane: usize) {
-        let (Some(tof), Some(arenas)) = (scenario.sensors.tof(), arenas) else { return };
+    pub(super) fn range_lane(&mut self, scenario: &Scenario, around: Around<'_>, lane: usize) {
+        let (Some(tof), Some(arenas)) = (scenario.sensors.tof(), around.arenas) else { return };
         let (reading, secs) = (self.period(lane), 1.0 / scenario.physics.control_rate_hz);
         let position = row(&self.swarm.position, lane).map(Real::to_f32);
         let axes = self.swarm.state(lane).world_from_body.rows().map(|row| row.map(Real::to_f32));
@@ -201,7 +203,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         if memory.is_due(tof, lane, reading, secs) {
             let mut rays = [[[0.0; BANK]; 3]; TOF_BANK_LIMIT];
             let mut distances = [[0.0; BANK]; TOF_BANK_LIMIT];
-            arenas.of(room).distances_in(&tof.cone(position, &axes, &mut rays), &mut distances);
+            let cone = tof.cone(position, &axes, &mut rays);
+            arenas.of(room).distances_in(&cone, &around.movables[lane], &mut distances);
             let arrival = reading + tof.delay(reading, secs);
             memory.send(tof, lane, (&distances, arrival), &mut self.streams[lane]);
             memory.deliver(lane, reading, measurements);
@@ -310,11 +313,27 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         set_row(&mut self.privileged, lane, [a, b, c, d, x, y, z, mass - one, thrust - one, left]);
     }
 
-    /// Takes in what it measures of its team mates in a lane, `[values]`.
-    pub(crate) fn take_neighbours(&mut self, lane: usize, values: &[R]) {
+    /// What the drone of a lane hears of its team, if they talk by radio.
+    pub(crate) fn listen(
+        &mut self,
+        scenario: &Scenario,
+        lane: usize,
+        team: &[Course<R>],
+    ) -> Option<Vec<Course<R>>> {
+        let (reading, secs) = (self.period(lane), 1.0 / scenario.physics.control_rate_hz);
+        let stream = &mut self.streams[lane];
+        let mates = self.mates.as_mut()?;
+        Some(mates.listen((self.index, lane), (reading, secs), team, stream))
+    }
+
+    /// Takes in what it measures of its team mates in a lane, vectors in the world's axes one behind the other.
+    pub(crate) fn take_neighbours(&mut self, lane: usize, values: &[R], in_body_axes: bool) {
         let first = self.measurements.len() - values.len();
-        for (column, value) in self.measurements[first..].iter_mut().zip(values) {
-            column[lane] = *value;
+        let known = known_states(&self.swarm, self.latency.as_ref()).state(lane);
+        let vectors = values.as_chunks::<3>().0;
+        for (columns, vector) in self.measurements[first..].as_chunks_mut::<3>().0.iter_mut().zip(vectors) {
+            let turned = || known.world_from_body.rotate_inverse((*vector).into()).into();
+            set_row(columns, lane, if in_body_axes { turned() } else { *vector });
         }
     }
 }

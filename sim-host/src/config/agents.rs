@@ -10,7 +10,7 @@ use super::geometry::holds;
 use crate::course::Gate;
 use crate::scenario::{Agents, Goals, TeamEnd, TeamRewards, TeamSuccess};
 use crate::trajectory::{Trajectories, TrajectoryShape};
-use crate::world::{Floor, World};
+use crate::world::{Drive, Floor, Movable, World};
 
 /// Most drones in one environment; every one is tested against every other.
 const DRONES_LIMIT: u64 = 256;
@@ -179,7 +179,8 @@ impl AgentsConfig {
             TeamEnd::Alone if count > 1 => TeamEnd::Alone,
             TeamEnd::Together | TeamEnd::Alone => TeamEnd::Together,
         };
-        if ends == TeamEnd::Alone && !world.movables.is_empty() {
+        let lies_about = |movable: &Movable| !matches!(movable.drive, Drive::Walking(_));
+        if ends == TeamEnd::Alone && world.movables.iter().any(lies_about) {
             let expected = "`together`: bodies that can be pushed stand up again when the episodes of all end";
             return Err(field.at("ends").reject("`alone` in a world with movables", expected));
         }

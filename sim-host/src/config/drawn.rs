@@ -11,10 +11,10 @@ use super::error::ConfigError;
 use super::field::{Field, Limits};
 use super::geometry::surrounds;
 use super::world::{FurnitureConfig, SCALES};
-use super::{AviaryConfig, ScenarioConfig, StartConfig, SuccessConfig};
+use super::{AviaryConfig, GoalsConfig, ScenarioConfig, SensorConfig, StartConfig, SuccessConfig};
 use crate::physics::{Contacts, Physics};
 use crate::rooms::{Forest, Furnisher, Model, ROOM, Raceway, Rearranger, RoomPlanner, RoomRange, Rooms, Workshop};
-use crate::scenario::{Goals, Start, StartPosition};
+use crate::scenario::{FirstGoals, Place, Start, StartPosition};
 use crate::seed::Seed;
 use crate::termination::Termination;
 use crate::world::{Cuboid, Solid};
@@ -37,6 +37,9 @@ const POSTS_LIMIT: u64 = 20;
 
 /// Radius of the thickest trunk \[m\].
 const TRUNK_LIMIT_M: f64 = 0.5;
+
+/// Most people of a forest: more find no room to walk.
+const PEOPLE_LIMIT: u64 = 12;
 
 /// Furniture is moved so far.
 const SHIFT: Limits = Limits::from(0.01, 2.0, "m");
@@ -93,12 +96,17 @@ pub struct ForestConfig {
     pub trunks_per_square_metre: f64,
     /// Least and greatest radius of a trunk.
     pub radius_m: [f64; 2],
+    /// How many people walk to and fro among them, at most 12: cylinders of 50 cm across and 1.75 m, each on a straight line of
+    /// 1.5 to 5 m that no trunk touches. People do not look where they go.
+    pub people: u64,
+    /// How fast they walk.
+    pub walking_m_per_s: f64,
 }
 
 impl Default for ForestConfig {
     /// A straight line through it hits a trunk in five cases of six, by the area that a Crazyflie sweeps.
     fn default() -> Self {
-        Self { trunks_per_square_metre: 0.3, radius_m: [0.08, 0.2] }
+        Self { trunks_per_square_metre: 0.3, radius_m: [0.08, 0.2], people: 0, walking_m_per_s: 1.0 }
     }
 }
 
@@ -112,6 +120,10 @@ impl ForestConfig {
         Ok(Forest {
             density: density.number(self.trunks_per_square_metre, &Limits::from(0.0, 1.0, "per m²"))?,
             radii: [low, high],
+            people: field.at("people").whole(self.people, 0..=PEOPLE_LIMIT)? as u32,
+            walking_speed: field
+                .at("walking_m_per_s")
+                .number(self.walking_m_per_s, &Limits::from(0.1, 3.0, "m/s"))?,
         })
     }
 }
@@ -301,20 +313,17 @@ impl ScenarioConfig {
 
     /// Refuses what has no meaning, or none yet, where every episode is in another world.
     pub(super) fn check_drawn(&self, physics: &Physics, field: &Field<'_>) -> Result<(), ConfigError> {
-        if self.aviary.drawn.is_none() {
-            return Ok(());
-        }
+        let Some(drawn) = &self.aviary.drawn else { return Ok(()) };
         let one = |key: &str, found: &str, expected: &str| Err(field.at(key).reject(found, expected));
+        if let GeneratorConfig::Forest(ForestConfig { people: 1.., .. }) = drawn.from
+            && self.sensors.iter().any(|sensor| matches!(sensor, SensorConfig::Scan(_)))
+        {
+            return one("sensors", "a `scan` among people", "`tof`, which sees them: beams see what never moves");
+        }
         if self.camera.is_some() {
             return one("camera", "a camera beside `aviary.drawn`", "beams (`scan`): images are of one world");
         }
-        if self.agents.count > 1 {
-            let expected = "1: drones of a team are in one world";
-            return Err(field.at("agents").at("count").refuse(self.agents.count, expected));
-        }
-        if self.goals.is_some() {
-            return one("goals", "goals beside `aviary.drawn`", "none: every drawn world has its own");
-        }
+        self.check_goals_in_drawn(drawn, &field.at("goals"))?;
         match self.success {
             SuccessConfig::Reach { .. } | SuccessConfig::Visit { .. } => {
                 return one("success", "a region beside `aviary.drawn`", "`ending` or `settle`");
@@ -331,6 +340,37 @@ impl ScenarioConfig {
     }
 }
 
+impl ScenarioConfig {
+    /// Refuses goals in drawn worlds but those of a team behind the trunks of a forest, each of which is free in all of them.
+    fn check_goals_in_drawn(&self, drawn: &DrawnConfig, field: &Field<'_>) -> Result<(), ConfigError> {
+        match (&self.goals, &drawn.from) {
+            (None, _) => Ok(()),
+            (Some(GoalsConfig::PerAgent { points_m }), GeneratorConfig::Forest(_)) => {
+                let field = field.at("per_agent").at("points_m");
+                let free = Forest::kept_free_for_goals();
+                let in_reach = |point: &[f64; 3]| {
+                    (0..3).all(|axis| (free.low[axis]..=free.high[axis]).contains(&(point[axis] as f32)))
+                };
+                match points_m.iter().position(|point| !in_reach(point)) {
+                    None => Ok(()),
+                    Some(index) => {
+                        let Cuboid { low, high } = free;
+                        let expected = format!(
+                            "one behind the trunks: x from {} to {} m, y from {} to {} m, z from {} to {} m",
+                            low.x, high.x, low.y, high.y, low.z, high.z
+                        );
+                        Err(field.at(index).reject("a goal that may be in a trunk or a wall", expected))
+                    }
+                }
+            }
+            (Some(_), _) => Err(field.reject(
+                "goals beside `aviary.drawn`",
+                "none: every drawn world has its own; a team has `per_agent` ones in a `forest`",
+            )),
+        }
+    }
+}
+
 impl StartConfig {
     /// As [`Self::check`], in all of these rooms.
     ///
@@ -341,10 +381,10 @@ impl StartConfig {
         rooms: &Rooms,
         airframe: &Airframe,
         terminations: &[Termination],
+        goals: &FirstGoals<'_>,
         field: &Field<'_>,
     ) -> Result<Start, ConfigError> {
-        let bare = rooms.bare();
-        let mut start = self.check(&bare, airframe, terminations, &Goals::Fixed.first(&bare.goal, 1), field)?;
+        let mut start = self.check(&rooms.bare(), airframe, terminations, goals, field)?;
         settle_start(&mut start, &rooms.kept_free(), airframe.collision_radius as f32, field)?;
         Ok(start)
     }
@@ -379,8 +419,23 @@ fn settle_start(start: &mut Start, free: &Cuboid, radius: f32, field: &Field<'_>
             space.refuge = (low + high) / 2.0;
             Ok(())
         }
-        StartPosition::AroundGoal { .. } | StartPosition::AlongWay(_) | StartPosition::Exactly(_) => {
-            Err(position.reject("another start beside `aviary.drawn`", "`within` or `free_within`"))
+        StartPosition::Exactly(places) => {
+            let around = |place: &Place| Cuboid {
+                low: place.position.cast().add_scalar(-place.spread),
+                high: place.position.cast().add_scalar(place.spread),
+            };
+            let promised = within(radius);
+            match places.iter().position(|place| !surrounds(&promised, &around(place))) {
+                None => Ok(()),
+                Some(index) => {
+                    let expected = format!("inside {}, which all drawn rooms keep free", shown(promised));
+                    let found = "a place where something may stand";
+                    Err(position.at("exactly").at(index).reject(found, expected))
+                }
+            }
+        }
+        StartPosition::AroundGoal { .. } | StartPosition::AlongWay(_) => {
+            Err(position.reject("another start beside `aviary.drawn`", "`within`, `exactly` or `free_within`"))
         }
     }
 }

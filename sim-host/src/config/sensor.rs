@@ -14,7 +14,7 @@ use super::field::{Field, Limits};
 use crate::course::GatesAhead;
 use crate::sensor::instrument::{Bias, Instrument, Noise, Sampling};
 use crate::sensor::signal::{Direction, Signal};
-use crate::sensor::{Coverage, Mates, Scan, SensorSuite, Tof, Told};
+use crate::sensor::{Coverage, Mates, Radio, Scan, SensorSuite, Tof, Told};
 use crate::term::Cells;
 use crate::trajectory::PathAhead;
 pub use scan::{ScanConfig, ScanRingConfig};
@@ -66,8 +66,8 @@ pub enum SensorConfig {
     /// How near the nearest thing is along beams that keep their directions in the world (1 value each, from 0 at the
     /// limit to 1): an ideal lidar behind an attitude estimate, fast enough to train with. The last sensor, once.
     Scan(ScanConfig),
-    /// The nearest drones of the team, the nearest first, without noise or delay: where each is from here (3 values,
-    /// world) and how it moves past (3 values, world). The last sensor, once.
+    /// The nearest drones of the team, the nearest first: where each is from here (3 values) and how it moves past (3 values),
+    /// in the world's axes, beside the layout `body` in the drone's. The last sensor, once.
     Mates(MatesConfig),
     /// Where the goal will be, if it follows a `trajectory`: some points ahead, in the drone's body axes (3 values each).
     /// The last sensor, once.
@@ -128,6 +128,28 @@ pub struct MatesConfig {
     pub position_scale_m: f64,
     /// Speed that reads as one.
     pub velocity_scale_m_per_s: f64,
+    /// What drones say of themselves by radio; without it they are always seen as they are.
+    #[serde(default)]
+    pub radio: Option<RadioConfig>,
+}
+
+/// Messages in which every drone tells where it is and how it moves; what was heard last is carried on at its velocity.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RadioConfig {
+    /// Messages of a drone per second.
+    pub rate_hz: f64,
+    /// Standard deviation of the position in a message, along each axis.
+    pub noise_m: f64,
+    /// Share of the messages that a drone does not receive, of each mate by itself.
+    pub lost: f64,
+}
+
+impl Default for RadioConfig {
+    /// What a Crazyflie's peer-to-peer radio and its estimate by flow deck leave.
+    fn default() -> Self {
+        Self { rate_hz: 20.0, noise_m: 0.05, lost: 0.1 }
+    }
 }
 
 /// Inertial measurement unit at the centre of mass.
@@ -632,6 +654,17 @@ impl MatesConfig {
             nearest: field.at("nearest").whole(self.nearest, 1..=MATES_LIMIT)? as usize,
             position_scale_m: scale("position_scale_m", self.position_scale_m, "m")?,
             velocity_scale: scale("velocity_scale_m_per_s", self.velocity_scale_m_per_s, "m/s")?,
+            radio: self.radio.map(|radio| radio.check(&field.at("radio"))).transpose()?,
+        })
+    }
+}
+
+impl RadioConfig {
+    fn check(&self, field: &Field<'_>) -> Result<Radio, ConfigError> {
+        Ok(Radio {
+            rate_hz: field.at("rate_hz").real(self.rate_hz, &Limits::from(1.0, 1000.0, "Hz"))?,
+            noise_m: field.at("noise_m").number(self.noise_m, &Limits::from(0.0, 1.0, "m"))?,
+            lost: field.at("lost").real(self.lost, &Limits::from(0.0, 0.9, ""))?,
         })
     }
 }

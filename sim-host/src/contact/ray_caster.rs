@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use super::scan_maps::local_planes;
-use crate::world::{Floor, Shape, Solid, World};
+use super::Motion;
+use crate::world::{Drive, Floor, Movable, Shape, Solid, World};
 
 /// Rays that are cast at once: two vectors of AVX2.
 pub(crate) const BANK: usize = 16;
@@ -32,11 +33,13 @@ pub(crate) struct Cone<'a> {
     pub(crate) rays: &'a [Rays],
 }
 
-/// The bodies of a world that never move, as rays see them.
+/// The bodies of a world that never move, and the people in it, as rays see them.
 #[derive(Clone, Debug)]
 pub(super) struct RayCaster {
     floor: Floor,
     bodies: Vec<Target>,
+    /// Which of the movables they are, and where they start.
+    people: Vec<(usize, Target)>,
 }
 
 /// A body in its own frame.
@@ -76,12 +79,19 @@ struct Inside {
 
 impl RayCaster {
     pub(super) fn new(world: &World) -> Self {
-        Self { floor: world.floor, bodies: world.solids.iter().map(Target::new).collect() }
+        let is_person = |(_, movable): &(usize, &Movable)| matches!(movable.drive, Drive::Walking(_));
+        let people = world.movables.iter().enumerate().filter(is_person);
+        Self {
+            floor: world.floor,
+            bodies: world.solids.iter().map(Target::new).collect(),
+            people: people.map(|(index, movable)| (index, Target::new(&movable.solid))).collect(),
+        }
     }
 
-    /// How far away the nearest thing is along each ray of a cone \[m\]; the limit where there is none.
+    /// How far away the nearest thing is along each ray of a cone \[m\], with the movables where they are now; the limit where
+    /// there is none.
     #[inline(always)]
-    pub(super) fn distances(&self, cone: &Cone<'_>, distances: &mut [[f32; BANK]]) {
+    pub(super) fn distances(&self, cone: &Cone<'_>, movables: &[Motion], distances: &mut [[f32; BANK]]) {
         for (distances, rays) in distances.iter_mut().zip(cone.rays) {
             *distances = [cone.limit; BANK];
             if self.floor == Floor::Solid {
@@ -92,6 +102,16 @@ impl RayCaster {
             if body.is_in(cone) {
                 for (distances, rays) in distances.iter_mut().zip(cone.rays) {
                     body.meet(&cone.apex, rays, distances);
+                }
+            }
+        }
+        for (index, person) in &self.people {
+            // Whoever walks does not turn: seen from where it started, everything else has moved the other way.
+            let gone = movables[*index].pose.position.map(|value| value as f32) - Vector3::from(person.origin);
+            let apex = (Vector3::from(cone.apex) - gone).into();
+            if person.is_in(&Cone { apex, ..*cone }) {
+                for (distances, rays) in distances.iter_mut().zip(cone.rays) {
+                    person.meet(&apex, rays, distances);
                 }
             }
         }

@@ -52,7 +52,7 @@ impl ContactSolver {
             movables: movables
                 .map(|(movable, body)| match movable.drive {
                     Drive::Pushed { mass } => inertia(mass, body.outline.inertia_per_mass() * mass),
-                    Drive::Carried => Inertia::immense(),
+                    Drive::Carried | Drive::Walking(_) => Inertia::immense(),
                 })
                 .collect(),
         };

@@ -78,6 +78,7 @@ impl Trial {
             previous_actions: &[],
             touches: &self.touches,
             nearest: None,
+            passing: None,
             ahead: None,
             gates_left: Some(&gates_left),
             steps: &[self.steps],

@@ -56,7 +56,11 @@ fn scenarios() -> Vec<Scenario> {
     };
     vec![
         testing::hover(),
-        Scenario { agents: team, physics: Physics { preset: pushed, ..late.physics }, ..testing::hover() },
+        meeting(Scenario {
+            agents: team,
+            physics: Physics { preset: pushed, ..late.physics },
+            ..testing::hover()
+        }),
         Scenario { physics: Physics { preset: near, ..late.physics }, ..late.clone() },
         Scenario { action: ActionSpace::Velocities(velocities), ..late.clone() },
         Scenario {
@@ -104,7 +108,7 @@ fn beside_a_wall(late: &Scenario, body: BodyLayout) -> Scenario {
         ..late.clone()
     };
     scenario.aviary.world.solids.push(wall);
-    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0 }.into());
+    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0, moving: false }.into());
     scenario.rewards.push(CRUISE.into());
     scenario
 }
@@ -118,6 +122,12 @@ const CRUISE: Cruise = Cruise {
     along_own_way: false,
     share_aside: 1.0,
 };
+
+/// The same, whose drones keep off each other.
+fn meeting(mut scenario: Scenario) -> Scenario {
+    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0, moving: true }.into());
+    scenario
+}
 
 /// The same, in which they look for their ways and fly along them.
 fn on_its_way(late: &Scenario, body: BodyLayout) -> Scenario {
@@ -148,7 +158,7 @@ fn who_flies_at_a_wall_is_told_to_slow_down() {
     let body = BodyLayout { scales: SCALES, action_len: 4, measured_len: 0 };
     let late = Scenario { airframe: CRAZYFLIE_2_1, ..testing::hover() };
     let mut scenario = beside_a_wall(&late, body);
-    scenario.rewards = vec![Avoidance { weight: -2.0, reach_m: 1.0 }.into()];
+    scenario.rewards = vec![Avoidance { weight: -2.0, reach_m: 1.0, moving: false }.into()];
     let gradient = StepGradient::new(&scenario).unwrap();
     let mut simulation: Simulation = Simulation::new(&scenario, Seed(5), 0, LANES);
     let mut records = [gradient.record()];

@@ -59,11 +59,11 @@ macro_rules! reward_terms {
                 }
             }
 
-            /// Whether it looks for the nearest obstacle.
-            pub(crate) fn looks_around(&self) -> bool {
+            /// Of what it looks for the nearest, if it does.
+            pub(crate) fn looks_for(&self) -> Option<crate::term::Surroundings> {
                 match self {
-                    $(Self::$term(term) => term.looks_around(),)*
-                    Self::Custom(_) => false,
+                    $(Self::$term(term) => term.looks_for(),)*
+                    Self::Custom(_) => None,
                 }
             }
 

@@ -60,6 +60,7 @@ pub(super) struct Trial {
     pub(super) ends: Ends<1, f64>,
     pub(super) arenas: Option<Arenas>,
     pub(super) nearest: Option<[Column<1, f64>; 4]>,
+    pub(super) passing: Option<[Column<1, f64>; 7]>,
     pub(super) ahead: Option<[Column<1, f64>; 3]>,
 }
 
@@ -81,6 +82,7 @@ impl Trial {
             ends: Ends { success: [0.0], failure: [0.0], time_up: [0.0] },
             arenas: None,
             nearest: None,
+            passing: None,
             ahead: None,
         }
     }
@@ -126,6 +128,7 @@ impl Trial {
             touches: &self.touches,
             gates_left: None,
             nearest: self.nearest.as_ref(),
+            passing: self.passing.as_ref(),
             ahead: self.ahead.as_ref(),
             steps: &[self.steps],
             agent: self.agent,

@@ -255,6 +255,162 @@ fn forests_of_impossible_numbers_are_refused_and_one_without_trunks_is_a_hall() 
     assert_eq!(bare.drawn.as_ref().unwrap().room(0).aviary.world.solids.len(), 4);
 }
 
+/// The same with people.
+fn peopled() -> Scenario {
+    checked(&FORESTS.replace("trunks_per_square_metre: 0.3", "people: 5, walking_m_per_s: 1.5")).unwrap()
+}
+
+#[test]
+fn people_walk_to_and_fro_between_trunks() {
+    let scenario = peopled();
+    let mut simulation = Simulation::<8>::new(&scenario, Seed(4), 0, 24);
+    let places = |simulation: &Simulation<8>, environment: usize| -> Vec<nalgebra::Vector3<f64>> {
+        simulation.movables(environment).iter().map(|pose| pose.position).collect()
+    };
+    let at_rest = vec![0.0; 4 * 24];
+    let mut turns = 0;
+    for _ in 0..120 {
+        let before: Vec<_> = (0..24).map(|environment| places(&simulation, environment)).collect();
+        simulation.step(&at_rest);
+        for (environment, before) in before.iter().enumerate() {
+            let now = places(&simulation, environment);
+            assert_eq!(now.len(), 5);
+            if simulation.outcomes()[environment] != crate::outcome::Outcome::Running {
+                continue;
+            }
+            let solids = &scenario.aviary_of(simulation.room(environment)).world.solids;
+            for (now, before) in now.iter().zip(before) {
+                let gone = (now - before).norm();
+                assert!(gone < 1.501 / 50.0, "{gone} m in a control period");
+                turns += u32::from(gone < 1.499 / 50.0);
+                let (_, free) = crate::contact::nearest_obstacle(solids, now).unwrap();
+                assert!(free > 0.24, "{free} m from a trunk");
+            }
+        }
+    }
+    assert!(turns > 20, "{turns} turned round");
+}
+
+#[test]
+fn people_are_seen_by_zones_and_run_into() {
+    let scenario = peopled();
+    let mut simulation = Simulation::<8>::new(&scenario, Seed(4), 0, 1);
+    let facing = |simulation: &mut Simulation<8>, metres: f64| {
+        let person = simulation.movables(0)[0].position;
+        let state = kestrel_core::vehicle::State {
+            position: nalgebra::Vector3::new(person.x - metres, person.y, 1.0).cast(),
+            world_from_body: kestrel_core::attitude::Attitude::level(),
+            velocity: nalgebra::Vector3::zeros(),
+            ..simulation.state(0)
+        };
+        simulation.put(0, state);
+        simulation.step(&[0.0; 4]);
+    };
+    // A reading is 40 ms old.
+    let mut nearness = Vec::new();
+    for _ in 0..12 {
+        facing(&mut simulation, 0.7);
+        nearness.push(simulation.observations()[scenario.observation.len() - 64 + 27]);
+    }
+    let seen = 4.0 * (1.0 - nearness.iter().copied().fold(0.0, f32::max));
+    assert!((seen - 0.45).abs() < 0.15, "{seen} m to somebody of 25 cm");
+    assert_eq!(simulation.outcomes()[0], crate::outcome::Outcome::Running);
+    facing(&mut simulation, 0.2);
+    let episode = simulation.take_episodes().pop().expect("it ends");
+    assert_eq!(episode.ending, crate::outcome::Ending::Collision);
+}
+
+#[test]
+fn what_people_do_does_not_depend_on_lanes_and_goes_on_after_a_restore() {
+    let scenario = peopled();
+    for environment in [0, 3, 7] {
+        let alone = first_episode(&scenario, environment);
+        let mut together = Simulation::<8>::new(&scenario, Seed(9), 0, 8);
+        let actions = |step: u32| -> Vec<f32> {
+            let of: Vec<_> = (0..8).map(|environment| noise(environment, step, 4)).collect();
+            (0..4).flat_map(|value| of.iter().map(move |noise| noise[value])).collect()
+        };
+        let mut trace = Vec::new();
+        for step in 0.. {
+            let len = scenario.observation.len();
+            let seen = |index: usize| together.observations()[index * 8 + environment as usize].to_bits();
+            trace.extend((0..len).map(seen));
+            let state = together.save();
+            let mut other = Simulation::<8>::new(&scenario, Seed(1), 0, 8);
+            assert!(other.restore(&state));
+            together = other;
+            together.step(&actions(step));
+            if together.take_episodes().iter().any(|episode| episode.environment == environment) {
+                break;
+            }
+            trace.push(together.rewards()[environment as usize].to_bits());
+        }
+        let differs = trace.iter().zip(&alone.0).position(|(one, other)| one != other);
+        assert_eq!((differs, trace.len()), (None, alone.0.len()), "environment {environment}");
+    }
+}
+
+#[test]
+fn more_people_than_find_room_are_refused_and_beams_that_do_not_see_them() {
+    let refused = |from: &str, to: &str| {
+        let forest = FORESTS.replace("trunks_per_square_metre: 0.3", "people: 2");
+        checked(&forest.replace(from, to)).unwrap_err()
+    };
+    let found = refused("people: 2", "people: 13");
+    assert!(found.contains("forest.people: found 13, expected a whole number from 0 to 12"), "{found}");
+    let found = refused("people: 2", "people: 2, walking_m_per_s: 0");
+    assert!(found.contains("forest.walking_m_per_s: found 0"), "{found}");
+    let found = refused("tof: {}", "scan: { rings: [{ beams: 7 }], limit_m: 2 }");
+    assert!(found.contains("sensors: found a `scan` among people, expected `tof`"), "{found}");
+}
+
+/// A team of three crosses forests.
+const TEAM: &str = "
+aviary: { drawn: { worlds: { seed: 3, count: 6 }, from: { forest: { people: 2 } } } }
+agents: { count: 3, ends: together }
+goals: { per_agent: { points_m: [[17.8, 1, 1.2], [17.8, 0, 1.2], [17.8, -1, 1.2]] } }
+action: { velocity: { speed_limit_m_per_s: 2 } }
+sensors: [ tof: {}, mates: { nearest: 2, position_scale_m: 1, velocity_scale_m_per_s: 2, radio: {} } ]
+observation: { pilot_measured: {} }
+start: { position: { exactly: [ { position_m: [-0.5, -1, 1], spread_m: 0.2 }, { position_m: [-0.5, 0, 1] }, { position_m: [-0.5, 1, 1] } ] } }
+rewards: [ progress: { weight: 2 } ]
+terminations: [ { arrival: { radius_m: 0.3 } }, collision, { speed: { limit_m_per_s: 0.3 } } ]
+success: ending
+";
+
+#[test]
+fn a_team_is_in_one_forest_whoever_begins_anew() {
+    for (ends, moves_on) in [("together", true), ("alone", false)] {
+        let scenario = checked(&TEAM.replace("together", ends)).unwrap();
+        let mut simulation = Simulation::<8>::new(&scenario, Seed(4), 0, 6);
+        let (mut ended, mut moved) = (0, false);
+        for step in 0..120 {
+            let rooms: Vec<u32> = (0..6).map(|environment| simulation.room(environment)).collect();
+            let actions: Vec<f32> = (0..18).flat_map(|row| noise(row, step, 4)).collect();
+            simulation.step(&actions);
+            ended += simulation.take_episodes().len();
+            for (environment, before) in rooms.iter().enumerate() {
+                let now = [0, 6, 12].map(|agent| simulation.room(agent + environment));
+                assert!(now.iter().all(|room| *room == now[0]), "{now:?}");
+                moved |= now[0] != *before;
+            }
+        }
+        assert!(ended > 18, "{ended} episodes");
+        assert_eq!(moved, moves_on);
+    }
+}
+
+#[test]
+fn goals_and_starts_of_a_team_that_may_be_in_a_trunk_are_refused() {
+    let refused = |from: &str, to: &str| checked(&TEAM.replace(from, to)).unwrap_err();
+    let found = refused("[17.8, 0, 1.2]", "[16, 0, 1.2]");
+    assert!(found.contains("points_m.1: found a goal that may be in a trunk"), "{found}");
+    let found = refused("[-0.5, 0, 1] }", "[2.5, 0, 1] }");
+    assert!(found.contains("exactly.1: found a place where something may stand"), "{found}");
+    let found = refused("radio: {}", "radio: { lost: 1 }");
+    assert!(found.contains("mates.radio.lost: found 1, expected a number from 0 to 0.9"), "{found}");
+}
+
 #[test]
 fn ranges_overlap_where_they_share_a_number_of_a_seed() {
     let range = |seed, first, count| RoomRange { seed: Seed(seed), first, count };
@@ -266,8 +422,8 @@ fn ranges_overlap_where_they_share_a_number_of_a_seed() {
 #[test]
 fn what_has_no_meaning_in_drawn_worlds_is_refused() {
     let refused = |from: &str, to: &str| checked(&ROOMS.replace(from, to)).unwrap_err();
-    let found = refused("episode_secs: 1", "agents: { count: 2 }");
-    assert!(found.contains("agents.count: found 2, expected 1: drones of a team are in one world"), "{found}");
+    let found = refused("episode_secs: 1", "goals: { per_agent: { points_m: [[6, 0, 1]] } }");
+    assert!(found.contains("goals: found goals beside `aviary.drawn`, expected none"), "{found}");
     let found = refused("episode_secs: 1", "camera: { paper: {} }");
     assert!(found.contains("camera: found a camera beside `aviary.drawn`, expected beams"), "{found}");
     let found =

@@ -21,7 +21,7 @@ pub(crate) const TOF_BANK_LIMIT: usize = (TOF_SIDE_LIMIT * RAYS_PER_SIDE).pow(2)
 const NEVER: f64 = -1.0;
 
 /// A square of zones that a body carries before it, each of which measures the distance to the nearest thing in it. It sees what
-/// never moves.
+/// never moves, and people.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tof {
     /// Zones along each side.
@@ -255,7 +255,7 @@ mod tests {
         let mut rays = [[[0.0; BANK]; 3]; TOF_BANK_LIMIT];
         let mut distances = [[0.0; BANK]; TOF_BANK_LIMIT];
         let rows = attitude.rows().map(|row| row.map(|value| value as f32));
-        arena.distances_in(&tof.cone(place, &rows, &mut rays), &mut distances);
+        arena.distances_in(&tof.cone(place, &rows, &mut rays), &[], &mut distances);
         tof.zones(&distances).as_flattened()[..tof.len()].to_vec()
     }
 
@@ -301,7 +301,7 @@ mod tests {
             let mut rays = [[[0.0; BANK]; 3]; TOF_BANK_LIMIT];
             let mut distances = [[0.0; BANK]; TOF_BANK_LIMIT];
             let cone = tof.cone(apex, &rows, &mut rays);
-            arena.distances_in(&cone, &mut distances);
+            arena.distances_in(&cone, &[], &mut distances);
             for (bank, distances) in cone.rays.iter().zip(&distances) {
                 for (ray, distance) in distances.iter().enumerate() {
                     let along = Vector3::new(bank[0][ray], bank[1][ray], bank[2][ray]).cast();

@@ -235,14 +235,14 @@ fn a_success_of_all_takes_all() {
     assert_eq!(successes("all", &places[..2]), [true; 2]);
 }
 
-/// Drones that start near their places and see the nearer of their two mates.
-fn seeing(ends: &str) -> Scenario {
+/// Drones that start near their places and see the nearer of their two mates, or hear of it by `radio`.
+fn seeing(ends: &str, radio: &str) -> Scenario {
     let place = |y: usize| format!("{{ position_m: [0, {y}, 1], spread_m: 0.2 }}");
     scenario(&format!(
         "aviary: {{ goal_m: [0, 0, 1] }}
 agents: {{ count: 3, ends: {ends} }}
 start: {{ position: {{ exactly: [ {}, {}, {} ] }}, tilt_limit_deg: 20, speed_limit_m_per_s: 1 }}
-sensors: [ mates: {{ nearest: 1, position_scale_m: 0.5, velocity_scale_m_per_s: 2 }} ]
+sensors: [ mates: {{ nearest: 1, position_scale_m: 0.5, velocity_scale_m_per_s: 2{radio} }} ]
 observation: {{ pilot_measured: {{}} }}
 rewards: [ alive: {{ weight: 1 }} ]
 terminations: [ collision, distance: {{ limit_m: 3 }}, tilt: {{ limit_deg: 40 }} ]
@@ -257,7 +257,7 @@ success: {{ settle: {{ radius_m: 0.5, within_secs: 0.1 }} }}",
 #[test]
 fn drones_see_their_nearest_mate_where_it_is_now_even_when_one_began_anew() {
     for ends in ["together", "alone"] {
-        let mut simulation = Simulation::<8>::new(&seeing(ends), Seed(3), 0, 7);
+        let mut simulation = Simulation::<8>::new(&seeing(ends, ""), Seed(3), 0, 7);
         let mut ended = 0;
         for step in 0..60 {
             for row in 0..21 {
@@ -286,11 +286,11 @@ fn check_nearest(simulation: &Simulation<8>, row: usize) {
 
 #[test]
 fn bits_of_drones_that_see_each_other_do_not_depend_on_lanes() {
-    fn trace<const LANES: usize>() -> Vec<u32>
+    fn trace<const LANES: usize>(radio: &str) -> Vec<u32>
     where
         Simulation<LANES>: Compiled<f32>,
     {
-        let mut simulation = Simulation::<LANES>::new(&seeing("alone"), Seed(3), 0, 7);
+        let mut simulation = Simulation::<LANES>::new(&seeing("alone", radio), Seed(3), 0, 7);
         let mut trace = Vec::new();
         for step in 0..40 {
             simulation.step(&noise(step, ACTION_LEN * 21));
@@ -300,7 +300,10 @@ fn bits_of_drones_that_see_each_other_do_not_depend_on_lanes() {
         }
         trace
     }
-    assert_eq!(trace::<1>(), trace::<8>());
+    let radio = ", radio: { rate_hz: 20, noise_m: 0.1, lost: 0.3 }";
+    assert_eq!(trace::<1>(""), trace::<8>(""));
+    assert_eq!(trace::<1>(radio), trace::<8>(radio));
+    assert_ne!(trace::<1>(""), trace::<1>(radio));
 }
 
 const CURVES: &str = "goals: { trajectory: { reach_m: [0.3, 0.6], rise_m: [0.1, 0.1], speed_m_per_s: [0.5, 1] } }

@@ -15,8 +15,8 @@ pub struct FlightTape {
     gradient: Arc<StepGradient>,
     agents: usize,
     records: Vec<StepRecord>,
-    /// Of each step, whether an episode of a lane ended with it.
-    ended: Vec<[bool; LANES]>,
+    /// Of each step and agent, whether its episode of a lane ended with it.
+    ended: Vec<Vec<[bool; LANES]>>,
     workspace: Workspace,
     /// Derivatives by the state after the step that comes next on the way back.
     state: Vec<[f32; LANES]>,
@@ -34,7 +34,7 @@ impl Differentiable for DroneEnvironment {
         let shape = Self::shape(task);
         Ok(FlightTape {
             records: vec![gradient.record(); steps],
-            ended: vec![[false; LANES]; steps],
+            ended: vec![vec![[false; LANES]; shape.agents]; steps],
             workspace: gradient.workspace(),
             state: gradient.no_adjoints(),
             seen: vec![[0.0; LANES]; shape.agents * shape.observation_len],
@@ -49,9 +49,8 @@ impl Differentiable for DroneEnvironment {
         self.simulation.step(actions);
         self.simulation.take_down_end(&tape.gradient, record);
         let ended = &mut tape.ended[step];
-        *ended = [false; LANES];
         for (row, outcome) in self.simulation.outcomes().iter().enumerate() {
-            ended[row % LANES] |= *outcome != Outcome::Running;
+            ended[row / LANES][row % LANES] = *outcome != Outcome::Running;
         }
     }
 
@@ -65,15 +64,21 @@ impl Differentiable for DroneEnvironment {
         for (index, column) in by_observations.chunks_exact(LANES).enumerate() {
             seen[by_agent(index, count, *agents)].copy_from_slice(column);
         }
-        for column in state.iter_mut().chain(&mut *seen) {
-            column.iter_mut().zip(&ended[step]).filter(|(_, ended)| **ended).for_each(|(value, _)| *value = 0.0);
+        // Agents stand one after the other, with as many columns each.
+        let columns_of_agent = (state.len() / *agents).max(1);
+        let of_agents = state.chunks_exact_mut(columns_of_agent).zip(&ended[step]);
+        let seen_by_agents = seen.chunks_exact_mut((count / *agents).max(1)).zip(&ended[step]);
+        for (columns, ended) in of_agents.chain(seen_by_agents) {
+            for column in columns {
+                column.iter_mut().zip(ended).filter(|(_, ended)| **ended).for_each(|(value, _)| *value = 0.0);
+            }
         }
         let count = by_actions.len() / LANES;
         let columns: Vec<[f32; LANES]> = gradient.pull_back(workspace, state, seen).collect();
         for (index, column) in by_actions.chunks_exact_mut(LANES).enumerate() {
             column.copy_from_slice(&columns[by_agent(index, count, *agents)]);
         }
-        shorten(state, limit);
+        state.chunks_exact_mut(columns_of_agent).for_each(|columns| shorten(columns, limit));
     }
 
     fn restart(&mut self, environments: &[usize]) {
@@ -86,7 +91,7 @@ pub(super) fn by_agent(index: usize, count: usize, agents: usize) -> usize {
     (index % agents) * (count / agents) + index / agents
 }
 
-/// Shortens the derivative of a lane to the longest that is allowed; one that is not finite is none.
+/// Shortens the derivative of an agent in a lane to the longest that is allowed; one that is not finite is none.
 fn shorten(state: &mut [[f32; LANES]], limit: f32) {
     let mut squares = [0.0; LANES];
     for column in &*state {

@@ -259,6 +259,14 @@ fn so_are_rooms_through_which_drones_look_for_their_ways() {
 }
 
 #[test]
+fn so_is_a_forest_with_people_and_one_that_a_team_crosses() {
+    for task in ["forest-people", "forest-team"] {
+        let losses = learned(task, 6);
+        assert!(losses.iter().all(|loss| loss.is_finite()), "{task}: {losses:?}");
+    }
+}
+
+#[test]
 fn what_an_agent_did_is_found_where_columns_lie_feature_by_feature() {
     // Two agents with three features: [f0 a0, f0 a1, f1 a0, …] is [a0 f0, a0 f1, a0 f2, a1 f0, …].
     let places: Vec<usize> = (0..6).map(|index| derivatives::by_agent(index, 6, 2)).collect();

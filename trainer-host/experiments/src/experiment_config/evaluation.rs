@@ -78,7 +78,7 @@ impl EvaluationConfig {
             let field = field.at("start");
             scenario.start = match &scenario.drawn {
                 None => start.check(aviary, airframe, terminations, &goals, &field)?,
-                Some(rooms) => start.check_in_rooms(rooms, airframe, terminations, &field)?,
+                Some(rooms) => start.check_in_rooms(rooms, airframe, terminations, &goals, &field)?,
             };
         }
         if let Some(secs) = self.episode_secs {
