@@ -11,7 +11,7 @@ use kestrel_core::real::Real;
 use kestrel_core::reference::bullet::BulletState;
 use nalgebra::Vector3;
 
-use crate::contact::{Motion, Passing};
+use crate::contact::Motion;
 use crate::episode_end;
 use crate::latency::{LatencyMemory, States, known_states};
 use crate::outcome::{Ending, Episode};
@@ -24,7 +24,7 @@ use crate::seed::{Purpose, Seed, Stream};
 use crate::sensor::{Chart, Mates, MatesMemory, SensorMemory, TofMemory, Told, WayMemory};
 use crate::stage::Stage;
 use crate::swarm::{Column, Mechanics, Swarm, row, set_row, vector};
-use crate::term::{Ends, FlightView, Memory, StepView, Surroundings, contains};
+use crate::term::{Ends, FlightView, Memory, StepView, contains};
 use crate::termination::Termination;
 use crate::trajectory::TRAJECTORY_LEN;
 use racing::Race;
@@ -33,8 +33,11 @@ use racing::Race;
 /// mass and thrust factors − 1 (2), share of the episode left (1).
 pub const PRIVILEGED_LEN: usize = 10;
 
-/// Numbers of what moves nearest to a drone: the plane that touches it, and its velocity.
+/// Numbers of a [`Passing`].
 pub(crate) const PASSING_LEN: usize = 7;
+
+/// Where nobody is \[m\].
+const FAR_M: f64 = 1e4;
 
 /// How far rewards look around \[m\]: what is farther counts as so far away.
 pub(crate) const LOOK_AROUND_M: f32 = 2.0;
@@ -95,7 +98,7 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     /// Normal of the surface of the nearest obstacle at the end of the flight, and how far the origin is above the plane that
     /// touches it there \[m\]; none where no reward looks around.
     nearest: Option<Box<[Column<LANES, R>; 4]>>,
-    /// The same of the nearest mate or person, and its velocity \[m/s, world\]; none where no reward looks for them.
+    /// The [`Passing`] whom the drone meets next; none where no reward looks ahead.
     passing: Option<Box<[Column<LANES, R>; PASSING_LEN]>>,
     /// Velocity at the last reading of the sensors.
     read_velocity: [Column<LANES, R>; 3],
@@ -120,9 +123,34 @@ fn mates<const LANES: usize, R: Real>(scenario: &Scenario) -> Option<Box<MatesMe
     Some(Box::new(MatesMemory::new(*radio, scenario.agents.count as usize)))
 }
 
-/// Whether a reward looks for this.
-fn looks_for(scenario: &Scenario, wanted: Surroundings) -> bool {
-    scenario.rewards.iter().any(|term| term.looks_for() == Some(wanted))
+/// How far ahead rewards look for whom a drone meets \[s\], if one does.
+pub(crate) fn looks_ahead_secs(scenario: &Scenario) -> Option<f64> {
+    scenario.rewards.iter().filter_map(RewardTerm::looks_ahead_secs).reduce(f64::max)
+}
+
+/// Somebody who moves, as a ball.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Passing {
+    /// Its middle \[m, world\].
+    pub(crate) middle: Vector3<f64>,
+    /// \[m\].
+    pub(crate) radius: f64,
+    /// \[m/s, world\].
+    pub(crate) velocity: Vector3<f64>,
+}
+
+impl Passing {
+    /// Nobody near.
+    const NOBODY: Self =
+        Self { middle: Vector3::new(FAR_M, FAR_M, FAR_M), radius: 0.0, velocity: Vector3::new(0.0, 0.0, 0.0) };
+
+    /// How near it comes to a drone within some time \[s\], surface to centre, if neither changes its velocity \[m\].
+    pub(crate) fn least_distance(&self, drone: &Motion, secs: f64) -> f64 {
+        let (offset, closing) = (drone.pose.position - self.middle, drone.velocity - self.velocity);
+        let square = closing.norm_squared();
+        let nearest = if square > 0.0 { (-offset.dot(&closing) / square).clamp(0.0, secs) } else { 0.0 };
+        (offset + closing * nearest).norm() - self.radius
+    }
 }
 
 /// An agent whose episode ended in this step.
@@ -194,8 +222,8 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             sensors: Vec::new(),
             measurements: columns(scenario.sensors.len()),
             tof: scenario.sensors.tof().map(|tof| Box::new(TofMemory::new(tof))),
-            nearest: looks_for(scenario, Surroundings::Still).then(|| Box::new([nothing; 4])),
-            passing: looks_for(scenario, Surroundings::Moving).then(|| Box::new([nothing; PASSING_LEN])),
+            nearest: scenario.rewards.iter().any(RewardTerm::looks_around).then(|| Box::new([nothing; 4])),
+            passing: looks_ahead_secs(scenario).map(|_| Box::new([nothing; PASSING_LEN])),
             mates: mates(scenario),
             way: way(scenario),
             read_velocity: [nothing; 3],
@@ -273,22 +301,11 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         }
     }
 
-    /// Whether a reward looks for what moves around.
-    pub(crate) fn looks_for_others(&self) -> bool {
-        self.passing.is_some()
-    }
-
-    /// Takes in what moves nearest to the drone of a lane, if that is near.
+    /// Takes in whom the drone of a lane meets next.
     pub(crate) fn take_passing(&mut self, lane: usize, passing: Option<Passing>) {
         let Some(columns) = &mut self.passing else { return };
-        let far = Passing {
-            normal: Vector3::zeros(),
-            distance: f64::from(LOOK_AROUND_M),
-            velocity: Vector3::zeros(),
-        };
-        let Passing { normal, distance, velocity } = passing.unwrap_or(far);
-        let offset = distance - normal.dot(&vector(&self.swarm.position, lane).map(Real::to_f64));
-        let numbers = [normal.x, normal.y, normal.z, offset, velocity.x, velocity.y, velocity.z];
+        let Passing { middle, radius, velocity } = passing.unwrap_or(Passing::NOBODY);
+        let numbers = [middle.x, middle.y, middle.z, radius, velocity.x, velocity.y, velocity.z];
         set_row(columns, lane, numbers.map(R::from_f64));
     }
 

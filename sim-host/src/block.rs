@@ -10,8 +10,8 @@ use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
 
-use crate::agent::{Agent, Finished, LOOK_AROUND_M};
-use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Passing, Touch};
+use crate::agent::{Agent, Finished, Passing, looks_ahead_secs};
+use crate::contact::{Arena, ContactMemory, ContactSolver, Motion, Touch};
 use crate::episode_end;
 use crate::rate_loop::RateLoops;
 use crate::rooms::{Arenas, Around};
@@ -20,7 +20,7 @@ use crate::seed::{Purpose, Seed};
 use crate::sensor::{Course, Told};
 use crate::stage::Stage;
 use crate::swarm::{Column, Mechanics, Swarm, one_lane, row, set_row, vector};
-use crate::world::{Drive, Movable, Pose};
+use crate::world::{Drive, Movable, Pose, Shape};
 
 /// `LANES` environments that step together, with all their drones.
 #[derive(Clone, Debug)]
@@ -105,7 +105,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
             agent.terminate(stage, &actions[..len], &self.team);
         }
         self.succeed_together(scenario);
-        self.look_for_others(stage);
+        self.look_ahead(scenario);
         for (agent, actions) in self.agents.iter_mut().zip(actions) {
             agent.look_around(stage);
             agent.reward(stage, &actions[..len], &self.team);
@@ -489,23 +489,27 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
         }
     }
 
-    /// Finds what moves nearest to each drone, where a reward looks for it.
+    /// Finds whom each drone meets next, where a reward looks ahead.
     #[inline(always)]
-    fn look_for_others(&mut self, stage: &Stage<'_, R>) {
-        if !self.agents[0].looks_for_others() {
-            return;
-        }
+    fn look_ahead(&mut self, scenario: &Scenario) {
+        let Some(secs) = looks_ahead_secs(scenario) else { return };
+        let radius = scenario.airframe.collision_radius;
         for lane in 0..LANES {
             let team: Vec<Motion> = self.agents.iter().map(|agent| agent.swarm.motion(lane)).collect();
-            let arena = stage.arenas.map(|arenas| arenas.of(self.agents[0].room(lane)));
+            let kinds = &scenario.aviary_of(self.agents[0].room(lane)).world.movables;
             for (index, agent) in self.agents.iter_mut().enumerate() {
-                let place = &team[index].pose.position;
-                let reach = f64::from(LOOK_AROUND_M);
-                let body = arena.and_then(|arena| arena.nearest_moving(place, &self.movables[lane], reach));
-                let mate = nearest_mate(&team, index, stage.scenario.airframe.collision_radius);
-                let nearer = |one: Passing, other: Passing| if other.distance < one.distance { other } else { one };
-                let passing = body.into_iter().chain(mate).reduce(nearer);
-                agent.take_passing(lane, passing.filter(|passing| passing.distance < reach));
+                let own = &team[index];
+                let others = team.iter().enumerate().filter(|(other, _)| *other != index);
+                let mates = others.map(|(_, mate)| Passing {
+                    middle: mate.pose.position,
+                    radius,
+                    velocity: mate.velocity,
+                });
+                let bodies = kinds.iter().zip(&self.movables[lane]);
+                let people = bodies.filter_map(|(kind, body)| person(kind, body, own));
+                let met = mates.chain(people).map(|passing| (passing.least_distance(own, secs), passing));
+                let next = met.min_by(|one, other| one.0.total_cmp(&other.0));
+                agent.take_passing(lane, next.map(|(_, passing)| passing));
             }
         }
     }
@@ -592,16 +596,17 @@ fn standing(scenario: &Scenario, room: u32) -> Vec<Motion> {
     scenario.aviary_of(room).world.movables.iter().map(begin).collect()
 }
 
-/// The nearest of the other drones, as a ball of this radius \[m\].
-fn nearest_mate(team: &[Motion], own: usize, radius: f64) -> Option<Passing> {
-    let others = team.iter().enumerate().filter(|(index, _)| *index != own).map(|(_, mate)| mate);
-    let passing = others.map(|mate| {
-        let away = team[own].pose.position - mate.pose.position;
-        let distance = away.norm();
-        let normal = if distance > 0.0 { away / distance } else { Vector3::zeros() };
-        Passing { normal, distance: distance - radius, velocity: mate.velocity }
-    });
-    passing.min_by(|one, other| one.distance.total_cmp(&other.distance))
+/// Somebody who walks, always as high as this drone: nobody is to be flown over.
+fn person(kind: &Movable, body: &Motion, drone: &Motion) -> Option<Passing> {
+    let (Drive::Walking(_), Shape::Cylinder { radius, .. }) = (&kind.drive, &kind.solid.shape) else {
+        return None;
+    };
+    let beside = |person: &Vector3<f64>, drone: &Vector3<f64>| Vector3::new(person.x, person.y, drone.z);
+    Some(Passing {
+        middle: beside(&body.pose.position, &drone.pose.position),
+        radius: *radius,
+        velocity: beside(&body.velocity, &drone.velocity),
+    })
 }
 
 #[inline(always)]

@@ -183,12 +183,10 @@ impl ScenarioConfig {
         self.physics.settle_contacts(&mut physics, &terminations);
         self.check_drawn(&physics, field)?;
         let first_goals = goals.first(&aviary.goal, agents.count);
-        let field_of_start = field.at("start");
+        let in_start = field.at("start");
         let start = match &drawn {
-            None => self.start.check(&aviary, &airframe, &terminations, &first_goals, &field_of_start)?,
-            Some(rooms) => {
-                self.start.check_in_rooms(rooms, &airframe, &terminations, &first_goals, &field_of_start)?
-            }
+            None => self.start.check(&aviary, &airframe, &terminations, &first_goals, &in_start)?,
+            Some(rooms) => self.start.check_in_rooms(rooms, &airframe, &terminations, &first_goals, &in_start)?,
         };
         self.check_randomisation(physics.preset, &airframe, field)?;
         let same = || Ways::Same(ways_of(&aviary, &airframe, &terminations));

@@ -27,7 +27,6 @@ use core::ops::BitOrAssign;
 use nalgebra::Vector3;
 
 pub use arena::Arena;
-pub(crate) use arena::Passing;
 use body::Body;
 pub use distance_field::DistanceField;
 pub(crate) use outline::face_normals;

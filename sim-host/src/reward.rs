@@ -16,6 +16,7 @@ mod clearance;
 mod cruise;
 mod custom;
 mod distance;
+mod encounter;
 mod energy;
 mod failure;
 mod geodesic_progress;
@@ -64,6 +65,7 @@ reward_terms! {
     "failure" Failure in failure;
     "clearance" Clearance in clearance;
     "avoidance" Avoidance in avoidance;
+    "encounter" Encounter in encounter;
     "cruise" Cruise in cruise;
     "energy" Energy in energy;
     "heading_error" HeadingError in heading_error;

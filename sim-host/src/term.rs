@@ -40,7 +40,7 @@ pub(crate) mod prelude {
     pub(crate) use super::roll_pitch_limit::RollPitchLimit;
     pub(crate) use super::{
         AgentSet, FlightView, GoalKind, LENGTH, Memory, Paid, RewardTask, Rule, RuleTask, SPEED, StartLimit,
-        StepView, Surroundings, Term,
+        StepView, Term,
     };
     pub(crate) use crate::config::area::{AreaConfig, BoxConfig};
     pub(crate) use crate::outcome::Ending;
@@ -75,8 +75,13 @@ pub(crate) trait Term: Sized {
         AgentSet::All
     }
 
-    /// Of what it looks for the nearest, if it does.
-    fn looks_for(&self) -> Option<Surroundings> {
+    /// Whether it looks for the nearest obstacle.
+    fn looks_around(&self) -> bool {
+        false
+    }
+
+    /// How far ahead it looks for whom the drone meets \[s\], if it does.
+    fn looks_ahead_secs(&self) -> Option<f64> {
         None
     }
 
@@ -260,15 +265,6 @@ pub(crate) enum StartLimit {
     BodyRates(f32),
 }
 
-/// Of what a term looks for the nearest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Surroundings {
-    /// Of what never moves.
-    Still,
-    /// Of team mates and people.
-    Moving,
-}
-
 /// What terminations look at: the drones of a block after a control period.
 pub(crate) struct FlightView<'a, const LANES: usize, R: Real> {
     pub(crate) swarm: &'a Swarm<LANES, R>,
@@ -283,7 +279,8 @@ pub(crate) struct FlightView<'a, const LANES: usize, R: Real> {
     /// The plane that touches the nearest obstacle, where a reward looks around: its normal towards the drone, and how far the
     /// origin is above it \[m\].
     pub(crate) nearest: Option<&'a [Column<LANES, R>; 4]>,
-    /// The same of the nearest mate or person, and its velocity \[m/s, world\].
+    /// The mate or person whom the drone meets next, where a reward looks ahead: the middle and the radius of a ball \[m, world\],
+    /// and its velocity \[m/s, world\].
     pub(crate) passing: Option<&'a [Column<LANES, R>; PASSING_LEN]>,
     /// The points ahead on the ways that drones find by themselves \[m, world\], where they do: those that they saw last.
     pub(crate) ahead: Option<&'a [Column<LANES, R>; 3]>,

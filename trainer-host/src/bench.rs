@@ -19,6 +19,7 @@ use kestrel_sim::simulation::Simulation;
 use kestrel_sim::swarm::{Swarm, advance_all};
 use kestrel_sim::world::{Pose, Solid, World};
 use nalgebra::Vector3;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 pub(crate) use eye::eyes;
 use kestrel_experiments::drone_environment::{DroneEnvironment, Trainer};
@@ -191,6 +192,59 @@ pub(crate) const AVIARIES: [Aviary; 4] = [
     },
 ];
 
+/// Tasks as users train them, with their own rules.
+pub(crate) const TASKS: [Aviary; 4] = [
+    Aviary {
+        file: "hover.yaml",
+        overrides: &[],
+        what: "hover, random actions, 1 core",
+        aim: 59e6,
+        limit: "resets, latency, the body's axes",
+    },
+    Aviary {
+        file: "incremental-cross-6.yaml",
+        overrides: &[],
+        what: "incremental-cross-6, random actions, 1 core",
+        aim: 20e6,
+        limit: "the velocity controller, lanes near pillars one by one",
+    },
+    Aviary {
+        file: "room-0.yaml",
+        overrides: &[],
+        what: "room-0, random actions, 1 core",
+        aim: 10e6,
+        limit: "lanes near furniture one by one, distances of the way",
+    },
+    Aviary {
+        file: "land.yaml",
+        overrides: &[],
+        what: "land, random actions, 1 core",
+        aim: 9.6e6,
+        limit: "contacts that push, one lane at a time",
+    },
+];
+
+/// Tasks whose worlds are drawn, beside the same in one of these.
+pub(crate) const DRAWN: [Aviary; 2] = [
+    Aviary {
+        file: "unseen-rooms.yaml",
+        overrides: &["scenario.aviary.drawn.worlds.count=64"],
+        what: "furnished room, 62 beams and a map",
+        aim: DRAWN_SHARE,
+        limit: "the search for ways; the aim is seven tenths of one room",
+    },
+    Aviary {
+        file: "forest.yaml",
+        overrides: &["scenario.aviary.drawn.worlds.count=64"],
+        what: "forest, 8x8 ranger",
+        aim: DRAWN_SHARE,
+        limit: "rays of the ranger; the aim is seven tenths of one forest",
+    },
+];
+
+/// Least share of the speed in one world that should be left where every episode draws another.
+const DRAWN_SHARE: f64 = 0.7;
+
 /// A world that cameras look at.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sight {
@@ -305,6 +359,21 @@ pub(crate) fn aviary(aviary: &Aviary, scenario: &Scenario, duration: Duration) -
     });
     black_box(simulation.rewards());
     Figure { what: aviary.what.to_owned(), per_second, aim: aviary.aim, limit: aviary.limit }
+}
+
+/// Steps per second of one core in one of a task's worlds, and where every episode draws another, which was made before.
+pub(crate) fn drawn(task: &Aviary, scenario: &Scenario, duration: Duration) -> [Figure; 2] {
+    (0..scenario.rooms()).into_par_iter().for_each(|room| scenario.prepare_room(room));
+    let in_one = aviary(task, &scenario.in_room(0), duration);
+    let in_many = aviary(task, scenario, duration);
+    let figure = |which: &str, aim: f64, Figure { per_second, .. }| Figure {
+        what: format!("{}, {which}", task.what),
+        per_second,
+        aim,
+        limit: task.limit,
+    };
+    let alone = in_one.per_second;
+    [figure("the same always", alone, in_one), figure("one per episode", task.aim * alone, in_many)]
 }
 
 /// Environment steps per second of training, rollout and optimisation, on all cores, held by a memory of one task.

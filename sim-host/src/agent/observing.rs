@@ -13,8 +13,8 @@ use nalgebra::Vector3;
 
 use super::{Agent, PrivilegedScales};
 use crate::contact::BANK;
-use crate::latency::{States, known_states};
 use crate::contact::Motion;
+use crate::latency::{States, known_states};
 use crate::rooms::{Arenas, Around};
 use crate::scenario::{CriticView, Preset, Scenario};
 use crate::sensor::{Course, TOF_BANK_LIMIT, Told, Truth};

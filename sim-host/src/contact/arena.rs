@@ -48,17 +48,6 @@ pub struct Arena {
     reach: f32,
 }
 
-/// The nearest of what moves around a point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Passing {
-    /// Of its surface, towards the point \[world\].
-    pub(crate) normal: Vector3<f64>,
-    /// Of the point above it \[m\].
-    pub(crate) distance: f64,
-    /// \[m/s, world\].
-    pub(crate) velocity: Vector3<f64>,
-}
-
 /// What an arena is made from.
 #[derive(PartialEq)]
 struct Order {
@@ -207,24 +196,6 @@ impl Arena {
     #[inline(always)]
     pub(crate) fn distances_in(&self, cone: &Cone<'_>, movables: &[Motion], distances: &mut [[f32; BANK]]) {
         self.caster.distances(cone, movables, distances);
-    }
-
-    /// As [`Self::nearest_plane`] of the movables, where they are now, and the velocity of the nearest \[m/s, world\].
-    pub(crate) fn nearest_moving(&self, place: &Vector3<f64>, movables: &[Motion], reach: f64) -> Option<Passing> {
-        let mut nearest = None;
-        let mut least = reach;
-        for (body, motion) in self.movables.iter().zip(movables) {
-            // Whoever walks does not turn.
-            let from_start = place - (motion.pose.position - body.pose.position);
-            if body.distance_to_extent(&from_start) < least {
-                let (normal, distance) = body.plane_towards(&from_start);
-                if distance < least {
-                    least = distance;
-                    nearest = Some(Passing { normal, distance, velocity: motion.velocity });
-                }
-            }
-        }
-        nearest
     }
 
     /// The plane that touches the surface of the nearest obstacle that never moves, where that is nearer than `reach`

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::scan_maps::local_planes;
 use super::Motion;
+use super::scan_maps::local_planes;
 use crate::world::{Drive, Floor, Movable, Shape, Solid, World};
 
 /// Rays that are cast at once: two vectors of AVX2.

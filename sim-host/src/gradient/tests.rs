@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::*;
 use crate::latency::Latency;
 use crate::physics::Contacts;
-use crate::reward::{Avoidance, Cruise, HeadingError};
+use crate::reward::{Avoidance, Cruise, Encounter, HeadingError};
 use crate::scenario::{Agents, Downwash, Physics};
 use crate::seed::Stream;
 use crate::sensor::instrument::Sampling;
@@ -108,7 +108,7 @@ fn beside_a_wall(late: &Scenario, body: BodyLayout) -> Scenario {
         ..late.clone()
     };
     scenario.aviary.world.solids.push(wall);
-    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0, moving: false }.into());
+    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0 }.into());
     scenario.rewards.push(CRUISE.into());
     scenario
 }
@@ -125,7 +125,7 @@ const CRUISE: Cruise = Cruise {
 
 /// The same, whose drones keep off each other.
 fn meeting(mut scenario: Scenario) -> Scenario {
-    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0, moving: true }.into());
+    scenario.rewards.push(Encounter { weight: -2.0, reach_m: 1.0, ahead_secs: 0.5 }.into());
     scenario
 }
 
@@ -158,7 +158,7 @@ fn who_flies_at_a_wall_is_told_to_slow_down() {
     let body = BodyLayout { scales: SCALES, action_len: 4, measured_len: 0 };
     let late = Scenario { airframe: CRAZYFLIE_2_1, ..testing::hover() };
     let mut scenario = beside_a_wall(&late, body);
-    scenario.rewards = vec![Avoidance { weight: -2.0, reach_m: 1.0, moving: false }.into()];
+    scenario.rewards = vec![Avoidance { weight: -2.0, reach_m: 1.0 }.into()];
     let gradient = StepGradient::new(&scenario).unwrap();
     let mut simulation: Simulation = Simulation::new(&scenario, Seed(5), 0, LANES);
     let mut records = [gradient.record()];

@@ -1,9 +1,8 @@
 use crate::agent::LOOK_AROUND_M;
 use crate::term::prelude::*;
 
-/// Speed in m/s at which the drone's centre comes nearer to the surface of the nearest obstacle that never moves, or of the
-/// nearest mate or person, times `(1 - d / reach)²` of its distance d: nothing where it goes away or d is beyond the reach, more
-/// than the speed inside. A mate is a ball of the radius of its hull.
+/// Speed in m/s at which the drone's centre comes nearer to the surface of the nearest obstacle that never moves, times
+/// `(1 - d / reach)²` of its distance d: nothing where it goes away or d is beyond the reach, more than the speed inside.
 ///
 /// Gradients through the physics know it: the plane that touches the surface there is taken for the surface.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
@@ -14,9 +13,6 @@ pub struct Avoidance {
     pub weight: f64,
     /// Distance from which on it is nothing.
     pub reach_m: f64,
-    /// Whether it is about mates and people instead of what never moves.
-    #[serde(default)]
-    pub moving: bool,
 }
 
 /// Farther away nothing is looked for.
@@ -30,8 +26,8 @@ impl Term for Avoidance {
         task.needs_contacts("avoidance", field)
     }
 
-    fn looks_for(&self) -> Option<Surroundings> {
-        Some(if self.moving { Surroundings::Moving } else { Surroundings::Still })
+    fn looks_around(&self) -> bool {
+        true
     }
 
     #[inline(always)]
@@ -42,24 +38,18 @@ impl Term for Avoidance {
         _: &mut [Column<LANES, R>],
         values: &mut Column<LANES, R>,
     ) {
+        let Some([x, y, z, offset]) = view.nearest else {
+            values.fill(R::zero());
+            return;
+        };
         let per_reach = R::one() / R::from_f32(self.reach_m as f32);
         let ([px, py, pz], [vx, vy, vz]) = (&view.swarm.position, &view.swarm.velocity);
-        let paid = |distance: R, leaving: R| {
+        each(values, |i| {
+            let distance = ((x[i] * px[i] + y[i] * py[i]) + z[i] * pz[i]) + offset[i];
+            let leaving = (x[i] * vx[i] + y[i] * vy[i]) + z[i] * vz[i];
             let near = (R::one() - distance * per_reach).at_least(R::zero());
             worth * (-leaving).at_least(R::zero()) * (near * near)
-        };
-        match (self.moving, view.nearest, view.passing) {
-            (false, Some([x, y, z, offset]), _) => each(values, |i| {
-                let distance = ((x[i] * px[i] + y[i] * py[i]) + z[i] * pz[i]) + offset[i];
-                paid(distance, (x[i] * vx[i] + y[i] * vy[i]) + z[i] * vz[i])
-            }),
-            (true, _, Some([x, y, z, offset, ux, uy, uz])) => each(values, |i| {
-                let distance = ((x[i] * px[i] + y[i] * py[i]) + z[i] * pz[i]) + offset[i];
-                let [wx, wy, wz] = [vx[i] - ux[i], vy[i] - uy[i], vz[i] - uz[i]];
-                paid(distance, (x[i] * wx + y[i] * wy) + z[i] * wz)
-            }),
-            (false, None, _) | (true, _, None) => values.fill(R::zero()),
-        }
+        });
     }
 }
 
@@ -83,25 +73,6 @@ mod tests {
             assert_near(trial.at(x, 5.0, 1.0), expected);
         }
         trial.nearest = None;
-        assert_near(trial.at(0.9, 0.0, 1.0), 0.0);
-    }
-
-    #[test]
-    fn of_what_moves_only_the_difference_counts() {
-        let mut trial = Trial::of("avoidance: { weight: -48, reach_m: 0.5, moving: true }");
-        // Somebody at x = 1 who comes this way, and a wall that does not count.
-        trial.nearest = Some([[-1.0], [0.0], [0.0], [0.95]]);
-        trial.passing = Some([[-1.0], [0.0], [0.0], [1.0], [-1.0], [3.0], [0.0]]);
-        for (x, velocity, expected) in [
-            (0.9, [0.0, 0.0, 0.0], -1.0 * 0.64),
-            (0.9, [2.0, 0.0, 0.0], -3.0 * 0.64),
-            (0.9, [-1.0, 0.0, 0.0], 0.0),
-            (0.4, [2.0, 0.0, 0.0], 0.0),
-        ] {
-            trial.moving(velocity);
-            assert_near(trial.at(x, 5.0, 1.0), expected);
-        }
-        trial.passing = None;
         assert_near(trial.at(0.9, 0.0, 1.0), 0.0);
     }
 }

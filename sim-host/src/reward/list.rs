@@ -59,10 +59,18 @@ macro_rules! reward_terms {
                 }
             }
 
-            /// Of what it looks for the nearest, if it does.
-            pub(crate) fn looks_for(&self) -> Option<crate::term::Surroundings> {
+            /// Whether it looks for the nearest obstacle.
+            pub(crate) fn looks_around(&self) -> bool {
                 match self {
-                    $(Self::$term(term) => term.looks_for(),)*
+                    $(Self::$term(term) => term.looks_around(),)*
+                    Self::Custom(_) => false,
+                }
+            }
+
+            /// How far ahead it looks for whom the drone meets \[s\], if it does.
+            pub(crate) fn looks_ahead_secs(&self) -> Option<f64> {
+                match self {
+                    $(Self::$term(term) => term.looks_ahead_secs(),)*
                     Self::Custom(_) => None,
                 }
             }

@@ -293,7 +293,8 @@ fn people_walk_to_and_fro_between_trunks() {
 
 #[test]
 fn people_are_seen_by_zones_and_run_into() {
-    let scenario = peopled();
+    let mut scenario = peopled();
+    scenario.rewards = vec![crate::reward::Encounter { weight: -50.0, reach_m: 0.9, ahead_secs: 0.1 }.into()];
     let mut simulation = Simulation::<8>::new(&scenario, Seed(4), 0, 1);
     let facing = |simulation: &mut Simulation<8>, metres: f64| {
         let person = simulation.movables(0)[0].position;
@@ -315,6 +316,8 @@ fn people_are_seen_by_zones_and_run_into() {
     let seen = 4.0 * (1.0 - nearness.iter().copied().fold(0.0, f32::max));
     assert!((seen - 0.45).abs() < 0.15, "{seen} m to somebody of 25 cm");
     assert_eq!(simulation.outcomes()[0], crate::outcome::Outcome::Running);
+    // Half a metre from the surface of somebody who walks at 1.5 m/s.
+    assert!((-0.5..-0.05).contains(&simulation.terms(0)[0]), "{:?}", simulation.terms(0));
     facing(&mut simulation, 0.2);
     let episode = simulation.take_episodes().pop().expect("it ends");
     assert_eq!(episode.ending, crate::outcome::Ending::Collision);

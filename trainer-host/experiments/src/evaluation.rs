@@ -16,7 +16,7 @@ use kestrel_sim::outcome::{Ending, Episode, Outcome};
 use kestrel_sim::scenario::Scenario;
 use kestrel_sim::seed::{Purpose, Seed};
 use kestrel_sim::simulation::{Compiled, Simulation};
-use kestrel_sim::world::{Floor, Solid};
+use kestrel_sim::world::{Floor, Pose, Solid};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -265,10 +265,8 @@ where
 {
     let mut cockpit = Cockpit::new(&simulation, flyer, starts.seed, first);
     let mut flights: Vec<Option<Flight>> = vec![None; simulation.rows()];
-    let mut before = Vec::new();
     while flights.iter().any(Option::is_none) {
-        before.clear();
-        before.extend((0..simulation.rows()).map(|row| (simulation.room(row), place(&simulation, row))));
+        let before = Scene::of(&simulation);
         simulation.step(cockpit.act(&simulation));
         if simulation.outcomes().iter().all(|outcome| *outcome == Outcome::Running) {
             continue;
@@ -277,7 +275,8 @@ where
             let environment = (episode.environment - first) as usize;
             let row = episode.agent as usize * simulation.environments() + environment;
             flights[row].get_or_insert_with(|| {
-                let hit = (episode.ending == Ending::Collision).then(|| obstacle(&simulation, &before, row));
+                let hit =
+                    (episode.ending == Ending::Collision).then(|| before.obstacle(simulation.scenario(), row));
                 Flight { episode, hit }
             });
         }
@@ -285,30 +284,43 @@ where
     flights.into_iter().flatten().collect()
 }
 
-fn place<const LANES: usize, R: Real>(simulation: &Simulation<LANES, R>, row: usize) -> Vector3<f64> {
-    simulation.state(row).position.map(Real::to_f64)
+/// Where everything is before a control period: with its collisions new episodes begin, in other rooms.
+struct Scene {
+    /// Of each row, and its place \[m, world\].
+    rooms: Vec<(u32, Vector3<f64>)>,
+    /// What moves in each environment.
+    movables: Vec<Vec<Pose>>,
 }
 
-/// What was nearest to a drone before the control period of its collision; rooms and places are those of then.
-fn obstacle<const LANES: usize, R: Real>(
-    simulation: &Simulation<LANES, R>,
-    before: &[(u32, Vector3<f64>)],
-    row: usize,
-) -> String {
-    let (room, place) = before[row];
-    let (world, environments) = (&simulation.scenario().aviary_of(room).world, simulation.environments());
-    let movables = world.movables.iter().zip(simulation.movables(row % environments));
-    let movables: Vec<Solid> = movables.map(|(body, pose)| Solid { pose, ..body.solid.clone() }).collect();
-    let mates = (row % environments..before.len()).step_by(environments).filter(|mate| *mate != row);
-    let to_mate = mates.map(|mate| (before[mate].1 - place).norm()).fold(f64::INFINITY, f64::min);
-    let to_floor = if world.floor == Floor::Solid { place.z } else { f64::INFINITY };
-    // Half of the way to another drone is its own.
-    let (name, least) =
-        if to_mate / 2.0 < to_floor { ("another drone", to_mate / 2.0) } else { ("the floor", to_floor) };
-    match nearest_obstacle(world.solids.iter().chain(&movables), &place) {
-        // Of a piece of furniture, whatever part it was.
-        Some((solid, distance)) if distance < least => solid.name.split(':').next().unwrap_or_default().to_owned(),
-        Some(_) | None => name.to_owned(),
+impl Scene {
+    fn of<const LANES: usize, R: Real>(simulation: &Simulation<LANES, R>) -> Self {
+        let place = |row: usize| simulation.state(row).position.map(Real::to_f64);
+        Self {
+            rooms: (0..simulation.rows()).map(|row| (simulation.room(row), place(row))).collect(),
+            movables: (0..simulation.environments()).map(|environment| simulation.movables(environment)).collect(),
+        }
+    }
+
+    /// What was nearest to the drone of a row.
+    fn obstacle(&self, scenario: &Scenario, row: usize) -> String {
+        let ((room, place), environments) = (self.rooms[row], self.movables.len());
+        let world = &scenario.aviary_of(room).world;
+        let movables = world.movables.iter().zip(&self.movables[row % environments]);
+        let movables: Vec<Solid> =
+            movables.map(|(body, pose)| Solid { pose: *pose, ..body.solid.clone() }).collect();
+        let mates = (row % environments..self.rooms.len()).step_by(environments).filter(|mate| *mate != row);
+        let to_mate = mates.map(|mate| (self.rooms[mate].1 - place).norm()).fold(f64::INFINITY, f64::min);
+        let to_floor = if world.floor == Floor::Solid { place.z } else { f64::INFINITY };
+        // Half of the way to another drone is its own.
+        let (name, least) =
+            if to_mate / 2.0 < to_floor { ("another drone", to_mate / 2.0) } else { ("the floor", to_floor) };
+        match nearest_obstacle(world.solids.iter().chain(&movables), &place) {
+            // Of a piece of furniture, whatever part it was.
+            Some((solid, distance)) if distance < least => {
+                solid.name.split(':').next().unwrap_or_default().to_owned()
+            }
+            Some(_) | None => name.to_owned(),
+        }
     }
 }
 

@@ -31,6 +31,9 @@ const TOUCH_SHARE: f32 = 0.7;
 const TURN_GAIN: f32 = 3.0;
 const BLIND_SHARE: f32 = 0.15;
 
+/// So near to the end of a forest's way \[m\] a drone of a team flies straight to its own goal: no trunk is beside it any more.
+const OWN_GOAL_M: f32 = 1.2;
+
 /// A way that leads so little to the side has no heading \[m\].
 const UPRIGHT_M: f32 = 0.05;
 
@@ -44,6 +47,8 @@ pub(crate) struct Teacher {
     map: Map,
     /// Greatest yaw rate of an action, where it looks where it flies \[rad/s\].
     turning: Option<f32>,
+    /// Whether drawn ways lead to where a team parts.
+    has_own_goals: bool,
 }
 
 /// What it knows of the way.
@@ -90,7 +95,9 @@ impl Teacher {
                 Some(_) | None,
             ) => None,
         };
-        Some(Self { pilot: if finds_its_way { pilot.softer(TOUCH_SHARE) } else { pilot }, map, turning })
+        let pilot = if finds_its_way { pilot.softer(TOUCH_SHARE) } else { pilot };
+        let has_own_goals = matches!((&scenario.drawn, &scenario.goals), (Some(_), Goals::PerAgent(_)));
+        Some(Self { pilot, map, turning, has_own_goals })
     }
 
     /// What it would do on the way to a goal \[m, world\] of a room, each value within \[-1, 1\], zeros behind the last. Where
@@ -110,7 +117,12 @@ impl Teacher {
             // away than it is: a straight line that is shorter counts.
             Map::Ways(ways) => {
                 let ways = ways.of(room);
-                (ways.ahead((*position).into(), LOOKAHEAD_M), ways.length((*position).into()).min(straight))
+                let length = ways.length((*position).into());
+                if self.has_own_goals && length < OWN_GOAL_M {
+                    (*goal, straight)
+                } else {
+                    (ways.ahead((*position).into(), LOOKAHEAD_M), length.min(straight))
+                }
             }
             Map::Course(course) => (course.ahead(position, goal, room), straight),
         };

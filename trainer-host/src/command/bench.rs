@@ -50,6 +50,8 @@ enum Rows {
     Environment,
     /// Tasks of the reference
     Aviaries,
+    /// Tasks as users train them, in one world and in drawn ones
+    Tasks,
     /// Camera images
     Images,
     /// Encoders of images
@@ -88,7 +90,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
         print(json, &bench::environment(scenario, duration))?;
     }
     if arguments.asks_for(Rows::Aviaries) {
-        print_aviaries(json, &arguments.aviaries, duration)?;
+        print_aviaries(json, (&arguments.aviaries, &bench::AVIARIES), duration)?;
+    }
+    if arguments.asks_for(Rows::Tasks) {
+        print_aviaries(json, (&arguments.aviaries, &bench::TASKS), duration)?;
+        for aviary in &bench::DRAWN {
+            let task = experiment_config::load(&arguments.aviaries.join(aviary.file), &owned(aviary.overrides))?;
+            print(json, &bench::drawn(aviary, &task.scenario, duration))?;
+        }
     }
     if arguments.asks_for(Rows::Images) {
         print_images(json, &arguments.aviaries, scenario, duration)?;
@@ -113,9 +122,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Done> {
     Ok(Done::Finished)
 }
 
-fn print_aviaries(json: Json, aviaries: &Path, duration: Duration) -> Result<()> {
-    for aviary in &bench::AVIARIES {
-        let task = experiment_config::load(&aviaries.join(aviary.file), &owned(aviary.overrides))?;
+fn print_aviaries(json: Json, (folder, aviaries): (&Path, &[bench::Aviary]), duration: Duration) -> Result<()> {
+    for aviary in aviaries {
+        let task = experiment_config::load(&folder.join(aviary.file), &owned(aviary.overrides))?;
         print(json, &[bench::aviary(aviary, &task.scenario, duration)])?;
     }
     Ok(())

@@ -26,6 +26,8 @@ fn paid(yaml: &str) -> Vec<f64> {
     trial.arenas = Some(Arenas::Same(Arc::new(Arena::new(&world, &CF2X, ContactReport::Touch))));
     // The side of that block from which most of the flight comes.
     trial.nearest = Some([[-1.0], [0.0], [0.0], [0.3]]);
+    // Somebody who walks there.
+    trial.passing = Some([[0.2], [0.9], [1.8], [0.1], [0.1], [-0.2], [0.3]]);
     let mut pay = |step: u32| {
         // Towards the landing zone of the smallest terms, and from there away, most along x.
         let way = f64::from(step) / 100.0;

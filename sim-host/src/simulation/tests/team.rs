@@ -306,6 +306,35 @@ fn bits_of_drones_that_see_each_other_do_not_depend_on_lanes() {
     assert_ne!(trace::<1>(""), trace::<1>(radio));
 }
 
+#[test]
+fn of_all_mates_the_one_that_comes_nearest_is_met() {
+    let mut scenario = seeing("alone", "");
+    scenario.rewards = vec![crate::reward::Encounter { weight: -100.0, reach_m: 2.0, ahead_secs: 0.4 }.into()];
+    let mut simulation = Simulation::<8>::new(&scenario, Seed(3), 0, 7);
+    let mut met = 0;
+    for step in 0..10 {
+        simulation.step(&noise(step, ACTION_LEN * 21));
+        for row in (0..21).filter(|row| simulation.outcomes()[*row] == Running) {
+            let own = simulation.state(row);
+            let least = [7, 14].map(|rows| {
+                let mate = simulation.state((row + rows) % 21);
+                let at = |part: f32| {
+                    let secs = 0.4 * part / 1000.0;
+                    (own.position - mate.position + (own.velocity - mate.velocity) * secs).norm()
+                };
+                (0..=1000).map(|part| at(part as f32)).fold(f32::INFINITY, f32::min)
+            });
+            let fresh = [7, 14].iter().any(|rows| simulation.outcomes()[(row + rows) % 21] != Running);
+            let distance = least[0].min(least[1]) - scenario.airframe.collision_radius as f32;
+            let expected = -(1.0 - distance / 2.0).max(0.0).powi(2);
+            let paid = simulation.terms(row)[0];
+            assert!(fresh || (paid - expected).abs() < 1e-3, "row {row}: {paid}, not {expected}");
+            met += usize::from(!fresh && paid < -0.1);
+        }
+    }
+    assert!(met > 50, "{met}");
+}
+
 const CURVES: &str = "goals: { trajectory: { reach_m: [0.3, 0.6], rise_m: [0.1, 0.1], speed_m_per_s: [0.5, 1] } }
 sensors: [ path: { points: 3, spacing_secs: 0.1, position_scale_m: 0.5 } ]
 observation: { body: { position_scale_m: 1, velocity_scale_m_per_s: 1, body_rates_scale_rad_per_s: 1 } }
