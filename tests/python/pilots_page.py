@@ -35,10 +35,11 @@ kestrel export room-1 --target c          # for your firmware
 `tests/pilots.sh` makes this page. "Success" is that of the fixed-point policy in the starts of the
 task's own evaluation, with Wilson's 95 % interval, beside the scripted pilot, which knows the map.
 A pilot is the policy of `kestrel train NAME --seed 201`; `cross`, `hover`, `hover-2-1-plus` and
-`hover-cf2x` are those of seed 0, `any` that of 918, `forest` that of 929, `harder-cross-11-vision`
-that of 701, `land-vision` that of 702, `land-with-obstacles` that of 704, `race`, `room-0` and
-`room-0-vision` those of 801, `room-2` and `room-2-vision` those of 802, `room-1` and
-`room-1-vision` those of 804, `unseen-rooms` that of 912, `unseen-rooms-tof` that of 934.
+`hover-cf2x` are those of seed 0, `any` that of 918, `forest` that of 929, `forest-team` that of
+946, `harder-cross-11-vision` that of 701, `land-vision` that of 702, `land-with-obstacles` that of
+704, `race`, `room-0` and `room-0-vision` those of 801, `room-2` and `room-2-vision` those of 802,
+`room-1` and `room-1-vision` those of 804, `unseen-rooms` that of 912, `unseen-rooms-beams` that of
+939, `unseen-rooms-tof` that of 934.
 
 """
 
