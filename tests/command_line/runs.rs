@@ -374,4 +374,10 @@ fn a_benchmark_measures_the_rows_that_are_asked_for() {
     let printed = String::from_utf8(output.stdout).unwrap();
     assert_eq!(printed.matches("vehicle steps").count(), 4, "{printed}");
     assert_eq!(printed.lines().count(), 5, "a heading and these: {printed}");
+    let aviaries = config("aviaries");
+    let tasks = ["bench", "hover", "--secs", "0.001", "--rows", "tasks", "--aviaries", aviaries.to_str().unwrap()];
+    let output = kestrel(place.path(), &tasks);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert_eq!((printed.matches("one per episode").count(), printed.lines().count()), (2, 9), "{printed}");
 }

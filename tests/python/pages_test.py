@@ -62,7 +62,7 @@ ELSEWHERE = [
     (r"^kestrel train configs/aviaries/(unseen-rooms|forest)", "minutes: kestrel-experiments trains in drawn rooms"),
     (r"^kestrel search run", "hours: tests/command_line/search.rs with a search of seconds"),
     (r"^kestrel study run", "hours: tests/command_line/study.rs with a study of seconds"),
-    (r"^cargo run --release -- bench", "minutes: tests/command_line/bench.rs"),
+    (r"^cargo run --release -- bench", "minutes: tests/command_line/runs.rs measures some rows"),
     (r"^kestrel aviary generate", "half a minute: tests/command_line/aviary.rs makes some"),
     (r"^kestrel test configs", "a minute: tests/command_line/flight_tests.rs"),
 ]

@@ -195,30 +195,30 @@ pub(crate) const AVIARIES: [Aviary; 4] = [
 /// Tasks as users train them, with their own rules.
 pub(crate) const TASKS: [Aviary; 4] = [
     Aviary {
-        file: "hover.yaml",
+        file: "../hover.yaml",
         overrides: &[],
-        what: "hover, random actions, 1 core",
+        what: "hover, random, 1 core",
         aim: 59e6,
         limit: "resets, latency, the body's axes",
     },
     Aviary {
         file: "incremental-cross-6.yaml",
         overrides: &[],
-        what: "incremental-cross-6, random actions, 1 core",
+        what: "incremental-cross-6, random, 1 core",
         aim: 20e6,
         limit: "the velocity controller, lanes near pillars one by one",
     },
     Aviary {
         file: "room-0.yaml",
         overrides: &[],
-        what: "room-0, random actions, 1 core",
+        what: "room-0, random, 1 core",
         aim: 10e6,
         limit: "lanes near furniture one by one, distances of the way",
     },
     Aviary {
         file: "land.yaml",
         overrides: &[],
-        what: "land, random actions, 1 core",
+        what: "land, random, 1 core",
         aim: 9.6e6,
         limit: "contacts that push, one lane at a time",
     },
@@ -229,16 +229,16 @@ pub(crate) const DRAWN: [Aviary; 2] = [
     Aviary {
         file: "unseen-rooms.yaml",
         overrides: &["scenario.aviary.drawn.worlds.count=64"],
-        what: "furnished room, 62 beams and a map",
+        what: "furnished rooms by beams",
         aim: DRAWN_SHARE,
-        limit: "the search for ways; the aim is seven tenths of one room",
+        limit: "searches for ways; aims at 0.7 of one room",
     },
     Aviary {
         file: "forest.yaml",
         overrides: &["scenario.aviary.drawn.worlds.count=64"],
-        what: "forest, 8x8 ranger",
+        what: "forests by ranger",
         aim: DRAWN_SHARE,
-        limit: "rays of the ranger; the aim is seven tenths of one forest",
+        limit: "rays of the ranger; aims at 0.7 of one forest",
     },
 ];
 
@@ -373,7 +373,7 @@ pub(crate) fn drawn(task: &Aviary, scenario: &Scenario, duration: Duration) -> [
         limit: task.limit,
     };
     let alone = in_one.per_second;
-    [figure("the same always", alone, in_one), figure("one per episode", task.aim * alone, in_many)]
+    [figure("always one", alone, in_one), figure("one per episode", task.aim * alone, in_many)]
 }
 
 /// Environment steps per second of training, rollout and optimisation, on all cores, held by a memory of one task.
