@@ -25,6 +25,7 @@ TEAMS = {
     "crossing-3",
     "flock",
     "flock-as-published",
+    "forest-team",
     "leader-follower",
     "leader-follower-as-published",
     "meetup",
