@@ -5,7 +5,6 @@ use core::ops::Range;
 use kestrel_core::action::ACTION_LIMIT;
 use kestrel_core::airframe::GRAVITY;
 use kestrel_core::attitude::Attitude;
-use kestrel_core::observation::ObservationLayout;
 use kestrel_core::real::Real;
 use kestrel_core::vehicle::State;
 use nalgebra::Vector3;
@@ -451,7 +450,6 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
     fn observe_neighbours(&mut self, scenario: &Scenario, lanes: Range<usize>) {
         let Some(Told::Mates(mates)) = scenario.sensors.told() else { return };
         let mut values = vec![R::zero(); mates.len()];
-        let in_body_axes = matches!(scenario.observation, ObservationLayout::Body(_));
         for lane in lanes {
             let course = |agent: &Agent<LANES, R>| -> Course<R> {
                 (vector(&agent.swarm.position, lane), vector(&agent.swarm.velocity, lane))
@@ -462,7 +460,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
                     None => mates.read(index, &team, &mut values),
                     Some(heard) => mates.read(index, &heard, &mut values),
                 }
-                agent.take_neighbours(lane, &values, in_body_axes);
+                agent.take_neighbours(lane, &values, mates.in_body_axes);
             }
         }
     }

@@ -67,7 +67,7 @@ pub enum SensorConfig {
     /// limit to 1): an ideal lidar behind an attitude estimate, fast enough to train with. The last sensor, once.
     Scan(ScanConfig),
     /// The nearest drones of the team, the nearest first: where each is from here (3 values) and how it moves past (3 values),
-    /// in the world's axes, beside the layout `body` in the drone's. The last sensor, once.
+    /// in the world's axes or the drone's. The last sensor, once.
     Mates(MatesConfig),
     /// Where the goal will be, if it follows a `trajectory`: some points ahead, in the drone's body axes (3 values each).
     /// The last sensor, once.
@@ -128,6 +128,9 @@ pub struct MatesConfig {
     pub position_scale_m: f64,
     /// Speed that reads as one.
     pub velocity_scale_m_per_s: f64,
+    /// Whether both are in the drone's body axes.
+    #[serde(default)]
+    pub in_body_axes: bool,
     /// What drones say of themselves by radio; without it they are always seen as they are.
     #[serde(default)]
     pub radio: Option<RadioConfig>,
@@ -654,6 +657,7 @@ impl MatesConfig {
             nearest: field.at("nearest").whole(self.nearest, 1..=MATES_LIMIT)? as usize,
             position_scale_m: scale("position_scale_m", self.position_scale_m, "m")?,
             velocity_scale: scale("velocity_scale_m_per_s", self.velocity_scale_m_per_s, "m/s")?,
+            in_body_axes: self.in_body_axes,
             radio: self.radio.map(|radio| radio.check(&field.at("radio"))).transpose()?,
         })
     }

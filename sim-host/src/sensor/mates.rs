@@ -10,7 +10,7 @@ use crate::swarm::{Column, row, set_row};
 /// Values of one mate.
 const MATE_LEN: usize = 6;
 
-/// The nearest team mates, the nearest first; six values of each, in the world's axes or, beside the layout `body`, in the drone's:
+/// The nearest team mates, the nearest first; six values of each, in the world's axes or in the drone's:
 ///
 /// | index | value | unit of one |
 /// |---|---|---|
@@ -24,6 +24,8 @@ pub struct Mates {
     pub position_scale_m: f32,
     /// Speed that reads as one \[m/s\].
     pub velocity_scale: f32,
+    /// Whether in the drone's axes, as it knows them.
+    pub in_body_axes: bool,
     /// What they say and how often; without it they are always seen as they are.
     pub radio: Option<Radio>,
 }
@@ -148,7 +150,8 @@ mod tests {
     use super::*;
     use crate::seed::{Purpose, Seed};
 
-    const MATES: Mates = Mates { nearest: 2, position_scale_m: 2.0, velocity_scale: 4.0, radio: None };
+    const MATES: Mates =
+        Mates { nearest: 2, position_scale_m: 2.0, velocity_scale: 4.0, in_body_axes: false, radio: None };
 
     fn at(x: f64, speed: f64) -> Course<f64> {
         (Vector3::new(x, 0.0, 1.0), Vector3::new(0.0, speed, 0.0))
