@@ -2,6 +2,7 @@
 
 mod commanding;
 mod observing;
+mod passing;
 mod racing;
 
 use std::ops::Range;
@@ -27,17 +28,12 @@ use crate::swarm::{Column, Mechanics, Swarm, row, set_row, vector};
 use crate::term::{Ends, FlightView, Memory, StepView, contains};
 use crate::termination::Termination;
 use crate::trajectory::TRAJECTORY_LEN;
+pub(crate) use passing::{PASSING_LEN, Passing};
 use racing::Race;
 
 /// Values a privileged critic sees beside the observation: rotor speeds relative to hover − 1 (4), wind \[m/s\] (3),
 /// mass and thrust factors − 1 (2), share of the episode left (1).
 pub const PRIVILEGED_LEN: usize = 10;
-
-/// Numbers of a [`Passing`].
-pub(crate) const PASSING_LEN: usize = 7;
-
-/// Where nobody is \[m\].
-const FAR_M: f64 = 1e4;
 
 /// How far rewards look around \[m\]: what is farther counts as so far away.
 pub(crate) const LOOK_AROUND_M: f32 = 2.0;
@@ -126,31 +122,6 @@ fn mates<const LANES: usize, R: Real>(scenario: &Scenario) -> Option<Box<MatesMe
 /// How far ahead rewards look for whom a drone meets \[s\], if one does.
 pub(crate) fn looks_ahead_secs(scenario: &Scenario) -> Option<f64> {
     scenario.rewards.iter().filter_map(RewardTerm::looks_ahead_secs).reduce(f64::max)
-}
-
-/// Somebody who moves, as a ball.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Passing {
-    /// Its middle \[m, world\].
-    pub(crate) middle: Vector3<f64>,
-    /// \[m\].
-    pub(crate) radius: f64,
-    /// \[m/s, world\].
-    pub(crate) velocity: Vector3<f64>,
-}
-
-impl Passing {
-    /// Nobody near.
-    const NOBODY: Self =
-        Self { middle: Vector3::new(FAR_M, FAR_M, FAR_M), radius: 0.0, velocity: Vector3::new(0.0, 0.0, 0.0) };
-
-    /// How near it comes to a drone within some time \[s\], surface to centre, if neither changes its velocity \[m\].
-    pub(crate) fn least_distance(&self, drone: &Motion, secs: f64) -> f64 {
-        let (offset, closing) = (drone.pose.position - self.middle, drone.velocity - self.velocity);
-        let square = closing.norm_squared();
-        let nearest = if square > 0.0 { (-offset.dot(&closing) / square).clamp(0.0, secs) } else { 0.0 };
-        (offset + closing * nearest).norm() - self.radius
-    }
 }
 
 /// An agent whose episode ended in this step.
@@ -304,9 +275,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
     /// Takes in whom the drone of a lane meets next.
     pub(crate) fn take_passing(&mut self, lane: usize, passing: Option<Passing>) {
         let Some(columns) = &mut self.passing else { return };
-        let Passing { middle, radius, velocity } = passing.unwrap_or(Passing::NOBODY);
-        let numbers = [middle.x, middle.y, middle.z, radius, velocity.x, velocity.y, velocity.z];
-        set_row(columns, lane, numbers.map(R::from_f64));
+        set_row(columns, lane, passing.unwrap_or(Passing::NOBODY).to_array().map(R::from_f64));
     }
 
     /// Sums the terms of the reward.

@@ -19,7 +19,7 @@ use crate::seed::{Purpose, Seed};
 use crate::sensor::{Course, Told};
 use crate::stage::Stage;
 use crate::swarm::{Column, Mechanics, Swarm, one_lane, row, set_row, vector};
-use crate::world::{Drive, Movable, Pose, Shape};
+use crate::world::{Drive, Movable, Pose};
 
 /// `LANES` environments that step together, with all their drones.
 #[derive(Clone, Debug)]
@@ -504,7 +504,7 @@ impl<const LANES: usize, R: Real> Block<LANES, R> {
                     velocity: mate.velocity,
                 });
                 let bodies = kinds.iter().zip(&self.movables[lane]);
-                let people = bodies.filter_map(|(kind, body)| person(kind, body, own));
+                let people = bodies.filter_map(|(kind, body)| Passing::of_person(kind, body, own));
                 let met = mates.chain(people).map(|passing| (passing.least_distance(own, secs), passing));
                 let next = met.min_by(|one, other| one.0.total_cmp(&other.0));
                 agent.take_passing(lane, next.map(|(_, passing)| passing));
@@ -592,19 +592,6 @@ fn standing(scenario: &Scenario, room: u32) -> Vec<Motion> {
         }
     };
     scenario.aviary_of(room).world.movables.iter().map(begin).collect()
-}
-
-/// Somebody who walks, always as high as this drone: nobody is to be flown over.
-fn person(kind: &Movable, body: &Motion, drone: &Motion) -> Option<Passing> {
-    let (Drive::Walking(_), Shape::Cylinder { radius, .. }) = (&kind.drive, &kind.solid.shape) else {
-        return None;
-    };
-    let beside = |person: &Vector3<f64>, drone: &Vector3<f64>| Vector3::new(person.x, person.y, drone.z);
-    Some(Passing {
-        middle: beside(&body.pose.position, &drone.pose.position),
-        radius: *radius,
-        velocity: beside(&body.velocity, &drone.velocity),
-    })
 }
 
 #[inline(always)]

@@ -149,7 +149,7 @@ pub struct RadioConfig {
 }
 
 impl Default for RadioConfig {
-    /// What a Crazyflie's peer-to-peer radio and its estimate by flow deck leave.
+    /// Assumptions of what a Crazyflie's peer-to-peer radio and its estimate by flow deck leave.
     fn default() -> Self {
         Self { rate_hz: 20.0, noise_m: 0.05, lost: 0.1 }
     }

@@ -307,6 +307,25 @@ fn bits_of_drones_that_see_each_other_do_not_depend_on_lanes() {
 }
 
 #[test]
+fn mates_are_seen_in_body_axes_where_it_is_asked_for() {
+    let [mut in_world, mut in_body] =
+        ["", ", in_body_axes: true"].map(|axes| Simulation::<8>::new(&seeing("alone", axes), Seed(3), 0, 7));
+    for step in 0..10 {
+        let seen = |simulation: &Simulation<8>, row: usize, first: usize| {
+            Vector3::from_fn(|axis, _| simulation.observations()[(first + axis) * 21 + row])
+        };
+        for (row, first) in (0..21).flat_map(|row| [22, 25].map(|first| (row, first))) {
+            let turned = in_body.state(row).world_from_body.rotate(seen(&in_body, row, first));
+            assert!((turned - seen(&in_world, row, first)).norm() < 1e-5, "row {row}");
+            assert!((seen(&in_body, row, first) - turned).norm() > 0.0 || turned.norm() == 0.0);
+        }
+        for simulation in [&mut in_world, &mut in_body] {
+            simulation.step(&noise(step, ACTION_LEN * 21));
+        }
+    }
+}
+
+#[test]
 fn of_all_mates_the_one_that_comes_nearest_is_met() {
     let mut scenario = seeing("alone", "");
     scenario.rewards = vec![crate::reward::Encounter { weight: -100.0, reach_m: 2.0, ahead_secs: 0.4 }.into()];
