@@ -35,6 +35,9 @@ use racing::Race;
 /// mass and thrust factors − 1 (2), share of the episode left (1).
 pub const PRIVILEGED_LEN: usize = 10;
 
+/// How far ahead on the shortest way the point is that rewards look at \[m\].
+const SIGNPOST_M: f32 = 0.4;
+
 /// How far rewards look around \[m\]: what is farther counts as so far away.
 pub(crate) const LOOK_AROUND_M: f32 = 2.0;
 
@@ -94,6 +97,8 @@ pub(crate) struct Agent<const LANES: usize, R: Real> {
     /// Normal of the surface of the nearest obstacle at the end of the flight, and how far the origin is above the plane that
     /// touches it there \[m\]; none where no reward looks around.
     nearest: Option<Box<[Column<LANES, R>; 4]>>,
+    /// The point ahead on the shortest free way; none where no reward looks along it.
+    signposts: Option<Box<[Column<LANES, R>; 3]>>,
     /// The [`Passing`] whom the drone meets next; none where no reward looks ahead.
     passing: Option<Box<[Column<LANES, R>; PASSING_LEN]>>,
     /// Velocity at the last reading of the sensors.
@@ -194,6 +199,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             measurements: columns(scenario.sensors.len()),
             tof: scenario.sensors.tof().map(|tof| Box::new(TofMemory::new(tof))),
             nearest: scenario.rewards.iter().any(RewardTerm::looks_around).then(|| Box::new([nothing; 4])),
+            signposts: scenario.rewards.iter().any(RewardTerm::looks_along_ways).then(|| Box::new([nothing; 3])),
             passing: looks_ahead_secs(scenario).map(|_| Box::new([nothing; PASSING_LEN])),
             mates: mates(scenario),
             way: way(scenario),
@@ -259,9 +265,19 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         self.ends = self.find_ends(stage.scenario);
     }
 
-    /// Finds what is nearest, where a reward looks around.
+    /// Finds what is nearest and where the way leads, where a reward looks for it.
     #[inline(always)]
     pub(crate) fn look_around(&mut self, stage: &Stage<'_, R>) {
+        if let Some(signposts) = &mut self.signposts {
+            let term = stage.scenario.rewards.iter().find(|term| term.looks_along_ways());
+            if let Some(ways) = term.and_then(RewardTerm::ways) {
+                for lane in 0..LANES {
+                    let place = row(&self.swarm.position, lane).map(Real::to_f32);
+                    let ahead = ways.of(room(self.rooms.as_ref(), lane)).ahead(place, SIGNPOST_M);
+                    set_row(signposts, lane, [ahead.x, ahead.y, ahead.z].map(R::from_f32));
+                }
+            }
+        }
         let (Some(plane), Some(arenas)) = (&mut self.nearest, stage.arenas) else { return };
         for lane in 0..LANES {
             let place = row(&self.swarm.position, lane).map(Real::to_f32);
@@ -318,6 +334,7 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             touches: &self.touches,
             nearest: self.nearest.as_deref(),
             passing: self.passing.as_deref(),
+            signposts: self.signposts.as_deref(),
             ahead: self.way.as_ref().map(|way| way.points_ahead()),
             steps: &self.steps,
             gates_left: self.race.as_ref().map(|race| race.left()),
@@ -564,12 +581,14 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             .chain(self.mates.iter_mut().flat_map(|mates| mates.columns_mut()))
             .chain(self.nearest.iter_mut().flat_map(|plane| plane.iter_mut()))
             .chain(self.passing.iter_mut().flat_map(|plane| plane.iter_mut()))
+            .chain(self.signposts.iter_mut().flat_map(|place| place.iter_mut()))
     }
 
     /// How many columns, the last of [`Self::columns_mut`], are found only once a flight is over.
     pub(crate) fn late_columns(&self) -> usize {
         let (nearest, passing) = (self.nearest.as_ref(), self.passing.as_ref());
-        nearest.map_or(0, |plane| plane.len()) + passing.map_or(0, |plane| plane.len())
+        let signposts = self.signposts.as_ref().map_or(0, |place| place.len());
+        nearest.map_or(0, |plane| plane.len()) + passing.map_or(0, |plane| plane.len()) + signposts
     }
 
     /// What drones have met on their ways, for saving and restoring.

@@ -130,16 +130,6 @@ impl RewardTerm {
         terms.iter().enumerate().map(check).collect()
     }
 
-    /// The ways to the goal that it pays for, if it is about ways and was checked as part of a task.
-    pub fn ways(&self) -> Option<&Ways> {
-        if let Self::GeodesicProgress(term) = self { term.ways() } else { None }
-    }
-
-    /// The same for other ways to the goal, if it is about ways.
-    pub(crate) fn along(&self, ways: &Ways) -> Self {
-        if let Self::GeodesicProgress(term) = self { term.along(ways.clone()).into() } else { self.clone() }
-    }
-
     /// The term's value in each lane, multiplied by its weight and, if it is a rate, by the control period.
     #[inline(always)]
     pub(crate) fn evaluate<const LANES: usize, R: Real>(

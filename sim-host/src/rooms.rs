@@ -314,6 +314,21 @@ impl Ways {
             }
         }
     }
+
+    /// Length of the shortest way of each lane, `[axis][lane]` \[m\]; the room of each where they are drawn.
+    #[inline(always)]
+    pub(crate) fn lengths<const LANES: usize, R: Real>(
+        &self,
+        rooms: Option<&Column<LANES, R>>,
+        points: &[[f32; LANES]; 3],
+    ) -> [f32; LANES] {
+        match self {
+            Self::Same(ways) => ways.lengths(points),
+            Self::Drawn(_) => core::array::from_fn(|lane| {
+                self.of(room(rooms, lane)).length(points.each_ref().map(|axis| axis[lane]))
+            }),
+        }
+    }
 }
 
 impl Arenas {

@@ -538,7 +538,7 @@ impl Scenario {
     }
 
     fn rewards_along(&self, ways: &Ways) -> Vec<RewardTerm> {
-        self.rewards.iter().map(|term| term.along(ways)).collect()
+        self.rewards.iter().cloned().map(|term| term.along(ways.clone())).collect()
     }
 
     /// Control periods after which an episode is cut off.

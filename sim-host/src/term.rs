@@ -39,13 +39,12 @@ pub(crate) mod prelude {
     pub(crate) use super::reference::{INTERVAL, LEVEL, LevelWithin, REST_HEIGHT, counted_periods, doubled};
     pub(crate) use super::roll_pitch_limit::RollPitchLimit;
     pub(crate) use super::{
-        AgentSet, FlightView, GoalKind, LENGTH, Memory, Paid, RewardTask, Rule, RuleTask, SPEED, StartLimit,
-        StepView, Term,
+        AgentSet, FlightView, LENGTH, Memory, Paid, RewardTask, Rule, RuleTask, SPEED, StartLimit, StepView, Term,
     };
     pub(crate) use crate::config::area::{AreaConfig, BoxConfig};
     pub(crate) use crate::outcome::Ending;
     pub(crate) use crate::physics::Contacts;
-    pub(crate) use crate::swarm::{Column, row, vector};
+    pub(crate) use crate::swarm::{Column, vector};
     pub(crate) use kestrel_config::{ConfigError, Field, Limits};
 }
 
@@ -77,6 +76,21 @@ pub(crate) trait Term: Sized {
 
     /// Whether it looks for the nearest obstacle.
     fn looks_around(&self) -> bool {
+        false
+    }
+
+    /// The ways to the goal that it is about, once it was checked as part of a task.
+    fn ways(&self) -> Option<&Ways> {
+        None
+    }
+
+    /// The same for other ways, if it is about ways.
+    fn along(self, _ways: Ways) -> Self {
+        self
+    }
+
+    /// Whether it looks for the point ahead on [`Self::ways`].
+    fn looks_along_ways(&self) -> bool {
         false
     }
 
@@ -218,6 +232,15 @@ impl RewardTask {
         Err(field.reject("true for drones that look for no way", "a sensor `way`, or false"))
     }
 
+    /// Refuses a term, such as this key, that follows the shortest way to the goal where there is none.
+    pub(crate) fn needs_ways(&self, found: &str, field: &Field<'_>) -> Result<(), ConfigError> {
+        match self.goals {
+            GoalKind::OnePlace => Ok(()),
+            GoalKind::Several => Err(field
+                .reject(format!("{found} beside `goals`"), "`progress`: ways lead to one goal that stands still")),
+        }
+    }
+
     /// Refuses a term that looks for obstacles where physics knows none.
     pub(crate) fn needs_contacts(&self, term: &str, field: &Field<'_>) -> Result<(), ConfigError> {
         match self.contacts {
@@ -284,6 +307,8 @@ pub(crate) struct FlightView<'a, const LANES: usize, R: Real> {
     pub(crate) passing: Option<&'a [Column<LANES, R>; PASSING_LEN]>,
     /// The points ahead on the ways that drones find by themselves \[m, world\], where they do: those that they saw last.
     pub(crate) ahead: Option<&'a [Column<LANES, R>; 3]>,
+    /// The points ahead on the shortest free ways \[m, world\], where a reward looks along them.
+    pub(crate) signposts: Option<&'a [Column<LANES, R>; 3]>,
     /// Control periods flown, this one included.
     pub(crate) steps: &'a Column<LANES, R>,
     /// Gates that are still to be passed, where there is a race.

@@ -70,22 +70,29 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
         actions: &[Column<LANES, R>; ACTION_LIMIT],
         targets: &mut [Column<LANES, R>; 4],
     ) {
+        // Of the loops' own, so that no store to one of them can change what the others read: they have no branch and vectorise.
+        let (space, secs) = (*space, stage.control_secs);
         let known = known_states(&self.swarm, self.latency.as_ref());
-        let Some(integrals) = &mut self.velocity_integral else {
-            for lane in 0..LANES {
-                let ([a, b, c, d, _, _], state) = (row(actions, lane), known.state(lane));
-                set_row(targets, lane, space.velocities.rotor_targets(&[a, b, c, d], &state));
+        let mut speeds = [[R::zero(); LANES]; 4];
+        match &mut self.velocity_integral {
+            None => {
+                for lane in 0..LANES {
+                    let ([a, b, c, d, _, _], state) = (row(actions, lane), known.state(lane));
+                    set_row(&mut speeds, lane, space.velocities.rotor_targets(&[a, b, c, d], &state));
+                }
             }
-            return;
-        };
-        for lane in 0..LANES {
-            let [a, b, c, d, _, _] = row(actions, lane);
-            let mut integral = vector(integrals, lane);
-            let state = known.state(lane);
-            let speeds = space.rotor_targets(&[a, b, c, d], &state, &mut integral, stage.control_secs);
-            set_row(integrals, lane, integral.into());
-            set_row(targets, lane, speeds);
+            Some(integrals) => {
+                let mut sums = **integrals;
+                for lane in 0..LANES {
+                    let ([a, b, c, d, _, _], state) = (row(actions, lane), known.state(lane));
+                    let mut sum = vector(&sums, lane);
+                    set_row(&mut speeds, lane, space.rotor_targets(&[a, b, c, d], &state, &mut sum, secs));
+                    set_row(&mut sums, lane, sum.into());
+                }
+                **integrals = sums;
+            }
         }
+        *targets = speeds;
     }
 
     fn command_each(

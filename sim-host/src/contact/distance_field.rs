@@ -130,7 +130,14 @@ impl DistanceField {
 
     /// Length of the shortest path from a point \[m\]; outside the bounds that from their nearest point.
     pub fn length(&self, point: [f32; 3]) -> f32 {
-        self.lengths.get_or_init(|| Lengths::new(&self.site)).at(point)
+        let [length] = self.lengths(&point.map(|value| [value]));
+        length
+    }
+
+    /// As [`Self::length`] from the points of many lanes, `[axis][lane]`.
+    #[inline(always)]
+    pub(crate) fn lengths<const LANES: usize>(&self, points: &[[f32; LANES]; 3]) -> [f32; LANES] {
+        self.lengths.get_or_init(|| Lengths::new(&self.site)).at(points)
     }
 }
 
@@ -190,25 +197,43 @@ impl Lengths {
         std::iter::successors(Some(first), after).map(|index| self.grid.point(self.grid.node(index)).cast())
     }
 
-    /// Linear between the eight nodes around a point.
-    fn at(&self, point: [f32; 3]) -> f32 {
-        let mut cell = [0_usize; 3];
-        let mut share = [0.0_f32; 3];
+    /// Linear between the eight nodes around each point.
+    #[inline(always)]
+    fn at<const LANES: usize>(&self, points: &[[f32; LANES]; 3]) -> [f32; LANES] {
+        let (first, per_spacing, last) = (self.first, self.per_spacing, self.last);
+        let (mut cells, mut shares) = ([[0_i32; LANES]; 3], [[0.0_f32; LANES]; 3]);
+        // In lanes; what is looked up is not.
         for axis in 0..3 {
-            let place = (point[axis] - self.first[axis]) * self.per_spacing;
-            // A coordinate that is not a number is taken for the first.
-            let place = place.max(0.0).min(self.last[axis] + 1.0);
-            let whole = place.floor().min(self.last[axis]);
-            (cell[axis], share[axis]) = (whole as usize, place - whole);
+            for lane in 0..LANES {
+                let place = (points[axis][lane] - first[axis]) * per_spacing;
+                // A coordinate that is not a number is taken for the first.
+                let place = place.max(0.0).min(last[axis] + 1.0);
+                let whole = (place as i32 as f32).min(last[axis]);
+                cells[axis][lane] = whole as i32;
+                shares[axis][lane] = place - whole;
+            }
         }
+        let mut lengths = [0.0; LANES];
+        for (lane, length) in lengths.iter_mut().enumerate() {
+            let cell = [cells[0][lane] as usize, cells[1][lane] as usize, cells[2][lane] as usize];
+            *length = self.between(cell, [shares[0][lane], shares[1][lane], shares[2][lane]]);
+        }
+        lengths
+    }
+
+    /// Linear between the eight nodes of a cell.
+    #[inline(always)]
+    fn between(&self, cell: [usize; 3], share: [f32; 3]) -> f32 {
         let [nx, ny, _] = self.grid.counts;
-        let base = cell[0] + nx * (cell[1] + ny * cell[2]);
-        let along_x = |offset: usize| mix(self.metres[base + offset], self.metres[base + offset + 1], share[0]);
+        let base = self.grid.index(cell);
+        let metres = &self.metres[base..];
+        let along_x = |offset: usize| mix(metres[offset], metres[offset + 1], share[0]);
         let along_y = |offset: usize| mix(along_x(offset), along_x(offset + nx), share[1]);
         mix(along_y(0), along_y(nx * ny), share[2])
     }
 }
 
+#[inline(always)]
 fn mix(one: f32, other: f32, share: f32) -> f32 {
     one + (other - one) * share
 }

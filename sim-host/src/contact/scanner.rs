@@ -21,10 +21,8 @@ const BANK: usize = 16;
 pub(super) struct Scanner {
     limit: f32,
     near_scale: Option<f32>,
-    /// Of the slabs, each once: most bodies of a room stand as another does.
-    normals: Vec<[f32; 3]>,
-    slabs: Vec<Slab>,
-    /// First slab and one past the last of each body.
+    triples: Vec<Triple>,
+    /// First triple and one past the last of each body.
     bodies: Vec<[u32; 2]>,
     /// For each position of the beams, of each sixteen of them in their order.
     positions: Vec<Vec<Bank>>,
@@ -36,9 +34,19 @@ pub(super) struct Scanner {
 struct Bank {
     /// `-1 / direction.z` of beams that descend onto a floor, else zero.
     per_descent: [f32; BANK],
-    /// Metres along each beam for a metre along each normal.
+    /// Metres along each beam for a metre along each normal; most bodies of a room stand as another does.
     per_metre: Vec<[f32; BANK]>,
 }
+
+/// Three slabs of a body, all of a box: clipped at once, a beam keeps where it enters and leaves in registers.
+#[derive(Clone, Copy, Debug)]
+struct Triple {
+    slabs: [Slab; 3],
+    normals: [[f32; 3]; 3],
+}
+
+/// Where the three slabs begin and end along their normals, from a point \[m\].
+type Spans = [[f32; 2]; 3];
 
 /// Which bodies a beam can reach from where.
 #[derive(Clone, Debug)]
@@ -76,19 +84,21 @@ impl Scanner {
             (0..reaches.len()).map(|bank| Bank::new(&maps.map(0), bank * BANK)).collect::<Vec<_>>()
         };
         let map = maps[0].map(0);
-        let mut ends = 0;
-        let body = |len: &u32| {
-            let first = ends;
-            ends += len;
-            [first, ends]
+        let (mut rest, mut triples) = (map.slabs, Vec::new());
+        let mut body = |len: &u32| {
+            let (slabs, others) = rest.split_at(*len as usize);
+            rest = others;
+            let first = triples.len() as u32;
+            triples.extend(slabs.chunks(3).map(|slabs| Triple::new(slabs, map.normals)));
+            [first, triples.len() as u32]
         };
+        let bodies = map.bodies.iter().map(&mut body).collect();
         Self {
             limit: scan.limit,
             near_scale: scan.near_scale,
             positions: maps.iter().map(banks).collect(),
-            normals: map.normals.to_vec(),
-            slabs: map.slabs.to_vec(),
-            bodies: map.bodies.iter().map(body).collect(),
+            bodies,
+            triples,
             cells: Cells::new(&extents, &reaches),
         }
     }
@@ -97,43 +107,50 @@ impl Scanner {
     /// elsewhere in every `reading`.
     #[inline(always)]
     pub(super) fn nearness(&self, point: [f32; 3], reading: usize) -> [f32; BEAM_LIMIT] {
-        let limit = self.limit;
         let banks = &self.positions[reading % self.positions.len()];
-        let mut nearest = [limit; BEAM_LIMIT];
-        let height = point[2].max(0.0);
-        for (nearest, bank) in nearest.as_chunks_mut::<BANK>().0.iter_mut().zip(banks) {
-            bank.meet_floor(height, nearest);
-        }
-        for visible in self.cells.visible_from(point) {
-            let [first, end] = self.bodies[usize::from(visible.body)];
-            let slabs = &self.slabs[first as usize..end as usize];
-            for (number, nearest) in nearest.as_chunks_mut::<BANK>().0.iter_mut().enumerate() {
+        let visible = self.cells.visible_from(point);
+        let mut values = [0.0; BEAM_LIMIT];
+        for (number, (values, bank)) in values.as_chunks_mut::<BANK>().0.iter_mut().zip(banks).enumerate() {
+            let mut nearest = [self.limit; BANK];
+            bank.meet_floor(point[2].max(0.0), &mut nearest);
+            for visible in visible {
                 if visible.banks >> number & 1 == 1 {
-                    self.meet_body(&banks[number], slabs, point, nearest);
+                    let [first, end] = self.bodies[usize::from(visible.body)];
+                    bank.meet_body(&self.triples[first as usize..end as usize], point, self.limit, &mut nearest);
                 }
             }
+            self.read(&nearest, values);
         }
-        match self.near_scale {
-            None => nearest.map(|distance| 1.0 - distance / limit),
-            Some(scale) => nearest.map(|distance| (1.0 - distance / limit) * (scale / (scale + distance))),
-        }
+        values
     }
 
-    /// Shortens the beams of a bank that meet a body.
+    /// What beams that meet something so far away read.
     #[inline(always)]
-    fn meet_body(&self, bank: &Bank, slabs: &[Slab], point: [f32; 3], nearest: &mut [f32; BANK]) {
-        let mut enter = [0.0_f32; BANK];
-        let mut leave = [self.limit; BANK];
-        for slab in slabs {
-            let [x, y, z] = self.normals[slab.normal as usize];
-            let along = (x * point[0] + y * point[1]) + z * point[2];
-            let per_metre = &bank.per_metre[slab.normal as usize];
-            clip([slab.low - along, slab.high - along], per_metre, &mut enter, &mut leave);
+    fn read(&self, nearest: &[f32; BANK], values: &mut [f32; BANK]) {
+        let limit = self.limit;
+        match self.near_scale {
+            None => *values = nearest.map(|distance| 1.0 - distance / limit),
+            Some(scale) => {
+                *values = nearest.map(|distance| (1.0 - distance / limit) * (scale / (scale + distance)));
+            }
         }
-        for beam in 0..BANK {
-            let meets = (enter[beam] <= leave[beam]) & (enter[beam] < nearest[beam]);
-            nearest[beam] = if meets { enter[beam] } else { nearest[beam] };
-        }
+    }
+}
+
+impl Triple {
+    /// Up to three slabs, the last again where there are fewer.
+    fn new(slabs: &[Slab], normals: &[[f32; 3]]) -> Self {
+        let slabs = core::array::from_fn(|index| slabs[index.min(slabs.len() - 1)]);
+        Self { slabs, normals: slabs.map(|slab| normals[slab.normal as usize]) }
+    }
+
+    #[inline(always)]
+    fn spans(&self, [px, py, pz]: [f32; 3]) -> Spans {
+        core::array::from_fn(|slab| {
+            let [x, y, z] = self.normals[slab];
+            let along = (x * px + y * py) + z * pz;
+            [self.slabs[slab].low - along, self.slabs[slab].high - along]
+        })
     }
 }
 
@@ -150,6 +167,30 @@ impl Bank {
         Self { per_descent, per_metre: map.per_metre.chunks(beams).map(per_metre).collect() }
     }
 
+    /// Shortens the beams that meet a body.
+    #[inline(always)]
+    fn meet_body(&self, triples: &[Triple], point: [f32; 3], limit: f32, nearest: &mut [f32; BANK]) {
+        let (mut enter, mut leave) = ([0.0; BANK], [limit; BANK]);
+        let Some((last, before)) = triples.split_last() else { return };
+        for triple in before {
+            let (spans, per_metre) = (triple.spans(point), self.per_metres(triple));
+            for beam in 0..BANK {
+                (enter[beam], leave[beam]) = clip(&spans, per_metre, beam, (enter[beam], leave[beam]));
+            }
+        }
+        let (spans, per_metre) = (last.spans(point), self.per_metres(last));
+        for beam in 0..BANK {
+            let (enter, leave) = clip(&spans, per_metre, beam, (enter[beam], leave[beam]));
+            let meets = (enter <= leave) & (enter < nearest[beam]);
+            nearest[beam] = if meets { enter } else { nearest[beam] };
+        }
+    }
+
+    #[inline(always)]
+    fn per_metres(&self, triple: &Triple) -> [&[f32; BANK]; 3] {
+        triple.slabs.map(|slab| &self.per_metre[slab.normal as usize])
+    }
+
     /// Shortens the beams that meet the floor, `height` below them.
     #[inline(always)]
     fn meet_floor(&self, height: f32, nearest: &mut [f32; BANK]) {
@@ -161,15 +202,22 @@ impl Bank {
     }
 }
 
-/// Leaves of each beam what is between two planes, so far away along their normal.
+/// Leaves of a beam what is between the planes of three slabs.
 #[inline(always)]
-fn clip([low, high]: [f32; 2], per_metre: &[f32; BANK], enter: &mut [f32; BANK], leave: &mut [f32; BANK]) {
-    for beam in 0..BANK {
-        let (one, other) = (low * per_metre[beam], high * per_metre[beam]);
+fn clip(
+    spans: &Spans,
+    per_metre: [&[f32; BANK]; 3],
+    beam: usize,
+    (mut enter, mut leave): (f32, f32),
+) -> (f32, f32) {
+    for slab in 0..3 {
+        let [low, high] = spans[slab];
+        let (one, other) = (low * per_metre[slab][beam], high * per_metre[slab][beam]);
         let (near, far) = if one < other { (one, other) } else { (other, one) };
-        enter[beam] = if near > enter[beam] { near } else { enter[beam] };
-        leave[beam] = if far < leave[beam] { far } else { leave[beam] };
+        enter = if near > enter { near } else { enter };
+        leave = if far < leave { far } else { leave };
     }
+    (enter, leave)
 }
 
 impl Cells {
@@ -220,6 +268,8 @@ struct Reach {
     /// Lowest and highest coordinates of the beams from the origin.
     extent: Extent,
     rings: Vec<Ring>,
+    /// Ends of the beams from the origin \[m, world\].
+    ends: Vec<Vector3<f32>>,
 }
 
 /// How far beams of one elevation reach \[m\].
@@ -235,15 +285,16 @@ impl Reach {
     fn of(directions: &[Vector3<f64>], limit: f32) -> Self {
         let limit = f64::from(limit);
         let (mut low, mut high) = (Vector3::zeros(), Vector3::zeros());
-        let mut rings = Vec::new();
+        let (mut rings, mut ends) = (Vec::new(), Vec::new());
         for beam in directions {
             let end = (beam * limit).map(|value| value as f32);
             (low, high) = (low.inf(&end), high.sup(&end));
             let across = (limit * (1.0 - beam.z * beam.z).max(0.0).sqrt()) as f32;
             rings.push(Ring { rise: end.z, across });
+            ends.push(end);
         }
         rings.dedup();
-        Self { extent: (low, high), rings }
+        Self { extent: (low, high), rings, ends }
     }
 
     /// Whether such a beam from inside the cell may meet the body.
@@ -258,8 +309,26 @@ impl Reach {
             let rise = if body_low.z > high.z { ring.rise } else { -ring.rise };
             gaps.z <= rise.max(0.0) && gaps.xy().norm() <= ring.across
         };
-        self.rings.iter().any(may_meet)
+        // From somewhere in the cell to somewhere in the body.
+        let (first, last) = (body_low - high, body_high - low);
+        self.rings.iter().any(may_meet) && self.ends.iter().any(|end| passes(end, &first, &last))
     }
+}
+
+/// Whether the way from the origin to `end` passes through a box, or nearly.
+fn passes(end: &Vector3<f32>, low: &Vector3<f32>, high: &Vector3<f32>) -> bool {
+    let (mut enter, mut leave) = (0.0_f32, 1.0_f32);
+    for axis in 0..3 {
+        let (low, high) = (low[axis] - ROUNDING, high[axis] + ROUNDING);
+        if end[axis].abs() > ROUNDING {
+            let (one, other) = (low / end[axis], high / end[axis]);
+            enter = enter.max(one.min(other));
+            leave = leave.min(one.max(other));
+        } else if low > 0.0 || high < 0.0 {
+            return false;
+        }
+    }
+    enter <= leave
 }
 
 fn extent(solid: &Solid) -> Extent {

@@ -80,6 +80,7 @@ impl Trial {
             nearest: None,
             passing: None,
             ahead: None,
+            signposts: None,
             gates_left: Some(&gates_left),
             steps: &[self.steps],
             agent: 0,

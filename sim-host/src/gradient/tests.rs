@@ -120,6 +120,8 @@ const CRUISE: Cruise = Cruise {
     slow_to_m_per_s: 0.0,
     tolerance_m_per_s: 1.0,
     along_own_way: false,
+    along_shortest_way: false,
+    ways: None,
     share_aside: 1.0,
 };
 

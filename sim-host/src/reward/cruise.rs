@@ -1,3 +1,4 @@
+use crate::rooms::Ways;
 use crate::term::prelude::*;
 
 /// Points ahead that are nearer than this \[m\] are flown to more slowly.
@@ -5,7 +6,7 @@ const HERE_M: f32 = 0.03;
 
 /// How far the velocity is from the wanted one, as `√(s² + |Δ|²) − s` with Δ in m/s: about half its square by s below, s less
 /// than its length above. Wanted is to fly at the cruise speed, slower within a distance of the goal, straight to
-/// it or along the way that the drone has found.
+/// it, along the way that the drone has found, or along the shortest free one.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -25,10 +26,16 @@ pub struct Cruise {
     /// Whether it leads to the point ahead that the sensor `way` shows.
     #[serde(default)]
     pub along_own_way: bool,
+    /// Whether it leads along the shortest free way, which the task knows and the drone need not (that of `advance`).
+    #[serde(default)]
+    pub along_shortest_way: bool,
     /// What is left of that speed where the way leads aside of the nose or straight up, where who looks ahead sees nothing; in
     /// between the cosine decides.
     #[serde(default = "one")]
     pub share_aside: f64,
+    /// To the goal of the task.
+    #[serde(skip)]
+    pub(crate) ways: Option<Ways>,
 }
 
 const fn one() -> f64 {
@@ -42,12 +49,34 @@ impl Term for Cruise {
         if self.along_own_way {
             task.needs_own_way(&field.at("along_own_way"))?;
         }
+        if self.along_shortest_way {
+            if self.along_own_way {
+                return Err(field.reject("`along_shortest_way` beside `along_own_way`", "one of them"));
+            }
+            task.needs_ways("true", &field.at("along_shortest_way"))?;
+        }
         let slow = Limits::from(0.0, self.speed_m_per_s, "m/s");
         field.at("slow_to_m_per_s").number(self.slow_to_m_per_s, &slow)?;
         field.at("tolerance_m_per_s").number(self.tolerance_m_per_s, &Limits::above(0.0, 100.0, "m/s"))?;
         field.at("share_aside").number(self.share_aside, &Limits::from(0.0, 1.0, ""))?;
         field.at("speed_m_per_s").number(self.speed_m_per_s, &SPEED)?;
         field.at("slow_within_m").number(self.slow_within_m, &LENGTH).map(drop)
+    }
+
+    fn prepared(self, task: &RewardTask) -> Self {
+        Self { ways: self.along_shortest_way.then(|| task.ways.clone()), ..self }
+    }
+
+    fn ways(&self) -> Option<&Ways> {
+        self.ways.as_ref()
+    }
+
+    fn along(self, ways: Ways) -> Self {
+        Self { ways: self.ways.map(|_| ways), ..self }
+    }
+
+    fn looks_along_ways(&self) -> bool {
+        self.along_shortest_way
     }
 
     #[inline(always)]
@@ -74,7 +103,9 @@ impl Term for Cruise {
             })
         };
         let here = R::from_f32(HERE_M);
-        match view.ahead.filter(|_| self.along_own_way) {
+        let ahead =
+            if self.along_shortest_way { view.signposts } else { view.ahead.filter(|_| self.along_own_way) };
+        match ahead {
             None => each(values, |i| {
                 let distance = view.distances[i];
                 let per_second = (speed / distance.at_least(within)).at_least(least / distance.at_least(here));
@@ -134,7 +165,9 @@ mod tests {
             slow_to_m_per_s: 0.0,
             tolerance_m_per_s: 1.0,
             along_own_way,
+            along_shortest_way: false,
             share_aside: 1.0,
+            ways: None,
         };
         let refused = |along| cruise(along).check(&lost, &document.root()).map_err(|error| error.to_string());
         let message = refused(true).unwrap_err();

@@ -1,4 +1,4 @@
-use crate::rooms::{Ways, room};
+use crate::rooms::Ways;
 use crate::term::prelude::*;
 
 /// Metres by which the shortest free way to the goal became shorter in this step. Ways lead around what stands in the
@@ -19,17 +19,19 @@ impl Term for GeodesicProgress {
     const PAID: Paid = Paid::PerStep;
 
     fn check(&self, task: &RewardTask, field: &Field<'_>) -> Result<(), ConfigError> {
-        match task.goals {
-            GoalKind::OnePlace => Ok(()),
-            GoalKind::Several => {
-                Err(field
-                    .reject("`advance` beside `goals`", "`progress`: ways lead to one goal that stands still"))
-            }
-        }
+        task.needs_ways("`advance`", field)
     }
 
     fn prepared(self, task: &RewardTask) -> Self {
         Self { ways: Some(task.ways.clone()), ..self }
+    }
+
+    fn ways(&self) -> Option<&Ways> {
+        self.ways.as_ref()
+    }
+
+    fn along(self, ways: Ways) -> Self {
+        Self { ways: Some(ways), ..self }
     }
 
     fn memory(&self) -> Memory {
@@ -49,10 +51,10 @@ impl Term for GeodesicProgress {
             return;
         };
         let before = &mut memory[0];
+        let places = view.swarm.position.each_ref().map(|axis| axis.map(Real::to_f32));
+        let lengths = ways.lengths(view.rooms, &places);
         for lane in 0..LANES {
-            let length = R::from_f32(
-                ways.of(room(view.rooms, lane)).length(row(&view.swarm.position, lane).map(Real::to_f32)),
-            );
+            let length = R::from_f32(lengths[lane]);
             // None in the first step, before which it is not known.
             let gained = if is_unset(before[lane]) { R::zero() } else { before[lane] - length };
             values[lane] = worth * gained;
@@ -65,15 +67,5 @@ impl GeodesicProgress {
     /// The term with the ways that it pays for.
     pub fn new(weight: f64, ways: Ways) -> Self {
         Self { weight, ways: Some(ways) }
-    }
-
-    /// The ways that it pays for, once it was checked as part of a task.
-    pub fn ways(&self) -> Option<&Ways> {
-        self.ways.as_ref()
-    }
-
-    /// The same for other ways.
-    pub(super) fn along(&self, ways: Ways) -> Self {
-        Self { ways: Some(ways), ..*self }
     }
 }

@@ -67,6 +67,30 @@ macro_rules! reward_terms {
                 }
             }
 
+            /// The ways to the goal that it is about, if it is and was checked as part of a task.
+            pub fn ways(&self) -> Option<&Ways> {
+                match self {
+                    $(Self::$term(term) => term.ways(),)*
+                    Self::Custom(_) => None,
+                }
+            }
+
+            /// The same for other ways to the goal, if it is about ways.
+            pub(crate) fn along(self, ways: Ways) -> Self {
+                match self {
+                    $(Self::$term(term) => Self::$term(term.along(ways)),)*
+                    Self::Custom(term) => Self::Custom(term),
+                }
+            }
+
+            /// Whether it looks for the point ahead on its ways.
+            pub(crate) fn looks_along_ways(&self) -> bool {
+                match self {
+                    $(Self::$term(term) => term.looks_along_ways(),)*
+                    Self::Custom(_) => false,
+                }
+            }
+
             /// How far ahead it looks for whom the drone meets \[s\], if it does.
             pub(crate) fn looks_ahead_secs(&self) -> Option<f64> {
                 match self {

@@ -62,6 +62,7 @@ pub(super) struct Trial {
     pub(super) nearest: Option<[Column<1, f64>; 4]>,
     pub(super) passing: Option<[Column<1, f64>; 7]>,
     pub(super) ahead: Option<[Column<1, f64>; 3]>,
+    pub(super) signposts: Option<[Column<1, f64>; 3]>,
 }
 
 impl Trial {
@@ -84,6 +85,7 @@ impl Trial {
             nearest: None,
             passing: None,
             ahead: None,
+            signposts: None,
         }
     }
 
@@ -130,6 +132,7 @@ impl Trial {
             nearest: self.nearest.as_ref(),
             passing: self.passing.as_ref(),
             ahead: self.ahead.as_ref(),
+            signposts: self.signposts.as_ref(),
             steps: &[self.steps],
             agent: self.agent,
             team: &self.team,
