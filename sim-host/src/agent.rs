@@ -198,7 +198,11 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             sensors: Vec::new(),
             measurements: columns(scenario.sensors.len()),
             tof: scenario.sensors.tof().map(|tof| Box::new(TofMemory::new(tof))),
-            nearest: scenario.rewards.iter().any(RewardTerm::looks_around).then(|| Box::new([nothing; 4])),
+            nearest: scenario
+                .rewards
+                .iter()
+                .any(|term| term.looks_around_secs().is_some())
+                .then(|| Box::new([nothing; 4])),
             signposts: scenario.rewards.iter().any(RewardTerm::looks_along_ways).then(|| Box::new([nothing; 3])),
             passing: looks_ahead_secs(scenario).map(|_| Box::new([nothing; PASSING_LEN])),
             mates: mates(scenario),
@@ -279,8 +283,11 @@ impl<const LANES: usize, R: Real> Agent<LANES, R> {
             }
         }
         let (Some(plane), Some(arenas)) = (&mut self.nearest, stage.arenas) else { return };
+        let secs = stage.scenario.rewards.iter().find_map(RewardTerm::looks_around_secs).unwrap_or_default();
         for lane in 0..LANES {
-            let place = row(&self.swarm.position, lane).map(Real::to_f32);
+            let (place, velocity) = (row(&self.swarm.position, lane), row(&self.swarm.velocity, lane));
+            let place: [f32; 3] =
+                core::array::from_fn(|axis| place[axis].to_f32() + velocity[axis].to_f32() * secs);
             let found = arenas.of(room(self.rooms.as_ref(), lane)).nearest_plane(place, LOOK_AROUND_M);
             let (normal, distance) = found.unwrap_or((Vector3::zeros(), LOOK_AROUND_M));
             let offset = distance - normal.dot(&Vector3::from(place));

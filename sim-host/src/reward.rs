@@ -121,10 +121,17 @@ impl RewardTerm {
         if terms.is_empty() || terms.len() > TERMS_LIMIT {
             return Err(field.refuse("", format!("a list of 1 to {TERMS_LIMIT}")));
         }
+        let looks = terms.iter().find_map(Self::looks_around_secs);
         let check = |(index, term): (usize, &Self)| {
             let field = field.at(index).at(term.name());
             field.at("weight").number(term.weight(), &WEIGHT)?;
             term.check(task, &field)?;
+            if let (Some(secs), Some(first)) = (term.looks_around_secs(), looks)
+                && secs != first
+            {
+                let expected = format!("{first}, as in the first of these terms");
+                return Err(field.at("ahead_secs").reject(secs.to_string(), expected));
+            }
             Ok(term.clone().prepared(task))
         };
         terms.iter().enumerate().map(check).collect()

@@ -74,9 +74,9 @@ pub(crate) trait Term: Sized {
         AgentSet::All
     }
 
-    /// Whether it looks for the nearest obstacle.
-    fn looks_around(&self) -> bool {
-        false
+    /// How far ahead it looks for the nearest obstacle \[s\], if it does.
+    fn looks_around_secs(&self) -> Option<f32> {
+        None
     }
 
     /// The ways to the goal that it is about, once it was checked as part of a task.

@@ -68,7 +68,13 @@ struct Lengths {
     /// Index of the last cell, the space between two nodes, along x, y, z.
     last: [f32; 3],
     metres: Vec<f32>,
+    /// For each node its neighbour with the shortest path, as an index of [`NEIGHBOURS`], or [`LOWEST`]; found when somebody
+    /// first asks for a path.
+    downhill: OnceLock<Vec<u8>>,
 }
+
+/// In place of a neighbour: none has a shorter path.
+const LOWEST: u8 = NEIGHBOURS.len() as u8;
 
 /// The fields that are in use.
 static MADE: Mutex<Vec<Weak<DistanceField>>> = Mutex::new(Vec::new());
@@ -160,6 +166,7 @@ impl Lengths {
             last: counts.map(|count| count as f32 - 2.0),
             grid,
             metres,
+            downhill: OnceLock::new(),
         }
     }
 
@@ -188,13 +195,25 @@ impl Lengths {
             place.max(0.0).min(self.last[axis] + 1.0) as usize
         };
         let first = self.grid.index([nearest(0), nearest(1), nearest(2)]);
-        let after = |index: &usize| {
-            let node = self.grid.node(*index);
-            let neighbours = NEIGHBOURS.iter().filter_map(|offset| self.grid.beside(node, *offset));
-            let shortest = neighbours.min_by(|one, other| self.metres[*one].total_cmp(&self.metres[*other]));
-            shortest.filter(|next| self.metres[*next] < self.metres[*index])
+        let downhill =
+            self.downhill.get_or_init(|| (0..self.grid.len()).map(|node| self.lowest_beside(node)).collect());
+        let [nx, ny, _] = self.grid.counts.map(|count| count as isize);
+        let after = move |index: &usize| {
+            let [x, y, z] = NEIGHBOURS.get(usize::from(downhill[*index]))?;
+            index.checked_add_signed(x + nx * (y + ny * z))
         };
         std::iter::successors(Some(first), after).map(|index| self.grid.point(self.grid.node(index)).cast())
+    }
+
+    /// Which neighbour has the shortest path, if that is shorter than the node's own.
+    fn lowest_beside(&self, index: usize) -> u8 {
+        let node = self.grid.node(index);
+        let beside = |(number, offset): (usize, &[isize; 3])| {
+            self.grid.beside(node, *offset).map(|index| (number as u8, self.metres[index]))
+        };
+        let neighbours = NEIGHBOURS.iter().enumerate().filter_map(beside);
+        let shortest = neighbours.min_by(|one, other| one.1.total_cmp(&other.1));
+        shortest.filter(|(_, metres)| *metres < self.metres[index]).map_or(LOWEST, |(number, _)| number)
     }
 
     /// Linear between the eight nodes around each point.

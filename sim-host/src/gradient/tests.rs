@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use kestrel_core::action::{IntegralVelocities, RotorThrusts, ThrustBodyRates, Velocities};
 use kestrel_core::airframe::CRAZYFLIE_2_1;
 use kestrel_core::dynamics::Integrator;
@@ -7,9 +9,11 @@ use kestrel_core::vehicle::Ground;
 use nalgebra::Vector3;
 
 use super::*;
+use crate::contact::DistanceField;
 use crate::latency::Latency;
 use crate::physics::Contacts;
-use crate::reward::{Avoidance, Cruise, Encounter, HeadingError};
+use crate::reward::{Avoidance, Cruise, Encounter, HeadingError, RewardTerm};
+use crate::rooms::Ways;
 use crate::scenario::{Agents, Downwash, Physics};
 use crate::seed::Stream;
 use crate::sensor::instrument::Sampling;
@@ -17,7 +21,7 @@ use crate::sensor::{SensorSuite, Tof, TofParts, Told, Way};
 use crate::simulation::Simulation;
 use crate::testing;
 use crate::trajectory::{PathAhead, Trajectories, TrajectoryShape};
-use crate::world::Solid;
+use crate::world::{Cuboid, Solid};
 
 const AHEAD: PathAhead = PathAhead { points: 2, spacing_secs: 0.2, position_scale_m: 0.5 };
 
@@ -82,6 +86,7 @@ fn scenarios() -> Vec<Scenario> {
         },
         beside_a_wall(&late, body),
         on_its_way(&late, body),
+        on_the_shortest_way(&late, body),
         Scenario {
             action: ActionSpace::RotorThrusts(RotorThrusts::new(&CRAZYFLIE_2_1, 0.05, 300.0)),
             observation: ObservationLayout::Px4Neural(Px4NeuralLayout),
@@ -108,7 +113,7 @@ fn beside_a_wall(late: &Scenario, body: BodyLayout) -> Scenario {
         ..late.clone()
     };
     scenario.aviary.world.solids.push(wall);
-    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0 }.into());
+    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0, ahead_secs: 0.0 }.into());
     scenario.rewards.push(CRUISE.into());
     scenario
 }
@@ -155,12 +160,25 @@ fn on_its_way(late: &Scenario, body: BodyLayout) -> Scenario {
     scenario
 }
 
+/// The same, in which they look ahead and fly along the shortest way.
+fn on_the_shortest_way(late: &Scenario, body: BodyLayout) -> Scenario {
+    let mut scenario = beside_a_wall(late, body);
+    let aviary = &scenario.aviary;
+    let bounds = Cuboid { low: Vector3::new(-2.0, -2.0, 0.0), high: Vector3::new(2.0, 2.0, 3.0) };
+    let ways = Ways::Same(Arc::new(DistanceField::new(&aviary.world, &aviary.goal, bounds, 0.06).coarse()));
+    let looking = |term: &RewardTerm| matches!(term, RewardTerm::Avoidance(_) | RewardTerm::Cruise(_));
+    scenario.rewards.retain(|term| !looking(term));
+    scenario.rewards.push(Avoidance { weight: -2.0, reach_m: 1.0, ahead_secs: 0.3 }.into());
+    scenario.rewards.push(Cruise { along_shortest_way: true, ways: Some(ways), ..CRUISE }.into());
+    scenario
+}
+
 #[test]
 fn who_flies_at_a_wall_is_told_to_slow_down() {
     let body = BodyLayout { scales: SCALES, action_len: 4, measured_len: 0 };
     let late = Scenario { airframe: CRAZYFLIE_2_1, ..testing::hover() };
     let mut scenario = beside_a_wall(&late, body);
-    scenario.rewards = vec![Avoidance { weight: -2.0, reach_m: 1.0 }.into()];
+    scenario.rewards = vec![Avoidance { weight: -2.0, reach_m: 1.0, ahead_secs: 0.0 }.into()];
     let gradient = StepGradient::new(&scenario).unwrap();
     let mut simulation: Simulation = Simulation::new(&scenario, Seed(5), 0, LANES);
     let mut records = [gradient.record()];

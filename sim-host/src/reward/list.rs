@@ -59,11 +59,11 @@ macro_rules! reward_terms {
                 }
             }
 
-            /// Whether it looks for the nearest obstacle.
-            pub(crate) fn looks_around(&self) -> bool {
+            /// How far ahead it looks for the nearest obstacle \[s\], if it does.
+            pub(crate) fn looks_around_secs(&self) -> Option<f32> {
                 match self {
-                    $(Self::$term(term) => term.looks_around(),)*
-                    Self::Custom(_) => false,
+                    $(Self::$term(term) => term.looks_around_secs(),)*
+                    Self::Custom(_) => None,
                 }
             }
 
