@@ -232,12 +232,14 @@ impl RewardTask {
         Err(field.reject("true for drones that look for no way", "a sensor `way`, or false"))
     }
 
-    /// Refuses a term, such as this key, that follows the shortest way to the goal where there is none.
-    pub(crate) fn needs_ways(&self, found: &str, field: &Field<'_>) -> Result<(), ConfigError> {
+    /// Refuses `found`, which is about the shortest way to the goal, where there is none; what can be written instead.
+    pub(crate) fn needs_ways(&self, found: &str, instead: &str, field: &Field<'_>) -> Result<(), ConfigError> {
         match self.goals {
             GoalKind::OnePlace => Ok(()),
-            GoalKind::Several => Err(field
-                .reject(format!("{found} beside `goals`"), "`progress`: ways lead to one goal that stands still")),
+            GoalKind::Several => {
+                let expected = format!("{instead}: ways lead to one goal that stands still");
+                Err(field.reject(format!("{found} beside `goals`"), expected))
+            }
         }
     }
 

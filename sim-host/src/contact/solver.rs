@@ -130,6 +130,9 @@ impl ContactSolver {
 
 /// The bodies, by groups of which no two can touch.
 fn neighbours(balls: &[Ball]) -> Vec<Vec<&Ball>> {
+    if let [lone] = balls {
+        return vec![vec![lone]];
+    }
     let mut groups: Vec<Vec<&Ball>> = Vec::new();
     for ball in balls {
         let meets = |other: &&Ball| (other.middle - ball.middle).norm() <= other.radius + ball.radius;

@@ -53,7 +53,7 @@ impl Term for Cruise {
             if self.along_own_way {
                 return Err(field.reject("`along_shortest_way` beside `along_own_way`", "one of them"));
             }
-            task.needs_ways("true", &field.at("along_shortest_way"))?;
+            task.needs_ways("true", "false", &field.at("along_shortest_way"))?;
         }
         let slow = Limits::from(0.0, self.speed_m_per_s, "m/s");
         field.at("slow_to_m_per_s").number(self.slow_to_m_per_s, &slow)?;

@@ -19,7 +19,7 @@ impl Term for GeodesicProgress {
     const PAID: Paid = Paid::PerStep;
 
     fn check(&self, task: &RewardTask, field: &Field<'_>) -> Result<(), ConfigError> {
-        task.needs_ways("`advance`", field)
+        task.needs_ways("`advance`", "`progress`", field)
     }
 
     fn prepared(self, task: &RewardTask) -> Self {

@@ -27,10 +27,7 @@ use kestrel_learn::analytic::AnalyticError;
 use kestrel_learn::ppo::{RestoreError, UpdateMetrics};
 use kestrel_learn::ranks::{self, Order, Ranks, UnequalShares};
 
-/// How often during a run the policy is flown to see whether it is the best so far.
-const SELECTIONS: u64 = 20;
-
-/// Starts of such a test: a standard error of three points at a success rate of one half, nothing near one.
+/// Starts of a test during a run: a standard error of three points at a success rate of one half, nothing near one.
 const SELECTION_EPISODES: usize = 256;
 
 /// Success rates of learners by gradients are compared in steps of this many flights of the test, less than its standard
@@ -206,7 +203,7 @@ impl Training {
     fn selection_is_due(&self) -> bool {
         let updates = self.experiment.total_steps().div_ceil(self.experiment.batch() as u64);
         let done = self.learner.updates();
-        done >= updates || done.is_multiple_of((updates / SELECTIONS).max(1))
+        done >= updates || done.is_multiple_of((updates / self.experiment.evaluation.tests).max(1))
     }
 
     fn select(&mut self) -> TestRow {
@@ -454,6 +451,8 @@ fn rank(test: &Evaluation, alike: usize) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiment_config::load_to_train;
+    use crate::golden::in_repository;
 
     fn test(successes: u32, episode_return: f64) -> Evaluation {
         Evaluation {
@@ -469,6 +468,29 @@ mod tests {
             hits: Vec::new(),
             terms: Vec::new(),
         }
+    }
+
+    #[test]
+    fn a_run_is_tested_as_often_as_it_is_told_and_at_its_end() {
+        let changes = [
+            "training.environments=256",
+            "training.steps_per_rollout=8",
+            "training.minibatch=512",
+            "training.total_steps=22528",
+            "training.actor_hidden=[16]",
+            "training.critic_hidden=[16]",
+            "evaluation.tests=3",
+        ];
+        let path = in_repository("configs/hover-cf2x.yaml");
+        let mut training = Training::begin(load_to_train(&path, &changes.map(str::to_owned)).unwrap()).unwrap();
+        let mut tested = Vec::new();
+        while !training.is_finished() {
+            training.update();
+            if training.test.is_some() {
+                tested.push(training.learner.updates());
+            }
+        }
+        assert_eq!(tested, [3, 6, 9, 11]);
     }
 
     #[test]

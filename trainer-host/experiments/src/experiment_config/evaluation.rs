@@ -9,6 +9,9 @@ use kestrel_sim::seed::Seed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Test flights of a training run that does not say how many.
+const TESTS: u64 = 20;
+
 /// Worlds of an evaluation that does not say how many.
 const UNSEEN_WORLDS: u32 = 200;
 
@@ -20,6 +23,10 @@ pub struct EvaluationConfig {
     pub episodes: u64,
     /// What the starts follow from.
     pub seed: u64,
+    /// How often a training run flies its policy from 256 starts to see whether it is the best so far; 20 times where this is left
+    /// out. The last update is always followed by such a test.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tests: Option<u64>,
     /// How episodes begin, if not as in training.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<StartConfig>,
@@ -39,6 +46,8 @@ pub struct EvaluationSettings {
     pub episodes: usize,
     /// What the starts follow from.
     pub seed: Seed,
+    /// Test flights of a training run.
+    pub tests: u64,
     /// The task with the starts, the episode length and the worlds of the evaluation.
     pub scenario: Scenario,
     /// The same in the worlds of training, where every episode draws one: in them policies are selected.
@@ -54,7 +63,7 @@ impl EvaluationSettings {
 
 impl Default for EvaluationConfig {
     fn default() -> Self {
-        Self { episodes: 1024, seed: 0, start: None, episode_secs: None, worlds: None }
+        Self { episodes: 1024, seed: 0, tests: None, start: None, episode_secs: None, worlds: None }
     }
 }
 
@@ -71,6 +80,7 @@ impl EvaluationConfig {
     ) -> Result<EvaluationSettings, ConfigError> {
         let field = root.at("evaluation");
         let episodes = field.at("episodes").whole(self.episodes, 1..=1_000_000)?;
+        let tests = field.at("tests").whole(self.tests.unwrap_or(TESTS), 1..=1_000)?;
         let mut scenario = scenario.clone();
         if let Some(start) = &self.start {
             let Scenario { aviary, airframe, terminations, agents, goals, .. } = &scenario;
@@ -90,7 +100,7 @@ impl EvaluationConfig {
             None => (scenario, None),
             Some(rooms) => (scenario.in_rooms(&Arc::new(rooms)), Some(scenario)),
         };
-        Ok(EvaluationSettings { episodes: episodes as usize, seed: Seed(self.seed), scenario, seen })
+        Ok(EvaluationSettings { episodes: episodes as usize, seed: Seed(self.seed), tests, scenario, seen })
     }
 
     /// The worlds in which the policy is judged, where training draws its own.
