@@ -268,7 +268,8 @@ struct Reach {
     /// Lowest and highest coordinates of the beams from the origin.
     extent: Extent,
     rings: Vec<Ring>,
-    /// Ends of the beams from the origin \[m, world\].
+    /// Ends of the beams from the origin \[m, world\]; none where there are more than a bank has, which sweep over what is between
+    /// them.
     ends: Vec<Vector3<f32>>,
 }
 
@@ -294,6 +295,9 @@ impl Reach {
             ends.push(end);
         }
         rings.dedup();
+        if ends.len() > BANK {
+            ends.clear();
+        }
         Self { extent: (low, high), rings, ends }
     }
 
@@ -311,7 +315,8 @@ impl Reach {
         };
         // From somewhere in the cell to somewhere in the body.
         let (first, last) = (body_low - high, body_high - low);
-        self.rings.iter().any(may_meet) && self.ends.iter().any(|end| passes(end, &first, &last))
+        self.rings.iter().any(may_meet)
+            && (self.ends.is_empty() || self.ends.iter().any(|end| passes(end, &first, &last)))
     }
 }
 
