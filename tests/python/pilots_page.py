@@ -39,7 +39,7 @@ A pilot is the policy of `kestrel train NAME --seed 201`; `cross`, `hover`, `hov
 946, `harder-cross-11-vision` that of 701, `land-vision` that of 702, `land-with-obstacles` that of
 704, `race`, `room-0` and `room-0-vision` those of 801, `room-2` and `room-2-vision` those of 802,
 `room-1` and `room-1-vision` those of 804, `unseen-rooms` that of 912, `unseen-rooms-beams` that of
-939, `unseen-rooms-tof` that of 934.
+939, `unseen-rooms-tof` that of 953.
 
 """
 
