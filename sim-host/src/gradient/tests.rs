@@ -201,6 +201,60 @@ fn who_flies_at_a_wall_is_told_to_slow_down() {
     assert!(approaching.iter().all(|lane| by_x[*lane] < 0.0), "nearer is worse");
 }
 
+/// What the only reward pays per second for a drone that flies so from there.
+fn paid(scenario: &Scenario, place: [f32; 3], velocity: [f32; 3]) -> f32 {
+    let mut simulation: Simulation = Simulation::new(scenario, Seed(5), 0, 1);
+    let state = kestrel_core::vehicle::State {
+        position: place.into(),
+        world_from_body: kestrel_core::attitude::Attitude::level(),
+        velocity: velocity.into(),
+        body_rates: Vector3::zeros(),
+        ..simulation.state(0)
+    };
+    simulation.put(0, state);
+    simulation.step(&vec![0.0; scenario.action.len()]);
+    simulation.terms(0)[0] * scenario.physics.control_rate_hz as f32
+}
+
+/// A task with a block before the goal.
+fn with_block(low: [f64; 3], high: [f64; 3]) -> Scenario {
+    let hover = testing::hover();
+    let mut scenario = Scenario {
+        physics: Physics { contacts: Contacts::Reported, ..hover.physics },
+        terminations: Vec::new(),
+        ..hover
+    };
+    scenario.aviary.goal = Vector3::new(2.0, 0.0, 1.0);
+    scenario.aviary.world.solids.push(Solid::block("block", low.into(), high.into()));
+    scenario
+}
+
+#[test]
+fn who_flies_at_a_post_is_told_on_which_side_it_would_be_out_of_the_way() {
+    let mut scenario = with_block([1.0, -0.1, 0.0], [1.2, 0.1, 3.0]);
+    scenario.rewards = vec![Avoidance { weight: -1.0, reach_m: 0.3, ahead_secs: 0.3 }.into()];
+    // In 0.3 s it is in the post, 2 cm from its left side and farther from all others.
+    let found = paid(&scenario, [0.5, 0.08, 1.0], [2.0, 0.0, 0.0]);
+    assert!((2.0..2.6).contains(&-found), "{found}");
+    let clear = paid(&scenario, [0.5, 0.45, 1.0], [2.0, 0.0, 0.0]);
+    assert!(clear > -1e-3, "{clear}");
+}
+
+#[test]
+fn along_the_shortest_way_means_around_what_stands_before_the_goal() {
+    let mut scenario = with_block([0.9, -2.0, 0.0], [1.0, 0.3, 3.0]);
+    let bounds = Cuboid { low: Vector3::new(-2.0, -2.0, 0.0), high: Vector3::new(3.0, 2.0, 3.0) };
+    let field = DistanceField::new(&scenario.aviary.world, &scenario.aviary.goal, bounds, 0.06).coarse();
+    let place = [0.7, -0.5, 1.0];
+    let leg = (field.ahead(place, 0.4) - Vector3::from(place)).normalize();
+    assert!(leg.y > 0.5, "{leg}");
+    let ways = Some(Ways::Same(Arc::new(field)));
+    scenario.rewards = vec![Cruise { along_shortest_way: true, ways, ..CRUISE }.into()];
+    let [along, against, straight] = [leg * 1.5, -leg * 1.5, Vector3::new(1.4, 0.5, 0.0)]
+        .map(|velocity: Vector3<f32>| paid(&scenario, place, velocity.into()));
+    assert!(along > -0.05 && against < -1.5 && straight < along - 0.1, "{along} {against} {straight}");
+}
+
 fn actions(scenario: &Scenario, rows: usize, stream: &mut Stream) -> Vec<f32> {
     (0..scenario.action.len() * rows).map(|_| stream.between(-0.9, 0.9)).collect()
 }
